@@ -1,0 +1,1 @@
+"""Exact ray tracing of curved surfaces."""

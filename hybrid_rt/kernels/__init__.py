@@ -1,0 +1,1 @@
+"""Numba kernels of `hybrid_rt`: numbers and arrays in, numbers and arrays out, no objects."""

@@ -1,0 +1,79 @@
+"""The rule by which a root becomes a first hit: the same for every kind of surface.
+
+Each kind of surface has its own kernel that finds roots; all of them hand their roots to `offer`.
+So the range of t, the points excluded by identity, and ties are decided in one place.
+"""
+
+from typing import Any, NamedTuple
+
+from meshing.kernels.jit import inner
+
+
+class Rays(NamedTuple):
+    """Rays as the kernels take them; n rows, contiguous.
+
+    Directions are the caller's times a power of two (so exact) that brings the largest component
+    into [1/2, 1); t counts lengths of that scaled direction everywhere below the intersector.
+    """
+
+    origin: Any  # (n, 3) float64, world frame
+    direction: Any  # (n, 3) float64
+    t_min: Any  # (n,) float64; a hit needs t > t_min
+    known: Any  # (n, 4) float64, or (0, 4) for none: t and radius of departure, of target
+
+
+class Nearest(NamedTuple):
+    """The nearest root so far of each ray, lowered in place. Start: t = t_max, object_id = -1."""
+
+    t: Any  # (n,) float64
+    t_bound: Any  # (n,) float64, bound on |t - exact t|
+    object_id: Any  # (n,) int32, index in the list of surfaces
+    primitive: Any  # (n,) int32, patch, segment or face; else 0
+    a: Any  # (n,) float64, two numbers that locate the point on the primitive,
+    b: Any  # (n,) float64, (u, v) wherever the kernel has them for free
+    tangent: Any  # (n,) uint8, 1: whether this root exists was decided within rounding
+    doubt: Any  # (n,) float64, smallest t of a root rejected within rounding; start: inf
+
+
+@inner
+def is_known(i, t, t_bound, n_dot_d, known):
+    """Tell whether a root is a point that the caller has named: its departure or its target.
+
+    ``known[i]`` holds, for each of the two, its t and the radius within which rounding may have
+    moved it (negative: there is none). A root moves along the ray by that radius over |n.d|.
+    """
+    if known.shape[0] == 0:
+        return False
+    for k in range(0, 4, 2):
+        radius = known[i, k + 1]
+        if radius >= 0.0 and abs(t - known[i, k]) * n_dot_d <= t_bound * n_dot_d + radius:
+            return True
+    return False
+
+
+@inner
+def offer(i, t, t_bound, n_dot_d, tangent, object_id, primitive, a, b, t_min, known, best):
+    """Make a root the nearest one of ray i if it is; tell whether it was taken.
+
+    ``n_dot_d`` is |n.d| with n unit and d as the ray has it. Equal t: the lower object, then the
+    lower primitive.
+    """
+    if not t > t_min[i]:
+        return False
+    t_best = best.t[i]
+    if t > t_best:
+        return False
+    if t == t_best:
+        holder = best.object_id[i]
+        if holder < object_id or (holder == object_id and best.primitive[i] <= primitive):
+            return False
+    if is_known(i, t, t_bound, n_dot_d, known):
+        return False
+    best.t[i] = t
+    best.t_bound[i] = t_bound
+    best.object_id[i] = object_id
+    best.primitive[i] = primitive
+    best.a[i] = a
+    best.b[i] = b
+    best.tangent[i] = 1 if tangent else 0
+    return True

@@ -1,0 +1,92 @@
+"""What passes between the stages: rays in, hits out. Data only.
+
+A batch has its ray axis first. Every array is float64 unless its line says otherwise.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+from enum import IntEnum, IntFlag
+
+import numpy as np
+from numpy.typing import NDArray
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int32]
+BoolArray = NDArray[np.bool_]
+
+
+class Status(IntEnum):
+    """How a ray ended."""
+
+    MISS = 0
+    HIT = 1
+    TANGENT = 2
+    """The decision (hit or miss) lies within rounding: 64 eps x scale. The row carries it."""
+
+
+class Flag(IntFlag):
+    """What else is to be known of a hit."""
+
+    NONE = 0
+    NORMAL_DEGENERATE = 1
+    """S_u x S_v vanishes here; the normal is the limit from inside the patch."""
+
+
+@dataclass(frozen=True)
+class HitRecord:
+    """First hits, one row per ray, in the order of the rays.
+
+    Attributes
+    ----------
+    t : (n,) float64
+        Distance in lengths of the given direction; inf on a miss.
+    object_id : (n,) int32
+        Index in the list of surfaces; -1 on a miss.
+    patch_id : (n,) int32
+        Patch, profile segment, face of a mesh as given, face of a box; else 0.
+    u, v : (n,) float64
+        Surface parameters; nan on a miss.
+    position : (n, 3) float64
+        The point of the surface at (u, v), world frame; nan on a miss.
+    normal : (n, 3) float64
+        Unit, along S_u x S_v, finite also at poles and collapsed edges; nan on a miss.
+    front_face : (n,) bool
+        Whether the ray came from the side to which the normal points.
+    status : (n,) uint8
+        `Status` of the row.
+    flags : (n,) uint8
+        `Flag` of the row.
+    t_bound : (n,) float64
+        Proven bound on ``|t - exact t|``; inf where nothing is proven (accuracy "mesh").
+    residual : (n,) float64
+        ``|S(u, v) - (o + t d)|`` in scene units; nan on a miss.
+    """
+
+    t: FloatArray
+    object_id: IntArray
+    patch_id: IntArray
+    u: FloatArray
+    v: FloatArray
+    position: FloatArray
+    normal: FloatArray
+    front_face: BoolArray
+    status: NDArray[np.uint8]
+    flags: NDArray[np.uint8]
+    t_bound: FloatArray
+    residual: FloatArray
+
+    def __len__(self) -> int:
+        """Return the number of rays."""
+        return int(self.t.size)
+
+    def __getitem__(self, rows: object) -> HitRecord:
+        """Select rows by a mask, an index array or a slice; one integer gives a record of one."""
+        if isinstance(rows, int | np.integer):
+            rows = [rows]
+        return HitRecord(*(getattr(self, field.name)[rows] for field in fields(self)))
+
+    @property
+    def hit(self) -> BoolArray:
+        """(n,) bool: the rays that found a surface."""
+        return self.object_id >= 0

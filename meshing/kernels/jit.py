@@ -1,0 +1,41 @@
+"""The one decorator of every kernel, and where compiled kernels are cached.
+
+A kernel compiles once per machine: numba keeps the machine code beside the source or, where that
+folder cannot be written, in the user's cache folder. Where neither can be written it would refuse
+to compile at all; a folder for temporary files then takes their place.
+"""
+
+import os
+import tempfile
+from pathlib import Path
+from typing import Any
+
+
+def _can_write(folder: Path) -> bool:
+    while not folder.exists() and folder != folder.parent:
+        folder = folder.parent
+    return os.access(folder, os.W_OK)
+
+
+def _choose_cache_folder() -> None:
+    beside_source = Path(__file__).parent
+    of_user = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
+    if "NUMBA_CACHE_DIR" in os.environ or _can_write(beside_source) or _can_write(of_user):
+        return
+    name = f"hybrid_rt-kernels-{os.getuid() if hasattr(os, 'getuid') else 'user'}"
+    os.environ["NUMBA_CACHE_DIR"] = str(Path(tempfile.gettempdir()) / name)
+
+
+_choose_cache_folder()
+
+import numba  # noqa: E402  (numba reads NUMBA_CACHE_DIR when it is imported)
+
+
+def kernel(function: Any) -> Any:
+    """Compile a function for scalars and arrays: no GIL, cached, divisions as in NumPy."""
+    return numba.njit(cache=True, nogil=True, error_model="numpy")(function)
+
+
+def inner(function: Any) -> Any:
+    """Compile a function that only other kernels call: it lives in its callers' cache."""
+    return numba.njit(nogil=True, error_model="numpy")(function)
