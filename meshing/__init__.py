@@ -1,1 +1,37 @@
-"""Surfaces and their certified tessellation."""
+"""Surfaces and their certified tessellation.
+
+`BezierPatches` and `SurfaceOfRevolution` are surfaces over (u, v) in [0, 1] x [0, 1];
+`tessellate` turns one into a `CertifiedMesh` that stays within a proven distance of it. Names are
+imported on first use: ``import meshing`` alone compiles and loads nothing.
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from meshing.bezier import BezierPatches
+    from meshing.revolution import SurfaceOfRevolution
+    from meshing.tessellate import CertifiedMesh, tessellate
+
+__all__ = ["BezierPatches", "CertifiedMesh", "SurfaceOfRevolution", "tessellate"]
+
+_HOME = {
+    "BezierPatches": "meshing.bezier",
+    "CertifiedMesh": "meshing.tessellate",
+    "SurfaceOfRevolution": "meshing.revolution",
+    "tessellate": "meshing.tessellate",
+}
+
+
+def __getattr__(name: str) -> object:
+    if name not in _HOME:
+        raise AttributeError(f"module 'meshing' has no attribute {name!r}")
+    value = getattr(import_module(_HOME[name]), name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return sorted(set(globals()) | set(__all__))

@@ -1,0 +1,254 @@
+"""Tensor Bezier patches: input checks, evaluation, bounds, transformations, files."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from meshing import bpt
+from meshing.checks import FloatArray, as_affine, as_floats, broadcast_parameters, freeze
+from meshing.kernels import bernstein, subdivision
+
+
+class BezierPatches:
+    """One or more tensor product Bezier patches, as one surface.
+
+    A point of patch p is the sum of B_i(u) B_j(v) times its control point (i, j): u follows the
+    row index of the net, v the column index. The normal is along S_u x S_v.
+
+    Parameters
+    ----------
+    control : (k, m + 1, n + 1, 3) array, or a sequence of (m + 1, n + 1, 3) arrays
+        Control points in scene units, any real dtype; degrees m and n from 1 to 30, in a
+        sequence each patch may have its own.
+
+    Raises
+    ------
+    ValueError
+        For a wrong shape, a degree outside 1 to 30, NaN or infinity, and a patch without area.
+    """
+
+    def __init__(self, control: ArrayLike | Iterable[ArrayLike]) -> None:
+        nets = _as_nets(control)
+        shapes = np.array([net.shape[:2] for net in nets], dtype=np.int64).reshape(-1, 2)
+        self._degrees: NDArray[np.int64] = shapes - 1
+        self._starts = np.concatenate(([0], np.cumsum(shapes.prod(axis=1))))
+        if isinstance(nets, np.ndarray):
+            self._control = freeze(nets.reshape(-1, 3).copy())
+        else:
+            self._control = freeze(np.concatenate([net.reshape(-1, 3) for net in nets]))
+        _check_finite(self._control, self._starts, self._degrees)
+        collapsed = bernstein.first_collapsed_patch(self._control, self._starts, self._degrees)
+        if collapsed >= 0:
+            raise ValueError(
+                f"patch {collapsed} has no area (it is collapsed to a curve or a point): remove it"
+            )
+        for array in (self._degrees, self._starts):
+            array.setflags(write=False)
+
+    @classmethod
+    def read(cls, path: str | Path) -> BezierPatches:
+        """Read a .bpt file.
+
+        Raises
+        ------
+        ValueError
+            Naming file and line, and what was expected there.
+        """
+        return cls(bpt.read_patches(path))
+
+    def write(self, path: str | Path) -> None:
+        """Write a .bpt file; `read` gives back the same float64 control points."""
+        bpt.write_patches(path, self.patches)
+
+    @cached_property
+    def patches(self) -> tuple[FloatArray, ...]:
+        """Control nets, each (m + 1, n + 1, 3) float64, read-only."""
+        starts, degrees = self._starts.tolist(), self._degrees.tolist()
+        return tuple(
+            self._control[start:stop].reshape(m + 1, n + 1, 3)
+            for start, stop, (m, n) in zip(starts[:-1], starts[1:], degrees, strict=True)
+        )
+
+    @property
+    def control(self) -> FloatArray:
+        """(total, 3) float64: the control points of all patches in one run, read-only."""
+        return self._control
+
+    @property
+    def starts(self) -> NDArray[np.int64]:
+        """(k + 1,) int64: patch p holds the rows ``starts[p]`` to ``starts[p + 1]`` of `control`."""
+        return self._starts
+
+    @property
+    def degrees(self) -> NDArray[np.int64]:
+        """(k, 2) int64: degrees in u and in v."""
+        return self._degrees
+
+    def __len__(self) -> int:
+        """Return the number of patches."""
+        return len(self._degrees)
+
+    def __repr__(self) -> str:
+        """Name the number of patches and their degrees."""
+        low, high = self._degrees.min(), self._degrees.max()
+        degrees = f"degree {low}" if low == high else f"degrees {low} to {high}"
+        return f"BezierPatches({len(self)} of {degrees})"
+
+    def __reduce__(self) -> tuple[type[BezierPatches], tuple[list[FloatArray]]]:
+        """Pickle the control nets; loading checks them again."""
+        return type(self), ([np.array(net) for net in self.patches],)
+
+    def point(self, u: ArrayLike, v: ArrayLike, patch_id: ArrayLike = 0) -> FloatArray:
+        """Points of the surface.
+
+        Parameters
+        ----------
+        u, v : floats that broadcast with each other and with ``patch_id``
+            Parameters; a little outside [0, 1] the patch is continued.
+        patch_id : whole numbers
+            Patch to which each pair belongs.
+
+        Returns
+        -------
+        (n, 3) float64
+            In scene units; leading axes as the arguments broadcast, one row for plain numbers.
+        """
+        return self._evaluate(u, v, patch_id, 0, 0)
+
+    def partials(
+        self, u: ArrayLike, v: ArrayLike, patch_id: ArrayLike = 0
+    ) -> tuple[FloatArray, FloatArray]:
+        """First partials S_u and S_v, each shaped like `point`."""
+        return self._evaluate(u, v, patch_id, 1, 0), self._evaluate(u, v, patch_id, 0, 1)
+
+    def second_partials(
+        self, u: ArrayLike, v: ArrayLike, patch_id: ArrayLike = 0
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Second partials S_uu, S_uv and S_vv, each shaped like `point`."""
+        return (
+            self._evaluate(u, v, patch_id, 2, 0),
+            self._evaluate(u, v, patch_id, 1, 1),
+            self._evaluate(u, v, patch_id, 0, 2),
+        )
+
+    def normal(self, u: ArrayLike, v: ArrayLike, patch_id: ArrayLike = 0) -> FloatArray:
+        """Find unit normals along S_u x S_v, shaped like `point`.
+
+        Where S_u x S_v vanishes (a collapsed edge, a cusp): its limit from inside the patch.
+        """
+        u, v, ids, shape = broadcast_parameters(u, v, patch_id, len(self), "patch_id")
+        out = np.empty((u.size, 3))
+        is_degenerate = np.empty(u.size, dtype=np.bool_)
+        bernstein.normals_of_patches(
+            self._control, self._starts, self._degrees, ids, u, v, out, is_degenerate
+        )
+        return out.reshape(*shape, 3)
+
+    @cached_property
+    def patch_bounds(self) -> FloatArray:
+        """(k, 2, 3) float64: lower and upper corner of a box around each patch, read-only."""
+        boxes = np.empty((len(self), 2, 3))
+        subdivision.patch_boxes(self._control, self._starts, self._degrees, boxes)
+        return freeze(boxes)
+
+    @property
+    def bounds(self) -> FloatArray:
+        """(2, 3) float64: lower and upper corner of a box around the surface.
+
+        Proven to hold the surface; wider than it by about 1/256 of what the box of the control
+        points is.
+        """
+        boxes = self.patch_bounds
+        return np.stack((boxes[:, 0].min(axis=0), boxes[:, 1].max(axis=0)))
+
+    def transformed(self, matrix: ArrayLike) -> BezierPatches:
+        """Return the image under an affine map, with the same (u, v).
+
+        Parameters
+        ----------
+        matrix : (4, 4) array
+            Acts on columns (x, y, z, 1); last row (0, 0, 0, 1); not singular. It is applied to
+            the control points, so the image is exact up to their rounding. A reflection turns
+            the normal, which stays along S_u x S_v, to the other side.
+        """
+        linear, shift = as_affine(matrix)
+        # Term by term rather than by a matrix product: equal points must get equal images, which
+        # blocked products do not promise.
+        x, y, z = self._control.T
+        image = np.empty_like(self._control)
+        for axis, row in enumerate(linear):
+            image[:, axis] = row[0] * x + row[1] * y + row[2] * z + shift[axis]
+        return self._with_control(image, self._degrees)
+
+    def flipped(self) -> BezierPatches:
+        """Return the same surface with u and v swapped, so with the opposite normal."""
+        nets = [net.transpose(1, 0, 2).reshape(-1, 3) for net in self.patches]
+        return self._with_control(np.concatenate(nets), self._degrees[:, ::-1])
+
+    def _with_control(self, control: FloatArray, degrees: NDArray[np.int64]) -> BezierPatches:
+        sizes = (degrees + 1).tolist()
+        pieces = np.split(control, self._starts[1:-1])
+        return BezierPatches(
+            [piece.reshape(m + 1, n + 1, 3) for piece, (m, n) in zip(pieces, sizes, strict=True)]
+        )
+
+    def _evaluate(
+        self, u: ArrayLike, v: ArrayLike, patch_id: ArrayLike, order_u: int, order_v: int
+    ) -> FloatArray:
+        u, v, ids, shape = broadcast_parameters(u, v, patch_id, len(self), "patch_id")
+        out = np.empty((u.size, 3))
+        bernstein.evaluate_patches(
+            self._control, self._starts, self._degrees, ids, u, v, order_u, order_v, out
+        )
+        return out.reshape(*shape, 3)
+
+
+def _as_nets(control: ArrayLike | Iterable[ArrayLike]) -> FloatArray | list[FloatArray]:
+    if isinstance(control, np.ndarray) and control.dtype != object:
+        stack = as_floats(control, "control")
+        if stack.ndim != 4 or stack.shape[3] != 3:
+            raise ValueError(
+                f"control has shape {control.shape}: (patches, m + 1, n + 1, 3) is needed"
+                + (", put one net into a list" if stack.ndim == 3 else "")
+            )
+        if stack.shape[0] == 0:
+            raise ValueError("control holds no patches: at least one is needed")
+        _check_shape(stack.shape[1:], "each patch")
+        return stack
+    if not isinstance(control, Iterable):
+        raise TypeError(f"control is {control!r}: an array or a sequence of nets is needed")
+    nets = [as_floats(net, f"patch {p}") for p, net in enumerate(control)]
+    if not nets:
+        raise ValueError("control holds no patches: at least one is needed")
+    for p, net in enumerate(nets):
+        _check_shape(net.shape, f"patch {p}")
+    return nets
+
+
+def _check_shape(shape: tuple[int, ...], name: str) -> None:
+    if len(shape) != 3 or shape[2] != 3:
+        raise ValueError(f"{name} has shape {shape}: (m + 1, n + 1, 3) is needed")
+    for degree, direction in ((shape[0] - 1, "u"), (shape[1] - 1, "v")):
+        if not 1 <= degree <= bernstein.MAX_DEGREE:
+            raise ValueError(
+                f"{name} has degree {degree} in {direction}: 1 to {bernstein.MAX_DEGREE} is possible"
+                + (" (degree 0 would make it a curve)" if degree == 0 else "")
+            )
+
+
+def _check_finite(
+    control: FloatArray, starts: NDArray[np.int64], degrees: NDArray[np.int64]
+) -> None:
+    bad = np.flatnonzero(~np.isfinite(control).all(axis=1))
+    if bad.size:
+        p = int(np.searchsorted(starts, bad[0], side="right")) - 1
+        i, j = divmod(int(bad[0] - starts[p]), int(degrees[p, 1]) + 1)
+        raise ValueError(
+            f"patch {p}, control point ({i}, {j}) is {control[bad[0]].tolist()}: "
+            "finite numbers are needed"
+        )
