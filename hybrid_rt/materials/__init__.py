@@ -1,0 +1,8 @@
+"""How surfaces send on the light that reaches them."""
+
+from hybrid_rt.materials.dielectric import Dielectric
+from hybrid_rt.materials.lambertian import Lambertian
+from hybrid_rt.materials.mirror import Mirror
+from hybrid_rt.materials.phong import Phong
+
+__all__ = ["Dielectric", "Lambertian", "Mirror", "Phong"]

@@ -1,0 +1,129 @@
+"""The camera: from places on the film to rays, with or without a lens."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from hybrid_rt import checks
+from hybrid_rt.records import FloatArray
+
+# Below this sine between view and up the picture's roll is decided by rounding.
+SMALLEST_SINE = 1e-8
+
+
+class Camera:
+    """A pinhole, or a thin lens where ``aperture`` is positive.
+
+    Parameters
+    ----------
+    look_from, look_at : three numbers
+        The eye and the point that lands in the middle of the picture.
+    up : three numbers
+        Points up in the picture; need not be normal to the view.
+    vertical_fov : float
+        Full angle between the lower and the upper border, degrees, between 0 and 180.
+    width, height : int
+        Pixels; they are square.
+    aperture : float
+        Diameter of the lens in scene units; 0 is exactly a pinhole.
+    focus_distance : float, optional
+        Distance, along the view, of the plane that is sharp; default the distance of ``look_at``.
+
+    Raises
+    ------
+    ValueError, TypeError
+        If the numbers describe no camera; the message names the parameter.
+    """
+
+    def __init__(
+        self,
+        look_from: ArrayLike,
+        look_at: ArrayLike,
+        up: ArrayLike,
+        vertical_fov: float = 40.0,
+        width: int = 640,
+        height: int = 480,
+        aperture: float = 0.0,
+        focus_distance: float | None = None,
+    ) -> None:
+        self.look_from = checks.vector(look_from, "Camera look_from")
+        self.look_at = checks.vector(look_at, "Camera look_at")
+        self.up = checks.vector(up, "Camera up")
+        self.vertical_fov = checks.number(vertical_fov, "Camera vertical_fov", above=0.0)
+        if self.vertical_fov >= 180.0:
+            raise ValueError(
+                f"Camera vertical_fov: {self.vertical_fov:g} degrees see no flat picture; stay below 180"
+            )
+        self.width = checks.whole(width, "Camera width", at_least=1)
+        self.height = checks.whole(height, "Camera height", at_least=1)
+        self.aperture = checks.number(aperture, "Camera aperture")
+        if self.aperture < 0.0:
+            raise ValueError(f"Camera aperture: {self.aperture:g} is negative; 0 is a pinhole")
+        view = self.look_at - self.look_from
+        if not view.any():
+            raise ValueError("Camera look_at: equals look_from, so there is no view direction")
+        if focus_distance is None:
+            focus_distance = math.hypot(*view)
+        self.focus_distance = checks.number(focus_distance, "Camera focus_distance", above=0.0)
+
+        self._forward = checks.direction(view, "Camera view")
+        up_direction = checks.direction(self.up, "Camera up")
+        right = np.cross(self._forward, up_direction)
+        if np.linalg.norm(right) < SMALLEST_SINE:
+            raise ValueError("Camera up: is parallel to the view; choose another direction")
+        self._right = right / np.linalg.norm(right)
+        self._upward = np.cross(self._right, self._forward)
+        self._half_height = math.tan(math.radians(self.vertical_fov) / 2.0)
+
+    @property
+    def has_lens(self) -> bool:
+        """Whether rays start on a disc rather than in one point."""
+        return self.aperture > 0.0
+
+    def resized(self, width: int, height: int) -> Camera:
+        """Return the same camera with other pixel counts."""
+        return Camera(
+            self.look_from,
+            self.look_at,
+            self.up,
+            self.vertical_fov,
+            width,
+            height,
+            self.aperture,
+            self.focus_distance,
+        )
+
+    def rays(
+        self, column: FloatArray, row: FloatArray, lens: FloatArray | None = None
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return origins and unit directions through places on the film.
+
+        Parameters
+        ----------
+        column, row : (n,) float64
+            Places in pixels from the upper left corner; pixel (0, 0) covers [0, 1) x [0, 1).
+        lens : (n, 2) float64 in [0, 1), optional
+            Places on the lens; without them every ray passes its centre.
+
+        Returns
+        -------
+        origins, directions : (n, 3) float64 each
+        """
+        across = (2.0 * column - self.width) / self.height * self._half_height
+        upward = (1.0 - 2.0 * row / self.height) * self._half_height
+        directions = self._forward + np.multiply.outer(across, self._right)
+        directions += np.multiply.outer(upward, self._upward)
+        if lens is None:
+            origins = np.tile(self.look_from, (column.size, 1))
+        else:
+            radius = 0.5 * self.aperture * np.sqrt(lens[:, 0])
+            angle = 2.0 * math.pi * lens[:, 1]
+            shift = np.multiply.outer(radius * np.cos(angle), self._right)
+            shift += np.multiply.outer(radius * np.sin(angle), self._upward)
+            origins = self.look_from + shift
+            directions -= shift / self.focus_distance
+        directions /= np.sqrt(np.einsum("ij,ij->i", directions, directions))[:, None]
+        return origins, directions

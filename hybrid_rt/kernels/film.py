@@ -1,0 +1,11 @@
+"""Sums of light per pixel."""
+
+from meshing.kernels.jit import kernel
+
+
+@kernel
+def add_to_pixels(pixel, radiance, image):
+    """Add rows of ``radiance`` (n, 3) to the rows of ``image`` that ``pixel`` names, in order."""
+    for i in range(pixel.size):
+        for k in range(3):
+            image[pixel[i], k] += radiance[i, k]

@@ -1,0 +1,81 @@
+"""Mirror and glass: where the light goes and how much of it."""
+
+import math
+
+from meshing.kernels.jit import inner, kernel
+
+
+@inner
+def fresnel(cos_i, eta):
+    """Return the reflectance of unpolarised light and the cosine on the far side.
+
+    ``eta`` is the index beyond the surface over the index before it, ``cos_i`` in [0, 1]. Total
+    internal reflection gives (1, 0). Fresnel's equations; the two amplitudes are
+    (cos_i - eta cos_t) / (cos_i + eta cos_t) and (eta cos_i - cos_t) / (eta cos_i + cos_t).
+    """
+    # (eta - 1)(eta + 1) + cos^2 is eta^2 - sin^2 without the cancellation at eta near 1.
+    square = (eta - 1.0) * (eta + 1.0) + cos_i * cos_i
+    if square <= 0.0 or cos_i <= 0.0:
+        return 1.0, 0.0
+    eta_cos_t = math.sqrt(square)
+    cos_t = min(eta_cos_t / eta, 1.0)
+    across = (cos_i - eta_cos_t) / (cos_i + eta_cos_t)
+    along = (eta * cos_i - cos_t) / (eta * cos_i + cos_t)
+    return 0.5 * (across * across + along * along), cos_t
+
+
+@inner
+def schlick(cos_i, eta):
+    """Return Schlick's approximation of `fresnel` ("An inexpensive BRDF model", 1994)."""
+    exact, cos_t = fresnel(cos_i, eta)
+    if cos_t == 0.0:
+        return exact, cos_t
+    at_normal = ((eta - 1.0) / (eta + 1.0)) ** 2
+    # The approximation holds for the cosine on the thinner side.
+    cosine = cos_i if eta >= 1.0 else cos_t
+    return at_normal + (1.0 - at_normal) * (1.0 - cosine) ** 5, cos_t
+
+
+@kernel
+def mirror_directions(direction, normal, reflected):
+    """Reflect unit directions (n, 3) at unit normals of either sign."""
+    for i in range(direction.shape[0]):
+        twice = 2.0 * (
+            direction[i, 0] * normal[i, 0]
+            + direction[i, 1] * normal[i, 1]
+            + direction[i, 2] * normal[i, 2]
+        )
+        for k in range(3):
+            reflected[i, k] = direction[i, k] - twice * normal[i, k]
+
+
+@kernel
+def split_at_glass(direction, normal, ior, use_schlick, reflectance, refracted, eta):
+    """Find the refracted direction and the reflectance of each ray at a dielectric.
+
+    ``normal`` points out of the glass of index ``ior``; the side the ray comes from tells whether
+    it enters. ``eta`` receives the index beyond over the index before. ``refracted`` is zero where
+    reflection is total.
+    """
+    for i in range(direction.shape[0]):
+        dx, dy, dz = direction[i, 0], direction[i, 1], direction[i, 2]
+        nx, ny, nz = normal[i, 0], normal[i, 1], normal[i, 2]
+        cos_i = -(dx * nx + dy * ny + dz * nz)
+        ratio = ior[i]
+        if cos_i < 0.0:
+            cos_i, nx, ny, nz = -cos_i, -nx, -ny, -nz
+            ratio = 1.0 / ratio
+        cos_i = min(cos_i, 1.0)
+        if use_schlick[i] != 0.0:
+            part, cos_t = schlick(cos_i, ratio)
+        else:
+            part, cos_t = fresnel(cos_i, ratio)
+        reflectance[i] = part
+        eta[i] = ratio
+        x = y = z = 0.0
+        if part < 1.0:
+            along = cos_i / ratio - cos_t
+            x, y, z = dx / ratio + along * nx, dy / ratio + along * ny, dz / ratio + along * nz
+            length = math.sqrt(x * x + y * y + z * z)
+            x, y, z = x / length, y / length, z / length
+        refracted[i, 0], refracted[i, 1], refracted[i, 2] = x, y, z

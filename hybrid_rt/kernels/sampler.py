@@ -1,0 +1,89 @@
+"""Hash-scrambled Sobol points: a pure function of (seed, pixel, dimension, sample number).
+
+Each (pixel, dimension) owns one two-dimensional Sobol sequence; what differs between them is only
+the hash that shuffles its order and scrambles its digits. Scrambling keeps every aligned run of
+2**k points a (0, k, 2)-net, so the passes of a render fill the square evenly however many there are.
+
+Burley, "Practical hash-based Owen scrambling", JCGT 9(4), 2020; the digit permutation is the one of
+Laine and Karras, "Stratified sampling for stochastic transparency", EGSR 2011, with the constants of
+Pharr, Jakob and Humphreys, "Physically based rendering", 4th edition, 2023.
+"""
+
+import numpy as np
+
+from meshing.kernels.jit import inner, kernel
+
+# 32-bit arithmetic in 64-bit words: a product of two 32-bit numbers cannot overflow, so compiled
+# and interpreted runs give the same bits. Numba would turn uint64 with int64 into float64: every
+# constant is a uint64.
+_MASK = np.uint64(0xFFFFFFFF)
+_GOLDEN = np.uint64(0x9E3779B9)
+_TOP_BIT = np.uint64(0x80000000)
+_ZERO, _ONE = np.uint64(0), np.uint64(1)
+_S1, _S2, _S4, _S8 = np.uint64(1), np.uint64(2), np.uint64(4), np.uint64(8)
+_S15, _S16, _S32 = np.uint64(15), np.uint64(16), np.uint64(32)
+_BITS1, _BITS2 = np.uint64(0x55555555), np.uint64(0x33333333)
+_BITS4, _BITS8 = np.uint64(0x0F0F0F0F), np.uint64(0x00FF00FF)
+_HASH_A, _HASH_B = np.uint64(0x7FEB352D), np.uint64(0x846CA68B)
+_OWEN_A, _OWEN_B, _OWEN_C = np.uint64(0x3D20ADEA), np.uint64(0x05526C56), np.uint64(0x53A22864)
+_TO_UNIT = 2.0**-32
+
+
+@inner
+def mix(state, word):
+    """Stir one 32-bit word into a 32-bit hash (the "lowbias32" finaliser of C. Wellons)."""
+    x = ((state + _GOLDEN) & _MASK) ^ word
+    x ^= x >> _S16
+    x = (x * _HASH_A) & _MASK
+    x ^= x >> _S15
+    x = (x * _HASH_B) & _MASK
+    return x ^ (x >> _S16)
+
+
+@inner
+def reverse_bits(x):
+    """Turn a 32-bit word round."""
+    x = ((x >> _S1) & _BITS1) | ((x & _BITS1) << _S1)
+    x = ((x >> _S2) & _BITS2) | ((x & _BITS2) << _S2)
+    x = ((x >> _S4) & _BITS4) | ((x & _BITS4) << _S4)
+    x = ((x >> _S8) & _BITS8) | ((x & _BITS8) << _S8)
+    return ((x >> _S16) | (x << _S16)) & _MASK
+
+
+@inner
+def owen_scramble(x, key):
+    """Permute the binary digits of x, each by a choice that hangs on the digits before it."""
+    x = reverse_bits(x)
+    x ^= (x * _OWEN_A) & _MASK
+    x = (x + key) & _MASK
+    x = (x * ((key >> _S16) | _ONE)) & _MASK
+    x ^= (x * _OWEN_B) & _MASK
+    x ^= (x * _OWEN_C) & _MASK
+    return reverse_bits(x)
+
+
+@inner
+def sobol_second(index):
+    """Return the second Sobol coordinate of an index as a 32-bit word (the first reverses it)."""
+    x = _ZERO
+    column = _TOP_BIT
+    while index != _ZERO:
+        if index & _ONE:
+            x ^= column
+        index >>= _S1
+        column ^= column >> _S1
+    return x
+
+
+@kernel
+def sobol_points(seed, sample, pixel, dimension, points):
+    """Fill ``points`` (n, 2) for n pairs of pixel and dimension, all uint64, and one sample."""
+    seed_key = mix(mix(_ZERO, seed & _MASK), seed >> _S32)
+    for i in range(pixel.size):
+        key = mix(mix(seed_key, pixel[i] & _MASK), pixel[i] >> _S32)
+        key = mix(mix(key, dimension[i] & _MASK), dimension[i] >> _S32)
+        index = owen_scramble(sample & _MASK, key)
+        first = owen_scramble(reverse_bits(index), mix(key, _ONE))
+        second = owen_scramble(sobol_second(index), mix(key, _S2))
+        points[i, 0] = first * _TO_UNIT
+        points[i, 1] = second * _TO_UNIT

@@ -1,0 +1,41 @@
+"""Light from one point."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from hybrid_rt import checks
+from hybrid_rt.kernels.light import POINT
+from hybrid_rt.lights.light import Light, LightRow
+
+
+class PointLight(Light):
+    """Shines equally in all directions, falls off as 1 / r^2, is not seen itself.
+
+    Parameters
+    ----------
+    position : three numbers
+    intensity : number or three numbers
+        Power per steradian, at least 0.
+    """
+
+    def __init__(self, position: ArrayLike, intensity: ArrayLike) -> None:
+        nothing = np.zeros(3)
+        self._row = LightRow(
+            POINT,
+            checks.vector(position, "PointLight position"),
+            nothing,
+            nothing,
+            checks.rgb(intensity, "PointLight intensity"),
+        )
+
+    @property
+    def row(self) -> LightRow:
+        """Return the light as flat numbers."""
+        return self._row
+
+    @property
+    def surface(self) -> None:
+        """Return None: a point is not seen."""
+        return

@@ -1,0 +1,52 @@
+"""Light from a rectangle."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from hybrid_rt import checks
+from hybrid_rt.kernels.light import RECTANGLE
+from hybrid_rt.lights.light import Light, LightRow
+from hybrid_rt.primitives import Rectangle
+
+
+class RectangleLight(Light):
+    """Shines with the same radiance everywhere on the side of edge_u x edge_v.
+
+    It is seen there by camera and specular rays; its back is black. Both sides block light and
+    reflect none.
+
+    Parameters
+    ----------
+    corner, edge_u, edge_v : three numbers each
+        The rectangle is corner + u edge_u + v edge_v for u, v in [0, 1].
+    radiance : number or three numbers
+        At least 0.
+    """
+
+    def __init__(
+        self, corner: ArrayLike, edge_u: ArrayLike, edge_v: ArrayLike, radiance: ArrayLike
+    ) -> None:
+        self._row = LightRow(
+            RECTANGLE,
+            checks.vector(corner, "RectangleLight corner"),
+            checks.vector(edge_u, "RectangleLight edge_u"),
+            checks.vector(edge_v, "RectangleLight edge_v"),
+            checks.rgb(radiance, "RectangleLight radiance"),
+        )
+        if not np.cross(self._row.edge_u, self._row.edge_v).any():
+            raise ValueError(
+                "RectangleLight: edge_u and edge_v span no area; use PointLight for a point"
+            )
+        self._surface = Rectangle(self._row.origin, self._row.edge_u, self._row.edge_v)
+
+    @property
+    def row(self) -> LightRow:
+        """Return the light as flat numbers."""
+        return self._row
+
+    @property
+    def surface(self) -> Rectangle:
+        """Return the rectangle that shines."""
+        return self._surface

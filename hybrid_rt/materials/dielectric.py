@@ -1,0 +1,47 @@
+"""Glass, water and other clear bodies."""
+
+from __future__ import annotations
+
+from numpy.typing import ArrayLike
+
+from hybrid_rt import checks
+from hybrid_rt.kernels.lobes import DIELECTRIC
+from hybrid_rt.materials.material import Lobe, Material
+from hybrid_rt.textures.texture import Texture, as_texture
+
+
+class Dielectric(Material):
+    """A smooth clear body; its inside is the side opposite the surface's normal.
+
+    Reflection and refraction follow Fresnel's equations for unpolarised light. Radiance is
+    multiplied by the square of the index ratio where it enters or leaves. Inside, each channel
+    falls as exp(-absorption x length).
+
+    Parameters
+    ----------
+    ior : float
+        Index of refraction, inside over outside; above 0.
+    absorption : number or three numbers
+        Per unit of length, at least 0.
+    tint : number, three numbers or texture
+        Factor on light that passes the surface, 0 to 1.
+    schlick : bool
+        Use Schlick's approximation in place of Fresnel's equations.
+    """
+
+    def __init__(
+        self,
+        ior: float = 1.5,
+        absorption: ArrayLike = (0.0, 0.0, 0.0),
+        tint: Texture | ArrayLike = 1.0,
+        schlick: bool = False,
+    ) -> None:
+        index = checks.number(ior, "Dielectric ior", above=0.0)
+        density = checks.rgb(absorption, "Dielectric absorption")
+        number = (index, float(bool(schlick)), *density.tolist())
+        self._lobes = (Lobe(DIELECTRIC, as_texture(tint, "Dielectric tint"), number),)
+
+    @property
+    def lobes(self) -> tuple[Lobe, ...]:
+        """Return the single dielectric lobe."""
+        return self._lobes

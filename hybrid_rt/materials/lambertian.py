@@ -1,0 +1,27 @@
+"""Matt surfaces."""
+
+from __future__ import annotations
+
+from numpy.typing import ArrayLike
+
+from hybrid_rt.kernels.lobes import DIFFUSE
+from hybrid_rt.materials.material import Lobe, Material
+from hybrid_rt.textures.texture import Texture, as_texture
+
+
+class Lambertian(Material):
+    """Equally bright from everywhere: f = color / pi, on both sides of the surface.
+
+    Parameters
+    ----------
+    color : number, three numbers or texture
+        Share of the light sent on, per channel, 0 to 1.
+    """
+
+    def __init__(self, color: Texture | ArrayLike) -> None:
+        self._lobes = (Lobe(DIFFUSE, as_texture(color, "Lambertian color")),)
+
+    @property
+    def lobes(self) -> tuple[Lobe, ...]:
+        """Return the single diffuse lobe."""
+        return self._lobes

@@ -1,0 +1,32 @@
+"""What every material is made of: lobes, each a way in which light is sent on.
+
+A material is a short tuple of lobes. Integrators see only the flat table of all of them, so a
+mixture is nothing but more lobes, and a new material is one file.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+
+from hybrid_rt.textures.texture import Texture
+
+
+@dataclass(frozen=True)
+class Lobe:
+    """One way of sending light on."""
+
+    kind: int
+    """`hybrid_rt.kernels.lobes`: DIFFUSE, PHONG, MIRROR or DIELECTRIC."""
+    color: Texture
+    number: tuple[float, ...] = ()
+    """At most five numbers; `LobeTable.number` says what they are."""
+
+
+class Material(ABC):
+    """What a surface is made of; immutable."""
+
+    @property
+    @abstractmethod
+    def lobes(self) -> tuple[Lobe, ...]:
+        """The ways in which the material sends light on."""

@@ -1,0 +1,27 @@
+"""Perfect mirrors."""
+
+from __future__ import annotations
+
+from numpy.typing import ArrayLike
+
+from hybrid_rt.kernels.lobes import MIRROR
+from hybrid_rt.materials.material import Lobe, Material
+from hybrid_rt.textures.texture import Texture, as_texture
+
+
+class Mirror(Material):
+    """Sends each ray on in the mirror direction, on both sides of the surface.
+
+    Parameters
+    ----------
+    color : number, three numbers or texture
+        Share of the light sent on, per channel, 0 to 1.
+    """
+
+    def __init__(self, color: Texture | ArrayLike = 1.0) -> None:
+        self._lobes = (Lobe(MIRROR, as_texture(color, "Mirror color")),)
+
+    @property
+    def lobes(self) -> tuple[Lobe, ...]:
+        """Return the single mirror lobe."""
+        return self._lobes

@@ -1,0 +1,48 @@
+"""Glossy surfaces after Phong, in the form that keeps energy."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from hybrid_rt import checks
+from hybrid_rt.kernels.lobes import DIFFUSE, PHONG
+from hybrid_rt.materials.material import Lobe, Material
+from hybrid_rt.textures.texture import Texture, as_texture
+
+# A sum of two colours that should be one may exceed it by rounding.
+_ROUNDING = 1e-12
+
+
+class Phong(Material):
+    """A matt part and a highlight: f = diffuse / pi + specular (n + 2) / (2 pi) cos^n alpha.
+
+    Alpha is the angle to the mirror direction. The normalised highlight of Lafortune and Willems
+    ("Using the modified Phong reflectance model", 1994) sends on at most ``specular``.
+
+    Parameters
+    ----------
+    diffuse, specular : number, three numbers or texture
+        Shares of the light, per channel; their sum stays within 1.
+    exponent : float
+        Above 0; larger is sharper.
+    """
+
+    def __init__(
+        self, diffuse: Texture | ArrayLike, specular: Texture | ArrayLike, exponent: float
+    ) -> None:
+        matt = as_texture(diffuse, "Phong diffuse")
+        glossy = as_texture(specular, "Phong specular")
+        total = matt.brightest + glossy.brightest
+        if (total > 1.0 + _ROUNDING).any():
+            raise ValueError(
+                f"Phong diffuse + specular: reaches {np.max(total):g}; a surface cannot send on "
+                "more light than it receives"
+            )
+        power = checks.number(exponent, "Phong exponent", above=0.0)
+        self._lobes = (Lobe(DIFFUSE, matt), Lobe(PHONG, glossy, (power,)))
+
+    @property
+    def lobes(self) -> tuple[Lobe, ...]:
+        """Return the diffuse and the glossy lobe."""
+        return self._lobes

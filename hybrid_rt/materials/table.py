@@ -1,0 +1,32 @@
+"""All materials of a scene in flat tables: lobes and the textures that colour them."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from hybrid_rt.kernels.lobes import LobeTable
+from hybrid_rt.kernels.texture import TextureTable
+from hybrid_rt.materials.material import Material
+from hybrid_rt.textures.table import compile_textures
+from hybrid_rt.textures.texture import Texture
+
+
+def compile_materials(materials: list[Material]) -> tuple[LobeTable, TextureTable]:
+    """Lay materials out for the kernels, material i in rows first[i] up to first[i + 1]."""
+    lobes = [lobe for material in materials for lobe in material.lobes]
+    textures: list[Texture] = []
+    row_of: dict[int, int] = {}  # a picture used twice is stored once
+    for lobe in lobes:
+        if id(lobe.color) not in row_of:
+            row_of[id(lobe.color)] = len(textures)
+            textures.append(lobe.color)
+    numbers = np.zeros((len(lobes), 5))
+    for row, lobe in zip(numbers, lobes, strict=True):
+        row[: len(lobe.number)] = lobe.number
+    table = LobeTable(
+        kind=np.array([lobe.kind for lobe in lobes], dtype=np.int32),
+        texture=np.array([row_of[id(lobe.color)] for lobe in lobes], dtype=np.int32),
+        number=numbers,
+        first=np.cumsum([0, *(len(material.lobes) for material in materials)], dtype=np.int32),
+    )
+    return table, compile_textures(textures)

@@ -1,0 +1,101 @@
+"""What a scene needs, decided once; whatever it does not need is never computed."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from hybrid_rt.kernels.lobes import DIELECTRIC, DIFFUSE, MIRROR, PHONG
+from hybrid_rt.scene import CompiledScene
+from hybrid_rt.textures.table import needs_lookup
+
+
+@dataclass
+class Plan:
+    """Decisions by name, and the reason of each in words."""
+
+    used: dict[str, str] = field(default_factory=dict)
+    left_out: dict[str, str] = field(default_factory=dict)
+
+    def decide(self, name: str, is_needed: bool, because: str, otherwise: str) -> None:
+        """Record one decision with the reason that applies."""
+        (self.used if is_needed else self.left_out)[name] = because if is_needed else otherwise
+
+    def __getitem__(self, name: str) -> bool:
+        """Tell whether something is needed; an unknown name is a mistake of ours."""
+        if name not in self.used and name not in self.left_out:
+            raise KeyError(name)
+        return name in self.used
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the plan for the report."""
+        return {"used": dict(self.used), "left_out": dict(self.left_out)}
+
+    def __str__(self) -> str:
+        """Return the plan in words, one decision a line."""
+        width = max(map(len, (*self.used, *self.left_out)), default=0)
+        lines = [f"  + {name:{width}}  {why}" for name, why in self.used.items()]
+        lines += [f"  - {name:{width}}  {why}" for name, why in self.left_out.items()]
+        return "\n".join(["Plan (+ used, - left out):", *lines])
+
+
+def make_plan(scene: CompiledScene) -> Plan:
+    """Decide what light transport in this scene needs."""
+    kinds = scene.lobes.kind
+    spreads = bool(np.isin(kinds, (DIFFUSE, PHONG)).any())
+    is_glass = kinds == DIELECTRIC
+    has_sky = scene.environment is not None
+    n_lights = scene.n_lights
+
+    plan = Plan()
+    plan.decide(
+        "lens samples",
+        scene.camera.has_lens,
+        f"the lens has diameter {scene.camera.aperture:g}",
+        "the camera is a pinhole",
+    )
+    plan.decide(
+        "texture lookups",
+        needs_lookup(scene.textures),
+        "at least one colour varies over its surface",
+        "every colour is constant",
+    )
+    plan.decide(
+        "light samples",
+        spreads and n_lights > 0,
+        f"{n_lights} light(s), one shadow ray each per shading point and pass",
+        "there is no light" if n_lights == 0 else "no surface spreads light",
+    )
+    plan.decide(
+        "sky samples",
+        spreads and has_sky,
+        "the environment shines on surfaces, one shadow ray per shading point and pass",
+        "no surface spreads light" if has_sky else "the environment is black",
+    )
+    plan.decide(
+        "visible lights",
+        bool((scene.light_of >= 0).any()),
+        "area lights are seen by camera and specular rays",
+        "no light has an area",
+    )
+    plan.decide(
+        "mirror rays",
+        bool((kinds == MIRROR).any()),
+        "at least one surface is a mirror",
+        "no surface is a mirror",
+    )
+    plan.decide(
+        "glass rays",
+        bool(is_glass.any()),
+        "at least one surface is a dielectric; both branches are followed",
+        "no surface is a dielectric",
+    )
+    plan.decide(
+        "absorption",
+        bool(scene.lobes.number[is_glass, 2:].any()),
+        "at least one dielectric absorbs",
+        "no dielectric absorbs",
+    )
+    return plan

@@ -1,0 +1,172 @@
+"""The whole of a render: a scene in, a picture and its report out."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hybrid_rt import checks
+from hybrid_rt.film import Film, save_image
+from hybrid_rt.integrators import INTEGRATORS, Integrator, RenderContext
+from hybrid_rt.intersection import Intersector
+from hybrid_rt.limits import Clock, Limit
+from hybrid_rt.plan import make_plan
+from hybrid_rt.progress import Progress, watch_compilation
+from hybrid_rt.report import Ledger, versions
+from hybrid_rt.sampler import Sampler
+from hybrid_rt.scene import Scene, compile_scene
+
+
+@dataclass(frozen=True)
+class RenderResult:
+    """A picture and how it came about.
+
+    Attributes
+    ----------
+    image : (height, width, 3) float32
+        Linear radiance, row 0 at the top.
+    report : dict
+        Settings, counts, seconds, versions; plain types only.
+    """
+
+    image: NDArray[np.float32]
+    report: dict[str, Any]
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Write the picture, and the report beside it; see `hybrid_rt.film.save_image`."""
+        save_image(path, self.image, self.report)
+
+
+def render(
+    scene: Scene,
+    integrator: str = "whitted",
+    passes: int | None = None,
+    time_budget: float | None = None,
+    *,
+    seed: int = 0,
+    threads: int | None = None,
+    max_depth: int = 16,
+    accuracy: str = "certified",
+    tolerance: float | None = None,
+    progress: Progress | None = None,
+) -> RenderResult:
+    """Make a picture of a scene.
+
+    Parameters
+    ----------
+    scene : Scene
+    integrator : "whitted"
+        Direct light, mirrors and glass.
+    passes : int, optional
+        One pass is one sample per pixel. With neither limit given: 16.
+    time_budget : float, optional
+        Wall seconds for all of this call but the compilation of kernels. At least one pass runs,
+        and none is started that would end too late, judged by the slowest so far.
+    seed : int
+        Names the random numbers: equal seeds and settings give equal pictures, bit for bit, for any
+        number of threads.
+    threads : int, optional
+        Default: the cores that this process may use.
+    max_depth : int
+        Mirrored and refracted directions along one path at most; what is lost is reported.
+    accuracy, tolerance
+        As `Intersector` takes them.
+    progress : callable, optional
+        Called with (stage, done, total); see `hybrid_rt.progress.Progress`.
+
+    Returns
+    -------
+    RenderResult
+
+    Raises
+    ------
+    ValueError, TypeError
+        Before any work, if a setting is unknown or out of range.
+    """
+    if not isinstance(scene, Scene):
+        raise TypeError(f"render: expected a Scene, got {scene!r}")
+    if integrator not in INTEGRATORS:
+        raise ValueError(f"integrator {integrator!r} is unknown; use {', '.join(INTEGRATORS)}")
+    limit = Limit(passes, time_budget)
+    sampler = Sampler(seed)
+    checks.whole(max_depth, "max_depth", at_least=0)
+
+    with watch_compilation(progress) as compilation:
+        clock = Clock(compilation)
+        ledger = Ledger(lambda: clock.seconds)
+        with ledger.stage("scene"):
+            compiled = compile_scene(scene)
+            plan = make_plan(compiled)
+        with ledger.stage("build"):
+            if progress is not None:
+                progress("Building", 0, 0)
+            tracer = Intersector(
+                compiled.surfaces, accuracy=accuracy, tolerance=tolerance, threads=threads
+            )
+        context = RenderContext(compiled, tracer, plan, sampler, ledger, max_depth)
+        film, stopped_by = _run_passes(INTEGRATORS[integrator](context), limit, clock, progress)
+    settings = {
+        "integrator": integrator,
+        "passes": passes,
+        "time_budget": time_budget,
+        "seed": seed,
+        "threads": threads,
+        "max_depth": max_depth,
+        "accuracy": accuracy,
+        "tolerance": tolerance,
+        "width": scene.camera.width,
+        "height": scene.camera.height,
+    }
+    return RenderResult(film.image, _report(settings, context, film, clock, stopped_by))
+
+
+def _run_passes(
+    integrator: Integrator, limit: Limit, clock: Clock, progress: Progress | None
+) -> tuple[Film, str]:
+    """Add passes in the order of their numbers until a limit is reached; say which."""
+    camera = integrator.context.scene.camera
+    n_pixels = camera.width * camera.height
+    film = Film(camera.height, camera.width)
+    while limit.begins(film.n_passes, clock.seconds):
+        n_before = n_pixels * film.n_passes
+        n_expected = n_pixels * limit.expected_passes(film.n_passes)
+
+        def on_rays(n_in_pass: int, n_before: int = n_before, total: int = n_expected) -> None:
+            if progress is not None:
+                progress("Rendering", n_before + n_in_pass, total)
+
+        radiance = integrator.render_pass(film.n_passes, on_rays)
+        with integrator.context.ledger.stage("film"):
+            film.add(radiance)
+    return film, limit.reached(film.n_passes, clock.seconds) or "passes"
+
+
+def _report(
+    settings: dict[str, Any], context: RenderContext, film: Film, clock: Clock, stopped_by: str
+) -> dict[str, Any]:
+    ledger, tracer = context.ledger, context.tracer
+    n_camera = ledger.rays["camera"]
+    return {
+        "settings": settings,
+        "versions": versions(),
+        "passes": film.n_passes,
+        "stopped_by": stopped_by,
+        "seconds": {
+            **{stage: round(seconds, 4) for stage, seconds in ledger.seconds.items()},
+            "total": round(clock.seconds, 4),
+            "kernel compilation (not in total)": round(clock.compile_seconds, 4),
+        },
+        "rays": dict(ledger.rays),
+        "hits": dict(ledger.hits),
+        "intersection": dict(tracer.counters),
+        "ended_branches": {
+            **ledger.ended,
+            "lost_weight_per_camera_ray": ledger.lost_weight / n_camera,
+        },
+        "noise": film.noise(),
+        "plan": {"light": context.plan.as_dict(), "intersection": tracer.plan},
+    }

@@ -1,0 +1,69 @@
+"""What a render did and what it took: counts, seconds, versions."""
+
+from __future__ import annotations
+
+import platform
+import time
+from collections import Counter, defaultdict
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from importlib import metadata
+
+import numpy as np
+
+from hybrid_rt._version import __version__
+from hybrid_rt.records import HitRecord, Status
+
+# Whatever decides bits of a picture.
+_PACKAGES = ("numpy", "numba", "embreex", "trimesh")
+
+
+class Ledger:
+    """Seconds per stage and counts by name, summed over a render.
+
+    Parameters
+    ----------
+    now : callable
+        Returns the seconds of the clock that stages are measured by.
+    """
+
+    def __init__(self, now: Callable[[], float] = time.perf_counter) -> None:
+        self._now = now
+        self.seconds: dict[str, float] = defaultdict(float)
+        self.rays: Counter[str] = Counter()
+        self.hits: Counter[str] = Counter({status.name.lower(): 0 for status in Status})
+        self.ended: Counter[str] = Counter()
+        self.lost_weight = 0.0
+        self._within = 0.0  # seconds of the stages inside the present one
+
+    @contextmanager
+    def stage(self, name: str) -> Iterator[None]:
+        """Add the seconds of a block to a stage; a stage within it keeps its own seconds."""
+        began = self._now()
+        outer, self._within = self._within, 0.0
+        try:
+            yield
+        finally:
+            spent = self._now() - began
+            self.seconds[name] += spent - self._within
+            self._within = outer + spent
+
+    def count_hits(self, hits: HitRecord) -> None:
+        """Count first hits by status."""
+        counts = np.bincount(hits.status, minlength=len(Status))
+        for status in Status:
+            self.hits[status.name.lower()] += int(counts[status])
+
+
+def versions() -> dict[str, str]:
+    """Return the versions of everything that decides bits of a picture.
+
+    They are read from the installed packages' metadata, so nothing is imported for it.
+    """
+    found = {"hybrid_rt": __version__, "python": platform.python_version()}
+    for name in _PACKAGES:
+        try:
+            found[name] = metadata.version(name)
+        except metadata.PackageNotFoundError:
+            found[name] = "not installed"
+    return found

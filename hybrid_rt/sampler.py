@@ -1,0 +1,56 @@
+"""Low-discrepancy numbers that hang on nothing but their names.
+
+A number is named by the seed, the pixel, the dimension (what it is used for) and the pass. So
+blocks, threads, order and machines do not matter, and a pass can be computed again at any time.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hybrid_rt.kernels.sampler import sobol_points
+from hybrid_rt.records import FloatArray
+
+UIntArray = NDArray[np.uint64]
+
+
+class Sampler:
+    """Owen-scrambled Sobol points; the pass number is the sample number.
+
+    Parameters
+    ----------
+    seed : int
+        From 0 to 2**64 - 1.
+
+    Raises
+    ------
+    ValueError
+        If the seed is out of that range.
+    """
+
+    def __init__(self, seed: int) -> None:
+        if not 0 <= seed < 2**64:
+            raise ValueError(f"seed {seed} is out of range: use an integer from 0 to 2**64 - 1")
+        self._seed = np.uint64(seed)
+
+    def points(self, pixel: UIntArray, dimension: UIntArray | int, pass_number: int) -> FloatArray:
+        """Return one point of the unit square for each pixel.
+
+        Parameters
+        ----------
+        pixel : (n,) uint64
+            Number of the pixel in the whole image.
+        dimension : (n,) uint64, or one number for all
+            What the point is for; different uses need different numbers.
+        pass_number : int
+            From 0; the passes of one (pixel, dimension) fill the square evenly.
+
+        Returns
+        -------
+        (n, 2) float64 in [0, 1)
+        """
+        points = np.empty((pixel.size, 2))
+        dimensions = np.ascontiguousarray(np.broadcast_to(np.uint64(dimension), pixel.shape))
+        sobol_points(self._seed, np.uint64(pass_number), pixel, dimensions, points)
+        return points

@@ -1,0 +1,62 @@
+"""Checkers: squares on a surface, or cells of space."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from hybrid_rt import checks
+from hybrid_rt.kernels.texture import CHECKER_UV, CHECKER_WORLD
+from hybrid_rt.records import FloatArray
+from hybrid_rt.textures.texture import Texture, TextureRow
+
+
+class CheckerTexture(Texture):
+    """Two colours in turn.
+
+    Parameters
+    ----------
+    even, odd : number or three numbers
+        The two colours, linear.
+    scale : number, or two numbers ("uv"), or three numbers ("world")
+        For "uv": squares along u and v. For "world": angular frequencies along x, y and z.
+    space : "world" or "uv"
+        "world": ``odd`` where sin(a x) sin(b y) sin(c z) < 0, cells of edge pi over the frequency.
+        "uv": squares of the surface's parameters.
+    """
+
+    def __init__(
+        self,
+        even: ArrayLike,
+        odd: ArrayLike,
+        scale: ArrayLike = 6.0,
+        space: Literal["world", "uv"] = "world",
+    ) -> None:
+        if space not in {"world", "uv"}:
+            raise ValueError(f"CheckerTexture space: {space!r} is unknown; use 'world' or 'uv'")
+        self._kind = CHECKER_UV if space == "uv" else CHECKER_WORLD
+        self._even = checks.rgb(even, "CheckerTexture even")
+        self._odd = checks.rgb(odd, "CheckerTexture odd")
+        n_axes = 2 if space == "uv" else 3
+        scales = np.array(scale, dtype=np.float64)
+        if scales.shape not in {(), (n_axes,)}:
+            raise ValueError(
+                f"CheckerTexture scale: expected one number or {n_axes}, got shape {scales.shape}"
+            )
+        scales = np.broadcast_to(scales, (n_axes,))
+        self._scale = tuple(
+            checks.number(float(value), "CheckerTexture scale", above=0.0) for value in scales
+        )
+
+    @property
+    def brightest(self) -> FloatArray:
+        """Return the larger of the two colours, channel by channel."""
+        return np.maximum(self._even, self._odd)
+
+    @property
+    def row(self) -> TextureRow:
+        """Return the checker as flat numbers."""
+        scale = (*self._scale, 0.0)[:3]
+        return TextureRow(self._kind, (*self._even.tolist(), *self._odd.tolist(), *scale))

@@ -1,0 +1,34 @@
+"""All textures of a scene in one flat table."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from hybrid_rt.kernels.texture import CONSTANT, TextureTable
+from hybrid_rt.textures.texture import Texture
+
+
+def compile_textures(textures: list[Texture]) -> TextureTable:
+    """Lay textures out for the kernels, row i for texture i."""
+    rows = [texture.row for texture in textures]
+    images = np.zeros((len(rows), 4), dtype=np.int64)
+    # One black texel keeps the array's type where no texture is a picture.
+    texels = [np.zeros((1, 3), dtype=np.float32)]
+    start = 1
+    for image, row in zip(images, rows, strict=True):
+        if row.texels is not None:
+            height, width = row.texels.shape[:2]
+            image[:] = start, height, width, row.wrap
+            texels.append(row.texels.reshape(-1, 3))
+            start += height * width
+    return TextureTable(
+        kind=np.array([row.kind for row in rows], dtype=np.int32),
+        number=np.array([row.number for row in rows], dtype=np.float64).reshape(-1, 9),
+        image=images,
+        texel=np.concatenate(texels),
+    )
+
+
+def needs_lookup(textures: TextureTable) -> bool:
+    """Tell whether any colour varies over its surface."""
+    return bool((textures.kind != CONSTANT).any())

@@ -1,0 +1,72 @@
+"""What every texture answers, and the colour that is everywhere the same."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from hybrid_rt import checks
+from hybrid_rt.kernels import texture as kernels
+from hybrid_rt.records import FloatArray
+
+
+@dataclass(frozen=True)
+class TextureRow:
+    """One texture as the kernels take it: a row of the `TextureTable`."""
+
+    kind: int
+    number: tuple[float, ...]
+    """Colour, second colour, scale: nine numbers, zero where unused."""
+    texels: NDArray[np.float32] | None = None
+    """(height, width, 3), linear, row 0 at the top."""
+    wrap: int = kernels.REPEAT
+
+
+class Texture(ABC):
+    """A colour for every point of a surface; immutable."""
+
+    @property
+    @abstractmethod
+    def brightest(self) -> FloatArray:
+        """(3,) float64: the largest value of each channel."""
+
+    @property
+    @abstractmethod
+    def row(self) -> TextureRow:
+        """The texture as flat numbers."""
+
+
+class ConstantTexture(Texture):
+    """The same colour everywhere."""
+
+    def __init__(self, color: FloatArray) -> None:
+        self._color = color
+
+    @property
+    def brightest(self) -> FloatArray:
+        """Return the colour itself."""
+        return self._color
+
+    @property
+    def row(self) -> TextureRow:
+        """Return the colour as flat numbers."""
+        return TextureRow(kernels.CONSTANT, (*self._color.tolist(), *(0.0,) * 6))
+
+
+def as_texture(color: Texture | ArrayLike, what: str) -> Texture:
+    """Take a texture, three numbers or one number as a reflectance from 0 to 1.
+
+    Raises
+    ------
+    ValueError, TypeError
+        If a channel is negative, above 1 or not finite; ``what`` is named.
+    """
+    if isinstance(color, Texture):
+        checks.rgb(
+            color.brightest, f"{what}: brightest colour of {type(color).__name__}", up_to=1.0
+        )
+        return color
+    return ConstantTexture(checks.rgb(color, what, up_to=1.0))
