@@ -1,0 +1,230 @@
+"""One ray against one Bezier patch: evaluation, Newton iteration, and what a root is worth.
+
+The patch's net is kept relative to the patch's own centre, so the rounding of a root scales with
+the patch and its distance to the ray's origin, not with where the scene stands. Newton iterates on
+the three unknowns (u, v, t) of S(u, v) = o + t d (Toth 1985, "On ray tracing parametric
+surfaces"); its step needs only cross products.
+"""
+
+import numpy as np
+
+from hybrid_rt.kernels.nearest import is_known, offer
+from meshing.kernels.jit import inner
+
+UNIT_ROUNDOFF = 2.0**-53
+# A root decided by less than this many eps x scale is reported as TANGENT.
+TANGENT_BAND = 64 * 2.0**-52
+
+CONVERGED, FAILED = 1, 0
+# Newton squares the error: from 1e-1 of a cell five steps reach rounding; silhouettes need more.
+MAX_STEPS = 12
+# After a step this small (relative to the cell) the next would be below rounding.
+LAST_STEP = 1e-8
+
+
+@inner
+def bernstein_basis(degree, x, value, slope):
+    """Fill the Bernstein polynomials of a degree at x and their derivatives (stable recurrence)."""
+    y = 1.0 - x
+    value[0] = 1.0
+    for k in range(1, degree):
+        carry = 0.0
+        for j in range(k):
+            old = value[j]
+            value[j] = carry + y * old
+            carry = x * old
+        value[k] = carry
+    # `value` holds degree - 1: differences give the derivative, one more step the value.
+    slope[0] = -degree * value[0]
+    for j in range(1, degree):
+        slope[j] = degree * (value[j - 1] - value[j])
+    slope[degree] = degree * value[degree - 1]
+    carry = 0.0
+    for j in range(degree):
+        old = value[j]
+        value[j] = carry + y * old
+        carry = x * old
+    value[degree] = carry
+
+
+@inner
+def evaluate(control, start, degree_u, degree_v, u, v, basis):
+    """Return S, S_u, S_v (nine numbers). ``basis`` is scratch of shape (4, > degree)."""
+    bu, du, bv, dv = basis[0], basis[1], basis[2], basis[3]
+    bernstein_basis(degree_u, u, bu, du)
+    bernstein_basis(degree_v, v, bv, dv)
+    x = y = z = xu = yu = zu = xv = yv = zv = 0.0
+    row = start
+    for i in range(degree_u + 1):
+        cx = cy = cz = ex = ey = ez = 0.0
+        for j in range(degree_v + 1):
+            px, py, pz = control[row + j, 0], control[row + j, 1], control[row + j, 2]
+            b, e = bv[j], dv[j]
+            cx += b * px
+            cy += b * py
+            cz += b * pz
+            ex += e * px
+            ey += e * py
+            ez += e * pz
+        row += degree_v + 1
+        b, e = bu[i], du[i]
+        x += b * cx
+        y += b * cy
+        z += b * cz
+        xu += e * cx
+        yu += e * cy
+        zu += e * cz
+        xv += b * ex
+        yv += b * ey
+        zv += b * ez
+    return x, y, z, xu, yu, zu, xv, yv, zv
+
+
+@inner
+def evaluate_bicubic(control, start, u, v):
+    """`evaluate` for degree 3 x 3, written out."""
+    a = 1.0 - u
+    b = 1.0 - v
+    u0, u1, u2, u3 = a * a * a, 3.0 * a * a * u, 3.0 * a * u * u, u * u * u
+    v0, v1, v2, v3 = b * b * b, 3.0 * b * b * v, 3.0 * b * v * v, v * v * v
+    p0, p1, p2 = 3.0 * a * a, 6.0 * a * u, 3.0 * u * u
+    q0, q1, q2 = 3.0 * b * b, 6.0 * b * v, 3.0 * v * v
+    x = y = z = xu = yu = zu = xv = yv = zv = 0.0
+    for i in range(4):
+        if i == 0:
+            w, e = u0, -p0
+        elif i == 1:
+            w, e = u1, p0 - p1
+        elif i == 2:
+            w, e = u2, p1 - p2
+        else:
+            w, e = u3, p2
+        k = start + 4 * i
+        ax, ay, az = control[k, 0], control[k, 1], control[k, 2]
+        bx, by, bz = control[k + 1, 0], control[k + 1, 1], control[k + 1, 2]
+        cx, cy, cz = control[k + 2, 0], control[k + 2, 1], control[k + 2, 2]
+        dx, dy, dz = control[k + 3, 0], control[k + 3, 1], control[k + 3, 2]
+        sx = v0 * ax + v1 * bx + v2 * cx + v3 * dx
+        sy = v0 * ay + v1 * by + v2 * cy + v3 * dy
+        sz = v0 * az + v1 * bz + v2 * cz + v3 * dz
+        tx = q0 * (bx - ax) + q1 * (cx - bx) + q2 * (dx - cx)
+        ty = q0 * (by - ay) + q1 * (cy - by) + q2 * (dy - cy)
+        tz = q0 * (bz - az) + q1 * (cz - bz) + q2 * (dz - cz)
+        x += w * sx
+        y += w * sy
+        z += w * sz
+        xu += e * sx
+        yu += e * sy
+        zu += e * sz
+        xv += w * tx
+        yv += w * ty
+        zv += w * tz
+    return x, y, z, xu, yu, zu, xv, yv, zv
+
+
+@inner
+def evaluate_any(control, start, degree_u, degree_v, u, v, basis):
+    """Take the written-out kernel for bicubic patches, the general one for all others."""
+    if degree_u == 3 and degree_v == 3:
+        return evaluate_bicubic(control, start, u, v)
+    return evaluate(control, start, degree_u, degree_v, u, v, basis)
+
+
+@inner
+def newton(
+    control, start, degree_u, degree_v, basis, ox, oy, oz, dx, dy, dz, u, v, t, tol_u, tol_v, reach
+):
+    """Solve S(u, v) = o + t d from a start.
+
+    It gives up where the parameters leave ``[-reach, 1 + reach]``, or the tangents and the ray lie
+    in one plane, or `MAX_STEPS` do not suffice.
+
+    Returns
+    -------
+    status, u, v, t, steps
+    n_dot_d : |n.d| with n unit
+    gain_u, gain_v : how far u and v move when the equation is off by a length of one
+    """
+    n_dot_d = gain_u = gain_v = 0.0
+    for step in range(1, MAX_STEPS + 1):
+        x, y, z, xu, yu, zu, xv, yv, zv = evaluate_any(
+            control, start, degree_u, degree_v, u, v, basis
+        )
+        rx, ry, rz = ox + t * dx - x, oy + t * dy - y, oz + t * dz - z
+        nx, ny, nz = yu * zv - zu * yv, zu * xv - xu * zv, xu * yv - yu * xv
+        det = nx * dx + ny * dy + nz * dz
+        if det == 0.0:
+            return FAILED, u, v, t, step, n_dot_d, gain_u, gain_v
+        ax, ay, az = yv * dz - zv * dy, zv * dx - xv * dz, xv * dy - yv * dx
+        bx, by, bz = dy * zu - dz * yu, dz * xu - dx * zu, dx * yu - dy * xu
+        inv = 1.0 / det
+        du = (rx * ax + ry * ay + rz * az) * inv
+        dv = (rx * bx + ry * by + rz * bz) * inv
+        u += du
+        v += dv
+        t -= (rx * nx + ry * ny + rz * nz) * inv
+        if abs(du) <= LAST_STEP * tol_u and abs(dv) <= LAST_STEP * tol_v:
+            n_dot_d = abs(det) / np.sqrt(nx * nx + ny * ny + nz * nz)
+            gain_u = np.sqrt(ax * ax + ay * ay + az * az) * abs(inv)
+            gain_v = np.sqrt(bx * bx + by * by + bz * bz) * abs(inv)
+            return CONVERGED, u, v, t, step, n_dot_d, gain_u, gain_v
+        if not (-reach <= u <= 1.0 + reach and -reach <= v <= 1.0 + reach):
+            return FAILED, u, v, t, step, n_dot_d, gain_u, gain_v
+    return FAILED, u, v, t, MAX_STEPS, n_dot_d, gain_u, gain_v
+
+
+@inner
+def rounding_of_root(degree_u, degree_v, size, ox, oy, oz, dx, dy, dz, t):
+    """Bound the rounding of S(u, v) - o - t d near a root; also the scale of the TANGENT band.
+
+    Bernstein sums of degree m + n take 2 (m + n) + 4 roundings of numbers up to `size`, the origin
+    relative to the centre 2, t d and the sum 4; the rest is air for the products in a step.
+    """
+    distance = np.sqrt(ox * ox + oy * oy + oz * oz)
+    along = abs(t) * np.sqrt(dx * dx + dy * dy + dz * dz)
+    error = UNIT_ROUNDOFF * (
+        (2.0 * (degree_u + degree_v) + 8.0) * size + 4.0 * distance + 4.0 * along
+    )
+    return error, max(distance, 2.0 * size)
+
+
+@inner
+def offer_root(
+    i, u, v, t, n_dot_d, gain_u, gain_v,
+    degree_u, degree_v, size, ox, oy, oz, dx, dy, dz, open_edges, shift, to_world,
+    object_id, patch, t_min, known, best,
+):  # fmt: skip
+    """Offer a converged root as a hit if it lies on the patch; tell whether it may be one.
+
+    A root up to the rounding of u or v beyond a border belongs to the patch, so a ray through an
+    edge that two patches share finds at least one of them. ``open_edges`` has a bit for each of
+    u = 0, u = 1, v = 0, v = 1 beyond which no other patch goes on: near those the hit is TANGENT,
+    and just beyond them a doubt.
+    """
+    error, scale = rounding_of_root(degree_u, degree_v, size, ox, oy, oz, dx, dy, dz, t)
+    band_u = error * gain_u + 2.0 * UNIT_ROUNDOFF
+    band_v = error * gain_v + 2.0 * UNIT_ROUNDOFF
+    t_world = (t + shift) * to_world
+    t_bound = (2.0 * error / n_dot_d + 4.0 * UNIT_ROUNDOFF * abs(t + shift)) * to_world
+    tangent = False
+    if open_edges != 0:
+        near_u = max(band_u, TANGENT_BAND * scale * gain_u)
+        near_v = max(band_v, TANGENT_BAND * scale * gain_v)
+        if not (-near_u <= u <= 1.0 + near_u and -near_v <= v <= 1.0 + near_v):
+            return False
+        tangent = (
+            ((open_edges & 1) != 0 and u <= near_u)
+            or ((open_edges & 2) != 0 and u >= 1.0 - near_u)
+            or ((open_edges & 4) != 0 and v <= near_v)
+            or ((open_edges & 8) != 0 and v >= 1.0 - near_v)
+        )
+    if not (-band_u <= u <= 1.0 + band_u and -band_v <= v <= 1.0 + band_v):
+        if tangent and t_world > t_min[i]:
+            best.doubt[i] = min(best.doubt[i], t_world)
+        return False
+    if not t_world > t_min[i] or is_known(i, t_world, t_bound, n_dot_d, known):
+        return False
+    u = min(max(u, 0.0), 1.0)
+    v = min(max(v, 0.0), 1.0)
+    offer(i, t_world, t_bound, n_dot_d, tangent, object_id, patch, u, v, t_min, known, best)
+    return True

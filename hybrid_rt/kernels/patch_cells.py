@@ -1,0 +1,227 @@
+"""Cells: a patch cut into a grid, each piece with a box that fits it and a proof about rays.
+
+The proof (one number, computed once): two points of a cell that one ray meets would make d
+parallel to du A + dv B with A, B in the convex hulls of the net's differences, so d . (A x B) = 0;
+this is bilinear, hence settled by its signs at all pairs of differences. With n the unit normal of
+the mean tangents and c the smallest cosine between n and the cross products of all pairs, the ray
+meets the cell at most once whenever (n.d)^2 > (1 - c^2) |d|^2 (the cone of Sederberg and Meyers
+1988, "Loop detection in surface patch intersections", turned from surfaces to rays). It is
+computed on the cell grown by `GROWTH` to each side, so a root that lies a little beside the cell
+proves that there is none inside.
+
+The box is a skew one, along the mean tangents and the normal.
+"""
+
+import numpy as np
+
+from hybrid_rt.kernels.subdivide import restrict
+from meshing.kernels.jit import inner, kernel
+
+# A cell's record, float64:
+CENTRE = 0  # 3: middle of the box, frame
+ROW_U, ROW_V, ROW_N = 3, 6, 9  # 3 each: dual basis of half the mean tangents and the unit normal
+BOX = 12  # 6: lower, upper along u, v, n
+MIDDLE = 18  # 2: parameters of the middle
+HALF = 20  # 2: half the sides in parameters
+SPREAD = 22  # 1: (n.d)^2 above this times |d|^2 proves at most one root
+RECORD = 23
+
+# Rays that pass beside a cell mostly meet its continuation within this part of its side.
+GROWTH = 0.15
+# Rounding of a coordinate in the skew basis: 2**-52 of |row| * (|o| + |centre|) <= 4 |row|; with air.
+BOX_SLACK = 2.0**-47
+NEVER = 2.0
+# Tangents this close to parallel, or normals this short beside others, prove nothing.
+THIN = 1e-6
+SHORT = 1e-9
+# Beyond this many pairs of differences their box is taken instead of all pairs.
+MOST_PAIRS = 1200
+
+
+@inner
+def _differences(net, degree_u, degree_v, along_u, row):
+    """Mean of the differences along u or v, times half the degree (the half tangent)."""
+    x = 0.0
+    if along_u:
+        for j in range(degree_v + 1):
+            x += net[degree_u, j, row] - net[0, j, row]
+        return 0.5 * x / (degree_v + 1)
+    for i in range(degree_u + 1):
+        x += net[i, degree_v, row] - net[i, 0, row]
+    return 0.5 * x / (degree_u + 1)
+
+
+@inner
+def _spread_by_pairs(net, degree_u, degree_v, nx, ny, nz):
+    """1 - cos^2 of the widest cross product of a u- with a v-difference; `NEVER` if one is short."""
+    smallest, shortest, longest = 1.0, np.inf, 0.0
+    for i in range(degree_u):
+        for j in range(degree_v + 1):
+            ux = net[i + 1, j, 0] - net[i, j, 0]
+            uy = net[i + 1, j, 1] - net[i, j, 1]
+            uz = net[i + 1, j, 2] - net[i, j, 2]
+            for k in range(degree_u + 1):
+                for m in range(degree_v):
+                    vx = net[k, m + 1, 0] - net[k, m, 0]
+                    vy = net[k, m + 1, 1] - net[k, m, 1]
+                    vz = net[k, m + 1, 2] - net[k, m, 2]
+                    cx, cy, cz = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
+                    length = np.sqrt(cx * cx + cy * cy + cz * cz)
+                    shortest = min(shortest, length)
+                    longest = max(longest, length)
+                    if length > 0.0:
+                        smallest = min(smallest, (cx * nx + cy * ny + cz * nz) / length)
+    if not shortest > SHORT * longest or not smallest > THIN:
+        return NEVER
+    return 1.0 - smallest * smallest + 1e-12
+
+
+@inner
+def _spread_by_box(net, degree_u, degree_v, record):
+    """As `_spread_by_pairs`, from the boxes of the differences in the skew basis (for high degree).
+
+    With A = (1 + a, b, c), B = (e, 1 + f, g) in half tangents p, q and n unit, |a|.. |g| at most
+    the given, A x B = ((1 + a)(1 + f) - b e) p x q + (b g - c (1 + f)) q x n + (c e - (1 + a) g) n x p
+    up to sign; p x q is along n, the other two are normal to it.
+    """
+    w = np.zeros((2, 3))
+    for along in range(2):
+        for i in range(degree_u + 1 - (1 - along)):
+            for j in range(degree_v + 1 - along):
+                k, m = (i + 1, j) if along == 0 else (i, j + 1)
+                half = 0.5 * degree_u if along == 0 else 0.5 * degree_v
+                x = half * (net[k, m, 0] - net[i, j, 0])
+                y = half * (net[k, m, 1] - net[i, j, 1])
+                z = half * (net[k, m, 2] - net[i, j, 2])
+                for axis in range(3):
+                    r = ROW_U + 3 * axis
+                    c = record[r] * x + record[r + 1] * y + record[r + 2] * z
+                    w[along, axis] = max(w[along, axis], abs(c - (1.0 if axis == along else 0.0)))
+    a, b, c = w[0, 0], w[0, 1], w[0, 2]
+    e, f, g = w[1, 0], w[1, 1], w[1, 2]
+    if a >= 1.0 or f >= 1.0:
+        return NEVER
+    along_n = (1.0 - a) * (1.0 - f) - b * e
+    if along_n <= THIN:
+        return NEVER
+    # |p|, |q| and |p x q| from the Gram matrix of the dual rows.
+    guu = gvv = guv = 0.0
+    for k in range(3):
+        guu += record[ROW_U + k] ** 2
+        gvv += record[ROW_V + k] ** 2
+        guv += record[ROW_U + k] * record[ROW_V + k]
+    area = 1.0 / np.sqrt(guu * gvv - guv * guv)
+    p, q = np.sqrt(gvv) * area, np.sqrt(guu) * area
+    across = (b * g + c * (1.0 + f)) * q + (c * e + (1.0 + a) * g) * p
+    cosine = along_n * area / np.sqrt((along_n * area) ** 2 + across * across)
+    if cosine <= THIN:
+        return NEVER
+    return 1.0 - cosine * cosine + 1e-12
+
+
+@inner
+def fill_cell(control, start, degree_u, degree_v, cx, cy, cz, u0, u1, v0, v1, scratch, record, box):
+    """Fill the record and the axis-aligned box (6) of the cell [u0, u1] x [v0, v1] of a patch."""
+    net, grown = scratch[0], scratch[1]
+    hu, hv = 0.5 * (u1 - u0), 0.5 * (v1 - v0)
+    for i in range(degree_u + 1):
+        for j in range(degree_v + 1):
+            for c in range(3):
+                p = control[start + i * (degree_v + 1) + j, c]
+                net[i, j, c] = p
+                grown[i, j, c] = p
+    restrict(net, degree_u, degree_v, u0, u1, v0, v1)
+    g = 2.0 * GROWTH
+    restrict(
+        grown, degree_u, degree_v, u0 - g * hu, u1 + g * hu, v0 - g * hv, v1 + g * hv
+    )
+    px = _differences(net, degree_u, degree_v, True, 0)
+    py = _differences(net, degree_u, degree_v, True, 1)
+    pz = _differences(net, degree_u, degree_v, True, 2)
+    qx = _differences(net, degree_u, degree_v, False, 0)
+    qy = _differences(net, degree_u, degree_v, False, 1)
+    qz = _differences(net, degree_u, degree_v, False, 2)
+    nx, ny, nz = py * qz - pz * qy, pz * qx - px * qz, px * qy - py * qx
+    area = np.sqrt(nx * nx + ny * ny + nz * nz)
+    lp, lq = np.sqrt(px * px + py * py + pz * pz), np.sqrt(qx * qx + qy * qy + qz * qz)
+    provable = area > THIN * lp * lq and area > 0.0
+    if provable:
+        nx, ny, nz = nx / area, ny / area, nz / area
+        record[ROW_U] = (qy * nz - qz * ny) / area
+        record[ROW_U + 1] = (qz * nx - qx * nz) / area
+        record[ROW_U + 2] = (qx * ny - qy * nx) / area
+        record[ROW_V] = (ny * pz - nz * py) / area
+        record[ROW_V + 1] = (nz * px - nx * pz) / area
+        record[ROW_V + 2] = (nx * py - ny * px) / area
+        record[ROW_N], record[ROW_N + 1], record[ROW_N + 2] = nx, ny, nz
+    else:
+        record[ROW_U : ROW_U + 9] = 0.0
+        record[ROW_U], record[ROW_V + 1], record[ROW_N + 2] = 1.0, 1.0, 1.0
+    mx = my = mz = 0.0
+    box[:3] = np.inf
+    box[3:] = -np.inf
+    for i in range(degree_u + 1):
+        for j in range(degree_v + 1):
+            mx += net[i, j, 0]
+            my += net[i, j, 1]
+            mz += net[i, j, 2]
+            for c in range(3):
+                box[c] = min(box[c], net[i, j, c])
+                box[3 + c] = max(box[3 + c], net[i, j, c])
+    weight = 1.0 / ((degree_u + 1) * (degree_v + 1))
+    mx, my, mz = mx * weight, my * weight, mz * weight
+    for axis in range(3):
+        r = ROW_U + 3 * axis
+        lo, hi = np.inf, -np.inf
+        for i in range(degree_u + 1):
+            for j in range(degree_v + 1):
+                y = (
+                    record[r] * (net[i, j, 0] - mx)
+                    + record[r + 1] * (net[i, j, 1] - my)
+                    + record[r + 2] * (net[i, j, 2] - mz)
+                )
+                lo, hi = min(lo, y), max(hi, y)
+        slack = BOX_SLACK * np.sqrt(record[r] ** 2 + record[r + 1] ** 2 + record[r + 2] ** 2)
+        record[BOX + 2 * axis] = lo - slack
+        record[BOX + 2 * axis + 1] = hi + slack
+    record[CENTRE], record[CENTRE + 1], record[CENTRE + 2] = mx + cx, my + cy, mz + cz
+    record[MIDDLE], record[MIDDLE + 1] = 0.5 * (u0 + u1), 0.5 * (v0 + v1)
+    record[HALF], record[HALF + 1] = hu, hv
+    if not provable:
+        record[SPREAD] = NEVER
+    elif degree_u * (degree_v + 1) * degree_v * (degree_u + 1) <= MOST_PAIRS:
+        record[SPREAD] = _spread_by_pairs(grown, degree_u, degree_v, nx, ny, nz)
+    else:
+        record[SPREAD] = _spread_by_box(grown, degree_u, degree_v, record)
+    for c in range(3):
+        centre = cx if c == 0 else (cy if c == 1 else cz)
+        box[c] += centre
+        box[3 + c] += centre
+
+
+@kernel
+def fill_cells(
+    control, start, degree, centre, grid, first_cell, begin, end, records, boxes, cell_patch
+):
+    """Fill the cells of patches ``begin .. end``: grid[k] = (columns, rows) cells of patch k.
+
+    ``control`` (total, 3) holds nets relative to ``centre`` (k, 3); ``records`` (n, `RECORD`),
+    ``boxes`` (n, 6) and ``cell_patch`` (n,) are filled from ``first_cell[k]`` on.
+    """
+    widest = 2
+    for k in range(begin, end):
+        widest = max(widest, degree[k, 0] + 1, degree[k, 1] + 1)
+    scratch = np.empty((2, widest, widest, 3))
+    for k in range(begin, end):
+        nu, nv = grid[k, 0], grid[k, 1]
+        cell = first_cell[k]
+        for a in range(nu):
+            for b in range(nv):
+                fill_cell(
+                    control, start[k], degree[k, 0], degree[k, 1],
+                    centre[k, 0], centre[k, 1], centre[k, 2],
+                    a / nu, (a + 1) / nu, b / nv, (b + 1) / nv,
+                    scratch, records[cell], boxes[cell],
+                )  # fmt: skip
+                cell_patch[cell] = k
+                cell += 1

@@ -1,0 +1,240 @@
+"""A bounding volume hierarchy with eight children a node: built once, walked by every kernel.
+
+Built from the top down: the widest of a node's ranges is split by the binned surface-area
+heuristic until eight ranges stand side by side (Wald, Benthin, Boulos 2008, "Getting rid of
+packets"). Boxes are float32 and rounded outward, and the tests below lose no box that the exact
+ray meets (Ize 2013, "Robust BVH ray traversal"); what a leaf holds is decided in float64.
+
+Coordinates are those of the tree's own frame: everything within `FRAME_RADIUS` of the origin, and
+ray origins within twice that.
+"""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from meshing.kernels.jit import inner, kernel
+
+WIDTH = 8
+BINS = 16
+FRAME_RADIUS = 1.0
+# Origins (up to 2) are rounded to float32: 2**-24 * 2; two such roundings and some air.
+BOX_MARGIN = np.float32(2.0**-19)
+# One subtraction, one reciprocal, one product on each side: 3 * 2**-24 each, and as much again.
+FAR_GROWTH = np.float32(8 * 2.0**-23)
+# A smaller direction component cannot leave a slab within any distance we trace.
+SMALLEST_COMPONENT = 1e-18
+
+
+class Tree(NamedTuple):
+    """Nodes as rows of eight: ``rows[n, :3]`` lower and ``rows[n, 3:]`` upper bounds."""
+
+    rows: Any  # (n, 6, 8) float32
+    child: Any  # (n, 8) int32: a node, or the first place in `order`; -1 where there is none
+    count: Any  # (n, 8) int32: 0 for a node, else how many primitives the leaf holds
+    order: Any  # (m,) int32: primitives, leaf by leaf
+    stack: int  # places that a depth-first walk may need
+
+
+@inner
+def _half_area(lo, hi):
+    x, y, z = hi[0] - lo[0], hi[1] - lo[1], hi[2] - lo[2]
+    return x * y + y * z + z * x
+
+
+@inner
+def _range_bounds(lower, upper, order, begin, end, lo, hi):
+    lo[:] = np.inf
+    hi[:] = -np.inf
+    for k in range(begin, end):
+        p = order[k]
+        for axis in range(3):
+            lo[axis] = min(lo[axis], lower[p, axis])
+            hi[axis] = max(hi[axis], upper[p, axis])
+
+
+@inner
+def _split(lower, upper, order, begin, end, work):
+    """Reorder a range into two by the binned surface-area heuristic; return where they part."""
+    # Doubled centres, so that no division rounds.
+    lo, hi, box_lo, box_hi = work[0], work[1], work[2], work[3]
+    lo[:] = np.inf
+    hi[:] = -np.inf
+    for k in range(begin, end):
+        p = order[k]
+        for axis in range(3):
+            c = lower[p, axis] + upper[p, axis]
+            lo[axis] = min(lo[axis], c)
+            hi[axis] = max(hi[axis], c)
+    best_cost = np.inf
+    best_axis, best_bin = -1, 0
+    bins = work[8 : 8 + 4 * BINS]
+    for axis in range(3):
+        width = hi[axis] - lo[axis]
+        if not width > 0.0:
+            continue
+        bins[: 2 * BINS, :] = np.inf
+        bins[BINS : 2 * BINS, :] = -np.inf
+        bins[2 * BINS :, :] = 0.0
+        for k in range(begin, end):
+            p = order[k]
+            c = lower[p, axis] + upper[p, axis]
+            b = min(int((c - lo[axis]) / width * BINS), BINS - 1)
+            bins[2 * BINS + b, 0] += 1.0
+            for j in range(3):
+                bins[b, j] = min(bins[b, j], lower[p, j])
+                bins[BINS + b, j] = max(bins[BINS + b, j], upper[p, j])
+        # Costs of everything right of each cut, then sweep from the left.
+        box_lo[:] = np.inf
+        box_hi[:] = -np.inf
+        n = 0.0
+        for b in range(BINS - 1, 0, -1):
+            n += bins[2 * BINS + b, 0]
+            for j in range(3):
+                box_lo[j] = min(box_lo[j], bins[b, j])
+                box_hi[j] = max(box_hi[j], bins[BINS + b, j])
+            bins[3 * BINS + b, 0] = n * _half_area(box_lo, box_hi) if n > 0.0 else 0.0
+            bins[3 * BINS + b, 1] = n
+        box_lo[:] = np.inf
+        box_hi[:] = -np.inf
+        n = 0.0
+        for b in range(BINS - 1):
+            n += bins[2 * BINS + b, 0]
+            for j in range(3):
+                box_lo[j] = min(box_lo[j], bins[b, j])
+                box_hi[j] = max(box_hi[j], bins[BINS + b, j])
+            if n == 0.0 or bins[3 * BINS + b + 1, 1] == 0.0:
+                continue
+            cost = n * _half_area(box_lo, box_hi) + bins[3 * BINS + b + 1, 0]
+            if cost < best_cost:
+                best_cost, best_axis, best_bin = cost, axis, b
+    if best_axis < 0:  # all centres coincide
+        return (begin + end) // 2
+    i, k = begin, end - 1
+    width = hi[best_axis] - lo[best_axis]
+    while i <= k:
+        p = order[i]
+        c = lower[p, best_axis] + upper[p, best_axis]
+        if min(int((c - lo[best_axis]) / width * BINS), BINS - 1) <= best_bin:
+            i += 1
+        else:
+            order[i] = order[k]
+            order[k] = p
+            k -= 1
+    return i
+
+
+@kernel
+def build_tree(lower, upper, leaf_size):
+    """Build the hierarchy over boxes (m, 3) float64; a leaf holds at most `leaf_size` of them."""
+    m = lower.shape[0]
+    order = np.arange(m).astype(np.int32)
+    # A node either has eight children or holds more than leaf_size primitives in leaves.
+    capacity = 8 * m // (7 * (leaf_size + 1)) + 2
+    rows = np.empty((capacity, 6, WIDTH), np.float32)
+    child = np.full((capacity, WIDTH), -1, np.int32)
+    count = np.zeros((capacity, WIDTH), np.int32)
+    # Nodes still to fill: number, range of `order`, depth.
+    todo = np.empty((capacity, 4), np.int64)
+    work = np.empty((8 + 4 * BINS, 3))
+    begin = np.empty(WIDTH, np.int64)
+    end = np.empty(WIDTH, np.int64)
+    area = np.empty(WIDTH)
+    todo[0, 0], todo[0, 1], todo[0, 2], todo[0, 3] = 0, 0, m, 1
+    n_todo, n_nodes, deepest = 1, 1, 1
+    while n_todo > 0:
+        n_todo -= 1
+        node = todo[n_todo, 0]
+        begin[0], end[0], depth = todo[n_todo, 1], todo[n_todo, 2], todo[n_todo, 3]
+        deepest = max(deepest, depth)
+        area[0] = np.inf
+        n = 1
+        while n < WIDTH:
+            widest = -1
+            for k in range(n):
+                if end[k] - begin[k] > leaf_size and (widest < 0 or area[k] > area[widest]):
+                    widest = k
+            if widest < 0:
+                break
+            middle = _split(lower, upper, order, begin[widest], end[widest], work)
+            begin[n], end[n] = middle, end[widest]
+            end[widest] = middle
+            for k in (widest, n):
+                _range_bounds(lower, upper, order, begin[k], end[k], work[4], work[5])
+                area[k] = _half_area(work[4], work[5])
+            n += 1
+        for k in range(WIDTH):
+            if k >= n:
+                rows[node, :3, k] = np.inf
+                rows[node, 3:, k] = -np.inf
+                continue
+            _range_bounds(lower, upper, order, begin[k], end[k], work[4], work[5])
+            for axis in range(3):
+                # float32() rounds to nearest: at most 2**-25 off within the frame.
+                rows[node, axis, k] = np.float32(work[4, axis]) - BOX_MARGIN
+                rows[node, 3 + axis, k] = np.float32(work[5, axis]) + BOX_MARGIN
+            if end[k] - begin[k] <= leaf_size:
+                child[node, k] = begin[k]
+                count[node, k] = end[k] - begin[k]
+            else:
+                child[node, k] = n_nodes
+                todo[n_todo, 0], todo[n_todo, 3] = n_nodes, depth + 1
+                todo[n_todo, 1], todo[n_todo, 2] = begin[k], end[k]
+                n_todo += 1
+                n_nodes += 1
+    # Seven siblings wait at each level while the eighth is walked.
+    stack = (WIDTH - 1) * deepest + WIDTH + 1
+    return rows[:n_nodes].copy(), child[:n_nodes].copy(), count[:n_nodes].copy(), order, stack
+
+
+@inner
+def safe_reciprocal(x):
+    """1/x for a slab test, in float32, with tiny components replaced (never an infinity)."""
+    if abs(x) < SMALLEST_COMPONENT:
+        x = SMALLEST_COMPONENT if x >= 0.0 else -SMALLEST_COMPONENT
+    return np.float32(1.0 / x)
+
+
+@inner
+def test_children(rows, node, x, y, z, rx, ry, rz, sx, sy, sz, t_lo, t_hi, entry):
+    """Intersect a ray with the eight boxes of a node; ``entry[k]`` is inf where it misses.
+
+    ``sx`` is 0 where the direction's x is positive, 3 where it is negative, and so on.
+    """
+    fx, fy, fz = 3 - sx, 3 - sy, 3 - sz
+    for k in range(8):
+        ax = (rows[node, sx, k] - x) * rx
+        ay = (rows[node, 1 + sy, k] - y) * ry
+        az = (rows[node, 2 + sz, k] - z) * rz
+        bx = (rows[node, fx, k] - x) * rx
+        by = (rows[node, 1 + fy, k] - y) * ry
+        bz = (rows[node, 2 + fz, k] - z) * rz
+        near = ax if ax > ay else ay
+        near = near if near > az else az
+        near = near if near > t_lo else t_lo
+        far = bx if bx < by else by
+        far = far if far < bz else bz
+        far = far + abs(far) * FAR_GROWTH
+        far = far if far < t_hi else t_hi
+        entry[k] = near if near <= far else np.float32(np.inf)
+
+
+@inner
+def push_children(child, count, node, entry, stack_node, stack_count, stack_entry, top):
+    """Push the children that were met, the nearest on top; return the new height."""
+    bottom = top
+    for k in range(8):
+        t = entry[k]
+        if t == np.float32(np.inf) or child[node, k] < 0:
+            continue
+        j = top
+        while j > bottom and stack_entry[j - 1] < t:
+            stack_entry[j] = stack_entry[j - 1]
+            stack_node[j] = stack_node[j - 1]
+            stack_count[j] = stack_count[j - 1]
+            j -= 1
+        stack_entry[j] = t
+        stack_node[j] = child[node, k]
+        stack_count[j] = count[node, k]
+        top += 1
+    return top
