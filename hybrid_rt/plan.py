@@ -33,12 +33,15 @@ class Plan:
         """Return the plan for the report."""
         return {"used": dict(self.used), "left_out": dict(self.left_out)}
 
-    def __str__(self) -> str:
-        """Return the plan in words, one decision a line."""
-        width = max(map(len, (*self.used, *self.left_out)), default=0)
-        lines = [f"  + {name:{width}}  {why}" for name, why in self.used.items()]
-        lines += [f"  - {name:{width}}  {why}" for name, why in self.left_out.items()]
-        return "\n".join(["Plan (+ used, - left out):", *lines])
+
+def explain(plan: dict[str, Any]) -> str:
+    """Put the plan of a report into words, one decision a line."""
+    lines = []
+    for part, decisions in plan.items():
+        lines.append(f"{part}:")
+        for sign, group in (("+", "used"), ("-", "left_out")):
+            lines += [f"  {sign} {name}: {why}" for name, why in decisions[group].items()]
+    return "\n".join(["Plan (+ used, - left out)", *lines])
 
 
 def make_plan(scene: CompiledScene) -> Plan:

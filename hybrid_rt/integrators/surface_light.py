@@ -121,7 +121,7 @@ class SurfaceLight:
             wi = to_light / distance[:, None]
         value = irradiance * self._scattered(material, colors, hits, directions, wi)
         # A light in the very point that it lights has no direction to it; irradiance is 0 there.
-        rows = np.flatnonzero((value > 0.0).any(axis=1))
+        rows = np.flatnonzero(largest_channel(value) > 0.0)
         target = None
         if scene.surface_of_light[light] != NOTHING:
             surface = int(scene.surface_of_light[light])
@@ -145,7 +145,7 @@ class SurfaceLight:
         assert self._context.scene.environment is not None
         sky = self._context.scene.environment.radiance(wi)
         value *= sky * (np.pi / np.maximum(cosine, np.finfo(float).tiny))[:, None]
-        rows = np.flatnonzero((value > 0.0).any(axis=1))
+        rows = np.flatnonzero(largest_channel(value) > 0.0)
         return self._unless_blocked(value, rows, hits[rows], wi[rows], np.inf, None)
 
     def _scattered(
@@ -193,6 +193,12 @@ class SurfaceLight:
             textures = scene.lobes.texture[first[material] : first[material + 1]]
             colors[material, : textures.size] = scene.textures.number[textures, :3]
         return colors
+
+
+def largest_channel(color: FloatArray) -> FloatArray:
+    """Return the largest of the three channels, (n,); many times faster than a maximum along rows."""
+    largest: FloatArray = np.maximum(np.maximum(color[:, 0], color[:, 1]), color[:, 2])
+    return largest
 
 
 def _points_on(surface_id: int, xi: FloatArray, points: FloatArray, surface: object) -> HitRecord:

@@ -22,7 +22,7 @@ from hybrid_rt.integrators.integrator import (
     Integrator,
     RenderContext,
 )
-from hybrid_rt.integrators.surface_light import SurfaceLight
+from hybrid_rt.integrators.surface_light import SurfaceLight, largest_channel
 from hybrid_rt.kernels.film import add_to_pixels
 from hybrid_rt.kernels.fresnel import mirror_directions, split_at_glass
 from hybrid_rt.kernels.lobes import DIELECTRIC, MIRROR
@@ -71,10 +71,9 @@ class Branches:
 
     def __getitem__(self, rows: object) -> Branches:
         """Select rows by a mask, an index array or a slice."""
-        columns: list[Any] = [getattr(self, field.name) for field in fields(self)][1:]
-        return Branches(
-            self.depth, *(None if column is None else column[rows] for column in columns)
-        )
+        columns = [getattr(self, field.name) for field in fields(self)][1:]
+        chosen: list[Any] = [None if column is None else column[rows] for column in columns]
+        return Branches(self.depth, *chosen)
 
 
 class Whitted(Integrator):
@@ -204,7 +203,7 @@ class Whitted(Integrator):
     def _kept(self, rays: Branches) -> Branches:
         """Drop the branches that end here, and count them and what they might have carried."""
         ledger, ior = self.context.ledger, self.context.scene.lobes.number[:, 0]
-        weight = rays.throughput.max(axis=1, initial=0.0)
+        weight = largest_channel(rays.throughput)
         # Within glass radiance counts by its index squared, which is given back on the way out.
         weight = np.where(rays.medium != NOTHING, weight * ior[rays.medium] ** 2, weight)
         is_faint = weight < LEAST_CONTRIBUTION

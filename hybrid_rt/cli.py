@@ -1,0 +1,205 @@
+"""The command ``hybrid-rt``: the demo, and pictures of scene scripts."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from hybrid_rt._version import __version__
+
+if TYPE_CHECKING:
+    from hybrid_rt.render import RenderResult
+    from hybrid_rt.scene import Scene
+
+BAD_INPUT, INTERRUPTED = 2, 130
+
+EXAMPLES = """\
+examples:
+  hybrid-rt demo                                   the teapot, in some seconds, as demo.png
+  hybrid-rt render scenes/vase.py                  the scene of a script, as vase.png
+  hybrid-rt render scenes/vase.py --passes 64      less noise
+  hybrid-rt render scenes/vase.py --time-budget 30 --width 1280 --out big.png --out big.npz
+  hybrid-rt render scenes/vase.py --explain        what the scene needed, and what was left out
+
+Scene scripts are Python programs and are executed: run only those that you trust.
+"""
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the command line; return the exit code."""
+    options = _parser().parse_args(arguments)
+    return _guarded(lambda: options.run(options))
+
+
+def render_script(describe: Callable[[], Scene], file: str) -> int:
+    """Run a scene script as a program, with the options of ``hybrid-rt render``.
+
+    Parameters
+    ----------
+    describe : callable
+        The script's function ``scene``.
+    file : str
+        The script's ``__file__``; the picture takes its name.
+
+    Returns
+    -------
+    int
+        The exit code.
+    """
+    parser = argparse.ArgumentParser(
+        prog=Path(file).name, description="Make a picture of this scene."
+    )
+    _add_render_options(parser)
+    options = parser.parse_args()
+    return _guarded(lambda: _render(describe(), Path(file).stem, options))
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="hybrid-rt",
+        description="Pictures of curved surfaces, traced on the surfaces themselves.",
+        epilog=EXAMPLES,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("--version", action="version", version=f"hybrid-rt {__version__}")
+    commands = parser.add_subparsers(required=True, metavar="COMMAND")
+
+    demo = commands.add_parser("demo", help="make a picture of the teapot and compare with meshes")
+    demo.add_argument("--out", type=Path, default=Path("demo.png"), metavar="FILE")
+    demo.add_argument("--quiet", action="store_true", help="show no progress")
+    demo.set_defaults(run=_run_demo)
+
+    render = commands.add_parser(
+        "render", help="make a picture of a scene script (which is executed)"
+    )
+    render.add_argument("scene", metavar="SCENE.py")
+    _add_render_options(render)
+    render.set_defaults(run=_run_render)
+    return parser
+
+
+def _add_render_options(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--integrator", default="whitted", metavar="I", help="whitted")
+    parser.add_argument("--passes", type=int, metavar="N", help="samples per pixel (default 16)")
+    parser.add_argument("--time-budget", type=float, metavar="S", help="stop after S seconds")
+    parser.add_argument("--seed", type=int, default=0, metavar="S")
+    parser.add_argument("--threads", type=int, metavar="N", help="default: all cores")
+    parser.add_argument(
+        "--width", type=int, metavar="W", help="pixels; alone it keeps the picture's proportions"
+    )
+    parser.add_argument("--height", type=int, metavar="H", help="pixels; as --width")
+    parser.add_argument(
+        "--accuracy", default="certified", metavar="A", help="mesh, refined or certified (default)"
+    )
+    parser.add_argument(
+        "--tolerance", type=float, metavar="T", help="of the coarse mesh, in scene units"
+    )
+    parser.add_argument(
+        "--out",
+        type=Path,
+        action="append",
+        metavar="FILE",
+        help=".png or .npz; may be repeated (default ./NAME.png); FILE.json goes beside it",
+    )
+    parser.add_argument("--explain", action="store_true", help="say what the scene needed and why")
+    parser.add_argument("--quiet", action="store_true", help="show no progress")
+
+
+def _guarded(run: Callable[[], None]) -> int:
+    """Run a command; turn refusals and Ctrl-C into exit codes."""
+    try:
+        run()
+    except KeyboardInterrupt:
+        print("\nhybrid-rt: interrupted, nothing written", file=sys.stderr)  # noqa: T201
+        return INTERRUPTED
+    except (ValueError, TypeError, OSError) as error:
+        print(f"hybrid-rt: {error}", file=sys.stderr)  # noqa: T201
+        return BAD_INPUT
+    return 0
+
+
+def _run_render(options: argparse.Namespace) -> None:
+    from hybrid_rt.scene_file import load_scene  # noqa: PLC0415  (--help stays instant)
+
+    _render(load_scene(options.scene), Path(options.scene).stem, options)
+
+
+def _render(scene: Scene, name: str, options: argparse.Namespace) -> None:
+    from hybrid_rt.film import check_output  # noqa: PLC0415  (--help stays instant)
+
+    outputs = [check_output(path) for path in options.out or [Path(f"{name}.png")]]
+    scene = _resized(scene, options.width, options.height)
+    result = _with_progress(
+        options.quiet,
+        scene,
+        integrator=options.integrator,
+        passes=options.passes,
+        time_budget=options.time_budget,
+        seed=options.seed,
+        threads=options.threads,
+        accuracy=options.accuracy,
+        tolerance=options.tolerance,
+    )
+    if options.explain:
+        from hybrid_rt.plan import explain  # noqa: PLC0415
+
+        _say(explain(result.report["plan"]))
+    for path in outputs:
+        result.save(path)
+        _say(f"{path}  ({_summary(result.report)})")
+
+
+def _run_demo(options: argparse.Namespace) -> None:
+    from hybrid_rt import demo  # noqa: PLC0415  (--help stays instant)
+    from hybrid_rt.film import check_output  # noqa: PLC0415
+    from hybrid_rt.mesh_comparison import compare_with_mesh, in_words  # noqa: PLC0415
+
+    check_output(options.out)
+    scene = demo.scene()
+    result = _with_progress(options.quiet, scene, passes=demo.PASSES)
+    comparison = compare_with_mesh(scene)
+    result.report["exact_against_mesh"] = comparison
+    result.save(options.out)
+    _say(f"{options.out}  ({_summary(result.report)})")
+    _say(in_words(comparison))
+    _say(f"Next: hybrid-rt render {demo.__file__} --passes 64 --width 1280 --explain")
+
+
+def _with_progress(quiet: bool, scene: Scene, **settings: Any) -> RenderResult:
+    from hybrid_rt.progress import TerminalProgress  # noqa: PLC0415  (--help stays instant)
+    from hybrid_rt.render import render  # noqa: PLC0415
+
+    if quiet:
+        return render(scene, **settings)
+    progress = TerminalProgress(sys.stderr)
+    try:
+        return render(scene, progress=progress, **settings)
+    finally:
+        progress.close()
+
+
+def _resized(scene: Scene, width: int | None, height: int | None) -> Scene:
+    """Return the scene with other pixel counts; one of them alone keeps the proportions."""
+    camera = scene.camera
+    if width is None and height is None:
+        return scene
+    if width is None:
+        assert height is not None
+        width = max(round(camera.width * height / camera.height), 1)
+    elif height is None:
+        height = max(round(camera.height * width / camera.width), 1)
+    return scene.with_camera(camera.resized(width, height))
+
+
+def _summary(report: dict[str, Any]) -> str:
+    seconds = report["seconds"]
+    compiling = report["kernel_compilation_seconds"]
+    text = f"{report['passes']} passes, {seconds['total']:.1f} s"
+    return text + (f" and {compiling:.1f} s compiling kernels" if compiling >= 0.1 else "")
+
+
+def _say(text: str) -> None:
+    print(text)  # noqa: T201  (a command's result belongs on the standard output)

@@ -1,0 +1,59 @@
+"""Scene scripts: Python files with a function ``scene()`` that returns a `Scene`."""
+
+from __future__ import annotations
+
+import os
+import runpy
+import traceback
+from pathlib import Path
+
+from hybrid_rt.scene import Scene
+
+
+class SceneFileError(ValueError):
+    """A scene script is missing, fails, or describes no scene."""
+
+
+def load_scene(path: str | os.PathLike[str]) -> Scene:
+    """Run a scene script and return its scene.
+
+    The script is a program and may do whatever a program may: run only scripts you trust.
+
+    Raises
+    ------
+    SceneFileError
+        Naming the file, and the line where the script failed.
+    """
+    file = Path(path)
+    if not file.is_file():
+        raise SceneFileError(f"there is no scene script {str(file)!r}")
+    try:
+        namespace = runpy.run_path(str(file), run_name="hybrid_rt_scene")
+        describe = namespace.get("scene")
+        if not callable(describe):
+            raise SceneFileError(f"{file}: defines no function scene() that returns a Scene")
+        scene = describe()
+    except SceneFileError:
+        raise
+    except (Exception, SystemExit) as error:
+        raise SceneFileError(f"{file}{_line_in(file, error)}: {_described(error)}") from error
+    if not isinstance(scene, Scene):
+        raise SceneFileError(f"{file}: scene() returned {type(scene).__name__}, not a Scene")
+    return scene
+
+
+def _line_in(file: Path, error: BaseException) -> str:
+    """Return ", line N" for the innermost line of the script that led to an error."""
+    if isinstance(error, SyntaxError):
+        return f", line {error.lineno}"
+    frames = traceback.extract_tb(error.__traceback__)
+    lines = [frame.lineno for frame in frames if frame.filename == str(file)]
+    return f", line {lines[-1]}" if lines else ""
+
+
+def _described(error: BaseException) -> str:
+    # Our own refusals speak for themselves; of anything else the kind matters as well.
+    text = str(error)
+    if isinstance(error, ValueError | FileNotFoundError) and text:
+        return text
+    return f"{type(error).__name__}: {text}"
