@@ -13,6 +13,7 @@ from hybrid_rt import checks
 from hybrid_rt.film import Film, save_image
 from hybrid_rt.integrators import INTEGRATORS, Integrator, RenderContext
 from hybrid_rt.intersection import Intersector
+from hybrid_rt.intersection.pool import Pool
 from hybrid_rt.limits import Clock, Limit
 from hybrid_rt.plan import make_plan
 from hybrid_rt.progress import Progress, watch_compilation
@@ -92,7 +93,8 @@ def render(
     if integrator not in INTEGRATORS:
         raise ValueError(f"integrator {integrator!r} is unknown; use {', '.join(INTEGRATORS)}")
     limit = Limit(passes, time_budget)
-    sampler = Sampler(seed)
+    pool = Pool(threads)
+    sampler = Sampler(seed, pool)
     checks.whole(max_depth, "max_depth", at_least=0)
 
     with watch_compilation(progress) as compilation:
@@ -107,7 +109,7 @@ def render(
             tracer = Intersector(
                 compiled.surfaces, accuracy=accuracy, tolerance=tolerance, threads=threads
             )
-        context = RenderContext(compiled, tracer, plan, sampler, ledger, max_depth)
+        context = RenderContext(compiled, tracer, pool, plan, sampler, ledger, max_depth)
         film, stopped_by = _run_passes(INTEGRATORS[integrator](context), limit, clock, progress)
     settings = {
         "integrator": integrator,

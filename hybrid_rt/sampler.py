@@ -9,6 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from hybrid_rt.intersection.pool import Pool
 from hybrid_rt.kernels.sampler import sobol_points
 from hybrid_rt.records import FloatArray
 
@@ -22,6 +23,8 @@ class Sampler:
     ----------
     seed : int
         From 0 to 2**64 - 1.
+    pool : Pool, optional
+        Threads that share long batches; they change no bit.
 
     Raises
     ------
@@ -29,10 +32,11 @@ class Sampler:
         If the seed is out of that range.
     """
 
-    def __init__(self, seed: int) -> None:
+    def __init__(self, seed: int, pool: Pool | None = None) -> None:
         if not 0 <= seed < 2**64:
             raise ValueError(f"seed {seed} is out of range: use an integer from 0 to 2**64 - 1")
         self._seed = np.uint64(seed)
+        self._pool = Pool(1) if pool is None else pool
 
     def points(self, pixel: UIntArray, dimension: UIntArray | int, pass_number: int) -> FloatArray:
         """Return one point of the unit square for each pixel.
@@ -52,5 +56,10 @@ class Sampler:
         """
         points = np.empty((pixel.size, 2))
         dimensions = np.ascontiguousarray(np.broadcast_to(np.uint64(dimension), pixel.shape))
-        sobol_points(self._seed, np.uint64(pass_number), pixel, dimensions, points)
+        sample = np.uint64(pass_number)
+
+        def fill(i: int, j: int) -> None:
+            sobol_points(self._seed, sample, pixel[i:j], dimensions[i:j], points[i:j])
+
+        self._pool.run(fill, pixel.size)
         return points

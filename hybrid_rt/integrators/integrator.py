@@ -5,10 +5,11 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
+from hybrid_rt.intersection import Intersector
+from hybrid_rt.intersection.pool import Pool
 from hybrid_rt.plan import Plan
 from hybrid_rt.records import FloatArray, HitRecord
 from hybrid_rt.report import Ledger
@@ -28,7 +29,8 @@ class RenderContext:
     """Everything an integrator works with."""
 
     scene: CompiledScene
-    tracer: Any  # Intersector
+    tracer: Intersector
+    pool: Pool
     plan: Plan
     sampler: Sampler
     ledger: Ledger

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
+from numpy.typing import NDArray
 
 from hybrid_rt.integrators.integrator import RenderContext
-from hybrid_rt.kernels.light import sample_hemisphere, sample_lights
-from hybrid_rt.kernels.lobes import DIFFUSE, PHONG, eval_lobes
+from hybrid_rt.kernels.light import light_on_hits
+from hybrid_rt.kernels.lobes import sample_lobes
 from hybrid_rt.kernels.texture import lobe_colors
-from hybrid_rt.records import BoolArray, FloatArray, HitRecord, IntArray
+from hybrid_rt.records import FloatArray, HitRecord, IntArray, Status
 from hybrid_rt.sampler import UIntArray
 from hybrid_rt.scene import NOTHING
 
@@ -23,13 +26,7 @@ class SurfaceLight:
 
     def __init__(self, context: RenderContext) -> None:
         self._context = context
-        lobes = context.scene.lobes
-        sizes = np.diff(lobes.first)
-        self.n_slots = int(sizes.max(initial=0))
-        spreads = np.isin(lobes.kind, (DIFFUSE, PHONG))
-        owner = np.repeat(np.arange(sizes.size), sizes)
-        self._spreads = np.zeros(sizes.size, dtype=bool)
-        self._spreads[owner[spreads]] = True
+        self.n_slots = int(np.diff(context.scene.lobes.first).max(initial=0))
         self._constant_colors = self._colors_without_lookup()
 
     def material(self, hits: HitRecord) -> IntArray:
@@ -39,26 +36,26 @@ class SurfaceLight:
             return np.full(len(hits), NOTHING, dtype=np.int32)
         return np.where(hits.hit, of_surface[hits.object_id], np.int32(NOTHING))
 
-    def spreads(self, material: IntArray) -> BoolArray:
-        """Tell which materials have a lobe that lights reach."""
-        return self._spreads[material]
-
     def colors(self, material: IntArray, hits: HitRecord) -> FloatArray:
-        """Return the colour of each lobe of each hit, (n, n_slots, 3)."""
+        """Return the colour of each lobe of each hit, (n, n_slots, 3); anything without material."""
         if self._constant_colors is not None:
-            return self._constant_colors[material]
+            return self._constant_colors.take(material, axis=0, mode="clip")
         scene = self._context.scene
         colors = np.zeros((len(hits), self.n_slots, 3))
-        lobe_colors(
-            scene.textures,
-            scene.lobes.texture,
-            scene.lobes.first,
-            material,
-            hits.u,
-            hits.v,
-            hits.position,
-            colors,
-        )
+
+        def look_up(i: int, j: int) -> None:
+            lobe_colors(
+                scene.textures,
+                scene.lobes.texture,
+                scene.lobes.first,
+                material[i:j],
+                hits.u[i:j],
+                hits.v[i:j],
+                hits.position[i:j],
+                colors[i:j],
+            )
+
+        self._context.pool.run(look_up, len(hits))
         return colors
 
     def arriving(self, hits: HitRecord, directions: FloatArray) -> FloatArray:
@@ -112,22 +109,33 @@ class SurfaceLight:
         colors: FloatArray,
     ) -> FloatArray:
         scene = self._context.scene
-        point, irradiance = np.empty_like(directions), np.empty_like(directions)
+        to_light, value = np.empty_like(directions), np.empty_like(directions)
         light_id = np.full(len(hits), light, dtype=np.int32)
-        sample_lights(scene.lights, light_id, hits.position, xi, point, irradiance)
-        to_light = point - hits.position
-        distance = np.sqrt(np.einsum("ij,ij->i", to_light, to_light))
-        with np.errstate(invalid="ignore", divide="ignore"):
-            wi = to_light / distance[:, None]
-        value = irradiance * self._scattered(material, colors, hits, directions, wi)
-        # A light in the very point that it lights has no direction to it; irradiance is 0 there.
+
+        def ask(i: int, j: int) -> None:
+            light_on_hits(
+                scene.lights,
+                light_id[i:j],
+                scene.lobes,
+                material[i:j],
+                colors[i:j],
+                hits.position[i:j],
+                hits.normal[i:j],
+                directions[i:j],
+                xi[i:j],
+                to_light[i:j],
+                value[i:j],
+            )
+
+        self._context.pool.run(ask, len(hits))
         rows = np.flatnonzero(largest_channel(value) > 0.0)
+        source, way = hits[rows], to_light.take(rows, axis=0)
         target = None
         if scene.surface_of_light[light] != NOTHING:
-            surface = int(scene.surface_of_light[light])
-            target = _points_on(surface, xi[rows], point[rows], scene.surfaces[surface])
-        source = hits[rows]
-        return self._unless_blocked(value, rows, source, to_light[rows], 1.0, target)
+            surface_id = int(scene.surface_of_light[light])
+            surface = scene.surfaces[surface_id]
+            target = _points_on(surface, surface_id, xi.take(rows, axis=0), source.position + way)
+        return self._unless_blocked(value, rows, source, way, 1.0, target)
 
     def _from_sky(
         self,
@@ -137,58 +145,57 @@ class SurfaceLight:
         material: IntArray,
         colors: FloatArray,
     ) -> FloatArray:
-        wi = np.empty_like(directions)
-        sample_hemisphere(hits.normal, directions, xi, wi)
-        cosine = np.abs(np.einsum("ij,ij->i", hits.normal, wi))
-        value = self._scattered(material, colors, hits, directions, wi)
-        # The density of the cosine law is cosine / pi.
-        assert self._context.scene.environment is not None
-        sky = self._context.scene.environment.radiance(wi)
-        value *= sky * (np.pi / np.maximum(cosine, np.finfo(float).tiny))[:, None]
-        rows = np.flatnonzero(largest_channel(value) > 0.0)
-        return self._unless_blocked(value, rows, hits[rows], wi[rows], np.inf, None)
+        scene = self._context.scene
+        wi, value = np.empty_like(directions), np.empty_like(directions)
 
-    def _scattered(
-        self,
-        material: IntArray,
-        colors: FloatArray,
-        hits: HitRecord,
-        directions: FloatArray,
-        wi: FloatArray,
-    ) -> FloatArray:
-        """Return f cos of all spreading lobes together, (n, 3)."""
-        value = np.empty_like(directions)
-        lobes = self._context.scene.lobes
-        eval_lobes(lobes, material, colors, hits.normal, directions, wi, value)
-        return value
+        def choose(i: int, j: int) -> None:
+            sample_lobes(
+                scene.lobes,
+                material[i:j],
+                colors[i:j],
+                hits.normal[i:j],
+                directions[i:j],
+                xi[i:j],
+                wi[i:j],
+                value[i:j],
+            )
+
+        self._context.pool.run(choose, len(hits))
+        rows = np.flatnonzero(largest_channel(value) > 0.0)
+        way = wi.take(rows, axis=0)
+        assert scene.environment is not None
+        value[rows] *= scene.environment.radiance(way)
+        return self._unless_blocked(value, rows, hits[rows], way, np.inf, None)
 
     def _unless_blocked(
         self,
         value: FloatArray,
-        rows: np.ndarray,
+        rows: NDArray[np.intp],
         source: HitRecord,
-        to_light: FloatArray,
+        way: FloatArray,
         t_max: float,
         target: HitRecord | None,
     ) -> FloatArray:
-        """Return the rows of ``value`` whose way to the light is free; the others are zero."""
+        """Return ``value`` where the way to the light is free and zero elsewhere.
+
+        ``rows`` are those that are not zero anyway; the other arguments have one row for each.
+        """
         context = self._context
         context.ledger.rays["shadow"] += rows.size
-        arriving = np.zeros_like(value)
         with context.ledger.stage("shadow rays"):
             blocked = context.tracer.occluded(
-                source.position, to_light, t_max, source=source, target=target
+                source.position, way, t_max, source=source, target=target
             )
-        free = rows[~blocked]
-        arriving[free] = value[free]
-        return arriving
+        value[rows[blocked]] = 0.0
+        return value
 
     def _colors_without_lookup(self) -> FloatArray | None:
         if self._context.plan["texture lookups"]:
             return None
         scene = self._context.scene
         first = scene.lobes.first
-        colors = np.zeros((first.size - 1, self.n_slots, 3))
+        # One row at least: a scene without objects still looks its colours up.
+        colors = np.zeros((max(first.size - 1, 1), self.n_slots, 3))
         for material in range(first.size - 1):
             textures = scene.lobes.texture[first[material] : first[material + 1]]
             colors[material, : textures.size] = scene.textures.number[textures, :3]
@@ -201,7 +208,7 @@ def largest_channel(color: FloatArray) -> FloatArray:
     return largest
 
 
-def _points_on(surface_id: int, xi: FloatArray, points: FloatArray, surface: object) -> HitRecord:
+def _points_on(surface: Any, surface_id: int, xi: FloatArray, points: FloatArray) -> HitRecord:
     """Name points of a light's surface, so that a shadow ray may end there."""
     n = points.shape[0]
     return HitRecord(
@@ -211,9 +218,9 @@ def _points_on(surface_id: int, xi: FloatArray, points: FloatArray, surface: obj
         u=np.ascontiguousarray(xi[:, 0]),
         v=np.ascontiguousarray(xi[:, 1]),
         position=points,
-        normal=surface.normal(xi[:, 0], xi[:, 1]),  # type: ignore[attr-defined]
+        normal=surface.normal(xi[:, 0], xi[:, 1]),
         front_face=np.ones(n, dtype=bool),
-        status=np.full(n, 1, dtype=np.uint8),
+        status=np.full(n, Status.HIT, dtype=np.uint8),
         flags=np.zeros(n, dtype=np.uint8),
         t_bound=np.zeros(n),
         residual=np.zeros(n),

@@ -25,8 +25,8 @@ from hybrid_rt.integrators.integrator import (
 from hybrid_rt.integrators.surface_light import SurfaceLight, largest_channel
 from hybrid_rt.kernels.film import add_to_pixels
 from hybrid_rt.kernels.fresnel import mirror_directions, split_at_glass
-from hybrid_rt.kernels.lobes import DIELECTRIC, MIRROR
-from hybrid_rt.records import FloatArray, HitRecord, IntArray
+from hybrid_rt.kernels.lobes import DIELECTRIC, MIRROR, LobeTable
+from hybrid_rt.records import BoolArray, FloatArray, HitRecord, IntArray
 from hybrid_rt.sampler import UIntArray
 from hybrid_rt.scene import NOTHING
 
@@ -87,6 +87,10 @@ class Whitted(Integrator):
         self._glass_of = np.full(lobes.first.size - 1, NOTHING, dtype=np.int32)
         for row in np.flatnonzero(lobes.kind == DIELECTRIC):
             self._glass_of[np.searchsorted(lobes.first, row, side="right") - 1] = row
+        # Kind of the n-th lobe of each material, and a last row for what has none (`NOTHING`).
+        self._kinds_in_slot = np.full((self._light.n_slots, lobes.first.size), NOTHING)
+        for material, (first, stop) in enumerate(pairwise(lobes.first)):
+            self._kinds_in_slot[: stop - first, material] = lobes.kind[first:stop]
 
     def _radiance(self, block: CameraBlock, pass_number: int) -> FloatArray:
         radiance = np.zeros_like(block.directions)
@@ -105,17 +109,20 @@ class Whitted(Integrator):
                 # --- light they ran into
                 gathered = throughput * self._light.arriving(hits, rays.directions)
                 # --- light we reach for
-                rows = np.flatnonzero(material != NOTHING)
-                met = _Meeting(
-                    rays[rows], hits[rows], material[rows], throughput[rows], medium[rows]
-                )
-                colors = self._light.colors(met.material, met.hits)
-                gathered[rows] += met.throughput * self._direct(
-                    met, colors, block.pixel, pass_number
+                colors = self._light.colors(material, hits)
+                gathered += throughput * self._light.direct(
+                    hits,
+                    rays.directions,
+                    material,
+                    colors,
+                    block.pixel[rays.camera_ray],
+                    self._dimension(rays.node),
+                    pass_number,
                 )
                 add_to_pixels(rays.camera_ray, gathered, radiance)
                 # --- where they go next
-                onward = self._onward(met, colors)
+                met = _Meeting(rays, hits, material, colors, throughput, medium)
+                onward = self._onward(met)
             waiting.extend(onward)
         return radiance
 
@@ -125,6 +132,8 @@ class Whitted(Integrator):
         Whoever meets a dielectric from within has crossed it, wherever the ray began; so a camera
         may stand inside glass. Otherwise it is what the ray set out into.
         """
+        if not self.context.plan["absorption"]:
+            return rays.medium
         glass = np.where(material != NOTHING, self._glass_of[material], NOTHING)
         return np.where(~hits.front_face & (glass != NOTHING), glass, rays.medium)
 
@@ -145,86 +154,74 @@ class Whitted(Integrator):
         result[rows] *= np.exp(-depth)
         return result
 
-    def _direct(
-        self, met: _Meeting, colors: FloatArray, pixel: UIntArray, pass_number: int
-    ) -> FloatArray:
-        """Return what lights and sky send on through matt and glossy lobes, (n, 3)."""
-        result = np.zeros_like(met.throughput)
-        rows = np.flatnonzero(self._light.spreads(met.material))
+    def _dimension(self, node: UIntArray) -> UIntArray:
+        """Return the first of the dimensions that belong to each branch: one per light, and sky."""
         per_node = np.uint64(self.context.scene.n_lights + 1)
-        result[rows] = self._light.direct(
-            met.hits[rows],
-            met.rays.directions[rows],
-            met.material[rows],
-            colors[rows],
-            pixel[met.rays.camera_ray[rows]],
-            np.uint64(FIRST_PATH_DIMENSION) + met.rays.node[rows] * per_node,
-            pass_number,
-        )
-        return result
+        return np.uint64(FIRST_PATH_DIMENSION) + node * per_node
 
-    def _onward(self, met: _Meeting, colors: FloatArray) -> list[Branches]:
+    def _onward(self, met: _Meeting) -> list[Branches]:
         """Return the mirrored and refracted rays, in batches of bounded size."""
         parts: list[_Part] = []
-        lobes = self.context.scene.lobes
-        n_lobes = np.diff(lobes.first)[met.material]
-        for slot in range(self._light.n_slots):
-            lobe = np.where(slot < n_lobes, lobes.first[met.material] + slot, NOTHING)
-            kind = np.where(lobe != NOTHING, lobes.kind[lobe], NOTHING)
-            if self.context.plan["mirror rays"]:
-                rows = np.flatnonzero(kind == MIRROR)
-                parts.append(_mirrored(met, rows, 2 * slot, colors[rows, slot]))
-            if self.context.plan["glass rays"]:
-                rows = np.flatnonzero(kind == DIELECTRIC)
-                numbers = lobes.number[lobe[rows]]
-                parts += _at_glass(met, rows, 2 * slot, colors[rows, slot], lobe[rows], numbers)
+        lobes, plan = self.context.scene.lobes, self.context.plan
+        for slot, kinds in enumerate(self._kinds_in_slot):
+            if plan["mirror rays"]:
+                rows = np.flatnonzero(kinds[met.material] == MIRROR)
+                parts.append(_mirrored(met, rows, 2 * slot, met.colors[rows, slot]))
+            if plan["glass rays"]:
+                rows = np.flatnonzero(kinds[met.material] == DIELECTRIC)
+                parts += _at_glass(met, rows, slot, lobes)
         if not parts:
             return []
-        return _in_batches(self._kept(self._joined(met, parts)))
+        return _in_batches(self._joined(met, parts))
 
     def _joined(self, met: _Meeting, parts: list[_Part]) -> Branches:
-        """Put the branches of all lobes into the order of their parents."""
+        """Put the branches that go on into the order of their parents."""
         parent = np.concatenate([part.parent for part in parts])
-        order = np.argsort(parent, kind="stable")
-        parent = parent[order]
-        choice = np.concatenate([np.full(part.parent.size, part.choice) for part in parts])[order]
-        n_choices = np.uint64(2 * self._light.n_slots)
+        choice = np.repeat([part.choice for part in parts], [part.parent.size for part in parts])
+        throughput = np.concatenate([part.throughput for part in parts])
+        medium = np.concatenate([part.medium for part in parts])
+        depth = met.rays.depth + 1
+        going = np.flatnonzero(self._goes_on(throughput, medium, depth))
+        order = going[np.argsort(parent[going], kind="stable")]
+        parent, choice = parent[order], choice[order].astype(np.uint64)
+        is_refracted = choice % np.uint64(2) == 1
+        n_refracted = int(np.count_nonzero(is_refracted))
+        self.context.ledger.rays["refracted"] += n_refracted
+        self.context.ledger.rays["reflected"] += order.size - n_refracted
         return Branches(
-            depth=met.rays.depth + 1,
+            depth=depth,
             camera_ray=met.rays.camera_ray[parent],
-            node=met.rays.node[parent] * n_choices + choice.astype(np.uint64),
-            origins=met.hits.position[parent],
-            directions=np.concatenate([part.directions for part in parts])[order],
-            throughput=np.concatenate([part.throughput for part in parts])[order],
-            medium=np.concatenate([part.medium for part in parts])[order],
+            node=met.rays.node[parent] * np.uint64(2 * self._light.n_slots) + choice,
+            origins=met.hits.position.take(parent, axis=0),
+            directions=np.concatenate([part.directions for part in parts]).take(order, axis=0),
+            throughput=throughput.take(order, axis=0),
+            medium=medium[order],
             source=met.hits[parent],
         )
 
-    def _kept(self, rays: Branches) -> Branches:
-        """Drop the branches that end here, and count them and what they might have carried."""
+    def _goes_on(self, throughput: FloatArray, medium: IntArray, depth: int) -> BoolArray:
+        """Tell which branches are followed; count the others and what they might have carried."""
         ledger, ior = self.context.ledger, self.context.scene.lobes.number[:, 0]
-        weight = largest_channel(rays.throughput)
+        weight = largest_channel(throughput)
         # Within glass radiance counts by its index squared, which is given back on the way out.
-        weight = np.where(rays.medium != NOTHING, weight * ior[rays.medium] ** 2, weight)
+        weight = np.where(medium != NOTHING, weight * ior[medium] ** 2, weight)
         is_faint = weight < LEAST_CONTRIBUTION
-        is_deep = ~is_faint & (rays.depth > self.context.max_depth)
+        is_deep = ~is_faint & (depth > self.context.max_depth)
+        ends = is_faint | is_deep
         ledger.ended["below least contribution"] += int(np.count_nonzero(is_faint & (weight > 0.0)))
         ledger.ended["at max_depth"] += int(np.count_nonzero(is_deep))
-        ledger.lost_weight += float(weight[is_faint | is_deep].sum())
-        kept = rays[~(is_faint | is_deep)]
-        reflected = int(np.count_nonzero(kept.node % np.uint64(2) == 0))
-        ledger.rays["reflected"] += reflected
-        ledger.rays["refracted"] += len(kept) - reflected
-        return kept
+        ledger.lost_weight += float(weight[ends].sum())
+        return ~ends
 
 
 @dataclass(frozen=True)
 class _Meeting:
-    """Rays that met a surface of an object, with what they carry on arrival."""
+    """Rays on arrival: where, on what, and what they carry."""
 
     rays: Branches
     hits: HitRecord
     material: IntArray
+    colors: FloatArray
     throughput: FloatArray
     medium: IntArray
 
@@ -260,27 +257,22 @@ def _mirrored(met: _Meeting, rows: NDArray[np.intp], choice: int, color: FloatAr
     return _Part(rows, choice, directions, met.throughput[rows] * color, met.medium[rows])
 
 
-def _at_glass(
-    met: _Meeting,
-    rows: NDArray[np.intp],
-    choice: int,
-    tint: FloatArray,
-    lobe: IntArray,
-    numbers: FloatArray,
-) -> list[_Part]:
+def _at_glass(met: _Meeting, rows: NDArray[np.intp], slot: int, lobes: LobeTable) -> list[_Part]:
     """Split rays at a dielectric: one part goes back, the other passes the surface."""
+    lobe = lobes.first[met.material[rows]] + np.int32(slot)
+    numbers, tint = lobes.number[lobe], met.colors[rows, slot]
     n = rows.size
     reflectance, refracted, eta = np.empty(n), np.empty((n, 3)), np.empty(n)
     incoming, normal = met.rays.directions[rows], met.hits.normal[rows]
     ior, use_schlick = np.ascontiguousarray(numbers[:, 0]), np.ascontiguousarray(numbers[:, 1])
     split_at_glass(incoming, normal, ior, use_schlick, reflectance, refracted, eta)
-    back = _mirrored(met, rows, choice, reflectance[:, None])
+    back = _mirrored(met, rows, 2 * slot, reflectance[:, None])
     passes = reflectance < 1.0
     # Radiance over the index squared is what stays the same across the surface.
     share = ((1.0 - reflectance) / eta**2)[:, None] * tint
     through = _Part(
         rows[passes],
-        choice + 1,
+        2 * slot + 1,
         refracted[passes],
         (met.throughput[rows] * share)[passes],
         np.where(met.hits.front_face[rows], lobe, NOTHING)[passes],

@@ -1,9 +1,10 @@
-"""Samples of lights: a point of the light and what it sends to a point of the scene."""
+"""Light that reaches hits directly: a point of the light, and what the surface makes of it."""
 
 import math
 from typing import Any, NamedTuple
 
-from meshing.kernels.jit import kernel
+from hybrid_rt.kernels.lobes import scattered
+from meshing.kernels.jit import inner, kernel
 
 POINT, RECTANGLE = 0, 1
 
@@ -18,59 +19,76 @@ class LightTable(NamedTuple):
     strength: Any  # (n, 3) float64, intensity (W/sr) or radiance (W/sr/m^2)
 
 
+@inner
+def light_point(lights, row, px, py, pz, s, t):
+    """Choose a point of a light by (s, t) in [0, 1)^2 and weigh what arrives from there.
+
+    Returns the vector from p to the point, its length, and the factor on the light's strength
+    that gives the irradiance through a plane facing it: 1 / distance^2 for a point, and for a
+    rectangle cos_light area / distance^2, whose mean over (s, t) is exact. Zero behind the light.
+    """
+    ax, ay, az = lights.edge_u[row, 0], lights.edge_u[row, 1], lights.edge_u[row, 2]
+    bx, by, bz = lights.edge_v[row, 0], lights.edge_v[row, 1], lights.edge_v[row, 2]
+    x = lights.origin[row, 0] + s * ax + t * bx - px
+    y = lights.origin[row, 1] + s * ay + t * by - py
+    z = lights.origin[row, 2] + s * az + t * bz - pz
+    square = x * x + y * y + z * z
+    distance = math.sqrt(square)
+    if square == 0.0:
+        return x, y, z, distance, 0.0
+    factor = 1.0 / square
+    if lights.kind[row] == RECTANGLE:
+        # Edge_u x edge_v is the normal times the area.
+        nx, ny, nz = ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
+        factor *= max(-(nx * x + ny * y + nz * z), 0.0) / distance
+    return x, y, z, distance, factor
+
+
 @kernel
-def sample_lights(lights, light_id, position, xi, point, irradiance):
-    """Choose a point of each ray's light and weigh what arrives from there.
+def light_on_hits(
+    lights, light_id, lobes, material, colors, position, normal, direction, xi, to_light, value
+):
+    """Ask one light per hit what it sends through the hit's spreading lobes.
 
     Parameters
     ----------
-    light_id : (n,) int32
-        The light that each row asks.
-    position, xi : (n, 3) and (n, 2) float64
-        Where the light arrives; two numbers in [0, 1).
-    point, irradiance : (n, 3) float64, written
-        The point of the light; irradiance through a plane facing it (for a rectangle the estimate
-        L cos_light area / distance^2, whose mean over xi is exact). Zero behind the light.
+    light_id, material : (n,) int32
+        The light that each row asks; the hit's material, negative for none.
+    colors : (n, lobes of a material at most, 3) float64
+    position, normal, direction : (n, 3) float64
+        Of the hit and of the ray that found it.
+    xi : (n, 2) float64
+        Two numbers in [0, 1) that choose the point of the light.
+    to_light, value : (n, 3) float64, written
+        The way to that point, and the radiance sent on if nothing stands in it.
     """
     for i in range(light_id.size):
+        to_light[i, 0] = to_light[i, 1] = to_light[i, 2] = 0.0
+        value[i, 0] = value[i, 1] = value[i, 2] = 0.0
+        if material[i] < 0:
+            continue
         row = light_id[i]
-        is_area = lights.kind[row] == RECTANGLE
-        px, py, pz = lights.origin[row, 0], lights.origin[row, 1], lights.origin[row, 2]
-        ax, ay, az = lights.edge_u[row, 0], lights.edge_u[row, 1], lights.edge_u[row, 2]
-        bx, by, bz = lights.edge_v[row, 0], lights.edge_v[row, 1], lights.edge_v[row, 2]
-        if is_area:
-            s, t = xi[i, 0], xi[i, 1]
-            px, py, pz = px + s * ax + t * bx, py + s * ay + t * by, pz + s * az + t * bz
-        x, y, z = px - position[i, 0], py - position[i, 1], pz - position[i, 2]
-        square = x * x + y * y + z * z
-        weight = 0.0
-        if square > 0.0:
-            weight = 1.0 / square
-            if is_area:
-                # Edge_u x edge_v is the normal times the area.
-                nx, ny, nz = ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
-                weight *= max(-(nx * x + ny * y + nz * z), 0.0) / math.sqrt(square)
-        point[i, 0], point[i, 1], point[i, 2] = px, py, pz
-        for k in range(3):
-            irradiance[i, k] = weight * lights.strength[row, k]
-
-
-@kernel
-def sample_hemisphere(normal, direction, xi, wi):
-    """Choose directions by the cosine law on the side from which each ray arrived.
-
-    The square is mapped to the disc by angles (r = sqrt(xi_0)); the frame about the normal is the
-    one of Duff et al., "Building an orthonormal basis, revisited", JCGT 6(1), 2017.
-    """
-    for i in range(normal.shape[0]):
-        nx, ny, nz = normal[i, 0], normal[i, 1], normal[i, 2]
-        if nx * direction[i, 0] + ny * direction[i, 1] + nz * direction[i, 2] > 0.0:
-            nx, ny, nz = -nx, -ny, -nz
-        sign = math.copysign(1.0, nz)
-        a = -1.0 / (sign + nz)
-        b = nx * ny * a
-        radius, angle = math.sqrt(xi[i, 0]), 2.0 * math.pi * xi[i, 1]
-        x, y, z = radius * math.cos(angle), radius * math.sin(angle), math.sqrt(1.0 - xi[i, 0])
-        wi[i, 0] = x * (1.0 + sign * nx * nx * a) + y * b + z * nx
-        wi[i, 1] = x * sign * b + y * (sign + ny * ny * a) + z * ny
-        wi[i, 2] = -x * sign * nx - y * ny + z * nz
+        x, y, z, distance, factor = light_point(
+            lights, row, position[i, 0], position[i, 1], position[i, 2], xi[i, 0], xi[i, 1]
+        )
+        if factor == 0.0:
+            continue
+        r, g, b = scattered(
+            lobes,
+            material[i],
+            colors,
+            i,
+            normal[i, 0],
+            normal[i, 1],
+            normal[i, 2],
+            direction[i, 0],
+            direction[i, 1],
+            direction[i, 2],
+            x / distance,
+            y / distance,
+            z / distance,
+        )
+        to_light[i, 0], to_light[i, 1], to_light[i, 2] = x, y, z
+        value[i, 0] = factor * lights.strength[row, 0] * r
+        value[i, 1] = factor * lights.strength[row, 1] * g
+        value[i, 2] = factor * lights.strength[row, 2] * b

@@ -88,8 +88,10 @@ def texture_color(textures, row, u, v, x, y, z):
 
 @kernel
 def lobe_colors(textures, lobe_texture, first_lobe, material, u, v, position, colors):
-    """Fill ``colors`` (n, lobes of a material at most, 3) for n hits of known material."""
+    """Fill ``colors`` (n, lobes of a material at most, 3); rows of negative material stay."""
     for i in range(material.size):
+        if material[i] < 0:
+            continue
         first = first_lobe[material[i]]
         for j in range(first_lobe[material[i] + 1] - first):
             r, g, b = texture_color(

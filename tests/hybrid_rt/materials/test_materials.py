@@ -1,0 +1,52 @@
+import numpy as np
+import pytest
+
+from hybrid_rt.kernels.lobes import DIELECTRIC, DIFFUSE, MIRROR, PHONG
+from hybrid_rt.materials import Dielectric, Lambertian, Mirror, Phong
+from hybrid_rt.materials.table import compile_materials
+from hybrid_rt.textures import CheckerTexture, ImageTexture
+
+CHECKER = CheckerTexture(0.9, 0.1)
+
+
+def test_lobes_of_all_materials_lie_in_one_table():
+    materials = [Lambertian(CHECKER), Phong(CHECKER, 0.1, 7.0), Mirror(), Dielectric(1.3, 0.2)]
+    lobes, textures = compile_materials(materials)
+    assert lobes.kind.tolist() == [DIFFUSE, DIFFUSE, PHONG, MIRROR, DIELECTRIC]
+    assert lobes.first.tolist() == [0, 1, 3, 4, 5]
+    assert lobes.number[2, 0] == 7.0
+    assert lobes.number[4].tolist() == [1.3, 0.0, 0.2, 0.2, 0.2]
+    # The checker is stored once.
+    assert lobes.texture[0] == lobes.texture[1]
+    assert textures.kind.size == 4
+
+
+@pytest.mark.parametrize(
+    ("make", "words"),
+    [
+        (lambda: Lambertian(1.1), "Lambertian color"),
+        (lambda: Lambertian((0.1, -0.1, 0)), "Lambertian color"),
+        (lambda: Lambertian((0.1, np.nan, 0)), "Lambertian color"),
+        (lambda: Lambertian((0.1, 0.2)), "Lambertian color"),
+        (lambda: Lambertian(CheckerTexture(1.5, 0)), "brightest colour of CheckerTexture"),
+        (lambda: Lambertian(ImageTexture(np.full((1, 1, 3), 2.0))), "ImageTexture"),
+        (lambda: Phong(0.6, 0.6, 10), "diffuse \\+ specular"),
+        (lambda: Phong(0.1, 0.6, 0), "exponent"),
+        (lambda: Mirror(2), "Mirror color"),
+        (lambda: Dielectric(0), "ior"),
+        (lambda: Dielectric(-1.5), "ior"),
+        (lambda: Dielectric(float("nan")), "ior"),
+        (lambda: Dielectric(1.5, -1), "absorption"),
+        (lambda: Dielectric(1.5, tint=1.5), "tint"),
+    ],
+)
+def test_impossible_materials_are_refused(make, words):
+    with pytest.raises(ValueError, match=words):
+        make()
+
+
+def test_other_types_are_refused():
+    with pytest.raises(TypeError, match="Lambertian color"):
+        Lambertian("red")
+    with pytest.raises(TypeError, match="ior"):
+        Dielectric("glass")

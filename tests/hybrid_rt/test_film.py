@@ -1,0 +1,87 @@
+import json
+
+import imageio.v3 as imageio
+import numpy as np
+import pytest
+
+from hybrid_rt import film
+from hybrid_rt.film import Film, check_output, linear_to_srgb, save_image, srgb_to_linear
+
+IMAGE = np.random.default_rng(4).uniform(0, 1.2, (5, 7, 3)).astype(np.float32)
+
+
+def test_transfer_function_is_the_standards():
+    values = linear_to_srgb([0, 0.002, 0.5, 1, 7, -1])
+    np.testing.assert_allclose(values, [0, 0.02584, 0.735356983, 1, 1, 0], atol=1e-9)
+    x = np.linspace(0, 1, 256)
+    # The standard's two pieces meet to within 1e-7 of each other, no better.
+    np.testing.assert_allclose(linear_to_srgb(srgb_to_linear(x)), x, atol=1e-7)
+
+
+def test_png_holds_the_encoded_picture_and_the_sidecar_the_report(tmp_path):
+    sidecar = save_image(tmp_path / "a.png", IMAGE, {"seed": 3})
+    expected = np.rint(linear_to_srgb(IMAGE) * 255)
+    np.testing.assert_array_equal(imageio.imread(tmp_path / "a.png"), expected)
+    assert json.loads(sidecar.read_text()) == {"seed": 3}
+    assert sidecar == tmp_path / "a.json"
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["a.json", "a.png"]
+
+
+def test_npz_holds_the_picture_bit_for_bit(tmp_path):
+    save_image(tmp_path / "a.npz", IMAGE, {"seed": 3})
+    with np.load(tmp_path / "a.npz") as data:
+        np.testing.assert_array_equal(data["image"], IMAGE)
+        assert data["image"].dtype == np.float32
+        assert json.loads(str(data["report"])) == {"seed": 3}
+
+
+def test_interrupted_write_leaves_the_old_file_and_no_other(tmp_path, monkeypatch):
+    target = tmp_path / "a.png"
+    target.write_bytes(b"old")
+
+    def interrupted(file, *_):
+        file.write(b"half")
+        raise KeyboardInterrupt
+
+    monkeypatch.setitem(film.WRITERS, ".png", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        save_image(target, IMAGE, {})
+    assert target.read_bytes() == b"old"
+    assert list(tmp_path.iterdir()) == [target]
+
+
+def test_impossible_outputs_are_refused(tmp_path):
+    with pytest.raises(ValueError, match=r"unknown ending; use \.png or \.npz"):
+        check_output("a.jpg")
+    with pytest.raises(FileNotFoundError, match="no folder"):
+        check_output(tmp_path / "missing" / "a.png")
+
+
+def test_film_is_the_mean_and_its_noise_the_standard_error():
+    passes = np.random.default_rng(5).uniform(size=(6, 4, 3, 3))
+    sheet = Film(4, 3)
+    for radiance in passes:
+        sheet.add(radiance)
+    np.testing.assert_allclose(sheet.image, passes.mean(axis=0), rtol=1e-6)
+    noise = sheet.noise()
+    per_pixel = passes.var(axis=0, ddof=1) / 6
+    assert noise["root_mean_square_standard_error_of_pixels"] == pytest.approx(
+        np.sqrt(per_pixel.mean())
+    )
+    means = passes.mean(axis=(1, 2, 3))
+    assert noise["standard_error_of_image_mean"] == pytest.approx(means.std(ddof=1) / np.sqrt(6))
+
+
+def test_one_pass_tells_nothing_of_noise():
+    sheet = Film(1, 1)
+    sheet.add(np.ones((1, 1, 3)))
+    assert sheet.noise() is None
+
+
+@pytest.mark.parametrize("scale", [1e-30, 1e30])
+def test_extreme_brightness_neither_overflows_nor_vanishes(scale):
+    sheet = Film(1, 1)
+    for value in (1.0, 2.0):
+        sheet.add(np.full((1, 1, 3), value * scale))
+    assert sheet.noise()["root_mean_square_standard_error_of_pixels"] == pytest.approx(scale / 2)
+    assert sheet.image[0, 0, 0] == pytest.approx(1.5 * scale)

@@ -1,0 +1,110 @@
+import imageio.v3 as imageio
+import numpy as np
+import pytest
+
+from hybrid_rt.film import srgb_to_linear
+from hybrid_rt.kernels.texture import texture_color
+from hybrid_rt.textures import CheckerTexture, ImageTexture
+from hybrid_rt.textures.table import compile_textures
+from hybrid_rt.textures.texture import ConstantTexture
+
+PICTURE = np.random.default_rng(3).uniform(size=(3, 4, 3))
+
+
+def look_up(texture, u, v, position=(0.0, 0.0, 0.0)):
+    # A second texture before it: the row must be found.
+    table = compile_textures([ImageTexture(np.ones((2, 2, 3))), texture])
+    return np.array(texture_color(table, 1, u, v, *position))
+
+
+def bilinear(picture, u, v, wrap):
+    """The same by its definition: u right, v up, samples at pixel centres."""
+    height, width = picture.shape[:2]
+    x, y = u * width - 0.5, (1 - v) * height - 0.5
+    total = np.zeros(3)
+    for row in (np.floor(y), np.floor(y) + 1):
+        for column in (np.floor(x), np.floor(x) + 1):
+            weight = (1 - abs(x - column)) * (1 - abs(y - row))
+            if wrap == "repeat":
+                total += weight * picture[int(row) % height, int(column) % width]
+            else:
+                r, c = np.clip(row, 0, height - 1), np.clip(column, 0, width - 1)
+                total += weight * picture[int(r), int(c)]
+    return total
+
+
+@pytest.mark.parametrize("wrap", ["repeat", "clamp"])
+def test_images_are_filtered_between_pixel_centres(wrap):
+    texture = ImageTexture(PICTURE, wrap)
+    for u, v in np.random.default_rng(1).uniform(0, 1, (100, 2)):
+        expected = bilinear(PICTURE.astype(np.float32), u, v, wrap)
+        np.testing.assert_allclose(look_up(texture, u, v), expected, rtol=1e-6)
+
+
+def test_first_row_is_at_the_top_and_u_runs_right():
+    texture = ImageTexture(PICTURE, "clamp")
+    np.testing.assert_allclose(look_up(texture, 0, 1), PICTURE[0, 0], rtol=1e-6)
+    np.testing.assert_allclose(look_up(texture, 1, 0), PICTURE[-1, -1], rtol=1e-6)
+
+
+@pytest.mark.parametrize("shift", [-1, 1, 1e9])
+def test_repeating_images_have_period_one(shift):
+    texture = ImageTexture(PICTURE)
+    near = look_up(texture, 0.625, 0.25)
+    np.testing.assert_allclose(look_up(texture, 0.625 + shift, 0.25 - shift), near, atol=1e-6)
+
+
+def test_one_pixel_is_a_constant():
+    assert (look_up(ImageTexture(np.full((1, 1, 3), 0.25)), 0.3, 1.0) == 0.25).all()
+
+
+def test_eight_and_sixteen_bits_grey_and_alpha(tmp_path):
+    eight = np.arange(0, 240, 10, dtype=np.uint8).reshape(2, 4, 3)
+    for picture, top in ((eight, 255), (eight.astype(np.uint16) * 257, 65535)):
+        brightest = srgb_to_linear(picture.max(axis=(0, 1)) / top)
+        np.testing.assert_allclose(ImageTexture(picture).brightest, brightest, rtol=1e-6)
+    imageio.imwrite(tmp_path / "a.png", np.dstack([eight, eight[:, :, :1]]))
+    np.testing.assert_array_equal(
+        ImageTexture(tmp_path / "a.png").brightest, ImageTexture(eight).brightest
+    )
+    assert ImageTexture(eight[:, :, 0]).brightest.shape == (3,)
+
+
+def test_uv_checker_counts_squares():
+    texture = CheckerTexture(0.9, (0.1, 0.2, 0.3), (4, 2), "uv")
+    for u, v in ((0.1, 0.1), (0.3, 0.6), (0.9, 0.7)):
+        even = (int(u * 4) + int(v * 2)) % 2 == 0
+        assert look_up(texture, u, v)[0] == (0.9 if even else 0.1)
+
+
+def test_world_checker_is_the_sign_of_three_sines():
+    texture = CheckerTexture(0.9, 0.1, 6.0)
+    for position in np.random.default_rng(1).uniform(-3, 3, (50, 3)):
+        even = np.sin(6 * position).prod() >= 0
+        assert look_up(texture, 0, 0, position)[0] == (0.9 if even else 0.1)
+
+
+def test_constant_is_constant():
+    color = np.array([0.1, 0.2, 0.3])
+    np.testing.assert_array_equal(look_up(ConstantTexture(color), 0.5, 0.5), color)
+
+
+@pytest.mark.parametrize(
+    ("make", "error", "words"),
+    [
+        (lambda: ImageTexture("missing.png"), FileNotFoundError, r"missing\.png"),
+        (lambda: ImageTexture(np.full((2, 2, 3), np.nan)), ValueError, "non-finite"),
+        (lambda: ImageTexture(-np.ones((2, 2, 3))), ValueError, "negative"),
+        (lambda: ImageTexture(np.ones((2, 2, 5))), ValueError, "shape"),
+        (lambda: ImageTexture(np.ones((0, 2, 3))), ValueError, "shape"),
+        (lambda: ImageTexture(np.ones((2, 2, 3), dtype=np.int64)), TypeError, "int64"),
+        (lambda: ImageTexture(PICTURE, "mirror"), ValueError, "wrap"),
+        (lambda: CheckerTexture(1, 0, -2), ValueError, "scale"),
+        (lambda: CheckerTexture(1, 0, (1, 2, 3), "uv"), ValueError, "scale"),
+        (lambda: CheckerTexture(-1, 0), ValueError, "even"),
+        (lambda: CheckerTexture(1, 0, 1, "object"), ValueError, "space"),
+    ],
+)
+def test_impossible_textures_are_refused(make, error, words):
+    with pytest.raises(error, match=words):
+        make()
