@@ -1,0 +1,136 @@
+import json
+import subprocess
+import sys
+
+import imageio.v3 as imageio
+import numpy as np
+import pytest
+
+from hybrid_rt import cli
+from hybrid_rt import render as render_module
+from hybrid_rt._version import __version__
+from hybrid_rt.scene_file import SceneFileError, load_scene
+
+SCRIPT = """
+import sys
+
+from hybrid_rt.camera import Camera
+from hybrid_rt.lights import GradientSky
+from hybrid_rt.materials import Mirror
+from hybrid_rt.primitives import Sphere
+from hybrid_rt.scene import Object, Scene
+
+
+def scene():
+    camera = Camera((0, -4, 1), (0, 0, 0), (0, 0, 1), width=16, height=12)
+    return Scene(camera, [Object(Sphere((0, 0, 0), 1), Mirror())], environment=GradientSky(0, 1))
+
+
+if __name__ == "__main__":
+    from hybrid_rt.cli import render_script
+
+    sys.exit(render_script(scene, __file__))
+"""
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    (tmp_path / "ball.py").write_text(SCRIPT)
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def test_render_writes_picture_and_report_under_the_scripts_name(folder, capsys):
+    assert cli.main(["render", "ball.py", "--passes", "2", "--quiet"]) == 0
+    assert imageio.imread("ball.png").shape == (12, 16, 3)
+    assert json.loads((folder / "ball.json").read_text())["passes"] == 2
+    captured = capsys.readouterr()
+    assert captured.out.startswith("ball.png  (2 passes")
+    assert captured.err == ""
+
+
+def test_options_reach_the_picture(folder, capsys):
+    arguments = "--passes 1 --width 32 --seed 9 --threads 1 --out a.png --out b.npz --explain"
+    assert cli.main(["render", "ball.py", *arguments.split()]) == 0
+    settings = json.loads((folder / "a.json").read_text())["settings"]
+    assert (settings["width"], settings["height"]) == (32, 24)
+    assert (settings["seed"], settings["threads"]) == (9, 1)
+    with np.load("b.npz") as data:
+        assert data["image"].shape == (24, 32, 3)
+    captured = capsys.readouterr()
+    assert "+ mirror rays" in captured.out
+    assert "Rendering ..." in captured.err
+
+
+def test_script_runs_as_a_program(folder):
+    command = [sys.executable, "ball.py", "--passes", "1", "--height", "6", "--quiet"]
+    subprocess.run(command, check=True, cwd=folder, timeout=120)
+    assert imageio.imread("ball.png").shape == (6, 8, 3)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["missing.py"], "no scene script 'missing.py'"),
+        (["ball.py", "--passes", "0"], "passes"),
+        (["ball.py", "--integrator", "magic"], "integrator 'magic'"),
+        (["ball.py", "--out", "a.jpg"], "unknown ending"),
+        (["ball.py", "--out", "nowhere/a.png"], "no folder"),
+        (["ball.py", "--width", "0"], "width"),
+        (["ball.py", "--accuracy", "exact"], "accuracy"),
+    ],
+)
+def test_bad_input_is_one_clear_line_and_exit_code_two(folder, capsys, arguments, words):
+    assert cli.main(["render", *arguments, "--quiet"]) == 2
+    error = capsys.readouterr().err
+    assert words in error
+    assert error.count("\n") == 1
+    assert [path.name for path in folder.iterdir()] == ["ball.py"]
+
+
+def test_interrupt_is_exit_code_130_and_leaves_nothing(folder, capsys, monkeypatch):
+    def interrupted(*_args, **_kwargs):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(render_module, "_run_passes", interrupted)
+    assert cli.main(["render", "ball.py", "--quiet"]) == 130
+    assert "interrupted" in capsys.readouterr().err
+    assert [path.name for path in folder.iterdir()] == ["ball.py"]
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("x = 1", "no function scene"),
+        ("def scene():\n    return 3", "returned int"),
+        ("def scene():\n    return 1 / 0", "line 2: ZeroDivisionError"),
+        ("def scene(:", "line 1: SyntaxError"),
+        (
+            "from hybrid_rt.materials import *\n\ndef scene():\n    Mirror(2)",
+            "line 4: Mirror color",
+        ),
+        ("import sys\nsys.exit(4)", "line 2: SystemExit"),
+    ],
+)
+def test_faulty_scripts_are_named_with_their_line(tmp_path, text, words):
+    script = tmp_path / "bad.py"
+    script.write_text(text)
+    with pytest.raises(SceneFileError, match=words) as caught:
+        load_scene(script)
+    assert "bad.py" in str(caught.value)
+
+
+def test_version_and_help(capsys):
+    for flag, words in (("--version", __version__), ("--help", "hybrid-rt render scenes/vase.py")):
+        with pytest.raises(SystemExit) as caught:
+            cli.main([flag])
+        assert caught.value.code == 0
+        assert words in capsys.readouterr().out
+
+
+def test_command_line_is_ready_before_anything_heavy_is_imported():
+    code = "import sys, hybrid_rt.cli; print({'numpy', 'numba', 'imageio'} & set(sys.modules))"
+    done = subprocess.run(
+        [sys.executable, "-c", code], check=True, capture_output=True, text=True, timeout=60
+    )
+    assert done.stdout.strip() == "set()"

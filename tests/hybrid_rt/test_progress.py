@@ -1,0 +1,62 @@
+import io
+import time
+
+import numba
+
+from hybrid_rt import progress
+from hybrid_rt.progress import COMPILING, CompileWatch, TerminalProgress, watch_compilation
+
+
+class Terminal(io.StringIO):
+    def isatty(self):
+        return True
+
+
+def test_plain_lines_where_there_is_no_terminal():
+    stream = io.StringIO()
+    show = TerminalProgress(stream)
+    for done in (0, 5, 10):
+        show("Rendering", done, 10)
+    show("Writing", 0, 0)
+    show.close()
+    assert stream.getvalue() == "Rendering ...\nWriting ...\n"
+
+
+def test_bar_on_a_terminal_ends_full_and_on_a_line_of_its_own(monkeypatch):
+    monkeypatch.setattr(progress, "REDRAW_INTERVAL", 0.0)
+    stream = Terminal()
+    show = TerminalProgress(stream)
+    show("Rendering", 5, 10)
+    show("Rendering", 10, 10)
+    show.close()
+    half, full = stream.getvalue().split("\r\x1b[K")[1:]
+    assert half.startswith("Rendering [###############...............]  50 %")
+    assert "left" in half
+    assert full.startswith(f"Rendering [{'#' * 30}] 100 %")
+    assert full.endswith("\n")
+
+
+def test_nested_compilations_count_once_and_long_ones_are_announced(monkeypatch):
+    monkeypatch.setattr(progress, "ANNOUNCE_AFTER", 0.01)
+    heard = []
+    watch = CompileWatch(lambda *event: heard.append(event))
+    watch.on_start(None)
+    watch.on_start(None)
+    time.sleep(0.1)
+    watch.on_end(None)
+    watch.on_end(None)
+    assert 0.1 <= watch.seconds < 0.2
+    assert heard == [(COMPILING, 0, 0)]
+
+
+def test_compilation_of_kernels_is_measured():
+    with watch_compilation() as watch:
+        assert watch.seconds == 0.0
+
+        def half(x):
+            return 0.5 * x
+
+        assert numba.njit(half)(4.0) == 2.0
+        seconds = watch.seconds
+    if not numba.config.DISABLE_JIT:
+        assert seconds > 0.0

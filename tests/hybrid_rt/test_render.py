@@ -1,0 +1,168 @@
+import json
+
+import numpy as np
+import pytest
+
+from hybrid_rt.camera import Camera
+from hybrid_rt.integrators import surface_light, whitted
+from hybrid_rt.integrators.integrator import LENS_DIMENSION
+from hybrid_rt.lights import GradientSky, PointLight
+from hybrid_rt.limits import Limit
+from hybrid_rt.materials import Dielectric, Lambertian, Mirror
+from hybrid_rt.plan import explain
+from hybrid_rt.primitives import Sphere
+from hybrid_rt.render import render
+from hybrid_rt.sampler import Sampler
+from hybrid_rt.scene import Object, Scene
+from hybrid_rt.textures import CheckerTexture
+
+SKY = GradientSky(0.1, 0.9, up=(0, 0, 1))
+LAMP = PointLight((3, -3, 3), 20)
+
+
+def scene(material=None, lights=(LAMP,), environment=SKY, **camera):
+    view = Camera((0, -4, 1), (0, 0, 0), (0, 0, 1), **{"width": 12, "height": 8, **camera})
+    objects = [Object(Sphere((0, 0, 0), 1), material, "ball")] if material else []
+    return Scene(view, objects, lights, environment)
+
+
+def test_nothing_but_the_sky():
+    image = render(scene(), passes=2).image
+    assert image.dtype == np.float32
+    assert image.shape == (8, 12, 3)
+    assert (image[0] > image[-1]).all()  # row 0 is at the top
+
+
+def test_nothing_at_all_is_black():
+    assert not render(scene(lights=(), environment=None), passes=1).image.any()
+
+
+def test_passes_are_averaged_by_number():
+    both = render(scene(Lambertian(0.5)), passes=2).image
+    one = render(scene(Lambertian(0.5)), passes=1).image
+    assert (both != one).any()
+    np.testing.assert_allclose(both, one, atol=0.5)
+
+
+def test_report_is_plain_and_complete():
+    result = render(scene(Dielectric(1.5)), passes=2, seed=7)
+    report = json.loads(json.dumps(result.report, allow_nan=False))
+    assert report == result.report
+    assert report["settings"]["seed"] == 7
+    assert report["passes"] == 2
+    assert report["stopped_by"] == "passes"
+    assert report["rays"]["camera"] == 2 * 12 * 8
+    traced = report["rays"]["camera"] + report["rays"]["reflected"] + report["rays"]["refracted"]
+    assert sum(report["hits"].values()) == traced
+    assert set(report["versions"]) >= {"hybrid_rt", "numpy", "numba", "python"}
+    assert report["seconds"]["total"] > 0
+    assert report["noise"]["image_mean"] == pytest.approx(result.image.mean(), rel=1e-5)
+
+
+class TestPlan:
+    """What a scene does not need is left out: here it raises when it is used nevertheless."""
+
+    @pytest.fixture
+    def forbid(self, monkeypatch):
+        def forbid_name(module, name):
+            def used(*_args, **_kwargs):
+                raise AssertionError(f"{name} was used")
+
+            monkeypatch.setattr(module, name, used)
+
+        return forbid_name
+
+    @pytest.mark.parametrize(
+        ("module", "name", "needless", "needed"),
+        [
+            (surface_light, "lobe_colors", scene(Lambertian(0.5)), CheckerTexture(0.9, 0.1)),
+            (surface_light, "light_on_hits", scene(Mirror()), 0.5),
+            (surface_light, "light_on_hits", scene(Lambertian(0.5), lights=()), 0.5),
+            (surface_light, "sample_lobes", scene(Lambertian(0.5), environment=None), 0.5),
+            (whitted, "mirror_directions", scene(Lambertian(0.5)), None),
+            (whitted, "split_at_glass", scene(Mirror()), None),
+        ],
+        ids=["textures", "matt", "lights", "sky", "mirrors", "glass"],
+    )
+    def test_what_is_not_needed_is_not_called(self, forbid, module, name, needless, needed):
+        before = render(needless, passes=1).image
+        forbid(module, name)
+        np.testing.assert_array_equal(render(needless, passes=1).image, before)
+        with pytest.raises(AssertionError, match=name):
+            render(scene(Dielectric(1.5) if needed is None else Lambertian(needed)), passes=1)
+
+    def test_pinholes_take_no_lens_samples(self, monkeypatch):
+        used = []
+        points = Sampler.points
+
+        def recorded(self, pixel, dimension, pass_number):
+            used.append(np.ravel(dimension)[0])
+            return points(self, pixel, dimension, pass_number)
+
+        monkeypatch.setattr(Sampler, "points", recorded)
+        render(scene(), passes=1)
+        assert LENS_DIMENSION not in used
+        render(scene(aperture=0.1), passes=1)
+        assert LENS_DIMENSION in used
+
+    def test_reasons_are_in_words(self):
+        plan = render(scene(Mirror()), passes=1).report["plan"]
+        assert plan["light"]["left_out"]["lens samples"] == "the camera is a pinhole"
+        assert "  + mirror rays: at least one surface is a mirror" in explain(plan)
+        assert "  - glass rays: no surface is a dielectric" in explain(plan)
+
+
+class TestLimit:
+    def test_sixteen_passes_unless_said(self):
+        assert Limit(None, None).passes == 16
+        assert Limit(None, 3.0).passes is None
+
+    @pytest.mark.parametrize(
+        ("passes", "budget", "n_passes", "stopped_by"),
+        [
+            (5, None, 5, "passes"),
+            (None, 1.0, 9, "time_budget"),
+            (3, 1.0, 3, "passes"),
+            (50, 1.0, 9, "time_budget"),
+            (None, 0.01, 1, "time_budget"),
+        ],
+    )
+    def test_first_limit_reached_stops(self, passes, budget, n_passes, stopped_by):
+        """Set-up takes 0.05 s, each pass 0.1 s."""
+        limit, n, seconds = Limit(passes, budget), 0, 0.05
+        while limit.begins(n, seconds):
+            assert limit.expected_passes(n) > n
+            n, seconds = n + 1, seconds + 0.1
+        assert n == n_passes
+        assert limit.reached(n, seconds) == stopped_by
+
+    def test_budget_runs_at_least_one_pass(self):
+        report = render(scene(), time_budget=1e-9).report
+        assert (report["passes"], report["stopped_by"]) == (1, "time_budget")
+
+
+@pytest.mark.parametrize(
+    ("settings", "error", "words"),
+    [
+        ({"integrator": "magic"}, ValueError, "integrator 'magic' is unknown; use whitted"),
+        ({"passes": 0}, ValueError, "passes"),
+        ({"passes": 2.5}, TypeError, "passes"),
+        ({"time_budget": 0}, ValueError, "time_budget"),
+        ({"time_budget": float("nan")}, ValueError, "time_budget"),
+        ({"seed": -1}, ValueError, "seed"),
+        ({"max_depth": -1}, ValueError, "max_depth"),
+        ({"threads": 0}, ValueError, "threads"),
+        ({"accuracy": "exact"}, ValueError, "accuracy"),
+        ({"tolerance": -1.0}, ValueError, "tolerance"),
+    ],
+)
+def test_impossible_settings_are_refused(settings, error, words):
+    with pytest.raises(error, match=words):
+        render(scene(Mirror()), **settings)
+
+
+def test_progress_hears_every_block():
+    heard = []
+    render(scene(), passes=2, progress=lambda *event: heard.append(event))
+    assert heard[0] == ("Building", 0, 0)
+    assert heard[-2:] == [("Rendering", 96, 192), ("Rendering", 192, 192)]
