@@ -1,1 +1,50 @@
-"""Exact ray tracing of curved surfaces."""
+"""Exact ray tracing of curved surfaces, at Embree's speed, with the error stated.
+
+Names are imported on first use, so that ``import hybrid_rt`` costs next to nothing and a scene
+without curved surfaces never loads what they need.
+"""
+
+from importlib import import_module
+from typing import Any
+
+from hybrid_rt._version import __version__
+
+_HOMES = {
+    "Box": "primitives",
+    "Camera": "camera",
+    "CheckerTexture": "textures",
+    "Dielectric": "materials",
+    "GradientSky": "lights",
+    "HitRecord": "records",
+    "ImageTexture": "textures",
+    "Intersector": "intersection",
+    "Lambertian": "materials",
+    "Mirror": "materials",
+    "Object": "scene",
+    "Phong": "materials",
+    "Plane": "primitives",
+    "PointLight": "lights",
+    "Rectangle": "primitives",
+    "RectangleLight": "lights",
+    "Scene": "scene",
+    "Sphere": "primitives",
+    "Status": "records",
+    "TriangleMesh": "primitives",
+    "render": "render",
+}
+
+__all__ = ["__version__", *sorted(_HOMES)]  # noqa: PLE0604  (names of modules loaded on demand)
+
+
+def __getattr__(name: str) -> Any:
+    """Import a public name from the module that defines it."""
+    if name not in _HOMES:
+        raise AttributeError(f"module 'hybrid_rt' has no attribute {name!r}")
+    value = getattr(import_module(f"hybrid_rt.{_HOMES[name]}"), name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    """List the public names."""
+    return sorted(__all__)

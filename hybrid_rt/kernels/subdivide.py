@@ -39,7 +39,7 @@ NUDGE = 2.0**-20
 CLEAR_CROSSING = 1e-3
 
 # Places in the counters that kernels fill; see `COUNTER_NAMES`.
-NODES, CELLS, NEWTONS, STEPS, SLOW, PIECES, GIVEN_UP, MOST_PIECES = range(8)
+NODES, CELLS, NEWTONS, STEPS, SLOW, PIECES, GIVEN_UP, CHANGED, MOST_PIECES = range(9)
 COUNTER_NAMES = (
     "nodes",
     "cells",
@@ -48,6 +48,7 @@ COUNTER_NAMES = (
     "slow_solves",
     "slow_pieces",
     "given_up",
+    "changed_by_certificate",
     "most_pieces",
 )
 

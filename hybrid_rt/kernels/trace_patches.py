@@ -12,7 +12,15 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from hybrid_rt.kernels.patch import CONVERGED, newton, offer_root, rounding_of_root
+from hybrid_rt.kernels.frame import enter_frame
+from hybrid_rt.kernels.patch import (
+    CONVERGED,
+    TANGENT_BAND,
+    evaluate_any,
+    newton,
+    offer_root,
+    rounding_of_root,
+)
 from hybrid_rt.kernels.patch_cells import (
     BOX,
     CENTRE,
@@ -27,23 +35,29 @@ from hybrid_rt.kernels.patch_cells import (
 from hybrid_rt.kernels.subdivide import (
     BORDER_SLACK,
     CELLS,
-    COUNTER_NAMES,
+    CHANGED,
     DEPTH,
     NEWTONS,
     NODES,
     STEPS,
     slow_solve,
 )
-from hybrid_rt.kernels.tree import FRAME_RADIUS, push_children, safe_reciprocal, test_children
+from hybrid_rt.kernels.tree import push_children, safe_reciprocal, test_children
+from meshing.kernels.bernstein import second_partials, unit_normal
 from meshing.kernels.jit import inner, kernel
 
 # Boxes within this of the nearest root are still looked into (times 1 + |t|, in frame units): far
 # more than two cells can disagree on the t of a root on their common border.
 CUT_SLACK = 2.0**-20
+# Only hits flatter than this can lie within rounding of a silhouette: sqrt(2 * 64 eps), with air.
+GRAZING = 1e-5
+# Squares of tangents (over the size) and of sines below this leave the normal to `unit_normal`.
+CLEAR_TANGENT = 1e-16
+NORMAL_DEGENERATE = 1  # `hybrid_rt.records.Flag`
 
 
 class PatchTable(NamedTuple):
-    """Patches and their cells, in a frame where they all lie within `FRAME_RADIUS` of 0."""
+    """Patches and their cells, in a frame where they all lie within 1 of the origin."""
 
     middle: Any  # (3,) float64: the frame's origin, world
     to_frame: float  # power of two: frame = (world - middle) * to_frame
@@ -59,57 +73,6 @@ class PatchTable(NamedTuple):
     first_cell: Any  # (k,) int64
     record: Any  # (n, RECORD): the cells
     cell_patch: Any  # (n,) int32
-
-
-@inner
-def enter_frame(o, d, middle, to_frame):
-    """Bring a ray's origin into a frame, near the frame's ball, without losing a digit.
-
-    Returns the origin in two parts (their sum is exact to 2**-100) and by how much t was advanced,
-    in frame units: frame origin + (t to_frame - shift) d.
-    """
-    h0, l0 = two_difference(o[0], middle[0])
-    h1, l1 = two_difference(o[1], middle[1])
-    h2, l2 = two_difference(o[2], middle[2])
-    h0, l0, h1, l1, h2, l2 = (
-        h0 * to_frame, l0 * to_frame, h1 * to_frame, l1 * to_frame, h2 * to_frame, l2 * to_frame,
-    )  # fmt: skip
-    square = h0 * h0 + h1 * h1 + h2 * h2
-    if square <= 4.0 * FRAME_RADIUS * FRAME_RADIUS:
-        return h0, h1, h2, l0, l1, l2, 0.0
-    dd = d[0] * d[0] + d[1] * d[1] + d[2] * d[2]
-    # To the foot of the perpendicular, less 1.5 radii.
-    shift = -(h0 * d[0] + h1 * d[1] + h2 * d[2]) / dd - 1.5 * FRAME_RADIUS / np.sqrt(dd)
-    h0, l0 = advance(h0, l0, shift, d[0])
-    h1, l1 = advance(h1, l1, shift, d[1])
-    h2, l2 = advance(h2, l2, shift, d[2])
-    return h0, h1, h2, l0, l1, l2, shift
-
-
-@inner
-def two_difference(a, b):
-    """Return a - b rounded, and what the rounding left (Knuth)."""
-    s = a - b
-    z = s - a
-    return s, (a - (s - z)) - (b + z)
-
-
-@inner
-def advance(high, low, t, d):
-    """high + low + t d as an unevaluated sum of two numbers (Dekker's product)."""
-    p = t * d
-    c = 134217729.0 * t
-    th = c - (c - t)
-    tl = t - th
-    c = 134217729.0 * d
-    dh = c - (c - d)
-    dl = d - dh
-    e = ((th * dh - p) + th * dl + tl * dh) + tl * dl
-    s = high + p
-    z = s - high
-    low = low + ((high - (s - z)) + (p - z)) + e
-    r = s + low
-    return r, low - (r - s)
 
 
 @inner
@@ -217,6 +180,7 @@ def trace_patches(table, tree, rays, guess, best, any_hit, counters):
         t_cut = t_best[i] * to_frame - shift
         t_cut += CUT_SLACK * (1.0 + abs(t_cut))
         done = -1
+        t_guess = np.inf
         if guess.shape[0] > 0 and guess[i] >= 0:
             done = guess[i]
             solve_cell(
@@ -226,8 +190,11 @@ def trace_patches(table, tree, rays, guess, best, any_hit, counters):
             )  # fmt: skip
             if any_hit and best.object_id[i] >= 0:
                 continue
-            t_cut = t_best[i] * to_frame - shift
+            t_guess = t_best[i]
+            t_cut = t_guess * to_frame - shift
             t_cut += CUT_SLACK * (1.0 + abs(t_cut))
+        elif guess.shape[0] > 0:
+            t_guess = t_best[i]
         fx, fy, fz = np.float32(x), np.float32(y), np.float32(z)
         rx, ry, rz = safe_reciprocal(dx), safe_reciprocal(dy), safe_reciprocal(dz)
         sx, sy, sz = 0 if rx > 0 else 3, 0 if ry > 0 else 3, 0 if rz > 0 else 3
@@ -261,3 +228,112 @@ def trace_patches(table, tree, rays, guess, best, any_hit, counters):
                 break
             t_cut = t_best[i] * to_frame - shift
             t_cut += CUT_SLACK * (1.0 + abs(t_cut))
+        if guess.shape[0] > 0 and t_best[i] < t_guess:
+            counters[CHANGED] += 1
+
+
+@kernel
+def refine_patches(
+    table, face, t, u, v, corner_uv, object_of, piece, first_patch, rows, rays, best, accepted
+):
+    """Newton from coarse hits, with no proof of anything (accuracy "refined")."""
+    degree = table.degree
+    widest = 2
+    for k in range(degree.shape[0]):
+        widest = max(widest, degree[k, 0] + 1, degree[k, 1] + 1)
+    basis = np.empty((4, widest))
+    for j in range(face.shape[0]):
+        i, f = rows[j], face[j]
+        if first_patch[object_of[f]] < 0:
+            continue
+        k = first_patch[object_of[f]] + piece[f]
+        w = 1.0 - u[j] - v[j]
+        a = w * corner_uv[f, 0, 0] + u[j] * corner_uv[f, 1, 0] + v[j] * corner_uv[f, 2, 0]
+        b = w * corner_uv[f, 0, 1] + u[j] * corner_uv[f, 1, 1] + v[j] * corner_uv[f, 2, 1]
+        d = rays.direction[i]
+        hx, hy, hz, lx, ly, lz, shift = enter_frame(
+            rays.origin[i], d, table.middle, table.to_frame
+        )
+        c = table.centre[k]
+        ox, oy, oz = hx - c[0] + lx, hy - c[1] + ly, hz - c[2] + lz
+        m, n = degree[k, 0], degree[k, 1]
+        status, a, b, s, _, n_dot_d, gain_u, gain_v = newton(
+            table.control, table.start[k], m, n, basis, ox, oy, oz, d[0], d[1], d[2],
+            a, b, t[j] * table.to_frame - shift, 1.0, 1.0, 1.0,
+        )  # fmt: skip
+        if status == CONVERGED and offer_root(
+            i, a, b, s, n_dot_d, gain_u, gain_v, m, n, table.size[k],
+            ox, oy, oz, d[0], d[1], d[2], table.open_edges[k], shift, 1.0 / table.to_frame,
+            table.object_id[k], k, rays.t_min, rays.known, best,
+        ):  # fmt: skip
+            accepted[j] = True
+
+
+@kernel
+def finish_patches(table, rays, best, kind_of, kind, out):
+    """Fill what a hit record says of the rays whose nearest root is on a patch.
+
+    ``kind_of`` (objects,) names the kind of each object; rows of other kinds are left alone.
+    """
+    middle, to_world = table.middle, 1.0 / table.to_frame
+    control, start, degree, centre, size = (
+        table.control, table.start, table.degree, table.centre, table.size,
+    )  # fmt: skip
+    widest = 2
+    for k in range(degree.shape[0]):
+        widest = max(widest, degree[k, 0] + 1, degree[k, 1] + 1)
+    basis = np.empty((4, widest))
+    for i in range(best.t.shape[0]):
+        if best.object_id[i] < 0 or kind_of[best.object_id[i]] != kind:
+            continue
+        k = best.primitive[i]
+        u, v = best.a[i], best.b[i]
+        m, n = degree[k, 0], degree[k, 1]
+        d = rays.direction[i]
+        dx, dy, dz = d[0], d[1], d[2]
+        hx, hy, hz, lx, ly, lz, shift = enter_frame(rays.origin[i], d, middle, table.to_frame)
+        ox, oy, oz = hx - centre[k, 0] + lx, hy - centre[k, 1] + ly, hz - centre[k, 2] + lz
+        x, y, z, ux, uy, uz, vx, vy, vz = evaluate_any(control, start[k], m, n, u, v, basis)
+        nx, ny, nz = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
+        length = np.sqrt(nx * nx + ny * ny + nz * nz)
+        guu, guv = ux * ux + uy * uy + uz * uz, ux * vx + uy * vy + uz * vz
+        gvv = vx * vx + vy * vy + vz * vz
+        smallest = CLEAR_TANGENT * size[k] * size[k]
+        is_degenerate = False
+        if guu > smallest and gvv > smallest and length * length > CLEAR_TANGENT * guu * gvv:
+            nx, ny, nz = nx / length, ny / length, nz / length
+        else:
+            nx, ny, nz, is_degenerate = unit_normal(control, start[k], m, n, u, v)
+        out.patch_id[i] = table.patch_id[k]
+        out.u[i], out.v[i] = u, v
+        out.position[i, 0] = middle[0] + (centre[k, 0] + x) * to_world
+        out.position[i, 1] = middle[1] + (centre[k, 1] + y) * to_world
+        out.position[i, 2] = middle[2] + (centre[k, 2] + z) * to_world
+        out.normal[i, 0], out.normal[i, 1], out.normal[i, 2] = nx, ny, nz
+        if is_degenerate:
+            out.flags[i] = NORMAL_DEGENERATE
+        t = best.t[i] * table.to_frame - shift
+        rx, ry, rz = ox + t * dx - x, oy + t * dy - y, oz + t * dz - z
+        residual = np.sqrt(rx * rx + ry * ry + rz * rz)
+        out.residual[i] = residual * to_world
+        # --- grazing: how deep does the ray run under the silhouette?
+        dd = dx * dx + dy * dy + dz * dz
+        slope = nx * dx + ny * dy + nz * dz
+        if slope * slope > GRAZING * GRAZING * dd or is_degenerate:
+            continue
+        # d = p S_u + q S_v along the surface; the normal curvature along it bends the surface
+        # away from the ray, which therefore lies slope^2 / (2 bend) deep.
+        a0, a1, a2, b0, b1, b2, c0, c1, c2 = second_partials(control, start[k], m, n, u, v)
+        du, dv = ux * dx + uy * dy + uz * dz, vx * dx + vy * dy + vz * dz
+        det = guu * gvv - guv * guv
+        if not det > 0.0:
+            continue
+        p, q = (gvv * du - guv * dv) / det, (guu * dv - guv * du) / det
+        bend = abs(
+            nx * (p * p * a0 + 2.0 * p * q * b0 + q * q * c0)
+            + ny * (p * p * a1 + 2.0 * p * q * b1 + q * q * c1)
+            + nz * (p * p * a2 + 2.0 * p * q * b2 + q * q * c2)
+        )
+        _, scale = rounding_of_root(m, n, size[k], ox, oy, oz, dx, dy, dz, t)
+        if slope * slope < 2.0 * bend * TANGENT_BAND * scale:
+            best.tangent[i] = 1

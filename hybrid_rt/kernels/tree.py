@@ -5,8 +5,8 @@ heuristic until eight ranges stand side by side (Wald, Benthin, Boulos 2008, "Ge
 packets"). Boxes are float32 and rounded outward, and the tests below lose no box that the exact
 ray meets (Ize 2013, "Robust BVH ray traversal"); what a leaf holds is decided in float64.
 
-Coordinates are those of the tree's own frame: everything within `FRAME_RADIUS` of the origin, and
-ray origins within twice that.
+Coordinates are those of the tree's own frame: everything within 1 of the origin, and ray origins
+within 2 (`kernels.frame`).
 """
 
 from typing import Any, NamedTuple
@@ -17,7 +17,6 @@ from meshing.kernels.jit import inner, kernel
 
 WIDTH = 8
 BINS = 16
-FRAME_RADIUS = 1.0
 # Origins (up to 2) are rounded to float32: 2**-24 * 2; two such roundings and some air.
 BOX_MARGIN = np.float32(2.0**-19)
 # One subtraction, one reciprocal, one product on each side: 3 * 2**-24 each, and as much again.

@@ -1,0 +1,96 @@
+"""What the intersector hands to the kinds of surfaces: buffers of one batch."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hybrid_rt.kernels.nearest import Nearest, Rays
+from hybrid_rt.records import BoolArray, FloatArray, HitRecord, IntArray
+
+
+class Finished(NamedTuple):
+    """The part of a `HitRecord` that each kind of surface fills for its own rows."""
+
+    patch_id: Any
+    u: Any
+    v: Any
+    position: Any
+    normal: Any
+    flags: Any
+    residual: Any
+
+
+class Kind(Protocol):
+    """One kind of surface: finds roots for a slice of rays, and describes the winners."""
+
+    def trace(
+        self, rays: Rays, guess: IntArray | None, best: Nearest, any_hit: bool, work: FloatArray
+    ) -> None:
+        """Lower ``best`` to the nearest roots on all surfaces of this kind."""
+        ...
+
+    def guesses(self, coarse: Any, face: IntArray, u: FloatArray, v: FloatArray) -> IntArray:
+        """Return what `trace` is to begin with for each coarse hit, -1 for nothing."""
+        ...
+
+    def refine(
+        self,
+        coarse: Any,
+        face: IntArray,
+        t: FloatArray,
+        u: FloatArray,
+        v: FloatArray,
+        rows: NDArray[np.int64],
+        rays: Rays,
+        best: Nearest,
+        accepted: BoolArray,
+    ) -> None:
+        """Lower ``best[rows]`` to what the coarse hits of this kind refine to."""
+        ...
+
+    def finish(
+        self, rays: Rays, best: Nearest, kind_of: IntArray, kind: int, out: Finished
+    ) -> None:
+        """Fill ``out`` for the rows whose object is of this kind."""
+        ...
+
+
+def new_nearest(t_max: FloatArray) -> Nearest:
+    """Return buffers in which no root has been found below ``t_max``."""
+    n = len(t_max)
+    return Nearest(
+        t=t_max.copy(),
+        t_bound=np.zeros(n),
+        object_id=np.full(n, -1, np.int32),
+        primitive=np.zeros(n, np.int32),
+        a=np.zeros(n),
+        b=np.zeros(n),
+        tangent=np.zeros(n, np.uint8),
+        doubt=np.full(n, np.inf),
+    )
+
+
+def new_record(n: int) -> HitRecord:
+    """Return a record of n misses."""
+    return HitRecord(
+        t=np.full(n, np.inf),
+        object_id=np.full(n, -1, np.int32),
+        patch_id=np.full(n, -1, np.int32),
+        u=np.full(n, np.nan),
+        v=np.full(n, np.nan),
+        position=np.full((n, 3), np.nan),
+        normal=np.full((n, 3), np.nan),
+        front_face=np.zeros(n, np.bool_),
+        status=np.zeros(n, np.uint8),
+        flags=np.zeros(n, np.uint8),
+        t_bound=np.full(n, np.inf),
+        residual=np.full(n, np.nan),
+    )
+
+
+def rows_of(batch: Any, begin: int, end: int) -> Any:
+    """Return a named tuple of views of the rows; what is empty stays empty."""
+    return type(batch)(*(x[begin:end] if len(x) else x for x in batch))

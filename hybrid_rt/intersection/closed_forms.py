@@ -1,0 +1,121 @@
+"""Spheres, rectangles, planes and boxes: tables for their kernels."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from hybrid_rt.intersection.batch import Finished
+from hybrid_rt.kernels.nearest import Nearest, Rays
+from hybrid_rt.primitives import Box, Plane, Rectangle, Sphere
+from hybrid_rt.records import FloatArray, IntArray
+
+
+class ClosedForm:
+    """First hits on one of the kinds that are solved by a formula.
+
+    Parameters
+    ----------
+    name : {"spheres", "rectangles", "planes", "boxes"}
+    members : sequence of (object id, surface)
+    """
+
+    def __init__(self, name: str, members: Sequence[tuple[int, Any]]) -> None:
+        make, self._trace, self._finish = _kernels(name)
+        object_id = np.array([i for i, _ in members], np.int32)
+        self.table = make([surface for _, surface in members], object_id)
+        self._row_of = np.full(int(object_id.max()) + 1, -1, np.int64)
+        self._row_of[object_id] = np.arange(len(object_id))
+
+    def trace(
+        self, rays: Rays, guess: IntArray | None, best: Nearest, any_hit: bool, work: FloatArray
+    ) -> None:
+        """Lower ``best`` to the nearest roots; formulas take no guess and count no work."""
+        del guess, work
+        self._trace(self.table, rays, best, any_hit)
+
+    def finish(
+        self, rays: Rays, best: Nearest, kind_of: IntArray, kind: int, out: Finished
+    ) -> None:
+        """Describe the hits on this kind."""
+        row_of = np.full(len(kind_of), -1, np.int64)
+        row_of[: len(self._row_of)] = self._row_of
+        row_of[kind_of != kind] = -1
+        self._finish(self.table, rays, best, row_of, out)
+
+
+def _kernels(name: str) -> tuple[Any, Any, Any]:
+    """Import the kernels of one kind; no other kind is compiled for it."""
+    if name == "spheres":
+        from hybrid_rt.kernels.sphere import finish_spheres, trace_spheres
+
+        return _spheres, trace_spheres, finish_spheres
+    from hybrid_rt.kernels import planar
+
+    if name == "rectangles":
+        return _rectangles, planar.trace_rectangles, planar.finish_rectangles
+    if name == "planes":
+        return _planes, planar.trace_planes, planar.finish_planes
+    return _boxes, planar.trace_boxes, planar.finish_boxes
+
+
+def _spheres(spheres: Sequence[Sphere], object_id: IntArray) -> Any:
+    from hybrid_rt.kernels.sphere import SphereTable
+
+    return SphereTable(
+        center=np.array([s.center for s in spheres]),
+        radius=np.array([s.radius for s in spheres]),
+        frame=np.array([s.frame for s in spheres]),
+        orientation=np.array([float(s.orientation) for s in spheres]),
+        object_id=object_id,
+    )
+
+
+def _rectangles(rectangles: Sequence[Rectangle], object_id: IntArray) -> Any:
+    from hybrid_rt.kernels.planar import PlanarTable
+
+    edge_u = np.array([r.edge_u for r in rectangles])
+    edge_v = np.array([r.edge_v for r in rectangles])
+    normal = np.array([r.unit_normal for r in rectangles])
+    area = np.einsum("ij,ij->i", np.cross(edge_u, edge_v), normal)[:, None]
+    return PlanarTable(
+        corner=np.array([r.corner for r in rectangles]),
+        normal=normal,
+        edge_u=edge_u,
+        edge_v=edge_v,
+        row_u=np.cross(edge_v, normal) / area,
+        row_v=np.cross(normal, edge_u) / area,
+        size=np.linalg.norm(edge_u, axis=1) + np.linalg.norm(edge_v, axis=1),
+        axes=np.zeros((len(rectangles), 2), np.int64),
+        object_id=object_id,
+    )
+
+
+def _planes(planes: Sequence[Plane], object_id: IntArray) -> Any:
+    from hybrid_rt.kernels.planar import PlanarTable
+
+    unused = np.zeros((len(planes), 3))
+    return PlanarTable(
+        corner=np.array([p.origin for p in planes]),
+        normal=np.array([p.unit_normal for p in planes]),
+        edge_u=unused,
+        edge_v=unused,
+        row_u=unused,
+        row_v=unused,
+        size=np.zeros(len(planes)),
+        axes=np.array([p.axes for p in planes], np.int64),
+        object_id=object_id,
+    )
+
+
+def _boxes(boxes: Sequence[Box], object_id: IntArray) -> Any:
+    from hybrid_rt.kernels.planar import BoxTable
+
+    return BoxTable(
+        lo=np.array([b.lo for b in boxes]),
+        hi=np.array([b.hi for b in boxes]),
+        orientation=np.array([float(b.orientation) for b in boxes]),
+        object_id=object_id,
+    )

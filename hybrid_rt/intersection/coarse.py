@@ -1,0 +1,117 @@
+"""The coarse stage: triangles of all curved surfaces in Embree, and what their hits mean."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from hybrid_rt.intersection.batch import Finished, Kind
+from hybrid_rt.intersection.embree import CoarseScene
+from hybrid_rt.kernels.coarse import finish_mesh, offer_faces
+from hybrid_rt.kernels.nearest import Nearest, Rays
+from hybrid_rt.kernels.subdivide import NEWTONS
+from hybrid_rt.primitives import TriangleMesh
+from hybrid_rt.records import BoolArray, FloatArray, IntArray
+from meshing import tessellate
+
+# Chordal tolerance of the coarse triangles over the surface's size: fine enough that Newton starts
+# well inside the right cell, coarse enough to stay in the cache.
+COARSE_TOLERANCE = 1e-3
+# A coarse hit that refinement rejects (the point of departure, or a triangle beside the surface)
+# is stepped over this often before the ray is taken to miss.
+RETRIES = 4
+# The step over a rejected hit, relative to the frame: a few float32 roundings.
+STEP_OVER = 2.0**-18
+
+
+class Coarse:
+    """Coarse hits on all curved surfaces.
+
+    Parameters
+    ----------
+    curved : sequence of (object id, surface)
+    kinds : the kinds that refine and certify, by the numbers that ``kind_of`` gives
+    tolerance : absolute chordal tolerance, or None for `COARSE_TOLERANCE` of each surface's size
+    """
+
+    def __init__(self, curved: Sequence[tuple[int, Any]], tolerance: float | None) -> None:
+        vertices, faces, objects, pieces, corners, self.deviation = [], [], [], [], [], 0.0
+        n_vertices = 0
+        for object_id, surface in curved:
+            if isinstance(surface, TriangleMesh):
+                v, f = surface.vertices, surface.faces
+                piece = np.arange(len(f), dtype=np.int32)
+                uv = np.broadcast_to(_WEIGHTS, (len(f), 3, 2))
+            else:
+                size = float(np.linalg.norm(surface.bounds[1] - surface.bounds[0]))
+                mesh = tessellate(surface, tolerance or COARSE_TOLERANCE * size)
+                v, f, piece, uv = mesh.vertices, mesh.faces, mesh.patch_id, mesh.uv
+                self.deviation = max(self.deviation, mesh.deviation_bound)
+            vertices.append(v)
+            faces.append(f + n_vertices)
+            objects.append(np.full(len(f), object_id, np.int32))
+            pieces.append(piece)
+            corners.append(uv)
+            n_vertices += len(v)
+        self.vertices = np.ascontiguousarray(np.concatenate(vertices))
+        self.faces = np.ascontiguousarray(np.concatenate(faces), dtype=np.int64)
+        self.object_id = np.concatenate(objects)
+        self.piece = np.concatenate(pieces)
+        self.corner_uv = np.ascontiguousarray(np.concatenate(corners), dtype=np.float64)
+        self.scene = CoarseScene(self.vertices, self.faces)
+
+    @property
+    def n_triangles(self) -> int:
+        """Number of triangles."""
+        return len(self.faces)
+
+    def propose(
+        self, kinds: Sequence[Kind], rays: Rays, best: Nearest, found: BoolArray
+    ) -> list[IntArray]:
+        """Return for each kind what its `trace` is to begin with (-1: nothing)."""
+        face, _, u, v = self.scene.first(rays.origin, rays.direction, rays.t_min, best.t)
+        found[:] = face >= 0
+        return [kind.guesses(self, face, u, v) for kind in kinds]
+
+    def refine(
+        self, kinds: Sequence[Kind], rays: Rays, best: Nearest, work: FloatArray, found: BoolArray
+    ) -> None:
+        """Lower ``best`` to coarse hits (no kinds: accuracy "mesh") or to what they refine to."""
+        rows = np.arange(len(best.t))
+        t_start = rays.t_min.copy()
+        if len(rays.known):  # step off the triangles of the point of departure
+            t_start[rays.known[:, 1] >= 0] += STEP_OVER / self.scene.to_frame
+        for _ in range(RETRIES + 1):
+            face, t, u, v = self.scene.first(
+                rays.origin[rows], rays.direction[rows], t_start[rows], best.t[rows]
+            )
+            is_hit = face >= 0
+            rows, face, t, u, v = rows[is_hit], face[is_hit], t[is_hit], u[is_hit], v[is_hit]
+            if not len(rows):
+                return
+            found[rows] = True
+            accepted = np.zeros(len(rows), np.bool_)
+            if not kinds:
+                offer_faces(
+                    self.vertices, self.faces, self.object_id, face,
+                    rows, rays, t_start, best, accepted,
+                )  # fmt: skip
+            for kind in kinds:
+                kind.refine(self, face, t, u, v, rows, rays, best, accepted)
+                work[NEWTONS] += len(rows)
+            t_start[rows] = t + STEP_OVER / self.scene.to_frame
+            rows = rows[~accepted]
+
+    def finish(
+        self, rays: Rays, best: Nearest, kind_of: IntArray, kind: int, out: Finished
+    ) -> None:
+        """Describe hits on triangles (accuracy "mesh"): ``best.primitive`` is the face."""
+        finish_mesh(
+            self.vertices, self.faces, self.piece, self.corner_uv,
+            rays, best, kind_of, kind, out,
+        )  # fmt: skip
+
+
+_WEIGHTS = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])

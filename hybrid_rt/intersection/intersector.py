@@ -1,0 +1,272 @@
+"""Rays against a list of surfaces: the first hit of each, proven, with its error.
+
+Spheres, rectangles, planes and boxes have closed forms. Patches, surfaces of revolution and
+triangle meshes go to Embree as triangles first; what it finds is refined on the true surface
+(Newton) and then proven to be the first by a search of our own in float64, for which the refined
+hit is only a bound. The three accuracies stop after one, two and three of these stages.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from hybrid_rt.intersection.batch import Finished, new_nearest, new_record, rows_of
+from hybrid_rt.intersection.kinds import CURVED, Surface, make_kinds
+from hybrid_rt.intersection.pool import Pool
+from hybrid_rt.intersection.rays import Batch, make_batch
+from hybrid_rt.kernels.nearest import Nearest, Rays
+from hybrid_rt.kernels.subdivide import COUNTER_NAMES, MOST_PIECES
+from hybrid_rt.records import BoolArray, FloatArray, HitRecord, Status
+
+if TYPE_CHECKING:
+    from hybrid_rt.intersection.coarse import Coarse
+
+ACCURACIES = ("certified", "refined", "mesh")
+COARSE_STAGES = ("embree", "none")
+
+
+class Intersector:
+    """First hits and shadows on a list of surfaces.
+
+    Parameters
+    ----------
+    surfaces : sequence
+        Any mix of `BezierPatches`, `SurfaceOfRevolution`, `Sphere`, `Rectangle`, `Plane`, `Box`
+        and `TriangleMesh`; ``object_id`` of a hit is the index in this list.
+    accuracy : {"certified", "refined", "mesh"}
+        "mesh" takes Embree's triangles as they are; "refined" moves each of its hits onto the
+        true surface; "certified" also proves that nothing lies in front.
+    coarse : {"embree", "none"}
+        "none" (certified only) leaves tessellation and Embree out: the same answers.
+    tolerance : float, optional
+        Chordal tolerance of the coarse triangles, scene units; chosen per surface by default.
+    threads : int, optional
+        Default: all processors that the process may use. Changes no result.
+
+    Raises
+    ------
+    TypeError, ValueError
+        For what is not a surface, an unknown setting, a tolerance that is not positive.
+
+    References
+    ----------
+    Toth, "On ray tracing parametric surfaces", SIGGRAPH 1985 (Newton from a coarse hit).
+    """
+
+    def __init__(
+        self,
+        surfaces: Sequence[Surface],
+        accuracy: str = "certified",
+        coarse: str = "embree",
+        tolerance: float | None = None,
+        threads: int | None = None,
+    ) -> None:
+        began = time.perf_counter()
+        _check_settings(accuracy, coarse, tolerance)
+        self.surfaces = tuple(surfaces)
+        self.accuracy, self.coarse = accuracy, coarse
+        self._pool = Pool(threads)
+        self._closed_forms, self._curved, self._kind_of, self.plan = make_kinds(
+            self.surfaces, accuracy
+        )
+        self._coarse: Coarse | None = None
+        curved = [(i, s) for i, s in enumerate(self.surfaces) if isinstance(s, CURVED)]
+        if curved and coarse == "embree":
+            from hybrid_rt.intersection.coarse import Coarse
+
+            self._coarse = Coarse(curved, tolerance)
+            self.plan["used"]["embree"] = (
+                f"{self._coarse.n_triangles} triangles for {len(curved)} curved surface(s)"
+            )
+        else:
+            self.plan["left_out"]["embree"] = (
+                'coarse="none"' if curved else "no curved surface and no triangle mesh"
+            )
+        self.counters: dict[str, int] = dict.fromkeys(
+            (
+                "rays", "shadow_rays", "hits", "tangent", "misses", "coarse_hits",
+                *COUNTER_NAMES,
+            ),
+            0,
+        )  # fmt: skip
+        self.build_seconds = time.perf_counter() - began
+
+    @property
+    def threads(self) -> int:
+        """Number of threads that share a batch."""
+        return self._pool.threads
+
+    def intersect(
+        self,
+        origins: ArrayLike,
+        directions: ArrayLike,
+        *,
+        t_min: ArrayLike = 0.0,
+        t_max: ArrayLike = np.inf,
+        source: HitRecord | None = None,
+    ) -> HitRecord:
+        """Find the first hit of each ray.
+
+        Parameters
+        ----------
+        origins, directions : (n, 3), (3,) or (h, w, 3) array-like
+            Scene units, world frame, any float type; directions of any length but zero.
+        t_min, t_max : scalar or (n,)
+            A hit needs ``t_min < t < t_max``; in lengths of the given direction.
+        source : HitRecord of n rows, optional
+            The hits that the rays leave from: they are not found again, nor is the same point of
+            an adjoining patch, seam, pole or mesh edge. Rows that are misses exclude nothing.
+
+        Returns
+        -------
+        HitRecord of n rows, in the order of the rays
+
+        Raises
+        ------
+        ValueError
+            For shapes that do not fit, zero or non-finite directions, non-finite origins.
+        """
+        batch = make_batch(origins, directions, t_min, t_max, source, None)
+        n = len(batch)
+        record = new_record(n)
+        best = new_nearest(batch.t_max)
+        slots = Finished(*(getattr(record, name) for name in Finished._fields))
+        found_by_coarse = np.zeros(n, np.bool_)
+        tallies: list[FloatArray] = []
+
+        def work(begin: int, end: int) -> None:
+            tally = np.zeros(len(COUNTER_NAMES))
+            rays, part = rows_of(batch.rays, begin, end), rows_of(best, begin, end)
+            self._first_roots(rays, part, False, tally, found_by_coarse[begin:end])
+            out = rows_of(slots, begin, end)
+            for number, kind in enumerate(self._finishers()):
+                kind.finish(rays, part, self._kind_of, number, out)
+            _complete(record, batch, best, begin, end)
+            tallies.append(tally)
+
+        self._pool.run(work, n)
+        self._count(tallies, record, found_by_coarse)
+        return record
+
+    def occluded(
+        self,
+        origins: ArrayLike,
+        directions: ArrayLike,
+        t_max: ArrayLike = np.inf,
+        *,
+        t_min: ArrayLike = 0.0,
+        source: HitRecord | None = None,
+        target: HitRecord | None = None,
+    ) -> BoolArray:
+        """Tell for each ray whether anything lies between ``t_min`` and ``t_max``.
+
+        Parameters are those of `intersect`; ``target`` names the hits that the rays go to, which
+        do not count as being in the way.
+
+        Returns
+        -------
+        (n,) bool
+        """
+        batch = make_batch(origins, directions, t_min, t_max, source, target)
+        best = new_nearest(batch.t_max)
+        tallies: list[FloatArray] = []
+
+        def work(begin: int, end: int) -> None:
+            tally = np.zeros(len(COUNTER_NAMES))
+            rays, part = rows_of(batch.rays, begin, end), rows_of(best, begin, end)
+            self._first_roots(rays, part, True, tally, np.zeros(end - begin, np.bool_))
+            tallies.append(tally)
+
+        self._pool.run(work, len(batch))
+        self._add_work(tallies)
+        self.counters["shadow_rays"] += len(batch)
+        blocked: BoolArray = best.object_id >= 0
+        return blocked
+
+    def _first_roots(
+        self, rays: Rays, best: Nearest, any_hit: bool, tally: FloatArray, found: BoolArray
+    ) -> None:
+        """Lower ``best`` for a slice of rays, by the stages of the accuracy."""
+        for kind in self._closed_forms:
+            kind.trace(rays, None, best, any_hit, tally)
+        if self._coarse is None:
+            for kind in self._curved:
+                kind.trace(rays, None, best, any_hit, tally)
+        elif self.accuracy == "certified":
+            guesses = self._coarse.propose(self._curved, rays, best, found)
+            for kind, guess in zip(self._curved, guesses, strict=True):
+                kind.trace(rays, guess, best, any_hit, tally)
+        else:
+            self._coarse.refine(self._curved, rays, best, tally, found)
+
+    def _finishers(self) -> list[Any]:
+        """Return what describes the hits of each kind, in the order of their numbers."""
+        if self.accuracy == "mesh" and self._coarse is not None:
+            return [*self._closed_forms, self._coarse]
+        return [*self._closed_forms, *self._curved]
+
+    def _add_work(self, tallies: list[FloatArray]) -> None:
+        for tally in tallies:
+            for name, value in zip(COUNTER_NAMES, tally, strict=True):
+                if name == COUNTER_NAMES[MOST_PIECES]:
+                    self.counters[name] = max(self.counters[name], int(value))
+                else:
+                    self.counters[name] += int(value)
+
+    def _count(
+        self, tallies: list[FloatArray], record: HitRecord, found_by_coarse: BoolArray
+    ) -> None:
+        self._add_work(tallies)
+        self.counters["rays"] += len(record)
+        is_hit = record.hit
+        self.counters["hits"] += int(is_hit.sum())
+        self.counters["misses"] += int((~is_hit).sum())
+        self.counters["tangent"] += int((record.status == Status.TANGENT).sum())
+        self.counters["coarse_hits"] += int(found_by_coarse.sum())
+
+
+def _complete(record: HitRecord, batch: Batch, best: Nearest, begin: int, end: int) -> None:
+    """Fill the columns that are the same for every kind of surface."""
+    rows = slice(begin, end)
+    is_hit = best.object_id[rows] >= 0
+    t = best.t[rows] * batch.unit[rows]
+    record.t[rows] = np.where(is_hit, t, np.inf)
+    record.t_bound[rows] = np.where(is_hit, best.t_bound[rows] * batch.unit[rows], np.inf)
+    record.object_id[rows] = best.object_id[rows]
+    # A root that rounding kept from us matters only in front of the hit.
+    tangent = (best.tangent[rows] != 0) & is_hit | (best.doubt[rows] < best.t[rows])
+    record.status[rows] = np.where(tangent, Status.TANGENT, is_hit.astype(np.uint8))
+    slope = np.einsum("ij,ij->i", batch.rays.direction[rows], record.normal[rows])
+    record.front_face[rows] = is_hit & (slope < 0)
+
+
+def _check_settings(accuracy: str, coarse: str, tolerance: float | None) -> None:
+    if accuracy not in ACCURACIES:
+        raise ValueError(f"accuracy is {accuracy!r}: pass one of {', '.join(ACCURACIES)}")
+    if coarse not in COARSE_STAGES:
+        raise ValueError(f"coarse is {coarse!r}: pass one of {', '.join(COARSE_STAGES)}")
+    if coarse == "none" and accuracy != "certified":
+        raise ValueError(
+            f'coarse="none" leaves no triangles for accuracy={accuracy!r}: '
+            'pass coarse="embree", or accuracy="certified"'
+        )
+    if tolerance is not None and not (np.isfinite(tolerance) and tolerance > 0):
+        raise ValueError(
+            f"tolerance is {tolerance}: pass a positive length in scene units, or None"
+        )
+
+
+def describe(tracer: Intersector) -> dict[str, Any]:
+    """Return what a report keeps of an intersector: settings, plan, counters."""
+    return {
+        "accuracy": tracer.accuracy,
+        "coarse": tracer.coarse,
+        "plan": tracer.plan,
+        "build_seconds": tracer.build_seconds,
+        "counters": dict(tracer.counters),
+    }

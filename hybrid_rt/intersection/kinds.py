@@ -1,0 +1,95 @@
+"""Sorts a list of surfaces into kinds, and builds for each kind what its kernels need."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any, TypeAlias
+
+import numpy as np
+
+from hybrid_rt.intersection.batch import Kind
+from hybrid_rt.intersection.closed_forms import ClosedForm
+from hybrid_rt.primitives import Box, Plane, Rectangle, Sphere, TriangleMesh
+from hybrid_rt.records import IntArray
+from meshing import BezierPatches, SurfaceOfRevolution
+
+Surface: TypeAlias = (
+    BezierPatches | SurfaceOfRevolution | Sphere | Rectangle | Plane | Box | TriangleMesh
+)
+CURVED = (BezierPatches, SurfaceOfRevolution, TriangleMesh)
+"""What goes to Embree as triangles first."""
+
+
+def make_kinds(
+    surfaces: Sequence[Surface], accuracy: str
+) -> tuple[list[Kind], list[Kind], IntArray, dict[str, dict[str, str]]]:
+    """Build the kinds that occur.
+
+    Returns
+    -------
+    closed_forms, curved : the kinds, in the order in which they are traced
+    kind_of : (objects,) int32, number of each object's kind in ``closed_forms + curved``
+    plan : what is used and what was left out, with the reasons
+    """
+    for i, surface in enumerate(surfaces):
+        if not isinstance(surface, Surface.__args__):
+            raise TypeError(
+                f"surfaces[{i}] is a {type(surface).__name__}: pass surfaces such as "
+                "BezierPatches or Sphere (for a mesh: TriangleMesh(mesh))"
+            )
+    kind_of = np.full(len(surfaces), -1, np.int32)
+    plan: dict[str, dict[str, str]] = {"used": {}, "left_out": {}}
+    kinds: tuple[list[Kind], list[Kind]] = ([], [])
+    number = 0
+    for group, builders in enumerate((_CLOSED_FORMS, _CURVED)):
+        for surface_type, name, build in builders:
+            members: list[tuple[int, Any]] = [
+                (i, s) for i, s in enumerate(surfaces) if isinstance(s, surface_type)
+            ]
+            if not members:
+                plan["left_out"][name] = "the scene has none"
+                continue
+            if group == 1 and accuracy == "mesh":
+                plan["left_out"][name] = 'accuracy="mesh" takes the triangles as they are'
+                kind_of[[i for i, _ in members]] = len(kinds[0])
+                continue
+            kinds[group].append(build(members, accuracy))
+            kind_of[[i for i, _ in members]] = number
+            number += 1
+            plan["used"][name] = f"{len(members)} object(s)"
+    return (*kinds, kind_of, plan)
+
+
+def _closed_form(name: str) -> Callable[[list[tuple[int, Any]], str], Kind]:
+    return lambda members, _accuracy: ClosedForm(name, members)
+
+
+def _patches(members: list[tuple[int, Any]], accuracy: str) -> Kind:
+    from hybrid_rt.intersection.patches import PatchKind
+
+    return PatchKind(members, search=accuracy == "certified")
+
+
+def _revolutions(members: list[tuple[int, Any]], accuracy: str) -> Kind:
+    from hybrid_rt.intersection.revolutions import RevolutionKind
+
+    return RevolutionKind(members, search=accuracy == "certified")
+
+
+def _triangles(members: list[tuple[int, Any]], accuracy: str) -> Kind:
+    from hybrid_rt.intersection.triangles import TriangleKind
+
+    return TriangleKind(members, search=accuracy == "certified")
+
+
+_CLOSED_FORMS = (
+    (Sphere, "spheres", _closed_form("spheres")),
+    (Rectangle, "rectangles", _closed_form("rectangles")),
+    (Plane, "planes", _closed_form("planes")),
+    (Box, "boxes", _closed_form("boxes")),
+)
+_CURVED = (
+    (BezierPatches, "Bezier patches", _patches),
+    (SurfaceOfRevolution, "surfaces of revolution", _revolutions),
+    (TriangleMesh, "triangle meshes", _triangles),
+)

@@ -1,0 +1,207 @@
+"""Bezier patches of all objects: one frame, one table of cells, one tree."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hybrid_rt.intersection.batch import Finished
+from hybrid_rt.kernels.coarse import guess_cells
+from hybrid_rt.kernels.nearest import Nearest, Rays
+from hybrid_rt.kernels.patch_cells import RECORD, SPREAD, fill_cells
+from hybrid_rt.kernels.trace_patches import (
+    PatchTable,
+    finish_patches,
+    refine_patches,
+    trace_patches,
+)
+from hybrid_rt.kernels.tree import Tree, build_tree
+from hybrid_rt.records import BoolArray, FloatArray, IntArray
+from meshing import BezierPatches
+
+if TYPE_CHECKING:
+    from hybrid_rt.intersection.coarse import Coarse
+
+# Cells per side: enough that tangents hardly turn within one. Finer ones cost memory and gain
+# little; a cell takes 184 bytes and its share of the tree.
+COARSEST, FINEST = 1, 8
+# sin^2 of the half angle of the normals' cone above which a finer grid is worth its memory.
+WIDE_SPREAD = 0.02
+# Cells in all scenes of ordinary size stay below this; larger scenes get coarser grids.
+MOST_CELLS = 4_000_000
+# Edges whose control points agree to this part of the frame are the same edge.
+SAME_EDGE = 2.0**-44
+
+
+class PatchKind:
+    """First hits on Bezier patches.
+
+    Parameters
+    ----------
+    surfaces : sequence of (object id, BezierPatches)
+    search : whether `trace` is needed: cells and a tree; else only `refine` and `finish` work
+    """
+
+    def __init__(
+        self, surfaces: Sequence[tuple[int, BezierPatches]], search: bool = True
+    ) -> None:
+        nets = [net for _, surface in surfaces for net in surface.patches]
+        points = np.concatenate([net.reshape(-1, 3) for net in nets])
+        degree = np.array([(net.shape[0] - 1, net.shape[1] - 1) for net in nets], np.int64)
+        lengths = (degree + 1).prod(axis=1)
+        start = np.concatenate([[0], lengths.cumsum()[:-1]]).astype(np.int64)
+        lo, hi = points.min(axis=0), points.max(axis=0)
+        middle = 0.5 * lo + 0.5 * hi
+        radius = np.linalg.norm(0.5 * hi - 0.5 * lo)
+        to_frame = float(2.0 ** -np.ceil(np.log2(radius)))
+        low = np.minimum.reduceat(points, start) - middle
+        high = np.maximum.reduceat(points, start) - middle
+        # Rounded to 20 bits, so that subtracting a centre loses nothing of ordinary figures.
+        centre = np.round(0.5 * (low + high) * to_frame * 2.0**20) * 2.0**-20
+        control = _difference(points, middle, np.repeat(centre, lengths, axis=0), to_frame)
+        size = np.sqrt(np.maximum.reduceat((control**2).sum(axis=1), start))
+        counts = [len(surface) for _, surface in surfaces]
+        object_id = np.repeat(np.array([i for i, _ in surfaces], np.int32), counts)
+        patch_id = np.concatenate([np.arange(n, dtype=np.int32) for n in counts])
+        self.table = PatchTable(
+            middle=middle,
+            to_frame=to_frame,
+            control=control,
+            start=start,
+            degree=degree,
+            centre=centre,
+            size=size,
+            open_edges=_open_edges(nets, SAME_EDGE / to_frame),
+            object_id=object_id,
+            patch_id=patch_id,
+            **_cells(control, start, degree, centre, FINEST if search else COARSEST),
+        )
+        self._first_patch = np.full(int(object_id.max()) + 1, -1, np.int64)
+        for i, count in zip((i for i, _ in surfaces), np.cumsum([0, *counts[:-1]]), strict=True):
+            self._first_patch[i] = count
+        if search:
+            boxes = self._boxes()
+            self.tree = Tree(*build_tree(boxes[:, :3].copy(), boxes[:, 3:].copy(), 1))
+
+    def _boxes(self) -> FloatArray:
+        """Return the cells' boxes, filling the records as well."""
+        t = self.table
+        boxes = np.empty((len(t.record), 6))
+        fill_cells(
+            t.control, t.start, t.degree, t.centre, t.grid, t.first_cell, 0, len(t.start),
+            t.record, boxes, t.cell_patch,
+        )  # fmt: skip
+        return boxes
+
+    def trace(
+        self, rays: Rays, guess: IntArray | None, best: Nearest, any_hit: bool, work: FloatArray
+    ) -> None:
+        """Lower ``best`` to the first roots on the patches."""
+        cells = np.empty(0, np.int32) if guess is None else guess
+        trace_patches(self.table, self.tree, rays, cells, best, any_hit, work)
+
+    def guesses(self, coarse: Coarse, face: IntArray, u: FloatArray, v: FloatArray) -> IntArray:
+        """Return the cell of each coarse hit, -1 where there is none on a patch."""
+        guess = np.empty(len(face), np.int32)
+        guess_cells(
+            face, u, v, coarse.corner_uv, coarse.object_id, coarse.piece, self._first_of(coarse),
+            self.table.grid, self.table.first_cell, guess,
+        )  # fmt: skip
+        return guess
+
+    def refine(
+        self,
+        coarse: Coarse,
+        face: IntArray,
+        t: FloatArray,
+        u: FloatArray,
+        v: FloatArray,
+        rows: NDArray[np.int64],
+        rays: Rays,
+        best: Nearest,
+        accepted: BoolArray,
+    ) -> None:
+        """Move coarse hits onto their patches by Newton iteration, and offer what is found."""
+        refine_patches(
+            self.table, face, t, u, v, coarse.corner_uv, coarse.object_id, coarse.piece,
+            self._first_of(coarse), rows, rays, best, accepted,
+        )  # fmt: skip
+
+    def _first_of(self, coarse: Coarse) -> NDArray[np.int64]:
+        """Return for each object its first patch here, -1 for objects of other kinds."""
+        first = np.full(int(coarse.object_id.max()) + 1, -1, np.int64)
+        first[: len(self._first_patch)] = self._first_patch
+        return first
+
+    def finish(
+        self, rays: Rays, best: Nearest, kind_of: IntArray, kind: int, out: Finished
+    ) -> None:
+        """Describe the hits that are on patches."""
+        finish_patches(self.table, rays, best, kind_of, kind, out)
+
+
+def _difference(
+    points: FloatArray, middle: FloatArray, centre: FloatArray, to_frame: float
+) -> FloatArray:
+    """(points - middle) to_frame - centre with one rounding, not three."""
+    high = points - middle
+    z = high - points
+    low = (points - (high - z)) - (middle + z)
+    return np.ascontiguousarray((high * to_frame - centre) + low * to_frame)
+
+
+def _cells(
+    control: FloatArray,
+    start: NDArray[np.int64],
+    degree: NDArray[np.int64],
+    centre: FloatArray,
+    finest: int,
+) -> dict[str, NDArray[np.generic]]:
+    """Choose each patch's grid: from one cell up, halved while its normals spread widely."""
+    k = len(start)
+    while finest > COARSEST and k * finest * finest > MOST_CELLS:
+        finest //= 2
+    grid = np.full((k, 2), COARSEST, np.int64)
+    wide = np.arange(k)
+    side = COARSEST
+    while True:
+        # Patches still wide get the finer grid; all others keep theirs.
+        first = np.concatenate([[0], grid.prod(axis=1).cumsum()[:-1]]).astype(np.int64)
+        n = int(grid.prod(axis=1).sum())
+        if side >= finest or not len(wide):
+            break
+        record, boxes = np.empty((n, RECORD)), np.empty((n, 6))
+        cell_patch = np.empty(n, np.int32)
+        fill_cells(control, start, degree, centre, grid, first, 0, k, record, boxes, cell_patch)
+        worst = np.maximum.reduceat(record[:, SPREAD], first)
+        wide = np.flatnonzero(worst > WIDE_SPREAD)
+        side *= 2
+        grid[wide] = side
+    return {
+        "grid": grid,
+        "first_cell": first,
+        "record": np.empty((n, RECORD)),
+        "cell_patch": np.empty(n, np.int32),
+    }
+
+
+def _open_edges(nets: Sequence[FloatArray], rounding: float) -> NDArray[np.int64]:
+    """Bits of the borders (u = 0, u = 1, v = 0, v = 1) beyond which no patch goes on."""
+    seen: dict[bytes, list[tuple[int, int]]] = {}
+    is_open = np.full(len(nets), 15, np.int64)
+    for k, net in enumerate(nets):
+        for bit, edge in enumerate((net[0], net[-1], net[:, 0], net[:, -1])):
+            if np.abs(edge - edge[0]).max() <= rounding:  # a point: the patch closes round it
+                is_open[k] &= ~(1 << bit)
+                continue
+            rounded = np.round(edge / rounding) + 0.0
+            key = min(rounded.tobytes(), np.ascontiguousarray(rounded[::-1]).tobytes())
+            seen.setdefault(key, []).append((k, bit))
+    for owners in seen.values():
+        if len(owners) > 1:
+            for k, bit in owners:
+                is_open[k] &= ~(1 << bit)
+    return is_open

@@ -1,0 +1,51 @@
+"""One pool of threads for everything that runs over slices of a batch of rays.
+
+Kernels and Embree release the GIL and work on the slice they are given; nothing below starts
+threads of its own. A slice is a pure function of its rays, so their number changes no result.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+
+# Long enough to hide the cost of a call from Python, short enough to share the work evenly.
+SLICE = 16384
+
+
+def available_threads() -> int:
+    """Return the number of processors that this process may use."""
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
+
+
+class Pool:
+    """Runs a function over slices of ``range(n)``; the threads start with the first long batch."""
+
+    def __init__(self, threads: int | None = None) -> None:
+        if threads is not None and threads < 1:
+            raise ValueError(f"threads is {threads}: pass 1 or more, or None for all processors")
+        self.threads = threads or available_threads()
+        self._executor: ThreadPoolExecutor | None = None
+
+    def run(self, work: Callable[[int, int], None], n: int) -> None:
+        """Call ``work(begin, end)`` for slices that cover ``range(n)``."""
+        if n <= SLICE // 8 or self.threads == 1:
+            for begin in range(0, n, SLICE):
+                work(begin, min(begin + SLICE, n))
+            return
+        # At least four slices a thread, so that a slow one does not hold up the batch.
+        size = max(min(SLICE, -(-n // (4 * self.threads))), 256)
+        if self._executor is None:
+            self._executor = ThreadPoolExecutor(self.threads, thread_name_prefix="hybrid_rt")
+        futures = [
+            self._executor.submit(work, begin, min(begin + size, n)) for begin in range(0, n, size)
+        ]
+        for future in futures:
+            future.result()
+
+    def __getstate__(self) -> dict[str, object]:
+        """Threads stay behind; an unpickled pool starts its own."""
+        return {"threads": self.threads, "_executor": None}

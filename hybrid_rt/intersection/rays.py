@@ -1,0 +1,124 @@
+"""Checks what a caller passes as rays, and brings it into the form that the kernels take."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from hybrid_rt.kernels.nearest import Rays
+from hybrid_rt.records import FloatArray, HitRecord
+
+# A point named by a hit record lies on its surface up to the rounding of three coordinates, and
+# the ray's origin may have been rounded once more on its way: 4 ulp in all, as a length.
+POINT_ROUNDING = 8 * 2.0**-53
+# Coordinates up to here leave room for the squares of their differences.
+LARGEST = 1e150
+
+
+@dataclass(frozen=True)
+class Batch:
+    """Rays for the kernels; ``unit`` brings their t back into the caller's lengths."""
+
+    rays: Rays
+    t_max: FloatArray
+    unit: FloatArray
+
+    def __len__(self) -> int:
+        """Return the number of rays."""
+        return len(self.t_max)
+
+
+def make_batch(
+    origins: ArrayLike,
+    directions: ArrayLike,
+    t_min: ArrayLike,
+    t_max: ArrayLike,
+    source: HitRecord | None,
+    target: HitRecord | None,
+) -> Batch:
+    """Return checked rays; see `Intersector.intersect` for the forms that are taken."""
+    origin, direction = _vectors(origins, "origins"), _vectors(directions, "directions")
+    if len(origin) == 1 and len(direction) > 1:
+        origin = np.repeat(origin, len(direction), axis=0)
+    if len(direction) == 1 and len(origin) > 1:
+        direction = np.repeat(direction, len(origin), axis=0)
+    n = len(origin)
+    if len(direction) != n:
+        raise ValueError(f"{n} origins but {len(direction)} directions: pass one of each per ray")
+    _refuse(~np.isfinite(origin).all(axis=1), origin, "origins", "is not finite")
+    _refuse((np.abs(origin) > LARGEST).any(axis=1), origin, "origins", "is too far out")
+    _refuse(~np.isfinite(direction).all(axis=1), direction, "directions", "is not finite")
+    largest = np.abs(direction).max(axis=1, initial=0.0)
+    _refuse(largest == 0.0, direction, "directions", "has length zero")
+    # A power of two, so that nothing is rounded: the largest component comes into [1/2, 1).
+    exponent = np.frexp(largest)[1]
+    unit = np.ldexp(1.0, -exponent)
+    direction = np.ldexp(direction, -exponent[:, None])
+    lowest, highest = _limit(t_min, "t_min", n) / unit, _limit(t_max, "t_max", n) / unit
+    known = _known(origin, direction, source, target, n)
+    return Batch(Rays(origin, direction, lowest, known), highest, unit)
+
+
+def _vectors(values: ArrayLike, name: str) -> FloatArray:
+    array = np.asarray(values)
+    if array.dtype.kind not in "fiu":
+        array = np.asarray(values, dtype=np.float64)
+    if array.ndim not in (1, 2, 3) or array.shape[-1] != 3:
+        raise ValueError(
+            f"{name} has shape {array.shape}: pass (n, 3), one vector (3,), or an image (h, w, 3)"
+        )
+    return np.ascontiguousarray(array.reshape(-1, 3), dtype=np.float64)
+
+
+def _limit(value: ArrayLike, name: str, n: int) -> FloatArray:
+    array = np.asarray(value, dtype=np.float64)
+    if array.ndim == 2 and array.size == n:
+        array = array.reshape(n)
+    if array.shape not in ((), (1,), (n,)):
+        raise ValueError(f"{name} has shape {array.shape}: pass one number, or one per ray ({n},)")
+    if np.isnan(array).any():
+        raise ValueError(f"{name} holds nan: pass a number, or inf for no limit")
+    return np.ascontiguousarray(np.broadcast_to(array, (n,)))
+
+
+def _refuse(bad: np.ndarray, rows: FloatArray, name: str, what: str) -> None:
+    if bad.any():
+        i = int(bad.argmax())
+        raise ValueError(
+            f"{name}[{i}] = {rows[i].tolist()} {what} ({int(bad.sum())} such ray(s)): "
+            "leave such rays out"
+        )
+
+
+def _known(
+    origin: FloatArray,
+    direction: FloatArray,
+    source: HitRecord | None,
+    target: HitRecord | None,
+    n: int,
+) -> FloatArray:
+    """Return t and rounding of the points that a ray leaves from and goes to (see `is_known`)."""
+    if source is None and target is None:
+        return np.empty((0, 4))
+    known = np.zeros((n, 4))
+    known[:, [1, 3]] = -1.0
+    squared = np.einsum("ij,ij->i", direction, direction)
+    for column, record, name in ((0, source, "source"), (2, target, "target")):
+        if record is None:
+            continue
+        if len(record) != n:
+            raise ValueError(
+                f"{name} has {len(record)} rows for {n} rays: pass one row per ray, "
+                f"for instance {name}=hits[mask]"
+            )
+        rows = np.flatnonzero(record.hit)
+        away = record.position[rows] - origin[rows]
+        t = np.einsum("ij,ij->i", away, direction[rows]) / squared[rows]
+        # The ray passes the point at this distance: rounding, if the caller means this point.
+        gap = np.abs(away - t[:, None] * direction[rows]).max(axis=1)
+        size = np.maximum(np.abs(record.position[rows]), np.abs(origin[rows])).max(axis=1)
+        known[rows, column] = t
+        known[rows, column + 1] = POINT_ROUNDING * size + np.minimum(gap, 64 * 2.0**-52 * size)
+    return known

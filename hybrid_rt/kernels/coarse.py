@@ -1,0 +1,111 @@
+"""Rays as Embree takes them, float32 in the frame of its triangles; and what its hits mean."""
+
+import numpy as np
+
+from hybrid_rt.kernels.frame import advance, enter_frame
+from hybrid_rt.kernels.nearest import offer
+from meshing.kernels.jit import kernel
+
+# Embree's own "no limit", and far beyond the frame.
+NO_LIMIT = 1e30
+
+
+@kernel
+def rays_to_float32(
+    origin, direction, t_min, t_max, middle, to_frame, near, away, reach, shift
+):
+    """Fill float32 origins (advanced to t_min), directions and reach; ``shift`` in frame units."""
+    for i in range(origin.shape[0]):
+        d = direction[i]
+        x, y, z, lx, ly, lz, s = enter_frame(origin[i], d, middle, to_frame)
+        # Embree starts at 0: begin at t_min, but never before the frame's ball.
+        begin = t_min[i] * to_frame - s
+        if begin > 0.0:
+            x, lx = advance(x, lx, begin, d[0])
+            y, ly = advance(y, ly, begin, d[1])
+            z, lz = advance(z, lz, begin, d[2])
+            s += begin
+        near[i, 0], near[i, 1], near[i, 2] = x, y, z
+        away[i, 0], away[i, 1], away[i, 2] = d[0], d[1], d[2]
+        reach[i] = min(max(t_max[i] * to_frame - s, 0.0), NO_LIMIT)
+        shift[i] = s
+
+
+@kernel
+def guess_cells(face, u, v, corner_uv, object_id, piece, first_patch, grid, first_cell, guess):
+    """Turn coarse hits into the cell that holds them (-1: no hit, or not a patch)."""
+    for i in range(face.shape[0]):
+        f = face[i]
+        if f < 0 or first_patch[object_id[f]] < 0:
+            guess[i] = -1
+            continue
+        k = first_patch[object_id[f]] + piece[f]
+        w = 1.0 - u[i] - v[i]
+        a = w * corner_uv[f, 0, 0] + u[i] * corner_uv[f, 1, 0] + v[i] * corner_uv[f, 2, 0]
+        b = w * corner_uv[f, 0, 1] + u[i] * corner_uv[f, 1, 1] + v[i] * corner_uv[f, 2, 1]
+        nu, nv = grid[k, 0], grid[k, 1]
+        ca = min(max(int(np.floor(a * nu)), 0), nu - 1)
+        cb = min(max(int(np.floor(b * nv)), 0), nv - 1)
+        guess[i] = first_cell[k] + ca * nv + cb
+
+
+@kernel
+def offer_faces(vertices, faces, object_id, face, rows, rays, t_start, best, accepted):
+    """Offer coarse triangles as they are, their plane met in float64 (accuracy "mesh")."""
+    for j in range(face.shape[0]):
+        i, f = rows[j], face[j]
+        o, d = rays.origin[i], rays.direction[i]
+        a, b, c = vertices[faces[f, 0]], vertices[faces[f, 1]], vertices[faces[f, 2]]
+        bx, by, bz = b[0] - a[0], b[1] - a[1], b[2] - a[2]
+        cx, cy, cz = c[0] - a[0], c[1] - a[1], c[2] - a[2]
+        nx, ny, nz = by * cz - bz * cy, bz * cx - bx * cz, bx * cy - by * cx
+        det = nx * d[0] + ny * d[1] + nz * d[2]
+        if det == 0.0:
+            continue
+        wx, wy, wz = a[0] - o[0], a[1] - o[1], a[2] - o[2]
+        t = (nx * wx + ny * wy + nz * wz) / det
+        # p = o + t d - a in the basis of the two edges.
+        px, py, pz = t * d[0] - wx, t * d[1] - wy, t * d[2] - wz
+        bb, bc = bx * bx + by * by + bz * bz, bx * cx + by * cy + bz * cz
+        cc = cx * cx + cy * cy + cz * cz
+        pb, pc = px * bx + py * by + pz * bz, px * cx + py * cy + pz * cz
+        gram = bb * cc - bc * bc
+        if gram == 0.0 or not t > t_start[i]:
+            continue
+        v, w = (cc * pb - bc * pc) / gram, (bb * pc - bc * pb) / gram
+        length = np.sqrt(nx * nx + ny * ny + nz * nz)
+        # Nothing is known of the true surface: no bound.
+        if offer(
+            i, t, np.inf, abs(det) / length, False, object_id[f], f, v, w,
+            rays.t_min, rays.known[:0], best,
+        ):  # fmt: skip
+            accepted[j] = True
+
+
+@kernel
+def finish_mesh(vertices, faces, piece, corner_uv, rays, best, kind_of, kind, out):
+    """Describe hits on coarse triangles."""
+    for i in range(best.t.shape[0]):
+        if best.object_id[i] < 0 or kind_of[best.object_id[i]] != kind:
+            continue
+        f = best.primitive[i]
+        v, w = best.a[i], best.b[i]
+        u = 1.0 - v - w
+        a, b, c = vertices[faces[f, 0]], vertices[faces[f, 1]], vertices[faces[f, 2]]
+        bx, by, bz = b[0] - a[0], b[1] - a[1], b[2] - a[2]
+        cx, cy, cz = c[0] - a[0], c[1] - a[1], c[2] - a[2]
+        nx, ny, nz = by * cz - bz * cy, bz * cx - bx * cz, bx * cy - by * cx
+        length = np.sqrt(nx * nx + ny * ny + nz * nz)
+        out.normal[i, 0], out.normal[i, 1], out.normal[i, 2] = (
+            nx / length, ny / length, nz / length,
+        )  # fmt: skip
+        gap = 0.0
+        for k in range(3):
+            p = u * a[k] + v * b[k] + w * c[k]
+            out.position[i, k] = p
+            gap += (p - (rays.origin[i, k] + best.t[i] * rays.direction[i, k])) ** 2
+        uv = corner_uv[f]
+        out.u[i] = u * uv[0, 0] + v * uv[1, 0] + w * uv[2, 0]
+        out.v[i] = u * uv[0, 1] + v * uv[1, 1] + w * uv[2, 1]
+        out.patch_id[i] = piece[f]
+        out.residual[i] = np.sqrt(gap)

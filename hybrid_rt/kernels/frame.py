@@ -1,0 +1,64 @@
+"""A frame for a group of surfaces: centred on them, scaled by a power of two, lossless for rays.
+
+World coordinates far from the origin, or rays that start far away, would lose in every later
+subtraction what is kept here: the origin is carried as an unevaluated sum of two numbers.
+"""
+
+import numpy as np
+
+from meshing.kernels.jit import inner
+
+# Everything in the frame lies within this of its origin; rays start within twice that.
+FRAME_RADIUS = 1.0
+SPLITTER = 134217729.0  # 2**27 + 1
+
+
+@inner
+def two_difference(a, b):
+    """Return a - b rounded, and what the rounding left (Knuth 1969)."""
+    s = a - b
+    z = s - a
+    return s, (a - (s - z)) - (b + z)
+
+
+@inner
+def advance(high, low, t, d):
+    """Return (high + low) + t d as an unevaluated sum of two numbers (Dekker 1971)."""
+    p = t * d
+    c = SPLITTER * t
+    th = c - (c - t)
+    tl = t - th
+    c = SPLITTER * d
+    dh = c - (c - d)
+    dl = d - dh
+    e = ((th * dh - p) + th * dl + tl * dh) + tl * dl
+    s = high + p
+    z = s - high
+    low = low + ((high - (s - z)) + (p - z)) + e
+    r = s + low
+    return r, low - (r - s)
+
+
+@inner
+def enter_frame(o, d, middle, to_frame):
+    """Bring a ray's origin into a frame, near the frame's ball.
+
+    Returns the origin in two parts and by how much t was advanced, in frame units: the ray is
+    ``(high + low) + (t to_frame - shift) d``.
+    """
+    h0, l0 = two_difference(o[0], middle[0])
+    h1, l1 = two_difference(o[1], middle[1])
+    h2, l2 = two_difference(o[2], middle[2])
+    h0, l0 = h0 * to_frame, l0 * to_frame
+    h1, l1 = h1 * to_frame, l1 * to_frame
+    h2, l2 = h2 * to_frame, l2 * to_frame
+    largest = max(abs(h0), abs(h1), abs(h2))
+    if largest <= FRAME_RADIUS:
+        return h0, h1, h2, l0, l1, l2, 0.0
+    dd = d[0] * d[0] + d[1] * d[1] + d[2] * d[2]
+    # To the foot of the perpendicular on the middle, less 1.5 radii.
+    shift = -(h0 * d[0] + h1 * d[1] + h2 * d[2]) / dd - 1.5 * FRAME_RADIUS / np.sqrt(dd)
+    h0, l0 = advance(h0, l0, shift, d[0])
+    h1, l1 = advance(h1, l1, shift, d[1])
+    h2, l2 = advance(h2, l2, shift, d[2])
+    return h0, h1, h2, l0, l1, l2, shift

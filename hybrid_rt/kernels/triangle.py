@@ -1,0 +1,217 @@
+"""Rays against triangles in float64, watertight.
+
+Each vertex is brought into the ray's sheared frame by the same operations whichever triangle asks
+(Woop, Benthin, Wald 2013, "Watertight ray/triangle intersection"), so the edge function of a shared
+edge has exactly opposite values for its two triangles, and no ray passes between them.
+"""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from hybrid_rt.kernels.frame import enter_frame
+from hybrid_rt.kernels.nearest import offer
+from hybrid_rt.kernels.patch import TANGENT_BAND, UNIT_ROUNDOFF
+from hybrid_rt.kernels.subdivide import CELLS, CHANGED, NODES
+from hybrid_rt.kernels.tree import push_children, safe_reciprocal, test_children
+from meshing.kernels.jit import inner, kernel
+
+# Boxes within this of the nearest root are still looked into (times 1 + |t|, in frame units).
+CUT_SLACK = 2.0**-20
+
+
+class TriangleTable(NamedTuple):
+    """Triangles of all meshes, in a frame where they all lie within 1 of the origin."""
+
+    middle: Any  # (3,) world
+    to_frame: float  # power of two
+    vertex: Any  # (v, 3) world
+    face: Any  # (f, 3) int64
+    neighbour: Any  # (f, 3) int64: face across the edge opposite vertex k, -1 where none
+    object_id: Any  # (f,) int32
+    patch_id: Any  # (f,) int32: number within its mesh
+
+
+@inner
+def _normal(vertex, face, f):
+    a, b, c = vertex[face[f, 0]], vertex[face[f, 1]], vertex[face[f, 2]]
+    bx, by, bz = b[0] - a[0], b[1] - a[1], b[2] - a[2]
+    cx, cy, cz = c[0] - a[0], c[1] - a[1], c[2] - a[2]
+    return by * cz - bz * cy, bz * cx - bx * cz, bx * cy - by * cx
+
+
+@inner
+def offer_triangle(
+    i, f, vertex, face, neighbour, object_id, o, d, kx, ky, kz, sx, sy, sz, t_min, known, best
+):
+    """Offer the hit of ray i on face f, if it has one; (kx, ky, kz, s..) is the ray's shear."""
+    nx, ny, nz = _normal(vertex, face, f)
+    length = np.sqrt(nx * nx + ny * ny + nz * nz)
+    slope = nx * d[0] + ny * d[1] + nz * d[2]
+    if slope == 0.0 or length == 0.0:
+        return
+    a, b, c = vertex[face[f, 0]], vertex[face[f, 1]], vertex[face[f, 2]]
+    az, bz, cz = a[kz] - o[kz], b[kz] - o[kz], c[kz] - o[kz]
+    ax, ay = (a[kx] - o[kx]) - sx * az, (a[ky] - o[ky]) - sy * az
+    bx, by = (b[kx] - o[kx]) - sx * bz, (b[ky] - o[ky]) - sy * bz
+    cx, cy = (c[kx] - o[kx]) - sx * cz, (c[ky] - o[ky]) - sy * cz
+    u, v, w = cx * by - cy * bx, ax * cy - ay * cx, bx * ay - by * ax
+    if (u < 0.0 or v < 0.0 or w < 0.0) and (u > 0.0 or v > 0.0 or w > 0.0):
+        return
+    total = u + v + w
+    if total == 0.0:
+        return
+    wx, wy, wz = a[0] - o[0], a[1] - o[1], a[2] - o[2]
+    t = (nx * wx + ny * wy + nz * wz) / slope
+    away = max(abs(az), abs(bz), abs(cz)) + max(abs(ax), abs(bx), abs(cx), abs(ay), abs(by), abs(cy))
+    # Differences, a cross product and a dot product: 12 roundings of lengths up to `away`; the
+    # normal of a needle turns by its rounding over its height, which is length over its side.
+    side = max(abs(bx - ax), abs(cx - ax), abs(bx - cx), abs(by - ay), abs(cy - ay), abs(by - cy))
+    side += max(abs(bz - az), abs(cz - az), abs(bz - cz))
+    error = UNIT_ROUNDOFF * away * (12.0 + 8.0 * side * side / length)
+    n_dot_d = abs(slope) / length
+    t_bound = error / n_dot_d + 4.0 * UNIT_ROUNDOFF * abs(t)
+    # --- margins to those edges beyond which the ray would miss: open ones and silhouettes
+    tangent = False
+    band = TANGENT_BAND * away
+    for k in range(3):
+        if k == 0:
+            e, ex, ey = u, cx - bx, cy - by
+        elif k == 1:
+            e, ex, ey = v, ax - cx, ay - cy
+        else:
+            e, ex, ey = w, bx - ax, by - ay
+        if e * e > band * band * (ex * ex + ey * ey):
+            continue
+        other = neighbour[f, k]
+        if other < 0:
+            tangent = True
+        else:
+            px, py, pz = _normal(vertex, face, other)
+            if (px * d[0] + py * d[1] + pz * d[2]) * slope <= 0.0:
+                tangent = True
+    offer(
+        i, t, t_bound, n_dot_d, tangent, object_id[f], f, v / total, w / total, t_min, known, best
+    )
+
+
+@kernel
+def trace_triangles(table, tree, rays, guess, best, any_hit, counters):
+    """Lower ``best`` to the first hits on triangles; ``guess`` names a face to begin with."""
+    vertex, face, neighbour, object_id = table.vertex, table.face, table.neighbour, table.object_id
+    rows, child, count, order = tree.rows, tree.child, tree.count, tree.order
+    entry = np.empty(8, np.float32)
+    stack_node = np.empty(tree.stack, np.int32)
+    stack_count = np.empty(tree.stack, np.int32)
+    stack_entry = np.empty(tree.stack, np.float32)
+    for i in range(rays.origin.shape[0]):
+        if any_hit and best.object_id[i] >= 0:
+            continue
+        o, d = rays.origin[i], rays.direction[i]
+        kz = 0
+        if abs(d[1]) > abs(d[kz]):
+            kz = 1
+        if abs(d[2]) > abs(d[kz]):
+            kz = 2
+        kx, ky = (kz + 1) % 3, (kz + 2) % 3
+        sx, sy, sz = d[kx] / d[kz], d[ky] / d[kz], 1.0 / d[kz]
+        t_guess = np.inf
+        if guess.shape[0] > 0:
+            if guess[i] >= 0:
+                offer_triangle(
+                    i, guess[i], vertex, face, neighbour, object_id, o, d, kx, ky, kz, sx, sy, sz,
+                    rays.t_min, rays.known, best,
+                )  # fmt: skip
+            t_guess = best.t[i]
+        x, y, z, _, _, _, shift = enter_frame(o, d, table.middle, table.to_frame)
+        t_lo = rays.t_min[i] * table.to_frame - shift
+        lo = np.float32(t_lo - CUT_SLACK * (1.0 + abs(t_lo)))
+        fx, fy, fz = np.float32(x), np.float32(y), np.float32(z)
+        rx, ry, rz = safe_reciprocal(d[0]), safe_reciprocal(d[1]), safe_reciprocal(d[2])
+        nx, ny, nz = 0 if rx > 0 else 3, 0 if ry > 0 else 3, 0 if rz > 0 else 3
+        top = 1
+        stack_node[0], stack_count[0], stack_entry[0] = 0, 0, lo
+        while top > 0:
+            top -= 1
+            t_cut = best.t[i] * table.to_frame - shift
+            t_cut += CUT_SLACK * (1.0 + abs(t_cut))
+            if stack_entry[top] > t_cut:
+                continue
+            node = stack_node[top]
+            if stack_count[top] == 0:
+                counters[NODES] += 1
+                test_children(
+                    rows, node, fx, fy, fz, rx, ry, rz, nx, ny, nz, lo, np.float32(t_cut), entry
+                )
+                top = push_children(
+                    child, count, node, entry, stack_node, stack_count, stack_entry, top
+                )
+                continue
+            for k in range(node, node + stack_count[top]):
+                counters[CELLS] += 1
+                offer_triangle(
+                    i, order[k], vertex, face, neighbour, object_id, o, d, kx, ky, kz, sx, sy, sz,
+                    rays.t_min, rays.known, best,
+                )  # fmt: skip
+            if any_hit and best.object_id[i] >= 0:
+                break
+        if best.t[i] < t_guess and guess.shape[0] > 0:
+            counters[CHANGED] += 1
+
+
+@kernel
+def guess_faces(face, object_id, piece, first_face, guess):
+    """Turn coarse hits into faces of the table (-1: no hit, or not on a mesh)."""
+    for i in range(face.shape[0]):
+        f = face[i]
+        guess[i] = -1
+        if f >= 0 and first_face[object_id[f]] >= 0:
+            guess[i] = first_face[object_id[f]] + piece[f]
+
+
+@kernel
+def refine_triangles(table, guess, rows, rays, best, accepted):
+    """Offer the coarse stage's own faces, met in float64."""
+    for j in range(guess.shape[0]):
+        if guess[j] < 0:
+            continue
+        i = rows[j]
+        o, d = rays.origin[i], rays.direction[i]
+        kz = 0
+        if abs(d[1]) > abs(d[kz]):
+            kz = 1
+        if abs(d[2]) > abs(d[kz]):
+            kz = 2
+        kx, ky = (kz + 1) % 3, (kz + 2) % 3
+        before = best.t[i]
+        offer_triangle(
+            i, guess[j], table.vertex, table.face, table.neighbour, table.object_id, o, d,
+            kx, ky, kz, d[kx] / d[kz], d[ky] / d[kz], 1.0 / d[kz], rays.t_min, rays.known, best,
+        )  # fmt: skip
+        accepted[j] = best.t[i] < before
+
+
+@kernel
+def finish_triangles(table, rays, best, kind_of, kind, out):
+    """Describe the hits on triangles."""
+    for i in range(best.t.shape[0]):
+        if best.object_id[i] < 0 or kind_of[best.object_id[i]] != kind:
+            continue
+        f = best.primitive[i]
+        v, w = best.a[i], best.b[i]
+        a = table.vertex[table.face[f, 0]]
+        b = table.vertex[table.face[f, 1]]
+        c = table.vertex[table.face[f, 2]]
+        nx, ny, nz = _normal(table.vertex, table.face, f)
+        length = np.sqrt(nx * nx + ny * ny + nz * nz)
+        out.normal[i, 0], out.normal[i, 1], out.normal[i, 2] = (
+            nx / length, ny / length, nz / length,
+        )  # fmt: skip
+        gap = 0.0
+        for k in range(3):
+            p = a[k] + (v * (b[k] - a[k]) + w * (c[k] - a[k]))
+            out.position[i, k] = p
+            gap += (p - (rays.origin[i, k] + best.t[i] * rays.direction[i, k])) ** 2
+        out.u[i], out.v[i] = v, w
+        out.patch_id[i] = table.patch_id[f]
+        out.residual[i] = np.sqrt(gap)

@@ -1,0 +1,84 @@
+"""Boxes along the coordinate axes."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from hybrid_rt.primitives.checks import as_affine, as_vector
+from hybrid_rt.records import FloatArray
+
+
+class Box:
+    """A solid with faces along the axes; its normals point outward, unless flipped.
+
+    ``patch_id`` counts the faces -x, +x, -y, +y, -z, +z. On each, (u, v) run from 0 to 1 along the
+    two other axes, in the order (y, z), (z, x), (x, y); on the lower faces, and on the upper ones
+    of a flipped box, in the opposite order, so that S_u x S_v is the normal.
+
+    Parameters
+    ----------
+    lo, hi : (3,) scene units, lo < hi in every coordinate
+
+    Raises
+    ------
+    ValueError
+        For corners that are not finite or out of order.
+    """
+
+    def __init__(self, lo: ArrayLike, hi: ArrayLike) -> None:
+        self.lo, self.hi = as_vector(lo, "Box: lo"), as_vector(hi, "Box: hi")
+        if not (self.lo < self.hi).all():
+            raise ValueError(
+                f"Box: lo {self.lo.tolist()} is not below hi {self.hi.tolist()}: "
+                "pass the lower corner first (for a flat face, use Rectangle)"
+            )
+        self.orientation = 1
+
+    @property
+    def bounds(self) -> FloatArray:
+        """(2, 3): lower and upper corner."""
+        return np.stack([self.lo, self.hi])
+
+    def point(self, u: ArrayLike, v: ArrayLike, patch_id: ArrayLike = 0) -> FloatArray:
+        """Return the points (n, 3) at (u, v) of faces."""
+        u, v, face = np.broadcast_arrays(np.atleast_1d(u).astype(float), v, patch_id)
+        axis, upper = face // 2, face % 2 == 1
+        swap = upper != (self.orientation > 0)
+        rows = np.arange(len(u))
+        weight = np.empty((len(u), 3))
+        weight[rows, axis] = upper
+        weight[rows, (axis + 1) % 3] = np.where(swap, v, u)
+        weight[rows, (axis + 2) % 3] = np.where(swap, u, v)
+        points: FloatArray = self.lo * (1.0 - weight) + self.hi * weight
+        return points
+
+    def normal(self, u: ArrayLike, v: ArrayLike, patch_id: ArrayLike = 0) -> FloatArray:
+        """Return the unit normals (n, 3) of faces."""
+        u, _, face = np.broadcast_arrays(np.atleast_1d(u).astype(float), v, patch_id)
+        normals = np.zeros((len(u), 3))
+        normals[np.arange(len(u)), face // 2] = np.where(face % 2 == 1, 1.0, -1.0)
+        return self.orientation * normals
+
+    def transformed(self, matrix: ArrayLike) -> Box:
+        """Return the image under a scaling and translation along the axes."""
+        linear, shift = as_affine(matrix, "Box")
+        if (linear != np.diag(np.diag(linear))).any():
+            raise ValueError(
+                "Box: the matrix turns the axes: only scaling and translation keep a box along "
+                "them (use TriangleMesh or six rectangles)"
+            )
+        a, b = linear @ self.lo + shift, linear @ self.hi + shift
+        image = Box(np.minimum(a, b), np.maximum(a, b))
+        image.orientation = self.orientation
+        return image
+
+    def flipped(self) -> Box:
+        """Return the same box with its normals reversed."""
+        image = Box(self.lo, self.hi)
+        image.orientation = -self.orientation
+        return image
+
+    def __repr__(self) -> str:
+        """Say which box this is."""
+        return f"Box(lo={self.lo.tolist()}, hi={self.hi.tolist()})"

@@ -1,0 +1,75 @@
+"""Infinite planes."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from hybrid_rt.primitives.checks import as_affine, as_unit, as_vector
+from hybrid_rt.records import FloatArray
+
+
+class Plane:
+    """All points ``x`` with ``(x - point) . normal = 0``.
+
+    (u, v) are the fractional parts of the two world coordinates across the largest component of
+    the normal, in the order x, y, z.
+
+    Parameters
+    ----------
+    point : (3,) scene units
+    normal : (3,) direction of any length
+
+    Raises
+    ------
+    ValueError
+        For vectors that are not finite, or a zero normal.
+    """
+
+    def __init__(self, point: ArrayLike, normal: ArrayLike) -> None:
+        self.origin = as_vector(point, "Plane: point")
+        self.unit_normal = as_unit(normal, "Plane: normal")
+
+    @property
+    def axes(self) -> tuple[int, int]:
+        """The two coordinates that give u and v."""
+        across = int(np.abs(self.unit_normal).argmax())
+        first, second = (k for k in range(3) if k != across)
+        return first, second
+
+    @property
+    def bounds(self) -> FloatArray:
+        """(2, 3): -inf and inf."""
+        return np.stack([np.full(3, -np.inf), np.full(3, np.inf)])
+
+    def point(self, u: ArrayLike, v: ArrayLike, patch_id: ArrayLike = 0) -> FloatArray:
+        """Return the points (n, 3) whose two coordinates are (u, v) themselves."""
+        u, v, _ = np.broadcast_arrays(np.atleast_1d(u).astype(float), v, patch_id)
+        first, second = self.axes
+        across = 3 - first - second
+        points = np.empty((len(u), 3))
+        points[:, first], points[:, second] = u, v
+        n, o = self.unit_normal, self.origin
+        points[:, across] = o[across] - (
+            (u - o[first]) * n[first] + (v - o[second]) * n[second]
+        ) / n[across]
+        return points
+
+    def normal(self, u: ArrayLike, v: ArrayLike, patch_id: ArrayLike = 0) -> FloatArray:
+        """Return the unit normals (n, 3)."""
+        return np.zeros_like(self.point(u, v, patch_id)) + self.unit_normal
+
+    def transformed(self, matrix: ArrayLike) -> Plane:
+        """Return the image under an affine map (4, 4)."""
+        linear, shift = as_affine(matrix, "Plane")
+        # Inverse transpose; the sign of the determinant keeps S_u x S_v on its side.
+        normal = np.linalg.solve(linear.T, self.unit_normal) * np.sign(np.linalg.det(linear))
+        return Plane(linear @ self.origin + shift, normal)
+
+    def flipped(self) -> Plane:
+        """Return the same plane with its normal reversed."""
+        return Plane(self.origin, -self.unit_normal)
+
+    def __repr__(self) -> str:
+        """Say which plane this is."""
+        return f"Plane(point={self.origin.tolist()}, normal={self.unit_normal.tolist()})"

@@ -1,0 +1,73 @@
+"""Rectangles (and parallelograms)."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from hybrid_rt.primitives.checks import as_affine, as_unit, as_vector
+from hybrid_rt.records import FloatArray
+
+
+class Rectangle:
+    """The points ``corner + u edge_u + v edge_v``; the normal lies along edge_u x edge_v.
+
+    The edges need not be at right angles: a parallelogram is as good.
+
+    Parameters
+    ----------
+    corner, edge_u, edge_v : (3,) scene units
+
+    Raises
+    ------
+    ValueError
+        For vectors that are not finite, or edges that span no area.
+    """
+
+    def __init__(self, corner: ArrayLike, edge_u: ArrayLike, edge_v: ArrayLike) -> None:
+        self.corner = as_vector(corner, "Rectangle: corner")
+        self.edge_u = as_vector(edge_u, "Rectangle: edge_u")
+        self.edge_v = as_vector(edge_v, "Rectangle: edge_v")
+        largest = max(np.abs(self.edge_u).max(), np.abs(self.edge_v).max())
+        u, v = self.edge_u / (largest or 1.0), self.edge_v / (largest or 1.0)
+        across = np.cross(u, v)
+        if np.linalg.norm(across) <= 1e-12 * np.linalg.norm(u) * np.linalg.norm(v):
+            raise ValueError(
+                f"Rectangle: edges {self.edge_u.tolist()} and {self.edge_v.tolist()} span no area: "
+                "pass two edges in different directions"
+            )
+        self.unit_normal = as_unit(across, "Rectangle: normal")
+
+    @property
+    def bounds(self) -> FloatArray:
+        """(2, 3): lower and upper corner."""
+        corners = self.point([0, 1, 0, 1], [0, 0, 1, 1])
+        return np.stack([corners.min(axis=0), corners.max(axis=0)])
+
+    def point(self, u: ArrayLike, v: ArrayLike, patch_id: ArrayLike = 0) -> FloatArray:
+        """Return the points (n, 3) at (u, v)."""
+        u, v, _ = np.broadcast_arrays(np.atleast_1d(u).astype(float), v, patch_id)
+        points: FloatArray = self.corner + u[:, None] * self.edge_u + v[:, None] * self.edge_v
+        return points
+
+    def normal(self, u: ArrayLike, v: ArrayLike, patch_id: ArrayLike = 0) -> FloatArray:
+        """Return the unit normals (n, 3)."""
+        return np.zeros_like(self.point(u, v, patch_id)) + self.unit_normal
+
+    def transformed(self, matrix: ArrayLike) -> Rectangle:
+        """Return the image under an affine map (4, 4)."""
+        linear, shift = as_affine(matrix, "Rectangle")
+        return Rectangle(
+            linear @ self.corner + shift, linear @ self.edge_u, linear @ self.edge_v
+        )
+
+    def flipped(self) -> Rectangle:
+        """Return the rectangle with u and v swapped, and so its normal reversed."""
+        return Rectangle(self.corner, self.edge_v, self.edge_u)
+
+    def __repr__(self) -> str:
+        """Say which rectangle this is."""
+        return (
+            f"Rectangle(corner={self.corner.tolist()}, edge_u={self.edge_u.tolist()}, "
+            f"edge_v={self.edge_v.tolist()})"
+        )

@@ -1,0 +1,105 @@
+"""Spheres."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from hybrid_rt.primitives.checks import as_similarity, as_unit, as_vector
+from hybrid_rt.records import FloatArray
+
+
+class Sphere:
+    """A sphere; its normal points outward, unless flipped.
+
+    ``u`` is the azimuth over 2 pi from ``meridian``, right-handed about ``pole``; ``v`` is the
+    polar angle over pi, 0 at the south pole and 1 at ``pole``. A flipped sphere counts the azimuth
+    the other way, so that S_u x S_v, along which the normal lies, points inward.
+
+    Parameters
+    ----------
+    center : (3,) scene units
+    radius : positive number, scene units
+    pole, meridian : (3,) directions of any length, not parallel
+
+    Raises
+    ------
+    ValueError
+        For a radius that is not positive and finite, vectors that are not finite, a meridian along
+        the pole.
+    """
+
+    def __init__(
+        self,
+        center: ArrayLike,
+        radius: float,
+        pole: ArrayLike = (0, 0, 1),
+        meridian: ArrayLike = (1, 0, 0),
+    ) -> None:
+        self.center = as_vector(center, "Sphere: center")
+        self.radius = float(radius)
+        if not (np.isfinite(self.radius) and self.radius > 0):
+            raise ValueError(
+                f"Sphere: radius is {self.radius}: pass a positive length "
+                "(for the inside, use .flipped())"
+            )
+        self.pole = as_unit(pole, "Sphere: pole")
+        given = as_unit(meridian, "Sphere: meridian")
+        across = given - (given @ self.pole) * self.pole
+        if np.linalg.norm(across) < 1e-6:
+            if not np.array_equal(np.asarray(meridian), (1, 0, 0)):
+                raise ValueError(
+                    f"Sphere: meridian {given.tolist()} lies along the pole: pass another direction"
+                )
+            across = np.cross(self.pole, (0.0, 1.0, 0.0))  # the default, beside a pole along x
+        self.meridian = as_unit(across, "Sphere: meridian")
+        self.orientation = 1
+
+    @property
+    def frame(self) -> FloatArray:
+        """(3, 3): rows along azimuth 0, along a quarter turn (as counted), and along the pole."""
+        quarter = self.orientation * np.cross(self.pole, self.meridian)
+        return np.stack([self.meridian, quarter, self.pole])
+
+    @property
+    def bounds(self) -> FloatArray:
+        """(2, 3): lower and upper corner."""
+        return np.stack([self.center - self.radius, self.center + self.radius])
+
+    def point(self, u: ArrayLike, v: ArrayLike, patch_id: ArrayLike = 0) -> FloatArray:
+        """Return the points (n, 3) at (u, v)."""
+        return self.center + self.radius * self._outward(u, v, patch_id)
+
+    def normal(self, u: ArrayLike, v: ArrayLike, patch_id: ArrayLike = 0) -> FloatArray:
+        """Return the unit normals (n, 3) at (u, v)."""
+        return self.orientation * self._outward(u, v, patch_id)
+
+    def _outward(self, u: ArrayLike, v: ArrayLike, patch_id: ArrayLike) -> FloatArray:
+        u, v, _ = np.broadcast_arrays(np.atleast_1d(u).astype(float), v, patch_id)
+        azimuth, polar = 2.0 * np.pi * u, np.pi * np.asarray(v, dtype=float)
+        ring = np.sin(polar)
+        local = np.stack([ring * np.cos(azimuth), ring * np.sin(azimuth), -np.cos(polar)], axis=-1)
+        outward: FloatArray = local @ self.frame
+        return outward
+
+    def transformed(self, matrix: ArrayLike) -> Sphere:
+        """Return the image under a similarity (4, 4); (u, v) stay with their points."""
+        linear, shift, scale = as_similarity(matrix, "Sphere")
+        image = Sphere(
+            linear @ self.center + shift,
+            scale * self.radius,
+            linear @ self.pole,
+            linear @ self.meridian,
+        )
+        image.orientation = self.orientation * (1 if np.linalg.det(linear) > 0 else -1)
+        return image
+
+    def flipped(self) -> Sphere:
+        """Return the same sphere with its normal reversed."""
+        image = Sphere(self.center, self.radius, self.pole, self.meridian)
+        image.orientation = -self.orientation
+        return image
+
+    def __repr__(self) -> str:
+        """Say which sphere this is."""
+        return f"Sphere(center={self.center.tolist()}, radius={self.radius})"

@@ -1,0 +1,98 @@
+"""Triangle meshes."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from hybrid_rt.primitives.checks import as_affine
+from hybrid_rt.records import FloatArray
+
+if TYPE_CHECKING:
+    import trimesh
+
+
+class TriangleMesh:
+    """Triangles, exact in float64; (u, v) are the weights of a face's second and third vertex.
+
+    Faces without area are never hit, but keep their number.
+
+    Parameters
+    ----------
+    mesh : trimesh.Trimesh
+        Or anything with ``vertices`` (v, 3) and ``faces`` (f, 3).
+
+    Raises
+    ------
+    ValueError
+        For vertices that are not finite, faces that name vertices that are not there, no face.
+    """
+
+    def __init__(self, mesh: trimesh.Trimesh) -> None:
+        self._set(np.array(mesh.vertices, np.float64), np.array(mesh.faces, np.int64))
+
+    def _set(self, vertices: FloatArray, faces: NDArray[np.int64]) -> None:
+        if vertices.ndim != 2 or vertices.shape[1] != 3:
+            raise ValueError(f"TriangleMesh: vertices have shape {vertices.shape}: pass (v, 3)")
+        if faces.ndim != 2 or faces.shape[1] != 3 or not len(faces):
+            raise ValueError(f"TriangleMesh: faces have shape {faces.shape}: pass (f, 3), f > 0")
+        bad = ~np.isfinite(vertices).all(axis=1)
+        if bad.any():
+            i = int(bad.argmax())
+            raise ValueError(
+                f"TriangleMesh: vertices[{i}] is {vertices[i].tolist()}: pass finite numbers"
+            )
+        if faces.min() < 0 or faces.max() >= len(vertices):
+            raise ValueError(
+                f"TriangleMesh: a face names vertex {faces.max()} of {len(vertices)}: "
+                "pass indices of the vertices"
+            )
+        vertices.flags.writeable = False
+        faces.flags.writeable = False
+        self.vertices, self.faces = vertices, faces
+
+    @classmethod
+    def _from(cls, vertices: FloatArray, faces: NDArray[np.int64]) -> TriangleMesh:
+        self = cls.__new__(cls)
+        self._set(vertices, faces)
+        return self
+
+    def __len__(self) -> int:
+        """Return the number of faces."""
+        return len(self.faces)
+
+    @property
+    def bounds(self) -> FloatArray:
+        """(2, 3): lower and upper corner of the vertices that faces use."""
+        used = self.vertices[self.faces.ravel()]
+        return np.stack([used.min(axis=0), used.max(axis=0)])
+
+    def point(self, u: ArrayLike, v: ArrayLike, patch_id: ArrayLike = 0) -> FloatArray:
+        """Return the points (n, 3) at (u, v) of faces."""
+        u, v, face = np.broadcast_arrays(np.atleast_1d(u).astype(float), v, patch_id)
+        a, b, c = (self.vertices[self.faces[face, k]] for k in range(3))
+        points: FloatArray = a + u[:, None] * (b - a) + v[:, None] * (c - a)
+        return points
+
+    def normal(self, u: ArrayLike, v: ArrayLike, patch_id: ArrayLike = 0) -> FloatArray:
+        """Return the unit normals (n, 3) of faces, by the order of their vertices."""
+        u, _, face = np.broadcast_arrays(np.atleast_1d(u).astype(float), v, patch_id)
+        a, b, c = (self.vertices[self.faces[face, k]] for k in range(3))
+        n = np.cross(b - a, c - a)
+        normals: FloatArray = n / np.linalg.norm(n, axis=1, keepdims=True)
+        return normals
+
+    def transformed(self, matrix: ArrayLike) -> TriangleMesh:
+        """Return the image under an affine map (4, 4)."""
+        linear, shift = as_affine(matrix, "TriangleMesh")
+        return self._from(self.vertices @ linear.T + shift, self.faces.copy())
+
+    def flipped(self) -> TriangleMesh:
+        """Return the same faces wound the other way, which reverses their normals."""
+        return self._from(self.vertices.copy(), self.faces[:, [0, 2, 1]].copy())
+
+    def __repr__(self) -> str:
+        """Say which mesh this is."""
+        return f"TriangleMesh({len(self.vertices)} vertices, {len(self.faces)} faces)"
