@@ -184,7 +184,7 @@ def test_extreme_indices_stay_finite_and_within_the_light_there_is(ior):
     # a body of index 1000 hardly ever leaves it, and some is left inside at max_depth.
     assert image.max() <= 1 + 1e-6
     assert image.min() > 0.9
-    assert image.mean() == pytest.approx(1.0, abs=1e-3)
+    assert image.mean() == pytest.approx(1.0, abs=3e-3)
 
 
 def test_total_reflection_sends_everything_back():
