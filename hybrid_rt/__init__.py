@@ -30,7 +30,7 @@ _HOMES = {
     "Sphere": "primitives",
     "Status": "records",
     "TriangleMesh": "primitives",
-    "render": "render",
+    "render": "rendering",
 }
 
 __all__ = ["__version__", *sorted(_HOMES)]  # noqa: PLE0604  (names of modules loaded on demand)

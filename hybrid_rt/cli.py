@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 from hybrid_rt._version import __version__
 
 if TYPE_CHECKING:
-    from hybrid_rt.render import RenderResult
+    from hybrid_rt.rendering import RenderResult
     from hybrid_rt.scene import Scene
 
 BAD_INPUT, INTERRUPTED = 2, 130
@@ -170,7 +170,7 @@ def _run_demo(options: argparse.Namespace) -> None:
 
 def _with_progress(quiet: bool, scene: Scene, **settings: Any) -> RenderResult:
     from hybrid_rt.progress import TerminalProgress  # noqa: PLC0415  (--help stays instant)
-    from hybrid_rt.render import render  # noqa: PLC0415
+    from hybrid_rt.rendering import render  # noqa: PLC0415
 
     if quiet:
         return render(scene, **settings)

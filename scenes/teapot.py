@@ -26,9 +26,9 @@ def scene() -> Scene:
     return Scene(
         camera=Camera(
             look_from=(4.0, -8.0, 4.6),
-            look_at=(0.1, 0.0, 1.35),
+            look_at=(0.35, 0.0, 1.35),
             up=(0.0, 0.0, 1.0),
-            vertical_fov=32.0,
+            vertical_fov=36.0,
             width=800,
             height=600,
         ),

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from hybrid_rt import cli
-from hybrid_rt import render as render_module
+from hybrid_rt import rendering
 from hybrid_rt._version import __version__
 from hybrid_rt.scene_file import SceneFileError, load_scene
 
@@ -92,7 +92,7 @@ def test_interrupt_is_exit_code_130_and_leaves_nothing(folder, capsys, monkeypat
     def interrupted(*_args, **_kwargs):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(render_module, "_run_passes", interrupted)
+    monkeypatch.setattr(rendering, "_run_passes", interrupted)
     assert cli.main(["render", "ball.py", "--quiet"]) == 130
     assert "interrupted" in capsys.readouterr().err
     assert [path.name for path in folder.iterdir()] == ["ball.py"]

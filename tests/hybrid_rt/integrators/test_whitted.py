@@ -10,7 +10,7 @@ from hybrid_rt.integrators import integrator, whitted
 from hybrid_rt.lights import GradientSky, PointLight, RectangleLight
 from hybrid_rt.materials import Dielectric, Lambertian, Mirror, Phong
 from hybrid_rt.primitives import Rectangle, Sphere
-from hybrid_rt.render import render
+from hybrid_rt.rendering import render
 from hybrid_rt.scene import Object, Scene
 from hybrid_rt.textures import CheckerTexture
 

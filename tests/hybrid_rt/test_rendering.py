@@ -11,7 +11,7 @@ from hybrid_rt.limits import Limit
 from hybrid_rt.materials import Dielectric, Lambertian, Mirror
 from hybrid_rt.plan import explain
 from hybrid_rt.primitives import Sphere
-from hybrid_rt.render import render
+from hybrid_rt.rendering import render
 from hybrid_rt.sampler import Sampler
 from hybrid_rt.scene import Object, Scene
 from hybrid_rt.textures import CheckerTexture
