@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from hybrid_rt._version import __version__
 
 if TYPE_CHECKING:
-    from hybrid_rt.rendering import RenderResult
+    from hybrid_rt.progress import Progress
     from hybrid_rt.scene import Scene
 
 BAD_INPUT, INTERRUPTED = 2, 130
@@ -129,20 +130,22 @@ def _run_render(options: argparse.Namespace) -> None:
 
 def _render(scene: Scene, name: str, options: argparse.Namespace) -> None:
     from hybrid_rt.film import check_output  # noqa: PLC0415  (--help stays instant)
+    from hybrid_rt.rendering import render  # noqa: PLC0415
 
     outputs = [check_output(path) for path in options.out or [Path(f"{name}.png")]]
     scene = _resized(scene, options.width, options.height)
-    result = _with_progress(
-        options.quiet,
-        scene,
-        integrator=options.integrator,
-        passes=options.passes,
-        time_budget=options.time_budget,
-        seed=options.seed,
-        threads=options.threads,
-        accuracy=options.accuracy,
-        tolerance=options.tolerance,
-    )
+    with _shown_progress(options.quiet) as progress:
+        result = render(
+            scene,
+            integrator=options.integrator,
+            passes=options.passes,
+            time_budget=options.time_budget,
+            seed=options.seed,
+            threads=options.threads,
+            accuracy=options.accuracy,
+            tolerance=options.tolerance,
+            progress=progress,
+        )
     if options.explain:
         from hybrid_rt.plan import explain  # noqa: PLC0415
 
@@ -156,11 +159,13 @@ def _run_demo(options: argparse.Namespace) -> None:
     from hybrid_rt import demo  # noqa: PLC0415  (--help stays instant)
     from hybrid_rt.film import check_output  # noqa: PLC0415
     from hybrid_rt.mesh_comparison import compare_with_mesh, in_words  # noqa: PLC0415
+    from hybrid_rt.rendering import render  # noqa: PLC0415
 
     check_output(options.out)
     scene = demo.scene()
-    result = _with_progress(options.quiet, scene, passes=demo.PASSES)
-    comparison = compare_with_mesh(scene)
+    with _shown_progress(options.quiet) as progress:
+        result = render(scene, passes=demo.PASSES, progress=progress)
+        comparison = compare_with_mesh(scene, progress=progress)
     result.report["exact_against_mesh"] = comparison
     result.save(options.out)
     _say(f"{options.out}  ({_summary(result.report)})")
@@ -168,15 +173,17 @@ def _run_demo(options: argparse.Namespace) -> None:
     _say(f"Next: hybrid-rt render {demo.__file__} --passes 64 --width 1280 --explain")
 
 
-def _with_progress(quiet: bool, scene: Scene, **settings: Any) -> RenderResult:
+@contextmanager
+def _shown_progress(quiet: bool) -> Iterator[Progress | None]:
+    """Show the progress of what runs within, unless it is to be quiet."""
     from hybrid_rt.progress import TerminalProgress  # noqa: PLC0415  (--help stays instant)
-    from hybrid_rt.rendering import render  # noqa: PLC0415
 
     if quiet:
-        return render(scene, **settings)
+        yield None
+        return
     progress = TerminalProgress(sys.stderr)
     try:
-        return render(scene, progress=progress, **settings)
+        yield progress
     finally:
         progress.close()
 

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from hybrid_rt.intersection import Intersector
+from hybrid_rt.progress import Progress
 from hybrid_rt.records import FloatArray, HitRecord, Status
 from hybrid_rt.scene import CompiledScene, Scene, compile_scene
 from meshing import BezierPatches, SurfaceOfRevolution, tessellate
@@ -21,7 +22,9 @@ SAME_SHEET = 8.0
 FINE = 1e-6
 
 
-def compare_with_mesh(scene: Scene, threads: int | None = None) -> dict[str, Any]:
+def compare_with_mesh(
+    scene: Scene, threads: int | None = None, progress: Progress | None = None
+) -> dict[str, Any]:
     """Trace the rays through the middles of all pixels on the true surfaces and on a mesh.
 
     Parameters
@@ -29,6 +32,8 @@ def compare_with_mesh(scene: Scene, threads: int | None = None) -> dict[str, Any
     scene : Scene
     threads : int, optional
         Default: the cores that this process may use.
+    progress : callable, optional
+        As `render` takes it.
 
     Returns
     -------
@@ -45,6 +50,8 @@ def compare_with_mesh(scene: Scene, threads: int | None = None) -> dict[str, Any
     )
     if not is_curved.any():
         return {}
+    if progress is not None:
+        progress("Comparing with a mesh", 0, 0)
     curved = [compiled.surfaces[i] for i in np.flatnonzero(is_curved)]
     sizes = [np.linalg.norm(np.diff(surface.bounds, axis=0)) for surface in curved]
     tolerance = float(MESH_TOLERANCE * max(sizes))

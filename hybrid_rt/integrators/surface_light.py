@@ -181,6 +181,8 @@ class SurfaceLight:
         ``rows`` are those that are not zero anyway; the other arguments have one row for each.
         """
         context = self._context
+        if rows.size == 0:
+            return value
         context.ledger.rays["shadow"] += rows.size
         with context.ledger.stage("shadow rays"):
             blocked = context.tracer.occluded(

@@ -6,8 +6,7 @@ import imageio.v3 as imageio
 import numpy as np
 import pytest
 
-from hybrid_rt import cli
-from hybrid_rt import rendering
+from hybrid_rt import cli, rendering
 from hybrid_rt._version import __version__
 from hybrid_rt.scene_file import SceneFileError, load_scene
 
