@@ -1,4 +1,6 @@
 import json
+import subprocess
+import sys
 
 import numpy as np
 import pytest
@@ -166,3 +168,18 @@ def test_progress_hears_every_block():
     render(scene(), passes=2, progress=lambda *event: heard.append(event))
     assert heard[0] == ("Building", 0, 0)
     assert heard[-2:] == [("Rendering", 96, 192), ("Rendering", 192, 192)]
+
+
+def test_scene_of_closed_forms_imports_no_mesh_library():
+    code = """
+import sys
+from hybrid_rt import Camera, Mirror, Object, Scene, Sphere, render
+camera = Camera((0, -4, 1), (0, 0, 0), (0, 0, 1), width=4, height=3)
+render(Scene(camera, [Object(Sphere((0, 0, 0), 1), Mirror())]), passes=1)
+# Numba itself imports the bare package scipy.
+print({"trimesh", "embreex", "scipy.spatial", "imageio"} & set(sys.modules))
+"""
+    done = subprocess.run(
+        [sys.executable, "-c", code], check=True, capture_output=True, text=True, timeout=120
+    )
+    assert done.stdout.strip() == "set()"
