@@ -191,7 +191,7 @@ class BezierPatches:
         return self._with_control(np.concatenate(nets), self._degrees[:, ::-1])
 
     def _with_control(self, control: FloatArray, degrees: NDArray[np.int64]) -> BezierPatches:
-        sizes = (degrees + 1).tolist()
+        sizes = degrees.tolist()
         pieces = np.split(control, self._starts[1:-1])
         return BezierPatches(
             [piece.reshape(m + 1, n + 1, 3) for piece, (m, n) in zip(pieces, sizes, strict=True)]

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from hybrid_rt.intersection.batch import Finished, new_nearest, new_record, rows_of
-from hybrid_rt.intersection.kinds import CURVED, Surface, make_kinds
+from hybrid_rt.intersection.kinds import CURVED, Surface, check_surfaces, make_kinds
 from hybrid_rt.intersection.pool import Pool
 from hybrid_rt.intersection.rays import Batch, make_batch
 from hybrid_rt.kernels.nearest import Nearest, Rays
@@ -68,9 +68,13 @@ class Intersector:
     ) -> None:
         began = time.perf_counter()
         _check_settings(accuracy, coarse, tolerance)
-        self.surfaces = tuple(surfaces)
+        self.surfaces = check_surfaces(surfaces)
         self.accuracy, self.coarse = accuracy, coarse
         self._pool = Pool(threads)
+        # Closed forms compute a point from the ray; curved surfaces from their own figures.
+        self._reach = np.array(
+            [float(np.abs(s.bounds).max()) if isinstance(s, CURVED) else 0.0 for s in self.surfaces]
+        )
         self._closed_forms, self._curved, self._kind_of, self.plan = make_kinds(
             self.surfaces, accuracy
         )
@@ -131,7 +135,7 @@ class Intersector:
         ValueError
             For shapes that do not fit, zero or non-finite directions, non-finite origins.
         """
-        batch = make_batch(origins, directions, t_min, t_max, source, None)
+        batch = make_batch(origins, directions, t_min, t_max, source, None, self._reach)
         n = len(batch)
         record = new_record(n)
         best = new_nearest(batch.t_max)
@@ -172,7 +176,7 @@ class Intersector:
         -------
         (n,) bool
         """
-        batch = make_batch(origins, directions, t_min, t_max, source, target)
+        batch = make_batch(origins, directions, t_min, t_max, source, target, self._reach)
         best = new_nearest(batch.t_max)
         tallies: list[FloatArray] = []
 
@@ -259,14 +263,3 @@ def _check_settings(accuracy: str, coarse: str, tolerance: float | None) -> None
         raise ValueError(
             f"tolerance is {tolerance}: pass a positive length in scene units, or None"
         )
-
-
-def describe(tracer: Intersector) -> dict[str, Any]:
-    """Return what a report keeps of an intersector: settings, plan, counters."""
-    return {
-        "accuracy": tracer.accuracy,
-        "coarse": tracer.coarse,
-        "plan": tracer.plan,
-        "build_seconds": tracer.build_seconds,
-        "counters": dict(tracer.counters),
-    }

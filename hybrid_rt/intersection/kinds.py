@@ -20,6 +20,17 @@ CURVED = (BezierPatches, SurfaceOfRevolution, TriangleMesh)
 """What goes to Embree as triangles first."""
 
 
+def check_surfaces(surfaces: Sequence[Surface]) -> tuple[Surface, ...]:
+    """Return the surfaces, or say which of them is none."""
+    for i, surface in enumerate(surfaces):
+        if not isinstance(surface, Surface.__args__):
+            raise TypeError(
+                f"surfaces[{i}] is a {type(surface).__name__}: pass surfaces such as "
+                "BezierPatches or Sphere (for a mesh: TriangleMesh(mesh))"
+            )
+    return tuple(surfaces)
+
+
 def make_kinds(
     surfaces: Sequence[Surface], accuracy: str
 ) -> tuple[list[Kind], list[Kind], IntArray, dict[str, dict[str, str]]]:
@@ -31,12 +42,6 @@ def make_kinds(
     kind_of : (objects,) int32, number of each object's kind in ``closed_forms + curved``
     plan : what is used and what was left out, with the reasons
     """
-    for i, surface in enumerate(surfaces):
-        if not isinstance(surface, Surface.__args__):
-            raise TypeError(
-                f"surfaces[{i}] is a {type(surface).__name__}: pass surfaces such as "
-                "BezierPatches or Sphere (for a mesh: TriangleMesh(mesh))"
-            )
     kind_of = np.full(len(surfaces), -1, np.int32)
     plan: dict[str, dict[str, str]] = {"used": {}, "left_out": {}}
     kinds: tuple[list[Kind], list[Kind]] = ([], [])

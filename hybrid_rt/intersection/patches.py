@@ -45,9 +45,7 @@ class PatchKind:
     search : whether `trace` is needed: cells and a tree; else only `refine` and `finish` work
     """
 
-    def __init__(
-        self, surfaces: Sequence[tuple[int, BezierPatches]], search: bool = True
-    ) -> None:
+    def __init__(self, surfaces: Sequence[tuple[int, BezierPatches]], search: bool = True) -> None:
         nets = [net for _, surface in surfaces for net in surface.patches]
         points = np.concatenate([net.reshape(-1, 3) for net in nets])
         degree = np.array([(net.shape[0] - 1, net.shape[1] - 1) for net in nets], np.int64)

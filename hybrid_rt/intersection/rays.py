@@ -37,8 +37,13 @@ def make_batch(
     t_max: ArrayLike,
     source: HitRecord | None,
     target: HitRecord | None,
+    reach: FloatArray,
 ) -> Batch:
-    """Return checked rays; see `Intersector.intersect` for the forms that are taken."""
+    """Return checked rays; see `Intersector.intersect` for the forms that are taken.
+
+    ``reach`` (objects,) is the largest number from which each object's points are computed: their
+    rounding is relative to it.
+    """
     origin, direction = _vectors(origins, "origins"), _vectors(directions, "directions")
     if len(origin) == 1 and len(direction) > 1:
         origin = np.repeat(origin, len(direction), axis=0)
@@ -57,7 +62,7 @@ def make_batch(
     unit = np.ldexp(1.0, -exponent)
     direction = np.ldexp(direction, -exponent[:, None])
     lowest, highest = _limit(t_min, "t_min", n) / unit, _limit(t_max, "t_max", n) / unit
-    known = _known(origin, direction, source, target, n)
+    known = _known(origin, direction, source, target, reach)
     return Batch(Rays(origin, direction, lowest, known), highest, unit)
 
 
@@ -97,9 +102,10 @@ def _known(
     direction: FloatArray,
     source: HitRecord | None,
     target: HitRecord | None,
-    n: int,
+    reach: FloatArray,
 ) -> FloatArray:
     """Return t and rounding of the points that a ray leaves from and goes to (see `is_known`)."""
+    n = len(origin)
     if source is None and target is None:
         return np.empty((0, 4))
     known = np.zeros((n, 4))
@@ -108,6 +114,11 @@ def _known(
     for column, record, name in ((0, source, "source"), (2, target, "target")):
         if record is None:
             continue
+        if record.object_id.max(initial=-1) >= len(reach):
+            raise ValueError(
+                f"{name} names object {record.object_id.max()} of {len(reach)}: "
+                "pass hits of this intersector"
+            )
         if len(record) != n:
             raise ValueError(
                 f"{name} has {len(record)} rows for {n} rays: pass one row per ray, "
@@ -119,6 +130,7 @@ def _known(
         # The ray passes the point at this distance: rounding, if the caller means this point.
         gap = np.abs(away - t[:, None] * direction[rows]).max(axis=1)
         size = np.maximum(np.abs(record.position[rows]), np.abs(origin[rows])).max(axis=1)
+        size = np.maximum(size, reach[record.object_id[rows]])
         known[rows, column] = t
         known[rows, column + 1] = POINT_ROUNDING * size + np.minimum(gap, 64 * 2.0**-52 * size)
     return known

@@ -97,9 +97,7 @@ class TriangleKind:
     ) -> None:
         """Meet Embree's triangle again in float64."""
         del t
-        refine_triangles(
-            self.table, self.guesses(coarse, face, u, v), rows, rays, best, accepted
-        )
+        refine_triangles(self.table, self.guesses(coarse, face, u, v), rows, rays, best, accepted)
 
     def finish(
         self, rays: Rays, best: Nearest, kind_of: IntArray, kind: int, out: Finished

@@ -11,9 +11,7 @@ NO_LIMIT = 1e30
 
 
 @kernel
-def rays_to_float32(
-    origin, direction, t_min, t_max, middle, to_frame, near, away, reach, shift
-):
+def rays_to_float32(origin, direction, t_min, t_max, middle, to_frame, near, away, reach, shift):
     """Fill float32 origins (advanced to t_min), directions and reach; ``shift`` in frame units."""
     for i in range(origin.shape[0]):
         d = direction[i]

@@ -56,7 +56,7 @@ def offer(i, t, t_bound, n_dot_d, tangent, object_id, primitive, a, b, t_min, kn
     """Make a root the nearest one of ray i if it is; tell whether it was taken.
 
     ``n_dot_d`` is |n.d| with n unit and d as the ray has it. Equal t: the lower object, then the
-    lower primitive.
+    lower primitive, then the lower (a, b): whichever was found first makes no difference.
     """
     if not t > t_min[i]:
         return False
@@ -65,8 +65,15 @@ def offer(i, t, t_bound, n_dot_d, tangent, object_id, primitive, a, b, t_min, kn
         return False
     if t == t_best:
         holder = best.object_id[i]
-        if holder < object_id or (holder == object_id and best.primitive[i] <= primitive):
+        if holder < object_id:
             return False
+        if holder == object_id:
+            if best.primitive[i] < primitive:
+                return False
+            if best.primitive[i] == primitive and (
+                best.a[i] < a or (best.a[i] == a and best.b[i] <= b)
+            ):
+                return False
     if is_known(i, t, t_bound, n_dot_d, known):
         return False
     best.t[i] = t

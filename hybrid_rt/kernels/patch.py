@@ -20,6 +20,8 @@ CONVERGED, FAILED = 1, 0
 MAX_STEPS = 12
 # After a step this small (relative to the cell) the next would be below rounding.
 LAST_STEP = 1e-8
+# Parameters further outside [0, 1] are of no use to anybody.
+REACH = 1.0
 
 
 @inner
@@ -131,13 +133,30 @@ def evaluate_any(control, start, degree_u, degree_v, u, v, basis):
 
 
 @inner
-def newton(
-    control, start, degree_u, degree_v, basis, ox, oy, oz, dx, dy, dz, u, v, t, tol_u, tol_v, reach
-):
-    """Solve S(u, v) = o + t d from a start.
+def rounding_of_root(degree_u, degree_v, size, ox, oy, oz, dx, dy, dz, t):
+    """Bound the rounding of S(u, v) - o - t d near a root; also the scale of the TANGENT band.
 
-    It gives up where the parameters leave ``[-reach, 1 + reach]``, or the tangents and the ray lie
-    in one plane, or `MAX_STEPS` do not suffice.
+    Bernstein sums of degree m + n take 2 (m + n) + 4 roundings of numbers up to `size`, the origin
+    relative to the centre 2, t d and the sum 4; the rest is air for the products in a step.
+    """
+    distance = np.sqrt(ox * ox + oy * oy + oz * oz)
+    along = abs(t) * np.sqrt(dx * dx + dy * dy + dz * dz)
+    error = UNIT_ROUNDOFF * (
+        (2.0 * (degree_u + degree_v) + 8.0) * size + 4.0 * distance + 4.0 * along
+    )
+    return error, max(distance, 2.0 * size)
+
+
+@inner
+def newton(
+    control, start, degree_u, degree_v, basis, size, ox, oy, oz, dx, dy, dz, u, v, t, side_u, side_v
+):
+    """Solve S(u, v) = o + t d from a start, to the last digits that rounding leaves.
+
+    It has converged when a step is small beside the sides of the cell, so that the next would be
+    below rounding, or no larger than what rounding alone can cause. It gives up where the
+    parameters are far outside the patch, or the tangents and the ray lie in one plane, or
+    `MAX_STEPS` do not suffice.
 
     Returns
     -------
@@ -146,6 +165,7 @@ def newton(
     gain_u, gain_v : how far u and v move when the equation is off by a length of one
     """
     n_dot_d = gain_u = gain_v = 0.0
+    error, _ = rounding_of_root(degree_u, degree_v, size, ox, oy, oz, dx, dy, dz, t)
     for step in range(1, MAX_STEPS + 1):
         x, y, z, xu, yu, zu, xv, yv, zv = evaluate_any(
             control, start, degree_u, degree_v, u, v, basis
@@ -163,29 +183,17 @@ def newton(
         u += du
         v += dv
         t -= (rx * nx + ry * ny + rz * nz) * inv
-        if abs(du) <= LAST_STEP * tol_u and abs(dv) <= LAST_STEP * tol_v:
+        gain_u = np.sqrt(ax * ax + ay * ay + az * az) * abs(inv)
+        gain_v = np.sqrt(bx * bx + by * by + bz * bz) * abs(inv)
+        if (
+            abs(du) <= LAST_STEP * side_u + 2.0 * error * gain_u
+            and abs(dv) <= LAST_STEP * side_v + 2.0 * error * gain_v
+        ):
             n_dot_d = abs(det) / np.sqrt(nx * nx + ny * ny + nz * nz)
-            gain_u = np.sqrt(ax * ax + ay * ay + az * az) * abs(inv)
-            gain_v = np.sqrt(bx * bx + by * by + bz * bz) * abs(inv)
             return CONVERGED, u, v, t, step, n_dot_d, gain_u, gain_v
-        if not (-reach <= u <= 1.0 + reach and -reach <= v <= 1.0 + reach):
+        if not (-REACH <= u <= 1.0 + REACH and -REACH <= v <= 1.0 + REACH):
             return FAILED, u, v, t, step, n_dot_d, gain_u, gain_v
     return FAILED, u, v, t, MAX_STEPS, n_dot_d, gain_u, gain_v
-
-
-@inner
-def rounding_of_root(degree_u, degree_v, size, ox, oy, oz, dx, dy, dz, t):
-    """Bound the rounding of S(u, v) - o - t d near a root; also the scale of the TANGENT band.
-
-    Bernstein sums of degree m + n take 2 (m + n) + 4 roundings of numbers up to `size`, the origin
-    relative to the centre 2, t d and the sum 4; the rest is air for the products in a step.
-    """
-    distance = np.sqrt(ox * ox + oy * oy + oz * oz)
-    along = abs(t) * np.sqrt(dx * dx + dy * dy + dz * dz)
-    error = UNIT_ROUNDOFF * (
-        (2.0 * (degree_u + degree_v) + 8.0) * size + 4.0 * distance + 4.0 * along
-    )
-    return error, max(distance, 2.0 * size)
 
 
 @inner

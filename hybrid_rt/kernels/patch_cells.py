@@ -132,9 +132,7 @@ def fill_cell(control, start, degree_u, degree_v, cx, cy, cz, u0, u1, v0, v1, sc
                 grown[i, j, c] = p
     restrict(net, degree_u, degree_v, u0, u1, v0, v1)
     g = 2.0 * GROWTH
-    restrict(
-        grown, degree_u, degree_v, u0 - g * hu, u1 + g * hu, v0 - g * hv, v1 + g * hv
-    )
+    restrict(grown, degree_u, degree_v, u0 - g * hu, u1 + g * hu, v0 - g * hv, v1 + g * hv)
     px = _differences(net, degree_u, degree_v, True, 0)
     py = _differences(net, degree_u, degree_v, True, 1)
     pz = _differences(net, degree_u, degree_v, True, 2)

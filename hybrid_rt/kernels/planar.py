@@ -113,9 +113,10 @@ def trace_planes(table, rays, best, any_hit):
             wx, ex = two_difference(o[0], c[0])
             wy, ey = two_difference(o[1], c[1])
             wz, ez = two_difference(o[2], c[2])
-            t = -(
-                (n[0] * wx + n[1] * wy + n[2] * wz) + (n[0] * ex + n[1] * ey + n[2] * ez)
-            ) / n_dot_d
+            t = (
+                -((n[0] * wx + n[1] * wy + n[2] * wz) + (n[0] * ex + n[1] * ey + n[2] * ez))
+                / n_dot_d
+            )
             slope = abs(n_dot_d)
             length = np.sqrt(d[0] * d[0] + d[1] * d[1] + d[2] * d[2])
             away = np.sqrt(wx * wx + wy * wy + wz * wz)
@@ -174,7 +175,9 @@ def _offer_box(i, k, lo, hi, object_id, o, d, t_min, known, best):
         return
     # How far the ray runs inside, seen across it at the edge between the two faces.
     p, q = abs(d[face_in // 2]), abs(d[face_out // 2])
-    depth = (leave - enter) * (p * q / np.sqrt(p * p + q * q) if face_in // 2 != face_out // 2 else p)
+    depth = (leave - enter) * (
+        p * q / np.sqrt(p * p + q * q) if face_in // 2 != face_out // 2 else p
+    )
     rounding = 4.0 * UNIT_ROUNDOFF * reach
     if depth < -rounding:
         if depth > -band and leave > t_min[i]:

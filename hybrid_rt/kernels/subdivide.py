@@ -37,6 +37,8 @@ BORDER_SLACK = 1e-9
 NUDGE = 2.0**-20
 # A ray that meets the limit normal of a collapsed edge at more than this crosses the surface.
 CLEAR_CROSSING = 1e-3
+# Below this slope curvature, not slope, ends a contact: the root of the rounding.
+FLATTEST = 2.0**-25
 
 # Places in the counters that kernels fill; see `COUNTER_NAMES`.
 NODES, CELLS, NEWTONS, STEPS, SLOW, PIECES, GIVEN_UP, CHANGED, MOST_PIECES = range(9)
@@ -262,23 +264,26 @@ def slow_solve(
         # --- too small to be told from a point, or too thin to hold a decision
         is_point = max(f1 - f0, g1 - g0, h1 - h0) <= 4.0 * slop
         if is_point or y1 - y0 < 2.0 * slop:
-            n_dot_d = _steepness(
-                control, start, degree_u, degree_v, basis, um, vm, ex, ey, ez
-            )
+            n_dot_d = _steepness(control, start, degree_u, degree_v, basis, um, vm, ex, ey, ez)
+            is_flat = n_dot_d < CLEAR_CROSSING
             t = 0.5 * (h0 + h1) / length
             t_world = (t + shift) * to_world
-            if is_point or (x1 - x0 < fold and h1 - h0 < fold):
-                t_bound = (0.5 * (h1 - h0) + slop) / length * to_world
-                if t_world > t_min[i] and not is_known(i, t_world, t_bound, 1.0, known):
-                    tangent = not is_point or n_dot_d < CLEAR_CROSSING
+            if is_point or (is_flat and x1 - x0 < fold and h1 - h0 < fold):
+                # The surface stays within slop of the ray as far as slop over the slope.
+                slope = max(n_dot_d, FLATTEST)
+                t_bound = (0.5 * (h1 - h0) + slop / slope) / length * to_world
+                slope *= length
+                if t_world > t_min[i] and not is_known(i, t_world, t_bound, slope, known):
                     offer(
-                        i, t_world, t_bound, 1.0, tangent, object_id, patch, um, vm,
+                        i, t_world, t_bound, slope, is_flat, object_id, patch, um, vm,
                         t_min, known, best,
                     )  # fmt: skip
                     h_cut = min(h_cut, h0)
-            elif t_world > t_min[i]:
-                best.doubt[i] = min(best.doubt[i], t_world)
-            continue
+                continue
+            if is_flat:
+                if t_world > t_min[i]:
+                    best.doubt[i] = min(best.doubt[i], t_world)
+                continue
         # --- Krawczyk: how far the tangents turn, seen through the inverse of their mean
         det = au * bv - av * bu
         if det != 0.0:
@@ -311,8 +316,8 @@ def slow_solve(
                     counters[NEWTONS] += 1
                     cu, cv = min(max(cu, -1.0), 1.0), min(max(cv, -1.0), 1.0)
                     status, u, v, t, steps, n_dot_d, gain_u, gain_v = newton(
-                        control, start, degree_u, degree_v, basis, ox, oy, oz, dx, dy, dz,
-                        um + hu * cu, vm + hv * cv, 0.5 * (h0 + h1) / length, hu, hv, 1.0,
+                        control, start, degree_u, degree_v, basis, size, ox, oy, oz, dx, dy, dz,
+                        um + hu * cu, vm + hv * cv, 0.5 * (h0 + h1) / length, hu, hv,
                     )  # fmt: skip
                     counters[STEPS] += steps
                     if status == CONVERGED:
@@ -325,10 +330,30 @@ def slow_solve(
                             abs(u - um) <= hu + slack_u
                             and abs(v - vm) <= hv + slack_v
                             and offer_root(
-                                i, u, v, t, n_dot_d, gain_u, gain_v,
-                                degree_u, degree_v, size, ox, oy, oz, dx, dy, dz,
-                                open_edges, shift, to_world,
-                                object_id, patch, t_min, known, best,
+                                i,
+                                u,
+                                v,
+                                t,
+                                n_dot_d,
+                                gain_u,
+                                gain_v,
+                                degree_u,
+                                degree_v,
+                                size,
+                                ox,
+                                oy,
+                                oz,
+                                dx,
+                                dy,
+                                dz,
+                                open_edges,
+                                shift,
+                                to_world,
+                                object_id,
+                                patch,
+                                t_min,
+                                known,
+                                best,
                             )  # fmt: skip
                         ):
                             h_cut = min(h_cut, t * length)

@@ -109,7 +109,11 @@ def solve_cell(
         return
     counters[CELLS] += 1
     patch = cell_patch[cell]
-    ox, oy, oz = (x - centre[patch, 0]) + lx, (y - centre[patch, 1]) + ly, (z - centre[patch, 2]) + lz
+    ox, oy, oz = (
+        (x - centre[patch, 0]) + lx,
+        (y - centre[patch, 1]) + ly,
+        (z - centre[patch, 2]) + lz,
+    )
     um, vm, hu, hv = c[MIDDLE], c[MIDDLE + 1], c[HALF], c[HALF + 1]
     first, m, n = start[patch], degree[patch, 0], degree[patch, 1]
     dd = dx * dx + dy * dy + dz * dz
@@ -118,8 +122,8 @@ def solve_cell(
         t = min(max((0.5 * (c[BOX + 4] + c[BOX + 5]) - on) / dn, t0), t1)
         counters[NEWTONS] += 1
         status, u, v, t, steps, n_dot_d, gain_u, gain_v = newton(
-            control, first, m, n, basis, ox, oy, oz, dx, dy, dz,
-            um + hu * (ou + t * du), vm + hv * (ov + t * dv), t, hu, hv, 1.0,
+            control, first, m, n, basis, size[patch], ox, oy, oz, dx, dy, dz,
+            um + hu * (ou + t * du), vm + hv * (ov + t * dv), t, hu, hv,
         )  # fmt: skip
         counters[STEPS] += steps
         if status == CONVERGED:
@@ -251,15 +255,13 @@ def refine_patches(
         a = w * corner_uv[f, 0, 0] + u[j] * corner_uv[f, 1, 0] + v[j] * corner_uv[f, 2, 0]
         b = w * corner_uv[f, 0, 1] + u[j] * corner_uv[f, 1, 1] + v[j] * corner_uv[f, 2, 1]
         d = rays.direction[i]
-        hx, hy, hz, lx, ly, lz, shift = enter_frame(
-            rays.origin[i], d, table.middle, table.to_frame
-        )
+        hx, hy, hz, lx, ly, lz, shift = enter_frame(rays.origin[i], d, table.middle, table.to_frame)
         c = table.centre[k]
         ox, oy, oz = hx - c[0] + lx, hy - c[1] + ly, hz - c[2] + lz
         m, n = degree[k, 0], degree[k, 1]
         status, a, b, s, _, n_dot_d, gain_u, gain_v = newton(
-            table.control, table.start[k], m, n, basis, ox, oy, oz, d[0], d[1], d[2],
-            a, b, t[j] * table.to_frame - shift, 1.0, 1.0, 1.0,
+            table.control, table.start[k], m, n, basis, table.size[k], ox, oy, oz, d[0], d[1], d[2],
+            a, b, t[j] * table.to_frame - shift, 1.0, 1.0,
         )  # fmt: skip
         if status == CONVERGED and offer_root(
             i, a, b, s, n_dot_d, gain_u, gain_v, m, n, table.size[k],

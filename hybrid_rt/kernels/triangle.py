@@ -63,7 +63,9 @@ def offer_triangle(
         return
     wx, wy, wz = a[0] - o[0], a[1] - o[1], a[2] - o[2]
     t = (nx * wx + ny * wy + nz * wz) / slope
-    away = max(abs(az), abs(bz), abs(cz)) + max(abs(ax), abs(bx), abs(cx), abs(ay), abs(by), abs(cy))
+    away = max(abs(az), abs(bz), abs(cz)) + max(
+        abs(ax), abs(bx), abs(cx), abs(ay), abs(by), abs(cy)
+    )
     # Differences, a cross product and a dot product: 12 roundings of lengths up to `away`; the
     # normal of a needle turns by its rounding over its height, which is length over its side.
     side = max(abs(bx - ax), abs(cx - ax), abs(bx - cx), abs(by - ay), abs(cy - ay), abs(by - cy))

@@ -1,0 +1,272 @@
+"""The certified first hit: identities that must hold to the last bit, and hard rays."""
+
+from importlib import resources
+
+import numpy as np
+import pytest
+
+from hybrid_rt import Intersector, Sphere, Status
+from meshing import BezierPatches
+
+EPS = 2.0**-52
+N = 20_000
+
+
+@pytest.fixture(scope="module")
+def teapot():
+    with resources.as_file(resources.files("hybrid_rt") / "data" / "teapot.bpt") as file:
+        return BezierPatches.read(file)
+
+
+@pytest.fixture(scope="module")
+def tracer(teapot):
+    return Intersector([teapot])
+
+
+@pytest.fixture(scope="module")
+def bare(teapot):
+    return Intersector([teapot], coarse="none")
+
+
+@pytest.fixture(scope="module")
+def rays(teapot):
+    return chords(teapot, N, seed=1)
+
+
+@pytest.fixture(scope="module")
+def hits(tracer, rays):
+    return tracer.intersect(*rays)
+
+
+def size_of(surface):
+    return np.linalg.norm(np.ptp(surface.bounds, axis=0))
+
+
+def unit(vectors):
+    return vectors / np.linalg.norm(vectors, axis=1, keepdims=True)
+
+
+def chords(surface, n, seed):
+    """Two random points of the bounding sphere each."""
+    rng = np.random.default_rng(seed)
+    radius, middle = 0.5 * size_of(surface), surface.bounds.mean(axis=0)
+    a, b = unit(rng.normal(size=(n, 3))), unit(rng.normal(size=(n, 3)))
+    return middle + radius * a, radius * (b - a)
+
+
+def grazing(surface, n, offset, seed):
+    """Rays along tangents at random points, moved by an offset along the normal."""
+    rng = np.random.default_rng(seed)
+    k = rng.integers(len(surface), size=n)
+    u, v = rng.random((2, n))
+    point, normal = surface.point(u, v, k), surface.normal(u, v, k)
+    along = rng.normal(size=(n, 3))
+    along = unit(along - np.einsum("ij,ij->i", along, normal)[:, None] * normal)
+    size = size_of(surface)
+    return point + offset * size * normal - 0.25 * size * along, along
+
+
+def edge_points(surface, n, seed):
+    """Patch, u, v of random points on the borders and corners of patches."""
+    rng = np.random.default_rng(seed)
+    k, side, s = rng.integers(len(surface), size=n), rng.integers(4, size=n), rng.random(n)
+    s = np.where(rng.random(n) < 0.2, np.round(s), s)
+    u = np.select([side == 0, side == 1], [0.0, 1.0], s)
+    v = np.select([side == 2, side == 3], [0.0, 1.0], s)
+    return k, u, v
+
+
+def assert_same(a, b, scale=1.0):
+    for name in ("object_id", "patch_id", "u", "v", "status", "flags", "normal"):
+        np.testing.assert_array_equal(getattr(a, name), getattr(b, name), err_msg=name)
+    np.testing.assert_array_equal(a.t * scale, b.t)
+    np.testing.assert_array_equal(a.t_bound * scale, b.t_bound)
+
+
+def test_hits_are_on_the_ray_and_on_the_surface(teapot, rays, hits):
+    found = hits[hits.hit]
+    origin, direction = rays[0][hits.hit], rays[1][hits.hit]
+    surface = teapot.point(found.u, found.v, found.patch_id)
+    gap = np.linalg.norm(surface - (origin + found.t[:, None] * direction), axis=1)
+    # A dozen roundings of numbers up to the size of the scene (8), of which one is allowed here.
+    assert gap.max() <= 16 * EPS * size_of(teapot)
+    assert found.residual.max() <= 16 * EPS * size_of(teapot)
+    np.testing.assert_allclose(np.linalg.norm(found.normal, axis=1), 1.0, rtol=4 * EPS)
+
+
+def test_embree_only_saves_work(tracer, bare, rays, hits):
+    assert_same(hits, bare.intersect(*rays))
+    assert tracer.counters["coarse_hits"] > 0
+    assert bare.counters["coarse_hits"] == 0
+
+
+@pytest.mark.parametrize("exponent", [30, -30])
+def test_powers_of_two_scale_every_bit(teapot, rays, hits, exponent):
+    factor = 2.0**exponent
+    scaled = Intersector([teapot.transformed(np.diag([factor, factor, factor, 1.0]))])
+    assert_same(hits, scaled.intersect(rays[0] * factor, rays[1] * factor))
+    assert_same(hits, scaled.intersect(rays[0] * factor, rays[1]), factor)
+
+
+@pytest.mark.parametrize("offset", [2.0**20, 1e7])
+def test_far_from_the_origin_only_the_input_is_rounded(teapot, rays, hits, offset):
+    matrix = np.eye(4)
+    matrix[:3, 3] = offset
+    moved = Intersector([teapot.transformed(matrix)]).intersect(rays[0] + offset, rays[1])
+    # Rounding the input moves rays and surface by an ulp of the offset; rays that clear the
+    # silhouette by more keep their decision, and t moves by that over the cosine.
+    cosine = np.abs(np.einsum("ij,ij->i", unit(rays[1]), hits.normal))
+    both = hits.hit & moved.hit
+    slack = 8 * EPS * offset / (cosine * np.linalg.norm(rays[1], axis=1))
+    assert (np.abs(moved.t - hits.t)[both] <= slack[both]).mean() > 0.999
+    assert (hits.hit != moved.hit).mean() < 1e-3
+
+
+def test_order_batches_and_threads_change_no_bit(teapot, tracer, rays, hits):
+    shuffled = np.random.default_rng(3).permutation(N)
+    assert_same(hits[shuffled], tracer.intersect(rays[0][shuffled], rays[1][shuffled]))
+    single = Intersector([teapot], threads=1)
+    for part in (slice(0, 1), slice(1, 700), slice(700, N)):
+        assert_same(hits[part], single.intersect(rays[0][part], rays[1][part]))
+
+
+@pytest.mark.parametrize("kind", ["random", "none"])
+def test_wrong_coarse_hits_change_nothing(teapot, rays, hits, kind, monkeypatch):
+    liar = Intersector([teapot])
+    rng = np.random.default_rng(5)
+    n_faces = liar._coarse.n_triangles
+
+    def lie(origin, *_):
+        n = len(origin)
+        face = np.full(n, -1, np.int32)
+        if kind == "random":
+            face = rng.integers(-1, n_faces, n).astype(np.int32)
+        return face, np.zeros(n), 0.5 * rng.random(n), 0.5 * rng.random(n)
+
+    monkeypatch.setattr(liar._coarse.scene, "first", lie)
+    assert_same(hits, liar.intersect(*rays))
+
+
+@pytest.mark.parametrize("exponent", range(-9, 0))
+def test_silhouettes_with_and_without_embree(teapot, tracer, bare, exponent):
+    rays = grazing(teapot, 3000, -(10.0**exponent), seed=-exponent)
+    a, b = tracer.intersect(*rays), bare.intersect(*rays)
+    assert_same(a, b)
+    assert tracer.counters["given_up"] == 0
+    assert (a.residual[a.hit] <= 64 * EPS * size_of(teapot)).all()
+
+
+def test_no_ray_slips_through_an_edge(teapot, tracer):
+    rng = np.random.default_rng(7)
+    n = 100_000
+    k, u, v = edge_points(teapot, n, seed=8)
+    point, normal = teapot.point(u, v, k), teapot.normal(u, v, k)
+    direction = unit(rng.normal(size=(n, 3)))
+    back = size_of(teapot)
+    hits = tracer.intersect(point - back * direction, direction)
+    # Some rays end earlier on another part of the teapot; none may go on beyond its target,
+    # unless it only grazes it.
+    cosine = np.abs(np.einsum("ij,ij->i", direction, normal))
+    assert not (hits.t[cosine > 1e-3] > back * (1 + 1e-9)).any()
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_departure_from_edges_is_not_a_hit(teapot, tracer, side):
+    """1e5 starts exactly on borders, at all slopes down to 1e-6, to both sides."""
+    rng = np.random.default_rng(9)
+    n = 100_000
+    k, u, v = edge_points(teapot, n, seed=10)
+    normal = teapot.normal(u, v, k)
+    start = tracer.intersect(teapot.point(u, v, k) + normal, -normal, t_min=0.5, t_max=1.5)
+    on_target = start.hit & (np.abs(start.t - 1.0) < 1e-9)
+    start = start[on_target]
+    cosine = 10.0 ** rng.uniform(-6, -0.3, len(start))
+    along = rng.normal(size=(len(start), 3))
+    along = unit(along - np.einsum("ij,ij->i", along, start.normal)[:, None] * start.normal)
+    away = side * start.normal * cosine[:, None] + along * np.sqrt(1 - cosine**2)[:, None]
+    hits = tracer.intersect(start.position, away, source=start)
+    # A second root of a surface with radius of curvature r lies 2 r cos away; the teapot has no r
+    # below 0.01, except where the ray is within rounding of a tangent.
+    near = hits.hit & (hits.t < 0.01 * cosine) & (hits.status != Status.TANGENT)
+    assert near.sum() == 0
+
+
+def test_apex_of_the_lid(teapot, tracer):
+    rng = np.random.default_rng(11)
+    apex = np.array([0.0, 0.0, 3.15])
+    for offset in (0.0, 1e-15, 1e-12, 1e-9, 1e-6):
+        direction = rng.normal(size=(500, 3))
+        direction[:, 2] = -np.abs(direction[:, 2]) - 0.2
+        direction = unit(direction)
+        target = apex + offset * rng.normal(size=(500, 3)) * (1.0, 1.0, 0.0)
+        hits = tracer.intersect(target - 3.0 * direction, direction)
+        assert (hits.status == Status.HIT).all()
+        np.testing.assert_allclose(hits.t, 3.0, atol=1e-12 + 20 * offset)
+        np.testing.assert_allclose(np.linalg.norm(hits.normal, axis=1), 1.0, rtol=1e-12)
+
+
+def test_mesh_and_refined_are_wrong_where_expected(teapot):
+    rays = grazing(teapot, 20_000, -1e-4, seed=13)
+    exact = Intersector([teapot], coarse="none").intersect(*rays)
+    for accuracy in ("mesh", "refined"):
+        usual = Intersector([teapot], accuracy=accuracy).intersect(*rays)
+        wrong = (usual.hit != exact.hit) | (usual.hit & (np.abs(usual.t - exact.t) > 0.05))
+        assert 0.02 < wrong.mean() < 0.9
+
+
+def test_ties_go_to_the_lower_object(teapot, rays):
+    twice = Intersector([teapot, teapot]).intersect(*rays)
+    assert set(twice.object_id[twice.hit].tolist()) == {0}
+
+
+def test_limits_of_t(tracer, rays, hits):
+    found = np.flatnonzero(hits.hit)
+    origin, direction, t = rays[0][found], rays[1][found], hits.t[found]
+    assert not tracer.occluded(origin, direction, t_max=t).any()
+    assert tracer.occluded(origin, direction, t_max=t * (1 + 1e-9)).all()
+    later = tracer.intersect(origin, direction, t_min=t * (1 + 1e-9))
+    assert (later.t > t).all()
+
+
+def test_shadow_ray_ends_on_its_target(tracer, hits):
+    target = hits[hits.hit]
+    light = np.array([0.0, 0.0, 50.0])
+    seen = tracer.intersect(light, target.position - light)
+    first = np.abs(seen.t - 1.0) < 1e-9
+    blocked = tracer.occluded(light, target.position - light, t_max=1.0, target=target)
+    np.testing.assert_array_equal(blocked, ~first)
+
+
+def test_inputs_of_any_form(tracer):
+    single = tracer.intersect([0, -10, 1], [0, 1, 0])
+    image = tracer.intersect(
+        np.asfortranarray(np.broadcast_to(np.float32([0, -10, 1]), (2, 3, 3))), (0, 1, 0)
+    )
+    assert len(single) == 1
+    assert len(image) == 6
+    np.testing.assert_array_equal(image.t, np.repeat(single.t, 6))
+    assert len(tracer.intersect(np.empty((0, 3)), np.empty((0, 3)))) == 0
+
+
+@pytest.mark.parametrize(
+    ("origin", "direction", "message"),
+    [
+        ([0, 0, 0], [0, 0, 0], r"directions\[0\].*zero"),
+        ([0, np.nan, 0], [0, 0, 1], r"origins\[0\].*finite"),
+        ([0, 0, 0], [0, np.inf, 1], r"directions\[0\].*finite"),
+        ([[0, 0]], [[0, 0]], r"shape \(1, 2\)"),
+        (np.zeros((3, 3)), np.ones((2, 3)), "3 origins but 2 directions"),
+    ],
+)
+def test_bad_rays_are_refused(tracer, origin, direction, message):
+    with pytest.raises(ValueError, match=message):
+        tracer.intersect(origin, direction)
+
+
+def test_no_curved_surface_no_embree(monkeypatch):
+    import sys
+
+    monkeypatch.setitem(sys.modules, "embreex", None)
+    monkeypatch.setitem(sys.modules, "trimesh", None)
+    hit = Intersector([Sphere((0, 0, 0), 1.0)]).intersect([0, 0, 5], [0, 0, -1])
+    assert hit.t[0] == 4.0
