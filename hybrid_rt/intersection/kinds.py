@@ -75,10 +75,10 @@ def _patches(members: list[tuple[int, Any]], accuracy: str) -> Kind:
     return PatchKind(members, search=accuracy == "certified")
 
 
-def _revolutions(members: list[tuple[int, Any]], accuracy: str) -> Kind:
+def _revolutions(members: list[tuple[int, Any]], _accuracy: str) -> Kind:
     from hybrid_rt.intersection.revolutions import RevolutionKind
 
-    return RevolutionKind(members, search=accuracy == "certified")
+    return RevolutionKind(members)
 
 
 def _triangles(members: list[tuple[int, Any]], accuracy: str) -> Kind:

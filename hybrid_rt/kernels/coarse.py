@@ -13,18 +13,21 @@ NO_LIMIT = 1e30
 @kernel
 def rays_to_float32(origin, direction, t_min, t_max, middle, to_frame, near, away, reach, shift):
     """Fill float32 origins (advanced to t_min), directions and reach; ``shift`` in frame units."""
+    mx, my, mz = middle[0], middle[1], middle[2]
     for i in range(origin.shape[0]):
-        d = direction[i]
-        x, y, z, lx, ly, lz, s = enter_frame(origin[i], d, middle, to_frame)
+        dx, dy, dz = direction[i, 0], direction[i, 1], direction[i, 2]
+        x, y, z, lx, ly, lz, s = enter_frame(
+            origin[i, 0], origin[i, 1], origin[i, 2], dx, dy, dz, mx, my, mz, to_frame
+        )
         # Embree starts at 0: begin at t_min, but never before the frame's ball.
         begin = t_min[i] * to_frame - s
         if begin > 0.0:
-            x, lx = advance(x, lx, begin, d[0])
-            y, ly = advance(y, ly, begin, d[1])
-            z, lz = advance(z, lz, begin, d[2])
+            x, lx = advance(x, lx, begin, dx)
+            y, ly = advance(y, ly, begin, dy)
+            z, lz = advance(z, lz, begin, dz)
             s += begin
         near[i, 0], near[i, 1], near[i, 2] = x, y, z
-        away[i, 0], away[i, 1], away[i, 2] = d[0], d[1], d[2]
+        away[i, 0], away[i, 1], away[i, 2] = dx, dy, dz
         reach[i] = min(max(t_max[i] * to_frame - s, 0.0), NO_LIMIT)
         shift[i] = s
 

@@ -40,25 +40,25 @@ def advance(high, low, t, d):
 
 
 @inner
-def enter_frame(o, d, middle, to_frame):
+def enter_frame(ox, oy, oz, dx, dy, dz, mx, my, mz, to_frame):
     """Bring a ray's origin into a frame, near the frame's ball.
 
     Returns the origin in two parts and by how much t was advanced, in frame units: the ray is
     ``(high + low) + (t to_frame - shift) d``.
     """
-    h0, l0 = two_difference(o[0], middle[0])
-    h1, l1 = two_difference(o[1], middle[1])
-    h2, l2 = two_difference(o[2], middle[2])
+    h0, l0 = two_difference(ox, mx)
+    h1, l1 = two_difference(oy, my)
+    h2, l2 = two_difference(oz, mz)
     h0, l0 = h0 * to_frame, l0 * to_frame
     h1, l1 = h1 * to_frame, l1 * to_frame
     h2, l2 = h2 * to_frame, l2 * to_frame
     largest = max(abs(h0), abs(h1), abs(h2))
     if largest <= FRAME_RADIUS:
         return h0, h1, h2, l0, l1, l2, 0.0
-    dd = d[0] * d[0] + d[1] * d[1] + d[2] * d[2]
+    dd = dx * dx + dy * dy + dz * dz
     # To the foot of the perpendicular on the middle, less 1.5 radii.
-    shift = -(h0 * d[0] + h1 * d[1] + h2 * d[2]) / dd - 1.5 * FRAME_RADIUS / np.sqrt(dd)
-    h0, l0 = advance(h0, l0, shift, d[0])
-    h1, l1 = advance(h1, l1, shift, d[1])
-    h2, l2 = advance(h2, l2, shift, d[2])
+    shift = -(h0 * dx + h1 * dy + h2 * dz) / dd - 1.5 * FRAME_RADIUS / np.sqrt(dd)
+    h0, l0 = advance(h0, l0, shift, dx)
+    h1, l1 = advance(h1, l1, shift, dy)
+    h2, l2 = advance(h2, l2, shift, dz)
     return h0, h1, h2, l0, l1, l2, shift

@@ -34,29 +34,31 @@ class BoxTable(NamedTuple):
 
 
 @inner
-def _offer_parallelogram(i, k, table, o, d, t_min, known, best):
-    c, n, ru, rv = table.corner[k], table.normal[k], table.row_u[k], table.row_v[k]
-    n_dot_d = n[0] * d[0] + n[1] * d[1] + n[2] * d[2]
+def _offer_parallelogram(
+    i, k, corner, normal, row_u, row_v, size, object_id, ox, oy, oz, dx, dy, dz, t_min, known, best
+):
+    nx, ny, nz = normal[k, 0], normal[k, 1], normal[k, 2]
+    n_dot_d = nx * dx + ny * dy + nz * dz
     if n_dot_d == 0.0:
         return
-    wx, ex = two_difference(o[0], c[0])
-    wy, ey = two_difference(o[1], c[1])
-    wz, ez = two_difference(o[2], c[2])
-    t = -((n[0] * wx + n[1] * wy + n[2] * wz) + (n[0] * ex + n[1] * ey + n[2] * ez)) / n_dot_d
+    wx, ex = two_difference(ox, corner[k, 0])
+    wy, ey = two_difference(oy, corner[k, 1])
+    wz, ez = two_difference(oz, corner[k, 2])
+    t = -((nx * wx + ny * wy + nz * wz) + (nx * ex + ny * ey + nz * ez)) / n_dot_d
     if not t > t_min[i] or t > best.t[i]:
         return
-    px, py, pz = wx + t * d[0] + ex, wy + t * d[1] + ey, wz + t * d[2] + ez
-    u = ru[0] * px + ru[1] * py + ru[2] * pz
-    v = rv[0] * px + rv[1] * py + rv[2] * pz
+    px, py, pz = wx + t * dx + ex, wy + t * dy + ey, wz + t * dz + ez
+    u = row_u[k, 0] * px + row_u[k, 1] * py + row_u[k, 2] * pz
+    v = row_v[k, 0] * px + row_v[k, 1] * py + row_v[k, 2] * pz
     away = np.sqrt(wx * wx + wy * wy + wz * wz)
     # The normal is rounded (2), its two products have 3 roundings each, quotient and sums 4.
-    error = UNIT_ROUNDOFF * (12.0 * away + 4.0 * table.size[k])
+    error = UNIT_ROUNDOFF * (12.0 * away + 4.0 * size[k])
     slope = abs(n_dot_d)
-    band = TANGENT_BAND * max(away, table.size[k])
+    band = TANGENT_BAND * max(away, size[k])
     # A step across the ray moves the point by up to |d| / |n.d| along the plane.
-    lean = max(1.0, np.sqrt(d[0] * d[0] + d[1] * d[1] + d[2] * d[2]) / slope)
-    lu = np.sqrt(ru[0] * ru[0] + ru[1] * ru[1] + ru[2] * ru[2])
-    lv = np.sqrt(rv[0] * rv[0] + rv[1] * rv[1] + rv[2] * rv[2])
+    lean = max(1.0, np.sqrt(dx * dx + dy * dy + dz * dz) / slope)
+    lu = np.sqrt(row_u[k, 0] * row_u[k, 0] + row_u[k, 1] * row_u[k, 1] + row_u[k, 2] * row_u[k, 2])
+    lv = np.sqrt(row_v[k, 0] * row_v[k, 0] + row_v[k, 1] * row_v[k, 1] + row_v[k, 2] * row_v[k, 2])
     depth = min(min(u, 1.0 - u) / lu, min(v, 1.0 - v) / lv)
     if depth < -error * lean:
         if depth > -band:
@@ -64,19 +66,25 @@ def _offer_parallelogram(i, k, table, o, d, t_min, known, best):
         return
     t_bound = error / slope + 4.0 * UNIT_ROUNDOFF * abs(t)
     u, v = min(max(u, 0.0), 1.0), min(max(v, 0.0), 1.0)
-    offer(i, t, t_bound, slope, depth < band, table.object_id[k], 0, u, v, t_min, known, best)
+    offer(i, t, t_bound, slope, depth < band, object_id[k], 0, u, v, t_min, known, best)
 
 
 @kernel
 def trace_rectangles(table, rays, best, any_hit):
     """Lower ``best`` to the nearest roots on all parallelograms."""
-    for i in range(rays.origin.shape[0]):
-        for k in range(table.object_id.shape[0]):
+    corner, normal, row_u, row_v = table.corner, table.normal, table.row_u, table.row_v
+    size, object_id = table.size, table.object_id
+    origin, direction, t_min, known = rays.origin, rays.direction, rays.t_min, rays.known
+    for i in range(origin.shape[0]):
+        ox, oy, oz = origin[i, 0], origin[i, 1], origin[i, 2]
+        dx, dy, dz = direction[i, 0], direction[i, 1], direction[i, 2]
+        for k in range(object_id.shape[0]):
             if any_hit and best.object_id[i] >= 0:
                 break
             _offer_parallelogram(
-                i, k, table, rays.origin[i], rays.direction[i], rays.t_min, rays.known, best
-            )
+                i, k, corner, normal, row_u, row_v, size, object_id, ox, oy, oz, dx, dy, dz,
+                t_min, known, best,
+            )  # fmt: skip
 
 
 @kernel

@@ -237,9 +237,15 @@ def meet(control, start, degree, ray, after, s, t, side, error):
             return False, s, t, step, slope, gain
         ds = (f * rho_t - g * ray[5]) / det
         s += ds
-        t += (rs * f - zs * g) / det
+        dt = (rs * f - zs * g) / det
+        t += dt
         gain = (abs(rho_t) + abs(ray[5])) / abs(det)
-        if abs(ds) <= LAST_STEP * side + 2.0 * error * gain:
+        gain_t = (abs(zs) + abs(rs)) / abs(det)
+        # Across the axis s hardly moves while t does, and along a disc the other way round.
+        if (
+            abs(ds) <= LAST_STEP * side + 2.0 * error * gain
+            and abs(dt) <= LAST_STEP * side * (abs(zs) + abs(rs)) + 2.0 * error * gain_t
+        ):
             slope = abs(det) / np.sqrt(zs * zs + rs * rs)
             return True, s, t, step, slope, gain
         if not -1.0 <= s <= 2.0:
@@ -413,13 +419,15 @@ def solve_piece(
 
 
 @inner
-def enter_axis_frame(o, d, middle, to_frame, turn, ray):
+def enter_axis_frame(k, ox, oy, oz, dx, dy, dz, middle, to_frame, turn, ray):
     """Fill ``ray`` for one object; return by how much t was advanced, in frame units."""
-    hx, hy, hz, lx, ly, lz, shift = enter_frame(o, d, middle, to_frame)
+    hx, hy, hz, lx, ly, lz, shift = enter_frame(
+        ox, oy, oz, dx, dy, dz, middle[k, 0], middle[k, 1], middle[k, 2], to_frame
+    )
     for c in range(3):
-        e = turn[c]
-        ray[c] = (e[0] * hx + e[1] * hy + e[2] * hz) + (e[0] * lx + e[1] * ly + e[2] * lz)
-        ray[3 + c] = e[0] * d[0] + e[1] * d[1] + e[2] * d[2]
+        e0, e1, e2 = turn[k, c, 0], turn[k, c, 1], turn[k, c, 2]
+        ray[c] = (e0 * hx + e1 * hy + e2 * hz) + (e0 * lx + e1 * ly + e2 * lz)
+        ray[3 + c] = e0 * dx + e1 * dy + e2 * dz
     square = ray[3] * ray[3] + ray[4] * ray[4]
     ray[6] = np.sqrt(square)
     if square > 0.0:
@@ -434,15 +442,20 @@ def enter_axis_frame(o, d, middle, to_frame, turn, ray):
 def trace_revolutions(table, rays, guess, best, any_hit, counters):
     """Lower ``best`` to the first hits; ``guess`` names a piece to begin with, -1 for none."""
     control, start, degree, piece = table.control, table.start, table.degree, table.piece
+    origin, direction, t_min, known = rays.origin, rays.direction, rays.t_min, rays.known
+    middle, axes, to_frames, sizes = table.middle, table.turn, table.to_frame, table.size
+    first_segment, first_piece, span = table.first_segment, table.first_piece, table.span
+    open_ends, object_id = table.open_ends, table.object_id
     most = degree.max() + 1
     net = np.empty((most, 2))
     stack = np.empty((DEPTH, 2))
     scratch = np.empty(PIECE)
     ray = np.empty(9)
-    for i in range(rays.origin.shape[0]):
+    for i in range(origin.shape[0]):
         if any_hit and best.object_id[i] >= 0:
             continue
-        o, d = rays.origin[i], rays.direction[i]
+        ox, oy, oz = origin[i, 0], origin[i, 1], origin[i, 2]
+        dx, dy, dz = direction[i, 0], direction[i, 1], direction[i, 2]
         done = -1
         t_guess = best.t[i]
         for turn in range(2):
@@ -450,42 +463,43 @@ def trace_revolutions(table, rays, guess, best, any_hit, counters):
                 if guess.shape[0] == 0 or guess[i] < 0:
                     continue
                 done = guess[i]
-            for k in range(table.object_id.shape[0]):
-                first, last = table.first_segment[k], table.first_segment[k + 1]
+            for k in range(object_id.shape[0]):
+                first, last = first_segment[k], first_segment[k + 1]
                 if turn == 0 and not (
-                    table.first_piece[first] <= done < table.first_piece[last]
+                    first_piece[first] <= done < first_piece[last]
                 ):
                     continue
-                to_frame, size = table.to_frame[k], table.size[k]
+                to_frame, size = to_frames[k], sizes[k]
                 to_world = 1.0 / to_frame
-                shift = enter_axis_frame(o, d, table.middle[k], to_frame, table.turn[k], ray)
+                shift = enter_axis_frame(
+                    k, ox, oy, oz, dx, dy, dz, middle, to_frame, axes, ray
+                )
                 slop = 16.0 * UNIT_ROUNDOFF * max(
                     size, np.sqrt(ray[0] * ray[0] + ray[1] * ray[1] + ray[2] * ray[2])
                 )
-                t_lo = rays.t_min[i] * to_frame - shift
+                t_lo = t_min[i] * to_frame - shift
                 t_lo -= CUT_SLACK * (1.0 + abs(t_lo))
                 for seg in range(first, last):
                     if turn == 0 and not (
-                        table.first_piece[seg] <= done < table.first_piece[seg + 1]
+                        first_piece[seg] <= done < first_piece[seg + 1]
                     ):
                         continue
-                    box = table.span[seg]
                     for sheet in range(2):
                         after = sheet == 1
                         t0, t1 = sheet_interval(
-                            box[0], box[1], max(box[2], 0.0), box[3], ray, after, slop
+                            span[seg, 0], span[seg, 1], max(span[seg, 2], 0.0), span[seg, 3], ray, after, slop
                         )
                         t_cut = best.t[i] * to_frame - shift
                         t_cut += CUT_SLACK * (1.0 + abs(t_cut))
                         if not t0 <= t1 or t1 < t_lo or t0 > t_cut:
                             continue
-                        for p in range(table.first_piece[seg], table.first_piece[seg + 1]):
+                        for p in range(first_piece[seg], first_piece[seg + 1]):
                             if (p == done) != (turn == 0):
                                 continue
                             solve_piece(
                                 i, seg, piece[p], ray, after, t_lo, t_cut, control, start[seg],
-                                degree[seg], table.open_ends[seg], size, shift, to_world,
-                                table.object_id[k], rays.t_min, rays.known, best, slop,
+                                degree[seg], open_ends[seg], size, shift, to_world,
+                                object_id[k], t_min, known, best, slop,
                                 net, stack, scratch, counters,
                             )  # fmt: skip
                             t_cut = best.t[i] * to_frame - shift
@@ -530,10 +544,10 @@ def refine_revolutions(
         k = row_of[object_of[f]]
         if k < 0:
             continue
+        o, d = rays.origin[i], rays.direction[i]
         shift = enter_axis_frame(
-            rays.origin[i], rays.direction[i], table.middle[k], table.to_frame[k], table.turn[k],
-            ray,
-        )  # fmt: skip
+            k, o[0], o[1], o[2], d[0], d[1], d[2], table.middle, table.to_frame[k], table.turn, ray
+        )
         for seg in range(table.first_segment[k], table.first_segment[k + 1]):
             if table.segment_id[seg] != segment[f]:
                 continue
@@ -561,8 +575,9 @@ def finish_revolutions(table, rays, best, row_of, out):
             continue
         k, seg, s = row_of[best.object_id[i]], best.primitive[i], best.b[i]
         to_frame, e = table.to_frame[k], table.turn[k]
+        o, d = rays.origin[i], rays.direction[i]
         shift = enter_axis_frame(
-            rays.origin[i], rays.direction[i], table.middle[k], to_frame, e, ray
+            k, o[0], o[1], o[2], d[0], d[1], d[2], table.middle, to_frame, table.turn, ray
         )
         t = best.t[i] * to_frame - shift
         z, r, zs, rs, zz, rr = profile(table.control, table.start[seg], table.degree[seg], s)

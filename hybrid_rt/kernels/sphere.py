@@ -61,13 +61,14 @@ def power_of_point(fx, fy, fz, gx, gy, gz, r):
 
 
 @inner
-def offer_sphere(i, k, center, radius, object_id, o, d, t_min, known, best):
+def offer_sphere(
+    i, k, center, radius, object_id, ox, oy, oz, dx, dy, dz, t_min, known, best
+):  # fmt: skip
     """Offer both roots of ray i with sphere k."""
     r = radius[k]
-    fx, gx = two_difference(o[0], center[k, 0])
-    fy, gy = two_difference(o[1], center[k, 1])
-    fz, gz = two_difference(o[2], center[k, 2])
-    dx, dy, dz = d[0], d[1], d[2]
+    fx, gx = two_difference(ox, center[k, 0])
+    fy, gy = two_difference(oy, center[k, 1])
+    fz, gz = two_difference(oz, center[k, 2])
     dd = dx * dx + dy * dy + dz * dz
     middle = -((fx * dx + fy * dy + fz * dz) + (gx * dx + gy * dy + gz * dz)) / dd
     lx, ly, lz = fx + middle * dx + gx, fy + middle * dy + gy, fz + middle * dz + gz
@@ -99,13 +100,15 @@ def offer_sphere(i, k, center, radius, object_id, o, d, t_min, known, best):
 def trace_spheres(table, rays, best, any_hit):
     """Lower ``best`` to the nearest roots on all spheres."""
     center, radius, object_id = table.center, table.radius, table.object_id
-    for i in range(rays.origin.shape[0]):
+    origin, direction, t_min, known = rays.origin, rays.direction, rays.t_min, rays.known
+    for i in range(origin.shape[0]):
+        ox, oy, oz = origin[i, 0], origin[i, 1], origin[i, 2]
+        dx, dy, dz = direction[i, 0], direction[i, 1], direction[i, 2]
         for k in range(radius.shape[0]):
             if any_hit and best.object_id[i] >= 0:
                 break
             offer_sphere(
-                i, k, center, radius, object_id, rays.origin[i], rays.direction[i],
-                rays.t_min, rays.known, best,
+                i, k, center, radius, object_id, ox, oy, oz, dx, dy, dz, t_min, known, best
             )  # fmt: skip
 
 

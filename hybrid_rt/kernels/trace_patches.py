@@ -83,19 +83,18 @@ def solve_cell(
     t_min, known, best, counters,
 ):  # fmt: skip
     """Settle one cell for one ray: offer its root, or know that there is none that matters."""
-    c = record[cell]
-    px, py, pz = x - c[CENTRE], y - c[CENTRE + 1], z - c[CENTRE + 2]
-    ou = c[ROW_U] * px + c[ROW_U + 1] * py + c[ROW_U + 2] * pz
-    ov = c[ROW_V] * px + c[ROW_V + 1] * py + c[ROW_V + 2] * pz
-    on = c[ROW_N] * px + c[ROW_N + 1] * py + c[ROW_N + 2] * pz
-    du = c[ROW_U] * dx + c[ROW_U + 1] * dy + c[ROW_U + 2] * dz
-    dv = c[ROW_V] * dx + c[ROW_V + 1] * dy + c[ROW_V + 2] * dz
-    dn = c[ROW_N] * dx + c[ROW_N + 1] * dy + c[ROW_N + 2] * dz
+    px, py, pz = x - record[cell, CENTRE], y - record[cell, CENTRE + 1], z - record[cell, CENTRE + 2]
+    ou = record[cell, ROW_U] * px + record[cell, ROW_U + 1] * py + record[cell, ROW_U + 2] * pz
+    ov = record[cell, ROW_V] * px + record[cell, ROW_V + 1] * py + record[cell, ROW_V + 2] * pz
+    on = record[cell, ROW_N] * px + record[cell, ROW_N + 1] * py + record[cell, ROW_N + 2] * pz
+    du = record[cell, ROW_U] * dx + record[cell, ROW_U + 1] * dy + record[cell, ROW_U + 2] * dz
+    dv = record[cell, ROW_V] * dx + record[cell, ROW_V + 1] * dy + record[cell, ROW_V + 2] * dz
+    dn = record[cell, ROW_N] * dx + record[cell, ROW_N + 1] * dy + record[cell, ROW_N + 2] * dz
     # --- the skew box: three slabs
     t0, t1 = -np.inf, np.inf
     for axis in range(3):
         o, d = (ou, du) if axis == 0 else ((ov, dv) if axis == 1 else (on, dn))
-        lo, hi = c[BOX + 2 * axis] - o, c[BOX + 2 * axis + 1] - o
+        lo, hi = record[cell, BOX + 2 * axis] - o, record[cell, BOX + 2 * axis + 1] - o
         if d == 0.0:
             if lo > 0.0 or hi < 0.0:
                 return
@@ -114,12 +113,12 @@ def solve_cell(
         (y - centre[patch, 1]) + ly,
         (z - centre[patch, 2]) + lz,
     )
-    um, vm, hu, hv = c[MIDDLE], c[MIDDLE + 1], c[HALF], c[HALF + 1]
+    um, vm, hu, hv = record[cell, MIDDLE], record[cell, MIDDLE + 1], record[cell, HALF], record[cell, HALF + 1]
     first, m, n = start[patch], degree[patch, 0], degree[patch, 1]
     dd = dx * dx + dy * dy + dz * dz
-    if dn * dn > c[SPREAD] * dd:
+    if dn * dn > record[cell, SPREAD] * dd:
         # --- at most one root: Newton from the middle of the box along the normal
-        t = min(max((0.5 * (c[BOX + 4] + c[BOX + 5]) - on) / dn, t0), t1)
+        t = min(max((0.5 * (record[cell, BOX + 4] + record[cell, BOX + 5]) - on) / dn, t0), t1)
         counters[NEWTONS] += 1
         status, u, v, t, steps, n_dot_d, gain_u, gain_v = newton(
             control, first, m, n, basis, size[patch], ox, oy, oz, dx, dy, dz,
@@ -164,6 +163,7 @@ def trace_patches(table, tree, rays, guess, best, any_hit, counters):
     origin, direction, t_min, known = rays.origin, rays.direction, rays.t_min, rays.known
     t_best = best.t
     to_world = 1.0 / to_frame
+    mx, my, mz = middle[0], middle[1], middle[2]
     widest = 2
     for k in range(degree.shape[0]):
         widest = max(widest, degree[k, 0] + 1, degree[k, 1] + 1)
@@ -178,7 +178,9 @@ def trace_patches(table, tree, rays, guess, best, any_hit, counters):
         if any_hit and best.object_id[i] >= 0:
             continue
         dx, dy, dz = direction[i, 0], direction[i, 1], direction[i, 2]
-        x, y, z, lx, ly, lz, shift = enter_frame(origin[i], direction[i], middle, to_frame)
+        x, y, z, lx, ly, lz, shift = enter_frame(
+            origin[i, 0], origin[i, 1], origin[i, 2], dx, dy, dz, mx, my, mz, to_frame
+        )
         t_lo = t_min[i] * to_frame - shift
         t_lo -= CUT_SLACK * (1.0 + abs(t_lo))
         t_cut = t_best[i] * to_frame - shift
@@ -251,11 +253,14 @@ def refine_patches(
         if first_patch[object_of[f]] < 0:
             continue
         k = first_patch[object_of[f]] + piece[f]
+        o, middle = rays.origin[i], table.middle
         w = 1.0 - u[j] - v[j]
         a = w * corner_uv[f, 0, 0] + u[j] * corner_uv[f, 1, 0] + v[j] * corner_uv[f, 2, 0]
         b = w * corner_uv[f, 0, 1] + u[j] * corner_uv[f, 1, 1] + v[j] * corner_uv[f, 2, 1]
         d = rays.direction[i]
-        hx, hy, hz, lx, ly, lz, shift = enter_frame(rays.origin[i], d, table.middle, table.to_frame)
+        hx, hy, hz, lx, ly, lz, shift = enter_frame(
+            o[0], o[1], o[2], d[0], d[1], d[2], middle[0], middle[1], middle[2], table.to_frame
+        )
         c = table.centre[k]
         ox, oy, oz = hx - c[0] + lx, hy - c[1] + ly, hz - c[2] + lz
         m, n = degree[k, 0], degree[k, 1]
@@ -291,9 +296,11 @@ def finish_patches(table, rays, best, kind_of, kind, out):
         k = best.primitive[i]
         u, v = best.a[i], best.b[i]
         m, n = degree[k, 0], degree[k, 1]
-        d = rays.direction[i]
+        o, d = rays.origin[i], rays.direction[i]
         dx, dy, dz = d[0], d[1], d[2]
-        hx, hy, hz, lx, ly, lz, shift = enter_frame(rays.origin[i], d, middle, table.to_frame)
+        hx, hy, hz, lx, ly, lz, shift = enter_frame(
+            o[0], o[1], o[2], dx, dy, dz, middle[0], middle[1], middle[2], table.to_frame
+        )
         ox, oy, oz = hx - centre[k, 0] + lx, hy - centre[k, 1] + ly, hz - centre[k, 2] + lz
         x, y, z, ux, uy, uz, vx, vy, vz = evaluate_any(control, start[k], m, n, u, v, basis)
         nx, ny, nz = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx

@@ -125,7 +125,10 @@ def trace_triangles(table, tree, rays, guess, best, any_hit, counters):
                     rays.t_min, rays.known, best,
                 )  # fmt: skip
             t_guess = best.t[i]
-        x, y, z, _, _, _, shift = enter_frame(o, d, table.middle, table.to_frame)
+        x, y, z, _, _, _, shift = enter_frame(
+            o[0], o[1], o[2], d[0], d[1], d[2], table.middle[0], table.middle[1], table.middle[2],
+            table.to_frame,
+        )  # fmt: skip
         t_lo = rays.t_min[i] * table.to_frame - shift
         lo = np.float32(t_lo - CUT_SLACK * (1.0 + abs(t_lo)))
         fx, fy, fz = np.float32(x), np.float32(y), np.float32(z)

@@ -50,9 +50,9 @@ class Plane:
         points = np.empty((len(u), 3))
         points[:, first], points[:, second] = u, v
         n, o = self.unit_normal, self.origin
-        points[:, across] = o[across] - (
-            (u - o[first]) * n[first] + (v - o[second]) * n[second]
-        ) / n[across]
+        points[:, across] = (
+            o[across] - ((u - o[first]) * n[first] + (v - o[second]) * n[second]) / n[across]
+        )
         return points
 
     def normal(self, u: ArrayLike, v: ArrayLike, patch_id: ArrayLike = 0) -> FloatArray:

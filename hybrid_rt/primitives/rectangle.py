@@ -57,9 +57,7 @@ class Rectangle:
     def transformed(self, matrix: ArrayLike) -> Rectangle:
         """Return the image under an affine map (4, 4)."""
         linear, shift = as_affine(matrix, "Rectangle")
-        return Rectangle(
-            linear @ self.corner + shift, linear @ self.edge_u, linear @ self.edge_v
-        )
+        return Rectangle(linear @ self.corner + shift, linear @ self.edge_u, linear @ self.edge_v)
 
     def flipped(self) -> Rectangle:
         """Return the rectangle with u and v swapped, and so its normal reversed."""

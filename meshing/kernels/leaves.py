@@ -1,0 +1,165 @@
+"""Halving patches until the proof of their triangles' distance meets the tolerance.
+
+Every triangle whose corners lie on S above an hu x hv rectangle stays within
+(hu^2 Muu + 2 hu hv Muv + hv^2 Mvv) / 8 of S, point by point in (u, v), where the M bound the second
+partials there (Filip, Magedson and Markot, Computer Aided Geometric Design 3, 1986). They prove it
+for right triangles; for any triangle with weights l_i it follows from Taylor's formula at the
+point, since sum l_i (u_i - u)^2 <= hu^2 / 4 and likewise for the other two sums. So vertices that
+a neighbour needs may be added on a leaf's edges without losing the proof. The M are read off the
+second differences of the leaf's own net, whose parameters run over [0, 1].
+"""
+
+import math
+
+import numpy as np
+
+from meshing.kernels.bernstein import length_of
+from meshing.kernels.jit import inner, kernel
+from meshing.kernels.subdivision import halve
+
+# Parameters of leaves count in units of 2**-MAX_DEPTH.
+MAX_DEPTH = 18
+# Work per net point and halving, in roundings; see `net_rounding`.
+HALF_ULP = 2.0**-53
+# Total depth at which a piece is small enough to tell how many leaves it will need.
+FORECAST_DEPTH = 6
+
+
+@inner
+def second_differences(stack, slot, m, n):
+    """Bound Muu, Muv and Mvv of the net in a slot."""
+    uu, uv, vv = 0.0, 0.0, 0.0
+    stride = n + 1
+    for i in range(m + 1):
+        for j in range(n + 1):
+            k = i * stride + j
+            if i + 2 <= m:
+                uu = max(uu, _size(stack, slot, k, k + stride, k + stride, k + 2 * stride))
+            if i < m and j < n:
+                uv = max(uv, _size(stack, slot, k, k + 1, k + stride, k + stride + 1))
+            if j + 2 <= n:
+                vv = max(vv, _size(stack, slot, k, k + 1, k + 1, k + 2))
+    return m * (m - 1) * uu, m * n * uv, n * (n - 1) * vv
+
+
+@inner
+def _size(stack, slot, a, b, c, d):
+    total = 0.0
+    for axis in range(3):
+        x = (stack[slot, a, axis] - stack[slot, b, axis]) - (
+            stack[slot, c, axis] - stack[slot, d, axis]
+        )
+        total += x * x
+    return math.sqrt(total)
+
+
+@inner
+def net_rounding(m, n, depth, largest):
+    """Bound what roundings of halved nets can do to the deviation bound.
+
+    A halving moves a point by at most ``degree`` half ulps, a difference of four points feels four
+    times that, and forming the differences costs a few more.
+    """
+    weights = m * (m - 1) + 2 * m * n + n * (n - 1)
+    return 0.5 * weights * (max(m, n) * depth + 4) * HALF_ULP * largest
+
+
+@inner
+def _side(stack, slot, a, b):
+    return length_of(
+        stack[slot, b, 0] - stack[slot, a, 0],
+        stack[slot, b, 1] - stack[slot, a, 1],
+        stack[slot, b, 2] - stack[slot, a, 2],
+    )
+
+
+@inner
+def _splits_u(stack, slot, m, n, uu, uv, vv):
+    # A pure twist shrinks alike both ways: then keep leaves about square.
+    if max(uu, vv) < 0.5 * uv:
+        last = m * (n + 1)
+        along_u = max(_side(stack, slot, 0, last), _side(stack, slot, n, last + n))
+        along_v = max(_side(stack, slot, 0, n), _side(stack, slot, last, last + n))
+        return along_u >= along_v
+    return uu >= vv
+
+
+@kernel
+def find_leaves(control, starts, degrees, least_depth, slack, tolerance, max_leaves, leaves):
+    """Halve patches into leaves.
+
+    ``least_depth`` (k,) says how often to halve both ways in any case; ``slack`` is what later
+    roundings may add to the bound. Leaves go into ``leaves`` (n, 5) int32 as patch, u0, u1, v0, v1
+    while there is room: with none they are only counted. Returns the count, the bound, and a
+    forecast of the count, which is above ``max_leaves`` if the work was given up.
+    """
+    n_slots = 2 * MAX_DEPTH + 2
+    largest_net = 0
+    for p in range(degrees.shape[0]):
+        largest_net = max(largest_net, starts[p + 1] - starts[p])
+    stack = np.empty((n_slots, largest_net, 3))
+    box = np.empty((n_slots, 4), np.int32)
+    depth = np.empty((n_slots, 2), np.int32)
+    count = 0
+    bound = 0.0
+    forecast = 0.0
+    for p in range(degrees.shape[0]):
+        m, n = degrees[p, 0], degrees[p, 1]
+        largest = 0.0
+        for k in range(starts[p + 1] - starts[p]):
+            for axis in range(3):
+                # About the first corner: roundings then follow the patch's size.
+                x = control[starts[p] + k, axis] - control[starts[p], axis]
+                stack[0, k, axis] = x
+                largest = max(largest, abs(x))
+        floor = net_rounding(m, n, 2 * MAX_DEPTH, largest)
+        target = max(tolerance - floor - slack, floor)
+        box[0, 0] = box[0, 2] = 0
+        box[0, 1] = box[0, 3] = 1 << MAX_DEPTH
+        depth[0, 0] = depth[0, 1] = 0
+        top = 0
+        while top >= 0:
+            uu, uv, vv = second_differences(stack, top, m, n)
+            deviation = (uu + 2.0 * uv + vv) / 8.0
+            total = depth[top, 0] + depth[top, 1]
+            needs_u = depth[top, 0] < least_depth[p]
+            needs_v = depth[top, 1] < least_depth[p]
+            may_split = min(depth[top, 0], depth[top, 1]) < MAX_DEPTH
+            if needs_u or needs_v:
+                along_u = needs_u
+            elif deviation > target and may_split:
+                along_u = _splits_u(stack, top, m, n, uu, uv, vv)
+                if depth[top, 0] == MAX_DEPTH:
+                    along_u = False
+                elif depth[top, 1] == MAX_DEPTH:
+                    along_u = True
+                if total == FORECAST_DEPTH:
+                    forecast += max(1.0, math.sqrt(uu / (8.0 * target))) * max(
+                        1.0, math.sqrt(vv / (8.0 * target))
+                    )
+                    if forecast > 4.0 * max_leaves:
+                        return count, bound, forecast * degrees.shape[0] / (p + 1)
+            else:
+                if count >= max_leaves:
+                    share = (p + 0.5) / degrees.shape[0]
+                    return count, bound, max(forecast, count + 1.0, count / share)
+                if count < leaves.shape[0]:
+                    leaves[count, 0] = p
+                    for side in range(4):
+                        leaves[count, 1 + side] = box[top, side]
+                count += 1
+                bound = max(bound, deviation + net_rounding(m, n, total, largest))
+                top -= 1
+                continue
+            halve(stack, top, top + 1, m, n, along_u)
+            for side in range(4):
+                box[top + 1, side] = box[top, side]
+            first = 0 if along_u else 2
+            middle = (box[top, first] + box[top, first + 1]) // 2
+            box[top, first + 1] = middle
+            box[top + 1, first] = middle
+            depth[top, 0 if along_u else 1] += 1
+            depth[top + 1, 0] = depth[top, 0]
+            depth[top + 1, 1] = depth[top, 1]
+            top += 1
+    return count, bound, float(count)

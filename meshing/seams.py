@@ -1,0 +1,148 @@
+"""How the pieces of a surface hang together: shared edges, shared corners, collapsed edges.
+
+Each piece has four edges, numbered 4 p + side with the sides u = 0, u = 1, v = 0, v = 1; the first
+two run along v, the others along u. Corners are numbered 4 p + 2 i + j for (u, v) = (i, j).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from meshing.bezier import BezierPatches
+from meshing.checks import FloatArray
+from meshing.kernels import joining
+from meshing.revolution import SurfaceOfRevolution, radius_rounding
+
+# Control points that went through a rotation or a unit conversion agree to a few roundings.
+JOIN_TOLERANCE = 64.0 * 2.0**-52
+# Corners (2 i + j) at the two ends of each side.
+_ENDS = np.array([[0, 1], [2, 3], [0, 2], [1, 3]])
+# A direction along which points of ordinary models seldom have equal positions.
+_SWEEP = np.array([0.5377, 0.6421, 0.5464])
+
+
+@dataclass(frozen=True)
+class Seams:
+    """Identities between corners and edges of pieces.
+
+    Attributes
+    ----------
+    corner : (4 k,) int64
+        Label of each corner; equal labels, same point.
+    group : (4 k,) int64
+        The edge that stands for each edge.
+    is_reversed : (4 k,) bool
+        Whether it runs the other way.
+    is_collapsed : (4 k,) bool
+        Whether the edge is a single point.
+    gap : float
+        How far points that count as the same lie apart at most.
+    """
+
+    corner: NDArray[np.int64]
+    group: NDArray[np.int64]
+    is_reversed: NDArray[np.bool_]
+    is_collapsed: NDArray[np.bool_]
+    gap: float
+
+    @property
+    def corners_apart(self) -> NDArray[np.int64]:
+        """(k,) int64: how many different points the corners of each piece are."""
+        labels = np.sort(self.corner.reshape(-1, 4), axis=1)
+        count: NDArray[np.int64] = 1 + (np.diff(labels, axis=1) != 0).sum(axis=1)
+        return count
+
+
+def seams_of_patches(surface: BezierPatches) -> Seams:
+    """Find the shared and the collapsed edges of Bezier patches."""
+    control, starts, degrees = surface.control, surface.starts, surface.degrees
+    tolerance = JOIN_TOLERANCE * float(np.abs(control).max())
+    m, n = degrees.T
+    first = starts[:-1]
+    last_row = first + m * (n + 1)
+    rows = np.stack((first, first + n, last_row, last_row + n), axis=1).reshape(-1)
+    corner, gap = _label_points(control[rows], tolerance)
+
+    edge_first = np.stack((first, last_row, first, first + n), axis=1).reshape(-1)
+    edge_step = np.stack((np.ones_like(n), np.ones_like(n), n + 1, n + 1), axis=1).reshape(-1)
+    edge_degree = np.stack((n, n, m, m), axis=1).reshape(-1)
+    ends = corner.reshape(-1, 4)[:, _ENDS].reshape(-1, 2)
+    low, high = ends.min(axis=1), ends.max(axis=1)
+    order = np.lexsort((edge_degree, high, low))
+    keys = np.stack((low, high, edge_degree), axis=1)[order]
+    run = np.concatenate(([0], np.cumsum((keys[1:] != keys[:-1]).any(axis=1))))
+    group = np.empty(len(order), dtype=np.int64)
+    is_reversed = np.empty(len(order), dtype=np.bool_)
+    edge_gap = joining.join_edges(
+        control, edge_first, edge_step, edge_degree, order, run, tolerance, group, is_reversed
+    )
+    return Seams(
+        corner=corner,
+        group=group,
+        is_reversed=is_reversed,
+        is_collapsed=_collapsed(control, edge_first, edge_step, edge_degree, tolerance),
+        gap=max(gap, float(edge_gap)),
+    )
+
+
+def seams_of_revolution(surface: SurfaceOfRevolution) -> Seams:
+    """Name the seam, the joints of the profile, and its ends on the axis.
+
+    Joints that the surface accepted are welded here even where rounding of the profile leaves
+    them a little apart; a closed profile closes likewise.
+    """
+    segments = surface.segments
+    k = len(segments)
+    ends = np.array([[segment[0], segment[-1]] for segment in segments])
+    size = float(np.abs(ends).max())
+    node = np.arange(2 * k).reshape(k, 2)
+    node[1:, 0] = node[:-1, 1]
+    is_closed = np.abs(ends[0, 0] - ends[-1, 1]).max() <= JOIN_TOLERANCE * size
+    if is_closed:
+        node[-1, 1] = node[0, 0]
+    joints = np.abs(ends[1:, 0] - ends[:-1, 1])
+    # Both ends of a circle are the same point: the corner labels of u = 0 and u = 1 agree.
+    corner = np.concatenate((node, node), axis=1).reshape(-1)
+    group = np.arange(4 * k).reshape(k, 4)
+    group[:, 1] = group[:, 0]
+    # Circles at the same place along the profile share the first edge that lies there.
+    circles = np.stack((4 * np.arange(k) + 2, 4 * np.arange(k) + 3), axis=1)
+    leader = np.full(2 * k, 4 * k)
+    np.minimum.at(leader, node.reshape(-1), circles.reshape(-1))
+    group[:, 2:] = leader[node]
+    is_collapsed = np.zeros((k, 4), dtype=np.bool_)
+    is_collapsed[:, 2:] = ends[:, :, 1] <= radius_rounding(segments)
+    return Seams(
+        corner=corner,
+        group=group.reshape(-1),
+        is_reversed=np.zeros(4 * k, dtype=np.bool_),
+        is_collapsed=is_collapsed.reshape(-1),
+        gap=float(max(joints.max(initial=0.0), JOIN_TOLERANCE * size * is_closed)),
+    )
+
+
+def _label_points(points: FloatArray, tolerance: float) -> tuple[NDArray[np.int64], float]:
+    # Equal points first: thousands of patches may meet in one point.
+    distinct, inverse = np.unique(points, axis=0, return_inverse=True)
+    along = distinct @ _SWEEP
+    label = joining.join_points(distinct, np.argsort(along, kind="stable"), along, tolerance)
+    gap = float(np.abs(distinct - distinct[label]).max())
+    return label[inverse.reshape(-1)], gap
+
+
+def _collapsed(
+    control: FloatArray,
+    first: NDArray[np.int64],
+    step: NDArray[np.int64],
+    degree: NDArray[np.int64],
+    tolerance: float,
+) -> NDArray[np.bool_]:
+    extent = np.zeros(len(first))
+    for k in range(1, int(degree.max()) + 1):
+        row = first + np.minimum(k, degree) * step
+        extent = np.maximum(extent, np.abs(control[row] - control[first]).max(axis=1))
+    result: NDArray[np.bool_] = extent <= tolerance
+    return result
