@@ -123,14 +123,14 @@ def _guarded(run: Callable[[], None]) -> int:
 
 
 def _run_render(options: argparse.Namespace) -> None:
-    from hybrid_rt.scene_file import load_scene  # noqa: PLC0415  (--help stays instant)
+    from hybrid_rt.scene_file import load_scene
 
     _render(load_scene(options.scene), Path(options.scene).stem, options)
 
 
 def _render(scene: Scene, name: str, options: argparse.Namespace) -> None:
-    from hybrid_rt.film import check_output  # noqa: PLC0415  (--help stays instant)
-    from hybrid_rt.rendering import render  # noqa: PLC0415
+    from hybrid_rt.film import check_output
+    from hybrid_rt.rendering import render
 
     outputs = [check_output(path) for path in options.out or [Path(f"{name}.png")]]
     scene = _resized(scene, options.width, options.height)
@@ -147,7 +147,7 @@ def _render(scene: Scene, name: str, options: argparse.Namespace) -> None:
             progress=progress,
         )
     if options.explain:
-        from hybrid_rt.plan import explain  # noqa: PLC0415
+        from hybrid_rt.plan import explain
 
         _say(explain(result.report["plan"]))
     for path in outputs:
@@ -156,10 +156,10 @@ def _render(scene: Scene, name: str, options: argparse.Namespace) -> None:
 
 
 def _run_demo(options: argparse.Namespace) -> None:
-    from hybrid_rt import demo  # noqa: PLC0415  (--help stays instant)
-    from hybrid_rt.film import check_output  # noqa: PLC0415
-    from hybrid_rt.mesh_comparison import compare_with_mesh, in_words  # noqa: PLC0415
-    from hybrid_rt.rendering import render  # noqa: PLC0415
+    from hybrid_rt import demo
+    from hybrid_rt.film import check_output
+    from hybrid_rt.mesh_comparison import compare_with_mesh, in_words
+    from hybrid_rt.rendering import render
 
     check_output(options.out)
     scene = demo.scene()
@@ -176,7 +176,7 @@ def _run_demo(options: argparse.Namespace) -> None:
 @contextmanager
 def _shown_progress(quiet: bool) -> Iterator[Progress | None]:
     """Show the progress of what runs within, unless it is to be quiet."""
-    from hybrid_rt.progress import TerminalProgress  # noqa: PLC0415  (--help stays instant)
+    from hybrid_rt.progress import TerminalProgress
 
     if quiet:
         yield None

@@ -125,7 +125,7 @@ def check_output(path: str | os.PathLike[str]) -> Path:
 
 
 def _write_png(file: BinaryIO, image: NDArray[np.float32], _report: str) -> None:
-    import imageio.v3 as imageio  # noqa: PLC0415  (a tenth of a second that only a PNG pays)
+    import imageio.v3 as imageio
 
     pixels = np.rint(linear_to_srgb(image) * 255.0).astype(np.uint8)
     imageio.imwrite(file, pixels, extension=".png")

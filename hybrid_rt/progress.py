@@ -141,7 +141,7 @@ def watch_compilation(progress: Progress | None = None) -> Iterator[CompileWatch
 
     Kernels that come from the cache are not compiled and cost nothing here.
     """
-    from numba.core import event  # noqa: PLC0415  (half of the import time of the package)
+    from numba.core import event
 
     watch = CompileWatch(progress)
 

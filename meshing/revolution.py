@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from functools import cached_property
+from itertools import pairwise
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -240,7 +242,7 @@ def _as_segments(profile: ArrayLike | Iterable[ArrayLike]) -> list[FloatArray]:
     if not parts:
         raise ValueError("profile is empty: give Bezier points (axial position, radius)")
     is_single = np.ndim(parts[0]) == 1
-    arrays = [parts] if is_single else parts
+    arrays: list[Any] = [parts] if is_single else parts
     names = ["profile"] if is_single else [f"segment {i} of the profile" for i in range(len(parts))]
     segments = [as_floats(array, name).copy() for array, name in zip(arrays, names, strict=True)]
     for segment, name in zip(segments, names, strict=True):
@@ -272,7 +274,7 @@ def _check_segments(segments: list[FloatArray]) -> None:
     if not points[:, 1].max() > rounding:
         raise ValueError("profile lies wholly on the axis: it has no area")
     size = float(np.ptp(points, axis=0).max())
-    for i, (one, other) in enumerate(zip(segments, segments[1:], strict=False)):
+    for i, (one, other) in enumerate(pairwise(segments)):
         gap = float(np.abs(one[-1] - other[0]).max())
         if gap > LARGEST_GAP * size:
             raise ValueError(

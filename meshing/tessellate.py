@@ -74,7 +74,7 @@ class CertifiedMesh:
     @cached_property
     def mesh(self) -> trimesh.Trimesh:
         """The triangles as a `trimesh.Trimesh`, for export and for trimesh's own tools."""
-        import trimesh  # noqa: PLC0415  (slow to import, and tracing does not need it)
+        import trimesh
 
         return trimesh.Trimesh(self.vertices, self.faces, process=False)
 
@@ -278,7 +278,7 @@ def _share_across_edges(keys: Keys, seams: Seams, units: tuple[int, int]) -> Key
 
 
 def _identity(keys: Keys, seams: Seams, units: tuple[int, int]) -> Keys:
-    """Number vertices such that equal numbers mean the same point of the surface."""
+    """Give vertices numbers such that equal numbers mean the same point of the surface."""
     n_edges = len(seams.group)
     codes = np.arange(len(keys)) + (n_edges << _BITS << 1)
     index, edge, position = _on_edges(keys, units)

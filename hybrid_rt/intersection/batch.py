@@ -32,6 +32,16 @@ class Kind(Protocol):
         """Lower ``best`` to the nearest roots on all surfaces of this kind."""
         ...
 
+    def finish(
+        self, rays: Rays, best: Nearest, kind_of: IntArray, kind: int, out: Finished
+    ) -> None:
+        """Fill ``out`` for the rows whose object is of this kind."""
+        ...
+
+
+class CurvedKind(Kind, Protocol):
+    """A kind that goes to Embree as triangles first."""
+
     def guesses(self, coarse: Any, face: IntArray, u: FloatArray, v: FloatArray) -> IntArray:
         """Return what `trace` is to begin with for each coarse hit, -1 for nothing."""
         ...
@@ -49,12 +59,6 @@ class Kind(Protocol):
         accepted: BoolArray,
     ) -> None:
         """Lower ``best[rows]`` to what the coarse hits of this kind refine to."""
-        ...
-
-    def finish(
-        self, rays: Rays, best: Nearest, kind_of: IntArray, kind: int, out: Finished
-    ) -> None:
-        """Fill ``out`` for the rows whose object is of this kind."""
         ...
 
 

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from hybrid_rt.intersection.batch import Finished, Kind
+from hybrid_rt.intersection.batch import CurvedKind, Finished
 from hybrid_rt.intersection.embree import CoarseScene
 from hybrid_rt.kernels.coarse import finish_mesh, offer_faces
 from hybrid_rt.kernels.nearest import Nearest, Rays
@@ -68,7 +68,7 @@ class Coarse:
         return len(self.faces)
 
     def propose(
-        self, kinds: Sequence[Kind], rays: Rays, best: Nearest, found: BoolArray
+        self, kinds: Sequence[CurvedKind], rays: Rays, best: Nearest, found: BoolArray
     ) -> list[IntArray]:
         """Return for each kind what its `trace` is to begin with (-1: nothing)."""
         face, _, u, v = self.scene.first(rays.origin, rays.direction, rays.t_min, best.t)
@@ -76,7 +76,12 @@ class Coarse:
         return [kind.guesses(self, face, u, v) for kind in kinds]
 
     def refine(
-        self, kinds: Sequence[Kind], rays: Rays, best: Nearest, work: FloatArray, found: BoolArray
+        self,
+        kinds: Sequence[CurvedKind],
+        rays: Rays,
+        best: Nearest,
+        work: FloatArray,
+        found: BoolArray,
     ) -> None:
         """Lower ``best`` to coarse hits (no kinds: accuracy "mesh") or to what they refine to."""
         rows = np.arange(len(best.t))

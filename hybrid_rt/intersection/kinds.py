@@ -7,7 +7,7 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-from hybrid_rt.intersection.batch import Kind
+from hybrid_rt.intersection.batch import CurvedKind, Kind
 from hybrid_rt.intersection.closed_forms import ClosedForm
 from hybrid_rt.primitives import Box, Plane, Rectangle, Sphere, TriangleMesh
 from hybrid_rt.records import IntArray
@@ -33,7 +33,7 @@ def check_surfaces(surfaces: Sequence[Surface]) -> tuple[Surface, ...]:
 
 def make_kinds(
     surfaces: Sequence[Surface], accuracy: str
-) -> tuple[list[Kind], list[Kind], IntArray, dict[str, dict[str, str]]]:
+) -> tuple[list[Kind], list[CurvedKind], IntArray, dict[str, dict[str, str]]]:
     """Build the kinds that occur.
 
     Returns
@@ -44,7 +44,7 @@ def make_kinds(
     """
     kind_of = np.full(len(surfaces), -1, np.int32)
     plan: dict[str, dict[str, str]] = {"used": {}, "left_out": {}}
-    kinds: tuple[list[Kind], list[Kind]] = ([], [])
+    kinds: tuple[list[Any], list[Any]] = ([], [])
     number = 0
     for group, builders in enumerate((_CLOSED_FORMS, _CURVED)):
         for surface_type, name, build in builders:
@@ -69,19 +69,19 @@ def _closed_form(name: str) -> Callable[[list[tuple[int, Any]], str], Kind]:
     return lambda members, _accuracy: ClosedForm(name, members)
 
 
-def _patches(members: list[tuple[int, Any]], accuracy: str) -> Kind:
+def _patches(members: list[tuple[int, Any]], accuracy: str) -> CurvedKind:
     from hybrid_rt.intersection.patches import PatchKind
 
     return PatchKind(members, search=accuracy == "certified")
 
 
-def _revolutions(members: list[tuple[int, Any]], _accuracy: str) -> Kind:
+def _revolutions(members: list[tuple[int, Any]], _accuracy: str) -> CurvedKind:
     from hybrid_rt.intersection.revolutions import RevolutionKind
 
     return RevolutionKind(members)
 
 
-def _triangles(members: list[tuple[int, Any]], accuracy: str) -> Kind:
+def _triangles(members: list[tuple[int, Any]], accuracy: str) -> CurvedKind:
     from hybrid_rt.intersection.triangles import TriangleKind
 
     return TriangleKind(members, search=accuracy == "certified")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -88,7 +89,7 @@ def _limit(value: ArrayLike, name: str, n: int) -> FloatArray:
     return np.ascontiguousarray(np.broadcast_to(array, (n,)))
 
 
-def _refuse(bad: np.ndarray, rows: FloatArray, name: str, what: str) -> None:
+def _refuse(bad: Any, rows: FloatArray, name: str, what: str) -> None:
     if bad.any():
         i = int(bad.argmax())
         raise ValueError(

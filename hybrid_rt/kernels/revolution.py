@@ -218,8 +218,8 @@ def at_most_one(piece, ray, after, slop):
     a, b = piece[DZ0] * lo, piece[DZ0] * hi
     c, d = piece[DZ1] * lo, piece[DZ1] * hi
     e, f = piece[DR0] * ray[5], piece[DR1] * ray[5]
-    low = min(e, f) - max(max(a, b), max(c, d))
-    high = max(e, f) - min(min(a, b), min(c, d))
+    low = min(e, f) - max(a, b, c, d)
+    high = max(e, f) - min(a, b, c, d)
     clear = CLEAR * max(abs(a), abs(b), abs(c), abs(d), abs(e), abs(f))
     return low > clear or high < -clear
 
@@ -368,7 +368,9 @@ def solve_piece(
             slope = abs(rs * ray[5] - zs * rate) / norm / length
             is_flat = slope < CLEAR_CROSSING
             t_world = (t + shift) * to_world
-            if (is_point or is_flat) and (extent < fold and reach < fold or is_point and not is_flat):
+            if (is_point or is_flat) and (
+                (extent < fold and reach < fold) or (is_point and not is_flat)
+            ):
                 slope = max(slope, FLATTEST)
                 t_bound = (0.5 * reach + slop / slope) / length * to_world
                 slope *= length
@@ -465,29 +467,31 @@ def trace_revolutions(table, rays, guess, best, any_hit, counters):
                 done = guess[i]
             for k in range(object_id.shape[0]):
                 first, last = first_segment[k], first_segment[k + 1]
-                if turn == 0 and not (
-                    first_piece[first] <= done < first_piece[last]
-                ):
+                if turn == 0 and not (first_piece[first] <= done < first_piece[last]):
                     continue
                 to_frame, size = to_frames[k], sizes[k]
                 to_world = 1.0 / to_frame
-                shift = enter_axis_frame(
-                    k, ox, oy, oz, dx, dy, dz, middle, to_frame, axes, ray
-                )
-                slop = 16.0 * UNIT_ROUNDOFF * max(
-                    size, np.sqrt(ray[0] * ray[0] + ray[1] * ray[1] + ray[2] * ray[2])
+                shift = enter_axis_frame(k, ox, oy, oz, dx, dy, dz, middle, to_frame, axes, ray)
+                slop = (
+                    16.0
+                    * UNIT_ROUNDOFF
+                    * max(size, np.sqrt(ray[0] * ray[0] + ray[1] * ray[1] + ray[2] * ray[2]))
                 )
                 t_lo = t_min[i] * to_frame - shift
                 t_lo -= CUT_SLACK * (1.0 + abs(t_lo))
                 for seg in range(first, last):
-                    if turn == 0 and not (
-                        first_piece[seg] <= done < first_piece[seg + 1]
-                    ):
+                    if turn == 0 and not (first_piece[seg] <= done < first_piece[seg + 1]):
                         continue
                     for sheet in range(2):
                         after = sheet == 1
                         t0, t1 = sheet_interval(
-                            span[seg, 0], span[seg, 1], max(span[seg, 2], 0.0), span[seg, 3], ray, after, slop
+                            span[seg, 0],
+                            span[seg, 1],
+                            max(span[seg, 2], 0.0),
+                            span[seg, 3],
+                            ray,
+                            after,
+                            slop,
                         )
                         t_cut = best.t[i] * to_frame - shift
                         t_cut += CUT_SLACK * (1.0 + abs(t_cut))

@@ -29,7 +29,7 @@ class SphereTable(NamedTuple):
 
 @inner
 def square(x):
-    """x * x as an unevaluated sum of two numbers."""
+    """X * x as an unevaluated sum of two numbers."""
     p = x * x
     c = SPLITTER * x
     h = c - (c - x)

@@ -354,7 +354,7 @@ def slow_solve(
                                 t_min,
                                 known,
                                 best,
-                            )  # fmt: skip
+                            )
                         ):
                             h_cut = min(h_cut, t * length)
                         continue

@@ -83,7 +83,11 @@ def solve_cell(
     t_min, known, best, counters,
 ):  # fmt: skip
     """Settle one cell for one ray: offer its root, or know that there is none that matters."""
-    px, py, pz = x - record[cell, CENTRE], y - record[cell, CENTRE + 1], z - record[cell, CENTRE + 2]
+    px, py, pz = (
+        x - record[cell, CENTRE],
+        y - record[cell, CENTRE + 1],
+        z - record[cell, CENTRE + 2],
+    )
     ou = record[cell, ROW_U] * px + record[cell, ROW_U + 1] * py + record[cell, ROW_U + 2] * pz
     ov = record[cell, ROW_V] * px + record[cell, ROW_V + 1] * py + record[cell, ROW_V + 2] * pz
     on = record[cell, ROW_N] * px + record[cell, ROW_N + 1] * py + record[cell, ROW_N + 2] * pz
@@ -113,7 +117,12 @@ def solve_cell(
         (y - centre[patch, 1]) + ly,
         (z - centre[patch, 2]) + lz,
     )
-    um, vm, hu, hv = record[cell, MIDDLE], record[cell, MIDDLE + 1], record[cell, HALF], record[cell, HALF + 1]
+    um, vm, hu, hv = (
+        record[cell, MIDDLE],
+        record[cell, MIDDLE + 1],
+        record[cell, HALF],
+        record[cell, HALF + 1],
+    )
     first, m, n = start[patch], degree[patch, 0], degree[patch, 1]
     dd = dx * dx + dy * dy + dz * dz
     if dn * dn > record[cell, SPREAD] * dd:

@@ -208,13 +208,13 @@ def test_children(rows, node, x, y, z, rx, ry, rz, sx, sy, sz, t_lo, t_hi, entry
         bx = (rows[node, fx, k] - x) * rx
         by = (rows[node, 1 + fy, k] - y) * ry
         bz = (rows[node, 2 + fz, k] - z) * rz
-        near = ax if ax > ay else ay
-        near = near if near > az else az
-        near = near if near > t_lo else t_lo
-        far = bx if bx < by else by
-        far = far if far < bz else bz
+        near = max(ay, ax)
+        near = max(az, near)
+        near = max(t_lo, near)
+        far = min(by, bx)
+        far = min(bz, far)
         far = far + abs(far) * FAR_GROWTH
-        far = far if far < t_hi else t_hi
+        far = min(t_hi, far)
         entry[k] = near if near <= far else np.float32(np.inf)
 
 

@@ -42,7 +42,7 @@ def _normal(vertex, face, f):
 
 @inner
 def offer_triangle(
-    i, f, vertex, face, neighbour, object_id, o, d, kx, ky, kz, sx, sy, sz, t_min, known, best
+    i, f, vertex, face, neighbour, object_id, o, d, kx, ky, kz, sx, sy, t_min, known, best
 ):
     """Offer the hit of ray i on face f, if it has one; (kx, ky, kz, s..) is the ray's shear."""
     nx, ny, nz = _normal(vertex, face, f)
@@ -116,12 +116,12 @@ def trace_triangles(table, tree, rays, guess, best, any_hit, counters):
         if abs(d[2]) > abs(d[kz]):
             kz = 2
         kx, ky = (kz + 1) % 3, (kz + 2) % 3
-        sx, sy, sz = d[kx] / d[kz], d[ky] / d[kz], 1.0 / d[kz]
+        sx, sy = d[kx] / d[kz], d[ky] / d[kz]
         t_guess = np.inf
         if guess.shape[0] > 0:
             if guess[i] >= 0:
                 offer_triangle(
-                    i, guess[i], vertex, face, neighbour, object_id, o, d, kx, ky, kz, sx, sy, sz,
+                    i, guess[i], vertex, face, neighbour, object_id, o, d, kx, ky, kz, sx, sy,
                     rays.t_min, rays.known, best,
                 )  # fmt: skip
             t_guess = best.t[i]
@@ -155,7 +155,7 @@ def trace_triangles(table, tree, rays, guess, best, any_hit, counters):
             for k in range(node, node + stack_count[top]):
                 counters[CELLS] += 1
                 offer_triangle(
-                    i, order[k], vertex, face, neighbour, object_id, o, d, kx, ky, kz, sx, sy, sz,
+                    i, order[k], vertex, face, neighbour, object_id, o, d, kx, ky, kz, sx, sy,
                     rays.t_min, rays.known, best,
                 )  # fmt: skip
             if any_hit and best.object_id[i] >= 0:
@@ -191,7 +191,7 @@ def refine_triangles(table, guess, rows, rays, best, accepted):
         before = best.t[i]
         offer_triangle(
             i, guess[j], table.vertex, table.face, table.neighbour, table.object_id, o, d,
-            kx, ky, kz, d[kx] / d[kz], d[ky] / d[kz], 1.0 / d[kz], rays.t_min, rays.known, best,
+            kx, ky, kz, d[kx] / d[kz], d[ky] / d[kz], rays.t_min, rays.known, best,
         )  # fmt: skip
         accepted[j] = best.t[i] < before
 

@@ -25,10 +25,10 @@ def as_unit(value: ArrayLike, what: str) -> FloatArray:
     largest = np.abs(vector).max()
     if largest == 0.0:
         raise ValueError(f"{what} is the zero vector: pass a direction")
-    vector = vector / largest
-    vector /= np.linalg.norm(vector)
-    vector.flags.writeable = False
-    return vector
+    scaled = vector / largest
+    unit: FloatArray = scaled / np.linalg.norm(scaled)
+    unit.flags.writeable = False
+    return unit
 
 
 def as_affine(matrix: ArrayLike, what: str) -> tuple[FloatArray, FloatArray]:

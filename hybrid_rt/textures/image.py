@@ -60,7 +60,7 @@ class ImageTexture(Texture):
 def _read(path: Path) -> NDArray[Any]:
     if not path.is_file():
         raise FileNotFoundError(f"ImageTexture: there is no file {str(path)!r}")
-    import imageio.v3 as imageio  # noqa: PLC0415  (only pictures read from files need it)
+    import imageio.v3 as imageio
 
     image: NDArray[Any] = imageio.imread(path)
     return image

@@ -28,7 +28,7 @@ def _choose_cache_folder() -> None:
 
 _choose_cache_folder()
 
-import numba  # noqa: E402  (numba reads NUMBA_CACHE_DIR when it is imported)
+import numba
 
 
 def kernel(function: Any) -> Any:

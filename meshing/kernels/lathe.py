@@ -13,7 +13,7 @@ from meshing.kernels.jit import inner, kernel
 
 @inner
 def curve_derivative(profile, start, degree, v, order):
-    """Derivative of order 0..2 of one segment: axial and radial component."""
+    """Return the derivative of order 0..2 of one segment: axial and radial component."""
     n = degree - order
     if n < 0:
         return 0.0, 0.0
@@ -55,7 +55,7 @@ def turn(u):
 
 @inner
 def lathe_normal(profile, start, degree, v):
-    """Unit normal in the meridian plane (axial, radial part), and whether S_u x S_v vanishes.
+    """Return the unit normal in the meridian plane (axial, radial part), and whether S_u x S_v vanishes.
 
     It is (-R', Z') at length one. On the axis the normals of all meridians meet: it points along
     the axis there, away from the inside of the segment.

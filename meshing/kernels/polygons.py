@@ -104,7 +104,7 @@ def triangulate(
             b = ring[around[tip]]
             c = ring[around[(tip + 1) % count]]
             x, y, z = weld[a], weld[b], weld[c]
-            if x != y and y != z and z != x:
+            if y not in (x, z) and z != x:
                 faces[n_faces, 0] = x
                 faces[n_faces, 1] = y
                 faces[n_faces, 2] = z

@@ -1,5 +1,6 @@
 """The certified first hit: identities that must hold to the last bit, and hard rays."""
 
+import sys
 from importlib import resources
 
 import numpy as np
@@ -116,9 +117,10 @@ def test_far_from_the_origin_only_the_input_is_rounded(teapot, rays, hits, offse
     # Rounding the input moves rays and surface by an ulp of the offset; rays that clear the
     # silhouette by more keep their decision, and t moves by that over the cosine.
     cosine = np.abs(np.einsum("ij,ij->i", unit(rays[1]), hits.normal))
-    both = hits.hit & moved.hit
+    both = np.flatnonzero(hits.hit & moved.hit)
     slack = 8 * EPS * offset / (cosine * np.linalg.norm(rays[1], axis=1))
-    assert (np.abs(moved.t - hits.t)[both] <= slack[both]).mean() > 0.999
+    gap = np.abs(moved.t[both] - hits.t[both])
+    assert (gap <= slack[both]).mean() > 0.999
     assert (hits.hit != moved.hit).mean() < 1e-3
 
 
@@ -185,13 +187,20 @@ def test_departure_from_edges_is_not_a_hit(teapot, tracer, side):
     along = unit(along - np.einsum("ij,ij->i", along, start.normal)[:, None] * start.normal)
     away = side * start.normal * cosine[:, None] + along * np.sqrt(1 - cosine**2)[:, None]
     hits = tracer.intersect(start.position, away, source=start)
-    # A second root of a surface with radius of curvature r lies 2 r cos away; the teapot has no r
-    # below 0.01, except where the ray is within rounding of a tangent.
-    near = hits.hit & (hits.t < 0.01 * cosine) & (hits.status != Status.TANGENT)
-    assert near.sum() == 0
+    # A root that is the point of departure again has a depth t cos of rounding size; true second
+    # roots so near are within the band of tangency, or it is a crease that the ray cannot leave.
+    slope = np.abs(np.einsum("ij,ij->i", away, hits.normal))
+    near = hits.hit & (hits.status != Status.TANGENT)
+    near[near] = (hits.t * slope)[near] <= 64 * EPS * size_of(teapot)
+    bad = np.flatnonzero(near)
+    assert not len(bad), [
+        (start.patch_id[i], start.u[i], start.v[i], hits.patch_id[i], hits.u[i], hits.v[i],
+         hits.t[i], hits.t_bound[i], cosine[i], float(away[i] @ hits.normal[i]))
+        for i in bad[:8]
+    ]  # fmt: skip
 
 
-def test_apex_of_the_lid(teapot, tracer):
+def test_apex_of_the_lid(tracer):
     rng = np.random.default_rng(11)
     apex = np.array([0.0, 0.0, 3.15])
     for offset in (0.0, 1e-15, 1e-12, 1e-9, 1e-6):
@@ -210,7 +219,9 @@ def test_mesh_and_refined_are_wrong_where_expected(teapot):
     exact = Intersector([teapot], coarse="none").intersect(*rays)
     for accuracy in ("mesh", "refined"):
         usual = Intersector([teapot], accuracy=accuracy).intersect(*rays)
-        wrong = (usual.hit != exact.hit) | (usual.hit & (np.abs(usual.t - exact.t) > 0.05))
+        # Finite stand-ins for misses, so that only pairs of hits count as farther or nearer.
+        t, t_usual = np.where(exact.hit, exact.t, 1e3), np.where(usual.hit, usual.t, 1e3)
+        wrong = np.abs(t_usual - t) > 0.05
         assert 0.02 < wrong.mean() < 0.9
 
 
@@ -264,8 +275,6 @@ def test_bad_rays_are_refused(tracer, origin, direction, message):
 
 
 def test_no_curved_surface_no_embree(monkeypatch):
-    import sys
-
     monkeypatch.setitem(sys.modules, "embreex", None)
     monkeypatch.setitem(sys.modules, "trimesh", None)
     hit = Intersector([Sphere((0, 0, 0), 1.0)]).intersect([0, 0, 5], [0, 0, -1])
