@@ -12,7 +12,9 @@ from hybrid_rt.intersection.batch import Finished
 from hybrid_rt.kernels.coarse import guess_cells
 from hybrid_rt.kernels.nearest import Nearest, Rays
 from hybrid_rt.kernels.patch_cells import RECORD, SPREAD, fill_cells
+from hybrid_rt.kernels.subdivide import DEPTH
 from hybrid_rt.kernels.trace_patches import (
+    PatchScratch,
     PatchTable,
     finish_patches,
     refine_patches,
@@ -99,7 +101,8 @@ class PatchKind:
     ) -> None:
         """Lower ``best`` to the first roots on the patches."""
         cells = np.empty(0, np.int32) if guess is None else guess
-        trace_patches(self.table, self.tree, rays, cells, best, any_hit, work)
+        scratch = _new_scratch(self.table, self.tree)
+        trace_patches(self.table, self.tree, rays, cells, best, any_hit, scratch, work)
 
     def guesses(self, coarse: Coarse, face: IntArray, u: FloatArray, v: FloatArray) -> IntArray:
         """Return the cell of each coarse hit, -1 where there is none on a patch."""
@@ -125,8 +128,11 @@ class PatchKind:
         """Move coarse hits onto their patches by Newton iteration, and offer what is found."""
         refine_patches(
             self.table, face, t, u, v, coarse.corner_uv, coarse.object_id, coarse.piece,
-            self._first_of(coarse), rows, rays, best, accepted,
+            self._first_of(coarse), rows, rays, best, self._new_basis(), accepted,
         )  # fmt: skip
+
+    def _new_basis(self) -> FloatArray:
+        return np.empty((4, int(self.table.degree.max()) + 1))
 
     def _first_of(self, coarse: Coarse) -> NDArray[np.int64]:
         """Return for each object its first patch here, -1 for objects of other kinds."""
@@ -138,7 +144,7 @@ class PatchKind:
         self, rays: Rays, best: Nearest, kind_of: IntArray, kind: int, out: Finished
     ) -> None:
         """Describe the hits that are on patches."""
-        finish_patches(self.table, rays, best, kind_of, kind, out)
+        finish_patches(self.table, rays, best, kind_of, kind, self._new_basis(), out)
 
 
 def _difference(
@@ -203,3 +209,17 @@ def _open_edges(nets: Sequence[FloatArray], rounding: float) -> NDArray[np.int64
             for k, bit in owners:
                 is_open[k] &= ~(1 << bit)
     return is_open
+
+
+def _new_scratch(table: PatchTable, tree: Tree) -> PatchScratch:
+    """Return scratch for one call of `trace_patches`."""
+    widest = int(table.degree.max()) + 1
+    return PatchScratch(
+        basis=np.empty((4, widest)),
+        nets=np.empty((DEPTH, widest, widest, 3)),
+        boxes=np.empty((DEPTH, 4)),
+        entry=np.empty(8, np.float32),
+        stack_node=np.empty(tree.stack, np.int32),
+        stack_count=np.empty(tree.stack, np.int32),
+        stack_entry=np.empty(tree.stack, np.float32),
+    )

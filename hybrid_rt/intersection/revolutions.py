@@ -11,7 +11,9 @@ from numpy.typing import NDArray
 from hybrid_rt.intersection.batch import Finished
 from hybrid_rt.kernels.nearest import Nearest, Rays
 from hybrid_rt.kernels.revolution import (
+    DEPTH,
     PIECE,
+    RevolutionScratch,
     RevolutionTable,
     finish_revolutions,
     guess_pieces,
@@ -92,7 +94,7 @@ class RevolutionKind:
     ) -> None:
         """Lower ``best`` to the first hits on the surfaces of revolution."""
         pieces = np.empty(0, np.int32) if guess is None else guess
-        trace_revolutions(self.table, rays, pieces, best, any_hit, work)
+        trace_revolutions(self.table, rays, pieces, best, any_hit, _new_scratch(self.table), work)
 
     def guesses(self, coarse: Coarse, face: IntArray, u: FloatArray, v: FloatArray) -> IntArray:
         """Return the piece of each coarse hit, -1 where there is none on these surfaces."""
@@ -118,7 +120,7 @@ class RevolutionKind:
         """Move coarse hits onto the surfaces by Newton iteration, and offer what is found."""
         refine_revolutions(
             self.table, face, t, u, v, coarse.corner_uv, coarse.object_id, coarse.piece,
-            self._rows(int(coarse.object_id.max()) + 1), rows, rays, best, accepted,
+            self._rows(int(coarse.object_id.max()) + 1), rows, rays, best, np.empty(9), accepted,
         )  # fmt: skip
 
     def finish(
@@ -127,7 +129,7 @@ class RevolutionKind:
         """Describe the hits that are on surfaces of revolution."""
         row_of = self._rows(len(kind_of))
         row_of[kind_of != kind] = -1
-        finish_revolutions(self.table, rays, best, row_of, out)
+        finish_revolutions(self.table, rays, best, row_of, np.empty(9), out)
 
 
 def _open_ends(surface: SurfaceOfRevolution, number: int) -> int:
@@ -142,3 +144,13 @@ def _open_ends(surface: SurfaceOfRevolution, number: int) -> int:
         if not is_joined and here[1] > JOINED * size:
             bits |= 1 << bit
     return bits
+
+
+def _new_scratch(table: RevolutionTable) -> RevolutionScratch:
+    """Return scratch for one call of `trace_revolutions`."""
+    return RevolutionScratch(
+        net=np.empty((int(table.degree.max()) + 1, 2)),
+        stack=np.empty((DEPTH, 2)),
+        piece=np.empty(PIECE),
+        ray=np.empty(9),
+    )

@@ -72,7 +72,9 @@ class TriangleKind:
     ) -> None:
         """Lower ``best`` to the first hits on the meshes."""
         faces = np.empty(0, np.int32) if guess is None else guess
-        trace_triangles(self.table, self.tree, rays, faces, best, any_hit, work)
+        floats = np.empty(8 + self.tree.stack, np.float32)
+        integers = np.empty(2 * self.tree.stack, np.int32)
+        trace_triangles(self.table, self.tree, rays, faces, best, any_hit, floats, integers, work)
 
     def guesses(self, coarse: Coarse, face: IntArray, u: FloatArray, v: FloatArray) -> IntArray:
         """Return the face of each coarse hit, -1 where there is none on a mesh."""

@@ -4,13 +4,13 @@ import numpy as np
 
 from hybrid_rt.kernels.frame import advance, enter_frame
 from hybrid_rt.kernels.nearest import offer
-from meshing.kernels.jit import kernel
+from meshing.kernels.jit import hot_kernel
 
 # Embree's own "no limit", and far beyond the frame.
 NO_LIMIT = 1e30
 
 
-@kernel
+@hot_kernel
 def rays_to_float32(origin, direction, t_min, t_max, middle, to_frame, near, away, reach, shift):
     """Fill float32 origins (advanced to t_min), directions and reach; ``shift`` in frame units."""
     mx, my, mz = middle[0], middle[1], middle[2]
@@ -32,7 +32,7 @@ def rays_to_float32(origin, direction, t_min, t_max, middle, to_frame, near, awa
         shift[i] = s
 
 
-@kernel
+@hot_kernel
 def guess_cells(face, u, v, corner_uv, object_id, piece, first_patch, grid, first_cell, guess):
     """Turn coarse hits into the cell that holds them (-1: no hit, or not a patch)."""
     for i in range(face.shape[0]):
@@ -50,7 +50,7 @@ def guess_cells(face, u, v, corner_uv, object_id, piece, first_patch, grid, firs
         guess[i] = first_cell[k] + ca * nv + cb
 
 
-@kernel
+@hot_kernel
 def offer_faces(vertices, faces, object_id, face, rows, rays, t_start, best, accepted):
     """Offer coarse triangles as they are, their plane met in float64 (accuracy "mesh")."""
     for j in range(face.shape[0]):
@@ -83,7 +83,7 @@ def offer_faces(vertices, faces, object_id, face, rows, rays, t_start, best, acc
             accepted[j] = True
 
 
-@kernel
+@hot_kernel
 def finish_mesh(vertices, faces, piece, corner_uv, rays, best, kind_of, kind, out):
     """Describe hits on coarse triangles."""
     for i in range(best.t.shape[0]):

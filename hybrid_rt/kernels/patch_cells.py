@@ -77,14 +77,14 @@ def _spread_by_pairs(net, degree_u, degree_v, nx, ny, nz):
 
 
 @inner
-def _spread_by_box(net, degree_u, degree_v, record):
+def _spread_by_box(net, degree_u, degree_v, record, w):
     """As `_spread_by_pairs`, from the boxes of the differences in the skew basis (for high degree).
 
     With A = (1 + a, b, c), B = (e, 1 + f, g) in half tangents p, q and n unit, |a|.. |g| at most
     the given, A x B = ((1 + a)(1 + f) - b e) p x q + (b g - c (1 + f)) q x n + (c e - (1 + a) g) n x p
     up to sign; p x q is along n, the other two are normal to it.
     """
-    w = np.zeros((2, 3))
+    w[:, :] = 0.0
     for along in range(2):
         for i in range(degree_u + 1 - (1 - along)):
             for j in range(degree_v + 1 - along):
@@ -190,7 +190,7 @@ def fill_cell(control, start, degree_u, degree_v, cx, cy, cz, u0, u1, v0, v1, sc
     elif degree_u * (degree_v + 1) * degree_v * (degree_u + 1) <= MOST_PAIRS:
         record[SPREAD] = _spread_by_pairs(grown, degree_u, degree_v, nx, ny, nz)
     else:
-        record[SPREAD] = _spread_by_box(grown, degree_u, degree_v, record)
+        record[SPREAD] = _spread_by_box(grown, degree_u, degree_v, record, scratch[2, 0, :2])
     for c in range(3):
         centre = cx if c == 0 else (cy if c == 1 else cz)
         box[c] += centre
@@ -209,7 +209,7 @@ def fill_cells(
     widest = 2
     for k in range(begin, end):
         widest = max(widest, degree[k, 0] + 1, degree[k, 1] + 1)
-    scratch = np.empty((2, widest, widest, 3))
+    scratch = np.empty((3, widest, widest, 3))
     for k in range(begin, end):
         nu, nv = grid[k, 0], grid[k, 1]
         cell = first_cell[k]

@@ -7,7 +7,7 @@ import numpy as np
 from hybrid_rt.kernels.frame import two_difference
 from hybrid_rt.kernels.nearest import offer
 from hybrid_rt.kernels.patch import TANGENT_BAND, UNIT_ROUNDOFF
-from meshing.kernels.jit import inner, kernel
+from meshing.kernels.jit import hot_kernel, inner
 
 
 class PlanarTable(NamedTuple):
@@ -69,7 +69,7 @@ def _offer_parallelogram(
     offer(i, t, t_bound, slope, depth < band, object_id[k], 0, u, v, t_min, known, best)
 
 
-@kernel
+@hot_kernel
 def trace_rectangles(table, rays, best, any_hit):
     """Lower ``best`` to the nearest roots on all parallelograms."""
     corner, normal, row_u, row_v = table.corner, table.normal, table.row_u, table.row_v
@@ -87,7 +87,7 @@ def trace_rectangles(table, rays, best, any_hit):
             )  # fmt: skip
 
 
-@kernel
+@hot_kernel
 def finish_rectangles(table, rays, best, row_of, out):
     """Describe the hits on parallelograms."""
     for i in range(best.t.shape[0]):
@@ -106,7 +106,7 @@ def finish_rectangles(table, rays, best, row_of, out):
         out.residual[i] = np.sqrt(gap)
 
 
-@kernel
+@hot_kernel
 def trace_planes(table, rays, best, any_hit):
     """Lower ``best`` to the nearest roots on all planes."""
     for i in range(rays.origin.shape[0]):
@@ -137,7 +137,7 @@ def trace_planes(table, rays, best, any_hit):
             )  # fmt: skip
 
 
-@kernel
+@hot_kernel
 def finish_planes(table, rays, best, row_of, out):
     """Describe the hits on planes."""
     for i in range(best.t.shape[0]):
@@ -198,7 +198,7 @@ def _offer_box(i, k, lo, hi, object_id, o, d, t_min, known, best):
     offer(i, leave, bound, q, tangent, object_id[k], face_out, 0.0, 0.0, t_min, known, best)
 
 
-@kernel
+@hot_kernel
 def trace_boxes(table, rays, best, any_hit):
     """Lower ``best`` to the nearest roots on all boxes."""
     for i in range(rays.origin.shape[0]):
@@ -211,7 +211,7 @@ def trace_boxes(table, rays, best, any_hit):
             )  # fmt: skip
 
 
-@kernel
+@hot_kernel
 def finish_boxes(table, rays, best, row_of, out):
     """Describe the hits on boxes."""
     for i in range(best.t.shape[0]):

@@ -33,7 +33,7 @@ from hybrid_rt.kernels.subdivide import (
     SLOW,
     STEPS,
 )
-from meshing.kernels.jit import inner, kernel
+from meshing.kernels.jit import hot_kernel, inner, kernel
 
 GROWTH = 0.15
 DEPTH = 128
@@ -66,6 +66,15 @@ class RevolutionTable(NamedTuple):
     first_piece: Any  # (segments + 1,) int64
     span: Any  # (segments, 4): z and r of the segment
     piece: Any  # (pieces, PIECE)
+
+
+class RevolutionScratch(NamedTuple):
+    """What one thread needs while it traces; contents mean nothing between calls."""
+
+    net: Any  # (w, 2), w - 1 the highest degree
+    stack: Any  # (DEPTH, 2)
+    piece: Any  # (PIECE,)
+    ray: Any  # (9,)
 
 
 @inner
@@ -440,19 +449,15 @@ def enter_axis_frame(k, ox, oy, oz, dx, dy, dz, middle, to_frame, turn, ray):
     return shift
 
 
-@kernel
-def trace_revolutions(table, rays, guess, best, any_hit, counters):
+@hot_kernel
+def trace_revolutions(table, rays, guess, best, any_hit, work, counters):
     """Lower ``best`` to the first hits; ``guess`` names a piece to begin with, -1 for none."""
     control, start, degree, piece = table.control, table.start, table.degree, table.piece
     origin, direction, t_min, known = rays.origin, rays.direction, rays.t_min, rays.known
     middle, axes, to_frames, sizes = table.middle, table.turn, table.to_frame, table.size
     first_segment, first_piece, span = table.first_segment, table.first_piece, table.span
     open_ends, object_id = table.open_ends, table.object_id
-    most = degree.max() + 1
-    net = np.empty((most, 2))
-    stack = np.empty((DEPTH, 2))
-    scratch = np.empty(PIECE)
-    ray = np.empty(9)
+    net, stack, scratch, ray = work.net, work.stack, work.piece, work.ray
     for i in range(origin.shape[0]):
         if any_hit and best.object_id[i] >= 0:
             continue
@@ -520,7 +525,7 @@ def trace_revolutions(table, rays, guess, best, any_hit, counters):
             counters[CHANGED] += 1
 
 
-@kernel
+@hot_kernel
 def guess_pieces(face, u, v, corner_uv, object_of, segment, row_of, table, guess):
     """Turn coarse hits into pieces (-1: no hit, or on no surface of revolution)."""
     for i in range(face.shape[0]):
@@ -537,12 +542,11 @@ def guess_pieces(face, u, v, corner_uv, object_of, segment, row_of, table, guess
                 guess[i] = table.first_piece[seg] + min(max(int(s * n), 0), n - 1)
 
 
-@kernel
+@hot_kernel
 def refine_revolutions(
-    table, face, t, u, v, corner_uv, object_of, segment, row_of, rows, rays, best, accepted
+    table, face, t, u, v, corner_uv, object_of, segment, row_of, rows, rays, best, ray, accepted
 ):
     """Newton from coarse hits, with no proof of anything (accuracy "refined")."""
-    ray = np.empty(9)
     for j in range(face.shape[0]):
         i, f = rows[j], face[j]
         k = row_of[object_of[f]]
@@ -570,10 +574,9 @@ def refine_revolutions(
                 accepted[j] = True
 
 
-@kernel
-def finish_revolutions(table, rays, best, row_of, out):
+@hot_kernel
+def finish_revolutions(table, rays, best, row_of, ray, out):
     """Describe the hits on surfaces of revolution; ``row_of`` (objects,): row here, or -1."""
-    ray = np.empty(9)
     for i in range(best.t.shape[0]):
         if best.object_id[i] < 0 or row_of[best.object_id[i]] < 0:
             continue

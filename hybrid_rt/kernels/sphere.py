@@ -14,7 +14,7 @@ import numpy as np
 from hybrid_rt.kernels.frame import SPLITTER, two_difference
 from hybrid_rt.kernels.nearest import offer
 from hybrid_rt.kernels.patch import TANGENT_BAND, UNIT_ROUNDOFF
-from meshing.kernels.jit import inner, kernel
+from meshing.kernels.jit import hot_kernel, inner
 
 
 class SphereTable(NamedTuple):
@@ -96,7 +96,7 @@ def offer_sphere(
     offer(i, far, error_far, n_dot_d, tangent, object_id[k], 0, 0.0, 0.0, t_min, known, best)
 
 
-@kernel
+@hot_kernel
 def trace_spheres(table, rays, best, any_hit):
     """Lower ``best`` to the nearest roots on all spheres."""
     center, radius, object_id = table.center, table.radius, table.object_id
@@ -112,7 +112,7 @@ def trace_spheres(table, rays, best, any_hit):
             )  # fmt: skip
 
 
-@kernel
+@hot_kernel
 def finish_spheres(table, rays, best, row_of, out):
     """Describe the hits on spheres; ``row_of`` (objects,) is the object's row here or -1."""
     for i in range(best.t.shape[0]):

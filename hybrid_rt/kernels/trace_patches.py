@@ -36,7 +36,6 @@ from hybrid_rt.kernels.subdivide import (
     BORDER_SLACK,
     CELLS,
     CHANGED,
-    DEPTH,
     NEWTONS,
     NODES,
     STEPS,
@@ -44,7 +43,7 @@ from hybrid_rt.kernels.subdivide import (
 )
 from hybrid_rt.kernels.tree import push_children, safe_reciprocal, test_children
 from meshing.kernels.bernstein import second_partials, unit_normal
-from meshing.kernels.jit import inner, kernel
+from meshing.kernels.jit import hot_kernel, inner
 
 # Boxes within this of the nearest root are still looked into (times 1 + |t|, in frame units): far
 # more than two cells can disagree on the t of a root on their common border.
@@ -73,6 +72,18 @@ class PatchTable(NamedTuple):
     first_cell: Any  # (k,) int64
     record: Any  # (n, RECORD): the cells
     cell_patch: Any  # (n,) int32
+
+
+class PatchScratch(NamedTuple):
+    """What one thread needs while it traces; contents mean nothing between calls."""
+
+    basis: Any  # (4, w), w - 1 the highest degree
+    nets: Any  # (DEPTH, w, w, 3)
+    boxes: Any  # (DEPTH, 4)
+    entry: Any  # (8,) float32
+    stack_node: Any  # (tree.stack,) int32
+    stack_count: Any  # (tree.stack,) int32
+    stack_entry: Any  # (tree.stack,) float32
 
 
 @inner
@@ -156,8 +167,8 @@ def solve_cell(
     )  # fmt: skip
 
 
-@kernel
-def trace_patches(table, tree, rays, guess, best, any_hit, counters):
+@hot_kernel
+def trace_patches(table, tree, rays, guess, best, any_hit, scratch, counters):
     """Lower ``best`` to the first hits on the patches of the table.
 
     ``guess`` (n,) int32 names a cell to begin with for each ray, -1 for none; an empty array means
@@ -173,16 +184,9 @@ def trace_patches(table, tree, rays, guess, best, any_hit, counters):
     t_best = best.t
     to_world = 1.0 / to_frame
     mx, my, mz = middle[0], middle[1], middle[2]
-    widest = 2
-    for k in range(degree.shape[0]):
-        widest = max(widest, degree[k, 0] + 1, degree[k, 1] + 1)
-    basis = np.empty((4, widest))
-    nets = np.empty((DEPTH, widest, widest, 3))
-    boxes = np.empty((DEPTH, 4))
-    entry = np.empty(8, np.float32)
-    stack_node = np.empty(tree.stack, np.int32)
-    stack_count = np.empty(tree.stack, np.int32)
-    stack_entry = np.empty(tree.stack, np.float32)
+    basis, nets, boxes = scratch.basis, scratch.nets, scratch.boxes
+    entry, stack_entry = scratch.entry, scratch.stack_entry
+    stack_node, stack_count = scratch.stack_node, scratch.stack_count
     for i in range(origin.shape[0]):
         if any_hit and best.object_id[i] >= 0:
             continue
@@ -247,16 +251,25 @@ def trace_patches(table, tree, rays, guess, best, any_hit, counters):
             counters[CHANGED] += 1
 
 
-@kernel
+@hot_kernel
 def refine_patches(
-    table, face, t, u, v, corner_uv, object_of, piece, first_patch, rows, rays, best, accepted
+    table,
+    face,
+    t,
+    u,
+    v,
+    corner_uv,
+    object_of,
+    piece,
+    first_patch,
+    rows,
+    rays,
+    best,
+    basis,
+    accepted,
 ):
     """Newton from coarse hits, with no proof of anything (accuracy "refined")."""
     degree = table.degree
-    widest = 2
-    for k in range(degree.shape[0]):
-        widest = max(widest, degree[k, 0] + 1, degree[k, 1] + 1)
-    basis = np.empty((4, widest))
     for j in range(face.shape[0]):
         i, f = rows[j], face[j]
         if first_patch[object_of[f]] < 0:
@@ -285,8 +298,8 @@ def refine_patches(
             accepted[j] = True
 
 
-@kernel
-def finish_patches(table, rays, best, kind_of, kind, out):
+@hot_kernel
+def finish_patches(table, rays, best, kind_of, kind, basis, out):
     """Fill what a hit record says of the rays whose nearest root is on a patch.
 
     ``kind_of`` (objects,) names the kind of each object; rows of other kinds are left alone.
@@ -295,10 +308,6 @@ def finish_patches(table, rays, best, kind_of, kind, out):
     control, start, degree, centre, size = (
         table.control, table.start, table.degree, table.centre, table.size,
     )  # fmt: skip
-    widest = 2
-    for k in range(degree.shape[0]):
-        widest = max(widest, degree[k, 0] + 1, degree[k, 1] + 1)
-    basis = np.empty((4, widest))
     for i in range(best.t.shape[0]):
         if best.object_id[i] < 0 or kind_of[best.object_id[i]] != kind:
             continue

