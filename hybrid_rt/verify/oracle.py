@@ -1,10 +1,8 @@
-"""First hits by plain bisection and double-double: slow, and sharing nothing with the fast code.
+"""First hits, slowly and surely: the judge of the intersector, with which it shares no code.
 
-No tree, no triangles, no certificate: every ray meets every patch, every profile segment and every
-face. A decision that a parallel shift of the ray by 64 roundings (at the scale of ray and object)
-would change is called ambiguous. Folds of a silhouette show themselves in the bisection. Rims are
-judged by trying: where a ray passes the rim of a patch, a pole or an edge within that band, eight
-shifted rays are traced, and only if all of them meet the surface there is the hit beyond doubt.
+Patches and profiles are bisected plainly, spheres and flat faces have closed forms; all roots end
+in double-double. What moving the ray by 64 eps x scale could make or lose is not decided but noted
+as doubtful: an answer that takes a doubtful root and one that leaves it out are both right.
 """
 
 from __future__ import annotations
@@ -16,42 +14,77 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
+from hybrid_rt.primitives import Box, Plane, Rectangle, Sphere, TriangleMesh
 from hybrid_rt.records import BoolArray, FloatArray, IntArray
-from hybrid_rt.verify.kernels import closed, found, patch, revolution
+from hybrid_rt.verify.kernels import closed_forms, events, patch_roots, profile_roots
 from meshing import BezierPatches, SurfaceOfRevolution
 
-# A slow ray (a silhouette) may take a thousand times as long as another.
-CHUNK = 512
-# The rays that try a rim keep this many bands from it, where its pieces are resolved again.
-SHIFT = 8.0
-N_SHIFTED = 8
+# Rays per job: enough to hide the call, few enough to keep all threads busy.
+CHUNK = 2048
+# Deepest stack of pieces: 50 halvings in each of two parameters.
+DEPTH = 110
+# Events per ray for which room is made at first.
+ROOM = 8
 
-Trace = Callable[[FloatArray, FloatArray, FloatArray, FloatArray], None]
+Worker = Callable[[int, FloatArray, FloatArray, FloatArray, events.Events], None]
+
+
+@dataclass(frozen=True)
+class Roots:
+    """All roots of a batch, sorted by t within each ray; those of ray i are a run.
+
+    Attributes
+    ----------
+    offsets : (n + 1,) int64
+        Ray i has the rows ``offsets[i]`` to ``offsets[i + 1]``.
+    t : (m,) float64
+        In lengths of the given direction.
+    object_id, patch_id : (m,) int32
+    u, v : (m,) float64
+        On patches and surfaces of revolution; elsewhere 0.
+    cosine : (m,) float64
+        |n.d| / |d|.
+    band : (m,) float64
+        64 eps x scale, scene units.
+    kind : (m,) uint8
+        0 certain; 1 doubtful, either decision is right; 2 the oracle gave up.
+    """
+
+    offsets: NDArray[np.int64]
+    t: FloatArray
+    object_id: IntArray
+    patch_id: IntArray
+    u: FloatArray
+    v: FloatArray
+    cosine: FloatArray
+    band: FloatArray
+    kind: NDArray[np.uint8]
+
+    @property
+    def ray(self) -> NDArray[np.int64]:
+        """(m,) int64: the ray of each row."""
+        return np.repeat(np.arange(len(self.offsets) - 1), np.diff(self.offsets))
 
 
 @dataclass(frozen=True)
 class Truth:
-    """First hits as the oracle finds them, one row per ray.
+    """The first certain root of each ray, and what may come before it.
 
     Attributes
     ----------
-    t : (n,) float64
-        In lengths of the given direction; inf on a miss.
-    object_id, patch_id : (n,) int32
-        -1 on a miss.
-    u, v : (n,) float64
-        Surface parameters; nan on a miss and on spheres and planes.
-    cos : (n,) float64
-        ``|n . d| / |d|``; nan on a miss.
-    scale : (n,) float64
-        The larger of the distance from the origin to the middle of the object, and the object's
-        size (diagonal of its bounds): the length to which roundings are relative. nan on a miss.
+    t, object_id, patch_id, u, v, cosine : (n,)
+        inf, -1, -1, nan, nan, nan where there is none.
+    band : (n,) float64
+        64 eps x scale of that root; nan where there is none.
+    length : (n,) float64
+        Length of the ray's direction.
     ambiguous : (n,) bool
-        Some decision at or before the first hit has a margin within the band.
-    unresolved : (n,) bool
-        The bisection was given up (counted as ambiguous too).
+        A doubtful root lies before the first certain one: other answers are right too.
+    undecided : (n,) bool
+        The oracle gave up on this ray.
+    roots : Roots
     """
 
     t: FloatArray
@@ -59,14 +92,16 @@ class Truth:
     patch_id: IntArray
     u: FloatArray
     v: FloatArray
-    cos: FloatArray
-    scale: FloatArray
+    cosine: FloatArray
+    band: FloatArray
+    length: FloatArray
     ambiguous: BoolArray
-    unresolved: BoolArray
+    undecided: BoolArray
+    roots: Roots
 
     def __len__(self) -> int:
         """Return the number of rays."""
-        return int(self.t.size)
+        return len(self.t)
 
 
 def first_hits(
@@ -75,213 +110,276 @@ def first_hits(
     directions: ArrayLike,
     t_min: ArrayLike = 0.0,
     t_max: ArrayLike = np.inf,
+    *,
+    departing: bool = False,
     threads: int | None = None,
 ) -> Truth:
-    """Find the first hit of each ray.
+    """Find all roots of rays on surfaces, and the first of each ray.
 
     Parameters
     ----------
-    surfaces : sequence of surfaces of any kind
+    surfaces : sequence of surfaces, as `Intersector` takes them
     origins, directions : (n, 3)
         Scene units; directions of any length but zero.
     t_min, t_max : scalar or (n,)
-        A hit needs ``t_min < t < t_max``.
+        Only roots between them count; those at a limit, up to the band, are doubtful.
+    departing : bool
+        The rays leave from a surface: a single root at the origin, up to the band, is left out.
     threads : int, optional
-        Default: all processors.
+        Default: all processors that the process may use.
 
     Returns
     -------
-    Truth of n rows
+    Truth of n rays
 
     Raises
     ------
     TypeError
-        For a kind of surface that the oracle does not know.
+        For a surface that the oracle does not know.
     """
-    d = np.array(directions, dtype=np.float64)
-    o = np.array(np.broadcast_to(np.asarray(origins, np.float64), d.shape))
-    n = len(d)
-    low = np.array(np.broadcast_to(np.asarray(t_min, np.float64), n))
-    high = np.array(np.broadcast_to(np.asarray(t_max, np.float64), n))
-    tracers = [_tracer(surface, i) for i, surface in enumerate(surfaces)]
-    rows = _trace(tracers, o, d, low, high, threads)
-    # A fold just behind the hit may be the hit itself, seen with roundings.
-    ambiguous = rows[:, found.FOLD_T] <= rows[:, found.T] * (1 + 1e-9)
-    ambiguous &= np.isfinite(rows[:, found.FOLD_T])
-    _judge_rims(tracers, rows, o, d, low, high, ambiguous, threads)
-    is_hit = rows[:, found.OBJECT] >= 0
-    boxes = [_centre_and_size(surface) for surface in surfaces]
-    centres, sizes = np.array([c for c, _ in boxes]), np.array([s for _, s in boxes])
-    objects = rows[:, found.OBJECT].astype(np.int32)
-    scale = np.maximum(np.linalg.norm(o - centres[objects], axis=1), sizes[objects])
-    return Truth(
-        t=np.where(is_hit, rows[:, found.T], np.inf),
-        object_id=objects,
-        patch_id=rows[:, found.PATCH].astype(np.int32),
-        u=rows[:, found.U].copy(),
-        v=rows[:, found.V].copy(),
-        cos=rows[:, found.COS].copy(),
-        scale=np.where(is_hit, scale, np.nan),
-        ambiguous=ambiguous,
-        unresolved=rows[:, found.UNRESOLVED] > 0,
+    origin = np.ascontiguousarray(origins, dtype=np.float64).reshape(-1, 3)
+    direction = np.ascontiguousarray(directions, dtype=np.float64).reshape(-1, 3)
+    n = len(origin)
+    low = np.ascontiguousarray(np.broadcast_to(np.asarray(t_min, dtype=np.float64), (n,)))
+    high = np.broadcast_to(np.asarray(t_max, dtype=np.float64), (n,))
+    workers = [_worker(i, surface) for i, surface in enumerate(surfaces)]
+
+    def run(begin: int) -> events.Events:
+        rows = slice(begin, min(begin + CHUNK, n))
+        room = ROOM * CHUNK
+        while True:
+            found = _new_events(room)
+            for worker in workers:
+                worker(begin, origin[rows], direction[rows], low[rows], found)
+            if found.count[0] <= room:
+                return found
+            room = int(found.count[0])
+
+    begins = range(0, n, CHUNK)
+    n_threads = threads or len(os.sched_getaffinity(0))
+    with ThreadPoolExecutor(n_threads) as pool:
+        parts = list(pool.map(run, begins))
+    columns = {
+        name: np.concatenate(
+            [getattr(part, name)[: part.count[0]] for part in parts] or [np.empty(0)]
+        )
+        for name in events.Events._fields[1:]
+    }
+    length = np.linalg.norm(direction, axis=1)
+    columns = _merge(columns, length)
+    columns = _limit(columns, length, low, high, departing)
+    return _first(columns, length)
+
+
+def _new_events(room: int) -> events.Events:
+    return events.Events(
+        count=np.zeros(1, np.int64),
+        ray=np.empty(room, np.int64),
+        t=np.empty(room),
+        object_id=np.empty(room, np.int32),
+        patch_id=np.empty(room, np.int32),
+        u=np.empty(room),
+        v=np.empty(room),
+        cosine=np.empty(room),
+        band=np.empty(room),
+        kind=np.empty(room, np.uint8),
+        at_edge=np.empty(room, np.uint8),
     )
 
 
-def _trace(
-    tracers: Sequence[Trace],
-    o: FloatArray,
-    d: FloatArray,
-    t_min: FloatArray,
-    t_max: FloatArray,
-    threads: int | None,
-) -> FloatArray:
-    rows = np.zeros((len(o), found.COLUMNS))
-    rows[:, [found.OBJECT, found.PATCH, found.EDGE_OBJECT, found.EDGE_PATCH]] = -1
-    rows[:, [found.U, found.V, found.COS, found.EDGE_U, found.EDGE_V]] = np.nan
-    rows[:, [found.FOLD_T, found.EDGE_T]] = np.inf
-    rows[:, found.T] = t_max
-
-    def work(begin: int) -> None:
-        part = slice(begin, begin + CHUNK)
-        for trace in tracers:
-            trace(o[part], d[part], t_min[part], rows[part])
-
-    with ThreadPoolExecutor(threads or os.cpu_count()) as pool:
-        list(pool.map(work, range(0, len(o), CHUNK)))
-    return rows
-
-
-def _judge_rims(
-    tracers: Sequence[Trace],
-    rows: FloatArray,
-    o: FloatArray,
-    d: FloatArray,
-    t_min: FloatArray,
-    t_max: FloatArray,
-    ambiguous: BoolArray,
-    threads: int | None,
-) -> None:
-    """Decide, by shifted rays, what happens where a ray passes a rim within the band."""
-    near = 2.0 * rows[:, found.EDGE_BAND] / np.linalg.norm(d, axis=1)
-    reaches = rows[:, found.EDGE_T] <= rows[:, found.T] + near
-    doubtful = np.flatnonzero(reaches & np.isfinite(rows[:, found.EDGE_T]) & ~ambiguous)
-    if doubtful.size == 0:
-        return
-    length = np.linalg.norm(d[doubtful], axis=1)
-    unit = d[doubtful] / length[:, None]
-    side = np.cross(unit, np.eye(3)[np.abs(unit).argmin(axis=1)])
-    side /= np.linalg.norm(side, axis=1)[:, None]
-    up = np.cross(unit, side)
-    radius = SHIFT * rows[doubtful, found.EDGE_BAND]
-    # An odd angle, so that shifts do not run along edges of figures made by hand.
-    angles = 0.3 + 2.0 * np.pi * np.arange(N_SHIFTED) / N_SHIFTED
-    shift = np.cos(angles)[:, None, None] * side + np.sin(angles)[:, None, None] * up
-    origins = o[doubtful] + radius[:, None] * shift
-    many = [np.tile(a[doubtful], (N_SHIFTED,) + (1,) * (a.ndim - 1)) for a in (d, t_min, t_max)]
-    tried = _trace(tracers, origins.reshape(-1, 3), many[0], many[1], many[2], threads)
-    is_hit = tried[:, found.OBJECT] >= 0
-    t = np.where(is_hit, tried[:, found.T], np.inf).reshape(N_SHIFTED, -1)
-    cos = np.where(is_hit, tried[:, found.COS], 1.0).reshape(N_SHIFTED, -1).min(axis=0)
-    root = np.where(rows[doubtful, found.OBJECT] >= 0, rows[doubtful, found.T], np.inf)
-    edge = rows[doubtful, found.EDGE_T]
-    allowed = 4.0 * radius / (cos * length)
-    with np.errstate(invalid="ignore"):
-        as_root = ((np.abs(t - root) <= allowed) | (np.isinf(t) & np.isinf(root))).all(axis=0)
-        as_edge = (np.abs(t - edge) <= allowed).all(axis=0) & ~as_root
-    take = doubtful[as_edge]
-    for to, source in (
-        (found.T, found.EDGE_T), (found.OBJECT, found.EDGE_OBJECT),
-        (found.PATCH, found.EDGE_PATCH), (found.U, found.EDGE_U), (found.V, found.EDGE_V),
-    ):  # fmt: skip
-        rows[take, to] = rows[take, source]
-    rows[take, found.COS] = cos[as_edge]
-    ambiguous[doubtful[~as_root & ~as_edge]] = True
-
-
-def _centre_and_size(surface: Any) -> tuple[FloatArray, float]:
-    bounds = surface.bounds
-    if not np.isfinite(bounds).all():
-        return surface.origin, 0.0
-    return bounds.mean(axis=0), float(np.linalg.norm(bounds[1] - bounds[0]))
-
-
-def _tracer(surface: Any, object_id: int) -> Trace:
-    centre, size = _centre_and_size(surface)
+def _worker(object_id: int, surface: Any) -> Worker:
+    """Return what notes the events of rays with one surface."""
     if isinstance(surface, BezierPatches):
-        return _trace_patches(surface, object_id, centre, size)
+        return _patch_worker(object_id, surface)
     if isinstance(surface, SurfaceOfRevolution):
-        return _trace_revolution(surface, object_id, centre, size)
-    name = type(surface).__name__
-    if name == "Sphere":
-        return lambda o, d, t_min, rows: closed.trace_sphere(
-            surface.center, surface.radius, object_id, o, d, t_min, rows
+        return _profile_worker(object_id, surface)
+    if isinstance(surface, Sphere):
+        center, radius = np.array(surface.center, dtype=np.float64), float(surface.radius)
+        return lambda first, o, d, _low, out: closed_forms.sphere_events(
+            center, radius, object_id, first, o, d, out
         )
-    faces, ids, kind = _as_faces(surface, name)
-
-    def trace(o: FloatArray, d: FloatArray, t_min: FloatArray, rows: FloatArray) -> None:
-        closed.trace_flat(faces, ids, kind, centre, size, object_id, o, d, t_min, rows)
-
-    return trace
-
-
-def _trace_patches(
-    surface: BezierPatches, object_id: int, centre: FloatArray, size: float
-) -> Trace:
-    boxes = np.array([[p.min(axis=(0, 1)), p.max(axis=(0, 1))] for p in surface.patches])
-    m, n = surface.degrees.max(axis=0).tolist()
-
-    def trace(o: FloatArray, d: FloatArray, t_min: FloatArray, rows: FloatArray) -> None:
-        stack = np.empty((patch.STACK + 1, 3, m + 1, n + 1))
-        scratch = (stack, np.empty((patch.STACK + 1, 4)), np.empty((5, 32)), np.empty((3, 4)))
-        patch.trace_patches(
-            surface.control, surface.starts, surface.degrees, boxes, centre, size, object_id,
-            o, d, t_min, rows, *scratch,
-        )  # fmt: skip
-
-    return trace
-
-
-def _trace_revolution(
-    surface: SurfaceOfRevolution, object_id: int, centre: FloatArray, size: float
-) -> Trace:
-    starts = np.cumsum([0, *map(len, surface.segments)], dtype=np.int64)
-    profile = np.concatenate(surface.segments)
-    n = max(map(len, surface.segments))
-
-    def trace(o: FloatArray, d: FloatArray, t_min: FloatArray, rows: FloatArray) -> None:
-        depth = revolution.STACK + 1
-        scratch = (np.empty((depth, 2, n)), np.empty((depth, 4)), np.empty((2, 32)))
-        revolution.trace_revolution(
-            profile, starts, surface.origin, surface.axis, surface.radial, surface.binormal,
-            centre, size, object_id, o, d, t_min, rows, *scratch, np.empty((6, 2)),
-            np.empty((2, 4)),
-        )  # fmt: skip
-
-    return trace
-
-
-def _as_faces(surface: Any, name: str) -> tuple[FloatArray, IntArray, int]:
-    """Corner and two edges of each flat face; of a plane, a point and the normal."""
-    if name == "Rectangle":
-        faces = np.array([[surface.corner, surface.edge_u, surface.edge_v]])
-        return faces, np.zeros(1, np.int32), closed.PARALLELOGRAM
-    if name == "Plane":
-        faces = np.array([[surface.origin, surface.unit_normal, np.zeros(3)]])
-        return faces, np.zeros(1, np.int32), closed.PLANE
-    if name == "Box":
-        faces = np.zeros((6, 3, 3))
-        for face in range(6):
-            axis = face // 2
-            first, second = (axis + 1) % 3, (axis + 2) % 3
-            faces[face, 0] = surface.lo
-            faces[face, 0, axis] = surface.hi[axis] if face % 2 else surface.lo[axis]
-            faces[face, 1, first] = surface.hi[first] - surface.lo[first]
-            faces[face, 2, second] = surface.hi[second] - surface.lo[second]
-        return faces, np.arange(6, dtype=np.int32), closed.PARALLELOGRAM
-    if name == "TriangleMesh":
-        corners = np.asarray(surface.vertices)[np.asarray(surface.faces)]
-        faces = np.stack(
-            [corners[:, 0], corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]], axis=1
+    if isinstance(surface, Plane):
+        at, normal = np.array(surface.origin), np.array(surface.unit_normal)
+        return lambda first, o, d, _low, out: closed_forms.plane_events(
+            at, normal, object_id, first, o, d, out
         )
-        return faces, np.arange(len(faces), dtype=np.int32), closed.TRIANGLE
-    raise TypeError(f"the oracle knows no surface of kind {name}: add it to hybrid_rt.verify")
+    if isinstance(surface, Box):
+        lo, hi = np.array(surface.lo), np.array(surface.hi)
+        return lambda first, o, d, _low, out: closed_forms.box_events(
+            lo, hi, object_id, first, o, d, out
+        )
+    if isinstance(surface, Rectangle):
+        corners, edges_u = surface.corner[None].copy(), surface.edge_u[None].copy()
+        edges_v, is_triangle = surface.edge_v[None].copy(), False
+    elif isinstance(surface, TriangleMesh):
+        a, b, c = (np.ascontiguousarray(surface.vertices[surface.faces[:, k]]) for k in range(3))
+        corners, edges_u, edges_v, is_triangle = a, b - a, c - a, True
+    else:
+        raise TypeError(f"surfaces[{object_id}] is a {type(surface).__name__}: not a surface")
+    bounds = surface.bounds
+    middle, size = bounds.mean(axis=0), float(np.linalg.norm(bounds[1] - bounds[0]))
+    return lambda first, o, d, _low, out: closed_forms.face_events(
+        corners, edges_u, edges_v, is_triangle, middle, size, object_id, first, o, d, out
+    )
+
+
+def _patch_worker(object_id: int, surface: BezierPatches) -> Worker:
+    patches = surface.patches
+    points = np.concatenate([net.reshape(-1, 3) for net in patches])
+    lengths = [len(net) * net.shape[1] for net in patches]
+    boxes = np.array([[net.min(axis=(0, 1)), net.max(axis=(0, 1))] for net in patches])
+    low, high = boxes[:, 0].min(axis=0), boxes[:, 1].max(axis=0)
+    nets = patch_roots.Nets(
+        control=points,
+        starts=np.concatenate([[0], np.cumsum(lengths)]).astype(np.int64),
+        degrees=np.array([(len(net) - 1, net.shape[1] - 1) for net in patches], np.int64),
+        centre=boxes.mean(axis=1),
+        radius=0.5 * np.linalg.norm(boxes[:, 1] - boxes[:, 0], axis=1),
+        middle=0.5 * (low + high),
+        size=float(np.linalg.norm(high - low)),
+        object_id=object_id,
+    )
+
+    def work(first: int, o: FloatArray, d: FloatArray, t: FloatArray, out: events.Events) -> None:
+        scratch = patch_roots.Scratch(
+            nets=np.empty((DEPTH, 3 * max(lengths))),
+            spans=np.empty((DEPTH, 4)),
+            leaves=np.empty((patch_roots.MOST_LEAVES, 6)),
+            one=np.empty((1, 6)),
+            rejected=np.empty((patch_roots.MOST_REJECTED, 2)),
+            rows=np.empty((31, 4)),
+            high=np.empty(31),
+            low=np.empty(31),
+            out=np.empty((3, 7)),
+            frame=np.empty((3, 3)),
+            point=np.empty((3, 2)),
+        )
+        patch_roots.patch_events(nets, first, o, d, t, scratch, out)
+
+    return work
+
+
+def _profile_worker(object_id: int, surface: SurfaceOfRevolution) -> Worker:
+    # A segment on the axis has no area.
+    segments = [net for net in surface.segments if net[:, 1].max() > 0.0]
+    numbers = np.array([i for i, net in enumerate(surface.segments) if net[:, 1].max() > 0.0])
+    points = np.concatenate(segments)
+    z = 0.5 * (points[:, 0].min() + points[:, 0].max())
+    radius = float(np.hypot(points[:, 0] - z, points[:, 1]).max())
+    profile = profile_roots.Profile(
+        control=points,
+        starts=np.concatenate([[0], np.cumsum([len(net) for net in segments])]).astype(np.int64),
+        numbers=numbers.astype(np.int32),
+        frame=np.stack([surface.axis, surface.radial, surface.binormal]),
+        origin=np.array(surface.origin),
+        middle=surface.origin + z * surface.axis,
+        radius=radius,
+        size=2.0 * radius,
+        object_id=object_id,
+    )
+
+    def work(first: int, o: FloatArray, d: FloatArray, t: FloatArray, out: events.Events) -> None:
+        scratch = profile_roots.ProfileScratch(
+            nets=np.empty((DEPTH, 62)),
+            spans=np.empty((DEPTH, 4)),
+            leaves=np.empty((patch_roots.MOST_LEAVES, 4)),
+            one=np.empty((1, 4)),
+            high=np.empty(31),
+            low=np.empty(31),
+            frame=np.empty((3, 3)),
+            point=np.empty((3, 2)),
+            local=np.empty((3, 2)),
+            line=np.empty(6),
+            out=np.empty(8),
+        )
+        profile_roots.profile_events(profile, first, o, d, t, scratch, out)
+
+    return work
+
+
+Columns = dict[str, Any]
+
+
+def _merge(columns: Columns, length: FloatArray) -> Columns:
+    """Keep one of the events that neighbouring patches note at a shared edge."""
+    ray, t, slack = columns["ray"], columns["t"], _tolerance(columns, length)
+    order = np.lexsort((t, columns["object_id"], ray))
+    one, two = order[:-1], order[1:]
+    same = (ray[one] == ray[two]) & (columns["object_id"][one] == columns["object_id"][two])
+    same &= (columns["at_edge"][one] == 1) & (columns["at_edge"][two] == 1)
+    same &= t[two] - t[one] <= 2.0 * np.maximum(slack[one], slack[two])
+    group = np.concatenate([[0], np.cumsum(~same)]) if len(order) else np.empty(0, np.int64)
+    # Of each group the event that is most certain, then that of the first patch.
+    best = np.lexsort((columns["patch_id"][order], columns["kind"][order], group))
+    _, first = np.unique(group[best], return_index=True)
+    rows = order[best[first]]
+    return {name: values[rows] for name, values in columns.items()}
+
+
+def _tolerance(columns: Columns, length: FloatArray) -> FloatArray:
+    """Return how far the band moves a root, in t."""
+    floor = np.maximum(columns["cosine"], 1e-13)
+    moved: FloatArray = columns["band"] / (floor * length[columns["ray"].astype(np.int64)])
+    return moved
+
+
+def _limit(
+    columns: Columns, length: FloatArray, low: FloatArray, high: FloatArray, departing: bool
+) -> Columns:
+    """Drop what lies outside the limits of t, or at the point of departure."""
+    ray = columns["ray"].astype(np.int64)
+    t, kind, slack = columns["t"], columns["kind"].copy(), _tolerance(columns, length)
+    given_up = kind == events.UNDECIDED
+    keep = given_up | ((t > low[ray] - slack) & (t < high[ray] + slack))
+    at_limit = (np.abs(t - low[ray]) <= slack) | (np.abs(t - high[ray]) <= slack)
+    if departing:
+        at_start = keep & ~given_up & (np.abs(t) <= slack)
+        alone = np.bincount(ray[at_start], minlength=len(low)) == 1
+        keep &= ~(at_start & alone[ray])
+    kind[at_limit & ~given_up] = events.DOUBTFUL
+    columns = {**columns, "kind": kind}
+    return {name: values[keep] for name, values in columns.items()}
+
+
+def _first(columns: Columns, length: FloatArray) -> Truth:
+    n = len(length)
+    order = np.lexsort((columns["object_id"], columns["t"], columns["ray"]))
+    columns = {name: values[order] for name, values in columns.items()}
+    ray = columns["ray"].astype(np.int64)
+    offsets = np.searchsorted(ray, np.arange(n + 1)).astype(np.int64)
+    certain = np.flatnonzero(columns["kind"] == events.ROOT)
+    owners, where = np.unique(ray[certain], return_index=True)
+    row = np.full(n, -1, np.int64)
+    row[owners] = certain[where]
+    t = np.full(n, np.inf)
+    t[owners] = columns["t"][row[owners]]
+    doubtful = columns["kind"] == events.DOUBTFUL
+    before = doubtful & (columns["t"] <= t[ray] + _tolerance(columns, length))
+    given_up = columns["kind"] == events.UNDECIDED
+
+    def pick(name: str, missing: Any, dtype: Any) -> Any:
+        values = np.full(n, missing, dtype)
+        values[owners] = columns[name][row[owners]]
+        return values
+
+    return Truth(
+        t=t,
+        object_id=pick("object_id", -1, np.int32),
+        patch_id=pick("patch_id", -1, np.int32),
+        u=pick("u", np.nan, np.float64),
+        v=pick("v", np.nan, np.float64),
+        cosine=pick("cosine", np.nan, np.float64),
+        band=pick("band", np.nan, np.float64),
+        length=length,
+        ambiguous=np.bincount(ray[before], minlength=n) > 0,
+        undecided=np.bincount(ray[given_up], minlength=n) > 0,
+        roots=Roots(
+            offsets,
+            *(
+                columns[name]
+                for name in (
+                    "t", "object_id", "patch_id", "u", "v", "cosine", "band", "kind",
+                )
+            ),
+        ),
+    )  # fmt: skip

@@ -66,96 +66,124 @@ def _square(xh, xl, yh, yl, zh, zl):
 
 
 @inner
-def _minor(a, b, c, e):
-    """Form a b - c e exactly but for 2**-104."""
-    ph, pl = dd.two_product(a, b)
-    qh, ql = dd.two_product(c, e)
-    return dd.subtract(ph, pl, qh, ql)
+def _cross(a, b, out):
+    """Cross product of two vectors of pairs, each (3, 2)."""
+    for c in range(3):
+        j, k = (c + 1) % 3, (c + 2) % 3
+        ph, pl = dd.multiply(a[j, 0], a[j, 1], b[k, 0], b[k, 1])
+        qh, ql = dd.multiply(a[k, 0], a[k, 1], b[j, 0], b[j, 1])
+        out[c, 0], out[c, 1] = dd.subtract(ph, pl, qh, ql)
 
 
 @inner
-def _triple(wxh, wxl, wyh, wyl, wzh, wzl, ax, ay, az, bx, by, bz):
-    """Form w . (a x b) in pairs, and |a x b|."""
-    ch, cl = _minor(ay, bz, az, by)
-    eh, el = _minor(az, bx, ax, bz)
-    gh, gl = _minor(ax, by, ay, bx)
-    xh, xl = dd.multiply(wxh, wxl, ch, cl)
-    yh, yl = dd.multiply(wyh, wyl, eh, el)
-    zh, zl = dd.multiply(wzh, wzl, gh, gl)
-    xh, xl = dd.add(xh, xl, yh, yl)
-    xh, xl = dd.add(xh, xl, zh, zl)
-    return xh, xl, np.sqrt(ch * ch + eh * eh + gh * gh)
+def _dot(a, b):
+    return dd.dot(
+        a[0, 0], a[0, 1], a[1, 0], a[1, 1], a[2, 0], a[2, 1],
+        b[0, 0], b[0, 1], b[1, 0], b[1, 1], b[2, 0], b[2, 1],
+    )  # fmt: skip
+
+
+@inner
+def _length(a):
+    return np.sqrt(a[0, 0] ** 2 + a[1, 0] ** 2 + a[2, 0] ** 2)
+
+
+@inner
+def _plane(i, x, y, z, nx, ny, nz, object_id, o, d, length, t_min, found):
+    """Offer the root of the plane through (x, y, z) with normal (nx, ny, nz)."""
+    xh, xl = dd.two_sum(o[i, 0], -x)
+    yh, yl = dd.two_sum(o[i, 1], -y)
+    zh, zl = dd.two_sum(o[i, 2], -z)
+    nh, nl = dd.dot(xh, xl, yh, yl, zh, zl, nx, 0.0, ny, 0.0, nz, 0.0)
+    ch, cl = dd.dot(d[i, 0], 0.0, d[i, 1], 0.0, d[i, 2], 0.0, nx, 0.0, ny, 0.0, nz, 0.0)
+    cos = abs(ch) / length
+    if ch != 0.0:
+        th, tl = dd.divide(-nh, -nl, ch, cl)
+        band = BAND * np.sqrt(xh * xh + yh * yh + zh * zh)
+        doubt = band / (cos * length)
+        offer(found, i, th + tl, object_id, 0, np.nan, np.nan, cos, doubt, t_min[i])
+    if cos <= BAND:
+        note_fold(found, i, np.nextafter(t_min[i], np.inf), t_min[i])
 
 
 @kernel
-def trace_flat(faces, ids, kind, centre, size, object_id, o, d, t_min, found):
-    """Lower ``found`` by flat faces (k, 3, 3): corner and two edges; point and normal of a plane."""
+def trace_flat(faces, ids, kind, centre, size, object_id, o, d, t_min, found, work):
+    """Lower ``found`` by flat faces.
+
+    ``faces`` (k, 5, 3): corner, two edges, and what is missing from the edges to be exact; of a
+    plane, a point and the normal. ``work`` (7, 3, 2) is scratch.
+    """
+    w, ray, a, b, normal, cross, third = (
+        work[0], work[1], work[2], work[3], work[4], work[5], work[6],
+    )  # fmt: skip
     for i in range(o.shape[0]):
-        dx, dy, dz = d[i, 0], d[i, 1], d[i, 2]
-        length = np.sqrt(dx * dx + dy * dy + dz * dz)
-        away = np.sqrt(
-            (o[i, 0] - centre[0]) ** 2 + (o[i, 1] - centre[1]) ** 2 + (o[i, 2] - centre[2]) ** 2
-        )
+        length, away = 0.0, 0.0
+        for c in range(3):
+            ray[c, 0], ray[c, 1] = d[i, c], 0.0
+            length += d[i, c] ** 2
+            away += (o[i, c] - centre[c]) ** 2
+        length, away = np.sqrt(length), np.sqrt(away)
         band = BAND * max(away, size)
         for f in range(faces.shape[0]):
-            xh, xl = dd.two_sum(o[i, 0], -faces[f, 0, 0])
-            yh, yl = dd.two_sum(o[i, 1], -faces[f, 0, 1])
-            zh, zl = dd.two_sum(o[i, 2], -faces[f, 0, 2])
-            ax, ay, az = faces[f, 1, 0], faces[f, 1, 1], faces[f, 1, 2]
-            bx, by, bz = faces[f, 2, 0], faces[f, 2, 1], faces[f, 2, 2]
             if kind == PLANE:
-                nh, nl = dd.dot(xh, xl, yh, yl, zh, zl, ax, 0.0, ay, 0.0, az, 0.0)
-                ch, cl = dd.dot(dx, 0.0, dy, 0.0, dz, 0.0, ax, 0.0, ay, 0.0, az, 0.0)
-                cos = abs(ch) / length
-                if ch != 0.0:
-                    th, tl = dd.divide(-nh, -nl, ch, cl)
-                    offer(
-                        found, i, th + tl, object_id, 0, np.nan, np.nan, cos,
-                        band / (cos * length), t_min[i],
-                    )  # fmt: skip
-                if cos <= BAND:
-                    note_fold(found, i, np.nextafter(t_min[i], np.inf), t_min[i])
+                _plane(
+                    i, faces[f, 0, 0], faces[f, 0, 1], faces[f, 0, 2], faces[f, 1, 0],
+                    faces[f, 1, 1], faces[f, 1, 2], object_id, o, d, length, t_min, found,
+                )  # fmt: skip
                 continue
+            for c in range(3):
+                w[c, 0], w[c, 1] = dd.two_sum(o[i, c], -faces[f, 0, c])
+                a[c, 0], a[c, 1] = faces[f, 1, c], faces[f, 3, c]
+                b[c, 0], b[c, 1] = faces[f, 2, c], faces[f, 4, c]
             # A sphere about the face keeps most away.
-            mx, my, mz = 0.5 * (ax + bx), 0.5 * (ay + by), 0.5 * (az + bz)
-            reach = np.sqrt(ax * ax + ay * ay + az * az) + np.sqrt(bx * bx + by * by + bz * bz)
-            gx, gy, gz = xh - mx, yh - my, zh - mz
-            near = -(gx * dx + gy * dy + gz * dz) / (length * length)
-            gx, gy, gz = gx + near * dx, gy + near * dy, gz + near * dz
-            if np.sqrt(gx * gx + gy * gy + gz * gz) > reach + band:
+            reach = _length(a) + _length(b)
+            near = 0.0
+            for c in range(3):
+                near -= (w[c, 0] - 0.5 * (a[c, 0] + b[c, 0])) * d[i, c]
+            near /= length * length
+            gap = 0.0
+            for c in range(3):
+                gap += (w[c, 0] - 0.5 * (a[c, 0] + b[c, 0]) + near * d[i, c]) ** 2
+            if np.sqrt(gap) > reach + band or near - (reach + band) / length > found[i, T]:
                 continue
-            if near - (reach + band) / length > found[i, T]:
+            _cross(a, b, normal)
+            area = _length(normal)
+            if area == 0.0:
                 continue
-            ch, cl, area = _triple(dx, 0.0, dy, 0.0, dz, 0.0, ax, ay, az, bx, by, bz)
+            # w + t d = u a + v b by Cramer's rule.
+            ch, cl = _dot(ray, normal)
+            nh, nl = _dot(w, normal)
             cos = abs(ch) / (area * length)
-            nh, nl, _ = _triple(xh, xl, yh, yl, zh, zl, ax, ay, az, bx, by, bz)
             if cos * reach <= band and abs(nh) / area <= 2.0 * band + cos * (reach + away):
                 first = np.nextafter(t_min[i], np.inf)
                 note_fold(found, i, max(near - reach / length, first), t_min[i])
             if ch == 0.0:
                 continue
-            uh, ul, across_u = _triple(xh, xl, yh, yl, zh, zl, bx, by, bz, dx, dy, dz)
-            vh, vl, across_v = _triple(xh, xl, yh, yl, zh, zl, dx, dy, dz, ax, ay, az)
-            gap_u, gap_v = abs(uh) / across_u, abs(vh) / across_v
             th, tl = dd.divide(-nh, -nl, ch, cl)
+            t = th + tl
+            _cross(b, ray, cross)
+            uh, ul = _dot(w, cross)
+            across_u = _length(cross) + 1e-300
+            _cross(ray, a, cross)
+            vh, vl = _dot(w, cross)
+            across_v = _length(cross) + 1e-300
+            gap = min(abs(uh) / across_u, abs(vh) / across_v)
             uh, ul = dd.divide(uh, ul, ch, cl)
             vh, vl = dd.divide(vh, vl, ch, cl)
-            t = th + tl
             if kind == TRIANGLE:
                 sh, sl = dd.add(uh, ul, vh, vl)
-                sh, sl = dd.subtract(1.0, 0.0, sh, sl)
-                is_in = uh >= 0.0 and vh >= 0.0 and sh >= 0.0
-                ex, ey, ez = bx - ax, by - ay, bz - az
-                px, py, pz = ey * dz - ez * dy, ez * dx - ex * dz, ex * dy - ey * dx
-                far = abs(sh * ch) / (np.sqrt(px * px + py * py + pz * pz) + 1e-300)
+                rest = (1.0 - sh) - sl
+                for c in range(3):
+                    third[c, 0], third[c, 1] = dd.subtract(b[c, 0], b[c, 1], a[c, 0], a[c, 1])
+                _cross(third, ray, cross)
+                gap = min(gap, abs(rest * ch) / (_length(cross) + 1e-300))
+                is_in = uh >= 0.0 and vh >= 0.0 and rest >= 0.0
             else:
-                is_in = (
-                    uh >= 0.0 and vh >= 0.0 and (uh - 1.0) + ul <= 0.0 and (vh - 1.0) + vl <= 0.0
-                )
-                far = min(
-                    abs(((uh - 1.0) + ul) * ch) / across_u, abs(((vh - 1.0) + vl) * ch) / across_v
-                )
-            if min(min(gap_u, gap_v), far) <= band:
+                rest_u, rest_v = (1.0 - uh) - ul, (1.0 - vh) - vl
+                gap = min(gap, abs(rest_u * ch) / across_u, abs(rest_v * ch) / across_v)
+                is_in = uh >= 0.0 and vh >= 0.0 and rest_u >= 0.0 and rest_v >= 0.0
+            if gap <= band:
                 note_edge(found, i, t, band, object_id, ids[f], uh, vh, t_min[i])
             if is_in:
-                offer(found, i, t, object_id, ids[f], uh, vh, cos, band / (cos * length), t_min[i])
+                doubt = band / (cos * length)
+                offer(found, i, t, object_id, ids[f], uh, vh, cos, doubt, t_min[i])

@@ -14,7 +14,7 @@ SPLITTER = 134217729.0  # 2**27 + 1
 
 @inner
 def two_sum(a, b):
-    """a + b exactly."""
+    """Add exactly: a + b."""
     s = a + b
     z = s - a
     return s, (a - (s - z)) + (b - z)
@@ -22,14 +22,14 @@ def two_sum(a, b):
 
 @inner
 def quick_two_sum(a, b):
-    """a + b exactly, for |a| >= |b| or a = 0."""
+    """Add exactly: a + b, for |a| >= |b| or a = 0."""
     s = a + b
     return s, b - (s - a)
 
 
 @inner
 def two_product(a, b):
-    """a b exactly."""
+    """Multiply exactly: a b."""
     p = a * b
     c = SPLITTER * a
     ah = c - (c - a)
@@ -42,7 +42,7 @@ def two_product(a, b):
 
 @inner
 def add(ah, al, bh, bl):
-    """a + b, relative error about 2**-105 (the accurate variant: cancellation does no harm)."""
+    """Add: relative error about 2**-105, also where the two cancel."""
     s, e = two_sum(ah, bh)
     f, g = two_sum(al, bl)
     s, e = quick_two_sum(s, e + f)
@@ -51,20 +51,20 @@ def add(ah, al, bh, bl):
 
 @inner
 def subtract(ah, al, bh, bl):
-    """a - b."""
+    """Subtract b from a."""
     return add(ah, al, -bh, -bl)
 
 
 @inner
 def multiply(ah, al, bh, bl):
-    """a b, relative error about 2**-102."""
+    """Multiply: relative error about 2**-102."""
     p, e = two_product(ah, bh)
     return quick_two_sum(p, e + (ah * bl + al * bh))
 
 
 @inner
 def divide(ah, al, bh, bl):
-    """a / b by two corrections of the float64 quotient."""
+    """Divide a by b: two corrections of the float64 quotient."""
     q = ah / bh
     ph, pl = multiply(q, 0.0, bh, bl)
     rh, rl = subtract(ah, al, ph, pl)
@@ -93,7 +93,7 @@ def root(ah, al):
 
 @inner
 def dot(ah, al, bh, bl, ch, cl, x, xl, y, yl, z, zl):
-    """(a, b, c) . (x, y, z)."""
+    """Return (a, b, c) . (x, y, z)."""
     ph, pl = multiply(ah, al, x, xl)
     qh, ql = multiply(bh, bl, y, yl)
     ph, pl = add(ph, pl, qh, ql)
@@ -103,14 +103,14 @@ def dot(ah, al, bh, bl, ch, cl, x, xl, y, yl, z, zl):
 
 @inner
 def advance(o, t, d):
-    """o + t d of three float64."""
+    """O + t d of three float64."""
     p, e = two_product(t, d)
     return add(p, e, o, 0.0)
 
 
 @inner
 def interpolate(ah, al, bh, bl, uh, ul):
-    """a + u (b - a)."""
+    """Return a + u (b - a)."""
     dh, dl = subtract(bh, bl, ah, al)
     dh, dl = multiply(dh, dl, uh, ul)
     return add(ah, al, dh, dl)

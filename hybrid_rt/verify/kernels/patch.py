@@ -265,10 +265,10 @@ def _is_single(stack, top, m, n, cx, cy, slop):
             f0, f1 = min(f0, across), max(f1, across)
     a0, a1, b0, b1 = a0 - slop, a1 + slop, b0 - slop, b1 + slop
     e0, e1, f0, f1 = e0 - slop, e1 + slop, f0 - slop, f1 + slop
-    p0 = min(min(a0 * f0, a0 * f1), min(a1 * f0, a1 * f1))
-    p1 = max(max(a0 * f0, a0 * f1), max(a1 * f0, a1 * f1))
-    q0 = min(min(b0 * e0, b0 * e1), min(b1 * e0, b1 * e1))
-    q1 = max(max(b0 * e0, b0 * e1), max(b1 * e0, b1 * e1))
+    p0 = min(a0 * f0, a0 * f1, a1 * f0, a1 * f1)
+    p1 = max(a0 * f0, a0 * f1, a1 * f0, a1 * f1)
+    q0 = min(b0 * e0, b0 * e1, b1 * e0, b1 * e1)
+    q1 = max(b0 * e0, b0 * e1, b1 * e0, b1 * e1)
     return p0 > q1 or p1 < q0
 
 
@@ -295,10 +295,10 @@ def _solve(
         kh, kl = dd.subtract(out[k, 0], out[k, 1], o[i, k], 0.0)
         ph, pl = dd.multiply(ah, al, d[i, k], 0.0)
         qh, ql = dd.multiply(kh, kl, d[i, a], 0.0)
-        fh, fl = dd.subtract(ph, pl, qh, ql)
+        fh, _ = dd.subtract(ph, pl, qh, ql)
         ph, pl = dd.multiply(bh, bl, d[i, k], 0.0)
         qh, ql = dd.multiply(kh, kl, d[i, b], 0.0)
-        gh, gl = dd.subtract(ph, pl, qh, ql)
+        gh, _ = dd.subtract(ph, pl, qh, ql)
         fu, fv = (
             d[i, k] * out[a, 2] - d[i, a] * out[k, 2],
             d[i, k] * out[a, 3] - d[i, a] * out[k, 3],

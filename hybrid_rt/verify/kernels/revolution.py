@@ -94,7 +94,7 @@ def _radius(p1, p2, q1, q2, x):
 
 @inner
 def _slope(p1, p2, q1, q2, x):
-    """Derivative of the radius; at the axis itself any value between both sides will do."""
+    """Return the slope of the radius; at the axis itself any value between both sides will do."""
     rho = _radius(p1, p2, q1, q2, x)
     if rho == 0.0:
         return 0.0
@@ -229,8 +229,8 @@ def _is_single(stack, top, n, zd, s0, s1, slop):
     a0, a1, b0, b1 = a0 - slop, a1 + slop, b0 - slop, b1 + slop
     # The slope of the ray is of order one and good to a few roundings.
     s0, s1 = s0 - 4e-15, s1 + 4e-15
-    p0 = min(min(a0 * s0, a0 * s1), min(a1 * s0, a1 * s1))
-    p1 = max(max(a0 * s0, a0 * s1), max(a1 * s0, a1 * s1))
+    p0 = min(a0 * s0, a0 * s1, a1 * s0, a1 * s1)
+    p1 = max(a0 * s0, a0 * s1, a1 * s0, a1 * s1)
     q0, q1 = min(b0 * zd, b1 * zd), max(b0 * zd, b1 * zd)
     return p0 > q1 or p1 < q0
 
@@ -274,7 +274,7 @@ def _solve(
         ah, al = dd.add(ah, al, ray[1, 0], ray[1, 1])
         bh, bl = dd.multiply(ray[5, 0], ray[5, 1], th, tl)
         bh, bl = dd.add(bh, bl, ray[2, 0], ray[2, 1])
-        fh, fl = dd.subtract(out[0, 0], out[0, 1], zh, zl)
+        fh, _ = dd.subtract(out[0, 0], out[0, 1], zh, zl)
         gh, gl = dd.multiply(out[1, 0], out[1, 1], out[1, 0], out[1, 1])
         ph, pl = dd.multiply(ah, al, ah, al)
         gh, gl = dd.subtract(gh, gl, ph, pl)
