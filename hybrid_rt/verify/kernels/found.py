@@ -6,7 +6,7 @@ from meshing.kernels.jit import inner
 
 # Columns of the row. FOLD_T: nearest candidate that is undecided within rounding. EDGE_*: nearest
 # place where the ray passes the rim of a patch, a pole or an edge within rounding; whether that
-# matters is decided by shifting the ray (`oracle.py`).
+# matters is decided by shifting the ray (`bisection.py`).
 T, OBJECT, PATCH, U, V, COS, FOLD_T = 0, 1, 2, 3, 4, 5, 6
 EDGE_T, EDGE_BAND, EDGE_OBJECT, EDGE_PATCH, EDGE_U, EDGE_V = 7, 8, 9, 10, 11, 12
 NODES, UNRESOLVED = 13, 14
