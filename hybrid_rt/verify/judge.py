@@ -1,0 +1,137 @@
+"""Compares a hit record with the oracle's truth, and says in which way each wrong row is wrong."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hybrid_rt.records import BoolArray, FloatArray, HitRecord, Status
+from hybrid_rt.verify.kernels.events import DOUBTFUL, ROOT
+from hybrid_rt.verify.oracle import Truth
+
+# Grazing roots move by more than any bound on the input; what counts there is that the point lies
+# on the ray and on the surface, within the band. The band already has that factor.
+KINDS = ("missed", "phantom", "farther", "nearer", "wrong object")
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """What the judge found.
+
+    Attributes
+    ----------
+    rays : int
+        Rays judged: all but the undecided ones.
+    undecided, ambiguous : int
+        Rays on which the oracle gave up; rays with more than one right answer.
+    wrong : dict of int
+        Number of rays by kind: a miss where there is a hit, a hit where there is none, a root
+        behind the first one, something in front of it, the right t on another object.
+    rows : dict of (k,) int64
+        The same, as indices of rays.
+    tangent : int
+        Rows with status TANGENT.
+    tangent_needlessly : int
+        Those of them for which the oracle finds the decision clear of the band.
+    worst_band : float
+        Largest |t - exact| cos / (64 eps x scale) among rows judged right.
+    worst_bound : float
+        Largest |t - exact| / t_bound among them, beyond half an ulp of t: above 1, a bound is
+        broken.
+    small_cosines : int
+        Rays whose first root has a cosine below 1e-3.
+    """
+
+    rays: int
+    undecided: int
+    ambiguous: int
+    wrong: dict[str, int]
+    rows: dict[str, NDArray[np.int64]] = field(repr=False)
+    tangent: int
+    tangent_needlessly: int
+    worst_band: float
+    worst_bound: float
+    small_cosines: int
+
+    @property
+    def n_wrong(self) -> int:
+        """Number of wrong rays of all kinds."""
+        return sum(self.wrong.values())
+
+
+def compare(hits: HitRecord, truth: Truth) -> Verdict:
+    """Judge first hits.
+
+    A hit is right if it is the first certain root or a doubtful one before it, with t within
+    64 eps x scale / cos of it; a miss is right if there is no certain root.
+
+    Parameters
+    ----------
+    hits : HitRecord of n rows
+    truth : Truth of the same n rays
+
+    Raises
+    ------
+    ValueError
+        If the two differ in length.
+    """
+    if len(hits) != len(truth):
+        raise ValueError(f"{len(hits)} hits but truth for {len(truth)} rays: pass the same rays")
+    roots, length = truth.roots, truth.length
+    ray = roots.ray
+    slack = roots.band / (np.maximum(roots.cosine, 1e-13) * length[ray])
+    is_first = (roots.kind == ROOT) & (roots.t <= truth.t[ray])
+    # Roots at the same t, up to rounding, are one answer: whichever object holds it.
+    reach = np.where(np.isfinite(truth.t[ray]), truth.t[ray] + slack, np.inf)
+    allowed = (is_first | (roots.kind == DOUBTFUL) | (roots.kind == ROOT)) & (roots.t <= reach)
+    with np.errstate(invalid="ignore"):
+        gap = np.abs(hits.t[ray] - roots.t)
+    close = hits.hit[ray] & (gap <= slack)
+    accepted = _any(allowed & close, ray, len(hits))
+    right_object = _any(allowed & close & (roots.object_id == hits.object_id[ray]), ray, len(hits))
+    some = truth.object_id >= 0
+    judged = ~truth.undecided
+    with np.errstate(invalid="ignore"):
+        behind = hits.t > truth.t
+    rows = {
+        "missed": judged & ~hits.hit & some,
+        "phantom": judged & hits.hit & ~accepted & ~some,
+        "farther": judged & hits.hit & ~accepted & some & behind,
+        "nearer": judged & hits.hit & ~accepted & some & ~behind,
+        "wrong object": judged & accepted & ~right_object,
+    }
+    tangent = hits.status == Status.TANGENT
+    clear = judged & ~truth.ambiguous
+    fine = accepted & right_object & clear & (hits.object_id == truth.object_id)
+    error = np.abs(hits.t[fine] - truth.t[fine])
+    in_bands = error * length[fine] * truth.cosine[fine] / truth.band[fine]
+    excess = np.maximum(error - 0.5 * np.spacing(np.abs(hits.t[fine])), 0.0)
+    bound = hits.t_bound[fine]
+    ratio = np.divide(excess, bound, out=np.zeros_like(excess), where=excess > 0.0)
+    return Verdict(
+        rays=int(judged.sum()),
+        undecided=int(truth.undecided.sum()),
+        ambiguous=int((truth.ambiguous & judged).sum()),
+        wrong={kind: int(mask.sum()) for kind, mask in rows.items()},
+        rows={kind: np.flatnonzero(mask) for kind, mask in rows.items()},
+        tangent=int(tangent.sum()),
+        tangent_needlessly=int((tangent & clear).sum()),
+        worst_band=float(in_bands.max(initial=0.0)),
+        worst_bound=float(ratio.max(initial=0.0)),
+        small_cosines=int((truth.cosine < 1e-3).sum()),
+    )
+
+
+def _any(mask: BoolArray, ray: NDArray[np.int64], n: int) -> BoolArray:
+    found: BoolArray = np.bincount(ray[mask], minlength=n) > 0
+    return found
+
+
+def within(truth: Truth, t: FloatArray) -> BoolArray:
+    """Tell for each ray whether t is that of its first certain root, up to the band."""
+    with np.errstate(invalid="ignore"):
+        gap = np.abs(t - truth.t) * truth.length * truth.cosine
+    close: BoolArray = (gap <= truth.band) | (np.isinf(t) & np.isinf(truth.t))
+    return close
