@@ -22,16 +22,22 @@ def two_difference(a, b):
 
 
 @inner
+def product(a, b):
+    """Return a b rounded, and what the rounding left (Dekker 1971)."""
+    p = a * b
+    c = SPLITTER * a
+    ah = c - (c - a)
+    al = a - ah
+    c = SPLITTER * b
+    bh = c - (c - b)
+    bl = b - bh
+    return p, ((ah * bh - p) + ah * bl + al * bh) + al * bl
+
+
+@inner
 def advance(high, low, t, d):
     """Return (high + low) + t d as an unevaluated sum of two numbers (Dekker 1971)."""
-    p = t * d
-    c = SPLITTER * t
-    th = c - (c - t)
-    tl = t - th
-    c = SPLITTER * d
-    dh = c - (c - d)
-    dl = d - dh
-    e = ((th * dh - p) + th * dl + tl * dh) + tl * dl
+    p, e = product(t, d)
     s = high + p
     z = s - high
     low = low + ((high - (s - z)) + (p - z)) + e

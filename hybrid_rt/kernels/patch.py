@@ -20,6 +20,8 @@ CONVERGED, FAILED = 1, 0
 MAX_STEPS = 12
 # After a step this small (relative to the cell) the next would be below rounding.
 LAST_STEP = 1e-8
+# Steps along a border onto which a root is moved that lies beyond it by rounding.
+BORDER_APPROACHES = 2
 # Parameters further outside [0, 1] are of no use to anybody.
 REACH = 1.0
 
@@ -154,7 +156,7 @@ def newton(
     """Solve S(u, v) = o + t d from a start, to the last digits that rounding leaves.
 
     It has converged when a step is small beside the sides of the cell, so that the next would be
-    below rounding, or no larger than what rounding alone can cause. It gives up where the
+    below rounding, or when the equation holds to rounding already. It gives up where the
     parameters are far outside the patch, or the tangents and the ray lie in one plane, or
     `MAX_STEPS` do not suffice.
 
@@ -180,15 +182,15 @@ def newton(
         inv = 1.0 / det
         du = (rx * ax + ry * ay + rz * az) * inv
         dv = (rx * bx + ry * by + rz * bz) * inv
-        u += du
-        v += dv
-        t -= (rx * nx + ry * ny + rz * nz) * inv
         gain_u = np.sqrt(ax * ax + ay * ay + az * az) * abs(inv)
         gain_v = np.sqrt(bx * bx + by * by + bz * bz) * abs(inv)
-        if (
-            abs(du) <= LAST_STEP * side_u + 2.0 * error * gain_u
-            and abs(dv) <= LAST_STEP * side_v + 2.0 * error * gain_v
-        ):
+        # Nearly in the tangent plane rounding becomes a long step, which would leave the surface.
+        is_root = rx * rx + ry * ry + rz * rz <= error * error
+        if not is_root:
+            u += du
+            v += dv
+            t -= (rx * nx + ry * ny + rz * nz) * inv
+        if is_root or (abs(du) <= LAST_STEP * side_u and abs(dv) <= LAST_STEP * side_v):
             n_dot_d = abs(det) / np.sqrt(nx * nx + ny * ny + nz * nz)
             return CONVERGED, u, v, t, step, n_dot_d, gain_u, gain_v
         if not (-REACH <= u <= 1.0 + REACH and -REACH <= v <= 1.0 + REACH):
@@ -197,9 +199,47 @@ def newton(
 
 
 @inner
+def approach(control, start, degree_u, degree_v, basis, ox, oy, oz, dx, dy, dz, u, v, steps):
+    """Move (u, v) within the patch so that S(u, v) lies beside the ray; return u, v, t there.
+
+    At a silhouette both tangents point the same way as seen along the ray: one of them, the longer,
+    can cancel what separates the two along it; across it they are no further apart than rounding.
+    """
+    dd = dx * dx + dy * dy + dz * dz
+    for step in range(steps + 1):
+        x, y, z, xu, yu, zu, xv, yv, zv = evaluate_any(
+            control, start, degree_u, degree_v, u, v, basis
+        )
+        rx, ry, rz = x - ox, y - oy, z - oz
+        t = (rx * dx + ry * dy + rz * dz) / dd
+        if step == steps:
+            break
+        rx, ry, rz = t * dx - rx, t * dy - ry, t * dz - rz
+        along = (xu * dx + yu * dy + zu * dz) / dd
+        xu, yu, zu = xu - along * dx, yu - along * dy, zu - along * dz
+        along = (xv * dx + yv * dy + zv * dz) / dd
+        xv, yv, zv = xv - along * dx, yv - along * dy, zv - along * dz
+        uu, vv = xu * xu + yu * yu + zu * zu, xv * xv + yv * yv + zv * zv
+        if uu == 0.0 and vv == 0.0:
+            continue
+        to_u = u + (rx * xu + ry * yu + rz * zu) / uu if uu > 0.0 else -1.0
+        to_v = v + (rx * xv + ry * yv + rz * zv) / vv if vv > 0.0 else -1.0
+        # Along the longer tangent, unless a border is in the way and not in the other's; where
+        # borders are in both ways, as far as they allow.
+        in_u, in_v = 0.0 <= to_u <= 1.0, 0.0 <= to_v <= 1.0
+        if in_u and (uu >= vv or not in_v):
+            u = to_u
+        elif in_v:
+            v = to_v
+        else:
+            u, v = min(max(to_u, 0.0), 1.0), min(max(to_v, 0.0), 1.0)
+    return u, v, t
+
+
+@inner
 def offer_root(
     i, u, v, t, n_dot_d, gain_u, gain_v,
-    degree_u, degree_v, size, ox, oy, oz, dx, dy, dz, open_edges, shift, to_world,
+    control, start, basis, degree_u, degree_v, size, ox, oy, oz, dx, dy, dz, open_edges, shift, to_world,
     object_id, patch, t_min, known, best,
 ):  # fmt: skip
     """Offer a converged root as a hit if it lies on the patch; tell whether it may be one.
@@ -232,7 +272,11 @@ def offer_root(
         return False
     if not t_world > t_min[i] or is_known(i, t_world, t_bound, n_dot_d, known):
         return False
-    u = min(max(u, 0.0), 1.0)
-    v = min(max(v, 0.0), 1.0)
+    if not (0.0 <= u <= 1.0 and 0.0 <= v <= 1.0):
+        u, v, t = approach(
+            control, start, degree_u, degree_v, basis, ox, oy, oz, dx, dy, dz,
+            min(max(u, 0.0), 1.0), min(max(v, 0.0), 1.0), BORDER_APPROACHES,
+        )  # fmt: skip
+        t_world = (t + shift) * to_world
     offer(i, t_world, t_bound, n_dot_d, tangent, object_id, patch, u, v, t_min, known, best)
     return True

@@ -20,6 +20,7 @@ from hybrid_rt.kernels.frame import enter_frame
 from hybrid_rt.kernels.nearest import is_known, offer
 from hybrid_rt.kernels.patch import LAST_STEP, MAX_STEPS, TANGENT_BAND, UNIT_ROUNDOFF
 from hybrid_rt.kernels.subdivide import (
+    APPROACHES,
     BORDER_SLACK,
     CELLS,
     CHANGED,
@@ -245,16 +246,16 @@ def meet(control, start, degree, ray, after, s, t, side, error):
         if det == 0.0:
             return False, s, t, step, slope, gain
         ds = (f * rho_t - g * ray[5]) / det
-        s += ds
         dt = (rs * f - zs * g) / det
-        t += dt
         gain = (abs(rho_t) + abs(ray[5])) / abs(det)
-        gain_t = (abs(zs) + abs(rs)) / abs(det)
+        # Nearly in the tangent plane rounding becomes a long step, which would leave the surface.
+        is_root = abs(f) + abs(g) <= error
+        if not is_root:
+            s += ds
+            t += dt
         # Across the axis s hardly moves while t does, and along a disc the other way round.
-        if (
-            abs(ds) <= LAST_STEP * side + 2.0 * error * gain
-            and abs(dt) <= LAST_STEP * side * (abs(zs) + abs(rs)) + 2.0 * error * gain_t
-        ):
+        speed = abs(zs) + abs(rs)
+        if is_root or (abs(ds) <= LAST_STEP * side and abs(dt) <= LAST_STEP * side * speed):
             slope = abs(det) / np.sqrt(zs * zs + rs * rs)
             return True, s, t, step, slope, gain
         if not -1.0 <= s <= 2.0:
@@ -263,9 +264,22 @@ def meet(control, start, degree, ray, after, s, t, side, error):
 
 
 @inner
+def approach_profile(control, start, degree, ray, after, s, t):
+    """Return the t at which the ray is nearest to the circle of s, from a t close to it."""
+    z, r, _, _, _, _ = profile(control, start, degree, s)
+    for _ in range(APPROACHES):
+        rho, rho_t = distance(ray, t, after)
+        run = ray[5] * ray[5] + rho_t * rho_t
+        if run == 0.0:
+            break
+        t += ((z - (ray[2] + t * ray[5])) * ray[5] + (r - rho) * rho_t) / run
+    return t
+
+
+@inner
 def offer_meeting(
-    i, s, t, slope, gain, error, scale, ends, shift, to_world, object_id, segment,
-    t_min, known, best,
+    i, s, t, slope, gain, error, scale, ends, control, start, degree, ray, after, shift, to_world,
+    object_id, segment, t_min, known, best,
 ):  # fmt: skip
     """Offer a converged root if it lies on its segment; tell whether it may be a hit."""
     band = error * gain + 4.0 * UNIT_ROUNDOFF
@@ -279,7 +293,10 @@ def offer_meeting(
         return False
     if not t_world > t_min[i] or is_known(i, t_world, t_bound, slope, known):
         return False
-    s = min(max(s, 0.0), 1.0)
+    if not 0.0 <= s <= 1.0:
+        s = min(max(s, 0.0), 1.0)
+        t = approach_profile(control, start, degree, ray, after, s, t)
+        t_world = (t + shift) * to_world
     offer(i, t_world, t_bound, slope, tangent, object_id, segment, 0.0, s, t_min, known, best)
     return True
 
@@ -319,7 +336,8 @@ def solve_piece(
             slack = BORDER_SLACK * (b - a) + error * gain
             if a - slack <= s <= b + slack:
                 offer_meeting(
-                    i, s, t, slope, gain, error, scale, ends, shift, to_world,
+                    i, s, t, slope, gain, error, scale, ends, control, start, degree, ray, after,
+                    shift, to_world,
                     object_id, segment, t_min, known, best,
                 )  # fmt: skip
             return
@@ -381,7 +399,10 @@ def solve_piece(
                 (extent < fold and reach < fold) or (is_point and not is_flat)
             ):
                 slope = max(slope, FLATTEST)
-                t_bound = (0.5 * reach + slop / slope) / length * to_world
+                near = approach_profile(control, start, degree, ray, after, 0.5 * (a + b), t)
+                t_bound = 0.5 * reach + 4.0 * slop / slope + abs(near - t) * length
+                t_bound = t_bound / length * to_world
+                t_world = (near + shift) * to_world
                 slope *= length
                 if t_world > t_min[i] and not is_known(i, t_world, t_bound, slope, known):
                     offer(
@@ -406,7 +427,8 @@ def solve_piece(
             if ok and on_sheet and a - GROWTH * (b - a) <= s <= b + GROWTH * (b - a):
                 slack = BORDER_SLACK * (b - a) + error * gain
                 if a - slack <= s <= b + slack and offer_meeting(
-                    i, s, t, slope, gain, error, scale, ends, shift, to_world,
+                    i, s, t, slope, gain, error, scale, ends, control, start, degree, ray, after,
+                    shift, to_world,
                     object_id, segment, t_min, known, best,
                 ):  # fmt: skip
                     t_cut = min(t_cut, t)
@@ -568,8 +590,8 @@ def refine_revolutions(
                 table.control, table.start[seg], degree, ray, begin >= ray[7], s, begin, 1.0, error
             )
             if ok and offer_meeting(
-                i, s, root, slope, gain, error, scale, table.open_ends[seg], shift,
-                1.0 / table.to_frame[k], table.object_id[k], seg, rays.t_min, rays.known, best,
+                i, s, root, slope, gain, error, scale, table.open_ends[seg], table.control,
+                table.start[seg], degree, ray, begin >= ray[7], shift, 1.0 / table.to_frame[k], table.object_id[k], seg, rays.t_min, rays.known, best,
             ):  # fmt: skip
                 accepted[j] = True
 

@@ -18,6 +18,7 @@ from hybrid_rt.kernels.nearest import is_known, offer
 from hybrid_rt.kernels.patch import (
     CONVERGED,
     UNIT_ROUNDOFF,
+    approach,
     evaluate_any,
     newton,
     offer_root,
@@ -37,6 +38,8 @@ BORDER_SLACK = 1e-9
 NUDGE = 2.0**-20
 # A ray that meets the limit normal of a collapsed edge at more than this crosses the surface.
 CLEAR_CROSSING = 1e-3
+# Steps that bring a point of such a piece beside the ray: the first leaves the square of its size.
+APPROACHES = 3
 # Below this slope curvature, not slope, ends a contact: the root of the rounding.
 FLATTEST = 2.0**-25
 
@@ -269,13 +272,20 @@ def slow_solve(
             t = 0.5 * (h0 + h1) / length
             t_world = (t + shift) * to_world
             if is_point or (is_flat and x1 - x0 < fold and h1 - h0 < fold):
-                # The surface stays within slop of the ray as far as slop over the slope.
+                # The surface stays within the thickness of ray and piece, 4 slop, as far as that
+                # over the slope.
                 slope = max(n_dot_d, FLATTEST)
-                t_bound = (0.5 * (h1 - h0) + slop / slope) / length * to_world
+                u, v, t_near = approach(
+                    control, start, degree_u, degree_v, basis, ox, oy, oz, dx, dy, dz,
+                    um, vm, APPROACHES,
+                )  # fmt: skip
+                t_bound = 0.5 * (h1 - h0) + 4.0 * slop / slope + abs(t_near - t) * length
+                t_bound = t_bound / length * to_world
+                t_world = (t_near + shift) * to_world
                 slope *= length
                 if t_world > t_min[i] and not is_known(i, t_world, t_bound, slope, known):
                     offer(
-                        i, t_world, t_bound, slope, is_flat, object_id, patch, um, vm,
+                        i, t_world, t_bound, slope, is_flat, object_id, patch, u, v,
                         t_min, known, best,
                     )  # fmt: skip
                     h_cut = min(h_cut, h0)
@@ -330,32 +340,12 @@ def slow_solve(
                             abs(u - um) <= hu + slack_u
                             and abs(v - vm) <= hv + slack_v
                             and offer_root(
-                                i,
-                                u,
-                                v,
-                                t,
-                                n_dot_d,
-                                gain_u,
-                                gain_v,
-                                degree_u,
-                                degree_v,
-                                size,
-                                ox,
-                                oy,
-                                oz,
-                                dx,
-                                dy,
-                                dz,
-                                open_edges,
-                                shift,
-                                to_world,
-                                object_id,
-                                patch,
-                                t_min,
-                                known,
-                                best,
+                                i, u, v, t, n_dot_d, gain_u, gain_v,
+                                control, start, basis, degree_u, degree_v, size,
+                                ox, oy, oz, dx, dy, dz, open_edges, shift, to_world,
+                                object_id, patch, t_min, known, best,
                             )
-                        ):
+                        ):  # fmt: skip
                             h_cut = min(h_cut, t * length)
                         continue
         # --- halve the longer side in space, the nearer half on top

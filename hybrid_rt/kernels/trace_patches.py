@@ -155,7 +155,7 @@ def solve_cell(
                     and beside_v <= hv * (1.0 + BORDER_SLACK) + error * gain_v
                 ):
                     offer_root(
-                        i, u, v, t, n_dot_d, gain_u, gain_v, m, n, size[patch],
+                        i, u, v, t, n_dot_d, gain_u, gain_v, control, first, basis, m, n, size[patch],
                         ox, oy, oz, dx, dy, dz, open_edges[patch], shift, to_world,
                         object_id[patch], patch, t_min, known, best,
                     )  # fmt: skip
@@ -291,7 +291,7 @@ def refine_patches(
             a, b, t[j] * table.to_frame - shift, 1.0, 1.0,
         )  # fmt: skip
         if status == CONVERGED and offer_root(
-            i, a, b, s, n_dot_d, gain_u, gain_v, m, n, table.size[k],
+            i, a, b, s, n_dot_d, gain_u, gain_v, table.control, table.start[k], basis, m, n, table.size[k],
             ox, oy, oz, d[0], d[1], d[2], table.open_edges[k], shift, 1.0 / table.to_frame,
             table.object_id[k], k, rays.t_min, rays.known, best,
         ):  # fmt: skip

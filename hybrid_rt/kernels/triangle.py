@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from hybrid_rt.kernels.frame import enter_frame
+from hybrid_rt.kernels.frame import enter_frame, product
 from hybrid_rt.kernels.nearest import offer
 from hybrid_rt.kernels.patch import TANGENT_BAND, UNIT_ROUNDOFF
 from hybrid_rt.kernels.subdivide import CELLS, CHANGED, NODES
@@ -18,6 +18,8 @@ from meshing.kernels.jit import hot_kernel, inner
 
 # Boxes within this of the nearest root are still looked into (times 1 + |t|, in frame units).
 CUT_SLACK = 2.0**-20
+# |n.d| below which a triangle's weights would lose half their digits and more.
+SLIVER = 1e-3
 
 
 class TriangleTable(NamedTuple):
@@ -38,6 +40,14 @@ def _normal(vertex, face, f):
     bx, by, bz = b[0] - a[0], b[1] - a[1], b[2] - a[2]
     cx, cy, cz = c[0] - a[0], c[1] - a[1], c[2] - a[2]
     return by * cz - bz * cy, bz * cx - bx * cz, bx * cy - by * cx
+
+
+@inner
+def cross(ax, ay, bx, by):
+    """Return ax by - ay bx with both products exact (Dekker 1971)."""
+    p, e = product(ax, by)
+    q, f = product(ay, bx)
+    return (p - q) + (e - f)
 
 
 @inner
@@ -73,16 +83,33 @@ def offer_triangle(
     error = UNIT_ROUNDOFF * away * (12.0 + 8.0 * side * side / length)
     n_dot_d = abs(slope) / length
     t_bound = error / n_dot_d + 4.0 * UNIT_ROUNDOFF * abs(t)
+    # --- a sliver as the ray sees it: its weights by exact products, and t from them, so that the
+    # point they name stays on the ray
+    su, sv, sw = u, v, w
+    if n_dot_d < SLIVER:
+        u, v, w = cross(cx, cy, bx, by), cross(ax, ay, cx, cy), cross(bx, by, ax, ay)
+        if u + v + w < 0.0:
+            u, v, w = -u, -v, -w
+        u, v, w = max(u, 0.0), max(v, 0.0), max(w, 0.0)
+        if u + v + w == 0.0:
+            u, v, w = su, sv, sw
+        total = u + v + w
+        px, py, pz = (
+            (u * wx + v * (b[0] - o[0]) + w * (c[0] - o[0])) / total,
+            (u * wy + v * (b[1] - o[1]) + w * (c[1] - o[1])) / total,
+            (u * wz + v * (b[2] - o[2]) + w * (c[2] - o[2])) / total,
+        )
+        t = (px * d[0] + py * d[1] + pz * d[2]) / (d[0] * d[0] + d[1] * d[1] + d[2] * d[2])
     # --- margins to those edges beyond which the ray would miss: open ones and silhouettes
     tangent = False
     band = TANGENT_BAND * away
     for k in range(3):
         if k == 0:
-            e, ex, ey = u, cx - bx, cy - by
+            e, ex, ey = su, cx - bx, cy - by
         elif k == 1:
-            e, ex, ey = v, ax - cx, ay - cy
+            e, ex, ey = sv, ax - cx, ay - cy
         else:
-            e, ex, ey = w, bx - ax, by - ay
+            e, ex, ey = sw, bx - ax, by - ay
         if e * e > band * band * (ex * ex + ey * ey):
             continue
         other = neighbour[f, k]

@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from hybrid_rt.primitives import Plane, Sphere
 from hybrid_rt.records import BoolArray, FloatArray, HitRecord, Status
-from hybrid_rt.verify.kernels.events import DOUBTFUL, ROOT
+from hybrid_rt.verify.kernels.events import BAND, DOUBTFUL, ROOT
 from hybrid_rt.verify.oracle import Truth
 
-# Grazing roots move by more than any bound on the input; what counts there is that the point lies
-# on the ray and on the surface, within the band. The band already has that factor.
 KINDS = ("missed", "phantom", "farther", "nearer", "wrong object")
 
 
@@ -31,6 +31,8 @@ class Verdict:
         behind the first one, something in front of it, the right t on another object.
     rows : dict of (k,) int64
         The same, as indices of rays.
+    unmarked : int
+        Rows that rest on a doubtful root without status TANGENT.
     tangent : int
         Rows with status TANGENT.
     tangent_needlessly : int
@@ -38,8 +40,11 @@ class Verdict:
     worst_band : float
         Largest |t - exact| cos / (64 eps x scale) among rows judged right.
     worst_bound : float
-        Largest |t - exact| / t_bound among them, beyond half an ulp of t: above 1, a bound is
-        broken.
+        Largest |t - exact| / t_bound among them where both name the same patch, beyond half an ulp
+        of t: above 1, a bound is broken.
+    worst_gap : float
+        Largest distance of a hit's point on the surface from its point on the ray, over
+        64 eps x scale.
     small_cosines : int
         Rays whose first root has a cosine below 1e-3.
     """
@@ -49,10 +54,12 @@ class Verdict:
     ambiguous: int
     wrong: dict[str, int]
     rows: dict[str, NDArray[np.int64]] = field(repr=False)
+    unmarked: int
     tangent: int
     tangent_needlessly: int
     worst_band: float
     worst_bound: float
+    worst_gap: float
     small_cosines: int
 
     @property
@@ -65,7 +72,9 @@ def compare(hits: HitRecord, truth: Truth) -> Verdict:
     """Judge first hits.
 
     A hit is right if it is the first certain root or a doubtful one before it, with t within
-    64 eps x scale / cos of it; a miss is right if there is no certain root.
+    64 eps x scale / cos of it; or if it comes before that root and the surface is within
+    64 eps x scale of the ray there: either decision is right then. A miss is right if there is no
+    certain root.
 
     Parameters
     ----------
@@ -91,6 +100,11 @@ def compare(hits: HitRecord, truth: Truth) -> Verdict:
     close = hits.hit[ray] & (gap <= slack)
     accepted = _any(allowed & close, ray, len(hits))
     right_object = _any(allowed & close & (roots.object_id == hits.object_id[ray]), ray, len(hits))
+    certain = _any(is_first & close, ray, len(hits))
+    gap_in_bands = _gap(hits, truth)
+    first = truth.t + truth.band / (np.maximum(truth.cosine, 1e-13) * length)
+    in_band = hits.hit & (gap_in_bands <= 1.0) & ~(hits.t > first)
+    accepted, right_object = accepted | in_band, right_object | in_band
     some = truth.object_id >= 0
     judged = ~truth.undecided
     with np.errstate(invalid="ignore"):
@@ -104,7 +118,8 @@ def compare(hits: HitRecord, truth: Truth) -> Verdict:
     }
     tangent = hits.status == Status.TANGENT
     clear = judged & ~truth.ambiguous
-    fine = accepted & right_object & clear & (hits.object_id == truth.object_id)
+    fine = certain & clear & (hits.object_id == truth.object_id)
+    fine &= (hits.patch_id == truth.patch_id) & right_object
     error = np.abs(hits.t[fine] - truth.t[fine])
     in_bands = error * length[fine] * truth.cosine[fine] / truth.band[fine]
     excess = np.maximum(error - 0.5 * np.spacing(np.abs(hits.t[fine])), 0.0)
@@ -116,12 +131,42 @@ def compare(hits: HitRecord, truth: Truth) -> Verdict:
         ambiguous=int((truth.ambiguous & judged).sum()),
         wrong={kind: int(mask.sum()) for kind, mask in rows.items()},
         rows={kind: np.flatnonzero(mask) for kind, mask in rows.items()},
+        unmarked=int((judged & accepted & ~certain & ~tangent).sum()),
         tangent=int(tangent.sum()),
         tangent_needlessly=int((tangent & clear).sum()),
         worst_band=float(in_bands.max(initial=0.0)),
         worst_bound=float(ratio.max(initial=0.0)),
+        worst_gap=float(gap_in_bands[hits.hit].max(initial=0.0)),
         small_cosines=int((truth.cosine < 1e-3).sum()),
     )
+
+
+def _gap(hits: HitRecord, truth: Truth) -> FloatArray:
+    """Distance between point of the surface and point of the ray, over 64 eps x scale."""
+    gap = np.full(len(hits), np.inf)
+    for i, surface in enumerate(truth.surfaces):
+        rows = np.flatnonzero(hits.object_id == i)
+        origins = truth.origins[rows]
+        along = hits.t[rows, None] * truth.directions[rows]
+        if isinstance(surface, Plane):
+            middle, size = surface.origin, np.linalg.norm(along, axis=1)
+            distance = np.abs((origins - surface.origin + along) @ surface.unit_normal)
+        elif isinstance(surface, Sphere):
+            middle, size = np.array(surface.center), 2.0 * surface.radius
+            distance = np.linalg.norm(origins - middle + along, axis=1) - surface.radius
+        else:
+            low, high = surface.bounds
+            middle, size = 0.5 * (low + high), np.linalg.norm(high - low)
+            points = _points(surface, hits, rows)
+            distance = np.linalg.norm(points - origins - along, axis=1)
+        scale = np.maximum(np.linalg.norm(origins - middle, axis=1), size)
+        gap[rows] = np.abs(distance) / (BAND * scale)
+    return gap
+
+
+def _points(surface: Any, hits: HitRecord, rows: NDArray[np.int64]) -> FloatArray:
+    points: FloatArray = surface.point(hits.u[rows], hits.v[rows], hits.patch_id[rows])
+    return points
 
 
 def _any(mask: BoolArray, ray: NDArray[np.int64], n: int) -> BoolArray:

@@ -78,6 +78,9 @@ class Truth:
         inf, -1, -1, nan, nan, nan where there is none.
     band : (n,) float64
         64 eps x scale of that root; nan where there is none.
+    surfaces : sequence
+    origins, directions : (n, 3) float64
+        What was asked.
     length : (n,) float64
         Length of the ray's direction.
     ambiguous : (n,) bool
@@ -94,6 +97,9 @@ class Truth:
     v: FloatArray
     cosine: FloatArray
     band: FloatArray
+    surfaces: Sequence[Any]
+    origins: FloatArray
+    directions: FloatArray
     length: FloatArray
     ambiguous: BoolArray
     undecided: BoolArray
@@ -168,7 +174,7 @@ def first_hits(
     length = np.linalg.norm(direction, axis=1)
     columns = _merge(columns, length)
     columns = _limit(columns, length, low, high, departing)
-    return _first(columns, length)
+    return _first(columns, surfaces, origin, direction, length)
 
 
 def _new_events(room: int) -> events.Events:
@@ -341,7 +347,13 @@ def _limit(
     return {name: values[keep] for name, values in columns.items()}
 
 
-def _first(columns: Columns, length: FloatArray) -> Truth:
+def _first(
+    columns: Columns,
+    surfaces: Sequence[Any],
+    origins: FloatArray,
+    directions: FloatArray,
+    length: FloatArray,
+) -> Truth:
     n = len(length)
     order = np.lexsort((columns["object_id"], columns["t"], columns["ray"]))
     columns = {name: values[order] for name, values in columns.items()}
@@ -370,6 +382,9 @@ def _first(columns: Columns, length: FloatArray) -> Truth:
         v=pick("v", np.nan, np.float64),
         cosine=pick("cosine", np.nan, np.float64),
         band=pick("band", np.nan, np.float64),
+        surfaces=surfaces,
+        origins=origins,
+        directions=directions,
         length=length,
         ambiguous=np.bincount(ray[before], minlength=n) > 0,
         undecided=np.bincount(ray[given_up], minlength=n) > 0,

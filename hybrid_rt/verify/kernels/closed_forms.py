@@ -255,6 +255,8 @@ def plane_events(at, normal, object_id, first_ray, origins, directions, events):
             continue
         t, _ = divide(gh, gl, sh, sl)
         cosine = abs(sh) / length
+        # A plane has no size: its scale is how far away the ray meets it.
+        band = max(band, BAND * abs(t) * length)
         kind = ROOT if cosine > BAND else DOUBTFUL
         note(events, first_ray + i, t, object_id, 0, 0.0, 0.0, cosine, band, kind, 0)
 

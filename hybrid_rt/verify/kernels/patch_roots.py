@@ -34,6 +34,11 @@ MOST_PIECES = 200_000
 MOST_LEAVES = 4096
 MOST_REJECTED = 32
 NEWTON_STEPS = 40
+# Near a fold that the ray misses Newton wanders: it is let go once the residual has grown this often.
+MOST_RISES = 3
+# Beside an approach already noted only one piece in this many starts Newton again: a fold's pieces
+# come by the hundred, and any of them leads to its roots.
+STRIDE = 8
 # Rounding of a projected net and its halves, relative to the patch's radius.
 ROUNDING = 8.0 * 2.0**-52
 
@@ -222,6 +227,7 @@ def _newton(nets, p, o, d, u, v, scale, scratch):
     i, j = (k + 1) % 3, (k + 2) % 3
     uh, ul, vh, vl = u, 0.0, v, 0.0
     settled = False
+    before, rises = np.inf, 0
     for _ in range(NEWTON_STEPS):
         patch_point(
             nets.control, nets.starts[p], m, n, uh, ul, vh, vl,
@@ -244,6 +250,12 @@ def _newton(nets, p, o, d, u, v, scale, scratch):
         ah, al = multiply(jh, jl, d[k], 0.0)
         bh, bl = multiply(kh, kl, d[j], 0.0)
         g, _ = subtract(ah, al, bh, bl)
+        now = abs(f) + abs(g)
+        if now > before:
+            rises += 1
+            if rises > MOST_RISES:
+                return False, u, v, 0.0
+        before = now
         fu = out[i, 2] * d[k] - out[k, 2] * d[i]
         fv = out[i, 3] * d[k] - out[k, 3] * d[i]
         gu = out[j, 2] * d[k] - out[k, 2] * d[j]
@@ -400,8 +412,16 @@ def _patch_roots(nets, p, ray, o, d, length, t_start, band, scratch, events):
                 break
         if is_old:
             continue
-        found, a, b, t = _newton(nets, p, o, d, u, v, scale, scratch)
         t_leaf = shift + 0.5 * (leaves[leaf, 4] + leaves[leaf, 5]) / length
+        reach = 4.0 * math.sqrt(band * nets.size) + 8.0 * smallest
+        for k in range(first, min(events.count[0], events.t.size)):
+            is_such = events.kind[k] == DOUBTFUL and leaf % STRIDE != 0
+            if is_such and abs(events.t[k] - t_leaf) * length <= reach:
+                is_old = True
+                break
+        if is_old:
+            continue
+        found, a, b, t = _newton(nets, p, o, d, u, v, scale, scratch)
         is_root = False
         cosine, bend, per_u, per_v = 0.0, np.inf, 0.0, 0.0
         if found:
