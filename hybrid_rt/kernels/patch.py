@@ -199,8 +199,10 @@ def newton(
 
 
 @inner
-def approach(control, start, degree_u, degree_v, basis, ox, oy, oz, dx, dy, dz, u, v, steps):
-    """Move (u, v) within the patch so that S(u, v) lies beside the ray; return u, v, t there.
+def approach(
+    control, start, degree_u, degree_v, basis, ox, oy, oz, dx, dy, dz, u, v, u0, u1, v0, v1, steps
+):
+    """Move (u, v) within a rectangle so that S(u, v) lies beside the ray; return u, v, t there.
 
     At a silhouette both tangents point the same way as seen along the ray: one of them, the longer,
     can cancel what separates the two along it; across it they are no further apart than rounding.
@@ -222,17 +224,17 @@ def approach(control, start, degree_u, degree_v, basis, ox, oy, oz, dx, dy, dz, 
         uu, vv = xu * xu + yu * yu + zu * zu, xv * xv + yv * yv + zv * zv
         if uu == 0.0 and vv == 0.0:
             continue
-        to_u = u + (rx * xu + ry * yu + rz * zu) / uu if uu > 0.0 else -1.0
-        to_v = v + (rx * xv + ry * yv + rz * zv) / vv if vv > 0.0 else -1.0
+        to_u = u + (rx * xu + ry * yu + rz * zu) / uu if uu > 0.0 else u0 - 1.0
+        to_v = v + (rx * xv + ry * yv + rz * zv) / vv if vv > 0.0 else v0 - 1.0
         # Along the longer tangent, unless a border is in the way and not in the other's; where
         # borders are in both ways, as far as they allow.
-        in_u, in_v = 0.0 <= to_u <= 1.0, 0.0 <= to_v <= 1.0
+        in_u, in_v = u0 <= to_u <= u1, v0 <= to_v <= v1
         if in_u and (uu >= vv or not in_v):
             u = to_u
         elif in_v:
             v = to_v
         else:
-            u, v = min(max(to_u, 0.0), 1.0), min(max(to_v, 0.0), 1.0)
+            u, v = min(max(to_u, u0), u1), min(max(to_v, v0), v1)
     return u, v, t
 
 
@@ -275,7 +277,7 @@ def offer_root(
     if not (0.0 <= u <= 1.0 and 0.0 <= v <= 1.0):
         u, v, t = approach(
             control, start, degree_u, degree_v, basis, ox, oy, oz, dx, dy, dz,
-            min(max(u, 0.0), 1.0), min(max(v, 0.0), 1.0), BORDER_APPROACHES,
+            min(max(u, 0.0), 1.0), min(max(v, 0.0), 1.0), 0.0, 1.0, 0.0, 1.0, BORDER_APPROACHES,
         )  # fmt: skip
         t_world = (t + shift) * to_world
     offer(i, t_world, t_bound, n_dot_d, tangent, object_id, patch, u, v, t_min, known, best)

@@ -277,6 +277,21 @@ def approach_profile(control, start, degree, ray, after, s, t):
 
 
 @inner
+def approach_ray(control, start, degree, ray, after, a, b, t0, t1):
+    """Return s in [a, b] and t where a piece of profile and the ray in [t0, t1] are nearest."""
+    s, t = 0.5 * (a + b), 0.5 * (t0 + t1)
+    for _ in range(APPROACHES):
+        t = min(max(approach_profile(control, start, degree, ray, after, s, t), t0), t1)
+        z, r, zs, rs, _, _ = profile(control, start, degree, s)
+        run = zs * zs + rs * rs
+        if run > 0.0:
+            rho, _ = distance(ray, t, after)
+            s += ((ray[2] + t * ray[5] - z) * zs + (rho - r) * rs) / run
+            s = min(max(s, a), b)
+    return s, approach_profile(control, start, degree, ray, after, s, t)
+
+
+@inner
 def offer_meeting(
     i, s, t, slope, gain, error, scale, ends, control, start, degree, ray, after, shift, to_world,
     object_id, segment, t_min, known, best,
@@ -399,7 +414,7 @@ def solve_piece(
                 (extent < fold and reach < fold) or (is_point and not is_flat)
             ):
                 slope = max(slope, FLATTEST)
-                near = approach_profile(control, start, degree, ray, after, 0.5 * (a + b), t)
+                s, near = approach_ray(control, start, degree, ray, after, a, b, t0, t1)
                 t_bound = 0.5 * reach + 4.0 * slop / slope + abs(near - t) * length
                 t_bound = t_bound / length * to_world
                 t_world = (near + shift) * to_world
@@ -407,7 +422,7 @@ def solve_piece(
                 if t_world > t_min[i] and not is_known(i, t_world, t_bound, slope, known):
                     offer(
                         i, t_world, t_bound, slope, is_flat, object_id, segment,
-                        0.0, 0.5 * (a + b), t_min, known, best,
+                        0.0, s, t_min, known, best,
                     )  # fmt: skip
                     t_cut = min(t_cut, t0)
                 continue

@@ -277,7 +277,7 @@ def slow_solve(
                 slope = max(n_dot_d, FLATTEST)
                 u, v, t_near = approach(
                     control, start, degree_u, degree_v, basis, ox, oy, oz, dx, dy, dz,
-                    um, vm, APPROACHES,
+                    um, vm, um - hu, um + hu, vm - hv, vm + hv, APPROACHES,
                 )  # fmt: skip
                 t_bound = 0.5 * (h1 - h0) + 4.0 * slop / slope + abs(t_near - t) * length
                 t_bound = t_bound / length * to_world

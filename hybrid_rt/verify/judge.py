@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from typing import Any
 
 import numpy as np
@@ -61,6 +61,19 @@ class Verdict:
     worst_bound: float
     worst_gap: float
     small_cosines: int
+
+    def __add__(self, other: Verdict) -> Verdict:
+        """Judge two lots of rays as one; ``rows`` stay those of the first."""
+        joined: dict[str, Any] = {}
+        for item in fields(self):
+            a, b = getattr(self, item.name), getattr(other, item.name)
+            if item.name == "wrong":
+                joined["wrong"] = {kind: a[kind] + b[kind] for kind in a}
+            elif item.name == "rows":
+                joined["rows"] = a
+            else:
+                joined[item.name] = max(a, b) if item.name.startswith("worst") else a + b
+        return Verdict(**joined)
 
     @property
     def n_wrong(self) -> int:

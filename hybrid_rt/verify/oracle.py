@@ -294,7 +294,7 @@ def _profile_worker(object_id: int, surface: SurfaceOfRevolution) -> Worker:
             low=np.empty(31),
             frame=np.empty((3, 3)),
             point=np.empty((3, 2)),
-            local=np.empty((3, 2)),
+            local=np.empty((6, 2)),
             line=np.empty(6),
             out=np.empty(8),
         )

@@ -17,6 +17,7 @@ from hybrid_rt.verify.kernels.bezier import curve_point, halve
 from hybrid_rt.verify.kernels.double_double import (
     add,
     advance,
+    divide,
     dot,
     multiply,
     root,
@@ -67,7 +68,7 @@ class ProfileScratch(NamedTuple):
     low: Any  # (31,) float64
     frame: Any  # (3, 3) float64: two normals of the ray, and its direction
     point: Any  # (3, 2) float64: double-double point of the ray, world frame
-    local: Any  # (3, 2) float64: the same in the frame of the axis
+    local: Any  # (6, 2) float64: the same in the frame of the axis, and the unit direction
     line: Any  # (6,) float64: (z, x, y) of that point and of the unit direction
     out: Any  # (8,) float64: Z', R', Z'', R'', rho', rho, x, y
 
@@ -190,9 +191,10 @@ def _enter(profile, d, length, scratch):
     for k in range(3):
         x, y, z = frame[k, 0], frame[k, 1], frame[k, 2]
         local[k, 0], local[k, 1] = dot(ah, al, bh, bl, ch, cl, x, 0.0, y, 0.0, z, 0.0)
-        h, _ = dot(d[0], 0.0, d[1], 0.0, d[2], 0.0, x, 0.0, y, 0.0, z, 0.0)
+        h, e = dot(d[0], 0.0, d[1], 0.0, d[2], 0.0, x, 0.0, y, 0.0, z, 0.0)
+        local[3 + k, 0], local[3 + k, 1] = divide(h, e, length, 0.0)
         line[k] = local[k, 0]
-        line[3 + k] = h / length
+        line[3 + k] = local[3 + k, 0]
 
 
 @inner
@@ -218,11 +220,11 @@ def _newton(profile, p, s, t, scale, scratch):
     for _ in range(NEWTON_STEPS):
         zh, zl, dz, ddz = curve_point(profile.control, start, n, 0, sh, sl, high, low)
         rh, rl, dr, ddr = curve_point(profile.control, start, n, 1, sh, sl, high, low)
-        ah, al = multiply(th, tl, line[3], 0.0)
+        ah, al = multiply(th, tl, local[3, 0], local[3, 1])
         ah, al = add(ah, al, local[0, 0], local[0, 1])
-        xh, xl = multiply(th, tl, line[4], 0.0)
+        xh, xl = multiply(th, tl, local[4, 0], local[4, 1])
         xh, xl = add(xh, xl, local[1, 0], local[1, 1])
-        yh, yl = multiply(th, tl, line[5], 0.0)
+        yh, yl = multiply(th, tl, local[5, 0], local[5, 1])
         yh, yl = add(yh, yl, local[2, 0], local[2, 1])
         bh, bl = multiply(xh, xl, xh, xl)
         ch, cl = multiply(yh, yl, yh, yl)

@@ -1,0 +1,91 @@
+"""Judge certified first hits by the oracle, on hard rays: python tools/verify_hits.py --rays 1e6.
+
+Prints per scene how many decisions were wrong, how far t was off in units of the allowed band and
+of the reported bound, how hard the rays were, and how much work the hardest of them was.
+"""
+
+import argparse
+import json
+import sys
+from dataclasses import asdict
+from pathlib import Path
+
+from hybrid_rt.verify.campaign import COSINES, SCENES, STEP, Tally, steps
+
+
+def main() -> int:
+    """Run the tool; the exit code is 1 if anything was wrong."""
+    parser = argparse.ArgumentParser(description=__doc__.split("\n\n")[0])
+    parser.add_argument("--rays", type=float, default=1e5, help="in all, shared by the scenes")
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--scene", action="append", choices=list(SCENES), help="may be repeated")
+    parser.add_argument("--coarse", choices=("embree", "none"), default="embree")
+    parser.add_argument("--threads", type=int)
+    parser.add_argument("--out", type=Path, help="write the figures as JSON")
+    args = parser.parse_args()
+    names = args.scene or list(SCENES)
+    each = int(args.rays) // len(names)
+    results: dict[str, Tally] = {}
+    for name in names:
+        for tally in steps(SCENES[name](), each, args.seed, args.coarse, args.threads):
+            results[name] = tally
+            done = min(tally.verdict.rays + tally.verdict.undecided, each)
+            if sys.stderr.isatty() or done % (10 * STEP) == 0:
+                wrong = tally.verdict.n_wrong
+                print(f"{name}: {done} of {each} rays, {wrong} wrong", file=sys.stderr)
+        _print(name, results[name])
+    n_wrong = sum(t.verdict.n_wrong for t in results.values())
+    n_rays = sum(t.verdict.rays for t in results.values())
+    print(f"\n{n_rays} rays judged, {n_wrong} wrong")
+    if args.out:
+        args.out.write_text(
+            json.dumps({name: _plain(t) for name, t in results.items()}, indent=2), "utf-8"
+        )
+    return 1 if n_wrong else 0
+
+
+def _print(name: str, tally: Tally) -> None:
+    v, rays = tally.verdict, sum(tally.generators.values())
+    print(f"\n{name}: {rays} rays, {tally.hits / rays:.1%} hit")
+    print("  generators      " + ", ".join(f"{k} {n}" for k, n in tally.generators.items()))
+    total = max(tally.cosines.sum(), 1)
+    print(
+        "  |cos| below     "
+        + ", ".join(
+            f"{bound:.0e}: {share:.1%}"
+            for bound, share in zip(COSINES[1:], tally.cosines.cumsum() / total, strict=True)
+        )
+    )
+    print("  wrong           " + ", ".join(f"{k} {n}" for k, n in v.wrong.items()))
+    print(
+        f"  decisions       {v.ambiguous} within the band (either is right), "
+        f"{v.undecided} left undecided by the oracle"
+    )
+    print(
+        f"  TANGENT         {v.tangent} rows, {v.tangent_needlessly} of them clear of the band; "
+        f"{v.unmarked} in the band without the mark"
+    )
+    print(
+        f"  worst errors    t {v.worst_band:.3f} bands, {v.worst_bound:.3f} t_bound; "
+        f"point beside the ray {v.worst_gap:.3f} bands"
+    )
+    c = tally.counters
+    print(
+        f"  work per ray    {c['nodes'] / rays:.2f} nodes, {c['newton_solves'] / rays:.2f} Newton, "
+        f"{c['slow_pieces'] / rays:.2f} pieces; longest search {c['most_pieces']} pieces, "
+        f"{c['given_up']} given up"
+    )
+    print(f"  seconds         {tally.seconds:.1f} certified, {tally.oracle_seconds:.1f} oracle")
+    for seed, ray, kind in tally.wrong[:5]:
+        print(f"  {kind}: ray {ray} of hard_rays(..., seed={seed})")
+
+
+def _plain(tally: Tally) -> dict[str, object]:
+    plain = asdict(tally)
+    plain["verdict"].pop("rows")
+    plain["cosines"] = tally.cosines.tolist()
+    return plain
+
+
+if __name__ == "__main__":
+    sys.exit(main())
