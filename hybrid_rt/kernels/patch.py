@@ -202,7 +202,7 @@ def newton(
 def approach(
     control, start, degree_u, degree_v, basis, ox, oy, oz, dx, dy, dz, u, v, u0, u1, v0, v1, steps
 ):
-    """Move (u, v) within a rectangle so that S(u, v) lies beside the ray; return u, v, t there.
+    """Move (u, v) within a rectangle so that S(u, v) lies beside the ray; return u, v, t, and the gap.
 
     At a silhouette both tangents point the same way as seen along the ray: one of them, the longer,
     can cancel what separates the two along it; across it they are no further apart than rounding.
@@ -214,9 +214,9 @@ def approach(
         )
         rx, ry, rz = x - ox, y - oy, z - oz
         t = (rx * dx + ry * dy + rz * dz) / dd
+        rx, ry, rz = t * dx - rx, t * dy - ry, t * dz - rz
         if step == steps:
             break
-        rx, ry, rz = t * dx - rx, t * dy - ry, t * dz - rz
         along = (xu * dx + yu * dy + zu * dz) / dd
         xu, yu, zu = xu - along * dx, yu - along * dy, zu - along * dz
         along = (xv * dx + yv * dy + zv * dz) / dd
@@ -235,7 +235,7 @@ def approach(
             v = to_v
         else:
             u, v = min(max(to_u, u0), u1), min(max(to_v, v0), v1)
-    return u, v, t
+    return u, v, t, np.sqrt(rx * rx + ry * ry + rz * rz)
 
 
 @inner
@@ -275,7 +275,7 @@ def offer_root(
     if not t_world > t_min[i] or is_known(i, t_world, t_bound, n_dot_d, known):
         return False
     if not (0.0 <= u <= 1.0 and 0.0 <= v <= 1.0):
-        u, v, t = approach(
+        u, v, t, _ = approach(
             control, start, degree_u, degree_v, basis, ox, oy, oz, dx, dy, dz,
             min(max(u, 0.0), 1.0), min(max(v, 0.0), 1.0), 0.0, 1.0, 0.0, 1.0, BORDER_APPROACHES,
         )  # fmt: skip

@@ -272,14 +272,15 @@ def slow_solve(
             t = 0.5 * (h0 + h1) / length
             t_world = (t + shift) * to_world
             if is_point or (is_flat and x1 - x0 < fold and h1 - h0 < fold):
-                # The surface stays within the thickness of ray and piece, 4 slop, as far as that
-                # over the slope.
+                # The surface stays within the thickness of ray and piece as far as that over the
+                # slope.
                 slope = max(n_dot_d, FLATTEST)
-                u, v, t_near = approach(
+                u, v, t_near, gap = approach(
                     control, start, degree_u, degree_v, basis, ox, oy, oz, dx, dy, dz,
                     um, vm, um - hu, um + hu, vm - hv, vm + hv, APPROACHES,
                 )  # fmt: skip
-                t_bound = 0.5 * (h1 - h0) + 4.0 * slop / slope + abs(t_near - t) * length
+                t_bound = 0.5 * (h1 - h0) + (4.0 * slop + 2.0 * gap) / slope
+                t_bound += abs(t_near - t) * length
                 t_bound = t_bound / length * to_world
                 t_world = (t_near + shift) * to_world
                 slope *= length

@@ -50,7 +50,7 @@ def torus() -> SurfaceOfRevolution:
 
 
 def ellipsoid() -> TriangleMesh:
-    """A closed mesh of 1280 triangles."""
+    """Return a closed mesh of 1280 triangles."""
     import trimesh
 
     ball = trimesh.creation.icosphere(3, 1.0)
@@ -72,7 +72,7 @@ def closed_forms() -> list[Any]:
 
 
 def mixed() -> list[Any]:
-    """Some of everything."""
+    """Return some of everything."""
     aside = np.eye(4)
     aside[:3, 3] = -3.0, 3.0, 1.5
     return [

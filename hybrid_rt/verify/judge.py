@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from hybrid_rt.primitives import Plane, Sphere
 from hybrid_rt.records import BoolArray, FloatArray, HitRecord, Status
-from hybrid_rt.verify.kernels.events import BAND, DOUBTFUL, ROOT
+from hybrid_rt.verify.kernels.events import BAND, COVERED, DOUBTFUL
 from hybrid_rt.verify.oracle import Truth
 
 KINDS = ("missed", "phantom", "farther", "nearer", "wrong object")
@@ -104,10 +104,10 @@ def compare(hits: HitRecord, truth: Truth) -> Verdict:
     roots, length = truth.roots, truth.length
     ray = roots.ray
     slack = roots.band / (np.maximum(roots.cosine, 1e-13) * length[ray])
-    is_first = (roots.kind == ROOT) & (roots.t <= truth.t[ray])
+    is_first = (roots.kind <= COVERED) & (roots.t <= truth.t[ray])
     # Roots at the same t, up to rounding, are one answer: whichever object holds it.
     reach = np.where(np.isfinite(truth.t[ray]), truth.t[ray] + slack, np.inf)
-    allowed = (is_first | (roots.kind == DOUBTFUL) | (roots.kind == ROOT)) & (roots.t <= reach)
+    allowed = (is_first | (roots.kind <= DOUBTFUL)) & (roots.t <= reach)
     with np.errstate(invalid="ignore"):
         gap = np.abs(hits.t[ray] - roots.t)
     close = hits.hit[ray] & (gap <= slack)
@@ -131,7 +131,7 @@ def compare(hits: HitRecord, truth: Truth) -> Verdict:
     }
     tangent = hits.status == Status.TANGENT
     clear = judged & ~truth.ambiguous
-    fine = certain & clear & (hits.object_id == truth.object_id)
+    fine = certain & clear & truth.exact & (hits.object_id == truth.object_id)
     fine &= (hits.patch_id == truth.patch_id) & right_object
     error = np.abs(hits.t[fine] - truth.t[fine])
     in_bands = error * length[fine] * truth.cosine[fine] / truth.band[fine]

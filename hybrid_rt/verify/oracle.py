@@ -49,7 +49,8 @@ class Roots:
     band : (m,) float64
         64 eps x scale, scene units.
     kind : (m,) uint8
-        0 certain; 1 doubtful, either decision is right; 2 the oracle gave up.
+        0 certain; 1 certain, its t known to the band only; 2 doubtful, either decision is right;
+        3 the oracle gave up.
     """
 
     offsets: NDArray[np.int64]
@@ -83,6 +84,8 @@ class Truth:
         What was asked.
     length : (n,) float64
         Length of the ray's direction.
+    exact : (n,) bool
+        t of that root is right to the last bit.
     ambiguous : (n,) bool
         A doubtful root lies before the first certain one: other answers are right too.
     undecided : (n,) bool
@@ -101,6 +104,7 @@ class Truth:
     origins: FloatArray
     directions: FloatArray
     length: FloatArray
+    exact: BoolArray
     ambiguous: BoolArray
     undecided: BoolArray
     roots: Roots
@@ -359,7 +363,7 @@ def _first(
     columns = {name: values[order] for name, values in columns.items()}
     ray = columns["ray"].astype(np.int64)
     offsets = np.searchsorted(ray, np.arange(n + 1)).astype(np.int64)
-    certain = np.flatnonzero(columns["kind"] == events.ROOT)
+    certain = np.flatnonzero(columns["kind"] <= events.COVERED)
     owners, where = np.unique(ray[certain], return_index=True)
     row = np.full(n, -1, np.int64)
     row[owners] = certain[where]
@@ -386,6 +390,7 @@ def _first(
         origins=origins,
         directions=directions,
         length=length,
+        exact=pick("kind", events.UNDECIDED, np.uint8) == events.ROOT,
         ambiguous=np.bincount(ray[before], minlength=n) > 0,
         undecided=np.bincount(ray[given_up], minlength=n) > 0,
         roots=Roots(

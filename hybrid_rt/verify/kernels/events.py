@@ -4,7 +4,8 @@ from typing import Any, NamedTuple
 
 from meshing.kernels.jit import inner
 
-ROOT, DOUBTFUL, UNDECIDED = 0, 1, 2
+# COVERED is as certain as ROOT (all rays around meet the surface), but its t is theirs.
+ROOT, COVERED, DOUBTFUL, UNDECIDED = 0, 1, 2, 3
 # A root is doubtful where moving the ray by this many eps x scale could make or lose it.
 BAND = 64.0 * 2.0**-52
 # Rays moved by a little more, so that nothing on the rim of the band counts as certain.
@@ -34,7 +35,7 @@ class Events(NamedTuple):
     v: Any  # (capacity,) float64
     cosine: Any  # (capacity,) float64, |n.d| / |d|
     band: Any  # (capacity,) float64, 64 eps x scale, a length
-    kind: Any  # (capacity,) uint8: ROOT, DOUBTFUL, UNDECIDED
+    kind: Any  # (capacity,) uint8: ROOT, COVERED, DOUBTFUL, UNDECIDED
     at_edge: Any  # (capacity,) uint8: 1 within the band of an edge of its patch
 
 

@@ -18,6 +18,7 @@ from hybrid_rt.verify.kernels.double_double import advance, dot, multiply, subtr
 from hybrid_rt.verify.kernels.events import (
     AROUND,
     BAND,
+    COVERED,
     DOUBTFUL,
     ROOT,
     SHIFT,
@@ -465,7 +466,9 @@ def _patch_roots(nets, p, ray, o, d, length, t_start, band, scratch, events):
         if not is_root:
             t, cosine = mean, slope if covered else 1e-3
         a, b = min(max(a, 0.0), 1.0), min(max(b, 0.0), 1.0)
-        kind = ROOT if covered else DOUBTFUL
+        kind = DOUBTFUL
+        if covered:
+            kind = ROOT if is_root else COVERED
         note(events, ray, t, nets.object_id, p, a, b, cosine, band, kind, 1 if is_edge else 0)
 
 

@@ -27,6 +27,7 @@ from hybrid_rt.verify.kernels.double_double import (
 from hybrid_rt.verify.kernels.events import (
     AROUND,
     BAND,
+    COVERED,
     DOUBTFUL,
     ROOT,
     SHIFT,
@@ -427,7 +428,9 @@ def _profile_roots(profile, ray, o, d, length, t_start, band, scratch, events):
                 there, cosine = mean, steep if covered else 1e-3
             elif rho <= 4.0 * SHIFT * band and covered:
                 cosine = steep
-            kind = ROOT if covered else DOUBTFUL
+            kind = DOUBTFUL
+            if covered:
+                kind = ROOT if is_root else COVERED
             a = min(max(a, 0.0), 1.0)
             note(
                 events, ray, there, profile.object_id, profile.numbers[p], u, a, cosine, band, kind,
