@@ -41,7 +41,7 @@ CLEAR_CROSSING = 1e-3
 # Steps that bring a point of such a piece beside the ray: the first leaves the square of its size.
 APPROACHES = 3
 # Below this slope curvature, not slope, ends a contact: the root of the rounding.
-FLATTEST = 2.0**-25
+FLATTEST = 2.0**-27
 
 # Places in the counters that kernels fill; see `COUNTER_NAMES`.
 NODES, CELLS, NEWTONS, STEPS, SLOW, PIECES, GIVEN_UP, CHANGED, MOST_PIECES = range(9)

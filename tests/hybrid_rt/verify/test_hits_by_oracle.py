@@ -1,0 +1,88 @@
+"""Hits of the three accuracies before the oracle: exact against meshed, on every kind of surface."""
+
+import sys
+
+import pytest
+
+from hybrid_rt import Intersector
+from hybrid_rt.verify.campaign import SCENES, steps
+from hybrid_rt.verify.judge import compare
+from hybrid_rt.verify.oracle import first_hits
+from hybrid_rt.verify.rays import chords, secondary, silhouettes
+
+CURVED = ("teapot", "patches", "vase", "torus")
+
+
+@pytest.mark.parametrize("coarse", ["embree", "none"])
+@pytest.mark.parametrize("scene", SCENES)
+def test_certified_hits_are_right(scene, coarse):
+    (tally,) = steps(SCENES[scene](), 1500, seed=21, coarse=coarse)
+    verdict = tally.verdict
+    assert tally.wrong == []
+    assert verdict.worst_bound <= 1.0
+    # The rays were as hard as they are meant to be.
+    assert verdict.small_cosines > 0.3 * 1500
+    assert tally.generators["edges"] + tally.generators["grazing edges"] > 0.1 * 1500
+    # What the oracle leaves open: rays within flat parts, a few in a thousand.
+    assert verdict.undecided < 0.01 * 1500
+    # Fallbacks are reported: here there are none.
+    assert tally.counters["given_up"] == 0
+    if scene in CURVED:
+        # Ray and surface meet to rounding, also where the decision is within the band.
+        assert verdict.worst_gap <= 1.0
+
+
+@pytest.mark.parametrize("scene", CURVED)
+def test_meshes_lose_and_misplace_hits_at_silhouettes(scene):
+    surfaces = SCENES[scene]()
+    rays = silhouettes(surfaces, 1500, seed=3, offsets=(-1e-3, -1e-5))
+    truth = first_hits(surfaces, rays.origins, rays.directions)
+    wrong = {
+        accuracy: compare(
+            Intersector(surfaces, accuracy).intersect(rays.origins, rays.directions), truth
+        ).n_wrong
+        for accuracy in ("mesh", "refined", "certified")
+    }
+    assert wrong["certified"] == 0
+    # Rays 1e-3 and 1e-5 of the size under a silhouette pass over the triangles there.
+    assert wrong["refined"] > 20
+    assert wrong["mesh"] > wrong["refined"]
+
+
+def test_closed_forms_are_exact_in_every_accuracy():
+    surfaces = SCENES["closed forms"]()
+    rays = silhouettes(surfaces, 2000, seed=3)
+    truth = first_hits(surfaces, rays.origins, rays.directions)
+    for accuracy in ("mesh", "refined", "certified"):
+        hits = Intersector(surfaces, accuracy).intersect(rays.origins, rays.directions)
+        assert compare(hits, truth).n_wrong == 0
+
+
+@pytest.mark.parametrize("scene", ["teapot", "torus", "mesh", "closed forms"])
+def test_rays_that_leave_a_hit_find_what_comes_next(scene):
+    surfaces = SCENES[scene]()
+    tracer = Intersector(surfaces)
+    first = chords(surfaces, 3000, seed=8)
+    source = tracer.intersect(first.origins, first.directions)
+    source = source[source.hit]
+    leaving = secondary(surfaces, len(source), seed=9)
+    hits = tracer.intersect(source.position, leaving.directions, source=source)
+    truth = first_hits(surfaces, source.position, leaving.directions, departing=True)
+    verdict = compare(hits, truth)
+    assert verdict.n_wrong == 0
+
+
+def test_right_coarse_hits_cut_the_work(capsys):
+    surfaces = SCENES["teapot"]()
+    rays = chords(surfaces, 20_000, seed=2)
+    with_guess, without = Intersector(surfaces), Intersector(surfaces, coarse="none")
+    for tracer in (with_guess, without):
+        tracer.intersect(rays.origins, rays.directions)
+    factors = {
+        name: without.counters[name] / with_guess.counters[name]
+        for name in ("nodes", "cells", "newton_solves")
+    }
+    with capsys.disabled():
+        text = ", ".join(f"{name} {factor:.3f}" for name, factor in factors.items())
+        sys.stdout.write(f"\nwork without coarse hits over work with them: {text}\n")
+    assert min(factors.values()) >= 1.0
