@@ -41,7 +41,7 @@ from hybrid_rt.kernels.subdivide import (
     STEPS,
     slow_solve,
 )
-from hybrid_rt.kernels.tree import push_children, safe_reciprocal, test_children
+from hybrid_rt.kernels.tree import push_children, safe_reciprocal
 from meshing.kernels.bernstein import second_partials, unit_normal
 from meshing.kernels.jit import hot_kernel, inner
 
@@ -227,12 +227,10 @@ def trace_patches(table, tree, rays, guess, best, any_hit, scratch, counters):
             node = stack_node[top]
             if stack_count[top] == 0:
                 counters[NODES] += 1
-                test_children(
-                    rows, node, fx, fy, fz, rx, ry, rz, sx, sy, sz, lo, np.float32(t_cut), entry
-                )
                 top = push_children(
-                    child, count, node, entry, stack_node, stack_count, stack_entry, top
-                )
+                    rows, child, count, node, fx, fy, fz, rx, ry, rz, sx, sy, sz,
+                    lo, np.float32(t_cut), entry, stack_node, stack_count, stack_entry, top,
+                )  # fmt: skip
                 continue
             for k in range(node, node + stack_count[top]):
                 cell = order[k]

@@ -13,14 +13,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from hybrid_rt.kernels.boxes import lowest_bit, test_boxes
 from meshing.kernels.jit import inner, kernel
 
 WIDTH = 8
 BINS = 16
 # Origins (up to 2) are rounded to float32: 2**-24 * 2; two such roundings and some air.
 BOX_MARGIN = np.float32(2.0**-19)
-# One subtraction, one reciprocal, one product on each side: 3 * 2**-24 each, and as much again.
-FAR_GROWTH = np.float32(8 * 2.0**-23)
 # A smaller direction component cannot leave a slab within any distance we trace.
 SMALLEST_COMPONENT = 1e-18
 
@@ -195,37 +194,21 @@ def safe_reciprocal(x):
 
 
 @inner
-def test_children(rows, node, x, y, z, rx, ry, rz, sx, sy, sz, t_lo, t_hi, entry):
-    """Intersect a ray with the eight boxes of a node; ``entry[k]`` is inf where it misses.
+def push_children(
+    rows, child, count, node, x, y, z, rx, ry, rz, sx, sy, sz, t_lo, t_hi, entry,
+    stack_node, stack_count, stack_entry, top,
+):  # fmt: skip
+    """Push the children of a node that a ray meets, the nearest on top; return the new height.
 
-    ``sx`` is 0 where the direction's x is positive, 3 where it is negative, and so on.
+    ``sx`` is 0 where the direction's x is positive, 3 where it is negative, and so on; ``entry``
+    (8,) float32 is scratch.
     """
-    fx, fy, fz = 3 - sx, 3 - sy, 3 - sz
-    for k in range(8):
-        ax = (rows[node, sx, k] - x) * rx
-        ay = (rows[node, 1 + sy, k] - y) * ry
-        az = (rows[node, 2 + sz, k] - z) * rz
-        bx = (rows[node, fx, k] - x) * rx
-        by = (rows[node, 1 + fy, k] - y) * ry
-        bz = (rows[node, 2 + fz, k] - z) * rz
-        near = max(ay, ax)
-        near = max(az, near)
-        near = max(t_lo, near)
-        far = min(by, bx)
-        far = min(bz, far)
-        far = far + abs(far) * FAR_GROWTH
-        far = min(t_hi, far)
-        entry[k] = near if near <= far else np.float32(np.inf)
-
-
-@inner
-def push_children(child, count, node, entry, stack_node, stack_count, stack_entry, top):
-    """Push the children that were met, the nearest on top; return the new height."""
+    met = test_boxes(rows, node, x, y, z, rx, ry, rz, sx, sy, sz, t_lo, t_hi, entry)
     bottom = top
-    for k in range(8):
+    while met != 0:
+        k = lowest_bit(met)
+        met &= met - 1
         t = entry[k]
-        if t == np.float32(np.inf) or child[node, k] < 0:
-            continue
         j = top
         while j > bottom and stack_entry[j - 1] < t:
             stack_entry[j] = stack_entry[j - 1]

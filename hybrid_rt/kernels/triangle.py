@@ -13,7 +13,7 @@ from hybrid_rt.kernels.frame import enter_frame, product
 from hybrid_rt.kernels.nearest import offer
 from hybrid_rt.kernels.patch import TANGENT_BAND, UNIT_ROUNDOFF
 from hybrid_rt.kernels.subdivide import CELLS, CHANGED, NODES
-from hybrid_rt.kernels.tree import push_children, safe_reciprocal, test_children
+from hybrid_rt.kernels.tree import push_children, safe_reciprocal
 from meshing.kernels.jit import hot_kernel, inner
 
 # Boxes within this of the nearest root are still looked into (times 1 + |t|, in frame units).
@@ -173,12 +173,10 @@ def trace_triangles(table, tree, rays, guess, best, any_hit, floats, integers, c
             node = stack_node[top]
             if stack_count[top] == 0:
                 counters[NODES] += 1
-                test_children(
-                    rows, node, fx, fy, fz, rx, ry, rz, nx, ny, nz, lo, np.float32(t_cut), entry
-                )
                 top = push_children(
-                    child, count, node, entry, stack_node, stack_count, stack_entry, top
-                )
+                    rows, child, count, node, fx, fy, fz, rx, ry, rz, nx, ny, nz,
+                    lo, np.float32(t_cut), entry, stack_node, stack_count, stack_entry, top,
+                )  # fmt: skip
                 continue
             for k in range(node, node + stack_count[top]):
                 counters[CELLS] += 1

@@ -213,6 +213,7 @@ def face_events(
             normal_frame(d[0] / length, d[1] / length, d[2] / length, frame)
             window = 8.0 * band / cosine + 64.0 * band
             is_covered = True
+            least, most = np.inf, -np.inf
             for c, s in AROUND:
                 for k in range(3):
                     h, e = advance(o[k], t, d[k])
@@ -230,11 +231,16 @@ def face_events(
                     # A shared edge is one edge: within its own rounding.
                     if inner_side >= -band / 64.0 and abs(there) * length <= window:
                         is_met = True
+                        least, most = min(least, there), max(most, there)
                         break
                 if not is_met:
                     is_covered = False
                     break
             kind = ROOT if is_covered else DOUBTFUL
+            if is_covered:
+                # Which face is met is open, and so is t, as far as the faces around go.
+                steep = (most - least) * length / band
+                cosine = min(cosine, 1.0 / math.sqrt(1.0 + steep * steep))
             note(events, first_ray + i, t, object_id, f, u, v, cosine, band, kind, 1)
 
 

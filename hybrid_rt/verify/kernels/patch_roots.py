@@ -332,7 +332,7 @@ def _near(nets, p, x, y, z, frame, reach):
 def _is_covered(nets, o, d, t, length, band, window, scratch):
     """Whether rays all around this one, just beyond the band, meet the surface near t too.
 
-    Returns that, the mean t of these meetings, and how steeply t varies among them.
+    Returns that, the mean t of these meetings, and a cosine: the band over how far t varies.
     """
     frame, point = scratch.frame, scratch.point
     total, least, most = 0.0, np.inf, -np.inf
@@ -363,7 +363,7 @@ def _is_covered(nets, o, d, t, length, band, window, scratch):
                 break
         if not is_met:
             return False, t, 0.0
-    slope = 0.5 * (most - least) / (SHIFT * band)
+    slope = (most - least) / band
     return True, t + total / (len(AROUND) * length), 1.0 / math.sqrt(1.0 + slope * slope)
 
 
@@ -465,6 +465,9 @@ def _patch_roots(nets, p, ray, o, d, length, t_start, band, scratch, events):
         covered, mean, slope = _is_covered(nets, o, d, t, length, band, window, scratch)
         if not is_root:
             t, cosine = mean, slope if covered else 1e-3
+        elif covered and is_edge:
+            # On which side of the edge it is met is open, and so is t, as far as the two sides go.
+            cosine = min(cosine, slope)
         a, b = min(max(a, 0.0), 1.0), min(max(b, 0.0), 1.0)
         kind = DOUBTFUL
         if covered:

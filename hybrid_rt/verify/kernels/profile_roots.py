@@ -288,7 +288,7 @@ def _is_covered(profile, o, d, t, length, band, window, scratch):
             break
     if not is_covered:
         return False, t, 0.0
-    slope = 0.5 * (most - least) / (SHIFT * band)
+    slope = (most - least) / band
     return True, t + total / (len(AROUND) * length), 1.0 / math.sqrt(1.0 + slope * slope)
 
 
@@ -426,8 +426,8 @@ def _profile_roots(profile, ray, o, d, length, t_start, band, scratch, events):
             covered, mean, steep = _is_covered(profile, o, d, there, length, band, window, scratch)
             if not is_root:
                 there, cosine = mean, steep if covered else 1e-3
-            elif rho <= 4.0 * SHIFT * band and covered:
-                cosine = steep
+            elif covered and is_edge:
+                cosine = min(cosine, steep)
             kind = DOUBTFUL
             if covered:
                 kind = ROOT if is_root else COVERED
