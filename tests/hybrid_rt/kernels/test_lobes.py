@@ -100,11 +100,11 @@ def test_directions_are_distributed_as_the_pdf_says(material, incoming):
     went = pdf > 0
     side = -np.sign(incoming[2])
     heights, turns = 24, 32
-    # Finer along the height: there the density of metal ends with a square root.
-    cells = hemisphere(side, heights * 160, turns * 5)
+    # Fine, because the density of metal ends with a square root.
+    cells = hemisphere(side, heights * 60, turns * 30)
     _, density = evaluated(material, incoming, cells)
     mass = density * 2 * np.pi / density.size
-    mass = mass.reshape(heights, 160, turns, 5).sum(axis=(1, 3)).ravel()
+    mass = mass.reshape(heights, 60, turns, 30).sum(axis=(1, 3)).ravel()
     i = np.minimum((wi[went, 2] * side * heights).astype(int), heights - 1)
     j = (np.arctan2(wi[went, 1], wi[went, 0]) / (2 * np.pi) % 1.0 * turns).astype(int) % turns
     counts = np.bincount(i * turns + j, minlength=heights * turns)
