@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from hybrid_rt import checks
 from hybrid_rt.film import Film, save_image
-from hybrid_rt.integrators import INTEGRATORS, OPTIONS, Integrator, RenderContext
-from hybrid_rt.integrators.integrator import BLOCK
+from hybrid_rt.integrators import INTEGRATORS, OPTIONS, RenderContext
+from hybrid_rt.integrators.crew import TOGETHER, Crew
 from hybrid_rt.integrators.options import PathOptions
 from hybrid_rt.intersection import Intersector
 from hybrid_rt.intersection.pool import Pool
@@ -101,8 +101,8 @@ def render(
         raise ValueError(f"integrator {integrator!r} is unknown; use {', '.join(INTEGRATORS)}")
     _check_options(integrator, options)
     limit = Limit(passes, time_budget)
-    pool = Pool(threads)
-    sampler = Sampler(seed, pool)
+    n_threads = Pool(threads).threads
+    sampler = Sampler(seed)
     checks.whole(max_depth, "max_depth", at_least=0)
 
     with watch_compilation(progress) as compilation:
@@ -115,12 +115,15 @@ def render(
             if progress is not None:
                 progress("Building", 0, 0)
             tracer = Intersector(
-                compiled.surfaces, accuracy=accuracy, tolerance=tolerance, threads=threads
+                compiled.surfaces, accuracy=accuracy, tolerance=tolerance, threads=1
             )
-        context = RenderContext(compiled, tracer, pool, plan, sampler, ledger, max_depth)
-        method = INTEGRATORS[integrator]
-        tracing = method(context) if options is None else method(context, options)  # type: ignore[call-arg]
-        film, stopped_by = _run_passes(tracing, limit, clock, progress)
+        # Threads share blocks of camera rays; within a block everything runs in one.
+        context = RenderContext(
+            compiled, tracer, Pool(1), plan, sampler, ledger, max_depth, options
+        )
+        crew = Crew(context, n_threads, INTEGRATORS[integrator])
+        film, stopped_by = _run_passes(crew, limit, clock, progress)
+        crew.gather()
     settings = {
         "integrator": integrator,
         "passes": passes,
@@ -146,13 +149,13 @@ def _check_options(integrator: str, options: PathOptions | None) -> None:
 
 
 def _run_passes(
-    integrator: Integrator, limit: Limit, clock: Clock, progress: Progress | None
+    crew: Crew, limit: Limit, clock: Clock, progress: Progress | None
 ) -> tuple[Film, str]:
     """Add passes in the order of their numbers until a limit is reached; say which."""
-    camera = integrator.context.scene.camera
+    camera = crew.context.scene.camera
     n_pixels = camera.width * camera.height
     film = Film(camera.height, camera.width)
-    at_most = max(BLOCK // n_pixels, 1)
+    at_most = max(TOGETHER // n_pixels, 1)
     while n_together := limit.begins(film.n_passes, clock.seconds, at_most):
         n_before = n_pixels * film.n_passes
         n_expected = n_pixels * limit.expected_passes(film.n_passes)
@@ -162,8 +165,8 @@ def _run_passes(
                 progress("Rendering", n_before + n_done, total)
 
         passes = range(film.n_passes, film.n_passes + n_together)
-        for radiance in integrator.render_passes(passes, on_rays):
-            with integrator.context.ledger.stage("film"):
+        for radiance in crew.render_passes(passes, on_rays):
+            with crew.context.ledger.stage("film"):
                 film.add(radiance)
     return film, limit.reached(film.n_passes, clock.seconds) or "passes"
 

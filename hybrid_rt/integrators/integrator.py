@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -16,9 +16,9 @@ from hybrid_rt.report import Ledger
 from hybrid_rt.sampler import Sampler, UIntArray
 from hybrid_rt.scene import CompiledScene
 
-# Rays in flight at a time. A ray and its hit take about 500 bytes, so a block stays near 128 MiB
-# while its kernels' calls cost nothing beside its rays.
-BLOCK = 2**18
+# Camera rays that one thread follows at a time. A ray and its hit take about 500 bytes, so what one
+# step works on stays in the processor's cache, while calls cost little beside the rays.
+BLOCK = 2**15
 
 # What a low-discrepancy point is for. Numbers from FIRST_PATH_DIMENSION on belong to the integrator.
 PIXEL_DIMENSION, LENS_DIMENSION, FIRST_PATH_DIMENSION = 0, 1, 2
@@ -35,6 +35,8 @@ class RenderContext:
     sampler: Sampler
     ledger: Ledger
     max_depth: int
+    options: Any = None
+    """Settings of the integrator, or None for those it has by itself."""
 
 
 @dataclass(frozen=True)
@@ -60,24 +62,12 @@ class Integrator(ABC):
     def __init__(self, context: RenderContext) -> None:
         self.context = context
 
-    def render_passes(
-        self, passes: range, on_rays: Callable[[int], None] | None = None
-    ) -> Iterator[FloatArray]:
-        """Yield the radiance of one sample per pixel, (height, width, 3) float64, for each pass.
+    def trace(self, passes: range, first: int, stop: int) -> FloatArray:
+        """Return the radiance (stop - first, 3) of a run of camera rays.
 
-        Small pictures take several passes in one batch. ``on_rays`` hears after each block how
-        many camera rays are done.
+        They count through the pixels of the first pass, then those of the second, and so on.
         """
-        camera = self.context.scene.camera
-        n_pixels = camera.height * camera.width
-        images = np.empty((len(passes), camera.height, camera.width, 3))
-        rows = images.reshape(-1, 3)
-        for first in range(0, len(passes) * n_pixels, BLOCK):
-            stop = min(first + BLOCK, len(passes) * n_pixels)
-            rows[first:stop] = self._radiance(self._camera_rays(passes, first, stop))
-            if on_rays is not None:
-                on_rays(stop)
-        yield from images
+        return self._radiance(self._camera_rays(passes, first, stop))
 
     @abstractmethod
     def _radiance(self, block: CameraBlock) -> FloatArray:

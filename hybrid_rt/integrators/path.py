@@ -83,9 +83,9 @@ class Paths:
 class PathTracer(Integrator):
     """See the module; `Integrator` for what it offers."""
 
-    def __init__(self, context: RenderContext, options: PathOptions | None = None) -> None:
+    def __init__(self, context: RenderContext) -> None:
         super().__init__(context)
-        self._options = PathOptions() if options is None else options
+        self._options: PathOptions = context.options or PathOptions()
         strategy = STRATEGIES[self._options.strategy]
         self._light = SurfaceLight(context, strategy, DIELECTRIC)
         lights, plan = context.scene.lights, context.plan

@@ -8,7 +8,7 @@ import pytest
 
 from hybrid_rt import rendering
 from hybrid_rt.camera import Camera
-from hybrid_rt.integrators import integrator, surface_light, whitted
+from hybrid_rt.integrators import crew, surface_light, whitted
 from hybrid_rt.integrators.integrator import LENS_DIMENSION
 from hybrid_rt.lights import GradientSky, PointLight
 from hybrid_rt.limits import Limit
@@ -167,8 +167,7 @@ def test_impossible_settings_are_refused(settings, error, words):
 
 
 def test_progress_hears_every_block(monkeypatch):
-    for module in (rendering, integrator):
-        monkeypatch.setattr(module, "BLOCK", 12 * 8)
+    monkeypatch.setattr(crew, "BLOCK", 12 * 8)
     heard = []
     render(scene(), passes=2, progress=lambda *event: heard.append(event))
     assert heard[0] == ("Building", 0, 0)
