@@ -83,7 +83,9 @@ def _parser() -> argparse.ArgumentParser:
 
 
 def _add_render_options(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--integrator", default="whitted", metavar="I", help="whitted")
+    parser.add_argument(
+        "--integrator", default="path", metavar="I", help="path (default) or whitted"
+    )
     parser.add_argument("--passes", type=int, metavar="N", help="samples per pixel (default 16)")
     parser.add_argument("--time-budget", type=float, metavar="S", help="stop after S seconds")
     parser.add_argument("--seed", type=int, default=0, metavar="S")
@@ -164,7 +166,7 @@ def _run_demo(options: argparse.Namespace) -> None:
     check_output(options.out)
     scene = demo.scene()
     with _shown_progress(options.quiet) as progress:
-        result = render(scene, passes=demo.PASSES, progress=progress)
+        result = render(scene, "whitted", passes=demo.PASSES, progress=progress)
         comparison = compare_with_mesh(scene, progress=progress)
     result.report["exact_against_mesh"] = comparison
     result.save(options.out)

@@ -50,13 +50,26 @@ class Limit:
         self.time_budget = time_budget
         self._longest = 0.0
         self._pass_began = 0.0
+        self._n_began = 0
 
-    def begins(self, n_done: int, seconds: float) -> bool:
-        """Tell whether another pass starts, ``n_done`` being complete after ``seconds``."""
-        if n_done > 0:
-            self._longest = max(self._longest, seconds - self._pass_began)
-        self._pass_began = seconds
-        return self.reached(n_done, seconds) is None
+    def begins(self, n_done: int, seconds: float, at_most: int = 1) -> int:
+        """Return how many passes start, ``n_done`` being complete after ``seconds``.
+
+        Up to ``at_most`` run together where no limit will be reached on the way.
+        """
+        if n_done > self._n_began:
+            spent = (seconds - self._pass_began) / (n_done - self._n_began)
+            self._longest = max(self._longest, spent)
+        self._pass_began, self._n_began = seconds, n_done
+        if self.reached(n_done, seconds) is not None:
+            return 0
+        if self.passes is not None:
+            at_most = min(at_most, self.passes - n_done)
+        if self.time_budget is not None:
+            # The first pass alone tells how long one takes.
+            left = (self.time_budget - seconds) / self._longest if self._longest > 0.0 else 1.0
+            at_most = min(at_most, int(left))
+        return max(at_most, 1)
 
     def reached(self, n_done: int, seconds: float) -> str | None:
         """Return which limit allows no further pass, or None."""

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from hybrid_rt.kernels.lobes import DIELECTRIC, DIFFUSE, MIRROR, PHONG
+from hybrid_rt.kernels.lobes import DIELECTRIC, LAST_SPREADING, METAL, MIRROR
 from hybrid_rt.scene import CompiledScene
 from hybrid_rt.textures.table import needs_lookup
 
@@ -44,13 +44,14 @@ def explain(plan: dict[str, Any]) -> str:
     return "\n".join(["Plan (+ used, - left out)", *lines])
 
 
-def make_plan(scene: CompiledScene) -> Plan:
+def make_plan(scene: CompiledScene, integrator: str) -> Plan:
     """Decide what light transport in this scene needs."""
     kinds = scene.lobes.kind
-    spreads = bool(np.isin(kinds, (DIFFUSE, PHONG)).any())
+    spreads = bool((kinds <= LAST_SPREADING).any())
     is_glass = kinds == DIELECTRIC
     has_sky = scene.environment is not None
     n_lights = scene.n_lights
+    asks_all = integrator == "whitted"
 
     plan = Plan()
     plan.decide(
@@ -61,44 +62,54 @@ def make_plan(scene: CompiledScene) -> Plan:
     )
     plan.decide(
         "texture lookups",
-        needs_lookup(scene.textures),
+        needs_lookup(scene.textures, scene.lobes.texture),
         "at least one colour varies over its surface",
         "every colour is constant",
     )
+    how = "one shadow ray each" if asks_all else "one of them asked, by one shadow ray,"
     plan.decide(
         "light samples",
         spreads and n_lights > 0,
-        f"{n_lights} light(s), one shadow ray each per shading point and pass",
+        f"{n_lights} light(s), {how} per shading point and pass",
         "there is no light" if n_lights == 0 else "no surface spreads light",
     )
     plan.decide(
+        "points on surfaces",
+        spreads and bool(scene.shining),
+        f"{len(scene.shining)} surface(s) shine and are asked by area",
+        "no surface spreads light" if scene.shining else "no curved or composed surface shines",
+    )
+    how = "one shadow ray per shading point and pass" if asks_all else "one light among the others"
+    plan.decide(
         "sky samples",
         spreads and has_sky,
-        "the environment shines on surfaces, one shadow ray per shading point and pass",
+        f"the environment shines on surfaces, {how}",
         "no surface spreads light" if has_sky else "the environment is black",
     )
     plan.decide(
         "visible lights",
         bool((scene.light_of >= 0).any()),
-        "area lights are seen by camera and specular rays",
+        "area lights are seen by camera and scattered rays",
         "no light has an area",
     )
     plan.decide(
         "mirror rays",
-        bool((kinds == MIRROR).any()),
-        "at least one surface is a mirror",
+        bool(np.isin(kinds, (MIRROR, METAL)).any()),
+        "at least one surface is a mirror or metal",
         "no surface is a mirror",
     )
     plan.decide(
         "glass rays",
         bool(is_glass.any()),
-        "at least one surface is a dielectric; both branches are followed",
+        "at least one surface is a dielectric; "
+        + ("both branches are" if asks_all else "one branch is")
+        + " followed",
         "no surface is a dielectric",
     )
     plan.decide(
-        "absorption",
-        bool(scene.lobes.number[is_glass, 2:].any()),
-        "at least one dielectric absorbs",
-        "no dielectric absorbs",
+        "medium stack",
+        bool(is_glass.any()),
+        "rays remember the clear bodies they are in",
+        "no surface is a dielectric",
     )
     return plan

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
@@ -11,7 +11,9 @@ from numpy.typing import NDArray
 
 from hybrid_rt import checks
 from hybrid_rt.film import Film, save_image
-from hybrid_rt.integrators import INTEGRATORS, Integrator, RenderContext
+from hybrid_rt.integrators import INTEGRATORS, OPTIONS, RenderContext
+from hybrid_rt.integrators.crew import TOGETHER, Crew
+from hybrid_rt.integrators.options import PathOptions
 from hybrid_rt.intersection import Intersector
 from hybrid_rt.intersection.pool import Pool
 from hybrid_rt.limits import Clock, Limit
@@ -44,7 +46,7 @@ class RenderResult:
 
 def render(
     scene: Scene,
-    integrator: str = "whitted",
+    integrator: str = "path",
     passes: int | None = None,
     time_budget: float | None = None,
     *,
@@ -53,6 +55,7 @@ def render(
     max_depth: int = 16,
     accuracy: str = "certified",
     tolerance: float | None = None,
+    options: PathOptions | None = None,
     progress: Progress | None = None,
 ) -> RenderResult:
     """Make a picture of a scene.
@@ -60,8 +63,9 @@ def render(
     Parameters
     ----------
     scene : Scene
-    integrator : "whitted"
-        Direct light, mirrors and glass.
+    integrator : "path" or "whitted"
+        "path": all light but what point lights throw through glass or off mirrors. "whitted":
+        direct light, mirrors and glass only.
     passes : int, optional
         One pass is one sample per pixel. With neither limit given: 16.
     time_budget : float, optional
@@ -73,9 +77,12 @@ def render(
     threads : int, optional
         Default: the cores that this process may use.
     max_depth : int
-        Mirrored and refracted directions along one path at most; what is lost is reported.
+        Directions that a path takes at a surface at most ("whitted": mirrored and refracted ones);
+        what is lost is reported.
     accuracy, tolerance
         As `Intersector` takes them.
+    options : PathOptions, optional
+        Settings of the integrator.
     progress : callable, optional
         Called with (stage, done, total); see `hybrid_rt.progress.Progress`.
 
@@ -92,9 +99,10 @@ def render(
         raise TypeError(f"render: expected a Scene, got {scene!r}")
     if integrator not in INTEGRATORS:
         raise ValueError(f"integrator {integrator!r} is unknown; use {', '.join(INTEGRATORS)}")
+    _check_options(integrator, options)
     limit = Limit(passes, time_budget)
-    pool = Pool(threads)
-    sampler = Sampler(seed, pool)
+    n_threads = Pool(threads).threads
+    sampler = Sampler(seed)
     checks.whole(max_depth, "max_depth", at_least=0)
 
     with watch_compilation(progress) as compilation:
@@ -102,15 +110,20 @@ def render(
         ledger = Ledger(lambda: clock.seconds)
         with ledger.stage("scene"):
             compiled = compile_scene(scene)
-            plan = make_plan(compiled)
+            plan = make_plan(compiled, integrator)
         with ledger.stage("build"):
             if progress is not None:
                 progress("Building", 0, 0)
             tracer = Intersector(
-                compiled.surfaces, accuracy=accuracy, tolerance=tolerance, threads=threads
+                compiled.surfaces, accuracy=accuracy, tolerance=tolerance, threads=1
             )
-        context = RenderContext(compiled, tracer, pool, plan, sampler, ledger, max_depth)
-        film, stopped_by = _run_passes(INTEGRATORS[integrator](context), limit, clock, progress)
+        # Threads share blocks of camera rays; within a block everything runs in one.
+        context = RenderContext(
+            compiled, tracer, Pool(1), plan, sampler, ledger, max_depth, options
+        )
+        crew = Crew(context, n_threads, INTEGRATORS[integrator])
+        film, stopped_by = _run_passes(crew, limit, clock, progress)
+        crew.gather()
     settings = {
         "integrator": integrator,
         "passes": passes,
@@ -120,30 +133,41 @@ def render(
         "max_depth": max_depth,
         "accuracy": accuracy,
         "tolerance": tolerance,
+        "options": None if options is None else asdict(options),
         "width": scene.camera.width,
         "height": scene.camera.height,
     }
     return RenderResult(film.image, _report(settings, context, film, clock, stopped_by))
 
 
+def _check_options(integrator: str, options: PathOptions | None) -> None:
+    expected = OPTIONS[integrator]
+    if options is None or (expected is not None and isinstance(options, expected)):
+        return
+    wanted = "no options" if expected is None else expected.__name__
+    raise TypeError(f"render options: integrator {integrator!r} takes {wanted}, got {options!r}")
+
+
 def _run_passes(
-    integrator: Integrator, limit: Limit, clock: Clock, progress: Progress | None
+    crew: Crew, limit: Limit, clock: Clock, progress: Progress | None
 ) -> tuple[Film, str]:
     """Add passes in the order of their numbers until a limit is reached; say which."""
-    camera = integrator.context.scene.camera
+    camera = crew.context.scene.camera
     n_pixels = camera.width * camera.height
     film = Film(camera.height, camera.width)
-    while limit.begins(film.n_passes, clock.seconds):
+    at_most = max(TOGETHER // n_pixels, 1)
+    while n_together := limit.begins(film.n_passes, clock.seconds, at_most):
         n_before = n_pixels * film.n_passes
         n_expected = n_pixels * limit.expected_passes(film.n_passes)
 
-        def on_rays(n_in_pass: int, n_before: int = n_before, total: int = n_expected) -> None:
+        def on_rays(n_done: int, n_before: int = n_before, total: int = n_expected) -> None:
             if progress is not None:
-                progress("Rendering", n_before + n_in_pass, total)
+                progress("Rendering", n_before + n_done, total)
 
-        radiance = integrator.render_pass(film.n_passes, on_rays)
-        with integrator.context.ledger.stage("film"):
-            film.add(radiance)
+        passes = range(film.n_passes, film.n_passes + n_together)
+        for radiance in crew.render_passes(passes, on_rays):
+            with crew.context.ledger.stage("film"):
+                film.add(radiance)
     return film, limit.reached(film.n_passes, clock.seconds) or "passes"
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import platform
 import time
 from collections import Counter, defaultdict
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from importlib import metadata
 
@@ -28,7 +28,7 @@ class Ledger:
     """
 
     def __init__(self, now: Callable[[], float] = time.perf_counter) -> None:
-        self._now = now
+        self.now = now
         self.seconds: dict[str, float] = defaultdict(float)
         self.rays: Counter[str] = Counter()
         self.hits: Counter[str] = Counter({status.name.lower(): 0 for status in Status})
@@ -39,14 +39,28 @@ class Ledger:
     @contextmanager
     def stage(self, name: str) -> Iterator[None]:
         """Add the seconds of a block to a stage; a stage within it keeps its own seconds."""
-        began = self._now()
+        began = self.now()
         outer, self._within = self._within, 0.0
         try:
             yield
         finally:
-            spent = self._now() - began
+            spent = self.now() - began
             self.seconds[name] += spent - self._within
             self._within = outer + spent
+
+    def add(self, other: Ledger) -> None:
+        """Add what another thread did."""
+        for stage, seconds in other.seconds.items():
+            self.seconds[stage] += seconds
+        self.rays += other.rays
+        self.hits.update(other.hits)
+        self.ended += other.ended
+        self.lost_weight += other.lost_weight
+
+    def divide_seconds(self, stages: Sequence[str], n: int) -> None:
+        """Turn seconds that n threads spent together into those that passed meanwhile."""
+        for stage in stages:
+            self.seconds[stage] /= n
 
     def count_hits(self, hits: HitRecord) -> None:
         """Count first hits by status."""

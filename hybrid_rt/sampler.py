@@ -38,7 +38,9 @@ class Sampler:
         self._seed = np.uint64(seed)
         self._pool = Pool(1) if pool is None else pool
 
-    def points(self, pixel: UIntArray, dimension: UIntArray | int, pass_number: int) -> FloatArray:
+    def points(
+        self, pixel: UIntArray, dimension: UIntArray | int, pass_number: UIntArray | int
+    ) -> FloatArray:
         """Return one point of the unit square for each pixel.
 
         Parameters
@@ -47,7 +49,7 @@ class Sampler:
             Number of the pixel in the whole image.
         dimension : (n,) uint64, or one number for all
             What the point is for; different uses need different numbers.
-        pass_number : int
+        pass_number : (n,) uint64, or one number for all
             From 0; the passes of one (pixel, dimension) fill the square evenly.
 
         Returns
@@ -55,11 +57,14 @@ class Sampler:
         (n, 2) float64 in [0, 1)
         """
         points = np.empty((pixel.size, 2))
-        dimensions = np.ascontiguousarray(np.broadcast_to(np.uint64(dimension), pixel.shape))
-        sample = np.uint64(pass_number)
+        dimensions, samples = _for_all(dimension, pixel.size), _for_all(pass_number, pixel.size)
 
         def fill(i: int, j: int) -> None:
-            sobol_points(self._seed, sample, pixel[i:j], dimensions[i:j], points[i:j])
+            sobol_points(self._seed, samples[i:j], pixel[i:j], dimensions[i:j], points[i:j])
 
         self._pool.run(fill, pixel.size)
         return points
+
+
+def _for_all(number: UIntArray | int, n: int) -> UIntArray:
+    return np.ascontiguousarray(np.broadcast_to(np.asarray(number, dtype=np.uint64), (n,)))

@@ -2,21 +2,26 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from hybrid_rt.camera import Camera
-from hybrid_rt.kernels.light import LightTable
-from hybrid_rt.kernels.lobes import LobeTable
+from hybrid_rt.kernels.environment import EnvironmentTable
+from hybrid_rt.kernels.light import RECTANGLE, SPHERE, SURFACE, LightTable
+from hybrid_rt.kernels.lobes import DIELECTRIC, LobeTable
 from hybrid_rt.kernels.texture import TextureTable
-from hybrid_rt.lights.light import Environment, Light
-from hybrid_rt.lights.table import compile_lights
+from hybrid_rt.lights.light import Environment, Light, LightRow
+from hybrid_rt.lights.surface import ShiningSurface, shining_surface
+from hybrid_rt.lights.table import compile_environment, compile_lights
 from hybrid_rt.materials.material import Material
-from hybrid_rt.materials.table import compile_materials
-from hybrid_rt.records import IntArray
+from hybrid_rt.materials.table import color_factor, compile_materials
+from hybrid_rt.primitives import Plane, Rectangle, Sphere
+from hybrid_rt.records import FloatArray, IntArray
+from hybrid_rt.textures.texture import ConstantTexture, Texture
 
 NOTHING = -1
 """In a table of indices: there is none."""
@@ -55,8 +60,8 @@ class Scene:
     ----------
     camera : Camera
     objects : sequence of Object
-    lights : sequence of PointLight or RectangleLight
-    environment : GradientSky, optional
+    lights : sequence of PointLight, RectangleLight or SphereLight
+    environment : GradientSky or ImageEnvironment, optional
         What rays see that leave the scene; None is black.
 
     Raises
@@ -81,7 +86,10 @@ class Scene:
             if not isinstance(light, Light):
                 raise TypeError(f"Scene lights[{i}]: expected a light, got {light!r}")
         if environment is not None and not isinstance(environment, Environment):
-            raise TypeError(f"Scene environment: expected GradientSky or None, got {environment!r}")
+            raise TypeError(
+                f"Scene environment: expected GradientSky, ImageEnvironment or None, "
+                f"got {environment!r}"
+            )
         self.camera = camera
         self.objects = tuple(objects)
         self.lights = tuple(lights)
@@ -103,20 +111,31 @@ class CompiledScene:
     material_of : (surfaces,) int32
         Row in ``lobes.first`` of each surface; `NOTHING` for lights.
     light_of : (surfaces,) int32
-        Row in ``lights`` of each surface; `NOTHING` for objects.
+        Row in ``lights`` of each surface that shines; `NOTHING` for others.
     surface_of_light : (lights,) int32
         Index in ``surfaces`` of each light; `NOTHING` where it is not seen.
+    color_factor : (lobes,) float64
+        What multiplies the colour of each lobe.
+    glass_of : (materials,) int32
+        The dielectric lobe of each material; `NOTHING` where it has none.
+    shining : dict
+        What chooses points of the lights of kind `SURFACE`, by row in ``lights``.
     """
 
     camera: Camera
     environment: Environment | None
     surfaces: list[Any]
+    names: list[str]
     material_of: IntArray
     light_of: IntArray
     surface_of_light: IntArray
     lobes: LobeTable
+    color_factor: FloatArray
+    glass_of: IntArray
     textures: TextureTable
     lights: LightTable
+    shining: dict[int, ShiningSurface]
+    sky: EnvironmentTable
 
     @property
     def n_lights(self) -> int:
@@ -125,7 +144,13 @@ class CompiledScene:
 
 
 def compile_scene(scene: Scene) -> CompiledScene:
-    """Lay a scene out in flat tables."""
+    """Lay a scene out in flat tables.
+
+    Raises
+    ------
+    ValueError
+        If an object cannot be what it is to be; it is named.
+    """
     surfaces = [item.surface for item in scene.objects]
     materials: list[Material] = []
     row_of: dict[int, int] = {}  # a material used twice is stored once
@@ -135,6 +160,7 @@ def compile_scene(scene: Scene) -> CompiledScene:
             materials.append(item.material)
     material_of = [row_of[id(item.material)] for item in scene.objects]
     light_of = [NOTHING] * len(surfaces)
+    rows = [light.row for light in scene.lights]
     surface_of_light = []
     for i, light in enumerate(scene.lights):
         if light.surface is None:
@@ -144,15 +170,73 @@ def compile_scene(scene: Scene) -> CompiledScene:
         surfaces.append(light.surface)
         material_of.append(NOTHING)
         light_of.append(i)
-    lobes, textures = compile_materials(materials)
+    shining: dict[int, ShiningSurface] = {}
+    for i, item in enumerate(scene.objects):
+        if item.material.radiance is None:
+            continue
+        light_of[i] = len(rows)
+        surface_of_light.append(i)
+        row, chooser = _shining_object(item, item.material.radiance)
+        if chooser is not None:
+            shining[len(rows)] = chooser
+        rows.append(row)
+    pictures = [row.texture for row in rows if row.texture is not None]
+    lobes, textures = compile_materials(materials, pictures)
+    n_before = textures.kind.size - len(pictures)
+    numbers = iter(range(n_before, textures.kind.size))
+    texture_of = [NOTHING if row.texture is None else next(numbers) for row in rows]
     return CompiledScene(
         camera=scene.camera,
         environment=scene.environment,
         surfaces=surfaces,
+        names=[item.name for item in scene.objects],
         material_of=np.array(material_of, dtype=np.int32),
         light_of=np.array(light_of, dtype=np.int32),
         surface_of_light=np.array(surface_of_light, dtype=np.int32),
         lobes=lobes,
+        color_factor=color_factor(lobes),
+        glass_of=_glass_of(lobes),
         textures=textures,
-        lights=compile_lights(scene.lights),
+        lights=compile_lights(rows, texture_of, scene.environment is not None),
+        shining=shining,
+        sky=compile_environment(scene.environment),
     )
+
+
+def _glass_of(lobes: LobeTable) -> IntArray:
+    glass = np.full(lobes.first.size - 1, NOTHING, dtype=np.int32)
+    for row in np.flatnonzero(lobes.kind == DIELECTRIC):
+        glass[np.searchsorted(lobes.first, row, side="right") - 1] = row
+    return glass
+
+
+def _shining_object(item: Object, radiance: Texture) -> tuple[LightRow, ShiningSurface | None]:
+    """Return the light that an object is, and what chooses its points unless the kernels do."""
+    surface, nothing = item.surface, np.zeros(3)
+    try:
+        chooser = shining_surface(surface)
+    except ValueError as error:
+        raise ValueError(f"object {item.name!r}: {error}") from error
+    # A plane has no end: scattered rays find it, but nothing is chosen on it.
+    area = 0.0 if chooser is None else chooser.area
+    strength = radiance.brightest
+    is_even = isinstance(radiance, ConstantTexture)
+    row = LightRow(
+        kind=SURFACE,
+        origin=nothing,
+        edge_u=nothing,
+        edge_v=nothing,
+        strength=strength,
+        texture=None if is_even else radiance,
+        power=math.pi * area * float(strength.mean()),
+    )
+    if isinstance(surface, Plane):
+        return row, None
+    if isinstance(surface, Rectangle):
+        corner, u, v = surface.corner, surface.edge_u, surface.edge_v
+        return replace(row, kind=RECTANGLE, origin=corner, edge_u=u, edge_v=v), None
+    # From outside, a sphere that shines evenly is better chosen from by the angle it is seen under.
+    if isinstance(surface, Sphere) and surface.orientation > 0 and is_even:
+        size = np.array([surface.radius, 0.0, 0.0])
+        return replace(row, kind=SPHERE, origin=surface.center, edge_u=size), None
+    return row, chooser

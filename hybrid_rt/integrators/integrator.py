@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -16,9 +16,9 @@ from hybrid_rt.report import Ledger
 from hybrid_rt.sampler import Sampler, UIntArray
 from hybrid_rt.scene import CompiledScene
 
-# Rays in flight at a time. A ray and its hit take about 500 bytes, so a block stays near 128 MiB
-# while its kernels' calls cost nothing beside its rays.
-BLOCK = 2**18
+# Camera rays that one thread follows at a time. A ray and its hit take about 500 bytes, so what one
+# step works on stays in the processor's cache, while calls cost little beside the rays.
+BLOCK = 2**15
 
 # What a low-discrepancy point is for. Numbers from FIRST_PATH_DIMENSION on belong to the integrator.
 PIXEL_DIMENSION, LENS_DIMENSION, FIRST_PATH_DIMENSION = 0, 1, 2
@@ -35,13 +35,23 @@ class RenderContext:
     sampler: Sampler
     ledger: Ledger
     max_depth: int
+    options: Any = None
+    """Settings of the integrator, or None for those it has by itself."""
 
 
 @dataclass(frozen=True)
 class CameraBlock:
-    """Camera rays of consecutive pixels, one per pixel."""
+    """Camera rays: consecutive pixels of consecutive passes.
+
+    Attributes
+    ----------
+    pixel, sample : (n,) uint64
+        Number in the image, and of the pass.
+    origins, directions : (n, 3) float64
+    """
 
     pixel: UIntArray
+    sample: UIntArray
     origins: FloatArray
     directions: FloatArray
 
@@ -52,40 +62,31 @@ class Integrator(ABC):
     def __init__(self, context: RenderContext) -> None:
         self.context = context
 
-    def render_pass(
-        self, pass_number: int, on_rays: Callable[[int], None] | None = None
-    ) -> FloatArray:
-        """Return the radiance of one sample per pixel, (height, width, 3) float64.
+    def trace(self, passes: range, first: int, stop: int) -> FloatArray:
+        """Return the radiance (stop - first, 3) of a run of camera rays.
 
-        ``on_rays`` hears after each block how many camera rays of the pass are done.
+        They count through the pixels of the first pass, then those of the second, and so on.
         """
-        camera = self.context.scene.camera
-        image = np.empty((camera.height * camera.width, 3))
-        for block in self._camera_blocks(pass_number):
-            first = int(block.pixel[0])
-            image[first : first + block.pixel.size] = self._radiance(block, pass_number)
-            if on_rays is not None:
-                on_rays(first + block.pixel.size)
-        return image.reshape(camera.height, camera.width, 3)
+        return self._radiance(self._camera_rays(passes, first, stop))
 
     @abstractmethod
-    def _radiance(self, block: CameraBlock, pass_number: int) -> FloatArray:
+    def _radiance(self, block: CameraBlock) -> FloatArray:
         """Return the radiance (n, 3) that each camera ray brings."""
 
-    def _camera_blocks(self, pass_number: int) -> Iterator[CameraBlock]:
+    def _camera_rays(self, passes: range, first: int, stop: int) -> CameraBlock:
         camera, sampler = self.context.scene.camera, self.context.sampler
-        n_pixels = camera.height * camera.width
-        for first in range(0, n_pixels, BLOCK):
-            with self.context.ledger.stage("camera rays"):
-                pixel = np.arange(first, min(first + BLOCK, n_pixels), dtype=np.uint64)
-                place = sampler.points(pixel, PIXEL_DIMENSION, pass_number)
-                lens = None
-                if self.context.plan["lens samples"]:
-                    lens = sampler.points(pixel, LENS_DIMENSION, pass_number)
-                row, column = np.divmod(pixel.astype(np.int64), camera.width)
-                origins, directions = camera.rays(column + place[:, 0], row + place[:, 1], lens)
-            self.context.ledger.rays["camera"] += pixel.size
-            yield CameraBlock(pixel, origins, directions)
+        with self.context.ledger.stage("camera rays"):
+            number = np.arange(first, stop, dtype=np.uint64)
+            sample, pixel = np.divmod(number, np.uint64(camera.height * camera.width))
+            sample += np.uint64(passes.start)
+            place = sampler.points(pixel, PIXEL_DIMENSION, sample)
+            lens = None
+            if self.context.plan["lens samples"]:
+                lens = sampler.points(pixel, LENS_DIMENSION, sample)
+            row, column = np.divmod(pixel.astype(np.int64), camera.width)
+            origins, directions = camera.rays(column + place[:, 0], row + place[:, 1], lens)
+        self.context.ledger.rays["camera"] += pixel.size
+        return CameraBlock(pixel, sample, origins, directions)
 
     def _first_hits(
         self, origins: FloatArray, directions: FloatArray, source: HitRecord | None

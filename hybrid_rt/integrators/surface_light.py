@@ -2,18 +2,39 @@
 
 from __future__ import annotations
 
-from typing import Any
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from hybrid_rt.integrators.integrator import RenderContext
-from hybrid_rt.kernels.light import light_on_hits
-from hybrid_rt.kernels.lobes import sample_lobes
+from hybrid_rt.kernels.light import UNWEIGHTED, LightPoints, light_on_hits, light_on_rays
+from hybrid_rt.kernels.lobes import PHONG, sample_lobes
 from hybrid_rt.kernels.texture import lobe_colors
-from hybrid_rt.records import FloatArray, HitRecord, IntArray, Status
+from hybrid_rt.records import BoolArray, FloatArray, HitRecord, IntArray, Status
 from hybrid_rt.sampler import UIntArray
 from hybrid_rt.scene import NOTHING
+
+
+@dataclass(frozen=True)
+class Shading:
+    """Hits as shading needs them: where, on what, from where."""
+
+    hits: HitRecord
+    directions: FloatArray
+    material: IntArray
+    colors: FloatArray
+
+
+@dataclass(frozen=True)
+class _Question:
+    """What one light would send to some of the hits: rows, way there, value, end of the way."""
+
+    rows: NDArray[np.intp]
+    way: FloatArray
+    t_max: float
+    target_id: IntArray
+    value: FloatArray
 
 
 class SurfaceLight:
@@ -22,12 +43,21 @@ class SurfaceLight:
     Parameters
     ----------
     context : RenderContext
+    strategy : int
+        How light found in two ways is weighted: see `hybrid_rt.kernels.light`.
+    last_kind : int
+        Lobes that lights are asked for: see `hybrid_rt.kernels.lobes.scattered`.
     """
 
-    def __init__(self, context: RenderContext) -> None:
+    def __init__(
+        self, context: RenderContext, strategy: int = UNWEIGHTED, last_kind: int = PHONG
+    ) -> None:
         self._context = context
+        self._strategy, self._last_kind = strategy, last_kind
         self.n_slots = int(np.diff(context.scene.lobes.first).max(initial=0))
         self._constant_colors = self._colors_without_lookup()
+        chance = context.scene.lights.chance
+        self._before = np.cumsum(chance) / max(chance.sum(), 1e-300)
 
     def material(self, hits: HitRecord) -> IntArray:
         """Return the material of each hit; `NOTHING` for misses and for lights."""
@@ -47,6 +77,7 @@ class SurfaceLight:
             lobe_colors(
                 scene.textures,
                 scene.lobes.texture,
+                scene.color_factor,
                 scene.lobes.first,
                 material[i:j],
                 hits.u[i:j],
@@ -58,138 +89,211 @@ class SurfaceLight:
         self._context.pool.run(look_up, len(hits))
         return colors
 
-    def arriving(self, hits: HitRecord, directions: FloatArray) -> FloatArray:
-        """Return the radiance that rays run into, (n, 3): lights and what lies around the scene."""
-        scene = self._context.scene
+    def arriving(
+        self, hits: HitRecord, origins: FloatArray, directions: FloatArray, pdf: FloatArray
+    ) -> FloatArray:
+        """Return the radiance that rays run into, (n, 3): lights and what lies around the scene.
+
+        ``pdf`` (n,) is the density with which each direction was chosen, 0 where it had no choice;
+        what lights were asked for already counts less.
+        """
+        scene, plan = self._context.scene, self._context.plan
         radiance = np.zeros_like(directions)
-        if self._context.plan["visible lights"]:
-            light = scene.light_of[hits.object_id]
+        light = np.full(len(hits), NOTHING, dtype=np.int32)
+        if plan["visible lights"]:
             # A light's back is black.
-            rows = np.flatnonzero(hits.hit & (light != NOTHING) & hits.front_face)
-            radiance[rows] = scene.lights.strength[light[rows]]
+            light = np.where(hits.front_face, scene.light_of[hits.object_id], light)
         if scene.environment is not None:
-            missed = ~hits.hit
-            radiance[missed] = scene.environment.radiance(directions[missed])
+            light[~hits.hit] = scene.n_lights
+        rows = np.flatnonzero(light != NOTHING)
+        if rows.size == 0:
+            return radiance
+        met, found = hits[rows], np.empty((rows.size, 3))
+        light, pdf = light[rows], pdf[rows]
+        origins, directions = origins[rows], directions[rows]
+        pdf_area = self._pdf_area(met, light, pdf)
+
+        def weigh(i: int, j: int) -> None:
+            light_on_rays(
+                scene.lights,
+                scene.sky,
+                scene.textures,
+                light[i:j],
+                met.t[i:j],
+                met.u[i:j],
+                met.v[i:j],
+                met.position[i:j],
+                met.normal[i:j],
+                origins[i:j],
+                directions[i:j],
+                pdf[i:j],
+                pdf_area[i:j],
+                self._strategy,
+                found[i:j],
+            )
+
+        self._context.pool.run(weigh, rows.size)
+        radiance[rows] = found
         return radiance
 
-    def direct(
-        self,
-        hits: HitRecord,
-        directions: FloatArray,
-        material: IntArray,
-        colors: FloatArray,
-        pixel: UIntArray,
-        dimension: UIntArray,
-        pass_number: int,
+    def from_all(
+        self, shading: Shading, pixel: UIntArray, dimension: UIntArray, pass_number: UIntArray
     ) -> FloatArray:
-        """Return what lights and sky send through the spreading lobes, (n, 3).
+        """Return what lights and sky send through the spreading lobes, (n, 3): all are asked.
 
-        Every light is asked once per hit; hit i uses the dimensions ``dimension[i] + 0, 1, ...``,
-        one for each light and one for the sky.
+        Hit i uses the dimensions ``dimension[i] + 0, 1, ...``, one for each light and one for the
+        sky.
         """
-        context = self._context
-        total = np.zeros_like(directions)
+        context, n = self._context, len(shading.hits)
+        questions: list[_Question] = []
         if context.plan["light samples"]:
             for light in range(context.scene.n_lights):
                 xi = context.sampler.points(pixel, dimension + np.uint64(light), pass_number)
-                total += self._from_light(light, xi, hits, directions, material, colors)
+                light_id = np.full(n, light, dtype=np.int32)
+                questions += self._ask(shading, light_id, xi)
         if context.plan["sky samples"]:
             sky = np.uint64(context.scene.n_lights)
             xi = context.sampler.points(pixel, dimension + sky, pass_number)
-            total += self._from_sky(xi, hits, directions, material, colors)
-        return total
+            questions += self._ask_sky_by_lobes(shading, xi)
+        return self._answered(shading, questions)
 
-    def _from_light(
-        self,
-        light: int,
-        xi: FloatArray,
-        hits: HitRecord,
-        directions: FloatArray,
-        material: IntArray,
-        colors: FloatArray,
-    ) -> FloatArray:
-        scene = self._context.scene
-        to_light, value = np.empty_like(directions), np.empty_like(directions)
-        light_id = np.full(len(hits), light, dtype=np.int32)
+    def from_one(self, shading: Shading, xi: FloatArray) -> FloatArray:
+        """Return what lights and sky send through the spreading lobes, (n, 3): one is asked.
+
+        ``xi`` (n, 2) in [0, 1) chooses the light, by its chance, and a point of it.
+        """
+        light = np.zeros(len(shading.hits), dtype=np.int32)
+        if self._before.size > 1:
+            light = np.searchsorted(self._before, xi[:, 0], side="right").astype(np.int32)
+            np.minimum(light, self._last_light, out=light)
+            chance = self._context.scene.lights.chance
+            before = self._before - chance
+            # What is left of the number is even in [0, 1) again.
+            rest = np.clip((xi[:, 0] - before[light]) / chance[light], 0.0, np.nextafter(1.0, 0.0))
+            xi = np.stack([rest, xi[:, 1]], axis=1)
+        return self._answered(shading, self._ask(shading, light, xi))
+
+    @property
+    def _last_light(self) -> np.int32:
+        return np.int32(np.flatnonzero(self._context.scene.lights.chance)[-1])
+
+    def _ask(self, shading: Shading, light_id: IntArray, xi: FloatArray) -> list[_Question]:
+        """Ask one light per hit; sky and lights end at different lengths of their ways."""
+        scene, hits = self._context.scene, shading.hits
+        to_light, value = np.empty_like(shading.directions), np.empty_like(shading.directions)
+        points = self._points(light_id, xi)
 
         def ask(i: int, j: int) -> None:
             light_on_hits(
                 scene.lights,
+                scene.sky,
+                scene.textures,
+                LightPoints(*(column[i:j] for column in points)),
                 light_id[i:j],
                 scene.lobes,
-                material[i:j],
-                colors[i:j],
+                shading.material[i:j],
+                shading.colors[i:j],
                 hits.position[i:j],
                 hits.normal[i:j],
-                directions[i:j],
+                shading.directions[i:j],
                 xi[i:j],
+                self._strategy,
+                self._last_kind,
                 to_light[i:j],
                 value[i:j],
             )
 
         self._context.pool.run(ask, len(hits))
-        rows = np.flatnonzero(largest_channel(value) > 0.0)
-        source, way = hits[rows], to_light.take(rows, axis=0)
-        target = None
-        if scene.surface_of_light[light] != NOTHING:
-            surface_id = int(scene.surface_of_light[light])
-            surface = scene.surfaces[surface_id]
-            target = _points_on(surface, surface_id, xi.take(rows, axis=0), source.position + way)
-        return self._unless_blocked(value, rows, source, way, 1.0, target)
+        return _split(
+            largest_channel(value) > 0.0, light_id, to_light, value, scene.surface_of_light
+        )
 
-    def _from_sky(
-        self,
-        xi: FloatArray,
-        hits: HitRecord,
-        directions: FloatArray,
-        material: IntArray,
-        colors: FloatArray,
-    ) -> FloatArray:
-        scene = self._context.scene
-        wi, value = np.empty_like(directions), np.empty_like(directions)
+    def _ask_sky_by_lobes(self, shading: Shading, xi: FloatArray) -> list[_Question]:
+        """Ask the sky in a direction chosen by the lobes: best where it hardly varies."""
+        scene, hits = self._context.scene, shading.hits
+        wi, value = np.empty_like(shading.directions), np.empty_like(shading.directions)
+        pdf = np.empty(len(hits))
 
         def choose(i: int, j: int) -> None:
             sample_lobes(
                 scene.lobes,
-                material[i:j],
-                colors[i:j],
+                shading.material[i:j],
+                shading.colors[i:j],
                 hits.normal[i:j],
-                directions[i:j],
+                shading.directions[i:j],
                 xi[i:j],
+                self._last_kind,
                 wi[i:j],
                 value[i:j],
+                pdf[i:j],
             )
 
         self._context.pool.run(choose, len(hits))
         rows = np.flatnonzero(largest_channel(value) > 0.0)
         way = wi.take(rows, axis=0)
         assert scene.environment is not None
-        value[rows] *= scene.environment.radiance(way)
-        return self._unless_blocked(value, rows, hits[rows], way, np.inf, None)
+        value = value.take(rows, axis=0) * scene.environment.radiance(way)
+        nowhere = np.full(rows.size, NOTHING, dtype=np.int32)
+        return [_Question(rows, way, np.inf, nowhere, value)]
 
-    def _unless_blocked(
-        self,
-        value: FloatArray,
-        rows: NDArray[np.intp],
-        source: HitRecord,
-        way: FloatArray,
-        t_max: float,
-        target: HitRecord | None,
-    ) -> FloatArray:
-        """Return ``value`` where the way to the light is free and zero elsewhere.
-
-        ``rows`` are those that are not zero anyway; the other arguments have one row for each.
-        """
+    def _answered(self, shading: Shading, questions: list[_Question]) -> FloatArray:
+        """Add up what is asked where nothing stands in the way, all shadow rays in one batch."""
         context = self._context
-        if rows.size == 0:
-            return value
+        total = np.zeros_like(shading.directions)
+        questions = [question for question in questions if question.rows.size]
+        if not questions:
+            return total
+        rows = _joined([question.rows for question in questions])
+        way = _joined([question.way for question in questions])
+        value = _joined([question.value for question in questions])
+        target_id = _joined([question.target_id for question in questions])
+        t_max = np.repeat([q.t_max for q in questions], [q.rows.size for q in questions])
         context.ledger.rays["shadow"] += rows.size
+        position = shading.hits.position.take(rows, axis=0)
+        source = named_points(shading.hits.object_id[rows], position)
+        target = None
+        if (target_id != NOTHING).any():
+            target = named_points(target_id, position + way)
         with context.ledger.stage("shadow rays"):
-            blocked = context.tracer.occluded(
-                source.position, way, t_max, source=source, target=target
-            )
-        value[rows[blocked]] = 0.0
-        return value
+            blocked = context.tracer.occluded(position, way, t_max, source=source, target=target)
+        value[blocked] = 0.0
+        first = 0
+        for question in questions:
+            total[question.rows] += value[first : first + question.rows.size]
+            first += question.rows.size
+        return total
+
+    def _points(self, light_id: IntArray, xi: FloatArray) -> LightPoints:
+        """Choose points on the surfaces among the lights."""
+        shining = self._context.scene.shining
+        n = light_id.size if shining else 0
+        points = LightPoints(
+            np.zeros((n, 3)), np.zeros((n, 3)), np.zeros(n), np.zeros(n), np.zeros(n)
+        )
+        for light, chooser in shining.items():
+            rows = np.flatnonzero(light_id == light)
+            if rows.size == 0:
+                continue
+            patch, u, v = chooser.choose(xi[rows])
+            points.position[rows] = chooser.surface.point(u, v, patch)
+            points.normal[rows] = chooser.surface.normal(u, v, patch)
+            points.pdf_area[rows] = chooser.pdf_area(patch, u, v)
+            points.u[rows], points.v[rows] = u, v
+        return points
+
+    def _pdf_area(self, met: HitRecord, light: IntArray, pdf: FloatArray) -> FloatArray:
+        """Return the density per area of points met on surfaces among the lights."""
+        shining = self._context.scene.shining
+        density = np.zeros(light.size if shining else 0)
+        if self._strategy == UNWEIGHTED:
+            return density
+        for number, chooser in shining.items():
+            rows = np.flatnonzero((light == number) & (pdf > 0.0))
+            if rows.size:
+                density[rows] = chooser.pdf_area(
+                    met.patch_id[rows].astype(np.int64), met.u[rows], met.v[rows]
+                )
+        return density
 
     def _colors_without_lookup(self) -> FloatArray | None:
         if self._context.plan["texture lookups"]:
@@ -199,8 +303,9 @@ class SurfaceLight:
         # One row at least: a scene without objects still looks its colours up.
         colors = np.zeros((max(first.size - 1, 1), self.n_slots, 3))
         for material in range(first.size - 1):
-            textures = scene.lobes.texture[first[material] : first[material + 1]]
-            colors[material, : textures.size] = scene.textures.number[textures, :3]
+            rows = slice(first[material], first[material + 1])
+            color = scene.textures.number[scene.lobes.texture[rows], :3]
+            colors[material, : color.shape[0]] = scene.color_factor[rows, None] * color
         return colors
 
 
@@ -210,20 +315,48 @@ def largest_channel(color: FloatArray) -> FloatArray:
     return largest
 
 
-def _points_on(surface: Any, surface_id: int, xi: FloatArray, points: FloatArray) -> HitRecord:
-    """Name points of a light's surface, so that a shadow ray may end there."""
-    n = points.shape[0]
+def named_points(object_id: IntArray, position: FloatArray) -> HitRecord:
+    """Return a record that names points, for rays that leave from them or end there."""
+    n = object_id.size
+    zeros = np.broadcast_to(0.0, (n,))
     return HitRecord(
-        t=np.ones(n),
-        object_id=np.full(n, surface_id, dtype=np.int32),
-        patch_id=np.zeros(n, dtype=np.int32),
-        u=np.ascontiguousarray(xi[:, 0]),
-        v=np.ascontiguousarray(xi[:, 1]),
-        position=points,
-        normal=surface.normal(xi[:, 0], xi[:, 1]),
-        front_face=np.ones(n, dtype=bool),
-        status=np.full(n, Status.HIT, dtype=np.uint8),
-        flags=np.zeros(n, dtype=np.uint8),
-        t_bound=np.zeros(n),
-        residual=np.zeros(n),
+        t=zeros,
+        object_id=object_id,
+        patch_id=np.broadcast_to(np.int32(0), (n,)),
+        u=zeros,
+        v=zeros,
+        position=position,
+        normal=np.broadcast_to(0.0, (n, 3)),
+        front_face=np.broadcast_to(True, (n,)),
+        status=np.broadcast_to(np.uint8(Status.HIT), (n,)),
+        flags=np.broadcast_to(np.uint8(0), (n,)),
+        t_bound=zeros,
+        residual=zeros,
     )
+
+
+def _split(
+    shines: BoolArray,
+    light_id: IntArray,
+    to_light: FloatArray,
+    value: FloatArray,
+    surface_of_light: IntArray,
+) -> list[_Question]:
+    """Part ways to lights, which end there, from ways to the sky, which do not end."""
+    questions = []
+    is_sky = light_id == surface_of_light.size
+    for chosen, t_max in ((shines & ~is_sky, 1.0), (shines & is_sky, np.inf)):
+        rows = np.flatnonzero(chosen)
+        if rows.size == 0:
+            continue
+        if t_max == 1.0:
+            target_id = surface_of_light[light_id[rows]]
+        else:
+            target_id = np.full(rows.size, NOTHING, dtype=np.int32)
+        way = to_light.take(rows, axis=0)
+        questions.append(_Question(rows, way, t_max, target_id, value.take(rows, axis=0)))
+    return questions
+
+
+def _joined(parts: list[NDArray[np.generic]]) -> NDArray:  # type: ignore[type-arg]
+    return parts[0] if len(parts) == 1 else np.concatenate(parts)

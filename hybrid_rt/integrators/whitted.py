@@ -22,10 +22,12 @@ from hybrid_rt.integrators.integrator import (
     Integrator,
     RenderContext,
 )
-from hybrid_rt.integrators.surface_light import SurfaceLight, largest_channel
+from hybrid_rt.integrators.start_media import media_at
+from hybrid_rt.integrators.surface_light import Shading, SurfaceLight, largest_channel
 from hybrid_rt.kernels.film import add_to_pixels
 from hybrid_rt.kernels.fresnel import mirror_directions, split_at_glass
-from hybrid_rt.kernels.lobes import DIELECTRIC, MIRROR, LobeTable
+from hybrid_rt.kernels.lobes import DIELECTRIC, METAL, MIRROR, sample_lobes
+from hybrid_rt.kernels.media import IOR, SCHLICK, STACK, cross_media, media_beyond
 from hybrid_rt.records import BoolArray, FloatArray, HitRecord, IntArray
 from hybrid_rt.sampler import UIntArray
 from hybrid_rt.scene import NOTHING
@@ -50,8 +52,8 @@ class Branches:
         Directions are unit vectors.
     throughput : (n, 3) float64
         What one unit of radiance on this ray adds to its pixel.
-    medium : (n,) int32
-        Lobe of the dielectric that the ray runs in; `NOTHING` in empty space.
+    media : (n, STACK) int32
+        Dielectrics that the ray is in; (n, 0) where the scene has none.
     source : HitRecord or None
         Where the rays start; None at the camera.
     """
@@ -62,7 +64,7 @@ class Branches:
     origins: FloatArray
     directions: FloatArray
     throughput: FloatArray
-    medium: IntArray
+    media: IntArray
     source: HitRecord | None
 
     def __len__(self) -> int:
@@ -83,20 +85,17 @@ class Whitted(Integrator):
         super().__init__(context)
         self._light = SurfaceLight(context)
         lobes = context.scene.lobes
-        # The dielectric of each material, if it has one: its inside is what absorbs.
-        self._glass_of = np.full(lobes.first.size - 1, NOTHING, dtype=np.int32)
-        for row in np.flatnonzero(lobes.kind == DIELECTRIC):
-            self._glass_of[np.searchsorted(lobes.first, row, side="right") - 1] = row
+        self._camera_media = media_at(context) if context.plan["medium stack"] else []
         # Kind of the n-th lobe of each material, and a last row for what has none (`NOTHING`).
         self._kinds_in_slot = np.full((self._light.n_slots, lobes.first.size), NOTHING)
         for material, (first, stop) in enumerate(pairwise(lobes.first)):
             self._kinds_in_slot[: stop - first, material] = lobes.kind[first:stop]
 
-    def _radiance(self, block: CameraBlock, pass_number: int) -> FloatArray:
+    def _radiance(self, block: CameraBlock) -> FloatArray:
         radiance = np.zeros_like(block.directions)
         # Depth first over batches, breadth first within one: few batches wait at each depth, so
         # memory stays bounded however often glass splits the rays.
-        waiting = [_leaving_camera(block)]
+        waiting = [self._leaving_camera(block)]
         while waiting:
             rays = waiting.pop()
             # --- where the rays arrive
@@ -104,107 +103,180 @@ class Whitted(Integrator):
             with self.context.ledger.stage("shade"):
                 material = self._light.material(hits)
                 # --- what the way there absorbed
-                medium = self._medium(rays, hits, material)
-                throughput = self._after_absorption(rays.throughput, medium, hits.t)
+                self._absorb(rays, hits, material)
                 # --- light they ran into
-                gathered = throughput * self._light.arriving(hits, rays.directions)
+                no_choice = np.zeros(len(rays))
+                gathered = rays.throughput * self._light.arriving(
+                    hits, rays.origins, rays.directions, no_choice
+                )
                 # --- light we reach for
+                met = np.flatnonzero(material != NOTHING)
+                hit_rays, hits, material = rays[met], hits[met], material[met]
                 colors = self._light.colors(material, hits)
-                gathered += throughput * self._light.direct(
-                    hits,
-                    rays.directions,
-                    material,
-                    colors,
-                    block.pixel[rays.camera_ray],
-                    self._dimension(rays.node),
-                    pass_number,
+                shading = Shading(hits, hit_rays.directions, material, colors)
+                gathered[met] += hit_rays.throughput * self._light.from_all(
+                    shading,
+                    block.pixel[hit_rays.camera_ray],
+                    self._dimension(hit_rays.node),
+                    block.sample[hit_rays.camera_ray],
                 )
                 add_to_pixels(rays.camera_ray, gathered, radiance)
                 # --- where they go next
-                met = _Meeting(rays, hits, material, colors, throughput, medium)
-                onward = self._onward(met)
+                onward = self._onward(_Meeting(hit_rays, shading), block)
             waiting.extend(onward)
         return radiance
 
-    def _medium(self, rays: Branches, hits: HitRecord, material: IntArray) -> IntArray:
-        """Return the lobe of the dielectric that each ray has just crossed.
-
-        Whoever meets a dielectric from within has crossed it, wherever the ray began; so a camera
-        may stand inside glass. Otherwise it is what the ray set out into.
-        """
-        if not self.context.plan["absorption"]:
-            return rays.medium
-        glass = np.where(material != NOTHING, self._glass_of[material], NOTHING)
-        return np.where(~hits.front_face & (glass != NOTHING), glass, rays.medium)
-
-    def _after_absorption(
-        self, throughput: FloatArray, medium: IntArray, length: FloatArray
-    ) -> FloatArray:
-        """Weaken throughput by Beer and Lambert's law over the way just gone."""
-        if not self.context.plan["absorption"]:
-            return throughput
-        result = throughput.copy()
-        rows = np.flatnonzero(medium != NOTHING)
-        density = self.context.scene.lobes.number[medium[rows], 2:5]
-        # A ray that never leaves clear glass is not weakened: 0 x inf is 0 here.
-        depth = (
-            np.where(density > 0.0, density, 0.0)
-            * np.minimum(length[rows], np.finfo(np.float64).max)[:, None]
+    def _leaving_camera(self, block: CameraBlock) -> Branches:
+        n = block.pixel.size
+        media = np.full(
+            (n, STACK if self.context.plan["medium stack"] else 0), NOTHING, dtype=np.int32
         )
-        result[rows] *= np.exp(-depth)
-        return result
+        media[:, : len(self._camera_media)] = self._camera_media
+        return Branches(
+            depth=0,
+            camera_ray=np.arange(n),
+            node=np.ones(n, dtype=np.uint64),
+            origins=block.origins,
+            directions=block.directions,
+            throughput=np.ones((n, 3)),
+            media=media,
+            source=None,
+        )
+
+    def _absorb(self, rays: Branches, hits: HitRecord, material: IntArray) -> None:
+        """Weaken throughput by Beer and Lambert's law over the way just gone."""
+        if not self.context.plan["medium stack"]:
+            return
+        scene = self.context.scene
+        cross_media(
+            rays.media,
+            scene.lobes,
+            scene.glass_of,
+            material,
+            hits.front_face,
+            hits.t,
+            rays.throughput,
+        )
 
     def _dimension(self, node: UIntArray) -> UIntArray:
-        """Return the first of the dimensions that belong to each branch: one per light, and sky."""
-        per_node = np.uint64(self.context.scene.n_lights + 1)
+        """Return the first of each branch's dimensions: one per light, sky, and one per lobe."""
+        per_node = np.uint64(self.context.scene.n_lights + 1 + self._light.n_slots)
         return np.uint64(FIRST_PATH_DIMENSION) + node * per_node
 
-    def _onward(self, met: _Meeting) -> list[Branches]:
+    def _onward(self, met: _Meeting, block: CameraBlock) -> list[Branches]:
         """Return the mirrored and refracted rays, in batches of bounded size."""
         parts: list[_Part] = []
-        lobes, plan = self.context.scene.lobes, self.context.plan
+        plan = self.context.plan
         for slot, kinds in enumerate(self._kinds_in_slot):
+            kind = kinds[met.shading.material]
             if plan["mirror rays"]:
-                rows = np.flatnonzero(kinds[met.material] == MIRROR)
-                parts.append(_mirrored(met, rows, 2 * slot, met.colors[rows, slot]))
+                rows = np.flatnonzero(kind == MIRROR)
+                parts.append(_mirrored(met, rows, 2 * slot, met.shading.colors[rows, slot]))
+                rows = np.flatnonzero(kind == METAL)
+                if rows.size:
+                    parts.append(self._spread_by_metal(met, rows, slot, block))
             if plan["glass rays"]:
-                rows = np.flatnonzero(kinds[met.material] == DIELECTRIC)
-                parts += _at_glass(met, rows, slot, lobes)
+                rows = np.flatnonzero(kind == DIELECTRIC)
+                parts += self._at_glass(met, rows, slot)
         if not parts:
             return []
         return _in_batches(self._joined(met, parts))
+
+    def _spread_by_metal(
+        self, met: _Meeting, rows: NDArray[np.intp], slot: int, block: CameraBlock
+    ) -> _Part:
+        """Send rays on about the mirror direction, one for each."""
+        lobes, shading = self.context.scene.lobes, met.shading
+        rays = met.rays[rows]
+        first = np.uint64(self.context.scene.n_lights + 1 + slot)
+        xi = self.context.sampler.points(
+            block.pixel[rays.camera_ray],
+            self._dimension(rays.node) + first,
+            block.sample[rays.camera_ray],
+        )
+        # Only this lobe of the material: as a table of its own.
+        lobe = lobes.first[shading.material[rows]] + np.int32(slot)
+        alone = lobes._replace(first=np.arange(lobes.kind.size + 1, dtype=np.int32))
+        colors = np.ascontiguousarray(shading.colors[rows, slot][:, None])
+        n = rows.size
+        directions, value, pdf = np.empty((n, 3)), np.empty((n, 3)), np.empty(n)
+        sample_lobes(
+            alone, lobe, colors, shading.hits.normal[rows], rays.directions, xi, METAL,
+            directions, value, pdf,
+        )  # fmt: skip
+        goes = pdf > 0.0
+        return _Part(
+            rows[goes],
+            2 * slot,
+            directions[goes],
+            (rays.throughput * value)[goes],
+            rays.media[goes],
+        )
+
+    def _at_glass(self, met: _Meeting, rows: NDArray[np.intp], slot: int) -> list[_Part]:
+        """Split rays at a dielectric: one part goes back, the other passes the surface."""
+        lobes, shading = self.context.scene.lobes, met.shading
+        lobe = lobes.first[shading.material[rows]] + np.int32(slot)
+        n = rows.size
+        reflectance, refracted, eta = np.empty(n), np.empty((n, 3)), np.empty(n)
+        beyond = met.rays.media[rows]
+        media_beyond(lobes, lobe, beyond, shading.hits.front_face[rows], eta)
+        is_hidden = eta == 0.0
+        eta[is_hidden] = 1.0
+        split_at_glass(
+            shading.directions[rows], shading.hits.normal[rows], eta,
+            np.ascontiguousarray(lobes.number[lobe, SCHLICK]), reflectance, refracted,
+        )  # fmt: skip
+        weight = lobes.weight[lobe]
+        tint = np.where(is_hidden[:, None], 1.0, shading.colors[rows, slot])
+        back = _mirrored(met, rows, 2 * slot, (weight * reflectance)[:, None])
+        passes = reflectance < 1.0
+        # Radiance over the index squared is what stays the same across the surface.
+        share = (weight * (1.0 - reflectance) / eta**2)[:, None] * tint
+        through = _Part(
+            rows[passes],
+            2 * slot + 1,
+            refracted[passes],
+            (met.rays.throughput[rows] * share)[passes],
+            beyond[passes],
+        )
+        return [back, through]
 
     def _joined(self, met: _Meeting, parts: list[_Part]) -> Branches:
         """Put the branches that go on into the order of their parents."""
         parent = np.concatenate([part.parent for part in parts])
         choice = np.repeat([part.choice for part in parts], [part.parent.size for part in parts])
         throughput = np.concatenate([part.throughput for part in parts])
-        medium = np.concatenate([part.medium for part in parts])
+        media = np.concatenate([part.media for part in parts])
         depth = met.rays.depth + 1
-        going = np.flatnonzero(self._goes_on(throughput, medium, depth))
+        going = np.flatnonzero(self._goes_on(throughput, media, depth))
         order = going[np.argsort(parent[going], kind="stable")]
         parent, choice = parent[order], choice[order].astype(np.uint64)
         is_refracted = choice % np.uint64(2) == 1
         n_refracted = int(np.count_nonzero(is_refracted))
         self.context.ledger.rays["refracted"] += n_refracted
         self.context.ledger.rays["reflected"] += order.size - n_refracted
+        hits = met.shading.hits
         return Branches(
             depth=depth,
             camera_ray=met.rays.camera_ray[parent],
             node=met.rays.node[parent] * np.uint64(2 * self._light.n_slots) + choice,
-            origins=met.hits.position.take(parent, axis=0),
+            origins=hits.position.take(parent, axis=0),
             directions=np.concatenate([part.directions for part in parts]).take(order, axis=0),
             throughput=throughput.take(order, axis=0),
-            medium=medium[order],
-            source=met.hits[parent],
+            media=media.take(order, axis=0),
+            source=hits[parent],
         )
 
-    def _goes_on(self, throughput: FloatArray, medium: IntArray, depth: int) -> BoolArray:
+    def _goes_on(self, throughput: FloatArray, media: IntArray, depth: int) -> BoolArray:
         """Tell which branches are followed; count the others and what they might have carried."""
-        ledger, ior = self.context.ledger, self.context.scene.lobes.number[:, 0]
+        ledger, ior = self.context.ledger, self.context.scene.lobes.number[:, IOR]
         weight = largest_channel(throughput)
-        # Within glass radiance counts by its index squared, which is given back on the way out.
-        weight = np.where(medium != NOTHING, weight * ior[medium] ** 2, weight)
+        if media.shape[1]:
+            # Within glass radiance counts by its index squared, given back on the way out. The
+            # largest index of all bodies around is enough to decide what is faint.
+            index = np.where(media != NOTHING, ior[media], 1.0).max(axis=1)
+            weight = weight * np.maximum(index, 1.0) ** 2
         is_faint = weight < LEAST_CONTRIBUTION
         is_deep = ~is_faint & (depth > self.context.max_depth)
         ends = is_faint | is_deep
@@ -216,14 +288,10 @@ class Whitted(Integrator):
 
 @dataclass(frozen=True)
 class _Meeting:
-    """Rays on arrival: where, on what, and what they carry."""
+    """Rays on arrival at an object, and where."""
 
     rays: Branches
-    hits: HitRecord
-    material: IntArray
-    colors: FloatArray
-    throughput: FloatArray
-    medium: IntArray
+    shading: Shading
 
 
 @dataclass(frozen=True)
@@ -234,50 +302,13 @@ class _Part:
     choice: int
     directions: FloatArray
     throughput: FloatArray
-    medium: IntArray
-
-
-def _leaving_camera(block: CameraBlock) -> Branches:
-    n = block.pixel.size
-    return Branches(
-        depth=0,
-        camera_ray=np.arange(n),
-        node=np.ones(n, dtype=np.uint64),
-        origins=block.origins,
-        directions=block.directions,
-        throughput=np.ones((n, 3)),
-        medium=np.full(n, NOTHING, dtype=np.int32),
-        source=None,
-    )
+    media: IntArray
 
 
 def _mirrored(met: _Meeting, rows: NDArray[np.intp], choice: int, color: FloatArray) -> _Part:
     directions = np.empty((rows.size, 3))
-    mirror_directions(met.rays.directions[rows], met.hits.normal[rows], directions)
-    return _Part(rows, choice, directions, met.throughput[rows] * color, met.medium[rows])
-
-
-def _at_glass(met: _Meeting, rows: NDArray[np.intp], slot: int, lobes: LobeTable) -> list[_Part]:
-    """Split rays at a dielectric: one part goes back, the other passes the surface."""
-    lobe = lobes.first[met.material[rows]] + np.int32(slot)
-    numbers, tint = lobes.number[lobe], met.colors[rows, slot]
-    n = rows.size
-    reflectance, refracted, eta = np.empty(n), np.empty((n, 3)), np.empty(n)
-    incoming, normal = met.rays.directions[rows], met.hits.normal[rows]
-    ior, use_schlick = np.ascontiguousarray(numbers[:, 0]), np.ascontiguousarray(numbers[:, 1])
-    split_at_glass(incoming, normal, ior, use_schlick, reflectance, refracted, eta)
-    back = _mirrored(met, rows, 2 * slot, reflectance[:, None])
-    passes = reflectance < 1.0
-    # Radiance over the index squared is what stays the same across the surface.
-    share = ((1.0 - reflectance) / eta**2)[:, None] * tint
-    through = _Part(
-        rows[passes],
-        2 * slot + 1,
-        refracted[passes],
-        (met.throughput[rows] * share)[passes],
-        np.where(met.hits.front_face[rows], lobe, NOTHING)[passes],
-    )
-    return [back, through]
+    mirror_directions(met.shading.directions[rows], met.shading.hits.normal[rows], directions)
+    return _Part(rows, choice, directions, met.rays.throughput[rows] * color, met.rays.media[rows])
 
 
 def _in_batches(rays: Branches) -> list[Branches]:

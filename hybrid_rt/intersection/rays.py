@@ -3,17 +3,21 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
+from hybrid_rt.kernels import rays as kernels
 from hybrid_rt.kernels.nearest import Rays
 from hybrid_rt.records import FloatArray, HitRecord
+
+IdArray = NDArray[np.int64]
 
 # A point named by a hit record lies on its surface up to the rounding of three coordinates, and
 # the ray's origin may have been rounded once more on its way: 4 ulp in all, as a length.
 POINT_ROUNDING = 8 * 2.0**-53
+# Farther from the ray than this the caller means another point.
+FARTHEST = 64 * 2.0**-52
 # Coordinates up to here leave room for the squares of their differences.
 LARGEST = 1e150
 
@@ -53,18 +57,14 @@ def make_batch(
     n = len(origin)
     if len(direction) != n:
         raise ValueError(f"{n} origins but {len(direction)} directions: pass one of each per ray")
-    _refuse(~np.isfinite(origin).all(axis=1), origin, "origins", "is not finite")
-    _refuse((np.abs(origin) > LARGEST).any(axis=1), origin, "origins", "is too far out")
-    _refuse(~np.isfinite(direction).all(axis=1), direction, "directions", "is not finite")
-    largest = np.abs(direction).max(axis=1, initial=0.0)
-    _refuse(largest == 0.0, direction, "directions", "has length zero")
-    # A power of two, so that nothing is rounded: the largest component comes into [1/2, 1).
-    exponent = np.frexp(largest)[1]
-    unit = np.ldexp(1.0, -exponent)
-    direction = np.ldexp(direction, -exponent[:, None])
+    scaled, unit = np.empty_like(direction), np.empty(n)
+    first_bad, n_bad = np.full(4, -1), np.zeros(4, np.int64)
+    kernels.scale_rays(origin, direction, scaled, unit, LARGEST, first_bad, n_bad)
+    if n_bad.any():
+        _refuse(origin, direction, first_bad, n_bad)
     lowest, highest = _limit(t_min, "t_min", n) / unit, _limit(t_max, "t_max", n) / unit
-    known = _known(origin, direction, source, target, reach)
-    return Batch(Rays(origin, direction, lowest, known), highest, unit)
+    known = _known(origin, scaled, source, target, reach)
+    return Batch(Rays(origin, scaled, lowest, known), highest, unit)
 
 
 def _vectors(values: ArrayLike, name: str) -> FloatArray:
@@ -89,13 +89,15 @@ def _limit(value: ArrayLike, name: str, n: int) -> FloatArray:
     return np.ascontiguousarray(np.broadcast_to(array, (n,)))
 
 
-def _refuse(bad: Any, rows: FloatArray, name: str, what: str) -> None:
-    if bad.any():
-        i = int(bad.argmax())
-        raise ValueError(
-            f"{name}[{i}] = {rows[i].tolist()} {what} ({int(bad.sum())} such ray(s)): "
-            "leave such rays out"
-        )
+def _refuse(origin: FloatArray, direction: FloatArray, first_bad: IdArray, n_bad: IdArray) -> None:
+    what = int(np.flatnonzero(n_bad)[0])
+    is_origin = what < kernels.DIRECTION_NOT_FINITE
+    name, rows = ("origins", origin) if is_origin else ("directions", direction)
+    i = int(first_bad[what])
+    raise ValueError(
+        f"{name}[{i}] = {rows[i].tolist()} {kernels.COMPLAINTS[what]} ({n_bad[what]} such ray(s)): "
+        "leave such rays out"
+    )
 
 
 def _known(
@@ -109,11 +111,10 @@ def _known(
     n = len(origin)
     if source is None and target is None:
         return np.empty((0, 4))
-    known = np.zeros((n, 4))
-    known[:, [1, 3]] = -1.0
-    squared = np.einsum("ij,ij->i", direction, direction)
+    known = np.empty((n, 4))
     for column, record, name in ((0, source, "source"), (2, target, "target")):
         if record is None:
+            known[:, column : column + 2] = 0.0, -1.0
             continue
         if record.object_id.max(initial=-1) >= len(reach):
             raise ValueError(
@@ -125,13 +126,15 @@ def _known(
                 f"{name} has {len(record)} rows for {n} rays: pass one row per ray, "
                 f"for instance {name}=hits[mask]"
             )
-        rows = np.flatnonzero(record.hit)
-        away = record.position[rows] - origin[rows]
-        t = np.einsum("ij,ij->i", away, direction[rows]) / squared[rows]
-        # The ray passes the point at this distance: rounding, if the caller means this point.
-        gap = np.abs(away - t[:, None] * direction[rows]).max(axis=1)
-        size = np.maximum(np.abs(record.position[rows]), np.abs(origin[rows])).max(axis=1)
-        size = np.maximum(size, reach[record.object_id[rows]])
-        known[rows, column] = t
-        known[rows, column + 1] = POINT_ROUNDING * size + np.minimum(gap, 64 * 2.0**-52 * size)
+        kernels.name_points(
+            origin,
+            direction,
+            np.ascontiguousarray(record.object_id),
+            np.ascontiguousarray(record.position),
+            reach,
+            column,
+            POINT_ROUNDING,
+            FARTHEST,
+            known,
+        )
     return known

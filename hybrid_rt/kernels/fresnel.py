@@ -36,6 +36,17 @@ def schlick(cos_i, eta):
     return at_normal + (1.0 - at_normal) * (1.0 - cosine) ** 5, cos_t
 
 
+@inner
+def refract(dx, dy, dz, nx, ny, nz, cos_i, cos_t, ratio):
+    """Bend a unit direction by Snell's law; n is on its side."""
+    if ratio == 1.0:
+        return dx, dy, dz
+    along = cos_i / ratio - cos_t
+    x, y, z = dx / ratio + along * nx, dy / ratio + along * ny, dz / ratio + along * nz
+    length = math.sqrt(x * x + y * y + z * z)
+    return x / length, y / length, z / length
+
+
 @kernel
 def mirror_directions(direction, normal, reflected):
     """Reflect unit directions (n, 3) at unit normals of either sign."""
@@ -50,32 +61,26 @@ def mirror_directions(direction, normal, reflected):
 
 
 @kernel
-def split_at_glass(direction, normal, ior, use_schlick, reflectance, refracted, eta):
+def split_at_glass(direction, normal, eta, use_schlick, reflectance, refracted):
     """Find the refracted direction and the reflectance of each ray at a dielectric.
 
-    ``normal`` points out of the glass of index ``ior``; the side the ray comes from tells whether
-    it enters. ``eta`` receives the index beyond over the index before. ``refracted`` is zero where
-    reflection is total.
+    ``normal`` may have either sign; ``eta`` is the index beyond the surface over the index before
+    it. ``refracted`` is zero where reflection is total.
     """
     for i in range(direction.shape[0]):
         dx, dy, dz = direction[i, 0], direction[i, 1], direction[i, 2]
         nx, ny, nz = normal[i, 0], normal[i, 1], normal[i, 2]
         cos_i = -(dx * nx + dy * ny + dz * nz)
-        ratio = ior[i]
+        ratio = eta[i]
         if cos_i < 0.0:
             cos_i, nx, ny, nz = -cos_i, -nx, -ny, -nz
-            ratio = 1.0 / ratio
         cos_i = min(cos_i, 1.0)
         if use_schlick[i] != 0.0:
             part, cos_t = schlick(cos_i, ratio)
         else:
             part, cos_t = fresnel(cos_i, ratio)
         reflectance[i] = part
-        eta[i] = ratio
         x = y = z = 0.0
         if part < 1.0:
-            along = cos_i / ratio - cos_t
-            x, y, z = dx / ratio + along * nx, dy / ratio + along * ny, dz / ratio + along * nz
-            length = math.sqrt(x * x + y * y + z * z)
-            x, y, z = x / length, y / length, z / length
+            x, y, z = refract(dx, dy, dz, nx, ny, nz, cos_i, cos_t, ratio)
         refracted[i, 0], refracted[i, 1], refracted[i, 2] = x, y, z

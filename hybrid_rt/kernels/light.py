@@ -1,22 +1,62 @@
-"""Light that reaches hits directly: a point of the light, and what the surface makes of it."""
+"""Light that reaches hits directly: a point of the light, and what the surface makes of it.
+
+Also light that a ray runs into by chance, and the weights that let both ways of finding the same
+light be added up: Veach and Guibas, "Optimally combining sampling techniques for Monte Carlo
+rendering", SIGGRAPH 1995.
+"""
 
 import math
 from typing import Any, NamedTuple
 
-from hybrid_rt.kernels.lobes import scattered
+from hybrid_rt.kernels.environment import sky_direction, sky_pdf, sky_radiance
+from hybrid_rt.kernels.lobes import onto_axis, scattered
+from hybrid_rt.kernels.texture import texture_color
 from meshing.kernels.jit import inner, kernel
 
-POINT, RECTANGLE = 0, 1
+POINT, RECTANGLE, SPHERE, SURFACE = 0, 1, 2, 3
+
+# How the two ways of finding a light are combined: both weighted by the power heuristic, or only
+# one of them. Without weights each way counts whole: for integrators that use one only.
+BOTH, LIGHT_ONLY, DIRECTION_ONLY, UNWEIGHTED = 0, 1, 2, 3
 
 
 class LightTable(NamedTuple):
-    """All lights of a scene; n rows."""
+    """All lights of a scene but the sky; n rows."""
 
     kind: Any  # (n,) int32
-    origin: Any  # (n, 3) float64, place of a point light, corner of a rectangle
-    edge_u: Any  # (n, 3) float64
+    origin: Any  # (n, 3) float64, place of a point light, corner of a rectangle, centre of a sphere
+    edge_u: Any  # (n, 3) float64; of a sphere: (radius, 0, 0)
     edge_v: Any  # (n, 3) float64
     strength: Any  # (n, 3) float64, intensity (W/sr) or radiance (W/sr/m^2)
+    texture: Any  # (n,) int32, row of a texture that takes the place of strength; -1: none
+    # (n + 1,) float64, probability of each light to be asked where one is; the last is the sky's.
+    chance: Any
+
+
+class LightPoints(NamedTuple):
+    """Points on surfaces that shine, chosen elsewhere; rows of other lights are not read."""
+
+    position: Any  # (n, 3) float64
+    normal: Any  # (n, 3) float64, unit
+    pdf_area: Any  # (n,) float64
+    u: Any  # (n,) float64
+    v: Any  # (n,) float64
+
+
+@inner
+def power_weight(pdf, other):
+    """Return the weight of a way of density ``pdf`` beside another (power heuristic)."""
+    if other <= 0.0:
+        return 1.0
+    ratio = other / pdf
+    return 1.0 / (1.0 + ratio * ratio)
+
+
+@inner
+def sphere_cone(radius, square):
+    """Return 1 - cos of the half angle under which a sphere is seen, from a squared distance."""
+    sine2 = radius * radius / square
+    return sine2 / (1.0 + math.sqrt(1.0 - sine2))
 
 
 @inner
@@ -24,14 +64,16 @@ def light_point(lights, row, px, py, pz, s, t):
     """Choose a point of a light by (s, t) in [0, 1)^2 and weigh what arrives from there.
 
     Returns the vector from p to the point, its length, and the factor on the light's strength
-    that gives the irradiance through a plane facing it: 1 / distance^2 for a point, and for a
-    rectangle cos_light area / distance^2, whose mean over (s, t) is exact. Zero behind the light.
+    that gives the irradiance through a plane facing it: 1 / distance^2 for a point; for a
+    rectangle cos_light area / distance^2 and for a sphere the solid angle, one over the density of
+    the direction, so that the mean over (s, t) is exact. Zero behind the light and inside spheres.
     """
     ax, ay, az = lights.edge_u[row, 0], lights.edge_u[row, 1], lights.edge_u[row, 2]
     bx, by, bz = lights.edge_v[row, 0], lights.edge_v[row, 1], lights.edge_v[row, 2]
-    x = lights.origin[row, 0] + s * ax + t * bx - px
-    y = lights.origin[row, 1] + s * ay + t * by - py
-    z = lights.origin[row, 2] + s * az + t * bz - pz
+    x, y, z = lights.origin[row, 0] - px, lights.origin[row, 1] - py, lights.origin[row, 2] - pz
+    if lights.kind[row] == SPHERE:
+        return _sphere_point(ax, x, y, z, s, t)
+    x, y, z = x + s * ax + t * bx, y + s * ay + t * by, z + s * az + t * bz
     square = x * x + y * y + z * z
     distance = math.sqrt(square)
     if square == 0.0:
@@ -44,23 +86,80 @@ def light_point(lights, row, px, py, pz, s, t):
     return x, y, z, distance, factor
 
 
+@inner
+def _sphere_point(radius, x, y, z, s, t):
+    """Choose a direction evenly in the cone that a sphere at (x, y, z) fills; see `light_point`."""
+    square = x * x + y * y + z * z
+    if square <= radius * radius:
+        return 0.0, 0.0, 0.0, 0.0, 0.0
+    distance = math.sqrt(square)
+    cone = sphere_cone(radius, square)
+    less = s * cone  # 1 - cos of the angle from the axis
+    sine2 = less * (2.0 - less)
+    wx, wy, wz = onto_axis(
+        x / distance, y / distance, z / distance,
+        1.0 - less, math.sqrt(max(sine2, 0.0)), 2.0 * math.pi * t,
+    )  # fmt: skip
+    # To the near side: the foot of the centre on the ray, less half the chord.
+    half = math.sqrt(max(radius * radius - square * sine2, 0.0))
+    along = distance * (1.0 - less) - half
+    qx, qy, qz = along * wx - x, along * wy - y, along * wz - z
+    # Rounding leaves the point a little off the sphere: back onto it.
+    scale = radius / math.sqrt(qx * qx + qy * qy + qz * qz)
+    qx, qy, qz = x + scale * qx, y + scale * qy, z + scale * qz
+    return qx, qy, qz, math.sqrt(qx * qx + qy * qy + qz * qz), 2.0 * math.pi * cone
+
+
+@inner
+def _surface_point(points, i, px, py, pz):
+    """Return what `light_point` does for a point chosen elsewhere."""
+    x, y, z = (
+        points.position[i, 0] - px,
+        points.position[i, 1] - py,
+        points.position[i, 2] - pz,
+    )
+    square = x * x + y * y + z * z
+    distance = math.sqrt(square)
+    facing = -(points.normal[i, 0] * x + points.normal[i, 1] * y + points.normal[i, 2] * z)
+    if facing <= 0.0 or points.pdf_area[i] <= 0.0:
+        return x, y, z, distance, 0.0
+    return x, y, z, distance, facing / (distance * square * points.pdf_area[i])
+
+
+@inner
+def _strength(lights, textures, row, u, v, x, y, z):
+    if lights.texture[row] < 0:
+        return lights.strength[row, 0], lights.strength[row, 1], lights.strength[row, 2]
+    return texture_color(textures, lights.texture[row], u, v, x, y, z)
+
+
 @kernel
 def light_on_hits(
-    lights, light_id, lobes, material, colors, position, normal, direction, xi, to_light, value
-):
+    lights, sky, textures, points, light_id, lobes, material, colors, position, normal, direction,
+    xi, strategy, last_kind, to_light, value,
+):  # fmt: skip
     """Ask one light per hit what it sends through the hit's spreading lobes.
 
     Parameters
     ----------
+    points : LightPoints of n rows
+        For rows that ask a `SURFACE`; may be empty where there is none.
     light_id, material : (n,) int32
-        The light that each row asks; the hit's material, negative for none.
+        The light that each row asks, the number of lights for the sky; the hit's material,
+        negative for none.
     colors : (n, lobes of a material at most, 3) float64
     position, normal, direction : (n, 3) float64
         Of the hit and of the ray that found it.
     xi : (n, 2) float64
         Two numbers in [0, 1) that choose the point of the light.
+    strategy : int
+        `UNWEIGHTED`: every light was asked. Otherwise one was, by its chance, and it may be found
+        by scattered rays as well.
+    last_kind : int
+        See `scattered`.
     to_light, value : (n, 3) float64, written
-        The way to that point, and the radiance sent on if nothing stands in it.
+        The way to that point (to the sky: a unit direction), and the radiance sent on if nothing
+        stands in it.
     """
     for i in range(light_id.size):
         to_light[i, 0] = to_light[i, 1] = to_light[i, 2] = 0.0
@@ -68,27 +167,115 @@ def light_on_hits(
         if material[i] < 0:
             continue
         row = light_id[i]
-        x, y, z, distance, factor = light_point(
-            lights, row, position[i, 0], position[i, 1], position[i, 2], xi[i, 0], xi[i, 1]
-        )
+        px, py, pz = position[i, 0], position[i, 1], position[i, 2]
+        is_sky = row == lights.kind.size
+        if is_sky:
+            x, y, z = sky_direction(sky, xi[i, 0], xi[i, 1])
+            distance = 1.0
+            density = sky_pdf(sky, x, y, z)
+            factor = 1.0 / density if density > 0.0 else 0.0
+        elif lights.kind[row] == SURFACE:
+            x, y, z, distance, factor = _surface_point(points, i, px, py, pz)
+        else:
+            x, y, z, distance, factor = light_point(lights, row, px, py, pz, xi[i, 0], xi[i, 1])
         if factor == 0.0:
             continue
-        r, g, b = scattered(
-            lobes,
-            material[i],
-            colors,
-            i,
-            normal[i, 0],
-            normal[i, 1],
-            normal[i, 2],
-            direction[i, 0],
-            direction[i, 1],
-            direction[i, 2],
-            x / distance,
-            y / distance,
-            z / distance,
-        )
+        r, g, b, pdf = scattered(
+            lobes, material[i], colors, i,
+            normal[i, 0], normal[i, 1], normal[i, 2],
+            direction[i, 0], direction[i, 1], direction[i, 2],
+            x / distance, y / distance, z / distance, last_kind,
+        )  # fmt: skip
+        if pdf == 0.0:
+            continue
+        if is_sky:
+            p, q, s = sky_radiance(sky, x, y, z)
+        elif lights.kind[row] == SURFACE:
+            p, q, s = _strength(
+                lights, textures, row, points.u[i], points.v[i], px + x, py + y, pz + z
+            )
+        else:
+            p, q, s = _strength(lights, textures, row, xi[i, 0], xi[i, 1], px + x, py + y, pz + z)
+        if strategy != UNWEIGHTED:
+            chance = lights.chance[row]
+            factor /= chance
+            if strategy == BOTH and (is_sky or lights.kind[row] != POINT):
+                factor *= power_weight(1.0 / factor, pdf)
         to_light[i, 0], to_light[i, 1], to_light[i, 2] = x, y, z
-        value[i, 0] = factor * lights.strength[row, 0] * r
-        value[i, 1] = factor * lights.strength[row, 1] * g
-        value[i, 2] = factor * lights.strength[row, 2] * b
+        value[i, 0] = factor * p * r
+        value[i, 1] = factor * q * g
+        value[i, 2] = factor * s * b
+
+
+@inner
+def _pdf_of_light(lights, row, ox, oy, oz, t, cosine, pdf_area):
+    """Return the density per steradian with which a point of a light, met at t, is chosen."""
+    if lights.kind[row] == SPHERE:
+        x, y, z = lights.origin[row, 0] - ox, lights.origin[row, 1] - oy, lights.origin[row, 2] - oz
+        square = x * x + y * y + z * z
+        radius = lights.edge_u[row, 0]
+        if square <= radius * radius:
+            return 0.0
+        return 1.0 / (2.0 * math.pi * sphere_cone(radius, square))
+    if lights.kind[row] == RECTANGLE:
+        ax, ay, az = lights.edge_u[row, 0], lights.edge_u[row, 1], lights.edge_u[row, 2]
+        bx, by, bz = lights.edge_v[row, 0], lights.edge_v[row, 1], lights.edge_v[row, 2]
+        nx, ny, nz = ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
+        pdf_area = 1.0 / math.sqrt(nx * nx + ny * ny + nz * nz)
+    return pdf_area * t * t / cosine
+
+
+@kernel
+def light_on_rays(
+    lights, sky, textures, light_id, t, u, v, position, normal, origin, direction, pdf, pdf_area,
+    strategy, radiance,
+):  # fmt: skip
+    """Find the radiance that rays run into, weighted for how else it is found.
+
+    Parameters
+    ----------
+    light_id : (n,) int32
+        The light whose shining side was met, the number of lights for the sky; negative: none.
+    t, u, v, position, normal : (n, ...) float64
+        Of the hit; not read for the sky.
+    origin, direction : (n, 3) float64
+        Of the ray; unit directions.
+    pdf : (n,) float64
+        Density with which the direction was chosen; 0 where it had no choice: there only this way
+        leads to the light.
+    pdf_area : (n,) float64
+        Density per area with which the point of a `SURFACE` is chosen; may be empty where there
+        is none.
+    radiance : (n, 3) float64, written
+    """
+    for i in range(light_id.size):
+        radiance[i, 0] = radiance[i, 1] = radiance[i, 2] = 0.0
+        row = light_id[i]
+        if row < 0:
+            continue
+        x, y, z = direction[i, 0], direction[i, 1], direction[i, 2]
+        is_sky = row == lights.kind.size
+        weight = 1.0
+        if strategy < DIRECTION_ONLY and pdf[i] > 0.0 and lights.chance[row] > 0.0:
+            if is_sky:
+                density = sky_pdf(sky, x, y, z)
+            else:
+                cosine = -(x * normal[i, 0] + y * normal[i, 1] + z * normal[i, 2])
+                by_area = pdf_area[i] if lights.kind[row] == SURFACE else 0.0
+                density = _pdf_of_light(
+                    lights, row, origin[i, 0], origin[i, 1], origin[i, 2], t[i], cosine, by_area
+                )
+            density *= lights.chance[row]
+            if strategy == BOTH:
+                weight = power_weight(pdf[i], density)
+            elif density > 0.0:
+                weight = 0.0
+        if weight == 0.0:
+            continue
+        if is_sky:
+            r, g, b = sky_radiance(sky, x, y, z)
+        else:
+            r, g, b = _strength(
+                lights, textures, row, u[i], v[i], position[i, 0], position[i, 1], position[i, 2]
+            )
+        radiance[i, 0], radiance[i, 1], radiance[i, 2] = weight * r, weight * g, weight * b

@@ -65,24 +65,24 @@ def owen_scramble(x, key):
 @inner
 def sobol_second(index):
     """Return the second Sobol coordinate of an index as a 32-bit word (the first reverses it)."""
-    x = _ZERO
-    column = _TOP_BIT
-    while index != _ZERO:
-        if index & _ONE:
-            x ^= column
-        index >>= _S1
-        column ^= column >> _S1
-    return x
+    # The generator matrix is Pascal's triangle modulo 2, five times over the Kronecker product of
+    # ((1, 1), (0, 1)) with itself: each factor is one line.
+    x = reverse_bits(index)
+    x ^= (x << _S16) & _MASK
+    x ^= (x & _BITS8) << _S8
+    x ^= (x & _BITS4) << _S4
+    x ^= (x & _BITS2) << _S2
+    return x ^ ((x & _BITS1) << _S1)
 
 
 @kernel
 def sobol_points(seed, sample, pixel, dimension, points):
-    """Fill ``points`` (n, 2) for n pairs of pixel and dimension, all uint64, and one sample."""
+    """Fill ``points`` (n, 2) for n triples of sample, pixel and dimension, all uint64."""
     seed_key = mix(mix(_ZERO, seed & _MASK), seed >> _S32)
     for i in range(pixel.size):
         key = mix(mix(seed_key, pixel[i] & _MASK), pixel[i] >> _S32)
         key = mix(mix(key, dimension[i] & _MASK), dimension[i] >> _S32)
-        index = owen_scramble(sample & _MASK, key)
+        index = owen_scramble(sample[i] & _MASK, key)
         first = owen_scramble(reverse_bits(index), mix(key, _ONE))
         second = owen_scramble(sobol_second(index), mix(key, _S2))
         points[i, 0] = first * _TO_UNIT

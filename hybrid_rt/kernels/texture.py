@@ -87,8 +87,11 @@ def texture_color(textures, row, u, v, x, y, z):
 
 
 @kernel
-def lobe_colors(textures, lobe_texture, first_lobe, material, u, v, position, colors):
-    """Fill ``colors`` (n, lobes of a material at most, 3); rows of negative material stay."""
+def lobe_colors(textures, lobe_texture, factor, first_lobe, material, u, v, position, colors):
+    """Fill ``colors`` (n, lobes of a material at most, 3); rows of negative material stay.
+
+    ``factor`` (lobes,) multiplies the colours of each lobe.
+    """
     for i in range(material.size):
         if material[i] < 0:
             continue
@@ -103,4 +106,5 @@ def lobe_colors(textures, lobe_texture, first_lobe, material, u, v, position, co
                 position[i, 1],
                 position[i, 2],
             )
-            colors[i, j, 0], colors[i, j, 1], colors[i, j, 2] = r, g, b
+            part = factor[first + j]
+            colors[i, j, 0], colors[i, j, 1], colors[i, j, 2] = part * r, part * g, part * b

@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from hybrid_rt import checks
-from hybrid_rt.lights.light import Environment
-from hybrid_rt.records import FloatArray
+from hybrid_rt.kernels.environment import GRADIENT, EnvironmentTable
+from hybrid_rt.lights.light import Environment, upright
 
 
 class GradientSky(Environment):
@@ -22,11 +22,21 @@ class GradientSky(Environment):
     """
 
     def __init__(self, bottom: ArrayLike, top: ArrayLike, up: ArrayLike = (0.0, 1.0, 0.0)) -> None:
-        self._bottom = checks.rgb(bottom, "GradientSky bottom")
-        self._top = checks.rgb(top, "GradientSky top")
-        self._up = checks.direction(up, "GradientSky up")
+        low = checks.rgb(bottom, "GradientSky bottom")
+        high = checks.rgb(top, "GradientSky top")
+        heights = np.array([low.mean(), high.mean()])
+        self._table = EnvironmentTable(
+            kind=GRADIENT,
+            frame=upright(checks.direction(up, "GradientSky up")),
+            colors=np.stack([low, high]),
+            # A black sky is chosen from evenly.
+            heights=heights if heights.any() else np.ones(2),
+            texel=np.zeros((1, 1, 3), dtype=np.float32),
+            rows=np.array([[0.0, 1.0]]),
+            columns=np.array([[0.0, 1.0]]),
+        )
 
-    def radiance(self, directions: FloatArray) -> FloatArray:
-        """Return what arrives from unit directions (n, 3), as (n, 3) radiances."""
-        height = 0.5 + 0.5 * (directions @ self._up)
-        return np.outer(1.0 - height, self._bottom) + np.outer(height, self._top)
+    @property
+    def table(self) -> EnvironmentTable:
+        """Return what the kernels take."""
+        return self._table

@@ -6,7 +6,11 @@ from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+
+from hybrid_rt.kernels.environment import EnvironmentTable, sky_on_rays
 from hybrid_rt.records import FloatArray
+from hybrid_rt.textures.texture import Texture
 
 
 @dataclass(frozen=True)
@@ -18,6 +22,11 @@ class LightRow:
     edge_u: FloatArray
     edge_v: FloatArray
     strength: FloatArray
+    texture: Texture | None = None
+    """Takes the place of ``strength`` where the radiance varies."""
+    power: float = 1.0
+    """Light sent out, in any unit common to all lights: how often one light is asked before
+    another."""
 
 
 class Light(ABC):
@@ -37,6 +46,25 @@ class Light(ABC):
 class Environment(ABC):
     """Light from infinitely far; immutable."""
 
+    @property
     @abstractmethod
+    def table(self) -> EnvironmentTable:
+        """What the kernels take."""
+
     def radiance(self, directions: FloatArray) -> FloatArray:
         """Return what arrives from unit directions (n, 3), as (n, 3) radiances."""
+        radiance, pdf = np.empty((len(directions), 3)), np.empty(len(directions))
+        sky_on_rays(self.table, np.ascontiguousarray(directions, np.float64), radiance, pdf)
+        return radiance
+
+
+def upright(up: FloatArray) -> FloatArray:
+    """Return the frame (3, 3) of directions about a unit vector: azimuth 0, a quarter turn, up.
+
+    Azimuth 0 lies along the coordinate axis least aligned with ``up``, made perpendicular to it.
+    """
+    start = np.zeros(3)
+    start[np.argmin(np.abs(up))] = 1.0
+    start -= (start @ up) * up
+    start /= np.linalg.norm(start)
+    return np.stack([start, np.cross(up, start), up])

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -22,12 +24,14 @@ class PointLight(Light):
 
     def __init__(self, position: ArrayLike, intensity: ArrayLike) -> None:
         nothing = np.zeros(3)
+        strength = checks.rgb(intensity, "PointLight intensity")
         self._row = LightRow(
             POINT,
             checks.vector(position, "PointLight position"),
             nothing,
             nothing,
-            checks.rgb(intensity, "PointLight intensity"),
+            strength,
+            power=4.0 * math.pi * float(strength.mean()),
         )
 
     @property

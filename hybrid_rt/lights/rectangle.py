@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -28,18 +30,18 @@ class RectangleLight(Light):
     def __init__(
         self, corner: ArrayLike, edge_u: ArrayLike, edge_v: ArrayLike, radiance: ArrayLike
     ) -> None:
-        self._row = LightRow(
-            RECTANGLE,
-            checks.vector(corner, "RectangleLight corner"),
-            checks.vector(edge_u, "RectangleLight edge_u"),
-            checks.vector(edge_v, "RectangleLight edge_v"),
-            checks.rgb(radiance, "RectangleLight radiance"),
-        )
-        if not np.cross(self._row.edge_u, self._row.edge_v).any():
+        origin = checks.vector(corner, "RectangleLight corner")
+        u = checks.vector(edge_u, "RectangleLight edge_u")
+        v = checks.vector(edge_v, "RectangleLight edge_v")
+        strength = checks.rgb(radiance, "RectangleLight radiance")
+        area = float(np.linalg.norm(np.cross(u, v)))
+        if area == 0.0:
             raise ValueError(
                 "RectangleLight: edge_u and edge_v span no area; use PointLight for a point"
             )
-        self._surface = Rectangle(self._row.origin, self._row.edge_u, self._row.edge_v)
+        power = math.pi * area * float(strength.mean())
+        self._row = LightRow(RECTANGLE, origin, u, v, strength, power=power)
+        self._surface = Rectangle(origin, u, v)
 
     @property
     def row(self) -> LightRow:

@@ -6,15 +6,25 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from hybrid_rt.kernels.environment import NO_SKY, EnvironmentTable
 from hybrid_rt.kernels.light import LightTable
-from hybrid_rt.lights.light import Light
+from hybrid_rt.lights.light import Environment, LightRow
+from hybrid_rt.records import FloatArray
+
+# Where one light is asked, half the choices follow power and half go round: the brightest light
+# may be far away.
+ROUND = 0.5
 
 
-def compile_lights(lights: Sequence[Light]) -> LightTable:
-    """Lay lights out for the kernels, row i for light i."""
-    rows = [light.row for light in lights]
+def compile_lights(
+    rows: Sequence[LightRow], texture_of: Sequence[int], has_sky: bool
+) -> LightTable:
+    """Lay lights out for the kernels, row i for light i.
 
-    def column(name: str) -> np.ndarray:
+    ``texture_of`` is the row of each light's texture, -1 for none.
+    """
+
+    def column(name: str) -> FloatArray:
         return np.array([getattr(row, name) for row in rows], dtype=np.float64).reshape(-1, 3)
 
     return LightTable(
@@ -23,4 +33,35 @@ def compile_lights(lights: Sequence[Light]) -> LightTable:
         edge_u=column("edge_u"),
         edge_v=column("edge_v"),
         strength=column("strength"),
+        texture=np.array(texture_of, dtype=np.int32),
+        chance=_chances(np.array([row.power for row in rows]), has_sky),
     )
+
+
+def compile_environment(environment: Environment | None) -> EnvironmentTable:
+    """Return what the kernels take of what lies around the scene."""
+    if environment is not None:
+        return environment.table
+    return EnvironmentTable(
+        kind=NO_SKY,
+        frame=np.eye(3),
+        colors=np.zeros((2, 3)),
+        heights=np.ones(2),
+        texel=np.zeros((1, 1, 3), dtype=np.float32),
+        rows=np.array([[0.0, 1.0]]),
+        columns=np.array([[0.0, 1.0]]),
+    )
+
+
+def _chances(power: FloatArray, has_sky: bool) -> FloatArray:
+    """Return how often each light is asked, the sky last; nothing for lights without power."""
+    chance = np.zeros(power.size + 1)
+    shines = power > 0.0
+    if shines.any():
+        chance[:-1] = (1.0 - ROUND) * power / power.sum() + ROUND * shines / shines.sum()
+    if has_sky:
+        # How much of it arrives, nobody knows beforehand: as often as a light of mean power.
+        sky = 1.0 / (1.0 + shines.sum())
+        chance *= 1.0 - sky
+        chance[-1] = sky
+    return chance

@@ -1,8 +1,11 @@
 """How surfaces send on the light that reaches them."""
 
 from hybrid_rt.materials.dielectric import Dielectric
+from hybrid_rt.materials.emissive import Emissive
 from hybrid_rt.materials.lambertian import Lambertian
+from hybrid_rt.materials.metal import Metal
 from hybrid_rt.materials.mirror import Mirror
+from hybrid_rt.materials.mix import Mix
 from hybrid_rt.materials.phong import Phong
 
-__all__ = ["Dielectric", "Lambertian", "Mirror", "Phong"]
+__all__ = ["Dielectric", "Emissive", "Lambertian", "Metal", "Mirror", "Mix", "Phong"]

@@ -27,6 +27,10 @@ class Dielectric(Material):
         Factor on light that passes the surface, 0 to 1.
     schlick : bool
         Use Schlick's approximation in place of Fresnel's equations.
+    priority : float
+        Where bodies overlap, the one of the highest priority fills the space, among equals the one
+        entered last. So a drink that reaches a little into its glass, with a lower priority,
+        touches it without a gap.
     """
 
     def __init__(
@@ -35,10 +39,12 @@ class Dielectric(Material):
         absorption: ArrayLike = (0.0, 0.0, 0.0),
         tint: Texture | ArrayLike = 1.0,
         schlick: bool = False,
+        priority: float = 0.0,
     ) -> None:
         index = checks.number(ior, "Dielectric ior", above=0.0)
         density = checks.rgb(absorption, "Dielectric absorption")
-        number = (index, float(bool(schlick)), *density.tolist())
+        rank = checks.number(priority, "Dielectric priority")
+        number = (index, float(bool(schlick)), *density.tolist(), rank)
         self._lobes = (Lobe(DIELECTRIC, as_texture(tint, "Dielectric tint"), number),)
 
     @property

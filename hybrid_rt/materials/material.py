@@ -17,10 +17,12 @@ class Lobe:
     """One way of sending light on."""
 
     kind: int
-    """`hybrid_rt.kernels.lobes`: DIFFUSE, PHONG, MIRROR or DIELECTRIC."""
+    """`hybrid_rt.kernels.lobes`: DIFFUSE, PHONG, METAL, MIRROR or DIELECTRIC."""
     color: Texture
     number: tuple[float, ...] = ()
-    """At most five numbers; `LobeTable.number` says what they are."""
+    """At most six numbers; `LobeTable.number` says what they are."""
+    weight: float = 1.0
+    """Share of the lobe in a mixture."""
 
 
 class Material(ABC):
@@ -30,3 +32,8 @@ class Material(ABC):
     @abstractmethod
     def lobes(self) -> tuple[Lobe, ...]:
         """The ways in which the material sends light on."""
+
+    @property
+    def radiance(self) -> Texture | None:
+        """What the surface sends out by itself on the side of its normal; None: nothing."""
+        return None

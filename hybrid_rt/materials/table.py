@@ -2,17 +2,25 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
-from hybrid_rt.kernels.lobes import LobeTable
+from hybrid_rt.kernels.lobes import DIELECTRIC, LobeTable
 from hybrid_rt.kernels.texture import TextureTable
 from hybrid_rt.materials.material import Material
+from hybrid_rt.records import FloatArray
 from hybrid_rt.textures.table import compile_textures
 from hybrid_rt.textures.texture import Texture
 
 
-def compile_materials(materials: list[Material]) -> tuple[LobeTable, TextureTable]:
-    """Lay materials out for the kernels, material i in rows first[i] up to first[i + 1]."""
+def compile_materials(
+    materials: list[Material], more: Sequence[Texture] = ()
+) -> tuple[LobeTable, TextureTable]:
+    """Lay materials out for the kernels, material i in rows first[i] up to first[i + 1].
+
+    The textures ``more`` become the last rows of the texture table, in their order.
+    """
     lobes = [lobe for material in materials for lobe in material.lobes]
     textures: list[Texture] = []
     row_of: dict[int, int] = {}  # a picture used twice is stored once
@@ -20,13 +28,19 @@ def compile_materials(materials: list[Material]) -> tuple[LobeTable, TextureTabl
         if id(lobe.color) not in row_of:
             row_of[id(lobe.color)] = len(textures)
             textures.append(lobe.color)
-    numbers = np.zeros((len(lobes), 5))
+    numbers = np.zeros((len(lobes), 6))
     for row, lobe in zip(numbers, lobes, strict=True):
         row[: len(lobe.number)] = lobe.number
     table = LobeTable(
         kind=np.array([lobe.kind for lobe in lobes], dtype=np.int32),
         texture=np.array([row_of[id(lobe.color)] for lobe in lobes], dtype=np.int32),
         number=numbers,
+        weight=np.array([lobe.weight for lobe in lobes], dtype=np.float64),
         first=np.cumsum([0, *(len(material.lobes) for material in materials)], dtype=np.int32),
     )
-    return table, compile_textures(textures)
+    return table, compile_textures([*textures, *more])
+
+
+def color_factor(lobes: LobeTable) -> FloatArray:
+    """Return what multiplies the colour of each lobe: its share, but for the tint of glass."""
+    return np.where(lobes.kind == DIELECTRIC, 1.0, lobes.weight)

@@ -46,6 +46,11 @@ class ImageTexture(Texture):
             self._texels = _linear(np.asarray(image), "ImageTexture array")
 
     @property
+    def texels(self) -> NDArray[np.float32]:
+        """(height, width, 3) float32: linear, row 0 at the top."""
+        return self._texels
+
+    @property
     def brightest(self) -> FloatArray:
         """Return the largest value of each channel; filtering never exceeds it."""
         brightest: FloatArray = self._texels.max(axis=(0, 1)).astype(np.float64)

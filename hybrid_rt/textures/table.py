@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from hybrid_rt.kernels.texture import CONSTANT, TextureTable
+from hybrid_rt.records import IntArray
 from hybrid_rt.textures.texture import Texture
 
 
@@ -29,6 +30,6 @@ def compile_textures(textures: list[Texture]) -> TextureTable:
     )
 
 
-def needs_lookup(textures: TextureTable) -> bool:
-    """Tell whether any colour varies over its surface."""
-    return bool((textures.kind != CONSTANT).any())
+def needs_lookup(textures: TextureTable, rows: IntArray) -> bool:
+    """Tell whether any of the colours in these rows varies over its surface."""
+    return bool((textures.kind[rows] != CONSTANT).any())

@@ -70,3 +70,14 @@ def as_texture(color: Texture | ArrayLike, what: str) -> Texture:
         )
         return color
     return ConstantTexture(checks.rgb(color, what, up_to=1.0))
+
+
+def as_radiance(color: Texture | ArrayLike, what: str) -> Texture:
+    """Take a texture, three numbers or one number as a radiance, which has no upper limit.
+
+    Raises
+    ------
+    ValueError, TypeError
+        If a channel is negative or not finite; ``what`` is named.
+    """
+    return color if isinstance(color, Texture) else ConstantTexture(checks.rgb(color, what))

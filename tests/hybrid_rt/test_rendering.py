@@ -1,22 +1,25 @@
 import json
 import subprocess
 import sys
+from functools import partial
 
 import numpy as np
 import pytest
 
+from hybrid_rt import rendering
 from hybrid_rt.camera import Camera
-from hybrid_rt.integrators import surface_light, whitted
+from hybrid_rt.integrators import crew, surface_light, whitted
 from hybrid_rt.integrators.integrator import LENS_DIMENSION
 from hybrid_rt.lights import GradientSky, PointLight
 from hybrid_rt.limits import Limit
 from hybrid_rt.materials import Dielectric, Lambertian, Mirror
 from hybrid_rt.plan import explain
 from hybrid_rt.primitives import Sphere
-from hybrid_rt.rendering import render
 from hybrid_rt.sampler import Sampler
 from hybrid_rt.scene import Object, Scene
 from hybrid_rt.textures import CheckerTexture
+
+render = partial(rendering.render, integrator="whitted")
 
 SKY = GradientSky(0.1, 0.9, up=(0, 0, 1))
 LAMP = PointLight((3, -3, 3), 20)
@@ -146,7 +149,7 @@ class TestLimit:
 @pytest.mark.parametrize(
     ("settings", "error", "words"),
     [
-        ({"integrator": "magic"}, ValueError, "integrator 'magic' is unknown; use whitted"),
+        ({"integrator": "magic"}, ValueError, "integrator 'magic' is unknown; use path, whitted"),
         ({"passes": 0}, ValueError, "passes"),
         ({"passes": 2.5}, TypeError, "passes"),
         ({"time_budget": 0}, ValueError, "time_budget"),
@@ -163,7 +166,8 @@ def test_impossible_settings_are_refused(settings, error, words):
         render(scene(Mirror()), **settings)
 
 
-def test_progress_hears_every_block():
+def test_progress_hears_every_block(monkeypatch):
+    monkeypatch.setattr(crew, "BLOCK", 12 * 8)
     heard = []
     render(scene(), passes=2, progress=lambda *event: heard.append(event))
     assert heard[0] == ("Building", 0, 0)

@@ -15,7 +15,7 @@ def test_lobes_of_all_materials_lie_in_one_table():
     assert lobes.kind.tolist() == [DIFFUSE, DIFFUSE, PHONG, MIRROR, DIELECTRIC]
     assert lobes.first.tolist() == [0, 1, 3, 4, 5]
     assert lobes.number[2, 0] == 7.0
-    assert lobes.number[4].tolist() == [1.3, 0.0, 0.2, 0.2, 0.2]
+    assert lobes.number[4].tolist() == [1.3, 0.0, 0.2, 0.2, 0.2, 0.0]
     # The checker is stored once.
     assert lobes.texture[0] == lobes.texture[1]
     assert textures.kind.size == 4

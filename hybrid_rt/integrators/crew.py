@@ -1,0 +1,122 @@
+"""Threads that share the passes of a render.
+
+Every thread traces blocks of camera rays from the camera to the end of their paths, with an
+integrator, counters and buffers of its own; only the scene is common. So nothing waits for anything
+between two steps of a path, and a block's arrays stay in the processor's cache. A block is a pure
+function of its rays: which thread traces it changes no bit.
+"""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor, as_completed
+from dataclasses import replace
+from queue import SimpleQueue
+
+import numpy as np
+
+from hybrid_rt.integrators.integrator import BLOCK, Integrator, RenderContext
+from hybrid_rt.intersection import Intersector
+from hybrid_rt.records import FloatArray
+from hybrid_rt.report import Ledger
+
+# Camera rays of the passes that are traced together: enough blocks for every thread, while the
+# radiances of all of them stay small.
+TOGETHER = 2**19
+# Smaller blocks cost more in calls than they gain by being shared.
+LEAST = 1024
+
+
+class Crew:
+    """Integrators that work at the same time.
+
+    Parameters
+    ----------
+    context : RenderContext
+        Its tracer and sampler run in the thread that calls them.
+    threads : int
+    make : callable
+        Makes the integrator of a context.
+    """
+
+    def __init__(
+        self,
+        context: RenderContext,
+        threads: int,
+        make: Callable[[RenderContext], Integrator],
+    ) -> None:
+        self.context = context
+        self._before = set(context.ledger.seconds)
+        self._contexts = [context, *(_own_counters(context) for _ in range(threads - 1))]
+        self._integrators = [make(own) for own in self._contexts]
+
+    def render_passes(
+        self, passes: range, on_rays: Callable[[int], None] | None = None
+    ) -> Iterator[FloatArray]:
+        """Yield the radiance of one sample per pixel, (height, width, 3) float64, for each pass.
+
+        ``on_rays`` hears after each block how many camera rays are done.
+        """
+        camera = self.context.scene.camera
+        images = np.empty((len(passes), camera.height, camera.width, 3))
+        rows = images.reshape(-1, 3)
+        n = len(rows)
+        # At least four blocks a thread, so that a slow one does not hold up the others.
+        size = min(BLOCK, max(-(-n // (4 * len(self._integrators))), LEAST))
+        blocks = [(first, min(first + size, n)) for first in range(0, n, size)]
+        for done, (first, stop, radiance) in enumerate(self._traced(passes, blocks), start=1):
+            rows[first:stop] = radiance
+            if on_rays is not None:
+                on_rays(min(done * size, n))
+        yield from images
+
+    def _traced(
+        self, passes: range, blocks: list[tuple[int, int]]
+    ) -> Iterator[tuple[int, int, FloatArray]]:
+        """Yield the blocks with their radiance, in the order in which they are done."""
+        if len(self._integrators) == 1 or len(blocks) == 1:
+            for first, stop in blocks:
+                yield first, stop, self._integrators[0].trace(passes, first, stop)
+            return
+        idle: SimpleQueue[Integrator] = SimpleQueue()
+        for integrator in self._integrators:
+            idle.put(integrator)
+
+        def trace(first: int, stop: int) -> tuple[int, int, FloatArray]:
+            integrator = idle.get()
+            try:
+                return first, stop, integrator.trace(passes, first, stop)
+            finally:
+                idle.put(integrator)
+
+        executor = ThreadPoolExecutor(len(self._integrators), thread_name_prefix="hybrid_rt")
+        try:
+            futures = [executor.submit(trace, *block) for block in blocks]
+            for future in as_completed(futures):
+                yield future.result()
+        finally:
+            executor.shutdown(cancel_futures=True)
+
+    def gather(self) -> None:
+        """Add up the counters of all threads in those of the first.
+
+        Seconds become those of the wall: what all threads spent, over their number.
+        """
+        first, n = self.context, len(self._contexts)
+        shared = [stage for stage in first.ledger.seconds if stage not in self._before]
+        for other in self._contexts[1:]:
+            first.ledger.add(other.ledger)
+            for name, count in other.tracer.counters.items():
+                if name.startswith("most"):
+                    first.tracer.counters[name] = max(first.tracer.counters[name], count)
+                else:
+                    first.tracer.counters[name] += count
+        first.ledger.divide_seconds(shared, n)
+        del self._contexts[1:], self._integrators[1:]
+
+
+def _own_counters(context: RenderContext) -> RenderContext:
+    tracer: Intersector = copy.copy(context.tracer)
+    tracer.counters = dict.fromkeys(tracer.counters, 0)
+    return replace(context, tracer=tracer, ledger=Ledger(context.ledger.now))

@@ -1,0 +1,126 @@
+"""Which clear body a ray runs in: the dielectrics entered and not yet left.
+
+A ray carries a short stack of lobes. Where bodies overlap, the one of the highest priority fills
+the space, among equals the one entered last; a surface at which that does not change is not there
+for light (Schmidt and Budge, "Simple nested dielectrics in ray traced images", JGT 7(2), 2002).
+"""
+
+import math
+
+from meshing.kernels.jit import inner, kernel
+
+NONE = -1
+# Bodies within bodies; the innermost ones beyond are taken for what they lie in.
+STACK = 4
+
+# Columns of a dielectric in `LobeTable.number`.
+IOR, SCHLICK, ABSORPTION, PRIORITY = 0, 1, 2, 5
+
+
+@inner
+def filling_medium(stack, i, lobes, without):
+    """Return the lobe that fills the space around ray i, one place of the stack left out."""
+    found, highest = NONE, -math.inf
+    for k in range(STACK):
+        lobe = stack[i, k]
+        if lobe != NONE and k != without and lobes.number[lobe, PRIORITY] >= highest:
+            found, highest = lobe, lobes.number[lobe, PRIORITY]
+    return found
+
+
+@inner
+def place_of(stack, i, lobe):
+    """Return the last place of a lobe in a stack, or `NONE`."""
+    for k in range(STACK - 1, -1, -1):
+        if stack[i, k] == lobe:
+            return k
+    return NONE
+
+
+@inner
+def push(stack, i, lobe):
+    """Enter a body: the free place at the end takes it."""
+    for k in range(STACK):
+        if stack[i, k] == NONE:
+            stack[i, k] = lobe
+            return
+
+
+@inner
+def drop(stack, i, place):
+    """Leave a body: those entered later move down."""
+    for k in range(place, STACK - 1):
+        stack[i, k] = stack[i, k + 1]
+    stack[i, STACK - 1] = NONE
+
+
+@inner
+def begin_with(stack, i, lobe):
+    """Put a body before all others: the ray was in it from the start."""
+    for k in range(STACK - 1, 0, -1):
+        stack[i, k] = stack[i, k - 1]
+    stack[i, 0] = lobe
+
+
+@inner
+def ior_of(lobes, lobe):
+    """Return the index of refraction of a lobe, 1 of empty space."""
+    return 1.0 if lobe == NONE else lobes.number[lobe, IOR]
+
+
+@kernel
+def cross_media(stack, lobes, glass_of, material, front_face, t, throughput):
+    """Weaken throughput (n, 3) by Beer and Lambert's law over the ways of length t (n,).
+
+    Whoever meets a dielectric from within has crossed it, wherever the ray began: it enters the
+    stack if it is not there. ``glass_of`` is the dielectric lobe of each material.
+    """
+    for i in range(material.size):
+        if material[i] >= 0 and not front_face[i]:
+            glass = glass_of[material[i]]
+            if glass != NONE and place_of(stack, i, glass) == NONE:
+                begin_with(stack, i, glass)
+        medium = filling_medium(stack, i, lobes, NONE)
+        if medium == NONE:
+            continue
+        for k in range(3):
+            density = lobes.number[medium, ABSORPTION + k]
+            # A ray that never leaves clear glass is not weakened: 0 x inf is 0 here.
+            if density > 0.0:
+                throughput[i, k] *= math.exp(-density * t[i])
+
+
+@inner
+def media_at_surface(lobes, lobe, stack, i, is_front):
+    """Return what fills the space before and beyond a dielectric, and its place in the stack."""
+    before = filling_medium(stack, i, lobes, NONE)
+    if not is_front:
+        place = place_of(stack, i, lobe)
+        return before, filling_medium(stack, i, lobes, place), place
+    if before != NONE and lobes.number[before, PRIORITY] > lobes.number[lobe, PRIORITY]:
+        return before, before, NONE
+    return before, lobe, NONE
+
+
+@inner
+def pass_surface(lobe, stack, i, is_front, place):
+    """Enter or leave a body."""
+    if is_front:
+        push(stack, i, lobe)
+    elif place != NONE:
+        drop(stack, i, place)
+
+
+@kernel
+def media_beyond(lobes, lobe, stack, front_face, eta):
+    """Take each ray through a dielectric's surface: ``stack`` (n, STACK) changes.
+
+    ``eta`` (n,) receives the index beyond over the index before, and 0 where the surface lies
+    hidden within another body.
+    """
+    for i in range(lobe.size):
+        before, after, place = media_at_surface(lobes, lobe[i], stack, i, front_face[i])
+        pass_surface(lobe[i], stack, i, front_face[i], place)
+        eta[i] = 0.0
+        if before != after:
+            eta[i] = ior_of(lobes, after) / ior_of(lobes, before)

@@ -1,0 +1,142 @@
+"""One step of a path: what a surface does with a ray that has arrived."""
+
+from hybrid_rt.kernels.fresnel import fresnel, refract, schlick
+from hybrid_rt.kernels.lobes import (
+    DIELECTRIC,
+    LAST_SPREADING,
+    lobe_direction,
+    pick_lobe,
+    scattered,
+)
+from hybrid_rt.kernels.media import (
+    NONE,
+    SCHLICK,
+    filling_medium,
+    ior_of,
+    media_at_surface,
+    pass_surface,
+)
+from meshing.kernels.jit import inner, kernel
+
+# How a ray ends at a surface, or goes on.
+STOPPED, ABSORBED, SCATTERED, SPECULAR = 0, 1, 2, 3
+
+
+@inner
+def at_glass(lobes, lobe, stack, i, nx, ny, nz, dx, dy, dz, is_front, xi):
+    """Choose between reflection and refraction at a dielectric by its reflectance.
+
+    n is on the side from which d came. ``stack[i]`` follows the ray. Returns the direction, the
+    factor on radiance but for the tint, and whether light passes the surface and so is tinted.
+    """
+    before, after, place = media_at_surface(lobes, lobe, stack, i, is_front)
+    reflectance, cos_t, ratio = 0.0, 0.0, 1.0
+    cos_i = min(-(nx * dx + ny * dy + nz * dz), 1.0)
+    if before != after:
+        ratio = ior_of(lobes, after) / ior_of(lobes, before)
+        if lobes.number[lobe, SCHLICK] != 0.0:
+            reflectance, cos_t = schlick(cos_i, ratio)
+        else:
+            reflectance, cos_t = fresnel(cos_i, ratio)
+    if xi < reflectance:
+        twice = 2.0 * cos_i
+        return dx + twice * nx, dy + twice * ny, dz + twice * nz, 1.0, False
+    pass_surface(lobe, stack, i, is_front, place)
+    if before == after:
+        return dx, dy, dz, 1.0, False
+    x, y, z = refract(dx, dy, dz, nx, ny, nz, cos_i, cos_t, ratio)
+    # Radiance over the index squared is what stays the same across the surface.
+    return x, y, z, 1.0 / (ratio * ratio), True
+
+
+@kernel
+def scatter(
+    lobes, material, colors, normal, direction, xi, choice, stack, may_spread, may_mirror,
+    roulette, onward, throughput, pdf, fate,
+):  # fmt: skip
+    """Send each ray on in one direction.
+
+    Parameters
+    ----------
+    material : (n,) int32
+        Negative: the ray ends.
+    colors : (n, lobes of a material at most, 3) float64
+    normal, direction : (n, 3) float64
+        Of the hit and of the ray that found it.
+    xi : (n, 2) float64
+        Two numbers in [0, 1) that choose the direction.
+    choice : (n, 2) float64
+        Two more: for the lobe, and for Russian roulette.
+    stack : (n, STACK) int32, changed
+        Dielectrics that the ray is in; (n, 0) where there is none in the scene.
+    may_spread, may_mirror : bool
+        Whether spread, mirrored or refracted directions are followed at all: not at the end of the
+        longest paths.
+    roulette : float
+        Above zero: paths go on with a probability of at most this, given by their throughput.
+    onward : (n, 3) float64, written
+    throughput : (n, 3) float64, changed
+    pdf : (n,) float64, written
+        Density of the direction; zero for a mirror or glass.
+    fate : (n,) uint8, written
+        `STOPPED` (with what was lost in ``throughput``), `ABSORBED`, `SCATTERED`, `SPECULAR`.
+    """
+    for i in range(material.size):
+        fate[i] = ABSORBED
+        pdf[i] = 0.0
+        if material[i] < 0:
+            continue
+        chosen, chance, rest = pick_lobe(lobes, material[i], colors, i, choice[i, 0], DIELECTRIC)
+        if chance == 0.0:
+            continue
+        row = lobes.first[material[i]] + chosen
+        dx, dy, dz = direction[i, 0], direction[i, 1], direction[i, 2]
+        nx, ny, nz = normal[i, 0], normal[i, 1], normal[i, 2]
+        is_front = nx * dx + ny * dy + nz * dz < 0.0
+        if not is_front:
+            nx, ny, nz = -nx, -ny, -nz
+        if lobes.kind[row] <= LAST_SPREADING:
+            x, y, z = lobe_direction(
+                lobes.kind[row], lobes.number[row, 0], nx, ny, nz, dx, dy, dz, xi[i, 0], xi[i, 1]
+            )
+            r, g, b, density = scattered(
+                lobes, material[i], colors, i, nx, ny, nz, dx, dy, dz, x, y, z, DIELECTRIC
+            )
+            if density <= 0.0:
+                continue
+            r, g, b = r / density, g / density, b / density
+            fate[i] = SCATTERED if may_spread else STOPPED
+            pdf[i] = density
+        else:
+            # Brought back to the share of all light that this lobe takes.
+            r, g, b = colors[i, chosen, 0], colors[i, chosen, 1], colors[i, chosen, 2]
+            if lobes.kind[row] == DIELECTRIC:
+                x, y, z, factor, is_tinted = at_glass(
+                    lobes, row, stack, i, nx, ny, nz, dx, dy, dz, is_front, rest
+                )
+                factor *= lobes.weight[row] / chance
+                if is_tinted:
+                    r, g, b = factor * r, factor * g, factor * b
+                else:
+                    r = g = b = factor
+            else:
+                twice = 2.0 * (nx * dx + ny * dy + nz * dz)
+                x, y, z = dx - twice * nx, dy - twice * ny, dz - twice * nz
+                r, g, b = r / chance, g / chance, b / chance
+            fate[i] = SPECULAR if may_mirror else STOPPED
+        r, g, b = throughput[i, 0] * r, throughput[i, 1] * g, throughput[i, 2] * b
+        carried = max(r, g, b)
+        if carried == 0.0:
+            fate[i] = ABSORBED
+            continue
+        if stack.shape[1] > 0:
+            # Within glass radiance counts by its index squared, given back on the way out.
+            carried *= ior_of(lobes, filling_medium(stack, i, lobes, NONE)) ** 2
+        if roulette > 0.0 and fate[i] != STOPPED:
+            survival = min(carried, roulette)
+            if choice[i, 1] >= survival:
+                fate[i] = ABSORBED
+                continue
+            r, g, b = r / survival, g / survival, b / survival
+        throughput[i, 0], throughput[i, 1], throughput[i, 2] = r, g, b
+        onward[i, 0], onward[i, 1], onward[i, 2] = x, y, z

@@ -1,0 +1,74 @@
+"""All that lies around a scene, as one picture."""
+
+from __future__ import annotations
+
+import os
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from hybrid_rt import checks
+from hybrid_rt.kernels.environment import PICTURE, EnvironmentTable
+from hybrid_rt.lights.light import Environment, upright
+from hybrid_rt.records import FloatArray
+from hybrid_rt.textures import ImageTexture
+
+
+class ImageEnvironment(Environment):
+    """A picture of all directions: azimuth to the right, straight up along its upper border.
+
+    Column 0 begins at azimuth 0, which lies along the coordinate axis least aligned with ``up``,
+    made perpendicular to it; azimuth runs right-handed about ``up``. Bilinear between texels.
+
+    Parameters
+    ----------
+    image : path, or array as `ImageTexture` takes it
+        Files and integer arrays are sRGB, floats are linear radiance.
+    up : three numbers
+        Which way is up.
+    """
+
+    def __init__(
+        self, image: str | os.PathLike[str] | NDArray[Any], up: ArrayLike = (0.0, 1.0, 0.0)
+    ) -> None:
+        texels = ImageTexture(image).texels
+        rows, columns = _shares(texels)
+        self._table = EnvironmentTable(
+            kind=PICTURE,
+            frame=upright(checks.direction(up, "ImageEnvironment up")),
+            colors=np.zeros((2, 3)),
+            heights=np.ones(2),
+            texel=texels,
+            rows=rows,
+            columns=columns,
+        )
+
+    @property
+    def table(self) -> EnvironmentTable:
+        """Return what the kernels take."""
+        return self._table
+
+
+def _shares(texels: NDArray[np.float32]) -> tuple[FloatArray, FloatArray]:
+    """Return the shares of rows and of texels within rows, each summed up from 0 to 1.
+
+    A texel counts with the mean over its neighbours too: between texels radiance is bilinear, and
+    nothing that shines may be left out.
+    """
+    bright = texels.mean(axis=2, dtype=np.float64)
+    around = np.pad(bright, ((0, 0), (1, 1)), mode="wrap")
+    bright = 0.25 * around[:, :-2] + 0.5 * around[:, 1:-1] + 0.25 * around[:, 2:]
+    around = np.pad(bright, ((1, 1), (0, 0)), mode="edge")
+    bright = 0.25 * around[:-2] + 0.5 * around[1:-1] + 0.25 * around[2:]
+    height, width = bright.shape
+    if not bright.any():
+        bright = np.ones_like(bright)
+    edges = np.cos(np.pi * np.arange(height + 1) / height)
+    of_row = bright.sum(axis=1) * (edges[:-1] - edges[1:])
+    # A black row is never chosen, but its columns must still be a distribution.
+    within = np.where(bright.sum(axis=1, keepdims=True) > 0.0, bright, 1.0)
+    rows = np.concatenate([[0.0], np.cumsum(of_row)])[None]
+    columns = np.concatenate([np.zeros((height, 1)), np.cumsum(within, axis=1)], axis=1)
+    assert width == columns.shape[1] - 1
+    return rows / rows[:, -1:], columns / columns[:, -1:]

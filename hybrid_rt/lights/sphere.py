@@ -1,0 +1,53 @@
+"""Light from a sphere."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from hybrid_rt import checks
+from hybrid_rt.kernels.light import SPHERE
+from hybrid_rt.lights.light import Light, LightRow
+from hybrid_rt.primitives import Sphere
+
+
+class SphereLight(Light):
+    """Shines with the same radiance everywhere on its outside.
+
+    It is seen there by camera and specular rays; its inside is black. It blocks light and reflects
+    none.
+
+    Parameters
+    ----------
+    center : three numbers
+    radius : float
+        Above 0.
+    radiance : number or three numbers
+        At least 0.
+    """
+
+    def __init__(self, center: ArrayLike, radius: float, radiance: ArrayLike) -> None:
+        middle = checks.vector(center, "SphereLight center")
+        size = checks.number(radius, "SphereLight radius", above=0.0)
+        strength = checks.rgb(radiance, "SphereLight radiance")
+        self._row = LightRow(
+            SPHERE,
+            middle,
+            np.array([size, 0.0, 0.0]),
+            np.zeros(3),
+            strength,
+            power=4.0 * math.pi**2 * size * size * float(strength.mean()),
+        )
+        self._surface = Sphere(middle, size)
+
+    @property
+    def row(self) -> LightRow:
+        """Return the light as flat numbers."""
+        return self._row
+
+    @property
+    def surface(self) -> Sphere:
+        """Return the sphere that shines."""
+        return self._surface

@@ -1,0 +1,38 @@
+"""Surfaces that shine."""
+
+from __future__ import annotations
+
+from numpy.typing import ArrayLike
+
+from hybrid_rt.materials.material import Lobe, Material
+from hybrid_rt.textures.texture import Texture, as_radiance
+
+
+class Emissive(Material):
+    """Shines on the side of the surface's normal, equally in all directions.
+
+    Parameters
+    ----------
+    radiance : number, three numbers or texture
+        At least 0.
+    base : Material, optional
+        What both sides do with light that reaches them; None: they absorb it.
+    """
+
+    def __init__(self, radiance: Texture | ArrayLike, base: Material | None = None) -> None:
+        if base is not None and not isinstance(base, Material):
+            raise TypeError(f"Emissive base: {base!r} is no material")
+        if base is not None and base.radiance is not None:
+            raise ValueError("Emissive base: shines itself; add up the two radiances")
+        self._radiance = as_radiance(radiance, "Emissive radiance")
+        self._lobes = () if base is None else base.lobes
+
+    @property
+    def lobes(self) -> tuple[Lobe, ...]:
+        """Return the lobes of the base."""
+        return self._lobes
+
+    @property
+    def radiance(self) -> Texture:
+        """Return what the surface sends out."""
+        return self._radiance

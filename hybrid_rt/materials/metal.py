@@ -1,0 +1,38 @@
+"""Polished and brushed metal."""
+
+from __future__ import annotations
+
+from numpy.typing import ArrayLike
+
+from hybrid_rt import checks
+from hybrid_rt.kernels.lobes import METAL, MIRROR
+from hybrid_rt.materials.material import Lobe, Material
+from hybrid_rt.textures.texture import Texture, as_texture
+
+
+class Metal(Material):
+    """A mirror whose directions are spread by a ball of radius ``fuzz`` around their end.
+
+    The lobe of "Ray Tracing in One Weekend" (Shirley), mirror direction plus fuzz times a point
+    of the unit ball, with its density in closed form, and made reciprocal:
+    f = color p / max(cos_in, cos_out). Directions that lead into the surface are absorbed.
+
+    Parameters
+    ----------
+    color : number, three numbers or texture
+        Share of the light sent on, per channel, 0 to 1.
+    fuzz : float
+        0 (a perfect mirror) to 1.
+    """
+
+    def __init__(self, color: Texture | ArrayLike, fuzz: float = 0.0) -> None:
+        spread = checks.number(fuzz, "Metal fuzz", up_to=1.0)
+        if spread < 0.0:
+            raise ValueError(f"Metal fuzz: {spread:g} is negative; use 0 (a mirror) to 1")
+        texture = as_texture(color, "Metal color")
+        self._lobes = (Lobe(METAL, texture, (spread,)) if spread > 0.0 else Lobe(MIRROR, texture),)
+
+    @property
+    def lobes(self) -> tuple[Lobe, ...]:
+        """Return the single lobe."""
+        return self._lobes

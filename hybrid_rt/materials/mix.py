@@ -1,0 +1,64 @@
+"""Several materials at once."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+from hybrid_rt import checks
+from hybrid_rt.kernels.lobes import DIELECTRIC
+from hybrid_rt.materials.material import Lobe, Material
+
+# Weights that should add up to one may exceed it by rounding.
+_ROUNDING = 1e-12
+
+
+class Mix(Material):
+    """A weighted sum of materials; what the weights leave to one is absorbed.
+
+    Parameters
+    ----------
+    parts : sequence of (weight, Material)
+        Weights from 0 on, at most 1 together. At most one part is clear, since a body has one
+        inside; for a mixture that shines, put it into `Emissive`.
+
+    Raises
+    ------
+    ValueError, TypeError
+        Naming the part.
+    """
+
+    def __init__(self, parts: Sequence[tuple[float, Material]]) -> None:
+        lobes: list[Lobe] = []
+        total = 0.0
+        for i, part in enumerate(parts):
+            try:
+                weight, material = part
+            except (TypeError, ValueError) as error:
+                raise TypeError(
+                    f"Mix part {i}: expected (weight, material), got {part!r}"
+                ) from error
+            share = checks.number(weight, f"Mix part {i}, weight")
+            if share < 0.0:
+                raise ValueError(f"Mix part {i}, weight: {share:g} is negative")
+            if not isinstance(material, Material):
+                raise TypeError(f"Mix part {i}: {material!r} is no material")
+            if material.radiance is not None:
+                raise ValueError(
+                    f"Mix part {i}: shines; use Emissive(radiance, base=Mix(...)) instead"
+                )
+            total += share
+            lobes += [replace(lobe, weight=share * lobe.weight) for lobe in material.lobes]
+        if total > 1.0 + _ROUNDING:
+            raise ValueError(
+                f"Mix weights: add up to {total:g}; a surface cannot send on more light than it "
+                "receives"
+            )
+        if sum(lobe.kind == DIELECTRIC for lobe in lobes) > 1:
+            raise ValueError("Mix: more than one part is a Dielectric; a body has one inside")
+        self._lobes = tuple(lobe for lobe in lobes if lobe.weight > 0.0)
+
+    @property
+    def lobes(self) -> tuple[Lobe, ...]:
+        """Return the lobes of all parts."""
+        return self._lobes
