@@ -63,10 +63,10 @@ class CurvedKind(Kind, Protocol):
 
 
 def new_nearest(t_max: FloatArray) -> Nearest:
-    """Return buffers in which no root has been found below ``t_max``."""
+    """Return buffers in which no root has been found below ``t_max``, which is taken over."""
     n = len(t_max)
     return Nearest(
-        t=t_max.copy(),
+        t=t_max,
         t_bound=np.zeros(n),
         object_id=np.full(n, -1, np.int32),
         primitive=np.zeros(n, np.int32),
@@ -78,20 +78,20 @@ def new_nearest(t_max: FloatArray) -> Nearest:
 
 
 def new_record(n: int) -> HitRecord:
-    """Return a record of n misses."""
+    """Return a record of n rows to be filled; no flag is set."""
     return HitRecord(
-        t=np.full(n, np.inf),
-        object_id=np.full(n, -1, np.int32),
-        patch_id=np.full(n, -1, np.int32),
-        u=np.full(n, np.nan),
-        v=np.full(n, np.nan),
-        position=np.full((n, 3), np.nan),
-        normal=np.full((n, 3), np.nan),
-        front_face=np.zeros(n, np.bool_),
-        status=np.zeros(n, np.uint8),
+        t=np.empty(n),
+        object_id=np.empty(n, np.int32),
+        patch_id=np.empty(n, np.int32),
+        u=np.empty(n),
+        v=np.empty(n),
+        position=np.empty((n, 3)),
+        normal=np.empty((n, 3)),
+        front_face=np.empty(n, np.bool_),
+        status=np.empty(n, np.uint8),
         flags=np.zeros(n, np.uint8),
-        t_bound=np.full(n, np.inf),
-        residual=np.full(n, np.nan),
+        t_bound=np.empty(n),
+        residual=np.empty(n),
     )
 
 

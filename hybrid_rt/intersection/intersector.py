@@ -18,14 +18,17 @@ from numpy.typing import ArrayLike
 from hybrid_rt.intersection.batch import Finished, new_nearest, new_record, rows_of
 from hybrid_rt.intersection.kinds import CURVED, Surface, check_surfaces, make_kinds
 from hybrid_rt.intersection.pool import Pool
-from hybrid_rt.intersection.rays import Batch, make_batch
+from hybrid_rt.intersection.rays import make_batch
 from hybrid_rt.kernels.nearest import Nearest, Rays
+from hybrid_rt.kernels.rays import Record, complete_rows
 from hybrid_rt.kernels.subdivide import COUNTER_NAMES, MOST_PIECES
-from hybrid_rt.records import BoolArray, FloatArray, HitRecord, Status
+from hybrid_rt.records import BoolArray, FloatArray, HitRecord
 
 if TYPE_CHECKING:
     from hybrid_rt.intersection.coarse import Coarse
 
+# What is counted of each slice besides the work.
+COUNTED = ("rays", "hits", "tangent", "coarse_hits")
 ACCURACIES = ("certified", "refined", "mesh")
 COARSE_STAGES = ("embree", "none")
 
@@ -135,26 +138,32 @@ class Intersector:
         ValueError
             For shapes that do not fit, zero or non-finite directions, non-finite origins.
         """
-        batch = make_batch(origins, directions, t_min, t_max, source, None, self._reach)
+        batch = make_batch(origins, directions, t_min, t_max, source, None, self._reach, self._pool)
         n = len(batch)
         record = new_record(n)
-        best = new_nearest(batch.t_max)
+        columns = Record(*(getattr(record, name) for name in Record._fields))
         slots = Finished(*(getattr(record, name) for name in Finished._fields))
-        found_by_coarse = np.zeros(n, np.bool_)
         tallies: list[FloatArray] = []
 
         def work(begin: int, end: int) -> None:
-            tally = np.zeros(len(COUNTER_NAMES))
-            rays, part = rows_of(batch.rays, begin, end), rows_of(best, begin, end)
-            self._first_roots(rays, part, False, tally, found_by_coarse[begin:end])
+            tally, totals = np.zeros(len(COUNTER_NAMES)), np.zeros(2, np.int64)
+            rays, t_max, unit = batch.rows(begin, end)
+            best, found = new_nearest(t_max), np.zeros(end - begin, np.bool_)
+            self._first_roots(rays, best, False, tally, found)
             out = rows_of(slots, begin, end)
             for number, kind in enumerate(self._finishers()):
-                kind.finish(rays, part, self._kind_of, number, out)
-            _complete(record, batch, best, begin, end)
+                kind.finish(rays, best, self._kind_of, number, out)
+            complete_rows(rays.direction, unit, best, rows_of(columns, begin, end), totals)
             tallies.append(tally)
+            rows.append((end - begin, *totals.tolist(), int(found.sum())))
 
+        rows: list[tuple[int, ...]] = []
         self._pool.run(work, n)
-        self._count(tallies, record, found_by_coarse)
+        self._add_work(tallies)
+        for counted in rows:
+            for name, number in zip(COUNTED, counted, strict=True):
+                self.counters[name] += number
+        self.counters["misses"] = self.counters["rays"] - self.counters["hits"]
         return record
 
     def occluded(
@@ -176,20 +185,23 @@ class Intersector:
         -------
         (n,) bool
         """
-        batch = make_batch(origins, directions, t_min, t_max, source, target, self._reach)
-        best = new_nearest(batch.t_max)
+        batch = make_batch(
+            origins, directions, t_min, t_max, source, target, self._reach, self._pool
+        )
+        blocked = np.empty(len(batch), np.bool_)
         tallies: list[FloatArray] = []
 
         def work(begin: int, end: int) -> None:
             tally = np.zeros(len(COUNTER_NAMES))
-            rays, part = rows_of(batch.rays, begin, end), rows_of(best, begin, end)
-            self._first_roots(rays, part, True, tally, np.zeros(end - begin, np.bool_))
+            rays, highest, _ = batch.rows(begin, end)
+            best = new_nearest(highest)
+            self._first_roots(rays, best, True, tally, np.zeros(end - begin, np.bool_))
+            blocked[begin:end] = best.object_id >= 0
             tallies.append(tally)
 
         self._pool.run(work, len(batch))
         self._add_work(tallies)
         self.counters["shadow_rays"] += len(batch)
-        blocked: BoolArray = best.object_id >= 0
         return blocked
 
     def _first_roots(
@@ -221,32 +233,6 @@ class Intersector:
                     self.counters[name] = max(self.counters[name], int(value))
                 else:
                     self.counters[name] += int(value)
-
-    def _count(
-        self, tallies: list[FloatArray], record: HitRecord, found_by_coarse: BoolArray
-    ) -> None:
-        self._add_work(tallies)
-        self.counters["rays"] += len(record)
-        is_hit = record.hit
-        self.counters["hits"] += int(is_hit.sum())
-        self.counters["misses"] += int((~is_hit).sum())
-        self.counters["tangent"] += int((record.status == Status.TANGENT).sum())
-        self.counters["coarse_hits"] += int(found_by_coarse.sum())
-
-
-def _complete(record: HitRecord, batch: Batch, best: Nearest, begin: int, end: int) -> None:
-    """Fill the columns that are the same for every kind of surface."""
-    rows = slice(begin, end)
-    is_hit = best.object_id[rows] >= 0
-    t = best.t[rows] * batch.unit[rows]
-    record.t[rows] = np.where(is_hit, t, np.inf)
-    record.t_bound[rows] = np.where(is_hit, best.t_bound[rows] * batch.unit[rows], np.inf)
-    record.object_id[rows] = best.object_id[rows]
-    # A root that rounding kept from us matters only in front of the hit.
-    tangent = (best.tangent[rows] != 0) & is_hit | (best.doubt[rows] < best.t[rows])
-    record.status[rows] = np.where(tangent, Status.TANGENT, is_hit.astype(np.uint8))
-    slope = np.einsum("ij,ij->i", batch.rays.direction[rows], record.normal[rows])
-    record.front_face[rows] = is_hit & (slope < 0)
 
 
 def _check_settings(accuracy: str, coarse: str, tolerance: float | None) -> None:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from hybrid_rt.intersection.pool import Pool
 from hybrid_rt.kernels import rays as kernels
 from hybrid_rt.kernels.nearest import Rays
 from hybrid_rt.records import FloatArray, HitRecord
@@ -24,15 +25,53 @@ LARGEST = 1e150
 
 @dataclass(frozen=True)
 class Batch:
-    """Rays for the kernels; ``unit`` brings their t back into the caller's lengths."""
+    """Rays as a caller gave them, checked; `rows` brings a slice into the kernels' form."""
 
-    rays: Rays
+    origin: FloatArray
+    direction: FloatArray
+    t_min: FloatArray
     t_max: FloatArray
-    unit: FloatArray
+    source: HitRecord | None
+    target: HitRecord | None
+    reach: FloatArray
 
     def __len__(self) -> int:
         """Return the number of rays."""
-        return len(self.t_max)
+        return len(self.origin)
+
+    def rows(self, begin: int, end: int) -> tuple[Rays, FloatArray, FloatArray]:
+        """Return rays, their t_max, and the units that bring their t into the caller's lengths."""
+        n = end - begin
+        origin, direction = self.origin[begin:end], self.direction[begin:end]
+        scaled, unit = np.empty((n, 3)), np.empty(n)
+        t_min, t_max = np.empty(n), np.empty(n)
+        kernels.scale_rays(
+            direction, self.t_min[begin:end], self.t_max[begin:end], scaled, unit, t_min, t_max
+        )
+        known = self._known(origin, scaled, begin, end)
+        return Rays(origin, scaled, t_min, known), t_max, unit
+
+    def _known(self, origin: FloatArray, direction: FloatArray, begin: int, end: int) -> FloatArray:
+        """Return t and rounding of the points that rays leave from and go to (see `is_known`)."""
+        if self.source is None and self.target is None:
+            return np.empty((0, 4))
+        known = np.empty((end - begin, 4))
+        for column, record in ((0, self.source), (2, self.target)):
+            if record is None:
+                known[:, column : column + 2] = 0.0, -1.0
+                continue
+            kernels.name_points(
+                origin,
+                direction,
+                np.ascontiguousarray(record.object_id[begin:end]),
+                np.ascontiguousarray(record.position[begin:end]),
+                self.reach,
+                column,
+                POINT_ROUNDING,
+                FARTHEST,
+                known,
+            )
+        return known
 
 
 def make_batch(
@@ -43,6 +82,7 @@ def make_batch(
     source: HitRecord | None,
     target: HitRecord | None,
     reach: FloatArray,
+    pool: Pool,
 ) -> Batch:
     """Return checked rays; see `Intersector.intersect` for the forms that are taken.
 
@@ -57,14 +97,21 @@ def make_batch(
     n = len(origin)
     if len(direction) != n:
         raise ValueError(f"{n} origins but {len(direction)} directions: pass one of each per ray")
-    scaled, unit = np.empty_like(direction), np.empty(n)
-    first_bad, n_bad = np.full(4, -1), np.zeros(4, np.int64)
-    kernels.scale_rays(origin, direction, scaled, unit, LARGEST, first_bad, n_bad)
-    if n_bad.any():
-        _refuse(origin, direction, first_bad, n_bad)
-    lowest, highest = _limit(t_min, "t_min", n) / unit, _limit(t_max, "t_max", n) / unit
-    known = _known(origin, scaled, source, target, reach)
-    return Batch(Rays(origin, scaled, lowest, known), highest, unit)
+    bad: list[tuple[int, IdArray, IdArray]] = []
+
+    def check(begin: int, end: int) -> None:
+        first_bad, n_bad = np.full(4, -1), np.zeros(4, np.int64)
+        kernels.check_rays(origin[begin:end], direction[begin:end], LARGEST, first_bad, n_bad)
+        if n_bad.any():
+            bad.append((begin, first_bad + begin, n_bad))
+
+    pool.run(check, n)
+    if bad:
+        _refuse(origin, direction, bad)
+    lowest, highest = _limit(t_min, "t_min", n), _limit(t_max, "t_max", n)
+    for record, name in ((source, "source"), (target, "target")):
+        _check_points(record, name, n, len(reach))
+    return Batch(origin, direction, lowest, highest, source, target, reach)
 
 
 def _vectors(values: ArrayLike, name: str) -> FloatArray:
@@ -86,13 +133,17 @@ def _limit(value: ArrayLike, name: str, n: int) -> FloatArray:
         raise ValueError(f"{name} has shape {array.shape}: pass one number, or one per ray ({n},)")
     if np.isnan(array).any():
         raise ValueError(f"{name} holds nan: pass a number, or inf for no limit")
-    return np.ascontiguousarray(np.broadcast_to(array, (n,)))
+    return np.broadcast_to(array, (n,))
 
 
-def _refuse(origin: FloatArray, direction: FloatArray, first_bad: IdArray, n_bad: IdArray) -> None:
+def _refuse(
+    origin: FloatArray, direction: FloatArray, bad: list[tuple[int, IdArray, IdArray]]
+) -> None:
+    n_bad = np.sum([part[2] for part in bad], axis=0)
     what = int(np.flatnonzero(n_bad)[0])
     is_origin = what < kernels.DIRECTION_NOT_FINITE
     name, rows = ("origins", origin) if is_origin else ("directions", direction)
+    _, first_bad, _ = min((part for part in bad if part[2][what]), key=lambda part: part[0])
     i = int(first_bad[what])
     raise ValueError(
         f"{name}[{i}] = {rows[i].tolist()} {kernels.COMPLAINTS[what]} ({n_bad[what]} such ray(s)): "
@@ -100,41 +151,16 @@ def _refuse(origin: FloatArray, direction: FloatArray, first_bad: IdArray, n_bad
     )
 
 
-def _known(
-    origin: FloatArray,
-    direction: FloatArray,
-    source: HitRecord | None,
-    target: HitRecord | None,
-    reach: FloatArray,
-) -> FloatArray:
-    """Return t and rounding of the points that a ray leaves from and goes to (see `is_known`)."""
-    n = len(origin)
-    if source is None and target is None:
-        return np.empty((0, 4))
-    known = np.empty((n, 4))
-    for column, record, name in ((0, source, "source"), (2, target, "target")):
-        if record is None:
-            known[:, column : column + 2] = 0.0, -1.0
-            continue
-        if record.object_id.max(initial=-1) >= len(reach):
-            raise ValueError(
-                f"{name} names object {record.object_id.max()} of {len(reach)}: "
-                "pass hits of this intersector"
-            )
-        if len(record) != n:
-            raise ValueError(
-                f"{name} has {len(record)} rows for {n} rays: pass one row per ray, "
-                f"for instance {name}=hits[mask]"
-            )
-        kernels.name_points(
-            origin,
-            direction,
-            np.ascontiguousarray(record.object_id),
-            np.ascontiguousarray(record.position),
-            reach,
-            column,
-            POINT_ROUNDING,
-            FARTHEST,
-            known,
+def _check_points(record: HitRecord | None, name: str, n: int, n_objects: int) -> None:
+    if record is None:
+        return
+    if record.object_id.max(initial=-1) >= n_objects:
+        raise ValueError(
+            f"{name} names object {record.object_id.max()} of {n_objects}: "
+            "pass hits of this intersector"
         )
-    return known
+    if len(record) != n:
+        raise ValueError(
+            f"{name} has {len(record)} rows for {n} rays: pass one row per ray, "
+            f"for instance {name}=hits[mask]"
+        )

@@ -7,10 +7,9 @@ vectors of eight float32. The arithmetic is that of the loop, lane by lane, and 
 
 from typing import Any
 
-import numba
 import numpy as np
 from llvmlite import ir
-from numba.core import types
+from numba.core import config, types
 from numba.extending import intrinsic
 
 # One subtraction, one reciprocal, one product on each side: 3 * 2**-24 each, and as much again.
@@ -101,7 +100,7 @@ def _lowest_bit_code(context: Any, builder: Any, signature: Any, arguments: Any)
     return builder.cttz(arguments[0], ir.Constant(ir.IntType(1), 1))
 
 
-if numba.config.DISABLE_JIT:
+if config.DISABLE_JIT:  # type: ignore[attr-defined]
     test_boxes = test_boxes_plain
 
     def lowest_bit(mask: int) -> int:

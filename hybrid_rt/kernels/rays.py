@@ -4,12 +4,35 @@ What NumPy does in thirty passes over memory takes as long as tracing a simple s
 """
 
 import math
+from typing import Any, NamedTuple
+
+import numpy as np
 
 from meshing.kernels.jit import hot_kernel, inner
 
 ORIGIN_NOT_FINITE, ORIGIN_TOO_FAR, DIRECTION_NOT_FINITE, DIRECTION_ZERO = 0, 1, 2, 3
 # What is wrong with rays, in the order of the numbers above.
 COMPLAINTS = ("is not finite", "is too far out", "is not finite", "has length zero")
+
+# `hybrid_rt.records.Status`
+MISS, HIT, TANGENT = 0, 1, 2
+
+
+class Record(NamedTuple):
+    """The columns of a `HitRecord`, n rows."""
+
+    t: Any
+    object_id: Any
+    patch_id: Any
+    u: Any
+    v: Any
+    position: Any
+    normal: Any
+    front_face: Any
+    status: Any
+    flags: Any
+    t_bound: Any
+    residual: Any
 
 
 @inner
@@ -20,35 +43,38 @@ def _complain(what, i, first_bad, n_bad):
 
 
 @hot_kernel
-def scale_rays(origin, direction, scaled, unit, farthest, first_bad, n_bad):
-    """Scale directions (n, 3) by the power of two that brings the largest component into [1/2, 1).
+def check_rays(origin, direction, farthest, first_bad, n_bad):
+    """Count the rays with each complaint: ``n_bad`` (4,), and their first rows: ``first_bad``.
 
-    ``unit`` (n,) receives that power of two. ``first_bad`` and ``n_bad`` (4,), -1 and 0 before,
-    tell the first row of each complaint and how many there are.
+    Before: 0 and -1.
     """
     for i in range(origin.shape[0]):
         largest = 0.0
-        is_finite = True
         for k in range(3):
             if not math.isfinite(origin[i, k]):
                 _complain(ORIGIN_NOT_FINITE, i, first_bad, n_bad)
-                is_finite = False
                 break
             if abs(origin[i, k]) > farthest:
                 _complain(ORIGIN_TOO_FAR, i, first_bad, n_bad)
-                is_finite = False
                 break
         for k in range(3):
             if not math.isfinite(direction[i, k]):
                 _complain(DIRECTION_NOT_FINITE, i, first_bad, n_bad)
-                is_finite = False
+                largest = np.inf
                 break
             largest = max(largest, abs(direction[i, k]))
-        if not is_finite:
-            continue
         if largest == 0.0:
             _complain(DIRECTION_ZERO, i, first_bad, n_bad)
-            continue
+
+
+@hot_kernel
+def scale_rays(direction, t_min, t_max, scaled, unit, lowest, highest):
+    """Scale directions (n, 3) by the power of two that brings the largest component into [1/2, 1).
+
+    ``unit`` (n,) receives that power of two; limits of t (n,) become those of the scaled direction.
+    """
+    for i in range(direction.shape[0]):
+        largest = max(abs(direction[i, 0]), abs(direction[i, 1]), abs(direction[i, 2]))
         _, exponent = math.frexp(largest)
         unit[i] = math.ldexp(1.0, -exponent)
         for k in range(3):
@@ -57,6 +83,52 @@ def scale_rays(origin, direction, scaled, unit, farthest, first_bad, n_bad):
                 scaled[i, k] = direction[i, k] * unit[i]
             else:
                 scaled[i, k] = math.ldexp(direction[i, k], -exponent)
+        lowest[i] = t_min[i] / unit[i]
+        highest[i] = t_max[i] / unit[i]
+
+
+@hot_kernel
+def complete_rows(direction, unit, best, record, totals):
+    """Fill the columns that are the same for every kind of surface, and all columns of misses.
+
+    Parameters
+    ----------
+    direction : (n, 3) float64
+        As the rays have it.
+    unit : (n,) float64
+        Brings t into the caller's lengths.
+    best : Nearest
+    record : Record
+    totals : (2,) int64
+        Hits and TANGENT rows are added here.
+    """
+    for i in range(unit.shape[0]):
+        is_hit = best.object_id[i] >= 0
+        # A root that rounding kept from us matters only in front of the hit.
+        is_tangent = (is_hit and best.tangent[i] != 0) or best.doubt[i] < best.t[i]
+        record.status[i] = TANGENT if is_tangent else (HIT if is_hit else MISS)
+        record.object_id[i] = best.object_id[i]
+        if is_tangent:
+            totals[1] += 1
+        if is_hit:
+            totals[0] += 1
+            record.t[i] = best.t[i] * unit[i]
+            record.t_bound[i] = best.t_bound[i] * unit[i]
+            slope = 0.0
+            for k in range(3):
+                slope += direction[i, k] * record.normal[i, k]
+            record.front_face[i] = slope < 0.0
+            continue
+        record.t[i] = np.inf
+        record.t_bound[i] = np.inf
+        record.front_face[i] = False
+        record.patch_id[i] = -1
+        record.u[i] = np.nan
+        record.v[i] = np.nan
+        record.residual[i] = np.nan
+        for k in range(3):
+            record.position[i, k] = np.nan
+            record.normal[i, k] = np.nan
 
 
 @hot_kernel
