@@ -9,7 +9,9 @@ import math
 from typing import Any, NamedTuple
 
 from hybrid_rt.kernels.environment import sky_direction, sky_pdf, sky_radiance
+from hybrid_rt.kernels.frame import two_difference
 from hybrid_rt.kernels.lobes import onto_axis, scattered
+from hybrid_rt.kernels.sphere import power_of_point
 from hybrid_rt.kernels.texture import texture_color
 from meshing.kernels.jit import inner, kernel
 
@@ -53,10 +55,20 @@ def power_weight(pdf, other):
 
 
 @inner
-def sphere_cone(radius, square):
-    """Return 1 - cos of the half angle under which a sphere is seen, from a squared distance."""
-    sine2 = radius * radius / square
-    return sine2 / (1.0 + math.sqrt(1.0 - sine2))
+def sphere_seen(lights, row, px, py, pz):
+    """See a sphere from a point: |p - c|^2, |p - c|^2 - r^2 and 1 - cos of half its angle.
+
+    The second, in double-double, tells how near the point is: rounding may be all of it.
+    """
+    radius = lights.edge_u[row, 0]
+    fx, gx = two_difference(px, lights.origin[row, 0])
+    fy, gy = two_difference(py, lights.origin[row, 1])
+    fz, gz = two_difference(pz, lights.origin[row, 2])
+    square = fx * fx + fy * fy + fz * fz
+    power = power_of_point(fx, fy, fz, gx, gy, gz, radius)
+    if power <= 0.0:
+        return square, 0.0, 0.0
+    return square, power, radius * radius / (square * (1.0 + math.sqrt(power / square)))
 
 
 @inner
@@ -72,7 +84,7 @@ def light_point(lights, row, px, py, pz, s, t):
     bx, by, bz = lights.edge_v[row, 0], lights.edge_v[row, 1], lights.edge_v[row, 2]
     x, y, z = lights.origin[row, 0] - px, lights.origin[row, 1] - py, lights.origin[row, 2] - pz
     if lights.kind[row] == SPHERE:
-        return _sphere_point(ax, x, y, z, s, t)
+        return _sphere_point(lights, row, px, py, pz, s, t)
     x, y, z = x + s * ax + t * bx, y + s * ay + t * by, z + s * az + t * bz
     square = x * x + y * y + z * z
     distance = math.sqrt(square)
@@ -87,27 +99,26 @@ def light_point(lights, row, px, py, pz, s, t):
 
 
 @inner
-def _sphere_point(radius, x, y, z, s, t):
-    """Choose a direction evenly in the cone that a sphere at (x, y, z) fills; see `light_point`."""
-    square = x * x + y * y + z * z
-    if square <= radius * radius:
+def _sphere_point(lights, row, px, py, pz, s, t):
+    """Choose a direction evenly in the cone that a sphere fills; see `light_point`."""
+    radius = lights.edge_u[row, 0]
+    x, y, z = lights.origin[row, 0] - px, lights.origin[row, 1] - py, lights.origin[row, 2] - pz
+    square, power, cone = sphere_seen(lights, row, px, py, pz)
+    if power == 0.0:
         return 0.0, 0.0, 0.0, 0.0, 0.0
     distance = math.sqrt(square)
-    cone = sphere_cone(radius, square)
     less = s * cone  # 1 - cos of the angle from the axis
     sine2 = less * (2.0 - less)
     wx, wy, wz = onto_axis(
         x / distance, y / distance, z / distance,
         1.0 - less, math.sqrt(max(sine2, 0.0)), 2.0 * math.pi * t,
     )  # fmt: skip
-    # To the near side: the foot of the centre on the ray, less half the chord.
-    half = math.sqrt(max(radius * radius - square * sine2, 0.0))
-    along = distance * (1.0 - less) - half
-    qx, qy, qz = along * wx - x, along * wy - y, along * wz - z
-    # Rounding leaves the point a little off the sphere: back onto it.
-    scale = radius / math.sqrt(qx * qx + qy * qy + qz * qz)
-    qx, qy, qz = x + scale * qx, y + scale * qy, z + scale * qz
-    return qx, qy, qz, math.sqrt(qx * qx + qy * qy + qz * qz), 2.0 * math.pi * cone
+    # The near root is the product of both over the far one, as where rays meet spheres: shadow
+    # rays end at that root to the last digits, even just beside the sphere.
+    foot = x * wx + y * wy + z * wz
+    far = foot + math.sqrt(max(radius * radius - square * sine2, 0.0))
+    along = power / far
+    return along * wx, along * wy, along * wz, along, 2.0 * math.pi * cone
 
 
 @inner
@@ -211,12 +222,8 @@ def light_on_hits(
 def _pdf_of_light(lights, row, ox, oy, oz, t, cosine, pdf_area):
     """Return the density per steradian with which a point of a light, met at t, is chosen."""
     if lights.kind[row] == SPHERE:
-        x, y, z = lights.origin[row, 0] - ox, lights.origin[row, 1] - oy, lights.origin[row, 2] - oz
-        square = x * x + y * y + z * z
-        radius = lights.edge_u[row, 0]
-        if square <= radius * radius:
-            return 0.0
-        return 1.0 / (2.0 * math.pi * sphere_cone(radius, square))
+        _, power, cone = sphere_seen(lights, row, ox, oy, oz)
+        return 1.0 / (2.0 * math.pi * cone) if power > 0.0 else 0.0
     if lights.kind[row] == RECTANGLE:
         ax, ay, az = lights.edge_u[row, 0], lights.edge_u[row, 1], lights.edge_u[row, 2]
         bx, by, bz = lights.edge_v[row, 0], lights.edge_v[row, 1], lights.edge_v[row, 2]
