@@ -105,7 +105,17 @@ def _add_render_options(parser: argparse.ArgumentParser) -> None:
         type=Path,
         action="append",
         metavar="FILE",
-        help=".png or .npz; may be repeated (default ./NAME.png); FILE.json goes beside it",
+        help=".png, .npz or .exr; may be repeated (default ./NAME.png); FILE.json goes beside it",
+    )
+    parser.add_argument(
+        "--outputs",
+        default="",
+        metavar="A,B",
+        help="also keep in .npz and .exr: depth, position, normal, uv, object_id, albedo, samples, "
+        "standard_error",
+    )
+    parser.add_argument(
+        "--exposure", type=float, default=0.0, metavar="E", help="stops, for .png (default 0)"
     )
     parser.add_argument("--explain", action="store_true", help="say what the scene needed and why")
     parser.add_argument("--quiet", action="store_true", help="show no progress")
@@ -146,6 +156,7 @@ def _render(scene: Scene, name: str, options: argparse.Namespace) -> None:
             threads=options.threads,
             accuracy=options.accuracy,
             tolerance=options.tolerance,
+            outputs=[name for name in options.outputs.split(",") if name],
             progress=progress,
         )
     if options.explain:
@@ -153,7 +164,7 @@ def _render(scene: Scene, name: str, options: argparse.Namespace) -> None:
 
         _say(explain(result.report["plan"]))
     for path in outputs:
-        result.save(path)
+        result.save(path, options.exposure)
         _say(f"{path}  ({_summary(result.report)})")
 
 

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import importlib.util
 import json
 import math
 import os
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, BinaryIO
@@ -58,37 +59,64 @@ class Film:
         """(height, width, 3) float32: the mean of the passes, linear, row 0 at the top."""
         return (self._sum / self.n_passes).astype(np.float32)
 
+    @property
+    def standard_error(self) -> FloatArray:
+        """(height, width, 3) float64: of each pixel, from the differences between passes.
+
+        Passes share one low-discrepancy sequence, so their mean is better than independent ones
+        would be: the figures err on the safe side. A single pass tells nothing: nan.
+        """
+        n = self.n_passes
+        if n < 2:
+            return np.full_like(self._sum, np.nan)
+        mean = self._sum / n
+        # Rounding can leave a variance of -1e-17 where all passes agree.
+        variance = np.maximum(self._sum_of_squares / n - mean * mean, 0.0)
+        error: FloatArray = np.sqrt(variance / (n - 1))
+        return error
+
     def noise(self) -> dict[str, float] | None:
         """Return estimates of the standard error, or None where a single pass tells nothing.
 
-        They come from the differences between passes. Passes share one low-discrepancy sequence,
-        so their mean is better than independent ones would be: the figures err on the safe side.
+        See `standard_error`.
         """
         n = self.n_passes
         if n < 2:
             return None
-        mean = self._sum / n
-        # Rounding can leave a variance of -1e-17 where all passes agree.
-        variance = np.maximum(self._sum_of_squares / n - mean * mean, 0.0) * (n / (n - 1))
         return {
-            "image_mean": float(mean.mean()),
+            "image_mean": float(np.mean(self._pass_means)),
             "standard_error_of_image_mean": float(np.std(self._pass_means, ddof=1) / math.sqrt(n)),
-            "root_mean_square_standard_error_of_pixels": math.sqrt(float(variance.mean()) / n),
+            "root_mean_square_standard_error_of_pixels": math.sqrt(
+                float(np.square(self.standard_error).mean())
+            ),
         }
 
 
+Channels = Mapping[str, NDArray[np.float32]]
+
+
 def save_image(
-    path: str | os.PathLike[str], image: NDArray[np.float32], report: dict[str, Any]
+    path: str | os.PathLike[str],
+    image: NDArray[np.float32],
+    report: dict[str, Any],
+    channels: Channels | None = None,
+    exposure: float = 0.0,
 ) -> Path:
     """Write a picture, and its report beside it as JSON.
 
     Parameters
     ----------
-    path : path ending in .png or .npz
-        PNG: 8 bit, sRGB, values above 1 clipped. NPZ: ``image`` as it is and ``report`` as JSON
-        text. An existing file is replaced, at once and only by a complete one.
+    path : path ending in .png, .npz or .exr
+        PNG: 8 bit, sRGB, values above 1 clipped. NPZ: ``image`` as it is, ``report`` as JSON text
+        and the channels by name. EXR: 32-bit channels R, G, B and name.part, the report as the
+        attribute "hybrid_rt"; needs the package OpenEXR (the extra "exr"). An existing file is
+        replaced, at once and only by a complete one.
     image : (height, width, 3) float32
     report : dict
+    channels : dict, optional
+        By name, (height, width) or (height, width, parts) float32; not kept by PNG.
+    exposure : float
+        Stops: a PNG shows 2**exposure times the radiance. The other formats keep radiance.
 
     Returns
     -------
@@ -97,13 +125,13 @@ def save_image(
 
     Raises
     ------
-    ValueError, FileNotFoundError
-        If the ending is another one or the folder does not exist.
+    ValueError, FileNotFoundError, ModuleNotFoundError
+        If the ending is another one, the folder does not exist, or OpenEXR is not installed.
     """
     target = check_output(path)
     text = json.dumps(report, indent=2, allow_nan=False) + "\n"
     with _replacing(target) as file:
-        WRITERS[target.suffix.lower()](file, image, text)
+        WRITERS[target.suffix.lower()](file, image, text, channels or {}, exposure)
     sidecar = target.with_suffix(".json")
     with _replacing(sidecar) as file:
         file.write(text.encode())
@@ -114,31 +142,74 @@ def check_output(path: str | os.PathLike[str]) -> Path:
     """Return the path if a picture can be written there; see `save_image` for what is raised."""
     target = Path(path)
     if target.suffix.lower() not in WRITERS:
-        raise ValueError(f"output {str(target)!r}: unknown ending; use {' or '.join(WRITERS)}")
+        raise ValueError(f"output {str(target)!r}: unknown ending; use {', '.join(WRITERS)}")
     if not target.parent.is_dir():
         raise FileNotFoundError(
             f"output {str(target)!r}: there is no folder {str(target.parent)!r}"
         )
     if not os.access(target.parent, os.W_OK):
         raise PermissionError(f"output {str(target)!r}: the folder is not writable")
+    if target.suffix.lower() == ".exr" and importlib.util.find_spec("OpenEXR") is None:
+        raise ModuleNotFoundError(
+            f"output {str(target)!r}: EXR needs the package OpenEXR: pip install 'hybrid-rt[exr]'"
+        )
     return target
 
 
-def _write_png(file: BinaryIO, image: NDArray[np.float32], _report: str) -> None:
+def _write_png(
+    file: BinaryIO,
+    image: NDArray[np.float32],
+    _report: str,
+    _channels: Channels,
+    exposure: float,
+) -> None:
     import imageio.v3 as imageio
 
-    pixels = np.rint(linear_to_srgb(image) * 255.0).astype(np.uint8)
+    shown = image.astype(np.float64) * 2.0**exposure
+    pixels = np.rint(linear_to_srgb(shown) * 255.0).astype(np.uint8)
     imageio.imwrite(file, pixels, extension=".png")
 
 
-def _write_npz(file: BinaryIO, image: NDArray[np.float32], report: str) -> None:
-    np.savez_compressed(file, image=image, report=np.array(report))
+def _write_npz(
+    file: BinaryIO,
+    image: NDArray[np.float32],
+    report: str,
+    channels: Channels,
+    _exposure: float,
+) -> None:
+    arrays: dict[str, NDArray[Any]] = {"image": image, "report": np.array(report), **channels}
+    np.savez_compressed(file, **arrays)  # type: ignore[arg-type]
 
 
-WRITERS: dict[str, Callable[[BinaryIO, NDArray[np.float32], str], None]] = {
-    ".png": _write_png,
-    ".npz": _write_npz,
-}
+def _write_exr(
+    file: BinaryIO,
+    image: NDArray[np.float32],
+    report: str,
+    channels: Channels,
+    _exposure: float,
+) -> None:
+    import OpenEXR
+
+    from hybrid_rt.channels import PARTS
+
+    planes = {name: image[:, :, k] for k, name in enumerate("RGB")}
+    for name, values in channels.items():
+        if values.ndim == 2:
+            planes[name] = values
+        else:
+            planes |= {f"{name}.{part}": values[:, :, k] for k, part in enumerate(PARTS[name])}
+    header = {
+        "compression": OpenEXR.ZIP_COMPRESSION,
+        "type": OpenEXR.scanlineimage,
+        "hybrid_rt": report,
+    }
+    contiguous = {name: np.ascontiguousarray(plane) for name, plane in planes.items()}
+    OpenEXR.File(header, contiguous).write(file.name)
+
+
+Writer = Callable[[BinaryIO, NDArray[np.float32], str, Channels, float], None]
+
+WRITERS: dict[str, Writer] = {".png": _write_png, ".npz": _write_npz, ".exr": _write_exr}
 
 
 @contextmanager

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import os
-from dataclasses import asdict, dataclass
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, field
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from hybrid_rt import checks
+from hybrid_rt.channels import check_names, compute_channels
 from hybrid_rt.film import Film, save_image
 from hybrid_rt.integrators import INTEGRATORS, OPTIONS, RenderContext
 from hybrid_rt.integrators.crew import TOGETHER, Crew
@@ -34,14 +36,17 @@ class RenderResult:
         Linear radiance, row 0 at the top.
     report : dict
         Settings, counts, seconds, versions; plain types only.
+    channels : dict
+        The outputs asked for, by name; see `hybrid_rt.channels`.
     """
 
     image: NDArray[np.float32]
     report: dict[str, Any]
+    channels: dict[str, NDArray[np.float32]] = field(default_factory=dict)
 
-    def save(self, path: str | os.PathLike[str]) -> None:
+    def save(self, path: str | os.PathLike[str], exposure: float = 0.0) -> None:
         """Write the picture, and the report beside it; see `hybrid_rt.film.save_image`."""
-        save_image(path, self.image, self.report)
+        save_image(path, self.image, self.report, self.channels, exposure)
 
 
 def render(
@@ -56,6 +61,7 @@ def render(
     accuracy: str = "certified",
     tolerance: float | None = None,
     options: PathOptions | None = None,
+    outputs: Sequence[str] = (),
     progress: Progress | None = None,
 ) -> RenderResult:
     """Make a picture of a scene.
@@ -83,6 +89,9 @@ def render(
         As `Intersector` takes them.
     options : PathOptions, optional
         Settings of the integrator.
+    outputs : sequence of str
+        What else to find, as ``channels`` of the result: "depth", "position", "normal", "uv",
+        "object_id", "albedo" (all behind the middle of each pixel), "samples", "standard_error".
     progress : callable, optional
         Called with (stage, done, total); see `hybrid_rt.progress.Progress`.
 
@@ -100,6 +109,7 @@ def render(
     if integrator not in INTEGRATORS:
         raise ValueError(f"integrator {integrator!r} is unknown; use {', '.join(INTEGRATORS)}")
     _check_options(integrator, options)
+    names = check_names(outputs)
     limit = Limit(passes, time_budget)
     n_threads = Pool(threads).threads
     sampler = Sampler(seed)
@@ -124,6 +134,7 @@ def render(
         crew = Crew(context, n_threads, INTEGRATORS[integrator])
         film, stopped_by = _run_passes(crew, limit, clock, progress)
         crew.gather()
+        channels = compute_channels(names, context, film)
     settings = {
         "integrator": integrator,
         "passes": passes,
@@ -133,11 +144,12 @@ def render(
         "max_depth": max_depth,
         "accuracy": accuracy,
         "tolerance": tolerance,
+        "outputs": list(names),
         "options": None if options is None else asdict(options),
         "width": scene.camera.width,
         "height": scene.camera.height,
     }
-    return RenderResult(film.image, _report(settings, context, film, clock, stopped_by))
+    return RenderResult(film.image, _report(settings, context, film, clock, stopped_by), channels)
 
 
 def _check_options(integrator: str, options: PathOptions | None) -> None:

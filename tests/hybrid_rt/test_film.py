@@ -35,6 +35,34 @@ def test_npz_holds_the_picture_bit_for_bit(tmp_path):
         assert json.loads(str(data["report"])) == {"seed": 3}
 
 
+def test_exr_holds_named_channels_bit_for_bit(tmp_path):
+    OpenEXR = pytest.importorskip("OpenEXR")
+    depth = np.where(IMAGE[:, :, 0] > 0.5, np.inf, IMAGE[:, :, 0]).astype(np.float32)
+    channels = {"depth": depth, "normal": -IMAGE}
+    save_image(tmp_path / "a.exr", IMAGE, {"seed": 3}, channels)
+    with OpenEXR.File(str(tmp_path / "a.exr"), separate_channels=True) as file:
+        planes = {name: channel.pixels for name, channel in file.channels().items()}
+        assert json.loads(file.header()["hybrid_rt"]) == {"seed": 3}
+    assert {plane.dtype for plane in planes.values()} == {np.dtype(np.float32)}
+    assert set(planes) == {"R", "G", "B", "depth", "normal.X", "normal.Y", "normal.Z"}
+    np.testing.assert_array_equal(np.stack([planes[c] for c in "RGB"], axis=2), IMAGE)
+    np.testing.assert_array_equal(planes["depth"], depth)
+    np.testing.assert_array_equal(planes["normal.Y"], -IMAGE[:, :, 1])
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["a.exr", "a.json"]
+
+
+def test_exr_without_its_package_is_refused_before_any_work(tmp_path, monkeypatch):
+    monkeypatch.setattr(film.importlib.util, "find_spec", lambda _: None)
+    with pytest.raises(ModuleNotFoundError, match=r"pip install 'hybrid-rt\[exr\]'"):
+        check_output(tmp_path / "a.exr")
+
+
+def test_exposure_counts_stops(tmp_path):
+    save_image(tmp_path / "a.png", IMAGE, {}, exposure=-1.0)
+    expected = np.rint(linear_to_srgb(IMAGE.astype(float) / 2) * 255)
+    np.testing.assert_array_equal(imageio.imread(tmp_path / "a.png"), expected)
+
+
 def test_interrupted_write_leaves_the_old_file_and_no_other(tmp_path, monkeypatch):
     target = tmp_path / "a.png"
     target.write_bytes(b"old")
@@ -51,7 +79,7 @@ def test_interrupted_write_leaves_the_old_file_and_no_other(tmp_path, monkeypatc
 
 
 def test_impossible_outputs_are_refused(tmp_path):
-    with pytest.raises(ValueError, match=r"unknown ending; use \.png or \.npz"):
+    with pytest.raises(ValueError, match=r"unknown ending; use \.png, \.npz"):
         check_output("a.jpg")
     with pytest.raises(FileNotFoundError, match="no folder"):
         check_output(tmp_path / "missing" / "a.png")
