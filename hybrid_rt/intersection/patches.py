@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from hybrid_rt.intersection.batch import Finished
 from hybrid_rt.kernels.coarse import guess_cells
 from hybrid_rt.kernels.nearest import Nearest, Rays
-from hybrid_rt.kernels.patch_cells import RECORD, SPREAD, fill_cells
+from hybrid_rt.kernels.patch_cells import RECORD, SPREAD, fill_cells, fill_quarters
 from hybrid_rt.kernels.subdivide import DEPTH
 from hybrid_rt.kernels.trace_patches import (
     PatchScratch,
@@ -27,8 +27,8 @@ from meshing import BezierPatches
 if TYPE_CHECKING:
     from hybrid_rt.intersection.coarse import Coarse
 
-# Cells per side: enough that tangents hardly turn within one. Finer ones cost memory and gain
-# little; a cell takes 184 bytes and its share of the tree.
+# Cells per side: enough that tangents hardly turn within one, few enough to stay in the cache; a
+# cell takes 184 bytes and its share of the tree. Its quarters are asked where it turns too much.
 COARSEST, FINEST = 1, 8
 # sin^2 of the half angle of the normals' cone above which a finer grid is worth its memory.
 WIDE_SPREAD = 0.02
@@ -83,18 +83,26 @@ class PatchKind:
         for i, count in zip((i for i, _ in surfaces), np.cumsum([0, *counts[:-1]]), strict=True):
             self._first_patch[i] = count
         if search:
-            boxes = self._boxes()
-            self.tree = Tree(*build_tree(boxes[:, :3].copy(), boxes[:, 3:].copy(), 1))
+            self._build_search()
 
-    def _boxes(self) -> FloatArray:
-        """Return the cells' boxes, filling the records as well."""
+    def _build_search(self) -> None:
+        """Fill the cells in the order of a tree over them, and their quarters."""
         t = self.table
-        boxes = np.empty((len(t.record), 6))
+        n = len(t.record)
+        record, boxes, cell_patch = np.empty((n, RECORD)), np.empty((n, 6)), np.empty(n, np.int32)
         fill_cells(
             t.control, t.start, t.degree, t.centre, t.grid, t.first_cell, 0, len(t.start),
-            t.record, boxes, t.cell_patch,
+            record, boxes, cell_patch,
         )  # fmt: skip
-        return boxes
+        self.tree = Tree(*build_tree(boxes[:, :3].copy(), boxes[:, 3:].copy(), 1))
+        order = self.tree.order
+        t.record[:], t.cell_patch[:] = record[order], cell_patch[order]
+        t.place[order] = np.arange(n, dtype=np.int32)
+        if len(t.quarter):
+            fill_quarters(
+                t.control, t.start, t.degree, t.centre, t.record, t.cell_patch,
+                t.quarter, t.quarter_patch,
+            )  # fmt: skip
 
     def trace(
         self, rays: Rays, guess: IntArray | None, best: Nearest, any_hit: bool, work: FloatArray
@@ -109,7 +117,7 @@ class PatchKind:
         guess = np.empty(len(face), np.int32)
         guess_cells(
             face, u, v, coarse.corner_uv, coarse.object_id, coarse.piece, self._first_of(coarse),
-            self.table.grid, self.table.first_cell, guess,
+            self.table.grid, self.table.first_cell, self.table.place, guess,
         )  # fmt: skip
         return guess
 
@@ -184,11 +192,15 @@ def _cells(
         wide = np.flatnonzero(worst > WIDE_SPREAD)
         side *= 2
         grid[wide] = side
+    n_quarters = 4 * n if finest > COARSEST and 4 * n <= MOST_CELLS else 0
     return {
         "grid": grid,
         "first_cell": first,
+        "place": np.empty(n, np.int32),
         "record": np.empty((n, RECORD)),
         "cell_patch": np.empty(n, np.int32),
+        "quarter": np.empty((n_quarters, RECORD)),
+        "quarter_patch": np.empty(n_quarters, np.int32),
     }
 
 

@@ -24,8 +24,8 @@ def test_boxes_plain(
 
     Parameters
     ----------
-    rows : (n, 6, 8) float32
-        Lower bounds in x, y, z, then upper bounds.
+    rows : (n, 8, 8) float32
+        Of each node six rows: lower bounds in x, y, z, then upper bounds; two rows of links.
     x, y, z, rx, ry, rz : float32
         The ray's origin, and the reciprocals of its direction.
     sx, sy, sz : int
@@ -66,7 +66,7 @@ def _vector_code(context: Any, builder: Any, signature: Any, arguments: Any) -> 
         return builder.shuffle_vector(one, ir.Constant(eight, ir.Undefined), lanes)
 
     def row(index: Any) -> Any:
-        place = builder.add(builder.mul(node, i64(48)), builder.mul(index, i64(8)))
+        place = builder.add(builder.mul(node, i64(64)), builder.mul(index, i64(8)))
         pointer = builder.bitcast(builder.gep(rows.data, [place]), eight.as_pointer())
         return builder.load(pointer, align=4)
 

@@ -33,7 +33,9 @@ def rays_to_float32(origin, direction, t_min, t_max, middle, to_frame, near, awa
 
 
 @hot_kernel
-def guess_cells(face, u, v, corner_uv, object_id, piece, first_patch, grid, first_cell, guess):
+def guess_cells(
+    face, u, v, corner_uv, object_id, piece, first_patch, grid, first_cell, place, guess
+):
     """Turn coarse hits into the cell that holds them (-1: no hit, or not a patch)."""
     for i in range(face.shape[0]):
         f = face[i]
@@ -47,7 +49,7 @@ def guess_cells(face, u, v, corner_uv, object_id, piece, first_patch, grid, firs
         nu, nv = grid[k, 0], grid[k, 1]
         ca = min(max(int(np.floor(a * nu)), 0), nu - 1)
         cb = min(max(int(np.floor(b * nv)), 0), nv - 1)
-        guess[i] = first_cell[k] + ca * nv + cb
+        guess[i] = place[first_cell[k] + ca * nv + cb]
 
 
 @hot_kernel

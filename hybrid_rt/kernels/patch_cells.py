@@ -223,3 +223,26 @@ def fill_cells(
                 )  # fmt: skip
                 cell_patch[cell] = k
                 cell += 1
+
+
+@kernel
+def fill_quarters(control, start, degree, centre, record, cell_patch, quarter, quarter_patch):
+    """Fill the four quarters of each cell: ``quarter`` (4 n, `RECORD`), ``quarter_patch`` (4 n,)."""
+    widest = 2
+    for k in range(degree.shape[0]):
+        widest = max(widest, degree[k, 0] + 1, degree[k, 1] + 1)
+    scratch = np.empty((3, widest, widest, 3))
+    box = np.empty(6)
+    for cell in range(record.shape[0]):
+        k = cell_patch[cell]
+        um, vm = record[cell, MIDDLE], record[cell, MIDDLE + 1]
+        hu, hv = record[cell, HALF], record[cell, HALF + 1]
+        for part in range(4):
+            u0 = um - hu if part < 2 else um
+            v0 = vm - hv if part % 2 == 0 else vm
+            fill_cell(
+                control, start[k], degree[k, 0], degree[k, 1],
+                centre[k, 0], centre[k, 1], centre[k, 2], u0, u0 + hu, v0, v0 + hv,
+                scratch, quarter[4 * cell + part], box,
+            )  # fmt: skip
+            quarter_patch[4 * cell + part] = k

@@ -70,8 +70,11 @@ class PatchTable(NamedTuple):
     patch_id: Any  # (k,) int32: number within its surface
     grid: Any  # (k, 2) int64: cells along u and v
     first_cell: Any  # (k,) int64
+    place: Any  # (n,) int32: where each cell of the grids stands below, in the order of the tree
     record: Any  # (n, RECORD): the cells
     cell_patch: Any  # (n,) int32
+    quarter: Any  # (4 n, RECORD): the quarters of each cell, one after the other; or none (0)
+    quarter_patch: Any  # (4 n,) int32
 
 
 class PatchScratch(NamedTuple):
@@ -91,9 +94,12 @@ def solve_cell(
     i, cell, record, cell_patch, control, start, degree, centre, size, open_edges,
     object_id, basis, nets, boxes,
     x, y, z, lx, ly, lz, dx, dy, dz, t_lo, t_cut, shift, to_world,
-    t_min, known, best, counters,
+    t_min, known, best, counters, quartered,
 ):  # fmt: skip
-    """Settle one cell for one ray: offer its root, or know that there is none that matters."""
+    """Settle one cell for one ray: offer its root, or know that there is none that matters.
+
+    With ``quartered`` a cell that turns too much is left to its quarters; then the answer is True.
+    """
     px, py, pz = (
         x - record[cell, CENTRE],
         y - record[cell, CENTRE + 1],
@@ -112,7 +118,7 @@ def solve_cell(
         lo, hi = record[cell, BOX + 2 * axis] - o, record[cell, BOX + 2 * axis + 1] - o
         if d == 0.0:
             if lo > 0.0 or hi < 0.0:
-                return
+                return False
             continue
         inv = 1.0 / d
         a, b = lo * inv, hi * inv
@@ -120,7 +126,7 @@ def solve_cell(
             a, b = b, a
         t0, t1 = max(t0, a), min(t1, b)
     if t0 > t1 or t1 < t_lo or t0 > t_cut:
-        return
+        return False
     counters[CELLS] += 1
     patch = cell_patch[cell]
     ox, oy, oz = (
@@ -159,12 +165,31 @@ def solve_cell(
                         ox, oy, oz, dx, dy, dz, open_edges[patch], shift, to_world,
                         object_id[patch], patch, t_min, known, best,
                     )  # fmt: skip
-                return
+                return False
+    elif quartered:
+        return True
     slow_solve(
         i, nets, boxes, basis, control, first, m, n, size[patch], ox, oy, oz, dx, dy, dz,
         um - hu, um + hu, vm - hv, vm + hv, t_lo, t_cut, open_edges[patch], shift, to_world,
         object_id[patch], patch, t_min, known, best, counters,
     )  # fmt: skip
+    return False
+
+
+@inner
+def solve_quarters(
+    i, cell, quarter, quarter_patch, control, start, degree, centre, size, open_edges,
+    object_id, basis, nets, boxes,
+    x, y, z, lx, ly, lz, dx, dy, dz, t_lo, t_cut, shift, to_world,
+    t_min, known, best, counters,
+):  # fmt: skip
+    """Settle the four quarters of a cell."""
+    for k in range(4 * cell, 4 * cell + 4):
+        solve_cell(
+            i, k, quarter, quarter_patch, control, start, degree, centre, size, open_edges,
+            object_id, basis, nets, boxes, x, y, z, lx, ly, lz, dx, dy, dz, t_lo, t_cut,
+            shift, to_world, t_min, known, best, counters, False,
+        )  # fmt: skip
 
 
 @hot_kernel
@@ -179,7 +204,9 @@ def trace_patches(table, tree, rays, guess, best, any_hit, scratch, counters):
     control, start, degree = table.control, table.start, table.degree
     centre, size, open_edges = table.centre, table.size, table.open_edges
     object_id, record, cell_patch = table.object_id, table.record, table.cell_patch
-    rows, child, count, order = tree.rows, tree.child, tree.count, tree.order
+    quarter, quarter_patch = table.quarter, table.quarter_patch
+    quartered = quarter.shape[0] > 0
+    rows, links = tree.rows, tree.links
     origin, direction, t_min, known = rays.origin, rays.direction, rays.t_min, rays.known
     t_best = best.t
     to_world = 1.0 / to_frame
@@ -202,11 +229,16 @@ def trace_patches(table, tree, rays, guess, best, any_hit, scratch, counters):
         t_guess = np.inf
         if guess.shape[0] > 0 and guess[i] >= 0:
             done = guess[i]
-            solve_cell(
+            if solve_cell(
                 i, done, record, cell_patch, control, start, degree, centre, size, open_edges,
                 object_id, basis, nets, boxes, x, y, z, lx, ly, lz, dx, dy, dz, t_lo, t_cut,
-                shift, to_world, t_min, known, best, counters,
-            )  # fmt: skip
+                shift, to_world, t_min, known, best, counters, quartered,
+            ):  # fmt: skip
+                solve_quarters(
+                    i, done, quarter, quarter_patch, control, start, degree, centre, size,
+                    open_edges, object_id, basis, nets, boxes, x, y, z, lx, ly, lz, dx, dy, dz,
+                    t_lo, t_cut, shift, to_world, t_min, known, best, counters,
+                )  # fmt: skip
             if any_hit and best.object_id[i] >= 0:
                 continue
             t_guess = t_best[i]
@@ -228,19 +260,23 @@ def trace_patches(table, tree, rays, guess, best, any_hit, scratch, counters):
             if stack_count[top] == 0:
                 counters[NODES] += 1
                 top = push_children(
-                    rows, child, count, node, fx, fy, fz, rx, ry, rz, sx, sy, sz,
+                    rows, links, node, fx, fy, fz, rx, ry, rz, sx, sy, sz,
                     lo, np.float32(t_cut), entry, stack_node, stack_count, stack_entry, top,
                 )  # fmt: skip
                 continue
             for k in range(node, node + stack_count[top]):
-                cell = order[k]
-                if cell == done:
+                if k == done:
                     continue
-                solve_cell(
-                    i, cell, record, cell_patch, control, start, degree, centre, size,
+                if solve_cell(
+                    i, k, record, cell_patch, control, start, degree, centre, size,
                     open_edges, object_id, basis, nets, boxes, x, y, z, lx, ly, lz, dx, dy, dz,
-                    t_lo, t_cut, shift, to_world, t_min, known, best, counters,
-                )  # fmt: skip
+                    t_lo, t_cut, shift, to_world, t_min, known, best, counters, quartered,
+                ):  # fmt: skip
+                    solve_quarters(
+                        i, k, quarter, quarter_patch, control, start, degree, centre, size,
+                        open_edges, object_id, basis, nets, boxes, x, y, z, lx, ly, lz, dx, dy, dz,
+                        t_lo, t_cut, shift, to_world, t_min, known, best, counters,
+                    )  # fmt: skip
             if any_hit and best.object_id[i] >= 0:
                 break
             t_cut = t_best[i] * to_frame - shift

@@ -24,12 +24,20 @@ BOX_MARGIN = np.float32(2.0**-19)
 SMALLEST_COMPONENT = 1e-18
 
 
-class Tree(NamedTuple):
-    """Nodes as rows of eight: ``rows[n, :3]`` lower and ``rows[n, 3:]`` upper bounds."""
+# Rows of a node: six of bounds, and its links.
+CHILD, COUNT, ROWS = 6, 7, 8
 
-    rows: Any  # (n, 6, 8) float32
-    child: Any  # (n, 8) int32: a node, or the first place in `order`; -1 where there is none
-    count: Any  # (n, 8) int32: 0 for a node, else how many primitives the leaf holds
+
+class Tree(NamedTuple):
+    """Nodes of eight rows of eight numbers each, 256 bytes.
+
+    ``rows[n, :3]`` are lower and ``rows[n, 3:6]`` upper bounds of the children of node n; in the
+    same memory, as integers, ``links[n, CHILD]`` names each child: a node, or the first place in
+    ``order``; and ``links[n, COUNT]`` is 0 for a node, else how many primitives the leaf holds.
+    """
+
+    rows: Any  # (n, 8, 8) float32
+    links: Any  # (n, 8, 8) int32
     order: Any  # (m,) int32: primitives, leaf by leaf
     stack: int  # places that a depth-first walk may need
 
@@ -129,9 +137,8 @@ def build_tree(lower, upper, leaf_size):
     order = np.arange(m).astype(np.int32)
     # A node either has eight children or holds more than leaf_size primitives in leaves.
     capacity = 8 * m // (7 * (leaf_size + 1)) + 2
-    rows = np.empty((capacity, 6, WIDTH), np.float32)
-    child = np.full((capacity, WIDTH), -1, np.int32)
-    count = np.zeros((capacity, WIDTH), np.int32)
+    rows = np.empty((capacity, ROWS, WIDTH), np.float32)
+    links = rows.view(np.int32)
     # Nodes still to fill: number, range of `order`, depth.
     todo = np.empty((capacity, 4), np.int64)
     work = np.empty((8 + 4 * BINS, 3))
@@ -164,7 +171,8 @@ def build_tree(lower, upper, leaf_size):
         for k in range(WIDTH):
             if k >= n:
                 rows[node, :3, k] = np.inf
-                rows[node, 3:, k] = -np.inf
+                rows[node, 3:6, k] = -np.inf
+                links[node, CHILD, k], links[node, COUNT, k] = -1, 0
                 continue
             _range_bounds(lower, upper, order, begin[k], end[k], work[4], work[5])
             for axis in range(3):
@@ -172,17 +180,18 @@ def build_tree(lower, upper, leaf_size):
                 rows[node, axis, k] = np.float32(work[4, axis]) - BOX_MARGIN
                 rows[node, 3 + axis, k] = np.float32(work[5, axis]) + BOX_MARGIN
             if end[k] - begin[k] <= leaf_size:
-                child[node, k] = begin[k]
-                count[node, k] = end[k] - begin[k]
+                links[node, CHILD, k] = begin[k]
+                links[node, COUNT, k] = end[k] - begin[k]
             else:
-                child[node, k] = n_nodes
+                links[node, CHILD, k], links[node, COUNT, k] = n_nodes, 0
                 todo[n_todo, 0], todo[n_todo, 3] = n_nodes, depth + 1
                 todo[n_todo, 1], todo[n_todo, 2] = begin[k], end[k]
                 n_todo += 1
                 n_nodes += 1
     # Seven siblings wait at each level while the eighth is walked.
     stack = (WIDTH - 1) * deepest + WIDTH + 1
-    return rows[:n_nodes].copy(), child[:n_nodes].copy(), count[:n_nodes].copy(), order, stack
+    rows = rows[:n_nodes].copy()
+    return rows, rows.view(np.int32), order, stack
 
 
 @inner
@@ -195,7 +204,7 @@ def safe_reciprocal(x):
 
 @inner
 def push_children(
-    rows, child, count, node, x, y, z, rx, ry, rz, sx, sy, sz, t_lo, t_hi, entry,
+    rows, links, node, x, y, z, rx, ry, rz, sx, sy, sz, t_lo, t_hi, entry,
     stack_node, stack_count, stack_entry, top,
 ):  # fmt: skip
     """Push the children of a node that a ray meets, the nearest on top; return the new height.
@@ -216,7 +225,7 @@ def push_children(
             stack_count[j] = stack_count[j - 1]
             j -= 1
         stack_entry[j] = t
-        stack_node[j] = child[node, k]
-        stack_count[j] = count[node, k]
+        stack_node[j] = links[node, CHILD, k]
+        stack_count[j] = links[node, COUNT, k]
         top += 1
     return top

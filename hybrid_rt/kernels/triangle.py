@@ -131,7 +131,7 @@ def trace_triangles(table, tree, rays, guess, best, any_hit, floats, integers, c
     ``floats`` (8 + tree.stack,) float32 and ``integers`` (2 tree.stack,) int32 are scratch.
     """
     vertex, face, neighbour, object_id = table.vertex, table.face, table.neighbour, table.object_id
-    rows, child, count, order = tree.rows, tree.child, tree.count, tree.order
+    rows, links, order = tree.rows, tree.links, tree.order
     entry, stack_entry = floats[:8], floats[8:]
     stack_node, stack_count = integers[: tree.stack], integers[tree.stack :]
     for i in range(rays.origin.shape[0]):
@@ -174,7 +174,7 @@ def trace_triangles(table, tree, rays, guess, best, any_hit, floats, integers, c
             if stack_count[top] == 0:
                 counters[NODES] += 1
                 top = push_children(
-                    rows, child, count, node, fx, fy, fz, rx, ry, rz, nx, ny, nz,
+                    rows, links, node, fx, fy, fz, rx, ry, rz, nx, ny, nz,
                     lo, np.float32(t_cut), entry, stack_node, stack_count, stack_entry, top,
                 )  # fmt: skip
                 continue
