@@ -158,11 +158,13 @@ class PatchKind:
 def _difference(
     points: FloatArray, middle: FloatArray, centre: FloatArray, to_frame: float
 ) -> FloatArray:
-    """(points - middle) to_frame - centre with one rounding, not three."""
+    """(points - middle) to_frame - centre with one rounding, not three; and a column of zeros."""
     high = points - middle
     z = high - points
     low = (points - (high - z)) - (middle + z)
-    return np.ascontiguousarray((high * to_frame - centre) + low * to_frame)
+    net = np.zeros((len(points), 4))
+    net[:, :3] = (high * to_frame - centre) + low * to_frame
+    return net
 
 
 def _cells(

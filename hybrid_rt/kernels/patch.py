@@ -8,6 +8,7 @@ surfaces"); its step needs only cross products.
 
 import numpy as np
 
+from hybrid_rt.kernels.bicubic import evaluate_bicubic
 from hybrid_rt.kernels.nearest import is_known, offer
 from meshing.kernels.jit import inner
 
@@ -85,50 +86,8 @@ def evaluate(control, start, degree_u, degree_v, u, v, basis):
 
 
 @inner
-def evaluate_bicubic(control, start, u, v):
-    """`evaluate` for degree 3 x 3, written out."""
-    a = 1.0 - u
-    b = 1.0 - v
-    u0, u1, u2, u3 = a * a * a, 3.0 * a * a * u, 3.0 * a * u * u, u * u * u
-    v0, v1, v2, v3 = b * b * b, 3.0 * b * b * v, 3.0 * b * v * v, v * v * v
-    p0, p1, p2 = 3.0 * a * a, 6.0 * a * u, 3.0 * u * u
-    q0, q1, q2 = 3.0 * b * b, 6.0 * b * v, 3.0 * v * v
-    x = y = z = xu = yu = zu = xv = yv = zv = 0.0
-    for i in range(4):
-        if i == 0:
-            w, e = u0, -p0
-        elif i == 1:
-            w, e = u1, p0 - p1
-        elif i == 2:
-            w, e = u2, p1 - p2
-        else:
-            w, e = u3, p2
-        k = start + 4 * i
-        ax, ay, az = control[k, 0], control[k, 1], control[k, 2]
-        bx, by, bz = control[k + 1, 0], control[k + 1, 1], control[k + 1, 2]
-        cx, cy, cz = control[k + 2, 0], control[k + 2, 1], control[k + 2, 2]
-        dx, dy, dz = control[k + 3, 0], control[k + 3, 1], control[k + 3, 2]
-        sx = v0 * ax + v1 * bx + v2 * cx + v3 * dx
-        sy = v0 * ay + v1 * by + v2 * cy + v3 * dy
-        sz = v0 * az + v1 * bz + v2 * cz + v3 * dz
-        tx = q0 * (bx - ax) + q1 * (cx - bx) + q2 * (dx - cx)
-        ty = q0 * (by - ay) + q1 * (cy - by) + q2 * (dy - cy)
-        tz = q0 * (bz - az) + q1 * (cz - bz) + q2 * (dz - cz)
-        x += w * sx
-        y += w * sy
-        z += w * sz
-        xu += e * sx
-        yu += e * sy
-        zu += e * sz
-        xv += w * tx
-        yv += w * ty
-        zv += w * tz
-    return x, y, z, xu, yu, zu, xv, yv, zv
-
-
-@inner
 def evaluate_any(control, start, degree_u, degree_v, u, v, basis):
-    """Take the written-out kernel for bicubic patches, the general one for all others."""
+    """Take the vector code for bicubic patches, the general one for all others."""
     if degree_u == 3 and degree_v == 3:
         return evaluate_bicubic(control, start, u, v)
     return evaluate(control, start, degree_u, degree_v, u, v, basis)
@@ -182,8 +141,6 @@ def newton(
         inv = 1.0 / det
         du = (rx * ax + ry * ay + rz * az) * inv
         dv = (rx * bx + ry * by + rz * bz) * inv
-        gain_u = np.sqrt(ax * ax + ay * ay + az * az) * abs(inv)
-        gain_v = np.sqrt(bx * bx + by * by + bz * bz) * abs(inv)
         # Nearly in the tangent plane rounding becomes a long step, which would leave the surface.
         is_root = rx * rx + ry * ry + rz * rz <= error * error
         if not is_root:
@@ -192,6 +149,8 @@ def newton(
             t -= (rx * nx + ry * ny + rz * nz) * inv
         if is_root or (abs(du) <= LAST_STEP * side_u and abs(dv) <= LAST_STEP * side_v):
             n_dot_d = abs(det) / np.sqrt(nx * nx + ny * ny + nz * nz)
+            gain_u = np.sqrt(ax * ax + ay * ay + az * az) * abs(inv)
+            gain_v = np.sqrt(bx * bx + by * by + bz * bz) * abs(inv)
             return CONVERGED, u, v, t, step, n_dot_d, gain_u, gain_v
         if not (-REACH <= u <= 1.0 + REACH and -REACH <= v <= 1.0 + REACH):
             return FAILED, u, v, t, step, n_dot_d, gain_u, gain_v

@@ -60,7 +60,7 @@ class PatchTable(NamedTuple):
 
     middle: Any  # (3,) float64: the frame's origin, world
     to_frame: float  # power of two: frame = (world - middle) * to_frame
-    control: Any  # (total, 3) nets relative to `centre`, frame units, one after the other
+    control: Any  # (total, 4) nets relative to `centre`, frame units, one after the other, and 0
     start: Any  # (k,) int64: first control point
     degree: Any  # (k, 2) int64
     centre: Any  # (k, 3): the middle of each net, frame
