@@ -7,10 +7,7 @@ becomes one path; a batch of them takes its steps together.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
-
 import numpy as np
-from numpy.typing import NDArray
 
 from hybrid_rt.integrators.integrator import (
     FIRST_PATH_DIMENSION,
@@ -29,55 +26,14 @@ from hybrid_rt.integrators.surface_light import (
 from hybrid_rt.kernels.light import BOTH, DIRECTION_ONLY, LIGHT_ONLY
 from hybrid_rt.kernels.lobes import DIELECTRIC
 from hybrid_rt.kernels.media import STACK, cross_media
-from hybrid_rt.kernels.scatter import ABSORBED, SCATTERED, SPECULAR, STOPPED, scatter
+from hybrid_rt.kernels.pack import Paths, add_products, pack_paths
+from hybrid_rt.kernels.scatter import ABSORBED, LEFT, SCATTERED, SPECULAR, STOPPED, scatter
 from hybrid_rt.records import FloatArray, HitRecord, IntArray
-from hybrid_rt.sampler import UIntArray
 
 STRATEGIES = {"both": BOTH, "lights": LIGHT_ONLY, "directions": DIRECTION_ONLY}
 
 # What the low-discrepancy points of one step are for.
 TO_LIGHT, DIRECTION, CHOICE, PER_STEP = 0, 1, 2, 3
-
-
-@dataclass(frozen=True)
-class Paths:
-    """Paths on their way, in the order of the camera rays they come from.
-
-    Attributes
-    ----------
-    camera_ray : (n,) int64
-        Row in the block of camera rays.
-    pixel, sample : (n,) uint64
-        They name the path's random numbers.
-    origins, directions : (n, 3) float64
-        Directions are unit vectors.
-    throughput : (n, 3) float64
-        What one unit of radiance on this ray adds to its pixel.
-    pdf : (n,) float64
-        Density with which the direction was chosen; 0 where it had no choice.
-    media : (n, STACK) int32
-        Dielectrics that the ray is in; (n, 0) where the scene has none.
-    source_id : (n,) int32
-        Object that the ray leaves from; -1 at the camera.
-    """
-
-    camera_ray: NDArray[np.int64]
-    pixel: UIntArray
-    sample: UIntArray
-    origins: FloatArray
-    directions: FloatArray
-    throughput: FloatArray
-    pdf: FloatArray
-    media: IntArray
-    source_id: IntArray
-
-    def __len__(self) -> int:
-        """Return the number of paths."""
-        return int(self.camera_ray.size)
-
-    def __getitem__(self, rows: NDArray[np.intp]) -> Paths:
-        """Select rows by an index array."""
-        return Paths(*(getattr(self, field.name).take(rows, axis=0) for field in fields(self)))
 
 
 class PathTracer(Integrator):
@@ -106,22 +62,19 @@ class PathTracer(Integrator):
                 self._absorb(paths, hits, material)
                 # --- light they ran into
                 arriving = self._light.arriving(hits, paths.origins, paths.directions, paths.pdf)
-                radiance[paths.camera_ray] += paths.throughput * arriving
-                met = np.flatnonzero(material >= 0)
+                add_products(paths.camera_ray, paths.throughput, arriving, radiance)
                 if depth > self.context.max_depth:
-                    self._lose(paths.throughput[met])
+                    self._lose(paths.throughput[material >= 0])
                     break
-                paths, hits, material = paths[met], hits[met], material[met]
-                shading = Shading(
-                    hits, paths.directions, material, self._light.colors(material, hits)
-                )
+                colors = self._light.colors(material, hits)
+                shading = Shading(hits, paths.directions, material, colors)
                 # --- light we reach for
                 if self._asks_lights:
-                    direct = self._light.from_one(shading, self._points(paths, depth, TO_LIGHT))
-                    radiance[paths.camera_ray] += paths.throughput * direct
+                    xi = self._points(paths, depth, TO_LIGHT)
+                    self._light.from_one(shading, paths.camera_ray, paths.throughput, xi, radiance)
                 # --- where they go next, and which ones stop
                 paths = self._onward(paths, shading, depth)
-            if len(paths) == 0:
+            if paths.camera_ray.size == 0:
                 break
         return radiance
 
@@ -151,22 +104,19 @@ class PathTracer(Integrator):
         if not self.context.plan["medium stack"]:
             return
 
-        def cross(i: int, j: int) -> None:
-            cross_media(
-                paths.media[i:j],
-                scene.lobes,
-                scene.glass_of,
-                material[i:j],
-                hits.front_face[i:j],
-                hits.t[i:j],
-                paths.throughput[i:j],
-            )
-
-        self.context.pool.run(cross, len(paths))
+        cross_media(
+            paths.media,
+            scene.lobes,
+            scene.glass_of,
+            material,
+            hits.front_face,
+            hits.t,
+            paths.throughput,
+        )
 
     def _onward(self, paths: Paths, shading: Shading, depth: int) -> Paths:
         """Choose where each path goes; return those that go on."""
-        n = len(paths)
+        n = paths.camera_ray.size
         is_last = depth == self.context.max_depth
         # The last step may still run into light, so that both ways of finding it agree; but a
         # mirrored or refracted ray would be one direction more.
@@ -177,45 +127,34 @@ class PathTracer(Integrator):
         fate = np.empty(n, dtype=np.uint8)
         hits, lobes = shading.hits, self.context.scene.lobes
 
-        def send(i: int, j: int) -> None:
-            scatter(
-                lobes,
-                shading.material[i:j],
-                shading.colors[i:j],
-                hits.normal[i:j],
-                shading.directions[i:j],
-                xi[i:j],
-                choice[i:j],
-                paths.media[i:j],
-                may_spread,
-                not is_last,
-                roulette,
-                onward[i:j],
-                paths.throughput[i:j],
-                pdf[i:j],
-                fate[i:j],
-            )
-
-        self.context.pool.run(send, n)
+        scatter(
+            lobes,
+            shading.material,
+            shading.colors,
+            hits.normal,
+            shading.directions,
+            xi,
+            choice,
+            paths.media,
+            may_spread,
+            not is_last,
+            roulette,
+            onward,
+            paths.throughput,
+            pdf,
+            fate,
+        )
         ledger = self.context.ledger
         counts = np.bincount(fate, minlength=SPECULAR + 1)
         ledger.rays["scattered"] += int(counts[SCATTERED])
         ledger.rays["mirrored or refracted"] += int(counts[SPECULAR])
         ledger.ended["absorbed or by roulette"] += int(counts[ABSORBED])
+        ledger.ended["left the scene or met a lamp"] += int(counts[LEFT])
         if counts[STOPPED]:
             self._lose(paths.throughput[fate == STOPPED])
-        going = np.flatnonzero(fate >= SCATTERED)
-        return Paths(
-            camera_ray=paths.camera_ray[going],
-            pixel=paths.pixel[going],
-            sample=paths.sample[going],
-            origins=hits.position.take(going, axis=0),
-            directions=onward.take(going, axis=0),
-            throughput=paths.throughput.take(going, axis=0),
-            pdf=pdf[going],
-            media=paths.media.take(going, axis=0),
-            source_id=hits.object_id[going],
-        )
+        out = Paths(*(np.empty_like(column) for column in paths))
+        n_out = pack_paths(paths, fate, SCATTERED, hits.position, hits.object_id, onward, pdf, out)
+        return Paths(*(column[:n_out] for column in out))
 
     def _lose(self, throughput: FloatArray) -> None:
         """Count paths that the limit ends, and what they might have carried."""

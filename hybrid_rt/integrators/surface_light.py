@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from hybrid_rt.integrators.integrator import RenderContext
 from hybrid_rt.kernels.light import UNWEIGHTED, LightPoints, light_on_hits, light_on_rays
 from hybrid_rt.kernels.lobes import PHONG, sample_lobes
+from hybrid_rt.kernels.pack import ShadowRays, add_unblocked, choose_lights, pack_shadow_rays
 from hybrid_rt.kernels.texture import lobe_colors
 from hybrid_rt.records import BoolArray, FloatArray, HitRecord, IntArray, Status
 from hybrid_rt.sampler import UIntArray
@@ -56,8 +57,7 @@ class SurfaceLight:
         self._strategy, self._last_kind = strategy, last_kind
         self.n_slots = int(np.diff(context.scene.lobes.first).max(initial=0))
         self._constant_colors = self._colors_without_lookup()
-        chance = context.scene.lights.chance
-        self._before = np.cumsum(chance) / max(chance.sum(), 1e-300)
+        self._before = np.cumsum(context.scene.lights.chance)
 
     def material(self, hits: HitRecord) -> IntArray:
         """Return the material of each hit; `NOTHING` for misses and for lights."""
@@ -72,21 +72,17 @@ class SurfaceLight:
             return self._constant_colors.take(material, axis=0, mode="clip")
         scene = self._context.scene
         colors = np.zeros((len(hits), self.n_slots, 3))
-
-        def look_up(i: int, j: int) -> None:
-            lobe_colors(
-                scene.textures,
-                scene.lobes.texture,
-                scene.color_factor,
-                scene.lobes.first,
-                material[i:j],
-                hits.u[i:j],
-                hits.v[i:j],
-                hits.position[i:j],
-                colors[i:j],
-            )
-
-        self._context.pool.run(look_up, len(hits))
+        lobe_colors(
+            scene.textures,
+            scene.lobes.texture,
+            scene.color_factor,
+            scene.lobes.first,
+            material,
+            hits.u,
+            hits.v,
+            hits.position,
+            colors,
+        )
         return colors
 
     def arriving(
@@ -105,35 +101,25 @@ class SurfaceLight:
             light = np.where(hits.front_face, scene.light_of[hits.object_id], light)
         if scene.environment is not None:
             light[~hits.hit] = scene.n_lights
-        rows = np.flatnonzero(light != NOTHING)
-        if rows.size == 0:
+        if not (light != NOTHING).any():
             return radiance
-        met, found = hits[rows], np.empty((rows.size, 3))
-        light, pdf = light[rows], pdf[rows]
-        origins, directions = origins[rows], directions[rows]
-        pdf_area = self._pdf_area(met, light, pdf)
-
-        def weigh(i: int, j: int) -> None:
-            light_on_rays(
-                scene.lights,
-                scene.sky,
-                scene.textures,
-                light[i:j],
-                met.t[i:j],
-                met.u[i:j],
-                met.v[i:j],
-                met.position[i:j],
-                met.normal[i:j],
-                origins[i:j],
-                directions[i:j],
-                pdf[i:j],
-                pdf_area[i:j],
-                self._strategy,
-                found[i:j],
-            )
-
-        self._context.pool.run(weigh, rows.size)
-        radiance[rows] = found
+        light_on_rays(
+            scene.lights,
+            scene.sky,
+            scene.textures,
+            light,
+            hits.t,
+            hits.u,
+            hits.v,
+            hits.position,
+            hits.normal,
+            origins,
+            directions,
+            pdf,
+            self._pdf_area(hits, light, pdf),
+            self._strategy,
+            radiance,
+        )
         return radiance
 
     def from_all(
@@ -157,56 +143,89 @@ class SurfaceLight:
             questions += self._ask_sky_by_lobes(shading, xi)
         return self._answered(shading, questions)
 
-    def from_one(self, shading: Shading, xi: FloatArray) -> FloatArray:
-        """Return what lights and sky send through the spreading lobes, (n, 3): one is asked.
+    def from_one(
+        self,
+        shading: Shading,
+        camera_ray: NDArray[np.int64],
+        throughput: FloatArray,
+        xi: FloatArray,
+        radiance: FloatArray,
+    ) -> None:
+        """Add what lights and sky send through the spreading lobes: one is asked for each hit.
 
-        ``xi`` (n, 2) in [0, 1) chooses the light, by its chance, and a point of it.
+        Parameters
+        ----------
+        camera_ray : (n,) int64
+            Row in ``radiance`` of each hit.
+        throughput : (n, 3) float64
+        xi : (n, 2) float64 in [0, 1), changed
+            Chooses the light, by its chance, and a point of it.
+        radiance : (rows, 3) float64, changed
         """
-        light = np.zeros(len(shading.hits), dtype=np.int32)
-        if self._before.size > 1:
-            light = np.searchsorted(self._before, xi[:, 0], side="right").astype(np.int32)
-            np.minimum(light, self._last_light, out=light)
-            chance = self._context.scene.lights.chance
-            before = self._before - chance
-            # What is left of the number is even in [0, 1) again.
-            rest = np.clip((xi[:, 0] - before[light]) / chance[light], 0.0, np.nextafter(1.0, 0.0))
-            xi = np.stack([rest, xi[:, 1]], axis=1)
-        return self._answered(shading, self._ask(shading, light, xi))
-
-    @property
-    def _last_light(self) -> np.int32:
-        return np.int32(np.flatnonzero(self._context.scene.lights.chance)[-1])
+        context, scene, hits = self._context, self._context.scene, shading.hits
+        n = len(hits)
+        light = np.empty(n, dtype=np.int32)
+        choose_lights(self._before, scene.lights.chance, xi, light)
+        to_light, value = self._asked(shading, light, xi)
+        rays = ShadowRays(
+            camera_ray=np.empty(n, dtype=np.int64),
+            origin=np.empty((n, 3)),
+            way=np.empty((n, 3)),
+            t_max=np.empty(n),
+            end=np.empty((n, 3)),
+            source_id=np.empty(n, dtype=np.int32),
+            target_id=np.empty(n, dtype=np.int32),
+            value=np.empty((n, 3)),
+        )
+        n_rays = pack_shadow_rays(
+            camera_ray, throughput, hits.object_id, hits.position, light, scene.surface_of_light,
+            to_light, value, rays,
+        )  # fmt: skip
+        if n_rays == 0:
+            return
+        rays = ShadowRays(*(column[:n_rays] for column in rays))
+        context.ledger.rays["shadow"] += n_rays
+        with context.ledger.stage("shadow rays"):
+            blocked = context.tracer.occluded(
+                rays.origin,
+                rays.way,
+                rays.t_max,
+                source=named_points(rays.source_id, rays.origin),
+                target=named_points(rays.target_id, rays.end),
+            )
+        add_unblocked(rays.camera_ray, blocked, rays.value, radiance)
 
     def _ask(self, shading: Shading, light_id: IntArray, xi: FloatArray) -> list[_Question]:
         """Ask one light per hit; sky and lights end at different lengths of their ways."""
+        to_light, value = self._asked(shading, light_id, xi)
+        shines = largest_channel(value) > 0.0
+        return _split(shines, light_id, to_light, value, self._context.scene.surface_of_light)
+
+    def _asked(
+        self, shading: Shading, light_id: IntArray, xi: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return the ways to chosen points of lights, and what they send."""
         scene, hits = self._context.scene, shading.hits
         to_light, value = np.empty_like(shading.directions), np.empty_like(shading.directions)
-        points = self._points(light_id, xi)
-
-        def ask(i: int, j: int) -> None:
-            light_on_hits(
-                scene.lights,
-                scene.sky,
-                scene.textures,
-                LightPoints(*(column[i:j] for column in points)),
-                light_id[i:j],
-                scene.lobes,
-                shading.material[i:j],
-                shading.colors[i:j],
-                hits.position[i:j],
-                hits.normal[i:j],
-                shading.directions[i:j],
-                xi[i:j],
-                self._strategy,
-                self._last_kind,
-                to_light[i:j],
-                value[i:j],
-            )
-
-        self._context.pool.run(ask, len(hits))
-        return _split(
-            largest_channel(value) > 0.0, light_id, to_light, value, scene.surface_of_light
+        light_on_hits(
+            scene.lights,
+            scene.sky,
+            scene.textures,
+            self._points(light_id, xi),
+            light_id,
+            scene.lobes,
+            shading.material,
+            shading.colors,
+            hits.position,
+            hits.normal,
+            shading.directions,
+            xi,
+            self._strategy,
+            self._last_kind,
+            to_light,
+            value,
         )
+        return to_light, value
 
     def _ask_sky_by_lobes(self, shading: Shading, xi: FloatArray) -> list[_Question]:
         """Ask the sky in a direction chosen by the lobes: best where it hardly varies."""
@@ -214,21 +233,18 @@ class SurfaceLight:
         wi, value = np.empty_like(shading.directions), np.empty_like(shading.directions)
         pdf = np.empty(len(hits))
 
-        def choose(i: int, j: int) -> None:
-            sample_lobes(
-                scene.lobes,
-                shading.material[i:j],
-                shading.colors[i:j],
-                hits.normal[i:j],
-                shading.directions[i:j],
-                xi[i:j],
-                self._last_kind,
-                wi[i:j],
-                value[i:j],
-                pdf[i:j],
-            )
-
-        self._context.pool.run(choose, len(hits))
+        sample_lobes(
+            scene.lobes,
+            shading.material,
+            shading.colors,
+            hits.normal,
+            shading.directions,
+            xi,
+            self._last_kind,
+            wi,
+            value,
+            pdf,
+        )
         rows = np.flatnonzero(largest_channel(value) > 0.0)
         way = wi.take(rows, axis=0)
         assert scene.environment is not None

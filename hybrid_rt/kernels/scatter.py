@@ -19,7 +19,7 @@ from hybrid_rt.kernels.media import (
 from meshing.kernels.jit import inner, kernel
 
 # How a ray ends at a surface, or goes on.
-STOPPED, ABSORBED, SCATTERED, SPECULAR = 0, 1, 2, 3
+LEFT, STOPPED, ABSORBED, SCATTERED, SPECULAR = 0, 1, 2, 3, 4
 
 
 @inner
@@ -79,13 +79,14 @@ def scatter(
     pdf : (n,) float64, written
         Density of the direction; zero for a mirror or glass.
     fate : (n,) uint8, written
-        `STOPPED` (with what was lost in ``throughput``), `ABSORBED`, `SCATTERED`, `SPECULAR`.
+        `LEFT` (no material), `STOPPED` (with what was lost in ``throughput``), `ABSORBED`, `SCATTERED`, `SPECULAR`.
     """
     for i in range(material.size):
-        fate[i] = ABSORBED
+        fate[i] = LEFT
         pdf[i] = 0.0
         if material[i] < 0:
             continue
+        fate[i] = ABSORBED
         chosen, chance, rest = pick_lobe(lobes, material[i], colors, i, choice[i, 0], DIELECTRIC)
         if chance == 0.0:
             continue
