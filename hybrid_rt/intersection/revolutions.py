@@ -78,10 +78,15 @@ class RevolutionKind:
             open_ends=np.array(ends, np.int64),
             first_piece=first_piece,
             span=np.empty((len(degree), 4)),
+            whole=np.empty((len(surfaces), 3)),
             piece=np.empty((int(first_piece[-1]), PIECE)),
         )
         t = self.table
         measure_pieces(t.control, t.start, t.degree, t.first_piece, t.span, t.piece)
+        first = t.first_segment[:-1]
+        t.whole[:, 0] = np.minimum.reduceat(t.span[:, 0], first)
+        t.whole[:, 1] = np.maximum.reduceat(t.span[:, 1], first)
+        t.whole[:, 2] = np.maximum.reduceat(t.span[:, 3], first)
 
     def _rows(self, n_objects: int) -> NDArray[np.int64]:
         """Return for each object its row in the table, -1 for objects of other kinds."""

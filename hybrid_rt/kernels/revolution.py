@@ -66,6 +66,7 @@ class RevolutionTable(NamedTuple):
     open_ends: Any  # (segments,) int64: bit 0 at s = 0, bit 1 at s = 1
     first_piece: Any  # (segments + 1,) int64
     span: Any  # (segments, 4): z and r of the segment
+    whole: Any  # (k, 3): lowest and highest z, largest r of the object
     piece: Any  # (pieces, PIECE)
 
 
@@ -99,6 +100,22 @@ def profile(control, start, degree, s):
     """Return Z, R, Z', R', Z'', R'' (Bernstein sums, weights built up from both ends)."""
     z = r = dz = dr = ez = er = 0.0
     q = 1.0 - s
+    if degree == 3:  # the usual one, written out
+        w0, w1, w2, w3 = q * q * q, 3.0 * q * q * s, 3.0 * q * s * s, s * s * s
+        d0, d1, d2, e0, e1 = 3.0 * q * q, 6.0 * q * s, 3.0 * s * s, 6.0 * q, 6.0 * s
+        a, b, c, d = (
+            control[start, 0], control[start + 1, 0], control[start + 2, 0], control[start + 3, 0],
+        )  # fmt: skip
+        z = w0 * a + w1 * b + w2 * c + w3 * d
+        dz = d0 * (b - a) + d1 * (c - b) + d2 * (d - c)
+        ez = e0 * ((c - b) - (b - a)) + e1 * ((d - c) - (c - b))
+        a, b, c, d = (
+            control[start, 1], control[start + 1, 1], control[start + 2, 1], control[start + 3, 1],
+        )  # fmt: skip
+        r = w0 * a + w1 * b + w2 * c + w3 * d
+        dr = d0 * (b - a) + d1 * (c - b) + d2 * (d - c)
+        er = e0 * ((c - b) - (b - a)) + e1 * ((d - c) - (c - b))
+        return z, r, dz, dr, ez, er
     for i in range(degree + 1):
         w = binomial(degree, i) * power(s, i) * power(q, degree - i)
         z += w * control[start + i, 0]
@@ -200,6 +217,29 @@ def sheet_interval(z0, z1, r0, r1, ray, after, slop):
     if after:
         return max(t0, t_axis + near - air), min(t1, t_axis + far + air)
     return max(t0, t_axis - far - air), min(t1, t_axis - near + air)
+
+
+@inner
+def height_range(z0, z1, r1, ray, t_lo, t_hi, slop):
+    """Return the range of z in which the ray is within a cylinder; where it never is: low > high."""
+    dz, across, t_axis, h = ray[5], ray[6], ray[7], ray[8]
+    if h > r1 + slop:
+        return 1.0, 0.0
+    if across > 0.0:
+        far = (np.sqrt((r1 + slop - h) * (r1 + slop + h)) + slop) / across
+        t_lo, t_hi = max(t_lo, t_axis - far), min(t_hi, t_axis + far)
+    if t_lo > t_hi:
+        return 1.0, 0.0
+    low, high = z0, z1
+    if dz != 0.0:
+        a, b = ray[2] + t_lo * dz, ray[2] + t_hi * dz
+        low, high = max(low, min(a, b)), min(high, max(a, b))
+    elif ray[2] < z0 - slop or ray[2] > z1 + slop:
+        return 1.0, 0.0
+    else:
+        low = high = ray[2]
+    # One product and one sum more than `sheet_interval`, of numbers up to z1 and |o|.
+    return low - 2.0 * slop, high + 2.0 * slop
 
 
 @inner
@@ -493,6 +533,7 @@ def trace_revolutions(table, rays, guess, best, any_hit, work, counters):
     origin, direction, t_min, known = rays.origin, rays.direction, rays.t_min, rays.known
     middle, axes, to_frames, sizes = table.middle, table.turn, table.to_frame, table.size
     first_segment, first_piece, span = table.first_segment, table.first_piece, table.span
+    whole = table.whole
     open_ends, object_id = table.open_ends, table.object_id
     net, stack, scratch, ray = work.net, work.stack, work.piece, work.ray
     for i in range(origin.shape[0]):
@@ -521,8 +562,18 @@ def trace_revolutions(table, rays, guess, best, any_hit, work, counters):
                 )
                 t_lo = t_min[i] * to_frame - shift
                 t_lo -= CUT_SLACK * (1.0 + abs(t_lo))
+                t_cut = best.t[i] * to_frame - shift
+                t_cut += CUT_SLACK * (1.0 + abs(t_cut))
+                z_low, z_high = height_range(
+                    whole[k, 0], whole[k, 1], whole[k, 2], ray, t_lo, t_cut, slop
+                )
+                if z_low > z_high:
+                    continue
+                nearest = ray[8] - slop
                 for seg in range(first, last):
                     if turn == 0 and not (first_piece[seg] <= done < first_piece[seg + 1]):
+                        continue
+                    if span[seg, 0] > z_high or span[seg, 1] < z_low or span[seg, 3] < nearest:
                         continue
                     for sheet in range(2):
                         after = sheet == 1
@@ -541,6 +592,12 @@ def trace_revolutions(table, rays, guess, best, any_hit, work, counters):
                             continue
                         for p in range(first_piece[seg], first_piece[seg + 1]):
                             if (p == done) != (turn == 0):
+                                continue
+                            if (
+                                piece[p, Z0] > z_high
+                                or piece[p, Z1] < z_low
+                                or piece[p, R1] < nearest
+                            ):
                                 continue
                             solve_piece(
                                 i, seg, piece[p], ray, after, t_lo, t_cut, control, start[seg],
