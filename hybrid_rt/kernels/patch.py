@@ -161,7 +161,7 @@ def newton(
 def approach(
     control, start, degree_u, degree_v, basis, ox, oy, oz, dx, dy, dz, u, v, u0, u1, v0, v1, steps
 ):
-    """Move (u, v) within a rectangle so that S(u, v) lies beside the ray; return u, v, t, and the gap.
+    """Move (u, v) within a rectangle so that S(u, v) lies beside the ray; return u, v, t, gap, |n.d|.
 
     At a silhouette both tangents point the same way as seen along the ray: one of them, the longer,
     can cancel what separates the two along it; across it they are no further apart than rounding.
@@ -194,7 +194,10 @@ def approach(
             v = to_v
         else:
             u, v = min(max(to_u, u0), u1), min(max(to_v, v0), v1)
-    return u, v, t, np.sqrt(rx * rx + ry * ry + rz * rz)
+    nx, ny, nz = yu * zv - zu * yv, zu * xv - xu * zv, xu * yv - yu * xv
+    length = np.sqrt(nx * nx + ny * ny + nz * nz)
+    n_dot_d = abs(nx * dx + ny * dy + nz * dz) / length if length > 0.0 else np.inf
+    return u, v, t, np.sqrt(rx * rx + ry * ry + rz * rz), n_dot_d
 
 
 @inner
@@ -234,7 +237,7 @@ def offer_root(
     if not t_world > t_min[i] or is_known(i, t_world, t_bound, n_dot_d, known):
         return False
     if not (0.0 <= u <= 1.0 and 0.0 <= v <= 1.0):
-        u, v, t, _ = approach(
+        u, v, t, _, _ = approach(
             control, start, degree_u, degree_v, basis, ox, oy, oz, dx, dy, dz,
             min(max(u, 0.0), 1.0), min(max(v, 0.0), 1.0), 0.0, 1.0, 0.0, 1.0, BORDER_APPROACHES,
         )  # fmt: skip

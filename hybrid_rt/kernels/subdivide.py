@@ -275,10 +275,11 @@ def slow_solve(
                 # The surface stays within the thickness of ray and piece as far as that over the
                 # slope.
                 slope = max(n_dot_d, FLATTEST)
-                u, v, t_near, gap = approach(
+                u, v, t_near, gap, there = approach(
                     control, start, degree_u, degree_v, basis, ox, oy, oz, dx, dy, dz,
                     um, vm, um - hu, um + hu, vm - hv, vm + hv, APPROACHES,
                 )  # fmt: skip
+                slope = max(min(slope, there / length), FLATTEST)
                 t_bound = 0.5 * (h1 - h0) + (4.0 * slop + 2.0 * gap) / slope
                 t_bound += abs(t_near - t) * length
                 t_bound = t_bound / length * to_world
