@@ -7,7 +7,7 @@ A picture of all directions is chosen from by texels: first the row, then the co
 import math
 from typing import Any, NamedTuple
 
-from meshing.kernels.jit import inner, kernel
+from meshing.kernels.jit import inlined, kernel
 
 NO_SKY, GRADIENT, PICTURE = 0, 1, 2
 
@@ -24,7 +24,7 @@ class EnvironmentTable(NamedTuple):
     columns: Any  # (height, width + 1) float64, share of the row before each texel
 
 
-@inner
+@inlined
 def _place(sky, x, y, z):
     """Return u and v of a direction: azimuth over 2 pi, and 1 straight up, 0 straight down."""
     f = sky.frame
@@ -35,7 +35,7 @@ def _place(sky, x, y, z):
     return turn - math.floor(turn), math.atan2(height, math.hypot(across, along)) / math.pi + 0.5
 
 
-@inner
+@inlined
 def sky_radiance(sky, x, y, z):
     """Return the radiance from a unit direction, bilinear between texels."""
     if sky.kind == GRADIENT:
@@ -66,7 +66,7 @@ def sky_radiance(sky, x, y, z):
     )
 
 
-@inner
+@inlined
 def sky_pdf(sky, x, y, z):
     """Return the density per steradian with which `sky_direction` chooses a direction."""
     if sky.kind == GRADIENT:
@@ -86,7 +86,7 @@ def sky_pdf(sky, x, y, z):
     return share * width / (2.0 * math.pi * band)
 
 
-@inner
+@inlined
 def _find(shares, row, n, xi):
     """Return the last of n places in a row whose share before it is at most xi."""
     low, high = 0, n
@@ -99,7 +99,7 @@ def _find(shares, row, n, xi):
     return low
 
 
-@inner
+@inlined
 def sky_direction(sky, xi, eta):
     """Choose a unit direction by brightness."""
     if sky.kind == GRADIENT:

@@ -2,10 +2,10 @@
 
 import math
 
-from meshing.kernels.jit import inner, kernel
+from meshing.kernels.jit import inlined, kernel
 
 
-@inner
+@inlined
 def fresnel(cos_i, eta):
     """Return the reflectance of unpolarised light and the cosine on the far side.
 
@@ -24,7 +24,7 @@ def fresnel(cos_i, eta):
     return 0.5 * (across * across + along * along), cos_t
 
 
-@inner
+@inlined
 def schlick(cos_i, eta):
     """Return Schlick's approximation of `fresnel` ("An inexpensive BRDF model", 1994)."""
     exact, cos_t = fresnel(cos_i, eta)
@@ -36,7 +36,7 @@ def schlick(cos_i, eta):
     return at_normal + (1.0 - at_normal) * (1.0 - cosine) ** 5, cos_t
 
 
-@inner
+@inlined
 def refract(dx, dy, dz, nx, ny, nz, cos_i, cos_t, ratio):
     """Bend a unit direction by Snell's law; n is on its side."""
     if ratio == 1.0:

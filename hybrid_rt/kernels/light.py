@@ -13,7 +13,7 @@ from hybrid_rt.kernels.frame import two_difference
 from hybrid_rt.kernels.lobes import onto_axis, scattered
 from hybrid_rt.kernels.sphere import power_of_point
 from hybrid_rt.kernels.texture import texture_color
-from meshing.kernels.jit import inner, kernel
+from meshing.kernels.jit import inlined, kernel
 
 POINT, RECTANGLE, SPHERE, SURFACE = 0, 1, 2, 3
 
@@ -45,7 +45,7 @@ class LightPoints(NamedTuple):
     v: Any  # (n,) float64
 
 
-@inner
+@inlined
 def power_weight(pdf, other):
     """Return the weight of a way of density ``pdf`` beside another (power heuristic)."""
     if other <= 0.0:
@@ -54,7 +54,7 @@ def power_weight(pdf, other):
     return 1.0 / (1.0 + ratio * ratio)
 
 
-@inner
+@inlined
 def sphere_seen(lights, row, px, py, pz):
     """See a sphere from a point: |p - c|^2, |p - c|^2 - r^2 and 1 - cos of half its angle.
 
@@ -71,7 +71,7 @@ def sphere_seen(lights, row, px, py, pz):
     return square, power, radius * radius / (square * (1.0 + math.sqrt(power / square)))
 
 
-@inner
+@inlined
 def light_point(lights, row, px, py, pz, s, t):
     """Choose a point of a light by (s, t) in [0, 1)^2 and weigh what arrives from there.
 
@@ -98,7 +98,7 @@ def light_point(lights, row, px, py, pz, s, t):
     return x, y, z, distance, factor
 
 
-@inner
+@inlined
 def _sphere_point(lights, row, px, py, pz, s, t):
     """Choose a direction evenly in the cone that a sphere fills; see `light_point`."""
     radius = lights.edge_u[row, 0]
@@ -121,7 +121,7 @@ def _sphere_point(lights, row, px, py, pz, s, t):
     return along * wx, along * wy, along * wz, along, 2.0 * math.pi * cone
 
 
-@inner
+@inlined
 def _surface_point(points, i, px, py, pz):
     """Return what `light_point` does for a point chosen elsewhere."""
     x, y, z = (
@@ -137,7 +137,7 @@ def _surface_point(points, i, px, py, pz):
     return x, y, z, distance, facing / (distance * square * points.pdf_area[i])
 
 
-@inner
+@inlined
 def _strength(lights, textures, row, u, v, x, y, z):
     if lights.texture[row] < 0:
         return lights.strength[row, 0], lights.strength[row, 1], lights.strength[row, 2]
@@ -218,7 +218,7 @@ def light_on_hits(
         value[i, 2] = factor * s * b
 
 
-@inner
+@inlined
 def _pdf_of_light(lights, row, ox, oy, oz, t, cosine, pdf_area):
     """Return the density per steradian with which a point of a light, met at t, is chosen."""
     if lights.kind[row] == SPHERE:

@@ -8,7 +8,7 @@ chosen here as often as the others, and followed in `hybrid_rt.kernels.scatter`.
 import math
 from typing import Any, NamedTuple
 
-from meshing.kernels.jit import inner, kernel
+from meshing.kernels.jit import inlined, kernel
 
 # In this order: those that spread light come first, see `scattered`.
 DIFFUSE, PHONG, METAL, MIRROR, DIELECTRIC = 0, 1, 2, 3, 4
@@ -27,7 +27,7 @@ class LobeTable(NamedTuple):
     first: Any  # (materials + 1,) int32
 
 
-@inner
+@inlined
 def phong_value(exponent, cos_alpha):
     """Return the normalised lobe about the mirror direction, per steradian, for colour one.
 
@@ -39,7 +39,7 @@ def phong_value(exponent, cos_alpha):
     return (exponent + 2.0) / (2.0 * math.pi) * cos_alpha**exponent
 
 
-@inner
+@inlined
 def metal_pdf(fuzz, cos_alpha):
     """Return the density of directions r + fuzz x, x even in the unit ball, r the mirror direction.
 
@@ -54,7 +54,7 @@ def metal_pdf(fuzz, cos_alpha):
     return half * (3.0 * cos_alpha * cos_alpha + square) / (2.0 * math.pi * fuzz**3)
 
 
-@inner
+@inlined
 def lobe_value(kind, number, cos_in, cos_out, cos_alpha):
     """Return f cos for colour one, and the density with which the lobe chooses the direction.
 
@@ -74,7 +74,7 @@ def lobe_value(kind, number, cos_in, cos_out, cos_alpha):
     return pdf * cos_out / max(cos_in, cos_out), pdf
 
 
-@inner
+@inlined
 def lobe_chance(lobes, row, colors, i, j, last_kind):
     """Return how often a lobe is chosen before the others: its brightest channel.
 
@@ -89,7 +89,7 @@ def lobe_chance(lobes, row, colors, i, j, last_kind):
     return max(colors[i, j, 0], colors[i, j, 1], colors[i, j, 2])
 
 
-@inner
+@inlined
 def scattered(lobes, material, colors, i, nx, ny, nz, dx, dy, dz, wx, wy, wz, last_kind):
     """Return f cos per channel and pdf of hit i: ray direction d arriving, unit w leaving.
 
@@ -128,7 +128,7 @@ def scattered(lobes, material, colors, i, nx, ny, nz, dx, dy, dz, wx, wy, wz, la
     return r, g, b, pdf
 
 
-@inner
+@inlined
 def onto_axis(ax, ay, az, cos_theta, sin_theta, phi):
     """Turn an angle from a unit axis and one around it into a direction.
 
@@ -145,7 +145,7 @@ def onto_axis(ax, ay, az, cos_theta, sin_theta, phi):
     )
 
 
-@inner
+@inlined
 def pick_lobe(lobes, material, colors, i, xi, last_kind):
     """Choose a lobe by a number in [0, 1).
 
@@ -171,7 +171,7 @@ def pick_lobe(lobes, material, colors, i, xi, last_kind):
     return chosen, chance / total, min(rest / chance, 1.0)
 
 
-@inner
+@inlined
 def lobe_direction(kind, number, nx, ny, nz, dx, dy, dz, xi, eta):
     """Choose a direction by one spreading lobe; n is on the side from which d came."""
     phi = 2.0 * math.pi * eta
@@ -185,7 +185,7 @@ def lobe_direction(kind, number, nx, ny, nz, dx, dy, dz, xi, eta):
     return metal_direction(number, rx, ry, rz, xi, phi)
 
 
-@inner
+@inlined
 def metal_direction(fuzz, rx, ry, rz, xi, phi):
     """Choose a direction by `metal_pdf`.
 

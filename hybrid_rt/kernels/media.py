@@ -7,7 +7,7 @@ for light (Schmidt and Budge, "Simple nested dielectrics in ray traced images", 
 
 import math
 
-from meshing.kernels.jit import inner, kernel
+from meshing.kernels.jit import inlined, kernel
 
 NONE = -1
 # Bodies within bodies; the innermost ones beyond are taken for what they lie in.
@@ -17,7 +17,7 @@ STACK = 4
 IOR, SCHLICK, ABSORPTION, PRIORITY = 0, 1, 2, 5
 
 
-@inner
+@inlined
 def filling_medium(stack, i, lobes, without):
     """Return the lobe that fills the space around ray i, one place of the stack left out."""
     found, highest = NONE, -math.inf
@@ -28,7 +28,7 @@ def filling_medium(stack, i, lobes, without):
     return found
 
 
-@inner
+@inlined
 def place_of(stack, i, lobe):
     """Return the last place of a lobe in a stack, or `NONE`."""
     for k in range(STACK - 1, -1, -1):
@@ -37,7 +37,7 @@ def place_of(stack, i, lobe):
     return NONE
 
 
-@inner
+@inlined
 def push(stack, i, lobe):
     """Enter a body: the free place at the end takes it."""
     for k in range(STACK):
@@ -46,7 +46,7 @@ def push(stack, i, lobe):
             return
 
 
-@inner
+@inlined
 def drop(stack, i, place):
     """Leave a body: those entered later move down."""
     for k in range(place, STACK - 1):
@@ -54,7 +54,7 @@ def drop(stack, i, place):
     stack[i, STACK - 1] = NONE
 
 
-@inner
+@inlined
 def begin_with(stack, i, lobe):
     """Put a body before all others: the ray was in it from the start."""
     for k in range(STACK - 1, 0, -1):
@@ -62,7 +62,7 @@ def begin_with(stack, i, lobe):
     stack[i, 0] = lobe
 
 
-@inner
+@inlined
 def ior_of(lobes, lobe):
     """Return the index of refraction of a lobe, 1 of empty space."""
     return 1.0 if lobe == NONE else lobes.number[lobe, IOR]
@@ -90,7 +90,7 @@ def cross_media(stack, lobes, glass_of, material, front_face, t, throughput):
                 throughput[i, k] *= math.exp(-density * t[i])
 
 
-@inner
+@inlined
 def media_at_surface(lobes, lobe, stack, i, is_front):
     """Return what fills the space before and beyond a dielectric, and its place in the stack."""
     before = filling_medium(stack, i, lobes, NONE)
@@ -102,7 +102,7 @@ def media_at_surface(lobes, lobe, stack, i, is_front):
     return before, lobe, NONE
 
 
-@inner
+@inlined
 def pass_surface(lobe, stack, i, is_front, place):
     """Enter or leave a body."""
     if is_front:

@@ -6,7 +6,7 @@ So the range of t, the points excluded by identity, and ties are decided in one 
 
 from typing import Any, NamedTuple
 
-from meshing.kernels.jit import inner
+from meshing.kernels.jit import inlined
 
 
 class Rays(NamedTuple):
@@ -35,7 +35,7 @@ class Nearest(NamedTuple):
     doubt: Any  # (n,) float64, smallest t of a root rejected within rounding; start: inf
 
 
-@inner
+@inlined
 def is_known(i, t, t_bound, n_dot_d, known):
     """Tell whether a root is a point that the caller has named: its departure or its target.
 
@@ -51,7 +51,7 @@ def is_known(i, t, t_bound, n_dot_d, known):
     return False
 
 
-@inner
+@inlined
 def offer(i, t, t_bound, n_dot_d, tangent, object_id, primitive, a, b, t_min, known, best):
     """Make a root the nearest one of ray i if it is; tell whether it was taken.
 

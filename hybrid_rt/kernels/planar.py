@@ -7,7 +7,7 @@ import numpy as np
 from hybrid_rt.kernels.frame import two_difference
 from hybrid_rt.kernels.nearest import offer
 from hybrid_rt.kernels.patch import TANGENT_BAND, UNIT_ROUNDOFF
-from meshing.kernels.jit import hot_kernel, inner
+from meshing.kernels.jit import hot_kernel, inlined
 
 
 class PlanarTable(NamedTuple):
@@ -33,7 +33,7 @@ class BoxTable(NamedTuple):
     object_id: Any  # (k,) int32
 
 
-@inner
+@inlined
 def _offer_parallelogram(
     i, k, corner, normal, row_u, row_v, size, object_id, ox, oy, oz, dx, dy, dz, t_min, known, best
 ):
@@ -156,7 +156,7 @@ def finish_planes(table, rays, best, row_of, out):
         out.residual[i] = abs(gap)
 
 
-@inner
+@inlined
 def _offer_box(i, k, lo, hi, object_id, o, d, t_min, known, best):
     enter, leave = -np.inf, np.inf
     face_in = face_out = -1

@@ -16,13 +16,13 @@ from hybrid_rt.kernels.media import (
     media_at_surface,
     pass_surface,
 )
-from meshing.kernels.jit import inner, kernel
+from meshing.kernels.jit import inlined, kernel
 
 # How a ray ends at a surface, or goes on.
 LEFT, STOPPED, ABSORBED, SCATTERED, SPECULAR = 0, 1, 2, 3, 4
 
 
-@inner
+@inlined
 def at_glass(lobes, lobe, stack, i, nx, ny, nz, dx, dy, dz, is_front, xi):
     """Choose between reflection and refraction at a dielectric by its reflectance.
 

@@ -14,7 +14,7 @@ import numpy as np
 from hybrid_rt.kernels.frame import SPLITTER, two_difference
 from hybrid_rt.kernels.nearest import offer
 from hybrid_rt.kernels.patch import TANGENT_BAND, UNIT_ROUNDOFF
-from meshing.kernels.jit import hot_kernel, inner
+from meshing.kernels.jit import hot_kernel, inlined
 
 
 class SphereTable(NamedTuple):
@@ -27,7 +27,7 @@ class SphereTable(NamedTuple):
     object_id: Any  # (k,) int32
 
 
-@inner
+@inlined
 def square(x):
     """X * x as an unevaluated sum of two numbers."""
     p = x * x
@@ -37,7 +37,7 @@ def square(x):
     return p, ((h * h - p) + 2.0 * h * low) + low * low
 
 
-@inner
+@inlined
 def add(high, low, a, b):
     """(high + low) + (a + b), normalised."""
     s = high + a
@@ -47,7 +47,7 @@ def add(high, low, a, b):
     return r, low - (r - s)
 
 
-@inner
+@inlined
 def power_of_point(fx, fy, fz, gx, gy, gz, r):
     """|f + g|^2 - r^2 with f the rounded and g the lost part of o - c, good to 2**-100 r^2."""
     high, low = square(fx)
@@ -60,7 +60,7 @@ def power_of_point(fx, fy, fz, gx, gy, gz, r):
     return high + (low + 2.0 * (fx * gx + fy * gy + fz * gz))
 
 
-@inner
+@inlined
 def offer_sphere(
     i, k, center, radius, object_id, ox, oy, oz, dx, dy, dz, t_min, known, best
 ):  # fmt: skip

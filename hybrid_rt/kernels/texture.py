@@ -3,7 +3,7 @@
 import math
 from typing import Any, NamedTuple
 
-from meshing.kernels.jit import inner, kernel
+from meshing.kernels.jit import inlined, kernel
 
 CONSTANT, IMAGE, CHECKER_UV, CHECKER_WORLD = 0, 1, 2, 3
 REPEAT, CLAMP = 0, 1
@@ -18,14 +18,14 @@ class TextureTable(NamedTuple):
     texel: Any  # (m, 3) float32, linear, row 0 at the top
 
 
-@inner
+@inlined
 def _wrapped(index, size, wrap):
     if wrap == REPEAT:
         return index % size
     return min(max(index, 0), size - 1)
 
 
-@inner
+@inlined
 def _texel_row(coordinate, size, wrap):
     """Return the two neighbouring texels of a coordinate in [0, 1] and the weight of the second."""
     if wrap == REPEAT:
@@ -39,7 +39,7 @@ def _texel_row(coordinate, size, wrap):
     return _wrapped(first, size, wrap), _wrapped(first + 1, size, wrap), place - low
 
 
-@inner
+@inlined
 def texture_color(textures, row, u, v, x, y, z):
     """Return the linear colour of one texture at one point."""
     kind = textures.kind[row]

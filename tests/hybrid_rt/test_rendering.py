@@ -1,25 +1,29 @@
 import json
 import subprocess
 import sys
-from functools import partial
 
 import numpy as np
 import pytest
 
 from hybrid_rt import rendering
 from hybrid_rt.camera import Camera
-from hybrid_rt.integrators import crew, surface_light, whitted
+from hybrid_rt.integrators import crew, path, surface_light, whitted
 from hybrid_rt.integrators.integrator import LENS_DIMENSION
+from hybrid_rt.intersection import Intersector
 from hybrid_rt.lights import GradientSky, PointLight
+from hybrid_rt.lights.surface import ShiningSurface
 from hybrid_rt.limits import Limit
-from hybrid_rt.materials import Dielectric, Lambertian, Mirror
+from hybrid_rt.materials import Dielectric, Emissive, Lambertian, Metal, Mirror
 from hybrid_rt.plan import explain
-from hybrid_rt.primitives import Sphere
+from hybrid_rt.primitives import Box, Sphere
 from hybrid_rt.sampler import Sampler
 from hybrid_rt.scene import Object, Scene
 from hybrid_rt.textures import CheckerTexture
 
-render = partial(rendering.render, integrator="whitted")
+
+def render(scene, integrator="whitted", **settings):
+    return rendering.render(scene, integrator, **settings)
+
 
 SKY = GradientSky(0.1, 0.9, up=(0, 0, 1))
 LAMP = PointLight((3, -3, 3), 20)
@@ -95,6 +99,47 @@ class TestPlan:
         np.testing.assert_array_equal(render(needless, passes=1).image, before)
         with pytest.raises(AssertionError, match=name):
             render(scene(Dielectric(1.5) if needed is None else Lambertian(needed)), passes=1)
+
+    SHINING = Object(Box((2, 2, 2), (3, 3, 3)), Emissive(5.0), "lamp")
+
+    @pytest.mark.parametrize(
+        ("module", "name", "needless", "needed"),
+        [
+            (surface_light, "lobe_colors", scene(Lambertian(0.5)),
+             scene(Lambertian(CheckerTexture(0.9, 0.1)))),
+            (surface_light, "light_on_hits", scene(Mirror()), scene(Lambertian(0.5))),
+            (surface_light, "light_on_hits", scene(Lambertian(0.5), (), None),
+             scene(Lambertian(0.5))),
+            (surface_light, "light_on_rays", scene(Lambertian(0.5), environment=None),
+             scene(Lambertian(0.5))),
+            (path, "cross_media", scene(Metal(0.5, 0.1)), scene(Dielectric())),
+            (path, "media_at", scene(Lambertian(0.5)), scene(Dielectric())),
+            (ShiningSurface, "choose", scene(Lambertian(0.5)),
+             Scene(scene().camera, [*scene(Lambertian(0.5)).objects, SHINING])),
+            (Intersector, "occluded", scene(Mirror()), scene(Lambertian(0.5))),
+        ],
+        ids=["textures", "no matt", "no light", "nothing seen", "glass", "start", "area", "shadows"],
+    )  # fmt: skip
+    def test_paths_call_only_what_the_scene_needs(self, forbid, module, name, needless, needed):
+        before = render(needless, "path", passes=1).image
+        forbid(module, name)
+        np.testing.assert_array_equal(render(needless, "path", passes=1).image, before)
+        with pytest.raises(AssertionError, match=name):
+            render(needed, "path", passes=1)
+
+    def test_paths_keep_a_stack_only_where_there_is_glass(self, monkeypatch):
+        widths = []
+        scatter = path.scatter
+
+        def recorded(*arguments):
+            widths.append(arguments[7].shape[1])
+            scatter(*arguments)
+
+        monkeypatch.setattr(path, "scatter", recorded)
+        render(scene(Lambertian(0.5)), "path", passes=1)
+        assert set(widths) == {0}
+        render(scene(Dielectric()), "path", passes=1)
+        assert set(widths) == {0, 4}
 
     def test_pinholes_take_no_lens_samples(self, monkeypatch):
         used = []

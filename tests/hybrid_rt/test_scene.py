@@ -1,10 +1,18 @@
 import numpy as np
 import pytest
+import trimesh
 
 from hybrid_rt.camera import Camera
-from hybrid_rt.lights import GradientSky, PointLight, RectangleLight
-from hybrid_rt.materials import Lambertian, Mirror
-from hybrid_rt.primitives import Sphere
+from hybrid_rt.kernels.environment import sky_directions, sky_on_rays
+from hybrid_rt.lights import (
+    GradientSky,
+    ImageEnvironment,
+    PointLight,
+    RectangleLight,
+    SphereLight,
+)
+from hybrid_rt.materials import Emissive, Lambertian, Mirror
+from hybrid_rt.primitives import Sphere, TriangleMesh
 from hybrid_rt.scene import NOTHING, Object, Scene, compile_scene
 
 CAMERA = Camera((0, -5, 0), (0, 0, 0), (0, 0, 1))
@@ -55,6 +63,11 @@ def test_parts_of_another_type_are_refused(parts, words):
         (lambda: PointLight((0, 0), 1), "position"),
         (lambda: PointLight((0, 0, 0), np.nan), "intensity"),
         (lambda: GradientSky(1, 1, (0, 0, 0)), "up"),
+        (lambda: SphereLight((0, 0, 0), 0, 1), "radius"),
+        (lambda: SphereLight((0, 0, 0), 1, -1), "radiance"),
+        (lambda: ImageEnvironment(np.full((2, 4, 3), np.nan)), "non-finite"),
+        (lambda: ImageEnvironment(np.zeros((0, 4, 3))), "no picture"),
+        (lambda: ImageEnvironment(np.ones((2, 4, 3)), (0, 0, 0)), "up"),
         (lambda: GradientSky(-1, 1), "bottom"),
     ],
 )
@@ -67,3 +80,63 @@ def test_sky_is_linear_in_height_along_any_up():
     sky = GradientSky((0, 0, 0), (2, 4, 6), up=(0, 0, 1e-200))
     directions = np.array([[0, 0, -1.0], [1, 0, 0], [0, 0, 1]])
     np.testing.assert_allclose(sky.radiance(directions), [[0, 0, 0], [1, 2, 3], [2, 4, 6]])
+
+
+def test_shining_objects_are_lights_after_the_others():
+    shining = Object(BALL, Emissive(3.0, Lambertian(0.5)), "sun")
+    compiled = compile_scene(Scene(CAMERA, [Object(BALL, Mirror()), shining], [LAMP]))
+    assert compiled.light_of.tolist() == [NOTHING, 1, 0]
+    assert compiled.surface_of_light.tolist() == [2, 1]
+    assert compiled.lights.chance.sum() == pytest.approx(1.0)
+
+
+def test_shining_surfaces_without_area_are_refused_by_name():
+    flat = TriangleMesh(trimesh.Trimesh([[0, 0, 0], [1, 0, 0], [2, 0, 0]], [[0, 1, 2]]))
+    with pytest.raises(ValueError, match="object 'sliver': has area 0"):
+        compile_scene(Scene(CAMERA, [Object(flat, Emissive(1.0), "sliver")]))
+
+
+class TestImageEnvironment:
+    PICTURE = np.random.default_rng(6).random((6, 12, 3)) ** 3
+    UP = (1.0, 2.0, 3.0)
+
+    def test_texel_centres_keep_their_colors(self):
+        sky = ImageEnvironment(self.PICTURE, self.UP)
+        up = np.array(self.UP) / np.linalg.norm(self.UP)
+        np.testing.assert_allclose(
+            sky.radiance(np.array([up])), self.PICTURE[:1, :, :].mean(axis=1), atol=0.5
+        )
+        f = sky.table.frame
+        i, j = 2, 7
+        polar, azimuth = np.pi * (i + 0.5) / 6, 2 * np.pi * (j + 0.5) / 12
+        local = [np.sin(polar) * np.cos(azimuth), np.sin(polar) * np.sin(azimuth), np.cos(polar)]
+        np.testing.assert_allclose(
+            sky.radiance(np.array([local @ f]))[0], self.PICTURE[i, j], rtol=1e-6
+        )
+
+    @pytest.mark.statistical
+    @pytest.mark.parametrize("kind", ["picture", "gradient"])
+    def test_directions_are_chosen_as_the_pdf_says(self, kind):
+        if kind == "picture":
+            sky = ImageEnvironment(self.PICTURE, self.UP)
+        else:
+            sky = GradientSky(0.2, (1.0, 2.0, 3.0), self.UP)
+        n = 2**16
+        xi = np.random.default_rng(1).random((n, 2))
+        w, radiance, pdf = np.empty((n, 3)), np.empty((n, 3)), np.empty(n)
+        sky_directions(sky.table, xi, w)
+        sky_on_rays(sky.table, w, radiance, pdf)
+        np.testing.assert_allclose(np.linalg.norm(w, axis=1), 1.0)
+        # The mean of 1 / pdf over a part of the sphere is its solid angle; of 1, its share.
+        even = np.random.default_rng(2).normal(size=(n, 3))
+        even /= np.linalg.norm(even, axis=1)[:, None]
+        density = np.empty(n)
+        sky_on_rays(sky.table, even, radiance, density)
+        assert density.mean() * 4 * np.pi == pytest.approx(1.0, abs=0.02)
+        for axis in range(3):
+            for side in (-0.5, 0.5):
+                inside, there = w[:, axis] > side, even[:, axis] > side
+                expected = 4 * np.pi * (density * there).mean()
+                error = np.sqrt(0.25 / n + (4 * np.pi * density * there).var() / n)
+                # Five standard errors: a false alarm in 1e5 runs of these twelve.
+                assert abs(inside.mean() - expected) < 5 * error

@@ -378,6 +378,20 @@ def test_walls_of_huge_spheres_look_flat(radius):
     assert_mean_equals(gap(passes=16, max_depth=4), np.zeros(3))
 
 
+def test_circle_of_confusion_of_a_point_out_of_focus():
+    """A small lamp behind the plane of focus: its image is aperture |d - f| / d over f wide."""
+    aperture, focus, distance, n = 0.2, 4.0, 8.0, 64
+    camera = Camera((0, 0, 0), (0, 0, 1), (0, 1, 0), 10, n, n, aperture, focus)
+    lamp = SphereLight((0, 0, distance), 0.01, 1.0)
+    image = render(Scene(camera, lights=[lamp]), "path", passes=256).image[:, :, 0]
+    rows, columns = np.nonzero(image)
+    pixel = 2 * focus * math.tan(math.radians(5)) / n
+    radius = np.hypot(columns + 0.5 - n / 2, rows + 0.5 - n / 2).max() * pixel
+    expected = aperture / 2 * (distance - focus) / distance
+    # The outermost lit pixel's centre lies within a pixel of the border.
+    assert expected - 1.5 * pixel < radius < expected + 1.0 * pixel
+
+
 def test_error_falls_with_the_root_of_the_passes():
     reference = render(room(), passes=512, seed=77, max_depth=4).image.astype(float)
     passes = [1, 2, 4, 8, 16, 32]

@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
-from hybrid_rt.kernels.lobes import DIELECTRIC, DIFFUSE, MIRROR, PHONG
-from hybrid_rt.materials import Dielectric, Lambertian, Mirror, Phong
+from hybrid_rt.kernels.lobes import DIELECTRIC, DIFFUSE, METAL, MIRROR, PHONG
+from hybrid_rt.materials import Dielectric, Emissive, Lambertian, Metal, Mirror, Mix, Phong
 from hybrid_rt.materials.table import compile_materials
 from hybrid_rt.textures import CheckerTexture, ImageTexture
 
@@ -38,6 +38,18 @@ def test_lobes_of_all_materials_lie_in_one_table():
         (lambda: Dielectric(float("nan")), "ior"),
         (lambda: Dielectric(1.5, -1), "absorption"),
         (lambda: Dielectric(1.5, tint=1.5), "tint"),
+        (lambda: Dielectric(priority=np.inf), "priority"),
+        (lambda: Metal(1.2), "Metal color"),
+        (lambda: Metal(0.5, -0.1), "fuzz"),
+        (lambda: Metal(0.5, 1.1), "fuzz"),
+        (lambda: Metal(0.5, np.nan), "fuzz"),
+        (lambda: Mix([(0.6, Mirror()), (0.6, Mirror())]), "Mix weights: add up to 1.2"),
+        (lambda: Mix([(-0.1, Mirror())]), "Mix part 0, weight"),
+        (lambda: Mix([(0.1, Mirror()), (0.1, Emissive(1.0))]), "Mix part 1: shines"),
+        (lambda: Mix([(0.5, Dielectric()), (0.5, Dielectric())]), "more than one part"),
+        (lambda: Emissive(-1), "Emissive radiance"),
+        (lambda: Emissive(np.nan), "Emissive radiance"),
+        (lambda: Emissive(1, Emissive(1)), "Emissive base"),
     ],
 )
 def test_impossible_materials_are_refused(make, words):
@@ -50,3 +62,20 @@ def test_other_types_are_refused():
         Lambertian("red")
     with pytest.raises(TypeError, match="ior"):
         Dielectric("glass")
+    with pytest.raises(TypeError, match="Mix part 1"):
+        Mix([(0.5, Mirror()), Mirror()])
+    with pytest.raises(TypeError, match="Mix part 0"):
+        Mix([(0.5, "gold")])
+    with pytest.raises(TypeError, match="Emissive base"):
+        Emissive(1.0, "gold")
+
+
+def test_mixtures_within_mixtures_multiply_their_weights():
+    inner = Mix([(0.5, Lambertian(0.8)), (0.5, Mirror())])
+    lobes, _ = compile_materials([Mix([(0.5, inner), (0.25, Metal(0.9, 0.2))])])
+    assert lobes.kind.tolist() == [DIFFUSE, MIRROR, METAL]
+    assert lobes.weight.tolist() == [0.25, 0.25, 0.25]
+
+
+def test_metal_without_fuzz_is_a_mirror():
+    assert Metal(0.5, 0.0).lobes[0].kind == MIRROR

@@ -1,0 +1,127 @@
+"""How fast scenes are rendered: rays per second, seconds per stage, seconds to an error, memory.
+
+For example:
+  python tools/bench_render.py scenes/cornell_box.py --targets 0.035
+  python tools/bench_render.py scenes/*.py --width 200 --reference-passes 256 --json bench.json
+
+Seconds are wall time of a whole render after its kernels are compiled, scene set-up included. The
+reference is a longer render of the same method with other random numbers; its own error is stated.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+import resource
+import sys
+from pathlib import Path
+from typing import Any
+
+from hybrid_rt.measures import noise_of_reference, relative_mse, seconds_to
+from hybrid_rt.rendering import RenderResult, render
+from hybrid_rt.scene import Scene
+from hybrid_rt.scene_file import load_scene
+
+REFERENCE_SEED = 20_000
+
+
+def main() -> int:
+    """Run the tool; return the exit code."""
+    options = _parser().parse_args()
+    rows = [_measure(Path(path), options) for path in options.scenes]
+    for row in rows:
+        _show(row, options.targets)
+    if options.json is not None:
+        options.json.write_text(json.dumps(rows, indent=2) + "\n")
+    return 0
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("scenes", nargs="+", metavar="SCENE.py")
+    parser.add_argument("--integrator", default="path")
+    parser.add_argument("--width", type=int, help="pixels; proportions are kept")
+    parser.add_argument("--threads", type=int)
+    parser.add_argument("--targets", type=float, nargs="+", default=[1e-2, 1e-3], metavar="E")
+    parser.add_argument("--reference-passes", type=int, default=512, metavar="N")
+    parser.add_argument("--most-passes", type=int, default=128, metavar="N")
+    parser.add_argument("--json", type=Path, metavar="FILE")
+    return parser
+
+
+def _measure(path: Path, options: argparse.Namespace) -> dict[str, Any]:
+    scene = load_scene(path)
+    camera = scene.camera
+    if options.width is not None:
+        height = max(round(camera.height * options.width / camera.width), 1)
+        scene = scene.with_camera(camera.resized(options.width, height))
+
+    def run(passes: int, seed: int, small: bool = False, **settings: Any) -> RenderResult:
+        shown: Scene = scene.with_camera(camera.resized(16, 12)) if small else scene
+        return render(
+            shown, options.integrator, passes, seed=seed, threads=options.threads, **settings
+        )
+
+    run(1, 0, small=True)  # compiles
+    print(f"{path.stem}: reference of {options.reference_passes} passes ...", file=sys.stderr)
+    reference = run(options.reference_passes, REFERENCE_SEED, outputs=["standard_error"])
+    own = noise_of_reference(reference.image, reference.channels["standard_error"])
+    curve: list[dict[str, Any]] = []
+    passes = 1
+    while passes <= options.most_passes:
+        result = run(passes, 1)
+        error = relative_mse(result.image, reference.image)
+        trimmed = relative_mse(result.image, reference.image, leave_out=1e-3)
+        seconds = result.report["seconds"]
+        curve.append({"passes": passes, "seconds": seconds, "relmse": error, "trimmed": trimmed})
+        if error <= min(options.targets):
+            break
+        passes *= 2
+    rays = sum(result.report["rays"].values())
+    totals = [point["seconds"]["total"] for point in curve]
+    errors = [point["relmse"] for point in curve]
+    return {
+        "scene": path.stem,
+        "integrator": options.integrator,
+        "size": [scene.camera.width, scene.camera.height],
+        "rays_per_second": rays / totals[-1],
+        "rays_per_camera_ray": rays / result.report["rays"]["camera"],
+        "curve": curve,
+        "relmse_of_reference": own,
+        "seconds_to": {str(e): seconds_to(e, totals, errors) for e in options.targets},
+        "peak_memory_mib": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024,
+    }
+
+
+def _show(row: dict[str, Any], targets: list[float]) -> None:
+    width, height = row["size"]
+    print(f"\n{row['scene']}  {width} x {height}, {row['integrator']}")
+    print(
+        f"  {row['rays_per_second'] / 1e6:.2f} Mrays/s, {row['rays_per_camera_ray']:.1f} rays for "
+        f"each camera ray, peak memory {row['peak_memory_mib']:.0f} MiB"
+    )
+    print("  passes   seconds    relMSE   without the worst 0.1 %")
+    for point in row["curve"]:
+        print(
+            f"  {point['passes']:6d} {point['seconds']['total']:9.2f} {point['relmse']:9.2g} "
+            f"{point['trimmed']:9.2g}"
+        )
+    last = row["curve"][-1]
+    stages = ", ".join(
+        f"{name} {seconds / last['seconds']['total']:.0%}"
+        for name, seconds in last["seconds"].items()
+        if name != "total"
+    )
+    print(f"  stages of the last: {stages}")
+    print(f"  the reference's own relMSE is about {row['relmse_of_reference']:.2g}")
+    for target in targets:
+        seconds = row["seconds_to"][str(target)]
+        reached = "not reached" if math.isnan(seconds) else f"{seconds:.2f} s"
+        print(f"  to relMSE {target:g}: {reached}")
+
+
+if __name__ == "__main__":
+    sys.exit(main())
