@@ -13,6 +13,7 @@ _HOMES = {
     "Box": "primitives",
     "Camera": "camera",
     "CheckerTexture": "textures",
+    "Crossings": "intersection.crossings",
     "Dielectric": "materials",
     "Emissive": "materials",
     "GradientSky": "lights",

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from hybrid_rt.intersection.batch import Finished, new_nearest, new_record, rows_of
+from hybrid_rt.intersection.crossings import Crossings, find_crossings
 from hybrid_rt.intersection.kinds import CURVED, Surface, check_surfaces, make_kinds
 from hybrid_rt.intersection.pool import Pool
 from hybrid_rt.intersection.rays import make_batch
@@ -203,6 +204,25 @@ class Intersector:
         self._add_work(tallies)
         self.counters["shadow_rays"] += len(batch)
         return blocked
+
+    def intersect_all(
+        self,
+        origins: ArrayLike,
+        directions: ArrayLike,
+        *,
+        t_min: ArrayLike = 0.0,
+        t_max: ArrayLike = np.inf,
+    ) -> Crossings:
+        """Find every crossing of each ray, a shared edge, seam or pole counted once.
+
+        Parameters are those of `intersect`.
+
+        Returns
+        -------
+        Crossings
+            ``hits`` sorted by ray and t; those of ray i are ``offsets[i]`` to ``offsets[i + 1]``.
+        """
+        return find_crossings(self.intersect, origins, directions, t_min, t_max)
 
     def _first_roots(
         self, rays: Rays, best: Nearest, any_hit: bool, tally: FloatArray, found: BoolArray

@@ -1,0 +1,107 @@
+"""All crossings of rays with surfaces, one after the other."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, fields
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from hybrid_rt.records import FloatArray, HitRecord
+
+# A ray meets a polynomial surface of degree 30 x 30 at most 1800 times; meshes may have more.
+MOST_CROSSINGS = 1_000_000
+
+
+@dataclass(frozen=True)
+class Crossings:
+    """All crossings of n rays, sorted by ray, then by t.
+
+    Attributes
+    ----------
+    hits : HitRecord of m rows
+    ray : (m,) int64
+        The ray of each row.
+    offsets : (n + 1,) int64
+        Ray i has the rows ``offsets[i]`` to ``offsets[i + 1]``.
+    """
+
+    hits: HitRecord
+    ray: NDArray[np.int64]
+    offsets: NDArray[np.int64]
+
+    def __len__(self) -> int:
+        """Return the number of crossings."""
+        return len(self.hits)
+
+    @property
+    def count(self) -> NDArray[np.int64]:
+        """(n,) int64: how many crossings each ray has."""
+        return np.diff(self.offsets)
+
+    def of(self, ray: int) -> HitRecord:
+        """Return the crossings of one ray, in the order of t."""
+        return self.hits[self.offsets[ray] : self.offsets[ray + 1]]
+
+
+def find_crossings(
+    intersect: Callable[..., HitRecord],
+    origins: ArrayLike,
+    directions: ArrayLike,
+    t_min: ArrayLike,
+    t_max: ArrayLike,
+) -> Crossings:
+    """Follow each ray from hit to hit: each is the source of the next step.
+
+    So a point that two patches share, a seam, a pole or a mesh edge is one crossing, as it is one
+    point of departure; and so are coincident points of different objects (the lower index holds
+    the row). A ray that touches a surface from one side without passing through has one row there.
+    """
+    o, d, lowest, highest = _broadcast(origins, directions, t_min, t_max)
+    n = len(o)
+    active, source = np.arange(n), None
+    parts: list[HitRecord] = []
+    rays: list[NDArray[np.int64]] = []
+    for _ in range(MOST_CROSSINGS):
+        hits = intersect(o[active], d[active], t_min=lowest, t_max=highest[active], source=source)
+        found = hits.hit
+        source, active = hits[found], active[found]
+        parts.append(source)
+        rays.append(active)
+        if not len(active):
+            break
+        lowest = source.t
+    ray = np.concatenate(rays).astype(np.int64)
+    # Stable: the steps of one ray stay in their order, which is that of t.
+    order = np.argsort(ray, kind="stable")
+    columns: dict[str, Any] = {
+        item.name: np.concatenate([getattr(part, item.name) for part in parts])[order]
+        for item in fields(HitRecord)
+    }
+    offsets = np.searchsorted(ray[order], np.arange(n + 1)).astype(np.int64)
+    return Crossings(HitRecord(**columns), ray[order], offsets)
+
+
+def _broadcast(
+    origins: ArrayLike, directions: ArrayLike, t_min: ArrayLike, t_max: ArrayLike
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    o = np.asarray(origins, dtype=np.float64)
+    d = np.asarray(directions, dtype=np.float64)
+    for name, array in (("origins", o), ("directions", d)):
+        if array.ndim not in (1, 2, 3) or array.shape[-1] != 3:
+            raise ValueError(
+                f"{name} has shape {array.shape}: pass (n, 3), one vector (3,), or (h, w, 3)"
+            )
+    o, d = o.reshape(-1, 3), d.reshape(-1, 3)
+    n = max(len(o), len(d)) if min(len(o), len(d)) == 1 else len(o)
+    if len(o) != len(d) and min(len(o), len(d)) != 1:
+        raise ValueError(f"{len(o)} origins but {len(d)} directions: pass one of each per ray")
+    limits = []
+    for name, value in (("t_min", t_min), ("t_max", t_max)):
+        array = np.asarray(value, dtype=np.float64).reshape(-1)
+        if array.size not in (1, n):
+            raise ValueError(f"{name} has {array.size} rows for {n} rays: pass one, or one per ray")
+        limits.append(np.broadcast_to(array, (n,)))
+    return np.broadcast_to(o, (n, 3)), np.broadcast_to(d, (n, 3)), limits[0], limits[1]

@@ -1,0 +1,121 @@
+"""Trimesh's interface to rays, on true surfaces: one changed line for its users.
+
+``RayMeshIntersector`` has the names, arguments, shapes and dtypes of trimesh's class of that name.
+Where trimesh speaks of triangles, this speaks of the faces of meshes, the patches of Bezier
+surfaces and the segments of profiles, numbered through all objects in their order.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from hybrid_rt.intersection import Intersector
+from hybrid_rt.primitives import Box, TriangleMesh
+from hybrid_rt.records import BoolArray, FloatArray, HitRecord
+
+IdArray = NDArray[np.int64]
+
+
+class RayMeshIntersector:
+    """Queries as trimesh words them.
+
+    Parameters
+    ----------
+    geometry : trimesh.Trimesh, surface, or sequence of them
+    **options : as for `Intersector`
+
+    Attributes
+    ----------
+    intersector : Intersector
+    """
+
+    def __init__(self, geometry: Any, **options: Any) -> None:
+        parts = geometry if isinstance(geometry, Sequence) else [geometry]
+        surfaces = [TriangleMesh(part) if _is_trimesh(part) else part for part in parts]
+        self.intersector = Intersector(surfaces, **options)
+        counts = [_n_pieces(surface) for surface in self.intersector.surfaces]
+        self._first = np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)
+
+    def intersects_location(
+        self, ray_origins: ArrayLike, ray_directions: ArrayLike, multiple_hits: bool = True
+    ) -> tuple[FloatArray, IdArray, IdArray]:
+        """Find where rays meet the surfaces.
+
+        Returns
+        -------
+        locations : (h, 3) float64
+        index_ray : (h,) int64
+        index_tri : (h,) int64
+        """
+        hits, rays = self._find(ray_origins, ray_directions, multiple_hits, None)
+        return hits.position, rays, self._number(hits)
+
+    def intersects_id(
+        self,
+        ray_origins: ArrayLike,
+        ray_directions: ArrayLike,
+        multiple_hits: bool = True,
+        max_hits: int = 20,
+        return_locations: bool = False,
+    ) -> tuple[NDArray[Any], ...]:
+        """Find which pieces rays meet.
+
+        Returns
+        -------
+        index_tri : (h,) int64
+        index_ray : (h,) int64
+        locations : (h, 3) float64, if asked for
+        """
+        hits, rays = self._find(ray_origins, ray_directions, multiple_hits, max_hits)
+        found: tuple[NDArray[Any], ...] = (self._number(hits), rays)
+        return (*found, hits.position) if return_locations else found
+
+    def intersects_first(self, ray_origins: ArrayLike, ray_directions: ArrayLike) -> IdArray:
+        """Return the piece that each ray meets first: (n,) int64, -1 where it meets none."""
+        hits = self.intersector.intersect(ray_origins, ray_directions)
+        return np.where(hits.hit, self._number(hits), -1)
+
+    def intersects_any(self, ray_origins: ArrayLike, ray_directions: ArrayLike) -> BoolArray:
+        """Tell for each ray whether it meets anything: (n,) bool."""
+        return self.intersector.occluded(ray_origins, ray_directions)
+
+    def contains_points(self, points: ArrayLike) -> BoolArray:
+        """Tell for each point whether it lies inside the closed surfaces: (n,) bool.
+
+        By the parity of crossings along a fixed direction that no ordinary model favours.
+        """
+        points = np.asarray(points, dtype=np.float64).reshape(-1, 3)
+        direction = np.array([0.4395064455, 0.617598629942, 0.652231566745])
+        found = self.intersector.intersect_all(points, np.broadcast_to(direction, points.shape))
+        inside: BoolArray = found.count % 2 == 1
+        return inside
+
+    def _find(
+        self, origins: ArrayLike, directions: ArrayLike, multiple_hits: bool, most: int | None
+    ) -> tuple[HitRecord, IdArray]:
+        if not multiple_hits:
+            hits = self.intersector.intersect(origins, directions)
+            return hits[hits.hit], np.flatnonzero(hits.hit)
+        found = self.intersector.intersect_all(origins, directions)
+        if most is None:
+            return found.hits, found.ray
+        rank = np.arange(len(found)) - found.offsets[found.ray]
+        return found.hits[rank < most], found.ray[rank < most]
+
+    def _number(self, hits: HitRecord) -> IdArray:
+        numbers: IdArray = self._first[hits.object_id] + hits.patch_id
+        return numbers
+
+
+def _is_trimesh(part: Any) -> bool:
+    return hasattr(part, "vertices") and hasattr(part, "faces") and hasattr(part, "triangles")
+
+
+def _n_pieces(surface: Any) -> int:
+    if isinstance(surface, Box):
+        return 6
+    return len(surface) if hasattr(surface, "__len__") else 1
