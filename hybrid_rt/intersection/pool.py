@@ -30,14 +30,14 @@ class Pool:
         self.threads = threads or available_threads()
         self._executor: ThreadPoolExecutor | None = None
 
-    def run(self, work: Callable[[int, int], None], n: int) -> None:
-        """Call ``work(begin, end)`` for slices that cover ``range(n)``."""
-        if n <= SLICE // 8 or self.threads == 1:
-            for begin in range(0, n, SLICE):
-                work(begin, min(begin + SLICE, n))
+    def run(self, work: Callable[[int, int], None], n: int, longest: int = SLICE) -> None:
+        """Call ``work(begin, end)`` for slices that cover ``range(n)``, none above ``longest``."""
+        if n <= longest // 8 or self.threads == 1:
+            for begin in range(0, n, longest):
+                work(begin, min(begin + longest, n))
             return
         # At least four slices a thread, so that a slow one does not hold up the batch.
-        size = max(min(SLICE, -(-n // (4 * self.threads))), 256)
+        size = max(min(longest, -(-n // (4 * self.threads))), 256)
         if self._executor is None:
             self._executor = ThreadPoolExecutor(self.threads, thread_name_prefix="hybrid_rt")
         futures = [

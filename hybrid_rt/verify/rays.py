@@ -32,6 +32,16 @@ def chords(surfaces: Sequence[Any], n: int, seed: int) -> RaySet:
     return _named("chords", middle + 0.5 * size * a, 0.5 * size * (b - a))
 
 
+def at_box(surfaces: Sequence[Any], n: int, seed: int) -> RaySet:
+    """Rays from all around at random points of the bounding box: incoherent, most of them hit."""
+    rng = np.random.default_rng(seed)
+    middle, size = _extent(surfaces)
+    boxes = [s.bounds for s in surfaces if not isinstance(s, Plane)]
+    low, high = np.min([b[0] for b in boxes], axis=0), np.max([b[1] for b in boxes], axis=0)
+    origins = middle + 0.5 * size * unit(rng.normal(size=(n, 3)))
+    return _named("at box", origins, rng.uniform(low, high, (n, 3)) - origins)
+
+
 def camera(surfaces: Sequence[Any], n: int, seed: int) -> RaySet:
     """Rays of a pinhole camera with a random position, pixel by pixel."""
     rng = np.random.default_rng(seed)
