@@ -88,7 +88,7 @@ class PatchKind:
     def _build_search(self) -> None:
         """Fill the cells in the order of a tree over them, and their quarters."""
         t = self.table
-        n = len(t.record)
+        n = len(t.place)
         record, boxes, cell_patch = np.empty((n, RECORD)), np.empty((n, 6)), np.empty(n, np.int32)
         fill_cells(
             t.control, t.start, t.degree, t.centre, t.grid, t.first_cell, 0, len(t.start),
@@ -96,12 +96,12 @@ class PatchKind:
         )  # fmt: skip
         self.tree = Tree(*build_tree(boxes[:, :3].copy(), boxes[:, 3:].copy(), 1))
         order = self.tree.order
-        t.record[:], t.cell_patch[:] = record[order], cell_patch[order]
+        t.record[:n], t.cell_patch[:n] = record[order], cell_patch[order]
         t.place[order] = np.arange(n, dtype=np.int32)
-        if len(t.quarter):
+        if len(t.record) > n:
             fill_quarters(
-                t.control, t.start, t.degree, t.centre, t.record, t.cell_patch,
-                t.quarter, t.quarter_patch,
+                t.control, t.start, t.degree, t.centre, t.record[:n], t.cell_patch[:n],
+                t.record[n:], t.cell_patch[n:],
             )  # fmt: skip
 
     def trace(
@@ -199,10 +199,8 @@ def _cells(
         "grid": grid,
         "first_cell": first,
         "place": np.empty(n, np.int32),
-        "record": np.empty((n, RECORD)),
-        "cell_patch": np.empty(n, np.int32),
-        "quarter": np.empty((n_quarters, RECORD)),
-        "quarter_patch": np.empty(n_quarters, np.int32),
+        "record": np.empty((n + n_quarters, RECORD)),
+        "cell_patch": np.empty(n + n_quarters, np.int32),
     }
 
 
@@ -228,12 +226,13 @@ def _open_edges(nets: Sequence[FloatArray], rounding: float) -> NDArray[np.int64
 def _new_scratch(table: PatchTable, tree: Tree) -> PatchScratch:
     """Return scratch for one call of `trace_patches`."""
     widest = int(table.degree.max()) + 1
+    stack = tree.stack + 8  # a guess, and the quarters of a cell
     return PatchScratch(
         basis=np.empty((4, widest)),
         nets=np.empty((DEPTH, widest, widest, 3)),
         boxes=np.empty((DEPTH, 4)),
         entry=np.empty(8, np.float32),
-        stack_node=np.empty(tree.stack, np.int32),
-        stack_count=np.empty(tree.stack, np.int32),
-        stack_entry=np.empty(tree.stack, np.float32),
+        stack_node=np.empty(stack, np.int32),
+        stack_count=np.empty(stack, np.int32),
+        stack_entry=np.empty(stack, np.float32),
     )

@@ -6,14 +6,14 @@ subtraction what is kept here: the origin is carried as an unevaluated sum of tw
 
 import numpy as np
 
-from meshing.kernels.jit import inner
+from meshing.kernels.jit import inlined
 
 # Everything in the frame lies within this of its origin; rays start within twice that.
 FRAME_RADIUS = 1.0
 SPLITTER = 134217729.0  # 2**27 + 1
 
 
-@inner
+@inlined
 def two_difference(a, b):
     """Return a - b rounded, and what the rounding left (Knuth 1969)."""
     s = a - b
@@ -21,7 +21,7 @@ def two_difference(a, b):
     return s, (a - (s - z)) - (b + z)
 
 
-@inner
+@inlined
 def product(a, b):
     """Return a b rounded, and what the rounding left (Dekker 1971)."""
     p = a * b
@@ -34,7 +34,7 @@ def product(a, b):
     return p, ((ah * bh - p) + ah * bl + al * bh) + al * bl
 
 
-@inner
+@inlined
 def advance(high, low, t, d):
     """Return (high + low) + t d as an unevaluated sum of two numbers (Dekker 1971)."""
     p, e = product(t, d)
@@ -45,7 +45,7 @@ def advance(high, low, t, d):
     return r, low - (r - s)
 
 
-@inner
+@inlined
 def enter_frame(ox, oy, oz, dx, dy, dz, mx, my, mz, to_frame):
     """Bring a ray's origin into a frame, near the frame's ball.
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from hybrid_rt.kernels.bicubic import evaluate_bicubic
 from hybrid_rt.kernels.nearest import is_known, offer
-from meshing.kernels.jit import inner
+from meshing.kernels.jit import inlined, inner
 
 UNIT_ROUNDOFF = 2.0**-53
 # A root decided by less than this many eps x scale is reported as TANGENT.
@@ -85,7 +85,7 @@ def evaluate(control, start, degree_u, degree_v, u, v, basis):
     return x, y, z, xu, yu, zu, xv, yv, zv
 
 
-@inner
+@inlined
 def evaluate_any(control, start, degree_u, degree_v, u, v, basis):
     """Take the vector code for bicubic patches, the general one for all others."""
     if degree_u == 3 and degree_v == 3:
@@ -93,7 +93,7 @@ def evaluate_any(control, start, degree_u, degree_v, u, v, basis):
     return evaluate(control, start, degree_u, degree_v, u, v, basis)
 
 
-@inner
+@inlined
 def rounding_of_root(degree_u, degree_v, size, ox, oy, oz, dx, dy, dz, t):
     """Bound the rounding of S(u, v) - o - t d near a root; also the scale of the TANGENT band.
 
@@ -244,3 +244,8 @@ def offer_root(
         t_world = (t + shift) * to_world
     offer(i, t_world, t_bound, n_dot_d, tangent, object_id, patch, u, v, t_min, known, best)
     return True
+
+
+# For the one place that runs for every candidate; elsewhere a call costs less than compiling it.
+newton_inlined = inlined(newton.py_func)
+offer_root_inlined = inlined(offer_root.py_func)

@@ -34,7 +34,7 @@ from hybrid_rt.kernels.subdivide import (
     SLOW,
     STEPS,
 )
-from meshing.kernels.jit import hot_kernel, inner, kernel
+from meshing.kernels.jit import hot_kernel, inlined, inner, kernel
 
 GROWTH = 0.15
 DEPTH = 128
@@ -367,7 +367,7 @@ def rounding(degree, size, ray, t):
     )
 
 
-@inner
+@inlined
 def solve_piece(
     i, segment, piece, ray, after, t_lo, t_cut, control, start, degree, ends, size, shift,
     to_world, object_id, t_min, known, best, slop, net, stack, scratch, counters,
@@ -506,7 +506,7 @@ def solve_piece(
     counters[MOST_PIECES] = max(counters[MOST_PIECES], pieces)
 
 
-@inner
+@inlined
 def enter_axis_frame(k, ox, oy, oz, dx, dy, dz, middle, to_frame, turn, ray):
     """Fill ``ray`` for one object; return by how much t was advanced, in frame units."""
     hx, hy, hz, lx, ly, lz, shift = enter_frame(

@@ -18,7 +18,9 @@ from hybrid_rt.kernels.patch import (
     TANGENT_BAND,
     evaluate_any,
     newton,
+    newton_inlined,
     offer_root,
+    offer_root_inlined,
     rounding_of_root,
 )
 from hybrid_rt.kernels.patch_cells import (
@@ -43,7 +45,7 @@ from hybrid_rt.kernels.subdivide import (
 )
 from hybrid_rt.kernels.tree import push_children, safe_reciprocal
 from meshing.kernels.bernstein import second_partials, unit_normal
-from meshing.kernels.jit import hot_kernel, inner
+from meshing.kernels.jit import hot_kernel, inlined
 
 # Boxes within this of the nearest root are still looked into (times 1 + |t|, in frame units): far
 # more than two cells can disagree on the t of a root on their common border.
@@ -71,10 +73,8 @@ class PatchTable(NamedTuple):
     grid: Any  # (k, 2) int64: cells along u and v
     first_cell: Any  # (k,) int64
     place: Any  # (n,) int32: where each cell of the grids stands below, in the order of the tree
-    record: Any  # (n, RECORD): the cells
-    cell_patch: Any  # (n,) int32
-    quarter: Any  # (4 n, RECORD): the quarters of each cell, one after the other; or none (0)
-    quarter_patch: Any  # (4 n,) int32
+    record: Any  # (n or 5 n, RECORD): the cells, then the four quarters of each if there are any
+    cell_patch: Any  # (n or 5 n,) int32
 
 
 class PatchScratch(NamedTuple):
@@ -89,7 +89,7 @@ class PatchScratch(NamedTuple):
     stack_entry: Any  # (tree.stack,) float32
 
 
-@inner
+@inlined
 def solve_cell(
     i, cell, record, cell_patch, control, start, degree, centre, size, open_edges,
     object_id, basis, nets, boxes,
@@ -146,7 +146,7 @@ def solve_cell(
         # --- at most one root: Newton from the middle of the box along the normal
         t = min(max((0.5 * (record[cell, BOX + 4] + record[cell, BOX + 5]) - on) / dn, t0), t1)
         counters[NEWTONS] += 1
-        status, u, v, t, steps, n_dot_d, gain_u, gain_v = newton(
+        status, u, v, t, steps, n_dot_d, gain_u, gain_v = newton_inlined(
             control, first, m, n, basis, size[patch], ox, oy, oz, dx, dy, dz,
             um + hu * (ou + t * du), vm + hv * (ov + t * dv), t, hu, hv,
         )  # fmt: skip
@@ -160,7 +160,7 @@ def solve_cell(
                     beside_u <= hu * (1.0 + BORDER_SLACK) + error * gain_u
                     and beside_v <= hv * (1.0 + BORDER_SLACK) + error * gain_v
                 ):
-                    offer_root(
+                    offer_root_inlined(
                         i, u, v, t, n_dot_d, gain_u, gain_v, control, first, basis, m, n, size[patch],
                         ox, oy, oz, dx, dy, dz, open_edges[patch], shift, to_world,
                         object_id[patch], patch, t_min, known, best,
@@ -176,22 +176,6 @@ def solve_cell(
     return False
 
 
-@inner
-def solve_quarters(
-    i, cell, quarter, quarter_patch, control, start, degree, centre, size, open_edges,
-    object_id, basis, nets, boxes,
-    x, y, z, lx, ly, lz, dx, dy, dz, t_lo, t_cut, shift, to_world,
-    t_min, known, best, counters,
-):  # fmt: skip
-    """Settle the four quarters of a cell."""
-    for k in range(4 * cell, 4 * cell + 4):
-        solve_cell(
-            i, k, quarter, quarter_patch, control, start, degree, centre, size, open_edges,
-            object_id, basis, nets, boxes, x, y, z, lx, ly, lz, dx, dy, dz, t_lo, t_cut,
-            shift, to_world, t_min, known, best, counters, False,
-        )  # fmt: skip
-
-
 @hot_kernel
 def trace_patches(table, tree, rays, guess, best, any_hit, scratch, counters):
     """Lower ``best`` to the first hits on the patches of the table.
@@ -204,8 +188,9 @@ def trace_patches(table, tree, rays, guess, best, any_hit, scratch, counters):
     control, start, degree = table.control, table.start, table.degree
     centre, size, open_edges = table.centre, table.size, table.open_edges
     object_id, record, cell_patch = table.object_id, table.record, table.cell_patch
-    quarter, quarter_patch = table.quarter, table.quarter_patch
-    quartered = quarter.shape[0] > 0
+    # Cells come before their quarters.
+    n_cells = table.place.shape[0]
+    n_quartered = n_cells if record.shape[0] > n_cells else 0
     rows, links = tree.rows, tree.links
     origin, direction, t_min, known = rays.origin, rays.direction, rays.t_min, rays.known
     t_best = best.t
@@ -225,58 +210,47 @@ def trace_patches(table, tree, rays, guess, best, any_hit, scratch, counters):
         t_lo -= CUT_SLACK * (1.0 + abs(t_lo))
         t_cut = t_best[i] * to_frame - shift
         t_cut += CUT_SLACK * (1.0 + abs(t_cut))
-        done = -1
-        t_guess = np.inf
-        if guess.shape[0] > 0 and guess[i] >= 0:
-            done = guess[i]
-            if solve_cell(
-                i, done, record, cell_patch, control, start, degree, centre, size, open_edges,
-                object_id, basis, nets, boxes, x, y, z, lx, ly, lz, dx, dy, dz, t_lo, t_cut,
-                shift, to_world, t_min, known, best, counters, quartered,
-            ):  # fmt: skip
-                solve_quarters(
-                    i, done, quarter, quarter_patch, control, start, degree, centre, size,
-                    open_edges, object_id, basis, nets, boxes, x, y, z, lx, ly, lz, dx, dy, dz,
-                    t_lo, t_cut, shift, to_world, t_min, known, best, counters,
-                )  # fmt: skip
-            if any_hit and best.object_id[i] >= 0:
-                continue
-            t_guess = t_best[i]
-            t_cut = t_guess * to_frame - shift
-            t_cut += CUT_SLACK * (1.0 + abs(t_cut))
-        elif guess.shape[0] > 0:
-            t_guess = t_best[i]
         fx, fy, fz = np.float32(x), np.float32(y), np.float32(z)
         rx, ry, rz = safe_reciprocal(dx), safe_reciprocal(dy), safe_reciprocal(dz)
         sx, sy, sz = 0 if rx > 0 else 3, 0 if ry > 0 else 3, 0 if rz > 0 else 3
         lo = np.float32(t_lo)
         top = 1
         stack_node[0], stack_count[0], stack_entry[0] = 0, 0, lo
+        # The guess lies on top: its root is known before the tree is walked.
+        done = np.int64(-1)
+        if guess.shape[0] > 0:
+            done = np.int64(guess[i])
+        t_guess, is_walking = -np.inf, False
+        if done >= 0:
+            stack_node[1], stack_count[1], stack_entry[1] = done, 1, lo
+            top = 2
         while top > 0:
             top -= 1
             if stack_entry[top] > t_cut:
                 continue
-            node = stack_node[top]
+            node = np.int64(stack_node[top])
             if stack_count[top] == 0:
                 counters[NODES] += 1
+                if node == 0:
+                    t_guess, is_walking = t_best[i], True
                 top = push_children(
                     rows, links, node, fx, fy, fz, rx, ry, rz, sx, sy, sz,
                     lo, np.float32(t_cut), entry, stack_node, stack_count, stack_entry, top,
                 )  # fmt: skip
                 continue
-            for k in range(node, node + stack_count[top]):
-                if k == done:
-                    continue
-                if solve_cell(
-                    i, k, record, cell_patch, control, start, degree, centre, size,
-                    open_edges, object_id, basis, nets, boxes, x, y, z, lx, ly, lz, dx, dy, dz,
-                    t_lo, t_cut, shift, to_world, t_min, known, best, counters, quartered,
-                ):  # fmt: skip
-                    solve_quarters(
-                        i, k, quarter, quarter_patch, control, start, degree, centre, size,
-                        open_edges, object_id, basis, nets, boxes, x, y, z, lx, ly, lz, dx, dy, dz,
-                        t_lo, t_cut, shift, to_world, t_min, known, best, counters,
-                    )  # fmt: skip
+            if node == done and is_walking:
+                continue
+            left = solve_cell(
+                i, node, record, cell_patch, control, start, degree, centre, size, open_edges,
+                object_id, basis, nets, boxes, x, y, z, lx, ly, lz, dx, dy, dz, t_lo, t_cut,
+                shift, to_world, t_min, known, best, counters, node < n_quartered,
+            )  # fmt: skip
+            if left:
+                for k in range(4):
+                    stack_node[top], stack_count[top] = n_quartered + 4 * node + k, 1
+                    stack_entry[top] = lo
+                    top += 1
+                continue
             if any_hit and best.object_id[i] >= 0:
                 break
             t_cut = t_best[i] * to_frame - shift

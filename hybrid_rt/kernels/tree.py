@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from hybrid_rt.kernels.boxes import lowest_bit, test_boxes
-from meshing.kernels.jit import inner, kernel
+from meshing.kernels.jit import inlined, inner, kernel
 
 WIDTH = 8
 BINS = 16
@@ -194,7 +194,7 @@ def build_tree(lower, upper, leaf_size):
     return rows, rows.view(np.int32), order, stack
 
 
-@inner
+@inlined
 def safe_reciprocal(x):
     """1/x for a slab test, in float32, with tiny components replaced (never an infinity)."""
     if abs(x) < SMALLEST_COMPONENT:
@@ -202,7 +202,7 @@ def safe_reciprocal(x):
     return np.float32(1.0 / x)
 
 
-@inner
+@inlined
 def push_children(
     rows, links, node, x, y, z, rx, ry, rz, sx, sy, sz, t_lo, t_hi, entry,
     stack_node, stack_count, stack_entry, top,

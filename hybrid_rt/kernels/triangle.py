@@ -14,7 +14,7 @@ from hybrid_rt.kernels.nearest import offer
 from hybrid_rt.kernels.patch import TANGENT_BAND, UNIT_ROUNDOFF
 from hybrid_rt.kernels.subdivide import CELLS, CHANGED, NODES
 from hybrid_rt.kernels.tree import push_children, safe_reciprocal
-from meshing.kernels.jit import hot_kernel, inner
+from meshing.kernels.jit import hot_kernel, inlined, inner
 
 # Boxes within this of the nearest root are still looked into (times 1 + |t|, in frame units).
 CUT_SLACK = 2.0**-20
@@ -34,7 +34,7 @@ class TriangleTable(NamedTuple):
     patch_id: Any  # (f,) int32: number within its mesh
 
 
-@inner
+@inlined
 def _normal(vertex, face, f):
     a, b, c = vertex[face[f, 0]], vertex[face[f, 1]], vertex[face[f, 2]]
     bx, by, bz = b[0] - a[0], b[1] - a[1], b[2] - a[2]
@@ -50,7 +50,7 @@ def cross(ax, ay, bx, by):
     return (p - q) + (e - f)
 
 
-@inner
+@inlined
 def offer_triangle(
     i, f, vertex, face, neighbour, object_id, o, d, kx, ky, kz, sx, sy, t_min, known, best
 ):
