@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hybrid_rt.integrators.integrator import RenderContext
+from hybrid_rt.kernels.environment import PICTURE
 from hybrid_rt.kernels.light import UNWEIGHTED, LightPoints, light_on_hits, light_on_rays
 from hybrid_rt.kernels.lobes import PHONG, sample_lobes
 from hybrid_rt.kernels.pack import ShadowRays, add_unblocked, choose_lights, pack_shadow_rays
@@ -140,7 +141,11 @@ class SurfaceLight:
         if context.plan["sky samples"]:
             sky = np.uint64(context.scene.n_lights)
             xi = context.sampler.points(pixel, dimension + sky, pass_number)
-            questions += self._ask_sky_by_lobes(shading, xi)
+            if context.scene.sky.kind == PICTURE:
+                light_id = np.full(n, context.scene.n_lights, dtype=np.int32)
+                questions += self._ask(shading, light_id, xi)
+            else:
+                questions += self._ask_sky_by_lobes(shading, xi)
         return self._answered(shading, questions)
 
     def from_one(
