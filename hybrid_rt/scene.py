@@ -19,8 +19,9 @@ from hybrid_rt.lights.surface import ShiningSurface, shining_surface
 from hybrid_rt.lights.table import compile_environment, compile_lights
 from hybrid_rt.materials.material import Material
 from hybrid_rt.materials.table import color_factor, compile_materials
-from hybrid_rt.primitives import Plane, Rectangle, Sphere
+from hybrid_rt.primitives import Plane, Rectangle, Sphere, TriangleMesh
 from hybrid_rt.records import FloatArray, IntArray
+from hybrid_rt.smooth import vertex_normals
 from hybrid_rt.textures.texture import ConstantTexture, Texture
 
 NOTHING = -1
@@ -36,9 +37,14 @@ class Object:
     material : Material
     name : str, optional
         What messages and reports call it.
+    smooth : bool
+        Shade a triangle mesh by normals interpolated between its vertices. Its outline and its
+        shadows stay those of the triangles.
     """
 
-    def __init__(self, surface: Any, material: Material, name: str | None = None) -> None:
+    def __init__(
+        self, surface: Any, material: Material, name: str | None = None, smooth: bool = False
+    ) -> None:
         self.name = type(surface).__name__ if name is None else name
         if not (hasattr(surface, "bounds") and hasattr(surface, "transformed")):
             raise TypeError(
@@ -49,8 +55,14 @@ class Object:
             raise TypeError(
                 f"object {self.name!r}: {material!r} is no material; use one of hybrid_rt.materials"
             )
+        if smooth and not isinstance(surface, TriangleMesh):
+            raise TypeError(
+                f"object {self.name!r}: smooth is for a TriangleMesh; {type(surface).__name__} has "
+                "exact normals"
+            )
         self.surface = surface
         self.material = material
+        self.smooth = bool(smooth)
 
 
 class Scene:
@@ -120,6 +132,8 @@ class CompiledScene:
         The dielectric lobe of each material; `NOTHING` where it has none.
     shining : dict
         What chooses points of the lights of kind `SURFACE`, by row in ``lights``.
+    vertex_normals : dict
+        Of smooth meshes, by index in ``surfaces``: (vertices, 3) float64.
     """
 
     camera: Camera
@@ -136,6 +150,7 @@ class CompiledScene:
     lights: LightTable
     shining: dict[int, ShiningSurface]
     sky: EnvironmentTable
+    vertex_normals: dict[int, FloatArray]
 
     @property
     def n_lights(self) -> int:
@@ -200,6 +215,9 @@ def compile_scene(scene: Scene) -> CompiledScene:
         lights=compile_lights(rows, texture_of, scene.environment is not None),
         shining=shining,
         sky=compile_environment(scene.environment),
+        vertex_normals={
+            i: vertex_normals(item.surface) for i, item in enumerate(scene.objects) if item.smooth
+        },
     )
 
 

@@ -28,7 +28,7 @@ class PathOptions:
 
     strategy: str = "both"
     roulette_depth: int = 3
-    survival: float = 0.95
+    survival: float = 0.99
 
     def __post_init__(self) -> None:
         """Refuse what is out of range."""

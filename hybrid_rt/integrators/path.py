@@ -66,8 +66,7 @@ class PathTracer(Integrator):
                 if depth > self.context.max_depth:
                     self._lose(paths.throughput[material >= 0])
                     break
-                colors = self._light.colors(material, hits)
-                shading = Shading(hits, paths.directions, material, colors)
+                shading = self._light.shading(hits, paths.directions, material)
                 # --- light we reach for
                 if self._asks_lights:
                     xi = self._points(paths, depth, TO_LIGHT)
@@ -133,6 +132,7 @@ class PathTracer(Integrator):
             shading.colors,
             hits.normal,
             shading.directions,
+            shading.geometric,
             xi,
             choice,
             paths.media,

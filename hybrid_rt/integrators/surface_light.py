@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from hybrid_rt.integrators.integrator import RenderContext
+from hybrid_rt.kernels.environment import PICTURE
 from hybrid_rt.kernels.light import UNWEIGHTED, LightPoints, light_on_hits, light_on_rays
 from hybrid_rt.kernels.lobes import PHONG, sample_lobes
 from hybrid_rt.kernels.pack import ShadowRays, add_unblocked, choose_lights, pack_shadow_rays
@@ -15,16 +16,24 @@ from hybrid_rt.kernels.texture import lobe_colors
 from hybrid_rt.records import BoolArray, FloatArray, HitRecord, IntArray, Status
 from hybrid_rt.sampler import UIntArray
 from hybrid_rt.scene import NOTHING
+from hybrid_rt.smooth import shading_normals
+
+NO_NORMALS = np.zeros((0, 3))
 
 
 @dataclass(frozen=True)
 class Shading:
-    """Hits as shading needs them: where, on what, from where."""
+    """Hits as shading needs them: where, on what, from where.
+
+    ``geometric`` (n, 3) are the normals of the surfaces themselves where ``hits`` has been given
+    others to shade by; else (0, 3).
+    """
 
     hits: HitRecord
     directions: FloatArray
     material: IntArray
     colors: FloatArray
+    geometric: FloatArray
 
 
 @dataclass(frozen=True)
@@ -85,6 +94,19 @@ class SurfaceLight:
         )
         return colors
 
+    def shading(self, hits: HitRecord, directions: FloatArray, material: IntArray) -> Shading:
+        """Return hits with the colours of their lobes and the normals to shade by."""
+        colors = self.colors(material, hits)
+        meshes = self._context.scene.vertex_normals
+        if not meshes:
+            return Shading(hits, directions, material, colors, NO_NORMALS)
+        normal = hits.normal.copy()
+        for object_id, normals in meshes.items():
+            rows = np.flatnonzero(hits.object_id == object_id)
+            mesh = self._context.scene.surfaces[object_id]
+            normal[rows] = shading_normals(hits, directions, rows, mesh, normals)
+        return Shading(replace(hits, normal=normal), directions, material, colors, hits.normal)
+
     def arriving(
         self, hits: HitRecord, origins: FloatArray, directions: FloatArray, pdf: FloatArray
     ) -> FloatArray:
@@ -140,7 +162,11 @@ class SurfaceLight:
         if context.plan["sky samples"]:
             sky = np.uint64(context.scene.n_lights)
             xi = context.sampler.points(pixel, dimension + sky, pass_number)
-            questions += self._ask_sky_by_lobes(shading, xi)
+            if context.scene.sky.kind == PICTURE:
+                light_id = np.full(n, context.scene.n_lights, dtype=np.int32)
+                questions += self._ask(shading, light_id, xi)
+            else:
+                questions += self._ask_sky_by_lobes(shading, xi)
         return self._answered(shading, questions)
 
     def from_one(
@@ -219,6 +245,7 @@ class SurfaceLight:
             hits.position,
             hits.normal,
             shading.directions,
+            shading.geometric,
             xi,
             self._strategy,
             self._last_kind,
@@ -245,7 +272,12 @@ class SurfaceLight:
             value,
             pdf,
         )
-        rows = np.flatnonzero(largest_channel(value) > 0.0)
+        shines = largest_channel(value) > 0.0
+        if shading.geometric.size:
+            # What passes the surface itself is no light on this side.
+            before = np.einsum("ij,ij->i", shading.geometric, shading.directions)
+            shines &= before * np.einsum("ij,ij->i", shading.geometric, wi) < 0.0
+        rows = np.flatnonzero(shines)
         way = wi.take(rows, axis=0)
         assert scene.environment is not None
         value = value.take(rows, axis=0) * scene.environment.radiance(way)

@@ -112,8 +112,7 @@ class Whitted(Integrator):
                 # --- light we reach for
                 met = np.flatnonzero(material != NOTHING)
                 hit_rays, hits, material = rays[met], hits[met], material[met]
-                colors = self._light.colors(material, hits)
-                shading = Shading(hits, hit_rays.directions, material, colors)
+                shading = self._light.shading(hits, hit_rays.directions, material)
                 gathered[met] += hit_rays.throughput * self._light.from_all(
                     shading,
                     block.pixel[hit_rays.camera_ray],

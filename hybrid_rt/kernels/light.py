@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 from hybrid_rt.kernels.environment import sky_direction, sky_pdf, sky_radiance
 from hybrid_rt.kernels.frame import two_difference
-from hybrid_rt.kernels.lobes import onto_axis, scattered
+from hybrid_rt.kernels.lobes import leaves_through_face, onto_axis, scattered
 from hybrid_rt.kernels.sphere import power_of_point
 from hybrid_rt.kernels.texture import texture_color
 from meshing.kernels.jit import inlined, kernel
@@ -147,7 +147,7 @@ def _strength(lights, textures, row, u, v, x, y, z):
 @kernel
 def light_on_hits(
     lights, sky, textures, points, light_id, lobes, material, colors, position, normal, direction,
-    xi, strategy, last_kind, to_light, value,
+    geometric, xi, strategy, last_kind, to_light, value,
 ):  # fmt: skip
     """Ask one light per hit what it sends through the hit's spreading lobes.
 
@@ -161,6 +161,8 @@ def light_on_hits(
     colors : (n, lobes of a material at most, 3) float64
     position, normal, direction : (n, 3) float64
         Of the hit and of the ray that found it.
+    geometric : (n, 3) float64
+        Normal of the surface itself, where ``normal`` is another; else (0, 3).
     xi : (n, 2) float64
         Two numbers in [0, 1) that choose the point of the light.
     strategy : int
@@ -189,7 +191,7 @@ def light_on_hits(
             x, y, z, distance, factor = _surface_point(points, i, px, py, pz)
         else:
             x, y, z, distance, factor = light_point(lights, row, px, py, pz, xi[i, 0], xi[i, 1])
-        if factor == 0.0:
+        if factor == 0.0 or leaves_through_face(geometric, i, direction, x, y, z):
             continue
         r, g, b, pdf = scattered(
             lobes, material[i], colors, i,

@@ -129,6 +129,22 @@ def scattered(lobes, material, colors, i, nx, ny, nz, dx, dy, dz, wx, wy, wz, la
 
 
 @inlined
+def leaves_through_face(geometric, i, direction, x, y, z):
+    """Tell whether a direction leaves on the other side of the surface itself than d came from.
+
+    ``geometric`` is (0, 3) where shading uses the surface's own normals: then it never does.
+    """
+    if geometric.shape[0] == 0:
+        return False
+    before = (
+        geometric[i, 0] * direction[i, 0]
+        + geometric[i, 1] * direction[i, 1]
+        + geometric[i, 2] * direction[i, 2]
+    )
+    return before * (geometric[i, 0] * x + geometric[i, 1] * y + geometric[i, 2] * z) >= 0.0
+
+
+@inlined
 def onto_axis(ax, ay, az, cos_theta, sin_theta, phi):
     """Turn an angle from a unit axis and one around it into a direction.
 

@@ -4,6 +4,7 @@ from hybrid_rt.kernels.fresnel import fresnel, refract, schlick
 from hybrid_rt.kernels.lobes import (
     DIELECTRIC,
     LAST_SPREADING,
+    leaves_through_face,
     lobe_direction,
     pick_lobe,
     scattered,
@@ -51,7 +52,7 @@ def at_glass(lobes, lobe, stack, i, nx, ny, nz, dx, dy, dz, is_front, xi):
 
 @kernel
 def scatter(
-    lobes, material, colors, normal, direction, xi, choice, stack, may_spread, may_mirror,
+    lobes, material, colors, normal, direction, geometric, xi, choice, stack, may_spread, may_mirror,
     roulette, onward, throughput, pdf, fate,
 ):  # fmt: skip
     """Send each ray on in one direction.
@@ -63,6 +64,8 @@ def scatter(
     colors : (n, lobes of a material at most, 3) float64
     normal, direction : (n, 3) float64
         Of the hit and of the ray that found it.
+    geometric : (n, 3) float64
+        Normal of the surface itself, where ``normal`` is another; else (0, 3).
     xi : (n, 2) float64
         Two numbers in [0, 1) that choose the direction.
     choice : (n, 2) float64
@@ -96,6 +99,7 @@ def scatter(
         is_front = nx * dx + ny * dy + nz * dz < 0.0
         if not is_front:
             nx, ny, nz = -nx, -ny, -nz
+        is_refracted = False
         if lobes.kind[row] <= LAST_SPREADING:
             x, y, z = lobe_direction(
                 lobes.kind[row], lobes.number[row, 0], nx, ny, nz, dx, dy, dz, xi[i, 0], xi[i, 1]
@@ -116,6 +120,7 @@ def scatter(
                     lobes, row, stack, i, nx, ny, nz, dx, dy, dz, is_front, rest
                 )
                 factor *= lobes.weight[row] / chance
+                is_refracted = nx * x + ny * y + nz * z < 0.0
                 if is_tinted:
                     r, g, b = factor * r, factor * g, factor * b
                 else:
@@ -125,6 +130,13 @@ def scatter(
                 x, y, z = dx - twice * nx, dy - twice * ny, dz - twice * nz
                 r, g, b = r / chance, g / chance, b / chance
             fate[i] = SPECULAR if may_mirror else STOPPED
+        # Only light that goes through a clear body's surface may pass to the other side.
+        if (
+            geometric.shape[0]
+            and leaves_through_face(geometric, i, direction, x, y, z) != is_refracted
+        ):
+            fate[i] = ABSORBED
+            continue
         r, g, b = throughput[i, 0] * r, throughput[i, 1] * g, throughput[i, 2] * b
         carried = max(r, g, b)
         if carried == 0.0:

@@ -132,7 +132,7 @@ class TestPlan:
         scatter = path.scatter
 
         def recorded(*arguments):
-            widths.append(arguments[7].shape[1])
+            widths.append(arguments[8].shape[1])
             scatter(*arguments)
 
         monkeypatch.setattr(path, "scatter", recorded)

@@ -217,6 +217,12 @@ class TestLights:
             0.01 * found["both"].mean()
         )
 
+    @pytest.mark.parametrize("name", [name for name in LIGHTS if name != "near sphere"])
+    def test_whitteds_method_asks_all_lights_for_the_same(self, name):
+        scene = self.scene(name)
+        asked = render(scene, "whitted", passes=16).image.reshape(-1, 3).astype(float)
+        assert_means_agree(asked, samples(scene, 16, max_depth=0, seed=5))
+
     def test_irradiance_of_a_rectangle(self):
         """Siegel and Howell, "Thermal radiation heat transfer", configuration C-11."""
         h = math.hypot(1, 1)
