@@ -1,0 +1,240 @@
+"""How wrong a mesh is, by its tolerance, and what exactness costs.
+
+Each rung of the ladder tessellates the same surfaces to a tolerance, measures how far its triangles
+lie from them, and compares the first hits of accuracies "mesh" and "refined" with certified ones.
+"""
+
+from __future__ import annotations
+
+import time
+import tracemalloc
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from hybrid_rt.intersection import Intersector
+from hybrid_rt.records import FloatArray, HitRecord, Status
+from hybrid_rt.verify.rays import RaySet, at_box, camera, silhouettes
+from hybrid_rt.verify.speed import in_turn
+from meshing import tessellate
+
+# Points per triangle at which deviation and normals are measured, at least so many in all.
+SAMPLES, LEAST_SAMPLES = 4, 20_000
+# A mesh's hit is on another sheet if it is farther along the ray than this many deviations over
+# the cosine, or than the surface bends away under a slanting ray.
+SAME_SHEET = 8.0
+RAYS: dict[str, Callable[..., RaySet]] = {
+    "random": at_box,
+    "camera": camera,
+    "silhouette": silhouettes,
+}
+
+
+@dataclass(frozen=True)
+class Errors:
+    """First hits of one accuracy against certified ones.
+
+    Attributes
+    ----------
+    wrong : float
+        Share of the concerned rays: those that hit something by either method.
+    missed, phantom, farther : int
+        Nothing where there is something; something where there is nothing; another sheet or
+        another object.
+    mean, worst : float
+        |t - exact t| in lengths of the scene, over the right hits.
+    """
+
+    wrong: float
+    missed: int
+    phantom: int
+    farther: int
+    mean: float
+    worst: float
+
+
+@dataclass(frozen=True)
+class Rung:
+    """One tolerance of the ladder.
+
+    Attributes
+    ----------
+    tolerance, bound, worst, mean : float
+        Asked for; proven; largest and mean distance measured. Scene units.
+    triangles : int
+    build_seconds, memory : float
+        Seconds; bytes at the peak.
+    worst_angle, mean_angle : float
+        Between the normals of triangles and surface, degrees.
+    errors : dict of dict of Errors
+        By accuracy, then by kind of rays.
+    microseconds : dict of dict of float
+        Time per ray by accuracy, then by kind of rays.
+    """
+
+    tolerance: float
+    triangles: int
+    build_seconds: float
+    memory: float
+    bound: float
+    worst: float
+    mean: float
+    worst_angle: float
+    mean_angle: float
+    errors: dict[str, dict[str, Errors]]
+    microseconds: dict[str, dict[str, float]]
+
+
+def climb(
+    surfaces: Sequence[Any],
+    tolerances: Sequence[float],
+    n_rays: int,
+    seed: int = 1,
+    threads: int | None = None,
+) -> Iterator[Rung]:
+    """Measure rung after rung.
+
+    Parameters
+    ----------
+    surfaces : sequence of BezierPatches and SurfaceOfRevolution
+    tolerances : sequence of float
+        Absolute chordal tolerances, scene units.
+    n_rays : int
+        Of each kind.
+    seed, threads : int
+    """
+    rays = {name: make(surfaces, n_rays, seed) for name, make in RAYS.items()}
+    bare = Intersector(surfaces, coarse="none", threads=threads)
+    exact = {name: bare.intersect(r.origins, r.directions) for name, r in rays.items()}
+    for tolerance in tolerances:
+        tracemalloc.start()
+        began = time.perf_counter()
+        meshes = [tessellate(surface, tolerance) for surface in surfaces]
+        seconds = time.perf_counter() - began
+        memory = tracemalloc.get_traced_memory()[1]
+        tracemalloc.stop()
+        distances, angles = deviations(surfaces, meshes, seed)
+        bound = max(mesh.deviation_bound for mesh in meshes)
+        tracers = {
+            name: Intersector(surfaces, name, tolerance=tolerance, threads=threads)
+            for name in ("mesh", "refined", "certified")
+        }
+        errors: dict[str, dict[str, Errors]] = {}
+        for name in ("mesh", "refined"):
+            errors[name] = {
+                kind: compare(
+                    exact[kind], tracers[name].intersect(r.origins, r.directions), r, bound
+                )
+                for kind, r in rays.items()
+            }
+        contestants = {**tracers, 'certified, coarse="none"': bare}
+        microseconds: dict[str, dict[str, float]] = {name: {} for name in contestants}
+        for kind, r in rays.items():
+            timings = in_turn({k: _trace(x, r) for k, x in contestants.items()}, 3)
+            for name, timing in timings.items():
+                microseconds[name][kind] = timing.median / n_rays * 1e6
+        yield Rung(
+            tolerance,
+            sum(len(mesh) for mesh in meshes),
+            seconds,
+            float(memory),
+            bound,
+            float(distances.max()),
+            float(distances.mean()),
+            float(angles.max()),
+            float(angles.mean()),
+            errors,
+            microseconds,
+        )
+
+
+def deviations(
+    surfaces: Sequence[Any], meshes: Sequence[Any], seed: int
+) -> tuple[FloatArray, FloatArray]:
+    """Sample triangles: distances to the surface at the same (u, v), and angles of normals.
+
+    Returns
+    -------
+    distances : (k,) float64, scene units
+    angles : (k,) float64, degrees
+    """
+    rng = np.random.default_rng(seed)
+    distances, angles = [], []
+    for surface, mesh in zip(surfaces, meshes, strict=True):
+        repeat = max(SAMPLES, -(-LEAST_SAMPLES // len(mesh)))
+        face = np.repeat(np.arange(len(mesh)), repeat)
+        weights = rng.dirichlet((1.0, 1.0, 1.0), len(face))
+        u, v = np.einsum("ij,ijk->ki", weights, mesh.uv[face])
+        corners = mesh.vertices[mesh.faces[face]]
+        points = np.einsum("ij,ijk->ik", weights, corners)
+        normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        length = np.linalg.norm(normal, axis=1)
+        some = length > 0.0
+        true = surface.normal(u, v, mesh.patch_id[face])
+        cosine = np.einsum("ij,ij->i", normal[some], true[some]) / length[some]
+        angles.append(np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0))))
+        distances.append(np.linalg.norm(points - surface.point(u, v, mesh.patch_id[face]), axis=1))
+    return np.concatenate(distances), np.concatenate(angles)
+
+
+def compare(exact: HitRecord, found: HitRecord, rays: RaySet, bound: float) -> Errors:
+    """Compare first hits with certified ones; rows decided within rounding are left out."""
+    sure = exact.status != Status.TANGENT
+    missed = sure & exact.hit & ~found.hit
+    phantom = sure & ~exact.hit & found.hit
+    both = np.flatnonzero(sure & exact.hit & found.hit)
+    length = np.linalg.norm(rays.directions[both], axis=1)
+    error = np.abs(found.t[both] - exact.t[both]) * length
+    slope = np.abs(np.einsum("ij,ij->i", exact.normal[both], rays.directions[both])) / length
+    other = found.object_id[both] != exact.object_id[both]
+    farther = other | (error * slope > SAME_SHEET * bound)
+    right = error[~farther]
+    concerned = int(missed.sum() + phantom.sum() + len(both))
+    n_wrong = int(missed.sum() + phantom.sum() + farther.sum())
+    return Errors(
+        n_wrong / max(concerned, 1),
+        int(missed.sum()),
+        int(phantom.sum()),
+        int(farther.sum()),
+        float(right.mean()) if len(right) else 0.0,
+        float(right.max(initial=0.0)),
+    )
+
+
+def error_image(
+    surfaces: Sequence[Any], tolerance: float, width: int, height: int
+) -> tuple[FloatArray, FloatArray]:
+    """Trace a picture by mesh and surface.
+
+    Returns
+    -------
+    error : (height, width) float64
+        |t - exact t| in scene units; nan where both miss, inf where one does.
+    shade : (height, width) float64
+        |cos| of the exact hit, for the look of it.
+    """
+    low = np.min([s.bounds[0] for s in surfaces], axis=0)
+    high = np.max([s.bounds[1] for s in surfaces], axis=0)
+    middle, size = 0.5 * (low + high), float(np.linalg.norm(high - low))
+    forward = np.array([0.35, 0.8, -0.35])
+    forward /= np.linalg.norm(forward)
+    right = np.cross(forward, (0.0, 0.0, 1.0))
+    right /= np.linalg.norm(right)
+    up = np.cross(right, forward)
+    row, column = np.indices((height, width))
+    x, y = (column + 0.5 - width / 2) / width, (height / 2 - row - 0.5) / width
+    directions = forward + 0.75 * (x[..., None] * right + y[..., None] * up)
+    origin = middle - 1.45 * size * forward
+    exact = Intersector(surfaces, coarse="none").intersect(origin, directions)
+    meshed = Intersector(surfaces, "mesh", tolerance=tolerance).intersect(origin, directions)
+    length = np.linalg.norm(directions.reshape(-1, 3), axis=1)
+    with np.errstate(invalid="ignore"):
+        error = np.abs(meshed.t - exact.t) * length
+        shade = np.abs(np.einsum("ij,ij->i", exact.normal, directions.reshape(-1, 3))) / length
+    return error.reshape(height, width), shade.reshape(height, width)
+
+
+def _trace(tracer: Intersector, rays: RaySet) -> Callable[[], object]:
+    return lambda: tracer.intersect(rays.origins, rays.directions)
