@@ -19,8 +19,9 @@ from hybrid_rt import Intersector, Sphere, TriangleMesh
 from hybrid_rt.demo import teapot, vase
 from hybrid_rt.verify.campaign import SCENES
 from hybrid_rt.verify.judge import decisions
+from hybrid_rt.verify.kernels.rival import evaluate_many
 from hybrid_rt.verify.rays import RaySet, at_box, camera, silhouettes
-from hybrid_rt.verify.rival import Rival, buffers
+from hybrid_rt.verify.rival import Rival, buffers, evaluate_with_numpy
 from hybrid_rt.verify.speed import in_turn
 
 ROUNDS = 5
@@ -48,6 +49,7 @@ def main() -> None:
             found[title] = accuracies(title, surfaces, n // 4, threads)
     found["trimesh"] = against_trimesh(n // 20)
     found["many"] = many(n // 10, args.quick)
+    found["numba"] = against_numpy(n // 10)
     found["costs"] = costs()
     if args.out:
         args.out.write_text(json.dumps(found, indent=2), "utf-8")
@@ -148,6 +150,20 @@ def many(n: int, quick: bool) -> dict[str, Any]:
         result[name]["build seconds"] = build
         print(f"  built in {build:.2f} s")
     return result
+
+
+def against_numpy(n: int) -> dict[str, Any]:
+    """Evaluate a patch and its tangents by a kernel and by plain NumPy, one thread."""
+    surface, rng = teapot(), np.random.default_rng(7)
+    nets = np.stack(surface.patches)
+    control = np.zeros((16 * len(nets), 4))
+    control[:, :3] = nets.reshape(-1, 3)
+    patch, (u, v), out = rng.integers(len(nets), size=n), rng.random((2, n)), np.empty((n, 9))
+    runs: dict[str, Callable[[], object]] = {
+        "plain NumPy": lambda: evaluate_with_numpy(nets[patch], u, v),
+        "numba": lambda: evaluate_many(control, patch, u, v, out),
+    }
+    return show("bicubic points and tangents, 1 thread", n, in_turn(runs, 5), "plain NumPy")
 
 
 def costs() -> dict[str, float]:

@@ -71,3 +71,34 @@ class Rival:
 def buffers(n: int) -> tuple[FloatArray, IntArray, FloatArray, FloatArray]:
     """Return arrays for the results of n rays."""
     return np.empty(n), np.empty(n, np.int32), np.empty(n), np.empty(n)
+
+
+def evaluate_with_numpy(nets: FloatArray, u: FloatArray, v: FloatArray) -> FloatArray:
+    """Return S, S_u, S_v of bicubic patches, one (u, v) each, in plain NumPy.
+
+    Parameters
+    ----------
+    nets : (n, 4, 4, 3) float64
+    u, v : (n,) float64
+
+    Returns
+    -------
+    (3, n, 3) float64
+    """
+    values_u, slopes_u = _bernstein_with_numpy(u)
+    values_v, slopes_v = _bernstein_with_numpy(v)
+    rows = np.einsum("nj,nijc->nic", values_v, nets)
+    return np.stack(
+        [
+            np.einsum("ni,nic->nc", values_u, rows),
+            np.einsum("ni,nic->nc", slopes_u, rows),
+            np.einsum("ni,nic->nc", values_u, np.einsum("nj,nijc->nic", slopes_v, nets)),
+        ]
+    )
+
+
+def _bernstein_with_numpy(x: FloatArray) -> tuple[FloatArray, FloatArray]:
+    y = 1.0 - x
+    values = np.stack([y**3, 3 * y * y * x, 3 * y * x * x, x**3], axis=1)
+    slopes = np.stack([-3 * y * y, 3 * y * y - 6 * y * x, 6 * y * x - 3 * x * x, 3 * x * x], axis=1)
+    return values, slopes

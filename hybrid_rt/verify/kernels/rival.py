@@ -54,3 +54,13 @@ def refine(control, cells, face, u, v, t, origin, direction, out_t, out_patch, o
                 break
             if not (-0.5 < a < 1.5 and -0.5 < b < 1.5):
                 break
+
+
+@hot_kernel
+def evaluate_many(control, patch, u, v, out):
+    """Fill S, S_u, S_v (n, 9) of bicubic patches, one (u, v) each."""
+    for i in range(u.shape[0]):
+        x, y, z, a, b, c, d, e, f = evaluate_bicubic(control, 16 * patch[i], u[i], v[i])
+        out[i, 0], out[i, 1], out[i, 2] = x, y, z
+        out[i, 3], out[i, 4], out[i, 5] = a, b, c
+        out[i, 6], out[i, 7], out[i, 8] = d, e, f
