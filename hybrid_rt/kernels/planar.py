@@ -34,9 +34,38 @@ class BoxTable(NamedTuple):
 
 
 @inlined
+def _width(edge, k, dx, dy, dz):
+    """|edge x d|: how long an edge looks from along the ray, times |d|; never zero."""
+    x = edge[k, 1] * dz - edge[k, 2] * dy
+    y = edge[k, 2] * dx - edge[k, 0] * dz
+    z = edge[k, 0] * dy - edge[k, 1] * dx
+    return max(np.sqrt(x * x + y * y + z * z), 1e-300)
+
+
+@inlined
+def _area(row_u, row_v, k):
+    """Return the parallelogram's area, from its dual basis."""
+    x = row_u[k, 1] * row_v[k, 2] - row_u[k, 2] * row_v[k, 1]
+    y = row_u[k, 2] * row_v[k, 0] - row_u[k, 0] * row_v[k, 2]
+    z = row_u[k, 0] * row_v[k, 1] - row_u[k, 1] * row_v[k, 0]
+    return 1.0 / np.sqrt(x * x + y * y + z * z)
+
+
+@inlined
+def _move_to_rim(u, v, t, du, dv, most):
+    """Walk along the ray to where u is in [0, 1], if that is no farther than rounding leads."""
+    inside = min(max(u, 0.0), 1.0)
+    if u != inside and abs(inside - u) <= most * abs(du):
+        step = (inside - u) / du
+        return inside, v + step * dv, t + step
+    return inside, v, t
+
+
+@inlined
 def _offer_parallelogram(
-    i, k, corner, normal, row_u, row_v, size, object_id, ox, oy, oz, dx, dy, dz, t_min, known, best
-):
+    i, k, corner, normal, edge_u, edge_v, row_u, row_v, size, object_id, ox, oy, oz, dx, dy, dz,
+    t_min, known, best,
+):  # fmt: skip
     nx, ny, nz = normal[k, 0], normal[k, 1], normal[k, 2]
     n_dot_d = nx * dx + ny * dy + nz * dz
     if n_dot_d == 0.0:
@@ -60,20 +89,39 @@ def _offer_parallelogram(
     lu = np.sqrt(row_u[k, 0] * row_u[k, 0] + row_u[k, 1] * row_u[k, 1] + row_u[k, 2] * row_u[k, 2])
     lv = np.sqrt(row_v[k, 0] * row_v[k, 0] + row_v[k, 1] * row_v[k, 1] + row_v[k, 2] * row_v[k, 2])
     depth = min(min(u, 1.0 - u) / lu, min(v, 1.0 - v) / lv)
-    if depth < -error * lean:
-        if depth > -band:
-            best.doubt[i] = min(best.doubt[i], t)
-        return
+    tangent = False
     t_bound = error / slope + 4.0 * UNIT_ROUNDOFF * abs(t)
-    u, v = min(max(u, 0.0), 1.0), min(max(v, 0.0), 1.0)
-    offer(i, t, t_bound, slope, depth < band, object_id[k], 0, u, v, t_min, known, best)
+    if depth < band * lean:
+        if depth < -band * lean:
+            return
+        # --- near the rim: how far does the ray pass from the lines that its edges lie on?
+        across = slope * _area(row_u, row_v, k)
+        depth = across * min(
+            min(u, 1.0 - u) / _width(edge_v, k, dx, dy, dz),
+            min(v, 1.0 - v) / _width(edge_u, k, dx, dy, dz),
+        )
+        if depth < -error:
+            if depth > -band:
+                best.doubt[i] = min(best.doubt[i], t)
+            return
+        tangent = depth < band
+        u, v, t = _move_to_rim(
+            u, v, t, row_u[k, 0] * dx + row_u[k, 1] * dy + row_u[k, 2] * dz,
+            row_v[k, 0] * dx + row_v[k, 1] * dy + row_v[k, 2] * dz, 4.0 * error / slope,
+        )  # fmt: skip
+        v, u, t = _move_to_rim(
+            v, u, t, row_v[k, 0] * dx + row_v[k, 1] * dy + row_v[k, 2] * dz,
+            row_u[k, 0] * dx + row_u[k, 1] * dy + row_u[k, 2] * dz, 4.0 * error / slope,
+        )  # fmt: skip
+        u, v = min(max(u, 0.0), 1.0), min(max(v, 0.0), 1.0)
+    offer(i, t, t_bound, slope, tangent, object_id[k], 0, u, v, t_min, known, best)
 
 
 @hot_kernel
 def trace_rectangles(table, rays, best, any_hit):
     """Lower ``best`` to the nearest roots on all parallelograms."""
     corner, normal, row_u, row_v = table.corner, table.normal, table.row_u, table.row_v
-    size, object_id = table.size, table.object_id
+    size, object_id, edge_u, edge_v = table.size, table.object_id, table.edge_u, table.edge_v
     origin, direction, t_min, known = rays.origin, rays.direction, rays.t_min, rays.known
     for i in range(origin.shape[0]):
         ox, oy, oz = origin[i, 0], origin[i, 1], origin[i, 2]
@@ -82,8 +130,8 @@ def trace_rectangles(table, rays, best, any_hit):
             if any_hit and best.object_id[i] >= 0:
                 break
             _offer_parallelogram(
-                i, k, corner, normal, row_u, row_v, size, object_id, ox, oy, oz, dx, dy, dz,
-                t_min, known, best,
+                i, k, corner, normal, edge_u, edge_v, row_u, row_v, size, object_id,
+                ox, oy, oz, dx, dy, dz, t_min, known, best,
             )  # fmt: skip
 
 
@@ -192,9 +240,14 @@ def _offer_box(i, k, lo, hi, object_id, o, d, t_min, known, best):
             best.doubt[i] = min(best.doubt[i], leave)
         return
     tangent = depth < band
-    bound = 4.0 * UNIT_ROUNDOFF * abs(enter)
+    crossed = 0.0
+    if enter > leave:
+        # By rounding, at an edge: the point of the ray next to it.
+        crossed = enter - leave
+        enter = leave = (enter * p * p + leave * q * q) / (p * p + q * q)
+    bound = 4.0 * UNIT_ROUNDOFF * abs(enter) + crossed
     offer(i, enter, bound, p, tangent, object_id[k], face_in, 0.0, 0.0, t_min, known, best)
-    bound = 4.0 * UNIT_ROUNDOFF * abs(leave)
+    bound = 4.0 * UNIT_ROUNDOFF * abs(leave) + crossed
     offer(i, leave, bound, q, tangent, object_id[k], face_out, 0.0, 0.0, t_min, known, best)
 
 
