@@ -46,6 +46,64 @@ class ClosedForm:
         self._finish(self.table, rays, best, row_of, out)
 
 
+# From so many spheres on a tree is faster than asking all of them.
+MANY = 8
+# Spheres so much larger than the usual one would fill the tree's boxes: they are asked by all rays.
+LARGE = 32.0
+LEAF_SIZE = 2
+
+
+class Spheres(ClosedForm):
+    """First hits on spheres; many of them stand in a tree.
+
+    Parameters
+    ----------
+    members : sequence of (object id, Sphere)
+    many : int
+        Number of spheres from which on there is a tree.
+    """
+
+    def __init__(self, members: Sequence[tuple[int, Any]], many: int = MANY) -> None:
+        radius = np.array([sphere.radius for _, sphere in members])
+        is_large = radius > LARGE * np.median(radius)
+        if np.count_nonzero(~is_large) < many:
+            is_large[:] = True
+        order = np.argsort(~is_large, kind="stable")
+        super().__init__("spheres", [members[k] for k in order])
+        self._n_plain = int(np.count_nonzero(is_large))
+        self._tree: Any = None
+        if self._n_plain < len(members):
+            self._build_tree()
+
+    def _build_tree(self) -> None:
+        from hybrid_rt.kernels.tree import Tree, build_tree
+
+        center = self.table.center[self._n_plain :]
+        radius = self.table.radius[self._n_plain :, None]
+        low, high = (center - radius).min(axis=0), (center + radius).max(axis=0)
+        self._middle = 0.5 * low + 0.5 * high
+        self._to_frame = float(2.0 ** -np.ceil(np.log2(np.linalg.norm(0.5 * high - 0.5 * low))))
+        at, size = (center - self._middle) * self._to_frame, radius * self._to_frame
+        self._tree = Tree(*build_tree(at - size, at + size, LEAF_SIZE))
+
+    def trace(
+        self, rays: Rays, guess: IntArray | None, best: Nearest, any_hit: bool, work: FloatArray
+    ) -> None:
+        """Lower ``best`` to the nearest roots."""
+        del guess
+        from hybrid_rt.kernels.sphere import trace_sphere_tree
+
+        if self._n_plain:
+            self._trace(self.table, self._n_plain, rays, best, any_hit)
+        if self._tree is not None:
+            stack = self._tree.stack
+            floats, integers = np.empty(8 + stack, np.float32), np.empty(2 * stack, np.int32)
+            trace_sphere_tree(
+                self.table, self._tree, self._n_plain, self._middle, self._to_frame,
+                rays, best, any_hit, floats, integers, work,
+            )  # fmt: skip
+
+
 def _kernels(name: str) -> tuple[Any, Any, Any]:
     """Import the kernels of one kind; no other kind is compiled for it."""
     if name == "spheres":

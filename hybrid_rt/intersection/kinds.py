@@ -8,7 +8,7 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from hybrid_rt.intersection.batch import CurvedKind, Kind
-from hybrid_rt.intersection.closed_forms import ClosedForm
+from hybrid_rt.intersection.closed_forms import ClosedForm, Spheres
 from hybrid_rt.primitives import Box, Plane, Rectangle, Sphere, TriangleMesh
 from hybrid_rt.records import IntArray
 from meshing import BezierPatches, SurfaceOfRevolution
@@ -88,7 +88,7 @@ def _triangles(members: list[tuple[int, Any]], accuracy: str) -> CurvedKind:
 
 
 _CLOSED_FORMS = (
-    (Sphere, "spheres", _closed_form("spheres")),
+    (Sphere, "spheres", lambda members, _accuracy: Spheres(members)),
     (Rectangle, "rectangles", _closed_form("rectangles")),
     (Plane, "planes", _closed_form("planes")),
     (Box, "boxes", _closed_form("boxes")),

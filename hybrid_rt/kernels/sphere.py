@@ -11,10 +11,15 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from hybrid_rt.kernels.frame import SPLITTER, two_difference
+from hybrid_rt.kernels.frame import SPLITTER, enter_frame, two_difference
 from hybrid_rt.kernels.nearest import offer
 from hybrid_rt.kernels.patch import TANGENT_BAND, UNIT_ROUNDOFF
+from hybrid_rt.kernels.subdivide import NODES
+from hybrid_rt.kernels.tree import push_children, safe_reciprocal
 from meshing.kernels.jit import hot_kernel, inlined
+
+# Boxes within this of the nearest root are still looked into (times 1 + |t|, in frame units).
+CUT_SLACK = 2.0**-20
 
 
 class SphereTable(NamedTuple):
@@ -97,19 +102,71 @@ def offer_sphere(
 
 
 @hot_kernel
-def trace_spheres(table, rays, best, any_hit):
-    """Lower ``best`` to the nearest roots on all spheres."""
+def trace_spheres(table, end, rays, best, any_hit):
+    """Lower ``best`` to the nearest roots on the spheres up to row ``end``."""
     center, radius, object_id = table.center, table.radius, table.object_id
     origin, direction, t_min, known = rays.origin, rays.direction, rays.t_min, rays.known
     for i in range(origin.shape[0]):
         ox, oy, oz = origin[i, 0], origin[i, 1], origin[i, 2]
         dx, dy, dz = direction[i, 0], direction[i, 1], direction[i, 2]
-        for k in range(radius.shape[0]):
+        for k in range(end):
             if any_hit and best.object_id[i] >= 0:
                 break
             offer_sphere(
                 i, k, center, radius, object_id, ox, oy, oz, dx, dy, dz, t_min, known, best
             )  # fmt: skip
+
+
+@hot_kernel
+def trace_sphere_tree(
+    table, tree, begin, middle, to_frame, rays, best, any_hit, floats, integers, counters
+):
+    """As `trace_spheres`, for the spheres from row ``begin`` on, through a tree over them.
+
+    ``middle`` (3,) and ``to_frame`` bring all of them within 1 of the origin; ``floats``
+    (8 + tree.stack,) float32 and ``integers`` (2 tree.stack,) int32 are scratch.
+    """
+    center, radius, object_id = table.center, table.radius, table.object_id
+    origin, direction, t_min, known = rays.origin, rays.direction, rays.t_min, rays.known
+    rows, links, order = tree.rows, tree.links, tree.order
+    entry, stack_entry = floats[:8], floats[8:]
+    stack_node, stack_count = integers[: tree.stack], integers[tree.stack :]
+    for i in range(origin.shape[0]):
+        if any_hit and best.object_id[i] >= 0:
+            continue
+        ox, oy, oz = origin[i, 0], origin[i, 1], origin[i, 2]
+        dx, dy, dz = direction[i, 0], direction[i, 1], direction[i, 2]
+        x, y, z, _, _, _, shift = enter_frame(
+            ox, oy, oz, dx, dy, dz, middle[0], middle[1], middle[2], to_frame
+        )
+        t_lo = t_min[i] * to_frame - shift
+        lo = np.float32(t_lo - CUT_SLACK * (1.0 + abs(t_lo)))
+        fx, fy, fz = np.float32(x), np.float32(y), np.float32(z)
+        rx, ry, rz = safe_reciprocal(dx), safe_reciprocal(dy), safe_reciprocal(dz)
+        sx, sy, sz = 0 if rx > 0 else 3, 0 if ry > 0 else 3, 0 if rz > 0 else 3
+        top = 1
+        stack_node[0], stack_count[0], stack_entry[0] = 0, 0, lo
+        while top > 0:
+            top -= 1
+            t_cut = best.t[i] * to_frame - shift
+            t_cut += CUT_SLACK * (1.0 + abs(t_cut))
+            if stack_entry[top] > t_cut:
+                continue
+            node = np.int64(stack_node[top])
+            if stack_count[top] == 0:
+                counters[NODES] += 1
+                top = push_children(
+                    rows, links, node, fx, fy, fz, rx, ry, rz, sx, sy, sz,
+                    lo, np.float32(t_cut), entry, stack_node, stack_count, stack_entry, top,
+                )  # fmt: skip
+                continue
+            for k in range(node, node + stack_count[top]):
+                offer_sphere(
+                    i, begin + order[k], center, radius, object_id, ox, oy, oz, dx, dy, dz,
+                    t_min, known, best,
+                )  # fmt: skip
+            if any_hit and best.object_id[i] >= 0:
+                break
 
 
 @hot_kernel
