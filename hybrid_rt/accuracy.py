@@ -23,8 +23,10 @@ from meshing import tessellate
 # Points per triangle at which deviation and normals are measured, at least so many in all.
 SAMPLES, LEAST_SAMPLES = 4, 20_000
 # A mesh's hit is on another sheet if it is farther along the ray than this many deviations over
-# the cosine, or than the surface bends away under a slanting ray.
-SAME_SHEET = 8.0
+# the cosine, or, where the ray grazes, than a surface as round as its size bends away.
+SAME_SHEET, ROUND = 8.0, 4.0
+# After Newton a hit is off by rounding only, relative to the size.
+REFINED = 1e-12
 RAYS: dict[str, Callable[..., RaySet]] = {
     "random": at_box,
     "camera": camera,
@@ -106,6 +108,9 @@ def climb(
     seed, threads : int
     """
     rays = {name: make(surfaces, n_rays, seed) for name, make in RAYS.items()}
+    low = np.min([s.bounds[0] for s in surfaces], axis=0)
+    high = np.max([s.bounds[1] for s in surfaces], axis=0)
+    size = float(np.linalg.norm(high - low))
     bare = Intersector(surfaces, coarse="none", threads=threads)
     exact = {name: bare.intersect(r.origins, r.directions) for name, r in rays.items()}
     for tolerance in tolerances:
@@ -122,10 +127,10 @@ def climb(
             for name in ("mesh", "refined", "certified")
         }
         errors: dict[str, dict[str, Errors]] = {}
-        for name in ("mesh", "refined"):
+        for name, off in (("mesh", bound), ("refined", REFINED * size)):
             errors[name] = {
                 kind: compare(
-                    exact[kind], tracers[name].intersect(r.origins, r.directions), r, bound
+                    exact[kind], tracers[name].intersect(r.origins, r.directions), r, off, size
                 )
                 for kind, r in rays.items()
             }
@@ -179,8 +184,11 @@ def deviations(
     return np.concatenate(distances), np.concatenate(angles)
 
 
-def compare(exact: HitRecord, found: HitRecord, rays: RaySet, bound: float) -> Errors:
-    """Compare first hits with certified ones; rows decided within rounding are left out."""
+def compare(exact: HitRecord, found: HitRecord, rays: RaySet, off: float, size: float) -> Errors:
+    """Compare first hits with certified ones; rows decided within rounding are left out.
+
+    ``off`` is how far the other method's surface may be from the true one, of this ``size``.
+    """
     sure = exact.status != Status.TANGENT
     missed = sure & exact.hit & ~found.hit
     phantom = sure & ~exact.hit & found.hit
@@ -189,7 +197,7 @@ def compare(exact: HitRecord, found: HitRecord, rays: RaySet, bound: float) -> E
     error = np.abs(found.t[both] - exact.t[both]) * length
     slope = np.abs(np.einsum("ij,ij->i", exact.normal[both], rays.directions[both])) / length
     other = found.object_id[both] != exact.object_id[both]
-    farther = other | (error * slope > SAME_SHEET * bound)
+    farther = other | (error * slope > SAME_SHEET * off) | (error > ROUND * np.sqrt(off * size))
     right = error[~farther]
     concerned = int(missed.sum() + phantom.sum() + len(both))
     n_wrong = int(missed.sum() + phantom.sum() + farther.sum())

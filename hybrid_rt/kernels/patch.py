@@ -247,5 +247,5 @@ def offer_root(
 
 
 # For the one place that runs for every candidate; elsewhere a call costs less than compiling it.
-newton_inlined = inlined(newton.py_func)
-offer_root_inlined = inlined(offer_root.py_func)
+newton_inlined = inlined(getattr(newton, "py_func", newton))
+offer_root_inlined = inlined(getattr(offer_root, "py_func", offer_root))
