@@ -15,9 +15,14 @@ from numpy.typing import ArrayLike, NDArray
 
 from hybrid_rt.intersection import Intersector
 from hybrid_rt.primitives import Box, TriangleMesh
-from hybrid_rt.records import BoolArray, FloatArray, HitRecord
+from hybrid_rt.records import BoolArray, FloatArray, HitRecord, Status
 
 IdArray = NDArray[np.int64]
+
+# No ordinary model favours these.
+DIRECTIONS = np.array(
+    [[0.4395, 0.6176, 0.6522], [-0.7071, 0.1234, 0.6963], [0.2193, -0.8731, 0.4354]]
+)
 
 
 class RayMeshIntersector:
@@ -86,12 +91,19 @@ class RayMeshIntersector:
     def contains_points(self, points: ArrayLike) -> BoolArray:
         """Tell for each point whether it lies inside the closed surfaces: (n,) bool.
 
-        By the parity of crossings along a fixed direction that no ordinary model favours.
+        By the parity of crossings; where a ray only touches something, the next direction is
+        asked.
         """
         points = np.asarray(points, dtype=np.float64).reshape(-1, 3)
-        direction = np.array([0.4395064455, 0.617598629942, 0.652231566745])
-        found = self.intersector.intersect_all(points, np.broadcast_to(direction, points.shape))
-        inside: BoolArray = found.count % 2 == 1
+        inside = np.zeros(len(points), np.bool_)
+        left = np.arange(len(points))
+        for direction in DIRECTIONS:
+            found = self.intersector.intersect_all(points[left], direction)
+            inside[left] = found.count % 2 == 1
+            touched = found.ray[found.hits.status == Status.TANGENT]
+            left = left[np.unique(touched)]
+            if not len(left):
+                break
         return inside
 
     def _find(

@@ -58,6 +58,13 @@ def find_crossings(
     So a point that two patches share, a seam, a pole or a mesh edge is one crossing, as it is one
     point of departure; and so are coincident points of different objects (the lower index holds
     the row). A ray that touches a surface from one side without passing through has one row there.
+
+    Raises
+    ------
+    ValueError
+        For shapes that do not fit.
+    RuntimeError
+        For a ray with more than `MOST_CROSSINGS` crossings.
     """
     o, d, lowest, highest = _broadcast(origins, directions, t_min, t_max)
     n = len(o)
@@ -73,6 +80,10 @@ def find_crossings(
         if not len(active):
             break
         lowest = source.t
+    else:
+        raise RuntimeError(
+            f"ray {active[0]} has more than {MOST_CROSSINGS} crossings: pass t_max, or fewer surfaces"
+        )
     ray = np.concatenate(rays).astype(np.int64)
     # Stable: the steps of one ray stay in their order, which is that of t.
     order = np.argsort(ray, kind="stable")

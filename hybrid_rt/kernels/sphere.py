@@ -20,6 +20,8 @@ from meshing.kernels.jit import hot_kernel, inlined
 
 # Boxes within this of the nearest root are still looked into (times 1 + |t|, in frame units).
 CUT_SLACK = 2.0**-20
+# Rays from farther away (in frame units) have a TANGENT band wider than the margin of the boxes.
+FARTHEST = 2.0**25
 
 
 class SphereTable(NamedTuple):
@@ -139,6 +141,14 @@ def trace_sphere_tree(
         x, y, z, _, _, _, shift = enter_frame(
             ox, oy, oz, dx, dy, dz, middle[0], middle[1], middle[2], to_frame
         )
+        if abs(shift) > FARTHEST:
+            for k in range(begin, radius.shape[0]):
+                if any_hit and best.object_id[i] >= 0:
+                    break
+                offer_sphere(
+                    i, k, center, radius, object_id, ox, oy, oz, dx, dy, dz, t_min, known, best
+                )  # fmt: skip
+            continue
         t_lo = t_min[i] * to_frame - shift
         lo = np.float32(t_lo - CUT_SLACK * (1.0 + abs(t_lo)))
         fx, fy, fz = np.float32(x), np.float32(y), np.float32(z)

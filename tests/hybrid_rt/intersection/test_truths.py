@@ -217,5 +217,10 @@ def test_spheres_in_a_tree_and_in_a_row_give_the_same_bits():
     b = row.intersect(origins, targets - origins)
     for name in ("t", "t_bound", "u", "v", "object_id", "status"):
         assert np.array_equal(getattr(a, name), getattr(b, name), equal_nan=True)
+    far = targets + 1e11 * (origins - targets) + 0.02 * rng.normal(size=(20_000, 3))
+    a = tree.intersect(far[:2000], targets[:2000] - far[:2000])
+    b = row.intersect(far[:2000], targets[:2000] - far[:2000])
+    assert np.array_equal(a.t, b.t)
+    assert np.array_equal(a.status, b.status)
     shadow = tree.occluded(origins, targets - origins, 1.0)
     assert np.array_equal(shadow, row.occluded(origins, targets - origins, 1.0))
