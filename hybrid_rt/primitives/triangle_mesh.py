@@ -31,7 +31,10 @@ class TriangleMesh:
     """
 
     def __init__(self, mesh: trimesh.Trimesh) -> None:
-        self._set(np.array(mesh.vertices, np.float64), np.array(mesh.faces, np.int64))
+        faces = np.array(mesh.faces)
+        if faces.dtype.kind not in "iu":
+            raise TypeError(f"TriangleMesh: faces are of type {faces.dtype}: pass whole numbers")
+        self._set(np.array(mesh.vertices, np.float64), faces.astype(np.int64))
 
     def _set(self, vertices: FloatArray, faces: NDArray[np.int64]) -> None:
         if vertices.ndim != 2 or vertices.shape[1] != 3:
@@ -44,9 +47,11 @@ class TriangleMesh:
             raise ValueError(
                 f"TriangleMesh: vertices[{i}] is {vertices[i].tolist()}: pass finite numbers"
             )
-        if faces.min() < 0 or faces.max() >= len(vertices):
+        outside = (faces < 0) | (faces >= len(vertices))
+        if outside.any():
+            i = int(outside.any(axis=1).argmax())
             raise ValueError(
-                f"TriangleMesh: a face names vertex {faces.max()} of {len(vertices)}: "
+                f"TriangleMesh: faces[{i}] is {faces[i].tolist()}, of {len(vertices)} vertices: "
                 "pass indices of the vertices"
             )
         vertices.flags.writeable = False
