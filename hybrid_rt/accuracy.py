@@ -22,11 +22,6 @@ from meshing import tessellate
 
 # Points per triangle at which deviation and normals are measured, at least so many in all.
 SAMPLES, LEAST_SAMPLES = 4, 20_000
-# A mesh's hit is on another sheet if it is farther along the ray than this many deviations over
-# the cosine, or, where the ray grazes, than a surface as round as its size bends away.
-SAME_SHEET, ROUND = 8.0, 4.0
-# After Newton a hit is off by rounding only, relative to the size.
-REFINED = 1e-12
 RAYS: dict[str, Callable[..., RaySet]] = {
     "random": at_box,
     "camera": camera,
@@ -108,11 +103,14 @@ def climb(
     seed, threads : int
     """
     rays = {name: make(surfaces, n_rays, seed) for name, make in RAYS.items()}
-    low = np.min([s.bounds[0] for s in surfaces], axis=0)
-    high = np.max([s.bounds[1] for s in surfaces], axis=0)
-    size = float(np.linalg.norm(high - low))
     bare = Intersector(surfaces, coarse="none", threads=threads)
     exact = {name: bare.intersect(r.origins, r.directions) for name, r in rays.items()}
+    next_t = {}
+    for name, r in rays.items():
+        first = exact[name]
+        t_min = np.where(first.hit, first.t, 0.0)
+        beyond = bare.intersect(r.origins, r.directions, t_min=t_min, source=first)
+        next_t[name] = beyond.t
     for tolerance in tolerances:
         tracemalloc.start()
         began = time.perf_counter()
@@ -127,10 +125,10 @@ def climb(
             for name in ("mesh", "refined", "certified")
         }
         errors: dict[str, dict[str, Errors]] = {}
-        for name, off in (("mesh", bound), ("refined", REFINED * size)):
+        for name in ("mesh", "refined"):
             errors[name] = {
                 kind: compare(
-                    exact[kind], tracers[name].intersect(r.origins, r.directions), r, off, size
+                    exact[kind], next_t[kind], tracers[name].intersect(r.origins, r.directions), r
                 )
                 for kind, r in rays.items()
             }
@@ -184,10 +182,11 @@ def deviations(
     return np.concatenate(distances), np.concatenate(angles)
 
 
-def compare(exact: HitRecord, found: HitRecord, rays: RaySet, off: float, size: float) -> Errors:
+def compare(exact: HitRecord, next_t: FloatArray, found: HitRecord, rays: RaySet) -> Errors:
     """Compare first hits with certified ones; rows decided within rounding are left out.
 
-    ``off`` is how far the other method's surface may be from the true one, of this ``size``.
+    ``next_t`` (n,) is where the ray meets a surface again (inf: nowhere): a hit nearer to that than
+    to the first one is on a farther sheet.
     """
     sure = exact.status != Status.TANGENT
     missed = sure & exact.hit & ~found.hit
@@ -195,9 +194,9 @@ def compare(exact: HitRecord, found: HitRecord, rays: RaySet, off: float, size: 
     both = np.flatnonzero(sure & exact.hit & found.hit)
     length = np.linalg.norm(rays.directions[both], axis=1)
     error = np.abs(found.t[both] - exact.t[both]) * length
-    slope = np.abs(np.einsum("ij,ij->i", exact.normal[both], rays.directions[both])) / length
+    to_next = np.abs(found.t[both] - next_t[both]) * length
     other = found.object_id[both] != exact.object_id[both]
-    farther = other | (error * slope > SAME_SHEET * off) | (error > ROUND * np.sqrt(off * size))
+    farther = other | (to_next < error)
     right = error[~farther]
     concerned = int(missed.sum() + phantom.sum() + len(both))
     n_wrong = int(missed.sum() + phantom.sum() + farther.sum())

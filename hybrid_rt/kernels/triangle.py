@@ -18,8 +18,8 @@ from meshing.kernels.jit import hot_kernel, inlined, inner
 
 # Boxes within this of the nearest root are still looked into (times 1 + |t|, in frame units).
 CUT_SLACK = 2.0**-20
-# |n.d| below which a triangle's weights would lose half their digits and more.
-SLIVER = 1e-3
+# |n.d| below which a triangle's weights would lose more than a digit.
+SLIVER = 3e-2
 
 
 class TriangleTable(NamedTuple):
@@ -48,6 +48,17 @@ def cross(ax, ay, bx, by):
     p, e = product(ax, by)
     q, f = product(ay, bx)
     return (p - q) + (e - f)
+
+
+@inlined
+def _on_edge(px, py, qx, qy):
+    """Return the weights of an edge's ends p and q at its point next to the ray (the origin)."""
+    ex, ey = qx - px, qy - py
+    square = ex * ex + ey * ey
+    s = 0.0
+    if square > 0.0:
+        s = min(max(-(px * ex + py * ey) / square, 0.0), 1.0)
+    return 1.0 - s, s
 
 
 @inlined
@@ -90,7 +101,15 @@ def offer_triangle(
         u, v, w = cross(cx, cy, bx, by), cross(ax, ay, cx, cy), cross(bx, by, ax, ay)
         if u + v + w < 0.0:
             u, v, w = -u, -v, -w
-        u, v, w = max(u, 0.0), max(v, 0.0), max(w, 0.0)
+        if u < 0.0:
+            v, w = _on_edge(bx, by, cx, cy)
+            u = 0.0
+        elif v < 0.0:
+            w, u = _on_edge(cx, cy, ax, ay)
+            v = 0.0
+        elif w < 0.0:
+            u, v = _on_edge(ax, ay, bx, by)
+            w = 0.0
         if u + v + w == 0.0:
             u, v, w = su, sv, sw
         total = u + v + w
