@@ -91,16 +91,15 @@ class Spheres(ClosedForm):
     ) -> None:
         """Lower ``best`` to the nearest roots."""
         del guess
-        from hybrid_rt.kernels.sphere import trace_sphere_tree
-
         if self._n_plain:
             self._trace(self.table, self._n_plain, rays, best, any_hit)
         if self._tree is not None:
-            stack = self._tree.stack
-            floats, integers = np.empty(8 + stack, np.float32), np.empty(2 * stack, np.int32)
+            from hybrid_rt.kernels.sphere import trace_sphere_tree
+            from hybrid_rt.kernels.tree import new_stack
+
             trace_sphere_tree(
                 self.table, self._tree, self._n_plain, self._middle, self._to_frame,
-                rays, best, any_hit, floats, integers, work,
+                rays, best, any_hit, new_stack(self._tree), work,
             )  # fmt: skip
 
 

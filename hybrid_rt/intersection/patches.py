@@ -8,19 +8,22 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from hybrid_rt.intersection.batch import Finished
+from hybrid_rt.intersection.batch import Finished, rows_of
 from hybrid_rt.kernels.coarse import guess_cells
 from hybrid_rt.kernels.nearest import Nearest, Rays
-from hybrid_rt.kernels.patch_cells import RECORD, SPREAD, fill_cells, fill_quarters
+from hybrid_rt.kernels.patch_cells import FAN, RECORD, ROW_U, ROW_V, fill_cells, fill_quarters
 from hybrid_rt.kernels.subdivide import DEPTH
 from hybrid_rt.kernels.trace_patches import (
+    MORE,
     PatchScratch,
     PatchTable,
+    count_changed,
     finish_patches,
     refine_patches,
+    settle_doubts,
     trace_patches,
 )
-from hybrid_rt.kernels.tree import Tree, build_tree
+from hybrid_rt.kernels.tree import Tree, build_tree, new_stack
 from hybrid_rt.records import BoolArray, FloatArray, IntArray
 from meshing import BezierPatches
 
@@ -30,7 +33,7 @@ if TYPE_CHECKING:
 # Cells per side: enough that tangents hardly turn within one, few enough to stay in the cache; a
 # cell takes 184 bytes and its share of the tree. Its quarters are asked where it turns too much.
 COARSEST, FINEST = 1, 8
-# sin^2 of the half angle of the normals' cone above which a finer grid is worth its memory.
+# Square of the normals' spread (tangent) above which a finer grid is worth its memory.
 WIDE_SPREAD = 0.02
 # Cells in all scenes of ordinary size stay below this; larger scenes get coarser grids.
 MOST_CELLS = 4_000_000
@@ -89,7 +92,7 @@ class PatchKind:
         """Fill the cells in the order of a tree over them, and their quarters."""
         t = self.table
         n = len(t.place)
-        record, boxes, cell_patch = np.empty((n, RECORD)), np.empty((n, 6)), np.empty(n, np.int32)
+        record, boxes, cell_patch = np.empty((n, RECORD)), np.empty((n, 6)), np.empty(n, np.uint32)
         fill_cells(
             t.control, t.start, t.degree, t.centre, t.grid, t.first_cell, 0, len(t.start),
             record, boxes, cell_patch,
@@ -108,9 +111,21 @@ class PatchKind:
         self, rays: Rays, guess: IntArray | None, best: Nearest, any_hit: bool, work: FloatArray
     ) -> None:
         """Lower ``best`` to the first roots on the patches."""
+        scratch = _new_scratch(self.table, self.tree, len(best.t))
         cells = np.empty(0, np.int32) if guess is None else guess
-        scratch = _new_scratch(self.table, self.tree)
-        trace_patches(self.table, self.tree, rays, cells, best, any_hit, scratch, work)
+        t_guess, t_before = np.empty(len(cells)), best.t[: len(cells)].copy()
+        begin, n = 0, len(best.t)
+        while begin < n:
+            some, nearest = rows_of(rays, begin, n), rows_of(best, begin, n)
+            done, n_doubts = trace_patches(
+                self.table, self.tree, some, cells[begin:], nearest, any_hit, scratch,
+                t_guess[begin:], work,
+            )  # fmt: skip
+            if n_doubts:
+                settle_doubts(self.table, some, nearest, any_hit, scratch, n_doubts, work)
+            begin += done
+        if guess is not None:
+            count_changed(t_guess, t_before, best, work)
 
     def guesses(self, coarse: Coarse, face: IntArray, u: FloatArray, v: FloatArray) -> IntArray:
         """Return the cell of each coarse hit, -1 where there is none on a patch."""
@@ -139,8 +154,8 @@ class PatchKind:
             self._first_of(coarse), rows, rays, best, self._new_basis(), accepted,
         )  # fmt: skip
 
-    def _new_basis(self) -> FloatArray:
-        return np.empty((4, int(self.table.degree.max()) + 1))
+    def _new_basis(self) -> FloatArray | None:
+        return _new_basis(self.table)
 
     def _first_of(self, coarse: Coarse) -> NDArray[np.int64]:
         """Return for each object its first patch here, -1 for objects of other kinds."""
@@ -188,9 +203,9 @@ def _cells(
         if side >= finest or not len(wide):
             break
         record, boxes = np.empty((n, RECORD)), np.empty((n, 6))
-        cell_patch = np.empty(n, np.int32)
+        cell_patch = np.empty(n, np.uint32)
         fill_cells(control, start, degree, centre, grid, first, 0, k, record, boxes, cell_patch)
-        worst = np.maximum.reduceat(record[:, SPREAD], first)
+        worst = np.maximum.reduceat(_spread(record), first)
         wide = np.flatnonzero(worst > WIDE_SPREAD)
         side *= 2
         grid[wide] = side
@@ -200,8 +215,15 @@ def _cells(
         "first_cell": first,
         "place": np.empty(n, np.int32),
         "record": np.empty((n + n_quarters, RECORD)),
-        "cell_patch": np.empty(n + n_quarters, np.int32),
+        "cell_patch": np.empty(n + n_quarters, np.uint32),
     }
+
+
+def _spread(record: FloatArray) -> FloatArray:
+    """Square of how far the normals of each cell spread; inf where nothing is known."""
+    width_u = record[:, FAN] ** 2 * (record[:, ROW_U : ROW_U + 3] ** 2).sum(axis=1)
+    width_v = record[:, FAN + 1] ** 2 * (record[:, ROW_V : ROW_V + 3] ** 2).sum(axis=1)
+    return np.where(record[:, FAN + 2] < np.inf, width_u + width_v, np.inf)
 
 
 def _open_edges(nets: Sequence[FloatArray], rounding: float) -> NDArray[np.int64]:
@@ -223,16 +245,21 @@ def _open_edges(nets: Sequence[FloatArray], rounding: float) -> NDArray[np.int64
     return is_open
 
 
-def _new_scratch(table: PatchTable, tree: Tree) -> PatchScratch:
+def _new_basis(table: PatchTable) -> FloatArray | None:
+    """Return scratch for Bernstein polynomials, None where all patches are bicubic."""
+    if (table.degree == 3).all():
+        return None
+    return np.empty((4, int(table.degree.max()) + 1))
+
+
+def _new_scratch(table: PatchTable, tree: Tree, n_rays: int) -> PatchScratch:
     """Return scratch for one call of `trace_patches`."""
     widest = int(table.degree.max()) + 1
-    stack = tree.stack + 8  # a guess, and the quarters of a cell
     return PatchScratch(
-        basis=np.empty((4, widest)),
+        basis=_new_basis(table),
         nets=np.empty((DEPTH, widest, widest, 3)),
         boxes=np.empty((DEPTH, 4)),
-        entry=np.empty(8, np.float32),
-        stack_node=np.empty(stack, np.int32),
-        stack_count=np.empty(stack, np.int32),
-        stack_entry=np.empty(stack, np.float32),
+        stack=new_stack(tree, MORE),
+        # Room for every record once, by one ray; memory that is not touched costs nothing.
+        queue=np.empty((len(table.record) + n_rays, 2), np.int32),
     )

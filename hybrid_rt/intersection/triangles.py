@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from hybrid_rt.intersection.batch import Finished
 from hybrid_rt.kernels.nearest import Nearest, Rays
-from hybrid_rt.kernels.tree import Tree, build_tree
+from hybrid_rt.kernels.tree import Tree, build_tree, new_stack
 from hybrid_rt.kernels.triangle import (
     TriangleTable,
     finish_triangles,
@@ -46,11 +46,18 @@ class TriangleKind:
         counts = [len(mesh) for _, mesh in meshes]
         object_id = np.repeat(np.array([i for i, _ in meshes], np.int32), counts)
         corners = vertex[face]
+        order = np.arange(len(face), dtype=np.int32)
         lower, upper = corners.min(axis=1), corners.max(axis=1)
         lo, hi = lower.min(axis=0), upper.max(axis=0)
         middle = 0.5 * lo + 0.5 * hi
         radius = np.linalg.norm(0.5 * hi - 0.5 * lo)
         to_frame = float(2.0 ** -np.ceil(np.log2(radius)))
+        if search:
+            boxes = (lower - middle) * to_frame, (upper - middle) * to_frame
+            self.tree = Tree(*build_tree(*boxes, LEAF_SIZE))
+            order = self.tree.order
+        self._place = np.empty(len(face), np.int32)
+        self._place[order] = np.arange(len(face), dtype=np.int32)
         self.table = TriangleTable(
             middle=middle,
             to_frame=to_frame,
@@ -59,22 +66,20 @@ class TriangleKind:
             neighbour=_neighbours(vertex, face),
             object_id=object_id,
             patch_id=np.concatenate([np.arange(n, dtype=np.int32) for n in counts]),
+            corner=corners.reshape(-1, 9)[order],
+            order=order,
         )
         self._first_face = np.full(int(object_id.max()) + 1, -1, np.int64)
         for (i, _), first in zip(meshes, np.cumsum([0, *counts[:-1]]), strict=True):
             self._first_face[i] = first
-        if search:
-            boxes = (lower - middle) * to_frame, (upper - middle) * to_frame
-            self.tree = Tree(*build_tree(*boxes, LEAF_SIZE))
 
     def trace(
         self, rays: Rays, guess: IntArray | None, best: Nearest, any_hit: bool, work: FloatArray
     ) -> None:
         """Lower ``best`` to the first hits on the meshes."""
         faces = np.empty(0, np.int32) if guess is None else guess
-        floats = np.empty(8 + self.tree.stack, np.float32)
-        integers = np.empty(2 * self.tree.stack, np.int32)
-        trace_triangles(self.table, self.tree, rays, faces, best, any_hit, floats, integers, work)
+        stack = new_stack(self.tree)
+        trace_triangles(self.table, self.tree, rays, faces, best, any_hit, stack, work)
 
     def guesses(self, coarse: Coarse, face: IntArray, u: FloatArray, v: FloatArray) -> IntArray:
         """Return the face of each coarse hit, -1 where there is none on a mesh."""
@@ -82,7 +87,7 @@ class TriangleKind:
         first = np.full(int(coarse.object_id.max()) + 1, -1, np.int64)
         first[: len(self._first_face)] = self._first_face
         guess = np.empty(len(face), np.int32)
-        guess_faces(face, coarse.object_id, coarse.piece, first, guess)
+        guess_faces(face, coarse.object_id, coarse.piece, first, self._place, guess)
         return guess
 
     def refine(

@@ -1,8 +1,15 @@
-"""One ray against eight boxes at once, in vector registers.
+"""One ray against eight boxes at once, in vector registers, and the stack of those it meets.
 
-numba unrolls the plain loop over eight children into scalar code; here LLVM is told that they are
-vectors of eight float32. The arithmetic is that of the loop, lane by lane, and so are its results:
-`test_boxes_plain` is that loop, and stands in where kernels run interpreted.
+numba unrolls a plain loop over eight children into scalar code; here LLVM is told that they are
+vectors of eight numbers. What is met goes onto the stack in one store, sorted by a bitonic network
+(Batcher 1968, "Sorting networks and their applications"): no branch depends on the ray.
+
+A place on the stack is a key and the number of the node whose child it is. The key orders places by
+where the ray enters the box: the bits of that float32, turned so that they compare as an integer,
+with the number of the child in the last three, so t is rounded down by at most 2**-20 of itself.
+
+`push_boxes_plain` and `sort_key_plain` say the same in plain Python, and stand in where kernels run
+interpreted.
 """
 
 from typing import Any
@@ -14,13 +21,22 @@ from numba.extending import intrinsic
 
 # One subtraction, one reciprocal, one product on each side: 3 * 2**-24 each, and as much again.
 FAR_GROWTH = np.float32(8 * 2.0**-23)
+LANES = 8
+# Below every key.
+NEVER_MET = -(2**31)
 
 
-def test_boxes_plain(
-    rows: Any, node: int, x: Any, y: Any, z: Any, rx: Any, ry: Any, rz: Any,
-    sx: int, sy: int, sz: int, t_lo: Any, t_hi: Any, entry: Any,
+def sort_key_plain(x: Any) -> int:
+    """Return an integer that orders as the float32 ``x`` does."""
+    bits = int(np.float32(x).view(np.int32))
+    return bits if bits >= 0 else bits ^ 0x7FFFFFFF
+
+
+def push_boxes_plain(
+    rows: Any, node: Any, x: Any, y: Any, z: Any, rx: Any, ry: Any, rz: Any,
+    sx: int, sy: int, sz: int, t_lo: Any, t_hi: Any, keys: Any, parents: Any, top: int,
 ) -> int:  # fmt: skip
-    """Intersect a ray with the eight boxes of a node.
+    """Push those of a node's eight boxes that a ray meets, the nearest on top.
 
     Parameters
     ----------
@@ -31,43 +47,49 @@ def test_boxes_plain(
     sx, sy, sz : int
         0 where the direction is positive, 3 where it is negative.
     t_lo, t_hi : float32
-    entry : (8,) float32
-        Receives where the ray enters each box.
+    keys : (m,) int32
+    parents : (m,) uint32
+        Eight places from ``top`` on are overwritten, however many boxes are met.
+    top : int
 
     Returns
     -------
     int
-        Bit k is set where box k is met between t_lo and t_hi.
+        The new height.
     """
-    mask = 0
-    for k in range(8):
+    met = []
+    for k in range(LANES):
         near = max((rows[node, 1 + sy, k] - y) * ry, (rows[node, sx, k] - x) * rx)
         near = max(near, (rows[node, 2 + sz, k] - z) * rz, t_lo)
         far = min((rows[node, 4 - sy, k] - y) * ry, (rows[node, 3 - sx, k] - x) * rx)
         far = min(far, (rows[node, 5 - sz, k] - z) * rz)
         far = min(t_hi, far + abs(far) * FAR_GROWTH)
-        entry[k] = near
         if near <= far:
-            mask |= 1 << k
-    return mask
+            met.append((sort_key_plain(near) & ~7) | k)
+    for place, key in enumerate(sorted(met, reverse=True)):
+        keys[top + place], parents[top + place] = key, node
+    return top + len(met)
 
 
-def _vector_code(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-    rows_type, entry_type = signature.args[0], signature.args[13]
-    rows = context.make_array(rows_type)(context, builder, arguments[0])
-    entry = context.make_array(entry_type)(context, builder, arguments[13])
-    node = arguments[1]
-    single, i64 = ir.FloatType(), ir.IntType(64)
-    eight = ir.VectorType(single, 8)
+def _push_code(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+    rows, keys, parents = (
+        context.make_array(signature.args[k])(context, builder, arguments[k]) for k in (0, 13, 14)
+    )
+    node, top = arguments[1], arguments[15]
+    single, i32, i64 = ir.FloatType(), ir.IntType(32), ir.IntType(64)
+    floats, integers = ir.VectorType(single, LANES), ir.VectorType(i32, LANES)
+    lanes = range(LANES)
 
-    def spread(value: Any) -> Any:
-        one = builder.insert_element(ir.Constant(eight, ir.Undefined), value, ir.IntType(32)(0))
-        lanes = ir.Constant(ir.VectorType(ir.IntType(32), 8), [0] * 8)
-        return builder.shuffle_vector(one, ir.Constant(eight, ir.Undefined), lanes)
+    def fixed(values: Any) -> Any:
+        return ir.Constant(integers, list(values))
+
+    def spread(value: Any, kind: Any) -> Any:
+        one = builder.insert_element(ir.Constant(kind, ir.Undefined), value, i32(0))
+        return builder.shuffle_vector(one, ir.Constant(kind, ir.Undefined), fixed([0] * LANES))
 
     def row(index: Any) -> Any:
         place = builder.add(builder.mul(node, i64(64)), builder.mul(index, i64(8)))
-        pointer = builder.bitcast(builder.gep(rows.data, [place]), eight.as_pointer())
+        pointer = builder.bitcast(builder.gep(rows.data, [place]), floats.as_pointer())
         return builder.load(pointer, align=4)
 
     def larger(a: Any, b: Any) -> Any:
@@ -78,7 +100,8 @@ def _vector_code(context: Any, builder: Any, signature: Any, arguments: Any) -> 
 
     near, far = None, None
     for axis in range(3):
-        origin, reciprocal = spread(arguments[2 + axis]), spread(arguments[5 + axis])
+        origin = spread(arguments[2 + axis], floats)
+        reciprocal = spread(arguments[5 + axis], floats)
         sign = arguments[8 + axis]
         first = row(builder.add(sign, i64(axis)))
         last = row(builder.sub(i64(3 + axis), sign))
@@ -86,41 +109,60 @@ def _vector_code(context: Any, builder: Any, signature: Any, arguments: Any) -> 
         last = builder.fmul(builder.fsub(last, origin), reciprocal)
         near = first if near is None else larger(first, near)
         far = last if far is None else smaller(last, far)
-    near = larger(spread(arguments[11]), near)
+    near = larger(spread(arguments[11], floats), near)
     size = larger(far, builder.fneg(far))
-    growth = spread(ir.Constant(single, float(FAR_GROWTH)))
-    far = smaller(spread(arguments[12]), builder.fadd(far, builder.fmul(size, growth)))
-    builder.store(near, builder.bitcast(entry.data, eight.as_pointer()), align=4)
+    growth = spread(ir.Constant(single, float(FAR_GROWTH)), floats)
+    far = builder.fadd(far, builder.fmul(size, growth))
+    far = smaller(spread(arguments[12], floats), far)
     is_met = builder.fcmp_ordered("<=", near, far)
-    return builder.zext(builder.bitcast(is_met, ir.IntType(8)), i64)
+
+    bits = builder.bitcast(near, integers)
+    turned = builder.and_(builder.ashr(bits, fixed([31] * LANES)), fixed([0x7FFFFFFF] * LANES))
+    key = builder.and_(builder.xor(bits, turned), fixed([-8] * LANES))
+    key = builder.select(is_met, builder.or_(key, fixed(lanes)), fixed([NEVER_MET] * LANES))
+    # Falling keys, those of missed boxes last.
+    for block in (2, 4, 8):
+        step = block // 2
+        while step:
+            other = builder.shuffle_vector(key, key, fixed(k ^ step for k in lanes))
+            is_larger = builder.icmp_signed(">", key, other)
+            high = builder.select(is_larger, key, other)
+            low = builder.select(is_larger, other, key)
+            takes_high = [((k & step) == 0) == ((k & block) == 0) for k in lanes]
+            choice = fixed(k if takes_high[k] else LANES + k for k in lanes)
+            key = builder.shuffle_vector(high, low, choice)
+            step //= 2
+    for array, value in ((keys, key), (parents, spread(builder.trunc(node, i32), integers))):
+        pointer = builder.bitcast(builder.gep(array.data, [top]), integers.as_pointer())
+        builder.store(value, pointer, align=4)
+    count = builder.ctpop(builder.bitcast(is_met, ir.IntType(LANES)))
+    return builder.add(top, builder.zext(count, i64))
 
 
-def _lowest_bit_code(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+def _key_code(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
     del context, signature
-    return builder.cttz(arguments[0], ir.Constant(ir.IntType(1), 1))
+    i32 = ir.IntType(32)
+    bits = builder.bitcast(arguments[0], i32)
+    return builder.xor(bits, builder.and_(builder.ashr(bits, i32(31)), i32(0x7FFFFFFF)))
 
 
 if config.DISABLE_JIT:  # type: ignore[attr-defined]
-    test_boxes = test_boxes_plain
-
-    def lowest_bit(mask: int) -> int:
-        """Return the number of the lowest bit that is set."""
-        return (mask & -mask).bit_length() - 1
-
+    push_boxes, sort_key = push_boxes_plain, sort_key_plain
 else:
 
     @intrinsic
-    def test_boxes(
+    def push_boxes(
         typing: Any, rows: Any, node: Any, x: Any, y: Any, z: Any, rx: Any, ry: Any, rz: Any,
-        sx: Any, sy: Any, sz: Any, t_lo: Any, t_hi: Any, entry: Any,
+        sx: Any, sy: Any, sz: Any, t_lo: Any, t_hi: Any, keys: Any, parents: Any, top: Any,
     ) -> Any:  # fmt: skip
-        """Do what `test_boxes_plain` does."""
-        del typing, node, x, y, z, rx, ry, rz, sx, sy, sz, t_lo, t_hi
+        """Do what `push_boxes_plain` does."""
+        del typing, node, x, y, z, rx, ry, rz, sx, sy, sz, t_lo, t_hi, top
         numbers = [types.float32] * 6 + [types.int64] * 3 + [types.float32] * 2
-        return types.int64(rows, types.int64, *numbers, entry), _vector_code
+        result = types.int64(rows, types.int64, *numbers, keys, parents, types.int64)
+        return result, _push_code
 
     @intrinsic
-    def lowest_bit(typing: Any, mask: Any) -> Any:
-        """Return the number of the lowest bit that is set."""
-        del typing, mask
-        return types.int64(types.int64), _lowest_bit_code
+    def sort_key(typing: Any, x: Any) -> Any:
+        """Do what `sort_key_plain` does."""
+        del typing, x
+        return types.int32(types.float32), _key_code

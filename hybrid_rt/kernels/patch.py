@@ -87,7 +87,12 @@ def evaluate(control, start, degree_u, degree_v, u, v, basis):
 
 @inlined
 def evaluate_any(control, start, degree_u, degree_v, u, v, basis):
-    """Take the vector code for bicubic patches, the general one for all others."""
+    """Take the vector code for bicubic patches, the general one for all others.
+
+    Where ``basis`` is None all patches are bicubic: the compiler then leaves the general code out.
+    """
+    if basis is None:
+        return evaluate_bicubic(control, start, u, v)
     if degree_u == 3 and degree_v == 3:
         return evaluate_bicubic(control, start, u, v)
     return evaluate(control, start, degree_u, degree_v, u, v, basis)

@@ -1,13 +1,15 @@
 """Cells: a patch cut into a grid, each piece with a box that fits it and a proof about rays.
 
-The proof (one number, computed once): two points of a cell that one ray meets would make d
+The proof (three numbers, computed once): two points of a cell that one ray meets would make d
 parallel to du A + dv B with A, B in the convex hulls of the net's differences, so d . (A x B) = 0;
-this is bilinear, hence settled by its signs at all pairs of differences. With n the unit normal of
-the mean tangents and c the smallest cosine between n and the cross products of all pairs, the ray
-meets the cell at most once whenever (n.d)^2 > (1 - c^2) |d|^2 (the cone of Sederberg and Meyers
-1988, "Loop detection in surface patch intersections", turned from surfaces to rays). It is
-computed on the cell grown by `GROWTH` to each side, so a root that lies a little beside the cell
-proves that there is none inside.
+this is bilinear, hence settled by its signs at all pairs of differences. Every cross product of a
+pair is n + x + y times a positive number, with n the unit normal of the mean tangents p and q, and
+x, y across it; their ranges, seen along p and q, make a fan of four sides. With d = a p + b q + c n
+the ray meets the cell at most once whenever |c| > |a| fan_u + |b| fan_v. (The cone of Sederberg and
+Meyers 1988, "Loop detection in surface patch intersections", turned from surfaces to rays, and
+made four-sided: most patches bend much more one way than the other.) It is computed on the cell
+grown by `GROWTH` to each side, so a root that lies a little beside the cell proves that there is
+none inside.
 
 The box is a skew one, along the mean tangents and the normal.
 """
@@ -23,17 +25,20 @@ ROW_U, ROW_V, ROW_N = 3, 6, 9  # 3 each: dual basis of half the mean tangents an
 BOX = 12  # 6: lower, upper along u, v, n
 MIDDLE = 18  # 2: parameters of the middle
 HALF = 20  # 2: half the sides in parameters
-SPREAD = 22  # 1: (n.d)^2 above this times |d|^2 proves at most one root
-RECORD = 23
+FAN = 22  # 3: at most one root if |d_n| > fan_u |d_u| + fan_v |d_v| + slack, d in the same basis
+RECORD = 25
 
 # Rays that pass beside a cell mostly meet its continuation within this part of its side.
 GROWTH = 0.15
 # Rounding of a coordinate in the skew basis: 2**-52 of |row| * (|o| + |centre|) <= 4 |row|; with air.
 BOX_SLACK = 2.0**-47
-NEVER = 2.0
 # Tangents this close to parallel, or normals this short beside others, prove nothing.
 THIN = 1e-6
-SHORT = 1e-9
+SHORT = 1e-4
+# Differences of a restricted net are right to 1e-14 of the longest, hence directions to 1e-10.
+FAN_MARGIN = 1e-9
+# Rounding of d in the skew basis, |d| < 2: 2**-52 of |row| * |d|, twice.
+FAN_SLACK = 2.0**-50
 # Beyond this many pairs of differences their box is taken instead of all pairs.
 MOST_PAIRS = 1200
 
@@ -52,9 +57,12 @@ def _differences(net, degree_u, degree_v, along_u, row):
 
 
 @inner
-def _spread_by_pairs(net, degree_u, degree_v, nx, ny, nz):
-    """1 - cos^2 of the widest cross product of a u- with a v-difference; `NEVER` if one is short."""
-    smallest, shortest, longest = 1.0, np.inf, 0.0
+def _fan_by_pairs(net, degree_u, degree_v, px, py, pz, qx, qy, qz, nx, ny, nz):
+    """Half widths of the fan that holds all cross products of a u- with a v-difference.
+
+    Infinite where one is too short beside others, or does not point along n.
+    """
+    fan_u, fan_v, shortest, longest = 0.0, 0.0, np.inf, 0.0
     for i in range(degree_u):
         for j in range(degree_v + 1):
             ux = net[i + 1, j, 0] - net[i, j, 0]
@@ -69,20 +77,23 @@ def _spread_by_pairs(net, degree_u, degree_v, nx, ny, nz):
                     length = np.sqrt(cx * cx + cy * cy + cz * cz)
                     shortest = min(shortest, length)
                     longest = max(longest, length)
-                    if length > 0.0:
-                        smallest = min(smallest, (cx * nx + cy * ny + cz * nz) / length)
-    if not shortest > SHORT * longest or not smallest > THIN:
-        return NEVER
-    return 1.0 - smallest * smallest + 1e-12
+                    along = cx * nx + cy * ny + cz * nz
+                    if not along > THIN * length:
+                        return np.inf, np.inf
+                    fan_u = max(fan_u, abs(px * cx + py * cy + pz * cz) / along)
+                    fan_v = max(fan_v, abs(qx * cx + qy * cy + qz * cz) / along)
+    if not shortest > SHORT * longest:
+        return np.inf, np.inf
+    return fan_u, fan_v
 
 
 @inner
-def _spread_by_box(net, degree_u, degree_v, record, w):
-    """As `_spread_by_pairs`, from the boxes of the differences in the skew basis (for high degree).
+def _fan_by_box(net, degree_u, degree_v, record, w):
+    """As `_fan_by_pairs`, from the boxes of the differences in the skew basis (for high degree).
 
-    With A = (1 + a, b, c), B = (e, 1 + f, g) in half tangents p, q and n unit, |a|.. |g| at most
-    the given, A x B = ((1 + a)(1 + f) - b e) p x q + (b g - c (1 + f)) q x n + (c e - (1 + a) g) n x p
-    up to sign; p x q is along n, the other two are normal to it.
+    With A = (1 + a, b, c), B = (e, 1 + f, g) in half tangents p, q and n, |a|.. |g| at most the
+    widths found: n.(A x B) is at least (1 - a)(1 - f) - b e, p.(A x B) at most b g + c (1 + f),
+    q.(A x B) at most c e + (1 + a) g, all times n.(p x q).
     """
     w[:, :] = 0.0
     for along in range(2):
@@ -100,23 +111,11 @@ def _spread_by_box(net, degree_u, degree_v, record, w):
     a, b, c = w[0, 0], w[0, 1], w[0, 2]
     e, f, g = w[1, 0], w[1, 1], w[1, 2]
     if a >= 1.0 or f >= 1.0:
-        return NEVER
+        return np.inf, np.inf
     along_n = (1.0 - a) * (1.0 - f) - b * e
-    if along_n <= THIN:
-        return NEVER
-    # |p|, |q| and |p x q| from the Gram matrix of the dual rows.
-    guu = gvv = guv = 0.0
-    for k in range(3):
-        guu += record[ROW_U + k] ** 2
-        gvv += record[ROW_V + k] ** 2
-        guv += record[ROW_U + k] * record[ROW_V + k]
-    area = 1.0 / np.sqrt(guu * gvv - guv * guv)
-    p, q = np.sqrt(gvv) * area, np.sqrt(guu) * area
-    across = (b * g + c * (1.0 + f)) * q + (c * e + (1.0 + a) * g) * p
-    cosine = along_n * area / np.sqrt((along_n * area) ** 2 + across * across)
-    if cosine <= THIN:
-        return NEVER
-    return 1.0 - cosine * cosine + 1e-12
+    if along_n <= SHORT:
+        return np.inf, np.inf
+    return (b * g + c * (1.0 + f)) / along_n, (c * e + (1.0 + a) * g) / along_n
 
 
 @inner
@@ -185,12 +184,21 @@ def fill_cell(control, start, degree_u, degree_v, cx, cy, cz, u0, u1, v0, v1, sc
     record[CENTRE], record[CENTRE + 1], record[CENTRE + 2] = mx + cx, my + cy, mz + cz
     record[MIDDLE], record[MIDDLE + 1] = 0.5 * (u0 + u1), 0.5 * (v0 + v1)
     record[HALF], record[HALF + 1] = hu, hv
-    if not provable:
-        record[SPREAD] = NEVER
-    elif degree_u * (degree_v + 1) * degree_v * (degree_u + 1) <= MOST_PAIRS:
-        record[SPREAD] = _spread_by_pairs(grown, degree_u, degree_v, nx, ny, nz)
-    else:
-        record[SPREAD] = _spread_by_box(grown, degree_u, degree_v, record, scratch[2, 0, :2])
+    fan_u = fan_v = np.inf
+    if provable:
+        if degree_u * (degree_v + 1) * degree_v * (degree_u + 1) <= MOST_PAIRS:
+            fan_u, fan_v = _fan_by_pairs(
+                grown, degree_u, degree_v, px, py, pz, qx, qy, qz, nx, ny, nz
+            )
+        else:
+            fan_u, fan_v = _fan_by_box(grown, degree_u, degree_v, record, scratch[2, 0, :2])
+    record[FAN], record[FAN + 1], record[FAN + 2] = 0.0, 0.0, np.inf
+    if fan_u < np.inf:
+        row_u = np.sqrt(record[ROW_U] ** 2 + record[ROW_U + 1] ** 2 + record[ROW_U + 2] ** 2)
+        row_v = np.sqrt(record[ROW_V] ** 2 + record[ROW_V + 1] ** 2 + record[ROW_V + 2] ** 2)
+        record[FAN] = fan_u + FAN_MARGIN * lp
+        record[FAN + 1] = fan_v + FAN_MARGIN * lq
+        record[FAN + 2] = FAN_SLACK * (1.0 + record[FAN] * row_u + record[FAN + 1] * row_v)
     for c in range(3):
         centre = cx if c == 0 else (cy if c == 1 else cz)
         box[c] += centre

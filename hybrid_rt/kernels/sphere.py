@@ -11,11 +11,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from hybrid_rt.kernels.boxes import push_boxes
 from hybrid_rt.kernels.frame import SPLITTER, enter_frame, two_difference
 from hybrid_rt.kernels.nearest import offer
 from hybrid_rt.kernels.patch import TANGENT_BAND, UNIT_ROUNDOFF
 from hybrid_rt.kernels.subdivide import NODES
-from hybrid_rt.kernels.tree import push_children, safe_reciprocal
+from hybrid_rt.kernels.tree import CHILD, COUNT, cut_key, safe_reciprocal
 from meshing.kernels.jit import hot_kernel, inlined
 
 # Boxes within this of the nearest root are still looked into (times 1 + |t|, in frame units).
@@ -120,19 +121,15 @@ def trace_spheres(table, end, rays, best, any_hit):
 
 
 @hot_kernel
-def trace_sphere_tree(
-    table, tree, begin, middle, to_frame, rays, best, any_hit, floats, integers, counters
-):
+def trace_sphere_tree(table, tree, begin, middle, to_frame, rays, best, any_hit, stack, counters):
     """As `trace_spheres`, for the spheres from row ``begin`` on, through a tree over them.
 
-    ``middle`` (3,) and ``to_frame`` bring all of them within 1 of the origin; ``floats``
-    (8 + tree.stack,) float32 and ``integers`` (2 tree.stack,) int32 are scratch.
+    ``middle`` (3,) and ``to_frame`` bring all of them within 1 of the origin; ``stack`` is scratch.
     """
     center, radius, object_id = table.center, table.radius, table.object_id
     origin, direction, t_min, known = rays.origin, rays.direction, rays.t_min, rays.known
     rows, links, order = tree.rows, tree.links, tree.order
-    entry, stack_entry = floats[:8], floats[8:]
-    stack_node, stack_count = integers[: tree.stack], integers[tree.stack :]
+    keys, parents = stack.key, stack.parent
     for i in range(origin.shape[0]):
         if any_hit and best.object_id[i] >= 0:
             continue
@@ -154,29 +151,37 @@ def trace_sphere_tree(
         fx, fy, fz = np.float32(x), np.float32(y), np.float32(z)
         rx, ry, rz = safe_reciprocal(dx), safe_reciprocal(dy), safe_reciprocal(dz)
         sx, sy, sz = 0 if rx > 0 else 3, 0 if ry > 0 else 3, 0 if rz > 0 else 3
-        top = 1
-        stack_node[0], stack_count[0], stack_entry[0] = 0, 0, lo
+        t_cut = best.t[i] * to_frame - shift
+        t_cut += CUT_SLACK * (1.0 + abs(t_cut))
+        t_hi = cut_key(t_cut)
+        counters[NODES] += 1
+        top = push_boxes(
+            rows, 0, fx, fy, fz, rx, ry, rz, sx, sy, sz, lo, np.float32(t_cut), keys, parents, 0
+        )
         while top > 0:
             top -= 1
-            t_cut = best.t[i] * to_frame - shift
-            t_cut += CUT_SLACK * (1.0 + abs(t_cut))
-            if stack_entry[top] > t_cut:
+            key, parent = keys[top], parents[top]
+            if key > t_hi:
                 continue
-            node = np.int64(stack_node[top])
-            if stack_count[top] == 0:
+            node = np.int64(links[parent, CHILD, key & 7])
+            n_here = np.int64(links[parent, COUNT, key & 7])
+            if n_here == 0:
                 counters[NODES] += 1
-                top = push_children(
-                    rows, links, node, fx, fy, fz, rx, ry, rz, sx, sy, sz,
-                    lo, np.float32(t_cut), entry, stack_node, stack_count, stack_entry, top,
+                top = push_boxes(
+                    rows, node, fx, fy, fz, rx, ry, rz, sx, sy, sz, lo, np.float32(t_cut),
+                    keys, parents, top,
                 )  # fmt: skip
                 continue
-            for k in range(node, node + stack_count[top]):
+            for k in range(node, node + n_here):
                 offer_sphere(
                     i, begin + order[k], center, radius, object_id, ox, oy, oz, dx, dy, dz,
                     t_min, known, best,
                 )  # fmt: skip
             if any_hit and best.object_id[i] >= 0:
                 break
+            t_cut = best.t[i] * to_frame - shift
+            t_cut += CUT_SLACK * (1.0 + abs(t_cut))
+            t_hi = cut_key(t_cut)
 
 
 @hot_kernel

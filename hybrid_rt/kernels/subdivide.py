@@ -24,7 +24,7 @@ from hybrid_rt.kernels.patch import (
     offer_root,
     rounding_of_root,
 )
-from meshing.kernels.jit import inner
+from meshing.kernels.jit import inlined, inner
 
 # Pieces examined for one ray and cell before the search admits defeat (counted and flagged).
 MAX_PIECES = 4096
@@ -58,7 +58,7 @@ COUNTER_NAMES = (
 )
 
 
-@inner
+@inlined
 def restrict_columns(net, degree_u, degree_v, a, b):
     """Restrict a net (degree_u + 1, degree_v + 1, 3) in place to u in [a, b] (also beyond 0, 1)."""
     # de Casteljau at b keeps [0, b]; then at a / b from the other end keeps [a, b].
@@ -76,7 +76,7 @@ def restrict_columns(net, degree_u, degree_v, a, b):
                     net[i, j, c] = (1.0 - x) * net[i, j, c] + x * net[i + 1, j, c]
 
 
-@inner
+@inlined
 def restrict_rows(net, degree_u, degree_v, a, b):
     """As `restrict_columns`, to v in [a, b]."""
     x = b
@@ -93,7 +93,7 @@ def restrict_rows(net, degree_u, degree_v, a, b):
                     net[i, j, c] = (1.0 - x) * net[i, j, c] + x * net[i, j + 1, c]
 
 
-@inner
+@inlined
 def restrict(net, degree_u, degree_v, u0, u1, v0, v1):
     """Restrict a net in place to a rectangle of parameters with u1, v1 > 0."""
     if u0 != 0.0 or u1 != 1.0:
@@ -102,7 +102,7 @@ def restrict(net, degree_u, degree_v, u0, u1, v0, v1):
         restrict_rows(net, degree_u, degree_v, v0, v1)
 
 
-@inner
+@inlined
 def _halve(first, second, degree_u, degree_v, along_u):
     """Split ``first`` at the middle: its lower half stays, ``second`` receives the upper."""
     outer = degree_u if along_u else degree_v
@@ -124,7 +124,7 @@ def _halve(first, second, degree_u, degree_v, along_u):
                     second[k, outer - level, c] = first[k, outer, c]
 
 
-@inner
+@inlined
 def _depth_range(net, degree_u, degree_v):
     lo = hi = net[0, 0, 2]
     for i in range(degree_u + 1):
@@ -134,7 +134,7 @@ def _depth_range(net, degree_u, degree_v):
     return lo, hi
 
 
-@inner
+@inlined
 def _middle(scratch, net, degree_u, degree_v):
     """Evaluate the two coordinates across the ray at the middle of the piece."""
     for c in range(2):
@@ -163,7 +163,7 @@ def _steepness(control, start, degree_u, degree_v, basis, u, v, dx, dy, dz):
     return abs(nx * dx + ny * dy + nz * dz) / length
 
 
-@inner
+@inlined
 def slow_solve(
     i, nets, boxes, basis,
     control, start, degree_u, degree_v, size, ox, oy, oz, dx, dy, dz,

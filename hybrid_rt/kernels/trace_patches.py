@@ -1,17 +1,19 @@
 """First hits of a batch of rays on Bezier patches, each proven to be the first.
 
-The walk through the tree meets cells front to back. Where the cell's cone admits at most one root
+The walk through the tree meets cells front to back. Where the cell's fan admits at most one root
 (`patch_cells`) one Newton solve settles it: the root is in the cell, a hit; or beside it, and there
-is none. Everything else goes to `slow_solve`. A root is offered only by the cell that holds it
-(and, within rounding, by its neighbour), so what a ray finds does not depend on the order of the
-walk, nor on any hit that was guessed beforehand: a guess only names the cell to begin with, and so
-how much of the tree need not be seen.
+is none. Everything else waits in a queue for `settle_doubts`, a kernel of its own: three of a
+hundred rays need it, and all others are faster without its code among theirs. A root is offered
+only by the cell that holds it (and, within rounding, by its neighbour), so what a ray finds does
+not depend on the order of the walk, nor on any hit that was guessed beforehand: a guess only names
+the cell to begin with, and so how much of the tree need not be seen.
 """
 
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from hybrid_rt.kernels.boxes import NEVER_MET, push_boxes
 from hybrid_rt.kernels.frame import enter_frame
 from hybrid_rt.kernels.patch import (
     CONVERGED,
@@ -26,13 +28,13 @@ from hybrid_rt.kernels.patch import (
 from hybrid_rt.kernels.patch_cells import (
     BOX,
     CENTRE,
+    FAN,
     GROWTH,
     HALF,
     MIDDLE,
     ROW_N,
     ROW_U,
     ROW_V,
-    SPREAD,
 )
 from hybrid_rt.kernels.subdivide import (
     BORDER_SLACK,
@@ -43,7 +45,7 @@ from hybrid_rt.kernels.subdivide import (
     STEPS,
     slow_solve,
 )
-from hybrid_rt.kernels.tree import push_children, safe_reciprocal
+from hybrid_rt.kernels.tree import CHILD, COUNT, cut_key, safe_reciprocal
 from meshing.kernels.bernstein import second_partials, unit_normal
 from meshing.kernels.jit import hot_kernel, inlined
 
@@ -74,51 +76,56 @@ class PatchTable(NamedTuple):
     first_cell: Any  # (k,) int64
     place: Any  # (n,) int32: where each cell of the grids stands below, in the order of the tree
     record: Any  # (n or 5 n, RECORD): the cells, then the four quarters of each if there are any
-    cell_patch: Any  # (n or 5 n,) int32
+    cell_patch: Any  # (n or 5 n,) uint32
 
 
 class PatchScratch(NamedTuple):
     """What one thread needs while it traces; contents mean nothing between calls."""
 
-    basis: Any  # (4, w), w - 1 the highest degree
+    basis: Any  # (4, w), w - 1 the highest degree; None if all patches are bicubic
     nets: Any  # (DEPTH, w, w, 3)
     boxes: Any  # (DEPTH, 4)
-    entry: Any  # (8,) float32
-    stack_node: Any  # (tree.stack,) int32
-    stack_count: Any  # (tree.stack,) int32
-    stack_entry: Any  # (tree.stack,) float32
+    stack: Any  # Stack with room for `MORE` besides the tree's children
+    queue: Any  # (m, 2) int32: rays and cells still to settle; m at least the number of records
+
+
+SETTLED, TO_QUARTERS, DOUBTFUL = 0, 1, 2
+# A parent from here on is no node: less this it is a cell.
+CELL = 2**31
+# The guess, and the quarters of a cell.
+MORE = 8
 
 
 @inlined
 def solve_cell(
-    i, cell, record, cell_patch, control, start, degree, centre, size, open_edges,
-    object_id, basis, nets, boxes,
-    x, y, z, lx, ly, lz, dx, dy, dz, t_lo, t_cut, shift, to_world,
-    t_min, known, best, counters, quartered,
+    i, cell, record, cell_patch, control, start, degree, centre, size, open_edges, object_id, basis,
+    x, y, z, lx, ly, lz, dx, dy, dz, t_lo, t_cut, shift, to_world, t_min, known, best, quartered,
 ):  # fmt: skip
     """Settle one cell for one ray: offer its root, or know that there is none that matters.
 
-    With ``quartered`` a cell that turns too much is left to its quarters; then the answer is True.
+    Returns
+    -------
+    `SETTLED`; `DOUBTFUL`; with ``quartered``, `TO_QUARTERS` for a cell that turns too much
+    t : of the patch's root that Newton came upon, in this cell or beside it; else inf
+    boxes : 1 if the ray meets the cell's box
+    steps : Newton steps
     """
-    px, py, pz = (
-        x - record[cell, CENTRE],
-        y - record[cell, CENTRE + 1],
-        z - record[cell, CENTRE + 2],
-    )
-    ou = record[cell, ROW_U] * px + record[cell, ROW_U + 1] * py + record[cell, ROW_U + 2] * pz
-    ov = record[cell, ROW_V] * px + record[cell, ROW_V + 1] * py + record[cell, ROW_V + 2] * pz
-    on = record[cell, ROW_N] * px + record[cell, ROW_N + 1] * py + record[cell, ROW_N + 2] * pz
-    du = record[cell, ROW_U] * dx + record[cell, ROW_U + 1] * dy + record[cell, ROW_U + 2] * dz
-    dv = record[cell, ROW_V] * dx + record[cell, ROW_V + 1] * dy + record[cell, ROW_V + 2] * dz
-    dn = record[cell, ROW_N] * dx + record[cell, ROW_N + 1] * dy + record[cell, ROW_N + 2] * dz
+    r = record[cell]
+    px, py, pz = x - r[CENTRE], y - r[CENTRE + 1], z - r[CENTRE + 2]
+    ou = r[ROW_U] * px + r[ROW_U + 1] * py + r[ROW_U + 2] * pz
+    ov = r[ROW_V] * px + r[ROW_V + 1] * py + r[ROW_V + 2] * pz
+    on = r[ROW_N] * px + r[ROW_N + 1] * py + r[ROW_N + 2] * pz
+    du = r[ROW_U] * dx + r[ROW_U + 1] * dy + r[ROW_U + 2] * dz
+    dv = r[ROW_V] * dx + r[ROW_V + 1] * dy + r[ROW_V + 2] * dz
+    dn = r[ROW_N] * dx + r[ROW_N + 1] * dy + r[ROW_N + 2] * dz
     # --- the skew box: three slabs
     t0, t1 = -np.inf, np.inf
     for axis in range(3):
         o, d = (ou, du) if axis == 0 else ((ov, dv) if axis == 1 else (on, dn))
-        lo, hi = record[cell, BOX + 2 * axis] - o, record[cell, BOX + 2 * axis + 1] - o
+        lo, hi = r[BOX + 2 * axis] - o, r[BOX + 2 * axis + 1] - o
         if d == 0.0:
             if lo > 0.0 or hi < 0.0:
-                return False
+                return SETTLED, np.inf, 0, 0
             continue
         inv = 1.0 / d
         a, b = lo * inv, hi * inv
@@ -126,63 +133,66 @@ def solve_cell(
             a, b = b, a
         t0, t1 = max(t0, a), min(t1, b)
     if t0 > t1 or t1 < t_lo or t0 > t_cut:
-        return False
-    counters[CELLS] += 1
+        return SETTLED, np.inf, 0, 0
+    if not abs(dn) > r[FAN] * abs(du) + r[FAN + 1] * abs(dv) + r[FAN + 2]:
+        return (TO_QUARTERS if quartered else DOUBTFUL), np.inf, 1, 0
+    # --- at most one root: Newton from the middle of the box along the normal
     patch = cell_patch[cell]
     ox, oy, oz = (
         (x - centre[patch, 0]) + lx,
         (y - centre[patch, 1]) + ly,
         (z - centre[patch, 2]) + lz,
     )
-    um, vm, hu, hv = (
-        record[cell, MIDDLE],
-        record[cell, MIDDLE + 1],
-        record[cell, HALF],
-        record[cell, HALF + 1],
-    )
+    um, vm, hu, hv = r[MIDDLE], r[MIDDLE + 1], r[HALF], r[HALF + 1]
     first, m, n = start[patch], degree[patch, 0], degree[patch, 1]
-    dd = dx * dx + dy * dy + dz * dz
-    if dn * dn > record[cell, SPREAD] * dd:
-        # --- at most one root: Newton from the middle of the box along the normal
-        t = min(max((0.5 * (record[cell, BOX + 4] + record[cell, BOX + 5]) - on) / dn, t0), t1)
-        counters[NEWTONS] += 1
-        status, u, v, t, steps, n_dot_d, gain_u, gain_v = newton_inlined(
-            control, first, m, n, basis, size[patch], ox, oy, oz, dx, dy, dz,
-            um + hu * (ou + t * du), vm + hv * (ov + t * dv), t, hu, hv,
-        )  # fmt: skip
-        counters[STEPS] += steps
-        if status == CONVERGED:
-            beside_u, beside_v = abs(u - um), abs(v - vm)
-            grown = 1.0 + 2.0 * GROWTH
-            if beside_u <= grown * hu and beside_v <= grown * hv:
-                error, _ = rounding_of_root(m, n, size[patch], ox, oy, oz, dx, dy, dz, t)
-                if (
-                    beside_u <= hu * (1.0 + BORDER_SLACK) + error * gain_u
-                    and beside_v <= hv * (1.0 + BORDER_SLACK) + error * gain_v
-                ):
-                    offer_root_inlined(
-                        i, u, v, t, n_dot_d, gain_u, gain_v, control, first, basis, m, n, size[patch],
-                        ox, oy, oz, dx, dy, dz, open_edges[patch], shift, to_world,
-                        object_id[patch], patch, t_min, known, best,
-                    )  # fmt: skip
-                return False
-    elif quartered:
-        return True
-    slow_solve(
-        i, nets, boxes, basis, control, first, m, n, size[patch], ox, oy, oz, dx, dy, dz,
-        um - hu, um + hu, vm - hv, vm + hv, t_lo, t_cut, open_edges[patch], shift, to_world,
-        object_id[patch], patch, t_min, known, best, counters,
+    t = min(max((0.5 * (r[BOX + 4] + r[BOX + 5]) - on) / dn, t0), t1)
+    status, u, v, t, steps, n_dot_d, gain_u, gain_v = newton_inlined(
+        control, first, m, n, basis, size[patch], ox, oy, oz, dx, dy, dz,
+        um + hu * (ou + t * du), vm + hv * (ov + t * dv), t, hu, hv,
     )  # fmt: skip
-    return False
+    if status != CONVERGED:
+        return DOUBTFUL, np.inf, 1, steps
+    t_root = t if 0.0 <= u <= 1.0 and 0.0 <= v <= 1.0 else np.inf
+    beside_u, beside_v = abs(u - um), abs(v - vm)
+    grown = 1.0 + 2.0 * GROWTH
+    if not (beside_u <= grown * hu and beside_v <= grown * hv):
+        return DOUBTFUL, t_root, 1, steps
+    error, _ = rounding_of_root(m, n, size[patch], ox, oy, oz, dx, dy, dz, t)
+    if (
+        beside_u <= hu * (1.0 + BORDER_SLACK) + error * gain_u
+        and beside_v <= hv * (1.0 + BORDER_SLACK) + error * gain_v
+    ):
+        offer_root_inlined(
+            i, u, v, t, n_dot_d, gain_u, gain_v, control, first, basis, m, n, size[patch],
+            ox, oy, oz, dx, dy, dz, open_edges[patch], shift, to_world,
+            object_id[patch], patch, t_min, known, best,
+        )  # fmt: skip
+    return SETTLED, t_root, 1, steps
 
 
 @hot_kernel
-def trace_patches(table, tree, rays, guess, best, any_hit, scratch, counters):
-    """Lower ``best`` to the first hits on the patches of the table.
+def trace_patches(table, tree, rays, guess, best, any_hit, scratch, t_guess, counters):
+    """Lower ``best`` to the first hits on the patches, but for the doubts that are queued.
 
-    ``guess`` (n,) int32 names a cell to begin with for each ray, -1 for none; an empty array means
-    no guesses at all. With ``any_hit`` a ray stops at its first hit, and rays that have one are
-    passed over.
+    Parameters
+    ----------
+    table : PatchTable
+    tree : Tree over its cells
+    rays : Rays, n of them
+    guess : (n,) or (0,) int32
+        A cell to begin with for each ray, -1 for none; empty: no guesses at all.
+    best : Nearest
+    any_hit : bool
+        A ray stops at its first hit, and rays that have one are passed over.
+    scratch : PatchScratch
+    t_guess : (n,) or (0,) float64
+        Receives t of what each guess refines to, inf where that is nothing; like ``guess``.
+    counters : see `COUNTER_NAMES`
+
+    Returns
+    -------
+    end : rays traced: all, or those before the queue was full
+    n_doubts : rows of the queue to settle
     """
     middle, to_frame = table.middle, table.to_frame
     control, start, degree = table.control, table.start, table.degree
@@ -196,12 +206,16 @@ def trace_patches(table, tree, rays, guess, best, any_hit, scratch, counters):
     t_best = best.t
     to_world = 1.0 / to_frame
     mx, my, mz = middle[0], middle[1], middle[2]
-    basis, nets, boxes = scratch.basis, scratch.nets, scratch.boxes
-    entry, stack_entry = scratch.entry, scratch.stack_entry
-    stack_node, stack_count = scratch.stack_node, scratch.stack_count
+    basis, queue = scratch.basis, scratch.queue
+    keys, parents = scratch.stack.key, scratch.stack.parent
+    n_doubts = n_nodes = n_met = n_solves = n_steps = 0
+    last = origin.shape[0]
     for i in range(origin.shape[0]):
         if any_hit and best.object_id[i] >= 0:
             continue
+        if n_doubts + record.shape[0] > queue.shape[0]:
+            last = i
+            break
         dx, dy, dz = direction[i, 0], direction[i, 1], direction[i, 2]
         x, y, z, lx, ly, lz, shift = enter_frame(
             origin[i, 0], origin[i, 1], origin[i, 2], dx, dy, dz, mx, my, mz, to_frame
@@ -214,49 +228,117 @@ def trace_patches(table, tree, rays, guess, best, any_hit, scratch, counters):
         rx, ry, rz = safe_reciprocal(dx), safe_reciprocal(dy), safe_reciprocal(dz)
         sx, sy, sz = 0 if rx > 0 else 3, 0 if ry > 0 else 3, 0 if rz > 0 else 3
         lo = np.float32(t_lo)
-        top = 1
-        stack_node[0], stack_count[0], stack_entry[0] = 0, 0, lo
-        # The guess lies on top: its root is known before the tree is walked.
-        done = np.int64(-1)
+        t_hi = cut_key(t_cut)
+        # The guess comes first, and before every t: its root is known before the tree is walked.
+        top, done = 0, np.int64(-1)
         if guess.shape[0] > 0:
             done = np.int64(guess[i])
-        t_guess, is_walking = -np.inf, False
-        if done >= 0:
-            stack_node[1], stack_count[1], stack_entry[1] = done, 1, lo
-            top = 2
-        while top > 0:
-            top -= 1
-            if stack_entry[top] > t_cut:
-                continue
-            node = np.int64(stack_node[top])
-            if stack_count[top] == 0:
-                counters[NODES] += 1
-                if node == 0:
-                    t_guess, is_walking = t_best[i], True
-                top = push_children(
-                    rows, links, node, fx, fy, fz, rx, ry, rz, sx, sy, sz,
-                    lo, np.float32(t_cut), entry, stack_node, stack_count, stack_entry, top,
+            t_guess[i] = np.inf
+            if done >= 0:
+                keys[0], parents[0] = NEVER_MET, CELL + done
+                top = 1
+        is_walking = False
+        while True:
+            if top == 0:
+                if is_walking:
+                    break
+                is_walking = True
+                n_nodes += 1
+                top = push_boxes(
+                    rows, 0, fx, fy, fz, rx, ry, rz, sx, sy, sz, lo, np.float32(t_cut),
+                    keys, parents, 0,
                 )  # fmt: skip
                 continue
-            if node == done and is_walking:
+            top -= 1
+            key, parent = keys[top], parents[top]
+            if key > t_hi:
                 continue
-            left = solve_cell(
+            if parent < CELL:
+                node = np.int64(links[parent, CHILD, key & 7])
+                if links[parent, COUNT, key & 7] == 0:
+                    n_nodes += 1
+                    top = push_boxes(
+                        rows, node, fx, fy, fz, rx, ry, rz, sx, sy, sz, lo, np.float32(t_cut),
+                        keys, parents, top,
+                    )  # fmt: skip
+                    continue
+                if node == done:
+                    continue
+            else:
+                node = np.int64(parent) - CELL
+            outcome, t, met, steps = solve_cell(
                 i, node, record, cell_patch, control, start, degree, centre, size, open_edges,
-                object_id, basis, nets, boxes, x, y, z, lx, ly, lz, dx, dy, dz, t_lo, t_cut,
-                shift, to_world, t_min, known, best, counters, node < n_quartered,
+                object_id, basis, x, y, z, lx, ly, lz, dx, dy, dz, t_lo, t_cut,
+                shift, to_world, t_min, known, best, node < n_quartered,
             )  # fmt: skip
-            if left:
+            n_met += met
+            n_steps += steps
+            n_solves += 1 if steps > 0 else 0
+            if not is_walking:
+                t_guess[i] = min(t_guess[i], (t + shift) * to_world)
+            if outcome == TO_QUARTERS:
                 for k in range(4):
-                    stack_node[top], stack_count[top] = n_quartered + 4 * node + k, 1
-                    stack_entry[top] = lo
+                    keys[top], parents[top] = key, CELL + n_quartered + 4 * node + k
                     top += 1
+                continue
+            if outcome == DOUBTFUL:
+                queue[n_doubts, 0], queue[n_doubts, 1] = i, node
+                n_doubts += 1
                 continue
             if any_hit and best.object_id[i] >= 0:
                 break
             t_cut = t_best[i] * to_frame - shift
             t_cut += CUT_SLACK * (1.0 + abs(t_cut))
-        if guess.shape[0] > 0 and t_best[i] < t_guess:
-            counters[CHANGED] += 1
+            t_hi = cut_key(t_cut)
+    counters[NODES] += n_nodes
+    counters[CELLS] += n_met
+    counters[NEWTONS] += n_solves
+    counters[STEPS] += n_steps
+    return last, n_doubts
+
+
+@hot_kernel
+def settle_doubts(table, rays, best, any_hit, scratch, n_doubts, counters):
+    """Search the cells that `trace_patches` has queued, and lower ``best`` to what they hold."""
+    middle, to_frame, record, queue = table.middle, table.to_frame, table.record, scratch.queue
+    to_world = 1.0 / to_frame
+    for row in range(n_doubts):
+        i, cell = np.int64(queue[row, 0]), np.int64(queue[row, 1])
+        if any_hit and best.object_id[i] >= 0:
+            continue
+        o, d = rays.origin[i], rays.direction[i]
+        x, y, z, lx, ly, lz, shift = enter_frame(
+            o[0], o[1], o[2], d[0], d[1], d[2], middle[0], middle[1], middle[2], to_frame
+        )
+        t_lo = rays.t_min[i] * to_frame - shift
+        t_lo -= CUT_SLACK * (1.0 + abs(t_lo))
+        t_cut = best.t[i] * to_frame - shift
+        t_cut += CUT_SLACK * (1.0 + abs(t_cut))
+        k = np.int64(table.cell_patch[cell])
+        c = table.centre[k]
+        um, vm = record[cell, MIDDLE], record[cell, MIDDLE + 1]
+        hu, hv = record[cell, HALF], record[cell, HALF + 1]
+        m, n = 3, 3  # known to the compiler where all patches are bicubic
+        if scratch.basis is not None:
+            m, n = table.degree[k, 0], table.degree[k, 1]
+        slow_solve(
+            i, scratch.nets, scratch.boxes, scratch.basis, table.control, table.start[k],
+            m, n, table.size[k],
+            (x - c[0]) + lx, (y - c[1]) + ly, (z - c[2]) + lz, d[0], d[1], d[2],
+            um - hu, um + hu, vm - hv, vm + hv, t_lo, t_cut, table.open_edges[k], shift, to_world,
+            table.object_id[k], k, rays.t_min, rays.known, best, counters,
+        )  # fmt: skip
+
+
+@hot_kernel
+def count_changed(t_guess, t_before, best, counters):
+    """Count the rays that a hit nearer than what their guess refined to was found for."""
+    changed = 0
+    for i in range(t_guess.shape[0]):
+        # Two Newton iterations agree to their bounds, which roughly are the same.
+        if best.t[i] < t_before[i] and best.t[i] + 4.0 * best.t_bound[i] < t_guess[i]:
+            changed += 1
+    counters[CHANGED] += changed
 
 
 @hot_kernel

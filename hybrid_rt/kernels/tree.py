@@ -13,10 +13,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from hybrid_rt.kernels.boxes import lowest_bit, test_boxes
+from hybrid_rt.kernels.boxes import LANES, sort_key
 from meshing.kernels.jit import inlined, inner, kernel
 
-WIDTH = 8
+WIDTH = LANES
 BINS = 16
 # Origins (up to 2) are rounded to float32: 2**-24 * 2; two such roundings and some air.
 BOX_MARGIN = np.float32(2.0**-19)
@@ -40,6 +40,19 @@ class Tree(NamedTuple):
     links: Any  # (n, 8, 8) int32
     order: Any  # (m,) int32: primitives, leaf by leaf
     stack: int  # places that a depth-first walk may need
+
+
+class Stack(NamedTuple):
+    """Where the children wait that a ray has yet to visit; see `kernels.boxes`."""
+
+    key: Any  # (m,) int32
+    parent: Any  # (m,) uint32
+
+
+def new_stack(tree: Tree, more: int = 0) -> Stack:
+    """Return a stack for one walk at a time, with room for ``more`` than the tree's children."""
+    m = tree.stack + more
+    return Stack(np.empty(m, np.int32), np.empty(m, np.uint32))
 
 
 @inner
@@ -188,8 +201,8 @@ def build_tree(lower, upper, leaf_size):
                 todo[n_todo, 1], todo[n_todo, 2] = begin[k], end[k]
                 n_todo += 1
                 n_nodes += 1
-    # Seven siblings wait at each level while the eighth is walked.
-    stack = (WIDTH - 1) * deepest + WIDTH + 1
+    # Seven siblings wait at each level while the eighth is walked; eight places are written at once.
+    stack = (WIDTH - 1) * deepest + 2 * WIDTH
     rows = rows[:n_nodes].copy()
     return rows, rows.view(np.int32), order, stack
 
@@ -203,29 +216,6 @@ def safe_reciprocal(x):
 
 
 @inlined
-def push_children(
-    rows, links, node, x, y, z, rx, ry, rz, sx, sy, sz, t_lo, t_hi, entry,
-    stack_node, stack_count, stack_entry, top,
-):  # fmt: skip
-    """Push the children of a node that a ray meets, the nearest on top; return the new height.
-
-    ``sx`` is 0 where the direction's x is positive, 3 where it is negative, and so on; ``entry``
-    (8,) float32 is scratch.
-    """
-    met = test_boxes(rows, node, x, y, z, rx, ry, rz, sx, sy, sz, t_lo, t_hi, entry)
-    bottom = top
-    while met != 0:
-        k = lowest_bit(met)
-        met &= met - 1
-        t = entry[k]
-        j = top
-        while j > bottom and stack_entry[j - 1] < t:
-            stack_entry[j] = stack_entry[j - 1]
-            stack_node[j] = stack_node[j - 1]
-            stack_count[j] = stack_count[j - 1]
-            j -= 1
-        stack_entry[j] = t
-        stack_node[j] = links[node, CHILD, k]
-        stack_count[j] = links[node, COUNT, k]
-        top += 1
-    return top
+def cut_key(t):
+    """Return the key above which nothing on the stack begins before t."""
+    return sort_key(np.float32(t)) | 7

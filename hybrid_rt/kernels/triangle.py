@@ -9,11 +9,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from hybrid_rt.kernels.boxes import push_boxes
 from hybrid_rt.kernels.frame import enter_frame, product
 from hybrid_rt.kernels.nearest import offer
 from hybrid_rt.kernels.patch import TANGENT_BAND, UNIT_ROUNDOFF
 from hybrid_rt.kernels.subdivide import CELLS, CHANGED, NODES
-from hybrid_rt.kernels.tree import push_children, safe_reciprocal
+from hybrid_rt.kernels.tree import CHILD, COUNT, cut_key, safe_reciprocal
 from meshing.kernels.jit import hot_kernel, inlined, inner
 
 # Boxes within this of the nearest root are still looked into (times 1 + |t|, in frame units).
@@ -32,6 +33,8 @@ class TriangleTable(NamedTuple):
     neighbour: Any  # (f, 3) int64: face across the edge opposite vertex k, -1 where none
     object_id: Any  # (f,) int32
     patch_id: Any  # (f,) int32: number within its mesh
+    corner: Any  # (f, 9) world: the three vertices of each face, faces in the order of the tree
+    order: Any  # (f,) int32: face of each row of `corner`
 
 
 @inlined
@@ -63,27 +66,33 @@ def _on_edge(px, py, qx, qy):
 
 @inlined
 def offer_triangle(
-    i, f, vertex, face, neighbour, object_id, o, d, kx, ky, kz, sx, sy, t_min, known, best
-):
-    """Offer the hit of ray i on face f, if it has one; (kx, ky, kz, s..) is the ray's shear."""
-    nx, ny, nz = _normal(vertex, face, f)
-    length = np.sqrt(nx * nx + ny * ny + nz * nz)
-    slope = nx * d[0] + ny * d[1] + nz * d[2]
-    if slope == 0.0 or length == 0.0:
-        return
-    a, b, c = vertex[face[f, 0]], vertex[face[f, 1]], vertex[face[f, 2]]
-    az, bz, cz = a[kz] - o[kz], b[kz] - o[kz], c[kz] - o[kz]
-    ax, ay = (a[kx] - o[kx]) - sx * az, (a[ky] - o[ky]) - sy * az
-    bx, by = (b[kx] - o[kx]) - sx * bz, (b[ky] - o[ky]) - sy * bz
-    cx, cy = (c[kx] - o[kx]) - sx * cz, (c[ky] - o[ky]) - sy * cz
+    i, k, corner, order, vertex, face, neighbour, object_id, o, d, kx, ky, kz, sx, sy,
+    t_min, known, best,
+):  # fmt: skip
+    """Offer the hit of ray i on face order[k], if it has one; (kx, ky, kz, s..) is its shear."""
+    p = corner[k]
+    az, bz, cz = p[kz] - o[kz], p[3 + kz] - o[kz], p[6 + kz] - o[kz]
+    ax, ay = (p[kx] - o[kx]) - sx * az, (p[ky] - o[ky]) - sy * az
+    bx, by = (p[3 + kx] - o[kx]) - sx * bz, (p[3 + ky] - o[ky]) - sy * bz
+    cx, cy = (p[6 + kx] - o[kx]) - sx * cz, (p[6 + ky] - o[ky]) - sy * cz
     u, v, w = cx * by - cy * bx, ax * cy - ay * cx, bx * ay - by * ax
-    if (u < 0.0 or v < 0.0 or w < 0.0) and (u > 0.0 or v > 0.0 or w > 0.0):
+    if min(u, v, w) < 0.0 and max(u, v, w) > 0.0:
         return
     total = u + v + w
     if total == 0.0:
         return
-    wx, wy, wz = a[0] - o[0], a[1] - o[1], a[2] - o[2]
+    ex, ey, ez = p[3] - p[0], p[4] - p[1], p[5] - p[2]
+    fx, fy, fz = p[6] - p[0], p[7] - p[1], p[8] - p[2]
+    nx, ny, nz = ey * fz - ez * fy, ez * fx - ex * fz, ex * fy - ey * fx
+    slope = nx * d[0] + ny * d[1] + nz * d[2]
+    length = np.sqrt(nx * nx + ny * ny + nz * nz)
+    if slope == 0.0 or length == 0.0:
+        return
+    wx, wy, wz = p[0] - o[0], p[1] - o[1], p[2] - o[2]
     t = (nx * wx + ny * wy + nz * wz) / slope
+    n_dot_d = abs(slope) / length
+    if t > best.t[i] and n_dot_d >= SLIVER:
+        return
     away = max(abs(az), abs(bz), abs(cz)) + max(
         abs(ax), abs(bx), abs(cx), abs(ay), abs(by), abs(cy)
     )
@@ -92,7 +101,6 @@ def offer_triangle(
     side = max(abs(bx - ax), abs(cx - ax), abs(bx - cx), abs(by - ay), abs(cy - ay), abs(by - cy))
     side += max(abs(bz - az), abs(cz - az), abs(bz - cz))
     error = UNIT_ROUNDOFF * away * (12.0 + 8.0 * side * side / length)
-    n_dot_d = abs(slope) / length
     t_bound = error / n_dot_d + 4.0 * UNIT_ROUNDOFF * abs(t)
     # --- a sliver as the ray sees it: its weights by exact products, and t from them, so that the
     # point they name stays on the ray
@@ -114,29 +122,30 @@ def offer_triangle(
             u, v, w = su, sv, sw
         total = u + v + w
         px, py, pz = (
-            (u * wx + v * (b[0] - o[0]) + w * (c[0] - o[0])) / total,
-            (u * wy + v * (b[1] - o[1]) + w * (c[1] - o[1])) / total,
-            (u * wz + v * (b[2] - o[2]) + w * (c[2] - o[2])) / total,
+            (u * wx + v * (p[3] - o[0]) + w * (p[6] - o[0])) / total,
+            (u * wy + v * (p[4] - o[1]) + w * (p[7] - o[1])) / total,
+            (u * wz + v * (p[5] - o[2]) + w * (p[8] - o[2])) / total,
         )
         t = (px * d[0] + py * d[1] + pz * d[2]) / (d[0] * d[0] + d[1] * d[1] + d[2] * d[2])
     # --- margins to those edges beyond which the ray would miss: open ones and silhouettes
+    f = order[k]
     tangent = False
     band = TANGENT_BAND * away
-    for k in range(3):
-        if k == 0:
+    for edge in range(3):
+        if edge == 0:
             e, ex, ey = su, cx - bx, cy - by
-        elif k == 1:
+        elif edge == 1:
             e, ex, ey = sv, ax - cx, ay - cy
         else:
             e, ex, ey = sw, bx - ax, by - ay
         if e * e > band * band * (ex * ex + ey * ey):
             continue
-        other = neighbour[f, k]
+        other = neighbour[f, edge]
         if other < 0:
             tangent = True
         else:
-            px, py, pz = _normal(vertex, face, other)
-            if (px * d[0] + py * d[1] + pz * d[2]) * slope <= 0.0:
+            nx, ny, nz = _normal(vertex, face, other)
+            if (nx * d[0] + ny * d[1] + nz * d[2]) * slope <= 0.0:
                 tangent = True
     offer(
         i, t, t_bound, n_dot_d, tangent, object_id[f], f, v / total, w / total, t_min, known, best
@@ -144,15 +153,14 @@ def offer_triangle(
 
 
 @hot_kernel
-def trace_triangles(table, tree, rays, guess, best, any_hit, floats, integers, counters):
-    """Lower ``best`` to the first hits on triangles; ``guess`` names a face to begin with.
+def trace_triangles(table, tree, rays, guess, best, any_hit, stack, counters):
+    """Lower ``best`` to the first hits on triangles; ``guess`` names a row to begin with.
 
-    ``floats`` (8 + tree.stack,) float32 and ``integers`` (2 tree.stack,) int32 are scratch.
+    ``stack`` is scratch.
     """
     vertex, face, neighbour, object_id = table.vertex, table.face, table.neighbour, table.object_id
-    rows, links, order = tree.rows, tree.links, tree.order
-    entry, stack_entry = floats[:8], floats[8:]
-    stack_node, stack_count = integers[: tree.stack], integers[tree.stack :]
+    rows, links, corner, order = tree.rows, tree.links, table.corner, table.order
+    keys, parents = stack.key, stack.parent
     for i in range(rays.origin.shape[0]):
         if any_hit and best.object_id[i] >= 0:
             continue
@@ -168,8 +176,8 @@ def trace_triangles(table, tree, rays, guess, best, any_hit, floats, integers, c
         if guess.shape[0] > 0:
             if guess[i] >= 0:
                 offer_triangle(
-                    i, guess[i], vertex, face, neighbour, object_id, o, d, kx, ky, kz, sx, sy,
-                    rays.t_min, rays.known, best,
+                    i, np.int64(guess[i]), corner, order, vertex, face, neighbour, object_id, o, d,
+                    kx, ky, kz, sx, sy, rays.t_min, rays.known, best,
                 )  # fmt: skip
             t_guess = best.t[i]
         x, y, z, _, _, _, shift = enter_frame(
@@ -181,42 +189,50 @@ def trace_triangles(table, tree, rays, guess, best, any_hit, floats, integers, c
         fx, fy, fz = np.float32(x), np.float32(y), np.float32(z)
         rx, ry, rz = safe_reciprocal(d[0]), safe_reciprocal(d[1]), safe_reciprocal(d[2])
         nx, ny, nz = 0 if rx > 0 else 3, 0 if ry > 0 else 3, 0 if rz > 0 else 3
-        top = 1
-        stack_node[0], stack_count[0], stack_entry[0] = 0, 0, lo
+        t_cut = best.t[i] * table.to_frame - shift
+        t_cut += CUT_SLACK * (1.0 + abs(t_cut))
+        t_hi = cut_key(t_cut)
+        counters[NODES] += 1
+        top = push_boxes(
+            rows, 0, fx, fy, fz, rx, ry, rz, nx, ny, nz, lo, np.float32(t_cut), keys, parents, 0
+        )
         while top > 0:
             top -= 1
-            t_cut = best.t[i] * table.to_frame - shift
-            t_cut += CUT_SLACK * (1.0 + abs(t_cut))
-            if stack_entry[top] > t_cut:
+            key, parent = keys[top], parents[top]
+            if key > t_hi:
                 continue
-            node = stack_node[top]
-            if stack_count[top] == 0:
+            node = np.int64(links[parent, CHILD, key & 7])
+            n_here = np.int64(links[parent, COUNT, key & 7])
+            if n_here == 0:
                 counters[NODES] += 1
-                top = push_children(
-                    rows, links, node, fx, fy, fz, rx, ry, rz, nx, ny, nz,
-                    lo, np.float32(t_cut), entry, stack_node, stack_count, stack_entry, top,
+                top = push_boxes(
+                    rows, node, fx, fy, fz, rx, ry, rz, nx, ny, nz, lo, np.float32(t_cut),
+                    keys, parents, top,
                 )  # fmt: skip
                 continue
-            for k in range(node, node + stack_count[top]):
+            for k in range(node, node + n_here):
                 counters[CELLS] += 1
                 offer_triangle(
-                    i, order[k], vertex, face, neighbour, object_id, o, d, kx, ky, kz, sx, sy,
-                    rays.t_min, rays.known, best,
+                    i, k, corner, order, vertex, face, neighbour, object_id, o, d,
+                    kx, ky, kz, sx, sy, rays.t_min, rays.known, best,
                 )  # fmt: skip
             if any_hit and best.object_id[i] >= 0:
                 break
+            t_cut = best.t[i] * table.to_frame - shift
+            t_cut += CUT_SLACK * (1.0 + abs(t_cut))
+            t_hi = cut_key(t_cut)
         if best.t[i] < t_guess and guess.shape[0] > 0:
             counters[CHANGED] += 1
 
 
 @hot_kernel
-def guess_faces(face, object_id, piece, first_face, guess):
-    """Turn coarse hits into faces of the table (-1: no hit, or not on a mesh)."""
+def guess_faces(face, object_id, piece, first_face, place, guess):
+    """Turn coarse hits into rows of `corner` (-1: no hit, or not on a mesh)."""
     for i in range(face.shape[0]):
         f = face[i]
         guess[i] = -1
         if f >= 0 and first_face[object_id[f]] >= 0:
-            guess[i] = first_face[object_id[f]] + piece[f]
+            guess[i] = place[first_face[object_id[f]] + piece[f]]
 
 
 @hot_kernel
@@ -235,8 +251,9 @@ def refine_triangles(table, guess, rows, rays, best, accepted):
         kx, ky = (kz + 1) % 3, (kz + 2) % 3
         before = best.t[i]
         offer_triangle(
-            i, guess[j], table.vertex, table.face, table.neighbour, table.object_id, o, d,
-            kx, ky, kz, d[kx] / d[kz], d[ky] / d[kz], rays.t_min, rays.known, best,
+            i, np.int64(guess[j]), table.corner, table.order, table.vertex, table.face,
+            table.neighbour, table.object_id, o, d, kx, ky, kz, d[kx] / d[kz], d[ky] / d[kz],
+            rays.t_min, rays.known, best,
         )  # fmt: skip
         accepted[j] = best.t[i] < before
 

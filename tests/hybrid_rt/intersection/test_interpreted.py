@@ -4,11 +4,13 @@ import os
 import subprocess
 import sys
 
+import numba
 import numpy as np
 import pytest
 
 from hybrid_rt.kernels.bicubic import evaluate_bicubic_plain
-from hybrid_rt.kernels.boxes import test_boxes_plain as boxes_plain
+from hybrid_rt.kernels.boxes import push_boxes, sort_key_plain
+from hybrid_rt.kernels.boxes import push_boxes_plain as boxes_plain
 from hybrid_rt.verify.rival import Rival, buffers, evaluate_with_numpy
 
 SCRIPT = """
@@ -70,23 +72,46 @@ def test_bicubic_points_have_a_twin_in_numpy():
     assert np.allclose(np.reshape(plain, (50, 3, 3)).transpose(1, 0, 2), twin, atol=1e-14)
 
 
+@numba.njit
+def _push(rows, o, r, sign, t_lo, t_hi, keys, parents):
+    return push_boxes(
+        rows, 1, o[0], o[1], o[2], r[0], r[1], r[2], sign[0], sign[1], sign[2], t_lo, t_hi,
+        keys, parents, 2,
+    )  # fmt: skip
+
+
 def test_eight_boxes_have_a_plain_twin():
     rng = np.random.default_rng(5)
-    low = rng.uniform(-1, 1, (1, 3, 8)).astype(np.float32)
-    rows = np.zeros((1, 8, 8), np.float32)
-    rows[:, :3], rows[:, 3:6] = low, low + rng.uniform(0, 1, (1, 3, 8)).astype(np.float32)
-    for _ in range(200):
+    low = rng.uniform(-1, 1, (2, 3, 8)).astype(np.float32)
+    rows = np.zeros((2, 8, 8), np.float32)
+    rows[:, :3], rows[:, 3:6] = low, low + rng.uniform(0, 2, (2, 3, 8)).astype(np.float32)
+    heights = set()
+    for _ in range(300):
         o, d = rng.uniform(-2, 2, 3).astype(np.float32), rng.normal(size=3)
         r = (1.0 / d).astype(np.float32)
         sign = np.where(r > 0, 0, 3)
-        entry = np.empty(8, np.float32)
-        met = boxes_plain(rows, 0, *o, *r, *sign, np.float32(0), np.float32(np.inf), entry)
-        ts = (rows[0, :6].reshape(2, 3, 8) - o[:, None]) * r[:, None]
+        t_lo, t_hi = np.float32(rng.uniform(-1, 0.5)), np.float32(rng.choice([1.0, np.inf]))
+        stacks = [(np.empty(16, np.int32), np.empty(16, np.uint32)) for _ in range(2)]
+        top = boxes_plain(rows, 1, *o, *r, *sign, t_lo, t_hi, *stacks[0], 2)
+        assert _push(rows, o, r, sign, t_lo, t_hi, *stacks[1]) == top
+        for plain, compiled in zip(*stacks, strict=True):
+            assert np.array_equal(plain[2:top], compiled[2:top])
+        # The same by sorting slabs, where rounding does not decide.
+        ts = (rows[1, :6].reshape(2, 3, 8) - o[:, None]) * r[:, None]
         near, far = ts.min(axis=0).max(axis=0), ts.max(axis=0).min(axis=0)
-        clear = np.abs(far - np.maximum(near, 0)) > 1e-4
-        expected = np.maximum(near, 0) <= far
-        got = np.array([met >> k & 1 for k in range(8)], bool)
-        assert np.array_equal(got[clear], expected[clear])
+        near, far = np.maximum(near, t_lo), np.minimum(far, t_hi)
+        clear = np.abs(far - near) > 1e-4
+        met = np.isin(np.arange(8), stacks[0][0][2:top] & 7)
+        assert np.array_equal(met[clear], (near <= far)[clear])
+        assert (np.diff(near[stacks[0][0][2:top] & 7]) <= 1e-5).all()
+        heights.add(top - 2)
+    assert len(heights) > 4
+
+
+def test_keys_order_as_floats_do():
+    x = np.float32([-np.inf, -3.5, -1e-30, 0.0, 1e-30, 1.0, np.nextafter(np.float32(1), 2), np.inf])
+    keys = [sort_key_plain(v) for v in x]
+    assert keys == sorted(set(keys))
 
 
 def test_the_rival_finds_what_a_plain_newton_finds():
