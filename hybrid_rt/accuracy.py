@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import time
 import tracemalloc
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -90,8 +90,9 @@ def climb(
     n_rays: int,
     seed: int = 1,
     threads: int | None = None,
-) -> Iterator[Rung]:
-    """Measure rung after rung.
+    on_rung: Callable[[Rung], None] | None = None,
+) -> list[Rung]:
+    """Measure rung after rung, and then the time per ray of all of them in turn.
 
     Parameters
     ----------
@@ -101,6 +102,8 @@ def climb(
     n_rays : int
         Of each kind.
     seed, threads : int
+    on_rung : callable, optional
+        Called with each rung as soon as its errors are known; its times are not yet.
     """
     rays = {name: make(surfaces, n_rays, seed) for name, make in RAYS.items()}
     bare = Intersector(surfaces, coarse="none", threads=threads)
@@ -111,7 +114,9 @@ def climb(
         t_min = np.where(first.hit, first.t, 0.0)
         beyond = bare.intersect(r.origins, r.directions, t_min=t_min, source=first)
         next_t[name] = beyond.t
-    for tolerance in tolerances:
+    rungs: list[Rung] = []
+    contestants: dict[tuple[int, str], Intersector] = {}
+    for number, tolerance in enumerate(tolerances):
         tracemalloc.start()
         began = time.perf_counter()
         meshes = [tessellate(surface, tolerance) for surface in surfaces]
@@ -119,38 +124,39 @@ def climb(
         memory = tracemalloc.get_traced_memory()[1]
         tracemalloc.stop()
         distances, angles = deviations(surfaces, meshes, seed)
-        bound = max(mesh.deviation_bound for mesh in meshes)
-        tracers = {
-            name: Intersector(surfaces, name, tolerance=tolerance, threads=threads)
-            for name in ("mesh", "refined", "certified")
-        }
+        for name in ("mesh", "refined", "certified"):
+            contestants[number, name] = Intersector(
+                surfaces, name, tolerance=tolerance, threads=threads
+            )
+        contestants[number, 'certified, coarse="none"'] = bare
         errors: dict[str, dict[str, Errors]] = {}
         for name in ("mesh", "refined"):
-            errors[name] = {
-                kind: compare(
-                    exact[kind], next_t[kind], tracers[name].intersect(r.origins, r.directions), r
-                )
-                for kind, r in rays.items()
-            }
-        contestants = {**tracers, 'certified, coarse="none"': bare}
-        microseconds: dict[str, dict[str, float]] = {name: {} for name in contestants}
-        for kind, r in rays.items():
-            timings = in_turn({k: _trace(x, r) for k, x in contestants.items()}, 3)
-            for name, timing in timings.items():
-                microseconds[name][kind] = timing.median / n_rays * 1e6
-        yield Rung(
-            tolerance,
-            sum(len(mesh) for mesh in meshes),
-            seconds,
-            float(memory),
-            bound,
-            float(distances.max()),
-            float(distances.mean()),
-            float(angles.max()),
-            float(angles.mean()),
-            errors,
-            microseconds,
+            errors[name] = {}
+            for kind, r in rays.items():
+                found = contestants[number, name].intersect(r.origins, r.directions)
+                errors[name][kind] = compare(exact[kind], next_t[kind], found, r)
+        rungs.append(
+            Rung(
+                tolerance,
+                sum(len(mesh) for mesh in meshes),
+                seconds,
+                float(memory),
+                max(mesh.deviation_bound for mesh in meshes),
+                float(distances.max()),
+                float(distances.mean()),
+                float(angles.max()),
+                float(angles.mean()),
+                errors,
+                {name: {} for step, name in contestants if step == number},
+            )
         )
+        if on_rung is not None:
+            on_rung(rungs[-1])
+    for kind, r in rays.items():
+        timings = in_turn({key: _trace(tracer, r) for key, tracer in contestants.items()}, 3)
+        for (number, name), timing in timings.items():
+            rungs[number].microseconds[name][kind] = timing.median / n_rays * 1e6
+    return rungs
 
 
 def deviations(

@@ -15,16 +15,20 @@ from typing import Any
 
 import numpy as np
 
-from hybrid_rt import Intersector, Sphere, TriangleMesh
+from hybrid_rt import Intersector, Rectangle, Sphere, TriangleMesh
+from hybrid_rt.accuracy import deviations
 from hybrid_rt.demo import teapot, vase
 from hybrid_rt.verify.campaign import SCENES
+from hybrid_rt.verify.grids import best_uniform_grid
 from hybrid_rt.verify.judge import decisions
 from hybrid_rt.verify.kernels.rival import evaluate_many
 from hybrid_rt.verify.rays import RaySet, at_box, camera, silhouettes
 from hybrid_rt.verify.rival import Rival, buffers, evaluate_with_numpy
 from hybrid_rt.verify.speed import in_turn
+from meshing import BezierPatches, SurfaceOfRevolution, tessellate
 
 ROUNDS = 5
+TRIANGLES = "triangles / those of the best grid"
 KINDS: dict[str, Callable[..., RaySet]] = {
     "incoherent": at_box, "camera": camera, "silhouette": silhouettes,
 }  # fmt: skip
@@ -48,7 +52,9 @@ def main() -> None:
             title = f"{name}, {'all threads' if threads is None else '1 thread'}"
             found[title] = accuracies(title, surfaces, n // 4, threads)
     found["trimesh"] = against_trimesh(n // 20)
+    found["few"] = few(n // 4)
     found["many"] = many(n // 10, args.quick)
+    found["tessellation"] = tessellation(args.quick)
     found["numba"] = against_numpy(n // 10)
     found["costs"] = costs()
     if args.out:
@@ -60,11 +66,17 @@ def show(title: str, n: int, seconds: dict[str, Any], base: str) -> dict[str, An
     print(f"\n{title} ({n} rays)")
     rows = {}
     for name, timing in seconds.items():
-        ratio = seconds[base].median / timing.median
+        ratio, least, most = timing.ratios(seconds[base])
         rays = n / timing.median / 1e6
         spread = f"{n / timing.most / 1e6:.2f} .. {n / timing.least / 1e6:.2f}"
-        print(f"  {name:34s} {rays:7.2f} Mrays/s ({spread})  {ratio:5.2f} x {base}")
-        rows[name] = {"mrays_per_s": rays, "ratio": ratio, "seconds": vars(timing)}
+        line = f"  {name:34s} {rays:7.2f} Mrays/s ({spread})"
+        if name != base:
+            line += f"  {ratio:5.2f} x {base} ({least:.2f} .. {most:.2f})"
+        print(line)
+        rows[name] = {
+            "mrays_per_s": rays, "ratio": ratio, "least ratio": least, "greatest ratio": most,
+            "seconds": vars(timing),
+        }  # fmt: skip
     return rows
 
 
@@ -132,23 +144,94 @@ def against_trimesh(n: int) -> dict[str, Any]:
     return show(title, n, in_turn(runs, ROUNDS), "trimesh")
 
 
+def few(n: int) -> dict[str, Any]:
+    """Measure scenes of one surface, which need no tree: one test of at most eight boxes."""
+    x, y = np.meshgrid(np.linspace(-1, 1, 4), np.linspace(-1, 1, 4), indexing="ij")
+    scenes = {
+        "one sphere": Sphere((0, 0, 0), 1),
+        "one rectangle": Rectangle((-1, -1, 0), (2, 0, 0), (0, 2, 0)),
+        "one flat patch": BezierPatches(np.stack([x, y, 0 * x], axis=-1)[None]),
+        "one cone": SurfaceOfRevolution([(0, 1), (2, 0)], (0, 0, -1), (0, 0, 1)),
+    }
+    result: dict[str, Any] = {}
+    for name, surface in scenes.items():
+        rays = at_box([Sphere((0, 0, 0), 1)], n, 8)
+        tracer = Intersector([surface], coarse="none")
+        result |= show(name, n, in_turn({name: _trace(tracer, rays)}, 3), name)
+    return result
+
+
 def many(n: int, quick: bool) -> dict[str, Any]:
-    """Measure scenes of many surfaces."""
+    """Measure scenes of many surfaces: speed, seconds to build, memory."""
     import trimesh
 
-    rng = np.random.default_rng(5)
     count = 10_000 if quick else 100_000
-    balls = [Sphere(c, 0.003) for c in rng.random((count, 3))]
-    mesh = TriangleMesh(trimesh.creation.icosphere(6 if quick else 8))
+    scenes: dict[str, Callable[[], list[Any]]] = {
+        f"{count} spheres": lambda: balls(count),
+        f"{count} patches": lambda: [tiles(count)],
+        "a mesh": lambda: [TriangleMesh(trimesh.creation.icosphere(6 if quick else 8))],
+    }
+    result: dict[str, Any] = {}
+    for name, make in scenes.items():
+        surfaces = make()
+        before, began = resident(), time.perf_counter()
+        tracer = Intersector(surfaces, coarse="none")
+        build, memory = time.perf_counter() - began, resident() - before
+        pieces = len(surfaces[0]) if len(surfaces) == 1 else count
+        rays = at_box(surfaces[:200], n, 6)
+        title = f"{name} ({pieces})"
+        result[name] = show(title, n, in_turn({"certified": _trace(tracer, rays)}, 3), "certified")
+        result[name] |= {"build seconds": build, "MiB": memory}
+        print(f"  built in {build:.2f} s, {memory:.0f} MiB")
+    return result
+
+
+def balls(count: int) -> list[Any]:
+    """Return small spheres in the unit cube."""
+    return [Sphere(c, 0.003) for c in np.random.default_rng(5).random((count, 3))]
+
+
+def tiles(count: int) -> BezierPatches:
+    """Return a rolling landscape of bicubic patches."""
+    side = round(count**0.5)
+    i, j = np.meshgrid(np.arange(3 * side + 1), np.arange(3 * side + 1), indexing="ij")
+    height = 3.0 * np.sin(0.05 * i) * np.cos(0.07 * j) + np.sin(0.9 * i + 0.5 * j)
+    points = np.stack([i, j, height], axis=-1) / 3.0
+    corners = 3 * np.stack(np.meshgrid(np.arange(side), np.arange(side), indexing="ij"), -1)
+    rows, columns = corners.reshape(-1, 2).T
+    k = np.arange(4)
+    return BezierPatches(points[rows[:, None, None] + k[:, None], columns[:, None, None] + k])
+
+
+def tessellation(quick: bool) -> dict[str, Any]:
+    """Compare proven with measured deviation, and adaptive triangles with the best grid."""
+    print("\ntessellation: bound over deviation, triangles over those of the best uniform grid")
     result = {}
-    for name, surfaces in ((f"{count} spheres", balls), (f"mesh of {len(mesh)} faces", [mesh])):
-        began = time.perf_counter()
-        tracer = Intersector(surfaces)
-        build = time.perf_counter() - began
-        rays = at_box([mesh] if surfaces[0] is mesh else balls[:200], n, 6)
-        result[name] = show(name, n, in_turn({"certified": _trace(tracer, rays)}, 3), "certified")
-        result[name]["build seconds"] = build
-        print(f"  built in {build:.2f} s")
+    steps = (1e-2, 3e-3) if quick else (1e-2, 3e-3, 1e-3, 3e-4)
+    for name, surface in (("teapot", teapot()), ("vase", vase(0, 0, 5))):
+        size = float(np.linalg.norm(surface.bounds[1] - surface.bounds[0]))
+        rows = []
+        for step in steps:
+            mesh = tessellate(surface, step * size)
+            deviation = float(deviations([surface], [mesh], 1)[0].max())
+            grid = best_uniform_grid(surface, deviation)
+            rows.append(
+                {
+                    "tolerance": step * size, "triangles": len(mesh), "deviation": deviation,
+                    "bound / deviation": mesh.deviation_bound / deviation,
+                    TRIANGLES: len(mesh) / grid.triangles,
+                    "grid": f"{grid.columns} x {grid.rows}",
+                }
+            )  # fmt: skip
+            print(
+                f"  {name:8s} {step:.0e} of the size: {len(mesh):7d} triangles, "
+                f"{rows[-1]['bound / deviation']:.2f}, {rows[-1][TRIANGLES]:.2f}"
+                f" ({rows[-1]['grid']} cells a piece)"
+            )
+        median = float(np.median([row["bound / deviation"] for row in rows]))
+        share = float(np.median([row[TRIANGLES] for row in rows]))
+        print(f"  {name:8s} medians {median:.2f}, {share:.2f}")
+        result[name] = {"rows": rows, "bound / deviation": median, TRIANGLES: share}
     return result
 
 
@@ -172,17 +255,29 @@ def costs() -> dict[str, float]:
         "import time; t = time.perf_counter(); import hybrid_rt; print(time.perf_counter() - t)"
     )
     run = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
-    began = time.perf_counter()
-    Intersector([teapot()])
+    before, began = resident(), time.perf_counter()
+    tracer = Intersector([teapot()])
+    seconds, memory = time.perf_counter() - began, resident() - before
+    del tracer
     figures = {
         "import seconds": float(run.stdout),
-        "build of the teapot, seconds": time.perf_counter() - began,
+        "build of the teapot, seconds": seconds,
+        "memory of the teapot, MiB": memory,
         "peak memory of this run, MiB": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024,
     }
     print("\ncosts")
     for name, value in figures.items():
         print(f"  {name:34s} {value:.3f}")
     return figures
+
+
+def resident() -> float:
+    """Return the memory that this process holds now, MiB (nan where the system does not say)."""
+    try:
+        pages = int(Path("/proc/self/statm").read_text("ascii").split()[1])
+    except OSError:
+        return float("nan")
+    return pages * resource.getpagesize() / 2**20
 
 
 def _trace(tracer: Intersector, rays: RaySet) -> Callable[[], object]:

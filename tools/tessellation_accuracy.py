@@ -51,10 +51,9 @@ def main() -> int:
     n_rays = args.rays or (20_000 if args.quick else 200_000)
     print(f"{args.file}: size {size:.4g}; {n_rays} rays of each kind")
     print(HEADER)
-    rungs = []
-    for rung in climb(surfaces, tolerances, n_rays, threads=args.threads):
-        rungs.append(rung)
-        print(row(rung))
+    rungs = climb(
+        surfaces, tolerances, n_rays, threads=args.threads, on_rung=lambda rung: print(row(rung))
+    )
     print(speeds(rungs))
     if args.out:
         write(args.out, surfaces, rungs, size)

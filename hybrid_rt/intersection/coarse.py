@@ -16,9 +16,10 @@ from hybrid_rt.primitives import TriangleMesh
 from hybrid_rt.records import BoolArray, FloatArray, IntArray
 from meshing import tessellate
 
-# Chordal tolerance of the coarse triangles over the surface's size: fine enough that Newton starts
-# well inside the right cell, coarse enough to stay in the cache.
-COARSE_TOLERANCE = 1e-3
+# Chordal tolerance of the coarse triangles over the surface's size: where they are the answer, or
+# all that Newton starts from; and where a search comes after that needs no more than a guess.
+MESH_TOLERANCE = 1e-3
+GUESS_TOLERANCE = 4e-3
 # A coarse hit that refinement rejects (the point of departure, or a triangle beside the surface)
 # is stepped over this often before the ray is taken to miss.
 RETRIES = 4
@@ -33,10 +34,13 @@ class Coarse:
     ----------
     curved : sequence of (object id, surface)
     kinds : the kinds that refine and certify, by the numbers that ``kind_of`` gives
-    tolerance : absolute chordal tolerance, or None for `COARSE_TOLERANCE` of each surface's size
+    tolerance : absolute chordal tolerance, or None for ``relative`` times each surface's size
+    relative : float
     """
 
-    def __init__(self, curved: Sequence[tuple[int, Any]], tolerance: float | None) -> None:
+    def __init__(
+        self, curved: Sequence[tuple[int, Any]], tolerance: float | None, relative: float
+    ) -> None:
         vertices, faces, objects, pieces, corners, self.deviation = [], [], [], [], [], 0.0
         n_vertices = 0
         for object_id, surface in curved:
@@ -46,7 +50,7 @@ class Coarse:
                 uv = np.broadcast_to(_WEIGHTS, (len(f), 3, 2))
             else:
                 size = float(np.linalg.norm(surface.bounds[1] - surface.bounds[0]))
-                mesh = tessellate(surface, tolerance or COARSE_TOLERANCE * size)
+                mesh = tessellate(surface, tolerance or relative * size)
                 v, f, piece, uv = mesh.vertices, mesh.faces, mesh.patch_id, mesh.uv
                 self.deviation = max(self.deviation, mesh.deviation_bound)
             vertices.append(v)

@@ -1,9 +1,10 @@
 """Rays against a list of surfaces: the first hit of each, proven, with its error.
 
-Spheres, rectangles, planes and boxes have closed forms. Patches, surfaces of revolution and
-triangle meshes go to Embree as triangles first; what it finds is refined on the true surface
-(Newton) and then proven to be the first by a search of our own in float64, for which the refined
-hit is only a bound. The three accuracies stop after one, two and three of these stages.
+Spheres, rectangles, planes and boxes have closed forms. Patches and surfaces of revolution go to
+Embree as triangles first; what it finds is refined on the true surface (Newton) and then proven to
+be the first by a search of our own in float64, for which the refined hit is only a bound. The three
+accuracies stop after one, two and three of these stages. Triangle meshes are searched in float64 if
+the hits are to be certified: that is twice as fast as Embree first and the same search after it.
 """
 
 from __future__ import annotations
@@ -23,6 +24,7 @@ from hybrid_rt.intersection.rays import make_batch
 from hybrid_rt.kernels.nearest import Nearest, Rays
 from hybrid_rt.kernels.rays import Record, complete_rows
 from hybrid_rt.kernels.subdivide import COUNTER_NAMES, MOST_PIECES
+from hybrid_rt.primitives import TriangleMesh
 from hybrid_rt.records import BoolArray, FloatArray, HitRecord
 
 if TYPE_CHECKING:
@@ -77,24 +79,31 @@ class Intersector:
         self._pool = Pool(threads)
         # Closed forms compute a point from the ray; curved surfaces from their own figures.
         self._reach = np.array(
-            [float(np.abs(s.bounds).max()) if isinstance(s, CURVED) else 0.0 for s in self.surfaces]
+            [
+                float(np.abs(s.bounds).max()) if isinstance(s, (*CURVED, TriangleMesh)) else 0.0
+                for s in self.surfaces
+            ]
         )
-        self._closed_forms, self._curved, self._kind_of, self.plan = make_kinds(
-            self.surfaces, accuracy
-        )
+        self._direct, self._curved, self._kind_of, self.plan = make_kinds(self.surfaces, accuracy)
         self._coarse: Coarse | None = None
-        curved = [(i, s) for i, s in enumerate(self.surfaces) if isinstance(s, CURVED)]
-        if curved and coarse == "embree":
-            from hybrid_rt.intersection.coarse import Coarse
+        in_embree = CURVED if accuracy == "certified" else (*CURVED, TriangleMesh)
+        members = [(i, s) for i, s in enumerate(self.surfaces) if isinstance(s, in_embree)]
+        if members and coarse == "embree":
+            from hybrid_rt.intersection.coarse import GUESS_TOLERANCE, MESH_TOLERANCE, Coarse
 
-            self._coarse = Coarse(curved, tolerance)
+            relative = GUESS_TOLERANCE if accuracy == "certified" else MESH_TOLERANCE
+            self._coarse = Coarse(members, tolerance, relative)
             self.plan["used"]["embree"] = (
-                f"{self._coarse.n_triangles} triangles for {len(curved)} curved surface(s)"
+                f"{self._coarse.n_triangles} triangles for {len(members)} surface(s)"
+            )
+        elif members:
+            self.plan["left_out"]["embree"] = 'coarse="none"'
+        elif any(isinstance(s, TriangleMesh) for s in self.surfaces):
+            self.plan["left_out"]["embree"] = (
+                "no curved surface; certified hits on meshes come from a tree in float64"
             )
         else:
-            self.plan["left_out"]["embree"] = (
-                'coarse="none"' if curved else "no curved surface and no triangle mesh"
-            )
+            self.plan["left_out"]["embree"] = "no curved surface and no triangle mesh"
         self.counters: dict[str, int] = dict.fromkeys(
             (
                 "rays", "shadow_rays", "hits", "tangent", "misses", "coarse_hits",
@@ -228,7 +237,7 @@ class Intersector:
         self, rays: Rays, best: Nearest, any_hit: bool, tally: FloatArray, found: BoolArray
     ) -> None:
         """Lower ``best`` for a slice of rays, by the stages of the accuracy."""
-        for kind in self._closed_forms:
+        for kind in self._direct:
             kind.trace(rays, None, best, any_hit, tally)
         if self._coarse is None:
             for kind in self._curved:
@@ -243,8 +252,8 @@ class Intersector:
     def _finishers(self) -> list[Any]:
         """Return what describes the hits of each kind, in the order of their numbers."""
         if self.accuracy == "mesh" and self._coarse is not None:
-            return [*self._closed_forms, self._coarse]
-        return [*self._closed_forms, *self._curved]
+            return [*self._direct, self._coarse]
+        return [*self._direct, *self._curved]
 
     def _add_work(self, tallies: list[FloatArray]) -> None:
         for tally in tallies:

@@ -16,8 +16,8 @@ from meshing import BezierPatches, SurfaceOfRevolution
 Surface: TypeAlias = (
     BezierPatches | SurfaceOfRevolution | Sphere | Rectangle | Plane | Box | TriangleMesh
 )
-CURVED = (BezierPatches, SurfaceOfRevolution, TriangleMesh)
-"""What goes to Embree as triangles first."""
+CURVED = (BezierPatches, SurfaceOfRevolution)
+"""What goes to Embree as triangles first, in every accuracy."""
 
 
 def check_surfaces(surfaces: Sequence[Surface]) -> tuple[Surface, ...]:
@@ -38,15 +38,19 @@ def make_kinds(
 
     Returns
     -------
-    closed_forms, curved : the kinds, in the order in which they are traced
-    kind_of : (objects,) int32, number of each object's kind in ``closed_forms + curved``
+    direct, curved : the kinds that are traced as they are, and those that go to Embree first
+    kind_of : (objects,) int32, number of each object's kind in ``direct + curved``
     plan : what is used and what was left out, with the reasons
     """
     kind_of = np.full(len(surfaces), -1, np.int32)
     plan: dict[str, dict[str, str]] = {"used": {}, "left_out": {}}
     kinds: tuple[list[Any], list[Any]] = ([], [])
     number = 0
-    for group, builders in enumerate((_CLOSED_FORMS, _CURVED)):
+    # Certified hits on meshes come from a tree of our own, in float64 from the first box on.
+    groups: tuple[tuple[Any, ...], ...] = ((*_CLOSED_FORMS, _MESHES), _CURVED)
+    if accuracy != "certified":
+        groups = (_CLOSED_FORMS, (*_CURVED, _MESHES))
+    for group, builders in enumerate(groups):
         for surface_type, name, build in builders:
             members: list[tuple[int, Any]] = [
                 (i, s) for i, s in enumerate(surfaces) if isinstance(s, surface_type)
@@ -81,7 +85,7 @@ def _revolutions(members: list[tuple[int, Any]], _accuracy: str) -> CurvedKind:
     return RevolutionKind(members)
 
 
-def _triangles(members: list[tuple[int, Any]], accuracy: str) -> CurvedKind:
+def _triangles(members: list[tuple[int, Any]], accuracy: str) -> Kind:
     from hybrid_rt.intersection.triangles import TriangleKind
 
     return TriangleKind(members, search=accuracy == "certified")
@@ -96,5 +100,5 @@ _CLOSED_FORMS = (
 _CURVED = (
     (BezierPatches, "Bezier patches", _patches),
     (SurfaceOfRevolution, "surfaces of revolution", _revolutions),
-    (TriangleMesh, "triangle meshes", _triangles),
 )
+_MESHES = (TriangleMesh, "triangle meshes", _triangles)

@@ -14,8 +14,8 @@ from hybrid_rt.kernels.tree import Tree, build_tree, new_stack
 from hybrid_rt.kernels.triangle import (
     TriangleTable,
     finish_triangles,
-    guess_faces,
     refine_triangles,
+    rows_of_faces,
     trace_triangles,
 )
 from hybrid_rt.primitives import TriangleMesh
@@ -77,18 +77,9 @@ class TriangleKind:
         self, rays: Rays, guess: IntArray | None, best: Nearest, any_hit: bool, work: FloatArray
     ) -> None:
         """Lower ``best`` to the first hits on the meshes."""
-        faces = np.empty(0, np.int32) if guess is None else guess
+        del guess
         stack = new_stack(self.tree)
-        trace_triangles(self.table, self.tree, rays, faces, best, any_hit, stack, work)
-
-    def guesses(self, coarse: Coarse, face: IntArray, u: FloatArray, v: FloatArray) -> IntArray:
-        """Return the face of each coarse hit, -1 where there is none on a mesh."""
-        del u, v
-        first = np.full(int(coarse.object_id.max()) + 1, -1, np.int64)
-        first[: len(self._first_face)] = self._first_face
-        guess = np.empty(len(face), np.int32)
-        guess_faces(face, coarse.object_id, coarse.piece, first, self._place, guess)
-        return guess
+        trace_triangles(self.table, self.tree, rays, best, any_hit, stack, work)
 
     def refine(
         self,
@@ -103,8 +94,12 @@ class TriangleKind:
         accepted: BoolArray,
     ) -> None:
         """Meet Embree's triangle again in float64."""
-        del t
-        refine_triangles(self.table, self.guesses(coarse, face, u, v), rows, rays, best, accepted)
+        del t, u, v
+        first = np.full(int(coarse.object_id.max()) + 1, -1, np.int64)
+        first[: len(self._first_face)] = self._first_face
+        place = np.empty(len(face), np.int32)
+        rows_of_faces(face, coarse.object_id, coarse.piece, first, self._place, place)
+        refine_triangles(self.table, place, rows, rays, best, accepted)
 
     def finish(
         self, rays: Rays, best: Nearest, kind_of: IntArray, kind: int, out: Finished

@@ -13,7 +13,7 @@ from hybrid_rt.kernels.boxes import push_boxes
 from hybrid_rt.kernels.frame import enter_frame, product
 from hybrid_rt.kernels.nearest import offer
 from hybrid_rt.kernels.patch import TANGENT_BAND, UNIT_ROUNDOFF
-from hybrid_rt.kernels.subdivide import CELLS, CHANGED, NODES
+from hybrid_rt.kernels.subdivide import CELLS, NODES
 from hybrid_rt.kernels.tree import CHILD, COUNT, cut_key, safe_reciprocal
 from meshing.kernels.jit import hot_kernel, inlined, inner
 
@@ -153,11 +153,8 @@ def offer_triangle(
 
 
 @hot_kernel
-def trace_triangles(table, tree, rays, guess, best, any_hit, stack, counters):
-    """Lower ``best`` to the first hits on triangles; ``guess`` names a row to begin with.
-
-    ``stack`` is scratch.
-    """
+def trace_triangles(table, tree, rays, best, any_hit, stack, counters):
+    """Lower ``best`` to the first hits on triangles; ``stack`` is scratch."""
     vertex, face, neighbour, object_id = table.vertex, table.face, table.neighbour, table.object_id
     rows, links, corner, order = tree.rows, tree.links, table.corner, table.order
     keys, parents = stack.key, stack.parent
@@ -172,14 +169,6 @@ def trace_triangles(table, tree, rays, guess, best, any_hit, stack, counters):
             kz = 2
         kx, ky = (kz + 1) % 3, (kz + 2) % 3
         sx, sy = d[kx] / d[kz], d[ky] / d[kz]
-        t_guess = np.inf
-        if guess.shape[0] > 0:
-            if guess[i] >= 0:
-                offer_triangle(
-                    i, np.int64(guess[i]), corner, order, vertex, face, neighbour, object_id, o, d,
-                    kx, ky, kz, sx, sy, rays.t_min, rays.known, best,
-                )  # fmt: skip
-            t_guess = best.t[i]
         x, y, z, _, _, _, shift = enter_frame(
             o[0], o[1], o[2], d[0], d[1], d[2], table.middle[0], table.middle[1], table.middle[2],
             table.to_frame,
@@ -221,25 +210,23 @@ def trace_triangles(table, tree, rays, guess, best, any_hit, stack, counters):
             t_cut = best.t[i] * table.to_frame - shift
             t_cut += CUT_SLACK * (1.0 + abs(t_cut))
             t_hi = cut_key(t_cut)
-        if best.t[i] < t_guess and guess.shape[0] > 0:
-            counters[CHANGED] += 1
 
 
 @hot_kernel
-def guess_faces(face, object_id, piece, first_face, place, guess):
+def rows_of_faces(face, object_id, piece, first_face, place, row):
     """Turn coarse hits into rows of `corner` (-1: no hit, or not on a mesh)."""
     for i in range(face.shape[0]):
         f = face[i]
-        guess[i] = -1
+        row[i] = -1
         if f >= 0 and first_face[object_id[f]] >= 0:
-            guess[i] = place[first_face[object_id[f]] + piece[f]]
+            row[i] = place[first_face[object_id[f]] + piece[f]]
 
 
 @hot_kernel
-def refine_triangles(table, guess, rows, rays, best, accepted):
+def refine_triangles(table, place, rows, rays, best, accepted):
     """Offer the coarse stage's own faces, met in float64."""
-    for j in range(guess.shape[0]):
-        if guess[j] < 0:
+    for j in range(place.shape[0]):
+        if place[j] < 0:
             continue
         i = rows[j]
         o, d = rays.origin[i], rays.direction[i]
@@ -251,7 +238,7 @@ def refine_triangles(table, guess, rows, rays, best, accepted):
         kx, ky = (kz + 1) % 3, (kz + 2) % 3
         before = best.t[i]
         offer_triangle(
-            i, np.int64(guess[j]), table.corner, table.order, table.vertex, table.face,
+            i, np.int64(place[j]), table.corner, table.order, table.vertex, table.face,
             table.neighbour, table.object_id, o, d, kx, ky, kz, d[kx] / d[kz], d[ky] / d[kz],
             rays.t_min, rays.known, best,
         )  # fmt: skip

@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Hashable, Mapping
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
+
+Name = TypeVar("Name", bound=Hashable)
 
 
 @dataclass(frozen=True)
@@ -17,14 +20,22 @@ class Timing:
     ----------
     median, least, most : float
         Seconds.
+    rounds : tuple of float
+        Seconds of each round.
     """
 
     median: float
     least: float
     most: float
+    rounds: tuple[float, ...]
+
+    def ratios(self, base: Timing) -> tuple[float, float, float]:
+        """Return the median, least and greatest speed over that of ``base``, round by round."""
+        ratios = np.array(base.rounds) / np.array(self.rounds)
+        return float(np.median(ratios)), float(ratios.min()), float(ratios.max())
 
 
-def in_turn(contestants: Mapping[str, Callable[[], object]], rounds: int) -> dict[str, Timing]:
+def in_turn(contestants: Mapping[Name, Callable[[], object]], rounds: int) -> dict[Name, Timing]:
     """Run all contestants once unmeasured, then ``rounds`` times one after the other.
 
     Returns
@@ -34,13 +45,13 @@ def in_turn(contestants: Mapping[str, Callable[[], object]], rounds: int) -> dic
     """
     for run in contestants.values():
         run()
-    seconds: dict[str, list[float]] = {name: [] for name in contestants}
+    seconds: dict[Name, list[float]] = {name: [] for name in contestants}
     for _ in range(rounds):
         for name, run in contestants.items():
             began = time.perf_counter()
             run()
             seconds[name].append(time.perf_counter() - began)
     return {
-        name: Timing(float(np.median(found)), min(found), max(found))
+        name: Timing(float(np.median(found)), min(found), max(found), tuple(found))
         for name, found in seconds.items()
     }

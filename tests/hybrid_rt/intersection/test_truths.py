@@ -152,7 +152,7 @@ def closed_form(kind, o, d):
     ("kind", "surface"), [("cone", CONE), ("cylinder", CYLINDER), ("disc", DISC)]
 )
 @pytest.mark.parametrize("tilt", [None, 0.0, 1e-12, 1e-6, 1e-3])
-def test_revolutions_against_closed_forms(kind, surface, tilt):
+def test_revolutions_against_direct(kind, surface, tilt):
     """B01 to B05, B13: along, nearly along, across and nearly across the axis; and any way."""
     rng = np.random.default_rng(7)
     n = 3000
@@ -210,9 +210,9 @@ def test_spheres_in_a_tree_and_in_a_row_give_the_same_bits():
     targets = rng.random((20_000, 3))
     origins = np.array([0.5, 0.5, 1.5]) + rng.normal(size=(20_000, 3))
     tree, row = Intersector(spheres), Intersector(spheres)
-    row._closed_forms[0] = Spheres(list(enumerate(spheres)), many=1000)
-    assert row._closed_forms[0]._tree is None
-    assert tree._closed_forms[0]._tree is not None
+    row._direct[0] = Spheres(list(enumerate(spheres)), many=1000)
+    assert row._direct[0]._tree is None
+    assert tree._direct[0]._tree is not None
     a = tree.intersect(origins, targets - origins)
     b = row.intersect(origins, targets - origins)
     for name in ("t", "t_bound", "u", "v", "object_id", "status"):

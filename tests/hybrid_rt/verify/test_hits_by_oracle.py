@@ -101,6 +101,8 @@ def test_right_coarse_hits_cut_the_work(capsys, monkeypatch):
         for name, tracer in (("wrong", wrong), ("no", none)):
             text = ", ".join(f"{what} {factor:.3f}" for what, factor in factors(tracer).items())
             sys.stdout.write(f"\nwork with {name} coarse hits over work with right ones: {text}\n")
-    # Front to back, the search finds a first hit before it needs the bound; it never does more.
-    assert min(factors(wrong).values()) > 1.0
-    assert min(factors(none).values()) > 0.99
+    # Front to back, the search finds a first hit before it needs the bound: right hits save few
+    # nodes; and where they name the neighbour of the right cell, they cost a Newton solve more.
+    for tracer in (wrong, none):
+        assert 1.0 < factors(tracer)["nodes"] < 1.05
+        assert 0.97 < factors(tracer)["newton_solves"] < 1.05
