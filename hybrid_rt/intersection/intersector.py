@@ -84,7 +84,9 @@ class Intersector:
                 for s in self.surfaces
             ]
         )
-        self._direct, self._curved, self._kind_of, self.plan = make_kinds(self.surfaces, accuracy)
+        self._direct, self._curved, self._kind_of, self.plan = make_kinds(
+            self.surfaces, accuracy, self._pool
+        )
         self._coarse: Coarse | None = None
         in_embree = CURVED if accuracy == "certified" else (*CURVED, TriangleMesh)
         members = [(i, s) for i, s in enumerate(self.surfaces) if isinstance(s, in_embree)]

@@ -9,6 +9,7 @@ import numpy as np
 
 from hybrid_rt.intersection.batch import CurvedKind, Kind
 from hybrid_rt.intersection.closed_forms import ClosedForm, Spheres
+from hybrid_rt.intersection.pool import Pool
 from hybrid_rt.primitives import Box, Plane, Rectangle, Sphere, TriangleMesh
 from hybrid_rt.records import IntArray
 from meshing import BezierPatches, SurfaceOfRevolution
@@ -32,7 +33,7 @@ def check_surfaces(surfaces: Sequence[Surface]) -> tuple[Surface, ...]:
 
 
 def make_kinds(
-    surfaces: Sequence[Surface], accuracy: str
+    surfaces: Sequence[Surface], accuracy: str, pool: Pool
 ) -> tuple[list[Kind], list[CurvedKind], IntArray, dict[str, dict[str, str]]]:
     """Build the kinds that occur.
 
@@ -62,37 +63,37 @@ def make_kinds(
                 plan["left_out"][name] = 'accuracy="mesh" takes the triangles as they are'
                 kind_of[[i for i, _ in members]] = len(kinds[0])
                 continue
-            kinds[group].append(build(members, accuracy))
+            kinds[group].append(build(members, accuracy, pool))
             kind_of[[i for i, _ in members]] = number
             number += 1
             plan["used"][name] = f"{len(members)} object(s)"
     return (*kinds, kind_of, plan)
 
 
-def _closed_form(name: str) -> Callable[[list[tuple[int, Any]], str], Kind]:
-    return lambda members, _accuracy: ClosedForm(name, members)
+def _closed_form(name: str) -> Callable[[list[tuple[int, Any]], str, Pool], Kind]:
+    return lambda members, _accuracy, _pool: ClosedForm(name, members)
 
 
-def _patches(members: list[tuple[int, Any]], accuracy: str) -> CurvedKind:
-    from hybrid_rt.intersection.patches import PatchKind
+def _patches(members: list[tuple[int, Any]], accuracy: str, pool: Pool) -> CurvedKind:
+    from hybrid_rt.intersection.patches import FINEST, PatchKind
 
-    return PatchKind(members, search=accuracy == "certified")
+    return PatchKind(members, pool, finest=FINEST if accuracy == "certified" else 0)
 
 
-def _revolutions(members: list[tuple[int, Any]], _accuracy: str) -> CurvedKind:
+def _revolutions(members: list[tuple[int, Any]], _accuracy: str, _pool: Pool) -> CurvedKind:
     from hybrid_rt.intersection.revolutions import RevolutionKind
 
     return RevolutionKind(members)
 
 
-def _triangles(members: list[tuple[int, Any]], accuracy: str) -> Kind:
+def _triangles(members: list[tuple[int, Any]], accuracy: str, _pool: Pool) -> Kind:
     from hybrid_rt.intersection.triangles import TriangleKind
 
     return TriangleKind(members, search=accuracy == "certified")
 
 
 _CLOSED_FORMS = (
-    (Sphere, "spheres", lambda members, _accuracy: Spheres(members)),
+    (Sphere, "spheres", lambda members, _accuracy, _pool: Spheres(members)),
     (Rectangle, "rectangles", _closed_form("rectangles")),
     (Plane, "planes", _closed_form("planes")),
     (Box, "boxes", _closed_form("boxes")),

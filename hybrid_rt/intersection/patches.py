@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hybrid_rt.intersection.batch import Finished, rows_of
+from hybrid_rt.intersection.pool import Pool
 from hybrid_rt.kernels.coarse import guess_cells
 from hybrid_rt.kernels.nearest import Nearest, Rays
 from hybrid_rt.kernels.patch_cells import FAN, RECORD, ROW_U, ROW_V, fill_cells, fill_quarters
@@ -47,10 +48,15 @@ class PatchKind:
     Parameters
     ----------
     surfaces : sequence of (object id, BezierPatches)
-    search : whether `trace` is needed: cells and a tree; else only `refine` and `finish` work
+    pool : Pool
+        Shares the work of building.
+    finest : int
+        Cells per side of a patch at most. 0: no cells and no tree, only `refine` and `finish` work.
     """
 
-    def __init__(self, surfaces: Sequence[tuple[int, BezierPatches]], search: bool = True) -> None:
+    def __init__(
+        self, surfaces: Sequence[tuple[int, BezierPatches]], pool: Pool, finest: int = FINEST
+    ) -> None:
         nets = [net for _, surface in surfaces for net in surface.patches]
         points = np.concatenate([net.reshape(-1, 3) for net in nets])
         degree = np.array([(net.shape[0] - 1, net.shape[1] - 1) for net in nets], np.int64)
@@ -80,32 +86,44 @@ class PatchKind:
             open_edges=_open_edges(nets, SAME_EDGE / to_frame),
             object_id=object_id,
             patch_id=patch_id,
-            **_cells(control, start, degree, centre, FINEST if search else COARSEST),
+            **_cells(control, start, degree, centre, max(finest, COARSEST), pool),
         )
         self._first_patch = np.full(int(object_id.max()) + 1, -1, np.int64)
         for i, count in zip((i for i, _ in surfaces), np.cumsum([0, *counts[:-1]]), strict=True):
             self._first_patch[i] = count
-        if search:
-            self._build_search()
+        if finest:
+            self._build_search(pool)
 
-    def _build_search(self) -> None:
+    def _build_search(self, pool: Pool) -> None:
         """Fill the cells in the order of a tree over them, and their quarters."""
         t = self.table
         n = len(t.place)
         record, boxes, cell_patch = np.empty((n, RECORD)), np.empty((n, 6)), np.empty(n, np.uint32)
-        fill_cells(
-            t.control, t.start, t.degree, t.centre, t.grid, t.first_cell, 0, len(t.start),
-            record, boxes, cell_patch,
-        )  # fmt: skip
+        _fill(
+            t.control,
+            t.start,
+            t.degree,
+            t.centre,
+            t.grid,
+            t.first_cell,
+            record,
+            boxes,
+            cell_patch,
+            pool,
+        )
         self.tree = Tree(*build_tree(boxes[:, :3].copy(), boxes[:, 3:].copy(), 1))
         order = self.tree.order
         t.record[:n], t.cell_patch[:n] = record[order], cell_patch[order]
         t.place[order] = np.arange(n, dtype=np.int32)
         if len(t.record) > n:
-            fill_quarters(
-                t.control, t.start, t.degree, t.centre, t.record[:n], t.cell_patch[:n],
-                t.record[n:], t.cell_patch[n:],
-            )  # fmt: skip
+
+            def quarter(begin: int, end: int) -> None:
+                fill_quarters(
+                    t.control, t.start, t.degree, t.centre, t.record[:n], t.cell_patch[:n],
+                    begin, end, t.record[n:], t.cell_patch[n:],
+                )  # fmt: skip
+
+            pool.run(quarter, n)
 
     def trace(
         self, rays: Rays, guess: IntArray | None, best: Nearest, any_hit: bool, work: FloatArray
@@ -188,6 +206,7 @@ def _cells(
     degree: NDArray[np.int64],
     centre: FloatArray,
     finest: int,
+    pool: Pool,
 ) -> dict[str, NDArray[np.generic]]:
     """Choose each patch's grid: from one cell up, halved while its normals spread widely."""
     k = len(start)
@@ -204,7 +223,7 @@ def _cells(
             break
         record, boxes = np.empty((n, RECORD)), np.empty((n, 6))
         cell_patch = np.empty(n, np.uint32)
-        fill_cells(control, start, degree, centre, grid, first, 0, k, record, boxes, cell_patch)
+        _fill(control, start, degree, centre, grid, first, record, boxes, cell_patch, pool)
         worst = np.maximum.reduceat(_spread(record), first)
         wide = np.flatnonzero(worst > WIDE_SPREAD)
         side *= 2
@@ -214,35 +233,75 @@ def _cells(
         "grid": grid,
         "first_cell": first,
         "place": np.empty(n, np.int32),
-        "record": np.empty((n + n_quarters, RECORD)),
+        "record": _aligned(n + n_quarters),
         "cell_patch": np.empty(n + n_quarters, np.uint32),
     }
+
+
+def _fill(
+    control: FloatArray,
+    start: NDArray[np.int64],
+    degree: NDArray[np.int64],
+    centre: FloatArray,
+    grid: NDArray[np.int64],
+    first: NDArray[np.int64],
+    record: FloatArray,
+    boxes: FloatArray,
+    cell_patch: NDArray[np.uint32],
+    pool: Pool,
+) -> None:
+    def work(begin: int, end: int) -> None:
+        fill_cells(
+            control, start, degree, centre, grid, first, begin, end, record, boxes, cell_patch
+        )
+
+    pool.run(work, len(start))
+
+
+def _aligned(n: int) -> FloatArray:
+    """Return n records, each on lines of the cache of its own."""
+    room = np.empty(n * RECORD + 7)
+    first = -(room.ctypes.data // 8) % 8
+    return room[first : first + n * RECORD].reshape(n, RECORD)
 
 
 def _spread(record: FloatArray) -> FloatArray:
     """Square of how far the normals of each cell spread; inf where nothing is known."""
     width_u = record[:, FAN] ** 2 * (record[:, ROW_U : ROW_U + 3] ** 2).sum(axis=1)
     width_v = record[:, FAN + 1] ** 2 * (record[:, ROW_V : ROW_V + 3] ** 2).sum(axis=1)
-    return np.where(record[:, FAN + 2] < np.inf, width_u + width_v, np.inf)
+    return np.asarray(width_u + width_v)
 
 
 def _open_edges(nets: Sequence[FloatArray], rounding: float) -> NDArray[np.int64]:
     """Bits of the borders (u = 0, u = 1, v = 0, v = 1) beyond which no patch goes on."""
-    seen: dict[bytes, list[tuple[int, int]]] = {}
-    is_open = np.full(len(nets), 15, np.int64)
+    is_open = np.zeros((len(nets), 4), np.bool_)
+    by_shape: dict[tuple[int, ...], list[int]] = {}
     for k, net in enumerate(nets):
-        for bit, edge in enumerate((net[0], net[-1], net[:, 0], net[:, -1])):
-            if np.abs(edge - edge[0]).max() <= rounding:  # a point: the patch closes round it
-                is_open[k] &= ~(1 << bit)
-                continue
-            rounded = np.round(edge / rounding) + 0.0
-            key = min(rounded.tobytes(), np.ascontiguousarray(rounded[::-1]).tobytes())
-            seen.setdefault(key, []).append((k, bit))
-    for owners in seen.values():
-        if len(owners) > 1:
-            for k, bit in owners:
-                is_open[k] &= ~(1 << bit)
-    return is_open
+        by_shape.setdefault(net.shape, []).append(k)
+    edges: dict[int, list[tuple[NDArray[np.int64], int, FloatArray]]] = {}
+    for members in by_shape.values():
+        rows = np.array(members)
+        net = np.stack([nets[k] for k in members])
+        for bit, edge in enumerate((net[:, 0], net[:, -1], net[:, :, 0], net[:, :, -1])):
+            edges.setdefault(edge.shape[1], []).append((rows, bit, edge))
+    for group in edges.values():
+        patch = np.concatenate([rows for rows, _, _ in group])
+        side = np.concatenate([np.full(len(rows), bit) for rows, bit, _ in group])
+        edge = np.concatenate([edge for _, _, edge in group])
+        # An edge that is a point closes the patch round it.
+        wide = np.abs(edge - edge[:, :1]).max(axis=(1, 2)) > rounding
+        patch, side = patch[wide], side[wide]
+        # The same edge drawn from its other end is the same edge; -0 is 0.
+        here = np.round(edge[wide] / rounding) + 0.0
+        there = np.ascontiguousarray(here[:, ::-1])
+        here, there = here.reshape(len(here), -1), there.reshape(len(there), -1)
+        first = (here != there).argmax(axis=1)[:, None]
+        turned = np.take_along_axis(here, first, 1) > np.take_along_axis(there, first, 1)
+        keys = np.where(turned, there, here)
+        whole = np.ascontiguousarray(keys).view(np.dtype((np.void, keys.itemsize * keys.shape[1])))
+        _, same, count = np.unique(whole.ravel(), return_inverse=True, return_counts=True)
+        is_open[patch, side] = count[same] == 1
+    return np.asarray(is_open @ np.array([1, 2, 4, 8]))
 
 
 def _new_basis(table: PatchTable) -> FloatArray | None:

@@ -25,8 +25,8 @@ ROW_U, ROW_V, ROW_N = 3, 6, 9  # 3 each: dual basis of half the mean tangents an
 BOX = 12  # 6: lower, upper along u, v, n
 MIDDLE = 18  # 2: parameters of the middle
 HALF = 20  # 2: half the sides in parameters
-FAN = 22  # 3: at most one root if |d_n| > fan_u |d_u| + fan_v |d_v| + slack, d in the same basis
-RECORD = 25
+FAN = 22  # 2: at most one root if |d_n| > fan_u |d_u| + fan_v |d_v| + `FAN_SLACK`, same basis
+RECORD = 24  # 192 bytes: three lines of the cache
 
 # Rays that pass beside a cell mostly meet its continuation within this part of its side.
 GROWTH = 0.15
@@ -37,8 +37,10 @@ THIN = 1e-6
 SHORT = 1e-4
 # Differences of a restricted net are right to 1e-14 of the longest, hence directions to 1e-10.
 FAN_MARGIN = 1e-9
-# Rounding of d in the skew basis, |d| < 2: 2**-52 of |row| * |d|, twice.
-FAN_SLACK = 2.0**-50
+# A fan this wide in multiples of the tangents proves next to nothing.
+WIDEST = 256.0
+# Rounding of d in the skew basis, |d| < 2: 2**-52 of |row| * |d|, twice, in all three terms.
+FAN_SLACK = 2.0**-50 * (1.0 + 2.0 * WIDEST)
 # Beyond this many pairs of differences their box is taken instead of all pairs.
 MOST_PAIRS = 1200
 
@@ -192,13 +194,11 @@ def fill_cell(control, start, degree_u, degree_v, cx, cy, cz, u0, u1, v0, v1, sc
             )
         else:
             fan_u, fan_v = _fan_by_box(grown, degree_u, degree_v, record, scratch[2, 0, :2])
-    record[FAN], record[FAN + 1], record[FAN + 2] = 0.0, 0.0, np.inf
-    if fan_u < np.inf:
-        row_u = np.sqrt(record[ROW_U] ** 2 + record[ROW_U + 1] ** 2 + record[ROW_U + 2] ** 2)
-        row_v = np.sqrt(record[ROW_V] ** 2 + record[ROW_V + 1] ** 2 + record[ROW_V + 2] ** 2)
-        record[FAN] = fan_u + FAN_MARGIN * lp
-        record[FAN + 1] = fan_v + FAN_MARGIN * lq
-        record[FAN + 2] = FAN_SLACK * (1.0 + record[FAN] * row_u + record[FAN + 1] * row_v)
+    row_u = np.sqrt(record[ROW_U] ** 2 + record[ROW_U + 1] ** 2 + record[ROW_U + 2] ** 2)
+    row_v = np.sqrt(record[ROW_V] ** 2 + record[ROW_V + 1] ** 2 + record[ROW_V + 2] ** 2)
+    if not max(fan_u * row_u, fan_v * row_v) < WIDEST:
+        fan_u = fan_v = np.inf
+    record[FAN], record[FAN + 1] = fan_u + FAN_MARGIN * lp, fan_v + FAN_MARGIN * lq
     for c in range(3):
         centre = cx if c == 0 else (cy if c == 1 else cz)
         box[c] += centre
@@ -234,14 +234,19 @@ def fill_cells(
 
 
 @kernel
-def fill_quarters(control, start, degree, centre, record, cell_patch, quarter, quarter_patch):
-    """Fill the four quarters of each cell: ``quarter`` (4 n, `RECORD`), ``quarter_patch`` (4 n,)."""
+def fill_quarters(
+    control, start, degree, centre, record, cell_patch, begin, end, quarter, quarter_patch
+):
+    """Fill the four quarters of cells ``begin .. end``.
+
+    ``quarter`` (4 n, `RECORD`) and ``quarter_patch`` (4 n,) hold those of cell k from 4 k on.
+    """
     widest = 2
     for k in range(degree.shape[0]):
         widest = max(widest, degree[k, 0] + 1, degree[k, 1] + 1)
     scratch = np.empty((3, widest, widest, 3))
     box = np.empty(6)
-    for cell in range(record.shape[0]):
+    for cell in range(begin, end):
         k = cell_patch[cell]
         um, vm = record[cell, MIDDLE], record[cell, MIDDLE + 1]
         hu, hv = record[cell, HALF], record[cell, HALF + 1]

@@ -29,6 +29,7 @@ from hybrid_rt.kernels.patch_cells import (
     BOX,
     CENTRE,
     FAN,
+    FAN_SLACK,
     GROWTH,
     HALF,
     MIDDLE,
@@ -134,7 +135,7 @@ def solve_cell(
         t0, t1 = max(t0, a), min(t1, b)
     if t0 > t1 or t1 < t_lo or t0 > t_cut:
         return SETTLED, np.inf, 0, 0
-    if not abs(dn) > r[FAN] * abs(du) + r[FAN + 1] * abs(dv) + r[FAN + 2]:
+    if not abs(dn) > r[FAN] * abs(du) + r[FAN + 1] * abs(dv) + FAN_SLACK:
         return (TO_QUARTERS if quartered else DOUBTFUL), np.inf, 1, 0
     # --- at most one root: Newton from the middle of the box along the normal
     patch = cell_patch[cell]
