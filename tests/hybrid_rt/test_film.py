@@ -86,18 +86,60 @@ def test_impossible_outputs_are_refused(tmp_path):
 
 
 def test_film_is_the_mean_and_its_noise_the_standard_error():
-    passes = np.random.default_rng(5).uniform(size=(6, 4, 3, 3))
+    passes = np.random.default_rng(5).uniform(size=(4, 4, 3, 3))
     sheet = Film(4, 3)
     for radiance in passes:
         sheet.add(radiance)
     np.testing.assert_allclose(sheet.image, passes.mean(axis=0), rtol=1e-6)
     noise = sheet.noise()
-    per_pixel = passes.var(axis=0, ddof=1) / 6
+    per_pixel = passes.var(axis=0, ddof=1) / 4
     assert noise["root_mean_square_standard_error_of_pixels"] == pytest.approx(
         np.sqrt(per_pixel.mean())
     )
     means = passes.mean(axis=(1, 2, 3))
-    assert noise["standard_error_of_image_mean"] == pytest.approx(means.std(ddof=1) / np.sqrt(6))
+    assert noise["standard_error_of_image_mean"] == pytest.approx(means.std(ddof=1) / 2)
+
+
+def test_errors_come_from_the_differences_between_groups():
+    """Passes that cancel within each group leave the groups' means alone."""
+    rng = np.random.default_rng(6)
+    level, wobble = rng.uniform(1, 2, (4, 3, 2, 3)), rng.normal(size=(4, 3, 2, 3))
+    sheet = Film(3, 2)
+    for n in range(32):
+        sheet.add(level[n % 4] + (-1.0) ** (n // 4) * wobble[n % 4])
+    expected = level.std(axis=0, ddof=1) / 2
+    np.testing.assert_allclose(sheet.standard_error, expected)
+    noise = sheet.noise()
+    means = level.mean(axis=(1, 2, 3))
+    assert noise["standard_error_of_image_mean"] == pytest.approx(means.std(ddof=1) / 2)
+    assert (noise["groups"], noise["interval_factor"]) == (4, 3.182)
+    mean = level.mean(axis=0)
+    relative = np.sqrt((expected**2 / (mean**2 + 0.01)).mean())
+    assert noise["relative_rmse"] == pytest.approx(relative)
+
+
+def test_intervals_use_students_t():
+    from scipy.stats import t
+
+    for n in range(2, 5):
+        sheet = Film(1, 1)
+        for value in range(n):
+            sheet.add(np.full((1, 1, 3), float(value)))
+        assert sheet.noise()["interval_factor"] == pytest.approx(t.ppf(0.975, n - 1), abs=6e-4)
+
+
+@pytest.mark.statistical
+def test_unequal_groups_are_weighed_by_their_passes():
+    """Squares of the reported errors have the variance of the mean as their mean (within 3 %).
+
+    Independent normal passes, 2e5 pixels; each square has 3 degrees of freedom, so their mean is
+    known to 0.1 %.
+    """
+    rng = np.random.default_rng(8)
+    sheet = Film(400, 500)
+    for _ in range(21):
+        sheet.add(rng.normal(size=(400, 500, 3)))
+    assert np.square(sheet.standard_error).mean() == pytest.approx(1 / 21, rel=0.03)
 
 
 def test_one_pass_tells_nothing_of_noise():
