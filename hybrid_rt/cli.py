@@ -22,6 +22,7 @@ examples:
   hybrid-rt demo                                   the teapot, in some seconds, as demo.png
   hybrid-rt render scenes/vase.py                  the scene of a script, as vase.png
   hybrid-rt render scenes/vase.py --passes 64      less noise
+  hybrid-rt render scenes/vase.py --target-error 0.02 --time-budget 60    until 2 %, at most 60 s
   hybrid-rt render scenes/vase.py --time-budget 30 --width 1280 --out big.png --out big.npz
   hybrid-rt render scenes/vase.py --explain        what the scene needed, and what was left out
 
@@ -88,6 +89,12 @@ def _add_render_options(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--passes", type=int, metavar="N", help="samples per pixel (default 16)")
     parser.add_argument("--time-budget", type=float, metavar="S", help="stop after S seconds")
+    parser.add_argument(
+        "--target-error",
+        type=float,
+        metavar="E",
+        help="stop at this estimated relative error of the picture (0.01: one per cent)",
+    )
     parser.add_argument("--seed", type=int, default=0, metavar="S")
     parser.add_argument("--threads", type=int, metavar="N", help="default: all cores")
     parser.add_argument(
@@ -152,6 +159,7 @@ def _render(scene: Scene, name: str, options: argparse.Namespace) -> None:
             integrator=options.integrator,
             passes=options.passes,
             time_budget=options.time_budget,
+            target_error=options.target_error,
             seed=options.seed,
             threads=options.threads,
             accuracy=options.accuracy,
@@ -166,6 +174,7 @@ def _render(scene: Scene, name: str, options: argparse.Namespace) -> None:
     for path in outputs:
         result.save(path, options.exposure)
         _say(f"{path}  ({_summary(result.report)})")
+    _say_numbers(result.report)
 
 
 def _run_demo(options: argparse.Namespace) -> None:
@@ -182,6 +191,7 @@ def _run_demo(options: argparse.Namespace) -> None:
     result.report["exact_against_mesh"] = comparison
     result.save(options.out)
     _say(f"{options.out}  ({_summary(result.report)})")
+    _say_numbers(result.report)
     _say(in_words(comparison))
     _say(f"Next: hybrid-rt render {demo.__file__} --passes 64 --width 1280 --explain")
 
@@ -219,6 +229,12 @@ def _summary(report: dict[str, Any]) -> str:
     compiling = report["kernel_compilation_seconds"]
     text = f"{report['passes']} passes, {seconds['total']:.1f} s"
     return text + (f" and {compiling:.1f} s compiling kernels" if compiling >= 0.1 else "")
+
+
+def _say_numbers(report: dict[str, Any]) -> None:
+    from hybrid_rt.numbers import in_words
+
+    _say(in_words(report))
 
 
 def _say(text: str) -> None:
