@@ -17,6 +17,8 @@ from numpy.typing import ArrayLike, NDArray
 from hybrid_rt.measures import DARK
 from hybrid_rt.records import FloatArray
 
+UIntArray = NDArray[np.uint64]
+
 # IEC 61966-2-1: a straight piece near black, then a power. The limits are the standard's.
 _LINEAR_LIMIT, _SRGB_LIMIT, _SLOPE, _OFFSET, _POWER = 0.0031308, 0.04045, 12.92, 0.055, 2.4
 
@@ -34,15 +36,25 @@ def srgb_to_linear(encoded: ArrayLike) -> FloatArray:
     return np.where(x <= _SRGB_LIMIT, x / _SLOPE, ((x + _OFFSET) / (1.0 + _OFFSET)) ** _POWER)
 
 
-# Passes are dealt out to so many groups in turn, pass n to group n mod GROUPS, and each group has
-# random numbers of its own. Errors come from the differences between groups, so they are honest
-# however evenly the passes within one group fill their domain. More groups would know their error
-# better and make it larger; see docs/error_vs_time.md for what four cost.
-GROUPS = 4
+# Passes are dealt out to groups, a run of RUN passes to each in turn, and every group has random
+# numbers of its own. So errors taken from the differences between groups are honest, however evenly
+# the passes within a group fill their domain; a run is a complete net, so few passes are as good as
+# they can be. More groups would know their error better and make it larger: docs/error_vs_time.md
+# says what four cost.
+GROUPS, RUN = 4, 4
 
-# Half the width of a 95 % interval in standard errors, for means of k = 2 .. GROUPS groups:
-# Student's t with k - 1 degrees of freedom.
-_STUDENT = {2: 12.706, 3: 4.303, 4: 3.182}
+# Half the width of a 95 % interval in standard errors: Student's t by degrees of freedom.
+_STUDENT = (
+    12.706, 4.303, 3.182, 2.776, 2.571, 2.447, 2.365, 2.306, 2.262, 2.228, 2.201, 2.179, 2.160,
+    2.145,
+)  # fmt: skip
+
+
+def group_of(pass_number: UIntArray) -> tuple[UIntArray, UIntArray]:
+    """Return the group of each pass, and the pass's number in it."""
+    run, place = np.divmod(pass_number, np.uint64(RUN))
+    turn, group = np.divmod(run, np.uint64(GROUPS))
+    return group, turn * np.uint64(RUN) + place
 
 
 class Film:
@@ -56,16 +68,25 @@ class Film:
     def __init__(self, height: int, width: int) -> None:
         self.n_passes = 0
         self._sums = np.zeros((GROUPS, height, width, 3))
+        self._counts = np.zeros(GROUPS, dtype=np.int64)
+        self._means = np.zeros(GROUPS)  # of whole pictures, summed like the pictures
+        # Until every group holds a run, passes count as independent of each other.
+        self._first_means: list[float] = []
+        self._squares: FloatArray | None = np.zeros((height, width, 3))
 
     def add(self, radiance: FloatArray) -> None:
         """Add one pass (height, width, 3); passes come in the order of their numbers."""
-        self._sums[self.n_passes % GROUPS] += radiance
+        group = self.n_passes // RUN % GROUPS
+        mean = float(radiance.mean())
+        self._sums[group] += radiance
+        self._means[group] += mean
+        self._counts[group] += 1
         self.n_passes += 1
-
-    @property
-    def n_groups(self) -> int:
-        """Number of groups that hold at least one pass."""
-        return min(self.n_passes, GROUPS)
+        if self.n_passes >= GROUPS * RUN:
+            self._squares = None
+        elif self._squares is not None:
+            self._squares += radiance * radiance
+            self._first_means.append(mean)
 
     @property
     def image(self) -> NDArray[np.float32]:
@@ -74,19 +95,22 @@ class Film:
 
     @property
     def standard_error(self) -> FloatArray:
-        """(height, width, 3) float64: of each pixel, from the differences between groups.
+        """(height, width, 3) float64: of each pixel; a single pass tells nothing: nan.
 
-        A 95 % interval reaches ``noise()["interval_factor"]`` standard errors to either side. A
-        single pass tells nothing: nan.
+        From 16 passes on it comes from the differences between groups. Before, passes count as
+        independent; they are better than that, so the figures err on the safe side. A 95 %
+        interval reaches ``noise()["interval_factor"]`` standard errors to either side.
         """
-        if self.n_passes < 2:
+        n = self.n_passes
+        if n < 2:
             return np.full(self._sums.shape[1:], np.nan)
         mean = self._mean()
-        squares = np.zeros_like(mean)
-        for sum_of_group, n_in_group in self._groups():
-            squares += (sum_of_group - n_in_group * mean) ** 2
-        k = self.n_groups
-        error: FloatArray = np.sqrt(k / (k - 1.0) * squares) / self.n_passes
+        if self._squares is not None:
+            # Rounding can leave a variance of -1e-17 where all passes agree.
+            variance = np.maximum(self._squares / n - mean * mean, 0.0) / (n - 1)
+        else:
+            variance = self._variance(self._sums, mean)
+        error: FloatArray = np.sqrt(variance)
         return error
 
     def relative_error(self) -> float:
@@ -98,24 +122,25 @@ class Film:
         """
         return math.sqrt(float((self.standard_error**2 / (self._mean() ** 2 + DARK)).mean()))
 
-    def noise(self) -> dict[str, float] | None:
+    def noise(self) -> dict[str, Any] | None:
         """Return estimates of the standard error, or None where a single pass tells nothing.
 
-        See `standard_error` and `relative_error`.
+        See `standard_error` and `relative_error`; ``errs_on_the_safe_side`` before 16 passes.
         """
-        n, k = self.n_passes, self.n_groups
+        n = self.n_passes
         if n < 2:
             return None
-        mean = float(self._mean().mean())
-        squares = sum(
-            (float(sum_of_group.mean()) - n_in_group * mean) ** 2
-            for sum_of_group, n_in_group in self._groups()
-        )
+        is_early = self._squares is not None
+        mean = float(self._means.sum()) / n
+        if is_early:
+            of_mean = float(np.std(self._first_means, ddof=1)) / math.sqrt(n)
+        else:
+            of_mean = math.sqrt(float(self._variance(self._means, mean)))
         return {
-            "groups": k,
-            "interval_factor": _STUDENT[k],
+            "errs_on_the_safe_side": is_early,
+            "interval_factor": _STUDENT[(n if is_early else GROUPS) - 2],
             "image_mean": mean,
-            "standard_error_of_image_mean": math.sqrt(k / (k - 1.0) * squares) / n,
+            "standard_error_of_image_mean": of_mean,
             "root_mean_square_standard_error_of_pixels": math.sqrt(
                 float(np.square(self.standard_error).mean())
             ),
@@ -123,14 +148,20 @@ class Film:
         }
 
     def _mean(self) -> FloatArray:
-        mean: FloatArray = self._sums[: self.n_groups].sum(axis=0) / self.n_passes
+        mean: FloatArray = self._sums.sum(axis=0) / self.n_passes
         return mean
 
-    def _groups(self) -> Iterator[tuple[FloatArray, int]]:
-        """Yield the sum of each group and how many passes it holds."""
-        each, more = divmod(self.n_passes, GROUPS)
-        for group in range(self.n_groups):
-            yield self._sums[group], each + (group < more)
+    def _variance(self, sums: FloatArray, mean: FloatArray | float) -> FloatArray:
+        """Return the variance of the mean, from sums over groups (GROUPS, ...).
+
+        Of independent passes the squares below have n - sum(n_g^2) / n times the variance of one
+        as their mean: unbiased also where groups differ in size.
+        """
+        squares = np.zeros(sums.shape[1:])
+        for sum_of_group, count in zip(sums, self._counts, strict=True):
+            squares += (sum_of_group - count * mean) ** 2
+        variance: FloatArray = squares / float(self.n_passes**2 - np.square(self._counts).sum())
+        return variance
 
 
 Channels = Mapping[str, NDArray[np.float32]]

@@ -6,7 +6,7 @@ import math
 import time
 
 from hybrid_rt import checks
-from hybrid_rt.film import GROUPS
+from hybrid_rt.film import RUN
 from hybrid_rt.progress import CompileWatch
 
 DEFAULT_PASSES = 16
@@ -92,16 +92,16 @@ class Limit:
         """Return after how many passes the error is to be estimated next.
 
         It hangs on the errors so far and on nothing else, so a render to a target error ends with
-        the same pass on every machine. All groups are then equally full. The error falls with the
+        the same pass on every machine. The last run is then complete. The error falls with the
         root of the passes or faster: half the way in logarithms cannot go far beyond the target.
         """
         n = self._n_of_error
         if n == 0:
-            return 2 if self.target_error is None else GROUPS
+            return 2 if self.target_error is None else RUN
         share = 2.0
         if self.target_error is not None:
             share = min(self._error / self.target_error, share)
-        return max(int(n * share) // GROUPS * GROUPS, n + GROUPS)
+        return max(int(n * share) // RUN * RUN, n + RUN)
 
     def note_error(self, n_done: int, error: float) -> None:
         """Hear the estimate of the picture's relative error after ``n_done`` passes."""

@@ -21,9 +21,10 @@ def _noise(report: dict[str, Any]) -> str:
     noise = report["noise"]
     if noise is None:
         return "  noise     unknown after a single pass"
+    at_most = "at most about " if noise["errs_on_the_safe_side"] else ""
     half = noise["interval_factor"] * noise["standard_error_of_image_mean"]
     return (
-        f"  noise     {100.0 * noise['relative_rmse']:.2g} % of the picture (relative RMSE, "
+        f"  noise     {at_most}{100.0 * noise['relative_rmse']:.2g} % of the picture (relative RMSE, "
         f"estimated); image mean {noise['image_mean']:.6g} +- {half:.1g} (95 %)"
     )
 

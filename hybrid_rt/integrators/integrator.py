@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from hybrid_rt.film import GROUPS
+from hybrid_rt.film import group_of
 from hybrid_rt.intersection import Intersector
 from hybrid_rt.intersection.pool import Pool
 from hybrid_rt.plan import Plan
@@ -51,7 +51,7 @@ class CameraBlock:
     ----------
     pixel, sample : (n,) uint64
         Names of their random numbers: the pixel's number in a stack of one picture per group of
-        passes, and the pass's number in its group (see `hybrid_rt.film.GROUPS`).
+        passes, and the pass's number in its group (see `hybrid_rt.film.group_of`).
     origins, directions : (n, 3) float64
     """
 
@@ -86,7 +86,7 @@ class Integrator(ABC):
             sample += np.uint64(passes.start)
             row, column = np.divmod(pixel.astype(np.int64), camera.width)
             # Groups of passes are pictures on their own, with independent random numbers.
-            sample, group = np.divmod(sample, np.uint64(GROUPS))
+            group, sample = group_of(sample)
             pixel += group << PIXEL_BITS
             place = sampler.points(pixel, PIXEL_DIMENSION, sample)
             lens = None
