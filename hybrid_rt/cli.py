@@ -25,6 +25,7 @@ examples:
   hybrid-rt render scenes/vase.py --target-error 0.02 --time-budget 60    until 2 %, at most 60 s
   hybrid-rt render scenes/vase.py --time-budget 30 --width 1280 --out big.png --out big.npz
   hybrid-rt render scenes/vase.py --explain        what the scene needed, and what was left out
+  hybrid-rt compare a.npz b.npz --reference c.npz  errors of both, and a map of them
 
 Scene scripts are Python programs and are executed: run only those that you trust.
 """
@@ -80,6 +81,14 @@ def _parser() -> argparse.ArgumentParser:
     render.add_argument("scene", metavar="SCENE.py")
     _add_render_options(render)
     render.set_defaults(run=_run_render)
+
+    compare = commands.add_parser("compare", help="say how far apart pictures are, and draw where")
+    compare.add_argument("a", metavar="A", help=".npz or .exr; .png is 8 bit and clipped")
+    compare.add_argument("b", metavar="B", help="what A is compared with, unless there is R")
+    compare.add_argument("--reference", metavar="R", help="compare A and B with this instead")
+    compare.add_argument("--out", type=Path, default=Path("compare.png"), metavar="FILE.png")
+    compare.add_argument("--exposure", type=float, default=0.0, metavar="E", help="stops shown")
+    compare.set_defaults(run=_run_compare)
     return parser
 
 
@@ -175,6 +184,23 @@ def _render(scene: Scene, name: str, options: argparse.Namespace) -> None:
         result.save(path, options.exposure)
         _say(f"{path}  ({_summary(result.report)})")
     _say_numbers(result.report)
+
+
+def _run_compare(options: argparse.Namespace) -> None:
+    import imageio.v3 as imageio
+
+    from hybrid_rt.comparison import compare_pictures, comparison_sheet, in_words, load_picture
+    from hybrid_rt.film import check_output
+
+    out = check_output(options.out)
+    if out.suffix.lower() != ".png":
+        raise ValueError(f"output {str(out)!r}: the map of errors is a .png")
+    one, other = load_picture(options.a), load_picture(options.b)
+    reference = None if options.reference is None else load_picture(options.reference)
+    comparison = compare_pictures(one, other, reference)
+    imageio.imwrite(out, comparison_sheet(one, other, reference, options.exposure))
+    _say(in_words(comparison))
+    _say(f"{out}  (pictures and maps of their errors)")
 
 
 def _run_demo(options: argparse.Namespace) -> None:
