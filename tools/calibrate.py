@@ -37,7 +37,8 @@ def main() -> int:
     rows = [
         _cover(name, integrator, passes, args.seeds)
         for integrator in args.integrator or ["path"]
-        for name in PICTURES
+        for name, make in PICTURES.items()
+        if integrator != "whitted" or not make().has_bounces
         for passes in args.passes
     ]
     rows += [
@@ -74,16 +75,17 @@ def _bind(name: str, n_hits: int, threads: int | None) -> dict[str, Any]:
             break
     looseness = np.concatenate([part.looseness for part in parts])
     hits, exceeded = len(looseness), sum(part.exceeded for part in parts)
+    wrong = sum(part.wrong for part in parts)
     worst, median = max(part.worst for part in parts), float(np.median(looseness))
-    honest = exceeded == 0 and median < LOOSE
+    honest = exceeded == 0 and wrong == 0 and median < LOOSE
     print(
-        f"{name:20} {hits:7d} hits: t_bound exceeded {exceeded} times (largest error {worst:.2f} of "
-        f"it); t_bound / (eps scale / |cos|): median {median:.1f}, 99 % below "
+        f"{name:20} {hits:7d} hits, {wrong} wrong; t_bound exceeded {exceeded} times (largest error "
+        f"{worst:.2f} of it); t_bound / (eps scale / |cos|): median {median:.1f}, 99 % below "
         f"{np.quantile(looseness, 0.99):.1f}{'' if honest else '   BROKEN OR LOOSE'}",
         flush=True,
     )
     return {
-        "scene": name, "hits": hits, "exceeded": exceeded, "worst": worst,
+        "scene": name, "hits": hits, "wrong": wrong, "exceeded": exceeded, "worst": worst,
         "looseness_median": median, "looseness_99": float(np.quantile(looseness, 0.99)),
         "honest": honest,
     }  # fmt: skip

@@ -41,6 +41,7 @@ def test_bounds_hold_and_are_not_loose():
     parts = list(bounds(SCENES["mixed"](), 20_000, seed=5))
     hits = sum(part.hits for part in parts)
     assert hits > 8000
+    assert sum(part.wrong for part in parts) == 0
     assert sum(part.exceeded for part in parts) == 0
     assert max(part.worst for part in parts) <= 1.0
     assert np.median(np.concatenate([part.looseness for part in parts])) < 64.0
