@@ -208,7 +208,7 @@ def _draw(file: Path, name: str, data: dict[str, Any]) -> None:
 
     parts = [part for part in ("picture", "hits") if part in data]
     figure, all_axes = plt.subplots(
-        1, len(parts), figsize=(7.5 * len(parts), 5), layout="constrained", squeeze=False
+        1, len(parts), figsize=(8.5 * len(parts), 5), layout="constrained", squeeze=False
     )
     for axes, part in zip(all_axes[0], parts, strict=True):
         least = error_page.RULE_OF_THREE / data["hits"]["judged"] if part == "hits" else 1e-12
@@ -243,7 +243,7 @@ def _draw(file: Path, name: str, data: dict[str, Any]) -> None:
         axes.set_ylabel(
             "relative RMSE" if part == "picture" else f"wrong first hits (at least {least:.0e})"
         )
-        axes.legend(fontsize=7)
+        axes.legend(fontsize=7, loc="upper left", bbox_to_anchor=(1.0, 1.0))
         axes.set_title(name, fontsize=9)
     figure.savefig(file, dpi=110)
     plt.close(figure)
