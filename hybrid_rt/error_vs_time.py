@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from hybrid_rt import checks
 from hybrid_rt.comparison import Picture
 from hybrid_rt.integrators import INTEGRATORS
 from hybrid_rt.integrators.options import PathOptions
@@ -208,7 +209,26 @@ def study_picture(
     threads : int, optional
     say : callable, optional
         Hears what is being done.
+
+    Raises
+    ------
+    ValueError, TypeError
+        If passes are not increasing, or a setting is out of range.
     """
+    for n in passes:
+        checks.whole(n, "passes", at_least=1)
+    if list(passes) != sorted(set(passes)) or not passes:
+        raise ValueError(f"passes are {list(passes)}: give one or more, each more than the last")
+    checks.whole(runs, "runs", at_least=1)
+    if reference is not None and reference.image.shape[:2] != (
+        scene.camera.height,
+        scene.camera.width,
+    ):
+        raise ValueError(
+            f"reference {reference.name} has {reference.image.shape[1]} x "
+            f"{reference.image.shape[0]} pixels, the camera {scene.camera.width} x "
+            f"{scene.camera.height}: render one of that size"
+        )
     chosen = default_methods(scene) if methods is None else list(methods)
     camera = scene.camera
     small = scene.with_camera(camera.resized(16, 12))

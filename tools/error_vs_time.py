@@ -19,7 +19,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from hybrid_rt import error_page, error_vs_time
+from hybrid_rt import checks, error_page, error_vs_time
 from hybrid_rt.comparison import load_picture
 from hybrid_rt.error_vs_time import Curve, HitStudy, PictureStudy, Point, Spread
 from hybrid_rt.report import versions
@@ -69,6 +69,7 @@ def _parser() -> argparse.ArgumentParser:
 
 
 def _measure(args: argparse.Namespace) -> None:
+    checks.number(args.target, "target", above=0.0)
     # "surface FILE.bpt" and "FILE.bpt" mean the same.
     file = args.file if args.source == "surface" else Path(args.source)
     if file is None:
