@@ -43,6 +43,9 @@ def srgb_to_linear(encoded: ArrayLike) -> FloatArray:
 # says what four cost.
 GROUPS, RUN = 4, 4
 
+# Pixels of which errors are computed at a time: what it takes stays in the processor's cache.
+STRIP = 2**12
+
 # Half the width of a 95 % interval in standard errors: Student's t by degrees of freedom.
 _STUDENT = (
     12.706, 4.303, 3.182, 2.776, 2.571, 2.447, 2.365, 2.306, 2.262, 2.228, 2.201, 2.179, 2.160,
@@ -101,16 +104,11 @@ class Film:
         independent; they are better than that, so the figures err on the safe side. A 95 %
         interval reaches ``noise()["interval_factor"]`` standard errors to either side.
         """
-        n = self.n_passes
-        if n < 2:
+        if self.n_passes < 2:
             return np.full(self._sums.shape[1:], np.nan)
-        mean = self._mean()
-        if self._squares is not None:
-            # Rounding can leave a variance of -1e-17 where all passes agree.
-            variance = np.maximum(self._squares / n - mean * mean, 0.0) / (n - 1)
-        else:
-            variance = self._variance(self._sums, mean)
-        error: FloatArray = np.sqrt(variance)
+        error = np.empty(self._sums.shape[1:])
+        for rows, _, variance in self._strips():
+            error[rows] = np.sqrt(variance)
         return error
 
     def relative_error(self) -> float:
@@ -120,7 +118,7 @@ class Film:
         and x the value: what `hybrid_rt.measures.relative_mse` is expected to be against the limit
         of infinitely many passes.
         """
-        return math.sqrt(float((self.standard_error**2 / (self._mean() ** 2 + DARK)).mean()))
+        return self._root_mean_squares()[1]
 
     def noise(self) -> dict[str, Any] | None:
         """Return estimates of the standard error, or None where a single pass tells nothing.
@@ -136,20 +134,46 @@ class Film:
             of_mean = float(np.std(self._first_means, ddof=1)) / math.sqrt(n)
         else:
             of_mean = math.sqrt(float(self._variance(self._means, mean)))
+        absolute, relative = self._root_mean_squares()
         return {
             "errs_on_the_safe_side": is_early,
             "interval_factor": _STUDENT[(n if is_early else GROUPS) - 2],
             "image_mean": mean,
             "standard_error_of_image_mean": of_mean,
-            "root_mean_square_standard_error_of_pixels": math.sqrt(
-                float(np.square(self.standard_error).mean())
-            ),
-            "relative_rmse": self.relative_error(),
+            "root_mean_square_standard_error_of_pixels": absolute,
+            "relative_rmse": relative,
         }
 
     def _mean(self) -> FloatArray:
         mean: FloatArray = self._sums.sum(axis=0) / self.n_passes
         return mean
+
+    def _root_mean_squares(self) -> tuple[float, float]:
+        """Return those of the pixels' standard errors, absolute and relative; nan after one pass."""
+        if self.n_passes < 2:
+            return math.nan, math.nan
+        absolute, relative = 0.0, 0.0
+        for _, mean, variance in self._strips():
+            absolute += float(variance.sum())
+            relative += float((variance / (mean * mean + DARK)).sum())
+        n = self._sums[0].size
+        return math.sqrt(absolute / n), math.sqrt(relative / n)
+
+    def _strips(self) -> Iterator[tuple[slice, FloatArray, FloatArray]]:
+        """Yield rows, their mean and the variance of that, a strip of the picture at a time."""
+        n = self.n_passes
+        height, width, _ = self._sums.shape[1:]
+        at_once = max(STRIP // width, 1)
+        for first in range(0, height, at_once):
+            rows = slice(first, first + at_once)
+            sums = self._sums[:, rows]
+            mean = sums.sum(axis=0) / n
+            if self._squares is None:
+                yield rows, mean, self._variance(sums, mean)
+            else:
+                # Rounding can leave a variance of -1e-17 where all passes agree.
+                squares = np.maximum(self._squares[rows] / n - mean * mean, 0.0)
+                yield rows, mean, squares / (n - 1)
 
     def _variance(self, sums: FloatArray, mean: FloatArray | float) -> FloatArray:
         """Return the variance of the mean, from sums over groups (GROUPS, ...).

@@ -92,12 +92,13 @@ def log_log(
 
 
 class _Axis:
-    """Whole decades mapped to pixels."""
+    """Logarithms mapped to pixels; ``low`` and ``high`` are logarithms to base 10."""
 
     def __init__(self, values: Sequence[float], begin: float, end: float) -> None:
-        # A little air, so that no mark lies on the frame.
-        self.low = math.floor(math.log10(min(values)) - 0.05)
-        self.high = max(math.ceil(math.log10(max(values)) + 0.05), self.low + 1)
+        logs = [math.log10(value) for value in values]
+        # Some air, so that no mark lies on the frame, and at least a factor of four in all.
+        air = max(0.06 * (max(logs) - min(logs)), 0.3 - 0.5 * (max(logs) - min(logs)), 0.05)
+        self.low, self.high = min(logs) - air, max(logs) + air
         self._begin, self._end = begin, end
 
     def place(self, value: float) -> float:
@@ -105,22 +106,30 @@ class _Axis:
         return self._begin + share * (self._end - self._begin)
 
     @property
-    def decades(self) -> list[int]:
-        step = max((self.high - self.low) // 8, 1)
-        return list(range(self.low, self.high + 1, step))
+    def ticks(self) -> list[float]:
+        """Powers of ten, not more than nine, or 1, 2 and 5 times them over short ranges."""
+        decades = range(math.floor(self.low), math.ceil(self.high) + 1)
+        step = math.ceil((self.high - self.low) / 8.0)
+        factors = (1.0, 2.0, 5.0) if self.high - self.low < 2.0 else (1.0,)
+        values = [f * 10.0**decade for decade in decades if decade % step == 0 for f in factors]
+        return [v for v in values if self.low <= math.log10(v) <= self.high]
 
 
 def _grid(x_axis: _Axis, y_axis: _Axis, x_label: str, y_label: str) -> list[str]:
     right, bottom = WIDTH - RIGHT, HEIGHT - BOTTOM
-    parts = []
-    for decade in x_axis.decades:
-        x = x_axis.place(10.0**decade)
+    frame = (
+        f'<rect x="{LEFT}" y="{TOP}" width="{right - LEFT}" height="{bottom - TOP}" '
+        'fill="none" stroke="#888"/>'
+    )
+    parts = [frame]
+    for value in x_axis.ticks:
+        x = x_axis.place(value)
         parts.append(_segment(x, TOP, x, bottom, "#ddd"))
-        parts.append(_text(x, bottom + 16, _power(decade), "middle"))
-    for decade in y_axis.decades:
-        y = y_axis.place(10.0**decade)
+        parts.append(_text(x, bottom + 16, f"{value:.3g}", "middle"))
+    for value in y_axis.ticks:
+        y = y_axis.place(value)
         parts.append(_segment(LEFT, y, right, y, "#ddd"))
-        parts.append(_text(LEFT - 6, y + 4, _power(decade), "end"))
+        parts.append(_text(LEFT - 6, y + 4, f"{value:.3g}", "end"))
     parts.append(_text(0.5 * (LEFT + right), HEIGHT - 12, x_label, "middle"))
     middle = 0.5 * (TOP + bottom)
     parts.append(
@@ -133,16 +142,16 @@ def _grid(x_axis: _Axis, y_axis: _Axis, x_label: str, y_label: str) -> list[str]
 def _slope(slope: float, x_axis: _Axis, y_axis: _Axis) -> str:
     """Draw y ~ x^slope from the left side, as far as it stays inside."""
     y_begin = 0.5 * (y_axis.low + y_axis.high) + 0.25 * (y_axis.high - y_axis.low)
-    x_end = float(x_axis.high)
+    x_end = x_axis.high
     if slope < 0.0:
         x_end = min(x_end, x_axis.low + (y_begin - y_axis.low) / -slope)
     y_end = y_begin + slope * (x_end - x_axis.low)
     x0, y0 = x_axis.place(10.0**x_axis.low), y_axis.place(10.0**y_begin)
     x1, y1 = x_axis.place(10.0**x_end), y_axis.place(10.0**y_end)
-    return (
-        f'<g class="slope">{_segment(x0, y0, x1, y1, "#aaa", dash="6 4")}'
-        f"{_text(x0 + 6, y0 - 6, f'slope {slope:g}', 'start', '#888')}</g>"
+    label = _text(
+        x0 + 0.8 * (x1 - x0) + 6, y0 + 0.8 * (y1 - y0) - 6, f"slope {slope:g}", "start", "#888"
     )
+    return f'<g class="slope">{_segment(x0, y0, x1, y1, "#aaa", dash="6 4")}{label}</g>'
 
 
 def _curve(line: Line, color: str, number: int, x_axis: _Axis, y_axis: _Axis) -> list[str]:
@@ -162,10 +171,6 @@ def _curve(line: Line, color: str, number: int, x_axis: _Axis, y_axis: _Axis) ->
     parts.append(_segment(WIDTH - RIGHT + 12, y - 4, WIDTH - RIGHT + 34, y - 4, color, width=2))
     parts.append(_text(WIDTH - RIGHT + 40, y, line.name, "start"))
     return parts
-
-
-def _power(decade: int) -> str:
-    return f"{10.0**decade:g}" if -3 <= decade <= 3 else f"1e{decade}"
 
 
 def _segment(
