@@ -45,7 +45,11 @@ def _geometry(report: dict[str, Any]) -> str:
     text += f"; {geometry['tangent']:,} rays decided within rounding"
     wrong = geometry["wrong_first_hits"]
     if wrong is None:
-        return text + f"; {geometry['changed_by_certificate']:,} changed by the certificate"
+        return text + (
+            f"\n            {geometry['certified_rays']:,} rays certified, "
+            f"{geometry['changed_by_certificate']:,} first hits changed by it, "
+            f"{geometry['given_up']:,} given up"
+        )
     low, high = wrong["interval_95"]
     return text + (
         f"\n            wrong first hits: {wrong['wrong']:,} of {wrong['rays']:,} camera rays "

@@ -208,6 +208,8 @@ def _report(
 ) -> dict[str, Any]:
     ledger, tracer = context.ledger, context.tracer
     n_camera = ledger.rays["camera"]
+    work = tracer.counters
+    n_certified = work["rays"] + work["shadow_rays"] - work["given_up"]
     return {
         "settings": settings,
         "versions": versions(),
@@ -220,7 +222,7 @@ def _report(
         "kernel_compilation_seconds": round(clock.compile_seconds, 4),
         "rays": dict(ledger.rays),
         "hits": dict(ledger.hits),
-        "intersection": dict(tracer.counters),
+        "intersection": dict(work),
         "ended_branches": {
             **ledger.ended,
             "lost_weight_per_camera_ray": ledger.lost_weight / n_camera,
@@ -231,8 +233,10 @@ def _report(
             "camera_hits": ledger.camera_hits,
             "camera_hits_without_bound": ledger.camera_hits_without_bound,
             "largest_t_bound_of_camera_hits": ledger.largest_t_bound,
+            "certified_rays": n_certified if tracer.accuracy == "certified" else 0,
+            "given_up": work["given_up"],
             "tangent": ledger.hits["tangent"],
-            "changed_by_certificate": tracer.counters["changed_by_certificate"],
+            "changed_by_certificate": work["changed_by_certificate"],
         },
         "peak_memory_mib": round(peak_memory_mib(), 1),
         "plan": {"light": context.plan.as_dict(), "intersection": tracer.plan},

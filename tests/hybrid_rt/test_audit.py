@@ -51,6 +51,7 @@ def test_share_of_wrong_hits_of_a_mesh_is_in_the_reported_interval():
     assert 0 < wrong["mean_error"] < wrong["worst_error"]
     assert report["geometry"]["camera_hits_without_bound"] == report["geometry"]["camera_hits"]
     assert report["rays"]["camera"] == report["intersection"]["rays"]  # the audit's are apart
+    assert report["geometry"]["certified_rays"] == 0
     assert "no camera hit has a proven error" in numbers.in_words(report)
     assert f"wrong first hits: {wrong['wrong']:,} of" in numbers.in_words(report)
 
@@ -61,6 +62,10 @@ def test_certified_hits_need_no_audit():
     assert geometry["wrong_first_hits"] is None
     assert geometry["camera_hits_without_bound"] == 0
     assert 0 < geometry["largest_t_bound_of_camera_hits"] < 1e-9
+    work = report["intersection"]
+    assert geometry["certified_rays"] == work["rays"] + work["shadow_rays"] > 40_000
+    assert geometry["given_up"] == 0
+    assert f"{geometry['certified_rays']:,} rays certified" in numbers.in_words(report)
     assert "unknown after a single pass" in numbers.in_words(report)
 
 
