@@ -211,12 +211,15 @@ def hit_table(curves: Sequence[Curve]) -> Table:
 
 def forecast_table(forecasts: Sequence[Forecast]) -> Table:
     """Return what each method needs, as a table."""
-    head = ("method", "passes", "seconds", "how known", "bias")
+    head = ("method", "passes", "seconds", "least", "most", "how known", "bias")
     rows = [
         (
             f.method,
             "not reached" if f.passes is None else str(f.passes),
-            "" if f.passes is None else f"{f.seconds:.3g}",
+            *(
+                "" if f.passes is None else f"{value:.3g}"
+                for value in (f.seconds.median, f.seconds.least, f.seconds.most)
+            ),
             "" if f.passes is None else "measured" if f.is_measured else "extrapolated",
             f"{f.bias:.2g}" if f.bias else "none seen",
         )
@@ -235,11 +238,10 @@ def picture_answers(
     if best.passes is None:
         lines.append(f"No method reaches {percent} of relative RMSE.")
     else:
-        how = "measured" if best.is_measured else "extrapolated"
-        lines.append(
-            f"Cheapest for {percent}: {best.method}, {best.passes} passes, {best.seconds:.3g} s "
-            f"({how}): hybrid-rt render {scene} {best.flags} --passes {best.passes}"
-        )
+        lines.append(f"Cheapest for {percent}: {_recipe(best, scene)}")
+        certified = [f for f in forecasts if f.passes is not None and "--accuracy" not in f.flags]
+        if certified and certified[0] is not best:
+            lines.append(f"With certified hits: {_recipe(certified[0], scene)}")
     if study.meshes and not math.isnan(triangles):
         coarse, fine = study.meshes[0], study.meshes[-1]
         lines.append(
@@ -258,6 +260,15 @@ def picture_answers(
         )
     lines.append(f"Kernels took {study.compile_seconds:.1f} s to compile, not counted here.")
     return lines
+
+
+def _recipe(found: Forecast, scene: str) -> str:
+    how = "measured" if found.is_measured else "extrapolated"
+    return (
+        f"{found.method}, {found.passes} passes, {found.seconds.median:.3g} s (by the runs "
+        f"{found.seconds.least:.3g} to {found.seconds.most:.3g}, {how}): "
+        f"hybrid-rt render {scene} {found.flags} --passes {found.passes}"
+    )
 
 
 def hit_answers(study: HitStudy) -> list[str]:

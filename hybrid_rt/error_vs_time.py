@@ -511,8 +511,8 @@ class Forecast:
     flags : str
     passes : int or None
         None: not to be reached.
-    seconds : float
-        nan where it is not reached.
+    seconds : Spread
+        Scaled from the runs; nan where it is not reached.
     bias : float
         Error that passes do not remove, as far as two points tell; 0 if not above the noise.
     is_measured : bool
@@ -522,7 +522,7 @@ class Forecast:
     method: str
     flags: str
     passes: int | None
-    seconds: float
+    seconds: Spread
     bias: float
     is_measured: bool
 
@@ -538,13 +538,14 @@ def forecast(curve: Curve, target: float, reference_error: float = 0.0) -> Forec
     passes = np.array([p.setting for p in curve.points])
     squares = np.array([max(p.error.median**2 - own**2, 1e-30) for p in curve.points])
     seconds = np.array([p.seconds.median for p in curve.points])
+    last = curve.points[-1].seconds
     bias = _bias(passes, squares)
 
     def result(n: float, is_measured: bool) -> Forecast:
         whole = max(math.ceil(n - 1e-9), 1)
-        return Forecast(
-            curve.name, curve.flags, whole, _seconds(passes, seconds, whole), bias, is_measured
-        )
+        median = _seconds(passes, seconds, whole)
+        spread = Spread(median, median * last.least / last.median, median * last.most / last.median)
+        return Forecast(curve.name, curve.flags, whole, spread, bias, is_measured)
 
     reached = np.flatnonzero(squares <= target**2)
     if len(reached):
@@ -555,7 +556,9 @@ def forecast(curve: Curve, target: float, reference_error: float = 0.0) -> Forec
         return result(float(passes[k - 1] * (passes[k] / passes[k - 1]) ** share), True)
     left = target**2 - bias**2
     if left <= 0.0:
-        return Forecast(curve.name, curve.flags, None, math.nan, bias, False)
+        return Forecast(
+            curve.name, curve.flags, None, Spread(math.nan, math.nan, math.nan), bias, False
+        )
     return result(float(passes[-1] * (squares[-1] - bias**2) / left), False)
 
 
@@ -581,15 +584,16 @@ def recommend(study: PictureStudy, target: float) -> list[Forecast]:
     """Return what each method needs for a relative RMSE, the cheapest first."""
     own = study.reference.own_error
     forecasts = [forecast(curve, target, own) for curve in study.curves]
-    return sorted(forecasts, key=lambda f: (f.passes is None, f.seconds))
+    return sorted(forecasts, key=lambda f: (f.passes is None, f.seconds.median))
 
 
 def triangles_for(meshes: Sequence[dict[str, float]], target: float) -> float:
     """Return how many triangles make the error of a picture fall to a target, by its meshes.
 
-    A line in logarithms through the two nearest meshes; nan where the error does not fall.
+    A line in logarithms through the two nearest meshes whose error is above the noise; nan where
+    there are no two, or the error does not fall.
     """
-    rows = sorted(meshes, key=lambda row: row["triangles"])
+    rows = sorted((row for row in meshes if row["error"] > 0.0), key=lambda row: row["triangles"])
     if len(rows) < 2:
         return math.nan
     k = next((i for i, row in enumerate(rows) if row["error"] <= target), len(rows) - 1)

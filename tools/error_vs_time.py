@@ -316,7 +316,8 @@ def _ratios(both: Sequence[dict[str, Any]]) -> list[str]:
             {c.name: error_vs_time.forecast(c, target, own) for c in _curves(one["picture"])}
         )
     return [
-        f"{name} to {target:g}: A {found[0][name].seconds:.3g} s, B {found[1][name].seconds:.3g} s."
+        f"{name} to {target:g}: A {found[0][name].seconds.median:.3g} s, "
+        f"B {found[1][name].seconds.median:.3g} s."
         for name in found[0]
         if name in found[1] and None not in (found[0][name].passes, found[1][name].passes)
     ]
