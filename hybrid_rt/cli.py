@@ -22,8 +22,10 @@ examples:
   hybrid-rt demo                                   the teapot, in some seconds, as demo.png
   hybrid-rt render scenes/vase.py                  the scene of a script, as vase.png
   hybrid-rt render scenes/vase.py --passes 64      less noise
+  hybrid-rt render scenes/vase.py --target-error 0.02 --time-budget 60    until 2 %, at most 60 s
   hybrid-rt render scenes/vase.py --time-budget 30 --width 1280 --out big.png --out big.npz
   hybrid-rt render scenes/vase.py --explain        what the scene needed, and what was left out
+  hybrid-rt compare a.npz b.npz --reference c.npz  errors of both, and a map of them
 
 Scene scripts are Python programs and are executed: run only those that you trust.
 """
@@ -79,6 +81,14 @@ def _parser() -> argparse.ArgumentParser:
     render.add_argument("scene", metavar="SCENE.py")
     _add_render_options(render)
     render.set_defaults(run=_run_render)
+
+    compare = commands.add_parser("compare", help="say how far apart pictures are, and draw where")
+    compare.add_argument("a", metavar="A", help=".npz or .exr; .png is 8 bit and clipped")
+    compare.add_argument("b", metavar="B", help="what A is compared with, unless there is R")
+    compare.add_argument("--reference", metavar="R", help="compare A and B with this instead")
+    compare.add_argument("--out", type=Path, default=Path("compare.png"), metavar="FILE.png")
+    compare.add_argument("--exposure", type=float, default=0.0, metavar="E", help="stops shown")
+    compare.set_defaults(run=_run_compare)
     return parser
 
 
@@ -88,6 +98,12 @@ def _add_render_options(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--passes", type=int, metavar="N", help="samples per pixel (default 16)")
     parser.add_argument("--time-budget", type=float, metavar="S", help="stop after S seconds")
+    parser.add_argument(
+        "--target-error",
+        type=float,
+        metavar="E",
+        help="stop at this estimated relative error of the picture (0.01: one per cent)",
+    )
     parser.add_argument("--seed", type=int, default=0, metavar="S")
     parser.add_argument("--threads", type=int, metavar="N", help="default: all cores")
     parser.add_argument(
@@ -152,6 +168,7 @@ def _render(scene: Scene, name: str, options: argparse.Namespace) -> None:
             integrator=options.integrator,
             passes=options.passes,
             time_budget=options.time_budget,
+            target_error=options.target_error,
             seed=options.seed,
             threads=options.threads,
             accuracy=options.accuracy,
@@ -166,6 +183,24 @@ def _render(scene: Scene, name: str, options: argparse.Namespace) -> None:
     for path in outputs:
         result.save(path, options.exposure)
         _say(f"{path}  ({_summary(result.report)})")
+    _say_numbers(result.report)
+
+
+def _run_compare(options: argparse.Namespace) -> None:
+    import imageio.v3 as imageio
+
+    from hybrid_rt.comparison import compare_pictures, comparison_sheet, in_words, load_picture
+    from hybrid_rt.film import check_output
+
+    out = check_output(options.out)
+    if out.suffix.lower() != ".png":
+        raise ValueError(f"output {str(out)!r}: the map of errors is a .png")
+    one, other = load_picture(options.a), load_picture(options.b)
+    reference = None if options.reference is None else load_picture(options.reference)
+    comparison = compare_pictures(one, other, reference)
+    imageio.imwrite(out, comparison_sheet(one, other, reference, options.exposure))
+    _say(in_words(comparison))
+    _say(f"{out}  (pictures and maps of their errors)")
 
 
 def _run_demo(options: argparse.Namespace) -> None:
@@ -182,6 +217,7 @@ def _run_demo(options: argparse.Namespace) -> None:
     result.report["exact_against_mesh"] = comparison
     result.save(options.out)
     _say(f"{options.out}  ({_summary(result.report)})")
+    _say_numbers(result.report)
     _say(in_words(comparison))
     _say(f"Next: hybrid-rt render {demo.__file__} --passes 64 --width 1280 --explain")
 
@@ -219,6 +255,12 @@ def _summary(report: dict[str, Any]) -> str:
     compiling = report["kernel_compilation_seconds"]
     text = f"{report['passes']} passes, {seconds['total']:.1f} s"
     return text + (f" and {compiling:.1f} s compiling kernels" if compiling >= 0.1 else "")
+
+
+def _say_numbers(report: dict[str, Any]) -> None:
+    from hybrid_rt.numbers import in_words
+
+    _say(in_words(report))
 
 
 def _say(text: str) -> None:

@@ -14,7 +14,10 @@ from typing import Any, BinaryIO
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from hybrid_rt.measures import DARK
 from hybrid_rt.records import FloatArray
+
+UIntArray = NDArray[np.uint64]
 
 # IEC 61966-2-1: a straight piece near black, then a power. The limits are the standard's.
 _LINEAR_LIMIT, _SRGB_LIMIT, _SLOPE, _OFFSET, _POWER = 0.0031308, 0.04045, 12.92, 0.055, 2.4
@@ -33,8 +36,32 @@ def srgb_to_linear(encoded: ArrayLike) -> FloatArray:
     return np.where(x <= _SRGB_LIMIT, x / _SLOPE, ((x + _OFFSET) / (1.0 + _OFFSET)) ** _POWER)
 
 
+# Passes are dealt out to groups, a run of RUN passes to each in turn, and every group has random
+# numbers of its own. So errors taken from the differences between groups are honest, however evenly
+# the passes within a group fill their domain; a run is a complete net, so few passes are as good as
+# they can be. More groups would know their error better and make it larger: docs/error_vs_time.md
+# says what four cost.
+GROUPS, RUN = 4, 4
+
+# Pixels of which errors are computed at a time: what it takes stays in the processor's cache.
+STRIP = 2**12
+
+# Half the width of a 95 % interval in standard errors: Student's t by degrees of freedom.
+_STUDENT = (
+    12.706, 4.303, 3.182, 2.776, 2.571, 2.447, 2.365, 2.306, 2.262, 2.228, 2.201, 2.179, 2.160,
+    2.145,
+)  # fmt: skip
+
+
+def group_of(pass_number: UIntArray) -> tuple[UIntArray, UIntArray]:
+    """Return the group of each pass, and the pass's number in it."""
+    run, place = np.divmod(pass_number, np.uint64(RUN))
+    turn, group = np.divmod(run, np.uint64(GROUPS))
+    return group, turn * np.uint64(RUN) + place
+
+
 class Film:
-    """The sum of all passes so far, and of their squares.
+    """The sums of all passes so far, group by group.
 
     Parameters
     ----------
@@ -43,53 +70,122 @@ class Film:
 
     def __init__(self, height: int, width: int) -> None:
         self.n_passes = 0
-        self._sum = np.zeros((height, width, 3))
-        self._sum_of_squares = np.zeros((height, width, 3))
-        self._pass_means: list[float] = []
+        self._sums = np.zeros((GROUPS, height, width, 3))
+        self._counts = np.zeros(GROUPS, dtype=np.int64)
+        self._means = np.zeros(GROUPS)  # of whole pictures, summed like the pictures
+        # Until every group holds a run, passes count as independent of each other.
+        self._first_means: list[float] = []
+        self._squares: FloatArray | None = np.zeros((height, width, 3))
 
     def add(self, radiance: FloatArray) -> None:
         """Add one pass (height, width, 3); passes come in the order of their numbers."""
+        group = self.n_passes // RUN % GROUPS
+        mean = float(radiance.mean())
+        self._sums[group] += radiance
+        self._means[group] += mean
+        self._counts[group] += 1
         self.n_passes += 1
-        self._sum += radiance
-        self._sum_of_squares += radiance * radiance
-        self._pass_means.append(float(radiance.mean()))
+        if self.n_passes >= GROUPS * RUN:
+            self._squares = None
+        elif self._squares is not None:
+            self._squares += radiance * radiance
+            self._first_means.append(mean)
 
     @property
     def image(self) -> NDArray[np.float32]:
         """(height, width, 3) float32: the mean of the passes, linear, row 0 at the top."""
-        return (self._sum / self.n_passes).astype(np.float32)
+        return self._mean().astype(np.float32)
 
     @property
     def standard_error(self) -> FloatArray:
-        """(height, width, 3) float64: of each pixel, from the differences between passes.
+        """(height, width, 3) float64: of each pixel; a single pass tells nothing: nan.
 
-        Passes share one low-discrepancy sequence, so their mean is better than independent ones
-        would be: the figures err on the safe side. A single pass tells nothing: nan.
+        From 16 passes on it comes from the differences between groups. Before, passes count as
+        independent; they are better than that, so the figures err on the safe side. A 95 %
+        interval reaches ``noise()["interval_factor"]`` standard errors to either side.
         """
-        n = self.n_passes
-        if n < 2:
-            return np.full_like(self._sum, np.nan)
-        mean = self._sum / n
-        # Rounding can leave a variance of -1e-17 where all passes agree.
-        variance = np.maximum(self._sum_of_squares / n - mean * mean, 0.0)
-        error: FloatArray = np.sqrt(variance / (n - 1))
+        if self.n_passes < 2:
+            return np.full(self._sums.shape[1:], np.nan)
+        error = np.empty(self._sums.shape[1:])
+        for rows, _, variance in self._strips():
+            error[rows] = np.sqrt(variance)
         return error
 
-    def noise(self) -> dict[str, float] | None:
+    def relative_error(self) -> float:
+        """Return the estimated relative root mean square error of the picture, nan after one pass.
+
+        Its square is the mean over pixels and channels of s^2 / (x^2 + 0.01), s the standard error
+        and x the value: what `hybrid_rt.measures.relative_mse` is expected to be against the limit
+        of infinitely many passes.
+        """
+        return self._root_mean_squares()[1]
+
+    def noise(self) -> dict[str, Any] | None:
         """Return estimates of the standard error, or None where a single pass tells nothing.
 
-        See `standard_error`.
+        See `standard_error` and `relative_error`; ``errs_on_the_safe_side`` before 16 passes.
         """
         n = self.n_passes
         if n < 2:
             return None
+        is_early = self._squares is not None
+        mean = float(self._means.sum()) / n
+        if is_early:
+            of_mean = float(np.std(self._first_means, ddof=1)) / math.sqrt(n)
+        else:
+            of_mean = math.sqrt(float(self._variance(self._means, mean)))
+        absolute, relative = self._root_mean_squares()
         return {
-            "image_mean": float(np.mean(self._pass_means)),
-            "standard_error_of_image_mean": float(np.std(self._pass_means, ddof=1) / math.sqrt(n)),
-            "root_mean_square_standard_error_of_pixels": math.sqrt(
-                float(np.square(self.standard_error).mean())
-            ),
+            "errs_on_the_safe_side": is_early,
+            "interval_factor": _STUDENT[(n if is_early else GROUPS) - 2],
+            "image_mean": mean,
+            "standard_error_of_image_mean": of_mean,
+            "root_mean_square_standard_error_of_pixels": absolute,
+            "relative_rmse": relative,
         }
+
+    def _mean(self) -> FloatArray:
+        mean: FloatArray = self._sums.sum(axis=0) / self.n_passes
+        return mean
+
+    def _root_mean_squares(self) -> tuple[float, float]:
+        """Return those of the pixels' standard errors, absolute and relative; nan after one pass."""
+        if self.n_passes < 2:
+            return math.nan, math.nan
+        absolute, relative = 0.0, 0.0
+        for _, mean, variance in self._strips():
+            absolute += float(variance.sum())
+            relative += float((variance / (mean * mean + DARK)).sum())
+        n = self._sums[0].size
+        return math.sqrt(absolute / n), math.sqrt(relative / n)
+
+    def _strips(self) -> Iterator[tuple[slice, FloatArray, FloatArray]]:
+        """Yield rows, their mean and the variance of that, a strip of the picture at a time."""
+        n = self.n_passes
+        height, width, _ = self._sums.shape[1:]
+        at_once = max(STRIP // width, 1)
+        for first in range(0, height, at_once):
+            rows = slice(first, first + at_once)
+            sums = self._sums[:, rows]
+            mean = sums.sum(axis=0) / n
+            if self._squares is None:
+                yield rows, mean, self._variance(sums, mean)
+            else:
+                # Rounding can leave a variance of -1e-17 where all passes agree.
+                squares = np.maximum(self._squares[rows] / n - mean * mean, 0.0)
+                yield rows, mean, squares / (n - 1)
+
+    def _variance(self, sums: FloatArray, mean: FloatArray | float) -> FloatArray:
+        """Return the variance of the mean, from sums over groups (GROUPS, ...).
+
+        Of independent passes the squares below have n - sum(n_g^2) / n times the variance of one
+        as their mean: unbiased also where groups differ in size.
+        """
+        squares = np.zeros(sums.shape[1:])
+        for sum_of_group, count in zip(sums, self._counts, strict=True):
+            squares += (sum_of_group - count * mean) ** 2
+        variance: FloatArray = squares / float(self.n_passes**2 - np.square(self._counts).sum())
+        return variance
 
 
 Channels = Mapping[str, NDArray[np.float32]]

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import math
 import time
 
 from hybrid_rt import checks
+from hybrid_rt.film import RUN
 from hybrid_rt.progress import CompileWatch
 
 DEFAULT_PASSES = 16
@@ -36,26 +38,39 @@ class Limit:
     passes : int or None
         At least 1.
     time_budget : float or None
-        Seconds, above 0. With neither limit given: 16 passes.
+        Seconds, above 0.
+    target_error : float or None
+        Estimated relative error of the picture, above 0. With no limit given: 16 passes.
     """
 
-    def __init__(self, passes: int | None, time_budget: float | None) -> None:
+    def __init__(
+        self,
+        passes: int | None,
+        time_budget: float | None,
+        target_error: float | None = None,
+    ) -> None:
         if passes is not None:
             checks.whole(passes, "passes", at_least=1)
         if time_budget is not None:
             checks.number(time_budget, "time_budget", above=0.0)
-        if passes is None and time_budget is None:
+        if target_error is not None:
+            checks.number(target_error, "target_error", above=0.0)
+        if passes is None and time_budget is None and target_error is None:
             passes = DEFAULT_PASSES
         self.passes = passes
         self.time_budget = time_budget
+        self.target_error = target_error
         self._longest = 0.0
         self._pass_began = 0.0
         self._n_began = 0
+        self._error = math.inf
+        self._n_of_error = 0
 
     def begins(self, n_done: int, seconds: float, at_most: int = 1) -> int:
         """Return how many passes start, ``n_done`` being complete after ``seconds``.
 
-        Up to ``at_most`` run together where no limit will be reached on the way.
+        Up to ``at_most`` run together where no limit will be reached on the way, and no error is
+        to be estimated.
         """
         if n_done > self._n_began:
             spent = (seconds - self._pass_began) / (n_done - self._n_began)
@@ -65,14 +80,37 @@ class Limit:
             return 0
         if self.passes is not None:
             at_most = min(at_most, self.passes - n_done)
+        if self.target_error is not None:
+            at_most = min(at_most, self.next_estimate() - n_done)
         if self.time_budget is not None:
             # The first pass alone tells how long one takes.
             left = (self.time_budget - seconds) / self._longest if self._longest > 0.0 else 1.0
             at_most = min(at_most, int(left))
         return max(at_most, 1)
 
+    def next_estimate(self) -> int:
+        """Return after how many passes the error is to be estimated next.
+
+        It hangs on the errors so far and on nothing else, so a render to a target error ends with
+        the same pass on every machine. The last run is then complete. The error falls with the
+        root of the passes or faster: half the way in logarithms cannot go far beyond the target.
+        """
+        n = self._n_of_error
+        if n == 0:
+            return 2 if self.target_error is None else RUN
+        share = 2.0
+        if self.target_error is not None:
+            share = min(self._error / self.target_error, share)
+        return max(int(n * share) // RUN * RUN, n + RUN)
+
+    def note_error(self, n_done: int, error: float) -> None:
+        """Hear the estimate of the picture's relative error after ``n_done`` passes."""
+        self._n_of_error, self._error = n_done, error
+
     def reached(self, n_done: int, seconds: float) -> str | None:
         """Return which limit allows no further pass, or None."""
+        if self.target_error is not None and self._error <= self.target_error:
+            return "target_error"
         if self.passes is not None and n_done >= self.passes:
             return "passes"
         if self.time_budget is None or n_done == 0:
@@ -81,8 +119,10 @@ class Limit:
 
     def expected_passes(self, n_done: int) -> int:
         """Return how many passes there will be, as far as one can tell after ``n_done``."""
-        by_count = self.passes if self.passes is not None else 2**62
-        if self.time_budget is None or self._longest == 0.0:
-            return by_count if self.passes is not None else n_done + 1
-        by_time = n_done + int((self.time_budget - self._pass_began) / self._longest)
-        return max(min(by_count, by_time), n_done + 1)
+        expected = [] if self.passes is None else [self.passes]
+        if self.time_budget is not None and self._longest > 0.0:
+            expected.append(n_done + int((self.time_budget - self._pass_began) / self._longest))
+        if self.target_error is not None and math.isfinite(self._error):
+            # Independent passes: the error falls with the root of their number.
+            expected.append(math.ceil(self._n_of_error * (self._error / self.target_error) ** 2))
+        return max(min(expected, default=0), n_done + 1)

@@ -1,17 +1,182 @@
-"""How far a picture is from a reference."""
+"""How far a picture, or hits, are from a reference."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from hybrid_rt.records import FloatArray
+from hybrid_rt.records import BoolArray, FloatArray, HitRecord
+
+if TYPE_CHECKING:
+    from hybrid_rt.verify.oracle import Truth
 
 # Keeps dark pixels from deciding a relative error.
 DARK = 0.01
+# The share of pixels that a few bright paths can spoil in an otherwise good picture.
+WORST = 1e-3
+
+
+@dataclass(frozen=True)
+class PictureErrors:
+    """A picture against a reference.
+
+    Attributes
+    ----------
+    rmse, relative_rmse : float
+        Root mean squares over pixels and channels of x - r, and of the same over
+        sqrt(r^2 + 0.01): the second is the root of `relative_mse`.
+    rmse_of_most, relative_rmse_of_most : float
+        The same without the worst 0.1 % of the pixels.
+    mean_error, relative_mean_error : float
+        Mean of x - r, signed; and over the mean of r (nan where that is 0). Noise averages out here:
+        what stays is bias.
+    worst : float
+        Largest |x - r|.
+    """
+
+    rmse: float
+    relative_rmse: float
+    rmse_of_most: float
+    relative_rmse_of_most: float
+    mean_error: float
+    relative_mean_error: float
+    worst: float
+
+
+@dataclass(frozen=True)
+class HitErrors:
+    """First hits against those of the oracle; rows on which it allows several answers are left out.
+
+    Attributes
+    ----------
+    rays : int
+        Rays that meet something by either method.
+    missed, phantom, farther : int
+        Nothing where there is something; something where there is nothing; another sheet or
+        another object than the first.
+    mean_dt, worst_dt : float
+        |t - exact t| in scene units, over the right hits.
+    worst_residual : float
+        Largest distance of a right hit's point on the surface from its point on the ray, scene
+        units.
+    mean_angle, worst_angle : float
+        Between the normals of right hits on curved surfaces and the true ones, degrees.
+    """
+
+    rays: int
+    missed: int
+    phantom: int
+    farther: int
+    mean_dt: float
+    worst_dt: float
+    worst_residual: float
+    mean_angle: float
+    worst_angle: float
+
+    @property
+    def wrong(self) -> int:
+        """Number of wrong decisions of all kinds."""
+        return self.missed + self.phantom + self.farther
+
+
+def picture_errors(image: NDArray[np.floating], reference: NDArray[np.floating]) -> PictureErrors:
+    """Measure a picture (height, width, 3) against a reference.
+
+    Raises
+    ------
+    ValueError
+        If the two differ in shape or a value is not finite.
+    """
+    for name, values in (("image", image), ("reference", reference)):
+        n_bad = int(np.count_nonzero(~np.isfinite(values).all(axis=-1)))
+        if n_bad:
+            raise ValueError(f"{name}: {n_bad} pixels are not finite; nothing can be averaged")
+    relative = relative_squares(image, reference)
+    r = reference.astype(np.float64)
+    gap = image.astype(np.float64) - r
+    # Scaled, so that the squares of very bright pictures do not overflow.
+    scale = float(np.abs(gap).max(initial=0.0)) or 1.0
+    squares = (gap / scale) ** 2
+    mean, mean_of_reference = float(gap.mean()), float(r.mean())
+    return PictureErrors(
+        rmse=scale * math.sqrt(float(squares.mean())),
+        relative_rmse=math.sqrt(float(relative.mean())),
+        rmse_of_most=scale * math.sqrt(_mean_of_most(squares)),
+        relative_rmse_of_most=math.sqrt(_mean_of_most(relative)),
+        mean_error=mean,
+        relative_mean_error=mean / mean_of_reference if mean_of_reference else math.nan,
+        worst=float(np.abs(gap).max(initial=0.0)),
+    )
+
+
+def _mean_of_most(squares: FloatArray) -> float:
+    """Return the mean of squares (..., 3) without the pixels whose sums are the largest 0.1 %."""
+    of_pixels = squares.reshape(-1, squares.shape[-1]).mean(axis=1)
+    n_kept = of_pixels.size - int(WORST * of_pixels.size)
+    return float(np.partition(of_pixels, n_kept - 1)[:n_kept].mean())
+
+
+def hit_errors(found: HitRecord, truth: Truth) -> HitErrors:
+    """Measure first hits against the truth about the same rays.
+
+    Raises
+    ------
+    ValueError
+        If the two differ in length.
+    """
+    if len(found) != len(truth):
+        raise ValueError(f"{len(found)} hits but truth for {len(truth)} rays: pass the same rays")
+    judged = ~truth.ambiguous & ~truth.undecided
+    exists = np.isfinite(truth.t)
+    missed, phantom = judged & exists & ~found.hit, judged & ~exists & found.hit
+    both = judged & exists & found.hit
+    farther = both & ((found.object_id != truth.object_id) | _nearer_to_another(found, truth))
+    right = np.flatnonzero(both & ~farther)
+    dt = np.abs(found.t[right] - truth.t[right]) * truth.length[right]
+    residual, angle = found.residual[right], _angles(found, truth, right)
+    return HitErrors(
+        rays=int((judged & (exists | found.hit)).sum()),
+        missed=int(missed.sum()),
+        phantom=int(phantom.sum()),
+        farther=int(farther.sum()),
+        mean_dt=float(dt.mean()) if len(dt) else 0.0,
+        worst_dt=float(dt.max(initial=0.0)),
+        worst_residual=float(residual.max(initial=0.0)),
+        mean_angle=float(angle.mean()) if len(angle) else 0.0,
+        worst_angle=float(angle.max(initial=0.0)),
+    )
+
+
+def _nearer_to_another(found: HitRecord, truth: Truth) -> BoolArray:
+    """Tell for which rays a later root is nearer to the hit than the first one is."""
+    roots = truth.roots
+    with np.errstate(invalid="ignore"):
+        gap = np.abs(found.t[roots.ray] - roots.t)
+        of_first = np.abs(found.t - truth.t)[roots.ray]
+        nearer = gap < of_first
+    another: BoolArray = np.bincount(roots.ray[nearer], minlength=len(found)) > 0
+    return another
+
+
+def _angles(found: HitRecord, truth: Truth, rows: NDArray[np.intp]) -> FloatArray:
+    """Return the angles between normals, degrees, of those rows that lie on curved surfaces."""
+    from meshing import BezierPatches, SurfaceOfRevolution
+
+    angles = [np.empty(0)]
+    for number, surface in enumerate(truth.surfaces):
+        if not isinstance(surface, BezierPatches | SurfaceOfRevolution):
+            continue
+        mine = rows[truth.object_id[rows] == number]
+        true = surface.normal(truth.u[mine], truth.v[mine], truth.patch_id[mine])
+        across = np.linalg.norm(np.cross(found.normal[mine], true), axis=1)
+        along = np.einsum("ij,ij->i", found.normal[mine], true)
+        angles.append(np.degrees(np.arctan2(across, along)))
+    return np.concatenate(angles)
 
 
 def relative_mse(
@@ -31,7 +196,8 @@ def relative_squares(image: NDArray[np.floating], reference: NDArray[np.floating
     if image.shape != reference.shape:
         raise ValueError(f"image has shape {image.shape}, its reference {reference.shape}")
     x, r = image.astype(np.float64), reference.astype(np.float64)
-    squares: FloatArray = (x - r) ** 2 / (r * r + DARK)
+    # Divided before it is squared: very bright pictures would overflow.
+    squares: FloatArray = ((x - r) / np.hypot(r, math.sqrt(DARK))) ** 2
     return squares
 
 

@@ -17,7 +17,11 @@ COMPILING = "Compiling kernels (first run only)"
 
 
 class Progress(Protocol):
-    """Whoever wants to know how a render is getting on."""
+    """Whoever wants to know how a render is getting on.
+
+    If it also has a method ``note_error``, that hears the picture's estimated relative error from
+    time to time.
+    """
 
     def __call__(self, stage: str, done: int, total: int) -> None:
         """Hear that ``done`` of ``total`` parts of a stage are done; (0, 0): it has begun."""
@@ -40,6 +44,11 @@ class TerminalProgress:
         self._began = 0.0
         self._drawn = -1.0
         self._is_open = False
+        self._error = ""
+
+    def note_error(self, error: float) -> None:
+        """Show from now on that the picture has this relative error."""
+        self._error = f", error {100.0 * error:.2g} %"
 
     def __call__(self, stage: str, done: int, total: int) -> None:
         """Draw the state of a stage."""
@@ -48,6 +57,7 @@ class TerminalProgress:
             if stage != self._stage:
                 self._finish_line()
                 self._stage, self._began, self._drawn = stage, now, -1.0
+                self._error = ""
                 if not self._is_terminal:
                     self._stream.write(f"{stage} ...\n")
                     self._stream.flush()
@@ -70,6 +80,7 @@ class TerminalProgress:
             line = f"{self._stage} [{bar}] {100 * done // total:3d} %  {seconds:.1f} s"
             if 0 < done < total:
                 line += f", {seconds * (total - done) / done:.0f} s left"
+            line += self._error
         self._stream.write(f"\r\x1b[K{line}")
         self._stream.flush()
         self._is_open = True

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hybrid_rt import checks
+from hybrid_rt.audit import audit
 from hybrid_rt.channels import check_names, compute_channels
 from hybrid_rt.film import Film, save_image
 from hybrid_rt.integrators import INTEGRATORS, OPTIONS, RenderContext
@@ -21,7 +22,7 @@ from hybrid_rt.intersection.pool import Pool
 from hybrid_rt.limits import Clock, Limit
 from hybrid_rt.plan import make_plan
 from hybrid_rt.progress import Progress, watch_compilation
-from hybrid_rt.report import Ledger, versions
+from hybrid_rt.report import Ledger, peak_memory_mib, versions
 from hybrid_rt.sampler import Sampler
 from hybrid_rt.scene import Scene, compile_scene
 
@@ -54,6 +55,7 @@ def render(
     integrator: str = "path",
     passes: int | None = None,
     time_budget: float | None = None,
+    target_error: float | None = None,
     *,
     seed: int = 0,
     threads: int | None = None,
@@ -73,10 +75,14 @@ def render(
         "path": all light but what point lights throw through glass or off mirrors. "whitted":
         direct light, mirrors and glass only.
     passes : int, optional
-        One pass is one sample per pixel. With neither limit given: 16.
+        One pass is one sample per pixel. With no limit given: 16. The first limit reached stops.
     time_budget : float, optional
         Wall seconds for all of this call but the compilation of kernels. At least one pass runs,
         and none is started that would end too late, judged by the slowest so far.
+    target_error : float, optional
+        Passes are added until the picture's estimated relative root mean square error is at most
+        this (0.01: one per cent; see `hybrid_rt.film.Film.relative_error`), by itself with no end.
+        It is the noise only: what ``max_depth`` cuts off and the geometric error are in the report.
     seed : int
         Names the random numbers: equal seeds and settings give equal pictures, bit for bit, for any
         number of threads.
@@ -110,7 +116,7 @@ def render(
         raise ValueError(f"integrator {integrator!r} is unknown; use {', '.join(INTEGRATORS)}")
     _check_options(integrator, options)
     names = check_names(outputs)
-    limit = Limit(passes, time_budget)
+    limit = Limit(passes, time_budget, target_error)
     n_threads = Pool(threads).threads
     sampler = Sampler(seed)
     checks.whole(max_depth, "max_depth", at_least=0)
@@ -132,6 +138,9 @@ def render(
             compiled, tracer, Pool(1), plan, sampler, ledger, max_depth, options
         )
         crew = Crew(context, n_threads, INTEGRATORS[integrator])
+        # Before the passes, so that a time budget covers it.
+        with ledger.stage("audit"):
+            wrong = audit(context, n_threads)
         film, stopped_by = _run_passes(crew, limit, clock, progress)
         crew.gather()
         channels = compute_channels(names, context, film)
@@ -139,6 +148,7 @@ def render(
         "integrator": integrator,
         "passes": passes,
         "time_budget": time_budget,
+        "target_error": target_error,
         "seed": seed,
         "threads": threads,
         "max_depth": max_depth,
@@ -149,7 +159,9 @@ def render(
         "width": scene.camera.width,
         "height": scene.camera.height,
     }
-    return RenderResult(film.image, _report(settings, context, film, clock, stopped_by), channels)
+    report = _report(settings, context, film, clock, stopped_by)
+    report["geometry"]["wrong_first_hits"] = wrong
+    return RenderResult(film.image, report, channels)
 
 
 def _check_options(integrator: str, options: PathOptions | None) -> None:
@@ -168,6 +180,8 @@ def _run_passes(
     n_pixels = camera.width * camera.height
     film = Film(camera.height, camera.width)
     at_most = max(TOGETHER // n_pixels, 1)
+    show_error = getattr(progress, "note_error", None)
+    watches_error = show_error is not None or limit.target_error is not None
     while n_together := limit.begins(film.n_passes, clock.seconds, at_most):
         n_before = n_pixels * film.n_passes
         n_expected = n_pixels * limit.expected_passes(film.n_passes)
@@ -180,6 +194,12 @@ def _run_passes(
         for radiance in crew.render_passes(passes, on_rays):
             with crew.context.ledger.stage("film"):
                 film.add(radiance)
+        if watches_error and film.n_passes >= limit.next_estimate():
+            with crew.context.ledger.stage("noise"):
+                error = film.relative_error()
+            limit.note_error(film.n_passes, error)
+            if show_error is not None:
+                show_error(error)
     return film, limit.reached(film.n_passes, clock.seconds) or "passes"
 
 
@@ -188,6 +208,8 @@ def _report(
 ) -> dict[str, Any]:
     ledger, tracer = context.ledger, context.tracer
     n_camera = ledger.rays["camera"]
+    work = tracer.counters
+    n_certified = work["rays"] + work["shadow_rays"] - work["given_up"]
     return {
         "settings": settings,
         "versions": versions(),
@@ -200,11 +222,22 @@ def _report(
         "kernel_compilation_seconds": round(clock.compile_seconds, 4),
         "rays": dict(ledger.rays),
         "hits": dict(ledger.hits),
-        "intersection": dict(tracer.counters),
+        "intersection": dict(work),
         "ended_branches": {
             **ledger.ended,
             "lost_weight_per_camera_ray": ledger.lost_weight / n_camera,
         },
         "noise": film.noise(),
+        "geometry": {
+            "accuracy": tracer.accuracy,
+            "camera_hits": ledger.camera_hits,
+            "camera_hits_without_bound": ledger.camera_hits_without_bound,
+            "largest_t_bound_of_camera_hits": ledger.largest_t_bound,
+            "certified_rays": n_certified if tracer.accuracy == "certified" else 0,
+            "given_up": work["given_up"],
+            "tangent": ledger.hits["tangent"],
+            "changed_by_certificate": work["changed_by_certificate"],
+        },
+        "peak_memory_mib": round(peak_memory_mib(), 1),
         "plan": {"light": context.plan.as_dict(), "intersection": tracer.plan},
     }

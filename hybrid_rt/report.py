@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import platform
+import sys
 import time
 from collections import Counter, defaultdict
 from collections.abc import Callable, Iterator, Sequence
@@ -34,6 +35,9 @@ class Ledger:
         self.hits: Counter[str] = Counter({status.name.lower(): 0 for status in Status})
         self.ended: Counter[str] = Counter()
         self.lost_weight = 0.0
+        self.camera_hits = 0
+        self.camera_hits_without_bound = 0
+        self.largest_t_bound = 0.0
         self._within = 0.0  # seconds of the stages inside the present one
 
     @contextmanager
@@ -56,6 +60,9 @@ class Ledger:
         self.hits.update(other.hits)
         self.ended += other.ended
         self.lost_weight += other.lost_weight
+        self.camera_hits += other.camera_hits
+        self.camera_hits_without_bound += other.camera_hits_without_bound
+        self.largest_t_bound = max(self.largest_t_bound, other.largest_t_bound)
 
     def divide_seconds(self, stages: Sequence[str], n: int) -> None:
         """Turn seconds that n threads spent together into those that passed meanwhile."""
@@ -67,6 +74,23 @@ class Ledger:
         counts = np.bincount(hits.status, minlength=len(Status))
         for status in Status:
             self.hits[status.name.lower()] += int(counts[status])
+
+    def note_camera_hits(self, hits: HitRecord) -> None:
+        """Keep the largest proven error of the first hits of rays that leave the camera."""
+        bounds = hits.t_bound[hits.hit]
+        proven = bounds[np.isfinite(bounds)]
+        self.camera_hits += bounds.size
+        self.camera_hits_without_bound += bounds.size - proven.size
+        self.largest_t_bound = max(self.largest_t_bound, float(proven.max(initial=0.0)))
+
+
+def peak_memory_mib() -> float:
+    """Return the most memory that this process has held so far, in MiB."""
+    import resource
+
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    # Kibibytes, but bytes on a Mac.
+    return peak / (2**20 if sys.platform == "darwin" else 2**10)
 
 
 def versions() -> dict[str, str]:

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from hybrid_rt.film import group_of
 from hybrid_rt.intersection import Intersector
 from hybrid_rt.intersection.pool import Pool
 from hybrid_rt.plan import Plan
@@ -22,6 +23,9 @@ BLOCK = 2**15
 
 # What a low-discrepancy point is for. Numbers from FIRST_PATH_DIMENSION on belong to the integrator.
 PIXEL_DIMENSION, LENS_DIMENSION, FIRST_PATH_DIMENSION = 0, 1, 2
+
+# The group of a pass stands above the pixel's number.
+PIXEL_BITS = np.uint64(40)
 
 
 @dataclass(frozen=True)
@@ -46,7 +50,8 @@ class CameraBlock:
     Attributes
     ----------
     pixel, sample : (n,) uint64
-        Number in the image, and of the pass.
+        Names of their random numbers: the pixel's number in a stack of one picture per group of
+        passes, and the pass's number in its group (see `hybrid_rt.film.group_of`).
     origins, directions : (n, 3) float64
     """
 
@@ -79,11 +84,14 @@ class Integrator(ABC):
             number = np.arange(first, stop, dtype=np.uint64)
             sample, pixel = np.divmod(number, np.uint64(camera.height * camera.width))
             sample += np.uint64(passes.start)
+            row, column = np.divmod(pixel.astype(np.int64), camera.width)
+            # Groups of passes are pictures on their own, with independent random numbers.
+            group, sample = group_of(sample)
+            pixel += group << PIXEL_BITS
             place = sampler.points(pixel, PIXEL_DIMENSION, sample)
             lens = None
             if self.context.plan["lens samples"]:
                 lens = sampler.points(pixel, LENS_DIMENSION, sample)
-            row, column = np.divmod(pixel.astype(np.int64), camera.width)
             origins, directions = camera.rays(column + place[:, 0], row + place[:, 1], lens)
         self.context.ledger.rays["camera"] += pixel.size
         return CameraBlock(pixel, sample, origins, directions)
@@ -96,4 +104,6 @@ class Integrator(ABC):
         with ledger.stage("intersect"):
             hits: HitRecord = self.context.tracer.intersect(origins, directions, source=source)
         ledger.count_hits(hits)
+        if source is None:
+            ledger.note_camera_hits(hits)
         return hits

@@ -120,6 +120,11 @@ class Intersector:
         """Number of threads that share a batch."""
         return self._pool.threads
 
+    @property
+    def n_triangles(self) -> int:
+        """Number of coarse triangles; 0 without Embree."""
+        return 0 if self._coarse is None else self._coarse.n_triangles
+
     def intersect(
         self,
         origins: ArrayLike,

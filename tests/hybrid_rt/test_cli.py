@@ -61,6 +61,24 @@ def test_options_reach_the_picture(folder, capsys):
     assert "Rendering ..." in captured.err
 
 
+def test_a_render_ends_with_its_numbers(folder, capsys):
+    arguments = ["render", "ball.py", "--target-error", "0.5", "--quiet"]
+    assert cli.main(arguments) == 0
+    out = capsys.readouterr().out
+    report = json.loads((folder / "ball.json").read_text())
+    assert report["settings"]["target_error"] == 0.5
+    assert report["geometry"]["camera_hits"] > 0
+    assert 0 < report["geometry"]["largest_t_bound_of_camera_hits"] < 1e-12
+    assert report["peak_memory_mib"] > 10
+    for words in (
+        f"{100 * report['noise']['relative_rmse']:.2g} % of the picture",
+        f"{report['geometry']['camera_hits']:,} camera hits",
+        "stopped   by the target error, after 4 passes",
+        f"peak memory {report['peak_memory_mib']:.0f} MiB",
+    ):
+        assert words in out
+
+
 def test_script_runs_as_a_program(folder):
     command = [sys.executable, "ball.py", "--passes", "1", "--height", "6", "--quiet"]
     subprocess.run(command, check=True, cwd=folder, timeout=120)
@@ -72,6 +90,7 @@ def test_script_runs_as_a_program(folder):
     [
         (["missing.py"], "no scene script 'missing.py'"),
         (["ball.py", "--passes", "0"], "passes"),
+        (["ball.py", "--target-error", "0"], "target_error"),
         (["ball.py", "--integrator", "magic"], "integrator 'magic'"),
         (["ball.py", "--out", "a.jpg"], "unknown ending"),
         (["ball.py", "--out", "nowhere/a.png"], "no folder"),

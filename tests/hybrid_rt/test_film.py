@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from hybrid_rt import film
-from hybrid_rt.film import Film, check_output, linear_to_srgb, save_image, srgb_to_linear
+from hybrid_rt.film import Film, check_output, group_of, linear_to_srgb, save_image, srgb_to_linear
 
 IMAGE = np.random.default_rng(4).uniform(0, 1.2, (5, 7, 3)).astype(np.float32)
 
@@ -92,12 +92,67 @@ def test_film_is_the_mean_and_its_noise_the_standard_error():
         sheet.add(radiance)
     np.testing.assert_allclose(sheet.image, passes.mean(axis=0), rtol=1e-6)
     noise = sheet.noise()
+    assert noise["errs_on_the_safe_side"]
     per_pixel = passes.var(axis=0, ddof=1) / 6
     assert noise["root_mean_square_standard_error_of_pixels"] == pytest.approx(
         np.sqrt(per_pixel.mean())
     )
     means = passes.mean(axis=(1, 2, 3))
     assert noise["standard_error_of_image_mean"] == pytest.approx(means.std(ddof=1) / np.sqrt(6))
+
+
+def test_errors_come_from_the_differences_between_groups():
+    """Passes that cancel within each group leave the groups' means alone."""
+    rng = np.random.default_rng(6)
+    level, wobble = rng.uniform(1, 2, (4, 3, 2, 3)), rng.normal(size=(4, 3, 2, 3))
+    sheet = Film(3, 2)
+    for n in range(32):
+        sheet.add(level[n // 4 % 4] + (-1.0) ** n * wobble[n // 4 % 4])
+    expected = level.std(axis=0, ddof=1) / 2
+    np.testing.assert_allclose(sheet.standard_error, expected)
+    noise = sheet.noise()
+    assert not noise["errs_on_the_safe_side"]
+    assert noise["interval_factor"] == 3.182
+    means = level.mean(axis=(1, 2, 3))
+    assert noise["standard_error_of_image_mean"] == pytest.approx(means.std(ddof=1) / 2)
+    mean = level.mean(axis=0)
+    relative = np.sqrt((expected**2 / (mean**2 + 0.01)).mean())
+    assert noise["relative_rmse"] == pytest.approx(relative)
+
+
+def test_groups_take_runs_of_four_passes_in_turn():
+    group, sample = group_of(np.arange(40, dtype=np.uint64))
+    assert group.tolist() == [k for _ in range(3) for k in range(4) for _ in range(4)][:40]
+    for k in range(4):
+        assert sample[group == k].tolist() == list(range(np.count_nonzero(group == k)))
+
+
+def test_intervals_use_students_t():
+    from scipy.stats import t
+
+    sheet = Film(1, 1)
+    for n in range(1, 21):
+        sheet.add(np.full((1, 1, 3), float(n)))
+        if n > 1:
+            freedom = n - 1 if n < 16 else 3
+            assert sheet.noise()["interval_factor"] == pytest.approx(
+                t.ppf(0.975, freedom), abs=6e-4
+            )
+
+
+@pytest.mark.statistical
+@pytest.mark.parametrize("n", [2, 5, 16, 21, 30])
+def test_squares_of_errors_are_unbiased(n):
+    """The mean square is the variance of the mean, whatever the sizes of the groups.
+
+    Independent normal passes, 6e4 values; the squares have 1 or more degrees of freedom, so their
+    mean is known to 0.6 % or better: 3 % is a matter of 5 standard deviations.
+    """
+    rng = np.random.default_rng(8)
+    sheet = Film(100, 200)
+    for _ in range(n):
+        sheet.add(rng.normal(size=(100, 200, 3)))
+    assert np.square(sheet.standard_error).mean() == pytest.approx(1 / n, rel=0.03)
 
 
 def test_one_pass_tells_nothing_of_noise():

@@ -36,6 +36,18 @@ def test_bar_on_a_terminal_ends_full_and_on_a_line_of_its_own(monkeypatch):
     assert full.endswith("\n")
 
 
+def test_error_is_shown_until_the_next_stage(monkeypatch):
+    monkeypatch.setattr(progress, "REDRAW_INTERVAL", 0.0)
+    stream = Terminal()
+    show = TerminalProgress(stream)
+    show("Rendering", 1, 10)
+    show.note_error(0.0345)
+    show("Rendering", 2, 10)
+    show("Writing", 1, 10)
+    lines = stream.getvalue().split("\r\x1b[K")[1:]
+    assert ["error 3.5 %" in line for line in lines] == [False, True, False]
+
+
 def test_nested_compilations_count_once_and_long_ones_are_announced(monkeypatch):
     monkeypatch.setattr(progress, "ANNOUNCE_AFTER", 0.01)
     heard = []

@@ -186,6 +186,46 @@ class TestLimit:
         assert n == n_passes
         assert limit.reached(n, seconds) == stopped_by
 
+    def test_target_error_ends_where_the_estimate_is_below_it(self):
+        """Errors fall as 1 / sqrt(passes) from 0.399: 0.05 takes 64, looked for more and more often"""
+        limit, n, looks = Limit(None, None, 0.05), 0, []
+        while n_together := limit.begins(n, 0.0, at_most=100):
+            n += n_together
+            if n >= limit.next_estimate():
+                looks.append(n)
+                limit.note_error(n, 0.399 / np.sqrt(n))
+                assert limit.expected_passes(n) in (64, n + 1)
+        assert looks == [4, 8, 16, 28, 40, 48, 52, 56, 60, 64]
+        assert limit.reached(n, 0.0) == "target_error"
+
+    def test_other_limits_end_before_the_target(self):
+        limit = Limit(10, None, 1e-9)
+        limit.note_error(8, 1.0)
+        assert limit.begins(8, 0.0, at_most=100) == 2
+        assert limit.begins(10, 0.0, at_most=100) == 0
+        assert limit.reached(10, 0.0) == "passes"
+
+    def test_target_error_is_reached_with_the_same_pass_by_any_number_of_threads(self):
+        busy = scene(Lambertian(CheckerTexture(0.9, 0.1)), width=40, height=30)
+        target = 0.02
+        results = [
+            render(busy, "path", target_error=target, threads=k, progress=hear)
+            for k, hear in ((1, None), (2, lambda *_: None))
+        ]
+        np.testing.assert_array_equal(results[0].image, results[1].image)
+        report = results[0].report
+        assert report["stopped_by"] == "target_error"
+        assert report["passes"] > 4
+        assert report["noise"]["relative_rmse"] <= target
+        before = render(busy, "path", passes=report["passes"] - 4).report
+        assert before["noise"]["relative_rmse"] > target
+        assert before["stopped_by"] == "passes"
+
+    def test_picture_without_noise_ends_with_the_first_estimate(self):
+        report = render(scene(environment=None), target_error=1e-12).report
+        assert (report["passes"], report["stopped_by"]) == (4, "target_error")
+        assert report["noise"]["relative_rmse"] == 0.0
+
     def test_budget_runs_at_least_one_pass(self):
         report = render(scene(), time_budget=1e-9).report
         assert (report["passes"], report["stopped_by"]) == (1, "time_budget")
@@ -199,6 +239,7 @@ class TestLimit:
         ({"passes": 2.5}, TypeError, "passes"),
         ({"time_budget": 0}, ValueError, "time_budget"),
         ({"time_budget": float("nan")}, ValueError, "time_budget"),
+        ({"target_error": -0.01}, ValueError, "target_error"),
         ({"seed": -1}, ValueError, "seed"),
         ({"max_depth": -1}, ValueError, "max_depth"),
         ({"threads": 0}, ValueError, "threads"),
@@ -217,6 +258,21 @@ def test_progress_hears_every_block(monkeypatch):
     render(scene(), passes=2, progress=lambda *event: heard.append(event))
     assert heard[0] == ("Building", 0, 0)
     assert heard[-2:] == [("Rendering", 96, 192), ("Rendering", 192, 192)]
+
+
+def test_progress_that_listens_hears_the_error():
+    class Heard(list):
+        def __call__(self, *event):
+            self.append(event)
+
+        def note_error(self, error):
+            self.append(error)
+
+    heard = Heard()
+    result = render(scene(Lambertian(0.5)), passes=18, progress=heard)
+    errors = [event for event in heard if isinstance(event, float)]
+    assert len(errors) == 1  # all passes of so small a picture run together
+    assert errors[-1] == result.report["noise"]["relative_rmse"]
 
 
 def test_scene_of_closed_forms_imports_no_mesh_library():

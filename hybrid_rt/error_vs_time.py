@@ -1,0 +1,609 @@
+"""Error against run time: work-precision diagrams of methods that make the same picture or hits.
+
+Every method runs at several settings, all of them in turn, so that the machine's moods fall on all
+alike; errors are against a long render or the oracle. Kernels are compiled before, surfaces are
+built within each run and their seconds stated.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hybrid_rt import checks
+from hybrid_rt.comparison import Picture
+from hybrid_rt.integrators import INTEGRATORS
+from hybrid_rt.integrators.options import PathOptions
+from hybrid_rt.intersection import Intersector
+from hybrid_rt.lights import PointLight
+from hybrid_rt.measures import DARK, hit_errors, picture_errors, relative_mse
+from hybrid_rt.rendering import RenderResult, render
+from hybrid_rt.scene import Scene
+from hybrid_rt.verify.oracle import first_hits
+from hybrid_rt.verify.rays import RaySet
+from hybrid_rt.verify.speed import in_turn
+from meshing import BezierPatches, SurfaceOfRevolution
+
+Image = NDArray[np.float32]
+Say = Callable[[str], None]
+
+REFERENCE_SEED, CHECK_SEED = 20_000, 30_000
+# Tolerances of meshes, relative to the diagonal of all curved surfaces.
+TOLERANCES = (1e-2, 1e-3, 1e-4)
+# A bias below half of the whole error cannot be told from noise by two points.
+SURE_BIAS = 0.5
+# No wrong hit among n rays: at 95 % the share is below 3 / n (1 - (1 - 3 / n)^n = 0.95).
+RULE_OF_THREE = 3.0
+
+
+@dataclass(frozen=True)
+class Spread:
+    """A figure over several runs: median, least and most."""
+
+    median: float
+    least: float
+    most: float
+
+
+def spread(values: Sequence[float]) -> Spread:
+    """Return median, least and most."""
+    return Spread(float(np.median(values)), float(min(values)), float(max(values)))
+
+
+@dataclass(frozen=True)
+class Method:
+    """One way to make a picture; what varies along its curve is the number of passes."""
+
+    name: str
+    integrator: str
+    accuracy: str = "certified"
+    tolerance: float | None = None
+    options: Any = None
+
+    @property
+    def flags(self) -> str:
+        """The options of ``hybrid-rt render`` that choose it."""
+        flags = f"--integrator {self.integrator}"
+        if self.accuracy != "certified":
+            flags += f" --accuracy {self.accuracy}"
+        return flags if self.tolerance is None else f"{flags} --tolerance {self.tolerance:.3g}"
+
+
+@dataclass(frozen=True)
+class Point:
+    """One setting of a method.
+
+    Attributes
+    ----------
+    setting : float
+        Passes, or the tolerance of a mesh in scene units.
+    seconds, error : Spread
+        Of a picture its wall seconds and relative RMSE; of hits the seconds per ray and the share
+        of wrong first hits.
+    more : dict
+        Other figures by name, medians over the runs.
+    """
+
+    setting: float
+    seconds: Spread
+    error: Spread
+    more: dict[str, float]
+
+
+@dataclass(frozen=True)
+class Curve:
+    """A method and its points in the order of their cost; ``flags`` choose it in a command."""
+
+    name: str
+    flags: str
+    points: list[Point]
+
+
+@dataclass(frozen=True)
+class Reference:
+    """What pictures are measured against.
+
+    Attributes
+    ----------
+    made_by : str
+    own_error : float
+        Its own relative RMSE, estimated; nan if unknown.
+    mean, mean_error : float
+        Mean radiance, and the standard error of it; nan if unknown.
+    seconds : float
+    check : dict or None
+        A different method: ``made_by``, ``gap`` of the means, ``gap_error`` its standard error,
+        ``difference`` of the pictures (relative RMSE) and ``by_noise``, what their noise explains.
+    """
+
+    made_by: str
+    own_error: float
+    mean: float
+    mean_error: float
+    seconds: float
+    check: dict[str, Any] | None
+
+
+@dataclass(frozen=True)
+class PictureStudy:
+    """Curves of pictures of one scene.
+
+    Attributes
+    ----------
+    size : (width, height)
+    compile_seconds : float
+    reference : Reference
+    curves : list of Curve
+    meshes : list of dict
+        By tolerance: ``triangles``, ``build_seconds``, and the ``error`` of pictures of the mesh
+        that passes do not remove, with its upper 95 % limit ``error_at_most``.
+    images : dict of (height, width, 3) float32
+        By method, the first run at its dearest setting; "reference" the reference.
+    """
+
+    size: tuple[int, int]
+    compile_seconds: float
+    reference: Reference
+    curves: list[Curve]
+    meshes: list[dict[str, float]]
+    images: dict[str, Image]
+
+
+def curved_surfaces(scene: Scene) -> list[Any]:
+    """Return the patches and surfaces of revolution of a scene."""
+    kinds = BezierPatches | SurfaceOfRevolution
+    return [item.surface for item in scene.objects if isinstance(item.surface, kinds)]
+
+
+def size_of(surfaces: Sequence[Any]) -> float:
+    """Return the diagonal of the box around surfaces."""
+    low = np.min([s.bounds[0] for s in surfaces], axis=0)
+    high = np.max([s.bounds[1] for s in surfaces], axis=0)
+    return float(np.linalg.norm(high - low))
+
+
+def default_methods(scene: Scene) -> list[Method]:
+    """Return every integrator with certified hits, and paths on what is not certified."""
+    methods = [Method(name, name) for name in INTEGRATORS]
+    surfaces = curved_surfaces(scene)
+    if surfaces:
+        methods.append(Method("path, refined", "path", "refined"))
+        for share in TOLERANCES:
+            tolerance = share * size_of(surfaces)
+            methods.append(Method(f"path, mesh {tolerance:.2g}", "path", "mesh", tolerance))
+    return methods
+
+
+def study_picture(
+    scene: Scene,
+    passes: Sequence[int],
+    *,
+    runs: int = 3,
+    reference_passes: int = 1024,
+    reference: Picture | None = None,
+    methods: Sequence[Method] | None = None,
+    threads: int | None = None,
+    say: Say = lambda _: None,
+) -> PictureStudy:
+    """Measure error against seconds of all methods on one scene.
+
+    Parameters
+    ----------
+    scene : Scene
+    passes : sequence of int
+        Increasing; the settings of each method.
+    runs : int
+        Each with a seed of its own.
+    reference_passes : int
+        Of the reference, unless one is given.
+    reference : Picture, optional
+        Of the camera's size.
+    methods : sequence of Method, optional
+        Default: `default_methods`.
+    threads : int, optional
+    say : callable, optional
+        Hears what is being done.
+
+    Raises
+    ------
+    ValueError, TypeError
+        If passes are not increasing, or a setting is out of range.
+    """
+    for n in passes:
+        checks.whole(n, "passes", at_least=1)
+    if list(passes) != sorted(set(passes)) or not passes:
+        raise ValueError(f"passes are {list(passes)}: give one or more, each more than the last")
+    checks.whole(runs, "runs", at_least=1)
+    if reference is not None and reference.image.shape[:2] != (
+        scene.camera.height,
+        scene.camera.width,
+    ):
+        raise ValueError(
+            f"reference {reference.name} has {reference.image.shape[1]} x "
+            f"{reference.image.shape[0]} pixels, the camera {scene.camera.width} x "
+            f"{scene.camera.height}: render one of that size"
+        )
+    chosen = default_methods(scene) if methods is None else list(methods)
+    camera = scene.camera
+    small = scene.with_camera(camera.resized(16, 12))
+    say("compiling kernels")
+    compile_seconds = sum(
+        _run(small, method, 1, 0, threads).report["kernel_compilation_seconds"] for method in chosen
+    )
+    if reference is None:
+        found, truth = _make_reference(scene, reference_passes, threads, say)
+    else:
+        found, truth = _given_reference(reference), reference.image
+    rows: dict[str, dict[int, list[dict[str, float]]]] = {
+        method.name: {n: [] for n in passes} for method in chosen
+    }
+    images = {"reference": truth}
+    for run in range(runs):
+        for n in passes:
+            say(f"run {run + 1} of {runs}: {n} passes of {len(chosen)} methods")
+            for method in chosen:
+                result = _run(scene, method, n, run + 1, threads)
+                rows[method.name][n].append(_row(result, truth))
+                if run == 0 and n == passes[-1]:
+                    images[method.name] = result.image
+    curves = [
+        Curve(method.name, method.flags, [_point(n, rows[method.name][n]) for n in passes])
+        for method in chosen
+    ]
+    return PictureStudy(
+        (camera.width, camera.height),
+        compile_seconds,
+        found,
+        curves,
+        _meshes(scene, passes[-1], threads, say),
+        images,
+    )
+
+
+def _run(
+    scene: Scene, method: Method, passes: int, seed: int, threads: int | None, *outputs: str
+) -> RenderResult:
+    return render(
+        scene,
+        method.integrator,
+        passes,
+        seed=seed,
+        threads=threads,
+        accuracy=method.accuracy,
+        tolerance=method.tolerance,
+        options=method.options,
+        outputs=outputs,
+    )
+
+
+def _make_reference(
+    scene: Scene, passes: int, threads: int | None, say: Say
+) -> tuple[Reference, Image]:
+    """Render long by paths; and by paths that never ask a light, to check that."""
+    say(f"reference of {passes} passes")
+    main = _run(scene, Method("path", "path"), passes, REFERENCE_SEED, threads, "standard_error")
+    noise = main.report["noise"]
+    check = None
+    if not any(isinstance(light, PointLight) for light in scene.lights):
+        say("the same by paths that only run into lights")
+        blind = Method("blind", "path", options=PathOptions(strategy="directions"))
+        other = _run(scene, blind, passes, CHECK_SEED, threads, "standard_error")
+        others = other.report["noise"]
+        weight = main.image.astype(np.float64) ** 2 + DARK
+        variance = sum(
+            float((r.channels["standard_error"].astype(np.float64) ** 2 / weight).mean())
+            for r in (main, other)
+        )
+        check = {
+            "made_by": f"path, never asking a light, {passes} passes",
+            "gap": others["image_mean"] - noise["image_mean"],
+            "gap_error": math.hypot(
+                noise["standard_error_of_image_mean"], others["standard_error_of_image_mean"]
+            ),
+            "difference": math.sqrt(relative_mse(other.image, main.image)),
+            "by_noise": math.sqrt(variance),
+        }
+    return (
+        Reference(
+            f"path, certified, {passes} passes",
+            noise["relative_rmse"],
+            noise["image_mean"],
+            noise["standard_error_of_image_mean"],
+            main.report["seconds"]["total"],
+            check,
+        ),
+        main.image,
+    )
+
+
+def _given_reference(picture: Picture) -> Reference:
+    report = picture.report or {}
+    noise = report.get("noise") or {}
+    return Reference(
+        f"the file {picture.name}",
+        noise.get("relative_rmse", math.nan),
+        float(picture.image.mean(dtype=np.float64)),
+        noise.get("standard_error_of_image_mean", math.nan),
+        report.get("seconds", {}).get("total", math.nan),
+        None,
+    )
+
+
+def _row(result: RenderResult, truth: Image) -> dict[str, float]:
+    """Return the figures of one run."""
+    errors, report = picture_errors(result.image, truth), result.report
+    stages, noise = report["seconds"], report["noise"]
+    return {
+        # The audit of uncertified hits is not part of making the picture.
+        "seconds": stages["total"] - stages.get("audit", 0.0),
+        "error": errors.relative_rmse,
+        "error_of_most": errors.relative_rmse_of_most,
+        "mean_error": errors.relative_mean_error,
+        "stated_error": math.nan if noise is None else noise["relative_rmse"],
+        "build_seconds": stages.get("build", 0.0),
+        "rays": float(sum(report["rays"].values())),
+    }
+
+
+def _point(setting: float, rows: Sequence[dict[str, float]]) -> Point:
+    columns = {name: [row[name] for row in rows] for name in rows[0]}
+    seconds, error = columns.pop("seconds"), columns.pop("error")
+    more = {name: float(np.median(values)) for name, values in columns.items()}
+    return Point(setting, spread(seconds), spread(error), more)
+
+
+def _meshes(scene: Scene, passes: int, threads: int | None, say: Say) -> list[dict[str, float]]:
+    """Measure what meshes alone do to a picture.
+
+    The differences between pictures of mesh and surface, made with the same random numbers, still
+    hold noise; but that of one seed is independent of that of another, so the mean of the product
+    of two differences is the square of what stays.
+    """
+    surfaces = curved_surfaces(scene)
+    if not surfaces:
+        return []
+    say("pictures of meshes, each twice, with the random numbers of certified ones")
+    exact = [_run(scene, Method("path", "path"), passes, seed, threads).image for seed in (1, 2)]
+    weight = np.mean(exact, axis=0, dtype=np.float64) ** 2 + DARK
+    rows = []
+    for share in TOLERANCES:
+        tolerance = share * size_of(surfaces)
+        method = Method("mesh", "path", "mesh", tolerance)
+        one, other = (
+            _run(scene, method, passes, seed, threads).image.astype(np.float64) - exact[seed - 1]
+            for seed in (1, 2)
+        )
+        # Channels of a pixel share their noise; pixels are independent.
+        products = (one * other / weight).mean(axis=2)
+        square = max(float(products.mean()), 0.0)
+        of_square = float(products.std(ddof=1)) / math.sqrt(products.size)
+        began = time.perf_counter()
+        tracer = Intersector(surfaces, "mesh", tolerance=tolerance, threads=1)
+        rows.append(
+            {
+                "tolerance": tolerance,
+                "triangles": float(tracer.n_triangles),
+                "build_seconds": time.perf_counter() - began,
+                "error": math.sqrt(square),
+                "error_at_most": math.sqrt(square + 1.96 * of_square),
+            }
+        )
+    return rows
+
+
+@dataclass(frozen=True)
+class HitStudy:
+    """Curves of first hits on one list of surfaces.
+
+    Attributes
+    ----------
+    rays, judged : int
+        Traced; decided by the oracle and concerned.
+    size : float
+        Diagonal of the surfaces.
+    curves : list of Curve
+        Their settings are tolerances, errors shares of wrong first hits; ``more`` holds
+        ``triangles``, ``build_seconds``, ``mean_dt``, ``worst_dt``, ``worst_residual``,
+        ``mean_angle``, ``missed``, ``phantom``, ``farther``.
+    oracle_seconds : float
+    """
+
+    rays: int
+    judged: int
+    size: float
+    curves: list[Curve]
+    oracle_seconds: float
+
+
+def study_hits(
+    surfaces: Sequence[Any],
+    rays: RaySet,
+    *,
+    tolerances: Sequence[float] = TOLERANCES,
+    runs: int = 5,
+    threads: int | None = None,
+    say: Say = lambda _: None,
+) -> HitStudy:
+    """Measure wrong first hits and seconds per ray of all accuracies, against the oracle.
+
+    Parameters
+    ----------
+    surfaces : sequence of surfaces
+    rays : RaySet
+    tolerances : sequence of float
+        Of the coarse meshes, relative to the diagonal of the surfaces.
+    runs : int
+        Of each, in turn.
+    threads : int, optional
+    say : callable, optional
+    """
+    n, size = len(rays.origins), size_of(surfaces)
+    say(f"the oracle on {n} rays")
+    began = time.perf_counter()
+    truth = first_hits(surfaces, rays.origins, rays.directions, threads=threads)
+    oracle_seconds = time.perf_counter() - began
+    tracers: dict[tuple[str, float], tuple[Intersector, float]] = {}
+    for share in sorted(tolerances, reverse=True):
+        for accuracy in ("mesh", "refined", "certified"):
+            began = time.perf_counter()
+            tracer = Intersector(surfaces, accuracy, tolerance=share * size, threads=threads)
+            tracers[accuracy, share * size] = tracer, time.perf_counter() - began
+    began = time.perf_counter()
+    bare = Intersector(surfaces, coarse="none", threads=threads)
+    tracers["certified, no Embree", math.inf] = bare, time.perf_counter() - began
+    say(f"{len(tracers)} tracers, {runs} runs each")
+
+    def tracing(tracer: Intersector) -> Callable[[], object]:
+        return lambda: tracer.intersect(rays.origins, rays.directions)
+
+    timings = in_turn(
+        {f"{name} {tol}": tracing(tracer) for (name, tol), (tracer, _) in tracers.items()}, runs
+    )
+    points: dict[str, list[Point]] = {}
+    judged = 0
+    for (name, tolerance), (tracer, build) in tracers.items():
+        errors = hit_errors(tracer.intersect(rays.origins, rays.directions), truth)
+        judged = max(judged, errors.rays)
+        timing = timings[f"{name} {tolerance}"]
+        seconds = Spread(timing.median / n, timing.least / n, timing.most / n)
+        share = errors.wrong / max(errors.rays, 1)
+        more = {
+            "triangles": float(tracer.n_triangles),
+            "build_seconds": build,
+            "mean_dt": errors.mean_dt,
+            "worst_dt": errors.worst_dt,
+            "worst_residual": errors.worst_residual,
+            "mean_angle": errors.mean_angle,
+            "missed": float(errors.missed),
+            "phantom": float(errors.phantom),
+            "farther": float(errors.farther),
+        }
+        point = Point(tolerance, seconds, Spread(share, share, share), more)
+        points.setdefault(name, []).append(point)
+    curves = [Curve(name, "", found) for name, found in points.items()]
+    return HitStudy(n, judged, size, curves, oracle_seconds)
+
+
+def camera_rays(scene: Scene, n: int) -> RaySet:
+    """Return about n rays of a scene's camera through the middles of pixels of a picture."""
+    camera = scene.camera
+    share = math.sqrt(n / (camera.width * camera.height))
+    width = max(round(camera.width * share), 1)
+    small = camera.resized(width, max(round(width * camera.height / camera.width), 1))
+    row, column = np.divmod(np.arange(small.width * small.height), small.width)
+    origins, directions = small.rays(column + 0.5, row + 0.5)
+    return RaySet(origins, directions, np.full(len(origins), "camera"))
+
+
+@dataclass(frozen=True)
+class Forecast:
+    """What a method would take to reach an error.
+
+    Attributes
+    ----------
+    method : str
+    flags : str
+    passes : int or None
+        None: not to be reached.
+    seconds : Spread
+        Scaled from the runs; nan where it is not reached.
+    bias : float
+        Error that passes do not remove, as far as two points tell; 0 if not above the noise.
+    is_measured : bool
+        Whether so many passes were made, rather than extrapolated to.
+    """
+
+    method: str
+    flags: str
+    passes: int | None
+    seconds: Spread
+    bias: float
+    is_measured: bool
+
+
+def forecast(curve: Curve, target: float, reference_error: float = 0.0) -> Forecast:
+    """Predict passes and seconds to a relative RMSE.
+
+    The square of the error is taken as b^2 + c / n^k: between two measured points as measured (a
+    line in logarithms), beyond the last with k = 1 and b from the last two points. The reference's
+    own noise is subtracted from the squares first.
+    """
+    own = 0.0 if math.isnan(reference_error) else reference_error
+    passes = np.array([p.setting for p in curve.points])
+    squares = np.array([max(p.error.median**2 - own**2, 1e-30) for p in curve.points])
+    seconds = np.array([p.seconds.median for p in curve.points])
+    last = curve.points[-1].seconds
+    bias = _bias(passes, squares)
+
+    def result(n: float, is_measured: bool) -> Forecast:
+        whole = max(math.ceil(n - 1e-9), 1)
+        median = _seconds(passes, seconds, whole)
+        spread = Spread(median, median * last.least / last.median, median * last.most / last.median)
+        return Forecast(curve.name, curve.flags, whole, spread, bias, is_measured)
+
+    reached = np.flatnonzero(squares <= target**2)
+    if len(reached):
+        k = int(reached[0])
+        if k == 0:
+            return result(float(passes[0]), True)
+        share = math.log(squares[k - 1] / target**2) / math.log(squares[k - 1] / squares[k])
+        return result(float(passes[k - 1] * (passes[k] / passes[k - 1]) ** share), True)
+    left = target**2 - bias**2
+    if left <= 0.0:
+        return Forecast(
+            curve.name, curve.flags, None, Spread(math.nan, math.nan, math.nan), bias, False
+        )
+    return result(float(passes[-1] * (squares[-1] - bias**2) / left), False)
+
+
+def _bias(passes: NDArray[np.float64], squares: NDArray[np.float64]) -> float:
+    """Return the error that does not fall with the passes, by the last two points."""
+    if len(passes) < 2:
+        return 0.0
+    n, m = passes[-2], passes[-1]
+    noise = (squares[-2] - squares[-1]) / (1.0 / n - 1.0 / m)
+    rest = squares[-1] - max(noise, 0.0) / m
+    return math.sqrt(rest) if rest > SURE_BIAS**2 * squares[-1] else 0.0
+
+
+def _seconds(passes: NDArray[np.float64], seconds: NDArray[np.float64], n: float) -> float:
+    """Return the seconds of n passes: between points a line, beyond the last its slope."""
+    if n <= passes[-1] or len(passes) < 2:
+        return float(np.interp(n, passes, seconds))
+    each = (seconds[-1] - seconds[-2]) / (passes[-1] - passes[-2])
+    return float(seconds[-1] + each * (n - passes[-1]))
+
+
+def recommend(study: PictureStudy, target: float) -> list[Forecast]:
+    """Return what each method needs for a relative RMSE, the cheapest first."""
+    own = study.reference.own_error
+    forecasts = [forecast(curve, target, own) for curve in study.curves]
+    return sorted(forecasts, key=lambda f: (f.passes is None, f.seconds.median))
+
+
+def triangles_for(meshes: Sequence[dict[str, float]], target: float) -> float:
+    """Return how many triangles make the error of a picture fall to a target, by its meshes.
+
+    A line in logarithms through the two nearest meshes whose error is above the noise; nan where
+    there are no two, or the error does not fall.
+    """
+    rows = sorted((row for row in meshes if row["error"] > 0.0), key=lambda row: row["triangles"])
+    if len(rows) < 2:
+        return math.nan
+    k = next((i for i, row in enumerate(rows) if row["error"] <= target), len(rows) - 1)
+    a, b = rows[max(k, 1) - 1], rows[max(k, 1)]
+    if not (0.0 < b["error"] < a["error"] and a["triangles"] < b["triangles"]):
+        return math.nan
+    share = math.log(a["error"] / target) / math.log(a["error"] / b["error"])
+    return float(a["triangles"] * (b["triangles"] / a["triangles"]) ** share)
+
+
+def renamed(curves: Sequence[Curve], prefix: str) -> list[Curve]:
+    """Return curves under longer names, to be drawn beside others."""
+    return [replace(curve, name=f"{prefix}: {curve.name}") for curve in curves]

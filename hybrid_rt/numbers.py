@@ -1,0 +1,80 @@
+"""The numbers with which a render ends, in words: noise, geometric error, cost, what stopped it."""
+
+from __future__ import annotations
+
+from typing import Any
+
+# What each limit is called, and what of it was reached.
+_STOPPED_BY = {
+    "passes": "the number of passes",
+    "time_budget": "the time budget",
+    "target_error": "the target error",
+}
+
+
+def in_words(report: dict[str, Any]) -> str:
+    """Put the numbers of a render's report into some lines."""
+    return "\n".join([_noise(report), _geometry(report), _cost(report), _stop(report)])
+
+
+def _noise(report: dict[str, Any]) -> str:
+    noise = report["noise"]
+    if noise is None:
+        return "  noise     unknown after a single pass"
+    at_most = "at most about " if noise["errs_on_the_safe_side"] else ""
+    half = noise["interval_factor"] * noise["standard_error_of_image_mean"]
+    return (
+        f"  noise     {at_most}{100.0 * noise['relative_rmse']:.2g} % of the picture (relative RMSE, "
+        f"estimated); image mean {noise['image_mean']:.6g} +- {half:.1g} (95 %)"
+    )
+
+
+def _geometry(report: dict[str, Any]) -> str:
+    geometry = report["geometry"]
+    hits, unproven = geometry["camera_hits"], geometry["camera_hits_without_bound"]
+    text = "  geometry  "
+    if hits == unproven:
+        text += "no camera hit has a proven error"
+    else:
+        # Newton's root is proven to be a root; only the certificate proves that it is the first.
+        exact = "exact t" if geometry["accuracy"] == "certified" else "t of that root"
+        text += (
+            f"|t - {exact}| <= {geometry['largest_t_bound_of_camera_hits']:.1e}, proven for "
+            f"{hits - unproven:,} of {hits:,} camera hits"
+        )
+    text += f"; {geometry['tangent']:,} rays decided within rounding"
+    wrong = geometry["wrong_first_hits"]
+    if wrong is None:
+        return text + (
+            f"\n            {geometry['certified_rays']:,} rays certified, "
+            f"{geometry['changed_by_certificate']:,} first hits changed by it, "
+            f"{geometry['given_up']:,} given up"
+        )
+    low, high = wrong["interval_95"]
+    return text + (
+        f"\n            wrong first hits: {wrong['wrong']:,} of {wrong['rays']:,} camera rays "
+        f"({100 * low:.2g} to {100 * high:.2g} %, 95 %); the others off by {wrong['mean_error']:.1e} "
+        f"(mean) to {wrong['worst_error']:.1e}"
+    )
+
+
+def _cost(report: dict[str, Any]) -> str:
+    seconds = report["seconds"]
+    stages = sorted(
+        ((spent, stage) for stage, spent in seconds.items() if stage != "total"), reverse=True
+    )
+    longest = ", ".join(f"{stage} {spent:.2g}" for spent, stage in stages[:4])
+    n_rays = report["intersection"]["rays"] + report["intersection"]["shadow_rays"]
+    return (
+        f"  cost      {seconds['total']:.2f} s ({longest}), {n_rays / 1e6:.3g} million rays, "
+        f"peak memory {report['peak_memory_mib']:.0f} MiB"
+    )
+
+
+def _stop(report: dict[str, Any]) -> str:
+    noise = report["noise"]
+    error = "" if noise is None else f", relative error {noise['relative_rmse']:.2g}"
+    return (
+        f"  stopped   by {_STOPPED_BY[report['stopped_by']]}, after {report['passes']} passes, "
+        f"{report['seconds']['total']:.2f} s{error}"
+    )

@@ -1,0 +1,255 @@
+"""Forecasts on curves whose law is known; studies of tiny scenes of which everything is known."""
+
+import base64
+import io
+import math
+import re
+from xml.etree import ElementTree
+
+import imageio.v3 as imageio
+import numpy as np
+import pytest
+
+from hybrid_rt import error_page
+from hybrid_rt.camera import Camera
+from hybrid_rt.comparison import Picture
+from hybrid_rt.error_vs_time import (
+    Curve,
+    Method,
+    Point,
+    Spread,
+    camera_rays,
+    default_methods,
+    forecast,
+    recommend,
+    renamed,
+    size_of,
+    spread,
+    study_hits,
+    study_picture,
+    triangles_for,
+)
+from hybrid_rt.lights import GradientSky, PointLight
+from hybrid_rt.loglog import Line, Mark, log_log
+from hybrid_rt.materials import Emissive, Lambertian
+from hybrid_rt.primitives import Box, Sphere
+from hybrid_rt.scene import Object, Scene
+from meshing import SurfaceOfRevolution
+
+TUBE = SurfaceOfRevolution([[-1.0, 1.0], [1.0, 1.0]], (0, 0, 0), (0, 0, 1))
+VIEW = Camera((0, -6, 0.5), (0, 0, 0), (0, 0, 1), vertical_fov=30, width=24, height=16)
+SKY = GradientSky(0.3, 1.0, up=(0, 0, 1))
+SCENE = Scene(VIEW, [Object(TUBE, Lambertian(0.5))], environment=SKY)
+
+
+def law(bias=0.0, first=1.0, setup=0.5, each=0.25, passes=(1, 4, 16), own=0.0):
+    """Errors of sqrt(bias^2 + first^2 / n), seconds of setup + each n."""
+    points = []
+    for n in passes:
+        error = math.sqrt(bias**2 + first**2 / n + own**2)
+        points.append(Point(n, spread([setup + each * n]), spread([error]), {}))
+    return Curve("law", "--integrator law", points)
+
+
+class TestForecast:
+    def test_noise_alone_beyond_the_last_point(self):
+        """1 / sqrt(n) reaches 0.1 with 100 passes, in 0.5 + 25 s."""
+        found = forecast(law(), 0.1)
+        assert (found.passes, found.bias, found.is_measured) == (100, 0.0, False)
+        assert found.seconds.median == pytest.approx(25.5)
+
+    def test_between_points_it_is_measured(self):
+        found = forecast(law(), math.sqrt(1 / 8))
+        assert (found.passes, found.is_measured) == (8, True)
+        assert found.seconds.median == pytest.approx(2.5)
+
+    def test_first_point_is_enough_for_little(self):
+        assert forecast(law(), 2.0).passes == 1
+
+    def test_bias_is_seen_and_paid_for(self):
+        """Of 0.01 a bias of 0.2^2 leaves 0.25^2 - 0.2^2 = 0.0225 to the noise: 45 passes."""
+        found = forecast(law(bias=0.2), 0.25)
+        assert found.bias == pytest.approx(0.2)
+        assert found.passes == math.ceil(1 / 0.0225)
+        assert forecast(law(bias=0.2), 0.19).passes is None
+        assert math.isnan(forecast(law(bias=0.2), 0.19).seconds.median)
+
+    def test_noise_of_the_reference_is_no_bias(self):
+        found = forecast(law(own=0.3), 0.1, reference_error=0.3)
+        assert (found.passes, found.bias) == (100, 0.0)
+
+    def test_errors_that_do_not_fall_are_bias(self):
+        assert forecast(law(bias=0.5, first=1e-9), 0.1).passes is None
+
+
+def test_triangles_by_the_law_of_the_mesh():
+    meshes = [{"triangles": n, "error": 40.0 / n} for n in (1e2, 1e3, 1e4)]
+    assert triangles_for(meshes, 0.01) == pytest.approx(4000)  # between two meshes
+    assert triangles_for(meshes, 1e-4) == pytest.approx(4e5)  # beyond
+    unseen = [*meshes[:2], {"triangles": 1e4, "error": 0.0}]  # below the noise
+    assert triangles_for(unseen, 0.01) == pytest.approx(4000)
+    assert math.isnan(triangles_for(meshes[:1], 0.01))
+    assert math.isnan(triangles_for([{**m, "error": 0.1} for m in meshes], 0.01))
+
+
+def test_spread_and_names():
+    assert spread([3.0, 1.0, 2.0]) == Spread(2.0, 1.0, 3.0)
+    assert renamed([law()], "A")[0].name == "A: law"
+    assert Method("m", "path", "mesh", 0.0123).flags == (
+        "--integrator path --accuracy mesh --tolerance 0.0123"
+    )
+
+
+def test_methods_are_all_integrators_and_what_is_not_certified():
+    names = {method.name for method in default_methods(SCENE)}
+    assert {"path", "whitted", "path, refined"} <= names
+    ball = Scene(VIEW, [Object(Sphere((0, 0, 0), 1), Lambertian(0.5))], environment=SKY)
+    assert "path, refined" not in {method.name for method in default_methods(ball)}
+
+
+@pytest.fixture(scope="module")
+def room():
+    walls = Object(Box((-1, -1, -1), (1, 1, 1)).flipped(), Emissive(1.0, Lambertian(0.5)))
+    scene = Scene(Camera((0, 0, 0), (1, 0.2, 0.1), (0, 0, 1), 90, 16, 12), [walls])
+    truth = Picture("truth", np.full((12, 16, 3), 2.0, np.float32), None, None)
+    methods = [Method("path", "path"), Method("again", "path")]
+    return study_picture(scene, (4, 16, 64), runs=2, reference=truth, methods=methods, threads=1)
+
+
+@pytest.fixture(scope="module")
+def tube():
+    return study_hits([TUBE], camera_rays(SCENE, 4000), tolerances=(1e-2, 1e-4), runs=2, threads=1)
+
+
+class TestPictures:
+    """A closed room that shines and reflects half: radiance 2 everywhere, by Whitted 3/2."""
+
+    @pytest.mark.statistical
+    def test_errors_fall_as_noise_does(self, room):
+        for curve in room.curves:
+            first, _, last = (point.error.median for point in curve.points)
+            assert 2.0 < first / last < 10.0  # 4 by independent passes, more by nets
+            assert [point.setting for point in curve.points] == [4, 16, 64]
+            assert all(point.seconds.least <= point.seconds.most for point in curve.points)
+
+    @pytest.mark.statistical
+    def test_stated_errors_are_the_true_ones(self, room):
+        """192 pixels, 2 runs: 20 % is some 4 standard deviations."""
+        point = room.curves[0].points[-1]
+        assert point.more["stated_error"] == pytest.approx(point.error.median, rel=0.2)
+
+    def test_same_method_same_errors(self, room):
+        one, other = (curve.points[-1].error for curve in room.curves)
+        assert one == other
+        np.testing.assert_array_equal(room.images["path"], room.images["again"])
+
+    def test_recommended_is_the_cheapest(self, room):
+        found = recommend(room, 0.05)
+        seconds = [f.seconds.median for f in found]
+        assert seconds == sorted(seconds)
+        assert all(f.seconds.least <= f.seconds.median <= f.seconds.most for f in found)
+        assert all(f.bias == 0.0 for f in found)
+
+    def test_page_needs_no_other_file(self, room):
+        forecasts = recommend(room, 0.05)
+        answers = error_page.picture_answers(room, forecasts, 0.05, "room.py", math.nan)
+        assert "hybrid-rt render room.py --integrator path --passes" in answers[0]
+        diagram = error_page.picture_diagram("room", room.curves, room.reference.own_error)
+        tables = {"points": error_page.picture_table(room.curves)}
+        text = error_page.page("A <room>", answers, [diagram], tables, room.images)
+        assert "A &lt;room&gt;" in text
+        assert text.count("<svg") == 1
+        assert text.count("<tr>") == 1 + 6
+        links = re.findall(r'(?:src|href)="([^"]*)"', text)
+        assert len(links) == 1 + 2 * 2
+        for link in links:
+            kind, data = link.split(",", 1)
+            assert kind == "data:image/png;base64"
+            assert imageio.imread(io.BytesIO(base64.b64decode(data))).shape == (12, 16, 3)
+
+
+@pytest.mark.statistical
+def test_two_methods_agree_and_a_mesh_does_not():
+    study = study_picture(
+        SCENE, (4, 16), runs=1, reference_passes=64, methods=[Method("path", "path")], threads=1
+    )
+    check = study.reference.check
+    # Student's t with 3 degrees of freedom on either side: 12.9 is passed once in 1000 runs.
+    assert abs(check["gap"]) < 12.9 * check["gap_error"]
+    assert check["difference"] == pytest.approx(check["by_noise"], rel=0.3)
+    errors = [mesh["error"] for mesh in study.meshes]
+    assert errors[0] > 3.0 * errors[-1]
+    assert study.meshes[0]["triangles"] < study.meshes[-1]["triangles"]
+    assert study.meshes[0]["error"] < study.meshes[0]["error_at_most"]
+
+
+def test_point_lights_have_no_second_method():
+    scene = Scene(VIEW, [Object(TUBE, Lambertian(0.5))], [PointLight((3, -5, 3), 40)])
+    study = study_picture(scene, (1,), runs=1, reference_passes=2, methods=[Method("path", "path")])
+    assert study.reference.check is None
+
+
+class TestHits:
+    def test_certified_hits_are_right_and_meshes_are_not(self, tube):
+        curves = {curve.name: curve.points for curve in tube.curves}
+        assert tube.rays == pytest.approx(4000, rel=0.02)
+        assert all(
+            p.error.median == 0.0
+            for name, points in curves.items()
+            if name.startswith("certified")
+            for p in points
+        )
+        coarse, fine = curves["mesh"]
+        assert coarse.error.median > fine.error.median
+        assert coarse.more["triangles"] < fine.more["triangles"]
+        # A chord of tolerance e lies within e of the arc, on average two thirds of it; slant adds.
+        assert 0.3 * coarse.setting < coarse.more["mean_dt"] < 3.0 * coarse.setting
+        assert curves["refined"][0].more["mean_dt"] < 1e-14
+        assert math.isinf(curves["certified, no Embree"][0].setting)
+
+    def test_answers_and_diagrams(self, tube):
+        cost, share, mesh = error_page.hit_answers(tube)
+        assert "us per ray" in cost
+        assert f"Of {tube.judged} judged rays" in share
+        assert "triangles^-" in mesh
+        svg = error_page.hit_diagram("tube", tube.curves, tube.judged)
+        root = ElementTree.fromstring(svg)
+        circles = root.findall(".//{*}circle")
+        n_none = sum(p.error.median == 0.0 for c in tube.curves for p in c.points)
+        assert len(circles) == sum(len(curve.points) for curve in tube.curves)
+        assert sum(c.get("fill") == "white" for c in circles) == n_none
+        head, rows = error_page.hit_table(tube.curves)
+        assert all(len(row) == len(head) for row in rows)
+
+    def test_size_is_the_diagonal(self):
+        assert size_of([TUBE]) == pytest.approx(math.sqrt(12), rel=1e-9)
+
+
+class TestDiagram:
+    def places(self, svg):
+        root = ElementTree.fromstring(svg)
+        return [(float(c.get("cx")), float(c.get("cy"))) for c in root.findall(".//{*}circle")]
+
+    def mark(self, x, y):
+        return Mark((x, x, x), (y, y, y))
+
+    def test_power_laws_are_straight_lines_of_their_slope(self):
+        line = Line("half", [self.mark(10.0**k, 10.0 ** (-0.5 * k)) for k in range(5)])
+        svg = log_log("t", "x", "y", [line], slopes=(-0.5,), floor=("<floor>", 0.02))
+        places = np.array(self.places(svg))
+        steps = np.diff(places, axis=0)
+        np.testing.assert_allclose(steps - steps[0], 0.0, atol=0.11)  # written to 0.1 pixel
+        slope = ElementTree.fromstring(svg).find(".//{*}g[@class='slope']/{*}line")
+        dx = float(slope.get("x2")) - float(slope.get("x1"))
+        dy = float(slope.get("y2")) - float(slope.get("y1"))
+        assert dy / dx == pytest.approx(steps[0, 1] / steps[0, 0], rel=0.01)
+        assert "&lt;floor&gt;" in svg
+
+    @pytest.mark.parametrize("value", [0.0, -1.0, math.nan, math.inf])
+    def test_what_has_no_logarithm_is_refused(self, value):
+        with pytest.raises(ValueError, match="diagram 't'"):
+            log_log("t", "x", "y", [Line("l", [self.mark(1.0, value)])])
+
+    def test_nothing_to_draw_is_refused(self):
+        with pytest.raises(ValueError, match="needs marks"):
+            log_log("t", "x", "y", [])

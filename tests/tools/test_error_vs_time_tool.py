@@ -1,0 +1,84 @@
+import csv
+import json
+import runpy
+import sys
+from pathlib import Path
+
+import pytest
+
+TOOL = Path(__file__).parents[2] / "tools" / "error_vs_time.py"
+SCRIPT = """
+from hybrid_rt import Camera, GradientSky, Lambertian, Object, Scene
+from meshing import SurfaceOfRevolution
+
+
+def scene():
+    camera = Camera((0, -6, 0.5), (0, 0, 0), (0, 0, 1), vertical_fov=30, width=24, height=16)
+    tube = SurfaceOfRevolution([[-1.0, 1.0], [1.0, 1.0]], (0, 0, 0), (0, 0, 1))
+    return Scene(camera, [Object(tube, Lambertian(0.5))], environment=GradientSky(0.3, 1.0))
+"""
+SMALL = "--quick --width 24 --passes 2 4 --reference-passes 8 --rays 500 --threads 1"
+
+
+@pytest.fixture
+def run(tmp_path, monkeypatch, capsys):
+    (tmp_path / "tube.py").write_text(SCRIPT)
+    monkeypatch.chdir(tmp_path)
+
+    def run_tool(arguments):
+        monkeypatch.setattr(sys, "argv", [str(TOOL), *arguments.split()])
+        with pytest.raises(SystemExit) as ended:
+            runpy.run_path(str(TOOL), run_name="__main__")
+        return ended.value.code, capsys.readouterr()
+
+    return run_tool
+
+
+def test_study_of_a_scene_and_the_overlay_of_two(run, tmp_path):
+    pytest.importorskip("matplotlib")
+    code, captured = run(f"tube.py {SMALL} --out a")
+    assert code == 0
+    assert "Cheapest for 1 %" in captured.out
+    assert "judged rays" in captured.out
+    written = {path.name for path in (tmp_path / "a").iterdir()}
+    assert written == {"curves.csv", "curves.json", "curves.png", "page.html"}
+    data = json.loads((tmp_path / "a" / "curves.json").read_text())
+    assert [c["name"] for c in data["hits"]["curves"]][:3] == ["mesh", "refined", "certified"]
+    paths = next(c for c in data["picture"]["curves"] if c["name"] == "path")
+    assert [p["setting"] for p in paths["points"]] == [2, 4]
+    with (tmp_path / "a" / "curves.csv").open() as file:
+        rows = list(csv.reader(file))
+    assert ["Pictures"] in rows
+    assert any(row[:2] == ["path", "4"] for row in rows if row)
+
+    code, captured = run("--compare a/curves.json a/curves.json --out both")
+    assert code == 0
+    assert "A: path" in captured.out
+    assert "B: path" in captured.out
+    assert (tmp_path / "both" / "page.html").read_text().count("<svg") == 2
+
+
+def test_surface_alone(run):
+    teapot = TOOL.parents[1] / "hybrid_rt" / "data" / "teapot.bpt"
+    code, captured = run(f"surface {teapot} {SMALL}")
+    assert code == 0
+    assert "First hits" in captured.out
+    assert "Pictures" not in captured.out
+
+
+@pytest.mark.parametrize(
+    ("arguments", "code", "words"),
+    [
+        ("missing.py", 2, "no scene script"),
+        ("missing.bpt", 2, "missing.bpt"),
+        ("surface", 2, "name a .bpt file"),
+        ("", 2, "name a scene script"),
+        ("--compare x.json y.json", 2, "x.json"),
+        (f"tube.py {SMALL} --passes 4 2", 2, "passes"),
+        (f"tube.py {SMALL} --target 0", 2, "target"),
+    ],
+)
+def test_bad_input_is_refused(run, arguments, code, words):
+    found, captured = run(arguments)
+    assert found == code
+    assert words in captured.err

@@ -1,0 +1,331 @@
+"""Draw error against run time for a scene or a surface, and say which settings are cheapest.
+
+python tools/error_vs_time.py scenes/teapot.py --out teapot
+python tools/error_vs_time.py hybrid_rt/data/teapot.bpt --quick
+python tools/error_vs_time.py --compare before/curves.json after/curves.json --out both
+
+Prints tables and answers; with --out it writes curves.json, curves.csv, curves.png (with
+matplotlib) and page.html, which holds pictures, error maps and diagrams and needs no other file.
+Scene scripts are programs and are executed. Seconds are wall time with kernels compiled.
+"""
+
+import argparse
+import csv
+import json
+import math
+import sys
+from collections.abc import Sequence
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+from hybrid_rt import checks, error_page, error_vs_time
+from hybrid_rt.comparison import load_picture
+from hybrid_rt.error_vs_time import Curve, HitStudy, PictureStudy, Point, Spread
+from hybrid_rt.report import versions
+from hybrid_rt.scene import Scene
+from hybrid_rt.scene_file import load_scene
+from hybrid_rt.verify.rays import camera as random_camera
+from meshing import BezierPatches
+
+
+def main() -> int:
+    """Run the tool; return the exit code."""
+    parser = _parser()
+    args = parser.parse_args()
+    try:
+        if args.compare:
+            _compare(args)
+        elif not args.source:
+            parser.error("name a scene script or a .bpt file, or use --compare")
+        else:
+            _measure(args)
+    except (OSError, ValueError) as error:
+        print(f"{parser.prog}: {error}", file=sys.stderr)
+        return 2
+    return 0
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("source", nargs="?", metavar="SCENE.py | surface FILE.bpt")
+    parser.add_argument("file", nargs="?", type=Path, help=argparse.SUPPRESS)
+    parser.add_argument("--out", type=Path, metavar="DIR")
+    parser.add_argument("--quick", action="store_true", help="small, few passes, one run")
+    parser.add_argument("--compare", nargs=2, type=Path, metavar=("A.json", "B.json"))
+    parser.add_argument("--target", type=float, default=0.01, help="relative RMSE (default 0.01)")
+    parser.add_argument("--reference", type=Path, help="a picture (.npz or .exr) instead of ours")
+    parser.add_argument("--reference-passes", type=int, help="default 1024, quick 128")
+    parser.add_argument("--passes", type=int, nargs="+", help="default 1 4 16 64, quick 1 4 16")
+    parser.add_argument("--runs", type=int, help="default 3, quick 1")
+    parser.add_argument("--width", type=int, help="default 240, quick 120")
+    parser.add_argument(
+        "--rays", type=int, help="judged by the oracle; default 100000, quick 20000"
+    )
+    parser.add_argument("--threads", type=int)
+    return parser
+
+
+def _measure(args: argparse.Namespace) -> None:
+    checks.number(args.target, "target", above=0.0)
+    # "surface FILE.bpt" and "FILE.bpt" mean the same.
+    file = args.file if args.source == "surface" else Path(args.source)
+    if file is None:
+        raise ValueError("surface: name a .bpt file")
+    n_rays = args.rays or (20_000 if args.quick else 100_000)
+    studies: dict[str, Any] = {}
+    if file.suffix == ".bpt":
+        surfaces: list[Any] = [BezierPatches.read(file)]
+        rays = random_camera(surfaces, n_rays, 1)
+    else:
+        scene = _resized(load_scene(file), args.width or (120 if args.quick else 240))
+        studies["picture"] = _study_picture(scene, args)
+        surfaces = error_vs_time.curved_surfaces(scene)
+        rays = error_vs_time.camera_rays(scene, n_rays)
+    if surfaces:
+        studies["hits"] = error_vs_time.study_hits(
+            surfaces, rays, runs=3 if args.quick else 7, threads=args.threads, say=_say
+        )
+    _show(str(file), studies, args)
+
+
+def _resized(scene: Scene, width: int) -> Scene:
+    camera = scene.camera
+    height = max(round(camera.height * width / camera.width), 1)
+    return scene.with_camera(camera.resized(width, height))
+
+
+def _study_picture(scene: Scene, args: argparse.Namespace) -> PictureStudy:
+    return error_vs_time.study_picture(
+        scene,
+        args.passes or ([1, 4, 16] if args.quick else [1, 4, 16, 64]),
+        runs=args.runs or (1 if args.quick else 3),
+        reference_passes=args.reference_passes or (128 if args.quick else 1024),
+        reference=None if args.reference is None else load_picture(args.reference),
+        threads=args.threads,
+        say=_say,
+    )
+
+
+def _show(name: str, studies: dict[str, Any], args: argparse.Namespace) -> None:
+    sentences: list[str] = []
+    diagrams: list[str] = []
+    tables: dict[str, error_page.Table] = {}
+    images: dict[str, error_vs_time.Image] = {}
+    data: dict[str, Any] = {"source": name, "versions": versions(), "target": args.target}
+    if "picture" in studies:
+        study: PictureStudy = studies["picture"]
+        forecasts = error_vs_time.recommend(study, args.target)
+        triangles = error_vs_time.triangles_for(study.meshes, args.target)
+        sentences += error_page.picture_answers(study, forecasts, args.target, name, triangles)
+        own = study.reference.own_error
+        diagrams.append(error_page.picture_diagram(f"{name}: pictures", study.curves, own))
+        tables["Pictures"] = error_page.picture_table(study.curves)
+        tables[f"To a relative RMSE of {args.target:g}"] = error_page.forecast_table(forecasts)
+        if study.meshes:
+            head = tuple(study.meshes[0])
+            rows = [tuple(f"{row[key]:.3g}" for key in head) for row in study.meshes]
+            tables["Meshes alone, by the same random numbers"] = head, rows
+        images = study.images
+        plain = {key: value for key, value in vars(study).items() if key != "images"}
+        data["picture"] = {
+            **plain,
+            "reference": asdict(study.reference),
+            "curves": [asdict(curve) for curve in study.curves],
+            "forecasts": [asdict(forecast) for forecast in forecasts],
+            "triangles_for_target": triangles,
+        }
+    if "hits" in studies:
+        hits: HitStudy = studies["hits"]
+        sentences += error_page.hit_answers(hits)
+        diagrams.append(error_page.hit_diagram(f"{name}: first hits", hits.curves, hits.judged))
+        diagrams.append(error_page.distance_diagram(f"{name}: right hits", hits.curves, hits.size))
+        tables["First hits"] = error_page.hit_table(hits.curves)
+        data["hits"] = asdict(hits)
+    _print(sentences, tables)
+    if args.out:
+        _write(args.out, name, sentences, diagrams, tables, images, data)
+
+
+def _print(sentences: Sequence[str], tables: dict[str, error_page.Table]) -> None:
+    for title, (head, rows) in tables.items():
+        cells = [tuple(head), *(tuple(row) for row in rows)]
+        widths = [max(len(row[k]) for row in cells) for k in range(len(head))]
+        print(f"\n{title}")
+        for row in cells:
+            first, *others = (
+                cell.ljust(w) if k == 0 else cell.rjust(w)
+                for k, (cell, w) in enumerate(zip(row, widths, strict=True))
+            )
+            print("  " + "  ".join([first, *others]))
+    print()
+    for sentence in sentences:
+        print(f"- {sentence}")
+
+
+def _write(
+    folder: Path,
+    name: str,
+    sentences: Sequence[str],
+    diagrams: Sequence[str],
+    tables: dict[str, error_page.Table],
+    images: dict[str, error_vs_time.Image],
+    data: dict[str, Any],
+) -> None:
+    folder.mkdir(parents=True, exist_ok=True)
+    title = f"Error against run time: {name}"
+    page = error_page.page(title, sentences, diagrams, tables, images)
+    (folder / "page.html").write_text(page, "utf-8")
+    (folder / "curves.json").write_text(json.dumps(_no_nan(data), indent=2) + "\n", "utf-8")
+    with (folder / "curves.csv").open("w", newline="", encoding="utf-8") as file:
+        writer = csv.writer(file)
+        for table, (head, rows) in tables.items():
+            writer.writerows([(table,), head, *rows, ()])
+    _draw(folder / "curves.png", name, data)
+    print(f"\nwrote {', '.join(sorted(str(path) for path in folder.iterdir()))}")
+
+
+def _no_nan(value: Any) -> Any:
+    """Return the same for JSON, which has no nan and no inf: null."""
+    if isinstance(value, dict):
+        return {key: _no_nan(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [_no_nan(item) for item in value]
+    if isinstance(value, float) and not abs(value) < float("inf"):
+        return None
+    return value
+
+
+def _draw(file: Path, name: str, data: dict[str, Any]) -> None:
+    try:
+        import matplotlib as mpl
+    except ImportError:
+        print("for curves.png: pip install matplotlib, or this project with its extra `plot`")
+        return
+    mpl.use("Agg")
+    import matplotlib.pyplot as plt
+
+    parts = [part for part in ("picture", "hits") if part in data]
+    figure, all_axes = plt.subplots(
+        1, len(parts), figsize=(8.5 * len(parts), 5), layout="constrained", squeeze=False
+    )
+    for axes, part in zip(all_axes[0], parts, strict=True):
+        least = error_page.RULE_OF_THREE / data["hits"]["judged"] if part == "hits" else 1e-12
+        seconds: list[float] = []
+        for curve in data[part]["curves"]:
+            points = curve["points"]
+            x, y = ([p[axis]["median"] for p in points] for axis in ("seconds", "error"))
+            bars = [
+                [
+                    [p[axis]["median"] - p[axis]["least"] for p in points],
+                    [p[axis]["most"] - p[axis]["median"] for p in points],
+                ]
+                for axis in ("seconds", "error")
+            ]
+            y = [max(value, least) for value in y]
+            axes.errorbar(x, y, bars[1], bars[0], marker="o", markersize=4, label=curve["name"])
+            seconds += x
+        axes.set_xscale("log")
+        axes.set_yscale("log")
+        if part == "picture":
+            top = max(p["error"]["median"] for c in data[part]["curves"] for p in c["points"])
+            x = [min(seconds), max(seconds)]
+            for slope, style in ((-0.5, "--"), (-1.0, ":")):
+                axes.plot(
+                    x, [top, top * (x[1] / x[0]) ** slope], style, color="0.6",
+                    label=f"slope {slope:g}",
+                )  # fmt: skip
+            own = data[part]["reference"]["own_error"]
+            if not math.isnan(own):
+                axes.axhline(own, color="0.6", linestyle="-.", label="reference's own error")
+        axes.set_xlabel("seconds" if part == "picture" else "seconds per ray")
+        axes.set_ylabel(
+            "relative RMSE" if part == "picture" else f"wrong first hits (at least {least:.0e})"
+        )
+        axes.legend(fontsize=7, loc="upper left", bbox_to_anchor=(1.0, 1.0))
+        axes.set_title(name, fontsize=9)
+    figure.savefig(file, dpi=110)
+    plt.close(figure)
+
+
+def _compare(args: argparse.Namespace) -> None:
+    """Overlay the curves of two earlier runs."""
+    both = [json.loads(file.read_text("utf-8")) for file in args.compare]
+    names = [str(file.parent / file.stem) for file in args.compare]
+    diagrams: list[str] = []
+    tables: dict[str, error_page.Table] = {}
+    data: dict[str, Any] = {"compared": names}
+    for part in ("picture", "hits"):
+        if not all(part in one for one in both):
+            continue
+        curves = [
+            curve
+            for letter, one in zip("AB", both, strict=True)
+            for curve in error_vs_time.renamed(_curves(one[part]), letter)
+        ]
+        data[part] = {"curves": [asdict(curve) for curve in curves]}
+        if part == "picture":
+            own = max(one[part]["reference"]["own_error"] or 0.0 for one in both)
+            data[part]["reference"] = {"own_error": own or float("nan")}
+            diagrams.append(error_page.picture_diagram("pictures", curves, own or float("nan")))
+            tables["Pictures"] = error_page.picture_table(curves)
+        else:
+            judged = max(one[part]["judged"] for one in both)
+            data[part]["judged"] = judged
+            diagrams.append(error_page.hit_diagram("first hits", curves, judged))
+            tables["First hits"] = error_page.hit_table(curves)
+    if not diagrams:
+        raise ValueError(f"{names[0]} and {names[1]} have no kind of curves in common")
+    sentences = [f"A is {names[0]}, B is {names[1]}.", *_ratios(both)]
+    _print(sentences, tables)
+    if args.out:
+        _write(args.out, " and ".join(names), sentences, diagrams, tables, {}, data)
+
+
+def _curves(part: dict[str, Any]) -> list[Curve]:
+    inf = float("inf")
+    return [
+        Curve(
+            curve["name"],
+            curve["flags"],
+            [
+                Point(
+                    inf if p["setting"] is None else p["setting"],
+                    Spread(**p["seconds"]),
+                    Spread(**p["error"]),
+                    {key: float("nan") if v is None else v for key, v in p["more"].items()},
+                )
+                for p in curve["points"]
+            ],
+        )
+        for curve in part["curves"]
+    ]
+
+
+def _ratios(both: Sequence[dict[str, Any]]) -> list[str]:
+    """Say for methods of both runs how the seconds to the first one's target compare."""
+    if not all("picture" in one for one in both):
+        return []
+    target = both[0]["target"]
+    found = []
+    for one in both:
+        own = one["picture"]["reference"]["own_error"] or 0.0
+        found.append(
+            {c.name: error_vs_time.forecast(c, target, own) for c in _curves(one["picture"])}
+        )
+    return [
+        f"{name} to {target:g}: A {found[0][name].seconds.median:.3g} s, "
+        f"B {found[1][name].seconds.median:.3g} s."
+        for name in found[0]
+        if name in found[1] and None not in (found[0][name].passes, found[1][name].passes)
+    ]
+
+
+def _say(text: str) -> None:
+    print(f"  ... {text}", file=sys.stderr)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
