@@ -112,4 +112,18 @@ def make_plan(scene: CompiledScene, integrator: str) -> Plan:
         "rays remember the clear bodies they are in",
         "no surface is a dielectric",
     )
+    leads = bool((kinds > LAST_SPREADING).any())
+    shines = bool(scene.lights.emit.any())
+    plan.decide(
+        "light paths",
+        not asks_all and spreads and leads and shines,
+        "lamps shine on surfaces by way of mirrors and glass: paths from the lamps find that",
+        "both branches at glass are followed, and no light thrown by it"
+        if asks_all
+        else "no surface spreads light"
+        if not spreads
+        else "no mirror or glass throws light"
+        if not leads
+        else "no light has an area",
+    )
     return plan

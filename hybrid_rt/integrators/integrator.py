@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -61,6 +62,25 @@ class Integrator(ABC):
 
     def __init__(self, context: RenderContext) -> None:
         self.context = context
+
+    def begin(self) -> None:  # noqa: B027 (a hook that most leave empty)
+        """Find out, once, what all passes need; by default nothing."""
+
+    def follow(self, first: Integrator) -> None:
+        """Take over what the integrator of another thread found out in `begin`."""
+        del first
+
+    def prepare(self, passes: range) -> Any:
+        """Return what all blocks of some passes need, by default nothing."""
+        del passes
+
+    def take(self, passes: range, prepared: Sequence[Any]) -> None:
+        """Keep what was prepared, run by run, for the passes that are traced next."""
+        del passes, prepared
+
+    def add_prepared(self, prepared: Any, images: FloatArray) -> None:
+        """Add to the radiances (passes, pixels, 3) of a run what was found before their blocks."""
+        del prepared, images
 
     def trace(self, passes: range, first: int, stop: int) -> FloatArray:
         """Return the radiance (stop - first, 3) of a run of camera rays.

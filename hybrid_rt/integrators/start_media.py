@@ -1,4 +1,4 @@
-"""Clear bodies that the camera stands in."""
+"""Clear bodies that a camera or a lamp stands in."""
 
 from __future__ import annotations
 
@@ -6,25 +6,31 @@ import numpy as np
 
 from hybrid_rt.integrators.integrator import RenderContext
 from hybrid_rt.kernels.media import STACK
+from hybrid_rt.records import FloatArray, HitRecord
 from hybrid_rt.scene import NOTHING
 
 # Surfaces that one ray is followed through.
 MOST_CROSSINGS = 256
 
 
-def media_at(context: RenderContext) -> list[int]:
-    """Return the dielectric lobes around the camera, the outermost first.
+# None of a scene's likely directions: a ray along an edge would count both faces.
+SKEW = np.array([[0.5612, 0.6383, 0.5269]])
 
-    A ray from the camera to infinity leaves each closed body around it once more often than it
-    enters it. Its direction is none of a scene's likely directions: a ray along an edge would
-    count both faces.
+
+def media_at(
+    context: RenderContext,
+    origin: FloatArray,
+    direction: FloatArray = SKEW,
+    source: HitRecord | None = None,
+) -> list[int]:
+    """Return the dielectric lobes around a point (1, 3), the outermost first.
+
+    A ray from there to infinity leaves each closed body around it once more often than it
+    enters it. ``source`` names the point where it lies on a surface.
     """
     scene, tracer = context.scene, context.tracer
-    origin = scene.camera.look_from[None]
-    direction = np.array([[0.5612, 0.6383, 0.5269]])
     entered: list[int] = []
     around: list[int] = []
-    source = None
     for _ in range(MOST_CROSSINGS):
         hits = tracer.intersect(origin, direction, source=source)
         if not hits.hit[0]:

@@ -23,7 +23,7 @@ from hybrid_rt.integrators.integrator import (
     RenderContext,
 )
 from hybrid_rt.integrators.start_media import media_at
-from hybrid_rt.integrators.surface_light import Shading, SurfaceLight, largest_channel
+from hybrid_rt.integrators.surface_light import NO_RIVAL, Shading, SurfaceLight, largest_channel
 from hybrid_rt.kernels.film import add_to_pixels
 from hybrid_rt.kernels.fresnel import mirror_directions, split_at_glass
 from hybrid_rt.kernels.lobes import DIELECTRIC, METAL, MIRROR, sample_lobes
@@ -85,7 +85,8 @@ class Whitted(Integrator):
         super().__init__(context)
         self._light = SurfaceLight(context)
         lobes = context.scene.lobes
-        self._camera_media = media_at(context) if context.plan["medium stack"] else []
+        camera = context.scene.camera.look_from[None]
+        self._camera_media = media_at(context, camera) if context.plan["medium stack"] else []
         # Kind of the n-th lobe of each material, and a last row for what has none (`NOTHING`).
         self._kinds_in_slot = np.full((self._light.n_slots, lobes.first.size), NOTHING)
         for material, (first, stop) in enumerate(pairwise(lobes.first)):
@@ -107,7 +108,7 @@ class Whitted(Integrator):
                 # --- light they ran into
                 no_choice = np.zeros(len(rays))
                 gathered = rays.throughput * self._light.arriving(
-                    hits, rays.origins, rays.directions, no_choice
+                    hits, rays.origins, rays.directions, no_choice, NO_RIVAL, rays.media
                 )
                 # --- light we reach for
                 met = np.flatnonzero(material != NOTHING)
@@ -115,6 +116,7 @@ class Whitted(Integrator):
                 shading = self._light.shading(hits, hit_rays.directions, material)
                 gathered[met] += hit_rays.throughput * self._light.from_all(
                     shading,
+                    hit_rays.media,
                     block.pixel[hit_rays.camera_ray],
                     self._dimension(hit_rays.node),
                     block.sample[hit_rays.camera_ray],

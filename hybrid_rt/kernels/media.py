@@ -68,6 +68,38 @@ def ior_of(lobes, lobe):
     return 1.0 if lobe == NONE else lobes.number[lobe, IOR]
 
 
+@inlined
+def transmittance(stack, i, lobes, length):
+    """Return the share of light left after a way within what surrounds ray i (Beer, Lambert)."""
+    medium = filling_medium(stack, i, lobes, NONE)
+    if medium == NONE:
+        return 1.0, 1.0, 1.0
+    return (
+        _left(lobes.number[medium, ABSORPTION], length),
+        _left(lobes.number[medium, ABSORPTION + 1], length),
+        _left(lobes.number[medium, ABSORPTION + 2], length),
+    )
+
+
+@inlined
+def _left(density, length):
+    # A way that never leaves clear glass is not weakened: 0 x inf is 0 here.
+    return math.exp(-density * length) if density > 0.0 else 1.0
+
+
+@kernel
+def weaken_by_ways(stack, lobes, way, has_end, value):
+    """Weaken what arrives along ways (n, 3) within media; those without an end are infinitely long."""
+    for i in range(has_end.size):
+        length = math.inf
+        if has_end[i]:
+            length = math.sqrt(way[i, 0] ** 2 + way[i, 1] ** 2 + way[i, 2] ** 2)
+        r, g, b = transmittance(stack, i, lobes, length)
+        value[i, 0] *= r
+        value[i, 1] *= g
+        value[i, 2] *= b
+
+
 @kernel
 def cross_media(stack, lobes, glass_of, material, front_face, t, throughput):
     """Weaken throughput (n, 3) by Beer and Lambert's law over the ways of length t (n,).
@@ -80,14 +112,10 @@ def cross_media(stack, lobes, glass_of, material, front_face, t, throughput):
             glass = glass_of[material[i]]
             if glass != NONE and place_of(stack, i, glass) == NONE:
                 begin_with(stack, i, glass)
-        medium = filling_medium(stack, i, lobes, NONE)
-        if medium == NONE:
-            continue
-        for k in range(3):
-            density = lobes.number[medium, ABSORPTION + k]
-            # A ray that never leaves clear glass is not weakened: 0 x inf is 0 here.
-            if density > 0.0:
-                throughput[i, k] *= math.exp(-density * t[i])
+        r, g, b = transmittance(stack, i, lobes, t[i])
+        throughput[i, 0] *= r
+        throughput[i, 1] *= g
+        throughput[i, 2] *= b
 
 
 @inlined

@@ -50,10 +50,19 @@ def at_glass(lobes, lobe, stack, i, nx, ny, nz, dx, dy, dz, is_front, xi):
     return x, y, z, 1.0 / (ratio * ratio), True
 
 
+@inlined
+def density_of_turn(normal, geometric, i, dx, dy, dz, x, y, z, density):
+    """Bring densities per solid angle, d arriving and (x, y, z) leaving, to area and projection."""
+    g = geometric if geometric.shape[0] else normal
+    arriving = abs(g[i, 0] * dx + g[i, 1] * dy + g[i, 2] * dz)
+    leaving = abs(g[i, 0] * x + g[i, 1] * y + g[i, 2] * z)
+    return density * arriving / leaving if leaving > 0.0 else 0.0
+
+
 @kernel
 def scatter(
     lobes, material, colors, normal, direction, geometric, xi, choice, stack, may_spread, may_mirror,
-    roulette, onward, throughput, pdf, fate,
+    roulette, t, before, is_smooth, object_id, onward, throughput, pdf, rival, fate,
 ):  # fmt: skip
     """Send each ray on in one direction.
 
@@ -77,10 +86,19 @@ def scatter(
         longest paths.
     roulette : float
         Above zero: paths go on with a probability of at most this, given by their throughput.
+    t, before : (n,) float64
+        Length of the way here, and the density per solid angle with which its direction was chosen,
+        over how often light paths reach such a point; 0 where it had no choice.
+    is_smooth : (objects,) bool
+        Objects shaded by other normals than their own.
+    object_id : (n,) int32
     onward : (n, 3) float64, written
     throughput : (n, 3) float64, changed
     pdf : (n,) float64, written
         Density of the direction; zero for a mirror or glass.
+    rival : (n,) float64, changed
+        Density of a surface that spreads light and of the direction taken there, until the next:
+        see `hybrid_rt.kernels.light_paths`. (0,): it is not needed.
     fate : (n,) uint8, written
         `LEFT` (no material), `STOPPED` (with what was lost in ``throughput``), `ABSORBED`, `SCATTERED`, `SPECULAR`.
     """
@@ -112,7 +130,21 @@ def scatter(
             r, g, b = r / density, g / density, b / density
             fate[i] = SCATTERED if may_spread else STOPPED
             pdf[i] = density
+            if rival.size:
+                turn = density_of_turn(normal, geometric, i, dx, dy, dz, x, y, z, density)
+                if before[i] > 0.0:
+                    rival[i] = turn * before[i] / (t[i] * t[i])
+                    if stack.shape[1] > 0:
+                        rival[i] /= ior_of(lobes, filling_medium(stack, i, lobes, NONE)) ** 2
+                elif rival[i] > 0.0:
+                    _, _, _, back = scattered(
+                        lobes, material[i], colors, i, nx, ny, nz, -x, -y, -z, -dx, -dy, -dz,
+                        DIELECTRIC,
+                    )  # fmt: skip
+                    rival[i] = rival[i] * turn / back if back > 0.0 else 0.0
         else:
+            if rival.size and is_smooth[object_id[i]]:
+                rival[i] = 0.0
             # Brought back to the share of all light that this lobe takes.
             r, g, b = colors[i, chosen, 0], colors[i, chosen, 1], colors[i, chosen, 2]
             if lobes.kind[row] == DIELECTRIC:
