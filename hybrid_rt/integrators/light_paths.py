@@ -14,12 +14,12 @@ from numpy.typing import NDArray
 
 from hybrid_rt.integrators.integrator import RenderContext
 from hybrid_rt.integrators.start_media import media_at
-from hybrid_rt.integrators.surface_light import SurfaceLight, named_points
+from hybrid_rt.integrators.surface_light import SurfaceLight
 from hybrid_rt.kernels import light_paths as kernels
 from hybrid_rt.kernels.light_paths import LightPaths, LitPoints
 from hybrid_rt.kernels.media import STACK, cross_media
 from hybrid_rt.kernels.pack import choose_lights
-from hybrid_rt.records import FloatArray, IntArray
+from hybrid_rt.records import FloatArray, IntArray, NamedPoints
 from hybrid_rt.sampler import UIntArray
 from hybrid_rt.scene import NOTHING
 
@@ -98,7 +98,7 @@ class LightPathTracer:
                 hits = context.tracer.intersect(
                     paths.origins,
                     paths.directions,
-                    source=named_points(paths.source_id, paths.origins),
+                    source=NamedPoints(paths.source_id, paths.origins),
                 )
             material = self._light.material(hits)
             if context.plan["medium stack"]:
@@ -177,7 +177,7 @@ class LightPathTracer:
             np.repeat(self._media_of_camera, n, axis=0), context.max_depth - 1, value,
         )  # fmt: skip
         rows = np.flatnonzero(value.any(axis=1))
-        named = named_points(points.object_id[rows], points.position[rows])
+        named = NamedPoints(points.object_id[rows], points.position[rows])
         with context.ledger.stage("shadow rays"):
             blocked = context.tracer.occluded(named.position, -way[rows], 1.0, source=named)
         context.ledger.rays["shadow"] += rows.size
@@ -210,7 +210,7 @@ class LightPathTracer:
                 scene.lights, scene.textures, self._light.points(row, middle), self._emit, row,
                 middle, middle, 1.0, origin, direction, flux, density,
             )  # fmt: skip
-            source = named_points(scene.surface_of_light[row], origin)
+            source = NamedPoints(scene.surface_of_light[row], origin)
             around = media_at(self._context, origin, direction, source)
             media[light, : len(around)] = around
         return media

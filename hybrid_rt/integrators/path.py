@@ -25,7 +25,6 @@ from hybrid_rt.integrators.surface_light import (
     Shading,
     SurfaceLight,
     largest_channel,
-    named_points,
     shadow_rays,
 )
 from hybrid_rt.kernels.film import add_to_pixels
@@ -35,7 +34,7 @@ from hybrid_rt.kernels.lobes import DIELECTRIC
 from hybrid_rt.kernels.media import STACK, cross_media
 from hybrid_rt.kernels.pack import Paths, add_products, pack_paths
 from hybrid_rt.kernels.scatter import ABSORBED, LEFT, SCATTERED, SPECULAR, STOPPED, scatter
-from hybrid_rt.records import FloatArray, HitRecord, IntArray
+from hybrid_rt.records import FloatArray, HitRecord, IntArray, NamedPoints
 
 STRATEGIES = {"both": BOTH, "lights": LIGHT_ONLY, "directions": DIRECTION_ONLY}
 
@@ -106,7 +105,7 @@ class PathTracer(Integrator):
         paths = self._leaving_camera(block)
         for depth in range(self.context.max_depth + 2):
             # --- where the rays arrive
-            source = named_points(paths.source_id, paths.origins) if depth else None
+            source = NamedPoints(paths.source_id, paths.origins) if depth else None
             hits = self._first_hits(paths.origins, paths.directions, source)
             with self.context.ledger.stage("shade"):
                 material = self._light.material(hits)
@@ -122,16 +121,21 @@ class PathTracer(Integrator):
                     break
                 shading = self._light.shading(hits, paths.directions, material)
                 # --- light we reach for
+                xi = self._points(paths, depth)
                 if self._asks_lights:
-                    xi = self._points(paths, depth, TO_LIGHT)
                     self._light.from_one(
-                        shading, paths.camera_ray, paths.throughput, paths.media, xi, radiance
+                        shading,
+                        paths.camera_ray,
+                        paths.throughput,
+                        paths.media,
+                        xi[TO_LIGHT],
+                        radiance,
                     )
                 # --- light that mirrors and glass throw
-                if self._lamps is not None:
-                    self._join(paths, shading, depth, radiance)
+                if self._joins(depth):
+                    self._join(paths, shading, depth, xi[JOIN], radiance)
                 # --- where they go next, and which ones stop
-                paths = self._onward(paths, shading, depth)
+                paths = self._onward(paths, shading, depth, xi)
             if paths.camera_ray.size == 0:
                 break
         return radiance
@@ -153,9 +157,15 @@ class PathTracer(Integrator):
             source_id=np.full(n, -1, dtype=np.int32),
         )
 
-    def _points(self, paths: Paths, depth: int, use: int) -> FloatArray:
-        dimension = FIRST_PATH_DIMENSION + depth * PER_STEP + use
-        return self.context.sampler.points(paths.pixel, dimension, paths.sample)
+    def _points(self, paths: Paths, depth: int) -> FloatArray:
+        """Return the points of one step, (uses, n, 2); see `TO_LIGHT` and its like."""
+        dimension = FIRST_PATH_DIMENSION + depth * PER_STEP
+        n_uses = PER_STEP if self._joins(depth) else JOIN
+        return self.context.sampler.several(paths.pixel, dimension, paths.sample, n_uses)
+
+    def _joins(self, depth: int) -> bool:
+        # Directions here, at the lit point, and at one mirror or lens at least.
+        return self._lamps is not None and depth + 3 <= self.context.max_depth
 
     def _absorb(self, paths: Paths, hits: HitRecord, material: IntArray) -> None:
         """Weaken throughput by Beer and Lambert's law over the way just gone."""
@@ -173,34 +183,32 @@ class PathTracer(Integrator):
             paths.throughput,
         )
 
-    def _join(self, paths: Paths, shading: Shading, depth: int, radiance: FloatArray) -> None:
-        """Add what comes from lit points: one is asked for each hit."""
-        # Directions here, at the lit point, and at one mirror or lens: those that are left.
-        steps_left = self.context.max_depth - depth - 2
-        if steps_left < 1 or self._lit.density.size == 0:
-            return
+    def _join(
+        self, paths: Paths, shading: Shading, depth: int, xi: FloatArray, radiance: FloatArray
+    ) -> None:
+        """Add what comes from lit points: one is asked by one hit in a few."""
         hits, n = shading.hits, paths.camera_ray.size
-        rays, ends = shadow_rays(n), np.empty(n, dtype=np.int32)
+        rays = shadow_rays(n)
         n_rays = join_lit_points(
             paths, self.context.scene.lobes, shading.material, shading.colors, hits.position,
             hits.normal, shading.geometric, shading.directions, hits.object_id, self._lit,
-            self._first_of_pass, self._first_pass, self._of_use,
-            self._points(paths, depth, JOIN), steps_left, rays, ends,
+            self._first_of_pass, self._first_pass, self._of_use, xi,
+            self.context.max_depth - depth - 2, rays,
         )  # fmt: skip
         self._light.add_unblocked(rays, n_rays, radiance)
 
     def _before(self, paths: Paths, depth: int) -> FloatArray:
         """Return the densities of directions over how often light paths lead to where they end."""
+        density: FloatArray = paths.pdf
         if self._lamps is None:
-            return paths.pdf
+            return density
         if depth == 0:
-            seen = self.context.scene.camera.direction_pdf(paths.directions)
-            camera_density: FloatArray = seen / self._lamps.n_paths
-            return camera_density
-        density: FloatArray = paths.pdf * (self._of_use * JOIN_CHANCE)
-        return density
+            of_pixel: FloatArray = self.context.scene.camera.direction_pdf(paths.directions)
+            of_pixel /= self._lamps.n_paths
+            return of_pixel
+        return density * (self._of_use * JOIN_CHANCE)
 
-    def _onward(self, paths: Paths, shading: Shading, depth: int) -> Paths:
+    def _onward(self, paths: Paths, shading: Shading, depth: int, xi: FloatArray) -> Paths:
         """Choose where each path goes; return those that go on."""
         n = paths.camera_ray.size
         is_last = depth == self.context.max_depth
@@ -208,7 +216,6 @@ class PathTracer(Integrator):
         # mirrored or refracted ray would be one direction more.
         may_spread = not is_last or self._options.strategy != "lights"
         roulette = self._options.survival if depth >= self._options.roulette_depth else 0.0
-        xi, choice = self._points(paths, depth, DIRECTION), self._points(paths, depth, CHOICE)
         onward, pdf = np.empty((n, 3)), np.empty(n)
         fate = np.empty(n, dtype=np.uint8)
         hits, lobes = shading.hits, self.context.scene.lobes
@@ -220,8 +227,8 @@ class PathTracer(Integrator):
             hits.normal,
             shading.directions,
             shading.geometric,
-            xi,
-            choice,
+            xi[DIRECTION],
+            xi[CHOICE],
             paths.media,
             may_spread,
             not is_last,

@@ -6,7 +6,7 @@ import numpy as np
 
 from hybrid_rt.integrators.integrator import RenderContext
 from hybrid_rt.kernels.media import STACK
-from hybrid_rt.records import FloatArray, HitRecord
+from hybrid_rt.records import FloatArray, HitRecord, NamedPoints
 from hybrid_rt.scene import NOTHING
 
 # Surfaces that one ray is followed through.
@@ -21,7 +21,7 @@ def media_at(
     context: RenderContext,
     origin: FloatArray,
     direction: FloatArray = SKEW,
-    source: HitRecord | None = None,
+    source: HitRecord | NamedPoints | None = None,
 ) -> list[int]:
     """Return the dielectric lobes around a point (1, 3), the outermost first.
 

@@ -14,7 +14,7 @@ from hybrid_rt.kernels.lobes import PHONG, sample_lobes
 from hybrid_rt.kernels.media import weaken_by_ways
 from hybrid_rt.kernels.pack import ShadowRays, add_unblocked, choose_lights, pack_shadow_rays
 from hybrid_rt.kernels.texture import lobe_colors
-from hybrid_rt.records import BoolArray, FloatArray, HitRecord, IntArray, Status
+from hybrid_rt.records import BoolArray, FloatArray, HitRecord, IntArray, NamedPoints
 from hybrid_rt.sampler import UIntArray
 from hybrid_rt.scene import NOTHING
 from hybrid_rt.smooth import shading_normals
@@ -234,8 +234,8 @@ class SurfaceLight:
                 rays.origin,
                 rays.way,
                 rays.t_max,
-                source=named_points(rays.source_id, rays.origin),
-                target=named_points(rays.target_id, rays.end),
+                source=NamedPoints(rays.source_id, rays.origin),
+                target=NamedPoints(rays.target_id, rays.end),
             )
         add_unblocked(rays.camera_ray, blocked, rays.value, radiance)
 
@@ -318,10 +318,10 @@ class SurfaceLight:
         t_max = np.repeat([q.t_max for q in questions], [q.rows.size for q in questions])
         context.ledger.rays["shadow"] += rows.size
         position = shading.hits.position.take(rows, axis=0)
-        source = named_points(shading.hits.object_id[rows], position)
+        source = NamedPoints(shading.hits.object_id[rows], position)
         target = None
         if (target_id != NOTHING).any():
-            target = named_points(target_id, position + way)
+            target = NamedPoints(target_id, position + way)
         with context.ledger.stage("shadow rays"):
             blocked = context.tracer.occluded(position, way, t_max, source=source, target=target)
         value[blocked] = 0.0
@@ -401,26 +401,6 @@ def largest_channel(color: FloatArray) -> FloatArray:
     """Return the largest of the three channels, (n,); many times faster than a maximum along rows."""
     largest: FloatArray = np.maximum(np.maximum(color[:, 0], color[:, 1]), color[:, 2])
     return largest
-
-
-def named_points(object_id: IntArray, position: FloatArray) -> HitRecord:
-    """Return a record that names points, for rays that leave from them or end there."""
-    n = object_id.size
-    zeros = np.broadcast_to(0.0, (n,))
-    return HitRecord(
-        t=zeros,
-        object_id=object_id,
-        patch_id=np.broadcast_to(np.int32(0), (n,)),
-        u=zeros,
-        v=zeros,
-        position=position,
-        normal=np.broadcast_to(0.0, (n, 3)),
-        front_face=np.broadcast_to(True, (n,)),
-        status=np.broadcast_to(np.uint8(Status.HIT), (n,)),
-        flags=np.broadcast_to(np.uint8(0), (n,)),
-        t_bound=zeros,
-        residual=zeros,
-    )
 
 
 def _split(

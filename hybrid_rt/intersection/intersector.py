@@ -23,7 +23,7 @@ from hybrid_rt.intersection.rays import make_batch
 from hybrid_rt.kernels.nearest import Nearest, Rays
 from hybrid_rt.kernels.rays import Record, complete_rows
 from hybrid_rt.kernels.subdivide import COUNTER_NAMES, MOST_PIECES
-from hybrid_rt.records import BoolArray, FloatArray, HitRecord
+from hybrid_rt.records import BoolArray, FloatArray, HitRecord, NamedPoints
 
 if TYPE_CHECKING:
     from hybrid_rt.intersection.coarse import Coarse
@@ -116,7 +116,7 @@ class Intersector:
         *,
         t_min: ArrayLike = 0.0,
         t_max: ArrayLike = np.inf,
-        source: HitRecord | None = None,
+        source: HitRecord | NamedPoints | None = None,
     ) -> HitRecord:
         """Find the first hit of each ray.
 
@@ -174,8 +174,8 @@ class Intersector:
         t_max: ArrayLike = np.inf,
         *,
         t_min: ArrayLike = 0.0,
-        source: HitRecord | None = None,
-        target: HitRecord | None = None,
+        source: HitRecord | NamedPoints | None = None,
+        target: HitRecord | NamedPoints | None = None,
     ) -> BoolArray:
         """Tell for each ray whether anything lies between ``t_min`` and ``t_max``.
 

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from hybrid_rt.intersection.pool import Pool
 from hybrid_rt.kernels import rays as kernels
 from hybrid_rt.kernels.nearest import Rays
-from hybrid_rt.records import FloatArray, HitRecord
+from hybrid_rt.records import FloatArray, HitRecord, NamedPoints
 
 IdArray = NDArray[np.int64]
 
@@ -31,8 +31,8 @@ class Batch:
     direction: FloatArray
     t_min: FloatArray
     t_max: FloatArray
-    source: HitRecord | None
-    target: HitRecord | None
+    source: HitRecord | NamedPoints | None
+    target: HitRecord | NamedPoints | None
     reach: FloatArray
 
     def __len__(self) -> int:
@@ -79,8 +79,8 @@ def make_batch(
     directions: ArrayLike,
     t_min: ArrayLike,
     t_max: ArrayLike,
-    source: HitRecord | None,
-    target: HitRecord | None,
+    source: HitRecord | NamedPoints | None,
+    target: HitRecord | NamedPoints | None,
     reach: FloatArray,
     pool: Pool,
 ) -> Batch:
@@ -151,7 +151,9 @@ def _refuse(
     )
 
 
-def _check_points(record: HitRecord | None, name: str, n: int, n_objects: int) -> None:
+def _check_points(
+    record: HitRecord | NamedPoints | None, name: str, n: int, n_objects: int
+) -> None:
     if record is None:
         return
     if record.object_id.max(initial=-1) >= n_objects:

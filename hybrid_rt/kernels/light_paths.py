@@ -345,7 +345,7 @@ def sent_toward(lit, k, lobes, wx, wy, wz):
 @kernel
 def join_lit_points(
     paths, lobes, material, colors, position, normal, geometric, direction, object_id,
-    lit, first_of_pass, first_pass, of_use, xi, steps_left, out, ends,
+    lit, first_of_pass, first_pass, of_use, xi, steps_left, out,
 ):  # fmt: skip
     """Join hits of camera paths to lit points of their passes, by shadow rays.
 
@@ -362,8 +362,6 @@ def join_lit_points(
     steps_left : int
         Directions that the whole path may still take behind the lit point.
     out : ShadowRays, written
-    ends : (n,) int32, written
-        The row of the lit point of each shadow ray.
 
     Returns
     -------
@@ -419,7 +417,6 @@ def join_lit_points(
         for c in range(3):
             out.origin[n, c] = position[i, c]
             out.end[n, c] = lit.position[k, c]
-        ends[n] = k
         n += 1
     return n
 
