@@ -9,10 +9,11 @@ from typing import Any
 
 import numpy as np
 
+from hybrid_rt.integrators.contacts import NO_SECOND, Contacts
 from hybrid_rt.intersection import Intersector
 from hybrid_rt.intersection.pool import Pool
 from hybrid_rt.plan import Plan
-from hybrid_rt.records import FloatArray, HitRecord, NamedPoints
+from hybrid_rt.records import FloatArray, HitRecord, IntArray, NamedPoints
 from hybrid_rt.report import Ledger
 from hybrid_rt.sampler import Sampler, UIntArray
 from hybrid_rt.scene import CompiledScene
@@ -62,6 +63,9 @@ class Integrator(ABC):
 
     def __init__(self, context: RenderContext) -> None:
         self.context = context
+        self._contacts: Contacts | None = None
+        if context.plan["contacts"]:
+            self._contacts = Contacts(context.scene, context.tracer)
 
     def begin(self) -> None:  # noqa: B027 (a hook that most leave empty)
         """Find out, once, what all passes need; by default nothing."""
@@ -110,10 +114,13 @@ class Integrator(ABC):
 
     def _first_hits(
         self, origins: FloatArray, directions: FloatArray, source: HitRecord | NamedPoints | None
-    ) -> HitRecord:
-        """Trace rays and count how they end."""
+    ) -> tuple[HitRecord, IntArray]:
+        """Trace rays and count how they end; see `Contacts.at` for what else is returned."""
         ledger = self.context.ledger
+        second = NO_SECOND
         with ledger.stage("intersect"):
             hits: HitRecord = self.context.tracer.intersect(origins, directions, source=source)
+            if self._contacts is not None:
+                second = self._contacts.at(hits, origins, directions, source)
         ledger.count_hits(hits)
-        return hits
+        return hits, second

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from hybrid_rt.integrators.contacts import NO_SECOND, Contacts
 from hybrid_rt.integrators.integrator import RenderContext
 from hybrid_rt.integrators.start_media import media_at
 from hybrid_rt.integrators.surface_light import SurfaceLight
@@ -59,8 +60,14 @@ class LitPasses:
 class LightPathTracer:
     """Sends light paths, pass by pass; each pass is a pure function of seed and number."""
 
-    def __init__(self, context: RenderContext, light: SurfaceLight, share: float) -> None:
-        self._context, self._light = context, light
+    def __init__(
+        self,
+        context: RenderContext,
+        light: SurfaceLight,
+        contacts: Contacts | None,
+        share: float,
+    ) -> None:
+        self._context, self._light, self._contacts = context, light, contacts
         scene = context.scene
         camera = scene.camera
         asked = round(share * camera.width * camera.height)
@@ -70,7 +77,7 @@ class LightPathTracer:
         self._media_of_light = self._media_around_lights()
         self._media_of_camera = self._stack(1)
         if context.plan["medium stack"]:
-            around = media_at(context, camera.look_from[None])
+            around = media_at(context, contacts, camera.look_from[None])
             self._media_of_camera[0, : len(around)] = around
         self.is_smooth = np.zeros(max(len(scene.surfaces), 1), dtype=np.bool_)
         self.is_smooth[list(scene.vertex_normals)] = True
@@ -95,16 +102,16 @@ class LightPathTracer:
         # The way to the camera takes one direction more than those before the point.
         for step in range(context.max_depth):
             with context.ledger.stage("intersect"):
-                hits = context.tracer.intersect(
-                    paths.origins,
-                    paths.directions,
-                    source=NamedPoints(paths.source_id, paths.origins),
-                )
+                source = NamedPoints(paths.source_id, paths.origins)
+                hits = context.tracer.intersect(paths.origins, paths.directions, source=source)
+                second = NO_SECOND
+                if self._contacts is not None:
+                    second = self._contacts.at(hits, paths.origins, paths.directions, source)
             material = self._light.material(hits)
             if context.plan["medium stack"]:
                 cross_media(
-                    paths.media, scene.lobes, scene.glass_of, material, hits.front_face, hits.t,
-                    paths.flux,
+                    paths.media, scene.lobes, scene.glass_of, material, hits.front_face, second,
+                    hits.t, paths.flux,
                 )  # fmt: skip
             shading = self._light.shading(hits, paths.directions, material)
             hits = shading.hits
@@ -119,7 +126,7 @@ class LightPathTracer:
             going = LightPaths(*(np.empty_like(column) for column in paths))
             n_going = kernels.lead_on(
                 paths, scene.lobes, material, shading.colors, hits.position, hits.normal,
-                shading.geometric, hits.object_id, self.is_smooth,
+                shading.geometric, hits.object_id, self.is_smooth, second,
                 self._points(paths.sample, paths.number, FIRST_STEP + 2 * step),
                 self._points(paths.sample, paths.number, FIRST_STEP + 2 * step + 1), going,
             )  # fmt: skip
@@ -211,7 +218,7 @@ class LightPathTracer:
                 middle, middle, 1.0, origin, direction, flux, density,
             )  # fmt: skip
             source = NamedPoints(scene.surface_of_light[row], origin)
-            around = media_at(self._context, origin, direction, source)
+            around = media_at(self._context, self._contacts, origin, direction, source)
             media[light, : len(around)] = around
         return media
 

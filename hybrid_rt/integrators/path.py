@@ -54,13 +54,17 @@ class PathTracer(Integrator):
         asks = strategy != DIRECTION_ONLY and bool(lights.chance.any())
         self._asks_lights = asks and (plan["light samples"] or plan["sky samples"])
         camera = context.scene.camera.look_from[None]
-        self._camera_media = media_at(context, camera) if plan["medium stack"] else []
+        self._camera_media = (
+            media_at(context, self._contacts, camera) if plan["medium stack"] else []
+        )
         self._is_smooth = np.zeros(max(len(context.scene.surfaces), 1), dtype=np.bool_)
         self._is_smooth[list(context.scene.vertex_normals)] = True
         self._lamps: LightPathTracer | None = None
         # One mirror or lens, and a surface on either end of the join, at least.
         if plan["light paths"] and strategy == BOTH and self._options.light_paths > 0.0:
-            self._lamps = LightPathTracer(context, self._light, self._options.light_paths)
+            self._lamps = LightPathTracer(
+                context, self._light, self._contacts, self._options.light_paths
+            )
         self._of_use = 0.0
 
     def begin(self) -> None:
@@ -106,11 +110,11 @@ class PathTracer(Integrator):
         for depth in range(self.context.max_depth + 2):
             # --- where the rays arrive
             source = NamedPoints(paths.source_id, paths.origins) if depth else None
-            hits = self._first_hits(paths.origins, paths.directions, source)
+            hits, second = self._first_hits(paths.origins, paths.directions, source)
             with self.context.ledger.stage("shade"):
                 material = self._light.material(hits)
                 # --- what the way there absorbed
-                self._absorb(paths, hits, material)
+                self._absorb(paths, hits, material, second)
                 # --- light they ran into
                 arriving = self._light.arriving(
                     hits, paths.origins, paths.directions, paths.pdf, paths.rival, paths.media
@@ -135,7 +139,7 @@ class PathTracer(Integrator):
                 if self._joins(depth):
                     self._join(paths, shading, depth, xi[JOIN], radiance)
                 # --- where they go next, and which ones stop
-                paths = self._onward(paths, shading, depth, xi)
+                paths = self._onward(paths, shading, second, depth, xi)
             if paths.camera_ray.size == 0:
                 break
         return radiance
@@ -167,7 +171,7 @@ class PathTracer(Integrator):
         # Directions here, at the lit point, and at one mirror or lens at least.
         return self._lamps is not None and depth + 3 <= self.context.max_depth
 
-    def _absorb(self, paths: Paths, hits: HitRecord, material: IntArray) -> None:
+    def _absorb(self, paths: Paths, hits: HitRecord, material: IntArray, second: IntArray) -> None:
         """Weaken throughput by Beer and Lambert's law over the way just gone."""
         scene = self.context.scene
         if not self.context.plan["medium stack"]:
@@ -179,6 +183,7 @@ class PathTracer(Integrator):
             scene.glass_of,
             material,
             hits.front_face,
+            second,
             hits.t,
             paths.throughput,
         )
@@ -208,7 +213,9 @@ class PathTracer(Integrator):
             return of_pixel
         return density * (self._of_use * JOIN_CHANCE)
 
-    def _onward(self, paths: Paths, shading: Shading, depth: int, xi: FloatArray) -> Paths:
+    def _onward(
+        self, paths: Paths, shading: Shading, second: IntArray, depth: int, xi: FloatArray
+    ) -> Paths:
         """Choose where each path goes; return those that go on."""
         n = paths.camera_ray.size
         is_last = depth == self.context.max_depth
@@ -230,6 +237,7 @@ class PathTracer(Integrator):
             xi[DIRECTION],
             xi[CHOICE],
             paths.media,
+            second,
             may_spread,
             not is_last,
             roulette,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from hybrid_rt.integrators.contacts import Contacts
 from hybrid_rt.integrators.integrator import RenderContext
 from hybrid_rt.kernels.media import STACK
 from hybrid_rt.records import FloatArray, HitRecord, NamedPoints
@@ -19,6 +20,7 @@ SKEW = np.array([[0.5612, 0.6383, 0.5269]])
 
 def media_at(
     context: RenderContext,
+    contacts: Contacts | None,
     origin: FloatArray,
     direction: FloatArray = SKEW,
     source: HitRecord | NamedPoints | None = None,
@@ -35,14 +37,19 @@ def media_at(
         hits = tracer.intersect(origin, direction, source=source)
         if not hits.hit[0]:
             break
+        second = 0 if contacts is None else int(contacts.at(hits, origin, direction, source)[0])
         material = scene.material_of[hits.object_id[0]]
         lobe = NOTHING if material == NOTHING else int(scene.glass_of[material])
-        if lobe != NOTHING:
-            if hits.front_face[0]:
-                entered.append(lobe)
-            elif lobe in entered:
-                entered.remove(lobe)
+        passed = [(lobe, bool(hits.front_face[0]))] if lobe != NOTHING else []
+        if second:
+            passed.append((abs(second) - 1, second > 0))
+        # What is entered comes first.
+        for body, is_entered in sorted(passed, key=lambda item: not item[1]):
+            if is_entered:
+                entered.append(body)
+            elif body in entered:
+                entered.remove(body)
             else:
-                around.append(lobe)
+                around.append(body)
         origin, source = hits.position, hits
     return around[::-1][-STACK:]

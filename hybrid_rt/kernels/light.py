@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 from hybrid_rt.kernels.environment import sky_direction, sky_pdf, sky_radiance
 from hybrid_rt.kernels.frame import two_difference
 from hybrid_rt.kernels.lobes import leaves_through_face, onto_axis, scattered
-from hybrid_rt.kernels.media import NONE, filling_medium, ior_of
+from hybrid_rt.kernels.media import filling_medium, ior_of
 from hybrid_rt.kernels.sphere import power_of_point
 from hybrid_rt.kernels.texture import texture_color
 from meshing.kernels.jit import inlined, kernel
@@ -300,7 +300,7 @@ def light_on_rays(
             by_area = pdf_area[i] if lights.kind[row] == SURFACE else 0.0
             density = lights.emit[row] / math.pi * _pdf_of_area(lights, row, by_area)
             if media.shape[1] > 0:
-                density /= ior_of(lobes, filling_medium(media, i, lobes, NONE)) ** 2
+                density /= ior_of(lobes, filling_medium(media, i, lobes)) ** 2
             weight = power_weight(rival[i], density)
         if weight == 0.0:
             continue

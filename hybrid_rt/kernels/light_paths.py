@@ -32,7 +32,7 @@ from hybrid_rt.kernels.lobes import (
     pick_lobe,
     scattered,
 )
-from hybrid_rt.kernels.media import NONE, filling_medium, ior_of, transmittance
+from hybrid_rt.kernels.media import filling_medium, ior_of, transmittance
 from hybrid_rt.kernels.scatter import at_glass, density_of_turn
 from meshing.kernels.jit import inlined, kernel
 
@@ -142,7 +142,7 @@ def leave_lights(
 def divide_by_index(density, media, lobes):
     """Bring densities at the start of paths to what is compared: over the index squared there."""
     for i in range(density.size):
-        density[i] /= ior_of(lobes, filling_medium(media, i, lobes, NONE)) ** 2
+        density[i] /= ior_of(lobes, filling_medium(media, i, lobes)) ** 2
 
 
 @kernel
@@ -165,7 +165,7 @@ def pick_lit_points(
             continue
         square = 1.0
         if paths.media.shape[1] > 0:
-            square = ior_of(lobes, filling_medium(paths.media, i, lobes, NONE)) ** 2
+            square = ior_of(lobes, filling_medium(paths.media, i, lobes)) ** 2
         for k in range(3):
             out.position[n, k] = position[i, k]
             out.normal[n, k] = normal[i, k]
@@ -185,13 +185,13 @@ def pick_lit_points(
 
 
 @inlined
-def lead_through(paths, lobes, row, i, nx, ny, nz, is_front, rest):
+def lead_through(paths, lobes, row, i, nx, ny, nz, is_front, second, rest):
     """Send light path i on by a mirror or glass; return the direction and whether it is tinted."""
     dx, dy, dz = paths.directions[i, 0], paths.directions[i, 1], paths.directions[i, 2]
     if lobes.kind[row] == DIELECTRIC:
         # Power passes whole; it is radiance that changes by the index squared.
         x, y, z, _, is_tinted = at_glass(
-            lobes, row, paths.media, i, nx, ny, nz, dx, dy, dz, is_front, rest
+            lobes, row, paths.media, i, nx, ny, nz, dx, dy, dz, is_front, second, rest
         )
         return x, y, z, is_tinted
     twice = 2.0 * (nx * dx + ny * dy + nz * dz)
@@ -234,6 +234,7 @@ def lead_on(
     geometric,
     object_id,
     is_smooth,
+    second,
     choice,
     xi,
     out,
@@ -250,6 +251,8 @@ def lead_on(
     is_smooth : (objects,) bool
         Objects shaded by other normals than their own: their mirrors and glass do not keep
         n^2 dA cos dw, so paths from lights end there.
+    second : (n,) int32, or (0,)
+        Faces that coincide with the hits: see `hybrid_rt.kernels.media`.
     choice : (n, 2) float64 in [0, 1)
         The first chooses the lobe.
     xi : (n, 2) float64 in [0, 1)
@@ -283,7 +286,9 @@ def lead_on(
         else:
             if is_smooth[object_id[i]]:
                 continue
-            x, y, z, is_tinted = lead_through(paths, lobes, row, i, nx, ny, nz, is_front, rest)
+            x, y, z, is_tinted = lead_through(
+                paths, lobes, row, i, nx, ny, nz, is_front, second, rest
+            )
             r = g = b = lobes.weight[row] / chance
             if is_tinted:
                 # Glass has its share of the mixture beside its tint, mirrors have it in the colour.
