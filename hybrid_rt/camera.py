@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from hybrid_rt import checks
 from hybrid_rt.records import FloatArray
@@ -119,11 +119,62 @@ class Camera:
         if lens is None:
             origins = np.tile(self.look_from, (column.size, 1))
         else:
-            radius = 0.5 * self.aperture * np.sqrt(lens[:, 0])
-            angle = 2.0 * math.pi * lens[:, 1]
-            shift = np.multiply.outer(radius * np.cos(angle), self._right)
-            shift += np.multiply.outer(radius * np.sin(angle), self._upward)
+            shift = self._on_lens(lens)
             origins = self.look_from + shift
             directions -= shift / self.focus_distance
         directions /= np.sqrt(np.einsum("ij,ij->i", directions, directions))[:, None]
         return origins, directions
+
+    def sees(
+        self, points: FloatArray, lens: FloatArray | None = None
+    ) -> tuple[FloatArray, NDArray[np.int64], FloatArray]:
+        """Return where points appear in the picture: `rays` the other way round.
+
+        Parameters
+        ----------
+        points : (n, 3) float64
+        lens : (n, 2) float64 in [0, 1), optional
+            Places on the lens from which they are seen.
+
+        Returns
+        -------
+        way : (n, 3) float64
+            From the camera to each point.
+        pixel : (n,) int64
+            Counted along rows from the upper left; -1 outside the picture.
+        pdf : (n,) float64
+            Density per solid angle of directions to places even in the pixel; 0 outside.
+        """
+        shift = self._on_lens(lens)
+        way = points - (self.look_from + shift)
+        depth = way @ self._forward
+        distance = np.sqrt(np.einsum("ij,ij->i", way, way))
+        in_front = depth > 0.0
+        depth = np.where(in_front, depth, 1.0)
+        on_film = way / depth[:, None] + shift / self.focus_distance
+        scale = self.height / self._half_height
+        column = np.floor(0.5 * (on_film @ self._right * scale + self.width))
+        row = np.floor(0.5 * (self.height - on_film @ self._upward * scale))
+        inside = in_front & (column >= 0) & (column < self.width) & (row >= 0) & (row < self.height)
+        column, row = np.where(inside, column, 0.0), np.where(inside, row, 0.0)
+        pixel = np.where(inside, (row * self.width + column).astype(np.int64), -1)
+        # A pixel covers (2 / scale)^2 at depth one, and there a steradian covers (distance/depth)^3.
+        pdf = np.where(inside, (0.5 * scale) ** 2 * (distance / depth) ** 3, 0.0)
+        return way, pixel, pdf
+
+    def direction_pdf(self, directions: FloatArray) -> FloatArray:
+        """Return the density (n,) with which `rays` finds unit directions in their pixels."""
+        pdf: FloatArray = (0.5 * self.height / self._half_height) ** 2 / (
+            directions @ self._forward
+        ) ** 3
+        return pdf
+
+    def _on_lens(self, lens: FloatArray | None) -> FloatArray:
+        """Return places on the lens as seen from its centre, (n, 3), or (3,) for the centre."""
+        if lens is None:
+            return np.zeros(3)
+        radius = 0.5 * self.aperture * np.sqrt(lens[:, 0])
+        angle = 2.0 * math.pi * lens[:, 1]
+        shift = np.multiply.outer(radius * np.cos(angle), self._right)
+        shift += np.multiply.outer(radius * np.sin(angle), self._upward)
+        return shift

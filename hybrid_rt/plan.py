@@ -10,6 +10,7 @@ import numpy as np
 from hybrid_rt.kernels.lobes import DIELECTRIC, LAST_SPREADING, METAL, MIRROR
 from hybrid_rt.scene import CompiledScene
 from hybrid_rt.textures.table import needs_lookup
+from hybrid_rt.touching import touching
 
 
 @dataclass
@@ -111,5 +112,25 @@ def make_plan(scene: CompiledScene, integrator: str) -> Plan:
         bool(is_glass.any()),
         "rays remember the clear bodies they are in",
         "no surface is a dielectric",
+    )
+    plan.decide(
+        "contacts",
+        bool(is_glass.any()) and bool(touching(scene).any()),
+        "clear bodies may share faces with others: those are passed at once",
+        "no clear body touches another surface" if is_glass.any() else "no surface is a dielectric",
+    )
+    leads = bool((kinds > LAST_SPREADING).any())
+    shines = bool(scene.lights.emit.any())
+    plan.decide(
+        "light paths",
+        not asks_all and spreads and leads and shines,
+        "lamps shine on surfaces by way of mirrors and glass: paths from the lamps find that",
+        "both branches at glass are followed, and no light thrown by it"
+        if asks_all
+        else "no surface spreads light"
+        if not spreads
+        else "no mirror or glass throws light"
+        if not leads
+        else "no light has an area",
     )
     return plan

@@ -90,3 +90,22 @@ class HitRecord:
     def hit(self) -> BoolArray:
         """(n,) bool: the rays that found a surface."""
         return self.object_id >= 0
+
+
+@dataclass(frozen=True)
+class NamedPoints:
+    """Points that rays leave from or go to: all that is asked of a `HitRecord` for that.
+
+    Attributes
+    ----------
+    object_id : (n,) int32
+        -1: the ray names none.
+    position : (n, 3) float64
+    """
+
+    object_id: IntArray
+    position: FloatArray
+
+    def __len__(self) -> int:
+        """Return the number of rays."""
+        return int(self.object_id.size)

@@ -56,11 +56,25 @@ class Sampler:
         -------
         (n, 2) float64 in [0, 1)
         """
-        points = np.empty((pixel.size, 2))
+        point: FloatArray = self.several(pixel, dimension, pass_number, 1)[0]
+        return point
+
+    def several(
+        self,
+        pixel: UIntArray,
+        dimension: UIntArray | int,
+        pass_number: UIntArray | int,
+        n_dimensions: int,
+    ) -> FloatArray:
+        """Return the points of dimensions that follow each other, (n_dimensions, n, 2).
+
+        Parameters are those of `points`; ``dimension`` is the first.
+        """
+        points = np.empty((n_dimensions, pixel.size, 2))
         dimensions, samples = _for_all(dimension, pixel.size), _for_all(pass_number, pixel.size)
 
         def fill(i: int, j: int) -> None:
-            sobol_points(self._seed, samples[i:j], pixel[i:j], dimensions[i:j], points[i:j])
+            sobol_points(self._seed, samples[i:j], pixel[i:j], dimensions[i:j], i, points)
 
         self._pool.run(fill, pixel.size)
         return points

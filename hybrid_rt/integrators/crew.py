@@ -9,10 +9,11 @@ function of its rays: which thread traces it changes no bit.
 from __future__ import annotations
 
 import copy
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from dataclasses import replace
 from queue import SimpleQueue
+from typing import Any
 
 import numpy as np
 
@@ -50,6 +51,9 @@ class Crew:
         self._before = set(context.ledger.seconds)
         self._contexts = [context, *(_own_counters(context) for _ in range(threads - 1))]
         self._integrators = [make(own) for own in self._contexts]
+        self._integrators[0].begin()
+        for integrator in self._integrators[1:]:
+            integrator.follow(self._integrators[0])
 
     def render_passes(
         self, passes: range, on_rays: Callable[[int], None] | None = None
@@ -65,34 +69,53 @@ class Crew:
         # At least four blocks a thread, so that a slow one does not hold up the others.
         size = min(BLOCK, max(-(-n // (4 * len(self._integrators))), LEAST))
         blocks = [(first, min(first + size, n)) for first in range(0, n, size)]
-        for done, (first, stop, radiance) in enumerate(self._traced(passes, blocks), start=1):
+        runs = self._runs(passes)
+        prepared: list[Any] = [None] * len(runs)
+        for i, found in self._done(lambda worker, i: worker.prepare(runs[i]), range(len(runs))):
+            prepared[i] = found
+        for integrator in self._integrators:
+            integrator.take(passes, prepared)
+        traced = self._done(lambda worker, block: worker.trace(passes, *block), blocks)
+        for done, ((first, stop), radiance) in enumerate(traced, start=1):
             rows[first:stop] = radiance
             if on_rays is not None:
                 on_rays(min(done * size, n))
+        for run, found in zip(runs, prepared, strict=True):
+            first, stop = run.start - passes.start, run.stop - passes.start
+            part = images[first:stop].reshape(len(run), -1, 3)
+            self._integrators[0].add_prepared(found, part)
         yield from images
 
-    def _traced(
-        self, passes: range, blocks: list[tuple[int, int]]
-    ) -> Iterator[tuple[int, int, FloatArray]]:
-        """Yield the blocks with their radiance, in the order in which they are done."""
-        if len(self._integrators) == 1 or len(blocks) == 1:
-            for first, stop in blocks:
-                yield first, stop, self._integrators[0].trace(passes, first, stop)
+    def _runs(self, passes: range) -> list[range]:
+        """Share passes among the threads."""
+        size = -(-len(passes) // len(self._integrators))
+        return [
+            range(first, min(first + size, passes.stop))
+            for first in range(passes.start, passes.stop, size)
+        ]
+
+    def _done(
+        self, work: Callable[[Integrator, Any], Any], items: Sequence[Any]
+    ) -> Iterator[tuple[Any, Any]]:
+        """Yield items with what was made of them, in the order in which they are done."""
+        if len(self._integrators) == 1 or len(items) == 1:
+            for item in items:
+                yield item, work(self._integrators[0], item)
             return
         idle: SimpleQueue[Integrator] = SimpleQueue()
         for integrator in self._integrators:
             idle.put(integrator)
 
-        def trace(first: int, stop: int) -> tuple[int, int, FloatArray]:
+        def do(item: Any) -> tuple[Any, Any]:
             integrator = idle.get()
             try:
-                return first, stop, integrator.trace(passes, first, stop)
+                return item, work(integrator, item)
             finally:
                 idle.put(integrator)
 
         executor = ThreadPoolExecutor(len(self._integrators), thread_name_prefix="hybrid_rt")
         try:
-            futures = [executor.submit(trace, *block) for block in blocks]
+            futures = [executor.submit(do, item) for item in items]
             for future in as_completed(futures):
                 yield future.result()
         finally:

@@ -7,6 +7,9 @@ becomes one path; a batch of them takes its steps together.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from itertools import pairwise
+
 import numpy as np
 
 from hybrid_rt.integrators.integrator import (
@@ -15,25 +18,28 @@ from hybrid_rt.integrators.integrator import (
     Integrator,
     RenderContext,
 )
+from hybrid_rt.integrators.light_paths import LightPathTracer, LitPasses, joined
 from hybrid_rt.integrators.options import PathOptions
 from hybrid_rt.integrators.start_media import media_at
 from hybrid_rt.integrators.surface_light import (
     Shading,
     SurfaceLight,
     largest_channel,
-    named_points,
+    shadow_rays,
 )
+from hybrid_rt.kernels.film import add_to_pixels
 from hybrid_rt.kernels.light import BOTH, DIRECTION_ONLY, LIGHT_ONLY
+from hybrid_rt.kernels.light_paths import JOIN_CHANCE, join_lit_points
 from hybrid_rt.kernels.lobes import DIELECTRIC
 from hybrid_rt.kernels.media import STACK, cross_media
 from hybrid_rt.kernels.pack import Paths, add_products, pack_paths
 from hybrid_rt.kernels.scatter import ABSORBED, LEFT, SCATTERED, SPECULAR, STOPPED, scatter
-from hybrid_rt.records import FloatArray, HitRecord, IntArray
+from hybrid_rt.records import FloatArray, HitRecord, IntArray, NamedPoints
 
 STRATEGIES = {"both": BOTH, "lights": LIGHT_ONLY, "directions": DIRECTION_ONLY}
 
 # What the low-discrepancy points of one step are for.
-TO_LIGHT, DIRECTION, CHOICE, PER_STEP = 0, 1, 2, 3
+TO_LIGHT, DIRECTION, CHOICE, JOIN, PER_STEP = 0, 1, 2, 3, 4
 
 
 class PathTracer(Integrator):
@@ -47,32 +53,93 @@ class PathTracer(Integrator):
         lights, plan = context.scene.lights, context.plan
         asks = strategy != DIRECTION_ONLY and bool(lights.chance.any())
         self._asks_lights = asks and (plan["light samples"] or plan["sky samples"])
-        self._camera_media = media_at(context) if plan["medium stack"] else []
+        camera = context.scene.camera.look_from[None]
+        self._camera_media = (
+            media_at(context, self._contacts, camera) if plan["medium stack"] else []
+        )
+        self._is_smooth = np.zeros(max(len(context.scene.surfaces), 1), dtype=np.bool_)
+        self._is_smooth[list(context.scene.vertex_normals)] = True
+        self._lamps: LightPathTracer | None = None
+        # One mirror or lens, and a surface on either end of the join, at least.
+        if plan["light paths"] and strategy == BOTH and self._options.light_paths > 0.0:
+            self._lamps = LightPathTracer(
+                context, self._light, self._contacts, self._options.light_paths
+            )
+        self._of_use = 0.0
+
+    def begin(self) -> None:
+        """Find out how many light paths come to an end that is of use."""
+        if self._lamps is not None:
+            self._of_use = self._lamps.share_of_use()
+            if self._of_use == 0.0:
+                self._lamps = None
+
+    def follow(self, first: Integrator) -> None:
+        """Take over what `begin` found."""
+        assert isinstance(first, PathTracer)
+        self._of_use = first._of_use
+        if first._lamps is None:
+            self._lamps = None
+
+    def prepare(self, passes: range) -> LitPasses | None:
+        """Return what the light paths of some passes find."""
+        if self._lamps is None:
+            return None
+        with self.context.ledger.stage("light paths"):
+            return self._lamps.trace(passes)
+
+    def take(self, passes: range, prepared: Sequence[LitPasses | None]) -> None:
+        """Keep the lit points of the passes that are traced next."""
+        runs = [run for run in prepared if run is not None]
+        if runs:
+            sizes = np.concatenate([np.diff(run.offsets) for run in runs])
+            self._first_pass = passes.start
+            self._first_of_pass = np.concatenate([[0], np.cumsum(sizes)])
+            self._lit = joined([run.points for run in runs])
+
+    def add_prepared(self, prepared: LitPasses | None, images: FloatArray) -> None:
+        """Add what the camera sees of the lit points."""
+        if prepared is None:
+            return
+        for image, (first, stop) in zip(images, pairwise(prepared.offsets), strict=True):
+            add_to_pixels(prepared.pixel[first:stop], prepared.value[first:stop], image)
 
     def _radiance(self, block: CameraBlock) -> FloatArray:
         radiance = np.zeros_like(block.directions)
         paths = self._leaving_camera(block)
         for depth in range(self.context.max_depth + 2):
             # --- where the rays arrive
-            source = named_points(paths.source_id, paths.origins) if depth else None
-            hits = self._first_hits(paths.origins, paths.directions, source)
+            source = NamedPoints(paths.source_id, paths.origins) if depth else None
+            hits, second = self._first_hits(paths.origins, paths.directions, source)
             with self.context.ledger.stage("shade"):
                 material = self._light.material(hits)
                 # --- what the way there absorbed
-                self._absorb(paths, hits, material)
+                self._absorb(paths, hits, material, second)
                 # --- light they ran into
-                arriving = self._light.arriving(hits, paths.origins, paths.directions, paths.pdf)
+                arriving = self._light.arriving(
+                    hits, paths.origins, paths.directions, paths.pdf, paths.rival, paths.media
+                )
                 add_products(paths.camera_ray, paths.throughput, arriving, radiance)
                 if depth > self.context.max_depth:
                     self._lose(paths.throughput[material >= 0])
                     break
                 shading = self._light.shading(hits, paths.directions, material)
                 # --- light we reach for
+                xi = self._points(paths, depth)
                 if self._asks_lights:
-                    xi = self._points(paths, depth, TO_LIGHT)
-                    self._light.from_one(shading, paths.camera_ray, paths.throughput, xi, radiance)
+                    self._light.from_one(
+                        shading,
+                        paths.camera_ray,
+                        paths.throughput,
+                        paths.media,
+                        xi[TO_LIGHT],
+                        radiance,
+                    )
+                # --- light that mirrors and glass throw
+                if self._joins(depth):
+                    self._join(paths, shading, depth, xi[JOIN], radiance)
                 # --- where they go next, and which ones stop
-                paths = self._onward(paths, shading, depth)
+                paths = self._onward(paths, shading, second, depth, xi)
             if paths.camera_ray.size == 0:
                 break
         return radiance
@@ -89,15 +156,22 @@ class PathTracer(Integrator):
             directions=block.directions,
             throughput=np.ones((n, 3)),
             pdf=np.zeros(n),
+            rival=np.zeros(n if self._lamps is not None else 0),
             media=media,
             source_id=np.full(n, -1, dtype=np.int32),
         )
 
-    def _points(self, paths: Paths, depth: int, use: int) -> FloatArray:
-        dimension = FIRST_PATH_DIMENSION + depth * PER_STEP + use
-        return self.context.sampler.points(paths.pixel, dimension, paths.sample)
+    def _points(self, paths: Paths, depth: int) -> FloatArray:
+        """Return the points of one step, (uses, n, 2); see `TO_LIGHT` and its like."""
+        dimension = FIRST_PATH_DIMENSION + depth * PER_STEP
+        n_uses = PER_STEP if self._joins(depth) else JOIN
+        return self.context.sampler.several(paths.pixel, dimension, paths.sample, n_uses)
 
-    def _absorb(self, paths: Paths, hits: HitRecord, material: IntArray) -> None:
+    def _joins(self, depth: int) -> bool:
+        # Directions here, at the lit point, and at one mirror or lens at least.
+        return self._lamps is not None and depth + 3 <= self.context.max_depth
+
+    def _absorb(self, paths: Paths, hits: HitRecord, material: IntArray, second: IntArray) -> None:
         """Weaken throughput by Beer and Lambert's law over the way just gone."""
         scene = self.context.scene
         if not self.context.plan["medium stack"]:
@@ -109,11 +183,39 @@ class PathTracer(Integrator):
             scene.glass_of,
             material,
             hits.front_face,
+            second,
             hits.t,
             paths.throughput,
         )
 
-    def _onward(self, paths: Paths, shading: Shading, depth: int) -> Paths:
+    def _join(
+        self, paths: Paths, shading: Shading, depth: int, xi: FloatArray, radiance: FloatArray
+    ) -> None:
+        """Add what comes from lit points: one is asked by one hit in a few."""
+        hits, n = shading.hits, paths.camera_ray.size
+        rays = shadow_rays(n)
+        n_rays = join_lit_points(
+            paths, self.context.scene.lobes, shading.material, shading.colors, hits.position,
+            hits.normal, shading.geometric, shading.directions, hits.object_id, self._lit,
+            self._first_of_pass, self._first_pass, self._of_use, xi,
+            self.context.max_depth - depth - 2, rays,
+        )  # fmt: skip
+        self._light.add_unblocked(rays, n_rays, radiance)
+
+    def _before(self, paths: Paths, depth: int) -> FloatArray:
+        """Return the densities of directions over how often light paths lead to where they end."""
+        density: FloatArray = paths.pdf
+        if self._lamps is None:
+            return density
+        if depth == 0:
+            of_pixel: FloatArray = self.context.scene.camera.direction_pdf(paths.directions)
+            of_pixel /= self._lamps.n_paths
+            return of_pixel
+        return density * (self._of_use * JOIN_CHANCE)
+
+    def _onward(
+        self, paths: Paths, shading: Shading, second: IntArray, depth: int, xi: FloatArray
+    ) -> Paths:
         """Choose where each path goes; return those that go on."""
         n = paths.camera_ray.size
         is_last = depth == self.context.max_depth
@@ -121,7 +223,6 @@ class PathTracer(Integrator):
         # mirrored or refracted ray would be one direction more.
         may_spread = not is_last or self._options.strategy != "lights"
         roulette = self._options.survival if depth >= self._options.roulette_depth else 0.0
-        xi, choice = self._points(paths, depth, DIRECTION), self._points(paths, depth, CHOICE)
         onward, pdf = np.empty((n, 3)), np.empty(n)
         fate = np.empty(n, dtype=np.uint8)
         hits, lobes = shading.hits, self.context.scene.lobes
@@ -133,15 +234,21 @@ class PathTracer(Integrator):
             hits.normal,
             shading.directions,
             shading.geometric,
-            xi,
-            choice,
+            xi[DIRECTION],
+            xi[CHOICE],
             paths.media,
+            second,
             may_spread,
             not is_last,
             roulette,
+            hits.t,
+            self._before(paths, depth),
+            self._is_smooth,
+            hits.object_id,
             onward,
             paths.throughput,
             pdf,
+            paths.rival,
             fate,
         )
         ledger = self.context.ledger

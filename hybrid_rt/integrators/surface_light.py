@@ -11,14 +11,16 @@ from hybrid_rt.integrators.integrator import RenderContext
 from hybrid_rt.kernels.environment import PICTURE
 from hybrid_rt.kernels.light import UNWEIGHTED, LightPoints, light_on_hits, light_on_rays
 from hybrid_rt.kernels.lobes import PHONG, sample_lobes
+from hybrid_rt.kernels.media import weaken_by_ways
 from hybrid_rt.kernels.pack import ShadowRays, add_unblocked, choose_lights, pack_shadow_rays
 from hybrid_rt.kernels.texture import lobe_colors
-from hybrid_rt.records import BoolArray, FloatArray, HitRecord, IntArray, Status
+from hybrid_rt.records import BoolArray, FloatArray, HitRecord, IntArray, NamedPoints
 from hybrid_rt.sampler import UIntArray
 from hybrid_rt.scene import NOTHING
 from hybrid_rt.smooth import shading_normals
 
 NO_NORMALS = np.zeros((0, 3))
+NO_RIVAL = np.zeros(0)
 
 
 @dataclass(frozen=True)
@@ -108,12 +110,19 @@ class SurfaceLight:
         return Shading(replace(hits, normal=normal), directions, material, colors, hits.normal)
 
     def arriving(
-        self, hits: HitRecord, origins: FloatArray, directions: FloatArray, pdf: FloatArray
+        self,
+        hits: HitRecord,
+        origins: FloatArray,
+        directions: FloatArray,
+        pdf: FloatArray,
+        rival: FloatArray,
+        media: IntArray,
     ) -> FloatArray:
         """Return the radiance that rays run into, (n, 3): lights and what lies around the scene.
 
         ``pdf`` (n,) is the density with which each direction was chosen, 0 where it had no choice;
-        what lights were asked for already counts less.
+        what lights were asked for already counts less, and so does what light paths find where
+        ``rival`` (n,) or (0,) is above 0. ``media`` are the stacks of the rays.
         """
         scene, plan = self._context.scene, self._context.plan
         radiance = np.zeros_like(directions)
@@ -138,18 +147,26 @@ class SurfaceLight:
             origins,
             directions,
             pdf,
-            self._pdf_area(hits, light, pdf),
+            self._pdf_area(hits, light, pdf, rival),
+            rival if rival.size else np.zeros_like(pdf),
+            media,
+            scene.lobes,
             self._strategy,
             radiance,
         )
         return radiance
 
     def from_all(
-        self, shading: Shading, pixel: UIntArray, dimension: UIntArray, pass_number: UIntArray
+        self,
+        shading: Shading,
+        media: IntArray,
+        pixel: UIntArray,
+        dimension: UIntArray,
+        pass_number: UIntArray,
     ) -> FloatArray:
         """Return what lights and sky send through the spreading lobes, (n, 3): all are asked.
 
-        Hit i uses the dimensions ``dimension[i] + 0, 1, ...``, one for each light and one for the
+        ``media`` are the stacks of the rays. Hit i uses the dimensions ``dimension[i] + 0, 1, ...``, one for each light and one for the
         sky.
         """
         context, n = self._context, len(shading.hits)
@@ -167,13 +184,14 @@ class SurfaceLight:
                 questions += self._ask(shading, light_id, xi)
             else:
                 questions += self._ask_sky_by_lobes(shading, xi)
-        return self._answered(shading, questions)
+        return self._answered(shading, media, questions)
 
     def from_one(
         self,
         shading: Shading,
         camera_ray: NDArray[np.int64],
         throughput: FloatArray,
+        media: IntArray,
         xi: FloatArray,
         radiance: FloatArray,
     ) -> None:
@@ -184,31 +202,31 @@ class SurfaceLight:
         camera_ray : (n,) int64
             Row in ``radiance`` of each hit.
         throughput : (n, 3) float64
+        media : (n, STACK) int32, or (n, 0)
+            Dielectrics that the paths are in.
         xi : (n, 2) float64 in [0, 1), changed
             Chooses the light, by its chance, and a point of it.
         radiance : (rows, 3) float64, changed
         """
-        context, scene, hits = self._context, self._context.scene, shading.hits
+        scene, hits = self._context.scene, shading.hits
         n = len(hits)
         light = np.empty(n, dtype=np.int32)
         choose_lights(self._before, scene.lights.chance, xi, light)
         to_light, value = self._asked(shading, light, xi)
-        rays = ShadowRays(
-            camera_ray=np.empty(n, dtype=np.int64),
-            origin=np.empty((n, 3)),
-            way=np.empty((n, 3)),
-            t_max=np.empty(n),
-            end=np.empty((n, 3)),
-            source_id=np.empty(n, dtype=np.int32),
-            target_id=np.empty(n, dtype=np.int32),
-            value=np.empty((n, 3)),
-        )
+        if media.shape[1]:
+            weaken_by_ways(media, scene.lobes, to_light, light < scene.n_lights, value)
+        rays = shadow_rays(n)
         n_rays = pack_shadow_rays(
             camera_ray, throughput, hits.object_id, hits.position, light, scene.surface_of_light,
             to_light, value, rays,
         )  # fmt: skip
+        self.add_unblocked(rays, n_rays, radiance)
+
+    def add_unblocked(self, rays: ShadowRays, n_rays: int, radiance: FloatArray) -> None:
+        """Add what arrives along the first of these rays to the rows of ``radiance`` they name."""
         if n_rays == 0:
             return
+        context = self._context
         rays = ShadowRays(*(column[:n_rays] for column in rays))
         context.ledger.rays["shadow"] += n_rays
         with context.ledger.stage("shadow rays"):
@@ -216,8 +234,8 @@ class SurfaceLight:
                 rays.origin,
                 rays.way,
                 rays.t_max,
-                source=named_points(rays.source_id, rays.origin),
-                target=named_points(rays.target_id, rays.end),
+                source=NamedPoints(rays.source_id, rays.origin),
+                target=NamedPoints(rays.target_id, rays.end),
             )
         add_unblocked(rays.camera_ray, blocked, rays.value, radiance)
 
@@ -237,7 +255,7 @@ class SurfaceLight:
             scene.lights,
             scene.sky,
             scene.textures,
-            self._points(light_id, xi),
+            self.points(light_id, xi),
             light_id,
             scene.lobes,
             shading.material,
@@ -284,7 +302,9 @@ class SurfaceLight:
         nowhere = np.full(rows.size, NOTHING, dtype=np.int32)
         return [_Question(rows, way, np.inf, nowhere, value)]
 
-    def _answered(self, shading: Shading, questions: list[_Question]) -> FloatArray:
+    def _answered(
+        self, shading: Shading, media: IntArray, questions: list[_Question]
+    ) -> FloatArray:
         """Add up what is asked where nothing stands in the way, all shadow rays in one batch."""
         context = self._context
         total = np.zeros_like(shading.directions)
@@ -298,21 +318,24 @@ class SurfaceLight:
         t_max = np.repeat([q.t_max for q in questions], [q.rows.size for q in questions])
         context.ledger.rays["shadow"] += rows.size
         position = shading.hits.position.take(rows, axis=0)
-        source = named_points(shading.hits.object_id[rows], position)
+        source = NamedPoints(shading.hits.object_id[rows], position)
         target = None
         if (target_id != NOTHING).any():
-            target = named_points(target_id, position + way)
+            target = NamedPoints(target_id, position + way)
         with context.ledger.stage("shadow rays"):
             blocked = context.tracer.occluded(position, way, t_max, source=source, target=target)
         value[blocked] = 0.0
+        if media.shape[1]:
+            around = media.take(rows, axis=0)
+            weaken_by_ways(around, context.scene.lobes, way, np.isfinite(t_max), value)
         first = 0
         for question in questions:
             total[question.rows] += value[first : first + question.rows.size]
             first += question.rows.size
         return total
 
-    def _points(self, light_id: IntArray, xi: FloatArray) -> LightPoints:
-        """Choose points on the surfaces among the lights."""
+    def points(self, light_id: IntArray, xi: FloatArray) -> LightPoints:
+        """Choose points on the surfaces among the lights, by numbers (n, 2) in [0, 1)."""
         shining = self._context.scene.shining
         n = light_id.size if shining else 0
         points = LightPoints(
@@ -329,14 +352,17 @@ class SurfaceLight:
             points.u[rows], points.v[rows] = u, v
         return points
 
-    def _pdf_area(self, met: HitRecord, light: IntArray, pdf: FloatArray) -> FloatArray:
+    def _pdf_area(
+        self, met: HitRecord, light: IntArray, pdf: FloatArray, rival: FloatArray
+    ) -> FloatArray:
         """Return the density per area of points met on surfaces among the lights."""
         shining = self._context.scene.shining
         density = np.zeros(light.size if shining else 0)
         if self._strategy == UNWEIGHTED:
             return density
+        is_weighed = (pdf > 0.0) | (rival > 0.0) if rival.size else pdf > 0.0
         for number, chooser in shining.items():
-            rows = np.flatnonzero((light == number) & (pdf > 0.0))
+            rows = np.flatnonzero((light == number) & is_weighed)
             if rows.size:
                 density[rows] = chooser.pdf_area(
                     met.patch_id[rows].astype(np.int64), met.u[rows], met.v[rows]
@@ -357,30 +383,24 @@ class SurfaceLight:
         return colors
 
 
+def shadow_rays(n: int) -> ShadowRays:
+    """Return n rays to be filled."""
+    return ShadowRays(
+        camera_ray=np.empty(n, dtype=np.int64),
+        origin=np.empty((n, 3)),
+        way=np.empty((n, 3)),
+        t_max=np.empty(n),
+        end=np.empty((n, 3)),
+        source_id=np.empty(n, dtype=np.int32),
+        target_id=np.empty(n, dtype=np.int32),
+        value=np.empty((n, 3)),
+    )
+
+
 def largest_channel(color: FloatArray) -> FloatArray:
     """Return the largest of the three channels, (n,); many times faster than a maximum along rows."""
     largest: FloatArray = np.maximum(np.maximum(color[:, 0], color[:, 1]), color[:, 2])
     return largest
-
-
-def named_points(object_id: IntArray, position: FloatArray) -> HitRecord:
-    """Return a record that names points, for rays that leave from them or end there."""
-    n = object_id.size
-    zeros = np.broadcast_to(0.0, (n,))
-    return HitRecord(
-        t=zeros,
-        object_id=object_id,
-        patch_id=np.broadcast_to(np.int32(0), (n,)),
-        u=zeros,
-        v=zeros,
-        position=position,
-        normal=np.broadcast_to(0.0, (n, 3)),
-        front_face=np.broadcast_to(True, (n,)),
-        status=np.broadcast_to(np.uint8(Status.HIT), (n,)),
-        flags=np.broadcast_to(np.uint8(0), (n,)),
-        t_bound=zeros,
-        residual=zeros,
-    )
 
 
 def _split(

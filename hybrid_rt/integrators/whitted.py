@@ -23,7 +23,7 @@ from hybrid_rt.integrators.integrator import (
     RenderContext,
 )
 from hybrid_rt.integrators.start_media import media_at
-from hybrid_rt.integrators.surface_light import Shading, SurfaceLight, largest_channel
+from hybrid_rt.integrators.surface_light import NO_RIVAL, Shading, SurfaceLight, largest_channel
 from hybrid_rt.kernels.film import add_to_pixels
 from hybrid_rt.kernels.fresnel import mirror_directions, split_at_glass
 from hybrid_rt.kernels.lobes import DIELECTRIC, METAL, MIRROR, sample_lobes
@@ -85,7 +85,10 @@ class Whitted(Integrator):
         super().__init__(context)
         self._light = SurfaceLight(context)
         lobes = context.scene.lobes
-        self._camera_media = media_at(context) if context.plan["medium stack"] else []
+        camera = context.scene.camera.look_from[None]
+        self._camera_media = (
+            media_at(context, self._contacts, camera) if context.plan["medium stack"] else []
+        )
         # Kind of the n-th lobe of each material, and a last row for what has none (`NOTHING`).
         self._kinds_in_slot = np.full((self._light.n_slots, lobes.first.size), NOTHING)
         for material, (first, stop) in enumerate(pairwise(lobes.first)):
@@ -99,15 +102,15 @@ class Whitted(Integrator):
         while waiting:
             rays = waiting.pop()
             # --- where the rays arrive
-            hits = self._first_hits(rays.origins, rays.directions, rays.source)
+            hits, second = self._first_hits(rays.origins, rays.directions, rays.source)
             with self.context.ledger.stage("shade"):
                 material = self._light.material(hits)
                 # --- what the way there absorbed
-                self._absorb(rays, hits, material)
+                self._absorb(rays, hits, material, second)
                 # --- light they ran into
                 no_choice = np.zeros(len(rays))
                 gathered = rays.throughput * self._light.arriving(
-                    hits, rays.origins, rays.directions, no_choice
+                    hits, rays.origins, rays.directions, no_choice, NO_RIVAL, rays.media
                 )
                 # --- light we reach for
                 met = np.flatnonzero(material != NOTHING)
@@ -115,13 +118,15 @@ class Whitted(Integrator):
                 shading = self._light.shading(hits, hit_rays.directions, material)
                 gathered[met] += hit_rays.throughput * self._light.from_all(
                     shading,
+                    hit_rays.media,
                     block.pixel[hit_rays.camera_ray],
                     self._dimension(hit_rays.node),
                     block.sample[hit_rays.camera_ray],
                 )
                 add_to_pixels(rays.camera_ray, gathered, radiance)
                 # --- where they go next
-                onward = self._onward(_Meeting(hit_rays, shading), block)
+                second = second[met] if second.size else second
+                onward = self._onward(_Meeting(hit_rays, shading, second), block)
             waiting.extend(onward)
         return radiance
 
@@ -142,7 +147,9 @@ class Whitted(Integrator):
             source=None,
         )
 
-    def _absorb(self, rays: Branches, hits: HitRecord, material: IntArray) -> None:
+    def _absorb(
+        self, rays: Branches, hits: HitRecord, material: IntArray, second: IntArray
+    ) -> None:
         """Weaken throughput by Beer and Lambert's law over the way just gone."""
         if not self.context.plan["medium stack"]:
             return
@@ -153,6 +160,7 @@ class Whitted(Integrator):
             scene.glass_of,
             material,
             hits.front_face,
+            second,
             hits.t,
             rays.throughput,
         )
@@ -219,7 +227,8 @@ class Whitted(Integrator):
         n = rows.size
         reflectance, refracted, eta = np.empty(n), np.empty((n, 3)), np.empty(n)
         beyond = met.rays.media[rows]
-        media_beyond(lobes, lobe, beyond, shading.hits.front_face[rows], eta)
+        second = met.second[rows] if met.second.size else met.second
+        media_beyond(lobes, lobe, beyond, shading.hits.front_face[rows], second, eta)
         is_hidden = eta == 0.0
         eta[is_hidden] = 1.0
         split_at_glass(
@@ -287,10 +296,11 @@ class Whitted(Integrator):
 
 @dataclass(frozen=True)
 class _Meeting:
-    """Rays on arrival at an object, and where."""
+    """Rays on arrival at an object, where, and on what other face (see `Contacts.at`)."""
 
     rays: Branches
     shading: Shading
+    second: IntArray
 
 
 @dataclass(frozen=True)

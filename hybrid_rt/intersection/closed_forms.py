@@ -40,10 +40,12 @@ class ClosedForm:
         self, rays: Rays, best: Nearest, kind_of: IntArray, kind: int, out: Finished
     ) -> None:
         """Describe the hits on this kind."""
-        row_of = np.full(len(kind_of), -1, np.int64)
-        row_of[: len(self._row_of)] = self._row_of
-        row_of[kind_of != kind] = -1
-        self._finish(self.table, rays, best, row_of, out)
+        if len(self._row_of) != len(kind_of):
+            row_of = np.full(len(kind_of), -1, np.int64)
+            row_of[: len(self._row_of)] = self._row_of
+            row_of[kind_of != kind] = -1
+            self._row_of = row_of
+        self._finish(self.table, rays, best, self._row_of, out)
 
 
 # From so many spheres on a tree is faster than asking all of them.

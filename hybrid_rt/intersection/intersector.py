@@ -25,7 +25,7 @@ from hybrid_rt.kernels.nearest import Nearest, Rays
 from hybrid_rt.kernels.rays import Record, complete_rows
 from hybrid_rt.kernels.subdivide import COUNTER_NAMES, MOST_PIECES
 from hybrid_rt.primitives import TriangleMesh
-from hybrid_rt.records import BoolArray, FloatArray, HitRecord
+from hybrid_rt.records import BoolArray, FloatArray, HitRecord, IntArray, NamedPoints
 
 if TYPE_CHECKING:
     from hybrid_rt.intersection.coarse import Coarse
@@ -132,7 +132,8 @@ class Intersector:
         *,
         t_min: ArrayLike = 0.0,
         t_max: ArrayLike = np.inf,
-        source: HitRecord | None = None,
+        source: HitRecord | NamedPoints | None = None,
+        unseen: IntArray | None = None,
     ) -> HitRecord:
         """Find the first hit of each ray.
 
@@ -145,6 +146,8 @@ class Intersector:
         source : HitRecord of n rows, optional
             The hits that the rays leave from: they are not found again, nor is the same point of
             an adjoining patch, seam, pole or mesh edge. Rows that are misses exclude nothing.
+        unseen : (n,) int32, optional
+            An object that each ray does not see; -1: it sees all.
 
         Returns
         -------
@@ -155,7 +158,9 @@ class Intersector:
         ValueError
             For shapes that do not fit, zero or non-finite directions, non-finite origins.
         """
-        batch = make_batch(origins, directions, t_min, t_max, source, None, self._reach, self._pool)
+        batch = make_batch(
+            origins, directions, t_min, t_max, source, None, self._reach, self._pool, unseen
+        )
         n = len(batch)
         record = new_record(n)
         columns = Record(*(getattr(record, name) for name in Record._fields))
@@ -190,8 +195,8 @@ class Intersector:
         t_max: ArrayLike = np.inf,
         *,
         t_min: ArrayLike = 0.0,
-        source: HitRecord | None = None,
-        target: HitRecord | None = None,
+        source: HitRecord | NamedPoints | None = None,
+        target: HitRecord | NamedPoints | None = None,
     ) -> BoolArray:
         """Tell for each ray whether anything lies between ``t_min`` and ``t_max``.
 

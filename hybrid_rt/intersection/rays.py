@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from hybrid_rt.intersection.pool import Pool
 from hybrid_rt.kernels import rays as kernels
 from hybrid_rt.kernels.nearest import Rays
-from hybrid_rt.records import FloatArray, HitRecord
+from hybrid_rt.records import FloatArray, HitRecord, IntArray, NamedPoints
 
 IdArray = NDArray[np.int64]
 
@@ -31,9 +31,10 @@ class Batch:
     direction: FloatArray
     t_min: FloatArray
     t_max: FloatArray
-    source: HitRecord | None
-    target: HitRecord | None
+    source: HitRecord | NamedPoints | None
+    target: HitRecord | NamedPoints | None
     reach: FloatArray
+    unseen: IntArray | None
 
     def __len__(self) -> int:
         """Return the number of rays."""
@@ -53,9 +54,11 @@ class Batch:
 
     def _known(self, origin: FloatArray, direction: FloatArray, begin: int, end: int) -> FloatArray:
         """Return t and rounding of the points that rays leave from and go to (see `is_known`)."""
-        if self.source is None and self.target is None:
+        if self.source is None and self.target is None and self.unseen is None:
             return np.empty((0, 4))
-        known = np.empty((end - begin, 4))
+        known = np.empty((end - begin, 4 if self.unseen is None else 5))
+        if self.unseen is not None:
+            known[:, 4] = self.unseen[begin:end]
         for column, record in ((0, self.source), (2, self.target)):
             if record is None:
                 known[:, column : column + 2] = 0.0, -1.0
@@ -79,10 +82,11 @@ def make_batch(
     directions: ArrayLike,
     t_min: ArrayLike,
     t_max: ArrayLike,
-    source: HitRecord | None,
-    target: HitRecord | None,
+    source: HitRecord | NamedPoints | None,
+    target: HitRecord | NamedPoints | None,
     reach: FloatArray,
     pool: Pool,
+    unseen: IntArray | None = None,
 ) -> Batch:
     """Return checked rays; see `Intersector.intersect` for the forms that are taken.
 
@@ -111,7 +115,7 @@ def make_batch(
     lowest, highest = _limit(t_min, "t_min", n), _limit(t_max, "t_max", n)
     for record, name in ((source, "source"), (target, "target")):
         _check_points(record, name, n, len(reach))
-    return Batch(origin, direction, lowest, highest, source, target, reach)
+    return Batch(origin, direction, lowest, highest, source, target, reach, unseen)
 
 
 def _vectors(values: ArrayLike, name: str) -> FloatArray:
@@ -151,7 +155,9 @@ def _refuse(
     )
 
 
-def _check_points(record: HitRecord | None, name: str, n: int, n_objects: int) -> None:
+def _check_points(
+    record: HitRecord | NamedPoints | None, name: str, n: int, n_objects: int
+) -> None:
     if record is None:
         return
     if record.object_id.max(initial=-1) >= n_objects:

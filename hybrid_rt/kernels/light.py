@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 from hybrid_rt.kernels.environment import sky_direction, sky_pdf, sky_radiance
 from hybrid_rt.kernels.frame import two_difference
 from hybrid_rt.kernels.lobes import leaves_through_face, onto_axis, scattered
+from hybrid_rt.kernels.media import filling_medium, ior_of
 from hybrid_rt.kernels.sphere import power_of_point
 from hybrid_rt.kernels.texture import texture_color
 from meshing.kernels.jit import inlined, kernel
@@ -33,6 +34,8 @@ class LightTable(NamedTuple):
     texture: Any  # (n,) int32, row of a texture that takes the place of strength; -1: none
     # (n + 1,) float64, probability of each light to be asked where one is; the last is the sky's.
     chance: Any
+    # (n + 1,) float64, probability of each light to begin a light path; the last, the sky's, is 0.
+    emit: Any
 
 
 class LightPoints(NamedTuple):
@@ -138,7 +141,8 @@ def _surface_point(points, i, px, py, pz):
 
 
 @inlined
-def _strength(lights, textures, row, u, v, x, y, z):
+def light_color(lights, textures, row, u, v, x, y, z):
+    """Return the strength of a light at one of its points."""
     if lights.texture[row] < 0:
         return lights.strength[row, 0], lights.strength[row, 1], lights.strength[row, 2]
     return texture_color(textures, lights.texture[row], u, v, x, y, z)
@@ -204,11 +208,11 @@ def light_on_hits(
         if is_sky:
             p, q, s = sky_radiance(sky, x, y, z)
         elif lights.kind[row] == SURFACE:
-            p, q, s = _strength(
+            p, q, s = light_color(
                 lights, textures, row, points.u[i], points.v[i], px + x, py + y, pz + z
             )
         else:
-            p, q, s = _strength(lights, textures, row, xi[i, 0], xi[i, 1], px + x, py + y, pz + z)
+            p, q, s = light_color(lights, textures, row, xi[i, 0], xi[i, 1], px + x, py + y, pz + z)
         if strategy != UNWEIGHTED:
             chance = lights.chance[row]
             factor /= chance
@@ -226,18 +230,26 @@ def _pdf_of_light(lights, row, ox, oy, oz, t, cosine, pdf_area):
     if lights.kind[row] == SPHERE:
         _, power, cone = sphere_seen(lights, row, ox, oy, oz)
         return 1.0 / (2.0 * math.pi * cone) if power > 0.0 else 0.0
+    return _pdf_of_area(lights, row, pdf_area) * t * t / cosine
+
+
+@inlined
+def _pdf_of_area(lights, row, pdf_area):
+    """Return the density per area with which points are chosen; that of a `SURFACE` is given."""
+    if lights.kind[row] == SPHERE:
+        return 1.0 / (4.0 * math.pi * lights.edge_u[row, 0] ** 2)
     if lights.kind[row] == RECTANGLE:
         ax, ay, az = lights.edge_u[row, 0], lights.edge_u[row, 1], lights.edge_u[row, 2]
         bx, by, bz = lights.edge_v[row, 0], lights.edge_v[row, 1], lights.edge_v[row, 2]
         nx, ny, nz = ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
-        pdf_area = 1.0 / math.sqrt(nx * nx + ny * ny + nz * nz)
-    return pdf_area * t * t / cosine
+        return 1.0 / math.sqrt(nx * nx + ny * ny + nz * nz)
+    return pdf_area
 
 
 @kernel
 def light_on_rays(
     lights, sky, textures, light_id, t, u, v, position, normal, origin, direction, pdf, pdf_area,
-    strategy, radiance,
+    rival, media, lobes, strategy, radiance,
 ):  # fmt: skip
     """Find the radiance that rays run into, weighted for how else it is found.
 
@@ -255,6 +267,11 @@ def light_on_rays(
     pdf_area : (n,) float64
         Density per area with which the point of a `SURFACE` is chosen; may be empty where there
         is none.
+    rival : (n,) float64
+        Of paths that mirrors and glass have led here from a surface that spreads light: the density
+        to set against that of light paths (see `hybrid_rt.kernels.light_paths`); else 0.
+    media : (n, STACK) int32, or (n, 0)
+        Dielectrics that the ray is in.
     radiance : (n, 3) float64, written
     """
     for i in range(light_id.size):
@@ -279,12 +296,18 @@ def light_on_rays(
                 weight = power_weight(pdf[i], density)
             elif density > 0.0:
                 weight = 0.0
+        elif strategy == BOTH and rival[i] > 0.0 and lights.emit[row] > 0.0:
+            by_area = pdf_area[i] if lights.kind[row] == SURFACE else 0.0
+            density = lights.emit[row] / math.pi * _pdf_of_area(lights, row, by_area)
+            if media.shape[1] > 0:
+                density /= ior_of(lobes, filling_medium(media, i, lobes)) ** 2
+            weight = power_weight(rival[i], density)
         if weight == 0.0:
             continue
         if is_sky:
             r, g, b = sky_radiance(sky, x, y, z)
         else:
-            r, g, b = _strength(
+            r, g, b = light_color(
                 lights, textures, row, u[i], v[i], position[i, 0], position[i, 1], position[i, 2]
             )
         radiance[i, 0], radiance[i, 1], radiance[i, 2] = weight * r, weight * g, weight * b

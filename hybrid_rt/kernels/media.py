@@ -3,6 +3,10 @@
 A ray carries a short stack of lobes. Where bodies overlap, the one of the highest priority fills
 the space, among equals the one entered last; a surface at which that does not change is not there
 for light (Schmidt and Budge, "Simple nested dielectrics in ray traced images", JGT 7(2), 2002).
+
+Where faces of two bodies coincide, a ray passes both at once: what counts is what lies before and
+behind, and no air comes between. The second face is a number per ray: 0 for none, lobe + 1 where
+it is entered, -(lobe + 1) where it is left; the array is empty where no bodies touch.
 """
 
 import math
@@ -18,12 +22,12 @@ IOR, SCHLICK, ABSORPTION, PRIORITY = 0, 1, 2, 5
 
 
 @inlined
-def filling_medium(stack, i, lobes, without):
-    """Return the lobe that fills the space around ray i, one place of the stack left out."""
+def filling_medium(stack, i, lobes):
+    """Return the lobe that fills the space around ray i, or `NONE`."""
     found, highest = NONE, -math.inf
     for k in range(STACK):
         lobe = stack[i, k]
-        if lobe != NONE and k != without and lobes.number[lobe, PRIORITY] >= highest:
+        if lobe != NONE and lobes.number[lobe, PRIORITY] >= highest:
             found, highest = lobe, lobes.number[lobe, PRIORITY]
     return found
 
@@ -68,8 +72,40 @@ def ior_of(lobes, lobe):
     return 1.0 if lobe == NONE else lobes.number[lobe, IOR]
 
 
+@inlined
+def transmittance(stack, i, lobes, length):
+    """Return the share of light left after a way within what surrounds ray i (Beer, Lambert)."""
+    medium = filling_medium(stack, i, lobes)
+    if medium == NONE:
+        return 1.0, 1.0, 1.0
+    return (
+        _left(lobes.number[medium, ABSORPTION], length),
+        _left(lobes.number[medium, ABSORPTION + 1], length),
+        _left(lobes.number[medium, ABSORPTION + 2], length),
+    )
+
+
+@inlined
+def _left(density, length):
+    # A way that never leaves clear glass is not weakened: 0 x inf is 0 here.
+    return math.exp(-density * length) if density > 0.0 else 1.0
+
+
 @kernel
-def cross_media(stack, lobes, glass_of, material, front_face, t, throughput):
+def weaken_by_ways(stack, lobes, way, has_end, value):
+    """Weaken what arrives along ways (n, 3) within media; those without an end are infinitely long."""
+    for i in range(has_end.size):
+        length = math.inf
+        if has_end[i]:
+            length = math.sqrt(way[i, 0] ** 2 + way[i, 1] ** 2 + way[i, 2] ** 2)
+        r, g, b = transmittance(stack, i, lobes, length)
+        value[i, 0] *= r
+        value[i, 1] *= g
+        value[i, 2] *= b
+
+
+@kernel
+def cross_media(stack, lobes, glass_of, material, front_face, second, t, throughput):
     """Weaken throughput (n, 3) by Beer and Lambert's law over the ways of length t (n,).
 
     Whoever meets a dielectric from within has crossed it, wherever the ray began: it enters the
@@ -80,47 +116,47 @@ def cross_media(stack, lobes, glass_of, material, front_face, t, throughput):
             glass = glass_of[material[i]]
             if glass != NONE and place_of(stack, i, glass) == NONE:
                 begin_with(stack, i, glass)
-        medium = filling_medium(stack, i, lobes, NONE)
-        if medium == NONE:
-            continue
-        for k in range(3):
-            density = lobes.number[medium, ABSORPTION + k]
-            # A ray that never leaves clear glass is not weakened: 0 x inf is 0 here.
-            if density > 0.0:
-                throughput[i, k] *= math.exp(-density * t[i])
+        if second.size and second[i] < 0 and place_of(stack, i, -second[i] - 1) == NONE:
+            begin_with(stack, i, -second[i] - 1)
+        r, g, b = transmittance(stack, i, lobes, t[i])
+        throughput[i, 0] *= r
+        throughput[i, 1] *= g
+        throughput[i, 2] *= b
 
 
 @inlined
-def media_at_surface(lobes, lobe, stack, i, is_front):
-    """Return what fills the space before and beyond a dielectric, and its place in the stack."""
-    before = filling_medium(stack, i, lobes, NONE)
-    if not is_front:
-        place = place_of(stack, i, lobe)
-        return before, filling_medium(stack, i, lobes, place), place
-    if before != NONE and lobes.number[before, PRIORITY] > lobes.number[lobe, PRIORITY]:
-        return before, before, NONE
-    return before, lobe, NONE
-
-
-@inlined
-def pass_surface(lobe, stack, i, is_front, place):
-    """Enter or leave a body."""
-    if is_front:
-        push(stack, i, lobe)
-    elif place != NONE:
+def leave(stack, i, lobe):
+    """Leave a body, if the ray is in it."""
+    place = place_of(stack, i, lobe)
+    if place != NONE:
         drop(stack, i, place)
 
 
+@inlined
+def pass_surface(lobe, stack, i, is_front, second):
+    """Enter or leave a body, and the one whose face coincides: what is entered comes first."""
+    other = second[i] if second.size else 0
+    if is_front:
+        push(stack, i, lobe)
+    if other > 0:
+        push(stack, i, other - 1)
+    if not is_front:
+        leave(stack, i, lobe)
+    if other < 0:
+        leave(stack, i, -other - 1)
+
+
 @kernel
-def media_beyond(lobes, lobe, stack, front_face, eta):
+def media_beyond(lobes, lobe, stack, front_face, second, eta):
     """Take each ray through a dielectric's surface: ``stack`` (n, STACK) changes.
 
     ``eta`` (n,) receives the index beyond over the index before, and 0 where the surface lies
     hidden within another body.
     """
     for i in range(lobe.size):
-        before, after, place = media_at_surface(lobes, lobe[i], stack, i, front_face[i])
-        pass_surface(lobe[i], stack, i, front_face[i], place)
+        before = filling_medium(stack, i, lobes)
+        pass_surface(lobe[i], stack, i, front_face[i], second)
+        after = filling_medium(stack, i, lobes)
         eta[i] = 0.0
         if before != after:
             eta[i] = ior_of(lobes, after) / ior_of(lobes, before)

@@ -19,7 +19,9 @@ class Rays(NamedTuple):
     origin: Any  # (n, 3) float64, world frame
     direction: Any  # (n, 3) float64
     t_min: Any  # (n,) float64; a hit needs t > t_min
-    known: Any  # (n, 4) float64, or (0, 4) for none: t and radius of departure, of target
+    # (n, 4) float64, or (0, 4) for none: t and radius of departure, of target; a fifth column: the
+    # object that the ray does not see
+    known: Any
 
 
 class Nearest(NamedTuple):
@@ -75,6 +77,8 @@ def offer(i, t, t_bound, n_dot_d, tangent, object_id, primitive, a, b, t_min, kn
             ):
                 return False
     if is_known(i, t, t_bound, n_dot_d, known):
+        return False
+    if known.shape[0] and known.shape[1] > 4 and known[i, 4] == object_id:
         return False
     best.t[i] = t
     best.t_bound[i] = t_bound

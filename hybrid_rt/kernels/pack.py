@@ -31,6 +31,8 @@ class Paths(NamedTuple):
     directions: Any  # (n, 3) float64, unit
     throughput: Any  # (n, 3) float64, what one unit of radiance on this ray adds to its pixel
     pdf: Any  # (n,) float64, density of the direction; 0 where it had no choice
+    # (n,) float64, see `hybrid_rt.kernels.light_paths`; (0,) where nothing is compared with it
+    rival: Any
     media: Any  # (n, STACK) int32, dielectrics that the ray is in; (n, 0): there are none
     source_id: Any  # (n,) int32, object that the ray leaves from; -1 at the camera
 
@@ -87,6 +89,8 @@ def pack_paths(paths, fate, least, position, object_id, onward, pdf, out):
         out.pixel[n] = paths.pixel[i]
         out.sample[n] = paths.sample[i]
         out.pdf[n] = pdf[i]
+        if paths.rival.size:
+            out.rival[n] = paths.rival[i]
         out.source_id[n] = object_id[i]
         for k in range(3):
             out.origins[n, k] = position[i, k]

@@ -51,24 +51,24 @@ def reverse_bits(x):
 
 
 @inner
-def owen_scramble(x, key):
-    """Permute the binary digits of x, each by a choice that hangs on the digits before it."""
-    x = reverse_bits(x)
+def permute(x, key):
+    """Permute binary digits, the lowest first, each by a choice that hangs on those before it."""
     x ^= (x * _OWEN_A) & _MASK
     x = (x + key) & _MASK
     x = (x * ((key >> _S16) | _ONE)) & _MASK
     x ^= (x * _OWEN_B) & _MASK
-    x ^= (x * _OWEN_C) & _MASK
-    return reverse_bits(x)
+    return x ^ ((x * _OWEN_C) & _MASK)
 
 
 @inner
-def sobol_second(index):
-    """Return the second Sobol coordinate of an index as a 32-bit word (the first reverses it)."""
+def sobol_second(turned):
+    """Return the second Sobol coordinate of an index, given turned round, as a 32-bit word.
+
+    The first is the index turned round itself.
+    """
     # The generator matrix is Pascal's triangle modulo 2, five times over the Kronecker product of
     # ((1, 1), (0, 1)) with itself: each factor is one line.
-    x = reverse_bits(index)
-    x ^= (x << _S16) & _MASK
+    x = turned ^ ((turned << _S16) & _MASK)
     x ^= (x & _BITS8) << _S8
     x ^= (x & _BITS4) << _S4
     x ^= (x & _BITS2) << _S2
@@ -76,14 +76,23 @@ def sobol_second(index):
 
 
 @kernel
-def sobol_points(seed, sample, pixel, dimension, points):
-    """Fill ``points`` (n, 2) for n triples of sample, pixel and dimension, all uint64."""
+def sobol_points(seed, sample, pixel, dimension, begin, points):
+    """Fill n rows of ``points`` (m, rows, 2) from ``begin`` on, for n triples, all uint64.
+
+    The first axis are the m dimensions from ``dimension`` on.
+
+    Scrambling permutes the digits from the highest on, so the words it is applied to are turned
+    round before and after; where two such turns meet, neither is done.
+    """
     seed_key = mix(mix(_ZERO, seed & _MASK), seed >> _S32)
     for i in range(pixel.size):
-        key = mix(mix(seed_key, pixel[i] & _MASK), pixel[i] >> _S32)
-        key = mix(mix(key, dimension[i] & _MASK), dimension[i] >> _S32)
-        index = owen_scramble(sample[i] & _MASK, key)
-        first = owen_scramble(reverse_bits(index), mix(key, _ONE))
-        second = owen_scramble(sobol_second(index), mix(key, _S2))
-        points[i, 0] = first * _TO_UNIT
-        points[i, 1] = second * _TO_UNIT
+        pixel_key = mix(mix(seed_key, pixel[i] & _MASK), pixel[i] >> _S32)
+        turned_sample = reverse_bits(sample[i] & _MASK)
+        for d in range(points.shape[0]):
+            number = dimension[i] + np.uint64(d)
+            key = mix(mix(pixel_key, number & _MASK), number >> _S32)
+            turned = permute(turned_sample, key)
+            first = permute(reverse_bits(turned), mix(key, _ONE))
+            second = permute(reverse_bits(sobol_second(turned)), mix(key, _S2))
+            points[d, begin + i, 0] = reverse_bits(first) * _TO_UNIT
+            points[d, begin + i, 1] = reverse_bits(second) * _TO_UNIT

@@ -9,14 +9,7 @@ from hybrid_rt.kernels.lobes import (
     pick_lobe,
     scattered,
 )
-from hybrid_rt.kernels.media import (
-    NONE,
-    SCHLICK,
-    filling_medium,
-    ior_of,
-    media_at_surface,
-    pass_surface,
-)
+from hybrid_rt.kernels.media import SCHLICK, filling_medium, ior_of, pass_surface
 from meshing.kernels.jit import inlined, kernel
 
 # How a ray ends at a surface, or goes on.
@@ -24,36 +17,48 @@ LEFT, STOPPED, ABSORBED, SCATTERED, SPECULAR = 0, 1, 2, 3, 4
 
 
 @inlined
-def at_glass(lobes, lobe, stack, i, nx, ny, nz, dx, dy, dz, is_front, xi):
+def at_glass(lobes, lobe, stack, i, nx, ny, nz, dx, dy, dz, is_front, second, xi):
     """Choose between reflection and refraction at a dielectric by its reflectance.
 
-    n is on the side from which d came. ``stack[i]`` follows the ray. Returns the direction, the
+    n is on the side from which d came. ``stack[i]`` follows the ray; ``second`` as in
+    `hybrid_rt.kernels.media`. Returns the direction, the
     factor on radiance but for the tint, and whether light passes the surface and so is tinted.
     """
-    before, after, place = media_at_surface(lobes, lobe, stack, i, is_front)
-    reflectance, cos_t, ratio = 0.0, 0.0, 1.0
-    cos_i = min(-(nx * dx + ny * dy + nz * dz), 1.0)
-    if before != after:
-        ratio = ior_of(lobes, after) / ior_of(lobes, before)
-        if lobes.number[lobe, SCHLICK] != 0.0:
-            reflectance, cos_t = schlick(cos_i, ratio)
-        else:
-            reflectance, cos_t = fresnel(cos_i, ratio)
-    if xi < reflectance:
-        twice = 2.0 * cos_i
-        return dx + twice * nx, dy + twice * ny, dz + twice * nz, 1.0, False
-    pass_surface(lobe, stack, i, is_front, place)
+    before = filling_medium(stack, i, lobes)
+    # Kept for what is reflected: STACK places.
+    a, b, c, d = stack[i, 0], stack[i, 1], stack[i, 2], stack[i, 3]
+    pass_surface(lobe, stack, i, is_front, second)
+    after = filling_medium(stack, i, lobes)
     if before == after:
         return dx, dy, dz, 1.0, False
+    cos_i = min(-(nx * dx + ny * dy + nz * dz), 1.0)
+    ratio = ior_of(lobes, after) / ior_of(lobes, before)
+    if lobes.number[lobe, SCHLICK] != 0.0:
+        reflectance, cos_t = schlick(cos_i, ratio)
+    else:
+        reflectance, cos_t = fresnel(cos_i, ratio)
+    if xi < reflectance:
+        stack[i, 0], stack[i, 1], stack[i, 2], stack[i, 3] = a, b, c, d
+        twice = 2.0 * cos_i
+        return dx + twice * nx, dy + twice * ny, dz + twice * nz, 1.0, False
     x, y, z = refract(dx, dy, dz, nx, ny, nz, cos_i, cos_t, ratio)
     # Radiance over the index squared is what stays the same across the surface.
     return x, y, z, 1.0 / (ratio * ratio), True
 
 
+@inlined
+def density_of_turn(normal, geometric, i, dx, dy, dz, x, y, z, density):
+    """Bring densities per solid angle, d arriving and (x, y, z) leaving, to area and projection."""
+    g = geometric if geometric.shape[0] else normal
+    arriving = abs(g[i, 0] * dx + g[i, 1] * dy + g[i, 2] * dz)
+    leaving = abs(g[i, 0] * x + g[i, 1] * y + g[i, 2] * z)
+    return density * arriving / leaving if leaving > 0.0 else 0.0
+
+
 @kernel
 def scatter(
-    lobes, material, colors, normal, direction, geometric, xi, choice, stack, may_spread, may_mirror,
-    roulette, onward, throughput, pdf, fate,
+    lobes, material, colors, normal, direction, geometric, xi, choice, stack, second, may_spread, may_mirror,
+    roulette, t, before, is_smooth, object_id, onward, throughput, pdf, rival, fate,
 ):  # fmt: skip
     """Send each ray on in one direction.
 
@@ -72,15 +77,26 @@ def scatter(
         Two more: for the lobe, and for Russian roulette.
     stack : (n, STACK) int32, changed
         Dielectrics that the ray is in; (n, 0) where there is none in the scene.
+    second : (n,) int32, or (0,)
+        Faces that coincide with the hits: see `hybrid_rt.kernels.media`.
     may_spread, may_mirror : bool
         Whether spread, mirrored or refracted directions are followed at all: not at the end of the
         longest paths.
     roulette : float
         Above zero: paths go on with a probability of at most this, given by their throughput.
+    t, before : (n,) float64
+        Length of the way here, and the density per solid angle with which its direction was chosen,
+        over how often light paths reach such a point; 0 where it had no choice.
+    is_smooth : (objects,) bool
+        Objects shaded by other normals than their own.
+    object_id : (n,) int32
     onward : (n, 3) float64, written
     throughput : (n, 3) float64, changed
     pdf : (n,) float64, written
         Density of the direction; zero for a mirror or glass.
+    rival : (n,) float64, changed
+        Density of a surface that spreads light and of the direction taken there, until the next:
+        see `hybrid_rt.kernels.light_paths`. (0,): it is not needed.
     fate : (n,) uint8, written
         `LEFT` (no material), `STOPPED` (with what was lost in ``throughput``), `ABSORBED`, `SCATTERED`, `SPECULAR`.
     """
@@ -112,12 +128,26 @@ def scatter(
             r, g, b = r / density, g / density, b / density
             fate[i] = SCATTERED if may_spread else STOPPED
             pdf[i] = density
+            if rival.size:
+                turn = density_of_turn(normal, geometric, i, dx, dy, dz, x, y, z, density)
+                if before[i] > 0.0:
+                    rival[i] = turn * before[i] / (t[i] * t[i])
+                    if stack.shape[1] > 0:
+                        rival[i] /= ior_of(lobes, filling_medium(stack, i, lobes)) ** 2
+                elif rival[i] > 0.0:
+                    _, _, _, back = scattered(
+                        lobes, material[i], colors, i, nx, ny, nz, -x, -y, -z, -dx, -dy, -dz,
+                        DIELECTRIC,
+                    )  # fmt: skip
+                    rival[i] = rival[i] * turn / back if back > 0.0 else 0.0
         else:
+            if rival.size and is_smooth[object_id[i]]:
+                rival[i] = 0.0
             # Brought back to the share of all light that this lobe takes.
             r, g, b = colors[i, chosen, 0], colors[i, chosen, 1], colors[i, chosen, 2]
             if lobes.kind[row] == DIELECTRIC:
                 x, y, z, factor, is_tinted = at_glass(
-                    lobes, row, stack, i, nx, ny, nz, dx, dy, dz, is_front, rest
+                    lobes, row, stack, i, nx, ny, nz, dx, dy, dz, is_front, second, rest
                 )
                 factor *= lobes.weight[row] / chance
                 is_refracted = nx * x + ny * y + nz * z < 0.0
@@ -144,7 +174,7 @@ def scatter(
             continue
         if stack.shape[1] > 0:
             # Within glass radiance counts by its index squared, given back on the way out.
-            carried *= ior_of(lobes, filling_medium(stack, i, lobes, NONE)) ** 2
+            carried *= ior_of(lobes, filling_medium(stack, i, lobes)) ** 2
         if roulette > 0.0 and fate[i] != STOPPED:
             survival = min(carried, roulette)
             if choice[i, 1] >= survival:

@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from hybrid_rt.kernels.environment import NO_SKY, EnvironmentTable
-from hybrid_rt.kernels.light import LightTable
+from hybrid_rt.kernels.light import POINT, LightTable
 from hybrid_rt.lights.light import Environment, LightRow
 from hybrid_rt.records import FloatArray
 
@@ -27,14 +28,17 @@ def compile_lights(
     def column(name: str) -> FloatArray:
         return np.array([getattr(row, name) for row in rows], dtype=np.float64).reshape(-1, 3)
 
+    chance = _chances(np.array([row.power for row in rows]), has_sky)
+    kind = np.array([row.kind for row in rows], dtype=np.int32)
     return LightTable(
-        kind=np.array([row.kind for row in rows], dtype=np.int32),
+        kind=kind,
         origin=column("origin"),
         edge_u=column("edge_u"),
         edge_v=column("edge_v"),
         strength=column("strength"),
         texture=np.array(texture_of, dtype=np.int32),
-        chance=_chances(np.array([row.power for row in rows]), has_sky),
+        chance=chance,
+        emit=_emission(chance, kind),
     )
 
 
@@ -65,3 +69,12 @@ def _chances(power: FloatArray, has_sky: bool) -> FloatArray:
         chance *= 1.0 - sky
         chance[-1] = sky
     return chance
+
+
+def _emission(chance: FloatArray, kind: NDArray[np.int32]) -> FloatArray:
+    """Return how often each light begins a light path: those that have an area, as they are asked."""
+    emit = chance.copy()
+    emit[-1] = 0.0
+    emit[:-1][kind == POINT] = 0.0
+    total = emit.sum()
+    return emit / total if total > 0.0 else emit

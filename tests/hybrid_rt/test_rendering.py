@@ -8,14 +8,16 @@ import pytest
 from hybrid_rt import rendering
 from hybrid_rt.camera import Camera
 from hybrid_rt.integrators import crew, path, surface_light, whitted
+from hybrid_rt.integrators.contacts import Contacts
 from hybrid_rt.integrators.integrator import LENS_DIMENSION
+from hybrid_rt.integrators.light_paths import LightPathTracer
 from hybrid_rt.intersection import Intersector
-from hybrid_rt.lights import GradientSky, PointLight
+from hybrid_rt.lights import GradientSky, PointLight, SphereLight
 from hybrid_rt.lights.surface import ShiningSurface
 from hybrid_rt.limits import Limit
 from hybrid_rt.materials import Dielectric, Emissive, Lambertian, Metal, Mirror
 from hybrid_rt.plan import explain
-from hybrid_rt.primitives import Box, Sphere
+from hybrid_rt.primitives import Box, Rectangle, Sphere
 from hybrid_rt.sampler import Sampler
 from hybrid_rt.scene import Object, Scene
 from hybrid_rt.textures import CheckerTexture
@@ -100,6 +102,12 @@ class TestPlan:
         with pytest.raises(AssertionError, match=name):
             render(scene(Dielectric(1.5) if needed is None else Lambertian(needed)), passes=1)
 
+    ON_A_TABLE = Scene(
+        scene().camera,
+        [Object(Rectangle((-2, -2, -1), (4, 0, 0), (0, 4, 0)), Lambertian(0.5), "table"),
+         Object(Box((-1, -1, -1), (1, 1, 1)), Dielectric(1.5), "cube")],
+        [SphereLight((0, 0, 3), 0.5, 9)],
+    )  # fmt: skip
     SHINING = Object(Box((2, 2, 2), (3, 3, 3)), Emissive(5.0), "lamp")
 
     @pytest.mark.parametrize(
@@ -117,8 +125,14 @@ class TestPlan:
             (ShiningSurface, "choose", scene(Lambertian(0.5)),
              Scene(scene().camera, [*scene(Lambertian(0.5)).objects, SHINING])),
             (Intersector, "occluded", scene(Mirror()), scene(Lambertian(0.5))),
+            (LightPathTracer, "trace", scene(Dielectric()), ON_A_TABLE),
+            (LightPathTracer, "trace", scene(Lambertian(0.5), [SphereLight((0, 0, 3), 0.5, 9)]),
+             ON_A_TABLE),
+            (path, "join_lit_points", scene(Dielectric()), ON_A_TABLE),
+            (Contacts, "at", scene(Dielectric()), ON_A_TABLE),
         ],
-        ids=["textures", "no matt", "no light", "nothing seen", "glass", "start", "area", "shadows"],
+        ids=["textures", "no matt", "no light", "nothing seen", "glass", "start", "area", "shadows",
+             "nothing lit by glass", "nothing that throws light", "joins", "contacts"],
     )  # fmt: skip
     def test_paths_call_only_what_the_scene_needs(self, forbid, module, name, needless, needed):
         before = render(needless, "path", passes=1).image

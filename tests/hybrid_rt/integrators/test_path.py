@@ -127,9 +127,10 @@ class TestFurnace:
         ],
     )
     def test_every_material(self, material, albedo):
-        # Roulette would end one path in 1e5 within the glass: too few for a normal distribution.
+        # What is clear and white is followed to its end: a path in 1e6 that roulette ends would
+        # decide the mean of these few.
         found = samples(
-            self.scene(material, "sky"), max_depth=60, options=PathOptions(roulette_depth=60)
+            self.scene(material, "sky"), max_depth=60, options=PathOptions(survival=1.0)
         )
         if albedo is None:
             # Light that enters the clear part meets the mixed inside again: only bounds are known.
@@ -316,6 +317,73 @@ class TestGlass:
         assert_mean_equals(samples(clear, max_depth=200), np.full(3, 1.1**2))
         assert samples(inside, max_depth=60).mean() < 0.95 * 1.1**2
 
+    @pytest.mark.parametrize("order", [1, -1])
+    @pytest.mark.parametrize("integrator", ["path", "whitted"])
+    def test_cube_of_glass_on_cube_of_glass(self, integrator, order):
+        """No air comes between: two slabs of the same glass are one, of others three media."""
+        lower, upper = Dielectric(1.5, 0.1), Dielectric(1.5, 0.1)
+        water = Dielectric(1.33, 0.3)
+        for bodies, indices, depths in (
+            ([self.slab(0, 1, lower), self.slab(1, 3, upper)], [1, 1.5, 1], [0.3]),
+            ([self.slab(0, 1, lower), self.slab(1, 3, lower)], [1, 1.5, 1], [0.3]),
+            ([self.slab(0, 1, lower), self.slab(1, 3, water), self.slab(3, 4, upper)],
+             [1, 1.5, 1.33, 1.5, 1], [0.1, 0.6, 0.1]),
+        ):  # fmt: skip
+            scene = self.view(bodies[::order])
+            image = render(scene, integrator, passes=16, max_depth=40).image.reshape(-1, 3)
+            expected = self.layers(indices, depths)
+            if integrator == "path":
+                assert_mean_equals(image.astype(float), np.full(3, expected))
+            else:
+                # Branches below a thousandth are not followed: a few of them are lost here.
+                np.testing.assert_allclose(image, expected, atol=2e-3)
+
+    @pytest.mark.parametrize("order", [1, -1])
+    def test_camera_within_the_lower_of_two_cubes(self, order):
+        bodies = [self.slab(0, 1, Dielectric(1.5)), self.slab(1, 3, Dielectric(1.33))][::order]
+        scene = self.view(bodies, (0, 0, 0.5))
+        # Clear layers lose nothing; radiance within an index n is n^2 times that outside.
+        assert_mean_equals(samples(scene, max_depth=200), np.full(3, 1.5**2))
+
+    @pytest.mark.parametrize("order", [1, -1])
+    def test_water_that_fills_a_glass(self, order):
+        """A shell and what fills it, sharing a sphere: as a ball of water within a ball of glass."""
+        water, glass = Dielectric(1.33, (0.1, 0.2, 0.4)), Dielectric(1.5, (0.4, 0.1, 0.2))
+        camera = Camera((0, 0, 4), (0, 0, 0), (0, 1, 0), 30, 24, 24)
+        outer, inner = Sphere((0, 0, 0), 1), Sphere((0, 0, 0), 0.8)
+        shell = [Object(outer, glass), Object(inner.flipped(), glass), Object(inner, water)]
+        sky = GradientSky((0.1, 0.5, 0.9), (0.9, 0.4, 0.1))
+        filled = Scene(camera, shell[::order], environment=sky)
+        nested = Scene(camera, [Object(outer, glass), Object(inner, water)], environment=sky)
+        a, b = (render(scene, passes=32, seed=3).image.reshape(-1, 3) for scene in (filled, nested))
+        # Surfaces and random numbers are the same.
+        np.testing.assert_allclose(a, b, rtol=1e-4, atol=1e-5)
+
+    @pytest.mark.parametrize("order", [1, -1])
+    @pytest.mark.parametrize("integrator", ["path", "whitted"])
+    def test_glass_that_lies_on_a_floor(self, integrator, order):
+        """Light meets the floor through the glass, whichever comes first in the list."""
+        floor = Object(Rectangle((-50, -50, 0), (100, 0, 0), (0, 100, 0)), Emissive(1.0))
+        scene = self.view([floor, self.slab(0, 1, Dielectric(1.5, 0.3))][::order], sky=None)
+        image = render(scene, integrator, passes=16, max_depth=20).image.reshape(-1, 3)
+        # Radiance one within the glass; a share r stays inside and is lost in the black floor.
+        expected = math.exp(-0.3) * (1 - 0.04) / 1.5**2
+        if integrator == "path":
+            assert_mean_equals(image.astype(float), np.full(3, expected))
+        else:
+            np.testing.assert_allclose(image, expected, rtol=1e-4)
+
+    def test_of_two_identical_surfaces_the_first_is_seen(self):
+        square = Rectangle((-1, -1, 0), (2, 0, 0), (0, 2, 0))
+        camera = Camera((0, -2, 2), (0, 0, 0), (0, 0, 1), 50, 12, 12)
+        lamp = SphereLight((0, 0, 3), 0.5, 3.0)
+
+        def picture(*colors):
+            objects = [Object(square, Lambertian(color)) for color in colors]
+            return render(Scene(camera, objects, [lamp], WHITE_SKY), passes=4, max_depth=4).image
+
+        np.testing.assert_array_equal(picture(0.8, 0.1), picture(0.8))
+
     @pytest.mark.parametrize("ior", [1.0, 1.0 + 1e-12])
     def test_index_one_is_not_there(self, ior):
         lamp = GradientSky((0.1, 0.2, 0.3), (0.9, 0.5, 0.1))
@@ -349,6 +417,151 @@ class TestGlass:
         lathe = render(scene(ball_of_revolution((0, 0, 0), 1.0)), passes=16, seed=1).image
         gap = (exact - lathe).astype(float).reshape(-1, 3)
         assert_mean_equals(gap, np.zeros(3))
+
+    @pytest.mark.parametrize("integrator", ["path", "whitted"])
+    def test_lamps_shine_through_what_absorbs(self, integrator):
+        """A lamp, a floor and the camera within one dark body of index one."""
+        floor = Object(Rectangle((-9, -9, 0), (18, 0, 0), (0, 18, 0)), Lambertian(0.5), "floor")
+        dark = Object(Box((-20, -20, -1), (20, 20, 20)), Dielectric(1.0, (0.2, 0.5, 1.0)), "body")
+        camera = many_rays((0, -3, 4), (0, 0, 0), n=4)
+        scene = Scene(camera, [floor, dark], [PointLight((0, 0, 2), 4.0)])
+        image = render(scene, integrator, passes=1).image.reshape(-1, 3)
+        way = 2.0 + 5.0
+        expected = 0.5 / math.pi * np.exp(-np.array([0.2, 0.5, 1.0]) * way)
+        np.testing.assert_allclose(image, np.tile(expected, (16, 1)), rtol=1e-5)
+
+
+def irradiance(x, y, height, low, high):
+    """Irradiance at (x, y, 0) below the rectangle low..high of radiance one that faces down.
+
+    Four corners of the closed form of Siegel and Howell, configuration C-11, with signs.
+    """
+
+    def corner(a, b):
+        p, q = np.hypot(a, height), np.hypot(b, height)
+        return 0.5 * (a / p * np.arctan(b / p) + b / q * np.arctan(a / q))
+
+    return (
+        corner(high[0] - x, high[1] - y) - corner(low[0] - x, high[1] - y)
+        - corner(high[0] - x, low[1] - y) + corner(low[0] - x, low[1] - y)
+    )  # fmt: skip
+
+
+class TestLightPaths:
+    """Light that mirrors and glass throw: from the lamps, and by chance from the camera."""
+
+    FLOOR = Object(Rectangle((-3, -3, 0), (6, 0, 0), (0, 6, 0)), Lambertian((0.7, 0.6, 0.5)))
+    WALL = Object(Rectangle((-3, 3, 0), (6, 0, 0), (0, 0, 4)), Lambertian(0.6))
+    LAMP = RectangleLight((-0.5, -0.5, 3.5), (0, 1, 0), (1, 0, 0), (10, 12, 8))
+    BALL = Sphere((0, 0, 0.8), 0.6)
+    GLASS = Object(BALL, Dielectric(1.5), "glass")
+    MIRROR = Object(Sphere((1.4, 0.5, 0.6), 0.6), Mirror(0.9), "mirror")
+    LENS = TriangleMesh(trimesh.creation.icosphere(2)).transformed(
+        [[0.6, 0, 0, 0], [0, 0.6, 0, 0], [0, 0, 0.6, 0.8], [0, 0, 0, 1]])  # fmt: skip
+    POND = Object(Box((-2, -2, -0.1), (2, 2, 1.2)), Dielectric(1.33, (0.1, 0.2, 0.3)), "pond")
+    STONE = Object(Sphere((0.8, 0, 0.4), 0.3), Lambertian(0.8), "stone")
+
+    # (objects beside the wall, lights, where the camera is, other settings)
+    SCENES: ClassVar = {
+        "rectangle": ([FLOOR, GLASS, MIRROR], [LAMP], {}, {}),
+        "sphere": ([FLOOR, GLASS], [SphereLight((0, 0.5, 3), 0.3, 20)], {}, {}),
+        "patch": ([FLOOR, GLASS, MIRROR, Object(dome(3.0), Emissive((6, 8, 9)))], [], {}, {}),
+        "lens": ([FLOOR, GLASS, MIRROR], [LAMP], {"aperture": 0.3}, {}),
+        "absorbing": (
+            [FLOOR, Object(BALL, Dielectric(1.5, (0.5, 1, 0.1), tint=0.9))], [LAMP], {}, {}),
+        "mixtures": (
+            [Object(FLOOR.surface, Mix([(0.5, Lambertian(0.7)), (0.3, Mirror(0.9))])), GLASS,
+             Object(MIRROR.surface, Mix([(0.4, Mirror(0.9)), (0.3, Dielectric(1.4)),
+                                         (0.2, Phong(0.2, 0.7, 20))]))], [LAMP], {}, {}),
+        "metal": ([Object(FLOOR.surface, Metal(0.8, 0.4)), GLASS, MIRROR], [LAMP], {}, {}),
+        "camera in water": (
+            [FLOOR, POND, STONE], [LAMP],
+            {"look_from": (0, -1.5, 0.6), "look_at": (0, 0, 0.3), "vertical_fov": 60}, {}),
+        "lamp in water": (
+            [FLOOR, POND, STONE, Object(Sphere((-0.8, 0, 0.4), 0.3), Mirror())],
+            [SphereLight((0, 0, 0.7), 0.2, 20)], {}, {}),
+        "smooth glass": ([FLOOR, MIRROR, Object(LENS, Dielectric(1.5), smooth=True)], [LAMP], {}, {}),
+        "smooth floor": (
+            [MIRROR, GLASS, Object(LENS.transformed(np.diag([4, 4, 0.5, 1])), Lambertian(0.7),
+                                   smooth=True)], [LAMP], {}, {}),
+        "shining mirror": (
+            [FLOOR, GLASS, Object(MIRROR.surface, Emissive(2.0, Mirror(0.5)))], [LAMP], {}, {}),
+        "short": ([FLOOR, GLASS, MIRROR], [LAMP], {}, {"max_depth": 3}),
+    }  # fmt: skip
+
+    def scene(self, name, n=24):
+        objects, lights, view, settings = self.SCENES[name]
+        place = {"look_from": (0, -5, 2.5), "look_at": (0, 0, 0.5), "vertical_fov": 45, **view}
+        camera = Camera(up=(0, 0, 1), width=n, height=n, **place)
+        return Scene(camera, [self.WALL, *objects], lights), settings
+
+    @pytest.mark.parametrize("name", SCENES)
+    def test_same_light_with_and_without(self, name):
+        scene, settings = self.scene(name)
+        without, found = (
+            render(scene, passes=n, seed=n, options=PathOptions(light_paths=share), **settings)
+            .report["noise"]
+            for share, n in ((0.0, 240), (1.0, 120))
+        )  # fmt: skip
+        # Light paths are shared by all pixels of a pass: the errors are those between passes.
+        errors = [noise["standard_error_of_image_mean"] for noise in (without, found)]
+        gap = abs(without["image_mean"] - found["image_mean"])
+        assert gap < stats.norm.isf(ALARM / 2) * math.hypot(*errors)
+
+    @pytest.mark.parametrize(("share", "passes"), [(0.0, 64), (64.0, 16)])
+    def test_irradiance_by_way_of_a_mirror(self, share, passes):
+        """The lamp shines up into a mirror at z = 3; its image hangs at z = 5."""
+        n, low, high = 24, np.array([-0.6, -0.4]), np.array([0.4, 0.8])
+        lamp = RectangleLight((*low, 1.0), (1.0, 0, 0), (0, 1.2, 0), 20.0)
+        mirror = Object(Rectangle((-20, -20, 3), (40, 0, 0), (0, 40, 0)), Mirror(0.8))
+        floor = Object(Rectangle((-9, -9, 0), (18, 0, 0), (0, 18, 0)), Lambertian(0.5))
+        camera = Camera((3.0, -4.0, 2.5), (2.0, 0.5, 0.0), (0, 0, 1), 30, n, n)
+        result = render(
+            Scene(camera, [floor, mirror], [lamp]), passes=passes, max_depth=2,
+            options=PathOptions(light_paths=share),
+        )  # fmt: skip
+        fine = (np.arange(4 * n) + 0.5) / 4
+        row, column = (a.ravel() for a in np.meshgrid(fine, fine, indexing="ij"))
+        origins, directions = camera.rays(column, row)
+        places = origins - directions * (origins[:, 2:] / directions[:, 2:])
+        expected = 0.5 / math.pi * 0.8 * 20 * irradiance(places[:, 0], places[:, 1], 5, low, high)
+        # The lamp's own back hides a part of its image, but not from where the camera looks.
+        assert directions[:, 2].max() < 0
+        noise = result.report["noise"]
+        limit = stats.norm.isf(ALARM / 2) * noise["standard_error_of_image_mean"]
+        assert abs(noise["image_mean"] - expected.mean()) < limit
+        if share:
+            # Part by part: nothing is put where it does not belong. Each part counts about 300
+            # paths: four standard errors.
+            found = result.image[:, :, 0].reshape(4, n // 4, 4, n // 4).mean(axis=(1, 3))
+            wanted = expected.reshape(4, n, 4, n).mean(axis=(1, 3))
+            assert np.abs(found / wanted - 1).max() < 0.25
+
+    def test_noise_falls(self):
+        """Here to less than half, at equal passes; chance alone would not take it below 0.9."""
+        scene, _ = self.scene("sphere", 48)
+        noise = [
+            render(scene, passes=16, options=PathOptions(light_paths=share)).report["noise"]
+            for share in (0.0, 0.5)
+        ]
+        with_, without = (n["root_mean_square_standard_error_of_pixels"] for n in noise[::-1])
+        assert with_ < 0.5 * without
+
+    @pytest.mark.parametrize("threads", [1, 3])
+    def test_threads_change_no_bit(self, threads, monkeypatch):
+        scene, _ = self.scene("mixtures")
+        before = render(scene, passes=5, threads=2).image
+        monkeypatch.setattr(crew, "BLOCK", 1000)
+        monkeypatch.setattr(crew, "TOGETHER", 1000)
+        np.testing.assert_array_equal(render(scene, passes=5, threads=threads).image, before)
+
+    def test_mirrors_that_no_lamp_reaches_cost_nothing(self):
+        """The first light paths say so; the report shows that no more were sent."""
+        scene, _ = self.scene("rectangle")
+        beyond = Object(Sphere((50, 50, -40), 0.5), Mirror())
+        result = render(Scene(scene.camera, [self.FLOOR, beyond], scene.lights), passes=2)
+        assert "light paths" in result.report["plan"]["light"]["used"]
+        assert "light paths" not in result.report["rays"]
 
 
 def room(walls="rectangles", radius=1e5):
@@ -435,6 +648,7 @@ def test_more_passes_continue_the_fewer():
         ({"survival": 0.0}, "survival"),
         ({"survival": 1.5}, "survival"),
         ({"roulette_depth": -1}, "roulette_depth"),
+        ({"light_paths": -0.5}, "light_paths"),
     ],
 )
 def test_impossible_options_are_refused(options, words):

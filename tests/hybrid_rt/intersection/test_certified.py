@@ -280,3 +280,22 @@ def test_no_curved_surface_no_embree(monkeypatch):
     monkeypatch.setitem(sys.modules, "trimesh", None)
     hit = Intersector([Sphere((0, 0, 0), 1.0)]).intersect([0, 0, 5], [0, 0, -1])
     assert hit.t[0] == 4.0
+
+
+@pytest.mark.parametrize("coarse", ["embree", "none"])
+def test_rays_do_not_see_the_object_that_they_name(teapot, coarse):
+    tracer = Intersector([teapot, Sphere((0, 0, 1.5), 1.0)], coarse=coarse)
+    rng = np.random.default_rng(4)
+    origins, directions = rng.normal(size=(3000, 3)) * 4, rng.normal(size=(3000, 3))
+    directions -= origins
+    unseen = rng.integers(-1, 2, 3000).astype(np.int32)
+    found = tracer.intersect(origins, directions, unseen=unseen)
+    alone = [
+        tracer.intersect(origins, directions),
+        Intersector([Sphere((0, 0, 1.5), 1.0)]).intersect(origins, directions),
+        Intersector([teapot], coarse=coarse).intersect(origins, directions),
+    ]
+    for name, expected in zip((-1, 0, 1), alone, strict=True):
+        rows = unseen == name
+        assert rows.any()
+        np.testing.assert_array_equal(found.t[rows], expected.t[rows])

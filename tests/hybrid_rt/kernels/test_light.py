@@ -11,7 +11,7 @@ pytestmark = pytest.mark.interpreted
 def table(kind, origin, edge_u=(0, 0, 0), edge_v=(0, 0, 0)):
     one = [np.array([x], dtype=float) for x in (origin, edge_u, edge_v, (1, 1, 1))]
     none, always = np.full(1, -1, np.int32), np.array([1.0, 0.0])
-    return LightTable(np.array([kind], np.int32), *one, none, always)
+    return LightTable(np.array([kind], np.int32), *one, none, always, always)
 
 
 def test_point_light_falls_off_with_the_square():

@@ -60,10 +60,10 @@ def sampled(material, incoming, xi, last_kind=DIELECTRIC):
 
 
 def even_points():
-    xi = np.empty((N, 2))
+    xi = np.empty((1, N, 2))
     same = np.zeros(N, np.uint64)
-    sobol_points(np.uint64(1), np.arange(N, dtype=np.uint64), same, same, xi)
-    return xi
+    sobol_points(np.uint64(1), np.arange(N, dtype=np.uint64), same, same, 0, xi)
+    return xi[0]
 
 
 def hemisphere(side, n_heights, n_turns):

@@ -102,6 +102,53 @@ def test_a19_offset(make, offset):
     assert (moved_by <= 4 * EPS * (offset + length)).all()
 
 
+@pytest.mark.parametrize(
+    ("direction", "words"),
+    [((0, 0, 0), "length zero"), ((0, np.nan, 1), "finite"), ((np.inf, 0, 0), "finite")],
+)
+def test_d01_directions_that_are_none_are_refused(direction, words):
+    tracer = Intersector([torus()])
+    directions = np.tile([0.0, 0.0, 1.0], (9, 1))
+    directions[4] = direction
+    for ask in (tracer.intersect, tracer.occluded, tracer.intersect_all):
+        with pytest.raises(ValueError, match=rf"directions\[4\].*{words}"):
+            ask(np.zeros((9, 3)), directions)
+
+
+@pytest.mark.parametrize("make", [teapot, torus, lambda: Sphere((0.1, 0, 0), 0.7)])
+def test_d03_t_counts_lengths_of_the_given_direction(make):
+    surface = make()
+    rays = chords([surface], 2000, seed=11)
+    tracer = Intersector([surface])
+    lengths = 2.0 ** np.random.default_rng(2).integers(-40, 40, len(rays.origins))
+    a = tracer.intersect(rays.origins, rays.directions)
+    b = tracer.intersect(rays.origins, rays.directions * lengths[:, None])
+    # Powers of two are exact: so is everything but the unit of t.
+    np.testing.assert_array_equal(b.t * lengths, a.t)
+    np.testing.assert_array_equal(b.position, a.position)
+    limited = tracer.intersect(
+        rays.origins, rays.directions * lengths[:, None], t_max=0.5 * np.where(a.hit, b.t, 1.0)
+    )
+    assert not (limited.hit & (limited.t >= b.t)).any()
+
+
+def test_d04_batches_of_any_size():
+    surfaces = [torus(), Sphere((0, 0, 0), 0.3)]
+    rays = chords(surfaces, 40_000, seed=12)
+    tracer = Intersector(surfaces, threads=2)
+    whole = tracer.intersect(rays.origins, rays.directions)
+    nothing = tracer.intersect(np.zeros((0, 3)), np.zeros((0, 3)))
+    assert len(nothing) == 0
+    assert tracer.occluded(np.zeros((0, 3)), np.zeros((0, 3))).shape == (0,)
+    for size in (1, 999, 16_385):
+        cuts = range(0, 3 * size, size)
+        for first in cuts:
+            rows = slice(first, first + size)
+            part = tracer.intersect(rays.origins[rows], rays.directions[rows])
+            np.testing.assert_array_equal(part.t, whole.t[rows])
+            np.testing.assert_array_equal(part.object_id, whole.object_id[rows])
+
+
 @pytest.mark.parametrize("lie", ["nothing", "anything"])
 def test_e01_e02_the_coarse_stage_only_proposes(lie, monkeypatch):
     surfaces = [teapot(), torus().transformed(np.diag([1.0, 1.0, 1.0, 1.0]))]

@@ -1,0 +1,88 @@
+"""Clear bodies that touch: faces that coincide are passed at once, with no air between.
+
+A first hit names one of two coincident faces. Of clear bodies the other is found here, so that the
+ray changes from what lies before both to what lies behind both; where the other surface is not
+clear, light meets that surface, and the clear one wets it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import fields
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hybrid_rt.intersection import Intersector
+from hybrid_rt.records import FloatArray, HitRecord, IntArray, NamedPoints
+from hybrid_rt.scene import NOTHING, CompiledScene
+from hybrid_rt.touching import FACE_ROUNDING, touching
+
+NO_SECOND = np.zeros(0, dtype=np.int32)
+
+
+class Contacts:
+    """Finds the second one of two coincident faces.
+
+    Parameters
+    ----------
+    scene : CompiledScene
+    tracer : Intersector
+    """
+
+    def __init__(self, scene: CompiledScene, tracer: Intersector) -> None:
+        self._scene, self._tracer = scene, tracer
+        self._touches = touching(scene)
+
+    def at(
+        self,
+        hits: HitRecord,
+        origins: FloatArray,
+        directions: FloatArray,
+        source: HitRecord | NamedPoints | None,
+    ) -> IntArray:
+        """Return the second face of each hit, (n,) int32: see `hybrid_rt.kernels.media`.
+
+        ``hits`` of clear surfaces that lie on others become hits of those.
+        """
+        second = np.zeros(len(hits), dtype=np.int32)
+        rows = np.flatnonzero(hits.hit & self._touches[hits.object_id])
+        if rows.size == 0:
+            return second
+        found = self._behind(hits, rows, origins, directions, source)
+        met = found.hit & (found.object_id != hits.object_id[rows])
+        rows, found = rows[met], found[met]
+        glass = self._glass(found)
+        is_clear = glass != NOTHING
+        second[rows[is_clear]] = np.where(found.front_face, glass + 1, -glass - 1)[is_clear]
+        for column in fields(HitRecord):
+            getattr(hits, column.name)[rows[~is_clear]] = getattr(found, column.name)[~is_clear]
+        return second
+
+    def _behind(
+        self,
+        hits: HitRecord,
+        rows: NDArray[np.intp],
+        origins: FloatArray,
+        directions: FloatArray,
+        source: HitRecord | NamedPoints | None,
+    ) -> HitRecord:
+        """Return what lies where the hits do, but on other objects."""
+        o, d = origins[rows], directions[rows]
+        size = np.maximum(np.abs(o), np.abs(hits.position[rows])).max(axis=1)
+        slope = np.abs(np.einsum("ij,ij->i", d, hits.normal[rows]))
+        width = FACE_ROUNDING * size / np.maximum(slope, 1e-300) + 2.0 * hits.t_bound[rows]
+        named: Any = None
+        if source is not None:
+            named = NamedPoints(source.object_id[rows], source.position[rows])
+        t = hits.t[rows]
+        return self._tracer.intersect(
+            o, d, t_min=np.maximum(t - width, 0.0), t_max=t + width, source=named,
+            unseen=hits.object_id[rows],
+        )  # fmt: skip
+
+    def _glass(self, hits: HitRecord) -> IntArray:
+        material = self._scene.material_of[hits.object_id]
+        return np.where(
+            material == NOTHING, np.int32(NOTHING), self._scene.glass_of[material]
+        ).astype(np.int32)

@@ -1,0 +1,246 @@
+"""Light that mirrors and glass throw, found from the lamps: for the paths from the camera to join.
+
+Each pass sends paths from lights that have an area. Where mirrors and glass lead one of them onto
+a surface that spreads light, that point is kept: it is shown to the camera, and joined to what
+camera paths meet. See `hybrid_rt.kernels.light_paths` for how both ways are weighted.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hybrid_rt.integrators.contacts import NO_SECOND, Contacts
+from hybrid_rt.integrators.integrator import RenderContext
+from hybrid_rt.integrators.start_media import media_at
+from hybrid_rt.integrators.surface_light import SurfaceLight
+from hybrid_rt.kernels import light_paths as kernels
+from hybrid_rt.kernels.light_paths import LightPaths, LitPoints
+from hybrid_rt.kernels.media import STACK, cross_media
+from hybrid_rt.kernels.pack import choose_lights
+from hybrid_rt.records import FloatArray, IntArray, NamedPoints
+from hybrid_rt.sampler import UIntArray
+from hybrid_rt.scene import NOTHING
+
+# Dimensions of light paths, far from those of the camera's: light, place, direction, lens, then
+# two for each direction taken at a surface.
+FIRST_LIGHT_DIMENSION = 2**20
+LIGHT, PLACE, TURN, LENS, FIRST_STEP = 0, 1, 2, 3, 4
+# A pass that no render reaches tells how many light paths come to an end that is of use. It is
+# only a weight: a wrong figure costs noise and no more.
+PILOT_PASS, PILOT_PATHS = 2**32 - 1, 4096
+# More would not fit beside the picture's other needs; fewer would leave single paths to decide.
+MOST_PATHS, FEWEST_PATHS = 2**17, 256
+
+
+@dataclass(frozen=True)
+class LitPasses:
+    """What the light paths of some passes found.
+
+    Attributes
+    ----------
+    points : LitPoints
+        In the order of the passes.
+    offsets : (passes + 1,) int64
+        Where the points of each pass begin.
+    pixel : (n,) int64
+        The pixel that sees each; -1: none.
+    value : (n, 3) float64
+        Radiance that it adds there.
+    """
+
+    points: LitPoints
+    offsets: NDArray[np.int64]
+    pixel: NDArray[np.int64]
+    value: FloatArray
+
+
+class LightPathTracer:
+    """Sends light paths, pass by pass; each pass is a pure function of seed and number."""
+
+    def __init__(
+        self,
+        context: RenderContext,
+        light: SurfaceLight,
+        contacts: Contacts | None,
+        share: float,
+    ) -> None:
+        self._context, self._light, self._contacts = context, light, contacts
+        scene = context.scene
+        camera = scene.camera
+        asked = round(share * camera.width * camera.height)
+        self.n_paths = int(np.clip(asked, FEWEST_PATHS, MOST_PATHS))
+        self._emit = scene.lights.emit
+        self._before = np.cumsum(self._emit)
+        self._media_of_light = self._media_around_lights()
+        self._media_of_camera = self._stack(1)
+        if context.plan["medium stack"]:
+            around = media_at(context, contacts, camera.look_from[None])
+            self._media_of_camera[0, : len(around)] = around
+        self.is_smooth = np.zeros(max(len(scene.surfaces), 1), dtype=np.bool_)
+        self.is_smooth[list(scene.vertex_normals)] = True
+
+    def share_of_use(self) -> float:
+        """Return the lit points that a light path leaves, by a first few of them."""
+        points, _, _ = self._trace(range(PILOT_PASS, PILOT_PASS + 1), PILOT_PATHS)
+        return float(points.density.size / PILOT_PATHS)
+
+    def trace(self, passes: range) -> LitPasses:
+        """Return what the light paths of some passes find; each pass is a function of its number."""
+        points, number, path = self._trace(passes, self.n_paths)
+        self._context.ledger.rays["light paths"] += self.n_paths * len(passes)
+        offsets = np.searchsorted(number, np.arange(passes.start, passes.stop + 1))
+        return LitPasses(points, offsets, *self._shown(points, number, path))
+
+    def _trace(self, passes: range, n: int) -> tuple[LitPoints, UIntArray, UIntArray]:
+        """Return lit points, the passes that they belong to and the numbers of their paths."""
+        context, scene = self._context, self._context.scene
+        paths = self._leaving_lights(passes, n)
+        found = [(_lit_points(0, self._light.n_slots), paths.sample[:0], paths.number[:0])]
+        # The way to the camera takes one direction more than those before the point.
+        for step in range(context.max_depth):
+            with context.ledger.stage("intersect"):
+                source = NamedPoints(paths.source_id, paths.origins)
+                hits = context.tracer.intersect(paths.origins, paths.directions, source=source)
+                second = NO_SECOND
+                if self._contacts is not None:
+                    second = self._contacts.at(hits, paths.origins, paths.directions, source)
+            material = self._light.material(hits)
+            if context.plan["medium stack"]:
+                cross_media(
+                    paths.media, scene.lobes, scene.glass_of, material, hits.front_face, second,
+                    hits.t, paths.flux,
+                )  # fmt: skip
+            shading = self._light.shading(hits, paths.directions, material)
+            hits = shading.hits
+            if step > 0:
+                out, row = _lit_points(material.size, self._light.n_slots), np.empty_like(material)
+                n_out = kernels.pick_lit_points(
+                    paths, scene.lobes, material, shading.colors, hits.position, hits.normal,
+                    shading.geometric, hits.object_id, step, out, row,
+                )  # fmt: skip
+                points = LitPoints(*(column[:n_out] for column in out))
+                found.append((points, paths.sample[row[:n_out]], paths.number[row[:n_out]]))
+            going = LightPaths(*(np.empty_like(column) for column in paths))
+            n_going = kernels.lead_on(
+                paths, scene.lobes, material, shading.colors, hits.position, hits.normal,
+                shading.geometric, hits.object_id, self.is_smooth, second,
+                self._points(paths.sample, paths.number, FIRST_STEP + 2 * step),
+                self._points(paths.sample, paths.number, FIRST_STEP + 2 * step + 1), going,
+            )  # fmt: skip
+            paths = LightPaths(*(column[:n_going] for column in going))
+            if n_going == 0:
+                break
+        lists, samples, numbers = zip(*found, strict=True)
+        sample = np.concatenate(samples)
+        # Within a pass by steps and number, whichever passes were traced together.
+        order = np.argsort(sample, kind="stable")
+        points = joined(list(lists))
+        points = LitPoints(*(column.take(order, axis=0) for column in points))
+        return points, sample[order], np.concatenate(numbers)[order]
+
+    def _leaving_lights(self, passes: range, n: int) -> LightPaths:
+        context, scene = self._context, self._context.scene
+        sample = np.repeat(np.arange(passes.start, passes.stop, dtype=np.uint64), n)
+        number = np.tile(np.arange(n, dtype=np.uint64), len(passes))
+        light = np.empty(number.size, dtype=np.int32)
+        place = self._points(sample, number, PLACE)
+        choose_lights(self._before, self._emit, self._points(sample, number, LIGHT), light)
+        paths = LightPaths(
+            sample=sample,
+            number=number,
+            origins=np.empty((number.size, 3)),
+            directions=np.empty((number.size, 3)),
+            flux=np.empty((number.size, 3)),
+            density=np.empty(number.size),
+            is_direct=np.ones(number.size, dtype=np.bool_),
+            media=self._media_of_light.take(light, axis=0),
+            source_id=scene.surface_of_light.take(light),
+        )
+        kernels.leave_lights(
+            scene.lights, scene.textures, self._light.points(light, place), self._emit, light, place,
+            self._points(sample, number, TURN), 1.0 / n, paths.origins, paths.directions, paths.flux,
+            paths.density,
+        )  # fmt: skip
+        if context.plan["medium stack"]:
+            kernels.divide_by_index(paths.density, paths.media, scene.lobes)
+        return paths
+
+    def _shown(
+        self, points: LitPoints, sample: UIntArray, path: UIntArray
+    ) -> tuple[NDArray[np.int64], FloatArray]:
+        """Return the pixels that see lit points, and what each adds to them."""
+        context, camera = self._context, self._context.scene.camera
+        n = points.density.size
+        lens = None
+        if context.plan["lens samples"]:
+            lens = self._points(sample, path, LENS)
+        way, pixel, pdf = camera.sees(points.position, lens)
+        value = np.empty((n, 3))
+        kernels.show_lit_points(
+            points, context.scene.lobes, way, pdf, float(self.n_paths),
+            np.repeat(self._media_of_camera, n, axis=0), context.max_depth - 1, value,
+        )  # fmt: skip
+        rows = np.flatnonzero(value.any(axis=1))
+        named = NamedPoints(points.object_id[rows], points.position[rows])
+        with context.ledger.stage("shadow rays"):
+            blocked = context.tracer.occluded(named.position, -way[rows], 1.0, source=named)
+        context.ledger.rays["shadow"] += rows.size
+        pixel[value.max(axis=1, initial=0.0) == 0.0] = NOTHING
+        pixel[rows[blocked]] = NOTHING
+        return pixel, value
+
+    def _points(self, sample: UIntArray, path: UIntArray, use: int) -> FloatArray:
+        # The paths of a pass are the samples of one sequence, so they fill lights and directions
+        # evenly; each pass has a sequence of its own.
+        return self._context.sampler.points(sample, FIRST_LIGHT_DIMENSION + use, path)
+
+    def _stack(self, n: int) -> IntArray:
+        depth = STACK if self._context.plan["medium stack"] else 0
+        return np.full((n, depth), NOTHING, dtype=np.int32)
+
+    def _media_around_lights(self) -> IntArray:
+        """Return the stack of each light's shining side."""
+        media = self._stack(self._emit.size)
+        if not self._context.plan["medium stack"]:
+            return media
+        for light in np.flatnonzero(self._emit[:-1]):
+            middle = np.array([[0.5, 0.5]])
+            row = np.array([light], dtype=np.int32)
+            origin, direction, flux, density = (
+                np.empty((1, 3)), np.empty((1, 3)), np.empty((1, 3)), np.empty(1),
+            )  # fmt: skip
+            scene = self._context.scene
+            kernels.leave_lights(
+                scene.lights, scene.textures, self._light.points(row, middle), self._emit, row,
+                middle, middle, 1.0, origin, direction, flux, density,
+            )  # fmt: skip
+            source = NamedPoints(scene.surface_of_light[row], origin)
+            around = media_at(self._context, self._contacts, origin, direction, source)
+            media[light, : len(around)] = around
+        return media
+
+
+def joined(parts: list[LitPoints]) -> LitPoints:
+    """Return the points of several lists as one."""
+    if len(parts) == 1:
+        return parts[0]
+    return LitPoints(*(np.concatenate(columns) for columns in zip(*parts, strict=True)))
+
+
+def _lit_points(n: int, n_slots: int) -> LitPoints:
+    return LitPoints(
+        position=np.empty((n, 3)),
+        normal=np.empty((n, 3)),
+        geometric=np.empty((n, 3)),
+        direction=np.empty((n, 3)),
+        material=np.empty(n, dtype=np.int32),
+        colors=np.empty((n, n_slots, 3)),
+        flux=np.empty((n, 3)),
+        density=np.empty(n),
+        square=np.empty(n),
+        object_id=np.empty(n, dtype=np.int32),
+        steps=np.empty(n, dtype=np.int64),
+    )

@@ -1,0 +1,48 @@
+"""Which clear bodies may share faces with other surfaces."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from hybrid_rt.primitives import Sphere
+from hybrid_rt.records import BoolArray
+from hybrid_rt.scene import NOTHING, CompiledScene
+
+# Two faces coincide where their hits differ by no more than the bounds of both, and by what
+# rounding has made of faces that were meant to coincide: a few ulp of their coordinates.
+FACE_ROUNDING = 16 * 2.0**-52
+
+
+def touching(scene: CompiledScene) -> BoolArray:
+    """Tell which surfaces are clear and may coincide in part with another, (surfaces,) bool.
+
+    Spheres coincide with equal spheres only, other surfaces possibly where their boxes meet.
+    """
+    surfaces = scene.surfaces
+    touches = np.zeros(max(len(surfaces), 1), dtype=np.bool_)
+    glass = [i for i in range(len(surfaces)) if _is_glass(scene, scene.material_of[i])]
+    balls: dict[tuple[float, ...], list[int]] = {}
+    others = []
+    for i, surface in enumerate(surfaces):
+        if isinstance(surface, Sphere):
+            balls.setdefault((*surface.center, surface.radius), []).append(i)
+        else:
+            others.append(i)
+    for same in balls.values():
+        touches[same] = len(same) > 1
+    bounds = np.array([surfaces[i].bounds for i in others]).reshape(-1, 2, 3)
+    slack = FACE_ROUNDING * np.where(np.isfinite(bounds), np.abs(bounds), 0.0).max(initial=0.0)
+    for i in set(glass) & set(others):
+        low, high = surfaces[i].bounds
+        meets = (bounds[:, 0] <= high + slack).all(axis=1) & (bounds[:, 1] >= low - slack).all(
+            axis=1
+        )
+        touches[i] = np.count_nonzero(meets) > 1
+    is_glass = np.zeros_like(touches)
+    is_glass[glass] = True
+    # A first hit may name the other one of the two: it is asked as well.
+    return touches if is_glass.any() else np.zeros_like(touches)
+
+
+def _is_glass(scene: CompiledScene, material: int) -> bool:
+    return material != NOTHING and scene.glass_of[material] != NOTHING
