@@ -254,8 +254,9 @@ def test_a12_c11_of_coincident_patches_the_lower_object_is_hit():
         Rectangle((-1, -1, 0), (2, 0, 0), (0, 2, 0)),
     ]
     targets = np.random.default_rng(12).uniform((-0.9, -0.9, 0), (0.9, 0.9, 0), (500, 3))
+    up = np.array([0.0, 0.0, 3.0])
     for order in ((0, 1, 2), (2, 1, 0)):
-        hits = Intersector([flat[k] for k in order]).intersect((*targets, 0, 0, 3), (0, 0, -1))
+        hits = Intersector([flat[k] for k in order]).intersect(targets + up, (0, 0, -1))
         assert hits.t.tolist() == [3.0] * 500
         assert (hits.object_id == 0).all()
 
