@@ -135,8 +135,9 @@ def solve_cell(
         t0, t1 = max(t0, a), min(t1, b)
     if t0 > t1 or t1 < t_lo or t0 > t_cut:
         return SETTLED, np.inf, 0, 0
+    unsettled = TO_QUARTERS if quartered else DOUBTFUL
     if not abs(dn) > r[FAN] * abs(du) + r[FAN + 1] * abs(dv) + FAN_SLACK:
-        return (TO_QUARTERS if quartered else DOUBTFUL), np.inf, 1, 0
+        return unsettled, np.inf, 1, 0
     # --- at most one root: Newton from the middle of the box along the normal
     patch = cell_patch[cell]
     ox, oy, oz = (
@@ -152,12 +153,12 @@ def solve_cell(
         um + hu * (ou + t * du), vm + hv * (ov + t * dv), t, hu, hv,
     )  # fmt: skip
     if status != CONVERGED:
-        return DOUBTFUL, np.inf, 1, steps
+        return unsettled, np.inf, 1, steps
     t_root = t if 0.0 <= u <= 1.0 and 0.0 <= v <= 1.0 else np.inf
     beside_u, beside_v = abs(u - um), abs(v - vm)
     grown = 1.0 + 2.0 * GROWTH
     if not (beside_u <= grown * hu and beside_v <= grown * hv):
-        return DOUBTFUL, t_root, 1, steps
+        return unsettled, t_root, 1, steps
     error, _ = rounding_of_root(m, n, size[patch], ox, oy, oz, dx, dy, dz, t)
     if (
         beside_u <= hu * (1.0 + BORDER_SLACK) + error * gain_u
