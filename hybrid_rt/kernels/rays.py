@@ -75,14 +75,18 @@ def scale_rays(direction, t_min, t_max, scaled, unit, lowest, highest):
     """
     for i in range(direction.shape[0]):
         largest = max(abs(direction[i, 0]), abs(direction[i, 1]), abs(direction[i, 2]))
-        _, exponent = math.frexp(largest)
-        unit[i] = math.ldexp(1.0, -exponent)
-        for k in range(3):
-            # The product is as exact, and the power itself may overflow.
-            if abs(exponent) < 1000:
+        # The exponent in the bits of a float64 is that of `frexp` plus 1022.
+        exponent = (np.float64(largest).view(np.int64) >> 52) - 1022
+        if abs(exponent) < 1000:
+            unit[i] = np.int64((1023 - exponent) << 52).view(np.float64)
+            for k in range(3):
                 scaled[i, k] = direction[i, k] * unit[i]
-            else:
-                scaled[i, k] = math.ldexp(direction[i, k], -exponent)
+        else:
+            # The power itself may overflow.
+            _, extreme = math.frexp(largest)
+            unit[i] = math.ldexp(1.0, -extreme)
+            for k in range(3):
+                scaled[i, k] = math.ldexp(direction[i, k], -extreme)
         lowest[i] = t_min[i] / unit[i]
         highest[i] = t_max[i] / unit[i]
 
