@@ -4,13 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from hybrid_rt.intersection.coincident import FACE_ROUNDING
 from hybrid_rt.primitives import Sphere
 from hybrid_rt.records import BoolArray
 from hybrid_rt.scene import NOTHING, CompiledScene
-
-# Two faces coincide where their hits differ by no more than the bounds of both, and by what
-# rounding has made of faces that were meant to coincide: a few ulp of their coordinates.
-FACE_ROUNDING = 16 * 2.0**-52
 
 
 def touching(scene: CompiledScene) -> BoolArray:
