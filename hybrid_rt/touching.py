@@ -4,13 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from hybrid_rt.intersection.coincident import FACE_ROUNDING
 from hybrid_rt.primitives import Sphere
 from hybrid_rt.records import BoolArray
 from hybrid_rt.scene import NOTHING, CompiledScene
-
-# Two faces coincide where their hits differ by no more than the bounds of both, and by what
-# rounding has made of faces that were meant to coincide: a few ulp of their coordinates.
-FACE_ROUNDING = 16 * 2.0**-52
 
 
 def touching(scene: CompiledScene) -> BoolArray:
@@ -20,7 +17,7 @@ def touching(scene: CompiledScene) -> BoolArray:
     """
     surfaces = scene.surfaces
     touches = np.zeros(max(len(surfaces), 1), dtype=np.bool_)
-    glass = [i for i in range(len(surfaces)) if _is_glass(scene, scene.material_of[i])]
+    glass = {i for i in range(len(surfaces)) if _is_glass(scene, scene.material_of[i])}
     balls: dict[tuple[float, ...], list[int]] = {}
     others = []
     for i, surface in enumerate(surfaces):
@@ -29,19 +26,16 @@ def touching(scene: CompiledScene) -> BoolArray:
         else:
             others.append(i)
     for same in balls.values():
-        touches[same] = len(same) > 1
+        touches[[i for i in same if i in glass]] = len(same) > 1
     bounds = np.array([surfaces[i].bounds for i in others]).reshape(-1, 2, 3)
     slack = FACE_ROUNDING * np.where(np.isfinite(bounds), np.abs(bounds), 0.0).max(initial=0.0)
-    for i in set(glass) & set(others):
+    for i in glass & set(others):
         low, high = surfaces[i].bounds
         meets = (bounds[:, 0] <= high + slack).all(axis=1) & (bounds[:, 1] >= low - slack).all(
             axis=1
         )
         touches[i] = np.count_nonzero(meets) > 1
-    is_glass = np.zeros_like(touches)
-    is_glass[glass] = True
-    # A first hit may name the other one of the two: it is asked as well.
-    return touches if is_glass.any() else np.zeros_like(touches)
+    return touches
 
 
 def _is_glass(scene: CompiledScene, material: int) -> bool:

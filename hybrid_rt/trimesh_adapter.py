@@ -14,6 +14,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from hybrid_rt.intersection import Intersector
+from hybrid_rt.intersection.coincident import coincident_hits
+from hybrid_rt.intersection.crossings import Crossings
 from hybrid_rt.primitives import Box, TriangleMesh
 from hybrid_rt.records import BoolArray, FloatArray, HitRecord, Status
 
@@ -99,12 +101,23 @@ class RayMeshIntersector:
         left = np.arange(len(points))
         for direction in DIRECTIONS:
             found = self.intersector.intersect_all(points[left], direction)
-            inside[left] = found.count % 2 == 1
+            inside[left] = self._faces_met(points[left], direction, found) % 2 == 1
             touched = found.ray[found.hits.status == Status.TANGENT]
             left = left[np.unique(touched)]
             if not len(left):
                 break
         return inside
+
+    def _faces_met(
+        self, points: FloatArray, direction: FloatArray, found: Crossings
+    ) -> NDArray[np.int64]:
+        """Return how many faces each ray crosses: where two bodies touch there are two."""
+        count = found.count
+        if len(self.intersector.surfaces) < 2 or not len(found):
+            return count
+        directions = np.tile(direction, (len(found), 1))
+        others = coincident_hits(self.intersector, points[found.ray], directions, found.hits)
+        return count + np.bincount(found.ray[others.hit], minlength=len(points))
 
     def _find(
         self, origins: ArrayLike, directions: ArrayLike, multiple_hits: bool, most: int | None

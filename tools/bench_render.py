@@ -146,7 +146,11 @@ def _show(row: dict[str, Any], targets: list[float]) -> None:
     print(f"  the reference's own relMSE is about {row['relmse_of_reference']:.2g}")
     for target in targets:
         seconds = row["seconds_to"][str(target)]
-        reached = "not reached" if math.isnan(seconds) else f"{seconds:.2f} s"
+        reached = f"{seconds:.2f} s"
+        if math.isnan(seconds):
+            # The error falls as one over the passes.
+            expected = last["seconds"]["total"] * last["relmse"] / target
+            reached = f"not reached; about {expected:.0f} s if it goes on as it should"
         print(f"  to relMSE {target:g}: {reached}")
 
 

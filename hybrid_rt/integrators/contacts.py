@@ -8,15 +8,14 @@ clear, light meets that surface, and the clear one wets it.
 from __future__ import annotations
 
 from dataclasses import fields
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hybrid_rt.intersection import Intersector
+from hybrid_rt.intersection.coincident import coincident_hits
 from hybrid_rt.records import FloatArray, HitRecord, IntArray, NamedPoints
 from hybrid_rt.scene import NOTHING, CompiledScene
-from hybrid_rt.touching import FACE_ROUNDING, touching
+from hybrid_rt.touching import touching
 
 NO_SECOND = np.zeros(0, dtype=np.int32)
 
@@ -49,8 +48,11 @@ class Contacts:
         rows = np.flatnonzero(hits.hit & self._touches[hits.object_id])
         if rows.size == 0:
             return second
-        found = self._behind(hits, rows, origins, directions, source)
-        met = found.hit & (found.object_id != hits.object_id[rows])
+        named = None
+        if source is not None:
+            named = NamedPoints(source.object_id[rows], source.position[rows])
+        found = coincident_hits(self._tracer, origins[rows], directions[rows], hits[rows], named)
+        met = found.hit
         rows, found = rows[met], found[met]
         glass = self._glass(found)
         is_clear = glass != NOTHING
@@ -58,28 +60,6 @@ class Contacts:
         for column in fields(HitRecord):
             getattr(hits, column.name)[rows[~is_clear]] = getattr(found, column.name)[~is_clear]
         return second
-
-    def _behind(
-        self,
-        hits: HitRecord,
-        rows: NDArray[np.intp],
-        origins: FloatArray,
-        directions: FloatArray,
-        source: HitRecord | NamedPoints | None,
-    ) -> HitRecord:
-        """Return what lies where the hits do, but on other objects."""
-        o, d = origins[rows], directions[rows]
-        size = np.maximum(np.abs(o), np.abs(hits.position[rows])).max(axis=1)
-        slope = np.abs(np.einsum("ij,ij->i", d, hits.normal[rows]))
-        width = FACE_ROUNDING * size / np.maximum(slope, 1e-300) + 2.0 * hits.t_bound[rows]
-        named: Any = None
-        if source is not None:
-            named = NamedPoints(source.object_id[rows], source.position[rows])
-        t = hits.t[rows]
-        return self._tracer.intersect(
-            o, d, t_min=np.maximum(t - width, 0.0), t_max=t + width, source=named,
-            unseen=hits.object_id[rows],
-        )  # fmt: skip
 
     def _glass(self, hits: HitRecord) -> IntArray:
         material = self._scene.material_of[hits.object_id]

@@ -31,8 +31,8 @@ LIGHT, PLACE, TURN, LENS, FIRST_STEP = 0, 1, 2, 3, 4
 # A pass that no render reaches tells how many light paths come to an end that is of use. It is
 # only a weight: a wrong figure costs noise and no more.
 PILOT_PASS, PILOT_PATHS = 2**32 - 1, 4096
-# More would not fit beside the picture's other needs; fewer would leave single paths to decide.
-MOST_PATHS, FEWEST_PATHS = 2**17, 256
+# Paths of one pass at most, and of all passes that are traced at once: each takes about 300 bytes.
+MOST_PATHS, AT_ONCE = 2**17, 2**18
 
 
 @dataclass(frozen=True)
@@ -71,7 +71,7 @@ class LightPathTracer:
         scene = context.scene
         camera = scene.camera
         asked = round(share * camera.width * camera.height)
-        self.n_paths = int(np.clip(asked, FEWEST_PATHS, MOST_PATHS))
+        self.n_paths = int(np.clip(asked, 1, MOST_PATHS))
         self._emit = scene.lights.emit
         self._before = np.cumsum(self._emit)
         self._media_of_light = self._media_around_lights()
@@ -89,7 +89,12 @@ class LightPathTracer:
 
     def trace(self, passes: range) -> LitPasses:
         """Return what the light paths of some passes find; each pass is a function of its number."""
-        points, number, path = self._trace(passes, self.n_paths)
+        step = max(AT_ONCE // self.n_paths, 1)
+        parts = [
+            self._trace(passes[i : i + step], self.n_paths) for i in range(0, len(passes), step)
+        ]
+        points = joined([part[0] for part in parts])
+        number, path = (np.concatenate([part[k] for part in parts]) for k in (1, 2))
         self._context.ledger.rays["light paths"] += self.n_paths * len(passes)
         offsets = np.searchsorted(number, np.arange(passes.start, passes.stop + 1))
         return LitPasses(points, offsets, *self._shown(points, number, path))

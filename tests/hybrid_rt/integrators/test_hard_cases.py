@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from hybrid_rt.camera import Camera
-from hybrid_rt.integrators import PathOptions
+from hybrid_rt.integrators import PathOptions, light_paths
 from hybrid_rt.lights import GradientSky, PointLight, RectangleLight, SphereLight
 from hybrid_rt.materials import Dielectric, Emissive, Lambertian, Mirror
 from hybrid_rt.primitives import Box, Rectangle, Sphere
@@ -193,3 +193,23 @@ def test_a_body_of_bezier_patches_is_the_box_that_it_describes():
     gap = np.abs(pictures[0] - pictures[1]).max(axis=2)
     assert np.mean(gap < 1e-4) > 0.99
     assert abs(pictures[0].mean() / pictures[1].mean() - 1) < 1e-2
+
+
+def test_light_paths_of_many_passes_are_traced_a_few_at_a_time(monkeypatch):
+    """A picture of few pixels has many passes at once: memory must not follow their number."""
+    glass = Object(Sphere((0, 0, 1), 0.5), Dielectric(1.5))
+    scene = Scene(CAMERA, [FLOOR, glass], [SphereLight((0, 0, 3), 0.3, 5.0)])
+    before = render(scene, passes=9, threads=1)
+    most = []
+    trace = light_paths.LightPathTracer._trace
+
+    def recorded(self, passes, n):
+        most.append(len(passes) * n)
+        return trace(self, passes, n)
+
+    monkeypatch.setattr(light_paths, "AT_ONCE", 200)
+    monkeypatch.setattr(light_paths.LightPathTracer, "_trace", recorded)
+    after = render(scene, passes=9, threads=1)
+    assert max(most[1:]) <= 200  # the first are those that are counted beforehand
+    np.testing.assert_array_equal(after.image, before.image)
+    assert after.report["rays"] == before.report["rays"]

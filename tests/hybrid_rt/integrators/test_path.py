@@ -373,13 +373,17 @@ class TestGlass:
         else:
             np.testing.assert_allclose(image, expected, rtol=1e-4)
 
-    def test_of_two_identical_surfaces_the_first_is_seen(self):
-        square = Rectangle((-1, -1, 0), (2, 0, 0), (0, 2, 0))
+    @pytest.mark.parametrize(
+        "square", [Rectangle((-1, -1, 0), (2, 0, 0), (0, 2, 0)), Sphere((0, 0, 0), 0.9)]
+    )
+    def test_of_two_identical_surfaces_the_first_is_seen(self, square):
+        """Also where clear bodies touch elsewhere."""
         camera = Camera((0, -2, 2), (0, 0, 0), (0, 0, 1), 50, 12, 12)
         lamp = SphereLight((0, 0, 3), 0.5, 3.0)
 
         def picture(*colors):
             objects = [Object(square, Lambertian(color)) for color in colors]
+            objects += [self.slab(-9, -8, Dielectric(1.5)), self.slab(-8, -7, Dielectric(1.3))]
             return render(Scene(camera, objects, [lamp], WHITE_SKY), passes=4, max_depth=4).image
 
         np.testing.assert_array_equal(picture(0.8, 0.1), picture(0.8))

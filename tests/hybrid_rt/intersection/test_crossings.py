@@ -123,3 +123,12 @@ def test_contains_points_of_a_curved_body():
     # The arcs are within 3e-4 of circles of radius 0.4.
     clear = np.abs(distance - 0.4) > 1e-3
     assert np.array_equal(ours.contains_points(points)[clear], (distance < 0.4)[clear])
+
+
+@pytest.mark.parametrize("order", [1, -1])
+def test_contains_points_of_bodies_that_touch(order):
+    """The shared face is left and entered: a point in either body is inside."""
+    bodies = [Box((0, 0, 0), (1, 1, 1)), Box((0.2, 0.1, 1), (0.8, 1.5, 2))][::order]
+    points = np.random.default_rng(6).uniform(-0.5, 2.5, (3000, 3))
+    expected = np.any([((points > b.lo) & (points < b.hi)).all(axis=1) for b in bodies], axis=0)
+    assert np.array_equal(RayMeshIntersector(bodies).contains_points(points), expected)

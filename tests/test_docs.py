@@ -1,0 +1,22 @@
+"""What the documents point to exists."""
+
+import re
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+LIGHT = (ROOT / "docs" / "light.md").read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize("pointer", sorted(set(re.findall(r"`(\S+\.py::\w+)`", LIGHT))))
+def test_tests_that_are_pointed_to(pointer):
+    path, name = pointer.split("::")
+    assert f"def {name}(" in (ROOT / "tests" / path).read_text(encoding="utf-8")
+
+
+def test_scenes_that_are_pointed_to():
+    rows = re.findall(r"^\| [^|]+ \| ([^|]+) \| `", LIGHT, flags=re.MULTILINE)
+    assert len(rows) > 30
+    named = {name for row in rows for name in re.findall(r"`(\w+)`", row)}
+    assert {f"{name}.py" for name in named} <= {p.name for p in (ROOT / "scenes").glob("*.py")}
