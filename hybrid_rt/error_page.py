@@ -259,9 +259,10 @@ def picture_answers(
     if study.meshes and not math.isnan(triangles):
         rows = [row for row in study.meshes if row["accuracy"] == "mesh"]
         coarse, fine = rows[0], rows[-1]
+        least = f"{fine['error']:.2g}" if fine["error"] else f"below {fine['error_at_most']:.2g}"
         lines.append(
             f"Meshes in place of the surfaces change the picture by {coarse['error']:.2g} "
-            f"({coarse['triangles']:.0f} triangles) to {fine['error']:.2g} "
+            f"({coarse['triangles']:.0f} triangles) to {least} "
             f"({fine['triangles']:.0f}); for {percent} about {triangles:.2g} are needed."
         )
     own = "unknown" if math.isnan(reference.own_error) else f"{reference.own_error:.2g}"
