@@ -209,6 +209,20 @@ def hit_table(curves: Sequence[Curve]) -> Table:
     return head, rows
 
 
+def mesh_table(study: PictureStudy) -> Table:
+    """Return what uncertified hits do to pictures, as a table."""
+    head = ("method", "tolerance", "triangles", "build s", "changes the picture by", "at most")
+    rows = [
+        (
+            row["method"], "default" if row["tolerance"] is None else f"{row['tolerance']:.2g}",
+            f"{row['triangles']:.0f}", f"{row['build_seconds']:.2g}", f"{row['error']:.2g}",
+            f"{row['error_at_most']:.2g}",
+        )
+        for row in study.meshes
+    ]  # fmt: skip
+    return head, rows
+
+
 def forecast_table(forecasts: Sequence[Forecast]) -> Table:
     """Return what each method needs, as a table."""
     head = ("method", "passes", "seconds", "least", "most", "how known", "bias")
@@ -243,10 +257,12 @@ def picture_answers(
         if certified and certified[0] is not best:
             lines.append(f"With certified hits: {_recipe(certified[0], scene)}")
     if study.meshes and not math.isnan(triangles):
-        coarse, fine = study.meshes[0], study.meshes[-1]
+        rows = [row for row in study.meshes if row["accuracy"] == "mesh"]
+        coarse, fine = rows[0], rows[-1]
+        least = f"{fine['error']:.2g}" if fine["error"] else f"below {fine['error_at_most']:.2g}"
         lines.append(
             f"Meshes in place of the surfaces change the picture by {coarse['error']:.2g} "
-            f"({coarse['triangles']:.0f} triangles) to {fine['error']:.2g} "
+            f"({coarse['triangles']:.0f} triangles) to {least} "
             f"({fine['triangles']:.0f}); for {percent} about {triangles:.2g} are needed."
         )
     own = "unknown" if math.isnan(reference.own_error) else f"{reference.own_error:.2g}"

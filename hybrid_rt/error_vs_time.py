@@ -98,11 +98,21 @@ class Point:
 
 @dataclass(frozen=True)
 class Curve:
-    """A method and its points in the order of their cost; ``flags`` choose it in a command."""
+    """A method and its points in the order of their cost.
+
+    Attributes
+    ----------
+    name, flags : str
+        ``flags`` choose the method in a command.
+    points : list of Point
+    bias : float
+        Error that passes do not remove, as far as it is known from elsewhere.
+    """
 
     name: str
     flags: str
     points: list[Point]
+    bias: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -141,8 +151,9 @@ class PictureStudy:
     reference : Reference
     curves : list of Curve
     meshes : list of dict
-        By tolerance: ``triangles``, ``build_seconds``, and the ``error`` of pictures of the mesh
-        that passes do not remove, with its upper 95 % limit ``error_at_most``.
+        By method on uncertified hits: ``accuracy``, ``tolerance``, ``triangles``,
+        ``build_seconds``, and the ``error`` of its pictures that passes do not remove, with the
+        upper 95 % limit ``error_at_most``.
     images : dict of (height, width, 3) float32
         By method, the first run at its dearest setting; "reference" the reference.
     """
@@ -151,7 +162,7 @@ class PictureStudy:
     compile_seconds: float
     reference: Reference
     curves: list[Curve]
-    meshes: list[dict[str, float]]
+    meshes: list[dict[str, Any]]
     images: dict[str, Image]
 
 
@@ -170,14 +181,19 @@ def size_of(surfaces: Sequence[Any]) -> float:
 
 def default_methods(scene: Scene) -> list[Method]:
     """Return every integrator with certified hits, and paths on what is not certified."""
-    methods = [Method(name, name) for name in INTEGRATORS]
+    return [Method(name, name) for name in INTEGRATORS] + _uncertified(scene)
+
+
+def _uncertified(scene: Scene) -> list[Method]:
+    """Return paths after Newton alone, and on meshes; nothing where no surface is curved."""
     surfaces = curved_surfaces(scene)
-    if surfaces:
-        methods.append(Method("path, refined", "path", "refined"))
-        for share in TOLERANCES:
-            tolerance = share * size_of(surfaces)
-            methods.append(Method(f"path, mesh {tolerance:.2g}", "path", "mesh", tolerance))
-    return methods
+    if not surfaces:
+        return []
+    tolerances = [share * size_of(surfaces) for share in TOLERANCES]
+    return [
+        Method("path, refined", "path", "refined"),
+        *(Method(f"path, mesh {t:.2g}", "path", "mesh", t) for t in tolerances),
+    ]
 
 
 def study_picture(
@@ -252,17 +268,19 @@ def study_picture(
                 rows[method.name][n].append(_row(result, truth))
                 if run == 0 and n == passes[-1]:
                     images[method.name] = result.image
+    meshes = _meshes(scene, passes[-1], threads, say)
+    biases = {row["method"]: row["error"] for row in meshes}
     curves = [
-        Curve(method.name, method.flags, [_point(n, rows[method.name][n]) for n in passes])
+        Curve(
+            method.name,
+            method.flags,
+            [_point(n, rows[method.name][n]) for n in passes],
+            biases.get(method.name, 0.0),
+        )
         for method in chosen
     ]
     return PictureStudy(
-        (camera.width, camera.height),
-        compile_seconds,
-        found,
-        curves,
-        _meshes(scene, passes[-1], threads, say),
-        images,
+        (camera.width, camera.height), compile_seconds, found, curves, meshes, images
     )
 
 
@@ -358,23 +376,22 @@ def _point(setting: float, rows: Sequence[dict[str, float]]) -> Point:
     return Point(setting, spread(seconds), spread(error), more)
 
 
-def _meshes(scene: Scene, passes: int, threads: int | None, say: Say) -> list[dict[str, float]]:
-    """Measure what meshes alone do to a picture.
+def _meshes(scene: Scene, passes: int, threads: int | None, say: Say) -> list[dict[str, Any]]:
+    """Measure what meshes, and hits that are not certified, do to a picture.
 
-    The differences between pictures of mesh and surface, made with the same random numbers, still
+    The differences between such pictures and certified ones, made with the same random numbers, still
     hold noise; but that of one seed is independent of that of another, so the mean of the product
     of two differences is the square of what stays.
     """
-    surfaces = curved_surfaces(scene)
-    if not surfaces:
+    methods = _uncertified(scene)
+    if not methods:
         return []
+    surfaces = curved_surfaces(scene)
     say("pictures of meshes, each twice, with the random numbers of certified ones")
     exact = [_run(scene, Method("path", "path"), passes, seed, threads).image for seed in (1, 2)]
     weight = np.mean(exact, axis=0, dtype=np.float64) ** 2 + DARK
     rows = []
-    for share in TOLERANCES:
-        tolerance = share * size_of(surfaces)
-        method = Method("mesh", "path", "mesh", tolerance)
+    for method in methods:
         one, other = (
             _run(scene, method, passes, seed, threads).image.astype(np.float64) - exact[seed - 1]
             for seed in (1, 2)
@@ -384,10 +401,12 @@ def _meshes(scene: Scene, passes: int, threads: int | None, say: Say) -> list[di
         square = max(float(products.mean()), 0.0)
         of_square = float(products.std(ddof=1)) / math.sqrt(products.size)
         began = time.perf_counter()
-        tracer = Intersector(surfaces, "mesh", tolerance=tolerance, threads=1)
+        tracer = Intersector(surfaces, method.accuracy, tolerance=method.tolerance, threads=1)
         rows.append(
             {
-                "tolerance": tolerance,
+                "method": method.name,
+                "accuracy": method.accuracy,
+                "tolerance": method.tolerance,
                 "triangles": float(tracer.n_triangles),
                 "build_seconds": time.perf_counter() - began,
                 "error": math.sqrt(square),
@@ -531,15 +550,15 @@ def forecast(curve: Curve, target: float, reference_error: float = 0.0) -> Forec
     """Predict passes and seconds to a relative RMSE.
 
     The square of the error is taken as b^2 + c / n^k: between two measured points as measured (a
-    line in logarithms), beyond the last with k = 1 and b from the last two points. The reference's
-    own noise is subtracted from the squares first.
+    line in logarithms), beyond the last with k = 1 and b from the last two points, at least the
+    curve's own. The reference's noise is subtracted from the squares first.
     """
     own = 0.0 if math.isnan(reference_error) else reference_error
     passes = np.array([p.setting for p in curve.points])
     squares = np.array([max(p.error.median**2 - own**2, 1e-30) for p in curve.points])
     seconds = np.array([p.seconds.median for p in curve.points])
     last = curve.points[-1].seconds
-    bias = _bias(passes, squares)
+    bias = max(_bias(passes, squares), curve.bias)
 
     def result(n: float, is_measured: bool) -> Forecast:
         whole = max(math.ceil(n - 1e-9), 1)
@@ -559,7 +578,7 @@ def forecast(curve: Curve, target: float, reference_error: float = 0.0) -> Forec
         return Forecast(
             curve.name, curve.flags, None, Spread(math.nan, math.nan, math.nan), bias, False
         )
-    return result(float(passes[-1] * (squares[-1] - bias**2) / left), False)
+    return result(float(passes[-1] * max((squares[-1] - bias**2) / left, 1.0)), False)
 
 
 def _bias(passes: NDArray[np.float64], squares: NDArray[np.float64]) -> float:
@@ -587,7 +606,7 @@ def recommend(study: PictureStudy, target: float) -> list[Forecast]:
     return sorted(forecasts, key=lambda f: (f.passes is None, f.seconds.median))
 
 
-def triangles_for(meshes: Sequence[dict[str, float]], target: float) -> float:
+def triangles_for(meshes: Sequence[dict[str, Any]], target: float) -> float:
     """Return how many triangles make the error of a picture fall to a target, by its meshes.
 
     A line in logarithms through the two nearest meshes whose error is above the noise; nan where

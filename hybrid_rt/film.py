@@ -120,9 +120,11 @@ class Film:
     def relative_error(self) -> float:
         """Return the estimated relative root mean square error of the picture, nan after one pass.
 
-        Its square is the mean over pixels and channels of s^2 / (x^2 + 0.01), s the standard error
-        and x the value: what `hybrid_rt.measures.relative_mse` is expected to be against the limit
-        of infinitely many passes.
+        Its square is what `hybrid_rt.measures.relative_mse` is expected to be against the limit r of
+        infinitely many passes: the mean over pixels and channels of s^2 / (r^2 + 0.01), s the
+        standard error. A bright path that spoils a pixel must not stand in for r as well, or it
+        would excuse itself: what one group varies by is divided by what the others found. Before
+        16 passes the pixel's neighbours stand in where they are darker.
         """
         return self._root_mean_squares()[1]
 
@@ -158,12 +160,38 @@ class Film:
         """Return those of the pixels' standard errors, absolute and relative; nan after one pass."""
         if self.n_passes < 2:
             return math.nan, math.nan
-        absolute, relative = 0.0, 0.0
-        for _, mean, variance in self._strips():
+        is_early = self._squares is not None
+        level = _without_peaks(self._mean()) if is_early else None
+        absolute, plain, crossed = 0.0, 0.0, 0.0
+        for rows, mean, variance in self._strips():
             absolute += float(variance.sum())
-            relative += float((variance / (mean * mean + DARK)).sum())
+            seen = mean if level is None else level[rows]
+            plain += float((variance / (seen * seen + DARK)).sum())
+            if not is_early:
+                crossed += self._relative_to_others(self._sums[:, rows])
         n = self._sums[0].size
-        return math.sqrt(absolute / n), math.sqrt(relative / n)
+        # Both have the same mean where no path is rare; the larger errs on the safe side.
+        return math.sqrt(absolute / n), math.sqrt(max(plain, crossed) / n)
+
+    def _relative_to_others(self, sums: FloatArray) -> float:
+        """Return the sum of variances of the mean, each over what other groups found, (4, ...).
+
+        For independent groups g, h, k of one mean, (g - h) (g - k) has the variance of g alone as
+        its mean, whatever h and k are.
+        """
+        n, total = self.n_passes, sums.sum(axis=0)
+        counts = self._counts.reshape(-1, *(1,) * total.ndim)
+        means = sums / counts
+        result = 0.0
+        for group, count in enumerate(self._counts):
+            others = (total - sums[group]) / (n - count)
+            gaps = means[group] - np.delete(means, group, axis=0)
+            # Sum over pairs, twice: the square of the sum without the squares.
+            pairs = gaps.sum(axis=0) ** 2 - (gaps * gaps).sum(axis=0)
+            n_pairs = len(gaps) * (len(gaps) - 1)
+            share = (count / n) ** 2 / n_pairs
+            result += share * float((pairs / (others * others + DARK)).sum())
+        return result
 
     def _strips(self) -> Iterator[tuple[slice, FloatArray, FloatArray]]:
         """Yield rows, their mean and the variance of that, a strip of the picture at a time."""
@@ -192,6 +220,23 @@ class Film:
             squares += (sum_of_group - count * mean) ** 2
         variance: FloatArray = squares / float(self.n_passes**2 - np.square(self._counts).sum())
         return variance
+
+
+def _without_peaks(image: FloatArray) -> FloatArray:
+    """Return an image (height, width, 3) no brighter than the mean of each pixel's neighbours."""
+    height, width, _ = image.shape
+    if height * width == 1:
+        return image
+    padded = np.pad(image, ((1, 1), (1, 1), (0, 0)))
+    inside = np.pad(np.ones((height, width, 1)), ((1, 1), (1, 1), (0, 0)))
+    total, count = np.zeros_like(image), np.zeros((height, width, 1))
+    for down in range(3):
+        for right in range(3):
+            if (down, right) != (1, 1):
+                total += padded[down : down + height, right : right + width]
+                count += inside[down : down + height, right : right + width]
+    lower: FloatArray = np.minimum(image, total / count)
+    return lower
 
 
 Channels = Mapping[str, NDArray[np.float32]]

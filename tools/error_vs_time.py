@@ -118,16 +118,16 @@ def _show(name: str, studies: dict[str, Any], args: argparse.Namespace) -> None:
     if "picture" in studies:
         study: PictureStudy = studies["picture"]
         forecasts = error_vs_time.recommend(study, args.target)
-        triangles = error_vs_time.triangles_for(study.meshes, args.target)
+        triangles = error_vs_time.triangles_for(
+            [row for row in study.meshes if row["accuracy"] == "mesh"], args.target
+        )
         sentences += error_page.picture_answers(study, forecasts, args.target, name, triangles)
         own = study.reference.own_error
         diagrams.append(error_page.picture_diagram(f"{name}: pictures", study.curves, own))
         tables["Pictures"] = error_page.picture_table(study.curves)
         tables[f"To a relative RMSE of {args.target:g}"] = error_page.forecast_table(forecasts)
         if study.meshes:
-            head = tuple(study.meshes[0])
-            rows = [tuple(f"{row[key]:.3g}" for key in head) for row in study.meshes]
-            tables["Meshes alone, by the same random numbers"] = head, rows
+            tables["What passes do not remove"] = error_page.mesh_table(study)
         images = study.images
         plain = {key: value for key, value in vars(study).items() if key != "images"}
         data["picture"] = {
@@ -299,6 +299,7 @@ def _curves(part: dict[str, Any]) -> list[Curve]:
                 )
                 for p in curve["points"]
             ],
+            curve["bias"],
         )
         for curve in part["curves"]
     ]

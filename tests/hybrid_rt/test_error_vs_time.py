@@ -4,6 +4,7 @@ import base64
 import io
 import math
 import re
+from dataclasses import replace
 from xml.etree import ElementTree
 
 import imageio.v3 as imageio
@@ -73,6 +74,12 @@ class TestForecast:
         assert found.passes == math.ceil(1 / 0.0225)
         assert forecast(law(bias=0.2), 0.19).passes is None
         assert math.isnan(forecast(law(bias=0.2), 0.19).seconds.median)
+
+    def test_known_bias_counts_before_it_is_seen(self):
+        """Errors of 1 / sqrt(n) down to 1/4 cannot show a bias of 0.05: 0.0025 of 0.01 to pay."""
+        found = forecast(replace(law(), bias=0.05), 0.1)
+        assert (found.bias, found.passes) == (0.05, math.ceil((1 - 16 * 0.0025) / 0.0075))
+        assert forecast(replace(law(), bias=0.05), 0.04).passes is None
 
     def test_noise_of_the_reference_is_no_bias(self):
         found = forecast(law(own=0.3), 0.1, reference_error=0.3)
@@ -177,10 +184,12 @@ def test_two_methods_agree_and_a_mesh_does_not():
     # Student's t with 3 degrees of freedom on either side: 12.9 is passed once in 1000 runs.
     assert abs(check["gap"]) < 12.9 * check["gap_error"]
     assert check["difference"] == pytest.approx(check["by_noise"], rel=0.3)
-    errors = [mesh["error"] for mesh in study.meshes]
-    assert errors[0] > 3.0 * errors[-1]
-    assert study.meshes[0]["triangles"] < study.meshes[-1]["triangles"]
-    assert study.meshes[0]["error"] < study.meshes[0]["error_at_most"]
+    refined, coarse, _, fine = study.meshes
+    assert (refined["accuracy"], coarse["accuracy"]) == ("refined", "mesh")
+    assert coarse["error"] > 3.0 * fine["error"]
+    assert coarse["error"] > 3.0 * refined["error"]
+    assert coarse["triangles"] < fine["triangles"]
+    assert coarse["error"] < coarse["error_at_most"]
 
 
 def test_point_lights_have_no_second_method():
