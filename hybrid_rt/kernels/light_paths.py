@@ -21,7 +21,7 @@ between, the densities of the two directions per projected solid angle, from eit
 import math
 from typing import Any, NamedTuple
 
-from hybrid_rt.kernels.light import RECTANGLE, SPHERE, light_color, power_weight
+from hybrid_rt.kernels.light import RECTANGLE, SPHERE, light_strength, power_weight
 from hybrid_rt.kernels.lobes import (
     DIELECTRIC,
     LAST_SPREADING,
@@ -120,7 +120,7 @@ def leave_lights(
             nx, ny, nz = points.normal[i, 0], points.normal[i, 1], points.normal[i, 2]
             u, v, pdf_area = points.u[i], points.v[i], points.pdf_area[i]
         origin[i, 0], origin[i, 1], origin[i, 2] = x, y, z
-        r, g, b = light_color(lights, textures, row, u, v, x, y, z)
+        r, g, b = light_strength(lights, textures, row, u, v, x, y, z)
         # The cosine of the direction's density is that of the light it carries.
         factor = 0.0
         density[i] = 0.0
