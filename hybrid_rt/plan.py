@@ -126,10 +126,12 @@ def make_plan(scene: CompiledScene, integrator: str) -> Plan:
     shines = bool(scene.lights.emit.any())
     plan.decide(
         "light paths",
-        not asks_all and spreads and leads and shines,
+        integrator == "path" and spreads and leads and shines,
         "lamps shine on surfaces by way of mirrors and glass: paths from the lamps find that",
         "both branches at glass are followed, and no light thrown by it"
         if asks_all
+        else "photons find what mirrors and glass throw"
+        if integrator in WITH_PHOTONS
         else "no surface spreads light"
         if not spreads
         else "no mirror or glass throws light"

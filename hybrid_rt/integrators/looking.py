@@ -21,14 +21,15 @@ from hybrid_rt.integrators.integrator import (
     CameraBlock,
     Integrator,
     RenderContext,
+    place_of_pixel,
 )
 from hybrid_rt.integrators.shooting import Shooter
 from hybrid_rt.integrators.start_media import media_at
 from hybrid_rt.integrators.surface_light import (
+    NO_RIVAL,
     Shading,
     SurfaceLight,
     largest_channel,
-    named_points,
 )
 from hybrid_rt.kernels.gather import segments_to_photons
 from hybrid_rt.kernels.light import BOTH, LIGHT_ONLY
@@ -36,10 +37,13 @@ from hybrid_rt.kernels.lobes import DIELECTRIC, METAL, PHONG
 from hybrid_rt.kernels.media import STACK, cross_media
 from hybrid_rt.kernels.pack import Paths, add_products, pack_paths
 from hybrid_rt.kernels.scatter import ABSORBED, LEFT, SCATTERED, SPECULAR, STOPPED, scatter
-from hybrid_rt.records import FloatArray, HitRecord, IntArray
+from hybrid_rt.records import FloatArray, HitRecord, IntArray, NamedPoints
 
 # What the low-discrepancy points of one step are for.
 TO_LIGHT, TO_LIGHT_METAL, DIRECTION, CHOICE, TO_PHOTON, PER_STEP = 0, 1, 2, 3, 4, 5
+
+# Read only where paths from lights are weighed against those of the camera.
+NONE_SMOOTH = np.zeros(0, dtype=np.bool_)
 
 
 @dataclass(frozen=True)
@@ -66,7 +70,7 @@ class Looker(Integrator):
 
     def __init__(self, context: RenderContext) -> None:
         super().__init__(context)
-        self.shooter = Shooter(context)
+        self.shooter = Shooter(context, self._contacts)
         self.fields: tuple[Field, ...] = ()
         camera = context.scene.camera
         self.blur = np.zeros((camera.height * camera.width if context.plan["photons"] else 0, 3))
@@ -80,7 +84,9 @@ class Looker(Integrator):
         asks = bool(lights.chance.any())
         self._asks_lights = asks and (plan["light samples"] or plan["sky samples"])
         self._asks_for_metal = self._asks_lights and bool((lobes.kind == METAL).any())
-        self._camera_media = media_at(context) if plan["medium stack"] else []
+        self._camera_media: list[int] = []
+        if plan["medium stack"]:
+            self._camera_media = media_at(context, self._contacts, camera.look_from[None])
         self._is_wide = _slots(context, lambda kind: kind <= PHONG)
         self._follows = _slots(context, lambda kind: kind > PHONG).any(axis=1)
 
@@ -90,14 +96,16 @@ class Looker(Integrator):
         waiting: list[_Waiting] = []
         for depth in range(self.context.max_depth + 1):
             # --- where the rays arrive
-            source = named_points(paths.source_id, paths.origins) if depth else None
-            hits = self._first_hits(paths.origins, paths.directions, source)
+            source = NamedPoints(paths.source_id, paths.origins) if depth else None
+            hits, second = self._first_hits(paths.origins, paths.directions, source)
             with self.context.ledger.stage("shade"):
                 material = self._light.material(hits)
                 # --- what the way there absorbed
-                self._absorb(paths, hits, material)
+                self._absorb(paths, hits, material, second)
                 # --- light they ran into
-                arriving = self._light.arriving(hits, paths.origins, paths.directions, paths.pdf)
+                arriving = self._light.arriving(
+                    hits, paths.origins, paths.directions, paths.pdf, NO_RIVAL, paths.media
+                )
                 add_products(paths.camera_ray, paths.throughput, arriving, radiance)
                 shading = self._light.shading(hits, paths.directions, material)
                 # --- surfaces that spread light widely: lights are asked, photons later
@@ -105,13 +113,13 @@ class Looker(Integrator):
                 if wide.size:
                     waiting.append(self._look(paths, shading, wide, depth, radiance))
                 # --- where they go next by mirrors, metals and glass, and which ones stop
-                paths = self._onward(paths, shading, depth, radiance)
+                paths = self._onward(paths, shading, second, depth, radiance)
             if paths.camera_ray.size == 0:
                 break
         # --- photons near all these places: few large questions are answered faster
         if self.fields and waiting:
             self._gather(waiting, radiance, blur)
-            self.blur[block.pixel] = blur
+            self.blur[place_of_pixel(block.pixel)] = blur
         return radiance
 
     def _leaving_camera(self, block: CameraBlock) -> Paths:
@@ -126,6 +134,7 @@ class Looker(Integrator):
             directions=block.directions,
             throughput=np.ones((n, 3)),
             pdf=np.zeros(n),
+            rival=NO_RIVAL,
             media=media,
             source_id=np.full(n, -1, dtype=np.int32),
         )
@@ -134,13 +143,13 @@ class Looker(Integrator):
         dimension = FIRST_PATH_DIMENSION + depth * PER_STEP + use
         return self.context.sampler.points(paths.pixel, dimension, paths.sample)
 
-    def _absorb(self, paths: Paths, hits: HitRecord, material: IntArray) -> None:
+    def _absorb(self, paths: Paths, hits: HitRecord, material: IntArray, second: IntArray) -> None:
         """Weaken throughput by Beer and Lambert's law over the way just gone."""
         scene = self.context.scene
         if self.context.plan["medium stack"]:
             cross_media(
-                paths.media, scene.lobes, scene.glass_of, material, hits.front_face, hits.t,
-                paths.throughput,
+                paths.media, scene.lobes, scene.glass_of, material, hits.front_face, second,
+                hits.t, paths.throughput,
             )  # fmt: skip
 
     def _look(
@@ -152,11 +161,11 @@ class Looker(Integrator):
         radiance: FloatArray,
     ) -> _Waiting:
         """Add straight light at some of the hits; return them as points to gather photons at."""
-        there = Paths(*(column[rows] for column in paths))
+        there = _rows_of_paths(paths, rows)
         wide = _rows_of(shading, rows, self._is_wide)
         if self._asks_lights:
             xi = self._points(there, depth, TO_LIGHT)
-            self._wide.from_one(wide, there.camera_ray, there.throughput, xi, radiance)
+            self._wide.from_one(wide, there.camera_ray, there.throughput, there.media, xi, radiance)
         points = Points(
             wide.hits.position,
             wide.hits.normal,
@@ -207,7 +216,9 @@ class Looker(Integrator):
         hidden: NDArray[np.intp] = rows[apart[blocked]]
         return hidden
 
-    def _onward(self, paths: Paths, shading: Shading, depth: int, radiance: FloatArray) -> Paths:
+    def _onward(
+        self, paths: Paths, shading: Shading, second: IntArray, depth: int, radiance: FloatArray
+    ) -> Paths:
         """Choose where each path goes that need not stop; return those that go on."""
         ledger = self.context.ledger
         ledger.ended["left the scene or met a lamp"] += int(np.count_nonzero(shading.material < 0))
@@ -215,22 +226,27 @@ class Looker(Integrator):
         ledger.ended["met surfaces that gather"] += int(
             np.count_nonzero(shading.material >= 0) - rows.size
         )
-        paths = Paths(*(column[rows] for column in paths))
+        paths = _rows_of_paths(paths, rows)
         shading = _rows_of(shading, rows, ~self._is_wide)
+        second = second[rows] if second.size else second
         n = rows.size
         if n == 0:
             return paths
         if self._asks_for_metal:
             xi = self._points(paths, depth, TO_LIGHT_METAL)
-            self._light.from_one(shading, paths.camera_ray, paths.throughput, xi, radiance)
+            self._light.from_one(
+                shading, paths.camera_ray, paths.throughput, paths.media, xi, radiance
+            )
         onward, pdf = np.empty((n, 3)), np.empty(n)
         fate = np.empty(n, dtype=np.uint8)
         goes_on = depth < self.context.max_depth
+        hits = shading.hits
         scatter(
-            self.context.scene.lobes, shading.material, shading.colors, shading.hits.normal,
+            self.context.scene.lobes, shading.material, shading.colors, hits.normal,
             shading.directions, shading.geometric, self._points(paths, depth, DIRECTION),
-            self._points(paths, depth, CHOICE), paths.media, goes_on, goes_on,
-            1.0 if depth else 0.0, onward, paths.throughput, pdf, fate,
+            self._points(paths, depth, CHOICE), paths.media, second, goes_on, goes_on,
+            1.0 if depth else 0.0, hits.t, paths.pdf, NONE_SMOOTH, hits.object_id, onward,
+            paths.throughput, pdf, paths.rival, fate,
         )  # fmt: skip
         counts = np.bincount(fate, minlength=SPECULAR + 1)
         ledger.rays["mirrored or refracted"] += int(counts[SCATTERED] + counts[SPECULAR])
@@ -239,7 +255,6 @@ class Looker(Integrator):
             ledger.ended["at max_depth"] += int(counts[STOPPED])
             ledger.lost_weight += float(largest_channel(paths.throughput[fate == STOPPED]).sum())
         out = Paths(*(np.empty_like(column) for column in paths))
-        hits = shading.hits
         n_out = pack_paths(paths, fate, SCATTERED, hits.position, hits.object_id, onward, pdf, out)
         return Paths(*(column[:n_out] for column in out))
 
@@ -253,6 +268,10 @@ def _slots(context: RenderContext, of_kind: Callable[[Any], Any]) -> Any:
         kinds = lobes.kind[lobes.first[m] : lobes.first[m + 1]]
         marks[m, : kinds.size] = of_kind(kinds)
     return marks
+
+
+def _rows_of_paths(paths: Paths, rows: Any) -> Paths:
+    return Paths(*(column[rows] if len(column) else column for column in paths))
 
 
 def _rows_of(shading: Shading, rows: Any, keeps: Any) -> Shading:

@@ -1,8 +1,8 @@
 """Photons from every light, followed until they are absorbed or leave.
 
 Jensen, "Global illumination using photon maps", EGWR 1996. Photons leave in groups: one for each
-light and kind (`hybrid_rt.kernels.emission`), each with a low-discrepancy sequence of its own that
-runs on through the passes, so both one pass and all of them together are spread evenly.
+light and kind (`hybrid_rt.kernels.emission`), each with low-discrepancy sequences of its own that
+run on through the passes, so both one pass and all of them together are spread evenly.
 """
 
 from __future__ import annotations
@@ -13,12 +13,15 @@ from itertools import pairwise
 
 import numpy as np
 
+from hybrid_rt.film import GROUPS, group_of
+from hybrid_rt.integrators.contacts import NO_SECOND, Contacts
 from hybrid_rt.integrators.integrator import RenderContext
-from hybrid_rt.integrators.surface_light import SurfaceLight, largest_channel, named_points
+from hybrid_rt.integrators.start_media import media_around_lights
+from hybrid_rt.integrators.surface_light import SurfaceLight, largest_channel
 from hybrid_rt.kernels.emission import Launch, Targets, launch_from_light, launch_from_sky
 from hybrid_rt.kernels.light import POINT, RECTANGLE, SPHERE, LightPoints
 from hybrid_rt.kernels.lobes import DIELECTRIC, LAST_SPREADING, METAL, PHONG
-from hybrid_rt.kernels.media import STACK, cross_media
+from hybrid_rt.kernels.media import cross_media
 from hybrid_rt.kernels.photons import (
     EMITTED,
     TAKEN,
@@ -30,7 +33,7 @@ from hybrid_rt.kernels.photons import (
 )
 from hybrid_rt.kernels.scatter import ABSORBED, LEFT, SCATTERED, SPECULAR, STOPPED
 from hybrid_rt.primitives import Plane, Rectangle, Sphere
-from hybrid_rt.records import BoolArray, FloatArray, IntArray
+from hybrid_rt.records import BoolArray, FloatArray, IntArray, NamedPoints
 from hybrid_rt.sampler import UIntArray
 from hybrid_rt.scene import NOTHING, CompiledScene
 
@@ -104,6 +107,8 @@ class Shooter:
     Parameters
     ----------
     context : RenderContext
+    contacts : Contacts or None
+        None where no clear body touches another surface.
 
     Raises
     ------
@@ -112,8 +117,8 @@ class Shooter:
         can be chosen evenly there. The object is named.
     """
 
-    def __init__(self, context: RenderContext) -> None:
-        self.context = context
+    def __init__(self, context: RenderContext, contacts: Contacts | None) -> None:
+        self.context, self._contacts = context, contacts
         self.balance = Balance()
         scene = context.scene
         self.world = _world(scene)
@@ -124,6 +129,8 @@ class Shooter:
         if context.plan["aimed photons"]:
             self._targets = targets_of(scene)
         self._powers = _powers(scene, self.world)
+        sends = np.flatnonzero((self._powers[:-1] > 0.0) & context.plan["photons"])
+        self._media = media_around_lights(context, contacts, sends, self._leaving_middle)
 
     def groups(self, photons_per_pass: int) -> list[Group]:
         """Share the photons of a pass out by power; every light that shines gets some."""
@@ -154,16 +161,21 @@ class Shooter:
         """
         context, scene = self.context, self.context.scene
         stored: list[Photons] = []
+        sequence, n_before = _sequence(group, pass_number)
+        number = np.arange(n_before + first, n_before + stop, dtype=np.uint64)
         with context.ledger.stage("photons"):
-            flight = self._launched(group, pass_number, first, stop, dimension)
+            flight = self._launched(group, sequence, number, dimension)
         for depth in range(context.max_depth + 1):
             n = flight.number.size
             if n == 0:
                 break
             # --- where they arrive
             with context.ledger.stage("photons"):
-                source = named_points(flight.source_id, flight.origin)
+                source = NamedPoints(flight.source_id, flight.origin)
                 hits = context.tracer.intersect(flight.origin, flight.direction, source=source)
+                second = NO_SECOND
+                if self._contacts is not None:
+                    second = self._contacts.at(hits, flight.origin, flight.direction, source)
                 context.ledger.rays["photon"] += n
                 context.ledger.count_hits(hits)
                 material = self._light.material(hits)
@@ -172,7 +184,7 @@ class Shooter:
                     before = flight.power.sum(axis=0)
                     cross_media(
                         flight.media, scene.lobes, scene.glass_of, material, hits.front_face,
-                        hits.t, flight.power,
+                        second, hits.t, flight.power,
                     )  # fmt: skip
                     self.balance.power[TAKEN] += before - flight.power.sum(axis=0)
                 # --- what they leave there
@@ -189,9 +201,9 @@ class Shooter:
                 step = dimension + PER_LAUNCH + PER_STEP * depth
                 scatter_photons(
                     scene.lobes, material, shading.colors, shading.hits.normal, shading.geometric,
-                    hits.position, hits.object_id, self._ways(group, flight, material, step),
-                    self._points(group, flight.number, step + LOBE), depth < context.max_depth,
-                    flight, fate, self.balance.power,
+                    hits.position, hits.object_id, self._ways(sequence, flight, material, step),
+                    self._points(sequence, flight.number, step + LOBE), second,
+                    depth < context.max_depth, flight, fate, self.balance.power,
                 )  # fmt: skip
                 onward = _new_flight(n, flight.media.shape[1])
                 n_onward = pack_flight(flight, fate, SCATTERED, onward)
@@ -204,18 +216,15 @@ class Shooter:
         self.balance.n_stored += len(photons.history)
         return photons
 
-    def _launched(
-        self, group: Group, pass_number: int, first: int, stop: int, dimension: int
-    ) -> Flight:
+    def _launched(self, group: Group, sequence: int, number: UIntArray, dimension: int) -> Flight:
         scene = self.context.scene
-        number = np.arange(first, stop, dtype=np.uint64) + np.uint64(pass_number * group.n)
-        place = self._points(group, number, dimension + PLACE)
-        way = self._points(group, number, dimension + WAY)
+        place = self._points(sequence, number, dimension + PLACE)
+        way = self._points(sequence, number, dimension + WAY)
         n = number.size
         choice = np.zeros((n, 2))
         if group.is_aimed and self._targets.radius.size > 1:
-            choice = self._points(group, number, dimension + CHOICE)
-        launch = Launch(np.empty((n, 3)), np.empty((n, 3)), np.empty((n, 3)))
+            choice = self._points(sequence, number, dimension + CHOICE)
+        launch = _new_launch(n)
         source_id = np.full(n, NOTHING, dtype=np.int32)
         if group.light == scene.n_lights:
             launch_from_sky(
@@ -232,28 +241,37 @@ class Shooter:
         self.balance.n_emitted += n
         self.balance.power[EMITTED] += launch.power.sum(axis=0)
         sent = np.flatnonzero(largest_channel(launch.power) > 0.0)
-        media = np.full((sent.size, STACK if self.context.plan["medium stack"] else 0), NOTHING)
         return Flight(
             number=number[sent],
             origin=launch.origin[sent],
             direction=launch.direction[sent],
             power=launch.power[sent],
-            media=media.astype(np.int32),
+            media=np.repeat(self._media[group.light][None], sent.size, axis=0),
             source_id=source_id[sent],
             history=np.zeros(sent.size, dtype=np.uint8),
         )
 
-    def _points(self, group: Group, number: UIntArray, dimension: int) -> FloatArray:
-        # A sequence has 2**32 points; beyond, the next one begins.
-        sequence = (number >> np.uint64(32)) + np.uint64(group.number * 2**32)
-        return self.context.sampler.points(sequence, dimension, number)
+    def _leaving_middle(self, light: int) -> tuple[FloatArray, FloatArray]:
+        """Return a point of a light in its middle, and a direction in which it shines, (1, 3)."""
+        scene, middle, launch = self.context.scene, np.array([[0.5, 0.5]]), _new_launch(1)
+        nowhere = Targets(np.zeros((0, 3)), np.zeros(0))
+        launch_from_light(
+            scene.lights, scene.textures, self._surface_points(light, middle), light, nowhere, 1, 0,
+            False, middle, middle, middle, launch,
+        )  # fmt: skip
+        return launch.origin, launch.direction
 
-    def _ways(self, group: Group, flight: Flight, material: IntArray, step: int) -> FloatArray:
+    def _points(self, sequence: int, number: UIntArray, dimension: int) -> FloatArray:
+        # A sequence has 2**32 points; beyond, the next one begins.
+        name = (number >> np.uint64(32)) + np.uint64(sequence * 2**32)
+        return self.context.sampler.points(name, dimension, number)
+
+    def _ways(self, sequence: int, flight: Flight, material: IntArray, step: int) -> FloatArray:
         """Return the numbers that choose directions, for the photons that may need them."""
         xi = np.zeros((material.size, 2))
         rows = np.flatnonzero(self._spreads[material])
         if rows.size:
-            xi[rows] = self._points(group, flight.number[rows], step + DIRECTION)
+            xi[rows] = self._points(sequence, flight.number[rows], step + DIRECTION)
         return xi
 
     def _surface_points(self, light: int, xi: FloatArray) -> LightPoints:
@@ -265,6 +283,15 @@ class Shooter:
         surface = chooser.surface
         density = chooser.pdf_area(patch, u, v)
         return LightPoints(surface.point(u, v, patch), surface.normal(u, v, patch), density, u, v)
+
+
+def _sequence(group: Group, pass_number: int) -> tuple[int, int]:
+    """Return which sequence a pass goes on with, and how many of its points came before.
+
+    Passes that are compared to know the noise have sequences of their own (`hybrid_rt.film`).
+    """
+    compared, number = group_of(np.array([pass_number], dtype=np.uint64))
+    return group.number * GROUPS + int(compared[0]), int(number[0]) * group.n
 
 
 def blocks_of(groups: list[Group]) -> list[tuple[Group, int, int]]:
@@ -375,6 +402,10 @@ def _powers(scene: CompiledScene, world: FloatArray) -> FloatArray:
         mean = float(scene.environment.radiance(ways).mean())
         power[-1] = 4.0 * math.pi**2 * world[3] ** 2 * mean
     return power
+
+
+def _new_launch(n: int) -> Launch:
+    return Launch(np.empty((n, 3)), np.empty((n, 3)), np.empty((n, 3)))
 
 
 def _new_photons(n: int) -> Photons:

@@ -87,8 +87,8 @@ def store_photons(flight, material, gathers, least_history, position, normal, ou
 
 @kernel
 def scatter_photons(
-    lobes, material, colors, normal, geometric, position, object_id, xi, choice, goes_on, flight,
-    fate, tally,
+    lobes, material, colors, normal, geometric, position, object_id, xi, choice, second, goes_on,
+    flight, fate, tally,
 ):  # fmt: skip
     """Send each photon on in one direction, or end it, by chance and without bias.
 
@@ -104,6 +104,8 @@ def scatter_photons(
         Of the hits; ``geometric`` as in `hybrid_rt.kernels.scatter.scatter`.
     xi, choice : (n, 2) float64 in [0, 1)
         Choose the direction; the lobe and survival.
+    second : (n,) int32, or (0,)
+        Faces that coincide with the hits: see `hybrid_rt.kernels.media`.
     goes_on : bool
         Whether photons may take a further direction at all; if not, power is what is lost.
     flight : Flight of n rows, changed
@@ -148,7 +150,7 @@ def scatter_photons(
             r, g, b = colors[i, chosen, 0], colors[i, chosen, 1], colors[i, chosen, 2]
             if lobes.kind[row] == DIELECTRIC:
                 x, y, z, _, is_tinted = at_glass(
-                    lobes, row, flight.media, i, nx, ny, nz, dx, dy, dz, is_front, rest
+                    lobes, row, flight.media, i, nx, ny, nz, dx, dy, dz, is_front, second, rest
                 )
                 share = lobes.weight[row] / chance
                 is_refracted = nx * x + ny * y + nz * z < 0.0

@@ -12,6 +12,7 @@ import math
 
 import numpy as np
 
+from hybrid_rt.integrators.contacts import Contacts
 from hybrid_rt.integrators.integrator import RenderContext
 from hybrid_rt.integrators.shooting import PHOTON_DIMENSION, Shooter, blocks_of, joined
 from hybrid_rt.intersection import Intersector
@@ -29,8 +30,9 @@ def make_shooter(scene: Scene, seed: int, max_depth: int = 16) -> Shooter:
     compiled = compile_scene(scene)
     tracer = Intersector(compiled.surfaces, threads=1)
     plan = make_plan(compiled, "ppm")
+    contacts = Contacts(compiled, tracer) if plan["contacts"] else None
     return Shooter(
-        RenderContext(compiled, tracer, Pool(1), plan, Sampler(seed), Ledger(), max_depth)
+        RenderContext(compiled, tracer, Pool(1), plan, Sampler(seed), Ledger(), max_depth), contacts
     )
 
 
