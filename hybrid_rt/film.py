@@ -60,6 +60,12 @@ def group_of(pass_number: UIntArray) -> tuple[UIntArray, UIntArray]:
     return group, turn * np.uint64(RUN) + place
 
 
+def pass_of(group: UIntArray, number: UIntArray) -> UIntArray:
+    """Return the passes that `group_of` takes apart."""
+    turn, place = np.divmod(number, np.uint64(RUN))
+    return (turn * np.uint64(GROUPS) + group) * np.uint64(RUN) + place
+
+
 class Film:
     """The sums of all passes so far, group by group.
 

@@ -12,8 +12,10 @@ from itertools import pairwise
 
 import numpy as np
 
+from hybrid_rt.film import pass_of
 from hybrid_rt.integrators.integrator import (
     FIRST_PATH_DIMENSION,
+    PIXEL_BITS,
     CameraBlock,
     Integrator,
     RenderContext,
@@ -194,10 +196,11 @@ class PathTracer(Integrator):
         """Add what comes from lit points: one is asked by one hit in a few."""
         hits, n = shading.hits, paths.camera_ray.size
         rays = shadow_rays(n)
+        number = pass_of(paths.pixel >> PIXEL_BITS, paths.sample).astype(np.int64)
         n_rays = join_lit_points(
             paths, self.context.scene.lobes, shading.material, shading.colors, hits.position,
             hits.normal, shading.geometric, shading.directions, hits.object_id, self._lit,
-            self._first_of_pass, self._first_pass, self._of_use, xi,
+            self._first_of_pass, number - self._first_pass, self._of_use, xi,
             self.context.max_depth - depth - 2, rays,
         )  # fmt: skip
         self._light.add_unblocked(rays, n_rays, radiance)

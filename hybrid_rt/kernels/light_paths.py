@@ -350,7 +350,7 @@ def sent_toward(lit, k, lobes, wx, wy, wz):
 @kernel
 def join_lit_points(
     paths, lobes, material, colors, position, normal, geometric, direction, object_id,
-    lit, first_of_pass, first_pass, of_use, xi, steps_left, out,
+    lit, first_of_pass, number, of_use, xi, steps_left, out,
 ):  # fmt: skip
     """Join hits of camera paths to lit points of their passes, by shadow rays.
 
@@ -359,7 +359,9 @@ def join_lit_points(
     paths : Paths
     material ... object_id : the hits
     first_of_pass : (passes + 1,) int64
-        The rows of ``lit`` that belong to each pass from ``first_pass`` on.
+        The rows of ``lit`` that belong to each pass.
+    number : (n,) int64
+        Which of those passes each hit belongs to.
     of_use : float
         Lit points that a light path leaves, as expected.
     xi : (n, 2) float64 in [0, 1)
@@ -379,8 +381,7 @@ def join_lit_points(
             continue
         if xi[i, 1] >= JOIN_CHANCE:
             continue
-        of_pass = int(paths.sample[i]) - first_pass
-        begin, end = first_of_pass[of_pass], first_of_pass[of_pass + 1]
+        begin, end = first_of_pass[number[i]], first_of_pass[number[i] + 1]
         if begin == end:
             continue
         k = min(begin + int(xi[i, 0] * (end - begin)), end - 1)

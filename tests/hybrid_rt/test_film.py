@@ -5,7 +5,15 @@ import numpy as np
 import pytest
 
 from hybrid_rt import film
-from hybrid_rt.film import Film, check_output, group_of, linear_to_srgb, save_image, srgb_to_linear
+from hybrid_rt.film import (
+    Film,
+    check_output,
+    group_of,
+    linear_to_srgb,
+    pass_of,
+    save_image,
+    srgb_to_linear,
+)
 
 IMAGE = np.random.default_rng(4).uniform(0, 1.2, (5, 7, 3)).astype(np.float32)
 
@@ -122,6 +130,7 @@ def test_errors_come_from_the_differences_between_groups():
 
 def test_groups_take_runs_of_four_passes_in_turn():
     group, sample = group_of(np.arange(40, dtype=np.uint64))
+    assert np.array_equal(pass_of(group, sample), np.arange(40))
     assert group.tolist() == [k for _ in range(3) for k in range(4) for _ in range(4)][:40]
     for k in range(4):
         assert sample[group == k].tolist() == list(range(np.count_nonzero(group == k)))
