@@ -26,6 +26,7 @@ _HOMES = {
     "Mirror": "materials",
     "Mix": "materials",
     "Object": "scene",
+    "PPMOptions": "integrators",
     "PathOptions": "integrators",
     "Phong": "materials",
     "Plane": "primitives",

@@ -7,9 +7,12 @@ from typing import Any
 
 import numpy as np
 
-from hybrid_rt.kernels.lobes import DIELECTRIC, LAST_SPREADING, METAL, MIRROR
+from hybrid_rt.kernels.lobes import DIELECTRIC, LAST_SPREADING, METAL, MIRROR, PHONG
 from hybrid_rt.scene import CompiledScene
 from hybrid_rt.textures.table import needs_lookup
+
+# Integrators that send photons out from the lights.
+WITH_PHOTONS = ("ppm",)
 
 
 @dataclass
@@ -112,4 +115,24 @@ def make_plan(scene: CompiledScene, integrator: str) -> Plan:
         "rays remember the clear bodies they are in",
         "no surface is a dielectric",
     )
+    if integrator in WITH_PHOTONS:
+        _plan_photons(plan, scene)
     return plan
+
+
+def _plan_photons(plan: Plan, scene: CompiledScene) -> None:
+    """Decide which photons a scene needs."""
+    kinds, shines = scene.lobes.kind, bool(scene.lights.chance.any())
+    gathers, throws = bool((kinds <= PHONG).any()), bool((kinds > PHONG).any())
+    plan.decide(
+        "photons",
+        gathers and shines,
+        "lights send photons to surfaces that spread light",
+        "no surface spreads light widely" if shines else "nothing shines",
+    )
+    plan.decide(
+        "aimed photons",
+        gathers and shines and throws,
+        "mirrors, metals or glass may throw caustics",
+        "nothing mirrors or refracts" if gathers and shines else "there are no photons",
+    )

@@ -15,7 +15,7 @@ from hybrid_rt.channels import check_names, compute_channels
 from hybrid_rt.film import Film, save_image
 from hybrid_rt.integrators import INTEGRATORS, OPTIONS, RenderContext
 from hybrid_rt.integrators.crew import TOGETHER, Crew
-from hybrid_rt.integrators.options import PathOptions
+from hybrid_rt.integrators.options import PathOptions, PPMOptions
 from hybrid_rt.intersection import Intersector
 from hybrid_rt.intersection.pool import Pool
 from hybrid_rt.limits import Clock, Limit
@@ -60,7 +60,7 @@ def render(
     max_depth: int = 16,
     accuracy: str = "certified",
     tolerance: float | None = None,
-    options: PathOptions | None = None,
+    options: PathOptions | PPMOptions | None = None,
     outputs: Sequence[str] = (),
     progress: Progress | None = None,
 ) -> RenderResult:
@@ -69,11 +69,13 @@ def render(
     Parameters
     ----------
     scene : Scene
-    integrator : "path" or "whitted"
+    integrator : "path", "whitted" or "ppm"
         "path": all light but what point lights throw through glass or off mirrors. "whitted":
-        direct light, mirrors and glass only.
+        direct light, mirrors and glass only. "ppm": all light, photons from the lights included;
+        blurred by discs that shrink from pass to pass.
     passes : int, optional
-        One pass is one sample per pixel. With neither limit given: 16.
+        One pass is one sample per pixel, and one set of photons ("ppm"). With neither limit
+        given: 16.
     time_budget : float, optional
         Wall seconds for all of this call but the compilation of kernels. At least one pass runs,
         and none is started that would end too late, judged by the slowest so far.
@@ -87,7 +89,7 @@ def render(
         what is lost is reported.
     accuracy, tolerance
         As `Intersector` takes them.
-    options : PathOptions, optional
+    options : PathOptions or PPMOptions, optional
         Settings of the integrator.
     outputs : sequence of str
         What else to find, as ``channels`` of the result: "depth", "position", "normal", "uv",
@@ -131,7 +133,7 @@ def render(
         context = RenderContext(
             compiled, tracer, Pool(1), plan, sampler, ledger, max_depth, options
         )
-        crew = Crew(context, n_threads, INTEGRATORS[integrator])
+        crew = INTEGRATORS[integrator](context, n_threads)
         film, stopped_by = _run_passes(crew, limit, clock, progress)
         crew.gather()
         channels = compute_channels(names, context, film)
@@ -149,10 +151,11 @@ def render(
         "width": scene.camera.width,
         "height": scene.camera.height,
     }
-    return RenderResult(film.image, _report(settings, context, film, clock, stopped_by), channels)
+    report = _report(settings, context, film, clock, stopped_by) | crew.report()
+    return RenderResult(film.image, report, channels)
 
 
-def _check_options(integrator: str, options: PathOptions | None) -> None:
+def _check_options(integrator: str, options: PathOptions | PPMOptions | None) -> None:
     expected = OPTIONS[integrator]
     if options is None or (expected is not None and isinstance(options, expected)):
         return

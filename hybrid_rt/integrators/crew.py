@@ -13,6 +13,7 @@ from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from dataclasses import replace
 from queue import SimpleQueue
+from typing import Any
 
 import numpy as np
 
@@ -62,14 +63,17 @@ class Crew:
         images = np.empty((len(passes), camera.height, camera.width, 3))
         rows = images.reshape(-1, 3)
         n = len(rows)
-        # At least four blocks a thread, so that a slow one does not hold up the others.
-        size = min(BLOCK, max(-(-n // (4 * len(self._integrators))), LEAST))
+        size = self._block_size(n)
         blocks = [(first, min(first + size, n)) for first in range(0, n, size)]
         for done, (first, stop, radiance) in enumerate(self._traced(passes, blocks), start=1):
             rows[first:stop] = radiance
             if on_rays is not None:
                 on_rays(min(done * size, n))
         yield from images
+
+    def _block_size(self, n: int) -> int:
+        # At least four blocks a thread, so that a slow one does not hold up the others.
+        return min(BLOCK, max(-(-n // (4 * len(self._integrators))), LEAST))
 
     def _traced(
         self, passes: range, blocks: list[tuple[int, int]]
@@ -97,6 +101,10 @@ class Crew:
                 yield future.result()
         finally:
             executor.shutdown(cancel_futures=True)
+
+    def report(self) -> dict[str, Any]:
+        """Return what the report of a render holds beside what all integrators count."""
+        return {}
 
     def gather(self) -> None:
         """Add up the counters of all threads in those of the first.

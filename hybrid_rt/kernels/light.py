@@ -138,7 +138,8 @@ def _surface_point(points, i, px, py, pz):
 
 
 @inlined
-def _strength(lights, textures, row, u, v, x, y, z):
+def light_strength(lights, textures, row, u, v, x, y, z):
+    """Return the radiance (intensity of a point) of a light at one of its points."""
     if lights.texture[row] < 0:
         return lights.strength[row, 0], lights.strength[row, 1], lights.strength[row, 2]
     return texture_color(textures, lights.texture[row], u, v, x, y, z)
@@ -204,11 +205,13 @@ def light_on_hits(
         if is_sky:
             p, q, s = sky_radiance(sky, x, y, z)
         elif lights.kind[row] == SURFACE:
-            p, q, s = _strength(
+            p, q, s = light_strength(
                 lights, textures, row, points.u[i], points.v[i], px + x, py + y, pz + z
             )
         else:
-            p, q, s = _strength(lights, textures, row, xi[i, 0], xi[i, 1], px + x, py + y, pz + z)
+            p, q, s = light_strength(
+                lights, textures, row, xi[i, 0], xi[i, 1], px + x, py + y, pz + z
+            )
         if strategy != UNWEIGHTED:
             chance = lights.chance[row]
             factor /= chance
@@ -284,7 +287,7 @@ def light_on_rays(
         if is_sky:
             r, g, b = sky_radiance(sky, x, y, z)
         else:
-            r, g, b = _strength(
+            r, g, b = light_strength(
                 lights, textures, row, u[i], v[i], position[i, 0], position[i, 1], position[i, 2]
             )
         radiance[i, 0], radiance[i, 1], radiance[i, 2] = weight * r, weight * g, weight * b
