@@ -29,6 +29,7 @@ _HOMES = {
     "PPMOptions": "integrators",
     "PathOptions": "integrators",
     "Phong": "materials",
+    "PhotonMapOptions": "integrators",
     "Plane": "primitives",
     "PointLight": "lights",
     "Rectangle": "primitives",

@@ -84,7 +84,10 @@ def _parser() -> argparse.ArgumentParser:
 
 def _add_render_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
-        "--integrator", default="path", metavar="I", help="path (default), whitted or ppm"
+        "--integrator",
+        default="path",
+        metavar="I",
+        help="path (default), whitted, ppm or photon_map",
     )
     parser.add_argument("--passes", type=int, metavar="N", help="samples per pixel (default 16)")
     parser.add_argument("--time-budget", type=float, metavar="S", help="stop after S seconds")

@@ -12,7 +12,7 @@ from hybrid_rt.scene import CompiledScene
 from hybrid_rt.textures.table import needs_lookup
 
 # Integrators that send photons out from the lights.
-WITH_PHOTONS = ("ppm",)
+WITH_PHOTONS = ("ppm", "photon_map")
 
 
 @dataclass
@@ -116,11 +116,11 @@ def make_plan(scene: CompiledScene, integrator: str) -> Plan:
         "no surface is a dielectric",
     )
     if integrator in WITH_PHOTONS:
-        _plan_photons(plan, scene)
+        _plan_photons(plan, scene, integrator)
     return plan
 
 
-def _plan_photons(plan: Plan, scene: CompiledScene) -> None:
+def _plan_photons(plan: Plan, scene: CompiledScene, integrator: str) -> None:
     """Decide which photons a scene needs."""
     kinds, shines = scene.lobes.kind, bool(scene.lights.chance.any())
     gathers, throws = bool((kinds <= PHONG).any()), bool((kinds > PHONG).any())
@@ -136,3 +136,10 @@ def _plan_photons(plan: Plan, scene: CompiledScene) -> None:
         "mirrors, metals or glass may throw caustics",
         "nothing mirrors or refracts" if gathers and shines else "there are no photons",
     )
+    if integrator == "photon_map":
+        plan.decide(
+            "caustic map",
+            gathers and shines and throws,
+            "photons straight from mirrors, metals and glass are kept apart",
+            "nothing mirrors or refracts" if gathers and shines else "there are no photons",
+        )

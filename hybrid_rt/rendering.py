@@ -13,9 +13,8 @@ from numpy.typing import NDArray
 from hybrid_rt import checks
 from hybrid_rt.channels import check_names, compute_channels
 from hybrid_rt.film import Film, save_image
-from hybrid_rt.integrators import INTEGRATORS, OPTIONS, RenderContext
+from hybrid_rt.integrators import INTEGRATORS, OPTIONS, Options, RenderContext
 from hybrid_rt.integrators.crew import TOGETHER, Crew
-from hybrid_rt.integrators.options import PathOptions, PPMOptions
 from hybrid_rt.intersection import Intersector
 from hybrid_rt.intersection.pool import Pool
 from hybrid_rt.limits import Clock, Limit
@@ -60,7 +59,7 @@ def render(
     max_depth: int = 16,
     accuracy: str = "certified",
     tolerance: float | None = None,
-    options: PathOptions | PPMOptions | None = None,
+    options: Options | None = None,
     outputs: Sequence[str] = (),
     progress: Progress | None = None,
 ) -> RenderResult:
@@ -69,13 +68,14 @@ def render(
     Parameters
     ----------
     scene : Scene
-    integrator : "path", "whitted" or "ppm"
+    integrator : "path", "whitted", "ppm" or "photon_map"
         "path": all light but what point lights throw through glass or off mirrors. "whitted":
         direct light, mirrors and glass only. "ppm": all light, photons from the lights included;
-        blurred by discs that shrink from pass to pass.
+        blurred by discs that shrink from pass to pass. "photon_map": all light, with a blur that
+        stays.
     passes : int, optional
-        One pass is one sample per pixel, and one set of photons ("ppm"). With neither limit
-        given: 16.
+        One pass is one sample per pixel, and one set of photons where there are any. With neither
+        limit given: 16.
     time_budget : float, optional
         Wall seconds for all of this call but the compilation of kernels. At least one pass runs,
         and none is started that would end too late, judged by the slowest so far.
@@ -89,7 +89,7 @@ def render(
         what is lost is reported.
     accuracy, tolerance
         As `Intersector` takes them.
-    options : PathOptions or PPMOptions, optional
+    options : PathOptions, PPMOptions or PhotonMapOptions, optional
         Settings of the integrator.
     outputs : sequence of str
         What else to find, as ``channels`` of the result: "depth", "position", "normal", "uv",
@@ -155,7 +155,7 @@ def render(
     return RenderResult(film.image, report, channels)
 
 
-def _check_options(integrator: str, options: PathOptions | PPMOptions | None) -> None:
+def _check_options(integrator: str, options: Options | None) -> None:
     expected = OPTIONS[integrator]
     if options is None or (expected is not None and isinstance(options, expected)):
         return

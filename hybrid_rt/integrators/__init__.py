@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 from hybrid_rt.integrators.crew import Crew
 from hybrid_rt.integrators.integrator import Integrator, RenderContext
-from hybrid_rt.integrators.options import PathOptions, PPMOptions
+from hybrid_rt.integrators.options import PathOptions, PhotonMapOptions, PPMOptions
 from hybrid_rt.integrators.path import PathTracer
 from hybrid_rt.integrators.whitted import Whitted
 
@@ -18,9 +18,15 @@ def _whitted(context: RenderContext, threads: int) -> Crew:
 
 
 def _ppm(context: RenderContext, threads: int) -> Crew:
-    from hybrid_rt.integrators.ppm import PhotonCrew, ProgressivePhotons
+    from hybrid_rt.integrators.ppm import ProgressiveCrew
 
-    return PhotonCrew(context, threads, ProgressivePhotons)
+    return ProgressiveCrew(context, threads)
+
+
+def _photon_map(context: RenderContext, threads: int) -> Crew:
+    from hybrid_rt.integrators.photon_map import MapCrew
+
+    return MapCrew(context, threads)
 
 
 # What makes the threads of a render: for each integrator, from the context and their number.
@@ -28,7 +34,24 @@ INTEGRATORS: dict[str, Callable[[RenderContext, int], Crew]] = {
     "path": _path,
     "whitted": _whitted,
     "ppm": _ppm,
+    "photon_map": _photon_map,
 }
-OPTIONS: dict[str, type | None] = {"path": PathOptions, "whitted": None, "ppm": PPMOptions}
+OPTIONS: dict[str, type | None] = {
+    "path": PathOptions,
+    "whitted": None,
+    "ppm": PPMOptions,
+    "photon_map": PhotonMapOptions,
+}
+# What `render` takes as options.
+Options = PathOptions | PPMOptions | PhotonMapOptions
 
-__all__ = ["INTEGRATORS", "OPTIONS", "Integrator", "PPMOptions", "PathOptions", "RenderContext"]
+__all__ = [
+    "INTEGRATORS",
+    "OPTIONS",
+    "Integrator",
+    "Options",
+    "PPMOptions",
+    "PathOptions",
+    "PhotonMapOptions",
+    "RenderContext",
+]

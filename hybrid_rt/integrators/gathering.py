@@ -1,14 +1,18 @@
-"""Light at points from the photons near them: sums over discs, exact however many there are.
+"""Light at points from the photons near them: sums over discs.
 
-The radius of a disc hangs on how densely photons fall around it: where the first photons lie close
-together it is small. Radii take one of four values at most, so that a tree of points is compared
-with the tree of photons by few calls of `scipy.spatial.cKDTree.sparse_distance_matrix`; before each
-call its pairs are bounded from above, and points are taken in parts small enough.
+Two ways to choose the disc. `Discs` are of given size, and the sum is exact however many photons
+there are: for progressive photon mapping. Their radius hangs on how densely the first photons fell
+around a point, and takes one of four values at most, so that a tree of points is compared with the
+tree of photons by few calls of `scipy.spatial.cKDTree.sparse_distance_matrix`; before each call
+its pairs are bounded from above, and points are taken in parts small enough. `Nearest` reach just
+as far as a given number of photons lie: Jensen's photon maps.
 """
 
 from __future__ import annotations
 
 import math
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -23,6 +27,8 @@ from hybrid_rt.records import FloatArray
 if TYPE_CHECKING:
     from scipy.spatial import cKDTree
 
+IdArray = NDArray[np.int64]
+
 # Radii of points take at most so many values.
 MOST_CLASSES = 4
 # Photons that the disc of the first pass holds where photons fall evenly: few, as radii only
@@ -34,14 +40,94 @@ WIDEST, NARROWEST = 0.03, 1e-6
 MOST_PAIRS = 2**20
 
 
-def shrunk(radius: FloatArray, pass_number: int, alpha: float) -> FloatArray:
-    """Return the radii of a pass: Knaus and Zwicker, "Progressive photon mapping", ToG 30(3), 2011.
+@dataclass(frozen=True)
+class Sums:
+    """Light that photons make at n points.
 
-    r_i^2 = r_1^2 Gamma(i + alpha) / (Gamma(1 + alpha) Gamma(i + 1)) with i = 1 in the first pass.
+    Attributes
+    ----------
+    value : (n, 3) float64
+        Radiance.
+    blur : (n, 3) float64
+        How much less discs of half the area would give.
+    near : (n,) int64
+        Photons that each sum has.
+    chosen : (n,) int64
+        One of them, chosen by what it adds; -1 where there is none.
+    """
+
+    value: FloatArray
+    blur: FloatArray
+    near: IdArray
+    chosen: IdArray
+
+
+class Field(ABC):
+    """Photons that have arrived, ready to be asked for the light they make.
+
+    Parameters
+    ----------
+    photons : Photons
+    lobes : LobeTable
+        Of the scene.
+    """
+
+    def __init__(self, photons: Photons, lobes: LobeTable) -> None:
+        from scipy.spatial import cKDTree
+
+        self.photons = photons
+        self._lobes = lobes
+        self._tree: cKDTree = cKDTree(photons.position)
+
+    def radiance(self, shading: Shading, xi: FloatArray) -> Sums:
+        """Return the light that photons make at points, through lobes that spread it widely.
+
+        Parameters
+        ----------
+        shading : Shading of n rows
+        xi : (n,) float64 in [0, 1)
+            Chooses one photon for each.
+        """
+        n = len(shading.hits)
+        sums = Sums(
+            np.zeros((n, 3)),
+            np.zeros((n, 3)),
+            np.zeros(n, dtype=np.int64),
+            np.full(n, -1, dtype=np.int64),
+        )
+        if len(self.photons.history):
+            self._gather(shading, xi.copy(), sums)
+        return sums
+
+    @abstractmethod
+    def _gather(self, shading: Shading, xi: FloatArray, sums: Sums) -> None:
+        """Find pairs of points and photons and `_add` them, all pairs of a point at once."""
+
+    def _add(
+        self,
+        pairs: tuple[IdArray, IdArray, FloatArray],
+        radius: FloatArray,
+        shading: Shading,
+        xi: FloatArray,
+        sums: Sums,
+    ) -> None:
+        hits, photons = shading.hits, self.photons
+        add_photons(
+            *pairs, radius, self._lobes, shading.material, shading.colors, hits.position,
+            hits.normal, shading.geometric, shading.directions, photons.direction, photons.normal,
+            photons.power, photons.position, sums.value, sums.blur, sums.near, xi, sums.chosen,
+        )  # fmt: skip
+
+
+def shrunk(pass_number: int, alpha: float) -> float:
+    """Return the radii of a pass, in those of the first.
+
+    Knaus and Zwicker, "Progressive photon mapping: a probabilistic approach", ToG 30(3), 2011:
+    r_i^2 = r_1^2 Gamma(i + alpha) / (Gamma(1 + alpha) Gamma(i + 1)), with i = 1 in the first pass.
     """
     i = pass_number + 1.0
-    log_share = math.lgamma(i + alpha) - math.lgamma(1.0 + alpha) - math.lgamma(i + 1.0)
-    return radius * math.exp(0.5 * log_share)
+    log_square = math.lgamma(i + alpha) - math.lgamma(1.0 + alpha) - math.lgamma(i + 1.0)
+    return math.exp(0.5 * log_square)
 
 
 class Radii:
@@ -110,92 +196,85 @@ class Radii:
         return np.searchsorted(self._edges, wanted).astype(np.intp)
 
 
-class PhotonField:
-    """Photons that have arrived, ready to be asked for the light they make.
+class Discs(Field):
+    """Discs of given size.
 
     Parameters
     ----------
-    photons : Photons
+    photons, lobes
+        See `Field`.
     radii : Radii
     shrink : float
         What multiplies the radii of the first pass.
-    lobes : LobeTable
-        Of the scene.
     """
 
-    def __init__(self, photons: Photons, radii: Radii, shrink: float, lobes: LobeTable) -> None:
-        from scipy.spatial import cKDTree
-
-        self.photons = photons
+    def __init__(self, photons: Photons, lobes: LobeTable, radii: Radii, shrink: float) -> None:
+        super().__init__(photons, lobes)
         self._radii = radii
         self._radius = shrink * radii.classes
-        self._lobes = lobes
-        self._tree = cKDTree(photons.position)
         # The slots of a table are about as many as photons, so few cells share one.
         n_slots = 2 ** max(math.ceil(math.log2(max(len(photons.history), 1))), 10)
         self._tables = np.zeros((self._radius.size, n_slots), dtype=np.int32)
         for radius, table in zip(self._radius, self._tables, strict=True):
             count_in_cells(photons.position, 2.0 * radius, table)
 
-    def radiance(
-        self, shading: Shading, xi: FloatArray
-    ) -> tuple[FloatArray, NDArray[np.int64], NDArray[np.int64]]:
-        """Return the light that photons make at points, through lobes that spread it widely.
-
-        Parameters
-        ----------
-        shading : Shading of n rows
-        xi : (n,) float64 in [0, 1)
-
-        Returns
-        -------
-        radiance : (n, 3) float64
-        near : (n,) int64
-            Photons that each sum has.
-        chosen : (n,) int64
-            One of them, chosen by xi and by what it adds; -1 where there is none.
-        """
-        hits = shading.hits
-        n = len(hits)
-        value, near = np.zeros((n, 3)), np.zeros(n, dtype=np.int64)
-        chosen, xi = np.full(n, -1, dtype=np.int64), xi.copy()
-        if len(self.photons.history) == 0:
-            return value, near, chosen
-        class_of = self._radii.classes_of(hits.position)
-        for number, radius in enumerate(self._radius):
-            rows = np.flatnonzero(class_of == number)
-            most = np.empty(rows.size, dtype=np.int64)
-            most_neighbours(hits.position[rows], radius, 2.0 * radius, self._tables[number], most)
-            rows, most = rows[most > 0], most[most > 0]
-            for part in _parts(most):
-                self._add(shading, rows[part], radius, value, near, xi, chosen)
-        return value, near, chosen
-
-    def _add(
-        self,
-        shading: Shading,
-        rows: NDArray[np.intp],
-        radius: float,
-        value: FloatArray,
-        near: NDArray[np.int64],
-        xi: FloatArray,
-        chosen: NDArray[np.int64],
-    ) -> None:
+    def _gather(self, shading: Shading, xi: FloatArray, sums: Sums) -> None:
         from scipy.spatial import cKDTree
 
-        hits, photons = shading.hits, self.photons
-        pairs: Any = cKDTree(hits.position[rows]).sparse_distance_matrix(
-            self._tree, radius, output_type="ndarray"
-        )
-        add_photons(
-            rows[pairs["i"]], pairs["j"], pairs["v"], radius, self._lobes, shading.material,
-            shading.colors, hits.position, hits.normal, shading.geometric, shading.directions,
-            photons.direction, photons.normal, photons.power, photons.position, value, near,
-            xi, chosen,
-        )  # fmt: skip
+        position = shading.hits.position
+        class_of = self._radii.classes_of(position)
+        radius = self._radius[class_of]
+        for number, reach in enumerate(self._radius):
+            rows = np.flatnonzero(class_of == number)
+            most = np.empty(rows.size, dtype=np.int64)
+            most_neighbours(position[rows], reach, 2.0 * reach, self._tables[number], most)
+            rows, most = rows[most > 0], most[most > 0]
+            for part in _parts(most):
+                some = rows[part]
+                pairs: Any = cKDTree(position[some]).sparse_distance_matrix(
+                    self._tree, reach, output_type="ndarray"
+                )
+                found = some[pairs["i"]], pairs["j"], pairs["v"]
+                self._add(found, radius, shading, xi, sums)
 
 
-def _parts(most: NDArray[np.int64]) -> list[slice]:
+class Nearest(Field):
+    """Discs that reach as far as a given number of photons lie, but no farther than a limit.
+
+    Parameters
+    ----------
+    photons, lobes
+        See `Field`.
+    nearest : int
+    limit : float
+        Scene units.
+    """
+
+    def __init__(self, photons: Photons, lobes: LobeTable, nearest: int, limit: float) -> None:
+        super().__init__(photons, lobes)
+        self._nearest = min(nearest, max(len(photons.history), 1))
+        self._limit = limit
+
+    def _gather(self, shading: Shading, xi: FloatArray, sums: Sums) -> None:
+        position = shading.hits.position
+        at_once = max(MOST_PAIRS // self._nearest, 1)
+        radius = np.full(len(position), self._limit)
+        for first in range(0, len(position), at_once):
+            stop = min(first + at_once, len(position))
+            found, number = self._tree.query(
+                position[first:stop], range(1, self._nearest + 1), distance_upper_bound=self._limit
+            )
+            distance = np.asarray(found, dtype=np.float64)
+            # Where fewer lie within the limit, the disc reaches to the limit. A disc within which
+            # all of them coincide still has a radius.
+            farthest = np.where(np.isfinite(distance[:, -1]), distance[:, -1], self._limit)
+            radius[first:stop] = np.maximum(farthest, NARROWEST * self._limit)
+            row, k = np.nonzero(np.isfinite(distance))
+            pairs = (first + row).astype(np.int64), np.asarray(number)[row, k], distance[row, k]
+            self._add(pairs, radius, shading, xi, sums)
+
+
+def _parts(most: IdArray) -> list[slice]:
     """Cut points into runs with few pairs each; a run has one point at least."""
     before = np.concatenate([[0], np.cumsum(most)])
     parts, first = [], 0

@@ -73,3 +73,24 @@ class PPMOptions:
             )
         if self.initial_radius is not None:
             checks.number(self.initial_radius, "PPMOptions initial_radius", above=0.0)
+
+
+@dataclass(frozen=True)
+class PhotonMapOptions:
+    """Settings of the integrator "photon_map".
+
+    Attributes
+    ----------
+    photons_per_pass : int
+        From 1 on: photons that leave all lights together; each pass has its own.
+    nearest : int
+        From 2 on: photons that an estimate is made from. More of them blur, fewer are noisy.
+    """
+
+    photons_per_pass: int = 500_000
+    nearest: int = 60
+
+    def __post_init__(self) -> None:
+        """Refuse what is out of range."""
+        checks.whole(self.photons_per_pass, "PhotonMapOptions photons_per_pass", at_least=1)
+        checks.whole(self.nearest, "PhotonMapOptions nearest", at_least=2)

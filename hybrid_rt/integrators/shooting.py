@@ -8,7 +8,8 @@ runs on through the passes, so both one pass and all of them together are spread
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from itertools import pairwise
 
 import numpy as np
 
@@ -16,24 +17,25 @@ from hybrid_rt.integrators.integrator import RenderContext
 from hybrid_rt.integrators.surface_light import SurfaceLight, largest_channel, named_points
 from hybrid_rt.kernels.emission import Launch, Targets, launch_from_light, launch_from_sky
 from hybrid_rt.kernels.light import POINT, RECTANGLE, SPHERE, LightPoints
-from hybrid_rt.kernels.lobes import DIELECTRIC, METAL
+from hybrid_rt.kernels.lobes import DIELECTRIC, LAST_SPREADING, METAL, PHONG
 from hybrid_rt.kernels.media import STACK, cross_media
 from hybrid_rt.kernels.photons import (
+    EMITTED,
+    TAKEN,
     Flight,
     Photons,
-    gathers_light,
     pack_flight,
     scatter_photons,
     store_photons,
 )
 from hybrid_rt.kernels.scatter import ABSORBED, LEFT, SCATTERED, SPECULAR, STOPPED
 from hybrid_rt.primitives import Plane, Rectangle, Sphere
-from hybrid_rt.records import BoolArray, FloatArray
+from hybrid_rt.records import BoolArray, FloatArray, IntArray
 from hybrid_rt.sampler import UIntArray
 from hybrid_rt.scene import NOTHING, CompiledScene
 
 # Photons that one thread follows at a time.
-AT_ONCE = 2**14
+AT_ONCE = 2**15
 
 # Dimensions of photons begin far beyond those of camera rays, those of the first photons of all,
 # which only find radii, farther still.
@@ -70,47 +72,30 @@ class Group:
 
 @dataclass
 class Balance:
-    """Power by what became of it, (3,) each; all photons of all passes added up."""
+    """What became of the power of all photons of all passes.
 
-    emitted: FloatArray
-    escaped: FloatArray
-    absorbed: FloatArray
-    lost: FloatArray
+    ``power`` (4, 3) has a row for what was emitted, what escaped, what surfaces and media
+    absorbed, and what was lost with the last direction that ``max_depth`` allows.
+    """
+
+    power: FloatArray = field(default_factory=lambda: np.zeros((4, 3)))
     n_emitted: int = 0
     n_stored: int = 0
 
-    @classmethod
-    def zero(cls) -> Balance:
-        """Return a balance of nothing."""
-        return cls(np.zeros(3), np.zeros(3), np.zeros(3), np.zeros(3))
-
     def add(self, other: Balance) -> None:
         """Add what another thread did."""
-        self.emitted += other.emitted
-        self.escaped += other.escaped
-        self.absorbed += other.absorbed
-        self.lost += other.lost
+        self.power += other.power
         self.n_emitted += other.n_emitted
         self.n_stored += other.n_stored
 
 
-def gathering_materials(scene: CompiledScene) -> BoolArray:
-    """Return which materials gather photons, (materials + 1,); the last row is for none."""
-    gathers = np.zeros(scene.lobes.first.size, dtype=np.bool_)
-    gathers_light(scene.lobes, gathers[:-1])
-    return gathers
-
-
-def specular_surfaces(scene: CompiledScene) -> list[int]:
-    """Return the surfaces that mirror or refract, by index."""
+def materials_with(scene: CompiledScene, last: int, least: int = 0) -> BoolArray:
+    """Return which materials have a lobe of these kinds, (materials + 1,); the last row has none."""
     kinds, first = scene.lobes.kind, scene.lobes.first
-    found = []
-    for i, material in enumerate(scene.material_of):
-        if material != NOTHING:
-            rows = kinds[first[material] : first[material + 1]]
-            if bool(((rows >= METAL) & (rows <= DIELECTRIC)).any()):
-                found.append(i)
-    return found
+    marks = np.zeros(first.size, dtype=np.bool_)
+    for m, (start, stop) in enumerate(pairwise(first)):
+        marks[m] = bool(((kinds[start:stop] >= least) & (kinds[start:stop] <= last)).any())
+    return marks
 
 
 class Shooter:
@@ -129,11 +114,12 @@ class Shooter:
 
     def __init__(self, context: RenderContext) -> None:
         self.context = context
-        self.balance = Balance.zero()
+        self.balance = Balance()
         scene = context.scene
         self.world = _world(scene)
         self._light = SurfaceLight(context)
-        self.gathers = gathering_materials(scene)
+        self.gathers = materials_with(scene, PHONG)
+        self._spreads = materials_with(scene, LAST_SPREADING)
         self._targets = Targets(np.zeros((0, 3)), np.zeros(0))
         if context.plan["aimed photons"]:
             self._targets = targets_of(scene)
@@ -188,7 +174,7 @@ class Shooter:
                         flight.media, scene.lobes, scene.glass_of, material, hits.front_face,
                         hits.t, flight.power,
                     )  # fmt: skip
-                    self.balance.absorbed += before - flight.power.sum(axis=0)
+                    self.balance.power[TAKEN] += before - flight.power.sum(axis=0)
                 # --- what they leave there
                 shading = self._light.shading(hits, flight.direction, material)
                 normal = shading.geometric if shading.geometric.size else hits.normal
@@ -200,21 +186,16 @@ class Shooter:
                     stored.append(Photons(*(column[:n_stored].copy() for column in out)))
                 # --- where they go next, and which ones stop
                 fate = np.empty(n, dtype=np.uint8)
-                before, escaped = flight.power.sum(axis=0), flight.power[~hits.hit].sum(axis=0)
                 step = dimension + PER_LAUNCH + PER_STEP * depth
                 scatter_photons(
                     scene.lobes, material, shading.colors, shading.hits.normal, shading.geometric,
-                    hits.position, hits.object_id, self._points(group, flight.number, step + DIRECTION),
+                    hits.position, hits.object_id, self._ways(group, flight, material, step),
                     self._points(group, flight.number, step + LOBE), depth < context.max_depth,
-                    flight, fate,
+                    flight, fate, self.balance.power,
                 )  # fmt: skip
-                lost = flight.power[fate == STOPPED].sum(axis=0)
                 onward = _new_flight(n, flight.media.shape[1])
                 n_onward = pack_flight(flight, fate, SCATTERED, onward)
                 flight = Flight(*(column[:n_onward] for column in onward))
-                self.balance.escaped += escaped
-                self.balance.lost += lost
-                self.balance.absorbed += before - escaped - lost - flight.power.sum(axis=0)
                 counts = np.bincount(fate, minlength=SPECULAR + 1)
                 context.ledger.ended["photons absorbed or by roulette"] += int(counts[ABSORBED])
                 context.ledger.ended["photons left or met a lamp"] += int(counts[LEFT])
@@ -230,8 +211,10 @@ class Shooter:
         number = np.arange(first, stop, dtype=np.uint64) + np.uint64(pass_number * group.n)
         place = self._points(group, number, dimension + PLACE)
         way = self._points(group, number, dimension + WAY)
-        choice = self._points(group, number, dimension + CHOICE)
         n = number.size
+        choice = np.zeros((n, 2))
+        if group.is_aimed and self._targets.radius.size > 1:
+            choice = self._points(group, number, dimension + CHOICE)
         launch = Launch(np.empty((n, 3)), np.empty((n, 3)), np.empty((n, 3)))
         source_id = np.full(n, NOTHING, dtype=np.int32)
         if group.light == scene.n_lights:
@@ -247,7 +230,7 @@ class Shooter:
                 way, choice, launch,
             )  # fmt: skip
         self.balance.n_emitted += n
-        self.balance.emitted += launch.power.sum(axis=0)
+        self.balance.power[EMITTED] += launch.power.sum(axis=0)
         sent = np.flatnonzero(largest_channel(launch.power) > 0.0)
         media = np.full((sent.size, STACK if self.context.plan["medium stack"] else 0), NOTHING)
         return Flight(
@@ -264,6 +247,14 @@ class Shooter:
         # A sequence has 2**32 points; beyond, the next one begins.
         sequence = (number >> np.uint64(32)) + np.uint64(group.number * 2**32)
         return self.context.sampler.points(sequence, dimension, number)
+
+    def _ways(self, group: Group, flight: Flight, material: IntArray, step: int) -> FloatArray:
+        """Return the numbers that choose directions, for the photons that may need them."""
+        xi = np.zeros((material.size, 2))
+        rows = np.flatnonzero(self._spreads[material])
+        if rows.size:
+            xi[rows] = self._points(group, flight.number[rows], step + DIRECTION)
+        return xi
 
     def _surface_points(self, light: int, xi: FloatArray) -> LightPoints:
         chooser = self.context.scene.shining.get(light)
@@ -288,7 +279,8 @@ def blocks_of(groups: list[Group]) -> list[tuple[Group, int, int]]:
 def targets_of(scene: CompiledScene) -> Targets:
     """Return balls around all that throws caustics, but for what has no end."""
     balls: list[tuple[FloatArray, float]] = []
-    for i in specular_surfaces(scene):
+    throws = materials_with(scene, DIELECTRIC, least=METAL)
+    for i in np.flatnonzero(throws[scene.material_of]):
         surface = scene.surfaces[i]
         if isinstance(surface, Plane):
             continue

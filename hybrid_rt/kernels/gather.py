@@ -58,24 +58,19 @@ def most_neighbours(position, radius, width, table, most):
         most[i] = total
 
 
-@inlined
-def _kernel_weight(square, radius):
-    """Return Epanechnikov's kernel on a disc: its integral is one, its mean squared error least."""
-    ratio = square / (radius * radius)
-    return 2.0 * (1.0 - ratio) / (math.pi * radius * radius) if ratio < 1.0 else 0.0
-
-
 @kernel
 def add_photons(
     row, photon, distance, radius, lobes, material, colors, position, normal, geometric, direction,
-    photon_direction, photon_normal, photon_power, photon_position, value, near, xi, chosen,
+    photon_direction, photon_normal, photon_power, photon_position, value, blur, near, xi, chosen,
 ):  # fmt: skip
     """Add the radiance that photons make to ``value`` (n, 3) of the points they are near.
 
     Parameters
     ----------
     row, photon, distance : (pairs,)
-        A point, a photon within ``radius`` of it, and how far apart they are.
+        A point, a photon near it, and how far apart they are.
+    radius : (n,) float64
+        Of the disc of each point.
     material, colors, position, normal, direction : (n, ...)
         Of the points, as for `hybrid_rt.kernels.light.light_on_hits`; only lobes up to `PHONG`
         count.
@@ -84,6 +79,8 @@ def add_photons(
     photon_direction, photon_normal, photon_power : (photons, 3) float32
     photon_position : (photons, 3) float64
     value : (n, 3) float64, changed
+    blur : (n, 3) float64, changed
+        How much less a disc of half the area would give: what the blur of this one is known by.
     near : (n,) int64, changed
         Photons that counted.
     xi : (n,) float64 in [0, 1), changed
@@ -93,10 +90,11 @@ def add_photons(
     """
     for p in range(row.size):
         i, j = row[p], photon[p]
-        square = distance[p] * distance[p]
-        weight = _kernel_weight(square, radius)
-        if weight == 0.0:
+        ratio = (distance[p] / radius[i]) ** 2
+        if ratio >= 1.0:
             continue
+        # Epanechnikov's kernel: its integral over the disc is one, its mean squared error least.
+        weight = 2.0 * (1.0 - ratio) / (math.pi * radius[i] * radius[i])
         if geometric.shape[0]:
             gx, gy, gz = geometric[i, 0], geometric[i, 1], geometric[i, 2]
         else:
@@ -120,7 +118,7 @@ def add_photons(
             + gy * (photon_position[j, 1] - position[i, 1])
             + gz * (photon_position[j, 2] - position[i, 2])
         )
-        if abs(height) > LARGEST_HEIGHT * radius:
+        if abs(height) > LARGEST_HEIGHT * radius[i]:
             continue
         r, g, b, _ = scattered(
             lobes, material[i], colors, i, normal[i, 0], normal[i, 1], normal[i, 2],
@@ -133,6 +131,10 @@ def add_photons(
         value[i, 0] += r
         value[i, 1] += g
         value[i, 2] += b
+        less = 1.0 - max(2.0 * (1.0 - 2.0 * ratio) / (1.0 - ratio), 0.0)
+        blur[i, 0] += less * r
+        blur[i, 1] += less * g
+        blur[i, 2] += less * b
         near[i] += 1
         # Each one takes the place of those before it with its share of the sum so far; the number
         # that decides is made even again.

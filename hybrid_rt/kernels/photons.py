@@ -19,6 +19,9 @@ from hybrid_rt.kernels.lobes import (
 from hybrid_rt.kernels.scatter import ABSORBED, LEFT, SCATTERED, SPECULAR, STOPPED, at_glass
 from meshing.kernels.jit import inlined, kernel
 
+# Rows of a tally of power.
+EMITTED, ESCAPED, TAKEN, LOST = 0, 1, 2, 3
+
 # What a photon has met on its way, one bit each.
 MET_SPECULAR, MET_SPREADING = 1, 2
 
@@ -60,16 +63,6 @@ def _adjoint(geometric, i, nx, ny, nz, dx, dy, dz, x, y, z):
 
 
 @kernel
-def gathers_light(lobes, gathers):
-    """Mark the materials (n,) whose lobes spread light widely: there photons are stored."""
-    for m in range(gathers.size):
-        gathers[m] = False
-        for row in range(lobes.first[m], lobes.first[m + 1]):
-            if lobes.kind[row] <= PHONG:
-                gathers[m] = True
-
-
-@kernel
 def store_photons(flight, material, gathers, least_history, position, normal, out):
     """Copy photons that have arrived at surfaces that gather; return how many.
 
@@ -95,7 +88,7 @@ def store_photons(flight, material, gathers, least_history, position, normal, ou
 @kernel
 def scatter_photons(
     lobes, material, colors, normal, geometric, position, object_id, xi, choice, goes_on, flight,
-    fate,
+    fate, tally,
 ):  # fmt: skip
     """Send each photon on in one direction, or end it, by chance and without bias.
 
@@ -115,9 +108,15 @@ def scatter_photons(
         Whether photons may take a further direction at all; if not, power is what is lost.
     flight : Flight of n rows, changed
     fate : (n,) uint8, written
+    tally : (4, 3) float64, changed
+        Power that escaped, was absorbed, was lost with the last direction: rows `ESCAPED`,
+        `TAKEN`, `LOST` grow.
     """
     for i in range(material.size):
         fate[i] = LEFT
+        ends_in = ESCAPED if object_id[i] < 0 else TAKEN
+        for k in range(3):
+            tally[ends_in, k] += flight.power[i, k]
         if material[i] < 0:
             continue
         fate[i] = ABSORBED
@@ -181,6 +180,10 @@ def scatter_photons(
                 continue
             r, g, b = r / survival, g / survival, b / survival
         power[i, 0], power[i, 1], power[i, 2] = r, g, b
+        for k in range(3):
+            tally[TAKEN, k] -= power[i, k]
+            if fate[i] == STOPPED:
+                tally[LOST, k] += power[i, k]
         if fate[i] == STOPPED:
             continue
         fate[i] = ending

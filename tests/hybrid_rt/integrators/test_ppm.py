@@ -9,8 +9,11 @@ import pytest
 from scipy import stats
 
 from hybrid_rt.camera import Camera
-from hybrid_rt.integrators import PPMOptions, ppm
+from hybrid_rt.integrators import PPMOptions, gathering, photon_crew
 from hybrid_rt.integrators.gathering import shrunk
+from hybrid_rt.integrators.surface_light import NO_NORMALS, Shading, named_points
+from hybrid_rt.kernels.lobes import LobeTable
+from hybrid_rt.kernels.photons import Photons
 from hybrid_rt.lights import GradientSky, PointLight, RectangleLight, SphereLight
 from hybrid_rt.materials import Dielectric, Emissive, Lambertian, Metal, Mirror, Mix, Phong
 from hybrid_rt.primitives import Box, Plane, Rectangle, Sphere
@@ -100,7 +103,7 @@ class TestBalance:
 def test_radius_sequence_of_knaus_and_zwicker():
     """r_{i+1}^2 / r_i^2 = (i + alpha) / (i + 1)."""
     alpha = 0.6
-    squares = np.array([shrunk(np.ones(1), i, alpha)[0] ** 2 for i in range(6)])
+    squares = np.array([shrunk(i, alpha) ** 2 for i in range(6)])
     assert squares[0] == pytest.approx(1.0)
     i = np.arange(1, 6)
     np.testing.assert_allclose(squares[1:] / squares[:-1], (i + alpha) / (i + 1), rtol=1e-12)
@@ -183,20 +186,15 @@ def test_passes_are_functions_of_their_numbers():
 
 def test_a_million_photons_in_one_point_need_little_memory(monkeypatch):
     """Pairs are cut into parts: never more together than asked for, whatever coincides."""
-    from hybrid_rt.integrators import gathering
-    from hybrid_rt.integrators.surface_light import NO_NORMALS, Shading, named_points
-    from hybrid_rt.kernels.lobes import LobeTable
-    from hybrid_rt.kernels.photons import Photons
-
     n, points = 100_000, 50
     position = np.zeros((n, 3))
     down = np.tile(np.array([0, 0, -1], np.float32), (n, 1))
     power = np.full((n, 3), 1.0 / n, np.float32)
-    field = gathering.PhotonField(
+    field = gathering.Discs(
         Photons(position, down, -down, power, np.ones(n, np.uint8)),
-        gathering.Radii.fixed(0.5), 1.0,
         LobeTable(np.zeros(1, np.int32), np.zeros(1, np.int32), np.zeros((1, 6)), np.ones(1),
                   np.array([0, 1], np.int32)),
+        gathering.Radii.fixed(0.5), 1.0,
     )  # fmt: skip
     monkeypatch.setattr(gathering, "MOST_PAIRS", 3 * n)
     seen = []
@@ -209,14 +207,14 @@ def test_a_million_photons_in_one_point_need_little_memory(monkeypatch):
         replace(hits, normal=normal), -normal, np.zeros(points, np.int32),
         np.ones((points, 1, 3)), NO_NORMALS,
     )  # fmt: skip
-    value, near, chosen = field.radiance(shading, np.linspace(0, 1, points, endpoint=False))
+    sums = field.radiance(shading, np.linspace(0, 1, points, endpoint=False))
     assert max(seen) <= 3 * n
-    np.testing.assert_array_equal(near, n)
+    np.testing.assert_array_equal(sums.near, n)
     # All photons are equal, so they are chosen evenly.
-    assert stats.kstest(chosen / n, "uniform").pvalue > ALARM
+    assert stats.kstest(sums.chosen / n, "uniform").pvalue > ALARM
     # All power in the middle of the kernel: its height there, times 1 / pi.
     expected = 2 / (math.pi * 0.25) / math.pi
-    np.testing.assert_allclose(value, expected, rtol=1e-6)
+    np.testing.assert_allclose(sums.value, expected, rtol=1e-6)
 
 
 class TestPlan:
@@ -227,7 +225,7 @@ class TestPlan:
         def used(*_args, **_kwargs):
             raise AssertionError("photons were shot")
 
-        monkeypatch.setattr(ppm.PhotonCrew, "_shot", used)
+        monkeypatch.setattr(photon_crew.PhotonCrew, "_shot", used)
         dark = photons(Scene(self.view(), [floor()]))
         assert not dark.image.any()
         assert dark.report["photons"]["emitted"] == 0
