@@ -90,6 +90,9 @@ def _add_render_options(parser: argparse.ArgumentParser) -> None:
         help="path (default), whitted, ppm or photon_map",
     )
     parser.add_argument("--passes", type=int, metavar="N", help="samples per pixel (default 16)")
+    parser.add_argument(
+        "--photons", type=int, metavar="N", help="photons of a pass (ppm, photon_map)"
+    )
     parser.add_argument("--time-budget", type=float, metavar="S", help="stop after S seconds")
     parser.add_argument("--seed", type=int, default=0, metavar="S")
     parser.add_argument("--threads", type=int, metavar="N", help="default: all cores")
@@ -159,6 +162,7 @@ def _render(scene: Scene, name: str, options: argparse.Namespace) -> None:
             threads=options.threads,
             accuracy=options.accuracy,
             tolerance=options.tolerance,
+            options=_photon_options(options),
             outputs=[name for name in options.outputs.split(",") if name],
             progress=progress,
         )
@@ -169,6 +173,18 @@ def _render(scene: Scene, name: str, options: argparse.Namespace) -> None:
     for path in outputs:
         result.save(path, options.exposure)
         _say(f"{path}  ({_summary(result.report)})")
+
+
+def _photon_options(options: argparse.Namespace) -> Any:
+    """Return settings for the number of photons asked for, or None."""
+    if options.photons is None:
+        return None
+    from hybrid_rt.integrators import PhotonMapOptions, PPMOptions
+
+    of_integrator = {"ppm": PPMOptions, "photon_map": PhotonMapOptions}
+    if options.integrator not in of_integrator:
+        raise ValueError(f"--photons: integrator {options.integrator!r} has none; use ppm")
+    return of_integrator[options.integrator](photons_per_pass=options.photons)
 
 
 def _run_demo(options: argparse.Namespace) -> None:

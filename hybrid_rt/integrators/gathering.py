@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from hybrid_rt.camera import Camera
 from hybrid_rt.integrators.surface_light import Shading
 from hybrid_rt.kernels.gather import add_photons, count_in_cells, most_neighbours
 from hybrid_rt.kernels.lobes import LobeTable
@@ -34,6 +35,8 @@ MOST_CLASSES = 4
 # Photons that the disc of the first pass holds where photons fall evenly: few, as radii only
 # shrink as the sixth root of the number of passes, and noise falls by itself.
 NEAREST = 12
+# Pixels that the radius of a disc spans at least in the first pass.
+PIXELS = 1.0
 # A radius is this share of the scene's size at most and at least, in the first pass.
 WIDEST, NARROWEST = 0.03, 1e-6
 # Pairs of points and photons looked at together; a pair takes 24 bytes.
@@ -159,7 +162,9 @@ class Radii:
         return cls(np.array([radius]), np.zeros((0, 3)), np.zeros(0))
 
     @classmethod
-    def of(cls, photons: Photons, share: float, extent: float, threads: int) -> Radii:
+    def of(
+        cls, photons: Photons, share: float, camera: Camera, extent: float, threads: int
+    ) -> Radii:
         """Return radii by the distances between photons.
 
         Parameters
@@ -168,6 +173,8 @@ class Radii:
             The first ones.
         share : float
             Their number over that of a pass.
+        camera : Camera
+            Discs smaller than its pixels would leave out photons and show nothing finer.
         extent : float
             Size of the scene: the radius where hardly any photon falls is a part of it.
         threads : int
@@ -182,6 +189,8 @@ class Radii:
         distance = np.asarray(found, dtype=np.float64)[:, 0]
         # Where many photons fall in one point the distance is zero, and no radius may be.
         radius = distance * math.sqrt(NEAREST * share / wanted)
+        away = np.linalg.norm(position - camera.look_from, axis=1)
+        radius = np.maximum(radius, PIXELS * camera.pixel_size * away)
         radius = np.clip(radius, NARROWEST * extent, WIDEST * extent)
         low, high = np.quantile(radius, [0.02, 0.98])
         n_classes = min(MOST_CLASSES, 1 + math.ceil(math.log2(max(high / low, 1.0))))

@@ -51,7 +51,9 @@ class ProgressiveCrew(PhotonCrew):
         self._forget_balance()
         with self.context.ledger.stage("photon tree"):
             extent = 2.0 * float(self._lookers[0].shooter.world[3])
-            return Radii.of(photons, n / options.photons_per_pass, extent, self._threads)
+            share = n / options.photons_per_pass
+            camera = self.context.scene.camera
+            return Radii.of(photons, share, camera, extent, self._threads)
 
     def _about(self) -> dict[str, Any]:
         first = [] if self._radii is None else self._radii.classes.tolist()
