@@ -9,13 +9,13 @@ noise than by photons and no blur, so photons count from their second flight on.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from hybrid_rt.integrators.gathering import Field
+from hybrid_rt.integrators.gathering import Field, Points
 from hybrid_rt.integrators.integrator import (
     FIRST_PATH_DIMENSION,
     CameraBlock,
@@ -38,8 +38,17 @@ from hybrid_rt.kernels.pack import Paths, add_products, pack_paths
 from hybrid_rt.kernels.scatter import ABSORBED, LEFT, SCATTERED, SPECULAR, STOPPED, scatter
 from hybrid_rt.records import FloatArray, HitRecord, IntArray
 
-# What the low-discrepancy points of one step are for; from TO_PHOTON on one for each field.
-TO_LIGHT, TO_LIGHT_METAL, DIRECTION, CHOICE, TO_PHOTON, PER_STEP = 0, 1, 2, 3, 4, 6
+# What the low-discrepancy points of one step are for.
+TO_LIGHT, TO_LIGHT_METAL, DIRECTION, CHOICE, TO_PHOTON, PER_STEP = 0, 1, 2, 3, 4, 5
+
+
+@dataclass(frozen=True)
+class _Waiting:
+    """Points that are still to gather photons: for which camera ray, and how much it counts."""
+
+    camera_ray: NDArray[np.int64]
+    throughput: FloatArray
+    points: Points
 
 
 class Looker(Integrator):
@@ -78,6 +87,7 @@ class Looker(Integrator):
     def _radiance(self, block: CameraBlock) -> FloatArray:
         radiance, blur = np.zeros_like(block.directions), np.zeros_like(block.directions)
         paths = self._leaving_camera(block)
+        waiting: list[_Waiting] = []
         for depth in range(self.context.max_depth + 1):
             # --- where the rays arrive
             source = named_points(paths.source_id, paths.origins) if depth else None
@@ -90,15 +100,17 @@ class Looker(Integrator):
                 arriving = self._light.arriving(hits, paths.origins, paths.directions, paths.pdf)
                 add_products(paths.camera_ray, paths.throughput, arriving, radiance)
                 shading = self._light.shading(hits, paths.directions, material)
-                # --- surfaces that spread light widely: lights asked, photons counted
+                # --- surfaces that spread light widely: lights are asked, photons later
                 wide = np.flatnonzero(self.shooter.gathers[material])
                 if wide.size:
-                    self._gather(paths, shading, wide, depth, radiance, blur)
+                    waiting.append(self._look(paths, shading, wide, depth, radiance))
                 # --- where they go next by mirrors, metals and glass, and which ones stop
                 paths = self._onward(paths, shading, depth, radiance)
             if paths.camera_ray.size == 0:
                 break
-        if self.fields:
+        # --- photons near all these places: few large questions are answered faster
+        if self.fields and waiting:
+            self._gather(waiting, radiance, blur)
             self.blur[block.pixel] = blur
         return radiance
 
@@ -131,36 +143,48 @@ class Looker(Integrator):
                 paths.throughput,
             )  # fmt: skip
 
-    def _gather(
+    def _look(
         self,
         paths: Paths,
         shading: Shading,
         rows: NDArray[np.intp],
         depth: int,
         radiance: FloatArray,
-        blur: FloatArray,
-    ) -> None:
-        """Add straight light and that of photons at some of the hits."""
+    ) -> _Waiting:
+        """Add straight light at some of the hits; return them as points to gather photons at."""
         there = Paths(*(column[rows] for column in paths))
         wide = _rows_of(shading, rows, self._is_wide)
         if self._asks_lights:
             xi = self._points(there, depth, TO_LIGHT)
             self._wide.from_one(wide, there.camera_ray, there.throughput, xi, radiance)
-        for number, field in enumerate(self.fields):
+        points = Points(
+            wide.hits.position,
+            wide.hits.normal,
+            wide.directions,
+            wide.geometric,
+            wide.material,
+            wide.colors,
+            np.ascontiguousarray(self._points(there, depth, TO_PHOTON)[:, 0]),
+        )
+        return _Waiting(there.camera_ray, there.throughput, points)
+
+    def _gather(self, waiting: list[_Waiting], radiance: FloatArray, blur: FloatArray) -> None:
+        """Add the light of photons at all points of a block."""
+        camera_ray = np.concatenate([part.camera_ray for part in waiting])
+        throughput = np.concatenate([part.throughput for part in waiting])
+        points = Points.joined([part.points for part in waiting])
+        for field in self.fields:
             with self.context.ledger.stage("gather"):
-                xi = self._points(there, depth, TO_PHOTON + number)
-                sums = field.radiance(wide, np.ascontiguousarray(xi[:, 0]))
-            hidden = self._hidden(wide, field, sums.chosen)
+                sums = field.radiance(points)
+            hidden = self._hidden(points, field, sums.chosen)
             sums.value[hidden] = sums.blur[hidden] = 0.0
-            add_products(there.camera_ray, there.throughput, sums.value, radiance)
-            add_products(there.camera_ray, there.throughput, sums.blur, blur)
-            self.n_points += rows.size
+            add_products(camera_ray, throughput, sums.value, radiance)
+            add_products(camera_ray, throughput, sums.blur, blur)
+            self.n_points += camera_ray.size
             self.n_gathered += int(sums.near.sum())
             self.n_without += int(np.count_nonzero(sums.near == 0))
 
-    def _hidden(
-        self, shading: Shading, field: Field, chosen: NDArray[np.int64]
-    ) -> NDArray[np.intp]:
+    def _hidden(self, points: Points, field: Field, chosen: NDArray[np.int64]) -> NDArray[np.intp]:
         """Return the points whose photons lie behind walls.
 
         Whether one photon does, chosen by its part in the sum, decides for the whole sum: right in
@@ -169,11 +193,11 @@ class Looker(Integrator):
         rows = np.flatnonzero(chosen >= 0)
         if rows.size == 0:
             return rows
-        hits, photons = shading.hits, field.photons
-        normal = shading.geometric if shading.geometric.size else hits.normal
+        photons = field.photons
+        normal = points.geometric if points.geometric.size else points.normal
         origin, way = np.empty((rows.size, 3)), np.empty((rows.size, 3))
         segments_to_photons(
-            rows, hits.position, normal, shading.directions, chosen, photons.position,
+            rows, points.position, normal, points.direction, chosen, photons.position,
             photons.normal, origin, way,
         )  # fmt: skip
         apart = np.flatnonzero(way.any(axis=1))

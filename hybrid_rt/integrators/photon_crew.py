@@ -19,9 +19,10 @@ from hybrid_rt.integrators.shooting import Balance, Group, Shooter, blocks_of, j
 from hybrid_rt.kernels.photons import MET_SPECULAR, Photons
 from hybrid_rt.records import FloatArray
 
-# Camera rays that one thread follows and gathers for at a time. The order of the sums over photons
-# hangs on it, so it is the same for any number of threads.
-CAMERA_RAYS_AT_ONCE = 2**13
+# Camera rays that one thread follows and gathers for at a time: many, as trees of many points are
+# compared faster, but a sixteenth of a pass at most, for the threads to share. The order of the
+# sums over photons hangs on this number, so it is the same for any number of threads.
+FEWEST_RAYS, MOST_RAYS, SHARE_OF_RAYS = 2**12, 2**15, 16
 
 
 class PhotonCrew(Crew):
@@ -76,8 +77,7 @@ class PhotonCrew(Crew):
             self._n_passes += 1
 
     def _block_size(self, n: int) -> int:
-        del n
-        return CAMERA_RAYS_AT_ONCE
+        return min(max(-(-n // SHARE_OF_RAYS), FEWEST_RAYS), MOST_RAYS)
 
     def _shot(self, n: int, pass_number: int, dimension: int) -> Photons:
         """Shoot the photons of a pass, in one order whatever the number of threads."""

@@ -93,7 +93,8 @@ class Bench:
             return counts
 
         with ThreadPoolExecutor(workers) as executor:
-            return np.sum(list(executor.map(work, range(workers))), axis=0)
+            total: NDArray[np.int64] = np.sum(list(executor.map(work, range(workers))), axis=0)
+        return total
 
     def picture(
         self,

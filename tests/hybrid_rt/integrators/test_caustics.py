@@ -86,9 +86,7 @@ def test_paraboloid_makes_light_parallel():
     profile = [(0, 0), (0, rim / 2), (depth, rim)]
     bowl = SurfaceOfRevolution(profile, (0, 0, 3), (0, 0, -1))
     lamp = PointLight((0, 0, 3 - focus), 2.0)
-    scene = Scene(
-        VIEW, [Object(plane(), Lambertian(0.5)), Object(bowl, Mirror(), "bowl")], [lamp]
-    )
+    scene = Scene(VIEW, [Object(plane(), Lambertian(0.5)), Object(bowl, Mirror(), "bowl")], [lamp])
     n = 40_000
     photons = all_photons(make_shooter(scene, 2, max_depth=1), n, 0)
     mirrored = photons.history == MET_SPECULAR

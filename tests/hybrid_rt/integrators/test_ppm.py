@@ -1,7 +1,6 @@
 """Photons against what is known: balances, furnaces, geometric optics, and path tracing."""
 
 import math
-from dataclasses import replace
 from typing import ClassVar
 
 import numpy as np
@@ -11,7 +10,7 @@ from scipy import stats
 from hybrid_rt.camera import Camera
 from hybrid_rt.integrators import PPMOptions, gathering, photon_crew
 from hybrid_rt.integrators.gathering import shrunk
-from hybrid_rt.integrators.surface_light import NO_NORMALS, Shading, named_points
+from hybrid_rt.integrators.surface_light import NO_NORMALS
 from hybrid_rt.kernels.lobes import LobeTable
 from hybrid_rt.kernels.photons import Photons
 from hybrid_rt.lights import GradientSky, PointLight, RectangleLight, SphereLight
@@ -200,14 +199,18 @@ def test_a_million_photons_in_one_point_need_little_memory(monkeypatch):
     seen = []
     add = gathering.add_photons
     monkeypatch.setattr(gathering, "add_photons", lambda *a: (seen.append(a[0].size), add(*a))[1])
-    hits = named_points(np.zeros(points, np.int32), np.zeros((points, 3)))
-    hits.normal.setflags(write=True)
     normal = np.tile([0.0, 0, 1], (points, 1))
-    shading = Shading(
-        replace(hits, normal=normal), -normal, np.zeros(points, np.int32),
-        np.ones((points, 1, 3)), NO_NORMALS,
-    )  # fmt: skip
-    sums = field.radiance(shading, np.linspace(0, 1, points, endpoint=False))
+    sums = field.radiance(
+        gathering.Points(
+            np.zeros((points, 3)),
+            normal,
+            -normal,
+            NO_NORMALS,
+            np.zeros(points, np.int32),
+            np.ones((points, 1, 3)),
+            np.linspace(0, 1, points, endpoint=False),
+        )
+    )
     assert max(seen) <= 3 * n
     np.testing.assert_array_equal(sums.near, n)
     # All photons are equal, so they are chosen evenly.
