@@ -33,7 +33,7 @@ Pairs = tuple[NDArray[np.intp], NDArray[np.intp], FloatArray]
 MOST_CLASSES = 4
 # Photons that the disc of the first pass holds where photons fall evenly: few, as radii only
 # shrink as the sixth root of the number of passes, and noise falls by itself.
-NEAREST = 12
+NEAREST = 24
 # Pixels that the radius of a disc spans at least in the first pass.
 PIXELS = 1.0
 # A radius is this share of the scene's size at most and at least, in the first pass.
