@@ -162,9 +162,9 @@ class TestAgainstPaths:
             return image.astype(float).reshape(4, 8, 4, 8, 3).mean(axis=(1, 3))
 
         # Independent renders tell the spread of each method by themselves.
-        a = np.stack([patches("path", seed, passes=32) for seed in range(4)])
+        a = np.stack([patches("path", seed, passes=24) for seed in range(4)])
         b = np.stack(
-            [patches("ppm", seed, passes=8, options=PPMOptions(20_000)) for seed in range(4)]
+            [patches("ppm", seed, passes=6, options=PPMOptions(12_000)) for seed in range(4)]
         )
         gap = a.mean(axis=0) - b.mean(axis=0)
         error = np.sqrt((a.var(axis=0, ddof=1) + b.var(axis=0, ddof=1)) / 4)
@@ -218,7 +218,7 @@ def test_passes_are_functions_of_their_numbers():
 
 def test_a_million_photons_in_one_point_need_little_memory(monkeypatch):
     """Pairs are cut into parts: never more together than asked for, whatever coincides."""
-    n, points = 100_000, 50
+    n, points = 1_000_000, 7
     position = np.zeros((n, 3))
     down = np.tile(np.array([0, 0, -1], np.float32), (n, 1))
     power = np.full((n, 3), 1.0 / n, np.float32)
