@@ -21,10 +21,10 @@ ROOT = Path(__file__).parents[1]
 PAGE, PICTURES, RECORD = "gallery.md", "gallery", "gallery.json"
 HEAD = """# Gallery
 
-Every scene of the project, by `python tools/gallery.py --seconds {seconds:g}` with {threads} threads. Error:
-root mean square of the standard errors of all pixels, in units of radiance, from the differences
-between passes; where photons are gathered, the estimated blur comes beside it. The pictures are
-small, so that a page holds them; every script renders larger ones.
+Every scene of the project, by `python tools/gallery.py`, on a busy machine. Error: root mean square of
+the standard errors of all pixels, in units of radiance, from the differences between passes; where
+photons are gathered, the estimated blur comes beside it. The pictures are small, so that a page
+holds them; every script renders larger ones.
 """
 
 
@@ -47,8 +47,7 @@ def main() -> int:
             record[script.stem] = show(script, args)
             print(row(script.stem, record[script.stem]), flush=True)
     record_file.write_text(json.dumps(record, indent=2) + "\n", "utf-8")
-    page = HEAD.format(seconds=args.seconds, threads=args.threads)
-    page += "".join("\n" + section(name, facts) for name, facts in sorted(record.items()))
+    page = HEAD + "".join("\n" + section(name, facts) for name, facts in sorted(record.items()))
     (args.out / PAGE).write_text(page, "utf-8")
     return 0
 
@@ -72,6 +71,7 @@ def show(script: Path, args: argparse.Namespace) -> dict[str, Any]:
         "about": text.split('"""')[1].split("\n")[0],
         "integrator": integrator,
         "size": [args.width, height],
+        "threads": args.threads,
         "passes": report["passes"],
         "seconds": report["seconds"]["total"],
         "error": report["noise"] and report["noise"]["root_mean_square_standard_error_of_pixels"],
@@ -86,7 +86,7 @@ def row(name: str, facts: dict[str, Any]) -> str:
     width, height = facts["size"]
     return (
         f"`scenes/{name}.py`: {facts['integrator']}, {width} x {height}, {facts['passes']} passes, "
-        f"{facts['seconds']:.1f} s, error {error}{blur}"
+        f"{facts['seconds']:.1f} s on {facts['threads']} threads, error {error}{blur}"
     )
 
 
