@@ -57,8 +57,8 @@ class Points:
     material : (n,) int32
     colors : (n, lobes of a material at most, 3) float64
         Zero for lobes that are not to count.
-    xi : (n,) float64 in [0, 1)
-        Chooses one photon for each point.
+    xi, eta : (n,) float64 in [0, 1)
+        Choose one photon and one of two radii for each point.
     """
 
     position: FloatArray
@@ -68,6 +68,7 @@ class Points:
     material: IntArray
     colors: FloatArray
     xi: FloatArray
+    eta: FloatArray
 
     @classmethod
     def joined(cls, parts: list[Points]) -> Points:
@@ -176,7 +177,6 @@ class Radii:
 
     def __init__(self, classes: FloatArray, positions: FloatArray, radius: FloatArray) -> None:
         self.classes = classes
-        self._edges = np.sqrt(classes[:-1] * classes[1:])
         self._radius = radius
         self._tree: cKDTree | None = None
         if classes.size > 1:
@@ -224,13 +224,17 @@ class Radii:
         n_classes = min(MOST_CLASSES, 1 + math.ceil(math.log2(max(high / low, 1.0))))
         return cls(np.geomspace(low, high, n_classes), position, radius)
 
-    def classes_of(self, points: FloatArray) -> NDArray[np.intp]:
-        """Return the class of the radius around each point (n, 3)."""
+    def classes_of(self, points: FloatArray, eta: FloatArray) -> NDArray[np.intp]:
+        """Return the class of the radius around each point (n, 3).
+
+        Between two classes ``eta`` (n,) chooses, so that no border between them can be seen.
+        """
         if self._tree is None:
             return np.zeros(len(points), dtype=np.intp)
         distance, nearest = self._tree.query(points)
-        wanted = np.maximum(self._radius[nearest], distance)
-        return np.searchsorted(self._edges, wanted).astype(np.intp)
+        wanted = np.log(np.maximum(self._radius[nearest], distance))
+        place = np.interp(wanted, np.log(self.classes), np.arange(self.classes.size))
+        return np.minimum(np.floor(place + eta), self.classes.size - 1).astype(np.intp)
 
 
 class Discs(Field):
@@ -256,7 +260,7 @@ class Discs(Field):
             count_in_cells(photons.position, 2.0 * radius, table)
 
     def _gather(self, points: Points, xi: FloatArray, sums: Sums) -> None:
-        class_of = self._radii.classes_of(points.position)
+        class_of = self._radii.classes_of(points.position, points.eta)
         radius = self._radius[class_of]
         for number, reach in enumerate(self._radius):
             rows = np.flatnonzero(class_of == number)

@@ -166,6 +166,7 @@ class Looker(Integrator):
         if self._asks_lights:
             xi = self._points(there, depth, TO_LIGHT)
             self._wide.from_one(wide, there.camera_ray, there.throughput, there.media, xi, radiance)
+        xi = self._points(there, depth, TO_PHOTON)
         points = Points(
             wide.hits.position,
             wide.hits.normal,
@@ -173,7 +174,8 @@ class Looker(Integrator):
             wide.geometric,
             wide.material,
             wide.colors,
-            np.ascontiguousarray(self._points(there, depth, TO_PHOTON)[:, 0]),
+            np.ascontiguousarray(xi[:, 0]),
+            np.ascontiguousarray(xi[:, 1]),
         )
         return _Waiting(there.camera_ray, there.throughput, points)
 

@@ -31,12 +31,14 @@ class ProgressiveCrew(PhotonCrew):
     def __init__(self, context: RenderContext, threads: int) -> None:
         super().__init__(context, threads)
         self._options: PPMOptions = context.options or PPMOptions()
-        self._radii: Radii | None = None
         self._last = 1.0
+        # Now, as part of the set-up: a time budget judges by the seconds of passes alone.
+        self._radii: Radii | None = None
+        if context.plan["photons"]:
+            self._radii = self._first_radii()
 
     def _fields(self, pass_number: int) -> tuple[Field, ...]:
-        if self._radii is None:
-            self._radii = self._first_radii()
+        assert self._radii is not None
         photons = self._shot(self._options.photons_per_pass, pass_number, PHOTON_DIMENSION)
         self._last = shrunk(pass_number, self._options.alpha)
         with self.context.ledger.stage("photon tree"):

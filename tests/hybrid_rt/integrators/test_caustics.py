@@ -9,7 +9,7 @@ from scipy import stats
 from hybrid_rt.camera import Camera
 from hybrid_rt.integrators import PhotonMapOptions, PPMOptions
 from hybrid_rt.kernels.photons import MET_SPECULAR
-from hybrid_rt.lights import PointLight, RectangleLight
+from hybrid_rt.lights import PointLight, RectangleLight, SphereLight
 from hybrid_rt.materials import Dielectric, Lambertian, Mirror
 from hybrid_rt.primitives import Rectangle, Sphere
 from hybrid_rt.rendering import render
@@ -201,3 +201,19 @@ class TestBlur:
             gaps.append((math.sqrt(np.square(result.image - truth).mean()), report))
         assert gaps[1][0] > 1.3 * gaps[0][0]
         assert 0.4 < gaps[1][1]["blur_root_mean_square"] / gaps[1][0] < 2.0
+
+
+def test_lamp_within_glass_lights_the_floor():
+    """From the middle of a ball light leaves along the normals: 0.96 of it, unbent.
+
+    What is thrown back, 0.04, meets the lamp, which is black. Shadow rays see nothing of this.
+    """
+    lamp = SphereLight((0, 0, 1), 0.02, 300.0)
+    ball = Object(Sphere((0, 0, 1), 0.5), Dielectric(1.5))
+    ground = Object(plane(half=3.0), Lambertian(0.5))
+    camera = Camera((0, -2, 4), (0, -1.2, 0), (0, 0, 1), 20, 16, 16)
+    bare = render(Scene(camera, [ground], [lamp]), "whitted", passes=16).image
+    options = PPMOptions(60_000)
+    found = render(Scene(camera, [ground, ball], [lamp]), "ppm", passes=8, options=options).image
+    assert not render(Scene(camera, [ground, ball], [lamp]), "whitted", passes=1).image.any()
+    assert found.mean() / bare.mean() == pytest.approx(0.96, rel=0.02)
