@@ -119,16 +119,18 @@ def test_picture_agrees_with_a_light_tracer_of_its_own(bench):
     def patches(picture):
         return picture.astype(float).reshape(8, 8, 8, 8).mean(axis=(1, 3))
 
-    a, b = patches(expected), patches(image)
+    # The lamp, and what shows of it in the faces of the pane by total reflection, is white in one
+    # picture and unseen in the other; one of six samples is enough to be far beyond any caustic.
+    is_lamp = image > 3 * expected.max()
+    assert is_lamp.mean() < 0.01
+    a, b = (patches(np.where(is_lamp, 0.0, picture)) for picture in (expected, image))
     # A cell of k photons has noise 1 / sqrt(k); a patch of mean L has at least as many as cells
-    # under one of its pixels. The lamp itself is white in one picture and unseen in the other.
+    # under one of its pixels.
     per_photon = bench.albedo / math.pi * bench.power / (n * (2 * bench.half / 256) ** 2)
     noise = np.sqrt(per_photon * np.maximum(a, per_photon) / 8)
-    seen = b < 10
-    assert seen.sum() >= 60
     limit = stats.norm.isf(ALARM / 128) * noise + 0.05 * a + 0.01 * a.mean()
-    assert (np.abs(a - b) < limit)[seen].all(), (np.abs(a - b) / limit)[seen].max()
-    assert abs(a[seen].mean() / b[seen].mean() - 1) < 0.01
+    assert (np.abs(a - b) < limit).all(), (np.abs(a - b) / limit).max()
+    assert abs(a.mean() / b.mean() - 1) < 0.01
 
 
 def corner(n=16):
