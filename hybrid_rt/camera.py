@@ -83,6 +83,11 @@ class Camera:
         """Whether rays start on a disc rather than in one point."""
         return self.aperture > 0.0
 
+    @property
+    def pixel_size(self) -> float:
+        """Side of a pixel on a plane at distance one."""
+        return 2.0 * self._half_height / self.height
+
     def resized(self, width: int, height: int) -> Camera:
         """Return the same camera with other pixel counts."""
         return Camera(

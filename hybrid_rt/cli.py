@@ -94,9 +94,15 @@ def _parser() -> argparse.ArgumentParser:
 
 def _add_render_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
-        "--integrator", default="path", metavar="I", help="path (default) or whitted"
+        "--integrator",
+        default="path",
+        metavar="I",
+        help="path (default), whitted, ppm or photon_map",
     )
     parser.add_argument("--passes", type=int, metavar="N", help="samples per pixel (default 16)")
+    parser.add_argument(
+        "--photons", type=int, metavar="N", help="photons of a pass (ppm, photon_map)"
+    )
     parser.add_argument("--time-budget", type=float, metavar="S", help="stop after S seconds")
     parser.add_argument(
         "--target-error",
@@ -173,6 +179,7 @@ def _render(scene: Scene, name: str, options: argparse.Namespace) -> None:
             threads=options.threads,
             accuracy=options.accuracy,
             tolerance=options.tolerance,
+            options=_photon_options(options),
             outputs=[name for name in options.outputs.split(",") if name],
             progress=progress,
         )
@@ -201,6 +208,18 @@ def _run_compare(options: argparse.Namespace) -> None:
     imageio.imwrite(out, comparison_sheet(one, other, reference, options.exposure))
     _say(in_words(comparison))
     _say(f"{out}  (pictures and maps of their errors)")
+
+
+def _photon_options(options: argparse.Namespace) -> Any:
+    """Return settings for the number of photons asked for, or None."""
+    if options.photons is None:
+        return None
+    from hybrid_rt.integrators import PhotonMapOptions, PPMOptions
+
+    of_integrator = {"ppm": PPMOptions, "photon_map": PhotonMapOptions}
+    if options.integrator not in of_integrator:
+        raise ValueError(f"--photons: integrator {options.integrator!r} has none; use ppm")
+    return of_integrator[options.integrator](photons_per_pass=options.photons)
 
 
 def _run_demo(options: argparse.Namespace) -> None:

@@ -7,10 +7,13 @@ from typing import Any
 
 import numpy as np
 
-from hybrid_rt.kernels.lobes import DIELECTRIC, LAST_SPREADING, METAL, MIRROR
+from hybrid_rt.kernels.lobes import DIELECTRIC, LAST_SPREADING, METAL, MIRROR, PHONG
 from hybrid_rt.scene import CompiledScene
 from hybrid_rt.textures.table import needs_lookup
 from hybrid_rt.touching import touching
+
+# Integrators that send photons out from the lights.
+WITH_PHOTONS = ("ppm", "photon_map")
 
 
 @dataclass
@@ -125,12 +128,41 @@ def make_plan(scene: CompiledScene, integrator: str) -> Plan:
         "light paths",
         integrator == "path" and spreads and leads and shines,
         "lamps shine on surfaces by way of mirrors and glass: paths from the lamps find that",
-        "only camera paths are joined to them"
-        if integrator != "path"
+        "both branches at glass are followed, and no light thrown by it"
+        if asks_all
+        else "photons find what mirrors and glass throw"
+        if integrator in WITH_PHOTONS
         else "no surface spreads light"
         if not spreads
         else "no mirror or glass throws light"
         if not leads
         else "no light has an area",
     )
+    if integrator in WITH_PHOTONS:
+        _plan_photons(plan, scene, integrator)
     return plan
+
+
+def _plan_photons(plan: Plan, scene: CompiledScene, integrator: str) -> None:
+    """Decide which photons a scene needs."""
+    kinds, shines = scene.lobes.kind, bool(scene.lights.chance.any())
+    gathers, throws = bool((kinds <= PHONG).any()), bool((kinds > PHONG).any())
+    plan.decide(
+        "photons",
+        gathers and shines,
+        "lights send photons to surfaces that spread light",
+        "no surface spreads light widely" if shines else "nothing shines",
+    )
+    plan.decide(
+        "aimed photons",
+        gathers and shines and throws,
+        "mirrors, metals or glass may throw caustics",
+        "nothing mirrors or refracts" if gathers and shines else "there are no photons",
+    )
+    if integrator == "photon_map":
+        plan.decide(
+            "caustic map",
+            gathers and shines and throws,
+            "photons straight from mirrors, metals and glass are kept apart",
+            "nothing mirrors or refracts" if gathers and shines else "there are no photons",
+        )

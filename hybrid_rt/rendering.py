@@ -14,9 +14,8 @@ from hybrid_rt import checks
 from hybrid_rt.audit import audit
 from hybrid_rt.channels import check_names, compute_channels
 from hybrid_rt.film import Film, save_image
-from hybrid_rt.integrators import INTEGRATORS, OPTIONS, RenderContext
+from hybrid_rt.integrators import INTEGRATORS, OPTIONS, Options, RenderContext
 from hybrid_rt.integrators.crew import TOGETHER, Crew
-from hybrid_rt.integrators.options import PathOptions
 from hybrid_rt.intersection import Intersector
 from hybrid_rt.intersection.pool import Pool
 from hybrid_rt.limits import Clock, Limit
@@ -62,7 +61,7 @@ def render(
     max_depth: int = 16,
     accuracy: str = "certified",
     tolerance: float | None = None,
-    options: PathOptions | None = None,
+    options: Options | None = None,
     outputs: Sequence[str] = (),
     progress: Progress | None = None,
 ) -> RenderResult:
@@ -71,11 +70,14 @@ def render(
     Parameters
     ----------
     scene : Scene
-    integrator : "path" or "whitted"
+    integrator : "path", "whitted", "ppm" or "photon_map"
         "path": all light but what point lights throw through glass or off mirrors. "whitted":
-        direct light, mirrors and glass only.
+        direct light, mirrors and glass only. "ppm": all light, photons from the lights included;
+        blurred by discs that shrink from pass to pass. "photon_map": all light, with a blur that
+        stays.
     passes : int, optional
-        One pass is one sample per pixel. With no limit given: 16. The first limit reached stops.
+        One pass is one sample per pixel, and one set of photons where there are any. With no limit
+        given: 16. The first limit reached stops.
     time_budget : float, optional
         Wall seconds for all of this call but the compilation of kernels. At least one pass runs,
         and none is started that would end too late, judged by the slowest so far.
@@ -93,7 +95,7 @@ def render(
         what is lost is reported.
     accuracy, tolerance
         As `Intersector` takes them.
-    options : PathOptions, optional
+    options : PathOptions, PPMOptions or PhotonMapOptions, optional
         Settings of the integrator.
     outputs : sequence of str
         What else to find, as ``channels`` of the result: "depth", "position", "normal", "uv",
@@ -137,7 +139,7 @@ def render(
         context = RenderContext(
             compiled, tracer, Pool(1), plan, sampler, ledger, max_depth, options
         )
-        crew = Crew(context, n_threads, INTEGRATORS[integrator])
+        crew = INTEGRATORS[integrator](context, n_threads)
         # Before the passes, so that a time budget covers it.
         with ledger.stage("audit"):
             wrong = audit(context, n_threads)
@@ -159,12 +161,12 @@ def render(
         "width": scene.camera.width,
         "height": scene.camera.height,
     }
-    report = _report(settings, context, film, clock, stopped_by)
+    report = _report(settings, context, film, clock, stopped_by) | crew.report()
     report["geometry"]["wrong_first_hits"] = wrong
     return RenderResult(film.image, report, channels)
 
 
-def _check_options(integrator: str, options: PathOptions | None) -> None:
+def _check_options(integrator: str, options: Options | None) -> None:
     expected = OPTIONS[integrator]
     if options is None or (expected is not None and isinstance(options, expected)):
         return

@@ -16,7 +16,7 @@ from hybrid_rt._version import __version__
 from hybrid_rt.records import HitRecord, Status
 
 # Whatever decides bits of a picture.
-_PACKAGES = ("numpy", "numba", "embreex", "trimesh")
+_PACKAGES = ("numpy", "numba", "scipy", "embreex", "trimesh")
 
 
 class Ledger:

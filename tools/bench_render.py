@@ -3,6 +3,8 @@
 For example:
   python tools/bench_render.py scenes/cornell_box.py --targets 0.035
   python tools/bench_render.py scenes/*.py --width 200 --reference-passes 256 --json bench.json
+  python tools/bench_render.py scenes/teapot_room.py --integrator ppm --photons 500000 --width 512
+  python tools/bench_render.py --caustics            # floors under glass, against a light tracer
 
 Seconds are wall time of a whole render after its kernels are compiled, scene set-up included. The
 reference is a longer render of the same method with other random numbers; its own error is stated.
@@ -21,10 +23,12 @@ from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
+from hybrid_rt.integrators import PPMOptions
 from hybrid_rt.measures import noise_of_reference, relative_mse, seconds_to
 from hybrid_rt.rendering import RenderResult, render
 from hybrid_rt.scene import Scene
 from hybrid_rt.scene_file import load_scene
+from hybrid_rt.verify.caustic_speed import measure_rows
 
 REFERENCE_SEED = 20_000
 # The size of picture for which memory is stated.
@@ -34,6 +38,8 @@ FULL_SIZE = (1280, 720)
 def main() -> int:
     """Run the tool; return the exit code."""
     options = _parser().parse_args()
+    if options.caustics:
+        return _caustics(options)
     rows = []
     for path in options.scenes:
         row = _apart(_measure, Path(path), options)
@@ -67,7 +73,12 @@ def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument("scenes", nargs="+", metavar="SCENE.py")
+    parser.add_argument("scenes", nargs="*", metavar="SCENE.py")
+    parser.add_argument("--caustics", action="store_true", help="the rows of caustics on a floor")
+    parser.add_argument("--photons", type=int, default=200_000, help="of a pass (ppm)")
+    parser.add_argument(
+        "--reference-photons", type=float, default=1e9, help="counted by the light tracer"
+    )
     parser.add_argument("--integrator", default="path")
     parser.add_argument("--width", type=int, help="pixels; proportions are kept")
     parser.add_argument("--threads", type=int)
@@ -87,6 +98,8 @@ def _measure(path: Path, options: argparse.Namespace) -> dict[str, Any]:
 
     def run(passes: int, seed: int, small: bool = False, **settings: Any) -> RenderResult:
         shown: Scene = scene.with_camera(camera.resized(16, 12)) if small else scene
+        if options.integrator == "ppm":
+            settings["options"] = PPMOptions(options.photons)
         return render(
             shown, options.integrator, passes, seed=seed, threads=options.threads, **settings
         )
@@ -118,8 +131,25 @@ def _measure(path: Path, options: argparse.Namespace) -> dict[str, Any]:
         "curve": curve,
         "relmse_of_reference": own,
         "seconds_to": {str(e): seconds_to(e, totals, errors) for e in options.targets},
+        "photons": result.report.get("photons"),
         "peak_memory_mib": _peak(),
     }
+
+
+def _caustics(options: argparse.Namespace) -> int:
+    """Print the rows of caustics."""
+    n = int(options.reference_photons)
+    print(f"floors under glass, 256 x 256, against {n:.1e} photons of a light tracer")
+    for row in measure_rows(n, options.photons, options.threads):
+        print(
+            f"  {row['row']}: {row['error']:.2g} after {row['seconds']:.1f} s (to reach "
+            f"{row['target']:g}; the reference's own {row['of_reference']:.1g}), {row['passes']} "
+            f"passes, {row['photons_per_second'] / 1e3:.0f} thousand photons/s, gathering "
+            f"{row['gather_seconds']:.1f} s"
+        )
+    memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+    print(f"  peak memory {memory:.0f} MiB")
+    return 0
 
 
 def _show(row: dict[str, Any], targets: list[float]) -> None:
@@ -130,6 +160,13 @@ def _show(row: dict[str, Any], targets: list[float]) -> None:
         f"each camera ray, peak memory {row['peak_memory_mib']:.0f} MiB, at {FULL_SIZE[0]} x {FULL_SIZE[1]} "
         f"{row['full_size_memory_mib']:.0f} MiB"
     )
+    if row["photons"] is not None:
+        seconds = row["curve"][-1]["seconds"]
+        print(
+            f"  {row['photons']['emitted'] / seconds['photons'] / 1e3:.0f} thousand photons/s while "
+            f"shooting, gathering {seconds['gather'] / row['curve'][-1]['passes']:.2f} s a pass of "
+            f"{row['photons']['gathered_per_point']:.1f} photons a point"
+        )
     print("  passes   seconds    relMSE   without the worst 0.1 %")
     for point in row["curve"]:
         print(

@@ -1,11 +1,57 @@
 """Ways to compute a picture from a scene and an intersector, by name."""
 
+from collections.abc import Callable
+
+from hybrid_rt.integrators.crew import Crew
 from hybrid_rt.integrators.integrator import Integrator, RenderContext
-from hybrid_rt.integrators.options import PathOptions
+from hybrid_rt.integrators.options import PathOptions, PhotonMapOptions, PPMOptions
 from hybrid_rt.integrators.path import PathTracer
 from hybrid_rt.integrators.whitted import Whitted
 
-INTEGRATORS: dict[str, type[Integrator]] = {"path": PathTracer, "whitted": Whitted}
-OPTIONS: dict[str, type | None] = {"path": PathOptions, "whitted": None}
 
-__all__ = ["INTEGRATORS", "OPTIONS", "Integrator", "PathOptions", "RenderContext"]
+def _path(context: RenderContext, threads: int) -> Crew:
+    return Crew(context, threads, PathTracer)
+
+
+def _whitted(context: RenderContext, threads: int) -> Crew:
+    return Crew(context, threads, Whitted)
+
+
+def _ppm(context: RenderContext, threads: int) -> Crew:
+    from hybrid_rt.integrators.ppm import ProgressiveCrew
+
+    return ProgressiveCrew(context, threads)
+
+
+def _photon_map(context: RenderContext, threads: int) -> Crew:
+    from hybrid_rt.integrators.photon_map import MapCrew
+
+    return MapCrew(context, threads)
+
+
+# What makes the threads of a render: for each integrator, from the context and their number.
+INTEGRATORS: dict[str, Callable[[RenderContext, int], Crew]] = {
+    "path": _path,
+    "whitted": _whitted,
+    "ppm": _ppm,
+    "photon_map": _photon_map,
+}
+OPTIONS: dict[str, type | None] = {
+    "path": PathOptions,
+    "whitted": None,
+    "ppm": PPMOptions,
+    "photon_map": PhotonMapOptions,
+}
+# What `render` takes as options.
+Options = PathOptions | PPMOptions | PhotonMapOptions
+
+__all__ = [
+    "INTEGRATORS",
+    "OPTIONS",
+    "Integrator",
+    "Options",
+    "PPMOptions",
+    "PathOptions",
+    "PhotonMapOptions",
+    "RenderContext",
+]

@@ -66,8 +66,7 @@ class Crew:
         images = np.empty((len(passes), camera.height, camera.width, 3))
         rows = images.reshape(-1, 3)
         n = len(rows)
-        # At least four blocks a thread, so that a slow one does not hold up the others.
-        size = min(BLOCK, max(-(-n // (4 * len(self._integrators))), LEAST))
+        size = self._block_size(n)
         blocks = [(first, min(first + size, n)) for first in range(0, n, size)]
         runs = self._runs(passes)
         prepared: list[Any] = [None] * len(runs)
@@ -85,6 +84,10 @@ class Crew:
             part = images[first:stop].reshape(len(run), -1, 3)
             self._integrators[0].add_prepared(found, part)
         yield from images
+
+    def _block_size(self, n: int) -> int:
+        # At least four blocks a thread, so that a slow one does not hold up the others.
+        return min(BLOCK, max(-(-n // (4 * len(self._integrators))), LEAST))
 
     def _runs(self, passes: range) -> list[range]:
         """Share passes among the threads."""
@@ -120,6 +123,10 @@ class Crew:
                 yield future.result()
         finally:
             executor.shutdown(cancel_futures=True)
+
+    def report(self) -> dict[str, Any]:
+        """Return what the report of a render holds beside what all integrators count."""
+        return {}
 
     def gather(self) -> None:
         """Add up the counters of all threads in those of the first.

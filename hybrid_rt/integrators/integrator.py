@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from hybrid_rt.film import group_of
 from hybrid_rt.integrators.contacts import NO_SECOND, Contacts
@@ -28,6 +29,11 @@ PIXEL_DIMENSION, LENS_DIMENSION, FIRST_PATH_DIMENSION = 0, 1, 2
 
 # The group of a pass stands above the pixel's number.
 PIXEL_BITS = np.uint64(40)
+
+
+def place_of_pixel(name: UIntArray) -> NDArray[np.int64]:
+    """Return the places in one picture of pixels that are named as in `CameraBlock`."""
+    return (name & ((np.uint64(1) << PIXEL_BITS) - np.uint64(1))).astype(np.int64)
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from hybrid_rt.integrators.contacts import NO_SECOND, Contacts
 from hybrid_rt.integrators.integrator import RenderContext
-from hybrid_rt.integrators.start_media import media_at
+from hybrid_rt.integrators.start_media import media_around_lights, media_at
 from hybrid_rt.integrators.surface_light import SurfaceLight
 from hybrid_rt.kernels import light_paths as kernels
 from hybrid_rt.kernels.light_paths import LightPaths, LitPoints
@@ -74,7 +74,9 @@ class LightPathTracer:
         self.n_paths = int(np.clip(asked, 1, MOST_PATHS))
         self._emit = scene.lights.emit
         self._before = np.cumsum(self._emit)
-        self._media_of_light = self._media_around_lights()
+        self._media_of_light = media_around_lights(
+            context, contacts, np.flatnonzero(self._emit[:-1]), self._leaving_middle
+        )
         self._media_of_camera = self._stack(1)
         if context.plan["medium stack"]:
             around = media_at(context, contacts, camera.look_from[None])
@@ -206,26 +208,16 @@ class LightPathTracer:
         depth = STACK if self._context.plan["medium stack"] else 0
         return np.full((n, depth), NOTHING, dtype=np.int32)
 
-    def _media_around_lights(self) -> IntArray:
-        """Return the stack of each light's shining side."""
-        media = self._stack(self._emit.size)
-        if not self._context.plan["medium stack"]:
-            return media
-        for light in np.flatnonzero(self._emit[:-1]):
-            middle = np.array([[0.5, 0.5]])
-            row = np.array([light], dtype=np.int32)
-            origin, direction, flux, density = (
-                np.empty((1, 3)), np.empty((1, 3)), np.empty((1, 3)), np.empty(1),
-            )  # fmt: skip
-            scene = self._context.scene
-            kernels.leave_lights(
-                scene.lights, scene.textures, self._light.points(row, middle), self._emit, row,
-                middle, middle, 1.0, origin, direction, flux, density,
-            )  # fmt: skip
-            source = NamedPoints(scene.surface_of_light[row], origin)
-            around = media_at(self._context, self._contacts, origin, direction, source)
-            media[light, : len(around)] = around
-        return media
+    def _leaving_middle(self, light: int) -> tuple[FloatArray, FloatArray]:
+        """Return a point of a light in its middle, and a direction in which it shines, (1, 3)."""
+        scene, middle = self._context.scene, np.array([[0.5, 0.5]])
+        row = np.array([light], dtype=np.int32)
+        origin, direction, flux = np.empty((1, 3)), np.empty((1, 3)), np.empty((1, 3))
+        kernels.leave_lights(
+            scene.lights, scene.textures, self._light.points(row, middle), self._emit, row, middle,
+            middle, 1.0, origin, direction, flux, np.empty(1),
+        )  # fmt: skip
+        return origin, direction
 
 
 def joined(parts: list[LitPoints]) -> LitPoints:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import dataclass
 
 from hybrid_rt import checks
@@ -46,3 +47,58 @@ class PathOptions:
                 f"PathOptions light_paths: {self.light_paths:g} is negative; 0 sends none"
             )
         checks.number(self.survival, "PathOptions survival", above=0.0, up_to=1.0)
+
+
+@dataclass(frozen=True)
+class PPMOptions:
+    """Settings of the integrator "ppm".
+
+    Attributes
+    ----------
+    photons_per_pass : int
+        From 1 on: photons that leave all lights together in a pass.
+    alpha : float
+        Between 0 and 1: how slowly the discs that photons are gathered on shrink. At 1 they never
+        do: noise falls fastest, but the blur stays, which a warning says.
+    initial_radius : float, optional
+        Above 0, scene units: of the discs in the first pass. By default it hangs on how densely
+        photons fall around each point.
+    """
+
+    photons_per_pass: int = 200_000
+    alpha: float = 2.0 / 3.0
+    initial_radius: float | None = None
+
+    def __post_init__(self) -> None:
+        """Refuse what is out of range."""
+        checks.whole(self.photons_per_pass, "PPMOptions photons_per_pass", at_least=1)
+        checks.number(self.alpha, "PPMOptions alpha", above=0.0, up_to=1.0)
+        if self.alpha == 1.0:
+            warnings.warn(
+                "PPMOptions alpha: at 1 the discs never shrink, so the picture stays blurred "
+                "however many passes there are",
+                stacklevel=3,
+            )
+        if self.initial_radius is not None:
+            checks.number(self.initial_radius, "PPMOptions initial_radius", above=0.0)
+
+
+@dataclass(frozen=True)
+class PhotonMapOptions:
+    """Settings of the integrator "photon_map".
+
+    Attributes
+    ----------
+    photons_per_pass : int
+        From 1 on: photons that leave all lights together; each pass has its own.
+    nearest : int
+        From 2 on: photons that an estimate is made from. More of them blur, fewer are noisy.
+    """
+
+    photons_per_pass: int = 500_000
+    nearest: int = 60
+
+    def __post_init__(self) -> None:
+        """Refuse what is out of range."""
+        checks.whole(self.photons_per_pass, "PhotonMapOptions photons_per_pass", at_least=1)
+        checks.whole(self.nearest, "PhotonMapOptions nearest", at_least=2)

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterable
+
 import numpy as np
 
 from hybrid_rt.integrators.contacts import Contacts
 from hybrid_rt.integrators.integrator import RenderContext
 from hybrid_rt.kernels.media import STACK
-from hybrid_rt.records import FloatArray, HitRecord, NamedPoints
+from hybrid_rt.records import FloatArray, HitRecord, IntArray, NamedPoints
 from hybrid_rt.scene import NOTHING
 
 # Surfaces that one ray is followed through.
@@ -53,3 +55,34 @@ def media_at(
                 around.append(body)
         origin, source = hits.position, hits
     return around[::-1][-STACK:]
+
+
+def media_around_lights(
+    context: RenderContext,
+    contacts: Contacts | None,
+    lights: Iterable[int],
+    leaving: Callable[[int], tuple[FloatArray, FloatArray]],
+) -> IntArray:
+    """Return the stacks of what leaves the lights, (lights + 1, STACK): the last is the sky's.
+
+    Parameters
+    ----------
+    lights : iterable of int
+        Rows of the light table; the others are as in empty space.
+    leaving : callable
+        Returns a point of a light and a direction from there to its shining side, both (1, 3).
+
+    Returns
+    -------
+    (lights + 1, STACK) int32; (lights + 1, 0) where the scene has no clear body.
+    """
+    scene, has_media = context.scene, context.plan["medium stack"]
+    media = np.full((scene.n_lights + 1, STACK if has_media else 0), NOTHING, dtype=np.int32)
+    if not has_media:
+        return media
+    for light in lights:
+        origin, direction = leaving(light)
+        source = NamedPoints(scene.surface_of_light[[light]], origin)
+        around = media_at(context, contacts, origin, direction, source)
+        media[light, : len(around)] = around
+    return media

@@ -152,3 +152,13 @@ def test_command_line_is_ready_before_anything_heavy_is_imported():
         [sys.executable, "-c", code], check=True, capture_output=True, text=True, timeout=60
     )
     assert done.stdout.strip() == "set()"
+
+
+def test_photons_are_counted_by_those_who_have_them(folder, capsys):
+    arguments = ["render", "ball.py", "--passes", "1", "--photons", "500", "--quiet"]
+    assert cli.main([*arguments, "--integrator", "ppm"]) == 0
+    report = json.loads((folder / "ball.json").read_text())
+    assert report["settings"]["options"]["photons_per_pass"] == 500
+    assert report["photons"]["emitted"] == 0  # nothing in the scene gathers them
+    assert cli.main(arguments) == cli.BAD_INPUT
+    assert "--photons: integrator 'path' has none" in capsys.readouterr().err

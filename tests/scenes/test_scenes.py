@@ -8,6 +8,7 @@ import imageio.v3 as imageio
 import numpy as np
 import pytest
 
+from hybrid_rt.integrators import PPMOptions
 from hybrid_rt.rendering import render
 from hybrid_rt.scene_file import load_scene
 
@@ -17,11 +18,18 @@ SCRIPTS = sorted((Path(__file__).parents[2] / "scenes").glob("*.py"))
 @pytest.mark.parametrize("script", SCRIPTS, ids=lambda path: path.stem)
 def test_scene_renders_to_a_picture_with_light_and_shade(script):
     scene = load_scene(script)
-    image = render(scene.with_camera(scene.camera.resized(48, 36)), passes=1).image
+    # Caustics of small lamps are found by photons: such scripts say so.
+    by_photons = "--integrator ppm" in script.read_text()
+    image = render(
+        scene.with_camera(scene.camera.resized(48, 36)),
+        "ppm" if by_photons else "path",
+        passes=1,
+        options=PPMOptions(20_000) if by_photons else None,
+    ).image
     assert np.isfinite(image).all()
     assert image.min() < 0.1
     assert image.max() > 0.5
-    assert image.std() > 0.05
+    assert image.std() > 0.3 * image.mean()
 
 
 @pytest.mark.parametrize("script", SCRIPTS, ids=lambda path: path.stem)

@@ -1,0 +1,63 @@
+"""Photon maps with a fixed number of photons per estimate.
+
+Jensen, "Global illumination using photon maps", EGWR 1996. Two maps are kept: photons that have met
+nothing but mirrors, metals and glass make caustics, all others the soft light between surfaces. Each
+is asked for the photons nearest a point. That is quick and smooth, but the discs do not shrink:
+more passes take away noise, never the blur.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from hybrid_rt.integrators.gathering import Field, Nearest
+from hybrid_rt.integrators.integrator import RenderContext
+from hybrid_rt.integrators.options import PhotonMapOptions
+from hybrid_rt.integrators.photon_crew import PhotonCrew
+from hybrid_rt.integrators.shooting import PHOTON_DIMENSION
+from hybrid_rt.kernels.photons import MET_SPREADING, Photons
+
+# Photons farther than this share of the scene's size make no light at a point: around a caustic
+# there is darkness, and the nearest photons lie anywhere.
+FARTHEST = 0.05
+
+BLUR = (
+    "light is blurred by discs about the nearest photons; more passes do not lessen it, and "
+    "blur_root_mean_square estimates it"
+)
+
+
+class MapCrew(PhotonCrew):
+    """See the module; `PhotonCrew` for what it offers."""
+
+    def __init__(self, context: RenderContext, threads: int) -> None:
+        super().__init__(context, threads)
+        self._options: PhotonMapOptions = context.options or PhotonMapOptions()
+        self._n_caustic = 0
+
+    def _fields(self, pass_number: int) -> tuple[Field, ...]:
+        options, lobes = self._options, self.context.scene.lobes
+        photons = self._shot(options.photons_per_pass, pass_number, PHOTON_DIMENSION)
+        limit = FARTHEST * 2.0 * float(self._lookers[0].shooter.world[3])
+        is_soft = (photons.history & MET_SPREADING) != 0
+        with self.context.ledger.stage("photon tree"):
+            fields = [Nearest(_chosen(photons, is_soft), lobes, options.nearest, limit)]
+            if self.context.plan["caustic map"]:
+                self._n_caustic += int(np.count_nonzero(~is_soft))
+                caustic = _chosen(photons, ~is_soft)
+                fields.append(Nearest(caustic, lobes, options.nearest, limit))
+        return tuple(fields)
+
+    def _about(self) -> dict[str, Any]:
+        return {
+            "per_pass": self._options.photons_per_pass,
+            "nearest": self._options.nearest,
+            "stored_in_caustic_map": self._n_caustic,
+            "blur": BLUR,
+        }
+
+
+def _chosen(photons: Photons, rows: Any) -> Photons:
+    return Photons(*(column[rows] for column in photons))

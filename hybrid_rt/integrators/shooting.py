@@ -1,0 +1,430 @@
+"""Photons from every light, followed until they are absorbed or leave.
+
+Jensen, "Global illumination using photon maps", EGWR 1996. Photons leave in groups: one for each
+light and kind (`hybrid_rt.kernels.emission`), each with low-discrepancy sequences of its own that
+run on through the passes, so both one pass and all of them together are spread evenly.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from itertools import pairwise
+
+import numpy as np
+
+from hybrid_rt.film import GROUPS, group_of
+from hybrid_rt.integrators.contacts import NO_SECOND, Contacts
+from hybrid_rt.integrators.integrator import RenderContext
+from hybrid_rt.integrators.start_media import media_around_lights
+from hybrid_rt.integrators.surface_light import SurfaceLight, largest_channel
+from hybrid_rt.kernels.emission import Launch, Targets, launch_from_light, launch_from_sky
+from hybrid_rt.kernels.light import POINT, RECTANGLE, SPHERE, LightPoints
+from hybrid_rt.kernels.lobes import DIELECTRIC, LAST_SPREADING, METAL, PHONG
+from hybrid_rt.kernels.media import cross_media
+from hybrid_rt.kernels.photons import (
+    EMITTED,
+    TAKEN,
+    Flight,
+    Photons,
+    pack_flight,
+    scatter_photons,
+    store_photons,
+)
+from hybrid_rt.kernels.scatter import ABSORBED, LEFT, SCATTERED, SPECULAR, STOPPED
+from hybrid_rt.primitives import Plane, Rectangle, Sphere
+from hybrid_rt.records import BoolArray, FloatArray, IntArray, NamedPoints
+from hybrid_rt.sampler import UIntArray
+from hybrid_rt.scene import NOTHING, CompiledScene
+
+# Photons that one thread follows at a time.
+AT_ONCE = 2**15
+
+# Dimensions of photons begin far beyond those of camera rays, those of the first photons of all,
+# which only find radii, farther still.
+PHOTON_DIMENSION, PILOT_DIMENSION = 2**40, 2**41
+CHOICE, PLACE, WAY, PER_LAUNCH = 0, 1, 2, 3
+# What the points of one step are for.
+DIRECTION, LOBE, PER_STEP = 0, 1, 2
+
+# Of the photons of a light, how many are aimed where there is something to aim at.
+AIMED_SHARE = 0.5
+# A rectangle that throws caustics is aimed at by this many balls at most.
+MOST_TILES = 16
+
+
+@dataclass(frozen=True)
+class Group:
+    """Photons of one light and kind: ``n`` of them in each pass.
+
+    ``light`` is a row of the light table, the number of lights for the sky; ``n_spread`` and
+    ``n_aimed`` are the photons of both kinds that leave this light in a pass.
+    """
+
+    number: int
+    light: int
+    is_aimed: bool
+    n_spread: int
+    n_aimed: int
+
+    @property
+    def n(self) -> int:
+        """Photons of this group in a pass."""
+        return self.n_aimed if self.is_aimed else self.n_spread
+
+
+@dataclass
+class Balance:
+    """What became of the power of all photons of all passes.
+
+    ``power`` (4, 3) has a row for what was emitted, what escaped, what surfaces and media
+    absorbed, and what was lost with the last direction that ``max_depth`` allows.
+    """
+
+    power: FloatArray = field(default_factory=lambda: np.zeros((4, 3)))
+    n_emitted: int = 0
+    n_stored: int = 0
+
+    def add(self, other: Balance) -> None:
+        """Add what another thread did."""
+        self.power += other.power
+        self.n_emitted += other.n_emitted
+        self.n_stored += other.n_stored
+
+
+def materials_with(scene: CompiledScene, last: int, least: int = 0) -> BoolArray:
+    """Return which materials have a lobe of these kinds, (materials + 1,); the last row has none."""
+    kinds, first = scene.lobes.kind, scene.lobes.first
+    marks = np.zeros(first.size, dtype=np.bool_)
+    for m, (start, stop) in enumerate(pairwise(first)):
+        marks[m] = bool(((kinds[start:stop] >= least) & (kinds[start:stop] <= last)).any())
+    return marks
+
+
+class Shooter:
+    """Sends out photons and follows them.
+
+    Parameters
+    ----------
+    context : RenderContext
+    contacts : Contacts or None
+        None where no clear body touches another surface.
+
+    Raises
+    ------
+    ValueError
+        If something shines that has no end, or a sky shines on something that has none: no photon
+        can be chosen evenly there. The object is named.
+    """
+
+    def __init__(self, context: RenderContext, contacts: Contacts | None) -> None:
+        self.context, self._contacts = context, contacts
+        self.balance = Balance()
+        scene = context.scene
+        self.world = _world(scene)
+        self._light = SurfaceLight(context)
+        self.gathers = materials_with(scene, PHONG)
+        self._spreads = materials_with(scene, LAST_SPREADING)
+        self._targets = Targets(np.zeros((0, 3)), np.zeros(0))
+        if context.plan["aimed photons"]:
+            self._targets = targets_of(scene)
+        self._powers = _powers(scene, self.world)
+        sends = np.flatnonzero((self._powers[:-1] > 0.0) & context.plan["photons"])
+        self._media = media_around_lights(context, contacts, sends, self._leaving_middle)
+
+    def groups(self, photons_per_pass: int) -> list[Group]:
+        """Share the photons of a pass out by power; every light that shines gets some."""
+        power, groups = self._powers, list[Group]()
+        aimed_share = AIMED_SHARE if self._targets.radius.size else 0.0
+        for light in np.flatnonzero(power > 0.0):
+            n = max(round(photons_per_pass * power[light] / power.sum()), 2)
+            n_aimed = round(aimed_share * n)
+            kinds = (False, True) if n_aimed else (False,)
+            for is_aimed in kinds:
+                groups.append(Group(len(groups), int(light), is_aimed, n - n_aimed, n_aimed))
+        return groups
+
+    def shoot(
+        self, group: Group, pass_number: int, first: int, stop: int, dimension: int, least: int
+    ) -> Photons:
+        """Follow some photons of a group; return those that arrived where light is gathered.
+
+        Parameters
+        ----------
+        group : Group
+        pass_number, first, stop : int
+            Which photons: of the pass, by number.
+        dimension : int
+            First of the dimensions of their random numbers.
+        least : int
+            Photons whose ``history`` is less are not stored.
+        """
+        context, scene = self.context, self.context.scene
+        stored: list[Photons] = []
+        sequence, n_before = _sequence(group, pass_number)
+        number = np.arange(n_before + first, n_before + stop, dtype=np.uint64)
+        with context.ledger.stage("photons"):
+            flight = self._launched(group, sequence, number, dimension)
+        for depth in range(context.max_depth + 1):
+            n = flight.number.size
+            if n == 0:
+                break
+            # --- where they arrive
+            with context.ledger.stage("photons"):
+                source = NamedPoints(flight.source_id, flight.origin)
+                hits = context.tracer.intersect(flight.origin, flight.direction, source=source)
+                second = NO_SECOND
+                if self._contacts is not None:
+                    second = self._contacts.at(hits, flight.origin, flight.direction, source)
+                context.ledger.rays["photon"] += n
+                context.ledger.count_hits(hits)
+                material = self._light.material(hits)
+                # --- what the way there absorbed
+                if context.plan["medium stack"]:
+                    before = flight.power.sum(axis=0)
+                    cross_media(
+                        flight.media, scene.lobes, scene.glass_of, material, hits.front_face,
+                        second, hits.t, flight.power,
+                    )  # fmt: skip
+                    self.balance.power[TAKEN] += before - flight.power.sum(axis=0)
+                # --- what they leave there
+                shading = self._light.shading(hits, flight.direction, material)
+                normal = shading.geometric if shading.geometric.size else hits.normal
+                out = _new_photons(n)
+                n_stored = store_photons(
+                    flight, material, self.gathers, least, hits.position, normal, out
+                )
+                if n_stored:
+                    stored.append(Photons(*(column[:n_stored].copy() for column in out)))
+                # --- where they go next, and which ones stop
+                fate = np.empty(n, dtype=np.uint8)
+                step = dimension + PER_LAUNCH + PER_STEP * depth
+                scatter_photons(
+                    scene.lobes, material, shading.colors, shading.hits.normal, shading.geometric,
+                    hits.position, hits.object_id, self._ways(sequence, flight, material, step),
+                    self._points(sequence, flight.number, step + LOBE), second,
+                    depth < context.max_depth, flight, fate, self.balance.power,
+                )  # fmt: skip
+                onward = _new_flight(n, flight.media.shape[1])
+                n_onward = pack_flight(flight, fate, SCATTERED, onward)
+                flight = Flight(*(column[:n_onward] for column in onward))
+                counts = np.bincount(fate, minlength=SPECULAR + 1)
+                context.ledger.ended["photons absorbed or by roulette"] += int(counts[ABSORBED])
+                context.ledger.ended["photons left or met a lamp"] += int(counts[LEFT])
+                context.ledger.ended["photons at max_depth"] += int(counts[STOPPED])
+        photons = joined(stored)
+        self.balance.n_stored += len(photons.history)
+        return photons
+
+    def _launched(self, group: Group, sequence: int, number: UIntArray, dimension: int) -> Flight:
+        scene = self.context.scene
+        place = self._points(sequence, number, dimension + PLACE)
+        way = self._points(sequence, number, dimension + WAY)
+        n = number.size
+        choice = np.zeros((n, 2))
+        if group.is_aimed and self._targets.radius.size > 1:
+            choice = self._points(sequence, number, dimension + CHOICE)
+        launch = _new_launch(n)
+        source_id = np.full(n, NOTHING, dtype=np.int32)
+        if group.light == scene.n_lights:
+            launch_from_sky(
+                scene.sky, self.world, self._targets, group.n_spread, group.n_aimed,
+                group.is_aimed, place, way, choice, launch,
+            )  # fmt: skip
+        else:
+            source_id[:] = scene.surface_of_light[group.light]
+            launch_from_light(
+                scene.lights, scene.textures, self._surface_points(group.light, place),
+                group.light, self._targets, group.n_spread, group.n_aimed, group.is_aimed, place,
+                way, choice, launch,
+            )  # fmt: skip
+        self.balance.n_emitted += n
+        self.balance.power[EMITTED] += launch.power.sum(axis=0)
+        sent = np.flatnonzero(largest_channel(launch.power) > 0.0)
+        return Flight(
+            number=number[sent],
+            origin=launch.origin[sent],
+            direction=launch.direction[sent],
+            power=launch.power[sent],
+            media=np.repeat(self._media[group.light][None], sent.size, axis=0),
+            source_id=source_id[sent],
+            history=np.zeros(sent.size, dtype=np.uint8),
+        )
+
+    def _leaving_middle(self, light: int) -> tuple[FloatArray, FloatArray]:
+        """Return a point of a light in its middle, and a direction in which it shines, (1, 3)."""
+        scene, middle, launch = self.context.scene, np.array([[0.5, 0.5]]), _new_launch(1)
+        nowhere = Targets(np.zeros((0, 3)), np.zeros(0))
+        launch_from_light(
+            scene.lights, scene.textures, self._surface_points(light, middle), light, nowhere, 1, 0,
+            False, middle, middle, middle, launch,
+        )  # fmt: skip
+        return launch.origin, launch.direction
+
+    def _points(self, sequence: int, number: UIntArray, dimension: int) -> FloatArray:
+        # A sequence has 2**32 points; beyond, the next one begins.
+        name = (number >> np.uint64(32)) + np.uint64(sequence * 2**32)
+        return self.context.sampler.points(name, dimension, number)
+
+    def _ways(self, sequence: int, flight: Flight, material: IntArray, step: int) -> FloatArray:
+        """Return the numbers that choose directions, for the photons that may need them."""
+        xi = np.zeros((material.size, 2))
+        rows = np.flatnonzero(self._spreads[material])
+        if rows.size:
+            xi[rows] = self._points(sequence, flight.number[rows], step + DIRECTION)
+        return xi
+
+    def _surface_points(self, light: int, xi: FloatArray) -> LightPoints:
+        chooser = self.context.scene.shining.get(light)
+        if chooser is None:
+            none = np.zeros(0)
+            return LightPoints(np.zeros((0, 3)), np.zeros((0, 3)), none, none, none)
+        patch, u, v = chooser.choose(xi)
+        surface = chooser.surface
+        density = chooser.pdf_area(patch, u, v)
+        return LightPoints(surface.point(u, v, patch), surface.normal(u, v, patch), density, u, v)
+
+
+def _sequence(group: Group, pass_number: int) -> tuple[int, int]:
+    """Return which sequence a pass goes on with, and how many of its points came before.
+
+    Passes that are compared to know the noise have sequences of their own (`hybrid_rt.film`).
+    """
+    compared, number = group_of(np.array([pass_number], dtype=np.uint64))
+    return group.number * GROUPS + int(compared[0]), int(number[0]) * group.n
+
+
+def blocks_of(groups: list[Group]) -> list[tuple[Group, int, int]]:
+    """Return the parts that the photons of a pass are shot in."""
+    return [
+        (group, first, min(first + AT_ONCE, group.n))
+        for group in groups
+        for first in range(0, group.n, AT_ONCE)
+    ]
+
+
+def targets_of(scene: CompiledScene) -> Targets:
+    """Return balls around all that throws caustics, but for what has no end."""
+    balls: list[tuple[FloatArray, float]] = []
+    throws = materials_with(scene, DIELECTRIC, least=METAL)
+    for i in np.flatnonzero(throws[scene.material_of]):
+        surface = scene.surfaces[i]
+        if isinstance(surface, Plane):
+            continue
+        if isinstance(surface, Sphere):
+            balls.append((np.asarray(surface.center, dtype=np.float64), float(surface.radius)))
+        elif isinstance(surface, Rectangle):
+            balls += _tiles(surface)
+        else:
+            low, high = np.asarray(surface.bounds, dtype=np.float64)
+            balls.append((0.5 * (low + high), 0.5 * float(np.linalg.norm(high - low))))
+    balls = _without_those_inside(balls)
+    return Targets(
+        np.array([center for center, _ in balls]).reshape(-1, 3),
+        np.array([radius for _, radius in balls], dtype=np.float64),
+    )
+
+
+def joined(parts: list[Photons]) -> Photons:
+    """Put photons together in their order."""
+    if not parts:
+        return _new_photons(0)
+    return Photons(*(np.concatenate(columns) for columns in zip(*parts, strict=True)))
+
+
+def _tiles(surface: Rectangle) -> list[tuple[FloatArray, float]]:
+    """Cover a rectangle by balls about nearly square tiles."""
+    u, v = np.asarray(surface.edge_u), np.asarray(surface.edge_v)
+    length = np.array([np.linalg.norm(u), np.linalg.norm(v)])
+    side = math.sqrt(float(length.prod()) / MOST_TILES)
+    n_u, n_v = np.clip(np.rint(length / side).astype(int), 1, MOST_TILES)
+    radius = 0.5 * float(max(np.linalg.norm(u / n_u + v / n_v), np.linalg.norm(u / n_u - v / n_v)))
+    corner = np.asarray(surface.corner)
+    return [
+        (corner + (i + 0.5) / n_u * u + (j + 0.5) / n_v * v, radius)
+        for i in range(n_u)
+        for j in range(n_v)
+    ]
+
+
+def _without_those_inside(
+    balls: list[tuple[FloatArray, float]],
+) -> list[tuple[FloatArray, float]]:
+    """Leave out balls that lie within another one: they would only be aimed at twice."""
+    kept: list[tuple[FloatArray, float]] = []
+    for center, radius in sorted(balls, key=lambda ball: -ball[1]):
+        if all(np.linalg.norm(center - c) + radius > r for c, r in kept):
+            kept.append((center, radius))
+    return kept
+
+
+def _world(scene: CompiledScene) -> FloatArray:
+    """Return centre and radius of a ball around all surfaces that end."""
+    ends = [s for s in scene.surfaces if not isinstance(s, Plane)]
+    if not ends:
+        return np.array([0.0, 0.0, 0.0, 1.0])
+    bounds = np.array([s.bounds for s in ends], dtype=np.float64)
+    low, high = bounds[:, 0].min(axis=0), bounds[:, 1].max(axis=0)
+    return np.array([*(0.5 * (low + high)), 0.5 * np.linalg.norm(high - low)])
+
+
+def _powers(scene: CompiledScene, world: FloatArray) -> FloatArray:
+    """Return about how much each light sends out, (lights + 1,), the sky last."""
+    lights = scene.lights
+    power = np.zeros(scene.n_lights + 1)
+    for i in range(scene.n_lights):
+        if lights.kind[i] == POINT:
+            factor = 4.0 * math.pi
+        elif lights.kind[i] == RECTANGLE:
+            factor = math.pi * float(np.linalg.norm(np.cross(lights.edge_u[i], lights.edge_v[i])))
+        elif lights.kind[i] == SPHERE:
+            factor = 4.0 * math.pi**2 * lights.edge_u[i, 0] ** 2
+        elif i in scene.shining:
+            factor = math.pi * scene.shining[i].area
+        else:
+            name = scene.names[scene.surface_of_light[i]]
+            raise ValueError(
+                f"object {name!r}: a plane that shines sends out photons without end; use a "
+                "Rectangle, or integrator 'path'"
+            )
+        power[i] = factor * lights.strength[i].mean()
+    if scene.environment is not None:
+        endless = [i for i, surface in enumerate(scene.surfaces) if isinstance(surface, Plane)]
+        if endless:
+            raise ValueError(
+                f"object {scene.names[endless[0]]!r}: the sky sends photons without end to a plane; "
+                "use a Rectangle, or integrator 'path'"
+            )
+        height = (np.arange(64) + 0.5) / 32.0 - 1.0
+        turn = math.pi * (3.0 - math.sqrt(5.0)) * np.arange(64)
+        ring = np.sqrt(1.0 - height**2)
+        ways = np.stack([ring * np.cos(turn), ring * np.sin(turn), height], axis=1)
+        mean = float(scene.environment.radiance(ways).mean())
+        power[-1] = 4.0 * math.pi**2 * world[3] ** 2 * mean
+    return power
+
+
+def _new_launch(n: int) -> Launch:
+    return Launch(np.empty((n, 3)), np.empty((n, 3)), np.empty((n, 3)))
+
+
+def _new_photons(n: int) -> Photons:
+    return Photons(
+        np.empty((n, 3)),
+        np.empty((n, 3), dtype=np.float32),
+        np.empty((n, 3), dtype=np.float32),
+        np.empty((n, 3), dtype=np.float32),
+        np.empty(n, dtype=np.uint8),
+    )
+
+
+def _new_flight(n: int, n_media: int) -> Flight:
+    return Flight(
+        number=np.empty(n, dtype=np.uint64),
+        origin=np.empty((n, 3)),
+        direction=np.empty((n, 3)),
+        power=np.empty((n, 3)),
+        media=np.empty((n, n_media), dtype=np.int32),
+        source_id=np.empty(n, dtype=np.int32),
+        history=np.empty(n, dtype=np.uint8),
+    )

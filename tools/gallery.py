@@ -1,0 +1,99 @@
+"""Render every scene and write the page that shows them: docs/gallery.md and its pictures.
+
+python tools/gallery.py --seconds 30
+python tools/gallery.py --only wine_glass --seconds 120
+
+Each scene is rendered by the integrator that its script names first. Rows of scenes that are not
+rendered again stay as they are.
+"""
+
+import argparse
+import json
+import re
+import sys
+from pathlib import Path
+from typing import Any
+
+from hybrid_rt.rendering import render
+from hybrid_rt.scene_file import load_scene
+
+ROOT = Path(__file__).parents[1]
+PAGE, PICTURES, RECORD = "gallery.md", "gallery", "gallery.json"
+HEAD = """# Gallery
+
+Every scene of the project, by `python tools/gallery.py`, on a busy machine. Error: root mean square of
+the standard errors of all pixels, in units of radiance, from the differences between passes; where
+photons are gathered, the estimated blur comes beside it. The pictures are small, so that a page
+holds them; every script renders larger ones.
+"""
+
+
+def main() -> int:
+    """Run the tool."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--seconds", type=float, default=30.0, help="for each scene")
+    parser.add_argument("--width", type=int, default=360)
+    parser.add_argument("--threads", type=int, default=4)
+    parser.add_argument("--only", action="append", metavar="NAME")
+    parser.add_argument("--out", type=Path, default=ROOT / "docs")
+    args = parser.parse_args()
+    (args.out / PICTURES).mkdir(parents=True, exist_ok=True)
+    record_file = args.out / PICTURES / RECORD
+    record = json.loads(record_file.read_text("utf-8")) if record_file.exists() else {}
+    for script in sorted((ROOT / "scenes").glob("*.py")):
+        if args.only is None or script.stem in args.only:
+            record[script.stem] = show(script, args)
+            print(row(script.stem, record[script.stem]), flush=True)
+    record_file.write_text(json.dumps(record, indent=2) + "\n", "utf-8")
+    page = HEAD + "".join("\n" + section(name, facts) for name, facts in sorted(record.items()))
+    (args.out / PAGE).write_text(page, "utf-8")
+    return 0
+
+
+def show(script: Path, args: argparse.Namespace) -> dict[str, Any]:
+    """Render one scene; return what the page says of it."""
+    text = script.read_text("utf-8")
+    named = re.search(r"--integrator (\w+)", text)
+    integrator = named[1] if named else "path"
+    scene = load_scene(script)
+    camera = scene.camera
+    height = max(round(camera.height * args.width / camera.width), 1)
+    small = scene.with_camera(camera.resized(args.width, height))
+    render(scene.with_camera(camera.resized(8, 6)), integrator, 1)  # compiles
+    result = render(small, integrator, time_budget=args.seconds, threads=args.threads)
+    result.save(args.out / PICTURES / f"{script.stem}.png")
+    (args.out / PICTURES / f"{script.stem}.json").unlink()
+    report = result.report
+    photons = report.get("photons")
+    return {
+        "about": text.split('"""')[1].split("\n")[0],
+        "integrator": integrator,
+        "size": [args.width, height],
+        "threads": args.threads,
+        "passes": report["passes"],
+        "seconds": report["seconds"]["total"],
+        "error": report["noise"] and report["noise"]["root_mean_square_standard_error_of_pixels"],
+        "blur": photons and photons["blur_root_mean_square"],
+    }
+
+
+def row(name: str, facts: dict[str, Any]) -> str:
+    """Put the facts of one picture into a line."""
+    error = "unknown after one pass" if facts["error"] is None else f"{facts['error']:.3g}"
+    blur = "" if facts["blur"] is None else f", blur {facts['blur']:.2g}"
+    width, height = facts["size"]
+    return (
+        f"`scenes/{name}.py`: {facts['integrator']}, {width} x {height}, {facts['passes']} passes, "
+        f"{facts['seconds']:.1f} s on {facts['threads']} threads, error {error}{blur}"
+    )
+
+
+def section(name: str, facts: dict[str, Any]) -> str:
+    """Put one picture on the page."""
+    return f"## {facts['about']}\n\n![{name}](gallery/{name}.png)\n\n{row(name, facts)}\n"
+
+
+if __name__ == "__main__":
+    sys.exit(main())
