@@ -11,6 +11,8 @@ import itertools
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -74,13 +76,8 @@ def grid_mesh(surface: SurfaceOfRevolution, n_triangles: int) -> TriangleMesh:
             faces.append(np.stack([a, a_next, b], axis=1))
         if len(upper) > 1:
             faces.append(np.stack([a_next, b_next, b], axis=1))
-
-    class _Mesh:
-        pass
-
-    mesh = _Mesh()
-    mesh.vertices, mesh.faces = np.concatenate(vertices), np.concatenate(faces)  # type: ignore[attr-defined]
-    return TriangleMesh(mesh)  # type: ignore[arg-type]
+    mesh: Any = SimpleNamespace(vertices=np.concatenate(vertices), faces=np.concatenate(faces))
+    return TriangleMesh(mesh)
 
 
 def scene_of(surface: SurfaceOfRevolution | TriangleMesh, smooth: bool, size: int) -> Scene:
