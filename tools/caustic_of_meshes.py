@@ -1,0 +1,88 @@
+"""The caustic of a turned glass body, exact and as ever more triangles.
+
+python tools/caustic_of_meshes.py --out docs --threads 2
+python tools/caustic_of_meshes.py --quick --out caustic
+
+Prints seconds and errors; writes caustic_of_meshes.json, .png (pictures) and
+caustic_error_against_time.png to the folder given with --out.
+"""
+
+import argparse
+import json
+import sys
+from pathlib import Path
+
+import numpy as np
+
+from hybrid_rt.film import linear_to_srgb
+from hybrid_rt.verify.mesh_caustics import Curve, curves, truth
+
+TRIANGLES = (1_000, 10_000, 100_000, 1_000_000)
+EXPOSURE = 1.5
+
+
+def main() -> int:
+    """Run the tool."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--out", type=Path, default=Path("caustic"), help="folder")
+    parser.add_argument("--quick", action="store_true", help="small pictures, few triangles")
+    parser.add_argument("--threads", type=int)
+    args = parser.parse_args()
+    size, photons = (64, 20_000) if args.quick else (200, 100_000)
+    triangles = TRIANGLES[:2] if args.quick else TRIANGLES
+    passes = (1, 4) if args.quick else (1, 4, 16)
+    print(f"truth: {size} x {size}, {photons} photons a pass", flush=True)
+    reference = truth(size, 4 * max(passes), photons, args.threads)
+    found = []
+    for curve in curves(reference, triangles, passes, photons, args.threads):
+        found.append(curve)
+        steps = "  ".join(
+            f"{t:7.2f} s {e:.2e}" for t, e in zip(curve.seconds, curve.errors, strict=True)
+        )
+        print(f"{curve.name:30s} build {curve.build_seconds:6.2f} s | {steps}", flush=True)
+    write(args.out, reference, found, passes)
+    return 0
+
+
+def write(folder: Path, reference: np.ndarray, found: list[Curve], passes: tuple[int, ...]) -> None:
+    """Write data and pictures."""
+    import imageio.v3 as imageio
+
+    folder.mkdir(parents=True, exist_ok=True)
+    rows = [
+        {
+            "name": curve.name, "triangles": curve.n_triangles, "smooth": curve.smooth,
+            "passes": list(passes), "seconds": curve.seconds, "relmse": curve.errors,
+            "build_seconds": curve.build_seconds,
+        }
+        for curve in found
+    ]  # fmt: skip
+    (folder / "caustic_of_meshes.json").write_text(json.dumps(rows, indent=2), "utf-8")
+    flat = [curve.image for curve in found if curve.n_triangles and not curve.smooth]
+    smooth = [curve.image for curve in found if curve.smooth]
+    sheet = np.vstack([np.hstack([*flat, found[0].image]), np.hstack([*smooth, reference])])
+    shown = np.rint(255 * linear_to_srgb(sheet * 2.0**EXPOSURE)).astype(np.uint8)
+    imageio.imwrite(folder / "caustic_of_meshes.png", shown)
+    try:
+        import matplotlib as mpl
+    except ImportError:
+        print("for the plot: pip install matplotlib, or this project with its extra `plot`")
+        return
+    mpl.use("Agg")
+    import matplotlib.pyplot as plt
+
+    figure, axes = plt.subplots(figsize=(7, 4.5), layout="constrained")
+    for curve in found:
+        style = "--" if curve.smooth else "-"
+        color = "black" if curve.n_triangles == 0 else f"C{int(np.log10(curve.n_triangles)) - 3}"
+        axes.loglog(curve.seconds, curve.errors, style, color=color, marker="o", label=curve.name)
+    axes.set_xlabel("seconds")
+    axes.set_ylabel("relative MSE of the floor beside the body")
+    axes.legend(fontsize=7)
+    figure.savefig(folder / "caustic_error_against_time.png", dpi=120)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
