@@ -143,7 +143,7 @@ def count_on_floor(lamp, half, albedo, spheres, slabs, ior, seed, first, stop, c
     """
     n = counts.shape[0]
     for number in range(first, stop):
-        state = (seed + np.uint64(number)) * _B
+        state = (seed * _A + np.uint64(number)) * _B
         state, s = _next(state)
         state, t = _next(state)
         x, y, z = lamp[0] + (s - 0.5) * lamp[3], lamp[1] + (t - 0.5) * lamp[3], lamp[2]
@@ -181,7 +181,7 @@ def look_at_floor(lamp, half, spheres, slabs, ior, seed, first, origin, directio
     number of the first ray for its random numbers.
     """
     for i in range(origin.shape[0]):
-        state = (seed + np.uint64(first + i)) * _A
+        state = (seed * _B + np.uint64(first + i)) * _A
         x, y, z = origin[i, 0], origin[i, 1], origin[i, 2]
         a, b, c = direction[i, 0], direction[i, 1], direction[i, 2]
         place[i, 0] = place[i, 1] = math.nan
