@@ -161,7 +161,7 @@ class Shooter:
         """
         context, scene = self.context, self.context.scene
         stored: list[Photons] = []
-        sequence, n_before = _sequence(group, pass_number)
+        sequence, n_before = sequence_of(group, pass_number)
         number = np.arange(n_before + first, n_before + stop, dtype=np.uint64)
         with context.ledger.stage("photons"):
             flight = self._launched(group, sequence, number, dimension)
@@ -285,7 +285,7 @@ class Shooter:
         return LightPoints(surface.point(u, v, patch), surface.normal(u, v, patch), density, u, v)
 
 
-def _sequence(group: Group, pass_number: int) -> tuple[int, int]:
+def sequence_of(group: Group, pass_number: int) -> tuple[int, int]:
     """Return which sequence a pass goes on with, and how many of its points came before.
 
     Passes that are compared to know the noise have sequences of their own (`hybrid_rt.film`).

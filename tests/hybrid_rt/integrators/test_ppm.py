@@ -12,6 +12,7 @@ from scipy import stats
 from hybrid_rt.camera import Camera
 from hybrid_rt.integrators import PhotonMapOptions, PPMOptions, gathering, photon_crew
 from hybrid_rt.integrators.gathering import shrunk
+from hybrid_rt.integrators.shooting import Group, sequence_of
 from hybrid_rt.integrators.surface_light import NO_NORMALS
 from hybrid_rt.kernels.lobes import LobeTable
 from hybrid_rt.kernels.photons import Photons
@@ -20,6 +21,7 @@ from hybrid_rt.materials import Dielectric, Emissive, Lambertian, Metal, Mirror,
 from hybrid_rt.primitives import Box, Plane, Rectangle, Sphere
 from hybrid_rt.rendering import render
 from hybrid_rt.scene import Object, Scene
+from hybrid_rt.verify.light_tracer import BALL
 
 # A test below decides wrongly once in 1e5 runs with another seed.
 ALARM = 1e-5
@@ -149,6 +151,16 @@ class TestAgainstPaths:
                 [LAMP], None),
         "shines": ([floor(), WALL, Object(Box((-0.4, -0.4, 1), (0.4, 0.4, 1.3)), Emissive(3.0, Lambertian(0.5)))],
                    [], None),
+        # Touches the floor: no air between, so no light is lost there.
+        "glass on the floor": (
+            [floor(), WALL, Object(Box((-0.9, -0.9, 0), (0.9, 0.9, 0.5)), Dielectric(1.5, (0.1, 0.3, 0.5)))],
+            [LAMP], None),
+        "lamp in water": (
+            [floor(), WALL, Object(Box((-1.5, -1.5, -0.1), (1.5, 1.4, 1.2)), Dielectric(1.33, (0.1, 0.2, 0.4)))],
+            [SphereLight((0, 0, 0.7), 0.3, 8.0)], None),
+        "all in dark water": (
+            [floor(), WALL, Object(Sphere((0, 0, 0.6), 0.6), Mirror(0.9)),
+             Object(Box((-9, -9, -1), (9, 9, 9)), Dielectric(1.33, (0.05, 0.1, 0.2)))], [LAMP], None),
     }  # fmt: skip
 
     @pytest.mark.parametrize("name", SCENES)
@@ -198,12 +210,40 @@ def test_dark_side_of_a_wall_stays_dark():
     np.testing.assert_array_equal(image, 0.0)
 
 
-def test_threads_change_no_bit():
+@pytest.mark.parametrize(
+    ("integrator", "options"),
+    [("ppm", PPMOptions(40_000)), ("photon_map", PhotonMapOptions(40_000))],
+)
+def test_threads_change_no_bit(integrator, options):
     objects = [floor(), Object(Sphere((0, 0, 1), 0.6), Dielectric(1.5))]
     view = Camera((0, -4, 3), (0, 0, 0.3), (0, 0, 1), 45, 100, 100)
     scene = Scene(view, objects, [small_lamp()])
-    images = [photons(scene, 40_000, passes=2, seed=5, threads=t).image for t in (1, 3)]
+    images = [
+        render(scene, integrator, passes=2, seed=5, options=options, threads=t).image
+        for t in (1, 3)
+    ]
     np.testing.assert_array_equal(*images)
+
+
+def test_stated_noise_is_that_of_many_renders():
+    """Groups of passes have photons of their own, so what they differ by is the noise."""
+    camera = Camera((0, -3, 2.2), (0, 0, 0.1), (0, 0, 1), 20, 12, 12)
+    scene, options = BALL.scene(camera), PPMOptions(1024)
+    results = [
+        render(scene, "ppm", passes=16, seed=seed, options=options, threads=1) for seed in range(20)
+    ]
+    name = "root_mean_square_standard_error_of_pixels"
+    stated = np.mean([result.report["noise"][name] ** 2 for result in results])
+    found = np.var([result.image.astype(float) for result in results], axis=0, ddof=1).mean()
+    # 144 pixels: 2700 degrees of freedom on one side, 8600 on the other; bright pixels weigh more.
+    assert 0.8 < stated / found < 1.25
+
+
+def test_groups_of_passes_have_photons_of_their_own():
+    """Runs of four passes are dealt out to four groups; each group goes on with its sequence."""
+    spread, aimed = (Group(k, 0, k == 1, 60, 40) for k in (0, 1))
+    assert [sequence_of(spread, k) for k in (0, 1, 4, 16)] == [(0, 0), (0, 60), (1, 0), (0, 240)]
+    assert [sequence_of(aimed, k) for k in (3, 12)] == [(4, 120), (7, 0)]
 
 
 def test_passes_are_functions_of_their_numbers():
