@@ -103,6 +103,9 @@ def _add_render_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--photons", type=int, metavar="N", help="photons of a pass (ppm, photon_map)"
     )
+    parser.add_argument(
+        "--alpha", type=float, metavar="A", help="how slowly discs shrink (ppm; default 2/3)"
+    )
     parser.add_argument("--time-budget", type=float, metavar="S", help="stop after S seconds")
     parser.add_argument(
         "--target-error",
@@ -211,15 +214,19 @@ def _run_compare(options: argparse.Namespace) -> None:
 
 
 def _photon_options(options: argparse.Namespace) -> Any:
-    """Return settings for the number of photons asked for, or None."""
-    if options.photons is None:
+    """Return settings for the photons asked for, or None."""
+    given = {"photons_per_pass": options.photons, "alpha": options.alpha}
+    given = {key: value for key, value in given.items() if value is not None}
+    if not given:
         return None
     from hybrid_rt.integrators import PhotonMapOptions, PPMOptions
 
     of_integrator = {"ppm": PPMOptions, "photon_map": PhotonMapOptions}
-    if options.integrator not in of_integrator:
+    if options.photons is not None and options.integrator not in of_integrator:
         raise ValueError(f"--photons: integrator {options.integrator!r} has none; use ppm")
-    return of_integrator[options.integrator](photons_per_pass=options.photons)
+    if options.alpha is not None and options.integrator != "ppm":
+        raise ValueError(f"--alpha: integrator {options.integrator!r} has none; use ppm")
+    return of_integrator[options.integrator](**given)
 
 
 def _run_demo(options: argparse.Namespace) -> None:

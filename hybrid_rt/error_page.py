@@ -269,10 +269,12 @@ def picture_answers(
     lines.append(f"Reference: {reference.made_by}; its own relative error is {own}.")
     if reference.check is not None:
         check = reference.check
+        blur = check["by_blur"]
+        blurred = f" and the blur of photons {blur:.2g}" if blur else ""
         lines.append(
             f"A different method ({check['made_by']}) has a mean that differs by "
             f"{check['gap']:+.2g} +- {3.182 * check['gap_error']:.1g} (95 %); the pictures differ by "
-            f"{check['difference']:.2g}, of which their noise explains {check['by_noise']:.2g}."
+            f"{check['difference']:.2g}, of which their noise explains {check['by_noise']:.2g}{blurred}."
         )
     lines.append(f"Kernels took {study.compile_seconds:.1f} s to compile, not counted here.")
     return lines

@@ -18,24 +18,33 @@ from numpy.typing import NDArray
 
 from hybrid_rt import checks
 from hybrid_rt.comparison import Picture
-from hybrid_rt.integrators import INTEGRATORS
 from hybrid_rt.integrators.options import PathOptions
 from hybrid_rt.intersection import Intersector
 from hybrid_rt.lights import PointLight
 from hybrid_rt.measures import DARK, hit_errors, picture_errors, relative_mse
+from hybrid_rt.methods import (
+    TOLERANCES,
+    Method,
+    curved_surfaces,
+    default_methods,
+    finds_all_light,
+    size_of,
+    uncertified_methods,
+)
 from hybrid_rt.rendering import RenderResult, render
 from hybrid_rt.scene import Scene
 from hybrid_rt.verify.oracle import first_hits
 from hybrid_rt.verify.rays import RaySet
 from hybrid_rt.verify.speed import in_turn
-from meshing import BezierPatches, SurfaceOfRevolution
 
 Image = NDArray[np.float32]
 Say = Callable[[str], None]
 
 REFERENCE_SEED, CHECK_SEED = 20_000, 30_000
-# Tolerances of meshes, relative to the diagonal of all curved surfaces.
-TOLERANCES = (1e-2, 1e-3, 1e-4)
+# Integrators that references are made by, the first that finds all light of the scene.
+REFERENCES = ("path", "ppm")
+# The picture that checks a reference has so many passes less.
+FEWER_TO_CHECK = 4
 # A bias below half of the whole error cannot be told from noise by two points.
 SURE_BIAS = 0.5
 # No wrong hit among n rays: at 95 % the share is below 3 / n (1 - (1 - 3 / n)^n = 0.95).
@@ -54,25 +63,6 @@ class Spread:
 def spread(values: Sequence[float]) -> Spread:
     """Return median, least and most."""
     return Spread(float(np.median(values)), float(min(values)), float(max(values)))
-
-
-@dataclass(frozen=True)
-class Method:
-    """One way to make a picture; what varies along its curve is the number of passes."""
-
-    name: str
-    integrator: str
-    accuracy: str = "certified"
-    tolerance: float | None = None
-    options: Any = None
-
-    @property
-    def flags(self) -> str:
-        """The options of ``hybrid-rt render`` that choose it."""
-        flags = f"--integrator {self.integrator}"
-        if self.accuracy != "certified":
-            flags += f" --accuracy {self.accuracy}"
-        return flags if self.tolerance is None else f"{flags} --tolerance {self.tolerance:.3g}"
 
 
 @dataclass(frozen=True)
@@ -107,12 +97,15 @@ class Curve:
     points : list of Point
     bias : float
         Error that passes do not remove, as far as it is known from elsewhere.
+    power : float
+        The square of the rest of the error falls as passes to the minus this.
     """
 
     name: str
     flags: str
     points: list[Point]
     bias: float = 0.0
+    power: float = 1.0
 
 
 @dataclass(frozen=True)
@@ -129,7 +122,8 @@ class Reference:
     seconds : float
     check : dict or None
         A different method: ``made_by``, ``gap`` of the means, ``gap_error`` its standard error,
-        ``difference`` of the pictures (relative RMSE) and ``by_noise``, what their noise explains.
+        ``difference`` of the pictures (relative RMSE) and ``by_noise``, ``by_blur``, what their
+        noise and the blur of photons explain.
     """
 
     made_by: str
@@ -166,36 +160,6 @@ class PictureStudy:
     images: dict[str, Image]
 
 
-def curved_surfaces(scene: Scene) -> list[Any]:
-    """Return the patches and surfaces of revolution of a scene."""
-    kinds = BezierPatches | SurfaceOfRevolution
-    return [item.surface for item in scene.objects if isinstance(item.surface, kinds)]
-
-
-def size_of(surfaces: Sequence[Any]) -> float:
-    """Return the diagonal of the box around surfaces."""
-    low = np.min([s.bounds[0] for s in surfaces], axis=0)
-    high = np.max([s.bounds[1] for s in surfaces], axis=0)
-    return float(np.linalg.norm(high - low))
-
-
-def default_methods(scene: Scene) -> list[Method]:
-    """Return every integrator with certified hits, and paths on what is not certified."""
-    return [Method(name, name) for name in INTEGRATORS] + _uncertified(scene)
-
-
-def _uncertified(scene: Scene) -> list[Method]:
-    """Return paths after Newton alone, and on meshes; nothing where no surface is curved."""
-    surfaces = curved_surfaces(scene)
-    if not surfaces:
-        return []
-    tolerances = [share * size_of(surfaces) for share in TOLERANCES]
-    return [
-        Method("path, refined", "path", "refined"),
-        *(Method(f"path, mesh {t:.2g}", "path", "mesh", t) for t in tolerances),
-    ]
-
-
 def study_picture(
     scene: Scene,
     passes: Sequence[int],
@@ -203,6 +167,7 @@ def study_picture(
     runs: int = 3,
     reference_passes: int = 1024,
     reference: Picture | None = None,
+    reference_by: str | None = None,
     methods: Sequence[Method] | None = None,
     threads: int | None = None,
     say: Say = lambda _: None,
@@ -220,6 +185,9 @@ def study_picture(
         Of the reference, unless one is given.
     reference : Picture, optional
         Of the camera's size.
+    reference_by : "path" or "ppm", optional
+        What makes the reference, and is checked by the other one. Default: "path" where it finds
+        all light, else "ppm" if that does.
     methods : sequence of Method, optional
         Default: `default_methods`.
     threads : int, optional
@@ -229,7 +197,8 @@ def study_picture(
     Raises
     ------
     ValueError, TypeError
-        If passes are not increasing, or a setting is out of range.
+        If passes are not increasing, a setting is out of range, or the integrator that is to make
+        the reference does not find all light of the scene.
     """
     for n in passes:
         checks.whole(n, "passes", at_least=1)
@@ -245,6 +214,13 @@ def study_picture(
             f"{reference.image.shape[0]} pixels, the camera {scene.camera.width} x "
             f"{scene.camera.height}: render one of that size"
         )
+    if reference_by is not None and (
+        reference_by not in REFERENCES or not finds_all_light(scene, reference_by)
+    ):
+        raise ValueError(
+            f"reference_by {reference_by!r}: it does not find all light of this scene; use "
+            + (" or ".join(n for n in REFERENCES if finds_all_light(scene, n)) or "a picture")
+        )
     chosen = default_methods(scene) if methods is None else list(methods)
     camera = scene.camera
     small = scene.with_camera(camera.resized(16, 12))
@@ -253,7 +229,7 @@ def study_picture(
         _run(small, method, 1, 0, threads).report["kernel_compilation_seconds"] for method in chosen
     )
     if reference is None:
-        found, truth = _make_reference(scene, reference_passes, threads, say)
+        found, truth = _make_reference(scene, reference_by, reference_passes, threads, say)
     else:
         found, truth = _given_reference(reference), reference.image
     rows: dict[str, dict[int, list[dict[str, float]]]] = {
@@ -268,7 +244,9 @@ def study_picture(
                 rows[method.name][n].append(_row(result, truth))
                 if run == 0 and n == passes[-1]:
                     images[method.name] = result.image
-    meshes = _meshes(scene, passes[-1], threads, say)
+    meshes = []
+    if any(method.integrator == "path" for method in chosen):
+        meshes = _meshes(scene, passes[-1], threads, say)
     biases = {row["method"]: row["error"] for row in meshes}
     curves = [
         Curve(
@@ -276,6 +254,7 @@ def study_picture(
             method.flags,
             [_point(n, rows[method.name][n]) for n in passes],
             biases.get(method.name, 0.0),
+            method.power,
         )
         for method in chosen
     ]
@@ -301,43 +280,73 @@ def _run(
 
 
 def _make_reference(
-    scene: Scene, passes: int, threads: int | None, say: Say
+    scene: Scene, maker: str | None, passes: int, threads: int | None, say: Say
 ) -> tuple[Reference, Image]:
-    """Render long by paths; and by paths that never ask a light, to check that."""
-    say(f"reference of {passes} passes")
-    main = _run(scene, Method("path", "path"), passes, REFERENCE_SEED, threads, "standard_error")
-    noise = main.report["noise"]
+    """Render long by one integrator; and by another that shares no light transport, to check that.
+
+    Photons check paths and paths photons, where both find all light. Where photons cannot be sent,
+    paths that never ask a light check those that do.
+    """
+    complete = [name for name in REFERENCES if finds_all_light(scene, name)]
+    if maker is None:
+        maker = complete[0] if complete else "path"
+    say(f"reference of {passes} passes by {maker}")
+    main = _run(scene, Method(maker, maker), passes, REFERENCE_SEED, threads, "standard_error")
     check = None
-    if not any(isinstance(light, PointLight) for light in scene.lights):
-        say("the same by paths that only run into lights")
-        blind = Method("blind", "path", options=PathOptions(strategy="directions"))
-        other = _run(scene, blind, passes, CHECK_SEED, threads, "standard_error")
-        others = other.report["noise"]
-        weight = main.image.astype(np.float64) ** 2 + DARK
-        variance = sum(
-            float((r.channels["standard_error"].astype(np.float64) ** 2 / weight).mean())
-            for r in (main, other)
-        )
-        check = {
-            "made_by": f"path, never asking a light, {passes} passes",
-            "gap": others["image_mean"] - noise["image_mean"],
-            "gap_error": math.hypot(
-                noise["standard_error_of_image_mean"], others["standard_error_of_image_mean"]
-            ),
-            "difference": math.sqrt(relative_mse(other.image, main.image)),
-            "by_noise": math.sqrt(variance),
-        }
+    others = [Method(name, name) for name in complete if name != maker]
+    has_points = any(isinstance(light, PointLight) for light in scene.lights)
+    if complete == ["path"] and not has_points:
+        blind = PathOptions(strategy="directions")
+        others = [Method("path, never asking a light", "path", options=blind)]
+    if others and maker in complete:
+        n = max(passes // FEWER_TO_CHECK, min(passes, 2))
+        say(f"the same by {others[0].name}, {n} passes")
+        other = _run(scene, others[0], n, CHECK_SEED, threads, "standard_error")
+        check = _checked(main, other, f"{others[0].name}, {n} passes")
+    noise = main.report["noise"] or {}
     return (
         Reference(
-            f"path, certified, {passes} passes",
-            noise["relative_rmse"],
-            noise["image_mean"],
-            noise["standard_error_of_image_mean"],
+            f"{maker}, certified, {passes} passes",
+            stated_error(main.report),
+            float(main.image.mean(dtype=np.float64)),
+            noise.get("standard_error_of_image_mean", math.nan),
             main.report["seconds"]["total"],
             check,
         ),
         main.image,
     )
+
+
+def _checked(main: RenderResult, other: RenderResult, made_by: str) -> dict[str, Any]:
+    """Return how far a picture is from one by another method, and what explains that."""
+    noises = [result.report["noise"] or {} for result in (main, other)]
+    errors = [noise.get("standard_error_of_image_mean", math.nan) for noise in noises]
+    weight = main.image.astype(np.float64) ** 2 + DARK
+    variance = sum(
+        float((result.channels["standard_error"].astype(np.float64) ** 2 / weight).mean())
+        for result in (main, other)
+    )
+    means = [float(result.image.mean(dtype=np.float64)) for result in (main, other)]
+    return {
+        "made_by": made_by,
+        "gap": means[1] - means[0],
+        "gap_error": math.hypot(*errors),
+        "difference": math.sqrt(relative_mse(other.image, main.image)),
+        "by_noise": math.sqrt(variance),
+        "by_blur": math.hypot(*(_blur(result.report) for result in (main, other))),
+    }
+
+
+def _blur(report: dict[str, Any]) -> float:
+    """Return the relative blur that photons state; nan where a single pass tells nothing."""
+    blur = report.get("photons", {}).get("blur_relative_rmse", 0.0)
+    return math.nan if blur is None else float(blur)
+
+
+def stated_error(report: dict[str, Any]) -> float:
+    """Return the relative RMSE that a report states, noise and blur together; nan if unknown."""
+    noise = report.get("noise")
+    return math.nan if noise is None else math.hypot(noise["relative_rmse"], _blur(report))
 
 
 def _given_reference(picture: Picture) -> Reference:
@@ -356,14 +365,14 @@ def _given_reference(picture: Picture) -> Reference:
 def _row(result: RenderResult, truth: Image) -> dict[str, float]:
     """Return the figures of one run."""
     errors, report = picture_errors(result.image, truth), result.report
-    stages, noise = report["seconds"], report["noise"]
+    stages = report["seconds"]
     return {
         # The audit of uncertified hits is not part of making the picture.
         "seconds": stages["total"] - stages.get("audit", 0.0),
         "error": errors.relative_rmse,
         "error_of_most": errors.relative_rmse_of_most,
         "mean_error": errors.relative_mean_error,
-        "stated_error": math.nan if noise is None else noise["relative_rmse"],
+        "stated_error": stated_error(report),
         "build_seconds": stages.get("build", 0.0),
         "rays": float(sum(report["rays"].values())),
     }
@@ -383,7 +392,7 @@ def _meshes(scene: Scene, passes: int, threads: int | None, say: Say) -> list[di
     hold noise; but that of one seed is independent of that of another, so the mean of the product
     of two differences is the square of what stays.
     """
-    methods = _uncertified(scene)
+    methods = uncertified_methods(scene)
     if not methods:
         return []
     surfaces = curved_surfaces(scene)
@@ -550,15 +559,15 @@ def forecast(curve: Curve, target: float, reference_error: float = 0.0) -> Forec
     """Predict passes and seconds to a relative RMSE.
 
     The square of the error is taken as b^2 + c / n^k: between two measured points as measured (a
-    line in logarithms), beyond the last with k = 1 and b from the last two points, at least the
-    curve's own. The reference's noise is subtracted from the squares first.
+    line in logarithms), beyond the last with the curve's k, and b from the last two points, at
+    least the curve's own. The reference's noise is subtracted from the squares first.
     """
     own = 0.0 if math.isnan(reference_error) else reference_error
     passes = np.array([p.setting for p in curve.points])
     squares = np.array([max(p.error.median**2 - own**2, 1e-30) for p in curve.points])
     seconds = np.array([p.seconds.median for p in curve.points])
     last = curve.points[-1].seconds
-    bias = max(_bias(passes, squares), curve.bias)
+    bias = max(_bias(passes**curve.power, squares), curve.bias)
 
     def result(n: float, is_measured: bool) -> Forecast:
         whole = max(math.ceil(n - 1e-9), 1)
@@ -578,11 +587,12 @@ def forecast(curve: Curve, target: float, reference_error: float = 0.0) -> Forec
         return Forecast(
             curve.name, curve.flags, None, Spread(math.nan, math.nan, math.nan), bias, False
         )
-    return result(float(passes[-1] * max((squares[-1] - bias**2) / left, 1.0)), False)
+    more = max((squares[-1] - bias**2) / left, 1.0)
+    return result(float(passes[-1] * more ** (1.0 / curve.power)), False)
 
 
 def _bias(passes: NDArray[np.float64], squares: NDArray[np.float64]) -> float:
-    """Return the error that does not fall with the passes, by the last two points."""
+    """Return the error that does not fall as one over the given numbers, by the last two points."""
     if len(passes) < 2:
         return 0.0
     n, m = passes[-2], passes[-1]

@@ -161,7 +161,7 @@ def render(
         "width": scene.camera.width,
         "height": scene.camera.height,
     }
-    report = _report(settings, context, film, clock, stopped_by) | crew.report()
+    report = _report(settings, context, film, clock, stopped_by) | crew.report(film.image)
     report["geometry"]["wrong_first_hits"] = wrong
     return RenderResult(film.image, report, channels)
 

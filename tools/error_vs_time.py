@@ -2,6 +2,7 @@
 
 python tools/error_vs_time.py scenes/teapot.py --out teapot
 python tools/error_vs_time.py hybrid_rt/data/teapot.bpt --quick
+python tools/error_vs_time.py scenes/caustic_ball.py --integrators path ppm --photons 20000 200000
 python tools/error_vs_time.py --compare before/curves.json after/curves.json --out both
 
 Prints tables and answers; with --out it writes curves.json, curves.csv, curves.png (with
@@ -21,7 +22,8 @@ from typing import Any
 
 from hybrid_rt import checks, error_page, error_vs_time
 from hybrid_rt.comparison import load_picture
-from hybrid_rt.error_vs_time import Curve, HitStudy, PictureStudy, Point, Spread
+from hybrid_rt.error_vs_time import RULE_OF_THREE, Curve, HitStudy, PictureStudy, Point, Spread
+from hybrid_rt.methods import curved_surfaces, default_methods
 from hybrid_rt.report import versions
 from hybrid_rt.scene import Scene
 from hybrid_rt.scene_file import load_scene
@@ -57,6 +59,14 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--compare", nargs=2, type=Path, metavar=("A.json", "B.json"))
     parser.add_argument("--target", type=float, default=0.01, help="relative RMSE (default 0.01)")
     parser.add_argument("--reference", type=Path, help="a picture (.npz or .exr) instead of ours")
+    parser.add_argument(
+        "--reference-by", choices=error_vs_time.REFERENCES, help="checked by the other one"
+    )
+    parser.add_argument("--integrators", nargs="+", metavar="I", help="default: all that can")
+    parser.add_argument("--photons", type=int, nargs="+", default=(), metavar="N", help="of a pass")
+    parser.add_argument(
+        "--alphas", type=float, nargs="+", default=(), metavar="A", help="of ppm (default 2/3)"
+    )
     parser.add_argument("--reference-passes", type=int, help="default 1024, quick 128")
     parser.add_argument("--passes", type=int, nargs="+", help="default 1 4 16 64, quick 1 4 16")
     parser.add_argument("--runs", type=int, help="default 3, quick 1")
@@ -82,7 +92,7 @@ def _measure(args: argparse.Namespace) -> None:
     else:
         scene = _resized(load_scene(file), args.width or (120 if args.quick else 240))
         studies["picture"] = _study_picture(scene, args)
-        surfaces = error_vs_time.curved_surfaces(scene)
+        surfaces = curved_surfaces(scene)
         rays = error_vs_time.camera_rays(scene, n_rays)
     if surfaces:
         studies["hits"] = error_vs_time.study_hits(
@@ -104,6 +114,8 @@ def _study_picture(scene: Scene, args: argparse.Namespace) -> PictureStudy:
         runs=args.runs or (1 if args.quick else 3),
         reference_passes=args.reference_passes or (128 if args.quick else 1024),
         reference=None if args.reference is None else load_picture(args.reference),
+        reference_by=args.reference_by,
+        methods=default_methods(scene, args.integrators, args.photons, args.alphas),
         threads=args.threads,
         say=_say,
     )
@@ -212,7 +224,7 @@ def _draw(file: Path, name: str, data: dict[str, Any]) -> None:
         1, len(parts), figsize=(8.5 * len(parts), 5), layout="constrained", squeeze=False
     )
     for axes, part in zip(all_axes[0], parts, strict=True):
-        least = error_page.RULE_OF_THREE / data["hits"]["judged"] if part == "hits" else 1e-12
+        least = RULE_OF_THREE / data["hits"]["judged"] if part == "hits" else 1e-12
         seconds: list[float] = []
         for curve in data[part]["curves"]:
             points = curve["points"]
@@ -300,6 +312,7 @@ def _curves(part: dict[str, Any]) -> list[Curve]:
                 for p in curve["points"]
             ],
             curve["bias"],
+            curve["power"],
         )
         for curve in part["curves"]
     ]

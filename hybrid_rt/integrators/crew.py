@@ -16,6 +16,7 @@ from queue import SimpleQueue
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from hybrid_rt.integrators.integrator import BLOCK, Integrator, RenderContext
 from hybrid_rt.intersection import Intersector
@@ -124,8 +125,9 @@ class Crew:
         finally:
             executor.shutdown(cancel_futures=True)
 
-    def report(self) -> dict[str, Any]:
-        """Return what the report of a render holds beside what all integrators count."""
+    def report(self, image: NDArray[np.float32]) -> dict[str, Any]:
+        """Return what the report of a picture holds beside what all integrators count."""
+        del image
         return {}
 
     def gather(self) -> None:

@@ -10,6 +10,7 @@ from queue import SimpleQueue
 from typing import Any, cast
 
 import numpy as np
+from numpy.typing import NDArray
 
 from hybrid_rt.integrators.crew import Crew
 from hybrid_rt.integrators.gathering import Field
@@ -17,6 +18,7 @@ from hybrid_rt.integrators.integrator import RenderContext
 from hybrid_rt.integrators.looking import Looker
 from hybrid_rt.integrators.shooting import Balance, Group, Shooter, blocks_of, joined
 from hybrid_rt.kernels.photons import MET_SPECULAR, Photons
+from hybrid_rt.measures import DARK
 from hybrid_rt.records import FloatArray
 
 # Camera rays that one thread follows and gathers for at a time: many, as trees of many points are
@@ -113,10 +115,11 @@ class PhotonCrew(Crew):
             first.n_without += other.n_without
         super().gather()
 
-    def report(self) -> dict[str, Any]:
+    def report(self, image: NDArray[np.float32]) -> dict[str, Any]:
         """Return what the photons did, in plain types."""
         first = self._lookers[0]
         balance = first.shooter.balance
+        blur, relative = self._blur_of_pixels(image)
         names = ("emitted", "escaped", "absorbed", "lost")
         photons = {
             **self._about(),
@@ -125,13 +128,19 @@ class PhotonCrew(Crew):
             "gather_points": first.n_points,
             "gathered_per_point": first.n_gathered / max(first.n_points, 1),
             "points_without_photons": first.n_without,
-            "blur_root_mean_square": self._blur_of_pixels(),
+            "blur_root_mean_square": blur,
+            "blur_relative_rmse": relative,
             "power_of_all_passes": dict(zip(names, balance.power.tolist(), strict=True)),
         }
         return {"photons": photons}
 
-    def _blur_of_pixels(self) -> float | None:
+    def _blur_of_pixels(
+        self, image: NDArray[np.float32]
+    ) -> tuple[float, float] | tuple[None, None]:
         """Estimate the root mean square, over pixels and channels, of how far off blur puts them.
+
+        The second figure is relative as that of noise is (see `hybrid_rt.film.Film`): each square
+        is divided by x^2 + 0.01.
 
         Blur grows as the area of a disc, to first order, so it is twice what halving the area
         changes. Products of different passes have the square of that change as their mean, free of
@@ -139,6 +148,11 @@ class PhotonCrew(Crew):
         """
         n = self._n_passes
         if n < 2 or self._blur.size == 0:
-            return None if self._blur.size else 0.0
-        products = float((self._blur * self._blur - self._blur_squares).mean()) / (n * (n - 1))
-        return 2.0 * math.sqrt(max(products, 0.0))
+            return (None, None) if self._blur.size else (0.0, 0.0)
+        products = (self._blur * self._blur - self._blur_squares) / (n * (n - 1))
+        weight = image.reshape(-1, 3).astype(np.float64) ** 2 + DARK
+        absolute, relative = (
+            2.0 * math.sqrt(max(float(square.mean()), 0.0))
+            for square in (products, products / weight)
+        )
+        return absolute, relative

@@ -294,6 +294,11 @@ def sequence_of(group: Group, pass_number: int) -> tuple[int, int]:
     return group.number * GROUPS + int(compared[0]), int(number[0]) * group.n
 
 
+def check_lights(scene: CompiledScene) -> None:
+    """Refuse a scene that photons cannot be sent into; see `Shooter` for what is raised."""
+    _powers(scene, _world(scene))
+
+
 def blocks_of(groups: list[Group]) -> list[tuple[Group, int, int]]:
     """Return the parts that the photons of a pass are shot in."""
     return [

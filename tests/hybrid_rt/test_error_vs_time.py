@@ -16,15 +16,12 @@ from hybrid_rt.camera import Camera
 from hybrid_rt.comparison import Picture
 from hybrid_rt.error_vs_time import (
     Curve,
-    Method,
     Point,
     Spread,
     camera_rays,
-    default_methods,
     forecast,
     recommend,
     renamed,
-    size_of,
     spread,
     study_hits,
     study_picture,
@@ -32,8 +29,9 @@ from hybrid_rt.error_vs_time import (
 )
 from hybrid_rt.lights import GradientSky, PointLight
 from hybrid_rt.loglog import Line, Mark, log_log
-from hybrid_rt.materials import Emissive, Lambertian
-from hybrid_rt.primitives import Box, Sphere
+from hybrid_rt.materials import Emissive, Lambertian, Mirror
+from hybrid_rt.methods import Method, size_of
+from hybrid_rt.primitives import Box, Plane, Rectangle, Sphere
 from hybrid_rt.scene import Object, Scene
 from meshing import SurfaceOfRevolution
 
@@ -81,6 +79,14 @@ class TestForecast:
         assert (found.bias, found.passes) == (0.05, math.ceil((1 - 16 * 0.0025) / 0.0075))
         assert forecast(replace(law(), bias=0.05), 0.04).passes is None
 
+    def test_slower_laws_take_more_passes(self):
+        """Squares of 1 / n^(2/3): 0.1 is reached when n^(2/3) is 100."""
+        points = [
+            Point(n, spread([float(n)]), spread([n ** (-1 / 3)]), {}) for n in (1.0, 8.0, 64.0)
+        ]
+        found = forecast(Curve("slow", "", points, power=2 / 3), 0.1)
+        assert (found.passes, found.bias) == (1000, 0.0)
+
     def test_noise_of_the_reference_is_no_bias(self):
         found = forecast(law(own=0.3), 0.1, reference_error=0.3)
         assert (found.passes, found.bias) == (100, 0.0)
@@ -102,16 +108,6 @@ def test_triangles_by_the_law_of_the_mesh():
 def test_spread_and_names():
     assert spread([3.0, 1.0, 2.0]) == Spread(2.0, 1.0, 3.0)
     assert renamed([law()], "A")[0].name == "A: law"
-    assert Method("m", "path", "mesh", 0.0123).flags == (
-        "--integrator path --accuracy mesh --tolerance 0.0123"
-    )
-
-
-def test_methods_are_all_integrators_and_what_is_not_certified():
-    names = {method.name for method in default_methods(SCENE)}
-    assert {"path", "whitted", "path, refined"} <= names
-    ball = Scene(VIEW, [Object(Sphere((0, 0, 0), 1), Lambertian(0.5))], environment=SKY)
-    assert "path, refined" not in {method.name for method in default_methods(ball)}
 
 
 @pytest.fixture(scope="module")
@@ -182,8 +178,10 @@ def test_two_methods_agree_and_a_mesh_does_not():
     )
     check = study.reference.check
     # Student's t with 3 degrees of freedom on either side: 12.9 is passed once in 1000 runs.
+    assert check["made_by"].startswith("ppm")
     assert abs(check["gap"]) < 12.9 * check["gap_error"]
-    assert check["difference"] == pytest.approx(check["by_noise"], rel=0.3)
+    explained = math.hypot(check["by_noise"], check["by_blur"])
+    assert check["difference"] == pytest.approx(explained, rel=0.3)
     refined, coarse, _, fine = study.meshes
     assert (refined["accuracy"], coarse["accuracy"]) == ("refined", "mesh")
     assert coarse["error"] > 3.0 * fine["error"]
@@ -192,10 +190,38 @@ def test_two_methods_agree_and_a_mesh_does_not():
     assert coarse["error"] < coarse["error_at_most"]
 
 
-def test_point_lights_have_no_second_method():
-    scene = Scene(VIEW, [Object(TUBE, Lambertian(0.5))], [PointLight((3, -5, 3), 40)])
-    study = study_picture(scene, (1,), runs=1, reference_passes=2, methods=[Method("path", "path")])
-    assert study.reference.check is None
+class TestReference:
+    """Paths and photons check each other where both find all light."""
+
+    GLOSSY = Object(Sphere((0, 0, 1.5), 0.3), Mirror())
+    POINT = (PointLight((3, -5, 3), 40),)
+
+    def study(self, objects, lights=(), sky=None, **settings):
+        scene = Scene(VIEW, objects, lights, sky)
+        methods = [Method("whitted", "whitted")]
+        settings = {"runs": 1, "reference_passes": 8, "methods": methods, **settings}
+        return study_picture(scene, (1,), **settings).reference
+
+    def test_paths_by_photons_and_photons_by_paths(self):
+        ball = Object(Sphere((0, 0, 0), 1), Lambertian(0.5))
+        found = [self.study([ball], self.POINT, reference_by=name) for name in ("path", "ppm")]
+        assert [r.made_by.split(",")[0] for r in found] == ["path", "ppm"]
+        assert [r.check["made_by"] for r in found] == ["ppm, 2 passes", "path, 2 passes"]
+        # The ball lights nothing: only jitter within pixels differs.
+        assert found[0].mean == pytest.approx(found[1].mean, rel=0.02)
+
+    def test_what_a_point_light_throws_is_found_by_photons_alone(self):
+        floor = Object(Rectangle((-2, -2, -1), (4, 0, 0), (0, 4, 0)), Lambertian(0.5))
+        found = self.study([floor, self.GLOSSY], self.POINT)
+        assert found.made_by.startswith("ppm")
+        assert found.check is None
+        with pytest.raises(ValueError, match=r"'path'.* all light of this scene; use ppm"):
+            self.study([floor, self.GLOSSY], self.POINT, reference_by="path")
+
+    def test_where_photons_cannot_be_sent_paths_check_paths(self):
+        ground = Object(Plane((0, 0, -1), (0, 0, 1)), Lambertian(0.5))
+        found = self.study([ground], sky=SKY)
+        assert found.check["made_by"].startswith("path, never asking a light")
 
 
 class TestHits:

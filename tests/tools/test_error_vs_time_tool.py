@@ -17,7 +17,7 @@ def scene():
     tube = SurfaceOfRevolution([[-1.0, 1.0], [1.0, 1.0]], (0, 0, 0), (0, 0, 1))
     return Scene(camera, [Object(tube, Lambertian(0.5))], environment=GradientSky(0.3, 1.0))
 """
-SMALL = "--quick --width 24 --passes 2 4 --reference-passes 8 --rays 500 --threads 1"
+SMALL = "--quick --width 24 --passes 2 4 --reference-passes 8 --rays 500 --threads 1 --photons 2000"
 
 
 @pytest.fixture
@@ -46,6 +46,10 @@ def test_study_of_a_scene_and_the_overlay_of_two(run, tmp_path):
     assert [c["name"] for c in data["hits"]["curves"]][:3] == ["mesh", "refined", "certified"]
     paths = next(c for c in data["picture"]["curves"] if c["name"] == "path")
     assert [p["setting"] for p in paths["points"]] == [2, 4]
+    photons = next(c for c in data["picture"]["curves"] if c["name"] == "ppm, 2000 photons")
+    assert photons["flags"] == "--integrator ppm --photons 2000"
+    assert photons["power"] == pytest.approx(2 / 3)
+    assert data["picture"]["reference"]["check"]["made_by"] == "ppm, 2 passes"
     with (tmp_path / "a" / "curves.csv").open() as file:
         rows = list(csv.reader(file))
     assert ["Pictures"] in rows
@@ -76,6 +80,8 @@ def test_surface_alone(run):
         ("--compare x.json y.json", 2, "x.json"),
         (f"tube.py {SMALL} --passes 4 2", 2, "passes"),
         (f"tube.py {SMALL} --target 0", 2, "target"),
+        (f"tube.py {SMALL} --integrators magic", 2, "'magic' is unknown"),
+        (f"tube.py {SMALL} --alphas 2", 2, "alpha"),
     ],
 )
 def test_bad_input_is_refused(run, arguments, code, words):

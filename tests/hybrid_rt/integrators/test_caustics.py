@@ -187,10 +187,14 @@ class TestBlur:
         with pytest.warns(UserWarning, match="never shrink"):
             options = PPMOptions(60_000, alpha=1.0, initial_radius=0.04)
         result = render(scene, "ppm", passes=6, seed=8, options=options)
-        estimate = result.report["photons"]["blur_root_mean_square"]
-        gap = math.sqrt(np.square(result.image.astype(float) - truth).mean())
-        # To first order in the area of a disc; edges of caustics are no smooth functions.
-        assert 0.6 < estimate / gap < 1.6
+        squares = np.square(result.image.astype(float) - truth)
+        for name, weight in (
+            ("blur_root_mean_square", 1.0),
+            ("blur_relative_rmse", truth**2 + 0.01),
+        ):
+            gap = math.sqrt((squares / weight).mean())
+            # To first order in the area of a disc; edges of caustics are no smooth functions.
+            assert 0.6 < result.report["photons"][name] / gap < 1.6
 
     def test_photon_map_keeps_its_blur_and_says_so(self, caustic):
         scene, truth = caustic
