@@ -249,7 +249,13 @@ def picture_answers(
     reference, best = study.reference, forecasts[0]
     percent = f"{100.0 * target:g} %"
     lines = []
-    if best.passes is None:
+    smallest = min(p.error.median for curve in study.curves for p in curve.points)
+    if reference.own_error > smallest:
+        lines.append(
+            f"The reference's own error, {reference.own_error:.2g}, is above what was measured against "
+            f"it, {smallest:.2g}: forecasts say nothing. Give it more passes, or a picture of your own."
+        )
+    elif best.passes is None:
         lines.append(f"No method reaches {percent} of relative RMSE.")
     else:
         lines.append(f"Cheapest for {percent}: {_recipe(best, scene)}")

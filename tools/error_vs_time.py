@@ -60,7 +60,9 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--target", type=float, default=0.01, help="relative RMSE (default 0.01)")
     parser.add_argument("--reference", type=Path, help="a picture (.npz or .exr) instead of ours")
     parser.add_argument(
-        "--reference-by", choices=error_vs_time.REFERENCES, help="checked by the other one"
+        "--reference-by",
+        choices=error_vs_time.REFERENCES,
+        help="checked by the other one; default: the one that states the smaller error",
     )
     parser.add_argument("--integrators", nargs="+", metavar="I", help="default: all that can")
     parser.add_argument("--photons", type=int, nargs="+", default=(), metavar="N", help="of a pass")

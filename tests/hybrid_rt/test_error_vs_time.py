@@ -33,6 +33,7 @@ from hybrid_rt.materials import Emissive, Lambertian, Mirror
 from hybrid_rt.methods import Method, size_of
 from hybrid_rt.primitives import Box, Plane, Rectangle, Sphere
 from hybrid_rt.scene import Object, Scene
+from hybrid_rt.verify.light_tracer import BEHIND_PANE
 from meshing import SurfaceOfRevolution
 
 TUBE = SurfaceOfRevolution([[-1.0, 1.0], [1.0, 1.0]], (0, 0, 0), (0, 0, 1))
@@ -217,6 +218,19 @@ class TestReference:
         assert found.check is None
         with pytest.raises(ValueError, match=r"'path'.* all light of this scene; use ppm"):
             self.study([floor, self.GLOSSY], self.POINT, reference_by="path")
+
+    def test_the_smaller_stated_error_is_the_reference(self):
+        """A caustic seen through a pane: rare and bright for paths, easy for photons."""
+        scene = BEHIND_PANE.scene(Camera((0, -3, 2.2), (0, 0, 0.3), (0, 0, 1), 45, 16, 16))
+        methods = [Method("path", "path")]
+        study = study_picture(scene, (1, 4), runs=1, reference_passes=32, methods=methods)
+        assert study.reference.made_by == "ppm, certified, 8 passes"
+        assert study.reference.check["made_by"] == "path, 32 passes"
+
+    def test_reference_worse_than_what_it_judges_is_said_so(self, room):
+        worse = replace(room, reference=replace(room.reference, own_error=0.5))
+        answers = error_page.picture_answers(worse, recommend(worse, 0.05), 0.05, "r.py", math.nan)
+        assert "forecasts say nothing" in answers[0]
 
     def test_where_photons_cannot_be_sent_paths_check_paths(self):
         ground = Object(Plane((0, 0, -1), (0, 0, 1)), Lambertian(0.5))

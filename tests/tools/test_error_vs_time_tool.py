@@ -17,7 +17,9 @@ def scene():
     tube = SurfaceOfRevolution([[-1.0, 1.0], [1.0, 1.0]], (0, 0, 0), (0, 0, 1))
     return Scene(camera, [Object(tube, Lambertian(0.5))], environment=GradientSky(0.3, 1.0))
 """
-SMALL = "--quick --width 24 --passes 2 4 --reference-passes 8 --rays 500 --threads 1 --photons 2000"
+SMALL = (
+    "--quick --width 24 --passes 2 4 --reference-passes 32 --rays 500 --threads 1 --photons 2000"
+)
 
 
 @pytest.fixture
@@ -49,7 +51,7 @@ def test_study_of_a_scene_and_the_overlay_of_two(run, tmp_path):
     photons = next(c for c in data["picture"]["curves"] if c["name"] == "ppm, 2000 photons")
     assert photons["flags"] == "--integrator ppm --photons 2000"
     assert photons["power"] == pytest.approx(2 / 3)
-    assert data["picture"]["reference"]["check"]["made_by"] == "ppm, 2 passes"
+    assert data["picture"]["reference"]["check"]["made_by"] == "ppm, 8 passes"
     with (tmp_path / "a" / "curves.csv").open() as file:
         rows = list(csv.reader(file))
     assert ["Pictures"] in rows
