@@ -9,6 +9,7 @@ import resource
 import subprocess
 import sys
 import time
+import tracemalloc
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -174,9 +175,10 @@ def many(n: int, quick: bool) -> dict[str, Any]:
     result: dict[str, Any] = {}
     for name, make in scenes.items():
         surfaces = make()
-        before, began = resident(), time.perf_counter()
+        began = time.perf_counter()
         tracer = Intersector(surfaces, coarse="none")
-        build, memory = time.perf_counter() - began, resident() - before
+        build = time.perf_counter() - began
+        memory = memory_of(lambda surfaces=surfaces: Intersector(surfaces, coarse="none"))
         pieces = len(surfaces[0]) if len(surfaces) == 1 else count
         rays = at_box(surfaces[:200], n, 6)
         title = f"{name} ({pieces})"
@@ -255,10 +257,10 @@ def costs() -> dict[str, float]:
         "import time; t = time.perf_counter(); import hybrid_rt; print(time.perf_counter() - t)"
     )
     run = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
-    before, began = resident(), time.perf_counter()
-    tracer = Intersector([teapot()])
-    seconds, memory = time.perf_counter() - began, resident() - before
-    del tracer
+    surface, began = teapot(), time.perf_counter()
+    Intersector([surface])
+    seconds = time.perf_counter() - began
+    memory = memory_of(lambda: Intersector([surface]))
     figures = {
         "import seconds": float(run.stdout),
         "build of the teapot, seconds": seconds,
@@ -271,13 +273,14 @@ def costs() -> dict[str, float]:
     return figures
 
 
-def resident() -> float:
-    """Return the memory that this process holds now, MiB (nan where the system does not say)."""
-    try:
-        pages = int(Path("/proc/self/statm").read_text("ascii").split()[1])
-    except OSError:
-        return float("nan")
-    return pages * resource.getpagesize() / 2**20
+def memory_of(build: Callable[[], object]) -> float:
+    """Return the memory that what is built holds, MiB: arrays and Python's objects, not Embree's."""
+    tracemalloc.start()
+    kept = build()
+    held = tracemalloc.get_traced_memory()[0]
+    tracemalloc.stop()
+    del kept
+    return held / 2**20
 
 
 def _trace(tracer: Intersector, rays: RaySet) -> Callable[[], object]:
