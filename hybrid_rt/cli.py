@@ -87,7 +87,7 @@ def _parser() -> argparse.ArgumentParser:
     compare.add_argument("b", metavar="B", help="what A is compared with, unless there is R")
     compare.add_argument("--reference", metavar="R", help="compare A and B with this instead")
     compare.add_argument("--out", type=Path, default=Path("compare.png"), metavar="FILE.png")
-    compare.add_argument("--exposure", type=float, default=0.0, metavar="E", help="stops shown")
+    compare.add_argument("--exposure", type=_stops, default=0.0, metavar="E", help="stops shown")
     compare.set_defaults(run=_run_compare)
     return parser
 
@@ -140,10 +140,18 @@ def _add_render_options(parser: argparse.ArgumentParser) -> None:
         "standard_error",
     )
     parser.add_argument(
-        "--exposure", type=float, default=0.0, metavar="E", help="stops, for .png (default 0)"
+        "--exposure", type=_stops, default=0.0, metavar="E", help="stops, for .png (default 0)"
     )
     parser.add_argument("--explain", action="store_true", help="say what the scene needed and why")
     parser.add_argument("--quiet", action="store_true", help="show no progress")
+
+
+def _stops(text: str) -> float:
+    """Read an exposure: a factor of 2**-100 to 2**100."""
+    value = float(text)
+    if not -100.0 <= value <= 100.0:
+        raise argparse.ArgumentTypeError(f"{text} stops: pass a number from -100 to 100")
+    return value
 
 
 def _guarded(run: Callable[[], None]) -> int:
@@ -153,7 +161,7 @@ def _guarded(run: Callable[[], None]) -> int:
     except KeyboardInterrupt:
         print("\nhybrid-rt: interrupted, nothing written", file=sys.stderr)  # noqa: T201
         return INTERRUPTED
-    except (ValueError, TypeError, OSError) as error:
+    except (ValueError, TypeError, OSError, ImportError, MemoryError, OverflowError) as error:
         print(f"hybrid-rt: {error}", file=sys.stderr)  # noqa: T201
         return BAD_INPUT
     return 0

@@ -242,6 +242,19 @@ def _without_peaks(image: FloatArray) -> FloatArray:
 Channels = Mapping[str, NDArray[np.float32]]
 
 
+def _plain(value: Any) -> Any:
+    """Return what JSON can hold: numpy's numbers as Python's, null for what is not finite."""
+    if isinstance(value, dict):
+        return {key: _plain(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(item) for item in value]
+    if isinstance(value, np.generic):
+        value = value.item()
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return value
+
+
 def save_image(
     path: str | os.PathLike[str],
     image: NDArray[np.float32],
@@ -276,7 +289,7 @@ def save_image(
         If the ending is another one, the folder does not exist, or OpenEXR is not installed.
     """
     target = check_output(path)
-    text = json.dumps(report, indent=2, allow_nan=False) + "\n"
+    text = json.dumps(_plain(report), indent=2, allow_nan=False) + "\n"
     with _replacing(target) as file:
         WRITERS[target.suffix.lower()](file, image, text, channels or {}, exposure)
     sidecar = target.with_suffix(".json")

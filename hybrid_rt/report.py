@@ -56,9 +56,9 @@ class Ledger:
         """Add what another thread did."""
         for stage, seconds in other.seconds.items():
             self.seconds[stage] += seconds
-        self.rays += other.rays
+        self.rays.update(other.rays)
         self.hits.update(other.hits)
-        self.ended += other.ended
+        self.ended.update(other.ended)
         self.lost_weight += other.lost_weight
         self.camera_hits += other.camera_hits
         self.camera_hits_without_bound += other.camera_hits_without_bound

@@ -9,6 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from hybrid_rt import checks
 from hybrid_rt.intersection.pool import Pool
 from hybrid_rt.kernels.sampler import sobol_points
 from hybrid_rt.records import FloatArray
@@ -33,7 +34,8 @@ class Sampler:
     """
 
     def __init__(self, seed: int, pool: Pool | None = None) -> None:
-        if not 0 <= seed < 2**64:
+        seed = checks.whole(seed, "seed", at_least=0)
+        if seed >= 2**64:
             raise ValueError(f"seed {seed} is out of range: use an integer from 0 to 2**64 - 1")
         self._seed = np.uint64(seed)
         self._pool = Pool(1) if pool is None else pool

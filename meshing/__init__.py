@@ -13,15 +13,15 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from meshing.bezier import BezierPatches
     from meshing.revolution import SurfaceOfRevolution
-    from meshing.tessellate import CertifiedMesh, tessellate
+    from meshing.tessellation import CertifiedMesh, tessellate
 
 __all__ = ["BezierPatches", "CertifiedMesh", "SurfaceOfRevolution", "tessellate"]
 
 _HOME = {
     "BezierPatches": "meshing.bezier",
-    "CertifiedMesh": "meshing.tessellate",
+    "CertifiedMesh": "meshing.tessellation",
     "SurfaceOfRevolution": "meshing.revolution",
-    "tessellate": "meshing.tessellate",
+    "tessellate": "meshing.tessellation",
 }
 
 

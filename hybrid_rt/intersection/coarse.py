@@ -32,8 +32,7 @@ class Coarse:
 
     Parameters
     ----------
-    curved : sequence of (object id, surface)
-    kinds : the kinds that refine and certify, by the numbers that ``kind_of`` gives
+    curved : sequence of (object id, surface or TriangleMesh)
     tolerance : absolute chordal tolerance, or None for ``relative`` times each surface's size
     relative : float
     """

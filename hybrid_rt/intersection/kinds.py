@@ -17,6 +17,8 @@ from meshing import BezierPatches, SurfaceOfRevolution
 Surface: TypeAlias = (
     BezierPatches | SurfaceOfRevolution | Sphere | Rectangle | Plane | Box | TriangleMesh
 )
+# Squares, cross products and fourth powers of lengths within this range are float64 numbers.
+SMALLEST, LARGEST = 1e-60, 1e60
 CURVED = (BezierPatches, SurfaceOfRevolution)
 """What goes to Embree as triangles first, in every accuracy."""
 
@@ -29,6 +31,14 @@ def check_surfaces(surfaces: Sequence[Surface]) -> tuple[Surface, ...]:
                 f"surfaces[{i}] is a {type(surface).__name__}: pass surfaces such as "
                 "BezierPatches or Sphere (for a mesh: TriangleMesh(mesh))"
             )
+        if not isinstance(surface, Plane):
+            low, high = np.asarray(surface.bounds, dtype=np.float64)
+            farthest, size = np.abs([low, high]).max(), (high - low).max()
+            if farthest > LARGEST or size < SMALLEST:
+                raise ValueError(
+                    f"surfaces[{i}] reaches {farthest:.3g} and is {size:.3g} large: scale the scene, "
+                    f"coordinates up to {LARGEST:g} and sizes from {SMALLEST:g} are possible"
+                )
     return tuple(surfaces)
 
 

@@ -302,3 +302,18 @@ print({"trimesh", "embreex", "scipy.spatial", "imageio"} & set(sys.modules))
         [sys.executable, "-c", code], check=True, capture_output=True, text=True, timeout=120
     )
     assert done.stdout.strip() == "set()"
+
+
+def test_settings_of_numpy_are_written(tmp_path):
+    """What was computed is kept: numbers of numpy become plain ones, what is not finite null."""
+    camera = Camera((0, 0, 5), (0, 0, 0), (0, 1, 0), width=4, height=3)
+    floor = Object(Rectangle((-1, -1, 0), (2, 0, 0), (0, 2, 0)), Lambertian(0.5))
+    scene = Scene(camera=camera, objects=[floor], lights=[PointLight((0, 0, 2), 9)])
+    result = render(scene, passes=np.int64(1), seed=np.int32(3), max_depth=np.int64(2))
+    result.report["made up"] = [np.float32(np.inf), float("nan"), np.bool_(True)]
+    result.save(tmp_path / "a.npz")
+    report = json.loads((tmp_path / "a.json").read_text("utf-8"))
+    assert report["settings"]["seed"] == 3
+    assert report["made up"] == [None, None, True]
+    with pytest.raises(TypeError, match=r"seed: expected an integer, got 1\.5"):
+        render(scene, passes=1, seed=1.5)

@@ -4,8 +4,9 @@ import multiprocessing
 
 import numpy as np
 import pytest
+import trimesh
 
-from hybrid_rt import Intersector, Rectangle, Sphere
+from hybrid_rt import Intersector, Rectangle, Sphere, TriangleMesh
 from hybrid_rt.demo import teapot
 from hybrid_rt.records import Flag, Status
 from hybrid_rt.verify.oracle import first_hits
@@ -291,3 +292,24 @@ def test_a30_one_patch_by_the_oracle():
     truth = first_hits([surface], rays.origins, rays.directions)
     clear = ~truth.ambiguous & ~truth.undecided
     assert np.array_equal(hits.hit[clear], np.isfinite(truth.t[clear]))
+
+
+@pytest.mark.parametrize(
+    "surface",
+    [Sphere(ORIGIN, 1e61), Sphere(ORIGIN, 1e-61), Sphere((1e61, 0, 0), 1.0)],
+)
+def test_sizes_whose_squares_are_no_numbers_are_refused(surface):
+    with pytest.raises(ValueError, match=r"surfaces\[1\] reaches .* scale the scene"):
+        Intersector([Sphere(ORIGIN, 1), surface])
+
+
+@BOTH
+@pytest.mark.parametrize("size", [1e-58, 1e-30, 1e30, 1e58])
+def test_sizes_at_the_ends_of_the_range(coarse, size):
+    patch = BezierPatches([size * square()])
+    ball = trimesh.creation.icosphere(2)
+    mesh = TriangleMesh(trimesh.Trimesh(size * ball.vertices, ball.faces, process=False))
+    ray = (np.array([0.1, 0.2, 9.0]) * size, (0, 0, -1))
+    assert Intersector([patch], coarse=coarse).intersect(*ray).t[0] == pytest.approx(9 * size)
+    assert Intersector([Sphere(ORIGIN, size)]).intersect(*ray).hit[0]
+    assert Intersector([mesh]).intersect(*ray).hit[0]
