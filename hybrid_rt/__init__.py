@@ -1,4 +1,4 @@
-"""Exact ray tracing of curved surfaces, at Embree's speed, with the error stated.
+"""Exact ray tracing of curved surfaces, with Embree, with the error stated.
 
 Names are imported on first use, so that ``import hybrid_rt`` costs next to nothing and a scene
 without curved surfaces never loads what they need.
