@@ -32,14 +32,21 @@ def check_surfaces(surfaces: Sequence[Surface]) -> tuple[Surface, ...]:
                 "BezierPatches or Sphere (for a mesh: TriangleMesh(mesh))"
             )
         if not isinstance(surface, Plane):
-            low, high = np.asarray(surface.bounds, dtype=np.float64)
-            farthest, size = np.abs([low, high]).max(), (high - low).max()
+            farthest, size = _reach_and_size(surface)
             if farthest > LARGEST or size < SMALLEST:
                 raise ValueError(
                     f"surfaces[{i}] reaches {farthest:.3g} and is {size:.3g} large: scale the scene, "
                     f"coordinates up to {LARGEST:g} and sizes from {SMALLEST:g} are possible"
                 )
     return tuple(surfaces)
+
+
+def _reach_and_size(surface: Any) -> tuple[float, float]:
+    """Return the largest coordinate and the longest side of a surface's box."""
+    if isinstance(surface, Sphere):  # there may be many
+        return max(map(abs, surface.center.tolist())) + surface.radius, 2.0 * surface.radius
+    low, high = np.asarray(surface.bounds, dtype=np.float64)
+    return float(np.abs([low, high]).max()), float((high - low).max())
 
 
 def make_kinds(

@@ -28,18 +28,6 @@ class LobeTable(NamedTuple):
 
 
 @inlined
-def phong_value(exponent, cos_alpha):
-    """Return the normalised lobe about the mirror direction, per steradian, for colour one.
-
-    Its albedo never exceeds one. Lafortune and Willems, "Using the modified Phong reflectance
-    model for physically based rendering", 1994.
-    """
-    if cos_alpha <= 0.0:
-        return 0.0
-    return (exponent + 2.0) / (2.0 * math.pi) * cos_alpha**exponent
-
-
-@inlined
 def metal_pdf(fuzz, cos_alpha):
     """Return the density of directions r + fuzz x, x even in the unit ball, r the mirror direction.
 

@@ -112,42 +112,6 @@ def second_partials(control, start, degree_u, degree_v, u, v):
 
 
 @inner
-def bicubic_partials(control, start, u, v):
-    """Point, S_u and S_v of a bicubic patch, unrolled: about three times as fast as `partials`.
-
-    S_u is taken from differences of evaluated rows: call it with the patch near the origin.
-    """
-    s = 1.0 - v
-    a0, a1, a2 = s * s, 2.0 * s * v, v * v
-    b0, b1, b2, b3 = a0 * s, 3.0 * a0 * v, 3.0 * s * a2, a2 * v
-    r = 1.0 - u
-    c0, c1, c2 = r * r, 2.0 * r * u, u * u
-    d0, d1, d2, d3 = c0 * r, 3.0 * c0 * u, 3.0 * r * c2, c2 * u
-    x, xu, xv = _bicubic_axis(
-        control, start, 0, a0, a1, a2, b0, b1, b2, b3, c0, c1, c2, d0, d1, d2, d3
-    )
-    y, yu, yv = _bicubic_axis(
-        control, start, 1, a0, a1, a2, b0, b1, b2, b3, c0, c1, c2, d0, d1, d2, d3
-    )
-    z, zu, zv = _bicubic_axis(
-        control, start, 2, a0, a1, a2, b0, b1, b2, b3, c0, c1, c2, d0, d1, d2, d3
-    )
-    return x, y, z, xu, yu, zu, xv, yv, zv
-
-
-@inner
-def _bicubic_axis(control, k, axis, a0, a1, a2, b0, b1, b2, b3, c0, c1, c2, d0, d1, d2, d3):
-    q0, p0 = _cubic_row(control, k, axis, a0, a1, a2, b0, b1, b2, b3)
-    q1, p1 = _cubic_row(control, k + 4, axis, a0, a1, a2, b0, b1, b2, b3)
-    q2, p2 = _cubic_row(control, k + 8, axis, a0, a1, a2, b0, b1, b2, b3)
-    q3, p3 = _cubic_row(control, k + 12, axis, a0, a1, a2, b0, b1, b2, b3)
-    value = d0 * q0 + d1 * q1 + d2 * q2 + d3 * q3
-    along_u = 3.0 * (c0 * (q1 - q0) + c1 * (q2 - q1) + c2 * (q3 - q2))
-    along_v = 3.0 * (d0 * p0 + d1 * p1 + d2 * p2 + d3 * p3)
-    return value, along_u, along_v
-
-
-@inner
 def _cubic_row(control, k, axis, a0, a1, a2, b0, b1, b2, b3):
     p = control[k, axis]
     q = control[k + 1, axis]
