@@ -20,6 +20,20 @@ from hybrid_rt.touching import touching
 NO_SECOND = np.zeros(0, dtype=np.int32)
 
 
+def first_hits(
+    tracer: Intersector,
+    contacts: Contacts | None,
+    origins: FloatArray,
+    directions: FloatArray,
+    source: HitRecord | NamedPoints | None,
+) -> tuple[HitRecord, IntArray]:
+    """Return first hits and their second faces; see `Contacts.at`."""
+    hits: HitRecord = tracer.intersect(origins, directions, source=source)
+    if contacts is None:
+        return hits, NO_SECOND
+    return hits, contacts.at(hits, origins, directions, source)
+
+
 class Contacts:
     """Finds the second one of two coincident faces.
 

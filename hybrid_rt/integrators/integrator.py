@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hybrid_rt.film import group_of
-from hybrid_rt.integrators.contacts import NO_SECOND, Contacts
+from hybrid_rt.integrators.contacts import Contacts, first_hits
 from hybrid_rt.intersection import Intersector
 from hybrid_rt.intersection.pool import Pool
 from hybrid_rt.plan import Plan
@@ -131,11 +131,9 @@ class Integrator(ABC):
     ) -> tuple[HitRecord, IntArray]:
         """Trace rays and count how they end; see `Contacts.at` for what else is returned."""
         ledger = self.context.ledger
-        second = NO_SECOND
         with ledger.stage("intersect"):
-            hits: HitRecord = self.context.tracer.intersect(origins, directions, source=source)
-            if self._contacts is not None:
-                second = self._contacts.at(hits, origins, directions, source)
+            tracer = self.context.tracer
+            hits, second = first_hits(tracer, self._contacts, origins, directions, source)
         ledger.count_hits(hits)
         if source is None:
             ledger.note_camera_hits(hits)

@@ -12,13 +12,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from hybrid_rt.integrators.contacts import NO_SECOND, Contacts
+from hybrid_rt.integrators.clear_bodies import absorb, media_around_lights
+from hybrid_rt.integrators.contacts import Contacts, first_hits
 from hybrid_rt.integrators.integrator import RenderContext
-from hybrid_rt.integrators.start_media import media_around_lights, media_at
 from hybrid_rt.integrators.surface_light import SurfaceLight
 from hybrid_rt.kernels import light_paths as kernels
 from hybrid_rt.kernels.light_paths import LightPaths, LitPoints
-from hybrid_rt.kernels.media import STACK, cross_media
 from hybrid_rt.kernels.pack import choose_lights
 from hybrid_rt.records import FloatArray, IntArray, NamedPoints
 from hybrid_rt.sampler import UIntArray
@@ -65,6 +64,7 @@ class LightPathTracer:
         context: RenderContext,
         light: SurfaceLight,
         contacts: Contacts | None,
+        camera_media: IntArray,
         share: float,
     ) -> None:
         self._context, self._light, self._contacts = context, light, contacts
@@ -77,10 +77,7 @@ class LightPathTracer:
         self._media_of_light = media_around_lights(
             context, contacts, np.flatnonzero(self._emit[:-1]), self._leaving_middle
         )
-        self._media_of_camera = self._stack(1)
-        if context.plan["medium stack"]:
-            around = media_at(context, contacts, camera.look_from[None])
-            self._media_of_camera[0, : len(around)] = around
+        self._media_of_camera = camera_media
         self.is_smooth = np.zeros(max(len(scene.surfaces), 1), dtype=np.bool_)
         self.is_smooth[list(scene.vertex_normals)] = True
 
@@ -110,16 +107,11 @@ class LightPathTracer:
         for step in range(context.max_depth):
             with context.ledger.stage("intersect"):
                 source = NamedPoints(paths.source_id, paths.origins)
-                hits = context.tracer.intersect(paths.origins, paths.directions, source=source)
-                second = NO_SECOND
-                if self._contacts is not None:
-                    second = self._contacts.at(hits, paths.origins, paths.directions, source)
+                hits, second = first_hits(
+                    context.tracer, self._contacts, paths.origins, paths.directions, source
+                )
             material = self._light.material(hits)
-            if context.plan["medium stack"]:
-                cross_media(
-                    paths.media, scene.lobes, scene.glass_of, material, hits.front_face, second,
-                    hits.t, paths.flux,
-                )  # fmt: skip
+            absorb(context, paths.media, material, hits, second, paths.flux)
             shading = self._light.shading(hits, paths.directions, material)
             hits = shading.hits
             if step > 0:
@@ -188,7 +180,7 @@ class LightPathTracer:
         value = np.empty((n, 3))
         kernels.show_lit_points(
             points, context.scene.lobes, way, pdf, float(self.n_paths),
-            np.repeat(self._media_of_camera, n, axis=0), context.max_depth - 1, value,
+            np.repeat(self._media_of_camera[None], n, axis=0), context.max_depth - 1, value,
         )  # fmt: skip
         rows = np.flatnonzero(value.any(axis=1))
         named = NamedPoints(points.object_id[rows], points.position[rows])
@@ -203,10 +195,6 @@ class LightPathTracer:
         # The paths of a pass are the samples of one sequence, so they fill lights and directions
         # evenly; each pass has a sequence of its own.
         return self._context.sampler.points(sample, FIRST_LIGHT_DIMENSION + use, path)
-
-    def _stack(self, n: int) -> IntArray:
-        depth = STACK if self._context.plan["medium stack"] else 0
-        return np.full((n, depth), NOTHING, dtype=np.int32)
 
     def _leaving_middle(self, light: int) -> tuple[FloatArray, FloatArray]:
         """Return a point of a light in its middle, and a direction in which it shines, (1, 3)."""

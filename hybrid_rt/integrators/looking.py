@@ -15,6 +15,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from hybrid_rt.integrators.camera_paths import leaving_camera
+from hybrid_rt.integrators.clear_bodies import absorb, media_around_camera
 from hybrid_rt.integrators.gathering import Field, Points
 from hybrid_rt.integrators.integrator import (
     FIRST_PATH_DIMENSION,
@@ -24,9 +26,9 @@ from hybrid_rt.integrators.integrator import (
     place_of_pixel,
 )
 from hybrid_rt.integrators.shooting import Shooter
-from hybrid_rt.integrators.start_media import media_at
 from hybrid_rt.integrators.surface_light import (
     NO_RIVAL,
+    NONE_SMOOTH,
     Shading,
     SurfaceLight,
     largest_channel,
@@ -34,16 +36,12 @@ from hybrid_rt.integrators.surface_light import (
 from hybrid_rt.kernels.gather import segments_to_photons
 from hybrid_rt.kernels.light import BOTH, LIGHT_ONLY
 from hybrid_rt.kernels.lobes import DIELECTRIC, METAL, PHONG
-from hybrid_rt.kernels.media import STACK, cross_media
 from hybrid_rt.kernels.pack import Paths, add_products, pack_paths
 from hybrid_rt.kernels.scatter import ABSORBED, LEFT, SCATTERED, SPECULAR, STOPPED, scatter
-from hybrid_rt.records import FloatArray, HitRecord, IntArray, NamedPoints
+from hybrid_rt.records import FloatArray, IntArray, NamedPoints
 
 # What the low-discrepancy points of one step are for.
 TO_LIGHT, TO_LIGHT_METAL, DIRECTION, CHOICE, TO_PHOTON, PER_STEP = 0, 1, 2, 3, 4, 5
-
-# Read only where paths from lights are weighed against those of the camera.
-NONE_SMOOTH = np.zeros(0, dtype=np.bool_)
 
 
 @dataclass(frozen=True)
@@ -84,15 +82,13 @@ class Looker(Integrator):
         asks = bool(lights.chance.any())
         self._asks_lights = asks and (plan["light samples"] or plan["sky samples"])
         self._asks_for_metal = self._asks_lights and bool((lobes.kind == METAL).any())
-        self._camera_media: list[int] = []
-        if plan["medium stack"]:
-            self._camera_media = media_at(context, self._contacts, camera.look_from[None])
+        self._camera_media = media_around_camera(context, self._contacts)
         self._is_wide = _slots(context, lambda kind: kind <= PHONG)
         self._follows = _slots(context, lambda kind: kind > PHONG).any(axis=1)
 
     def _radiance(self, block: CameraBlock) -> FloatArray:
         radiance, blur = np.zeros_like(block.directions), np.zeros_like(block.directions)
-        paths = self._leaving_camera(block)
+        paths = leaving_camera(block, self._camera_media)
         waiting: list[_Waiting] = []
         for depth in range(self.context.max_depth + 1):
             # --- where the rays arrive
@@ -101,7 +97,7 @@ class Looker(Integrator):
             with self.context.ledger.stage("shade"):
                 material = self._light.material(hits)
                 # --- what the way there absorbed
-                self._absorb(paths, hits, material, second)
+                absorb(self.context, paths.media, material, hits, second, paths.throughput)
                 # --- light they ran into
                 arriving = self._light.arriving(
                     hits, paths.origins, paths.directions, paths.pdf, NO_RIVAL, paths.media
@@ -122,35 +118,9 @@ class Looker(Integrator):
             self.blur[place_of_pixel(block.pixel)] = blur
         return radiance
 
-    def _leaving_camera(self, block: CameraBlock) -> Paths:
-        n = block.pixel.size
-        media = np.full((n, STACK if self.context.plan["medium stack"] else 0), -1, dtype=np.int32)
-        media[:, : len(self._camera_media)] = self._camera_media
-        return Paths(
-            camera_ray=np.arange(n),
-            pixel=block.pixel,
-            sample=block.sample,
-            origins=block.origins,
-            directions=block.directions,
-            throughput=np.ones((n, 3)),
-            pdf=np.zeros(n),
-            rival=NO_RIVAL,
-            media=media,
-            source_id=np.full(n, -1, dtype=np.int32),
-        )
-
     def _points(self, paths: Paths, depth: int, use: int) -> FloatArray:
         dimension = FIRST_PATH_DIMENSION + depth * PER_STEP + use
         return self.context.sampler.points(paths.pixel, dimension, paths.sample)
-
-    def _absorb(self, paths: Paths, hits: HitRecord, material: IntArray, second: IntArray) -> None:
-        """Weaken throughput by Beer and Lambert's law over the way just gone."""
-        scene = self.context.scene
-        if self.context.plan["medium stack"]:
-            cross_media(
-                paths.media, scene.lobes, scene.glass_of, material, hits.front_face, second,
-                hits.t, paths.throughput,
-            )  # fmt: skip
 
     def _look(
         self,

@@ -13,6 +13,8 @@ from itertools import pairwise
 import numpy as np
 
 from hybrid_rt.film import pass_of
+from hybrid_rt.integrators.camera_paths import leaving_camera
+from hybrid_rt.integrators.clear_bodies import absorb, media_around_camera
 from hybrid_rt.integrators.integrator import (
     FIRST_PATH_DIMENSION,
     PIXEL_BITS,
@@ -22,8 +24,8 @@ from hybrid_rt.integrators.integrator import (
 )
 from hybrid_rt.integrators.light_paths import LightPathTracer, LitPasses, joined
 from hybrid_rt.integrators.options import PathOptions
-from hybrid_rt.integrators.start_media import media_at
 from hybrid_rt.integrators.surface_light import (
+    NONE_SMOOTH,
     Shading,
     SurfaceLight,
     largest_channel,
@@ -33,10 +35,9 @@ from hybrid_rt.kernels.film import add_to_pixels
 from hybrid_rt.kernels.light import BOTH, DIRECTION_ONLY, LIGHT_ONLY
 from hybrid_rt.kernels.light_paths import JOIN_CHANCE, join_lit_points
 from hybrid_rt.kernels.lobes import DIELECTRIC
-from hybrid_rt.kernels.media import STACK, cross_media
 from hybrid_rt.kernels.pack import Paths, add_products, pack_paths
 from hybrid_rt.kernels.scatter import ABSORBED, LEFT, SCATTERED, SPECULAR, STOPPED, scatter
-from hybrid_rt.records import FloatArray, HitRecord, IntArray, NamedPoints
+from hybrid_rt.records import FloatArray, IntArray, NamedPoints
 
 STRATEGIES = {"both": BOTH, "lights": LIGHT_ONLY, "directions": DIRECTION_ONLY}
 
@@ -55,18 +56,15 @@ class PathTracer(Integrator):
         lights, plan = context.scene.lights, context.plan
         asks = strategy != DIRECTION_ONLY and bool(lights.chance.any())
         self._asks_lights = asks and (plan["light samples"] or plan["sky samples"])
-        camera = context.scene.camera.look_from[None]
-        self._camera_media = (
-            media_at(context, self._contacts, camera) if plan["medium stack"] else []
-        )
-        self._is_smooth = np.zeros(max(len(context.scene.surfaces), 1), dtype=np.bool_)
-        self._is_smooth[list(context.scene.vertex_normals)] = True
+        self._camera_media = media_around_camera(context, self._contacts)
         self._lamps: LightPathTracer | None = None
         # One mirror or lens, and a surface on either end of the join, at least.
         if plan["light paths"] and strategy == BOTH and self._options.light_paths > 0.0:
             self._lamps = LightPathTracer(
-                context, self._light, self._contacts, self._options.light_paths
+                context, self._light, self._contacts, self._camera_media, self._options.light_paths
             )
+        # Read only where paths from lights are weighed against those of the camera.
+        self._is_smooth = NONE_SMOOTH if self._lamps is None else self._lamps.is_smooth
         self._of_use = 0.0
 
     def begin(self) -> None:
@@ -108,7 +106,7 @@ class PathTracer(Integrator):
 
     def _radiance(self, block: CameraBlock) -> FloatArray:
         radiance = np.zeros_like(block.directions)
-        paths = self._leaving_camera(block)
+        paths = leaving_camera(block, self._camera_media, self._lamps is not None)
         for depth in range(self.context.max_depth + 2):
             # --- where the rays arrive
             source = NamedPoints(paths.source_id, paths.origins) if depth else None
@@ -116,7 +114,7 @@ class PathTracer(Integrator):
             with self.context.ledger.stage("shade"):
                 material = self._light.material(hits)
                 # --- what the way there absorbed
-                self._absorb(paths, hits, material, second)
+                absorb(self.context, paths.media, material, hits, second, paths.throughput)
                 # --- light they ran into
                 arriving = self._light.arriving(
                     hits, paths.origins, paths.directions, paths.pdf, paths.rival, paths.media
@@ -146,23 +144,6 @@ class PathTracer(Integrator):
                 break
         return radiance
 
-    def _leaving_camera(self, block: CameraBlock) -> Paths:
-        n = block.pixel.size
-        media = np.full((n, STACK if self.context.plan["medium stack"] else 0), -1, dtype=np.int32)
-        media[:, : len(self._camera_media)] = self._camera_media
-        return Paths(
-            camera_ray=np.arange(n),
-            pixel=block.pixel,
-            sample=block.sample,
-            origins=block.origins,
-            directions=block.directions,
-            throughput=np.ones((n, 3)),
-            pdf=np.zeros(n),
-            rival=np.zeros(n if self._lamps is not None else 0),
-            media=media,
-            source_id=np.full(n, -1, dtype=np.int32),
-        )
-
     def _points(self, paths: Paths, depth: int) -> FloatArray:
         """Return the points of one step, (uses, n, 2); see `TO_LIGHT` and its like."""
         dimension = FIRST_PATH_DIMENSION + depth * PER_STEP
@@ -172,23 +153,6 @@ class PathTracer(Integrator):
     def _joins(self, depth: int) -> bool:
         # Directions here, at the lit point, and at one mirror or lens at least.
         return self._lamps is not None and depth + 3 <= self.context.max_depth
-
-    def _absorb(self, paths: Paths, hits: HitRecord, material: IntArray, second: IntArray) -> None:
-        """Weaken throughput by Beer and Lambert's law over the way just gone."""
-        scene = self.context.scene
-        if not self.context.plan["medium stack"]:
-            return
-
-        cross_media(
-            paths.media,
-            scene.lobes,
-            scene.glass_of,
-            material,
-            hits.front_face,
-            second,
-            hits.t,
-            paths.throughput,
-        )
 
     def _join(
         self, paths: Paths, shading: Shading, depth: int, xi: FloatArray, radiance: FloatArray

@@ -14,14 +14,13 @@ from itertools import pairwise
 import numpy as np
 
 from hybrid_rt.film import GROUPS, group_of
-from hybrid_rt.integrators.contacts import NO_SECOND, Contacts
+from hybrid_rt.integrators.clear_bodies import absorb, media_around_lights
+from hybrid_rt.integrators.contacts import Contacts, first_hits
 from hybrid_rt.integrators.integrator import RenderContext
-from hybrid_rt.integrators.start_media import media_around_lights
 from hybrid_rt.integrators.surface_light import SurfaceLight, largest_channel
 from hybrid_rt.kernels.emission import Launch, Targets, launch_from_light, launch_from_sky
 from hybrid_rt.kernels.light import POINT, RECTANGLE, SPHERE, LightPoints
 from hybrid_rt.kernels.lobes import DIELECTRIC, LAST_SPREADING, METAL, PHONG
-from hybrid_rt.kernels.media import cross_media
 from hybrid_rt.kernels.photons import (
     EMITTED,
     TAKEN,
@@ -172,21 +171,16 @@ class Shooter:
             # --- where they arrive
             with context.ledger.stage("photons"):
                 source = NamedPoints(flight.source_id, flight.origin)
-                hits = context.tracer.intersect(flight.origin, flight.direction, source=source)
-                second = NO_SECOND
-                if self._contacts is not None:
-                    second = self._contacts.at(hits, flight.origin, flight.direction, source)
+                hits, second = first_hits(
+                    context.tracer, self._contacts, flight.origin, flight.direction, source
+                )
                 context.ledger.rays["photon"] += n
                 context.ledger.count_hits(hits)
                 material = self._light.material(hits)
                 # --- what the way there absorbed
-                if context.plan["medium stack"]:
-                    before = flight.power.sum(axis=0)
-                    cross_media(
-                        flight.media, scene.lobes, scene.glass_of, material, hits.front_face,
-                        second, hits.t, flight.power,
-                    )  # fmt: skip
-                    self.balance.power[TAKEN] += before - flight.power.sum(axis=0)
+                before = flight.power.sum(axis=0)
+                absorb(context, flight.media, material, hits, second, flight.power)
+                self.balance.power[TAKEN] += before - flight.power.sum(axis=0)
                 # --- what they leave there
                 shading = self._light.shading(hits, flight.direction, material)
                 normal = shading.geometric if shading.geometric.size else hits.normal

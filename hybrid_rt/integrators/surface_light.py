@@ -21,6 +21,7 @@ from hybrid_rt.smooth import shading_normals
 
 NO_NORMALS = np.zeros((0, 3))
 NO_RIVAL = np.zeros(0)
+NONE_SMOOTH = np.zeros(0, dtype=np.bool_)
 
 
 @dataclass(frozen=True)

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from hybrid_rt.integrators.clear_bodies import absorb, media_around_camera
 from hybrid_rt.integrators.integrator import (
     BLOCK,
     FIRST_PATH_DIMENSION,
@@ -22,12 +23,11 @@ from hybrid_rt.integrators.integrator import (
     Integrator,
     RenderContext,
 )
-from hybrid_rt.integrators.start_media import media_at
 from hybrid_rt.integrators.surface_light import NO_RIVAL, Shading, SurfaceLight, largest_channel
 from hybrid_rt.kernels.film import add_to_pixels
 from hybrid_rt.kernels.fresnel import mirror_directions, split_at_glass
 from hybrid_rt.kernels.lobes import DIELECTRIC, METAL, MIRROR, sample_lobes
-from hybrid_rt.kernels.media import IOR, SCHLICK, STACK, cross_media, media_beyond
+from hybrid_rt.kernels.media import IOR, SCHLICK, media_beyond
 from hybrid_rt.records import BoolArray, FloatArray, HitRecord, IntArray
 from hybrid_rt.sampler import UIntArray
 from hybrid_rt.scene import NOTHING
@@ -85,10 +85,7 @@ class Whitted(Integrator):
         super().__init__(context)
         self._light = SurfaceLight(context)
         lobes = context.scene.lobes
-        camera = context.scene.camera.look_from[None]
-        self._camera_media = (
-            media_at(context, self._contacts, camera) if context.plan["medium stack"] else []
-        )
+        self._camera_media = media_around_camera(context, self._contacts)
         # Kind of the n-th lobe of each material, and a last row for what has none (`NOTHING`).
         self._kinds_in_slot = np.full((self._light.n_slots, lobes.first.size), NOTHING)
         for material, (first, stop) in enumerate(pairwise(lobes.first)):
@@ -106,7 +103,7 @@ class Whitted(Integrator):
             with self.context.ledger.stage("shade"):
                 material = self._light.material(hits)
                 # --- what the way there absorbed
-                self._absorb(rays, hits, material, second)
+                absorb(self.context, rays.media, material, hits, second, rays.throughput)
                 # --- light they ran into
                 no_choice = np.zeros(len(rays))
                 gathered = rays.throughput * self._light.arriving(
@@ -132,10 +129,6 @@ class Whitted(Integrator):
 
     def _leaving_camera(self, block: CameraBlock) -> Branches:
         n = block.pixel.size
-        media = np.full(
-            (n, STACK if self.context.plan["medium stack"] else 0), NOTHING, dtype=np.int32
-        )
-        media[:, : len(self._camera_media)] = self._camera_media
         return Branches(
             depth=0,
             camera_ray=np.arange(n),
@@ -143,26 +136,8 @@ class Whitted(Integrator):
             origins=block.origins,
             directions=block.directions,
             throughput=np.ones((n, 3)),
-            media=media,
+            media=np.repeat(self._camera_media[None], n, axis=0),
             source=None,
-        )
-
-    def _absorb(
-        self, rays: Branches, hits: HitRecord, material: IntArray, second: IntArray
-    ) -> None:
-        """Weaken throughput by Beer and Lambert's law over the way just gone."""
-        if not self.context.plan["medium stack"]:
-            return
-        scene = self.context.scene
-        cross_media(
-            rays.media,
-            scene.lobes,
-            scene.glass_of,
-            material,
-            hits.front_face,
-            second,
-            hits.t,
-            rays.throughput,
         )
 
     def _dimension(self, node: UIntArray) -> UIntArray:

@@ -7,7 +7,7 @@ import pytest
 
 from hybrid_rt import rendering
 from hybrid_rt.camera import Camera
-from hybrid_rt.integrators import crew, path, surface_light, whitted
+from hybrid_rt.integrators import clear_bodies, crew, path, surface_light, whitted
 from hybrid_rt.integrators.contacts import Contacts
 from hybrid_rt.integrators.integrator import LENS_DIMENSION
 from hybrid_rt.integrators.light_paths import LightPathTracer
@@ -120,8 +120,8 @@ class TestPlan:
              scene(Lambertian(0.5))),
             (surface_light, "light_on_rays", scene(Lambertian(0.5), environment=None),
              scene(Lambertian(0.5))),
-            (path, "cross_media", scene(Metal(0.5, 0.1)), scene(Dielectric())),
-            (path, "media_at", scene(Lambertian(0.5)), scene(Dielectric())),
+            (clear_bodies, "cross_media", scene(Metal(0.5, 0.1)), scene(Dielectric())),
+            (clear_bodies, "media_at", scene(Lambertian(0.5)), scene(Dielectric())),
             (ShiningSurface, "choose", scene(Lambertian(0.5)),
              Scene(scene().camera, [*scene(Lambertian(0.5)).objects, SHINING])),
             (Intersector, "occluded", scene(Mirror()), scene(Lambertian(0.5))),

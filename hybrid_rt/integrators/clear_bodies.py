@@ -1,4 +1,4 @@
-"""Clear bodies that a camera or a lamp stands in."""
+"""Clear bodies: those that a camera or a lamp stands in, and what they absorb on the way."""
 
 from __future__ import annotations
 
@@ -6,9 +6,9 @@ from collections.abc import Callable, Iterable
 
 import numpy as np
 
-from hybrid_rt.integrators.contacts import Contacts
+from hybrid_rt.integrators.contacts import Contacts, first_hits
 from hybrid_rt.integrators.integrator import RenderContext
-from hybrid_rt.kernels.media import STACK
+from hybrid_rt.kernels.media import STACK, cross_media
 from hybrid_rt.records import FloatArray, HitRecord, IntArray, NamedPoints
 from hybrid_rt.scene import NOTHING
 
@@ -36,10 +36,10 @@ def media_at(
     entered: list[int] = []
     around: list[int] = []
     for _ in range(MOST_CROSSINGS):
-        hits = tracer.intersect(origin, direction, source=source)
+        hits, faces = first_hits(tracer, contacts, origin, direction, source)
         if not hits.hit[0]:
             break
-        second = 0 if contacts is None else int(contacts.at(hits, origin, direction, source)[0])
+        second = int(faces[0]) if faces.size else 0
         material = scene.material_of[hits.object_id[0]]
         lobe = NOTHING if material == NOTHING else int(scene.glass_of[material])
         passed = [(lobe, bool(hits.front_face[0]))] if lobe != NOTHING else []
@@ -55,6 +55,15 @@ def media_at(
                 around.append(body)
         origin, source = hits.position, hits
     return around[::-1][-STACK:]
+
+
+def media_around_camera(context: RenderContext, contacts: Contacts | None) -> IntArray:
+    """Return the stack of rays that leave the camera, (STACK,); (0,) without clear bodies."""
+    media: IntArray = _no_media(context, 1)[0]
+    if media.size:
+        around = media_at(context, contacts, context.scene.camera.look_from[None])
+        media[: len(around)] = around
+    return media
 
 
 def media_around_lights(
@@ -76,9 +85,9 @@ def media_around_lights(
     -------
     (lights + 1, STACK) int32; (lights + 1, 0) where the scene has no clear body.
     """
-    scene, has_media = context.scene, context.plan["medium stack"]
-    media = np.full((scene.n_lights + 1, STACK if has_media else 0), NOTHING, dtype=np.int32)
-    if not has_media:
+    scene = context.scene
+    media = _no_media(context, scene.n_lights + 1)
+    if not media.size:
         return media
     for light in lights:
         origin, direction = leaving(light)
@@ -86,3 +95,28 @@ def media_around_lights(
         around = media_at(context, contacts, origin, direction, source)
         media[light, : len(around)] = around
     return media
+
+
+def absorb(
+    context: RenderContext,
+    media: IntArray,
+    material: IntArray,
+    hits: HitRecord,
+    second: IntArray,
+    carried: FloatArray,
+) -> None:
+    """Weaken what rays carry (n, 3) by Beer and Lambert's law over the way to their hits.
+
+    ``media`` (n, STACK) is in one order before and after the face that is met: see
+    `hybrid_rt.kernels.media`.
+    """
+    if context.plan["medium stack"]:
+        scene = context.scene
+        cross_media(
+            media, scene.lobes, scene.glass_of, material, hits.front_face, second, hits.t, carried
+        )
+
+
+def _no_media(context: RenderContext, n: int) -> IntArray:
+    depth = STACK if context.plan["medium stack"] else 0
+    return np.full((n, depth), NOTHING, dtype=np.int32)

@@ -1,0 +1,31 @@
+"""Paths as they leave the camera."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from hybrid_rt.integrators.integrator import CameraBlock
+from hybrid_rt.integrators.surface_light import NO_RIVAL
+from hybrid_rt.kernels.pack import Paths
+from hybrid_rt.records import IntArray
+from hybrid_rt.scene import NOTHING
+
+
+def leaving_camera(block: CameraBlock, media: IntArray, has_rivals: bool = False) -> Paths:
+    """Return the paths that begin with a block's rays, in clear bodies as ``media`` (STACK,) says.
+
+    With ``has_rivals`` they are weighed against paths from lights.
+    """
+    n = block.pixel.size
+    return Paths(
+        camera_ray=np.arange(n),
+        pixel=block.pixel,
+        sample=block.sample,
+        origins=block.origins,
+        directions=block.directions,
+        throughput=np.ones((n, 3)),
+        pdf=np.zeros(n),
+        rival=np.zeros(n) if has_rivals else NO_RIVAL,
+        media=np.repeat(media[None], n, axis=0),
+        source_id=np.full(n, NOTHING, dtype=np.int32),
+    )
