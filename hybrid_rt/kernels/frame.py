@@ -11,6 +11,9 @@ from meshing.kernels.jit import inlined
 # Everything in the frame lies within this of its origin; rays start within twice that.
 FRAME_RADIUS = 1.0
 SPLITTER = 134217729.0  # 2**27 + 1
+# What begins within this behind the nearest root is still looked into (times 1 + |t|): far more than
+# two neighbours can disagree on the t of a root that they share.
+CUT_SLACK = 2.0**-20
 
 
 @inlined
@@ -68,3 +71,17 @@ def enter_frame(ox, oy, oz, dx, dy, dz, mx, my, mz, to_frame):
     h1, l1 = advance(h1, l1, shift, dy)
     h2, l2 = advance(h2, l2, shift, dz)
     return h0, h1, h2, l0, l1, l2, shift
+
+
+@inlined
+def begin_of(t_min, to_frame, shift):
+    """Return t_min in the frame, and a little less."""
+    t = t_min * to_frame - shift
+    return t - CUT_SLACK * (1.0 + abs(t))
+
+
+@inlined
+def end_of(t_best, to_frame, shift):
+    """Return the t in the frame behind which nothing can be nearer than ``t_best``."""
+    t = t_best * to_frame - shift
+    return t + CUT_SLACK * (1.0 + abs(t))

@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from hybrid_rt.kernels.frame import enter_frame
+from hybrid_rt.kernels.frame import begin_of, end_of, enter_frame
 from hybrid_rt.kernels.nearest import is_known, offer
 from hybrid_rt.kernels.patch import LAST_STEP, MAX_STEPS, TANGENT_BAND, UNIT_ROUNDOFF
 from hybrid_rt.kernels.subdivide import (
@@ -38,7 +38,6 @@ from meshing.kernels.jit import hot_kernel, inlined, inner, kernel
 
 GROWTH = 0.15
 DEPTH = 128
-CUT_SLACK = 2.0**-20
 # The determinant must clear zero by this part of its largest term.
 CLEAR = 1e-9
 # Only hits flatter than this can lie within rounding of a silhouette.
@@ -560,10 +559,8 @@ def trace_revolutions(table, rays, guess, best, any_hit, work, counters):
                     * UNIT_ROUNDOFF
                     * max(size, np.sqrt(ray[0] * ray[0] + ray[1] * ray[1] + ray[2] * ray[2]))
                 )
-                t_lo = t_min[i] * to_frame - shift
-                t_lo -= CUT_SLACK * (1.0 + abs(t_lo))
-                t_cut = best.t[i] * to_frame - shift
-                t_cut += CUT_SLACK * (1.0 + abs(t_cut))
+                t_lo = begin_of(t_min[i], to_frame, shift)
+                t_cut = end_of(best.t[i], to_frame, shift)
                 z_low, z_high = height_range(
                     whole[k, 0], whole[k, 1], whole[k, 2], ray, t_lo, t_cut, slop
                 )
@@ -586,8 +583,7 @@ def trace_revolutions(table, rays, guess, best, any_hit, work, counters):
                             after,
                             slop,
                         )
-                        t_cut = best.t[i] * to_frame - shift
-                        t_cut += CUT_SLACK * (1.0 + abs(t_cut))
+                        t_cut = end_of(best.t[i], to_frame, shift)
                         if not t0 <= t1 or t1 < t_lo or t0 > t_cut:
                             continue
                         for p in range(first_piece[seg], first_piece[seg + 1]):
@@ -605,8 +601,7 @@ def trace_revolutions(table, rays, guess, best, any_hit, work, counters):
                                 object_id[k], t_min, known, best, slop,
                                 net, stack, scratch, counters,
                             )  # fmt: skip
-                            t_cut = best.t[i] * to_frame - shift
-                            t_cut += CUT_SLACK * (1.0 + abs(t_cut))
+                            t_cut = end_of(best.t[i], to_frame, shift)
                     if any_hit and best.object_id[i] >= 0:
                         break
                 if any_hit and best.object_id[i] >= 0:

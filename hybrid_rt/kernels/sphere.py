@@ -11,16 +11,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from hybrid_rt.kernels.boxes import push_boxes
-from hybrid_rt.kernels.frame import SPLITTER, enter_frame, two_difference
+from hybrid_rt.kernels.frame import SPLITTER, begin_of, end_of, enter_frame, two_difference
 from hybrid_rt.kernels.nearest import offer
 from hybrid_rt.kernels.patch import TANGENT_BAND, UNIT_ROUNDOFF
 from hybrid_rt.kernels.subdivide import NODES
-from hybrid_rt.kernels.tree import CHILD, COUNT, cut_key, safe_reciprocal
+from hybrid_rt.kernels.tree import box_ray, next_leaf, push_children
 from meshing.kernels.jit import hot_kernel, inlined
 
-# Boxes within this of the nearest root are still looked into (times 1 + |t|, in frame units).
-CUT_SLACK = 2.0**-20
 # Rays from farther away (in frame units) have a TANGENT band wider than the margin of the boxes.
 FARTHEST = 2.0**25
 
@@ -128,8 +125,7 @@ def trace_sphere_tree(table, tree, begin, middle, to_frame, rays, best, any_hit,
     """
     center, radius, object_id = table.center, table.radius, table.object_id
     origin, direction, t_min, known = rays.origin, rays.direction, rays.t_min, rays.known
-    rows, links, order = tree.rows, tree.links, tree.order
-    keys, parents = stack.key, stack.parent
+    order = tree.order
     for i in range(origin.shape[0]):
         if any_hit and best.object_id[i] >= 0:
             continue
@@ -146,42 +142,24 @@ def trace_sphere_tree(table, tree, begin, middle, to_frame, rays, best, any_hit,
                     i, k, center, radius, object_id, ox, oy, oz, dx, dy, dz, t_min, known, best
                 )  # fmt: skip
             continue
-        t_lo = t_min[i] * to_frame - shift
-        lo = np.float32(t_lo - CUT_SLACK * (1.0 + abs(t_lo)))
-        fx, fy, fz = np.float32(x), np.float32(y), np.float32(z)
-        rx, ry, rz = safe_reciprocal(dx), safe_reciprocal(dy), safe_reciprocal(dz)
-        sx, sy, sz = 0 if rx > 0 else 3, 0 if ry > 0 else 3, 0 if rz > 0 else 3
-        t_cut = best.t[i] * to_frame - shift
-        t_cut += CUT_SLACK * (1.0 + abs(t_cut))
-        t_hi = cut_key(t_cut)
+        ray = box_ray(x, y, z, dx, dy, dz)
+        t_lo = begin_of(t_min[i], to_frame, shift)
+        t_cut = end_of(best.t[i], to_frame, shift)
+        top = push_children(tree, 0, ray, t_lo, t_cut, stack, 0)
         counters[NODES] += 1
-        top = push_boxes(
-            rows, 0, fx, fy, fz, rx, ry, rz, sx, sy, sz, lo, np.float32(t_cut), keys, parents, 0
-        )
-        while top > 0:
-            top -= 1
-            key, parent = keys[top], parents[top]
-            if key > t_hi:
-                continue
-            node = np.int64(links[parent, CHILD, key & 7])
-            n_here = np.int64(links[parent, COUNT, key & 7])
-            if n_here == 0:
-                counters[NODES] += 1
-                top = push_boxes(
-                    rows, node, fx, fy, fz, rx, ry, rz, sx, sy, sz, lo, np.float32(t_cut),
-                    keys, parents, top,
-                )  # fmt: skip
-                continue
-            for k in range(node, node + n_here):
+        while True:
+            top, first, count, nodes = next_leaf(tree, ray, t_lo, t_cut, stack, top)
+            counters[NODES] += nodes
+            if count == 0:
+                break
+            for k in range(first, first + count):
                 offer_sphere(
                     i, begin + order[k], center, radius, object_id, ox, oy, oz, dx, dy, dz,
                     t_min, known, best,
                 )  # fmt: skip
             if any_hit and best.object_id[i] >= 0:
                 break
-            t_cut = best.t[i] * to_frame - shift
-            t_cut += CUT_SLACK * (1.0 + abs(t_cut))
-            t_hi = cut_key(t_cut)
+            t_cut = end_of(best.t[i], to_frame, shift)
 
 
 @hot_kernel

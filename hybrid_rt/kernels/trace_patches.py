@@ -13,8 +13,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from hybrid_rt.kernels.boxes import NEVER_MET, push_boxes
-from hybrid_rt.kernels.frame import enter_frame
+from hybrid_rt.kernels.boxes import NEVER_MET
+from hybrid_rt.kernels.frame import begin_of, end_of, enter_frame
 from hybrid_rt.kernels.patch import (
     CONVERGED,
     TANGENT_BAND,
@@ -46,13 +46,10 @@ from hybrid_rt.kernels.subdivide import (
     STEPS,
     slow_solve,
 )
-from hybrid_rt.kernels.tree import CHILD, COUNT, cut_key, safe_reciprocal
+from hybrid_rt.kernels.tree import CHILD, COUNT, box_ray, cut_key, push_children
 from meshing.kernels.bernstein import second_partials, unit_normal
 from meshing.kernels.jit import hot_kernel, inlined
 
-# Boxes within this of the nearest root are still looked into (times 1 + |t|, in frame units): far
-# more than two cells can disagree on the t of a root on their common border.
-CUT_SLACK = 2.0**-20
 # Only hits flatter than this can lie within rounding of a silhouette: sqrt(2 * 64 eps), with air.
 GRAZING = 1e-5
 # Squares of tangents (over the size) and of sines below this leave the normal to `unit_normal`.
@@ -203,7 +200,7 @@ def trace_patches(table, tree, rays, guess, best, any_hit, scratch, t_guess, cou
     # Cells come before their quarters.
     n_cells = table.place.shape[0]
     n_quartered = n_cells if record.shape[0] > n_cells else 0
-    rows, links = tree.rows, tree.links
+    links = tree.links
     origin, direction, t_min, known = rays.origin, rays.direction, rays.t_min, rays.known
     t_best = best.t
     to_world = 1.0 / to_frame
@@ -222,14 +219,9 @@ def trace_patches(table, tree, rays, guess, best, any_hit, scratch, t_guess, cou
         x, y, z, lx, ly, lz, shift = enter_frame(
             origin[i, 0], origin[i, 1], origin[i, 2], dx, dy, dz, mx, my, mz, to_frame
         )
-        t_lo = t_min[i] * to_frame - shift
-        t_lo -= CUT_SLACK * (1.0 + abs(t_lo))
-        t_cut = t_best[i] * to_frame - shift
-        t_cut += CUT_SLACK * (1.0 + abs(t_cut))
-        fx, fy, fz = np.float32(x), np.float32(y), np.float32(z)
-        rx, ry, rz = safe_reciprocal(dx), safe_reciprocal(dy), safe_reciprocal(dz)
-        sx, sy, sz = 0 if rx > 0 else 3, 0 if ry > 0 else 3, 0 if rz > 0 else 3
-        lo = np.float32(t_lo)
+        ray = box_ray(x, y, z, dx, dy, dz)
+        t_lo = begin_of(t_min[i], to_frame, shift)
+        t_cut = end_of(t_best[i], to_frame, shift)
         t_hi = cut_key(t_cut)
         # The guess comes first, and before every t: its root is known before the tree is walked.
         top, done = 0, np.int64(-1)
@@ -246,10 +238,7 @@ def trace_patches(table, tree, rays, guess, best, any_hit, scratch, t_guess, cou
                     break
                 is_walking = True
                 n_nodes += 1
-                top = push_boxes(
-                    rows, 0, fx, fy, fz, rx, ry, rz, sx, sy, sz, lo, np.float32(t_cut),
-                    keys, parents, 0,
-                )  # fmt: skip
+                top = push_children(tree, 0, ray, t_lo, t_cut, scratch.stack, 0)
                 continue
             top -= 1
             key, parent = keys[top], parents[top]
@@ -259,10 +248,7 @@ def trace_patches(table, tree, rays, guess, best, any_hit, scratch, t_guess, cou
                 node = np.int64(links[parent, CHILD, key & 7])
                 if links[parent, COUNT, key & 7] == 0:
                     n_nodes += 1
-                    top = push_boxes(
-                        rows, node, fx, fy, fz, rx, ry, rz, sx, sy, sz, lo, np.float32(t_cut),
-                        keys, parents, top,
-                    )  # fmt: skip
+                    top = push_children(tree, node, ray, t_lo, t_cut, scratch.stack, top)
                     continue
                 if node == done:
                     continue
@@ -289,8 +275,7 @@ def trace_patches(table, tree, rays, guess, best, any_hit, scratch, t_guess, cou
                 continue
             if any_hit and best.object_id[i] >= 0:
                 break
-            t_cut = t_best[i] * to_frame - shift
-            t_cut += CUT_SLACK * (1.0 + abs(t_cut))
+            t_cut = end_of(t_best[i], to_frame, shift)
             t_hi = cut_key(t_cut)
     counters[NODES] += n_nodes
     counters[CELLS] += n_met
@@ -312,10 +297,8 @@ def settle_doubts(table, rays, best, any_hit, scratch, n_doubts, counters):
         x, y, z, lx, ly, lz, shift = enter_frame(
             o[0], o[1], o[2], d[0], d[1], d[2], middle[0], middle[1], middle[2], to_frame
         )
-        t_lo = rays.t_min[i] * to_frame - shift
-        t_lo -= CUT_SLACK * (1.0 + abs(t_lo))
-        t_cut = best.t[i] * to_frame - shift
-        t_cut += CUT_SLACK * (1.0 + abs(t_cut))
+        t_lo = begin_of(rays.t_min[i], to_frame, shift)
+        t_cut = end_of(best.t[i], to_frame, shift)
         k = np.int64(table.cell_patch[cell])
         c = table.centre[k]
         um, vm = record[cell, MIDDLE], record[cell, MIDDLE + 1]

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from hybrid_rt.kernels.boxes import LANES, sort_key
+from hybrid_rt.kernels.boxes import LANES, push_boxes, sort_key
 from meshing.kernels.jit import inlined, inner, kernel
 
 WIDTH = LANES
@@ -207,8 +207,22 @@ def build_tree(lower, upper, leaf_size):
     return rows, rows.view(np.int32), order, stack
 
 
+class BoxRay(NamedTuple):
+    """A ray as `push_boxes` takes it: float32, and where the near bounds of each axis stand."""
+
+    x: Any
+    y: Any
+    z: Any
+    rx: Any
+    ry: Any
+    rz: Any
+    sx: int
+    sy: int
+    sz: int
+
+
 @inlined
-def safe_reciprocal(x):
+def _reciprocal(x):
     """1/x for a slab test, in float32, with tiny components replaced (never an infinity)."""
     if abs(x) < SMALLEST_COMPONENT:
         x = SMALLEST_COMPONENT if x >= 0.0 else -SMALLEST_COMPONENT
@@ -216,6 +230,49 @@ def safe_reciprocal(x):
 
 
 @inlined
+def box_ray(x, y, z, dx, dy, dz):
+    """Return the `BoxRay` from an origin, frame units, along a direction."""
+    rx, ry, rz = _reciprocal(dx), _reciprocal(dy), _reciprocal(dz)
+    sx, sy, sz = 0 if rx > 0 else 3, 0 if ry > 0 else 3, 0 if rz > 0 else 3
+    return BoxRay(np.float32(x), np.float32(y), np.float32(z), rx, ry, rz, sx, sy, sz)
+
+
+@inlined
 def cut_key(t):
     """Return the key above which nothing on the stack begins before t."""
     return sort_key(np.float32(t)) | 7
+
+
+@inlined
+def push_children(tree, node, ray, t_lo, t_cut, stack, top):
+    """Push those children of a node that a ray meets between t_lo and t_cut; the new height."""
+    return push_boxes(
+        tree.rows, node, ray.x, ray.y, ray.z, ray.rx, ray.ry, ray.rz, ray.sx, ray.sy, ray.sz,
+        np.float32(t_lo), np.float32(t_cut), stack.key, stack.parent, top,
+    )  # fmt: skip
+
+
+@inlined
+def next_leaf(tree, ray, t_lo, t_cut, stack, top):
+    """Walk on to the nearest leaf on the stack that begins before t_cut.
+
+    Returns
+    -------
+    top : the new height
+    first, count : its primitives, places in ``tree.order``; count 0: there is no leaf any more
+    nodes : how many nodes were looked into
+    """
+    t_hi = cut_key(t_cut)
+    nodes = 0
+    while top > 0:
+        top -= 1
+        key, parent = stack.key[top], stack.parent[top]
+        if key > t_hi:
+            continue
+        child = np.int64(tree.links[parent, CHILD, key & 7])
+        count = np.int64(tree.links[parent, COUNT, key & 7])
+        if count > 0:
+            return top, child, count, nodes
+        nodes += 1
+        top = push_children(tree, child, ray, t_lo, t_cut, stack, top)
+    return top, np.int64(0), np.int64(0), nodes

@@ -9,16 +9,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from hybrid_rt.kernels.boxes import push_boxes
-from hybrid_rt.kernels.frame import enter_frame, product
+from hybrid_rt.kernels.frame import begin_of, end_of, enter_frame, product
 from hybrid_rt.kernels.nearest import offer
 from hybrid_rt.kernels.patch import TANGENT_BAND, UNIT_ROUNDOFF
 from hybrid_rt.kernels.subdivide import CELLS, NODES
-from hybrid_rt.kernels.tree import CHILD, COUNT, cut_key, safe_reciprocal
+from hybrid_rt.kernels.tree import box_ray, next_leaf, push_children
 from meshing.kernels.jit import hot_kernel, inlined, inner
 
-# Boxes within this of the nearest root are still looked into (times 1 + |t|, in frame units).
-CUT_SLACK = 2.0**-20
 # |n.d| below which a triangle's weights would lose more than a digit.
 SLIVER = 3e-2
 
@@ -156,8 +153,7 @@ def offer_triangle(
 def trace_triangles(table, tree, rays, best, any_hit, stack, counters):
     """Lower ``best`` to the first hits on triangles; ``stack`` is scratch."""
     vertex, face, neighbour, object_id = table.vertex, table.face, table.neighbour, table.object_id
-    rows, links, corner, order = tree.rows, tree.links, table.corner, table.order
-    keys, parents = stack.key, stack.parent
+    corner, order = table.corner, table.order
     for i in range(rays.origin.shape[0]):
         if any_hit and best.object_id[i] >= 0:
             continue
@@ -173,33 +169,17 @@ def trace_triangles(table, tree, rays, best, any_hit, stack, counters):
             o[0], o[1], o[2], d[0], d[1], d[2], table.middle[0], table.middle[1], table.middle[2],
             table.to_frame,
         )  # fmt: skip
-        t_lo = rays.t_min[i] * table.to_frame - shift
-        lo = np.float32(t_lo - CUT_SLACK * (1.0 + abs(t_lo)))
-        fx, fy, fz = np.float32(x), np.float32(y), np.float32(z)
-        rx, ry, rz = safe_reciprocal(d[0]), safe_reciprocal(d[1]), safe_reciprocal(d[2])
-        nx, ny, nz = 0 if rx > 0 else 3, 0 if ry > 0 else 3, 0 if rz > 0 else 3
-        t_cut = best.t[i] * table.to_frame - shift
-        t_cut += CUT_SLACK * (1.0 + abs(t_cut))
-        t_hi = cut_key(t_cut)
+        ray = box_ray(x, y, z, d[0], d[1], d[2])
+        t_lo = begin_of(rays.t_min[i], table.to_frame, shift)
+        t_cut = end_of(best.t[i], table.to_frame, shift)
+        top = push_children(tree, 0, ray, t_lo, t_cut, stack, 0)
         counters[NODES] += 1
-        top = push_boxes(
-            rows, 0, fx, fy, fz, rx, ry, rz, nx, ny, nz, lo, np.float32(t_cut), keys, parents, 0
-        )
-        while top > 0:
-            top -= 1
-            key, parent = keys[top], parents[top]
-            if key > t_hi:
-                continue
-            node = np.int64(links[parent, CHILD, key & 7])
-            n_here = np.int64(links[parent, COUNT, key & 7])
-            if n_here == 0:
-                counters[NODES] += 1
-                top = push_boxes(
-                    rows, node, fx, fy, fz, rx, ry, rz, nx, ny, nz, lo, np.float32(t_cut),
-                    keys, parents, top,
-                )  # fmt: skip
-                continue
-            for k in range(node, node + n_here):
+        while True:
+            top, first, count, nodes = next_leaf(tree, ray, t_lo, t_cut, stack, top)
+            counters[NODES] += nodes
+            if count == 0:
+                break
+            for k in range(first, first + count):
                 counters[CELLS] += 1
                 offer_triangle(
                     i, k, corner, order, vertex, face, neighbour, object_id, o, d,
@@ -207,9 +187,7 @@ def trace_triangles(table, tree, rays, best, any_hit, stack, counters):
                 )  # fmt: skip
             if any_hit and best.object_id[i] >= 0:
                 break
-            t_cut = best.t[i] * table.to_frame - shift
-            t_cut += CUT_SLACK * (1.0 + abs(t_cut))
-            t_hi = cut_key(t_cut)
+            t_cut = end_of(best.t[i], table.to_frame, shift)
 
 
 @hot_kernel
