@@ -61,6 +61,7 @@ class Coarse:
         self.vertices = np.ascontiguousarray(np.concatenate(vertices))
         self.faces = np.ascontiguousarray(np.concatenate(faces), dtype=np.int64)
         self.object_id = np.concatenate(objects)
+        self.n_objects = int(self.object_id.max()) + 1
         self.piece = np.concatenate(pieces)
         self.corner_uv = np.ascontiguousarray(np.concatenate(corners), dtype=np.float64)
         self.scene = CoarseScene(self.vertices, self.faces)

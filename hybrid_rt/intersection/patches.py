@@ -13,14 +13,12 @@ from hybrid_rt.intersection.pool import Pool
 from hybrid_rt.kernels.coarse import guess_cells
 from hybrid_rt.kernels.nearest import Nearest, Rays
 from hybrid_rt.kernels.patch_cells import FAN, RECORD, ROW_U, ROW_V, fill_cells, fill_quarters
+from hybrid_rt.kernels.patch_hits import count_changed, finish_patches, refine_patches
 from hybrid_rt.kernels.subdivide import DEPTH
 from hybrid_rt.kernels.trace_patches import (
     MORE,
     PatchScratch,
     PatchTable,
-    count_changed,
-    finish_patches,
-    refine_patches,
     settle_doubts,
     trace_patches,
 )
@@ -177,7 +175,7 @@ class PatchKind:
 
     def _first_of(self, coarse: Coarse) -> NDArray[np.int64]:
         """Return for each object its first patch here, -1 for objects of other kinds."""
-        first = np.full(int(coarse.object_id.max()) + 1, -1, np.int64)
+        first = np.full(coarse.n_objects, -1, np.int64)
         first[: len(self._first_patch)] = self._first_patch
         return first
 

@@ -106,7 +106,7 @@ class RevolutionKind:
         guess = np.empty(len(face), np.int32)
         guess_pieces(
             face, u, v, coarse.corner_uv, coarse.object_id, coarse.piece,
-            self._rows(int(coarse.object_id.max()) + 1), self.table, guess,
+            self._rows(coarse.n_objects), self.table, guess,
         )  # fmt: skip
         return guess
 
@@ -125,7 +125,7 @@ class RevolutionKind:
         """Move coarse hits onto the surfaces by Newton iteration, and offer what is found."""
         refine_revolutions(
             self.table, face, t, u, v, coarse.corner_uv, coarse.object_id, coarse.piece,
-            self._rows(int(coarse.object_id.max()) + 1), rows, rays, best, np.empty(9), accepted,
+            self._rows(coarse.n_objects), rows, rays, best, np.empty(9), accepted,
         )  # fmt: skip
 
     def finish(

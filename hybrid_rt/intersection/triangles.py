@@ -95,7 +95,7 @@ class TriangleKind:
     ) -> None:
         """Meet Embree's triangle again in float64."""
         del t, u, v
-        first = np.full(int(coarse.object_id.max()) + 1, -1, np.int64)
+        first = np.full(coarse.n_objects, -1, np.int64)
         first[: len(self._first_face)] = self._first_face
         place = np.empty(len(face), np.int32)
         rows_of_faces(face, coarse.object_id, coarse.piece, first, self._place, place)

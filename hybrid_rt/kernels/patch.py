@@ -15,6 +15,9 @@ from meshing.kernels.jit import inlined, inner
 UNIT_ROUNDOFF = 2.0**-53
 # A root decided by less than this many eps x scale is reported as TANGENT.
 TANGENT_BAND = 64 * 2.0**-52
+# Only hits flatter than this can lie within rounding of a silhouette: sqrt(2 * 64 eps), with air.
+GRAZING = 1e-5
+NORMAL_DEGENERATE = 1  # `hybrid_rt.records.Flag`
 
 CONVERGED, FAILED = 1, 0
 # Newton squares the error: from 1e-1 of a cell five steps reach rounding; silhouettes need more.

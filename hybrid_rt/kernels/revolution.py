@@ -18,7 +18,14 @@ import numpy as np
 
 from hybrid_rt.kernels.frame import begin_of, end_of, enter_frame
 from hybrid_rt.kernels.nearest import is_known, offer
-from hybrid_rt.kernels.patch import LAST_STEP, MAX_STEPS, TANGENT_BAND, UNIT_ROUNDOFF
+from hybrid_rt.kernels.patch import (
+    GRAZING,
+    LAST_STEP,
+    MAX_STEPS,
+    NORMAL_DEGENERATE,
+    TANGENT_BAND,
+    UNIT_ROUNDOFF,
+)
 from hybrid_rt.kernels.subdivide import (
     APPROACHES,
     BORDER_SLACK,
@@ -40,9 +47,6 @@ GROWTH = 0.15
 DEPTH = 128
 # The determinant must clear zero by this part of its largest term.
 CLEAR = 1e-9
-# Only hits flatter than this can lie within rounding of a silhouette.
-GRAZING = 1e-5
-NORMAL_DEGENERATE = 1  # `hybrid_rt.records.Flag`
 
 # Columns of a piece: z and r of the piece, then of the grown piece, then Z' and R' of that.
 Z0, Z1, R0, R1, GZ0, GZ1, GR0, GR1, DZ0, DZ1, DR0, DR1, S0, S1 = range(14)
