@@ -14,6 +14,7 @@ from hybrid_rt.kernels.coarse import guess_cells
 from hybrid_rt.kernels.nearest import Nearest, Rays
 from hybrid_rt.kernels.patch_cells import FAN, RECORD, ROW_U, ROW_V, fill_cells, fill_quarters
 from hybrid_rt.kernels.patch_hits import count_changed, finish_patches, refine_patches
+from hybrid_rt.kernels.skew_box import COLUMN, LOWER
 from hybrid_rt.kernels.subdivide import DEPTH
 from hybrid_rt.kernels.trace_patches import (
     MORE,
@@ -265,8 +266,8 @@ def _aligned(n: int) -> FloatArray:
 
 def _spread(record: FloatArray) -> FloatArray:
     """Square of how far the normals of each cell spread; inf where nothing is known."""
-    width_u = record[:, FAN] ** 2 * (record[:, ROW_U : ROW_U + 3] ** 2).sum(axis=1)
-    width_v = record[:, FAN + 1] ** 2 * (record[:, ROW_V : ROW_V + 3] ** 2).sum(axis=1)
+    width_u = record[:, FAN] ** 2 * (record[:, ROW_U:LOWER:COLUMN] ** 2).sum(axis=1)
+    width_v = record[:, FAN + 1] ** 2 * (record[:, ROW_V:LOWER:COLUMN] ** 2).sum(axis=1)
     return np.asarray(width_u + width_v)
 
 

@@ -16,14 +16,15 @@ The box is a skew one, along the mean tangents and the normal.
 
 import numpy as np
 
+from hybrid_rt.kernels.skew_box import CENTRE, COLUMN, LOWER, UPPER
 from hybrid_rt.kernels.subdivide import restrict
 from meshing.kernels.jit import inner, kernel
 
-# A cell's record, float64:
-CENTRE = 0  # 3: middle of the box, frame
-ROW_U, ROW_V, ROW_N = 3, 6, 9  # 3 each: dual basis of half the mean tangents and the unit normal
-BOX = 12  # 6: lower, upper along u, v, n
-MIDDLE = 18  # 2: parameters of the middle
+# A cell's record, float64. Columns of the dual basis of half the mean tangents and the unit normal
+# (rows along u, v, n), each followed by a coordinate of the middle of the box; lower and upper
+# bounds along u, v, n (`kernels.skew_box`), each followed by a parameter of the middle.
+ROW_U, ROW_V, ROW_N = 0, 1, 2
+MIDDLE_U, MIDDLE_V = LOWER + 3, UPPER + 3
 HALF = 20  # 2: half the sides in parameters
 FAN = 22  # 2: at most one root if |d_n| > fan_u |d_u| + fan_v |d_v| + `FAN_SLACK`, same basis
 RECORD = 24  # 192 bytes: three lines of the cache
@@ -107,8 +108,7 @@ def _fan_by_box(net, degree_u, degree_v, record, w):
                 y = half * (net[k, m, 1] - net[i, j, 1])
                 z = half * (net[k, m, 2] - net[i, j, 2])
                 for axis in range(3):
-                    r = ROW_U + 3 * axis
-                    c = record[r] * x + record[r + 1] * y + record[r + 2] * z
+                    c = record[axis] * x + record[COLUMN + axis] * y + record[2 * COLUMN + axis] * z
                     w[along, axis] = max(w[along, axis], abs(c - (1.0 if axis == along else 0.0)))
     a, b, c = w[0, 0], w[0, 1], w[0, 2]
     e, f, g = w[1, 0], w[1, 1], w[1, 2]
@@ -118,6 +118,13 @@ def _fan_by_box(net, degree_u, degree_v, record, w):
     if along_n <= SHORT:
         return np.inf, np.inf
     return (b * g + c * (1.0 + f)) / along_n, (c * e + (1.0 + a) * g) / along_n
+
+
+@inner
+def row_length(record, row):
+    """Return the length of a row of the dual basis."""
+    x, y, z = record[row], record[COLUMN + row], record[2 * COLUMN + row]
+    return np.sqrt(x * x + y * y + z * z)
 
 
 @inner
@@ -147,15 +154,15 @@ def fill_cell(control, start, degree_u, degree_v, cx, cy, cz, u0, u1, v0, v1, sc
     if provable:
         nx, ny, nz = nx / area, ny / area, nz / area
         record[ROW_U] = (qy * nz - qz * ny) / area
-        record[ROW_U + 1] = (qz * nx - qx * nz) / area
-        record[ROW_U + 2] = (qx * ny - qy * nx) / area
+        record[COLUMN + ROW_U] = (qz * nx - qx * nz) / area
+        record[2 * COLUMN + ROW_U] = (qx * ny - qy * nx) / area
         record[ROW_V] = (ny * pz - nz * py) / area
-        record[ROW_V + 1] = (nz * px - nx * pz) / area
-        record[ROW_V + 2] = (nx * py - ny * px) / area
-        record[ROW_N], record[ROW_N + 1], record[ROW_N + 2] = nx, ny, nz
+        record[COLUMN + ROW_V] = (nz * px - nx * pz) / area
+        record[2 * COLUMN + ROW_V] = (nx * py - ny * px) / area
+        record[ROW_N], record[COLUMN + ROW_N], record[2 * COLUMN + ROW_N] = nx, ny, nz
     else:
-        record[ROW_U : ROW_U + 9] = 0.0
-        record[ROW_U], record[ROW_V + 1], record[ROW_N + 2] = 1.0, 1.0, 1.0
+        record[: 3 * COLUMN] = 0.0
+        record[ROW_U], record[COLUMN + ROW_V], record[2 * COLUMN + ROW_N] = 1.0, 1.0, 1.0
     mx = my = mz = 0.0
     box[:3] = np.inf
     box[3:] = -np.inf
@@ -170,21 +177,18 @@ def fill_cell(control, start, degree_u, degree_v, cx, cy, cz, u0, u1, v0, v1, sc
     weight = 1.0 / ((degree_u + 1) * (degree_v + 1))
     mx, my, mz = mx * weight, my * weight, mz * weight
     for axis in range(3):
-        r = ROW_U + 3 * axis
+        rx, ry, rz = record[axis], record[COLUMN + axis], record[2 * COLUMN + axis]
         lo, hi = np.inf, -np.inf
         for i in range(degree_u + 1):
             for j in range(degree_v + 1):
-                y = (
-                    record[r] * (net[i, j, 0] - mx)
-                    + record[r + 1] * (net[i, j, 1] - my)
-                    + record[r + 2] * (net[i, j, 2] - mz)
-                )
+                y = rx * (net[i, j, 0] - mx) + ry * (net[i, j, 1] - my) + rz * (net[i, j, 2] - mz)
                 lo, hi = min(lo, y), max(hi, y)
-        slack = BOX_SLACK * np.sqrt(record[r] ** 2 + record[r + 1] ** 2 + record[r + 2] ** 2)
-        record[BOX + 2 * axis] = lo - slack
-        record[BOX + 2 * axis + 1] = hi + slack
-    record[CENTRE], record[CENTRE + 1], record[CENTRE + 2] = mx + cx, my + cy, mz + cz
-    record[MIDDLE], record[MIDDLE + 1] = 0.5 * (u0 + u1), 0.5 * (v0 + v1)
+        slack = BOX_SLACK * np.sqrt(rx * rx + ry * ry + rz * rz)
+        record[LOWER + axis] = lo - slack
+        record[UPPER + axis] = hi + slack
+    record[CENTRE], record[COLUMN + CENTRE] = mx + cx, my + cy
+    record[2 * COLUMN + CENTRE] = mz + cz
+    record[MIDDLE_U], record[MIDDLE_V] = 0.5 * (u0 + u1), 0.5 * (v0 + v1)
     record[HALF], record[HALF + 1] = hu, hv
     fan_u = fan_v = np.inf
     if provable:
@@ -194,9 +198,7 @@ def fill_cell(control, start, degree_u, degree_v, cx, cy, cz, u0, u1, v0, v1, sc
             )
         else:
             fan_u, fan_v = _fan_by_box(grown, degree_u, degree_v, record, scratch[2, 0, :2])
-    row_u = np.sqrt(record[ROW_U] ** 2 + record[ROW_U + 1] ** 2 + record[ROW_U + 2] ** 2)
-    row_v = np.sqrt(record[ROW_V] ** 2 + record[ROW_V + 1] ** 2 + record[ROW_V + 2] ** 2)
-    if not max(fan_u * row_u, fan_v * row_v) < WIDEST:
+    if not max(fan_u * row_length(record, ROW_U), fan_v * row_length(record, ROW_V)) < WIDEST:
         fan_u = fan_v = np.inf
     record[FAN], record[FAN + 1] = fan_u + FAN_MARGIN * lp, fan_v + FAN_MARGIN * lq
     for c in range(3):
@@ -248,7 +250,7 @@ def fill_quarters(
     box = np.empty(6)
     for cell in range(begin, end):
         k = cell_patch[cell]
-        um, vm = record[cell, MIDDLE], record[cell, MIDDLE + 1]
+        um, vm = record[cell, MIDDLE_U], record[cell, MIDDLE_V]
         hu, hv = record[cell, HALF], record[cell, HALF + 1]
         for part in range(4):
             u0 = um - hu if part < 2 else um

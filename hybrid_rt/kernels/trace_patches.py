@@ -21,18 +21,8 @@ from hybrid_rt.kernels.patch import (
     offer_root_inlined,
     rounding_of_root,
 )
-from hybrid_rt.kernels.patch_cells import (
-    BOX,
-    CENTRE,
-    FAN,
-    FAN_SLACK,
-    GROWTH,
-    HALF,
-    MIDDLE,
-    ROW_N,
-    ROW_U,
-    ROW_V,
-)
+from hybrid_rt.kernels.patch_cells import FAN, FAN_SLACK, GROWTH, HALF, MIDDLE_U, MIDDLE_V, ROW_N
+from hybrid_rt.kernels.skew_box import LOWER, UPPER, meet_box
 from hybrid_rt.kernels.subdivide import (
     BORDER_SLACK,
     CELLS,
@@ -96,30 +86,10 @@ def solve_cell(
     boxes : 1 if the ray meets the cell's box
     steps : Newton steps
     """
-    r = record[cell]
-    px, py, pz = x - r[CENTRE], y - r[CENTRE + 1], z - r[CENTRE + 2]
-    ou = r[ROW_U] * px + r[ROW_U + 1] * py + r[ROW_U + 2] * pz
-    ov = r[ROW_V] * px + r[ROW_V + 1] * py + r[ROW_V + 2] * pz
-    on = r[ROW_N] * px + r[ROW_N + 1] * py + r[ROW_N + 2] * pz
-    du = r[ROW_U] * dx + r[ROW_U + 1] * dy + r[ROW_U + 2] * dz
-    dv = r[ROW_V] * dx + r[ROW_V + 1] * dy + r[ROW_V + 2] * dz
-    dn = r[ROW_N] * dx + r[ROW_N + 1] * dy + r[ROW_N + 2] * dz
-    # --- the skew box: three slabs
-    t0, t1 = -np.inf, np.inf
-    for axis in range(3):
-        o, d = (ou, du) if axis == 0 else ((ov, dv) if axis == 1 else (on, dn))
-        lo, hi = r[BOX + 2 * axis] - o, r[BOX + 2 * axis + 1] - o
-        if d == 0.0:
-            if lo > 0.0 or hi < 0.0:
-                return SETTLED, np.inf, 0, 0
-            continue
-        inv = 1.0 / d
-        a, b = lo * inv, hi * inv
-        if a > b:
-            a, b = b, a
-        t0, t1 = max(t0, a), min(t1, b)
+    t0, t1, ou, ov, on, du, dv, dn = meet_box(record, cell, x, y, z, dx, dy, dz)
     if t0 > t1 or t1 < t_lo or t0 > t_cut:
         return SETTLED, np.inf, 0, 0
+    r = record[cell]
     unsettled = TO_QUARTERS if quartered else DOUBTFUL
     if not abs(dn) > r[FAN] * abs(du) + r[FAN + 1] * abs(dv) + FAN_SLACK:
         return unsettled, np.inf, 1, 0
@@ -130,9 +100,9 @@ def solve_cell(
         (y - centre[patch, 1]) + ly,
         (z - centre[patch, 2]) + lz,
     )
-    um, vm, hu, hv = r[MIDDLE], r[MIDDLE + 1], r[HALF], r[HALF + 1]
+    um, vm, hu, hv = r[MIDDLE_U], r[MIDDLE_V], r[HALF], r[HALF + 1]
     first, m, n = start[patch], degree[patch, 0], degree[patch, 1]
-    t = min(max((0.5 * (r[BOX + 4] + r[BOX + 5]) - on) / dn, t0), t1)
+    t = min(max((0.5 * (r[LOWER + ROW_N] + r[UPPER + ROW_N]) - on) / dn, t0), t1)
     status, u, v, t, steps, n_dot_d, gain_u, gain_v = newton_inlined(
         control, first, m, n, basis, size[patch], ox, oy, oz, dx, dy, dz,
         um + hu * (ou + t * du), vm + hv * (ov + t * dv), t, hu, hv,
@@ -289,7 +259,7 @@ def settle_doubts(table, rays, best, any_hit, scratch, n_doubts, counters):
         t_cut = end_of(best.t[i], to_frame, shift)
         k = np.int64(table.cell_patch[cell])
         c = table.centre[k]
-        um, vm = record[cell, MIDDLE], record[cell, MIDDLE + 1]
+        um, vm = record[cell, MIDDLE_U], record[cell, MIDDLE_V]
         hu, hv = record[cell, HALF], record[cell, HALF + 1]
         m, n = 3, 3  # known to the compiler where all patches are bicubic
         if scratch.basis is not None:
