@@ -12,9 +12,9 @@ from hybrid_rt.intersection.batch import Finished, rows_of
 from hybrid_rt.intersection.pool import Pool
 from hybrid_rt.kernels.coarse import guess_cells
 from hybrid_rt.kernels.nearest import Nearest, Rays
-from hybrid_rt.kernels.patch_cells import FAN, RECORD, ROW_U, ROW_V, fill_cells, fill_quarters
+from hybrid_rt.kernels.patch_cells import FAN, ROW_U, ROW_V, fill_cells, fill_quarters
 from hybrid_rt.kernels.patch_hits import count_changed, finish_patches, refine_patches
-from hybrid_rt.kernels.skew_box import COLUMN, LOWER
+from hybrid_rt.kernels.skew_box import COLUMN, LOWER, RECORD
 from hybrid_rt.kernels.subdivide import DEPTH
 from hybrid_rt.kernels.trace_patches import (
     MORE,

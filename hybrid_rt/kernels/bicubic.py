@@ -10,6 +10,8 @@ from llvmlite import ir
 from numba.core import cgutils, config, types
 from numba.extending import intrinsic
 
+from hybrid_rt.kernels.vectors import load, spread
+
 
 def evaluate_bicubic_plain(control: Any, start: int, u: float, v: float) -> Any:
     """Return S, S_u, S_v (nine numbers) of the patch whose net begins at row ``start``.
@@ -52,11 +54,6 @@ def _vector_code(context: Any, builder: Any, signature: Any, arguments: Any) -> 
     def number(x: float) -> Any:
         return ir.Constant(double, x)
 
-    def spread(value: Any) -> Any:
-        one = builder.insert_element(ir.Constant(four, ir.Undefined), value, ir.IntType(32)(0))
-        lanes = ir.Constant(ir.VectorType(ir.IntType(32), 4), [0] * 4)
-        return builder.shuffle_vector(one, ir.Constant(four, ir.Undefined), lanes)
-
     def bernstein(x: Any) -> Any:
         y = sub(number(1.0), x)
         y3, x3 = mul(number(3.0), y), mul(number(3.0), x)
@@ -71,21 +68,20 @@ def _vector_code(context: Any, builder: Any, signature: Any, arguments: Any) -> 
         sub(slopes_u[1], slopes_u[2]),
         slopes_u[2],
     )
-    values_v, slopes_v = [spread(x) for x in values_v], [spread(x) for x in slopes_v]
+    values_v, slopes_v = ([spread(builder, x, four) for x in p] for p in (values_v, slopes_v))
     out: list[Any] = [None] * 3
     for i in range(4):
         points = []
         for j in range(4):
             place = builder.mul(builder.add(start, i64(4 * i + j)), i64(4))
-            pointer = builder.bitcast(builder.gep(array.data, [place]), four.as_pointer())
-            points.append(builder.load(pointer, align=8))
+            points.append(load(builder, array.data, place, four))
         point = mul(values_v[0], points[0])
         for j in range(1, 4):
             point = add(point, mul(values_v[j], points[j]))
         slope = mul(slopes_v[0], sub(points[1], points[0]))
         for j in range(1, 3):
             slope = add(slope, mul(slopes_v[j], sub(points[j + 1], points[j])))
-        value, weight = spread(values_u[i]), spread(weights[i])
+        value, weight = (spread(builder, x[i], four) for x in (values_u, weights))
         for k, term in enumerate((mul(value, point), mul(weight, point), mul(value, slope))):
             out[k] = term if i == 0 else add(out[k], term)
     numbers = [

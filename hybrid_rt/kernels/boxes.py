@@ -16,14 +16,16 @@ from typing import Any
 
 import numpy as np
 from llvmlite import ir
-from numba.core import config, types
+from numba.core import cgutils, config, types
 from numba.extending import intrinsic
+
+from hybrid_rt.kernels.vectors import load, spread
 
 # One subtraction, one reciprocal, one product on each side: 3 * 2**-24 each, and as much again.
 FAR_GROWTH = np.float32(8 * 2.0**-23)
 LANES = 8
-# Below every key.
-NEVER_MET = -(2**31)
+# Below every key, and above.
+NEVER_MET, FARTHEST = -(2**31), 2**31 - 1
 
 
 def sort_key_plain(x: Any) -> int:
@@ -35,7 +37,7 @@ def sort_key_plain(x: Any) -> int:
 def push_boxes_plain(
     rows: Any, node: Any, x: Any, y: Any, z: Any, rx: Any, ry: Any, rz: Any,
     sx: int, sy: int, sz: int, t_lo: Any, t_hi: Any, keys: Any, parents: Any, top: int,
-) -> int:  # fmt: skip
+) -> tuple[int, int]:  # fmt: skip
     """Push those of a node's eight boxes that a ray meets, the nearest on top.
 
     Parameters
@@ -54,8 +56,10 @@ def push_boxes_plain(
 
     Returns
     -------
-    int
+    top : int
         The new height.
+    nearest : int
+        The key that is now on top; `FARTHEST` if no box is met.
     """
     met = []
     for k in range(LANES):
@@ -68,7 +72,7 @@ def push_boxes_plain(
             met.append((sort_key_plain(near) & ~7) | k)
     for place, key in enumerate(sorted(met, reverse=True)):
         keys[top + place], parents[top + place] = key, node
-    return top + len(met)
+    return top + len(met), min(met, default=FARTHEST)
 
 
 def _push_code(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
@@ -83,14 +87,9 @@ def _push_code(context: Any, builder: Any, signature: Any, arguments: Any) -> An
     def fixed(values: Any) -> Any:
         return ir.Constant(integers, list(values))
 
-    def spread(value: Any, kind: Any) -> Any:
-        one = builder.insert_element(ir.Constant(kind, ir.Undefined), value, i32(0))
-        return builder.shuffle_vector(one, ir.Constant(kind, ir.Undefined), fixed([0] * LANES))
-
     def row(index: Any) -> Any:
         place = builder.add(builder.mul(node, i64(64)), builder.mul(index, i64(8)))
-        pointer = builder.bitcast(builder.gep(rows.data, [place]), floats.as_pointer())
-        return builder.load(pointer, align=4)
+        return load(builder, rows.data, place, floats)
 
     def larger(a: Any, b: Any) -> Any:
         return builder.select(builder.fcmp_ordered(">", a, b), a, b)
@@ -100,8 +99,8 @@ def _push_code(context: Any, builder: Any, signature: Any, arguments: Any) -> An
 
     near, far = None, None
     for axis in range(3):
-        origin = spread(arguments[2 + axis], floats)
-        reciprocal = spread(arguments[5 + axis], floats)
+        origin = spread(builder, arguments[2 + axis], floats)
+        reciprocal = spread(builder, arguments[5 + axis], floats)
         sign = arguments[8 + axis]
         first = row(builder.add(sign, i64(axis)))
         last = row(builder.sub(i64(3 + axis), sign))
@@ -109,17 +108,24 @@ def _push_code(context: Any, builder: Any, signature: Any, arguments: Any) -> An
         last = builder.fmul(builder.fsub(last, origin), reciprocal)
         near = first if near is None else larger(first, near)
         far = last if far is None else smaller(last, far)
-    near = larger(spread(arguments[11], floats), near)
+    near = larger(spread(builder, arguments[11], floats), near)
     size = larger(far, builder.fneg(far))
-    growth = spread(ir.Constant(single, float(FAR_GROWTH)), floats)
+    growth = spread(builder, ir.Constant(single, float(FAR_GROWTH)), floats)
     far = builder.fadd(far, builder.fmul(size, growth))
-    far = smaller(spread(arguments[12], floats), far)
+    far = smaller(spread(builder, arguments[12], floats), far)
     is_met = builder.fcmp_ordered("<=", near, far)
 
     bits = builder.bitcast(near, integers)
     turned = builder.and_(builder.ashr(bits, fixed([31] * LANES)), fixed([0x7FFFFFFF] * LANES))
     key = builder.and_(builder.xor(bits, turned), fixed([-8] * LANES))
-    key = builder.select(is_met, builder.or_(key, fixed(lanes)), fixed([NEVER_MET] * LANES))
+    key = builder.or_(key, fixed(lanes))
+    # The nearest, in half the steps that sorting takes: the walk goes on with it at once.
+    nearest = builder.select(is_met, key, fixed([FARTHEST] * LANES))
+    for step in (4, 2, 1):
+        other = builder.shuffle_vector(nearest, nearest, fixed(k ^ step for k in lanes))
+        nearest = builder.select(builder.icmp_signed("<", nearest, other), nearest, other)
+    nearest = builder.sext(builder.extract_element(nearest, i32(0)), i64)
+    key = builder.select(is_met, key, fixed([NEVER_MET] * LANES))
     # Falling keys, those of missed boxes last.
     for block in (2, 4, 8):
         step = block // 2
@@ -132,11 +138,14 @@ def _push_code(context: Any, builder: Any, signature: Any, arguments: Any) -> An
             choice = fixed(k if takes_high[k] else LANES + k for k in lanes)
             key = builder.shuffle_vector(high, low, choice)
             step //= 2
-    for array, value in ((keys, key), (parents, spread(builder.trunc(node, i32), integers))):
+    for array, value in (
+        (keys, key),
+        (parents, spread(builder, builder.trunc(node, i32), integers)),
+    ):
         pointer = builder.bitcast(builder.gep(array.data, [top]), integers.as_pointer())
         builder.store(value, pointer, align=4)
     count = builder.ctpop(builder.bitcast(is_met, ir.IntType(LANES)))
-    return builder.add(top, builder.zext(count, i64))
+    return cgutils.pack_array(builder, [builder.add(top, builder.zext(count, i64)), nearest])
 
 
 def _key_code(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
@@ -158,8 +167,8 @@ else:
         """Do what `push_boxes_plain` does."""
         del typing, node, x, y, z, rx, ry, rz, sx, sy, sz, t_lo, t_hi, top
         numbers = [types.float32] * 6 + [types.int64] * 3 + [types.float32] * 2
-        result = types.int64(rows, types.int64, *numbers, keys, parents, types.int64)
-        return result, _push_code
+        result = types.UniTuple(types.int64, 2)
+        return result(rows, types.int64, *numbers, keys, parents, types.int64), _push_code
 
     @intrinsic
     def sort_key(typing: Any, x: Any) -> Any:

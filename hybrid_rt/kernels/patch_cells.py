@@ -27,7 +27,6 @@ ROW_U, ROW_V, ROW_N = 0, 1, 2
 MIDDLE_U, MIDDLE_V = LOWER + 3, UPPER + 3
 HALF = 20  # 2: half the sides in parameters
 FAN = 22  # 2: at most one root if |d_n| > fan_u |d_u| + fan_v |d_v| + `FAN_SLACK`, same basis
-RECORD = 24  # 192 bytes: three lines of the cache
 
 # Rays that pass beside a cell mostly meet its continuation within this part of its side.
 GROWTH = 0.15

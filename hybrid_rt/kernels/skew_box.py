@@ -11,10 +11,14 @@ from llvmlite import ir
 from numba.core import cgutils, config, types
 from numba.extending import intrinsic
 
+from hybrid_rt.kernels.vectors import load, spread
+
 # Where a record of a cell (see `kernels.patch_cells`) has columns along u, v, n, and the bounds.
 COLUMN = 4
 LOWER, UPPER = 3 * COLUMN, 4 * COLUMN
+RECORD = 24  # 192 bytes: three lines of the cache
 CENTRE = 3  # of the box: number 3 of each column
+INFINITY = float("inf")
 
 
 def meet_box_plain(
@@ -24,7 +28,7 @@ def meet_box_plain(
 
     Parameters
     ----------
-    record : (n, 24) float64
+    record : (n, `RECORD`) float64
     cell : int
     x, y, z, dx, dy, dz : float
         The ray's origin and direction, frame units.
@@ -37,7 +41,7 @@ def meet_box_plain(
     """
     r = [float(number) for number in record[cell]]
     px, py, pz = x - r[CENTRE], y - r[COLUMN + CENTRE], z - r[2 * COLUMN + CENTRE]
-    t0, t1 = -float("inf"), float("inf")
+    t0, t1 = -INFINITY, INFINITY
     along = []
     for axis in range(3):
         o = r[axis] * px + r[COLUMN + axis] * py + r[2 * COLUMN + axis] * pz
@@ -45,9 +49,8 @@ def meet_box_plain(
         lo, hi = r[LOWER + axis] - o, r[UPPER + axis] - o
         if d == 0.0:
             is_within = lo <= 0.0 <= hi
-            near, far = (
-                (-float("inf"), float("inf")) if is_within else (float("inf"), -float("inf"))
-            )
+            far = INFINITY if is_within else -INFINITY
+            near = -far
         else:
             a, b = lo * (1.0 / d), hi * (1.0 / d)
             near, far = (b, a) if a > b else (a, b)
@@ -63,25 +66,20 @@ def _vector_code(context: Any, builder: Any, signature: Any, arguments: Any) -> 
     double, i32, i64 = ir.DoubleType(), ir.IntType(32), ir.IntType(64)
     four = ir.VectorType(double, 4)
     add, sub, mul, select = builder.fadd, builder.fsub, builder.fmul, builder.select
-    first = builder.mul(arguments[1], i64(24))
+    first = builder.mul(arguments[1], i64(RECORD))
 
     def fixed(value: float) -> Any:
         return ir.Constant(four, [value] * 4)
 
-    def spread(value: Any) -> Any:
-        one = builder.insert_element(ir.Constant(four, ir.Undefined), value, i32(0))
-        lanes = ir.Constant(ir.VectorType(i32, 4), [0] * 4)
-        return builder.shuffle_vector(one, ir.Constant(four, ir.Undefined), lanes)
-
     def column(place: int) -> Any:
-        pointer = builder.gep(array.data, [builder.add(first, i64(place))])
-        return builder.load(builder.bitcast(pointer, four.as_pointer()), align=8)
+        return load(builder, array.data, builder.add(first, i64(place)), four)
 
     columns = [column(COLUMN * k) for k in range(3)]
     origin, direction = None, None
     for k, rows in enumerate(columns):
         away = sub(arguments[2 + k], builder.extract_element(rows, i32(CENTRE)))
-        o, d = mul(rows, spread(away)), mul(rows, spread(arguments[5 + k]))
+        o = mul(rows, spread(builder, away, four))
+        d = mul(rows, spread(builder, arguments[5 + k], four))
         origin = o if origin is None else add(origin, o)
         direction = d if direction is None else add(direction, d)
     lo, hi = sub(column(LOWER), origin), sub(column(UPPER), origin)
@@ -94,10 +92,10 @@ def _vector_code(context: Any, builder: Any, signature: Any, arguments: Any) -> 
     is_within = builder.and_(
         builder.fcmp_ordered("<=", lo, fixed(0.0)), builder.fcmp_ordered(">=", hi, fixed(0.0))
     )
-    least, most = fixed(-float("inf")), fixed(float("inf"))
+    least, most = fixed(-INFINITY), fixed(INFINITY)
     near = select(is_flat, select(is_within, least, most), near)
     far = select(is_flat, select(is_within, most, least), far)
-    t0, t1 = ir.Constant(double, -float("inf")), ir.Constant(double, float("inf"))
+    t0, t1 = ir.Constant(double, -INFINITY), ir.Constant(double, INFINITY)
     for axis in range(3):
         n, f = builder.extract_element(near, i32(axis)), builder.extract_element(far, i32(axis))
         t0 = select(builder.fcmp_ordered(">", n, t0), n, t0)

@@ -15,7 +15,7 @@ from hybrid_rt.kernels.frame import SPLITTER, begin_of, end_of, enter_frame, two
 from hybrid_rt.kernels.nearest import offer
 from hybrid_rt.kernels.patch import TANGENT_BAND, UNIT_ROUNDOFF
 from hybrid_rt.kernels.subdivide import NODES
-from hybrid_rt.kernels.tree import box_ray, next_leaf, push_children
+from hybrid_rt.kernels.tree import box_ray, next_leaf
 from meshing.kernels.jit import hot_kernel, inlined
 
 # Rays from farther away (in frame units) have a TANGENT band wider than the margin of the boxes.
@@ -145,8 +145,7 @@ def trace_sphere_tree(table, tree, begin, middle, to_frame, rays, best, any_hit,
         ray = box_ray(x, y, z, dx, dy, dz)
         t_lo = begin_of(t_min[i], to_frame, shift)
         t_cut = end_of(best.t[i], to_frame, shift)
-        top = push_children(tree, 0, ray, t_lo, t_cut, stack, 0)
-        counters[NODES] += 1
+        top = -1
         while True:
             top, first, count, nodes = next_leaf(tree, ray, t_lo, t_cut, stack, top)
             counters[NODES] += nodes

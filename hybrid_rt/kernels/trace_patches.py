@@ -31,7 +31,7 @@ from hybrid_rt.kernels.subdivide import (
     STEPS,
     slow_solve,
 )
-from hybrid_rt.kernels.tree import CHILD, COUNT, box_ray, cut_key, push_children
+from hybrid_rt.kernels.tree import CHILD, COUNT, box_ray, cut_key, descend
 from meshing.kernels.jit import hot_kernel, inlined
 
 
@@ -191,27 +191,30 @@ def trace_patches(table, tree, rays, guess, best, any_hit, scratch, t_guess, cou
                 top = 1
         is_walking = False
         while True:
-            if top == 0:
-                if is_walking:
-                    break
-                is_walking = True
-                n_nodes += 1
-                top = push_children(tree, 0, ray, t_lo, t_cut, scratch.stack, 0)
-                continue
-            top -= 1
-            key, parent = keys[top], parents[top]
-            if key > t_hi:
-                continue
-            if parent < CELL:
-                node = np.int64(links[parent, CHILD, key & 7])
-                if links[parent, COUNT, key & 7] == 0:
-                    n_nodes += 1
-                    top = push_children(tree, node, ray, t_lo, t_cut, scratch.stack, top)
+            if top > 0:
+                top -= 1
+                key, parent = np.int64(keys[top]), parents[top]
+                if key > t_hi:
                     continue
-                if node == done:
-                    continue
+                if parent < CELL:
+                    node = np.int64(links[parent, CHILD, key & 7])
+                    count = np.int64(links[parent, COUNT, key & 7])
+                else:
+                    node, count = np.int64(parent) - CELL, np.int64(1)
+            elif is_walking:
+                break
             else:
-                node = np.int64(parent) - CELL
+                is_walking = True
+                key, node, count = np.int64(0), np.int64(0), np.int64(0)
+            if count == 0:
+                top, node, count, key, nodes = descend(
+                    tree, node, ray, t_lo, t_cut, scratch.stack, top
+                )
+                n_nodes += nodes
+                if count == 0:
+                    continue
+            if is_walking and node == done:
+                continue
             outcome, t, met, steps = solve_cell(
                 i, node, record, cell_patch, control, start, degree, centre, size, open_edges,
                 object_id, basis, x, y, z, lx, ly, lz, dx, dy, dz, t_lo, t_cut,

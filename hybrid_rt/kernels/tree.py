@@ -245,7 +245,10 @@ def cut_key(t):
 
 @inlined
 def push_children(tree, node, ray, t_lo, t_cut, stack, top):
-    """Push those children of a node that a ray meets between t_lo and t_cut; the new height."""
+    """Push those children of a node that a ray meets between t_lo and t_cut.
+
+    Returns the new height, and the key on top, `FARTHEST` if there is none.
+    """
     return push_boxes(
         tree.rows, node, ray.x, ray.y, ray.z, ray.rx, ray.ry, ray.rz, ray.sx, ray.sy, ray.sz,
         np.float32(t_lo), np.float32(t_cut), stack.key, stack.parent, top,
@@ -253,26 +256,56 @@ def push_children(tree, node, ray, t_lo, t_cut, stack, top):
 
 
 @inlined
-def next_leaf(tree, ray, t_lo, t_cut, stack, top):
-    """Walk on to the nearest leaf on the stack that begins before t_cut.
+def descend(tree, node, ray, t_lo, t_cut, stack, top):
+    """Go down from a node to the nearest leaf below it that begins before t_cut.
 
     Returns
     -------
-    top : the new height
-    first, count : its primitives, places in ``tree.order``; count 0: there is no leaf any more
+    top : the new height: what else is met is on the stack
+    first, count : the leaf's primitives, places in ``tree.order``; count 0: there is no such leaf
+    key : of the leaf
     nodes : how many nodes were looked into
+    """
+    nodes = 0
+    while True:
+        nodes += 1
+        before = top
+        top, key = push_children(tree, node, ray, t_lo, t_cut, stack, top)
+        if top == before:
+            return top, node, np.int64(0), key, nodes
+        # The nearest never comes from the stack's memory: what follows need not wait for it.
+        top -= 1
+        count = np.int64(tree.links[node, COUNT, key & 7])
+        node = np.int64(tree.links[node, CHILD, key & 7])
+        if count > 0:
+            return top, node, count, key, nodes
+
+
+@inlined
+def next_leaf(tree, ray, t_lo, t_cut, stack, top):
+    """Walk on to the nearest leaf that begins before t_cut.
+
+    ``top``: height of the stack; -1: the walk begins, at the root.
+
+    Returns
+    -------
+    top, first, count, nodes : as `descend`; count 0: there is no leaf any more
     """
     t_hi = cut_key(t_cut)
     nodes = 0
-    while top > 0:
-        top -= 1
-        key, parent = stack.key[top], stack.parent[top]
-        if key > t_hi:
-            continue
-        child = np.int64(tree.links[parent, CHILD, key & 7])
-        count = np.int64(tree.links[parent, COUNT, key & 7])
+    while top != 0:
+        if top > 0:
+            top -= 1
+            key, parent = np.int64(stack.key[top]), stack.parent[top]
+            if key > t_hi:
+                continue
+            child = np.int64(tree.links[parent, CHILD, key & 7])
+            count = np.int64(tree.links[parent, COUNT, key & 7])
+        else:
+            top, child, count = 0, np.int64(0), np.int64(0)
+        if count == 0:
+            top, child, count, _, more = descend(tree, child, ray, t_lo, t_cut, stack, top)
+            nodes += more
         if count > 0:
             return top, child, count, nodes
-        nodes += 1
-        top = push_children(tree, child, ray, t_lo, t_cut, stack, top)
     return top, np.int64(0), np.int64(0), nodes

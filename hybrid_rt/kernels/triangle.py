@@ -13,7 +13,7 @@ from hybrid_rt.kernels.frame import begin_of, end_of, enter_frame, product
 from hybrid_rt.kernels.nearest import offer
 from hybrid_rt.kernels.patch import TANGENT_BAND, UNIT_ROUNDOFF
 from hybrid_rt.kernels.subdivide import CELLS, NODES
-from hybrid_rt.kernels.tree import box_ray, next_leaf, push_children
+from hybrid_rt.kernels.tree import box_ray, next_leaf
 from meshing.kernels.jit import hot_kernel, inlined, inner
 
 # |n.d| below which a triangle's weights would lose more than a digit.
@@ -172,8 +172,7 @@ def trace_triangles(table, tree, rays, best, any_hit, stack, counters):
         ray = box_ray(x, y, z, d[0], d[1], d[2])
         t_lo = begin_of(rays.t_min[i], table.to_frame, shift)
         t_cut = end_of(best.t[i], table.to_frame, shift)
-        top = push_children(tree, 0, ray, t_lo, t_cut, stack, 0)
-        counters[NODES] += 1
+        top = -1
         while True:
             top, first, count, nodes = next_leaf(tree, ray, t_lo, t_cut, stack, top)
             counters[NODES] += nodes

@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 
 from hybrid_rt.kernels.bicubic import evaluate_bicubic_plain
-from hybrid_rt.kernels.boxes import push_boxes, sort_key_plain
+from hybrid_rt.kernels.boxes import FARTHEST, push_boxes, sort_key_plain
 from hybrid_rt.kernels.boxes import push_boxes_plain as boxes_plain
+from hybrid_rt.kernels.skew_box import LOWER, RECORD, UPPER, meet_box, meet_box_plain
 from hybrid_rt.verify.rival import Rival, buffers, evaluate_with_numpy
 
 SCRIPT = """
@@ -92,8 +93,9 @@ def test_eight_boxes_have_a_plain_twin():
         sign = np.where(r > 0, 0, 3)
         t_lo, t_hi = np.float32(rng.uniform(-1, 0.5)), np.float32(rng.choice([1.0, np.inf]))
         stacks = [(np.empty(16, np.int32), np.empty(16, np.uint32)) for _ in range(2)]
-        top = boxes_plain(rows, 1, *o, *r, *sign, t_lo, t_hi, *stacks[0], 2)
-        assert _push(rows, o, r, sign, t_lo, t_hi, *stacks[1]) == top
+        top, nearest = boxes_plain(rows, 1, *o, *r, *sign, t_lo, t_hi, *stacks[0], 2)
+        assert _push(rows, o, r, sign, t_lo, t_hi, *stacks[1]) == (top, nearest)
+        assert nearest == (stacks[0][0][top - 1] if top > 2 else FARTHEST)
         for plain, compiled in zip(*stacks, strict=True):
             assert np.array_equal(plain[2:top], compiled[2:top])
         # The same by sorting slabs, where rounding does not decide.
@@ -106,6 +108,42 @@ def test_eight_boxes_have_a_plain_twin():
         assert (np.diff(near[stacks[0][0][2:top] & 7]) <= 1e-5).all()
         heights.add(top - 2)
     assert len(heights) > 4
+
+
+@numba.njit
+def _meet(record, cell, o, d):
+    return meet_box(record, cell, o[0], o[1], o[2], d[0], d[1], d[2])
+
+
+@pytest.mark.parametrize("flat", [(), (1,), (0, 2)])
+def test_a_skew_box_has_a_plain_twin(flat):
+    rng = np.random.default_rng(6)
+    record = rng.normal(size=(2, RECORD))
+    # Rows along the axes, so that a direction can run exactly along slabs.
+    record[:, :12] = np.hstack([np.eye(3), np.zeros((3, 1))]).ravel()
+    low = rng.uniform(-1, 1, (2, 3))
+    record[:, LOWER : LOWER + 3], record[:, UPPER : UPPER + 3] = low, low + 1
+    n_met = 0
+    for _ in range(100):
+        o, d = rng.uniform(-1, 2, 3), rng.normal(size=3)
+        d[list(flat)] = 0.0
+        plain = meet_box_plain(record, 1, *o, *d)
+        assert _meet(record, 1, o, d) == plain
+        # A point of the ray is in the box wherever it is said to be, and beside it nowhere.
+        t0, t1 = plain[:2]
+        inside = [
+            np.all((low[1] <= o + t * d) & (o + t * d <= low[1] + 1)) for t in _around(t0, t1)
+        ]
+        assert inside == ([False, True, False] if t0 < t1 else [False])
+        n_met += t0 < t1
+    assert 3 < n_met < 97
+
+
+def _around(t0, t1):
+    """Points before, within and after a range of t; some point if it is empty."""
+    if not t0 < t1:
+        return (0.1,)
+    return (t0 - 1e-6, 0.5 * (t0 + t1), t1 + 1e-6)
 
 
 def test_keys_order_as_floats_do():
