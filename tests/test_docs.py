@@ -20,3 +20,12 @@ def test_scenes_that_are_pointed_to():
     assert len(rows) > 30
     named = {name for row in rows for name in re.findall(r"`(\w+)`", row)}
     assert {f"{name}.py" for name in named} <= {p.name for p in (ROOT / "scenes").glob("*.py")}
+
+
+def test_pictures_are_shown_and_links_lead_somewhere():
+    linked = set()
+    for page in [ROOT / "README.md", *(ROOT / "docs").glob("*.md")]:
+        links = re.findall(r"\]\(([^):]+)\)", page.read_text(encoding="utf-8"))
+        linked |= {(page.parent / link).resolve() for link in links}
+    assert {link for link in linked if not link.exists()} == set()
+    assert set((ROOT / "docs").rglob("*.png")) <= linked
