@@ -10,11 +10,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from meshing import bpt
-from meshing.checks import FloatArray, as_affine, as_floats, broadcast_parameters, freeze
+from meshing.checks import BoolArray, FloatArray, as_affine, as_floats, freeze
 from meshing.kernels import bernstein, subdivision
+from meshing.parametric import ParametricSurface
 
 
-class BezierPatches:
+class BezierPatches(ParametricSurface):
     """One or more tensor product Bezier patches, as one surface.
 
     A point of patch p is the sum of B_i(u) B_j(v) times its control point (i, j): u follows the
@@ -103,68 +104,12 @@ class BezierPatches:
         """Pickle the control nets; loading checks them again."""
         return type(self), ([np.array(net) for net in self.patches],)
 
-    def point(self, u: ArrayLike, v: ArrayLike, patch_id: ArrayLike = 0) -> FloatArray:
-        """Points of the surface.
-
-        Parameters
-        ----------
-        u, v : floats that broadcast with each other and with ``patch_id``
-            Parameters; a little outside [0, 1] the patch is continued.
-        patch_id : whole numbers
-            Patch to which each pair belongs.
-
-        Returns
-        -------
-        (n, 3) float64
-            In scene units; leading axes as the arguments broadcast, one row for plain numbers.
-        """
-        return self._evaluate(u, v, patch_id, 0, 0)
-
-    def partials(
-        self, u: ArrayLike, v: ArrayLike, patch_id: ArrayLike = 0
-    ) -> tuple[FloatArray, FloatArray]:
-        """First partials S_u and S_v, each shaped like `point`."""
-        return self._evaluate(u, v, patch_id, 1, 0), self._evaluate(u, v, patch_id, 0, 1)
-
-    def second_partials(
-        self, u: ArrayLike, v: ArrayLike, patch_id: ArrayLike = 0
-    ) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Second partials S_uu, S_uv and S_vv, each shaped like `point`."""
-        return (
-            self._evaluate(u, v, patch_id, 2, 0),
-            self._evaluate(u, v, patch_id, 1, 1),
-            self._evaluate(u, v, patch_id, 0, 2),
-        )
-
-    def normal(self, u: ArrayLike, v: ArrayLike, patch_id: ArrayLike = 0) -> FloatArray:
-        """Find unit normals along S_u x S_v, shaped like `point`.
-
-        Where S_u x S_v vanishes (a collapsed edge, a cusp): its limit from inside the patch.
-        """
-        u, v, ids, shape = broadcast_parameters(u, v, patch_id, len(self), "patch_id")
-        out = np.empty((u.size, 3))
-        is_degenerate = np.empty(u.size, dtype=np.bool_)
-        bernstein.normals_of_patches(
-            self._control, self._starts, self._degrees, ids, u, v, out, is_degenerate
-        )
-        return out.reshape(*shape, 3)
-
     @cached_property
     def patch_bounds(self) -> FloatArray:
         """(k, 2, 3) float64: lower and upper corner of a box around each patch, read-only."""
         boxes = np.empty((len(self), 2, 3))
         subdivision.patch_boxes(self._control, self._starts, self._degrees, boxes)
         return freeze(boxes)
-
-    @property
-    def bounds(self) -> FloatArray:
-        """(2, 3) float64: lower and upper corner of a box around the surface.
-
-        Proven to hold the surface; wider than it by about 1/256 of what the box of the control
-        points is.
-        """
-        boxes = self.patch_bounds
-        return np.stack((boxes[:, 0].min(axis=0), boxes[:, 1].max(axis=0)))
 
     def transformed(self, matrix: ArrayLike) -> BezierPatches:
         """Return the image under an affine map, with the same (u, v).
@@ -197,15 +142,30 @@ class BezierPatches:
             [piece.reshape(m + 1, n + 1, 3) for piece, (m, n) in zip(pieces, sizes, strict=True)]
         )
 
-    def _evaluate(
-        self, u: ArrayLike, v: ArrayLike, patch_id: ArrayLike, order_u: int, order_v: int
-    ) -> FloatArray:
-        u, v, ids, shape = broadcast_parameters(u, v, patch_id, len(self), "patch_id")
-        out = np.empty((u.size, 3))
+    def _fill(
+        self,
+        ids: NDArray[np.int64],
+        u: FloatArray,
+        v: FloatArray,
+        order_u: int,
+        order_v: int,
+        out: FloatArray,
+    ) -> None:
         bernstein.evaluate_patches(
             self._control, self._starts, self._degrees, ids, u, v, order_u, order_v, out
         )
-        return out.reshape(*shape, 3)
+
+    def _fill_normals(
+        self,
+        ids: NDArray[np.int64],
+        u: FloatArray,
+        v: FloatArray,
+        out: FloatArray,
+        is_degenerate: BoolArray,
+    ) -> None:
+        bernstein.normals_of_patches(
+            self._control, self._starts, self._degrees, ids, u, v, out, is_degenerate
+        )
 
 
 def _as_nets(control: ArrayLike | Iterable[ArrayLike]) -> FloatArray | list[FloatArray]:

@@ -11,16 +11,17 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from meshing.checks import (
+    BoolArray,
     FloatArray,
     as_floats,
     as_similarity,
     as_vector,
-    broadcast_parameters,
     freeze,
     unit,
 )
 from meshing.kernels import lathe, subdivision
 from meshing.kernels.bernstein import MAX_DEGREE
+from meshing.parametric import ParametricSurface
 
 # Radii down to minus this part of the profile's extent are roundings of zero.
 RADIUS_ROUNDING = 16.0 * 2.0**-52
@@ -31,7 +32,7 @@ LARGEST_GAP = 1e-9
 RADIUS_HALVINGS = 40
 
 
-class SurfaceOfRevolution:
+class SurfaceOfRevolution(ParametricSurface):
     """A Bezier profile turned about an axis.
 
     S(u, v) = origin + Z(v) axis + R(v) (cos 2 pi u radial + sin 2 pi u binormal), where (Z, R) is
@@ -117,49 +118,6 @@ class SurfaceOfRevolution:
         frame = [np.array(vector) for vector in (self.origin, self.axis, self.radial)]
         return SurfaceOfRevolution._from_frame, ([np.array(s) for s in self.segments], *frame)
 
-    def point(self, u: ArrayLike, v: ArrayLike, patch_id: ArrayLike = 0) -> FloatArray:
-        """Points of the surface.
-
-        Parameters
-        ----------
-        u, v : floats that broadcast with each other and with ``patch_id``
-            Turns about the axis, and parameter of the segment.
-        patch_id : whole numbers
-            Profile segment to which each pair belongs.
-
-        Returns
-        -------
-        (n, 3) float64
-            In scene units; leading axes as the arguments broadcast, one row for plain numbers.
-        """
-        return self._evaluate(u, v, patch_id, 0, 0)
-
-    def partials(
-        self, u: ArrayLike, v: ArrayLike, patch_id: ArrayLike = 0
-    ) -> tuple[FloatArray, FloatArray]:
-        """First partials S_u and S_v, each shaped like `point`."""
-        return self._evaluate(u, v, patch_id, 1, 0), self._evaluate(u, v, patch_id, 0, 1)
-
-    def second_partials(
-        self, u: ArrayLike, v: ArrayLike, patch_id: ArrayLike = 0
-    ) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Second partials S_uu, S_uv and S_vv, each shaped like `point`."""
-        return (
-            self._evaluate(u, v, patch_id, 2, 0),
-            self._evaluate(u, v, patch_id, 1, 1),
-            self._evaluate(u, v, patch_id, 0, 2),
-        )
-
-    def normal(self, u: ArrayLike, v: ArrayLike, patch_id: ArrayLike = 0) -> FloatArray:
-        """Find unit normals along S_u x S_v, shaped like `point`; on the axis, along the axis."""
-        u, v, ids, shape = broadcast_parameters(u, v, patch_id, len(self), "patch_id")
-        out = np.empty((u.size, 3))
-        is_degenerate = np.empty(u.size, dtype=np.bool_)
-        lathe.normals_of_lathe(
-            self._profile, self._starts, self._frame, ids, u, v, out, is_degenerate
-        )
-        return out.reshape(*shape, 3)
-
     @cached_property
     def patch_bounds(self) -> FloatArray:
         """(k, 2, 3) float64: lower and upper corner of a box around each segment, read-only."""
@@ -180,12 +138,6 @@ class SurfaceOfRevolution:
         low = np.minimum(boxes[:n, 0], boxes[n:, 0]) - rounding
         high = np.maximum(boxes[:n, 1], boxes[n:, 1]) + rounding
         return freeze(np.stack((low, high), axis=1))
-
-    @property
-    def bounds(self) -> FloatArray:
-        """(2, 3) float64: lower and upper corner of a box around the surface."""
-        boxes = self.patch_bounds
-        return np.stack((boxes[:, 0].min(axis=0), boxes[:, 1].max(axis=0)))
 
     def transformed(self, matrix: ArrayLike) -> SurfaceOfRevolution:
         """Return the image under a similarity, with the same (u, v).
@@ -214,15 +166,30 @@ class SurfaceOfRevolution:
         segments = [segment[::-1].copy() for segment in reversed(self.segments)]
         return self._from_frame(segments, self.origin.copy(), self.axis.copy(), self.radial.copy())
 
-    def _evaluate(
-        self, u: ArrayLike, v: ArrayLike, patch_id: ArrayLike, order_u: int, order_v: int
-    ) -> FloatArray:
-        u, v, ids, shape = broadcast_parameters(u, v, patch_id, len(self), "patch_id")
-        out = np.empty((u.size, 3))
+    def _fill(
+        self,
+        ids: NDArray[np.int64],
+        u: FloatArray,
+        v: FloatArray,
+        order_u: int,
+        order_v: int,
+        out: FloatArray,
+    ) -> None:
         lathe.evaluate_lathe(
             self._profile, self._starts, self._frame, ids, u, v, order_u, order_v, out
         )
-        return out.reshape(*shape, 3)
+
+    def _fill_normals(
+        self,
+        ids: NDArray[np.int64],
+        u: FloatArray,
+        v: FloatArray,
+        out: FloatArray,
+        is_degenerate: BoolArray,
+    ) -> None:
+        lathe.normals_of_lathe(
+            self._profile, self._starts, self._frame, ids, u, v, out, is_degenerate
+        )
 
 
 def radius_rounding(segments: Iterable[FloatArray]) -> float:

@@ -1,0 +1,107 @@
+"""What surfaces with parameters share: points, partial derivatives and normals by (u, v)."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from meshing.checks import BoolArray, FloatArray, broadcast_parameters
+
+
+class ParametricSurface(ABC):
+    """A surface of one or more pieces, each a map S(u, v) of the unit square."""
+
+    @abstractmethod
+    def __len__(self) -> int:
+        """Return the number of pieces."""
+
+    @property
+    @abstractmethod
+    def patch_bounds(self) -> FloatArray:
+        """(k, 2, 3) float64: lower and upper corner of a box around each piece."""
+
+    @abstractmethod
+    def _fill(
+        self,
+        ids: NDArray[np.int64],
+        u: FloatArray,
+        v: FloatArray,
+        order_u: int,
+        order_v: int,
+        out: FloatArray,
+    ) -> None:
+        """Fill ``out`` (n, 3) with partial derivatives of the given orders."""
+
+    @abstractmethod
+    def _fill_normals(
+        self,
+        ids: NDArray[np.int64],
+        u: FloatArray,
+        v: FloatArray,
+        out: FloatArray,
+        is_degenerate: BoolArray,
+    ) -> None:
+        """Fill ``out`` (n, 3) with unit normals, and where S_u x S_v vanishes."""
+
+    def point(self, u: ArrayLike, v: ArrayLike, patch_id: ArrayLike = 0) -> FloatArray:
+        """Points of the surface.
+
+        Parameters
+        ----------
+        u, v : floats that broadcast with each other and with ``patch_id``
+            Parameters; a little outside [0, 1] a piece is continued.
+        patch_id : whole numbers
+            Patch, or segment of the profile, to which each pair belongs.
+
+        Returns
+        -------
+        (n, 3) float64
+            In scene units; leading axes as the arguments broadcast, one row for plain numbers.
+        """
+        return self._evaluate(u, v, patch_id, 0, 0)
+
+    def partials(
+        self, u: ArrayLike, v: ArrayLike, patch_id: ArrayLike = 0
+    ) -> tuple[FloatArray, FloatArray]:
+        """First partials S_u and S_v, each shaped like `point`."""
+        return self._evaluate(u, v, patch_id, 1, 0), self._evaluate(u, v, patch_id, 0, 1)
+
+    def second_partials(
+        self, u: ArrayLike, v: ArrayLike, patch_id: ArrayLike = 0
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Second partials S_uu, S_uv and S_vv, each shaped like `point`."""
+        return (
+            self._evaluate(u, v, patch_id, 2, 0),
+            self._evaluate(u, v, patch_id, 1, 1),
+            self._evaluate(u, v, patch_id, 0, 2),
+        )
+
+    def normal(self, u: ArrayLike, v: ArrayLike, patch_id: ArrayLike = 0) -> FloatArray:
+        """Find unit normals along S_u x S_v, shaped like `point`.
+
+        Where S_u x S_v vanishes (a collapsed edge, a cusp, a pole): its limit from inside.
+        """
+        u, v, ids, shape = broadcast_parameters(u, v, patch_id, len(self), "patch_id")
+        out, is_degenerate = np.empty((u.size, 3)), np.empty(u.size, dtype=np.bool_)
+        self._fill_normals(ids, u, v, out, is_degenerate)
+        return out.reshape(*shape, 3)
+
+    @property
+    def bounds(self) -> FloatArray:
+        """(2, 3) float64: lower and upper corner of a box around the surface.
+
+        Proven to hold the surface; wider than it by about 1/256 of what the box of the control
+        points is.
+        """
+        boxes = self.patch_bounds
+        return np.stack((boxes[:, 0].min(axis=0), boxes[:, 1].max(axis=0)))
+
+    def _evaluate(
+        self, u: ArrayLike, v: ArrayLike, patch_id: ArrayLike, order_u: int, order_v: int
+    ) -> FloatArray:
+        u, v, ids, shape = broadcast_parameters(u, v, patch_id, len(self), "patch_id")
+        out = np.empty((u.size, 3))
+        self._fill(ids, u, v, order_u, order_v, out)
+        return out.reshape(*shape, 3)
