@@ -371,6 +371,37 @@ def rounding(degree, size, ray, t):
 
 
 @inlined
+def solve_single(
+    i, segment, a, b, t0, t1, ray, after, control, start, degree, ends, size, shift,
+    to_world, object_id, t_min, known, best, slop, counters,
+):  # fmt: skip
+    """Newton in a piece [a, b] that a sheet meets at most once: offer its root if there is one.
+
+    Returns
+    -------
+    settled : whether the iteration ended near enough to say what there is
+    t : of the root that was offered; else inf
+    """
+    counters[NEWTONS] += 1
+    t = 0.5 * (t0 + t1)
+    error, scale = rounding(degree, size, ray, t)
+    ok, s, t, steps, slope, gain = meet(
+        control, start, degree, ray, after, 0.5 * (a + b), t, b - a, error
+    )
+    counters[STEPS] += steps
+    on_sheet = (t >= ray[7]) == after or abs(t - ray[7]) * ray[6] <= slop
+    if not (ok and on_sheet and a - GROWTH * (b - a) <= s <= b + GROWTH * (b - a)):
+        return False, np.inf
+    slack = BORDER_SLACK * (b - a) + error * gain
+    if a - slack <= s <= b + slack and offer_meeting(
+        i, s, t, slope, gain, error, scale, ends, control, start, degree, ray, after,
+        shift, to_world, object_id, segment, t_min, known, best,
+    ):  # fmt: skip
+        return True, t
+    return True, np.inf
+
+
+@inlined
 def solve_piece(
     i, segment, piece, ray, after, t_lo, t_cut, control, start, degree, ends, size, shift,
     to_world, object_id, t_min, known, best, slop, net, stack, scratch, counters,
@@ -382,22 +413,11 @@ def solve_piece(
     counters[CELLS] += 1
     a, b = piece[S0], piece[S1]
     if at_most_one(piece, ray, after, slop):
-        counters[NEWTONS] += 1
-        t = 0.5 * (t0 + t1)
-        error, scale = rounding(degree, size, ray, t)
-        ok, s, t, steps, slope, gain = meet(
-            control, start, degree, ray, after, 0.5 * (a + b), t, b - a, error
-        )
-        counters[STEPS] += steps
-        on_sheet = (t >= ray[7]) == after or abs(t - ray[7]) * ray[6] <= slop
-        if ok and on_sheet and a - GROWTH * (b - a) <= s <= b + GROWTH * (b - a):
-            slack = BORDER_SLACK * (b - a) + error * gain
-            if a - slack <= s <= b + slack:
-                offer_meeting(
-                    i, s, t, slope, gain, error, scale, ends, control, start, degree, ray, after,
-                    shift, to_world,
-                    object_id, segment, t_min, known, best,
-                )  # fmt: skip
+        settled, _ = solve_single(
+            i, segment, a, b, t0, t1, ray, after, control, start, degree, ends, size, shift,
+            to_world, object_id, t_min, known, best, slop, counters,
+        )  # fmt: skip
+        if settled:
             return
     # --- halve, nearest first
     counters[SLOW] += 1
@@ -474,22 +494,12 @@ def solve_piece(
                     best.doubt[i] = min(best.doubt[i], t_world)
                 continue
         if t0 > -np.inf and t1 < np.inf and at_most_one(scratch, ray, after, slop):
-            counters[NEWTONS] += 1
-            t = 0.5 * (t0 + t1)
-            error, scale = rounding(degree, size, ray, t)
-            ok, s, t, steps, slope, gain = meet(
-                control, start, degree, ray, after, 0.5 * (a + b), t, b - a, error
-            )
-            counters[STEPS] += steps
-            on_sheet = (t >= ray[7]) == after or abs(t - ray[7]) * ray[6] <= slop
-            if ok and on_sheet and a - GROWTH * (b - a) <= s <= b + GROWTH * (b - a):
-                slack = BORDER_SLACK * (b - a) + error * gain
-                if a - slack <= s <= b + slack and offer_meeting(
-                    i, s, t, slope, gain, error, scale, ends, control, start, degree, ray, after,
-                    shift, to_world,
-                    object_id, segment, t_min, known, best,
-                ):  # fmt: skip
-                    t_cut = min(t_cut, t)
+            settled, t = solve_single(
+                i, segment, a, b, t0, t1, ray, after, control, start, degree, ends, size, shift,
+                to_world, object_id, t_min, known, best, slop, counters,
+            )  # fmt: skip
+            if settled:
+                t_cut = min(t_cut, t)
                 continue
         if top + 2 > DEPTH - 1 or pieces >= MAX_PIECES:
             counters[GIVEN_UP] += 1
