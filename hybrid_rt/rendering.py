@@ -113,15 +113,16 @@ def render(
         Before any work, if a setting is unknown or out of range.
     """
     if not isinstance(scene, Scene):
-        raise TypeError(f"render: expected a Scene, got {scene!r}")
-    if integrator not in INTEGRATORS:
-        raise ValueError(f"integrator {integrator!r} is unknown; use {', '.join(INTEGRATORS)}")
+        raise TypeError(f"render scene is {checks.shown(scene)}: pass a Scene")
+    checks.choice(integrator, "integrator", INTEGRATORS)
     _check_options(integrator, options)
     names = check_names(outputs)
     limit = Limit(passes, time_budget, target_error)
     n_threads = Pool(threads).threads
     sampler = Sampler(seed)
     checks.whole(max_depth, "max_depth", at_least=0)
+    if progress is not None and not callable(progress):
+        raise TypeError(f"progress is {checks.shown(progress)}: pass a function, or None")
 
     with watch_compilation(progress) as compilation:
         clock = Clock(compilation)
@@ -171,7 +172,9 @@ def _check_options(integrator: str, options: Options | None) -> None:
     if options is None or (expected is not None and isinstance(options, expected)):
         return
     wanted = "no options" if expected is None else expected.__name__
-    raise TypeError(f"render options: integrator {integrator!r} takes {wanted}, got {options!r}")
+    raise TypeError(
+        f"options are {checks.shown(options)}: integrator {integrator!r} takes {wanted}"
+    )
 
 
 def _run_passes(

@@ -37,15 +37,9 @@ class PathOptions:
 
     def __post_init__(self) -> None:
         """Refuse what is out of range."""
-        if self.strategy not in WAYS:
-            raise ValueError(
-                f"PathOptions strategy {self.strategy!r} is unknown; use {', '.join(WAYS)}"
-            )
+        checks.choice(self.strategy, "PathOptions strategy", WAYS)
         checks.whole(self.roulette_depth, "PathOptions roulette_depth", at_least=0)
-        if checks.number(self.light_paths, "PathOptions light_paths") < 0.0:
-            raise ValueError(
-                f"PathOptions light_paths: {self.light_paths:g} is negative; 0 sends none"
-            )
+        checks.number(self.light_paths, "PathOptions light_paths", at_least=0.0, hint="0: none")
         checks.number(self.survival, "PathOptions survival", above=0.0, up_to=1.0)
 
 

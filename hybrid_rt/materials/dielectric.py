@@ -9,6 +9,9 @@ from hybrid_rt.kernels.lobes import DIELECTRIC
 from hybrid_rt.materials.material import Lobe, Material
 from hybrid_rt.textures.texture import Texture, as_texture
 
+# Squares of the index multiply radiance at every surface: beyond this pictures overflow.
+EXTREME = 1e6
+
 
 class Dielectric(Material):
     """A smooth clear body; its inside is the side opposite the surface's normal.
@@ -20,7 +23,7 @@ class Dielectric(Material):
     Parameters
     ----------
     ior : float
-        Index of refraction, inside over outside; above 0.
+        Index of refraction, inside over outside; 1e-6 to 1e6.
     absorption : number or three numbers
         Per unit of length, at least 0.
     tint : number, three numbers or texture
@@ -41,10 +44,10 @@ class Dielectric(Material):
         schlick: bool = False,
         priority: float = 0.0,
     ) -> None:
-        index = checks.number(ior, "Dielectric ior", above=0.0)
+        index = checks.number(ior, "Dielectric ior", at_least=1.0 / EXTREME, up_to=EXTREME)
         density = checks.rgb(absorption, "Dielectric absorption")
         rank = checks.number(priority, "Dielectric priority")
-        number = (index, float(bool(schlick)), *density.tolist(), rank)
+        number = (index, float(checks.flag(schlick, "Dielectric schlick")), *density.tolist(), rank)
         self._lobes = (Lobe(DIELECTRIC, as_texture(tint, "Dielectric tint"), number),)
 
     @property

@@ -91,7 +91,7 @@ def test_script_runs_as_a_program(folder):
         (["missing.py"], "no scene script 'missing.py'"),
         (["ball.py", "--passes", "0"], "passes"),
         (["ball.py", "--target-error", "0"], "target_error"),
-        (["ball.py", "--integrator", "magic"], "integrator 'magic'"),
+        (["ball.py", "--integrator", "magic"], "integrator is 'magic'"),
         (["ball.py", "--out", "a.jpg"], "unknown ending"),
         (["ball.py", "--out", "nowhere/a.png"], "no folder"),
         (["ball.py", "--width", "0"], "width"),

@@ -648,7 +648,7 @@ def test_more_passes_continue_the_fewer():
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        ({"strategy": "magic"}, "strategy 'magic'"),
+        ({"strategy": "magic"}, "strategy is 'magic'"),
         ({"survival": 0.0}, "survival"),
         ({"survival": 1.5}, "survival"),
         ({"roulette_depth": -1}, "roulette_depth"),
