@@ -12,6 +12,8 @@ from hybrid_rt.records import FloatArray
 
 # Below this sine between view and up the picture's roll is decided by rounding.
 SMALLEST_SINE = 1e-8
+# Pixels along a side; far fewer fill any machine, which `hybrid_rt.memory` says in time.
+MOST_PIXELS = 10**9
 
 
 class Camera:
@@ -55,8 +57,8 @@ class Camera:
         self.vertical_fov = checks.number(
             vertical_fov, "Camera vertical_fov", above=0.0, below=180.0, hint="degrees"
         )
-        self.width = checks.whole(width, "Camera width", at_least=1)
-        self.height = checks.whole(height, "Camera height", at_least=1)
+        self.width = checks.whole(width, "Camera width", at_least=1, up_to=MOST_PIXELS)
+        self.height = checks.whole(height, "Camera height", at_least=1, up_to=MOST_PIXELS)
         self.aperture = checks.number(
             aperture, "Camera aperture", at_least=0.0, up_to=checks.FARTHEST, hint="0: a pinhole"
         )

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from hybrid_rt.film import linear_to_srgb, srgb_to_linear
+from hybrid_rt.film import screen_pixels, srgb_to_linear
 from hybrid_rt.measures import DARK, PictureErrors, picture_errors, relative_squares
 from hybrid_rt.records import FloatArray
 
@@ -196,11 +196,6 @@ def error_colors(relative: FloatArray) -> Pixels:
     places = np.linspace(0.0, 1.0, len(_COLORS))
     channels = [np.interp(level, places, _COLORS[:, c]) for c in range(3)]
     return np.rint(np.stack(channels, axis=-1)).astype(np.uint8)
-
-
-def screen_pixels(image: NDArray[np.floating], exposure: float = 0.0) -> Pixels:
-    """Encode a linear picture for a screen."""
-    return np.rint(linear_to_srgb(image.astype(np.float64) * 2.0**exposure) * 255).astype(np.uint8)
 
 
 def side_by_side(panels: Sequence[tuple[str, Pixels]]) -> Pixels:

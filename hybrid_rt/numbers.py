@@ -9,12 +9,23 @@ _STOPPED_BY = {
     "passes": "the number of passes",
     "time_budget": "the time budget",
     "target_error": "the target error",
+    "not_finite": "pixels that are not finite, which no error can be estimated of",
 }
 
 
 def in_words(report: dict[str, Any]) -> str:
     """Put the numbers of a render's report into some lines."""
-    return "\n".join([_noise(report), _geometry(report), _cost(report), _stop(report)])
+    lines = [_noise(report), _geometry(report), _cost(report), _stop(report)]
+    if report["pixels_not_finite"]:
+        lines.insert(0, _not_finite(report))
+    return "\n".join(lines)
+
+
+def _not_finite(report: dict[str, Any]) -> str:
+    return (
+        f"  WARNING   {report['pixels_not_finite']:,} pixels are not finite (nan, or brighter than "
+        "float32 holds): lower the radiance of the lights, or scale the scene"
+    )
 
 
 def _noise(report: dict[str, Any]) -> str:

@@ -19,9 +19,10 @@ from hybrid_rt.integrators.crew import TOGETHER, Crew
 from hybrid_rt.intersection import Intersector
 from hybrid_rt.intersection.pool import Pool
 from hybrid_rt.limits import Clock, Limit
+from hybrid_rt.memory import check_memory, photons_of
 from hybrid_rt.plan import make_plan
 from hybrid_rt.progress import Progress, watch_compilation
-from hybrid_rt.report import Ledger, peak_memory_mib, versions
+from hybrid_rt.report import Ledger, peak_memory_mib, twelve_digits, versions
 from hybrid_rt.sampler import Sampler
 from hybrid_rt.scene import Scene, compile_scene
 
@@ -111,6 +112,8 @@ def render(
     ------
     ValueError, TypeError
         Before any work, if a setting is unknown or out of range.
+    MemoryError
+        Before any work, if the picture or the photons of a pass are more than the machine holds.
     """
     if not isinstance(scene, Scene):
         raise TypeError(f"render scene is {checks.shown(scene)}: pass a Scene")
@@ -123,6 +126,9 @@ def render(
     checks.whole(max_depth, "max_depth", at_least=0)
     if progress is not None and not callable(progress):
         raise TypeError(f"progress is {checks.shown(progress)}: pass a function, or None")
+    kind = OPTIONS[integrator]
+    photons = 0 if kind is None else photons_of(options or kind())
+    check_memory(scene.camera, photons, names)
 
     with watch_compilation(progress) as compilation:
         clock = Clock(compilation)
@@ -140,7 +146,9 @@ def render(
         context = RenderContext(
             compiled, tracer, Pool(1), plan, sampler, ledger, max_depth, options
         )
-        crew = INTEGRATORS[integrator](context, n_threads)
+        with ledger.stage("set-up"):
+            crew = INTEGRATORS[integrator](context, n_threads)
+            crew.forget_seconds()
         # Before the passes, so that a time budget covers it.
         with ledger.stage("audit"):
             wrong = audit(context, n_threads)
@@ -211,7 +219,7 @@ def _run_passes(
 def _report(
     settings: dict[str, Any], context: RenderContext, film: Film, clock: Clock, stopped_by: str
 ) -> dict[str, Any]:
-    ledger, tracer = context.ledger, context.tracer
+    ledger, tracer, total = context.ledger, context.tracer, clock.seconds
     n_camera = ledger.rays["camera"]
     work = tracer.counters
     n_certified = work["rays"] + work["shadow_rays"] - work["given_up"]
@@ -222,7 +230,9 @@ def _report(
         "stopped_by": stopped_by,
         "seconds": {
             **{stage: round(seconds, 4) for stage, seconds in ledger.seconds.items()},
-            "total": round(clock.seconds, 4),
+            # Threads that start, end and wait for each other, and whatever has no stage.
+            "other": round(max(total - sum(ledger.seconds.values()), 0.0), 4),
+            "total": round(total, 4),
         },
         "kernel_compilation_seconds": round(clock.compile_seconds, 4),
         "rays": dict(ledger.rays),
@@ -230,9 +240,10 @@ def _report(
         "intersection": dict(work),
         "ended_branches": {
             **ledger.ended,
-            "lost_weight_per_camera_ray": ledger.lost_weight / n_camera,
+            "lost_weight_per_camera_ray": twelve_digits(ledger.lost_weight / n_camera),
         },
         "noise": film.noise(),
+        "pixels_not_finite": int(np.count_nonzero(~np.isfinite(film.image).all(axis=2))),
         "geometry": {
             "accuracy": tracer.accuracy,
             "camera_hits": ledger.camera_hits,

@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
-from hybrid_rt.film import linear_to_srgb
+from hybrid_rt.film import screen_pixels
 from hybrid_rt.verify.mesh_caustics import Curve, curves, truth
 
 TRIANGLES = (1_000, 10_000, 100_000, 1_000_000)
@@ -63,8 +63,7 @@ def write(folder: Path, reference: np.ndarray, found: list[Curve], passes: tuple
     flat = [curve.image for curve in found if curve.n_triangles and not curve.smooth]
     smooth = [curve.image for curve in found if curve.smooth]
     sheet = np.vstack([np.hstack([*flat, found[0].image]), np.hstack([*smooth, reference])])
-    shown = np.rint(255 * linear_to_srgb(sheet * 2.0**EXPOSURE)).astype(np.uint8)
-    imageio.imwrite(folder / "caustic_of_meshes.png", shown)
+    imageio.imwrite(folder / "caustic_of_meshes.png", screen_pixels(sheet, EXPOSURE))
     try:
         import matplotlib as mpl
     except ImportError:

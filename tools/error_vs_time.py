@@ -24,7 +24,7 @@ from hybrid_rt import checks, error_page, error_vs_time
 from hybrid_rt.comparison import load_picture
 from hybrid_rt.error_vs_time import RULE_OF_THREE, Curve, HitStudy, PictureStudy, Point, Spread
 from hybrid_rt.methods import curved_surfaces, default_methods
-from hybrid_rt.report import versions
+from hybrid_rt.report import plain, versions
 from hybrid_rt.scene import Scene
 from hybrid_rt.scene_file import load_scene
 from hybrid_rt.verify.rays import camera as random_camera
@@ -192,24 +192,13 @@ def _write(
     title = f"Error against run time: {name}"
     page = error_page.page(title, sentences, diagrams, tables, images)
     (folder / "page.html").write_text(page, "utf-8")
-    (folder / "curves.json").write_text(json.dumps(_no_nan(data), indent=2) + "\n", "utf-8")
+    (folder / "curves.json").write_text(json.dumps(plain(data), indent=2) + "\n", "utf-8")
     with (folder / "curves.csv").open("w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file)
         for table, (head, rows) in tables.items():
             writer.writerows([(table,), head, *rows, ()])
     _draw(folder / "curves.png", name, data)
     print(f"\nwrote {', '.join(sorted(str(path) for path in folder.iterdir()))}")
-
-
-def _no_nan(value: Any) -> Any:
-    """Return the same for JSON, which has no nan and no inf: null."""
-    if isinstance(value, dict):
-        return {key: _no_nan(item) for key, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [_no_nan(item) for item in value]
-    if isinstance(value, float) and not abs(value) < float("inf"):
-        return None
-    return value
 
 
 def _draw(file: Path, name: str, data: dict[str, Any]) -> None:

@@ -8,6 +8,8 @@ from dataclasses import dataclass
 from hybrid_rt import checks
 
 WAYS = ("both", "lights", "directions")
+# Far more photons than any machine holds, which `hybrid_rt.memory` says in time.
+MOST = 10**15
 
 
 @dataclass(frozen=True)
@@ -65,7 +67,7 @@ class PPMOptions:
 
     def __post_init__(self) -> None:
         """Refuse what is out of range."""
-        checks.whole(self.photons_per_pass, "PPMOptions photons_per_pass", at_least=1)
+        checks.whole(self.photons_per_pass, "PPMOptions photons_per_pass", at_least=1, up_to=MOST)
         checks.number(self.alpha, "PPMOptions alpha", above=0.0, up_to=1.0)
         if self.alpha == 1.0:
             warnings.warn(
@@ -94,5 +96,7 @@ class PhotonMapOptions:
 
     def __post_init__(self) -> None:
         """Refuse what is out of range."""
-        checks.whole(self.photons_per_pass, "PhotonMapOptions photons_per_pass", at_least=1)
-        checks.whole(self.nearest, "PhotonMapOptions nearest", at_least=2)
+        checks.whole(
+            self.photons_per_pass, "PhotonMapOptions photons_per_pass", at_least=1, up_to=MOST
+        )
+        checks.whole(self.nearest, "PhotonMapOptions nearest", at_least=2, up_to=MOST)

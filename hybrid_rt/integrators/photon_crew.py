@@ -20,6 +20,7 @@ from hybrid_rt.integrators.shooting import Balance, Group, Shooter, blocks_of, j
 from hybrid_rt.kernels.photons import MET_SPECULAR, Photons
 from hybrid_rt.measures import DARK
 from hybrid_rt.records import FloatArray
+from hybrid_rt.report import twelve_digits
 
 # Camera rays that one thread follows and gathers for at a time: many, as trees of many points are
 # compared faster, but a sixteenth of a pass at most, for the threads to share. The order of the
@@ -130,7 +131,10 @@ class PhotonCrew(Crew):
             "points_without_photons": first.n_without,
             "blur_root_mean_square": blur,
             "blur_relative_rmse": relative,
-            "power_of_all_passes": dict(zip(names, balance.power.tolist(), strict=True)),
+            "power_of_all_passes": {
+                name: [twelve_digits(x) for x in power]
+                for name, power in zip(names, balance.power.tolist(), strict=True)
+            },
         }
         return {"photons": photons}
 

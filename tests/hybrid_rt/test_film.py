@@ -71,6 +71,12 @@ def test_exposure_counts_stops(tmp_path):
     np.testing.assert_array_equal(imageio.imread(tmp_path / "a.png"), expected)
 
 
+def test_what_is_not_finite_is_shown(tmp_path):
+    strange = np.array([[[np.nan, np.inf, -np.inf]]], np.float32)
+    save_image(tmp_path / "a.png", strange, {}, exposure=-3.0)
+    assert imageio.imread(tmp_path / "a.png").tolist() == [[[0, 255, 0]]]
+
+
 def test_interrupted_write_leaves_the_old_file_and_no_other(tmp_path, monkeypatch):
     target = tmp_path / "a.png"
     target.write_bytes(b"old")

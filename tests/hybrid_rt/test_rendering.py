@@ -1,13 +1,15 @@
 import json
+import math
 import subprocess
 import sys
 
+import imageio.v3 as imageio
 import numpy as np
 import pytest
 
-from hybrid_rt import rendering
+from hybrid_rt import numbers, rendering
 from hybrid_rt.camera import Camera
-from hybrid_rt.integrators import clear_bodies, crew, path, surface_light, whitted
+from hybrid_rt.integrators import PPMOptions, clear_bodies, crew, path, surface_light, whitted
 from hybrid_rt.integrators.contacts import Contacts
 from hybrid_rt.integrators.integrator import LENS_DIMENSION
 from hybrid_rt.integrators.light_paths import LightPathTracer
@@ -244,6 +246,13 @@ class TestLimit:
         report = render(scene(), time_budget=1e-9).report
         assert (report["passes"], report["stopped_by"]) == (1, "time_budget")
 
+    def test_no_estimate_ends_the_search_for_it(self):
+        limit = Limit(None, None, 0.1)
+        limit.note_error(4, math.nan)
+        assert limit.next_estimate() == 8
+        assert limit.reached(4, 1.0) == "not_finite"
+        assert limit.begins(4, 1.0) == 0
+
 
 @pytest.mark.parametrize(
     ("settings", "error", "words"),
@@ -259,11 +268,52 @@ class TestLimit:
         ({"threads": 0}, ValueError, "threads"),
         ({"accuracy": "exact"}, ValueError, "accuracy"),
         ({"tolerance": -1.0}, ValueError, "tolerance"),
+        (
+            {"integrator": "ppm", "options": PPMOptions(10**12)},
+            MemoryError,
+            "pass of 1000000000000 photons needs at least .* TiB of memory, this machine has",
+        ),
     ],
 )
 def test_impossible_settings_are_refused(settings, error, words):
     with pytest.raises(error, match=words):
         render(scene(Mirror()), **settings)
+
+
+def test_pictures_beyond_the_machines_memory_are_refused():
+    with pytest.raises(MemoryError, match=r"1000000 x 1000000 pixels needs at least 1\d\d TiB"):
+        render(scene(width=10**6, height=10**6))
+
+
+def test_counts_do_not_hang_on_threads_and_stages_add_up():
+    """Each thread looks up the bodies around the camera: that counts once."""
+    of_threads = []
+    for threads in (1, 3):
+        glass, matt = scene(Dielectric(1.5)), Lambertian(0.5)
+        lamp = SphereLight((2, 0, 3), 0.5, 9)
+        floor = Object(Rectangle((-5, -5, -1), (10, 0, 0), (0, 10, 0)), matt)
+        view = Scene(glass.camera, [*glass.objects, floor], [lamp])
+        report = render(view, "path", passes=2, threads=threads).report
+        seconds = report.pop("seconds")
+        total = seconds.pop("total")
+        assert seconds["other"] >= 0
+        # Each stage is rounded to 1e-4.
+        assert sum(seconds.values()) == pytest.approx(total, abs=1e-4 * len(seconds))
+        of_threads.append(
+            [report[k] for k in ("rays", "hits", "intersection", "ended_branches", "geometry")]
+        )
+    assert of_threads[0] == of_threads[1]
+
+
+def test_pixels_beyond_float32_are_counted_and_said(tmp_path):
+    """A lamp of 1e30 at a distance of 1e-6 sends 1e42: more than float32 holds."""
+    camera = Camera((0, 0, 5e-6), (0, 0, 0), (0, 1, 0), width=4, height=3)
+    floor = Object(Rectangle((-1, -1, 0), (2, 0, 0), (0, 2, 0)), Lambertian(0.5))
+    result = render(Scene(camera, [floor], [PointLight((0, 0, 1e-6), 1e30)]), "path", passes=20)
+    assert result.report["pixels_not_finite"] == 12
+    assert "WARNING   12 pixels are not finite" in numbers.in_words(result.report)
+    result.save(tmp_path / "a.png")
+    assert (imageio.imread(tmp_path / "a.png") == 255).all()
 
 
 def test_progress_hears_every_block(monkeypatch):
