@@ -130,7 +130,8 @@ def _add_render_options(parser: argparse.ArgumentParser) -> None:
         type=Path,
         action="append",
         metavar="FILE",
-        help=".png, .npz or .exr; may be repeated (default ./NAME.png); FILE.json goes beside it",
+        help=".png, .npz or .exr; may be repeated (default ./NAME.png); a report goes beside it, a.json "
+        "of a.png, a.npz.json of a.npz",
     )
     parser.add_argument(
         "--outputs",
@@ -174,10 +175,15 @@ def _run_render(options: argparse.Namespace) -> None:
 
 
 def _render(scene: Scene, name: str, options: argparse.Namespace) -> None:
-    from hybrid_rt.film import check_output
+    from hybrid_rt.film import check_output, keeps_channels
     from hybrid_rt.rendering import render
 
     outputs = [check_output(path) for path in options.out or [Path(f"{name}.png")]]
+    channels = [word.strip() for word in options.outputs.split(",") if word.strip()]
+    if channels and not any(map(keeps_channels, outputs)):
+        raise ValueError(
+            f"--outputs {','.join(channels)}: a .png holds none of them: add --out {name}.npz or .exr"
+        )
     scene = _resized(scene, options.width, options.height)
     with _shown_progress(options.quiet) as progress:
         result = render(
@@ -191,7 +197,7 @@ def _render(scene: Scene, name: str, options: argparse.Namespace) -> None:
             accuracy=options.accuracy,
             tolerance=options.tolerance,
             options=_photon_options(options),
-            outputs=[name for name in options.outputs.split(",") if name],
+            outputs=channels,
             progress=progress,
         )
     if options.explain:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import importlib.util
 import json
 import math
@@ -283,21 +284,33 @@ def save_image(
     Returns
     -------
     Path
-        The sidecar: the same name ending in .json.
+        The sidecar: a.json of a.png, a.npz.json of a.npz, so that none takes another's place.
 
     Raises
     ------
-    ValueError, FileNotFoundError, ModuleNotFoundError
-        If the ending is another one, the folder does not exist, or OpenEXR is not installed.
+    ValueError, OSError, ModuleNotFoundError
+        If the ending is another one, no file can be made there, or OpenEXR is not installed.
     """
     target = check_output(path)
     text = json.dumps(plain(report), indent=2, allow_nan=False) + "\n"
     with _replacing(target) as file:
         WRITERS[target.suffix.lower()](file, image, text, channels or {}, exposure)
-    sidecar = target.with_suffix(".json")
+    sidecar = sidecar_of(target)
     with _replacing(sidecar) as file:
         file.write(text.encode())
     return sidecar
+
+
+def sidecar_of(picture: Path) -> Path:
+    """Return where the report of a picture is kept."""
+    return picture.with_suffix(
+        ".json" if picture.suffix.lower() == ".png" else f"{picture.suffix}.json"
+    )
+
+
+def keeps_channels(picture: Path) -> bool:
+    """Tell whether files of this kind hold more than radiance."""
+    return picture.suffix.lower() != ".png"
 
 
 def check_output(path: str | os.PathLike[str]) -> Path:
@@ -309,8 +322,18 @@ def check_output(path: str | os.PathLike[str]) -> Path:
         raise FileNotFoundError(
             f"output {str(target)!r}: there is no folder {str(target.parent)!r}"
         )
-    if not os.access(target.parent, os.W_OK):
-        raise PermissionError(f"output {str(target)!r}: the folder is not writable")
+    for file in (target, sidecar_of(target)):
+        try:
+            # A trial tells more than permissions do: full disks, names too long.
+            trial = _temporary(file)
+            trial.touch()
+            trial.unlink()
+            if file.is_dir():
+                raise IsADirectoryError(errno.EISDIR, "it is a folder")
+        except OSError as error:
+            raise type(error)(
+                f"output {str(file)!r} cannot be written ({error.strerror}): name another file"
+            ) from error
     if target.suffix.lower() == ".exr" and importlib.util.find_spec("OpenEXR") is None:
         raise ModuleNotFoundError(
             f"output {str(target)!r}: EXR needs the package OpenEXR: pip install 'hybrid-rt[exr]'"
@@ -375,10 +398,14 @@ WRITERS: dict[str, Writer] = {".png": _write_png, ".npz": _write_npz, ".exr": _w
 @contextmanager
 def _replacing(target: Path) -> Iterator[BinaryIO]:
     """Open a file under a temporary name that takes the target's place once it is complete."""
-    temporary = target.with_name(f".{target.name}.{os.getpid()}.part")
+    temporary = _temporary(target)
     try:
         with temporary.open("wb") as file:
             yield file
         temporary.replace(target)
     finally:
         temporary.unlink(missing_ok=True)
+
+
+def _temporary(target: Path) -> Path:
+    return target.with_name(f".{target.name}.{os.getpid()}.part")

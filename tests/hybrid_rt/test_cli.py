@@ -50,12 +50,14 @@ def test_render_writes_picture_and_report_under_the_scripts_name(folder, capsys)
 
 def test_options_reach_the_picture(folder, capsys):
     arguments = "--passes 1 --width 32 --seed 9 --threads 1 --out a.png --out b.npz --explain"
-    assert cli.main(["render", "ball.py", *arguments.split()]) == 0
+    channels = ["--outputs", "depth, uv"]
+    assert cli.main(["render", "ball.py", *arguments.split(), *channels]) == 0
     settings = json.loads((folder / "a.json").read_text())["settings"]
     assert (settings["width"], settings["height"]) == (32, 24)
     assert (settings["seed"], settings["threads"]) == (9, 1)
     with np.load("b.npz") as data:
         assert data["image"].shape == (24, 32, 3)
+        assert data["uv"].shape == (24, 32, 2)
     captured = capsys.readouterr()
     assert "+ mirror rays" in captured.out
     assert "Rendering ..." in captured.err
@@ -94,6 +96,9 @@ def test_script_runs_as_a_program(folder):
         (["ball.py", "--integrator", "magic"], "integrator is 'magic'"),
         (["ball.py", "--out", "a.jpg"], "unknown ending"),
         (["ball.py", "--out", "nowhere/a.png"], "no folder"),
+        (["ball.py", "--out", "."], "unknown ending"),
+        (["ball.py", "--outputs", "depth"], "--outputs depth: a .png holds none of them: add"),
+        (["ball.py", "--outputs", "depth,,x", "--out", "a.npz"], "output is 'x': pass one of"),
         (["ball.py", "--width", "0"], "width"),
         (["ball.py", "--accuracy", "exact"], "accuracy"),
     ],

@@ -362,7 +362,7 @@ def test_settings_of_numpy_are_written(tmp_path):
     result = render(scene, passes=np.int64(1), seed=np.int32(3), max_depth=np.int64(2))
     result.report["made up"] = [np.float32(np.inf), float("nan"), np.bool_(True)]
     result.save(tmp_path / "a.npz")
-    report = json.loads((tmp_path / "a.json").read_text("utf-8"))
+    report = json.loads((tmp_path / "a.npz.json").read_text("utf-8"))
     assert report["settings"]["seed"] == 3
     assert report["made up"] == [None, None, True]
     with pytest.raises(TypeError, match=r"seed is 1\.5: pass an integer"):
