@@ -43,7 +43,7 @@ def render_script(describe: Callable[[], Scene], file: str) -> int:
     Parameters
     ----------
     describe : callable
-        The script's function ``scene``.
+        The script's function ``scene``; the script's ``INTEGRATOR`` is what it is meant for.
     file : str
         The script's ``__file__``; the picture takes its name.
 
@@ -57,7 +57,14 @@ def render_script(describe: Callable[[], Scene], file: str) -> int:
     )
     _add_render_options(parser)
     options = parser.parse_args()
-    return _guarded(lambda: _render(describe(), Path(file).stem, options))
+
+    def run() -> None:
+        from hybrid_rt.scene_file import preferred_integrator
+
+        names: dict[str, Any] = getattr(describe, "__globals__", {})
+        _render(describe(), Path(file).stem, options, preferred_integrator(names, file))
+
+    return _guarded(run)
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -95,9 +102,8 @@ def _parser() -> argparse.ArgumentParser:
 def _add_render_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--integrator",
-        default="path",
         metavar="I",
-        help="path (default), whitted, ppm or photon_map",
+        help="path, whitted, ppm or photon_map (default: what the scene names, else path)",
     )
     parser.add_argument("--passes", type=int, metavar="N", help="samples per pixel (default 16)")
     parser.add_argument(
@@ -169,12 +175,13 @@ def _guarded(run: Callable[[], None]) -> int:
 
 
 def _run_render(options: argparse.Namespace) -> None:
-    from hybrid_rt.scene_file import load_scene
+    from hybrid_rt.scene_file import load_script
 
-    _render(load_scene(options.scene), Path(options.scene).stem, options)
+    scene, preferred = load_script(options.scene)
+    _render(scene, Path(options.scene).stem, options, preferred)
 
 
-def _render(scene: Scene, name: str, options: argparse.Namespace) -> None:
+def _render(scene: Scene, name: str, options: argparse.Namespace, preferred: str) -> None:
     from hybrid_rt.film import check_output, keeps_channels
     from hybrid_rt.rendering import render
 
@@ -184,11 +191,12 @@ def _render(scene: Scene, name: str, options: argparse.Namespace) -> None:
         raise ValueError(
             f"--outputs {','.join(channels)}: a .png holds none of them: add --out {name}.npz or .exr"
         )
+    integrator = preferred if options.integrator is None else options.integrator
     scene = _resized(scene, options.width, options.height)
     with _shown_progress(options.quiet) as progress:
         result = render(
             scene,
-            integrator=options.integrator,
+            integrator=integrator,
             passes=options.passes,
             time_budget=options.time_budget,
             target_error=options.target_error,
@@ -196,7 +204,7 @@ def _render(scene: Scene, name: str, options: argparse.Namespace) -> None:
             threads=options.threads,
             accuracy=options.accuracy,
             tolerance=options.tolerance,
-            options=_photon_options(options),
+            options=_photon_options(options, integrator),
             outputs=channels,
             progress=progress,
         )
@@ -227,7 +235,7 @@ def _run_compare(options: argparse.Namespace) -> None:
     _say(f"{out}  (pictures and maps of their errors)")
 
 
-def _photon_options(options: argparse.Namespace) -> Any:
+def _photon_options(options: argparse.Namespace, integrator: str) -> Any:
     """Return settings for the photons asked for, or None."""
     given = {"photons_per_pass": options.photons, "alpha": options.alpha}
     given = {key: value for key, value in given.items() if value is not None}
@@ -236,11 +244,11 @@ def _photon_options(options: argparse.Namespace) -> Any:
     from hybrid_rt.integrators import PhotonMapOptions, PPMOptions
 
     of_integrator = {"ppm": PPMOptions, "photon_map": PhotonMapOptions}
-    if options.photons is not None and options.integrator not in of_integrator:
-        raise ValueError(f"--photons: integrator {options.integrator!r} has none; use ppm")
-    if options.alpha is not None and options.integrator != "ppm":
-        raise ValueError(f"--alpha: integrator {options.integrator!r} has none; use ppm")
-    return of_integrator[options.integrator](**given)
+    if options.photons is not None and integrator not in of_integrator:
+        raise ValueError(f"--photons: integrator {integrator!r} has none; use ppm")
+    if options.alpha is not None and integrator != "ppm":
+        raise ValueError(f"--alpha: integrator {integrator!r} has none; use ppm")
+    return of_integrator[integrator](**given)
 
 
 def _run_demo(options: argparse.Namespace) -> None:

@@ -9,13 +9,12 @@ rendered again stay as they are.
 
 import argparse
 import json
-import re
 import sys
 from pathlib import Path
 from typing import Any
 
 from hybrid_rt.rendering import render
-from hybrid_rt.scene_file import load_scene
+from hybrid_rt.scene_file import load_script
 
 ROOT = Path(__file__).parents[1]
 PAGE, PICTURES, RECORD = "gallery.md", "gallery", "gallery.json"
@@ -55,9 +54,7 @@ def main() -> int:
 def show(script: Path, args: argparse.Namespace) -> dict[str, Any]:
     """Render one scene; return what the page says of it."""
     text = script.read_text("utf-8")
-    named = re.search(r"--integrator (\w+)", text)
-    integrator = named[1] if named else "path"
-    scene = load_scene(script)
+    scene, integrator = load_script(script)
     camera = scene.camera
     height = max(round(camera.height * args.width / camera.width), 1)
     small = scene.with_camera(camera.resized(args.width, height))

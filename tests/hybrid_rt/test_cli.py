@@ -128,6 +128,7 @@ def test_interrupt_is_exit_code_130_and_leaves_nothing(folder, capsys, monkeypat
         ("def scene():\n    return 3", "returned int"),
         ("def scene():\n    return 1 / 0", "line 2: ZeroDivisionError"),
         ("def scene(:", "line 1: SyntaxError"),
+        (SCRIPT + 'INTEGRATOR = "magic"', "bad.py: INTEGRATOR is 'magic': pass one of path"),
         (
             "from hybrid_rt.materials import *\n\ndef scene():\n    Mirror(2)",
             "line 4: Mirror color",
@@ -160,7 +161,13 @@ def test_command_line_is_ready_before_anything_heavy_is_imported():
 
 
 def test_photons_are_counted_by_those_who_have_them(folder, capsys):
-    arguments = ["render", "ball.py", "--passes", "1", "--photons", "500", "--quiet"]
+    (folder / "caustic.py").write_text(SCRIPT + 'INTEGRATOR = "ppm"\n')
+    arguments = ["render", "caustic.py", "--passes", "1", "--photons", "500", "--quiet"]
+    for named in ([], ["--integrator", "photon_map"]):  # the command line has the last word
+        assert cli.main([*arguments, *named]) == 0
+        settings = json.loads((folder / "caustic.json").read_text())["settings"]
+        assert settings["integrator"] == (named[-1] if named else "ppm")
+    arguments[1] = "ball.py"
     assert cli.main([*arguments, "--integrator", "ppm"]) == 0
     report = json.loads((folder / "ball.json").read_text())
     assert report["settings"]["options"]["photons_per_pass"] == 500
