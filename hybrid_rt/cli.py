@@ -10,12 +10,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from hybrid_rt._version import __version__
+from hybrid_rt.command import BAD_INPUT, INTERRUPTED, REFUSALS
 
 if TYPE_CHECKING:
     from hybrid_rt.progress import Progress
     from hybrid_rt.scene import Scene
-
-BAD_INPUT, INTERRUPTED = 2, 130
 
 EXAMPLES = """\
 examples:
@@ -168,7 +167,7 @@ def _guarded(run: Callable[[], None]) -> int:
     except KeyboardInterrupt:
         print("\nhybrid-rt: interrupted, nothing written", file=sys.stderr)  # noqa: T201
         return INTERRUPTED
-    except (ValueError, TypeError, OSError, ImportError, MemoryError, OverflowError) as error:
+    except REFUSALS as error:
         print(f"hybrid-rt: {error}", file=sys.stderr)  # noqa: T201
         return BAD_INPUT
     return 0

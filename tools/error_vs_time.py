@@ -21,6 +21,7 @@ from pathlib import Path
 from typing import Any
 
 from hybrid_rt import checks, error_page, error_vs_time
+from hybrid_rt.command import run_tool
 from hybrid_rt.comparison import load_picture
 from hybrid_rt.error_vs_time import RULE_OF_THREE, Curve, HitStudy, PictureStudy, Point, Spread
 from hybrid_rt.methods import curved_surfaces, default_methods
@@ -35,16 +36,12 @@ def main() -> int:
     """Run the tool; return the exit code."""
     parser = _parser()
     args = parser.parse_args()
-    try:
-        if args.compare:
-            _compare(args)
-        elif not args.source:
-            parser.error("name a scene script or a .bpt file, or use --compare")
-        else:
-            _measure(args)
-    except (OSError, ValueError) as error:
-        print(f"{parser.prog}: {error}", file=sys.stderr)
-        return 2
+    if args.compare:
+        _compare(args)
+    elif not args.source:
+        parser.error("name a scene script or a .bpt file, or use --compare")
+    else:
+        _measure(args)
     return 0
 
 
@@ -88,6 +85,17 @@ def _measure(args: argparse.Namespace) -> None:
         raise ValueError("surface: name a .bpt file")
     n_rays = args.rays or (20_000 if args.quick else 100_000)
     studies: dict[str, Any] = {}
+    try:
+        _study(file, n_rays, studies, args)
+    except KeyboardInterrupt:
+        if studies:
+            _show(str(file), studies, args)
+        raise
+    _show(str(file), studies, args)
+
+
+def _study(file: Path, n_rays: int, studies: dict[str, Any], args: argparse.Namespace) -> None:
+    """Make the studies that there can be, one after the other."""
     if file.suffix == ".bpt":
         surfaces: list[Any] = [BezierPatches.read(file)]
         rays = random_camera(surfaces, n_rays, 1)
@@ -100,7 +108,6 @@ def _measure(args: argparse.Namespace) -> None:
         studies["hits"] = error_vs_time.study_hits(
             surfaces, rays, runs=3 if args.quick else 7, threads=args.threads, say=_say
         )
-    _show(str(file), studies, args)
 
 
 def _resized(scene: Scene, width: int) -> Scene:
@@ -143,9 +150,8 @@ def _show(name: str, studies: dict[str, Any], args: argparse.Namespace) -> None:
         if study.meshes:
             tables["What passes do not remove"] = error_page.mesh_table(study)
         images = study.images
-        plain = {key: value for key, value in vars(study).items() if key != "images"}
         data["picture"] = {
-            **plain,
+            **{key: value for key, value in vars(study).items() if key != "images"},
             "reference": asdict(study.reference),
             "curves": [asdict(curve) for curve in study.curves],
             "forecasts": [asdict(forecast) for forecast in forecasts],
@@ -333,4 +339,4 @@ def _say(text: str) -> None:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(run_tool(main))
