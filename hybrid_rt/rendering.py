@@ -15,6 +15,7 @@ from hybrid_rt.audit import audit
 from hybrid_rt.channels import check_names, compute_channels
 from hybrid_rt.film import Film, save_image
 from hybrid_rt.integrators import INTEGRATORS, OPTIONS, Options, RenderContext
+from hybrid_rt.integrators.clear_bodies import unclosed_bodies
 from hybrid_rt.integrators.crew import TOGETHER, Crew
 from hybrid_rt.intersection import Intersector
 from hybrid_rt.intersection.pool import Pool
@@ -243,6 +244,7 @@ def _report(
             "lost_weight_per_camera_ray": twelve_digits(ledger.lost_weight / n_camera),
         },
         "noise": film.noise(),
+        "clear_bodies_not_closed": unclosed_bodies(context),
         "pixels_not_finite": int(np.count_nonzero(~np.isfinite(film.image).all(axis=2))),
         "geometry": {
             "accuracy": tracer.accuracy,

@@ -40,6 +40,7 @@ class Ledger:
         self.rays: Counter[str] = Counter()
         self.hits: Counter[str] = Counter({status.name.lower(): 0 for status in Status})
         self.ended: Counter[str] = Counter()
+        self.unclosed: Counter[int] = Counter()  # by dielectric lobe
         self.lost_weight = 0.0
         self.camera_hits = 0
         self.camera_hits_without_bound = 0
@@ -65,6 +66,7 @@ class Ledger:
         self.rays.update(other.rays)
         self.hits.update(other.hits)
         self.ended.update(other.ended)
+        self.unclosed.update(other.unclosed)
         self.lost_weight += other.lost_weight
         self.camera_hits += other.camera_hits
         self.camera_hits_without_bound += other.camera_hits_without_bound

@@ -19,10 +19,11 @@ from hybrid_rt.lights.surface import ShiningSurface
 from hybrid_rt.limits import Limit
 from hybrid_rt.materials import Dielectric, Emissive, Lambertian, Metal, Mirror
 from hybrid_rt.plan import explain
-from hybrid_rt.primitives import Box, Rectangle, Sphere
+from hybrid_rt.primitives import Box, Plane, Rectangle, Sphere
 from hybrid_rt.sampler import Sampler
 from hybrid_rt.scene import Object, Scene
 from hybrid_rt.textures import CheckerTexture
+from meshing import SurfaceOfRevolution
 
 
 def render(scene, integrator="whitted", **settings):
@@ -314,6 +315,40 @@ def test_pixels_beyond_float32_are_counted_and_said(tmp_path):
     assert "WARNING   12 pixels are not finite" in numbers.in_words(result.report)
     result.save(tmp_path / "a.png")
     assert (imageio.imread(tmp_path / "a.png") == 255).all()
+
+
+LATHE = SurfaceOfRevolution([(-0.8, 0.6), (0, 1.2), (0.8, 0.6)], (0, 0, 0), (0, 0, 1))
+LIDS = [
+    SurfaceOfRevolution([(z, r), (z, 0.6 - r)], (0, 0, 0), (0, 0, 1))
+    for z, r in ((-0.8, 0.0), (0.8, 0.6))
+]
+PANE = Rectangle((-1, 0, -1), (2, 0, 0), (0, 0, 2))
+
+
+@pytest.mark.parametrize("integrator", ["path", "whitted", "ppm"])
+@pytest.mark.parametrize(
+    ("surfaces", "is_open"),
+    [
+        ([Sphere((0, 0, 0), 1)], False),
+        ([LATHE, *LIDS], False),
+        ([LATHE], True),
+        ([PANE], True),
+        ([PANE.flipped()], True),
+        ([Plane((0, 0, -0.5), (0, 0, 1))], False),
+    ],
+    ids=["ball", "closed profile", "open profile", "pane", "pane from behind", "water"],
+)
+def test_clear_bodies_that_are_not_closed_are_named(surfaces, is_open, integrator):
+    """Rays that only enter, or only leave, tell it; a body may have several surfaces."""
+    glass = Dielectric(1.5)
+    floor = Object(Rectangle((-5, -5, -1), (10, 0, 0), (0, 10, 0)), Lambertian(0.5))
+    bodies = [Object(surface, glass, "glass") for surface in surfaces]
+    lamp = SphereLight((1, -2, 3), 0.3, 9)
+    view = Scene(scene().camera, [floor, *bodies], [lamp])
+    few = PPMOptions(2000) if integrator == "ppm" else None
+    report = render(view, integrator, passes=1, threads=1, options=few).report
+    assert list(report["clear_bodies_not_closed"]) == (["glass"] if is_open else [])
+    assert ("WARNING   'glass' is clear, but not closed" in numbers.in_words(report)) == is_open
 
 
 def test_progress_hears_every_block(monkeypatch):
