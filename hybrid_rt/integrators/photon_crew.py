@@ -12,6 +12,7 @@ from typing import Any, cast
 import numpy as np
 from numpy.typing import NDArray
 
+from hybrid_rt.film import OVERFLOWS
 from hybrid_rt.integrators.crew import Crew
 from hybrid_rt.integrators.gathering import Field
 from hybrid_rt.integrators.integrator import RenderContext
@@ -75,9 +76,13 @@ class PhotonCrew(Crew):
                     on_rays(done + n)
 
             yield from super().render_passes(range(number, number + 1), heard)
-            self._blur += blur
-            self._blur_squares += blur * blur
-            self._n_passes += 1
+            self._add_blur(blur)
+
+    @OVERFLOWS
+    def _add_blur(self, blur: FloatArray) -> None:
+        self._blur += blur
+        self._blur_squares += blur * blur
+        self._n_passes += 1
 
     def _block_size(self, n: int) -> int:
         return min(max(-(-n // SHARE_OF_RAYS), FEWEST_RAYS), MOST_RAYS)
@@ -138,6 +143,7 @@ class PhotonCrew(Crew):
         }
         return {"photons": photons}
 
+    @OVERFLOWS
     def _blur_of_pixels(
         self, image: NDArray[np.float32]
     ) -> tuple[float, float] | tuple[None, None]:
