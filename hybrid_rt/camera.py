@@ -12,6 +12,8 @@ from hybrid_rt.records import FloatArray
 
 # Below this sine between view and up the picture's roll is decided by rounding.
 SMALLEST_SINE = 1e-8
+# Pixels along a side; far fewer fill any machine, which `hybrid_rt.memory` says in time.
+MOST_PIXELS = 10**9
 
 
 class Camera:
@@ -49,31 +51,33 @@ class Camera:
         aperture: float = 0.0,
         focus_distance: float | None = None,
     ) -> None:
-        self.look_from = checks.vector(look_from, "Camera look_from")
-        self.look_at = checks.vector(look_at, "Camera look_at")
-        self.up = checks.vector(up, "Camera up")
-        self.vertical_fov = checks.number(vertical_fov, "Camera vertical_fov", above=0.0)
-        if self.vertical_fov >= 180.0:
-            raise ValueError(
-                f"Camera vertical_fov: {self.vertical_fov:g} degrees see no flat picture; stay below 180"
-            )
-        self.width = checks.whole(width, "Camera width", at_least=1)
-        self.height = checks.whole(height, "Camera height", at_least=1)
-        self.aperture = checks.number(aperture, "Camera aperture")
-        if self.aperture < 0.0:
-            raise ValueError(f"Camera aperture: {self.aperture:g} is negative; 0 is a pinhole")
+        self.look_from = checks.as_vector(look_from, "Camera look_from", up_to=checks.FARTHEST)
+        self.look_at = checks.as_vector(look_at, "Camera look_at", up_to=checks.FARTHEST)
+        self.up = checks.as_vector(up, "Camera up")
+        self.vertical_fov = checks.number(
+            vertical_fov, "Camera vertical_fov", above=0.0, below=180.0, hint="degrees"
+        )
+        self.width = checks.whole(width, "Camera width", at_least=1, up_to=MOST_PIXELS)
+        self.height = checks.whole(height, "Camera height", at_least=1, up_to=MOST_PIXELS)
+        self.aperture = checks.number(
+            aperture, "Camera aperture", at_least=0.0, up_to=checks.FARTHEST, hint="0: a pinhole"
+        )
         view = self.look_at - self.look_from
         if not view.any():
-            raise ValueError("Camera look_at: equals look_from, so there is no view direction")
+            raise ValueError("Camera look_at equals look_from: pass another point to look at")
         if focus_distance is None:
             focus_distance = math.hypot(*view)
-        self.focus_distance = checks.number(focus_distance, "Camera focus_distance", above=0.0)
+        self.focus_distance = checks.number(
+            focus_distance, "Camera focus_distance", above=0.0, up_to=4.0 * checks.FARTHEST
+        )
 
-        self._forward = checks.direction(view, "Camera view")
-        up_direction = checks.direction(self.up, "Camera up")
+        self._forward = checks.as_direction(view, "Camera view")
+        up_direction = checks.as_direction(self.up, "Camera up")
         right = np.cross(self._forward, up_direction)
         if np.linalg.norm(right) < SMALLEST_SINE:
-            raise ValueError("Camera up: is parallel to the view; choose another direction")
+            raise ValueError(
+                f"Camera up is {self.up.tolist()}, parallel to the view: pass another direction"
+            )
         self._right = right / np.linalg.norm(right)
         self._upward = np.cross(self._right, self._forward)
         self._half_height = math.tan(math.radians(self.vertical_fov) / 2.0)

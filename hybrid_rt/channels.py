@@ -11,6 +11,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from hybrid_rt import checks
 from hybrid_rt.film import Film
 from hybrid_rt.integrators import RenderContext
 from hybrid_rt.integrators.surface_light import SurfaceLight
@@ -35,10 +36,10 @@ ROWS_AT_ONCE = 2**18
 
 def check_names(names: Sequence[str]) -> tuple[str, ...]:
     """Return the names, each once, or raise ValueError naming the unknown one."""
-    for name in names:
-        if name not in PARTS:
-            raise ValueError(f"output {name!r} is unknown; use {', '.join(PARTS)}")
-    return tuple(dict.fromkeys(names))
+    given = checks.items(names, "outputs")
+    for name in given:
+        checks.choice(name, "output", PARTS)
+    return tuple(dict.fromkeys(given))
 
 
 def compute_channels(

@@ -1,84 +1,54 @@
-"""Checks of what the user describes: clear refusals before any work starts."""
+"""Checks of what describes a picture; those of plain numbers and vectors are meshing's."""
 
 from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from hybrid_rt.records import FloatArray
+from meshing.checks import as_direction, as_floats, as_vector, freeze, number, shown, whole
+
+__all__ = [
+    "BRIGHTEST", "FARTHEST", "as_direction", "as_floats", "as_vector", "choice", "flag", "items",
+    "number", "rgb", "shown", "whole",
+]  # fmt: skip
+
+# Beyond this, squares and cross products of coordinates have no room in float64.
+FARTHEST = 1e60
+# Pictures are float32, up to 3e38: this leaves room for sums, and for lights near a surface.
+BRIGHTEST = 1e30
 
 
-def vector(value: ArrayLike, what: str) -> FloatArray:
-    """Return three finite float64 numbers, read-only, or raise naming ``what``."""
-    try:
-        array = np.array(value, dtype=np.float64)
-    except (TypeError, ValueError) as error:
-        raise TypeError(f"{what}: expected three numbers, got {value!r}") from error
-    if array.shape != (3,):
-        raise ValueError(f"{what}: expected three numbers, got shape {array.shape}")
-    if not np.isfinite(array).all():
-        raise ValueError(f"{what}: {_shown(array)} is not finite")
-    array.setflags(write=False)
-    return array
-
-
-def direction(value: ArrayLike, what: str) -> FloatArray:
-    """Return a unit vector, or raise naming ``what``."""
-    array = vector(value, what)
-    largest = np.abs(array).max()
-    if largest == 0.0:
-        raise ValueError(f"{what}: the zero vector has no direction")
-    # Scaled first: squares of very large or small components would overflow or vanish.
-    scaled = array / largest
-    unit: FloatArray = scaled / np.linalg.norm(scaled)
-    unit.setflags(write=False)
-    return unit
-
-
-def number(value: float, what: str, *, above: float = -np.inf, up_to: float = np.inf) -> float:
-    """Return a finite number with above < number <= up_to, or raise naming ``what``."""
-    try:
-        result = float(value)
-    except (TypeError, ValueError) as error:
-        raise TypeError(f"{what}: expected a number, got {value!r}") from error
-    if not np.isfinite(result):
-        raise ValueError(f"{what}: {result} is not finite")
-    if not above < result <= up_to:
-        limits = f"above {above:g}" + (f" and at most {up_to:g}" if np.isfinite(up_to) else "")
-        raise ValueError(f"{what}: {result:g} is out of range, it must be {limits}")
-    return result
-
-
-def rgb(value: ArrayLike, what: str, *, up_to: float = np.inf) -> FloatArray:
-    """Return three numbers from 0 to ``up_to`` (one number counts for all), or raise."""
-    try:
-        array = np.array(value, dtype=np.float64)
-    except (TypeError, ValueError) as error:
-        raise TypeError(f"{what}: expected a number or three numbers, got {value!r}") from error
+def rgb(value: ArrayLike, what: str, *, up_to: float = BRIGHTEST) -> FloatArray:
+    """Return three numbers from 0 to ``up_to`` (one number counts for all), read-only."""
+    array = as_floats(value, what)
     if array.shape not in {(), (3,)}:
-        raise ValueError(f"{what}: expected a number or three numbers, got shape {array.shape}")
-    array = np.array(np.broadcast_to(array, (3,)))
-    if not np.isfinite(array).all():
-        raise ValueError(f"{what}: {_shown(array)} is not finite")
-    if array.min() < 0.0:
-        raise ValueError(f"{what}: {_shown(array)} has a negative channel")
-    if array.max() > up_to:
-        raise ValueError(
-            f"{what}: {_shown(array)} is above {up_to:g}; a surface cannot send on more light than "
-            "it receives"
-        )
-    array.setflags(write=False)
-    return array
+        raise ValueError(f"{what} has shape {array.shape}: pass one number, or three")
+    if not (np.isfinite(array).all() and array.min() >= 0.0 and array.max() <= up_to):
+        because = " (a surface cannot send on more light than it receives)" if up_to == 1.0 else ""
+        raise ValueError(f"{what} is {array.tolist()}: pass numbers from 0 to {up_to:g}{because}")
+    return freeze(np.array(np.broadcast_to(array, (3,))))
 
 
-def whole(value: int, what: str, *, at_least: int) -> int:
-    """Return an integer of at least ``at_least``, or raise naming ``what``."""
-    if isinstance(value, bool) or not isinstance(value, int | np.integer):
-        raise TypeError(f"{what}: expected an integer, got {value!r}")
-    if value < at_least:
-        raise ValueError(f"{what}: {value} is too small, it must be at least {at_least}")
-    return int(value)
+def choice(value: str, what: str, options: Iterable[str]) -> str:
+    """Return a value that is one of the options."""
+    if not isinstance(value, str) or value not in options:
+        raise ValueError(f"{what} is {shown(value)}: pass one of {', '.join(options)}")
+    return value
 
 
-def _shown(array: FloatArray) -> str:
-    return "(" + ", ".join(f"{x:g}" for x in array) + ")"
+def flag(value: bool, what: str) -> bool:
+    """Return a truth value; a word such as "no" would count as true."""
+    if not isinstance(value, bool | np.bool_):
+        raise TypeError(f"{what} is {shown(value)}: pass True or False")
+    return bool(value)
+
+
+def items(values: Iterable[Any], what: str) -> tuple[Any, ...]:
+    """Return the items of a list, also of one that can be read only once."""
+    if isinstance(values, str | bytes | dict) or not isinstance(values, Iterable):
+        raise TypeError(f"{what} is {shown(values)}: pass a list")
+    return tuple(values)

@@ -10,12 +10,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from hybrid_rt._version import __version__
+from hybrid_rt.command import BAD_INPUT, INTERRUPTED, REFUSALS
 
 if TYPE_CHECKING:
     from hybrid_rt.progress import Progress
     from hybrid_rt.scene import Scene
-
-BAD_INPUT, INTERRUPTED = 2, 130
 
 EXAMPLES = """\
 examples:
@@ -43,7 +42,7 @@ def render_script(describe: Callable[[], Scene], file: str) -> int:
     Parameters
     ----------
     describe : callable
-        The script's function ``scene``.
+        The script's function ``scene``; the script's ``INTEGRATOR`` is what it is meant for.
     file : str
         The script's ``__file__``; the picture takes its name.
 
@@ -57,7 +56,14 @@ def render_script(describe: Callable[[], Scene], file: str) -> int:
     )
     _add_render_options(parser)
     options = parser.parse_args()
-    return _guarded(lambda: _render(describe(), Path(file).stem, options))
+
+    def run() -> None:
+        from hybrid_rt.scene_file import preferred_integrator
+
+        names: dict[str, Any] = getattr(describe, "__globals__", {})
+        _render(describe(), Path(file).stem, options, preferred_integrator(names, file))
+
+    return _guarded(run)
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -95,9 +101,8 @@ def _parser() -> argparse.ArgumentParser:
 def _add_render_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--integrator",
-        default="path",
         metavar="I",
-        help="path (default), whitted, ppm or photon_map",
+        help="path, whitted, ppm or photon_map (default: what the scene names, else path)",
     )
     parser.add_argument("--passes", type=int, metavar="N", help="samples per pixel (default 16)")
     parser.add_argument(
@@ -130,7 +135,8 @@ def _add_render_options(parser: argparse.ArgumentParser) -> None:
         type=Path,
         action="append",
         metavar="FILE",
-        help=".png, .npz or .exr; may be repeated (default ./NAME.png); FILE.json goes beside it",
+        help=".png, .npz or .exr; may be repeated (default ./NAME.png); a report goes beside it, a.json "
+        "of a.png, a.npz.json of a.npz",
     )
     parser.add_argument(
         "--outputs",
@@ -161,28 +167,35 @@ def _guarded(run: Callable[[], None]) -> int:
     except KeyboardInterrupt:
         print("\nhybrid-rt: interrupted, nothing written", file=sys.stderr)  # noqa: T201
         return INTERRUPTED
-    except (ValueError, TypeError, OSError, ImportError, MemoryError, OverflowError) as error:
+    except REFUSALS as error:
         print(f"hybrid-rt: {error}", file=sys.stderr)  # noqa: T201
         return BAD_INPUT
     return 0
 
 
 def _run_render(options: argparse.Namespace) -> None:
-    from hybrid_rt.scene_file import load_scene
+    from hybrid_rt.scene_file import load_script
 
-    _render(load_scene(options.scene), Path(options.scene).stem, options)
+    scene, preferred = load_script(options.scene)
+    _render(scene, Path(options.scene).stem, options, preferred)
 
 
-def _render(scene: Scene, name: str, options: argparse.Namespace) -> None:
-    from hybrid_rt.film import check_output
+def _render(scene: Scene, name: str, options: argparse.Namespace, preferred: str) -> None:
+    from hybrid_rt.film import check_output, keeps_channels
     from hybrid_rt.rendering import render
 
     outputs = [check_output(path) for path in options.out or [Path(f"{name}.png")]]
+    channels = [word.strip() for word in options.outputs.split(",") if word.strip()]
+    if channels and not any(map(keeps_channels, outputs)):
+        raise ValueError(
+            f"--outputs {','.join(channels)}: a .png holds none of them: add --out {name}.npz or .exr"
+        )
+    integrator = preferred if options.integrator is None else options.integrator
     scene = _resized(scene, options.width, options.height)
     with _shown_progress(options.quiet) as progress:
         result = render(
             scene,
-            integrator=options.integrator,
+            integrator=integrator,
             passes=options.passes,
             time_budget=options.time_budget,
             target_error=options.target_error,
@@ -190,8 +203,8 @@ def _render(scene: Scene, name: str, options: argparse.Namespace) -> None:
             threads=options.threads,
             accuracy=options.accuracy,
             tolerance=options.tolerance,
-            options=_photon_options(options),
-            outputs=[name for name in options.outputs.split(",") if name],
+            options=_photon_options(options, integrator),
+            outputs=channels,
             progress=progress,
         )
     if options.explain:
@@ -221,7 +234,7 @@ def _run_compare(options: argparse.Namespace) -> None:
     _say(f"{out}  (pictures and maps of their errors)")
 
 
-def _photon_options(options: argparse.Namespace) -> Any:
+def _photon_options(options: argparse.Namespace, integrator: str) -> Any:
     """Return settings for the photons asked for, or None."""
     given = {"photons_per_pass": options.photons, "alpha": options.alpha}
     given = {key: value for key, value in given.items() if value is not None}
@@ -230,11 +243,11 @@ def _photon_options(options: argparse.Namespace) -> Any:
     from hybrid_rt.integrators import PhotonMapOptions, PPMOptions
 
     of_integrator = {"ppm": PPMOptions, "photon_map": PhotonMapOptions}
-    if options.photons is not None and options.integrator not in of_integrator:
-        raise ValueError(f"--photons: integrator {options.integrator!r} has none; use ppm")
-    if options.alpha is not None and options.integrator != "ppm":
-        raise ValueError(f"--alpha: integrator {options.integrator!r} has none; use ppm")
-    return of_integrator[options.integrator](**given)
+    if options.photons is not None and integrator not in of_integrator:
+        raise ValueError(f"--photons: integrator {integrator!r} has none; use ppm")
+    if options.alpha is not None and integrator != "ppm":
+        raise ValueError(f"--alpha: integrator {integrator!r} has none; use ppm")
+    return of_integrator[integrator](**given)
 
 
 def _run_demo(options: argparse.Namespace) -> None:

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from hybrid_rt.film import linear_to_srgb, srgb_to_linear
+from hybrid_rt.film import screen_pixels, sidecar_of, srgb_to_linear
 from hybrid_rt.measures import DARK, PictureErrors, picture_errors, relative_squares
 from hybrid_rt.records import FloatArray
 
@@ -65,14 +65,59 @@ def load_picture(path: str | os.PathLike[str]) -> Picture:
     reader = readers.get(file.suffix.lower())
     if reader is None:
         raise ValueError(f"picture {str(file)!r}: unknown ending; use {', '.join(readers)}")
-    return reader(file)
+    try:
+        picture = reader(file)
+    except ModuleNotFoundError:
+        raise ModuleNotFoundError(
+            f"picture {str(file)!r}: EXR needs the package OpenEXR: pip install 'hybrid-rt[exr]'"
+        ) from None
+    except _NotAPictureError:
+        raise
+    except Exception as error:  # whatever the reader of that format raises on a damaged file
+        reason = " ".join(str(error).split()) or type(error).__name__
+        raise ValueError(
+            f"picture {str(file)!r} cannot be read ({reason[:100]}): pass a complete {file.suffix} file"
+        ) from error
+    _check_arrays(file, picture)
+    return picture
+
+
+class _NotAPictureError(ValueError):
+    """A file that can be read, but holds something else."""
+
+
+def _check_arrays(file: Path, picture: Picture) -> None:
+    image, error = picture.image, picture.standard_error
+    if image.ndim != 3 or image.shape[2] != 3 or not image.size or image.dtype.kind != "f":
+        raise ValueError(
+            f"picture {str(file)!r} holds {image.dtype} of shape {image.shape}: pass floats of "
+            "shape (height, width, 3)"
+        )
+    if error is not None and error.shape != image.shape:
+        raise ValueError(
+            f"picture {str(file)!r} has shape {image.shape}, its standard_error {error.shape}: pass "
+            "a file as it was written"
+        )
+
+
+def _report_of(text: str | None) -> dict[str, Any] | None:
+    """Return a report of ours; None for what is something else."""
+    try:
+        report = None if text is None else json.loads(text)
+    except ValueError:
+        return None
+    return report if isinstance(report, dict) else None
 
 
 def _read_npz(file: Path) -> Picture:
-    with np.load(file, allow_pickle=False) as data:
+    # Opened here: of a damaged file numpy leaves its own open.
+    with file.open("rb") as opened, np.load(opened, allow_pickle=False) as data:
         if "image" not in data:
-            raise ValueError(f"picture {str(file)!r} holds no array named image")
-        report = json.loads(str(data["report"])) if "report" in data else None
+            names = ", ".join(data) or "nothing"
+            raise _NotAPictureError(
+                f"picture {str(file)!r} holds no array named image, but {names}: pass a file of ours"
+            )
+        report = _report_of(str(data["report"]) if "report" in data else None)
         error = data.get("standard_error")
         return Picture(file.name, data["image"], report, error)
 
@@ -84,23 +129,27 @@ def _read_exr(file: Path) -> Picture:
         planes = {name: channel.pixels for name, channel in opened.channels().items()}
         text = opened.header().get("hybrid_rt")
     if not {"R", "G", "B"} <= planes.keys():
-        raise ValueError(f"picture {str(file)!r} has no channels R, G, B")
+        raise _NotAPictureError(
+            f"picture {str(file)!r} has no channels R, G, B, but {', '.join(planes)}: pass a picture"
+        )
     image = np.stack([planes[c] for c in "RGB"], axis=2).astype(np.float32)
     names = [f"standard_error.{c}" for c in "RGB"]
     error = None
     if planes.keys() >= set(names):
         error = np.stack([planes[name] for name in names], axis=2).astype(np.float32)
-    return Picture(file.name, image, None if text is None else json.loads(text), error)
+    return Picture(file.name, image, _report_of(text), error)
 
 
 def _read_png(file: Path) -> Picture:
     import imageio.v3 as imageio
 
     pixels = imageio.imread(file)
-    if pixels.ndim != 3 or pixels.dtype != np.uint8:
-        raise ValueError(f"picture {str(file)!r} is not an 8 bit RGB picture")
-    sidecar = file.with_suffix(".json")
-    report = json.loads(sidecar.read_text("utf-8")) if sidecar.is_file() else None
+    if pixels.ndim != 3 or pixels.shape[2] not in {3, 4} or pixels.dtype != np.uint8:
+        raise _NotAPictureError(
+            f"picture {str(file)!r} has {pixels.dtype} pixels of shape {pixels.shape}: pass 8 bit RGB"
+        )
+    sidecar = sidecar_of(file)
+    report = _report_of(sidecar.read_text("utf-8") if sidecar.is_file() else None)
     image = srgb_to_linear(pixels[:, :, :3] / 255.0).astype(np.float32)
     return Picture(file.name, image, report, None)
 
@@ -126,14 +175,35 @@ def compare_pictures(
     target = other if reference is None else reference
     measured = [one] if reference is None else [one, other]
     names = _distinct([*measured, target])
+    for name, picture in zip(names, [*measured, target], strict=True):
+        if picture.image.shape != target.image.shape:
+            raise ValueError(
+                f"{name} has {_size(picture)} pixels, {names[-1]} {_size(target)}: pass pictures of "
+                "one size"
+            )
+        n_bad = int(np.count_nonzero(~np.isfinite(picture.image).all(axis=2)))
+        if n_bad:
+            raise ValueError(f"{name}: {n_bad} pixels are not finite: render it again without them")
     rows = {}
     for name, picture in zip(names, measured, strict=False):
         rows[name] = {
             **asdict(picture_errors(picture.image, target.image)),
             "expected": _expected(picture, target),
-            "seconds": None if picture.report is None else picture.report["seconds"]["total"],
+            "seconds": _found(picture.report, "seconds", "total"),
         }
     return {"against": names[-1], "errors": rows}
+
+
+def _size(picture: Picture) -> str:
+    height, width, _ = picture.image.shape
+    return f"{width} x {height}"
+
+
+def _found(report: dict[str, Any] | None, part: str, name: str) -> float | None:
+    """Return a number of a report; None where a report, perhaps another program's, has none."""
+    inner = None if report is None else report.get(part)
+    value = inner.get(name) if isinstance(inner, dict) else None
+    return float(value) if isinstance(value, int | float) else None
 
 
 def _distinct(pictures: Sequence[Picture]) -> list[str]:
@@ -146,12 +216,12 @@ def _expected(one: Picture, other: Picture) -> float | None:
     """Return the relative RMSE between two pictures that differ by their noise only."""
     variance = 0.0
     for picture in (one, other):
-        noise = None if picture.report is None else picture.report.get("noise")
+        noise = _found(picture.report, "noise", "relative_rmse")
         if picture.standard_error is not None:
             weight = other.image.astype(np.float64) ** 2 + DARK
             variance += float((picture.standard_error.astype(np.float64) ** 2 / weight).mean())
-        elif noise is not None and "relative_rmse" in noise:
-            variance += noise["relative_rmse"] ** 2
+        elif noise is not None:
+            variance += noise**2
         else:
             return None
     return math.sqrt(variance)
@@ -196,11 +266,6 @@ def error_colors(relative: FloatArray) -> Pixels:
     places = np.linspace(0.0, 1.0, len(_COLORS))
     channels = [np.interp(level, places, _COLORS[:, c]) for c in range(3)]
     return np.rint(np.stack(channels, axis=-1)).astype(np.uint8)
-
-
-def screen_pixels(image: NDArray[np.floating], exposure: float = 0.0) -> Pixels:
-    """Encode a linear picture for a screen."""
-    return np.rint(linear_to_srgb(image.astype(np.float64) * 2.0**exposure) * 255).astype(np.uint8)
 
 
 def side_by_side(panels: Sequence[tuple[str, Pixels]]) -> Pixels:

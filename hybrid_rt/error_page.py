@@ -8,7 +8,7 @@ import math
 from collections.abc import Mapping, Sequence
 from html import escape
 
-from hybrid_rt.comparison import Pixels, error_map, screen_pixels
+from hybrid_rt.comparison import Pixels, error_map
 from hybrid_rt.error_vs_time import (
     RULE_OF_THREE,
     Curve,
@@ -17,6 +17,7 @@ from hybrid_rt.error_vs_time import (
     Image,
     PictureStudy,
 )
+from hybrid_rt.film import screen_pixels
 from hybrid_rt.loglog import Line, Mark, log_log
 from hybrid_rt.measures import picture_errors
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import importlib.util
 import json
 import math
@@ -16,6 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from hybrid_rt.measures import DARK
 from hybrid_rt.records import FloatArray
+from hybrid_rt.report import plain
 
 UIntArray = NDArray[np.uint64]
 
@@ -36,12 +38,21 @@ def srgb_to_linear(encoded: ArrayLike) -> FloatArray:
     return np.where(x <= _SRGB_LIMIT, x / _SLOPE, ((x + _OFFSET) / (1.0 + _OFFSET)) ** _POWER)
 
 
+def screen_pixels(image: NDArray[np.floating], exposure: float = 0.0) -> NDArray[np.uint8]:
+    """Encode a linear picture for a screen, 8 bit; nan is black."""
+    shown = np.nan_to_num(image.astype(np.float64), posinf=np.inf) * 2.0**exposure
+    return np.rint(linear_to_srgb(shown) * 255.0).astype(np.uint8)
+
+
 # Passes are dealt out to groups, a run of RUN passes to each in turn, and every group has random
 # numbers of its own. So errors taken from the differences between groups are honest, however evenly
 # the passes within a group fill their domain; a run is a complete net, so few passes are as good as
 # they can be. More groups would know their error better and make it larger: docs/error_vs_time.md
 # says what four cost.
 GROUPS, RUN = 4, 4
+
+# Radiances beyond the range of numbers end as inf and nan, which the report counts.
+OVERFLOWS = np.errstate(over="ignore", invalid="ignore")
 
 # Pixels of which errors are computed at a time: what it takes stays in the processor's cache.
 STRIP = 2**12
@@ -83,6 +94,7 @@ class Film:
         self._first_means: list[float] = []
         self._squares: FloatArray | None = np.zeros((height, width, 3))
 
+    @OVERFLOWS
     def add(self, radiance: FloatArray) -> None:
         """Add one pass (height, width, 3); passes come in the order of their numbers."""
         group = self.n_passes // RUN % GROUPS
@@ -98,11 +110,13 @@ class Film:
             self._first_means.append(mean)
 
     @property
+    @OVERFLOWS
     def image(self) -> NDArray[np.float32]:
         """(height, width, 3) float32: the mean of the passes, linear, row 0 at the top."""
         return self._mean().astype(np.float32)
 
     @property
+    @OVERFLOWS
     def standard_error(self) -> FloatArray:
         """(height, width, 3) float64: of each pixel; a single pass tells nothing: nan.
 
@@ -117,6 +131,7 @@ class Film:
             error[rows] = np.sqrt(variance)
         return error
 
+    @OVERFLOWS
     def relative_error(self) -> float:
         """Return the estimated relative root mean square error of the picture, nan after one pass.
 
@@ -128,6 +143,7 @@ class Film:
         """
         return self._root_mean_squares()[1]
 
+    @OVERFLOWS
     def noise(self) -> dict[str, Any] | None:
         """Return estimates of the standard error, or None where a single pass tells nothing.
 
@@ -242,19 +258,6 @@ def _without_peaks(image: FloatArray) -> FloatArray:
 Channels = Mapping[str, NDArray[np.float32]]
 
 
-def _plain(value: Any) -> Any:
-    """Return what JSON can hold: numpy's numbers as Python's, null for what is not finite."""
-    if isinstance(value, dict):
-        return {key: _plain(item) for key, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [_plain(item) for item in value]
-    if isinstance(value, np.generic):
-        value = value.item()
-    if isinstance(value, float) and not math.isfinite(value):
-        return None
-    return value
-
-
 def save_image(
     path: str | os.PathLike[str],
     image: NDArray[np.float32],
@@ -281,21 +284,33 @@ def save_image(
     Returns
     -------
     Path
-        The sidecar: the same name ending in .json.
+        The sidecar: a.json of a.png, a.npz.json of a.npz, so that none takes another's place.
 
     Raises
     ------
-    ValueError, FileNotFoundError, ModuleNotFoundError
-        If the ending is another one, the folder does not exist, or OpenEXR is not installed.
+    ValueError, OSError, ModuleNotFoundError
+        If the ending is another one, no file can be made there, or OpenEXR is not installed.
     """
     target = check_output(path)
-    text = json.dumps(_plain(report), indent=2, allow_nan=False) + "\n"
+    text = json.dumps(plain(report), indent=2, allow_nan=False) + "\n"
     with _replacing(target) as file:
         WRITERS[target.suffix.lower()](file, image, text, channels or {}, exposure)
-    sidecar = target.with_suffix(".json")
+    sidecar = sidecar_of(target)
     with _replacing(sidecar) as file:
         file.write(text.encode())
     return sidecar
+
+
+def sidecar_of(picture: Path) -> Path:
+    """Return where the report of a picture is kept."""
+    return picture.with_suffix(
+        ".json" if picture.suffix.lower() == ".png" else f"{picture.suffix}.json"
+    )
+
+
+def keeps_channels(picture: Path) -> bool:
+    """Tell whether files of this kind hold more than radiance."""
+    return picture.suffix.lower() != ".png"
 
 
 def check_output(path: str | os.PathLike[str]) -> Path:
@@ -307,8 +322,18 @@ def check_output(path: str | os.PathLike[str]) -> Path:
         raise FileNotFoundError(
             f"output {str(target)!r}: there is no folder {str(target.parent)!r}"
         )
-    if not os.access(target.parent, os.W_OK):
-        raise PermissionError(f"output {str(target)!r}: the folder is not writable")
+    for file in (target, sidecar_of(target)):
+        try:
+            # A trial tells more than permissions do: full disks, names too long.
+            trial = _temporary(file)
+            trial.touch()
+            trial.unlink()
+            if file.is_dir():
+                raise IsADirectoryError(errno.EISDIR, "it is a folder")
+        except OSError as error:
+            raise type(error)(
+                f"output {str(file)!r} cannot be written ({error.strerror}): name another file"
+            ) from error
     if target.suffix.lower() == ".exr" and importlib.util.find_spec("OpenEXR") is None:
         raise ModuleNotFoundError(
             f"output {str(target)!r}: EXR needs the package OpenEXR: pip install 'hybrid-rt[exr]'"
@@ -325,9 +350,7 @@ def _write_png(
 ) -> None:
     import imageio.v3 as imageio
 
-    shown = image.astype(np.float64) * 2.0**exposure
-    pixels = np.rint(linear_to_srgb(shown) * 255.0).astype(np.uint8)
-    imageio.imwrite(file, pixels, extension=".png")
+    imageio.imwrite(file, screen_pixels(image, exposure), extension=".png")
 
 
 def _write_npz(
@@ -375,10 +398,14 @@ WRITERS: dict[str, Writer] = {".png": _write_png, ".npz": _write_npz, ".exr": _w
 @contextmanager
 def _replacing(target: Path) -> Iterator[BinaryIO]:
     """Open a file under a temporary name that takes the target's place once it is complete."""
-    temporary = target.with_name(f".{target.name}.{os.getpid()}.part")
+    temporary = _temporary(target)
     try:
         with temporary.open("wb") as file:
             yield file
         temporary.replace(target)
     finally:
         temporary.unlink(missing_ok=True)
+
+
+def _temporary(target: Path) -> Path:
+    return target.with_name(f".{target.name}.{os.getpid()}.part")

@@ -1,4 +1,4 @@
-"""When a render ends: the number of passes, the seconds allowed, whichever comes first."""
+"""When a render ends: by passes, by seconds, by the error asked for; the first reached stops it."""
 
 from __future__ import annotations
 
@@ -10,6 +10,8 @@ from hybrid_rt.film import RUN
 from hybrid_rt.progress import CompileWatch
 
 DEFAULT_PASSES = 16
+# Passes from here on have numbers that find out what a scene needs.
+MOST_PASSES = 2**32 - 2
 
 
 class Clock:
@@ -50,7 +52,7 @@ class Limit:
         target_error: float | None = None,
     ) -> None:
         if passes is not None:
-            checks.whole(passes, "passes", at_least=1)
+            checks.whole(passes, "passes", at_least=1, up_to=MOST_PASSES)
         if time_budget is not None:
             checks.number(time_budget, "time_budget", above=0.0)
         if target_error is not None:
@@ -99,7 +101,7 @@ class Limit:
         if n == 0:
             return 2 if self.target_error is None else RUN
         share = 2.0
-        if self.target_error is not None:
+        if self.target_error is not None and math.isfinite(self._error):
             share = min(self._error / self.target_error, share)
         return max(int(n * share) // RUN * RUN, n + RUN)
 
@@ -111,6 +113,8 @@ class Limit:
         """Return which limit allows no further pass, or None."""
         if self.target_error is not None and self._error <= self.target_error:
             return "target_error"
+        if self.target_error is not None and self._n_of_error and not math.isfinite(self._error):
+            return "not_finite"  # and never will be: what is in the sums stays
         if self.passes is not None and n_done >= self.passes:
             return "passes"
         if self.time_budget is None or n_done == 0:

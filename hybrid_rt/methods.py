@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from hybrid_rt import checks
 from hybrid_rt.integrators import INTEGRATORS, OPTIONS, PPMOptions
 from hybrid_rt.integrators.shooting import check_lights
 from hybrid_rt.kernels.light import POINT
@@ -94,12 +95,11 @@ def default_methods(
     ValueError
         If an integrator is unknown, refuses the scene, or a setting is out of range.
     """
-    names = [name for name in INTEGRATORS if _refusal(scene, name) is None]
+    names: list[str] = [name for name in INTEGRATORS if _refusal(scene, name) is None]
     if integrators is not None:
         names = list(dict.fromkeys(integrators))
         for name in names:
-            if name not in INTEGRATORS:
-                raise ValueError(f"integrator {name!r} is unknown; use {', '.join(INTEGRATORS)}")
+            checks.choice(name, "integrator", INTEGRATORS)
             refusal = _refusal(scene, name)
             if refusal is not None:
                 raise refusal

@@ -9,12 +9,30 @@ _STOPPED_BY = {
     "passes": "the number of passes",
     "time_budget": "the time budget",
     "target_error": "the target error",
+    "not_finite": "pixels that are not finite, which no error can be estimated of",
 }
 
 
 def in_words(report: dict[str, Any]) -> str:
     """Put the numbers of a render's report into some lines."""
-    return "\n".join([_noise(report), _geometry(report), _cost(report), _stop(report)])
+    lines = [_noise(report), _geometry(report), _cost(report), _stop(report)]
+    return "\n".join([*_warnings(report), *lines])
+
+
+def _warnings(report: dict[str, Any]) -> list[str]:
+    """Return what makes the picture wrong."""
+    lines = []
+    if report["pixels_not_finite"]:
+        lines.append(
+            f"  WARNING   {report['pixels_not_finite']:,} pixels are not finite (nan, or brighter "
+            "than float32 holds): lower the radiance of the lights, or scale the scene"
+        )
+    lines += [
+        f"  WARNING   {name!r} is clear, but not closed: {n_rays:,} rays left it without entering "
+        "it, or never left it: add what closes it, normals outward"
+        for name, n_rays in report["clear_bodies_not_closed"].items()
+    ]
+    return lines
 
 
 def _noise(report: dict[str, Any]) -> str:

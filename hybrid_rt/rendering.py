@@ -15,13 +15,15 @@ from hybrid_rt.audit import audit
 from hybrid_rt.channels import check_names, compute_channels
 from hybrid_rt.film import Film, save_image
 from hybrid_rt.integrators import INTEGRATORS, OPTIONS, Options, RenderContext
+from hybrid_rt.integrators.clear_bodies import unclosed_bodies
 from hybrid_rt.integrators.crew import TOGETHER, Crew
 from hybrid_rt.intersection import Intersector
 from hybrid_rt.intersection.pool import Pool
 from hybrid_rt.limits import Clock, Limit
+from hybrid_rt.memory import check_memory, photons_of
 from hybrid_rt.plan import make_plan
 from hybrid_rt.progress import Progress, watch_compilation
-from hybrid_rt.report import Ledger, peak_memory_mib, versions
+from hybrid_rt.report import Ledger, peak_memory_mib, twelve_digits, versions
 from hybrid_rt.sampler import Sampler
 from hybrid_rt.scene import Scene, compile_scene
 
@@ -111,17 +113,23 @@ def render(
     ------
     ValueError, TypeError
         Before any work, if a setting is unknown or out of range.
+    MemoryError
+        Before any work, if the picture or the photons of a pass are more than the machine holds.
     """
     if not isinstance(scene, Scene):
-        raise TypeError(f"render: expected a Scene, got {scene!r}")
-    if integrator not in INTEGRATORS:
-        raise ValueError(f"integrator {integrator!r} is unknown; use {', '.join(INTEGRATORS)}")
+        raise TypeError(f"render scene is {checks.shown(scene)}: pass a Scene")
+    checks.choice(integrator, "integrator", INTEGRATORS)
     _check_options(integrator, options)
     names = check_names(outputs)
     limit = Limit(passes, time_budget, target_error)
     n_threads = Pool(threads).threads
     sampler = Sampler(seed)
     checks.whole(max_depth, "max_depth", at_least=0)
+    if progress is not None and not callable(progress):
+        raise TypeError(f"progress is {checks.shown(progress)}: pass a function, or None")
+    kind = OPTIONS[integrator]
+    photons = 0 if kind is None else photons_of(options or kind())
+    check_memory(scene.camera, photons, names)
 
     with watch_compilation(progress) as compilation:
         clock = Clock(compilation)
@@ -139,7 +147,9 @@ def render(
         context = RenderContext(
             compiled, tracer, Pool(1), plan, sampler, ledger, max_depth, options
         )
-        crew = INTEGRATORS[integrator](context, n_threads)
+        with ledger.stage("set-up"):
+            crew = INTEGRATORS[integrator](context, n_threads)
+            crew.forget_seconds()
         # Before the passes, so that a time budget covers it.
         with ledger.stage("audit"):
             wrong = audit(context, n_threads)
@@ -171,7 +181,9 @@ def _check_options(integrator: str, options: Options | None) -> None:
     if options is None or (expected is not None and isinstance(options, expected)):
         return
     wanted = "no options" if expected is None else expected.__name__
-    raise TypeError(f"render options: integrator {integrator!r} takes {wanted}, got {options!r}")
+    raise TypeError(
+        f"options are {checks.shown(options)}: integrator {integrator!r} takes {wanted}"
+    )
 
 
 def _run_passes(
@@ -208,7 +220,7 @@ def _run_passes(
 def _report(
     settings: dict[str, Any], context: RenderContext, film: Film, clock: Clock, stopped_by: str
 ) -> dict[str, Any]:
-    ledger, tracer = context.ledger, context.tracer
+    ledger, tracer, total = context.ledger, context.tracer, clock.seconds
     n_camera = ledger.rays["camera"]
     work = tracer.counters
     n_certified = work["rays"] + work["shadow_rays"] - work["given_up"]
@@ -219,7 +231,9 @@ def _report(
         "stopped_by": stopped_by,
         "seconds": {
             **{stage: round(seconds, 4) for stage, seconds in ledger.seconds.items()},
-            "total": round(clock.seconds, 4),
+            # Threads that start, end and wait for each other, and whatever has no stage.
+            "other": round(max(total - sum(ledger.seconds.values()), 0.0), 4),
+            "total": round(total, 4),
         },
         "kernel_compilation_seconds": round(clock.compile_seconds, 4),
         "rays": dict(ledger.rays),
@@ -227,9 +241,11 @@ def _report(
         "intersection": dict(work),
         "ended_branches": {
             **ledger.ended,
-            "lost_weight_per_camera_ray": ledger.lost_weight / n_camera,
+            "lost_weight_per_camera_ray": twelve_digits(ledger.lost_weight / n_camera),
         },
         "noise": film.noise(),
+        "clear_bodies_not_closed": unclosed_bodies(context),
+        "pixels_not_finite": int(np.count_nonzero(~np.isfinite(film.image).all(axis=2))),
         "geometry": {
             "accuracy": tracer.accuracy,
             "camera_hits": ledger.camera_hits,

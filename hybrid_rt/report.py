@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import math
 import platform
 import sys
 import time
 from collections import Counter, defaultdict
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from importlib import metadata
+from typing import Any
 
 import numpy as np
 
@@ -30,10 +32,15 @@ class Ledger:
 
     def __init__(self, now: Callable[[], float] = time.perf_counter) -> None:
         self.now = now
+        self.forget()
+
+    def forget(self) -> None:
+        """Begin anew."""
         self.seconds: dict[str, float] = defaultdict(float)
         self.rays: Counter[str] = Counter()
         self.hits: Counter[str] = Counter({status.name.lower(): 0 for status in Status})
         self.ended: Counter[str] = Counter()
+        self.unclosed: Counter[int] = Counter()  # by dielectric lobe
         self.lost_weight = 0.0
         self.camera_hits = 0
         self.camera_hits_without_bound = 0
@@ -52,22 +59,18 @@ class Ledger:
             self.seconds[name] += spent - self._within
             self._within = outer + spent
 
-    def add(self, other: Ledger) -> None:
-        """Add what another thread did."""
+    def add(self, other: Ledger, share: float) -> None:
+        """Add what another thread did; of its seconds only a share, as others ran meanwhile."""
         for stage, seconds in other.seconds.items():
-            self.seconds[stage] += seconds
+            self.seconds[stage] += share * seconds
         self.rays.update(other.rays)
         self.hits.update(other.hits)
         self.ended.update(other.ended)
+        self.unclosed.update(other.unclosed)
         self.lost_weight += other.lost_weight
         self.camera_hits += other.camera_hits
         self.camera_hits_without_bound += other.camera_hits_without_bound
         self.largest_t_bound = max(self.largest_t_bound, other.largest_t_bound)
-
-    def divide_seconds(self, stages: Sequence[str], n: int) -> None:
-        """Turn seconds that n threads spent together into those that passed meanwhile."""
-        for stage in stages:
-            self.seconds[stage] /= n
 
     def count_hits(self, hits: HitRecord) -> None:
         """Count first hits by status."""
@@ -82,6 +85,24 @@ class Ledger:
         self.camera_hits += bounds.size
         self.camera_hits_without_bound += bounds.size - proven.size
         self.largest_t_bound = max(self.largest_t_bound, float(proven.max(initial=0.0)))
+
+
+def plain(value: Any) -> Any:
+    """Return what JSON can hold: numpy's numbers as Python's, null for what is not finite."""
+    if isinstance(value, dict):
+        return {key: plain(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [plain(item) for item in value]
+    if isinstance(value, np.generic):
+        value = value.item()
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return value
+
+
+def twelve_digits(value: float) -> float:
+    """Return a sum over threads without the digits that the order of its terms decides."""
+    return float(f"{value:.12g}")
 
 
 def peak_memory_mib() -> float:

@@ -34,9 +34,7 @@ class Sampler:
     """
 
     def __init__(self, seed: int, pool: Pool | None = None) -> None:
-        seed = checks.whole(seed, "seed", at_least=0)
-        if seed >= 2**64:
-            raise ValueError(f"seed {seed} is out of range: use an integer from 0 to 2**64 - 1")
+        seed = checks.whole(seed, "seed", at_least=0, up_to=2**64 - 1)
         self._seed = np.uint64(seed)
         self._pool = Pool(1) if pool is None else pool
 

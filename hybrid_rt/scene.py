@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from hybrid_rt import checks
 from hybrid_rt.camera import Camera
 from hybrid_rt.kernels.environment import EnvironmentTable
 from hybrid_rt.kernels.light import RECTANGLE, SPHERE, SURFACE, LightTable
@@ -45,24 +46,30 @@ class Object:
     def __init__(
         self, surface: Any, material: Material, name: str | None = None, smooth: bool = False
     ) -> None:
+        if name is not None and not isinstance(name, str):
+            raise TypeError(f"Object name is {checks.shown(name)}: pass a word, or None")
         self.name = type(surface).__name__ if name is None else name
-        if not (hasattr(surface, "bounds") and hasattr(surface, "transformed")):
+        is_class = isinstance(surface, type)
+        if is_class or not (hasattr(surface, "bounds") and hasattr(surface, "transformed")):
             raise TypeError(
-                f"object {self.name!r}: {type(surface).__name__} is no surface; use Sphere, "
+                f"object {self.name!r} is made of {checks.shown(surface)}: pass a Sphere, "
                 "Rectangle, Plane, Box, TriangleMesh, BezierPatches or SurfaceOfRevolution"
             )
         if not isinstance(material, Material):
             raise TypeError(
-                f"object {self.name!r}: {material!r} is no material; use one of hybrid_rt.materials"
+                f"object {self.name!r} has the material {checks.shown(material)}: pass one of "
+                "hybrid_rt.materials"
             )
-        if smooth and not isinstance(surface, TriangleMesh):
+        if checks.flag(smooth, f"object {self.name!r}, smooth") and not isinstance(
+            surface, TriangleMesh
+        ):
             raise TypeError(
-                f"object {self.name!r}: smooth is for a TriangleMesh; {type(surface).__name__} has "
-                "exact normals"
+                f"object {self.name!r} is a smooth {type(surface).__name__}: leave smooth to "
+                "TriangleMesh, other surfaces have exact normals"
             )
         self.surface = surface
         self.material = material
-        self.smooth = bool(smooth)
+        self.smooth = smooth
 
 
 class Scene:
@@ -90,21 +97,23 @@ class Scene:
         environment: Environment | None = None,
     ) -> None:
         if not isinstance(camera, Camera):
-            raise TypeError(f"Scene camera: expected a Camera, got {camera!r}")
+            raise TypeError(f"Scene camera is {checks.shown(camera)}: pass a Camera")
+        objects = checks.items(objects, "Scene objects")
+        lights = checks.items(lights, "Scene lights")
         for i, item in enumerate(objects):
             if not isinstance(item, Object):
-                raise TypeError(f"Scene objects[{i}]: expected an Object, got {item!r}")
+                raise TypeError(f"Scene objects[{i}] is {checks.shown(item)}: pass an Object")
         for i, light in enumerate(lights):
             if not isinstance(light, Light):
-                raise TypeError(f"Scene lights[{i}]: expected a light, got {light!r}")
+                raise TypeError(f"Scene lights[{i}] is {checks.shown(light)}: pass a light")
         if environment is not None and not isinstance(environment, Environment):
             raise TypeError(
-                f"Scene environment: expected GradientSky, ImageEnvironment or None, "
-                f"got {environment!r}"
+                f"Scene environment is {checks.shown(environment)}: pass a GradientSky, an "
+                "ImageEnvironment or None"
             )
         self.camera = camera
-        self.objects = tuple(objects)
-        self.lights = tuple(lights)
+        self.objects: tuple[Object, ...] = objects
+        self.lights: tuple[Light, ...] = lights
         self.environment = environment
 
     def with_camera(self, camera: Camera) -> Scene:

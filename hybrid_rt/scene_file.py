@@ -1,12 +1,19 @@
-"""Scene scripts: Python files with a function ``scene()`` that returns a `Scene`."""
+"""Scene scripts: Python files with a function ``scene()`` that returns a `Scene`.
+
+A script may name the integrator that it is meant for, in ``INTEGRATOR``: "ppm" where caustics of
+small lamps are to be seen, say. A command line that asks for another one has the last word.
+"""
 
 from __future__ import annotations
 
 import os
 import runpy
 import traceback
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
+from hybrid_rt import checks
 from hybrid_rt.scene import Scene
 
 
@@ -15,7 +22,30 @@ class SceneFileError(ValueError):
 
 
 def load_scene(path: str | os.PathLike[str]) -> Scene:
-    """Run a scene script and return its scene.
+    """Run a scene script and return its scene; see `load_script`."""
+    return load_script(path)[0]
+
+
+def preferred_integrator(names: Mapping[str, Any], file: str | os.PathLike[str]) -> str:
+    """Return what a script, of which the global names are given, calls ``INTEGRATOR``, or "path".
+
+    Raises
+    ------
+    SceneFileError
+        If there is no such integrator.
+    """
+    if "INTEGRATOR" not in names:
+        return "path"
+    from hybrid_rt.integrators import INTEGRATORS
+
+    try:
+        return checks.choice(names["INTEGRATOR"], "INTEGRATOR", INTEGRATORS)
+    except ValueError as error:
+        raise SceneFileError(f"{os.fspath(file)}: {error}") from None
+
+
+def load_script(path: str | os.PathLike[str]) -> tuple[Scene, str]:
+    """Run a scene script; return its scene, and the integrator that it is meant for.
 
     The script is a program and may do whatever a program may: run only scripts you trust.
 
@@ -39,7 +69,7 @@ def load_scene(path: str | os.PathLike[str]) -> Scene:
         raise SceneFileError(f"{file}{_line_in(file, error)}: {_described(error)}") from error
     if not isinstance(scene, Scene):
         raise SceneFileError(f"{file}: scene() returned {type(scene).__name__}, not a Scene")
-    return scene
+    return scene, preferred_integrator(namespace, file)
 
 
 def _line_in(file: Path, error: BaseException) -> str:

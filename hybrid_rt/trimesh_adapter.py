@@ -18,6 +18,7 @@ from hybrid_rt.intersection.coincident import coincident_hits
 from hybrid_rt.intersection.crossings import Crossings
 from hybrid_rt.primitives import Box, TriangleMesh
 from hybrid_rt.records import BoolArray, FloatArray, HitRecord, Status
+from meshing.checks import as_floats, whole
 
 IdArray = NDArray[np.int64]
 
@@ -96,7 +97,9 @@ class RayMeshIntersector:
         By the parity of crossings; where a ray only touches something, the next direction is
         asked.
         """
-        points = np.asarray(points, dtype=np.float64).reshape(-1, 3)
+        points = as_floats(points, "contains_points points")
+        if points.ndim != 2 or points.shape[1] != 3:
+            raise ValueError(f"contains_points points have shape {points.shape}: pass (n, 3)")
         inside = np.zeros(len(points), np.bool_)
         left = np.arange(len(points))
         for direction in DIRECTIONS:
@@ -125,6 +128,8 @@ class RayMeshIntersector:
         if not multiple_hits:
             hits = self.intersector.intersect(origins, directions)
             return hits[hits.hit], np.flatnonzero(hits.hit)
+        if most is not None:
+            whole(most, "max_hits", at_least=1)
         found = self.intersector.intersect_all(origins, directions)
         if most is None:
             return found.hits, found.ray

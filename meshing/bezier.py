@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from meshing import bpt
-from meshing.checks import BoolArray, FloatArray, as_affine, as_floats, freeze
+from meshing.checks import BoolArray, FloatArray, as_affine, as_floats, freeze, shown
 from meshing.kernels import bernstein, subdivision
 from meshing.parametric import ParametricSurface
 
@@ -46,7 +46,7 @@ class BezierPatches(ParametricSurface):
         collapsed = bernstein.first_collapsed_patch(self._control, self._starts, self._degrees)
         if collapsed >= 0:
             raise ValueError(
-                f"patch {collapsed} has no area (it is collapsed to a curve or a point): remove it"
+                f"BezierPatches patch {collapsed} has no area (a curve or a point is left): remove it"
             )
         for array in (self._degrees, self._starts):
             array.setflags(write=False)
@@ -121,7 +121,7 @@ class BezierPatches(ParametricSurface):
             the control points, so the image is exact up to their rounding. A reflection turns
             the normal, which stays along S_u x S_v, to the other side.
         """
-        linear, shift = as_affine(matrix)
+        linear, shift = as_affine(matrix, "BezierPatches")
         # Term by term rather than by a matrix product: equal points must get equal images, which
         # blocked products do not promise.
         x, y, z = self._control.T
@@ -170,33 +170,33 @@ class BezierPatches(ParametricSurface):
 
 def _as_nets(control: ArrayLike | Iterable[ArrayLike]) -> FloatArray | list[FloatArray]:
     if isinstance(control, np.ndarray) and control.dtype != object:
-        stack = as_floats(control, "control")
+        stack = as_floats(control, "BezierPatches control")
         if stack.ndim != 4 or stack.shape[3] != 3:
             raise ValueError(
-                f"control has shape {control.shape}: (patches, m + 1, n + 1, 3) is needed"
+                f"BezierPatches control has shape {control.shape}: pass (patches, m + 1, n + 1, 3)"
                 + (", put one net into a list" if stack.ndim == 3 else "")
             )
         if stack.shape[0] == 0:
-            raise ValueError("control holds no patches: at least one is needed")
-        _check_shape(stack.shape[1:], "each patch")
+            raise ValueError("BezierPatches control holds no patches: pass at least one")
+        _check_shape(stack.shape[1:], "BezierPatches: each patch")
         return stack
-    if not isinstance(control, Iterable):
-        raise TypeError(f"control is {control!r}: an array or a sequence of nets is needed")
-    nets = [as_floats(net, f"patch {p}") for p, net in enumerate(control)]
+    if isinstance(control, str | bytes) or not isinstance(control, Iterable):
+        raise TypeError(f"BezierPatches control is {shown(control)}: pass a sequence of nets")
+    nets = [as_floats(net, f"BezierPatches patch {p}") for p, net in enumerate(control)]
     if not nets:
-        raise ValueError("control holds no patches: at least one is needed")
+        raise ValueError("BezierPatches control holds no patches: pass at least one")
     for p, net in enumerate(nets):
-        _check_shape(net.shape, f"patch {p}")
+        _check_shape(net.shape, f"BezierPatches patch {p}")
     return nets
 
 
 def _check_shape(shape: tuple[int, ...], name: str) -> None:
     if len(shape) != 3 or shape[2] != 3:
-        raise ValueError(f"{name} has shape {shape}: (m + 1, n + 1, 3) is needed")
+        raise ValueError(f"{name} has shape {shape}: pass (m + 1, n + 1, 3)")
     for degree, direction in ((shape[0] - 1, "u"), (shape[1] - 1, "v")):
         if not 1 <= degree <= bernstein.MAX_DEGREE:
             raise ValueError(
-                f"{name} has degree {degree} in {direction}: 1 to {bernstein.MAX_DEGREE} is possible"
+                f"{name} has degree {degree} in {direction}: pass 1 to {bernstein.MAX_DEGREE}"
                 + (" (degree 0 would make it a curve)" if degree == 0 else "")
             )
 
@@ -209,6 +209,6 @@ def _check_finite(
         p = int(np.searchsorted(starts, bad[0], side="right")) - 1
         i, j = divmod(int(bad[0] - starts[p]), int(degrees[p, 1]) + 1)
         raise ValueError(
-            f"patch {p}, control point ({i}, {j}) is {control[bad[0]].tolist()}: "
-            "finite numbers are needed"
+            f"BezierPatches patch {p}, control point ({i}, {j}) is {control[bad[0]].tolist()}: "
+            "pass finite numbers"
         )

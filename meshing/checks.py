@@ -1,4 +1,8 @@
-"""What every surface asks of its input: finite numbers, sensible shapes, usable matrices."""
+"""Checks of what the user passes: clear refusals before any work starts.
+
+Every message says what has which value, and after a colon what to pass instead. ``what`` names the
+object and its parameter, as in "Sphere radius".
+"""
 
 from __future__ import annotations
 
@@ -16,69 +20,139 @@ SMALLEST_SQUEEZE = 8.0 * 2.0**-52
 SIMILARITY_TOLERANCE = 2.0**-40
 
 
-def as_floats(value: ArrayLike, name: str) -> FloatArray:
-    """Convert to a float64 array; complain by name about what is not numbers."""
+def shown(value: object) -> str:
+    """Return a value as a message shows it: on one line, and short."""
+    try:
+        text = " ".join(repr(value).split())
+    except ValueError:  # an integer of more digits than Python writes out
+        text = f"a very large {type(value).__name__}"
+    return text if len(text) <= 60 else text[:57] + "..."
+
+
+def as_floats(value: ArrayLike, what: str) -> FloatArray:
+    """Return real numbers as a float64 array; anything else is refused by name."""
     try:
         array = np.asarray(value)
-        if array.dtype.kind == "c":
-            raise TypeError(f"{name} is complex: real numbers are needed")
-        return np.ascontiguousarray(array, dtype=np.float64)
-    except ValueError as error:
-        raise ValueError(f"{name} is not an array of numbers: {error}") from None
+    except ValueError:
+        raise ValueError(f"{what} is {shown(value)}: pass rows of equal length") from None
+    if array.dtype.kind == "O":
+        # Fractions and decimals; one by one, since numpy turns None into nan.
+        try:
+            array = np.array([float(x) for x in array.flat]).reshape(array.shape)
+        except OverflowError:
+            raise ValueError(f"{what} is {shown(value)}: pass numbers within 1e308") from None
+        except (TypeError, ValueError):
+            raise TypeError(f"{what} is {shown(value)}: pass real numbers") from None
+    if array.dtype.kind not in "fiu":
+        raise TypeError(f"{what} is {shown(value)}: pass real numbers")
+    return np.asarray(array, dtype=np.float64, order="C")
 
 
-def as_vector(value: ArrayLike, name: str) -> FloatArray:
-    """Convert to three finite float64 numbers."""
-    vector = as_floats(value, name)
+def as_vector(value: ArrayLike, what: str, *, up_to: float = np.inf) -> FloatArray:
+    """Return three finite float64 numbers of at most ``up_to`` in size, read-only."""
+    vector = as_floats(value, what)
     if vector.shape != (3,):
-        raise ValueError(f"{name} has shape {vector.shape}: three numbers are needed")
+        raise ValueError(f"{what} has shape {vector.shape}: pass three numbers")
     if not np.isfinite(vector).all():
-        raise ValueError(f"{name} = {vector.tolist()} is not finite")
-    return vector.copy()
+        raise ValueError(f"{what} is {vector.tolist()}: pass finite numbers")
+    if np.abs(vector).max() > up_to:
+        raise ValueError(f"{what} is {vector.tolist()}: scale the scene to within {up_to:g}")
+    return freeze(vector.copy())
 
 
-def unit(vector: FloatArray, name: str) -> FloatArray:
+def unit(vector: FloatArray, what: str) -> FloatArray:
     """Return the vector at length one; scaled first, so that no square overflows."""
     largest = float(np.abs(vector).max())
     if largest == 0.0:
-        raise ValueError(f"{name} is the zero vector: give a direction")
+        raise ValueError(f"{what} is the zero vector: pass a direction")
     scaled = vector / np.exp2(np.floor(np.log2(largest)))
     result: FloatArray = scaled / np.sqrt(scaled @ scaled)
     return result
 
 
-def as_affine(matrix: ArrayLike) -> tuple[FloatArray, FloatArray]:
-    """Split a 4 x 4 matrix that acts on columns (x, y, z, 1) into its linear part and its shift."""
-    array = as_floats(matrix, "matrix")
+def as_direction(value: ArrayLike, what: str) -> FloatArray:
+    """Return a direction of any length at length one, read-only."""
+    return freeze(unit(as_vector(value, what), what))
+
+
+def number(
+    value: float,
+    what: str,
+    *,
+    above: float = -np.inf,
+    below: float = np.inf,
+    at_least: float = -np.inf,
+    up_to: float = np.inf,
+    hint: str = "",
+) -> float:
+    """Return one finite number within limits; ``hint`` says more of what to pass instead."""
+    array = as_floats(value, what)
+    if array.shape != ():
+        raise TypeError(f"{what} is {shown(value)}: pass one number")
+    result = float(array)
+    inside = above < result < below and at_least <= result <= up_to
+    if not (inside and np.isfinite(result)):
+        limits = [
+            f"{word} {limit:g}"
+            for word, limit in (
+                ("above", above), ("at least", at_least), ("below", below), ("at most", up_to),
+            )
+            if np.isfinite(limit)
+        ]  # fmt: skip
+        wanted = " ".join(["a finite number", " and ".join(limits)]).strip()
+        raise ValueError(f"{what} is {result:g}: pass {wanted}" + (f" ({hint})" if hint else ""))
+    return result
+
+
+def whole(value: int, what: str, *, at_least: int, up_to: int | None = None) -> int:
+    """Return an integer within limits."""
+    if isinstance(value, bool) or not isinstance(value, int | np.integer):
+        raise TypeError(f"{what} is {shown(value)}: pass an integer")
+    if value < at_least or (up_to is not None and value > up_to):
+        limits = f"from {at_least} on" if up_to is None else f"from {at_least} to {up_to}"
+        raise ValueError(f"{what} is {shown(value)}: pass an integer {limits}")
+    return int(value)
+
+
+def as_affine(matrix: ArrayLike, kind: str) -> tuple[FloatArray, FloatArray]:
+    """Split a 4 x 4 matrix that acts on columns (x, y, z, 1) into its linear part and its shift.
+
+    ``kind`` is the kind of surface that is to be transformed.
+    """
+    array = as_floats(matrix, f"{kind} matrix")
     if array.shape != (4, 4):
-        raise ValueError(f"matrix has shape {array.shape}: (4, 4) is needed")
+        raise ValueError(f"{kind} matrix has shape {array.shape}: pass one of (4, 4)")
     if not np.isfinite(array).all():
-        raise ValueError("matrix has entries that are not finite")
+        bad = np.argwhere(~np.isfinite(array))[0]
+        raise ValueError(
+            f"{kind} matrix is {array[tuple(bad)]} in row {bad[0]}, column {bad[1]}: "
+            "pass finite numbers"
+        )
     if not np.array_equal(array[3], [0.0, 0.0, 0.0, 1.0]):
         raise ValueError(
-            f"matrix is projective, its last row is {array[3].tolist()}: "
-            "only affine ones, with last row (0, 0, 0, 1), keep a polynomial surface polynomial"
+            f"{kind} matrix has the last row {array[3].tolist()}: pass an affine map, "
+            "last row (0, 0, 0, 1)"
         )
     linear = array[:3, :3].copy()
     sizes = np.linalg.svd(linear, compute_uv=False)
     if not sizes[2] > SMALLEST_SQUEEZE * sizes[0]:
         raise ValueError(
-            f"matrix is singular (it stretches by {sizes[0]:g} one way, {sizes[2]:g} another): "
-            "it would flatten the surface"
+            f"{kind} matrix is singular (it stretches by {sizes[0]:g} one way, {sizes[2]:g} "
+            "another): pass one that does not flatten the surface"
         )
     return linear, array[:3, 3].copy()
 
 
 def as_similarity(matrix: ArrayLike, kind: str) -> tuple[FloatArray, FloatArray, float, bool]:
     """Split a similarity into its orthogonal part, shift, scale, and whether it reflects."""
-    linear, shift = as_affine(matrix)
+    linear, shift = as_affine(matrix, kind)
     scale = float(np.sqrt((linear**2).sum() / 3.0))
     orthogonal = linear / scale
     error = float(np.abs(orthogonal @ orthogonal.T - np.eye(3)).max())
     if error > SIMILARITY_TOLERANCE:
         raise ValueError(
-            f"matrix is not a similarity (off by {error:.3g}): {kind} stays one only under "
-            "rotations, reflections, shifts and uniform scaling; use patches for other maps"
+            f"{kind} matrix is no similarity (off by {error:.3g}): pass a rotation, reflection, "
+            "shift or uniform scaling; for other maps use BezierPatches"
         )
     return orthogonal, shift, scale, bool(np.linalg.det(orthogonal) < 0.0)
 
@@ -89,10 +163,10 @@ def broadcast_parameters(
     """Broadcast parameters to one flat length; check that the patches exist."""
     ids = np.asarray(patch_id)
     if ids.dtype.kind not in "iu":
-        raise TypeError(f"{name} has dtype {ids.dtype}: whole numbers are needed")
+        raise TypeError(f"{name} has type {ids.dtype}: pass whole numbers")
     if ids.size and not (ids.min() >= 0 and ids.max() < n_patches):
         bad = ids[(ids < 0) | (ids >= n_patches)].flat[0]
-        raise ValueError(f"{name} {bad} does not exist: this surface has 0 to {n_patches - 1}")
+        raise ValueError(f"{name} is {bad}: pass 0 to {n_patches - 1}, this surface has no others")
     u, v = as_floats(u, "u"), as_floats(v, "v")
     shape = np.broadcast_shapes(u.shape, v.shape, ids.shape)
     # Copies: kernels take contiguous arrays that own their memory.

@@ -13,10 +13,12 @@ from numpy.typing import ArrayLike, NDArray
 from meshing.checks import (
     BoolArray,
     FloatArray,
+    as_direction,
     as_floats,
     as_similarity,
     as_vector,
     freeze,
+    shown,
     unit,
 )
 from meshing.kernels import lathe, subdivision
@@ -25,6 +27,8 @@ from meshing.parametric import ParametricSurface
 
 # Radii down to minus this part of the profile's extent are roundings of zero.
 RADIUS_ROUNDING = 16.0 * 2.0**-52
+# What messages call it.
+PROFILE = "SurfaceOfRevolution profile"
 # Profiles drawn in single precision or typed with nine digits still join.
 LARGEST_GAP = 1e-9
 # Halvings until a radius that may still be negative counts as zero; each divides the doubt by
@@ -70,18 +74,21 @@ class SurfaceOfRevolution(ParametricSurface):
         axis: ArrayLike,
         reference: ArrayLike | None = None,
     ) -> None:
-        along = unit(as_vector(axis, "axis"), "axis")
+        along = as_direction(axis, "SurfaceOfRevolution axis")
         if reference is None:
             start = np.zeros(3)
             start[np.argmin(np.abs(along))] = 1.0
         else:
-            start = unit(as_vector(reference, "reference"), "reference")
+            start = as_direction(reference, "SurfaceOfRevolution reference")
         radial = start - (start @ along) * along
         if not radial @ radial > 2.0**-80:
-            raise ValueError("reference is parallel to the axis: it names no direction for u = 0")
+            raise ValueError(
+                "SurfaceOfRevolution reference is parallel to the axis: pass another direction"
+            )
         radial = unit(radial, "reference")
         radial = unit(radial - (radial @ along) * along, "reference")
-        self._set(_as_segments(profile), as_vector(origin, "origin"), along, radial)
+        place = as_vector(origin, "SurfaceOfRevolution origin")
+        self._set(_as_segments(profile), place, along, radial)
 
     def _set(
         self, segments: list[FloatArray], origin: FloatArray, axis: FloatArray, radial: FloatArray
@@ -149,7 +156,7 @@ class SurfaceOfRevolution(ParametricSurface):
             reflection the axis of the image runs the other way and its axial positions change
             sign, because u stays a right-handed angle about the axis.
         """
-        orthogonal, shift, scale, is_reflection = as_similarity(matrix, "a surface of revolution")
+        orthogonal, shift, scale, is_reflection = as_similarity(matrix, "SurfaceOfRevolution")
         sign = -1.0 if is_reflection else 1.0
         axis = _as_unit(sign * (orthogonal @ self.axis))
         radial = orthogonal @ self.radial
@@ -203,24 +210,25 @@ def _as_unit(vector: FloatArray) -> FloatArray:
 
 
 def _as_segments(profile: ArrayLike | Iterable[ArrayLike]) -> list[FloatArray]:
-    if not isinstance(profile, Iterable):
-        raise TypeError(f"profile is {profile!r}: Bezier points (axial position, radius) needed")
+    wanted = "pass Bezier points (axial position, radius)"
+    if isinstance(profile, str | bytes) or not isinstance(profile, Iterable):
+        raise TypeError(f"{PROFILE} is {shown(profile)}: {wanted}")
     parts = list(profile)
     if not parts:
-        raise ValueError("profile is empty: give Bezier points (axial position, radius)")
-    is_single = np.ndim(parts[0]) == 1
+        raise ValueError(f"{PROFILE} is empty: {wanted}")
+    is_single = as_floats(parts[0], f"{PROFILE}[0]").ndim <= 1
     arrays: list[Any] = [parts] if is_single else parts
-    names = ["profile"] if is_single else [f"segment {i} of the profile" for i in range(len(parts))]
+    names = [PROFILE] if is_single else [f"{PROFILE} segment {i}" for i in range(len(parts))]
     segments = [as_floats(array, name).copy() for array, name in zip(arrays, names, strict=True)]
     for segment, name in zip(segments, names, strict=True):
         if segment.ndim != 2 or segment.shape[1] != 2:
-            raise ValueError(f"{name} has shape {segment.shape}: (n + 1, 2) is needed")
+            raise ValueError(f"{name} has shape {segment.shape}: pass (n + 1, 2)")
         if not 1 <= len(segment) - 1 <= MAX_DEGREE:
-            raise ValueError(f"{name} has degree {len(segment) - 1}: 1 to {MAX_DEGREE} is possible")
+            raise ValueError(f"{name} has degree {len(segment) - 1}: pass 1 to {MAX_DEGREE}")
         bad = np.flatnonzero(~np.isfinite(segment).all(axis=1))
         if bad.size:
             raise ValueError(
-                f"{name}: point {bad[0]} is {segment[bad[0]].tolist()}: finite numbers are needed"
+                f"{name}, point {bad[0]} is {segment[bad[0]].tolist()}: pass finite numbers"
             )
     return segments
 
@@ -231,21 +239,21 @@ def _check_segments(segments: list[FloatArray]) -> None:
     for i, segment in enumerate(segments):
         extent = float(np.ptp(segment, axis=0).max())
         if not extent > 4.0 * 2.0**-52 * float(np.abs(segment).max()):
-            raise ValueError(f"segment {i} of the profile is shrunk to a point: remove it")
+            raise ValueError(f"{PROFILE} segment {i} is shrunk to a point: remove it")
         lowest = _lowest_radius(segment[:, 1], rounding)
         if lowest < -rounding:
             raise ValueError(
-                f"segment {i} of the profile reaches radius {lowest:.6g}: cut it where it meets "
-                "the axis, radii must not be negative"
+                f"{PROFILE} segment {i} reaches radius {lowest:.6g}: cut it where it meets the axis, "
+                "radii must not be negative"
             )
     if not points[:, 1].max() > rounding:
-        raise ValueError("profile lies wholly on the axis: it has no area")
+        raise ValueError(f"{PROFILE} lies wholly on the axis: pass radii above 0")
     size = float(np.ptp(points, axis=0).max())
     for i, (one, other) in enumerate(pairwise(segments)):
         gap = float(np.abs(one[-1] - other[0]).max())
         if gap > LARGEST_GAP * size:
             raise ValueError(
-                f"segments {i} and {i + 1} of the profile do not join: one ends at "
+                f"{PROFILE} segments {i} and {i + 1} do not join: one ends at "
                 f"{one[-1].tolist()}, the next begins at {other[0].tolist()}; make both points "
                 "equal, or make two surfaces"
             )

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from meshing.bezier import BezierPatches
 from meshing.bounds import TooManyTrianglesError, rings_of
-from meshing.checks import FloatArray
+from meshing.checks import FloatArray, number, shown, whole
 from meshing.kernels import leaves as leaf_kernels
 from meshing.kernels import polygons
 from meshing.kernels.leaves import MAX_DEPTH
@@ -109,14 +109,13 @@ def tessellate(
     Filip, Magedson, Markot, "Surface algorithms using bounds on derivatives", Computer Aided
     Geometric Design 3, 1986.
     """
-    tolerance = float(tolerance)
-    if not (tolerance > 0.0 and math.isfinite(tolerance)):
-        raise ValueError(f"tolerance is {tolerance}: a distance above 0 in scene units is needed")
-    if max_triangles < 1:
-        raise ValueError(f"max_triangles is {max_triangles}: at least 1 is needed")
+    tolerance = number(tolerance, "tessellate tolerance", above=0.0, hint="in scene units")
+    whole(max_triangles, "tessellate max_triangles", at_least=1, up_to=2**31 - 1)
     if isinstance(surface, BezierPatches):
         if len(surface) >= MAX_PATCHES:
-            raise ValueError(f"{len(surface)} patches: less than {MAX_PATCHES} are possible")
+            raise ValueError(
+                f"tessellate surface has {len(surface)} patches: pass less than {MAX_PATCHES}"
+            )
         seams = seams_of_patches(surface)
         leaves, units, bound = _leaves_of_patches(surface, seams, tolerance, max_triangles)
     elif isinstance(surface, SurfaceOfRevolution):
@@ -124,8 +123,7 @@ def tessellate(
         leaves, units, bound = _leaves_of_revolution(surface, seams, tolerance, max_triangles)
     else:
         raise TypeError(
-            f"{type(surface).__name__} has no tessellation: "
-            "BezierPatches and SurfaceOfRevolution have one"
+            f"tessellate surface is {shown(surface)}: pass BezierPatches or a SurfaceOfRevolution"
         )
     return _mesh_of(surface, seams, leaves, units, bound, tolerance, max_triangles)
 

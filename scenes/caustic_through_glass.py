@@ -3,7 +3,7 @@
 No path from the camera finds the small lamp through the pane and the ball but by luck; photons do.
 The pane's straight edges and the lamp's image in it are there as well.
 
-Run it: python scenes/caustic_through_glass.py --integrator ppm --passes 32
+Run it: python scenes/caustic_through_glass.py --passes 32
 """
 
 import sys
@@ -19,6 +19,9 @@ from hybrid_rt import (
     Scene,
     Sphere,
 )
+
+# Photons find caustics seen through glass and in mirrors, which paths meet by luck only.
+INTEGRATOR = "ppm"
 
 
 def scene() -> Scene:

@@ -2,7 +2,7 @@
 
 One profile of degree five, one of degree three; absorption within the glass, a tint on its surface.
 
-Run it: python scenes/glass_lathe.py --integrator ppm --passes 32
+Run it: python scenes/glass_lathe.py --passes 32
 Or by a photon map alone: python scenes/glass_lathe.py --integrator photon_map --passes 4
 """
 
@@ -27,6 +27,8 @@ from hybrid_rt import (
 from hybrid_rt.records import FloatArray
 from meshing import SurfaceOfRevolution
 
+# Photons find caustics seen through glass and in mirrors, which paths meet by luck only.
+INTEGRATOR = "ppm"
 # (height, radius): a foot of degree three, then a body of degree five that closes at the top.
 FOOT = ((0.0, 0.0), (0.0, 0.5), (0.0, 1.0), (0.12, 0.86))
 BODY = ((0.12, 0.86), (0.5, 0.32), (0.85, 1.7), (1.75, 1.35), (2.5, 0.95), (2.5, 0.0))

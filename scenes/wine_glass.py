@@ -2,7 +2,7 @@
 
 The wine reaches a little into its glass, which has the higher priority: no gap of air between them.
 
-Run it: python scenes/wine_glass.py --integrator ppm --passes 32
+Run it: python scenes/wine_glass.py --passes 32
 """
 
 import sys
@@ -18,6 +18,8 @@ from hybrid_rt import (
 )
 from meshing import SurfaceOfRevolution
 
+# Photons find caustics seen through glass and in mirrors, which paths meet by luck only.
+INTEGRATOR = "ppm"
 # (height, radius): underside, rim of the foot, foot, stem, bowl, lip, and back down the inside.
 GLASS = (
     ((0.0, 0.0), (0.0, 1.0)),

@@ -4,7 +4,6 @@ python tools/bench_intersection.py [--quick] [--out bench.json]
 """
 
 import argparse
-import json
 import resource
 import subprocess
 import sys
@@ -18,6 +17,7 @@ import numpy as np
 
 from hybrid_rt import Intersector, Rectangle, Sphere, TriangleMesh
 from hybrid_rt.accuracy import deviations
+from hybrid_rt.command import kept, run_tool
 from hybrid_rt.demo import teapot, vase
 from hybrid_rt.verify.campaign import SCENES
 from hybrid_rt.verify.grids import best_uniform_grid
@@ -35,14 +35,22 @@ KINDS: dict[str, Callable[..., RaySet]] = {
 }  # fmt: skip
 
 
-def main() -> None:
+def main() -> int:
     """Run all benchmarks."""
-    parser = argparse.ArgumentParser(description=__doc__)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--quick", action="store_true", help="a tenth of the rays")
     parser.add_argument("--out", type=Path, help="write the figures as JSON")
     args = parser.parse_args()
-    n = 200_000 if args.quick else 2_000_000
     found: dict[str, Any] = {}
+    with kept(args.out, lambda: found):
+        measure(200_000 if args.quick else 2_000_000, args.quick, found)
+    return 0
+
+
+def measure(n: int, quick: bool, found: dict[str, Any]) -> None:
+    """Run one benchmark after the other; ``found`` receives their figures by name."""
     found["teapot against the rival"] = against_rival(n)
     for threads in (None, 1):
         for name, surfaces in (
@@ -54,12 +62,10 @@ def main() -> None:
             found[title] = accuracies(title, surfaces, n // 4, threads)
     found["trimesh"] = against_trimesh(n // 20)
     found["few"] = few(n // 4)
-    found["many"] = many(n // 10, args.quick)
-    found["tessellation"] = tessellation(args.quick)
+    found["many"] = many(n // 10, quick)
+    found["tessellation"] = tessellation(quick)
     found["numba"] = against_numpy(n // 10)
     found["costs"] = costs()
-    if args.out:
-        args.out.write_text(json.dumps(found, indent=2), "utf-8")
 
 
 def show(title: str, n: int, seconds: dict[str, Any], base: str) -> dict[str, Any]:
@@ -296,4 +302,4 @@ def _rival(rival: Rival, rays: RaySet, out: Any) -> Callable[[], object]:
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(run_tool(main))

@@ -13,9 +13,9 @@ reference is a longer render of the same method with other random numbers; its o
 from __future__ import annotations
 
 import argparse
-import json
 import math
 import resource
+import signal
 import sys
 from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor
@@ -23,6 +23,7 @@ from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
+from hybrid_rt.command import kept, run_tool
 from hybrid_rt.integrators import PPMOptions
 from hybrid_rt.measures import noise_of_reference, relative_mse, seconds_to
 from hybrid_rt.rendering import RenderResult, render
@@ -40,20 +41,24 @@ def main() -> int:
     options = _parser().parse_args()
     if options.caustics:
         return _caustics(options)
-    rows = []
-    for path in options.scenes:
-        row = _apart(_measure, Path(path), options)
-        row["full_size_memory_mib"] = _apart(_memory, Path(path), options)
-        rows.append(row)
-        _show(row, options.targets)
-    if options.json is not None:
-        options.json.write_text(json.dumps(rows, indent=2) + "\n")
+    rows: list[dict[str, Any]] = []
+    with kept(options.json, lambda: rows):
+        for path in options.scenes:
+            row = _apart(_measure, Path(path), options)
+            row["full_size_memory_mib"] = _apart(_memory, Path(path), options)
+            rows.append(row)
+            _show(row, options.targets)
     return 0
 
 
 def _apart(function: Callable[[Path, argparse.Namespace], Any], *arguments: Any) -> Any:
     """Call a function in a process of its own: peak memory is that of a whole process."""
-    with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as child:
+    # Ctrl-C reaches the child as well: there it ends without a word.
+    quietly = (signal.SIGINT, signal.SIG_DFL)
+    context = get_context("spawn")
+    with ProcessPoolExecutor(
+        1, mp_context=context, initializer=signal.signal, initargs=quietly
+    ) as child:
         return child.submit(function, *arguments).result()
 
 
@@ -192,4 +197,4 @@ def _show(row: dict[str, Any], targets: list[float]) -> None:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(run_tool(main))

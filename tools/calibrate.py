@@ -8,13 +8,13 @@ if a bound is broken or loose.
 """
 
 import argparse
-import json
 import sys
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from hybrid_rt.command import kept, run_tool
 from hybrid_rt.verify.calibration import PICTURES, Bounds, bounds, coverage
 from hybrid_rt.verify.campaign import SCENES
 
@@ -34,18 +34,14 @@ def main() -> int:
     parser.add_argument("--threads", type=int)
     parser.add_argument("--out", type=Path, help="write the figures as JSON")
     args = parser.parse_args()
-    rows = [
-        _cover(name, integrator, passes, args.seeds)
-        for integrator in args.integrator or ["path"]
-        for name, make in PICTURES.items()
-        if integrator != "whitted" or not make().has_bounces
-        for passes in args.passes
-    ]
-    rows += [
-        _bind(name, int(args.hits) // len(SCENES), args.threads) for name in SCENES if args.hits
-    ]
-    if args.out:
-        args.out.write_text(json.dumps(rows, indent=2) + "\n", "utf-8")
+    rows: list[dict[str, Any]] = []
+    with kept(args.out, lambda: rows):
+        for integrator in args.integrator or ["path"]:
+            for name, make in PICTURES.items():
+                if integrator != "whitted" or not make().has_bounces:
+                    rows.extend(_cover(name, integrator, n, args.seeds) for n in args.passes)
+        n_hits = int(args.hits) // len(SCENES)
+        rows.extend(_bind(name, n_hits, args.threads) for name in SCENES if args.hits)
     return 0 if all(row["honest"] for row in rows) else 1
 
 
@@ -92,4 +88,4 @@ def _bind(name: str, n_hits: int, threads: int | None) -> dict[str, Any]:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(run_tool(main))

@@ -8,13 +8,14 @@ caustic_error_against_time.png to the folder given with --out.
 """
 
 import argparse
-import json
 import sys
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
-from hybrid_rt.film import linear_to_srgb
+from hybrid_rt.command import kept, run_tool
+from hybrid_rt.film import screen_pixels
 from hybrid_rt.verify.mesh_caustics import Curve, curves, truth
 
 TRIANGLES = (1_000, 10_000, 100_000, 1_000_000)
@@ -35,23 +36,22 @@ def main() -> int:
     passes = (1, 4) if args.quick else (1, 4, 16)
     print(f"truth: {size} x {size}, {photons} photons a pass", flush=True)
     reference = truth(size, 4 * max(passes), photons, args.threads)
-    found = []
-    for curve in curves(reference, triangles, passes, photons, args.threads):
-        found.append(curve)
-        steps = "  ".join(
-            f"{t:7.2f} s {e:.2e}" for t, e in zip(curve.seconds, curve.errors, strict=True)
-        )
-        print(f"{curve.name:30s} build {curve.build_seconds:6.2f} s | {steps}", flush=True)
-    write(args.out, reference, found, passes)
+    found: list[Curve] = []
+    args.out.mkdir(parents=True, exist_ok=True)
+    with kept(args.out / "caustic_of_meshes.json", lambda: figures(found, passes)):
+        for curve in curves(reference, triangles, passes, photons, args.threads):
+            found.append(curve)
+            steps = "  ".join(
+                f"{t:7.2f} s {e:.2e}" for t, e in zip(curve.seconds, curve.errors, strict=True)
+            )
+            print(f"{curve.name:30s} build {curve.build_seconds:6.2f} s | {steps}", flush=True)
+    draw(args.out, reference, found)
     return 0
 
 
-def write(folder: Path, reference: np.ndarray, found: list[Curve], passes: tuple[int, ...]) -> None:
-    """Write data and pictures."""
-    import imageio.v3 as imageio
-
-    folder.mkdir(parents=True, exist_ok=True)
-    rows = [
+def figures(found: list[Curve], passes: tuple[int, ...]) -> list[dict[str, Any]]:
+    """Return the data of curves."""
+    return [
         {
             "name": curve.name, "triangles": curve.n_triangles, "smooth": curve.smooth,
             "passes": list(passes), "seconds": curve.seconds, "relmse": curve.errors,
@@ -59,12 +59,16 @@ def write(folder: Path, reference: np.ndarray, found: list[Curve], passes: tuple
         }
         for curve in found
     ]  # fmt: skip
-    (folder / "caustic_of_meshes.json").write_text(json.dumps(rows, indent=2), "utf-8")
+
+
+def draw(folder: Path, reference: np.ndarray, found: list[Curve]) -> None:
+    """Write pictures."""
+    import imageio.v3 as imageio
+
     flat = [curve.image for curve in found if curve.n_triangles and not curve.smooth]
     smooth = [curve.image for curve in found if curve.smooth]
     sheet = np.vstack([np.hstack([*flat, found[0].image]), np.hstack([*smooth, reference])])
-    shown = np.rint(255 * linear_to_srgb(sheet * 2.0**EXPOSURE)).astype(np.uint8)
-    imageio.imwrite(folder / "caustic_of_meshes.png", shown)
+    imageio.imwrite(folder / "caustic_of_meshes.png", screen_pixels(sheet, EXPOSURE))
     try:
         import matplotlib as mpl
     except ImportError:
@@ -85,4 +89,4 @@ def write(folder: Path, reference: np.ndarray, found: list[Curve], passes: tuple
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(run_tool(main))

@@ -21,10 +21,11 @@ from pathlib import Path
 from typing import Any
 
 from hybrid_rt import checks, error_page, error_vs_time
+from hybrid_rt.command import run_tool
 from hybrid_rt.comparison import load_picture
 from hybrid_rt.error_vs_time import RULE_OF_THREE, Curve, HitStudy, PictureStudy, Point, Spread
 from hybrid_rt.methods import curved_surfaces, default_methods
-from hybrid_rt.report import versions
+from hybrid_rt.report import plain, versions
 from hybrid_rt.scene import Scene
 from hybrid_rt.scene_file import load_scene
 from hybrid_rt.verify.rays import camera as random_camera
@@ -35,16 +36,12 @@ def main() -> int:
     """Run the tool; return the exit code."""
     parser = _parser()
     args = parser.parse_args()
-    try:
-        if args.compare:
-            _compare(args)
-        elif not args.source:
-            parser.error("name a scene script or a .bpt file, or use --compare")
-        else:
-            _measure(args)
-    except (OSError, ValueError) as error:
-        print(f"{parser.prog}: {error}", file=sys.stderr)
-        return 2
+    if args.compare:
+        _compare(args)
+    elif not args.source:
+        parser.error("name a scene script or a .bpt file, or use --compare")
+    else:
+        _measure(args)
     return 0
 
 
@@ -88,6 +85,17 @@ def _measure(args: argparse.Namespace) -> None:
         raise ValueError("surface: name a .bpt file")
     n_rays = args.rays or (20_000 if args.quick else 100_000)
     studies: dict[str, Any] = {}
+    try:
+        _study(file, n_rays, studies, args)
+    except KeyboardInterrupt:
+        if studies:
+            _show(str(file), studies, args)
+        raise
+    _show(str(file), studies, args)
+
+
+def _study(file: Path, n_rays: int, studies: dict[str, Any], args: argparse.Namespace) -> None:
+    """Make the studies that there can be, one after the other."""
     if file.suffix == ".bpt":
         surfaces: list[Any] = [BezierPatches.read(file)]
         rays = random_camera(surfaces, n_rays, 1)
@@ -100,7 +108,6 @@ def _measure(args: argparse.Namespace) -> None:
         studies["hits"] = error_vs_time.study_hits(
             surfaces, rays, runs=3 if args.quick else 7, threads=args.threads, say=_say
         )
-    _show(str(file), studies, args)
 
 
 def _resized(scene: Scene, width: int) -> Scene:
@@ -143,9 +150,8 @@ def _show(name: str, studies: dict[str, Any], args: argparse.Namespace) -> None:
         if study.meshes:
             tables["What passes do not remove"] = error_page.mesh_table(study)
         images = study.images
-        plain = {key: value for key, value in vars(study).items() if key != "images"}
         data["picture"] = {
-            **plain,
+            **{key: value for key, value in vars(study).items() if key != "images"},
             "reference": asdict(study.reference),
             "curves": [asdict(curve) for curve in study.curves],
             "forecasts": [asdict(forecast) for forecast in forecasts],
@@ -192,24 +198,13 @@ def _write(
     title = f"Error against run time: {name}"
     page = error_page.page(title, sentences, diagrams, tables, images)
     (folder / "page.html").write_text(page, "utf-8")
-    (folder / "curves.json").write_text(json.dumps(_no_nan(data), indent=2) + "\n", "utf-8")
+    (folder / "curves.json").write_text(json.dumps(plain(data), indent=2) + "\n", "utf-8")
     with (folder / "curves.csv").open("w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file)
         for table, (head, rows) in tables.items():
             writer.writerows([(table,), head, *rows, ()])
     _draw(folder / "curves.png", name, data)
     print(f"\nwrote {', '.join(sorted(str(path) for path in folder.iterdir()))}")
-
-
-def _no_nan(value: Any) -> Any:
-    """Return the same for JSON, which has no nan and no inf: null."""
-    if isinstance(value, dict):
-        return {key: _no_nan(item) for key, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [_no_nan(item) for item in value]
-    if isinstance(value, float) and not abs(value) < float("inf"):
-        return None
-    return value
 
 
 def _draw(file: Path, name: str, data: dict[str, Any]) -> None:
@@ -344,4 +339,4 @@ def _say(text: str) -> None:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(run_tool(main))

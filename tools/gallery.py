@@ -9,13 +9,13 @@ rendered again stay as they are.
 
 import argparse
 import json
-import re
 import sys
 from pathlib import Path
 from typing import Any
 
+from hybrid_rt.command import kept, run_tool
 from hybrid_rt.rendering import render
-from hybrid_rt.scene_file import load_scene
+from hybrid_rt.scene_file import load_script
 
 ROOT = Path(__file__).parents[1]
 PAGE, PICTURES, RECORD = "gallery.md", "gallery", "gallery.json"
@@ -42,11 +42,11 @@ def main() -> int:
     (args.out / PICTURES).mkdir(parents=True, exist_ok=True)
     record_file = args.out / PICTURES / RECORD
     record = json.loads(record_file.read_text("utf-8")) if record_file.exists() else {}
-    for script in sorted((ROOT / "scenes").glob("*.py")):
-        if args.only is None or script.stem in args.only:
-            record[script.stem] = show(script, args)
-            print(row(script.stem, record[script.stem]), flush=True)
-    record_file.write_text(json.dumps(record, indent=2) + "\n", "utf-8")
+    with kept(record_file, lambda: record):
+        for script in sorted((ROOT / "scenes").glob("*.py")):
+            if args.only is None or script.stem in args.only:
+                record[script.stem] = show(script, args)
+                print(row(script.stem, record[script.stem]), flush=True)
     page = HEAD + "".join("\n" + section(name, facts) for name, facts in sorted(record.items()))
     (args.out / PAGE).write_text(page, "utf-8")
     return 0
@@ -55,9 +55,7 @@ def main() -> int:
 def show(script: Path, args: argparse.Namespace) -> dict[str, Any]:
     """Render one scene; return what the page says of it."""
     text = script.read_text("utf-8")
-    named = re.search(r"--integrator (\w+)", text)
-    integrator = named[1] if named else "path"
-    scene = load_scene(script)
+    scene, integrator = load_script(script)
     camera = scene.camera
     height = max(round(camera.height * args.width / camera.width), 1)
     small = scene.with_camera(camera.resized(args.width, height))
@@ -96,4 +94,4 @@ def section(name: str, facts: dict[str, Any]) -> str:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(run_tool(main))

@@ -9,7 +9,6 @@ mesh_error.png to the folder given with --out.
 
 import argparse
 import csv
-import json
 import sys
 from collections.abc import Sequence
 from dataclasses import asdict
@@ -19,6 +18,7 @@ from typing import Any
 import numpy as np
 
 from hybrid_rt.accuracy import RAYS, Rung, climb, error_image
+from hybrid_rt.command import kept, run_tool
 from hybrid_rt.scene_file import load_scene
 from meshing import BezierPatches, SurfaceOfRevolution
 
@@ -39,11 +39,7 @@ def main() -> int:
     parser.add_argument("--rays", type=int, help="of each kind (default 200000)")
     parser.add_argument("--threads", type=int)
     args = parser.parse_args()
-    try:
-        surfaces = load(args.file)
-    except (OSError, ValueError) as error:
-        print(f"{parser.prog}: {error}", file=sys.stderr)
-        return 2
+    surfaces = load(args.file)
     low = np.min([s.bounds[0] for s in surfaces], axis=0)
     high = np.max([s.bounds[1] for s in surfaces], axis=0)
     size = float(np.linalg.norm(high - low))
@@ -51,9 +47,17 @@ def main() -> int:
     n_rays = args.rays or (20_000 if args.quick else 200_000)
     print(f"{args.file}: size {size:.4g}; {n_rays} rays of each kind")
     print(HEADER)
-    rungs = climb(
-        surfaces, tolerances, n_rays, threads=args.threads, on_rung=lambda rung: print(row(rung))
-    )
+    rungs: list[Rung] = []
+
+    def hear(rung: Rung) -> None:
+        rungs.append(rung)
+        print(row(rung), flush=True)
+
+    if args.out:
+        args.out.mkdir(parents=True, exist_ok=True)
+    table = args.out and args.out / "table.json"
+    with kept(table, lambda: [asdict(rung) for rung in rungs]):
+        rungs[:] = climb(surfaces, tolerances, n_rays, threads=args.threads, on_rung=hear)
     print(speeds(rungs))
     if args.out:
         write(args.out, surfaces, rungs, size)
@@ -107,8 +111,6 @@ def speeds(rungs: Sequence[Rung]) -> str:
 
 def write(folder: Path, surfaces: Sequence[Any], rungs: Sequence[Rung], size: float) -> None:
     """Write tables and pictures."""
-    folder.mkdir(parents=True, exist_ok=True)
-    (folder / "table.json").write_text(json.dumps([asdict(r) for r in rungs], indent=2), "utf-8")
     with (folder / "table.csv").open("w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file)
         flat = [_flat(asdict(rung)) for rung in rungs]
@@ -169,4 +171,4 @@ def _flat(values: dict[str, Any], prefix: str = "") -> dict[str, Any]:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(run_tool(main))

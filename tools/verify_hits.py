@@ -8,11 +8,11 @@ hundred times as fast as the oracle; only where the two differ is the oracle ask
 """
 
 import argparse
-import json
 import sys
 from dataclasses import asdict
 from pathlib import Path
 
+from hybrid_rt.command import kept, run_tool
 from hybrid_rt.verify.campaign import COSINES, SCENES, STEP, Tally, steps
 from hybrid_rt.verify.second import Duel, duel
 
@@ -21,7 +21,9 @@ OF_PATCHES = ("teapot", "patches")
 
 def main() -> int:
     """Run the tool; the exit code is 1 if anything was wrong."""
-    parser = argparse.ArgumentParser(description=__doc__.split("\n\n")[0])
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--rays", type=float, default=1e5, help="in all, shared by the scenes")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--scene", action="append", choices=list(SCENES), help="may be repeated")
@@ -35,21 +37,21 @@ def main() -> int:
     names = args.scene or list(SCENES)
     each = int(args.rays) // len(names)
     results: dict[str, Tally] = {}
-    for name in names:
-        for tally in steps(SCENES[name](), each, args.seed, args.coarse, args.threads):
-            results[name] = tally
-            done = min(tally.verdict.rays + tally.verdict.undecided, each)
-            if sys.stderr.isatty() or done % (10 * STEP) == 0:
-                wrong = tally.verdict.n_wrong
-                print(f"{name}: {done} of {each} rays, {wrong} wrong", file=sys.stderr)
-        _print(name, results[name])
+    with kept(args.out, lambda: {name: _plain(t) for name, t in results.items()}):
+        for name in names:
+            try:
+                for tally in steps(SCENES[name](), each, args.seed, args.coarse, args.threads):
+                    results[name] = tally
+                    done = min(tally.verdict.rays + tally.verdict.undecided, each)
+                    if sys.stderr.isatty() or done % (10 * STEP) == 0:
+                        wrong = tally.verdict.n_wrong
+                        print(f"{name}: {done} of {each} rays, {wrong} wrong", file=sys.stderr)
+            finally:  # also of a scene that Ctrl-C ends
+                if name in results:
+                    _print(name, results[name])
     n_wrong = sum(t.verdict.n_wrong for t in results.values())
     n_rays = sum(t.verdict.rays for t in results.values())
     print(f"\n{n_rays} rays judged, {n_wrong} wrong")
-    if args.out:
-        args.out.write_text(
-            json.dumps({name: _plain(t) for name, t in results.items()}, indent=2), "utf-8"
-        )
     return 1 if n_wrong else 0
 
 
@@ -60,26 +62,32 @@ def _compare_two(args: argparse.Namespace) -> int:
         return 2
     each = int(args.rays) // len(names)
     results: dict[str, Duel] = {}
-    for name in names:
-        for found in duel(SCENES[name](), each, args.seed, args.threads):
-            results[name] = found
-            if sys.stderr.isatty() or found.rays % 1_000_000 == 0:
-                print(f"{name}: {found.rays} of {each} rays, {found.wrong} wrong", file=sys.stderr)
-        d = results[name]
-        print(f"\n{name}: {d.rays} rays, {d.hits / d.rays:.1%} hit, {d.tangent} TANGENT")
-        print(
-            f"  apart           {d.apart} rays; by the oracle the first is wrong on {d.wrong}, "
-            f"the second on {d.wrong_second}; {d.undecided} left open"
-        )
-        print(f"  worst t         {d.worst:.3f} of the sum of both bounds; {d.given_up} given up")
-        print(f"  seconds         {d.seconds:.1f} first, {d.second_seconds:.1f} second")
-        for seed, ray in (d.examples or [])[:5]:
-            print(f"  wrong: ray {ray} of hard_rays(..., seed={seed})")
+    with kept(args.out, lambda: {name: asdict(d) for name, d in results.items()}):
+        for name in names:
+            try:
+                for found in duel(SCENES[name](), each, args.seed, args.threads):
+                    results[name] = found
+                    if sys.stderr.isatty() or found.rays % 1_000_000 == 0:
+                        done = f"{found.rays} of {each} rays, {found.wrong} wrong"
+                        print(f"{name}: {done}", file=sys.stderr)
+            finally:  # also of a scene that Ctrl-C ends
+                if name in results:
+                    _print_two(name, results[name])
     n_wrong = sum(d.wrong for d in results.values())
     print(f"\n{sum(d.rays for d in results.values())} rays compared, {n_wrong} wrong")
-    if args.out:
-        args.out.write_text(json.dumps({k: asdict(d) for k, d in results.items()}, indent=2))
     return 1 if n_wrong else 0
+
+
+def _print_two(name: str, d: Duel) -> None:
+    print(f"\n{name}: {d.rays} rays, {d.hits / d.rays:.1%} hit, {d.tangent} TANGENT")
+    print(
+        f"  apart           {d.apart} rays; by the oracle the first is wrong on {d.wrong}, "
+        f"the second on {d.wrong_second}; {d.undecided} left open"
+    )
+    print(f"  worst t         {d.worst:.3f} of the sum of both bounds; {d.given_up} given up")
+    print(f"  seconds         {d.seconds:.1f} first, {d.second_seconds:.1f} second")
+    for seed, ray in (d.examples or [])[:5]:
+        print(f"  wrong: ray {ray} of hard_rays(..., seed={seed})")
 
 
 def _print(name: str, tally: Tally) -> None:
@@ -126,4 +134,4 @@ def _plain(tally: Tally) -> dict[str, object]:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(run_tool(main))

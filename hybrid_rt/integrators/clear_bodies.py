@@ -9,6 +9,7 @@ import numpy as np
 from hybrid_rt.integrators.contacts import Contacts, first_hits
 from hybrid_rt.integrators.integrator import RenderContext
 from hybrid_rt.kernels.media import STACK, cross_media
+from hybrid_rt.primitives import Plane
 from hybrid_rt.records import FloatArray, HitRecord, IntArray, NamedPoints
 from hybrid_rt.scene import NOTHING
 
@@ -112,9 +113,29 @@ def absorb(
     """
     if context.plan["medium stack"]:
         scene = context.scene
+        unclosed = np.zeros(scene.lobes.kind.size, dtype=np.int64)
         cross_media(
-            media, scene.lobes, scene.glass_of, material, hits.front_face, second, hits.t, carried
-        )
+            media, scene.lobes, scene.glass_of, material, hits.front_face, second, hits.t, carried,
+            unclosed,
+        )  # fmt: skip
+        for lobe in np.flatnonzero(unclosed):
+            context.ledger.unclosed[int(lobe)] += int(unclosed[lobe])
+
+
+def unclosed_bodies(context: RenderContext) -> dict[str, int]:
+    """Return how many rays found a clear body not closed, by the names of its objects.
+
+    They left it without having entered it, or never left it. Planes are no bodies with an inside
+    that ends, so theirs do not count.
+    """
+    scene, found = context.scene, {}
+    n_objects = len(scene.names)
+    for lobe, n_rays in sorted(context.ledger.unclosed.items()):
+        objects = np.flatnonzero(scene.glass_of[scene.material_of[:n_objects]] == lobe)
+        if not any(isinstance(scene.surfaces[i], Plane) for i in objects):
+            names = dict.fromkeys(scene.names[i] for i in objects)
+            found[", ".join(names)] = n_rays
+    return found
 
 
 def _no_media(context: RenderContext, n: int) -> IntArray:

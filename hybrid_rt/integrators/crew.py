@@ -49,12 +49,20 @@ class Crew:
         make: Callable[[RenderContext], Integrator],
     ) -> None:
         self.context = context
-        self._before = set(context.ledger.seconds)
-        self._contexts = [context, *(_own_counters(context) for _ in range(threads - 1))]
+        self._contexts = [_own_counters(context) for _ in range(threads)]
         self._integrators = [make(own) for own in self._contexts]
         self._integrators[0].begin()
         for integrator in self._integrators[1:]:
             integrator.follow(self._integrators[0])
+        # What all looked up alike counts once.
+        for own in self._contexts[1:]:
+            own.ledger.forget()
+            own.tracer.counters.update(dict.fromkeys(own.tracer.counters, 0))
+
+    def forget_seconds(self) -> None:
+        """Begin to count seconds: what was found out so far belongs to whoever made the crew."""
+        for own in self._contexts:
+            own.ledger.seconds.clear()
 
     def render_passes(
         self, passes: range, on_rays: Callable[[int], None] | None = None
@@ -131,21 +139,18 @@ class Crew:
         return {}
 
     def gather(self) -> None:
-        """Add up the counters of all threads in those of the first.
+        """Add up the counters of all threads in those of the crew's context.
 
         Seconds become those of the wall: what all threads spent, over their number.
         """
-        first, n = self.context, len(self._contexts)
-        shared = [stage for stage in first.ledger.seconds if stage not in self._before]
-        for other in self._contexts[1:]:
-            first.ledger.add(other.ledger)
-            for name, count in other.tracer.counters.items():
+        counters = self.context.tracer.counters
+        for own in self._contexts:
+            self.context.ledger.add(own.ledger, share=1.0 / len(self._contexts))
+            for name, count in own.tracer.counters.items():
                 if name.startswith("most"):
-                    first.tracer.counters[name] = max(first.tracer.counters[name], count)
+                    counters[name] = max(counters[name], count)
                 else:
-                    first.tracer.counters[name] += count
-        first.ledger.divide_seconds(shared, n)
-        del self._contexts[1:], self._integrators[1:]
+                    counters[name] += count
 
 
 def _own_counters(context: RenderContext) -> RenderContext:

@@ -8,6 +8,8 @@ from dataclasses import dataclass
 from hybrid_rt import checks
 
 WAYS = ("both", "lights", "directions")
+# Far more photons than any machine holds, which `hybrid_rt.memory` says in time.
+MOST = 10**15
 
 
 @dataclass(frozen=True)
@@ -37,15 +39,9 @@ class PathOptions:
 
     def __post_init__(self) -> None:
         """Refuse what is out of range."""
-        if self.strategy not in WAYS:
-            raise ValueError(
-                f"PathOptions strategy {self.strategy!r} is unknown; use {', '.join(WAYS)}"
-            )
+        checks.choice(self.strategy, "PathOptions strategy", WAYS)
         checks.whole(self.roulette_depth, "PathOptions roulette_depth", at_least=0)
-        if checks.number(self.light_paths, "PathOptions light_paths") < 0.0:
-            raise ValueError(
-                f"PathOptions light_paths: {self.light_paths:g} is negative; 0 sends none"
-            )
+        checks.number(self.light_paths, "PathOptions light_paths", at_least=0.0, hint="0: none")
         checks.number(self.survival, "PathOptions survival", above=0.0, up_to=1.0)
 
 
@@ -71,7 +67,7 @@ class PPMOptions:
 
     def __post_init__(self) -> None:
         """Refuse what is out of range."""
-        checks.whole(self.photons_per_pass, "PPMOptions photons_per_pass", at_least=1)
+        checks.whole(self.photons_per_pass, "PPMOptions photons_per_pass", at_least=1, up_to=MOST)
         checks.number(self.alpha, "PPMOptions alpha", above=0.0, up_to=1.0)
         if self.alpha == 1.0:
             warnings.warn(
@@ -100,5 +96,7 @@ class PhotonMapOptions:
 
     def __post_init__(self) -> None:
         """Refuse what is out of range."""
-        checks.whole(self.photons_per_pass, "PhotonMapOptions photons_per_pass", at_least=1)
-        checks.whole(self.nearest, "PhotonMapOptions nearest", at_least=2)
+        checks.whole(
+            self.photons_per_pass, "PhotonMapOptions photons_per_pass", at_least=1, up_to=MOST
+        )
+        checks.whole(self.nearest, "PhotonMapOptions nearest", at_least=2, up_to=MOST)

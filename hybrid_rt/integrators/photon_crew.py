@@ -12,6 +12,7 @@ from typing import Any, cast
 import numpy as np
 from numpy.typing import NDArray
 
+from hybrid_rt.film import OVERFLOWS
 from hybrid_rt.integrators.crew import Crew
 from hybrid_rt.integrators.gathering import Field
 from hybrid_rt.integrators.integrator import RenderContext
@@ -20,6 +21,7 @@ from hybrid_rt.integrators.shooting import Balance, Group, Shooter, blocks_of, j
 from hybrid_rt.kernels.photons import MET_SPECULAR, Photons
 from hybrid_rt.measures import DARK
 from hybrid_rt.records import FloatArray
+from hybrid_rt.report import twelve_digits
 
 # Camera rays that one thread follows and gathers for at a time: many, as trees of many points are
 # compared faster, but a sixteenth of a pass at most, for the threads to share. The order of the
@@ -74,9 +76,13 @@ class PhotonCrew(Crew):
                     on_rays(done + n)
 
             yield from super().render_passes(range(number, number + 1), heard)
-            self._blur += blur
-            self._blur_squares += blur * blur
-            self._n_passes += 1
+            self._add_blur(blur)
+
+    @OVERFLOWS
+    def _add_blur(self, blur: FloatArray) -> None:
+        self._blur += blur
+        self._blur_squares += blur * blur
+        self._n_passes += 1
 
     def _block_size(self, n: int) -> int:
         return min(max(-(-n // SHARE_OF_RAYS), FEWEST_RAYS), MOST_RAYS)
@@ -130,10 +136,14 @@ class PhotonCrew(Crew):
             "points_without_photons": first.n_without,
             "blur_root_mean_square": blur,
             "blur_relative_rmse": relative,
-            "power_of_all_passes": dict(zip(names, balance.power.tolist(), strict=True)),
+            "power_of_all_passes": {
+                name: [twelve_digits(x) for x in power]
+                for name, power in zip(names, balance.power.tolist(), strict=True)
+            },
         }
         return {"photons": photons}
 
+    @OVERFLOWS
     def _blur_of_pixels(
         self, image: NDArray[np.float32]
     ) -> tuple[float, float] | tuple[None, None]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +19,8 @@ from hybrid_rt.records import BoolArray, FloatArray, HitRecord, IntArray, NamedP
 from hybrid_rt.sampler import UIntArray
 from hybrid_rt.scene import NOTHING
 from hybrid_rt.smooth import shading_normals
+
+_Number = TypeVar("_Number", bound=np.generic)
 
 NO_NORMALS = np.zeros((0, 3))
 NO_RIVAL = np.zeros(0)
@@ -427,5 +430,5 @@ def _split(
     return questions
 
 
-def _joined(parts: list[NDArray[np.generic]]) -> NDArray:  # type: ignore[type-arg]
+def _joined(parts: list[NDArray[_Number]]) -> NDArray[_Number]:
     return parts[0] if len(parts) == 1 else np.concatenate(parts)

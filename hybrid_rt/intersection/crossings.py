@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from hybrid_rt.records import FloatArray, HitRecord
+from hybrid_rt.intersection.rays import as_limit, as_rays
+from hybrid_rt.records import HitRecord
 
 # A ray meets a polynomial surface of degree 30 x 30 at most 1800 times; meshes may have more.
 MOST_CROSSINGS = 1_000_000
@@ -66,7 +67,8 @@ def find_crossings(
     RuntimeError
         For a ray with more than `MOST_CROSSINGS` crossings.
     """
-    o, d, lowest, highest = _broadcast(origins, directions, t_min, t_max)
+    o, d, shape = as_rays(origins, directions)
+    lowest, highest = as_limit(t_min, "t_min", shape), as_limit(t_max, "t_max", shape)
     n = len(o)
     active, source = np.arange(n), None
     parts: list[HitRecord] = []
@@ -93,26 +95,3 @@ def find_crossings(
     }
     offsets = np.searchsorted(ray[order], np.arange(n + 1)).astype(np.int64)
     return Crossings(HitRecord(**columns), ray[order], offsets)
-
-
-def _broadcast(
-    origins: ArrayLike, directions: ArrayLike, t_min: ArrayLike, t_max: ArrayLike
-) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    o = np.asarray(origins, dtype=np.float64)
-    d = np.asarray(directions, dtype=np.float64)
-    for name, array in (("origins", o), ("directions", d)):
-        if array.ndim not in (1, 2, 3) or array.shape[-1] != 3:
-            raise ValueError(
-                f"{name} has shape {array.shape}: pass (n, 3), one vector (3,), or (h, w, 3)"
-            )
-    o, d = o.reshape(-1, 3), d.reshape(-1, 3)
-    n = max(len(o), len(d)) if min(len(o), len(d)) == 1 else len(o)
-    if len(o) != len(d) and min(len(o), len(d)) != 1:
-        raise ValueError(f"{len(o)} origins but {len(d)} directions: pass one of each per ray")
-    limits = []
-    for name, value in (("t_min", t_min), ("t_max", t_max)):
-        array = np.asarray(value, dtype=np.float64).reshape(-1)
-        if array.size not in (1, n):
-            raise ValueError(f"{name} has {array.size} rows for {n} rays: pass one, or one per ray")
-        limits.append(np.broadcast_to(array, (n,)))
-    return np.broadcast_to(o, (n, 3)), np.broadcast_to(d, (n, 3)), limits[0], limits[1]

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from hybrid_rt import checks
 from hybrid_rt.intersection.batch import Finished, new_nearest, new_record, rows_of
 from hybrid_rt.intersection.crossings import Crossings, find_crossings
 from hybrid_rt.intersection.kinds import CURVED, Surface, check_surfaces, make_kinds
@@ -74,7 +75,7 @@ class Intersector:
     ) -> None:
         began = time.perf_counter()
         _check_settings(accuracy, coarse, tolerance)
-        self.surfaces = check_surfaces(surfaces)
+        self.surfaces = check_surfaces(checks.items(surfaces, "surfaces"))
         self.accuracy, self.coarse = accuracy, coarse
         self._pool = Pool(threads)
         # Closed forms compute a point from the ray; curved surfaces from their own figures.
@@ -141,12 +142,12 @@ class Intersector:
         ----------
         origins, directions : (n, 3), (3,) or (h, w, 3) array-like
             Scene units, world frame, any float type; directions of any length but zero.
-        t_min, t_max : scalar or (n,)
+        t_min, t_max : scalar, (n,) or (h, w)
             A hit needs ``t_min < t < t_max``; in lengths of the given direction.
         source : HitRecord of n rows, optional
             The hits that the rays leave from: they are not found again, nor is the same point of
             an adjoining patch, seam, pole or mesh edge. Rows that are misses exclude nothing.
-        unseen : (n,) int32, optional
+        unseen : (n,) integers, optional
             An object that each ray does not see; -1: it sees all.
 
         Returns
@@ -155,8 +156,9 @@ class Intersector:
 
         Raises
         ------
-        ValueError
-            For shapes that do not fit, zero or non-finite directions, non-finite origins.
+        ValueError, TypeError
+            For shapes that do not fit, zero or non-finite directions, non-finite origins; for what
+            is not real numbers, and a ``source`` that is no hit record of these surfaces.
         """
         batch = make_batch(
             origins, directions, t_min, t_max, source, None, self._reach, self._pool, unseen
@@ -277,16 +279,12 @@ class Intersector:
 
 
 def _check_settings(accuracy: str, coarse: str, tolerance: float | None) -> None:
-    if accuracy not in ACCURACIES:
-        raise ValueError(f"accuracy is {accuracy!r}: pass one of {', '.join(ACCURACIES)}")
-    if coarse not in COARSE_STAGES:
-        raise ValueError(f"coarse is {coarse!r}: pass one of {', '.join(COARSE_STAGES)}")
+    checks.choice(accuracy, "accuracy", ACCURACIES)
+    checks.choice(coarse, "coarse", COARSE_STAGES)
     if coarse == "none" and accuracy != "certified":
         raise ValueError(
             f'coarse="none" leaves no triangles for accuracy={accuracy!r}: '
             'pass coarse="embree", or accuracy="certified"'
         )
-    if tolerance is not None and not (np.isfinite(tolerance) and tolerance > 0):
-        raise ValueError(
-            f"tolerance is {tolerance}: pass a positive length in scene units, or None"
-        )
+    if tolerance is not None:
+        checks.number(tolerance, "tolerance", above=0.0, hint="in scene units, or None")

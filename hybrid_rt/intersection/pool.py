@@ -10,8 +10,12 @@ import os
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 
+from meshing.checks import whole
+
 # Long enough to hide the cost of a call from Python, short enough to share the work evenly.
 SLICE = 16384
+# More than any machine has processors; a slip of the keyboard starts no million threads.
+MOST_THREADS = 4096
 
 
 def available_threads() -> int:
@@ -25,9 +29,9 @@ class Pool:
     """Runs a function over slices of ``range(n)``; the threads start with the first long batch."""
 
     def __init__(self, threads: int | None = None) -> None:
-        if threads is not None and threads < 1:
-            raise ValueError(f"threads is {threads}: pass 1 or more, or None for all processors")
-        self.threads = threads or available_threads()
+        if threads is not None:
+            whole(threads, "threads", at_least=1, up_to=MOST_THREADS)
+        self.threads = int(threads or available_threads())
         self._executor: ThreadPoolExecutor | None = None
 
     def run(self, work: Callable[[int, int], None], n: int, longest: int = SLICE) -> None:

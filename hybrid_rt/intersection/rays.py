@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,6 +12,7 @@ from hybrid_rt.intersection.pool import Pool
 from hybrid_rt.kernels import rays as kernels
 from hybrid_rt.kernels.nearest import Rays
 from hybrid_rt.records import FloatArray, HitRecord, IntArray, NamedPoints
+from meshing.checks import as_floats, shown
 
 IdArray = NDArray[np.int64]
 
@@ -31,8 +33,8 @@ class Batch:
     direction: FloatArray
     t_min: FloatArray
     t_max: FloatArray
-    source: HitRecord | NamedPoints | None
-    target: HitRecord | NamedPoints | None
+    source: NamedPoints | None
+    target: NamedPoints | None
     reach: FloatArray
     unseen: IntArray | None
 
@@ -93,14 +95,8 @@ def make_batch(
     ``reach`` (objects,) is the largest number from which each object's points are computed: their
     rounding is relative to it.
     """
-    origin, direction = _vectors(origins, "origins"), _vectors(directions, "directions")
-    if len(origin) == 1 and len(direction) > 1:
-        origin = np.repeat(origin, len(direction), axis=0)
-    if len(direction) == 1 and len(origin) > 1:
-        direction = np.repeat(direction, len(origin), axis=0)
+    origin, direction, shape = as_rays(origins, directions)
     n = len(origin)
-    if len(direction) != n:
-        raise ValueError(f"{n} origins but {len(direction)} directions: pass one of each per ray")
     bad: list[tuple[int, IdArray, IdArray]] = []
 
     def check(begin: int, end: int) -> None:
@@ -112,32 +108,65 @@ def make_batch(
     pool.run(check, n)
     if bad:
         _refuse(origin, direction, bad)
-    lowest, highest = _limit(t_min, "t_min", n), _limit(t_max, "t_max", n)
-    for record, name in ((source, "source"), (target, "target")):
-        _check_points(record, name, n, len(reach))
-    return Batch(origin, direction, lowest, highest, source, target, reach, unseen)
+    lowest, highest = as_limit(t_min, "t_min", shape), as_limit(t_max, "t_max", shape)
+    leave, reached = (
+        _checked_points(record, name, n, len(reach))
+        for record, name in ((source, "source"), (target, "target"))
+    )
+    hidden = None if unseen is None else _checked_ids(unseen, "unseen", n, len(reach))
+    return Batch(origin, direction, lowest, highest, leave, reached, reach, hidden)
+
+
+def as_rays(
+    origins: ArrayLike, directions: ArrayLike
+) -> tuple[FloatArray, FloatArray, tuple[int, ...]]:
+    """Return origins (n, 3), directions (n, 3) and the shape of their batch: (n,) or (h, w).
+
+    One vector stands for all where the other side has more.
+
+    Raises
+    ------
+    TypeError, ValueError
+        For what is not real numbers, and for shapes that do not fit.
+    """
+    origin, direction = _vectors(origins, "origins"), _vectors(directions, "directions")
+    shape, other = origin.shape[:-1], direction.shape[:-1]
+    origin, direction = origin.reshape(-1, 3), direction.reshape(-1, 3)
+    if len(origin) == 1 and len(direction) != 1:
+        origin, shape = np.repeat(origin, len(direction), axis=0), other
+    elif len(direction) == 1 and len(origin) != 1:
+        direction = np.repeat(direction, len(origin), axis=0)
+    elif shape != other and not len(origin) == len(direction) == 1:
+        raise ValueError(
+            f"{len(origin)} origins but {len(direction)} directions, of shapes {(*shape, 3)} and "
+            f"{(*other, 3)}: pass one of each per ray, in equal shapes"
+        )
+    return origin, direction, shape or (1,)
+
+
+def as_limit(value: ArrayLike, name: str, shape: tuple[int, ...]) -> FloatArray:
+    """Return one limit per ray, (n,), for a batch of a shape."""
+    if value is None:
+        raise TypeError(f"{name} is None: pass a number, or inf for no limit")
+    array, n = as_floats(value, name), math.prod(shape)
+    if array.shape not in {(), (1,), (n,), shape}:
+        wanted = " or ".join(str(possible) for possible in dict.fromkeys([(n,), shape]))
+        raise ValueError(
+            f"{name} has shape {array.shape} for rays of shape {(*shape, 3)}: pass one number, or "
+            f"one per ray, {wanted}"
+        )
+    if np.isnan(array).any():
+        raise ValueError(f"{name} holds nan: pass numbers, or inf for no limit")
+    return np.broadcast_to(array.reshape(-1), (n,))
 
 
 def _vectors(values: ArrayLike, name: str) -> FloatArray:
-    array = np.asarray(values)
-    if array.dtype.kind not in "fiu":
-        array = np.asarray(values, dtype=np.float64)
+    array = as_floats(values, name)
     if array.ndim not in (1, 2, 3) or array.shape[-1] != 3:
         raise ValueError(
             f"{name} has shape {array.shape}: pass (n, 3), one vector (3,), or an image (h, w, 3)"
         )
-    return np.ascontiguousarray(array.reshape(-1, 3), dtype=np.float64)
-
-
-def _limit(value: ArrayLike, name: str, n: int) -> FloatArray:
-    array = np.asarray(value, dtype=np.float64)
-    if array.ndim == 2 and array.size == n:
-        array = array.reshape(n)
-    if array.shape not in ((), (1,), (n,)):
-        raise ValueError(f"{name} has shape {array.shape}: pass one number, or one per ray ({n},)")
-    if np.isnan(array).any():
-        raise ValueError(f"{name} holds nan: pass a number, or inf for no limit")
-    return np.broadcast_to(array, (n,))
+    return array
 
 
 def _refuse(
@@ -155,18 +184,40 @@ def _refuse(
     )
 
 
-def _check_points(
+def _checked_points(
     record: HitRecord | NamedPoints | None, name: str, n: int, n_objects: int
-) -> None:
+) -> NamedPoints | None:
+    """Return what is asked of a hit record that names points, in the kernels' types."""
     if record is None:
-        return
-    if record.object_id.max(initial=-1) >= n_objects:
-        raise ValueError(
-            f"{name} names object {record.object_id.max()} of {n_objects}: "
-            "pass hits of this intersector"
+        return None
+    if not isinstance(record, HitRecord | NamedPoints):
+        raise TypeError(
+            f"{name} is {shown(record)}: pass hits of this intersector, for instance "
+            f"{name}=hits[mask], or None"
         )
-    if len(record) != n:
+    ids = _checked_ids(record.object_id, name, n, n_objects)
+    position = as_floats(record.position, f"{name} position")
+    if position.shape != (n, 3):
+        raise ValueError(f"{name} position has shape {position.shape} for {n} rays: pass ({n}, 3)")
+    return NamedPoints(ids, position)
+
+
+def _checked_ids(values: IntArray, name: str, n: int, n_objects: int) -> IntArray:
+    """Return indices of objects, one per ray; -1 names none."""
+    try:
+        ids = np.asarray(values)
+    except ValueError:  # rows of different lengths
+        ids = np.empty((0, 0), np.int32)
+    if ids.shape != (n,):
         raise ValueError(
-            f"{name} has {len(record)} rows for {n} rays: pass one row per ray, "
-            f"for instance {name}=hits[mask]"
+            f"{name} has shape {ids.shape} for {n} rays: pass one row per ray, ({n},), for instance "
+            f"{name}=hits[mask]"
         )
+    if ids.dtype.kind not in "iu":
+        raise TypeError(f"{name} names objects by {ids.dtype}: pass whole numbers")
+    if ids.size and not (ids.min() >= -1 and ids.max() < n_objects):
+        bad = ids[(ids < -1) | (ids >= n_objects)][0]
+        raise ValueError(
+            f"{name} names object {bad} of {n_objects}: pass 0 to {n_objects - 1}, or -1 for none"
+        )
+    return np.ascontiguousarray(ids, dtype=np.int32)

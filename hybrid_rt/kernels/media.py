@@ -105,19 +105,27 @@ def weaken_by_ways(stack, lobes, way, has_end, value):
 
 
 @kernel
-def cross_media(stack, lobes, glass_of, material, front_face, second, t, throughput):
+def cross_media(stack, lobes, glass_of, material, front_face, second, t, throughput, unclosed):
     """Weaken throughput (n, 3) by Beer and Lambert's law over the ways of length t (n,).
 
     Whoever meets a dielectric from within has crossed it, wherever the ray began: it enters the
-    stack if it is not there. ``glass_of`` is the dielectric lobe of each material.
+    stack if it is not there. ``glass_of`` is the dielectric lobe of each material. ``unclosed``
+    (lobes,) counts rays that leave a body which they never entered, or that never leave one: its
+    surface is not closed.
     """
     for i in range(material.size):
         if material[i] >= 0 and not front_face[i]:
             glass = glass_of[material[i]]
             if glass != NONE and place_of(stack, i, glass) == NONE:
                 begin_with(stack, i, glass)
+                unclosed[glass] += 1
         if second.size and second[i] < 0 and place_of(stack, i, -second[i] - 1) == NONE:
             begin_with(stack, i, -second[i] - 1)
+            unclosed[-second[i] - 1] += 1
+        if t[i] == math.inf:
+            for k in range(STACK):
+                if stack[i, k] != NONE:
+                    unclosed[stack[i, k]] += 1
         r, g, b = transmittance(stack, i, lobes, t[i])
         throughput[i, 0] *= r
         throughput[i, 1] *= g

@@ -27,7 +27,7 @@ class GradientSky(Environment):
         heights = np.array([low.mean(), high.mean()])
         self._table = EnvironmentTable(
             kind=GRADIENT,
-            frame=upright(checks.direction(up, "GradientSky up")),
+            frame=upright(checks.as_direction(up, "GradientSky up")),
             colors=np.stack([low, high]),
             # A black sky is chosen from evenly.
             heights=heights if heights.any() else np.ones(2),

@@ -36,7 +36,7 @@ class ImageEnvironment(Environment):
         rows, columns = _shares(texels)
         self._table = EnvironmentTable(
             kind=PICTURE,
-            frame=upright(checks.direction(up, "ImageEnvironment up")),
+            frame=upright(checks.as_direction(up, "ImageEnvironment up")),
             colors=np.zeros((2, 3)),
             heights=np.ones(2),
             texel=texels,

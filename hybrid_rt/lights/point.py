@@ -27,7 +27,7 @@ class PointLight(Light):
         strength = checks.rgb(intensity, "PointLight intensity")
         self._row = LightRow(
             POINT,
-            checks.vector(position, "PointLight position"),
+            checks.as_vector(position, "PointLight position", up_to=checks.FARTHEST),
             nothing,
             nothing,
             strength,

@@ -30,14 +30,15 @@ class RectangleLight(Light):
     def __init__(
         self, corner: ArrayLike, edge_u: ArrayLike, edge_v: ArrayLike, radiance: ArrayLike
     ) -> None:
-        origin = checks.vector(corner, "RectangleLight corner")
-        u = checks.vector(edge_u, "RectangleLight edge_u")
-        v = checks.vector(edge_v, "RectangleLight edge_v")
+        origin = checks.as_vector(corner, "RectangleLight corner", up_to=checks.FARTHEST)
+        u = checks.as_vector(edge_u, "RectangleLight edge_u", up_to=checks.FARTHEST)
+        v = checks.as_vector(edge_v, "RectangleLight edge_v", up_to=checks.FARTHEST)
         strength = checks.rgb(radiance, "RectangleLight radiance")
         area = float(np.linalg.norm(np.cross(u, v)))
         if area == 0.0:
             raise ValueError(
-                "RectangleLight: edge_u and edge_v span no area; use PointLight for a point"
+                f"RectangleLight edges are {u.tolist()} and {v.tolist()}, of no area: pass two in "
+                "different directions (for a point: PointLight)"
             )
         power = math.pi * area * float(strength.mean())
         self._row = LightRow(RECTANGLE, origin, u, v, strength, power=power)

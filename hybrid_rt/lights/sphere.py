@@ -29,8 +29,8 @@ class SphereLight(Light):
     """
 
     def __init__(self, center: ArrayLike, radius: float, radiance: ArrayLike) -> None:
-        middle = checks.vector(center, "SphereLight center")
-        size = checks.number(radius, "SphereLight radius", above=0.0)
+        middle = checks.as_vector(center, "SphereLight center", up_to=checks.FARTHEST)
+        size = checks.number(radius, "SphereLight radius", above=0.0, up_to=checks.FARTHEST)
         strength = checks.rgb(radiance, "SphereLight radiance")
         self._row = LightRow(
             SPHERE,

@@ -9,9 +9,15 @@ from hybrid_rt.kernels.lobes import DIELECTRIC
 from hybrid_rt.materials.material import Lobe, Material
 from hybrid_rt.textures.texture import Texture, as_texture
 
+# Squares of the index multiply radiance at every surface: beyond this pictures overflow.
+EXTREME = 1e6
+
 
 class Dielectric(Material):
     """A smooth clear body; its inside is the side opposite the surface's normal.
+
+    A body may have several surfaces, of one material; together they must be closed. The report of
+    a render names those that rays enter and never leave, or leave without having entered.
 
     Reflection and refraction follow Fresnel's equations for unpolarised light. Radiance is
     multiplied by the square of the index ratio where it enters or leaves. Inside, each channel
@@ -20,7 +26,7 @@ class Dielectric(Material):
     Parameters
     ----------
     ior : float
-        Index of refraction, inside over outside; above 0.
+        Index of refraction, inside over outside; 1e-6 to 1e6.
     absorption : number or three numbers
         Per unit of length, at least 0.
     tint : number, three numbers or texture
@@ -41,10 +47,10 @@ class Dielectric(Material):
         schlick: bool = False,
         priority: float = 0.0,
     ) -> None:
-        index = checks.number(ior, "Dielectric ior", above=0.0)
+        index = checks.number(ior, "Dielectric ior", at_least=1.0 / EXTREME, up_to=EXTREME)
         density = checks.rgb(absorption, "Dielectric absorption")
         rank = checks.number(priority, "Dielectric priority")
-        number = (index, float(bool(schlick)), *density.tolist(), rank)
+        number = (index, float(checks.flag(schlick, "Dielectric schlick")), *density.tolist(), rank)
         self._lobes = (Lobe(DIELECTRIC, as_texture(tint, "Dielectric tint"), number),)
 
     @property

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from numpy.typing import ArrayLike
 
+from hybrid_rt.checks import shown
 from hybrid_rt.materials.material import Lobe, Material
 from hybrid_rt.textures.texture import Texture, as_radiance
 
@@ -21,9 +22,9 @@ class Emissive(Material):
 
     def __init__(self, radiance: Texture | ArrayLike, base: Material | None = None) -> None:
         if base is not None and not isinstance(base, Material):
-            raise TypeError(f"Emissive base: {base!r} is no material")
+            raise TypeError(f"Emissive base is {shown(base)}: pass a material, or None")
         if base is not None and base.radiance is not None:
-            raise ValueError("Emissive base: shines itself; add up the two radiances")
+            raise ValueError("Emissive base shines itself: add up the two radiances")
         self._radiance = as_radiance(radiance, "Emissive radiance")
         self._lobes = () if base is None else base.lobes
 

@@ -26,9 +26,7 @@ class Metal(Material):
     """
 
     def __init__(self, color: Texture | ArrayLike, fuzz: float = 0.0) -> None:
-        spread = checks.number(fuzz, "Metal fuzz", up_to=1.0)
-        if spread < 0.0:
-            raise ValueError(f"Metal fuzz: {spread:g} is negative; use 0 (a mirror) to 1")
+        spread = checks.number(fuzz, "Metal fuzz", at_least=0.0, up_to=1.0, hint="0: a mirror")
         texture = as_texture(color, "Metal color")
         self._lobes = (Lobe(METAL, texture, (spread,)) if spread > 0.0 else Lobe(MIRROR, texture),)
 

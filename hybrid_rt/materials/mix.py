@@ -31,31 +31,36 @@ class Mix(Material):
     def __init__(self, parts: Sequence[tuple[float, Material]]) -> None:
         lobes: list[Lobe] = []
         total = 0.0
-        for i, part in enumerate(parts):
+        given = checks.items(parts, "Mix parts")
+        if not given:
+            raise ValueError(
+                "Mix parts is empty: pass (weight, material) pairs (black: Lambertian(0))"
+            )
+        for i, part in enumerate(given):
             try:
                 weight, material = part
             except (TypeError, ValueError) as error:
                 raise TypeError(
-                    f"Mix part {i}: expected (weight, material), got {part!r}"
+                    f"Mix part {i} is {checks.shown(part)}: pass (weight, material)"
                 ) from error
-            share = checks.number(weight, f"Mix part {i}, weight")
-            if share < 0.0:
-                raise ValueError(f"Mix part {i}, weight: {share:g} is negative")
+            share = checks.number(weight, f"Mix part {i}, weight", at_least=0.0)
             if not isinstance(material, Material):
-                raise TypeError(f"Mix part {i}: {material!r} is no material")
+                raise TypeError(f"Mix part {i} is of {checks.shown(material)}: pass a material")
             if material.radiance is not None:
                 raise ValueError(
-                    f"Mix part {i}: shines; use Emissive(radiance, base=Mix(...)) instead"
+                    f"Mix part {i} shines: pass Emissive(radiance, base=Mix(...)) instead"
                 )
             total += share
             lobes += [replace(lobe, weight=share * lobe.weight) for lobe in material.lobes]
         if total > 1.0 + _ROUNDING:
             raise ValueError(
-                f"Mix weights: add up to {total:g}; a surface cannot send on more light than it "
-                "receives"
+                f"Mix weights add up to {total:g}: pass at most 1 together (a surface cannot send on "
+                "more light than it receives)"
             )
         if sum(lobe.kind == DIELECTRIC for lobe in lobes) > 1:
-            raise ValueError("Mix: more than one part is a Dielectric; a body has one inside")
+            raise ValueError(
+                "Mix parts: more than one part is a Dielectric: pass one, a body has one inside"
+            )
         self._lobes = tuple(lobe for lobe in lobes if lobe.weight > 0.0)
 
     @property

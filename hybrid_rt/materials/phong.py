@@ -12,6 +12,8 @@ from hybrid_rt.textures.texture import Texture, as_texture
 
 # A sum of two colours that should be one may exceed it by rounding.
 _ROUNDING = 1e-12
+# At this exponent the rounding of a cosine, 1e-16, changes its power by 1e-6.
+SHARPEST = 1e10
 
 
 class Phong(Material):
@@ -25,7 +27,7 @@ class Phong(Material):
     diffuse, specular : number, three numbers or texture
         Shares of the light, per channel; their sum stays within 1.
     exponent : float
-        Above 0; larger is sharper.
+        Above 0, at most 1e10; larger is sharper.
     """
 
     def __init__(
@@ -36,10 +38,12 @@ class Phong(Material):
         total = matt.brightest + glossy.brightest
         if (total > 1.0 + _ROUNDING).any():
             raise ValueError(
-                f"Phong diffuse + specular: reaches {np.max(total):g}; a surface cannot send on "
-                "more light than it receives"
+                f"Phong diffuse + specular reaches {np.max(total):g}: pass at most 1 together (a "
+                "surface cannot send on more light than it receives)"
             )
-        power = checks.number(exponent, "Phong exponent", above=0.0)
+        power = checks.number(
+            exponent, "Phong exponent", above=0.0, up_to=SHARPEST, hint="beyond it use Mirror"
+        )
         self._lobes = (Lobe(DIFFUSE, matt), Lobe(PHONG, glossy, (power,)))
 
     @property

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hybrid_rt.primitives.checks import as_affine, as_vector
 from hybrid_rt.records import FloatArray
+from meshing.checks import as_affine, as_vector
 
 
 class Box:
@@ -27,10 +27,10 @@ class Box:
     """
 
     def __init__(self, lo: ArrayLike, hi: ArrayLike) -> None:
-        self.lo, self.hi = as_vector(lo, "Box: lo"), as_vector(hi, "Box: hi")
+        self.lo, self.hi = as_vector(lo, "Box lo"), as_vector(hi, "Box hi")
         if not (self.lo < self.hi).all():
             raise ValueError(
-                f"Box: lo {self.lo.tolist()} is not below hi {self.hi.tolist()}: "
+                f"Box lo is {self.lo.tolist()}, not below hi, {self.hi.tolist()}: "
                 "pass the lower corner first (for a flat face, use Rectangle)"
             )
         self.orientation = 1
@@ -65,8 +65,8 @@ class Box:
         linear, shift = as_affine(matrix, "Box")
         if (linear != np.diag(np.diag(linear))).any():
             raise ValueError(
-                "Box: the matrix turns the axes: only scaling and translation keep a box along "
-                "them (use TriangleMesh or six rectangles)"
+                "Box matrix turns the axes: pass a scaling or translation along them (or use "
+                "TriangleMesh, or six rectangles)"
             )
         a, b = linear @ self.lo + shift, linear @ self.hi + shift
         image = Box(np.minimum(a, b), np.maximum(a, b))

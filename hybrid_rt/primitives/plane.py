@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hybrid_rt.primitives.checks import as_affine, as_unit, as_vector
+from hybrid_rt import checks
 from hybrid_rt.records import FloatArray
+from meshing.checks import as_affine
 
 
 class Plane:
@@ -27,8 +28,8 @@ class Plane:
     """
 
     def __init__(self, point: ArrayLike, normal: ArrayLike) -> None:
-        self.origin = as_vector(point, "Plane: point")
-        self.unit_normal = as_unit(normal, "Plane: normal")
+        self.origin = checks.as_vector(point, "Plane point", up_to=checks.FARTHEST)
+        self.unit_normal = checks.as_direction(normal, "Plane normal")
 
     @property
     def axes(self) -> tuple[int, int]:

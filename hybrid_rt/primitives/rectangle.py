@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hybrid_rt.primitives.checks import as_affine, as_unit, as_vector
 from hybrid_rt.records import FloatArray
+from meshing.checks import as_affine, as_direction, as_vector
 
 
 class Rectangle:
@@ -25,18 +25,18 @@ class Rectangle:
     """
 
     def __init__(self, corner: ArrayLike, edge_u: ArrayLike, edge_v: ArrayLike) -> None:
-        self.corner = as_vector(corner, "Rectangle: corner")
-        self.edge_u = as_vector(edge_u, "Rectangle: edge_u")
-        self.edge_v = as_vector(edge_v, "Rectangle: edge_v")
+        self.corner = as_vector(corner, "Rectangle corner")
+        self.edge_u = as_vector(edge_u, "Rectangle edge_u")
+        self.edge_v = as_vector(edge_v, "Rectangle edge_v")
         largest = max(np.abs(self.edge_u).max(), np.abs(self.edge_v).max())
         u, v = self.edge_u / (largest or 1.0), self.edge_v / (largest or 1.0)
         across = np.cross(u, v)
         if np.linalg.norm(across) <= 1e-12 * np.linalg.norm(u) * np.linalg.norm(v):
             raise ValueError(
-                f"Rectangle: edges {self.edge_u.tolist()} and {self.edge_v.tolist()} span no area: "
+                f"Rectangle edges are {self.edge_u.tolist()} and {self.edge_v.tolist()}, of no area: "
                 "pass two edges in different directions"
             )
-        self.unit_normal = as_unit(across, "Rectangle: normal")
+        self.unit_normal = as_direction(across, "Rectangle normal")
 
     @property
     def bounds(self) -> FloatArray:

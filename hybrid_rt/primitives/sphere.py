@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hybrid_rt.primitives.checks import as_similarity, as_unit, as_vector
 from hybrid_rt.records import FloatArray
+from meshing.checks import as_direction, as_similarity, as_vector, number
 
 
 class Sphere:
@@ -36,23 +36,20 @@ class Sphere:
         pole: ArrayLike = (0, 0, 1),
         meridian: ArrayLike = (1, 0, 0),
     ) -> None:
-        self.center = as_vector(center, "Sphere: center")
-        self.radius = float(radius)
-        if not (np.isfinite(self.radius) and self.radius > 0):
-            raise ValueError(
-                f"Sphere: radius is {self.radius}: pass a positive length "
-                "(for the inside, use .flipped())"
-            )
-        self.pole = as_unit(pole, "Sphere: pole")
-        given = as_unit(meridian, "Sphere: meridian")
+        self.center = as_vector(center, "Sphere center")
+        self.radius = number(
+            radius, "Sphere radius", above=0.0, hint="for the inside, use .flipped()"
+        )
+        self.pole = as_direction(pole, "Sphere pole")
+        given = as_direction(meridian, "Sphere meridian")
         across = given - (given @ self.pole) * self.pole
         if np.linalg.norm(across) < 1e-6:
             if not np.array_equal(np.asarray(meridian), (1, 0, 0)):
                 raise ValueError(
-                    f"Sphere: meridian {given.tolist()} lies along the pole: pass another direction"
+                    f"Sphere meridian is {given.tolist()}, along the pole: pass another direction"
                 )
             across = np.cross(self.pole, (0.0, 1.0, 0.0))  # the default, beside a pole along x
-        self.meridian = as_unit(across, "Sphere: meridian")
+        self.meridian = as_direction(across, "Sphere meridian")
         self.orientation = 1
 
     @property
@@ -84,14 +81,14 @@ class Sphere:
 
     def transformed(self, matrix: ArrayLike) -> Sphere:
         """Return the image under a similarity (4, 4); (u, v) stay with their points."""
-        linear, shift, scale = as_similarity(matrix, "Sphere")
+        turn, shift, scale, is_reflection = as_similarity(matrix, "Sphere")
         image = Sphere(
-            linear @ self.center + shift,
+            scale * (turn @ self.center) + shift,
             scale * self.radius,
-            linear @ self.pole,
-            linear @ self.meridian,
+            turn @ self.pole,
+            turn @ self.meridian,
         )
-        image.orientation = self.orientation * (1 if np.linalg.det(linear) > 0 else -1)
+        image.orientation = self.orientation * (-1 if is_reflection else 1)
         return image
 
     def flipped(self) -> Sphere:

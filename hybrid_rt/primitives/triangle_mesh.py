@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from hybrid_rt.primitives.checks import as_affine
 from hybrid_rt.records import FloatArray
+from meshing.checks import as_affine, as_floats, shown
 
 if TYPE_CHECKING:
     import trimesh
@@ -31,27 +31,33 @@ class TriangleMesh:
     """
 
     def __init__(self, mesh: trimesh.Trimesh) -> None:
+        if isinstance(mesh, type) or not (hasattr(mesh, "vertices") and hasattr(mesh, "faces")):
+            raise TypeError(
+                f"TriangleMesh mesh is {shown(mesh)}: pass a trimesh.Trimesh, or what has vertices "
+                "and faces"
+            )
         faces = np.array(mesh.faces)
         if faces.dtype.kind not in "iu":
-            raise TypeError(f"TriangleMesh: faces are of type {faces.dtype}: pass whole numbers")
-        self._set(np.array(mesh.vertices, np.float64), faces.astype(np.int64))
+            raise TypeError(f"TriangleMesh faces have type {faces.dtype}: pass whole numbers")
+        vertices = as_floats(mesh.vertices, "TriangleMesh vertices").copy()
+        self._set(vertices, faces.astype(np.int64))
 
     def _set(self, vertices: FloatArray, faces: NDArray[np.int64]) -> None:
         if vertices.ndim != 2 or vertices.shape[1] != 3:
-            raise ValueError(f"TriangleMesh: vertices have shape {vertices.shape}: pass (v, 3)")
+            raise ValueError(f"TriangleMesh vertices have shape {vertices.shape}: pass (v, 3)")
         if faces.ndim != 2 or faces.shape[1] != 3 or not len(faces):
-            raise ValueError(f"TriangleMesh: faces have shape {faces.shape}: pass (f, 3), f > 0")
+            raise ValueError(f"TriangleMesh faces have shape {faces.shape}: pass (f, 3), f > 0")
         bad = ~np.isfinite(vertices).all(axis=1)
         if bad.any():
             i = int(bad.argmax())
             raise ValueError(
-                f"TriangleMesh: vertices[{i}] is {vertices[i].tolist()}: pass finite numbers"
+                f"TriangleMesh vertices[{i}] is {vertices[i].tolist()}: pass finite numbers"
             )
         outside = (faces < 0) | (faces >= len(vertices))
         if outside.any():
             i = int(outside.any(axis=1).argmax())
             raise ValueError(
-                f"TriangleMesh: faces[{i}] is {faces[i].tolist()}, of {len(vertices)} vertices: "
+                f"TriangleMesh faces[{i}] is {faces[i].tolist()}, of {len(vertices)} vertices: "
                 "pass indices of the vertices"
             )
         vertices.flags.writeable = False

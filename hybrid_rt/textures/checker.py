@@ -12,6 +12,9 @@ from hybrid_rt.kernels.texture import CHECKER_UV, CHECKER_WORLD
 from hybrid_rt.records import FloatArray
 from hybrid_rt.textures.texture import Texture, TextureRow
 
+# Finer squares than this are decided by the rounding of coordinates.
+FINEST = 1e12
+
 
 class CheckerTexture(Texture):
     """Two colours in turn.
@@ -34,20 +37,20 @@ class CheckerTexture(Texture):
         scale: ArrayLike = 6.0,
         space: Literal["world", "uv"] = "world",
     ) -> None:
-        if space not in {"world", "uv"}:
-            raise ValueError(f"CheckerTexture space: {space!r} is unknown; use 'world' or 'uv'")
+        checks.choice(space, "CheckerTexture space", ("world", "uv"))
         self._kind = CHECKER_UV if space == "uv" else CHECKER_WORLD
         self._even = checks.rgb(even, "CheckerTexture even")
         self._odd = checks.rgb(odd, "CheckerTexture odd")
         n_axes = 2 if space == "uv" else 3
-        scales = np.array(scale, dtype=np.float64)
+        scales = checks.as_floats(scale, "CheckerTexture scale")
         if scales.shape not in {(), (n_axes,)}:
             raise ValueError(
-                f"CheckerTexture scale: expected one number or {n_axes}, got shape {scales.shape}"
+                f"CheckerTexture scale has shape {scales.shape}: pass one number, or {n_axes}"
             )
         scales = np.broadcast_to(scales, (n_axes,))
         self._scale = tuple(
-            checks.number(float(value), "CheckerTexture scale", above=0.0) for value in scales
+            checks.number(value, "CheckerTexture scale", above=0.0, up_to=FINEST)
+            for value in scales
         )
 
     @property

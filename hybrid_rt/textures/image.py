@@ -9,6 +9,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from hybrid_rt import checks
 from hybrid_rt.film import srgb_to_linear
 from hybrid_rt.kernels.texture import CLAMP, IMAGE, REPEAT
 from hybrid_rt.records import FloatArray
@@ -37,13 +38,18 @@ class ImageTexture(Texture):
         image: str | os.PathLike[str] | NDArray[Any],
         wrap: Literal["repeat", "clamp"] = "repeat",
     ) -> None:
-        if wrap not in {"repeat", "clamp"}:
-            raise ValueError(f"ImageTexture wrap: {wrap!r} is unknown; use 'repeat' or 'clamp'")
+        checks.choice(wrap, "ImageTexture wrap", ("repeat", "clamp"))
         self._wrap = REPEAT if wrap == "repeat" else CLAMP
         if isinstance(image, str | os.PathLike):
             self._texels = _linear(_read(Path(image)), f"ImageTexture {os.fspath(image)!r}")
         else:
-            self._texels = _linear(np.asarray(image), "ImageTexture array")
+            try:
+                array = np.asarray(image)
+            except ValueError:
+                raise ValueError(
+                    f"ImageTexture image is {checks.shown(image)}: pass rows of equal length"
+                ) from None
+            self._texels = _linear(array, "ImageTexture image")
 
     @property
     def texels(self) -> NDArray[np.float32]:
@@ -64,10 +70,15 @@ class ImageTexture(Texture):
 
 def _read(path: Path) -> NDArray[Any]:
     if not path.is_file():
-        raise FileNotFoundError(f"ImageTexture: there is no file {str(path)!r}")
+        raise FileNotFoundError(f"ImageTexture image is {str(path)!r}: there is no such file")
     import imageio.v3 as imageio
 
-    image: NDArray[Any] = imageio.imread(path)
+    try:
+        image: NDArray[Any] = imageio.imread(path)
+    except Exception as error:  # whatever the reader of that format raises
+        raise ValueError(
+            f"ImageTexture image is {str(path)!r}: pass a picture file, it cannot be read as one"
+        ) from error
     return image
 
 
@@ -76,14 +87,17 @@ def _linear(image: NDArray[Any], what: str) -> NDArray[np.float32]:
         image = np.repeat(image[:, :, None], 3, axis=2)
     if image.ndim != 3 or image.shape[2] not in {3, 4} or image.size == 0:
         raise ValueError(
-            f"{what}: shape {image.shape} is no picture; use (height, width), (height, width, 3) or "
+            f"{what} has shape {image.shape}: pass (height, width), (height, width, 3) or "
             "(height, width, 4)"
         )
     image = image[:, :, :3]
     if image.dtype in {np.dtype(np.uint8), np.dtype(np.uint16)}:
         return srgb_to_linear(image / np.iinfo(image.dtype).max).astype(np.float32)
     if not np.issubdtype(image.dtype, np.floating):
-        raise TypeError(f"{what}: type {image.dtype} is unknown; use uint8, uint16 or floats")
-    if not np.isfinite(image).all() or image.min() < 0.0:
-        raise ValueError(f"{what}: holds negative or non-finite values")
+        raise TypeError(f"{what} has type {image.dtype}: pass uint8, uint16 or floats")
+    if not (np.isfinite(image).all() and image.min() >= 0.0 and image.max() <= checks.BRIGHTEST):
+        raise ValueError(
+            f"{what} holds negative or non-finite values, or some above {checks.BRIGHTEST:g}: pass "
+            "numbers from 0 on"
+        )
     return np.ascontiguousarray(image, dtype=np.float32)

@@ -73,11 +73,14 @@ def as_texture(color: Texture | ArrayLike, what: str) -> Texture:
 
 
 def as_radiance(color: Texture | ArrayLike, what: str) -> Texture:
-    """Take a texture, three numbers or one number as a radiance, which has no upper limit.
+    """Take a texture, three numbers or one number as a radiance, up to 1e30.
 
     Raises
     ------
     ValueError, TypeError
         If a channel is negative or not finite; ``what`` is named.
     """
-    return color if isinstance(color, Texture) else ConstantTexture(checks.rgb(color, what))
+    if isinstance(color, Texture):
+        checks.rgb(color.brightest, f"{what}: brightest colour of {type(color).__name__}")
+        return color
+    return ConstantTexture(checks.rgb(color, what))

@@ -53,7 +53,7 @@ def test_focus_is_at_look_at_unless_said():
         ({"vertical_fov": 0}, "vertical_fov"),
         ({"vertical_fov": 180}, "vertical_fov"),
         ({"vertical_fov": float("nan")}, "vertical_fov"),
-        ({"up": (3, -4, 0)}, "up: is parallel"),
+        ({"up": (3, -4, 0)}, "up is .*, parallel"),
         ({"up": (0, 0, 0)}, "up"),
         ({"look_at": (1, 2, 3)}, "look_at"),
         ({"look_from": (np.nan, 0, 0)}, "look_from"),

@@ -79,5 +79,5 @@ def test_one_pass_has_no_standard_error():
 
 
 def test_unknown_outputs_are_refused():
-    with pytest.raises(ValueError, match="output 'deepness' is unknown"):
+    with pytest.raises(ValueError, match="output is 'deepness': pass one of depth"):
         render(SCENE, outputs=("deepness",))

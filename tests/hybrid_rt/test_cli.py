@@ -50,12 +50,14 @@ def test_render_writes_picture_and_report_under_the_scripts_name(folder, capsys)
 
 def test_options_reach_the_picture(folder, capsys):
     arguments = "--passes 1 --width 32 --seed 9 --threads 1 --out a.png --out b.npz --explain"
-    assert cli.main(["render", "ball.py", *arguments.split()]) == 0
+    channels = ["--outputs", "depth, uv"]
+    assert cli.main(["render", "ball.py", *arguments.split(), *channels]) == 0
     settings = json.loads((folder / "a.json").read_text())["settings"]
     assert (settings["width"], settings["height"]) == (32, 24)
     assert (settings["seed"], settings["threads"]) == (9, 1)
     with np.load("b.npz") as data:
         assert data["image"].shape == (24, 32, 3)
+        assert data["uv"].shape == (24, 32, 2)
     captured = capsys.readouterr()
     assert "+ mirror rays" in captured.out
     assert "Rendering ..." in captured.err
@@ -91,9 +93,12 @@ def test_script_runs_as_a_program(folder):
         (["missing.py"], "no scene script 'missing.py'"),
         (["ball.py", "--passes", "0"], "passes"),
         (["ball.py", "--target-error", "0"], "target_error"),
-        (["ball.py", "--integrator", "magic"], "integrator 'magic'"),
+        (["ball.py", "--integrator", "magic"], "integrator is 'magic'"),
         (["ball.py", "--out", "a.jpg"], "unknown ending"),
         (["ball.py", "--out", "nowhere/a.png"], "no folder"),
+        (["ball.py", "--out", "."], "unknown ending"),
+        (["ball.py", "--outputs", "depth"], "--outputs depth: a .png holds none of them: add"),
+        (["ball.py", "--outputs", "depth,,x", "--out", "a.npz"], "output is 'x': pass one of"),
         (["ball.py", "--width", "0"], "width"),
         (["ball.py", "--accuracy", "exact"], "accuracy"),
     ],
@@ -123,6 +128,7 @@ def test_interrupt_is_exit_code_130_and_leaves_nothing(folder, capsys, monkeypat
         ("def scene():\n    return 3", "returned int"),
         ("def scene():\n    return 1 / 0", "line 2: ZeroDivisionError"),
         ("def scene(:", "line 1: SyntaxError"),
+        (SCRIPT + 'INTEGRATOR = "magic"', "bad.py: INTEGRATOR is 'magic': pass one of path"),
         (
             "from hybrid_rt.materials import *\n\ndef scene():\n    Mirror(2)",
             "line 4: Mirror color",
@@ -155,7 +161,13 @@ def test_command_line_is_ready_before_anything_heavy_is_imported():
 
 
 def test_photons_are_counted_by_those_who_have_them(folder, capsys):
-    arguments = ["render", "ball.py", "--passes", "1", "--photons", "500", "--quiet"]
+    (folder / "caustic.py").write_text(SCRIPT + 'INTEGRATOR = "ppm"\n')
+    arguments = ["render", "caustic.py", "--passes", "1", "--photons", "500", "--quiet"]
+    for named in ([], ["--integrator", "photon_map"]):  # the command line has the last word
+        assert cli.main([*arguments, *named]) == 0
+        settings = json.loads((folder / "caustic.json").read_text())["settings"]
+        assert settings["integrator"] == (named[-1] if named else "ppm")
+    arguments[1] = "ball.py"
     assert cli.main([*arguments, "--integrator", "ppm"]) == 0
     report = json.loads((folder / "ball.json").read_text())
     assert report["settings"]["options"]["photons_per_pass"] == 500

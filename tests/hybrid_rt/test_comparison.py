@@ -44,14 +44,45 @@ def test_what_was_saved_is_read(tmp_path, ending):
     [
         ("missing.npz", FileNotFoundError, "no picture"),
         ("a.jpg", ValueError, "unknown ending"),
-        ("empty.npz", ValueError, "no array named image"),
+        ("empty.npz", ValueError, "no array named image, but other: pass"),
+        ("grey.npz", ValueError, r"holds float64 of shape \(3, 4\): pass floats"),
+        ("words.npz", ValueError, "holds <U1 of shape .*: pass floats"),
+        ("errors.npz", ValueError, r"its standard_error \(2, 2\)"),
+        ("nothing.png", ValueError, r"nothing\.png' cannot be read .*: pass a complete \.png"),
+        ("nothing.npz", ValueError, r"nothing\.npz' cannot be read .*: pass a complete \.npz"),
+        ("nothing.exr", ValueError, r"nothing\.exr' cannot be read .*: pass a complete \.exr"),
+        ("half.npz", ValueError, "cannot be read"),
+        ("half.png", ValueError, "cannot be read"),
+        ("half.exr", ValueError, "cannot be read"),
+        ("sixteen.png", ValueError, r"pixels of shape \(2, 2\): pass 8 bit RGB"),
     ],
 )
 def test_what_is_no_picture_is_refused(tmp_path, name, error, words):
     (tmp_path / "a.jpg").touch()
+    if name.endswith(".exr"):
+        pytest.importorskip("OpenEXR")
     np.savez(tmp_path / "empty.npz", other=np.zeros(3))
+    np.savez(tmp_path / "grey.npz", image=np.zeros((3, 4)))
+    np.savez(tmp_path / "words.npz", image=np.full((1, 1, 3), "a"))
+    np.savez(tmp_path / "errors.npz", image=TRUTH, standard_error=np.zeros((2, 2)))
+    imageio.imwrite(tmp_path / "sixteen.png", np.zeros((2, 2), np.uint16))
+    ending = name.rpartition(".")[2]
+    if name.startswith("nothing"):
+        (tmp_path / name).touch()
+    if name.startswith("half"):
+        whole = write(tmp_path / f"whole.{ending}", TRUTH).read_bytes()
+        (tmp_path / name).write_bytes(whole[: len(whole) // 2])
     with pytest.raises(error, match=words):
         load_picture(tmp_path / name)
+
+
+@pytest.mark.parametrize("text", ["no JSON {", "[1, 2]", '{"seconds": 3, "noise": {"x": 1}}'])
+def test_reports_of_other_programs_tell_nothing(tmp_path, text):
+    write(tmp_path / "a.png", TRUTH)
+    (tmp_path / "a.json").write_text(text)
+    picture = load_picture(tmp_path / "a.png")
+    row = compare_pictures(picture, picture)["errors"]["a.png (1)"]
+    assert (row["expected"], row["seconds"]) == (None, None)
 
 
 @pytest.mark.statistical
@@ -111,6 +142,9 @@ def test_pictures_of_other_sizes_are_one_clear_line(tmp_path, monkeypatch, capsy
     write("a.npz", TRUTH)
     write("b.npz", TRUTH[:10])
     assert cli.main(["compare", "a.npz", "b.npz"]) == 2
-    assert "shape" in capsys.readouterr().err
+    error = capsys.readouterr().err
+    assert error == (
+        "hybrid-rt: a.npz has 30 x 20 pixels, b.npz 30 x 10: pass pictures of one size\n"
+    )
     assert not (tmp_path / "compare.png").exists()
-    assert json.loads((tmp_path / "a.json").read_text()) == REPORT
+    assert json.loads((tmp_path / "a.npz.json").read_text()) == REPORT

@@ -56,7 +56,7 @@ def test_exr_holds_named_channels_bit_for_bit(tmp_path):
     np.testing.assert_array_equal(np.stack([planes[c] for c in "RGB"], axis=2), IMAGE)
     np.testing.assert_array_equal(planes["depth"], depth)
     np.testing.assert_array_equal(planes["normal.Y"], -IMAGE[:, :, 1])
-    assert sorted(p.name for p in tmp_path.iterdir()) == ["a.exr", "a.json"]
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["a.exr", "a.exr.json"]
 
 
 def test_exr_without_its_package_is_refused_before_any_work(tmp_path, monkeypatch):
@@ -69,6 +69,12 @@ def test_exposure_counts_stops(tmp_path):
     save_image(tmp_path / "a.png", IMAGE, {}, exposure=-1.0)
     expected = np.rint(linear_to_srgb(IMAGE.astype(float) / 2) * 255)
     np.testing.assert_array_equal(imageio.imread(tmp_path / "a.png"), expected)
+
+
+def test_what_is_not_finite_is_shown(tmp_path):
+    strange = np.array([[[np.nan, np.inf, -np.inf]]], np.float32)
+    save_image(tmp_path / "a.png", strange, {}, exposure=-3.0)
+    assert imageio.imread(tmp_path / "a.png").tolist() == [[[0, 255, 0]]]
 
 
 def test_interrupted_write_leaves_the_old_file_and_no_other(tmp_path, monkeypatch):
@@ -91,6 +97,31 @@ def test_impossible_outputs_are_refused(tmp_path):
         check_output("a.jpg")
     with pytest.raises(FileNotFoundError, match="no folder"):
         check_output(tmp_path / "missing" / "a.png")
+
+
+@pytest.mark.parametrize(
+    ("name", "error", "words"),
+    [
+        ("folder.png", IsADirectoryError, "cannot be written .it is a folder.: name"),
+        ("b.npz", IsADirectoryError, r"b\.npz\.json' cannot be written"),
+        ("file/a.png", FileNotFoundError, "no folder"),
+        (f"{300 * 'a'}.png", OSError, "cannot be written .*: name another file"),
+    ],
+)
+def test_outputs_that_cannot_be_written_are_refused(tmp_path, name, error, words):
+    (tmp_path / "folder.png").mkdir()
+    (tmp_path / "b.npz.json").mkdir()
+    (tmp_path / "file").touch()
+    with pytest.raises(error, match=words):
+        check_output(tmp_path / name)
+    assert len(list(tmp_path.iterdir())) == 3
+
+
+def test_pictures_of_one_name_keep_their_own_reports(tmp_path):
+    for seed, ending in enumerate((".png", ".npz")):
+        save_image(tmp_path / f"a{ending}", IMAGE, {"seed": seed})
+    assert json.loads((tmp_path / "a.json").read_text()) == {"seed": 0}
+    assert json.loads((tmp_path / "a.npz.json").read_text()) == {"seed": 1}
 
 
 def test_film_is_the_mean_and_its_noise_the_standard_error():

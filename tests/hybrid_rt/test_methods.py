@@ -37,7 +37,7 @@ def test_integrators_that_refuse_a_scene_are_left_out_unless_asked_for():
     assert names(scene) == ["path", "whitted"]
     with pytest.raises(ValueError, match="'ground': the sky sends photons without end"):
         default_methods(scene, ["path", "ppm"])
-    with pytest.raises(ValueError, match="'magic' is unknown; use path, whitted"):
+    with pytest.raises(ValueError, match="integrator is 'magic': pass one of path, whitted"):
         default_methods(scene, ["magic"])
 
 

@@ -1,13 +1,15 @@
 import json
+import math
 import subprocess
 import sys
 
+import imageio.v3 as imageio
 import numpy as np
 import pytest
 
-from hybrid_rt import rendering
+from hybrid_rt import numbers, rendering
 from hybrid_rt.camera import Camera
-from hybrid_rt.integrators import clear_bodies, crew, path, surface_light, whitted
+from hybrid_rt.integrators import PPMOptions, clear_bodies, crew, path, surface_light, whitted
 from hybrid_rt.integrators.contacts import Contacts
 from hybrid_rt.integrators.integrator import LENS_DIMENSION
 from hybrid_rt.integrators.light_paths import LightPathTracer
@@ -17,10 +19,11 @@ from hybrid_rt.lights.surface import ShiningSurface
 from hybrid_rt.limits import Limit
 from hybrid_rt.materials import Dielectric, Emissive, Lambertian, Metal, Mirror
 from hybrid_rt.plan import explain
-from hybrid_rt.primitives import Box, Rectangle, Sphere
+from hybrid_rt.primitives import Box, Plane, Rectangle, Sphere
 from hybrid_rt.sampler import Sampler
 from hybrid_rt.scene import Object, Scene
 from hybrid_rt.textures import CheckerTexture
+from meshing import SurfaceOfRevolution
 
 
 def render(scene, integrator="whitted", **settings):
@@ -244,11 +247,18 @@ class TestLimit:
         report = render(scene(), time_budget=1e-9).report
         assert (report["passes"], report["stopped_by"]) == (1, "time_budget")
 
+    def test_no_estimate_ends_the_search_for_it(self):
+        limit = Limit(None, None, 0.1)
+        limit.note_error(4, math.nan)
+        assert limit.next_estimate() == 8
+        assert limit.reached(4, 1.0) == "not_finite"
+        assert limit.begins(4, 1.0) == 0
+
 
 @pytest.mark.parametrize(
     ("settings", "error", "words"),
     [
-        ({"integrator": "magic"}, ValueError, "integrator 'magic' is unknown; use path, whitted"),
+        ({"integrator": "magic"}, ValueError, "integrator is 'magic': pass one of path, whitted"),
         ({"passes": 0}, ValueError, "passes"),
         ({"passes": 2.5}, TypeError, "passes"),
         ({"time_budget": 0}, ValueError, "time_budget"),
@@ -259,11 +269,86 @@ class TestLimit:
         ({"threads": 0}, ValueError, "threads"),
         ({"accuracy": "exact"}, ValueError, "accuracy"),
         ({"tolerance": -1.0}, ValueError, "tolerance"),
+        (
+            {"integrator": "ppm", "options": PPMOptions(10**12)},
+            MemoryError,
+            "pass of 1000000000000 photons needs at least .* TiB of memory, this machine has",
+        ),
     ],
 )
 def test_impossible_settings_are_refused(settings, error, words):
     with pytest.raises(error, match=words):
         render(scene(Mirror()), **settings)
+
+
+def test_pictures_beyond_the_machines_memory_are_refused():
+    with pytest.raises(MemoryError, match=r"1000000 x 1000000 pixels needs at least 1\d\d TiB"):
+        render(scene(width=10**6, height=10**6))
+
+
+def test_counts_do_not_hang_on_threads_and_stages_add_up():
+    """Each thread looks up the bodies around the camera: that counts once."""
+    of_threads = []
+    for threads in (1, 3):
+        glass, matt = scene(Dielectric(1.5)), Lambertian(0.5)
+        lamp = SphereLight((2, 0, 3), 0.5, 9)
+        floor = Object(Rectangle((-5, -5, -1), (10, 0, 0), (0, 10, 0)), matt)
+        view = Scene(glass.camera, [*glass.objects, floor], [lamp])
+        report = render(view, "path", passes=2, threads=threads).report
+        seconds = report.pop("seconds")
+        total = seconds.pop("total")
+        assert seconds["other"] >= 0
+        # Each stage is rounded to 1e-4.
+        assert sum(seconds.values()) == pytest.approx(total, abs=1e-4 * len(seconds))
+        of_threads.append(
+            [report[k] for k in ("rays", "hits", "intersection", "ended_branches", "geometry")]
+        )
+    assert of_threads[0] == of_threads[1]
+
+
+def test_pixels_beyond_float32_are_counted_and_said(tmp_path):
+    """A lamp of 1e30 at a distance of 1e-6 sends 1e42: more than float32 holds."""
+    camera = Camera((0, 0, 5e-6), (0, 0, 0), (0, 1, 0), width=4, height=3)
+    floor = Object(Rectangle((-1, -1, 0), (2, 0, 0), (0, 2, 0)), Lambertian(0.5))
+    result = render(Scene(camera, [floor], [PointLight((0, 0, 1e-6), 1e30)]), "path", passes=20)
+    assert result.report["pixels_not_finite"] == 12
+    assert "WARNING   12 pixels are not finite" in numbers.in_words(result.report)
+    result.save(tmp_path / "a.png")
+    assert (imageio.imread(tmp_path / "a.png") == 255).all()
+
+
+LATHE = SurfaceOfRevolution([(-0.8, 0.6), (0, 1.2), (0.8, 0.6)], (0, 0, 0), (0, 0, 1))
+LIDS = [
+    SurfaceOfRevolution([(z, r), (z, 0.6 - r)], (0, 0, 0), (0, 0, 1))
+    for z, r in ((-0.8, 0.0), (0.8, 0.6))
+]
+PANE = Rectangle((-1, 0, -1), (2, 0, 0), (0, 0, 2))
+
+
+@pytest.mark.parametrize("integrator", ["path", "whitted", "ppm"])
+@pytest.mark.parametrize(
+    ("surfaces", "is_open"),
+    [
+        ([Sphere((0, 0, 0), 1)], False),
+        ([LATHE, *LIDS], False),
+        ([LATHE], True),
+        ([PANE], True),
+        ([PANE.flipped()], True),
+        ([Plane((0, 0, -0.5), (0, 0, 1))], False),
+    ],
+    ids=["ball", "closed profile", "open profile", "pane", "pane from behind", "water"],
+)
+def test_clear_bodies_that_are_not_closed_are_named(surfaces, is_open, integrator):
+    """Rays that only enter, or only leave, tell it; a body may have several surfaces."""
+    glass = Dielectric(1.5)
+    floor = Object(Rectangle((-5, -5, -1), (10, 0, 0), (0, 10, 0)), Lambertian(0.5))
+    bodies = [Object(surface, glass, "glass") for surface in surfaces]
+    lamp = SphereLight((1, -2, 3), 0.3, 9)
+    view = Scene(scene().camera, [floor, *bodies], [lamp])
+    few = PPMOptions(2000) if integrator == "ppm" else None
+    report = render(view, integrator, passes=1, threads=1, options=few).report
+    assert list(report["clear_bodies_not_closed"]) == (["glass"] if is_open else [])
+    assert ("WARNING   'glass' is clear, but not closed" in numbers.in_words(report)) == is_open
 
 
 def test_progress_hears_every_block(monkeypatch):
@@ -312,8 +397,8 @@ def test_settings_of_numpy_are_written(tmp_path):
     result = render(scene, passes=np.int64(1), seed=np.int32(3), max_depth=np.int64(2))
     result.report["made up"] = [np.float32(np.inf), float("nan"), np.bool_(True)]
     result.save(tmp_path / "a.npz")
-    report = json.loads((tmp_path / "a.json").read_text("utf-8"))
+    report = json.loads((tmp_path / "a.npz.json").read_text("utf-8"))
     assert report["settings"]["seed"] == 3
     assert report["made up"] == [None, None, True]
-    with pytest.raises(TypeError, match=r"seed: expected an integer, got 1\.5"):
+    with pytest.raises(TypeError, match=r"seed is 1\.5: pass an integer"):
         render(scene, passes=1, seed=1.5)

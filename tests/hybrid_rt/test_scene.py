@@ -33,9 +33,9 @@ def test_tables_list_objects_first_and_visible_lights_after_them():
 
 def test_objects_are_called_by_their_name():
     assert Object(BALL, Mirror()).name == "Sphere"
-    with pytest.raises(TypeError, match=r"object 'ball': .* is no material"):
+    with pytest.raises(TypeError, match=r"object 'ball' has the material 'red'"):
         Object(BALL, "red", "ball")
-    with pytest.raises(TypeError, match=r"object 'pot': .* is no surface"):
+    with pytest.raises(TypeError, match=r"object 'pot' is made of 'teapot': pass a Sphere"):
         Object("teapot", Mirror(), "pot")
 
 
@@ -66,7 +66,7 @@ def test_parts_of_another_type_are_refused(parts, words):
         (lambda: SphereLight((0, 0, 0), 0, 1), "radius"),
         (lambda: SphereLight((0, 0, 0), 1, -1), "radiance"),
         (lambda: ImageEnvironment(np.full((2, 4, 3), np.nan)), "non-finite"),
-        (lambda: ImageEnvironment(np.zeros((0, 4, 3))), "no picture"),
+        (lambda: ImageEnvironment(np.zeros((0, 4, 3))), "shape \\(0, 4, 3\\)"),
         (lambda: ImageEnvironment(np.ones((2, 4, 3)), (0, 0, 0)), "up"),
         (lambda: GradientSky(-1, 1), "bottom"),
     ],

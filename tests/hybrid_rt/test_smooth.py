@@ -66,5 +66,7 @@ def test_light_behind_the_face_does_not_leak_in():
 
 
 def test_smooth_is_for_meshes_only():
-    with pytest.raises(TypeError, match="object 'ball': smooth is for a TriangleMesh"):
+    with pytest.raises(
+        TypeError, match="object 'ball' is a smooth Sphere: leave smooth to TriangleMesh"
+    ):
         Object(Sphere((0, 0, 0), 1), Lambertian(0.5), "ball", smooth=True)

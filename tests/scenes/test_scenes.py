@@ -10,21 +10,19 @@ import pytest
 
 from hybrid_rt.integrators import PPMOptions
 from hybrid_rt.rendering import render
-from hybrid_rt.scene_file import load_scene
+from hybrid_rt.scene_file import load_script
 
 SCRIPTS = sorted((Path(__file__).parents[2] / "scenes").glob("*.py"))
 
 
 @pytest.mark.parametrize("script", SCRIPTS, ids=lambda path: path.stem)
 def test_scene_renders_to_a_picture_with_light_and_shade(script):
-    scene = load_scene(script)
-    # Caustics of small lamps are found by photons: such scripts say so.
-    by_photons = "--integrator ppm" in script.read_text()
+    scene, integrator = load_script(script)
     image = render(
         scene.with_camera(scene.camera.resized(48, 36)),
-        "ppm" if by_photons else "path",
+        integrator,
         passes=1,
-        options=PPMOptions(20_000) if by_photons else None,
+        options=PPMOptions(20_000) if integrator == "ppm" else None,
     ).image
     assert np.isfinite(image).all()
     assert image.min() < 0.1
@@ -36,6 +34,7 @@ def test_scene_renders_to_a_picture_with_light_and_shade(script):
 def test_scene_runs_as_a_program(script, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     arguments = [str(script), "--passes", "1", "--width", "24", "--height", "16", "--quiet"]
+    arguments += ["--photons", "5000"] if load_script(script)[1] == "ppm" else []
     monkeypatch.setattr(sys, "argv", arguments)
     with pytest.raises(SystemExit) as caught:
         runpy.run_path(str(script), run_name="__main__")

@@ -82,7 +82,7 @@ def test_surface_alone(run):
         ("--compare x.json y.json", 2, "x.json"),
         (f"tube.py {SMALL} --passes 4 2", 2, "passes"),
         (f"tube.py {SMALL} --target 0", 2, "target"),
-        (f"tube.py {SMALL} --integrators magic", 2, "'magic' is unknown"),
+        (f"tube.py {SMALL} --integrators magic", 2, "integrator is 'magic'"),
         (f"tube.py {SMALL} --alphas 2", 2, "alpha"),
     ],
 )

@@ -1,0 +1,76 @@
+"""What all command lines share: exit codes, Ctrl-C, word of long compilations, figures kept."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+BAD_INPUT, INTERRUPTED = 2, 130
+REFUSALS = (ValueError, TypeError, OSError, ImportError, MemoryError, OverflowError)
+
+
+def run_tool(main: Callable[[], int]) -> int:
+    """Run a tool; return its exit code, also of refusals and of Ctrl-C.
+
+    Compilations of kernels that take long are announced on the standard error.
+    """
+    from hybrid_rt.progress import watch_compilation
+
+    try:
+        with watch_compilation(_said):
+            return main()
+    except KeyboardInterrupt:
+        _say("\ninterrupted: what was found so far stands above, and in the files asked for")
+        return INTERRUPTED
+    except REFUSALS as error:
+        _say(f"{Path(sys.argv[0]).name}: {error}")
+        return BAD_INPUT
+
+
+@contextmanager
+def kept(file: Path | None, figures: Callable[[], Any]) -> Iterator[None]:
+    """Write figures as JSON at the end of a block, also where Ctrl-C ends it.
+
+    Parameters
+    ----------
+    file : Path or None
+        None: nothing is written.
+    figures : callable
+        Returns what has been found so far.
+
+    Raises
+    ------
+    FileNotFoundError, IsADirectoryError
+        Before the block, if there can be no such file.
+    """
+    if file is not None and not file.parent.is_dir():
+        raise FileNotFoundError(f"--out {file}: there is no folder {str(file.parent)!r}")
+    if file is not None and file.is_dir():
+        raise IsADirectoryError(f"--out {file}: is a folder, name a file")
+    try:
+        yield
+    except KeyboardInterrupt:
+        _write(file, figures())
+        raise
+    _write(file, figures())
+
+
+def _write(file: Path | None, figures: Any) -> None:
+    if file is not None:
+        import json
+
+        from hybrid_rt.report import plain
+
+        file.write_text(json.dumps(plain(figures), indent=2) + "\n", "utf-8")
+
+
+def _said(stage: str, done: int, total: int) -> None:
+    del done, total
+    _say(f"{stage} ...")
+
+
+def _say(text: str) -> None:
+    print(text, file=sys.stderr, flush=True)  # noqa: T201

@@ -1,0 +1,61 @@
+"""Batches whose parts do not fit are refused; those that fit are matched ray by ray."""
+
+import numpy as np
+import pytest
+
+from hybrid_rt import Intersector, Sphere
+from hybrid_rt.records import NamedPoints
+
+O, D = np.tile([0.0, -4.0, 0.0], (2, 3, 1)), np.tile([0.0, 1.0, 0.0], (2, 3, 1))
+SIX = np.zeros(6, np.int32)
+
+
+@pytest.fixture(scope="module")
+def tracer():
+    return Intersector([Sphere((0, 0, 0), 1), Sphere((0, 3, 0), 1)], threads=1)
+
+
+@pytest.mark.parametrize(
+    ("rays", "settings", "error", "words"),
+    [
+        ((O, D), {"t_max": np.ones((3, 2))}, ValueError, r"t_max .*\(3, 2\) .*\(2, 3, 3\)"),
+        ((O, D), {"t_min": np.ones(3)}, ValueError, r"t_min .*\(3,\) .*\(6,\) or \(2, 3\)"),
+        ((O, D), {"t_max": None}, TypeError, "t_max is None: pass a number, or inf"),
+        ((O, D), {"t_max": "far"}, TypeError, "t_max is 'far': pass real numbers"),
+        ((O, D), {"t_min": np.nan}, ValueError, "t_min holds nan"),
+        ((O, D.reshape(3, 2, 3)), {}, ValueError, r"\(2, 3, 3\) and \(3, 2, 3\)"),
+        ((O + 1j, D), {}, TypeError, "origins is .*: pass real numbers"),
+        ((O, D), {"source": 5}, TypeError, "source is 5: pass hits of this intersector"),
+        ((O, D), {"source": NamedPoints(SIX[:5], O[0])}, ValueError, r"source .*\(5,\) for 6 rays"),
+        ((O, D), {"source": NamedPoints(SIX, O)}, ValueError, r"source position .*\(2, 3, 3\)"),
+        ((O, D), {"unseen": [0, 1]}, ValueError, r"unseen has shape \(2,\) for 6 rays"),
+        ((O, D), {"unseen": SIX.reshape(2, 3)}, ValueError, r"unseen has shape \(2, 3\)"),
+        ((O, D), {"unseen": SIX + 0.5}, TypeError, "unseen names objects by float64"),
+        ((O, D), {"unseen": SIX + 2}, ValueError, "unseen names object 2 of 2: pass 0 to 1"),
+        ((O, D), {"unseen": SIX - 2}, ValueError, "unseen names object -2 of 2"),
+    ],
+)
+def test_parts_that_do_not_fit_are_refused(tracer, rays, settings, error, words):
+    with pytest.raises(error, match=words):
+        tracer.intersect(*rays, **settings)
+
+
+@pytest.mark.parametrize("settings", [{"target": 5}, {"t_max": np.ones((3, 2))}])
+def test_shadow_rays_are_checked_alike(tracer, settings):
+    with pytest.raises((TypeError, ValueError), match=r"target is 5|t_max has shape \(3, 2\)"):
+        tracer.occluded(O, D, **settings)
+
+
+def test_crossings_are_checked_alike(tracer):
+    with pytest.raises(ValueError, match=r"t_max has shape \(3, 2\)"):
+        tracer.intersect_all(O, D, t_max=np.ones((3, 2)))
+    assert tracer.intersect_all(O, D[0, 0], t_max=4.0).count.tolist() == [1] * 6
+
+
+def test_limits_and_unseen_objects_belong_to_their_rays(tracer):
+    far = np.array([[np.inf, 3.5, 2.5], [3.0, 3.5, np.inf]])
+    near = np.array([[3, 3, np.inf], [np.inf, 3, 3]])
+    for limit in (far, far.ravel()):
+        assert tracer.intersect(O, D, t_max=limit).t.tolist() == near.ravel().tolist()
+    hidden = tracer.intersect(O, D, unseen=[0, -1, 0, -1, 1, 0])
+    assert hidden.t.tolist() == [6, 3, 6, 3, 3, 6]
