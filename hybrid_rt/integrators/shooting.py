@@ -42,7 +42,7 @@ AT_ONCE = 2**15
 # Dimensions of photons begin far beyond those of camera rays, those of the first photons of all,
 # which only find radii, farther still.
 PHOTON_DIMENSION, PILOT_DIMENSION = 2**40, 2**41
-CHOICE, PLACE, WAY, PER_LAUNCH = 0, 1, 2, 3
+LAUNCH, PER_LAUNCH = 0, 1
 # What the points of one step are for.
 DIRECTION, LOBE, PER_STEP = 0, 1, 2
 
@@ -212,12 +212,11 @@ class Shooter:
 
     def _launched(self, group: Group, sequence: int, number: UIntArray, dimension: int) -> Flight:
         scene = self.context.scene
-        place = self._points(sequence, number, dimension + PLACE)
-        way = self._points(sequence, number, dimension + WAY)
         n = number.size
-        choice = np.zeros((n, 2))
-        if group.is_aimed and self._targets.radius.size > 1:
-            choice = self._points(sequence, number, dimension + CHOICE)
+        # Where a photon arrives hangs on all of these together.
+        name, index = _in_sequence(sequence, number)
+        xi = self.context.sampler.joint(name, dimension + LAUNCH, index, 5)
+        way, place, choice = xi[:, :2], xi[:, 2:4], xi[:, 4]
         launch = _new_launch(n)
         source_id = np.full(n, NOTHING, dtype=np.int32)
         if group.light == scene.n_lights:
@@ -251,13 +250,12 @@ class Shooter:
         nowhere = Targets(np.zeros((0, 3)), np.zeros(0))
         launch_from_light(
             scene.lights, scene.textures, self._surface_points(light, middle), light, nowhere, 1, 0,
-            False, middle, middle, middle, launch,
+            False, middle, middle, middle[:, 0], launch,
         )  # fmt: skip
         return launch.origin, launch.direction
 
     def _points(self, sequence: int, number: UIntArray, dimension: int) -> FloatArray:
-        # A sequence has 2**32 points; beyond, the next one begins.
-        name = (number >> np.uint64(32)) + np.uint64(sequence * 2**32)
+        name, _ = _in_sequence(sequence, number)
         return self.context.sampler.points(name, dimension, number)
 
     def _ways(self, sequence: int, flight: Flight, material: IntArray, step: int) -> FloatArray:
@@ -329,6 +327,15 @@ def joined(parts: list[Photons]) -> Photons:
     if not parts:
         return _new_photons(0)
     return Photons(*(np.concatenate(columns) for columns in zip(*parts, strict=True)))
+
+
+def _in_sequence(sequence: int, number: UIntArray) -> tuple[UIntArray, UIntArray]:
+    """Return the names of points of a group, and their indices.
+
+    A sequence has 2**32 points; beyond, the next one begins.
+    """
+    name = (number >> np.uint64(32)) + np.uint64(sequence * 2**32)
+    return name, number & np.uint64(2**32 - 1)
 
 
 def _tiles(surface: Rectangle) -> list[tuple[FloatArray, float]]:

@@ -157,8 +157,10 @@ def launch_from_light(
         Photons of both kinds that leave this light in one pass.
     is_aimed : bool
         Which kind these are.
-    place, way, choice : (n, 2) float64 in [0, 1)
-        Choose the point, the direction, and the target.
+    place, way : (n, 2) float64 in [0, 1)
+        Choose the point, and the direction.
+    choice : (n,) float64 in [0, 1)
+        Chooses the target.
     out : Launch of n rows, written
         Power zero: nothing is sent that way.
     """
@@ -168,7 +170,7 @@ def launch_from_light(
         is_point = lights.kind[row] == POINT
         if is_aimed:
             dx, dy, dz = _aim(
-                targets, px, py, pz, nx, ny, nz, choice[i, 0], way[i, 0], way[i, 1]
+                targets, px, py, pz, nx, ny, nz, choice[i], way[i, 0], way[i, 1]
             )  # fmt: skip
         elif is_point:
             dz = 1.0 - 2.0 * way[i, 0]
@@ -229,7 +231,7 @@ def launch_from_sky(sky, world, targets, n_spread, n_aimed, is_aimed, place, way
         x, y, z = sky_direction(sky, way[i, 0], way[i, 1])
         cx, cy, cz, size = world[0], world[1], world[2], radius
         if is_aimed:
-            rest = choice[i, 0] * squares
+            rest = choice[i] * squares
             for k in range(targets.radius.size):
                 cx, cy, cz = targets.center[k, 0], targets.center[k, 1], targets.center[k, 2]
                 size = targets.radius[k]

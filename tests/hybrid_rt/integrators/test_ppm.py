@@ -282,7 +282,6 @@ def test_a_million_photons_in_one_point_need_little_memory(monkeypatch):
             np.zeros(points, np.int32),
             np.ones((points, 1, 3)),
             np.linspace(0, 1, points, endpoint=False),
-            np.zeros(points),
         )
     )
     assert max(seen) <= 3 * n
