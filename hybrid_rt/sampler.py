@@ -67,9 +67,7 @@ class Sampler:
         point: FloatArray = self.several(pixel, dimension, pass_number, 1)[0]
         return point
 
-    def joint(
-        self, pixel: UIntArray, dimension: int, number: UIntArray, width: int
-    ) -> FloatArray:
+    def joint(self, pixel: UIntArray, dimension: int, number: UIntArray, width: int) -> FloatArray:
         """Return points of sequences that fill the cube of ``width`` dimensions evenly.
 
         Where what is sampled hangs on all coordinates together, this beats as many pairs of

@@ -26,6 +26,7 @@ from hybrid_rt.kernels.photons import (
     TAKEN,
     Flight,
     Photons,
+    add_power,
     pack_flight,
     scatter_photons,
     store_photons,
@@ -36,7 +37,7 @@ from hybrid_rt.records import BoolArray, FloatArray, IntArray, NamedPoints
 from hybrid_rt.sampler import UIntArray
 from hybrid_rt.scene import NOTHING, CompiledScene
 
-# Photons that one thread follows at a time.
+# About how many photons one thread follows at a time.
 AT_ONCE = 2**15
 
 # Dimensions of photons begin far beyond those of camera rays, those of the first photons of all,
@@ -178,9 +179,10 @@ class Shooter:
                 context.ledger.count_hits(hits)
                 material = self._light.material(hits)
                 # --- what the way there absorbed
-                before = flight.power.sum(axis=0)
+                taken = self.balance.power[TAKEN]
+                add_power(flight.power, 1.0, taken)
                 absorb(context, flight.media, material, hits, second, flight.power)
-                self.balance.power[TAKEN] += before - flight.power.sum(axis=0)
+                add_power(flight.power, -1.0, taken)
                 # --- what they leave there
                 shading = self._light.shading(hits, flight.direction, material)
                 normal = shading.geometric if shading.geometric.size else hits.normal
@@ -232,7 +234,7 @@ class Shooter:
                 way, choice, launch,
             )  # fmt: skip
         self.balance.n_emitted += n
-        self.balance.power[EMITTED] += launch.power.sum(axis=0)
+        add_power(launch.power, 1.0, self.balance.power[EMITTED])
         sent = np.flatnonzero(largest_channel(launch.power) > 0.0)
         return Flight(
             number=number[sent],
@@ -292,12 +294,12 @@ def check_lights(scene: CompiledScene) -> None:
 
 
 def blocks_of(groups: list[Group]) -> list[tuple[Group, int, int]]:
-    """Return the parts that the photons of a pass are shot in."""
-    return [
-        (group, first, min(first + AT_ONCE, group.n))
-        for group in groups
-        for first in range(0, group.n, AT_ONCE)
-    ]
+    """Return the parts that the photons of a pass are shot in, of about the same size."""
+    blocks = []
+    for group in groups:
+        edges = np.linspace(0, group.n, max(round(group.n / AT_ONCE), 1) + 1).round().astype(int)
+        blocks += [(group, int(first), int(stop)) for first, stop in pairwise(edges)]
+    return blocks
 
 
 def targets_of(scene: CompiledScene) -> Targets:

@@ -70,7 +70,9 @@ class TestJoint:
         """The first 2**k points, and every aligned run of 2**k points, of each coordinate alone."""
         for first in (0, 3 * 256):
             cell = (joint(np.arange(first, first + 256)) * 256).astype(int)
-            np.testing.assert_array_equal(np.sort(cell, axis=0), np.arange(256)[:, None].repeat(5, 1))
+            np.testing.assert_array_equal(
+                np.sort(cell, axis=0), np.arange(256)[:, None].repeat(5, 1)
+            )
 
     @pytest.mark.parametrize(("width", "quality"), [(2, 0), (3, 1), (4, 3), (5, 5)])
     def test_boxes_hold_their_share(self, width, quality):
