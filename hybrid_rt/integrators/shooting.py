@@ -14,6 +14,7 @@ from itertools import pairwise
 import numpy as np
 
 from hybrid_rt.film import GROUPS, group_of
+from hybrid_rt.integrators.aims import targets_of
 from hybrid_rt.integrators.clear_bodies import absorb, media_around_lights
 from hybrid_rt.integrators.contacts import Contacts, first_hits
 from hybrid_rt.integrators.integrator import RenderContext
@@ -32,7 +33,7 @@ from hybrid_rt.kernels.photons import (
     store_photons,
 )
 from hybrid_rt.kernels.scatter import ABSORBED, LEFT, SCATTERED, SPECULAR, STOPPED
-from hybrid_rt.primitives import Plane, Rectangle, Sphere
+from hybrid_rt.primitives import Plane
 from hybrid_rt.records import BoolArray, FloatArray, IntArray, NamedPoints
 from hybrid_rt.sampler import UIntArray
 from hybrid_rt.scene import NOTHING, CompiledScene
@@ -49,8 +50,6 @@ DIRECTION, LOBE, PER_STEP = 0, 1, 2
 
 # Of the photons of a light, how many are aimed where there is something to aim at.
 AIMED_SHARE = 0.5
-# A rectangle that throws caustics is aimed at by this many balls at most.
-MOST_TILES = 16
 
 
 @dataclass(frozen=True)
@@ -127,7 +126,7 @@ class Shooter:
         self._spreads = materials_with(scene, LAST_SPREADING)
         self._targets = Targets(np.zeros((0, 3)), np.zeros(0))
         if context.plan["aimed photons"]:
-            self._targets = targets_of(scene)
+            self._targets = targets_of(scene, materials_with(scene, DIELECTRIC, least=METAL))
         self._powers = _powers(scene, self.world)
         sends = np.flatnonzero((self._powers[:-1] > 0.0) & context.plan["photons"])
         self._media = media_around_lights(context, contacts, sends, self._leaving_middle)
@@ -302,28 +301,6 @@ def blocks_of(groups: list[Group]) -> list[tuple[Group, int, int]]:
     return blocks
 
 
-def targets_of(scene: CompiledScene) -> Targets:
-    """Return balls around all that throws caustics, but for what has no end."""
-    balls: list[tuple[FloatArray, float]] = []
-    throws = materials_with(scene, DIELECTRIC, least=METAL)
-    for i in np.flatnonzero(throws[scene.material_of]):
-        surface = scene.surfaces[i]
-        if isinstance(surface, Plane):
-            continue
-        if isinstance(surface, Sphere):
-            balls.append((np.asarray(surface.center, dtype=np.float64), float(surface.radius)))
-        elif isinstance(surface, Rectangle):
-            balls += _tiles(surface)
-        else:
-            low, high = np.asarray(surface.bounds, dtype=np.float64)
-            balls.append((0.5 * (low + high), 0.5 * float(np.linalg.norm(high - low))))
-    balls = _without_those_inside(balls)
-    return Targets(
-        np.array([center for center, _ in balls]).reshape(-1, 3),
-        np.array([radius for _, radius in balls], dtype=np.float64),
-    )
-
-
 def joined(parts: list[Photons]) -> Photons:
     """Put photons together in their order."""
     if not parts:
@@ -338,32 +315,6 @@ def _in_sequence(sequence: int, number: UIntArray) -> tuple[UIntArray, UIntArray
     """
     name = (number >> np.uint64(32)) + np.uint64(sequence * 2**32)
     return name, number & np.uint64(2**32 - 1)
-
-
-def _tiles(surface: Rectangle) -> list[tuple[FloatArray, float]]:
-    """Cover a rectangle by balls about nearly square tiles."""
-    u, v = np.asarray(surface.edge_u), np.asarray(surface.edge_v)
-    length = np.array([np.linalg.norm(u), np.linalg.norm(v)])
-    side = math.sqrt(float(length.prod()) / MOST_TILES)
-    n_u, n_v = np.clip(np.rint(length / side).astype(int), 1, MOST_TILES)
-    radius = 0.5 * float(max(np.linalg.norm(u / n_u + v / n_v), np.linalg.norm(u / n_u - v / n_v)))
-    corner = np.asarray(surface.corner)
-    return [
-        (corner + (i + 0.5) / n_u * u + (j + 0.5) / n_v * v, radius)
-        for i in range(n_u)
-        for j in range(n_v)
-    ]
-
-
-def _without_those_inside(
-    balls: list[tuple[FloatArray, float]],
-) -> list[tuple[FloatArray, float]]:
-    """Leave out balls that lie within another one: they would only be aimed at twice."""
-    kept: list[tuple[FloatArray, float]] = []
-    for center, radius in sorted(balls, key=lambda ball: -ball[1]):
-        if all(np.linalg.norm(center - c) + radius > r for c, r in kept):
-            kept.append((center, radius))
-    return kept
 
 
 def _world(scene: CompiledScene) -> FloatArray:
