@@ -11,10 +11,16 @@ from numpy.typing import NDArray
 
 from hybrid_rt import checks
 from hybrid_rt.intersection.pool import Pool
-from hybrid_rt.kernels.sampler import sobol_points
+from hybrid_rt.kernels.sampler import joint_points, sobol_points
 from hybrid_rt.records import FloatArray
 
 UIntArray = NDArray[np.uint64]
+
+# Coefficients of primitive polynomials modulo 2, without the first and last, and initial numbers, of
+# Sobol's coordinates from the second on: Joe and Kuo, "Constructing Sobol sequences with better
+# two-dimensional projections", SIAM J. Sci. Comput. 30(5), 2008.
+_JOE_KUO = (((), (1,)), ((1,), (1, 3)), ((0, 1), (1, 3, 1)), ((1, 0), (1, 1, 1)))
+MOST_JOINT = len(_JOE_KUO) + 1
 
 
 class Sampler:
@@ -59,6 +65,30 @@ class Sampler:
         point: FloatArray = self.several(pixel, dimension, pass_number, 1)[0]
         return point
 
+    def joint(self, pixel: UIntArray, dimension: int, number: UIntArray, width: int) -> FloatArray:
+        """Return points of sequences that fill the cube of ``width`` dimensions evenly.
+
+        Where what is sampled hangs on all coordinates together, this beats as many pairs of
+        `points`, which fill their squares evenly but are paired with each other by chance.
+
+        Parameters
+        ----------
+        pixel : (n,) uint64
+        dimension : int
+            Name the sequence, with ``pixel``.
+        number : (n,) uint64 below 2**32
+            Which of its points.
+        width : int
+            From 1 to `MOST_JOINT`; the first coordinates are spread best.
+
+        Returns
+        -------
+        (n, width) float64 in [0, 1)
+        """
+        points = np.empty((number.size, width))
+        joint_points(self._seed, number, pixel, np.uint64(dimension), _TABLES, points)
+        return points
+
     def several(
         self,
         pixel: UIntArray,
@@ -82,3 +112,31 @@ class Sampler:
 
 def _for_all(number: UIntArray | int, n: int) -> UIntArray:
     return np.ascontiguousarray(np.broadcast_to(np.asarray(number, dtype=np.uint64), (n,)))
+
+
+def _byte_tables() -> UIntArray:
+    """Return what each byte of an index contributes to Sobol's coordinates, turned round.
+
+    Turned round, the lowest bit counts one half: as `hybrid_rt.kernels.sampler.joint_points` wants.
+    """
+    tables = np.zeros((MOST_JOINT, 4, 256), dtype=np.uint64)
+    for row, table in enumerate(tables):
+        # Each number has its digits after the point: the k-th one k of them.
+        numbers = [1] * 32
+        if row:
+            coefficients, first = _JOE_KUO[row - 1]
+            degree = len(first)
+            numbers[:degree] = first
+            for k in range(degree, 32):
+                new = numbers[k - degree] ^ (numbers[k - degree] << degree)
+                for j, coefficient in enumerate(coefficients, start=1):
+                    new ^= coefficient * (numbers[k - j] << j)
+                numbers[k] = new
+        for bit, digits in enumerate(numbers):
+            turned = int(f"{digits << (31 - bit):032b}"[::-1], 2)
+            has_bit = np.arange(256) >> (bit % 8) & 1
+            table[bit // 8] ^= np.uint64(turned) * has_bit.astype(np.uint64)
+    return tables
+
+
+_TABLES = _byte_tables()

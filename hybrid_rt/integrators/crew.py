@@ -10,7 +10,8 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import ThreadPoolExecutor, as_completed
+from concurrent.futures import Future, ThreadPoolExecutor, as_completed
+from contextlib import contextmanager
 from dataclasses import replace
 from queue import SimpleQueue
 from typing import Any
@@ -28,6 +29,9 @@ from hybrid_rt.report import Ledger
 TOGETHER = 2**19
 # Smaller blocks cost more in calls than they gain by being shared.
 LEAST = 1024
+
+# Hands work and an item to the next free integrator.
+Submit = Callable[[Callable[[Any, Any], Any], Any], "Future[Any]"]
 
 
 class Crew:
@@ -51,6 +55,7 @@ class Crew:
         self.context = context
         self._contexts = [_own_counters(context) for _ in range(threads)]
         self._integrators = [make(own) for own in self._contexts]
+        self._submit: Submit | None = None
         self._integrators[0].begin()
         for integrator in self._integrators[1:]:
             integrator.follow(self._integrators[0])
@@ -107,31 +112,50 @@ class Crew:
         ]
 
     def _done(
-        self, work: Callable[[Integrator, Any], Any], items: Sequence[Any]
+        self, work: Callable[[Any, Any], Any], items: Sequence[Any]
     ) -> Iterator[tuple[Any, Any]]:
         """Yield items with what was made of them, in the order in which they are done."""
-        if len(self._integrators) == 1 or len(items) == 1:
+        if len(self._integrators) == 1 or (len(items) == 1 and self._submit is None):
             for item in items:
                 yield item, work(self._integrators[0], item)
+            return
+        with self._at_work() as submit:
+            item_of = {submit(work, item): item for item in items}
+            for future in as_completed(item_of):
+                yield item_of[future], future.result()
+
+    @contextmanager
+    def _at_work(self) -> Iterator[Submit]:
+        """Let threads wait for work; whatever is done meanwhile is shared among the same ones."""
+        if self._submit is not None:
+            yield self._submit
+            return
+        if len(self._integrators) == 1:
+            yield self._at_once
             return
         idle: SimpleQueue[Integrator] = SimpleQueue()
         for integrator in self._integrators:
             idle.put(integrator)
 
-        def do(item: Any) -> tuple[Any, Any]:
+        def do(work: Callable[[Any, Any], Any], item: Any) -> Any:
             integrator = idle.get()
             try:
-                return item, work(integrator, item)
+                return work(integrator, item)
             finally:
                 idle.put(integrator)
 
         executor = ThreadPoolExecutor(len(self._integrators), thread_name_prefix="hybrid_rt")
+        self._submit = lambda work, item: executor.submit(do, work, item)
         try:
-            futures = [executor.submit(do, item) for item in items]
-            for future in as_completed(futures):
-                yield future.result()
+            yield self._submit
         finally:
+            self._submit = None
             executor.shutdown(cancel_futures=True)
+
+    def _at_once(self, work: Callable[[Any, Any], Any], item: Any) -> Future[Any]:
+        future: Future[Any] = Future()
+        future.set_result(work(self._integrators[0], item))
+        return future
 
     def report(self, image: NDArray[np.float32]) -> dict[str, Any]:
         """Return what the report of a picture holds beside what all integrators count."""

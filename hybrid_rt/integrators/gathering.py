@@ -2,8 +2,9 @@
 
 Two ways to choose the disc. `Discs` are of given size, and the sum is exact however many photons
 there are: for progressive photon mapping. Their radius hangs on how densely the first photons fell
-around a point and takes one of four values at most, since `scipy.spatial.cKDTree` is asked for one
-radius at a time. `Nearest` reach just as far as a given number of photons lie: Jensen's photon maps.
+around a point; a few classes of points are asked for together, by the largest radius in each, since
+`scipy.spatial.cKDTree` takes one radius at a time. `Nearest` reach just as far as a given number of
+photons lie: Jensen's photon maps.
 """
 
 from __future__ import annotations
@@ -29,8 +30,9 @@ IdArray = NDArray[np.int64]
 # Numbers of points, numbers of photons, distances.
 Pairs = tuple[NDArray[np.intp], NDArray[np.intp], FloatArray]
 
-# Radii of points take at most so many values.
-MOST_CLASSES = 4
+# Points are asked for in so many classes at most. Radii within one differ by half at most where
+# that suffices: photons found beyond a point's own radius are found in vain.
+MOST_CLASSES, RATIO = 8, 1.5
 # Photons that the disc of the first pass holds where photons fall evenly: few, as radii only
 # shrink as the sixth root of the number of passes, and noise falls by itself.
 NEAREST = 24
@@ -57,8 +59,8 @@ class Points:
     material : (n,) int32
     colors : (n, lobes of a material at most, 3) float64
         Zero for lobes that are not to count.
-    xi, eta : (n,) float64 in [0, 1)
-        Choose one photon and one of two radii for each point.
+    xi : (n,) float64 in [0, 1)
+        Chooses one photon for each point.
     """
 
     position: FloatArray
@@ -68,7 +70,6 @@ class Points:
     material: IntArray
     colors: FloatArray
     xi: FloatArray
-    eta: FloatArray
 
     @classmethod
     def joined(cls, parts: list[Points]) -> Points:
@@ -168,7 +169,7 @@ class Radii:
     Parameters
     ----------
     classes : (classes,) float64
-        Radii that points take, rising.
+        The largest radii of points that are asked for together, rising.
     positions : (n, 3) float64
         Places of the first photons.
     radius : (n,) float64
@@ -179,7 +180,7 @@ class Radii:
         self.classes = classes
         self._radius = radius
         self._tree: cKDTree | None = None
-        if classes.size > 1:
+        if radius.size:
             from scipy.spatial import cKDTree
 
             self._tree = cKDTree(positions)
@@ -221,20 +222,18 @@ class Radii:
         radius = np.maximum(radius, PIXELS * camera.pixel_size * away)
         radius = np.clip(radius, NARROWEST * extent, WIDEST * extent)
         low, high = np.quantile(radius, [0.02, 0.98])
-        n_classes = min(MOST_CLASSES, 1 + math.ceil(math.log2(max(high / low, 1.0))))
-        return cls(np.geomspace(low, high, n_classes), position, radius)
+        n_classes = min(MOST_CLASSES, math.ceil(math.log(max(high / low, RATIO)) / math.log(RATIO)))
+        step = (high / low) ** (1.0 / n_classes)
+        return cls(low * step ** np.arange(1.0, n_classes + 1.0), position, radius)
 
-    def classes_of(self, points: FloatArray, eta: FloatArray) -> NDArray[np.intp]:
-        """Return the class of the radius around each point (n, 3).
-
-        Between two classes ``eta`` (n,) chooses, so that no border between them can be seen.
-        """
+    def around(self, points: FloatArray) -> tuple[FloatArray, NDArray[np.intp]]:
+        """Return the radius around each point (n, 3), and the number of its class."""
         if self._tree is None:
-            return np.zeros(len(points), dtype=np.intp)
+            n = len(points)
+            return np.full(n, self.classes[-1]), np.zeros(n, dtype=np.intp)
         distance, nearest = self._tree.query(points)
-        wanted = np.log(np.maximum(self._radius[nearest], distance))
-        place = np.interp(wanted, np.log(self.classes), np.arange(self.classes.size))
-        return np.minimum(np.floor(place + eta), self.classes.size - 1).astype(np.intp)
+        radius = np.minimum(np.maximum(self._radius[nearest], distance), self.classes[-1])
+        return radius, np.searchsorted(self.classes, radius)
 
 
 class Discs(Field):
@@ -251,18 +250,18 @@ class Discs(Field):
 
     def __init__(self, photons: Photons, lobes: LobeTable, radii: Radii, shrink: float) -> None:
         super().__init__(photons, lobes)
-        self._radii = radii
-        self._radius = shrink * radii.classes
+        self._radii, self._shrink = radii, shrink
+        self._reach = shrink * radii.classes
         # The slots of a table are about as many as photons, so few cells share one.
         n_slots = 2 ** max(math.ceil(math.log2(max(len(photons.history), 1))), 10)
-        self._tables = np.zeros((self._radius.size, n_slots), dtype=np.int32)
-        for radius, table in zip(self._radius, self._tables, strict=True):
-            count_in_cells(photons.position, 2.0 * radius, table)
+        self._tables = np.zeros((self._reach.size, n_slots), dtype=np.int32)
+        for reach, table in zip(self._reach, self._tables, strict=True):
+            count_in_cells(photons.position, 2.0 * reach, table)
 
     def _gather(self, points: Points, xi: FloatArray, sums: Sums) -> None:
-        class_of = self._radii.classes_of(points.position, points.eta)
-        radius = self._radius[class_of]
-        for number, reach in enumerate(self._radius):
+        first_radius, class_of = self._radii.around(points.position)
+        radius = self._shrink * first_radius
+        for number, reach in enumerate(self._reach):
             rows = np.flatnonzero(class_of == number)
             most = np.empty(rows.size, dtype=np.int64)
             position = points.position[rows]

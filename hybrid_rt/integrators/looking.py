@@ -145,7 +145,6 @@ class Looker(Integrator):
             wide.material,
             wide.colors,
             np.ascontiguousarray(xi[:, 0]),
-            np.ascontiguousarray(xi[:, 1]),
         )
         return _Waiting(there.camera_ray, there.throughput, points)
 

@@ -1,23 +1,26 @@
-"""Threads that shoot the photons of a pass together and then look at them together."""
+"""Threads that shoot the photons of a pass together and then look at them together.
+
+While some of them still look at a pass, others shoot the next: no thread waits for another between
+the two, and no more than two sets of photons exist at a time.
+"""
 
 from __future__ import annotations
 
 import math
 from abc import abstractmethod
 from collections.abc import Callable, Iterator
-from concurrent.futures import ThreadPoolExecutor
-from queue import SimpleQueue
-from typing import Any, cast
+from threading import Lock
+from typing import Any, TypeVar, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from hybrid_rt.film import OVERFLOWS
-from hybrid_rt.integrators.crew import Crew
+from hybrid_rt.integrators.crew import Crew, Submit
 from hybrid_rt.integrators.gathering import Field
 from hybrid_rt.integrators.integrator import RenderContext
 from hybrid_rt.integrators.looking import Looker
-from hybrid_rt.integrators.shooting import Balance, Group, Shooter, blocks_of, joined
+from hybrid_rt.integrators.shooting import PHOTON_DIMENSION, Balance, blocks_of, joined
 from hybrid_rt.kernels.photons import MET_SPECULAR, Photons
 from hybrid_rt.measures import DARK
 from hybrid_rt.records import FloatArray
@@ -27,6 +30,8 @@ from hybrid_rt.report import twelve_digits
 # compared faster, but a sixteenth of a pass at most, for the threads to share. The order of the
 # sums over photons hangs on this number, so it is the same for any number of threads.
 FEWEST_RAYS, MOST_RAYS, SHARE_OF_RAYS = 2**12, 2**15, 16
+
+T = TypeVar("T")
 
 
 class PhotonCrew(Crew):
@@ -50,9 +55,14 @@ class PhotonCrew(Crew):
     def _lookers(self) -> list[Looker]:
         return cast(list[Looker], self._integrators)
 
+    @property
     @abstractmethod
-    def _fields(self, pass_number: int) -> tuple[Field, ...]:
-        """Shoot the photons of a pass and make them ready to be looked at."""
+    def _per_pass(self) -> int:
+        """Photons that leave all lights together in a pass."""
+
+    @abstractmethod
+    def _fields(self, photons: Photons, pass_number: int) -> tuple[Field, ...]:
+        """Make the photons of a pass ready to be looked at."""
 
     @abstractmethod
     def _about(self) -> dict[str, Any]:
@@ -64,19 +74,22 @@ class PhotonCrew(Crew):
         """Yield the radiance of one sample per pixel and one set of photons, for each pass."""
         camera = self.context.scene.camera
         blur = np.zeros_like(self._blur)
-        for k, number in enumerate(passes):
-            if self.context.plan["photons"]:
-                fields = self._fields(number)
+        with self._at_work() as submit:
+            shot = self._begin(passes[0], submit)
+            for k, number in enumerate(passes):
+                fields = shot()
+                # While threads look at this pass they shoot the next one already.
+                shot = self._begin(number + 1, submit) if number + 1 in passes else tuple
                 for looker in self._lookers:
                     looker.fields, looker.blur = fields, blur
-            done = k * camera.height * camera.width
+                done = k * camera.height * camera.width
 
-            def heard(n: int, done: int = done) -> None:
-                if on_rays is not None:
-                    on_rays(done + n)
+                def heard(n: int, done: int = done) -> None:
+                    if on_rays is not None:
+                        on_rays(done + n)
 
-            yield from super().render_passes(range(number, number + 1), heard)
-            self._add_blur(blur)
+                yield from super().render_passes(range(number, number + 1), heard)
+                self._add_blur(blur)
 
     @OVERFLOWS
     def _add_blur(self, blur: FloatArray) -> None:
@@ -87,24 +100,49 @@ class PhotonCrew(Crew):
     def _block_size(self, n: int) -> int:
         return min(max(-(-n // SHARE_OF_RAYS), FEWEST_RAYS), MOST_RAYS)
 
-    def _shot(self, n: int, pass_number: int, dimension: int) -> Photons:
-        """Shoot the photons of a pass, in one order whatever the number of threads."""
-        idle: SimpleQueue[Shooter] = SimpleQueue()
-        for looker in self._lookers:
-            idle.put(looker.shooter)
+    def _begin(self, pass_number: int, submit: Submit) -> Callable[[], tuple[Field, ...]]:
+        """Let threads shoot the photons of a pass and make them ready; return what waits for it."""
+        if not self.context.plan["photons"]:
+            return tuple
 
-        def work(block: tuple[Group, int, int]) -> Photons:
-            free, (group, first, stop) = idle.get(), block
-            try:
-                return free.shoot(group, pass_number, first, stop, dimension, MET_SPECULAR)
-            finally:
-                idle.put(free)
+        def ready(looker: Looker, photons: Photons) -> tuple[Field, ...]:
+            with looker.context.ledger.stage("photon tree"):
+                return self._fields(photons, pass_number)
 
+        return self._shot(self._per_pass, pass_number, PHOTON_DIMENSION, submit, ready)
+
+    def _shot(
+        self,
+        n: int,
+        pass_number: int,
+        dimension: int,
+        submit: Submit,
+        ready: Callable[[Looker, Photons], T],
+    ) -> Callable[[], T]:
+        """Let threads shoot photons; whoever is last calls ``ready``. Return what waits for that.
+
+        The order of photons is one and the same for any number of threads.
+        """
         blocks = blocks_of(self._lookers[0].shooter.groups(n))
-        if self._threads == 1:
-            return joined([work(block) for block in blocks])
-        with ThreadPoolExecutor(self._threads, thread_name_prefix="hybrid_rt") as executor:
-            return joined(list(executor.map(work, blocks)))
+        parts: list[Photons | None] = [None] * len(blocks)
+        lock = Lock()
+
+        def work(looker: Looker, i: int) -> tuple[T] | None:
+            group, first, stop = blocks[i]
+            part = looker.shooter.shoot(group, pass_number, first, stop, dimension, MET_SPECULAR)
+            with lock:
+                parts[i] = part
+                if any(other is None for other in parts):
+                    return None
+            return (ready(looker, joined(cast(list[Photons], parts))),)
+
+        futures = [submit(work, i) for i in range(len(blocks))]
+
+        def waited() -> T:
+            found: list[tuple[T] | None] = [future.result() for future in futures]
+            return next(result for result in found if result is not None)[0]
+
+        return waited
 
     def _forget_balance(self) -> None:
         """Count no photons so far: their light is in no picture."""

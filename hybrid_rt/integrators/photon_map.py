@@ -16,7 +16,6 @@ from hybrid_rt.integrators.gathering import Field, Nearest
 from hybrid_rt.integrators.integrator import RenderContext
 from hybrid_rt.integrators.options import PhotonMapOptions
 from hybrid_rt.integrators.photon_crew import PhotonCrew
-from hybrid_rt.integrators.shooting import PHOTON_DIMENSION
 from hybrid_rt.kernels.photons import MET_SPREADING, Photons
 
 # Photons farther than this share of the scene's size make no light at a point: around a caustic
@@ -37,17 +36,19 @@ class MapCrew(PhotonCrew):
         self._options: PhotonMapOptions = context.options or PhotonMapOptions()
         self._n_caustic = 0
 
-    def _fields(self, pass_number: int) -> tuple[Field, ...]:
-        options, lobes = self._options, self.context.scene.lobes
-        photons = self._shot(options.photons_per_pass, pass_number, PHOTON_DIMENSION)
+    @property
+    def _per_pass(self) -> int:
+        return self._options.photons_per_pass
+
+    def _fields(self, photons: Photons, pass_number: int) -> tuple[Field, ...]:
+        del pass_number
+        nearest, lobes = self._options.nearest, self.context.scene.lobes
         limit = FARTHEST * 2.0 * float(self._lookers[0].shooter.world[3])
         is_soft = (photons.history & MET_SPREADING) != 0
-        with self.context.ledger.stage("photon tree"):
-            fields = [Nearest(_chosen(photons, is_soft), lobes, options.nearest, limit)]
-            if self.context.plan["caustic map"]:
-                self._n_caustic += int(np.count_nonzero(~is_soft))
-                caustic = _chosen(photons, ~is_soft)
-                fields.append(Nearest(caustic, lobes, options.nearest, limit))
+        fields = [Nearest(_chosen(photons, is_soft), lobes, nearest, limit)]
+        if self.context.plan["caustic map"]:
+            self._n_caustic += int(np.count_nonzero(~is_soft))
+            fields.append(Nearest(_chosen(photons, ~is_soft), lobes, nearest, limit))
         return tuple(fields)
 
     def _about(self) -> dict[str, Any]:

@@ -12,9 +12,11 @@ from typing import Any
 
 from hybrid_rt.integrators.gathering import Discs, Field, Radii, shrunk
 from hybrid_rt.integrators.integrator import RenderContext
+from hybrid_rt.integrators.looking import Looker
 from hybrid_rt.integrators.options import PPMOptions
 from hybrid_rt.integrators.photon_crew import PhotonCrew
-from hybrid_rt.integrators.shooting import PHOTON_DIMENSION, PILOT_DIMENSION
+from hybrid_rt.integrators.shooting import PILOT_DIMENSION
+from hybrid_rt.kernels.photons import Photons
 
 # The photons that radii are found by, at most.
 PILOT_PHOTONS = 100_000
@@ -31,38 +33,44 @@ class ProgressiveCrew(PhotonCrew):
     def __init__(self, context: RenderContext, threads: int) -> None:
         super().__init__(context, threads)
         self._options: PPMOptions = context.options or PPMOptions()
-        self._last = 1.0
         # Now, as part of the set-up: a time budget judges by the seconds of passes alone.
         self._radii: Radii | None = None
         if context.plan["photons"]:
             self._radii = self._first_radii()
 
-    def _fields(self, pass_number: int) -> tuple[Field, ...]:
+    @property
+    def _per_pass(self) -> int:
+        return self._options.photons_per_pass
+
+    def _fields(self, photons: Photons, pass_number: int) -> tuple[Field, ...]:
         assert self._radii is not None
-        photons = self._shot(self._options.photons_per_pass, pass_number, PHOTON_DIMENSION)
-        self._last = shrunk(pass_number, self._options.alpha)
-        with self.context.ledger.stage("photon tree"):
-            return (Discs(photons, self.context.scene.lobes, self._radii, self._last),)
+        shrink = shrunk(pass_number, self._options.alpha)
+        return (Discs(photons, self.context.scene.lobes, self._radii, shrink),)
 
     def _first_radii(self) -> Radii:
         options = self._options
         if options.initial_radius is not None:
             return Radii.fixed(options.initial_radius)
         n = min(PILOT_PHOTONS, options.photons_per_pass)
-        photons = self._shot(n, 0, PILOT_DIMENSION)
-        self._forget_balance()
-        with self.context.ledger.stage("photon tree"):
-            extent = 2.0 * float(self._lookers[0].shooter.world[3])
+        extent = 2.0 * float(self._lookers[0].shooter.world[3])
+        camera = self.context.scene.camera
+
+        def ready(_: Looker, photons: Photons) -> Radii:
             share = n / options.photons_per_pass
-            camera = self.context.scene.camera
             return Radii.of(photons, share, camera, extent, self._threads)
+
+        with self._at_work() as submit:
+            radii = self._shot(n, 0, PILOT_DIMENSION, submit, ready)()
+        self._forget_balance()
+        return radii
 
     def _about(self) -> dict[str, Any]:
         first = [] if self._radii is None else self._radii.classes.tolist()
+        last = shrunk(max(self._n_passes - 1, 0), self._options.alpha)
         return {
             "per_pass": self._options.photons_per_pass,
             "alpha": self._options.alpha,
             "first_radii": first,
-            "last_radii": [self._last * radius for radius in first],
+            "last_radii": [last * radius for radius in first],
             "blur": BLUR,
         }

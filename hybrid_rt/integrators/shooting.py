@@ -14,6 +14,7 @@ from itertools import pairwise
 import numpy as np
 
 from hybrid_rt.film import GROUPS, group_of
+from hybrid_rt.integrators.aims import targets_of
 from hybrid_rt.integrators.clear_bodies import absorb, media_around_lights
 from hybrid_rt.integrators.contacts import Contacts, first_hits
 from hybrid_rt.integrators.integrator import RenderContext
@@ -26,30 +27,29 @@ from hybrid_rt.kernels.photons import (
     TAKEN,
     Flight,
     Photons,
+    add_power,
     pack_flight,
     scatter_photons,
     store_photons,
 )
 from hybrid_rt.kernels.scatter import ABSORBED, LEFT, SCATTERED, SPECULAR, STOPPED
-from hybrid_rt.primitives import Plane, Rectangle, Sphere
+from hybrid_rt.primitives import Plane
 from hybrid_rt.records import BoolArray, FloatArray, IntArray, NamedPoints
 from hybrid_rt.sampler import UIntArray
 from hybrid_rt.scene import NOTHING, CompiledScene
 
-# Photons that one thread follows at a time.
+# About how many photons one thread follows at a time.
 AT_ONCE = 2**15
 
 # Dimensions of photons begin far beyond those of camera rays, those of the first photons of all,
 # which only find radii, farther still.
 PHOTON_DIMENSION, PILOT_DIMENSION = 2**40, 2**41
-CHOICE, PLACE, WAY, PER_LAUNCH = 0, 1, 2, 3
+LAUNCH, PER_LAUNCH = 0, 1
 # What the points of one step are for.
 DIRECTION, LOBE, PER_STEP = 0, 1, 2
 
 # Of the photons of a light, how many are aimed where there is something to aim at.
 AIMED_SHARE = 0.5
-# A rectangle that throws caustics is aimed at by this many balls at most.
-MOST_TILES = 16
 
 
 @dataclass(frozen=True)
@@ -126,7 +126,7 @@ class Shooter:
         self._spreads = materials_with(scene, LAST_SPREADING)
         self._targets = Targets(np.zeros((0, 3)), np.zeros(0))
         if context.plan["aimed photons"]:
-            self._targets = targets_of(scene)
+            self._targets = targets_of(scene, materials_with(scene, DIELECTRIC, least=METAL))
         self._powers = _powers(scene, self.world)
         sends = np.flatnonzero((self._powers[:-1] > 0.0) & context.plan["photons"])
         self._media = media_around_lights(context, contacts, sends, self._leaving_middle)
@@ -178,9 +178,10 @@ class Shooter:
                 context.ledger.count_hits(hits)
                 material = self._light.material(hits)
                 # --- what the way there absorbed
-                before = flight.power.sum(axis=0)
+                taken = self.balance.power[TAKEN]
+                add_power(flight.power, 1.0, taken)
                 absorb(context, flight.media, material, hits, second, flight.power)
-                self.balance.power[TAKEN] += before - flight.power.sum(axis=0)
+                add_power(flight.power, -1.0, taken)
                 # --- what they leave there
                 shading = self._light.shading(hits, flight.direction, material)
                 normal = shading.geometric if shading.geometric.size else hits.normal
@@ -212,12 +213,11 @@ class Shooter:
 
     def _launched(self, group: Group, sequence: int, number: UIntArray, dimension: int) -> Flight:
         scene = self.context.scene
-        place = self._points(sequence, number, dimension + PLACE)
-        way = self._points(sequence, number, dimension + WAY)
         n = number.size
-        choice = np.zeros((n, 2))
-        if group.is_aimed and self._targets.radius.size > 1:
-            choice = self._points(sequence, number, dimension + CHOICE)
+        # Where a photon arrives hangs on all of these together.
+        name, index = _in_sequence(sequence, number)
+        xi = self.context.sampler.joint(name, dimension + LAUNCH, index, 5)
+        way, place, choice = xi[:, :2], xi[:, 2:4], xi[:, 4]
         launch = _new_launch(n)
         source_id = np.full(n, NOTHING, dtype=np.int32)
         if group.light == scene.n_lights:
@@ -233,7 +233,7 @@ class Shooter:
                 way, choice, launch,
             )  # fmt: skip
         self.balance.n_emitted += n
-        self.balance.power[EMITTED] += launch.power.sum(axis=0)
+        add_power(launch.power, 1.0, self.balance.power[EMITTED])
         sent = np.flatnonzero(largest_channel(launch.power) > 0.0)
         return Flight(
             number=number[sent],
@@ -251,13 +251,12 @@ class Shooter:
         nowhere = Targets(np.zeros((0, 3)), np.zeros(0))
         launch_from_light(
             scene.lights, scene.textures, self._surface_points(light, middle), light, nowhere, 1, 0,
-            False, middle, middle, middle, launch,
+            False, middle, middle, middle[:, 0], launch,
         )  # fmt: skip
         return launch.origin, launch.direction
 
     def _points(self, sequence: int, number: UIntArray, dimension: int) -> FloatArray:
-        # A sequence has 2**32 points; beyond, the next one begins.
-        name = (number >> np.uint64(32)) + np.uint64(sequence * 2**32)
+        name, _ = _in_sequence(sequence, number)
         return self.context.sampler.points(name, dimension, number)
 
     def _ways(self, sequence: int, flight: Flight, material: IntArray, step: int) -> FloatArray:
@@ -294,34 +293,12 @@ def check_lights(scene: CompiledScene) -> None:
 
 
 def blocks_of(groups: list[Group]) -> list[tuple[Group, int, int]]:
-    """Return the parts that the photons of a pass are shot in."""
-    return [
-        (group, first, min(first + AT_ONCE, group.n))
-        for group in groups
-        for first in range(0, group.n, AT_ONCE)
-    ]
-
-
-def targets_of(scene: CompiledScene) -> Targets:
-    """Return balls around all that throws caustics, but for what has no end."""
-    balls: list[tuple[FloatArray, float]] = []
-    throws = materials_with(scene, DIELECTRIC, least=METAL)
-    for i in np.flatnonzero(throws[scene.material_of]):
-        surface = scene.surfaces[i]
-        if isinstance(surface, Plane):
-            continue
-        if isinstance(surface, Sphere):
-            balls.append((np.asarray(surface.center, dtype=np.float64), float(surface.radius)))
-        elif isinstance(surface, Rectangle):
-            balls += _tiles(surface)
-        else:
-            low, high = np.asarray(surface.bounds, dtype=np.float64)
-            balls.append((0.5 * (low + high), 0.5 * float(np.linalg.norm(high - low))))
-    balls = _without_those_inside(balls)
-    return Targets(
-        np.array([center for center, _ in balls]).reshape(-1, 3),
-        np.array([radius for _, radius in balls], dtype=np.float64),
-    )
+    """Return the parts that the photons of a pass are shot in, of about the same size."""
+    blocks = []
+    for group in groups:
+        edges = np.linspace(0, group.n, max(round(group.n / AT_ONCE), 1) + 1).round().astype(int)
+        blocks += [(group, int(first), int(stop)) for first, stop in pairwise(edges)]
+    return blocks
 
 
 def joined(parts: list[Photons]) -> Photons:
@@ -331,30 +308,13 @@ def joined(parts: list[Photons]) -> Photons:
     return Photons(*(np.concatenate(columns) for columns in zip(*parts, strict=True)))
 
 
-def _tiles(surface: Rectangle) -> list[tuple[FloatArray, float]]:
-    """Cover a rectangle by balls about nearly square tiles."""
-    u, v = np.asarray(surface.edge_u), np.asarray(surface.edge_v)
-    length = np.array([np.linalg.norm(u), np.linalg.norm(v)])
-    side = math.sqrt(float(length.prod()) / MOST_TILES)
-    n_u, n_v = np.clip(np.rint(length / side).astype(int), 1, MOST_TILES)
-    radius = 0.5 * float(max(np.linalg.norm(u / n_u + v / n_v), np.linalg.norm(u / n_u - v / n_v)))
-    corner = np.asarray(surface.corner)
-    return [
-        (corner + (i + 0.5) / n_u * u + (j + 0.5) / n_v * v, radius)
-        for i in range(n_u)
-        for j in range(n_v)
-    ]
+def _in_sequence(sequence: int, number: UIntArray) -> tuple[UIntArray, UIntArray]:
+    """Return the names of points of a group, and their indices.
 
-
-def _without_those_inside(
-    balls: list[tuple[FloatArray, float]],
-) -> list[tuple[FloatArray, float]]:
-    """Leave out balls that lie within another one: they would only be aimed at twice."""
-    kept: list[tuple[FloatArray, float]] = []
-    for center, radius in sorted(balls, key=lambda ball: -ball[1]):
-        if all(np.linalg.norm(center - c) + radius > r for c, r in kept):
-            kept.append((center, radius))
-    return kept
+    A sequence has 2**32 points; beyond, the next one begins.
+    """
+    name = (number >> np.uint64(32)) + np.uint64(sequence * 2**32)
+    return name, number & np.uint64(2**32 - 1)
 
 
 def _world(scene: CompiledScene) -> FloatArray:

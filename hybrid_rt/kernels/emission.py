@@ -85,7 +85,7 @@ def _cone_chance(ax, ay, az, cone, nx, ny, nz):
     """Return how often a target is aimed at before others: about what the light sends there.
 
     That is its solid angle times the largest cosine to the light's normal; none for a target
-    wholly behind the light. A point light has normal zero and no preference.
+    wholly behind the light. With normal zero there is no preference.
     """
     if cone >= 1.0 or nx * nx + ny * ny + nz * nz == 0.0:
         return cone
@@ -157,8 +157,10 @@ def launch_from_light(
         Photons of both kinds that leave this light in one pass.
     is_aimed : bool
         Which kind these are.
-    place, way, choice : (n, 2) float64 in [0, 1)
-        Choose the point, the direction, and the target.
+    place, way : (n, 2) float64 in [0, 1)
+        Choose the point, and the direction.
+    choice : (n,) float64 in [0, 1)
+        Chooses the target.
     out : Launch of n rows, written
         Power zero: nothing is sent that way.
     """
@@ -166,10 +168,19 @@ def launch_from_light(
         s, t = place[i, 0], place[i, 1]
         px, py, pz, nx, ny, nz, area = _place(lights, row, points, i, s, t)
         is_point = lights.kind[row] == POINT
+        # Half of a ball faces away from any target. An aimed photon that would leave inward leaves
+        # from the opposite point instead; so targets are chosen whichever way the normal is.
+        is_ball = lights.kind[row] == SPHERE
+        facing = 0.0 if is_ball else 1.0
         if is_aimed:
             dx, dy, dz = _aim(
-                targets, px, py, pz, nx, ny, nz, choice[i, 0], way[i, 0], way[i, 1]
+                targets, px, py, pz, facing * nx, facing * ny, facing * nz, choice[i], way[i, 0],
+                way[i, 1],
             )  # fmt: skip
+            if is_ball and nx * dx + ny * dy + nz * dz < 0.0:
+                across = 2.0 * lights.edge_u[row, 0]
+                px, py, pz = px - across * nx, py - across * ny, pz - across * nz
+                nx, ny, nz = -nx, -ny, -nz
         elif is_point:
             dz = 1.0 - 2.0 * way[i, 0]
             ring = math.sqrt(max(1.0 - dz * dz, 0.0))
@@ -187,7 +198,14 @@ def launch_from_light(
         if cosine > 0.0 and dx * dx + dy * dy + dz * dz > 0.0:
             density = n_spread * (1.0 / WHOLE_SPHERE if is_point else cosine / math.pi)
             if n_aimed > 0:
-                density += n_aimed * _aimed_pdf(targets, px, py, pz, nx, ny, nz, dx, dy, dz)
+                aimed = _aimed_pdf(
+                    targets, px, py, pz, facing * nx, facing * ny, facing * nz, dx, dy, dz
+                )  # fmt: skip
+                if is_ball:
+                    across = 2.0 * lights.edge_u[row, 0]
+                    x, y, z = px - across * nx, py - across * ny, pz - across * nz
+                    aimed += _aimed_pdf(targets, x, y, z, 0.0, 0.0, 0.0, dx, dy, dz)
+                density += n_aimed * aimed
             factor = cosine * area / density
         u, v = s, t
         if points.u.size:
@@ -229,7 +247,7 @@ def launch_from_sky(sky, world, targets, n_spread, n_aimed, is_aimed, place, way
         x, y, z = sky_direction(sky, way[i, 0], way[i, 1])
         cx, cy, cz, size = world[0], world[1], world[2], radius
         if is_aimed:
-            rest = choice[i, 0] * squares
+            rest = choice[i] * squares
             for k in range(targets.radius.size):
                 cx, cy, cz = targets.center[k, 0], targets.center[k, 1], targets.center[k, 2]
                 size = targets.radius[k]

@@ -63,6 +63,19 @@ def _adjoint(geometric, i, nx, ny, nz, dx, dy, dz, x, y, z):
 
 
 @kernel
+def add_power(power, factor, total):
+    """Add ``factor`` times the power (n, 3) of all photons to ``total`` (3,)."""
+    r = g = b = 0.0
+    for i in range(power.shape[0]):
+        r += power[i, 0]
+        g += power[i, 1]
+        b += power[i, 2]
+    total[0] += factor * r
+    total[1] += factor * g
+    total[2] += factor * b
+
+
+@kernel
 def store_photons(flight, material, gathers, least_history, position, normal, out):
     """Copy photons that have arrived at surfaces that gather; return how many.
 

@@ -21,7 +21,9 @@ _GOLDEN = np.uint64(0x9E3779B9)
 _TOP_BIT = np.uint64(0x80000000)
 _ZERO, _ONE = np.uint64(0), np.uint64(1)
 _S1, _S2, _S4, _S8 = np.uint64(1), np.uint64(2), np.uint64(4), np.uint64(8)
-_S15, _S16, _S32 = np.uint64(15), np.uint64(16), np.uint64(32)
+_S15, _S16, _S24 = np.uint64(15), np.uint64(16), np.uint64(24)
+_S32 = np.uint64(32)
+_BYTE = np.uint64(0xFF)
 _BITS1, _BITS2 = np.uint64(0x55555555), np.uint64(0x33333333)
 _BITS4, _BITS8 = np.uint64(0x0F0F0F0F), np.uint64(0x00FF00FF)
 _HASH_A, _HASH_B = np.uint64(0x7FEB352D), np.uint64(0x846CA68B)
@@ -96,3 +98,35 @@ def sobol_points(seed, sample, pixel, dimension, begin, points):
             second = permute(reverse_bits(sobol_second(turned)), mix(key, _S2))
             points[d, begin + i, 0] = reverse_bits(first) * _TO_UNIT
             points[d, begin + i, 1] = reverse_bits(second) * _TO_UNIT
+
+
+@kernel
+def joint_points(seed, sample, pixel, dimension, tables, points):
+    """Fill ``points`` (n, m) with points of one m-dimensional Sobol sequence.
+
+    Each coordinate is scrambled by itself; the order of the points stays, as nothing else is
+    paired with them.
+
+    Parameters
+    ----------
+    seed, dimension : uint64
+    pixel : (n,) uint64
+        With them name the sequence.
+    sample : (n,) uint64 below 2**32
+        Which of its points.
+    tables : (at least m, 4, 256) uint64
+        For each coordinate and byte of an index what that byte contributes, turned round.
+    """
+    seed_key = mix(mix(_ZERO, seed & _MASK), seed >> _S32)
+    for i in range(sample.size):
+        key = mix(mix(seed_key, pixel[i] & _MASK), pixel[i] >> _S32)
+        key = mix(mix(key, dimension & _MASK), dimension >> _S32)
+        index = sample[i]
+        for d in range(points.shape[1]):
+            turned = (
+                tables[d, 0, index & _BYTE]
+                ^ tables[d, 1, (index >> _S8) & _BYTE]
+                ^ tables[d, 2, (index >> _S16) & _BYTE]
+                ^ tables[d, 3, (index >> _S24) & _BYTE]
+            )
+            points[i, d] = reverse_bits(permute(turned, mix(key, np.uint64(d)))) * _TO_UNIT

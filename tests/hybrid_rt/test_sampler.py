@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from hybrid_rt.sampler import Sampler
+from hybrid_rt.sampler import MOST_JOINT, Sampler
 
 N_PIXELS = 500
 
@@ -58,6 +58,49 @@ def test_later_passes_fill_the_holes_of_the_earlier_ones():
     for first in range(0, 64, 16):
         cell = (xi[first : first + 16] * 4).astype(int)
         assert np.unique(cell[:, 0] * 4 + cell[:, 1]).size == 16
+
+
+def joint(number, pixel=5, dimension=3, seed=11, width=MOST_JOINT):
+    number = np.asarray(number, np.uint64)
+    return Sampler(seed).joint(np.full_like(number, pixel), dimension, number, width)
+
+
+class TestJoint:
+    def test_each_coordinate_has_one_point_in_each_interval(self):
+        """The first 2**k points, and every aligned run of 2**k points, of each coordinate alone."""
+        for first in (0, 3 * 256):
+            cell = (joint(np.arange(first, first + 256)) * 256).astype(int)
+            np.testing.assert_array_equal(
+                np.sort(cell, axis=0), np.arange(256)[:, None].repeat(5, 1)
+            )
+
+    @pytest.mark.parametrize(("width", "quality"), [(2, 0), (3, 1), (4, 3), (5, 5)])
+    def test_boxes_hold_their_share(self, width, quality):
+        """(t, k, s)-nets: boxes of volume 2**(t - k) hold 2**t points, t as the literature has it.
+
+        Sobol's sequences have t = sum of (degree - 1) of their polynomials: 0, 0, 1, 3, 5.
+        """
+        k = 10
+        xi = joint(np.arange(2**k), width=width)
+        n_bits = k - quality
+        for split in np.ndindex(*(n_bits + 1,) * (width - 1)):
+            bits = [*split, n_bits - sum(split)]
+            if bits[-1] < 0:
+                continue
+            cell = np.zeros(2**k, dtype=int)
+            for column, b in zip(xi.T, bits, strict=True):
+                cell = cell * 2**b + (column * 2**b).astype(int)
+            np.testing.assert_array_equal(np.bincount(cell, minlength=2**n_bits), 2**quality)
+
+    @pytest.mark.parametrize("change", ["seed", "pixel", "dimension"])
+    def test_each_name_matters(self, change):
+        changed = joint([9], **{change: 12})
+        assert (changed != joint([9])).all()
+
+    def test_any_split_gives_the_same_bits_and_width_changes_none(self):
+        whole = joint(np.arange(100))
+        np.testing.assert_array_equal(joint(np.arange(40, 77)), whole[40:77])
+        np.testing.assert_array_equal(joint(np.arange(100), width=2), whole[:, :2])
 
 
 @pytest.mark.statistical
