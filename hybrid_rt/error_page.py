@@ -9,14 +9,8 @@ from collections.abc import Mapping, Sequence
 from html import escape
 
 from hybrid_rt.comparison import Pixels, error_map, screen_pixels
-from hybrid_rt.error_vs_time import (
-    RULE_OF_THREE,
-    Curve,
-    Forecast,
-    HitStudy,
-    Image,
-    PictureStudy,
-)
+from hybrid_rt.error_vs_time import RULE_OF_THREE, Curve, HitStudy, Image, PictureStudy
+from hybrid_rt.forecast import Forecast
 from hybrid_rt.loglog import Line, Mark, log_log
 from hybrid_rt.measures import picture_errors
 

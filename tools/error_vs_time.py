@@ -23,6 +23,7 @@ from typing import Any
 from hybrid_rt import checks, error_page, error_vs_time
 from hybrid_rt.comparison import load_picture
 from hybrid_rt.error_vs_time import RULE_OF_THREE, Curve, HitStudy, PictureStudy, Point, Spread
+from hybrid_rt.forecast import forecast, recommend, triangles_for
 from hybrid_rt.methods import curved_surfaces, default_methods
 from hybrid_rt.report import versions
 from hybrid_rt.scene import Scene
@@ -131,8 +132,8 @@ def _show(name: str, studies: dict[str, Any], args: argparse.Namespace) -> None:
     data: dict[str, Any] = {"source": name, "versions": versions(), "target": args.target}
     if "picture" in studies:
         study: PictureStudy = studies["picture"]
-        forecasts = error_vs_time.recommend(study, args.target)
-        triangles = error_vs_time.triangles_for(
+        forecasts = recommend(study, args.target)
+        triangles = triangles_for(
             [row for row in study.meshes if row["accuracy"] == "mesh"], args.target
         )
         sentences += error_page.picture_answers(study, forecasts, args.target, name, triangles)
@@ -148,7 +149,7 @@ def _show(name: str, studies: dict[str, Any], args: argparse.Namespace) -> None:
             **plain,
             "reference": asdict(study.reference),
             "curves": [asdict(curve) for curve in study.curves],
-            "forecasts": [asdict(forecast) for forecast in forecasts],
+            "forecasts": [asdict(found) for found in forecasts],
             "triangles_for_target": triangles,
         }
     if "hits" in studies:
@@ -328,9 +329,7 @@ def _ratios(both: Sequence[dict[str, Any]]) -> list[str]:
     found = []
     for one in both:
         own = one["picture"]["reference"]["own_error"] or 0.0
-        found.append(
-            {c.name: error_vs_time.forecast(c, target, own) for c in _curves(one["picture"])}
-        )
+        found.append({c.name: forecast(c, target, own) for c in _curves(one["picture"])})
     return [
         f"{name} to {target:g}: A {found[0][name].seconds.median:.3g} s, "
         f"B {found[1][name].seconds.median:.3g} s."
