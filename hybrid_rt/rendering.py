@@ -99,7 +99,8 @@ def render(
         Settings of the integrator.
     outputs : sequence of str
         What else to find, as ``channels`` of the result: "depth", "position", "normal", "uv",
-        "object_id", "albedo" (all behind the middle of each pixel), "samples", "standard_error".
+        "object_id", "albedo" (all behind the middle of each pixel), "samples", "standard_error",
+        "half_interval" (half the width of each pixel's 95 % interval).
     progress : callable, optional
         Called with (stage, done, total); see `hybrid_rt.progress.Progress`.
 
