@@ -350,8 +350,8 @@ def _blur(report: dict[str, Any]) -> float:
 
 def stated_error(report: dict[str, Any]) -> float:
     """Return the relative RMSE that a report states, noise and blur together; nan if unknown."""
-    noise = report.get("noise")
-    return math.nan if noise is None else math.hypot(noise["relative_rmse"], _blur(report))
+    error = report.get("relative_error")
+    return math.nan if error is None else float(error["both"])
 
 
 def _given_reference(picture: Picture) -> Reference:
@@ -359,7 +359,7 @@ def _given_reference(picture: Picture) -> Reference:
     noise = report.get("noise") or {}
     return Reference(
         f"the file {picture.name}",
-        noise.get("relative_rmse", math.nan),
+        stated_error(report),
         float(picture.image.mean(dtype=np.float64)),
         noise.get("standard_error_of_image_mean", math.nan),
         report.get("seconds", {}).get("total", math.nan),

@@ -19,8 +19,11 @@ from hybrid_rt.records import FloatArray, HitRecord
 from meshing import BezierPatches, SurfaceOfRevolution
 
 DIGITS = 60
-# Newton's steps double the digits, from 16 or, where a ray nearly touches, from 8 or fewer.
-MOST_STEPS = 60
+# Newton's steps double the digits, from 16 or, where a ray nearly touches, from 8 or fewer; at a
+# pole, where the radius is a double root, each gains a bit.
+MOST_STEPS = 300
+# A pole itself has no first derivative to go by: this far beside it along the profile there is one.
+ASIDE = mpmath.mpf(2) ** -40
 # A last step below this part of the root leaves fewer than its square.
 SMALL = mpmath.mpf(10) ** -40
 
@@ -124,7 +127,8 @@ def _revolution_solver(surface: SurfaceOfRevolution) -> Solver:
             f_t, g_t = -way[0], -2 * (b * way[1] + c * way[2])
             determinant = dz * g_t - f_t * 2 * r * dr
             if determinant == 0:
-                break
+                x[0] += ASIDE
+                continue
             step = [(f * g_t - f_t * g) / determinant, (dz * g - 2 * r * dr * f) / determinant]
             x = [x[0] - step[0], x[1] - step[1]]
             if abs(step[1]) <= SMALL * abs(x[1]) and abs(step[0]) <= SMALL:
