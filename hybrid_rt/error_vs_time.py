@@ -11,6 +11,7 @@ import math
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -20,6 +21,7 @@ from hybrid_rt import checks
 from hybrid_rt.comparison import Picture
 from hybrid_rt.integrators.options import PathOptions
 from hybrid_rt.intersection import Intersector
+from hybrid_rt.intersection.kinds import CURVED
 from hybrid_rt.lights import PointLight
 from hybrid_rt.measures import DARK, hit_errors, picture_errors, relative_mse
 from hybrid_rt.methods import (
@@ -31,8 +33,10 @@ from hybrid_rt.methods import (
     size_of,
     uncertified_methods,
 )
+from hybrid_rt.records import FloatArray, HitRecord
 from hybrid_rt.rendering import RenderResult, render
 from hybrid_rt.scene import Scene
+from hybrid_rt.verify.newton_steps import SteppedHits
 from hybrid_rt.verify.oracle import first_hits
 from hybrid_rt.verify.rays import RaySet
 from hybrid_rt.verify.speed import in_turn
@@ -45,6 +49,8 @@ REFERENCE_SEED, CHECK_SEED = 20_000, 30_000
 REFERENCES = ("path", "ppm")
 # The picture that checks a reference has so many passes less.
 FEWER_TO_CHECK = 4
+# Steps of Newton's method that are tried: after six nothing changes but on the coarsest meshes.
+NEWTON_STEPS = (0, 1, 2, 3, 4, 6)
 # No wrong hit among n rays: at 95 % the share is below 3 / n (1 - (1 - 3 / n)^n = 0.95).
 RULE_OF_THREE = 3.0
 
@@ -444,6 +450,9 @@ class HitStudy:
         Their settings are tolerances, errors shares of wrong first hits; ``more`` holds
         ``triangles``, ``build_seconds``, ``mean_dt``, ``worst_dt``, ``worst_residual``,
         ``mean_angle``, ``missed``, ``phantom``, ``farther``.
+    newton : list of Curve
+        Newton's method without proof by a fixed number of steps, one curve for each tolerance; the
+        settings are those numbers. None where a surface needs no steps.
     oracle_seconds : float
     """
 
@@ -451,6 +460,7 @@ class HitStudy:
     judged: int
     size: float
     curves: list[Curve]
+    newton: list[Curve]
     oracle_seconds: float
 
 
@@ -481,34 +491,44 @@ def study_hits(
     began = time.perf_counter()
     truth = first_hits(surfaces, rays.origins, rays.directions, threads=threads)
     oracle_seconds = time.perf_counter() - began
-    tracers: dict[tuple[str, float], tuple[Intersector, float]] = {}
+    finders: dict[tuple[str, float], _Finder] = {}
     for share in sorted(tolerances, reverse=True):
         for accuracy in ("mesh", "refined", "certified"):
             began = time.perf_counter()
             tracer = Intersector(surfaces, accuracy, tolerance=share * size, threads=threads)
-            tracers[accuracy, share * size] = tracer, time.perf_counter() - began
+            seconds = time.perf_counter() - began
+            finders[accuracy, share * size] = _Finder(tracer.intersect, tracer.n_triangles, seconds)
     began = time.perf_counter()
     bare = Intersector(surfaces, coarse="none", threads=threads)
-    tracers["certified, no Embree", math.inf] = bare, time.perf_counter() - began
-    say(f"{len(tracers)} tracers, {runs} runs each")
-
-    def tracing(tracer: Intersector) -> Callable[[], object]:
-        return lambda: tracer.intersect(rays.origins, rays.directions)
-
+    seconds = time.perf_counter() - began
+    finders["certified, no Embree", math.inf] = _Finder(bare.intersect, 0, seconds)
+    steppers = {}
+    if all(isinstance(surface, CURVED) for surface in surfaces):
+        for share in sorted(tolerances, reverse=True):
+            began = time.perf_counter()
+            stepped = SteppedHits(surfaces, share * size, threads)
+            seconds = time.perf_counter() - began
+            for steps in NEWTON_STEPS:
+                find = partial(stepped.intersect, steps=steps)
+                name = f"Newton, {stepped.n_triangles} triangles"
+                steppers[name, float(steps)] = _Finder(find, stepped.n_triangles, seconds)
+    say(f"{len(finders) + len(steppers)} tracers, {runs} runs each")
+    both = {**finders, **steppers}
     timings = in_turn(
-        {f"{name} {tol}": tracing(tracer) for (name, tol), (tracer, _) in tracers.items()}, runs
+        {key: partial(f.find, rays.origins, rays.directions) for key, f in both.items()}, runs
     )
     points: dict[str, list[Point]] = {}
     judged = 0
-    for (name, tolerance), (tracer, build) in tracers.items():
-        errors = hit_errors(tracer.intersect(rays.origins, rays.directions), truth)
+    for key, finder in both.items():
+        name, setting = key
+        errors = hit_errors(finder.find(rays.origins, rays.directions), truth)
         judged = max(judged, errors.rays)
-        timing = timings[f"{name} {tolerance}"]
-        seconds = Spread(timing.median / n, timing.least / n, timing.most / n)
+        timing = timings[key]
+        seconds_per_ray = Spread(timing.median / n, timing.least / n, timing.most / n)
         share = errors.wrong / max(errors.rays, 1)
         more = {
-            "triangles": float(tracer.n_triangles),
-            "build_seconds": build,
+            "triangles": float(finder.n_triangles),
+            "build_seconds": finder.build_seconds,
             "mean_dt": errors.mean_dt,
             "worst_dt": errors.worst_dt,
             "worst_residual": errors.worst_residual,
@@ -517,10 +537,21 @@ def study_hits(
             "phantom": float(errors.phantom),
             "farther": float(errors.farther),
         }
-        point = Point(tolerance, seconds, Spread(share, share, share), more)
+        point = Point(setting, seconds_per_ray, Spread(share, share, share), more)
         points.setdefault(name, []).append(point)
-    curves = [Curve(name, "", found) for name, found in points.items()]
-    return HitStudy(n, judged, size, curves, oracle_seconds)
+    names = {name for name, _ in finders}
+    curves = [Curve(name, "", found) for name, found in points.items() if name in names]
+    newton = [Curve(name, "", found) for name, found in points.items() if name not in names]
+    return HitStudy(n, judged, size, curves, newton, oracle_seconds)
+
+
+@dataclass(frozen=True)
+class _Finder:
+    """One way to find first hits: from origins and directions."""
+
+    find: Callable[[FloatArray, FloatArray], HitRecord]
+    n_triangles: int
+    build_seconds: float
 
 
 def camera_rays(scene: Scene, n: int) -> RaySet:

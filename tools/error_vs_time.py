@@ -158,6 +158,11 @@ def _show(name: str, studies: dict[str, Any], args: argparse.Namespace) -> None:
         diagrams.append(error_page.hit_diagram(f"{name}: first hits", hits.curves, hits.judged))
         diagrams.append(error_page.distance_diagram(f"{name}: right hits", hits.curves, hits.size))
         tables["First hits"] = error_page.hit_table(hits.curves)
+        if hits.newton:
+            diagrams += error_page.newton_diagrams(
+                f"{name}: Newton's steps", hits.newton, hits.size
+            )
+            tables["Newton's steps"] = error_page.newton_table(hits.newton)
         data["hits"] = asdict(hits)
     _print(sentences, tables)
     if args.out:
@@ -223,10 +228,14 @@ def _draw(file: Path, name: str, data: dict[str, Any]) -> None:
     import matplotlib.pyplot as plt
 
     parts = [part for part in ("picture", "hits") if part in data]
+    newton = data.get("hits", {}).get("newton", [])
+    n_axes = len(parts) + bool(newton)
     figure, all_axes = plt.subplots(
-        1, len(parts), figsize=(8.5 * len(parts), 5), layout="constrained", squeeze=False
+        1, n_axes, figsize=(8.5 * n_axes, 5), layout="constrained", squeeze=False
     )
-    for axes, part in zip(all_axes[0], parts, strict=True):
+    if newton:
+        _draw_newton(all_axes[0, -1], name, newton, data["hits"]["size"])
+    for axes, part in zip(all_axes[0], parts, strict=False):
         least = RULE_OF_THREE / data["hits"]["judged"] if part == "hits" else 1e-12
         seconds: list[float] = []
         for curve in data[part]["curves"]:
@@ -263,6 +272,22 @@ def _draw(file: Path, name: str, data: dict[str, Any]) -> None:
         axes.set_title(name, fontsize=9)
     figure.savefig(file, dpi=110)
     plt.close(figure)
+
+
+def _draw_newton(axes: Any, name: str, curves: Sequence[dict[str, Any]], size: float) -> None:
+    """Draw the mean error of right hits against seconds per ray, the steps beside the points."""
+    for curve in curves:
+        x = [p["seconds"]["median"] for p in curve["points"]]
+        y = [max(p["more"]["mean_dt"] / size, 1e-18) for p in curve["points"]]
+        axes.plot(x, y, marker="o", markersize=4, label=curve["name"])
+        for at, p in zip(zip(x, y, strict=True), curve["points"], strict=True):
+            axes.annotate(f"{p['setting']:g}", at, (4, 4), textcoords="offset points", fontsize=7)
+    axes.set_xscale("log")
+    axes.set_yscale("log")
+    axes.set_xlabel("seconds per ray")
+    axes.set_ylabel("mean |t - exact t| of right hits / size")
+    axes.legend(fontsize=7, loc="upper left", bbox_to_anchor=(1.0, 1.0))
+    axes.set_title(f"{name}: Newton's steps", fontsize=9)
 
 
 def _compare(args: argparse.Namespace) -> None:

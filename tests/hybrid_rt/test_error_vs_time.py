@@ -190,7 +190,7 @@ class TestHits:
         assert math.isinf(curves["certified, no Embree"][0].setting)
 
     def test_answers_and_diagrams(self, tube):
-        cost, share, mesh = error_page.hit_answers(tube)
+        cost, share, mesh, newton = error_page.hit_answers(tube)
         assert "us per ray" in cost
         assert f"Of {tube.judged} judged rays" in share
         assert "triangles^-" in mesh
@@ -202,6 +202,26 @@ class TestHits:
         assert sum(c.get("fill") == "white" for c in circles) == n_none
         head, rows = error_page.hit_table(tube.curves)
         assert all(len(row) == len(head) for row in rows)
+
+        assert "before the first step" in newton
+        for svg in error_page.newton_diagrams("tube", tube.newton, tube.size):
+            circles = ElementTree.fromstring(svg).findall(".//{*}circle")
+            assert len(circles) == sum(len(curve.points) for curve in tube.newton)
+        head, rows = error_page.newton_table(tube.newton)
+        assert all(len(row) == len(head) for row in rows)
+
+    def test_newton_mends_distances_and_no_decisions(self, tube):
+        curves = {curve.name: curve.points for curve in tube.curves}
+        for stepped, mesh, refined in zip(
+            tube.newton, curves["mesh"], curves["refined"], strict=True
+        ):
+            points = stepped.points
+            assert [p.setting for p in points] == [0, 1, 2, 3, 4, 6]
+            assert points[0].more["mean_dt"] == pytest.approx(mesh.more["mean_dt"], rel=0.05)
+            assert points[0].error.median == pytest.approx(mesh.error.median, abs=2e-3)
+            assert points[-1].error.median == pytest.approx(refined.error.median, abs=2e-3)
+            assert points[-1].more["mean_dt"] < 1e-13
+            assert points[-1].more["worst_residual"] < 1e-12
 
     def test_size_is_the_diagonal(self):
         assert size_of([TUBE]) == pytest.approx(math.sqrt(12), rel=1e-9)
