@@ -385,7 +385,7 @@ def _newton_answer(study: HitStudy) -> str:
     )
     return (
         f"{curve.name}: right hits are off by {first.more['mean_dt'] / study.size:.0e} of the size "
-        f"on average before the first step, {steps}; a step costs "
-        f"{1e6 * (last.seconds.median - first.seconds.median) / last.setting:.3f} us per ray. The "
-        f"wrong ones no step mends: {first.error.median:.2g} before, {last.error.median:.2g} after."
+        f"on average before the first step, {steps}. The wrong ones no step mends: "
+        f"{first.error.median:.2g} before, {last.error.median:.2g} after. All {last.setting:g} steps "
+        f"take a ray from {1e6 * first.seconds.least:.3f} to {1e6 * last.seconds.least:.3f} us."
     )

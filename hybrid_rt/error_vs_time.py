@@ -344,20 +344,14 @@ def _checked(main: RenderResult, other: RenderResult, made_by: str) -> dict[str,
         "gap_error": math.hypot(*errors),
         "difference": math.sqrt(relative_mse(other.image, main.image)),
         "by_noise": math.sqrt(variance),
-        "by_blur": math.hypot(*(_blur(result.report) for result in (main, other))),
+        "by_blur": math.hypot(*(stated_error(result.report, "blur") for result in (main, other))),
     }
 
 
-def _blur(report: dict[str, Any]) -> float:
-    """Return the relative blur that photons state; nan where a single pass tells nothing."""
-    blur = report.get("photons", {}).get("blur_relative_rmse", 0.0)
-    return math.nan if blur is None else float(blur)
-
-
-def stated_error(report: dict[str, Any]) -> float:
-    """Return the relative RMSE that a report states, noise and blur together; nan if unknown."""
+def stated_error(report: dict[str, Any], part: str = "both") -> float:
+    """Return the relative RMSE that a report states: "noise", "blur" or both; nan if unknown."""
     error = report.get("relative_error")
-    return math.nan if error is None else float(error["both"])
+    return math.nan if error is None else float(error[part])
 
 
 def _given_reference(picture: Picture) -> Reference:

@@ -85,7 +85,7 @@ def caustic_edge() -> PhotonPicture:
 
 
 # Both are sure to a tenth of the blur, in a few seconds.
-SHADOW_PASSES = 2**13
+SHADOW_PASSES = 2**12
 COUNTED, CELLS = 10**8, 1024
 
 PHOTON_PICTURES: dict[str, Callable[[], PhotonPicture]] = {
