@@ -35,8 +35,10 @@ class Errors:
 
     Attributes
     ----------
+    rays : int
+        Rays that hit something by either method.
     wrong : float
-        Share of the concerned rays: those that hit something by either method.
+        Share of them.
     missed, phantom, farther : int
         Nothing where there is something; something where there is nothing; another sheet or
         another object.
@@ -44,6 +46,7 @@ class Errors:
         |t - exact t| in lengths of the scene, over the right hits.
     """
 
+    rays: int
     wrong: float
     missed: int
     phantom: int
@@ -204,10 +207,11 @@ def compare(exact: HitRecord, next_t: FloatArray, found: HitRecord, rays: RaySet
     other = found.object_id[both] != exact.object_id[both]
     farther = other | (to_next < error)
     right = error[~farther]
-    concerned = int(missed.sum() + phantom.sum() + len(both))
+    n_rays = int(missed.sum() + phantom.sum() + len(both))
     n_wrong = int(missed.sum() + phantom.sum() + farther.sum())
     return Errors(
-        n_wrong / max(concerned, 1),
+        n_rays,
+        n_wrong / max(n_rays, 1),
         int(missed.sum()),
         int(phantom.sum()),
         int(farther.sum()),

@@ -63,12 +63,11 @@ def audit(context: RenderContext, threads: int | None = None) -> dict[str, Any] 
     rays = RaySet(origins, directions, np.full(n, "camera"))
     errors = compare(exact, beyond.t, found, rays)
     wrong = errors.missed + errors.phantom + errors.farther
-    concerned = round(wrong / errors.wrong) if wrong else int((exact.hit | found.hit).sum())
     return {
-        "rays": concerned,
+        "rays": errors.rays,
         "wrong": wrong,
         "share": errors.wrong,
-        "interval_95": share_interval(wrong, concerned),
+        "interval_95": share_interval(wrong, errors.rays),
         "missed": errors.missed,
         "phantom": errors.phantom,
         "farther": errors.farther,

@@ -27,8 +27,9 @@ PARTS: dict[str, tuple[str, ...]] = {
     "albedo": ("R", "G", "B"),
     "samples": (),
     "standard_error": ("R", "G", "B"),
+    "half_interval": ("R", "G", "B"),
 }
-OF_PASSES = {"samples", "standard_error"}
+OF_PASSES = {"samples", "standard_error", "half_interval"}
 
 # Pixels looked through at a time.
 ROWS_AT_ONCE = 2**18
@@ -51,8 +52,8 @@ def compute_channels(
     -------
     dict
         By name, (height, width) or (height, width, parts) float32, row 0 at the top. Where nothing
-        is behind a pixel depth is inf, object_id -1, albedo 0 and the rest nan; the standard error
-        of a single pass is nan.
+        is behind a pixel depth is inf, object_id -1, albedo 0 and the rest nan; the errors of a
+        single pass are nan.
     """
     channels: dict[str, NDArray[np.float32]] = {}
     camera = context.scene.camera
@@ -73,6 +74,8 @@ def compute_channels(
         channels["samples"] = np.full(shape, film.n_passes, np.float32)
     if "standard_error" in names:
         channels["standard_error"] = film.standard_error.astype(np.float32)
+    if "half_interval" in names:
+        channels["half_interval"] = film.half_interval.astype(np.float32)
     return {name: channels[name] for name in names}
 
 

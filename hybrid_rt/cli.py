@@ -143,7 +143,7 @@ def _add_render_options(parser: argparse.ArgumentParser) -> None:
         default="",
         metavar="A,B",
         help="also keep in .npz and .exr: depth, position, normal, uv, object_id, albedo, samples, "
-        "standard_error",
+        "standard_error, half_interval",
     )
     parser.add_argument(
         "--exposure", type=_stops, default=0.0, metavar="E", help="stops, for .png (default 0)"

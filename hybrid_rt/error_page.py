@@ -9,15 +9,9 @@ from collections.abc import Mapping, Sequence
 from html import escape
 
 from hybrid_rt.comparison import Pixels, error_map
-from hybrid_rt.error_vs_time import (
-    RULE_OF_THREE,
-    Curve,
-    Forecast,
-    HitStudy,
-    Image,
-    PictureStudy,
-)
+from hybrid_rt.error_vs_time import RULE_OF_THREE, Curve, HitStudy, Image, PictureStudy
 from hybrid_rt.film import screen_pixels
+from hybrid_rt.forecast import Forecast
 from hybrid_rt.loglog import Line, Mark, log_log
 from hybrid_rt.measures import picture_errors
 
@@ -88,6 +82,31 @@ def distance_diagram(title: str, curves: Sequence[Curve], size: float) -> str:
         for curve in curves
     ]
     return log_log(title, "seconds per ray", "mean |t - exact t| / size", lines)
+
+
+def newton_diagrams(title: str, curves: Sequence[Curve], size: float) -> list[str]:
+    """Draw what each Newton step does to |t - exact t| and to the residual, in sizes, as SVG."""
+    diagrams = []
+    for figure, words in (
+        ("mean_dt", "mean |t - exact t| / size"),
+        ("worst_residual", "largest residual / size"),
+    ):
+        lines = [
+            Line(
+                curve.name,
+                [
+                    Mark(
+                        (p.seconds.median, p.seconds.least, p.seconds.most),
+                        (max(p.more[figure] / size, 1e-18),) * 3,
+                        f"{p.setting:g} steps: {p.more[figure]:.3g}, wrong {p.error.median:.3g}",
+                    )
+                    for p in curve.points
+                ],
+            )
+            for curve in curves
+        ]
+        diagrams.append(log_log(title, "seconds per ray", words, lines))
+    return diagrams
 
 
 def page(
@@ -199,6 +218,26 @@ def hit_table(curves: Sequence[Curve]) -> Table:
         (
             curve.name, f"{p.setting:.2g}", f"{p.more['triangles']:.0f}",
             f"{p.more['build_seconds']:.2g}", f"{1e6 * p.seconds.median:.3f}",
+            f"{1e6 * p.seconds.least:.3f}", f"{1e6 * p.seconds.most:.3f}", f"{p.error.median:.2e}",
+            f"{p.more['missed']:.0f}", f"{p.more['phantom']:.0f}", f"{p.more['farther']:.0f}",
+            f"{p.more['mean_dt']:.1e}", f"{p.more['worst_dt']:.1e}",
+            f"{p.more['worst_residual']:.1e}", f"{p.more['mean_angle']:.1e}",
+        )
+        for curve in curves
+        for p in curve.points
+    ]  # fmt: skip
+    return head, rows
+
+
+def newton_table(curves: Sequence[Curve]) -> Table:
+    """Return the points of Newton's steps as a table."""
+    head = (
+        "method", "steps", "us/ray", "least", "most", "wrong", "missed", "phantom", "farther",
+        "mean |dt|", "worst |dt|", "residual", "normal, degrees",
+    )  # fmt: skip
+    rows = [
+        (
+            curve.name, f"{p.setting:g}", f"{1e6 * p.seconds.median:.3f}",
             f"{1e6 * p.seconds.least:.3f}", f"{1e6 * p.seconds.most:.3f}", f"{p.error.median:.2e}",
             f"{p.more['missed']:.0f}", f"{p.more['phantom']:.0f}", f"{p.more['farther']:.0f}",
             f"{p.more['mean_dt']:.1e}", f"{p.more['worst_dt']:.1e}",
@@ -333,4 +372,21 @@ def hit_answers(study: HitStudy) -> list[str]:
             f"falling as triangles^-{order:.2f}; to be as near as certified hits "
             f"({exact / study.size:.0e}) it would need about {needed:.0e} triangles."
         )
+    if study.newton:
+        lines.append(_newton_answer(study))
     return lines
+
+
+def _newton_answer(study: HitStudy) -> str:
+    # The middle one of the meshes, finer than which few renderers start from.
+    curve = study.newton[len(study.newton) // 2]
+    first, last = curve.points[0], curve.points[-1]
+    steps = ", ".join(
+        f"{p.more['mean_dt'] / study.size:.0e} after {p.setting:g}" for p in curve.points[1:]
+    )
+    return (
+        f"{curve.name}: right hits are off by {first.more['mean_dt'] / study.size:.0e} of the size "
+        f"on average before the first step, {steps}. The wrong ones no step mends: "
+        f"{first.error.median:.2g} before, {last.error.median:.2g} after. All {last.setting:g} steps "
+        f"take a ray from {1e6 * first.seconds.least:.3f} to {1e6 * last.seconds.least:.3f} us."
+    )

@@ -11,6 +11,7 @@ import math
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -20,6 +21,7 @@ from hybrid_rt import checks
 from hybrid_rt.comparison import Picture
 from hybrid_rt.integrators.options import PathOptions
 from hybrid_rt.intersection import Intersector
+from hybrid_rt.intersection.kinds import CURVED
 from hybrid_rt.lights import PointLight
 from hybrid_rt.measures import DARK, hit_errors, picture_errors, relative_mse
 from hybrid_rt.methods import (
@@ -31,8 +33,10 @@ from hybrid_rt.methods import (
     size_of,
     uncertified_methods,
 )
+from hybrid_rt.records import FloatArray, HitRecord
 from hybrid_rt.rendering import RenderResult, render
 from hybrid_rt.scene import Scene
+from hybrid_rt.verify.newton_steps import SteppedHits
 from hybrid_rt.verify.oracle import first_hits
 from hybrid_rt.verify.rays import RaySet
 from hybrid_rt.verify.speed import in_turn
@@ -45,8 +49,8 @@ REFERENCE_SEED, CHECK_SEED = 20_000, 30_000
 REFERENCES = ("path", "ppm")
 # The picture that checks a reference has so many passes less.
 FEWER_TO_CHECK = 4
-# A bias below half of the whole error cannot be told from noise by two points.
-SURE_BIAS = 0.5
+# Steps of Newton's method that are tried: after six nothing changes but on the coarsest meshes.
+NEWTON_STEPS = (0, 1, 2, 3, 4, 6)
 # No wrong hit among n rays: at 95 % the share is below 3 / n (1 - (1 - 3 / n)^n = 0.95).
 RULE_OF_THREE = 3.0
 
@@ -340,20 +344,14 @@ def _checked(main: RenderResult, other: RenderResult, made_by: str) -> dict[str,
         "gap_error": math.hypot(*errors),
         "difference": math.sqrt(relative_mse(other.image, main.image)),
         "by_noise": math.sqrt(variance),
-        "by_blur": math.hypot(*(_blur(result.report) for result in (main, other))),
+        "by_blur": math.hypot(*(stated_error(result.report, "blur") for result in (main, other))),
     }
 
 
-def _blur(report: dict[str, Any]) -> float:
-    """Return the relative blur that photons state; nan where a single pass tells nothing."""
-    blur = report.get("photons", {}).get("blur_relative_rmse", 0.0)
-    return math.nan if blur is None else float(blur)
-
-
-def stated_error(report: dict[str, Any]) -> float:
-    """Return the relative RMSE that a report states, noise and blur together; nan if unknown."""
-    noise = report.get("noise")
-    return math.nan if noise is None else math.hypot(noise["relative_rmse"], _blur(report))
+def stated_error(report: dict[str, Any], part: str = "both") -> float:
+    """Return the relative RMSE that a report states: "noise", "blur" or both; nan if unknown."""
+    error = report.get("relative_error")
+    return math.nan if error is None else float(error[part])
 
 
 def _given_reference(picture: Picture) -> Reference:
@@ -361,7 +359,7 @@ def _given_reference(picture: Picture) -> Reference:
     noise = report.get("noise") or {}
     return Reference(
         f"the file {picture.name}",
-        noise.get("relative_rmse", math.nan),
+        stated_error(report),
         float(picture.image.mean(dtype=np.float64)),
         noise.get("standard_error_of_image_mean", math.nan),
         report.get("seconds", {}).get("total", math.nan),
@@ -446,6 +444,9 @@ class HitStudy:
         Their settings are tolerances, errors shares of wrong first hits; ``more`` holds
         ``triangles``, ``build_seconds``, ``mean_dt``, ``worst_dt``, ``worst_residual``,
         ``mean_angle``, ``missed``, ``phantom``, ``farther``.
+    newton : list of Curve
+        Newton's method without proof by a fixed number of steps, one curve for each tolerance; the
+        settings are those numbers. None where a surface needs no steps.
     oracle_seconds : float
     """
 
@@ -453,6 +454,7 @@ class HitStudy:
     judged: int
     size: float
     curves: list[Curve]
+    newton: list[Curve]
     oracle_seconds: float
 
 
@@ -483,34 +485,44 @@ def study_hits(
     began = time.perf_counter()
     truth = first_hits(surfaces, rays.origins, rays.directions, threads=threads)
     oracle_seconds = time.perf_counter() - began
-    tracers: dict[tuple[str, float], tuple[Intersector, float]] = {}
+    finders: dict[tuple[str, float], _Finder] = {}
     for share in sorted(tolerances, reverse=True):
         for accuracy in ("mesh", "refined", "certified"):
             began = time.perf_counter()
             tracer = Intersector(surfaces, accuracy, tolerance=share * size, threads=threads)
-            tracers[accuracy, share * size] = tracer, time.perf_counter() - began
+            seconds = time.perf_counter() - began
+            finders[accuracy, share * size] = _Finder(tracer.intersect, tracer.n_triangles, seconds)
     began = time.perf_counter()
     bare = Intersector(surfaces, coarse="none", threads=threads)
-    tracers["certified, no Embree", math.inf] = bare, time.perf_counter() - began
-    say(f"{len(tracers)} tracers, {runs} runs each")
-
-    def tracing(tracer: Intersector) -> Callable[[], object]:
-        return lambda: tracer.intersect(rays.origins, rays.directions)
-
+    seconds = time.perf_counter() - began
+    finders["certified, no Embree", math.inf] = _Finder(bare.intersect, 0, seconds)
+    steppers = {}
+    if all(isinstance(surface, CURVED) for surface in surfaces):
+        for share in sorted(tolerances, reverse=True):
+            began = time.perf_counter()
+            stepped = SteppedHits(surfaces, share * size, threads)
+            seconds = time.perf_counter() - began
+            for steps in NEWTON_STEPS:
+                find = partial(stepped.intersect, steps=steps)
+                name = f"Newton, {stepped.n_triangles} triangles"
+                steppers[name, float(steps)] = _Finder(find, stepped.n_triangles, seconds)
+    say(f"{len(finders) + len(steppers)} tracers, {runs} runs each")
+    both = {**finders, **steppers}
     timings = in_turn(
-        {f"{name} {tol}": tracing(tracer) for (name, tol), (tracer, _) in tracers.items()}, runs
+        {key: partial(f.find, rays.origins, rays.directions) for key, f in both.items()}, runs
     )
     points: dict[str, list[Point]] = {}
     judged = 0
-    for (name, tolerance), (tracer, build) in tracers.items():
-        errors = hit_errors(tracer.intersect(rays.origins, rays.directions), truth)
+    for key, finder in both.items():
+        name, setting = key
+        errors = hit_errors(finder.find(rays.origins, rays.directions), truth)
         judged = max(judged, errors.rays)
-        timing = timings[f"{name} {tolerance}"]
-        seconds = Spread(timing.median / n, timing.least / n, timing.most / n)
+        timing = timings[key]
+        seconds_per_ray = Spread(timing.median / n, timing.least / n, timing.most / n)
         share = errors.wrong / max(errors.rays, 1)
         more = {
-            "triangles": float(tracer.n_triangles),
-            "build_seconds": build,
+            "triangles": float(finder.n_triangles),
+            "build_seconds": finder.build_seconds,
             "mean_dt": errors.mean_dt,
             "worst_dt": errors.worst_dt,
             "worst_residual": errors.worst_residual,
@@ -519,10 +531,21 @@ def study_hits(
             "phantom": float(errors.phantom),
             "farther": float(errors.farther),
         }
-        point = Point(tolerance, seconds, Spread(share, share, share), more)
+        point = Point(setting, seconds_per_ray, Spread(share, share, share), more)
         points.setdefault(name, []).append(point)
-    curves = [Curve(name, "", found) for name, found in points.items()]
-    return HitStudy(n, judged, size, curves, oracle_seconds)
+    names = {name for name, _ in finders}
+    curves = [Curve(name, "", found) for name, found in points.items() if name in names]
+    newton = [Curve(name, "", found) for name, found in points.items() if name not in names]
+    return HitStudy(n, judged, size, curves, newton, oracle_seconds)
+
+
+@dataclass(frozen=True)
+class _Finder:
+    """One way to find first hits: from origins and directions."""
+
+    find: Callable[[FloatArray, FloatArray], HitRecord]
+    n_triangles: int
+    build_seconds: float
 
 
 def camera_rays(scene: Scene, n: int) -> RaySet:
@@ -534,110 +557,6 @@ def camera_rays(scene: Scene, n: int) -> RaySet:
     row, column = np.divmod(np.arange(small.width * small.height), small.width)
     origins, directions = small.rays(column + 0.5, row + 0.5)
     return RaySet(origins, directions, np.full(len(origins), "camera"))
-
-
-@dataclass(frozen=True)
-class Forecast:
-    """What a method would take to reach an error.
-
-    Attributes
-    ----------
-    method : str
-    flags : str
-    passes : int or None
-        None: not to be reached.
-    seconds : Spread
-        Scaled from the runs; nan where it is not reached.
-    bias : float
-        Error that passes do not remove, as far as two points tell; 0 if not above the noise.
-    is_measured : bool
-        Whether so many passes were made, rather than extrapolated to.
-    """
-
-    method: str
-    flags: str
-    passes: int | None
-    seconds: Spread
-    bias: float
-    is_measured: bool
-
-
-def forecast(curve: Curve, target: float, reference_error: float = 0.0) -> Forecast:
-    """Predict passes and seconds to a relative RMSE.
-
-    The square of the error is taken as b^2 + c / n^k: between two measured points as measured (a
-    line in logarithms), beyond the last with the curve's k, and b from the last two points, at
-    least the curve's own. The reference's noise is subtracted from the squares first.
-    """
-    own = 0.0 if math.isnan(reference_error) else reference_error
-    passes = np.array([p.setting for p in curve.points])
-    squares = np.array([max(p.error.median**2 - own**2, 1e-30) for p in curve.points])
-    seconds = np.array([p.seconds.median for p in curve.points])
-    last = curve.points[-1].seconds
-    bias = max(_bias(passes**curve.power, squares), curve.bias)
-
-    def result(n: float, is_measured: bool) -> Forecast:
-        whole = max(math.ceil(n - 1e-9), 1)
-        median = _seconds(passes, seconds, whole)
-        spread = Spread(median, median * last.least / last.median, median * last.most / last.median)
-        return Forecast(curve.name, curve.flags, whole, spread, bias, is_measured)
-
-    reached = np.flatnonzero(squares <= target**2)
-    if len(reached):
-        k = int(reached[0])
-        if k == 0:
-            return result(float(passes[0]), True)
-        share = math.log(squares[k - 1] / target**2) / math.log(squares[k - 1] / squares[k])
-        return result(float(passes[k - 1] * (passes[k] / passes[k - 1]) ** share), True)
-    left = target**2 - bias**2
-    if left <= 0.0:
-        return Forecast(
-            curve.name, curve.flags, None, Spread(math.nan, math.nan, math.nan), bias, False
-        )
-    more = max((squares[-1] - bias**2) / left, 1.0)
-    return result(float(passes[-1] * more ** (1.0 / curve.power)), False)
-
-
-def _bias(passes: NDArray[np.float64], squares: NDArray[np.float64]) -> float:
-    """Return the error that does not fall as one over the given numbers, by the last two points."""
-    if len(passes) < 2:
-        return 0.0
-    n, m = passes[-2], passes[-1]
-    noise = (squares[-2] - squares[-1]) / (1.0 / n - 1.0 / m)
-    rest = squares[-1] - max(noise, 0.0) / m
-    return math.sqrt(rest) if rest > SURE_BIAS**2 * squares[-1] else 0.0
-
-
-def _seconds(passes: NDArray[np.float64], seconds: NDArray[np.float64], n: float) -> float:
-    """Return the seconds of n passes: between points a line, beyond the last its slope."""
-    if n <= passes[-1] or len(passes) < 2:
-        return float(np.interp(n, passes, seconds))
-    each = (seconds[-1] - seconds[-2]) / (passes[-1] - passes[-2])
-    return float(seconds[-1] + each * (n - passes[-1]))
-
-
-def recommend(study: PictureStudy, target: float) -> list[Forecast]:
-    """Return what each method needs for a relative RMSE, the cheapest first."""
-    own = study.reference.own_error
-    forecasts = [forecast(curve, target, own) for curve in study.curves]
-    return sorted(forecasts, key=lambda f: (f.passes is None, f.seconds.median))
-
-
-def triangles_for(meshes: Sequence[dict[str, Any]], target: float) -> float:
-    """Return how many triangles make the error of a picture fall to a target, by its meshes.
-
-    A line in logarithms through the two nearest meshes whose error is above the noise; nan where
-    there are no two, or the error does not fall.
-    """
-    rows = sorted((row for row in meshes if row["error"] > 0.0), key=lambda row: row["triangles"])
-    if len(rows) < 2:
-        return math.nan
-    k = next((i for i, row in enumerate(rows) if row["error"] <= target), len(rows) - 1)
-    a, b = rows[max(k, 1) - 1], rows[max(k, 1)]
-    if not (0.0 < b["error"] < a["error"] and a["triangles"] < b["triangles"]):
-        return math.nan
-    share = math.log(a["error"] / target) / math.log(a["error"] / b["error"])
-    return float(a["triangles"] * (b["triangles"] / a["triangles"]) ** share)
 
 
 def renamed(curves: Sequence[Curve], prefix: str) -> list[Curve]:

@@ -42,7 +42,8 @@ class Limit:
     time_budget : float or None
         Seconds, above 0.
     target_error : float or None
-        Estimated relative error of the picture, above 0. With no limit given: 16 passes.
+        Estimated relative error of the picture, noise and blur, above 0. With no limit given: 16
+        passes.
     """
 
     def __init__(
@@ -65,7 +66,8 @@ class Limit:
         self._longest = 0.0
         self._pass_began = 0.0
         self._n_began = 0
-        self._error = math.inf
+        self._noise, self._blur = math.inf, 0.0
+        self._power, self._blur_stays = 1.0, False
         self._n_of_error = 0
 
     def begins(self, n_done: int, seconds: float, at_most: int = 1) -> int:
@@ -95,26 +97,55 @@ class Limit:
 
         It hangs on the errors so far and on nothing else, so a render to a target error ends with
         the same pass on every machine. The last run is then complete. The error falls with the
-        root of the passes or faster: half the way in logarithms cannot go far beyond the target.
+        root of the passes, that of photons more slowly: half the way in logarithms cannot go far
+        beyond the target.
         """
         n = self._n_of_error
         if n == 0:
             return 2 if self.target_error is None else RUN
         share = 2.0
-        if self.target_error is not None and math.isfinite(self._error):
-            share = min(self._error / self.target_error, share)
+        if self.target_error is not None and math.isfinite(self.error):
+            share = min(self.error / self.target_error, share)
         return max(int(n * share) // RUN * RUN, n + RUN)
 
-    def note_error(self, n_done: int, error: float) -> None:
-        """Hear the estimate of the picture's relative error after ``n_done`` passes."""
-        self._n_of_error, self._error = n_done, error
+    def note_error(
+        self,
+        n_done: int,
+        noise: float,
+        blur: float = 0.0,
+        *,
+        power: float = 1.0,
+        blur_stays: bool = False,
+    ) -> None:
+        """Hear the estimates of the picture's relative error after ``n_done`` passes.
+
+        ``power`` and ``blur_stays`` are those of a `hybrid_rt.integrators.crew.Crew`.
+        """
+        self._n_of_error, self._noise, self._blur = n_done, noise, blur
+        self._power, self._blur_stays = power, blur_stays
+
+    @property
+    def error(self) -> float:
+        """The latest estimate of the picture's relative error; inf where there is none."""
+        return math.hypot(self._noise, self._blur)
+
+    @property
+    def blur_out_of_reach(self) -> float | None:
+        """The blur, where it stays and is above the target for sure: twice the noise as well."""
+        if self.target_error is None or not self._blur_stays:
+            return None
+        return self._blur if self._blur > max(self.target_error, 2.0 * self._noise) else None
 
     def reached(self, n_done: int, seconds: float) -> str | None:
         """Return which limit allows no further pass, or None."""
-        if self.target_error is not None and self._error <= self.target_error:
+        if self.target_error is not None and self.error <= self.target_error:
             return "target_error"
-        if self.target_error is not None and self._n_of_error and not math.isfinite(self._error):
+        if self.target_error is not None and self._n_of_error and not math.isfinite(self.error):
             return "not_finite"  # and never will be: what is in the sums stays
+        # Passes would be added for ever, to no avail.
+        is_alone = self.passes is None and self.time_budget is None
+        if is_alone and self.blur_out_of_reach is not None:
+            return "blur"
         if self.passes is not None and n_done >= self.passes:
             return "passes"
         if self.time_budget is None or n_done == 0:
@@ -126,7 +157,10 @@ class Limit:
         expected = [] if self.passes is None else [self.passes]
         if self.time_budget is not None and self._longest > 0.0:
             expected.append(n_done + int((self.time_budget - self._pass_began) / self._longest))
-        if self.target_error is not None and math.isfinite(self._error):
-            # Independent passes: the error falls with the root of their number.
-            expected.append(math.ceil(self._n_of_error * (self._error / self.target_error) ** 2))
+        if self.target_error is not None and math.isfinite(self.error):
+            stays = self._blur if self._blur_stays else 0.0
+            left = self.target_error**2 - stays**2
+            if left > 0.0:
+                more = (self.error**2 - stays**2) / left
+                expected.append(math.ceil(self._n_of_error * more ** (1.0 / self._power)))
         return max(min(expected, default=0), n_done + 1)

@@ -49,14 +49,12 @@ class Method:
     def power(self) -> float:
         """How fast the square of the error falls in the end: as passes to the minus this.
 
-        Of noise it is one. In progressive photon mapping the discs shrink, so the noise falls as
-        passes^-alpha and the square of the blur as passes^(2 alpha - 2) (Knaus and Zwicker, 2011):
-        the slower one stays. At alpha = 1 the blur does not fall at all and is a bias.
+        Of noise it is one; of progressive photon mapping see `PPMOptions.error_power`.
         """
         if self.integrator != "ppm":
             return 1.0
-        alpha = PPMOptions.alpha if self.options is None else self.options.alpha
-        return float(min(alpha, 2.0 - 2.0 * alpha)) if alpha < 1.0 else 1.0
+        options: PPMOptions = self.options or PPMOptions()
+        return options.error_power
 
 
 def curved_surfaces(scene: Scene) -> list[Any]:

@@ -10,6 +10,7 @@ _STOPPED_BY = {
     "time_budget": "the time budget",
     "target_error": "the target error",
     "not_finite": "pixels that are not finite, which no error can be estimated of",
+    "blur": "the blur",
 }
 
 
@@ -44,6 +45,16 @@ def _noise(report: dict[str, Any]) -> str:
     return (
         f"  noise     {at_most}{100.0 * noise['relative_rmse']:.2g} % of the picture (relative RMSE, "
         f"estimated); image mean {noise['image_mean']:.6g} +- {half:.1g} (95 %)"
+    ) + _blur(report["relative_error"])
+
+
+def _blur(error: dict[str, Any]) -> str:
+    if error["blur"] == 0.0:
+        return ""
+    passes = "do not lessen it" if error["blur_stays"] else "lessen it"
+    return (
+        f"\n  blur      {100.0 * error['blur']:.2g} % of the picture (relative RMSE, estimated); more "
+        f"passes {passes}"
     )
 
 
@@ -90,9 +101,16 @@ def _cost(report: dict[str, Any]) -> str:
 
 
 def _stop(report: dict[str, Any]) -> str:
-    noise = report["noise"]
-    error = "" if noise is None else f", relative error {noise['relative_rmse']:.2g}"
-    return (
+    error, target = report["relative_error"], report["settings"]["target_error"]
+    text = (
         f"  stopped   by {_STOPPED_BY[report['stopped_by']]}, after {report['passes']} passes, "
-        f"{report['seconds']['total']:.2f} s{error}"
+        f"{report['seconds']['total']:.2f} s"
     )
+    if error is None:
+        return text
+    text += f", relative error {error['both']:.2g}"
+    if error["blur"] > 0.0:
+        text += f" (noise {error['noise']:.2g}, blur {error['blur']:.2g})"
+    if target is not None and error["blur_stays"] and error["blur"] > target:
+        text += f"\n            the blur alone keeps the target {target:g} out of reach"
+    return text

@@ -20,7 +20,8 @@ class Progress(Protocol):
     """Whoever wants to know how a render is getting on.
 
     If it also has a method ``note_error``, that hears the picture's estimated relative error from
-    time to time.
+    time to time; one called ``note_out_of_reach`` hears the blur that keeps a target error out of
+    reach, however many passes there are.
     """
 
     def __call__(self, stage: str, done: int, total: int) -> None:
@@ -49,6 +50,10 @@ class TerminalProgress:
     def note_error(self, error: float) -> None:
         """Show from now on that the picture has this relative error."""
         self._error = f", error {100.0 * error:.2g} %"
+
+    def note_out_of_reach(self, blur: float) -> None:
+        """Show beside the error that its target cannot be reached."""
+        self._error += f": the blur alone has {100.0 * blur:.2g} %, the target is out of reach"
 
     def __call__(self, stage: str, done: int, total: int) -> None:
         """Draw the state of a stage."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field
@@ -85,8 +86,10 @@ def render(
         and none is started that would end too late, judged by the slowest so far.
     target_error : float, optional
         Passes are added until the picture's estimated relative root mean square error is at most
-        this (0.01: one per cent; see `hybrid_rt.film.Film.relative_error`), by itself with no end.
-        It is the noise only: what ``max_depth`` cuts off and the geometric error are in the report.
+        this (0.01: one per cent), by itself with no end. The error is that of noise (see
+        `hybrid_rt.film.Film.relative_error`) and of the blur of photons; what ``max_depth`` cuts off
+        and the geometric error are in the report. Where a blur that passes do not lessen is above
+        the target, a render without another limit ends and says so.
     seed : int
         Names the random numbers: equal seeds and settings give equal pictures, bit for bit, for any
         number of threads.
@@ -101,7 +104,8 @@ def render(
         Settings of the integrator.
     outputs : sequence of str
         What else to find, as ``channels`` of the result: "depth", "position", "normal", "uv",
-        "object_id", "albedo" (all behind the middle of each pixel), "samples", "standard_error".
+        "object_id", "albedo" (all behind the middle of each pixel), "samples", "standard_error",
+        "half_interval" (half the width of each pixel's 95 % interval).
     progress : callable, optional
         Called with (stage, done, total); see `hybrid_rt.progress.Progress`.
 
@@ -173,6 +177,7 @@ def render(
     }
     report = _report(settings, context, film, clock, stopped_by) | crew.report(film.image)
     report["geometry"]["wrong_first_hits"] = wrong
+    report["relative_error"] = _relative_error(report["noise"], crew, film)
     return RenderResult(film.image, report, channels)
 
 
@@ -195,6 +200,7 @@ def _run_passes(
     film = Film(camera.height, camera.width)
     at_most = max(TOGETHER // n_pixels, 1)
     show_error = getattr(progress, "note_error", None)
+    show_out_of_reach = getattr(progress, "note_out_of_reach", None)
     watches_error = show_error is not None or limit.target_error is not None
     while n_together := limit.begins(film.n_passes, clock.seconds, at_most):
         n_before = n_pixels * film.n_passes
@@ -210,11 +216,28 @@ def _run_passes(
                 film.add(radiance)
         if watches_error and film.n_passes >= limit.next_estimate():
             with crew.context.ledger.stage("noise"):
-                error = film.relative_error()
-            limit.note_error(film.n_passes, error)
+                noise, blur = film.relative_error(), crew.relative_blur(film.image)
+            limit.note_error(
+                film.n_passes, noise, blur, power=crew.error_power, blur_stays=crew.blur_stays
+            )
             if show_error is not None:
-                show_error(error)
+                show_error(limit.error)
+            if show_out_of_reach is not None and limit.blur_out_of_reach is not None:
+                show_out_of_reach(limit.blur_out_of_reach)
     return film, limit.reached(film.n_passes, clock.seconds) or "passes"
+
+
+def _relative_error(noise: dict[str, Any] | None, crew: Crew, film: Film) -> dict[str, Any] | None:
+    """Return the estimated relative errors of the picture, or None after a single pass."""
+    if noise is None:
+        return None
+    blur = crew.relative_blur(film.image)
+    return {
+        "noise": noise["relative_rmse"],
+        "blur": blur,
+        "both": math.hypot(noise["relative_rmse"], blur),
+        "blur_stays": crew.blur_stays and blur > 0.0,
+    }
 
 
 def _report(

@@ -1,10 +1,11 @@
 """Are the stated errors true? For example: python tools/calibrate.py --seeds 400 --hits 1e6.
 
-First pictures of which every pixel is known: how often the truth falls into the stated 95 %
-intervals, over many seeds, per pixel and for the mean of the picture. Then certified hits of hard
-rays against their roots in double-double: whether t_bound was ever exceeded, and how loose it is.
-The exit code is 1 if an interval holds the truth less than 92 % or more than 98 % of the time, or
-if a bound is broken or loose.
+First noise: how often the truth falls into the stated 95 % intervals, over many seeds, per pixel
+and for the mean of the picture. Then the blur that photons state, against floors of which the light
+is known without photons. Then certified hits of hard rays against their roots in double-double, and
+some to 60 digits (with mpmath): whether t_bound was ever exceeded, and how loose it is. The exit code is 1 if an interval holds the
+truth less than 92 % or more than 98 % of the time, if a stated blur is off by more than half of one
+that exceeds the noise, or if a bound is broken or loose.
 """
 
 import argparse
@@ -15,10 +16,12 @@ from typing import Any
 import numpy as np
 
 from hybrid_rt.command import kept, run_tool
-from hybrid_rt.verify.calibration import PICTURES, Bounds, bounds, coverage
+from hybrid_rt.verify.calibration import PICTURES, Bounds, bounds, bounds_by_digits, coverage
 from hybrid_rt.verify.campaign import SCENES
+from hybrid_rt.verify.photon_truth import PHOTON_PICTURES, blur
 
 HONEST = (0.92, 0.98)
+HALF = 0.5
 LOOSE = 64.0
 
 
@@ -27,21 +30,31 @@ def main() -> int:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument("--seeds", type=int, default=400)
+    parser.add_argument("--seeds", type=int, default=400, help="for the noise; 0: none")
     parser.add_argument("--passes", type=int, nargs="+", default=[16, 64, 256])
-    parser.add_argument("--integrator", action="append", help="default: path; may be repeated")
+    parser.add_argument("--photon-passes", type=int, nargs="+", default=[16], help="of ppm")
+    parser.add_argument("--integrator", action="append", help="default: path, ppm; may be repeated")
+    parser.add_argument("--blur-seeds", type=int, default=40, help="0: none")
     parser.add_argument("--hits", type=float, default=1e6, help="shared by the scenes; 0: none")
+    parser.add_argument("--digits-hits", type=float, default=1e4, help="to 60 digits; 0: none")
     parser.add_argument("--threads", type=int)
     parser.add_argument("--out", type=Path, help="write the figures as JSON")
     args = parser.parse_args()
     rows: list[dict[str, Any]] = []
     with kept(args.out, lambda: rows):
-        for integrator in args.integrator or ["path"]:
+        for integrator in args.integrator or ["path", "ppm"]:
             for name, make in PICTURES.items():
-                if integrator != "whitted" or not make().has_bounces:
-                    rows.extend(_cover(name, integrator, n, args.seeds) for n in args.passes)
-        n_hits = int(args.hits) // len(SCENES)
-        rows.extend(_bind(name, n_hits, args.threads) for name in SCENES if args.hits)
+                if args.seeds and integrator in make().integrators:
+                    counts = args.photon_passes if integrator == "ppm" else args.passes
+                    rows.extend(_cover(name, integrator, n, args.seeds) for n in counts)
+        if args.blur_seeds:
+            rows.extend(
+                _blur(name, args.photon_passes[0], args.blur_seeds, args.threads)
+                for name in PHOTON_PICTURES
+            )
+        for count, digits in ((args.hits, "double-double"), (args.digits_hits, "60 digits")):
+            share = -(-int(count) // len(SCENES))
+            rows.extend(_bind(name, share, digits, args.threads) for name in SCENES if count)
     return 0 if all(row["honest"] for row in rows) else 1
 
 
@@ -62,28 +75,49 @@ def _cover(name: str, integrator: str, passes: int, n_seeds: int) -> dict[str, A
     }  # fmt: skip
 
 
-def _bind(name: str, n_hits: int, threads: int | None) -> dict[str, Any]:
+def _blur(name: str, passes: int, n_seeds: int, threads: int | None) -> dict[str, Any]:
+    found = blur(PHOTON_PICTURES[name](), passes, range(n_seeds), threads)
+    counts = found.true > found.noise
+    honest = not counts or abs(found.ratio - 1.0) <= HALF
+    remark = "" if honest else "   OFF BY MORE THAN HALF"
+    print(
+        f"{name:20} ppm      {passes:4d} passes, {n_seeds} seeds: blur {found.true:.3g}, noise "
+        f"{found.noise:.3g}; stated blur over true {found.ratio:.2f}, within half of it in "
+        f"{found.within_half:.0%} of pictures{remark if counts else '   (below the noise)'}",
+        flush=True,
+    )
+    return {
+        "blur_of": name, "passes": passes, "seeds": n_seeds, "blur": found.true,
+        "noise": found.noise, "ratio": found.ratio, "within_half": found.within_half,
+        "honest": honest,
+    }  # fmt: skip
+
+
+def _bind(name: str, n_hits: int, digits: str, threads: int | None) -> dict[str, Any]:
     parts: list[Bounds] = []
-    # Not every ray hits: go on until there are enough.
-    for part in bounds(SCENES[name](), 100 * n_hits, 1, threads):
-        parts.append(part)
-        if sum(p.hits for p in parts) >= n_hits:
-            break
+    if digits == "60 digits":
+        parts.append(bounds_by_digits(SCENES[name](), n_hits, 1, threads))
+    else:
+        # Not every ray hits: go on until there are enough.
+        for part in bounds(SCENES[name](), 100 * n_hits, 1, threads):
+            parts.append(part)
+            if sum(p.hits for p in parts) >= n_hits:
+                break
     looseness = np.concatenate([part.looseness for part in parts])
     hits, exceeded = len(looseness), sum(part.exceeded for part in parts)
     wrong = sum(part.wrong for part in parts)
     worst, median = max(part.worst for part in parts), float(np.median(looseness))
     honest = exceeded == 0 and wrong == 0 and median < LOOSE
     print(
-        f"{name:20} {hits:7d} hits, {wrong} wrong; t_bound exceeded {exceeded} times (largest error "
-        f"{worst:.2f} of it); t_bound / (eps scale / |cos|): median {median:.1f}, 99 % below "
-        f"{np.quantile(looseness, 0.99):.1f}{'' if honest else '   BROKEN OR LOOSE'}",
+        f"{name:20} {digits}: {hits:7d} hits, {wrong} wrong; t_bound exceeded {exceeded} times "
+        f"(largest error {worst:.2f} of it); t_bound / (eps scale / |cos|): median {median:.1f}, 99 % "
+        f"below {np.quantile(looseness, 0.99):.1f}{'' if honest else '   BROKEN OR LOOSE'}",
         flush=True,
     )
     return {
-        "scene": name, "hits": hits, "wrong": wrong, "exceeded": exceeded, "worst": worst,
-        "looseness_median": median, "looseness_99": float(np.quantile(looseness, 0.99)),
-        "honest": honest,
+        "scene": name, "truth": digits, "hits": hits, "wrong": wrong, "exceeded": exceeded,
+        "worst": worst, "looseness_median": median,
+        "looseness_99": float(np.quantile(looseness, 0.99)), "honest": honest,
     }  # fmt: skip
 
 

@@ -24,6 +24,7 @@ from hybrid_rt import checks, error_page, error_vs_time
 from hybrid_rt.command import run_tool
 from hybrid_rt.comparison import load_picture
 from hybrid_rt.error_vs_time import RULE_OF_THREE, Curve, HitStudy, PictureStudy, Point, Spread
+from hybrid_rt.forecast import forecast, recommend, triangles_for
 from hybrid_rt.methods import curved_surfaces, default_methods
 from hybrid_rt.report import plain, versions
 from hybrid_rt.scene import Scene
@@ -138,8 +139,8 @@ def _show(name: str, studies: dict[str, Any], args: argparse.Namespace) -> None:
     data: dict[str, Any] = {"source": name, "versions": versions(), "target": args.target}
     if "picture" in studies:
         study: PictureStudy = studies["picture"]
-        forecasts = error_vs_time.recommend(study, args.target)
-        triangles = error_vs_time.triangles_for(
+        forecasts = recommend(study, args.target)
+        triangles = triangles_for(
             [row for row in study.meshes if row["accuracy"] == "mesh"], args.target
         )
         sentences += error_page.picture_answers(study, forecasts, args.target, name, triangles)
@@ -154,7 +155,7 @@ def _show(name: str, studies: dict[str, Any], args: argparse.Namespace) -> None:
             **{key: value for key, value in vars(study).items() if key != "images"},
             "reference": asdict(study.reference),
             "curves": [asdict(curve) for curve in study.curves],
-            "forecasts": [asdict(forecast) for forecast in forecasts],
+            "forecasts": [asdict(found) for found in forecasts],
             "triangles_for_target": triangles,
         }
     if "hits" in studies:
@@ -163,6 +164,11 @@ def _show(name: str, studies: dict[str, Any], args: argparse.Namespace) -> None:
         diagrams.append(error_page.hit_diagram(f"{name}: first hits", hits.curves, hits.judged))
         diagrams.append(error_page.distance_diagram(f"{name}: right hits", hits.curves, hits.size))
         tables["First hits"] = error_page.hit_table(hits.curves)
+        if hits.newton:
+            diagrams += error_page.newton_diagrams(
+                f"{name}: Newton's steps", hits.newton, hits.size
+            )
+            tables["Newton's steps"] = error_page.newton_table(hits.newton)
         data["hits"] = asdict(hits)
     _print(sentences, tables)
     if args.out:
@@ -217,10 +223,14 @@ def _draw(file: Path, name: str, data: dict[str, Any]) -> None:
     import matplotlib.pyplot as plt
 
     parts = [part for part in ("picture", "hits") if part in data]
+    newton = data.get("hits", {}).get("newton", [])
+    n_axes = len(parts) + bool(newton)
     figure, all_axes = plt.subplots(
-        1, len(parts), figsize=(8.5 * len(parts), 5), layout="constrained", squeeze=False
+        1, n_axes, figsize=(8.5 * n_axes, 5), layout="constrained", squeeze=False
     )
-    for axes, part in zip(all_axes[0], parts, strict=True):
+    if newton:
+        _draw_newton(all_axes[0, -1], name, newton, data["hits"]["size"])
+    for axes, part in zip(all_axes[0], parts, strict=False):
         least = RULE_OF_THREE / data["hits"]["judged"] if part == "hits" else 1e-12
         seconds: list[float] = []
         for curve in data[part]["curves"]:
@@ -257,6 +267,22 @@ def _draw(file: Path, name: str, data: dict[str, Any]) -> None:
         axes.set_title(name, fontsize=9)
     figure.savefig(file, dpi=110)
     plt.close(figure)
+
+
+def _draw_newton(axes: Any, name: str, curves: Sequence[dict[str, Any]], size: float) -> None:
+    """Draw the mean error of right hits against seconds per ray, the steps beside the points."""
+    for curve in curves:
+        x = [p["seconds"]["median"] for p in curve["points"]]
+        y = [max(p["more"]["mean_dt"] / size, 1e-18) for p in curve["points"]]
+        axes.plot(x, y, marker="o", markersize=4, label=curve["name"])
+        for at, p in zip(zip(x, y, strict=True), curve["points"], strict=True):
+            axes.annotate(f"{p['setting']:g}", at, (4, 4), textcoords="offset points", fontsize=7)
+    axes.set_xscale("log")
+    axes.set_yscale("log")
+    axes.set_xlabel("seconds per ray")
+    axes.set_ylabel("mean |t - exact t| of right hits / size")
+    axes.legend(fontsize=7, loc="upper left", bbox_to_anchor=(1.0, 1.0))
+    axes.set_title(f"{name}: Newton's steps", fontsize=9)
 
 
 def _compare(args: argparse.Namespace) -> None:
@@ -323,9 +349,7 @@ def _ratios(both: Sequence[dict[str, Any]]) -> list[str]:
     found = []
     for one in both:
         own = one["picture"]["reference"]["own_error"] or 0.0
-        found.append(
-            {c.name: error_vs_time.forecast(c, target, own) for c in _curves(one["picture"])}
-        )
+        found.append({c.name: forecast(c, target, own) for c in _curves(one["picture"])})
     return [
         f"{name} to {target:g}: A {found[0][name].seconds.median:.3g} s, "
         f"B {found[1][name].seconds.median:.3g} s."

@@ -44,7 +44,17 @@ class Crew:
     threads : int
     make : callable
         Makes the integrator of a context.
+
+    Attributes
+    ----------
+    error_power : float
+        The square of what passes lessen of the error falls as their number to the minus this.
+    blur_stays : bool
+        Whether `relative_blur` is the same however many passes there are.
     """
+
+    error_power = 1.0
+    blur_stays = False
 
     def __init__(
         self,
@@ -156,6 +166,11 @@ class Crew:
         future: Future[Any] = Future()
         future.set_result(work(self._integrators[0], item))
         return future
+
+    def relative_blur(self, image: NDArray[np.float32]) -> float:
+        """Return the relative error of a picture that is not noise, as far as it is estimated."""
+        del image
+        return 0.0
 
     def report(self, image: NDArray[np.float32]) -> dict[str, Any]:
         """Return what the report of a picture holds beside what all integrators count."""

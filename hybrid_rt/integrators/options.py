@@ -78,6 +78,16 @@ class PPMOptions:
         if self.initial_radius is not None:
             checks.number(self.initial_radius, "PPMOptions initial_radius", above=0.0)
 
+    @property
+    def error_power(self) -> float:
+        """How fast the square of the error falls in the end: as passes to the minus this.
+
+        The discs shrink, so the noise falls as passes^-alpha and the square of the blur as
+        passes^(2 alpha - 2) (Knaus and Zwicker, 2011): the slower one stays. At alpha = 1 the blur
+        does not fall at all; this is about the rest.
+        """
+        return float(min(self.alpha, 2.0 - 2.0 * self.alpha)) if self.alpha < 1.0 else 1.0
+
 
 @dataclass(frozen=True)
 class PhotonMapOptions:

@@ -159,6 +159,11 @@ class PhotonCrew(Crew):
             first.n_without += other.n_without
         super().gather()
 
+    def relative_blur(self, image: NDArray[np.float32]) -> float:
+        """Return the estimated relative blur of a picture, nan after a single pass."""
+        _, relative = self._blur_of_pixels(image)
+        return math.nan if relative is None else relative
+
     def report(self, image: NDArray[np.float32]) -> dict[str, Any]:
         """Return what the photons did, in plain types."""
         first = self._lookers[0]

@@ -31,6 +31,8 @@ BLUR = (
 class MapCrew(PhotonCrew):
     """See the module; `PhotonCrew` for what it offers."""
 
+    blur_stays = True
+
     def __init__(self, context: RenderContext, threads: int) -> None:
         super().__init__(context, threads)
         self._options: PhotonMapOptions = context.options or PhotonMapOptions()

@@ -220,6 +220,33 @@ def test_intervals_use_students_t():
             )
 
 
+def test_intervals_of_pixels_borrow_from_their_neighbours():
+    """Two of three parts come from around, and with them twice the degrees of freedom."""
+    from scipy.stats import t
+
+    rng, sheet = np.random.default_rng(9), Film(3, 3)
+    for n in range(1, 21):
+        sheet.add(rng.normal(size=(3, 3, 3)))
+        if n == 1:
+            assert np.isnan(sheet.half_interval).all()
+            continue
+        freedom = n - 1 if n < 16 else 3
+        squares = sheet.standard_error**2
+        around = (squares.sum(axis=(0, 1)) - squares[1, 1]) / 8
+        expected = t.ppf(0.975, 3 * freedom) * np.sqrt((squares[1, 1] + 2 * around) / 3)
+        np.testing.assert_allclose(sheet.half_interval[1, 1], expected, rtol=3e-4)
+        corner = (squares[0, 1] + squares[1, 0] + squares[1, 1]) / 3
+        expected = t.ppf(0.975, 3 * freedom) * np.sqrt((squares[0, 0] + 2 * corner) / 3)
+        np.testing.assert_allclose(sheet.half_interval[0, 0], expected, rtol=3e-4)
+
+
+def test_a_single_pixel_has_its_own_interval():
+    sheet = Film(1, 1)
+    for n in range(16):
+        sheet.add(np.full((1, 1, 3), float(n)))
+    np.testing.assert_allclose(sheet.half_interval, 3.182 * sheet.standard_error)
+
+
 @pytest.mark.statistical
 @pytest.mark.parametrize("n", [2, 5, 16, 21, 30])
 def test_squares_of_errors_are_unbiased(n):

@@ -48,6 +48,18 @@ def test_error_is_shown_until_the_next_stage(monkeypatch):
     assert ["error 3.5 %" in line for line in lines] == [False, True, False]
 
 
+def test_target_out_of_reach_is_shown_with_its_reason(monkeypatch):
+    monkeypatch.setattr(progress, "REDRAW_INTERVAL", 0.0)
+    stream = Terminal()
+    show = TerminalProgress(stream)
+    show("Rendering", 1, 10)
+    show.note_error(0.05)
+    show.note_out_of_reach(0.04)
+    show("Rendering", 2, 10)
+    last = stream.getvalue().split("\r\x1b[K")[-1]
+    assert last.endswith("error 5 %: the blur alone has 4 %, the target is out of reach")
+
+
 def test_nested_compilations_count_once_and_long_ones_are_announced(monkeypatch):
     monkeypatch.setattr(progress, "ANNOUNCE_AFTER", 0.01)
     heard = []

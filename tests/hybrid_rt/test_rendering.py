@@ -9,7 +9,15 @@ import pytest
 
 from hybrid_rt import numbers, rendering
 from hybrid_rt.camera import Camera
-from hybrid_rt.integrators import PPMOptions, clear_bodies, crew, path, surface_light, whitted
+from hybrid_rt.integrators import (
+    PhotonMapOptions,
+    PPMOptions,
+    clear_bodies,
+    crew,
+    path,
+    surface_light,
+    whitted,
+)
 from hybrid_rt.integrators.contacts import Contacts
 from hybrid_rt.integrators.integrator import LENS_DIMENSION
 from hybrid_rt.integrators.light_paths import LightPathTracer
@@ -23,6 +31,7 @@ from hybrid_rt.primitives import Box, Plane, Rectangle, Sphere
 from hybrid_rt.sampler import Sampler
 from hybrid_rt.scene import Object, Scene
 from hybrid_rt.textures import CheckerTexture
+from hybrid_rt.verify.photon_truth import PHOTON_PICTURES
 from meshing import SurfaceOfRevolution
 
 
@@ -221,6 +230,70 @@ class TestLimit:
         assert limit.begins(8, 0.0, at_most=100) == 2
         assert limit.begins(10, 0.0, at_most=100) == 0
         assert limit.reached(10, 0.0) == "passes"
+
+    def test_blur_counts_and_falls_by_its_own_law(self):
+        """3 and 4 % are 5 %; squares that fall as n^(-2/3) halve the error in 8 times the passes."""
+        limit = Limit(None, None, 0.025)
+        limit.note_error(16, 0.03, 0.04, power=2 / 3)
+        assert limit.error == pytest.approx(0.05)
+        assert limit.expected_passes(16) in (128, 129)
+        assert limit.reached(16, 0.0) is None
+        limit.note_error(128, 0.015, 0.02, power=2 / 3)
+        assert limit.reached(128, 0.0) == "target_error"
+
+    def test_blur_that_stays_ends_what_nothing_else_would(self):
+        """Noise of 3 % beside 4 % that stay: 5 % is reached, 4.5 % after more passes, 3.9 % never."""
+        stays = {"blur_stays": True}
+        for target, expected, reached in ((0.05, 17, "target_error"), (0.045, 34, None)):
+            limit = Limit(None, None, target)
+            limit.note_error(16, 0.03, 0.04, **stays)
+            assert limit.expected_passes(16) == expected
+            assert limit.reached(16, 0.0) == reached
+        limit = Limit(None, None, 0.039)
+        limit.note_error(16, 0.03, 0.04, **stays)
+        assert limit.blur_out_of_reach is None  # it may be noise
+        limit.note_error(64, 0.015, 0.04, **stays)
+        assert limit.blur_out_of_reach == 0.04
+        assert limit.reached(64, 0.0) == "blur"
+        limit = Limit(100, None, 0.039)
+        limit.note_error(64, 0.015, 0.04, **stays)
+        assert limit.reached(64, 0.0) is None
+        assert limit.reached(100, 0.0) == "passes"
+
+    def test_photon_map_says_that_its_blur_keeps_the_target_out_of_reach(self):
+        class Heard(list):
+            def __call__(self, *event):
+                pass
+
+            def note_out_of_reach(self, blur):
+                self.append(blur)
+
+        heard, floor = Heard(), PHOTON_PICTURES["soft shadow"]().scene
+        options = PhotonMapOptions(5000)
+        result = render(floor, "photon_map", target_error=0.05, options=options, progress=heard)
+        report, error = result.report, result.report["relative_error"]
+        assert report["stopped_by"] == "blur"
+        assert error["both"] == pytest.approx(np.hypot(error["noise"], error["blur"]))
+        assert error["noise"] == report["noise"]["relative_rmse"]
+        assert error["blur"] == report["photons"]["blur_relative_rmse"]
+        assert error["blur"] > max(0.05, 2 * error["noise"])
+        assert heard == [error["blur"]]
+        text = numbers.in_words(report)
+        assert "more passes do not lessen it" in text
+        assert "stopped   by the blur" in text
+        assert "the blur alone keeps the target 0.05 out of reach" in text
+
+    def test_progressive_photons_pay_for_their_blur(self):
+        """Between the noise alone and noise and blur together a target is not yet reached."""
+        picture = PHOTON_PICTURES["soft shadow"]()
+        options = PPMOptions(5000, initial_radius=0.3)
+        before = render(picture.scene, "ppm", passes=4, options=options).report["relative_error"]
+        assert before["blur"] > before["noise"]
+        assert not before["blur_stays"]
+        target = np.sqrt(before["noise"] * before["both"])
+        report = render(picture.scene, "ppm", passes=8, target_error=target, options=options).report
+        assert report["passes"] > 4
+        assert "more passes lessen it" in numbers.in_words(report)
 
     def test_target_error_is_reached_with_the_same_pass_by_any_number_of_threads(self):
         busy = scene(Lambertian(CheckerTexture(0.9, 0.1)), width=40, height=30)

@@ -52,6 +52,7 @@ def test_study_of_a_scene_and_the_overlay_of_two(run, tmp_path):
     assert photons["flags"] == "--integrator ppm --photons 2000"
     assert photons["power"] == pytest.approx(2 / 3)
     assert data["picture"]["reference"]["check"]["made_by"] == "ppm, 8 passes"
+    assert [p["setting"] for p in data["hits"]["newton"][0]["points"]] == [0, 1, 2, 3, 4, 6]
     with (tmp_path / "a" / "curves.csv").open() as file:
         rows = list(csv.reader(file))
     assert ["Pictures"] in rows
