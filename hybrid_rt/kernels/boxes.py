@@ -67,7 +67,10 @@ def push_boxes_plain(
         near = max(near, (rows[node, 2 + sz, k] - z) * rz, t_lo)
         far = min((rows[node, 4 - sy, k] - y) * ry, (rows[node, 3 - sx, k] - x) * rx)
         far = min(far, (rows[node, 5 - sz, k] - z) * rz)
-        far = min(t_hi, far + abs(far) * FAR_GROWTH)
+        # Boxes of children that are not there run from inf to -inf, which makes this a NaN: no box.
+        with np.errstate(invalid="ignore"):
+            far += abs(far) * FAR_GROWTH
+        far = t_hi if t_hi < far else far  # noqa: FURB136
         if near <= far:
             met.append((sort_key_plain(near) & ~7) | k)
     for place, key in enumerate(sorted(met, reverse=True)):
