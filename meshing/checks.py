@@ -6,6 +6,8 @@ object and its parameter, as in "Sphere radius".
 
 from __future__ import annotations
 
+import os
+from pathlib import Path
 from typing import TypeAlias
 
 import numpy as np
@@ -113,6 +115,13 @@ def whole(value: int, what: str, *, at_least: int, up_to: int | None = None) -> 
     return int(value)
 
 
+def as_path(value: str | os.PathLike[str], what: str) -> Path:
+    """Return the path of a file."""
+    if not isinstance(value, str | os.PathLike):
+        raise TypeError(f"{what} is {shown(value)}: pass a path")
+    return Path(value)
+
+
 def as_affine(matrix: ArrayLike, kind: str) -> tuple[FloatArray, FloatArray]:
     """Split a 4 x 4 matrix that acts on columns (x, y, z, 1) into its linear part and its shift.
 
@@ -167,7 +176,13 @@ def broadcast_parameters(
         bad = ids[(ids < 0) | (ids >= n_patches)].flat[0]
         raise ValueError(f"{name} is {bad}: pass 0 to {n_patches - 1}, this surface has no others")
     u, v = as_floats(u, "u"), as_floats(v, "v")
-    shape = np.broadcast_shapes(u.shape, v.shape, ids.shape)
+    try:
+        shape = np.broadcast_shapes(u.shape, v.shape, ids.shape)
+    except ValueError:
+        raise ValueError(
+            f"u, v and {name} have shapes {u.shape}, {v.shape} and {ids.shape}: pass one number or "
+            "as many of each"
+        ) from None
     # Copies: kernels take contiguous arrays that own their memory.
     return (
         np.array(np.broadcast_to(u, shape), order="C").reshape(-1),
