@@ -6,6 +6,7 @@ object and its parameter, as in "Sphere radius".
 
 from __future__ import annotations
 
+import math
 import os
 from pathlib import Path
 from typing import TypeAlias
@@ -56,7 +57,7 @@ def as_vector(value: ArrayLike, what: str, *, up_to: float = np.inf) -> FloatArr
         raise ValueError(f"{what} has shape {vector.shape}: pass three numbers")
     if not np.isfinite(vector).all():
         raise ValueError(f"{what} is {vector.tolist()}: pass finite numbers")
-    if np.abs(vector).max() > up_to:
+    if up_to < np.inf and np.abs(vector).max() > up_to:
         raise ValueError(f"{what} is {vector.tolist()}: scale the scene to within {up_to:g}")
     return freeze(vector.copy())
 
@@ -66,8 +67,8 @@ def unit(vector: FloatArray, what: str) -> FloatArray:
     largest = float(np.abs(vector).max())
     if largest == 0.0:
         raise ValueError(f"{what} is the zero vector: pass a direction")
-    scaled = vector / np.exp2(np.floor(np.log2(largest)))
-    result: FloatArray = scaled / np.sqrt(scaled @ scaled)
+    scaled = vector / math.ldexp(1.0, math.frexp(largest)[1] - 1)
+    result: FloatArray = scaled / math.sqrt(scaled @ scaled)
     return result
 
 
@@ -87,12 +88,15 @@ def number(
     hint: str = "",
 ) -> float:
     """Return one finite number within limits; ``hint`` says more of what to pass instead."""
-    array = as_floats(value, what)
-    if array.shape != ():
-        raise TypeError(f"{what} is {shown(value)}: pass one number")
-    result = float(array)
+    if type(value) is float:  # there may be many
+        result = value
+    else:
+        array = as_floats(value, what)
+        if array.shape != ():
+            raise TypeError(f"{what} is {shown(value)}: pass one number")
+        result = float(array)
     inside = above < result < below and at_least <= result <= up_to
-    if not (inside and np.isfinite(result)):
+    if not (inside and math.isfinite(result)):
         limits = [
             f"{word} {limit:g}"
             for word, limit in (
