@@ -225,7 +225,7 @@ def _run_compare(options: argparse.Namespace) -> None:
 
     out = check_output(options.out)
     if out.suffix.lower() != ".png":
-        raise ValueError(f"output {str(out)!r}: the map of errors is a .png")
+        raise ValueError(f"output {str(out)!r}: pass a .png, the map of errors is one")
     one, other = load_picture(options.a), load_picture(options.b)
     reference = None if options.reference is None else load_picture(options.reference)
     comparison = compare_pictures(one, other, reference)
@@ -244,9 +244,9 @@ def _photon_options(options: argparse.Namespace) -> Any:
 
     of_integrator = {"ppm": PPMOptions, "photon_map": PhotonMapOptions}
     if options.photons is not None and options.integrator not in of_integrator:
-        raise ValueError(f"--photons: integrator {options.integrator!r} has none; use ppm")
+        raise ValueError(f"--photons: integrator {options.integrator!r} has none: use ppm")
     if options.alpha is not None and options.integrator != "ppm":
-        raise ValueError(f"--alpha: integrator {options.integrator!r} has none; use ppm")
+        raise ValueError(f"--alpha: integrator {options.integrator!r} has none: use ppm")
     return of_integrator[options.integrator](**given)
 
 

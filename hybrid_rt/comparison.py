@@ -65,7 +65,7 @@ def load_picture(path: str | os.PathLike[str]) -> Picture:
     readers = {".npz": _read_npz, ".exr": _read_exr, ".png": _read_png}
     reader = readers.get(file.suffix.lower())
     if reader is None:
-        raise ValueError(f"picture {str(file)!r}: unknown ending; use {', '.join(readers)}")
+        raise ValueError(f"picture {str(file)!r} has an unknown ending: pass {', '.join(readers)}")
     try:
         picture = reader(file)
     except ModuleNotFoundError:

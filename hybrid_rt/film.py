@@ -324,10 +324,10 @@ def check_output(path: str | os.PathLike[str]) -> Path:
     """Return the path if a picture can be written there; see `save_image` for what is raised."""
     target = as_path(path, "output")
     if target.suffix.lower() not in WRITERS:
-        raise ValueError(f"output {str(target)!r}: unknown ending; use {', '.join(WRITERS)}")
+        raise ValueError(f"output {str(target)!r} has an unknown ending: pass {', '.join(WRITERS)}")
     if not target.parent.is_dir():
         raise FileNotFoundError(
-            f"output {str(target)!r}: there is no folder {str(target.parent)!r}"
+            f"output {str(target)!r} has no folder {str(target.parent)!r}: make it, or name another file"
         )
     for file in (target, sidecar_of(target)):
         try:
