@@ -190,12 +190,12 @@ def _render(scene: Scene, name: str, options: argparse.Namespace, preferred: str
         raise ValueError(
             f"--outputs {','.join(channels)}: a .png holds none of them: add --out {name}.npz or .exr"
         )
-    integrator = preferred if options.integrator is None else options.integrator
+    options.integrator = options.integrator or preferred
     scene = _resized(scene, options.width, options.height)
     with _shown_progress(options.quiet) as progress:
         result = render(
             scene,
-            integrator=integrator,
+            integrator=options.integrator,
             passes=options.passes,
             time_budget=options.time_budget,
             target_error=options.target_error,
@@ -203,7 +203,7 @@ def _render(scene: Scene, name: str, options: argparse.Namespace, preferred: str
             threads=options.threads,
             accuracy=options.accuracy,
             tolerance=options.tolerance,
-            options=_photon_options(options, integrator),
+            options=_photon_options(options),
             outputs=channels,
             progress=progress,
         )
@@ -225,7 +225,7 @@ def _run_compare(options: argparse.Namespace) -> None:
 
     out = check_output(options.out)
     if out.suffix.lower() != ".png":
-        raise ValueError(f"output {str(out)!r}: the map of errors is a .png")
+        raise ValueError(f"output {str(out)!r}: pass a .png, the map of errors is one")
     one, other = load_picture(options.a), load_picture(options.b)
     reference = None if options.reference is None else load_picture(options.reference)
     comparison = compare_pictures(one, other, reference)
@@ -234,7 +234,7 @@ def _run_compare(options: argparse.Namespace) -> None:
     _say(f"{out}  (pictures and maps of their errors)")
 
 
-def _photon_options(options: argparse.Namespace, integrator: str) -> Any:
+def _photon_options(options: argparse.Namespace) -> Any:
     """Return settings for the photons asked for, or None."""
     given = {"photons_per_pass": options.photons, "alpha": options.alpha}
     given = {key: value for key, value in given.items() if value is not None}
@@ -243,11 +243,11 @@ def _photon_options(options: argparse.Namespace, integrator: str) -> Any:
     from hybrid_rt.integrators import PhotonMapOptions, PPMOptions
 
     of_integrator = {"ppm": PPMOptions, "photon_map": PhotonMapOptions}
-    if options.photons is not None and integrator not in of_integrator:
-        raise ValueError(f"--photons: integrator {integrator!r} has none; use ppm")
-    if options.alpha is not None and integrator != "ppm":
-        raise ValueError(f"--alpha: integrator {integrator!r} has none; use ppm")
-    return of_integrator[integrator](**given)
+    if options.photons is not None and options.integrator not in of_integrator:
+        raise ValueError(f"--photons: integrator {options.integrator!r} has none: use ppm")
+    if options.alpha is not None and options.integrator != "ppm":
+        raise ValueError(f"--alpha: integrator {options.integrator!r} has none: use ppm")
+    return of_integrator[options.integrator](**given)
 
 
 def _run_demo(options: argparse.Namespace) -> None:

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from hybrid_rt.film import screen_pixels, sidecar_of, srgb_to_linear
 from hybrid_rt.measures import DARK, PictureErrors, picture_errors, relative_squares
 from hybrid_rt.records import FloatArray
+from meshing.checks import as_path
 
 Pixels = NDArray[np.uint8]
 
@@ -58,13 +59,13 @@ def load_picture(path: str | os.PathLike[str]) -> Picture:
     FileNotFoundError, ValueError
         If there is no such file, or it holds no such picture.
     """
-    file = Path(path)
+    file = as_path(path, "picture")
     if not file.is_file():
         raise FileNotFoundError(f"there is no picture {str(file)!r}")
     readers = {".npz": _read_npz, ".exr": _read_exr, ".png": _read_png}
     reader = readers.get(file.suffix.lower())
     if reader is None:
-        raise ValueError(f"picture {str(file)!r}: unknown ending; use {', '.join(readers)}")
+        raise ValueError(f"picture {str(file)!r} has an unknown ending: pass {', '.join(readers)}")
     try:
         picture = reader(file)
     except ModuleNotFoundError:

@@ -18,6 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 from hybrid_rt.measures import DARK
 from hybrid_rt.records import FloatArray
 from hybrid_rt.report import plain
+from meshing.checks import as_path, number
 
 UIntArray = NDArray[np.uint64]
 
@@ -50,6 +51,9 @@ def screen_pixels(image: NDArray[np.floating], exposure: float = 0.0) -> NDArray
 # they can be. More groups would know their error better and make it larger: docs/error_vs_time.md
 # says what four cost.
 GROUPS, RUN = 4, 4
+
+# Exposures up to here keep their factor a number.
+MOST_STOPS = 100.0
 
 # Radiances beyond the range of numbers end as inf and nan, which the report counts.
 OVERFLOWS = np.errstate(over="ignore", invalid="ignore")
@@ -328,6 +332,9 @@ def save_image(
         If the ending is another one, no file can be made there, or OpenEXR is not installed.
     """
     target = check_output(path)
+    number(exposure, "exposure", at_least=-MOST_STOPS, up_to=MOST_STOPS, hint="stops")
+    if np.ndim(image) != 3 or np.shape(image)[2] != 3:
+        raise ValueError(f"image has shape {np.shape(image)}: pass (height, width, 3)")
     text = json.dumps(plain(report), indent=2, allow_nan=False) + "\n"
     with _replacing(target) as file:
         WRITERS[target.suffix.lower()](file, image, text, channels or {}, exposure)
@@ -351,12 +358,12 @@ def keeps_channels(picture: Path) -> bool:
 
 def check_output(path: str | os.PathLike[str]) -> Path:
     """Return the path if a picture can be written there; see `save_image` for what is raised."""
-    target = Path(path)
+    target = as_path(path, "output")
     if target.suffix.lower() not in WRITERS:
-        raise ValueError(f"output {str(target)!r}: unknown ending; use {', '.join(WRITERS)}")
+        raise ValueError(f"output {str(target)!r} has an unknown ending: pass {', '.join(WRITERS)}")
     if not target.parent.is_dir():
         raise FileNotFoundError(
-            f"output {str(target)!r}: there is no folder {str(target.parent)!r}"
+            f"output {str(target)!r} has no folder {str(target.parent)!r}: make it, or name another file"
         )
     for file in (target, sidecar_of(target)):
         try:

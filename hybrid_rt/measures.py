@@ -95,7 +95,7 @@ def picture_errors(image: NDArray[np.floating], reference: NDArray[np.floating])
     for name, values in (("image", image), ("reference", reference)):
         n_bad = int(np.count_nonzero(~np.isfinite(values).all(axis=-1)))
         if n_bad:
-            raise ValueError(f"{name}: {n_bad} pixels are not finite; nothing can be averaged")
+            raise ValueError(f"{name}: {n_bad} pixels are not finite: leave such pictures out")
     relative = relative_squares(image, reference)
     r = reference.astype(np.float64)
     gap = image.astype(np.float64) - r
@@ -194,7 +194,9 @@ def relative_mse(
 def relative_squares(image: NDArray[np.floating], reference: NDArray[np.floating]) -> FloatArray:
     """Return (x - r)^2 / (r^2 + 0.01) for each pixel and channel."""
     if image.shape != reference.shape:
-        raise ValueError(f"image has shape {image.shape}, its reference {reference.shape}")
+        raise ValueError(
+            f"image has shape {image.shape}, its reference {reference.shape}: pass equal ones"
+        )
     x, r = image.astype(np.float64), reference.astype(np.float64)
     # Divided before it is squared: very bright pictures would overflow.
     squares: FloatArray = ((x - r) / np.hypot(r, math.sqrt(DARK))) ** 2

@@ -1,4 +1,4 @@
-"""What a render holds in memory at least, known before it begins."""
+"""What a render holds in memory, as far as that is known before it begins."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from hybrid_rt.channels import PARTS
 # Of each pixel: sums of four groups and of squares, one pass, the picture (as measured, 120); by
 # photons also the blur of each pixel and its squares (190).
 PER_PIXEL, PER_PIXEL_WITH_PHOTONS = 120, 190
-# Of each photon of a pass that is stored, with its share of the tree; most are stored (80 to 105).
+# Of each photon of a pass, with its share of the tree, where most arrive somewhere (80 to 105).
 PER_PHOTON = 80
 # Where a container may be given less than the machine has.
 CONTAINER_LIMIT = Path("/sys/fs/cgroup/memory.max")
@@ -44,7 +44,7 @@ def check_memory(camera: Camera, photons: int, outputs: Sequence[str]) -> None:
     ):
         if needed > available:
             raise MemoryError(
-                f"a {what} needs at least {_in_words(needed)} of memory, this machine has "
+                f"a {what} takes about {_in_words(needed)} of memory, this machine has "
                 f"{_in_words(available)}: pass fewer {remedy}"
             )
 

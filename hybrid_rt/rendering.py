@@ -18,6 +18,7 @@ from hybrid_rt.film import Film, save_image
 from hybrid_rt.integrators import INTEGRATORS, OPTIONS, Options, RenderContext
 from hybrid_rt.integrators.clear_bodies import unclosed_bodies
 from hybrid_rt.integrators.crew import TOGETHER, Crew
+from hybrid_rt.integrators.options import DEEPEST
 from hybrid_rt.intersection import Intersector
 from hybrid_rt.intersection.pool import Pool
 from hybrid_rt.limits import Clock, Limit
@@ -128,7 +129,7 @@ def render(
     limit = Limit(passes, time_budget, target_error)
     n_threads = Pool(threads).threads
     sampler = Sampler(seed)
-    checks.whole(max_depth, "max_depth", at_least=0)
+    checks.whole(max_depth, "max_depth", at_least=0, up_to=DEEPEST)
     if progress is not None and not callable(progress):
         raise TypeError(f"progress is {checks.shown(progress)}: pass a function, or None")
     kind = OPTIONS[integrator]

@@ -15,6 +15,7 @@ from typing import Any
 
 from hybrid_rt import checks
 from hybrid_rt.scene import Scene
+from meshing.checks import as_path
 
 
 class SceneFileError(ValueError):
@@ -54,7 +55,7 @@ def load_script(path: str | os.PathLike[str]) -> tuple[Scene, str]:
     SceneFileError
         Naming the file, and the line where the script failed.
     """
-    file = Path(path)
+    file = as_path(path, "scene script")
     if not file.is_file():
         raise SceneFileError(f"there is no scene script {str(file)!r}")
     try:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from meshing import bpt
-from meshing.checks import BoolArray, FloatArray, as_affine, as_floats, freeze, shown
+from meshing.checks import BoolArray, FloatArray, as_affine, as_floats, as_path, freeze, shown
 from meshing.kernels import bernstein, subdivision
 from meshing.parametric import ParametricSurface
 
@@ -57,14 +57,17 @@ class BezierPatches(ParametricSurface):
 
         Raises
         ------
-        ValueError
-            Naming file and line, and what was expected there.
+        FileNotFoundError, ValueError
+            Naming the file; and the line, and what was expected there.
         """
-        return cls(bpt.read_patches(path))
+        file = as_path(path, "BezierPatches file")
+        if not file.is_file():
+            raise FileNotFoundError(f"BezierPatches file is {str(path)!r}: there is no such file")
+        return cls(bpt.read_patches(file))
 
     def write(self, path: str | Path) -> None:
         """Write a .bpt file; `read` gives back the same float64 control points."""
-        bpt.write_patches(path, self.patches)
+        bpt.write_patches(as_path(path, "BezierPatches file"), self.patches)
 
     @cached_property
     def patches(self) -> tuple[FloatArray, ...]:

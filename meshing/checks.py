@@ -6,6 +6,9 @@ object and its parameter, as in "Sphere radius".
 
 from __future__ import annotations
 
+import math
+import os
+from pathlib import Path
 from typing import TypeAlias
 
 import numpy as np
@@ -55,7 +58,7 @@ def as_vector(value: ArrayLike, what: str, *, up_to: float = np.inf) -> FloatArr
         raise ValueError(f"{what} has shape {vector.shape}: pass three numbers")
     if not np.isfinite(vector).all():
         raise ValueError(f"{what} is {vector.tolist()}: pass finite numbers")
-    if np.abs(vector).max() > up_to:
+    if up_to < np.inf and np.abs(vector).max() > up_to:
         raise ValueError(f"{what} is {vector.tolist()}: scale the scene to within {up_to:g}")
     return freeze(vector.copy())
 
@@ -65,8 +68,8 @@ def unit(vector: FloatArray, what: str) -> FloatArray:
     largest = float(np.abs(vector).max())
     if largest == 0.0:
         raise ValueError(f"{what} is the zero vector: pass a direction")
-    scaled = vector / np.exp2(np.floor(np.log2(largest)))
-    result: FloatArray = scaled / np.sqrt(scaled @ scaled)
+    scaled = vector / math.ldexp(1.0, math.frexp(largest)[1] - 1)
+    result: FloatArray = scaled / math.sqrt(scaled @ scaled)
     return result
 
 
@@ -86,12 +89,15 @@ def number(
     hint: str = "",
 ) -> float:
     """Return one finite number within limits; ``hint`` says more of what to pass instead."""
-    array = as_floats(value, what)
-    if array.shape != ():
-        raise TypeError(f"{what} is {shown(value)}: pass one number")
-    result = float(array)
+    if type(value) is float:  # there may be many
+        result = value
+    else:
+        array = as_floats(value, what)
+        if array.shape != ():
+            raise TypeError(f"{what} is {shown(value)}: pass one number")
+        result = float(array)
     inside = above < result < below and at_least <= result <= up_to
-    if not (inside and np.isfinite(result)):
+    if not (inside and math.isfinite(result)):
         limits = [
             f"{word} {limit:g}"
             for word, limit in (
@@ -112,6 +118,13 @@ def whole(value: int, what: str, *, at_least: int, up_to: int | None = None) -> 
         limits = f"from {at_least} on" if up_to is None else f"from {at_least} to {up_to}"
         raise ValueError(f"{what} is {shown(value)}: pass an integer {limits}")
     return int(value)
+
+
+def as_path(value: str | os.PathLike[str], what: str) -> Path:
+    """Return the path of a file."""
+    if not isinstance(value, str | os.PathLike):
+        raise TypeError(f"{what} is {shown(value)}: pass a path")
+    return Path(value)
 
 
 def as_affine(matrix: ArrayLike, kind: str) -> tuple[FloatArray, FloatArray]:
@@ -168,7 +181,13 @@ def broadcast_parameters(
         bad = ids[(ids < 0) | (ids >= n_patches)].flat[0]
         raise ValueError(f"{name} is {bad}: pass 0 to {n_patches - 1}, this surface has no others")
     u, v = as_floats(u, "u"), as_floats(v, "v")
-    shape = np.broadcast_shapes(u.shape, v.shape, ids.shape)
+    try:
+        shape = np.broadcast_shapes(u.shape, v.shape, ids.shape)
+    except ValueError:
+        raise ValueError(
+            f"u, v and {name} have shapes {u.shape}, {v.shape} and {ids.shape}: pass one number or "
+            "as many of each"
+        ) from None
     # Copies: kernels take contiguous arrays that own their memory.
     return (
         np.array(np.broadcast_to(u, shape), order="C").reshape(-1),

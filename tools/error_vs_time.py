@@ -85,6 +85,8 @@ def _measure(args: argparse.Namespace) -> None:
     if file is None:
         raise ValueError("surface: name a .bpt file")
     n_rays = args.rays or (20_000 if args.quick else 100_000)
+    if args.out:  # a place that cannot be written is said before the work
+        args.out.mkdir(parents=True, exist_ok=True)
     studies: dict[str, Any] = {}
     try:
         _study(file, n_rays, studies, args)

@@ -10,6 +10,8 @@ from hybrid_rt import checks
 WAYS = ("both", "lights", "directions")
 # Far more photons than any machine holds, which `hybrid_rt.memory` says in time.
 MOST = 10**15
+# Directions of one path: as good as no end.
+DEEPEST = 10**6
 
 
 @dataclass(frozen=True)
@@ -40,7 +42,7 @@ class PathOptions:
     def __post_init__(self) -> None:
         """Refuse what is out of range."""
         checks.choice(self.strategy, "PathOptions strategy", WAYS)
-        checks.whole(self.roulette_depth, "PathOptions roulette_depth", at_least=0)
+        checks.whole(self.roulette_depth, "PathOptions roulette_depth", at_least=0, up_to=DEEPEST)
         checks.number(self.light_paths, "PathOptions light_paths", at_least=0.0, hint="0: none")
         checks.number(self.survival, "PathOptions survival", above=0.0, up_to=1.0)
 

@@ -44,6 +44,8 @@ class Crossings:
 
     def of(self, ray: int) -> HitRecord:
         """Return the crossings of one ray, in the order of t."""
+        if not 0 <= ray < len(self.offsets) - 1:
+            raise IndexError(f"ray is {ray}: pass 0 to {len(self.offsets) - 2}")
         return self.hits[self.offsets[ray] : self.offsets[ray + 1]]
 
 

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from hybrid_rt.records import FloatArray
-from meshing.checks import as_affine, as_vector
+from meshing.checks import as_affine, as_vector, broadcast_parameters
 
 
 class Box:
@@ -42,7 +42,7 @@ class Box:
 
     def point(self, u: ArrayLike, v: ArrayLike, patch_id: ArrayLike = 0) -> FloatArray:
         """Return the points (n, 3) at (u, v) of faces."""
-        u, v, face = np.broadcast_arrays(np.atleast_1d(u).astype(float), v, patch_id)
+        u, v, face, _ = broadcast_parameters(u, v, patch_id, 6, "patch_id")
         axis, upper = face // 2, face % 2 == 1
         swap = upper != (self.orientation > 0)
         rows = np.arange(len(u))
@@ -55,7 +55,7 @@ class Box:
 
     def normal(self, u: ArrayLike, v: ArrayLike, patch_id: ArrayLike = 0) -> FloatArray:
         """Return the unit normals (n, 3) of faces."""
-        u, _, face = np.broadcast_arrays(np.atleast_1d(u).astype(float), v, patch_id)
+        u, _, face, _ = broadcast_parameters(u, v, patch_id, 6, "patch_id")
         normals = np.zeros((len(u), 3))
         normals[np.arange(len(u)), face // 2] = np.where(face % 2 == 1, 1.0, -1.0)
         return self.orientation * normals

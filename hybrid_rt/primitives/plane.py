@@ -7,7 +7,7 @@ from numpy.typing import ArrayLike
 
 from hybrid_rt import checks
 from hybrid_rt.records import FloatArray
-from meshing.checks import as_affine
+from meshing.checks import as_affine, broadcast_parameters
 
 
 class Plane:
@@ -45,7 +45,7 @@ class Plane:
 
     def point(self, u: ArrayLike, v: ArrayLike, patch_id: ArrayLike = 0) -> FloatArray:
         """Return the points (n, 3) whose two coordinates are (u, v) themselves."""
-        u, v, _ = np.broadcast_arrays(np.atleast_1d(u).astype(float), v, patch_id)
+        u, v, _, _ = broadcast_parameters(u, v, patch_id, 1, "patch_id")
         first, second = self.axes
         across = 3 - first - second
         points = np.empty((len(u), 3))

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from hybrid_rt.records import FloatArray
-from meshing.checks import as_affine, as_direction, as_vector
+from meshing.checks import as_affine, as_direction, as_vector, broadcast_parameters
 
 
 class Rectangle:
@@ -46,7 +46,7 @@ class Rectangle:
 
     def point(self, u: ArrayLike, v: ArrayLike, patch_id: ArrayLike = 0) -> FloatArray:
         """Return the points (n, 3) at (u, v)."""
-        u, v, _ = np.broadcast_arrays(np.atleast_1d(u).astype(float), v, patch_id)
+        u, v, _, _ = broadcast_parameters(u, v, patch_id, 1, "patch_id")
         points: FloatArray = self.corner + u[:, None] * self.edge_u + v[:, None] * self.edge_v
         return points
 

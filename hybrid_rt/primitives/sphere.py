@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from hybrid_rt.records import FloatArray
-from meshing.checks import as_direction, as_similarity, as_vector, number
+from meshing.checks import as_direction, as_similarity, as_vector, broadcast_parameters, number
 
 
 class Sphere:
@@ -72,8 +72,8 @@ class Sphere:
         return self.orientation * self._outward(u, v, patch_id)
 
     def _outward(self, u: ArrayLike, v: ArrayLike, patch_id: ArrayLike) -> FloatArray:
-        u, v, _ = np.broadcast_arrays(np.atleast_1d(u).astype(float), v, patch_id)
-        azimuth, polar = 2.0 * np.pi * u, np.pi * np.asarray(v, dtype=float)
+        u, v, _, _ = broadcast_parameters(u, v, patch_id, 1, "patch_id")
+        azimuth, polar = 2.0 * np.pi * u, np.pi * v
         ring = np.sin(polar)
         local = np.stack([ring * np.cos(azimuth), ring * np.sin(azimuth), -np.cos(polar)], axis=-1)
         outward: FloatArray = local @ self.frame

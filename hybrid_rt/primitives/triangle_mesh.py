@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from hybrid_rt.records import FloatArray
-from meshing.checks import as_affine, as_floats, shown
+from meshing.checks import as_affine, as_floats, broadcast_parameters, shown
 
 if TYPE_CHECKING:
     import trimesh
@@ -82,14 +82,14 @@ class TriangleMesh:
 
     def point(self, u: ArrayLike, v: ArrayLike, patch_id: ArrayLike = 0) -> FloatArray:
         """Return the points (n, 3) at (u, v) of faces."""
-        u, v, face = np.broadcast_arrays(np.atleast_1d(u).astype(float), v, patch_id)
+        u, v, face, _ = broadcast_parameters(u, v, patch_id, len(self), "patch_id")
         a, b, c = (self.vertices[self.faces[face, k]] for k in range(3))
         points: FloatArray = a + u[:, None] * (b - a) + v[:, None] * (c - a)
         return points
 
     def normal(self, u: ArrayLike, v: ArrayLike, patch_id: ArrayLike = 0) -> FloatArray:
         """Return the unit normals (n, 3) of faces, by the order of their vertices."""
-        u, _, face = np.broadcast_arrays(np.atleast_1d(u).astype(float), v, patch_id)
+        _, _, face, _ = broadcast_parameters(u, v, patch_id, len(self), "patch_id")
         a, b, c = (self.vertices[self.faces[face, k]] for k in range(3))
         n = np.cross(b - a, c - a)
         normals: FloatArray = n / np.linalg.norm(n, axis=1, keepdims=True)

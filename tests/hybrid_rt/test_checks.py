@@ -30,6 +30,9 @@ from hybrid_rt import (
     TriangleMesh,
     render,
 )
+from hybrid_rt.comparison import load_picture
+from hybrid_rt.film import save_image
+from hybrid_rt.scene_file import load_scene
 from hybrid_rt.trimesh_adapter import RayMeshIntersector
 from meshing import BezierPatches, SurfaceOfRevolution, tessellate
 
@@ -57,6 +60,12 @@ def mesh(vertices, faces):
         (lambda: mesh("abc", [[0, 1, 2]]), "TriangleMesh vertices is 'abc': pass real"),
         (lambda: BezierPatches("teapot.bpt"), "BezierPatches control is 'teapot.bpt': pass"),
         (lambda: SurfaceOfRevolution(3, (0, 0, 0), UP), "profile is 3: pass Bezier points"),
+        (lambda: BezierPatches.read(5), "BezierPatches file is 5: pass a path"),
+        (lambda: load_scene(None), "scene script is None: pass a path"),
+        (lambda: load_picture(None), "picture is None: pass a path"),
+        (lambda: save_image(5, np.zeros((1, 1, 3)), {}), "output is 5: pass a path"),
+        (lambda: BALL.point(None, 0.5), "u is None: pass real numbers"),
+        (lambda: Box((0, 0, 0), (1, 1, 1)).point(0, 0, 0.5), "patch_id has type float64: pass"),
         (lambda: tessellate(BALL, 0.1), "tessellate surface is Sphere.*: pass BezierPatches"),
         (lambda: Intersector(Sphere), "surfaces is <class .*Sphere'>: pass a list"),
         (lambda: Intersector(BALL), r"surfaces is Sphere\(.*: pass a list"),
@@ -93,6 +102,10 @@ def test_other_types_are_refused(make, words):
         (lambda: Intersector([BALL], accuracy=["mesh"]), "accuracy is .*: pass one of certified"),
         (lambda: Intersector([BALL], threads=10**9), "threads is .*: pass an integer from 1 to"),
         (lambda: RayMeshIntersector([BALL]).contains_points(np.zeros((3, 2))), r"shape \(3, 2\)"),
+        (lambda: BALL.point([0, 1], [0, 1, 2]), r"shapes \(2,\), \(3,\) and \(\): pass one number"),
+        (lambda: BALL.point(0, 0, 1), "patch_id is 1: pass 0 to 0"),
+        (lambda: save_image("a.png", np.zeros((2, 2)), {}), r"image has shape \(2, 2\): pass"),
+        (lambda: save_image("a.png", np.zeros((1, 1, 3)), {}, exposure=1e6), "exposure is 1e\\+06"),
         (lambda: Mix([]), "Mix parts is empty: pass"),
         (lambda: Metal(0.5, 7), "Metal fuzz is 7: pass a finite number at least 0 and at most 1"),
         (lambda: Metal(0.5, -1), "Metal fuzz is -1: pass a finite number at least 0"),

@@ -93,7 +93,7 @@ def test_interrupted_write_leaves_the_old_file_and_no_other(tmp_path, monkeypatc
 
 
 def test_impossible_outputs_are_refused(tmp_path):
-    with pytest.raises(ValueError, match=r"unknown ending; use \.png, \.npz"):
+    with pytest.raises(ValueError, match=r"unknown ending: pass \.png, \.npz"):
         check_output("a.jpg")
     with pytest.raises(FileNotFoundError, match="no folder"):
         check_output(tmp_path / "missing" / "a.png")

@@ -203,7 +203,7 @@ class TestRevolutions:
 class TestSpheres:
     @pytest.mark.parametrize("radius", [0.0, -1.0, np.nan, np.inf])
     def test_c04_c05_c06_radii_must_be_lengths(self, radius):
-        with pytest.raises(ValueError, match=r"radius is .*pass a positive length"):
+        with pytest.raises(ValueError, match=r"radius is .*pass a finite number above 0"):
             Sphere(ORIGIN, radius)
 
     def test_c07_c08_rays_from_the_sphere_and_from_inside(self):
