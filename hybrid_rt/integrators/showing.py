@@ -27,6 +27,10 @@ if TYPE_CHECKING:
     from scipy.spatial import cKDTree
 
 
+# Of the photons of caustics, as many at least must fall where these are dense to ask where that is.
+LEAST_SHARE = 0.02
+
+
 class Shown(NamedTuple):
     """What photons add to the picture; n rows."""
 
@@ -67,7 +71,9 @@ class DensePlaces:
         radius = np.asarray(found)[:, 0] * math.sqrt(NEAREST * share / wanted)
         pixel = PIXELS * camera.pixel_size * np.linalg.norm(position - camera.look_from, axis=1)
         is_dense = radius < pixel
-        return cls(position, np.where(is_dense, pixel, 0.0)) if is_dense.any() else None
+        if is_dense.mean() < LEAST_SHARE:
+            return None
+        return cls(position, np.where(is_dense, pixel, 0.0))
 
     def hold(self, position: FloatArray) -> BoolArray:
         """Tell which points (n, 3) lie where caustics are dense."""

@@ -142,15 +142,16 @@ def test_photons_shown_to_the_camera_are_what_discs_leave_out(aperture):
     camera = Camera((0, -3, 2.2), (0, 0, 0.1), (0, 0, 1), 30, 32, 32, aperture, 3.7)
     images = []
     for radius in (None, 0.02):
-        options = PPMOptions(60_000, initial_radius=radius)
-        result = render(BALL.scene(camera), "ppm", passes=5, seed=1, options=options)
+        # Many passes: what discs find hangs on where in a pixel the camera looks.
+        options = PPMOptions(8_000, initial_radius=radius)
+        result = render(BALL.scene(camera), "ppm", passes=32, seed=1, options=options)
         shown = result.report["photons"]["shown_to_camera"]
         assert shown > 100_000 if radius is None else shown == 0
         images.append(result.image[:, :, 0].astype(float))
     photons, discs = images
     # The caustic lies in the middle; almost all light of the picture is there.
     part = np.ix_(np.arange(10, 24), np.arange(10, 22))
-    assert photons[part].sum() == pytest.approx(discs[part].sum(), rel=0.01)
+    assert photons[part].sum() == pytest.approx(discs[part].sum(), rel=0.015)
     is_sharp = np.abs(photons - discs) < 0.1 * discs.max()
     assert is_sharp.mean() > 0.95
 
