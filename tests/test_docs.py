@@ -6,18 +6,21 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[1]
-LIGHT = (ROOT / "docs" / "light.md").read_text(encoding="utf-8")
+LIGHT, PHOTONS = (
+    (ROOT / "docs" / name).read_text(encoding="utf-8") for name in ("light.md", "photons.md")
+)
 
 
-@pytest.mark.parametrize("pointer", sorted(set(re.findall(r"`(\S+\.py::\w+)`", LIGHT))))
+@pytest.mark.parametrize("pointer", sorted(set(re.findall(r"`(\S+\.py::\w+)`", LIGHT + PHOTONS))))
 def test_tests_that_are_pointed_to(pointer):
     path, name = pointer.split("::")
     assert f"def {name}(" in (ROOT / "tests" / path).read_text(encoding="utf-8")
 
 
-def test_scenes_that_are_pointed_to():
-    rows = re.findall(r"^\| [^|]+ \| ([^|]+) \| `", LIGHT, flags=re.MULTILINE)
-    assert len(rows) > 30
+@pytest.mark.parametrize(("text", "least"), [(LIGHT, 30), (PHOTONS, 20)], ids=["light", "photons"])
+def test_scenes_that_are_pointed_to(text, least):
+    rows = re.findall(r"^\| [^|]+ \| ([^|]+) \| `", text, flags=re.MULTILINE)
+    assert len(rows) > least
     named = {name for row in rows for name in re.findall(r"`(\w+)`", row)}
     assert {f"{name}.py" for name in named} <= {p.name for p in (ROOT / "scenes").glob("*.py")}
 

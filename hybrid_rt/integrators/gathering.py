@@ -59,6 +59,8 @@ class Points:
     material : (n,) int32
     colors : (n, lobes of a material at most, 3) float64
         Zero for lobes that are not to count.
+    is_direct : (n,) bool
+        The camera looks straight at the point: photons shown to it do not count.
     xi : (n,) float64 in [0, 1)
         Chooses one photon for each point.
     """
@@ -69,6 +71,7 @@ class Points:
     geometric: FloatArray
     material: IntArray
     colors: FloatArray
+    is_direct: BoolArray
     xi: FloatArray
 
     @classmethod
@@ -147,8 +150,9 @@ class Field(ABC):
         photons = self.photons
         add_photons(
             *pairs, radius, self._lobes, points.material, points.colors, points.position,
-            points.normal, points.geometric, points.direction, photons.direction, photons.normal,
-            photons.power, photons.position, sums.value, sums.blur, sums.near, xi, sums.chosen,
+            points.normal, points.geometric, points.direction, points.is_direct, photons.direction,
+            photons.normal, photons.power, photons.position, photons.history, sums.value,
+            sums.blur, sums.near, xi, sums.chosen,
         )  # fmt: skip
 
 

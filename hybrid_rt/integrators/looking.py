@@ -39,6 +39,7 @@ from hybrid_rt.kernels.lobes import DIELECTRIC, METAL, PHONG
 from hybrid_rt.kernels.pack import Paths, add_products, pack_paths
 from hybrid_rt.kernels.scatter import ABSORBED, LEFT, SCATTERED, SPECULAR, STOPPED, scatter
 from hybrid_rt.records import FloatArray, IntArray, NamedPoints
+from hybrid_rt.scene import NOTHING
 
 # What the low-discrepancy points of one step are for.
 TO_LIGHT, TO_LIGHT_METAL, DIRECTION, CHOICE, TO_PHOTON, PER_STEP = 0, 1, 2, 3, 4, 5
@@ -62,6 +63,8 @@ class Looker(Integrator):
         Sends out photons for this thread.
     fields : tuple of Field
         The photons of the pass that is being looked at.
+    is_in_the_open : bool
+        Whether the camera stands in no clear body.
     blur : (pixels, 3) float64
         By how much a picture of this pass would be less with discs of half the area; written.
     """
@@ -83,6 +86,7 @@ class Looker(Integrator):
         self._asks_lights = asks and (plan["light samples"] or plan["sky samples"])
         self._asks_for_metal = self._asks_lights and bool((lobes.kind == METAL).any())
         self._camera_media = media_around_camera(context, self._contacts)
+        self.is_in_the_open = not (self._camera_media != NOTHING).any()
         self._is_wide = _slots(context, lambda kind: kind <= PHONG)
         self._follows = _slots(context, lambda kind: kind > PHONG).any(axis=1)
 
@@ -144,6 +148,7 @@ class Looker(Integrator):
             wide.geometric,
             wide.material,
             wide.colors,
+            np.full(wide.material.size, depth == 0),
             np.ascontiguousarray(xi[:, 0]),
         )
         return _Waiting(there.camera_ray, there.throughput, points)

@@ -21,6 +21,7 @@ from hybrid_rt.integrators.gathering import Field
 from hybrid_rt.integrators.integrator import RenderContext
 from hybrid_rt.integrators.looking import Looker
 from hybrid_rt.integrators.shooting import PHOTON_DIMENSION, Balance, blocks_of, joined
+from hybrid_rt.integrators.showing import Shown
 from hybrid_rt.kernels.photons import MET_SPECULAR, Photons
 from hybrid_rt.measures import DARK
 from hybrid_rt.records import FloatArray
@@ -32,6 +33,8 @@ from hybrid_rt.report import twelve_digits
 FEWEST_RAYS, MOST_RAYS, SHARE_OF_RAYS = 2**12, 2**15, 16
 
 T = TypeVar("T")
+# The photons of a pass, ready to be looked at, and the picture of those shown to the camera.
+Ready = tuple[tuple[Field, ...], FloatArray | None]
 
 
 class PhotonCrew(Crew):
@@ -46,7 +49,7 @@ class PhotonCrew(Crew):
     def __init__(self, context: RenderContext, threads: int) -> None:
         super().__init__(context, threads, Looker)
         self._threads = threads
-        self._n_passes = 0
+        self._n_passes = self._n_shown = 0
         # Sums over passes of how much less discs of half the area give, and of the squares.
         self._blur = np.zeros_like(self._lookers[0].blur)
         self._blur_squares = np.zeros_like(self._blur)
@@ -77,9 +80,9 @@ class PhotonCrew(Crew):
         with self._at_work() as submit:
             shot = self._begin(passes[0], submit)
             for k, number in enumerate(passes):
-                fields = shot()
+                fields, picture = shot()
                 # While threads look at this pass they shoot the next one already.
-                shot = self._begin(number + 1, submit) if number + 1 in passes else tuple
+                shot = self._begin(number + 1, submit) if number + 1 in passes else _nothing
                 for looker in self._lookers:
                     looker.fields, looker.blur = fields, blur
                 done = k * camera.height * camera.width
@@ -88,7 +91,8 @@ class PhotonCrew(Crew):
                     if on_rays is not None:
                         on_rays(done + n)
 
-                yield from super().render_passes(range(number, number + 1), heard)
+                for radiance in super().render_passes(range(number, number + 1), heard):
+                    yield radiance if picture is None else radiance + picture
                 self._add_blur(blur)
 
     @OVERFLOWS
@@ -100,14 +104,14 @@ class PhotonCrew(Crew):
     def _block_size(self, n: int) -> int:
         return min(max(-(-n // SHARE_OF_RAYS), FEWEST_RAYS), MOST_RAYS)
 
-    def _begin(self, pass_number: int, submit: Submit) -> Callable[[], tuple[Field, ...]]:
+    def _begin(self, pass_number: int, submit: Submit) -> Callable[[], Ready]:
         """Let threads shoot the photons of a pass and make them ready; return what waits for it."""
         if not self.context.plan["photons"]:
-            return tuple
+            return _nothing
 
-        def ready(looker: Looker, photons: Photons) -> tuple[Field, ...]:
+        def ready(looker: Looker, photons: Photons, shown: list[Shown]) -> Ready:
             with looker.context.ledger.stage("photon tree"):
-                return self._fields(photons, pass_number)
+                return self._fields(photons, pass_number), self._picture(shown)
 
         return self._shot(self._per_pass, pass_number, PHOTON_DIMENSION, submit, ready)
 
@@ -117,14 +121,14 @@ class PhotonCrew(Crew):
         pass_number: int,
         dimension: int,
         submit: Submit,
-        ready: Callable[[Looker, Photons], T],
+        ready: Callable[[Looker, Photons, list[Shown]], T],
     ) -> Callable[[], T]:
         """Let threads shoot photons; whoever is last calls ``ready``. Return what waits for that.
 
         The order of photons is one and the same for any number of threads.
         """
         blocks = blocks_of(self._lookers[0].shooter.groups(n))
-        parts: list[Photons | None] = [None] * len(blocks)
+        parts: list[tuple[Photons, list[Shown]] | None] = [None] * len(blocks)
         lock = Lock()
 
         def work(looker: Looker, i: int) -> tuple[T] | None:
@@ -132,9 +136,11 @@ class PhotonCrew(Crew):
             part = looker.shooter.shoot(group, pass_number, first, stop, dimension, MET_SPECULAR)
             with lock:
                 parts[i] = part
-                if any(other is None for other in parts):
-                    return None
-            return (ready(looker, joined(cast(list[Photons], parts))),)
+                done = [other for other in parts if other is not None]
+            if len(done) < len(parts):
+                return None
+            shown = [one for _, several in done for one in several]
+            return (ready(looker, joined([photons for photons, _ in done]), shown),)
 
         futures = [submit(work, i) for i in range(len(blocks))]
 
@@ -143,6 +149,17 @@ class PhotonCrew(Crew):
             return next(result for result in found if result is not None)[0]
 
         return waited
+
+    def _picture(self, shown: list[Shown]) -> FloatArray | None:
+        """Return what photons have shown the camera in a pass, (height, width, 3)."""
+        if not shown:
+            return None
+        camera = self.context.scene.camera
+        picture = np.zeros((camera.height, camera.width, 3))
+        for pixel, value in shown:
+            np.add.at(picture.reshape(-1, 3), pixel, value)
+            self._n_shown += pixel.size
+        return picture
 
     def _forget_balance(self) -> None:
         """Count no photons so far: their light is in no picture."""
@@ -174,6 +191,7 @@ class PhotonCrew(Crew):
             **self._about(),
             "emitted": balance.n_emitted,
             "stored": balance.n_stored,
+            "shown_to_camera": self._n_shown,
             "gather_points": first.n_points,
             "gathered_per_point": first.n_gathered / max(first.n_points, 1),
             "points_without_photons": first.n_without,
@@ -209,3 +227,7 @@ class PhotonCrew(Crew):
             for square in (products, products / weight)
         )
         return absolute, relative
+
+
+def _nothing() -> Ready:
+    return (), None

@@ -16,6 +16,7 @@ from hybrid_rt.integrators.looking import Looker
 from hybrid_rt.integrators.options import PPMOptions
 from hybrid_rt.integrators.photon_crew import PhotonCrew
 from hybrid_rt.integrators.shooting import PILOT_DIMENSION
+from hybrid_rt.integrators.showing import DensePlaces, Shown
 from hybrid_rt.kernels.photons import Photons
 
 # The photons that radii are found by, at most.
@@ -57,13 +58,19 @@ class ProgressiveCrew(PhotonCrew):
         extent = 2.0 * float(self._lookers[0].shooter.world[3])
         camera = self.context.scene.camera
 
-        def ready(_: Looker, photons: Photons) -> Radii:
-            share = n / options.photons_per_pass
-            return Radii.of(photons, share, camera, extent, self._threads)
+        share = n / options.photons_per_pass
+
+        def ready(
+            _: Looker, photons: Photons, _shown: list[Shown]
+        ) -> tuple[Radii, DensePlaces | None]:
+            dense = DensePlaces.of(photons, share, camera, self._threads)
+            return Radii.of(photons, share, camera, extent, self._threads), dense
 
         with self._at_work() as submit:
-            radii = self._shot(n, 0, PILOT_DIMENSION, submit, ready)()
+            radii, dense = self._shot(n, 0, PILOT_DIMENSION, submit, ready)()
         self._forget_balance()
+        for looker in self._lookers:
+            looker.shooter.dense = dense if looker.is_in_the_open else None
         return radii
 
     def _about(self) -> dict[str, Any]:

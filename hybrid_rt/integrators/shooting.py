@@ -12,18 +12,22 @@ from dataclasses import dataclass, field
 from itertools import pairwise
 
 import numpy as np
+from numpy.typing import NDArray
 
 from hybrid_rt.film import GROUPS, group_of
 from hybrid_rt.integrators.aims import targets_of
 from hybrid_rt.integrators.clear_bodies import absorb, media_around_lights
 from hybrid_rt.integrators.contacts import Contacts, first_hits
 from hybrid_rt.integrators.integrator import RenderContext
+from hybrid_rt.integrators.showing import DensePlaces, Shown, show
 from hybrid_rt.integrators.surface_light import SurfaceLight, largest_channel
 from hybrid_rt.kernels.emission import Launch, Targets, launch_from_light, launch_from_sky
 from hybrid_rt.kernels.light import POINT, RECTANGLE, SPHERE, LightPoints
 from hybrid_rt.kernels.lobes import DIELECTRIC, LAST_SPREADING, METAL, PHONG
 from hybrid_rt.kernels.photons import (
     EMITTED,
+    IS_SHOWN,
+    MET_SPECULAR,
     TAKEN,
     Flight,
     Photons,
@@ -34,7 +38,7 @@ from hybrid_rt.kernels.photons import (
 )
 from hybrid_rt.kernels.scatter import ABSORBED, LEFT, SCATTERED, SPECULAR, STOPPED
 from hybrid_rt.primitives import Plane
-from hybrid_rt.records import BoolArray, FloatArray, IntArray, NamedPoints
+from hybrid_rt.records import BoolArray, FloatArray, HitRecord, IntArray, NamedPoints
 from hybrid_rt.sampler import UIntArray
 from hybrid_rt.scene import NOTHING, CompiledScene
 
@@ -46,7 +50,7 @@ AT_ONCE = 2**15
 PHOTON_DIMENSION, PILOT_DIMENSION = 2**40, 2**41
 LAUNCH, PER_LAUNCH = 0, 1
 # What the points of one step are for.
-DIRECTION, LOBE, PER_STEP = 0, 1, 2
+DIRECTION, LOBE, LENS, PER_STEP = 0, 1, 2, 3
 
 # Of the photons of a light, how many are aimed where there is something to aim at.
 AIMED_SHARE = 0.5
@@ -109,6 +113,12 @@ class Shooter:
     contacts : Contacts or None
         None where no clear body touches another surface.
 
+    Attributes
+    ----------
+    balance : Balance
+    dense : DensePlaces or None
+        Where photons are shown to the camera; None: nowhere.
+
     Raises
     ------
     ValueError
@@ -119,6 +129,7 @@ class Shooter:
     def __init__(self, context: RenderContext, contacts: Contacts | None) -> None:
         self.context, self._contacts = context, contacts
         self.balance = Balance()
+        self.dense: DensePlaces | None = None
         scene = context.scene
         self.world = _world(scene)
         self._light = SurfaceLight(context)
@@ -145,8 +156,10 @@ class Shooter:
 
     def shoot(
         self, group: Group, pass_number: int, first: int, stop: int, dimension: int, least: int
-    ) -> Photons:
-        """Follow some photons of a group; return those that arrived where light is gathered.
+    ) -> tuple[Photons, list[Shown]]:
+        """Follow some photons of a group.
+
+        Returned are those that arrived where light is gathered, and what they show the camera.
 
         Parameters
         ----------
@@ -160,6 +173,7 @@ class Shooter:
         """
         context, scene = self.context, self.context.scene
         stored: list[Photons] = []
+        shown: list[Shown] = []
         sequence, n_before = sequence_of(group, pass_number)
         number = np.arange(n_before + first, n_before + stop, dtype=np.uint64)
         with context.ledger.stage("photons"):
@@ -182,18 +196,26 @@ class Shooter:
                 add_power(flight.power, 1.0, taken)
                 absorb(context, flight.media, material, hits, second, flight.power)
                 add_power(flight.power, -1.0, taken)
-                # --- what they leave there
+                # --- what they leave there, and what the camera sees of it
+                step = dimension + PER_LAUNCH + PER_STEP * depth
                 shading = self._light.shading(hits, flight.direction, material)
                 normal = shading.geometric if shading.geometric.size else hits.normal
+                is_shown = self._are_shown(flight, material, hits)
+                flight.history[is_shown] |= IS_SHOWN
                 out = _new_photons(n)
                 n_stored = store_photons(
                     flight, material, self.gathers, least, hits.position, normal, out
                 )
                 if n_stored:
                     stored.append(Photons(*(column[:n_stored].copy() for column in out)))
+                flight.history[is_shown] ^= IS_SHOWN
+                if is_shown.size:
+                    lens = None
+                    if context.plan["lens samples"]:
+                        lens = self._points(sequence, flight.number[is_shown], step + LENS)
+                    shown.append(show(context, flight, shading, is_shown, lens))
                 # --- where they go next, and which ones stop
                 fate = np.empty(n, dtype=np.uint8)
-                step = dimension + PER_LAUNCH + PER_STEP * depth
                 scatter_photons(
                     scene.lobes, material, shading.colors, shading.hits.normal, shading.geometric,
                     hits.position, hits.object_id, self._ways(sequence, flight, material, step),
@@ -209,7 +231,14 @@ class Shooter:
                 context.ledger.ended["photons at max_depth"] += int(counts[STOPPED])
         photons = joined(stored)
         self.balance.n_stored += len(photons.history)
-        return photons
+        return photons, shown
+
+    def _are_shown(self, flight: Flight, material: IntArray, hits: HitRecord) -> NDArray[np.intp]:
+        """Return the photons of caustics that have arrived where these are dense."""
+        if self.dense is None:
+            return np.zeros(0, dtype=np.intp)
+        rows = np.flatnonzero((flight.history == MET_SPECULAR) & self.gathers[material])
+        return rows[self.dense.hold(hits.position[rows])]
 
     def _launched(self, group: Group, sequence: int, number: UIntArray, dimension: int) -> Flight:
         scene = self.context.scene

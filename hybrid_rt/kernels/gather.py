@@ -5,6 +5,7 @@ import math
 import numpy as np
 
 from hybrid_rt.kernels.lobes import PHONG, scattered
+from hybrid_rt.kernels.photons import IS_SHOWN
 from meshing.kernels.jit import inlined, kernel
 
 # Photons of a surface turned farther than this from that of the point belong to another wall.
@@ -61,7 +62,8 @@ def most_neighbours(position, radius, width, table, most):
 @kernel
 def add_photons(
     row, photon, distance, radius, lobes, material, colors, position, normal, geometric, direction,
-    photon_direction, photon_normal, photon_power, photon_position, value, blur, near, xi, chosen,
+    is_direct, photon_direction, photon_normal, photon_power, photon_position, history, value, blur,
+    near, xi, chosen,
 ):  # fmt: skip
     """Add the radiance that photons make to ``value`` (n, 3) of the points they are near.
 
@@ -76,8 +78,11 @@ def add_photons(
         count.
     geometric : (n, 3) float64
         Normal of the surface itself, where ``normal`` is another; else (0, 3).
+    is_direct : (n,) bool
+        Points that the camera looks straight at: photons shown to it do not count.
     photon_direction, photon_normal, photon_power : (photons, 3) float32
     photon_position : (photons, 3) float64
+    history : (photons,) uint8
     value : (n, 3) float64, changed
     blur : (n, 3) float64, changed
         How much less a disc of half the area would give: what the blur of this one is known by.
@@ -91,7 +96,7 @@ def add_photons(
     for p in range(row.size):
         i, j = row[p], photon[p]
         ratio = (distance[p] / radius[i]) ** 2
-        if ratio >= 1.0:
+        if ratio >= 1.0 or (is_direct[i] and history[j] & IS_SHOWN):
             continue
         # Epanechnikov's kernel: its integral over the disc is one, its mean squared error least.
         weight = 2.0 * (1.0 - ratio) / (math.pi * radius[i] * radius[i])
@@ -145,6 +150,51 @@ def add_photons(
             xi[i] /= share
         else:
             xi[i] = (xi[i] - share) / (1.0 - share) if share < 1.0 else 0.0
+
+
+@kernel
+def show_photons(
+    lobes, material, colors, normal, geometric, photon_direction, photon_power, way, pdf, value
+):
+    """Find what photons send to the camera from where they arrive.
+
+    Parameters
+    ----------
+    material, colors, normal, geometric : (n, ...)
+        Of the places, as for `add_photons`.
+    photon_direction, photon_power : (n, 3) float64
+    way : (n, 3) float64
+        From the camera to each place.
+    pdf : (n,) float64
+        Density per solid angle with which the camera chooses a direction within the pixel; 0: the
+        place is not in the picture.
+    value : (n, 3) float64, written
+        Radiance added to the pixel unless something stands in the way.
+    """
+    for i in range(pdf.size):
+        value[i, 0] = value[i, 1] = value[i, 2] = 0.0
+        if pdf[i] <= 0.0:
+            continue
+        square = way[i, 0] ** 2 + way[i, 1] ** 2 + way[i, 2] ** 2
+        distance = math.sqrt(square)
+        dx, dy, dz = way[i, 0] / distance, way[i, 1] / distance, way[i, 2] / distance
+        if geometric.shape[0]:
+            gx, gy, gz = geometric[i, 0], geometric[i, 1], geometric[i, 2]
+        else:
+            gx, gy, gz = normal[i, 0], normal[i, 1], normal[i, 2]
+        wx, wy, wz = -photon_direction[i, 0], -photon_direction[i, 1], -photon_direction[i, 2]
+        toward = -(gx * dx + gy * dy + gz * dz)
+        cosine = gx * wx + gy * wy + gz * wz
+        if toward * cosine <= 0.0:
+            continue
+        r, g, b, _ = scattered(
+            lobes, material[i], colors, i, normal[i, 0], normal[i, 1], normal[i, 2],
+            dx, dy, dz, wx, wy, wz, PHONG,
+        )  # fmt: skip
+        factor = pdf[i] / square * toward / cosine
+        value[i, 0] = factor * r * photon_power[i, 0]
+        value[i, 1] = factor * g * photon_power[i, 1]
+        value[i, 2] = factor * b * photon_power[i, 2]
 
 
 @kernel

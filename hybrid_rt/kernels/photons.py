@@ -22,8 +22,9 @@ from meshing.kernels.jit import inlined, kernel
 # Rows of a tally of power.
 EMITTED, ESCAPED, TAKEN, LOST = 0, 1, 2, 3
 
-# What a photon has met on its way, one bit each.
-MET_SPECULAR, MET_SPREADING = 1, 2
+# What a photon has met on its way, one bit each; and of one that is stored, whether its light is in
+# the picture already wherever the camera looks straight at it.
+MET_SPECULAR, MET_SPREADING, IS_SHOWN = 1, 2, 4
 
 
 class Flight(NamedTuple):

@@ -42,7 +42,7 @@ def all_photons(
     """Return the photons of a pass that are stored; ``least_history`` 0 keeps straight ones."""
     return joined(
         [
-            shooter.shoot(group, pass_number, first, stop, PHOTON_DIMENSION, least_history)
+            shooter.shoot(group, pass_number, first, stop, PHOTON_DIMENSION, least_history)[0]
             for group, first, stop in blocks_of(shooter.groups(n_photons))
         ]
     )

@@ -283,6 +283,7 @@ def test_a_million_photons_in_one_point_need_little_memory(monkeypatch):
             NO_NORMALS,
             np.zeros(points, np.int32),
             np.ones((points, 1, 3)),
+            np.ones(points, dtype=bool),
             np.linspace(0, 1, points, endpoint=False),
         )
     )
