@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from hybrid_rt.film import Film
 from hybrid_rt.integrators.integrator import BLOCK, Integrator, RenderContext
 from hybrid_rt.intersection import Intersector
 from hybrid_rt.records import FloatArray
@@ -135,9 +136,9 @@ class Crew:
         finally:
             executor.shutdown(cancel_futures=True)
 
-    def relative_blur(self, image: NDArray[np.float32]) -> float:
+    def relative_blur(self, film: Film) -> float:
         """Return the relative error of a picture that is not noise, as far as it is estimated."""
-        del image
+        del film
         return 0.0
 
     def report(self, image: NDArray[np.float32]) -> dict[str, Any]:
