@@ -217,7 +217,7 @@ def _run_passes(
                 film.add(radiance)
         if watches_error and film.n_passes >= limit.next_estimate():
             with crew.context.ledger.stage("noise"):
-                noise, blur = film.relative_error(), crew.relative_blur(film.image)
+                noise, blur = film.relative_error(), crew.relative_blur(film)
             limit.note_error(
                 film.n_passes, noise, blur, power=crew.error_power, blur_stays=crew.blur_stays
             )
@@ -232,7 +232,7 @@ def _relative_error(noise: dict[str, Any] | None, crew: Crew, film: Film) -> dic
     """Return the estimated relative errors of the picture, or None after a single pass."""
     if noise is None:
         return None
-    blur = crew.relative_blur(film.image)
+    blur = crew.relative_blur(film)
     return {
         "noise": noise["relative_rmse"],
         "blur": blur,

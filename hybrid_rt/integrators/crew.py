@@ -19,6 +19,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from hybrid_rt.film import Film
 from hybrid_rt.integrators.integrator import BLOCK, Integrator, RenderContext
 from hybrid_rt.intersection import Intersector
 from hybrid_rt.records import FloatArray
@@ -167,9 +168,9 @@ class Crew:
         future.set_result(work(self._integrators[0], item))
         return future
 
-    def relative_blur(self, image: NDArray[np.float32]) -> float:
+    def relative_blur(self, film: Film) -> float:
         """Return the relative error of a picture that is not noise, as far as it is estimated."""
-        del image
+        del film
         return 0.0
 
     def report(self, image: NDArray[np.float32]) -> dict[str, Any]:

@@ -15,7 +15,7 @@ from typing import Any, TypeVar, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from hybrid_rt.film import OVERFLOWS
+from hybrid_rt.film import OVERFLOWS, Film
 from hybrid_rt.integrators.crew import Crew, Submit
 from hybrid_rt.integrators.gathering import Field
 from hybrid_rt.integrators.integrator import RenderContext
@@ -176,9 +176,9 @@ class PhotonCrew(Crew):
             first.n_without += other.n_without
         super().gather()
 
-    def relative_blur(self, image: NDArray[np.float32]) -> float:
+    def relative_blur(self, film: Film) -> float:
         """Return the estimated relative blur of a picture, nan after a single pass."""
-        _, relative = self._blur_of_pixels(image)
+        _, relative = self._blur_of_pixels(film.image)
         return math.nan if relative is None else relative
 
     def report(self, image: NDArray[np.float32]) -> dict[str, Any]:

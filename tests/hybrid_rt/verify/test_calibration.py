@@ -37,7 +37,7 @@ def test_truth_is_in_the_stated_interval_as_often_as_stated(name, integrator, pa
 
 @pytest.mark.slow
 def test_intervals_of_photons_hold_their_own_expectation():
-    """Pixels share photons, so the pictures count, not the pixels: 95 % is known to 5.
+    """Pixels share photons, so pictures count, not pixels: 16 of them tell 95 % to some 5 %.
 
     The mean that stands in for the truth holds each picture to a 16th, which takes 3 % off a gap.
     """
