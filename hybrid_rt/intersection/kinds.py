@@ -7,6 +7,7 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
+from hybrid_rt.checks import FARTHEST
 from hybrid_rt.intersection.batch import CurvedKind, Kind
 from hybrid_rt.intersection.closed_forms import ClosedForm, Spheres
 from hybrid_rt.intersection.pool import Pool
@@ -17,8 +18,8 @@ from meshing import BezierPatches, SurfaceOfRevolution
 Surface: TypeAlias = (
     BezierPatches | SurfaceOfRevolution | Sphere | Rectangle | Plane | Box | TriangleMesh
 )
-# Squares, cross products and fourth powers of lengths within this range are float64 numbers.
-SMALLEST, LARGEST = 1e-60, 1e60
+# From here to `FARTHEST` squares, cross products and fourth powers of lengths are float64 numbers.
+SMALLEST = 1e-60
 CURVED = (BezierPatches, SurfaceOfRevolution)
 """What goes to Embree as triangles first, in every accuracy."""
 
@@ -33,10 +34,10 @@ def check_surfaces(surfaces: Sequence[Surface]) -> tuple[Surface, ...]:
             )
         if not isinstance(surface, Plane):
             farthest, size = _reach_and_size(surface)
-            if farthest > LARGEST or size < SMALLEST:
+            if farthest > FARTHEST or size < SMALLEST:
                 raise ValueError(
                     f"surfaces[{i}] reaches {farthest:.3g} and is {size:.3g} large: scale the scene, "
-                    f"coordinates up to {LARGEST:g} and sizes from {SMALLEST:g} are possible"
+                    f"coordinates up to {FARTHEST:g} and sizes from {SMALLEST:g} are possible"
                 )
     return tuple(surfaces)
 
