@@ -30,7 +30,8 @@ def _warnings(report: dict[str, Any]) -> list[str]:
         )
     lines += [
         f"  WARNING   {name!r} is clear, but not closed: {n_rays:,} rays left it without entering "
-        "it, or never left it: add what closes it, normals outward"
+        "it, or never left it: add what closes it, normals outward (or more than eight clear bodies "
+        "lie within each other: pass fewer)"
         for name, n_rays in report["clear_bodies_not_closed"].items()
     ]
     return lines

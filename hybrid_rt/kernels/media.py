@@ -14,8 +14,8 @@ import math
 from meshing.kernels.jit import inlined, kernel
 
 NONE = -1
-# Bodies within bodies; the innermost ones beyond are taken for what they lie in.
-STACK = 4
+# Bodies within bodies; one that is entered beyond is not seen, and found out when it is left.
+STACK = 8
 
 # Columns of a dielectric in `LobeTable.number`.
 IOR, SCHLICK, ABSORPTION, PRIORITY = 0, 1, 2, 5

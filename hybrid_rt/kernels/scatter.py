@@ -9,7 +9,7 @@ from hybrid_rt.kernels.lobes import (
     pick_lobe,
     scattered,
 )
-from hybrid_rt.kernels.media import SCHLICK, filling_medium, ior_of, pass_surface
+from hybrid_rt.kernels.media import SCHLICK, STACK, filling_medium, ior_of, pass_surface
 from meshing.kernels.jit import inlined, kernel
 
 # How a ray ends at a surface, or goes on.
@@ -26,7 +26,10 @@ def at_glass(lobes, lobe, stack, i, nx, ny, nz, dx, dy, dz, is_front, second, xi
     """
     before = filling_medium(stack, i, lobes)
     # Kept for what is reflected: STACK places.
-    a, b, c, d = stack[i, 0], stack[i, 1], stack[i, 2], stack[i, 3]
+    kept = (
+        stack[i, 0], stack[i, 1], stack[i, 2], stack[i, 3],
+        stack[i, 4], stack[i, 5], stack[i, 6], stack[i, 7],
+    )  # fmt: skip
     pass_surface(lobe, stack, i, is_front, second)
     after = filling_medium(stack, i, lobes)
     if before == after:
@@ -38,7 +41,8 @@ def at_glass(lobes, lobe, stack, i, nx, ny, nz, dx, dy, dz, is_front, second, xi
     else:
         reflectance, cos_t = fresnel(cos_i, ratio)
     if xi < reflectance:
-        stack[i, 0], stack[i, 1], stack[i, 2], stack[i, 3] = a, b, c, d
+        for k in range(STACK):
+            stack[i, k] = kept[k]
         twice = 2.0 * cos_i
         return dx + twice * nx, dy + twice * ny, dz + twice * nz, 1.0, False
     x, y, z = refract(dx, dy, dz, nx, ny, nz, cos_i, cos_t, ratio)

@@ -17,7 +17,8 @@ class Dielectric(Material):
     """A smooth clear body; its inside is the side opposite the surface's normal.
 
     A body may have several surfaces, of one material; together they must be closed. The report of
-    a render names those that rays enter and never leave, or leave without having entered.
+    a render names those that rays enter and never leave, or leave without having entered. A ray
+    keeps count of eight bodies within each other, a ninth is reported like one that is not closed.
 
     Reflection and refraction follow Fresnel's equations for unpolarised light. Radiance is
     multiplied by the square of the index ratio where it enters or leaves. Inside, each channel

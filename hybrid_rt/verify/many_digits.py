@@ -101,7 +101,7 @@ def _patch_solver(surface: BezierPatches) -> Solver:
             if step is None:
                 break
             x = [a - b for a, b in zip(x, step, strict=True)]
-            if abs(step[2]) <= SMALL * abs(x[2]) and max(map(abs, step)) <= SMALL:
+            if abs(step[2]) <= SMALL * abs(x[2]) and max(abs(step[0]), abs(step[1])) <= SMALL:
                 return x[2]
         return mpmath.nan
 

@@ -322,6 +322,23 @@ class TestGlass:
         assert_mean_equals(samples(clear, max_depth=200), np.full(3, 1.1**2))
         assert samples(inside, max_depth=60).mean() < 0.95 * 1.1**2
 
+    @pytest.mark.parametrize("n_shells", [5, 8])
+    @pytest.mark.parametrize("integrator", ["path", "whitted"])
+    def test_shells_in_an_even_light_are_not_seen(self, n_shells, integrator):
+        """White furnace: radiance 1 outside, and n^2 times that within an index n."""
+        shells = [
+            Object(Sphere((0, 0, 0), 3.0 - 0.3 * k), Dielectric(1.2 + 0.1 * k), f"shell {k}")
+            for k in range(n_shells)
+        ]
+        sky = GradientSky((1, 1, 1), (1, 1, 1))
+        for eye, expected in (((0, -12, 0), 1.0), ((0, -0.1, 0), (1.1 + 0.1 * n_shells) ** 2)):
+            camera = Camera(eye, (0, 1, 0), (0, 0, 1), 20, 8, 8)
+            scene = Scene(camera, shells, environment=sky)
+            result = render(scene, integrator, passes=8, max_depth=200)
+            # What roulette takes from some it gives to others.
+            assert result.image.mean() == pytest.approx(expected, rel=0.02)
+            assert not result.report["clear_bodies_not_closed"]
+
     @pytest.mark.parametrize("order", [1, -1])
     @pytest.mark.parametrize("integrator", ["path", "whitted"])
     def test_cube_of_glass_on_cube_of_glass(self, integrator, order):
