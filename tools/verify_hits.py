@@ -8,6 +8,7 @@ hundred times as fast as the oracle; only where the two differ is the oracle ask
 """
 
 import argparse
+import math
 import sys
 from dataclasses import asdict
 from pathlib import Path
@@ -35,7 +36,7 @@ def main() -> int:
     if args.second:
         return _compare_two(args)
     names = args.scene or list(SCENES)
-    each = int(args.rays) // len(names)
+    each = _share(args.rays, len(names))
     results: dict[str, Tally] = {}
     with kept(args.out, lambda: {name: _plain(t) for name, t in results.items()}):
         for name in names:
@@ -60,7 +61,7 @@ def _compare_two(args: argparse.Namespace) -> int:
     if not set(names) <= set(OF_PATCHES):
         print(f"--second knows the scenes {', '.join(OF_PATCHES)}", file=sys.stderr)
         return 2
-    each = int(args.rays) // len(names)
+    each = _share(args.rays, len(names))
     results: dict[str, Duel] = {}
     with kept(args.out, lambda: {name: asdict(d) for name, d in results.items()}):
         for name in names:
@@ -124,6 +125,13 @@ def _print(name: str, tally: Tally) -> None:
     print(f"  seconds         {tally.seconds:.1f} certified, {tally.oracle_seconds:.1f} oracle")
     for seed, ray, kind in tally.wrong[:5]:
         print(f"  {kind}: ray {ray} of hard_rays(..., seed={seed})")
+
+
+def _share(rays: float, n_scenes: int) -> int:
+    """Return the rays of each scene; a check of none would pass without a word."""
+    if not n_scenes <= rays < math.inf:
+        raise ValueError(f"--rays is {rays:g}: pass at least one for each of {n_scenes} scenes")
+    return int(rays) // n_scenes
 
 
 def _plain(tally: Tally) -> dict[str, object]:

@@ -50,6 +50,7 @@ class PhotonCrew(Crew):
         super().__init__(context, threads, Looker)
         self._threads = threads
         self._n_passes = self._n_shown = 0
+        self._balance = Balance()
         # Sums over passes of how much less discs of half the area give, and of the squares.
         self._blur = np.zeros_like(self._lookers[0].blur)
         self._blur_squares = np.zeros_like(self._blur)
@@ -125,22 +126,27 @@ class PhotonCrew(Crew):
     ) -> Callable[[], T]:
         """Let threads shoot photons; whoever is last calls ``ready``. Return what waits for that.
 
-        The order of photons is one and the same for any number of threads.
+        The order of photons, and of sums over them, is the same for any number of threads.
         """
         blocks = blocks_of(self._lookers[0].shooter.groups(n))
-        parts: list[tuple[Photons, list[Shown]] | None] = [None] * len(blocks)
+        parts: list[tuple[Photons, list[Shown], Balance] | None] = [None] * len(blocks)
         lock = Lock()
 
         def work(looker: Looker, i: int) -> tuple[T] | None:
             group, first, stop = blocks[i]
-            part = looker.shooter.shoot(group, pass_number, first, stop, dimension, MET_SPECULAR)
+            looker.shooter.balance = Balance()
+            photons, shown = looker.shooter.shoot(
+                group, pass_number, first, stop, dimension, MET_SPECULAR
+            )
             with lock:
-                parts[i] = part
-                done = [other for other in parts if other is not None]
+                parts[i] = photons, shown, looker.shooter.balance
+                done = [part for part in parts if part is not None]
             if len(done) < len(parts):
                 return None
-            shown = [one for _, several in done for one in several]
-            return (ready(looker, joined([photons for photons, _ in done]), shown),)
+            for _, _, balance in done:
+                self._balance.add(balance)
+            all_shown = [one for _, several, _ in done for one in several]
+            return (ready(looker, joined([photons for photons, _, _ in done]), all_shown),)
 
         futures = [submit(work, i) for i in range(len(blocks))]
 
@@ -161,16 +167,10 @@ class PhotonCrew(Crew):
             self._n_shown += pixel.size
         return picture
 
-    def _forget_balance(self) -> None:
-        """Count no photons so far: their light is in no picture."""
-        for looker in self._lookers:
-            looker.shooter.balance = Balance()
-
     def gather(self) -> None:
         """Add up the counters of all threads."""
         first, *others = self._lookers
         for other in others:
-            first.shooter.balance.add(other.shooter.balance)
             first.n_points += other.n_points
             first.n_gathered += other.n_gathered
             first.n_without += other.n_without
@@ -184,7 +184,7 @@ class PhotonCrew(Crew):
     def report(self, image: NDArray[np.float32]) -> dict[str, Any]:
         """Return what the photons did, in plain types."""
         first = self._lookers[0]
-        balance = first.shooter.balance
+        balance = self._balance
         blur, relative = self._blur_of_pixels(image)
         names = ("emitted", "escaped", "absorbed", "lost")
         photons = {

@@ -15,7 +15,7 @@ from hybrid_rt.integrators.integrator import RenderContext
 from hybrid_rt.integrators.looking import Looker
 from hybrid_rt.integrators.options import PPMOptions
 from hybrid_rt.integrators.photon_crew import PhotonCrew
-from hybrid_rt.integrators.shooting import PILOT_DIMENSION
+from hybrid_rt.integrators.shooting import PILOT_DIMENSION, Balance
 from hybrid_rt.integrators.showing import DensePlaces, Shown
 from hybrid_rt.kernels.photons import Photons
 
@@ -68,7 +68,7 @@ class ProgressiveCrew(PhotonCrew):
 
         with self._at_work() as submit:
             radii, dense = self._shot(n, 0, PILOT_DIMENSION, submit, ready)()
-        self._forget_balance()
+        self._balance = Balance()  # the light of these photons is in no picture
         for looker in self._lookers:
             looker.shooter.dense = dense if looker.is_in_the_open else None
         return radii

@@ -89,7 +89,7 @@ class Balance:
     n_stored: int = 0
 
     def add(self, other: Balance) -> None:
-        """Add what another thread did."""
+        """Add what became of other photons."""
         self.power += other.power
         self.n_emitted += other.n_emitted
         self.n_stored += other.n_stored

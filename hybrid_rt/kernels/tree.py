@@ -149,7 +149,7 @@ def build_tree(lower, upper, leaf_size):
     m = lower.shape[0]
     order = np.arange(m).astype(np.int32)
     # A node either has eight children or holds more than leaf_size primitives in leaves.
-    capacity = 8 * m // (7 * (leaf_size + 1)) + 2
+    capacity = 8 * m // (7 * min(leaf_size + 1, WIDTH)) + 2
     rows = np.empty((capacity, ROWS, WIDTH), np.float32)
     links = rows.view(np.int32)
     # Nodes still to fill: number, range of `order`, depth.

@@ -220,11 +220,11 @@ def test_threads_change_no_bit(integrator, options):
     objects = [floor(), Object(Sphere((0, 0, 1), 0.6), Dielectric(1.5))]
     view = Camera((0, -4, 3), (0, 0, 0.3), (0, 0, 1), 45, 100, 100)
     scene = Scene(view, objects, [small_lamp()])
-    images = [
-        render(scene, integrator, passes=2, seed=5, options=options, threads=t).image
-        for t in (1, 3)
-    ]
-    np.testing.assert_array_equal(*images)
+    one, three = (
+        render(scene, integrator, passes=2, seed=5, options=options, threads=t) for t in (1, 3)
+    )
+    np.testing.assert_array_equal(one.image, three.image)
+    assert one.report["photons"] == three.report["photons"]
 
 
 def test_stated_noise_is_that_of_many_renders():
