@@ -22,6 +22,7 @@ from hybrid_rt.integrators.contacts import Contacts
 from hybrid_rt.integrators.integrator import LENS_DIMENSION
 from hybrid_rt.integrators.light_paths import LightPathTracer
 from hybrid_rt.intersection import Intersector
+from hybrid_rt.kernels.media import STACK
 from hybrid_rt.lights import GradientSky, PointLight, SphereLight
 from hybrid_rt.lights.surface import ShiningSurface
 from hybrid_rt.limits import Limit
@@ -165,7 +166,7 @@ class TestPlan:
         render(scene(Lambertian(0.5)), "path", passes=1)
         assert set(widths) == {0}
         render(scene(Dielectric()), "path", passes=1)
-        assert set(widths) == {0, 4}
+        assert set(widths) == {0, STACK}
 
     def test_pinholes_take_no_lens_samples(self, monkeypatch):
         used = []
