@@ -92,7 +92,13 @@ def _parser() -> argparse.ArgumentParser:
     compare.add_argument("a", metavar="A", help=".npz or .exr; .png is 8 bit and clipped")
     compare.add_argument("b", metavar="B", help="what A is compared with, unless there is R")
     compare.add_argument("--reference", metavar="R", help="compare A and B with this instead")
-    compare.add_argument("--out", type=Path, default=Path("compare.png"), metavar="FILE.png")
+    compare.add_argument(
+        "--out",
+        type=Path,
+        default=Path("compare.png"),
+        metavar="FILE.png",
+        help="(default compare.png) the figures go beside it, FILE.json",
+    )
     compare.add_argument("--exposure", type=_stops, default=0.0, metavar="E", help="stops shown")
     compare.set_defaults(run=_run_compare)
     return parser
@@ -218,25 +224,31 @@ def _render(scene: Scene, name: str, options: argparse.Namespace, preferred: str
 
 
 def _run_compare(options: argparse.Namespace) -> None:
-    import imageio.v3 as imageio
+    from hybrid_rt.comparison import (
+        check_sheet,
+        compare_pictures,
+        comparison_sheet,
+        in_words,
+        load_picture,
+        save_comparison,
+    )
 
-    from hybrid_rt.comparison import compare_pictures, comparison_sheet, in_words, load_picture
-    from hybrid_rt.film import check_output
-
-    out = check_output(options.out)
-    if out.suffix.lower() != ".png":
-        raise ValueError(f"output {str(out)!r}: pass a .png, the map of errors is one")
+    pictures = [options.a, options.b]
+    if options.reference is not None:
+        pictures.append(options.reference)
+    out = check_sheet(options.out, pictures)
     one, other = load_picture(options.a), load_picture(options.b)
     reference = None if options.reference is None else load_picture(options.reference)
     comparison = compare_pictures(one, other, reference)
-    imageio.imwrite(out, comparison_sheet(one, other, reference, options.exposure))
+    sheet = comparison_sheet(one, other, reference, options.exposure)
+    figures = save_comparison(out, sheet, comparison)
     _say(in_words(comparison))
-    _say(f"{out}  (pictures and maps of their errors)")
+    _say(f"{out}  (pictures and maps of their errors; the figures are in {figures})")
 
 
-def _photon_options(options: argparse.Namespace) -> Any:
+def _photon_options(integrator: str, photons: int | None, alpha: float | None) -> Any:
     """Return settings for the photons asked for, or None."""
-    given = {"photons_per_pass": options.photons, "alpha": options.alpha}
+    given = {"photons_per_pass": photons, "alpha": alpha}
     given = {key: value for key, value in given.items() if value is not None}
     if not given:
         return None

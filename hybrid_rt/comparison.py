@@ -13,9 +13,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from hybrid_rt.film import screen_pixels, sidecar_of, srgb_to_linear
+from hybrid_rt.film import check_output, replacing, screen_pixels, sidecar_of, srgb_to_linear
 from hybrid_rt.measures import DARK, PictureErrors, picture_errors, relative_squares
 from hybrid_rt.records import FloatArray
+from hybrid_rt.report import plain
 from meshing.checks import as_path
 
 Pixels = NDArray[np.uint8]
@@ -296,3 +297,32 @@ def comparison_sheet(
         caption = f"error of {picture.name}: {errors.relative_rmse:.2g} (black 0.001, yellow 1)"
         panels.append((caption, error_map(picture.image, target.image)))
     return side_by_side(panels)
+
+
+def check_sheet(path: str | os.PathLike[str], pictures: Sequence[str | os.PathLike[str]]) -> Path:
+    """Return the path if a comparison of these pictures can be written there.
+
+    Raises
+    ------
+    ValueError, OSError
+        If the ending is another one than .png, it is one of the pictures, or no file can be made
+        there.
+    """
+    out = check_output(path)
+    if out.suffix.lower() != ".png":
+        raise ValueError(f"output {str(out)!r}: pass a .png, the map of errors is one")
+    if any(out.resolve() == Path(picture).resolve() for picture in pictures):
+        raise ValueError(f"output {str(out)!r} is one of the pictures: name another file")
+    return out
+
+
+def save_comparison(path: Path, sheet: Pixels, comparison: dict[str, Any]) -> Path:
+    """Write a sheet as PNG and what was measured beside it, a.json of a.png; return the latter."""
+    import imageio.v3 as imageio
+
+    with replacing(path) as file:
+        imageio.imwrite(file, sheet, extension=".png")
+    figures = sidecar_of(path)
+    with replacing(figures) as file:
+        file.write((json.dumps(plain(comparison), indent=2) + "\n").encode())
+    return figures

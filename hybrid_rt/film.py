@@ -336,10 +336,10 @@ def save_image(
     if np.ndim(image) != 3 or np.shape(image)[2] != 3:
         raise ValueError(f"image has shape {np.shape(image)}: pass (height, width, 3)")
     text = json.dumps(plain(report), indent=2, allow_nan=False) + "\n"
-    with _replacing(target) as file:
+    with replacing(target) as file:
         WRITERS[target.suffix.lower()](file, image, text, channels or {}, exposure)
     sidecar = sidecar_of(target)
-    with _replacing(sidecar) as file:
+    with replacing(sidecar) as file:
         file.write(text.encode())
     return sidecar
 
@@ -439,7 +439,7 @@ WRITERS: dict[str, Writer] = {".png": _write_png, ".npz": _write_npz, ".exr": _w
 
 
 @contextmanager
-def _replacing(target: Path) -> Iterator[BinaryIO]:
+def replacing(target: Path) -> Iterator[BinaryIO]:
     """Open a file under a temporary name that takes the target's place once it is complete."""
     temporary = _temporary(target)
     try:

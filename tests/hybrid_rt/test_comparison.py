@@ -133,6 +133,9 @@ def test_command_prints_errors_and_draws_a_map(tmp_path, monkeypatch, capsys):
     assert f"{0.5 * np.sqrt((TRUTH.astype(float) ** 2).mean()):9.3g}" in out
     assert "+0.01" in out
     assert imageio.imread("compare.png").shape == (20 + CAPTION_HEIGHT, 4 * 30 + 3 * GAP, 3)
+    figures = json.loads((tmp_path / "compare.json").read_text())
+    assert figures["against"] == "truth.npz"
+    assert figures["errors"]["off.npz"]["mean_error"] == pytest.approx(0.01, rel=1e-5)
     assert cli.main(["compare", "dark.npz", "off.npz", "--out", "two.png"]) == 0
     assert imageio.imread("two.png").shape == (20 + CAPTION_HEIGHT, 3 * 30 + 2 * GAP, 3)
 
@@ -148,3 +151,13 @@ def test_pictures_of_other_sizes_are_one_clear_line(tmp_path, monkeypatch, capsy
     )
     assert not (tmp_path / "compare.png").exists()
     assert json.loads((tmp_path / "a.npz.json").read_text()) == REPORT
+
+
+def test_pictures_compared_are_not_replaced(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    before = write(tmp_path / "a.png", TRUTH).read_bytes()
+    write("b.npz", TRUTH)
+    assert cli.main(["compare", "b.npz", "a.png", "--out", "./a.png"]) == 2
+    assert "output 'a.png' is one of the pictures: name another" in capsys.readouterr().err
+    assert (tmp_path / "a.png").read_bytes() == before
+    assert json.loads((tmp_path / "a.json").read_text()) == REPORT
