@@ -34,6 +34,7 @@ _HOMES = {
     "PointLight": "lights",
     "Rectangle": "primitives",
     "RectangleLight": "lights",
+    "RenderInterrupted": "rendering",
     "Scene": "scene",
     "Sphere": "primitives",
     "SphereLight": "lights",

@@ -11,6 +11,7 @@ _STOPPED_BY = {
     "target_error": "the target error",
     "not_finite": "pixels that are not finite, which no error can be estimated of",
     "blur": "the blur",
+    "interrupted": "Ctrl-C",
 }
 
 

@@ -19,7 +19,9 @@ from hybrid_rt.integrators import INTEGRATORS, OPTIONS, Options, RenderContext
 from hybrid_rt.integrators.clear_bodies import unclosed_bodies
 from hybrid_rt.integrators.crew import TOGETHER, Crew
 from hybrid_rt.integrators.options import DEEPEST
+from hybrid_rt.interrupts import held_back
 from hybrid_rt.intersection import Intersector
+from hybrid_rt.intersection.intersector import check_settings
 from hybrid_rt.intersection.pool import Pool
 from hybrid_rt.limits import Clock, Limit
 from hybrid_rt.memory import check_memory, photons_of
@@ -51,6 +53,20 @@ class RenderResult:
     def save(self, path: str | os.PathLike[str], exposure: float = 0.0) -> None:
         """Write the picture, and the report beside it; see `hybrid_rt.film.save_image`."""
         save_image(path, self.image, self.report, self.channels, exposure)
+
+
+class RenderInterrupted(KeyboardInterrupt):
+    """Ctrl-C ended a render after at least one pass.
+
+    Attributes
+    ----------
+    result : RenderResult
+        The picture of the passes that were complete; its report is ``stopped_by`` "interrupted".
+    """
+
+    def __init__(self, result: RenderResult) -> None:
+        super().__init__(f"interrupted after {result.report['passes']} passes")
+        self.result = result
 
 
 def render(
@@ -120,10 +136,14 @@ def render(
         Before any work, if a setting is unknown or out of range.
     MemoryError
         Before any work, if the picture or the photons of a pass are more than the machine holds.
+    RenderInterrupted
+        A KeyboardInterrupt that holds the picture of the passes done: on Ctrl-C, or where
+        ``progress`` raises one, once a pass is complete.
     """
     if not isinstance(scene, Scene):
         raise TypeError(f"render scene is {checks.shown(scene)}: pass a Scene")
     checks.choice(integrator, "integrator", INTEGRATORS)
+    check_settings(accuracy, tolerance=tolerance)
     _check_options(integrator, options)
     names = check_names(outputs)
     limit = Limit(passes, time_budget, target_error)
@@ -158,7 +178,13 @@ def render(
         # Before the passes, so that a time budget covers it.
         with ledger.stage("audit"):
             wrong = audit(context, n_threads)
-        film, stopped_by = _run_passes(crew, limit, clock, progress)
+        film = Film(scene.camera.height, scene.camera.width)
+        try:
+            stopped_by = _run_passes(film, crew, limit, clock, progress)
+        except KeyboardInterrupt:
+            if film.n_passes == 0:
+                raise
+            stopped_by = "interrupted"
         crew.gather()
         channels = compute_channels(names, context, film)
     settings = {
@@ -179,7 +205,10 @@ def render(
     report = _report(settings, context, film, clock, stopped_by) | crew.report(film.image)
     report["geometry"]["wrong_first_hits"] = wrong
     report["relative_error"] = _relative_error(report["noise"], crew, film)
-    return RenderResult(film.image, report, channels)
+    result = RenderResult(film.image, report, channels)
+    if stopped_by == "interrupted":
+        raise RenderInterrupted(result)
+    return result
 
 
 def _check_options(integrator: str, options: Options | None) -> None:
@@ -193,12 +222,11 @@ def _check_options(integrator: str, options: Options | None) -> None:
 
 
 def _run_passes(
-    crew: Crew, limit: Limit, clock: Clock, progress: Progress | None
-) -> tuple[Film, str]:
+    film: Film, crew: Crew, limit: Limit, clock: Clock, progress: Progress | None
+) -> str:
     """Add passes in the order of their numbers until a limit is reached; say which."""
     camera = crew.context.scene.camera
     n_pixels = camera.width * camera.height
-    film = Film(camera.height, camera.width)
     at_most = max(TOGETHER // n_pixels, 1)
     show_error = getattr(progress, "note_error", None)
     show_out_of_reach = getattr(progress, "note_out_of_reach", None)
@@ -213,7 +241,7 @@ def _run_passes(
 
         passes = range(film.n_passes, film.n_passes + n_together)
         for radiance in crew.render_passes(passes, on_rays):
-            with crew.context.ledger.stage("film"):
+            with held_back(), crew.context.ledger.stage("film"):
                 film.add(radiance)
         if watches_error and film.n_passes >= limit.next_estimate():
             with crew.context.ledger.stage("noise"):
@@ -225,7 +253,7 @@ def _run_passes(
                 show_error(limit.error)
             if show_out_of_reach is not None and limit.blur_out_of_reach is not None:
                 show_out_of_reach(limit.blur_out_of_reach)
-    return film, limit.reached(film.n_passes, clock.seconds) or "passes"
+    return limit.reached(film.n_passes, clock.seconds) or "passes"
 
 
 def _relative_error(noise: dict[str, Any] | None, crew: Crew, film: Film) -> dict[str, Any] | None:

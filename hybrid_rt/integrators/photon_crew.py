@@ -22,6 +22,7 @@ from hybrid_rt.integrators.integrator import RenderContext
 from hybrid_rt.integrators.looking import Looker
 from hybrid_rt.integrators.shooting import PHOTON_DIMENSION, Balance, blocks_of, joined
 from hybrid_rt.integrators.showing import Shown
+from hybrid_rt.interrupts import held_back
 from hybrid_rt.kernels.photons import MET_SPECULAR, Photons
 from hybrid_rt.measures import DARK
 from hybrid_rt.records import FloatArray
@@ -93,8 +94,10 @@ class PhotonCrew(Crew):
                         on_rays(done + n)
 
                 for radiance in super().render_passes(range(number, number + 1), heard):
+                    # First, so that no picture holds a pass of which the blur is not known.
+                    with held_back():
+                        self._add_blur(blur)
                     yield radiance if picture is None else radiance + picture
-                self._add_blur(blur)
 
     @OVERFLOWS
     def _add_blur(self, blur: FloatArray) -> None:

@@ -74,7 +74,7 @@ class Intersector:
         threads: int | None = None,
     ) -> None:
         began = time.perf_counter()
-        _check_settings(accuracy, coarse, tolerance)
+        check_settings(accuracy, coarse, tolerance)
         self.surfaces = check_surfaces(checks.items(surfaces, "surfaces"))
         self.accuracy, self.coarse = accuracy, coarse
         self._pool = Pool(threads)
@@ -278,7 +278,8 @@ class Intersector:
                     self.counters[name] += int(value)
 
 
-def _check_settings(accuracy: str, coarse: str, tolerance: float | None) -> None:
+def check_settings(accuracy: str, coarse: str = "embree", tolerance: float | None = None) -> None:
+    """Refuse what `Intersector` does not take."""
     checks.choice(accuracy, "accuracy", ACCURACIES)
     checks.choice(coarse, "coarse", COARSE_STAGES)
     if coarse == "none" and accuracy != "certified":
