@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import math
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -10,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from hybrid_rt._version import __version__
-from hybrid_rt.command import BAD_INPUT, INTERRUPTED, REFUSALS
+from hybrid_rt.command import BAD_INPUT, INTERRUPTED, REFUSALS, plain_warnings
 
 if TYPE_CHECKING:
     from hybrid_rt.progress import Progress
@@ -57,13 +58,12 @@ def render_script(describe: Callable[[], Scene], file: str) -> int:
     _add_render_options(parser)
     options = parser.parse_args()
 
-    def run() -> None:
-        from hybrid_rt.scene_file import preferred_integrator
+    def load() -> tuple[Scene, str]:
+        from hybrid_rt.scene_file import scene_of
 
-        names: dict[str, Any] = getattr(describe, "__globals__", {})
-        _render(describe(), Path(file).stem, options, preferred_integrator(names, file))
+        return scene_of(describe, getattr(describe, "__globals__", {}), file)
 
-    return _guarded(run)
+    return _guarded(lambda: _render(load, Path(file).stem, options))
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -160,18 +160,22 @@ def _add_render_options(parser: argparse.ArgumentParser) -> None:
 
 def _stops(text: str) -> float:
     """Read an exposure: a factor of 2**-100 to 2**100."""
-    value = float(text)
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
     if not -100.0 <= value <= 100.0:
-        raise argparse.ArgumentTypeError(f"{text} stops: pass a number from -100 to 100")
+        raise argparse.ArgumentTypeError(f"{text!r} stops: pass a number from -100 to 100")
     return value
 
 
 def _guarded(run: Callable[[], None]) -> int:
     """Run a command; turn refusals and Ctrl-C into exit codes."""
     try:
-        run()
+        with plain_warnings("hybrid-rt"):
+            run()
     except KeyboardInterrupt:
-        print("\nhybrid-rt: interrupted, nothing written", file=sys.stderr)  # noqa: T201
+        print("\nhybrid-rt: interrupted: only what is named above is written", file=sys.stderr)  # noqa: T201
         return INTERRUPTED
     except REFUSALS as error:
         print(f"hybrid-rt: {error}", file=sys.stderr)  # noqa: T201
@@ -180,15 +184,20 @@ def _guarded(run: Callable[[], None]) -> int:
 
 
 def _run_render(options: argparse.Namespace) -> None:
-    from hybrid_rt.scene_file import load_script
+    def load() -> tuple[Scene, str]:
+        from hybrid_rt.scene_file import load_script
 
-    scene, preferred = load_script(options.scene)
-    _render(scene, Path(options.scene).stem, options, preferred)
+        return load_script(options.scene)
+
+    _render(load, Path(options.scene).stem, options)
 
 
-def _render(scene: Scene, name: str, options: argparse.Namespace, preferred: str) -> None:
+def _render(load: Callable[[], tuple[Scene, str]], name: str, options: argparse.Namespace) -> None:
+    """Render the scene that is loaded once the files to be written are possible."""
     from hybrid_rt.film import check_output, keeps_channels
-    from hybrid_rt.rendering import render
+    from hybrid_rt.interrupts import held_back
+    from hybrid_rt.progress import watch_compilation
+    from hybrid_rt.rendering import RenderInterrupted, render
 
     outputs = [check_output(path) for path in options.out or [Path(f"{name}.png")]]
     channels = [word.strip() for word in options.outputs.split(",") if word.strip()]
@@ -196,31 +205,40 @@ def _render(scene: Scene, name: str, options: argparse.Namespace, preferred: str
         raise ValueError(
             f"--outputs {','.join(channels)}: a .png holds none of them: add --out {name}.npz or .exr"
         )
-    options.integrator = options.integrator or preferred
-    scene = _resized(scene, options.width, options.height)
+    interrupt: RenderInterrupted | None = None
     with _shown_progress(options.quiet) as progress:
-        result = render(
-            scene,
-            integrator=options.integrator,
-            passes=options.passes,
-            time_budget=options.time_budget,
-            target_error=options.target_error,
-            seed=options.seed,
-            threads=options.threads,
-            accuracy=options.accuracy,
-            tolerance=options.tolerance,
-            options=_photon_options(options),
-            outputs=channels,
-            progress=progress,
-        )
+        with watch_compilation(progress):
+            scene, preferred = load()
+        integrator = options.integrator or preferred
+        scene = _resized(scene, options.width, options.height)
+        try:
+            result = render(
+                scene,
+                integrator=integrator,
+                passes=options.passes,
+                time_budget=options.time_budget,
+                target_error=options.target_error,
+                seed=options.seed,
+                threads=options.threads,
+                accuracy=options.accuracy,
+                tolerance=options.tolerance,
+                options=_photon_options(integrator, options.photons, options.alpha),
+                outputs=channels,
+                progress=progress,
+            )
+        except RenderInterrupted as error:
+            interrupt, result = error, error.result
     if options.explain:
         from hybrid_rt.plan import explain
 
         _say(explain(result.report["plan"]))
-    for path in outputs:
-        result.save(path, options.exposure)
-        _say(f"{path}  ({_summary(result.report)})")
+    with held_back():
+        for path in outputs:
+            result.save(path, options.exposure)
+            _say(f"{path}  ({_summary(result.report)})")
     _say_numbers(result.report)
+    if interrupt is not None:
+        raise interrupt
 
 
 def _run_compare(options: argparse.Namespace) -> None:
@@ -252,27 +270,31 @@ def _photon_options(integrator: str, photons: int | None, alpha: float | None) -
     given = {key: value for key, value in given.items() if value is not None}
     if not given:
         return None
-    from hybrid_rt.integrators import PhotonMapOptions, PPMOptions
+    from hybrid_rt.checks import choice
+    from hybrid_rt.integrators import INTEGRATORS, PhotonMapOptions, PPMOptions
 
     of_integrator = {"ppm": PPMOptions, "photon_map": PhotonMapOptions}
-    if options.photons is not None and options.integrator not in of_integrator:
-        raise ValueError(f"--photons: integrator {options.integrator!r} has none: use ppm")
-    if options.alpha is not None and options.integrator != "ppm":
-        raise ValueError(f"--alpha: integrator {options.integrator!r} has none: use ppm")
-    return of_integrator[options.integrator](**given)
+    choice(integrator, "integrator", INTEGRATORS)
+    if photons is not None and integrator not in of_integrator:
+        raise ValueError(f"--photons: integrator {integrator!r} has none: use ppm")
+    if alpha is not None and integrator != "ppm":
+        raise ValueError(f"--alpha: integrator {integrator!r} has none: use ppm")
+    return of_integrator[integrator](**given)
 
 
 def _run_demo(options: argparse.Namespace) -> None:
     from hybrid_rt import demo
     from hybrid_rt.film import check_output
     from hybrid_rt.mesh_comparison import compare_with_mesh, in_words
+    from hybrid_rt.progress import watch_compilation
     from hybrid_rt.rendering import render
 
     check_output(options.out)
     scene = demo.scene()
     with _shown_progress(options.quiet) as progress:
         result = render(scene, "whitted", passes=demo.PASSES, progress=progress)
-        comparison = compare_with_mesh(scene, progress=progress)
+        with watch_compilation(progress):
+            comparison = compare_with_mesh(scene, progress=progress)
     result.report["exact_against_mesh"] = comparison
     result.save(options.out)
     _say(f"{options.out}  ({_summary(result.report)})")

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import sys
+import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import Any, TextIO
 
 BAD_INPUT, INTERRUPTED = 2, 130
 REFUSALS = (ValueError, TypeError, OSError, ImportError, MemoryError, OverflowError)
@@ -19,15 +20,39 @@ def run_tool(main: Callable[[], int]) -> int:
     """
     from hybrid_rt.progress import watch_compilation
 
+    name = Path(sys.argv[0]).name
     try:
-        with watch_compilation(_said):
+        with watch_compilation(_said), plain_warnings(name):
             return main()
     except KeyboardInterrupt:
         _say("\ninterrupted: what was found so far stands above, and in the files asked for")
         return INTERRUPTED
     except REFUSALS as error:
-        _say(f"{Path(sys.argv[0]).name}: {error}")
+        _say(f"{name}: {error}")
         return BAD_INPUT
+
+
+@contextmanager
+def plain_warnings(name: str) -> Iterator[None]:
+    """Print this project's warnings as lines of a command, without a place in its code."""
+    with warnings.catch_warnings():
+        as_before = warnings.showwarning
+
+        def show(
+            message: Warning | str,
+            category: type[Warning],
+            filename: str,
+            lineno: int,
+            file: TextIO | None = None,
+            line: str | None = None,
+        ) -> None:
+            if category is UserWarning:
+                _say(f"{name}: warning: {message}")
+            else:
+                as_before(message, category, filename, lineno, file, line)
+
+        warnings.showwarning = show
+        yield
 
 
 @contextmanager

@@ -21,6 +21,13 @@ def in_words(report: dict[str, Any]) -> str:
     return "\n".join([*_warnings(report), *lines])
 
 
+def per_cent(share: float) -> str:
+    """Put a share into per cent, two digits: "0.35 %", "190 %"."""
+    two_digits = f"{100.0 * share:.2g}"
+    is_large = 100.0 <= float(two_digits) < 1e9  # where two digits would have an exponent
+    return f"{float(two_digits):,.0f} %" if is_large else f"{two_digits} %"
+
+
 def _warnings(report: dict[str, Any]) -> list[str]:
     """Return what makes the picture wrong."""
     lines = []
@@ -45,7 +52,7 @@ def _noise(report: dict[str, Any]) -> str:
     at_most = "at most about " if noise["errs_on_the_safe_side"] else ""
     half = noise["interval_factor"] * noise["standard_error_of_image_mean"]
     return (
-        f"  noise     {at_most}{100.0 * noise['relative_rmse']:.2g} % of the picture (relative RMSE, "
+        f"  noise     {at_most}{per_cent(noise['relative_rmse'])} of the picture (relative RMSE, "
         f"estimated); image mean {noise['image_mean']:.6g} +- {half:.1g} (95 %)"
     ) + _blur(report["relative_error"])
 
@@ -55,7 +62,7 @@ def _blur(error: dict[str, Any]) -> str:
         return ""
     passes = "do not lessen it" if error["blur_stays"] else "lessen it"
     return (
-        f"\n  blur      {100.0 * error['blur']:.2g} % of the picture (relative RMSE, estimated); more "
+        f"\n  blur      {per_cent(error['blur'])} of the picture (relative RMSE, estimated); more "
         f"passes {passes}"
     )
 

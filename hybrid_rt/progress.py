@@ -8,6 +8,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any, Protocol, TextIO
 
+from hybrid_rt.numbers import per_cent
+
 # Shorter compilations are not worth a message.
 ANNOUNCE_AFTER = 0.5
 # Often enough to look alive, seldom enough to cost nothing.
@@ -49,11 +51,11 @@ class TerminalProgress:
 
     def note_error(self, error: float) -> None:
         """Show from now on that the picture has this relative error."""
-        self._error = f", error {100.0 * error:.2g} %"
+        self._error = f", error {per_cent(error)}"
 
     def note_out_of_reach(self, blur: float) -> None:
         """Show beside the error that its target cannot be reached."""
-        self._error += f": the blur alone has {100.0 * blur:.2g} %, the target is out of reach"
+        self._error += f": the blur alone has {per_cent(blur)}, the target is out of reach"
 
     def __call__(self, stage: str, done: int, total: int) -> None:
         """Draw the state of a stage."""

@@ -9,7 +9,8 @@ from __future__ import annotations
 import os
 import runpy
 import traceback
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -27,24 +28,6 @@ def load_scene(path: str | os.PathLike[str]) -> Scene:
     return load_script(path)[0]
 
 
-def preferred_integrator(names: Mapping[str, Any], file: str | os.PathLike[str]) -> str:
-    """Return what a script, of which the global names are given, calls ``INTEGRATOR``, or "path".
-
-    Raises
-    ------
-    SceneFileError
-        If there is no such integrator.
-    """
-    if "INTEGRATOR" not in names:
-        return "path"
-    from hybrid_rt.integrators import INTEGRATORS
-
-    try:
-        return checks.choice(names["INTEGRATOR"], "INTEGRATOR", INTEGRATORS)
-    except ValueError as error:
-        raise SceneFileError(f"{os.fspath(file)}: {error}") from None
-
-
 def load_script(path: str | os.PathLike[str]) -> tuple[Scene, str]:
     """Run a scene script; return its scene, and the integrator that it is meant for.
 
@@ -58,25 +41,61 @@ def load_script(path: str | os.PathLike[str]) -> tuple[Scene, str]:
     file = as_path(path, "scene script")
     if not file.is_file():
         raise SceneFileError(f"there is no scene script {str(file)!r}")
-    try:
-        namespace = runpy.run_path(str(file), run_name="hybrid_rt_scene")
-        describe = namespace.get("scene")
-        if not callable(describe):
-            raise SceneFileError(f"{file}: defines no function scene() that returns a Scene")
+    with _naming(file):
+        names = runpy.run_path(str(file), run_name="hybrid_rt_scene")
+    return scene_of(names.get("scene"), names, file)
+
+
+def scene_of(
+    describe: Any, names: Mapping[str, Any], file: str | os.PathLike[str]
+) -> tuple[Scene, str]:
+    """Return the scene that a script's function describes, and the integrator that it names.
+
+    Parameters
+    ----------
+    describe : callable
+        The script's ``scene``.
+    names : mapping
+        The script's global names.
+    file : path
+
+    Raises
+    ------
+    SceneFileError
+        As `load_script`.
+    """
+    file = Path(file)
+    if not callable(describe):
+        raise SceneFileError(f"{file}: defines no function scene() that returns a Scene")
+    with _naming(file):
         scene = describe()
-    except SceneFileError:
-        raise
-    except (Exception, SystemExit) as error:
-        raise SceneFileError(f"{file}{_line_in(file, error)}: {_described(error)}") from error
     if not isinstance(scene, Scene):
         raise SceneFileError(f"{file}: scene() returned {type(scene).__name__}, not a Scene")
-    return scene, preferred_integrator(namespace, file)
+    if "INTEGRATOR" not in names:
+        return scene, "path"
+    from hybrid_rt.integrators import INTEGRATORS
+
+    try:
+        return scene, checks.choice(names["INTEGRATOR"], "INTEGRATOR", INTEGRATORS)
+    except ValueError as error:
+        raise SceneFileError(f"{file}: {error}") from None
+
+
+@contextmanager
+def _naming(file: Path) -> Iterator[None]:
+    """Turn whatever a script raises into an error that names it; Ctrl-C stays what it is."""
+    try:
+        yield
+    except (SceneFileError, KeyboardInterrupt):
+        raise
+    except BaseException as error:
+        raise SceneFileError(f"{file}{_line_in(file, error)}: {_described(error)}") from error
 
 
 def _line_in(file: Path, error: BaseException) -> str:
     """Return ", line N" for the innermost line of the script that led to an error."""
-    if isinstance(error, SyntaxError):
-        return f", line {error.lineno}"
+    if isinstance(error, SyntaxError) and error.filename == str(file):
+        return f", line {error.lineno}" if error.lineno else ""
     frames = traceback.extract_tb(error.__traceback__)
     lines = [frame.lineno for frame in frames if frame.filename == str(file)]
     return f", line {lines[-1]}" if lines else ""
@@ -84,7 +103,7 @@ def _line_in(file: Path, error: BaseException) -> str:
 
 def _described(error: BaseException) -> str:
     # Our own refusals speak for themselves; of anything else the kind matters as well.
-    text = str(error)
+    text = " ".join(str(error).split())
     if isinstance(error, ValueError | FileNotFoundError) and text:
         return text
-    return f"{type(error).__name__}: {text}"
+    return f"{type(error).__name__}: {text}" if text else type(error).__name__

@@ -100,11 +100,14 @@ def test_script_runs_as_a_program(folder):
         (["ball.py", "--outputs", "depth"], "--outputs depth: a .png holds none of them: add"),
         (["ball.py", "--outputs", "depth,,x", "--out", "a.npz"], "output is 'x': pass one of"),
         (["ball.py", "--width", "0"], "width"),
-        (["ball.py", "--accuracy", "exact"], "accuracy"),
+        (["ball.py", "--accuracy", "exact"], "accuracy is 'exact': pass one of certified, refined"),
+        (["ball.py", "--tolerance", "-1"], "tolerance is -1: pass a finite number above 0"),
+        (["ball.py", "--integrator", "magic", "--photons", "3"], "integrator is 'magic': pass one"),
     ],
 )
 def test_bad_input_is_one_clear_line_and_exit_code_two(folder, capsys, arguments, words):
-    assert cli.main(["render", *arguments, "--quiet"]) == 2
+    """The line stands alone: nothing was begun."""
+    assert cli.main(["render", *arguments]) == 2
     error = capsys.readouterr().err
     assert words in error
     assert error.count("\n") == 1
@@ -134,6 +137,9 @@ def test_interrupt_is_exit_code_130_and_leaves_nothing(folder, capsys, monkeypat
             "line 4: Mirror color",
         ),
         ("import sys\nsys.exit(4)", "line 2: SystemExit"),
+        ("def scene():\n    raise GeneratorExit", "line 2: GeneratorExit$"),
+        ("def scene():\n    raise OSError('two\\n lines')", "line 2: OSError: two lines"),
+        ("import hybrid_rt\nexec('x = = 3')", r"bad.py, line 2: SyntaxError: invalid syntax"),
     ],
 )
 def test_faulty_scripts_are_named_with_their_line(tmp_path, text, words):
@@ -142,6 +148,42 @@ def test_faulty_scripts_are_named_with_their_line(tmp_path, text, words):
     with pytest.raises(SceneFileError, match=words) as caught:
         load_scene(script)
     assert "bad.py" in str(caught.value)
+
+
+def test_ctrl_c_in_a_script_is_no_fault_of_it(tmp_path):
+    (tmp_path / "slow.py").write_text("raise KeyboardInterrupt")
+    assert cli.main(["render", str(tmp_path / "slow.py")]) == cli.INTERRUPTED
+
+
+def test_a_script_that_runs_as_a_program_names_the_line_as_well(folder):
+    (folder / "bad.py").write_text(SCRIPT.replace("    camera =", "    1 / 0\n    camera ="))
+    command = [sys.executable, "bad.py", "--quiet"]
+    done = subprocess.run(
+        command, check=False, cwd=folder, timeout=120, capture_output=True, text=True
+    )
+    line = SCRIPT.split("\n").index("def scene():") + 2
+    assert done.stderr.startswith("hybrid-rt: ")
+    assert done.stderr.endswith(f"bad.py, line {line}: ZeroDivisionError: division by zero\n")
+    assert (done.returncode, done.stderr.count("\n")) == (cli.BAD_INPUT, 1)
+
+
+@pytest.mark.usefixtures("folder")
+@pytest.mark.filterwarnings("default")
+def test_warnings_are_lines_without_places_in_the_code(capsys):
+    arguments = "--integrator ppm --photons 100 --alpha 1 --passes 1 --quiet"
+    assert cli.main(["render", "ball.py", *arguments.split()]) == 0
+    error = capsys.readouterr().err
+    assert error.startswith("hybrid-rt: warning: PPMOptions alpha: at 1 the discs never shrink")
+    assert error.count("\n") == 1
+
+
+@pytest.mark.parametrize("text", ["abc", "nan", "101"])
+def test_exposures_are_refused_in_words(text, capsys):
+    with pytest.raises(SystemExit) as caught:
+        cli.main(["compare", "a.npz", "b.npz", "--exposure", text])
+    assert caught.value.code == cli.BAD_INPUT
+    expected = f"argument --exposure: '{text}' stops: pass a number from -100 to 100\n"
+    assert capsys.readouterr().err.endswith(expected)
 
 
 def test_version_and_help(capsys):
