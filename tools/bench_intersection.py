@@ -1,6 +1,6 @@
 """Rays per second, and their ratios to other methods, all in one run.
 
-python tools/bench_intersection.py [--quick] [--out bench.json]
+python tools/bench_intersection.py [--quick] [--threads 4] [--out bench.json]
 """
 
 import argparse
@@ -19,6 +19,7 @@ from hybrid_rt import Intersector, Rectangle, Sphere, TriangleMesh
 from hybrid_rt.accuracy import deviations
 from hybrid_rt.command import kept, run_tool
 from hybrid_rt.demo import teapot, vase
+from hybrid_rt.intersection.pool import Pool
 from hybrid_rt.verify.campaign import SCENES
 from hybrid_rt.verify.grids import best_uniform_grid
 from hybrid_rt.verify.judge import decisions
@@ -41,28 +42,29 @@ def main() -> int:
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("--quick", action="store_true", help="a tenth of the rays")
+    parser.add_argument("--threads", type=int, help="default: all cores")
     parser.add_argument("--out", type=Path, help="write the figures as JSON")
     args = parser.parse_args()
     found: dict[str, Any] = {}
     with kept(args.out, lambda: found):
-        measure(200_000 if args.quick else 2_000_000, args.quick, found)
+        measure(200_000 if args.quick else 2_000_000, args.quick, Pool(args.threads).threads, found)
     return 0
 
 
-def measure(n: int, quick: bool, found: dict[str, Any]) -> None:
+def measure(n: int, quick: bool, most: int, found: dict[str, Any]) -> None:
     """Run one benchmark after the other; ``found`` receives their figures by name."""
-    found["teapot against the rival"] = against_rival(n)
-    for threads in (None, 1):
+    found["teapot against the rival"] = against_rival(n, most)
+    for threads in dict.fromkeys((most, 1)):
         for name, surfaces in (
             ("teapot", [teapot()]),
             ("vase", [vase(0, 0, 5)]),
             ("mixed", SCENES["mixed"]()),
         ):
-            title = f"{name}, {'all threads' if threads is None else '1 thread'}"
+            title = f"{name}, {in_words(threads)}"
             found[title] = accuracies(title, surfaces, n // 4, threads)
     found["trimesh"] = against_trimesh(n // 20)
-    found["few"] = few(n // 4)
-    found["many"] = many(n // 10, quick)
+    found["few"] = few(n // 4, most)
+    found["many"] = many(n // 10, quick, most)
     found["tessellation"] = tessellation(quick)
     found["numba"] = against_numpy(n // 10)
     found["costs"] = costs()
@@ -87,15 +89,20 @@ def show(title: str, n: int, seconds: dict[str, Any], base: str) -> dict[str, An
     return rows
 
 
-def against_rival(n: int) -> dict[str, Any]:
+def in_words(threads: int) -> str:
+    """Return how many threads there are."""
+    return "1 thread" if threads == 1 else f"{threads} threads"
+
+
+def against_rival(n: int, threads: int) -> dict[str, Any]:
     """Compare certified hits with the best uncertified method."""
     surface = teapot()
     result = {}
     tracers = {
-        'certified, coarse="embree"': Intersector([surface]),
-        'certified, coarse="none"': Intersector([surface], coarse="none"),
+        'certified, coarse="embree"': Intersector([surface], threads=threads),
+        'certified, coarse="none"': Intersector([surface], coarse="none", threads=threads),
     }
-    rival = Rival(surface)
+    rival = Rival(surface, threads)
     for kind, make in KINDS.items():
         rays = make([surface], n, 1)
         out = buffers(n)
@@ -104,7 +111,7 @@ def against_rival(n: int) -> dict[str, Any]:
         }
         for name, tracer in tracers.items():
             runs[name] = _trace(tracer, rays)
-        title = f"teapot, {kind}, all threads"
+        title = f"teapot, {kind}, {in_words(threads)}"
         result[kind] = show(title, n, in_turn(runs, ROUNDS), "embreex + Newton, uncertified")
         certified = tracers['certified, coarse="none"'].intersect(rays.origins, rays.directions)
         wrong = decisions(certified, out[0])
@@ -113,7 +120,7 @@ def against_rival(n: int) -> dict[str, Any]:
     return result
 
 
-def accuracies(title: str, surfaces: list[Any], n: int, threads: int | None) -> dict[str, Any]:
+def accuracies(title: str, surfaces: list[Any], n: int, threads: int) -> dict[str, Any]:
     """Compare the three accuracies."""
     tracers = {
         name: Intersector(surfaces, threads=threads, **options)
@@ -151,7 +158,7 @@ def against_trimesh(n: int) -> dict[str, Any]:
     return show(title, n, in_turn(runs, ROUNDS), "trimesh")
 
 
-def few(n: int) -> dict[str, Any]:
+def few(n: int, threads: int) -> dict[str, Any]:
     """Measure scenes of one surface, which need no tree: one test of at most eight boxes."""
     x, y = np.meshgrid(np.linspace(-1, 1, 4), np.linspace(-1, 1, 4), indexing="ij")
     scenes = {
@@ -163,12 +170,12 @@ def few(n: int) -> dict[str, Any]:
     result: dict[str, Any] = {}
     for name, surface in scenes.items():
         rays = at_box([Sphere((0, 0, 0), 1)], n, 8)
-        tracer = Intersector([surface], coarse="none")
+        tracer = Intersector([surface], coarse="none", threads=threads)
         result |= show(name, n, in_turn({name: _trace(tracer, rays)}, 3), name)
     return result
 
 
-def many(n: int, quick: bool) -> dict[str, Any]:
+def many(n: int, quick: bool, threads: int) -> dict[str, Any]:
     """Measure scenes of many surfaces: speed, seconds to build, memory."""
     import trimesh
 
@@ -182,7 +189,7 @@ def many(n: int, quick: bool) -> dict[str, Any]:
     for name, make in scenes.items():
         surfaces = make()
         began = time.perf_counter()
-        tracer = Intersector(surfaces, coarse="none")
+        tracer = Intersector(surfaces, coarse="none", threads=threads)
         build = time.perf_counter() - began
         memory = memory_of(lambda surfaces=surfaces: Intersector(surfaces, coarse="none"))
         pieces = len(surfaces[0]) if len(surfaces) == 1 else count

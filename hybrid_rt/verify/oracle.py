@@ -7,7 +7,6 @@ as doubtful: an answer that takes a doubtful root and one that leaves it out are
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
@@ -16,6 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from hybrid_rt.intersection.pool import available_threads
 from hybrid_rt.primitives import Box, Plane, Rectangle, Sphere, TriangleMesh
 from hybrid_rt.records import BoolArray, FloatArray, IntArray
 from hybrid_rt.verify.kernels import closed_forms, events, patch_roots, profile_roots
@@ -166,7 +166,7 @@ def first_hits(
             room = int(found.count[0])
 
     begins = range(0, n, CHUNK)
-    n_threads = threads or len(os.sched_getaffinity(0))
+    n_threads = threads or available_threads()
     with ThreadPoolExecutor(n_threads) as pool:
         parts = list(pool.map(run, begins))
     columns = {
