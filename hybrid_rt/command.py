@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib.util
 import sys
 import warnings
 from collections.abc import Callable, Iterator
@@ -53,6 +54,12 @@ def plain_warnings(name: str) -> Iterator[None]:
 
         warnings.showwarning = show
         yield
+
+
+def say_if_no_plots(what: str) -> None:
+    """Say, before the work, what there will be none of where matplotlib is not installed."""
+    if importlib.util.find_spec("matplotlib") is None:
+        _say(f"no {what} without matplotlib: pip install 'hybrid-rt[plot]'")
 
 
 @contextmanager

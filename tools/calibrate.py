@@ -10,6 +10,7 @@ that exceeds the noise, or if a bound is broken or loose.
 
 import argparse
 import sys
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -40,6 +41,10 @@ def main() -> int:
     parser.add_argument("--threads", type=int)
     parser.add_argument("--out", type=Path, help="write the figures as JSON")
     args = parser.parse_args()
+    if args.digits_hits and find_spec("mpmath") is None:
+        raise ModuleNotFoundError(
+            "60 digits need the package mpmath: pip install 'hybrid-rt[dev]', or pass --digits-hits 0"
+        )
     rows: list[dict[str, Any]] = []
     with kept(args.out, lambda: rows):
         for integrator in args.integrator or ["path", "ppm"]:

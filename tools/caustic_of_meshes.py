@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from hybrid_rt.command import kept, run_tool
+from hybrid_rt.command import kept, run_tool, say_if_no_plots
 from hybrid_rt.film import screen_pixels
 from hybrid_rt.verify.mesh_caustics import Curve, curves, truth
 
@@ -31,13 +31,14 @@ def main() -> int:
     parser.add_argument("--quick", action="store_true", help="small pictures, few triangles")
     parser.add_argument("--threads", type=int)
     args = parser.parse_args()
+    args.out.mkdir(parents=True, exist_ok=True)
+    say_if_no_plots("caustic_error_against_time.png")
     size, photons = (64, 20_000) if args.quick else (200, 100_000)
     triangles = TRIANGLES[:2] if args.quick else TRIANGLES
     passes = (1, 4) if args.quick else (1, 4, 16)
     print(f"truth: {size} x {size}, {photons} photons a pass", flush=True)
     reference = truth(size, 4 * max(passes), photons, args.threads)
     found: list[Curve] = []
-    args.out.mkdir(parents=True, exist_ok=True)
     with kept(args.out / "caustic_of_meshes.json", lambda: figures(found, passes)):
         for curve in curves(reference, triangles, passes, photons, args.threads):
             found.append(curve)
@@ -71,8 +72,7 @@ def draw(folder: Path, reference: np.ndarray, found: list[Curve]) -> None:
     imageio.imwrite(folder / "caustic_of_meshes.png", screen_pixels(sheet, EXPOSURE))
     try:
         import matplotlib as mpl
-    except ImportError:
-        print("for the plot: pip install matplotlib, or this project with its extra `plot`")
+    except ImportError:  # which was said before the work
         return
     mpl.use("Agg")
     import matplotlib.pyplot as plt

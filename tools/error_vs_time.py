@@ -21,7 +21,7 @@ from pathlib import Path
 from typing import Any
 
 from hybrid_rt import checks, error_page, error_vs_time
-from hybrid_rt.command import run_tool
+from hybrid_rt.command import run_tool, say_if_no_plots
 from hybrid_rt.comparison import load_picture
 from hybrid_rt.error_vs_time import RULE_OF_THREE, Curve, HitStudy, PictureStudy, Point, Spread
 from hybrid_rt.forecast import forecast, recommend, triangles_for
@@ -37,6 +37,8 @@ def main() -> int:
     """Run the tool; return the exit code."""
     parser = _parser()
     args = parser.parse_args()
+    if args.out:
+        say_if_no_plots("curves.png")
     if args.compare:
         _compare(args)
     elif not args.source:
@@ -218,8 +220,7 @@ def _write(
 def _draw(file: Path, name: str, data: dict[str, Any]) -> None:
     try:
         import matplotlib as mpl
-    except ImportError:
-        print("for curves.png: pip install matplotlib, or this project with its extra `plot`")
+    except ImportError:  # which was said before the work
         return
     mpl.use("Agg")
     import matplotlib.pyplot as plt

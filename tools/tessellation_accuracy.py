@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 from hybrid_rt.accuracy import RAYS, Rung, climb, error_image
-from hybrid_rt.command import kept, run_tool
+from hybrid_rt.command import kept, run_tool, say_if_no_plots
 from hybrid_rt.scene_file import load_scene
 from meshing import BezierPatches, SurfaceOfRevolution
 
@@ -39,6 +39,8 @@ def main() -> int:
     parser.add_argument("--rays", type=int, help="of each kind (default 200000)")
     parser.add_argument("--threads", type=int)
     args = parser.parse_args()
+    if args.out:
+        say_if_no_plots("error_against_time.png and mesh_error.png")
     surfaces = load(args.file)
     low = np.min([s.bounds[0] for s in surfaces], axis=0)
     high = np.max([s.bounds[1] for s in surfaces], axis=0)
@@ -118,8 +120,7 @@ def write(folder: Path, surfaces: Sequence[Any], rungs: Sequence[Rung], size: fl
         writer.writerows(line.values() for line in flat)
     try:
         import matplotlib as mpl
-    except ImportError:
-        print("for the pictures: pip install matplotlib, or this project with its extra `plot`")
+    except ImportError:  # which was said before the work
         return
     mpl.use("Agg")
     import matplotlib.pyplot as plt

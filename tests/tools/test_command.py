@@ -1,5 +1,6 @@
 """Tools end with an exit code and a line, and keep what they have found when they are stopped."""
 
+import importlib.util
 import json
 import runpy
 import sys
@@ -62,6 +63,45 @@ def test_long_compilations_are_announced(monkeypatch, capsys):
 
     assert command.run_tool(main) == 7
     assert capsys.readouterr().err == "Compiling kernels (first run only) ...\n"
+
+
+@pytest.fixture
+def without(monkeypatch):
+    """Make a package look as if it were not installed."""
+
+    def hide(package):
+        find = importlib.util.find_spec
+        monkeypatch.setattr(
+            importlib.util, "find_spec", lambda name: None if name == package else find(name)
+        )
+
+    return hide
+
+
+def test_digits_need_a_package_and_say_so_first(without, monkeypatch, capsys):
+    without("mpmath")
+    monkeypatch.setattr(sys, "argv", ["calibrate.py"])
+    with pytest.raises(SystemExit) as ended:
+        runpy.run_path(str(TOOLS / "calibrate.py"), run_name="__main__")
+    assert ended.value.code == 2
+    out, error = capsys.readouterr()
+    assert out == ""
+    assert error == (
+        "calibrate.py: 60 digits need the package mpmath: pip install 'hybrid-rt[dev]', or pass "
+        "--digits-hits 0\n"
+    )
+
+
+def test_diagrams_that_will_be_missing_are_said_first(without, monkeypatch, capsys):
+    without("matplotlib")
+    monkeypatch.setattr(sys, "argv", ["tessellation_accuracy.py", "none.bpt", "--out", "."])
+    with pytest.raises(SystemExit):
+        runpy.run_path(str(TOOLS / "tessellation_accuracy.py"), run_name="__main__")
+    first = capsys.readouterr().err.splitlines()[0]
+    assert first == (
+        "no error_against_time.png and mesh_error.png without matplotlib: pip install "
+        "'hybrid-rt[plot]'"
+    )
 
 
 @pytest.mark.parametrize("tool", sorted(TOOLS.glob("*.py")), ids=lambda path: path.stem)
