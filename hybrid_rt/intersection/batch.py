@@ -7,6 +7,7 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from hybrid_rt.kernels.coarse import CoarseHits
 from hybrid_rt.kernels.nearest import Nearest, Rays
 from hybrid_rt.records import BoolArray, FloatArray, HitRecord, IntArray
 
@@ -42,23 +43,20 @@ class Kind(Protocol):
 class CurvedKind(Kind, Protocol):
     """A kind that goes to Embree as triangles first."""
 
-    def guesses(self, coarse: Any, face: IntArray, u: FloatArray, v: FloatArray) -> IntArray:
-        """Return what `trace` is to begin with for each coarse hit, -1 for nothing."""
+    def guesses(self, coarse: Any, hits: CoarseHits) -> IntArray:
+        """Return what `trace` is to begin with for each ray, -1 for nothing."""
         ...
 
     def refine(
         self,
         coarse: Any,
-        face: IntArray,
-        t: FloatArray,
-        u: FloatArray,
-        v: FloatArray,
+        hits: CoarseHits,
         rows: NDArray[np.int64],
         rays: Rays,
         best: Nearest,
         accepted: BoolArray,
     ) -> None:
-        """Lower ``best[rows]`` to what the coarse hits of this kind refine to."""
+        """Lower ``best[rows]`` to what hits of this kind refine to, and mark them ``accepted``."""
         ...
 
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from hybrid_rt.intersection.batch import Finished, rows_of
 from hybrid_rt.intersection.pool import Pool
-from hybrid_rt.kernels.coarse import guess_cells
+from hybrid_rt.kernels.coarse import CoarseHits, guess_cells
 from hybrid_rt.kernels.nearest import Nearest, Rays
 from hybrid_rt.kernels.patch_cells import FAN, ROW_U, ROW_V, fill_cells, fill_quarters
 from hybrid_rt.kernels.patch_hits import count_changed, finish_patches, refine_patches
@@ -144,11 +144,11 @@ class PatchKind:
         if guess is not None:
             count_changed(t_guess, t_before, best, work)
 
-    def guesses(self, coarse: Coarse, face: IntArray, u: FloatArray, v: FloatArray) -> IntArray:
+    def guesses(self, coarse: Coarse, hits: CoarseHits) -> IntArray:
         """Return the cell of each coarse hit, -1 where there is none on a patch."""
-        guess = np.empty(len(face), np.int32)
+        guess = np.empty(len(hits.face), np.int32)
         guess_cells(
-            face, u, v, coarse.corner_uv, coarse.object_id, coarse.piece, self._first_of(coarse),
+            hits, coarse.triangles, self._first_of(coarse),
             self.table.grid, self.table.first_cell, self.table.place, guess,
         )  # fmt: skip
         return guess
@@ -156,10 +156,7 @@ class PatchKind:
     def refine(
         self,
         coarse: Coarse,
-        face: IntArray,
-        t: FloatArray,
-        u: FloatArray,
-        v: FloatArray,
+        hits: CoarseHits,
         rows: NDArray[np.int64],
         rays: Rays,
         best: Nearest,
@@ -167,8 +164,8 @@ class PatchKind:
     ) -> None:
         """Move coarse hits onto their patches by Newton iteration, and offer what is found."""
         refine_patches(
-            self.table, face, t, u, v, coarse.corner_uv, coarse.object_id, coarse.piece,
-            self._first_of(coarse), rows, rays, best, self._new_basis(), accepted,
+            self.table, hits, coarse.triangles, self._first_of(coarse), rows, rays, best,
+            self._new_basis(), accepted,
         )  # fmt: skip
 
     def _new_basis(self) -> FloatArray | None:

@@ -16,6 +16,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from hybrid_rt.kernels.coarse import parameters_at
 from hybrid_rt.kernels.frame import begin_of, end_of, enter_frame
 from hybrid_rt.kernels.nearest import is_known, offer
 from hybrid_rt.kernels.patch import (
@@ -629,30 +630,27 @@ def trace_revolutions(table, rays, guess, best, any_hit, work, counters):
 
 
 @hot_kernel
-def guess_pieces(face, u, v, corner_uv, object_of, segment, row_of, table, guess):
+def guess_pieces(hits, triangles, row_of, table, guess):
     """Turn coarse hits into pieces (-1: no hit, or on no surface of revolution)."""
-    for i in range(face.shape[0]):
-        f = face[i]
+    for i in range(hits.face.shape[0]):
+        f = hits.face[i]
         guess[i] = -1
-        if f < 0 or row_of[object_of[f]] < 0:
+        if f < 0 or row_of[triangles.object_id[f]] < 0:
             continue
-        k = row_of[object_of[f]]
+        k = row_of[triangles.object_id[f]]
         for seg in range(table.first_segment[k], table.first_segment[k + 1]):
-            if table.segment_id[seg] == segment[f]:
-                w = 1.0 - u[i] - v[i]
-                s = w * corner_uv[f, 0, 1] + u[i] * corner_uv[f, 1, 1] + v[i] * corner_uv[f, 2, 1]
+            if table.segment_id[seg] == triangles.piece[f]:
+                _, s = parameters_at(triangles, f, hits.u[i], hits.v[i])
                 n = table.first_piece[seg + 1] - table.first_piece[seg]
                 guess[i] = table.first_piece[seg] + min(max(int(s * n), 0), n - 1)
 
 
 @hot_kernel
-def refine_revolutions(
-    table, face, t, u, v, corner_uv, object_of, segment, row_of, rows, rays, best, ray, accepted
-):
+def refine_revolutions(table, hits, triangles, row_of, rows, rays, best, ray, accepted):
     """Newton from coarse hits, with no proof of anything (accuracy "refined")."""
-    for j in range(face.shape[0]):
-        i, f = rows[j], face[j]
-        k = row_of[object_of[f]]
+    for j in range(hits.face.shape[0]):
+        i, f = rows[j], hits.face[j]
+        k = row_of[triangles.object_id[f]]
         if k < 0:
             continue
         o, d = rays.origin[i], rays.direction[i]
@@ -660,11 +658,10 @@ def refine_revolutions(
             k, o[0], o[1], o[2], d[0], d[1], d[2], table.middle, table.to_frame[k], table.turn, ray
         )
         for seg in range(table.first_segment[k], table.first_segment[k + 1]):
-            if table.segment_id[seg] != segment[f]:
+            if table.segment_id[seg] != triangles.piece[f]:
                 continue
-            w = 1.0 - u[j] - v[j]
-            s = w * corner_uv[f, 0, 1] + u[j] * corner_uv[f, 1, 1] + v[j] * corner_uv[f, 2, 1]
-            begin = t[j] * table.to_frame[k] - shift
+            _, s = parameters_at(triangles, f, hits.u[j], hits.v[j])
+            begin = hits.t[j] * table.to_frame[k] - shift
             degree = table.degree[seg]
             error, scale = rounding(degree, table.size[k], ray, begin)
             ok, s, root, _, slope, gain = meet(
@@ -672,7 +669,8 @@ def refine_revolutions(
             )
             if ok and offer_meeting(
                 i, s, root, slope, gain, error, scale, table.open_ends[seg], table.control,
-                table.start[seg], degree, ray, begin >= ray[7], shift, 1.0 / table.to_frame[k], table.object_id[k], seg, rays.t_min, rays.known, best,
+                table.start[seg], degree, ray, begin >= ray[7], shift, 1.0 / table.to_frame[k],
+                table.object_id[k], seg, rays.t_min, rays.known, best,
             ):  # fmt: skip
                 accepted[j] = True
 
