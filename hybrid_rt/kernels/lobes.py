@@ -8,6 +8,7 @@ chosen here as often as the others, and followed in `hybrid_rt.kernels.scatter`.
 import math
 from typing import Any, NamedTuple
 
+from hybrid_rt.kernels.fresnel import mirrored
 from meshing.kernels.jit import inlined, kernel
 
 # In this order: those that spread light come first, see `scattered`.
@@ -181,8 +182,7 @@ def lobe_direction(kind, number, nx, ny, nz, dx, dy, dz, xi, eta):
     phi = 2.0 * math.pi * eta
     if kind == DIFFUSE:
         return onto_axis(nx, ny, nz, math.sqrt(1.0 - xi), math.sqrt(xi), phi)
-    twice = 2.0 * (nx * dx + ny * dy + nz * dz)
-    rx, ry, rz = dx - twice * nx, dy - twice * ny, dz - twice * nz
+    rx, ry, rz = mirrored(dx, dy, dz, nx, ny, nz)
     if kind == PHONG:
         cosine = (1.0 - xi) ** (1.0 / (number + 1.0))
         return onto_axis(rx, ry, rz, cosine, math.sqrt(max(1.0 - cosine * cosine, 0.0)), phi)
