@@ -23,7 +23,7 @@ from hybrid_rt.integrators.showing import DensePlaces, Shown, show
 from hybrid_rt.integrators.surface_light import SurfaceLight, largest_channel
 from hybrid_rt.kernels.emission import Launch, Targets, launch_from_light, launch_from_sky
 from hybrid_rt.kernels.light import POINT, RECTANGLE, SPHERE, LightPoints
-from hybrid_rt.kernels.lobes import DIELECTRIC, LAST_SPREADING, METAL, PHONG
+from hybrid_rt.kernels.lobes import DIELECTRIC, DIFFUSE, LAST_SPREADING, METAL, PHONG
 from hybrid_rt.kernels.photons import (
     EMITTED,
     IS_SHOWN,
@@ -38,7 +38,7 @@ from hybrid_rt.kernels.photons import (
 )
 from hybrid_rt.kernels.scatter import ABSORBED, LEFT, SCATTERED, SPECULAR, STOPPED
 from hybrid_rt.primitives import Plane
-from hybrid_rt.records import BoolArray, FloatArray, HitRecord, IntArray, NamedPoints
+from hybrid_rt.records import FloatArray, HitRecord, IntArray, NamedPoints
 from hybrid_rt.sampler import UIntArray
 from hybrid_rt.scene import NOTHING, CompiledScene
 
@@ -95,15 +95,6 @@ class Balance:
         self.n_stored += other.n_stored
 
 
-def materials_with(scene: CompiledScene, last: int, least: int = 0) -> BoolArray:
-    """Return which materials have a lobe of these kinds, (materials + 1,); the last row has none."""
-    kinds, first = scene.lobes.kind, scene.lobes.first
-    marks = np.zeros(first.size, dtype=np.bool_)
-    for m, (start, stop) in enumerate(pairwise(first)):
-        marks[m] = bool(((kinds[start:stop] >= least) & (kinds[start:stop] <= last)).any())
-    return marks
-
-
 class Shooter:
     """Sends out photons and follows them.
 
@@ -133,11 +124,12 @@ class Shooter:
         scene = context.scene
         self.world = _world(scene)
         self._light = SurfaceLight(context)
-        self.gathers = materials_with(scene, PHONG)
-        self._spreads = materials_with(scene, LAST_SPREADING)
+        self.gathers = scene.materials_of_kinds(DIFFUSE, PHONG)
+        self._spreads = scene.materials_of_kinds(DIFFUSE, LAST_SPREADING)
         self._targets = Targets(np.zeros((0, 3)), np.zeros(0))
         if context.plan["aimed photons"]:
-            self._targets = targets_of(scene, materials_with(scene, DIELECTRIC, least=METAL))
+            throws = scene.materials_of_kinds(METAL, DIELECTRIC)
+            self._targets = targets_of(scene, throws)
         self._powers = _powers(scene, self.world)
         sends = np.flatnonzero((self._powers[:-1] > 0.0) & context.plan["photons"])
         self._media = media_around_lights(context, contacts, sends, self._leaving_middle)
