@@ -20,7 +20,7 @@ from hybrid_rt.integrators.clear_bodies import absorb, media_around_lights
 from hybrid_rt.integrators.contacts import Contacts, first_hits
 from hybrid_rt.integrators.integrator import RenderContext
 from hybrid_rt.integrators.showing import DensePlaces, Shown, show
-from hybrid_rt.integrators.surface_light import SurfaceLight, largest_channel
+from hybrid_rt.integrators.surface_light import SurfaceLight, largest_channel, new_light_points
 from hybrid_rt.kernels.emission import Launch, Targets, launch_from_light, launch_from_sky
 from hybrid_rt.kernels.light import POINT, RECTANGLE, SPHERE, LightPoints
 from hybrid_rt.kernels.lobes import DIELECTRIC, DIFFUSE, LAST_SPREADING, METAL, PHONG
@@ -132,7 +132,7 @@ class Shooter:
             self._targets = targets_of(scene, throws)
         self._powers = _powers(scene, self.world)
         sends = np.flatnonzero((self._powers[:-1] > 0.0) & context.plan["photons"])
-        self._media = media_around_lights(context, contacts, sends, self._leaving_middle)
+        self._media = media_around_lights(context, contacts, sends)
 
     def groups(self, photons_per_pass: int) -> list[Group]:
         """Share the photons of a pass out by power; every light that shines gets some."""
@@ -266,16 +266,6 @@ class Shooter:
             history=np.zeros(sent.size, dtype=np.uint8),
         )
 
-    def _leaving_middle(self, light: int) -> tuple[FloatArray, FloatArray]:
-        """Return a point of a light in its middle, and a direction in which it shines, (1, 3)."""
-        scene, middle, launch = self.context.scene, np.array([[0.5, 0.5]]), _new_launch(1)
-        nowhere = Targets(np.zeros((0, 3)), np.zeros(0))
-        launch_from_light(
-            scene.lights, scene.textures, self._surface_points(light, middle), light, nowhere, 1, 0,
-            False, middle, middle, middle[:, 0], launch,
-        )  # fmt: skip
-        return launch.origin, launch.direction
-
     def _points(self, sequence: int, number: UIntArray, dimension: int) -> FloatArray:
         name, _ = _in_sequence(sequence, number)
         return self.context.sampler.points(name, dimension, number)
@@ -290,13 +280,7 @@ class Shooter:
 
     def _surface_points(self, light: int, xi: FloatArray) -> LightPoints:
         chooser = self.context.scene.shining.get(light)
-        if chooser is None:
-            none = np.zeros(0)
-            return LightPoints(np.zeros((0, 3)), np.zeros((0, 3)), none, none, none)
-        patch, u, v = chooser.choose(xi)
-        surface = chooser.surface
-        density = chooser.pdf_area(patch, u, v)
-        return LightPoints(surface.point(u, v, patch), surface.normal(u, v, patch), density, u, v)
+        return new_light_points(0) if chooser is None else chooser.points(xi)
 
 
 def sequence_of(group: Group, pass_number: int) -> tuple[int, int]:

@@ -170,8 +170,8 @@ class SurfaceLight:
     ) -> FloatArray:
         """Return what lights and sky send through the spreading lobes, (n, 3): all are asked.
 
-        ``media`` are the stacks of the rays. Hit i uses the dimensions ``dimension[i] + 0, 1, ...``, one for each light and one for the
-        sky.
+        ``media`` are the stacks of the rays. Hit i uses the dimensions ``dimension[i] + 0, 1, ...``,
+        one for each light and one for the sky.
         """
         context, n = self._context, len(shading.hits)
         questions: list[_Question] = []
@@ -341,19 +341,13 @@ class SurfaceLight:
     def points(self, light_id: IntArray, xi: FloatArray) -> LightPoints:
         """Choose points on the surfaces among the lights, by numbers (n, 2) in [0, 1)."""
         shining = self._context.scene.shining
-        n = light_id.size if shining else 0
-        points = LightPoints(
-            np.zeros((n, 3)), np.zeros((n, 3)), np.zeros(n), np.zeros(n), np.zeros(n)
-        )
+        points = new_light_points(light_id.size if shining else 0)
         for light, chooser in shining.items():
             rows = np.flatnonzero(light_id == light)
             if rows.size == 0:
                 continue
-            patch, u, v = chooser.choose(xi[rows])
-            points.position[rows] = chooser.surface.point(u, v, patch)
-            points.normal[rows] = chooser.surface.normal(u, v, patch)
-            points.pdf_area[rows] = chooser.pdf_area(patch, u, v)
-            points.u[rows], points.v[rows] = u, v
+            for column, chosen in zip(points, chooser.points(xi[rows]), strict=True):
+                column[rows] = chosen
         return points
 
     def _pdf_area(
@@ -398,6 +392,17 @@ def shadow_rays(n: int) -> ShadowRays:
         source_id=np.empty(n, dtype=np.int32),
         target_id=np.empty(n, dtype=np.int32),
         value=np.empty((n, 3)),
+    )
+
+
+def new_light_points(n: int) -> LightPoints:
+    """Return n points to be filled; (0,) where no surface is a light."""
+    return LightPoints(
+        position=np.zeros((n, 3)),
+        normal=np.zeros((n, 3)),
+        pdf_area=np.zeros(n),
+        u=np.zeros(n),
+        v=np.zeros(n),
     )
 
 

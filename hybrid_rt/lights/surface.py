@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from hybrid_rt.kernels.light import LightPoints
 from hybrid_rt.primitives import Box, Plane, Rectangle, Sphere, TriangleMesh
 from hybrid_rt.records import FloatArray
 
@@ -40,6 +41,12 @@ class ShiningSurface(ABC):
         cell = np.minimum(cell, self._share.size - 1)
         rest = np.clip((xi[:, 0] - self._before[cell]) / self._share[cell], 0.0, 1.0)
         return self._within(cell, rest, xi[:, 1])
+
+    def points(self, xi: FloatArray) -> LightPoints:
+        """Return points chosen by numbers (n, 2) in [0, 1), as kernels take them."""
+        patch, u, v = self.choose(xi)
+        point, normal = self.surface.point(u, v, patch), self.surface.normal(u, v, patch)
+        return LightPoints(point, normal, self.pdf_area(patch, u, v), u, v)
 
     @abstractmethod
     def _within(
