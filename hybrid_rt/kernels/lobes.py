@@ -1,7 +1,7 @@
 """What a surface sends on of the light that reaches it: the lobes that spread it.
 
 One interface for all of them: `scattered` is `eval` (f cos) and `pdf` together, `sample_lobes` and
-`pick_direction` are `sample`. Mirror and glass send light on along single directions: they are
+`lobe_direction` are `sample`. Mirror and glass send light on along single directions: they are
 chosen here as often as the others, and followed in `hybrid_rt.kernels.scatter`.
 """
 
@@ -255,19 +255,3 @@ def sample_lobes(lobes, material, colors, normal, direction, xi, last_kind, wi, 
         wi[i, 0], wi[i, 1], wi[i, 2] = x, y, z
         value[i, 0], value[i, 1], value[i, 2] = r / density, g / density, b / density
         pdf[i] = density
-
-
-@kernel
-def evaluate_lobes(lobes, material, colors, normal, direction, wi, last_kind, value, pdf):
-    """Fill ``value`` (n, 3) with f cos and ``pdf`` (n,) for given directions; see `scattered`."""
-    for i in range(material.size):
-        value[i, 0] = value[i, 1] = value[i, 2] = 0.0
-        pdf[i] = 0.0
-        if material[i] < 0:
-            continue
-        value[i, 0], value[i, 1], value[i, 2], pdf[i] = scattered(
-            lobes, material[i], colors, i,
-            normal[i, 0], normal[i, 1], normal[i, 2],
-            direction[i, 0], direction[i, 1], direction[i, 2],
-            wi[i, 0], wi[i, 1], wi[i, 2], last_kind,
-        )  # fmt: skip
