@@ -244,9 +244,13 @@ def _photon_options(options: argparse.Namespace) -> Any:
 
     of_integrator = {"ppm": PPMOptions, "photon_map": PhotonMapOptions}
     if options.photons is not None and options.integrator not in of_integrator:
-        raise ValueError(f"--photons: integrator {options.integrator!r} has none: use ppm")
+        raise ValueError(
+            f"--photons: integrator {options.integrator!r} has none, pass --integrator ppm"
+        )
     if options.alpha is not None and options.integrator != "ppm":
-        raise ValueError(f"--alpha: integrator {options.integrator!r} has none: use ppm")
+        raise ValueError(
+            f"--alpha: integrator {options.integrator!r} has none, pass --integrator ppm"
+        )
     return of_integrator[options.integrator](**given)
 
 

@@ -207,7 +207,7 @@ def study_picture(
     for n in passes:
         checks.whole(n, "passes", at_least=1)
     if list(passes) != sorted(set(passes)) or not passes:
-        raise ValueError(f"passes are {list(passes)}: give one or more, each more than the last")
+        raise ValueError(f"passes are {list(passes)}: pass one or more, each above the one before")
     checks.whole(runs, "runs", at_least=1)
     if reference is not None and reference.image.shape[:2] != (
         scene.camera.height,
@@ -216,14 +216,14 @@ def study_picture(
         raise ValueError(
             f"reference {reference.name} has {reference.image.shape[1]} x "
             f"{reference.image.shape[0]} pixels, the camera {scene.camera.width} x "
-            f"{scene.camera.height}: render one of that size"
+            f"{scene.camera.height}: pass a picture of that size"
         )
     if reference_by is not None and (
         reference_by not in REFERENCES or not finds_all_light(scene, reference_by)
     ):
         raise ValueError(
-            f"reference_by {reference_by!r}: it does not find all light of this scene; use "
-            + (" or ".join(n for n in REFERENCES if finds_all_light(scene, n)) or "a picture")
+            f"reference_by is {reference_by!r}, which does not find all light of this scene: pass "
+            + (" or ".join(n for n in REFERENCES if finds_all_light(scene, n)) or "a reference")
         )
     chosen = default_methods(scene) if methods is None else list(methods)
     camera = scene.camera

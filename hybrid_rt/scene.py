@@ -268,7 +268,7 @@ def _shining_object(item: Object, radiance: Texture) -> tuple[LightRow, ShiningS
     try:
         chooser = shining_surface(surface)
     except ValueError as error:
-        raise ValueError(f"object {item.name!r}: {error}") from error
+        raise ValueError(f"object {item.name!r} {error}") from error
     # A plane has no end: scattered rays find it, but nothing is chosen on it.
     area = 0.0 if chooser is None else chooser.area
     strength = radiance.brightest

@@ -57,19 +57,21 @@ def load_script(path: str | os.PathLike[str]) -> tuple[Scene, str]:
     """
     file = as_path(path, "scene script")
     if not file.is_file():
-        raise SceneFileError(f"there is no scene script {str(file)!r}")
+        raise SceneFileError(f"scene script {str(file)!r}: there is no such file")
     try:
         namespace = runpy.run_path(str(file), run_name="hybrid_rt_scene")
         describe = namespace.get("scene")
         if not callable(describe):
-            raise SceneFileError(f"{file}: defines no function scene() that returns a Scene")
+            raise SceneFileError(f"{file} has no function scene(): define one that returns a Scene")
         scene = describe()
     except SceneFileError:
         raise
     except (Exception, SystemExit) as error:
         raise SceneFileError(f"{file}{_line_in(file, error)}: {_described(error)}") from error
     if not isinstance(scene, Scene):
-        raise SceneFileError(f"{file}: scene() returned {type(scene).__name__}, not a Scene")
+        raise SceneFileError(
+            f"{file}: scene() returned {type(scene).__name__}, let it return a Scene"
+        )
     return scene, preferred_integrator(namespace, file)
 
 

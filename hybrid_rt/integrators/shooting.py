@@ -348,16 +348,16 @@ def _powers(scene: CompiledScene, world: FloatArray) -> FloatArray:
         else:
             name = scene.names[scene.surface_of_light[i]]
             raise ValueError(
-                f"object {name!r}: a plane that shines sends out photons without end; use a "
-                "Rectangle, or integrator 'path'"
+                f"object {name!r} is a plane that shines, so sends out photons without end: pass a "
+                "Rectangle, or use integrator 'path'"
             )
         power[i] = factor * lights.strength[i].mean()
     if scene.environment is not None:
         endless = [i for i, surface in enumerate(scene.surfaces) if isinstance(surface, Plane)]
         if endless:
             raise ValueError(
-                f"object {scene.names[endless[0]]!r}: the sky sends photons without end to a plane; "
-                "use a Rectangle, or integrator 'path'"
+                f"object {scene.names[endless[0]]!r} is a plane, to which the sky sends photons "
+                "without end: pass a Rectangle, or use integrator 'path'"
             )
         height = (np.arange(64) + 0.5) / 32.0 - 1.0
         turn = math.pi * (3.0 - math.sqrt(5.0)) * np.arange(64)

@@ -31,7 +31,7 @@ class ShiningSurface(ABC):
         self.surface = surface
         self.area = float(areas.sum())
         if not (np.isfinite(self.area) and self.area > 0.0):
-            raise ValueError(f"has area {self.area:g} and cannot shine")
+            raise ValueError(f"has area {self.area:g}: leave it out, it cannot shine")
         self._share = areas / self.area
         self._before = np.concatenate([[0.0], np.cumsum(self._share)])
 

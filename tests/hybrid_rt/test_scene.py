@@ -93,7 +93,7 @@ def test_shining_objects_are_lights_after_the_others():
 
 def test_shining_surfaces_without_area_are_refused_by_name():
     flat = TriangleMesh(trimesh.Trimesh([[0, 0, 0], [1, 0, 0], [2, 0, 0]], [[0, 1, 2]]))
-    with pytest.raises(ValueError, match="object 'sliver': has area 0"):
+    with pytest.raises(ValueError, match="object 'sliver' has area 0: leave it out"):
         compile_scene(Scene(CAMERA, [Object(flat, Emissive(1.0), "sliver")]))
 
 
