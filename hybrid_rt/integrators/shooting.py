@@ -20,7 +20,12 @@ from hybrid_rt.integrators.clear_bodies import absorb, media_around_lights
 from hybrid_rt.integrators.contacts import Contacts, first_hits
 from hybrid_rt.integrators.integrator import RenderContext
 from hybrid_rt.integrators.showing import DensePlaces, Shown, show
-from hybrid_rt.integrators.surface_light import SurfaceLight, largest_channel, new_light_points
+from hybrid_rt.integrators.surface_light import (
+    Shading,
+    SurfaceLight,
+    largest_channel,
+    new_light_points,
+)
 from hybrid_rt.kernels.emission import Launch, Targets, launch_from_light, launch_from_sky
 from hybrid_rt.kernels.light import POINT, RECTANGLE, SPHERE, LightPoints
 from hybrid_rt.kernels.lobes import DIELECTRIC, DIFFUSE, LAST_SPREADING, METAL, PHONG
@@ -163,7 +168,7 @@ class Shooter:
         least : int
             Photons whose ``history`` is less are not stored.
         """
-        context, scene = self.context, self.context.scene
+        context = self.context
         stored: list[Photons] = []
         shown: list[Shown] = []
         sequence, n_before = sequence_of(group, pass_number)
@@ -171,66 +176,91 @@ class Shooter:
         with context.ledger.stage("photons"):
             flight = self._launched(group, sequence, number, dimension)
         for depth in range(context.max_depth + 1):
-            n = flight.number.size
-            if n == 0:
+            if flight.number.size == 0:
                 break
-            # --- where they arrive
+            step = dimension + PER_LAUNCH + PER_STEP * depth
             with context.ledger.stage("photons"):
-                source = NamedPoints(flight.source_id, flight.origin)
-                hits, second = first_hits(
-                    context.tracer, self._contacts, flight.origin, flight.direction, source
-                )
-                context.ledger.rays["photon"] += n
-                context.ledger.count_hits(hits)
-                material = self._light.material(hits)
-                # --- what the way there absorbed
-                taken = self.balance.power[TAKEN]
-                add_power(flight.power, 1.0, taken)
-                absorb(context, flight.media, material, hits, second, flight.power)
-                add_power(flight.power, -1.0, taken)
-                # --- what they leave there, and what the camera sees of it
-                step = dimension + PER_LAUNCH + PER_STEP * depth
+                # --- where they arrive
+                hits, second, material = self._arrived(flight)
                 shading = self._light.shading(hits, flight.direction, material)
-                normal = shading.geometric if shading.geometric.size else hits.normal
-                is_shown = self._are_shown(flight, material, hits)
-                flight.history[is_shown] |= IS_SHOWN
-                out = _new_photons(n)
-                n_stored = store_photons(
-                    flight, material, self.gathers, least, hits.position, normal, out
-                )
-                if n_stored:
-                    stored.append(Photons(*(column[:n_stored].copy() for column in out)))
-                flight.history[is_shown] ^= IS_SHOWN
-                if is_shown.size:
+                # --- what they leave there, and what the camera sees of it
+                to_show = self._to_show(flight, shading)
+                stored.append(self._stored(flight, shading, to_show, least))
+                if to_show.size:
                     lens = None
                     if context.plan["lens samples"]:
-                        lens = self._points(sequence, flight.number[is_shown], step + LENS)
-                    shown.append(show(context, flight, shading, is_shown, lens))
+                        lens = self._points(sequence, flight.number[to_show], step + LENS)
+                    shown.append(show(context, flight, shading, to_show, lens))
                 # --- where they go next, and which ones stop
-                fate = np.empty(n, dtype=np.uint8)
-                scatter_photons(
-                    scene.lobes, material, shading.colors, shading.hits.normal, shading.geometric,
-                    hits.position, hits.object_id, self._ways(sequence, flight, material, step),
-                    self._points(sequence, flight.number, step + LOBE), second,
-                    depth < context.max_depth, flight, fate, self.balance.power,
-                )  # fmt: skip
-                onward = _new_flight(n, flight.media.shape[1])
-                n_onward = pack_flight(flight, fate, SCATTERED, onward)
-                flight = Flight(*(column[:n_onward] for column in onward))
-                counts = np.bincount(fate, minlength=SPECULAR + 1)
-                context.ledger.ended["photons absorbed or by roulette"] += int(counts[ABSORBED])
-                context.ledger.ended["photons left or met a lamp"] += int(counts[LEFT])
-                context.ledger.ended["photons at max_depth"] += int(counts[STOPPED])
+                goes_on = depth < context.max_depth
+                flight = self._onward(flight, shading, second, sequence, step, goes_on)
         photons = joined(stored)
         self.balance.n_stored += len(photons.history)
         return photons, shown
 
-    def _are_shown(self, flight: Flight, material: IntArray, hits: HitRecord) -> NDArray[np.intp]:
+    def _arrived(self, flight: Flight) -> tuple[HitRecord, IntArray, IntArray]:
+        """Return where photons arrive: hits, faces that coincide with them, and materials.
+
+        What media on the way absorb is taken from their power.
+        """
+        context = self.context
+        source = NamedPoints(flight.source_id, flight.origin)
+        hits, second = first_hits(
+            context.tracer, self._contacts, flight.origin, flight.direction, source
+        )
+        context.ledger.rays["photon"] += len(hits)
+        context.ledger.count_hits(hits)
+        material = self._light.material(hits)
+        taken = self.balance.power[TAKEN]
+        add_power(flight.power, 1.0, taken)
+        absorb(context, flight.media, material, hits, second, flight.power)
+        add_power(flight.power, -1.0, taken)
+        return hits, second, material
+
+    def _to_show(self, flight: Flight, shading: Shading) -> NDArray[np.intp]:
         """Return the photons of caustics that have arrived where these are dense."""
         if self.dense is None:
             return np.zeros(0, dtype=np.intp)
-        rows = np.flatnonzero((flight.history == MET_SPECULAR) & self.gathers[material])
-        return rows[self.dense.hold(hits.position[rows])]
+        rows = np.flatnonzero((flight.history == MET_SPECULAR) & self.gathers[shading.material])
+        return rows[self.dense.hold(shading.hits.position[rows])]
+
+    def _stored(
+        self, flight: Flight, shading: Shading, to_show: NDArray[np.intp], least: int
+    ) -> Photons:
+        """Return the photons that have arrived where light is gathered; those shown are marked."""
+        hits, out = shading.hits, _new_photons(flight.number.size)
+        normal = shading.geometric if shading.geometric.size else hits.normal
+        flight.history[to_show] |= IS_SHOWN
+        n = store_photons(flight, shading.material, self.gathers, least, hits.position, normal, out)
+        flight.history[to_show] ^= IS_SHOWN
+        return Photons(*(column[:n].copy() for column in out))
+
+    def _onward(
+        self,
+        flight: Flight,
+        shading: Shading,
+        second: IntArray,
+        sequence: int,
+        step: int,
+        goes_on: bool,
+    ) -> Flight:
+        """Choose where each photon goes; return those that go on."""
+        hits, material, n = shading.hits, shading.material, flight.number.size
+        fate = np.empty(n, dtype=np.uint8)
+        scatter_photons(
+            self.context.scene.lobes, material, shading.colors, hits.normal, shading.geometric,
+            hits.position, hits.object_id, self._ways(sequence, flight, material, step),
+            self._points(sequence, flight.number, step + LOBE), second, goes_on, flight, fate,
+            self.balance.power,
+        )  # fmt: skip
+        ended = self.context.ledger.ended
+        counts = np.bincount(fate, minlength=SPECULAR + 1)
+        ended["photons absorbed or by roulette"] += int(counts[ABSORBED])
+        ended["photons left or met a lamp"] += int(counts[LEFT])
+        ended["photons at max_depth"] += int(counts[STOPPED])
+        onward = _new_flight(n, flight.media.shape[1])
+        n_onward = pack_flight(flight, fate, SCATTERED, onward)
+        return Flight(*(column[:n_onward] for column in onward))
 
     def _launched(self, group: Group, sequence: int, number: UIntArray, dimension: int) -> Flight:
         scene = self.context.scene
