@@ -28,10 +28,19 @@ def media_at(
     direction: FloatArray = SKEW,
     source: HitRecord | NamedPoints | None = None,
 ) -> list[int]:
-    """Return the dielectric lobes around a point (1, 3), the outermost first.
+    """Return the dielectric lobes around a point, the outermost first.
 
     A ray from there to infinity leaves each closed body around it once more often than it
-    enters it. ``source`` names the point where it lies on a surface.
+    enters it.
+
+    Parameters
+    ----------
+    context : RenderContext
+    contacts : Contacts or None
+        None where no clear body touches another surface.
+    origin, direction : (1, 3) float64
+    source : HitRecord or NamedPoints of one row, optional
+        Names the point where it lies on a surface.
     """
     scene, tracer = context.scene, context.tracer
     entered: list[int] = []
@@ -74,6 +83,9 @@ def media_around_lights(
 
     Parameters
     ----------
+    context : RenderContext
+    contacts : Contacts or None
+        None where no clear body touches another surface.
     lights : iterable of int
         Rows of the light table; the others are as in empty space.
 
@@ -116,10 +128,18 @@ def absorb(
     second: IntArray,
     carried: FloatArray,
 ) -> None:
-    """Weaken what rays carry (n, 3) by Beer and Lambert's law over the way to their hits.
+    """Weaken what rays carry by Beer and Lambert's law over the way to their hits.
 
-    ``media`` (n, STACK) is in one order before and after the face that is met: see
-    `hybrid_rt.kernels.media`.
+    Parameters
+    ----------
+    context : RenderContext
+    media : (n, STACK) int32, changed
+        In one order before and after the face that is met: see `hybrid_rt.kernels.media`.
+    material : (n,) int32
+    hits : HitRecord of n rows
+    second : (n,) int32, or (0,)
+        Faces that coincide with the hits: see `Contacts.at`.
+    carried : (n, 3) float64, changed
     """
     if context.plan["medium stack"]:
         scene = context.scene

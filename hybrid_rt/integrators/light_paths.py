@@ -57,7 +57,26 @@ class LitPasses:
 
 
 class LightPathTracer:
-    """Sends light paths, pass by pass; each pass is a pure function of seed and number."""
+    """Sends light paths, pass by pass; each pass is a pure function of seed and number.
+
+    Parameters
+    ----------
+    context : RenderContext
+    light : SurfaceLight
+    contacts : Contacts or None
+        None where no clear body touches another surface.
+    camera_media : (STACK,) int32, or (0,)
+        Dielectrics that the camera stands in.
+    share : float
+        Light paths of a pass over the pixels of the picture.
+
+    Attributes
+    ----------
+    n_paths : int
+        Light paths of a pass.
+    is_smooth : (objects,) bool
+        Objects shaded by other normals than their own.
+    """
 
     def __init__(
         self,

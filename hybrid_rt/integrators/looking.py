@@ -56,6 +56,10 @@ class _Waiting:
 class Looker(Integrator):
     """See the module; `Integrator` for what it offers.
 
+    Parameters
+    ----------
+    context : RenderContext
+
     Attributes
     ----------
     shooter : Shooter

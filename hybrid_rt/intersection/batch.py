@@ -30,13 +30,36 @@ class Kind(Protocol):
     def trace(
         self, rays: Rays, guess: IntArray | None, best: Nearest, any_hit: bool, work: FloatArray
     ) -> None:
-        """Lower ``best`` to the nearest roots on all surfaces of this kind."""
+        """Lower ``best`` to the nearest roots on all surfaces of this kind.
+
+        Parameters
+        ----------
+        rays : Rays of n rows
+        guess : (n,) int32, optional
+            What to begin with, from `CurvedKind.guesses`; kinds without coarse hits take none.
+        best : Nearest of n rows, changed
+        any_hit : bool
+            Whether any root will do: rays that have one are left alone.
+        work : (counters,) float64, changed
+            Tally of `hybrid_rt.kernels.subdivide.COUNTER_NAMES`.
+        """
         ...
 
     def finish(
         self, rays: Rays, best: Nearest, kind_of: IntArray, kind: int, out: Finished
     ) -> None:
-        """Fill ``out`` for the rows whose object is of this kind."""
+        """Fill ``out`` for the rows whose object is of this kind.
+
+        Parameters
+        ----------
+        rays : Rays of n rows
+        best : Nearest of n rows
+            ``tangent`` is set where a ray grazes.
+        kind_of : (objects,) int32
+        kind : int
+            Number of this kind in ``kind_of``.
+        out : Finished of n rows, changed
+        """
         ...
 
 
@@ -44,7 +67,13 @@ class CurvedKind(Kind, Protocol):
     """A kind that goes to Embree as triangles first."""
 
     def guesses(self, coarse: Any, hits: CoarseHits) -> IntArray:
-        """Return what `trace` is to begin with for each ray, -1 for nothing."""
+        """Return what `trace` is to begin with for each ray, (n,) int32; -1 for nothing.
+
+        Parameters
+        ----------
+        coarse : Coarse
+        hits : CoarseHits of n rows
+        """
         ...
 
     def refine(
@@ -56,7 +85,19 @@ class CurvedKind(Kind, Protocol):
         best: Nearest,
         accepted: BoolArray,
     ) -> None:
-        """Lower ``best[rows]`` to what hits of this kind refine to, and mark them ``accepted``."""
+        """Lower ``best[rows]`` to what coarse hits of this kind refine to.
+
+        Parameters
+        ----------
+        coarse : Coarse
+        hits : CoarseHits of k rows, none of them a miss
+        rows : (k,) int64
+            The rays of the hits.
+        rays : Rays of n rows
+        best : Nearest of n rows, changed
+        accepted : (k,) bool, changed
+            Set where a root was taken.
+        """
         ...
 
 

@@ -81,7 +81,17 @@ class Coarse:
     def propose(
         self, kinds: Sequence[CurvedKind], rays: Rays, best: Nearest, found: BoolArray
     ) -> list[IntArray]:
-        """Return for each kind what its `trace` is to begin with (-1: nothing)."""
+        """Return for each kind what its `trace` is to begin with: (n,) int32, -1 for nothing.
+
+        Parameters
+        ----------
+        kinds : sequence of CurvedKind
+        rays : Rays of n rows
+        best : Nearest of n rows
+            Coarse hits beyond its t are not looked for.
+        found : (n,) bool, written
+            Whether Embree has a hit.
+        """
         hits = self.scene.first(rays.origin, rays.direction, rays.t_min, best.t)
         found[:] = hits.face >= 0
         return [kind.guesses(self, hits) for kind in kinds]
@@ -94,7 +104,18 @@ class Coarse:
         work: FloatArray,
         found: BoolArray,
     ) -> None:
-        """Lower ``best`` to coarse hits (no kinds: accuracy "mesh") or to what they refine to."""
+        """Lower ``best`` to coarse hits (no kinds: accuracy "mesh") or to what they refine to.
+
+        Parameters
+        ----------
+        kinds : sequence of CurvedKind
+        rays : Rays of n rows
+        best : Nearest of n rows, changed
+        work : (counters,) float64, changed
+            Tally of `hybrid_rt.kernels.subdivide.COUNTER_NAMES`.
+        found : (n,) bool, changed
+            Set where Embree has a hit.
+        """
         rows = np.arange(len(best.t))
         t_start = rays.t_min.copy()
         if len(rays.known):  # step off the triangles of the point of departure

@@ -54,7 +54,20 @@ class CoarseScene:
     def first(
         self, origin: FloatArray, direction: FloatArray, t_min: FloatArray, t_max: FloatArray
     ) -> CoarseHits:
-        """Return what the rays meet first, t in the caller's units."""
+        """Return what rays meet first.
+
+        Parameters
+        ----------
+        origin, direction : (n, 3) float64
+            World frame.
+        t_min, t_max : (n,) float64
+            In lengths of ``direction``; Embree's float32 rounds them.
+
+        Returns
+        -------
+        CoarseHits of n rows
+            ``t`` in lengths of ``direction``.
+        """
         n = len(origin)
         near, away = np.empty((n, 3), np.float32), np.empty((n, 3), np.float32)
         reach, shift = np.empty(n, np.float32), np.empty(n)

@@ -25,7 +25,24 @@ IdArray = NDArray[np.int64]
 
 
 class ShiningSurface(ABC):
-    """A surface as a light: points chosen by area."""
+    """A surface as a light: points chosen by area.
+
+    Parameters
+    ----------
+    surface : surface
+    areas : (cells,) float64
+        Areas of the cells, about; scene units squared.
+
+    Attributes
+    ----------
+    area : float
+        Their sum.
+
+    Raises
+    ------
+    ValueError
+        If that is not above 0 and finite. The caller names the surface.
+    """
 
     def __init__(self, surface: Any, areas: FloatArray) -> None:
         self.surface = surface
