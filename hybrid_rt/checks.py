@@ -23,7 +23,13 @@ BRIGHTEST = 1e30
 
 
 def rgb(value: ArrayLike, what: str, *, up_to: float = BRIGHTEST) -> FloatArray:
-    """Return three numbers from 0 to ``up_to`` (one number counts for all), read-only."""
+    """Return three numbers from 0 to ``up_to`` (one number counts for all), read-only.
+
+    Raises
+    ------
+    ValueError, TypeError
+        For anything else; ``what`` is named.
+    """
     array = as_floats(value, what)
     if array.shape not in {(), (3,)}:
         raise ValueError(f"{what} has shape {array.shape}: pass one number, or three")
@@ -34,21 +40,39 @@ def rgb(value: ArrayLike, what: str, *, up_to: float = BRIGHTEST) -> FloatArray:
 
 
 def choice(value: str, what: str, options: Iterable[str]) -> str:
-    """Return a value that is one of the options."""
+    """Return a value that is one of the options.
+
+    Raises
+    ------
+    ValueError
+        If it is none of them; ``what`` is named.
+    """
     if not isinstance(value, str) or value not in options:
         raise ValueError(f"{what} is {shown(value)}: pass one of {', '.join(options)}")
     return value
 
 
 def flag(value: bool, what: str) -> bool:
-    """Return a truth value; a word such as "no" would count as true."""
+    """Return a truth value; a word such as "no" would count as true.
+
+    Raises
+    ------
+    TypeError
+        For anything else; ``what`` is named.
+    """
     if not isinstance(value, bool | np.bool_):
         raise TypeError(f"{what} is {shown(value)}: pass True or False")
     return bool(value)
 
 
 def items(values: Iterable[Any], what: str) -> tuple[Any, ...]:
-    """Return the items of a list, also of one that can be read only once."""
+    """Return the items of a list, also of one that can be read only once.
+
+    Raises
+    ------
+    TypeError
+        If there are no items to read, or it is text or a dict; ``what`` is named.
+    """
     if isinstance(values, str | bytes | dict) or not isinstance(values, Iterable):
         raise TypeError(f"{what} is {shown(values)}: pass a list")
     return tuple(values)

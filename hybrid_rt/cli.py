@@ -276,9 +276,9 @@ def _photon_options(integrator: str, photons: int | None, alpha: float | None) -
     of_integrator = {"ppm": PPMOptions, "photon_map": PhotonMapOptions}
     choice(integrator, "integrator", INTEGRATORS)
     if photons is not None and integrator not in of_integrator:
-        raise ValueError(f"--photons: integrator {integrator!r} has none: use ppm")
+        raise ValueError(f"--photons: integrator {integrator!r} has none, pass --integrator ppm")
     if alpha is not None and integrator != "ppm":
-        raise ValueError(f"--alpha: integrator {integrator!r} has none: use ppm")
+        raise ValueError(f"--alpha: integrator {integrator!r} has none, pass --integrator ppm")
     return of_integrator[integrator](**given)
 
 

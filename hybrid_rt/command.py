@@ -79,9 +79,11 @@ def kept(file: Path | None, figures: Callable[[], Any]) -> Iterator[None]:
         Before the block, if there can be no such file.
     """
     if file is not None and not file.parent.is_dir():
-        raise FileNotFoundError(f"--out {file}: there is no folder {str(file.parent)!r}")
+        raise FileNotFoundError(
+            f"--out {str(file)!r} has no folder {str(file.parent)!r}: make it, or name another file"
+        )
     if file is not None and file.is_dir():
-        raise IsADirectoryError(f"--out {file}: is a folder, name a file")
+        raise IsADirectoryError(f"--out {str(file)!r} is a folder: name a file")
     try:
         yield
     except KeyboardInterrupt:

@@ -62,7 +62,7 @@ def load_picture(path: str | os.PathLike[str]) -> Picture:
     """
     file = as_path(path, "picture")
     if not file.is_file():
-        raise FileNotFoundError(f"there is no picture {str(file)!r}")
+        raise FileNotFoundError(f"picture {str(file)!r}: there is no such file")
     readers = {".npz": _read_npz, ".exr": _read_exr, ".png": _read_png}
     reader = readers.get(file.suffix.lower())
     if reader is None:
@@ -185,7 +185,9 @@ def compare_pictures(
             )
         n_bad = int(np.count_nonzero(~np.isfinite(picture.image).all(axis=2)))
         if n_bad:
-            raise ValueError(f"{name}: {n_bad} pixels are not finite: render it again without them")
+            raise ValueError(
+                f"{name} has {n_bad} pixels that are not finite: render it again without them"
+            )
     rows = {}
     for name, picture in zip(names, measured, strict=False):
         rows[name] = {

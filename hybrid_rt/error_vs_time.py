@@ -12,7 +12,7 @@ import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,7 +23,7 @@ from hybrid_rt.integrators.options import PathOptions
 from hybrid_rt.intersection import Intersector
 from hybrid_rt.intersection.kinds import CURVED
 from hybrid_rt.lights import PointLight
-from hybrid_rt.measures import DARK, hit_errors, picture_errors, relative_mse
+from hybrid_rt.measures import DARK, HitErrors, hit_errors, picture_errors, relative_mse
 from hybrid_rt.methods import (
     TOLERANCES,
     Method,
@@ -39,10 +39,11 @@ from hybrid_rt.scene import Scene
 from hybrid_rt.verify.newton_steps import SteppedHits
 from hybrid_rt.verify.oracle import first_hits
 from hybrid_rt.verify.rays import RaySet
-from hybrid_rt.verify.speed import in_turn
+from hybrid_rt.verify.speed import Timing, in_turn
 
 Image = NDArray[np.float32]
 Say = Callable[[str], None]
+_Built = TypeVar("_Built")
 
 REFERENCE_SEED, CHECK_SEED = 20_000, 30_000
 # Integrators that references are made by, and checked by.
@@ -204,27 +205,7 @@ def study_picture(
         If passes are not increasing, a setting is out of range, or the integrator that is to make
         the reference does not find all light of the scene.
     """
-    for n in passes:
-        checks.whole(n, "passes", at_least=1)
-    if list(passes) != sorted(set(passes)) or not passes:
-        raise ValueError(f"passes are {list(passes)}: give one or more, each more than the last")
-    checks.whole(runs, "runs", at_least=1)
-    if reference is not None and reference.image.shape[:2] != (
-        scene.camera.height,
-        scene.camera.width,
-    ):
-        raise ValueError(
-            f"reference {reference.name} has {reference.image.shape[1]} x "
-            f"{reference.image.shape[0]} pixels, the camera {scene.camera.width} x "
-            f"{scene.camera.height}: render one of that size"
-        )
-    if reference_by is not None and (
-        reference_by not in REFERENCES or not finds_all_light(scene, reference_by)
-    ):
-        raise ValueError(
-            f"reference_by {reference_by!r}: it does not find all light of this scene; use "
-            + (" or ".join(n for n in REFERENCES if finds_all_light(scene, n)) or "a picture")
-        )
+    _check_picture_study(scene, passes, runs, reference, reference_by)
     chosen = default_methods(scene) if methods is None else list(methods)
     camera = scene.camera
     small = scene.with_camera(camera.resized(16, 12))
@@ -236,18 +217,7 @@ def study_picture(
         found, truth = _make_reference(scene, reference_by, reference_passes, threads, say)
     else:
         found, truth = _given_reference(reference), reference.image
-    rows: dict[str, dict[int, list[dict[str, float]]]] = {
-        method.name: {n: [] for n in passes} for method in chosen
-    }
-    images = {"reference": truth}
-    for run in range(runs):
-        for n in passes:
-            say(f"run {run + 1} of {runs}: {n} passes of {len(chosen)} methods")
-            for method in chosen:
-                result = _run(scene, method, n, run + 1, threads)
-                rows[method.name][n].append(_row(result, truth))
-                if run == 0 and n == passes[-1]:
-                    images[method.name] = result.image
+    rows, images = _pictures(scene, chosen, passes, runs, truth, threads, say)
     meshes = []
     if any(method.integrator == "path" for method in chosen):
         meshes = _meshes(scene, passes[-1], threads, say)
@@ -265,6 +235,61 @@ def study_picture(
     return PictureStudy(
         (camera.width, camera.height), compile_seconds, found, curves, meshes, images
     )
+
+
+def _check_picture_study(
+    scene: Scene,
+    passes: Sequence[int],
+    runs: int,
+    reference: Picture | None,
+    reference_by: str | None,
+) -> None:
+    for n in passes:
+        checks.whole(n, "passes", at_least=1)
+    if list(passes) != sorted(set(passes)) or not passes:
+        raise ValueError(f"passes are {list(passes)}: pass one or more, each above the one before")
+    checks.whole(runs, "runs", at_least=1)
+    if reference is not None and reference.image.shape[:2] != (
+        scene.camera.height,
+        scene.camera.width,
+    ):
+        raise ValueError(
+            f"reference {reference.name} has {reference.image.shape[1]} x "
+            f"{reference.image.shape[0]} pixels, the camera {scene.camera.width} x "
+            f"{scene.camera.height}: pass a picture of that size"
+        )
+    if reference_by is not None and (
+        reference_by not in REFERENCES or not finds_all_light(scene, reference_by)
+    ):
+        raise ValueError(
+            f"reference_by is {reference_by!r}, which does not find all light of this scene: pass "
+            + (" or ".join(n for n in REFERENCES if finds_all_light(scene, n)) or "a reference")
+        )
+
+
+def _pictures(
+    scene: Scene,
+    methods: Sequence[Method],
+    passes: Sequence[int],
+    runs: int,
+    truth: Image,
+    threads: int | None,
+    say: Say,
+) -> tuple[dict[str, dict[int, list[dict[str, float]]]], dict[str, Image]]:
+    """Run all methods in turn; return figures by method and passes, and pictures by method."""
+    rows: dict[str, dict[int, list[dict[str, float]]]] = {
+        method.name: {n: [] for n in passes} for method in methods
+    }
+    images = {"reference": truth}
+    for run in range(runs):
+        for n in passes:
+            say(f"run {run + 1} of {runs}: {n} passes of {len(methods)} methods")
+            for method in methods:
+                result = _run(scene, method, n, run + 1, threads)
+                rows[method.name][n].append(_row(result, truth))
+                if run == 0 and n == passes[-1]:
+                    images[method.name] = result.image
+    return rows, images
 
 
 def _run(
@@ -393,9 +418,9 @@ def _point(setting: float, rows: Sequence[dict[str, float]]) -> Point:
 def _meshes(scene: Scene, passes: int, threads: int | None, say: Say) -> list[dict[str, Any]]:
     """Measure what meshes, and hits that are not certified, do to a picture.
 
-    The differences between such pictures and certified ones, made with the same random numbers, still
-    hold noise; but that of one seed is independent of that of another, so the mean of the product
-    of two differences is the square of what stays.
+    The differences between such pictures and certified ones, made with the same random numbers,
+    still hold noise; but that of one seed is independent of that of another, so the mean of the
+    product of two differences is the square of what stays.
     """
     methods = uncertified_methods(scene)
     if not methods:
@@ -414,15 +439,16 @@ def _meshes(scene: Scene, passes: int, threads: int | None, say: Say) -> list[di
         products = (one * other / weight).mean(axis=2)
         square = max(float(products.mean()), 0.0)
         of_square = float(products.std(ddof=1)) / math.sqrt(products.size)
-        began = time.perf_counter()
-        tracer = Intersector(surfaces, method.accuracy, tolerance=method.tolerance, threads=1)
+        tracer, seconds = _timed(
+            partial(Intersector, surfaces, method.accuracy, tolerance=method.tolerance, threads=1)
+        )
         rows.append(
             {
                 "method": method.name,
                 "accuracy": method.accuracy,
                 "tolerance": method.tolerance,
                 "triangles": float(tracer.n_triangles),
-                "build_seconds": time.perf_counter() - began,
+                "build_seconds": seconds,
                 "error": math.sqrt(square),
                 "error_at_most": math.sqrt(square + 1.96 * of_square),
             }
@@ -482,30 +508,11 @@ def study_hits(
     """
     n, size = len(rays.origins), size_of(surfaces)
     say(f"the oracle on {n} rays")
-    began = time.perf_counter()
-    truth = first_hits(surfaces, rays.origins, rays.directions, threads=threads)
-    oracle_seconds = time.perf_counter() - began
-    finders: dict[tuple[str, float], _Finder] = {}
-    for share in sorted(tolerances, reverse=True):
-        for accuracy in ("mesh", "refined", "certified"):
-            began = time.perf_counter()
-            tracer = Intersector(surfaces, accuracy, tolerance=share * size, threads=threads)
-            seconds = time.perf_counter() - began
-            finders[accuracy, share * size] = _Finder(tracer.intersect, tracer.n_triangles, seconds)
-    began = time.perf_counter()
-    bare = Intersector(surfaces, coarse="none", threads=threads)
-    seconds = time.perf_counter() - began
-    finders["certified, no Embree", math.inf] = _Finder(bare.intersect, 0, seconds)
-    steppers = {}
-    if all(isinstance(surface, CURVED) for surface in surfaces):
-        for share in sorted(tolerances, reverse=True):
-            began = time.perf_counter()
-            stepped = SteppedHits(surfaces, share * size, threads)
-            seconds = time.perf_counter() - began
-            for steps in NEWTON_STEPS:
-                find = partial(stepped.intersect, steps=steps)
-                name = f"Newton, {stepped.n_triangles} triangles"
-                steppers[name, float(steps)] = _Finder(find, stepped.n_triangles, seconds)
+    truth, oracle_seconds = _timed(
+        lambda: first_hits(surfaces, rays.origins, rays.directions, threads=threads)
+    )
+    finders = _finders(surfaces, tolerances, size, threads)
+    steppers = _steppers(surfaces, tolerances, size, threads)
     say(f"{len(finders) + len(steppers)} tracers, {runs} runs each")
     both = {**finders, **steppers}
     timings = in_turn(
@@ -513,25 +520,10 @@ def study_hits(
     )
     points: dict[str, list[Point]] = {}
     judged = 0
-    for key, finder in both.items():
-        name, setting = key
+    for (name, setting), finder in both.items():
         errors = hit_errors(finder.find(rays.origins, rays.directions), truth)
         judged = max(judged, errors.rays)
-        timing = timings[key]
-        seconds_per_ray = Spread(timing.median / n, timing.least / n, timing.most / n)
-        share = errors.wrong / max(errors.rays, 1)
-        more = {
-            "triangles": float(finder.n_triangles),
-            "build_seconds": finder.build_seconds,
-            "mean_dt": errors.mean_dt,
-            "worst_dt": errors.worst_dt,
-            "worst_residual": errors.worst_residual,
-            "mean_angle": errors.mean_angle,
-            "missed": float(errors.missed),
-            "phantom": float(errors.phantom),
-            "farther": float(errors.farther),
-        }
-        point = Point(setting, seconds_per_ray, Spread(share, share, share), more)
+        point = _hit_point(setting, finder, errors, timings[name, setting], n)
         points.setdefault(name, []).append(point)
     names = {name for name, _ in finders}
     curves = [Curve(name, "", found) for name, found in points.items() if name in names]
@@ -546,6 +538,66 @@ class _Finder:
     find: Callable[[FloatArray, FloatArray], HitRecord]
     n_triangles: int
     build_seconds: float
+
+
+_Finders = dict[tuple[str, float], _Finder]
+"""By name and setting."""
+
+
+def _timed(build: Callable[[], _Built]) -> tuple[_Built, float]:
+    """Return what a call returns, and its seconds."""
+    began = time.perf_counter()
+    built = build()
+    return built, time.perf_counter() - began
+
+
+def _finders(
+    surfaces: Sequence[Any], tolerances: Sequence[float], size: float, threads: int | None
+) -> _Finders:
+    """Build tracers of all accuracies, by tolerance."""
+    finders: _Finders = {}
+    build = partial(Intersector, surfaces, threads=threads)
+    for share in sorted(tolerances, reverse=True):
+        for accuracy in ("mesh", "refined", "certified"):
+            tracer, seconds = _timed(partial(build, accuracy, tolerance=share * size))
+            finders[accuracy, share * size] = _Finder(tracer.intersect, tracer.n_triangles, seconds)
+    bare, seconds = _timed(partial(build, coarse="none"))
+    finders["certified, no Embree", math.inf] = _Finder(bare.intersect, 0, seconds)
+    return finders
+
+
+def _steppers(
+    surfaces: Sequence[Any], tolerances: Sequence[float], size: float, threads: int | None
+) -> _Finders:
+    """Build Newton's method by fixed numbers of steps; none where a surface needs no steps."""
+    steppers: _Finders = {}
+    if not all(isinstance(surface, CURVED) for surface in surfaces):
+        return steppers
+    for share in sorted(tolerances, reverse=True):
+        stepped, seconds = _timed(partial(SteppedHits, surfaces, share * size, threads))
+        for steps in NEWTON_STEPS:
+            find = partial(stepped.intersect, steps=steps)
+            name = f"Newton, {stepped.n_triangles} triangles"
+            steppers[name, float(steps)] = _Finder(find, stepped.n_triangles, seconds)
+    return steppers
+
+
+def _hit_point(setting: float, finder: _Finder, errors: HitErrors, timing: Timing, n: int) -> Point:
+    """Return what one tracer found of n rays."""
+    share = errors.wrong / max(errors.rays, 1)
+    more = {
+        "triangles": float(finder.n_triangles),
+        "build_seconds": finder.build_seconds,
+        "mean_dt": errors.mean_dt,
+        "worst_dt": errors.worst_dt,
+        "worst_residual": errors.worst_residual,
+        "mean_angle": errors.mean_angle,
+        "missed": float(errors.missed),
+        "phantom": float(errors.phantom),
+        "farther": float(errors.farther),
+    }
+    seconds = Spread(timing.median / n, timing.least / n, timing.most / n)
+    return Point(setting, seconds, Spread(share, share, share), more)
 
 
 def camera_rays(scene: Scene, n: int) -> RaySet:

@@ -1,4 +1,4 @@
-"""Log-log diagrams as SVG: curves with bars, reference slopes, a level below which nothing counts."""
+"""Log-log diagrams as SVG: curves with bars, reference slopes, and a level below them."""
 
 from __future__ import annotations
 
@@ -66,8 +66,13 @@ def log_log(
     """
     marks = [mark for line in lines for mark in line.marks]
     values = [v for mark in marks for v in (*mark.x, *mark.y)]
-    if not marks or not all(v > 0.0 and math.isfinite(v) for v in values):
-        raise ValueError(f"diagram {title!r}: needs marks, all of them positive and finite")
+    if not marks:
+        raise ValueError(f"diagram {title!r} has no marks: pass one or more")
+    for value in values:
+        if not (value > 0.0 and math.isfinite(value)):
+            raise ValueError(
+                f"diagram {title!r} has the value {value}: pass positive finite numbers"
+            )
     levels = [floor[1]] if floor is not None else []
     x_axis = _Axis([v for m in marks for v in m.x], LEFT, WIDTH - RIGHT)
     y_axis = _Axis([v for m in marks for v in m.y] + levels, HEIGHT - BOTTOM, TOP)

@@ -95,7 +95,9 @@ def picture_errors(image: NDArray[np.floating], reference: NDArray[np.floating])
     for name, values in (("image", image), ("reference", reference)):
         n_bad = int(np.count_nonzero(~np.isfinite(values).all(axis=-1)))
         if n_bad:
-            raise ValueError(f"{name}: {n_bad} pixels are not finite: leave such pictures out")
+            raise ValueError(
+                f"{name} has {n_bad} pixels that are not finite: leave such pictures out"
+            )
     relative = relative_squares(image, reference)
     r = reference.astype(np.float64)
     gap = image.astype(np.float64) - r

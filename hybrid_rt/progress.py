@@ -100,7 +100,13 @@ class TerminalProgress:
 
 
 class CompileWatch:
-    """Counts the seconds during which at least one kernel was being compiled."""
+    """Counts the seconds during which at least one kernel was being compiled.
+
+    Parameters
+    ----------
+    progress : Progress or None
+        Hears of it when it takes long.
+    """
 
     def __init__(self, progress: Progress | None) -> None:
         self._progress = progress

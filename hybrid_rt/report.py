@@ -9,6 +9,7 @@ import time
 from collections import Counter, defaultdict
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from functools import cache
 from importlib import metadata
 from typing import Any
 
@@ -115,14 +116,18 @@ def peak_memory_mib() -> float:
 
 
 def versions() -> dict[str, str]:
-    """Return the versions of everything that decides bits of a picture.
+    """Return the versions of everything that decides bits of a picture."""
+    return {
+        "hybrid_rt": __version__,
+        "python": platform.python_version(),
+        **{name: _version_of(name) for name in _PACKAGES},
+    }
 
-    They are read from the installed packages' metadata, so nothing is imported for it.
-    """
-    found = {"hybrid_rt": __version__, "python": platform.python_version()}
-    for name in _PACKAGES:
-        try:
-            found[name] = metadata.version(name)
-        except metadata.PackageNotFoundError:
-            found[name] = "not installed"
-    return found
+
+@cache
+def _version_of(package: str) -> str:
+    # From its metadata, so nothing is imported for it; reading those takes milliseconds.
+    try:
+        return metadata.version(package)
+    except metadata.PackageNotFoundError:
+        return "not installed"

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -21,7 +22,7 @@ from hybrid_rt.lights.table import compile_environment, compile_lights
 from hybrid_rt.materials.material import Material
 from hybrid_rt.materials.table import color_factor, compile_materials
 from hybrid_rt.primitives import Plane, Rectangle, Sphere, TriangleMesh
-from hybrid_rt.records import FloatArray, IntArray
+from hybrid_rt.records import BoolArray, FloatArray, IntArray
 from hybrid_rt.smooth import vertex_normals
 from hybrid_rt.textures.texture import ConstantTexture, Texture
 
@@ -166,6 +167,30 @@ class CompiledScene:
         """Return the number of lights, the environment not counted."""
         return int(self.lights.kind.size)
 
+    def lobes_of_kinds(self, least: int, last: int) -> BoolArray:
+        """Return which lobes of each material are of these kinds.
+
+        Parameters
+        ----------
+        least, last : int
+            First and last of the kinds, in the order of `hybrid_rt.kernels.lobes`.
+
+        Returns
+        -------
+        (materials + 1, lobes of a material at most) bool
+            The last row is for `NOTHING`, which has none.
+        """
+        first = self.lobes.first
+        marks = np.zeros((first.size, int(np.diff(first).max(initial=0))), dtype=np.bool_)
+        for m, (start, stop) in enumerate(pairwise(first)):
+            kinds = self.lobes.kind[start:stop]
+            marks[m, : kinds.size] = (kinds >= least) & (kinds <= last)
+        return marks
+
+    def materials_of_kinds(self, least: int, last: int) -> BoolArray:
+        """Return which materials have lobes of these kinds, (materials + 1,): see `lobes_of_kinds`."""
+        return np.asarray(self.lobes_of_kinds(least, last).any(axis=1))
+
 
 def compile_scene(scene: Scene) -> CompiledScene:
     """Lay a scene out in flat tables.
@@ -243,7 +268,7 @@ def _shining_object(item: Object, radiance: Texture) -> tuple[LightRow, ShiningS
     try:
         chooser = shining_surface(surface)
     except ValueError as error:
-        raise ValueError(f"object {item.name!r}: {error}") from error
+        raise ValueError(f"object {item.name!r} {error}") from error
     # A plane has no end: scattered rays find it, but nothing is chosen on it.
     area = 0.0 if chooser is None else chooser.area
     strength = radiance.brightest

@@ -40,7 +40,7 @@ def load_script(path: str | os.PathLike[str]) -> tuple[Scene, str]:
     """
     file = as_path(path, "scene script")
     if not file.is_file():
-        raise SceneFileError(f"there is no scene script {str(file)!r}")
+        raise SceneFileError(f"scene script {str(file)!r}: there is no such file")
     with _naming(file):
         names = runpy.run_path(str(file), run_name="hybrid_rt_scene")
     return scene_of(names.get("scene"), names, file)
@@ -66,11 +66,13 @@ def scene_of(
     """
     file = Path(file)
     if not callable(describe):
-        raise SceneFileError(f"{file}: defines no function scene() that returns a Scene")
+        raise SceneFileError(f"{file} has no function scene(): define one that returns a Scene")
     with _naming(file):
         scene = describe()
     if not isinstance(scene, Scene):
-        raise SceneFileError(f"{file}: scene() returned {type(scene).__name__}, not a Scene")
+        raise SceneFileError(
+            f"{file}: scene() returned {type(scene).__name__}, let it return a Scene"
+        )
     if "INTEGRATOR" not in names:
         return scene, "path"
     from hybrid_rt.integrators import INTEGRATORS

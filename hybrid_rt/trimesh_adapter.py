@@ -53,11 +53,25 @@ class RayMeshIntersector:
     ) -> tuple[FloatArray, IdArray, IdArray]:
         """Find where rays meet the surfaces.
 
+        Parameters
+        ----------
+        ray_origins, ray_directions : (n, 3) array-like
+            Scene units; directions of any length but zero.
+        multiple_hits : bool
+            Whether all crossings are asked for, or the first of each ray.
+
         Returns
         -------
         locations : (h, 3) float64
+            Scene units.
         index_ray : (h,) int64
         index_tri : (h,) int64
+            Pieces, numbered through all objects.
+
+        Raises
+        ------
+        ValueError, TypeError
+            As `Intersector.intersect` does.
         """
         hits, rays = self._find(ray_origins, ray_directions, multiple_hits, None)
         return hits.position, rays, self._number(hits)
@@ -72,30 +86,82 @@ class RayMeshIntersector:
     ) -> tuple[NDArray[Any], ...]:
         """Find which pieces rays meet.
 
+        Parameters
+        ----------
+        ray_origins, ray_directions : (n, 3) array-like
+            Scene units; directions of any length but zero.
+        multiple_hits : bool
+            Whether all crossings are asked for, or the first of each ray.
+        max_hits : int
+            Of all crossings of a ray, how many at most; from 1 on.
+        return_locations : bool
+            Whether their places are returned as well.
+
         Returns
         -------
         index_tri : (h,) int64
         index_ray : (h,) int64
         locations : (h, 3) float64, if asked for
+
+        Raises
+        ------
+        ValueError, TypeError
+            As `Intersector.intersect` does; if ``max_hits`` is no such number.
         """
         hits, rays = self._find(ray_origins, ray_directions, multiple_hits, max_hits)
         found: tuple[NDArray[Any], ...] = (self._number(hits), rays)
         return (*found, hits.position) if return_locations else found
 
     def intersects_first(self, ray_origins: ArrayLike, ray_directions: ArrayLike) -> IdArray:
-        """Return the piece that each ray meets first: (n,) int64, -1 where it meets none."""
+        """Return the piece that each ray meets first: (n,) int64, -1 where it meets none.
+
+        Parameters
+        ----------
+        ray_origins, ray_directions : (n, 3) array-like
+            Scene units; directions of any length but zero.
+
+        Raises
+        ------
+        ValueError, TypeError
+            As `Intersector.intersect` does.
+        """
         hits = self.intersector.intersect(ray_origins, ray_directions)
         return np.where(hits.hit, self._number(hits), -1)
 
     def intersects_any(self, ray_origins: ArrayLike, ray_directions: ArrayLike) -> BoolArray:
-        """Tell for each ray whether it meets anything: (n,) bool."""
+        """Tell for each ray whether it meets anything: (n,) bool.
+
+        Parameters
+        ----------
+        ray_origins, ray_directions : (n, 3) array-like
+            Scene units; directions of any length but zero.
+
+        Raises
+        ------
+        ValueError, TypeError
+            As `Intersector.intersect` does.
+        """
         return self.intersector.occluded(ray_origins, ray_directions)
 
     def contains_points(self, points: ArrayLike) -> BoolArray:
-        """Tell for each point whether it lies inside the closed surfaces: (n,) bool.
+        """Tell for each point whether it lies inside the closed surfaces.
 
         By the parity of crossings; where a ray only touches something, the next direction is
         asked.
+
+        Parameters
+        ----------
+        points : (n, 3) array-like
+            Scene units.
+
+        Returns
+        -------
+        (n,) bool
+
+        Raises
+        ------
+        ValueError, TypeError
+            If they are not finite numbers of that shape.
         """
         points = as_floats(points, "contains_points points")
         if points.ndim != 2 or points.shape[1] != 3:

@@ -26,7 +26,15 @@ HALF_ULP = 2.0**-53
 
 
 class TooManyTrianglesError(ValueError):
-    """A tolerance asks for more triangles than are allowed."""
+    """A tolerance asks for more triangles than are allowed.
+
+    Parameters
+    ----------
+    estimate : float
+        Triangles that it needs, about.
+    max_triangles : int
+    tolerance : float
+    """
 
     def __init__(self, estimate: float, max_triangles: int, tolerance: float) -> None:
         super().__init__(

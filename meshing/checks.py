@@ -33,7 +33,13 @@ def shown(value: object) -> str:
 
 
 def as_floats(value: ArrayLike, what: str) -> FloatArray:
-    """Return real numbers as a float64 array; anything else is refused by name."""
+    """Return real numbers as a float64 array.
+
+    Raises
+    ------
+    ValueError, TypeError
+        For anything else, and rows of unequal length; ``what`` is named.
+    """
     try:
         array = np.asarray(value)
     except ValueError:
@@ -52,7 +58,13 @@ def as_floats(value: ArrayLike, what: str) -> FloatArray:
 
 
 def as_vector(value: ArrayLike, what: str, *, up_to: float = np.inf) -> FloatArray:
-    """Return three finite float64 numbers of at most ``up_to`` in size, read-only."""
+    """Return three finite float64 numbers of at most ``up_to`` in size, read-only.
+
+    Raises
+    ------
+    ValueError, TypeError
+        For anything else; ``what`` is named.
+    """
     vector = as_floats(value, what)
     if vector.shape != (3,):
         raise ValueError(f"{what} has shape {vector.shape}: pass three numbers")
@@ -64,7 +76,13 @@ def as_vector(value: ArrayLike, what: str, *, up_to: float = np.inf) -> FloatArr
 
 
 def unit(vector: FloatArray, what: str) -> FloatArray:
-    """Return the vector at length one; scaled first, so that no square overflows."""
+    """Return the vector (3,) at length one; scaled first, so that no square overflows.
+
+    Raises
+    ------
+    ValueError
+        If it is zero; ``what`` is named.
+    """
     largest = float(np.abs(vector).max())
     if largest == 0.0:
         raise ValueError(f"{what} is the zero vector: pass a direction")
@@ -74,7 +92,13 @@ def unit(vector: FloatArray, what: str) -> FloatArray:
 
 
 def as_direction(value: ArrayLike, what: str) -> FloatArray:
-    """Return a direction of any length at length one, read-only."""
+    """Return a direction of any length at length one, read-only.
+
+    Raises
+    ------
+    ValueError, TypeError
+        If it is not three finite numbers, or zero; ``what`` is named.
+    """
     return freeze(unit(as_vector(value, what), what))
 
 
@@ -88,7 +112,25 @@ def number(
     up_to: float = np.inf,
     hint: str = "",
 ) -> float:
-    """Return one finite number within limits; ``hint`` says more of what to pass instead."""
+    """Return one finite number within limits.
+
+    Parameters
+    ----------
+    value : float, or what numpy takes for one
+    what : str
+        Names it in messages.
+    above, below : float
+        Limits that are not reached.
+    at_least, up_to : float
+        Limits that may be.
+    hint : str
+        Says more of what to pass instead.
+
+    Raises
+    ------
+    ValueError, TypeError
+        For anything else.
+    """
     if type(value) is float:  # there may be many
         result = value
     else:
@@ -111,7 +153,13 @@ def number(
 
 
 def whole(value: int, what: str, *, at_least: int, up_to: int | None = None) -> int:
-    """Return an integer within limits."""
+    """Return an integer from ``at_least`` to ``up_to``, or from there on.
+
+    Raises
+    ------
+    ValueError, TypeError
+        For anything else; ``what`` is named.
+    """
     if isinstance(value, bool) or not isinstance(value, int | np.integer):
         raise TypeError(f"{what} is {shown(value)}: pass an integer")
     if value < at_least or (up_to is not None and value > up_to):
@@ -121,7 +169,13 @@ def whole(value: int, what: str, *, at_least: int, up_to: int | None = None) -> 
 
 
 def as_path(value: str | os.PathLike[str], what: str) -> Path:
-    """Return the path of a file."""
+    """Return the path of a file.
+
+    Raises
+    ------
+    TypeError
+        If ``value`` is none; ``what`` is named.
+    """
     if not isinstance(value, str | os.PathLike):
         raise TypeError(f"{what} is {shown(value)}: pass a path")
     return Path(value)
@@ -130,7 +184,21 @@ def as_path(value: str | os.PathLike[str], what: str) -> Path:
 def as_affine(matrix: ArrayLike, kind: str) -> tuple[FloatArray, FloatArray]:
     """Split a 4 x 4 matrix that acts on columns (x, y, z, 1) into its linear part and its shift.
 
-    ``kind`` is the kind of surface that is to be transformed.
+    Parameters
+    ----------
+    matrix : (4, 4) array
+    kind : str
+        The kind of surface that is to be transformed.
+
+    Returns
+    -------
+    linear : (3, 3) float64
+    shift : (3,) float64
+
+    Raises
+    ------
+    ValueError, TypeError
+        If it is not finite, not affine, or flattens space.
     """
     array = as_floats(matrix, f"{kind} matrix")
     if array.shape != (4, 4):
@@ -157,7 +225,20 @@ def as_affine(matrix: ArrayLike, kind: str) -> tuple[FloatArray, FloatArray]:
 
 
 def as_similarity(matrix: ArrayLike, kind: str) -> tuple[FloatArray, FloatArray, float, bool]:
-    """Split a similarity into its orthogonal part, shift, scale, and whether it reflects."""
+    """Split a similarity as `as_affine` does.
+
+    Returns
+    -------
+    orthogonal : (3, 3) float64
+    shift : (3,) float64
+    scale : float
+    is_reflection : bool
+
+    Raises
+    ------
+    ValueError, TypeError
+        As `as_affine` does, and for a matrix that is no similarity up to roundings.
+    """
     linear, shift = as_affine(matrix, kind)
     scale = float(np.sqrt((linear**2).sum() / 3.0))
     orthogonal = linear / scale
@@ -173,7 +254,28 @@ def as_similarity(matrix: ArrayLike, kind: str) -> tuple[FloatArray, FloatArray,
 def broadcast_parameters(
     u: ArrayLike, v: ArrayLike, patch_id: ArrayLike, n_patches: int, name: str
 ) -> tuple[FloatArray, FloatArray, NDArray[np.int64], tuple[int, ...]]:
-    """Broadcast parameters to one flat length; check that the patches exist."""
+    """Broadcast parameters to one flat length; check that the patches exist.
+
+    Parameters
+    ----------
+    u, v : floats
+    patch_id : whole numbers
+    n_patches : int
+    name : str
+        What messages call ``patch_id``.
+
+    Returns
+    -------
+    u, v : (n,) float64
+    ids : (n,) int64
+    shape : tuple of int
+        What they broadcast to; its product is n.
+
+    Raises
+    ------
+    ValueError, TypeError
+        If they do not broadcast, or there is no such patch.
+    """
     ids = np.asarray(patch_id)
     if ids.dtype.kind not in "iu":
         raise TypeError(f"{name} has type {ids.dtype}: pass whole numbers")

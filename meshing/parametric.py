@@ -65,13 +65,35 @@ class ParametricSurface(ABC):
     def partials(
         self, u: ArrayLike, v: ArrayLike, patch_id: ArrayLike = 0
     ) -> tuple[FloatArray, FloatArray]:
-        """First partials S_u and S_v, each shaped like `point`."""
+        """Return the first partials S_u and S_v, each shaped like `point`.
+
+        Parameters
+        ----------
+        u, v, patch_id
+            As for `point`.
+
+        Raises
+        ------
+        ValueError, TypeError
+            If they do not broadcast, or there is no such piece.
+        """
         return self._evaluate(u, v, patch_id, 1, 0), self._evaluate(u, v, patch_id, 0, 1)
 
     def second_partials(
         self, u: ArrayLike, v: ArrayLike, patch_id: ArrayLike = 0
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Second partials S_uu, S_uv and S_vv, each shaped like `point`."""
+        """Return the second partials S_uu, S_uv and S_vv, each shaped like `point`.
+
+        Parameters
+        ----------
+        u, v, patch_id
+            As for `point`.
+
+        Raises
+        ------
+        ValueError, TypeError
+            If they do not broadcast, or there is no such piece.
+        """
         return (
             self._evaluate(u, v, patch_id, 2, 0),
             self._evaluate(u, v, patch_id, 1, 1),
@@ -79,9 +101,19 @@ class ParametricSurface(ABC):
         )
 
     def normal(self, u: ArrayLike, v: ArrayLike, patch_id: ArrayLike = 0) -> FloatArray:
-        """Find unit normals along S_u x S_v, shaped like `point`.
+        """Return unit normals along S_u x S_v, shaped like `point`.
 
         Where S_u x S_v vanishes (a collapsed edge, a cusp, a pole): its limit from inside.
+
+        Parameters
+        ----------
+        u, v, patch_id
+            As for `point`.
+
+        Raises
+        ------
+        ValueError, TypeError
+            If they do not broadcast, or there is no such piece.
         """
         u, v, ids, shape = broadcast_parameters(u, v, patch_id, len(self), "patch_id")
         out, is_degenerate = np.empty((u.size, 3)), np.empty(u.size, dtype=np.bool_)

@@ -85,7 +85,7 @@ def _measure(args: argparse.Namespace) -> None:
     # "surface FILE.bpt" and "FILE.bpt" mean the same.
     file = args.file if args.source == "surface" else Path(args.source)
     if file is None:
-        raise ValueError("surface: name a .bpt file")
+        raise ValueError("surface has no file: name a .bpt file")
     n_rays = args.rays or (20_000 if args.quick else 100_000)
     if args.out:  # a place that cannot be written is said before the work
         args.out.mkdir(parents=True, exist_ok=True)
@@ -315,7 +315,9 @@ def _compare(args: argparse.Namespace) -> None:
             diagrams.append(error_page.hit_diagram("first hits", curves, judged))
             tables["First hits"] = error_page.hit_table(curves)
     if not diagrams:
-        raise ValueError(f"{names[0]} and {names[1]} have no kind of curves in common")
+        raise ValueError(
+            f"{names[0]} and {names[1]} have no kind of curves in common: name two of one kind"
+        )
     sentences = [f"A is {names[0]}, B is {names[1]}.", *_ratios(both)]
     _print(sentences, tables)
     if args.out:

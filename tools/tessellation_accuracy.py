@@ -76,7 +76,9 @@ def load(file: Path) -> list[Any]:
         if isinstance(item.surface, BezierPatches | SurfaceOfRevolution)
     ]
     if not curved:
-        raise ValueError(f"{file} has no Bezier patches and no surface of revolution")
+        raise ValueError(
+            f"{file} has neither Bezier patches nor a surface of revolution: name a file with one"
+        )
     return curved
 
 

@@ -17,6 +17,7 @@ from hybrid_rt.kernels.emission import Targets
 from hybrid_rt.primitives import Box, Plane, Sphere, TriangleMesh
 from hybrid_rt.records import BoolArray, FloatArray
 from hybrid_rt.scene import CompiledScene
+from meshing import BezierPatches, SurfaceOfRevolution
 
 # Balls about one surface at most: each photon looks at all balls of a scene.
 MOST_BALLS = 16
@@ -25,7 +26,6 @@ CELLS = 4096
 # A ball about the corners of cells reaches this much farther, as cells are curved. What sticks out
 # nevertheless is found by photons that are not aimed.
 MARGIN = 1.01
-
 # Covers whose sums of squared radii are at most this times the least.
 ABOUT_AS_GOOD = 1.25
 
@@ -35,7 +35,16 @@ Ball = tuple[FloatArray, float]
 def targets_of(scene: CompiledScene, throws: BoolArray) -> Targets:
     """Return balls around all that throws caustics, but for what has no end.
 
-    ``throws`` (materials + 1,) tells which materials do.
+    Parameters
+    ----------
+    scene : CompiledScene
+    throws : (materials + 1,) bool
+        Which materials do; the last row is for `NOTHING`.
+
+    Returns
+    -------
+    Targets
+        The largest first; none lies within another.
     """
     balls: list[Ball] = []
     for i in np.flatnonzero(throws[scene.material_of]):
@@ -46,19 +55,15 @@ def targets_of(scene: CompiledScene, throws: BoolArray) -> Targets:
             balls.append((np.asarray(surface.center, dtype=np.float64), float(surface.radius)))
         else:
             balls += covering(_cells(surface))
-    balls = _without_those_inside(balls)
-    return Targets(
-        np.array([center for center, _ in balls]).reshape(-1, 3),
-        np.array([radius for _, radius in balls], dtype=np.float64),
-    )
+    return _without_those_inside(balls)
 
 
 def covering(cells: FloatArray) -> list[Ball]:
     """Cover cells (n, corners, 3) by few balls whose squared radii add up to little.
 
-    That sum is about the solid angle aimed at. The largest ball is cut in two, over and over; of
-    all the covers on the way the finest that is about as good as the best is returned: seen from
-    the side, a flat part shows less of smaller balls.
+    That sum is about the solid angle aimed at. The cells of the largest ball are parted in two,
+    over and over, so each number of balls has its cover. Of those whose sum is about the least the
+    finest is returned: seen from the side, a flat part shows less of smaller balls.
     """
     parts = [cells]
     balls = [_ball(cells)]
@@ -72,8 +77,8 @@ def covering(cells: FloatArray) -> list[Ball]:
         along = middle[:, np.ptp(middle, axis=0).argmax()]
         order = np.argsort(along, kind="stable")
         # In the middle of the extent, not of the cells: they may be smaller in one half.
-        half = np.searchsorted(along[order], 0.5 * (along.min() + along.max()))
-        halves = np.split(part[order], [min(max(int(half), 1), len(part) - 1)])
+        cut = int(np.searchsorted(along[order], 0.5 * (along.min() + along.max())))
+        halves = np.split(part[order], [min(max(cut, 1), len(part) - 1)])
         balls = balls[:largest] + balls[largest + 1 :] + [_ball(half) for half in halves]
         parts += halves
         covers.append(balls)
@@ -88,7 +93,9 @@ def _cells(surface: Any) -> FloatArray:
         corners = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])
         u, v = np.tile(corners, (len(surface), 1)).T
         return surface.point(u, v, np.repeat(np.arange(len(surface)), 3)).reshape(-1, 3, 3)
-    n_patches = 6 if isinstance(surface, Box) else getattr(surface, "__len__", lambda: 1)()
+    n_patches = 6 if isinstance(surface, Box) else 1
+    if isinstance(surface, BezierPatches | SurfaceOfRevolution):
+        n_patches = len(surface)
     n = max(math.isqrt(CELLS // n_patches), 4)
     edge = np.linspace(0.0, 1.0, n + 1)
     patch, u, v = np.meshgrid(np.arange(n_patches), edge, edge, indexing="ij")
@@ -106,10 +113,14 @@ def _ball(cells: FloatArray) -> Ball:
     return center, MARGIN * float(np.sqrt(np.square(points - center).sum(axis=1).max()))
 
 
-def _without_those_inside(balls: list[Ball]) -> list[Ball]:
+def _without_those_inside(balls: list[Ball]) -> Targets:
     """Leave out balls that lie within another one: they would only be aimed at twice."""
-    kept: list[Ball] = []
-    for center, radius in sorted(balls, key=lambda ball: -ball[1]):
-        if all(np.linalg.norm(center - c) + radius > r for c, r in kept):
-            kept.append((center, radius))
-    return kept
+    balls = sorted(balls, key=lambda ball: -ball[1])
+    center = np.array([center for center, _ in balls]).reshape(-1, 3)
+    radius = np.array([radius for _, radius in balls], dtype=np.float64)
+    kept: list[int] = []
+    for k in range(len(balls)):
+        reach = np.linalg.norm(center[kept] - center[k], axis=1) + radius[k]
+        if (reach > radius[kept]).all():
+            kept.append(k)
+    return Targets(center[kept], radius[kept])

@@ -12,9 +12,15 @@ from hybrid_rt.scene import NOTHING
 
 
 def leaving_camera(block: CameraBlock, media: IntArray, has_rivals: bool = False) -> Paths:
-    """Return the paths that begin with a block's rays, in clear bodies as ``media`` (STACK,) says.
+    """Return the paths that begin with a block's rays.
 
-    With ``has_rivals`` they are weighed against paths from lights.
+    Parameters
+    ----------
+    block : CameraBlock
+    media : (STACK,) int32, or (0,)
+        Clear bodies around the camera.
+    has_rivals : bool
+        Whether they are weighed against paths from lights.
     """
     n = block.pixel.size
     return Paths(

@@ -2,23 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 
 import numpy as np
 
 from hybrid_rt.integrators.contacts import Contacts, first_hits
 from hybrid_rt.integrators.integrator import RenderContext
+from hybrid_rt.kernels.light import RECTANGLE, SPHERE
 from hybrid_rt.kernels.media import STACK, cross_media
 from hybrid_rt.primitives import Plane
 from hybrid_rt.records import FloatArray, HitRecord, IntArray, NamedPoints
-from hybrid_rt.scene import NOTHING
+from hybrid_rt.scene import NOTHING, CompiledScene
 
 # Surfaces that one ray is followed through.
 MOST_CROSSINGS = 256
-
-
-# None of a scene's likely directions: a ray along an edge would count both faces.
+# None of a scene's likely directions, unit: a ray along an edge would count both faces.
 SKEW = np.array([[0.5612, 0.6383, 0.5269]])
+SKEW /= np.linalg.norm(SKEW)
 
 
 def media_at(
@@ -28,10 +28,19 @@ def media_at(
     direction: FloatArray = SKEW,
     source: HitRecord | NamedPoints | None = None,
 ) -> list[int]:
-    """Return the dielectric lobes around a point (1, 3), the outermost first.
+    """Return the dielectric lobes around a point, the outermost first.
 
     A ray from there to infinity leaves each closed body around it once more often than it
-    enters it. ``source`` names the point where it lies on a surface.
+    enters it.
+
+    Parameters
+    ----------
+    context : RenderContext
+    contacts : Contacts or None
+        None where no clear body touches another surface.
+    origin, direction : (1, 3) float64
+    source : HitRecord or NamedPoints of one row, optional
+        Names the point where it lies on a surface.
     """
     scene, tracer = context.scene, context.tracer
     entered: list[int] = []
@@ -68,19 +77,17 @@ def media_around_camera(context: RenderContext, contacts: Contacts | None) -> In
 
 
 def media_around_lights(
-    context: RenderContext,
-    contacts: Contacts | None,
-    lights: Iterable[int],
-    leaving: Callable[[int], tuple[FloatArray, FloatArray]],
+    context: RenderContext, contacts: Contacts | None, lights: Iterable[int]
 ) -> IntArray:
     """Return the stacks of what leaves the lights, (lights + 1, STACK): the last is the sky's.
 
     Parameters
     ----------
+    context : RenderContext
+    contacts : Contacts or None
+        None where no clear body touches another surface.
     lights : iterable of int
         Rows of the light table; the others are as in empty space.
-    leaving : callable
-        Returns a point of a light and a direction from there to its shining side, both (1, 3).
 
     Returns
     -------
@@ -91,11 +98,26 @@ def media_around_lights(
     if not media.size:
         return media
     for light in lights:
-        origin, direction = leaving(light)
+        origin, direction = _leaving(scene, light)
         source = NamedPoints(scene.surface_of_light[[light]], origin)
         around = media_at(context, contacts, origin, direction, source)
         media[light, : len(around)] = around
     return media
+
+
+def _leaving(scene: CompiledScene, light: int) -> tuple[FloatArray, FloatArray]:
+    """Return a point of a light, and a direction from there to its shining side, both (1, 3)."""
+    if light in scene.shining:
+        middle = scene.shining[light].points(np.array([[0.5, 0.5]]))
+        return middle.position, middle.normal + 0.5 * SKEW
+    kind, point = scene.lights.kind[light], scene.lights.origin[[light]]
+    if kind == RECTANGLE:
+        u, v = scene.lights.edge_u[[light]], scene.lights.edge_v[[light]]
+        normal = np.cross(u, v)
+        return point + 0.5 * (u + v), normal / np.linalg.norm(normal) + 0.5 * SKEW
+    if kind == SPHERE:
+        point = point + scene.lights.edge_u[light, 0] * SKEW
+    return point, SKEW
 
 
 def absorb(
@@ -106,10 +128,18 @@ def absorb(
     second: IntArray,
     carried: FloatArray,
 ) -> None:
-    """Weaken what rays carry (n, 3) by Beer and Lambert's law over the way to their hits.
+    """Weaken what rays carry by Beer and Lambert's law over the way to their hits.
 
-    ``media`` (n, STACK) is in one order before and after the face that is met: see
-    `hybrid_rt.kernels.media`.
+    Parameters
+    ----------
+    context : RenderContext
+    media : (n, STACK) int32, changed
+        In one order before and after the face that is met: see `hybrid_rt.kernels.media`.
+    material : (n,) int32
+    hits : HitRecord of n rows
+    second : (n,) int32, or (0,)
+        Faces that coincide with the hits: see `Contacts.at`.
+    carried : (n, 3) float64, changed
     """
     if context.plan["medium stack"]:
         scene = context.scene

@@ -27,7 +27,23 @@ def first_hits(
     directions: FloatArray,
     source: HitRecord | NamedPoints | None,
 ) -> tuple[HitRecord, IntArray]:
-    """Return first hits and their second faces; see `Contacts.at`."""
+    """Return first hits and their second faces.
+
+    Parameters
+    ----------
+    tracer : Intersector
+    contacts : Contacts or None
+        None where no clear body touches another surface: there are no second faces.
+    origins, directions : (n, 3) float64
+    source : HitRecord or NamedPoints of n rows, or None
+        Where the rays leave from.
+
+    Returns
+    -------
+    hits : HitRecord of n rows
+    second : (n,) int32, or (0,)
+        See `Contacts.at`.
+    """
     hits: HitRecord = tracer.intersect(origins, directions, source=source)
     if contacts is None:
         return hits, NO_SECOND
@@ -56,7 +72,13 @@ class Contacts:
     ) -> IntArray:
         """Return the second face of each hit, (n,) int32: see `hybrid_rt.kernels.media`.
 
-        ``hits`` of clear surfaces that lie on others become hits of those.
+        Parameters
+        ----------
+        hits : HitRecord of n rows, changed
+            Those of clear surfaces that lie on others become hits of those.
+        origins, directions : (n, 3) float64
+        source : HitRecord or NamedPoints of n rows, or None
+            Where the rays left from.
         """
         second = np.zeros(len(hits), dtype=np.int32)
         rows = np.flatnonzero(hits.hit & self._touches[hits.object_id])

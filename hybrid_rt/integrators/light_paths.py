@@ -57,7 +57,26 @@ class LitPasses:
 
 
 class LightPathTracer:
-    """Sends light paths, pass by pass; each pass is a pure function of seed and number."""
+    """Sends light paths, pass by pass; each pass is a pure function of seed and number.
+
+    Parameters
+    ----------
+    context : RenderContext
+    light : SurfaceLight
+    contacts : Contacts or None
+        None where no clear body touches another surface.
+    camera_media : (STACK,) int32, or (0,)
+        Dielectrics that the camera stands in.
+    share : float
+        Light paths of a pass over the pixels of the picture.
+
+    Attributes
+    ----------
+    n_paths : int
+        Light paths of a pass.
+    is_smooth : (objects,) bool
+        Objects shaded by other normals than their own.
+    """
 
     def __init__(
         self,
@@ -74,9 +93,8 @@ class LightPathTracer:
         self.n_paths = int(np.clip(asked, 1, MOST_PATHS))
         self._emit = scene.lights.emit
         self._before = np.cumsum(self._emit)
-        self._media_of_light = media_around_lights(
-            context, contacts, np.flatnonzero(self._emit[:-1]), self._leaving_middle
-        )
+        sends = np.flatnonzero(self._emit[:-1])
+        self._media_of_light = media_around_lights(context, contacts, sends)
         self._media_of_camera = camera_media
         self.is_smooth = np.zeros(max(len(scene.surfaces), 1), dtype=np.bool_)
         self.is_smooth[list(scene.vertex_normals)] = True
@@ -195,17 +213,6 @@ class LightPathTracer:
         # The paths of a pass are the samples of one sequence, so they fill lights and directions
         # evenly; each pass has a sequence of its own.
         return self._context.sampler.points(sample, FIRST_LIGHT_DIMENSION + use, path)
-
-    def _leaving_middle(self, light: int) -> tuple[FloatArray, FloatArray]:
-        """Return a point of a light in its middle, and a direction in which it shines, (1, 3)."""
-        scene, middle = self._context.scene, np.array([[0.5, 0.5]])
-        row = np.array([light], dtype=np.int32)
-        origin, direction, flux = np.empty((1, 3)), np.empty((1, 3)), np.empty((1, 3))
-        kernels.leave_lights(
-            scene.lights, scene.textures, self._light.points(row, middle), self._emit, row, middle,
-            middle, 1.0, origin, direction, flux, np.empty(1),
-        )  # fmt: skip
-        return origin, direction
 
 
 def joined(parts: list[LitPoints]) -> LitPoints:

@@ -8,7 +8,6 @@ noise than by photons and no blur, so photons count from their second flight on.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -35,7 +34,7 @@ from hybrid_rt.integrators.surface_light import (
 )
 from hybrid_rt.kernels.gather import segments_to_photons
 from hybrid_rt.kernels.light import BOTH, LIGHT_ONLY
-from hybrid_rt.kernels.lobes import DIELECTRIC, METAL, PHONG
+from hybrid_rt.kernels.lobes import DIELECTRIC, DIFFUSE, METAL, PHONG
 from hybrid_rt.kernels.pack import Paths, add_products, pack_paths
 from hybrid_rt.kernels.scatter import ABSORBED, LEFT, SCATTERED, SPECULAR, STOPPED, scatter
 from hybrid_rt.records import FloatArray, IntArray, NamedPoints
@@ -56,6 +55,10 @@ class _Waiting:
 
 class Looker(Integrator):
     """See the module; `Integrator` for what it offers.
+
+    Parameters
+    ----------
+    context : RenderContext
 
     Attributes
     ----------
@@ -87,8 +90,8 @@ class Looker(Integrator):
         self._asks_for_metal = self._asks_lights and bool((lobes.kind == METAL).any())
         self._camera_media = media_around_camera(context, self._contacts)
         self.is_in_the_open = not (self._camera_media != NOTHING).any()
-        self._is_wide = _slots(context, lambda kind: kind <= PHONG)
-        self._follows = _slots(context, lambda kind: kind > PHONG).any(axis=1)
+        self._is_wide = context.scene.lobes_of_kinds(DIFFUSE, PHONG)
+        self._follows = context.scene.materials_of_kinds(METAL, DIELECTRIC)
 
     def _radiance(self, block: CameraBlock) -> FloatArray:
         radiance, blur = np.zeros_like(block.directions), np.zeros_like(block.directions)
@@ -233,17 +236,6 @@ class Looker(Integrator):
         out = Paths(*(np.empty_like(column) for column in paths))
         n_out = pack_paths(paths, fate, SCATTERED, hits.position, hits.object_id, onward, pdf, out)
         return Paths(*(column[:n_out] for column in out))
-
-
-def _slots(context: RenderContext, of_kind: Callable[[Any], Any]) -> Any:
-    """Return (materials + 1, slots) bool: lobes of these kinds; the last row is for no material."""
-    lobes = context.scene.lobes
-    n_slots = int(np.diff(lobes.first).max(initial=0))
-    marks = np.zeros((lobes.first.size, n_slots), dtype=np.bool_)
-    for m in range(lobes.first.size - 1):
-        kinds = lobes.kind[lobes.first[m] : lobes.first[m + 1]]
-        marks[m, : kinds.size] = of_kind(kinds)
-    return marks
 
 
 def _rows_of_paths(paths: Paths, rows: Any) -> Paths:

@@ -46,7 +46,12 @@ TO_LIGHT, DIRECTION, CHOICE, JOIN, PER_STEP = 0, 1, 2, 3, 4
 
 
 class PathTracer(Integrator):
-    """See the module; `Integrator` for what it offers."""
+    """See the module; `Integrator` for what it offers.
+
+    Parameters
+    ----------
+    context : RenderContext
+    """
 
     def __init__(self, context: RenderContext) -> None:
         super().__init__(context)

@@ -29,7 +29,14 @@ BLUR = (
 
 
 class MapCrew(PhotonCrew):
-    """See the module; `PhotonCrew` for what it offers."""
+    """See the module; `PhotonCrew` for what it offers.
+
+    Parameters
+    ----------
+    context : RenderContext
+    threads : int
+        Each has a `Looker` of its own.
+    """
 
     blur_stays = True
 

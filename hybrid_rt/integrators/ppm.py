@@ -29,7 +29,14 @@ BLUR = (
 
 
 class ProgressiveCrew(PhotonCrew):
-    """See the module; `PhotonCrew` for what it offers."""
+    """See the module; `PhotonCrew` for what it offers.
+
+    Parameters
+    ----------
+    context : RenderContext
+    threads : int
+        Each has a `Looker` of its own.
+    """
 
     def __init__(self, context: RenderContext, threads: int) -> None:
         super().__init__(context, threads)

@@ -20,10 +20,15 @@ from hybrid_rt.integrators.clear_bodies import absorb, media_around_lights
 from hybrid_rt.integrators.contacts import Contacts, first_hits
 from hybrid_rt.integrators.integrator import RenderContext
 from hybrid_rt.integrators.showing import DensePlaces, Shown, show
-from hybrid_rt.integrators.surface_light import SurfaceLight, largest_channel
+from hybrid_rt.integrators.surface_light import (
+    Shading,
+    SurfaceLight,
+    largest_channel,
+    new_light_points,
+)
 from hybrid_rt.kernels.emission import Launch, Targets, launch_from_light, launch_from_sky
 from hybrid_rt.kernels.light import POINT, RECTANGLE, SPHERE, LightPoints
-from hybrid_rt.kernels.lobes import DIELECTRIC, LAST_SPREADING, METAL, PHONG
+from hybrid_rt.kernels.lobes import DIELECTRIC, DIFFUSE, LAST_SPREADING, METAL, PHONG
 from hybrid_rt.kernels.photons import (
     EMITTED,
     IS_SHOWN,
@@ -38,7 +43,7 @@ from hybrid_rt.kernels.photons import (
 )
 from hybrid_rt.kernels.scatter import ABSORBED, LEFT, SCATTERED, SPECULAR, STOPPED
 from hybrid_rt.primitives import Plane
-from hybrid_rt.records import BoolArray, FloatArray, HitRecord, IntArray, NamedPoints
+from hybrid_rt.records import FloatArray, HitRecord, IntArray, NamedPoints
 from hybrid_rt.sampler import UIntArray
 from hybrid_rt.scene import NOTHING, CompiledScene
 
@@ -95,15 +100,6 @@ class Balance:
         self.n_stored += other.n_stored
 
 
-def materials_with(scene: CompiledScene, last: int, least: int = 0) -> BoolArray:
-    """Return which materials have a lobe of these kinds, (materials + 1,); the last row has none."""
-    kinds, first = scene.lobes.kind, scene.lobes.first
-    marks = np.zeros(first.size, dtype=np.bool_)
-    for m, (start, stop) in enumerate(pairwise(first)):
-        marks[m] = bool(((kinds[start:stop] >= least) & (kinds[start:stop] <= last)).any())
-    return marks
-
-
 class Shooter:
     """Sends out photons and follows them.
 
@@ -133,14 +129,15 @@ class Shooter:
         scene = context.scene
         self.world = _world(scene)
         self._light = SurfaceLight(context)
-        self.gathers = materials_with(scene, PHONG)
-        self._spreads = materials_with(scene, LAST_SPREADING)
+        self.gathers = scene.materials_of_kinds(DIFFUSE, PHONG)
+        self._spreads = scene.materials_of_kinds(DIFFUSE, LAST_SPREADING)
         self._targets = Targets(np.zeros((0, 3)), np.zeros(0))
         if context.plan["aimed photons"]:
-            self._targets = targets_of(scene, materials_with(scene, DIELECTRIC, least=METAL))
+            throws = scene.materials_of_kinds(METAL, DIELECTRIC)
+            self._targets = targets_of(scene, throws)
         self._powers = _powers(scene, self.world)
         sends = np.flatnonzero((self._powers[:-1] > 0.0) & context.plan["photons"])
-        self._media = media_around_lights(context, contacts, sends, self._leaving_middle)
+        self._media = media_around_lights(context, contacts, sends)
 
     def groups(self, photons_per_pass: int) -> list[Group]:
         """Share the photons of a pass out by power; every light that shines gets some."""
@@ -171,7 +168,7 @@ class Shooter:
         least : int
             Photons whose ``history`` is less are not stored.
         """
-        context, scene = self.context, self.context.scene
+        context = self.context
         stored: list[Photons] = []
         shown: list[Shown] = []
         sequence, n_before = sequence_of(group, pass_number)
@@ -179,66 +176,91 @@ class Shooter:
         with context.ledger.stage("photons"):
             flight = self._launched(group, sequence, number, dimension)
         for depth in range(context.max_depth + 1):
-            n = flight.number.size
-            if n == 0:
+            if flight.number.size == 0:
                 break
-            # --- where they arrive
+            step = dimension + PER_LAUNCH + PER_STEP * depth
             with context.ledger.stage("photons"):
-                source = NamedPoints(flight.source_id, flight.origin)
-                hits, second = first_hits(
-                    context.tracer, self._contacts, flight.origin, flight.direction, source
-                )
-                context.ledger.rays["photon"] += n
-                context.ledger.count_hits(hits)
-                material = self._light.material(hits)
-                # --- what the way there absorbed
-                taken = self.balance.power[TAKEN]
-                add_power(flight.power, 1.0, taken)
-                absorb(context, flight.media, material, hits, second, flight.power)
-                add_power(flight.power, -1.0, taken)
-                # --- what they leave there, and what the camera sees of it
-                step = dimension + PER_LAUNCH + PER_STEP * depth
+                # --- where they arrive
+                hits, second, material = self._arrived(flight)
                 shading = self._light.shading(hits, flight.direction, material)
-                normal = shading.geometric if shading.geometric.size else hits.normal
-                is_shown = self._are_shown(flight, material, hits)
-                flight.history[is_shown] |= IS_SHOWN
-                out = _new_photons(n)
-                n_stored = store_photons(
-                    flight, material, self.gathers, least, hits.position, normal, out
-                )
-                if n_stored:
-                    stored.append(Photons(*(column[:n_stored].copy() for column in out)))
-                flight.history[is_shown] ^= IS_SHOWN
-                if is_shown.size:
+                # --- what they leave there, and what the camera sees of it
+                to_show = self._to_show(flight, shading)
+                stored.append(self._stored(flight, shading, to_show, least))
+                if to_show.size:
                     lens = None
                     if context.plan["lens samples"]:
-                        lens = self._points(sequence, flight.number[is_shown], step + LENS)
-                    shown.append(show(context, flight, shading, is_shown, lens))
+                        lens = self._points(sequence, flight.number[to_show], step + LENS)
+                    shown.append(show(context, flight, shading, to_show, lens))
                 # --- where they go next, and which ones stop
-                fate = np.empty(n, dtype=np.uint8)
-                scatter_photons(
-                    scene.lobes, material, shading.colors, shading.hits.normal, shading.geometric,
-                    hits.position, hits.object_id, self._ways(sequence, flight, material, step),
-                    self._points(sequence, flight.number, step + LOBE), second,
-                    depth < context.max_depth, flight, fate, self.balance.power,
-                )  # fmt: skip
-                onward = _new_flight(n, flight.media.shape[1])
-                n_onward = pack_flight(flight, fate, SCATTERED, onward)
-                flight = Flight(*(column[:n_onward] for column in onward))
-                counts = np.bincount(fate, minlength=SPECULAR + 1)
-                context.ledger.ended["photons absorbed or by roulette"] += int(counts[ABSORBED])
-                context.ledger.ended["photons left or met a lamp"] += int(counts[LEFT])
-                context.ledger.ended["photons at max_depth"] += int(counts[STOPPED])
+                goes_on = depth < context.max_depth
+                flight = self._onward(flight, shading, second, sequence, step, goes_on)
         photons = joined(stored)
         self.balance.n_stored += len(photons.history)
         return photons, shown
 
-    def _are_shown(self, flight: Flight, material: IntArray, hits: HitRecord) -> NDArray[np.intp]:
+    def _arrived(self, flight: Flight) -> tuple[HitRecord, IntArray, IntArray]:
+        """Return where photons arrive: hits, faces that coincide with them, and materials.
+
+        What media on the way absorb is taken from their power.
+        """
+        context = self.context
+        source = NamedPoints(flight.source_id, flight.origin)
+        hits, second = first_hits(
+            context.tracer, self._contacts, flight.origin, flight.direction, source
+        )
+        context.ledger.rays["photon"] += len(hits)
+        context.ledger.count_hits(hits)
+        material = self._light.material(hits)
+        taken = self.balance.power[TAKEN]
+        add_power(flight.power, 1.0, taken)
+        absorb(context, flight.media, material, hits, second, flight.power)
+        add_power(flight.power, -1.0, taken)
+        return hits, second, material
+
+    def _to_show(self, flight: Flight, shading: Shading) -> NDArray[np.intp]:
         """Return the photons of caustics that have arrived where these are dense."""
         if self.dense is None:
             return np.zeros(0, dtype=np.intp)
-        rows = np.flatnonzero((flight.history == MET_SPECULAR) & self.gathers[material])
-        return rows[self.dense.hold(hits.position[rows])]
+        rows = np.flatnonzero((flight.history == MET_SPECULAR) & self.gathers[shading.material])
+        return rows[self.dense.hold(shading.hits.position[rows])]
+
+    def _stored(
+        self, flight: Flight, shading: Shading, to_show: NDArray[np.intp], least: int
+    ) -> Photons:
+        """Return the photons that have arrived where light is gathered; those shown are marked."""
+        hits, out = shading.hits, _new_photons(flight.number.size)
+        normal = shading.geometric if shading.geometric.size else hits.normal
+        flight.history[to_show] |= IS_SHOWN
+        n = store_photons(flight, shading.material, self.gathers, least, hits.position, normal, out)
+        flight.history[to_show] ^= IS_SHOWN
+        return Photons(*(column[:n].copy() for column in out))
+
+    def _onward(
+        self,
+        flight: Flight,
+        shading: Shading,
+        second: IntArray,
+        sequence: int,
+        step: int,
+        goes_on: bool,
+    ) -> Flight:
+        """Choose where each photon goes; return those that go on."""
+        hits, material, n = shading.hits, shading.material, flight.number.size
+        fate = np.empty(n, dtype=np.uint8)
+        scatter_photons(
+            self.context.scene.lobes, material, shading.colors, hits.normal, shading.geometric,
+            hits.position, hits.object_id, self._ways(sequence, flight, material, step),
+            self._points(sequence, flight.number, step + LOBE), second, goes_on, flight, fate,
+            self.balance.power,
+        )  # fmt: skip
+        ended = self.context.ledger.ended
+        counts = np.bincount(fate, minlength=SPECULAR + 1)
+        ended["photons absorbed or by roulette"] += int(counts[ABSORBED])
+        ended["photons left or met a lamp"] += int(counts[LEFT])
+        ended["photons at max_depth"] += int(counts[STOPPED])
+        onward = _new_flight(n, flight.media.shape[1])
+        n_onward = pack_flight(flight, fate, SCATTERED, onward)
+        return Flight(*(column[:n_onward] for column in onward))
 
     def _launched(self, group: Group, sequence: int, number: UIntArray, dimension: int) -> Flight:
         scene = self.context.scene
@@ -274,16 +296,6 @@ class Shooter:
             history=np.zeros(sent.size, dtype=np.uint8),
         )
 
-    def _leaving_middle(self, light: int) -> tuple[FloatArray, FloatArray]:
-        """Return a point of a light in its middle, and a direction in which it shines, (1, 3)."""
-        scene, middle, launch = self.context.scene, np.array([[0.5, 0.5]]), _new_launch(1)
-        nowhere = Targets(np.zeros((0, 3)), np.zeros(0))
-        launch_from_light(
-            scene.lights, scene.textures, self._surface_points(light, middle), light, nowhere, 1, 0,
-            False, middle, middle, middle[:, 0], launch,
-        )  # fmt: skip
-        return launch.origin, launch.direction
-
     def _points(self, sequence: int, number: UIntArray, dimension: int) -> FloatArray:
         name, _ = _in_sequence(sequence, number)
         return self.context.sampler.points(name, dimension, number)
@@ -298,13 +310,7 @@ class Shooter:
 
     def _surface_points(self, light: int, xi: FloatArray) -> LightPoints:
         chooser = self.context.scene.shining.get(light)
-        if chooser is None:
-            none = np.zeros(0)
-            return LightPoints(np.zeros((0, 3)), np.zeros((0, 3)), none, none, none)
-        patch, u, v = chooser.choose(xi)
-        surface = chooser.surface
-        density = chooser.pdf_area(patch, u, v)
-        return LightPoints(surface.point(u, v, patch), surface.normal(u, v, patch), density, u, v)
+        return new_light_points(0) if chooser is None else chooser.points(xi)
 
 
 def sequence_of(group: Group, pass_number: int) -> tuple[int, int]:
@@ -372,16 +378,16 @@ def _powers(scene: CompiledScene, world: FloatArray) -> FloatArray:
         else:
             name = scene.names[scene.surface_of_light[i]]
             raise ValueError(
-                f"object {name!r}: a plane that shines sends out photons without end; use a "
-                "Rectangle, or integrator 'path'"
+                f"object {name!r} is a plane that shines, so sends out photons without end: pass a "
+                "Rectangle, or use integrator 'path'"
             )
         power[i] = factor * lights.strength[i].mean()
     if scene.environment is not None:
         endless = [i for i, surface in enumerate(scene.surfaces) if isinstance(surface, Plane)]
         if endless:
             raise ValueError(
-                f"object {scene.names[endless[0]]!r}: the sky sends photons without end to a plane; "
-                "use a Rectangle, or integrator 'path'"
+                f"object {scene.names[endless[0]]!r} is a plane, to which the sky sends photons "
+                "without end: pass a Rectangle, or use integrator 'path'"
             )
         height = (np.arange(64) + 0.5) / 32.0 - 1.0
         turn = math.pi * (3.0 - math.sqrt(5.0)) * np.arange(64)

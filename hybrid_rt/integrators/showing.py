@@ -93,7 +93,16 @@ def show(
 ) -> Shown:
     """Return what photons that have arrived add to the picture, for those that the camera sees.
 
-    ``lens`` (rows, 2) chooses places on the lens, if it has any size.
+    Parameters
+    ----------
+    context : RenderContext
+    flight : Flight of n rows
+    shading : Shading of n rows
+        Where they have arrived.
+    rows : (k,) int64
+        The photons to show.
+    lens : (k, 2) float64 in [0, 1), or None
+        Places on the lens, if it has any size.
     """
     hits, geometric = shading.hits, shading.geometric
     position = hits.position[rows]

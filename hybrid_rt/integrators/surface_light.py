@@ -31,8 +31,15 @@ NONE_SMOOTH = np.zeros(0, dtype=np.bool_)
 class Shading:
     """Hits as shading needs them: where, on what, from where.
 
-    ``geometric`` (n, 3) are the normals of the surfaces themselves where ``hits`` has been given
-    others to shade by; else (0, 3).
+    Attributes
+    ----------
+    hits : HitRecord of n rows
+    directions : (n, 3) float64
+        Of the rays that arrived.
+    material : (n,) int32
+    colors : (n, lobes of a material at most, 3) float64
+    geometric : (n, 3) float64, or (0, 3)
+        Normals of the surfaces themselves where ``hits`` has been given others to shade by.
     """
 
     hits: HitRecord
@@ -101,7 +108,15 @@ class SurfaceLight:
         return colors
 
     def shading(self, hits: HitRecord, directions: FloatArray, material: IntArray) -> Shading:
-        """Return hits with the colours of their lobes and the normals to shade by."""
+        """Return hits with the colours of their lobes and the normals to shade by.
+
+        Parameters
+        ----------
+        hits : HitRecord of n rows
+        directions : (n, 3) float64
+            Of the rays that arrived.
+        material : (n,) int32
+        """
         colors = self.colors(material, hits)
         meshes = self._context.scene.vertex_normals
         if not meshes:
@@ -124,9 +139,17 @@ class SurfaceLight:
     ) -> FloatArray:
         """Return the radiance that rays run into, (n, 3): lights and what lies around the scene.
 
-        ``pdf`` (n,) is the density with which each direction was chosen, 0 where it had no choice;
-        what lights were asked for already counts less, and so does what light paths find where
-        ``rival`` (n,) or (0,) is above 0. ``media`` are the stacks of the rays.
+        Parameters
+        ----------
+        hits : HitRecord of n rows
+        origins, directions : (n, 3) float64
+        pdf : (n,) float64
+            Density with which each direction was chosen, 0 where it had no choice; what lights were
+            asked for already counts less.
+        rival : (n,) float64, or (0,)
+            Above 0: what light paths find counts less as well.
+        media : (n, STACK) int32, or (n, 0)
+            The stacks of the rays.
         """
         scene, plan = self._context.scene, self._context.plan
         radiance = np.zeros_like(directions)
@@ -170,8 +193,14 @@ class SurfaceLight:
     ) -> FloatArray:
         """Return what lights and sky send through the spreading lobes, (n, 3): all are asked.
 
-        ``media`` are the stacks of the rays. Hit i uses the dimensions ``dimension[i] + 0, 1, ...``, one for each light and one for the
-        sky.
+        Parameters
+        ----------
+        shading : Shading of n rows
+        media : (n, STACK) int32, or (n, 0)
+            The stacks of the rays.
+        pixel, dimension, pass_number : (n,) uint64
+            Name the random numbers. Hit i uses the dimensions ``dimension[i] + 0, 1, ...``, one for
+            each light and one for the sky.
         """
         context, n = self._context, len(shading.hits)
         questions: list[_Question] = []
@@ -227,7 +256,16 @@ class SurfaceLight:
         self.add_unblocked(rays, n_rays, radiance)
 
     def add_unblocked(self, rays: ShadowRays, n_rays: int, radiance: FloatArray) -> None:
-        """Add what arrives along the first of these rays to the rows of ``radiance`` they name."""
+        """Add what arrives along shadow rays where nothing stands in the way.
+
+        Parameters
+        ----------
+        rays : ShadowRays
+        n_rays : int
+            The first so many of them.
+        radiance : (rows, 3) float64, changed
+            In the rows that ``camera_ray`` names.
+        """
         if n_rays == 0:
             return
         context = self._context
@@ -339,21 +377,26 @@ class SurfaceLight:
         return total
 
     def points(self, light_id: IntArray, xi: FloatArray) -> LightPoints:
-        """Choose points on the surfaces among the lights, by numbers (n, 2) in [0, 1)."""
+        """Choose points on the surfaces among the lights.
+
+        Parameters
+        ----------
+        light_id : (n,) int32
+        xi : (n, 2) float64 in [0, 1)
+
+        Returns
+        -------
+        LightPoints of n rows
+            Zero for lights of other kinds; (0,) where no surface is a light.
+        """
         shining = self._context.scene.shining
-        n = light_id.size if shining else 0
-        points = LightPoints(
-            np.zeros((n, 3)), np.zeros((n, 3)), np.zeros(n), np.zeros(n), np.zeros(n)
-        )
+        points = new_light_points(light_id.size if shining else 0)
         for light, chooser in shining.items():
             rows = np.flatnonzero(light_id == light)
             if rows.size == 0:
                 continue
-            patch, u, v = chooser.choose(xi[rows])
-            points.position[rows] = chooser.surface.point(u, v, patch)
-            points.normal[rows] = chooser.surface.normal(u, v, patch)
-            points.pdf_area[rows] = chooser.pdf_area(patch, u, v)
-            points.u[rows], points.v[rows] = u, v
+            for column, chosen in zip(points, chooser.points(xi[rows]), strict=True):
+                column[rows] = chosen
         return points
 
     def _pdf_area(
@@ -398,6 +441,17 @@ def shadow_rays(n: int) -> ShadowRays:
         source_id=np.empty(n, dtype=np.int32),
         target_id=np.empty(n, dtype=np.int32),
         value=np.empty((n, 3)),
+    )
+
+
+def new_light_points(n: int) -> LightPoints:
+    """Return n points to be filled; (0,) where no surface is a light."""
+    return LightPoints(
+        position=np.zeros((n, 3)),
+        normal=np.zeros((n, 3)),
+        pdf_area=np.zeros(n),
+        u=np.zeros(n),
+        v=np.zeros(n),
     )
 
 

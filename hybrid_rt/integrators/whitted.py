@@ -79,7 +79,12 @@ class Branches:
 
 
 class Whitted(Integrator):
-    """See the module; `Integrator` for what it offers."""
+    """See the module; `Integrator` for what it offers.
+
+    Parameters
+    ----------
+    context : RenderContext
+    """
 
     def __init__(self, context: RenderContext) -> None:
         super().__init__(context)

@@ -7,6 +7,7 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from hybrid_rt.kernels.coarse import CoarseHits
 from hybrid_rt.kernels.nearest import Nearest, Rays
 from hybrid_rt.records import BoolArray, FloatArray, HitRecord, IntArray
 
@@ -29,36 +30,74 @@ class Kind(Protocol):
     def trace(
         self, rays: Rays, guess: IntArray | None, best: Nearest, any_hit: bool, work: FloatArray
     ) -> None:
-        """Lower ``best`` to the nearest roots on all surfaces of this kind."""
+        """Lower ``best`` to the nearest roots on all surfaces of this kind.
+
+        Parameters
+        ----------
+        rays : Rays of n rows
+        guess : (n,) int32, optional
+            What to begin with, from `CurvedKind.guesses`; kinds without coarse hits take none.
+        best : Nearest of n rows, changed
+        any_hit : bool
+            Whether any root will do: rays that have one are left alone.
+        work : (counters,) float64, changed
+            Tally of `hybrid_rt.kernels.subdivide.COUNTER_NAMES`.
+        """
         ...
 
     def finish(
         self, rays: Rays, best: Nearest, kind_of: IntArray, kind: int, out: Finished
     ) -> None:
-        """Fill ``out`` for the rows whose object is of this kind."""
+        """Fill ``out`` for the rows whose object is of this kind.
+
+        Parameters
+        ----------
+        rays : Rays of n rows
+        best : Nearest of n rows
+            ``tangent`` is set where a ray grazes.
+        kind_of : (objects,) int32
+        kind : int
+            Number of this kind in ``kind_of``.
+        out : Finished of n rows, changed
+        """
         ...
 
 
 class CurvedKind(Kind, Protocol):
     """A kind that goes to Embree as triangles first."""
 
-    def guesses(self, coarse: Any, face: IntArray, u: FloatArray, v: FloatArray) -> IntArray:
-        """Return what `trace` is to begin with for each coarse hit, -1 for nothing."""
+    def guesses(self, coarse: Any, hits: CoarseHits) -> IntArray:
+        """Return what `trace` is to begin with for each ray, (n,) int32; -1 for nothing.
+
+        Parameters
+        ----------
+        coarse : Coarse
+        hits : CoarseHits of n rows
+        """
         ...
 
     def refine(
         self,
         coarse: Any,
-        face: IntArray,
-        t: FloatArray,
-        u: FloatArray,
-        v: FloatArray,
+        hits: CoarseHits,
         rows: NDArray[np.int64],
         rays: Rays,
         best: Nearest,
         accepted: BoolArray,
     ) -> None:
-        """Lower ``best[rows]`` to what the coarse hits of this kind refine to."""
+        """Lower ``best[rows]`` to what coarse hits of this kind refine to.
+
+        Parameters
+        ----------
+        coarse : Coarse
+        hits : CoarseHits of k rows, none of them a miss
+        rows : (k,) int64
+            The rays of the hits.
+        rays : Rays of n rows
+        best : Nearest of n rows, changed
+        accepted : (k,) bool, changed
+            Set where a root was taken.
+        """
         ...
 
 

@@ -43,7 +43,13 @@ class Crossings:
         return np.diff(self.offsets)
 
     def of(self, ray: int) -> HitRecord:
-        """Return the crossings of one ray, in the order of t."""
+        """Return the crossings of one ray, in the order of t.
+
+        Raises
+        ------
+        IndexError
+            If there is no such ray.
+        """
         if not 0 <= ray < len(self.offsets) - 1:
             raise IndexError(f"ray is {ray}: pass 0 to {len(self.offsets) - 2}")
         return self.hits[self.offsets[ray] : self.offsets[ray + 1]]
@@ -61,6 +67,17 @@ def find_crossings(
     So a point that two patches share, a seam, a pole or a mesh edge is one crossing, as it is one
     point of departure; and so are coincident points of different objects (the lower index holds
     the row). A ray that touches a surface from one side without passing through has one row there.
+
+    Parameters
+    ----------
+    intersect : callable
+        `Intersector.intersect`, or what takes and returns the same.
+    origins, directions, t_min, t_max : array-like
+        As `Intersector.intersect` takes them.
+
+    Returns
+    -------
+    Crossings
 
     Raises
     ------

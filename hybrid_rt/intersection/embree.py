@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from hybrid_rt.kernels.coarse import rays_to_float32
-from hybrid_rt.records import FloatArray, IntArray
+from hybrid_rt.kernels.coarse import CoarseHits, rays_to_float32
+from hybrid_rt.records import FloatArray
 
 
 class CoarseScene:
@@ -53,8 +53,21 @@ class CoarseScene:
 
     def first(
         self, origin: FloatArray, direction: FloatArray, t_min: FloatArray, t_max: FloatArray
-    ) -> tuple[IntArray, FloatArray, FloatArray, FloatArray]:
-        """Trace rays; return face (-1: none), t in the caller's units, weights of corners 1, 2."""
+    ) -> CoarseHits:
+        """Return what rays meet first.
+
+        Parameters
+        ----------
+        origin, direction : (n, 3) float64
+            World frame.
+        t_min, t_max : (n,) float64
+            In lengths of ``direction``; Embree's float32 rounds them.
+
+        Returns
+        -------
+        CoarseHits of n rows
+            ``t`` in lengths of ``direction``.
+        """
         n = len(origin)
         near, away = np.empty((n, 3), np.float32), np.empty((n, 3), np.float32)
         reach, shift = np.empty(n, np.float32), np.empty(n)
@@ -62,9 +75,9 @@ class CoarseScene:
             origin, direction, t_min, t_max, self.middle, self.to_frame, near, away, reach, shift
         )
         found = self._scene.run(near, away, dists=reach, output=1)
-        face = found["primID"]
         t = (found["tfar"].astype(np.float64) + shift) / self.to_frame
-        return face, t, found["u"].astype(np.float64), found["v"].astype(np.float64)
+        u, v = found["u"].astype(np.float64), found["v"].astype(np.float64)
+        return CoarseHits(found["primID"], t, u, v)
 
     def __getstate__(self) -> dict[str, Any]:
         """Embree's memory cannot be copied: an unpickled scene is built again."""

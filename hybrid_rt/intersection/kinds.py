@@ -25,7 +25,15 @@ CURVED = (BezierPatches, SurfaceOfRevolution)
 
 
 def check_surfaces(surfaces: Sequence[Surface]) -> tuple[Surface, ...]:
-    """Return the surfaces, or say which of them is none."""
+    """Return the surfaces, or say which of them is none.
+
+    Raises
+    ------
+    TypeError
+        If one is no surface.
+    ValueError
+        If one is too large, too small or too far away for float64 to compute with.
+    """
     for i, surface in enumerate(surfaces):
         if not isinstance(surface, Surface.__args__):
             raise TypeError(
@@ -54,6 +62,13 @@ def make_kinds(
     surfaces: Sequence[Surface], accuracy: str, pool: Pool
 ) -> tuple[list[Kind], list[CurvedKind], IntArray, dict[str, dict[str, str]]]:
     """Build the kinds that occur.
+
+    Parameters
+    ----------
+    surfaces : sequence of surfaces
+    accuracy : {"mesh", "refined", "certified"}
+    pool : Pool
+        Shares the work of building.
 
     Returns
     -------

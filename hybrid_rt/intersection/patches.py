@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from hybrid_rt.intersection.batch import Finished, rows_of
 from hybrid_rt.intersection.pool import Pool
-from hybrid_rt.kernels.coarse import guess_cells
+from hybrid_rt.kernels.coarse import CoarseHits, guess_cells
 from hybrid_rt.kernels.nearest import Nearest, Rays
 from hybrid_rt.kernels.patch_cells import FAN, ROW_U, ROW_V, fill_cells, fill_quarters
 from hybrid_rt.kernels.patch_hits import count_changed, finish_patches, refine_patches
@@ -41,6 +41,15 @@ MOST_CELLS = 4_000_000
 SAME_EDGE = 2.0**-44
 
 
+class _Nets(NamedTuple):
+    """Control nets of all patches, as in `PatchTable`."""
+
+    control: FloatArray
+    start: NDArray[np.int64]
+    degree: NDArray[np.int64]
+    centre: FloatArray
+
+
 class PatchKind:
     """First hits on Bezier patches.
 
@@ -56,9 +65,9 @@ class PatchKind:
     def __init__(
         self, surfaces: Sequence[tuple[int, BezierPatches]], pool: Pool, finest: int = FINEST
     ) -> None:
-        nets = [net for _, surface in surfaces for net in surface.patches]
-        points = np.concatenate([net.reshape(-1, 3) for net in nets])
-        degree = np.array([(net.shape[0] - 1, net.shape[1] - 1) for net in nets], np.int64)
+        patches = [net for _, surface in surfaces for net in surface.patches]
+        points = np.concatenate([net.reshape(-1, 3) for net in patches])
+        degree = np.array([(net.shape[0] - 1, net.shape[1] - 1) for net in patches], np.int64)
         lengths = (degree + 1).prod(axis=1)
         start = np.concatenate([[0], lengths.cumsum()[:-1]]).astype(np.int64)
         lo, hi = points.min(axis=0), points.max(axis=0)
@@ -70,6 +79,7 @@ class PatchKind:
         # Rounded to 20 bits, so that subtracting a centre loses nothing of ordinary figures.
         centre = np.round(0.5 * (low + high) * to_frame * 2.0**20) * 2.0**-20
         control = _difference(points, middle, np.repeat(centre, lengths, axis=0), to_frame)
+        nets = _Nets(control, start, degree, centre)
         size = np.sqrt(np.maximum.reduceat((control**2).sum(axis=1), start))
         counts = [len(surface) for _, surface in surfaces]
         object_id = np.repeat(np.array([i for i, _ in surfaces], np.int32), counts)
@@ -82,14 +92,14 @@ class PatchKind:
             degree=degree,
             centre=centre,
             size=size,
-            open_edges=_open_edges(nets, SAME_EDGE / to_frame),
+            open_edges=_open_edges(patches, SAME_EDGE / to_frame),
             object_id=object_id,
             patch_id=patch_id,
-            **_cells(control, start, degree, centre, max(finest, COARSEST), pool),
+            **_cells(nets, max(finest, COARSEST), pool),
         )
         self._first_patch = np.full(int(object_id.max()) + 1, -1, np.int64)
-        for i, count in zip((i for i, _ in surfaces), np.cumsum([0, *counts[:-1]]), strict=True):
-            self._first_patch[i] = count
+        for (i, _), first in zip(surfaces, np.cumsum([0, *counts[:-1]]), strict=True):
+            self._first_patch[i] = first
         if finest:
             self._build_search(pool)
 
@@ -97,19 +107,8 @@ class PatchKind:
         """Fill the cells in the order of a tree over them, and their quarters."""
         t = self.table
         n = len(t.place)
-        record, boxes, cell_patch = np.empty((n, RECORD)), np.empty((n, 6)), np.empty(n, np.uint32)
-        _fill(
-            t.control,
-            t.start,
-            t.degree,
-            t.centre,
-            t.grid,
-            t.first_cell,
-            record,
-            boxes,
-            cell_patch,
-            pool,
-        )
+        nets = _Nets(t.control, t.start, t.degree, t.centre)
+        record, boxes, cell_patch = _filled(nets, t.grid, t.first_cell, pool)
         self.tree = Tree(*build_tree(boxes[:, :3].copy(), boxes[:, 3:].copy(), 1))
         order = self.tree.order
         t.record[:n], t.cell_patch[:n] = record[order], cell_patch[order]
@@ -118,8 +117,8 @@ class PatchKind:
 
             def quarter(begin: int, end: int) -> None:
                 fill_quarters(
-                    t.control, t.start, t.degree, t.centre, t.record[:n], t.cell_patch[:n],
-                    begin, end, t.record[n:], t.cell_patch[n:],
+                    *nets, t.record[:n], t.cell_patch[:n], begin, end, t.record[n:],
+                    t.cell_patch[n:],
                 )  # fmt: skip
 
             pool.run(quarter, n)
@@ -144,11 +143,11 @@ class PatchKind:
         if guess is not None:
             count_changed(t_guess, t_before, best, work)
 
-    def guesses(self, coarse: Coarse, face: IntArray, u: FloatArray, v: FloatArray) -> IntArray:
+    def guesses(self, coarse: Coarse, hits: CoarseHits) -> IntArray:
         """Return the cell of each coarse hit, -1 where there is none on a patch."""
-        guess = np.empty(len(face), np.int32)
+        guess = np.empty(len(hits.face), np.int32)
         guess_cells(
-            face, u, v, coarse.corner_uv, coarse.object_id, coarse.piece, self._first_of(coarse),
+            hits, coarse.triangles, self._first_of(coarse),
             self.table.grid, self.table.first_cell, self.table.place, guess,
         )  # fmt: skip
         return guess
@@ -156,10 +155,7 @@ class PatchKind:
     def refine(
         self,
         coarse: Coarse,
-        face: IntArray,
-        t: FloatArray,
-        u: FloatArray,
-        v: FloatArray,
+        hits: CoarseHits,
         rows: NDArray[np.int64],
         rays: Rays,
         best: Nearest,
@@ -167,8 +163,8 @@ class PatchKind:
     ) -> None:
         """Move coarse hits onto their patches by Newton iteration, and offer what is found."""
         refine_patches(
-            self.table, face, t, u, v, coarse.corner_uv, coarse.object_id, coarse.piece,
-            self._first_of(coarse), rows, rays, best, self._new_basis(), accepted,
+            self.table, hits, coarse.triangles, self._first_of(coarse), rows, rays, best,
+            self._new_basis(), accepted,
         )  # fmt: skip
 
     def _new_basis(self) -> FloatArray | None:
@@ -199,16 +195,9 @@ def _difference(
     return net
 
 
-def _cells(
-    control: FloatArray,
-    start: NDArray[np.int64],
-    degree: NDArray[np.int64],
-    centre: FloatArray,
-    finest: int,
-    pool: Pool,
-) -> dict[str, NDArray[np.generic]]:
+def _cells(nets: _Nets, finest: int, pool: Pool) -> dict[str, NDArray[np.generic]]:
     """Choose each patch's grid: from one cell up, halved while its normals spread widely."""
-    k = len(start)
+    k = len(nets.start)
     while finest > COARSEST and k * finest * finest > MOST_CELLS:
         finest //= 2
     grid = np.full((k, 2), COARSEST, np.int64)
@@ -217,16 +206,14 @@ def _cells(
     while True:
         # Patches still wide get the finer grid; all others keep theirs.
         first = np.concatenate([[0], grid.prod(axis=1).cumsum()[:-1]]).astype(np.int64)
-        n = int(grid.prod(axis=1).sum())
         if side >= finest or not len(wide):
             break
-        record, boxes = np.empty((n, RECORD)), np.empty((n, 6))
-        cell_patch = np.empty(n, np.uint32)
-        _fill(control, start, degree, centre, grid, first, record, boxes, cell_patch, pool)
+        record, _, _ = _filled(nets, grid, first, pool)
         worst = np.maximum.reduceat(_spread(record), first)
         wide = np.flatnonzero(worst > WIDE_SPREAD)
         side *= 2
         grid[wide] = side
+    n = int(grid.prod(axis=1).sum())
     n_quarters = 4 * n if finest > COARSEST and 4 * n <= MOST_CELLS else 0
     return {
         "grid": grid,
@@ -237,24 +224,18 @@ def _cells(
     }
 
 
-def _fill(
-    control: FloatArray,
-    start: NDArray[np.int64],
-    degree: NDArray[np.int64],
-    centre: FloatArray,
-    grid: NDArray[np.int64],
-    first: NDArray[np.int64],
-    record: FloatArray,
-    boxes: FloatArray,
-    cell_patch: NDArray[np.uint32],
-    pool: Pool,
-) -> None:
-    def work(begin: int, end: int) -> None:
-        fill_cells(
-            control, start, degree, centre, grid, first, begin, end, record, boxes, cell_patch
-        )
+def _filled(
+    nets: _Nets, grid: NDArray[np.int64], first: NDArray[np.int64], pool: Pool
+) -> tuple[FloatArray, FloatArray, NDArray[np.uint32]]:
+    """Return the records of all cells, boxes around them, and their patches."""
+    n = int(grid.prod(axis=1).sum())
+    record, boxes, cell_patch = np.empty((n, RECORD)), np.empty((n, 6)), np.empty(n, np.uint32)
 
-    pool.run(work, len(start))
+    def work(begin: int, end: int) -> None:
+        fill_cells(*nets, grid, first, begin, end, record, boxes, cell_patch)
+
+    pool.run(work, len(nets.start))
+    return record, boxes, cell_patch
 
 
 def _aligned(n: int) -> FloatArray:

@@ -26,7 +26,18 @@ def available_threads() -> int:
 
 
 class Pool:
-    """Runs a function over slices of ``range(n)``; the threads start with the first long batch."""
+    """Runs a function over slices of ``range(n)``; the threads start with the first long batch.
+
+    Parameters
+    ----------
+    threads : int, optional
+        Default: as many as this process may use.
+
+    Raises
+    ------
+    ValueError, TypeError
+        If it is no whole number from 1 to `MOST_THREADS`.
+    """
 
     def __init__(self, threads: int | None = None) -> None:
         if threads is not None:
@@ -35,7 +46,16 @@ class Pool:
         self._executor: ThreadPoolExecutor | None = None
 
     def run(self, work: Callable[[int, int], None], n: int, longest: int = SLICE) -> None:
-        """Call ``work(begin, end)`` for slices that cover ``range(n)``, none above ``longest``."""
+        """Call a function for slices that cover ``range(n)``.
+
+        Parameters
+        ----------
+        work : callable
+            Takes (begin, end); may run in several threads at once. What it raises is raised here.
+        n : int
+        longest : int
+            No slice is longer.
+        """
         if n <= longest // 8 or self.threads == 1:
             for begin in range(0, n, longest):
                 work(begin, min(begin + longest, n))

@@ -27,7 +27,20 @@ LARGEST = 1e150
 
 @dataclass(frozen=True)
 class Batch:
-    """Rays as a caller gave them, checked; `rows` brings a slice into the kernels' form."""
+    """Rays as a caller gave them, checked; `rows` brings a slice into the kernels' form.
+
+    Attributes
+    ----------
+    origin, direction : (n, 3) float64
+    t_min, t_max : (n,) float64
+        In lengths of the given directions.
+    source, target : NamedPoints of n rows, or None
+        Points that rays leave from and go to; they are no hits.
+    reach : (objects,) float64
+        See `make_batch`.
+    unseen : (n,) int32, or None
+        An object that each ray does not see; -1: it sees all.
+    """
 
     origin: FloatArray
     direction: FloatArray
@@ -90,10 +103,24 @@ def make_batch(
     pool: Pool,
     unseen: IntArray | None = None,
 ) -> Batch:
-    """Return checked rays; see `Intersector.intersect` for the forms that are taken.
+    """Return checked rays.
 
-    ``reach`` (objects,) is the largest number from which each object's points are computed: their
-    rounding is relative to it.
+    Parameters
+    ----------
+    origins, directions, t_min, t_max, source, unseen
+        As `Intersector.intersect` takes them.
+    target : HitRecord or NamedPoints of n rows, optional
+        The points that rays go to.
+    reach : (objects,) float64
+        The largest number from which each object's points are computed: their rounding is
+        relative to it.
+    pool : Pool
+        Shares the work of checking.
+
+    Raises
+    ------
+    ValueError, TypeError
+        As `Intersector.intersect` does.
     """
     origin, direction, shape = as_rays(origins, directions)
     n = len(origin)
@@ -145,7 +172,13 @@ def as_rays(
 
 
 def as_limit(value: ArrayLike, name: str, shape: tuple[int, ...]) -> FloatArray:
-    """Return one limit per ray, (n,), for a batch of a shape."""
+    """Return one limit per ray, (n,) float64, for a batch of a shape.
+
+    Raises
+    ------
+    ValueError, TypeError
+        If ``value`` is neither one number nor one per ray, or holds nan; ``name`` says which it is.
+    """
     if value is None:
         raise TypeError(f"{name} is None: pass a number, or inf for no limit")
     array, n = as_floats(value, name), math.prod(shape)

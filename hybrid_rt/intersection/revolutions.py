@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hybrid_rt.intersection.batch import Finished
+from hybrid_rt.kernels.coarse import CoarseHits
 from hybrid_rt.kernels.nearest import Nearest, Rays
 from hybrid_rt.kernels.revolution import (
     DEPTH,
@@ -101,22 +102,16 @@ class RevolutionKind:
         pieces = np.empty(0, np.int32) if guess is None else guess
         trace_revolutions(self.table, rays, pieces, best, any_hit, _new_scratch(self.table), work)
 
-    def guesses(self, coarse: Coarse, face: IntArray, u: FloatArray, v: FloatArray) -> IntArray:
+    def guesses(self, coarse: Coarse, hits: CoarseHits) -> IntArray:
         """Return the piece of each coarse hit, -1 where there is none on these surfaces."""
-        guess = np.empty(len(face), np.int32)
-        guess_pieces(
-            face, u, v, coarse.corner_uv, coarse.object_id, coarse.piece,
-            self._rows(coarse.n_objects), self.table, guess,
-        )  # fmt: skip
+        guess = np.empty(len(hits.face), np.int32)
+        guess_pieces(hits, coarse.triangles, self._rows(coarse.n_objects), self.table, guess)
         return guess
 
     def refine(
         self,
         coarse: Coarse,
-        face: IntArray,
-        t: FloatArray,
-        u: FloatArray,
-        v: FloatArray,
+        hits: CoarseHits,
         rows: NDArray[np.int64],
         rays: Rays,
         best: Nearest,
@@ -124,8 +119,8 @@ class RevolutionKind:
     ) -> None:
         """Move coarse hits onto the surfaces by Newton iteration, and offer what is found."""
         refine_revolutions(
-            self.table, face, t, u, v, coarse.corner_uv, coarse.object_id, coarse.piece,
-            self._rows(coarse.n_objects), rows, rays, best, np.empty(9), accepted,
+            self.table, hits, coarse.triangles, self._rows(coarse.n_objects), rows, rays, best,
+            np.empty(9), accepted,
         )  # fmt: skip
 
     def finish(

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hybrid_rt.intersection.batch import Finished
+from hybrid_rt.kernels.coarse import CoarseHits
 from hybrid_rt.kernels.nearest import Nearest, Rays
 from hybrid_rt.kernels.tree import Tree, build_tree, new_stack
 from hybrid_rt.kernels.triangle import (
@@ -84,21 +85,17 @@ class TriangleKind:
     def refine(
         self,
         coarse: Coarse,
-        face: IntArray,
-        t: FloatArray,
-        u: FloatArray,
-        v: FloatArray,
+        hits: CoarseHits,
         rows: NDArray[np.int64],
         rays: Rays,
         best: Nearest,
         accepted: BoolArray,
     ) -> None:
         """Meet Embree's triangle again in float64."""
-        del t, u, v
         first = np.full(coarse.n_objects, -1, np.int64)
         first[: len(self._first_face)] = self._first_face
-        place = np.empty(len(face), np.int32)
-        rows_of_faces(face, coarse.object_id, coarse.piece, first, self._place, place)
+        place = np.empty(len(hits.face), np.int32)
+        rows_of_faces(hits, coarse.triangles, first, self._place, place)
         refine_triangles(self.table, place, rows, rays, best, accepted)
 
     def finish(

@@ -1,13 +1,45 @@
 """Rays as Embree takes them, float32 in the frame of its triangles; and what its hits mean."""
 
+from typing import Any, NamedTuple
+
 import numpy as np
 
 from hybrid_rt.kernels.frame import advance, enter_frame
 from hybrid_rt.kernels.nearest import offer
-from meshing.kernels.jit import hot_kernel
+from meshing.kernels.jit import hot_kernel, inlined
 
 # Embree's own "no limit", and far beyond the frame.
 NO_LIMIT = 1e30
+
+
+class CoarseHits(NamedTuple):
+    """What Embree finds: a triangle, and about where; n rows."""
+
+    face: Any  # (n,) int32, -1: none
+    t: Any  # (n,) float64
+    u: Any  # (n,) float64, weight of the second corner,
+    v: Any  # (n,) float64, and of the third
+
+
+class CoarseTriangles(NamedTuple):
+    """The triangles in Embree, and which part of which surface each stands for."""
+
+    vertex: Any  # (vertices, 3) float64, world frame
+    face: Any  # (triangles, 3) int64
+    object_id: Any  # (triangles,) int32
+    piece: Any  # (triangles,) int32, patch, segment of a profile, or face of a mesh
+    corner_uv: Any  # (triangles, 3, 2) float64, parameters of the surface
+
+
+@inlined
+def parameters_at(triangles, f, u, v):
+    """Return the surface's parameters where corners 1 and 2 of triangle f have weights u and v."""
+    uv = triangles.corner_uv
+    w = 1.0 - u - v
+    return (
+        w * uv[f, 0, 0] + u * uv[f, 1, 0] + v * uv[f, 2, 0],
+        w * uv[f, 0, 1] + u * uv[f, 1, 1] + v * uv[f, 2, 1],
+    )
 
 
 @hot_kernel
@@ -33,19 +65,15 @@ def rays_to_float32(origin, direction, t_min, t_max, middle, to_frame, near, awa
 
 
 @hot_kernel
-def guess_cells(
-    face, u, v, corner_uv, object_id, piece, first_patch, grid, first_cell, place, guess
-):
+def guess_cells(hits, triangles, first_patch, grid, first_cell, place, guess):
     """Turn coarse hits into the cell that holds them (-1: no hit, or not a patch)."""
-    for i in range(face.shape[0]):
-        f = face[i]
-        if f < 0 or first_patch[object_id[f]] < 0:
+    for i in range(hits.face.shape[0]):
+        f = hits.face[i]
+        if f < 0 or first_patch[triangles.object_id[f]] < 0:
             guess[i] = -1
             continue
-        k = first_patch[object_id[f]] + piece[f]
-        w = 1.0 - u[i] - v[i]
-        a = w * corner_uv[f, 0, 0] + u[i] * corner_uv[f, 1, 0] + v[i] * corner_uv[f, 2, 0]
-        b = w * corner_uv[f, 0, 1] + u[i] * corner_uv[f, 1, 1] + v[i] * corner_uv[f, 2, 1]
+        k = first_patch[triangles.object_id[f]] + triangles.piece[f]
+        a, b = parameters_at(triangles, f, hits.u[i], hits.v[i])
         nu, nv = grid[k, 0], grid[k, 1]
         ca = min(max(int(np.floor(a * nu)), 0), nu - 1)
         cb = min(max(int(np.floor(b * nv)), 0), nv - 1)
@@ -53,10 +81,11 @@ def guess_cells(
 
 
 @hot_kernel
-def offer_faces(vertices, faces, object_id, face, rows, rays, t_start, best, accepted):
+def offer_faces(hits, triangles, rows, rays, t_start, best, accepted):
     """Offer coarse triangles as they are, their plane met in float64 (accuracy "mesh")."""
-    for j in range(face.shape[0]):
-        i, f = rows[j], face[j]
+    vertices, faces = triangles.vertex, triangles.face
+    for j in range(hits.face.shape[0]):
+        i, f = rows[j], hits.face[j]
         o, d = rays.origin[i], rays.direction[i]
         a, b, c = vertices[faces[f, 0]], vertices[faces[f, 1]], vertices[faces[f, 2]]
         bx, by, bz = b[0] - a[0], b[1] - a[1], b[2] - a[2]
@@ -79,15 +108,16 @@ def offer_faces(vertices, faces, object_id, face, rows, rays, t_start, best, acc
         length = np.sqrt(nx * nx + ny * ny + nz * nz)
         # Nothing is known of the true surface: no bound.
         if offer(
-            i, t, np.inf, abs(det) / length, False, object_id[f], f, v, w,
+            i, t, np.inf, abs(det) / length, False, triangles.object_id[f], f, v, w,
             rays.t_min, rays.known[:0], best,
         ):  # fmt: skip
             accepted[j] = True
 
 
 @hot_kernel
-def finish_mesh(vertices, faces, piece, corner_uv, rays, best, kind_of, kind, out):
+def finish_mesh(triangles, rays, best, kind_of, kind, out):
     """Describe hits on coarse triangles."""
+    vertices, faces = triangles.vertex, triangles.face
     for i in range(best.t.shape[0]):
         if best.object_id[i] < 0 or kind_of[best.object_id[i]] != kind:
             continue
@@ -107,8 +137,6 @@ def finish_mesh(vertices, faces, piece, corner_uv, rays, best, kind_of, kind, ou
             p = u * a[k] + v * b[k] + w * c[k]
             out.position[i, k] = p
             gap += (p - (rays.origin[i, k] + best.t[i] * rays.direction[i, k])) ** 2
-        uv = corner_uv[f]
-        out.u[i] = u * uv[0, 0] + v * uv[1, 0] + w * uv[2, 0]
-        out.v[i] = u * uv[0, 1] + v * uv[1, 1] + w * uv[2, 1]
-        out.patch_id[i] = piece[f]
+        out.u[i], out.v[i] = parameters_at(triangles, f, v, w)
+        out.patch_id[i] = triangles.piece[f]
         out.residual[i] = np.sqrt(gap)

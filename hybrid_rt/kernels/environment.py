@@ -134,10 +134,3 @@ def sky_on_rays(sky, direction, radiance, pdf):
         x, y, z = direction[i, 0], direction[i, 1], direction[i, 2]
         radiance[i, 0], radiance[i, 1], radiance[i, 2] = sky_radiance(sky, x, y, z)
         pdf[i] = sky_pdf(sky, x, y, z)
-
-
-@kernel
-def sky_directions(sky, xi, direction):
-    """Fill unit directions (n, 3) chosen by brightness from numbers (n, 2) in [0, 1)."""
-    for i in range(xi.shape[0]):
-        direction[i, 0], direction[i, 1], direction[i, 2] = sky_direction(sky, xi[i, 0], xi[i, 1])

@@ -47,17 +47,21 @@ def refract(dx, dy, dz, nx, ny, nz, cos_i, cos_t, ratio):
     return x / length, y / length, z / length
 
 
+@inlined
+def mirrored(dx, dy, dz, nx, ny, nz):
+    """Reflect a unit direction at a unit normal of either sign."""
+    twice = 2.0 * (nx * dx + ny * dy + nz * dz)
+    return dx - twice * nx, dy - twice * ny, dz - twice * nz
+
+
 @kernel
 def mirror_directions(direction, normal, reflected):
     """Reflect unit directions (n, 3) at unit normals of either sign."""
     for i in range(direction.shape[0]):
-        twice = 2.0 * (
-            direction[i, 0] * normal[i, 0]
-            + direction[i, 1] * normal[i, 1]
-            + direction[i, 2] * normal[i, 2]
-        )
-        for k in range(3):
-            reflected[i, k] = direction[i, k] - twice * normal[i, k]
+        reflected[i, 0], reflected[i, 1], reflected[i, 2] = mirrored(
+            direction[i, 0], direction[i, 1], direction[i, 2],
+            normal[i, 0], normal[i, 1], normal[i, 2],
+        )  # fmt: skip
 
 
 @kernel

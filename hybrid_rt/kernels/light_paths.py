@@ -21,6 +21,7 @@ between, the densities of the two directions per projected solid angle, from eit
 import math
 from typing import Any, NamedTuple
 
+from hybrid_rt.kernels.fresnel import mirrored
 from hybrid_rt.kernels.light import RECTANGLE, SPHERE, light_strength, power_weight
 from hybrid_rt.kernels.lobes import (
     DIELECTRIC,
@@ -194,8 +195,8 @@ def lead_through(paths, lobes, row, i, nx, ny, nz, is_front, second, rest):
             lobes, row, paths.media, i, nx, ny, nz, dx, dy, dz, is_front, second, rest
         )
         return x, y, z, is_tinted
-    twice = 2.0 * (nx * dx + ny * dy + nz * dz)
-    return dx - twice * nx, dy - twice * ny, dz - twice * nz, True
+    x, y, z = mirrored(dx, dy, dz, nx, ny, nz)
+    return x, y, z, True
 
 
 @inlined

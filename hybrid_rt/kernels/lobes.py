@@ -1,13 +1,14 @@
 """What a surface sends on of the light that reaches it: the lobes that spread it.
 
 One interface for all of them: `scattered` is `eval` (f cos) and `pdf` together, `sample_lobes` and
-`pick_direction` are `sample`. Mirror and glass send light on along single directions: they are
+`lobe_direction` are `sample`. Mirror and glass send light on along single directions: they are
 chosen here as often as the others, and followed in `hybrid_rt.kernels.scatter`.
 """
 
 import math
 from typing import Any, NamedTuple
 
+from hybrid_rt.kernels.fresnel import mirrored
 from meshing.kernels.jit import inlined, kernel
 
 # In this order: those that spread light come first, see `scattered`.
@@ -181,8 +182,7 @@ def lobe_direction(kind, number, nx, ny, nz, dx, dy, dz, xi, eta):
     phi = 2.0 * math.pi * eta
     if kind == DIFFUSE:
         return onto_axis(nx, ny, nz, math.sqrt(1.0 - xi), math.sqrt(xi), phi)
-    twice = 2.0 * (nx * dx + ny * dy + nz * dz)
-    rx, ry, rz = dx - twice * nx, dy - twice * ny, dz - twice * nz
+    rx, ry, rz = mirrored(dx, dy, dz, nx, ny, nz)
     if kind == PHONG:
         cosine = (1.0 - xi) ** (1.0 / (number + 1.0))
         return onto_axis(rx, ry, rz, cosine, math.sqrt(max(1.0 - cosine * cosine, 0.0)), phi)
@@ -255,19 +255,3 @@ def sample_lobes(lobes, material, colors, normal, direction, xi, last_kind, wi, 
         wi[i, 0], wi[i, 1], wi[i, 2] = x, y, z
         value[i, 0], value[i, 1], value[i, 2] = r / density, g / density, b / density
         pdf[i] = density
-
-
-@kernel
-def evaluate_lobes(lobes, material, colors, normal, direction, wi, last_kind, value, pdf):
-    """Fill ``value`` (n, 3) with f cos and ``pdf`` (n,) for given directions; see `scattered`."""
-    for i in range(material.size):
-        value[i, 0] = value[i, 1] = value[i, 2] = 0.0
-        pdf[i] = 0.0
-        if material[i] < 0:
-            continue
-        value[i, 0], value[i, 1], value[i, 2], pdf[i] = scattered(
-            lobes, material[i], colors, i,
-            normal[i, 0], normal[i, 1], normal[i, 2],
-            direction[i, 0], direction[i, 1], direction[i, 2],
-            wi[i, 0], wi[i, 1], wi[i, 2], last_kind,
-        )  # fmt: skip

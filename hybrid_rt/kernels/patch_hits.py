@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from hybrid_rt.kernels.coarse import parameters_at
 from hybrid_rt.kernels.frame import enter_frame
 from hybrid_rt.kernels.patch import (
     CONVERGED,
@@ -33,20 +34,16 @@ def count_changed(t_guess, t_before, best, counters):
 
 
 @hot_kernel
-def refine_patches(
-    table, face, t, u, v, corner_uv, object_of, piece, first_patch, rows, rays, best, basis, accepted
-):  # fmt: skip
+def refine_patches(table, hits, triangles, first_patch, rows, rays, best, basis, accepted):
     """Newton from coarse hits, with no proof of anything (accuracy "refined")."""
     degree = table.degree
-    for j in range(face.shape[0]):
-        i, f = rows[j], face[j]
-        if first_patch[object_of[f]] < 0:
+    for j in range(hits.face.shape[0]):
+        i, f = rows[j], hits.face[j]
+        if first_patch[triangles.object_id[f]] < 0:
             continue
-        k = first_patch[object_of[f]] + piece[f]
+        k = first_patch[triangles.object_id[f]] + triangles.piece[f]
         o, middle = rays.origin[i], table.middle
-        w = 1.0 - u[j] - v[j]
-        a = w * corner_uv[f, 0, 0] + u[j] * corner_uv[f, 1, 0] + v[j] * corner_uv[f, 2, 0]
-        b = w * corner_uv[f, 0, 1] + u[j] * corner_uv[f, 1, 1] + v[j] * corner_uv[f, 2, 1]
+        a, b = parameters_at(triangles, f, hits.u[j], hits.v[j])
         d = rays.direction[i]
         hx, hy, hz, lx, ly, lz, shift = enter_frame(
             o[0], o[1], o[2], d[0], d[1], d[2], middle[0], middle[1], middle[2], table.to_frame
@@ -56,12 +53,12 @@ def refine_patches(
         m, n = degree[k, 0], degree[k, 1]
         status, a, b, s, _, n_dot_d, gain_u, gain_v = newton(
             table.control, table.start[k], m, n, basis, table.size[k], ox, oy, oz, d[0], d[1], d[2],
-            a, b, t[j] * table.to_frame - shift, 1.0, 1.0,
+            a, b, hits.t[j] * table.to_frame - shift, 1.0, 1.0,
         )  # fmt: skip
         if status == CONVERGED and offer_root(
-            i, a, b, s, n_dot_d, gain_u, gain_v, table.control, table.start[k], basis, m, n, table.size[k],
-            ox, oy, oz, d[0], d[1], d[2], table.open_edges[k], shift, 1.0 / table.to_frame,
-            table.object_id[k], k, rays.t_min, rays.known, best,
+            i, a, b, s, n_dot_d, gain_u, gain_v, table.control, table.start[k], basis, m, n,
+            table.size[k], ox, oy, oz, d[0], d[1], d[2], table.open_edges[k], shift,
+            1.0 / table.to_frame, table.object_id[k], k, rays.t_min, rays.known, best,
         ):  # fmt: skip
             accepted[j] = True
 

@@ -7,16 +7,8 @@ camera rays read backwards.
 
 from typing import Any, NamedTuple
 
-from hybrid_rt.kernels.lobes import (
-    DIELECTRIC,
-    LAST_SPREADING,
-    PHONG,
-    leaves_through_face,
-    lobe_direction,
-    pick_lobe,
-    scattered,
-)
-from hybrid_rt.kernels.scatter import ABSORBED, LEFT, SCATTERED, SPECULAR, STOPPED, at_glass
+from hybrid_rt.kernels.lobes import PHONG, leaves_through_face
+from hybrid_rt.kernels.scatter import ABSORBED, LEFT, SCATTERED, SPECULAR, STOPPED, choose_way
 from meshing.kernels.jit import inlined, kernel
 
 # Rows of a tally of power.
@@ -50,13 +42,14 @@ class Photons(NamedTuple):
 
 
 @inlined
-def _adjoint(geometric, i, nx, ny, nz, dx, dy, dz, x, y, z):
+def _adjoint(geometric, i, normal, dx, dy, dz, x, y, z):
     """Return what keeps light in balance where the shading normal is not the surface's own.
 
     Veach, "Robust Monte Carlo methods for light transport simulation", 1997, section 5.3.
     """
     if geometric.shape[0] == 0:
         return 1.0
+    nx, ny, nz = normal[i, 0], normal[i, 1], normal[i, 2]
     gx, gy, gz = geometric[i, 0], geometric[i, 1], geometric[i, 2]
     above = abs(nx * dx + ny * dy + nz * dz) * abs(gx * x + gy * y + gz * z)
     below = abs(gx * dx + gy * dy + gz * dz) * abs(nx * x + ny * y + nz * z)
@@ -136,52 +129,20 @@ def scatter_photons(
         if material[i] < 0:
             continue
         fate[i] = ABSORBED
-        chosen, chance, rest = pick_lobe(lobes, material[i], colors, i, choice[i, 0], DIELECTRIC)
-        if chance == 0.0:
-            continue
-        row = lobes.first[material[i]] + chosen
         direction = flight.direction
         dx, dy, dz = direction[i, 0], direction[i, 1], direction[i, 2]
-        nx, ny, nz = normal[i, 0], normal[i, 1], normal[i, 2]
-        is_front = nx * dx + ny * dy + nz * dz < 0.0
-        if not is_front:
-            nx, ny, nz = -nx, -ny, -nz
-        is_refracted = False
-        ending = SPECULAR
-        if lobes.kind[row] <= LAST_SPREADING:
-            x, y, z = lobe_direction(
-                lobes.kind[row], lobes.number[row, 0], nx, ny, nz, dx, dy, dz, xi[i, 0], xi[i, 1]
-            )
-            r, g, b, density = scattered(
-                lobes, material[i], colors, i, nx, ny, nz, dx, dy, dz, x, y, z, DIELECTRIC
-            )
-            if density <= 0.0:
-                continue
-            r, g, b = r / density, g / density, b / density
-            if lobes.kind[row] <= PHONG:
-                ending = SCATTERED
-        else:
-            r, g, b = colors[i, chosen, 0], colors[i, chosen, 1], colors[i, chosen, 2]
-            if lobes.kind[row] == DIELECTRIC:
-                x, y, z, _, is_tinted = at_glass(
-                    lobes, row, flight.media, i, nx, ny, nz, dx, dy, dz, is_front, second, rest
-                )
-                share = lobes.weight[row] / chance
-                is_refracted = nx * x + ny * y + nz * z < 0.0
-                if is_tinted:
-                    r, g, b = share * r, share * g, share * b
-                else:
-                    r = g = b = share
-            else:
-                twice = 2.0 * (nx * dx + ny * dy + nz * dz)
-                x, y, z = dx - twice * nx, dy - twice * ny, dz - twice * nz
-                r, g, b = r / chance, g / chance, b / chance
+        row, x, y, z, r, g, b, _, is_refracted = choose_way(
+            lobes, material[i], colors, i, normal, dx, dy, dz, xi, choice, flight.media, second,
+            True,
+        )  # fmt: skip
+        if row < 0:
+            continue
         if (
             geometric.shape[0]
             and leaves_through_face(geometric, i, direction, x, y, z) != is_refracted
         ):
             continue
-        balance = _adjoint(geometric, i, nx, ny, nz, dx, dy, dz, x, y, z)
+        balance = _adjoint(geometric, i, normal, dx, dy, dz, x, y, z)
         power = flight.power
         before = max(power[i, 0], power[i, 1], power[i, 2])
         r, g, b = power[i, 0] * r * balance, power[i, 1] * g * balance, power[i, 2] * b * balance
@@ -202,12 +163,13 @@ def scatter_photons(
                 tally[LOST, k] += power[i, k]
         if fate[i] == STOPPED:
             continue
-        fate[i] = ending
+        is_spread = lobes.kind[row] <= PHONG
+        fate[i] = SCATTERED if is_spread else SPECULAR
         for k in range(3):
             flight.origin[i, k] = position[i, k]
         direction[i, 0], direction[i, 1], direction[i, 2] = x, y, z
         flight.source_id[i] = object_id[i]
-        flight.history[i] |= MET_SPREADING if ending == SCATTERED else MET_SPECULAR
+        flight.history[i] |= MET_SPREADING if is_spread else MET_SPECULAR
 
 
 @kernel

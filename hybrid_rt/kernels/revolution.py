@@ -16,6 +16,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from hybrid_rt.kernels.coarse import parameters_at
 from hybrid_rt.kernels.frame import begin_of, end_of, enter_frame
 from hybrid_rt.kernels.nearest import is_known, offer
 from hybrid_rt.kernels.patch import (
@@ -402,6 +403,50 @@ def solve_single(
 
 
 @inlined
+def compare_along_chord(net, degree, ray, after, t0, t1, slop):
+    """Compare a piece of profile, ``net``, and the ray in [t0, t1] by their distances to its chord.
+
+    Returns
+    -------
+    is_apart : whether they lie on either side of a line along the chord
+    thick : width of the wider one across the chord; inf where there is no chord, or no end of t
+    cz, cr : the chord
+    """
+    cz, cr = net[degree, 0] - net[0, 0], net[degree, 1] - net[0, 1]
+    chord = np.hypot(cz, cr)
+    if not (chord > 0.0 and t0 > -np.inf and t1 < np.inf):
+        return False, np.inf, cz, cr
+    mz, mr = -cr / chord, cz / chord
+    n0 = n1 = 0.0
+    for k in range(1, degree):
+        d = mz * (net[k, 0] - net[0, 0]) + mr * (net[k, 1] - net[0, 1])
+        n0, n1 = min(n0, d), max(n1, d)
+    rho0, rate0 = distance(ray, t0, after)
+    rho1, rate1 = distance(ray, t1, after)
+    g0 = mz * (ray[2] + t0 * ray[5] - net[0, 0]) + mr * (rho0 - net[0, 1])
+    g1 = mz * (ray[2] + t1 * ray[5] - net[0, 0]) + mr * (rho1 - net[0, 1])
+    rate0, rate1 = mz * ray[5] + mr * rate0, mz * ray[5] + mr * rate1
+    low, high = min(g0, g1), max(g0, g1)
+    # Between the ends the ray bends by no more than its end tangents say.
+    turn = rate1 - rate0
+    if rate0 * rate1 < 0.0 and turn != 0.0:
+        bend = (g0 * rate1 - g1 * rate0 + rate0 * rate1 * (t1 - t0)) / turn
+        low, high = min(low, bend), max(high, bend)
+    return low > n1 + slop or high < n0 - slop, max(n1 - n0, high - low), cz, cr
+
+
+@inlined
+def sine_of_crossing(control, start, degree, ray, after, s, t):
+    """Return |n.d| of the surface at s and the ray at t."""
+    zs, rs = profile(control, start, degree, s)[2:4]
+    if zs == 0.0 and rs == 0.0:
+        # A resting point of the profile: its direction a little further in.
+        zs, rs = profile(control, start, degree, s * (1.0 - 2e-6) + 1e-6)[2:4]
+    rate = distance(ray, t, after)[1]
+    return abs(rs * ray[5] - zs * rate) / max(np.hypot(zs, rs), 1e-300)
+
+
+@inlined
 def solve_piece(
     i, segment, piece, ray, after, t_lo, t_cut, control, start, degree, ends, size, shift,
     to_world, object_id, t_min, known, best, slop, net, stack, scratch, counters,
@@ -437,40 +482,15 @@ def solve_piece(
             continue
         # --- the strip along the chord: profile and ray on either side of it?
         restrict_profile(control, start, degree, a, b, net)
-        cz, cr = net[degree, 0] - net[0, 0], net[degree, 1] - net[0, 1]
-        chord = np.hypot(cz, cr)
-        thick = np.inf
-        if chord > 0.0 and t0 > -np.inf and t1 < np.inf:
-            mz, mr = -cr / chord, cz / chord
-            n0 = n1 = 0.0
-            for k in range(1, degree):
-                d = mz * (net[k, 0] - net[0, 0]) + mr * (net[k, 1] - net[0, 1])
-                n0, n1 = min(n0, d), max(n1, d)
-            rho0, rate0 = distance(ray, t0, after)
-            rho1, rate1 = distance(ray, t1, after)
-            g0 = mz * (ray[2] + t0 * ray[5] - net[0, 0]) + mr * (rho0 - net[0, 1])
-            g1 = mz * (ray[2] + t1 * ray[5] - net[0, 0]) + mr * (rho1 - net[0, 1])
-            rate0, rate1 = mz * ray[5] + mr * rate0, mz * ray[5] + mr * rate1
-            low, high = min(g0, g1), max(g0, g1)
-            # Between the ends the ray bends by no more than its end tangents say.
-            turn = rate1 - rate0
-            if rate0 * rate1 < 0.0 and turn != 0.0:
-                bend = (g0 * rate1 - g1 * rate0 + rate0 * rate1 * (t1 - t0)) / turn
-                low, high = min(low, bend), max(high, bend)
-            if low > n1 + slop or high < n0 - slop:
-                continue
-            thick = max(n1 - n0, high - low)
+        is_apart, thick, cz, cr = compare_along_chord(net, degree, ray, after, t0, t1, slop)
+        if is_apart:
+            continue
         extent = max(scratch[Z1] - scratch[Z0], scratch[R1] - scratch[R0])
         reach = (t1 - t0) * length
         is_point = extent <= 4.0 * slop
         if is_point or thick < 2.0 * slop:
             t = min(max(0.5 * (t0 + t1), t0), t1)
-            zs, rs = profile(control, start, degree, 0.5 * (a + b))[2:4]
-            if zs == 0.0 and rs == 0.0:
-                zs, rs = profile(control, start, degree, 0.5 * (a + b) * (1.0 - 2e-6) + 1e-6)[2:4]
-            rate = distance(ray, t, after)[1]
-            norm = max(np.hypot(zs, rs), 1e-300)
-            slope = abs(rs * ray[5] - zs * rate) / norm / length
+            slope = sine_of_crossing(control, start, degree, ray, after, 0.5 * (a + b), t) / length
             is_flat = slope < CLEAR_CROSSING
             t_world = (t + shift) * to_world
             if (is_point or is_flat) and (
@@ -539,16 +559,45 @@ def enter_axis_frame(k, ox, oy, oz, dx, dy, dz, middle, to_frame, turn, ray):
     return shift
 
 
+@inlined
+def solve_segment(
+    i, seg, object_id, done, is_guess, ray, t_lo, z_low, z_high, slop, size, to_frame, shift, table,
+    t_min, known, best, work, counters,
+):  # fmt: skip
+    """Settle the pieces of one segment: only piece ``done`` where it is the guess, else the others.
+
+    ``z_low`` to ``z_high``: where the ray is near the object, see `height_range`.
+    """
+    span, piece, first_piece = table.span, table.piece, table.first_piece
+    nearest = ray[8] - slop
+    for sheet in range(2):
+        after = sheet == 1
+        t0, t1 = sheet_interval(
+            span[seg, 0], span[seg, 1], max(span[seg, 2], 0.0), span[seg, 3], ray, after, slop
+        )
+        t_cut = end_of(best.t[i], to_frame, shift)
+        if not t0 <= t1 or t1 < t_lo or t0 > t_cut:
+            continue
+        for p in range(first_piece[seg], first_piece[seg + 1]):
+            if (p == done) != is_guess:
+                continue
+            if piece[p, Z0] > z_high or piece[p, Z1] < z_low or piece[p, R1] < nearest:
+                continue
+            solve_piece(
+                i, seg, piece[p], ray, after, t_lo, t_cut, table.control, table.start[seg],
+                table.degree[seg], table.open_ends[seg], size, shift, 1.0 / to_frame,
+                object_id, t_min, known, best, slop, work.net, work.stack, work.piece, counters,
+            )  # fmt: skip
+            t_cut = end_of(best.t[i], to_frame, shift)
+
+
 @hot_kernel
 def trace_revolutions(table, rays, guess, best, any_hit, work, counters):
     """Lower ``best`` to the first hits; ``guess`` names a piece to begin with, -1 for none."""
-    control, start, degree, piece = table.control, table.start, table.degree, table.piece
     origin, direction, t_min, known = rays.origin, rays.direction, rays.t_min, rays.known
     middle, axes, to_frames, sizes = table.middle, table.turn, table.to_frame, table.size
     first_segment, first_piece, span = table.first_segment, table.first_piece, table.span
-    whole = table.whole
-    open_ends, object_id = table.open_ends, table.object_id
-    net, stack, scratch, ray = work.net, work.stack, work.piece, work.ray
+    whole, object_id, ray = table.whole, table.object_id, work.ray
     for i in range(origin.shape[0]):
         if any_hit and best.object_id[i] >= 0:
             continue
@@ -557,16 +606,16 @@ def trace_revolutions(table, rays, guess, best, any_hit, work, counters):
         done = -1
         t_guess = best.t[i]
         for turn in range(2):
-            if turn == 0:
+            is_guess = turn == 0
+            if is_guess:
                 if guess.shape[0] == 0 or guess[i] < 0:
                     continue
                 done = guess[i]
             for k in range(object_id.shape[0]):
                 first, last = first_segment[k], first_segment[k + 1]
-                if turn == 0 and not (first_piece[first] <= done < first_piece[last]):
+                if is_guess and not (first_piece[first] <= done < first_piece[last]):
                     continue
                 to_frame, size = to_frames[k], sizes[k]
-                to_world = 1.0 / to_frame
                 shift = enter_axis_frame(k, ox, oy, oz, dx, dy, dz, middle, to_frame, axes, ray)
                 slop = (
                     16.0
@@ -582,45 +631,19 @@ def trace_revolutions(table, rays, guess, best, any_hit, work, counters):
                     continue
                 nearest = ray[8] - slop
                 for seg in range(first, last):
-                    if turn == 0 and not (first_piece[seg] <= done < first_piece[seg + 1]):
+                    if is_guess and not (first_piece[seg] <= done < first_piece[seg + 1]):
                         continue
                     if span[seg, 0] > z_high or span[seg, 1] < z_low or span[seg, 3] < nearest:
                         continue
-                    for sheet in range(2):
-                        after = sheet == 1
-                        t0, t1 = sheet_interval(
-                            span[seg, 0],
-                            span[seg, 1],
-                            max(span[seg, 2], 0.0),
-                            span[seg, 3],
-                            ray,
-                            after,
-                            slop,
-                        )
-                        t_cut = end_of(best.t[i], to_frame, shift)
-                        if not t0 <= t1 or t1 < t_lo or t0 > t_cut:
-                            continue
-                        for p in range(first_piece[seg], first_piece[seg + 1]):
-                            if (p == done) != (turn == 0):
-                                continue
-                            if (
-                                piece[p, Z0] > z_high
-                                or piece[p, Z1] < z_low
-                                or piece[p, R1] < nearest
-                            ):
-                                continue
-                            solve_piece(
-                                i, seg, piece[p], ray, after, t_lo, t_cut, control, start[seg],
-                                degree[seg], open_ends[seg], size, shift, to_world,
-                                object_id[k], t_min, known, best, slop,
-                                net, stack, scratch, counters,
-                            )  # fmt: skip
-                            t_cut = end_of(best.t[i], to_frame, shift)
+                    solve_segment(
+                        i, seg, object_id[k], done, is_guess, ray, t_lo, z_low, z_high, slop, size,
+                        to_frame, shift, table, t_min, known, best, work, counters,
+                    )  # fmt: skip
                     if any_hit and best.object_id[i] >= 0:
                         break
                 if any_hit and best.object_id[i] >= 0:
                     break
-            if turn == 0:
+            if is_guess:
                 t_guess = best.t[i]
                 if any_hit and best.object_id[i] >= 0:
                     break
@@ -629,30 +652,27 @@ def trace_revolutions(table, rays, guess, best, any_hit, work, counters):
 
 
 @hot_kernel
-def guess_pieces(face, u, v, corner_uv, object_of, segment, row_of, table, guess):
+def guess_pieces(hits, triangles, row_of, table, guess):
     """Turn coarse hits into pieces (-1: no hit, or on no surface of revolution)."""
-    for i in range(face.shape[0]):
-        f = face[i]
+    for i in range(hits.face.shape[0]):
+        f = hits.face[i]
         guess[i] = -1
-        if f < 0 or row_of[object_of[f]] < 0:
+        if f < 0 or row_of[triangles.object_id[f]] < 0:
             continue
-        k = row_of[object_of[f]]
+        k = row_of[triangles.object_id[f]]
         for seg in range(table.first_segment[k], table.first_segment[k + 1]):
-            if table.segment_id[seg] == segment[f]:
-                w = 1.0 - u[i] - v[i]
-                s = w * corner_uv[f, 0, 1] + u[i] * corner_uv[f, 1, 1] + v[i] * corner_uv[f, 2, 1]
+            if table.segment_id[seg] == triangles.piece[f]:
+                _, s = parameters_at(triangles, f, hits.u[i], hits.v[i])
                 n = table.first_piece[seg + 1] - table.first_piece[seg]
                 guess[i] = table.first_piece[seg] + min(max(int(s * n), 0), n - 1)
 
 
 @hot_kernel
-def refine_revolutions(
-    table, face, t, u, v, corner_uv, object_of, segment, row_of, rows, rays, best, ray, accepted
-):
+def refine_revolutions(table, hits, triangles, row_of, rows, rays, best, ray, accepted):
     """Newton from coarse hits, with no proof of anything (accuracy "refined")."""
-    for j in range(face.shape[0]):
-        i, f = rows[j], face[j]
-        k = row_of[object_of[f]]
+    for j in range(hits.face.shape[0]):
+        i, f = rows[j], hits.face[j]
+        k = row_of[triangles.object_id[f]]
         if k < 0:
             continue
         o, d = rays.origin[i], rays.direction[i]
@@ -660,11 +680,10 @@ def refine_revolutions(
             k, o[0], o[1], o[2], d[0], d[1], d[2], table.middle, table.to_frame[k], table.turn, ray
         )
         for seg in range(table.first_segment[k], table.first_segment[k + 1]):
-            if table.segment_id[seg] != segment[f]:
+            if table.segment_id[seg] != triangles.piece[f]:
                 continue
-            w = 1.0 - u[j] - v[j]
-            s = w * corner_uv[f, 0, 1] + u[j] * corner_uv[f, 1, 1] + v[j] * corner_uv[f, 2, 1]
-            begin = t[j] * table.to_frame[k] - shift
+            _, s = parameters_at(triangles, f, hits.u[j], hits.v[j])
+            begin = hits.t[j] * table.to_frame[k] - shift
             degree = table.degree[seg]
             error, scale = rounding(degree, table.size[k], ray, begin)
             ok, s, root, _, slope, gain = meet(
@@ -672,7 +691,8 @@ def refine_revolutions(
             )
             if ok and offer_meeting(
                 i, s, root, slope, gain, error, scale, table.open_ends[seg], table.control,
-                table.start[seg], degree, ray, begin >= ray[7], shift, 1.0 / table.to_frame[k], table.object_id[k], seg, rays.t_min, rays.known, best,
+                table.start[seg], degree, ray, begin >= ray[7], shift, 1.0 / table.to_frame[k],
+                table.object_id[k], seg, rays.t_min, rays.known, best,
             ):  # fmt: skip
                 accepted[j] = True
 

@@ -18,7 +18,6 @@ from meshing.kernels.jit import inner, kernel
 # constant is a uint64.
 _MASK = np.uint64(0xFFFFFFFF)
 _GOLDEN = np.uint64(0x9E3779B9)
-_TOP_BIT = np.uint64(0x80000000)
 _ZERO, _ONE = np.uint64(0), np.uint64(1)
 _S1, _S2, _S4, _S8 = np.uint64(1), np.uint64(2), np.uint64(4), np.uint64(8)
 _S15, _S16, _S24 = np.uint64(15), np.uint64(16), np.uint64(24)

@@ -1,6 +1,6 @@
 """One step of a path: what a surface does with a ray that has arrived."""
 
-from hybrid_rt.kernels.fresnel import fresnel, refract, schlick
+from hybrid_rt.kernels.fresnel import fresnel, mirrored, refract, schlick
 from hybrid_rt.kernels.lobes import (
     DIELECTRIC,
     LAST_SPREADING,
@@ -21,8 +21,8 @@ def at_glass(lobes, lobe, stack, i, nx, ny, nz, dx, dy, dz, is_front, second, xi
     """Choose between reflection and refraction at a dielectric by its reflectance.
 
     n is on the side from which d came. ``stack[i]`` follows the ray; ``second`` as in
-    `hybrid_rt.kernels.media`. Returns the direction, the
-    factor on radiance but for the tint, and whether light passes the surface and so is tinted.
+    `hybrid_rt.kernels.media`. Returns the direction, the factor on radiance but for the tint, and
+    whether light passes the surface and so is tinted.
     """
     before = filling_medium(stack, i, lobes)
     # Kept for what is reflected: STACK places.
@@ -51,6 +51,58 @@ def at_glass(lobes, lobe, stack, i, nx, ny, nz, dx, dy, dz, is_front, second, xi
 
 
 @inlined
+def choose_way(
+    lobes, material, colors, i, normal, dx, dy, dz, xi, choice, stack, second, keeps_power
+):
+    """Choose a lobe of hit i, and a direction by it.
+
+    Parameters are those of `scatter`, but for ``keeps_power``: whether light is counted as power,
+    which passes glass whole, or as radiance, which changes there by the index squared.
+
+    Returns
+    -------
+    row : of the lobe in the table; -1: the light is absorbed
+    x, y, z : the direction
+    r, g, b : factors on the light
+    density : per solid angle; 0: a mirror or glass
+    is_refracted : whether the direction goes through a clear body's surface
+    """
+    chosen, chance, rest = pick_lobe(lobes, material, colors, i, choice[i, 0], DIELECTRIC)
+    if chance == 0.0:
+        return -1, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, False
+    row = lobes.first[material] + chosen
+    nx, ny, nz = normal[i, 0], normal[i, 1], normal[i, 2]
+    is_front = nx * dx + ny * dy + nz * dz < 0.0
+    if not is_front:
+        nx, ny, nz = -nx, -ny, -nz
+    if lobes.kind[row] <= LAST_SPREADING:
+        x, y, z = lobe_direction(
+            lobes.kind[row], lobes.number[row, 0], nx, ny, nz, dx, dy, dz, xi[i, 0], xi[i, 1]
+        )
+        r, g, b, density = scattered(
+            lobes, material, colors, i, nx, ny, nz, dx, dy, dz, x, y, z, DIELECTRIC
+        )
+        if density <= 0.0:
+            return -1, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, False
+        return row, x, y, z, r / density, g / density, b / density, density, False
+    # Brought back to the share of all light that this lobe takes.
+    r, g, b = colors[i, chosen, 0], colors[i, chosen, 1], colors[i, chosen, 2]
+    if lobes.kind[row] != DIELECTRIC:
+        x, y, z = mirrored(dx, dy, dz, nx, ny, nz)
+        return row, x, y, z, r / chance, g / chance, b / chance, 0.0, False
+    x, y, z, factor, is_tinted = at_glass(
+        lobes, row, stack, i, nx, ny, nz, dx, dy, dz, is_front, second, rest
+    )
+    if keeps_power:
+        factor = 1.0
+    factor *= lobes.weight[row] / chance
+    if not is_tinted:
+        r = g = b = 1.0
+    is_refracted = nx * x + ny * y + nz * z < 0.0
+    return row, x, y, z, factor * r, factor * g, factor * b, 0.0, is_refracted
+
+
+@inlined
 def density_of_turn(normal, geometric, i, dx, dy, dz, x, y, z, density):
     """Bring densities per solid angle, d arriving and (x, y, z) leaving, to area and projection."""
     g = geometric if geometric.shape[0] else normal
@@ -61,8 +113,8 @@ def density_of_turn(normal, geometric, i, dx, dy, dz, x, y, z, density):
 
 @kernel
 def scatter(
-    lobes, material, colors, normal, direction, geometric, xi, choice, stack, second, may_spread, may_mirror,
-    roulette, t, before, is_smooth, object_id, onward, throughput, pdf, rival, fate,
+    lobes, material, colors, normal, direction, geometric, xi, choice, stack, second, may_spread,
+    may_mirror, roulette, t, before, is_smooth, object_id, onward, throughput, pdf, rival, fate,
 ):  # fmt: skip
     """Send each ray on in one direction.
 
@@ -102,7 +154,8 @@ def scatter(
         Density of a surface that spreads light and of the direction taken there, until the next:
         see `hybrid_rt.kernels.light_paths`. (0,): it is not needed.
     fate : (n,) uint8, written
-        `LEFT` (no material), `STOPPED` (with what was lost in ``throughput``), `ABSORBED`, `SCATTERED`, `SPECULAR`.
+        `LEFT` (no material), `STOPPED` (with what was lost in ``throughput``), `ABSORBED`,
+        `SCATTERED`, `SPECULAR`.
     """
     for i in range(material.size):
         fate[i] = LEFT
@@ -110,28 +163,15 @@ def scatter(
         if material[i] < 0:
             continue
         fate[i] = ABSORBED
-        chosen, chance, rest = pick_lobe(lobes, material[i], colors, i, choice[i, 0], DIELECTRIC)
-        if chance == 0.0:
-            continue
-        row = lobes.first[material[i]] + chosen
         dx, dy, dz = direction[i, 0], direction[i, 1], direction[i, 2]
-        nx, ny, nz = normal[i, 0], normal[i, 1], normal[i, 2]
-        is_front = nx * dx + ny * dy + nz * dz < 0.0
-        if not is_front:
-            nx, ny, nz = -nx, -ny, -nz
-        is_refracted = False
+        row, x, y, z, r, g, b, density, is_refracted = choose_way(
+            lobes, material[i], colors, i, normal, dx, dy, dz, xi, choice, stack, second, False
+        )
+        if row < 0:
+            continue
+        pdf[i] = density
         if lobes.kind[row] <= LAST_SPREADING:
-            x, y, z = lobe_direction(
-                lobes.kind[row], lobes.number[row, 0], nx, ny, nz, dx, dy, dz, xi[i, 0], xi[i, 1]
-            )
-            r, g, b, density = scattered(
-                lobes, material[i], colors, i, nx, ny, nz, dx, dy, dz, x, y, z, DIELECTRIC
-            )
-            if density <= 0.0:
-                continue
-            r, g, b = r / density, g / density, b / density
             fate[i] = SCATTERED if may_spread else STOPPED
-            pdf[i] = density
             if rival.size:
                 turn = density_of_turn(normal, geometric, i, dx, dy, dz, x, y, z, density)
                 if before[i] > 0.0:
@@ -140,30 +180,14 @@ def scatter(
                         rival[i] /= ior_of(lobes, filling_medium(stack, i, lobes)) ** 2
                 elif rival[i] > 0.0:
                     _, _, _, back = scattered(
-                        lobes, material[i], colors, i, nx, ny, nz, -x, -y, -z, -dx, -dy, -dz,
-                        DIELECTRIC,
+                        lobes, material[i], colors, i, normal[i, 0], normal[i, 1], normal[i, 2],
+                        -x, -y, -z, -dx, -dy, -dz, DIELECTRIC,
                     )  # fmt: skip
                     rival[i] = rival[i] * turn / back if back > 0.0 else 0.0
         else:
+            fate[i] = SPECULAR if may_mirror else STOPPED
             if rival.size and is_smooth[object_id[i]]:
                 rival[i] = 0.0
-            # Brought back to the share of all light that this lobe takes.
-            r, g, b = colors[i, chosen, 0], colors[i, chosen, 1], colors[i, chosen, 2]
-            if lobes.kind[row] == DIELECTRIC:
-                x, y, z, factor, is_tinted = at_glass(
-                    lobes, row, stack, i, nx, ny, nz, dx, dy, dz, is_front, second, rest
-                )
-                factor *= lobes.weight[row] / chance
-                is_refracted = nx * x + ny * y + nz * z < 0.0
-                if is_tinted:
-                    r, g, b = factor * r, factor * g, factor * b
-                else:
-                    r = g = b = factor
-            else:
-                twice = 2.0 * (nx * dx + ny * dy + nz * dz)
-                x, y, z = dx - twice * nx, dy - twice * ny, dz - twice * nz
-                r, g, b = r / chance, g / chance, b / chance
-            fate[i] = SPECULAR if may_mirror else STOPPED
         # Only light that goes through a clear body's surface may pass to the other side.
         if (
             geometric.shape[0]

@@ -190,13 +190,13 @@ def trace_triangles(table, tree, rays, best, any_hit, stack, counters):
 
 
 @hot_kernel
-def rows_of_faces(face, object_id, piece, first_face, place, row):
+def rows_of_faces(hits, triangles, first_face, place, row):
     """Turn coarse hits into rows of `corner` (-1: no hit, or not on a mesh)."""
-    for i in range(face.shape[0]):
-        f = face[i]
+    for i in range(hits.face.shape[0]):
+        f = hits.face[i]
         row[i] = -1
-        if f >= 0 and first_face[object_id[f]] >= 0:
-            row[i] = place[first_face[object_id[f]] + piece[f]]
+        if f >= 0 and first_face[triangles.object_id[f]] >= 0:
+            row[i] = place[first_face[triangles.object_id[f]] + triangles.piece[f]]
 
 
 @hot_kernel

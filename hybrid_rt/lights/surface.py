@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from hybrid_rt.kernels.light import LightPoints
 from hybrid_rt.primitives import Box, Plane, Rectangle, Sphere, TriangleMesh
 from hybrid_rt.records import FloatArray
 
@@ -24,13 +25,30 @@ IdArray = NDArray[np.int64]
 
 
 class ShiningSurface(ABC):
-    """A surface as a light: points chosen by area."""
+    """A surface as a light: points chosen by area.
+
+    Parameters
+    ----------
+    surface : surface
+    areas : (cells,) float64
+        Areas of the cells, about; scene units squared.
+
+    Attributes
+    ----------
+    area : float
+        Their sum.
+
+    Raises
+    ------
+    ValueError
+        If that is not above 0 and finite. The caller names the surface.
+    """
 
     def __init__(self, surface: Any, areas: FloatArray) -> None:
         self.surface = surface
         self.area = float(areas.sum())
         if not (np.isfinite(self.area) and self.area > 0.0):
-            raise ValueError(f"has area {self.area:g} and cannot shine")
+            raise ValueError(f"has area {self.area:g}: leave it out, it cannot shine")
         self._share = areas / self.area
         self._before = np.concatenate([[0.0], np.cumsum(self._share)])
 
@@ -40,6 +58,12 @@ class ShiningSurface(ABC):
         cell = np.minimum(cell, self._share.size - 1)
         rest = np.clip((xi[:, 0] - self._before[cell]) / self._share[cell], 0.0, 1.0)
         return self._within(cell, rest, xi[:, 1])
+
+    def points(self, xi: FloatArray) -> LightPoints:
+        """Return points chosen by numbers (n, 2) in [0, 1), as kernels take them."""
+        patch, u, v = self.choose(xi)
+        point, normal = self.surface.point(u, v, patch), self.surface.normal(u, v, patch)
+        return LightPoints(point, normal, self.pdf_area(patch, u, v), u, v)
 
     @abstractmethod
     def _within(

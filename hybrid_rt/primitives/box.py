@@ -41,7 +41,19 @@ class Box:
         return np.stack([self.lo, self.hi])
 
     def point(self, u: ArrayLike, v: ArrayLike, patch_id: ArrayLike = 0) -> FloatArray:
-        """Return the points (n, 3) at (u, v) of faces."""
+        """Return the points (n, 3) float64 at (u, v) of faces, scene units.
+
+        Parameters
+        ----------
+        u, v : floats that broadcast with each other and with ``patch_id``
+        patch_id : whole numbers
+            Faces, 0 to 5.
+
+        Raises
+        ------
+        ValueError, TypeError
+            If they do not broadcast, or there is no such face.
+        """
         u, v, face, _ = broadcast_parameters(u, v, patch_id, 6, "patch_id")
         axis, upper = face // 2, face % 2 == 1
         swap = upper != (self.orientation > 0)
@@ -54,14 +66,37 @@ class Box:
         return points
 
     def normal(self, u: ArrayLike, v: ArrayLike, patch_id: ArrayLike = 0) -> FloatArray:
-        """Return the unit normals (n, 3) of faces."""
+        """Return the unit normals (n, 3) float64 of faces.
+
+        Parameters
+        ----------
+        u, v : floats that broadcast with each other and with ``patch_id``
+        patch_id : whole numbers
+            Faces, 0 to 5.
+
+        Raises
+        ------
+        ValueError, TypeError
+            If they do not broadcast, or there is no such face.
+        """
         u, _, face, _ = broadcast_parameters(u, v, patch_id, 6, "patch_id")
         normals = np.zeros((len(u), 3))
         normals[np.arange(len(u)), face // 2] = np.where(face % 2 == 1, 1.0, -1.0)
         return self.orientation * normals
 
     def transformed(self, matrix: ArrayLike) -> Box:
-        """Return the image under a scaling and translation along the axes."""
+        """Return the image under a scaling and translation along the axes.
+
+        Parameters
+        ----------
+        matrix : (4, 4) array
+            Acts on columns (x, y, z, 1): diagonal but for its last column; no zero scale.
+
+        Raises
+        ------
+        ValueError, TypeError
+            For any other matrix.
+        """
         linear, shift = as_affine(matrix, "Box")
         if (linear != np.diag(np.diag(linear))).any():
             raise ValueError(

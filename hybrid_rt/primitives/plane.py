@@ -44,7 +44,19 @@ class Plane:
         return np.stack([np.full(3, -np.inf), np.full(3, np.inf)])
 
     def point(self, u: ArrayLike, v: ArrayLike, patch_id: ArrayLike = 0) -> FloatArray:
-        """Return the points (n, 3) whose two coordinates are (u, v) themselves."""
+        """Return the points (n, 3) float64 whose two coordinates are (u, v), in scene units.
+
+        Parameters
+        ----------
+        u, v : floats that broadcast with each other and with ``patch_id``
+        patch_id : whole numbers
+            0: there is one piece.
+
+        Raises
+        ------
+        ValueError, TypeError
+            If they do not broadcast, or there is no such piece.
+        """
         u, v, _, _ = broadcast_parameters(u, v, patch_id, 1, "patch_id")
         first, second = self.axes
         across = 3 - first - second
@@ -57,11 +69,34 @@ class Plane:
         return points
 
     def normal(self, u: ArrayLike, v: ArrayLike, patch_id: ArrayLike = 0) -> FloatArray:
-        """Return the unit normals (n, 3)."""
+        """Return the unit normals (n, 3) float64.
+
+        Parameters
+        ----------
+        u, v : floats that broadcast with each other and with ``patch_id``
+        patch_id : whole numbers
+            0: there is one piece.
+
+        Raises
+        ------
+        ValueError, TypeError
+            If they do not broadcast, or there is no such piece.
+        """
         return np.zeros_like(self.point(u, v, patch_id)) + self.unit_normal
 
     def transformed(self, matrix: ArrayLike) -> Plane:
-        """Return the image under an affine map (4, 4)."""
+        """Return the image under an affine map.
+
+        Parameters
+        ----------
+        matrix : (4, 4) array
+            Acts on columns (x, y, z, 1); last row (0, 0, 0, 1); not singular.
+
+        Raises
+        ------
+        ValueError, TypeError
+            For any other matrix.
+        """
         linear, shift = as_affine(matrix, "Plane")
         # Inverse transpose; the sign of the determinant keeps S_u x S_v on its side.
         normal = np.linalg.solve(linear.T, self.unit_normal) * np.sign(np.linalg.det(linear))

@@ -45,17 +45,52 @@ class Rectangle:
         return np.stack([corners.min(axis=0), corners.max(axis=0)])
 
     def point(self, u: ArrayLike, v: ArrayLike, patch_id: ArrayLike = 0) -> FloatArray:
-        """Return the points (n, 3) at (u, v)."""
+        """Return the points (n, 3) float64 at (u, v), scene units.
+
+        Parameters
+        ----------
+        u, v : floats that broadcast with each other and with ``patch_id``
+        patch_id : whole numbers
+            0: there is one piece.
+
+        Raises
+        ------
+        ValueError, TypeError
+            If they do not broadcast, or there is no such piece.
+        """
         u, v, _, _ = broadcast_parameters(u, v, patch_id, 1, "patch_id")
         points: FloatArray = self.corner + u[:, None] * self.edge_u + v[:, None] * self.edge_v
         return points
 
     def normal(self, u: ArrayLike, v: ArrayLike, patch_id: ArrayLike = 0) -> FloatArray:
-        """Return the unit normals (n, 3)."""
+        """Return the unit normals (n, 3) float64.
+
+        Parameters
+        ----------
+        u, v : floats that broadcast with each other and with ``patch_id``
+        patch_id : whole numbers
+            0: there is one piece.
+
+        Raises
+        ------
+        ValueError, TypeError
+            If they do not broadcast, or there is no such piece.
+        """
         return np.zeros_like(self.point(u, v, patch_id)) + self.unit_normal
 
     def transformed(self, matrix: ArrayLike) -> Rectangle:
-        """Return the image under an affine map (4, 4)."""
+        """Return the image under an affine map.
+
+        Parameters
+        ----------
+        matrix : (4, 4) array
+            Acts on columns (x, y, z, 1); last row (0, 0, 0, 1); not singular.
+
+        Raises
+        ------
+        ValueError, TypeError
+            For any other matrix.
+        """
         linear, shift = as_affine(matrix, "Rectangle")
         return Rectangle(linear @ self.corner + shift, linear @ self.edge_u, linear @ self.edge_v)
 

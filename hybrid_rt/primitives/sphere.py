@@ -64,11 +64,35 @@ class Sphere:
         return np.stack([self.center - self.radius, self.center + self.radius])
 
     def point(self, u: ArrayLike, v: ArrayLike, patch_id: ArrayLike = 0) -> FloatArray:
-        """Return the points (n, 3) at (u, v)."""
+        """Return the points (n, 3) float64 at (u, v), scene units.
+
+        Parameters
+        ----------
+        u, v : floats that broadcast with each other and with ``patch_id``
+        patch_id : whole numbers
+            0: there is one piece.
+
+        Raises
+        ------
+        ValueError, TypeError
+            If they do not broadcast, or there is no such piece.
+        """
         return self.center + self.radius * self._outward(u, v, patch_id)
 
     def normal(self, u: ArrayLike, v: ArrayLike, patch_id: ArrayLike = 0) -> FloatArray:
-        """Return the unit normals (n, 3) at (u, v)."""
+        """Return the unit normals (n, 3) float64 at (u, v).
+
+        Parameters
+        ----------
+        u, v : floats that broadcast with each other and with ``patch_id``
+        patch_id : whole numbers
+            0: there is one piece.
+
+        Raises
+        ------
+        ValueError, TypeError
+            If they do not broadcast, or there is no such piece.
+        """
         return self.orientation * self._outward(u, v, patch_id)
 
     def _outward(self, u: ArrayLike, v: ArrayLike, patch_id: ArrayLike) -> FloatArray:
@@ -80,7 +104,18 @@ class Sphere:
         return outward
 
     def transformed(self, matrix: ArrayLike) -> Sphere:
-        """Return the image under a similarity (4, 4); (u, v) stay with their points."""
+        """Return the image under a similarity; (u, v) stay with their points.
+
+        Parameters
+        ----------
+        matrix : (4, 4) array
+            Acts on columns (x, y, z, 1): rotation, shift, uniform scale, reflection.
+
+        Raises
+        ------
+        ValueError, TypeError
+            For any other matrix.
+        """
         turn, shift, scale, is_reflection = as_similarity(matrix, "Sphere")
         image = Sphere(
             scale * (turn @ self.center) + shift,

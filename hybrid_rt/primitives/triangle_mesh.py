@@ -81,14 +81,38 @@ class TriangleMesh:
         return np.stack([used.min(axis=0), used.max(axis=0)])
 
     def point(self, u: ArrayLike, v: ArrayLike, patch_id: ArrayLike = 0) -> FloatArray:
-        """Return the points (n, 3) at (u, v) of faces."""
+        """Return the points (n, 3) float64 at (u, v) of faces, scene units.
+
+        Parameters
+        ----------
+        u, v : floats that broadcast with each other and with ``patch_id``
+        patch_id : whole numbers
+            Faces, in the order given.
+
+        Raises
+        ------
+        ValueError, TypeError
+            If they do not broadcast, or there is no such face.
+        """
         u, v, face, _ = broadcast_parameters(u, v, patch_id, len(self), "patch_id")
         a, b, c = (self.vertices[self.faces[face, k]] for k in range(3))
         points: FloatArray = a + u[:, None] * (b - a) + v[:, None] * (c - a)
         return points
 
     def normal(self, u: ArrayLike, v: ArrayLike, patch_id: ArrayLike = 0) -> FloatArray:
-        """Return the unit normals (n, 3) of faces, by the order of their vertices."""
+        """Return the unit normals (n, 3) float64 of faces, by the order of their vertices.
+
+        Parameters
+        ----------
+        u, v : floats that broadcast with each other and with ``patch_id``
+        patch_id : whole numbers
+            Faces, in the order given.
+
+        Raises
+        ------
+        ValueError, TypeError
+            If they do not broadcast, or there is no such face.
+        """
         _, _, face, _ = broadcast_parameters(u, v, patch_id, len(self), "patch_id")
         a, b, c = (self.vertices[self.faces[face, k]] for k in range(3))
         n = np.cross(b - a, c - a)
@@ -96,7 +120,18 @@ class TriangleMesh:
         return normals
 
     def transformed(self, matrix: ArrayLike) -> TriangleMesh:
-        """Return the image under an affine map (4, 4)."""
+        """Return the image under an affine map; faces keep their order.
+
+        Parameters
+        ----------
+        matrix : (4, 4) array
+            Acts on columns (x, y, z, 1); last row (0, 0, 0, 1); not singular.
+
+        Raises
+        ------
+        ValueError, TypeError
+            For any other matrix.
+        """
         linear, shift = as_affine(matrix, "TriangleMesh")
         return self._from(self.vertices @ linear.T + shift, self.faces.copy())
 

@@ -15,13 +15,22 @@ from hybrid_rt.records import FloatArray
 
 @dataclass(frozen=True)
 class TextureRow:
-    """One texture as the kernels take it: a row of the `TextureTable`."""
+    """One texture as the kernels take it: a row of the `TextureTable`.
+
+    Attributes
+    ----------
+    kind : int
+    number : nine floats
+        Colour, second colour, scale; zero where unused.
+    texels : (height, width, 3) float32, optional
+        Linear, row 0 at the top.
+    wrap : int
+        What lies beyond the picture's border.
+    """
 
     kind: int
     number: tuple[float, ...]
-    """Colour, second colour, scale: nine numbers, zero where unused."""
     texels: NDArray[np.float32] | None = None
-    """(height, width, 3), linear, row 0 at the top."""
     wrap: int = kernels.REPEAT
 
 
@@ -40,7 +49,13 @@ class Texture(ABC):
 
 
 class ConstantTexture(Texture):
-    """The same colour everywhere."""
+    """The same colour everywhere.
+
+    Parameters
+    ----------
+    color : (3,) float64
+        Linear, checked.
+    """
 
     def __init__(self, color: FloatArray) -> None:
         self._color = color

@@ -13,8 +13,6 @@ from hybrid_rt.records import BoolArray, FloatArray, HitRecord, Status
 from hybrid_rt.verify.kernels.events import BAND, COVERED, DOUBTFUL
 from hybrid_rt.verify.oracle import Truth
 
-KINDS = ("missed", "phantom", "farther", "nearer", "wrong object")
-
 
 @dataclass(frozen=True)
 class Verdict:
@@ -202,11 +200,3 @@ def _points(surface: Any, hits: HitRecord, rows: NDArray[np.int64]) -> FloatArra
 def _any(mask: BoolArray, ray: NDArray[np.int64], n: int) -> BoolArray:
     found: BoolArray = np.bincount(ray[mask], minlength=n) > 0
     return found
-
-
-def within(truth: Truth, t: FloatArray) -> BoolArray:
-    """Tell for each ray whether t is that of its first certain root, up to the band."""
-    with np.errstate(invalid="ignore"):
-        gap = np.abs(t - truth.t) * truth.length * truth.cosine
-    close: BoolArray = (gap <= truth.band) | (np.isinf(t) & np.isinf(truth.t))
-    return close

@@ -84,7 +84,9 @@ def _solver(surface: Any) -> Solver:
         return _box_solver(surface)
     if isinstance(surface, TriangleMesh):
         return _mesh_solver(surface)
-    raise TypeError(f"{type(surface).__name__} is no surface")
+    raise TypeError(
+        f"surface is a {type(surface).__name__}: pass one of meshing or hybrid_rt.primitives"
+    )
 
 
 def _patch_solver(surface: BezierPatches) -> Solver:

@@ -49,8 +49,8 @@ class SteppedHits:
         for number, surface in enumerate(surfaces):
             if not isinstance(surface, BezierPatches | SurfaceOfRevolution):
                 raise TypeError(
-                    f"surfaces[{number}] is a {type(surface).__name__}: it has a closed form and "
-                    "needs no steps; pass patches and surfaces of revolution"
+                    f"surfaces[{number}] is a {type(surface).__name__}: pass patches and surfaces "
+                    "of revolution, others have a closed form"
                 )
         meshes = [tessellate(surface, tolerance) for surface in surfaces]
         firsts = np.cumsum([0, *map(len, surfaces)])

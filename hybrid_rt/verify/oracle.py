@@ -225,7 +225,7 @@ def _worker(object_id: int, surface: Any) -> Worker:
         a, b, c = (np.ascontiguousarray(surface.vertices[surface.faces[:, k]]) for k in range(3))
         corners, edges_u, edges_v, is_triangle = a, b - a, c - a, True
     else:
-        raise TypeError(f"surfaces[{object_id}] is a {type(surface).__name__}: not a surface")
+        raise TypeError(f"surfaces[{object_id}] is a {type(surface).__name__}: pass a surface")
     bounds = surface.bounds
     middle, size = bounds.mean(axis=0), float(np.linalg.norm(bounds[1] - bounds[0]))
     return lambda first, o, d, _low, out: closed_forms.face_events(

@@ -34,8 +34,9 @@ class Rival:
     """
 
     def __init__(self, surface: BezierPatches, threads: int | None = None) -> None:
-        if any(net.shape != (4, 4, 3) for net in surface.patches):
-            raise ValueError("a patch is not of degree 3 x 3: the rival knows bicubic patches only")
+        for p, net in enumerate(surface.patches):
+            if net.shape != (4, 4, 3):
+                raise ValueError(f"patch {p} has a net of shape {net.shape}: pass bicubic patches")
         n = len(surface)
         self._control = np.zeros((16 * n, 4))
         self._control[:, :3] = np.concatenate([net.reshape(-1, 3) for net in surface.patches])

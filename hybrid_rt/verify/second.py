@@ -46,9 +46,7 @@ class Bisection(Intersector):
     def __init__(self, surfaces: Sequence[BezierPatches], threads: int | None = None) -> None:
         for i, surface in enumerate(surfaces):
             if not isinstance(surface, BezierPatches):
-                raise TypeError(
-                    f"surfaces[{i}] is a {type(surface).__name__}: only BezierPatches are bisected"
-                )
+                raise TypeError(f"surfaces[{i}] is a {type(surface).__name__}: pass BezierPatches")
         super().__init__(surfaces, coarse="none", threads=threads)
         kind = PatchKind(list(enumerate(surfaces)), Pool(threads), finest=CELLS)
         kind.table.record[:, FAN : FAN + 2] = np.inf

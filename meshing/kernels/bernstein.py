@@ -88,36 +88,12 @@ def derivative(control, start, degree_u, degree_v, u, v, order_u, order_v):
 
 
 @inner
-def point(control, start, degree_u, degree_v, u, v):
-    """Point of one patch."""
-    return derivative(control, start, degree_u, degree_v, u, v, 0, 0)
-
-
-@inner
-def partials(control, start, degree_u, degree_v, u, v):
-    """Point, S_u and S_v of one patch: nine numbers."""
-    x, y, z = derivative(control, start, degree_u, degree_v, u, v, 0, 0)
-    xu, yu, zu = derivative(control, start, degree_u, degree_v, u, v, 1, 0)
-    xv, yv, zv = derivative(control, start, degree_u, degree_v, u, v, 0, 1)
-    return x, y, z, xu, yu, zu, xv, yv, zv
-
-
-@inner
 def second_partials(control, start, degree_u, degree_v, u, v):
     """S_uu, S_uv and S_vv of one patch: nine numbers."""
     xuu, yuu, zuu = derivative(control, start, degree_u, degree_v, u, v, 2, 0)
     xuv, yuv, zuv = derivative(control, start, degree_u, degree_v, u, v, 1, 1)
     xvv, yvv, zvv = derivative(control, start, degree_u, degree_v, u, v, 0, 2)
     return xuu, yuu, zuu, xuv, yuv, zuv, xvv, yvv, zvv
-
-
-@inner
-def _cubic_row(control, k, axis, a0, a1, a2, b0, b1, b2, b3):
-    p = control[k, axis]
-    q = control[k + 1, axis]
-    r = control[k + 2, axis]
-    s = control[k + 3, axis]
-    return b0 * p + b1 * q + b2 * r + b3 * s, a0 * (q - p) + a1 * (r - q) + a2 * (s - r)
 
 
 @inner

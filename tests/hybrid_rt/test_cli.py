@@ -90,7 +90,7 @@ def test_script_runs_as_a_program(folder):
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (["missing.py"], "no scene script 'missing.py'"),
+        (["missing.py"], "scene script 'missing.py': there is no such file"),
         (["ball.py", "--passes", "0"], "passes"),
         (["ball.py", "--target-error", "0"], "target_error"),
         (["ball.py", "--integrator", "magic"], "integrator is 'magic'"),

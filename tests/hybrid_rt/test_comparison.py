@@ -42,7 +42,7 @@ def test_what_was_saved_is_read(tmp_path, ending):
 @pytest.mark.parametrize(
     ("name", "error", "words"),
     [
-        ("missing.npz", FileNotFoundError, "no picture"),
+        ("missing.npz", FileNotFoundError, "no such file"),
         ("a.jpg", ValueError, "unknown ending"),
         ("empty.npz", ValueError, "no array named image, but other: pass"),
         ("grey.npz", ValueError, r"holds float64 of shape \(3, 4\): pass floats"),

@@ -79,7 +79,7 @@ class TestPictureErrors:
     def test_what_is_not_finite_is_refused(self):
         image = REFERENCE.copy()
         image[2, 3, 0] = np.nan
-        with pytest.raises(ValueError, match="image: 1 pixels are not finite"):
+        with pytest.raises(ValueError, match="image has 1 pixels that are not finite"):
             picture_errors(image, REFERENCE)
 
 

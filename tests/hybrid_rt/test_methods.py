@@ -35,7 +35,7 @@ def test_all_integrators_and_what_is_not_certified():
 def test_integrators_that_refuse_a_scene_are_left_out_unless_asked_for():
     scene = Scene(VIEW, [GROUND], environment=SKY)
     assert names(scene) == ["path", "whitted"]
-    with pytest.raises(ValueError, match="'ground': the sky sends photons without end"):
+    with pytest.raises(ValueError, match="'ground' is a plane, to which the sky sends photons"):
         default_methods(scene, ["path", "ppm"])
     with pytest.raises(ValueError, match="integrator is 'magic': pass one of path, whitted"):
         default_methods(scene, ["magic"])

@@ -3,7 +3,7 @@ import pytest
 import trimesh
 
 from hybrid_rt.camera import Camera
-from hybrid_rt.kernels.environment import sky_directions, sky_on_rays
+from hybrid_rt.kernels.environment import sky_direction, sky_on_rays
 from hybrid_rt.lights import (
     GradientSky,
     ImageEnvironment,
@@ -14,6 +14,7 @@ from hybrid_rt.lights import (
 from hybrid_rt.materials import Emissive, Lambertian, Mirror
 from hybrid_rt.primitives import Sphere, TriangleMesh
 from hybrid_rt.scene import NOTHING, Object, Scene, compile_scene
+from meshing.kernels.jit import kernel
 
 CAMERA = Camera((0, -5, 0), (0, 0, 0), (0, 0, 1))
 BALL = Sphere((0, 0, 0), 1.0)
@@ -92,8 +93,15 @@ def test_shining_objects_are_lights_after_the_others():
 
 def test_shining_surfaces_without_area_are_refused_by_name():
     flat = TriangleMesh(trimesh.Trimesh([[0, 0, 0], [1, 0, 0], [2, 0, 0]], [[0, 1, 2]]))
-    with pytest.raises(ValueError, match="object 'sliver': has area 0"):
+    with pytest.raises(ValueError, match="object 'sliver' has area 0: leave it out"):
         compile_scene(Scene(CAMERA, [Object(flat, Emissive(1.0), "sliver")]))
+
+
+@kernel
+def sky_directions(sky, xi, direction):
+    """Fill unit directions (n, 3) chosen by brightness from numbers (n, 2) in [0, 1)."""
+    for i in range(xi.shape[0]):
+        direction[i, 0], direction[i, 1], direction[i, 2] = sky_direction(sky, xi[i, 0], xi[i, 1])
 
 
 class TestImageEnvironment:

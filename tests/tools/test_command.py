@@ -38,7 +38,7 @@ def test_ctrl_c_keeps_what_was_found(tmp_path, monkeypatch, capsys):
 
 @pytest.mark.parametrize(
     ("name", "words"),
-    [("nowhere/a.json", "there is no folder"), ("folder", "is a folder, name a file")],
+    [("nowhere/a.json", "has no folder"), ("folder", "is a folder: name a file")],
 )
 def test_figures_that_cannot_be_kept_are_refused_first(tmp_path, capsys, name, words):
     (tmp_path / "folder").mkdir()

@@ -76,9 +76,9 @@ def test_surface_alone(run):
 @pytest.mark.parametrize(
     ("arguments", "code", "words"),
     [
-        ("missing.py", 2, "no scene script"),
+        ("missing.py", 2, "scene script 'missing.py'"),
         ("missing.bpt", 2, "missing.bpt"),
-        ("surface", 2, "name a .bpt file"),
+        ("surface", 2, "surface has no file: name a .bpt file"),
         ("", 2, "name a scene script"),
         ("--compare x.json y.json", 2, "x.json"),
         (f"tube.py {SMALL} --passes 4 2", 2, "passes"),

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from hybrid_rt.integrators.aims import MOST_BALLS, covering, targets_of
-from hybrid_rt.integrators.shooting import PHOTON_DIMENSION, materials_with
+from hybrid_rt.integrators.shooting import PHOTON_DIMENSION
 from hybrid_rt.kernels.lobes import DIELECTRIC, METAL
 from hybrid_rt.materials import Dielectric
 from hybrid_rt.primitives import Box, Rectangle
@@ -32,7 +32,7 @@ SHARES = {
 
 def balls_of(surface):
     scene = compile_scene(Scene(CAMERA, [Object(surface, Dielectric(1.5))], []))
-    return targets_of(scene, materials_with(scene, DIELECTRIC, least=METAL))
+    return targets_of(scene, scene.materials_of_kinds(METAL, DIELECTRIC))
 
 
 @pytest.mark.parametrize(
@@ -67,7 +67,7 @@ def test_a_rod_is_covered_by_small_balls_and_a_cube_by_one():
 def test_most_aimed_photons_meet_what_they_are_aimed_at(name):
     shooter = make_shooter(load_scene(SCENES / f"{name}.py"), 1)
     context = shooter.context
-    throws = materials_with(context.scene, DIELECTRIC, least=METAL)
+    throws = context.scene.materials_of_kinds(METAL, DIELECTRIC)
     shares = []
     for group in shooter.groups(4000):
         if group.is_aimed:

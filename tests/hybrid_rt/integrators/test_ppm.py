@@ -373,7 +373,7 @@ def test_alpha_one_warns_of_its_blur():
 def test_planes_without_end_are_refused_by_name():
     view = Camera((0, -4, 2), (0, 0, 0.3), (0, 0, 1), 45, 8, 8)
     ground = Plane((0, 0, 0), (0, 0, 1))
-    with pytest.raises(ValueError, match="'ground': the sky"):
+    with pytest.raises(ValueError, match="'ground' is a plane, to which the sky"):
         photons(Scene(view, [Object(ground, Lambertian(0.5), "ground")], [], GradientSky(1, 1)))
-    with pytest.raises(ValueError, match="'ground': a plane that shines"):
+    with pytest.raises(ValueError, match="'ground' is a plane that shines"):
         photons(Scene(view, [Object(ground, Emissive(1.0, Lambertian(0.5)), "ground")]))

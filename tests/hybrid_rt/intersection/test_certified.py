@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from hybrid_rt import Intersector, Sphere, Status
+from hybrid_rt.kernels.coarse import CoarseHits
 from meshing import BezierPatches
 
 EPS = 2.0**-52
@@ -143,7 +144,7 @@ def test_wrong_coarse_hits_change_nothing(teapot, rays, hits, kind, monkeypatch)
         face = np.full(n, -1, np.int32)
         if kind == "random":
             face = rng.integers(-1, n_faces, n).astype(np.int32)
-        return face, np.zeros(n), 0.5 * rng.random(n), 0.5 * rng.random(n)
+        return CoarseHits(face, np.zeros(n), 0.5 * rng.random(n), 0.5 * rng.random(n))
 
     monkeypatch.setattr(liar._coarse.scene, "first", lie)
     assert_same(hits, liar.intersect(*rays))

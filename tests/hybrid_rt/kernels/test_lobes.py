@@ -2,10 +2,11 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from hybrid_rt.kernels.lobes import DIELECTRIC, PHONG, evaluate_lobes, sample_lobes
+from hybrid_rt.kernels.lobes import DIELECTRIC, PHONG, sample_lobes, scattered
 from hybrid_rt.kernels.sampler import sobol_points
 from hybrid_rt.materials import Dielectric, Lambertian, Metal, Mirror, Mix, Phong
 from hybrid_rt.materials.table import color_factor, compile_materials
+from meshing.kernels.jit import kernel
 
 N = 2**16
 # One false alarm in about ten thousand runs of all the chi-square tests here.
@@ -34,6 +35,22 @@ def table_of(material, n):
     lobes, textures = compile_materials([material])
     colors = textures.number[lobes.texture, :3] * color_factor(lobes)[:, None]
     return lobes, np.ascontiguousarray(np.broadcast_to(colors, (n, *colors.shape)))
+
+
+@kernel
+def evaluate_lobes(lobes, material, colors, normal, direction, wi, last_kind, value, pdf):
+    """Fill ``value`` (n, 3) with f cos and ``pdf`` (n,) for given directions; see `scattered`."""
+    for i in range(material.size):
+        value[i, 0] = value[i, 1] = value[i, 2] = 0.0
+        pdf[i] = 0.0
+        if material[i] < 0:
+            continue
+        value[i, 0], value[i, 1], value[i, 2], pdf[i] = scattered(
+            lobes, material[i], colors, i,
+            normal[i, 0], normal[i, 1], normal[i, 2],
+            direction[i, 0], direction[i, 1], direction[i, 2],
+            wi[i, 0], wi[i, 1], wi[i, 2], last_kind,
+        )  # fmt: skip
 
 
 def evaluated(material, incoming, leaving, last_kind=DIELECTRIC):

@@ -21,7 +21,6 @@ ACROSS, UP = np.meshgrid(
 )
 PICTURE = ImageTexture(np.stack([ACROSS, UP, np.zeros_like(UP)], axis=-1))
 
-TURN = 2 * math.pi
 TRIANGLE = trimesh.Trimesh([[0, 0, 0], [2, 0, 0], [0, 2, 0]], [[0, 1, 2]], process=False)
 
 # surface, (point seen, from where), (u, v) there

@@ -8,6 +8,7 @@ import pytest
 
 from hybrid_rt import Intersector, Sphere, TriangleMesh
 from hybrid_rt.demo import teapot
+from hybrid_rt.kernels.coarse import CoarseHits
 from hybrid_rt.verify.campaign import torus
 from hybrid_rt.verify.catalogue import CATALOGUE
 from hybrid_rt.verify.judge import compare
@@ -162,7 +163,7 @@ def test_e01_e02_the_coarse_stage_only_proposes(lie, monkeypatch):
             face = np.full(n, -1, np.int32)
         else:
             face = rng.integers(liar._coarse.n_triangles, size=n).astype(np.int32)
-        return face, rng.random(n) * 100, rng.random(n) / 2, rng.random(n) / 2
+        return CoarseHits(face, 100 * rng.random(n), rng.random(n) / 2, rng.random(n) / 2)
 
     monkeypatch.setattr(liar._coarse.scene, "first", false)
     a = honest.intersect(rays.origins, rays.directions)

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from hybrid_rt import Intersector
+from hybrid_rt.kernels.coarse import CoarseHits
 from hybrid_rt.verify.campaign import SCENES, steps
 from hybrid_rt.verify.judge import compare
 from hybrid_rt.verify.oracle import first_hits
@@ -87,7 +88,7 @@ def test_right_coarse_hits_cut_the_work(capsys, monkeypatch):
     def lie(origin, *_):
         n = len(origin)
         face = rng.integers(n_faces, size=n).astype(np.int32)
-        return face, rng.random(n), rng.random(n) / 2, rng.random(n) / 2
+        return CoarseHits(face, rng.random(n), rng.random(n) / 2, rng.random(n) / 2)
 
     monkeypatch.setattr(wrong._coarse.scene, "first", lie)
     for tracer in (right, wrong, none):
