@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import argparse
 import importlib.util
 import os
 import sys
@@ -66,6 +67,13 @@ def plain_warnings(name: str) -> Iterator[None]:
 
         warnings.showwarning = show
         yield
+
+
+def one_or_more(text: str) -> int:
+    """Read an argument that is a whole number from 1 on."""
+    if not (text.isdecimal() and int(text) > 0):
+        raise argparse.ArgumentTypeError(f"{text!r}: pass a whole number from 1 on")
+    return int(text)
 
 
 def say_if_no_plots(what: str) -> None:

@@ -23,7 +23,7 @@ from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
-from hybrid_rt.command import kept, run_tool
+from hybrid_rt.command import kept, one_or_more, run_tool
 from hybrid_rt.integrators import PPMOptions
 from hybrid_rt.measures import noise_of_reference, relative_mse, seconds_to
 from hybrid_rt.rendering import RenderResult, render
@@ -80,16 +80,16 @@ def _parser() -> argparse.ArgumentParser:
     )
     parser.add_argument("scenes", nargs="*", metavar="SCENE.py")
     parser.add_argument("--caustics", action="store_true", help="the rows of caustics on a floor")
-    parser.add_argument("--photons", type=int, default=200_000, help="of a pass (ppm)")
+    parser.add_argument("--photons", type=one_or_more, default=200_000, help="of a pass (ppm)")
     parser.add_argument(
         "--reference-photons", type=float, default=1e9, help="counted by the light tracer"
     )
     parser.add_argument("--integrator", default="path")
-    parser.add_argument("--width", type=int, help="pixels; proportions are kept")
-    parser.add_argument("--threads", type=int)
+    parser.add_argument("--width", type=one_or_more, help="pixels; proportions are kept")
+    parser.add_argument("--threads", type=one_or_more)
     parser.add_argument("--targets", type=float, nargs="+", default=[1e-2, 1e-3], metavar="E")
-    parser.add_argument("--reference-passes", type=int, default=512, metavar="N")
-    parser.add_argument("--most-passes", type=int, default=128, metavar="N")
+    parser.add_argument("--reference-passes", type=one_or_more, default=512, metavar="N")
+    parser.add_argument("--most-passes", type=one_or_more, default=128, metavar="N")
     parser.add_argument("--json", type=Path, metavar="FILE")
     return parser
 

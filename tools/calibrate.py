@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from hybrid_rt import checks
-from hybrid_rt.command import kept, run_tool
+from hybrid_rt.command import kept, one_or_more, run_tool
 from hybrid_rt.verify.calibration import PICTURES, Bounds, bounds, bounds_by_digits, coverage
 from hybrid_rt.verify.campaign import SCENES
 from hybrid_rt.verify.photon_truth import PHOTON_PICTURES, blur
@@ -33,8 +33,8 @@ def main() -> int:
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("--seeds", type=int, default=400, help="for the noise; 0: none")
-    parser.add_argument("--passes", type=int, nargs="+", default=[16, 64, 256])
-    parser.add_argument("--photon-passes", type=int, nargs="+", default=[16], help="of ppm")
+    parser.add_argument("--passes", type=one_or_more, nargs="+", default=[16, 64, 256])
+    parser.add_argument("--photon-passes", type=one_or_more, nargs="+", default=[16], help="of ppm")
     parser.add_argument(
         "--integrator",
         action="append",
@@ -44,7 +44,7 @@ def main() -> int:
     parser.add_argument("--blur-seeds", type=int, default=40, help="0: none")
     parser.add_argument("--hits", type=float, default=1e6, help="shared by the scenes; 0: none")
     parser.add_argument("--digits-hits", type=float, default=1e4, help="to 60 digits; 0: none")
-    parser.add_argument("--threads", type=int)
+    parser.add_argument("--threads", type=one_or_more)
     parser.add_argument("--out", type=Path, help="write the figures as JSON")
     args = parser.parse_args()
     _check(args)

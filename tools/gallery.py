@@ -13,7 +13,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from hybrid_rt.command import kept, run_tool
+from hybrid_rt.command import kept, one_or_more, run_tool
 from hybrid_rt.rendering import render
 from hybrid_rt.scene_file import load_script
 
@@ -34,8 +34,8 @@ def main() -> int:
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("--seconds", type=float, default=30.0, help="for each scene")
-    parser.add_argument("--width", type=int, default=360)
-    parser.add_argument("--threads", type=int, default=4)
+    parser.add_argument("--width", type=one_or_more, default=360)
+    parser.add_argument("--threads", type=one_or_more, default=4)
     parser.add_argument("--only", action="append", metavar="NAME")
     parser.add_argument("--out", type=Path, default=ROOT / "docs")
     args = parser.parse_args()
