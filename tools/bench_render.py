@@ -23,6 +23,7 @@ from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
+from hybrid_rt import checks
 from hybrid_rt.command import kept, one_or_more, run_tool
 from hybrid_rt.integrators import PPMOptions
 from hybrid_rt.measures import noise_of_reference, relative_mse, seconds_to
@@ -38,9 +39,14 @@ FULL_SIZE = (1280, 720)
 
 def main() -> int:
     """Run the tool; return the exit code."""
-    options = _parser().parse_args()
+    parser = _parser()
+    options = parser.parse_args()
     if options.caustics:
         return _caustics(options)
+    if not options.scenes:
+        parser.error("name scene scripts, or use --caustics")
+    for target in options.targets:
+        checks.number(target, "--targets", above=0.0)
     rows: list[dict[str, Any]] = []
     with kept(options.json, lambda: rows):
         for path in options.scenes:
