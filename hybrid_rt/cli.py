@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from hybrid_rt._version import __version__
-from hybrid_rt.command import BAD_INPUT, INTERRUPTED, REFUSALS, plain_warnings
+from hybrid_rt.command import BAD_INPUT, INTERRUPTED, REFUSALS, closed_pipe, plain_warnings
 
 if TYPE_CHECKING:
     from hybrid_rt.progress import Progress
@@ -174,6 +174,10 @@ def _guarded(run: Callable[[], None]) -> int:
     try:
         with plain_warnings("hybrid-rt"):
             run()
+        if sys.stdout is not None:
+            sys.stdout.flush()  # now, while a failure can still be told
+    except BrokenPipeError:
+        return closed_pipe()
     except KeyboardInterrupt:
         print("\nhybrid-rt: interrupted: only what is named above is written", file=sys.stderr)  # noqa: T201
         return INTERRUPTED
@@ -184,12 +188,10 @@ def _guarded(run: Callable[[], None]) -> int:
 
 
 def _run_render(options: argparse.Namespace) -> None:
-    def load() -> tuple[Scene, str]:
-        from hybrid_rt.scene_file import load_script
+    from hybrid_rt.scene_file import check_script, load_script
 
-        return load_script(options.scene)
-
-    _render(load, Path(options.scene).stem, options)
+    script = check_script(options.scene)
+    _render(lambda: load_script(script), script.stem, options)
 
 
 def _render(load: Callable[[], tuple[Scene, str]], name: str, options: argparse.Namespace) -> None:
@@ -235,7 +237,8 @@ def _render(load: Callable[[], tuple[Scene, str]], name: str, options: argparse.
     with held_back():
         for path in outputs:
             result.save(path, options.exposure)
-            _say(f"{path}  ({_summary(result.report)})")
+    for path in outputs:
+        _say(f"{path}  ({_summary(result.report)})")
     _say_numbers(result.report)
     if interrupt is not None:
         raise interrupt
@@ -309,7 +312,7 @@ def _shown_progress(quiet: bool) -> Iterator[Progress | None]:
     """Show the progress of what runs within, unless it is to be quiet."""
     from hybrid_rt.progress import TerminalProgress
 
-    if quiet:
+    if quiet or sys.stderr is None:
         yield None
         return
     progress = TerminalProgress(sys.stderr)
@@ -333,9 +336,11 @@ def _resized(scene: Scene, width: int | None, height: int | None) -> Scene:
 
 
 def _summary(report: dict[str, Any]) -> str:
+    from hybrid_rt.numbers import passes_in_words
+
     seconds = report["seconds"]
     compiling = report["kernel_compilation_seconds"]
-    text = f"{report['passes']} passes, {seconds['total']:.1f} s"
+    text = f"{passes_in_words(report['passes'])}, {seconds['total']:.1f} s"
     return text + (f" and {compiling:.1f} s compiling kernels" if compiling >= 0.1 else "")
 
 

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import argparse
 import importlib.util
+import os
 import sys
 import warnings
 from collections.abc import Callable, Iterator
@@ -10,7 +12,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, TextIO
 
-BAD_INPUT, INTERRUPTED = 2, 130
+BAD_INPUT, INTERRUPTED, CLOSED_PIPE = 2, 130, 141
 REFUSALS = (ValueError, TypeError, OSError, ImportError, MemoryError, OverflowError)
 
 
@@ -24,13 +26,24 @@ def run_tool(main: Callable[[], int]) -> int:
     name = Path(sys.argv[0]).name
     try:
         with watch_compilation(_said), plain_warnings(name):
-            return main()
+            code = main()
+        sys.stdout.flush()  # now, while a failure can still be told
+        return code
+    except BrokenPipeError:
+        return closed_pipe()
     except KeyboardInterrupt:
         _say("\ninterrupted: what was found so far stands above, and in the files asked for")
         return INTERRUPTED
     except REFUSALS as error:
         _say(f"{name}: {error}")
         return BAD_INPUT
+
+
+def closed_pipe() -> int:
+    """End without a word, as programs do of which ``head`` has read enough; return the exit code."""
+    # What is still to be written at the end of Python goes nowhere.
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    return CLOSED_PIPE
 
 
 @contextmanager
@@ -54,6 +67,13 @@ def plain_warnings(name: str) -> Iterator[None]:
 
         warnings.showwarning = show
         yield
+
+
+def one_or_more(text: str) -> int:
+    """Read an argument that is a whole number from 1 on."""
+    if not (text.isdecimal() and int(text) > 0):
+        raise argparse.ArgumentTypeError(f"{text!r}: pass a whole number from 1 on")
+    return int(text)
 
 
 def say_if_no_plots(what: str) -> None:

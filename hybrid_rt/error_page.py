@@ -43,6 +43,8 @@ def picture_diagram(title: str, curves: Sequence[Curve], own_error: float) -> st
         ]
         if marks:
             lines.append(Line(curve.name, marks))
+    if not lines:
+        raise ValueError(f"{title}: all are equal to the reference, there is no error to show")
     floor = None if math.isnan(own_error) else ("the reference's own error", own_error)
     return log_log(title, "seconds", "relative RMSE", lines, (-0.5, -1.0), floor)
 

@@ -28,6 +28,11 @@ def per_cent(share: float) -> str:
     return f"{float(two_digits):,.0f} %" if is_large else f"{two_digits} %"
 
 
+def passes_in_words(n: int) -> str:
+    """Return how many passes there are."""
+    return "1 pass" if n == 1 else f"{n} passes"
+
+
 def _warnings(report: dict[str, Any]) -> list[str]:
     """Return what makes the picture wrong."""
     lines = []
@@ -71,7 +76,9 @@ def _geometry(report: dict[str, Any]) -> str:
     geometry = report["geometry"]
     hits, unproven = geometry["camera_hits"], geometry["camera_hits_without_bound"]
     text = "  geometry  "
-    if hits == unproven:
+    if hits == 0:
+        text += "no camera ray hit anything"
+    elif hits == unproven:
         text += "no camera hit has a proven error"
     else:
         # Newton's root is proven to be a root; only the certificate proves that it is the first.
@@ -103,8 +110,9 @@ def _cost(report: dict[str, Any]) -> str:
     )
     longest = ", ".join(f"{stage} {spent:.2g}" for spent, stage in stages[:4])
     n_rays = report["intersection"]["rays"] + report["intersection"]["shadow_rays"]
+    rays = f"{n_rays / 1e6:.3g} million rays" if n_rays >= 1e5 else f"{n_rays:,} rays"
     return (
-        f"  cost      {seconds['total']:.2f} s ({longest}), {n_rays / 1e6:.3g} million rays, "
+        f"  cost      {seconds['total']:.2f} s ({longest}), {rays}, "
         f"peak memory {report['peak_memory_mib']:.0f} MiB"
     )
 
@@ -112,7 +120,7 @@ def _cost(report: dict[str, Any]) -> str:
 def _stop(report: dict[str, Any]) -> str:
     error, target = report["relative_error"], report["settings"]["target_error"]
     text = (
-        f"  stopped   by {_STOPPED_BY[report['stopped_by']]}, after {report['passes']} passes, "
+        f"  stopped   by {_STOPPED_BY[report['stopped_by']]}, after {passes_in_words(report['passes'])}, "
         f"{report['seconds']['total']:.2f} s"
     )
     if error is None:

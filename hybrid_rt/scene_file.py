@@ -28,6 +28,14 @@ def load_scene(path: str | os.PathLike[str]) -> Scene:
     return load_script(path)[0]
 
 
+def check_script(path: str | os.PathLike[str]) -> Path:
+    """Return the path of a scene script, if there is such a file."""
+    file = as_path(path, "scene script")
+    if not file.is_file():
+        raise SceneFileError(f"scene script {os.fspath(path)!r}: there is no such file")
+    return file
+
+
 def load_script(path: str | os.PathLike[str]) -> tuple[Scene, str]:
     """Run a scene script; return its scene, and the integrator that it is meant for.
 
@@ -38,9 +46,7 @@ def load_script(path: str | os.PathLike[str]) -> tuple[Scene, str]:
     SceneFileError
         Naming the file, and the line where the script failed.
     """
-    file = as_path(path, "scene script")
-    if not file.is_file():
-        raise SceneFileError(f"scene script {str(file)!r}: there is no such file")
+    file = check_script(path)
     with _naming(file):
         names = runpy.run_path(str(file), run_name="hybrid_rt_scene")
     return scene_of(names.get("scene"), names, file)

@@ -17,7 +17,7 @@ import numpy as np
 
 from hybrid_rt import Intersector, Rectangle, Sphere, TriangleMesh
 from hybrid_rt.accuracy import deviations
-from hybrid_rt.command import kept, run_tool
+from hybrid_rt.command import kept, one_or_more, run_tool
 from hybrid_rt.demo import teapot, vase
 from hybrid_rt.intersection.pool import Pool
 from hybrid_rt.verify.campaign import SCENES
@@ -42,7 +42,7 @@ def main() -> int:
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("--quick", action="store_true", help="a tenth of the rays")
-    parser.add_argument("--threads", type=int, help="default: all cores")
+    parser.add_argument("--threads", type=one_or_more, help="default: all cores")
     parser.add_argument("--out", type=Path, help="write the figures as JSON")
     args = parser.parse_args()
     found: dict[str, Any] = {}

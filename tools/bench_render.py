@@ -23,7 +23,8 @@ from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
-from hybrid_rt.command import kept, run_tool
+from hybrid_rt import checks
+from hybrid_rt.command import kept, one_or_more, run_tool
 from hybrid_rt.integrators import PPMOptions
 from hybrid_rt.measures import noise_of_reference, relative_mse, seconds_to
 from hybrid_rt.rendering import RenderResult, render
@@ -38,9 +39,14 @@ FULL_SIZE = (1280, 720)
 
 def main() -> int:
     """Run the tool; return the exit code."""
-    options = _parser().parse_args()
+    parser = _parser()
+    options = parser.parse_args()
     if options.caustics:
         return _caustics(options)
+    if not options.scenes:
+        parser.error("name scene scripts, or use --caustics")
+    for target in options.targets:
+        checks.number(target, "--targets", above=0.0)
     rows: list[dict[str, Any]] = []
     with kept(options.json, lambda: rows):
         for path in options.scenes:
@@ -80,16 +86,16 @@ def _parser() -> argparse.ArgumentParser:
     )
     parser.add_argument("scenes", nargs="*", metavar="SCENE.py")
     parser.add_argument("--caustics", action="store_true", help="the rows of caustics on a floor")
-    parser.add_argument("--photons", type=int, default=200_000, help="of a pass (ppm)")
+    parser.add_argument("--photons", type=one_or_more, default=200_000, help="of a pass (ppm)")
     parser.add_argument(
         "--reference-photons", type=float, default=1e9, help="counted by the light tracer"
     )
     parser.add_argument("--integrator", default="path")
-    parser.add_argument("--width", type=int, help="pixels; proportions are kept")
-    parser.add_argument("--threads", type=int)
+    parser.add_argument("--width", type=one_or_more, help="pixels; proportions are kept")
+    parser.add_argument("--threads", type=one_or_more)
     parser.add_argument("--targets", type=float, nargs="+", default=[1e-2, 1e-3], metavar="E")
-    parser.add_argument("--reference-passes", type=int, default=512, metavar="N")
-    parser.add_argument("--most-passes", type=int, default=128, metavar="N")
+    parser.add_argument("--reference-passes", type=one_or_more, default=512, metavar="N")
+    parser.add_argument("--most-passes", type=one_or_more, default=128, metavar="N")
     parser.add_argument("--json", type=Path, metavar="FILE")
     return parser
 

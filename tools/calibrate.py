@@ -16,7 +16,8 @@ from typing import Any
 
 import numpy as np
 
-from hybrid_rt.command import kept, run_tool
+from hybrid_rt import checks
+from hybrid_rt.command import kept, one_or_more, run_tool
 from hybrid_rt.verify.calibration import PICTURES, Bounds, bounds, bounds_by_digits, coverage
 from hybrid_rt.verify.campaign import SCENES
 from hybrid_rt.verify.photon_truth import PHOTON_PICTURES, blur
@@ -32,15 +33,21 @@ def main() -> int:
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("--seeds", type=int, default=400, help="for the noise; 0: none")
-    parser.add_argument("--passes", type=int, nargs="+", default=[16, 64, 256])
-    parser.add_argument("--photon-passes", type=int, nargs="+", default=[16], help="of ppm")
-    parser.add_argument("--integrator", action="append", help="default: path, ppm; may be repeated")
+    parser.add_argument("--passes", type=one_or_more, nargs="+", default=[16, 64, 256])
+    parser.add_argument("--photon-passes", type=one_or_more, nargs="+", default=[16], help="of ppm")
+    parser.add_argument(
+        "--integrator",
+        action="append",
+        choices=("path", "whitted", "ppm"),
+        help="default: path, ppm; may be repeated",
+    )
     parser.add_argument("--blur-seeds", type=int, default=40, help="0: none")
     parser.add_argument("--hits", type=float, default=1e6, help="shared by the scenes; 0: none")
     parser.add_argument("--digits-hits", type=float, default=1e4, help="to 60 digits; 0: none")
-    parser.add_argument("--threads", type=int)
+    parser.add_argument("--threads", type=one_or_more)
     parser.add_argument("--out", type=Path, help="write the figures as JSON")
     args = parser.parse_args()
+    _check(args)
     if args.digits_hits and find_spec("mpmath") is None:
         raise ModuleNotFoundError(
             "60 digits need the package mpmath: pip install 'hybrid-rt[dev]', or pass --digits-hits 0"
@@ -61,6 +68,17 @@ def main() -> int:
             share = -(-int(count) // len(SCENES))
             rows.extend(_bind(name, share, digits, args.threads) for name in SCENES if count)
     return 0 if all(row["honest"] for row in rows) else 1
+
+
+def _check(args: argparse.Namespace) -> None:
+    """Refuse what cannot be counted, and to check nothing."""
+    seeds, hits = (args.seeds, args.blur_seeds), (args.hits, args.digits_hits)
+    for option, n in zip(("--seeds", "--blur-seeds"), seeds, strict=True):
+        checks.whole(n, option, at_least=0)
+    for option, count in zip(("--hits", "--digits-hits"), hits, strict=True):
+        checks.number(count, option, at_least=0.0)
+    if not any((*seeds, *hits)):
+        raise ValueError("there is nothing to check: pass --seeds, --blur-seeds or --hits above 0")
 
 
 def _cover(name: str, integrator: str, passes: int, n_seeds: int) -> dict[str, Any]:

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from hybrid_rt.command import kept, run_tool, say_if_no_plots
+from hybrid_rt.command import kept, one_or_more, run_tool, say_if_no_plots
 from hybrid_rt.film import screen_pixels
 from hybrid_rt.verify.mesh_caustics import Curve, curves, truth
 
@@ -29,7 +29,7 @@ def main() -> int:
     )
     parser.add_argument("--out", type=Path, default=Path("caustic"), help="folder")
     parser.add_argument("--quick", action="store_true", help="small pictures, few triangles")
-    parser.add_argument("--threads", type=int)
+    parser.add_argument("--threads", type=one_or_more)
     args = parser.parse_args()
     args.out.mkdir(parents=True, exist_ok=True)
     say_if_no_plots("caustic_error_against_time.png")

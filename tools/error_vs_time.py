@@ -16,12 +16,13 @@ import json
 import math
 import sys
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 from hybrid_rt import checks, error_page, error_vs_time
-from hybrid_rt.command import run_tool, say_if_no_plots
+from hybrid_rt.command import one_or_more, run_tool, say_if_no_plots
 from hybrid_rt.comparison import load_picture
 from hybrid_rt.error_vs_time import RULE_OF_THREE, Curve, HitStudy, PictureStudy, Point, Spread
 from hybrid_rt.forecast import forecast, recommend, triangles_for
@@ -65,18 +66,22 @@ def _parser() -> argparse.ArgumentParser:
         help="checked by the other one; default: the one that states the smaller error",
     )
     parser.add_argument("--integrators", nargs="+", metavar="I", help="default: all that can")
-    parser.add_argument("--photons", type=int, nargs="+", default=(), metavar="N", help="of a pass")
+    parser.add_argument(
+        "--photons", type=one_or_more, nargs="+", default=(), metavar="N", help="of a pass"
+    )
     parser.add_argument(
         "--alphas", type=float, nargs="+", default=(), metavar="A", help="of ppm (default 2/3)"
     )
-    parser.add_argument("--reference-passes", type=int, help="default 1024, quick 128")
-    parser.add_argument("--passes", type=int, nargs="+", help="default 1 4 16 64, quick 1 4 16")
-    parser.add_argument("--runs", type=int, help="default 3, quick 1")
-    parser.add_argument("--width", type=int, help="default 240, quick 120")
+    parser.add_argument("--reference-passes", type=one_or_more, help="default 1024, quick 128")
     parser.add_argument(
-        "--rays", type=int, help="judged by the oracle; default 100000, quick 20000"
+        "--passes", type=one_or_more, nargs="+", help="default 1 4 16 64, quick 1 4 16"
     )
-    parser.add_argument("--threads", type=int)
+    parser.add_argument("--runs", type=one_or_more, help="default 3, quick 1")
+    parser.add_argument("--width", type=one_or_more, help="default 240, quick 120")
+    parser.add_argument(
+        "--rays", type=one_or_more, help="judged by the oracle; default 100000, quick 20000"
+    )
+    parser.add_argument("--threads", type=one_or_more)
     return parser
 
 
@@ -288,9 +293,17 @@ def _draw_newton(axes: Any, name: str, curves: Sequence[dict[str, Any]], size: f
     axes.set_title(f"{name}: Newton's steps", fontsize=9)
 
 
+def _read(file: Path) -> dict[str, Any]:
+    with suppress(ValueError):
+        data = json.loads(file.read_text("utf-8"))
+        if isinstance(data, dict):
+            return data
+    raise ValueError(f"{file} holds no figures: pass the curves.json of an earlier run")
+
+
 def _compare(args: argparse.Namespace) -> None:
     """Overlay the curves of two earlier runs."""
-    both = [json.loads(file.read_text("utf-8")) for file in args.compare]
+    both = [_read(file) for file in args.compare]
     names = [str(file.parent / file.stem) for file in args.compare]
     diagrams: list[str] = []
     tables: dict[str, error_page.Table] = {}

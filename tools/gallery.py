@@ -13,7 +13,8 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from hybrid_rt.command import kept, run_tool
+from hybrid_rt.command import kept, one_or_more, run_tool
+from hybrid_rt.numbers import passes_in_words
 from hybrid_rt.rendering import render
 from hybrid_rt.scene_file import load_script
 
@@ -34,19 +35,21 @@ def main() -> int:
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("--seconds", type=float, default=30.0, help="for each scene")
-    parser.add_argument("--width", type=int, default=360)
-    parser.add_argument("--threads", type=int, default=4)
-    parser.add_argument("--only", action="append", metavar="NAME")
+    parser.add_argument("--width", type=one_or_more, default=360)
+    parser.add_argument("--threads", type=one_or_more, default=4)
+    scenes = {script.stem: script for script in sorted((ROOT / "scenes").glob("*.py"))}
+    parser.add_argument(
+        "--only", action="append", choices=scenes, metavar="NAME", help="may be repeated"
+    )
     parser.add_argument("--out", type=Path, default=ROOT / "docs")
     args = parser.parse_args()
     (args.out / PICTURES).mkdir(parents=True, exist_ok=True)
     record_file = args.out / PICTURES / RECORD
     record = json.loads(record_file.read_text("utf-8")) if record_file.exists() else {}
     with kept(record_file, lambda: record):
-        for script in sorted((ROOT / "scenes").glob("*.py")):
-            if args.only is None or script.stem in args.only:
-                record[script.stem] = show(script, args)
-                print(row(script.stem, record[script.stem]), flush=True)
+        for name in args.only or scenes:
+            record[name] = show(scenes[name], args)
+            print(row(name, record[name]), flush=True)
     page = HEAD + "".join("\n" + section(name, facts) for name, facts in sorted(record.items()))
     (args.out / PAGE).write_text(page, "utf-8")
     return 0
@@ -83,7 +86,7 @@ def row(name: str, facts: dict[str, Any]) -> str:
     blur = "" if facts["blur"] is None else f", blur {facts['blur']:.2g}"
     width, height = facts["size"]
     return (
-        f"`scenes/{name}.py`: {facts['integrator']}, {width} x {height}, {facts['passes']} passes, "
+        f"`scenes/{name}.py`: {facts['integrator']}, {width} x {height}, {passes_in_words(facts['passes'])}, "
         f"{facts['seconds']:.1f} s on {facts['threads']} threads, error {error}{blur}"
     )
 

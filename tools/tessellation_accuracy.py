@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 from hybrid_rt.accuracy import RAYS, Rung, climb, error_image
-from hybrid_rt.command import kept, run_tool, say_if_no_plots
+from hybrid_rt.command import kept, one_or_more, run_tool, say_if_no_plots
 from hybrid_rt.scene_file import load_scene
 from meshing import BezierPatches, SurfaceOfRevolution
 
@@ -36,8 +36,8 @@ def main() -> int:
     parser.add_argument(
         "--quick", action="store_true", help="three tolerances, a tenth of the rays"
     )
-    parser.add_argument("--rays", type=int, help="of each kind (default 200000)")
-    parser.add_argument("--threads", type=int)
+    parser.add_argument("--rays", type=one_or_more, help="of each kind (default 200000)")
+    parser.add_argument("--threads", type=one_or_more)
     args = parser.parse_args()
     if args.out:
         say_if_no_plots("error_against_time.png and mesh_error.png")

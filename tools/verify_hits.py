@@ -13,7 +13,8 @@ import sys
 from dataclasses import asdict
 from pathlib import Path
 
-from hybrid_rt.command import kept, run_tool
+from hybrid_rt import checks
+from hybrid_rt.command import kept, one_or_more, run_tool
 from hybrid_rt.verify.campaign import COSINES, SCENES, STEP, Tally, steps
 from hybrid_rt.verify.second import Duel, duel
 
@@ -29,10 +30,11 @@ def main() -> int:
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--scene", action="append", choices=list(SCENES), help="may be repeated")
     parser.add_argument("--coarse", choices=("embree", "none"), default="embree")
-    parser.add_argument("--threads", type=int)
+    parser.add_argument("--threads", type=one_or_more)
     parser.add_argument("--second", action="store_true", help="compare two certificates")
     parser.add_argument("--out", type=Path, help="write the figures as JSON")
     args = parser.parse_args()
+    checks.whole(args.seed, "--seed", at_least=0)
     if args.second:
         return _compare_two(args)
     names = args.scene or list(SCENES)

@@ -8,6 +8,7 @@ import pytest
 
 from hybrid_rt import cli, rendering
 from hybrid_rt._version import __version__
+from hybrid_rt.command import CLOSED_PIPE
 from hybrid_rt.scene_file import SceneFileError, load_scene
 
 SCRIPT = """
@@ -91,6 +92,7 @@ def test_script_runs_as_a_program(folder):
     ("arguments", "words"),
     [
         (["missing.py"], "scene script 'missing.py': there is no such file"),
+        ([""], "scene script '': there is no such file"),
         (["ball.py", "--passes", "0"], "passes"),
         (["ball.py", "--target-error", "0"], "target_error"),
         (["ball.py", "--integrator", "magic"], "integrator is 'magic'"),
@@ -165,6 +167,21 @@ def test_a_script_that_runs_as_a_program_names_the_line_as_well(folder):
     assert done.stderr.startswith("hybrid-rt: ")
     assert done.stderr.endswith(f"bad.py, line {line}: ZeroDivisionError: division by zero\n")
     assert (done.returncode, done.stderr.count("\n")) == (cli.BAD_INPUT, 1)
+
+
+def test_a_closed_pipe_ends_without_a_word_and_loses_no_file(folder):
+    code = "import sys; from hybrid_rt.cli import main; sys.exit(main(sys.argv[1:]))"
+    words = ["render", "ball.py", "--passes", "1", "--quiet", "--out", "a.png", "--out", "b.npz"]
+    with subprocess.Popen(
+        [sys.executable, "-c", code, *words],
+        cwd=folder, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+    ) as command:  # fmt: skip
+        command.stdout.close()
+        assert command.stderr.read() == ""
+        assert command.wait(timeout=120) == CLOSED_PIPE
+    assert {path.name for path in folder.iterdir()} == {
+        "ball.py", "a.png", "a.json", "b.npz", "b.npz.json",
+    }  # fmt: skip
 
 
 @pytest.mark.usefixtures("folder")

@@ -87,6 +87,14 @@ class TestPictures:
         assert all(f.seconds.least <= f.seconds.median <= f.seconds.most for f in found)
         assert all(f.bias == 0.0 for f in found)
 
+    def test_curves_without_an_error_cannot_be_drawn(self, room):
+        none = Spread(0.0, 0.0, 0.0)
+        curves = [
+            replace(c, points=[replace(p, error=none) for p in c.points]) for c in room.curves
+        ]
+        with pytest.raises(ValueError, match="room: all are equal to the reference"):
+            error_page.picture_diagram("room", curves, math.nan)
+
     def test_page_needs_no_other_file(self, room):
         forecasts = recommend(room, 0.05)
         answers = error_page.picture_answers(room, forecasts, 0.05, "room.py", math.nan)

@@ -81,6 +81,8 @@ def test_surface_alone(run):
         ("surface", 2, "surface has no file: name a .bpt file"),
         ("", 2, "name a scene script"),
         ("--compare x.json y.json", 2, "x.json"),
+        ("--compare tube.py tube.py", 2, "tube.py holds no figures: pass the curves.json"),
+        (f"tube.py {SMALL} --rays 0", 2, "argument --rays: '0': pass a whole number from 1 on"),
         (f"tube.py {SMALL} --passes 4 2", 2, "passes"),
         (f"tube.py {SMALL} --target 0", 2, "target"),
         (f"tube.py {SMALL} --integrators magic", 2, "integrator is 'magic'"),
