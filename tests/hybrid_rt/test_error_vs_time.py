@@ -212,14 +212,16 @@ class TestHits:
 
     def test_newton_mends_distances_and_no_decisions(self, tube):
         curves = {curve.name: curve.points for curve in tube.curves}
+        # Rounding may decide one ray otherwise; triangles are met in float32 here, there in float64.
+        one_ray = 1.5 / tube.judged
         for stepped, mesh, refined in zip(
             tube.newton, curves["mesh"], curves["refined"], strict=True
         ):
             points = stepped.points
             assert [p.setting for p in points] == [0, 1, 2, 3, 4, 6]
-            assert points[0].more["mean_dt"] == pytest.approx(mesh.more["mean_dt"], rel=0.05)
-            assert points[0].error.median == pytest.approx(mesh.error.median, abs=2e-3)
-            assert points[-1].error.median == pytest.approx(refined.error.median, abs=2e-3)
+            assert points[0].more["mean_dt"] == pytest.approx(mesh.more["mean_dt"], rel=1e-4)
+            assert points[0].error.median == pytest.approx(mesh.error.median, abs=one_ray)
+            assert points[-1].error.median == pytest.approx(refined.error.median, abs=one_ray)
             assert points[-1].more["mean_dt"] < 1e-13
             assert points[-1].more["worst_residual"] < 1e-12
 
