@@ -9,7 +9,9 @@ from collections.abc import Mapping, Sequence
 from html import escape
 
 from hybrid_rt.comparison import Pixels, error_map
-from hybrid_rt.error_vs_time import RULE_OF_THREE, Curve, HitStudy, Image, PictureStudy, Point
+from hybrid_rt.curves import Curve, Point
+from hybrid_rt.error_of_hits import RULE_OF_THREE, HitStudy
+from hybrid_rt.error_vs_time import Image, PictureStudy
 from hybrid_rt.film import screen_pixels
 from hybrid_rt.forecast import Forecast
 from hybrid_rt.loglog import Line, Mark, log_log

@@ -14,15 +14,9 @@ import pytest
 from hybrid_rt import error_page
 from hybrid_rt.camera import Camera
 from hybrid_rt.comparison import Picture
-from hybrid_rt.error_vs_time import (
-    Curve,
-    Spread,
-    camera_rays,
-    renamed,
-    spread,
-    study_hits,
-    study_picture,
-)
+from hybrid_rt.curves import Curve, Spread, renamed, spread
+from hybrid_rt.error_of_hits import camera_rays, study_hits
+from hybrid_rt.error_vs_time import study_picture
 from hybrid_rt.forecast import recommend
 from hybrid_rt.lights import GradientSky, PointLight
 from hybrid_rt.loglog import Line, Mark, log_log
