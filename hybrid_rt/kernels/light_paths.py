@@ -226,20 +226,9 @@ def lead_off(paths, lobes, material, colors, normal, geometric, row, i, nx, ny, 
 
 @kernel
 def lead_on(
-    paths,
-    lobes,
-    material,
-    colors,
-    position,
-    normal,
-    geometric,
-    object_id,
-    is_smooth,
-    second,
-    choice,
-    xi,
-    out,
-):
+    paths, lobes, material, colors, position, normal, geometric, object_id, is_smooth, second,
+    choice, xi, out,
+):  # fmt: skip
     """Send light paths on, and drop those that end; return how many go on.
 
     Paths that see a surface directly are led on by its mirrors and glass only: what spreads there
