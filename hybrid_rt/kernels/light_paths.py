@@ -150,9 +150,23 @@ def divide_by_index(density, media, lobes):
 def pick_lit_points(
     paths, lobes, material, colors, position, normal, geometric, object_id, steps, out, row
 ):
-    """Pick the paths that have met a surface that spreads light as `LitPoints`; return how many.
+    """Pick the paths that have met a surface that spreads light; return how many.
 
-    ``geometric`` is (0, 3) where ``normal`` is the surface's own. ``row`` (n,) receives their rows.
+    Parameters
+    ----------
+    paths : LightPaths of n rows
+    lobes : LobeTable
+    material, object_id : (n,) int32
+    colors : (n, lobes of a material at most, 3) float64
+    position, normal : (n, 3) float64
+        Of the hits; normals to shade by.
+    geometric : (n, 3) float64, or (0, 3)
+        Normals of the surfaces themselves, where ``normal`` is another.
+    steps : int
+        Directions taken at surfaces on the way.
+    out : LitPoints of n rows or more, written
+    row : (n,) int32, written
+        The rows of those that are picked.
     """
     n = 0
     for i in range(material.size):
