@@ -167,16 +167,25 @@ class Camera:
         inside = in_front & (column >= 0) & (column < self.width) & (row >= 0) & (row < self.height)
         column, row = np.where(inside, column, 0.0), np.where(inside, row, 0.0)
         pixel = np.where(inside, (row * self.width + column).astype(np.int64), -1)
-        # A pixel covers (2 / scale)^2 at depth one, and there a steradian covers (distance/depth)^3.
-        pdf = np.where(inside, (0.5 * scale) ** 2 * (distance / depth) ** 3, 0.0)
+        pdf = np.where(inside, self._pdf_ahead * (distance / depth) ** 3, 0.0)
         return way, pixel, pdf
 
     def direction_pdf(self, directions: FloatArray) -> FloatArray:
-        """Return the density (n,) with which `rays` finds unit directions in their pixels."""
-        pdf: FloatArray = (0.5 * self.height / self._half_height) ** 2 / (
-            directions @ self._forward
-        ) ** 3
+        """Return the density per solid angle (n,) with which `rays` finds unit directions (n, 3).
+
+        Each within its pixel, through one point of the lens.
+        """
+        pdf: FloatArray = self._pdf_ahead / (directions @ self._forward) ** 3
         return pdf
+
+    @property
+    def _pdf_ahead(self) -> float:
+        """Density per solid angle of directions straight ahead.
+
+        A pixel covers the square of `pixel_size` at depth one, where a steradian covers one over
+        the cosine cubed.
+        """
+        return (0.5 * self.height / self._half_height) ** 2
 
     def _on_lens(self, lens: FloatArray | None) -> FloatArray:
         """Return places on the lens as seen from its centre, (n, 3), or (3,) for the centre."""

@@ -9,7 +9,9 @@ from collections.abc import Mapping, Sequence
 from html import escape
 
 from hybrid_rt.comparison import Pixels, error_map
-from hybrid_rt.error_vs_time import RULE_OF_THREE, Curve, HitStudy, Image, PictureStudy
+from hybrid_rt.curves import Curve, Point
+from hybrid_rt.error_of_hits import RULE_OF_THREE, HitStudy
+from hybrid_rt.error_vs_time import Image, PictureStudy
 from hybrid_rt.film import screen_pixels
 from hybrid_rt.forecast import Forecast
 from hybrid_rt.loglog import Line, Mark, log_log
@@ -210,45 +212,41 @@ def picture_table(curves: Sequence[Curve]) -> Table:
     return head, rows
 
 
+WRONG_HITS = (
+    "us/ray", "least", "most", "wrong", "missed", "phantom", "farther", "mean |dt|", "worst |dt|",
+    "residual", "normal, degrees",
+)  # fmt: skip
+
+
 def hit_table(curves: Sequence[Curve]) -> Table:
     """Return the points of hit curves as a table."""
-    head = (
-        "method", "tolerance", "triangles", "build s", "us/ray", "least", "most", "wrong", "missed",
-        "phantom", "farther", "mean |dt|", "worst |dt|", "residual", "normal, degrees",
-    )  # fmt: skip
     rows = [
         (
             curve.name, f"{p.setting:.2g}", f"{p.more['triangles']:.0f}",
-            f"{p.more['build_seconds']:.2g}", f"{1e6 * p.seconds.median:.3f}",
-            f"{1e6 * p.seconds.least:.3f}", f"{1e6 * p.seconds.most:.3f}", f"{p.error.median:.2e}",
-            f"{p.more['missed']:.0f}", f"{p.more['phantom']:.0f}", f"{p.more['farther']:.0f}",
-            f"{p.more['mean_dt']:.1e}", f"{p.more['worst_dt']:.1e}",
-            f"{p.more['worst_residual']:.1e}", f"{p.more['mean_angle']:.1e}",
+            f"{p.more['build_seconds']:.2g}", *_wrong_hits(p),
         )
         for curve in curves
         for p in curve.points
     ]  # fmt: skip
-    return head, rows
+    return ("method", "tolerance", "triangles", "build s", *WRONG_HITS), rows
 
 
 def newton_table(curves: Sequence[Curve]) -> Table:
     """Return the points of Newton's steps as a table."""
-    head = (
-        "method", "steps", "us/ray", "least", "most", "wrong", "missed", "phantom", "farther",
-        "mean |dt|", "worst |dt|", "residual", "normal, degrees",
-    )  # fmt: skip
     rows = [
-        (
-            curve.name, f"{p.setting:g}", f"{1e6 * p.seconds.median:.3f}",
-            f"{1e6 * p.seconds.least:.3f}", f"{1e6 * p.seconds.most:.3f}", f"{p.error.median:.2e}",
-            f"{p.more['missed']:.0f}", f"{p.more['phantom']:.0f}", f"{p.more['farther']:.0f}",
-            f"{p.more['mean_dt']:.1e}", f"{p.more['worst_dt']:.1e}",
-            f"{p.more['worst_residual']:.1e}", f"{p.more['mean_angle']:.1e}",
-        )
-        for curve in curves
-        for p in curve.points
-    ]  # fmt: skip
-    return head, rows
+        (curve.name, f"{p.setting:g}", *_wrong_hits(p)) for curve in curves for p in curve.points
+    ]
+    return ("method", "steps", *WRONG_HITS), rows
+
+
+def _wrong_hits(p: Point) -> tuple[str, ...]:
+    return (
+        f"{1e6 * p.seconds.median:.3f}", f"{1e6 * p.seconds.least:.3f}",
+        f"{1e6 * p.seconds.most:.3f}", f"{p.error.median:.2e}", f"{p.more['missed']:.0f}",
+        f"{p.more['phantom']:.0f}", f"{p.more['farther']:.0f}", f"{p.more['mean_dt']:.1e}",
+        f"{p.more['worst_dt']:.1e}", f"{p.more['worst_residual']:.1e}",
+        f"{p.more['mean_angle']:.1e}",
+    )  # fmt: skip
 
 
 def mesh_table(study: PictureStudy) -> Table:

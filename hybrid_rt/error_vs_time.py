@@ -1,116 +1,47 @@
-"""Error against run time: work-precision diagrams of methods that make the same picture or hits.
+"""Error against run time: work-precision diagrams of methods that make the same picture.
 
 Every method runs at several settings, all of them in turn, so that the machine's moods fall on all
-alike; errors are against a long render or the oracle. Kernels are compiled before, surfaces are
-built within each run and their seconds stated.
+alike; errors are against a long render. Kernels are compiled before, surfaces are built within each
+run and their seconds stated. `hybrid_rt.error_of_hits` does the same for first hits.
 """
 
 from __future__ import annotations
 
 import math
-import time
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import dataclass
 from functools import partial
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from hybrid_rt import checks
 from hybrid_rt.comparison import Picture
+from hybrid_rt.curves import Curve, Point, spread
 from hybrid_rt.integrators.options import PathOptions
 from hybrid_rt.intersection import Intersector
-from hybrid_rt.intersection.kinds import CURVED
 from hybrid_rt.lights import PointLight
-from hybrid_rt.measures import DARK, HitErrors, hit_errors, picture_errors, relative_mse
+from hybrid_rt.measures import DARK, picture_errors, relative_mse
 from hybrid_rt.methods import (
-    TOLERANCES,
     Method,
     curved_surfaces,
     default_methods,
     finds_all_light,
-    size_of,
     uncertified_methods,
 )
-from hybrid_rt.records import FloatArray, HitRecord
+from hybrid_rt.progress import Say
 from hybrid_rt.rendering import RenderResult, render
 from hybrid_rt.scene import Scene
-from hybrid_rt.verify.newton_steps import SteppedHits
-from hybrid_rt.verify.oracle import first_hits
-from hybrid_rt.verify.rays import RaySet
-from hybrid_rt.verify.speed import Timing, in_turn
+from hybrid_rt.verify.speed import timed
 
 Image = NDArray[np.float32]
-Say = Callable[[str], None]
-_Built = TypeVar("_Built")
 
 REFERENCE_SEED, CHECK_SEED = 20_000, 30_000
 # Integrators that references are made by, and checked by.
 REFERENCES = ("path", "ppm")
 # The picture that checks a reference has so many passes less.
 FEWER_TO_CHECK = 4
-# Steps of Newton's method that are tried: after six nothing changes but on the coarsest meshes.
-NEWTON_STEPS = (0, 1, 2, 3, 4, 6)
-# No wrong hit among n rays: at 95 % the share is below 3 / n (1 - (1 - 3 / n)^n = 0.95).
-RULE_OF_THREE = 3.0
-
-
-@dataclass(frozen=True)
-class Spread:
-    """A figure over several runs: median, least and most."""
-
-    median: float
-    least: float
-    most: float
-
-
-def spread(values: Sequence[float]) -> Spread:
-    """Return median, least and most."""
-    return Spread(float(np.median(values)), float(min(values)), float(max(values)))
-
-
-@dataclass(frozen=True)
-class Point:
-    """One setting of a method.
-
-    Attributes
-    ----------
-    setting : float
-        Passes, or the tolerance of a mesh in scene units.
-    seconds, error : Spread
-        Of a picture its wall seconds and relative RMSE; of hits the seconds per ray and the share
-        of wrong first hits.
-    more : dict
-        Other figures by name, medians over the runs.
-    """
-
-    setting: float
-    seconds: Spread
-    error: Spread
-    more: dict[str, float]
-
-
-@dataclass(frozen=True)
-class Curve:
-    """A method and its points in the order of their cost.
-
-    Attributes
-    ----------
-    name, flags : str
-        ``flags`` choose the method in a command.
-    points : list of Point
-    bias : float
-        Error that passes do not remove, as far as it is known from elsewhere.
-    power : float
-        The square of the rest of the error falls as passes to the minus this.
-    """
-
-    name: str
-    flags: str
-    points: list[Point]
-    bias: float = 0.0
-    power: float = 1.0
 
 
 @dataclass(frozen=True)
@@ -439,7 +370,7 @@ def _meshes(scene: Scene, passes: int, threads: int | None, say: Say) -> list[di
         products = (one * other / weight).mean(axis=2)
         square = max(float(products.mean()), 0.0)
         of_square = float(products.std(ddof=1)) / math.sqrt(products.size)
-        tracer, seconds = _timed(
+        tracer, seconds = timed(
             partial(Intersector, surfaces, method.accuracy, tolerance=method.tolerance, threads=1)
         )
         rows.append(
@@ -454,163 +385,3 @@ def _meshes(scene: Scene, passes: int, threads: int | None, say: Say) -> list[di
             }
         )
     return rows
-
-
-@dataclass(frozen=True)
-class HitStudy:
-    """Curves of first hits on one list of surfaces.
-
-    Attributes
-    ----------
-    rays, judged : int
-        Traced; decided by the oracle and concerned.
-    size : float
-        Diagonal of the surfaces.
-    curves : list of Curve
-        Their settings are tolerances, errors shares of wrong first hits; ``more`` holds
-        ``triangles``, ``build_seconds``, ``mean_dt``, ``worst_dt``, ``worst_residual``,
-        ``mean_angle``, ``missed``, ``phantom``, ``farther``.
-    newton : list of Curve
-        Newton's method without proof by a fixed number of steps, one curve for each tolerance; the
-        settings are those numbers. None where a surface needs no steps.
-    oracle_seconds : float
-    """
-
-    rays: int
-    judged: int
-    size: float
-    curves: list[Curve]
-    newton: list[Curve]
-    oracle_seconds: float
-
-
-def study_hits(
-    surfaces: Sequence[Any],
-    rays: RaySet,
-    *,
-    tolerances: Sequence[float] = TOLERANCES,
-    runs: int = 5,
-    threads: int | None = None,
-    say: Say = lambda _: None,
-) -> HitStudy:
-    """Measure wrong first hits and seconds per ray of all accuracies, against the oracle.
-
-    Parameters
-    ----------
-    surfaces : sequence of surfaces
-    rays : RaySet
-    tolerances : sequence of float
-        Of the coarse meshes, relative to the diagonal of the surfaces.
-    runs : int
-        Of each, in turn.
-    threads : int, optional
-    say : callable, optional
-    """
-    n, size = len(rays.origins), size_of(surfaces)
-    say(f"the oracle on {n} rays")
-    truth, oracle_seconds = _timed(
-        lambda: first_hits(surfaces, rays.origins, rays.directions, threads=threads)
-    )
-    finders = _finders(surfaces, tolerances, size, threads)
-    steppers = _steppers(surfaces, tolerances, size, threads)
-    say(f"{len(finders) + len(steppers)} tracers, {runs} runs each")
-    both = {**finders, **steppers}
-    timings = in_turn(
-        {key: partial(f.find, rays.origins, rays.directions) for key, f in both.items()}, runs
-    )
-    points: dict[str, list[Point]] = {}
-    judged = 0
-    for (name, setting), finder in both.items():
-        errors = hit_errors(finder.find(rays.origins, rays.directions), truth)
-        judged = max(judged, errors.rays)
-        point = _hit_point(setting, finder, errors, timings[name, setting], n)
-        points.setdefault(name, []).append(point)
-    names = {name for name, _ in finders}
-    curves = [Curve(name, "", found) for name, found in points.items() if name in names]
-    newton = [Curve(name, "", found) for name, found in points.items() if name not in names]
-    return HitStudy(n, judged, size, curves, newton, oracle_seconds)
-
-
-@dataclass(frozen=True)
-class _Finder:
-    """One way to find first hits: from origins and directions."""
-
-    find: Callable[[FloatArray, FloatArray], HitRecord]
-    n_triangles: int
-    build_seconds: float
-
-
-_Finders = dict[tuple[str, float], _Finder]
-"""By name and setting."""
-
-
-def _timed(build: Callable[[], _Built]) -> tuple[_Built, float]:
-    """Return what a call returns, and its seconds."""
-    began = time.perf_counter()
-    built = build()
-    return built, time.perf_counter() - began
-
-
-def _finders(
-    surfaces: Sequence[Any], tolerances: Sequence[float], size: float, threads: int | None
-) -> _Finders:
-    """Build tracers of all accuracies, by tolerance."""
-    finders: _Finders = {}
-    build = partial(Intersector, surfaces, threads=threads)
-    for share in sorted(tolerances, reverse=True):
-        for accuracy in ("mesh", "refined", "certified"):
-            tracer, seconds = _timed(partial(build, accuracy, tolerance=share * size))
-            finders[accuracy, share * size] = _Finder(tracer.intersect, tracer.n_triangles, seconds)
-    bare, seconds = _timed(partial(build, coarse="none"))
-    finders["certified, no Embree", math.inf] = _Finder(bare.intersect, 0, seconds)
-    return finders
-
-
-def _steppers(
-    surfaces: Sequence[Any], tolerances: Sequence[float], size: float, threads: int | None
-) -> _Finders:
-    """Build Newton's method by fixed numbers of steps; none where a surface needs no steps."""
-    steppers: _Finders = {}
-    if not all(isinstance(surface, CURVED) for surface in surfaces):
-        return steppers
-    for share in sorted(tolerances, reverse=True):
-        stepped, seconds = _timed(partial(SteppedHits, surfaces, share * size, threads))
-        for steps in NEWTON_STEPS:
-            find = partial(stepped.intersect, steps=steps)
-            name = f"Newton, {stepped.n_triangles} triangles"
-            steppers[name, float(steps)] = _Finder(find, stepped.n_triangles, seconds)
-    return steppers
-
-
-def _hit_point(setting: float, finder: _Finder, errors: HitErrors, timing: Timing, n: int) -> Point:
-    """Return what one tracer found of n rays."""
-    share = errors.wrong / max(errors.rays, 1)
-    more = {
-        "triangles": float(finder.n_triangles),
-        "build_seconds": finder.build_seconds,
-        "mean_dt": errors.mean_dt,
-        "worst_dt": errors.worst_dt,
-        "worst_residual": errors.worst_residual,
-        "mean_angle": errors.mean_angle,
-        "missed": float(errors.missed),
-        "phantom": float(errors.phantom),
-        "farther": float(errors.farther),
-    }
-    seconds = Spread(timing.median / n, timing.least / n, timing.most / n)
-    return Point(setting, seconds, Spread(share, share, share), more)
-
-
-def camera_rays(scene: Scene, n: int) -> RaySet:
-    """Return about n rays of a scene's camera through the middles of pixels of a picture."""
-    camera = scene.camera
-    share = math.sqrt(n / (camera.width * camera.height))
-    width = max(round(camera.width * share), 1)
-    small = camera.resized(width, max(round(width * camera.height / camera.width), 1))
-    row, column = np.divmod(np.arange(small.width * small.height), small.width)
-    origins, directions = small.rays(column + 0.5, row + 0.5)
-    return RaySet(origins, directions, np.full(len(origins), "camera"))
-
-
-def renamed(curves: Sequence[Curve], prefix: str) -> list[Curve]:
-    """Return curves under longer names, to be drawn beside others."""
-    return [replace(curve, name=f"{prefix}: {curve.name}") for curve in curves]

@@ -13,7 +13,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from hybrid_rt.error_vs_time import Curve, PictureStudy, Spread
+from hybrid_rt.curves import Curve, Spread
+from hybrid_rt.error_vs_time import PictureStudy
 
 # A bias below half of the whole error cannot be told from noise by two points.
 SURE_BIAS = 0.5

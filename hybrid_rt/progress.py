@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any, Protocol, TextIO
 
@@ -16,6 +16,9 @@ ANNOUNCE_AFTER = 0.5
 REDRAW_INTERVAL = 0.1
 BAR_WIDTH = 30
 COMPILING = "Compiling kernels (first run only)"
+
+Say = Callable[[str], None]
+"""Hears in words what a long study is doing."""
 
 
 class Progress(Protocol):

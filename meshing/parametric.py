@@ -59,6 +59,11 @@ class ParametricSurface(ABC):
         -------
         (n, 3) float64
             In scene units; leading axes as the arguments broadcast, one row for plain numbers.
+
+        Raises
+        ------
+        ValueError, TypeError
+            If they do not broadcast, or there is no such piece.
         """
         return self._evaluate(u, v, patch_id, 0, 0)
 
@@ -67,15 +72,7 @@ class ParametricSurface(ABC):
     ) -> tuple[FloatArray, FloatArray]:
         """Return the first partials S_u and S_v, each shaped like `point`.
 
-        Parameters
-        ----------
-        u, v, patch_id
-            As for `point`.
-
-        Raises
-        ------
-        ValueError, TypeError
-            If they do not broadcast, or there is no such piece.
+        Arguments and errors are those of `point`.
         """
         return self._evaluate(u, v, patch_id, 1, 0), self._evaluate(u, v, patch_id, 0, 1)
 
@@ -84,15 +81,7 @@ class ParametricSurface(ABC):
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return the second partials S_uu, S_uv and S_vv, each shaped like `point`.
 
-        Parameters
-        ----------
-        u, v, patch_id
-            As for `point`.
-
-        Raises
-        ------
-        ValueError, TypeError
-            If they do not broadcast, or there is no such piece.
+        Arguments and errors are those of `point`.
         """
         return (
             self._evaluate(u, v, patch_id, 2, 0),
@@ -104,16 +93,7 @@ class ParametricSurface(ABC):
         """Return unit normals along S_u x S_v, shaped like `point`.
 
         Where S_u x S_v vanishes (a collapsed edge, a cusp, a pole): its limit from inside.
-
-        Parameters
-        ----------
-        u, v, patch_id
-            As for `point`.
-
-        Raises
-        ------
-        ValueError, TypeError
-            If they do not broadcast, or there is no such piece.
+        Arguments and errors are those of `point`.
         """
         u, v, ids, shape = broadcast_parameters(u, v, patch_id, len(self), "patch_id")
         out, is_degenerate = np.empty((u.size, 3)), np.empty(u.size, dtype=np.bool_)

@@ -21,10 +21,12 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from hybrid_rt import checks, error_page, error_vs_time
+from hybrid_rt import checks, error_of_hits, error_page, error_vs_time
 from hybrid_rt.command import one_or_more, run_tool, say_if_no_plots
 from hybrid_rt.comparison import load_picture
-from hybrid_rt.error_vs_time import RULE_OF_THREE, Curve, HitStudy, PictureStudy, Point, Spread
+from hybrid_rt.curves import Curve, Point, Spread, renamed
+from hybrid_rt.error_of_hits import RULE_OF_THREE, HitStudy
+from hybrid_rt.error_vs_time import PictureStudy
 from hybrid_rt.forecast import forecast, recommend, triangles_for
 from hybrid_rt.methods import curved_surfaces, default_methods
 from hybrid_rt.report import plain, versions
@@ -113,9 +115,9 @@ def _study(file: Path, n_rays: int, studies: dict[str, Any], args: argparse.Name
         scene = _resized(load_scene(file), args.width or (120 if args.quick else 240))
         studies["picture"] = _study_picture(scene, args)
         surfaces = curved_surfaces(scene)
-        rays = error_vs_time.camera_rays(scene, n_rays)
+        rays = error_of_hits.camera_rays(scene, n_rays)
     if surfaces:
-        studies["hits"] = error_vs_time.study_hits(
+        studies["hits"] = error_of_hits.study_hits(
             surfaces, rays, runs=3 if args.quick else 7, threads=args.threads, say=_say
         )
 
@@ -314,7 +316,7 @@ def _compare(args: argparse.Namespace) -> None:
         curves = [
             curve
             for letter, one in zip("AB", both, strict=True)
-            for curve in error_vs_time.renamed(_curves(one[part]), letter)
+            for curve in renamed(_curves(one[part]), letter)
         ]
         data[part] = {"curves": [asdict(curve) for curve in curves]}
         if part == "picture":

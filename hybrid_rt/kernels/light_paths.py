@@ -150,9 +150,23 @@ def divide_by_index(density, media, lobes):
 def pick_lit_points(
     paths, lobes, material, colors, position, normal, geometric, object_id, steps, out, row
 ):
-    """Pick the paths that have met a surface that spreads light as `LitPoints`; return how many.
+    """Pick the paths that have met a surface that spreads light; return how many.
 
-    ``geometric`` is (0, 3) where ``normal`` is the surface's own. ``row`` (n,) receives their rows.
+    Parameters
+    ----------
+    paths : LightPaths of n rows
+    lobes : LobeTable
+    material, object_id : (n,) int32
+    colors : (n, lobes of a material at most, 3) float64
+    position, normal : (n, 3) float64
+        Of the hits; normals to shade by.
+    geometric : (n, 3) float64, or (0, 3)
+        Normals of the surfaces themselves, where ``normal`` is another.
+    steps : int
+        Directions taken at surfaces on the way.
+    out : LitPoints of n rows or more, written
+    row : (n,) int32, written
+        The rows of those that are picked.
     """
     n = 0
     for i in range(material.size):
@@ -226,20 +240,9 @@ def lead_off(paths, lobes, material, colors, normal, geometric, row, i, nx, ny, 
 
 @kernel
 def lead_on(
-    paths,
-    lobes,
-    material,
-    colors,
-    position,
-    normal,
-    geometric,
-    object_id,
-    is_smooth,
-    second,
-    choice,
-    xi,
-    out,
-):
+    paths, lobes, material, colors, position, normal, geometric, object_id, is_smooth, second,
+    choice, xi, out,
+):  # fmt: skip
     """Send light paths on, and drop those that end; return how many go on.
 
     Paths that see a surface directly are led on by its mirrors and glass only: what spreads there

@@ -229,6 +229,20 @@ def sample_lobes(lobes, material, colors, normal, direction, xi, last_kind, wi, 
     The pdf is that of all lobes together, so a sharp lobe beside a wide one gives no rare large
     values. Rows without such a lobe, directions into the surface, and those given to a mirror or
     to glass (where ``last_kind`` allows them) get zero.
+
+    Parameters
+    ----------
+    lobes : LobeTable
+    material : (n,) int32
+    colors : (n, lobes of a material at most, 3) float64
+    normal, direction : (n, 3) float64
+        Of the hit and of the ray that found it.
+    xi : (n, 2) float64 in [0, 1)
+    last_kind : int
+        As in `scattered`.
+    wi, value : (n, 3) float64, written
+    pdf : (n,) float64, written
+        Per solid angle.
     """
     for i in range(material.size):
         wi[i, 0] = wi[i, 1] = wi[i, 2] = 0.0

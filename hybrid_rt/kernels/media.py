@@ -106,12 +106,27 @@ def weaken_by_ways(stack, lobes, way, has_end, value):
 
 @kernel
 def cross_media(stack, lobes, glass_of, material, front_face, second, t, throughput, unclosed):
-    """Weaken throughput (n, 3) by Beer and Lambert's law over the ways of length t (n,).
+    """Weaken what rays carry by Beer and Lambert's law over their ways.
 
     Whoever meets a dielectric from within has crossed it, wherever the ray began: it enters the
-    stack if it is not there. ``glass_of`` is the dielectric lobe of each material. ``unclosed``
-    (lobes,) counts rays that leave a body which they never entered, or that never leave one: its
-    surface is not closed.
+    stack if it is not there.
+
+    Parameters
+    ----------
+    stack : (n, STACK) int32, changed
+    lobes : LobeTable
+    glass_of : (materials,) int32
+        The dielectric lobe of each material.
+    material : (n,) int32
+    front_face : (n,) bool
+    second : (n,) int32, or (0,)
+        See the module.
+    t : (n,) float64
+        Lengths of the ways, scene units; inf for a miss.
+    throughput : (n, 3) float64, changed
+    unclosed : (lobes,) int64, changed
+        Counts rays that leave a body which they never entered, or that never leave one: its
+        surface is not closed.
     """
     for i in range(material.size):
         if material[i] >= 0 and not front_face[i]:

@@ -49,7 +49,21 @@ def add_products(camera_ray, throughput, value, radiance):
 def pack_shadow_rays(
     camera_ray, throughput, object_id, position, light_id, surface_of_light, to_light, value, out
 ):
-    """Pick the rows whose value is not zero as `ShadowRays`; return how many there are."""
+    """Pick the rows whose value is not zero as `ShadowRays`; return how many there are.
+
+    Parameters
+    ----------
+    camera_ray : (n,) int64
+    throughput, position : (n, 3) float64
+    object_id, light_id : (n,) int32
+        What is lit, and the light; the number of lights stands for the sky.
+    surface_of_light : (lights,) int32
+    to_light : (n, 3) float64
+        To the chosen point; to the sky, a direction.
+    value : (n, 3) float64
+        What arrives and is sent on, for throughput one.
+    out : ShadowRays of n rows or more, written
+    """
     n = 0
     for i in range(camera_ray.size):
         if max(value[i, 0], value[i, 1], value[i, 2]) <= 0.0:
@@ -80,7 +94,24 @@ def add_unblocked(camera_ray, blocked, value, radiance):
 
 @kernel
 def pack_paths(paths, fate, least, position, object_id, onward, pdf, out):
-    """Pick the paths whose fate is at least ``least``, on their new rays; return how many."""
+    """Pick the paths whose fate is at least ``least``, on their new rays; return how many.
+
+    Parameters
+    ----------
+    paths : Paths of n rows
+    fate : (n,) uint8
+        See `hybrid_rt.kernels.scatter`.
+    least : int
+    position : (n, 3) float64
+        Where the new rays begin.
+    object_id : (n,) int32
+        And on which object.
+    onward : (n, 3) float64
+        Where they go.
+    pdf : (n,) float64
+        Density of that direction per solid angle.
+    out : Paths of n rows or more, written
+    """
     n = 0
     for i in range(fate.size):
         if fate[i] < least:

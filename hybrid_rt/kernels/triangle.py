@@ -149,6 +149,17 @@ def offer_triangle(
     )
 
 
+@inlined
+def _axes(d):
+    """Return the coordinates in the order in which the last is the largest of a direction."""
+    kz = 0
+    if abs(d[1]) > abs(d[kz]):
+        kz = 1
+    if abs(d[2]) > abs(d[kz]):
+        kz = 2
+    return (kz + 1) % 3, (kz + 2) % 3, kz
+
+
 @hot_kernel
 def trace_triangles(table, tree, rays, best, any_hit, stack, counters):
     """Lower ``best`` to the first hits on triangles; ``stack`` is scratch."""
@@ -158,12 +169,7 @@ def trace_triangles(table, tree, rays, best, any_hit, stack, counters):
         if any_hit and best.object_id[i] >= 0:
             continue
         o, d = rays.origin[i], rays.direction[i]
-        kz = 0
-        if abs(d[1]) > abs(d[kz]):
-            kz = 1
-        if abs(d[2]) > abs(d[kz]):
-            kz = 2
-        kx, ky = (kz + 1) % 3, (kz + 2) % 3
+        kx, ky, kz = _axes(d)
         sx, sy = d[kx] / d[kz], d[ky] / d[kz]
         x, y, z, _, _, _, shift = enter_frame(
             o[0], o[1], o[2], d[0], d[1], d[2], table.middle[0], table.middle[1], table.middle[2],
@@ -207,12 +213,7 @@ def refine_triangles(table, place, rows, rays, best, accepted):
             continue
         i = rows[j]
         o, d = rays.origin[i], rays.direction[i]
-        kz = 0
-        if abs(d[1]) > abs(d[kz]):
-            kz = 1
-        if abs(d[2]) > abs(d[kz]):
-            kz = 2
-        kx, ky = (kz + 1) % 3, (kz + 2) % 3
+        kx, ky, kz = _axes(d)
         before = best.t[i]
         offer_triangle(
             i, np.int64(place[j]), table.corner, table.order, table.vertex, table.face,

@@ -68,16 +68,7 @@ class Box:
     def normal(self, u: ArrayLike, v: ArrayLike, patch_id: ArrayLike = 0) -> FloatArray:
         """Return the unit normals (n, 3) float64 of faces.
 
-        Parameters
-        ----------
-        u, v : floats that broadcast with each other and with ``patch_id``
-        patch_id : whole numbers
-            Faces, 0 to 5.
-
-        Raises
-        ------
-        ValueError, TypeError
-            If they do not broadcast, or there is no such face.
+        Arguments and errors are those of `point`.
         """
         u, _, face, _ = broadcast_parameters(u, v, patch_id, 6, "patch_id")
         normals = np.zeros((len(u), 3))

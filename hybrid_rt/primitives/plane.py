@@ -71,16 +71,7 @@ class Plane:
     def normal(self, u: ArrayLike, v: ArrayLike, patch_id: ArrayLike = 0) -> FloatArray:
         """Return the unit normals (n, 3) float64.
 
-        Parameters
-        ----------
-        u, v : floats that broadcast with each other and with ``patch_id``
-        patch_id : whole numbers
-            0: there is one piece.
-
-        Raises
-        ------
-        ValueError, TypeError
-            If they do not broadcast, or there is no such piece.
+        Arguments and errors are those of `point`.
         """
         return np.zeros_like(self.point(u, v, patch_id)) + self.unit_normal
 

@@ -102,16 +102,7 @@ class TriangleMesh:
     def normal(self, u: ArrayLike, v: ArrayLike, patch_id: ArrayLike = 0) -> FloatArray:
         """Return the unit normals (n, 3) float64 of faces, by the order of their vertices.
 
-        Parameters
-        ----------
-        u, v : floats that broadcast with each other and with ``patch_id``
-        patch_id : whole numbers
-            Faces, in the order given.
-
-        Raises
-        ------
-        ValueError, TypeError
-            If they do not broadcast, or there is no such face.
+        Arguments and errors are those of `point`.
         """
         _, _, face, _ = broadcast_parameters(u, v, patch_id, len(self), "patch_id")
         a, b, c = (self.vertices[self.faces[face, k]] for k in range(3))

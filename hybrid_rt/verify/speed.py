@@ -10,6 +10,7 @@ from typing import TypeVar
 import numpy as np
 
 Name = TypeVar("Name", bound=Hashable)
+Built = TypeVar("Built")
 
 
 @dataclass(frozen=True)
@@ -55,3 +56,10 @@ def in_turn(contestants: Mapping[Name, Callable[[], object]], rounds: int) -> di
         name: Timing(float(np.median(found)), min(found), max(found), tuple(found))
         for name, found in seconds.items()
     }
+
+
+def timed(build: Callable[[], Built]) -> tuple[Built, float]:
+    """Return what a call returns, and its seconds."""
+    began = time.perf_counter()
+    built = build()
+    return built, time.perf_counter() - began

@@ -14,15 +14,9 @@ import pytest
 from hybrid_rt import error_page
 from hybrid_rt.camera import Camera
 from hybrid_rt.comparison import Picture
-from hybrid_rt.error_vs_time import (
-    Curve,
-    Spread,
-    camera_rays,
-    renamed,
-    spread,
-    study_hits,
-    study_picture,
-)
+from hybrid_rt.curves import Curve, Spread, renamed, spread
+from hybrid_rt.error_of_hits import camera_rays, study_hits
+from hybrid_rt.error_vs_time import study_picture
 from hybrid_rt.forecast import recommend
 from hybrid_rt.lights import GradientSky, PointLight
 from hybrid_rt.loglog import Line, Mark, log_log
@@ -164,9 +158,9 @@ class TestReference:
         """A caustic seen through a pane: rare and bright for paths, easy for photons."""
         scene = BEHIND_PANE.scene(Camera((0, -3, 2.2), (0, 0, 0.3), (0, 0, 1), 45, 16, 16))
         methods = [Method("path", "path")]
-        study = study_picture(scene, (1, 4), runs=1, reference_passes=32, methods=methods)
-        assert study.reference.made_by == "ppm, certified, 8 passes"
-        assert study.reference.check["made_by"] == "path, 32 passes"
+        study = study_picture(scene, (1, 4), runs=1, reference_passes=16, methods=methods)
+        assert study.reference.made_by == "ppm, certified, 4 passes"
+        assert study.reference.check["made_by"] == "path, 16 passes"
 
     def test_reference_worse_than_what_it_judges_is_said_so(self, room):
         worse = replace(room, reference=replace(room.reference, own_error=0.5))
@@ -220,14 +214,16 @@ class TestHits:
 
     def test_newton_mends_distances_and_no_decisions(self, tube):
         curves = {curve.name: curve.points for curve in tube.curves}
+        # Rounding may decide one ray otherwise; triangles are met in float32 here, there in float64.
+        one_ray = 1.5 / tube.judged
         for stepped, mesh, refined in zip(
             tube.newton, curves["mesh"], curves["refined"], strict=True
         ):
             points = stepped.points
             assert [p.setting for p in points] == [0, 1, 2, 3, 4, 6]
-            assert points[0].more["mean_dt"] == pytest.approx(mesh.more["mean_dt"], rel=0.05)
-            assert points[0].error.median == pytest.approx(mesh.error.median, abs=2e-3)
-            assert points[-1].error.median == pytest.approx(refined.error.median, abs=2e-3)
+            assert points[0].more["mean_dt"] == pytest.approx(mesh.more["mean_dt"], rel=1e-4)
+            assert points[0].error.median == pytest.approx(mesh.error.median, abs=one_ray)
+            assert points[-1].error.median == pytest.approx(refined.error.median, abs=one_ray)
             assert points[-1].more["mean_dt"] < 1e-13
             assert points[-1].more["worst_residual"] < 1e-12
 

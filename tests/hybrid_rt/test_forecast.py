@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import pytest
 
-from hybrid_rt.error_vs_time import Curve, Point, spread
+from hybrid_rt.curves import Curve, Point, spread
 from hybrid_rt.forecast import forecast, triangles_for
 
 

@@ -9,6 +9,7 @@ import pytest
 
 from hybrid_rt import numbers, rendering
 from hybrid_rt.camera import Camera
+from hybrid_rt.film import Film
 from hybrid_rt.integrators import (
     PhotonMapOptions,
     PPMOptions,
@@ -61,11 +62,22 @@ def test_nothing_at_all_is_black():
     assert not render(scene(lights=(), environment=None), passes=1).image.any()
 
 
-def test_passes_are_averaged_by_number():
-    both = render(scene(Lambertian(0.5)), passes=2).image
-    one = render(scene(Lambertian(0.5)), passes=1).image
-    assert (both != one).any()
-    np.testing.assert_allclose(both, one, atol=0.5)
+@pytest.mark.parametrize("integrator", ["whitted", "path"])
+def test_pictures_are_means_of_passes_and_more_passes_continue_the_fewer(integrator, monkeypatch):
+    """A pass is a function of its number: both pictures begin with the same ones, to the bit."""
+    found, add = [], Film.add
+
+    def recorded(film, radiance):
+        found.append(radiance.copy())
+        add(film, radiance)
+
+    monkeypatch.setattr(Film, "add", recorded)
+    three, five = (render(scene(Lambertian(0.5)), integrator, passes=n).image for n in (3, 5))
+    np.testing.assert_array_equal(found[:3], found[3:6])
+    assert (found[0] != found[1]).any()
+    # One rounding to float32.
+    np.testing.assert_allclose(three, np.mean(found[:3], axis=0), rtol=2**-24)
+    np.testing.assert_allclose(five, np.mean(found[3:], axis=0), rtol=2**-24)
 
 
 def test_report_is_plain_and_complete():

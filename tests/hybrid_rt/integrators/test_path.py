@@ -660,13 +660,6 @@ def test_threads_and_blocks_change_no_bit(threads, block, monkeypatch):
     np.testing.assert_array_equal(render(room(), passes=3, seed=4, threads=threads).image, before)
 
 
-def test_more_passes_continue_the_fewer():
-    three = render(room(), passes=3).image.astype(float)
-    one = render(room(), passes=1).image.astype(float)
-    assert (three != one).any()
-    assert abs(three.mean() / one.mean() - 1) < 0.1
-
-
 @pytest.mark.parametrize(
     ("options", "words"),
     [

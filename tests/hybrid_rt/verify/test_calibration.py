@@ -60,7 +60,6 @@ def test_light_by_a_mirror_is_that_of_the_lamps_image():
 
 
 @pytest.mark.slow
-@pytest.mark.statistical
 def test_stated_blur_of_a_shadow_is_within_half_of_the_true_one():
     found = blur(PHOTON_PICTURES["soft shadow"](), 8, range(6))
     assert found.true > found.noise

@@ -71,5 +71,5 @@ def test_threads_change_nothing():
 
 
 def test_surfaces_without_steps_are_refused():
-    with pytest.raises(TypeError, match=r"surfaces\[0\] is a Sphere: it has a closed form"):
+    with pytest.raises(TypeError, match=r"surfaces\[0\] is a Sphere: pass patches and surfaces of"):
         SteppedHits([Sphere((0, 0, 0), 1)], 0.1)

@@ -29,7 +29,7 @@ def test_the_second_settles_nothing_by_fans():
     hits = tracer.intersect(origins, directions)
     assert hits.hit.sum() > 50
     assert tracer.counters["slow_solves"] >= hits.hit.sum()
-    with pytest.raises(TypeError, match=r"surfaces\[0\] is a Sphere: only BezierPatches"):
+    with pytest.raises(TypeError, match=r"surfaces\[0\] is a Sphere: pass BezierPatches"):
         Bisection([Sphere((0, 0, 0), 1)])
 
 
