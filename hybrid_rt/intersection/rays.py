@@ -96,6 +96,7 @@ def make_batch(
     rounding is relative to it.
     """
     origin, direction, shape = as_rays(origins, directions)
+    origin, direction = _locked(origin), _locked(direction)
     n = len(origin)
     bad: list[tuple[int, IdArray, IdArray]] = []
 
@@ -158,6 +159,13 @@ def as_limit(value: ArrayLike, name: str, shape: tuple[int, ...]) -> FloatArray:
     if np.isnan(array).any():
         raise ValueError(f"{name} holds nan: pass numbers, or inf for no limit")
     return np.broadcast_to(array.reshape(-1), (n,))
+
+
+def _locked(array: FloatArray) -> FloatArray:
+    """Return a view that cannot be written: to numba that is another type, a kernel more each."""
+    view = array.view()
+    view.flags.writeable = False
+    return view
 
 
 def _vectors(values: ArrayLike, name: str) -> FloatArray:
