@@ -59,7 +59,7 @@ def kernel_groups(surfaces: Sequence[Surface], accuracy: str, coarse: str) -> li
     way = accuracy if coarse == "embree" else "alone"
     patches = [s for s in surfaces if isinstance(s, BezierPatches)]
     if patches:
-        is_bicubic = all(net.shape[:2] == (4, 4) for s in patches for net in s.patches)
+        is_bicubic = all(bool((s.degrees == 3).all()) for s in patches)
         groups.append(f"{'bicubic' if is_bicubic else 'Bezier'} patches, {way}")
     for surface_type, name in ((SurfaceOfRevolution, "revolutions"), (TriangleMesh, "meshes")):
         if surface_type in kinds:
