@@ -289,10 +289,12 @@ def _run_demo(options: argparse.Namespace) -> None:
     from hybrid_rt import demo
     from hybrid_rt.film import check_output
     from hybrid_rt.mesh_comparison import compare_with_mesh, in_words
+    from hybrid_rt.precompile import want
     from hybrid_rt.progress import watch_compilation
     from hybrid_rt.rendering import render
 
     check_output(options.out)
+    want(*demo.KERNELS)
     scene = demo.scene()
     with _shown_progress(options.quiet) as progress:
         result = render(scene, "whitted", passes=demo.PASSES, progress=progress)

@@ -15,6 +15,15 @@ from hybrid_rt.touching import touching
 # Integrators that send photons out from the lights.
 WITH_PHOTONS = ("ppm", "photon_map")
 
+# The decision that each of these modules of kernels is for; those of others always run.
+KERNELS_FOR = {
+    "hybrid_rt.kernels.environment": "sky samples",
+    "hybrid_rt.kernels.fresnel": "glass rays",
+    "hybrid_rt.kernels.light_paths": "light paths",
+    "hybrid_rt.kernels.media": "medium stack",
+    "hybrid_rt.kernels.texture": "texture lookups",
+}
+
 
 @dataclass
 class Plan:

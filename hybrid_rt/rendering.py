@@ -25,7 +25,8 @@ from hybrid_rt.intersection.intersector import check_settings
 from hybrid_rt.intersection.pool import Pool
 from hybrid_rt.limits import Clock, Limit
 from hybrid_rt.memory import check_memory, photons_of
-from hybrid_rt.plan import make_plan
+from hybrid_rt.plan import KERNELS_FOR, make_plan
+from hybrid_rt.precompile import want
 from hybrid_rt.progress import Progress, watch_compilation
 from hybrid_rt.report import Ledger, peak_memory_mib, twelve_digits, versions
 from hybrid_rt.sampler import Sampler
@@ -162,6 +163,7 @@ def render(
         with ledger.stage("scene"):
             compiled = compile_scene(scene)
             plan = make_plan(compiled, integrator)
+            want(integrator, but=[x for x, purpose in KERNELS_FOR.items() if not plan[purpose]])
         with ledger.stage("build"):
             if progress is not None:
                 progress("Building", 0, 0)

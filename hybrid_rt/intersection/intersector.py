@@ -19,12 +19,13 @@ from numpy.typing import ArrayLike
 from hybrid_rt import checks
 from hybrid_rt.intersection.batch import Finished, new_nearest, new_record, rows_of
 from hybrid_rt.intersection.crossings import Crossings, find_crossings
-from hybrid_rt.intersection.kinds import CURVED, Surface, check_surfaces, make_kinds
+from hybrid_rt.intersection.kinds import CURVED, Surface, check_surfaces, kernel_groups, make_kinds
 from hybrid_rt.intersection.pool import Pool
 from hybrid_rt.intersection.rays import make_batch
 from hybrid_rt.kernels.nearest import Nearest, Rays
 from hybrid_rt.kernels.rays import Record, complete_rows
 from hybrid_rt.kernels.subdivide import COUNTER_NAMES, MOST_PIECES
+from hybrid_rt.precompile import want
 from hybrid_rt.primitives import TriangleMesh
 from hybrid_rt.records import BoolArray, FloatArray, HitRecord, IntArray, NamedPoints
 
@@ -77,6 +78,7 @@ class Intersector:
         check_settings(accuracy, coarse, tolerance)
         self.surfaces = check_surfaces(checks.items(surfaces, "surfaces"))
         self.accuracy, self.coarse = accuracy, coarse
+        want(*kernel_groups(self.surfaces, accuracy, coarse))
         self._pool = Pool(threads)
         # Closed forms compute a point from the ray; curved surfaces from their own figures.
         self._reach = np.array(

@@ -9,7 +9,7 @@ import numpy as np
 
 from hybrid_rt.checks import FARTHEST
 from hybrid_rt.intersection.batch import CurvedKind, Kind
-from hybrid_rt.intersection.closed_forms import ClosedForm, Spheres
+from hybrid_rt.intersection.closed_forms import MANY, ClosedForm, Spheres
 from hybrid_rt.intersection.pool import Pool
 from hybrid_rt.primitives import Box, Plane, Rectangle, Sphere, TriangleMesh
 from hybrid_rt.records import IntArray
@@ -56,6 +56,23 @@ def _reach_and_size(surface: Any) -> tuple[float, float]:
         return max(map(abs, surface.center.tolist())) + surface.radius, 2.0 * surface.radius
     low, high = np.asarray(surface.bounds, dtype=np.float64)
     return float(np.abs([low, high]).max()), float((high - low).max())
+
+
+def kernel_groups(surfaces: Sequence[Surface], accuracy: str, coarse: str) -> list[str]:
+    """Name the kernels that first hits and shadows need, as `hybrid_rt.precompile` knows them."""
+    kinds = {type(surface) for surface in surfaces}
+    groups = [name for surface_type, name, _ in _CLOSED_FORMS if surface_type in kinds]
+    if sum(isinstance(surface, Sphere) for surface in surfaces) >= MANY:
+        groups.append("many spheres")
+    way = accuracy if coarse == "embree" else "alone"
+    patches = [s for s in surfaces if isinstance(s, BezierPatches)]
+    if patches:
+        is_bicubic = all(bool((s.degrees == 3).all()) for s in patches)
+        groups.append(f"{'bicubic' if is_bicubic else 'Bezier'} patches, {way}")
+    for surface_type, name in ((SurfaceOfRevolution, "revolutions"), (TriangleMesh, "meshes")):
+        if surface_type in kinds:
+            groups.append(f"{name}, {way}")
+    return groups
 
 
 def make_kinds(

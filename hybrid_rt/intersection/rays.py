@@ -123,6 +123,7 @@ def make_batch(
         As `Intersector.intersect` does.
     """
     origin, direction, shape = as_rays(origins, directions)
+    origin, direction = _locked(origin), _locked(direction)
     n = len(origin)
     bad: list[tuple[int, IdArray, IdArray]] = []
 
@@ -191,6 +192,13 @@ def as_limit(value: ArrayLike, name: str, shape: tuple[int, ...]) -> FloatArray:
     if np.isnan(array).any():
         raise ValueError(f"{name} holds nan: pass numbers, or inf for no limit")
     return np.broadcast_to(array.reshape(-1), (n,))
+
+
+def _locked(array: FloatArray) -> FloatArray:
+    """Return a view that cannot be written: to numba that is another type, a kernel more each."""
+    view = array.view()
+    view.flags.writeable = False
+    return view
 
 
 def _vectors(values: ArrayLike, name: str) -> FloatArray:

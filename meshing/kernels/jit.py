@@ -1,42 +1,22 @@
-"""The one decorator of every kernel, and where compiled kernels are cached.
+"""The decorators of kernels: what numba compiles, and how."""
 
-A kernel compiles once per machine: numba keeps the machine code beside the source or, where that
-folder cannot be written, in the user's cache folder. Where neither can be written it would refuse
-to compile at all; a folder for temporary files then takes their place.
-"""
-
-import os
-import tempfile
-from pathlib import Path
 from typing import Any
 
-
-def _can_write(folder: Path) -> bool:
-    while not folder.exists() and folder != folder.parent:
-        folder = folder.parent
-    return os.access(folder, os.W_OK)
-
-
-def _choose_cache_folder() -> None:
-    beside_source = Path(__file__).parent
-    of_user = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
-    if "NUMBA_CACHE_DIR" in os.environ or _can_write(beside_source) or _can_write(of_user):
-        return
-    name = f"hybrid_rt-kernels-{os.getuid() if hasattr(os, 'getuid') else 'user'}"
-    os.environ["NUMBA_CACHE_DIR"] = str(Path(tempfile.gettempdir()) / name)
-
-
-_choose_cache_folder()
-
 import numba
+from numba.core import registry
+
+from meshing.kernels.cache import SharedCache
+
+CPUDispatcher: Any = registry.CPUDispatcher
+
+# numba makes two more entries of each function: one for Python, and one for C, which nobody calls.
+_COMMON: dict[str, Any] = {"nogil": True, "error_model": "numpy", "no_cfunc_wrapper": True}
+_WITHOUT_ALLOCATION: dict[str, Any] = {**_COMMON, "_nrt": False}
 
 
 def kernel(function: Any) -> Any:
     """Compile a function for scalars and arrays: no GIL, cached, divisions as in NumPy."""
-    return numba.njit(cache=True, nogil=True, error_model="numpy")(function)
-
-
-_WITHOUT_ALLOCATION: dict[str, Any] = {"nogil": True, "error_model": "numpy", "_nrt": False}
+    return _cached(numba.njit(**_COMMON)(function))
 
 
 def hot_kernel(function: Any) -> Any:
@@ -46,12 +26,12 @@ def hot_kernel(function: Any) -> Any:
     only part of that. Without its memory manager there is nothing to count: a ray and a rectangle
     take 80 ns instead of 440.
     """
-    return numba.njit(cache=True, **_WITHOUT_ALLOCATION)(function)
+    return _cached(numba.njit(**_WITHOUT_ALLOCATION)(function))
 
 
 def inner(function: Any) -> Any:
     """Compile a function that only kernels call: no allocation, kept in its callers' cache."""
-    return numba.njit(**_WITHOUT_ALLOCATION)(function)
+    return _for_kernels(function)
 
 
 def inlined(function: Any) -> Any:
@@ -60,4 +40,30 @@ def inlined(function: Any) -> Any:
     An array is handed on as seven numbers or more, so calling a function with a table of ten
     arrays costs about 80 ns: for a few dozen operations per ray and surface, most of the time.
     """
-    return numba.njit(forceinline=True, **_WITHOUT_ALLOCATION)(function)
+    return _for_kernels(function, forceinline=True)
+
+
+def _cached(compiled: Any) -> Any:
+    if isinstance(compiled, CPUDispatcher):  # not so under NUMBA_DISABLE_JIT
+        compiled._cache = SharedCache(compiled.py_func)
+    return compiled
+
+
+class _ForKernels(CPUDispatcher):  # type: ignore[misc]
+    """A function compiled without an entry for Python: that is an eighth of the compilation."""
+
+    _for_python: Any = None
+
+    def __call__(self, *arguments: Any) -> Any:
+        """Call it from Python all the same, by a compilation of its own, as tests do."""
+        if self._for_python is None:
+            self._for_python = numba.njit(**_WITHOUT_ALLOCATION)(self.py_func)
+        return self._for_python(*arguments)
+
+
+def _for_kernels(function: Any, **options: Any) -> Any:
+    options |= {**_WITHOUT_ALLOCATION, "no_cpython_wrapper": True}
+    compiled: Any = numba.njit(**options)(function)
+    if isinstance(compiled, CPUDispatcher):
+        compiled.__class__ = _ForKernels
+    return compiled

@@ -1,0 +1,224 @@
+"""Write the list of what kernels are called with, from which a cold cache is filled.
+
+python tools/list_kernels.py
+
+To be run after a kernel, or what it is called with, has changed; a test says so. All kernels are
+compiled anew for it: some minutes.
+"""
+
+import argparse
+import json
+import os
+import subprocess
+import sys
+import tempfile
+import time
+from collections import defaultdict
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import trimesh
+from numba.core import event
+
+from hybrid_rt import (
+    Box,
+    Intersector,
+    PhotonMapOptions,
+    Plane,
+    PPMOptions,
+    Rectangle,
+    Sphere,
+    TriangleMesh,
+    demo,
+    precompile,
+    render,
+)
+from hybrid_rt.command import run_tool
+from hybrid_rt.intersection.kinds import kernel_groups
+from hybrid_rt.mesh_comparison import compare_with_mesh
+from hybrid_rt.precompile import type_to_json
+from hybrid_rt.rendering import RenderResult
+from hybrid_rt.scene_file import load_script
+from meshing import BezierPatches
+from meshing.kernels.cache import SharedCache, name_of
+
+SCENES = Path(__file__).parents[1] / "scenes"
+# All of light and material between them.
+RENDERED = ("still_life", "cornell_box", "teapot_room", "wine_glass")
+OPTIONS: dict[str, Any] = {
+    "whitted": None,
+    "path": None,
+    "ppm": PPMOptions(2000),
+    "photon_map": PhotonMapOptions(2000),
+}
+WAYS = {
+    "certified": ("certified", "embree"),
+    "alone": ("certified", "none"),
+    "refined": ("refined", "embree"),
+    "mesh": ("mesh", "embree"),
+}
+
+
+def main() -> int:
+    """Run every case in a process of its own; or print what one of them needs."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--case", action="append", choices=CASES, help="print what it needs")
+    parser.add_argument("--jobs", type=int, default=os.cpu_count(), metavar="N")
+    args = parser.parse_args()
+    if args.case is not None:
+        print(json.dumps(needed_for(args.case)))
+        return 0
+    with tempfile.TemporaryDirectory() as folder, ThreadPoolExecutor(args.jobs) as pool:
+        entries_of = pool.map(lambda case: in_a_process(case, folder), CASES)
+        found = dict(zip(CASES, entries_of, strict=True))
+    entries = merged(found)
+    Path(str(precompile.FILE)).write_text(as_text(entries), "utf-8")
+    print(f"{precompile.FILE}: {len(entries)} compilations of {len(CASES)} groups")
+    return 0
+
+
+def surfaces_of(kind: str) -> list[Any]:
+    """Return surfaces of one kind."""
+    made: dict[str, Callable[[], Any]] = {
+        "spheres": lambda: Sphere((0.0, 0.0, 0.0), 1.0),
+        "many spheres": lambda: [Sphere((float(i), 0.0, 0.0), 0.4) for i in range(10)],
+        "rectangles": lambda: Rectangle((-1.0, -1.0, 0.0), (2.0, 0.0, 0.0), (0.0, 2.0, 0.0)),
+        "planes": lambda: Plane((0.0, 0.0, 0.0), (0.0, 0.0, 1.0)),
+        "boxes": lambda: Box((-1.0, -1.0, -1.0), (1.0, 1.0, 1.0)),
+        "bicubic patches": demo.teapot,
+        "Bezier patches": any_patch,
+        "revolutions": lambda: demo.vase(0.0, 0.0, 5.0),
+        "meshes": lambda: TriangleMesh(trimesh.creation.icosphere(1)),
+    }
+    found = made[kind]()
+    return found if isinstance(found, list) else [found]
+
+
+PLAIN = ("spheres", "many spheres", "rectangles", "planes", "boxes")
+FROM_EMBREE = ("bicubic patches", "Bezier patches", "revolutions", "meshes")
+CASES = (*PLAIN, *(f"{kind}, {way}" for kind in FROM_EMBREE for way in WAYS), *OPTIONS)
+
+
+def any_patch() -> BezierPatches:
+    """Return a curved patch that is not bicubic."""
+    u, v = np.meshgrid(np.linspace(-1, 1, 5), np.linspace(-1, 1, 4), indexing="ij")
+    return BezierPatches(np.stack([u, v, u * u - v * v * v], axis=-1)[None])
+
+
+def needed_for(cases: list[str]) -> list[dict[str, Any]]:
+    """Run cases; return the kernels they need, with the seconds of those compiled here."""
+    precompile.read_list = list  # nobody compiles anything for this process
+    began: list[float] = []
+    seconds: dict[str, float] = {}
+
+    class Listener(event.Listener):  # type: ignore[misc]
+        def on_start(self, event: Any) -> None:
+            del event
+            began.append(time.thread_time())
+
+        def on_end(self, event: Any) -> None:
+            name = name_of(event.data["dispatcher"].py_func)
+            seconds[name] = time.thread_time() - began.pop()
+
+    with event.install_listener("numba:compile", Listener()):
+        for case in cases:
+            (run_renders if case in OPTIONS else run_rays)(case)
+    return [
+        {"kernel": kernel, "types": types, "seconds": round(seconds.get(kernel, 0.0), 2)}
+        for kernel, types in overloads()
+    ]
+
+
+def run_rays(case: str) -> None:
+    """Ask for first hits and shadows in all forms that kernels tell apart."""
+    kind, _, way = case.partition(", ")
+    surfaces, (accuracy, coarse) = surfaces_of(kind), WAYS[way or "certified"]
+    assert case == kernel_groups(surfaces, accuracy, coarse)[-1]
+    low, high = np.clip(surfaces[0].bounds, -10.0, 10.0)
+    middle, size = 0.5 * (low + high), float(np.linalg.norm(high - low))
+    rng = np.random.default_rng(1)
+    start = middle + size * rng.normal(size=(20_000, 3))
+    to = middle + 0.3 * size * rng.normal(size=start.shape) - start
+    tracer = Intersector(surfaces, accuracy, coarse, threads=1)
+    hits = tracer.intersect(start, to)
+    found = hits[hits.hit]
+    far = np.full(len(found), np.inf)
+    tracer.intersect(found.position, to[: len(found)], source=found)
+    tracer.occluded(found.position, to[: len(found)], far, source=found)
+    tracer.occluded(start, to)
+
+
+def run_renders(integrator: str) -> None:
+    """Make small pictures of scenes with all sorts of lights and materials."""
+
+    def small(scene: Any) -> RenderResult:
+        camera = scene.camera.resized(48, 36)
+        return render(
+            scene.with_camera(camera), integrator, passes=2, threads=1, options=OPTIONS[integrator]
+        )
+
+    small(demo.scene())
+    for name in RENDERED:
+        small(load_script(SCENES / f"{name}.py")[0])
+    if integrator == "whitted":  # as the demo does
+        scene = demo.scene()
+        compare_with_mesh(scene.with_camera(scene.camera.resized(48, 36)))
+
+
+def overloads() -> list[tuple[str, list[Any]]]:
+    """Return what the kernels of this process have been compiled for or loaded with."""
+    found = []
+    for module in [m for name, m in sys.modules.items() if ".kernels." in name]:
+        for kernel in vars(module).values():
+            if not isinstance(getattr(kernel, "_cache", None), SharedCache):
+                continue
+            for types in kernel.signatures if kernel.__module__ == module.__name__ else ():
+                found.append((name_of(kernel.py_func), [type_to_json(x) for x in types]))
+    return found
+
+
+def in_a_process(case: str, folder: str) -> list[dict[str, Any]]:
+    """Run a case; what others have compiled in the folder is taken from there."""
+    print(case, file=sys.stderr)
+    done = subprocess.run(
+        [sys.executable, __file__, "--case", case],
+        env={**os.environ, "NUMBA_CACHE_DIR": folder},
+        stdout=subprocess.PIPE,
+        check=True,
+    )
+    entries: list[dict[str, Any]] = json.loads(done.stdout)
+    return entries
+
+
+def merged(found: dict[str, list[dict[str, Any]]]) -> list[dict[str, Any]]:
+    """Name the groups of each compilation, the longest compilation first.
+
+    What surfaces need is not a matter of integrators.
+    """
+    groups: dict[tuple[str, str], list[str]] = defaultdict(list)
+    seconds: dict[tuple[str, str], float] = defaultdict(float)
+    for case, entries in found.items():
+        for entry in entries:
+            key = entry["kernel"], json.dumps(entry["types"])
+            if case in OPTIONS and any(group not in OPTIONS for group in groups[key]):
+                continue
+            groups[key].append(case)
+            seconds[key] = max(seconds[key], entry["seconds"])
+    return [
+        {"kernel": key[0], "types": json.loads(key[1]), "groups": groups[key]}
+        for key in sorted(groups, key=lambda key: (-seconds[key], key))
+    ]
+
+
+def as_text(entries: list[dict[str, Any]]) -> str:
+    """Put a list into JSON, a line for each entry."""
+    return "[\n" + ",\n".join(json.dumps(entry) for entry in entries) + "\n]\n"
+
+
+if __name__ == "__main__":
+    sys.exit(run_tool(main))
