@@ -134,7 +134,7 @@ def render(
         raise TypeError(f"progress is {checks.shown(progress)}: pass a function, or None")
     kind = OPTIONS[integrator]
     photons = 0 if kind is None else photons_of(options or kind())
-    check_memory(scene.camera, photons, names)
+    check_memory(scene.camera, photons, names, passes)
 
     with watch_compilation(progress) as compilation:
         clock = Clock(compilation)
