@@ -24,7 +24,7 @@ PILOT_PHOTONS = 100_000
 
 BLUR = (
     "light is blurred by discs that shrink from pass to pass; the blur of the mean falls as "
-    "passes ** (alpha - 1), and blur_root_mean_square estimates it"
+    "passes ** (alpha - 1); blur_root_mean_square estimates it where it is above the estimate's noise"
 )
 
 
