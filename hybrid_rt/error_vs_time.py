@@ -305,9 +305,15 @@ def _checked(main: RenderResult, other: RenderResult, made_by: str) -> dict[str,
 
 
 def stated_error(report: dict[str, Any], part: str = "both") -> float:
-    """Return the relative RMSE that a report states: "noise", "blur" or both; nan if unknown."""
-    error = report.get("relative_error")
-    return math.nan if error is None else float(error[part])
+    """Return the relative RMSE that a report states: "noise", "blur" or both; nan if unknown.
+
+    Where of the blur no more than a limit is known, it is that.
+    """
+    error = report.get("relative_error") or {}
+    stated = error.get(part)
+    if stated is None and part == "blur":
+        stated = error.get("blur_at_most")
+    return math.nan if stated is None else float(stated)
 
 
 def _given_reference(picture: Picture) -> Reference:

@@ -140,11 +140,12 @@ class Limit:
         """Return which limit allows no further pass, or None."""
         if self.target_error is not None and self.error <= self.target_error:
             return "target_error"
-        if self.target_error is not None and self._n_of_error and not math.isfinite(self.error):
+        is_noise_known = math.isfinite(self._noise) and not math.isnan(self._blur)
+        if self.target_error is not None and self._n_of_error and not is_noise_known:
             return "not_finite"  # and never will be: what is in the sums stays
         # Passes would be added for ever, to no avail.
         is_alone = self.passes is None and self.time_budget is None
-        if is_alone and self.blur_out_of_reach is not None:
+        if is_alone and (self.blur_out_of_reach is not None or math.isinf(self._blur)):
             return "blur"
         if self.passes is not None and n_done >= self.passes:
             return "passes"

@@ -15,11 +15,15 @@ from hybrid_rt.channels import PARTS
 PER_PIXEL, PER_PIXEL_WITH_PHOTONS = 120, 190
 # Of each photon of a pass, with its share of the tree, where most arrive somewhere (80 to 105).
 PER_PHOTON = 80
+# Passes whose photons exist at a time: while one is looked at the next is shot.
+PHOTON_SETS = 2
 # Where a container may be given less than the machine has.
 CONTAINER_LIMIT = Path("/sys/fs/cgroup/memory.max")
 
 
-def check_memory(camera: Camera, photons: int, outputs: Sequence[str]) -> None:
+def check_memory(
+    camera: Camera, photons: int, outputs: Sequence[str], passes: int | None = None
+) -> None:
     """Refuse what this machine cannot hold.
 
     Parameters
@@ -29,6 +33,8 @@ def check_memory(camera: Camera, photons: int, outputs: Sequence[str]) -> None:
         Of each pass; 0 without photons.
     outputs : sequence of str
         Channels beside radiance.
+    passes : int, optional
+        At most; None: any number.
 
     Raises
     ------
@@ -38,15 +44,16 @@ def check_memory(camera: Camera, photons: int, outputs: Sequence[str]) -> None:
     n_pixels, available = camera.width * camera.height, available_bytes()
     parts = sum(max(len(PARTS[name]), 1) for name in outputs)
     per_pixel = (PER_PIXEL_WITH_PHOTONS if photons else PER_PIXEL) + 4 * parts
-    for what, needed, remedy in (
-        (f"picture of {camera.width} x {camera.height} pixels", n_pixels * per_pixel, "pixels"),
-        (f"pass of {photons} photons", photons * PER_PHOTON, "photons"),
-    ):
-        if needed > available:
-            raise MemoryError(
-                f"a {what} takes about {_in_words(needed)} of memory, this machine has "
-                f"{_in_words(available)}: pass fewer {remedy}"
-            )
+    for_pixels = n_pixels * per_pixel
+    for_photons = min(passes or PHOTON_SETS, PHOTON_SETS) * photons * PER_PHOTON
+    if for_pixels + for_photons > available:
+        what = f"a picture of {camera.width} x {camera.height} pixels"
+        if photons:
+            what += f" by passes of {photons} photons"
+        raise MemoryError(
+            f"{what} takes about {_in_words(for_pixels + for_photons)} of memory, this machine has "
+            f"{_in_words(available)}: pass fewer {'photons' if for_photons > for_pixels else 'pixels'}"
+        )
 
 
 def available_bytes() -> int:

@@ -41,6 +41,13 @@ def _warnings(report: dict[str, Any]) -> list[str]:
             f"  WARNING   {report['pixels_not_finite']:,} pixels are not finite (nan, or brighter "
             "than float32 holds): lower the radiance of the lights, or scale the scene"
         )
+    if report["points_missed_by_photons"]:
+        share = report["points_missed_by_photons"] / report["photons"]["gather_points"]
+        lines.append(
+            f"  WARNING   {100.0 * share:.4g} % of the points that gather light have met no photon: "
+            "unless they lie in the dark, light is missing and no error tells of it: pass more "
+            "photons_per_pass, to ppm also a larger initial_radius or none"
+        )
     lines += [
         f"  WARNING   {name!r} is clear, but not closed: {n_rays:,} rays left it without entering "
         "it, or never left it: add what closes it, normals outward (or more than eight clear bodies "
@@ -63,13 +70,19 @@ def _noise(report: dict[str, Any]) -> str:
 
 
 def _blur(error: dict[str, Any]) -> str:
-    if error["blur"] == 0.0:
+    if error["blur_at_most"] is None:
+        return "\n  blur      unknown: no point has met a photon"
+    if error["blur_at_most"] == 0.0:
         return ""
+    at_most = f"at most about {per_cent(error['blur_at_most'])}"
+    if error["blur"] is None:
+        size = f"{at_most} of the picture (relative RMSE, 95 %)"
+    else:
+        size = (
+            f"{per_cent(error['blur'])} of the picture (relative RMSE, estimated), {at_most} (95 %)"
+        )
     passes = "do not lessen it" if error["blur_stays"] else "lessen it"
-    return (
-        f"\n  blur      {per_cent(error['blur'])} of the picture (relative RMSE, estimated); more "
-        f"passes {passes}"
-    )
+    return f"\n  blur      {size}; more passes {passes}"
 
 
 def _geometry(report: dict[str, Any]) -> str:
@@ -125,9 +138,13 @@ def _stop(report: dict[str, Any]) -> str:
     )
     if error is None:
         return text
+    noise, blur, at_most = error["noise"], error["blur"], error["blur_at_most"]
+    if at_most is None:
+        return text + f", relative error unknown (noise {noise:.2g})"
     text += f", relative error {error['both']:.2g}"
-    if error["blur"] > 0.0:
-        text += f" (noise {error['noise']:.2g}, blur {error['blur']:.2g})"
-    if target is not None and error["blur_stays"] and error["blur"] > target:
+    if at_most > 0.0:
+        said = f"blur at most {at_most:.2g}" if blur is None else f"blur {blur:.2g}"
+        text += f" (noise {noise:.2g}, {said})"
+    if target is not None and error["blur_stays"] and blur is not None and blur > target:
         text += f"\n            the blur alone keeps the target {target:g} out of reach"
     return text

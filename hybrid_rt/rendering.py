@@ -17,7 +17,7 @@ from hybrid_rt.channels import check_names, compute_channels
 from hybrid_rt.film import Film, save_image
 from hybrid_rt.integrators import INTEGRATORS, OPTIONS, Options, RenderContext
 from hybrid_rt.integrators.clear_bodies import unclosed_bodies
-from hybrid_rt.integrators.crew import TOGETHER, Crew
+from hybrid_rt.integrators.crew import TOGETHER, Blur, Crew
 from hybrid_rt.integrators.options import DEEPEST
 from hybrid_rt.interrupts import held_back
 from hybrid_rt.intersection import Intersector
@@ -155,7 +155,7 @@ def render(
         raise TypeError(f"progress is {checks.shown(progress)}: pass a function, or None")
     kind = OPTIONS[integrator]
     photons = 0 if kind is None else photons_of(options or kind())
-    check_memory(scene.camera, photons, names)
+    check_memory(scene.camera, photons, names, passes)
 
     with watch_compilation(progress) as compilation:
         clock = Clock(compilation)
@@ -204,9 +204,10 @@ def render(
         "width": scene.camera.width,
         "height": scene.camera.height,
     }
-    report = _report(settings, context, film, clock, stopped_by) | crew.report(film.image)
+    blur = crew.blur(film.image)
+    report = _report(settings, context, film, clock, stopped_by) | crew.report(blur)
     report["geometry"]["wrong_first_hits"] = wrong
-    report["relative_error"] = _relative_error(report["noise"], crew, film)
+    report["relative_error"] = _relative_error(report["noise"], blur, crew.blur_stays)
     result = RenderResult(film.image, report, channels)
     if stopped_by == "interrupted":
         raise RenderInterrupted(result)
@@ -247,9 +248,11 @@ def _run_passes(
                 film.add(radiance)
         if watches_error and film.n_passes >= limit.next_estimate():
             with crew.context.ledger.stage("noise"):
-                noise, blur = film.relative_error(), crew.relative_blur(film)
+                noise, blur = film.relative_error(), crew.blur(film.image)
+            # A limit to the blur falls with more passes whatever the blur does.
+            stays = crew.blur_stays and blur.relative is not None
             limit.note_error(
-                film.n_passes, noise, blur, power=crew.error_power, blur_stays=crew.blur_stays
+                film.n_passes, noise, blur.counted, power=crew.error_power, blur_stays=stays
             )
             if show_error is not None:
                 show_error(limit.error)
@@ -258,16 +261,19 @@ def _run_passes(
     return limit.reached(film.n_passes, clock.seconds) or "passes"
 
 
-def _relative_error(noise: dict[str, Any] | None, crew: Crew, film: Film) -> dict[str, Any] | None:
+def _relative_error(
+    noise: dict[str, Any] | None, blur: Blur, blur_stays: bool
+) -> dict[str, Any] | None:
     """Return the estimated relative errors of the picture, or None after a single pass."""
     if noise is None:
         return None
-    blur = crew.relative_blur(film)
+    both = math.hypot(noise["relative_rmse"], blur.counted)
     return {
         "noise": noise["relative_rmse"],
-        "blur": blur,
-        "both": math.hypot(noise["relative_rmse"], blur),
-        "blur_stays": crew.blur_stays and blur > 0.0,
+        "blur": blur.relative,
+        "blur_at_most": blur.relative_at_most,
+        "both": both if blur.counted < math.inf else None,
+        "blur_stays": blur_stays,
     }
 
 

@@ -77,6 +77,7 @@ def show(script: Path, args: argparse.Namespace) -> dict[str, Any]:
         "seconds": report["seconds"]["total"],
         "error": report["noise"] and report["noise"]["root_mean_square_standard_error_of_pixels"],
         "blur": photons and photons["blur_root_mean_square"],
+        "blur_at_most": photons and photons["blur_root_mean_square_at_most"],
     }
 
 
@@ -84,6 +85,8 @@ def row(name: str, facts: dict[str, Any]) -> str:
     """Put the facts of one picture into a line."""
     error = "unknown after one pass" if facts["error"] is None else f"{facts['error']:.3g}"
     blur = "" if facts["blur"] is None else f", blur {facts['blur']:.2g}"
+    if not blur and facts.get("blur_at_most") is not None:
+        blur = f", blur at most {facts['blur_at_most']:.2g}"
     width, height = facts["size"]
     return (
         f"`scenes/{name}.py`: {facts['integrator']}, {width} x {height}, {passes_in_words(facts['passes'])}, "

@@ -40,6 +40,9 @@ NEAREST = 24
 PIXELS = 1.0
 # A radius is this share of the scene's size at most and at least, in the first pass.
 WIDEST, NARROWEST = 0.03, 1e-6
+# A radius that is asked for may be larger. Of discs beyond this share the surfaces fill a part only:
+# light is lost, and half the disc loses as much, so the estimate of blur would not see it.
+WIDEST_ASKED = 0.25
 # Points are asked for so many photons first, and those that have more once again for more.
 FEW_PHOTONS = (32, 128)
 # Pairs of points and photons looked at together; a pair takes 24 bytes.

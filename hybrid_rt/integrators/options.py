@@ -54,12 +54,14 @@ class PPMOptions:
     Attributes
     ----------
     photons_per_pass : int
-        From 1 on: photons that leave all lights together in a pass.
+        From 1 on: photons that leave all lights together in a pass, shared out by power. Each light
+        sends two at least, one of them aimed where there is something to aim at.
     alpha : float
         Between 0 and 1: how slowly the discs that photons are gathered on shrink. At 1 they never
         do: noise falls fastest, but the blur stays, which a warning says.
     initial_radius : float, optional
-        Above 0, scene units: of the discs in the first pass. By default it hangs on how densely
+        Scene units, between a millionth and a quarter of the diagonal of the box around all
+        surfaces that end: of the discs in the first pass. By default it hangs on how densely
         photons fall around each point.
     """
 
@@ -98,7 +100,8 @@ class PhotonMapOptions:
     Attributes
     ----------
     photons_per_pass : int
-        From 1 on: photons that leave all lights together; each pass has its own.
+        From 1 on: photons that leave all lights together; each pass has its own. Each light sends
+        two at least, as for `PPMOptions`.
     nearest : int
         From 2 on: photons that an estimate is made from. More of them blur, fewer are noisy.
     """

@@ -15,8 +15,8 @@ from typing import Any, TypeVar, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from hybrid_rt.film import OVERFLOWS, Film
-from hybrid_rt.integrators.crew import Crew, Submit
+from hybrid_rt.film import OVERFLOWS
+from hybrid_rt.integrators.crew import NO_BLUR, UNKNOWN_BLUR, Blur, Crew, Submit
 from hybrid_rt.integrators.gathering import Field
 from hybrid_rt.integrators.integrator import RenderContext
 from hybrid_rt.integrators.looking import Looker
@@ -32,6 +32,16 @@ from hybrid_rt.report import twelve_digits
 # compared faster, but a sixteenth of a pass at most, for the threads to share. The order of the
 # sums over photons hangs on this number, so it is the same for any number of threads.
 FEWEST_RAYS, MOST_RAYS, SHARE_OF_RAYS = 2**12, 2**15, 16
+
+# What tiles of a picture differ by tells the noise of its estimated blur: so many a side, wider than
+# most discs and so nearly independent. Student's t for their degrees of freedom, one-sided 95 %.
+TILES, STUDENT = 4, 1.753
+# The true blur is up to so many times its estimate: 1.3 times at borders, as the estimate takes light
+# for smooth; as a relative figure 1.8 times beside them, where blurred light brightens what it is
+# divided by. docs/error_vs_time.md has the figures.
+AT_BORDERS = 2.0
+# From this share of points without photons on, light is missing rather than dark places common.
+NEARLY_ALL = 0.99
 
 T = TypeVar("T")
 # The photons of a pass, ready to be looked at, and the picture of those shown to the camera.
@@ -179,16 +189,10 @@ class PhotonCrew(Crew):
             first.n_without += other.n_without
         super().gather()
 
-    def relative_blur(self, film: Film) -> float:
-        """Return the estimated relative blur of a picture, nan after a single pass."""
-        _, relative = self._blur_of_pixels(film.image)
-        return math.nan if relative is None else relative
-
-    def report(self, image: NDArray[np.float32]) -> dict[str, Any]:
+    def report(self, blur: Blur) -> dict[str, Any]:
         """Return what the photons did, in plain types."""
         first = self._lookers[0]
         balance = self._balance
-        blur, relative = self._blur_of_pixels(image)
         names = ("emitted", "escaped", "absorbed", "lost")
         photons = {
             **self._about(),
@@ -198,38 +202,66 @@ class PhotonCrew(Crew):
             "gather_points": first.n_points,
             "gathered_per_point": first.n_gathered / max(first.n_points, 1),
             "points_without_photons": first.n_without,
-            "blur_root_mean_square": blur,
-            "blur_relative_rmse": relative,
+            "blur_root_mean_square": blur.absolute,
+            "blur_root_mean_square_at_most": blur.absolute_at_most,
+            "blur_relative_rmse": blur.relative,
+            "blur_relative_rmse_at_most": blur.relative_at_most,
             "power_of_all_passes": {
                 name: [twelve_digits(x) for x in power]
                 for name, power in zip(names, balance.power.tolist(), strict=True)
             },
         }
-        return {"photons": photons}
+        missed = first.n_without if self._balance.n_stored else 0
+        if missed < NEARLY_ALL * first.n_points:
+            missed = 0
+        return {"photons": photons, "points_missed_by_photons": missed}
 
     @OVERFLOWS
-    def _blur_of_pixels(
-        self, image: NDArray[np.float32]
-    ) -> tuple[float, float] | tuple[None, None]:
-        """Estimate the root mean square, over pixels and channels, of how far off blur puts them.
-
-        The second figure is relative as that of noise is (see `hybrid_rt.film.Film`): each square
-        is divided by x^2 + 0.01.
+    def blur(self, image: NDArray[np.float32]) -> Blur:
+        """Estimate how far off blur puts the pixels of the mean of all passes so far.
 
         Blur grows as the area of a disc, to first order, so it is twice what halving the area
         changes. Products of different passes have the square of that change as their mean, free of
-        the noise that the square of one pass would have; a single pass tells nothing: None.
+        the noise that the square of one pass would have; a single pass tells nothing.
         """
         n = self._n_passes
-        if n < 2 or self._blur.size == 0:
-            return (None, None) if self._blur.size else (0.0, 0.0)
-        products = (self._blur * self._blur - self._blur_squares) / (n * (n - 1))
-        weight = image.reshape(-1, 3).astype(np.float64) ** 2 + DARK
-        absolute, relative = (
-            2.0 * math.sqrt(max(float(square.mean()), 0.0))
-            for square in (products, products / weight)
+        if self._blur.size == 0:
+            return NO_BLUR
+        points, gathered = (
+            sum(getattr(looker, name) for looker in self._lookers)
+            for name in ("n_points", "n_gathered")
         )
-        return absolute, relative
+        if n < 2 or (points and self._balance.n_stored and not gathered):
+            return UNKNOWN_BLUR
+        squares = 4.0 * (self._blur * self._blur - self._blur_squares) / (n * (n - 1))
+        # What the squares of the mean change have beyond these products.
+        noise = 4.0 * (self._blur / n) ** 2 - squares
+        weight = image.reshape(-1, 3).astype(np.float64) ** 2 + DARK
+        return Blur(
+            *self._root_mean(squares, noise), *self._root_mean(squares / weight, noise / weight)
+        )
+
+    def _root_mean(
+        self, squares: FloatArray, noise: FloatArray
+    ) -> tuple[float | None, float | None]:
+        """Return the root of the mean of estimated squares (pixels, 3), and a limit to the true one.
+
+        Estimates of small squares are often negative; one below its own noise says nothing but the
+        limit. ``noise`` is the variance that each square is free of.
+        """
+        camera = self.context.scene.camera
+        mean = float(squares.mean())
+        if min(camera.height, camera.width) < TILES:
+            # As if all pixels had one noise in common, the most that they can.
+            error = math.sqrt(2.0) * float(noise.mean())
+        else:
+            rows, columns = (np.arange(TILES) * n // TILES for n in (camera.height, camera.width))
+            of_pixels = squares.reshape(camera.height, camera.width, 3).sum(axis=2)
+            tiles = np.add.reduceat(np.add.reduceat(of_pixels, rows, axis=0), columns, axis=1)
+            error = TILES * float(tiles.std(ddof=1)) / squares.size
+        at_most = AT_BORDERS * math.sqrt(max(mean, 0.0) + STUDENT * error)
+        is_known = mean > STUDENT * error or error == 0.0
+        return math.sqrt(max(mean, 0.0)) if is_known else None, at_most
 
 
 def _nothing() -> Ready:

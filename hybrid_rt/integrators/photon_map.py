@@ -23,8 +23,8 @@ from hybrid_rt.kernels.photons import MET_SPREADING, Photons
 FARTHEST = 0.05
 
 BLUR = (
-    "light is blurred by discs about the nearest photons; more passes do not lessen it, and "
-    "blur_root_mean_square estimates it"
+    "light is blurred by discs about the nearest photons; more passes do not lessen it; "
+    "blur_root_mean_square estimates it where it is above the estimate's noise"
 )
 
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from hybrid_rt.integrators.gathering import Discs, Field, Radii, shrunk
+from hybrid_rt.integrators.gathering import NARROWEST, WIDEST_ASKED, Discs, Field, Radii, shrunk
 from hybrid_rt.integrators.integrator import RenderContext
 from hybrid_rt.integrators.looking import Looker
 from hybrid_rt.integrators.options import PPMOptions
@@ -24,7 +24,7 @@ PILOT_PHOTONS = 100_000
 
 BLUR = (
     "light is blurred by discs that shrink from pass to pass; the blur of the mean falls as "
-    "passes ** (alpha - 1), and blur_root_mean_square estimates it"
+    "passes ** (alpha - 1); blur_root_mean_square estimates it where it is above the estimate's noise"
 )
 
 
@@ -59,10 +59,16 @@ class ProgressiveCrew(PhotonCrew):
 
     def _first_radii(self) -> Radii:
         options = self._options
+        extent = 2.0 * float(self._lookers[0].shooter.world[3])
         if options.initial_radius is not None:
+            low, high = NARROWEST * extent, WIDEST_ASKED * extent
+            if not low <= options.initial_radius <= high:
+                raise ValueError(
+                    f"PPMOptions initial_radius is {options.initial_radius:g}, the scene is "
+                    f"{extent:.3g} across: pass {low:.3g} to {high:.3g}, or None"
+                )
             return Radii.fixed(options.initial_radius)
         n = min(PILOT_PHOTONS, options.photons_per_pass)
-        extent = 2.0 * float(self._lookers[0].shooter.world[3])
         camera = self.context.scene.camera
 
         share = n / options.photons_per_pass

@@ -95,6 +95,7 @@ def measure_rows(
             "photons_per_second": report["photons"]["emitted"] / report["seconds"]["total"],
             "gather_seconds": report["seconds"]["gather"],
             "blur_root_mean_square": report["photons"]["blur_root_mean_square"],
+            "blur_at_most": report["photons"]["blur_root_mean_square_at_most"],
         }
 
 

@@ -106,12 +106,15 @@ class Blur:
     noise : float
         Root mean square of a picture minus that mean.
     stated : (seeds,) float64
-        ``blur_root_mean_square`` of each report.
+        ``blur_root_mean_square`` of each report; where that is None, the limit.
+    at_most : (seeds,) float64
+        ``blur_root_mean_square_at_most`` of each report.
     """
 
     true: float
     noise: float
     stated: FloatArray
+    at_most: FloatArray
 
     @property
     def ratio(self) -> float:
@@ -123,12 +126,17 @@ class Blur:
         """Share of the pictures that state the blur to within half of it."""
         return float((np.abs(self.stated - self.true) <= 0.5 * self.true).mean())
 
+    @property
+    def below_limit(self) -> float:
+        """Share of the pictures whose limit the true blur is below."""
+        return float((self.true <= self.at_most).mean())
+
 
 def blur(
     picture: PhotonPicture, passes: int, seeds: Sequence[int], threads: int | None = None
 ) -> Blur:
     """Render a picture with each seed, two or more, and compare the blur stated with the true one."""
-    images, stated = [], []
+    images, stated, at_most = [], [], []
     for seed in seeds:
         result = render(
             picture.scene,
@@ -139,12 +147,15 @@ def blur(
             options=picture.options,
         )
         images.append(result.image.mean(axis=2, dtype=np.float64))
-        stated.append(result.report["photons"]["blur_root_mean_square"])
+        photons = result.report["photons"]
+        at_most.append(photons["blur_root_mean_square_at_most"])
+        estimate = photons["blur_root_mean_square"]
+        stated.append(at_most[-1] if estimate is None else estimate)
     truth, own_square = picture.truth()
     noise = float(np.var(images, axis=0, ddof=1).mean())
     gap = np.mean(images, axis=0) - truth
     true = float(np.square(gap).mean()) - noise / len(images) - own_square
-    return Blur(math.sqrt(max(true, 0.0)), math.sqrt(noise), np.array(stated))
+    return Blur(math.sqrt(max(true, 0.0)), math.sqrt(noise), np.array(stated), np.array(at_most))
 
 
 def _mirrored(with_screen: bool) -> Scene:

@@ -7,7 +7,7 @@ import imageio.v3 as imageio
 import numpy as np
 import pytest
 
-from hybrid_rt import numbers, rendering
+from hybrid_rt import memory, numbers, rendering
 from hybrid_rt.camera import Camera
 from hybrid_rt.film import Film
 from hybrid_rt.integrators import (
@@ -296,6 +296,55 @@ class TestLimit:
         assert "stopped   by the blur" in text
         assert "the blur alone keeps the target 0.05 out of reach" in text
 
+    @pytest.mark.parametrize(
+        ("integrator", "options", "passes_words"),
+        [("ppm", PPMOptions(2000), "lessen it"),
+         ("photon_map", PhotonMapOptions(2000, 10), "do not lessen it")],
+    )  # fmt: skip
+    def test_blur_below_its_own_noise_is_a_limit(self, integrator, options, passes_words):
+        """Few photons, small discs: the estimated square is below zero as often as above."""
+        floor = PHOTON_PICTURES["smooth floor"]().scene
+        reports = [
+            render(floor, integrator, passes=2, seed=seed, options=options).report
+            for seed in range(8)
+        ]
+        limits = [report for report in reports if report["relative_error"]["blur"] is None]
+        assert len(limits) >= 4
+        for report in reports:
+            error = report["relative_error"]
+            counted = error["blur_at_most"] if error["blur"] is None else error["blur"]
+            assert 0.0 < counted <= error["blur_at_most"]
+            assert error["blur_at_most"] == report["photons"]["blur_relative_rmse_at_most"]
+            assert error["both"] == pytest.approx(np.hypot(error["noise"], counted))
+            assert error["blur_stays"] == (integrator == "photon_map")
+        text = numbers.in_words(limits[0])
+        at_most = limits[0]["relative_error"]["blur_at_most"]
+        assert f"  blur      at most about {100 * at_most:.2g} % of the picture" in text
+        assert f"more passes {passes_words}" in text
+        assert f"blur at most {at_most:.2g})" in text
+
+    def test_discs_that_no_photon_lies_in_are_said_and_reach_no_target(self):
+        floor = PHOTON_PICTURES["smooth floor"]().scene
+        options = PPMOptions(100, initial_radius=1e-5)
+        report = render(floor, "ppm", target_error=0.5, options=options).report
+        assert json.loads(json.dumps(report, allow_nan=False)) == report
+        assert report["photons"]["stored"] > 50
+        assert report["points_missed_by_photons"] == report["photons"]["gather_points"] > 0
+        assert report["relative_error"]["blur_at_most"] is None
+        assert report["stopped_by"] == "blur"
+        text = numbers.in_words(report)
+        assert "WARNING   100 % of the points that gather light have met no photon" in text
+        assert "blur      unknown: no point has met a photon" in text
+        assert "relative error unknown" in text
+
+    def test_no_photon_on_its_way_by_other_surfaces_is_no_fault(self):
+        """The light of a single floor is straight: no photon is stored, none is missed."""
+        report = render(scene(Lambertian(0.5), environment=None), "ppm", passes=2).report
+        assert report["photons"]["stored"] == 0
+        assert report["points_missed_by_photons"] == 0
+        assert report["relative_error"]["blur"] == 0.0
+        assert "blur" not in numbers.in_words(report)
+
     def test_progressive_photons_pay_for_their_blur(self):
         """Between the noise alone and noise and blur together a target is not yet reached."""
         picture = PHOTON_PICTURES["soft shadow"]()
@@ -358,13 +407,25 @@ class TestLimit:
         (
             {"integrator": "ppm", "options": PPMOptions(10**12)},
             MemoryError,
-            "pass of 1000000000000 photons takes about .* TiB of memory, this machine has",
+            "passes of 1000000000000 photons takes about .* TiB of memory, this machine has",
         ),
     ],
 )
 def test_impossible_settings_are_refused(settings, error, words):
     with pytest.raises(error, match=words):
         render(scene(Mirror()), **settings)
+
+
+def test_memory_is_that_of_pixels_and_of_two_sets_of_photons_together(monkeypatch):
+    """Of 96 pixels and 1000 photons: 190 bytes each and 80 each; one pass alone has one set."""
+    monkeypatch.setattr(memory, "available_bytes", lambda: 190 * 96 + 2 * 80 * 1000 - 1)
+    lit = scene(Lambertian(0.5), environment=None)
+    with pytest.raises(
+        MemoryError, match=r"12 x 8 pixels by passes of 1000 photons .* fewer photon"
+    ):
+        render(lit, "ppm", passes=2, options=PPMOptions(1000))
+    render(lit, "ppm", passes=1, options=PPMOptions(1000))
+    render(lit, "ppm", passes=2, options=PPMOptions(999))
 
 
 def test_pictures_beyond_the_machines_memory_are_refused():

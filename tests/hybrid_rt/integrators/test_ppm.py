@@ -356,6 +356,15 @@ def test_impossible_options_are_refused(options, words):
         PPMOptions(**options)
 
 
+@pytest.mark.parametrize("radius", [1e308, 1e3, 2.95, 1.1e-5, 1e-8])
+def test_radii_far_from_the_scenes_size_are_refused(radius):
+    """A floor of 8 x 8 with a lamp 3 above it: the diagonal of their box is 11.7."""
+    view = Camera((0, -4, 2), (0, 0, 0.3), (0, 0, 1), 45, 8, 8)
+    words = rf"initial_radius is {radius:g}, .* 11.7 across: pass 1.17e-05 to 2.93, or None"
+    with pytest.raises(ValueError, match=words.replace("+", r"\+")):
+        photons(Scene(view, [floor()], [small_lamp()]), initial_radius=radius)
+
+
 @pytest.mark.parametrize(
     ("options", "words"),
     [({"photons_per_pass": 0}, "photons_per_pass"), ({"nearest": 1}, "nearest")],

@@ -64,6 +64,7 @@ def test_stated_blur_of_a_shadow_is_within_half_of_the_true_one():
     found = blur(PHOTON_PICTURES["soft shadow"](), 8, range(6))
     assert found.true > found.noise
     assert found.within_half == 1.0
+    assert found.below_limit == 1.0
     assert found.ratio == pytest.approx(1.0, abs=0.5)
 
 
