@@ -178,8 +178,9 @@ def _guarded(run: Callable[[], None]) -> int:
             sys.stdout.flush()  # now, while a failure can still be told
     except BrokenPipeError:
         return closed_pipe()
-    except KeyboardInterrupt:
-        print("\nhybrid-rt: interrupted: only what is named above is written", file=sys.stderr)  # noqa: T201
+    except KeyboardInterrupt as error:
+        told = str(error) or "interrupted: nothing is written but what is named above"
+        print(f"\nhybrid-rt: {told}", file=sys.stderr)  # noqa: T201
         return INTERRUPTED
     except REFUSALS as error:
         print(f"hybrid-rt: {error}", file=sys.stderr)  # noqa: T201
@@ -237,8 +238,8 @@ def _render(load: Callable[[], tuple[Scene, str]], name: str, options: argparse.
     with held_back():
         for path in outputs:
             result.save(path, options.exposure)
-    for path in outputs:
-        _say(f"{path}  ({_summary(result.report)})")
+        for path in outputs:
+            _say(f"{path}  ({_summary(result.report)})")
     _say_numbers(result.report)
     if interrupt is not None:
         raise interrupt

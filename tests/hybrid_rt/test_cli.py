@@ -122,7 +122,8 @@ def test_interrupt_is_exit_code_130_and_leaves_nothing(folder, capsys, monkeypat
 
     monkeypatch.setattr(rendering, "_run_passes", interrupted)
     assert cli.main(["render", "ball.py", "--quiet"]) == 130
-    assert "interrupted" in capsys.readouterr().err
+    expected = "\nhybrid-rt: interrupted: nothing is written but what is named above\n"
+    assert capsys.readouterr() == ("", expected)
     assert [path.name for path in folder.iterdir()] == ["ball.py"]
 
 
