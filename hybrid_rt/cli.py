@@ -11,7 +11,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from hybrid_rt._version import __version__
-from hybrid_rt.command import BAD_INPUT, INTERRUPTED, REFUSALS, closed_pipe, plain_warnings
+from hybrid_rt.command import (
+    BAD_INPUT,
+    INTERRUPTED,
+    REFUSALS,
+    closed_pipe,
+    plain_warnings,
+    print_whatever_it_is,
+)
 
 if TYPE_CHECKING:
     from hybrid_rt.progress import Progress
@@ -171,6 +178,7 @@ def _stops(text: str) -> float:
 
 def _guarded(run: Callable[[], None]) -> int:
     """Run a command; turn refusals and Ctrl-C into exit codes."""
+    print_whatever_it_is()
     try:
         with plain_warnings("hybrid-rt"):
             run()
@@ -212,7 +220,7 @@ def _render(load: Callable[[], tuple[Scene, str]], name: str, options: argparse.
     with _shown_progress(options.quiet) as progress:
         with watch_compilation(progress):
             scene, preferred = load()
-        integrator = options.integrator or preferred
+        integrator = preferred if options.integrator is None else options.integrator
         scene = _resized(scene, options.width, options.height)
         try:
             result = render(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import importlib.util
+import io
 import os
 import sys
 import warnings
@@ -24,6 +25,7 @@ def run_tool(main: Callable[[], int]) -> int:
     from hybrid_rt.progress import watch_compilation
 
     name = Path(sys.argv[0]).name
+    print_whatever_it_is()
     try:
         with watch_compilation(_said), plain_warnings(name):
             code = main()
@@ -37,6 +39,12 @@ def run_tool(main: Callable[[], int]) -> int:
     except REFUSALS as error:
         _say(f"{name}: {error}")
         return BAD_INPUT
+
+
+def print_whatever_it_is() -> None:
+    """Let the standard output show letters that it does not have as their numbers."""
+    if isinstance(sys.stdout, io.TextIOWrapper):
+        sys.stdout.reconfigure(errors="backslashreplace")
 
 
 def closed_pipe() -> int:
@@ -95,13 +103,13 @@ def kept(file: Path | None, figures: Callable[[], Any]) -> Iterator[None]:
 
     Raises
     ------
-    FileNotFoundError, IsADirectoryError
+    OSError
         Before the block, if there can be no such file.
     """
-    if file is not None and not file.parent.is_dir():
-        raise FileNotFoundError(f"--out {file}: there is no folder {str(file.parent)!r}")
-    if file is not None and file.is_dir():
-        raise IsADirectoryError(f"--out {file}: is a folder, name a file")
+    if file is not None:
+        from hybrid_rt.film import check_writable
+
+        check_writable(file)
     try:
         yield
     except KeyboardInterrupt:
