@@ -16,6 +16,7 @@ from hybrid_rt.command import (
     INTERRUPTED,
     REFUSALS,
     closed_pipe,
+    flush_output,
     plain_warnings,
     print_whatever_it_is,
 )
@@ -66,9 +67,13 @@ def render_script(describe: Callable[[], Scene], file: str) -> int:
     options = parser.parse_args()
 
     def load() -> tuple[Scene, str]:
+        import inspect
+
         from hybrid_rt.scene_file import scene_of
 
-        return scene_of(describe, getattr(describe, "__globals__", {}), file)
+        # A decorated function keeps the names of the script behind what decorates it.
+        names: dict[str, Any] = getattr(inspect.unwrap(describe), "__globals__", {})
+        return scene_of(describe, names, file)
 
     return _guarded(lambda: _render(load, Path(file).stem, options))
 
@@ -182,8 +187,7 @@ def _guarded(run: Callable[[], None]) -> int:
     try:
         with plain_warnings("hybrid-rt"):
             run()
-        if sys.stdout is not None:
-            sys.stdout.flush()  # now, while a failure can still be told
+        flush_output()
     except BrokenPipeError:
         return closed_pipe()
     except KeyboardInterrupt as error:

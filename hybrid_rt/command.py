@@ -29,7 +29,7 @@ def run_tool(main: Callable[[], int]) -> int:
     try:
         with watch_compilation(_said), plain_warnings(name):
             code = main()
-        sys.stdout.flush()  # now, while a failure can still be told
+        flush_output()
         return code
     except BrokenPipeError:
         return closed_pipe()
@@ -45,6 +45,12 @@ def print_whatever_it_is() -> None:
     """Let the standard output show letters that it does not have as their numbers."""
     if isinstance(sys.stdout, io.TextIOWrapper):
         sys.stdout.reconfigure(errors="backslashreplace")
+
+
+def flush_output() -> None:
+    """Write what has been printed now, while a failure can still be told."""
+    if sys.stdout is not None:
+        sys.stdout.flush()
 
 
 def closed_pipe() -> int:

@@ -83,9 +83,14 @@ def test_a_render_ends_with_its_numbers(folder, capsys):
 
 
 def test_script_runs_as_a_program(folder):
+    """With the integrator that it names, also where its function is decorated."""
+    decorated = SCRIPT.replace("def scene", "@functools.cache\ndef scene")
+    (folder / "ball.py").write_text('import functools\nINTEGRATOR = "whitted"\n' + decorated)
     command = [sys.executable, "ball.py", "--passes", "1", "--height", "6", "--quiet"]
     subprocess.run(command, check=True, cwd=folder, timeout=120)
     assert imageio.imread("ball.png").shape == (6, 8, 3)
+    report = json.loads((folder / "ball.json").read_text())
+    assert report["settings"]["integrator"] == "whitted"
 
 
 @pytest.mark.parametrize(
