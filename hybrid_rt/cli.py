@@ -208,9 +208,13 @@ def _run_render(options: argparse.Namespace) -> None:
 
 
 def _render(load: Callable[[], tuple[Scene, str]], name: str, options: argparse.Namespace) -> None:
-    """Render the scene that is loaded once the files to be written are possible."""
+    """Render the scene that is loaded once files and settings are known to be possible."""
+    from hybrid_rt.checks import choice
     from hybrid_rt.film import check_output, keeps_channels
+    from hybrid_rt.integrators import INTEGRATORS
     from hybrid_rt.interrupts import held_back
+    from hybrid_rt.intersection.intersector import check_settings
+    from hybrid_rt.limits import Limit
     from hybrid_rt.progress import watch_compilation
     from hybrid_rt.rendering import RenderInterrupted, render
 
@@ -220,6 +224,11 @@ def _render(load: Callable[[], tuple[Scene, str]], name: str, options: argparse.
         raise ValueError(
             f"--outputs {','.join(channels)}: a .png holds none of them: add --out {name}.npz or .exr"
         )
+    # A script may take its time: what it has no say in is refused before it runs.
+    Limit(options.passes, options.time_budget, options.target_error)
+    check_settings(options.accuracy, tolerance=options.tolerance)
+    if options.integrator is not None:
+        choice(options.integrator, "integrator", INTEGRATORS)
     interrupt: RenderInterrupted | None = None
     with _shown_progress(options.quiet) as progress:
         with watch_compilation(progress):
@@ -286,11 +295,9 @@ def _photon_options(integrator: str, photons: int | None, alpha: float | None) -
     given = {key: value for key, value in given.items() if value is not None}
     if not given:
         return None
-    from hybrid_rt.checks import choice
-    from hybrid_rt.integrators import INTEGRATORS, PhotonMapOptions, PPMOptions
+    from hybrid_rt.integrators import PhotonMapOptions, PPMOptions
 
     of_integrator = {"ppm": PPMOptions, "photon_map": PhotonMapOptions}
-    choice(integrator, "integrator", INTEGRATORS)
     if photons is not None and integrator not in of_integrator:
         raise ValueError(f"--photons: integrator {integrator!r} has none: use ppm")
     if alpha is not None and integrator != "ppm":

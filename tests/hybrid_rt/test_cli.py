@@ -158,6 +158,15 @@ def test_faulty_scripts_are_named_with_their_line(tmp_path, text, words):
     assert "bad.py" in str(caught.value)
 
 
+@pytest.mark.parametrize(
+    "arguments", ["--passes 0", "--accuracy exact", "--tolerance -1", "--integrator magic"]
+)
+def test_settings_are_refused_before_the_script_runs(tmp_path, capsys, arguments):
+    (tmp_path / "slow.py").write_text("raise ValueError('it runs')")
+    assert cli.main(["render", str(tmp_path / "slow.py"), *arguments.split()]) == cli.BAD_INPUT
+    assert "it runs" not in capsys.readouterr().err
+
+
 def test_ctrl_c_in_a_script_is_no_fault_of_it(tmp_path):
     (tmp_path / "slow.py").write_text("raise KeyboardInterrupt")
     assert cli.main(["render", str(tmp_path / "slow.py")]) == cli.INTERRUPTED
