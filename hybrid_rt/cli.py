@@ -11,7 +11,15 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from hybrid_rt._version import __version__
-from hybrid_rt.command import BAD_INPUT, INTERRUPTED, REFUSALS, closed_pipe, plain_warnings
+from hybrid_rt.command import (
+    BAD_INPUT,
+    INTERRUPTED,
+    REFUSALS,
+    closed_pipe,
+    flush_output,
+    plain_warnings,
+    print_whatever_it_is,
+)
 
 if TYPE_CHECKING:
     from hybrid_rt.progress import Progress
@@ -59,9 +67,13 @@ def render_script(describe: Callable[[], Scene], file: str) -> int:
     options = parser.parse_args()
 
     def load() -> tuple[Scene, str]:
+        import inspect
+
         from hybrid_rt.scene_file import scene_of
 
-        return scene_of(describe, getattr(describe, "__globals__", {}), file)
+        # A decorated function keeps the names of the script behind what decorates it.
+        names: dict[str, Any] = getattr(inspect.unwrap(describe), "__globals__", {})
+        return scene_of(describe, names, file)
 
     return _guarded(lambda: _render(load, Path(file).stem, options))
 
@@ -171,15 +183,16 @@ def _stops(text: str) -> float:
 
 def _guarded(run: Callable[[], None]) -> int:
     """Run a command; turn refusals and Ctrl-C into exit codes."""
+    print_whatever_it_is()
     try:
         with plain_warnings("hybrid-rt"):
             run()
-        if sys.stdout is not None:
-            sys.stdout.flush()  # now, while a failure can still be told
+        flush_output()
     except BrokenPipeError:
         return closed_pipe()
-    except KeyboardInterrupt:
-        print("\nhybrid-rt: interrupted: only what is named above is written", file=sys.stderr)  # noqa: T201
+    except KeyboardInterrupt as error:
+        told = str(error) or "interrupted: nothing is written but what is named above"
+        print(f"\nhybrid-rt: {told}", file=sys.stderr)  # noqa: T201
         return INTERRUPTED
     except REFUSALS as error:
         print(f"hybrid-rt: {error}", file=sys.stderr)  # noqa: T201
@@ -195,9 +208,13 @@ def _run_render(options: argparse.Namespace) -> None:
 
 
 def _render(load: Callable[[], tuple[Scene, str]], name: str, options: argparse.Namespace) -> None:
-    """Render the scene that is loaded once the files to be written are possible."""
+    """Render the scene that is loaded once files and settings are known to be possible."""
+    from hybrid_rt.checks import choice
     from hybrid_rt.film import check_output, keeps_channels
+    from hybrid_rt.integrators import INTEGRATORS
     from hybrid_rt.interrupts import held_back
+    from hybrid_rt.intersection.intersector import check_settings
+    from hybrid_rt.limits import Limit
     from hybrid_rt.progress import watch_compilation
     from hybrid_rt.rendering import RenderInterrupted, render
 
@@ -207,11 +224,16 @@ def _render(load: Callable[[], tuple[Scene, str]], name: str, options: argparse.
         raise ValueError(
             f"--outputs {','.join(channels)}: a .png holds none of them: add --out {name}.npz or .exr"
         )
+    # A script may take its time: what it has no say in is refused before it runs.
+    Limit(options.passes, options.time_budget, options.target_error)
+    check_settings(options.accuracy, tolerance=options.tolerance)
+    if options.integrator is not None:
+        choice(options.integrator, "integrator", INTEGRATORS)
     interrupt: RenderInterrupted | None = None
     with _shown_progress(options.quiet) as progress:
         with watch_compilation(progress):
             scene, preferred = load()
-        integrator = options.integrator or preferred
+        integrator = preferred if options.integrator is None else options.integrator
         scene = _resized(scene, options.width, options.height)
         try:
             result = render(
@@ -237,8 +259,8 @@ def _render(load: Callable[[], tuple[Scene, str]], name: str, options: argparse.
     with held_back():
         for path in outputs:
             result.save(path, options.exposure)
-    for path in outputs:
-        _say(f"{path}  ({_summary(result.report)})")
+        for path in outputs:
+            _say(f"{path}  ({_summary(result.report)})")
     _say_numbers(result.report)
     if interrupt is not None:
         raise interrupt
@@ -273,11 +295,9 @@ def _photon_options(integrator: str, photons: int | None, alpha: float | None) -
     given = {key: value for key, value in given.items() if value is not None}
     if not given:
         return None
-    from hybrid_rt.checks import choice
-    from hybrid_rt.integrators import INTEGRATORS, PhotonMapOptions, PPMOptions
+    from hybrid_rt.integrators import PhotonMapOptions, PPMOptions
 
     of_integrator = {"ppm": PPMOptions, "photon_map": PhotonMapOptions}
-    choice(integrator, "integrator", INTEGRATORS)
     if photons is not None and integrator not in of_integrator:
         raise ValueError(f"--photons: integrator {integrator!r} has none, pass --integrator ppm")
     if alpha is not None and integrator != "ppm":

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import importlib.util
+import io
 import os
 import sys
 import warnings
@@ -24,10 +25,11 @@ def run_tool(main: Callable[[], int]) -> int:
     from hybrid_rt.progress import watch_compilation
 
     name = Path(sys.argv[0]).name
+    print_whatever_it_is()
     try:
         with watch_compilation(_said), plain_warnings(name):
             code = main()
-        sys.stdout.flush()  # now, while a failure can still be told
+        flush_output()
         return code
     except BrokenPipeError:
         return closed_pipe()
@@ -37,6 +39,18 @@ def run_tool(main: Callable[[], int]) -> int:
     except REFUSALS as error:
         _say(f"{name}: {error}")
         return BAD_INPUT
+
+
+def print_whatever_it_is() -> None:
+    """Let the standard output show letters that it does not have as their numbers."""
+    if isinstance(sys.stdout, io.TextIOWrapper):
+        sys.stdout.reconfigure(errors="backslashreplace")
+
+
+def flush_output() -> None:
+    """Write what has been printed now, while a failure can still be told."""
+    if sys.stdout is not None:
+        sys.stdout.flush()
 
 
 def closed_pipe() -> int:
@@ -95,15 +109,13 @@ def kept(file: Path | None, figures: Callable[[], Any]) -> Iterator[None]:
 
     Raises
     ------
-    FileNotFoundError, IsADirectoryError
+    OSError
         Before the block, if there can be no such file.
     """
-    if file is not None and not file.parent.is_dir():
-        raise FileNotFoundError(
-            f"--out {str(file)!r} has no folder {str(file.parent)!r}: make it, or name another file"
-        )
-    if file is not None and file.is_dir():
-        raise IsADirectoryError(f"--out {str(file)!r} is a folder: name a file")
+    if file is not None:
+        from hybrid_rt.film import check_writable
+
+        check_writable(file)
     try:
         yield
     except KeyboardInterrupt:

@@ -102,7 +102,7 @@ def _check_arrays(file: Path, picture: Picture) -> None:
         )
 
 
-def _report_of(text: str | None) -> dict[str, Any] | None:
+def _report_of(text: str | bytes | None) -> dict[str, Any] | None:
     """Return a report of ours; None for what is something else."""
     try:
         report = None if text is None else json.loads(text)
@@ -151,7 +151,7 @@ def _read_png(file: Path) -> Picture:
             f"picture {str(file)!r} has {pixels.dtype} pixels of shape {pixels.shape}: pass 8 bit RGB"
         )
     sidecar = sidecar_of(file)
-    report = _report_of(sidecar.read_text("utf-8") if sidecar.is_file() else None)
+    report = _report_of(sidecar.read_bytes() if sidecar.is_file() else None)
     image = srgb_to_linear(pixels[:, :, :3] / 255.0).astype(np.float32)
     return Picture(file.name, image, report, None)
 

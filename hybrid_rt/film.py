@@ -361,27 +361,32 @@ def check_output(path: str | os.PathLike[str]) -> Path:
     target = as_path(path, "output")
     if target.suffix.lower() not in WRITERS:
         raise ValueError(f"output {str(target)!r} has an unknown ending: pass {', '.join(WRITERS)}")
-    if not target.parent.is_dir():
-        raise FileNotFoundError(
-            f"output {str(target)!r} has no folder {str(target.parent)!r}: make it, or name another file"
-        )
     for file in (target, sidecar_of(target)):
-        try:
-            # A trial tells more than permissions do: full disks, names too long.
-            trial = _temporary(file)
-            trial.touch()
-            trial.unlink()
-            if file.is_dir():
-                raise IsADirectoryError(errno.EISDIR, "it is a folder")
-        except OSError as error:
-            raise type(error)(
-                f"output {str(file)!r} cannot be written ({error.strerror}): name another file"
-            ) from error
+        check_writable(file)
     if target.suffix.lower() == ".exr" and importlib.util.find_spec("OpenEXR") is None:
         raise ModuleNotFoundError(
             f"output {str(target)!r}: EXR needs the package OpenEXR: pip install 'hybrid-rt[exr]'"
         )
     return target
+
+
+def check_writable(file: Path) -> None:
+    """Refuse a file that cannot be written, or replaced."""
+    if not file.parent.is_dir():
+        raise FileNotFoundError(
+            f"output {str(file)!r} has no folder {str(file.parent)!r}: make it, or name another file"
+        )
+    try:
+        # A trial tells more than permissions do: full disks, names too long.
+        trial = _temporary(file)
+        trial.touch()
+        trial.unlink()
+        if file.is_dir():
+            raise IsADirectoryError(errno.EISDIR, "it is a folder")
+    except OSError as error:
+        raise type(error)(
+            f"output {str(file)!r} cannot be written ({error.strerror}): name another file"
+        ) from error
 
 
 def _write_png(

@@ -25,6 +25,7 @@ from hybrid_rt.intersection.intersector import check_settings
 from hybrid_rt.intersection.pool import Pool
 from hybrid_rt.limits import Clock, Limit
 from hybrid_rt.memory import check_memory, photons_of
+from hybrid_rt.numbers import passes_in_words
 from hybrid_rt.plan import KERNELS_FOR, make_plan
 from hybrid_rt.precompile import want
 from hybrid_rt.progress import Progress, watch_compilation
@@ -66,7 +67,7 @@ class RenderInterrupted(KeyboardInterrupt):
     """
 
     def __init__(self, result: RenderResult) -> None:
-        super().__init__(f"interrupted after {result.report['passes']} passes")
+        super().__init__(f"interrupted after {passes_in_words(result.report['passes'])}")
         self.result = result
 
 

@@ -89,7 +89,8 @@ def row(name: str, facts: dict[str, Any]) -> str:
         blur = f", blur at most {facts['blur_at_most']:.2g}"
     width, height = facts["size"]
     return (
-        f"`scenes/{name}.py`: {facts['integrator']}, {width} x {height}, {passes_in_words(facts['passes'])}, "
+        f"`scenes/{name}.py`: {facts['integrator']}, {width} x {height}, "
+        f"{passes_in_words(facts['passes'])}, "
         f"{facts['seconds']:.1f} s on {facts['threads']} threads, error {error}{blur}"
     )
 

@@ -83,9 +83,14 @@ def test_a_render_ends_with_its_numbers(folder, capsys):
 
 
 def test_script_runs_as_a_program(folder):
+    """With the integrator that it names, also where its function is decorated."""
+    decorated = SCRIPT.replace("def scene", "@functools.cache\ndef scene")
+    (folder / "ball.py").write_text('import functools\nINTEGRATOR = "whitted"\n' + decorated)
     command = [sys.executable, "ball.py", "--passes", "1", "--height", "6", "--quiet"]
     subprocess.run(command, check=True, cwd=folder, timeout=120)
     assert imageio.imread("ball.png").shape == (6, 8, 3)
+    report = json.loads((folder / "ball.json").read_text())
+    assert report["settings"]["integrator"] == "whitted"
 
 
 @pytest.mark.parametrize(
@@ -122,7 +127,8 @@ def test_interrupt_is_exit_code_130_and_leaves_nothing(folder, capsys, monkeypat
 
     monkeypatch.setattr(rendering, "_run_passes", interrupted)
     assert cli.main(["render", "ball.py", "--quiet"]) == 130
-    assert "interrupted" in capsys.readouterr().err
+    expected = "\nhybrid-rt: interrupted: nothing is written but what is named above\n"
+    assert capsys.readouterr() == ("", expected)
     assert [path.name for path in folder.iterdir()] == ["ball.py"]
 
 
@@ -150,6 +156,15 @@ def test_faulty_scripts_are_named_with_their_line(tmp_path, text, words):
     with pytest.raises(SceneFileError, match=words) as caught:
         load_scene(script)
     assert "bad.py" in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    "arguments", ["--passes 0", "--accuracy exact", "--tolerance -1", "--integrator magic"]
+)
+def test_settings_are_refused_before_the_script_runs(tmp_path, capsys, arguments):
+    (tmp_path / "slow.py").write_text("raise ValueError('it runs')")
+    assert cli.main(["render", str(tmp_path / "slow.py"), *arguments.split()]) == cli.BAD_INPUT
+    assert "it runs" not in capsys.readouterr().err
 
 
 def test_ctrl_c_in_a_script_is_no_fault_of_it(tmp_path):

@@ -76,10 +76,12 @@ def test_what_is_no_picture_is_refused(tmp_path, name, error, words):
         load_picture(tmp_path / name)
 
 
-@pytest.mark.parametrize("text", ["no JSON {", "[1, 2]", '{"seconds": 3, "noise": {"x": 1}}'])
+@pytest.mark.parametrize(
+    "text", ["no JSON {", "\xff", "[1, 2]", '{"seconds": 3, "noise": {"x": 1}}']
+)
 def test_reports_of_other_programs_tell_nothing(tmp_path, text):
     write(tmp_path / "a.png", TRUTH)
-    (tmp_path / "a.json").write_text(text)
+    (tmp_path / "a.json").write_bytes(text.encode("latin-1"))
     picture = load_picture(tmp_path / "a.png")
     row = compare_pictures(picture, picture)["errors"]["a.png (1)"]
     assert (row["expected"], row["seconds"]) == (None, None)

@@ -67,7 +67,8 @@ def test_settings_of_photons_are_combined_and_named():
 def test_flags_are_understood_by_the_command_line(method, flags):
     assert method.flags == f"--integrator {method.integrator} {flags}".rstrip()
     parsed = cli._parser().parse_args(["render", "scene.py", *method.flags.split()])
-    assert cli._photon_options(parsed) == method.options
+    found = cli._photon_options(parsed.integrator, parsed.photons, parsed.alpha)
+    assert found == method.options
     assert (parsed.accuracy, parsed.tolerance) == (method.accuracy, method.tolerance)
 
 

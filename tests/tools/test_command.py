@@ -1,6 +1,7 @@
 """Tools end with an exit code and a line, and keep what they have found when they are stopped."""
 
 import importlib.util
+import io
 import json
 import runpy
 import sys
@@ -38,7 +39,10 @@ def test_ctrl_c_keeps_what_was_found(tmp_path, monkeypatch, capsys):
 
 @pytest.mark.parametrize(
     ("name", "words"),
-    [("nowhere/a.json", "has no folder"), ("folder", "is a folder: name a file")],
+    [
+        ("nowhere/a.json", "nowhere': make it, or name another"),
+        ("folder", "folder' cannot be written (it is a folder): name another file"),
+    ],
 )
 def test_figures_that_cannot_be_kept_are_refused_first(tmp_path, capsys, name, words):
     (tmp_path / "folder").mkdir()
@@ -49,6 +53,18 @@ def test_figures_that_cannot_be_kept_are_refused_first(tmp_path, capsys, name, w
 
     assert command.run_tool(main) == 2
     assert words in capsys.readouterr().err
+
+
+def test_letters_that_the_output_does_not_have_are_numbers(monkeypatch):
+    stream = io.TextIOWrapper(io.BytesIO(), encoding="ascii")
+    monkeypatch.setattr(sys, "stdout", stream)
+
+    def main():
+        sys.stdout.write("3.5°\n")
+        return 0
+
+    assert command.run_tool(main) == 0
+    assert stream.buffer.getvalue() == b"3.5\\xb0\n"
 
 
 def test_long_compilations_are_announced(monkeypatch, capsys):
