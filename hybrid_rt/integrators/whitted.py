@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from hybrid_rt.integrators.all_lights import AllLights
 from hybrid_rt.integrators.clear_bodies import absorb, media_around_camera
 from hybrid_rt.integrators.integrator import (
     BLOCK,
@@ -23,7 +24,7 @@ from hybrid_rt.integrators.integrator import (
     Integrator,
     RenderContext,
 )
-from hybrid_rt.integrators.surface_light import NO_RIVAL, Shading, SurfaceLight, largest_channel
+from hybrid_rt.integrators.surface_light import NO_RIVAL, Shading, largest_channel
 from hybrid_rt.kernels.film import add_to_pixels
 from hybrid_rt.kernels.fresnel import mirror_directions, split_at_glass
 from hybrid_rt.kernels.lobes import DIELECTRIC, METAL, MIRROR, sample_lobes
@@ -88,7 +89,7 @@ class Whitted(Integrator):
 
     def __init__(self, context: RenderContext) -> None:
         super().__init__(context)
-        self._light = SurfaceLight(context)
+        self._light = AllLights(context)
         lobes = context.scene.lobes
         self._camera_media = media_around_camera(context, self._contacts)
         # Kind of the n-th lobe of each material, and a last row for what has none (`NOTHING`).

@@ -13,6 +13,7 @@ from hybrid_rt.film import Film
 from hybrid_rt.integrators import (
     PhotonMapOptions,
     PPMOptions,
+    all_lights,
     clear_bodies,
     crew,
     path,
@@ -114,7 +115,7 @@ class TestPlan:
             (surface_light, "lobe_colors", scene(Lambertian(0.5)), CheckerTexture(0.9, 0.1)),
             (surface_light, "light_on_hits", scene(Mirror()), 0.5),
             (surface_light, "light_on_hits", scene(Lambertian(0.5), lights=()), 0.5),
-            (surface_light, "sample_lobes", scene(Lambertian(0.5), environment=None), 0.5),
+            (all_lights, "sample_lobes", scene(Lambertian(0.5), environment=None), 0.5),
             (whitted, "mirror_directions", scene(Lambertian(0.5)), None),
             (whitted, "split_at_glass", scene(Mirror()), None),
         ],

@@ -368,7 +368,7 @@ def _is_covered(nets, o, d, t, length, band, window, scratch):
 
 
 @inner
-def _window(band, size, cosine):
+def window_of(band, size, cosine):
     """Length of ray within which a root moved by the band is looked for."""
     return min(1e-3 * size + band, 8.0 * band / max(cosine, 1e-12) + 4.0 * math.sqrt(band * size))
 
@@ -461,7 +461,7 @@ def _patch_roots(nets, p, ray, o, d, length, t_start, band, scratch, events):
                     break
             if is_old:
                 continue
-        window = _window(band, nets.size, cosine)
+        window = window_of(band, nets.size, cosine)
         covered, mean, slope = _is_covered(nets, o, d, t, length, band, window, scratch)
         if not is_root:
             t, cosine = mean, slope if covered else 1e-3

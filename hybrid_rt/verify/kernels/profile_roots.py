@@ -40,6 +40,7 @@ from hybrid_rt.verify.kernels.patch_roots import (
     PIECE,
     ROUNDING,
     normal_frame,
+    window_of,
 )
 from meshing.kernels.jit import inner, kernel
 
@@ -334,18 +335,9 @@ def _profile_roots(profile, ray, o, d, length, t_start, band, scratch, events):
         )
         if n_leaves < 0:
             note(
-                events,
-                ray,
-                t_start,
-                profile.object_id,
-                profile.numbers[p],
-                0.0,
-                0.5,
-                0.0,
-                band,
-                UNDECIDED,
-                0,
-            )
+                events, ray, t_start, profile.object_id, profile.numbers[p], 0.0, 0.5, 0.0, band,
+                UNDECIDED, 0,
+            )  # fmt: skip
             continue
         own = min(events.count[0], events.t.size)
         for leaf in range(n_leaves):
@@ -395,18 +387,9 @@ def _profile_roots(profile, ray, o, d, length, t_start, band, scratch, events):
                 if cosine * cosine > 2.0 * SHIFT * band * bend and not is_edge:
                     there = shift + b / length
                     note(
-                        events,
-                        ray,
-                        there,
-                        profile.object_id,
-                        profile.numbers[p],
-                        u,
-                        a,
-                        cosine,
-                        band,
-                        ROOT,
-                        0,
-                    )
+                        events, ray, there, profile.object_id, profile.numbers[p], u, a, cosine,
+                        band, ROOT, 0,
+                    )  # fmt: skip
                     continue
             else:
                 a, b, cosine = s, t, 0.0
@@ -419,10 +402,7 @@ def _profile_roots(profile, ray, o, d, length, t_start, band, scratch, events):
                 if is_old:
                     continue
             there = shift + b / length
-            window = min(
-                1e-3 * size + band,
-                8.0 * band / max(cosine, 1e-12) + 4.0 * math.sqrt(band * size),
-            )
+            window = window_of(band, size, cosine)
             covered, mean, steep = _is_covered(profile, o, d, there, length, band, window, scratch)
             if not is_root:
                 there, cosine = mean, steep if covered else 1e-3
