@@ -42,6 +42,8 @@ from hybrid_rt.mesh_comparison import compare_with_mesh
 from hybrid_rt.precompile import type_to_json
 from hybrid_rt.rendering import RenderResult
 from hybrid_rt.scene_file import load_script
+from hybrid_rt.verify.campaign import SCENES as SURFACES_TO_JUDGE
+from hybrid_rt.verify.campaign import steps
 from meshing import BezierPatches
 from meshing.kernels.cache import SharedCache, name_of
 
@@ -101,7 +103,10 @@ def surfaces_of(kind: str) -> list[Any]:
 
 PLAIN = ("spheres", "many spheres", "rectangles", "planes", "boxes")
 FROM_EMBREE = ("bicubic patches", "Bezier patches", "revolutions", "meshes")
-CASES = (*PLAIN, *(f"{kind}, {way}" for kind in FROM_EMBREE for way in WAYS), *OPTIONS)
+OF_SURFACES = (*PLAIN, *(f"{kind}, {way}" for kind in FROM_EMBREE for way in WAYS))
+# Of what these need, the kernels of surfaces are left to surfaces.
+OTHERS = (*OPTIONS, "judges")
+CASES = (*OF_SURFACES, *OTHERS)
 
 
 def any_patch() -> BezierPatches:
@@ -127,7 +132,12 @@ def needed_for(cases: list[str]) -> list[dict[str, Any]]:
 
     with event.install_listener("numba:compile", Listener()):
         for case in cases:
-            (run_renders if case in OPTIONS else run_rays)(case)
+            if case in OF_SURFACES:
+                run_rays(case)
+            elif case in OPTIONS:
+                run_renders(case)
+            else:
+                run_judges()
     return [
         {"kernel": kernel, "types": types, "seconds": round(seconds.get(kernel, 0.0), 2)}
         for kernel, types in overloads()
@@ -170,6 +180,12 @@ def run_renders(integrator: str) -> None:
         compare_with_mesh(scene.with_camera(scene.camera.resized(48, 36)))
 
 
+def run_judges() -> None:
+    """Let hits be judged as `hybrid_rt.verify` does, which many tests ask for."""
+    for surfaces in SURFACES_TO_JUDGE.values():
+        next(steps(surfaces(), 40, seed=1, threads=1))
+
+
 def overloads() -> list[tuple[str, list[Any]]]:
     """Return what the kernels of this process have been compiled for or loaded with."""
     found = []
@@ -196,16 +212,13 @@ def in_a_process(case: str, folder: str) -> list[dict[str, Any]]:
 
 
 def merged(found: dict[str, list[dict[str, Any]]]) -> list[dict[str, Any]]:
-    """Name the groups of each compilation, the longest compilation first.
-
-    What surfaces need is not a matter of integrators.
-    """
+    """Name the groups of each compilation, the longest compilation first."""
     groups: dict[tuple[str, str], list[str]] = defaultdict(list)
     seconds: dict[tuple[str, str], float] = defaultdict(float)
     for case, entries in found.items():
         for entry in entries:
             key = entry["kernel"], json.dumps(entry["types"])
-            if case in OPTIONS and any(group not in OPTIONS for group in groups[key]):
+            if case in OTHERS and any(group in OF_SURFACES for group in groups[key]):
                 continue
             groups[key].append(case)
             seconds[key] = max(seconds[key], entry["seconds"])

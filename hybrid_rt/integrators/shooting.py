@@ -268,7 +268,8 @@ class Shooter:
         # Where a photon arrives hangs on all of these together.
         name, index = _in_sequence(sequence, number)
         xi = self.context.sampler.joint(name, dimension + LAUNCH, index, 5)
-        way, place, choice = xi[:, :2], xi[:, 2:4], xi[:, 4]
+        # Columns of their own: slices are another type to numba, and the kernel compiled twice.
+        way, place, choice = xi[:, :2].copy(), xi[:, 2:4].copy(), xi[:, 4].copy()
         launch = _new_launch(n)
         source_id = np.full(n, NOTHING, dtype=np.int32)
         if group.light == scene.n_lights:
