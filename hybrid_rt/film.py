@@ -171,9 +171,10 @@ class Film:
 
         Its square is what `hybrid_rt.measures.relative_mse` is expected to be against the limit r of
         infinitely many passes: the mean over pixels and channels of s^2 / (r^2 + 0.01), s the
-        standard error. A bright path that spoils a pixel must not stand in for r as well, or it
-        would excuse itself: what one group varies by is divided by what the others found. Before
-        16 passes the pixel's neighbours stand in where they are darker.
+        standard error. As r is not known, the picture stands in for it. One bright path makes both
+        s and the value of its pixel large; divided by each other they would hide the error. So
+        what one group of passes varies by is divided by the mean of the other groups. Before 16
+        passes the mean of the pixel's neighbours is taken for r where it is darker.
         """
         return self._root_mean_squares()[1]
 

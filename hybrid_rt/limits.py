@@ -95,10 +95,10 @@ class Limit:
     def next_estimate(self) -> int:
         """Return after how many passes the error is to be estimated next.
 
-        It hangs on the errors so far and on nothing else, so a render to a target error ends with
-        the same pass on every machine. The last run is then complete. The error falls with the
-        root of the passes, that of photons more slowly: half the way in logarithms cannot go far
-        beyond the target.
+        Each time there are twice as many. With a target sooner: noise falls as 1 / sqrt(n), so the
+        target is expected after n (error / target)^2 passes, and the next look is after
+        n (error / target), before that. It comes after whole runs of passes. Only the errors so far
+        decide, no clock, so a render to a target ends with the same pass on every machine.
         """
         n = self._n_of_error
         if n == 0:
@@ -119,7 +119,8 @@ class Limit:
     ) -> None:
         """Hear the estimates of the picture's relative error after ``n_done`` passes.
 
-        ``power`` and ``blur_stays`` are those of a `hybrid_rt.integrators.crew.Crew`.
+        ``power`` is that of a `hybrid_rt.integrators.crew.Crew`. The blur may be a limit to it, inf
+        where nothing is known; ``blur_stays`` where it is the same after any number of passes.
         """
         self._n_of_error, self._noise, self._blur = n_done, noise, blur
         self._power, self._blur_stays = power, blur_stays
