@@ -92,9 +92,8 @@ def _choose_folder() -> None:
         return
     name = f"hybrid_rt-kernels-{os.getuid() if hasattr(os, 'getuid') else 'user'}"
     folder = str(Path(tempfile.gettempdir()) / name)
-    numba_settings.CACHE_DIR = os.environ["NUMBA_CACHE_DIR"] = (
-        folder  # for processes that this one starts
-    )
+    # For this process, and for those that it starts.
+    numba_settings.CACHE_DIR = os.environ["NUMBA_CACHE_DIR"] = folder
 
 
 _choose_folder()
