@@ -18,24 +18,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-
-def _can_write(folder: Path) -> bool:
-    while not folder.exists() and folder != folder.parent:
-        folder = folder.parent
-    return os.access(folder, os.W_OK)
-
-
-def _choose_folder() -> None:
-    beside_source = Path(__file__).parent
-    of_user = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
-    if "NUMBA_CACHE_DIR" in os.environ or _can_write(beside_source) or _can_write(of_user):
-        return
-    name = f"hybrid_rt-kernels-{os.getuid() if hasattr(os, 'getuid') else 'user'}"
-    os.environ["NUMBA_CACHE_DIR"] = str(Path(tempfile.gettempdir()) / name)
-
-
-_choose_folder()
-
+from numba.core import config
 from numba.core.caching import FunctionCache
 
 try:
@@ -93,3 +76,24 @@ def _locked(folder: Path, mode: str) -> Iterator[None]:
     with file:  # closing it unlocks
         fcntl.flock(file, fcntl.LOCK_SH if mode == "rb" else fcntl.LOCK_EX)
         yield
+
+
+def _can_write(folder: Path) -> bool:
+    while not folder.exists() and folder != folder.parent:
+        folder = folder.parent
+    return os.access(folder, os.W_OK)
+
+
+def _choose_folder() -> None:
+    numba_settings: Any = config
+    beside_source = Path(__file__).parent
+    of_user = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
+    if numba_settings.CACHE_DIR or _can_write(beside_source) or _can_write(of_user):
+        return
+    name = f"hybrid_rt-kernels-{os.getuid() if hasattr(os, 'getuid') else 'user'}"
+    folder = str(Path(tempfile.gettempdir()) / name)
+    # For this process, and for those that it starts.
+    numba_settings.CACHE_DIR = os.environ["NUMBA_CACHE_DIR"] = folder
+
+
+_choose_folder()

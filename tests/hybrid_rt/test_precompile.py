@@ -132,3 +132,26 @@ def test_one_core_compiles_for_itself(monkeypatch):
     monkeypatch.setattr(cache, "on_miss", None)
     precompile.want("spheres")
     assert cache.on_miss is None
+
+
+# Without the right to write anywhere; numba has been imported by somebody else before.
+NOWHERE = """
+import os
+os.access = lambda *_: False
+import numba
+from hybrid_rt.kernels.film import add_to_pixels
+print(add_to_pixels._cache.cache_path, os.environ["NUMBA_CACHE_DIR"], sep="\\n")
+"""
+
+
+def test_what_cannot_be_written_is_replaced_by_a_folder_for_temporary_files(tmp_path):
+    """Processes that this one starts use it as well."""
+    settings = {"TMPDIR": str(tmp_path), "PYTHONPATH": os.pathsep.join(sys.path)}
+    environment = {k: v for k, v in os.environ.items() if k != "NUMBA_CACHE_DIR"}
+    run = [sys.executable, "-c", NOWHERE]
+    done = subprocess.run(
+        run, env=environment | settings, capture_output=True, text=True, check=True
+    )
+    for folder in done.stdout.splitlines():
+        assert Path(folder).is_relative_to(tmp_path)
+    assert len(done.stdout.splitlines()) == 2
