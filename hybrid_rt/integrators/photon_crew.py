@@ -55,7 +55,14 @@ class PhotonCrew(Crew):
     ----------
     context : RenderContext
     threads : int
+
+    Attributes
+    ----------
+    is_radius_asked : bool
+        Whether discs may be too small for photons to lie in them.
     """
+
+    is_radius_asked = False
 
     def __init__(self, context: RenderContext, threads: int) -> None:
         super().__init__(context, threads, Looker)
@@ -231,7 +238,8 @@ class PhotonCrew(Crew):
             sum(getattr(looker, name) for looker in self._lookers)
             for name in ("n_points", "n_gathered")
         )
-        if n < 2 or (points and self._balance.n_stored and not gathered):
+        is_missed = points and self._balance.n_stored and not gathered
+        if n < 2 or (is_missed and self.is_radius_asked):
             return UNKNOWN_BLUR
         squares = 4.0 * (self._blur * self._blur - self._blur_squares) / (n * (n - 1))
         # What the squares of the mean change have beyond these products.
