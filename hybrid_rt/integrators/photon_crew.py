@@ -268,7 +268,8 @@ class PhotonCrew(Crew):
             tiles = np.add.reduceat(np.add.reduceat(of_pixels, rows, axis=0), columns, axis=1)
             error = TILES * float(tiles.std(ddof=1)) / squares.size
         at_most = AT_BORDERS * math.sqrt(max(mean, 0.0) + STUDENT * error)
-        is_known = mean > STUDENT * error or error == 0.0
+        # Tiles differ by blur as well, if that is in few of them: then it is above the pixels' noise.
+        is_known = mean > min(STUDENT * error, float(noise.mean())) or error == 0.0
         return math.sqrt(max(mean, 0.0)) if is_known else None, at_most
 
 
