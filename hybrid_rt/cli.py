@@ -6,7 +6,7 @@ import argparse
 import math
 import sys
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -192,10 +192,10 @@ def _guarded(run: Callable[[], None]) -> int:
         return closed_pipe()
     except KeyboardInterrupt as error:
         told = str(error) or "interrupted: nothing is written but what is named above"
-        print(f"\nhybrid-rt: {told}", file=sys.stderr)  # noqa: T201
+        _complain(f"\nhybrid-rt: {told}")
         return INTERRUPTED
     except REFUSALS as error:
-        print(f"hybrid-rt: {error}", file=sys.stderr)  # noqa: T201
+        _complain(f"hybrid-rt: {error}")
         return BAD_INPUT
     return 0
 
@@ -209,14 +209,17 @@ def _run_render(options: argparse.Namespace) -> None:
 
 def _render(load: Callable[[], tuple[Scene, str]], name: str, options: argparse.Namespace) -> None:
     """Render the scene that is loaded once files and settings are known to be possible."""
+    from hybrid_rt.channels import check_names
     from hybrid_rt.checks import choice
     from hybrid_rt.film import check_output, keeps_channels
     from hybrid_rt.integrators import INTEGRATORS
     from hybrid_rt.interrupts import held_back
     from hybrid_rt.intersection.intersector import check_settings
+    from hybrid_rt.intersection.pool import Pool
     from hybrid_rt.limits import Limit
     from hybrid_rt.progress import watch_compilation
     from hybrid_rt.rendering import RenderInterrupted, render
+    from hybrid_rt.sampler import Sampler
 
     outputs = [check_output(path) for path in options.out or [Path(f"{name}.png")]]
     channels = [word.strip() for word in options.outputs.split(",") if word.strip()]
@@ -227,8 +230,12 @@ def _render(load: Callable[[], tuple[Scene, str]], name: str, options: argparse.
     # A script may take its time: what it has no say in is refused before it runs.
     Limit(options.passes, options.time_budget, options.target_error)
     check_settings(options.accuracy, tolerance=options.tolerance)
+    check_names(channels)
+    Sampler(options.seed)
+    Pool(options.threads)
     if options.integrator is not None:
         choice(options.integrator, "integrator", INTEGRATORS)
+        _photon_options(options.integrator, options.photons, options.alpha)
     interrupt: RenderInterrupted | None = None
     with _shown_progress(options.quiet) as progress:
         with watch_compilation(progress):
@@ -311,16 +318,22 @@ def _run_demo(options: argparse.Namespace) -> None:
     from hybrid_rt.mesh_comparison import compare_with_mesh, in_words
     from hybrid_rt.precompile import want
     from hybrid_rt.progress import watch_compilation
-    from hybrid_rt.rendering import render
+    from hybrid_rt.rendering import RenderInterrupted, render
 
     check_output(options.out)
     want(*demo.KERNELS)
     scene = demo.scene()
+    interrupt: RenderInterrupted | None = None
     with _shown_progress(options.quiet) as progress:
-        result = render(scene, "whitted", passes=demo.PASSES, progress=progress)
+        try:
+            result = render(scene, "whitted", passes=demo.PASSES, progress=progress)
+        except RenderInterrupted as error:
+            interrupt, result = error, error.result
     result.save(options.out)
     _say(f"{options.out}  ({_summary(result.report)})")
     _say_numbers(result.report)
+    if interrupt is not None:
+        raise interrupt
     with _shown_progress(options.quiet) as progress, watch_compilation(progress):
         comparison = compare_with_mesh(scene, progress=progress)
     result.report["exact_against_mesh"] = comparison
@@ -370,6 +383,11 @@ def _say_numbers(report: dict[str, Any]) -> None:
     from hybrid_rt.numbers import in_words
 
     _say(in_words(report))
+
+
+def _complain(text: str) -> None:
+    with suppress(OSError):  # nobody listens: the exit code tells
+        print(text, file=sys.stderr)  # noqa: T201
 
 
 def _say(text: str) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 # What each limit is called, and what of it was reached.
@@ -71,7 +72,8 @@ def _noise(report: dict[str, Any]) -> str:
 
 def _blur(error: dict[str, Any]) -> str:
     if error["blur_at_most"] is None:
-        return "\n  blur      unknown: no point has met a photon"
+        why = "no point has met a photon" if math.isfinite(error["noise"]) else "not finite"
+        return f"\n  blur      unknown: {why}"
     if error["blur_at_most"] == 0.0:
         return ""
     at_most = f"at most about {per_cent(error['blur_at_most'])}"

@@ -52,7 +52,7 @@ def want(*groups: str, but: Collection[str] = ()) -> None:
 
     ``but`` names modules whose kernels are not needed.
     """
-    if not cache.HAS_LOCKS or not sys.executable or _most_workers() < 2:
+    if not cache.HAS_LOCKS or not _is_python(sys.executable) or _most_workers() < 2:
         return
     cache.on_miss = _on_miss
     _workers.want({(group, tuple(but)) for group in groups})
@@ -221,6 +221,12 @@ class _Workers:
             process.terminate()
         for process in self._processes:
             process.wait()
+
+
+def _is_python(executable: str | None) -> bool:
+    """Tell whether a program starts Python, not one that Python is built into."""
+    is_built_in = getattr(sys, "frozen", False)
+    return not is_built_in and "python" in os.path.basename(executable or "").lower()  # noqa: PTH119
 
 
 def _most_workers() -> int:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from typing import Any, Protocol, TextIO
 
 from hybrid_rt.numbers import per_cent
@@ -69,8 +69,7 @@ class TerminalProgress:
                 self._stage, self._began, self._drawn = stage, now, -1.0
                 self._error = ""
                 if not self._is_terminal:
-                    self._stream.write(f"{stage} ...\n")
-                    self._stream.flush()
+                    self._write(f"{stage} ...\n")
             is_end = 0 < total <= done
             if self._is_terminal and (is_end or now - self._drawn >= REDRAW_INTERVAL):
                 self._drawn = now
@@ -91,15 +90,19 @@ class TerminalProgress:
             if 0 < done < total:
                 line += f", {seconds * (total - done) / done:.0f} s left"
             line += self._error
-        self._stream.write(f"\r\x1b[K{line}")
-        self._stream.flush()
+        self._write(f"\r\x1b[K{line}")
         self._is_open = True
 
     def _finish_line(self) -> None:
         if self._is_open:
-            self._stream.write("\n")
-            self._stream.flush()
+            self._write("\n")
             self._is_open = False
+
+    def _write(self, text: str) -> None:
+        # Nobody may be listening any more: no reason to end what is shown.
+        with suppress(OSError):
+            self._stream.write(text)
+            self._stream.flush()
 
 
 class CompileWatch:

@@ -29,7 +29,7 @@ from hybrid_rt.numbers import passes_in_words
 from hybrid_rt.plan import KERNELS_FOR, make_plan
 from hybrid_rt.precompile import want
 from hybrid_rt.progress import Progress, watch_compilation
-from hybrid_rt.report import Ledger, peak_memory_mib, twelve_digits, versions
+from hybrid_rt.report import Ledger, peak_memory_mib, plain, twelve_digits, versions
 from hybrid_rt.sampler import Sampler
 from hybrid_rt.scene import Scene, compile_scene
 
@@ -69,6 +69,10 @@ class RenderInterrupted(KeyboardInterrupt):
     def __init__(self, result: RenderResult) -> None:
         super().__init__(f"interrupted after {passes_in_words(result.report['passes'])}")
         self.result = result
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Pickle as what it was made of."""
+        return RenderInterrupted, (self.result,)
 
 
 def render(
@@ -206,7 +210,7 @@ def render(
         "height": scene.camera.height,
     }
     blur = crew.blur(film.image)
-    report = _report(settings, context, film, clock, stopped_by) | crew.report(blur)
+    report = _report(plain(settings), context, film, clock, stopped_by) | crew.report(blur)
     report["geometry"]["wrong_first_hits"] = wrong
     report["relative_error"] = _relative_error(report["noise"], blur, crew.blur_stays)
     result = RenderResult(film.image, report, channels)

@@ -75,6 +75,10 @@ def _check(args: argparse.Namespace) -> None:
     seeds, hits = (args.seeds, args.blur_seeds), (args.hits, args.digits_hits)
     for option, n in zip(("--seeds", "--blur-seeds"), seeds, strict=True):
         checks.whole(n, option, at_least=0)
+    if seeds[1] == 1:
+        raise ValueError(
+            "--blur-seeds is 1, which tells nothing of the noise: pass 2 or more, or 0"
+        )
     for option, count in zip(("--hits", "--digits-hits"), hits, strict=True):
         checks.number(count, option, at_least=0.0)
     if not any((*seeds, *hits)):
@@ -102,11 +106,13 @@ def _blur(name: str, passes: int, n_seeds: int, threads: int | None) -> dict[str
     found = blur(PHOTON_PICTURES[name](), passes, range(n_seeds), threads)
     counts = found.true > found.noise
     honest = found.below_limit >= HONEST[0] and (not counts or abs(found.ratio - 1.0) <= HALF)
-    remark = "" if honest else "   OFF BY MORE THAN HALF, OR ABOVE ITS LIMIT"
+    remark = "" if counts else "   (below the noise)"
+    if not honest:
+        remark += "   OFF BY MORE THAN HALF, OR ABOVE ITS LIMIT"
     print(
         f"{name:20} ppm      {passes:4d} passes, {n_seeds} seeds: blur {found.true:.3g}, noise "
         f"{found.noise:.3g}; stated blur over true {found.ratio:.2f}, within half of it in "
-        f"{found.within_half:.0%} of pictures, below its limit in {found.below_limit:.0%}{remark if counts else '   (below the noise)'}",
+        f"{found.within_half:.0%} of pictures, below its limit in {found.below_limit:.0%}{remark}",
         flush=True,
     )
     return {

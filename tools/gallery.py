@@ -24,8 +24,8 @@ HEAD = """# Gallery
 
 Every scene of the project, by `python tools/gallery.py`, on a busy machine. Error: root mean square of
 the standard errors of all pixels, in units of radiance, from the differences between passes; where
-photons are gathered, the estimated blur comes beside it. The pictures are small, so that a page
-holds them; every script renders larger ones.
+photons are gathered, the estimated blur, or a limit to it, comes beside it. The pictures are small, so
+that a page holds them; every script renders larger ones.
 """
 
 

@@ -244,6 +244,8 @@ class PhotonCrew(Crew):
         squares = 4.0 * (self._blur * self._blur - self._blur_squares) / (n * (n - 1))
         # What the squares of the mean change have beyond these products.
         noise = 4.0 * (self._blur / n) ** 2 - squares
+        if not np.isfinite(squares).all():
+            return UNKNOWN_BLUR
         weight = image.reshape(-1, 3).astype(np.float64) ** 2 + DARK
         return Blur(
             *self._root_mean(squares, noise), *self._root_mean(squares / weight, noise / weight)
@@ -262,14 +264,16 @@ class PhotonCrew(Crew):
         if min(camera.height, camera.width) < TILES:
             # As if all pixels had one noise in common, the most that they can.
             error = math.sqrt(2.0) * float(noise.mean())
+            least = STUDENT * error
         else:
             rows, columns = (np.arange(TILES) * n // TILES for n in (camera.height, camera.width))
             of_pixels = squares.reshape(camera.height, camera.width, 3).sum(axis=2)
             tiles = np.add.reduceat(np.add.reduceat(of_pixels, rows, axis=0), columns, axis=1)
             error = TILES * float(tiles.std(ddof=1)) / squares.size
+            # Tiles differ by blur as well, if few have it: then it is above the pixels' noise.
+            least = min(STUDENT * error, float(noise.mean()))
         at_most = AT_BORDERS * math.sqrt(max(mean, 0.0) + STUDENT * error)
-        # Tiles differ by blur as well, if that is in few of them: then it is above the pixels' noise.
-        is_known = mean > min(STUDENT * error, float(noise.mean())) or error == 0.0
+        is_known = mean > least or error == 0.0
         return math.sqrt(max(mean, 0.0)) if is_known else None, at_most
 
 

@@ -14,7 +14,7 @@ from __future__ import annotations
 import os
 import tempfile
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -66,15 +66,12 @@ class SharedCache(FunctionCache):
 @contextmanager
 def _locked(folder: Path, mode: str) -> Iterator[None]:
     """Hold a folder's lock, to read or to write; where there can be none, go on without it."""
-    try:
-        file = (folder / LOCK_FILE).open(mode) if HAS_LOCKS else None
-    except OSError:  # nothing cached so far, or a folder that cannot be written
-        file = None
-    if file is None:
-        yield
-        return
-    with file:  # closing it unlocks
-        fcntl.flock(file, fcntl.LOCK_SH if mode == "rb" else fcntl.LOCK_EX)
+    with ExitStack() as stack:
+        # Nothing cached so far, a folder that cannot be written, or a file system without locks.
+        with suppress(OSError):
+            if HAS_LOCKS:
+                file = stack.enter_context((folder / LOCK_FILE).open(mode))  # closing it unlocks
+                fcntl.flock(file, fcntl.LOCK_SH if mode == "rb" else fcntl.LOCK_EX)
         yield
 
 
@@ -86,10 +83,11 @@ def _can_write(folder: Path) -> bool:
 
 def _choose_folder() -> None:
     numba_settings: Any = config
-    beside_source = Path(__file__).parent
-    of_user = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
-    if numba_settings.CACHE_DIR or _can_write(beside_source) or _can_write(of_user):
+    if numba_settings.CACHE_DIR or _can_write(Path(__file__).parent):
         return
+    with suppress(RuntimeError):  # a user without a home
+        if _can_write(Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")):
+            return
     name = f"hybrid_rt-kernels-{os.getuid() if hasattr(os, 'getuid') else 'user'}"
     folder = str(Path(tempfile.gettempdir()) / name)
     # For this process, and for those that it starts.

@@ -2,6 +2,7 @@
 
 import json
 import os
+import pickle
 import signal
 import subprocess
 import sys
@@ -73,6 +74,13 @@ def test_complete_passes_come_with_the_interrupt(integrator, options, threads):
     assert found.report["stopped_by"] == "interrupted"
     for name in ("passes", "noise", "relative_error"):
         assert found.report[name] == whole.report[name]
+
+
+def test_an_interrupt_comes_out_of_other_processes():
+    made = RenderInterrupted(render(ball(), passes=1))
+    other = pickle.loads(pickle.dumps(made))
+    assert str(other) == "interrupted after 1 pass"
+    np.testing.assert_array_equal(other.result.image, made.result.image)
 
 
 def test_without_a_complete_pass_nothing_comes():

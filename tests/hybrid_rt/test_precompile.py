@@ -1,5 +1,6 @@
 """Kernels that several processes compile: what is listed, what is waited for, what is left."""
 
+import errno
 import importlib
 import json
 import os
@@ -31,6 +32,35 @@ def test_every_entry_names_a_kernel_and_types_that_numba_knows():
         types = [precompile.type_from_json(words) for words in entry.types]
         assert [precompile.type_to_json(numba_type) for numba_type in types] == entry.types
         assert len(types) == kernel.py_func.__code__.co_argcount
+
+
+@needs_locks
+def test_a_file_system_without_locks_is_no_obstacle(tmp_path, monkeypatch):
+    def no_locks(*arguments):
+        del arguments
+        raise OSError(errno.ENOLCK, "No locks available")
+
+    monkeypatch.setattr(cache.fcntl, "flock", no_locks)
+    with cache._locked(tmp_path, "ab"):
+        pass
+
+
+@pytest.mark.parametrize(
+    ("executable", "frozen", "starts_python"),
+    [
+        ("/usr/bin/python3", False, True),
+        ("C:\\Python\\python.exe", False, True),
+        ("/opt/renderer", False, False),
+        ("/opt/python-app", True, False),
+        ("", False, False),
+        (None, False, False),
+    ],
+)
+def test_programs_that_python_is_built_into_are_not_started(
+    monkeypatch, executable, frozen, starts_python
+):
+    monkeypatch.setattr(sys, "frozen", frozen, raising=False)
+    assert precompile._is_python(executable) == starts_python
 
 
 def test_entries_are_distinct():

@@ -22,6 +22,17 @@ def test_plain_lines_where_there_is_no_terminal():
     assert stream.getvalue() == "Rendering ...\nWriting ...\n"
 
 
+def test_nobody_need_listen():
+    class Closed(io.StringIO):
+        def write(self, text):
+            raise BrokenPipeError(text)
+
+    show = TerminalProgress(Closed())
+    show("Rendering", 0, 10)
+    show("Writing", 0, 0)
+    show.close()
+
+
 def test_bar_on_a_terminal_ends_full_and_on_a_line_of_its_own(monkeypatch):
     monkeypatch.setattr(progress, "REDRAW_INTERVAL", 0.0)
     stream = Terminal()

@@ -25,7 +25,7 @@ from hybrid_rt.integrators.integrator import LENS_DIMENSION
 from hybrid_rt.integrators.light_paths import LightPathTracer
 from hybrid_rt.intersection import Intersector
 from hybrid_rt.kernels.media import STACK
-from hybrid_rt.lights import GradientSky, PointLight, SphereLight
+from hybrid_rt.lights import GradientSky, PointLight, RectangleLight, SphereLight
 from hybrid_rt.lights.surface import ShiningSurface
 from hybrid_rt.limits import Limit
 from hybrid_rt.materials import Dielectric, Emissive, Lambertian, Metal, Mirror
@@ -463,6 +463,21 @@ def test_pixels_beyond_float32_are_counted_and_said(tmp_path):
     assert "WARNING   12 pixels are not finite" in numbers.in_words(result.report)
     result.save(tmp_path / "a.png")
     assert (imageio.imread(tmp_path / "a.png") == 255).all()
+
+
+def test_photons_beyond_float32_are_said_too():
+    size = 1e6
+    camera = Camera((0, -4 * size, size), (0, 0, 0), (0, 0, 1), width=16, height=12)
+    ball = Object(Sphere((0, 0, 0), size), Dielectric(1.5))
+    floor = Rectangle((-2 * size, -2 * size, -size), (4 * size, 0, 0), (0, 4 * size, 0))
+    lamp = RectangleLight((-size, -size, 4 * size), (0, size, 0), (size, 0, 0), 1e30)
+    scene = Scene(camera, [ball, Object(floor, Lambertian(0.5))], [lamp])
+    report = render(scene, "ppm", passes=np.int64(4), options=PPMOptions(500)).report
+    words = numbers.in_words(report)
+    assert "pixels are not finite" in words
+    assert "blur      unknown: not finite" in words
+    assert report["photons"]["blur_relative_rmse_at_most"] is None
+    json.dumps(report)
 
 
 LATHE = SurfaceOfRevolution([(-0.8, 0.6), (0, 1.2), (0.8, 0.6)], (0, 0, 0), (0, 0, 1))
