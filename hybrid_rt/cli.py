@@ -6,23 +6,16 @@ import argparse
 import math
 import sys
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from hybrid_rt._version import __version__
-from hybrid_rt.command import (
-    BAD_INPUT,
-    INTERRUPTED,
-    REFUSALS,
-    closed_pipe,
-    flush_output,
-    plain_warnings,
-    print_whatever_it_is,
-)
+from hybrid_rt.command import guarded
 
 if TYPE_CHECKING:
     from hybrid_rt.progress import Progress
+    from hybrid_rt.rendering import RenderInterrupted, RenderResult
     from hybrid_rt.scene import Scene
 
 EXAMPLES = """\
@@ -182,22 +175,14 @@ def _stops(text: str) -> float:
 
 
 def _guarded(run: Callable[[], None]) -> int:
-    """Run a command; turn refusals and Ctrl-C into exit codes."""
-    print_whatever_it_is()
-    try:
-        with plain_warnings("hybrid-rt"):
-            run()
-        flush_output()
-    except BrokenPipeError:
-        return closed_pipe()
-    except KeyboardInterrupt as error:
-        told = str(error) or "interrupted: nothing is written but what is named above"
-        _complain(f"\nhybrid-rt: {told}")
-        return INTERRUPTED
-    except REFUSALS as error:
-        _complain(f"hybrid-rt: {error}")
-        return BAD_INPUT
-    return 0
+    """Run a command of this program; return its exit code."""
+
+    def told(error: KeyboardInterrupt) -> str:
+        return (
+            f"hybrid-rt: {str(error) or 'interrupted: nothing is written but what is named above'}"
+        )
+
+    return guarded("hybrid-rt", run, told)
 
 
 def _run_render(options: argparse.Namespace) -> None:
@@ -218,7 +203,6 @@ def _render(load: Callable[[], tuple[Scene, str]], name: str, options: argparse.
     from hybrid_rt.intersection.pool import Pool
     from hybrid_rt.limits import Limit
     from hybrid_rt.progress import watch_compilation
-    from hybrid_rt.rendering import RenderInterrupted, render
     from hybrid_rt.sampler import Sampler
 
     outputs = [check_output(path) for path in options.out or [Path(f"{name}.png")]]
@@ -236,29 +220,24 @@ def _render(load: Callable[[], tuple[Scene, str]], name: str, options: argparse.
     if options.integrator is not None:
         choice(options.integrator, "integrator", INTEGRATORS)
         _photon_options(options.integrator, options.photons, options.alpha)
-    interrupt: RenderInterrupted | None = None
     with _shown_progress(options.quiet) as progress:
         with watch_compilation(progress):
             scene, preferred = load()
         integrator = preferred if options.integrator is None else options.integrator
-        scene = _resized(scene, options.width, options.height)
-        try:
-            result = render(
-                scene,
-                integrator=integrator,
-                passes=options.passes,
-                time_budget=options.time_budget,
-                target_error=options.target_error,
-                seed=options.seed,
-                threads=options.threads,
-                accuracy=options.accuracy,
-                tolerance=options.tolerance,
-                options=_photon_options(integrator, options.photons, options.alpha),
-                outputs=channels,
-                progress=progress,
-            )
-        except RenderInterrupted as error:
-            interrupt, result = error, error.result
+        result, interrupt = _rendered(
+            _resized(scene, options.width, options.height),
+            integrator=integrator,
+            passes=options.passes,
+            time_budget=options.time_budget,
+            target_error=options.target_error,
+            seed=options.seed,
+            threads=options.threads,
+            accuracy=options.accuracy,
+            tolerance=options.tolerance,
+            options=_photon_options(integrator, options.photons, options.alpha),
+            outputs=channels,
+            progress=progress,
+        )
     if options.explain:
         from hybrid_rt.plan import explain
 
@@ -271,6 +250,16 @@ def _render(load: Callable[[], tuple[Scene, str]], name: str, options: argparse.
     _say_numbers(result.report)
     if interrupt is not None:
         raise interrupt
+
+
+def _rendered(scene: Scene, **settings: Any) -> tuple[RenderResult, RenderInterrupted | None]:
+    """Render a scene; where Ctrl-C ends it, return the picture so far and the interrupt."""
+    from hybrid_rt.rendering import RenderInterrupted, render
+
+    try:
+        return render(scene, **settings), None
+    except RenderInterrupted as interrupt:
+        return interrupt.result, interrupt
 
 
 def _run_compare(options: argparse.Namespace) -> None:
@@ -318,17 +307,14 @@ def _run_demo(options: argparse.Namespace) -> None:
     from hybrid_rt.mesh_comparison import compare_with_mesh, in_words
     from hybrid_rt.precompile import want
     from hybrid_rt.progress import watch_compilation
-    from hybrid_rt.rendering import RenderInterrupted, render
 
     check_output(options.out)
     want(*demo.KERNELS)
     scene = demo.scene()
-    interrupt: RenderInterrupted | None = None
     with _shown_progress(options.quiet) as progress:
-        try:
-            result = render(scene, "whitted", passes=demo.PASSES, progress=progress)
-        except RenderInterrupted as error:
-            interrupt, result = error, error.result
+        result, interrupt = _rendered(
+            scene, integrator="whitted", passes=demo.PASSES, progress=progress
+        )
     result.save(options.out)
     _say(f"{options.out}  ({_summary(result.report)})")
     _say_numbers(result.report)
@@ -383,11 +369,6 @@ def _say_numbers(report: dict[str, Any]) -> None:
     from hybrid_rt.numbers import in_words
 
     _say(in_words(report))
-
-
-def _complain(text: str) -> None:
-    with suppress(OSError):  # nobody listens: the exit code tells
-        print(text, file=sys.stderr)  # noqa: T201
 
 
 def _say(text: str) -> None:

@@ -9,7 +9,7 @@ import os
 import sys
 import warnings
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any, TextIO
 
@@ -24,44 +24,54 @@ def run_tool(main: Callable[[], int]) -> int:
     """
     from hybrid_rt.progress import watch_compilation
 
-    name = Path(sys.argv[0]).name
-    print_whatever_it_is()
+    def run() -> int:
+        with watch_compilation(_said):
+            return main()
+
+    def told(_: KeyboardInterrupt) -> str:
+        return "interrupted: what was found so far stands above, and in the files asked for"
+
+    return guarded(Path(sys.argv[0]).name, run, told)
+
+
+def guarded(
+    name: str, run: Callable[[], int | None], told: Callable[[KeyboardInterrupt], str]
+) -> int:
+    """Run a command; return its exit code, also of refusals, Ctrl-C and closed pipes.
+
+    Parameters
+    ----------
+    name : str
+        What the command is called in messages.
+    run : callable
+        Does its work; may return an exit code.
+    told : callable
+        Returns what to say of an interrupt.
+    """
+    if isinstance(sys.stdout, io.TextIOWrapper):
+        # Letters that the output does not have are shown as their numbers.
+        sys.stdout.reconfigure(errors="backslashreplace")
     try:
-        with watch_compilation(_said), plain_warnings(name):
-            code = main()
-        flush_output()
-        return code
+        with _plain_warnings(name):
+            code = run()
+        if sys.stdout is not None:
+            sys.stdout.flush()  # now, while a failure can still be told
+        return code or 0
     except BrokenPipeError:
-        return closed_pipe()
-    except KeyboardInterrupt:
-        _say("\ninterrupted: what was found so far stands above, and in the files asked for")
+        # Without a word, as programs end of which ``head`` has read enough: what is still to be
+        # written at the end of Python goes nowhere.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return CLOSED_PIPE
+    except KeyboardInterrupt as interrupt:
+        _say(f"\n{told(interrupt)}")
         return INTERRUPTED
     except REFUSALS as error:
         _say(f"{name}: {error}")
         return BAD_INPUT
 
 
-def print_whatever_it_is() -> None:
-    """Let the standard output show letters that it does not have as their numbers."""
-    if isinstance(sys.stdout, io.TextIOWrapper):
-        sys.stdout.reconfigure(errors="backslashreplace")
-
-
-def flush_output() -> None:
-    """Write what has been printed now, while a failure can still be told."""
-    if sys.stdout is not None:
-        sys.stdout.flush()
-
-
-def closed_pipe() -> int:
-    """End without a word, as programs do of which ``head`` has read enough; return the exit code."""
-    # What is still to be written at the end of Python goes nowhere.
-    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-    return CLOSED_PIPE
-
-
 @contextmanager
-def plain_warnings(name: str) -> Iterator[None]:
+def _plain_warnings(name: str) -> Iterator[None]:
     """Print this project's warnings as lines of a command, without a place in its code."""
     with warnings.catch_warnings():
         as_before = warnings.showwarning
@@ -126,11 +136,9 @@ def kept(file: Path | None, figures: Callable[[], Any]) -> Iterator[None]:
 
 def _write(file: Path | None, figures: Any) -> None:
     if file is not None:
-        import json
+        from hybrid_rt.report import as_json
 
-        from hybrid_rt.report import plain
-
-        file.write_text(json.dumps(plain(figures), indent=2) + "\n", "utf-8")
+        file.write_text(as_json(figures), "utf-8")
 
 
 def _said(stage: str, done: int, total: int) -> None:
@@ -139,4 +147,5 @@ def _said(stage: str, done: int, total: int) -> None:
 
 
 def _say(text: str) -> None:
-    print(text, file=sys.stderr, flush=True)  # noqa: T201
+    with suppress(OSError):  # nobody need listen
+        print(text, file=sys.stderr, flush=True)  # noqa: T201

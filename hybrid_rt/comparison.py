@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from hybrid_rt.film import check_output, replacing, screen_pixels, sidecar_of, srgb_to_linear
 from hybrid_rt.measures import DARK, PictureErrors, picture_errors, relative_squares
 from hybrid_rt.records import FloatArray
-from hybrid_rt.report import plain
+from hybrid_rt.report import as_json
 from meshing.checks import as_path
 
 Pixels = NDArray[np.uint8]
@@ -326,5 +326,5 @@ def save_comparison(path: Path, sheet: Pixels, comparison: dict[str, Any]) -> Pa
         imageio.imwrite(file, sheet, extension=".png")
     figures = sidecar_of(path)
     with replacing(figures) as file:
-        file.write((json.dumps(plain(comparison), indent=2) + "\n").encode())
+        file.write(as_json(comparison).encode())
     return figures

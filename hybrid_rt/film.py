@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import errno
 import importlib.util
-import json
 import math
 import os
 from collections.abc import Callable, Iterator, Mapping
@@ -17,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from hybrid_rt.measures import DARK
 from hybrid_rt.records import FloatArray
-from hybrid_rt.report import plain
+from hybrid_rt.report import as_json
 from meshing.checks import as_path, number
 
 UIntArray = NDArray[np.uint64]
@@ -336,7 +335,7 @@ def save_image(
     number(exposure, "exposure", at_least=-MOST_STOPS, up_to=MOST_STOPS, hint="stops")
     if np.ndim(image) != 3 or np.shape(image)[2] != 3:
         raise ValueError(f"image has shape {np.shape(image)}: pass (height, width, 3)")
-    text = json.dumps(plain(report), indent=2, allow_nan=False) + "\n"
+    text = as_json(report)
     with replacing(target) as file:
         WRITERS[target.suffix.lower()](file, image, text, channels or {}, exposure)
     sidecar = sidecar_of(target)

@@ -21,6 +21,7 @@ import threading
 from collections.abc import Collection
 from dataclasses import dataclass
 from importlib import resources
+from pathlib import Path
 from typing import Any
 
 from meshing.kernels import cache
@@ -226,7 +227,7 @@ class _Workers:
 def _is_python(executable: str | None) -> bool:
     """Tell whether a program starts Python, not one that Python is built into."""
     is_built_in = getattr(sys, "frozen", False)
-    return not is_built_in and "python" in os.path.basename(executable or "").lower()  # noqa: PTH119
+    return not is_built_in and "python" in Path(executable or "").name.lower()
 
 
 def _most_workers() -> int:

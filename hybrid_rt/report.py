@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 import platform
 import sys
@@ -99,6 +100,11 @@ def plain(value: Any) -> Any:
     if isinstance(value, float) and not math.isfinite(value):
         return None
     return value
+
+
+def as_json(value: Any) -> str:
+    """Return the text of a JSON file with figures; see `plain`."""
+    return json.dumps(plain(value), indent=2, allow_nan=False) + "\n"
 
 
 def twelve_digits(value: float) -> float:

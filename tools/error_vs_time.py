@@ -29,7 +29,7 @@ from hybrid_rt.error_of_hits import RULE_OF_THREE, HitStudy
 from hybrid_rt.error_vs_time import PictureStudy
 from hybrid_rt.forecast import forecast, recommend, triangles_for
 from hybrid_rt.methods import curved_surfaces, default_methods
-from hybrid_rt.report import plain, versions
+from hybrid_rt.report import as_json, versions
 from hybrid_rt.scene import Scene
 from hybrid_rt.scene_file import load_scene
 from hybrid_rt.verify.rays import camera as random_camera
@@ -215,7 +215,7 @@ def _write(
     title = f"Error against run time: {name}"
     page = error_page.page(title, sentences, diagrams, tables, images)
     (folder / "page.html").write_text(page, "utf-8")
-    (folder / "curves.json").write_text(json.dumps(plain(data), indent=2) + "\n", "utf-8")
+    (folder / "curves.json").write_text(as_json(data), "utf-8")
     with (folder / "curves.csv").open("w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file)
         for table, (head, rows) in tables.items():

@@ -36,7 +36,7 @@ from hybrid_rt import (
     precompile,
     render,
 )
-from hybrid_rt.command import run_tool
+from hybrid_rt.command import one_or_more, run_tool
 from hybrid_rt.intersection.kinds import kernel_groups
 from hybrid_rt.mesh_comparison import compare_with_mesh
 from hybrid_rt.precompile import type_to_json
@@ -70,7 +70,7 @@ def main() -> int:
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("--case", action="append", choices=CASES, help="print what it needs")
-    parser.add_argument("--jobs", type=int, default=os.cpu_count(), metavar="N")
+    parser.add_argument("--jobs", type=one_or_more, default=os.cpu_count(), metavar="N")
     args = parser.parse_args()
     if args.case is not None:
         print(json.dumps(needed_for(args.case)))

@@ -234,11 +234,9 @@ class PhotonCrew(Crew):
         n = self._n_passes
         if self._blur.size == 0:
             return NO_BLUR
-        points, gathered = (
-            sum(getattr(looker, name) for looker in self._lookers)
-            for name in ("n_points", "n_gathered")
-        )
-        is_missed = points and self._balance.n_stored and not gathered
+        is_asked = any(looker.n_points for looker in self._lookers)
+        is_met = any(looker.n_gathered for looker in self._lookers)
+        is_missed = is_asked and self._balance.n_stored > 0 and not is_met
         if n < 2 or (is_missed and self.is_radius_asked):
             return UNKNOWN_BLUR
         squares = 4.0 * (self._blur * self._blur - self._blur_squares) / (n * (n - 1))

@@ -8,7 +8,7 @@ import pytest
 
 from hybrid_rt import cli, rendering
 from hybrid_rt._version import __version__
-from hybrid_rt.command import CLOSED_PIPE
+from hybrid_rt.command import BAD_INPUT, CLOSED_PIPE, INTERRUPTED
 from hybrid_rt.scene_file import SceneFileError, load_scene
 
 SCRIPT = """
@@ -163,13 +163,13 @@ def test_faulty_scripts_are_named_with_their_line(tmp_path, text, words):
 )
 def test_settings_are_refused_before_the_script_runs(tmp_path, capsys, arguments):
     (tmp_path / "slow.py").write_text("raise ValueError('it runs')")
-    assert cli.main(["render", str(tmp_path / "slow.py"), *arguments.split()]) == cli.BAD_INPUT
+    assert cli.main(["render", str(tmp_path / "slow.py"), *arguments.split()]) == BAD_INPUT
     assert "it runs" not in capsys.readouterr().err
 
 
 def test_ctrl_c_in_a_script_is_no_fault_of_it(tmp_path):
     (tmp_path / "slow.py").write_text("raise KeyboardInterrupt")
-    assert cli.main(["render", str(tmp_path / "slow.py")]) == cli.INTERRUPTED
+    assert cli.main(["render", str(tmp_path / "slow.py")]) == INTERRUPTED
 
 
 def test_a_script_that_runs_as_a_program_names_the_line_as_well(folder):
@@ -181,7 +181,7 @@ def test_a_script_that_runs_as_a_program_names_the_line_as_well(folder):
     line = SCRIPT.split("\n").index("def scene():") + 2
     assert done.stderr.startswith("hybrid-rt: ")
     assert done.stderr.endswith(f"bad.py, line {line}: ZeroDivisionError: division by zero\n")
-    assert (done.returncode, done.stderr.count("\n")) == (cli.BAD_INPUT, 1)
+    assert (done.returncode, done.stderr.count("\n")) == (BAD_INPUT, 1)
 
 
 def test_a_closed_pipe_ends_without_a_word_and_loses_no_file(folder):
@@ -213,7 +213,7 @@ def test_warnings_are_lines_without_places_in_the_code(capsys):
 def test_exposures_are_refused_in_words(text, capsys):
     with pytest.raises(SystemExit) as caught:
         cli.main(["compare", "a.npz", "b.npz", "--exposure", text])
-    assert caught.value.code == cli.BAD_INPUT
+    assert caught.value.code == BAD_INPUT
     expected = f"argument --exposure: '{text}' stops: pass a number from -100 to 100\n"
     assert capsys.readouterr().err.endswith(expected)
 
@@ -246,5 +246,5 @@ def test_photons_are_counted_by_those_who_have_them(folder, capsys):
     report = json.loads((folder / "ball.json").read_text())
     assert report["settings"]["options"]["photons_per_pass"] == 500
     assert report["photons"]["emitted"] == 0  # nothing in the scene gathers them
-    assert cli.main(arguments) == cli.BAD_INPUT
+    assert cli.main(arguments) == BAD_INPUT
     assert "--photons: integrator 'path' has none" in capsys.readouterr().err
