@@ -9,19 +9,19 @@ from importlib import resources
 
 import numpy as np
 
-from hybrid_rt.camera import Camera
+from hybrid_rt.core.records import FloatArray
 from hybrid_rt.lights import GradientSky, PointLight, RectangleLight
 from hybrid_rt.materials import Dielectric, Lambertian, Mirror, Phong
 from hybrid_rt.primitives import Rectangle, Sphere
-from hybrid_rt.records import FloatArray
-from hybrid_rt.scene import Object, Scene
+from hybrid_rt.scene.scene import Object, Scene
+from hybrid_rt.sensor.camera import Camera
 from hybrid_rt.textures import ImageTexture
 from meshing import BezierPatches, SurfaceOfRevolution
 
 # Four samples a pixel are one complete net each for pixel, light and sky: clean enough, and quick.
 PASSES = 4
 
-# What the picture will need, as `hybrid_rt.precompile` knows it; the teapot itself needs some.
+# What the picture will need, as `hybrid_rt.core.precompile` knows it; the teapot itself needs some.
 KERNELS = (
     "bicubic patches, certified", "bicubic patches, mesh", "revolutions, certified",
     "spheres", "rectangles", "whitted",

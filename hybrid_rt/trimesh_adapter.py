@@ -13,11 +13,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from hybrid_rt.core.records import BoolArray, FloatArray, HitRecord, Status
 from hybrid_rt.intersection import Intersector
 from hybrid_rt.intersection.coincident import coincident_hits
 from hybrid_rt.intersection.crossings import Crossings
 from hybrid_rt.primitives import Box, TriangleMesh
-from hybrid_rt.records import BoolArray, FloatArray, HitRecord, Status
 from meshing.checks import as_floats, whole
 
 IdArray = NDArray[np.int64]

@@ -9,15 +9,7 @@ import sys
 
 import numpy as np
 
-from hybrid_rt import (
-    Box,
-    Camera,
-    CheckerTexture,
-    GradientSky,
-    Object,
-    Scene,
-    Sphere,
-)
+from hybrid_rt import Box, Camera, CheckerTexture, GradientSky, Object, Scene, Sphere
 from hybrid_rt.materials import Dielectric, Lambertian, Metal
 from hybrid_rt.materials.material import Material
 
@@ -83,6 +75,6 @@ def scene() -> Scene:
 
 
 if __name__ == "__main__":
-    from hybrid_rt.cli import render_script
+    from hybrid_rt.cli.main import render_script
 
     sys.exit(render_script(scene, __file__))

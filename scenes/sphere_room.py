@@ -21,7 +21,7 @@ from hybrid_rt import (
     Scene,
     Sphere,
 )
-from hybrid_rt.records import FloatArray
+from hybrid_rt.core.records import FloatArray
 
 WALL_RADIUS = 1e5
 # Half sizes of the room along x, y (up) and z; the camera stands before its open front wall.
@@ -81,6 +81,6 @@ def scene() -> Scene:
 
 
 if __name__ == "__main__":
-    from hybrid_rt.cli import render_script
+    from hybrid_rt.cli.main import render_script
 
     sys.exit(render_script(scene, __file__))

@@ -24,7 +24,7 @@ from hybrid_rt import (
     Sphere,
     TriangleMesh,
 )
-from hybrid_rt.records import FloatArray
+from hybrid_rt.core.records import FloatArray
 from meshing import SurfaceOfRevolution
 
 
@@ -99,6 +99,6 @@ def scene() -> Scene:
 
 
 if __name__ == "__main__":
-    from hybrid_rt.cli import render_script
+    from hybrid_rt.cli.main import render_script
 
     sys.exit(render_script(scene, __file__))

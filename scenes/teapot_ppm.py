@@ -24,8 +24,8 @@ from hybrid_rt import (
     Scene,
     Sphere,
 )
+from hybrid_rt.core.records import FloatArray
 from hybrid_rt.demo import teapot, tiles
-from hybrid_rt.records import FloatArray
 
 # Photons find caustics seen through glass and in mirrors, which paths meet by luck only.
 INTEGRATOR = "ppm"
@@ -76,6 +76,6 @@ def scene() -> Scene:
 
 
 if __name__ == "__main__":
-    from hybrid_rt.cli import render_script
+    from hybrid_rt.cli.main import render_script
 
     sys.exit(render_script(scene, __file__))

@@ -22,8 +22,8 @@ from hybrid_rt import (
     Scene,
     Sphere,
 )
+from hybrid_rt.core.records import FloatArray
 from hybrid_rt.demo import teapot, tiles
-from hybrid_rt.records import FloatArray
 
 # Half width, half depth and height of the room; z is up.
 HALF_X, HALF_Y, HEIGHT = 7.0, 8.0, 8.0
@@ -76,6 +76,6 @@ def scene() -> Scene:
 
 
 if __name__ == "__main__":
-    from hybrid_rt.cli import render_script
+    from hybrid_rt.cli.main import render_script
 
     sys.exit(render_script(scene, __file__))

@@ -7,15 +7,7 @@ Run it: python scenes/wine_glass.py --passes 32
 
 import sys
 
-from hybrid_rt import (
-    Camera,
-    Dielectric,
-    Lambertian,
-    Object,
-    Rectangle,
-    Scene,
-    SphereLight,
-)
+from hybrid_rt import Camera, Dielectric, Lambertian, Object, Rectangle, Scene, SphereLight
 from meshing import SurfaceOfRevolution
 
 # Photons find caustics seen through glass and in mirrors, which paths meet by luck only.
@@ -71,6 +63,6 @@ def scene() -> Scene:
 
 
 if __name__ == "__main__":
-    from hybrid_rt.cli import render_script
+    from hybrid_rt.cli.main import render_script
 
     sys.exit(render_script(scene, __file__))

@@ -2,7 +2,7 @@
 
 import pytest
 
-from hybrid_rt import precompile
+from hybrid_rt.core import precompile
 
 
 def pytest_configure(config):

@@ -16,17 +16,18 @@ from typing import Any
 import numpy as np
 
 from hybrid_rt import Intersector, Rectangle, Sphere, TriangleMesh
-from hybrid_rt.accuracy import deviations
-from hybrid_rt.command import kept, one_or_more, run_tool
+from hybrid_rt.analysis.mesh_error import deviations
+from hybrid_rt.benchmarks.embree_newton import Rival, buffers, evaluate_with_numpy
+from hybrid_rt.benchmarks.kernels.embree_newton import evaluate_many
+from hybrid_rt.benchmarks.uniform_grids import best_uniform_grid
+from hybrid_rt.cli.command import kept, one_or_more, run_tool
+from hybrid_rt.core.ray_set import RaySet
+from hybrid_rt.core.threads import Pool
+from hybrid_rt.core.timing import in_turn
 from hybrid_rt.demo import teapot, vase
-from hybrid_rt.intersection.pool import Pool
-from hybrid_rt.verify.campaign import SCENES
-from hybrid_rt.verify.grids import best_uniform_grid
-from hybrid_rt.verify.judge import decisions
-from hybrid_rt.verify.kernels.rival import evaluate_many
-from hybrid_rt.verify.rays import RaySet, at_box, camera, silhouettes
-from hybrid_rt.verify.rival import Rival, buffers, evaluate_with_numpy
-from hybrid_rt.verify.speed import in_turn
+from hybrid_rt.verify.cases.campaign import SCENES
+from hybrid_rt.verify.cases.rays import at_box, camera, silhouettes
+from hybrid_rt.verify.judges.judge import decisions
 from meshing import BezierPatches, SurfaceOfRevolution, tessellate
 
 ROUNDS = 5

@@ -23,14 +23,14 @@ from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
-from hybrid_rt import checks
-from hybrid_rt.command import kept, one_or_more, run_tool
+from hybrid_rt.benchmarks.caustic_speed import measure_rows
+from hybrid_rt.cli.command import kept, one_or_more, run_tool
+from hybrid_rt.cli.scene_file import load_scene
+from hybrid_rt.core import checks
 from hybrid_rt.integrators import PPMOptions
-from hybrid_rt.measures import noise_of_reference, relative_mse, seconds_to
-from hybrid_rt.rendering import RenderResult, render
-from hybrid_rt.scene import Scene
-from hybrid_rt.scene_file import load_scene
-from hybrid_rt.verify.caustic_speed import measure_rows
+from hybrid_rt.rendering.render import RenderResult, render
+from hybrid_rt.scene.scene import Scene
+from hybrid_rt.sensor.image_metrics import noise_of_reference, relative_mse, seconds_to
 
 REFERENCE_SEED = 20_000
 # The size of picture for which memory is stated.

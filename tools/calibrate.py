@@ -16,11 +16,17 @@ from typing import Any
 
 import numpy as np
 
-from hybrid_rt import checks
-from hybrid_rt.command import kept, one_or_more, run_tool
-from hybrid_rt.verify.calibration import PICTURES, Bounds, bounds, bounds_by_digits, coverage
-from hybrid_rt.verify.campaign import SCENES
-from hybrid_rt.verify.photon_truth import PHOTON_PICTURES, blur
+from hybrid_rt.benchmarks.calibration import (
+    PICTURES,
+    Bounds,
+    bounds,
+    bounds_by_digits,
+    coverage,
+)
+from hybrid_rt.benchmarks.photon_truth import PHOTON_PICTURES, blur
+from hybrid_rt.cli.command import kept, one_or_more, run_tool
+from hybrid_rt.core import checks
+from hybrid_rt.verify.cases.campaign import SCENES
 
 HONEST = (0.92, 0.98)
 HALF = 0.5

@@ -14,9 +14,9 @@ from typing import Any
 
 import numpy as np
 
-from hybrid_rt.command import kept, one_or_more, run_tool, say_if_no_plots
-from hybrid_rt.film import screen_pixels
-from hybrid_rt.verify.mesh_caustics import Curve, curves, truth
+from hybrid_rt.benchmarks.mesh_caustics import Curve, curves, truth
+from hybrid_rt.cli.command import kept, one_or_more, run_tool, say_if_no_plots
+from hybrid_rt.sensor.color import screen_pixels
 
 TRIANGLES = (1_000, 10_000, 100_000, 1_000_000)
 EXPOSURE = 1.5

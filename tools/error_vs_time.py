@@ -21,18 +21,28 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from hybrid_rt import checks, error_of_hits, error_page, error_vs_time
-from hybrid_rt.command import one_or_more, run_tool, say_if_no_plots
-from hybrid_rt.comparison import load_picture
-from hybrid_rt.curves import Curve, Point, Spread, renamed
-from hybrid_rt.error_of_hits import RULE_OF_THREE, HitStudy
-from hybrid_rt.error_vs_time import PictureStudy
-from hybrid_rt.forecast import forecast, recommend, triangles_for
-from hybrid_rt.methods import curved_surfaces, default_methods
-from hybrid_rt.report import as_json, versions
-from hybrid_rt.scene import Scene
-from hybrid_rt.scene_file import load_scene
-from hybrid_rt.verify.rays import camera as random_camera
+from hybrid_rt.analysis import (
+    hit_study as error_of_hits,
+)
+from hybrid_rt.analysis import (
+    page as error_page,
+)
+from hybrid_rt.analysis import (
+    work_precision as error_vs_time,
+)
+from hybrid_rt.analysis.curves import Curve, Point, Spread, renamed
+from hybrid_rt.analysis.forecast import forecast, recommend, triangles_for
+from hybrid_rt.analysis.hit_study import RULE_OF_THREE, HitStudy
+from hybrid_rt.analysis.methods import curved_surfaces, default_methods
+from hybrid_rt.analysis.picture_comparison import load_picture
+from hybrid_rt.analysis.work_precision import PictureStudy
+from hybrid_rt.cli.command import one_or_more, run_tool, say_if_no_plots
+from hybrid_rt.cli.scene_file import load_scene
+from hybrid_rt.core import checks
+from hybrid_rt.core.ledger import as_json
+from hybrid_rt.rendering.versions import versions
+from hybrid_rt.scene.scene import Scene
+from hybrid_rt.verify.cases.rays import camera as random_camera
 from meshing import BezierPatches
 
 

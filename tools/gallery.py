@@ -13,10 +13,10 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from hybrid_rt.command import kept, one_or_more, run_tool
-from hybrid_rt.numbers import passes_in_words
-from hybrid_rt.rendering import render
-from hybrid_rt.scene_file import load_script
+from hybrid_rt.cli.command import kept, one_or_more, run_tool
+from hybrid_rt.cli.scene_file import load_script
+from hybrid_rt.rendering.render import render
+from hybrid_rt.rendering.summary import passes_in_words
 
 ROOT = Path(__file__).parents[1]
 PAGE, PICTURES, RECORD = "gallery.md", "gallery", "gallery.json"

@@ -33,17 +33,17 @@ from hybrid_rt import (
     Sphere,
     TriangleMesh,
     demo,
-    precompile,
     render,
 )
-from hybrid_rt.command import one_or_more, run_tool
-from hybrid_rt.intersection.kinds import kernel_groups
-from hybrid_rt.mesh_comparison import compare_with_mesh
-from hybrid_rt.precompile import type_to_json
-from hybrid_rt.rendering import RenderResult
-from hybrid_rt.scene_file import load_script
-from hybrid_rt.verify.campaign import SCENES as SURFACES_TO_JUDGE
-from hybrid_rt.verify.campaign import steps
+from hybrid_rt.analysis.mesh_comparison import compare_with_mesh
+from hybrid_rt.cli.command import one_or_more, run_tool
+from hybrid_rt.cli.scene_file import load_script
+from hybrid_rt.core import precompile
+from hybrid_rt.core.precompile import type_to_json
+from hybrid_rt.intersection.kinds.registry import kernel_groups
+from hybrid_rt.rendering.render import RenderResult
+from hybrid_rt.verify.cases.campaign import SCENES as SURFACES_TO_JUDGE
+from hybrid_rt.verify.cases.campaign import steps
 from meshing import BezierPatches
 from meshing.kernels.cache import SharedCache, name_of
 

@@ -17,9 +17,9 @@ from typing import Any
 
 import numpy as np
 
-from hybrid_rt.accuracy import RAYS, Rung, climb, error_image
-from hybrid_rt.command import kept, one_or_more, run_tool, say_if_no_plots
-from hybrid_rt.scene_file import load_scene
+from hybrid_rt.analysis.mesh_error import RAYS, Rung, climb, error_image
+from hybrid_rt.cli.command import kept, one_or_more, run_tool, say_if_no_plots
+from hybrid_rt.cli.scene_file import load_scene
 from meshing import BezierPatches, SurfaceOfRevolution
 
 LADDER = (1e-1, 3e-2, 1e-2, 3e-3, 1e-3, 3e-4, 1e-4, 3e-5, 1e-5)

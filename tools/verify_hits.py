@@ -13,10 +13,10 @@ import sys
 from dataclasses import asdict
 from pathlib import Path
 
-from hybrid_rt import checks
-from hybrid_rt.command import kept, one_or_more, run_tool
-from hybrid_rt.verify.campaign import COSINES, SCENES, STEP, Tally, steps
-from hybrid_rt.verify.second import Duel, duel
+from hybrid_rt.cli.command import kept, one_or_more, run_tool
+from hybrid_rt.core import checks
+from hybrid_rt.verify.cases.campaign import COSINES, SCENES, STEP, Tally, steps
+from hybrid_rt.verify.judges.second_certificate import Duel, duel
 
 OF_PATCHES = ("teapot", "patches")
 

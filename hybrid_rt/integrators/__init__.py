@@ -2,11 +2,12 @@
 
 from collections.abc import Callable
 
-from hybrid_rt.integrators.crew import Crew
-from hybrid_rt.integrators.integrator import Integrator, RenderContext
+from hybrid_rt.integrators.context import RenderContext
+from hybrid_rt.integrators.integrator import Integrator
 from hybrid_rt.integrators.options import PathOptions, PhotonMapOptions, PPMOptions
-from hybrid_rt.integrators.path import PathTracer
-from hybrid_rt.integrators.whitted import Whitted
+from hybrid_rt.integrators.path.path_tracer import PathTracer
+from hybrid_rt.integrators.whitted.whitted import Whitted
+from hybrid_rt.integrators.workers import Crew
 
 
 def _path(context: RenderContext, threads: int) -> Crew:
@@ -18,13 +19,13 @@ def _whitted(context: RenderContext, threads: int) -> Crew:
 
 
 def _ppm(context: RenderContext, threads: int) -> Crew:
-    from hybrid_rt.integrators.ppm import ProgressiveCrew
+    from hybrid_rt.integrators.photons.ppm import ProgressiveCrew
 
     return ProgressiveCrew(context, threads)
 
 
 def _photon_map(context: RenderContext, threads: int) -> Crew:
-    from hybrid_rt.integrators.photon_map import MapCrew
+    from hybrid_rt.integrators.photons.photon_map import MapCrew
 
     return MapCrew(context, threads)
 

@@ -10,15 +10,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from hybrid_rt.film import group_of
-from hybrid_rt.integrators.contacts import Contacts, first_hits
-from hybrid_rt.intersection import Intersector
-from hybrid_rt.intersection.pool import Pool
-from hybrid_rt.plan import Plan
-from hybrid_rt.records import FloatArray, HitRecord, IntArray, NamedPoints
-from hybrid_rt.report import Ledger
-from hybrid_rt.sampler import Sampler, UIntArray
-from hybrid_rt.scene import CompiledScene
+from hybrid_rt.core.records import FloatArray, HitRecord, IntArray, NamedPoints
+from hybrid_rt.integrators.context import RenderContext
+from hybrid_rt.integrators.media.contacts import Contacts, first_hits
+from hybrid_rt.sampling.sampler import UIntArray
+from hybrid_rt.sensor.passes import group_of
 
 # Camera rays that one thread follows at a time. The last steps of a block have few paths left, so
 # calls cost more than rays there: 2^16 take a tenth less time than 2^15, and 2^17 no less.
@@ -37,21 +33,6 @@ def place_of_pixel(name: UIntArray) -> NDArray[np.int64]:
 
 
 @dataclass(frozen=True)
-class RenderContext:
-    """Everything an integrator works with."""
-
-    scene: CompiledScene
-    tracer: Intersector
-    pool: Pool
-    plan: Plan
-    sampler: Sampler
-    ledger: Ledger
-    max_depth: int
-    options: Any = None
-    """Settings of the integrator, or None for those it has by itself."""
-
-
-@dataclass(frozen=True)
 class CameraBlock:
     """Camera rays: consecutive pixels of consecutive passes.
 
@@ -59,7 +40,7 @@ class CameraBlock:
     ----------
     pixel, sample : (n,) uint64
         Names of their random numbers: the pixel's number in a stack of one picture per group of
-        passes, and the pass's number in its group (see `hybrid_rt.film.group_of`).
+        passes, and the pass's number in its group (see `hybrid_rt.sensor.passes.group_of`).
     origins, directions : (n, 3) float64
     """
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 import warnings
 from dataclasses import dataclass
 
-from hybrid_rt import checks
+from hybrid_rt.core import checks
 
 WAYS = ("both", "lights", "directions")
-# Far more photons than any machine holds, which `hybrid_rt.memory` says in time.
+# Far more photons than any machine holds, which `hybrid_rt.rendering.memory` says in time.
 MOST = 10**15
 # Directions of one path: as good as no end.
 DEEPEST = 10**6

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from hybrid_rt.core.records import FloatArray, HitRecord, NamedPoints
 from hybrid_rt.intersection.intersector import Intersector
-from hybrid_rt.records import FloatArray, HitRecord, NamedPoints
 
 # Two faces coincide where their hits differ by no more than the bounds of both, and by what
 # rounding has made of faces that were meant to coincide: a few ulp of their coordinates.

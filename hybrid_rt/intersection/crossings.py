@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from hybrid_rt.intersection.rays import as_limit, as_rays
-from hybrid_rt.records import HitRecord
+from hybrid_rt.core.records import HitRecord
+from hybrid_rt.intersection.ray_batch import as_limit, as_rays
 
 # A ray meets a polynomial surface of degree 30 x 30 at most 1800 times; meshes may have more.
 MOST_CROSSINGS = 1_000_000

@@ -16,21 +16,27 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hybrid_rt import checks
-from hybrid_rt.intersection.batch import Finished, new_nearest, new_record, rows_of
+from hybrid_rt.core import checks
+from hybrid_rt.core.precompile import want
+from hybrid_rt.core.records import BoolArray, FloatArray, HitRecord, IntArray, NamedPoints
+from hybrid_rt.core.threads import Pool
 from hybrid_rt.intersection.crossings import Crossings, find_crossings
-from hybrid_rt.intersection.kinds import CURVED, Surface, check_surfaces, kernel_groups, make_kinds
-from hybrid_rt.intersection.pool import Pool
-from hybrid_rt.intersection.rays import make_batch
-from hybrid_rt.kernels.nearest import Nearest, Rays
-from hybrid_rt.kernels.rays import Record, complete_rows
-from hybrid_rt.kernels.subdivide import COUNTER_NAMES, MOST_PIECES
-from hybrid_rt.precompile import want
+from hybrid_rt.intersection.kernels.patch.subdivide import COUNTER_NAMES, MOST_PIECES
+from hybrid_rt.intersection.kernels.search.nearest import Nearest, Rays
+from hybrid_rt.intersection.kernels.search.rays import Record, complete_rows
+from hybrid_rt.intersection.kind import Finished, new_nearest, new_record, rows_of
+from hybrid_rt.intersection.kinds.registry import (
+    CURVED,
+    Surface,
+    check_surfaces,
+    kernel_groups,
+    make_kinds,
+)
+from hybrid_rt.intersection.ray_batch import make_batch
 from hybrid_rt.primitives import TriangleMesh
-from hybrid_rt.records import BoolArray, FloatArray, HitRecord, IntArray, NamedPoints
 
 if TYPE_CHECKING:
-    from hybrid_rt.intersection.coarse import Coarse
+    from hybrid_rt.intersection.coarse.proposals import Coarse
 
 # What is counted of each slice besides the work.
 COUNTED = ("rays", "hits", "tangent", "coarse_hits")
@@ -94,7 +100,11 @@ class Intersector:
         in_embree = CURVED if accuracy == "certified" else (*CURVED, TriangleMesh)
         members = [(i, s) for i, s in enumerate(self.surfaces) if isinstance(s, in_embree)]
         if members and coarse == "embree":
-            from hybrid_rt.intersection.coarse import GUESS_TOLERANCE, MESH_TOLERANCE, Coarse
+            from hybrid_rt.intersection.coarse.proposals import (
+                GUESS_TOLERANCE,
+                MESH_TOLERANCE,
+                Coarse,
+            )
 
             relative = GUESS_TOLERANCE if accuracy == "certified" else MESH_TOLERANCE
             self._coarse = Coarse(members, tolerance, relative)

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hybrid_rt import checks
-from hybrid_rt.kernels.environment import GRADIENT, EnvironmentTable
+from hybrid_rt.core import checks
 from hybrid_rt.lights.light import Environment, upright
+from hybrid_rt.shading.kernels.environment import GRADIENT, EnvironmentTable
 
 
 class GradientSky(Environment):

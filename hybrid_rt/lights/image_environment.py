@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from hybrid_rt import checks
-from hybrid_rt.kernels.environment import PICTURE, EnvironmentTable
+from hybrid_rt.core import checks
+from hybrid_rt.core.records import FloatArray
 from hybrid_rt.lights.light import Environment, upright
-from hybrid_rt.records import FloatArray
+from hybrid_rt.shading.kernels.environment import PICTURE, EnvironmentTable
 from hybrid_rt.textures import ImageTexture
 
 

@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from hybrid_rt.kernels.environment import EnvironmentTable, sky_on_rays
-from hybrid_rt.records import FloatArray
+from hybrid_rt.core.records import FloatArray
+from hybrid_rt.shading.kernels.environment import EnvironmentTable, sky_on_rays
 from hybrid_rt.textures.texture import Texture
 
 

@@ -7,9 +7,9 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hybrid_rt import checks
-from hybrid_rt.kernels.light import POINT
+from hybrid_rt.core import checks
 from hybrid_rt.lights.light import Light, LightRow
+from hybrid_rt.shading.kernels.emitter import POINT
 
 
 class PointLight(Light):

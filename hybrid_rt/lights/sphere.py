@@ -7,10 +7,10 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hybrid_rt import checks
-from hybrid_rt.kernels.light import SPHERE
+from hybrid_rt.core import checks
 from hybrid_rt.lights.light import Light, LightRow
 from hybrid_rt.primitives import Sphere
+from hybrid_rt.shading.kernels.emitter import SPHERE
 
 
 class SphereLight(Light):

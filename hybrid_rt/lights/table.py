@@ -7,10 +7,10 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from hybrid_rt.kernels.environment import NO_SKY, EnvironmentTable
-from hybrid_rt.kernels.light import POINT, LightTable
+from hybrid_rt.core.records import FloatArray
 from hybrid_rt.lights.light import Environment, LightRow
-from hybrid_rt.records import FloatArray
+from hybrid_rt.shading.kernels.emitter import POINT, LightTable
+from hybrid_rt.shading.kernels.environment import NO_SKY, EnvironmentTable
 
 # Where one light is asked, half the choices follow power and half go round: the brightest light
 # may be far away.

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from numpy.typing import ArrayLike
 
-from hybrid_rt import checks
-from hybrid_rt.kernels.lobes import DIELECTRIC
+from hybrid_rt.core import checks
 from hybrid_rt.materials.material import Lobe, Material
+from hybrid_rt.shading.kernels.bsdf import DIELECTRIC
 from hybrid_rt.textures.texture import Texture, as_texture
 
 # Squares of the index multiply radiance at every surface: beyond this pictures overflow.

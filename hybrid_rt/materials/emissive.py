@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from numpy.typing import ArrayLike
 
-from hybrid_rt.checks import shown
+from hybrid_rt.core.checks import shown
 from hybrid_rt.materials.material import Lobe, Material
 from hybrid_rt.textures.texture import Texture, as_radiance
 

@@ -17,7 +17,7 @@ class Lobe:
     """One way of sending light on."""
 
     kind: int
-    """`hybrid_rt.kernels.lobes`: DIFFUSE, PHONG, METAL, MIRROR or DIELECTRIC."""
+    """`hybrid_rt.shading.kernels.bsdf`: DIFFUSE, PHONG, METAL, MIRROR or DIELECTRIC."""
     color: Texture
     number: tuple[float, ...] = ()
     """At most six numbers; `LobeTable.number` says what they are."""

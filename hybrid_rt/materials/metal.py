@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from numpy.typing import ArrayLike
 
-from hybrid_rt import checks
-from hybrid_rt.kernels.lobes import METAL, MIRROR
+from hybrid_rt.core import checks
 from hybrid_rt.materials.material import Lobe, Material
+from hybrid_rt.shading.kernels.bsdf import METAL, MIRROR
 from hybrid_rt.textures.texture import Texture, as_texture
 
 

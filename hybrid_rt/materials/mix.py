@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-from hybrid_rt import checks
-from hybrid_rt.kernels.lobes import DIELECTRIC
+from hybrid_rt.core import checks
 from hybrid_rt.materials.material import Lobe, Material
+from hybrid_rt.shading.kernels.bsdf import DIELECTRIC
 
 # Weights that should add up to one may exceed it by rounding.
 _ROUNDING = 1e-12

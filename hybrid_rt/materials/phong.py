@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hybrid_rt import checks
-from hybrid_rt.kernels.lobes import DIFFUSE, PHONG
+from hybrid_rt.core import checks
 from hybrid_rt.materials.material import Lobe, Material
+from hybrid_rt.shading.kernels.bsdf import DIFFUSE, PHONG
 from hybrid_rt.textures.texture import Texture, as_texture
 
 # A sum of two colours that should be one may exceed it by rounding.

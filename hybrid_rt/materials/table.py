@@ -6,10 +6,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from hybrid_rt.kernels.lobes import DIELECTRIC, LobeTable
-from hybrid_rt.kernels.texture import TextureTable
+from hybrid_rt.core.records import FloatArray
 from hybrid_rt.materials.material import Material
-from hybrid_rt.records import FloatArray
+from hybrid_rt.shading.kernels.bsdf import DIELECTRIC, LobeTable
+from hybrid_rt.shading.kernels.texture import TextureTable
 from hybrid_rt.textures.table import compile_textures
 from hybrid_rt.textures.texture import Texture
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hybrid_rt import checks
-from hybrid_rt.records import FloatArray
+from hybrid_rt.core import checks
+from hybrid_rt.core.records import FloatArray
 from meshing.checks import as_affine, broadcast_parameters
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hybrid_rt.records import FloatArray
+from hybrid_rt.core.records import FloatArray
 from meshing.checks import as_affine, as_direction, as_vector, broadcast_parameters
 
 

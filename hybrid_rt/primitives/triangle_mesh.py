@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from hybrid_rt.records import FloatArray
+from hybrid_rt.core.records import FloatArray
 from meshing.checks import as_affine, as_floats, broadcast_parameters, shown
 
 if TYPE_CHECKING:

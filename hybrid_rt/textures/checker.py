@@ -7,9 +7,9 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hybrid_rt import checks
-from hybrid_rt.kernels.texture import CHECKER_UV, CHECKER_WORLD
-from hybrid_rt.records import FloatArray
+from hybrid_rt.core import checks
+from hybrid_rt.core.records import FloatArray
+from hybrid_rt.shading.kernels.texture import CHECKER_UV, CHECKER_WORLD
 from hybrid_rt.textures.texture import Texture, TextureRow
 
 # Finer squares than this are decided by the rounding of coordinates.

@@ -9,10 +9,10 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from hybrid_rt import checks
-from hybrid_rt.film import srgb_to_linear
-from hybrid_rt.kernels.texture import CLAMP, IMAGE, REPEAT
-from hybrid_rt.records import FloatArray
+from hybrid_rt.core import checks
+from hybrid_rt.core.records import FloatArray
+from hybrid_rt.sensor.color import srgb_to_linear
+from hybrid_rt.shading.kernels.texture import CLAMP, IMAGE, REPEAT
 from hybrid_rt.textures.texture import Texture, TextureRow
 
 

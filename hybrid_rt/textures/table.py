@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from hybrid_rt.kernels.texture import CONSTANT, TextureTable
-from hybrid_rt.records import IntArray
+from hybrid_rt.core.records import IntArray
+from hybrid_rt.shading.kernels.texture import CONSTANT, TextureTable
 from hybrid_rt.textures.texture import Texture
 
 

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from hybrid_rt import checks
-from hybrid_rt.kernels import texture as kernels
-from hybrid_rt.records import FloatArray
+from hybrid_rt.core import checks
+from hybrid_rt.core.records import FloatArray
+from hybrid_rt.shading.kernels import texture as kernels
 
 
 @dataclass(frozen=True)

@@ -8,9 +8,9 @@ import imageio.v3 as imageio
 import numpy as np
 import pytest
 
+from hybrid_rt.cli.scene_file import load_script
 from hybrid_rt.integrators import PPMOptions
-from hybrid_rt.rendering import render
-from hybrid_rt.scene_file import load_script
+from hybrid_rt.rendering.render import render
 
 SCRIPTS = sorted((Path(__file__).parents[2] / "scenes").glob("*.py"))
 

@@ -10,8 +10,9 @@ from pathlib import Path
 
 import pytest
 
-from hybrid_rt import command, progress
-from hybrid_rt.verify import campaign
+from hybrid_rt.cli import command
+from hybrid_rt.cli import terminal as progress
+from hybrid_rt.verify.cases import campaign
 
 TOOLS = Path(__file__).parents[2] / "tools"
 

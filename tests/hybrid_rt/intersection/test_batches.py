@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from hybrid_rt import Intersector, Sphere
-from hybrid_rt.records import NamedPoints
+from hybrid_rt.core.records import NamedPoints
 
 O, D = np.tile([0.0, -4.0, 0.0], (2, 3, 1)), np.tile([0.0, 1.0, 0.0], (2, 3, 1))
 SIX = np.zeros(6, np.int32)

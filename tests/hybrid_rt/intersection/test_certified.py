@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from hybrid_rt import Intersector, Sphere, Status
-from hybrid_rt.kernels.coarse import CoarseHits
+from hybrid_rt.intersection.kernels.search.coarse import CoarseHits
 from meshing import BezierPatches
 
 EPS = 2.0**-52

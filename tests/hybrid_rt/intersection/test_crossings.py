@@ -8,8 +8,8 @@ from trimesh.ray.ray_pyembree import RayMeshIntersector as Embree
 from hybrid_rt import Box, Intersector, Sphere, TriangleMesh
 from hybrid_rt.demo import teapot, vase
 from hybrid_rt.trimesh_adapter import RayMeshIntersector
-from hybrid_rt.verify.campaign import ellipsoid, torus
-from hybrid_rt.verify.rays import chords, edges
+from hybrid_rt.verify.cases.campaign import ellipsoid, torus
+from hybrid_rt.verify.cases.rays import chords, edges
 from meshing import SurfaceOfRevolution
 
 CLOSED = {

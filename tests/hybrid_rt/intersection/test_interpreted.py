@@ -8,11 +8,17 @@ import numba
 import numpy as np
 import pytest
 
-from hybrid_rt.kernels.bicubic import evaluate_bicubic_plain
-from hybrid_rt.kernels.boxes import FARTHEST, push_boxes, sort_key_plain
-from hybrid_rt.kernels.boxes import push_boxes_plain as boxes_plain
-from hybrid_rt.kernels.skew_box import LOWER, RECORD, UPPER, meet_box, meet_box_plain
-from hybrid_rt.verify.rival import Rival, buffers, evaluate_with_numpy
+from hybrid_rt.benchmarks.embree_newton import Rival, buffers, evaluate_with_numpy
+from hybrid_rt.intersection.kernels.patch.bicubic import evaluate_bicubic_plain
+from hybrid_rt.intersection.kernels.patch.skew_box import (
+    LOWER,
+    RECORD,
+    UPPER,
+    meet_box,
+    meet_box_plain,
+)
+from hybrid_rt.intersection.kernels.search.boxes import FARTHEST, push_boxes, sort_key_plain
+from hybrid_rt.intersection.kernels.search.boxes import push_boxes_plain as boxes_plain
 
 SCRIPT = """
 import sys
@@ -158,8 +164,8 @@ def test_keys_order_as_floats_do():
 def test_the_rival_finds_what_a_plain_newton_finds():
     from hybrid_rt import Intersector
     from hybrid_rt.demo import teapot
-    from hybrid_rt.verify.judge import decisions
-    from hybrid_rt.verify.rays import at_box
+    from hybrid_rt.verify.cases.rays import at_box
+    from hybrid_rt.verify.judges.judge import decisions
 
     surface = teapot()
     rays, out = at_box([surface], 5000, seed=6), buffers(5000)

@@ -6,7 +6,7 @@ import pytest
 import trimesh
 
 from hybrid_rt import Box, Intersector, Plane, Rectangle, Sphere, Status, TriangleMesh
-from hybrid_rt.intersection.closed_forms import Spheres
+from hybrid_rt.intersection.kinds.closed_forms import Spheres
 from meshing import BezierPatches, SurfaceOfRevolution
 
 EPS = 2.0**-52

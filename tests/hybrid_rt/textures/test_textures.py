@@ -2,8 +2,8 @@ import imageio.v3 as imageio
 import numpy as np
 import pytest
 
-from hybrid_rt.film import srgb_to_linear
-from hybrid_rt.kernels.texture import texture_color
+from hybrid_rt.sensor.color import srgb_to_linear
+from hybrid_rt.shading.kernels.texture import texture_color
 from hybrid_rt.textures import CheckerTexture, ImageTexture
 from hybrid_rt.textures.table import compile_textures
 from hybrid_rt.textures.texture import ConstantTexture

@@ -1,0 +1,204 @@
+"""How wrong a mesh is, by its tolerance, and what exactness costs.
+
+Each rung of the ladder tessellates the same surfaces to a tolerance, measures how far its triangles
+lie from them, and compares the first hits of accuracies "mesh" and "refined" with certified ones.
+"""
+
+from __future__ import annotations
+
+import time
+import tracemalloc
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from hybrid_rt.core.ray_set import RaySet
+from hybrid_rt.core.records import FloatArray
+from hybrid_rt.core.timing import in_turn
+from hybrid_rt.intersection import Intersector
+from hybrid_rt.intersection.hit_errors import Errors, compare
+from hybrid_rt.verify.cases.rays import at_box, camera, silhouettes
+from meshing import tessellate
+
+# Points per triangle at which deviation and normals are measured, at least so many in all.
+SAMPLES, LEAST_SAMPLES = 4, 20_000
+RAYS: dict[str, Callable[..., RaySet]] = {
+    "random": at_box,
+    "camera": camera,
+    "silhouette": silhouettes,
+}
+
+
+@dataclass(frozen=True)
+class Rung:
+    """One tolerance of the ladder.
+
+    Attributes
+    ----------
+    tolerance, bound, worst, mean : float
+        Asked for; proven; largest and mean distance measured. Scene units.
+    triangles : int
+    build_seconds, memory : float
+        Seconds; bytes at the peak.
+    worst_angle, mean_angle : float
+        Between the normals of triangles and surface, degrees.
+    errors : dict of dict of Errors
+        By accuracy, then by kind of rays.
+    microseconds : dict of dict of float
+        Time per ray by accuracy, then by kind of rays.
+    """
+
+    tolerance: float
+    triangles: int
+    build_seconds: float
+    memory: float
+    bound: float
+    worst: float
+    mean: float
+    worst_angle: float
+    mean_angle: float
+    errors: dict[str, dict[str, Errors]]
+    microseconds: dict[str, dict[str, float]]
+
+
+def climb(
+    surfaces: Sequence[Any],
+    tolerances: Sequence[float],
+    n_rays: int,
+    seed: int = 1,
+    threads: int | None = None,
+    on_rung: Callable[[Rung], None] | None = None,
+) -> list[Rung]:
+    """Measure rung after rung, and then the time per ray of all of them in turn.
+
+    Parameters
+    ----------
+    surfaces : sequence of BezierPatches and SurfaceOfRevolution
+    tolerances : sequence of float
+        Absolute chordal tolerances, scene units.
+    n_rays : int
+        Of each kind.
+    seed, threads : int
+    on_rung : callable, optional
+        Called with each rung as soon as its errors are known; its times are not yet.
+    """
+    rays = {name: make(surfaces, n_rays, seed) for name, make in RAYS.items()}
+    bare = Intersector(surfaces, coarse="none", threads=threads)
+    exact = {name: bare.intersect(r.origins, r.directions) for name, r in rays.items()}
+    next_t = {}
+    for name, r in rays.items():
+        first = exact[name]
+        t_min = np.where(first.hit, first.t, 0.0)
+        beyond = bare.intersect(r.origins, r.directions, t_min=t_min, source=first)
+        next_t[name] = beyond.t
+    rungs: list[Rung] = []
+    contestants: dict[tuple[int, str], Intersector] = {}
+    for number, tolerance in enumerate(tolerances):
+        tracemalloc.start()
+        began = time.perf_counter()
+        meshes = [tessellate(surface, tolerance) for surface in surfaces]
+        seconds = time.perf_counter() - began
+        memory = tracemalloc.get_traced_memory()[1]
+        tracemalloc.stop()
+        distances, angles = deviations(surfaces, meshes, seed)
+        for name in ("mesh", "refined", "certified"):
+            contestants[number, name] = Intersector(
+                surfaces, name, tolerance=tolerance, threads=threads
+            )
+        contestants[number, 'certified, coarse="none"'] = bare
+        errors: dict[str, dict[str, Errors]] = {}
+        for name in ("mesh", "refined"):
+            errors[name] = {}
+            for kind, r in rays.items():
+                found = contestants[number, name].intersect(r.origins, r.directions)
+                errors[name][kind] = compare(exact[kind], next_t[kind], found, r)
+        rungs.append(
+            Rung(
+                tolerance,
+                sum(len(mesh) for mesh in meshes),
+                seconds,
+                float(memory),
+                max(mesh.deviation_bound for mesh in meshes),
+                float(distances.max()),
+                float(distances.mean()),
+                float(angles.max()),
+                float(angles.mean()),
+                errors,
+                {name: {} for step, name in contestants if step == number},
+            )
+        )
+        if on_rung is not None:
+            on_rung(rungs[-1])
+    for kind, r in rays.items():
+        timings = in_turn({key: _trace(tracer, r) for key, tracer in contestants.items()}, 3)
+        for (number, name), timing in timings.items():
+            rungs[number].microseconds[name][kind] = timing.median / n_rays * 1e6
+    return rungs
+
+
+def deviations(
+    surfaces: Sequence[Any], meshes: Sequence[Any], seed: int
+) -> tuple[FloatArray, FloatArray]:
+    """Sample triangles: distances to the surface at the same (u, v), and angles of normals.
+
+    Returns
+    -------
+    distances : (k,) float64, scene units
+    angles : (k,) float64, degrees
+    """
+    rng = np.random.default_rng(seed)
+    distances, angles = [], []
+    for surface, mesh in zip(surfaces, meshes, strict=True):
+        repeat = max(SAMPLES, -(-LEAST_SAMPLES // len(mesh)))
+        face = np.repeat(np.arange(len(mesh)), repeat)
+        weights = rng.dirichlet((1.0, 1.0, 1.0), len(face))
+        u, v = np.einsum("ij,ijk->ki", weights, mesh.uv[face])
+        corners = mesh.vertices[mesh.faces[face]]
+        points = np.einsum("ij,ijk->ik", weights, corners)
+        normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        length = np.linalg.norm(normal, axis=1)
+        some = length > 0.0
+        true = surface.normal(u, v, mesh.patch_id[face])
+        cosine = np.einsum("ij,ij->i", normal[some], true[some]) / length[some]
+        angles.append(np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0))))
+        distances.append(np.linalg.norm(points - surface.point(u, v, mesh.patch_id[face]), axis=1))
+    return np.concatenate(distances), np.concatenate(angles)
+
+
+def error_image(
+    surfaces: Sequence[Any], tolerance: float, width: int, height: int
+) -> tuple[FloatArray, FloatArray]:
+    """Trace a picture by mesh and surface.
+
+    Returns
+    -------
+    error : (height, width) float64
+        |t - exact t| in scene units; nan where both miss, inf where one does.
+    shade : (height, width) float64
+        |cos| of the exact hit, for the look of it.
+    """
+    low = np.min([s.bounds[0] for s in surfaces], axis=0)
+    high = np.max([s.bounds[1] for s in surfaces], axis=0)
+    middle, size = 0.5 * (low + high), float(np.linalg.norm(high - low))
+    forward = np.array([0.35, 0.8, -0.35])
+    forward /= np.linalg.norm(forward)
+    right = np.cross(forward, (0.0, 0.0, 1.0))
+    right /= np.linalg.norm(right)
+    up = np.cross(right, forward)
+    row, column = np.indices((height, width))
+    x, y = (column + 0.5 - width / 2) / width, (height / 2 - row - 0.5) / width
+    directions = forward + 0.75 * (x[..., None] * right + y[..., None] * up)
+    origin = middle - 1.45 * size * forward
+    exact = Intersector(surfaces, coarse="none").intersect(origin, directions)
+    meshed = Intersector(surfaces, "mesh", tolerance=tolerance).intersect(origin, directions)
+    length = np.linalg.norm(directions.reshape(-1, 3), axis=1)
+    with np.errstate(invalid="ignore"):
+        error = np.abs(meshed.t - exact.t) * length
+        shade = np.abs(np.einsum("ij,ij->i", exact.normal, directions.reshape(-1, 3))) / length
+    return error.reshape(height, width), shade.reshape(height, width)
+
+
+def _trace(tracer: Intersector, rays: RaySet) -> Callable[[], object]:
+    return lambda: tracer.intersect(rays.origins, rays.directions)

@@ -1,0 +1,331 @@
+"""Two pictures side by side: how far apart, where, and how much of it their noise explains."""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hybrid_rt.core.ledger import as_json
+from hybrid_rt.core.records import FloatArray
+from hybrid_rt.sensor.color import screen_pixels, srgb_to_linear
+from hybrid_rt.sensor.image_files import check_output, replacing, sidecar_of
+from hybrid_rt.sensor.image_metrics import DARK, PictureErrors, picture_errors, relative_squares
+from meshing.checks import as_path
+
+Pixels = NDArray[np.uint8]
+
+# Relative errors shown from the darkest colour to the brightest, and colours between.
+LEAST_SHOWN, MOST_SHOWN = 1e-3, 1.0
+_COLORS = np.array([
+    (0, 0, 4), (33, 12, 74), (87, 16, 110), (138, 34, 106), (188, 55, 84), (228, 90, 49),
+    (249, 142, 9), (249, 203, 53), (252, 255, 164),
+], dtype=np.float64)  # fmt: skip
+
+CAPTION_HEIGHT, GAP = 16, 6
+
+
+@dataclass(frozen=True)
+class Picture:
+    """A picture read from a file.
+
+    Attributes
+    ----------
+    name : str
+    image : (height, width, 3) float32
+        Linear radiance.
+    report : dict or None
+        The report of its render, where one was kept.
+    standard_error : (height, width, 3) float32 or None
+        Where the file has that channel.
+    """
+
+    name: str
+    image: NDArray[np.float32]
+    report: dict[str, Any] | None
+    standard_error: NDArray[np.float32] | None
+
+
+def load_picture(path: str | os.PathLike[str]) -> Picture:
+    """Read a .npz or .exr file of ours, or any .png (8 bit, sRGB: coarse and clipped at 1).
+
+    Raises
+    ------
+    FileNotFoundError, ValueError
+        If there is no such file, or it holds no such picture.
+    """
+    file = as_path(path, "picture")
+    if not file.is_file():
+        raise FileNotFoundError(f"picture {str(file)!r}: there is no such file")
+    readers = {".npz": _read_npz, ".exr": _read_exr, ".png": _read_png}
+    reader = readers.get(file.suffix.lower())
+    if reader is None:
+        raise ValueError(f"picture {str(file)!r} has an unknown ending: pass {', '.join(readers)}")
+    try:
+        picture = reader(file)
+    except ModuleNotFoundError:
+        raise ModuleNotFoundError(
+            f"picture {str(file)!r}: EXR needs the package OpenEXR: pip install 'hybrid-rt[exr]'"
+        ) from None
+    except _NotAPictureError:
+        raise
+    except Exception as error:  # whatever the reader of that format raises on a damaged file
+        reason = " ".join(str(error).split()) or type(error).__name__
+        raise ValueError(
+            f"picture {str(file)!r} cannot be read ({reason[:100]}): pass a complete {file.suffix} file"
+        ) from error
+    _check_arrays(file, picture)
+    return picture
+
+
+class _NotAPictureError(ValueError):
+    """A file that can be read, but holds something else."""
+
+
+def _check_arrays(file: Path, picture: Picture) -> None:
+    image, error = picture.image, picture.standard_error
+    if image.ndim != 3 or image.shape[2] != 3 or not image.size or image.dtype.kind != "f":
+        raise ValueError(
+            f"picture {str(file)!r} holds {image.dtype} of shape {image.shape}: pass floats of "
+            "shape (height, width, 3)"
+        )
+    if error is not None and error.shape != image.shape:
+        raise ValueError(
+            f"picture {str(file)!r} has shape {image.shape}, its standard_error {error.shape}: pass "
+            "a file as it was written"
+        )
+
+
+def _report_of(text: str | bytes | None) -> dict[str, Any] | None:
+    """Return a report of ours; None for what is something else."""
+    try:
+        report = None if text is None else json.loads(text)
+    except ValueError:
+        return None
+    return report if isinstance(report, dict) else None
+
+
+def _read_npz(file: Path) -> Picture:
+    # Opened here: of a damaged file numpy leaves its own open.
+    with file.open("rb") as opened, np.load(opened, allow_pickle=False) as data:
+        if "image" not in data:
+            names = ", ".join(data) or "nothing"
+            raise _NotAPictureError(
+                f"picture {str(file)!r} holds no array named image, but {names}: pass a file of ours"
+            )
+        report = _report_of(str(data["report"]) if "report" in data else None)
+        error = data.get("standard_error")
+        return Picture(file.name, data["image"], report, error)
+
+
+def _read_exr(file: Path) -> Picture:
+    import OpenEXR
+
+    with OpenEXR.File(str(file), separate_channels=True) as opened:
+        planes = {name: channel.pixels for name, channel in opened.channels().items()}
+        text = opened.header().get("hybrid_rt")
+    if not {"R", "G", "B"} <= planes.keys():
+        raise _NotAPictureError(
+            f"picture {str(file)!r} has no channels R, G, B, but {', '.join(planes)}: pass a picture"
+        )
+    image = np.stack([planes[c] for c in "RGB"], axis=2).astype(np.float32)
+    names = [f"standard_error.{c}" for c in "RGB"]
+    error = None
+    if planes.keys() >= set(names):
+        error = np.stack([planes[name] for name in names], axis=2).astype(np.float32)
+    return Picture(file.name, image, _report_of(text), error)
+
+
+def _read_png(file: Path) -> Picture:
+    import imageio.v3 as imageio
+
+    pixels = imageio.imread(file)
+    if pixels.ndim != 3 or pixels.shape[2] not in {3, 4} or pixels.dtype != np.uint8:
+        raise _NotAPictureError(
+            f"picture {str(file)!r} has {pixels.dtype} pixels of shape {pixels.shape}: pass 8 bit RGB"
+        )
+    sidecar = sidecar_of(file)
+    report = _report_of(sidecar.read_bytes() if sidecar.is_file() else None)
+    image = srgb_to_linear(pixels[:, :, :3] / 255.0).astype(np.float32)
+    return Picture(file.name, image, report, None)
+
+
+def compare_pictures(
+    one: Picture, other: Picture, reference: Picture | None = None
+) -> dict[str, Any]:
+    """Measure one picture against the other, or both against a reference.
+
+    Returns
+    -------
+    dict
+        Of plain numbers: ``errors`` by name of the measured picture (the fields of
+        `hybrid_rt.sensor.image_metrics.PictureErrors`), ``against`` what, ``expected`` the relative RMSE that
+        the stated noise of both sides explains (None where a side states none), and ``seconds``
+        by name where a report tells them.
+
+    Raises
+    ------
+    ValueError
+        If the pictures differ in size or are not finite.
+    """
+    target = other if reference is None else reference
+    measured = [one] if reference is None else [one, other]
+    names = _distinct([*measured, target])
+    for name, picture in zip(names, [*measured, target], strict=True):
+        if picture.image.shape != target.image.shape:
+            raise ValueError(
+                f"{name} has {_size(picture)} pixels, {names[-1]} {_size(target)}: pass pictures of "
+                "one size"
+            )
+        n_bad = int(np.count_nonzero(~np.isfinite(picture.image).all(axis=2)))
+        if n_bad:
+            raise ValueError(
+                f"{name} has {n_bad} pixels that are not finite: render it again without them"
+            )
+    rows = {}
+    for name, picture in zip(names, measured, strict=False):
+        rows[name] = {
+            **asdict(picture_errors(picture.image, target.image)),
+            "expected": _expected(picture, target),
+            "seconds": _found(picture.report, "seconds", "total"),
+        }
+    return {"against": names[-1], "errors": rows}
+
+
+def _size(picture: Picture) -> str:
+    height, width, _ = picture.image.shape
+    return f"{width} x {height}"
+
+
+def _found(report: dict[str, Any] | None, part: str, name: str) -> float | None:
+    """Return a number of a report; None where a report, perhaps another program's, has none."""
+    inner = None if report is None else report.get(part)
+    value = inner.get(name) if isinstance(inner, dict) else None
+    return float(value) if isinstance(value, int | float) else None
+
+
+def _distinct(pictures: Sequence[Picture]) -> list[str]:
+    """Return names of which no two are equal."""
+    names = [picture.name for picture in pictures]
+    return [name if names.count(name) == 1 else f"{name} ({i + 1})" for i, name in enumerate(names)]
+
+
+def _expected(one: Picture, other: Picture) -> float | None:
+    """Return the relative RMSE between two pictures that differ by their noise only."""
+    variance = 0.0
+    for picture in (one, other):
+        noise = _found(picture.report, "noise", "relative_rmse")
+        if picture.standard_error is not None:
+            weight = other.image.astype(np.float64) ** 2 + DARK
+            variance += float((picture.standard_error.astype(np.float64) ** 2 / weight).mean())
+        elif noise is not None:
+            variance += noise**2
+        else:
+            return None
+    return math.sqrt(variance)
+
+
+def in_words(comparison: dict[str, Any]) -> str:
+    """Put a comparison into a table."""
+    head = ("RMSE", "without", "relative", "without", "mean", "worst", "by noise", "seconds")
+    below = ("", "0.1 %", "RMSE", "0.1 %", "error", "", "", "")
+    lines = [f"against {comparison['against']}:"]
+    lines += [f"  {'':24}" + "".join(f" {word:>9}" for word in row) for row in (head, below)]
+    for name, row in comparison["errors"].items():
+        expected = "unknown" if row["expected"] is None else f"{row['expected']:.3g}"
+        seconds = "unknown" if row["seconds"] is None else f"{row['seconds']:.2f}"
+        lines.append(
+            f"  {name:24} {row['rmse']:9.3g} {row['rmse_of_most']:9.3g} "
+            f"{row['relative_rmse']:9.3g} {row['relative_rmse_of_most']:9.3g} "
+            f"{row['mean_error']:+9.2g} {row['worst']:9.3g} {expected:>9} {seconds:>9}"
+        )
+    lines.append(
+        "  (relative: over sqrt(r^2 + 0.01); without the worst 0.1 % of the pixels; by noise: the "
+        "relative RMSE that both sides' own errors explain)"
+    )
+    return "\n".join(lines)
+
+
+def error_map(image: NDArray[np.floating], reference: NDArray[np.floating]) -> Pixels:
+    """Colour relative errors, root mean square over channels: black 0.001, yellow 1.
+
+    Returns
+    -------
+    (height, width, 3) uint8
+    """
+    relative = np.sqrt(relative_squares(image, reference).mean(axis=2))
+    return error_colors(relative)
+
+
+def error_colors(relative: FloatArray) -> Pixels:
+    """Colour relative errors of any shape on a logarithmic scale from 0.001 to 1."""
+    decades = math.log10(MOST_SHOWN / LEAST_SHOWN)
+    level = np.log10(np.clip(relative, LEAST_SHOWN, MOST_SHOWN) / LEAST_SHOWN) / decades
+    places = np.linspace(0.0, 1.0, len(_COLORS))
+    channels = [np.interp(level, places, _COLORS[:, c]) for c in range(3)]
+    return np.rint(np.stack(channels, axis=-1)).astype(np.uint8)
+
+
+def side_by_side(panels: Sequence[tuple[str, Pixels]]) -> Pixels:
+    """Put pictures of one size beside each other, a caption above each."""
+    from PIL import Image, ImageDraw
+
+    height, width, _ = panels[0][1].shape
+    n = len(panels)
+    sheet = Image.new("RGB", (n * width + (n - 1) * GAP, height + CAPTION_HEIGHT), "white")
+    draw = ImageDraw.Draw(sheet)
+    for k, (caption, pixels) in enumerate(panels):
+        left = k * (width + GAP)
+        sheet.paste(Image.fromarray(pixels), (left, CAPTION_HEIGHT))
+        draw.text((left + 2, 2), caption, fill="black")
+    return np.asarray(sheet)
+
+
+def comparison_sheet(
+    one: Picture, other: Picture, reference: Picture | None = None, exposure: float = 0.0
+) -> Pixels:
+    """Return both pictures and their error maps, side by side."""
+    target = other if reference is None else reference
+    panels = [(one.name, screen_pixels(one.image, exposure))]
+    panels.append((other.name, screen_pixels(other.image, exposure)))
+    for picture in [one] if reference is None else [one, other]:
+        errors: PictureErrors = picture_errors(picture.image, target.image)
+        caption = f"error of {picture.name}: {errors.relative_rmse:.2g} (black 0.001, yellow 1)"
+        panels.append((caption, error_map(picture.image, target.image)))
+    return side_by_side(panels)
+
+
+def check_sheet(path: str | os.PathLike[str], pictures: Sequence[str | os.PathLike[str]]) -> Path:
+    """Return the path if a comparison of these pictures can be written there.
+
+    Raises
+    ------
+    ValueError, OSError
+        If the ending is another one than .png, it is one of the pictures, or no file can be made
+        there.
+    """
+    out = check_output(path)
+    if out.suffix.lower() != ".png":
+        raise ValueError(f"output {str(out)!r}: pass a .png, the map of errors is one")
+    if any(out.resolve() == Path(picture).resolve() for picture in pictures):
+        raise ValueError(f"output {str(out)!r} is one of the pictures: name another file")
+    return out
+
+
+def save_comparison(path: Path, sheet: Pixels, comparison: dict[str, Any]) -> Path:
+    """Write a sheet as PNG and what was measured beside it, a.json of a.png; return the latter."""
+    import imageio.v3 as imageio
+
+    with replacing(path) as file:
+        imageio.imwrite(file, sheet, extension=".png")
+    figures = sidecar_of(path)
+    with replacing(figures) as file:
+        file.write(as_json(comparison).encode())
+    return figures

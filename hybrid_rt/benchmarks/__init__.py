@@ -1,0 +1,1 @@
+"""Rivals, timings and calibrations that the tools run."""

@@ -1,0 +1,274 @@
+"""Are stated errors true? Noise against closed forms, t_bound against exact roots."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hybrid_rt.benchmarks.photon_truth import PHOTON_PICTURES, PhotonPicture
+from hybrid_rt.core.ray_set import RaySet
+from hybrid_rt.core.records import BoolArray, FloatArray, HitRecord, Status
+from hybrid_rt.integrators import PPMOptions
+from hybrid_rt.intersection import Intersector
+from hybrid_rt.lights import RectangleLight
+from hybrid_rt.materials import Emissive, Lambertian
+from hybrid_rt.primitives import Box, Rectangle, Sphere
+from hybrid_rt.rendering.render import render
+from hybrid_rt.scene.scene import Object, Scene
+from hybrid_rt.sensor.camera import Camera
+from hybrid_rt.verify.cases.campaign import STEP
+from hybrid_rt.verify.cases.rays import hard_rays
+from hybrid_rt.verify.judges.judge import Verdict, compare
+from hybrid_rt.verify.judges.kernels.events import BAND
+from hybrid_rt.verify.judges.oracle import Truth, first_hits
+
+# Pixels of the pictures: enough for a mean, few enough for hundreds of pictures.
+SIDE = 4
+EPS = float(np.finfo(np.float64).eps)
+
+
+@dataclass(frozen=True)
+class KnownPicture:
+    """A scene whose noise is judged.
+
+    Attributes
+    ----------
+    scene : Scene
+    truth : (3,) float64 or None
+        Of every pixel. None: the mean over all seeds stands in for it, which is what noise is about
+        where a picture of few passes is blurred as well.
+    integrators : tuple of str
+        Those that find all its light.
+    settings : dict
+        What `render` takes besides.
+    """
+
+    scene: Scene
+    truth: FloatArray | None
+    integrators: tuple[str, ...]
+    settings: dict[str, Any]
+
+
+def _one_point(look_from: Sequence[float], look_at: Sequence[float]) -> Camera:
+    """Return a camera all pixels of which see the same point."""
+    return Camera(look_from, look_at, (0, 1, 0), vertical_fov=1e-6, width=SIDE, height=SIDE)
+
+
+def floor_under_lamp() -> KnownPicture:
+    """Return a matt floor under the corner of a rectangular lamp: a smooth integrand.
+
+    The irradiance is that of a textbook's parallel rectangle.
+    """
+    a, b, height = 1.5, 0.7, 0.9
+    lamp = RectangleLight((0, 0, height), (0, b, 0), (a, 0, 0), (1, 2, 3))
+    floor = Object(Rectangle((-5, -5, 0), (10, 0, 0), (0, 10, 0)), Lambertian(0.5), "floor")
+    p, q = math.hypot(a, height), math.hypot(b, height)
+    irradiance = 0.5 * (a / p * math.atan(b / p) + b / q * math.atan(a / q))
+    camera = _one_point((-0.3, -0.2, 0.5), (0, 0, 0))
+    truth = 0.5 / math.pi * irradiance * np.array([1.0, 2.0, 3.0])
+    return KnownPicture(Scene(camera, [floor], [lamp]), truth, ("path", "whitted"), {})
+
+
+def shining_room() -> KnownPicture:
+    """Return a closed room whose walls shine and reflect half: L = 1 + L / 2, over many bounces."""
+    walls = Emissive((1.0, 0.5, 0.25), Lambertian(0.5))
+    room = Object(Box((-1, -1, -1), (1, 1, 1)).flipped(), walls, "room")
+    camera = Camera((0, 0, 0), (1, 0.2, 0.1), (0, 0, 1), 90, SIDE, SIDE)
+    # What 60 reflections leave out is 2**-60.
+    truth = np.array([2.0, 1.0, 0.5])
+    return KnownPicture(Scene(camera, [room]), truth, ("path",), {"max_depth": 60})
+
+
+def ball_in_a_pixel() -> KnownPicture:
+    """Return a shining ball in the middle of one pixel: its share of the pixel is an area.
+
+    The camera sees the ball within an angle of arcsin(r / d), a disc on the film.
+    """
+    d, r, fov = 5.0, 0.6, 20.0
+    ball = Object(Sphere((0, 0, 0), r), Emissive((1.0, 2.0, 4.0)), "ball")
+    camera = Camera((0, 0, d), (0, 0, 0), (0, 1, 0), fov, 1, 1)
+    tangent = math.tan(math.asin(r / d)) / math.tan(math.radians(0.5 * fov))
+    truth = 0.25 * math.pi * tangent**2 * np.array([1.0, 2.0, 4.0])
+    return KnownPicture(Scene(camera, [ball]), truth, ("path", "whitted"), {})
+
+
+def with_few_photons(picture: PhotonPicture) -> KnownPicture:
+    """Return a picture with borders of light, for its noise: few photons, radii by themselves."""
+    options = PPMOptions(5000)
+    return KnownPicture(picture.scene, None, ("ppm",), {"options": options})
+
+
+PICTURES: dict[str, Callable[[], KnownPicture]] = {
+    "floor under a lamp": floor_under_lamp,
+    "shining room": shining_room,
+    "ball in a pixel": ball_in_a_pixel,
+    **{
+        name: lambda make=make: with_few_photons(make())  # type: ignore[misc]
+        for name, make in PHOTON_PICTURES.items()
+    },
+}
+
+
+@dataclass(frozen=True)
+class Coverage:
+    """How often the truth fell into the stated 95 % intervals.
+
+    Attributes
+    ----------
+    of_pixels, of_mean : float
+        Shares, over all seeds, pixels and channels; over all seeds.
+    error_ratio : float
+        Root mean square of the stated standard errors of pixels over that of the true errors.
+    """
+
+    of_pixels: float
+    of_mean: float
+    error_ratio: float
+
+
+def coverage(picture: KnownPicture, integrator: str, passes: int, seeds: Sequence[int]) -> Coverage:
+    """Render a known picture with each seed and see whether the stated intervals hold the truth."""
+    results = [
+        render(
+            picture.scene,
+            integrator,
+            passes,
+            seed=seed,
+            threads=1,
+            outputs=["standard_error", "half_interval"],
+            **picture.settings,
+        )
+        for seed in seeds
+    ]
+    images = np.array([result.image for result in results], dtype=np.float64)
+    truth = images.mean(axis=0) if picture.truth is None else picture.truth
+    gap = images - truth
+    # float32 pixels; where all passes agree to the last bit there is no other error.
+    slack = 2.0**-23 * truth
+    reach = np.array([result.channels["half_interval"] for result in results])
+    noises = [result.report["noise"] for result in results]
+    gaps = np.array([noise["image_mean"] for noise in noises]) - truth.mean()
+    reaches = [n["interval_factor"] * n["standard_error_of_image_mean"] for n in noises]
+    stated = [np.square(r.channels["standard_error"], dtype=np.float64).mean() for r in results]
+    return Coverage(
+        float((np.abs(gap) <= reach + slack).mean()),
+        float((np.abs(gaps) <= reaches + slack.mean()).mean()),
+        math.sqrt(float(np.mean(stated)) / float(np.square(gap).mean())),
+    )
+
+
+@dataclass(frozen=True)
+class Bounds:
+    """Stated bounds of t against the truth: in double-double, or to 60 digits.
+
+    Attributes
+    ----------
+    hits : int
+        Hits whose true t is known, at least to the last bit.
+    wrong : int
+        Other hits, which are not even the first; they count nowhere else.
+    exceeded : int
+        Hits with |t - exact t| above t_bound.
+    worst : float
+        Largest |t - exact t| / t_bound; half an ulp of t is given away where the truth is rounded.
+    looseness : (hits,) float64
+        t_bound over eps x scale / |cos|, scale the larger of the surface's size and its distance.
+    """
+
+    hits: int
+    wrong: int
+    exceeded: int
+    worst: float
+    looseness: FloatArray
+
+
+def bounds(
+    surfaces: Sequence[Any], n_rays: int, seed: int, threads: int | None = None
+) -> Iterator[Bounds]:
+    """Judge the bounds of certified hits of n hard rays, some thousands at a time."""
+    for _, hits, truth, verdict in _judged(surfaces, n_rays, seed, threads):
+        same = _same_root(hits, truth, verdict)
+        t, bound = hits.t[same], hits.t_bound[same]
+        excess = np.abs(t - truth.t[same]) - 0.5 * np.spacing(np.abs(t))
+        yield Bounds(
+            hits=int(same.sum()),
+            wrong=verdict.n_wrong,
+            exceeded=int((excess > bound).sum()),
+            worst=verdict.worst_bound,
+            looseness=_looseness(hits, truth, same),
+        )
+
+
+def bounds_by_digits(
+    surfaces: Sequence[Any], n_hits: int, seed: int, threads: int | None = None
+) -> Bounds:
+    """Judge the bounds of n certified hits of hard rays by their roots to 60 digits."""
+    from hybrid_rt.verify.judges.many_digits import exact_t, excess
+
+    parts, left = [], n_hits
+    for rays, hits, truth, verdict in _judged(surfaces, 100 * n_hits, seed, threads):
+        rows = np.flatnonzero(_same_root(hits, truth, verdict))[:left]
+        found, bound = hits[rows], hits.t_bound[rows]
+        exact = exact_t(surfaces, found, rays.origins[rows], rays.directions[rows])
+        error = excess(found.t, exact)
+        # Where Newton ends nowhere the error is nan: counted as exceeding whatever the bound.
+        ratio = np.divide(error, bound, out=np.full(len(rows), np.inf), where=bound > 0.0)
+        ratio[error == 0.0] = 0.0
+        ratio[np.isnan(ratio)] = np.inf
+        parts.append(
+            Bounds(
+                hits=len(rows),
+                wrong=verdict.n_wrong,
+                exceeded=int((ratio > 1.0).sum()),
+                worst=float(ratio.max(initial=0.0)),
+                looseness=_looseness(hits, truth, rows),
+            )
+        )
+        left -= len(rows)
+        if left == 0:
+            break
+    return Bounds(
+        hits=sum(part.hits for part in parts),
+        wrong=sum(part.wrong for part in parts),
+        exceeded=sum(part.exceeded for part in parts),
+        worst=max(part.worst for part in parts),
+        looseness=np.concatenate([part.looseness for part in parts]),
+    )
+
+
+def _judged(
+    surfaces: Sequence[Any], n_rays: int, seed: int, threads: int | None
+) -> Iterator[tuple[RaySet, HitRecord, Truth, Verdict]]:
+    """Yield hard rays, their certified hits, the truth and what the judge says, some thousands."""
+    tracer = Intersector(surfaces, threads=threads)
+    for k, begin in enumerate(range(0, n_rays, STEP)):
+        rays = hard_rays(surfaces, min(STEP, n_rays - begin), seed + k)
+        hits = tracer.intersect(rays.origins, rays.directions)
+        truth = first_hits(surfaces, rays.origins, rays.directions, threads=threads)
+        yield rays, hits, truth, compare(hits, truth)
+
+
+def _same_root(hits: HitRecord, truth: Truth, verdict: Verdict) -> BoolArray:
+    """Tell which hits are the oracle's first certain roots, where that knows them exactly."""
+    same: BoolArray = truth.exact & hits.hit & ~truth.ambiguous & ~truth.undecided
+    same &= (hits.object_id == truth.object_id) & (hits.patch_id == truth.patch_id)
+    for rows in verdict.rows.values():
+        same[rows] = False
+    # Decided within rounding, the hit may be one that the ray only touches, before the first
+    # certain root: right, but not that root.
+    slack = truth.band / (np.maximum(truth.cosine, 1e-13) * truth.length)
+    with np.errstate(invalid="ignore"):
+        is_other = (hits.status == Status.TANGENT) & (truth.t - hits.t > slack)
+    same &= ~is_other
+    return same
+
+
+def _looseness(hits: HitRecord, truth: Truth, rows: BoolArray | NDArray[np.intp]) -> FloatArray:
+    unit = truth.band[rows] * (EPS / BAND)
+    loose: FloatArray = hits.t_bound[rows] * truth.length[rows] * truth.cosine[rows] / unit
+    return loose

@@ -1,0 +1,151 @@
+"""What all command lines share: exit codes, Ctrl-C, word of long compilations, figures kept."""
+
+from __future__ import annotations
+
+import argparse
+import importlib.util
+import io
+import os
+import sys
+import warnings
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import Any, TextIO
+
+BAD_INPUT, INTERRUPTED, CLOSED_PIPE = 2, 130, 141
+REFUSALS = (ValueError, TypeError, OSError, ImportError, MemoryError, OverflowError)
+
+
+def run_tool(main: Callable[[], int]) -> int:
+    """Run a tool; return its exit code, also of refusals and of Ctrl-C.
+
+    Compilations of kernels that take long are announced on the standard error.
+    """
+    from hybrid_rt.core.progress import watch_compilation
+
+    def run() -> int:
+        with watch_compilation(_said):
+            return main()
+
+    def told(_: KeyboardInterrupt) -> str:
+        return "interrupted: what was found so far stands above, and in the files asked for"
+
+    return guarded(Path(sys.argv[0]).name, run, told)
+
+
+def guarded(
+    name: str, run: Callable[[], int | None], told: Callable[[KeyboardInterrupt], str]
+) -> int:
+    """Run a command; return its exit code, also of refusals, Ctrl-C and closed pipes.
+
+    Parameters
+    ----------
+    name : str
+        What the command is called in messages.
+    run : callable
+        Does its work; may return an exit code.
+    told : callable
+        Returns what to say of an interrupt.
+    """
+    if isinstance(sys.stdout, io.TextIOWrapper):
+        # Letters that the output does not have are shown as their numbers.
+        sys.stdout.reconfigure(errors="backslashreplace")
+    try:
+        with _plain_warnings(name):
+            code = run()
+        if sys.stdout is not None:
+            sys.stdout.flush()  # now, while a failure can still be told
+        return code or 0
+    except BrokenPipeError:
+        # Without a word, as programs end of which ``head`` has read enough: what is still to be
+        # written at the end of Python goes nowhere.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return CLOSED_PIPE
+    except KeyboardInterrupt as interrupt:
+        _say(f"\n{told(interrupt)}")
+        return INTERRUPTED
+    except REFUSALS as error:
+        _say(f"{name}: {error}")
+        return BAD_INPUT
+
+
+@contextmanager
+def _plain_warnings(name: str) -> Iterator[None]:
+    """Print this project's warnings as lines of a command, without a place in its code."""
+    with warnings.catch_warnings():
+        as_before = warnings.showwarning
+
+        def show(
+            message: Warning | str,
+            category: type[Warning],
+            filename: str,
+            lineno: int,
+            file: TextIO | None = None,
+            line: str | None = None,
+        ) -> None:
+            if category is UserWarning:
+                _say(f"{name}: warning: {message}")
+            else:
+                as_before(message, category, filename, lineno, file, line)
+
+        warnings.showwarning = show
+        yield
+
+
+def one_or_more(text: str) -> int:
+    """Read an argument that is a whole number from 1 on."""
+    if not (text.isdecimal() and int(text) > 0):
+        raise argparse.ArgumentTypeError(f"{text!r}: pass a whole number from 1 on")
+    return int(text)
+
+
+def say_if_no_plots(what: str) -> None:
+    """Say, before the work, what there will be none of where matplotlib is not installed."""
+    if importlib.util.find_spec("matplotlib") is None:
+        _say(f"no {what} without matplotlib: pip install 'hybrid-rt[plot]'")
+
+
+@contextmanager
+def kept(file: Path | None, figures: Callable[[], Any]) -> Iterator[None]:
+    """Write figures as JSON at the end of a block, also where Ctrl-C ends it.
+
+    Parameters
+    ----------
+    file : Path or None
+        None: nothing is written.
+    figures : callable
+        Returns what has been found so far.
+
+    Raises
+    ------
+    OSError
+        Before the block, if there can be no such file.
+    """
+    if file is not None:
+        from hybrid_rt.sensor.image_files import check_writable
+
+        check_writable(file)
+    try:
+        yield
+    except KeyboardInterrupt:
+        _write(file, figures())
+        raise
+    _write(file, figures())
+
+
+def _write(file: Path | None, figures: Any) -> None:
+    if file is not None:
+        from hybrid_rt.core.ledger import as_json
+
+        file.write_text(as_json(figures), "utf-8")
+
+
+def _said(stage: str, done: int, total: int) -> None:
+    del done, total
+    _say(f"{stage} ...")
+
+
+def _say(text: str) -> None:
+    with suppress(OSError):  # nobody need listen
+        print(text, file=sys.stderr, flush=True)  # noqa: T201

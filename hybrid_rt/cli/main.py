@@ -1,0 +1,375 @@
+"""The command ``hybrid-rt``: the demo, and pictures of scene scripts."""
+
+from __future__ import annotations
+
+import argparse
+import math
+import sys
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from hybrid_rt._version import __version__
+from hybrid_rt.cli.command import guarded
+
+if TYPE_CHECKING:
+    from hybrid_rt.core.progress import Progress
+    from hybrid_rt.rendering.render import RenderInterrupted, RenderResult
+    from hybrid_rt.scene.scene import Scene
+
+EXAMPLES = """\
+examples:
+  hybrid-rt demo                                   the teapot, in some seconds, as demo.png
+  hybrid-rt render scenes/vase.py                  the scene of a script, as vase.png
+  hybrid-rt render scenes/vase.py --passes 64      less noise
+  hybrid-rt render scenes/vase.py --target-error 0.02 --time-budget 60    until 2 %, at most 60 s
+  hybrid-rt render scenes/vase.py --time-budget 30 --width 1280 --out big.png --out big.npz
+  hybrid-rt render scenes/vase.py --explain        what the scene needed, and what was left out
+  hybrid-rt compare a.npz b.npz --reference c.npz  errors of both, and a map of them
+
+Scene scripts are Python programs and are executed: run only those that you trust.
+"""
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the command line; return the exit code."""
+    options = _parser().parse_args(arguments)
+    return _guarded(lambda: options.run(options))
+
+
+def render_script(describe: Callable[[], Scene], file: str) -> int:
+    """Run a scene script as a program, with the options of ``hybrid-rt render``.
+
+    Parameters
+    ----------
+    describe : callable
+        The script's function ``scene``; the script's ``INTEGRATOR`` is what it is meant for.
+    file : str
+        The script's ``__file__``; the picture takes its name.
+
+    Returns
+    -------
+    int
+        The exit code.
+    """
+    parser = argparse.ArgumentParser(
+        prog=Path(file).name, description="Make a picture of this scene."
+    )
+    _add_render_options(parser)
+    options = parser.parse_args()
+
+    def load() -> tuple[Scene, str]:
+        import inspect
+
+        from hybrid_rt.cli.scene_file import scene_of
+
+        # A decorated function keeps the names of the script behind what decorates it.
+        names: dict[str, Any] = getattr(inspect.unwrap(describe), "__globals__", {})
+        return scene_of(describe, names, file)
+
+    return _guarded(lambda: _render(load, Path(file).stem, options))
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="hybrid-rt",
+        description="Pictures of curved surfaces, traced on the surfaces themselves.",
+        epilog=EXAMPLES,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("--version", action="version", version=f"hybrid-rt {__version__}")
+    commands = parser.add_subparsers(required=True, metavar="COMMAND")
+
+    demo = commands.add_parser("demo", help="make a picture of the teapot and compare with meshes")
+    demo.add_argument("--out", type=Path, default=Path("demo.png"), metavar="FILE")
+    demo.add_argument("--quiet", action="store_true", help="show no progress")
+    demo.set_defaults(run=_run_demo)
+
+    render = commands.add_parser(
+        "render", help="make a picture of a scene script (which is executed)"
+    )
+    render.add_argument("scene", metavar="SCENE.py")
+    _add_render_options(render)
+    render.set_defaults(run=_run_render)
+
+    compare = commands.add_parser("compare", help="say how far apart pictures are, and draw where")
+    compare.add_argument("a", metavar="A", help=".npz or .exr; .png is 8 bit and clipped")
+    compare.add_argument("b", metavar="B", help="what A is compared with, unless there is R")
+    compare.add_argument("--reference", metavar="R", help="compare A and B with this instead")
+    compare.add_argument(
+        "--out",
+        type=Path,
+        default=Path("compare.png"),
+        metavar="FILE.png",
+        help="(default compare.png) the figures go beside it, FILE.json",
+    )
+    compare.add_argument("--exposure", type=_stops, default=0.0, metavar="E", help="stops shown")
+    compare.set_defaults(run=_run_compare)
+    return parser
+
+
+def _add_render_options(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "--integrator",
+        metavar="I",
+        help="path, whitted, ppm or photon_map (default: what the scene names, else path)",
+    )
+    parser.add_argument("--passes", type=int, metavar="N", help="samples per pixel (default 16)")
+    parser.add_argument(
+        "--photons", type=int, metavar="N", help="photons of a pass (ppm, photon_map)"
+    )
+    parser.add_argument(
+        "--alpha", type=float, metavar="A", help="how slowly discs shrink (ppm; default 2/3)"
+    )
+    parser.add_argument("--time-budget", type=float, metavar="S", help="stop after S seconds")
+    parser.add_argument(
+        "--target-error",
+        type=float,
+        metavar="E",
+        help="stop at this estimated relative error of the picture (0.01: one per cent)",
+    )
+    parser.add_argument("--seed", type=int, default=0, metavar="S")
+    parser.add_argument("--threads", type=int, metavar="N", help="default: all cores")
+    parser.add_argument(
+        "--width", type=int, metavar="W", help="pixels; alone it keeps the picture's proportions"
+    )
+    parser.add_argument("--height", type=int, metavar="H", help="pixels; as --width")
+    parser.add_argument(
+        "--accuracy", default="certified", metavar="A", help="mesh, refined or certified (default)"
+    )
+    parser.add_argument(
+        "--tolerance", type=float, metavar="T", help="of the coarse mesh, in scene units"
+    )
+    parser.add_argument(
+        "--out",
+        type=Path,
+        action="append",
+        metavar="FILE",
+        help=".png, .npz or .exr; may be repeated (default ./NAME.png); a report goes beside it, a.json "
+        "of a.png, a.npz.json of a.npz",
+    )
+    parser.add_argument(
+        "--outputs",
+        default="",
+        metavar="A,B",
+        help="also keep in .npz and .exr: depth, position, normal, uv, object_id, albedo, samples, "
+        "standard_error, half_interval",
+    )
+    parser.add_argument(
+        "--exposure", type=_stops, default=0.0, metavar="E", help="stops, for .png (default 0)"
+    )
+    parser.add_argument("--explain", action="store_true", help="say what the scene needed and why")
+    parser.add_argument("--quiet", action="store_true", help="show no progress")
+
+
+def _stops(text: str) -> float:
+    """Read an exposure: a factor of 2**-100 to 2**100."""
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not -100.0 <= value <= 100.0:
+        raise argparse.ArgumentTypeError(f"{text!r} stops: pass a number from -100 to 100")
+    return value
+
+
+def _guarded(run: Callable[[], None]) -> int:
+    """Run a command of this program; return its exit code."""
+
+    def told(error: KeyboardInterrupt) -> str:
+        return (
+            f"hybrid-rt: {str(error) or 'interrupted: nothing is written but what is named above'}"
+        )
+
+    return guarded("hybrid-rt", run, told)
+
+
+def _run_render(options: argparse.Namespace) -> None:
+    from hybrid_rt.cli.scene_file import check_script, load_script
+
+    script = check_script(options.scene)
+    _render(lambda: load_script(script), script.stem, options)
+
+
+def _render(load: Callable[[], tuple[Scene, str]], name: str, options: argparse.Namespace) -> None:
+    """Render the scene that is loaded once files and settings are known to be possible."""
+    from hybrid_rt.core.checks import choice
+    from hybrid_rt.core.interrupts import held_back
+    from hybrid_rt.core.progress import watch_compilation
+    from hybrid_rt.core.threads import Pool
+    from hybrid_rt.integrators import INTEGRATORS
+    from hybrid_rt.intersection.intersector import check_settings
+    from hybrid_rt.rendering.limits import Limit
+    from hybrid_rt.sampling.sampler import Sampler
+    from hybrid_rt.sensor.channel_names import check_names
+    from hybrid_rt.sensor.image_files import check_output, keeps_channels
+
+    outputs = [check_output(path) for path in options.out or [Path(f"{name}.png")]]
+    channels = [word.strip() for word in options.outputs.split(",") if word.strip()]
+    if channels and not any(map(keeps_channels, outputs)):
+        raise ValueError(
+            f"--outputs {','.join(channels)}: a .png holds none of them: add --out {name}.npz or .exr"
+        )
+    # A script may take its time: what it has no say in is refused before it runs.
+    Limit(options.passes, options.time_budget, options.target_error)
+    check_settings(options.accuracy, tolerance=options.tolerance)
+    check_names(channels)
+    Sampler(options.seed)
+    Pool(options.threads)
+    if options.integrator is not None:
+        choice(options.integrator, "integrator", INTEGRATORS)
+        _photon_options(options.integrator, options.photons, options.alpha)
+    with _shown_progress(options.quiet) as progress:
+        with watch_compilation(progress):
+            scene, preferred = load()
+        integrator = preferred if options.integrator is None else options.integrator
+        result, interrupt = _rendered(
+            _resized(scene, options.width, options.height),
+            integrator=integrator,
+            passes=options.passes,
+            time_budget=options.time_budget,
+            target_error=options.target_error,
+            seed=options.seed,
+            threads=options.threads,
+            accuracy=options.accuracy,
+            tolerance=options.tolerance,
+            options=_photon_options(integrator, options.photons, options.alpha),
+            outputs=channels,
+            progress=progress,
+        )
+    if options.explain:
+        from hybrid_rt.scene.plan import explain
+
+        _say(explain(result.report["plan"]))
+    with held_back():
+        for path in outputs:
+            result.save(path, options.exposure)
+        for path in outputs:
+            _say(f"{path}  ({_summary(result.report)})")
+    _say_numbers(result.report)
+    if interrupt is not None:
+        raise interrupt
+
+
+def _rendered(scene: Scene, **settings: Any) -> tuple[RenderResult, RenderInterrupted | None]:
+    """Render a scene; where Ctrl-C ends it, return the picture so far and the interrupt."""
+    from hybrid_rt.rendering.render import RenderInterrupted, render
+
+    try:
+        return render(scene, **settings), None
+    except RenderInterrupted as interrupt:
+        return interrupt.result, interrupt
+
+
+def _run_compare(options: argparse.Namespace) -> None:
+    from hybrid_rt.analysis.picture_comparison import (
+        check_sheet,
+        compare_pictures,
+        comparison_sheet,
+        in_words,
+        load_picture,
+        save_comparison,
+    )
+
+    pictures = [options.a, options.b]
+    if options.reference is not None:
+        pictures.append(options.reference)
+    out = check_sheet(options.out, pictures)
+    one, other = load_picture(options.a), load_picture(options.b)
+    reference = None if options.reference is None else load_picture(options.reference)
+    comparison = compare_pictures(one, other, reference)
+    sheet = comparison_sheet(one, other, reference, options.exposure)
+    figures = save_comparison(out, sheet, comparison)
+    _say(in_words(comparison))
+    _say(f"{out}  (pictures and maps of their errors; the figures are in {figures})")
+
+
+def _photon_options(integrator: str, photons: int | None, alpha: float | None) -> Any:
+    """Return settings for the photons asked for, or None."""
+    given = {"photons_per_pass": photons, "alpha": alpha}
+    given = {key: value for key, value in given.items() if value is not None}
+    if not given:
+        return None
+    from hybrid_rt.integrators import PhotonMapOptions, PPMOptions
+
+    of_integrator = {"ppm": PPMOptions, "photon_map": PhotonMapOptions}
+    if photons is not None and integrator not in of_integrator:
+        raise ValueError(f"--photons: integrator {integrator!r} has none, pass --integrator ppm")
+    if alpha is not None and integrator != "ppm":
+        raise ValueError(f"--alpha: integrator {integrator!r} has none, pass --integrator ppm")
+    return of_integrator[integrator](**given)
+
+
+def _run_demo(options: argparse.Namespace) -> None:
+    from hybrid_rt import demo
+    from hybrid_rt.analysis.mesh_comparison import compare_with_mesh, in_words
+    from hybrid_rt.core.precompile import want
+    from hybrid_rt.core.progress import watch_compilation
+    from hybrid_rt.sensor.image_files import check_output
+
+    check_output(options.out)
+    want(*demo.KERNELS)
+    scene = demo.scene()
+    with _shown_progress(options.quiet) as progress:
+        result, interrupt = _rendered(
+            scene, integrator="whitted", passes=demo.PASSES, progress=progress
+        )
+    result.save(options.out)
+    _say(f"{options.out}  ({_summary(result.report)})")
+    _say_numbers(result.report)
+    if interrupt is not None:
+        raise interrupt
+    with _shown_progress(options.quiet) as progress, watch_compilation(progress):
+        comparison = compare_with_mesh(scene, progress=progress)
+    result.report["exact_against_mesh"] = comparison
+    result.save(options.out)
+    _say(in_words(comparison))
+    _say(f"Next: hybrid-rt render {demo.__file__} --passes 64 --width 1280 --explain")
+
+
+@contextmanager
+def _shown_progress(quiet: bool) -> Iterator[Progress | None]:
+    """Show the progress of what runs within, unless it is to be quiet."""
+    from hybrid_rt.cli.terminal import TerminalProgress
+
+    if quiet or sys.stderr is None:
+        yield None
+        return
+    progress = TerminalProgress(sys.stderr)
+    try:
+        yield progress
+    finally:
+        progress.close()
+
+
+def _resized(scene: Scene, width: int | None, height: int | None) -> Scene:
+    """Return the scene with other pixel counts; one of them alone keeps the proportions."""
+    camera = scene.camera
+    if width is None and height is None:
+        return scene
+    if width is None:
+        assert height is not None
+        width = max(round(camera.width * height / camera.height), 1)
+    elif height is None:
+        height = max(round(camera.height * width / camera.width), 1)
+    return scene.with_camera(camera.resized(width, height))
+
+
+def _summary(report: dict[str, Any]) -> str:
+    from hybrid_rt.rendering.summary import passes_in_words
+
+    seconds = report["seconds"]
+    compiling = report["kernel_compilation_seconds"]
+    text = f"{passes_in_words(report['passes'])}, {seconds['total']:.1f} s"
+    return text + (f" and {compiling:.1f} s compiling kernels" if compiling >= 0.1 else "")
+
+
+def _say_numbers(report: dict[str, Any]) -> None:
+    from hybrid_rt.rendering.summary import in_words
+
+    _say(in_words(report))
+
+
+def _say(text: str) -> None:
+    print(text)  # noqa: T201  (a command's result belongs on the standard output)

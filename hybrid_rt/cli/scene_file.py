@@ -1,0 +1,117 @@
+"""Scene scripts: Python files with a function ``scene()`` that returns a `Scene`.
+
+A script may name the integrator that it is meant for, in ``INTEGRATOR``: "ppm" where caustics of
+small lamps are to be seen, say. A command line that asks for another one has the last word.
+"""
+
+from __future__ import annotations
+
+import os
+import runpy
+import traceback
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from hybrid_rt.core import checks
+from hybrid_rt.scene.scene import Scene
+from meshing.checks import as_path
+
+
+class SceneFileError(ValueError):
+    """A scene script is missing, fails, or describes no scene."""
+
+
+def load_scene(path: str | os.PathLike[str]) -> Scene:
+    """Run a scene script and return its scene; see `load_script`."""
+    return load_script(path)[0]
+
+
+def check_script(path: str | os.PathLike[str]) -> Path:
+    """Return the path of a scene script, if there is such a file."""
+    file = as_path(path, "scene script")
+    if not file.is_file():
+        raise SceneFileError(f"scene script {os.fspath(path)!r}: there is no such file")
+    return file
+
+
+def load_script(path: str | os.PathLike[str]) -> tuple[Scene, str]:
+    """Run a scene script; return its scene, and the integrator that it is meant for.
+
+    The script is a program and may do whatever a program may: run only scripts you trust.
+
+    Raises
+    ------
+    SceneFileError
+        Naming the file, and the line where the script failed.
+    """
+    file = check_script(path)
+    with _naming(file):
+        names = runpy.run_path(str(file), run_name="hybrid_rt_scene")
+    return scene_of(names.get("scene"), names, file)
+
+
+def scene_of(
+    describe: Any, names: Mapping[str, Any], file: str | os.PathLike[str]
+) -> tuple[Scene, str]:
+    """Return the scene that a script's function describes, and the integrator that it names.
+
+    Parameters
+    ----------
+    describe : callable
+        The script's ``scene``.
+    names : mapping
+        The script's global names.
+    file : path
+
+    Raises
+    ------
+    SceneFileError
+        As `load_script`.
+    """
+    file = Path(file)
+    if not callable(describe):
+        raise SceneFileError(f"{file} has no function scene(): define one that returns a Scene")
+    with _naming(file):
+        scene = describe()
+    if not isinstance(scene, Scene):
+        raise SceneFileError(
+            f"{file}: scene() returned {type(scene).__name__}, let it return a Scene"
+        )
+    if "INTEGRATOR" not in names:
+        return scene, "path"
+    from hybrid_rt.integrators import INTEGRATORS
+
+    try:
+        return scene, checks.choice(names["INTEGRATOR"], "INTEGRATOR", INTEGRATORS)
+    except ValueError as error:
+        raise SceneFileError(f"{file}: {error}") from None
+
+
+@contextmanager
+def _naming(file: Path) -> Iterator[None]:
+    """Turn whatever a script raises into an error that names it; Ctrl-C stays what it is."""
+    try:
+        yield
+    except (SceneFileError, KeyboardInterrupt):
+        raise
+    except BaseException as error:
+        raise SceneFileError(f"{file}{_line_in(file, error)}: {_described(error)}") from error
+
+
+def _line_in(file: Path, error: BaseException) -> str:
+    """Return ", line N" for the innermost line of the script that led to an error."""
+    if isinstance(error, SyntaxError) and error.filename == str(file):
+        return f", line {error.lineno}" if error.lineno else ""
+    frames = traceback.extract_tb(error.__traceback__)
+    lines = [frame.lineno for frame in frames if frame.filename == str(file)]
+    return f", line {lines[-1]}" if lines else ""
+
+
+def _described(error: BaseException) -> str:
+    # Our own refusals speak for themselves; of anything else the kind matters as well.
+    text = " ".join(str(error).split())
+    if isinstance(error, ValueError | FileNotFoundError) and text:
+        return text
+    return f"{type(error).__name__}: {text}" if text else type(error).__name__

@@ -1,0 +1,86 @@
+"""What the user sees while a picture is made, and the time that compilation takes."""
+
+from __future__ import annotations
+
+import threading
+import time
+from contextlib import suppress
+from typing import TextIO
+
+from hybrid_rt.rendering.summary import per_cent
+
+# Often enough to look alive, seldom enough to cost nothing.
+REDRAW_INTERVAL = 0.1
+BAR_WIDTH = 30
+
+
+class TerminalProgress:
+    """A bar on a terminal; plain lines, one per stage, anywhere else.
+
+    Parameters
+    ----------
+    stream : text file
+        Usually ``sys.stderr``, so that output stays clean.
+    """
+
+    def __init__(self, stream: TextIO) -> None:
+        self._stream = stream
+        self._is_terminal = stream.isatty()
+        self._lock = threading.Lock()
+        self._stage = ""
+        self._began = 0.0
+        self._drawn = -1.0
+        self._is_open = False
+        self._error = ""
+
+    def note_error(self, error: float) -> None:
+        """Show from now on that the picture has this relative error."""
+        self._error = f", error {per_cent(error)}"
+
+    def note_out_of_reach(self, blur: float) -> None:
+        """Show beside the error that its target cannot be reached."""
+        self._error += f": the blur alone has {per_cent(blur)}, the target is out of reach"
+
+    def __call__(self, stage: str, done: int, total: int) -> None:
+        """Draw the state of a stage."""
+        with self._lock:
+            now = time.perf_counter()
+            if stage != self._stage:
+                self._finish_line()
+                self._stage, self._began, self._drawn = stage, now, -1.0
+                self._error = ""
+                if not self._is_terminal:
+                    self._write(f"{stage} ...\n")
+            is_end = 0 < total <= done
+            if self._is_terminal and (is_end or now - self._drawn >= REDRAW_INTERVAL):
+                self._drawn = now
+                self._draw(done, total, now - self._began)
+
+    def close(self) -> None:
+        """Leave the last line as it is and the cursor below it."""
+        with self._lock:
+            self._finish_line()
+            self._stage = ""
+
+    def _draw(self, done: int, total: int, seconds: float) -> None:
+        line = f"{self._stage} ..."
+        if total > 0:
+            filled = BAR_WIDTH * done // total
+            bar = "#" * filled + "." * (BAR_WIDTH - filled)
+            line = f"{self._stage} [{bar}] {100 * done // total:3d} %  {seconds:.1f} s"
+            if 0 < done < total:
+                line += f", {seconds * (total - done) / done:.0f} s left"
+            line += self._error
+        self._write(f"\r\x1b[K{line}")
+        self._is_open = True
+
+    def _finish_line(self) -> None:
+        if self._is_open:
+            self._write("\n")
+            self._is_open = False
+
+    def _write(self, text: str) -> None:
+        # Nobody may be listening any more: no reason to end what is shown.
+        with suppress(OSError):
+            self._stream.write(text)
+            self._stream.flush()

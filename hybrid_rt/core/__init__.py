@@ -1,0 +1,1 @@
+"""What every room uses: checked arguments, hit records, threads, progress, counts and seconds."""

@@ -1,0 +1,78 @@
+"""Checks of what describes a picture; those of plain numbers and vectors are meshing's."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from hybrid_rt.core.records import FloatArray
+from meshing.checks import as_direction, as_floats, as_vector, freeze, number, shown, whole
+
+__all__ = [
+    "BRIGHTEST", "FARTHEST", "as_direction", "as_floats", "as_vector", "choice", "flag", "items",
+    "number", "rgb", "shown", "whole",
+]  # fmt: skip
+
+# Beyond this, squares and cross products of coordinates have no room in float64.
+FARTHEST = 1e60
+# Pictures are float32, up to 3e38: this leaves room for sums, and for lights near a surface.
+BRIGHTEST = 1e30
+
+
+def rgb(value: ArrayLike, what: str, *, up_to: float = BRIGHTEST) -> FloatArray:
+    """Return three numbers from 0 to ``up_to`` (one number counts for all), read-only.
+
+    Raises
+    ------
+    ValueError, TypeError
+        For anything else; ``what`` is named.
+    """
+    array = as_floats(value, what)
+    if array.shape not in {(), (3,)}:
+        raise ValueError(f"{what} has shape {array.shape}: pass one number, or three")
+    if not (np.isfinite(array).all() and array.min() >= 0.0 and array.max() <= up_to):
+        because = " (a surface cannot send on more light than it receives)" if up_to == 1.0 else ""
+        raise ValueError(f"{what} is {array.tolist()}: pass numbers from 0 to {up_to:g}{because}")
+    return freeze(np.array(np.broadcast_to(array, (3,))))
+
+
+def choice(value: str, what: str, options: Iterable[str]) -> str:
+    """Return a value that is one of the options.
+
+    Raises
+    ------
+    ValueError
+        If it is none of them; ``what`` is named.
+    """
+    if not isinstance(value, str) or value not in options:
+        raise ValueError(f"{what} is {shown(value)}: pass one of {', '.join(options)}")
+    return value
+
+
+def flag(value: bool, what: str) -> bool:
+    """Return a truth value; a word such as "no" would count as true.
+
+    Raises
+    ------
+    TypeError
+        For anything else; ``what`` is named.
+    """
+    if not isinstance(value, bool | np.bool_):
+        raise TypeError(f"{what} is {shown(value)}: pass True or False")
+    return bool(value)
+
+
+def items(values: Iterable[Any], what: str) -> tuple[Any, ...]:
+    """Return the items of a list, also of one that can be read only once.
+
+    Raises
+    ------
+    TypeError
+        If there are no items to read, or it is text or a dict; ``what`` is named.
+    """
+    if isinstance(values, str | bytes | dict) or not isinstance(values, Iterable):
+        raise TypeError(f"{what} is {shown(values)}: pass a list")
+    return tuple(values)

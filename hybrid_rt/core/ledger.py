@@ -1,0 +1,104 @@
+"""What a render did and what it took: counts, seconds, versions."""
+
+from __future__ import annotations
+
+import json
+import math
+import time
+from collections import Counter, defaultdict
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import numpy as np
+
+from hybrid_rt.core.records import HitRecord, Status
+
+
+class Ledger:
+    """Seconds per stage and counts by name, summed over a render.
+
+    Parameters
+    ----------
+    now : callable
+        Returns the seconds of the clock that stages are measured by.
+    """
+
+    def __init__(self, now: Callable[[], float] = time.perf_counter) -> None:
+        self.now = now
+        self.forget()
+
+    def forget(self) -> None:
+        """Begin anew."""
+        self.seconds: dict[str, float] = defaultdict(float)
+        self.rays: Counter[str] = Counter()
+        self.hits: Counter[str] = Counter({status.name.lower(): 0 for status in Status})
+        self.ended: Counter[str] = Counter()
+        self.unclosed: Counter[int] = Counter()  # by dielectric lobe
+        self.lost_weight = 0.0
+        self.camera_hits = 0
+        self.camera_hits_without_bound = 0
+        self.largest_t_bound = 0.0
+        self._within = 0.0  # seconds of the stages inside the present one
+
+    @contextmanager
+    def stage(self, name: str) -> Iterator[None]:
+        """Add the seconds of a block to a stage; a stage within it keeps its own seconds."""
+        began = self.now()
+        outer, self._within = self._within, 0.0
+        try:
+            yield
+        finally:
+            spent = self.now() - began
+            self.seconds[name] += spent - self._within
+            self._within = outer + spent
+
+    def add(self, other: Ledger, share: float) -> None:
+        """Add what another thread did; of its seconds only a share, as others ran meanwhile."""
+        for stage, seconds in other.seconds.items():
+            self.seconds[stage] += share * seconds
+        self.rays.update(other.rays)
+        self.hits.update(other.hits)
+        self.ended.update(other.ended)
+        self.unclosed.update(other.unclosed)
+        self.lost_weight += other.lost_weight
+        self.camera_hits += other.camera_hits
+        self.camera_hits_without_bound += other.camera_hits_without_bound
+        self.largest_t_bound = max(self.largest_t_bound, other.largest_t_bound)
+
+    def count_hits(self, hits: HitRecord) -> None:
+        """Count first hits by status."""
+        counts = np.bincount(hits.status, minlength=len(Status))
+        for status in Status:
+            self.hits[status.name.lower()] += int(counts[status])
+
+    def note_camera_hits(self, hits: HitRecord) -> None:
+        """Keep the largest proven error of the first hits of rays that leave the camera."""
+        bounds = hits.t_bound[hits.hit]
+        proven = bounds[np.isfinite(bounds)]
+        self.camera_hits += bounds.size
+        self.camera_hits_without_bound += bounds.size - proven.size
+        self.largest_t_bound = max(self.largest_t_bound, float(proven.max(initial=0.0)))
+
+
+def plain(value: Any) -> Any:
+    """Return what JSON can hold: numpy's numbers as Python's, null for what is not finite."""
+    if isinstance(value, dict):
+        return {key: plain(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [plain(item) for item in value]
+    if isinstance(value, np.generic):
+        value = value.item()
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return value
+
+
+def as_json(value: Any) -> str:
+    """Return the text of a JSON file with figures; see `plain`."""
+    return json.dumps(plain(value), indent=2, allow_nan=False) + "\n"
+
+
+def twelve_digits(value: float) -> float:
+    """Return a sum over threads without the digits that the order of its terms decides."""
+    return float(f"{value:.12g}")

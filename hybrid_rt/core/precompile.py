@@ -1,0 +1,268 @@
+"""Kernels compiled side by side: while the cache of kernels is cold, several processes fill it.
+
+numba compiles one function at a time in a process. So when the first kernel is found missing, as
+many processes as there are cores compile what this one said that it is going to need; whatever it
+comes to meanwhile it waits for, and loads. A kernel that nobody compiles for it, it compiles itself:
+nothing but time depends on all this. What each kernel is called with stands in a list, made by
+``tools/list_kernels.py``.
+"""
+
+from __future__ import annotations
+
+import atexit
+import contextlib
+import importlib
+import json
+import os
+import signal
+import subprocess
+import sys
+import threading
+from collections.abc import Collection
+from dataclasses import dataclass
+from importlib import resources
+from pathlib import Path
+from typing import Any
+
+from meshing.kernels import cache
+
+# Beyond that the longest compilation takes longer than all others together.
+MOST_WORKERS = 8
+# Finds the packages where this process has found them.
+_CODE = "import sys; sys.path[:] = sys.argv[1:]; from hybrid_rt.core.precompile import work; work()"
+DONE, FAILED = "done\n", "failed\n"
+FILE = resources.files("hybrid_rt") / "data" / "kernels.json"
+
+
+@dataclass
+class Listed:
+    """A kernel and the types it is compiled for; ``groups`` name what needs it."""
+
+    kernel: str
+    types: list[Any]
+    groups: list[str]
+
+
+def read_list() -> list[Listed]:
+    """Read what is known of kernels, those that take longest first."""
+    return [Listed(**entry) for entry in json.loads(FILE.read_text("utf-8"))]
+
+
+def want(*groups: str, but: Collection[str] = ()) -> None:
+    """Say which groups of kernels this process is going to need; nothing happens on a warm cache.
+
+    ``but`` names modules whose kernels are not needed.
+    """
+    if not cache.HAS_LOCKS or not _is_python(sys.executable) or _most_workers() < 2:
+        return
+    cache.on_miss = _on_miss
+    _workers.want({(group, tuple(but)) for group in groups})
+
+
+def type_to_json(numba_type: Any) -> Any:
+    """Put a type of numba into plain words; TypeError for those that no kernel is called with."""
+    from numba import types
+
+    if isinstance(numba_type, types.NamedTuple | types.NamedUniTuple):
+        of = numba_type.instance_class
+        return [f"{of.__module__}:{of.__qualname__}", *map(type_to_json, numba_type.types)]
+    if isinstance(numba_type, types.Array) and numba_type.aligned:
+        words = [str(numba_type.dtype), str(numba_type.ndim), numba_type.layout]
+        return " ".join(words if numba_type.mutable else [*words, "readonly"])
+    if isinstance(numba_type, types.Number | types.Boolean | types.NoneType):
+        return str(numba_type)
+    raise TypeError(f"kernels are not called with a {numba_type}")
+
+
+def type_from_json(words: Any) -> Any:
+    """Return the type that `type_to_json` has put into words."""
+    from numba import types
+
+    if isinstance(words, list):
+        make: Any = types.BaseTuple.from_types
+        return make([type_from_json(word) for word in words[1:]], named(words[0]))
+    name, *array = words.split()
+    plain = {"bool": types.boolean, "none": types.none}.get(name) or getattr(types, name)
+    if not array:
+        return plain
+    return types.Array(plain, int(array[0]), array[1], readonly="readonly" in array)
+
+
+def work() -> None:
+    """Compile what comes in on the standard input: a kernel's name and types in JSON, a line each."""
+    signal.signal(signal.SIGINT, signal.SIG_DFL)  # ends with whoever asked, without a word
+    for line in sys.stdin:
+        reply = FAILED  # whoever asked compiles it, and hears why it cannot be done
+        with contextlib.suppress(Exception):
+            kernel, types = json.loads(line)
+            named(kernel).compile(tuple(map(type_from_json, types)))
+            reply = DONE
+        sys.stdout.write(reply)
+        sys.stdout.flush()
+
+
+def named(words: str) -> Any:
+    """Return what ``module:name`` stands for."""
+    module, name = words.split(":")
+    return getattr(importlib.import_module(module), name)
+
+
+def _on_miss(kernel: str, types: tuple[Any, ...]) -> bool:
+    """Tell whether another process has compiled a kernel, after waiting for it if need be."""
+    from numba.core import event
+
+    number = _workers.number_of(kernel, types)
+    if number is None:
+        return False
+    # To whoever listens this is a compilation: it is announced, and its time counts as such.
+    what = {"dispatcher": named(kernel), "args": types, "return_type": None}
+    with event.trigger_event("numba:compile", data=what):
+        return _workers.wait_for(number)
+
+
+class _Workers:
+    """Processes that compile; a thread each hands them their work."""
+
+    def __init__(self) -> None:
+        self._changed = threading.Condition()
+        self._wanted: set[tuple[str, tuple[str, ...]]] = set()
+        self._listed: list[Listed] = []
+        self._numbers: dict[tuple[str, str], int] = {}
+        self._known: set[int] = set()
+        self._queue: list[int] = []
+        self._at_work: set[int] = set()
+        self._done: set[int] = set()
+        self._processes: list[subprocess.Popen[str]] = []
+        self._n_threads = 0
+
+    def want(self, wanted: set[tuple[str, tuple[str, ...]]]) -> None:
+        with self._changed:
+            self._wanted |= wanted
+            if self._known:
+                self._begin()
+
+    def number_of(self, kernel: str, types: tuple[Any, ...]) -> int | None:
+        """Return the number of a kernel if it is wanted: then all that is wanted is begun."""
+        with self._changed:
+            if not self._listed:
+                self._listed = read_list()
+                self._numbers = {
+                    (entry.kernel, json.dumps(entry.types)): i
+                    for i, entry in enumerate(self._listed)
+                }
+                atexit.register(self._stop)
+            try:
+                words = json.dumps([type_to_json(x) for x in types])
+            except TypeError:
+                return None
+            number = self._numbers.get((kernel, words))
+            if number is None or not self._is_wanted(self._listed[number]):
+                return None
+            self._begin()
+            return number
+
+    def wait_for(self, number: int) -> bool:
+        """Wait for a kernel that is being compiled; what nobody has begun is left to the caller."""
+        with self._changed:
+            if number in self._queue:
+                self._queue.remove(number)
+            while number in self._at_work:
+                self._changed.wait()
+            return number in self._done
+
+    def _is_wanted(self, entry: Listed) -> bool:
+        module = entry.kernel.split(":")[0]
+        return any(group in entry.groups and module not in but for group, but in self._wanted)
+
+    def _begin(self) -> None:
+        """Queue what is newly wanted, and let as many threads run as there is use for."""
+        new = {i for i, entry in enumerate(self._listed) if self._is_wanted(entry)} - self._known
+        self._known |= new
+        self._queue = sorted([*self._queue, *new])
+        with contextlib.suppress(RuntimeError):  # no thread can be started
+            while self._n_threads < min(_most_workers(), len(self._queue)):
+                threading.Thread(target=self._drive, daemon=True).start()
+                self._n_threads += 1
+
+    def _drive(self) -> None:
+        """Let a process of its own compile what is next, until nothing is left."""
+        with contextlib.suppress(OSError), _start() as process:  # or it cannot be, or is gone
+            self._processes.append(process)
+            while (number := self._next()) is not None:
+                reply = _ask(process, self._listed[number])
+                self._end(number, reply == DONE)
+                if not reply:
+                    break
+            else:
+                return
+        with self._changed:
+            self._n_threads -= 1
+
+    def _next(self) -> int | None:
+        """Return what is next; None: nothing is left, and the thread that asks counts no more."""
+        with self._changed:
+            if not self._queue:
+                self._n_threads -= 1
+                return None
+            number = self._queue.pop(0)
+            self._at_work.add(number)
+            return number
+
+    def _end(self, number: int, is_done: bool) -> None:
+        with self._changed:
+            self._at_work.discard(number)
+            if is_done:
+                self._done.add(number)
+            self._changed.notify_all()
+
+    def _stop(self) -> None:
+        with self._changed:
+            self._queue.clear()
+        for process in self._processes:
+            process.terminate()
+        for process in self._processes:
+            process.wait()
+
+
+def _is_python(executable: str | None) -> bool:
+    """Tell whether a program starts Python, not one that Python is built into."""
+    is_built_in = getattr(sys, "frozen", False)
+    return not is_built_in and "python" in Path(executable or "").name.lower()
+
+
+def _most_workers() -> int:
+    from hybrid_rt.core.threads import available_threads
+
+    return min(available_threads(), MOST_WORKERS)
+
+
+def _start() -> subprocess.Popen[str]:
+    return subprocess.Popen(
+        [sys.executable, "-c", _CODE, *sys.path],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.DEVNULL,
+        text=True,
+    )
+
+
+def _ask(process: subprocess.Popen[str], entry: Listed) -> str:
+    """Return a process's reply; that of one that has died is empty."""
+    assert process.stdin is not None
+    assert process.stdout is not None
+    with contextlib.suppress(OSError):
+        process.stdin.write(json.dumps([entry.kernel, entry.types]) + "\n")
+        process.stdin.flush()
+        return process.stdout.readline()
+    return ""
+
+
+def _forget() -> None:
+    """Begin anew in a forked process, which has none of these threads."""
+    global _workers  # noqa: PLW0603
+    _workers = _Workers()
+
+
+_workers = _Workers()
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(after_in_child=_forget)

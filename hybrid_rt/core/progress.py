@@ -1,0 +1,112 @@
+"""Who hears how a long computation gets on, and the time that compilation takes."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Any, Protocol
+
+from numba.core import event
+
+# Shorter compilations are not worth a message.
+ANNOUNCE_AFTER = 0.5
+
+
+COMPILING = "Compiling kernels (first run only)"
+
+
+Say = Callable[[str], None]
+"""Hears in words what a long study is doing."""
+
+
+class Progress(Protocol):
+    """Whoever wants to know how a render is getting on.
+
+    If it also has a method ``note_error``, that hears the picture's estimated relative error from
+    time to time; one called ``note_out_of_reach`` hears the blur that keeps a target error out of
+    reach, however many passes there are.
+    """
+
+    def __call__(self, stage: str, done: int, total: int) -> None:
+        """Hear that ``done`` of ``total`` parts of a stage are done; (0, 0): it has begun."""
+
+
+class CompileWatch:
+    """Counts the seconds during which at least one kernel was being compiled.
+
+    Parameters
+    ----------
+    progress : Progress or None
+        Hears of it when it takes long.
+    """
+
+    def __init__(self, progress: Progress | None) -> None:
+        self._progress = progress
+        self._lock = threading.Lock()
+        self._depth = 0
+        self._began = 0.0
+        self._total = 0.0
+        self._is_announced = False
+        self._timer: threading.Timer | None = None
+
+    @property
+    def seconds(self) -> float:
+        """Seconds so far, a compilation that is still going on included."""
+        with self._lock:
+            running = time.perf_counter() - self._began if self._depth else 0.0
+            return self._total + running
+
+    def on_start(self, _event: Any) -> None:
+        """Hear from numba that a compilation begins; those of called kernels are nested."""
+        with self._lock:
+            self._depth += 1
+            if self._depth > 1:
+                return
+            self._began = time.perf_counter()
+            if self._progress is not None and not self._is_announced:
+                # Counted over all kernels: many short compilations are a long one.
+                self._timer = threading.Timer(
+                    max(ANNOUNCE_AFTER - self._total, 0.0), self._announce
+                )
+                self._timer.daemon = True
+                self._timer.start()
+
+    def on_end(self, _event: Any) -> None:
+        """Hear from numba that a compilation has ended."""
+        with self._lock:
+            self._depth -= 1
+            if self._depth > 0:
+                return
+            self._total += time.perf_counter() - self._began
+            if self._timer is not None:
+                self._timer.cancel()
+                self._timer = None
+
+    def _announce(self) -> None:
+        with self._lock:
+            if self._depth == 0 or self._is_announced:
+                return
+            self._is_announced = True
+        assert self._progress is not None
+        self._progress(COMPILING, 0, 0)
+
+
+@contextmanager
+def watch_compilation(progress: Progress | None = None) -> Iterator[CompileWatch]:
+    """Measure, and announce when it is long, what numba compiles within this block.
+
+    Kernels that come from the cache are not compiled and cost nothing here.
+    """
+    watch = CompileWatch(progress)
+
+    class Listener(event.Listener):
+        def on_start(self, event: Any) -> None:
+            watch.on_start(event)
+
+        def on_end(self, event: Any) -> None:
+            watch.on_end(event)
+
+    with event.install_listener("numba:compile", Listener()):
+        yield watch

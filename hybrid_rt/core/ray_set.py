@@ -1,0 +1,18 @@
+"""Rays with what is known of them."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hybrid_rt.core.records import FloatArray
+
+
+class RaySet(NamedTuple):
+    """Rays of one generator, or of several."""
+
+    origins: FloatArray  # (n, 3)
+    directions: FloatArray  # (n, 3)
+    names: NDArray[np.str_]  # (n,), the generator of each

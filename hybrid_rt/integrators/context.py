@@ -1,0 +1,28 @@
+"""Everything an integrator works with."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+from hybrid_rt.core.ledger import Ledger
+from hybrid_rt.core.threads import Pool
+from hybrid_rt.intersection import Intersector
+from hybrid_rt.sampling.sampler import Sampler
+from hybrid_rt.scene.compiled import CompiledScene
+from hybrid_rt.scene.plan import Plan
+
+
+@dataclass(frozen=True)
+class RenderContext:
+    """Everything an integrator works with."""
+
+    scene: CompiledScene
+    tracer: Intersector
+    pool: Pool
+    plan: Plan
+    sampler: Sampler
+    ledger: Ledger
+    max_depth: int
+    options: Any = None
+    """Settings of the integrator, or None for those it has by itself."""

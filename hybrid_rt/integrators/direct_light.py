@@ -1,0 +1,351 @@
+"""Light at surfaces, for every integrator: what they emit and what lights send them directly."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hybrid_rt.core.records import FloatArray, HitRecord, IntArray, NamedPoints
+from hybrid_rt.integrators.context import RenderContext
+from hybrid_rt.integrators.kernels.compaction import (
+    ShadowRays,
+    add_unblocked,
+    choose_lights,
+    pack_shadow_rays,
+)
+from hybrid_rt.primitives.vertex_normals import shading_normals
+from hybrid_rt.scene.compiled import NOTHING
+from hybrid_rt.shading.kernels.bsdf import PHONG
+from hybrid_rt.shading.kernels.emitter import (
+    UNWEIGHTED,
+    LightPoints,
+    light_on_hits,
+    light_on_rays,
+)
+from hybrid_rt.shading.kernels.medium_stack import weaken_by_ways
+from hybrid_rt.shading.kernels.texture import lobe_colors
+
+NO_NORMALS = np.zeros((0, 3))
+NO_RIVAL = np.zeros(0)
+NONE_SMOOTH = np.zeros(0, dtype=np.bool_)
+
+
+@dataclass(frozen=True)
+class Shading:
+    """Hits as shading needs them: where, on what, from where.
+
+    Attributes
+    ----------
+    hits : HitRecord of n rows
+    directions : (n, 3) float64
+        Of the rays that arrived.
+    material : (n,) int32
+    colors : (n, lobes of a material at most, 3) float64
+    geometric : (n, 3) float64, or (0, 3)
+        Normals of the surfaces themselves where ``hits`` has been given others to shade by.
+    """
+
+    hits: HitRecord
+    directions: FloatArray
+    material: IntArray
+    colors: FloatArray
+    geometric: FloatArray
+
+
+class SurfaceLight:
+    """The rendering equation's terms at a batch of hits.
+
+    Parameters
+    ----------
+    context : RenderContext
+    strategy : int
+        How light found in two ways is weighted: see `hybrid_rt.shading.kernels.emitter`.
+    last_kind : int
+        Lobes that lights are asked for: see `hybrid_rt.shading.kernels.bsdf.scattered`.
+    """
+
+    def __init__(
+        self, context: RenderContext, strategy: int = UNWEIGHTED, last_kind: int = PHONG
+    ) -> None:
+        self._context = context
+        self._strategy, self._last_kind = strategy, last_kind
+        self.n_slots = int(np.diff(context.scene.lobes.first).max(initial=0))
+        self._constant_colors = self._colors_without_lookup()
+        self._before = np.cumsum(context.scene.lights.chance)
+
+    def material(self, hits: HitRecord) -> IntArray:
+        """Return the material of each hit; `NOTHING` for misses and for lights."""
+        of_surface = self._context.scene.material_of
+        if of_surface.size == 0:
+            return np.full(len(hits), NOTHING, dtype=np.int32)
+        return np.where(hits.hit, of_surface[hits.object_id], np.int32(NOTHING))
+
+    def colors(self, material: IntArray, hits: HitRecord) -> FloatArray:
+        """Return the colour of each lobe of each hit, (n, n_slots, 3); anything without material."""
+        if self._constant_colors is not None:
+            return self._constant_colors.take(material, axis=0, mode="clip")
+        scene = self._context.scene
+        colors = np.zeros((len(hits), self.n_slots, 3))
+        lobe_colors(
+            scene.textures,
+            scene.lobes.texture,
+            scene.color_factor,
+            scene.lobes.first,
+            material,
+            hits.u,
+            hits.v,
+            hits.position,
+            colors,
+        )
+        return colors
+
+    def shading(self, hits: HitRecord, directions: FloatArray, material: IntArray) -> Shading:
+        """Return hits with the colours of their lobes and the normals to shade by.
+
+        Parameters
+        ----------
+        hits : HitRecord of n rows
+        directions : (n, 3) float64
+            Of the rays that arrived.
+        material : (n,) int32
+        """
+        colors = self.colors(material, hits)
+        meshes = self._context.scene.vertex_normals
+        if not meshes:
+            return Shading(hits, directions, material, colors, NO_NORMALS)
+        normal = hits.normal.copy()
+        for object_id, normals in meshes.items():
+            rows = np.flatnonzero(hits.object_id == object_id)
+            mesh = self._context.scene.surfaces[object_id]
+            normal[rows] = shading_normals(hits, directions, rows, mesh, normals)
+        return Shading(replace(hits, normal=normal), directions, material, colors, hits.normal)
+
+    def arriving(
+        self,
+        hits: HitRecord,
+        origins: FloatArray,
+        directions: FloatArray,
+        pdf: FloatArray,
+        rival: FloatArray,
+        media: IntArray,
+    ) -> FloatArray:
+        """Return the radiance that rays run into, (n, 3): lights and what lies around the scene.
+
+        Parameters
+        ----------
+        hits : HitRecord of n rows
+        origins, directions : (n, 3) float64
+        pdf : (n,) float64
+            Density with which each direction was chosen, 0 where it had no choice; what lights were
+            asked for already counts less.
+        rival : (n,) float64, or (0,)
+            Above 0: what light paths find counts less as well.
+        media : (n, STACK) int32, or (n, 0)
+            The stacks of the rays.
+        """
+        scene, plan = self._context.scene, self._context.plan
+        radiance = np.zeros_like(directions)
+        light = np.full(len(hits), NOTHING, dtype=np.int32)
+        if plan["visible lights"]:
+            # A light's back is black.
+            light = np.where(hits.front_face, scene.light_of[hits.object_id], light)
+        if scene.environment is not None:
+            light[~hits.hit] = scene.n_lights
+        if not (light != NOTHING).any():
+            return radiance
+        light_on_rays(
+            scene.lights,
+            scene.sky,
+            scene.textures,
+            light,
+            hits.t,
+            hits.u,
+            hits.v,
+            hits.position,
+            hits.normal,
+            origins,
+            directions,
+            pdf,
+            self._pdf_area(hits, light, pdf, rival),
+            rival if rival.size else np.zeros_like(pdf),
+            media,
+            scene.lobes,
+            self._strategy,
+            radiance,
+        )
+        return radiance
+
+    def from_one(
+        self,
+        shading: Shading,
+        camera_ray: NDArray[np.int64],
+        throughput: FloatArray,
+        media: IntArray,
+        xi: FloatArray,
+        radiance: FloatArray,
+    ) -> None:
+        """Add what lights and sky send through the spreading lobes: one is asked for each hit.
+
+        Parameters
+        ----------
+        camera_ray : (n,) int64
+            Row in ``radiance`` of each hit.
+        throughput : (n, 3) float64
+        media : (n, STACK) int32, or (n, 0)
+            Dielectrics that the paths are in.
+        xi : (n, 2) float64 in [0, 1), changed
+            Chooses the light, by its chance, and a point of it.
+        radiance : (rows, 3) float64, changed
+        """
+        scene, hits = self._context.scene, shading.hits
+        n = len(hits)
+        light = np.empty(n, dtype=np.int32)
+        choose_lights(self._before, scene.lights.chance, xi, light)
+        to_light, value = self._asked(shading, light, xi)
+        if media.shape[1]:
+            weaken_by_ways(media, scene.lobes, to_light, light < scene.n_lights, value)
+        rays = shadow_rays(n)
+        n_rays = pack_shadow_rays(
+            camera_ray, throughput, hits.object_id, hits.position, light, scene.surface_of_light,
+            to_light, value, rays,
+        )  # fmt: skip
+        self.add_unblocked(rays, n_rays, radiance)
+
+    def add_unblocked(self, rays: ShadowRays, n_rays: int, radiance: FloatArray) -> None:
+        """Add what arrives along shadow rays where nothing stands in the way.
+
+        Parameters
+        ----------
+        rays : ShadowRays
+        n_rays : int
+            The first so many of them.
+        radiance : (rows, 3) float64, changed
+            In the rows that ``camera_ray`` names.
+        """
+        if n_rays == 0:
+            return
+        context = self._context
+        rays = ShadowRays(*(column[:n_rays] for column in rays))
+        context.ledger.rays["shadow"] += n_rays
+        with context.ledger.stage("shadow rays"):
+            blocked = context.tracer.occluded(
+                rays.origin,
+                rays.way,
+                rays.t_max,
+                source=NamedPoints(rays.source_id, rays.origin),
+                target=NamedPoints(rays.target_id, rays.end),
+            )
+        add_unblocked(rays.camera_ray, blocked, rays.value, radiance)
+
+    def _asked(
+        self, shading: Shading, light_id: IntArray, xi: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return the ways to chosen points of lights, and what they send."""
+        scene, hits = self._context.scene, shading.hits
+        to_light, value = np.empty_like(shading.directions), np.empty_like(shading.directions)
+        light_on_hits(
+            scene.lights,
+            scene.sky,
+            scene.textures,
+            self.points(light_id, xi),
+            light_id,
+            scene.lobes,
+            shading.material,
+            shading.colors,
+            hits.position,
+            hits.normal,
+            shading.directions,
+            shading.geometric,
+            xi,
+            self._strategy,
+            self._last_kind,
+            to_light,
+            value,
+        )
+        return to_light, value
+
+    def points(self, light_id: IntArray, xi: FloatArray) -> LightPoints:
+        """Choose points on the surfaces among the lights.
+
+        Parameters
+        ----------
+        light_id : (n,) int32
+        xi : (n, 2) float64 in [0, 1)
+
+        Returns
+        -------
+        LightPoints of n rows
+            Zero for lights of other kinds; (0,) where no surface is a light.
+        """
+        shining = self._context.scene.shining
+        points = new_light_points(light_id.size if shining else 0)
+        for light, chooser in shining.items():
+            rows = np.flatnonzero(light_id == light)
+            if rows.size == 0:
+                continue
+            for column, chosen in zip(points, chooser.points(xi[rows]), strict=True):
+                column[rows] = chosen
+        return points
+
+    def _pdf_area(
+        self, met: HitRecord, light: IntArray, pdf: FloatArray, rival: FloatArray
+    ) -> FloatArray:
+        """Return the density per area of points met on surfaces among the lights."""
+        shining = self._context.scene.shining
+        density = np.zeros(light.size if shining else 0)
+        if self._strategy == UNWEIGHTED:
+            return density
+        is_weighed = (pdf > 0.0) | (rival > 0.0) if rival.size else pdf > 0.0
+        for number, chooser in shining.items():
+            rows = np.flatnonzero((light == number) & is_weighed)
+            if rows.size:
+                density[rows] = chooser.pdf_area(
+                    met.patch_id[rows].astype(np.int64), met.u[rows], met.v[rows]
+                )
+        return density
+
+    def _colors_without_lookup(self) -> FloatArray | None:
+        if self._context.plan["texture lookups"]:
+            return None
+        scene = self._context.scene
+        first = scene.lobes.first
+        # One row at least: a scene without objects still looks its colours up.
+        colors = np.zeros((max(first.size - 1, 1), self.n_slots, 3))
+        for material in range(first.size - 1):
+            rows = slice(first[material], first[material + 1])
+            color = scene.textures.number[scene.lobes.texture[rows], :3]
+            colors[material, : color.shape[0]] = scene.color_factor[rows, None] * color
+        return colors
+
+
+def shadow_rays(n: int) -> ShadowRays:
+    """Return n rays to be filled."""
+    return ShadowRays(
+        camera_ray=np.empty(n, dtype=np.int64),
+        origin=np.empty((n, 3)),
+        way=np.empty((n, 3)),
+        t_max=np.empty(n),
+        end=np.empty((n, 3)),
+        source_id=np.empty(n, dtype=np.int32),
+        target_id=np.empty(n, dtype=np.int32),
+        value=np.empty((n, 3)),
+    )
+
+
+def new_light_points(n: int) -> LightPoints:
+    """Return n points to be filled; (0,) where no surface is a light."""
+    return LightPoints(
+        position=np.zeros((n, 3)),
+        normal=np.zeros((n, 3)),
+        pdf_area=np.zeros(n),
+        u=np.zeros(n),
+        v=np.zeros(n),
+    )
+
+
+def largest_channel(color: FloatArray) -> FloatArray:
+    """Return the largest of the three channels, (n,); many times faster than a maximum along rows."""
+    largest: FloatArray = np.maximum(np.maximum(color[:, 0], color[:, 1]), color[:, 2])
+    return largest

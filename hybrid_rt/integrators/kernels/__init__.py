@@ -1,0 +1,1 @@
+"""Compiled steps of light transport, over batches of rays and photons."""

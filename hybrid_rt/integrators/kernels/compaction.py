@@ -1,0 +1,163 @@
+"""Bookkeeping of batches of rays: sums per pixel, and rows picked out of many arrays at once.
+
+Each kernel does in one pass what NumPy does in a dozen, with a temporary array for each.
+"""
+
+from typing import Any, NamedTuple
+
+from meshing.kernels.jit import kernel
+
+
+class ShadowRays(NamedTuple):
+    """Rays toward lights, and what arrives along each unless something stands in the way."""
+
+    camera_ray: Any  # (n,) int64
+    origin: Any  # (n, 3) float64
+    way: Any  # (n, 3) float64; ends at t_max
+    t_max: Any  # (n,) float64
+    end: Any  # (n, 3) float64, point of the light
+    source_id: Any  # (n,) int32, object that the ray leaves from
+    target_id: Any  # (n,) int32, object that is the light; negative: none
+    value: Any  # (n, 3) float64
+
+
+class Paths(NamedTuple):
+    """Paths on their way, in the order of the camera rays they come from."""
+
+    camera_ray: Any  # (n,) int64, row in the block of camera rays
+    pixel: Any  # (n,) uint64; with the sample it names the path's random numbers
+    sample: Any  # (n,) uint64
+    origins: Any  # (n, 3) float64
+    directions: Any  # (n, 3) float64, unit
+    throughput: Any  # (n, 3) float64, what one unit of radiance on this ray adds to its pixel
+    pdf: Any  # (n,) float64, density of the direction; 0 where it had no choice
+    # (n,) float64, see `hybrid_rt.integrators.kernels.light_paths`; (0,) where nothing is compared with it
+    rival: Any
+    media: Any  # (n, STACK) int32, dielectrics that the ray is in; (n, 0): there are none
+    source_id: Any  # (n,) int32, object that the ray leaves from; -1 at the camera
+
+
+@kernel
+def add_products(camera_ray, throughput, value, radiance):
+    """Add throughput x value, (n, 3) both, to the rows of ``radiance`` that camera_ray names."""
+    for i in range(camera_ray.size):
+        for k in range(3):
+            radiance[camera_ray[i], k] += throughput[i, k] * value[i, k]
+
+
+@kernel
+def pack_shadow_rays(
+    camera_ray, throughput, object_id, position, light_id, surface_of_light, to_light, value, out
+):
+    """Pick the rows whose value is not zero as `ShadowRays`; return how many there are.
+
+    Parameters
+    ----------
+    camera_ray : (n,) int64
+    throughput, position : (n, 3) float64
+    object_id, light_id : (n,) int32
+        What is lit, and the light; the number of lights stands for the sky.
+    surface_of_light : (lights,) int32
+    to_light : (n, 3) float64
+        To the chosen point; to the sky, a direction.
+    value : (n, 3) float64
+        What arrives and is sent on, for throughput one.
+    out : ShadowRays of n rows or more, written
+    """
+    n = 0
+    for i in range(camera_ray.size):
+        if max(value[i, 0], value[i, 1], value[i, 2]) <= 0.0:
+            continue
+        out.camera_ray[n] = camera_ray[i]
+        out.source_id[n] = object_id[i]
+        if light_id[i] == surface_of_light.size:
+            out.t_max[n], out.target_id[n] = float("inf"), -1
+        else:
+            out.t_max[n], out.target_id[n] = 1.0, surface_of_light[light_id[i]]
+        for k in range(3):
+            out.origin[n, k] = position[i, k]
+            out.way[n, k] = to_light[i, k]
+            out.end[n, k] = position[i, k] + to_light[i, k]
+            out.value[n, k] = throughput[i, k] * value[i, k]
+        n += 1
+    return n
+
+
+@kernel
+def add_unblocked(camera_ray, blocked, value, radiance):
+    """Add values (n, 3) to the rows of ``radiance`` that camera_ray names, unless blocked."""
+    for i in range(camera_ray.size):
+        if not blocked[i]:
+            for k in range(3):
+                radiance[camera_ray[i], k] += value[i, k]
+
+
+@kernel
+def pack_paths(paths, fate, least, position, object_id, onward, pdf, out):
+    """Pick the paths whose fate is at least ``least``, on their new rays; return how many.
+
+    Parameters
+    ----------
+    paths : Paths of n rows
+    fate : (n,) uint8
+        See `hybrid_rt.shading.kernels.scatter`.
+    least : int
+    position : (n, 3) float64
+        Where the new rays begin.
+    object_id : (n,) int32
+        And on which object.
+    onward : (n, 3) float64
+        Where they go.
+    pdf : (n,) float64
+        Density of that direction per solid angle.
+    out : Paths of n rows or more, written
+    """
+    n = 0
+    for i in range(fate.size):
+        if fate[i] < least:
+            continue
+        out.camera_ray[n] = paths.camera_ray[i]
+        out.pixel[n] = paths.pixel[i]
+        out.sample[n] = paths.sample[i]
+        out.pdf[n] = pdf[i]
+        if paths.rival.size:
+            out.rival[n] = paths.rival[i]
+        out.source_id[n] = object_id[i]
+        for k in range(3):
+            out.origins[n, k] = position[i, k]
+            out.directions[n, k] = onward[i, k]
+            out.throughput[n, k] = paths.throughput[i, k]
+        for k in range(paths.media.shape[1]):
+            out.media[n, k] = paths.media[i, k]
+        n += 1
+    return n
+
+
+@kernel
+def choose_lights(before, chance, xi, light_id):
+    """Choose a light per row by the first number of ``xi`` (n, 2), which is made even again.
+
+    ``before`` (lights + 1,) is the probability of each light and those before it together.
+    """
+    for i in range(light_id.size):
+        row = 0
+        while row < before.size - 1 and (xi[i, 0] >= before[row] or chance[row] == 0.0):
+            row += 1
+        while chance[row] == 0.0:  # rounding may leave the sums just below one
+            row -= 1
+        light_id[i] = row
+        rest = (xi[i, 0] - (before[row] - chance[row])) / chance[row]
+        xi[i, 0] = min(max(rest, 0.0), 1.0 - 2.0**-53)
+
+
+@kernel
+def add_to_pixels(pixel, radiance, image):
+    """Add rows of ``radiance`` (n, 3) to the rows of ``image`` that ``pixel`` names, in order.
+
+    Rows with a negative pixel are left out.
+    """
+    for i in range(pixel.size):
+        if pixel[i] < 0:
+            continue
+        for k in range(3):
+            image[pixel[i], k] += radiance[i, k]

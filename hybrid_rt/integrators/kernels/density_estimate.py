@@ -1,0 +1,228 @@
+"""What photons near a point add up to there."""
+
+import math
+
+import numpy as np
+
+from hybrid_rt.integrators.kernels.photon_steps import IS_SHOWN
+from hybrid_rt.shading.kernels.bsdf import PHONG, scattered
+from meshing.kernels.jit import inlined, kernel
+
+# Photons of a surface turned farther than this from that of the point belong to another wall.
+LEAST_COSINE = 0.5
+# Nor do those farther than this from the point's tangent plane, in radii: a sphere of radius R
+# leaves its plane by r / 4 at a distance r = R / 2.
+LARGEST_HEIGHT = 0.25
+
+# Three large odd numbers spread neighbouring cells over a table.
+_X, _Y, _Z = 73856093, 19349663, 83492791
+
+
+@inlined
+def _slot(i, j, k, mask):
+    return ((i * _X) ^ (j * _Y) ^ (k * _Z)) & mask
+
+
+@kernel
+def count_in_cells(position, width, table):
+    """Count positions (n, 3) by cells of a cubic grid; ``table`` has a power of two of slots.
+
+    Cells may share a slot: counts are upper bounds.
+    """
+    mask = table.size - 1
+    for i in range(position.shape[0]):
+        a = math.floor(position[i, 0] / width)
+        b = math.floor(position[i, 1] / width)
+        c = math.floor(position[i, 2] / width)
+        table[_slot(a, b, c, mask)] += 1
+
+
+@kernel
+def most_neighbours(position, radius, width, table, most):
+    """Bound from above how many of the counted positions lie within a radius of each of these.
+
+    ``width`` of the cells is at least two radii, so the eight cells nearest a point cover its ball.
+    """
+    mask = table.size - 1
+    for i in range(position.shape[0]):
+        a = math.floor((position[i, 0] - radius) / width)
+        b = math.floor((position[i, 1] - radius) / width)
+        c = math.floor((position[i, 2] - radius) / width)
+        la = math.floor((position[i, 0] + radius) / width)
+        lb = math.floor((position[i, 1] + radius) / width)
+        lc = math.floor((position[i, 2] + radius) / width)
+        total = 0
+        for p in range(a, la + 1):
+            for q in range(b, lb + 1):
+                for r in range(c, lc + 1):
+                    total += table[_slot(p, q, r, mask)]
+        most[i] = total
+
+
+@kernel
+def add_photons(
+    row, photon, distance, radius, lobes, material, colors, position, normal, geometric, direction,
+    is_direct, photon_direction, photon_normal, photon_power, photon_position, history, value, blur,
+    near, xi, chosen,
+):  # fmt: skip
+    """Add the radiance that photons make to ``value`` (n, 3) of the points they are near.
+
+    Parameters
+    ----------
+    row, photon, distance : (pairs,)
+        A point, a photon near it, and how far apart they are.
+    radius : (n,) float64
+        Of the disc of each point.
+    material, colors, position, normal, direction : (n, ...)
+        Of the points, as for `hybrid_rt.shading.kernels.emitter.light_on_hits`; only lobes up to `PHONG`
+        count.
+    geometric : (n, 3) float64
+        Normal of the surface itself, where ``normal`` is another; else (0, 3).
+    is_direct : (n,) bool
+        Points that the camera looks straight at: photons shown to it do not count.
+    photon_direction, photon_normal, photon_power : (photons, 3) float32
+    photon_position : (photons, 3) float64
+    history : (photons,) uint8
+    value : (n, 3) float64, changed
+    blur : (n, 3) float64, changed
+        How much less a disc of half the area would give: what the blur of this one is known by.
+    near : (n,) int64, changed
+        Photons that counted.
+    xi : (n,) float64 in [0, 1), changed
+        Chooses one of them for each point, by what it adds.
+    chosen : (n,) int64, changed
+        Its number; unchanged where none counted.
+    """
+    for p in range(row.size):
+        i, j = row[p], photon[p]
+        ratio = (distance[p] / radius[i]) ** 2
+        if ratio >= 1.0 or (is_direct[i] and history[j] & IS_SHOWN):
+            continue
+        # Epanechnikov's kernel: its integral over the disc is one, its mean squared error least.
+        weight = 2.0 * (1.0 - ratio) / (math.pi * radius[i] * radius[i])
+        if geometric.shape[0]:
+            gx, gy, gz = geometric[i, 0], geometric[i, 1], geometric[i, 2]
+        else:
+            gx, gy, gz = normal[i, 0], normal[i, 1], normal[i, 2]
+        dx, dy, dz = direction[i, 0], direction[i, 1], direction[i, 2]
+        if gx * dx + gy * dy + gz * dz > 0.0:
+            gx, gy, gz = -gx, -gy, -gz
+        wx, wy, wz = (
+            -np.float64(photon_direction[j, 0]),
+            -np.float64(photon_direction[j, 1]),
+            -np.float64(photon_direction[j, 2]),
+        )
+        cosine = gx * wx + gy * wy + gz * wz
+        if cosine <= 0.0:
+            continue
+        turned = gx * photon_normal[j, 0] + gy * photon_normal[j, 1] + gz * photon_normal[j, 2]
+        if turned < LEAST_COSINE:
+            continue
+        height = (
+            gx * (photon_position[j, 0] - position[i, 0])
+            + gy * (photon_position[j, 1] - position[i, 1])
+            + gz * (photon_position[j, 2] - position[i, 2])
+        )
+        if abs(height) > LARGEST_HEIGHT * radius[i]:
+            continue
+        r, g, b, _ = scattered(
+            lobes, material[i], colors, i, normal[i, 0], normal[i, 1], normal[i, 2],
+            dx, dy, dz, wx, wy, wz, PHONG,
+        )  # fmt: skip
+        weight /= cosine
+        r *= weight * photon_power[j, 0]
+        g *= weight * photon_power[j, 1]
+        b *= weight * photon_power[j, 2]
+        value[i, 0] += r
+        value[i, 1] += g
+        value[i, 2] += b
+        less = 1.0 - max(2.0 * (1.0 - 2.0 * ratio) / (1.0 - ratio), 0.0)
+        blur[i, 0] += less * r
+        blur[i, 1] += less * g
+        blur[i, 2] += less * b
+        near[i] += 1
+        # Each one takes the place of those before it with its share of the sum so far; the number
+        # that decides is made even again.
+        total = value[i, 0] + value[i, 1] + value[i, 2]
+        share = (r + g + b) / total if total > 0.0 else 0.0
+        if xi[i] < share:
+            chosen[i] = j
+            xi[i] /= share
+        else:
+            xi[i] = (xi[i] - share) / (1.0 - share) if share < 1.0 else 0.0
+
+
+@kernel
+def show_photons(
+    lobes, material, colors, normal, geometric, photon_direction, photon_power, way, pdf, value
+):
+    """Find what photons send to the camera from where they arrive.
+
+    Parameters
+    ----------
+    material, colors, normal, geometric : (n, ...)
+        Of the places, as for `add_photons`.
+    photon_direction, photon_power : (n, 3) float64
+    way : (n, 3) float64
+        From the camera to each place.
+    pdf : (n,) float64
+        Density per solid angle with which the camera chooses a direction within the pixel; 0: the
+        place is not in the picture.
+    value : (n, 3) float64, written
+        Radiance added to the pixel unless something stands in the way.
+    """
+    for i in range(pdf.size):
+        value[i, 0] = value[i, 1] = value[i, 2] = 0.0
+        if pdf[i] <= 0.0:
+            continue
+        square = way[i, 0] ** 2 + way[i, 1] ** 2 + way[i, 2] ** 2
+        distance = math.sqrt(square)
+        dx, dy, dz = way[i, 0] / distance, way[i, 1] / distance, way[i, 2] / distance
+        if geometric.shape[0]:
+            gx, gy, gz = geometric[i, 0], geometric[i, 1], geometric[i, 2]
+        else:
+            gx, gy, gz = normal[i, 0], normal[i, 1], normal[i, 2]
+        wx, wy, wz = -photon_direction[i, 0], -photon_direction[i, 1], -photon_direction[i, 2]
+        toward = -(gx * dx + gy * dy + gz * dz)
+        cosine = gx * wx + gy * wy + gz * wz
+        if toward * cosine <= 0.0:
+            continue
+        r, g, b, _ = scattered(
+            lobes, material[i], colors, i, normal[i, 0], normal[i, 1], normal[i, 2],
+            dx, dy, dz, wx, wy, wz, PHONG,
+        )  # fmt: skip
+        factor = pdf[i] / square * toward / cosine
+        value[i, 0] = factor * r * photon_power[i, 0]
+        value[i, 1] = factor * g * photon_power[i, 1]
+        value[i, 2] = factor * b * photon_power[i, 2]
+
+
+@kernel
+def segments_to_photons(
+    row, position, normal, direction, chosen, photon_position, photon_normal, origin, way
+):
+    """Lay a segment from points to the photons chosen for them, just above the surface.
+
+    Both ends are lifted along the normals: enough to clear a surface as curved as the photon's
+    height above the tangent plane says, and a thousandth of the way to clear a flat one.
+
+    Parameters
+    ----------
+    row : (k,)
+        Points with a photon.
+    origin, way : (k, 3) float64, written
+    """
+    for k in range(row.size):
+        i, j = row[k], chosen[row[k]]
+        height = square = facing = 0.0
+        for c in range(3):
+            step = photon_position[j, c] - position[i, c]
+            square += step * step
+            height += normal[i, c] * step
+            facing += normal[i, c] * direction[i, c]
+        lift = 0.5 * abs(height) + 1e-3 * math.sqrt(square)
+        side = -lift if facing > 0.0 else lift
+        for c in range(3):
+            origin[k, c] = position[i, c] + side * normal[i, c]
+            end = photon_position[j, c] + lift * photon_normal[j, c]
+            way[k, c] = end - origin[k, c]

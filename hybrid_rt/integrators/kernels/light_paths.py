@@ -1,0 +1,469 @@
+"""Paths that begin at a light, and are led by mirrors and glass onto a surface that spreads light.
+
+A path from the camera finds such a surface's light only by running into the lamp through a mirror
+or a lens, which is rare and then bright. A path from the lamp finds it often. Both count, by the
+balance of their densities (Veach, "Robust Monte Carlo methods for light transport simulation",
+1997, chapter 10: bidirectional path tracing, here with one family of its techniques).
+
+A light path goes from lamp to surface, and on from surface to surface, by way of at least one
+mirror or lens each time. Seen from the camera, it is joined where for the first time two surfaces
+that spread light see each other; up to there camera paths could choose no point. So there are two
+ways to each such path, that of the camera alone and one that joins.
+
+At a mirror or a lens nothing is chosen but lobes, by the same chances from either side, and
+n^2 dA cos dw is the same before and after. So only what happens at lamps and at surfaces that
+spread light tells the densities of the two ways apart: from the lamp P(lamp) pdf_area / pi over
+the index squared there; from the camera the density of the joined point per area, times that of
+the direction taken there per projected solid angle, over the index squared here; and at surfaces
+between, the densities of the two directions per projected solid angle, from either side.
+"""
+
+import math
+from typing import Any, NamedTuple
+
+from hybrid_rt.shading.kernels.bsdf import (
+    DIELECTRIC,
+    LAST_SPREADING,
+    leaves_through_face,
+    lobe_chance,
+    lobe_direction,
+    pick_lobe,
+    scattered,
+)
+from hybrid_rt.shading.kernels.emitter import RECTANGLE, SPHERE, light_strength, power_weight
+from hybrid_rt.shading.kernels.fresnel import mirrored
+from hybrid_rt.shading.kernels.medium_stack import filling_medium, ior_of, transmittance
+from hybrid_rt.shading.kernels.scatter import at_glass, density_of_turn
+from hybrid_rt.shading.kernels.warp import onto_axis
+from meshing.kernels.jit import inlined, kernel
+
+# Joins bring little light, evenly: asked for every hit, they would cost as much as the lamps. On
+# the Cornell box a quarter costs 4 % in variance and saves a fifth of the time.
+JOIN_CHANCE = 0.25
+
+
+class LightPaths(NamedTuple):
+    """Paths on their way from lights, in the order of their numbers."""
+
+    sample: Any  # (n,) uint64, pass
+    number: Any  # (n,) uint64, within the pass; both name the path's random numbers
+    origins: Any  # (n, 3) float64
+    directions: Any  # (n, 3) float64, unit
+    flux: Any  # (n, 3) float64, of one pass: the paths of a pass carry what the lights send out
+    # (n,) float64, over that of the same path from the camera behind the joined point; per area and
+    # projected solid angle times index^2
+    density: Any
+    is_direct: Any  # (n,) bool, no mirror or lens since the lamp or surface that sent the light
+    media: Any  # (n, STACK) int32, or (n, 0)
+    source_id: Any  # (n,) int32, object that the ray leaves from
+
+
+class LitPoints(NamedTuple):
+    """Points of surfaces that spread light, reached from lights by way of mirrors and glass."""
+
+    position: Any  # (n, 3) float64
+    normal: Any  # (n, 3) float64, to shade by
+    geometric: Any  # (n, 3) float64, of the surface itself
+    direction: Any  # (n, 3) float64, unit, of the light as it arrives
+    material: Any  # (n,) int32
+    colors: Any  # (n, lobes of a material at most, 3) float64
+    flux: Any  # (n, 3) float64
+    density: Any  # (n,) float64, see `LightPaths`
+    square: Any  # (n,) float64, index squared of what surrounds the point
+    object_id: Any  # (n,) int32
+    steps: Any  # (n,) int64, directions taken at surfaces on the way
+
+
+@kernel
+def leave_lights(
+    lights, textures, points, emit, light_id, place, turn, scale, origin, direction, flux, density
+):
+    """Begin a path at each light asked for.
+
+    Parameters
+    ----------
+    points : LightPoints
+        For rows that begin on a `SURFACE`; may be empty where there is none.
+    emit : (lights + 1,) float64
+        Probability with which each light was chosen.
+    place, turn : (n, 2) float64 in [0, 1)
+        Choose the point and the direction.
+    scale : float
+        One over the number of paths that share the lights' power.
+    origin, direction, flux : (n, 3) float64, written
+    density : (n,) float64, written
+        Per area and projected solid angle, as in empty space.
+    """
+    for i in range(light_id.size):
+        row = light_id[i]
+        s, t = place[i, 0], place[i, 1]
+        if lights.kind[row] == RECTANGLE:
+            ax, ay, az = lights.edge_u[row, 0], lights.edge_u[row, 1], lights.edge_u[row, 2]
+            bx, by, bz = lights.edge_v[row, 0], lights.edge_v[row, 1], lights.edge_v[row, 2]
+            nx, ny, nz = ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
+            area = math.sqrt(nx * nx + ny * ny + nz * nz)
+            nx, ny, nz = nx / area, ny / area, nz / area
+            x = lights.origin[row, 0] + s * ax + t * bx
+            y = lights.origin[row, 1] + s * ay + t * by
+            z = lights.origin[row, 2] + s * az + t * bz
+            u, v, pdf_area = s, t, 1.0 / area
+        elif lights.kind[row] == SPHERE:
+            radius = lights.edge_u[row, 0]
+            nz = 1.0 - 2.0 * s
+            ring, phi = 2.0 * math.sqrt(s * (1.0 - s)), 2.0 * math.pi * t
+            nx, ny = ring * math.cos(phi), ring * math.sin(phi)
+            x = lights.origin[row, 0] + radius * nx
+            y = lights.origin[row, 1] + radius * ny
+            z = lights.origin[row, 2] + radius * nz
+            u, v, pdf_area = s, t, 1.0 / (4.0 * math.pi * radius * radius)
+        else:
+            x, y, z = points.position[i, 0], points.position[i, 1], points.position[i, 2]
+            nx, ny, nz = points.normal[i, 0], points.normal[i, 1], points.normal[i, 2]
+            u, v, pdf_area = points.u[i], points.v[i], points.pdf_area[i]
+        origin[i, 0], origin[i, 1], origin[i, 2] = x, y, z
+        r, g, b = light_strength(lights, textures, row, u, v, x, y, z)
+        # The cosine of the direction's density is that of the light it carries.
+        factor = 0.0
+        density[i] = 0.0
+        if pdf_area > 0.0:
+            factor = math.pi * scale / (pdf_area * emit[row])
+            density[i] = emit[row] * pdf_area / math.pi
+        flux[i, 0], flux[i, 1], flux[i, 2] = factor * r, factor * g, factor * b
+        direction[i, 0], direction[i, 1], direction[i, 2] = onto_axis(
+            nx,
+            ny,
+            nz,
+            math.sqrt(1.0 - turn[i, 0]),
+            math.sqrt(turn[i, 0]),
+            2.0 * math.pi * turn[i, 1],
+        )
+
+
+@kernel
+def divide_by_index(density, media, lobes):
+    """Bring densities at the start of paths to what is compared: over the index squared there."""
+    for i in range(density.size):
+        density[i] /= ior_of(lobes, filling_medium(media, i, lobes)) ** 2
+
+
+@kernel
+def pick_lit_points(
+    paths, lobes, material, colors, position, normal, geometric, object_id, steps, out, row
+):
+    """Pick the paths that have met a surface that spreads light; return how many.
+
+    Parameters
+    ----------
+    paths : LightPaths of n rows
+    lobes : LobeTable
+    material, object_id : (n,) int32
+    colors : (n, lobes of a material at most, 3) float64
+    position, normal : (n, 3) float64
+        Of the hits; normals to shade by.
+    geometric : (n, 3) float64, or (0, 3)
+        Normals of the surfaces themselves, where ``normal`` is another.
+    steps : int
+        Directions taken at surfaces on the way.
+    out : LitPoints of n rows or more, written
+    row : (n,) int32, written
+        The rows of those that are picked.
+    """
+    n = 0
+    for i in range(material.size):
+        if material[i] < 0 or paths.is_direct[i]:
+            continue
+        start = lobes.first[material[i]]
+        spreads = 0.0
+        for j in range(lobes.first[material[i] + 1] - start):
+            spreads += lobe_chance(lobes, start + j, colors, i, j, LAST_SPREADING)
+        if spreads == 0.0 or max(paths.flux[i, 0], paths.flux[i, 1], paths.flux[i, 2]) <= 0.0:
+            continue
+        square = 1.0
+        if paths.media.shape[1] > 0:
+            square = ior_of(lobes, filling_medium(paths.media, i, lobes)) ** 2
+        for k in range(3):
+            out.position[n, k] = position[i, k]
+            out.normal[n, k] = normal[i, k]
+            out.geometric[n, k] = geometric[i, k] if geometric.shape[0] else normal[i, k]
+            out.direction[n, k] = paths.directions[i, k]
+            out.flux[n, k] = paths.flux[i, k]
+            for j in range(colors.shape[1]):
+                out.colors[n, j, k] = colors[i, j, k]
+        row[n] = i
+        out.material[n] = material[i]
+        out.density[n] = paths.density[i]
+        out.square[n] = square
+        out.object_id[n] = object_id[i]
+        out.steps[n] = steps
+        n += 1
+    return n
+
+
+@inlined
+def lead_through(paths, lobes, row, i, nx, ny, nz, is_front, second, rest):
+    """Send light path i on by a mirror or glass; return the direction and whether it is tinted."""
+    dx, dy, dz = paths.directions[i, 0], paths.directions[i, 1], paths.directions[i, 2]
+    if lobes.kind[row] == DIELECTRIC:
+        # Power passes whole; it is radiance that changes by the index squared.
+        x, y, z, _, is_tinted = at_glass(
+            lobes, row, paths.media, i, nx, ny, nz, dx, dy, dz, is_front, second, rest
+        )
+        return x, y, z, is_tinted
+    x, y, z = mirrored(dx, dy, dz, nx, ny, nz)
+    return x, y, z, True
+
+
+@inlined
+def lead_off(paths, lobes, material, colors, normal, geometric, row, i, nx, ny, nz, xi, eta):
+    """Send light path i on by a surface that spreads light.
+
+    Returns the direction, factors on flux, and how much denser such paths are from the lamp than
+    from the camera; all zero where there is no way.
+    """
+    dx, dy, dz = paths.directions[i, 0], paths.directions[i, 1], paths.directions[i, 2]
+    x, y, z = lobe_direction(lobes.kind[row], lobes.number[row, 0], nx, ny, nz, dx, dy, dz, xi, eta)
+    _, _, _, pdf = scattered(
+        lobes, material, colors, i, nx, ny, nz, dx, dy, dz, x, y, z, DIELECTRIC
+    )
+    r, g, b, back = scattered(
+        lobes, material, colors, i, nx, ny, nz, -x, -y, -z, -dx, -dy, -dz, DIELECTRIC
+    )
+    if pdf <= 0.0 or back <= 0.0 or leaves_through_face(geometric, i, paths.directions, x, y, z):
+        return x, y, z, 0.0, 0.0, 0.0, 0.0
+    # The cosine in f cos is the shading normal's, that of the flux is the surface's own.
+    turn = density_of_turn(normal, geometric, i, x, y, z, dx, dy, dz, 1.0)
+    factor = turn / pdf
+    # Over the projected solid angle of either direction.
+    denser = pdf / (back * turn) if turn > 0.0 else 0.0
+    return x, y, z, factor * r, factor * g, factor * b, denser
+
+
+@kernel
+def lead_on(
+    paths, lobes, material, colors, position, normal, geometric, object_id, is_smooth, second,
+    choice, xi, out,
+):  # fmt: skip
+    """Send light paths on, and drop those that end; return how many go on.
+
+    Paths that see a surface directly are led on by its mirrors and glass only: what spreads there
+    is joined from the camera.
+
+    Parameters
+    ----------
+    geometric : (n, 3) float64, or (0, 3)
+        As in `pick_lit_points`.
+    is_smooth : (objects,) bool
+        Objects shaded by other normals than their own: their mirrors and glass do not keep
+        n^2 dA cos dw, so paths from lights end there.
+    second : (n,) int32, or (0,)
+        Faces that coincide with the hits: see `hybrid_rt.shading.kernels.medium_stack`.
+    choice : (n, 2) float64 in [0, 1)
+        The first chooses the lobe.
+    xi : (n, 2) float64 in [0, 1)
+        Chooses the direction.
+    out : LightPaths, written
+    """
+    n = 0
+    for i in range(material.size):
+        if material[i] < 0:
+            continue
+        chosen, chance, rest = pick_lobe(lobes, material[i], colors, i, choice[i, 0], DIELECTRIC)
+        row = lobes.first[material[i]] + chosen
+        if chance == 0.0:
+            continue
+        nx, ny, nz = normal[i, 0], normal[i, 1], normal[i, 2]
+        is_front = (
+            nx * paths.directions[i, 0] + ny * paths.directions[i, 1] + nz * paths.directions[i, 2]
+            < 0.0
+        )
+        if not is_front:
+            nx, ny, nz = -nx, -ny, -nz
+        spreads = lobes.kind[row] <= LAST_SPREADING
+        denser = 1.0
+        if spreads:
+            if paths.is_direct[i]:
+                continue
+            x, y, z, r, g, b, denser = lead_off(
+                paths, lobes, material[i], colors, normal, geometric, row, i, nx, ny, nz,
+                xi[i, 0], xi[i, 1],
+            )  # fmt: skip
+        else:
+            if is_smooth[object_id[i]]:
+                continue
+            x, y, z, is_tinted = lead_through(
+                paths, lobes, row, i, nx, ny, nz, is_front, second, rest
+            )
+            r = g = b = lobes.weight[row] / chance
+            if is_tinted:
+                # Glass has its share of the mixture beside its tint, mirrors have it in the colour.
+                share = r if lobes.kind[row] == DIELECTRIC else 1.0 / chance
+                r, g, b = (
+                    share * colors[i, chosen, 0],
+                    share * colors[i, chosen, 1],
+                    share * colors[i, chosen, 2],
+                )
+        r, g, b = r * paths.flux[i, 0], g * paths.flux[i, 1], b * paths.flux[i, 2]
+        if max(r, g, b) <= 0.0:
+            continue
+        out.sample[n] = paths.sample[i]
+        out.number[n] = paths.number[i]
+        out.directions[n, 0], out.directions[n, 1], out.directions[n, 2] = x, y, z
+        out.flux[n, 0], out.flux[n, 1], out.flux[n, 2] = r, g, b
+        out.density[n] = paths.density[i] * denser
+        out.is_direct[n] = spreads
+        out.source_id[n] = object_id[i]
+        for k in range(3):
+            out.origins[n, k] = position[i, k]
+        for k in range(paths.media.shape[1]):
+            out.media[n, k] = paths.media[i, k]
+        n += 1
+    return n
+
+
+@inlined
+def sent_toward(lit, k, lobes, wx, wy, wz):
+    """Return what lit point k sends against the unit direction w, and what the camera's way weighs.
+
+    The first three: flux times f times the cosine toward the eye. The last: the density with which
+    a path that arrives along w would go on to the light, per projected solid angle, times the
+    cosine with which it arrives and over the index squared; the density per area of arriving is
+    still to be multiplied by, over the square of the distance.
+    """
+    gx, gy, gz = lit.geometric[k, 0], lit.geometric[k, 1], lit.geometric[k, 2]
+    lx, ly, lz = -lit.direction[k, 0], -lit.direction[k, 1], -lit.direction[k, 2]
+    toward_eye = -(gx * wx + gy * wy + gz * wz)
+    toward_light = gx * lx + gy * ly + gz * lz
+    if toward_eye * toward_light <= 0.0:
+        return 0.0, 0.0, 0.0, 0.0
+    r, g, b, pdf = scattered(
+        lobes, lit.material[k], lit.colors, k,
+        lit.normal[k, 0], lit.normal[k, 1], lit.normal[k, 2], wx, wy, wz, lx, ly, lz, DIELECTRIC,
+    )  # fmt: skip
+    if pdf <= 0.0:
+        return 0.0, 0.0, 0.0, 0.0
+    # The cosine in f cos is the shading normal's, that of the flux is the surface's own.
+    factor = abs(toward_eye / toward_light)
+    return (
+        factor * r * lit.flux[k, 0],
+        factor * g * lit.flux[k, 1],
+        factor * b * lit.flux[k, 2],
+        factor * pdf / lit.square[k],
+    )
+
+
+@kernel
+def join_lit_points(
+    paths, lobes, material, colors, position, normal, geometric, direction, object_id,
+    lit, first_of_pass, number, of_use, xi, steps_left, out,
+):  # fmt: skip
+    """Join hits of camera paths to lit points of their passes, by shadow rays.
+
+    Parameters
+    ----------
+    paths : Paths
+    material ... object_id : the hits
+    first_of_pass : (passes + 1,) int64
+        The rows of ``lit`` that belong to each pass.
+    number : (n,) int64
+        Which of those passes each hit belongs to.
+    of_use : float
+        Lit points that a light path leaves, as expected.
+    xi : (n, 2) float64 in [0, 1)
+        The first chooses the lit point, the second whether a hit is joined at all.
+    steps_left : int
+        Directions that the whole path may still take behind the lit point.
+    out : ShadowRays, written
+
+    Returns
+    -------
+    int
+        The number of shadow rays.
+    """
+    n = 0
+    for i in range(material.size):
+        if material[i] < 0:
+            continue
+        if xi[i, 1] >= JOIN_CHANCE:
+            continue
+        begin, end = first_of_pass[number[i]], first_of_pass[number[i] + 1]
+        if begin == end:
+            continue
+        k = min(begin + int(xi[i, 0] * (end - begin)), end - 1)
+        if lit.steps[k] > steps_left:
+            continue
+        x = lit.position[k, 0] - position[i, 0]
+        y = lit.position[k, 1] - position[i, 1]
+        z = lit.position[k, 2] - position[i, 2]
+        square = x * x + y * y + z * z
+        if square == 0.0 or leaves_through_face(geometric, i, direction, x, y, z):
+            continue
+        distance = math.sqrt(square)
+        wx, wy, wz = x / distance, y / distance, z / distance
+        fr, fg, fb, pdf = scattered(
+            lobes, material[i], colors, i,
+            normal[i, 0], normal[i, 1], normal[i, 2],
+            direction[i, 0], direction[i, 1], direction[i, 2], wx, wy, wz, DIELECTRIC,
+        )  # fmt: skip
+        if pdf <= 0.0:
+            continue
+        r, g, b, onward = sent_toward(lit, k, lobes, wx, wy, wz)
+        if onward <= 0.0:
+            continue
+        rival = pdf / (square * JOIN_CHANCE) * of_use * onward
+        factor = (end - begin) / (square * JOIN_CHANCE) * power_weight(lit.density[k], rival)
+        r, g, b = factor * r * fr, factor * g * fg, factor * b * fb
+        if paths.media.shape[1] > 0:
+            p, q, s = transmittance(paths.media, i, lobes, distance)
+            r, g, b = r * p, g * q, b * s
+        r, g, b = r * paths.throughput[i, 0], g * paths.throughput[i, 1], b * paths.throughput[i, 2]
+        if max(r, g, b) <= 0.0:
+            continue
+        out.camera_ray[n] = paths.camera_ray[i]
+        out.source_id[n] = object_id[i]
+        out.target_id[n] = lit.object_id[k]
+        out.t_max[n] = 1.0
+        out.value[n, 0], out.value[n, 1], out.value[n, 2] = r, g, b
+        out.way[n, 0], out.way[n, 1], out.way[n, 2] = x, y, z
+        for c in range(3):
+            out.origin[n, c] = position[i, c]
+            out.end[n, c] = lit.position[k, c]
+        n += 1
+    return n
+
+
+@kernel
+def show_lit_points(lit, lobes, way, pdf, n_paths, media, steps_left, value):
+    """Find what lit points send to the camera.
+
+    Parameters
+    ----------
+    way : (n, 3) float64
+        From the camera to each.
+    pdf : (n,) float64
+        Density per solid angle with which the camera chooses a direction within the pixel; 0: the
+        point is not in the picture.
+    n_paths : float
+        Light paths for each sample of a pixel.
+    media : (n, STACK) int32, or (n, 0)
+        What the camera stands in.
+    value : (n, 3) float64, written
+        Radiance added to the pixel unless something stands in the way.
+    """
+    for k in range(pdf.size):
+        value[k, 0] = value[k, 1] = value[k, 2] = 0.0
+        if pdf[k] <= 0.0 or lit.steps[k] > steps_left:
+            continue
+        square = way[k, 0] ** 2 + way[k, 1] ** 2 + way[k, 2] ** 2
+        distance = math.sqrt(square)
+        r, g, b, onward = sent_toward(
+            lit, k, lobes, way[k, 0] / distance, way[k, 1] / distance, way[k, 2] / distance
+        )
+        if onward <= 0.0:
+            continue
+        factor = pdf[k] / square
+        rival = factor / n_paths * onward
+        factor *= power_weight(lit.density[k], rival)
+        if media.shape[1] > 0:
+            p, q, s = transmittance(media, k, lobes, distance)
+            r, g, b = r * p, g * q, b * s
+        value[k, 0], value[k, 1], value[k, 2] = factor * r, factor * g, factor * b

@@ -1,0 +1,1 @@
+"""Light within clear bodies: absorption, and bodies that touch."""

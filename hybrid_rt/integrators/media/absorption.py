@@ -1,0 +1,173 @@
+"""Clear bodies: those that a camera or a lamp stands in, and what they absorb on the way."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import numpy as np
+
+from hybrid_rt.core.records import FloatArray, HitRecord, IntArray, NamedPoints
+from hybrid_rt.integrators.context import RenderContext
+from hybrid_rt.integrators.media.contacts import Contacts, first_hits
+from hybrid_rt.primitives import Plane
+from hybrid_rt.scene.compiled import NOTHING, CompiledScene
+from hybrid_rt.shading.kernels.emitter import RECTANGLE, SPHERE
+from hybrid_rt.shading.kernels.medium_stack import STACK, cross_media
+
+# Surfaces that one ray is followed through.
+MOST_CROSSINGS = 256
+# None of a scene's likely directions, unit: a ray along an edge would count both faces.
+SKEW = np.array([[0.5612, 0.6383, 0.5269]])
+SKEW /= np.linalg.norm(SKEW)
+
+
+def media_at(
+    context: RenderContext,
+    contacts: Contacts | None,
+    origin: FloatArray,
+    direction: FloatArray = SKEW,
+    source: HitRecord | NamedPoints | None = None,
+) -> list[int]:
+    """Return the dielectric lobes around a point, the outermost first.
+
+    A ray from there to infinity leaves each closed body around it once more often than it
+    enters it.
+
+    Parameters
+    ----------
+    context : RenderContext
+    contacts : Contacts or None
+        None where no clear body touches another surface.
+    origin, direction : (1, 3) float64
+    source : HitRecord or NamedPoints of one row, optional
+        Names the point where it lies on a surface.
+    """
+    scene, tracer = context.scene, context.tracer
+    entered: list[int] = []
+    around: list[int] = []
+    for _ in range(MOST_CROSSINGS):
+        hits, faces = first_hits(tracer, contacts, origin, direction, source)
+        if not hits.hit[0]:
+            break
+        second = int(faces[0]) if faces.size else 0
+        material = scene.material_of[hits.object_id[0]]
+        lobe = NOTHING if material == NOTHING else int(scene.glass_of[material])
+        passed = [(lobe, bool(hits.front_face[0]))] if lobe != NOTHING else []
+        if second:
+            passed.append((abs(second) - 1, second > 0))
+        # What is entered comes first.
+        for body, is_entered in sorted(passed, key=lambda item: not item[1]):
+            if is_entered:
+                entered.append(body)
+            elif body in entered:
+                entered.remove(body)
+            else:
+                around.append(body)
+        origin, source = hits.position, hits
+    return around[::-1][-STACK:]
+
+
+def media_around_camera(context: RenderContext, contacts: Contacts | None) -> IntArray:
+    """Return the stack of rays that leave the camera, (STACK,); (0,) without clear bodies."""
+    media: IntArray = _no_media(context, 1)[0]
+    if media.size:
+        around = media_at(context, contacts, context.scene.camera.look_from[None])
+        media[: len(around)] = around
+    return media
+
+
+def media_around_lights(
+    context: RenderContext, contacts: Contacts | None, lights: Iterable[int]
+) -> IntArray:
+    """Return the stacks of what leaves the lights, (lights + 1, STACK): the last is the sky's.
+
+    Parameters
+    ----------
+    context : RenderContext
+    contacts : Contacts or None
+        None where no clear body touches another surface.
+    lights : iterable of int
+        Rows of the light table; the others are as in empty space.
+
+    Returns
+    -------
+    (lights + 1, STACK) int32; (lights + 1, 0) where the scene has no clear body.
+    """
+    scene = context.scene
+    media = _no_media(context, scene.n_lights + 1)
+    if not media.size:
+        return media
+    for light in lights:
+        origin, direction = _leaving(scene, light)
+        source = NamedPoints(scene.surface_of_light[[light]], origin)
+        around = media_at(context, contacts, origin, direction, source)
+        media[light, : len(around)] = around
+    return media
+
+
+def _leaving(scene: CompiledScene, light: int) -> tuple[FloatArray, FloatArray]:
+    """Return a point of a light, and a direction from there to its shining side, both (1, 3)."""
+    if light in scene.shining:
+        middle = scene.shining[light].points(np.array([[0.5, 0.5]]))
+        return middle.position, middle.normal + 0.5 * SKEW
+    kind, point = scene.lights.kind[light], scene.lights.origin[[light]]
+    if kind == RECTANGLE:
+        u, v = scene.lights.edge_u[[light]], scene.lights.edge_v[[light]]
+        normal = np.cross(u, v)
+        return point + 0.5 * (u + v), normal / np.linalg.norm(normal) + 0.5 * SKEW
+    if kind == SPHERE:
+        point = point + scene.lights.edge_u[light, 0] * SKEW
+    return point, SKEW
+
+
+def absorb(
+    context: RenderContext,
+    media: IntArray,
+    material: IntArray,
+    hits: HitRecord,
+    second: IntArray,
+    carried: FloatArray,
+) -> None:
+    """Weaken what rays carry by Beer and Lambert's law over the way to their hits.
+
+    Parameters
+    ----------
+    context : RenderContext
+    media : (n, STACK) int32, changed
+        In one order before and after the face that is met: see `hybrid_rt.shading.kernels.medium_stack`.
+    material : (n,) int32
+    hits : HitRecord of n rows
+    second : (n,) int32, or (0,)
+        Faces that coincide with the hits: see `Contacts.at`.
+    carried : (n, 3) float64, changed
+    """
+    if context.plan["medium stack"]:
+        scene = context.scene
+        unclosed = np.zeros(scene.lobes.kind.size, dtype=np.int64)
+        cross_media(
+            media, scene.lobes, scene.glass_of, material, hits.front_face, second, hits.t, carried,
+            unclosed,
+        )  # fmt: skip
+        for lobe in np.flatnonzero(unclosed):
+            context.ledger.unclosed[int(lobe)] += int(unclosed[lobe])
+
+
+def unclosed_bodies(context: RenderContext) -> dict[str, int]:
+    """Return how many rays found a clear body not closed, by the names of its objects.
+
+    They left it without having entered it, or never left it. Planes are no bodies with an inside
+    that ends, so theirs do not count.
+    """
+    scene, found = context.scene, {}
+    n_objects = len(scene.names)
+    for lobe, n_rays in sorted(context.ledger.unclosed.items()):
+        objects = np.flatnonzero(scene.glass_of[scene.material_of[:n_objects]] == lobe)
+        if not any(isinstance(scene.surfaces[i], Plane) for i in objects):
+            names = dict.fromkeys(scene.names[i] for i in objects)
+            found[", ".join(names)] = n_rays
+    return found
+
+
+def _no_media(context: RenderContext, n: int) -> IntArray:
+    depth = STACK if context.plan["medium stack"] else 0
+    return np.full((n, depth), NOTHING, dtype=np.int32)

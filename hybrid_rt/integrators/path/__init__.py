@@ -1,0 +1,1 @@
+"""Path tracing, with light paths for what mirrors and glass throw."""

@@ -1,0 +1,238 @@
+"""Light that mirrors and glass throw, found from the lamps: for the paths from the camera to join.
+
+Each pass sends paths from lights that have an area. Where mirrors and glass lead one of them onto
+a surface that spreads light, that point is kept: it is shown to the camera, and joined to what
+camera paths meet. See `hybrid_rt.integrators.kernels.light_paths` for how both ways are weighted.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hybrid_rt.core.records import FloatArray, IntArray, NamedPoints
+from hybrid_rt.integrators.context import RenderContext
+from hybrid_rt.integrators.direct_light import SurfaceLight
+from hybrid_rt.integrators.kernels import light_paths as kernels
+from hybrid_rt.integrators.kernels.compaction import choose_lights
+from hybrid_rt.integrators.kernels.light_paths import LightPaths, LitPoints
+from hybrid_rt.integrators.media.absorption import absorb, media_around_lights
+from hybrid_rt.integrators.media.contacts import Contacts, first_hits
+from hybrid_rt.sampling.sampler import UIntArray
+from hybrid_rt.scene.compiled import NOTHING
+
+# Dimensions of light paths, far from those of the camera's: light, place, direction, lens, then
+# two for each direction taken at a surface.
+FIRST_LIGHT_DIMENSION = 2**20
+LIGHT, PLACE, TURN, LENS, FIRST_STEP = 0, 1, 2, 3, 4
+# A pass that no render reaches tells how many light paths come to an end that is of use. It is
+# only a weight: a wrong figure costs noise and no more.
+PILOT_PASS, PILOT_PATHS = 2**32 - 1, 4096
+# Paths of one pass at most, and of all passes that are traced at once: each takes about 300 bytes.
+MOST_PATHS, AT_ONCE = 2**17, 2**18
+
+
+@dataclass(frozen=True)
+class LitPasses:
+    """What the light paths of some passes found.
+
+    Attributes
+    ----------
+    points : LitPoints
+        In the order of the passes.
+    offsets : (passes + 1,) int64
+        Where the points of each pass begin.
+    pixel : (n,) int64
+        The pixel that sees each; -1: none.
+    value : (n, 3) float64
+        Radiance that it adds there.
+    """
+
+    points: LitPoints
+    offsets: NDArray[np.int64]
+    pixel: NDArray[np.int64]
+    value: FloatArray
+
+
+class LightPathTracer:
+    """Sends light paths, pass by pass; each pass is a pure function of seed and number.
+
+    Parameters
+    ----------
+    context : RenderContext
+    light : SurfaceLight
+    contacts : Contacts or None
+        None where no clear body touches another surface.
+    camera_media : (STACK,) int32, or (0,)
+        Dielectrics that the camera stands in.
+    share : float
+        Light paths of a pass over the pixels of the picture.
+
+    Attributes
+    ----------
+    n_paths : int
+        Light paths of a pass.
+    is_smooth : (objects,) bool
+        Objects shaded by other normals than their own.
+    """
+
+    def __init__(
+        self,
+        context: RenderContext,
+        light: SurfaceLight,
+        contacts: Contacts | None,
+        camera_media: IntArray,
+        share: float,
+    ) -> None:
+        self._context, self._light, self._contacts = context, light, contacts
+        scene = context.scene
+        camera = scene.camera
+        asked = round(share * camera.width * camera.height)
+        self.n_paths = int(np.clip(asked, 1, MOST_PATHS))
+        self._emit = scene.lights.emit
+        self._before = np.cumsum(self._emit)
+        sends = np.flatnonzero(self._emit[:-1])
+        self._media_of_light = media_around_lights(context, contacts, sends)
+        self._media_of_camera = camera_media
+        self.is_smooth = np.zeros(max(len(scene.surfaces), 1), dtype=np.bool_)
+        self.is_smooth[list(scene.vertex_normals)] = True
+
+    def share_of_use(self) -> float:
+        """Return the lit points that a light path leaves, by a first few of them."""
+        points, _, _ = self._trace(range(PILOT_PASS, PILOT_PASS + 1), PILOT_PATHS)
+        return float(points.density.size / PILOT_PATHS)
+
+    def trace(self, passes: range) -> LitPasses:
+        """Return what the light paths of some passes find; each pass is a function of its number."""
+        step = max(AT_ONCE // self.n_paths, 1)
+        parts = [
+            self._trace(passes[i : i + step], self.n_paths) for i in range(0, len(passes), step)
+        ]
+        points = joined([part[0] for part in parts])
+        number, path = (np.concatenate([part[k] for part in parts]) for k in (1, 2))
+        self._context.ledger.rays["light paths"] += self.n_paths * len(passes)
+        offsets = np.searchsorted(number, np.arange(passes.start, passes.stop + 1))
+        return LitPasses(points, offsets, *self._shown(points, number, path))
+
+    def _trace(self, passes: range, n: int) -> tuple[LitPoints, UIntArray, UIntArray]:
+        """Return lit points, the passes that they belong to and the numbers of their paths."""
+        context, scene = self._context, self._context.scene
+        paths = self._leaving_lights(passes, n)
+        found = [(_lit_points(0, self._light.n_slots), paths.sample[:0], paths.number[:0])]
+        # The way to the camera takes one direction more than those before the point.
+        for step in range(context.max_depth):
+            with context.ledger.stage("intersect"):
+                source = NamedPoints(paths.source_id, paths.origins)
+                hits, second = first_hits(
+                    context.tracer, self._contacts, paths.origins, paths.directions, source
+                )
+            material = self._light.material(hits)
+            absorb(context, paths.media, material, hits, second, paths.flux)
+            shading = self._light.shading(hits, paths.directions, material)
+            hits = shading.hits
+            if step > 0:
+                out, row = _lit_points(material.size, self._light.n_slots), np.empty_like(material)
+                n_out = kernels.pick_lit_points(
+                    paths, scene.lobes, material, shading.colors, hits.position, hits.normal,
+                    shading.geometric, hits.object_id, step, out, row,
+                )  # fmt: skip
+                points = LitPoints(*(column[:n_out] for column in out))
+                found.append((points, paths.sample[row[:n_out]], paths.number[row[:n_out]]))
+            going = LightPaths(*(np.empty_like(column) for column in paths))
+            n_going = kernels.lead_on(
+                paths, scene.lobes, material, shading.colors, hits.position, hits.normal,
+                shading.geometric, hits.object_id, self.is_smooth, second,
+                self._points(paths.sample, paths.number, FIRST_STEP + 2 * step),
+                self._points(paths.sample, paths.number, FIRST_STEP + 2 * step + 1), going,
+            )  # fmt: skip
+            paths = LightPaths(*(column[:n_going] for column in going))
+            if n_going == 0:
+                break
+        lists, samples, numbers = zip(*found, strict=True)
+        sample = np.concatenate(samples)
+        # Within a pass by steps and number, whichever passes were traced together.
+        order = np.argsort(sample, kind="stable")
+        points = joined(list(lists))
+        points = LitPoints(*(column.take(order, axis=0) for column in points))
+        return points, sample[order], np.concatenate(numbers)[order]
+
+    def _leaving_lights(self, passes: range, n: int) -> LightPaths:
+        context, scene = self._context, self._context.scene
+        sample = np.repeat(np.arange(passes.start, passes.stop, dtype=np.uint64), n)
+        number = np.tile(np.arange(n, dtype=np.uint64), len(passes))
+        light = np.empty(number.size, dtype=np.int32)
+        place = self._points(sample, number, PLACE)
+        choose_lights(self._before, self._emit, self._points(sample, number, LIGHT), light)
+        paths = LightPaths(
+            sample=sample,
+            number=number,
+            origins=np.empty((number.size, 3)),
+            directions=np.empty((number.size, 3)),
+            flux=np.empty((number.size, 3)),
+            density=np.empty(number.size),
+            is_direct=np.ones(number.size, dtype=np.bool_),
+            media=self._media_of_light.take(light, axis=0),
+            source_id=scene.surface_of_light.take(light),
+        )
+        kernels.leave_lights(
+            scene.lights, scene.textures, self._light.points(light, place), self._emit, light, place,
+            self._points(sample, number, TURN), 1.0 / n, paths.origins, paths.directions, paths.flux,
+            paths.density,
+        )  # fmt: skip
+        if context.plan["medium stack"]:
+            kernels.divide_by_index(paths.density, paths.media, scene.lobes)
+        return paths
+
+    def _shown(
+        self, points: LitPoints, sample: UIntArray, path: UIntArray
+    ) -> tuple[NDArray[np.int64], FloatArray]:
+        """Return the pixels that see lit points, and what each adds to them."""
+        context, camera = self._context, self._context.scene.camera
+        n = points.density.size
+        lens = None
+        if context.plan["lens samples"]:
+            lens = self._points(sample, path, LENS)
+        way, pixel, pdf = camera.sees(points.position, lens)
+        value = np.empty((n, 3))
+        kernels.show_lit_points(
+            points, context.scene.lobes, way, pdf, float(self.n_paths),
+            np.repeat(self._media_of_camera[None], n, axis=0), context.max_depth - 1, value,
+        )  # fmt: skip
+        rows = np.flatnonzero(value.any(axis=1))
+        named = NamedPoints(points.object_id[rows], points.position[rows])
+        with context.ledger.stage("shadow rays"):
+            blocked = context.tracer.occluded(named.position, -way[rows], 1.0, source=named)
+        context.ledger.rays["shadow"] += rows.size
+        pixel[value.max(axis=1, initial=0.0) == 0.0] = NOTHING
+        pixel[rows[blocked]] = NOTHING
+        return pixel, value
+
+    def _points(self, sample: UIntArray, path: UIntArray, use: int) -> FloatArray:
+        # The paths of a pass are the samples of one sequence, so they fill lights and directions
+        # evenly; each pass has a sequence of its own.
+        return self._context.sampler.points(sample, FIRST_LIGHT_DIMENSION + use, path)
+
+
+def joined(parts: list[LitPoints]) -> LitPoints:
+    """Return the points of several lists as one."""
+    if len(parts) == 1:
+        return parts[0]
+    return LitPoints(*(np.concatenate(columns) for columns in zip(*parts, strict=True)))
+
+
+def _lit_points(n: int, n_slots: int) -> LitPoints:
+    return LitPoints(
+        position=np.empty((n, 3)),
+        normal=np.empty((n, 3)),
+        geometric=np.empty((n, 3)),
+        direction=np.empty((n, 3)),
+        material=np.empty(n, dtype=np.int32),
+        colors=np.empty((n, n_slots, 3)),
+        flux=np.empty((n, 3)),
+        density=np.empty(n),
+        square=np.empty(n),
+        object_id=np.empty(n, dtype=np.int32),
+        steps=np.empty(n, dtype=np.int64),
+    )

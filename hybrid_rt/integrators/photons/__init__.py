@@ -1,0 +1,1 @@
+"""Photon mapping: photon tracing, density estimation, ppm and photon_map."""

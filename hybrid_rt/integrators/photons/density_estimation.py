@@ -1,0 +1,361 @@
+"""Light at points from the photons near them: sums over discs.
+
+Two ways to choose the disc. `Discs` are of given size, and the sum is exact however many photons
+there are: for progressive photon mapping. Their radius hangs on how densely the first photons fell
+around a point; a few classes of points are asked for together, by the largest radius in each, since
+`scipy.spatial.cKDTree` takes one radius at a time. `Nearest` reach just as far as a given number of
+photons lie: Jensen's photon maps.
+"""
+
+from __future__ import annotations
+
+import math
+from abc import ABC, abstractmethod
+from dataclasses import dataclass, fields
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hybrid_rt.core.records import BoolArray, FloatArray, IntArray
+from hybrid_rt.integrators.kernels.density_estimate import (
+    add_photons,
+    count_in_cells,
+    most_neighbours,
+)
+from hybrid_rt.integrators.kernels.photon_steps import Photons
+from hybrid_rt.sensor.camera import Camera
+from hybrid_rt.shading.kernels.bsdf import LobeTable
+
+if TYPE_CHECKING:
+    from scipy.spatial import cKDTree
+
+IdArray = NDArray[np.int64]
+# Numbers of points, numbers of photons, distances.
+Pairs = tuple[NDArray[np.intp], NDArray[np.intp], FloatArray]
+
+# Points are asked for in so many classes at most. Radii within one differ by half at most where
+# that suffices: photons found beyond a point's own radius are found in vain.
+MOST_CLASSES, RATIO = 8, 1.5
+# Photons that the disc of the first pass holds where photons fall evenly: few, as radii only
+# shrink as the sixth root of the number of passes, and noise falls by itself.
+NEAREST = 24
+# Pixels that the radius of a disc spans at least in the first pass.
+PIXELS = 1.0
+# A radius is this share of the scene's size at most and at least, in the first pass.
+WIDEST, NARROWEST = 0.03, 1e-6
+# A radius that is asked for may be larger. Of discs beyond this share the surfaces fill a part only:
+# light is lost, and half the disc loses as much, so the estimate of blur would not see it.
+WIDEST_ASKED = 0.25
+# Points are asked for so many photons first, and those that have more once again for more.
+FEW_PHOTONS = (32, 128)
+# Pairs of points and photons looked at together; a pair takes 24 bytes.
+MOST_PAIRS = 2**20
+
+
+@dataclass(frozen=True)
+class Points:
+    """Where light is gathered; n rows.
+
+    Attributes
+    ----------
+    position, normal, direction : (n, 3) float64
+        Place, normal to shade by, and direction of the ray that looks.
+    geometric : (n, 3) float64
+        Normals of the surfaces themselves where ``normal`` is another; else (0, 3).
+    material : (n,) int32
+    colors : (n, lobes of a material at most, 3) float64
+        Zero for lobes that are not to count.
+    is_direct : (n,) bool
+        The camera looks straight at the point: photons shown to it do not count.
+    xi : (n,) float64 in [0, 1)
+        Chooses one photon for each point.
+    """
+
+    position: FloatArray
+    normal: FloatArray
+    direction: FloatArray
+    geometric: FloatArray
+    material: IntArray
+    colors: FloatArray
+    is_direct: BoolArray
+    xi: FloatArray
+
+    @classmethod
+    def joined(cls, parts: list[Points]) -> Points:
+        """Put points together in their order."""
+        if len(parts) == 1:
+            return parts[0]
+        names = [column.name for column in fields(cls)]
+        return cls(*(np.concatenate([getattr(part, name) for part in parts]) for name in names))
+
+
+@dataclass(frozen=True)
+class Sums:
+    """Light that photons make at n points.
+
+    Attributes
+    ----------
+    value : (n, 3) float64
+        Radiance.
+    blur : (n, 3) float64
+        How much less discs of half the area would give.
+    near : (n,) int64
+        Photons that each sum has.
+    chosen : (n,) int64
+        One of them, chosen by what it adds; -1 where there is none.
+    """
+
+    value: FloatArray
+    blur: FloatArray
+    near: IdArray
+    chosen: IdArray
+
+
+class Field(ABC):
+    """Photons that have arrived, ready to be asked for the light they make.
+
+    Parameters
+    ----------
+    photons : Photons
+    lobes : LobeTable
+        Of the scene.
+    """
+
+    def __init__(self, photons: Photons, lobes: LobeTable) -> None:
+        from scipy.spatial import cKDTree
+
+        self.photons = photons
+        self._lobes = lobes
+        self._tree: cKDTree = cKDTree(photons.position)
+
+    def radiance(self, points: Points) -> Sums:
+        """Return the light that photons make at points, through lobes that spread it widely."""
+        n = points.material.size
+        sums = Sums(
+            np.zeros((n, 3)),
+            np.zeros((n, 3)),
+            np.zeros(n, dtype=np.int64),
+            np.full(n, -1, dtype=np.int64),
+        )
+        if len(self.photons.history):
+            self._gather(points, points.xi.copy(), sums)
+        return sums
+
+    @abstractmethod
+    def _gather(self, points: Points, xi: FloatArray, sums: Sums) -> None:
+        """Find pairs of points and photons and `_add` them, all pairs of a point at once."""
+
+    def _add(
+        self,
+        pairs: Pairs,
+        radius: FloatArray,
+        points: Points,
+        xi: FloatArray,
+        sums: Sums,
+    ) -> None:
+        photons = self.photons
+        add_photons(
+            *pairs, radius, self._lobes, points.material, points.colors, points.position,
+            points.normal, points.geometric, points.direction, points.is_direct, photons.direction,
+            photons.normal, photons.power, photons.position, photons.history, sums.value,
+            sums.blur, sums.near, xi, sums.chosen,
+        )  # fmt: skip
+
+
+def shrunk(pass_number: int, alpha: float) -> float:
+    """Return the radii of a pass, in those of the first.
+
+    Knaus and Zwicker, "Progressive photon mapping: a probabilistic approach", ToG 30(3), 2011:
+    r_i^2 = r_1^2 Gamma(i + alpha) / (Gamma(1 + alpha) Gamma(i + 1)), with i = 1 in the first pass.
+    """
+    i = pass_number + 1.0
+    log_square = math.lgamma(i + alpha) - math.lgamma(1.0 + alpha) - math.lgamma(i + 1.0)
+    return math.exp(0.5 * log_square)
+
+
+class Radii:
+    """The radius of the first pass around any point.
+
+    Parameters
+    ----------
+    classes : (classes,) float64
+        The largest radii of points that are asked for together, rising.
+    positions : (n, 3) float64
+        Places of the first photons.
+    radius : (n,) float64
+        Distance within which each of them has as many neighbours as wanted.
+    """
+
+    def __init__(self, classes: FloatArray, positions: FloatArray, radius: FloatArray) -> None:
+        self.classes = classes
+        self._radius = radius
+        self._tree: cKDTree | None = None
+        if radius.size:
+            from scipy.spatial import cKDTree
+
+            self._tree = cKDTree(positions)
+
+    @classmethod
+    def fixed(cls, radius: float) -> Radii:
+        """Return the same radius everywhere."""
+        return cls(np.array([radius]), np.zeros((0, 3)), np.zeros(0))
+
+    @classmethod
+    def of(
+        cls, photons: Photons, share: float, camera: Camera, extent: float, threads: int
+    ) -> Radii:
+        """Return radii by the distances between photons.
+
+        Parameters
+        ----------
+        photons : Photons
+            The first ones.
+        share : float
+            Their number over that of a pass.
+        camera : Camera
+            Discs smaller than its pixels would leave out photons and show nothing finer.
+        extent : float
+            Size of the scene: the radius where hardly any photon falls is a part of it.
+        threads : int
+        """
+        position = photons.position
+        wanted = max(round(NEAREST * share), 3)
+        if len(position) <= 2 * wanted:
+            return cls.fixed(WIDEST * extent)
+        from scipy.spatial import cKDTree
+
+        found, _ = cKDTree(position).query(position, [wanted + 1], workers=threads)
+        distance = np.asarray(found, dtype=np.float64)[:, 0]
+        # Where many photons fall in one point the distance is zero, and no radius may be.
+        radius = distance * math.sqrt(NEAREST * share / wanted)
+        away = np.linalg.norm(position - camera.look_from, axis=1)
+        radius = np.maximum(radius, PIXELS * camera.pixel_size * away)
+        radius = np.clip(radius, NARROWEST * extent, WIDEST * extent)
+        low, high = np.quantile(radius, [0.02, 0.98])
+        n_classes = min(MOST_CLASSES, math.ceil(math.log(max(high / low, RATIO)) / math.log(RATIO)))
+        step = (high / low) ** (1.0 / n_classes)
+        return cls(low * step ** np.arange(1.0, n_classes + 1.0), position, radius)
+
+    def around(self, points: FloatArray) -> tuple[FloatArray, NDArray[np.intp]]:
+        """Return the radius around each point (n, 3), and the number of its class."""
+        if self._tree is None:
+            n = len(points)
+            return np.full(n, self.classes[-1]), np.zeros(n, dtype=np.intp)
+        distance, nearest = self._tree.query(points)
+        radius = np.minimum(np.maximum(self._radius[nearest], distance), self.classes[-1])
+        return radius, np.searchsorted(self.classes, radius)
+
+
+class Discs(Field):
+    """Discs of given size.
+
+    Parameters
+    ----------
+    photons, lobes
+        See `Field`.
+    radii : Radii
+    shrink : float
+        What multiplies the radii of the first pass.
+    """
+
+    def __init__(self, photons: Photons, lobes: LobeTable, radii: Radii, shrink: float) -> None:
+        super().__init__(photons, lobes)
+        self._radii, self._shrink = radii, shrink
+        self._reach = shrink * radii.classes
+        # The slots of a table are about as many as photons, so few cells share one.
+        n_slots = 2 ** max(math.ceil(math.log2(max(len(photons.history), 1))), 10)
+        self._tables = np.zeros((self._reach.size, n_slots), dtype=np.int32)
+        for reach, table in zip(self._reach, self._tables, strict=True):
+            count_in_cells(photons.position, 2.0 * reach, table)
+
+    def _gather(self, points: Points, xi: FloatArray, sums: Sums) -> None:
+        first_radius, class_of = self._radii.around(points.position)
+        radius = self._shrink * first_radius
+        for number, reach in enumerate(self._reach):
+            rows = np.flatnonzero(class_of == number)
+            most = np.empty(rows.size, dtype=np.int64)
+            position = points.position[rows]
+            most_neighbours(position, reach, 2.0 * reach, self._tables[number], most)
+            rows, most = rows[most > 0], most[most > 0]
+            for at_most in FEW_PHOTONS:
+                is_full = np.zeros(rows.size, dtype=np.bool_)
+                for first in range(0, rows.size, MOST_PAIRS // at_most):
+                    part = slice(first, first + MOST_PAIRS // at_most)
+                    pairs, is_full[part] = self._few(points, rows[part], reach, at_most)
+                    self._add(pairs, radius, points, xi, sums)
+                rows, most = rows[is_full], most[is_full]
+            for part in _parts(most):
+                self._add(self._all(points, rows[part], reach), radius, points, xi, sums)
+
+    def _few(
+        self, points: Points, rows: NDArray[np.intp], reach: float, at_most: int
+    ) -> tuple[Pairs, BoolArray]:
+        """Find the photons of points that have fewer than ``at_most``; mark the other points.
+
+        This is several times as fast as comparing trees, and threads do not wait for each other.
+        """
+        found, number = self._tree.query(points.position[rows], at_most, distance_upper_bound=reach)
+        distance = np.asarray(found, dtype=np.float64)
+        is_near = np.isfinite(distance)
+        is_full = is_near[:, -1].copy()
+        is_near[is_full] = False
+        row, k = np.nonzero(is_near)
+        return (rows[row], np.asarray(number)[row, k], distance[row, k]), is_full
+
+    def _all(self, points: Points, rows: NDArray[np.intp], reach: float) -> Pairs:
+        """Find all photons of points, whatever their number."""
+        from scipy.spatial import cKDTree
+
+        pairs: Any = cKDTree(points.position[rows]).sparse_distance_matrix(
+            self._tree, reach, output_type="ndarray"
+        )
+        return rows[pairs["i"]], pairs["j"], pairs["v"]
+
+
+class Nearest(Field):
+    """Discs that reach as far as a given number of photons lie, but no farther than a limit.
+
+    Parameters
+    ----------
+    photons, lobes
+        See `Field`.
+    nearest : int
+    limit : float
+        Scene units.
+    """
+
+    def __init__(self, photons: Photons, lobes: LobeTable, nearest: int, limit: float) -> None:
+        super().__init__(photons, lobes)
+        self._nearest = min(nearest, max(len(photons.history), 1))
+        self._limit = limit
+
+    def _gather(self, points: Points, xi: FloatArray, sums: Sums) -> None:
+        position = points.position
+        at_once = max(MOST_PAIRS // self._nearest, 1)
+        radius = np.full(len(position), self._limit)
+        for first in range(0, len(position), at_once):
+            stop = min(first + at_once, len(position))
+            found, number = self._tree.query(
+                position[first:stop], range(1, self._nearest + 1), distance_upper_bound=self._limit
+            )
+            distance = np.asarray(found, dtype=np.float64)
+            # Where fewer lie within the limit, the disc reaches to the limit. A disc within which
+            # all of them coincide still has a radius.
+            farthest = np.where(np.isfinite(distance[:, -1]), distance[:, -1], self._limit)
+            radius[first:stop] = np.maximum(farthest, NARROWEST * self._limit)
+            row, k = np.nonzero(np.isfinite(distance))
+            pairs = first + row, np.asarray(number)[row, k], distance[row, k]
+            self._add(pairs, radius, points, xi, sums)
+
+
+def _parts(most: IdArray) -> list[slice]:
+    """Cut points into runs with few pairs each; a run has one point at least."""
+    before = np.concatenate([[0], np.cumsum(most)])
+    parts, first = [], 0
+    while first < most.size:
+        stop = int(np.searchsorted(before, before[first] + MOST_PAIRS, side="right")) - 1
+        stop = max(stop, first + 1)
+        parts.append(slice(first, stop))
+        first = stop
+    return parts

@@ -1,0 +1,263 @@
+"""Camera rays that look at photons.
+
+They are followed through mirrors, metals and glass. Wherever one meets a surface that spreads light
+widely, lights are asked directly there and photons for all the light that comes by way of other
+surfaces; a mixture is looked at and followed. Straight light is found by shadow rays, with less
+noise than by photons and no blur, so photons count from their second flight on.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hybrid_rt.core.records import FloatArray, IntArray, NamedPoints
+from hybrid_rt.integrators.context import RenderContext
+from hybrid_rt.integrators.direct_light import (
+    NO_RIVAL,
+    NONE_SMOOTH,
+    Shading,
+    SurfaceLight,
+    largest_channel,
+)
+from hybrid_rt.integrators.integrator import (
+    FIRST_PATH_DIMENSION,
+    CameraBlock,
+    Integrator,
+    place_of_pixel,
+)
+from hybrid_rt.integrators.kernels.compaction import Paths, add_products, pack_paths
+from hybrid_rt.integrators.kernels.density_estimate import segments_to_photons
+from hybrid_rt.integrators.media.absorption import absorb, media_around_camera
+from hybrid_rt.integrators.path.camera_paths import leaving_camera
+from hybrid_rt.integrators.photons.density_estimation import Field, Points
+from hybrid_rt.integrators.photons.photon_tracer import Shooter
+from hybrid_rt.scene.compiled import NOTHING
+from hybrid_rt.shading.kernels.bsdf import DIELECTRIC, DIFFUSE, METAL, PHONG
+from hybrid_rt.shading.kernels.emitter import BOTH, LIGHT_ONLY
+from hybrid_rt.shading.kernels.scatter import (
+    ABSORBED,
+    LEFT,
+    SCATTERED,
+    SPECULAR,
+    STOPPED,
+    scatter,
+)
+
+# What the low-discrepancy points of one step are for.
+TO_LIGHT, TO_LIGHT_METAL, DIRECTION, CHOICE, TO_PHOTON, PER_STEP = 0, 1, 2, 3, 4, 5
+
+
+@dataclass(frozen=True)
+class _Waiting:
+    """Points that are still to gather photons: for which camera ray, and how much it counts."""
+
+    camera_ray: NDArray[np.int64]
+    throughput: FloatArray
+    points: Points
+
+
+class Looker(Integrator):
+    """See the module; `Integrator` for what it offers.
+
+    Parameters
+    ----------
+    context : RenderContext
+
+    Attributes
+    ----------
+    shooter : Shooter
+        Sends out photons for this thread.
+    fields : tuple of Field
+        The photons of the pass that is being looked at.
+    is_in_the_open : bool
+        Whether the camera stands in no clear body.
+    blur : (pixels, 3) float64
+        By how much a picture of this pass would be less with discs of half the area; written.
+    """
+
+    def __init__(self, context: RenderContext) -> None:
+        super().__init__(context)
+        self.shooter = Shooter(context, self._contacts)
+        self.fields: tuple[Field, ...] = ()
+        camera = context.scene.camera
+        self.blur = np.zeros((camera.height * camera.width if context.plan["photons"] else 0, 3))
+        self.n_gathered = 0
+        self.n_points = 0
+        self.n_without = 0
+        lights, plan, lobes = context.scene.lights, context.plan, context.scene.lobes
+        # Straight light is not asked for by a further direction here: asking lights counts whole.
+        self._wide = SurfaceLight(context, LIGHT_ONLY, PHONG)
+        self._light = SurfaceLight(context, BOTH, DIELECTRIC)
+        asks = bool(lights.chance.any())
+        self._asks_lights = asks and (plan["light samples"] or plan["sky samples"])
+        self._asks_for_metal = self._asks_lights and bool((lobes.kind == METAL).any())
+        self._camera_media = media_around_camera(context, self._contacts)
+        self.is_in_the_open = not (self._camera_media != NOTHING).any()
+        self._is_wide = context.scene.lobes_of_kinds(DIFFUSE, PHONG)
+        self._follows = context.scene.materials_of_kinds(METAL, DIELECTRIC)
+
+    def _radiance(self, block: CameraBlock) -> FloatArray:
+        radiance, blur = np.zeros_like(block.directions), np.zeros_like(block.directions)
+        paths = leaving_camera(block, self._camera_media)
+        waiting: list[_Waiting] = []
+        for depth in range(self.context.max_depth + 1):
+            # --- where the rays arrive
+            source = NamedPoints(paths.source_id, paths.origins) if depth else None
+            hits, second = self._first_hits(paths.origins, paths.directions, source)
+            with self.context.ledger.stage("shade"):
+                material = self._light.material(hits)
+                # --- what the way there absorbed
+                absorb(self.context, paths.media, material, hits, second, paths.throughput)
+                # --- light they ran into
+                arriving = self._light.arriving(
+                    hits, paths.origins, paths.directions, paths.pdf, NO_RIVAL, paths.media
+                )
+                add_products(paths.camera_ray, paths.throughput, arriving, radiance)
+                shading = self._light.shading(hits, paths.directions, material)
+                # --- surfaces that spread light widely: lights are asked, photons later
+                wide = np.flatnonzero(self.shooter.gathers[material])
+                if wide.size:
+                    waiting.append(self._look(paths, shading, wide, depth, radiance))
+                # --- where they go next by mirrors, metals and glass, and which ones stop
+                paths = self._onward(paths, shading, second, depth, radiance)
+            if paths.camera_ray.size == 0:
+                break
+        # --- photons near all these places: few large questions are answered faster
+        if self.fields and waiting:
+            self._gather(waiting, radiance, blur)
+            self.blur[place_of_pixel(block.pixel)] = blur
+        return radiance
+
+    def _points(self, paths: Paths, depth: int, use: int) -> FloatArray:
+        dimension = FIRST_PATH_DIMENSION + depth * PER_STEP + use
+        return self.context.sampler.points(paths.pixel, dimension, paths.sample)
+
+    def _look(
+        self,
+        paths: Paths,
+        shading: Shading,
+        rows: NDArray[np.intp],
+        depth: int,
+        radiance: FloatArray,
+    ) -> _Waiting:
+        """Add straight light at some of the hits; return them as points to gather photons at."""
+        there = _rows_of_paths(paths, rows)
+        wide = _rows_of(shading, rows, self._is_wide)
+        if self._asks_lights:
+            xi = self._points(there, depth, TO_LIGHT)
+            self._wide.from_one(wide, there.camera_ray, there.throughput, there.media, xi, radiance)
+        xi = self._points(there, depth, TO_PHOTON)
+        points = Points(
+            wide.hits.position,
+            wide.hits.normal,
+            wide.directions,
+            wide.geometric,
+            wide.material,
+            wide.colors,
+            np.full(wide.material.size, depth == 0),
+            np.ascontiguousarray(xi[:, 0]),
+        )
+        return _Waiting(there.camera_ray, there.throughput, points)
+
+    def _gather(self, waiting: list[_Waiting], radiance: FloatArray, blur: FloatArray) -> None:
+        """Add the light of photons at all points of a block."""
+        camera_ray = np.concatenate([part.camera_ray for part in waiting])
+        throughput = np.concatenate([part.throughput for part in waiting])
+        points = Points.joined([part.points for part in waiting])
+        for field in self.fields:
+            with self.context.ledger.stage("gather"):
+                sums = field.radiance(points)
+            hidden = self._hidden(points, field, sums.chosen)
+            sums.value[hidden] = sums.blur[hidden] = 0.0
+            add_products(camera_ray, throughput, sums.value, radiance)
+            add_products(camera_ray, throughput, sums.blur, blur)
+            self.n_points += camera_ray.size
+            self.n_gathered += int(sums.near.sum())
+            self.n_without += int(np.count_nonzero(sums.near == 0))
+
+    def _hidden(self, points: Points, field: Field, chosen: NDArray[np.int64]) -> NDArray[np.intp]:
+        """Return the points whose photons lie behind walls.
+
+        Whether one photon does, chosen by its part in the sum, decides for the whole sum: right in
+        the mean, and without noise where all or none of them do.
+        """
+        rows = np.flatnonzero(chosen >= 0)
+        if rows.size == 0:
+            return rows
+        photons = field.photons
+        normal = points.geometric if points.geometric.size else points.normal
+        origin, way = np.empty((rows.size, 3)), np.empty((rows.size, 3))
+        segments_to_photons(
+            rows, points.position, normal, points.direction, chosen, photons.position,
+            photons.normal, origin, way,
+        )  # fmt: skip
+        apart = np.flatnonzero(way.any(axis=1))
+        self.context.ledger.rays["to photons"] += apart.size
+        with self.context.ledger.stage("photons hidden"):
+            blocked = self.context.tracer.occluded(origin[apart], way[apart], 1.0)
+        hidden: NDArray[np.intp] = rows[apart[blocked]]
+        return hidden
+
+    def _onward(
+        self, paths: Paths, shading: Shading, second: IntArray, depth: int, radiance: FloatArray
+    ) -> Paths:
+        """Choose where each path goes that need not stop; return those that go on."""
+        ledger = self.context.ledger
+        ledger.ended["left the scene or met a lamp"] += int(np.count_nonzero(shading.material < 0))
+        rows = np.flatnonzero(self._follows[shading.material])
+        ledger.ended["met surfaces that gather"] += int(
+            np.count_nonzero(shading.material >= 0) - rows.size
+        )
+        paths = _rows_of_paths(paths, rows)
+        shading = _rows_of(shading, rows, ~self._is_wide)
+        second = second[rows] if second.size else second
+        n = rows.size
+        if n == 0:
+            return paths
+        if self._asks_for_metal:
+            xi = self._points(paths, depth, TO_LIGHT_METAL)
+            self._light.from_one(
+                shading, paths.camera_ray, paths.throughput, paths.media, xi, radiance
+            )
+        onward, pdf = np.empty((n, 3)), np.empty(n)
+        fate = np.empty(n, dtype=np.uint8)
+        goes_on = depth < self.context.max_depth
+        hits = shading.hits
+        scatter(
+            self.context.scene.lobes, shading.material, shading.colors, hits.normal,
+            shading.directions, shading.geometric, self._points(paths, depth, DIRECTION),
+            self._points(paths, depth, CHOICE), paths.media, second, goes_on, goes_on,
+            1.0 if depth else 0.0, hits.t, paths.pdf, NONE_SMOOTH, hits.object_id, onward,
+            paths.throughput, pdf, paths.rival, fate,
+        )  # fmt: skip
+        counts = np.bincount(fate, minlength=SPECULAR + 1)
+        ledger.rays["mirrored or refracted"] += int(counts[SCATTERED] + counts[SPECULAR])
+        ledger.ended["absorbed or by roulette"] += int(counts[ABSORBED] + counts[LEFT])
+        if counts[STOPPED]:
+            ledger.ended["at max_depth"] += int(counts[STOPPED])
+            ledger.lost_weight += float(largest_channel(paths.throughput[fate == STOPPED]).sum())
+        out = Paths(*(np.empty_like(column) for column in paths))
+        n_out = pack_paths(paths, fate, SCATTERED, hits.position, hits.object_id, onward, pdf, out)
+        return Paths(*(column[:n_out] for column in out))
+
+
+def _rows_of_paths(paths: Paths, rows: Any) -> Paths:
+    return Paths(*(column[rows] if len(column) else column for column in paths))
+
+
+def _rows_of(shading: Shading, rows: Any, keeps: Any) -> Shading:
+    """Select rows of a shading, with the colours of the kept lobes only."""
+    material = shading.material[rows]
+    geometric = shading.geometric
+    return replace(
+        shading,
+        hits=shading.hits[rows],
+        directions=shading.directions[rows],
+        material=material,
+        colors=shading.colors[rows] * keeps[material][:, :, None],
+        geometric=geometric[rows] if geometric.size else geometric,
+    )

@@ -1,0 +1,73 @@
+"""Photon maps with a fixed number of photons per estimate.
+
+Jensen, "Global illumination using photon maps", EGWR 1996. Two maps are kept: photons that have met
+nothing but mirrors, metals and glass make caustics, all others the soft light between surfaces. Each
+is asked for the photons nearest a point. That is quick and smooth, but the discs do not shrink:
+more passes take away noise, never the blur.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from hybrid_rt.integrators.context import RenderContext
+from hybrid_rt.integrators.kernels.photon_steps import MET_SPREADING, Photons
+from hybrid_rt.integrators.options import PhotonMapOptions
+from hybrid_rt.integrators.photons.density_estimation import Field, Nearest
+from hybrid_rt.integrators.photons.photon_workers import PhotonCrew
+
+# Photons farther than this share of the scene's size make no light at a point: around a caustic
+# there is darkness, and the nearest photons lie anywhere.
+FARTHEST = 0.05
+
+BLUR = (
+    "light is blurred by discs about the nearest photons; more passes do not lessen it; "
+    "blur_root_mean_square estimates it where it is above the estimate's noise"
+)
+
+
+class MapCrew(PhotonCrew):
+    """See the module; `PhotonCrew` for what it offers.
+
+    Parameters
+    ----------
+    context : RenderContext
+    threads : int
+        Each has a `Looker` of its own.
+    """
+
+    blur_stays = True
+
+    def __init__(self, context: RenderContext, threads: int) -> None:
+        super().__init__(context, threads)
+        self._options: PhotonMapOptions = context.options or PhotonMapOptions()
+        self._n_caustic = 0
+
+    @property
+    def _per_pass(self) -> int:
+        return self._options.photons_per_pass
+
+    def _fields(self, photons: Photons, pass_number: int) -> tuple[Field, ...]:
+        del pass_number
+        nearest, lobes = self._options.nearest, self.context.scene.lobes
+        limit = FARTHEST * 2.0 * float(self._lookers[0].shooter.world[3])
+        is_soft = (photons.history & MET_SPREADING) != 0
+        fields = [Nearest(_chosen(photons, is_soft), lobes, nearest, limit)]
+        if self.context.plan["caustic map"]:
+            self._n_caustic += int(np.count_nonzero(~is_soft))
+            fields.append(Nearest(_chosen(photons, ~is_soft), lobes, nearest, limit))
+        return tuple(fields)
+
+    def _about(self) -> dict[str, Any]:
+        return {
+            "per_pass": self._options.photons_per_pass,
+            "nearest": self._options.nearest,
+            "stored_in_caustic_map": self._n_caustic,
+            "blur": BLUR,
+        }
+
+
+def _chosen(photons: Photons, rows: Any) -> Photons:
+    return Photons(*(column[rows] for column in photons))

@@ -1,0 +1,430 @@
+"""Photons from every light, followed until they are absorbed or leave.
+
+Jensen, "Global illumination using photon maps", EGWR 1996. Photons leave in groups: one for each
+light and kind (`hybrid_rt.integrators.kernels.photon_emission`), each with low-discrepancy sequences of its own that
+run on through the passes, so both one pass and all of them together are spread evenly.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hybrid_rt.core.records import FloatArray, HitRecord, IntArray, NamedPoints
+from hybrid_rt.integrators.context import RenderContext
+from hybrid_rt.integrators.direct_light import (
+    Shading,
+    SurfaceLight,
+    largest_channel,
+    new_light_points,
+)
+from hybrid_rt.integrators.kernels.photon_emission import (
+    Launch,
+    Targets,
+    launch_from_light,
+    launch_from_sky,
+)
+from hybrid_rt.integrators.kernels.photon_steps import (
+    EMITTED,
+    IS_SHOWN,
+    MET_SPECULAR,
+    TAKEN,
+    Flight,
+    Photons,
+    add_power,
+    pack_flight,
+    scatter_photons,
+    store_photons,
+)
+from hybrid_rt.integrators.media.absorption import absorb, media_around_lights
+from hybrid_rt.integrators.media.contacts import Contacts, first_hits
+from hybrid_rt.integrators.photons.light_tracing import DensePlaces, Shown, show
+from hybrid_rt.integrators.photons.projection_map import targets_of
+from hybrid_rt.primitives import Plane
+from hybrid_rt.sampling.sampler import UIntArray
+from hybrid_rt.scene.compiled import NOTHING, CompiledScene
+from hybrid_rt.sensor.passes import GROUPS, group_of
+from hybrid_rt.shading.kernels.bsdf import DIELECTRIC, DIFFUSE, LAST_SPREADING, METAL, PHONG
+from hybrid_rt.shading.kernels.emitter import POINT, RECTANGLE, SPHERE, LightPoints
+from hybrid_rt.shading.kernels.scatter import ABSORBED, LEFT, SCATTERED, SPECULAR, STOPPED
+
+# About how many photons one thread follows at a time.
+AT_ONCE = 2**15
+
+# Dimensions of photons begin far beyond those of camera rays, those of the first photons of all,
+# which only find radii, farther still.
+PHOTON_DIMENSION, PILOT_DIMENSION = 2**40, 2**41
+LAUNCH, PER_LAUNCH = 0, 1
+# What the points of one step are for.
+DIRECTION, LOBE, LENS, PER_STEP = 0, 1, 2, 3
+
+# Of the photons of a light, how many are aimed where there is something to aim at.
+AIMED_SHARE = 0.5
+
+
+@dataclass(frozen=True)
+class Group:
+    """Photons of one light and kind: ``n`` of them in each pass.
+
+    ``light`` is a row of the light table, the number of lights for the sky; ``n_spread`` and
+    ``n_aimed`` are the photons of both kinds that leave this light in a pass.
+    """
+
+    number: int
+    light: int
+    is_aimed: bool
+    n_spread: int
+    n_aimed: int
+
+    @property
+    def n(self) -> int:
+        """Photons of this group in a pass."""
+        return self.n_aimed if self.is_aimed else self.n_spread
+
+
+@dataclass
+class Balance:
+    """What became of the power of all photons of all passes.
+
+    ``power`` (4, 3) has a row for what was emitted, what escaped, what surfaces and media
+    absorbed, and what was lost with the last direction that ``max_depth`` allows.
+    """
+
+    power: FloatArray = field(default_factory=lambda: np.zeros((4, 3)))
+    n_emitted: int = 0
+    n_stored: int = 0
+
+    def add(self, other: Balance) -> None:
+        """Add what became of other photons."""
+        self.power += other.power
+        self.n_emitted += other.n_emitted
+        self.n_stored += other.n_stored
+
+
+class Shooter:
+    """Sends out photons and follows them.
+
+    Parameters
+    ----------
+    context : RenderContext
+    contacts : Contacts or None
+        None where no clear body touches another surface.
+
+    Attributes
+    ----------
+    balance : Balance
+    dense : DensePlaces or None
+        Where photons are shown to the camera; None: nowhere.
+
+    Raises
+    ------
+    ValueError
+        If something shines that has no end, or a sky shines on something that has none: no photon
+        can be chosen evenly there. The object is named.
+    """
+
+    def __init__(self, context: RenderContext, contacts: Contacts | None) -> None:
+        self.context, self._contacts = context, contacts
+        self.balance = Balance()
+        self.dense: DensePlaces | None = None
+        scene = context.scene
+        self.world = _world(scene)
+        self._light = SurfaceLight(context)
+        self.gathers = scene.materials_of_kinds(DIFFUSE, PHONG)
+        self._spreads = scene.materials_of_kinds(DIFFUSE, LAST_SPREADING)
+        self._targets = Targets(np.zeros((0, 3)), np.zeros(0))
+        if context.plan["aimed photons"]:
+            throws = scene.materials_of_kinds(METAL, DIELECTRIC)
+            self._targets = targets_of(scene, throws)
+        self._powers = _powers(scene, self.world)
+        sends = np.flatnonzero((self._powers[:-1] > 0.0) & context.plan["photons"])
+        self._media = media_around_lights(context, contacts, sends)
+
+    def groups(self, photons_per_pass: int) -> list[Group]:
+        """Share the photons of a pass out by power; every light that shines gets some."""
+        power, groups = self._powers, list[Group]()
+        aimed_share = AIMED_SHARE if self._targets.radius.size else 0.0
+        for light in np.flatnonzero(power > 0.0):
+            n = max(round(photons_per_pass * power[light] / power.sum()), 2)
+            n_aimed = round(aimed_share * n)
+            kinds = (False, True) if n_aimed else (False,)
+            for is_aimed in kinds:
+                groups.append(Group(len(groups), int(light), is_aimed, n - n_aimed, n_aimed))
+        return groups
+
+    def shoot(
+        self, group: Group, pass_number: int, first: int, stop: int, dimension: int, least: int
+    ) -> tuple[Photons, list[Shown]]:
+        """Follow some photons of a group.
+
+        Returned are those that arrived where light is gathered, and what they show the camera.
+
+        Parameters
+        ----------
+        group : Group
+        pass_number, first, stop : int
+            Which photons: of the pass, by number.
+        dimension : int
+            First of the dimensions of their random numbers.
+        least : int
+            Photons whose ``history`` is less are not stored.
+        """
+        context = self.context
+        stored: list[Photons] = []
+        shown: list[Shown] = []
+        sequence, n_before = sequence_of(group, pass_number)
+        number = np.arange(n_before + first, n_before + stop, dtype=np.uint64)
+        with context.ledger.stage("photons"):
+            flight = self._launched(group, sequence, number, dimension)
+        for depth in range(context.max_depth + 1):
+            if flight.number.size == 0:
+                break
+            step = dimension + PER_LAUNCH + PER_STEP * depth
+            with context.ledger.stage("photons"):
+                # --- where they arrive
+                hits, second, material = self._arrived(flight)
+                shading = self._light.shading(hits, flight.direction, material)
+                # --- what they leave there, and what the camera sees of it
+                to_show = self._to_show(flight, shading)
+                stored.append(self._stored(flight, shading, to_show, least))
+                if to_show.size:
+                    lens = None
+                    if context.plan["lens samples"]:
+                        lens = self._points(sequence, flight.number[to_show], step + LENS)
+                    shown.append(show(context, flight, shading, to_show, lens))
+                # --- where they go next, and which ones stop
+                goes_on = depth < context.max_depth
+                flight = self._onward(flight, shading, second, sequence, step, goes_on)
+        photons = joined(stored)
+        self.balance.n_stored += len(photons.history)
+        return photons, shown
+
+    def _arrived(self, flight: Flight) -> tuple[HitRecord, IntArray, IntArray]:
+        """Return where photons arrive: hits, faces that coincide with them, and materials.
+
+        What media on the way absorb is taken from their power.
+        """
+        context = self.context
+        source = NamedPoints(flight.source_id, flight.origin)
+        hits, second = first_hits(
+            context.tracer, self._contacts, flight.origin, flight.direction, source
+        )
+        context.ledger.rays["photon"] += len(hits)
+        context.ledger.count_hits(hits)
+        material = self._light.material(hits)
+        taken = self.balance.power[TAKEN]
+        add_power(flight.power, 1.0, taken)
+        absorb(context, flight.media, material, hits, second, flight.power)
+        add_power(flight.power, -1.0, taken)
+        return hits, second, material
+
+    def _to_show(self, flight: Flight, shading: Shading) -> NDArray[np.intp]:
+        """Return the photons of caustics that have arrived where these are dense."""
+        if self.dense is None:
+            return np.zeros(0, dtype=np.intp)
+        rows = np.flatnonzero((flight.history == MET_SPECULAR) & self.gathers[shading.material])
+        return rows[self.dense.hold(shading.hits.position[rows])]
+
+    def _stored(
+        self, flight: Flight, shading: Shading, to_show: NDArray[np.intp], least: int
+    ) -> Photons:
+        """Return the photons that have arrived where light is gathered; those shown are marked."""
+        hits, out = shading.hits, _new_photons(flight.number.size)
+        normal = shading.geometric if shading.geometric.size else hits.normal
+        flight.history[to_show] |= IS_SHOWN
+        n = store_photons(flight, shading.material, self.gathers, least, hits.position, normal, out)
+        flight.history[to_show] ^= IS_SHOWN
+        return Photons(*(column[:n].copy() for column in out))
+
+    def _onward(
+        self,
+        flight: Flight,
+        shading: Shading,
+        second: IntArray,
+        sequence: int,
+        step: int,
+        goes_on: bool,
+    ) -> Flight:
+        """Choose where each photon goes; return those that go on."""
+        hits, material, n = shading.hits, shading.material, flight.number.size
+        fate = np.empty(n, dtype=np.uint8)
+        scatter_photons(
+            self.context.scene.lobes, material, shading.colors, hits.normal, shading.geometric,
+            hits.position, hits.object_id, self._ways(sequence, flight, material, step),
+            self._points(sequence, flight.number, step + LOBE), second, goes_on, flight, fate,
+            self.balance.power,
+        )  # fmt: skip
+        ended = self.context.ledger.ended
+        counts = np.bincount(fate, minlength=SPECULAR + 1)
+        ended["photons absorbed or by roulette"] += int(counts[ABSORBED])
+        ended["photons left or met a lamp"] += int(counts[LEFT])
+        ended["photons at max_depth"] += int(counts[STOPPED])
+        onward = _new_flight(n, flight.media.shape[1])
+        n_onward = pack_flight(flight, fate, SCATTERED, onward)
+        return Flight(*(column[:n_onward] for column in onward))
+
+    def _launched(self, group: Group, sequence: int, number: UIntArray, dimension: int) -> Flight:
+        scene = self.context.scene
+        n = number.size
+        # Where a photon arrives hangs on all of these together.
+        name, index = _in_sequence(sequence, number)
+        xi = self.context.sampler.joint(name, dimension + LAUNCH, index, 5)
+        # Columns of their own: slices are another type to numba, and the kernel compiled twice.
+        way, place, choice = xi[:, :2].copy(), xi[:, 2:4].copy(), xi[:, 4].copy()
+        launch = _new_launch(n)
+        source_id = np.full(n, NOTHING, dtype=np.int32)
+        if group.light == scene.n_lights:
+            launch_from_sky(
+                scene.sky, self.world, self._targets, group.n_spread, group.n_aimed,
+                group.is_aimed, place, way, choice, launch,
+            )  # fmt: skip
+        else:
+            source_id[:] = scene.surface_of_light[group.light]
+            launch_from_light(
+                scene.lights, scene.textures, self._surface_points(group.light, place),
+                group.light, self._targets, group.n_spread, group.n_aimed, group.is_aimed, place,
+                way, choice, launch,
+            )  # fmt: skip
+        self.balance.n_emitted += n
+        add_power(launch.power, 1.0, self.balance.power[EMITTED])
+        sent = np.flatnonzero(largest_channel(launch.power) > 0.0)
+        return Flight(
+            number=number[sent],
+            origin=launch.origin[sent],
+            direction=launch.direction[sent],
+            power=launch.power[sent],
+            media=np.repeat(self._media[group.light][None], sent.size, axis=0),
+            source_id=source_id[sent],
+            history=np.zeros(sent.size, dtype=np.uint8),
+        )
+
+    def _points(self, sequence: int, number: UIntArray, dimension: int) -> FloatArray:
+        name, _ = _in_sequence(sequence, number)
+        return self.context.sampler.points(name, dimension, number)
+
+    def _ways(self, sequence: int, flight: Flight, material: IntArray, step: int) -> FloatArray:
+        """Return the numbers that choose directions, for the photons that may need them."""
+        xi = np.zeros((material.size, 2))
+        rows = np.flatnonzero(self._spreads[material])
+        if rows.size:
+            xi[rows] = self._points(sequence, flight.number[rows], step + DIRECTION)
+        return xi
+
+    def _surface_points(self, light: int, xi: FloatArray) -> LightPoints:
+        chooser = self.context.scene.shining.get(light)
+        return new_light_points(0) if chooser is None else chooser.points(xi)
+
+
+def sequence_of(group: Group, pass_number: int) -> tuple[int, int]:
+    """Return which sequence a pass goes on with, and how many of its points came before.
+
+    Passes that are compared to know the noise have sequences of their own (`hybrid_rt.sensor.film`).
+    """
+    compared, number = group_of(np.array([pass_number], dtype=np.uint64))
+    return group.number * GROUPS + int(compared[0]), int(number[0]) * group.n
+
+
+def check_lights(scene: CompiledScene) -> None:
+    """Refuse a scene that photons cannot be sent into; see `Shooter` for what is raised."""
+    _powers(scene, _world(scene))
+
+
+def blocks_of(groups: list[Group]) -> list[tuple[Group, int, int]]:
+    """Return the parts that the photons of a pass are shot in, of about the same size."""
+    blocks = []
+    for group in groups:
+        edges = np.linspace(0, group.n, max(round(group.n / AT_ONCE), 1) + 1).round().astype(int)
+        blocks += [(group, int(first), int(stop)) for first, stop in pairwise(edges)]
+    return blocks
+
+
+def joined(parts: list[Photons]) -> Photons:
+    """Put photons together in their order."""
+    if not parts:
+        return _new_photons(0)
+    return Photons(*(np.concatenate(columns) for columns in zip(*parts, strict=True)))
+
+
+def _in_sequence(sequence: int, number: UIntArray) -> tuple[UIntArray, UIntArray]:
+    """Return the names of points of a group, and their indices.
+
+    A sequence has 2**32 points; beyond, the next one begins.
+    """
+    name = (number >> np.uint64(32)) + np.uint64(sequence * 2**32)
+    return name, number & np.uint64(2**32 - 1)
+
+
+def _world(scene: CompiledScene) -> FloatArray:
+    """Return centre and radius of a ball around all surfaces that end."""
+    ends = [s for s in scene.surfaces if not isinstance(s, Plane)]
+    if not ends:
+        return np.array([0.0, 0.0, 0.0, 1.0])
+    bounds = np.array([s.bounds for s in ends], dtype=np.float64)
+    low, high = bounds[:, 0].min(axis=0), bounds[:, 1].max(axis=0)
+    return np.array([*(0.5 * (low + high)), 0.5 * np.linalg.norm(high - low)])
+
+
+def _powers(scene: CompiledScene, world: FloatArray) -> FloatArray:
+    """Return about how much each light sends out, (lights + 1,), the sky last."""
+    lights = scene.lights
+    power = np.zeros(scene.n_lights + 1)
+    for i in range(scene.n_lights):
+        if lights.kind[i] == POINT:
+            factor = 4.0 * math.pi
+        elif lights.kind[i] == RECTANGLE:
+            factor = math.pi * float(np.linalg.norm(np.cross(lights.edge_u[i], lights.edge_v[i])))
+        elif lights.kind[i] == SPHERE:
+            factor = 4.0 * math.pi**2 * lights.edge_u[i, 0] ** 2
+        elif i in scene.shining:
+            factor = math.pi * scene.shining[i].area
+        else:
+            name = scene.names[scene.surface_of_light[i]]
+            raise ValueError(
+                f"object {name!r} is a plane that shines, so sends out photons without end: pass a "
+                "Rectangle, or use integrator 'path'"
+            )
+        power[i] = factor * lights.strength[i].mean()
+    if scene.environment is not None:
+        endless = [i for i, surface in enumerate(scene.surfaces) if isinstance(surface, Plane)]
+        if endless:
+            raise ValueError(
+                f"object {scene.names[endless[0]]!r} is a plane, to which the sky sends photons "
+                "without end: pass a Rectangle, or use integrator 'path'"
+            )
+        height = (np.arange(64) + 0.5) / 32.0 - 1.0
+        turn = math.pi * (3.0 - math.sqrt(5.0)) * np.arange(64)
+        ring = np.sqrt(1.0 - height**2)
+        ways = np.stack([ring * np.cos(turn), ring * np.sin(turn), height], axis=1)
+        mean = float(scene.environment.radiance(ways).mean())
+        power[-1] = 4.0 * math.pi**2 * world[3] ** 2 * mean
+    return power
+
+
+def _new_launch(n: int) -> Launch:
+    return Launch(np.empty((n, 3)), np.empty((n, 3)), np.empty((n, 3)))
+
+
+def _new_photons(n: int) -> Photons:
+    return Photons(
+        np.empty((n, 3)),
+        np.empty((n, 3), dtype=np.float32),
+        np.empty((n, 3), dtype=np.float32),
+        np.empty((n, 3), dtype=np.float32),
+        np.empty(n, dtype=np.uint8),
+    )
+
+
+def _new_flight(n: int, n_media: int) -> Flight:
+    return Flight(
+        number=np.empty(n, dtype=np.uint64),
+        origin=np.empty((n, 3)),
+        direction=np.empty((n, 3)),
+        power=np.empty((n, 3)),
+        media=np.empty((n, n_media), dtype=np.int32),
+        source_id=np.empty(n, dtype=np.int32),
+        history=np.empty(n, dtype=np.uint8),
+    )

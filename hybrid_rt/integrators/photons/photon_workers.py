@@ -1,0 +1,284 @@
+"""Threads that shoot the photons of a pass together and then look at them together.
+
+While some of them still look at a pass, others shoot the next: no thread waits for another between
+the two, and no more than two sets of photons exist at a time.
+"""
+
+from __future__ import annotations
+
+import math
+from abc import abstractmethod
+from collections.abc import Callable, Iterator
+from threading import Lock
+from typing import Any, TypeVar, cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hybrid_rt.core.interrupts import held_back
+from hybrid_rt.core.ledger import twelve_digits
+from hybrid_rt.core.records import FloatArray
+from hybrid_rt.integrators.context import RenderContext
+from hybrid_rt.integrators.kernels.photon_steps import MET_SPECULAR, Photons
+from hybrid_rt.integrators.photons.density_estimation import Field
+from hybrid_rt.integrators.photons.eye_pass import Looker
+from hybrid_rt.integrators.photons.light_tracing import Shown
+from hybrid_rt.integrators.photons.photon_tracer import (
+    PHOTON_DIMENSION,
+    Balance,
+    blocks_of,
+    joined,
+)
+from hybrid_rt.integrators.workers import NO_BLUR, UNKNOWN_BLUR, Blur, Crew, Submit
+from hybrid_rt.sensor.film import OVERFLOWS
+from hybrid_rt.sensor.image_metrics import DARK
+
+# Camera rays that one thread follows and gathers for at a time: many, as trees of many points are
+# compared faster, but a sixteenth of a pass at most, for the threads to share. The order of the
+# sums over photons hangs on this number, so it is the same for any number of threads.
+FEWEST_RAYS, MOST_RAYS, SHARE_OF_RAYS = 2**12, 2**15, 16
+
+# What tiles of a picture differ by tells the noise of its estimated blur: so many a side, wider than
+# most discs and so nearly independent. Student's t for their degrees of freedom, one-sided 95 %.
+TILES, STUDENT = 4, 1.753
+# The true blur is up to so many times its estimate: 1.3 times at borders, as the estimate takes light
+# for smooth; as a relative figure 1.8 times beside them, where blurred light brightens what it is
+# divided by. docs/error_vs_time.md has the figures.
+AT_BORDERS = 2.0
+# From this share of points without photons on, light is missing rather than dark places common.
+NEARLY_ALL = 0.99
+
+T = TypeVar("T")
+# The photons of a pass, ready to be looked at, and the picture of those shown to the camera.
+Ready = tuple[tuple[Field, ...], FloatArray | None]
+
+
+class PhotonCrew(Crew):
+    """See the module; `Crew` for what it offers.
+
+    Parameters
+    ----------
+    context : RenderContext
+    threads : int
+
+    Attributes
+    ----------
+    is_radius_asked : bool
+        Whether discs may be too small for photons to lie in them.
+    """
+
+    is_radius_asked = False
+
+    def __init__(self, context: RenderContext, threads: int) -> None:
+        super().__init__(context, threads, Looker)
+        self._threads = threads
+        self._n_passes = self._n_shown = 0
+        self._balance = Balance()
+        # Sums over passes of how much less discs of half the area give, and of the squares.
+        self._blur = np.zeros_like(self._lookers[0].blur)
+        self._blur_squares = np.zeros_like(self._blur)
+
+    @property
+    def _lookers(self) -> list[Looker]:
+        return cast(list[Looker], self._integrators)
+
+    @property
+    @abstractmethod
+    def _per_pass(self) -> int:
+        """Photons that leave all lights together in a pass."""
+
+    @abstractmethod
+    def _fields(self, photons: Photons, pass_number: int) -> tuple[Field, ...]:
+        """Make the photons of a pass ready to be looked at."""
+
+    @abstractmethod
+    def _about(self) -> dict[str, Any]:
+        """Return the settings and radii for the report, and what is to be known of the blur."""
+
+    def render_passes(
+        self, passes: range, on_rays: Callable[[int], None] | None = None
+    ) -> Iterator[FloatArray]:
+        """Yield the radiance of one sample per pixel and one set of photons, for each pass."""
+        camera = self.context.scene.camera
+        blur = np.zeros_like(self._blur)
+        with self._at_work() as submit:
+            shot = self._begin(passes[0], submit)
+            for k, number in enumerate(passes):
+                fields, picture = shot()
+                # While threads look at this pass they shoot the next one already.
+                shot = self._begin(number + 1, submit) if number + 1 in passes else _nothing
+                for looker in self._lookers:
+                    looker.fields, looker.blur = fields, blur
+                done = k * camera.height * camera.width
+
+                def heard(n: int, done: int = done) -> None:
+                    if on_rays is not None:
+                        on_rays(done + n)
+
+                for radiance in super().render_passes(range(number, number + 1), heard):
+                    # First, so that no picture holds a pass of which the blur is not known.
+                    with held_back():
+                        self._add_blur(blur)
+                    yield radiance if picture is None else radiance + picture
+
+    @OVERFLOWS
+    def _add_blur(self, blur: FloatArray) -> None:
+        self._blur += blur
+        self._blur_squares += blur * blur
+        self._n_passes += 1
+
+    def _block_size(self, n: int) -> int:
+        return min(max(-(-n // SHARE_OF_RAYS), FEWEST_RAYS), MOST_RAYS)
+
+    def _begin(self, pass_number: int, submit: Submit) -> Callable[[], Ready]:
+        """Let threads shoot the photons of a pass and make them ready; return what waits for it."""
+        if not self.context.plan["photons"]:
+            return _nothing
+
+        def ready(looker: Looker, photons: Photons, shown: list[Shown]) -> Ready:
+            with looker.context.ledger.stage("photon tree"):
+                return self._fields(photons, pass_number), self._picture(shown)
+
+        return self._shot(self._per_pass, pass_number, PHOTON_DIMENSION, submit, ready)
+
+    def _shot(
+        self,
+        n: int,
+        pass_number: int,
+        dimension: int,
+        submit: Submit,
+        ready: Callable[[Looker, Photons, list[Shown]], T],
+    ) -> Callable[[], T]:
+        """Let threads shoot photons; whoever is last calls ``ready``. Return what waits for that.
+
+        The order of photons, and of sums over them, is the same for any number of threads.
+        """
+        blocks = blocks_of(self._lookers[0].shooter.groups(n))
+        parts: list[tuple[Photons, list[Shown], Balance] | None] = [None] * len(blocks)
+        lock = Lock()
+
+        def work(looker: Looker, i: int) -> tuple[T] | None:
+            group, first, stop = blocks[i]
+            looker.shooter.balance = Balance()
+            photons, shown = looker.shooter.shoot(
+                group, pass_number, first, stop, dimension, MET_SPECULAR
+            )
+            with lock:
+                parts[i] = photons, shown, looker.shooter.balance
+                done = [part for part in parts if part is not None]
+            if len(done) < len(parts):
+                return None
+            for _, _, balance in done:
+                self._balance.add(balance)
+            all_shown = [one for _, several, _ in done for one in several]
+            return (ready(looker, joined([photons for photons, _, _ in done]), all_shown),)
+
+        futures = [submit(work, i) for i in range(len(blocks))]
+
+        def waited() -> T:
+            found: list[tuple[T] | None] = [future.result() for future in futures]
+            return next(result for result in found if result is not None)[0]
+
+        return waited
+
+    def _picture(self, shown: list[Shown]) -> FloatArray | None:
+        """Return what photons have shown the camera in a pass, (height, width, 3)."""
+        if not shown:
+            return None
+        camera = self.context.scene.camera
+        picture = np.zeros((camera.height, camera.width, 3))
+        for pixel, value in shown:
+            np.add.at(picture.reshape(-1, 3), pixel, value)
+            self._n_shown += pixel.size
+        return picture
+
+    def gather(self) -> None:
+        """Add up the counters of all threads."""
+        first, *others = self._lookers
+        for other in others:
+            first.n_points += other.n_points
+            first.n_gathered += other.n_gathered
+            first.n_without += other.n_without
+        super().gather()
+
+    def report(self, blur: Blur) -> dict[str, Any]:
+        """Return what the photons did, in plain types."""
+        first = self._lookers[0]
+        balance = self._balance
+        names = ("emitted", "escaped", "absorbed", "lost")
+        photons = {
+            **self._about(),
+            "emitted": balance.n_emitted,
+            "stored": balance.n_stored,
+            "shown_to_camera": self._n_shown,
+            "gather_points": first.n_points,
+            "gathered_per_point": first.n_gathered / max(first.n_points, 1),
+            "points_without_photons": first.n_without,
+            "blur_root_mean_square": blur.absolute,
+            "blur_root_mean_square_at_most": blur.absolute_at_most,
+            "blur_relative_rmse": blur.relative,
+            "blur_relative_rmse_at_most": blur.relative_at_most,
+            "power_of_all_passes": {
+                name: [twelve_digits(x) for x in power]
+                for name, power in zip(names, balance.power.tolist(), strict=True)
+            },
+        }
+        missed = first.n_without if self._balance.n_stored else 0
+        if missed < NEARLY_ALL * first.n_points:
+            missed = 0
+        return {"photons": photons, "points_missed_by_photons": missed}
+
+    @OVERFLOWS
+    def blur(self, image: NDArray[np.float32]) -> Blur:
+        """Estimate how far off blur puts the pixels of the mean of all passes so far.
+
+        Blur grows as the area of a disc, to first order, so it is twice what halving the area
+        changes. Products of different passes have the square of that change as their mean, free of
+        the noise that the square of one pass would have; a single pass tells nothing.
+        """
+        n = self._n_passes
+        if self._blur.size == 0:
+            return NO_BLUR
+        is_asked = any(looker.n_points for looker in self._lookers)
+        is_met = any(looker.n_gathered for looker in self._lookers)
+        is_missed = is_asked and self._balance.n_stored > 0 and not is_met
+        if n < 2 or (is_missed and self.is_radius_asked):
+            return UNKNOWN_BLUR
+        squares = 4.0 * (self._blur * self._blur - self._blur_squares) / (n * (n - 1))
+        # What the squares of the mean change have beyond these products.
+        noise = 4.0 * (self._blur / n) ** 2 - squares
+        if not np.isfinite(squares).all():
+            return UNKNOWN_BLUR
+        weight = image.reshape(-1, 3).astype(np.float64) ** 2 + DARK
+        return Blur(
+            *self._root_mean(squares, noise), *self._root_mean(squares / weight, noise / weight)
+        )
+
+    def _root_mean(
+        self, squares: FloatArray, noise: FloatArray
+    ) -> tuple[float | None, float | None]:
+        """Return the root of the mean of estimated squares (pixels, 3), and a limit to the true one.
+
+        Estimates of small squares are often negative; one below its own noise says nothing but the
+        limit. ``noise`` is the variance that each square is free of.
+        """
+        camera = self.context.scene.camera
+        mean = float(squares.mean())
+        if min(camera.height, camera.width) < TILES:
+            # As if all pixels had one noise in common, the most that they can.
+            error = math.sqrt(2.0) * float(noise.mean())
+            least = STUDENT * error
+        else:
+            rows, columns = (np.arange(TILES) * n // TILES for n in (camera.height, camera.width))
+            of_pixels = squares.reshape(camera.height, camera.width, 3).sum(axis=2)
+            tiles = np.add.reduceat(np.add.reduceat(of_pixels, rows, axis=0), columns, axis=1)
+            error = TILES * float(tiles.std(ddof=1)) / squares.size
+            # Tiles differ by blur as well, if few have it: then it is above the pixels' noise.
+            least = min(STUDENT * error, float(noise.mean()))
+        at_most = AT_BORDERS * math.sqrt(max(mean, 0.0) + STUDENT * error)
+        is_known = mean > least or error == 0.0
+        return math.sqrt(max(mean, 0.0)) if is_known else None, at_most
+
+
+def _nothing() -> Ready:
+    return (), None

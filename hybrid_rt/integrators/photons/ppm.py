@@ -1,0 +1,106 @@
+"""Progressive photon mapping by independent passes.
+
+Hachisuka, Ogaki and Jensen, "Progressive photon mapping", ToG 27(5), 2008; in the form of Knaus and
+Zwicker, "Progressive photon mapping: a probabilistic approach", ToG 30(3), 2011, in which passes
+share nothing: each shoots photons of its own and looks at them with one ray per pixel, the discs
+of later passes are smaller, and the mean of the passes loses both noise and blur.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from hybrid_rt.integrators.context import RenderContext
+from hybrid_rt.integrators.kernels.photon_steps import Photons
+from hybrid_rt.integrators.options import PPMOptions
+from hybrid_rt.integrators.photons.density_estimation import (
+    NARROWEST,
+    WIDEST_ASKED,
+    Discs,
+    Field,
+    Radii,
+    shrunk,
+)
+from hybrid_rt.integrators.photons.eye_pass import Looker
+from hybrid_rt.integrators.photons.light_tracing import DensePlaces, Shown
+from hybrid_rt.integrators.photons.photon_tracer import PILOT_DIMENSION, Balance
+from hybrid_rt.integrators.photons.photon_workers import PhotonCrew
+
+# The photons that radii are found by, at most.
+PILOT_PHOTONS = 100_000
+
+BLUR = (
+    "light is blurred by discs that shrink from pass to pass; the blur of the mean falls as "
+    "passes ** (alpha - 1); blur_root_mean_square estimates it where it is above the estimate's noise"
+)
+
+
+class ProgressiveCrew(PhotonCrew):
+    """See the module; `PhotonCrew` for what it offers.
+
+    Parameters
+    ----------
+    context : RenderContext
+    threads : int
+        Each has a `Looker` of its own.
+    """
+
+    def __init__(self, context: RenderContext, threads: int) -> None:
+        super().__init__(context, threads)
+        self._options: PPMOptions = context.options or PPMOptions()
+        self.error_power = self._options.error_power
+        self.blur_stays = self._options.alpha == 1.0
+        self.is_radius_asked = self._options.initial_radius is not None
+        # Now, as part of the set-up: a time budget judges by the seconds of passes alone.
+        self._radii: Radii | None = None
+        if context.plan["photons"]:
+            self._radii = self._first_radii()
+
+    @property
+    def _per_pass(self) -> int:
+        return self._options.photons_per_pass
+
+    def _fields(self, photons: Photons, pass_number: int) -> tuple[Field, ...]:
+        assert self._radii is not None
+        shrink = shrunk(pass_number, self._options.alpha)
+        return (Discs(photons, self.context.scene.lobes, self._radii, shrink),)
+
+    def _first_radii(self) -> Radii:
+        options = self._options
+        extent = 2.0 * float(self._lookers[0].shooter.world[3])
+        if options.initial_radius is not None:
+            low, high = NARROWEST * extent, WIDEST_ASKED * extent
+            if not low <= options.initial_radius <= high:
+                raise ValueError(
+                    f"PPMOptions initial_radius is {options.initial_radius:g}, the scene is "
+                    f"{extent:.3g} across: pass {low:.3g} to {high:.3g}, or None"
+                )
+            return Radii.fixed(options.initial_radius)
+        n = min(PILOT_PHOTONS, options.photons_per_pass)
+        camera = self.context.scene.camera
+
+        share = n / options.photons_per_pass
+
+        def ready(
+            _: Looker, photons: Photons, _shown: list[Shown]
+        ) -> tuple[Radii, DensePlaces | None]:
+            dense = DensePlaces.of(photons, share, camera, self._threads)
+            return Radii.of(photons, share, camera, extent, self._threads), dense
+
+        with self._at_work() as submit:
+            radii, dense = self._shot(n, 0, PILOT_DIMENSION, submit, ready)()
+        self._balance = Balance()  # the light of these photons is in no picture
+        for looker in self._lookers:
+            looker.shooter.dense = dense if looker.is_in_the_open else None
+        return radii
+
+    def _about(self) -> dict[str, Any]:
+        first = [] if self._radii is None else self._radii.classes.tolist()
+        last = shrunk(max(self._n_passes - 1, 0), self._options.alpha)
+        return {
+            "per_pass": self._options.photons_per_pass,
+            "alpha": self._options.alpha,
+            "first_radii": first,
+            "last_radii": [last * radius for radius in first],
+            "blur": BLUR,
+        }

@@ -1,0 +1,126 @@
+"""Balls that photons are aimed at: they cover whatever throws caustics.
+
+Jensen's projection map (in "Global illumination using photon maps", EGWR 1996) marks directions in
+which a light sees such surfaces. Balls say the same for every point of every light at once, and the
+density of directions toward them has a closed form. A surface that its ball hardly fills is covered
+by several smaller ones.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from hybrid_rt.core.records import BoolArray, FloatArray
+from hybrid_rt.integrators.kernels.photon_emission import Targets
+from hybrid_rt.primitives import Box, Plane, Sphere, TriangleMesh
+from hybrid_rt.scene.compiled import CompiledScene
+from meshing import BezierPatches, SurfaceOfRevolution
+
+# Balls about one surface at most: each photon looks at all balls of a scene.
+MOST_BALLS = 16
+# Cells that a surface is cut into, about; balls hold whole cells.
+CELLS = 4096
+# A ball about the corners of cells reaches this much farther, as cells are curved. What sticks out
+# nevertheless is found by photons that are not aimed.
+MARGIN = 1.01
+# Covers whose sums of squared radii are at most this times the least.
+ABOUT_AS_GOOD = 1.25
+
+Ball = tuple[FloatArray, float]
+
+
+def targets_of(scene: CompiledScene, throws: BoolArray) -> Targets:
+    """Return balls around all that throws caustics, but for what has no end.
+
+    Parameters
+    ----------
+    scene : CompiledScene
+    throws : (materials + 1,) bool
+        Which materials do; the last row is for `NOTHING`.
+
+    Returns
+    -------
+    Targets
+        The largest first; none lies within another.
+    """
+    balls: list[Ball] = []
+    for i in np.flatnonzero(throws[scene.material_of]):
+        surface = scene.surfaces[i]
+        if isinstance(surface, Plane):
+            continue
+        if isinstance(surface, Sphere):
+            balls.append((np.asarray(surface.center, dtype=np.float64), float(surface.radius)))
+        else:
+            balls += covering(_cells(surface))
+    return _without_those_inside(balls)
+
+
+def covering(cells: FloatArray) -> list[Ball]:
+    """Cover cells (n, corners, 3) by few balls whose squared radii add up to little.
+
+    That sum is about the solid angle aimed at. The cells of the largest ball are parted in two,
+    over and over, so each number of balls has its cover. Of those whose sum is about the least the
+    finest is returned: seen from the side, a flat part shows less of smaller balls.
+    """
+    parts = [cells]
+    balls = [_ball(cells)]
+    covers = [balls]
+    while len(balls) < MOST_BALLS:
+        largest = max(range(len(balls)), key=lambda k: balls[k][1])
+        part = parts.pop(largest)
+        if len(part) < 2:
+            break
+        middle = part.mean(axis=1)
+        along = middle[:, np.ptp(middle, axis=0).argmax()]
+        order = np.argsort(along, kind="stable")
+        # In the middle of the extent, not of the cells: they may be smaller in one half.
+        cut = int(np.searchsorted(along[order], 0.5 * (along.min() + along.max())))
+        halves = np.split(part[order], [min(max(cut, 1), len(part) - 1)])
+        balls = balls[:largest] + balls[largest + 1 :] + [_ball(half) for half in halves]
+        parts += halves
+        covers.append(balls)
+    squares = [sum(radius * radius for _, radius in balls) for balls in covers]
+    good = np.flatnonzero(np.array(squares) <= ABOUT_AS_GOOD * min(squares))
+    return covers[good[-1]]
+
+
+def _cells(surface: Any) -> FloatArray:
+    """Cut a surface into cells; return their corners (n, corners, 3)."""
+    if isinstance(surface, TriangleMesh):
+        corners = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])
+        u, v = np.tile(corners, (len(surface), 1)).T
+        return surface.point(u, v, np.repeat(np.arange(len(surface)), 3)).reshape(-1, 3, 3)
+    n_patches = 6 if isinstance(surface, Box) else 1
+    if isinstance(surface, BezierPatches | SurfaceOfRevolution):
+        n_patches = len(surface)
+    n = max(math.isqrt(CELLS // n_patches), 4)
+    edge = np.linspace(0.0, 1.0, n + 1)
+    patch, u, v = np.meshgrid(np.arange(n_patches), edge, edge, indexing="ij")
+    point: FloatArray = surface.point(u.ravel(), v.ravel(), patch.ravel())
+    point = point.reshape(n_patches, n + 1, n + 1, 3)
+    corners = np.empty((n_patches, n, n, 4, 3))
+    for k, (i, j) in enumerate(((0, 0), (0, 1), (1, 0), (1, 1))):
+        corners[:, :, :, k] = point[:, i : n + i, j : n + j]
+    return corners.reshape(-1, 4, 3)
+
+
+def _ball(cells: FloatArray) -> Ball:
+    points = cells.reshape(-1, 3)
+    center = 0.5 * (points.min(axis=0) + points.max(axis=0))
+    return center, MARGIN * float(np.sqrt(np.square(points - center).sum(axis=1).max()))
+
+
+def _without_those_inside(balls: list[Ball]) -> Targets:
+    """Leave out balls that lie within another one: they would only be aimed at twice."""
+    balls = sorted(balls, key=lambda ball: -ball[1])
+    center = np.array([center for center, _ in balls]).reshape(-1, 3)
+    radius = np.array([radius for _, radius in balls], dtype=np.float64)
+    kept: list[int] = []
+    for k in range(len(balls)):
+        reach = np.linalg.norm(center[kept] - center[k], axis=1) + radius[k]
+        if (reach > radius[kept]).all():
+            kept.append(k)
+    return Targets(center[kept], radius[kept])

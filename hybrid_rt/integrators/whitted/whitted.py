@@ -1,0 +1,315 @@
+"""Direct light, mirrors and glass: the recursion of Whitted, a batch at a time.
+
+Whitted, "An improved illumination model for shaded display", CACM 23(6), 1980. Lights send light to
+matt and glossy surfaces directly; mirrors and glass show what lies in the mirrored and the refracted
+direction, both branches followed. Glass casts a full shadow: bending light onto other surfaces is
+for photons.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hybrid_rt.core.records import BoolArray, FloatArray, HitRecord, IntArray
+from hybrid_rt.integrators.context import RenderContext
+from hybrid_rt.integrators.direct_light import NO_RIVAL, Shading, largest_channel
+from hybrid_rt.integrators.integrator import (
+    BLOCK,
+    FIRST_PATH_DIMENSION,
+    CameraBlock,
+    Integrator,
+)
+from hybrid_rt.integrators.kernels.compaction import add_to_pixels
+from hybrid_rt.integrators.media.absorption import absorb, media_around_camera
+from hybrid_rt.integrators.whitted.all_lights import AllLights
+from hybrid_rt.sampling.sampler import UIntArray
+from hybrid_rt.scene.compiled import NOTHING
+from hybrid_rt.shading.kernels.bsdf import DIELECTRIC, METAL, MIRROR, sample_lobes
+from hybrid_rt.shading.kernels.fresnel import mirror_directions, split_at_glass
+from hybrid_rt.shading.kernels.medium_stack import IOR, SCHLICK, media_beyond
+
+# A branch that changes its pixel by less than this, per unit of radiance, is not followed.
+LEAST_CONTRIBUTION = 1e-3
+
+
+@dataclass(frozen=True)
+class Branches:
+    """Rays on their way, in the order of the camera rays they come from.
+
+    Attributes
+    ----------
+    depth : int
+        Mirrored and refracted directions taken so far.
+    camera_ray : (n,) int64
+        Row in the block of camera rays.
+    node : (n,) uint64
+        Place in the tree of branches, 1 at the camera; it names the branch's random numbers.
+    origins, directions : (n, 3) float64
+        Directions are unit vectors.
+    throughput : (n, 3) float64
+        What one unit of radiance on this ray adds to its pixel.
+    media : (n, STACK) int32
+        Dielectrics that the ray is in; (n, 0) where the scene has none.
+    source : HitRecord or None
+        Where the rays start; None at the camera.
+    """
+
+    depth: int
+    camera_ray: NDArray[np.int64]
+    node: UIntArray
+    origins: FloatArray
+    directions: FloatArray
+    throughput: FloatArray
+    media: IntArray
+    source: HitRecord | None
+
+    def __len__(self) -> int:
+        """Return the number of rays."""
+        return int(self.camera_ray.size)
+
+    def __getitem__(self, rows: object) -> Branches:
+        """Select rows by a mask, an index array or a slice."""
+        columns = [getattr(self, field.name) for field in fields(self)][1:]
+        chosen: list[Any] = [None if column is None else column[rows] for column in columns]
+        return Branches(self.depth, *chosen)
+
+
+class Whitted(Integrator):
+    """See the module; `Integrator` for what it offers.
+
+    Parameters
+    ----------
+    context : RenderContext
+    """
+
+    def __init__(self, context: RenderContext) -> None:
+        super().__init__(context)
+        self._light = AllLights(context)
+        lobes = context.scene.lobes
+        self._camera_media = media_around_camera(context, self._contacts)
+        # Kind of the n-th lobe of each material, and a last row for what has none (`NOTHING`).
+        self._kinds_in_slot = np.full((self._light.n_slots, lobes.first.size), NOTHING)
+        for material, (first, stop) in enumerate(pairwise(lobes.first)):
+            self._kinds_in_slot[: stop - first, material] = lobes.kind[first:stop]
+
+    def _radiance(self, block: CameraBlock) -> FloatArray:
+        radiance = np.zeros_like(block.directions)
+        # Depth first over batches, breadth first within one: few batches wait at each depth, so
+        # memory stays bounded however often glass splits the rays.
+        waiting = [self._leaving_camera(block)]
+        while waiting:
+            rays = waiting.pop()
+            # --- where the rays arrive
+            hits, second = self._first_hits(rays.origins, rays.directions, rays.source)
+            with self.context.ledger.stage("shade"):
+                material = self._light.material(hits)
+                # --- what the way there absorbed
+                absorb(self.context, rays.media, material, hits, second, rays.throughput)
+                # --- light they ran into
+                no_choice = np.zeros(len(rays))
+                gathered = rays.throughput * self._light.arriving(
+                    hits, rays.origins, rays.directions, no_choice, NO_RIVAL, rays.media
+                )
+                # --- light we reach for
+                met = np.flatnonzero(material != NOTHING)
+                hit_rays, hits, material = rays[met], hits[met], material[met]
+                shading = self._light.shading(hits, hit_rays.directions, material)
+                gathered[met] += hit_rays.throughput * self._light.from_all(
+                    shading,
+                    hit_rays.media,
+                    block.pixel[hit_rays.camera_ray],
+                    self._dimension(hit_rays.node),
+                    block.sample[hit_rays.camera_ray],
+                )
+                add_to_pixels(rays.camera_ray, gathered, radiance)
+                # --- where they go next
+                second = second[met] if second.size else second
+                onward = self._onward(_Meeting(hit_rays, shading, second), block)
+            waiting.extend(onward)
+        return radiance
+
+    def _leaving_camera(self, block: CameraBlock) -> Branches:
+        n = block.pixel.size
+        return Branches(
+            depth=0,
+            camera_ray=np.arange(n),
+            node=np.ones(n, dtype=np.uint64),
+            origins=block.origins,
+            directions=block.directions,
+            throughput=np.ones((n, 3)),
+            media=np.repeat(self._camera_media[None], n, axis=0),
+            source=None,
+        )
+
+    def _dimension(self, node: UIntArray) -> UIntArray:
+        """Return the first of each branch's dimensions: one per light, sky, and one per lobe."""
+        per_node = np.uint64(self.context.scene.n_lights + 1 + self._light.n_slots)
+        return np.uint64(FIRST_PATH_DIMENSION) + node * per_node
+
+    def _onward(self, met: _Meeting, block: CameraBlock) -> list[Branches]:
+        """Return the mirrored and refracted rays, in batches of bounded size."""
+        parts: list[_Part] = []
+        plan = self.context.plan
+        for slot, kinds in enumerate(self._kinds_in_slot):
+            kind = kinds[met.shading.material]
+            if plan["mirror rays"]:
+                rows = np.flatnonzero(kind == MIRROR)
+                parts.append(_mirrored(met, rows, 2 * slot, met.shading.colors[rows, slot]))
+                rows = np.flatnonzero(kind == METAL)
+                if rows.size:
+                    parts.append(self._spread_by_metal(met, rows, slot, block))
+            if plan["glass rays"]:
+                rows = np.flatnonzero(kind == DIELECTRIC)
+                parts += self._at_glass(met, rows, slot)
+        if not parts:
+            return []
+        return _in_batches(self._joined(met, parts))
+
+    def _spread_by_metal(
+        self, met: _Meeting, rows: NDArray[np.intp], slot: int, block: CameraBlock
+    ) -> _Part:
+        """Send rays on about the mirror direction, one for each."""
+        lobes, shading = self.context.scene.lobes, met.shading
+        rays = met.rays[rows]
+        first = np.uint64(self.context.scene.n_lights + 1 + slot)
+        xi = self.context.sampler.points(
+            block.pixel[rays.camera_ray],
+            self._dimension(rays.node) + first,
+            block.sample[rays.camera_ray],
+        )
+        # Only this lobe of the material: as a table of its own.
+        lobe = lobes.first[shading.material[rows]] + np.int32(slot)
+        alone = lobes._replace(first=np.arange(lobes.kind.size + 1, dtype=np.int32))
+        colors = np.ascontiguousarray(shading.colors[rows, slot][:, None])
+        n = rows.size
+        directions, value, pdf = np.empty((n, 3)), np.empty((n, 3)), np.empty(n)
+        sample_lobes(
+            alone, lobe, colors, shading.hits.normal[rows], rays.directions, xi, METAL,
+            directions, value, pdf,
+        )  # fmt: skip
+        goes = pdf > 0.0
+        return _Part(
+            rows[goes],
+            2 * slot,
+            directions[goes],
+            (rays.throughput * value)[goes],
+            rays.media[goes],
+        )
+
+    def _at_glass(self, met: _Meeting, rows: NDArray[np.intp], slot: int) -> list[_Part]:
+        """Split rays at a dielectric: one part goes back, the other passes the surface."""
+        lobes, shading = self.context.scene.lobes, met.shading
+        lobe = lobes.first[shading.material[rows]] + np.int32(slot)
+        n = rows.size
+        reflectance, refracted, eta = np.empty(n), np.empty((n, 3)), np.empty(n)
+        beyond = met.rays.media[rows]
+        second = met.second[rows] if met.second.size else met.second
+        media_beyond(lobes, lobe, beyond, shading.hits.front_face[rows], second, eta)
+        is_hidden = eta == 0.0
+        eta[is_hidden] = 1.0
+        split_at_glass(
+            shading.directions[rows], shading.hits.normal[rows], eta,
+            np.ascontiguousarray(lobes.number[lobe, SCHLICK]), reflectance, refracted,
+        )  # fmt: skip
+        weight = lobes.weight[lobe]
+        tint = np.where(is_hidden[:, None], 1.0, shading.colors[rows, slot])
+        back = _mirrored(met, rows, 2 * slot, (weight * reflectance)[:, None])
+        passes = reflectance < 1.0
+        # Radiance over the index squared is what stays the same across the surface.
+        share = (weight * (1.0 - reflectance) / eta**2)[:, None] * tint
+        through = _Part(
+            rows[passes],
+            2 * slot + 1,
+            refracted[passes],
+            (met.rays.throughput[rows] * share)[passes],
+            beyond[passes],
+        )
+        return [back, through]
+
+    def _joined(self, met: _Meeting, parts: list[_Part]) -> Branches:
+        """Put the branches that go on into the order of their parents."""
+        parent = np.concatenate([part.parent for part in parts])
+        choice = np.repeat([part.choice for part in parts], [part.parent.size for part in parts])
+        throughput = np.concatenate([part.throughput for part in parts])
+        media = np.concatenate([part.media for part in parts])
+        depth = met.rays.depth + 1
+        going = np.flatnonzero(self._goes_on(throughput, media, depth))
+        order = going[np.argsort(parent[going], kind="stable")]
+        parent, choice = parent[order], choice[order].astype(np.uint64)
+        is_refracted = choice % np.uint64(2) == 1
+        n_refracted = int(np.count_nonzero(is_refracted))
+        self.context.ledger.rays["refracted"] += n_refracted
+        self.context.ledger.rays["reflected"] += order.size - n_refracted
+        hits = met.shading.hits
+        return Branches(
+            depth=depth,
+            camera_ray=met.rays.camera_ray[parent],
+            node=met.rays.node[parent] * np.uint64(2 * self._light.n_slots) + choice,
+            origins=hits.position.take(parent, axis=0),
+            directions=np.concatenate([part.directions for part in parts]).take(order, axis=0),
+            throughput=throughput.take(order, axis=0),
+            media=media.take(order, axis=0),
+            source=hits[parent],
+        )
+
+    def _goes_on(self, throughput: FloatArray, media: IntArray, depth: int) -> BoolArray:
+        """Tell which branches are followed; count the others and what they might have carried."""
+        ledger, ior = self.context.ledger, self.context.scene.lobes.number[:, IOR]
+        weight = largest_channel(throughput)
+        if media.shape[1]:
+            # Within glass radiance counts by its index squared, given back on the way out. The
+            # largest index of all bodies around is enough to decide what is faint.
+            index = np.where(media != NOTHING, ior[media], 1.0).max(axis=1)
+            weight = weight * np.maximum(index, 1.0) ** 2
+        is_faint = weight < LEAST_CONTRIBUTION
+        is_deep = ~is_faint & (depth > self.context.max_depth)
+        ends = is_faint | is_deep
+        ledger.ended["below least contribution"] += int(np.count_nonzero(is_faint & (weight > 0.0)))
+        ledger.ended["at max_depth"] += int(np.count_nonzero(is_deep))
+        ledger.lost_weight += float(weight[ends].sum())
+        return ~ends
+
+
+@dataclass(frozen=True)
+class _Meeting:
+    """Rays on arrival at an object, where, and on what other face (see `Contacts.at`)."""
+
+    rays: Branches
+    shading: Shading
+    second: IntArray
+
+
+@dataclass(frozen=True)
+class _Part:
+    """Branches of one kind: row of the parent, number of the choice, and the new ray."""
+
+    parent: NDArray[np.intp]
+    choice: int
+    directions: FloatArray
+    throughput: FloatArray
+    media: IntArray
+
+
+def _mirrored(met: _Meeting, rows: NDArray[np.intp], choice: int, color: FloatArray) -> _Part:
+    directions = np.empty((rows.size, 3))
+    mirror_directions(met.shading.directions[rows], met.shading.hits.normal[rows], directions)
+    return _Part(rows, choice, directions, met.rays.throughput[rows] * color, met.rays.media[rows])
+
+
+def _in_batches(rays: Branches) -> list[Branches]:
+    """Cut a batch between camera rays so that no piece is much larger than a block.
+
+    The branches of one camera ray stay together, so each pixel's sum has one order of terms
+    whatever the size of a block.
+    """
+    if len(rays) == 0:
+        return []
+    n_pieces = -(-len(rays) // BLOCK)
+    cuts = rays.camera_ray[[len(rays) * k // n_pieces for k in range(1, n_pieces)]]
+    edges = [0, *np.searchsorted(rays.camera_ray, cuts), len(rays)]
+    return [rays[first:last] for first, last in pairwise(edges) if last > first]

@@ -1,0 +1,231 @@
+"""Threads that share the passes of a render.
+
+Every thread traces blocks of camera rays from the camera to the end of their paths, with an
+integrator, counters and buffers of its own; only the scene is common. So nothing waits for anything
+between two steps of a path, and a block's arrays stay in the processor's cache. A block is a pure
+function of its rays: which thread traces it changes no bit.
+"""
+
+from __future__ import annotations
+
+import copy
+import math
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor, as_completed
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from queue import SimpleQueue
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hybrid_rt.core.ledger import Ledger
+from hybrid_rt.core.records import FloatArray
+from hybrid_rt.integrators.context import RenderContext
+from hybrid_rt.integrators.integrator import BLOCK, Integrator
+from hybrid_rt.intersection import Intersector
+
+# Camera rays of the passes that are traced together: enough blocks for every thread, while the
+# radiances of all of them stay small.
+TOGETHER = 2**19
+# Smaller blocks cost more in calls than they gain by being shared.
+LEAST = 1024
+
+# Hands work and an item to the next free integrator.
+Submit = Callable[[Callable[[Any, Any], Any], Any], "Future[Any]"]
+
+
+@dataclass(frozen=True)
+class Blur:
+    """How far off blur puts a picture: root mean squares over pixels and channels.
+
+    The relative figures are as those of noise (see `hybrid_rt.sensor.film.Film`): each square is divided
+    by x^2 + 0.01.
+
+    Attributes
+    ----------
+    absolute, relative : float or None
+        Estimates; None where they are not above their own noise.
+    absolute_at_most, relative_at_most : float or None
+        Limits that the blur is below in 95 % of renders, about; None where nothing is known.
+    """
+
+    absolute: float | None
+    absolute_at_most: float | None
+    relative: float | None
+    relative_at_most: float | None
+
+    @property
+    def counted(self) -> float:
+        """What a target is to count: the relative estimate, else its limit, else inf."""
+        if self.relative is not None:
+            return self.relative
+        return math.inf if self.relative_at_most is None else self.relative_at_most
+
+
+NO_BLUR, UNKNOWN_BLUR = Blur(0.0, 0.0, 0.0, 0.0), Blur(None, None, None, None)
+
+
+class Crew:
+    """Integrators that work at the same time.
+
+    Parameters
+    ----------
+    context : RenderContext
+        Its tracer and sampler run in the thread that calls them.
+    threads : int
+    make : callable
+        Makes the integrator of a context.
+
+    Attributes
+    ----------
+    error_power : float
+        The square of what passes lessen of the error falls as their number to the minus this.
+    blur_stays : bool
+        Whether the method's blur is the same however many passes there are.
+    """
+
+    error_power = 1.0
+    blur_stays = False
+
+    def __init__(
+        self,
+        context: RenderContext,
+        threads: int,
+        make: Callable[[RenderContext], Integrator],
+    ) -> None:
+        self.context = context
+        self._contexts = [_own_counters(context) for _ in range(threads)]
+        self._integrators = [make(own) for own in self._contexts]
+        self._submit: Submit | None = None
+        self._integrators[0].begin()
+        for integrator in self._integrators[1:]:
+            integrator.follow(self._integrators[0])
+        # What all looked up alike counts once.
+        for own in self._contexts[1:]:
+            own.ledger.forget()
+            own.tracer.counters.update(dict.fromkeys(own.tracer.counters, 0))
+
+    def forget_seconds(self) -> None:
+        """Begin to count seconds: what was found out so far belongs to whoever made the crew."""
+        for own in self._contexts:
+            own.ledger.seconds.clear()
+
+    def render_passes(
+        self, passes: range, on_rays: Callable[[int], None] | None = None
+    ) -> Iterator[FloatArray]:
+        """Yield the radiance of one sample per pixel, (height, width, 3) float64, for each pass.
+
+        ``on_rays`` hears after each block how many camera rays are done.
+        """
+        camera = self.context.scene.camera
+        images = np.empty((len(passes), camera.height, camera.width, 3))
+        rows = images.reshape(-1, 3)
+        n = len(rows)
+        size = self._block_size(n)
+        blocks = [(first, min(first + size, n)) for first in range(0, n, size)]
+        runs = self._runs(passes)
+        prepared: list[Any] = [None] * len(runs)
+        for i, found in self._done(lambda worker, i: worker.prepare(runs[i]), range(len(runs))):
+            prepared[i] = found
+        for integrator in self._integrators:
+            integrator.take(passes, prepared)
+        traced = self._done(lambda worker, block: worker.trace(passes, *block), blocks)
+        for done, ((first, stop), radiance) in enumerate(traced, start=1):
+            rows[first:stop] = radiance
+            if on_rays is not None:
+                on_rays(min(done * size, n))
+        for run, found in zip(runs, prepared, strict=True):
+            first, stop = run.start - passes.start, run.stop - passes.start
+            part = images[first:stop].reshape(len(run), -1, 3)
+            self._integrators[0].add_prepared(found, part)
+        yield from images
+
+    def _block_size(self, n: int) -> int:
+        # At least four blocks a thread, so that a slow one does not hold up the others.
+        return min(BLOCK, max(-(-n // (4 * len(self._integrators))), LEAST))
+
+    def _runs(self, passes: range) -> list[range]:
+        """Share passes among the threads."""
+        size = -(-len(passes) // len(self._integrators))
+        return [
+            range(first, min(first + size, passes.stop))
+            for first in range(passes.start, passes.stop, size)
+        ]
+
+    def _done(
+        self, work: Callable[[Any, Any], Any], items: Sequence[Any]
+    ) -> Iterator[tuple[Any, Any]]:
+        """Yield items with what was made of them, in the order in which they are done."""
+        if len(self._integrators) == 1 or (len(items) == 1 and self._submit is None):
+            for item in items:
+                yield item, work(self._integrators[0], item)
+            return
+        with self._at_work() as submit:
+            item_of = {submit(work, item): item for item in items}
+            for future in as_completed(item_of):
+                yield item_of[future], future.result()
+
+    @contextmanager
+    def _at_work(self) -> Iterator[Submit]:
+        """Let threads wait for work; whatever is done meanwhile is shared among the same ones."""
+        if self._submit is not None:
+            yield self._submit
+            return
+        if len(self._integrators) == 1:
+            yield self._at_once
+            return
+        idle: SimpleQueue[Integrator] = SimpleQueue()
+        for integrator in self._integrators:
+            idle.put(integrator)
+
+        def do(work: Callable[[Any, Any], Any], item: Any) -> Any:
+            integrator = idle.get()
+            try:
+                return work(integrator, item)
+            finally:
+                idle.put(integrator)
+
+        executor = ThreadPoolExecutor(len(self._integrators), thread_name_prefix="hybrid_rt")
+        self._submit = lambda work, item: executor.submit(do, work, item)
+        try:
+            yield self._submit
+        finally:
+            self._submit = None
+            executor.shutdown(cancel_futures=True)
+
+    def _at_once(self, work: Callable[[Any, Any], Any], item: Any) -> Future[Any]:
+        future: Future[Any] = Future()
+        future.set_result(work(self._integrators[0], item))
+        return future
+
+    def blur(self, image: NDArray[np.float32]) -> Blur:
+        """Return the error of a picture (height, width, 3) that is not noise, as far as is known."""
+        del image
+        return NO_BLUR
+
+    def report(self, blur: Blur) -> dict[str, Any]:
+        """Return what the report of a picture holds beside what all integrators count."""
+        del blur
+        return {"points_missed_by_photons": 0}
+
+    def gather(self) -> None:
+        """Add up the counters of all threads in those of the crew's context.
+
+        Seconds become those of the wall: what all threads spent, over their number.
+        """
+        counters = self.context.tracer.counters
+        for own in self._contexts:
+            self.context.ledger.add(own.ledger, share=1.0 / len(self._contexts))
+            for name, count in own.tracer.counters.items():
+                if name.startswith("most"):
+                    counters[name] = max(counters[name], count)
+                else:
+                    counters[name] += count
+
+
+def _own_counters(context: RenderContext) -> RenderContext:
+    tracer: Intersector = copy.copy(context.tracer)
+    tracer.counters = dict.fromkeys(tracer.counters, 0)
+    return replace(context, tracer=tracer, ledger=Ledger(context.ledger.now))

@@ -1,0 +1,1 @@
+"""Coarse hits: Embree on triangles proposes where to look."""

@@ -1,0 +1,89 @@
+"""Coarse hits from Embree: the only file that knows it.
+
+Embree works in float32, so the triangles are brought into a frame of their own first: centred,
+and scaled by a power of two. Rays far away are brought near in float64 before they are rounded.
+What comes back is a proposal: which triangle, and about where.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hybrid_rt.core.records import FloatArray
+from hybrid_rt.intersection.kernels.search.coarse import CoarseHits, rays_to_float32
+
+
+class CoarseScene:
+    """Triangles in Embree.
+
+    Parameters
+    ----------
+    vertices : (v, 3) float64, world frame
+    faces : (f, 3) integer
+    """
+
+    def __init__(self, vertices: FloatArray, faces: NDArray[np.integer[Any]]) -> None:
+        lo, hi = vertices.min(axis=0), vertices.max(axis=0)
+        self.middle = 0.5 * lo + 0.5 * hi
+        radius = float(np.linalg.norm(0.5 * hi - 0.5 * lo))
+        self.to_frame = float(2.0 ** -np.ceil(np.log2(radius)))
+        self._vertices = ((vertices - self.middle) * self.to_frame).astype(np.float32)
+        self._faces = np.ascontiguousarray(faces, dtype=np.int32)
+        self._scene: Any = None
+        self._build()
+
+    def _build(self) -> None:
+        from embreex.mesh_construction import TriangleMesh
+        from embreex.rtcore_scene import EmbreeScene
+
+        scene = EmbreeScene(robust=True)
+        TriangleMesh(scene, self._vertices, self._faces)
+        # Embree builds its tree on the first ray; after that any number of threads may trace.
+        ray = np.zeros((1, 3), np.float32)
+        scene.run(ray, ray + np.float32(1.0))
+        self._scene = scene
+
+    @property
+    def n_triangles(self) -> int:
+        """Number of triangles."""
+        return len(self._faces)
+
+    def first(
+        self, origin: FloatArray, direction: FloatArray, t_min: FloatArray, t_max: FloatArray
+    ) -> CoarseHits:
+        """Return what rays meet first.
+
+        Parameters
+        ----------
+        origin, direction : (n, 3) float64
+            World frame.
+        t_min, t_max : (n,) float64
+            In lengths of ``direction``; Embree's float32 rounds them.
+
+        Returns
+        -------
+        CoarseHits of n rows
+            ``t`` in lengths of ``direction``.
+        """
+        n = len(origin)
+        near, away = np.empty((n, 3), np.float32), np.empty((n, 3), np.float32)
+        reach, shift = np.empty(n, np.float32), np.empty(n)
+        rays_to_float32(
+            origin, direction, t_min, t_max, self.middle, self.to_frame, near, away, reach, shift
+        )
+        found = self._scene.run(near, away, dists=reach, output=1)
+        t = (found["tfar"].astype(np.float64) + shift) / self.to_frame
+        u, v = found["u"].astype(np.float64), found["v"].astype(np.float64)
+        return CoarseHits(found["primID"], t, u, v)
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Embree's memory cannot be copied: an unpickled scene is built again."""
+        return {k: v for k, v in self.__dict__.items() if k != "_scene"}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        """Build Embree's scene again."""
+        self.__dict__.update(state)
+        self._build()

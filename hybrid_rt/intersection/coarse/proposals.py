@@ -1,0 +1,153 @@
+"""The coarse stage: triangles of all curved surfaces in Embree, and what their hits mean."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from hybrid_rt.core.records import BoolArray, FloatArray, IntArray
+from hybrid_rt.intersection.coarse.embree import CoarseScene
+from hybrid_rt.intersection.kernels.patch.subdivide import NEWTONS
+from hybrid_rt.intersection.kernels.search.coarse import (
+    CoarseHits,
+    CoarseTriangles,
+    finish_mesh,
+    offer_faces,
+)
+from hybrid_rt.intersection.kernels.search.nearest import Nearest, Rays
+from hybrid_rt.intersection.kind import CurvedKind, Finished
+from hybrid_rt.primitives import TriangleMesh
+from meshing import tessellate
+
+# Chordal tolerance of the coarse triangles over the surface's size: where they are the answer, or
+# all that Newton starts from; and where a search comes after that needs no more than a guess.
+MESH_TOLERANCE = 1e-3
+GUESS_TOLERANCE = 4e-3
+# A coarse hit that refinement rejects (the point of departure, or a triangle beside the surface)
+# is stepped over this often before the ray is taken to miss.
+RETRIES = 4
+# The step over a rejected hit, relative to the frame: a few float32 roundings.
+STEP_OVER = 2.0**-18
+
+
+class Coarse:
+    """Coarse hits on all curved surfaces.
+
+    Parameters
+    ----------
+    curved : sequence of (object id, surface or TriangleMesh)
+    tolerance : absolute chordal tolerance, or None for ``relative`` times each surface's size
+    relative : float
+
+    Attributes
+    ----------
+    triangles : CoarseTriangles
+    n_objects : int
+        One more than the last object that has triangles.
+    """
+
+    def __init__(
+        self, curved: Sequence[tuple[int, Any]], tolerance: float | None, relative: float
+    ) -> None:
+        vertices, faces, objects, pieces, corners = [], [], [], [], []
+        n_vertices = 0
+        for object_id, surface in curved:
+            if isinstance(surface, TriangleMesh):
+                v, f = surface.vertices, surface.faces
+                piece = np.arange(len(f), dtype=np.int32)
+                uv = np.broadcast_to(_WEIGHTS, (len(f), 3, 2))
+            else:
+                size = float(np.linalg.norm(surface.bounds[1] - surface.bounds[0]))
+                mesh = tessellate(surface, tolerance or relative * size)
+                v, f, piece, uv = mesh.vertices, mesh.faces, mesh.patch_id, mesh.uv
+            vertices.append(v)
+            faces.append(f + n_vertices)
+            objects.append(np.full(len(f), object_id, np.int32))
+            pieces.append(piece)
+            corners.append(uv)
+            n_vertices += len(v)
+        self.triangles = CoarseTriangles(
+            vertex=np.ascontiguousarray(np.concatenate(vertices)),
+            face=np.ascontiguousarray(np.concatenate(faces), dtype=np.int64),
+            object_id=np.concatenate(objects),
+            piece=np.concatenate(pieces),
+            corner_uv=np.ascontiguousarray(np.concatenate(corners), dtype=np.float64),
+        )
+        self.n_objects = int(self.triangles.object_id.max()) + 1
+        self.scene = CoarseScene(self.triangles.vertex, self.triangles.face)
+
+    @property
+    def n_triangles(self) -> int:
+        """Number of triangles."""
+        return len(self.triangles.face)
+
+    def propose(
+        self, kinds: Sequence[CurvedKind], rays: Rays, best: Nearest, found: BoolArray
+    ) -> list[IntArray]:
+        """Return for each kind what its `trace` is to begin with: (n,) int32, -1 for nothing.
+
+        Parameters
+        ----------
+        kinds : sequence of CurvedKind
+        rays : Rays of n rows
+        best : Nearest of n rows
+            Coarse hits beyond its t are not looked for.
+        found : (n,) bool, written
+            Whether Embree has a hit.
+        """
+        hits = self.scene.first(rays.origin, rays.direction, rays.t_min, best.t)
+        found[:] = hits.face >= 0
+        return [kind.guesses(self, hits) for kind in kinds]
+
+    def refine(
+        self,
+        kinds: Sequence[CurvedKind],
+        rays: Rays,
+        best: Nearest,
+        work: FloatArray,
+        found: BoolArray,
+    ) -> None:
+        """Lower ``best`` to coarse hits (no kinds: accuracy "mesh") or to what they refine to.
+
+        Parameters
+        ----------
+        kinds : sequence of CurvedKind
+        rays : Rays of n rows
+        best : Nearest of n rows, changed
+        work : (counters,) float64, changed
+            Tally of `hybrid_rt.intersection.kernels.patch.subdivide.COUNTER_NAMES`.
+        found : (n,) bool, changed
+            Set where Embree has a hit.
+        """
+        rows = np.arange(len(best.t))
+        t_start = rays.t_min.copy()
+        if len(rays.known):  # step off the triangles of the point of departure
+            t_start[rays.known[:, 1] >= 0] += STEP_OVER / self.scene.to_frame
+        for _ in range(RETRIES + 1):
+            hits = self.scene.first(
+                rays.origin[rows], rays.direction[rows], t_start[rows], best.t[rows]
+            )
+            is_hit = hits.face >= 0
+            rows, hits = rows[is_hit], CoarseHits(*(column[is_hit] for column in hits))
+            if not len(rows):
+                return
+            found[rows] = True
+            accepted = np.zeros(len(rows), np.bool_)
+            if not kinds:
+                offer_faces(hits, self.triangles, rows, rays, t_start, best, accepted)
+            for kind in kinds:
+                kind.refine(self, hits, rows, rays, best, accepted)
+                work[NEWTONS] += len(rows)
+            t_start[rows] = hits.t + STEP_OVER / self.scene.to_frame
+            rows = rows[~accepted]
+
+    def finish(
+        self, rays: Rays, best: Nearest, kind_of: IntArray, kind: int, out: Finished
+    ) -> None:
+        """Describe hits on triangles (accuracy "mesh"): ``best.primitive`` is the face."""
+        finish_mesh(self.triangles, rays, best, kind_of, kind, out)
+
+
+_WEIGHTS = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])

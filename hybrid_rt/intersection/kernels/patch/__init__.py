@@ -1,0 +1,1 @@
+"""Rays against Bezier patches: cells, Newton's iteration, certificate, subdivision."""

@@ -1,0 +1,102 @@
+"""A bicubic patch and its tangents at one point, three coordinates at a time in vector registers.
+
+Control points are rows of four float64, the last of them unused, so that one load brings a point.
+The arithmetic is that of `evaluate_bicubic_plain`, which stands in where kernels run interpreted.
+"""
+
+from typing import Any
+
+from llvmlite import ir
+from numba.core import cgutils, config, types
+from numba.extending import intrinsic
+
+from hybrid_rt.intersection.kernels.search.vectors import load, spread
+
+
+def evaluate_bicubic_plain(control: Any, start: int, u: float, v: float) -> Any:
+    """Return S, S_u, S_v (nine numbers) of the patch whose net begins at row ``start``.
+
+    Parameters
+    ----------
+    control : (total, 4) float64
+    start : int
+    u, v : float
+    """
+    values_u, slopes_u = _bernstein(u)
+    values_v, slopes_v = _bernstein(v)
+    weights = (-slopes_u[0], slopes_u[0] - slopes_u[1], slopes_u[1] - slopes_u[2], slopes_u[2])
+    out = [0.0] * 9
+    for i in range(4):
+        for c in range(3):
+            a, b, p, q = (float(control[start + 4 * i + j, c]) for j in range(4))
+            point = values_v[0] * a + values_v[1] * b + values_v[2] * p + values_v[3] * q
+            slope = slopes_v[0] * (b - a) + slopes_v[1] * (p - b) + slopes_v[2] * (q - p)
+            out[c] += values_u[i] * point
+            out[3 + c] += weights[i] * point
+            out[6 + c] += values_u[i] * slope
+    return tuple(out)
+
+
+def _bernstein(x: float) -> Any:
+    """Return the cubic Bernstein polynomials, and three times the quadratic ones."""
+    y = 1.0 - x
+    values = (y * y * y, 3.0 * y * y * x, 3.0 * y * x * x, x * x * x)
+    return values, (3.0 * y * y, 6.0 * y * x, 3.0 * x * x)
+
+
+def _vector_code(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+    array = context.make_array(signature.args[0])(context, builder, arguments[0])
+    start, u, v = arguments[1:]
+    double, i64 = ir.DoubleType(), ir.IntType(64)
+    four = ir.VectorType(double, 4)
+    add, sub, mul = builder.fadd, builder.fsub, builder.fmul
+
+    def number(x: float) -> Any:
+        return ir.Constant(double, x)
+
+    def bernstein(x: Any) -> Any:
+        y = sub(number(1.0), x)
+        y3, x3 = mul(number(3.0), y), mul(number(3.0), x)
+        values = (mul(mul(y, y), y), mul(mul(y3, y), x), mul(mul(y3, x), x), mul(mul(x, x), x))
+        return values, (mul(y3, y), mul(mul(number(6.0), y), x), mul(x3, x))
+
+    values_u, slopes_u = bernstein(u)
+    values_v, slopes_v = bernstein(v)
+    weights = (
+        builder.fneg(slopes_u[0]),
+        sub(slopes_u[0], slopes_u[1]),
+        sub(slopes_u[1], slopes_u[2]),
+        slopes_u[2],
+    )
+    values_v, slopes_v = ([spread(builder, x, four) for x in p] for p in (values_v, slopes_v))
+    out: list[Any] = [None] * 3
+    for i in range(4):
+        points = []
+        for j in range(4):
+            place = builder.mul(builder.add(start, i64(4 * i + j)), i64(4))
+            points.append(load(builder, array.data, place, four))
+        point = mul(values_v[0], points[0])
+        for j in range(1, 4):
+            point = add(point, mul(values_v[j], points[j]))
+        slope = mul(slopes_v[0], sub(points[1], points[0]))
+        for j in range(1, 3):
+            slope = add(slope, mul(slopes_v[j], sub(points[j + 1], points[j])))
+        value, weight = (spread(builder, x[i], four) for x in (values_u, weights))
+        for k, term in enumerate((mul(value, point), mul(weight, point), mul(value, slope))):
+            out[k] = term if i == 0 else add(out[k], term)
+    numbers = [
+        builder.extract_element(vector, ir.IntType(32)(c)) for vector in out for c in range(3)
+    ]
+    return cgutils.pack_array(builder, numbers)
+
+
+if config.DISABLE_JIT:  # type: ignore[attr-defined]
+    evaluate_bicubic = evaluate_bicubic_plain
+else:
+
+    @intrinsic
+    def evaluate_bicubic(typing: Any, control: Any, start: Any, u: Any, v: Any) -> Any:
+        """Do what `evaluate_bicubic_plain` does."""
+        del typing, start, u, v
+        result = types.UniTuple(types.float64, 9)
+        return result(control, types.int64, types.float64, types.float64), _vector_code

@@ -1,0 +1,259 @@
+"""One ray against one Bezier patch: evaluation, Newton iteration, and what a root is worth.
+
+The patch's net is kept relative to the patch's own centre, so the rounding of a root scales with
+the patch and its distance to the ray's origin, not with where the scene stands. Newton iterates on
+the three unknowns (u, v, t) of S(u, v) = o + t d (Toth 1985, "On ray tracing parametric
+surfaces"); its step needs only cross products.
+"""
+
+import numpy as np
+
+from hybrid_rt.intersection.kernels.patch.bicubic import evaluate_bicubic
+from hybrid_rt.intersection.kernels.search.nearest import is_known, offer
+from meshing.kernels.jit import inlined, inner
+
+UNIT_ROUNDOFF = 2.0**-53
+# A root decided by less than this many eps x scale is reported as TANGENT.
+TANGENT_BAND = 64 * 2.0**-52
+# Only hits flatter than this can lie within rounding of a silhouette: sqrt(2 * 64 eps), with air.
+GRAZING = 1e-5
+NORMAL_DEGENERATE = 1  # `hybrid_rt.core.records.Flag`
+
+CONVERGED, FAILED = 1, 0
+# Newton squares the error: from 1e-1 of a cell five steps reach rounding; silhouettes need more.
+MAX_STEPS = 12
+# After a step this small (relative to the cell) the next would be below rounding.
+LAST_STEP = 1e-8
+# Steps along a border onto which a root is moved that lies beyond it by rounding.
+BORDER_APPROACHES = 2
+# Parameters further outside [0, 1] are of no use to anybody.
+REACH = 1.0
+
+
+@inner
+def bernstein_basis(degree, x, value, slope):
+    """Fill the Bernstein polynomials of a degree at x and their derivatives (stable recurrence)."""
+    y = 1.0 - x
+    value[0] = 1.0
+    for k in range(1, degree):
+        carry = 0.0
+        for j in range(k):
+            old = value[j]
+            value[j] = carry + y * old
+            carry = x * old
+        value[k] = carry
+    # `value` holds degree - 1: differences give the derivative, one more step the value.
+    slope[0] = -degree * value[0]
+    for j in range(1, degree):
+        slope[j] = degree * (value[j - 1] - value[j])
+    slope[degree] = degree * value[degree - 1]
+    carry = 0.0
+    for j in range(degree):
+        old = value[j]
+        value[j] = carry + y * old
+        carry = x * old
+    value[degree] = carry
+
+
+@inner
+def evaluate(control, start, degree_u, degree_v, u, v, basis):
+    """Return S, S_u, S_v (nine numbers). ``basis`` is scratch of shape (4, > degree)."""
+    bu, du, bv, dv = basis[0], basis[1], basis[2], basis[3]
+    bernstein_basis(degree_u, u, bu, du)
+    bernstein_basis(degree_v, v, bv, dv)
+    x = y = z = xu = yu = zu = xv = yv = zv = 0.0
+    row = start
+    for i in range(degree_u + 1):
+        cx = cy = cz = ex = ey = ez = 0.0
+        for j in range(degree_v + 1):
+            px, py, pz = control[row + j, 0], control[row + j, 1], control[row + j, 2]
+            b, e = bv[j], dv[j]
+            cx += b * px
+            cy += b * py
+            cz += b * pz
+            ex += e * px
+            ey += e * py
+            ez += e * pz
+        row += degree_v + 1
+        b, e = bu[i], du[i]
+        x += b * cx
+        y += b * cy
+        z += b * cz
+        xu += e * cx
+        yu += e * cy
+        zu += e * cz
+        xv += b * ex
+        yv += b * ey
+        zv += b * ez
+    return x, y, z, xu, yu, zu, xv, yv, zv
+
+
+@inlined
+def evaluate_any(control, start, degree_u, degree_v, u, v, basis):
+    """Take the vector code for bicubic patches, the general one for all others.
+
+    Where ``basis`` is None all patches are bicubic: the compiler then leaves the general code out.
+    """
+    if basis is None:
+        return evaluate_bicubic(control, start, u, v)
+    if degree_u == 3 and degree_v == 3:
+        return evaluate_bicubic(control, start, u, v)
+    return evaluate(control, start, degree_u, degree_v, u, v, basis)
+
+
+@inlined
+def rounding_of_root(degree_u, degree_v, size, ox, oy, oz, dx, dy, dz, t):
+    """Bound the rounding of S(u, v) - o - t d near a root; also the scale of the TANGENT band.
+
+    Bernstein sums of degree m + n take 2 (m + n) + 4 roundings of numbers up to `size`, the origin
+    relative to the centre 2, t d and the sum 4; the rest is air for the products in a step.
+    """
+    distance = np.sqrt(ox * ox + oy * oy + oz * oz)
+    along = abs(t) * np.sqrt(dx * dx + dy * dy + dz * dz)
+    error = UNIT_ROUNDOFF * (
+        (2.0 * (degree_u + degree_v) + 8.0) * size + 4.0 * distance + 4.0 * along
+    )
+    return error, max(distance, 2.0 * size)
+
+
+@inner
+def newton(
+    control, start, degree_u, degree_v, basis, size, ox, oy, oz, dx, dy, dz, u, v, t, side_u, side_v
+):
+    """Solve S(u, v) = o + t d from a start, to the last digits that rounding leaves.
+
+    It has converged when a step is small beside the sides of the cell, so that the next would be
+    below rounding, or when the equation holds to rounding already. It gives up where the
+    parameters are far outside the patch, or the tangents and the ray lie in one plane, or
+    `MAX_STEPS` do not suffice.
+
+    Returns
+    -------
+    status, u, v, t, steps
+    n_dot_d : |n.d| with n unit
+    gain_u, gain_v : how far u and v move when the equation is off by a length of one
+    """
+    n_dot_d = gain_u = gain_v = 0.0
+    error, _ = rounding_of_root(degree_u, degree_v, size, ox, oy, oz, dx, dy, dz, t)
+    for step in range(1, MAX_STEPS + 1):
+        x, y, z, xu, yu, zu, xv, yv, zv = evaluate_any(
+            control, start, degree_u, degree_v, u, v, basis
+        )
+        rx, ry, rz = ox + t * dx - x, oy + t * dy - y, oz + t * dz - z
+        nx, ny, nz = yu * zv - zu * yv, zu * xv - xu * zv, xu * yv - yu * xv
+        det = nx * dx + ny * dy + nz * dz
+        if det == 0.0:
+            return FAILED, u, v, t, step, n_dot_d, gain_u, gain_v
+        ax, ay, az = yv * dz - zv * dy, zv * dx - xv * dz, xv * dy - yv * dx
+        bx, by, bz = dy * zu - dz * yu, dz * xu - dx * zu, dx * yu - dy * xu
+        inv = 1.0 / det
+        du = (rx * ax + ry * ay + rz * az) * inv
+        dv = (rx * bx + ry * by + rz * bz) * inv
+        # Nearly in the tangent plane rounding becomes a long step, which would leave the surface.
+        is_root = rx * rx + ry * ry + rz * rz <= error * error
+        if not is_root:
+            u += du
+            v += dv
+            t -= (rx * nx + ry * ny + rz * nz) * inv
+        if is_root or (abs(du) <= LAST_STEP * side_u and abs(dv) <= LAST_STEP * side_v):
+            n_dot_d = abs(det) / np.sqrt(nx * nx + ny * ny + nz * nz)
+            gain_u = np.sqrt(ax * ax + ay * ay + az * az) * abs(inv)
+            gain_v = np.sqrt(bx * bx + by * by + bz * bz) * abs(inv)
+            return CONVERGED, u, v, t, step, n_dot_d, gain_u, gain_v
+        if not (-REACH <= u <= 1.0 + REACH and -REACH <= v <= 1.0 + REACH):
+            return FAILED, u, v, t, step, n_dot_d, gain_u, gain_v
+    return FAILED, u, v, t, MAX_STEPS, n_dot_d, gain_u, gain_v
+
+
+@inner
+def approach(
+    control, start, degree_u, degree_v, basis, ox, oy, oz, dx, dy, dz, u, v, u0, u1, v0, v1, steps
+):
+    """Move (u, v) within a rectangle so that S(u, v) lies beside the ray; return u, v, t, gap, |n.d|.
+
+    At a silhouette both tangents point the same way as seen along the ray: one of them, the longer,
+    can cancel what separates the two along it; across it they are no further apart than rounding.
+    """
+    dd = dx * dx + dy * dy + dz * dz
+    for step in range(steps + 1):
+        x, y, z, xu, yu, zu, xv, yv, zv = evaluate_any(
+            control, start, degree_u, degree_v, u, v, basis
+        )
+        rx, ry, rz = x - ox, y - oy, z - oz
+        t = (rx * dx + ry * dy + rz * dz) / dd
+        rx, ry, rz = t * dx - rx, t * dy - ry, t * dz - rz
+        if step == steps:
+            break
+        along = (xu * dx + yu * dy + zu * dz) / dd
+        xu, yu, zu = xu - along * dx, yu - along * dy, zu - along * dz
+        along = (xv * dx + yv * dy + zv * dz) / dd
+        xv, yv, zv = xv - along * dx, yv - along * dy, zv - along * dz
+        uu, vv = xu * xu + yu * yu + zu * zu, xv * xv + yv * yv + zv * zv
+        if uu == 0.0 and vv == 0.0:
+            continue
+        to_u = u + (rx * xu + ry * yu + rz * zu) / uu if uu > 0.0 else u0 - 1.0
+        to_v = v + (rx * xv + ry * yv + rz * zv) / vv if vv > 0.0 else v0 - 1.0
+        # Along the longer tangent, unless a border is in the way and not in the other's; where
+        # borders are in both ways, as far as they allow.
+        in_u, in_v = u0 <= to_u <= u1, v0 <= to_v <= v1
+        if in_u and (uu >= vv or not in_v):
+            u = to_u
+        elif in_v:
+            v = to_v
+        else:
+            u, v = min(max(to_u, u0), u1), min(max(to_v, v0), v1)
+    nx, ny, nz = yu * zv - zu * yv, zu * xv - xu * zv, xu * yv - yu * xv
+    length = np.sqrt(nx * nx + ny * ny + nz * nz)
+    n_dot_d = abs(nx * dx + ny * dy + nz * dz) / length if length > 0.0 else np.inf
+    return u, v, t, np.sqrt(rx * rx + ry * ry + rz * rz), n_dot_d
+
+
+@inner
+def offer_root(
+    i, u, v, t, n_dot_d, gain_u, gain_v,
+    control, start, basis, degree_u, degree_v, size, ox, oy, oz, dx, dy, dz, open_edges, shift, to_world,
+    object_id, patch, t_min, known, best,
+):  # fmt: skip
+    """Offer a converged root as a hit if it lies on the patch; tell whether it may be one.
+
+    A root up to the rounding of u or v beyond a border belongs to the patch, so a ray through an
+    edge that two patches share finds at least one of them. ``open_edges`` has a bit for each of
+    u = 0, u = 1, v = 0, v = 1 beyond which no other patch goes on: near those the hit is TANGENT,
+    and just beyond them a doubt.
+    """
+    error, scale = rounding_of_root(degree_u, degree_v, size, ox, oy, oz, dx, dy, dz, t)
+    band_u = error * gain_u + 2.0 * UNIT_ROUNDOFF
+    band_v = error * gain_v + 2.0 * UNIT_ROUNDOFF
+    t_world = (t + shift) * to_world
+    t_bound = (2.0 * error / n_dot_d + 4.0 * UNIT_ROUNDOFF * abs(t + shift)) * to_world
+    tangent = False
+    if open_edges != 0:
+        near_u = max(band_u, TANGENT_BAND * scale * gain_u)
+        near_v = max(band_v, TANGENT_BAND * scale * gain_v)
+        if not (-near_u <= u <= 1.0 + near_u and -near_v <= v <= 1.0 + near_v):
+            return False
+        tangent = (
+            ((open_edges & 1) != 0 and u <= near_u)
+            or ((open_edges & 2) != 0 and u >= 1.0 - near_u)
+            or ((open_edges & 4) != 0 and v <= near_v)
+            or ((open_edges & 8) != 0 and v >= 1.0 - near_v)
+        )
+    if not (-band_u <= u <= 1.0 + band_u and -band_v <= v <= 1.0 + band_v):
+        if tangent and t_world > t_min[i]:
+            best.doubt[i] = min(best.doubt[i], t_world)
+        return False
+    if not t_world > t_min[i] or is_known(i, t_world, t_bound, n_dot_d, known):
+        return False
+    if not (0.0 <= u <= 1.0 and 0.0 <= v <= 1.0):
+        u, v, t, _, _ = approach(
+            control, start, degree_u, degree_v, basis, ox, oy, oz, dx, dy, dz,
+            min(max(u, 0.0), 1.0), min(max(v, 0.0), 1.0), 0.0, 1.0, 0.0, 1.0, BORDER_APPROACHES,
+        )  # fmt: skip
+        t_world = (t + shift) * to_world
+    offer(i, t_world, t_bound, n_dot_d, tangent, object_id, patch, u, v, t_min, known, best)
+    return True
+
+
+# For the one place that runs for every candidate; elsewhere a call costs less than compiling it.
+newton_inlined = inlined(getattr(newton, "py_func", newton))
+offer_root_inlined = inlined(getattr(offer_root, "py_func", offer_root))

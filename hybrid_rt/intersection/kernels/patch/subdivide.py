@@ -1,0 +1,383 @@
+"""The slow, complete solve: all of a cell searched for the first root by bisection.
+
+The net of the cell is written in ray coordinates: two across the ray, one along it. A root is a
+point where both coordinates across vanish, so a piece whose hull keeps away from that is dropped,
+and a piece whose tangents hardly turn is settled by the Krawczyk test (Krawczyk 1969; Moore,
+Kearfott, Cloud 2009, chapter 8). Everything else is halved along its longer side *in space*: a collapsed
+edge is long in its parameter and a point in space. Pieces are taken nearest first.
+
+At a silhouette pieces become thin across the fold before they become short. A piece thinner than
+rounding holds no decision to be made: if it is as short as such a piece of a curved surface is, it
+is taken as a TANGENT root; if it is long, a flat piece lies edge-on in the ray, and the ray passes
+it by with its doubt noted.
+"""
+
+import numpy as np
+
+from hybrid_rt.intersection.kernels.patch.solve import (
+    CONVERGED,
+    UNIT_ROUNDOFF,
+    approach,
+    evaluate_any,
+    newton,
+    offer_root,
+    rounding_of_root,
+)
+from hybrid_rt.intersection.kernels.search.nearest import is_known, offer
+from meshing.kernels.jit import inlined, inner
+
+# Pieces examined for one ray and cell before the search admits defeat (counted and flagged).
+MAX_PIECES = 4096
+# 100 halvings take any cell to the last digit; one sibling waits at each.
+DEPTH = 128
+# Newton from a piece whose Jacobian turns by less than this contracts: 2 q / (1 - q) < 1.
+NEWTON_TURN = 0.25
+# Neighbouring pieces both keep a root that lies within this (relative) of their common border.
+BORDER_SLACK = 1e-9
+# How far beside a point the normal is looked at where S_u x S_v may vanish.
+NUDGE = 2.0**-20
+# A ray that meets the limit normal of a collapsed edge at more than this crosses the surface.
+CLEAR_CROSSING = 1e-3
+# Steps that bring a point of such a piece beside the ray: the first leaves the square of its size.
+APPROACHES = 3
+# Below this slope curvature, not slope, ends a contact: the root of the rounding.
+FLATTEST = 2.0**-27
+
+# Places in the counters that kernels fill; see `COUNTER_NAMES`.
+NODES, CELLS, NEWTONS, STEPS, SLOW, PIECES, GIVEN_UP, CHANGED, MOST_PIECES = range(9)
+COUNTER_NAMES = (
+    "nodes",
+    "cells",
+    "newton_solves",
+    "newton_steps",
+    "slow_solves",
+    "slow_pieces",
+    "given_up",
+    "changed_by_certificate",
+    "most_pieces",
+)
+
+
+@inlined
+def restrict_columns(net, degree_u, degree_v, a, b):
+    """Restrict a net (degree_u + 1, degree_v + 1, 3) in place to u in [a, b] (also beyond 0, 1)."""
+    # de Casteljau at b keeps [0, b]; then at a / b from the other end keeps [a, b].
+    x = b
+    for level in range(1, degree_u + 1):
+        for i in range(degree_u, level - 1, -1):
+            for j in range(degree_v + 1):
+                for c in range(3):
+                    net[i, j, c] = (1.0 - x) * net[i - 1, j, c] + x * net[i, j, c]
+    x = a / b
+    for level in range(1, degree_u + 1):
+        for i in range(degree_u - level + 1):
+            for j in range(degree_v + 1):
+                for c in range(3):
+                    net[i, j, c] = (1.0 - x) * net[i, j, c] + x * net[i + 1, j, c]
+
+
+@inlined
+def restrict_rows(net, degree_u, degree_v, a, b):
+    """As `restrict_columns`, to v in [a, b]."""
+    x = b
+    for level in range(1, degree_v + 1):
+        for j in range(degree_v, level - 1, -1):
+            for i in range(degree_u + 1):
+                for c in range(3):
+                    net[i, j, c] = (1.0 - x) * net[i, j - 1, c] + x * net[i, j, c]
+    x = a / b
+    for level in range(1, degree_v + 1):
+        for j in range(degree_v - level + 1):
+            for i in range(degree_u + 1):
+                for c in range(3):
+                    net[i, j, c] = (1.0 - x) * net[i, j, c] + x * net[i, j + 1, c]
+
+
+@inlined
+def restrict(net, degree_u, degree_v, u0, u1, v0, v1):
+    """Restrict a net in place to a rectangle of parameters with u1, v1 > 0."""
+    if u0 != 0.0 or u1 != 1.0:
+        restrict_columns(net, degree_u, degree_v, u0, u1)
+    if v0 != 0.0 or v1 != 1.0:
+        restrict_rows(net, degree_u, degree_v, v0, v1)
+
+
+@inlined
+def _halve(first, second, degree_u, degree_v, along_u):
+    """Split ``first`` at the middle: its lower half stays, ``second`` receives the upper."""
+    outer = degree_u if along_u else degree_v
+    other = degree_v if along_u else degree_u
+    for k in range(other + 1):
+        for c in range(3):
+            if along_u:
+                second[outer, k, c] = first[outer, k, c]
+            else:
+                second[k, outer, c] = first[k, outer, c]
+            for level in range(1, outer + 1):
+                if along_u:
+                    for i in range(outer, level - 1, -1):
+                        first[i, k, c] = 0.5 * (first[i - 1, k, c] + first[i, k, c])
+                    second[outer - level, k, c] = first[outer, k, c]
+                else:
+                    for i in range(outer, level - 1, -1):
+                        first[k, i, c] = 0.5 * (first[k, i - 1, c] + first[k, i, c])
+                    second[k, outer - level, c] = first[k, outer, c]
+
+
+@inlined
+def _depth_range(net, degree_u, degree_v):
+    lo = hi = net[0, 0, 2]
+    for i in range(degree_u + 1):
+        for j in range(degree_v + 1):
+            lo = min(lo, net[i, j, 2])
+            hi = max(hi, net[i, j, 2])
+    return lo, hi
+
+
+@inlined
+def _middle(scratch, net, degree_u, degree_v):
+    """Evaluate the two coordinates across the ray at the middle of the piece."""
+    for c in range(2):
+        for r in range(degree_u + 1):
+            for k in range(degree_v + 1):
+                scratch[r, k, c] = net[r, k, c]
+            for level in range(degree_v, 0, -1):
+                for k in range(level):
+                    scratch[r, k, c] = 0.5 * (scratch[r, k, c] + scratch[r, k + 1, c])
+        for level in range(degree_u, 0, -1):
+            for r in range(level):
+                scratch[r, 0, c] = 0.5 * (scratch[r, 0, c] + scratch[r + 1, 0, c])
+    return scratch[0, 0, 0], scratch[0, 0, 1]
+
+
+@inner
+def _steepness(control, start, degree_u, degree_v, basis, u, v, dx, dy, dz):
+    """|n.d| beside a point where S_u x S_v may vanish: a little toward the patch's middle."""
+    u += (0.5 - u) * NUDGE
+    v += (0.5 - v) * NUDGE
+    _, _, _, xu, yu, zu, xv, yv, zv = evaluate_any(control, start, degree_u, degree_v, u, v, basis)
+    nx, ny, nz = yu * zv - zu * yv, zu * xv - xu * zv, xu * yv - yu * xv
+    length = np.sqrt(nx * nx + ny * ny + nz * nz)
+    if length == 0.0:
+        return 0.0
+    return abs(nx * dx + ny * dy + nz * dz) / length
+
+
+@inlined
+def slow_solve(
+    i, nets, boxes, basis,
+    control, start, degree_u, degree_v, size, ox, oy, oz, dx, dy, dz,
+    u0, u1, v0, v1, t_lo, t_cut, open_edges, shift, to_world,
+    object_id, patch, t_min, known, best, counters,
+):  # fmt: skip
+    """Find the first root of ray i in the rectangle [u0, u1] x [v0, v1] of a patch and offer it.
+
+    The ray is relative to the patch's centre; t in [t_lo, t_cut] counts lengths of d from o, and
+    ``(t + shift) to_world`` is the caller's t. ``nets`` (`DEPTH`, m + 1, n + 1, 3) and ``boxes``
+    (`DEPTH`, 4) are scratch. What is offered depends on ray and rectangle only, not on `best`.
+    """
+    counters[SLOW] += 1
+    length = np.sqrt(dx * dx + dy * dy + dz * dz)
+    ex, ey, ez = dx / length, dy / length, dz / length
+    # Two unit normals of d (Duff et al. 2017, "Building an orthonormal basis, revisited").
+    sign = 1.0 if ez >= 0.0 else -1.0
+    a = -1.0 / (sign + ez)
+    b = ex * ey * a
+    px, py, pz = 1.0 + sign * ex * ex * a, sign * b, -sign * ex
+    qx, qy, qz = b, sign + ey * ey * a, -ey
+    net = nets[0]
+    farthest = 0.0
+    for r in range(degree_u + 1):
+        for c in range(degree_v + 1):
+            k = start + r * (degree_v + 1) + c
+            x, y, z = control[k, 0] - ox, control[k, 1] - oy, control[k, 2] - oz
+            farthest = max(farthest, x * x + y * y + z * z)
+            net[r, c, 0] = px * x + py * y + pz * z
+            net[r, c, 1] = qx * x + qy * y + qz * z
+            net[r, c, 2] = ex * x + ey * y + ez * z
+    restrict(net, degree_u, degree_v, u0, u1, v0, v1)
+    # Projection: 4 roundings; the basis is normal to d to 2; restriction: one per level and
+    # direction. Halving adds roundings of ever smaller numbers.
+    slop = UNIT_ROUNDOFF * (8.0 + degree_u + degree_v) * np.sqrt(farthest)
+    # A piece of radius of curvature r is thinner than 2 slop while shorter than 4 sqrt(slop r).
+    fold = 4.0 * np.sqrt(slop * max(size, slop))
+    boxes[0, 0], boxes[0, 1], boxes[0, 2], boxes[0, 3] = u0, u1, v0, v1
+    h_lo = t_lo * length - slop
+    h_cut = t_cut * length + slop
+    top = 1
+    pieces = 0
+    while top > 0:
+        top -= 1
+        net = nets[top]
+        pieces += 1
+        f0 = g0 = h0 = np.inf
+        f1 = g1 = h1 = -np.inf
+        for r in range(degree_u + 1):
+            for c in range(degree_v + 1):
+                f, g, h = net[r, c, 0], net[r, c, 1], net[r, c, 2]
+                f0, f1 = min(f0, f), max(f1, f)
+                g0, g1 = min(g0, g), max(g1, g)
+                h0, h1 = min(h0, h), max(h1, h)
+        if f0 > slop or f1 < -slop or g0 > slop or g1 < -slop or h1 < h_lo or h0 > h_cut:
+            continue
+        # --- mean tangents across the ray, for a step of half the piece
+        au = av = bu = bv = side_u = side_v = 0.0
+        for r in range(degree_u):
+            for c in range(degree_v + 1):
+                f = net[r + 1, c, 0] - net[r, c, 0]
+                g = net[r + 1, c, 1] - net[r, c, 1]
+                au += f
+                av += g
+                side_u += abs(f) + abs(g) + abs(net[r + 1, c, 2] - net[r, c, 2])
+        for r in range(degree_u + 1):
+            for c in range(degree_v):
+                f = net[r, c + 1, 0] - net[r, c, 0]
+                g = net[r, c + 1, 1] - net[r, c, 1]
+                bu += f
+                bv += g
+                side_v += abs(f) + abs(g) + abs(net[r, c + 1, 2] - net[r, c, 2])
+        weight_u = 0.5 / (degree_v + 1)
+        weight_v = 0.5 / (degree_u + 1)
+        au, av, bu, bv = au * weight_u, av * weight_u, bu * weight_v, bv * weight_v
+        side_u *= weight_u
+        side_v *= weight_v
+        um, vm = 0.5 * (boxes[top, 0] + boxes[top, 1]), 0.5 * (boxes[top, 2] + boxes[top, 3])
+        hu, hv = 0.5 * (boxes[top, 1] - boxes[top, 0]), 0.5 * (boxes[top, 3] - boxes[top, 2])
+        # --- the box that lies along the longer tangent
+        if au * au + av * av >= bu * bu + bv * bv:
+            tx, ty = au, av
+        else:
+            tx, ty = bu, bv
+        norm = np.sqrt(tx * tx + ty * ty)
+        if norm > 0.0:
+            tx /= norm
+            ty /= norm
+        else:
+            tx, ty = 1.0, 0.0
+        x0 = y0 = np.inf
+        x1 = y1 = -np.inf
+        for r in range(degree_u + 1):
+            for c in range(degree_v + 1):
+                x = net[r, c, 0] * tx + net[r, c, 1] * ty
+                y = net[r, c, 1] * tx - net[r, c, 0] * ty
+                x0, x1 = min(x0, x), max(x1, x)
+                y0, y1 = min(y0, y), max(y1, y)
+        if x0 > slop or x1 < -slop or y0 > slop or y1 < -slop:
+            continue
+        # --- too small to be told from a point, or too thin to hold a decision
+        is_point = max(f1 - f0, g1 - g0, h1 - h0) <= 4.0 * slop
+        if is_point or y1 - y0 < 2.0 * slop:
+            n_dot_d = _steepness(control, start, degree_u, degree_v, basis, um, vm, ex, ey, ez)
+            is_flat = n_dot_d < CLEAR_CROSSING
+            t = 0.5 * (h0 + h1) / length
+            t_world = (t + shift) * to_world
+            if is_point or (is_flat and x1 - x0 < fold and h1 - h0 < fold):
+                # The surface stays within the thickness of ray and piece as far as that over the
+                # slope.
+                slope = max(n_dot_d, FLATTEST)
+                u, v, t_near, gap, there = approach(
+                    control, start, degree_u, degree_v, basis, ox, oy, oz, dx, dy, dz,
+                    um, vm, um - hu, um + hu, vm - hv, vm + hv, APPROACHES,
+                )  # fmt: skip
+                slope = max(min(slope, there / length), FLATTEST)
+                t_bound = 0.5 * (h1 - h0) + (4.0 * slop + 2.0 * gap) / slope
+                t_bound += abs(t_near - t) * length
+                t_bound = t_bound / length * to_world
+                t_world = (t_near + shift) * to_world
+                slope *= length
+                if t_world > t_min[i] and not is_known(i, t_world, t_bound, slope, known):
+                    offer(
+                        i, t_world, t_bound, slope, is_flat, object_id, patch, u, v,
+                        t_min, known, best,
+                    )  # fmt: skip
+                    h_cut = min(h_cut, h0)
+                continue
+            if is_flat:
+                if t_world > t_min[i]:
+                    best.doubt[i] = min(best.doubt[i], t_world)
+                continue
+        # --- Krawczyk: how far the tangents turn, seen through the inverse of their mean
+        det = au * bv - av * bu
+        if det != 0.0:
+            y00, y01, y10, y11 = bv / det, -bu / det, -av / det, au / det
+            turn_u0 = turn_u1 = turn_v0 = turn_v1 = 0.0
+            half = 0.5 * degree_u
+            for r in range(degree_u):
+                for c in range(degree_v + 1):
+                    f = half * (net[r + 1, c, 0] - net[r, c, 0])
+                    g = half * (net[r + 1, c, 1] - net[r, c, 1])
+                    turn_u0 = max(turn_u0, abs(y00 * f + y01 * g - 1.0))
+                    turn_u1 = max(turn_u1, abs(y10 * f + y11 * g))
+            half = 0.5 * degree_v
+            for r in range(degree_u + 1):
+                for c in range(degree_v):
+                    f = half * (net[r, c + 1, 0] - net[r, c, 0])
+                    g = half * (net[r, c + 1, 1] - net[r, c, 1])
+                    turn_v0 = max(turn_v0, abs(y00 * f + y01 * g))
+                    turn_v1 = max(turn_v1, abs(y10 * f + y11 * g - 1.0))
+            gain = max(abs(y00) + abs(y01), abs(y10) + abs(y11))
+            rounding = gain * slop
+            q = max(turn_u0 + turn_v0, turn_u1 + turn_v1) + (degree_u + degree_v) * rounding
+            if q < 1.0:
+                # --- the middle of the piece, from a copy halved both ways (spare places above)
+                f, g = _middle(nets[top + 1], net, degree_u, degree_v)
+                cu, cv = -(y00 * f + y01 * g), -(y10 * f + y11 * g)
+                if max(abs(cu), abs(cv)) > 1.0 + q + rounding:
+                    continue
+                if q < NEWTON_TURN:
+                    counters[NEWTONS] += 1
+                    cu, cv = min(max(cu, -1.0), 1.0), min(max(cv, -1.0), 1.0)
+                    status, u, v, t, steps, n_dot_d, gain_u, gain_v = newton(
+                        control, start, degree_u, degree_v, basis, size, ox, oy, oz, dx, dy, dz,
+                        um + hu * cu, vm + hv * cv, 0.5 * (h0 + h1) / length, hu, hv,
+                    )  # fmt: skip
+                    counters[STEPS] += steps
+                    if status == CONVERGED:
+                        error, _ = rounding_of_root(
+                            degree_u, degree_v, size, ox, oy, oz, dx, dy, dz, t
+                        )
+                        slack_u = BORDER_SLACK * hu + error * gain_u
+                        slack_v = BORDER_SLACK * hv + error * gain_v
+                        if (
+                            abs(u - um) <= hu + slack_u
+                            and abs(v - vm) <= hv + slack_v
+                            and offer_root(
+                                i, u, v, t, n_dot_d, gain_u, gain_v,
+                                control, start, basis, degree_u, degree_v, size,
+                                ox, oy, oz, dx, dy, dz, open_edges, shift, to_world,
+                                object_id, patch, t_min, known, best,
+                            )
+                        ):  # fmt: skip
+                            h_cut = min(h_cut, t * length)
+                        continue
+        # --- halve the longer side in space, the nearer half on top
+        if top + 2 > DEPTH - 1 or pieces >= MAX_PIECES:
+            counters[GIVEN_UP] += 1
+            best.doubt[i] = min(best.doubt[i], (h0 / length + shift) * to_world)
+            break
+        along_u = side_u >= side_v
+        _halve(net, nets[top + 1], degree_u, degree_v, along_u)
+        for c in range(4):
+            boxes[top + 1, c] = boxes[top, c]
+        if along_u:
+            boxes[top, 1] = um
+            boxes[top + 1, 0] = um
+        else:
+            boxes[top, 3] = vm
+            boxes[top + 1, 2] = vm
+        near_first, _ = _depth_range(net, degree_u, degree_v)
+        near_second, _ = _depth_range(nets[top + 1], degree_u, degree_v)
+        if near_first < near_second:
+            for r in range(degree_u + 1):
+                for c in range(degree_v + 1):
+                    for k in range(3):
+                        swap = nets[top, r, c, k]
+                        nets[top, r, c, k] = nets[top + 1, r, c, k]
+                        nets[top + 1, r, c, k] = swap
+            for k in range(4):
+                swap = boxes[top, k]
+                boxes[top, k] = boxes[top + 1, k]
+                boxes[top + 1, k] = swap
+        top += 2
+    counters[PIECES] += pieces
+    counters[MOST_PIECES] = max(counters[MOST_PIECES], pieces)

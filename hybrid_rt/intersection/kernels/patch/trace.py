@@ -1,0 +1,284 @@
+"""First hits of a batch of rays on Bezier patches, each proven to be the first.
+
+The walk through the tree meets cells front to back. Where the cell's fan admits at most one root
+(`patch_cells`) one Newton solve settles it: the root is in the cell, a hit; or beside it, and there
+is none. Everything else waits in a queue for `settle_doubts`, a kernel of its own: three of a
+hundred rays need it, and all others are faster without its code among theirs. A root is offered
+only by the cell that holds it (and, within rounding, by its neighbour), so what a ray finds does
+not depend on the order of the walk, nor on any hit that was guessed beforehand: a guess only names
+the cell to begin with, and so how much of the tree need not be seen.
+"""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from hybrid_rt.intersection.kernels.patch.cells import (
+    FAN,
+    FAN_SLACK,
+    GROWTH,
+    HALF,
+    MIDDLE_U,
+    MIDDLE_V,
+    ROW_N,
+)
+from hybrid_rt.intersection.kernels.patch.skew_box import LOWER, UPPER, meet_box
+from hybrid_rt.intersection.kernels.patch.solve import (
+    CONVERGED,
+    newton_inlined,
+    offer_root_inlined,
+    rounding_of_root,
+)
+from hybrid_rt.intersection.kernels.patch.subdivide import (
+    BORDER_SLACK,
+    CELLS,
+    NEWTONS,
+    NODES,
+    STEPS,
+    slow_solve,
+)
+from hybrid_rt.intersection.kernels.search.boxes import NEVER_MET
+from hybrid_rt.intersection.kernels.search.frame import begin_of, end_of, enter_frame
+from hybrid_rt.intersection.kernels.search.tree import CHILD, COUNT, box_ray, cut_key, descend
+from meshing.kernels.jit import hot_kernel, inlined
+
+
+class PatchTable(NamedTuple):
+    """Patches and their cells, in a frame where they all lie within 1 of the origin."""
+
+    middle: Any  # (3,) float64: the frame's origin, world
+    to_frame: float  # power of two: frame = (world - middle) * to_frame
+    control: Any  # (total, 4) nets relative to `centre`, frame units, one after the other, and 0
+    start: Any  # (k,) int64: first control point
+    degree: Any  # (k, 2) int64
+    centre: Any  # (k, 3): the middle of each net, frame
+    size: Any  # (k,): largest distance of a control point from the centre
+    open_edges: Any  # (k,) int64: bits for borders that no other patch continues
+    object_id: Any  # (k,) int32
+    patch_id: Any  # (k,) int32: number within its surface
+    grid: Any  # (k, 2) int64: cells along u and v
+    first_cell: Any  # (k,) int64
+    place: Any  # (n,) int32: where each cell of the grids stands below, in the order of the tree
+    record: Any  # (n or 5 n, RECORD): the cells, then the four quarters of each if there are any
+    cell_patch: Any  # (n or 5 n,) uint32
+
+
+class PatchScratch(NamedTuple):
+    """What one thread needs while it traces; contents mean nothing between calls."""
+
+    basis: Any  # (4, w), w - 1 the highest degree; None if all patches are bicubic
+    nets: Any  # (DEPTH, w, w, 3)
+    boxes: Any  # (DEPTH, 4)
+    stack: Any  # Stack with room for `MORE` besides the tree's children
+    queue: Any  # (m, 2) int32: rays and cells still to settle; m at least the number of records
+
+
+SETTLED, TO_QUARTERS, DOUBTFUL = 0, 1, 2
+# A parent from here on is no node: less this it is a cell.
+CELL = 2**31
+# The guess, and the quarters of a cell.
+MORE = 8
+
+
+@inlined
+def solve_cell(
+    i, cell, record, cell_patch, control, start, degree, centre, size, open_edges, object_id, basis,
+    x, y, z, lx, ly, lz, dx, dy, dz, t_lo, t_cut, shift, to_world, t_min, known, best, quartered,
+):  # fmt: skip
+    """Settle one cell for one ray: offer its root, or know that there is none that matters.
+
+    Returns
+    -------
+    `SETTLED`; `DOUBTFUL`; with ``quartered``, `TO_QUARTERS` for a cell that turns too much
+    t : of the patch's root that Newton came upon, in this cell or beside it; else inf
+    boxes : 1 if the ray meets the cell's box
+    steps : Newton steps
+    """
+    t0, t1, ou, ov, on, du, dv, dn = meet_box(record, cell, x, y, z, dx, dy, dz)
+    if t0 > t1 or t1 < t_lo or t0 > t_cut:
+        return SETTLED, np.inf, 0, 0
+    r = record[cell]
+    unsettled = TO_QUARTERS if quartered else DOUBTFUL
+    if not abs(dn) > r[FAN] * abs(du) + r[FAN + 1] * abs(dv) + FAN_SLACK:
+        return unsettled, np.inf, 1, 0
+    # --- at most one root: Newton from the middle of the box along the normal
+    patch = cell_patch[cell]
+    ox, oy, oz = (
+        (x - centre[patch, 0]) + lx,
+        (y - centre[patch, 1]) + ly,
+        (z - centre[patch, 2]) + lz,
+    )
+    um, vm, hu, hv = r[MIDDLE_U], r[MIDDLE_V], r[HALF], r[HALF + 1]
+    first, m, n = start[patch], degree[patch, 0], degree[patch, 1]
+    t = min(max((0.5 * (r[LOWER + ROW_N] + r[UPPER + ROW_N]) - on) / dn, t0), t1)
+    status, u, v, t, steps, n_dot_d, gain_u, gain_v = newton_inlined(
+        control, first, m, n, basis, size[patch], ox, oy, oz, dx, dy, dz,
+        um + hu * (ou + t * du), vm + hv * (ov + t * dv), t, hu, hv,
+    )  # fmt: skip
+    if status != CONVERGED:
+        return unsettled, np.inf, 1, steps
+    t_root = t if 0.0 <= u <= 1.0 and 0.0 <= v <= 1.0 else np.inf
+    beside_u, beside_v = abs(u - um), abs(v - vm)
+    grown = 1.0 + 2.0 * GROWTH
+    if not (beside_u <= grown * hu and beside_v <= grown * hv):
+        return unsettled, t_root, 1, steps
+    error, _ = rounding_of_root(m, n, size[patch], ox, oy, oz, dx, dy, dz, t)
+    if (
+        beside_u <= hu * (1.0 + BORDER_SLACK) + error * gain_u
+        and beside_v <= hv * (1.0 + BORDER_SLACK) + error * gain_v
+    ):
+        offer_root_inlined(
+            i, u, v, t, n_dot_d, gain_u, gain_v, control, first, basis, m, n, size[patch],
+            ox, oy, oz, dx, dy, dz, open_edges[patch], shift, to_world,
+            object_id[patch], patch, t_min, known, best,
+        )  # fmt: skip
+    return SETTLED, t_root, 1, steps
+
+
+@hot_kernel
+def trace_patches(table, tree, rays, guess, best, any_hit, scratch, t_guess, counters):
+    """Lower ``best`` to the first hits on the patches, but for the doubts that are queued.
+
+    Parameters
+    ----------
+    table : PatchTable
+    tree : Tree over its cells
+    rays : Rays, n of them
+    guess : (n,) or (0,) int32
+        A cell to begin with for each ray, -1 for none; empty: no guesses at all.
+    best : Nearest
+    any_hit : bool
+        A ray stops at its first hit, and rays that have one are passed over.
+    scratch : PatchScratch
+    t_guess : (n,) or (0,) float64
+        Receives t of what each guess refines to, inf where that is nothing; like ``guess``.
+    counters : see `COUNTER_NAMES`
+
+    Returns
+    -------
+    end : rays traced: all, or those before the queue was full
+    n_doubts : rows of the queue to settle
+    """
+    middle, to_frame = table.middle, table.to_frame
+    control, start, degree = table.control, table.start, table.degree
+    centre, size, open_edges = table.centre, table.size, table.open_edges
+    object_id, record, cell_patch = table.object_id, table.record, table.cell_patch
+    # Cells come before their quarters.
+    n_cells = table.place.shape[0]
+    n_quartered = n_cells if record.shape[0] > n_cells else 0
+    links = tree.links
+    origin, direction, t_min, known = rays.origin, rays.direction, rays.t_min, rays.known
+    t_best = best.t
+    to_world = 1.0 / to_frame
+    mx, my, mz = middle[0], middle[1], middle[2]
+    basis, queue = scratch.basis, scratch.queue
+    keys, parents = scratch.stack.key, scratch.stack.parent
+    n_doubts = n_nodes = n_met = n_solves = n_steps = 0
+    last = origin.shape[0]
+    for i in range(origin.shape[0]):
+        if any_hit and best.object_id[i] >= 0:
+            continue
+        if n_doubts + record.shape[0] > queue.shape[0]:
+            last = i
+            break
+        dx, dy, dz = direction[i, 0], direction[i, 1], direction[i, 2]
+        x, y, z, lx, ly, lz, shift = enter_frame(
+            origin[i, 0], origin[i, 1], origin[i, 2], dx, dy, dz, mx, my, mz, to_frame
+        )
+        ray = box_ray(x, y, z, dx, dy, dz)
+        t_lo = begin_of(t_min[i], to_frame, shift)
+        t_cut = end_of(t_best[i], to_frame, shift)
+        t_hi = cut_key(t_cut)
+        # The guess comes first, and before every t: its root is known before the tree is walked.
+        top, done = 0, np.int64(-1)
+        if guess.shape[0] > 0:
+            done = np.int64(guess[i])
+            t_guess[i] = np.inf
+            if done >= 0:
+                keys[0], parents[0] = NEVER_MET, CELL + done
+                top = 1
+        is_walking = False
+        while True:
+            if top > 0:
+                top -= 1
+                key, parent = np.int64(keys[top]), parents[top]
+                if key > t_hi:
+                    continue
+                if parent < CELL:
+                    node = np.int64(links[parent, CHILD, key & 7])
+                    count = np.int64(links[parent, COUNT, key & 7])
+                else:
+                    node, count = np.int64(parent) - CELL, np.int64(1)
+            elif is_walking:
+                break
+            else:
+                is_walking = True
+                key, node, count = np.int64(0), np.int64(0), np.int64(0)
+            if count == 0:
+                top, node, count, key, nodes = descend(
+                    tree, node, ray, t_lo, t_cut, scratch.stack, top
+                )
+                n_nodes += nodes
+                if count == 0:
+                    continue
+            if is_walking and node == done:
+                continue
+            outcome, t, met, steps = solve_cell(
+                i, node, record, cell_patch, control, start, degree, centre, size, open_edges,
+                object_id, basis, x, y, z, lx, ly, lz, dx, dy, dz, t_lo, t_cut,
+                shift, to_world, t_min, known, best, node < n_quartered,
+            )  # fmt: skip
+            n_met += met
+            n_steps += steps
+            n_solves += 1 if steps > 0 else 0
+            if not is_walking:
+                t_guess[i] = min(t_guess[i], (t + shift) * to_world)
+            if outcome == TO_QUARTERS:
+                for k in range(4):
+                    keys[top], parents[top] = key, CELL + n_quartered + 4 * node + k
+                    top += 1
+                continue
+            if outcome == DOUBTFUL:
+                queue[n_doubts, 0], queue[n_doubts, 1] = i, node
+                n_doubts += 1
+                continue
+            if any_hit and best.object_id[i] >= 0:
+                break
+            t_cut = end_of(t_best[i], to_frame, shift)
+            t_hi = cut_key(t_cut)
+    counters[NODES] += n_nodes
+    counters[CELLS] += n_met
+    counters[NEWTONS] += n_solves
+    counters[STEPS] += n_steps
+    return last, n_doubts
+
+
+@hot_kernel
+def settle_doubts(table, rays, best, any_hit, scratch, n_doubts, counters):
+    """Search the cells that `trace_patches` has queued, and lower ``best`` to what they hold."""
+    middle, to_frame, record, queue = table.middle, table.to_frame, table.record, scratch.queue
+    to_world = 1.0 / to_frame
+    for row in range(n_doubts):
+        i, cell = np.int64(queue[row, 0]), np.int64(queue[row, 1])
+        if any_hit and best.object_id[i] >= 0:
+            continue
+        o, d = rays.origin[i], rays.direction[i]
+        x, y, z, lx, ly, lz, shift = enter_frame(
+            o[0], o[1], o[2], d[0], d[1], d[2], middle[0], middle[1], middle[2], to_frame
+        )
+        t_lo = begin_of(rays.t_min[i], to_frame, shift)
+        t_cut = end_of(best.t[i], to_frame, shift)
+        k = np.int64(table.cell_patch[cell])
+        c = table.centre[k]
+        um, vm = record[cell, MIDDLE_U], record[cell, MIDDLE_V]
+        hu, hv = record[cell, HALF], record[cell, HALF + 1]
+        m, n = 3, 3  # known to the compiler where all patches are bicubic
+        if scratch.basis is not None:
+            m, n = table.degree[k, 0], table.degree[k, 1]
+        slow_solve(
+            i, scratch.nets, scratch.boxes, scratch.basis, table.control, table.start[k],
+            m, n, table.size[k],
+            (x - c[0]) + lx, (y - c[1]) + ly, (z - c[2]) + lz, d[0], d[1], d[2],
+            um - hu, um + hu, vm - hv, vm + hv, t_lo, t_cut, table.open_edges[k], shift, to_world,
+            table.object_id[k], k, rays.t_min, rays.known, best, counters,
+        )  # fmt: skip

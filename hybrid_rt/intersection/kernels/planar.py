@@ -1,0 +1,296 @@
+"""Rays against rectangles, planes and boxes."""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from hybrid_rt.intersection.kernels.patch.solve import TANGENT_BAND, UNIT_ROUNDOFF
+from hybrid_rt.intersection.kernels.search.frame import two_difference
+from hybrid_rt.intersection.kernels.search.nearest import offer
+from meshing.kernels.jit import hot_kernel, inlined
+
+
+class PlanarTable(NamedTuple):
+    """Parallelograms (or planes, for which `row_u`, `row_v` and `size` stay unused)."""
+
+    corner: Any  # (k, 3)
+    normal: Any  # (k, 3) unit
+    edge_u: Any  # (k, 3)
+    edge_v: Any  # (k, 3)
+    row_u: Any  # (k, 3) dual basis: row_u . (x - corner) is u
+    row_v: Any  # (k, 3)
+    size: Any  # (k,) |edge_u| + |edge_v|
+    axes: Any  # (k, 2) int64: the coordinates whose fractions are a plane's (u, v)
+    object_id: Any  # (k,) int32
+
+
+class BoxTable(NamedTuple):
+    """Boxes along the axes."""
+
+    lo: Any  # (k, 3)
+    hi: Any  # (k, 3)
+    orientation: Any  # (k,)
+    object_id: Any  # (k,) int32
+
+
+@inlined
+def _width(edge, k, dx, dy, dz):
+    """|edge x d|: how long an edge looks from along the ray, times |d|; never zero."""
+    x = edge[k, 1] * dz - edge[k, 2] * dy
+    y = edge[k, 2] * dx - edge[k, 0] * dz
+    z = edge[k, 0] * dy - edge[k, 1] * dx
+    return max(np.sqrt(x * x + y * y + z * z), 1e-300)
+
+
+@inlined
+def _area(row_u, row_v, k):
+    """Return the parallelogram's area, from its dual basis."""
+    x = row_u[k, 1] * row_v[k, 2] - row_u[k, 2] * row_v[k, 1]
+    y = row_u[k, 2] * row_v[k, 0] - row_u[k, 0] * row_v[k, 2]
+    z = row_u[k, 0] * row_v[k, 1] - row_u[k, 1] * row_v[k, 0]
+    return 1.0 / np.sqrt(x * x + y * y + z * z)
+
+
+@inlined
+def _move_to_rim(u, v, t, du, dv, most):
+    """Walk along the ray to where u is in [0, 1], if that is no farther than rounding leads."""
+    inside = min(max(u, 0.0), 1.0)
+    if u != inside and abs(inside - u) <= most * abs(du):
+        step = (inside - u) / du
+        return inside, v + step * dv, t + step
+    return inside, v, t
+
+
+@inlined
+def _offer_parallelogram(
+    i, k, corner, normal, edge_u, edge_v, row_u, row_v, size, object_id, ox, oy, oz, dx, dy, dz,
+    t_min, known, best,
+):  # fmt: skip
+    nx, ny, nz = normal[k, 0], normal[k, 1], normal[k, 2]
+    n_dot_d = nx * dx + ny * dy + nz * dz
+    if n_dot_d == 0.0:
+        return
+    wx, ex = two_difference(ox, corner[k, 0])
+    wy, ey = two_difference(oy, corner[k, 1])
+    wz, ez = two_difference(oz, corner[k, 2])
+    t = -((nx * wx + ny * wy + nz * wz) + (nx * ex + ny * ey + nz * ez)) / n_dot_d
+    if not t > t_min[i] or t > best.t[i]:
+        return
+    px, py, pz = wx + t * dx + ex, wy + t * dy + ey, wz + t * dz + ez
+    u = row_u[k, 0] * px + row_u[k, 1] * py + row_u[k, 2] * pz
+    v = row_v[k, 0] * px + row_v[k, 1] * py + row_v[k, 2] * pz
+    away = np.sqrt(wx * wx + wy * wy + wz * wz)
+    # The normal is rounded (2), its two products have 3 roundings each, quotient and sums 4.
+    error = UNIT_ROUNDOFF * (12.0 * away + 4.0 * size[k])
+    slope = abs(n_dot_d)
+    band = TANGENT_BAND * max(away, size[k])
+    # A step across the ray moves the point by up to |d| / |n.d| along the plane.
+    lean = max(1.0, np.sqrt(dx * dx + dy * dy + dz * dz) / slope)
+    lu = np.sqrt(row_u[k, 0] * row_u[k, 0] + row_u[k, 1] * row_u[k, 1] + row_u[k, 2] * row_u[k, 2])
+    lv = np.sqrt(row_v[k, 0] * row_v[k, 0] + row_v[k, 1] * row_v[k, 1] + row_v[k, 2] * row_v[k, 2])
+    depth = min(min(u, 1.0 - u) / lu, min(v, 1.0 - v) / lv)
+    tangent = False
+    t_bound = error / slope + 4.0 * UNIT_ROUNDOFF * abs(t)
+    if depth < band * lean:
+        if depth < -band * lean:
+            return
+        # --- near the rim: how far does the ray pass from the lines that its edges lie on?
+        across = slope * _area(row_u, row_v, k)
+        depth = across * min(
+            min(u, 1.0 - u) / _width(edge_v, k, dx, dy, dz),
+            min(v, 1.0 - v) / _width(edge_u, k, dx, dy, dz),
+        )
+        if depth < -error:
+            if depth > -band:
+                best.doubt[i] = min(best.doubt[i], t)
+            return
+        tangent = depth < band
+        u, v, t = _move_to_rim(
+            u, v, t, row_u[k, 0] * dx + row_u[k, 1] * dy + row_u[k, 2] * dz,
+            row_v[k, 0] * dx + row_v[k, 1] * dy + row_v[k, 2] * dz, 4.0 * error / slope,
+        )  # fmt: skip
+        v, u, t = _move_to_rim(
+            v, u, t, row_v[k, 0] * dx + row_v[k, 1] * dy + row_v[k, 2] * dz,
+            row_u[k, 0] * dx + row_u[k, 1] * dy + row_u[k, 2] * dz, 4.0 * error / slope,
+        )  # fmt: skip
+        u, v = min(max(u, 0.0), 1.0), min(max(v, 0.0), 1.0)
+    offer(i, t, t_bound, slope, tangent, object_id[k], 0, u, v, t_min, known, best)
+
+
+@hot_kernel
+def trace_rectangles(table, rays, best, any_hit):
+    """Lower ``best`` to the nearest roots on all parallelograms."""
+    corner, normal, row_u, row_v = table.corner, table.normal, table.row_u, table.row_v
+    size, object_id, edge_u, edge_v = table.size, table.object_id, table.edge_u, table.edge_v
+    origin, direction, t_min, known = rays.origin, rays.direction, rays.t_min, rays.known
+    for i in range(origin.shape[0]):
+        ox, oy, oz = origin[i, 0], origin[i, 1], origin[i, 2]
+        dx, dy, dz = direction[i, 0], direction[i, 1], direction[i, 2]
+        for k in range(object_id.shape[0]):
+            if any_hit and best.object_id[i] >= 0:
+                break
+            _offer_parallelogram(
+                i, k, corner, normal, edge_u, edge_v, row_u, row_v, size, object_id,
+                ox, oy, oz, dx, dy, dz, t_min, known, best,
+            )  # fmt: skip
+
+
+@hot_kernel
+def finish_rectangles(table, rays, best, row_of, out):
+    """Describe the hits on parallelograms."""
+    for i in range(best.t.shape[0]):
+        if best.object_id[i] < 0 or row_of[best.object_id[i]] < 0:
+            continue
+        k = row_of[best.object_id[i]]
+        o, d, t = rays.origin[i], rays.direction[i], best.t[i]
+        u, v = best.a[i], best.b[i]
+        gap = 0.0
+        for c in range(3):
+            p = table.corner[k, c] + (u * table.edge_u[k, c] + v * table.edge_v[k, c])
+            gap += (p - (o[c] + t * d[c])) ** 2
+            out.position[i, c] = p
+            out.normal[i, c] = table.normal[k, c]
+        out.u[i], out.v[i], out.patch_id[i] = u, v, 0
+        out.residual[i] = np.sqrt(gap)
+
+
+@hot_kernel
+def trace_planes(table, rays, best, any_hit):
+    """Lower ``best`` to the nearest roots on all planes."""
+    for i in range(rays.origin.shape[0]):
+        o, d = rays.origin[i], rays.direction[i]
+        for k in range(table.object_id.shape[0]):
+            if any_hit and best.object_id[i] >= 0:
+                break
+            c, n = table.corner[k], table.normal[k]
+            n_dot_d = n[0] * d[0] + n[1] * d[1] + n[2] * d[2]
+            if n_dot_d == 0.0:
+                continue
+            wx, ex = two_difference(o[0], c[0])
+            wy, ey = two_difference(o[1], c[1])
+            wz, ez = two_difference(o[2], c[2])
+            t = (
+                -((n[0] * wx + n[1] * wy + n[2] * wz) + (n[0] * ex + n[1] * ey + n[2] * ez))
+                / n_dot_d
+            )
+            slope = abs(n_dot_d)
+            length = np.sqrt(d[0] * d[0] + d[1] * d[1] + d[2] * d[2])
+            away = np.sqrt(wx * wx + wy * wy + wz * wz)
+            # As for parallelograms; the rounding of n.d itself counts for distant points.
+            error = UNIT_ROUNDOFF * (8.0 * away + 6.0 * abs(t) * length)
+            t_bound = error / slope + 4.0 * UNIT_ROUNDOFF * abs(t)
+            offer(
+                i, t, t_bound, slope, False, table.object_id[k], 0, 0.0, 0.0,
+                rays.t_min, rays.known, best,
+            )  # fmt: skip
+
+
+@hot_kernel
+def finish_planes(table, rays, best, row_of, out):
+    """Describe the hits on planes."""
+    for i in range(best.t.shape[0]):
+        if best.object_id[i] < 0 or row_of[best.object_id[i]] < 0:
+            continue
+        k = row_of[best.object_id[i]]
+        o, d, t = rays.origin[i], rays.direction[i], best.t[i]
+        gap = 0.0
+        for c in range(3):
+            p = o[c] + t * d[c]
+            gap += table.normal[k, c] * (p - table.corner[k, c])
+            out.position[i, c] = p
+            out.normal[i, c] = table.normal[k, c]
+        a, b = out.position[i, table.axes[k, 0]], out.position[i, table.axes[k, 1]]
+        out.u[i], out.v[i], out.patch_id[i] = a - np.floor(a), b - np.floor(b), 0
+        out.residual[i] = abs(gap)
+
+
+@inlined
+def _offer_box(i, k, lo, hi, object_id, o, d, t_min, known, best):
+    enter, leave = -np.inf, np.inf
+    face_in = face_out = -1
+    reach = 0.0
+    for c in range(3):
+        reach = max(reach, hi[k, c] - lo[k, c], abs(lo[k, c] - o[c]), abs(hi[k, c] - o[c]))
+    band = TANGENT_BAND * reach
+    for c in range(3):
+        low, high = lo[k, c] - o[c], hi[k, c] - o[c]
+        if d[c] == 0.0:
+            if low > 0.0 or high < 0.0:
+                return
+            continue
+        a, b = low / d[c], high / d[c]
+        first, second = 2 * c, 2 * c + 1
+        if d[c] < 0.0:
+            a, b = b, a
+            first, second = second, first
+        if a > enter:
+            enter, face_in = a, first
+        if b < leave:
+            leave, face_out = b, second
+    if face_in < 0:
+        return
+    # How far the ray runs inside, seen across it at the edge between the two faces.
+    p, q = abs(d[face_in // 2]), abs(d[face_out // 2])
+    depth = (leave - enter) * (
+        p * q / np.sqrt(p * p + q * q) if face_in // 2 != face_out // 2 else p
+    )
+    rounding = 4.0 * UNIT_ROUNDOFF * reach
+    if depth < -rounding:
+        if depth > -band and leave > t_min[i]:
+            best.doubt[i] = min(best.doubt[i], leave)
+        return
+    tangent = depth < band
+    crossed = 0.0
+    if enter > leave:
+        # By rounding, at an edge: the point of the ray next to it.
+        crossed = enter - leave
+        enter = leave = (enter * p * p + leave * q * q) / (p * p + q * q)
+    bound = 4.0 * UNIT_ROUNDOFF * abs(enter) + crossed
+    offer(i, enter, bound, p, tangent, object_id[k], face_in, 0.0, 0.0, t_min, known, best)
+    bound = 4.0 * UNIT_ROUNDOFF * abs(leave) + crossed
+    offer(i, leave, bound, q, tangent, object_id[k], face_out, 0.0, 0.0, t_min, known, best)
+
+
+@hot_kernel
+def trace_boxes(table, rays, best, any_hit):
+    """Lower ``best`` to the nearest roots on all boxes."""
+    for i in range(rays.origin.shape[0]):
+        for k in range(table.object_id.shape[0]):
+            if any_hit and best.object_id[i] >= 0:
+                break
+            _offer_box(
+                i, k, table.lo, table.hi, table.object_id, rays.origin[i], rays.direction[i],
+                rays.t_min, rays.known, best,
+            )  # fmt: skip
+
+
+@hot_kernel
+def finish_boxes(table, rays, best, row_of, out):
+    """Describe the hits on boxes."""
+    for i in range(best.t.shape[0]):
+        if best.object_id[i] < 0 or row_of[best.object_id[i]] < 0:
+            continue
+        k = row_of[best.object_id[i]]
+        o, d, t = rays.origin[i], rays.direction[i], best.t[i]
+        face = best.primitive[i]
+        axis = face // 2
+        is_upper = face % 2 == 1
+        gap = 0.0
+        for c in range(3):
+            p = o[c] + t * d[c]
+            q = min(max(p, table.lo[k, c]), table.hi[k, c])
+            if c == axis:
+                q = table.hi[k, c] if is_upper else table.lo[k, c]
+            gap += (p - q) ** 2
+            out.position[i, c] = q
+            out.normal[i, c] = 0.0
+        s = table.orientation[k]
+        out.normal[i, axis] = s if is_upper else -s
+        first, second = (axis + 1) % 3, (axis + 2) % 3
+        if is_upper != (s > 0):
+            first, second = second, first
+        lo, hi = table.lo[k], table.hi[k]
+        out.u[i] = (out.position[i, first] - lo[first]) / (hi[first] - lo[first])
+        out.v[i] = (out.position[i, second] - lo[second]) / (hi[second] - lo[second])
+        out.patch_id[i] = face
+        out.residual[i] = np.sqrt(gap)

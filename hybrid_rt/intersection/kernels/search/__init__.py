@@ -1,0 +1,1 @@
+"""What the searches on all surfaces share: rays, trees of boxes, the nearest root."""

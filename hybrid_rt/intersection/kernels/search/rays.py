@@ -1,0 +1,174 @@
+"""Rays brought into the form that the kernels take, one pass over a batch.
+
+What NumPy does in thirty passes over memory takes as long as tracing a simple scene.
+"""
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from meshing.kernels.jit import hot_kernel, inner
+
+ORIGIN_NOT_FINITE, ORIGIN_TOO_FAR, DIRECTION_NOT_FINITE, DIRECTION_ZERO = 0, 1, 2, 3
+# What is wrong with rays, in the order of the numbers above.
+COMPLAINTS = ("is not finite", "is too far out", "is not finite", "has length zero")
+
+# `hybrid_rt.core.records.Status`
+MISS, HIT, TANGENT = 0, 1, 2
+
+
+class Record(NamedTuple):
+    """The columns of a `HitRecord`, n rows."""
+
+    t: Any
+    object_id: Any
+    patch_id: Any
+    u: Any
+    v: Any
+    position: Any
+    normal: Any
+    front_face: Any
+    status: Any
+    flags: Any
+    t_bound: Any
+    residual: Any
+
+
+@inner
+def _complain(what, i, first_bad, n_bad):
+    if n_bad[what] == 0:
+        first_bad[what] = i
+    n_bad[what] += 1
+
+
+@hot_kernel
+def check_rays(origin, direction, farthest, first_bad, n_bad):
+    """Count the rays with each complaint: ``n_bad`` (4,), and their first rows: ``first_bad``.
+
+    Before: 0 and -1.
+    """
+    for i in range(origin.shape[0]):
+        largest = 0.0
+        for k in range(3):
+            if not math.isfinite(origin[i, k]):
+                _complain(ORIGIN_NOT_FINITE, i, first_bad, n_bad)
+                break
+            if abs(origin[i, k]) > farthest:
+                _complain(ORIGIN_TOO_FAR, i, first_bad, n_bad)
+                break
+        for k in range(3):
+            if not math.isfinite(direction[i, k]):
+                _complain(DIRECTION_NOT_FINITE, i, first_bad, n_bad)
+                largest = np.inf
+                break
+            largest = max(largest, abs(direction[i, k]))
+        if largest == 0.0:
+            _complain(DIRECTION_ZERO, i, first_bad, n_bad)
+
+
+@hot_kernel
+def scale_rays(direction, t_min, t_max, scaled, unit, lowest, highest):
+    """Scale directions (n, 3) by the power of two that brings the largest component into [1/2, 1).
+
+    ``unit`` (n,) receives that power of two; limits of t (n,) become those of the scaled direction.
+    """
+    for i in range(direction.shape[0]):
+        largest = max(abs(direction[i, 0]), abs(direction[i, 1]), abs(direction[i, 2]))
+        # The exponent in the bits of a float64 is that of `frexp` plus 1022.
+        exponent = (np.float64(largest).view(np.int64) >> 52) - 1022
+        if abs(exponent) < 1000:
+            unit[i] = np.int64((1023 - exponent) << 52).view(np.float64)
+            for k in range(3):
+                scaled[i, k] = direction[i, k] * unit[i]
+        else:
+            # The power itself may overflow.
+            _, extreme = math.frexp(largest)
+            unit[i] = math.ldexp(1.0, -extreme)
+            for k in range(3):
+                scaled[i, k] = math.ldexp(direction[i, k], -extreme)
+        lowest[i] = t_min[i] / unit[i]
+        highest[i] = t_max[i] / unit[i]
+
+
+@hot_kernel
+def complete_rows(direction, unit, best, record, totals):
+    """Fill the columns that are the same for every kind of surface, and all columns of misses.
+
+    Parameters
+    ----------
+    direction : (n, 3) float64
+        As the rays have it.
+    unit : (n,) float64
+        Brings t into the caller's lengths.
+    best : Nearest
+    record : Record
+    totals : (2,) int64
+        Hits and TANGENT rows are added here.
+    """
+    for i in range(unit.shape[0]):
+        is_hit = best.object_id[i] >= 0
+        # A root that rounding kept from us matters only in front of the hit.
+        is_tangent = (is_hit and best.tangent[i] != 0) or best.doubt[i] < best.t[i]
+        record.status[i] = TANGENT if is_tangent else (HIT if is_hit else MISS)
+        record.object_id[i] = best.object_id[i]
+        if is_tangent:
+            totals[1] += 1
+        if is_hit:
+            totals[0] += 1
+            record.t[i] = best.t[i] * unit[i]
+            record.t_bound[i] = best.t_bound[i] * unit[i]
+            slope = 0.0
+            for k in range(3):
+                slope += direction[i, k] * record.normal[i, k]
+            record.front_face[i] = slope < 0.0
+            continue
+        record.t[i] = np.inf
+        record.t_bound[i] = np.inf
+        record.front_face[i] = False
+        record.patch_id[i] = -1
+        record.u[i] = np.nan
+        record.v[i] = np.nan
+        record.residual[i] = np.nan
+        for k in range(3):
+            record.position[i, k] = np.nan
+            record.normal[i, k] = np.nan
+
+
+@hot_kernel
+def name_points(origin, direction, object_id, position, reach, column, rounding, most, known):
+    """Fill two columns of ``known`` (n, 4) with t and rounding of points on the rays.
+
+    Parameters
+    ----------
+    origin, direction : (n, 3) float64
+    object_id : (n,) int32
+        Negative: the ray names no point.
+    position : (n, 3) float64
+    reach : (objects,) float64
+        The largest number from which each object's points are computed.
+    column : int
+        0 for departures, 2 for targets.
+    rounding, most : float
+        Rounding of a point, and the largest distance from the ray that is still taken for
+        rounding, both over the size of its coordinates.
+    """
+    for i in range(object_id.size):
+        if object_id[i] < 0:
+            known[i, column] = 0.0
+            known[i, column + 1] = -1.0
+            continue
+        ax, ay, az = (
+            position[i, 0] - origin[i, 0],
+            position[i, 1] - origin[i, 1],
+            position[i, 2] - origin[i, 2],
+        )
+        dx, dy, dz = direction[i, 0], direction[i, 1], direction[i, 2]
+        t = (ax * dx + ay * dy + az * dz) / (dx * dx + dy * dy + dz * dz)
+        # The ray passes the point at this distance: rounding, if the caller means this point.
+        gap = max(abs(ax - t * dx), abs(ay - t * dy), abs(az - t * dz))
+        size = reach[object_id[i]]
+        for k in range(3):
+            size = max(size, abs(position[i, k]), abs(origin[i, k]))
+        known[i, column] = t
+        known[i, column + 1] = rounding * size + min(gap, most * size)

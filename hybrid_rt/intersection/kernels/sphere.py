@@ -1,0 +1,203 @@
+"""Rays against spheres, safe at every radius and distance.
+
+The discriminant is taken from the foot of the perpendicular (Haines, Guenther, Akenine-Moeller
+2019, "Precision improvements for ray/sphere intersection"), so a sphere far away keeps its edge.
+The nearer root is the product of the roots over the farther one, with that product, |o - c|^2 -
+r^2, in double-double (Dekker 1971): a wall that is a huge sphere is hit to the last digits by a
+camera beside it.
+"""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from hybrid_rt.intersection.kernels.patch.solve import TANGENT_BAND, UNIT_ROUNDOFF
+from hybrid_rt.intersection.kernels.patch.subdivide import NODES
+from hybrid_rt.intersection.kernels.search.frame import (
+    SPLITTER,
+    begin_of,
+    end_of,
+    enter_frame,
+    two_difference,
+)
+from hybrid_rt.intersection.kernels.search.nearest import offer
+from hybrid_rt.intersection.kernels.search.tree import box_ray, next_leaf
+from meshing.kernels.jit import hot_kernel, inlined
+
+# Rays from farther away (in frame units) have a TANGENT band wider than the margin of the boxes.
+FARTHEST = 2.0**25
+
+
+class SphereTable(NamedTuple):
+    """Spheres; row k is object ``object_id[k]``."""
+
+    center: Any  # (k, 3)
+    radius: Any  # (k,)
+    frame: Any  # (k, 3, 3): rows along azimuth 0, a quarter turn, the pole
+    orientation: Any  # (k,): 1 normals outward, -1 inward
+    object_id: Any  # (k,) int32
+
+
+@inlined
+def square(x):
+    """X * x as an unevaluated sum of two numbers."""
+    p = x * x
+    c = SPLITTER * x
+    h = c - (c - x)
+    low = x - h
+    return p, ((h * h - p) + 2.0 * h * low) + low * low
+
+
+@inlined
+def add(high, low, a, b):
+    """(high + low) + (a + b), normalised."""
+    s = high + a
+    z = s - high
+    low = low + b + ((high - (s - z)) + (a - z))
+    r = s + low
+    return r, low - (r - s)
+
+
+@inlined
+def power_of_point(fx, fy, fz, gx, gy, gz, r):
+    """|f + g|^2 - r^2 with f the rounded and g the lost part of o - c, good to 2**-100 r^2."""
+    high, low = square(fx)
+    p, q = square(fy)
+    high, low = add(high, low, p, q)
+    p, q = square(fz)
+    high, low = add(high, low, p, q)
+    p, q = square(r)
+    high, low = add(high, low, -p, -q)
+    return high + (low + 2.0 * (fx * gx + fy * gy + fz * gz))
+
+
+@inlined
+def offer_sphere(
+    i, k, center, radius, object_id, ox, oy, oz, dx, dy, dz, t_min, known, best
+):  # fmt: skip
+    """Offer both roots of ray i with sphere k."""
+    r = radius[k]
+    fx, gx = two_difference(ox, center[k, 0])
+    fy, gy = two_difference(oy, center[k, 1])
+    fz, gz = two_difference(oz, center[k, 2])
+    dd = dx * dx + dy * dy + dz * dz
+    middle = -((fx * dx + fy * dy + fz * dz) + (gx * dx + gy * dy + gz * dz)) / dd
+    lx, ly, lz = fx + middle * dx + gx, fy + middle * dy + gy, fz + middle * dz + gz
+    foot = np.sqrt(lx * lx + ly * ly + lz * lz)
+    away = np.sqrt(fx * fx + fy * fy + fz * fz)
+    band = TANGENT_BAND * max(away, 2.0 * r)
+    depth = r - foot
+    if depth <= 0.0:
+        if depth > -band and middle > t_min[i]:
+            best.doubt[i] = min(best.doubt[i], middle)
+        return
+    half = np.sqrt(depth * (r + foot) / dd)
+    far = middle + half if middle >= 0.0 else middle - half
+    near = power_of_point(fx, fy, fz, gx, gy, gz, r) / (dd * far)
+    # The foot is off by 8 u |f| (a dot product, a product, a sum), r - foot by 2 u r more, and
+    # half changes by that over its slope; `near` inherits the relative error of `far`.
+    u = UNIT_ROUNDOFF
+    error_half = (foot * 8.0 * u * away + 4.0 * u * r * r) / (half * dd)
+    error_far = 8.0 * u * abs(middle) + 4.0 * u * half + error_half
+    error_near = abs(near) * (error_far / abs(far) + 8.0 * u)
+    error_near += 32.0 * u * u * (r * r + away * away) / (dd * abs(far))
+    n_dot_d = half * dd / r
+    tangent = depth < band
+    offer(i, near, error_near, n_dot_d, tangent, object_id[k], 0, 0.0, 0.0, t_min, known, best)
+    offer(i, far, error_far, n_dot_d, tangent, object_id[k], 0, 0.0, 0.0, t_min, known, best)
+
+
+@hot_kernel
+def trace_spheres(table, end, rays, best, any_hit):
+    """Lower ``best`` to the nearest roots on the spheres up to row ``end``."""
+    center, radius, object_id = table.center, table.radius, table.object_id
+    origin, direction, t_min, known = rays.origin, rays.direction, rays.t_min, rays.known
+    for i in range(origin.shape[0]):
+        ox, oy, oz = origin[i, 0], origin[i, 1], origin[i, 2]
+        dx, dy, dz = direction[i, 0], direction[i, 1], direction[i, 2]
+        for k in range(end):
+            if any_hit and best.object_id[i] >= 0:
+                break
+            offer_sphere(
+                i, k, center, radius, object_id, ox, oy, oz, dx, dy, dz, t_min, known, best
+            )  # fmt: skip
+
+
+@hot_kernel
+def trace_sphere_tree(table, tree, begin, middle, to_frame, rays, best, any_hit, stack, counters):
+    """As `trace_spheres`, for the spheres from row ``begin`` on, through a tree over them.
+
+    ``middle`` (3,) and ``to_frame`` bring all of them within 1 of the origin; ``stack`` is scratch.
+    """
+    center, radius, object_id = table.center, table.radius, table.object_id
+    origin, direction, t_min, known = rays.origin, rays.direction, rays.t_min, rays.known
+    order = tree.order
+    for i in range(origin.shape[0]):
+        if any_hit and best.object_id[i] >= 0:
+            continue
+        ox, oy, oz = origin[i, 0], origin[i, 1], origin[i, 2]
+        dx, dy, dz = direction[i, 0], direction[i, 1], direction[i, 2]
+        x, y, z, _, _, _, shift = enter_frame(
+            ox, oy, oz, dx, dy, dz, middle[0], middle[1], middle[2], to_frame
+        )
+        if abs(shift) > FARTHEST:
+            for k in range(begin, radius.shape[0]):
+                if any_hit and best.object_id[i] >= 0:
+                    break
+                offer_sphere(
+                    i, k, center, radius, object_id, ox, oy, oz, dx, dy, dz, t_min, known, best
+                )  # fmt: skip
+            continue
+        ray = box_ray(x, y, z, dx, dy, dz)
+        t_lo = begin_of(t_min[i], to_frame, shift)
+        t_cut = end_of(best.t[i], to_frame, shift)
+        top = -1
+        while True:
+            top, first, count, nodes = next_leaf(tree, ray, t_lo, t_cut, stack, top)
+            counters[NODES] += nodes
+            if count == 0:
+                break
+            for k in range(first, first + count):
+                offer_sphere(
+                    i, begin + order[k], center, radius, object_id, ox, oy, oz, dx, dy, dz,
+                    t_min, known, best,
+                )  # fmt: skip
+            if any_hit and best.object_id[i] >= 0:
+                break
+            t_cut = end_of(best.t[i], to_frame, shift)
+
+
+@hot_kernel
+def finish_spheres(table, rays, best, row_of, out):
+    """Describe the hits on spheres; ``row_of`` (objects,) is the object's row here or -1."""
+    for i in range(best.t.shape[0]):
+        if best.object_id[i] < 0 or row_of[best.object_id[i]] < 0:
+            continue
+        k = row_of[best.object_id[i]]
+        r, c, t = table.radius[k], table.center[k], best.t[i]
+        o, d = rays.origin[i], rays.direction[i]
+        fx, gx = two_difference(o[0], c[0])
+        fy, gy = two_difference(o[1], c[1])
+        fz, gz = two_difference(o[2], c[2])
+        x, y, z = fx + t * d[0] + gx, fy + t * d[1] + gy, fz + t * d[2] + gz
+        length = np.sqrt(x * x + y * y + z * z)
+        x, y, z = x / length, y / length, z / length
+        reach = abs(t) * np.sqrt(d[0] * d[0] + d[1] * d[1] + d[2] * d[2])
+        # The shorter of the two ways to the point rounds less.
+        if r <= reach:
+            px, py, pz = c[0] + r * x, c[1] + r * y, c[2] + r * z
+        else:
+            px, py, pz = o[0] + t * d[0], o[1] + t * d[1], o[2] + t * d[2]
+        out.position[i, 0], out.position[i, 1], out.position[i, 2] = px, py, pz
+        s = table.orientation[k]
+        out.normal[i, 0], out.normal[i, 1], out.normal[i, 2] = s * x, s * y, s * z
+        e = table.frame[k]
+        a = e[0, 0] * x + e[0, 1] * y + e[0, 2] * z
+        b = e[1, 0] * x + e[1, 1] * y + e[1, 2] * z
+        h = e[2, 0] * x + e[2, 1] * y + e[2, 2] * z
+        turn = np.arctan2(b, a) / (2.0 * np.pi)
+        turn -= np.floor(turn)
+        out.u[i] = turn if turn < 1.0 else 0.0
+        out.v[i] = min(max(np.arctan2(np.sqrt(a * a + b * b), -h) / np.pi, 0.0), 1.0)
+        out.patch_id[i] = 0
+        out.residual[i] = abs(length - r)

@@ -1,0 +1,249 @@
+"""Rays against triangles in float64, watertight.
+
+Each vertex is brought into the ray's sheared frame by the same operations whichever triangle asks
+(Woop, Benthin, Wald 2013, "Watertight ray/triangle intersection"), so the edge function of a shared
+edge has exactly opposite values for its two triangles, and no ray passes between them.
+"""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from hybrid_rt.intersection.kernels.patch.solve import TANGENT_BAND, UNIT_ROUNDOFF
+from hybrid_rt.intersection.kernels.patch.subdivide import CELLS, NODES
+from hybrid_rt.intersection.kernels.search.frame import begin_of, end_of, enter_frame, product
+from hybrid_rt.intersection.kernels.search.nearest import offer
+from hybrid_rt.intersection.kernels.search.tree import box_ray, next_leaf
+from meshing.kernels.jit import hot_kernel, inlined, inner
+
+# |n.d| below which a triangle's weights would lose more than a digit.
+SLIVER = 3e-2
+
+
+class TriangleTable(NamedTuple):
+    """Triangles of all meshes, in a frame where they all lie within 1 of the origin."""
+
+    middle: Any  # (3,) world
+    to_frame: float  # power of two
+    vertex: Any  # (v, 3) world
+    face: Any  # (f, 3) int64
+    neighbour: Any  # (f, 3) int64: face across the edge opposite vertex k, -1 where none
+    object_id: Any  # (f,) int32
+    patch_id: Any  # (f,) int32: number within its mesh
+    corner: Any  # (f, 9) world: the three vertices of each face, faces in the order of the tree
+    order: Any  # (f,) int32: face of each row of `corner`
+
+
+@inlined
+def _normal(vertex, face, f):
+    a, b, c = vertex[face[f, 0]], vertex[face[f, 1]], vertex[face[f, 2]]
+    bx, by, bz = b[0] - a[0], b[1] - a[1], b[2] - a[2]
+    cx, cy, cz = c[0] - a[0], c[1] - a[1], c[2] - a[2]
+    return by * cz - bz * cy, bz * cx - bx * cz, bx * cy - by * cx
+
+
+@inner
+def cross(ax, ay, bx, by):
+    """Return ax by - ay bx with both products exact (Dekker 1971)."""
+    p, e = product(ax, by)
+    q, f = product(ay, bx)
+    return (p - q) + (e - f)
+
+
+@inlined
+def _on_edge(px, py, qx, qy):
+    """Return the weights of an edge's ends p and q at its point next to the ray (the origin)."""
+    ex, ey = qx - px, qy - py
+    square = ex * ex + ey * ey
+    s = 0.0
+    if square > 0.0:
+        s = min(max(-(px * ex + py * ey) / square, 0.0), 1.0)
+    return 1.0 - s, s
+
+
+@inlined
+def offer_triangle(
+    i, k, corner, order, vertex, face, neighbour, object_id, o, d, kx, ky, kz, sx, sy,
+    t_min, known, best,
+):  # fmt: skip
+    """Offer the hit of ray i on face order[k], if it has one; (kx, ky, kz, s..) is its shear."""
+    p = corner[k]
+    az, bz, cz = p[kz] - o[kz], p[3 + kz] - o[kz], p[6 + kz] - o[kz]
+    ax, ay = (p[kx] - o[kx]) - sx * az, (p[ky] - o[ky]) - sy * az
+    bx, by = (p[3 + kx] - o[kx]) - sx * bz, (p[3 + ky] - o[ky]) - sy * bz
+    cx, cy = (p[6 + kx] - o[kx]) - sx * cz, (p[6 + ky] - o[ky]) - sy * cz
+    u, v, w = cx * by - cy * bx, ax * cy - ay * cx, bx * ay - by * ax
+    if min(u, v, w) < 0.0 and max(u, v, w) > 0.0:
+        return
+    total = u + v + w
+    if total == 0.0:
+        return
+    ex, ey, ez = p[3] - p[0], p[4] - p[1], p[5] - p[2]
+    fx, fy, fz = p[6] - p[0], p[7] - p[1], p[8] - p[2]
+    nx, ny, nz = ey * fz - ez * fy, ez * fx - ex * fz, ex * fy - ey * fx
+    slope = nx * d[0] + ny * d[1] + nz * d[2]
+    length = np.sqrt(nx * nx + ny * ny + nz * nz)
+    if slope == 0.0 or length == 0.0:
+        return
+    wx, wy, wz = p[0] - o[0], p[1] - o[1], p[2] - o[2]
+    t = (nx * wx + ny * wy + nz * wz) / slope
+    n_dot_d = abs(slope) / length
+    if t > best.t[i] and n_dot_d >= SLIVER:
+        return
+    away = max(abs(az), abs(bz), abs(cz)) + max(
+        abs(ax), abs(bx), abs(cx), abs(ay), abs(by), abs(cy)
+    )
+    # Differences, a cross product and a dot product: 12 roundings of lengths up to `away`; the
+    # normal of a needle turns by its rounding over its height, which is length over its side.
+    side = max(abs(bx - ax), abs(cx - ax), abs(bx - cx), abs(by - ay), abs(cy - ay), abs(by - cy))
+    side += max(abs(bz - az), abs(cz - az), abs(bz - cz))
+    error = UNIT_ROUNDOFF * away * (12.0 + 8.0 * side * side / length)
+    t_bound = error / n_dot_d + 4.0 * UNIT_ROUNDOFF * abs(t)
+    # --- a sliver as the ray sees it: its weights by exact products, and t from them, so that the
+    # point they name stays on the ray
+    su, sv, sw = u, v, w
+    if n_dot_d < SLIVER:
+        u, v, w = cross(cx, cy, bx, by), cross(ax, ay, cx, cy), cross(bx, by, ax, ay)
+        if u + v + w < 0.0:
+            u, v, w = -u, -v, -w
+        if u < 0.0:
+            v, w = _on_edge(bx, by, cx, cy)
+            u = 0.0
+        elif v < 0.0:
+            w, u = _on_edge(cx, cy, ax, ay)
+            v = 0.0
+        elif w < 0.0:
+            u, v = _on_edge(ax, ay, bx, by)
+            w = 0.0
+        if u + v + w == 0.0:
+            u, v, w = su, sv, sw
+        total = u + v + w
+        px, py, pz = (
+            (u * wx + v * (p[3] - o[0]) + w * (p[6] - o[0])) / total,
+            (u * wy + v * (p[4] - o[1]) + w * (p[7] - o[1])) / total,
+            (u * wz + v * (p[5] - o[2]) + w * (p[8] - o[2])) / total,
+        )
+        t = (px * d[0] + py * d[1] + pz * d[2]) / (d[0] * d[0] + d[1] * d[1] + d[2] * d[2])
+    # --- margins to those edges beyond which the ray would miss: open ones and silhouettes
+    f = order[k]
+    tangent = False
+    band = TANGENT_BAND * away
+    for edge in range(3):
+        if edge == 0:
+            e, ex, ey = su, cx - bx, cy - by
+        elif edge == 1:
+            e, ex, ey = sv, ax - cx, ay - cy
+        else:
+            e, ex, ey = sw, bx - ax, by - ay
+        if e * e > band * band * (ex * ex + ey * ey):
+            continue
+        other = neighbour[f, edge]
+        if other < 0:
+            tangent = True
+        else:
+            nx, ny, nz = _normal(vertex, face, other)
+            if (nx * d[0] + ny * d[1] + nz * d[2]) * slope <= 0.0:
+                tangent = True
+    offer(
+        i, t, t_bound, n_dot_d, tangent, object_id[f], f, v / total, w / total, t_min, known, best
+    )
+
+
+@inlined
+def _axes(d):
+    """Return the coordinates in the order in which the last is the largest of a direction."""
+    kz = 0
+    if abs(d[1]) > abs(d[kz]):
+        kz = 1
+    if abs(d[2]) > abs(d[kz]):
+        kz = 2
+    return (kz + 1) % 3, (kz + 2) % 3, kz
+
+
+@hot_kernel
+def trace_triangles(table, tree, rays, best, any_hit, stack, counters):
+    """Lower ``best`` to the first hits on triangles; ``stack`` is scratch."""
+    vertex, face, neighbour, object_id = table.vertex, table.face, table.neighbour, table.object_id
+    corner, order = table.corner, table.order
+    for i in range(rays.origin.shape[0]):
+        if any_hit and best.object_id[i] >= 0:
+            continue
+        o, d = rays.origin[i], rays.direction[i]
+        kx, ky, kz = _axes(d)
+        sx, sy = d[kx] / d[kz], d[ky] / d[kz]
+        x, y, z, _, _, _, shift = enter_frame(
+            o[0], o[1], o[2], d[0], d[1], d[2], table.middle[0], table.middle[1], table.middle[2],
+            table.to_frame,
+        )  # fmt: skip
+        ray = box_ray(x, y, z, d[0], d[1], d[2])
+        t_lo = begin_of(rays.t_min[i], table.to_frame, shift)
+        t_cut = end_of(best.t[i], table.to_frame, shift)
+        top = -1
+        while True:
+            top, first, count, nodes = next_leaf(tree, ray, t_lo, t_cut, stack, top)
+            counters[NODES] += nodes
+            if count == 0:
+                break
+            for k in range(first, first + count):
+                counters[CELLS] += 1
+                offer_triangle(
+                    i, k, corner, order, vertex, face, neighbour, object_id, o, d,
+                    kx, ky, kz, sx, sy, rays.t_min, rays.known, best,
+                )  # fmt: skip
+            if any_hit and best.object_id[i] >= 0:
+                break
+            t_cut = end_of(best.t[i], table.to_frame, shift)
+
+
+@hot_kernel
+def rows_of_faces(hits, triangles, first_face, place, row):
+    """Turn coarse hits into rows of `corner` (-1: no hit, or not on a mesh)."""
+    for i in range(hits.face.shape[0]):
+        f = hits.face[i]
+        row[i] = -1
+        if f >= 0 and first_face[triangles.object_id[f]] >= 0:
+            row[i] = place[first_face[triangles.object_id[f]] + triangles.piece[f]]
+
+
+@hot_kernel
+def refine_triangles(table, place, rows, rays, best, accepted):
+    """Offer the coarse stage's own faces, met in float64."""
+    for j in range(place.shape[0]):
+        if place[j] < 0:
+            continue
+        i = rows[j]
+        o, d = rays.origin[i], rays.direction[i]
+        kx, ky, kz = _axes(d)
+        before = best.t[i]
+        offer_triangle(
+            i, np.int64(place[j]), table.corner, table.order, table.vertex, table.face,
+            table.neighbour, table.object_id, o, d, kx, ky, kz, d[kx] / d[kz], d[ky] / d[kz],
+            rays.t_min, rays.known, best,
+        )  # fmt: skip
+        accepted[j] = best.t[i] < before
+
+
+@hot_kernel
+def finish_triangles(table, rays, best, kind_of, kind, out):
+    """Describe the hits on triangles."""
+    for i in range(best.t.shape[0]):
+        if best.object_id[i] < 0 or kind_of[best.object_id[i]] != kind:
+            continue
+        f = best.primitive[i]
+        v, w = best.a[i], best.b[i]
+        a = table.vertex[table.face[f, 0]]
+        b = table.vertex[table.face[f, 1]]
+        c = table.vertex[table.face[f, 2]]
+        nx, ny, nz = _normal(table.vertex, table.face, f)
+        length = np.sqrt(nx * nx + ny * ny + nz * nz)
+        out.normal[i, 0], out.normal[i, 1], out.normal[i, 2] = (
+            nx / length, ny / length, nz / length,
+        )  # fmt: skip
+        gap = 0.0
+        for k in range(3):
+            p = a[k] + (v * (b[k] - a[k]) + w * (c[k] - a[k]))
+            out.position[i, k] = p
+            gap += (p - (rays.origin[i, k] + best.t[i] * rays.direction[i, k])) ** 2
+        out.u[i], out.v[i] = v, w
+        out.patch_id[i] = table.patch_id[f]
+        out.residual[i] = np.sqrt(gap)

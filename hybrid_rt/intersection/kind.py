@@ -1,0 +1,139 @@
+"""What the intersector hands to the kinds of surfaces: buffers of one batch."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hybrid_rt.core.records import BoolArray, FloatArray, HitRecord, IntArray
+from hybrid_rt.intersection.kernels.search.coarse import CoarseHits
+from hybrid_rt.intersection.kernels.search.nearest import Nearest, Rays
+
+
+class Finished(NamedTuple):
+    """The part of a `HitRecord` that each kind of surface fills for its own rows."""
+
+    patch_id: Any
+    u: Any
+    v: Any
+    position: Any
+    normal: Any
+    flags: Any
+    residual: Any
+
+
+class Kind(Protocol):
+    """One kind of surface: finds roots for a slice of rays, and describes the winners."""
+
+    def trace(
+        self, rays: Rays, guess: IntArray | None, best: Nearest, any_hit: bool, work: FloatArray
+    ) -> None:
+        """Lower ``best`` to the nearest roots on all surfaces of this kind.
+
+        Parameters
+        ----------
+        rays : Rays of n rows
+        guess : (n,) int32, optional
+            What to begin with, from `CurvedKind.guesses`; kinds without coarse hits take none.
+        best : Nearest of n rows, changed
+        any_hit : bool
+            Whether any root will do: rays that have one are left alone.
+        work : (counters,) float64, changed
+            Tally of `hybrid_rt.intersection.kernels.patch.subdivide.COUNTER_NAMES`.
+        """
+        ...
+
+    def finish(
+        self, rays: Rays, best: Nearest, kind_of: IntArray, kind: int, out: Finished
+    ) -> None:
+        """Fill ``out`` for the rows whose object is of this kind.
+
+        Parameters
+        ----------
+        rays : Rays of n rows
+        best : Nearest of n rows
+            ``tangent`` is set where a ray grazes.
+        kind_of : (objects,) int32
+        kind : int
+            Number of this kind in ``kind_of``.
+        out : Finished of n rows, changed
+        """
+        ...
+
+
+class CurvedKind(Kind, Protocol):
+    """A kind that goes to Embree as triangles first."""
+
+    def guesses(self, coarse: Any, hits: CoarseHits) -> IntArray:
+        """Return what `trace` is to begin with for each ray, (n,) int32; -1 for nothing.
+
+        Parameters
+        ----------
+        coarse : Coarse
+        hits : CoarseHits of n rows
+        """
+        ...
+
+    def refine(
+        self,
+        coarse: Any,
+        hits: CoarseHits,
+        rows: NDArray[np.int64],
+        rays: Rays,
+        best: Nearest,
+        accepted: BoolArray,
+    ) -> None:
+        """Lower ``best[rows]`` to what coarse hits of this kind refine to.
+
+        Parameters
+        ----------
+        coarse : Coarse
+        hits : CoarseHits of k rows, none of them a miss
+        rows : (k,) int64
+            The rays of the hits.
+        rays : Rays of n rows
+        best : Nearest of n rows, changed
+        accepted : (k,) bool, changed
+            Set where a root was taken.
+        """
+        ...
+
+
+def new_nearest(t_max: FloatArray) -> Nearest:
+    """Return buffers in which no root has been found below ``t_max``, which is taken over."""
+    n = len(t_max)
+    return Nearest(
+        t=t_max,
+        t_bound=np.zeros(n),
+        object_id=np.full(n, -1, np.int32),
+        primitive=np.zeros(n, np.int32),
+        a=np.zeros(n),
+        b=np.zeros(n),
+        tangent=np.zeros(n, np.uint8),
+        doubt=np.full(n, np.inf),
+    )
+
+
+def new_record(n: int) -> HitRecord:
+    """Return a record of n rows to be filled; no flag is set."""
+    return HitRecord(
+        t=np.empty(n),
+        object_id=np.empty(n, np.int32),
+        patch_id=np.empty(n, np.int32),
+        u=np.empty(n),
+        v=np.empty(n),
+        position=np.empty((n, 3)),
+        normal=np.empty((n, 3)),
+        front_face=np.empty(n, np.bool_),
+        status=np.empty(n, np.uint8),
+        flags=np.zeros(n, np.uint8),
+        t_bound=np.empty(n),
+        residual=np.empty(n),
+    )
+
+
+def rows_of(batch: Any, begin: int, end: int) -> Any:
+    """Return a named tuple of views of the rows; what is empty stays empty."""
+    return type(batch)(*(x[begin:end] if len(x) else x for x in batch))

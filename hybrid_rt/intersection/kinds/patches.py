@@ -1,0 +1,314 @@
+"""Bezier patches of all objects: one frame, one table of cells, one tree."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hybrid_rt.core.records import BoolArray, FloatArray, IntArray
+from hybrid_rt.core.threads import Pool
+from hybrid_rt.intersection.kernels.patch.cells import (
+    FAN,
+    ROW_U,
+    ROW_V,
+    fill_cells,
+    fill_quarters,
+)
+from hybrid_rt.intersection.kernels.patch.finish import (
+    count_changed,
+    finish_patches,
+    refine_patches,
+)
+from hybrid_rt.intersection.kernels.patch.skew_box import COLUMN, LOWER, RECORD
+from hybrid_rt.intersection.kernels.patch.subdivide import DEPTH
+from hybrid_rt.intersection.kernels.patch.trace import (
+    MORE,
+    PatchScratch,
+    PatchTable,
+    settle_doubts,
+    trace_patches,
+)
+from hybrid_rt.intersection.kernels.search.coarse import CoarseHits, guess_cells
+from hybrid_rt.intersection.kernels.search.nearest import Nearest, Rays
+from hybrid_rt.intersection.kernels.search.tree import Tree, build_tree, new_stack
+from hybrid_rt.intersection.kind import Finished, rows_of
+from meshing import BezierPatches
+
+if TYPE_CHECKING:
+    from hybrid_rt.intersection.coarse.proposals import Coarse
+
+# Cells per side: enough that tangents hardly turn within one, few enough to stay in the cache; a
+# cell takes 184 bytes and its share of the tree. Its quarters are asked where it turns too much.
+COARSEST, FINEST = 1, 8
+# Square of the normals' spread (tangent) above which a finer grid is worth its memory.
+WIDE_SPREAD = 0.02
+# Cells in all scenes of ordinary size stay below this; larger scenes get coarser grids.
+MOST_CELLS = 4_000_000
+# Edges whose control points agree to this part of the frame are the same edge.
+SAME_EDGE = 2.0**-44
+
+
+class _Nets(NamedTuple):
+    """Control nets of all patches, as in `PatchTable`."""
+
+    control: FloatArray
+    start: NDArray[np.int64]
+    degree: NDArray[np.int64]
+    centre: FloatArray
+
+
+class PatchKind:
+    """First hits on Bezier patches.
+
+    Parameters
+    ----------
+    surfaces : sequence of (object id, BezierPatches)
+    pool : Pool
+        Shares the work of building.
+    finest : int
+        Cells per side of a patch at most. 0: no cells and no tree, only `refine` and `finish` work.
+    """
+
+    def __init__(
+        self, surfaces: Sequence[tuple[int, BezierPatches]], pool: Pool, finest: int = FINEST
+    ) -> None:
+        patches = [net for _, surface in surfaces for net in surface.patches]
+        points = np.concatenate([net.reshape(-1, 3) for net in patches])
+        degree = np.array([(net.shape[0] - 1, net.shape[1] - 1) for net in patches], np.int64)
+        lengths = (degree + 1).prod(axis=1)
+        start = np.concatenate([[0], lengths.cumsum()[:-1]]).astype(np.int64)
+        lo, hi = points.min(axis=0), points.max(axis=0)
+        middle = 0.5 * lo + 0.5 * hi
+        radius = np.linalg.norm(0.5 * hi - 0.5 * lo)
+        to_frame = float(2.0 ** -np.ceil(np.log2(radius)))
+        low = np.minimum.reduceat(points, start) - middle
+        high = np.maximum.reduceat(points, start) - middle
+        # Rounded to 20 bits, so that subtracting a centre loses nothing of ordinary figures.
+        centre = np.round(0.5 * (low + high) * to_frame * 2.0**20) * 2.0**-20
+        control = _difference(points, middle, np.repeat(centre, lengths, axis=0), to_frame)
+        nets = _Nets(control, start, degree, centre)
+        size = np.sqrt(np.maximum.reduceat((control**2).sum(axis=1), start))
+        counts = [len(surface) for _, surface in surfaces]
+        object_id = np.repeat(np.array([i for i, _ in surfaces], np.int32), counts)
+        patch_id = np.concatenate([np.arange(n, dtype=np.int32) for n in counts])
+        self.table = PatchTable(
+            middle=middle,
+            to_frame=to_frame,
+            control=control,
+            start=start,
+            degree=degree,
+            centre=centre,
+            size=size,
+            open_edges=_open_edges(patches, SAME_EDGE / to_frame),
+            object_id=object_id,
+            patch_id=patch_id,
+            **_cells(nets, max(finest, COARSEST), pool),
+        )
+        self._first_patch = np.full(int(object_id.max()) + 1, -1, np.int64)
+        for (i, _), first in zip(surfaces, np.cumsum([0, *counts[:-1]]), strict=True):
+            self._first_patch[i] = first
+        if finest:
+            self._build_search(pool)
+
+    def _build_search(self, pool: Pool) -> None:
+        """Fill the cells in the order of a tree over them, and their quarters."""
+        t = self.table
+        n = len(t.place)
+        nets = _Nets(t.control, t.start, t.degree, t.centre)
+        record, boxes, cell_patch = _filled(nets, t.grid, t.first_cell, pool)
+        self.tree = Tree(*build_tree(boxes[:, :3].copy(), boxes[:, 3:].copy(), 1))
+        order = self.tree.order
+        t.record[:n], t.cell_patch[:n] = record[order], cell_patch[order]
+        t.place[order] = np.arange(n, dtype=np.int32)
+        if len(t.record) > n:
+
+            def quarter(begin: int, end: int) -> None:
+                fill_quarters(
+                    *nets, t.record[:n], t.cell_patch[:n], begin, end, t.record[n:],
+                    t.cell_patch[n:],
+                )  # fmt: skip
+
+            pool.run(quarter, n)
+
+    def trace(
+        self, rays: Rays, guess: IntArray | None, best: Nearest, any_hit: bool, work: FloatArray
+    ) -> None:
+        """Lower ``best`` to the first roots on the patches."""
+        scratch = _new_scratch(self.table, self.tree, len(best.t))
+        cells = np.empty(0, np.int32) if guess is None else guess
+        t_guess, t_before = np.empty(len(cells)), best.t[: len(cells)].copy()
+        begin, n = 0, len(best.t)
+        while begin < n:
+            some, nearest = rows_of(rays, begin, n), rows_of(best, begin, n)
+            done, n_doubts = trace_patches(
+                self.table, self.tree, some, cells[begin:], nearest, any_hit, scratch,
+                t_guess[begin:], work,
+            )  # fmt: skip
+            if n_doubts:
+                settle_doubts(self.table, some, nearest, any_hit, scratch, n_doubts, work)
+            begin += done
+        if guess is not None:
+            count_changed(t_guess, t_before, best, work)
+
+    def guesses(self, coarse: Coarse, hits: CoarseHits) -> IntArray:
+        """Return the cell of each coarse hit, -1 where there is none on a patch."""
+        guess = np.empty(len(hits.face), np.int32)
+        guess_cells(
+            hits, coarse.triangles, self._first_of(coarse),
+            self.table.grid, self.table.first_cell, self.table.place, guess,
+        )  # fmt: skip
+        return guess
+
+    def refine(
+        self,
+        coarse: Coarse,
+        hits: CoarseHits,
+        rows: NDArray[np.int64],
+        rays: Rays,
+        best: Nearest,
+        accepted: BoolArray,
+    ) -> None:
+        """Move coarse hits onto their patches by Newton iteration, and offer what is found."""
+        refine_patches(
+            self.table, hits, coarse.triangles, self._first_of(coarse), rows, rays, best,
+            self._new_basis(), accepted,
+        )  # fmt: skip
+
+    def _new_basis(self) -> FloatArray | None:
+        return _new_basis(self.table)
+
+    def _first_of(self, coarse: Coarse) -> NDArray[np.int64]:
+        """Return for each object its first patch here, -1 for objects of other kinds."""
+        first = np.full(coarse.n_objects, -1, np.int64)
+        first[: len(self._first_patch)] = self._first_patch
+        return first
+
+    def finish(
+        self, rays: Rays, best: Nearest, kind_of: IntArray, kind: int, out: Finished
+    ) -> None:
+        """Describe the hits that are on patches."""
+        finish_patches(self.table, rays, best, kind_of, kind, self._new_basis(), out)
+
+
+def _difference(
+    points: FloatArray, middle: FloatArray, centre: FloatArray, to_frame: float
+) -> FloatArray:
+    """(points - middle) to_frame - centre with one rounding, not three; and a column of zeros."""
+    high = points - middle
+    z = high - points
+    low = (points - (high - z)) - (middle + z)
+    net = np.zeros((len(points), 4))
+    net[:, :3] = (high * to_frame - centre) + low * to_frame
+    return net
+
+
+def _cells(nets: _Nets, finest: int, pool: Pool) -> dict[str, NDArray[np.generic]]:
+    """Choose each patch's grid: from one cell up, halved while its normals spread widely."""
+    k = len(nets.start)
+    while finest > COARSEST and k * finest * finest > MOST_CELLS:
+        finest //= 2
+    grid = np.full((k, 2), COARSEST, np.int64)
+    wide = np.arange(k)
+    side = COARSEST
+    while True:
+        # Patches still wide get the finer grid; all others keep theirs.
+        first = np.concatenate([[0], grid.prod(axis=1).cumsum()[:-1]]).astype(np.int64)
+        if side >= finest or not len(wide):
+            break
+        record, _, _ = _filled(nets, grid, first, pool)
+        worst = np.maximum.reduceat(_spread(record), first)
+        wide = np.flatnonzero(worst > WIDE_SPREAD)
+        side *= 2
+        grid[wide] = side
+    n = int(grid.prod(axis=1).sum())
+    n_quarters = 4 * n if finest > COARSEST and 4 * n <= MOST_CELLS else 0
+    return {
+        "grid": grid,
+        "first_cell": first,
+        "place": np.empty(n, np.int32),
+        "record": _aligned(n + n_quarters),
+        "cell_patch": np.empty(n + n_quarters, np.uint32),
+    }
+
+
+def _filled(
+    nets: _Nets, grid: NDArray[np.int64], first: NDArray[np.int64], pool: Pool
+) -> tuple[FloatArray, FloatArray, NDArray[np.uint32]]:
+    """Return the records of all cells, boxes around them, and their patches."""
+    n = int(grid.prod(axis=1).sum())
+    record, boxes, cell_patch = np.empty((n, RECORD)), np.empty((n, 6)), np.empty(n, np.uint32)
+
+    def work(begin: int, end: int) -> None:
+        fill_cells(*nets, grid, first, begin, end, record, boxes, cell_patch)
+
+    pool.run(work, len(nets.start))
+    return record, boxes, cell_patch
+
+
+def _aligned(n: int) -> FloatArray:
+    """Return n records, each on lines of the cache of its own."""
+    room = np.empty(n * RECORD + 7)
+    first = -(room.ctypes.data // 8) % 8
+    return room[first : first + n * RECORD].reshape(n, RECORD)
+
+
+def _spread(record: FloatArray) -> FloatArray:
+    """Square of how far the normals of each cell spread; inf where nothing is known."""
+    width_u = record[:, FAN] ** 2 * (record[:, ROW_U:LOWER:COLUMN] ** 2).sum(axis=1)
+    width_v = record[:, FAN + 1] ** 2 * (record[:, ROW_V:LOWER:COLUMN] ** 2).sum(axis=1)
+    return np.asarray(width_u + width_v)
+
+
+def _open_edges(nets: Sequence[FloatArray], rounding: float) -> NDArray[np.int64]:
+    """Bits of the borders (u = 0, u = 1, v = 0, v = 1) beyond which no patch goes on."""
+    is_open = np.zeros((len(nets), 4), np.bool_)
+    by_shape: dict[tuple[int, ...], list[int]] = {}
+    for k, net in enumerate(nets):
+        by_shape.setdefault(net.shape, []).append(k)
+    edges: dict[int, list[tuple[NDArray[np.int64], int, FloatArray]]] = {}
+    for members in by_shape.values():
+        rows = np.array(members)
+        net = np.stack([nets[k] for k in members])
+        for bit, edge in enumerate((net[:, 0], net[:, -1], net[:, :, 0], net[:, :, -1])):
+            edges.setdefault(edge.shape[1], []).append((rows, bit, edge))
+    for group in edges.values():
+        patch = np.concatenate([rows for rows, _, _ in group])
+        side = np.concatenate([np.full(len(rows), bit) for rows, bit, _ in group])
+        edge = np.concatenate([edge for _, _, edge in group])
+        # An edge that is a point closes the patch round it.
+        wide = np.abs(edge - edge[:, :1]).max(axis=(1, 2)) > rounding
+        patch, side = patch[wide], side[wide]
+        # The same edge drawn from its other end is the same edge; -0 is 0.
+        here = np.round(edge[wide] / rounding) + 0.0
+        there = np.ascontiguousarray(here[:, ::-1])
+        here, there = here.reshape(len(here), -1), there.reshape(len(there), -1)
+        first = (here != there).argmax(axis=1)[:, None]
+        turned = np.take_along_axis(here, first, 1) > np.take_along_axis(there, first, 1)
+        keys = np.where(turned, there, here)
+        whole = np.ascontiguousarray(keys).view(np.dtype((np.void, keys.itemsize * keys.shape[1])))
+        _, same, count = np.unique(whole.ravel(), return_inverse=True, return_counts=True)
+        is_open[patch, side] = count[same] == 1
+    return np.asarray(is_open @ np.array([1, 2, 4, 8]))
+
+
+def _new_basis(table: PatchTable) -> FloatArray | None:
+    """Return scratch for Bernstein polynomials, None where all patches are bicubic."""
+    if (table.degree == 3).all():
+        return None
+    return np.empty((4, int(table.degree.max()) + 1))
+
+
+def _new_scratch(table: PatchTable, tree: Tree, n_rays: int) -> PatchScratch:
+    """Return scratch for one call of `trace_patches`."""
+    widest = int(table.degree.max()) + 1
+    return PatchScratch(
+        basis=_new_basis(table),
+        nets=np.empty((DEPTH, widest, widest, 3)),
+        boxes=np.empty((DEPTH, 4)),
+        stack=new_stack(tree, MORE),
+        # Room for every record once, by one ray; memory that is not touched costs nothing.
+        queue=np.empty((len(table.record) + n_rays, 2), np.int32),
+    )

@@ -1,0 +1,127 @@
+"""Triangle meshes of all objects: one table, one tree."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hybrid_rt.core.records import BoolArray, FloatArray, IntArray
+from hybrid_rt.intersection.kernels.search.coarse import CoarseHits
+from hybrid_rt.intersection.kernels.search.nearest import Nearest, Rays
+from hybrid_rt.intersection.kernels.search.tree import Tree, build_tree, new_stack
+from hybrid_rt.intersection.kernels.triangle import (
+    TriangleTable,
+    finish_triangles,
+    refine_triangles,
+    rows_of_faces,
+    trace_triangles,
+)
+from hybrid_rt.intersection.kind import Finished
+from hybrid_rt.primitives import TriangleMesh
+
+if TYPE_CHECKING:
+    from hybrid_rt.intersection.coarse.proposals import Coarse
+
+# A box test costs about as much as a triangle's.
+LEAF_SIZE = 4
+
+
+class TriangleKind:
+    """First hits on triangle meshes.
+
+    Parameters
+    ----------
+    meshes : sequence of (object id, TriangleMesh)
+    search : whether `trace` is needed: a tree; else only `refine` and `finish` work
+    """
+
+    def __init__(self, meshes: Sequence[tuple[int, TriangleMesh]], search: bool = True) -> None:
+        vertex = np.concatenate([mesh.vertices for _, mesh in meshes])
+        n_vertices = np.cumsum([0, *(len(mesh.vertices) for _, mesh in meshes)])
+        face = np.concatenate(
+            [mesh.faces + n for (_, mesh), n in zip(meshes, n_vertices, strict=False)]
+        )
+        counts = [len(mesh) for _, mesh in meshes]
+        object_id = np.repeat(np.array([i for i, _ in meshes], np.int32), counts)
+        corners = vertex[face]
+        order = np.arange(len(face), dtype=np.int32)
+        lower, upper = corners.min(axis=1), corners.max(axis=1)
+        lo, hi = lower.min(axis=0), upper.max(axis=0)
+        middle = 0.5 * lo + 0.5 * hi
+        radius = np.linalg.norm(0.5 * hi - 0.5 * lo)
+        to_frame = float(2.0 ** -np.ceil(np.log2(radius)))
+        if search:
+            boxes = (lower - middle) * to_frame, (upper - middle) * to_frame
+            self.tree = Tree(*build_tree(*boxes, LEAF_SIZE))
+            order = self.tree.order
+        self._place = np.empty(len(face), np.int32)
+        self._place[order] = np.arange(len(face), dtype=np.int32)
+        self.table = TriangleTable(
+            middle=middle,
+            to_frame=to_frame,
+            vertex=np.ascontiguousarray(vertex),
+            face=np.ascontiguousarray(face),
+            neighbour=_neighbours(vertex, face),
+            object_id=object_id,
+            patch_id=np.concatenate([np.arange(n, dtype=np.int32) for n in counts]),
+            corner=corners.reshape(-1, 9)[order],
+            order=order,
+        )
+        self._first_face = np.full(int(object_id.max()) + 1, -1, np.int64)
+        for (i, _), first in zip(meshes, np.cumsum([0, *counts[:-1]]), strict=True):
+            self._first_face[i] = first
+
+    def trace(
+        self, rays: Rays, guess: IntArray | None, best: Nearest, any_hit: bool, work: FloatArray
+    ) -> None:
+        """Lower ``best`` to the first hits on the meshes."""
+        del guess
+        stack = new_stack(self.tree)
+        trace_triangles(self.table, self.tree, rays, best, any_hit, stack, work)
+
+    def refine(
+        self,
+        coarse: Coarse,
+        hits: CoarseHits,
+        rows: NDArray[np.int64],
+        rays: Rays,
+        best: Nearest,
+        accepted: BoolArray,
+    ) -> None:
+        """Meet Embree's triangle again in float64."""
+        first = np.full(coarse.n_objects, -1, np.int64)
+        first[: len(self._first_face)] = self._first_face
+        place = np.empty(len(hits.face), np.int32)
+        rows_of_faces(hits, coarse.triangles, first, self._place, place)
+        refine_triangles(self.table, place, rows, rays, best, accepted)
+
+    def finish(
+        self, rays: Rays, best: Nearest, kind_of: IntArray, kind: int, out: Finished
+    ) -> None:
+        """Describe the hits that are on meshes."""
+        finish_triangles(self.table, rays, best, kind_of, kind, out)
+
+
+def _neighbours(vertex: FloatArray, face: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Return the face across each edge; -1 where there is none, or more than one.
+
+    Vertices at the same place count as one, whatever their numbers.
+    """
+    _, same = np.unique(vertex, axis=0, return_inverse=True)
+    welded = same.reshape(-1)[face]
+    # Edge k lies opposite vertex k.
+    ends = np.sort(np.stack([welded[:, [1, 2, 0]], welded[:, [2, 0, 1]]], axis=-1), axis=-1)
+    edges = ends.reshape(-1, 2)
+    order = np.lexsort((edges[:, 1], edges[:, 0]))
+    alike = (edges[order[1:]] == edges[order[:-1]]).all(axis=1)
+    before, after = np.append(False, alike), np.append(alike, False)
+    # Exactly two of a kind: alike with the next, and neither alike with a third.
+    first = np.flatnonzero(after & ~before)
+    first = first[~after[np.minimum(first + 1, len(order) - 1)]]
+    neighbour = np.full(len(edges), -1, np.int64)
+    a, b = order[first], order[first + 1]
+    neighbour[a], neighbour[b] = b // 3, a // 3
+    return neighbour.reshape(-1, 3)

@@ -1,0 +1,264 @@
+"""Checks what a caller passes as rays, and brings it into the form that the kernels take."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from hybrid_rt.core.records import FloatArray, HitRecord, IntArray, NamedPoints
+from hybrid_rt.core.threads import Pool
+from hybrid_rt.intersection.kernels.search import rays as kernels
+from hybrid_rt.intersection.kernels.search.nearest import Rays
+from meshing.checks import as_floats, shown
+
+IdArray = NDArray[np.int64]
+
+# A point named by a hit record lies on its surface up to the rounding of three coordinates, and
+# the ray's origin may have been rounded once more on its way: 4 ulp in all, as a length.
+POINT_ROUNDING = 8 * 2.0**-53
+# Farther from the ray than this the caller means another point.
+FARTHEST = 64 * 2.0**-52
+# Coordinates up to here leave room for the squares of their differences.
+LARGEST = 1e150
+
+
+@dataclass(frozen=True)
+class Batch:
+    """Rays as a caller gave them, checked; `rows` brings a slice into the kernels' form.
+
+    Attributes
+    ----------
+    origin, direction : (n, 3) float64
+    t_min, t_max : (n,) float64
+        In lengths of the given directions.
+    source, target : NamedPoints of n rows, or None
+        Points that rays leave from and go to; they are no hits.
+    reach : (objects,) float64
+        See `make_batch`.
+    unseen : (n,) int32, or None
+        An object that each ray does not see; -1: it sees all.
+    """
+
+    origin: FloatArray
+    direction: FloatArray
+    t_min: FloatArray
+    t_max: FloatArray
+    source: NamedPoints | None
+    target: NamedPoints | None
+    reach: FloatArray
+    unseen: IntArray | None
+
+    def __len__(self) -> int:
+        """Return the number of rays."""
+        return len(self.origin)
+
+    def rows(self, begin: int, end: int) -> tuple[Rays, FloatArray, FloatArray]:
+        """Return rays, their t_max, and the units that bring their t into the caller's lengths."""
+        n = end - begin
+        origin, direction = self.origin[begin:end], self.direction[begin:end]
+        scaled, unit = np.empty((n, 3)), np.empty(n)
+        t_min, t_max = np.empty(n), np.empty(n)
+        kernels.scale_rays(
+            direction, self.t_min[begin:end], self.t_max[begin:end], scaled, unit, t_min, t_max
+        )
+        known = self._known(origin, scaled, begin, end)
+        return Rays(origin, scaled, t_min, known), t_max, unit
+
+    def _known(self, origin: FloatArray, direction: FloatArray, begin: int, end: int) -> FloatArray:
+        """Return t and rounding of the points that rays leave from and go to (see `is_known`)."""
+        if self.source is None and self.target is None and self.unseen is None:
+            return np.empty((0, 4))
+        known = np.empty((end - begin, 4 if self.unseen is None else 5))
+        if self.unseen is not None:
+            known[:, 4] = self.unseen[begin:end]
+        for column, record in ((0, self.source), (2, self.target)):
+            if record is None:
+                known[:, column : column + 2] = 0.0, -1.0
+                continue
+            kernels.name_points(
+                origin,
+                direction,
+                np.ascontiguousarray(record.object_id[begin:end]),
+                np.ascontiguousarray(record.position[begin:end]),
+                self.reach,
+                column,
+                POINT_ROUNDING,
+                FARTHEST,
+                known,
+            )
+        return known
+
+
+def make_batch(
+    origins: ArrayLike,
+    directions: ArrayLike,
+    t_min: ArrayLike,
+    t_max: ArrayLike,
+    source: HitRecord | NamedPoints | None,
+    target: HitRecord | NamedPoints | None,
+    reach: FloatArray,
+    pool: Pool,
+    unseen: IntArray | None = None,
+) -> Batch:
+    """Return checked rays.
+
+    Parameters
+    ----------
+    origins, directions, t_min, t_max, source, unseen
+        As `Intersector.intersect` takes them.
+    target : HitRecord or NamedPoints of n rows, optional
+        The points that rays go to.
+    reach : (objects,) float64
+        The largest number from which each object's points are computed: their rounding is
+        relative to it.
+    pool : Pool
+        Shares the work of checking.
+
+    Raises
+    ------
+    ValueError, TypeError
+        As `Intersector.intersect` does.
+    """
+    origin, direction, shape = as_rays(origins, directions)
+    origin, direction = _locked(origin), _locked(direction)
+    n = len(origin)
+    bad: list[tuple[int, IdArray, IdArray]] = []
+
+    def check(begin: int, end: int) -> None:
+        first_bad, n_bad = np.full(4, -1), np.zeros(4, np.int64)
+        kernels.check_rays(origin[begin:end], direction[begin:end], LARGEST, first_bad, n_bad)
+        if n_bad.any():
+            bad.append((begin, first_bad + begin, n_bad))
+
+    pool.run(check, n)
+    if bad:
+        _refuse(origin, direction, bad)
+    lowest, highest = as_limit(t_min, "t_min", shape), as_limit(t_max, "t_max", shape)
+    leave, reached = (
+        _checked_points(record, name, n, len(reach))
+        for record, name in ((source, "source"), (target, "target"))
+    )
+    hidden = None if unseen is None else _checked_ids(unseen, "unseen", n, len(reach))
+    return Batch(origin, direction, lowest, highest, leave, reached, reach, hidden)
+
+
+def as_rays(
+    origins: ArrayLike, directions: ArrayLike
+) -> tuple[FloatArray, FloatArray, tuple[int, ...]]:
+    """Return origins (n, 3), directions (n, 3) and the shape of their batch: (n,) or (h, w).
+
+    One vector stands for all where the other side has more.
+
+    Raises
+    ------
+    TypeError, ValueError
+        For what is not real numbers, and for shapes that do not fit.
+    """
+    origin, direction = _vectors(origins, "origins"), _vectors(directions, "directions")
+    shape, other = origin.shape[:-1], direction.shape[:-1]
+    origin, direction = origin.reshape(-1, 3), direction.reshape(-1, 3)
+    if len(origin) == 1 and len(direction) != 1:
+        origin, shape = np.repeat(origin, len(direction), axis=0), other
+    elif len(direction) == 1 and len(origin) != 1:
+        direction = np.repeat(direction, len(origin), axis=0)
+    elif shape != other and not len(origin) == len(direction) == 1:
+        raise ValueError(
+            f"{len(origin)} origins but {len(direction)} directions, of shapes {(*shape, 3)} and "
+            f"{(*other, 3)}: pass one of each per ray, in equal shapes"
+        )
+    return origin, direction, shape or (1,)
+
+
+def as_limit(value: ArrayLike, name: str, shape: tuple[int, ...]) -> FloatArray:
+    """Return one limit per ray, (n,) float64, for a batch of a shape.
+
+    Raises
+    ------
+    ValueError, TypeError
+        If ``value`` is neither one number nor one per ray, or holds nan; ``name`` says which it is.
+    """
+    if value is None:
+        raise TypeError(f"{name} is None: pass a number, or inf for no limit")
+    array, n = as_floats(value, name), math.prod(shape)
+    if array.shape not in {(), (1,), (n,), shape}:
+        wanted = " or ".join(str(possible) for possible in dict.fromkeys([(n,), shape]))
+        raise ValueError(
+            f"{name} has shape {array.shape} for rays of shape {(*shape, 3)}: pass one number, or "
+            f"one per ray, {wanted}"
+        )
+    if np.isnan(array).any():
+        raise ValueError(f"{name} holds nan: pass numbers, or inf for no limit")
+    return np.broadcast_to(array.reshape(-1), (n,))
+
+
+def _locked(array: FloatArray) -> FloatArray:
+    """Return a view that cannot be written: to numba that is another type, a kernel more each."""
+    view = array.view()
+    view.flags.writeable = False
+    return view
+
+
+def _vectors(values: ArrayLike, name: str) -> FloatArray:
+    array = as_floats(values, name)
+    if array.ndim not in (1, 2, 3) or array.shape[-1] != 3:
+        raise ValueError(
+            f"{name} has shape {array.shape}: pass (n, 3), one vector (3,), or an image (h, w, 3)"
+        )
+    return array
+
+
+def _refuse(
+    origin: FloatArray, direction: FloatArray, bad: list[tuple[int, IdArray, IdArray]]
+) -> None:
+    n_bad = np.sum([part[2] for part in bad], axis=0)
+    what = int(np.flatnonzero(n_bad)[0])
+    is_origin = what < kernels.DIRECTION_NOT_FINITE
+    name, rows = ("origins", origin) if is_origin else ("directions", direction)
+    _, first_bad, _ = min((part for part in bad if part[2][what]), key=lambda part: part[0])
+    i = int(first_bad[what])
+    raise ValueError(
+        f"{name}[{i}] = {rows[i].tolist()} {kernels.COMPLAINTS[what]} ({n_bad[what]} such ray(s)): "
+        "leave such rays out"
+    )
+
+
+def _checked_points(
+    record: HitRecord | NamedPoints | None, name: str, n: int, n_objects: int
+) -> NamedPoints | None:
+    """Return what is asked of a hit record that names points, in the kernels' types."""
+    if record is None:
+        return None
+    if not isinstance(record, HitRecord | NamedPoints):
+        raise TypeError(
+            f"{name} is {shown(record)}: pass hits of this intersector, for instance "
+            f"{name}=hits[mask], or None"
+        )
+    ids = _checked_ids(record.object_id, name, n, n_objects)
+    position = as_floats(record.position, f"{name} position")
+    if position.shape != (n, 3):
+        raise ValueError(f"{name} position has shape {position.shape} for {n} rays: pass ({n}, 3)")
+    return NamedPoints(ids, position)
+
+
+def _checked_ids(values: IntArray, name: str, n: int, n_objects: int) -> IntArray:
+    """Return indices of objects, one per ray; -1 names none."""
+    try:
+        ids = np.asarray(values)
+    except ValueError:  # rows of different lengths
+        ids = np.empty((0, 0), np.int32)
+    if ids.shape != (n,):
+        raise ValueError(
+            f"{name} has shape {ids.shape} for {n} rays: pass one row per ray, ({n},), for instance "
+            f"{name}=hits[mask]"
+        )
+    if ids.dtype.kind not in "iu":
+        raise TypeError(f"{name} names objects by {ids.dtype}: pass whole numbers")
+    if ids.size and not (ids.min() >= -1 and ids.max() < n_objects):
+        bad = ids[(ids < -1) | (ids >= n_objects)][0]
+        raise ValueError(
+            f"{name} names object {bad} of {n_objects}: pass 0 to {n_objects - 1}, or -1 for none"
+        )
+    return np.ascontiguousarray(ids, dtype=np.int32)

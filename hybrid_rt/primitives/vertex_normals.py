@@ -1,0 +1,58 @@
+"""Normals between the vertices of a triangle mesh."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hybrid_rt.core.records import FloatArray, HitRecord
+from hybrid_rt.primitives import TriangleMesh
+
+
+def vertex_normals(mesh: TriangleMesh) -> FloatArray:
+    """Return a unit normal for each vertex, (v, 3): of its faces, weighted by their angles there.
+
+    Vertices at the same place count as one: files often store one for each face. Thuermer and
+    Wuethrich, "Computing vertex normals from polygonal facets", JGT 3(1), 1998.
+    """
+    _, place = np.unique(mesh.vertices, axis=0, return_inverse=True)
+    place = place.ravel()
+    corners = mesh.vertices[mesh.faces]
+    across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    flat = _unit(across)
+    total = np.zeros((len(mesh.vertices), 3))
+    for k in range(3):
+        a = _unit(corners[:, (k + 1) % 3] - corners[:, k])
+        b = _unit(corners[:, (k + 2) % 3] - corners[:, k])
+        angle = np.arccos(np.clip(np.einsum("ij,ij->i", a, b), -1.0, 1.0))
+        np.add.at(total, place[mesh.faces[:, k]], angle[:, None] * flat)
+    return _unit(total)[place]
+
+
+def shading_normals(
+    hits: HitRecord,
+    directions: FloatArray,
+    rows: NDArray[np.intp],
+    mesh: TriangleMesh,
+    normals: FloatArray,
+) -> FloatArray:
+    """Return the interpolated normals of some hits on a mesh, (rows, 3).
+
+    Where the interpolated normal has the ray on its other side, as happens along outlines, the
+    face's own takes its place: a ray always meets the same side of both.
+    """
+    face = mesh.faces[hits.patch_id[rows]]
+    u, v = hits.u[rows][:, None], hits.v[rows][:, None]
+    smooth = _unit(
+        (1.0 - u - v) * normals[face[:, 0]] + u * normals[face[:, 1]] + v * normals[face[:, 2]]
+    )
+    way, flat = directions[rows], hits.normal[rows]
+    before = np.einsum("ij,ij->i", flat, way)
+    after = np.einsum("ij,ij->i", smooth, way)
+    return np.where((before * after > 0.0)[:, None], smooth, flat)
+
+
+def _unit(vectors: FloatArray) -> FloatArray:
+    length = np.linalg.norm(vectors, axis=1, keepdims=True)
+    unit: FloatArray = vectors / np.where(length > 0.0, length, 1.0)
+    return unit

@@ -1,0 +1,79 @@
+"""What a render holds in memory, as far as that is known before it begins."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from hybrid_rt.sensor.camera import Camera
+from hybrid_rt.sensor.channel_names import PARTS
+
+# Of each pixel: sums of four groups and of squares, one pass, the picture (as measured, 120); by
+# photons also the blur of each pixel and its squares (190).
+PER_PIXEL, PER_PIXEL_WITH_PHOTONS = 120, 190
+# Of each photon of a pass, with its share of the tree, where most arrive somewhere (80 to 105).
+PER_PHOTON = 80
+# Passes whose photons exist at a time: while one is looked at the next is shot.
+PHOTON_SETS = 2
+# Where a container may be given less than the machine has.
+CONTAINER_LIMIT = Path("/sys/fs/cgroup/memory.max")
+
+
+def check_memory(
+    camera: Camera, photons: int, outputs: Sequence[str], passes: int | None = None
+) -> None:
+    """Refuse what this machine cannot hold.
+
+    Parameters
+    ----------
+    camera : Camera
+    photons : int
+        Of each pass; 0 without photons.
+    outputs : sequence of str
+        Channels beside radiance.
+    passes : int, optional
+        At most; None: any number.
+
+    Raises
+    ------
+    MemoryError
+        Naming the memory it would take, and the memory there is.
+    """
+    n_pixels, available = camera.width * camera.height, available_bytes()
+    parts = sum(max(len(PARTS[name]), 1) for name in outputs)
+    per_pixel = (PER_PIXEL_WITH_PHOTONS if photons else PER_PIXEL) + 4 * parts
+    for_pixels = n_pixels * per_pixel
+    for_photons = min(passes or PHOTON_SETS, PHOTON_SETS) * photons * PER_PHOTON
+    if for_pixels + for_photons > available:
+        what = f"a picture of {camera.width} x {camera.height} pixels"
+        if photons:
+            what += f" by passes of {photons} photons"
+        raise MemoryError(
+            f"{what} takes about {_in_words(for_pixels + for_photons)} of memory, this machine has "
+            f"{_in_words(available)}: pass fewer {'photons' if for_photons > for_pixels else 'pixels'}"
+        )
+
+
+def available_bytes() -> int:
+    """Return the memory that this process can have at most."""
+    total = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
+    try:
+        return min(total, int(CONTAINER_LIMIT.read_text()))
+    except (OSError, ValueError):  # there is no such file, or it says "max"
+        return total
+
+
+def photons_of(options: Any) -> int:
+    """Return the photons of each pass that settings ask for; 0 where they know none."""
+    return int(getattr(options, "photons_per_pass", 0))
+
+
+def _in_words(n_bytes: int) -> str:
+    n_gib, unit = n_bytes // 2**20 / 2**10, "GiB"
+    for larger in ("TiB", "PiB", "EiB"):
+        if n_gib < 1000.0:
+            break
+        n_gib, unit = n_gib / 2**10, larger
+    return f"{n_gib:.3g} {unit}"

@@ -1,0 +1,39 @@
+"""What a report says of the machine: versions and memory."""
+
+from __future__ import annotations
+
+import platform
+import resource
+import sys
+from functools import cache
+from importlib import metadata
+
+from hybrid_rt._version import __version__
+
+# Whatever decides bits of a picture.
+_PACKAGES = ("numpy", "numba", "scipy", "embreex", "trimesh")
+
+
+def peak_memory_mib() -> float:
+    """Return the most memory that this process has held so far, in MiB."""
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    # Kibibytes, but bytes on a Mac.
+    return peak / (2**20 if sys.platform == "darwin" else 2**10)
+
+
+def versions() -> dict[str, str]:
+    """Return the versions of everything that decides bits of a picture."""
+    return {
+        "hybrid_rt": __version__,
+        "python": platform.python_version(),
+        **{name: _version_of(name) for name in _PACKAGES},
+    }
+
+
+@cache
+def _version_of(package: str) -> str:
+    # From its metadata, so nothing is imported for it; reading those takes milliseconds.
+    try:
+        return metadata.version(package)
+    except metadata.PackageNotFoundError:
+        return "not installed"

@@ -1,0 +1,1 @@
+"""Random numbers: each is named by seed, pixel, pass and use."""

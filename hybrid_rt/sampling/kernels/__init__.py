@@ -1,0 +1,1 @@
+"""The compiled Sobol sequence, Owen-scrambled by a hash."""

@@ -1,0 +1,142 @@
+"""Low-discrepancy numbers that hang on nothing but their names.
+
+A number is named by the seed, the pixel, the dimension (what it is used for) and the pass. So
+blocks, threads, order and machines do not matter, and a pass can be computed again at any time.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hybrid_rt.core import checks
+from hybrid_rt.core.records import FloatArray
+from hybrid_rt.core.threads import Pool
+from hybrid_rt.sampling.kernels.sobol import joint_points, sobol_points
+
+UIntArray = NDArray[np.uint64]
+
+# Coefficients of primitive polynomials modulo 2, without the first and last, and initial numbers, of
+# Sobol's coordinates from the second on: Joe and Kuo, "Constructing Sobol sequences with better
+# two-dimensional projections", SIAM J. Sci. Comput. 30(5), 2008.
+_JOE_KUO = (((), (1,)), ((1,), (1, 3)), ((0, 1), (1, 3, 1)), ((1, 0), (1, 1, 1)))
+MOST_JOINT = len(_JOE_KUO) + 1
+
+
+class Sampler:
+    """Owen-scrambled Sobol points; the pass number is the sample number.
+
+    Parameters
+    ----------
+    seed : int
+        From 0 to 2**64 - 1.
+    pool : Pool, optional
+        Threads that share long batches; they change no bit.
+
+    Raises
+    ------
+    ValueError
+        If the seed is out of that range.
+    """
+
+    def __init__(self, seed: int, pool: Pool | None = None) -> None:
+        seed = checks.whole(seed, "seed", at_least=0, up_to=2**64 - 1)
+        self._seed = np.uint64(seed)
+        self._pool = Pool(1) if pool is None else pool
+
+    def points(
+        self, pixel: UIntArray, dimension: UIntArray | int, pass_number: UIntArray | int
+    ) -> FloatArray:
+        """Return one point of the unit square for each pixel.
+
+        Parameters
+        ----------
+        pixel : (n,) uint64
+            Number of the pixel in the whole image.
+        dimension : (n,) uint64, or one number for all
+            What the point is for; different uses need different numbers.
+        pass_number : (n,) uint64, or one number for all
+            From 0; the passes of one (pixel, dimension) fill the square evenly.
+
+        Returns
+        -------
+        (n, 2) float64 in [0, 1)
+        """
+        point: FloatArray = self.several(pixel, dimension, pass_number, 1)[0]
+        return point
+
+    def joint(self, pixel: UIntArray, dimension: int, number: UIntArray, width: int) -> FloatArray:
+        """Return points of sequences that fill the cube of ``width`` dimensions evenly.
+
+        Where what is sampled hangs on all coordinates together, this beats as many pairs of
+        `points`, which fill their squares evenly but are paired with each other by chance.
+
+        Parameters
+        ----------
+        pixel : (n,) uint64
+        dimension : int
+            Name the sequence, with ``pixel``.
+        number : (n,) uint64 below 2**32
+            Which of its points.
+        width : int
+            From 1 to `MOST_JOINT`; the first coordinates are spread best.
+
+        Returns
+        -------
+        (n, width) float64 in [0, 1)
+        """
+        points = np.empty((number.size, width))
+        joint_points(self._seed, number, pixel, np.uint64(dimension), _TABLES, points)
+        return points
+
+    def several(
+        self,
+        pixel: UIntArray,
+        dimension: UIntArray | int,
+        pass_number: UIntArray | int,
+        n_dimensions: int,
+    ) -> FloatArray:
+        """Return the points of dimensions that follow each other, (n_dimensions, n, 2).
+
+        Parameters are those of `points`; ``dimension`` is the first.
+        """
+        points = np.empty((n_dimensions, pixel.size, 2))
+        dimensions, samples = _for_all(dimension, pixel.size), _for_all(pass_number, pixel.size)
+
+        def fill(i: int, j: int) -> None:
+            sobol_points(self._seed, samples[i:j], pixel[i:j], dimensions[i:j], i, points)
+
+        self._pool.run(fill, pixel.size)
+        return points
+
+
+def _for_all(number: UIntArray | int, n: int) -> UIntArray:
+    return np.ascontiguousarray(np.broadcast_to(np.asarray(number, dtype=np.uint64), (n,)))
+
+
+def _byte_tables() -> UIntArray:
+    """Return what each byte of an index contributes to Sobol's coordinates, turned round.
+
+    Turned round, the lowest bit counts one half: as `hybrid_rt.sampling.kernels.sobol.joint_points` wants.
+    """
+    tables = np.zeros((MOST_JOINT, 4, 256), dtype=np.uint64)
+    for row, table in enumerate(tables):
+        # Each number has its digits after the point: the k-th one k of them.
+        numbers = [1] * 32
+        if row:
+            coefficients, first = _JOE_KUO[row - 1]
+            degree = len(first)
+            numbers[:degree] = first
+            for k in range(degree, 32):
+                new = numbers[k - degree] ^ (numbers[k - degree] << degree)
+                for j, coefficient in enumerate(coefficients, start=1):
+                    new ^= coefficient * (numbers[k - j] << j)
+                numbers[k] = new
+        for bit, digits in enumerate(numbers):
+            turned = int(f"{digits << (31 - bit):032b}"[::-1], 2)
+            has_bit = np.arange(256) >> (bit % 8) & 1
+            table[bit // 8] ^= np.uint64(turned) * has_bit.astype(np.uint64)
+    return tables
+
+
+_TABLES = _byte_tables()

@@ -1,0 +1,201 @@
+"""A scene as flat tables, as integrators and kernels take it."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+
+from hybrid_rt.core.records import BoolArray, FloatArray, IntArray
+from hybrid_rt.lights.light import Environment, LightRow
+from hybrid_rt.lights.surface import ShiningSurface, shining_surface
+from hybrid_rt.lights.table import compile_environment, compile_lights
+from hybrid_rt.materials.material import Material
+from hybrid_rt.materials.table import color_factor, compile_materials
+from hybrid_rt.primitives import Plane, Rectangle, Sphere
+from hybrid_rt.primitives.vertex_normals import vertex_normals
+from hybrid_rt.scene.scene import Object, Scene
+from hybrid_rt.sensor.camera import Camera
+from hybrid_rt.shading.kernels.bsdf import DIELECTRIC, LobeTable
+from hybrid_rt.shading.kernels.emitter import RECTANGLE, SPHERE, SURFACE, LightTable
+from hybrid_rt.shading.kernels.environment import EnvironmentTable
+from hybrid_rt.shading.kernels.texture import TextureTable
+from hybrid_rt.textures.texture import ConstantTexture, Texture
+
+NOTHING = -1
+"""In a table of indices: there is none."""
+
+
+@dataclass(frozen=True)
+class CompiledScene:
+    """A scene as integrators and kernels take it.
+
+    Attributes
+    ----------
+    surfaces : list
+        What the intersector is built over: first the objects, then the lights that can be seen.
+    material_of : (surfaces,) int32
+        Row in ``lobes.first`` of each surface; `NOTHING` for lights.
+    light_of : (surfaces,) int32
+        Row in ``lights`` of each surface that shines; `NOTHING` for others.
+    surface_of_light : (lights,) int32
+        Index in ``surfaces`` of each light; `NOTHING` where it is not seen.
+    color_factor : (lobes,) float64
+        What multiplies the colour of each lobe.
+    glass_of : (materials,) int32
+        The dielectric lobe of each material; `NOTHING` where it has none.
+    shining : dict
+        What chooses points of the lights of kind `SURFACE`, by row in ``lights``.
+    vertex_normals : dict
+        Of smooth meshes, by index in ``surfaces``: (vertices, 3) float64.
+    """
+
+    camera: Camera
+    environment: Environment | None
+    surfaces: list[Any]
+    names: list[str]
+    material_of: IntArray
+    light_of: IntArray
+    surface_of_light: IntArray
+    lobes: LobeTable
+    color_factor: FloatArray
+    glass_of: IntArray
+    textures: TextureTable
+    lights: LightTable
+    shining: dict[int, ShiningSurface]
+    sky: EnvironmentTable
+    vertex_normals: dict[int, FloatArray]
+
+    @property
+    def n_lights(self) -> int:
+        """Return the number of lights, the environment not counted."""
+        return int(self.lights.kind.size)
+
+    def lobes_of_kinds(self, least: int, last: int) -> BoolArray:
+        """Return which lobes of each material are of these kinds.
+
+        Parameters
+        ----------
+        least, last : int
+            First and last of the kinds, in the order of `hybrid_rt.shading.kernels.bsdf`.
+
+        Returns
+        -------
+        (materials + 1, lobes of a material at most) bool
+            The last row is for `NOTHING`, which has none.
+        """
+        first = self.lobes.first
+        marks = np.zeros((first.size, int(np.diff(first).max(initial=0))), dtype=np.bool_)
+        for m, (start, stop) in enumerate(pairwise(first)):
+            kinds = self.lobes.kind[start:stop]
+            marks[m, : kinds.size] = (kinds >= least) & (kinds <= last)
+        return marks
+
+    def materials_of_kinds(self, least: int, last: int) -> BoolArray:
+        """Return which materials have lobes of these kinds, (materials + 1,): see `lobes_of_kinds`."""
+        return np.asarray(self.lobes_of_kinds(least, last).any(axis=1))
+
+
+def compile_scene(scene: Scene) -> CompiledScene:
+    """Lay a scene out in flat tables.
+
+    Raises
+    ------
+    ValueError
+        If an object cannot be what it is to be; it is named.
+    """
+    surfaces = [item.surface for item in scene.objects]
+    materials: list[Material] = []
+    row_of: dict[int, int] = {}  # a material used twice is stored once
+    for item in scene.objects:
+        if id(item.material) not in row_of:
+            row_of[id(item.material)] = len(materials)
+            materials.append(item.material)
+    material_of = [row_of[id(item.material)] for item in scene.objects]
+    light_of = [NOTHING] * len(surfaces)
+    rows = [light.row for light in scene.lights]
+    surface_of_light = []
+    for i, light in enumerate(scene.lights):
+        if light.surface is None:
+            surface_of_light.append(NOTHING)
+            continue
+        surface_of_light.append(len(surfaces))
+        surfaces.append(light.surface)
+        material_of.append(NOTHING)
+        light_of.append(i)
+    shining: dict[int, ShiningSurface] = {}
+    for i, item in enumerate(scene.objects):
+        if item.material.radiance is None:
+            continue
+        light_of[i] = len(rows)
+        surface_of_light.append(i)
+        row, chooser = _shining_object(item, item.material.radiance)
+        if chooser is not None:
+            shining[len(rows)] = chooser
+        rows.append(row)
+    pictures = [row.texture for row in rows if row.texture is not None]
+    lobes, textures = compile_materials(materials, pictures)
+    n_before = textures.kind.size - len(pictures)
+    numbers = iter(range(n_before, textures.kind.size))
+    texture_of = [NOTHING if row.texture is None else next(numbers) for row in rows]
+    return CompiledScene(
+        camera=scene.camera,
+        environment=scene.environment,
+        surfaces=surfaces,
+        names=[item.name for item in scene.objects],
+        material_of=np.array(material_of, dtype=np.int32),
+        light_of=np.array(light_of, dtype=np.int32),
+        surface_of_light=np.array(surface_of_light, dtype=np.int32),
+        lobes=lobes,
+        color_factor=color_factor(lobes),
+        glass_of=_glass_of(lobes),
+        textures=textures,
+        lights=compile_lights(rows, texture_of, scene.environment is not None),
+        shining=shining,
+        sky=compile_environment(scene.environment),
+        vertex_normals={
+            i: vertex_normals(item.surface) for i, item in enumerate(scene.objects) if item.smooth
+        },
+    )
+
+
+def _glass_of(lobes: LobeTable) -> IntArray:
+    glass = np.full(lobes.first.size - 1, NOTHING, dtype=np.int32)
+    for row in np.flatnonzero(lobes.kind == DIELECTRIC):
+        glass[np.searchsorted(lobes.first, row, side="right") - 1] = row
+    return glass
+
+
+def _shining_object(item: Object, radiance: Texture) -> tuple[LightRow, ShiningSurface | None]:
+    """Return the light that an object is, and what chooses its points unless the kernels do."""
+    surface, nothing = item.surface, np.zeros(3)
+    try:
+        chooser = shining_surface(surface)
+    except ValueError as error:
+        raise ValueError(f"object {item.name!r} {error}") from error
+    # A plane has no end: scattered rays find it, but nothing is chosen on it.
+    area = 0.0 if chooser is None else chooser.area
+    strength = radiance.brightest
+    is_even = isinstance(radiance, ConstantTexture)
+    row = LightRow(
+        kind=SURFACE,
+        origin=nothing,
+        edge_u=nothing,
+        edge_v=nothing,
+        strength=strength,
+        texture=None if is_even else radiance,
+        power=math.pi * area * float(strength.mean()),
+    )
+    if isinstance(surface, Plane):
+        return row, None
+    if isinstance(surface, Rectangle):
+        corner, u, v = surface.corner, surface.edge_u, surface.edge_v
+        return replace(row, kind=RECTANGLE, origin=corner, edge_u=u, edge_v=v), None
+    # From outside, a sphere that shines evenly is better chosen from by the angle it is seen under.
+    if isinstance(surface, Sphere) and surface.orientation > 0 and is_even:
+        size = np.array([surface.radius, 0.0, 0.0])
+        return replace(row, kind=SPHERE, origin=surface.center, edge_u=size), None
+    return row, chooser

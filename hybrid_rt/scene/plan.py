@@ -1,0 +1,177 @@
+"""What a scene needs, decided once; whatever it does not need is never computed."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from hybrid_rt.scene.compiled import CompiledScene
+from hybrid_rt.scene.touching import touching
+from hybrid_rt.shading.kernels.bsdf import DIELECTRIC, LAST_SPREADING, METAL, MIRROR, PHONG
+from hybrid_rt.textures.table import needs_lookup
+
+# Integrators that send photons out from the lights.
+WITH_PHOTONS = ("ppm", "photon_map")
+
+# The decision that each of these modules of kernels is for; those of others always run.
+KERNELS_FOR = {
+    "hybrid_rt.shading.kernels.environment": "sky samples",
+    "hybrid_rt.shading.kernels.fresnel": "glass rays",
+    "hybrid_rt.integrators.kernels.light_paths": "light paths",
+    "hybrid_rt.shading.kernels.medium_stack": "medium stack",
+    "hybrid_rt.shading.kernels.texture": "texture lookups",
+}
+
+
+@dataclass
+class Plan:
+    """Decisions by name, and the reason of each in words."""
+
+    used: dict[str, str] = field(default_factory=dict)
+    left_out: dict[str, str] = field(default_factory=dict)
+
+    def decide(self, name: str, is_needed: bool, because: str, otherwise: str) -> None:
+        """Record one decision with the reason that applies."""
+        (self.used if is_needed else self.left_out)[name] = because if is_needed else otherwise
+
+    def __getitem__(self, name: str) -> bool:
+        """Tell whether something is needed; an unknown name is a mistake of ours."""
+        if name not in self.used and name not in self.left_out:
+            raise KeyError(name)
+        return name in self.used
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the plan for the report."""
+        return {"used": dict(self.used), "left_out": dict(self.left_out)}
+
+
+def explain(plan: dict[str, Any]) -> str:
+    """Put the plan of a report into words, one decision a line."""
+    lines = []
+    for part, decisions in plan.items():
+        lines.append(f"{part}:")
+        for sign, group in (("+", "used"), ("-", "left_out")):
+            lines += [f"  {sign} {name}: {why}" for name, why in decisions[group].items()]
+    return "\n".join(["Plan (+ used, - left out)", *lines])
+
+
+def make_plan(scene: CompiledScene, integrator: str) -> Plan:
+    """Decide what light transport in this scene needs."""
+    kinds = scene.lobes.kind
+    spreads = bool((kinds <= LAST_SPREADING).any())
+    is_glass = kinds == DIELECTRIC
+    has_sky = scene.environment is not None
+    n_lights = scene.n_lights
+    asks_all = integrator == "whitted"
+
+    plan = Plan()
+    plan.decide(
+        "lens samples",
+        scene.camera.has_lens,
+        f"the lens has diameter {scene.camera.aperture:g}",
+        "the camera is a pinhole",
+    )
+    plan.decide(
+        "texture lookups",
+        needs_lookup(scene.textures, scene.lobes.texture),
+        "at least one colour varies over its surface",
+        "every colour is constant",
+    )
+    how = "one shadow ray each" if asks_all else "one of them asked, by one shadow ray,"
+    plan.decide(
+        "light samples",
+        spreads and n_lights > 0,
+        f"{n_lights} light(s), {how} per shading point and pass",
+        "there is no light" if n_lights == 0 else "no surface spreads light",
+    )
+    plan.decide(
+        "points on surfaces",
+        spreads and bool(scene.shining),
+        f"{len(scene.shining)} surface(s) shine and are asked by area",
+        "no surface spreads light" if scene.shining else "no curved or composed surface shines",
+    )
+    how = "one shadow ray per shading point and pass" if asks_all else "one light among the others"
+    plan.decide(
+        "sky samples",
+        spreads and has_sky,
+        f"the environment shines on surfaces, {how}",
+        "no surface spreads light" if has_sky else "the environment is black",
+    )
+    plan.decide(
+        "visible lights",
+        bool((scene.light_of >= 0).any()),
+        "area lights are seen by camera and scattered rays",
+        "no light has an area",
+    )
+    plan.decide(
+        "mirror rays",
+        bool(np.isin(kinds, (MIRROR, METAL)).any()),
+        "at least one surface is a mirror or metal",
+        "no surface is a mirror",
+    )
+    plan.decide(
+        "glass rays",
+        bool(is_glass.any()),
+        "at least one surface is a dielectric; "
+        + ("both branches are" if asks_all else "one branch is")
+        + " followed",
+        "no surface is a dielectric",
+    )
+    plan.decide(
+        "medium stack",
+        bool(is_glass.any()),
+        "rays remember the clear bodies they are in",
+        "no surface is a dielectric",
+    )
+    plan.decide(
+        "contacts",
+        bool(is_glass.any()) and bool(touching(scene).any()),
+        "clear bodies may share faces with others: those are passed at once",
+        "no clear body touches another surface" if is_glass.any() else "no surface is a dielectric",
+    )
+    leads = bool((kinds > LAST_SPREADING).any())
+    shines = bool(scene.lights.emit.any())
+    plan.decide(
+        "light paths",
+        integrator == "path" and spreads and leads and shines,
+        "lamps shine on surfaces by way of mirrors and glass: paths from the lamps find that",
+        "both branches at glass are followed, and no light thrown by it"
+        if asks_all
+        else "photons find what mirrors and glass throw"
+        if integrator in WITH_PHOTONS
+        else "no surface spreads light"
+        if not spreads
+        else "no mirror or glass throws light"
+        if not leads
+        else "no light has an area",
+    )
+    if integrator in WITH_PHOTONS:
+        _plan_photons(plan, scene, integrator)
+    return plan
+
+
+def _plan_photons(plan: Plan, scene: CompiledScene, integrator: str) -> None:
+    """Decide which photons a scene needs."""
+    kinds, shines = scene.lobes.kind, bool(scene.lights.chance.any())
+    gathers, throws = bool((kinds <= PHONG).any()), bool((kinds > PHONG).any())
+    plan.decide(
+        "photons",
+        gathers and shines,
+        "lights send photons to surfaces that spread light",
+        "no surface spreads light widely" if shines else "nothing shines",
+    )
+    plan.decide(
+        "aimed photons",
+        gathers and shines and throws,
+        "mirrors, metals or glass may throw caustics",
+        "nothing mirrors or refracts" if gathers and shines else "there are no photons",
+    )
+    if integrator == "photon_map":
+        plan.decide(
+            "caustic map",
+            gathers and shines and throws,
+            "photons straight from mirrors, metals and glass are kept apart",
+            "nothing mirrors or refracts" if gathers and shines else "there are no photons",
+        )

@@ -1,0 +1,104 @@
+"""What the user describes, and the flat tables it is compiled to once."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from hybrid_rt.core import checks
+from hybrid_rt.lights.light import Environment, Light
+from hybrid_rt.materials.material import Material
+from hybrid_rt.primitives import TriangleMesh
+from hybrid_rt.sensor.camera import Camera
+
+
+class Object:
+    """A surface made of something.
+
+    Parameters
+    ----------
+    surface : Sphere, Rectangle, Plane, Box, TriangleMesh, BezierPatches or SurfaceOfRevolution
+    material : Material
+    name : str, optional
+        What messages and reports call it.
+    smooth : bool
+        Shade a triangle mesh by normals interpolated between its vertices. Its outline and its
+        shadows stay those of the triangles.
+    """
+
+    def __init__(
+        self, surface: Any, material: Material, name: str | None = None, smooth: bool = False
+    ) -> None:
+        if name is not None and not isinstance(name, str):
+            raise TypeError(f"Object name is {checks.shown(name)}: pass a word, or None")
+        self.name = type(surface).__name__ if name is None else name
+        is_class = isinstance(surface, type)
+        if is_class or not (hasattr(surface, "bounds") and hasattr(surface, "transformed")):
+            raise TypeError(
+                f"object {self.name!r} is made of {checks.shown(surface)}: pass a Sphere, "
+                "Rectangle, Plane, Box, TriangleMesh, BezierPatches or SurfaceOfRevolution"
+            )
+        if not isinstance(material, Material):
+            raise TypeError(
+                f"object {self.name!r} has the material {checks.shown(material)}: pass one of "
+                "hybrid_rt.materials"
+            )
+        if checks.flag(smooth, f"object {self.name!r}, smooth") and not isinstance(
+            surface, TriangleMesh
+        ):
+            raise TypeError(
+                f"object {self.name!r} is a smooth {type(surface).__name__}: leave smooth to "
+                "TriangleMesh, other surfaces have exact normals"
+            )
+        self.surface = surface
+        self.material = material
+        self.smooth = smooth
+
+
+class Scene:
+    """A camera, objects, lights, and what lies around them.
+
+    Parameters
+    ----------
+    camera : Camera
+    objects : sequence of Object
+    lights : sequence of PointLight, RectangleLight or SphereLight
+    environment : GradientSky or ImageEnvironment, optional
+        What rays see that leave the scene; None is black.
+
+    Raises
+    ------
+    TypeError
+        If a part is of another type; the message says which.
+    """
+
+    def __init__(
+        self,
+        camera: Camera,
+        objects: Sequence[Object] = (),
+        lights: Sequence[Light] = (),
+        environment: Environment | None = None,
+    ) -> None:
+        if not isinstance(camera, Camera):
+            raise TypeError(f"Scene camera is {checks.shown(camera)}: pass a Camera")
+        objects = checks.items(objects, "Scene objects")
+        lights = checks.items(lights, "Scene lights")
+        for i, item in enumerate(objects):
+            if not isinstance(item, Object):
+                raise TypeError(f"Scene objects[{i}] is {checks.shown(item)}: pass an Object")
+        for i, light in enumerate(lights):
+            if not isinstance(light, Light):
+                raise TypeError(f"Scene lights[{i}] is {checks.shown(light)}: pass a light")
+        if environment is not None and not isinstance(environment, Environment):
+            raise TypeError(
+                f"Scene environment is {checks.shown(environment)}: pass a GradientSky, an "
+                "ImageEnvironment or None"
+            )
+        self.camera = camera
+        self.objects: tuple[Object, ...] = objects
+        self.lights: tuple[Light, ...] = lights
+        self.environment = environment
+
+    def with_camera(self, camera: Camera) -> Scene:
+        """Return the same scene seen by another camera."""
+        return Scene(camera, self.objects, self.lights, self.environment)

@@ -1,0 +1,42 @@
+"""Which clear bodies may share faces with other surfaces."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from hybrid_rt.core.records import BoolArray
+from hybrid_rt.intersection.coincident import FACE_ROUNDING
+from hybrid_rt.primitives import Sphere
+from hybrid_rt.scene.compiled import NOTHING, CompiledScene
+
+
+def touching(scene: CompiledScene) -> BoolArray:
+    """Tell which surfaces are clear and may coincide in part with another, (surfaces,) bool.
+
+    Spheres coincide with equal spheres only, other surfaces possibly where their boxes meet.
+    """
+    surfaces = scene.surfaces
+    touches = np.zeros(max(len(surfaces), 1), dtype=np.bool_)
+    glass = {i for i in range(len(surfaces)) if _is_glass(scene, scene.material_of[i])}
+    balls: dict[tuple[float, ...], list[int]] = {}
+    others = []
+    for i, surface in enumerate(surfaces):
+        if isinstance(surface, Sphere):
+            balls.setdefault((*surface.center, surface.radius), []).append(i)
+        else:
+            others.append(i)
+    for same in balls.values():
+        touches[[i for i in same if i in glass]] = len(same) > 1
+    bounds = np.array([surfaces[i].bounds for i in others]).reshape(-1, 2, 3)
+    slack = FACE_ROUNDING * np.where(np.isfinite(bounds), np.abs(bounds), 0.0).max(initial=0.0)
+    for i in glass & set(others):
+        low, high = surfaces[i].bounds
+        meets = (bounds[:, 0] <= high + slack).all(axis=1) & (bounds[:, 1] >= low - slack).all(
+            axis=1
+        )
+        touches[i] = np.count_nonzero(meets) > 1
+    return touches
+
+
+def _is_glass(scene: CompiledScene, material: int) -> bool:
+    return material != NOTHING and scene.glass_of[material] != NOTHING

@@ -1,0 +1,1 @@
+"""Camera, film and picture files."""

@@ -1,0 +1,198 @@
+"""The camera: from places on the film to rays, with or without a lens."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from hybrid_rt.core import checks
+from hybrid_rt.core.records import FloatArray
+
+# Below this sine between view and up the picture's roll is decided by rounding.
+SMALLEST_SINE = 1e-8
+# Pixels along a side; far fewer fill any machine, which `hybrid_rt.rendering.memory` says in time.
+MOST_PIXELS = 10**9
+
+
+class Camera:
+    """A pinhole, or a thin lens where ``aperture`` is positive.
+
+    Parameters
+    ----------
+    look_from, look_at : three numbers
+        The eye and the point that lands in the middle of the picture.
+    up : three numbers
+        Points up in the picture; need not be normal to the view.
+    vertical_fov : float
+        Full angle between the lower and the upper border, degrees, between 0 and 180.
+    width, height : int
+        Pixels; they are square.
+    aperture : float
+        Diameter of the lens in scene units; 0 is exactly a pinhole.
+    focus_distance : float, optional
+        Distance, along the view, of the plane that is sharp; default the distance of ``look_at``.
+
+    Raises
+    ------
+    ValueError, TypeError
+        If the numbers describe no camera; the message names the parameter.
+    """
+
+    def __init__(
+        self,
+        look_from: ArrayLike,
+        look_at: ArrayLike,
+        up: ArrayLike,
+        vertical_fov: float = 40.0,
+        width: int = 640,
+        height: int = 480,
+        aperture: float = 0.0,
+        focus_distance: float | None = None,
+    ) -> None:
+        self.look_from = checks.as_vector(look_from, "Camera look_from", up_to=checks.FARTHEST)
+        self.look_at = checks.as_vector(look_at, "Camera look_at", up_to=checks.FARTHEST)
+        self.up = checks.as_vector(up, "Camera up")
+        self.vertical_fov = checks.number(
+            vertical_fov, "Camera vertical_fov", above=0.0, below=180.0, hint="degrees"
+        )
+        self.width = checks.whole(width, "Camera width", at_least=1, up_to=MOST_PIXELS)
+        self.height = checks.whole(height, "Camera height", at_least=1, up_to=MOST_PIXELS)
+        self.aperture = checks.number(
+            aperture, "Camera aperture", at_least=0.0, up_to=checks.FARTHEST, hint="0: a pinhole"
+        )
+        view = self.look_at - self.look_from
+        if not view.any():
+            raise ValueError("Camera look_at equals look_from: pass another point to look at")
+        if focus_distance is None:
+            focus_distance = math.hypot(*view)
+        self.focus_distance = checks.number(
+            focus_distance, "Camera focus_distance", above=0.0, up_to=4.0 * checks.FARTHEST
+        )
+
+        self._forward = checks.as_direction(view, "Camera view")
+        up_direction = checks.as_direction(self.up, "Camera up")
+        right = np.cross(self._forward, up_direction)
+        if np.linalg.norm(right) < SMALLEST_SINE:
+            raise ValueError(
+                f"Camera up is {self.up.tolist()}, parallel to the view: pass another direction"
+            )
+        self._right = right / np.linalg.norm(right)
+        self._upward = np.cross(self._right, self._forward)
+        self._half_height = math.tan(math.radians(self.vertical_fov) / 2.0)
+
+    @property
+    def has_lens(self) -> bool:
+        """Whether rays start on a disc rather than in one point."""
+        return self.aperture > 0.0
+
+    @property
+    def pixel_size(self) -> float:
+        """Side of a pixel on a plane at distance one."""
+        return 2.0 * self._half_height / self.height
+
+    def resized(self, width: int, height: int) -> Camera:
+        """Return the same camera with other pixel counts."""
+        return Camera(
+            self.look_from,
+            self.look_at,
+            self.up,
+            self.vertical_fov,
+            width,
+            height,
+            self.aperture,
+            self.focus_distance,
+        )
+
+    def rays(
+        self, column: FloatArray, row: FloatArray, lens: FloatArray | None = None
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return origins and unit directions through places on the film.
+
+        Parameters
+        ----------
+        column, row : (n,) float64
+            Places in pixels from the upper left corner; pixel (0, 0) covers [0, 1) x [0, 1).
+        lens : (n, 2) float64 in [0, 1), optional
+            Places on the lens; without them every ray passes its centre.
+
+        Returns
+        -------
+        origins, directions : (n, 3) float64 each
+        """
+        across = (2.0 * column - self.width) / self.height * self._half_height
+        upward = (1.0 - 2.0 * row / self.height) * self._half_height
+        directions = self._forward + np.multiply.outer(across, self._right)
+        directions += np.multiply.outer(upward, self._upward)
+        if lens is None:
+            origins = np.tile(self.look_from, (column.size, 1))
+        else:
+            shift = self._on_lens(lens)
+            origins = self.look_from + shift
+            directions -= shift / self.focus_distance
+        directions /= np.sqrt(np.einsum("ij,ij->i", directions, directions))[:, None]
+        return origins, directions
+
+    def sees(
+        self, points: FloatArray, lens: FloatArray | None = None
+    ) -> tuple[FloatArray, NDArray[np.int64], FloatArray]:
+        """Return where points appear in the picture: `rays` the other way round.
+
+        Parameters
+        ----------
+        points : (n, 3) float64
+        lens : (n, 2) float64 in [0, 1), optional
+            Places on the lens from which they are seen.
+
+        Returns
+        -------
+        way : (n, 3) float64
+            From the camera to each point.
+        pixel : (n,) int64
+            Counted along rows from the upper left; -1 outside the picture.
+        pdf : (n,) float64
+            Density per solid angle of directions to places even in the pixel; 0 outside.
+        """
+        shift = self._on_lens(lens)
+        way = points - (self.look_from + shift)
+        depth = way @ self._forward
+        distance = np.sqrt(np.einsum("ij,ij->i", way, way))
+        in_front = depth > 0.0
+        depth = np.where(in_front, depth, 1.0)
+        on_film = way / depth[:, None] + shift / self.focus_distance
+        scale = self.height / self._half_height
+        column = np.floor(0.5 * (on_film @ self._right * scale + self.width))
+        row = np.floor(0.5 * (self.height - on_film @ self._upward * scale))
+        inside = in_front & (column >= 0) & (column < self.width) & (row >= 0) & (row < self.height)
+        column, row = np.where(inside, column, 0.0), np.where(inside, row, 0.0)
+        pixel = np.where(inside, (row * self.width + column).astype(np.int64), -1)
+        pdf = np.where(inside, self._pdf_ahead * (distance / depth) ** 3, 0.0)
+        return way, pixel, pdf
+
+    def direction_pdf(self, directions: FloatArray) -> FloatArray:
+        """Return the density per solid angle (n,) with which `rays` finds unit directions (n, 3).
+
+        Each within its pixel, through one point of the lens.
+        """
+        pdf: FloatArray = self._pdf_ahead / (directions @ self._forward) ** 3
+        return pdf
+
+    @property
+    def _pdf_ahead(self) -> float:
+        """Density per solid angle of directions straight ahead.
+
+        A pixel covers the square of `pixel_size` at depth one, where a steradian covers one over
+        the cosine cubed.
+        """
+        return (0.5 * self.height / self._half_height) ** 2
+
+    def _on_lens(self, lens: FloatArray | None) -> FloatArray:
+        """Return places on the lens as seen from its centre, (n, 3), or (3,) for the centre."""
+        if lens is None:
+            return np.zeros(3)
+        radius = 0.5 * self.aperture * np.sqrt(lens[:, 0])
+        angle = 2.0 * math.pi * lens[:, 1]
+        shift = np.multiply.outer(radius * np.cos(angle), self._right)
+        shift += np.multiply.outer(radius * np.sin(angle), self._upward)
+        return shift

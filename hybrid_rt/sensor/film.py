@@ -1,0 +1,241 @@
+"""From passes to a picture, and from a picture to a file."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hybrid_rt.core.records import FloatArray
+from hybrid_rt.sensor.image_metrics import DARK
+from hybrid_rt.sensor.passes import GROUPS, RUN
+
+# Radiances beyond the range of numbers end as inf and nan, which the report counts.
+OVERFLOWS = np.errstate(over="ignore", invalid="ignore")
+
+# Pixels of which errors are computed at a time: what it takes stays in the processor's cache.
+STRIP = 2**12
+
+# Half the width of a 95 % interval in standard errors: Student's t by degrees of freedom.
+_STUDENT = (
+    12.706, 4.303, 3.182, 2.776, 2.571, 2.447, 2.365, 2.306, 2.262, 2.228, 2.201, 2.179, 2.160,
+    2.145,
+)  # fmt: skip
+
+# Four means say little about their own spread, and where rare paths bring much light the lucky
+# pixels believe their error to be none. So the interval of a pixel borrows from the pixels around
+# it: they are alike but not the same, and discs of photons give them common noise, so together they
+# count for twice the degrees of freedom that it has by itself. docs/error_vs_time.md has figures.
+BORROWED = 2
+# Student's t as above for 3, 6, 9, ... degrees of freedom: with what neighbours lend.
+_STUDENT_OF_PIXELS = (
+    3.182, 2.447, 2.262, 2.179, 2.131, 2.101, 2.080, 2.064, 2.052, 2.042, 2.035, 2.028, 2.023,
+    2.018,
+)  # fmt: skip
+
+
+class Film:
+    """The sums of all passes so far, group by group.
+
+    Parameters
+    ----------
+    height, width : int
+    """
+
+    def __init__(self, height: int, width: int) -> None:
+        self.n_passes = 0
+        self._sums = np.zeros((GROUPS, height, width, 3))
+        self._counts = np.zeros(GROUPS, dtype=np.int64)
+        self._means = np.zeros(GROUPS)  # of whole pictures, summed like the pictures
+        # Until every group holds a run, passes count as independent of each other.
+        self._first_means: list[float] = []
+        self._squares: FloatArray | None = np.zeros((height, width, 3))
+
+    @OVERFLOWS
+    def add(self, radiance: FloatArray) -> None:
+        """Add one pass (height, width, 3); passes come in the order of their numbers."""
+        group = self.n_passes // RUN % GROUPS
+        mean = float(radiance.mean())
+        self._sums[group] += radiance
+        self._means[group] += mean
+        self._counts[group] += 1
+        self.n_passes += 1
+        if self.n_passes >= GROUPS * RUN:
+            self._squares = None
+        elif self._squares is not None:
+            self._squares += radiance * radiance
+            self._first_means.append(mean)
+
+    @property
+    @OVERFLOWS
+    def image(self) -> NDArray[np.float32]:
+        """(height, width, 3) float32: the mean of the passes, linear, row 0 at the top."""
+        return self._mean().astype(np.float32)
+
+    @property
+    @OVERFLOWS
+    def standard_error(self) -> FloatArray:
+        """(height, width, 3) float64: of each pixel; a single pass tells nothing: nan.
+
+        From 16 passes on it comes from the differences between groups. Before, passes count as
+        independent; they are better than that, so the figures err on the safe side. The squares
+        are right in the mean over many pixels; of a single one see `half_interval`.
+        """
+        return np.sqrt(self._variances())
+
+    @property
+    def half_interval(self) -> FloatArray:
+        """(height, width, 3) float64: half the width of each pixel's 95 % interval; nan as above.
+
+        A pixel's own variance and the mean of its neighbours' make one estimate; in pictures of one
+        pixel its own has to do. Of many intervals 95 % hold the truth; beside edges of the noise,
+        where neighbours differ most, more do on the calm side and fewer on the other.
+        """
+        own = self._variances()
+        n = (self.n_passes if self._squares is not None else GROUPS) - 2
+        if own.shape[0] * own.shape[1] == 1:
+            return _STUDENT[max(n, 0)] * np.sqrt(own)
+        both = (own + BORROWED * _mean_of_neighbours(own)) / (1.0 + BORROWED)
+        half: FloatArray = _STUDENT_OF_PIXELS[max(n, 0)] * np.sqrt(both)
+        return half
+
+    def _variances(self) -> FloatArray:
+        """Return the variances (height, width, 3) of the mean, nan after one pass."""
+        variances = np.full(self._sums.shape[1:], np.nan)
+        if self.n_passes >= 2:
+            for rows, _, variance in self._strips():
+                variances[rows] = variance
+        return variances
+
+    @OVERFLOWS
+    def relative_error(self) -> float:
+        """Return the estimated relative root mean square error of the picture, nan after one pass.
+
+        Its square is what `hybrid_rt.sensor.image_metrics.relative_mse` is expected to be against the limit r of
+        infinitely many passes: the mean over pixels and channels of s^2 / (r^2 + 0.01), s the
+        standard error. As r is not known, the picture stands in for it. One bright path makes both
+        s and the value of its pixel large; divided by each other they would hide the error. So
+        what one group of passes varies by is divided by the mean of the other groups. Before 16
+        passes the mean of the pixel's neighbours is taken for r where it is darker.
+        """
+        return self._root_mean_squares()[1]
+
+    @OVERFLOWS
+    def noise(self) -> dict[str, Any] | None:
+        """Return estimates of the standard error, or None where a single pass tells nothing.
+
+        See `standard_error` and `relative_error`; ``errs_on_the_safe_side`` before 16 passes. A 95 %
+        interval of the image mean reaches ``interval_factor`` standard errors to either side.
+        """
+        n = self.n_passes
+        if n < 2:
+            return None
+        is_early = self._squares is not None
+        mean = float(self._means.sum()) / n
+        if is_early:
+            of_mean = float(np.std(self._first_means, ddof=1)) / math.sqrt(n)
+        else:
+            of_mean = math.sqrt(float(self._variance(self._means, mean)))
+        absolute, relative = self._root_mean_squares()
+        return {
+            "errs_on_the_safe_side": is_early,
+            "interval_factor": _STUDENT[(n if is_early else GROUPS) - 2],
+            "image_mean": mean,
+            "standard_error_of_image_mean": of_mean,
+            "root_mean_square_standard_error_of_pixels": absolute,
+            "relative_rmse": relative,
+        }
+
+    def _mean(self) -> FloatArray:
+        mean: FloatArray = self._sums.sum(axis=0) / self.n_passes
+        return mean
+
+    def _root_mean_squares(self) -> tuple[float, float]:
+        """Return those of the pixels' standard errors, absolute and relative; nan after one pass."""
+        if self.n_passes < 2:
+            return math.nan, math.nan
+        is_early = self._squares is not None
+        level = _without_peaks(self._mean()) if is_early else None
+        absolute, plain, crossed = 0.0, 0.0, 0.0
+        for rows, mean, variance in self._strips():
+            absolute += float(variance.sum())
+            seen = mean if level is None else level[rows]
+            plain += float((variance / (seen * seen + DARK)).sum())
+            if not is_early:
+                crossed += self._relative_to_others(self._sums[:, rows])
+        n = self._sums[0].size
+        # Both have the same mean where no path is rare; the larger errs on the safe side.
+        return math.sqrt(absolute / n), math.sqrt(max(plain, crossed) / n)
+
+    def _relative_to_others(self, sums: FloatArray) -> float:
+        """Return the sum of variances of the mean, each over what other groups found, (4, ...).
+
+        For independent groups g, h, k of one mean, (g - h) (g - k) has the variance of g alone as
+        its mean, whatever h and k are.
+        """
+        n, total = self.n_passes, sums.sum(axis=0)
+        counts = self._counts.reshape(-1, *(1,) * total.ndim)
+        means = sums / counts
+        result = 0.0
+        for group, count in enumerate(self._counts):
+            others = (total - sums[group]) / (n - count)
+            gaps = means[group] - np.delete(means, group, axis=0)
+            # Sum over pairs, twice: the square of the sum without the squares.
+            pairs = gaps.sum(axis=0) ** 2 - (gaps * gaps).sum(axis=0)
+            n_pairs = len(gaps) * (len(gaps) - 1)
+            share = (count / n) ** 2 / n_pairs
+            result += share * float((pairs / (others * others + DARK)).sum())
+        return result
+
+    def _strips(self) -> Iterator[tuple[slice, FloatArray, FloatArray]]:
+        """Yield rows, their mean and the variance of that, a strip of the picture at a time."""
+        n = self.n_passes
+        height, width, _ = self._sums.shape[1:]
+        at_once = max(STRIP // width, 1)
+        for first in range(0, height, at_once):
+            rows = slice(first, first + at_once)
+            sums = self._sums[:, rows]
+            mean = sums.sum(axis=0) / n
+            if self._squares is None:
+                yield rows, mean, self._variance(sums, mean)
+            else:
+                # Rounding can leave a variance of -1e-17 where all passes agree.
+                squares = np.maximum(self._squares[rows] / n - mean * mean, 0.0)
+                yield rows, mean, squares / (n - 1)
+
+    def _variance(self, sums: FloatArray, mean: FloatArray | float) -> FloatArray:
+        """Return the variance of the mean, from sums over groups (GROUPS, ...).
+
+        Of independent passes the squares below have n - sum(n_g^2) / n times the variance of one
+        as their mean: unbiased also where groups differ in size.
+        """
+        squares = np.zeros(sums.shape[1:])
+        for sum_of_group, count in zip(sums, self._counts, strict=True):
+            squares += (sum_of_group - count * mean) ** 2
+        variance: FloatArray = squares / float(self.n_passes**2 - np.square(self._counts).sum())
+        return variance
+
+
+def _without_peaks(image: FloatArray) -> FloatArray:
+    """Return an image (height, width, 3) no brighter than the mean of each pixel's neighbours."""
+    if image.shape[0] * image.shape[1] == 1:
+        return image
+    return np.minimum(image, _mean_of_neighbours(image))
+
+
+def _mean_of_neighbours(image: FloatArray) -> FloatArray:
+    """Return the means (height, width, 3) over the up to eight pixels around each of several."""
+    height, width, _ = image.shape
+    padded = np.pad(image, ((1, 1), (1, 1), (0, 0)))
+    inside = np.pad(np.ones((height, width, 1)), ((1, 1), (1, 1), (0, 0)))
+    total, count = np.zeros_like(image), np.zeros((height, width, 1))
+    for down in range(3):
+        for right in range(3):
+            if (down, right) != (1, 1):
+                total += padded[down : down + height, right : right + width]
+                count += inside[down : down + height, right : right + width]
+    mean: FloatArray = total / count
+    return mean

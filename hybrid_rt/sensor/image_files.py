@@ -1,0 +1,185 @@
+"""From a picture to a file, with its report beside it."""
+
+from __future__ import annotations
+
+import errno
+import importlib.util
+import os
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, BinaryIO
+
+import imageio.v3 as imageio
+import numpy as np
+import OpenEXR
+from numpy.typing import NDArray
+
+from hybrid_rt.core.ledger import as_json
+from hybrid_rt.sensor.channel_names import PARTS
+from hybrid_rt.sensor.color import screen_pixels
+from meshing.checks import as_path, number
+
+# Exposures up to here keep their factor a number.
+MOST_STOPS = 100.0
+
+
+Channels = Mapping[str, NDArray[np.float32]]
+
+
+def save_image(
+    path: str | os.PathLike[str],
+    image: NDArray[np.float32],
+    report: dict[str, Any],
+    channels: Channels | None = None,
+    exposure: float = 0.0,
+) -> Path:
+    """Write a picture, and its report beside it as JSON.
+
+    Parameters
+    ----------
+    path : path ending in .png, .npz or .exr
+        PNG: 8 bit, sRGB, values above 1 clipped. NPZ: ``image`` as it is, ``report`` as JSON text
+        and the channels by name. EXR: 32-bit channels R, G, B and name.part, the report as the
+        attribute "hybrid_rt"; needs the package OpenEXR (the extra "exr"). An existing file is
+        replaced, at once and only by a complete one.
+    image : (height, width, 3) float32
+    report : dict
+    channels : dict, optional
+        By name, (height, width) or (height, width, parts) float32; not kept by PNG.
+    exposure : float
+        Stops: a PNG shows 2**exposure times the radiance. The other formats keep radiance.
+
+    Returns
+    -------
+    Path
+        The sidecar: a.json of a.png, a.npz.json of a.npz, so that none takes another's place.
+
+    Raises
+    ------
+    ValueError, OSError, ModuleNotFoundError
+        If the ending is another one, no file can be made there, or OpenEXR is not installed.
+    """
+    target = check_output(path)
+    number(exposure, "exposure", at_least=-MOST_STOPS, up_to=MOST_STOPS, hint="stops")
+    if np.ndim(image) != 3 or np.shape(image)[2] != 3:
+        raise ValueError(f"image has shape {np.shape(image)}: pass (height, width, 3)")
+    text = as_json(report)
+    with replacing(target) as file:
+        WRITERS[target.suffix.lower()](file, image, text, channels or {}, exposure)
+    sidecar = sidecar_of(target)
+    with replacing(sidecar) as file:
+        file.write(text.encode())
+    return sidecar
+
+
+def sidecar_of(picture: Path) -> Path:
+    """Return where the report of a picture is kept."""
+    return picture.with_suffix(
+        ".json" if picture.suffix.lower() == ".png" else f"{picture.suffix}.json"
+    )
+
+
+def keeps_channels(picture: Path) -> bool:
+    """Tell whether files of this kind hold more than radiance."""
+    return picture.suffix.lower() != ".png"
+
+
+def check_output(path: str | os.PathLike[str]) -> Path:
+    """Return the path if a picture can be written there; see `save_image` for what is raised."""
+    target = as_path(path, "output")
+    if target.suffix.lower() not in WRITERS:
+        raise ValueError(f"output {str(target)!r} has an unknown ending: pass {', '.join(WRITERS)}")
+    for file in (target, sidecar_of(target)):
+        check_writable(file)
+    if target.suffix.lower() == ".exr" and importlib.util.find_spec("OpenEXR") is None:
+        raise ModuleNotFoundError(
+            f"output {str(target)!r}: EXR needs the package OpenEXR: pip install 'hybrid-rt[exr]'"
+        )
+    return target
+
+
+def check_writable(file: Path) -> None:
+    """Refuse a file that cannot be written, or replaced."""
+    if not file.parent.is_dir():
+        raise FileNotFoundError(
+            f"output {str(file)!r} has no folder {str(file.parent)!r}: make it, or name another file"
+        )
+    try:
+        # A trial tells more than permissions do: full disks, names too long.
+        trial = _temporary(file)
+        trial.touch()
+        trial.unlink()
+        if file.is_dir():
+            raise IsADirectoryError(errno.EISDIR, "it is a folder")
+    except OSError as error:
+        raise type(error)(
+            f"output {str(file)!r} cannot be written ({error.strerror}): name another file"
+        ) from error
+
+
+def _write_png(
+    file: BinaryIO,
+    image: NDArray[np.float32],
+    _report: str,
+    _channels: Channels,
+    exposure: float,
+) -> None:
+
+    imageio.imwrite(file, screen_pixels(image, exposure), extension=".png")
+
+
+def _write_npz(
+    file: BinaryIO,
+    image: NDArray[np.float32],
+    report: str,
+    channels: Channels,
+    _exposure: float,
+) -> None:
+    arrays: dict[str, NDArray[Any]] = {"image": image, "report": np.array(report), **channels}
+    np.savez_compressed(file, **arrays)  # type: ignore[arg-type]
+
+
+def _write_exr(
+    file: BinaryIO,
+    image: NDArray[np.float32],
+    report: str,
+    channels: Channels,
+    _exposure: float,
+) -> None:
+
+    planes = {name: image[:, :, k] for k, name in enumerate("RGB")}
+    for name, values in channels.items():
+        if values.ndim == 2:
+            planes[name] = values
+        else:
+            planes |= {f"{name}.{part}": values[:, :, k] for k, part in enumerate(PARTS[name])}
+    header = {
+        "compression": OpenEXR.ZIP_COMPRESSION,
+        "type": OpenEXR.scanlineimage,
+        "hybrid_rt": report,
+    }
+    contiguous = {name: np.ascontiguousarray(plane) for name, plane in planes.items()}
+    OpenEXR.File(header, contiguous).write(file.name)
+
+
+Writer = Callable[[BinaryIO, NDArray[np.float32], str, Channels, float], None]
+
+
+WRITERS: dict[str, Writer] = {".png": _write_png, ".npz": _write_npz, ".exr": _write_exr}
+
+
+@contextmanager
+def replacing(target: Path) -> Iterator[BinaryIO]:
+    """Open a file under a temporary name that takes the target's place once it is complete."""
+    temporary = _temporary(target)
+    try:
+        with temporary.open("wb") as file:
+            yield file
+        temporary.replace(target)
+    finally:
+        temporary.unlink(missing_ok=True)
+
+
+def _temporary(target: Path) -> Path:
+    return target.with_name(f".{target.name}.{os.getpid()}.part")

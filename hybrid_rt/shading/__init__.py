@@ -1,0 +1,1 @@
+"""Materials, emitters and media at one hit."""

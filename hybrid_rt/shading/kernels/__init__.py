@@ -1,0 +1,1 @@
+"""Compiled BSDFs, emitter sampling, textures, medium stacks."""

@@ -1,0 +1,219 @@
+"""One step of a path: what a surface does with a ray that has arrived."""
+
+from hybrid_rt.shading.kernels.bsdf import (
+    DIELECTRIC,
+    LAST_SPREADING,
+    leaves_through_face,
+    lobe_direction,
+    pick_lobe,
+    scattered,
+)
+from hybrid_rt.shading.kernels.fresnel import fresnel, mirrored, refract, schlick
+from hybrid_rt.shading.kernels.medium_stack import (
+    SCHLICK,
+    STACK,
+    filling_medium,
+    ior_of,
+    pass_surface,
+)
+from meshing.kernels.jit import inlined, kernel
+
+# How a ray ends at a surface, or goes on.
+LEFT, STOPPED, ABSORBED, SCATTERED, SPECULAR = 0, 1, 2, 3, 4
+
+
+@inlined
+def at_glass(lobes, lobe, stack, i, nx, ny, nz, dx, dy, dz, is_front, second, xi):
+    """Choose between reflection and refraction at a dielectric by its reflectance.
+
+    n is on the side from which d came. ``stack[i]`` follows the ray; ``second`` as in
+    `hybrid_rt.shading.kernels.medium_stack`. Returns the direction, the factor on radiance but for the tint, and
+    whether light passes the surface and so is tinted.
+    """
+    before = filling_medium(stack, i, lobes)
+    # Kept for what is reflected: STACK places.
+    kept = (
+        stack[i, 0], stack[i, 1], stack[i, 2], stack[i, 3],
+        stack[i, 4], stack[i, 5], stack[i, 6], stack[i, 7],
+    )  # fmt: skip
+    pass_surface(lobe, stack, i, is_front, second)
+    after = filling_medium(stack, i, lobes)
+    if before == after:
+        return dx, dy, dz, 1.0, False
+    cos_i = min(-(nx * dx + ny * dy + nz * dz), 1.0)
+    ratio = ior_of(lobes, after) / ior_of(lobes, before)
+    if lobes.number[lobe, SCHLICK] != 0.0:
+        reflectance, cos_t = schlick(cos_i, ratio)
+    else:
+        reflectance, cos_t = fresnel(cos_i, ratio)
+    if xi < reflectance:
+        for k in range(STACK):
+            stack[i, k] = kept[k]
+        twice = 2.0 * cos_i
+        return dx + twice * nx, dy + twice * ny, dz + twice * nz, 1.0, False
+    x, y, z = refract(dx, dy, dz, nx, ny, nz, cos_i, cos_t, ratio)
+    # Radiance over the index squared is what stays the same across the surface.
+    return x, y, z, 1.0 / (ratio * ratio), True
+
+
+@inlined
+def choose_way(
+    lobes, material, colors, i, normal, dx, dy, dz, xi, choice, stack, second, keeps_power
+):
+    """Choose a lobe of hit i, and a direction by it.
+
+    Parameters are those of `scatter`, but for ``keeps_power``: whether light is counted as power,
+    which passes glass whole, or as radiance, which changes there by the index squared.
+
+    Returns
+    -------
+    row : of the lobe in the table; -1: the light is absorbed
+    x, y, z : the direction
+    r, g, b : factors on the light
+    density : per solid angle; 0: a mirror or glass
+    is_refracted : whether the direction goes through a clear body's surface
+    """
+    chosen, chance, rest = pick_lobe(lobes, material, colors, i, choice[i, 0], DIELECTRIC)
+    if chance == 0.0:
+        return -1, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, False
+    row = lobes.first[material] + chosen
+    nx, ny, nz = normal[i, 0], normal[i, 1], normal[i, 2]
+    is_front = nx * dx + ny * dy + nz * dz < 0.0
+    if not is_front:
+        nx, ny, nz = -nx, -ny, -nz
+    if lobes.kind[row] <= LAST_SPREADING:
+        x, y, z = lobe_direction(
+            lobes.kind[row], lobes.number[row, 0], nx, ny, nz, dx, dy, dz, xi[i, 0], xi[i, 1]
+        )
+        r, g, b, density = scattered(
+            lobes, material, colors, i, nx, ny, nz, dx, dy, dz, x, y, z, DIELECTRIC
+        )
+        if density <= 0.0:
+            return -1, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, False
+        return row, x, y, z, r / density, g / density, b / density, density, False
+    # Brought back to the share of all light that this lobe takes.
+    r, g, b = colors[i, chosen, 0], colors[i, chosen, 1], colors[i, chosen, 2]
+    if lobes.kind[row] != DIELECTRIC:
+        x, y, z = mirrored(dx, dy, dz, nx, ny, nz)
+        return row, x, y, z, r / chance, g / chance, b / chance, 0.0, False
+    x, y, z, factor, is_tinted = at_glass(
+        lobes, row, stack, i, nx, ny, nz, dx, dy, dz, is_front, second, rest
+    )
+    if keeps_power:
+        factor = 1.0
+    factor *= lobes.weight[row] / chance
+    if not is_tinted:
+        r = g = b = 1.0
+    is_refracted = nx * x + ny * y + nz * z < 0.0
+    return row, x, y, z, factor * r, factor * g, factor * b, 0.0, is_refracted
+
+
+@inlined
+def density_of_turn(normal, geometric, i, dx, dy, dz, x, y, z, density):
+    """Bring densities per solid angle, d arriving and (x, y, z) leaving, to area and projection."""
+    g = geometric if geometric.shape[0] else normal
+    arriving = abs(g[i, 0] * dx + g[i, 1] * dy + g[i, 2] * dz)
+    leaving = abs(g[i, 0] * x + g[i, 1] * y + g[i, 2] * z)
+    return density * arriving / leaving if leaving > 0.0 else 0.0
+
+
+@kernel
+def scatter(
+    lobes, material, colors, normal, direction, geometric, xi, choice, stack, second, may_spread,
+    may_mirror, roulette, t, before, is_smooth, object_id, onward, throughput, pdf, rival, fate,
+):  # fmt: skip
+    """Send each ray on in one direction.
+
+    Parameters
+    ----------
+    material : (n,) int32
+        Negative: the ray ends.
+    colors : (n, lobes of a material at most, 3) float64
+    normal, direction : (n, 3) float64
+        Of the hit and of the ray that found it.
+    geometric : (n, 3) float64
+        Normal of the surface itself, where ``normal`` is another; else (0, 3).
+    xi : (n, 2) float64
+        Two numbers in [0, 1) that choose the direction.
+    choice : (n, 2) float64
+        Two more: for the lobe, and for Russian roulette.
+    stack : (n, STACK) int32, changed
+        Dielectrics that the ray is in; (n, 0) where there is none in the scene.
+    second : (n,) int32, or (0,)
+        Faces that coincide with the hits: see `hybrid_rt.shading.kernels.medium_stack`.
+    may_spread, may_mirror : bool
+        Whether spread, mirrored or refracted directions are followed at all: not at the end of the
+        longest paths.
+    roulette : float
+        Above zero: paths go on with a probability of at most this, given by their throughput.
+    t, before : (n,) float64
+        Length of the way here, and the density per solid angle with which its direction was chosen,
+        over how often light paths reach such a point; 0 where it had no choice.
+    is_smooth : (objects,) bool
+        Objects shaded by other normals than their own.
+    object_id : (n,) int32
+    onward : (n, 3) float64, written
+    throughput : (n, 3) float64, changed
+    pdf : (n,) float64, written
+        Density of the direction; zero for a mirror or glass.
+    rival : (n,) float64, changed
+        Density of a surface that spreads light and of the direction taken there, until the next:
+        see `hybrid_rt.integrators.kernels.light_paths`. (0,): it is not needed.
+    fate : (n,) uint8, written
+        `LEFT` (no material), `STOPPED` (with what was lost in ``throughput``), `ABSORBED`,
+        `SCATTERED`, `SPECULAR`.
+    """
+    for i in range(material.size):
+        fate[i] = LEFT
+        pdf[i] = 0.0
+        if material[i] < 0:
+            continue
+        fate[i] = ABSORBED
+        dx, dy, dz = direction[i, 0], direction[i, 1], direction[i, 2]
+        row, x, y, z, r, g, b, density, is_refracted = choose_way(
+            lobes, material[i], colors, i, normal, dx, dy, dz, xi, choice, stack, second, False
+        )
+        if row < 0:
+            continue
+        pdf[i] = density
+        if lobes.kind[row] <= LAST_SPREADING:
+            fate[i] = SCATTERED if may_spread else STOPPED
+            if rival.size:
+                turn = density_of_turn(normal, geometric, i, dx, dy, dz, x, y, z, density)
+                if before[i] > 0.0:
+                    rival[i] = turn * before[i] / (t[i] * t[i])
+                    if stack.shape[1] > 0:
+                        rival[i] /= ior_of(lobes, filling_medium(stack, i, lobes)) ** 2
+                elif rival[i] > 0.0:
+                    _, _, _, back = scattered(
+                        lobes, material[i], colors, i, normal[i, 0], normal[i, 1], normal[i, 2],
+                        -x, -y, -z, -dx, -dy, -dz, DIELECTRIC,
+                    )  # fmt: skip
+                    rival[i] = rival[i] * turn / back if back > 0.0 else 0.0
+        else:
+            fate[i] = SPECULAR if may_mirror else STOPPED
+            if rival.size and is_smooth[object_id[i]]:
+                rival[i] = 0.0
+        # Only light that goes through a clear body's surface may pass to the other side.
+        if (
+            geometric.shape[0]
+            and leaves_through_face(geometric, i, direction, x, y, z) != is_refracted
+        ):
+            fate[i] = ABSORBED
+            continue
+        r, g, b = throughput[i, 0] * r, throughput[i, 1] * g, throughput[i, 2] * b
+        carried = max(r, g, b)
+        if carried == 0.0:
+            fate[i] = ABSORBED
+            continue
+        if stack.shape[1] > 0:
+            # Within glass radiance counts by its index squared, given back on the way out.
+            carried *= ior_of(lobes, filling_medium(stack, i, lobes)) ** 2
+        if roulette > 0.0 and fate[i] != STOPPED:
+            survival = min(carried, roulette)
+            if choice[i, 1] >= survival:
+                fate[i] = ABSORBED
+                continue
+            r, g, b = r / survival, g / survival, b / survival
+        throughput[i, 0], throughput[i, 1], throughput[i, 2] = r, g, b
+        onward[i, 0], onward[i, 1], onward[i, 2] = x, y, z

@@ -1,0 +1,1 @@
+"""Independent oracles of first hits, and what counts as wrong."""

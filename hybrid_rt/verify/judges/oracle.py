@@ -1,0 +1,405 @@
+"""First hits, slowly and surely: the judge of the intersector, with which it shares no code.
+
+Patches and profiles are bisected plainly, spheres and flat faces have closed forms; all roots end
+in double-double. What moving the ray by 64 eps x scale could make or lose is not decided but noted
+as doubtful: an answer that takes a doubtful root and one that leaves it out are both right.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from hybrid_rt.core.records import BoolArray, FloatArray, IntArray
+from hybrid_rt.core.threads import available_threads
+from hybrid_rt.primitives import Box, Plane, Rectangle, Sphere, TriangleMesh
+from hybrid_rt.verify.judges.kernels import closed_forms, events, patch_roots, profile_roots
+from meshing import BezierPatches, SurfaceOfRevolution
+
+# Rays per job: enough to hide the call, few enough to keep all threads busy.
+CHUNK = 2048
+# Deepest stack of pieces: 50 halvings in each of two parameters.
+DEPTH = 110
+# Events per ray for which room is made at first.
+ROOM = 8
+
+Worker = Callable[[int, FloatArray, FloatArray, FloatArray, events.Events], None]
+
+
+@dataclass(frozen=True)
+class Roots:
+    """All roots of a batch, sorted by t within each ray; those of ray i are a run.
+
+    Attributes
+    ----------
+    offsets : (n + 1,) int64
+        Ray i has the rows ``offsets[i]`` to ``offsets[i + 1]``.
+    t : (m,) float64
+        In lengths of the given direction.
+    object_id, patch_id : (m,) int32
+    u, v : (m,) float64
+        On patches and surfaces of revolution; elsewhere 0.
+    cosine : (m,) float64
+        |n.d| / |d|.
+    band : (m,) float64
+        64 eps x scale, scene units.
+    kind : (m,) uint8
+        0 certain; 1 certain, its t known to the band only; 2 doubtful, either decision is right;
+        3 the oracle gave up.
+    """
+
+    offsets: NDArray[np.int64]
+    t: FloatArray
+    object_id: IntArray
+    patch_id: IntArray
+    u: FloatArray
+    v: FloatArray
+    cosine: FloatArray
+    band: FloatArray
+    kind: NDArray[np.uint8]
+
+    @property
+    def ray(self) -> NDArray[np.int64]:
+        """(m,) int64: the ray of each row."""
+        return np.repeat(np.arange(len(self.offsets) - 1), np.diff(self.offsets))
+
+
+@dataclass(frozen=True)
+class Truth:
+    """The first certain root of each ray, and what may come before it.
+
+    Attributes
+    ----------
+    t, object_id, patch_id, u, v, cosine : (n,)
+        inf, -1, -1, nan, nan, nan where there is none.
+    band : (n,) float64
+        64 eps x scale of that root; nan where there is none.
+    surfaces : sequence
+    origins, directions : (n, 3) float64
+        What was asked.
+    length : (n,) float64
+        Length of the ray's direction.
+    exact : (n,) bool
+        t of that root is right to the last bit.
+    ambiguous : (n,) bool
+        A doubtful root lies before the first certain one: other answers are right too.
+    undecided : (n,) bool
+        The oracle gave up on this ray.
+    roots : Roots
+    """
+
+    t: FloatArray
+    object_id: IntArray
+    patch_id: IntArray
+    u: FloatArray
+    v: FloatArray
+    cosine: FloatArray
+    band: FloatArray
+    surfaces: Sequence[Any]
+    origins: FloatArray
+    directions: FloatArray
+    length: FloatArray
+    exact: BoolArray
+    ambiguous: BoolArray
+    undecided: BoolArray
+    roots: Roots
+
+    def __len__(self) -> int:
+        """Return the number of rays."""
+        return len(self.t)
+
+
+def first_hits(
+    surfaces: Sequence[Any],
+    origins: ArrayLike,
+    directions: ArrayLike,
+    t_min: ArrayLike = 0.0,
+    t_max: ArrayLike = np.inf,
+    *,
+    departing: bool = False,
+    threads: int | None = None,
+) -> Truth:
+    """Find all roots of rays on surfaces, and the first of each ray.
+
+    Parameters
+    ----------
+    surfaces : sequence of surfaces, as `Intersector` takes them
+    origins, directions : (n, 3)
+        Scene units; directions of any length but zero.
+    t_min, t_max : scalar or (n,)
+        Only roots between them count; those at a limit, up to the band, are doubtful.
+    departing : bool
+        The rays leave from a surface: a single root at the origin, up to the band, is left out.
+    threads : int, optional
+        Default: all processors that the process may use.
+
+    Returns
+    -------
+    Truth of n rays
+
+    Raises
+    ------
+    TypeError
+        For a surface that the oracle does not know.
+    """
+    origin = np.ascontiguousarray(origins, dtype=np.float64).reshape(-1, 3)
+    direction = np.ascontiguousarray(directions, dtype=np.float64).reshape(-1, 3)
+    n = len(origin)
+    low = np.ascontiguousarray(np.broadcast_to(np.asarray(t_min, dtype=np.float64), (n,)))
+    high = np.broadcast_to(np.asarray(t_max, dtype=np.float64), (n,))
+    workers = [_worker(i, surface) for i, surface in enumerate(surfaces)]
+
+    def run(begin: int) -> events.Events:
+        rows = slice(begin, min(begin + CHUNK, n))
+        room = ROOM * CHUNK
+        while True:
+            found = _new_events(room)
+            for worker in workers:
+                worker(begin, origin[rows], direction[rows], low[rows], found)
+            if found.count[0] <= room:
+                return found
+            room = int(found.count[0])
+
+    begins = range(0, n, CHUNK)
+    n_threads = threads or available_threads()
+    with ThreadPoolExecutor(n_threads) as pool:
+        parts = list(pool.map(run, begins))
+    columns = {
+        name: np.concatenate(
+            [getattr(part, name)[: part.count[0]] for part in parts] or [np.empty(0)]
+        )
+        for name in events.Events._fields[1:]
+    }
+    length = np.linalg.norm(direction, axis=1)
+    columns = _merge(columns, length)
+    columns = _limit(columns, length, low, high, departing)
+    return _first(columns, surfaces, origin, direction, length)
+
+
+def _new_events(room: int) -> events.Events:
+    return events.Events(
+        count=np.zeros(1, np.int64),
+        ray=np.empty(room, np.int64),
+        t=np.empty(room),
+        object_id=np.empty(room, np.int32),
+        patch_id=np.empty(room, np.int32),
+        u=np.empty(room),
+        v=np.empty(room),
+        cosine=np.empty(room),
+        band=np.empty(room),
+        kind=np.empty(room, np.uint8),
+        at_edge=np.empty(room, np.uint8),
+    )
+
+
+def _worker(object_id: int, surface: Any) -> Worker:
+    """Return what notes the events of rays with one surface."""
+    if isinstance(surface, BezierPatches):
+        return _patch_worker(object_id, surface)
+    if isinstance(surface, SurfaceOfRevolution):
+        return _profile_worker(object_id, surface)
+    if isinstance(surface, Sphere):
+        center, radius = np.array(surface.center, dtype=np.float64), float(surface.radius)
+        return lambda first, o, d, _low, out: closed_forms.sphere_events(
+            center, radius, object_id, first, o, d, out
+        )
+    if isinstance(surface, Plane):
+        at, normal = np.array(surface.origin), np.array(surface.unit_normal)
+        return lambda first, o, d, _low, out: closed_forms.plane_events(
+            at, normal, object_id, first, o, d, out
+        )
+    if isinstance(surface, Box):
+        lo, hi = np.array(surface.lo), np.array(surface.hi)
+        return lambda first, o, d, _low, out: closed_forms.box_events(
+            lo, hi, object_id, first, o, d, out
+        )
+    if isinstance(surface, Rectangle):
+        corners, edges_u = surface.corner[None].copy(), surface.edge_u[None].copy()
+        edges_v, is_triangle = surface.edge_v[None].copy(), False
+    elif isinstance(surface, TriangleMesh):
+        a, b, c = (np.ascontiguousarray(surface.vertices[surface.faces[:, k]]) for k in range(3))
+        corners, edges_u, edges_v, is_triangle = a, b - a, c - a, True
+    else:
+        raise TypeError(f"surfaces[{object_id}] is a {type(surface).__name__}: pass a surface")
+    bounds = surface.bounds
+    middle, size = bounds.mean(axis=0), float(np.linalg.norm(bounds[1] - bounds[0]))
+    return lambda first, o, d, _low, out: closed_forms.face_events(
+        corners, edges_u, edges_v, is_triangle, middle, size, object_id, first, o, d, out
+    )
+
+
+def _patch_worker(object_id: int, surface: BezierPatches) -> Worker:
+    patches = surface.patches
+    points = np.concatenate([net.reshape(-1, 3) for net in patches])
+    lengths = [len(net) * net.shape[1] for net in patches]
+    boxes = np.array([[net.min(axis=(0, 1)), net.max(axis=(0, 1))] for net in patches])
+    low, high = boxes[:, 0].min(axis=0), boxes[:, 1].max(axis=0)
+    nets = patch_roots.Nets(
+        control=points,
+        starts=np.concatenate([[0], np.cumsum(lengths)]).astype(np.int64),
+        degrees=np.array([(len(net) - 1, net.shape[1] - 1) for net in patches], np.int64),
+        centre=boxes.mean(axis=1),
+        radius=0.5 * np.linalg.norm(boxes[:, 1] - boxes[:, 0], axis=1),
+        middle=0.5 * (low + high),
+        size=float(np.linalg.norm(high - low)),
+        object_id=object_id,
+    )
+
+    def work(first: int, o: FloatArray, d: FloatArray, t: FloatArray, out: events.Events) -> None:
+        scratch = patch_roots.Scratch(
+            nets=np.empty((DEPTH, 3 * max(lengths))),
+            spans=np.empty((DEPTH, 4)),
+            leaves=np.empty((patch_roots.MOST_LEAVES, 6)),
+            one=np.empty((1, 6)),
+            rejected=np.empty((patch_roots.MOST_REJECTED, 2)),
+            rows=np.empty((31, 4)),
+            high=np.empty(31),
+            low=np.empty(31),
+            out=np.empty((3, 7)),
+            frame=np.empty((3, 3)),
+            point=np.empty((3, 2)),
+        )
+        patch_roots.patch_events(nets, first, o, d, t, scratch, out)
+
+    return work
+
+
+def _profile_worker(object_id: int, surface: SurfaceOfRevolution) -> Worker:
+    # A segment on the axis has no area.
+    segments = [net for net in surface.segments if net[:, 1].max() > 0.0]
+    numbers = np.array([i for i, net in enumerate(surface.segments) if net[:, 1].max() > 0.0])
+    points = np.concatenate(segments)
+    z = 0.5 * (points[:, 0].min() + points[:, 0].max())
+    radius = float(np.hypot(points[:, 0] - z, points[:, 1]).max())
+    profile = profile_roots.Profile(
+        control=points,
+        starts=np.concatenate([[0], np.cumsum([len(net) for net in segments])]).astype(np.int64),
+        numbers=numbers.astype(np.int32),
+        frame=np.stack([surface.axis, surface.radial, surface.binormal]),
+        origin=np.array(surface.origin),
+        middle=surface.origin + z * surface.axis,
+        radius=radius,
+        size=2.0 * radius,
+        object_id=object_id,
+    )
+
+    def work(first: int, o: FloatArray, d: FloatArray, t: FloatArray, out: events.Events) -> None:
+        scratch = profile_roots.ProfileScratch(
+            nets=np.empty((DEPTH, 62)),
+            spans=np.empty((DEPTH, 4)),
+            leaves=np.empty((patch_roots.MOST_LEAVES, 4)),
+            one=np.empty((1, 4)),
+            high=np.empty(31),
+            low=np.empty(31),
+            frame=np.empty((3, 3)),
+            point=np.empty((3, 2)),
+            local=np.empty((6, 2)),
+            line=np.empty(6),
+            out=np.empty(8),
+        )
+        profile_roots.profile_events(profile, first, o, d, t, scratch, out)
+
+    return work
+
+
+Columns = dict[str, Any]
+
+
+def _merge(columns: Columns, length: FloatArray) -> Columns:
+    """Keep one of the events that neighbouring patches note at a shared edge."""
+    ray, t, slack = columns["ray"], columns["t"], _tolerance(columns, length)
+    order = np.lexsort((t, columns["object_id"], ray))
+    one, two = order[:-1], order[1:]
+    same = (ray[one] == ray[two]) & (columns["object_id"][one] == columns["object_id"][two])
+    same &= (columns["at_edge"][one] == 1) & (columns["at_edge"][two] == 1)
+    same &= t[two] - t[one] <= 2.0 * np.maximum(slack[one], slack[two])
+    group = np.concatenate([[0], np.cumsum(~same)]) if len(order) else np.empty(0, np.int64)
+    # Of each group the event that is most certain, then that of the first patch.
+    best = np.lexsort((columns["patch_id"][order], columns["kind"][order], group))
+    _, first = np.unique(group[best], return_index=True)
+    rows = order[best[first]]
+    return {name: values[rows] for name, values in columns.items()}
+
+
+def _tolerance(columns: Columns, length: FloatArray) -> FloatArray:
+    """Return how far the band moves a root, in t."""
+    floor = np.maximum(columns["cosine"], 1e-13)
+    moved: FloatArray = columns["band"] / (floor * length[columns["ray"].astype(np.int64)])
+    return moved
+
+
+def _limit(
+    columns: Columns, length: FloatArray, low: FloatArray, high: FloatArray, departing: bool
+) -> Columns:
+    """Drop what lies outside the limits of t, or at the point of departure."""
+    ray = columns["ray"].astype(np.int64)
+    t, kind, slack = columns["t"], columns["kind"].copy(), _tolerance(columns, length)
+    given_up = kind == events.UNDECIDED
+    keep = given_up | ((t > low[ray] - slack) & (t < high[ray] + slack))
+    at_limit = (np.abs(t - low[ray]) <= slack) | (np.abs(t - high[ray]) <= slack)
+    if departing:
+        at_start = keep & ~given_up & (np.abs(t) <= slack)
+        alone = np.bincount(ray[at_start], minlength=len(low)) == 1
+        keep &= ~(at_start & alone[ray])
+    kind[at_limit & ~given_up] = events.DOUBTFUL
+    columns = {**columns, "kind": kind}
+    return {name: values[keep] for name, values in columns.items()}
+
+
+def _first(
+    columns: Columns,
+    surfaces: Sequence[Any],
+    origins: FloatArray,
+    directions: FloatArray,
+    length: FloatArray,
+) -> Truth:
+    n = len(length)
+    order = np.lexsort((columns["object_id"], columns["t"], columns["ray"]))
+    columns = {name: values[order] for name, values in columns.items()}
+    ray = columns["ray"].astype(np.int64)
+    offsets = np.searchsorted(ray, np.arange(n + 1)).astype(np.int64)
+    certain = np.flatnonzero(columns["kind"] <= events.COVERED)
+    owners, where = np.unique(ray[certain], return_index=True)
+    row = np.full(n, -1, np.int64)
+    row[owners] = certain[where]
+    t = np.full(n, np.inf)
+    t[owners] = columns["t"][row[owners]]
+    doubtful = columns["kind"] == events.DOUBTFUL
+    before = doubtful & (columns["t"] <= t[ray] + _tolerance(columns, length))
+    given_up = columns["kind"] == events.UNDECIDED
+
+    def pick(name: str, missing: Any, dtype: Any) -> Any:
+        values = np.full(n, missing, dtype)
+        values[owners] = columns[name][row[owners]]
+        return values
+
+    return Truth(
+        t=t,
+        object_id=pick("object_id", -1, np.int32),
+        patch_id=pick("patch_id", -1, np.int32),
+        u=pick("u", np.nan, np.float64),
+        v=pick("v", np.nan, np.float64),
+        cosine=pick("cosine", np.nan, np.float64),
+        band=pick("band", np.nan, np.float64),
+        surfaces=surfaces,
+        origins=origins,
+        directions=directions,
+        length=length,
+        exact=pick("kind", events.UNDECIDED, np.uint8) == events.ROOT,
+        ambiguous=np.bincount(ray[before], minlength=n) > 0,
+        undecided=np.bincount(ray[given_up], minlength=n) > 0,
+        roots=Roots(
+            offsets,
+            *(
+                columns[name]
+                for name in (
+                    "t", "object_id", "patch_id", "u", "v", "cosine", "band", "kind",
+                )
+            ),
+        ),
+    )  # fmt: skip

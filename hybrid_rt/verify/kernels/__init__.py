@@ -1,1 +1,0 @@
-"""Kernels of the oracle: bisection in float64, ends in double-double; nothing of the fast path."""

@@ -1,0 +1,1 @@
+"""An independent light tracer."""

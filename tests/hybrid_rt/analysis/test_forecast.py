@@ -1,0 +1,73 @@
+"""Forecasts on curves and meshes whose law is known."""
+
+import math
+from dataclasses import replace
+
+import pytest
+
+from hybrid_rt.analysis.curves import Curve, Point, spread
+from hybrid_rt.analysis.forecast import forecast, triangles_for
+
+
+def law(bias=0.0, first=1.0, setup=0.5, each=0.25, passes=(1, 4, 16), own=0.0):
+    """Errors of sqrt(bias^2 + first^2 / n), seconds of setup + each n."""
+    points = []
+    for n in passes:
+        error = math.sqrt(bias**2 + first**2 / n + own**2)
+        points.append(Point(n, spread([setup + each * n]), spread([error]), {}))
+    return Curve("law", "--integrator law", points)
+
+
+class TestForecast:
+    def test_noise_alone_beyond_the_last_point(self):
+        """1 / sqrt(n) reaches 0.1 with 100 passes, in 0.5 + 25 s."""
+        found = forecast(law(), 0.1)
+        assert (found.passes, found.bias, found.is_measured) == (100, 0.0, False)
+        assert found.seconds.median == pytest.approx(25.5)
+
+    def test_between_points_it_is_measured(self):
+        found = forecast(law(), math.sqrt(1 / 8))
+        assert (found.passes, found.is_measured) == (8, True)
+        assert found.seconds.median == pytest.approx(2.5)
+
+    def test_first_point_is_enough_for_little(self):
+        assert forecast(law(), 2.0).passes == 1
+
+    def test_bias_is_seen_and_paid_for(self):
+        """Of 0.01 a bias of 0.2^2 leaves 0.25^2 - 0.2^2 = 0.0225 to the noise: 45 passes."""
+        found = forecast(law(bias=0.2), 0.25)
+        assert found.bias == pytest.approx(0.2)
+        assert found.passes == math.ceil(1 / 0.0225)
+        assert forecast(law(bias=0.2), 0.19).passes is None
+        assert math.isnan(forecast(law(bias=0.2), 0.19).seconds.median)
+
+    def test_known_bias_counts_before_it_is_seen(self):
+        """Errors of 1 / sqrt(n) down to 1/4 cannot show a bias of 0.05: 0.0025 of 0.01 to pay."""
+        found = forecast(replace(law(), bias=0.05), 0.1)
+        assert (found.bias, found.passes) == (0.05, math.ceil((1 - 16 * 0.0025) / 0.0075))
+        assert forecast(replace(law(), bias=0.05), 0.04).passes is None
+
+    def test_slower_laws_take_more_passes(self):
+        """Squares of 1 / n^(2/3): 0.1 is reached when n^(2/3) is 100."""
+        points = [
+            Point(n, spread([float(n)]), spread([n ** (-1 / 3)]), {}) for n in (1.0, 8.0, 64.0)
+        ]
+        found = forecast(Curve("slow", "", points, power=2 / 3), 0.1)
+        assert (found.passes, found.bias) == (1000, 0.0)
+
+    def test_noise_of_the_reference_is_no_bias(self):
+        found = forecast(law(own=0.3), 0.1, reference_error=0.3)
+        assert (found.passes, found.bias) == (100, 0.0)
+
+    def test_errors_that_do_not_fall_are_bias(self):
+        assert forecast(law(bias=0.5, first=1e-9), 0.1).passes is None
+
+
+def test_triangles_by_the_law_of_the_mesh():
+    meshes = [{"triangles": n, "error": 40.0 / n} for n in (1e2, 1e3, 1e4)]
+    assert triangles_for(meshes, 0.01) == pytest.approx(4000)  # between two meshes
+    assert triangles_for(meshes, 1e-4) == pytest.approx(4e5)  # beyond
+    unseen = [*meshes[:2], {"triangles": 1e4, "error": 0.0}]  # below the noise
+    assert triangles_for(unseen, 0.01) == pytest.approx(4000)
+    assert math.isnan(triangles_for(meshes[:1], 0.01))
+    assert math.isnan(triangles_for([{**m, "error": 0.1} for m in meshes], 0.01))

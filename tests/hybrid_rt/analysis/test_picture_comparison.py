@@ -1,0 +1,165 @@
+import json
+
+import imageio.v3 as imageio
+import numpy as np
+import pytest
+
+from hybrid_rt.analysis.picture_comparison import (
+    CAPTION_HEIGHT,
+    GAP,
+    compare_pictures,
+    error_colors,
+    load_picture,
+    side_by_side,
+)
+from hybrid_rt.cli import main as cli
+from hybrid_rt.sensor.image_files import save_image
+
+RNG = np.random.default_rng(12)
+TRUTH = RNG.uniform(0.2, 0.9, (20, 30, 3)).astype(np.float32)
+REPORT = {"noise": {"relative_rmse": 0.03}, "seconds": {"total": 2.5}}
+
+
+def write(path, image, report=REPORT, **channels):
+    save_image(path, image, report, channels)
+    return path
+
+
+@pytest.mark.parametrize("ending", [".npz", ".exr", ".png"])
+def test_what_was_saved_is_read(tmp_path, ending):
+    if ending == ".exr":
+        pytest.importorskip("OpenEXR")
+    error = np.full_like(TRUTH, 0.25)
+    channels = {} if ending == ".png" else {"standard_error": error}
+    picture = load_picture(write(tmp_path / f"a{ending}", TRUTH, **channels))
+    # Half a step of 8 bits is at most 0.5 / 255 times the steepest slope of the curve, 2.3 at one.
+    np.testing.assert_allclose(picture.image, TRUTH, atol=0.0046 if ending == ".png" else 0)
+    assert picture.report == REPORT
+    if ending != ".png":
+        np.testing.assert_array_equal(picture.standard_error, error)
+
+
+@pytest.mark.parametrize(
+    ("name", "error", "words"),
+    [
+        ("missing.npz", FileNotFoundError, "no such file"),
+        ("a.jpg", ValueError, "unknown ending"),
+        ("empty.npz", ValueError, "no array named image, but other: pass"),
+        ("grey.npz", ValueError, r"holds float64 of shape \(3, 4\): pass floats"),
+        ("words.npz", ValueError, "holds <U1 of shape .*: pass floats"),
+        ("errors.npz", ValueError, r"its standard_error \(2, 2\)"),
+        ("nothing.png", ValueError, r"nothing\.png' cannot be read .*: pass a complete \.png"),
+        ("nothing.npz", ValueError, r"nothing\.npz' cannot be read .*: pass a complete \.npz"),
+        ("nothing.exr", ValueError, r"nothing\.exr' cannot be read .*: pass a complete \.exr"),
+        ("half.npz", ValueError, "cannot be read"),
+        ("half.png", ValueError, "cannot be read"),
+        ("half.exr", ValueError, "cannot be read"),
+        ("sixteen.png", ValueError, r"pixels of shape \(2, 2\): pass 8 bit RGB"),
+    ],
+)
+def test_what_is_no_picture_is_refused(tmp_path, name, error, words):
+    (tmp_path / "a.jpg").touch()
+    if name.endswith(".exr"):
+        pytest.importorskip("OpenEXR")
+    np.savez(tmp_path / "empty.npz", other=np.zeros(3))
+    np.savez(tmp_path / "grey.npz", image=np.zeros((3, 4)))
+    np.savez(tmp_path / "words.npz", image=np.full((1, 1, 3), "a"))
+    np.savez(tmp_path / "errors.npz", image=TRUTH, standard_error=np.zeros((2, 2)))
+    imageio.imwrite(tmp_path / "sixteen.png", np.zeros((2, 2), np.uint16))
+    ending = name.rpartition(".")[2]
+    if name.startswith("nothing"):
+        (tmp_path / name).touch()
+    if name.startswith("half"):
+        whole = write(tmp_path / f"whole.{ending}", TRUTH).read_bytes()
+        (tmp_path / name).write_bytes(whole[: len(whole) // 2])
+    with pytest.raises(error, match=words):
+        load_picture(tmp_path / name)
+
+
+@pytest.mark.parametrize(
+    "text", ["no JSON {", "\xff", "[1, 2]", '{"seconds": 3, "noise": {"x": 1}}']
+)
+def test_reports_of_other_programs_tell_nothing(tmp_path, text):
+    write(tmp_path / "a.png", TRUTH)
+    (tmp_path / "a.json").write_bytes(text.encode("latin-1"))
+    picture = load_picture(tmp_path / "a.png")
+    row = compare_pictures(picture, picture)["errors"]["a.png (1)"]
+    assert (row["expected"], row["seconds"]) == (None, None)
+
+
+@pytest.mark.statistical
+def test_noise_explains_the_difference_of_two_noisy_pictures(tmp_path):
+    """1800 normal values: their root mean square is known to 1.7 %."""
+    sigma = 0.01 + 0.02 * TRUTH
+    noisy = [(TRUTH + sigma * RNG.normal(size=TRUTH.shape)).astype(np.float32) for _ in range(2)]
+    one, other = (
+        load_picture(write(tmp_path / f"{k}.npz", image, standard_error=sigma))
+        for k, image in enumerate(noisy)
+    )
+    row = compare_pictures(one, other)["errors"]["0.npz"]
+    assert row["relative_rmse"] == pytest.approx(row["expected"], rel=0.1)
+    assert row["seconds"] == 2.5
+
+
+def test_noise_of_reports_adds_in_squares(tmp_path):
+    one, other = (load_picture(write(tmp_path / f"{k}.npz", TRUTH)) for k in "ab")
+    row = compare_pictures(one, other)["errors"]["a.npz"]
+    assert row["expected"] == pytest.approx(0.03 * np.sqrt(2))
+    assert row["rmse"] == 0.0
+
+
+def test_colours_are_logarithmic():
+    colors = error_colors(np.array([1e-9, 1e-3, 10 ** (-1.5), 1.0, 7.0]))
+    np.testing.assert_array_equal(colors[0], colors[1])
+    np.testing.assert_array_equal(colors[3], colors[4])
+    np.testing.assert_array_equal(colors[2], (188, 55, 84))  # half way
+
+
+def test_sheets_hold_all_pictures():
+    panels = [(name, np.full((5, 40, 3), k * 50, np.uint8)) for k, name in enumerate("abc")]
+    sheet = side_by_side(panels)
+    assert sheet.shape == (5 + CAPTION_HEIGHT, 3 * 40 + 2 * GAP, 3)
+    for k in range(3):
+        assert (sheet[CAPTION_HEIGHT:, k * (40 + GAP) : k * (40 + GAP) + 40] == k * 50).all()
+    assert sheet[:CAPTION_HEIGHT].min() < 50  # ink
+
+
+def test_command_prints_errors_and_draws_a_map(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    write("truth.npz", TRUTH)
+    write("dark.npz", 0.5 * TRUTH)
+    write("off.npz", TRUTH + np.float32(0.01))
+    assert cli.main(["compare", "dark.npz", "off.npz", "--reference", "truth.npz"]) == 0
+    out = capsys.readouterr().out
+    assert "against truth.npz" in out
+    assert f"{0.5 * np.sqrt((TRUTH.astype(float) ** 2).mean()):9.3g}" in out
+    assert "+0.01" in out
+    assert imageio.imread("compare.png").shape == (20 + CAPTION_HEIGHT, 4 * 30 + 3 * GAP, 3)
+    figures = json.loads((tmp_path / "compare.json").read_text())
+    assert figures["against"] == "truth.npz"
+    assert figures["errors"]["off.npz"]["mean_error"] == pytest.approx(0.01, rel=1e-5)
+    assert cli.main(["compare", "dark.npz", "off.npz", "--out", "two.png"]) == 0
+    assert imageio.imread("two.png").shape == (20 + CAPTION_HEIGHT, 3 * 30 + 2 * GAP, 3)
+
+
+def test_pictures_of_other_sizes_are_one_clear_line(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    write("a.npz", TRUTH)
+    write("b.npz", TRUTH[:10])
+    assert cli.main(["compare", "a.npz", "b.npz"]) == 2
+    error = capsys.readouterr().err
+    assert error == (
+        "hybrid-rt: a.npz has 30 x 20 pixels, b.npz 30 x 10: pass pictures of one size\n"
+    )
+    assert not (tmp_path / "compare.png").exists()
+    assert json.loads((tmp_path / "a.npz.json").read_text()) == REPORT
+
+
+def test_pictures_compared_are_not_replaced(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    before = write(tmp_path / "a.png", TRUTH).read_bytes()
+    write("b.npz", TRUTH)
+    assert cli.main(["compare", "b.npz", "a.png", "--out", "./a.png"]) == 2
+    assert "output 'a.png' is one of the pictures: name another" in capsys.readouterr().err
+    assert (tmp_path / "a.png").read_bytes() == before
+    assert json.loads((tmp_path / "a.json").read_text()) == REPORT

@@ -1,0 +1,251 @@
+import json
+import subprocess
+import sys
+
+import imageio.v3 as imageio
+import numpy as np
+import pytest
+
+from hybrid_rt._version import __version__
+from hybrid_rt.cli import main as cli
+from hybrid_rt.cli.command import BAD_INPUT, CLOSED_PIPE, INTERRUPTED
+from hybrid_rt.cli.scene_file import SceneFileError, load_scene
+from hybrid_rt.rendering import render as rendering
+
+SCRIPT = """
+import sys
+
+from hybrid_rt.camera import Camera
+from hybrid_rt.lights import GradientSky
+from hybrid_rt.materials import Mirror
+from hybrid_rt.primitives import Sphere
+from hybrid_rt.scene import Object, Scene
+
+
+def scene():
+    camera = Camera((0, -4, 1), (0, 0, 0), (0, 0, 1), width=16, height=12)
+    return Scene(camera, [Object(Sphere((0, 0, 0), 1), Mirror())], environment=GradientSky(0, 1))
+
+
+if __name__ == "__main__":
+    from hybrid_rt.cli import render_script
+
+    sys.exit(render_script(scene, __file__))
+"""
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    (tmp_path / "ball.py").write_text(SCRIPT)
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def test_render_writes_picture_and_report_under_the_scripts_name(folder, capsys):
+    assert cli.main(["render", "ball.py", "--passes", "2", "--quiet"]) == 0
+    assert imageio.imread("ball.png").shape == (12, 16, 3)
+    assert json.loads((folder / "ball.json").read_text())["passes"] == 2
+    captured = capsys.readouterr()
+    assert captured.out.startswith("ball.png  (2 passes")
+    assert captured.err == ""
+
+
+def test_options_reach_the_picture(folder, capsys):
+    arguments = "--passes 1 --width 32 --seed 9 --threads 1 --out a.png --out b.npz --explain"
+    channels = ["--outputs", "depth, uv"]
+    assert cli.main(["render", "ball.py", *arguments.split(), *channels]) == 0
+    settings = json.loads((folder / "a.json").read_text())["settings"]
+    assert (settings["width"], settings["height"]) == (32, 24)
+    assert (settings["seed"], settings["threads"]) == (9, 1)
+    with np.load("b.npz") as data:
+        assert data["image"].shape == (24, 32, 3)
+        assert data["uv"].shape == (24, 32, 2)
+    captured = capsys.readouterr()
+    assert "+ mirror rays" in captured.out
+    assert "Rendering ..." in captured.err
+
+
+def test_a_render_ends_with_its_numbers(folder, capsys):
+    arguments = ["render", "ball.py", "--target-error", "0.5", "--quiet"]
+    assert cli.main(arguments) == 0
+    out = capsys.readouterr().out
+    report = json.loads((folder / "ball.json").read_text())
+    assert report["settings"]["target_error"] == 0.5
+    assert report["geometry"]["camera_hits"] > 0
+    assert 0 < report["geometry"]["largest_t_bound_of_camera_hits"] < 1e-12
+    assert report["peak_memory_mib"] > 10
+    for words in (
+        f"{100 * report['noise']['relative_rmse']:.2g} % of the picture",
+        f"{report['geometry']['camera_hits']:,} camera hits",
+        "stopped   by the target error, after 4 passes",
+        f"peak memory {report['peak_memory_mib']:.0f} MiB",
+    ):
+        assert words in out
+
+
+def test_script_runs_as_a_program(folder):
+    """With the integrator that it names, also where its function is decorated."""
+    decorated = SCRIPT.replace("def scene", "@functools.cache\ndef scene")
+    (folder / "ball.py").write_text('import functools\nINTEGRATOR = "whitted"\n' + decorated)
+    command = [sys.executable, "ball.py", "--passes", "1", "--height", "6", "--quiet"]
+    subprocess.run(command, check=True, cwd=folder, timeout=120)
+    assert imageio.imread("ball.png").shape == (6, 8, 3)
+    report = json.loads((folder / "ball.json").read_text())
+    assert report["settings"]["integrator"] == "whitted"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["missing.py"], "scene script 'missing.py': there is no such file"),
+        ([""], "scene script '': there is no such file"),
+        (["ball.py", "--passes", "0"], "passes"),
+        (["ball.py", "--target-error", "0"], "target_error"),
+        (["ball.py", "--integrator", "magic"], "integrator is 'magic'"),
+        (["ball.py", "--out", "a.jpg"], "unknown ending"),
+        (["ball.py", "--out", "nowhere/a.png"], "no folder"),
+        (["ball.py", "--out", "."], "unknown ending"),
+        (["ball.py", "--outputs", "depth"], "--outputs depth: a .png holds none of them: add"),
+        (["ball.py", "--outputs", "depth,,x", "--out", "a.npz"], "output is 'x': pass one of"),
+        (["ball.py", "--width", "0"], "width"),
+        (["ball.py", "--accuracy", "exact"], "accuracy is 'exact': pass one of certified, refined"),
+        (["ball.py", "--tolerance", "-1"], "tolerance is -1: pass a finite number above 0"),
+        (["ball.py", "--integrator", "magic", "--photons", "3"], "integrator is 'magic': pass one"),
+    ],
+)
+def test_bad_input_is_one_clear_line_and_exit_code_two(folder, capsys, arguments, words):
+    """The line stands alone: nothing was begun."""
+    assert cli.main(["render", *arguments]) == 2
+    error = capsys.readouterr().err
+    assert words in error
+    assert error.count("\n") == 1
+    assert [path.name for path in folder.iterdir()] == ["ball.py"]
+
+
+def test_interrupt_is_exit_code_130_and_leaves_nothing(folder, capsys, monkeypatch):
+    def interrupted(*_args, **_kwargs):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(rendering, "_run_passes", interrupted)
+    assert cli.main(["render", "ball.py", "--quiet"]) == 130
+    expected = "\nhybrid-rt: interrupted: nothing is written but what is named above\n"
+    assert capsys.readouterr() == ("", expected)
+    assert [path.name for path in folder.iterdir()] == ["ball.py"]
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("x = 1", "no function scene"),
+        ("def scene():\n    return 3", "returned int"),
+        ("def scene():\n    return 1 / 0", "line 2: ZeroDivisionError"),
+        ("def scene(:", "line 1: SyntaxError"),
+        (SCRIPT + 'INTEGRATOR = "magic"', "bad.py: INTEGRATOR is 'magic': pass one of path"),
+        (
+            "from hybrid_rt.materials import *\n\ndef scene():\n    Mirror(2)",
+            "line 4: Mirror color",
+        ),
+        ("import sys\nsys.exit(4)", "line 2: SystemExit"),
+        ("def scene():\n    raise GeneratorExit", "line 2: GeneratorExit$"),
+        ("def scene():\n    raise OSError('two\\n lines')", "line 2: OSError: two lines"),
+        ("import hybrid_rt\nexec('x = = 3')", r"bad.py, line 2: SyntaxError: invalid syntax"),
+    ],
+)
+def test_faulty_scripts_are_named_with_their_line(tmp_path, text, words):
+    script = tmp_path / "bad.py"
+    script.write_text(text)
+    with pytest.raises(SceneFileError, match=words) as caught:
+        load_scene(script)
+    assert "bad.py" in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    "arguments", ["--passes 0", "--accuracy exact", "--tolerance -1", "--integrator magic"]
+)
+def test_settings_are_refused_before_the_script_runs(tmp_path, capsys, arguments):
+    (tmp_path / "slow.py").write_text("raise ValueError('it runs')")
+    assert cli.main(["render", str(tmp_path / "slow.py"), *arguments.split()]) == BAD_INPUT
+    assert "it runs" not in capsys.readouterr().err
+
+
+def test_ctrl_c_in_a_script_is_no_fault_of_it(tmp_path):
+    (tmp_path / "slow.py").write_text("raise KeyboardInterrupt")
+    assert cli.main(["render", str(tmp_path / "slow.py")]) == INTERRUPTED
+
+
+def test_a_script_that_runs_as_a_program_names_the_line_as_well(folder):
+    (folder / "bad.py").write_text(SCRIPT.replace("    camera =", "    1 / 0\n    camera ="))
+    command = [sys.executable, "bad.py", "--quiet"]
+    done = subprocess.run(
+        command, check=False, cwd=folder, timeout=120, capture_output=True, text=True
+    )
+    line = SCRIPT.split("\n").index("def scene():") + 2
+    assert done.stderr.startswith("hybrid-rt: ")
+    assert done.stderr.endswith(f"bad.py, line {line}: ZeroDivisionError: division by zero\n")
+    assert (done.returncode, done.stderr.count("\n")) == (BAD_INPUT, 1)
+
+
+def test_a_closed_pipe_ends_without_a_word_and_loses_no_file(folder):
+    code = "import sys; from hybrid_rt.cli.main import main; sys.exit(main(sys.argv[1:]))"
+    words = ["render", "ball.py", "--passes", "1", "--quiet", "--out", "a.png", "--out", "b.npz"]
+    with subprocess.Popen(
+        [sys.executable, "-c", code, *words],
+        cwd=folder, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+    ) as command:  # fmt: skip
+        command.stdout.close()
+        assert command.stderr.read() == ""
+        assert command.wait(timeout=120) == CLOSED_PIPE
+    assert {path.name for path in folder.iterdir()} == {
+        "ball.py", "a.png", "a.json", "b.npz", "b.npz.json",
+    }  # fmt: skip
+
+
+@pytest.mark.usefixtures("folder")
+@pytest.mark.filterwarnings("default")
+def test_warnings_are_lines_without_places_in_the_code(capsys):
+    arguments = "--integrator ppm --photons 100 --alpha 1 --passes 1 --quiet"
+    assert cli.main(["render", "ball.py", *arguments.split()]) == 0
+    error = capsys.readouterr().err
+    assert error.startswith("hybrid-rt: warning: PPMOptions alpha: at 1 the discs never shrink")
+    assert error.count("\n") == 1
+
+
+@pytest.mark.parametrize("text", ["abc", "nan", "101"])
+def test_exposures_are_refused_in_words(text, capsys):
+    with pytest.raises(SystemExit) as caught:
+        cli.main(["compare", "a.npz", "b.npz", "--exposure", text])
+    assert caught.value.code == BAD_INPUT
+    expected = f"argument --exposure: '{text}' stops: pass a number from -100 to 100\n"
+    assert capsys.readouterr().err.endswith(expected)
+
+
+def test_version_and_help(capsys):
+    for flag, words in (("--version", __version__), ("--help", "hybrid-rt render scenes/vase.py")):
+        with pytest.raises(SystemExit) as caught:
+            cli.main([flag])
+        assert caught.value.code == 0
+        assert words in capsys.readouterr().out
+
+
+def test_command_line_is_ready_before_anything_heavy_is_imported():
+    code = "import sys, hybrid_rt.cli.main; print({'numpy', 'numba', 'imageio'} & set(sys.modules))"
+    done = subprocess.run(
+        [sys.executable, "-c", code], check=True, capture_output=True, text=True, timeout=60
+    )
+    assert done.stdout.strip() == "set()"
+
+
+def test_photons_are_counted_by_those_who_have_them(folder, capsys):
+    (folder / "caustic.py").write_text(SCRIPT + 'INTEGRATOR = "ppm"\n')
+    arguments = ["render", "caustic.py", "--passes", "1", "--photons", "500", "--quiet"]
+    for named in ([], ["--integrator", "photon_map"]):  # the command line has the last word
+        assert cli.main([*arguments, *named]) == 0
+        settings = json.loads((folder / "caustic.json").read_text())["settings"]
+        assert settings["integrator"] == (named[-1] if named else "ppm")
+    arguments[1] = "ball.py"
+    assert cli.main([*arguments, "--integrator", "ppm"]) == 0
+    report = json.loads((folder / "ball.json").read_text())
+    assert report["settings"]["options"]["photons_per_pass"] == 500
+    assert report["photons"]["emitted"] == 0  # nothing in the scene gathers them
+    assert cli.main(arguments) == BAD_INPUT
+    assert "--photons: integrator 'path' has none" in capsys.readouterr().err

@@ -1,0 +1,188 @@
+"""Kernels that several processes compile: what is listed, what is waited for, what is left."""
+
+import errno
+import importlib
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from hybrid_rt import demo
+from hybrid_rt.core import precompile
+from hybrid_rt.core import threads as pool
+from hybrid_rt.intersection.kinds.registry import kernel_groups
+from hybrid_rt.scene.compiled import compile_scene
+from hybrid_rt.scene.plan import KERNELS_FOR, make_plan
+from meshing.kernels import cache
+from meshing.kernels.cache import SharedCache, name_of
+
+ROOT = Path(__file__).parents[2]
+LISTED = precompile.read_list()
+
+needs_locks = pytest.mark.skipif(not cache.HAS_LOCKS, reason="no locks between processes here")
+
+
+def test_every_entry_names_a_kernel_and_types_that_numba_knows():
+    for entry in LISTED:
+        kernel = precompile.named(entry.kernel)
+        assert isinstance(kernel._cache, SharedCache)
+        assert name_of(kernel.py_func) == entry.kernel
+        types = [precompile.type_from_json(words) for words in entry.types]
+        assert [precompile.type_to_json(numba_type) for numba_type in types] == entry.types
+        assert len(types) == kernel.py_func.__code__.co_argcount
+
+
+@needs_locks
+def test_a_file_system_without_locks_is_no_obstacle(tmp_path, monkeypatch):
+    def no_locks(*arguments):
+        del arguments
+        raise OSError(errno.ENOLCK, "No locks available")
+
+    monkeypatch.setattr(cache.fcntl, "flock", no_locks)
+    with cache._locked(tmp_path, "ab"):
+        pass
+
+
+@pytest.mark.parametrize(
+    ("executable", "frozen", "starts_python"),
+    [
+        ("/usr/bin/python3", False, True),
+        ("C:\\Python\\python.exe", False, True),
+        ("/opt/renderer", False, False),
+        ("/opt/python-app", True, False),
+        ("", False, False),
+        (None, False, False),
+    ],
+)
+def test_programs_that_python_is_built_into_are_not_started(
+    monkeypatch, executable, frozen, starts_python
+):
+    monkeypatch.setattr(sys, "frozen", frozen, raising=False)
+    assert precompile._is_python(executable) == starts_python
+
+
+def test_entries_are_distinct():
+    assert len({(e.kernel, json.dumps(e.types)) for e in LISTED}) == len(LISTED)
+
+
+def test_what_the_demo_announces_is_what_it_needs():
+    """It is announced before the first surface exists; here the surfaces are asked."""
+    scene = demo.scene()
+    surfaces = compile_scene(scene).surfaces
+    asked = {*kernel_groups(surfaces, "certified", "embree"), "whitted"}
+    of_mesh = {name for name in demo.KERNELS if name.endswith(", mesh")}
+    assert set(demo.KERNELS) - of_mesh == asked
+    assert of_mesh < set(kernel_groups(surfaces, "mesh", "embree"))
+
+
+def test_modules_and_decisions_exist():
+    plan = make_plan(compile_scene(demo.scene()), "path")
+    for module, decision in KERNELS_FOR.items():
+        importlib.import_module(module)
+        assert plan[decision] in (True, False)
+
+
+@pytest.mark.slow
+def test_the_list_holds_what_kernels_are_called_with():
+    """If not: python tools/list_kernels.py. The scenes of this case have all sorts of surfaces."""
+    listed = {(e.kernel, json.dumps(e.types)) for e in LISTED}
+    done = subprocess.run(
+        [sys.executable, ROOT / "tools" / "list_kernels.py", "--case", "path"],
+        env={**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)},
+        stdout=subprocess.PIPE,
+        check=True,
+    )
+    used = {(e["kernel"], json.dumps(e["types"])) for e in json.loads(done.stdout)}
+    assert used <= listed
+    assert len(used) > 40  # curved surfaces, lights and paths from them are among it
+
+
+# Calls two small kernels, which it has announced, and prints which it has compiled itself.
+CALLS = """
+import json, sys, time
+import numpy as np
+from hybrid_rt import precompile
+from hybrid_rt.intersection import pool
+from hybrid_rt.kernels.film import add_to_pixels
+from hybrid_rt.kernels.pack import add_unblocked
+
+pool.available_threads = lambda: 2
+precompile._CODE = sys.argv[1] or precompile._CODE
+listed = [e for e in precompile.read_list() if e.kernel.split(":")[1] in sys.argv[2:]]
+precompile.read_list = lambda: listed
+precompile.want("path")
+image, radiance = np.zeros((2, 3)), np.zeros((2, 3))
+add_to_pixels(np.array([1, 1, 0]), np.ones((3, 3)), image)
+patience = time.monotonic() + 60.0  # a process may take its time to start
+while precompile._workers._queue and time.monotonic() < patience:
+    time.sleep(0.01)
+add_unblocked(np.array([1, 0]), np.array([True, False]), np.full((2, 3), 5.0), radiance)
+assert image.tolist() == [[1] * 3, [2] * 3]
+assert radiance.tolist() == [[5] * 3, [0] * 3]
+kernels = (add_to_pixels, add_unblocked)
+print(json.dumps([[k.__name__ for k in kernels if k.stats.cache_misses],
+                  len(precompile._workers._processes)]))
+"""
+
+
+def run_cold(folder, code=""):
+    """Return which kernels a process has compiled itself, and how many processes it started."""
+    done = subprocess.run(
+        [sys.executable, "-c", CALLS, code, "add_to_pixels", "add_unblocked"],
+        env={**os.environ, "NUMBA_CACHE_DIR": str(folder), "PYTHONPATH": os.pathsep.join(sys.path)},
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    assert done.stderr == ""
+    compiled, n_processes = json.loads(done.stdout)
+    return compiled, n_processes
+
+
+@needs_locks
+def test_a_cold_cache_is_filled_by_others_and_a_warm_one_starts_nobody(tmp_path):
+    """While the first kernel is compiled here, another process compiles the second."""
+    compiled, n_processes = run_cold(tmp_path)
+    assert "add_unblocked" not in compiled
+    assert n_processes >= 1
+    assert run_cold(tmp_path) == ([], 0)
+
+
+@needs_locks
+def test_where_others_fail_everything_is_compiled_here(tmp_path):
+    compiled, n_processes = run_cold(tmp_path, code="import sys; sys.stdin.readline(); sys.exit(3)")
+    assert compiled == ["add_to_pixels", "add_unblocked"]
+    assert n_processes >= 1
+
+
+def test_one_core_compiles_for_itself(monkeypatch):
+    monkeypatch.setattr(pool, "available_threads", lambda: 1)
+    monkeypatch.setattr(cache, "on_miss", None)
+    precompile.want("spheres")
+    assert cache.on_miss is None
+
+
+# Without the right to write anywhere; numba has been imported by somebody else before.
+NOWHERE = """
+import os
+os.access = lambda *_: False
+import numba
+from hybrid_rt.kernels.film import add_to_pixels
+print(add_to_pixels._cache.cache_path, os.environ["NUMBA_CACHE_DIR"], sep="\\n")
+"""
+
+
+def test_what_cannot_be_written_is_replaced_by_a_folder_for_temporary_files(tmp_path):
+    """Processes that this one starts use it as well."""
+    settings = {"TMPDIR": str(tmp_path), "PYTHONPATH": os.pathsep.join(sys.path)}
+    environment = {k: v for k, v in os.environ.items() if k != "NUMBA_CACHE_DIR"}
+    run = [sys.executable, "-c", NOWHERE]
+    done = subprocess.run(
+        run, env=environment | settings, capture_output=True, text=True, check=True
+    )
+    for folder in done.stdout.splitlines():
+        assert Path(folder).is_relative_to(tmp_path)
+    assert len(done.stdout.splitlines()) == 2

@@ -1,0 +1,394 @@
+"""Photons against what is known: balances, furnaces, geometric optics, and path tracing."""
+
+import math
+import subprocess
+import sys
+from typing import ClassVar
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from hybrid_rt.integrators import PhotonMapOptions, PPMOptions
+from hybrid_rt.integrators.direct_light import NO_NORMALS
+from hybrid_rt.integrators.kernels.photon_steps import Photons
+from hybrid_rt.integrators.photons import (
+    density_estimation as gathering,
+)
+from hybrid_rt.integrators.photons import (
+    photon_workers as photon_crew,
+)
+from hybrid_rt.integrators.photons.density_estimation import shrunk
+from hybrid_rt.integrators.photons.photon_tracer import Group, sequence_of
+from hybrid_rt.lights import GradientSky, PointLight, RectangleLight, SphereLight
+from hybrid_rt.materials import Dielectric, Emissive, Lambertian, Metal, Mirror, Mix, Phong
+from hybrid_rt.primitives import Box, Plane, Rectangle, Sphere
+from hybrid_rt.rendering.render import render
+from hybrid_rt.scene.scene import Object, Scene
+from hybrid_rt.sensor.camera import Camera
+from hybrid_rt.shading.kernels.bsdf import LobeTable
+from hybrid_rt.verify.light.light_tracer import BALL
+
+# A test below decides wrongly once in 1e5 runs with another seed.
+ALARM = 1e-5
+
+pytestmark = pytest.mark.statistical
+
+
+def photons(scene, n=20_000, passes=4, **settings):
+    options = PPMOptions(n, **{k: settings.pop(k) for k in ("initial_radius",) if k in settings})
+    return render(scene, "ppm", passes=passes, options=options, **settings)
+
+
+def floor(color=0.5, half=4.0):
+    return Object(
+        Rectangle((-half, -half, 0), (2 * half, 0, 0), (0, 2 * half, 0)), Lambertian(color)
+    )
+
+
+def small_lamp(height=3.0, radiance=500.0):
+    return RectangleLight((-0.05, -0.05, height), (0, 0.1, 0), (0.1, 0, 0), radiance)
+
+
+class TestBalance:
+    """Whatever leaves the lights is absorbed, or escapes, or is cut off at ``max_depth``."""
+
+    LAMPS: ClassVar = (
+        [small_lamp()],
+        [SphereLight((0.5, 0, 3), 0.3, (1, 2, 3))],
+        [PointLight((0, 0, 3), 7.0), small_lamp()],
+    )
+
+    def balance(self, scene, **settings):
+        report = photons(scene, passes=2, **settings).report["photons"]
+        power = {k: np.array(v) / 2 for k, v in report["power_of_all_passes"].items()}
+        return power, report
+
+    @pytest.mark.parametrize("lamps", LAMPS, ids=["rectangle", "sphere", "point"])
+    def test_lights_send_out_what_their_radiance_says(self, lamps):
+        view = Camera((0, -5, 2), (0, 0, 0), (0, 0, 1), 40, 8, 8)
+        glass = Object(Sphere((0.3, 0.1, 1), 0.5), Dielectric(1.5))
+        power, _ = self.balance(Scene(view, [floor(), glass], lamps))
+        expected = sum(
+            {
+                RectangleLight: lambda: np.full(3, math.pi * 0.01 * 500),
+                SphereLight: lambda: math.pi * 4 * math.pi * 0.09 * np.array([1.0, 2, 3]),
+                PointLight: lambda: np.full(3, 4 * math.pi * 7.0),
+            }[type(lamp)]()
+            for lamp in lamps
+        )
+        # The mixture of spread and aimed photons is stratified: far better than 1 / sqrt(20 000).
+        np.testing.assert_allclose(power["emitted"], expected, rtol=5e-3)
+        parts = power["escaped"] + power["absorbed"] + power["lost"]
+        np.testing.assert_allclose(parts, power["emitted"], rtol=1e-10)
+
+    def test_shining_surfaces_and_sky_send_out_what_they_should(self):
+        """A shining box by its area; a sky of radiance 1 by what falls on a ball: pi R^2 pi 4."""
+        view = Camera((0, -5, 2), (0, 0, 0), (0, 0, 1), 40, 8, 8)
+        ball = Object(Sphere((0, 0, 1), 0.5), Mirror())
+        box = Object(Box((1, 1, 1), (1.5, 2, 3)), Emissive(2.0, Lambertian(0.5)), "lamp")
+        power, _ = self.balance(Scene(view, [floor(), ball, box], []))
+        area = 2 * (0.5 * 1 + 1 * 2 + 0.5 * 2)
+        np.testing.assert_allclose(power["emitted"], math.pi * area * 2.0, rtol=1e-2)
+
+        grey = Object(Sphere((0, 0, 0), 1.0), Lambertian(0.25), "grey")
+        sky = GradientSky(1.0, 1.0)
+        power, _ = self.balance(
+            Scene(view, [grey, Object(Sphere((3, 0, 0), 0.2), Mirror())], [], sky)
+        )
+        # Only the grey ball absorbs, three quarters of what it meets, and it meets itself never;
+        # the small mirror throws a little more on it than it takes away.
+        met = 4 * math.pi**2 * 1.0
+        assert power["absorbed"][0] == pytest.approx(0.75 * met, rel=0.03)
+
+    def test_light_within_glass_comes_out_whole(self):
+        """The index squared must not stick to power: clear glass takes nothing."""
+        view = Camera((0, -5, 0), (0, 0, 0), (0, 0, 1), 40, 8, 8)
+        glass = Object(Sphere((0, 0, 0), 1), Dielectric(1.5))
+        lamp = SphereLight((0.1, 0, 0), 0.2, 1.0)
+        far = Object(Sphere((0, 0, 0), 4).flipped(), Lambertian(0.5))
+        power, _ = self.balance(Scene(view, [glass, far], [lamp]), max_depth=400)
+        emitted = math.pi * 4 * math.pi * 0.04
+        np.testing.assert_allclose(power["emitted"], emitted, rtol=5e-3)
+        # Some comes back and meets the lamp, which is black.
+        assert (power["lost"] < 1e-3 * emitted).all()
+        np.testing.assert_allclose(power["absorbed"], emitted, rtol=5e-3)
+        np.testing.assert_array_equal(power["escaped"], 0.0)
+
+    def test_closed_box_stores_a_geometric_series(self):
+        """Each hit but the first stores a photon: rho + rho^2 + ... of what was sent out."""
+        rho = 0.6
+        box = Object(Box((-1, -1, -1), (1, 1, 1)).flipped(), Lambertian(rho))
+        view = Camera((0, 0, 0), (1, 0, 0), (0, 0, 1), 90, 8, 8)
+        scene = Scene(view, [box], [PointLight((0.2, 0.1, 0.3), 1.0)])
+        _, report = self.balance(scene, n=40_000, max_depth=60)
+        # Photons keep their power, so their number is what falls.
+        expected = rho / (1 - rho) * report["emitted"]
+        sigma = math.sqrt(report["emitted"] * rho / (1 - rho) ** 2)
+        assert abs(report["stored"] - expected) < stats.norm.isf(ALARM / 2) * sigma
+
+
+def test_radius_sequence_of_knaus_and_zwicker():
+    """r_{i+1}^2 / r_i^2 = (i + alpha) / (i + 1)."""
+    alpha = 0.6
+    squares = np.array([shrunk(i, alpha) ** 2 for i in range(6)])
+    assert squares[0] == pytest.approx(1.0)
+    i = np.arange(1, 6)
+    np.testing.assert_allclose(squares[1:] / squares[:-1], (i + alpha) / (i + 1), rtol=1e-12)
+
+
+class TestAgainstPaths:
+    """Where both methods can find all light they give the same mean radiance of patches."""
+
+    SKY = GradientSky(0.2, 1.0, (0, 0, 1))
+    WALL = Object(
+        Rectangle((-2, 1.5, 0), (4, 0, 0), (0, 0, 3)), Lambertian((0.7, 0.3, 0.2)), "wall"
+    )
+    LAMP = RectangleLight((-0.5, -0.5, 2.8), (0, 1, 0), (1, 0, 0), 6.0)
+    SCENES: ClassVar = {
+        "matt": ([floor(), WALL], [LAMP], None),
+        "sky": ([floor(), WALL], [], SKY),
+        "mirror": ([floor(), WALL, Object(Sphere((0, 0, 0.6), 0.6), Mirror(0.9))], [LAMP], None),
+        "glass": ([floor(), WALL, Object(Sphere((0, 0, 0.8), 0.6), Dielectric(1.5, (0.1, 0.5, 1.0), 0.9))],
+                  [LAMP], None),
+        "glossy": ([Object(floor().surface, Phong(0.3, 0.4, 8.0)), WALL], [LAMP], None),
+        "metal": ([floor(), WALL, Object(Sphere((0, 0, 0.6), 0.6), Metal(0.9, 0.4))], [LAMP], None),
+        "mix": ([Object(floor().surface, Mix([(0.6, Lambertian(0.7)), (0.4, Mirror())])), WALL],
+                [LAMP], None),
+        "shines": ([floor(), WALL, Object(Box((-0.4, -0.4, 1), (0.4, 0.4, 1.3)), Emissive(3.0, Lambertian(0.5)))],
+                   [], None),
+        # Touches the floor, and is the first to be asked: no air between, so no light is lost there.
+        "glass on the floor": (
+            [Object(Box((-0.9, -0.9, 0), (0.9, 0.9, 0.5)), Dielectric(1.5, (0.1, 0.3, 0.5))), floor(), WALL],
+            [LAMP], None),
+        "lamp in water": (
+            [floor(), WALL, Object(Box((-1.5, -1.5, -0.1), (1.5, 1.4, 1.2)), Dielectric(1.33, (0.1, 0.2, 0.4)))],
+            [SphereLight((0, 0, 0.7), 0.3, 8.0)], None),
+        "all in dark water": (
+            [floor(), WALL, Object(Sphere((0, 0, 0.6), 0.6), Mirror(0.9)),
+             Object(Box((-9, -9, -1), (9, 9, 9)), Dielectric(1.33, (0.05, 0.1, 0.2)))], [LAMP], None),
+    }  # fmt: skip
+
+    @pytest.mark.parametrize("name", SCENES)
+    def test_radiance_of_patches(self, name):
+        objects, lights, sky = self.SCENES[name]
+        view = Camera((0.5, -3.5, 2.2), (0, 0.3, 0.5), (0, 0, 1), 50, 32, 32)
+        scene = Scene(view, objects, lights, sky)
+
+        def patches(integrator, seed, **settings):
+            image = render(scene, integrator, seed=seed, max_depth=30, **settings).image
+            return image.astype(float).reshape(4, 8, 4, 8, 3).mean(axis=(1, 3))
+
+        # Independent renders tell the spread of each method by themselves.
+        a = np.stack([patches("path", seed, passes=24) for seed in range(4)])
+        b = np.stack(
+            [patches("ppm", seed, passes=6, options=PPMOptions(12_000)) for seed in range(4)]
+        )
+        gap = a.mean(axis=0) - b.mean(axis=0)
+        error = np.sqrt((a.var(axis=0, ddof=1) + b.var(axis=0, ddof=1)) / 4)
+        # Six degrees of freedom; beside noise a patch may have the blur of small discs.
+        limit = stats.t.isf(ALARM / gap.size, 6) * error + 0.02 * a.mean()
+        assert (np.abs(gap) < limit).all(), np.abs(gap / limit).max()
+        # All patches together: far less noise, so a bias shows.
+        a, b = a.mean(axis=(1, 2)), b.mean(axis=(1, 2))
+        error = np.sqrt((a.var(axis=0, ddof=1) + b.var(axis=0, ddof=1)) / 4)
+        limit = stats.t.isf(ALARM / 3, 6) * error + 0.005 * a.mean(axis=0)
+        np.testing.assert_array_less(np.abs(a.mean(axis=0) - b.mean(axis=0)), limit)
+
+
+@pytest.mark.parametrize("name", ["matt", "mirror", "glossy"])
+def test_photon_map_agrees_but_for_its_blur(name):
+    """Soft light hardly varies over a disc here, so the two means are close, not equal."""
+    objects, lights, sky = TestAgainstPaths.SCENES[name]
+    view = Camera((0.5, -3.5, 2.2), (0, 0.3, 0.5), (0, 0, 1), 50, 32, 32)
+    scene = Scene(view, objects, lights, sky)
+    a = render(scene, "path", passes=64, max_depth=30).image.astype(float)
+    options = PhotonMapOptions(40_000, 40)
+    b = render(scene, "photon_map", passes=8, max_depth=30, options=options).image.astype(float)
+    np.testing.assert_allclose(b.mean(axis=(0, 1)), a.mean(axis=(0, 1)), rtol=0.03)
+
+
+def test_dark_side_of_a_wall_stays_dark():
+    """A thin wall cuts a room in two; the lamp is in one half, its photons must not leak."""
+    lit = Object(Rectangle((0, -2, 0), (0, 0, 2), (0, 4, 0)), Lambertian(0.8), "wall")
+    room = Object(Box((-2, -2, 0), (2, 2, 2)).flipped(), Lambertian(0.8), "room")
+    lamp = SphereLight((1, 0, 1), 0.2, 10.0)
+    view = Camera((-1.5, 0, 1), (0, 0, 1), (0, 0, 1), 90, 16, 16)
+    image = photons(Scene(view, [room, lit], [lamp]), initial_radius=0.3).image
+    np.testing.assert_array_equal(image, 0.0)
+
+
+@pytest.mark.parametrize(
+    ("integrator", "options"),
+    [("ppm", PPMOptions(40_000)), ("photon_map", PhotonMapOptions(40_000))],
+)
+def test_threads_change_no_bit(integrator, options):
+    objects = [floor(), Object(Sphere((0, 0, 1), 0.6), Dielectric(1.5))]
+    view = Camera((0, -4, 3), (0, 0, 0.3), (0, 0, 1), 45, 100, 100)
+    scene = Scene(view, objects, [small_lamp()])
+    one, three = (
+        render(scene, integrator, passes=2, seed=5, options=options, threads=t) for t in (1, 3)
+    )
+    np.testing.assert_array_equal(one.image, three.image)
+    assert one.report["photons"] == three.report["photons"]
+
+
+def test_stated_noise_is_that_of_many_renders():
+    """Groups of passes have photons of their own, so what they differ by is the noise."""
+    camera = Camera((0, -3, 2.2), (0, 0, 0.1), (0, 0, 1), 20, 12, 12)
+    scene, options = BALL.scene(camera), PPMOptions(1024)
+    results = [
+        render(scene, "ppm", passes=16, seed=seed, options=options, threads=1) for seed in range(20)
+    ]
+    name = "root_mean_square_standard_error_of_pixels"
+    stated = np.mean([result.report["noise"][name] ** 2 for result in results])
+    found = np.var([result.image.astype(float) for result in results], axis=0, ddof=1).mean()
+    # 144 pixels: 2700 degrees of freedom on one side, 8600 on the other; bright pixels weigh more.
+    assert 0.8 < stated / found < 1.25
+
+
+def test_groups_of_passes_have_photons_of_their_own():
+    """Runs of four passes are dealt out to four groups; each group goes on with its sequence."""
+    spread, aimed = (Group(k, 0, k == 1, 60, 40) for k in (0, 1))
+    assert [sequence_of(spread, k) for k in (0, 1, 4, 16)] == [(0, 0), (0, 60), (1, 0), (0, 240)]
+    assert [sequence_of(aimed, k) for k in (3, 12)] == [(4, 120), (7, 0)]
+
+
+def test_passes_are_functions_of_their_numbers():
+    """The mean of three passes continues that of two, bit for bit in float32."""
+    view = Camera((0, -4, 3), (0, 0, 0.3), (0, 0, 1), 45, 12, 12)
+    scene = Scene(view, [floor(), Object(Sphere((0, 0, 1), 0.6), Mirror())], [small_lamp()])
+    two, three = (photons(scene, 5000, passes=n, seed=1).image.astype(float) for n in (2, 3))
+    third = 3 * three - 2 * two
+    assert (third > -1e-5).all()
+    assert np.abs(third - two).max() > 0
+
+
+def test_a_million_photons_in_one_point_need_little_memory(monkeypatch):
+    """Pairs are cut into parts: never more together than asked for, whatever coincides."""
+    n, points = 1_000_000, 7
+    position = np.zeros((n, 3))
+    down = np.tile(np.array([0, 0, -1], np.float32), (n, 1))
+    power = np.full((n, 3), 1.0 / n, np.float32)
+    field = gathering.Discs(
+        Photons(position, down, -down, power, np.ones(n, np.uint8)),
+        LobeTable(np.zeros(1, np.int32), np.zeros(1, np.int32), np.zeros((1, 6)), np.ones(1),
+                  np.array([0, 1], np.int32)),
+        gathering.Radii.fixed(0.5), 1.0,
+    )  # fmt: skip
+    monkeypatch.setattr(gathering, "MOST_PAIRS", 3 * n)
+    seen = []
+    add = gathering.add_photons
+    monkeypatch.setattr(gathering, "add_photons", lambda *a: (seen.append(a[0].size), add(*a))[1])
+    normal = np.tile([0.0, 0, 1], (points, 1))
+    sums = field.radiance(
+        gathering.Points(
+            np.zeros((points, 3)),
+            normal,
+            -normal,
+            NO_NORMALS,
+            np.zeros(points, np.int32),
+            np.ones((points, 1, 3)),
+            np.ones(points, dtype=bool),
+            np.linspace(0, 1, points, endpoint=False),
+        )
+    )
+    assert max(seen) <= 3 * n
+    np.testing.assert_array_equal(sums.near, n)
+    # All photons are equal, so they are chosen evenly.
+    assert stats.kstest(sums.chosen / n, "uniform").pvalue > ALARM
+    # All power in the middle of the kernel: its height there, times 1 / pi.
+    expected = 2 / (math.pi * 0.25) / math.pi
+    np.testing.assert_allclose(sums.value, expected, rtol=1e-6)
+
+
+class TestPlan:
+    def view(self):
+        return Camera((0, -4, 2), (0, 0, 0.3), (0, 0, 1), 45, 8, 8)
+
+    def test_no_photons_without_light_or_matt_surface(self, monkeypatch):
+        def used(*_args, **_kwargs):
+            raise AssertionError("photons were shot")
+
+        monkeypatch.setattr(photon_crew.PhotonCrew, "_shot", used)
+        dark = photons(Scene(self.view(), [floor()]))
+        assert not dark.image.any()
+        assert dark.report["photons"]["emitted"] == 0
+        photons(Scene(self.view(), [Object(Sphere((0, 0, 1), 1), Mirror())], [small_lamp()]))
+        with pytest.raises(AssertionError, match="were shot"):
+            photons(Scene(self.view(), [floor()], [small_lamp()]))
+
+    def test_no_caustic_map_without_mirror_or_glass(self):
+        scene = Scene(self.view(), [floor()], [small_lamp()])
+        options = PhotonMapOptions(2000)
+        report = render(scene, "photon_map", passes=1, options=options).report
+        assert report["plan"]["light"]["left_out"]["caustic map"] == "nothing mirrors or refracts"
+        assert report["photons"]["stored_in_caustic_map"] == 0
+
+    def test_a_scene_without_photons_imports_no_tree(self):
+        code = """
+import sys
+from hybrid_rt import Camera, Mirror, Object, Scene, Sphere, render
+camera = Camera((0, -4, 0), (0, 0, 0), (0, 0, 1), width=4, height=3)
+render(Scene(camera, [Object(Sphere((0, 0, 0), 1), Mirror())]), "ppm", passes=1)
+print("scipy.spatial" in sys.modules)
+"""
+        done = subprocess.run(
+            [sys.executable, "-c", code], check=True, capture_output=True, text=True, timeout=120
+        )
+        assert done.stdout.strip() == "False"
+
+    def test_nothing_is_aimed_without_mirror_or_glass(self):
+        plan = photons(Scene(self.view(), [floor()], [small_lamp()])).report["plan"]["light"]
+        assert plan["left_out"]["aimed photons"] == "nothing mirrors or refracts"
+        glass = Object(Sphere((0, 0, 1), 0.5), Dielectric(1.5))
+        plan = photons(Scene(self.view(), [floor(), glass], [small_lamp()])).report["plan"]["light"]
+        assert "aimed photons" in plan["used"]
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ({"photons_per_pass": 0}, "photons_per_pass"),
+        ({"alpha": 0.0}, "alpha"),
+        ({"alpha": -0.5}, "alpha"),
+        ({"alpha": 1.01}, "alpha"),
+        ({"initial_radius": 0.0}, "initial_radius"),
+        ({"initial_radius": math.nan}, "initial_radius"),
+    ],
+)
+def test_impossible_options_are_refused(options, words):
+    with pytest.raises(ValueError, match=words):
+        PPMOptions(**options)
+
+
+@pytest.mark.parametrize("radius", [1e308, 1e3, 2.95, 1.1e-5, 1e-8])
+def test_radii_far_from_the_scenes_size_are_refused(radius):
+    """A floor of 8 x 8 with a lamp 3 above it: the diagonal of their box is 11.7."""
+    view = Camera((0, -4, 2), (0, 0, 0.3), (0, 0, 1), 45, 8, 8)
+    words = rf"initial_radius is {radius:g}, .* 11.7 across: pass 1.17e-05 to 2.93, or None"
+    with pytest.raises(ValueError, match=words.replace("+", r"\+")):
+        photons(Scene(view, [floor()], [small_lamp()]), initial_radius=radius)
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [({"photons_per_pass": 0}, "photons_per_pass"), ({"nearest": 1}, "nearest")],
+)
+def test_impossible_options_of_photon_maps_are_refused(options, words):
+    with pytest.raises(ValueError, match=words):
+        PhotonMapOptions(**options)
+
+
+def test_alpha_one_warns_of_its_blur():
+    with pytest.warns(UserWarning, match="never shrink"):
+        PPMOptions(alpha=1.0)
+
+
+def test_planes_without_end_are_refused_by_name():
+    view = Camera((0, -4, 2), (0, 0, 0.3), (0, 0, 1), 45, 8, 8)
+    ground = Plane((0, 0, 0), (0, 0, 1))
+    with pytest.raises(ValueError, match="'ground' is a plane, to which the sky"):
+        photons(Scene(view, [Object(ground, Lambertian(0.5), "ground")], [], GradientSky(1, 1)))
+    with pytest.raises(ValueError, match="'ground' is a plane that shines"):
+        photons(Scene(view, [Object(ground, Emissive(1.0, Lambertian(0.5)), "ground")]))

@@ -1,0 +1,155 @@
+"""Ctrl-C loses no pass that is complete, and leaves no sum half made."""
+
+import json
+import os
+import pickle
+import signal
+import subprocess
+import sys
+import threading
+import time
+
+import imageio.v3 as imageio
+import numpy as np
+import pytest
+
+from hybrid_rt.core.interrupts import held_back
+from hybrid_rt.integrators import PPMOptions
+from hybrid_rt.lights import RectangleLight
+from hybrid_rt.materials import Lambertian
+from hybrid_rt.primitives import Plane, Sphere
+from hybrid_rt.rendering import summary as numbers
+from hybrid_rt.rendering.render import RenderInterrupted, render
+from hybrid_rt.scene.scene import Object, Scene
+from hybrid_rt.sensor.camera import Camera
+
+SCRIPT = """
+from hybrid_rt import Camera, GradientSky, Lambertian, Object, Scene, Sphere
+
+
+def scene():
+    camera = Camera((0, -4, 1), (0, 0, 0), (0, 0, 1), width=64, height=48)
+    return Scene(
+        camera, [Object(Sphere((0, 0, 0), 1), Lambertian(0.5))], environment=GradientSky(0, 1)
+    )
+"""
+
+
+@pytest.fixture(autouse=True)
+def heard():
+    """Ctrl-C is heard, also where these tests run in the background of a shell."""
+    as_before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, as_before)
+
+
+def ball():
+    camera = Camera((0, -4, 1), (0, 0, 0), (0, 0, 1), width=24, height=16)
+    objects = [
+        Object(Sphere((0, 0, 0), 1), Lambertian(0.5)),
+        Object(Plane((0, 0, -1), (0, 0, 1)), Lambertian(0.5)),
+    ]
+    lamp = RectangleLight((-1, -1, 4), (0, 1, 0), (1, 0, 0), 20.0)
+    return Scene(camera, objects, [lamp])
+
+
+@pytest.mark.parametrize("threads", [1, 2])
+@pytest.mark.parametrize(
+    ("integrator", "options"), [("path", None), ("ppm", PPMOptions(2000, initial_radius=0.3))]
+)
+def test_complete_passes_come_with_the_interrupt(integrator, options, threads):
+    """They are the very picture of so many passes, with its noise and blur."""
+
+    def stop_in_the_ninth(stage, done, total):
+        del total
+        if stage == "Rendering" and done > 8 * 24 * 16:
+            raise KeyboardInterrupt
+
+    settings = {"options": options, "outputs": ["samples"], "threads": threads}
+    with pytest.raises(RenderInterrupted, match="after 8 passes") as caught:
+        render(ball(), integrator, target_error=1e-9, progress=stop_in_the_ninth, **settings)
+    found, whole = caught.value.result, render(ball(), integrator, 8, **settings)
+    np.testing.assert_array_equal(found.image, whole.image)
+    assert (found.channels["samples"] == 8).all()
+    assert found.report["stopped_by"] == "interrupted"
+    for name in ("passes", "noise", "relative_error"):
+        assert found.report[name] == whole.report[name]
+
+
+def test_an_interrupt_comes_out_of_other_processes():
+    made = RenderInterrupted(render(ball(), passes=1))
+    other = pickle.loads(pickle.dumps(made))
+    assert str(other) == "interrupted after 1 pass"
+    np.testing.assert_array_equal(other.result.image, made.result.image)
+
+
+def test_without_a_complete_pass_nothing_comes():
+    def stop(*_event):
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt) as caught:
+        render(ball(), progress=stop)
+    assert not isinstance(caught.value, RenderInterrupted)
+
+
+def test_ctrl_c_in_a_terminal_writes_the_picture_of_the_passes_done(tmp_path):
+    (tmp_path / "ball.py").write_text(SCRIPT)
+    code = """import sys
+from hybrid_rt.cli import main
+main(["render", "ball.py", "--passes", "4", "--quiet"])  # compiles
+sys.exit(main(sys.argv[1:]))"""
+    words = ["render", "ball.py", "--time-budget", "100", "--threads", "1", "--out", "ä b.png"]
+    with subprocess.Popen(
+        [sys.executable, "-c", code, *words],
+        cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, encoding="utf-8",
+        env={**os.environ, "PYTHONUTF8": "1"},
+    ) as command:  # fmt: skip
+        heard = []
+        while "Rendering ...\n" not in heard:
+            heard.append(command.stderr.readline())
+            assert heard[-1], heard
+        time.sleep(0.5)  # the first pass takes a fiftieth of that
+        command.send_signal(signal.SIGINT)
+        out, error = command.communicate(timeout=60)
+    assert command.returncode == 130
+    assert "\nä b.png  (" in out
+    assert "stopped   by Ctrl-C, after" in out
+    assert imageio.imread(tmp_path / "ä b.png").shape == (48, 64, 3)
+    report = json.loads((tmp_path / "ä b.json").read_text("utf-8"))
+    assert report["stopped_by"] == "interrupted"
+    passes = numbers.passes_in_words(report["passes"])
+    assert error.endswith(f"\nhybrid-rt: interrupted after {passes}\n")
+
+
+def test_held_back_until_the_block_is_done():
+    done = []
+
+    def block():
+        with held_back():
+            os.kill(os.getpid(), signal.SIGINT)
+            time.sleep(0.01)
+            done.append(1)
+        done.append(2)
+
+    with pytest.raises(KeyboardInterrupt):
+        block()
+    assert done == [1]
+    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+
+
+def test_other_threads_and_other_programs_handlers_are_left_alone():
+    seen = []
+
+    def note():
+        with held_back():
+            seen.append(signal.getsignal(signal.SIGINT))
+
+    thread = threading.Thread(target=note)
+    thread.start()
+    thread.join()
+    as_before = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        note()
+    finally:
+        signal.signal(signal.SIGINT, as_before)
+    assert seen == [signal.default_int_handler, signal.SIG_IGN]

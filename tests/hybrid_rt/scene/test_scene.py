@@ -1,0 +1,148 @@
+import numpy as np
+import pytest
+import trimesh
+
+from hybrid_rt.lights import (
+    GradientSky,
+    ImageEnvironment,
+    PointLight,
+    RectangleLight,
+    SphereLight,
+)
+from hybrid_rt.materials import Emissive, Lambertian, Mirror
+from hybrid_rt.primitives import Sphere, TriangleMesh
+from hybrid_rt.scene.compiled import NOTHING, compile_scene
+from hybrid_rt.scene.scene import Object, Scene
+from hybrid_rt.sensor.camera import Camera
+from hybrid_rt.shading.kernels.environment import sky_direction, sky_on_rays
+from meshing.kernels.jit import kernel
+
+CAMERA = Camera((0, -5, 0), (0, 0, 0), (0, 0, 1))
+BALL = Sphere((0, 0, 0), 1.0)
+LAMP = RectangleLight((0, 0, 5), (0, 1, 0), (1, 0, 0), 2.0)
+
+
+def test_tables_list_objects_first_and_visible_lights_after_them():
+    matt = Lambertian(0.5)
+    objects = [Object(BALL, matt), Object(BALL, Mirror()), Object(BALL, matt)]
+    compiled = compile_scene(Scene(CAMERA, objects, [PointLight((0, 0, 9), 1), LAMP]))
+    assert len(compiled.surfaces) == 4
+    assert compiled.material_of.tolist() == [0, 1, 0, NOTHING]
+    assert compiled.light_of.tolist() == [NOTHING, NOTHING, NOTHING, 1]
+    assert compiled.surface_of_light.tolist() == [NOTHING, 3]
+    assert compiled.lobes.kind.size == 2  # the matt material is stored once
+
+
+def test_objects_are_called_by_their_name():
+    assert Object(BALL, Mirror()).name == "Sphere"
+    with pytest.raises(TypeError, match=r"object 'ball' has the material 'red'"):
+        Object(BALL, "red", "ball")
+    with pytest.raises(TypeError, match=r"object 'pot' is made of 'teapot': pass a Sphere"):
+        Object("teapot", Mirror(), "pot")
+
+
+@pytest.mark.parametrize(
+    ("parts", "words"),
+    [
+        ({"camera": None}, "camera"),
+        ({"objects": [BALL]}, r"objects\[0\]"),
+        ({"lights": [BALL]}, r"lights\[0\]"),
+        ({"environment": (1, 1, 1)}, "environment"),
+    ],
+)
+def test_parts_of_another_type_are_refused(parts, words):
+    with pytest.raises(TypeError, match=words):
+        Scene(**{"camera": CAMERA, **parts})
+
+
+@pytest.mark.parametrize(
+    ("make", "words"),
+    [
+        (lambda: RectangleLight((0, 0, 0), (1, 0, 0), (2, 0, 0), 1), "no area"),
+        (lambda: RectangleLight((0, 0, 0), (1, 0, 0), (0, 0, 0), 1), "no area"),
+        (lambda: RectangleLight((0, 0, 0), (1, 0, 0), (0, 1, 0), -1), "radiance"),
+        (lambda: RectangleLight((0, 0, np.inf), (1, 0, 0), (0, 1, 0), 1), "corner"),
+        (lambda: PointLight((0, 0), 1), "position"),
+        (lambda: PointLight((0, 0, 0), np.nan), "intensity"),
+        (lambda: GradientSky(1, 1, (0, 0, 0)), "up"),
+        (lambda: SphereLight((0, 0, 0), 0, 1), "radius"),
+        (lambda: SphereLight((0, 0, 0), 1, -1), "radiance"),
+        (lambda: ImageEnvironment(np.full((2, 4, 3), np.nan)), "non-finite"),
+        (lambda: ImageEnvironment(np.zeros((0, 4, 3))), "shape \\(0, 4, 3\\)"),
+        (lambda: ImageEnvironment(np.ones((2, 4, 3)), (0, 0, 0)), "up"),
+        (lambda: GradientSky(-1, 1), "bottom"),
+    ],
+)
+def test_impossible_lights_are_refused(make, words):
+    with pytest.raises(ValueError, match=words):
+        make()
+
+
+def test_sky_is_linear_in_height_along_any_up():
+    sky = GradientSky((0, 0, 0), (2, 4, 6), up=(0, 0, 1e-200))
+    directions = np.array([[0, 0, -1.0], [1, 0, 0], [0, 0, 1]])
+    np.testing.assert_allclose(sky.radiance(directions), [[0, 0, 0], [1, 2, 3], [2, 4, 6]])
+
+
+def test_shining_objects_are_lights_after_the_others():
+    shining = Object(BALL, Emissive(3.0, Lambertian(0.5)), "sun")
+    compiled = compile_scene(Scene(CAMERA, [Object(BALL, Mirror()), shining], [LAMP]))
+    assert compiled.light_of.tolist() == [NOTHING, 1, 0]
+    assert compiled.surface_of_light.tolist() == [2, 1]
+    assert compiled.lights.chance.sum() == pytest.approx(1.0)
+
+
+def test_shining_surfaces_without_area_are_refused_by_name():
+    flat = TriangleMesh(trimesh.Trimesh([[0, 0, 0], [1, 0, 0], [2, 0, 0]], [[0, 1, 2]]))
+    with pytest.raises(ValueError, match="object 'sliver' has area 0: leave it out"):
+        compile_scene(Scene(CAMERA, [Object(flat, Emissive(1.0), "sliver")]))
+
+
+@kernel
+def sky_directions(sky, xi, direction):
+    """Fill unit directions (n, 3) chosen by brightness from numbers (n, 2) in [0, 1)."""
+    for i in range(xi.shape[0]):
+        direction[i, 0], direction[i, 1], direction[i, 2] = sky_direction(sky, xi[i, 0], xi[i, 1])
+
+
+class TestImageEnvironment:
+    PICTURE = np.random.default_rng(6).random((6, 12, 3)) ** 3
+    UP = (1.0, 2.0, 3.0)
+
+    def test_texel_centres_keep_their_colors(self):
+        """And the border rows go on to the poles."""
+        sky = ImageEnvironment(self.PICTURE, self.UP)
+        for i, j, polar in ((2, 7, 2.5 / 6), (5, 0, 5.5 / 6), (0, 3, 1e-6), (5, 11, 1 - 1e-6)):
+            ring, height = np.sin(np.pi * polar), np.cos(np.pi * polar)
+            azimuth = 2 * np.pi * (j + 0.5) / 12
+            local = [ring * np.cos(azimuth), ring * np.sin(azimuth), height]
+            found = sky.radiance(np.array([local @ sky.table.frame]))[0]
+            # Texels are float32.
+            np.testing.assert_allclose(found, self.PICTURE[i, j], rtol=1e-6)
+
+    @pytest.mark.statistical
+    @pytest.mark.parametrize("kind", ["picture", "gradient"])
+    def test_directions_are_chosen_as_the_pdf_says(self, kind):
+        if kind == "picture":
+            sky = ImageEnvironment(self.PICTURE, self.UP)
+        else:
+            sky = GradientSky(0.2, (1.0, 2.0, 3.0), self.UP)
+        n = 2**16
+        xi = np.random.default_rng(1).random((n, 2))
+        w, radiance, pdf = np.empty((n, 3)), np.empty((n, 3)), np.empty(n)
+        sky_directions(sky.table, xi, w)
+        sky_on_rays(sky.table, w, radiance, pdf)
+        np.testing.assert_allclose(np.linalg.norm(w, axis=1), 1.0)
+        # The mean of 1 / pdf over a part of the sphere is its solid angle; of 1, its share.
+        even = np.random.default_rng(2).normal(size=(n, 3))
+        even /= np.linalg.norm(even, axis=1)[:, None]
+        density = np.empty(n)
+        sky_on_rays(sky.table, even, radiance, density)
+        assert density.mean() * 4 * np.pi == pytest.approx(1.0, abs=0.02)
+        for axis in range(3):
+            for side in (-0.5, 0.5):
+                inside, there = w[:, axis] > side, even[:, axis] > side
+                expected = 4 * np.pi * (density * there).mean()
+                error = np.sqrt(0.25 / n + (4 * np.pi * density * there).var() / n)
+                # Five standard errors: a false alarm in 1e5 runs of these twelve.
+                assert abs(inside.mean() - expected) < 5 * error

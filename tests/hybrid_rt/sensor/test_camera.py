@@ -1,0 +1,73 @@
+import numpy as np
+import pytest
+
+from hybrid_rt.sensor.camera import Camera
+
+SOUND = {"look_from": (1, 2, 3), "look_at": (4, -2, 3), "up": (0, 0, 1)}
+
+
+def camera(**changes):
+    return Camera(**{**SOUND, "width": 8, "height": 4, "vertical_fov": 90.0, **changes})
+
+
+def test_middle_corners_and_pixel_size_are_those_of_a_right_angle_of_view():
+    view, right, up = np.array([0.6, -0.8, 0]), np.array([-0.8, -0.6, 0]), np.array([0, 0, 1])
+    origins, directions = camera().rays(np.array([4.0, 0, 8]), np.array([2.0, 0, 4]))
+    np.testing.assert_array_equal(origins, np.tile([1, 2, 3], (3, 1)))
+    corners = np.array([view, view - 2 * right + up, view + 2 * right - up])
+    corners /= np.linalg.norm(corners, axis=1)[:, None]
+    np.testing.assert_allclose(directions, corners, atol=1e-15)
+
+
+def test_aperture_zero_is_exactly_the_pinhole():
+    places = np.random.default_rng(1).uniform(0, 4, (50, 2))
+    lens = np.random.default_rng(2).uniform(size=(50, 2))
+    pinhole = camera().rays(*places.T)
+    closed = camera(aperture=0.0).rays(*places.T, lens)
+    for a, b in zip(pinhole, closed, strict=True):
+        np.testing.assert_array_equal(a, b)
+    assert not camera().has_lens
+
+
+def test_rays_of_one_film_place_meet_in_the_plane_of_focus():
+    lens = np.random.default_rng(2).uniform(size=(200, 2))
+    column, row = np.full(200, 1.3), np.full(200, 3.1)
+    view = camera(aperture=0.5, focus_distance=3.0)
+    origins, directions = view.rays(column, row, lens)
+    forward = np.array([0.6, -0.8, 0])
+    along = directions @ forward
+    points = origins + (3.0 / along)[:, None] * directions
+    np.testing.assert_allclose(points, np.tile(points[0], (200, 1)), atol=1e-14)
+    offset = np.linalg.norm(origins - [1, 2, 3], axis=1)
+    assert 0.24 < offset.max() <= 0.25
+    np.testing.assert_allclose((origins - [1, 2, 3]) @ forward, 0, atol=1e-15)
+
+
+def test_focus_is_at_look_at_unless_said():
+    assert camera().focus_distance == pytest.approx(5.0)
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"vertical_fov": 0}, "vertical_fov"),
+        ({"vertical_fov": 180}, "vertical_fov"),
+        ({"vertical_fov": float("nan")}, "vertical_fov"),
+        ({"up": (3, -4, 0)}, "up is .*, parallel"),
+        ({"up": (0, 0, 0)}, "up"),
+        ({"look_at": (1, 2, 3)}, "look_at"),
+        ({"look_from": (np.nan, 0, 0)}, "look_from"),
+        ({"width": 0}, "width"),
+        ({"height": -3}, "height"),
+        ({"aperture": -0.1}, "aperture"),
+        ({"aperture": 0.1, "focus_distance": 0}, "focus_distance"),
+    ],
+)
+def test_impossible_cameras_are_refused_by_name(changes, words):
+    with pytest.raises(ValueError, match=words):
+        camera(**changes)
+
+
+def test_one_pixel_is_a_picture():
+    _, directions = camera(width=1, height=1).rays(np.array([0.5]), np.array([0.5]))
+    np.testing.assert_allclose(directions, [[0.6, -0.8, 0]], atol=1e-15)

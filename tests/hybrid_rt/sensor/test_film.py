@@ -1,0 +1,272 @@
+import json
+
+import imageio.v3 as imageio
+import numpy as np
+import pytest
+
+from hybrid_rt.sensor import film
+from hybrid_rt.sensor.color import linear_to_srgb, srgb_to_linear
+from hybrid_rt.sensor.film import Film
+from hybrid_rt.sensor.image_files import check_output, save_image
+from hybrid_rt.sensor.passes import group_of, pass_of
+
+IMAGE = np.random.default_rng(4).uniform(0, 1.2, (5, 7, 3)).astype(np.float32)
+
+
+def test_transfer_function_is_the_standards():
+    values = linear_to_srgb([0, 0.002, 0.5, 1, 7, -1])
+    np.testing.assert_allclose(values, [0, 0.02584, 0.735356983, 1, 1, 0], atol=1e-9)
+    x = np.linspace(0, 1, 256)
+    # The standard's two pieces meet to within 1e-7 of each other, no better.
+    np.testing.assert_allclose(linear_to_srgb(srgb_to_linear(x)), x, atol=1e-7)
+
+
+def test_png_holds_the_encoded_picture_and_the_sidecar_the_report(tmp_path):
+    sidecar = save_image(tmp_path / "a.png", IMAGE, {"seed": 3})
+    expected = np.rint(linear_to_srgb(IMAGE) * 255)
+    np.testing.assert_array_equal(imageio.imread(tmp_path / "a.png"), expected)
+    assert json.loads(sidecar.read_text()) == {"seed": 3}
+    assert sidecar == tmp_path / "a.json"
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["a.json", "a.png"]
+
+
+def test_npz_holds_the_picture_bit_for_bit(tmp_path):
+    save_image(tmp_path / "a.npz", IMAGE, {"seed": 3})
+    with np.load(tmp_path / "a.npz") as data:
+        np.testing.assert_array_equal(data["image"], IMAGE)
+        assert data["image"].dtype == np.float32
+        assert json.loads(str(data["report"])) == {"seed": 3}
+
+
+def test_exr_holds_named_channels_bit_for_bit(tmp_path):
+    OpenEXR = pytest.importorskip("OpenEXR")
+    depth = np.where(IMAGE[:, :, 0] > 0.5, np.inf, IMAGE[:, :, 0]).astype(np.float32)
+    channels = {"depth": depth, "normal": -IMAGE}
+    save_image(tmp_path / "a.exr", IMAGE, {"seed": 3}, channels)
+    with OpenEXR.File(str(tmp_path / "a.exr"), separate_channels=True) as file:
+        planes = {name: channel.pixels for name, channel in file.channels().items()}
+        assert json.loads(file.header()["hybrid_rt"]) == {"seed": 3}
+    assert {plane.dtype for plane in planes.values()} == {np.dtype(np.float32)}
+    assert set(planes) == {"R", "G", "B", "depth", "normal.X", "normal.Y", "normal.Z"}
+    np.testing.assert_array_equal(np.stack([planes[c] for c in "RGB"], axis=2), IMAGE)
+    np.testing.assert_array_equal(planes["depth"], depth)
+    np.testing.assert_array_equal(planes["normal.Y"], -IMAGE[:, :, 1])
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["a.exr", "a.exr.json"]
+
+
+def test_exr_without_its_package_is_refused_before_any_work(tmp_path, monkeypatch):
+    monkeypatch.setattr(film.importlib.util, "find_spec", lambda _: None)
+    with pytest.raises(ModuleNotFoundError, match=r"pip install 'hybrid-rt\[exr\]'"):
+        check_output(tmp_path / "a.exr")
+
+
+def test_exposure_counts_stops(tmp_path):
+    save_image(tmp_path / "a.png", IMAGE, {}, exposure=-1.0)
+    expected = np.rint(linear_to_srgb(IMAGE.astype(float) / 2) * 255)
+    np.testing.assert_array_equal(imageio.imread(tmp_path / "a.png"), expected)
+
+
+def test_what_is_not_finite_is_shown(tmp_path):
+    strange = np.array([[[np.nan, np.inf, -np.inf]]], np.float32)
+    save_image(tmp_path / "a.png", strange, {}, exposure=-3.0)
+    assert imageio.imread(tmp_path / "a.png").tolist() == [[[0, 255, 0]]]
+
+
+def test_interrupted_write_leaves_the_old_file_and_no_other(tmp_path, monkeypatch):
+    target = tmp_path / "a.png"
+    target.write_bytes(b"old")
+
+    def interrupted(file, *_):
+        file.write(b"half")
+        raise KeyboardInterrupt
+
+    monkeypatch.setitem(film.WRITERS, ".png", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        save_image(target, IMAGE, {})
+    assert target.read_bytes() == b"old"
+    assert list(tmp_path.iterdir()) == [target]
+
+
+def test_impossible_outputs_are_refused(tmp_path):
+    with pytest.raises(ValueError, match=r"unknown ending: pass \.png, \.npz"):
+        check_output("a.jpg")
+    with pytest.raises(FileNotFoundError, match="no folder"):
+        check_output(tmp_path / "missing" / "a.png")
+
+
+@pytest.mark.parametrize(
+    ("name", "error", "words"),
+    [
+        ("folder.png", IsADirectoryError, "cannot be written .it is a folder.: name"),
+        ("b.npz", IsADirectoryError, r"b\.npz\.json' cannot be written"),
+        ("file/a.png", FileNotFoundError, "no folder"),
+        (f"{300 * 'a'}.png", OSError, "cannot be written .*: name another file"),
+    ],
+)
+def test_outputs_that_cannot_be_written_are_refused(tmp_path, name, error, words):
+    (tmp_path / "folder.png").mkdir()
+    (tmp_path / "b.npz.json").mkdir()
+    (tmp_path / "file").touch()
+    with pytest.raises(error, match=words):
+        check_output(tmp_path / name)
+    assert len(list(tmp_path.iterdir())) == 3
+
+
+def test_pictures_of_one_name_keep_their_own_reports(tmp_path):
+    for seed, ending in enumerate((".png", ".npz")):
+        save_image(tmp_path / f"a{ending}", IMAGE, {"seed": seed})
+    assert json.loads((tmp_path / "a.json").read_text()) == {"seed": 0}
+    assert json.loads((tmp_path / "a.npz.json").read_text()) == {"seed": 1}
+
+
+def test_film_is_the_mean_and_its_noise_the_standard_error():
+    passes = np.random.default_rng(5).uniform(size=(6, 4, 3, 3))
+    sheet = Film(4, 3)
+    for radiance in passes:
+        sheet.add(radiance)
+    np.testing.assert_allclose(sheet.image, passes.mean(axis=0), rtol=1e-6)
+    noise = sheet.noise()
+    assert noise["errs_on_the_safe_side"]
+    per_pixel = passes.var(axis=0, ddof=1) / 6
+    assert noise["root_mean_square_standard_error_of_pixels"] == pytest.approx(
+        np.sqrt(per_pixel.mean())
+    )
+    means = passes.mean(axis=(1, 2, 3))
+    assert noise["standard_error_of_image_mean"] == pytest.approx(means.std(ddof=1) / np.sqrt(6))
+
+
+def test_errors_come_from_the_differences_between_groups():
+    """Passes that cancel within each group leave the groups' means alone."""
+    rng = np.random.default_rng(6)
+    level, wobble = rng.uniform(1, 2, (4, 3, 2, 3)), rng.normal(size=(4, 3, 2, 3))
+    sheet = Film(3, 2)
+    for n in range(32):
+        sheet.add(level[n // 4 % 4] + (-1.0) ** n * wobble[n // 4 % 4])
+    expected = level.std(axis=0, ddof=1) / 2
+    np.testing.assert_allclose(sheet.standard_error, expected)
+    noise = sheet.noise()
+    assert not noise["errs_on_the_safe_side"]
+    assert noise["interval_factor"] == 3.182
+    means = level.mean(axis=(1, 2, 3))
+    assert noise["standard_error_of_image_mean"] == pytest.approx(means.std(ddof=1) / 2)
+
+
+@pytest.mark.statistical
+@pytest.mark.parametrize("n", [4, 8, 16, 22, 64])
+def test_rare_bright_paths_do_not_excuse_themselves(n):
+    """Of independent samples of 1 one in 500 is 51: mean 1.1, variance 2500 p (1 - p).
+
+    3e5 pixels meet 600 n of them, so the error of the picture is known to 2 % or better. Most pixels
+    have met none and stand for 1 instead of 1.1, so the estimate is up to 10 % larger; an early one
+    takes a darker neighbour for a pixel and may be larger still.
+    """
+    rng = np.random.default_rng(2)
+    sheet = Film(500, 600)
+    for _ in range(n):
+        sheet.add(np.repeat(1.0 + 50.0 * (rng.random((500, 600, 1)) < 1 / 500), 3, axis=2))
+    truth = np.sqrt(2500 / 500 * (1 - 1 / 500) / n / (1.1**2 + 0.01))
+    error = np.sqrt(((sheet.image - 1.1) ** 2 / (1.1**2 + 0.01)).mean())
+    assert error == pytest.approx(truth, rel=0.05)
+    assert 0.97 * truth < sheet.relative_error() < (1.15 if n >= 16 else 1.5) * truth
+
+
+@pytest.mark.statistical
+@pytest.mark.parametrize("n", [16, 22, 64])
+def test_relative_error_of_even_noise_is_right(n):
+    rng = np.random.default_rng(3)
+    level = rng.uniform(0.2, 2.0, (200, 300, 3))
+    sheet = Film(200, 300)
+    for _ in range(n):
+        sheet.add(level * (1.0 + 0.3 * rng.normal(size=level.shape)))
+    truth = np.sqrt((0.09 * level**2 / n / (level**2 + 0.01)).mean())
+    # Noise of 10 % in what stands in for r makes the mean of 1 / r^2 some per cent too large.
+    assert sheet.relative_error() == pytest.approx(truth, rel=0.03)
+
+
+def test_peaks_are_cut_to_their_neighbours():
+    image = np.ones((3, 4, 3))
+    image[1, 1] = 9.0
+    image[0, 3] = 0.5
+    level = film._without_peaks(image)
+    assert level[1, 1, 0] == pytest.approx(1.0)
+    assert level[0, 3, 0] == 0.5
+    assert level[0, 2, 0] == pytest.approx(1.0)  # of neighbours 0.5, 1, 1, 9 and 1
+    assert film._without_peaks(np.full((1, 1, 3), 7.0)).max() == 7.0
+
+
+def test_groups_take_runs_of_four_passes_in_turn():
+    group, sample = group_of(np.arange(40, dtype=np.uint64))
+    assert np.array_equal(pass_of(group, sample), np.arange(40))
+    assert group.tolist() == [k for _ in range(3) for k in range(4) for _ in range(4)][:40]
+    for k in range(4):
+        assert sample[group == k].tolist() == list(range(np.count_nonzero(group == k)))
+
+
+def test_intervals_use_students_t():
+    from scipy.stats import t
+
+    sheet = Film(1, 1)
+    for n in range(1, 21):
+        sheet.add(np.full((1, 1, 3), float(n)))
+        if n > 1:
+            freedom = n - 1 if n < 16 else 3
+            assert sheet.noise()["interval_factor"] == pytest.approx(
+                t.ppf(0.975, freedom), abs=6e-4
+            )
+
+
+def test_intervals_of_pixels_borrow_from_their_neighbours():
+    """Two of three parts come from around, and with them twice the degrees of freedom."""
+    from scipy.stats import t
+
+    rng, sheet = np.random.default_rng(9), Film(3, 3)
+    for n in range(1, 21):
+        sheet.add(rng.normal(size=(3, 3, 3)))
+        if n == 1:
+            assert np.isnan(sheet.half_interval).all()
+            continue
+        freedom = n - 1 if n < 16 else 3
+        squares = sheet.standard_error**2
+        around = (squares.sum(axis=(0, 1)) - squares[1, 1]) / 8
+        expected = t.ppf(0.975, 3 * freedom) * np.sqrt((squares[1, 1] + 2 * around) / 3)
+        np.testing.assert_allclose(sheet.half_interval[1, 1], expected, rtol=3e-4)
+        corner = (squares[0, 1] + squares[1, 0] + squares[1, 1]) / 3
+        expected = t.ppf(0.975, 3 * freedom) * np.sqrt((squares[0, 0] + 2 * corner) / 3)
+        np.testing.assert_allclose(sheet.half_interval[0, 0], expected, rtol=3e-4)
+
+
+def test_a_single_pixel_has_its_own_interval():
+    sheet = Film(1, 1)
+    for n in range(16):
+        sheet.add(np.full((1, 1, 3), float(n)))
+    np.testing.assert_allclose(sheet.half_interval, 3.182 * sheet.standard_error)
+
+
+@pytest.mark.statistical
+@pytest.mark.parametrize("n", [2, 5, 16, 21, 30])
+def test_squares_of_errors_are_unbiased(n):
+    """The mean square is the variance of the mean, whatever the sizes of the groups.
+
+    Independent normal passes, 6e4 values; the squares have 1 or more degrees of freedom, so their
+    mean is known to 0.6 % or better: 3 % is a matter of 5 standard deviations.
+    """
+    rng = np.random.default_rng(8)
+    sheet = Film(100, 200)
+    for _ in range(n):
+        sheet.add(rng.normal(size=(100, 200, 3)))
+    assert np.square(sheet.standard_error).mean() == pytest.approx(1 / n, rel=0.03)
+
+
+def test_one_pass_tells_nothing_of_noise():
+    sheet = Film(1, 1)
+    sheet.add(np.ones((1, 1, 3)))
+    assert sheet.noise() is None
+
+
+@pytest.mark.parametrize("scale", [1e-30, 1e30])
+def test_extreme_brightness_neither_overflows_nor_vanishes(scale):
+    sheet = Film(1, 1)
+    for value in (1.0, 2.0):
+        sheet.add(np.full((1, 1, 3), value * scale))
+    assert sheet.noise()["root_mean_square_standard_error_of_pixels"] == pytest.approx(scale / 2)
+    assert sheet.image[0, 0, 0] == pytest.approx(1.5 * scale)
