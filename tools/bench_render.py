@@ -28,7 +28,7 @@ from hybrid_rt.cli.command import kept, one_or_more, run_tool
 from hybrid_rt.cli.scene_file import load_scene
 from hybrid_rt.core import checks
 from hybrid_rt.integrators import PPMOptions
-from hybrid_rt.rendering.render import RenderResult, render
+from hybrid_rt.rendering.renderer import RenderResult, render
 from hybrid_rt.scene.scene import Scene
 from hybrid_rt.sensor.image_metrics import noise_of_reference, relative_mse, seconds_to
 

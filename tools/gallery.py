@@ -15,7 +15,7 @@ from typing import Any
 
 from hybrid_rt.cli.command import kept, one_or_more, run_tool
 from hybrid_rt.cli.scene_file import load_script
-from hybrid_rt.rendering.render import render
+from hybrid_rt.rendering.renderer import render
 from hybrid_rt.rendering.summary import passes_in_words
 
 ROOT = Path(__file__).parents[1]

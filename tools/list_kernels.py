@@ -41,7 +41,7 @@ from hybrid_rt.cli.scene_file import load_script
 from hybrid_rt.core import precompile
 from hybrid_rt.core.precompile import type_to_json
 from hybrid_rt.intersection.kinds.registry import kernel_groups
-from hybrid_rt.rendering.render import RenderResult
+from hybrid_rt.rendering.renderer import RenderResult
 from hybrid_rt.verify.cases.campaign import SCENES as SURFACES_TO_JUDGE
 from hybrid_rt.verify.cases.campaign import steps
 from meshing import BezierPatches

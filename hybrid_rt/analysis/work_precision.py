@@ -31,7 +31,7 @@ from hybrid_rt.core.timing import timed
 from hybrid_rt.integrators.options import PathOptions
 from hybrid_rt.intersection import Intersector
 from hybrid_rt.lights import PointLight
-from hybrid_rt.rendering.render import RenderResult, render
+from hybrid_rt.rendering.renderer import RenderResult, render
 from hybrid_rt.scene.scene import Scene
 from hybrid_rt.sensor.image_metrics import DARK, picture_errors, relative_mse
 

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from hybrid_rt.core.records import BoolArray, FloatArray
 from hybrid_rt.integrators import PPMOptions
 from hybrid_rt.intersection import Intersector
-from hybrid_rt.rendering.render import render
+from hybrid_rt.rendering.renderer import render
 from hybrid_rt.sensor.image_metrics import relative_mse
 from hybrid_rt.verify.light.light_tracer import BALL, BEHIND_PANE, CAMERA, Bench
 

@@ -21,7 +21,7 @@ from hybrid_rt.integrators import PPMOptions
 from hybrid_rt.lights import RectangleLight
 from hybrid_rt.materials import Dielectric, Lambertian
 from hybrid_rt.primitives import Rectangle, TriangleMesh
-from hybrid_rt.rendering.render import render
+from hybrid_rt.rendering.renderer import render
 from hybrid_rt.scene.scene import Object, Scene
 from hybrid_rt.sensor.camera import Camera
 from hybrid_rt.sensor.image_metrics import relative_mse

@@ -1,5 +1,5 @@
 """The command ``hybrid-rt``."""
 
-from hybrid_rt.cli.main import main, render_script
+from hybrid_rt.cli.program import main, render_script
 
 __all__ = ["main", "render_script"]

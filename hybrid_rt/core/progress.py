@@ -8,8 +8,6 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any, Protocol
 
-from numba.core import event
-
 # Shorter compilations are not worth a message.
 ANNOUNCE_AFTER = 0.5
 
@@ -99,6 +97,8 @@ def watch_compilation(progress: Progress | None = None) -> Iterator[CompileWatch
 
     Kernels that come from the cache are not compiled and cost nothing here.
     """
+    from numba.core import event
+
     watch = CompileWatch(progress)
 
     class Listener(event.Listener):

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import platform
-import resource
 import sys
 from functools import cache
 from importlib import metadata
@@ -16,6 +15,8 @@ _PACKAGES = ("numpy", "numba", "scipy", "embreex", "trimesh")
 
 def peak_memory_mib() -> float:
     """Return the most memory that this process has held so far, in MiB."""
+    import resource
+
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     # Kibibytes, but bytes on a Mac.
     return peak / (2**20 if sys.platform == "darwin" else 2**10)

@@ -10,9 +10,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, BinaryIO
 
-import imageio.v3 as imageio
 import numpy as np
-import OpenEXR
 from numpy.typing import NDArray
 
 from hybrid_rt.core.ledger import as_json
@@ -125,6 +123,7 @@ def _write_png(
     _channels: Channels,
     exposure: float,
 ) -> None:
+    import imageio.v3 as imageio
 
     imageio.imwrite(file, screen_pixels(image, exposure), extension=".png")
 
@@ -147,6 +146,7 @@ def _write_exr(
     channels: Channels,
     _exposure: float,
 ) -> None:
+    import OpenEXR
 
     planes = {name: image[:, :, k] for k, name in enumerate("RGB")}
     for name, values in channels.items():

@@ -10,7 +10,7 @@ import pytest
 
 from hybrid_rt.cli.scene_file import load_script
 from hybrid_rt.integrators import PPMOptions
-from hybrid_rt.rendering.render import render
+from hybrid_rt.rendering.renderer import render
 
 SCRIPTS = sorted((Path(__file__).parents[2] / "scenes").glob("*.py"))
 

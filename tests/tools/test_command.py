@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from hybrid_rt.cli import command
-from hybrid_rt.cli import terminal as progress
+from hybrid_rt.core import progress
 from hybrid_rt.verify.cases import campaign
 
 TOOLS = Path(__file__).parents[2] / "tools"

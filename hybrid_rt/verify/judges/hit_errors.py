@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 
 from hybrid_rt.core.records import BoolArray, FloatArray, HitRecord
 from hybrid_rt.verify.judges.oracle import Truth
-from meshing import BezierPatches, SurfaceOfRevolution
 
 
 @dataclass(frozen=True)
@@ -92,6 +91,8 @@ def _nearer_to_another(found: HitRecord, truth: Truth) -> BoolArray:
 
 def _angles(found: HitRecord, truth: Truth, rows: NDArray[np.intp]) -> FloatArray:
     """Return the angles between normals, degrees, of those rows that lie on curved surfaces."""
+    from meshing import BezierPatches, SurfaceOfRevolution
+
     angles = [np.empty(0)]
     for number, surface in enumerate(truth.surfaces):
         if not isinstance(surface, BezierPatches | SurfaceOfRevolution):

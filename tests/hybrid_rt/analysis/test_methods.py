@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from hybrid_rt.analysis.methods import Method, default_methods, finds_all_light
-from hybrid_rt.cli import main as cli
+from hybrid_rt.cli import program as cli
 from hybrid_rt.integrators import PhotonMapOptions, PPMOptions
 from hybrid_rt.lights import GradientSky, PointLight
 from hybrid_rt.materials import Lambertian, Mirror

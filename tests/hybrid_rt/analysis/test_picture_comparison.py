@@ -12,7 +12,7 @@ from hybrid_rt.analysis.picture_comparison import (
     load_picture,
     side_by_side,
 )
-from hybrid_rt.cli import main as cli
+from hybrid_rt.cli import program as cli
 from hybrid_rt.sensor.image_files import save_image
 
 RNG = np.random.default_rng(12)

@@ -7,19 +7,19 @@ import numpy as np
 import pytest
 
 from hybrid_rt._version import __version__
-from hybrid_rt.cli import main as cli
+from hybrid_rt.cli import program as cli
 from hybrid_rt.cli.command import BAD_INPUT, CLOSED_PIPE, INTERRUPTED
 from hybrid_rt.cli.scene_file import SceneFileError, load_scene
-from hybrid_rt.rendering import render as rendering
+from hybrid_rt.rendering import renderer as rendering
 
 SCRIPT = """
 import sys
 
-from hybrid_rt.camera import Camera
+from hybrid_rt.sensor.camera import Camera
 from hybrid_rt.lights import GradientSky
 from hybrid_rt.materials import Mirror
 from hybrid_rt.primitives import Sphere
-from hybrid_rt.scene import Object, Scene
+from hybrid_rt.scene.scene import Object, Scene
 
 
 def scene():
@@ -186,7 +186,7 @@ def test_a_script_that_runs_as_a_program_names_the_line_as_well(folder):
 
 
 def test_a_closed_pipe_ends_without_a_word_and_loses_no_file(folder):
-    code = "import sys; from hybrid_rt.cli.main import main; sys.exit(main(sys.argv[1:]))"
+    code = "import sys; from hybrid_rt.cli.program import main; sys.exit(main(sys.argv[1:]))"
     words = ["render", "ball.py", "--passes", "1", "--quiet", "--out", "a.png", "--out", "b.npz"]
     with subprocess.Popen(
         [sys.executable, "-c", code, *words],
@@ -228,7 +228,9 @@ def test_version_and_help(capsys):
 
 
 def test_command_line_is_ready_before_anything_heavy_is_imported():
-    code = "import sys, hybrid_rt.cli.main; print({'numpy', 'numba', 'imageio'} & set(sys.modules))"
+    code = (
+        "import sys, hybrid_rt.cli.program; print({'numpy', 'numba', 'imageio'} & set(sys.modules))"
+    )
     done = subprocess.run(
         [sys.executable, "-c", code], check=True, capture_output=True, text=True, timeout=60
     )

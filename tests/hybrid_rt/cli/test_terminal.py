@@ -5,6 +5,7 @@ import numba
 
 from hybrid_rt.cli import terminal as progress
 from hybrid_rt.cli.terminal import TerminalProgress
+from hybrid_rt.core import progress as core_progress
 from hybrid_rt.core.progress import COMPILING, CompileWatch, watch_compilation
 
 
@@ -73,7 +74,7 @@ def test_target_out_of_reach_is_shown_with_its_reason(monkeypatch):
 
 
 def test_nested_compilations_count_once_and_long_ones_are_announced(monkeypatch):
-    monkeypatch.setattr(progress, "ANNOUNCE_AFTER", 0.01)
+    monkeypatch.setattr(core_progress, "ANNOUNCE_AFTER", 0.01)
     heard = []
     watch = CompileWatch(lambda *event: heard.append(event))
     began = time.perf_counter()

@@ -19,7 +19,7 @@ from hybrid_rt.scene.plan import KERNELS_FOR, make_plan
 from meshing.kernels import cache
 from meshing.kernels.cache import SharedCache, name_of
 
-ROOT = Path(__file__).parents[2]
+ROOT = Path(__file__).parents[3]
 LISTED = precompile.read_list()
 
 needs_locks = pytest.mark.skipif(not cache.HAS_LOCKS, reason="no locks between processes here")
@@ -104,10 +104,10 @@ def test_the_list_holds_what_kernels_are_called_with():
 CALLS = """
 import json, sys, time
 import numpy as np
-from hybrid_rt import precompile
-from hybrid_rt.intersection import pool
-from hybrid_rt.kernels.film import add_to_pixels
-from hybrid_rt.kernels.pack import add_unblocked
+from hybrid_rt.core import precompile
+from hybrid_rt.core import threads as pool
+from hybrid_rt.integrators.kernels.compaction import add_to_pixels
+from hybrid_rt.integrators.kernels.compaction import add_unblocked
 
 pool.available_threads = lambda: 2
 precompile._CODE = sys.argv[1] or precompile._CODE
@@ -170,7 +170,7 @@ NOWHERE = """
 import os
 os.access = lambda *_: False
 import numba
-from hybrid_rt.kernels.film import add_to_pixels
+from hybrid_rt.integrators.kernels.compaction import add_to_pixels
 print(add_to_pixels._cache.cache_path, os.environ["NUMBA_CACHE_DIR"], sep="\\n")
 """
 

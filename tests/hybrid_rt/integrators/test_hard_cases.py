@@ -10,7 +10,7 @@ from hybrid_rt.integrators.path import light_paths
 from hybrid_rt.lights import GradientSky, PointLight, RectangleLight, SphereLight
 from hybrid_rt.materials import Dielectric, Emissive, Lambertian, Mirror
 from hybrid_rt.primitives import Box, Rectangle, Sphere
-from hybrid_rt.rendering.render import render
+from hybrid_rt.rendering.renderer import render
 from hybrid_rt.scene.scene import Object, Scene
 from hybrid_rt.sensor.camera import Camera
 from hybrid_rt.textures import CheckerTexture, ImageTexture

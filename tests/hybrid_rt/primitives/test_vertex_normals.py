@@ -6,7 +6,7 @@ from hybrid_rt.lights import GradientSky, PointLight
 from hybrid_rt.materials import Dielectric, Lambertian, Metal
 from hybrid_rt.primitives import Sphere, TriangleMesh
 from hybrid_rt.primitives.vertex_normals import vertex_normals
-from hybrid_rt.rendering.render import render
+from hybrid_rt.rendering.renderer import render
 from hybrid_rt.scene.scene import Object, Scene
 from hybrid_rt.sensor.camera import Camera
 from hybrid_rt.shading.kernels.bsdf import leaves_through_face

@@ -9,7 +9,7 @@ from hybrid_rt.materials import Lambertian
 from hybrid_rt.primitives import Sphere
 from hybrid_rt.rendering import summary as numbers
 from hybrid_rt.rendering.audit import share_interval
-from hybrid_rt.rendering.render import render
+from hybrid_rt.rendering.renderer import render
 from hybrid_rt.scene.scene import Object, Scene
 from hybrid_rt.sensor.camera import Camera
 from meshing import SurfaceOfRevolution

@@ -6,7 +6,7 @@ import pytest
 from hybrid_rt.lights import GradientSky
 from hybrid_rt.materials import Lambertian, Phong
 from hybrid_rt.primitives import Rectangle, Sphere
-from hybrid_rt.rendering.render import render
+from hybrid_rt.rendering.renderer import render
 from hybrid_rt.scene.scene import Object, Scene
 from hybrid_rt.sensor.camera import Camera
 from hybrid_rt.sensor.channel_names import PARTS

@@ -30,7 +30,7 @@ from hybrid_rt.lights.surface import ShiningSurface
 from hybrid_rt.materials import Dielectric, Emissive, Lambertian, Metal, Mirror
 from hybrid_rt.primitives import Box, Plane, Rectangle, Sphere
 from hybrid_rt.rendering import memory
-from hybrid_rt.rendering import render as rendering
+from hybrid_rt.rendering import renderer as rendering
 from hybrid_rt.rendering import summary as numbers
 from hybrid_rt.rendering.limits import Limit
 from hybrid_rt.sampling.sampler import Sampler

@@ -4,7 +4,7 @@ import imageio.v3 as imageio
 import numpy as np
 import pytest
 
-from hybrid_rt.sensor import film
+from hybrid_rt.sensor import film, image_files
 from hybrid_rt.sensor.color import linear_to_srgb, srgb_to_linear
 from hybrid_rt.sensor.film import Film
 from hybrid_rt.sensor.image_files import check_output, save_image
@@ -55,7 +55,7 @@ def test_exr_holds_named_channels_bit_for_bit(tmp_path):
 
 
 def test_exr_without_its_package_is_refused_before_any_work(tmp_path, monkeypatch):
-    monkeypatch.setattr(film.importlib.util, "find_spec", lambda _: None)
+    monkeypatch.setattr(image_files.importlib.util, "find_spec", lambda _: None)
     with pytest.raises(ModuleNotFoundError, match=r"pip install 'hybrid-rt\[exr\]'"):
         check_output(tmp_path / "a.exr")
 
@@ -80,7 +80,7 @@ def test_interrupted_write_leaves_the_old_file_and_no_other(tmp_path, monkeypatc
         file.write(b"half")
         raise KeyboardInterrupt
 
-    monkeypatch.setitem(film.WRITERS, ".png", interrupted)
+    monkeypatch.setitem(image_files.WRITERS, ".png", interrupted)
     with pytest.raises(KeyboardInterrupt):
         save_image(target, IMAGE, {})
     assert target.read_bytes() == b"old"

@@ -8,7 +8,7 @@ import trimesh
 
 from hybrid_rt.materials import Emissive
 from hybrid_rt.primitives import Plane, Rectangle, Sphere, TriangleMesh
-from hybrid_rt.rendering.render import render
+from hybrid_rt.rendering.renderer import render
 from hybrid_rt.scene.scene import Object, Scene
 from hybrid_rt.sensor.camera import Camera
 from hybrid_rt.textures import ImageTexture

@@ -16,7 +16,7 @@ from hybrid_rt.integrators.kernels.photon_steps import MET_SPECULAR
 from hybrid_rt.lights import PointLight, RectangleLight, SphereLight
 from hybrid_rt.materials import Dielectric, Lambertian, Mirror
 from hybrid_rt.primitives import Rectangle, Sphere
-from hybrid_rt.rendering.render import render
+from hybrid_rt.rendering.renderer import render
 from hybrid_rt.scene.scene import Object, Scene
 from hybrid_rt.sensor.camera import Camera
 from hybrid_rt.verify.light.light_tracer import BALL, BEHIND_PANE

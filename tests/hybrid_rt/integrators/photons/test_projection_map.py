@@ -18,7 +18,7 @@ from hybrid_rt.shading.kernels.bsdf import DIELECTRIC, METAL
 from hybrid_rt.verify.light.light_tracer import CAMERA
 from meshing import SurfaceOfRevolution
 
-SCENES = Path(__file__).parents[3] / "scenes"
+SCENES = Path(__file__).parents[4] / "scenes"
 
 # Power that aimed photons bring to what they are aimed at before anything else, at least.
 SHARES = {

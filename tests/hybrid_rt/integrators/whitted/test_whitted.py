@@ -11,7 +11,7 @@ from hybrid_rt.integrators.whitted import whitted
 from hybrid_rt.lights import GradientSky, PointLight, RectangleLight
 from hybrid_rt.materials import Dielectric, Lambertian, Mirror, Phong
 from hybrid_rt.primitives import Rectangle, Sphere
-from hybrid_rt.rendering import render as rendering
+from hybrid_rt.rendering import renderer as rendering
 from hybrid_rt.scene.scene import Object, Scene
 from hybrid_rt.sensor.camera import Camera
 from hybrid_rt.textures import CheckerTexture

@@ -15,7 +15,7 @@ from hybrid_rt.cli.command import guarded
 
 if TYPE_CHECKING:
     from hybrid_rt.core.progress import Progress
-    from hybrid_rt.rendering.render import RenderInterrupted, RenderResult
+    from hybrid_rt.rendering.renderer import RenderInterrupted, RenderResult
     from hybrid_rt.scene.scene import Scene
 
 EXAMPLES = """\
@@ -254,7 +254,7 @@ def _render(load: Callable[[], tuple[Scene, str]], name: str, options: argparse.
 
 def _rendered(scene: Scene, **settings: Any) -> tuple[RenderResult, RenderInterrupted | None]:
     """Render a scene; where Ctrl-C ends it, return the picture so far and the interrupt."""
-    from hybrid_rt.rendering.render import RenderInterrupted, render
+    from hybrid_rt.rendering.renderer import RenderInterrupted, render
 
     try:
         return render(scene, **settings), None
