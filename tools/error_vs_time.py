@@ -5,15 +5,15 @@ python tools/error_vs_time.py hybrid_rt/data/teapot.bpt --quick
 python tools/error_vs_time.py scenes/caustic_ball.py --integrators path ppm --photons 20000 200000
 python tools/error_vs_time.py --compare before/curves.json after/curves.json --out both
 
-Prints tables and answers; with --out it writes curves.json, curves.csv, curves.png (with
-matplotlib) and page.html, which holds pictures, error maps and diagrams and needs no other file.
+Prints tables and answers; with --out it writes curves.json and curves.csv, and with matplotlib
+curves.png and page.html, which holds pictures, error maps and diagrams and needs no other file.
 Scene scripts are programs and are executed. Seconds are wall time with kernels compiled.
 """
 
 import argparse
 import csv
+import importlib.util
 import json
-import math
 import sys
 from collections.abc import Sequence
 from contextlib import suppress
@@ -21,18 +21,11 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from hybrid_rt.analysis import (
-    hit_study as error_of_hits,
-)
-from hybrid_rt.analysis import (
-    page as error_page,
-)
-from hybrid_rt.analysis import (
-    work_precision as error_vs_time,
-)
+from hybrid_rt.analysis import hit_study, page, work_precision
 from hybrid_rt.analysis.curves import Curve, Point, Spread, renamed
+from hybrid_rt.analysis.diagrams import Diagram, save
 from hybrid_rt.analysis.forecast import forecast, recommend, triangles_for
-from hybrid_rt.analysis.hit_study import RULE_OF_THREE, HitStudy
+from hybrid_rt.analysis.hit_study import HitStudy
 from hybrid_rt.analysis.methods import curved_surfaces, default_methods
 from hybrid_rt.analysis.picture_comparison import load_picture
 from hybrid_rt.analysis.work_precision import PictureStudy
@@ -51,7 +44,7 @@ def main() -> int:
     parser = _parser()
     args = parser.parse_args()
     if args.out:
-        say_if_no_plots("curves.png")
+        say_if_no_plots("curves.png and no page.html")
     if args.compare:
         _compare(args)
     elif not args.source:
@@ -74,7 +67,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--reference", type=Path, help="a picture (.npz or .exr) instead of ours")
     parser.add_argument(
         "--reference-by",
-        choices=error_vs_time.REFERENCES,
+        choices=work_precision.REFERENCES,
         help="checked by the other one; default: the one that states the smaller error",
     )
     parser.add_argument("--integrators", nargs="+", metavar="I", help="default: all that can")
@@ -125,9 +118,9 @@ def _study(file: Path, n_rays: int, studies: dict[str, Any], args: argparse.Name
         scene = _resized(load_scene(file), args.width or (120 if args.quick else 240))
         studies["picture"] = _study_picture(scene, args)
         surfaces = curved_surfaces(scene)
-        rays = error_of_hits.camera_rays(scene, n_rays)
+        rays = hit_study.camera_rays(scene, n_rays)
     if surfaces:
-        studies["hits"] = error_of_hits.study_hits(
+        studies["hits"] = hit_study.study_hits(
             surfaces, rays, runs=3 if args.quick else 7, threads=args.threads, say=_say
         )
 
@@ -139,7 +132,7 @@ def _resized(scene: Scene, width: int) -> Scene:
 
 
 def _study_picture(scene: Scene, args: argparse.Namespace) -> PictureStudy:
-    return error_vs_time.study_picture(
+    return work_precision.study_picture(
         scene,
         args.passes or ([1, 4, 16] if args.quick else [1, 4, 16, 64]),
         runs=args.runs or (1 if args.quick else 3),
@@ -154,9 +147,9 @@ def _study_picture(scene: Scene, args: argparse.Namespace) -> PictureStudy:
 
 def _show(name: str, studies: dict[str, Any], args: argparse.Namespace) -> None:
     sentences: list[str] = []
-    diagrams: list[str] = []
-    tables: dict[str, error_page.Table] = {}
-    images: dict[str, error_vs_time.Image] = {}
+    diagrams: list[Diagram] = []
+    tables: dict[str, page.Table] = {}
+    images: dict[str, work_precision.Image] = {}
     data: dict[str, Any] = {"source": name, "versions": versions(), "target": args.target}
     if "picture" in studies:
         study: PictureStudy = studies["picture"]
@@ -164,13 +157,13 @@ def _show(name: str, studies: dict[str, Any], args: argparse.Namespace) -> None:
         triangles = triangles_for(
             [row for row in study.meshes if row["accuracy"] == "mesh"], args.target
         )
-        sentences += error_page.picture_answers(study, forecasts, args.target, name, triangles)
+        sentences += page.picture_answers(study, forecasts, args.target, name, triangles)
         own = study.reference.own_error
-        diagrams.append(error_page.picture_diagram(f"{name}: pictures", study.curves, own))
-        tables["Pictures"] = error_page.picture_table(study.curves)
-        tables[f"To a relative RMSE of {args.target:g}"] = error_page.forecast_table(forecasts)
+        diagrams.append(page.picture_diagram(f"{name}: pictures", study.curves, own))
+        tables["Pictures"] = page.picture_table(study.curves)
+        tables[f"To a relative RMSE of {args.target:g}"] = page.forecast_table(forecasts)
         if study.meshes:
-            tables["What passes do not remove"] = error_page.mesh_table(study)
+            tables["What passes do not remove"] = page.mesh_table(study)
         images = study.images
         data["picture"] = {
             **{key: value for key, value in vars(study).items() if key != "images"},
@@ -181,22 +174,20 @@ def _show(name: str, studies: dict[str, Any], args: argparse.Namespace) -> None:
         }
     if "hits" in studies:
         hits: HitStudy = studies["hits"]
-        sentences += error_page.hit_answers(hits)
-        diagrams.append(error_page.hit_diagram(f"{name}: first hits", hits.curves, hits.judged))
-        diagrams.append(error_page.distance_diagram(f"{name}: right hits", hits.curves, hits.size))
-        tables["First hits"] = error_page.hit_table(hits.curves)
+        sentences += page.hit_answers(hits)
+        diagrams.append(page.hit_diagram(f"{name}: first hits", hits.curves, hits.judged))
+        diagrams.append(page.distance_diagram(f"{name}: right hits", hits.curves, hits.size))
+        tables["First hits"] = page.hit_table(hits.curves)
         if hits.newton:
-            diagrams += error_page.newton_diagrams(
-                f"{name}: Newton's steps", hits.newton, hits.size
-            )
-            tables["Newton's steps"] = error_page.newton_table(hits.newton)
+            diagrams += page.newton_diagrams(f"{name}: Newton's steps", hits.newton, hits.size)
+            tables["Newton's steps"] = page.newton_table(hits.newton)
         data["hits"] = asdict(hits)
     _print(sentences, tables)
     if args.out:
         _write(args.out, name, sentences, diagrams, tables, images, data)
 
 
-def _print(sentences: Sequence[str], tables: dict[str, error_page.Table]) -> None:
+def _print(sentences: Sequence[str], tables: dict[str, page.Table]) -> None:
     for title, (head, rows) in tables.items():
         cells = [tuple(head), *(tuple(row) for row in rows)]
         widths = [max(len(row[k]) for row in cells) for k in range(len(head))]
@@ -216,93 +207,23 @@ def _write(
     folder: Path,
     name: str,
     sentences: Sequence[str],
-    diagrams: Sequence[str],
-    tables: dict[str, error_page.Table],
-    images: dict[str, error_vs_time.Image],
+    diagrams: Sequence[Diagram],
+    tables: dict[str, page.Table],
+    images: dict[str, work_precision.Image],
     data: dict[str, Any],
 ) -> None:
     folder.mkdir(parents=True, exist_ok=True)
     title = f"Error against run time: {name}"
-    page = error_page.page(title, sentences, diagrams, tables, images)
-    (folder / "page.html").write_text(page, "utf-8")
     (folder / "curves.json").write_text(as_json(data), "utf-8")
     with (folder / "curves.csv").open("w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file)
         for table, (head, rows) in tables.items():
             writer.writerows([(table,), head, *rows, ()])
-    _draw(folder / "curves.png", name, data)
+    if importlib.util.find_spec("matplotlib") is not None:
+        save(diagrams, folder / "curves.png")
+        text = page.page(title, sentences, diagrams, tables, images)
+        (folder / "page.html").write_text(text, "utf-8")
     print(f"\nwrote {', '.join(sorted(str(path) for path in folder.iterdir()))}")
-
-
-def _draw(file: Path, name: str, data: dict[str, Any]) -> None:
-    try:
-        import matplotlib as mpl
-    except ImportError:  # which was said before the work
-        return
-    mpl.use("Agg")
-    import matplotlib.pyplot as plt
-
-    parts = [part for part in ("picture", "hits") if part in data]
-    newton = data.get("hits", {}).get("newton", [])
-    n_axes = len(parts) + bool(newton)
-    figure, all_axes = plt.subplots(
-        1, n_axes, figsize=(8.5 * n_axes, 5), layout="constrained", squeeze=False
-    )
-    if newton:
-        _draw_newton(all_axes[0, -1], name, newton, data["hits"]["size"])
-    for axes, part in zip(all_axes[0], parts, strict=False):
-        least = RULE_OF_THREE / data["hits"]["judged"] if part == "hits" else 1e-12
-        seconds: list[float] = []
-        for curve in data[part]["curves"]:
-            points = curve["points"]
-            x, y = ([p[axis]["median"] for p in points] for axis in ("seconds", "error"))
-            bars = [
-                [
-                    [p[axis]["median"] - p[axis]["least"] for p in points],
-                    [p[axis]["most"] - p[axis]["median"] for p in points],
-                ]
-                for axis in ("seconds", "error")
-            ]
-            y = [max(value, least) for value in y]
-            axes.errorbar(x, y, bars[1], bars[0], marker="o", markersize=4, label=curve["name"])
-            seconds += x
-        axes.set_xscale("log")
-        axes.set_yscale("log")
-        if part == "picture":
-            top = max(p["error"]["median"] for c in data[part]["curves"] for p in c["points"])
-            x = [min(seconds), max(seconds)]
-            for slope, style in ((-0.5, "--"), (-1.0, ":")):
-                axes.plot(
-                    x, [top, top * (x[1] / x[0]) ** slope], style, color="0.6",
-                    label=f"slope {slope:g}",
-                )  # fmt: skip
-            own = data[part]["reference"]["own_error"]
-            if not math.isnan(own):
-                axes.axhline(own, color="0.6", linestyle="-.", label="reference's own error")
-        axes.set_xlabel("seconds" if part == "picture" else "seconds per ray")
-        axes.set_ylabel(
-            "relative RMSE" if part == "picture" else f"wrong first hits (at least {least:.0e})"
-        )
-        axes.legend(fontsize=7, loc="upper left", bbox_to_anchor=(1.0, 1.0))
-        axes.set_title(name, fontsize=9)
-    figure.savefig(file, dpi=110)
-    plt.close(figure)
-
-
-def _draw_newton(axes: Any, name: str, curves: Sequence[dict[str, Any]], size: float) -> None:
-    """Draw the mean error of right hits against seconds per ray, the steps beside the points."""
-    for curve in curves:
-        x = [p["seconds"]["median"] for p in curve["points"]]
-        y = [max(p["more"]["mean_dt"] / size, 1e-18) for p in curve["points"]]
-        axes.plot(x, y, marker="o", markersize=4, label=curve["name"])
-        for at, p in zip(zip(x, y, strict=True), curve["points"], strict=True):
-            axes.annotate(f"{p['setting']:g}", at, (4, 4), textcoords="offset points", fontsize=7)
-    axes.set_xscale("log")
-    axes.set_yscale("log")
-    axes.set_xlabel("seconds per ray")
-    axes.set_ylabel("mean |t - exact t| of right hits / size")
-    axes.legend(fontsize=7, loc="upper left", bbox_to_anchor=(1.0, 1.0))
-    axes.set_title(f"{name}: Newton's steps", fontsize=9)
 
 
 def _read(file: Path) -> dict[str, Any]:
@@ -317,8 +238,8 @@ def _compare(args: argparse.Namespace) -> None:
     """Overlay the curves of two earlier runs."""
     both = [_read(file) for file in args.compare]
     names = [str(file.parent / file.stem) for file in args.compare]
-    diagrams: list[str] = []
-    tables: dict[str, error_page.Table] = {}
+    diagrams: list[Diagram] = []
+    tables: dict[str, page.Table] = {}
     data: dict[str, Any] = {"compared": names}
     for part in ("picture", "hits"):
         if not all(part in one for one in both):
@@ -332,13 +253,13 @@ def _compare(args: argparse.Namespace) -> None:
         if part == "picture":
             own = max(one[part]["reference"]["own_error"] or 0.0 for one in both)
             data[part]["reference"] = {"own_error": own or float("nan")}
-            diagrams.append(error_page.picture_diagram("pictures", curves, own or float("nan")))
-            tables["Pictures"] = error_page.picture_table(curves)
+            diagrams.append(page.picture_diagram("pictures", curves, own or float("nan")))
+            tables["Pictures"] = page.picture_table(curves)
         else:
             judged = max(one[part]["judged"] for one in both)
             data[part]["judged"] = judged
-            diagrams.append(error_page.hit_diagram("first hits", curves, judged))
-            tables["First hits"] = error_page.hit_table(curves)
+            diagrams.append(page.hit_diagram("first hits", curves, judged))
+            tables["First hits"] = page.hit_table(curves)
     if not diagrams:
         raise ValueError(
             f"{names[0]} and {names[1]} have no kind of curves in common: name two of one kind"

@@ -5,19 +5,21 @@ from __future__ import annotations
 import base64
 import io
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from html import escape
 
 from hybrid_rt.analysis.curves import Curve, Point
+from hybrid_rt.analysis.diagrams import Diagram, Line, Mark, as_svg
 from hybrid_rt.analysis.forecast import Forecast
 from hybrid_rt.analysis.hit_study import RULE_OF_THREE, HitStudy
-from hybrid_rt.analysis.loglog import Line, Mark, log_log
 from hybrid_rt.analysis.picture_comparison import Pixels, error_map
 from hybrid_rt.analysis.work_precision import Image, PictureStudy
 from hybrid_rt.sensor.color import screen_pixels
 from hybrid_rt.sensor.image_metrics import picture_errors
 
 Table = tuple[Sequence[str], Sequence[Sequence[str]]]
+
+MICROSECONDS = "microseconds per ray"
 
 _STYLE = """
 body { font: 14px/1.45 sans-serif; max-width: 1080px; margin: 2em auto; padding: 0 1em; }
@@ -26,19 +28,20 @@ td, th { padding: 2px 10px; text-align: right; border-bottom: 1px solid #ddd; }
 td:first-child, th:first-child { text-align: left; }
 figure { display: inline-block; margin: 0 8px 12px 0; vertical-align: top; }
 figcaption { font-size: 12px; max-width: 330px; }
-img { width: 330px; image-rendering: pixelated; }
+figure img { width: 330px; image-rendering: pixelated; }
+img.diagram { width: 760px; max-width: 100%; }
 """
 
 
-def picture_diagram(title: str, curves: Sequence[Curve], own_error: float) -> str:
-    """Draw relative RMSE against seconds, with slopes -1/2 (noise) and -1, as SVG."""
+def picture_diagram(title: str, curves: Sequence[Curve], own_error: float) -> Diagram:
+    """Lay out relative RMSE against seconds, with slopes -1/2 (noise) and -1."""
     lines = []
     for curve in curves:
         marks = [
             Mark(
                 (p.seconds.median, p.seconds.least, p.seconds.most),
                 (p.error.median, p.error.least, p.error.most),
-                f"{p.setting:g} passes: {p.error.median:.3g} in {p.seconds.median:.3g} s",
+                f"{p.setting:g}",
             )
             for p in curve.points
             if p.error.least > 0.0
@@ -48,75 +51,74 @@ def picture_diagram(title: str, curves: Sequence[Curve], own_error: float) -> st
     if not lines:
         raise ValueError(f"{title}: all are equal to the reference, there is no error to show")
     floor = None if math.isnan(own_error) else ("the reference's own error", own_error)
-    return log_log(title, "seconds", "relative RMSE", lines, (-0.5, -1.0), floor)
+    return Diagram(
+        f"{title}: error of the picture (numbers: passes)", "seconds", "relative RMSE", lines,
+        (-0.5, -1.0), floor,
+    )  # fmt: skip
 
 
-def hit_diagram(title: str, curves: Sequence[Curve], judged: int) -> str:
-    """Draw the share of wrong first hits against seconds per ray, as SVG.
+def hit_diagram(title: str, curves: Sequence[Curve], judged: int) -> Diagram:
+    """Lay out the share of wrong first hits against the time of a ray.
 
     A share of none is drawn hollow at its 95 % upper limit.
     """
     none = RULE_OF_THREE / max(judged, 1)
-    lines = []
-    for curve in curves:
-        marks = []
-        for p in curve.points:
-            share = p.error.median or none
-            label = f"tolerance {p.setting:.3g}: {p.error.median:.3g}"
-            seconds = (p.seconds.median, p.seconds.least, p.seconds.most)
-            marks.append(Mark(seconds, (share, share, share), label, p.error.median == 0.0))
-        lines.append(Line(curve.name, marks))
-    return log_log(title, "seconds per ray", "wrong first hits (hollow: fewer than)", lines)
+
+    def mark(p: Point) -> Mark:
+        share = p.error.median or none
+        return Mark(_microseconds(p), (share,) * 3, _tolerance(p), p.error.median == 0.0)
+
+    return Diagram(
+        f"{title}: wrong first hits (numbers: tolerances)", MICROSECONDS,
+        "share of rays (hollow: none seen, at most this)",
+        [Line(curve.name, [mark(p) for p in curve.points]) for curve in curves],
+    )  # fmt: skip
 
 
-def distance_diagram(title: str, curves: Sequence[Curve], size: float) -> str:
-    """Draw the mean |t - exact t| of right hits, in sizes, against seconds per ray, as SVG."""
-    lines = [
-        Line(
-            curve.name,
-            [
-                Mark(
-                    (p.seconds.median, p.seconds.least, p.seconds.most),
-                    (max(p.more["mean_dt"] / size, 1e-18),) * 3,
-                    f"tolerance {p.setting:.3g}: {p.more['mean_dt']:.3g}",
-                )
-                for p in curve.points
-            ],
+def distance_diagram(title: str, curves: Sequence[Curve], size: float) -> Diagram:
+    """Lay out the mean |t - exact t| of right hits, in sizes, against the time of a ray."""
+    lines = [_size_line(curve, "mean_dt", size, _tolerance) for curve in curves]
+    return Diagram(
+        f"{title}: distance of right hits (numbers: tolerances)", MICROSECONDS,
+        "mean |t - exact t| / size", lines,
+    )  # fmt: skip
+
+
+def newton_diagrams(title: str, curves: Sequence[Curve], size: float) -> list[Diagram]:
+    """Lay out what each Newton step does to |t - exact t| and to the residual, in sizes."""
+    return [
+        Diagram(
+            f"{title}: {what} (numbers: steps of Newton's iteration)", MICROSECONDS, label,
+            [_size_line(curve, figure, size, lambda p: f"{p.setting:g}") for curve in curves],
         )
-        for curve in curves
+        for figure, what, label in (
+            ("mean_dt", "distance of right hits", "mean |t - exact t| / size"),
+            ("worst_residual", "gap between ray and surface", "largest residual / size"),
+        )
+    ]  # fmt: skip
+
+
+def _size_line(curve: Curve, figure: str, size: float, label: Callable[[Point], str]) -> Line:
+    """Return the marks of one figure in sizes; what is smaller than any rounding stands at 1e-18."""
+    marks = [
+        Mark(_microseconds(p), (max(p.more[figure] / size, 1e-18),) * 3, label(p))
+        for p in curve.points
     ]
-    return log_log(title, "seconds per ray", "mean |t - exact t| / size", lines)
+    return Line(curve.name, marks)
 
 
-def newton_diagrams(title: str, curves: Sequence[Curve], size: float) -> list[str]:
-    """Draw what each Newton step does to |t - exact t| and to the residual, in sizes, as SVG."""
-    diagrams = []
-    for figure, words in (
-        ("mean_dt", "mean |t - exact t| / size"),
-        ("worst_residual", "largest residual / size"),
-    ):
-        lines = [
-            Line(
-                curve.name,
-                [
-                    Mark(
-                        (p.seconds.median, p.seconds.least, p.seconds.most),
-                        (max(p.more[figure] / size, 1e-18),) * 3,
-                        f"{p.setting:g} steps: {p.more[figure]:.3g}, wrong {p.error.median:.3g}",
-                    )
-                    for p in curve.points
-                ],
-            )
-            for curve in curves
-        ]
-        diagrams.append(log_log(title, "seconds per ray", words, lines))
-    return diagrams
+def _microseconds(p: Point) -> tuple[float, float, float]:
+    return 1e6 * p.seconds.median, 1e6 * p.seconds.least, 1e6 * p.seconds.most
+
+
+def _tolerance(p: Point) -> str:
+    return f"{p.setting:.0e}" if math.isfinite(p.setting) else ""
 
 
 def page(
     title: str,
     sentences: Sequence[str],
-    diagrams: Sequence[str],
+    diagrams: Sequence[Diagram],
     tables: Mapping[str, Table],
     images: Mapping[str, Image],
 ) -> str:
@@ -127,8 +129,7 @@ def page(
     title : str
     sentences : sequence of str
         The answers, first of all.
-    diagrams : sequence of str
-        SVG elements.
+    diagrams : sequence of Diagram
     tables : mapping
         By title, (head, rows).
     images : mapping
@@ -141,7 +142,7 @@ def page(
         "<ul>",
         *(f"<li>{escape(sentence)}</li>" for sentence in sentences),
         "</ul>",
-        *diagrams,
+        *map(_diagram, diagrams),
     ]
     for name, (head, rows) in tables.items():
         parts.append(f"<h2>{escape(name)}</h2>{_table(head, rows)}")
@@ -182,6 +183,12 @@ def _pictures(images: Mapping[str, Image]) -> list[str]:
 def _figure(uri: str, caption: str) -> str:
     text = escape(caption)
     return f'<figure><img src="{uri}" alt="{text}"><figcaption>{text}</figcaption></figure>'
+
+
+def _diagram(diagram: Diagram) -> str:
+    data = base64.b64encode(as_svg(diagram).encode()).decode("ascii")
+    title = escape(diagram.title)
+    return f'<img class="diagram" alt="{title}" src="data:image/svg+xml;base64,{data}">'
 
 
 def _png(pixels: Pixels) -> str:

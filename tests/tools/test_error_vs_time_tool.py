@@ -62,7 +62,7 @@ def test_study_of_a_scene_and_the_overlay_of_two(run, tmp_path):
     assert code == 0
     assert "A: path" in captured.out
     assert "B: path" in captured.out
-    assert (tmp_path / "both" / "page.html").read_text().count("<svg") == 2
+    assert (tmp_path / "both" / "page.html").read_text().count("data:image/svg+xml") == 2
 
 
 def test_surface_alone(run):

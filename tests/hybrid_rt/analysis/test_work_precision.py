@@ -13,9 +13,9 @@ import pytest
 
 from hybrid_rt.analysis import page as error_page
 from hybrid_rt.analysis.curves import Curve, Spread, renamed, spread
+from hybrid_rt.analysis.diagrams import Diagram, Line, Mark, as_svg, save
 from hybrid_rt.analysis.forecast import recommend
-from hybrid_rt.analysis.hit_study import camera_rays, study_hits
-from hybrid_rt.analysis.loglog import Line, Mark, log_log
+from hybrid_rt.analysis.hit_study import RULE_OF_THREE, camera_rays, study_hits
 from hybrid_rt.analysis.methods import Method, size_of
 from hybrid_rt.analysis.picture_comparison import Picture
 from hybrid_rt.analysis.work_precision import study_picture
@@ -97,14 +97,18 @@ class TestPictures:
         tables = {"points": error_page.picture_table(room.curves)}
         text = error_page.page("A <room>", answers, [diagram], tables, room.images)
         assert "A &lt;room&gt;" in text
-        assert text.count("<svg") == 1
+        assert text.count("data:image/svg+xml") == 1
         assert text.count("<tr>") == 1 + 6
         links = re.findall(r'(?:src|href)="([^"]*)"', text)
-        assert len(links) == 1 + 2 * 2
+        assert len(links) == 1 + 1 + 2 * 2
         for link in links:
             kind, data = link.split(",", 1)
+            file = base64.b64decode(data)
+            if kind == "data:image/svg+xml;base64":
+                assert ElementTree.fromstring(file).tag.endswith("svg")
+                continue
             assert kind == "data:image/png;base64"
-            assert imageio.imread(io.BytesIO(base64.b64decode(data))).shape == (12, 16, 3)
+            assert imageio.imread(io.BytesIO(file)).shape == (12, 16, 3)
 
 
 @pytest.mark.statistical
@@ -196,19 +200,19 @@ class TestHits:
         assert "us per ray" in cost
         assert f"Of {tube.judged} judged rays" in share
         assert "triangles^-" in mesh
-        svg = error_page.hit_diagram("tube", tube.curves, tube.judged)
-        root = ElementTree.fromstring(svg)
-        circles = root.findall(".//{*}circle")
+        marks = [
+            m for line in error_page.hit_diagram("tube", tube.curves, 9).lines for m in line.marks
+        ]
         n_none = sum(p.error.median == 0.0 for c in tube.curves for p in c.points)
-        assert len(circles) == sum(len(curve.points) for curve in tube.curves)
-        assert sum(c.get("fill") == "white" for c in circles) == n_none
+        assert len(marks) == sum(len(curve.points) for curve in tube.curves)
+        assert sum(mark.is_limit for mark in marks) == n_none
+        assert {mark.y[0] for mark in marks if mark.is_limit} == {RULE_OF_THREE / 9}
         head, rows = error_page.hit_table(tube.curves)
         assert all(len(row) == len(head) for row in rows)
 
         assert "before the first step" in newton
-        for svg in error_page.newton_diagrams("tube", tube.newton, tube.size):
-            circles = ElementTree.fromstring(svg).findall(".//{*}circle")
-            assert len(circles) == sum(len(curve.points) for curve in tube.newton)
+        for diagram in error_page.newton_diagrams("tube", tube.newton, tube.size):
+            assert [len(line.marks) for line in diagram.lines] == [6] * len(tube.newton)
         head, rows = error_page.newton_table(tube.newton)
         assert all(len(row) == len(head) for row in rows)
 
@@ -232,30 +236,25 @@ class TestHits:
 
 
 class TestDiagram:
-    def places(self, svg):
-        root = ElementTree.fromstring(svg)
-        return [(float(c.get("cx")), float(c.get("cy"))) for c in root.findall(".//{*}circle")]
+    def mark(self, x, y, **more):
+        return Mark((x, x, x), (y, y, y), **more)
 
-    def mark(self, x, y):
-        return Mark((x, x, x), (y, y, y))
-
-    def test_power_laws_are_straight_lines_of_their_slope(self):
-        line = Line("half", [self.mark(10.0**k, 10.0 ** (-0.5 * k)) for k in range(5)])
-        svg = log_log("t", "x", "y", [line], slopes=(-0.5,), floor=("<floor>", 0.02))
-        places = np.array(self.places(svg))
-        steps = np.diff(places, axis=0)
-        np.testing.assert_allclose(steps - steps[0], 0.0, atol=0.11)  # written to 0.1 pixel
-        slope = ElementTree.fromstring(svg).find(".//{*}g[@class='slope']/{*}line")
-        dx = float(slope.get("x2")) - float(slope.get("x1"))
-        dy = float(slope.get("y2")) - float(slope.get("y1"))
-        assert dy / dx == pytest.approx(steps[0, 1] / steps[0, 0], rel=0.01)
-        assert "&lt;floor&gt;" in svg
+    def test_words_and_marks_are_drawn(self, tmp_path):
+        marks = [self.mark(10.0**k, 10.0 ** (-0.5 * k), label=f"n{k}") for k in range(5)]
+        marks.append(self.mark(1e5, 1e-3, is_limit=True))
+        diagram = Diagram("t", "x", "y", [Line("half", marks)], (-0.5,), ("<floor>", 0.02))
+        svg = as_svg(diagram)
+        assert svg == as_svg(diagram)
+        words = {text.text.strip() for text in ElementTree.fromstring(svg).iter() if text.text}
+        assert words >= {"t", "x", "y", "half", "slope -0.5", "<floor>", "n0", "n4"}
+        save([diagram] * 3, tmp_path / "a.png")
+        assert imageio.imread(tmp_path / "a.png").shape[:2] == (2 * 506, 2 * 880)
 
     @pytest.mark.parametrize("value", [0.0, -1.0, math.nan, math.inf])
     def test_what_has_no_logarithm_is_refused(self, value):
         with pytest.raises(ValueError, match=rf"diagram 't' has the value {value}: pass"):
-            log_log("t", "x", "y", [Line("l", [self.mark(1.0, value)])])
+            Diagram("t", "x", "y", [Line("l", [self.mark(1.0, value)])])
 
     def test_nothing_to_draw_is_refused(self):
         with pytest.raises(ValueError, match="has no marks"):
-            log_log("t", "x", "y", [])
+            Diagram("t", "x", "y", [])

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.stats import binomtest
 
 from hybrid_rt.intersection import Intersector
 from hybrid_rt.lights import GradientSky
@@ -74,11 +75,8 @@ def test_closed_forms_are_certified_in_every_accuracy():
     assert render(ball, passes=1, accuracy="mesh").report["geometry"]["wrong_first_hits"] is None
 
 
-def test_interval_of_a_share_by_hand():
-    # Wilson (1927): (p + z^2/2n -+ z sqrt(p(1-p)/n + z^2/4n^2)) / (1 + z^2/n), here with p = 1/2.
-    z2, n = 1.959964**2, 100
-    half = np.sqrt(z2) * np.sqrt(0.25 / n + z2 / (4 * n * n)) / (1 + z2 / n)
-    assert share_interval(50, 100) == pytest.approx([0.5 - half, 0.5 + half])
-    assert share_interval(0, 10)[0] == 0.0
-    assert 0.25 < share_interval(0, 10)[1] < 0.3  # 0.2775
+def test_interval_of_a_share_is_wilsons():
+    for k, n in ((50, 100), (0, 10), (10, 10), (1, 100_000)):
+        truth = binomtest(k, n).proportion_ci(0.95, method="wilson")
+        assert share_interval(k, n) == pytest.approx([truth.low, truth.high], rel=1e-6, abs=1e-12)
     assert share_interval(0, 0) == [0.0, 1.0]
