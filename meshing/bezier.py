@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from meshing import bpt
+from meshing.bpt import read_patches, write_patches
 from meshing.checks import BoolArray, FloatArray, as_affine, as_floats, as_path, freeze, shown
 from meshing.kernels import bernstein, subdivision
 from meshing.parametric import ParametricSurface
@@ -63,11 +63,11 @@ class BezierPatches(ParametricSurface):
         file = as_path(path, "BezierPatches file")
         if not file.is_file():
             raise FileNotFoundError(f"BezierPatches file is {str(path)!r}: there is no such file")
-        return cls(bpt.read_patches(file))
+        return cls(read_patches(file))
 
     def write(self, path: str | Path) -> None:
         """Write a .bpt file; `read` gives back the same float64 control points."""
-        bpt.write_patches(as_path(path, "BezierPatches file"), self.patches)
+        write_patches(as_path(path, "BezierPatches file"), self.patches)
 
     @cached_property
     def patches(self) -> tuple[FloatArray, ...]:

@@ -53,7 +53,7 @@ def want(*groups: str, but: Collection[str] = ()) -> None:
 
     ``but`` names modules whose kernels are not needed.
     """
-    if not cache.HAS_LOCKS or not _is_python(sys.executable) or _most_workers() < 2:
+    if not _is_python(sys.executable) or _most_workers() < 2:
         return
     cache.on_miss = _on_miss
     _workers.want({(group, tuple(but)) for group in groups})
@@ -264,5 +264,4 @@ def _forget() -> None:
 
 
 _workers = _Workers()
-if hasattr(os, "register_at_fork"):
-    os.register_at_fork(after_in_child=_forget)
+os.register_at_fork(after_in_child=_forget)

@@ -11,6 +11,7 @@ machine code the same file name (numba issue 10128 is of this kind). Here a lock
 
 from __future__ import annotations
 
+import fcntl
 import os
 import tempfile
 from collections.abc import Callable, Iterator
@@ -21,12 +22,6 @@ from typing import Any
 from numba.core import config
 from numba.core.caching import FunctionCache
 
-try:
-    import fcntl
-except ImportError:  # Windows: numba as it is
-    fcntl = None  # type: ignore[assignment]
-
-HAS_LOCKS = fcntl is not None
 LOCK_FILE = "kernels.lock"
 
 on_miss: Callable[[str, tuple[Any, ...]], bool] | None = None
@@ -69,9 +64,8 @@ def _locked(folder: Path, mode: str) -> Iterator[None]:
     with ExitStack() as stack:
         # Nothing cached so far, a folder that cannot be written, or a file system without locks.
         with suppress(OSError):
-            if HAS_LOCKS:
-                file = stack.enter_context((folder / LOCK_FILE).open(mode))  # closing it unlocks
-                fcntl.flock(file, fcntl.LOCK_SH if mode == "rb" else fcntl.LOCK_EX)
+            file = stack.enter_context((folder / LOCK_FILE).open(mode))  # closing it unlocks
+            fcntl.flock(file, fcntl.LOCK_SH if mode == "rb" else fcntl.LOCK_EX)
         yield
 
 
@@ -88,7 +82,7 @@ def _choose_folder() -> None:
     with suppress(RuntimeError):  # a user without a home
         if _can_write(Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")):
             return
-    name = f"hybrid_rt-kernels-{os.getuid() if hasattr(os, 'getuid') else 'user'}"
+    name = f"hybrid_rt-kernels-{os.getuid()}"
     folder = str(Path(tempfile.gettempdir()) / name)
     # For this process, and for those that it starts.
     numba_settings.CACHE_DIR = os.environ["NUMBA_CACHE_DIR"] = folder

@@ -22,8 +22,6 @@ from meshing.kernels.cache import SharedCache, name_of
 ROOT = Path(__file__).parents[3]
 LISTED = precompile.read_list()
 
-needs_locks = pytest.mark.skipif(not cache.HAS_LOCKS, reason="no locks between processes here")
-
 
 def test_every_entry_names_a_kernel_and_types_that_numba_knows():
     for entry in LISTED:
@@ -35,7 +33,6 @@ def test_every_entry_names_a_kernel_and_types_that_numba_knows():
         assert len(types) == kernel.py_func.__code__.co_argcount
 
 
-@needs_locks
 def test_a_file_system_without_locks_is_no_obstacle(tmp_path, monkeypatch):
     def no_locks(*arguments):
         del arguments
@@ -142,7 +139,6 @@ def run_cold(folder, code=""):
     return compiled, n_processes
 
 
-@needs_locks
 def test_a_cold_cache_is_filled_by_others_and_a_warm_one_starts_nobody(tmp_path):
     """While the first kernel is compiled here, another process compiles the second."""
     compiled, n_processes = run_cold(tmp_path)
@@ -151,7 +147,6 @@ def test_a_cold_cache_is_filled_by_others_and_a_warm_one_starts_nobody(tmp_path)
     assert run_cold(tmp_path) == ([], 0)
 
 
-@needs_locks
 def test_where_others_fail_everything_is_compiled_here(tmp_path):
     compiled, n_processes = run_cold(tmp_path, code="import sys; sys.stdin.readline(); sys.exit(3)")
     assert compiled == ["add_to_pixels", "add_unblocked"]
