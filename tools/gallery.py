@@ -22,10 +22,10 @@ ROOT = Path(__file__).parents[1]
 PAGE, PICTURES, RECORD = "gallery.md", "gallery", "gallery.json"
 HEAD = """# Gallery
 
-Every scene of the project, by `python tools/gallery.py`, on a busy machine. Error: root mean square of
-the standard errors of all pixels, in units of radiance, from the differences between passes; where
-photons are gathered, the estimated blur, or a limit to it, comes beside it. The pictures are small, so
-that a page holds them; every script renders larger ones.
+Every scene of the project, by `python tools/gallery.py`, on a busy machine. Error: root mean square
+of the standard errors of all pixels, in units of radiance, from the differences between passes;
+where photons are gathered, the estimated blur, or a limit to it, comes beside it. The pictures are
+small, so that a page holds them; every script renders larger ones.
 """
 
 

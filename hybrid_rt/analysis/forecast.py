@@ -1,6 +1,7 @@
 """What methods would take to reach an error, by the curves that were measured.
 
-`hybrid_rt.analysis.work_precision` measures; this reads the curves between their points and beyond the last.
+`hybrid_rt.analysis.work_precision` measures; this reads the curves between their points and beyond
+the last.
 """
 
 from __future__ import annotations

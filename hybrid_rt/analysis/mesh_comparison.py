@@ -1,4 +1,4 @@
-"""What a picture would lose if its curved surfaces were triangles."""
+"""What triangles would change in a picture: exact against meshed first hits, pixel by pixel."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How wrong a mesh is, by its tolerance, and what exactness costs.
+"""The error of meshes by tolerance, and what exactness costs.
 
 Each rung of the ladder tessellates the same surfaces to a tolerance, measures how far its triangles
 lie from them, and compares the first hits of accuracies "mesh" and "refined" with certified ones.

@@ -1,4 +1,4 @@
-"""Ways to make one picture: what they are called, how a command asks for them, what they can do."""
+"""Methods to compare: an integrator with its settings, its accuracy and its mesh."""
 
 from __future__ import annotations
 

@@ -166,9 +166,9 @@ def compare_pictures(
     -------
     dict
         Of plain numbers: ``errors`` by name of the measured picture (the fields of
-        `hybrid_rt.sensor.image_metrics.PictureErrors`), ``against`` what, ``expected`` the relative RMSE that
-        the stated noise of both sides explains (None where a side states none), and ``seconds``
-        by name where a report tells them.
+        `hybrid_rt.sensor.image_metrics.PictureErrors`), ``against`` what, ``expected`` the relative
+        RMSE that the stated noise of both sides explains (None where a side states none), and
+        ``seconds`` by name where a report tells them.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Are stated errors true? Noise against closed forms, t_bound against exact roots."""
+"""Calibration: are stated errors true? Noise against closed forms, t_bound against exact roots."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What all command lines share: exit codes, Ctrl-C, word of long compilations, figures kept."""
+"""What all command lines share: exit codes, Ctrl-C, a word on long compilations, figures kept."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ def guarded(
             sys.stdout.flush()  # now, while a failure can still be told
         return code or 0
     except BrokenPipeError:
-        # Without a word, as programs end of which ``head`` has read enough: what is still to be
+        # The reader (``head``, say) closed the pipe: end silently, as programs do. What is still to be
         # written at the end of Python goes nowhere.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return CLOSED_PIPE

@@ -1,4 +1,4 @@
-"""The command ``hybrid-rt``: the demo, and pictures of scene scripts."""
+"""The command ``hybrid-rt``: its options, and what each of its commands does."""
 
 from __future__ import annotations
 

@@ -1,4 +1,8 @@
-"""What the user sees while a picture is made, and the time that compilation takes."""
+"""Progress on a terminal: one bar a stage, with the picture's error; plain lines elsewhere.
+
+A library's bar would replace some fifteen of these lines, for 0.03 (tqdm) to 0.07 s (rich) of
+import.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Ctrl-C that finds no sum half made."""
+"""Ctrl-C held back while sums are changed."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a render did and what it took: counts, seconds, versions."""
+"""The ledger of a render: rays counted by kind, seconds by stage; and JSON of such figures."""
 
 from __future__ import annotations
 

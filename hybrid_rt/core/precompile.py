@@ -1,10 +1,12 @@
-"""Kernels compiled side by side: while the cache of kernels is cold, several processes fill it.
+"""Parallel compilation of kernels while the kernel cache is cold.
 
-numba compiles one function at a time in a process. So when the first kernel is found missing, as
-many processes as there are cores compile what this one said that it is going to need; whatever it
-comes to meanwhile it waits for, and loads. A kernel that nobody compiles for it, it compiles itself:
-nothing but time depends on all this. What each kernel is called with stands in a list, made by
-``tools/list_kernels.py``.
+numba compiles one function at a time in a process. So at the first cache miss, worker processes (as
+many as there are cores) start to compile every kernel that this process has announced by `want`.
+When this process needs a kernel that a worker is compiling, it waits and then loads the result; a
+kernel that no worker has begun, it compiles itself. If workers fail, only time is lost. The list of
+kernels and their argument types is made by ``tools/list_kernels.py``.
+
+It is worth its machinery: on two busy cores a cold demo took 156 to 165 s with it, 266 s without.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Who hears how a long computation gets on, and the time that compilation takes."""
+"""The protocol of progress, and the time that compilation takes."""
 
 from __future__ import annotations
 

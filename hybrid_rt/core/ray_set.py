@@ -1,4 +1,4 @@
-"""Rays with what is known of them."""
+"""A set of rays, each with the name of its generator."""
 
 from __future__ import annotations
 

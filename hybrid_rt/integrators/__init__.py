@@ -1,4 +1,4 @@
-"""Ways to compute a picture from a scene and an intersector, by name."""
+"""Integrators by name: what turns a scene and an intersector into radiance."""
 
 from collections.abc import Callable
 

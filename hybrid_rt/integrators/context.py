@@ -1,4 +1,4 @@
-"""Everything an integrator works with."""
+"""What an integrator works with: scene tables, intersector, plan, sampler, ledger."""
 
 from __future__ import annotations
 

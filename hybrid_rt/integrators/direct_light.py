@@ -1,4 +1,4 @@
-"""Light at surfaces, for every integrator: what they emit and what lights send them directly."""
+"""Direct light at hits: emission that a ray meets, and next-event estimation."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What every integrator answers, and what the passes of all of them share."""
+"""The interface of integrators, and the camera rays that all of them begin with."""
 
 from __future__ import annotations
 

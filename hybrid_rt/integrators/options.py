@@ -1,4 +1,4 @@
-"""Settings of single integrators, checked before any work."""
+"""Settings of each integrator, checked before any work."""
 
 from __future__ import annotations
 
@@ -21,9 +21,10 @@ class PathOptions:
     Attributes
     ----------
     strategy : "both", "lights" or "directions"
-        How light is found: by asking one light per hit, by running into it, or both ways, weighted
-        against each other. The first two alone are for comparison; "lights" does not find what
-        mirrors and glass throw on other surfaces, and "directions" finds no point lights.
+        How direct light is found: by next-event estimation ("lights"), by BSDF sampling
+        ("directions"), or by both, weighted by the power heuristic. The first two alone are for
+        comparison; "lights" does not find what mirrors and glass throw on other surfaces, and
+        "directions" finds no point lights.
     roulette_depth : int
         Directions that every path takes before chance may end it.
     survival : float
@@ -61,7 +62,7 @@ class PPMOptions:
         do: noise falls fastest, but the blur stays, which a warning says.
     initial_radius : float, optional
         Scene units, between a millionth and a quarter of the diagonal of the box around all
-        surfaces that end: of the discs in the first pass. By default it hangs on how densely
+        surfaces that end: of the discs in the first pass. By default it depends on how densely
         photons fall around each point.
     """
 

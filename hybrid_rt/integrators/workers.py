@@ -1,10 +1,4 @@
-"""Threads that share the passes of a render.
-
-Every thread traces blocks of camera rays from the camera to the end of their paths, with an
-integrator, counters and buffers of its own; only the scene is common. So nothing waits for anything
-between two steps of a path, and a block's arrays stay in the processor's cache. A block is a pure
-function of its rays: which thread traces it changes no bit.
-"""
+"""The threads of one render: each has an integrator of its own, and takes blocks of camera rays."""
 
 from __future__ import annotations
 
@@ -40,8 +34,8 @@ Submit = Callable[[Callable[[Any, Any], Any], Any], "Future[Any]"]
 class Blur:
     """How far off blur puts a picture: root mean squares over pixels and channels.
 
-    The relative figures are as those of noise (see `hybrid_rt.sensor.film.Film`): each square is divided
-    by x^2 + 0.01.
+    The relative figures are as those of noise (see `hybrid_rt.sensor.film.Film`): each square is
+    divided by x^2 + 0.01.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""How two tracers differ on the same rays."""
+"""First hits of one tracer against those of another on the same rays."""
 
 from __future__ import annotations
 

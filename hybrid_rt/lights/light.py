@@ -1,4 +1,4 @@
-"""What every light and every environment answers."""
+"""The interface of lights and environments."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""All lights of a scene in one flat table."""
+"""The table of lights, and the probabilities with which one of them is sampled."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What every material is made of: lobes, each a way in which light is sent on.
+"""The interface of materials: each is a short list of lobes, the terms of its BSDF.
 
 A material is a short tuple of lobes. Integrators see only the flat table of all of them, so a
 mixture is nothing but more lobes, and a new material is one file.

@@ -1,4 +1,4 @@
-"""All materials of a scene in flat tables: lobes and the textures that colour them."""
+"""The table of lobes of a scene, and the textures that colour them."""
 
 from __future__ import annotations
 

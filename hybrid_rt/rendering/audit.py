@@ -1,4 +1,4 @@
-"""What accuracies "mesh" and "refined" get wrong in a picture, measured on some of its rays."""
+"""The share of wrong first hits in accuracies "mesh" and "refined", measured on some camera rays."""
 
 from __future__ import annotations
 
@@ -22,8 +22,9 @@ NORMAL = 1.959964
 def audit(context: RenderContext, threads: int | None = None) -> dict[str, Any] | None:
     """Compare first hits of camera rays with certified ones.
 
-    The rays are those of the first pass through pixels spread evenly over the picture. The certified
-    hits are found without triangles and without Embree, so nothing of the method on trial is used.
+    The rays are those of the first pass through pixels spread evenly over the picture. The
+    certified hits are found without triangles and without Embree, so nothing of the method on trial
+    is used.
 
     Parameters
     ----------

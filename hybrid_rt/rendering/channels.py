@@ -1,4 +1,4 @@
-"""What a picture may hold beside radiance: what lies behind the middle of each pixel, and errors.
+"""Output channels: what lies behind the middle of each pixel, and errors.
 
 The geometric channels come from one ray through the middle of each pixel and of the lens: they
 have no noise and no border between two objects is blurred.

@@ -1,4 +1,4 @@
-"""What a render holds in memory, as far as that is known before it begins."""
+"""The memory that a render will take, checked before it begins."""
 
 from __future__ import annotations
 

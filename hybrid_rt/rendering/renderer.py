@@ -1,4 +1,4 @@
-"""The whole of a render: a scene in, a picture and its report out."""
+"""`render`: passes are traced, added up on the film and reported until a limit is reached."""
 
 from __future__ import annotations
 
@@ -114,9 +114,9 @@ def render(
     target_error : float, optional
         Passes are added until the picture's estimated relative root mean square error is at most
         this (0.01: one per cent), by itself with no end. The error is that of noise (see
-        `hybrid_rt.sensor.film.Film.relative_error`) and of the blur of photons; what ``max_depth`` cuts off
-        and the geometric error are in the report. Where a blur that passes do not lessen is above
-        the target, a render without another limit ends and says so.
+        `hybrid_rt.sensor.film.Film.relative_error`) and of the blur of photons; what ``max_depth``
+        cuts off and the geometric error are in the report. Where a blur that passes do not lessen
+        is above the target, a render without another limit ends and says so.
     seed : int
         Names the random numbers: equal seeds and settings give equal pictures, bit for bit, for any
         number of threads.

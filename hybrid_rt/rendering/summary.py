@@ -1,4 +1,4 @@
-"""The numbers with which a render ends, in words: noise, geometric error, cost, what stopped it."""
+"""The report in words: noise, blur, geometric error, cost, and what stopped the render."""
 
 from __future__ import annotations
 

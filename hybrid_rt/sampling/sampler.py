@@ -1,4 +1,4 @@
-"""Low-discrepancy numbers that hang on nothing but their names.
+"""Low-discrepancy numbers that depend on nothing but their names.
 
 A number is named by the seed, the pixel, the dimension (what it is used for) and the pass. So
 blocks, threads, order and machines do not matter, and a pass can be computed again at any time.
@@ -68,7 +68,7 @@ class Sampler:
     def joint(self, pixel: UIntArray, dimension: int, number: UIntArray, width: int) -> FloatArray:
         """Return points of sequences that fill the cube of ``width`` dimensions evenly.
 
-        Where what is sampled hangs on all coordinates together, this beats as many pairs of
+        Where the integrand depends on all coordinates together, this beats as many pairs of
         `points`, which fill their squares evenly but are paired with each other by chance.
 
         Parameters
@@ -117,7 +117,8 @@ def _for_all(number: UIntArray | int, n: int) -> UIntArray:
 def _byte_tables() -> UIntArray:
     """Return what each byte of an index contributes to Sobol's coordinates, turned round.
 
-    Turned round, the lowest bit counts one half: as `hybrid_rt.sampling.kernels.sobol.joint_points` wants.
+    Turned round, the lowest bit counts one half: as `hybrid_rt.sampling.kernels.sobol.joint_points`
+    wants.
     """
     tables = np.zeros((MOST_JOINT, 4, 256), dtype=np.uint64)
     for row, table in enumerate(tables):

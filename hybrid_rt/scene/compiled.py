@@ -1,4 +1,4 @@
-"""A scene as flat tables, as integrators and kernels take it."""
+"""The compiled scene: flat tables of surfaces, BSDFs, textures and lights for the kernels."""
 
 from __future__ import annotations
 

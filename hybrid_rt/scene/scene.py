@@ -1,4 +1,4 @@
-"""What the user describes, and the flat tables it is compiled to once."""
+"""What the user describes: objects of surfaces and materials, lights, a camera."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Which clear bodies may share faces with other surfaces."""
+"""Which clear bodies may coincide in part with other surfaces."""
 
 from __future__ import annotations
 

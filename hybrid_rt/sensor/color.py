@@ -1,4 +1,4 @@
-"""From linear values to those of a screen, and back."""
+"""The sRGB transfer function: linear radiance to screen values, and back."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""From passes to a picture, and from a picture to a file."""
+"""The film: sums of passes by groups, and from their differences the noise of the picture."""
 
 from __future__ import annotations
 
@@ -114,12 +114,12 @@ class Film:
     def relative_error(self) -> float:
         """Return the estimated relative root mean square error of the picture, nan after one pass.
 
-        Its square is what `hybrid_rt.sensor.image_metrics.relative_mse` is expected to be against the limit r of
-        infinitely many passes: the mean over pixels and channels of s^2 / (r^2 + 0.01), s the
-        standard error. As r is not known, the picture stands in for it. One bright path makes both
-        s and the value of its pixel large; divided by each other they would hide the error. So
-        what one group of passes varies by is divided by the mean of the other groups. Before 16
-        passes the mean of the pixel's neighbours is taken for r where it is darker.
+        Its square is what `hybrid_rt.sensor.image_metrics.relative_mse` is expected to be against
+        the limit r of infinitely many passes: the mean over pixels and channels of s^2 / (r^2 +
+        0.01), s the standard error. As r is not known, the picture stands in for it. One bright
+        path makes both s and the value of its pixel large; divided by each other they would hide
+        the error. So what one group of passes varies by is divided by the mean of the other groups.
+        Before 16 passes the mean of the pixel's neighbours is taken for r where it is darker.
         """
         return self._root_mean_squares()[1]
 
@@ -127,8 +127,8 @@ class Film:
     def noise(self) -> dict[str, Any] | None:
         """Return estimates of the standard error, or None where a single pass tells nothing.
 
-        See `standard_error` and `relative_error`; ``errs_on_the_safe_side`` before 16 passes. A 95 %
-        interval of the image mean reaches ``interval_factor`` standard errors to either side.
+        See `standard_error` and `relative_error`; ``errs_on_the_safe_side`` before 16 passes. A 95
+        % interval of the image mean reaches ``interval_factor`` standard errors to either side.
         """
         n = self.n_passes
         if n < 2:

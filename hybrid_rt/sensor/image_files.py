@@ -1,4 +1,4 @@
-"""From a picture to a file, with its report beside it."""
+"""Picture files (.png, .npz, .exr), each written whole, with its report beside it."""
 
 from __future__ import annotations
 

@@ -29,8 +29,8 @@ class PictureErrors:
     rmse_of_most, relative_rmse_of_most : float
         The same without the worst 0.1 % of the pixels.
     mean_error, relative_mean_error : float
-        Mean of x - r, signed; and over the mean of r (nan where that is 0). Noise averages out here:
-        what stays is bias.
+        Mean of x - r, signed; and over the mean of r (nan where that is 0). Noise averages out
+        here: what stays is bias.
     worst : float
         Largest |x - r|.
     """

@@ -1,4 +1,4 @@
-"""Passes are numbered, and dealt out to groups whose random numbers are independent."""
+"""The numbers of passes, and the groups they belong to; each group has random numbers of its own."""
 
 from __future__ import annotations
 

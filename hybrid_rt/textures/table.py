@@ -1,4 +1,4 @@
-"""All textures of a scene in one flat table."""
+"""The table of textures of a scene."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What every texture answers, and the colour that is everywhere the same."""
+"""The interface of textures, and the constant colour."""
 
 from __future__ import annotations
 

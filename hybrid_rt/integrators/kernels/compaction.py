@@ -1,4 +1,4 @@
-"""Bookkeeping of batches of rays: sums per pixel, and rows picked out of many arrays at once.
+"""Stream compaction of ray batches: rows picked out of many arrays at once, and sums per pixel.
 
 Each kernel does in one pass what NumPy does in a dozen, with a temporary array for each.
 """
@@ -135,7 +135,7 @@ def pack_paths(paths, fate, least, position, object_id, onward, pdf, out):
 
 @kernel
 def choose_lights(before, chance, xi, light_id):
-    """Choose a light per row by the first number of ``xi`` (n, 2), which is made even again.
+    """Choose a light per row by the first number of ``xi`` (n, 2), which is rescaled for further use.
 
     ``before`` (lights + 1,) is the probability of each light and those before it together.
     """

@@ -1,4 +1,4 @@
-"""What photons near a point add up to there."""
+"""Density estimation: the reflected radiance that photons near a point add up to."""
 
 import math
 
@@ -74,8 +74,8 @@ def add_photons(
     radius : (n,) float64
         Of the disc of each point.
     material, colors, position, normal, direction : (n, ...)
-        Of the points, as for `hybrid_rt.shading.kernels.emitter.light_on_hits`; only lobes up to `PHONG`
-        count.
+        Of the points, as for `hybrid_rt.shading.kernels.emitter.light_on_hits`; only lobes up to
+        `PHONG` count.
     geometric : (n, 3) float64
         Normal of the surface itself, where ``normal`` is another; else (0, 3).
     is_direct : (n,) bool
@@ -141,8 +141,8 @@ def add_photons(
         blur[i, 1] += less * g
         blur[i, 2] += less * b
         near[i] += 1
-        # Each one takes the place of those before it with its share of the sum so far; the number
-        # that decides is made even again.
+        # Weighted reservoir sampling: a photon replaces the one kept with the probability that is
+        # its share of the sum so far; the random number is rescaled to [0, 1) for the next choice.
         total = value[i, 0] + value[i, 1] + value[i, 2]
         share = (r + g + b) / total if total > 0.0 else 0.0
         if xi[i] < share:

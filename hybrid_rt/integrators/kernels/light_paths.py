@@ -1,20 +1,21 @@
-"""Paths that begin at a light, and are led by mirrors and glass onto a surface that spreads light.
+"""Light subpaths, and their connections to camera subpaths: bidirectional path tracing for caustics.
 
-A path from the camera finds such a surface's light only by running into the lamp through a mirror
-or a lens, which is rare and then bright. A path from the lamp finds it often. Both count, by the
-balance of their densities (Veach, "Robust Monte Carlo methods for light transport simulation",
-1997, chapter 10: bidirectional path tracing, here with one family of its techniques).
+A camera path finds a caustic only where its BSDF sample leads through a mirror or a lens into a
+lamp: rare, and then bright. A path from the lamp finds it often. Both techniques count, weighted by
+the balance heuristic (Veach, "Robust Monte Carlo methods for light transport simulation", 1997,
+chapter 10). Of all connections of bidirectional path tracing one family is used.
 
-A light path goes from lamp to surface, and on from surface to surface, by way of at least one
-mirror or lens each time. Seen from the camera, it is joined where for the first time two surfaces
-that spread light see each other; up to there camera paths could choose no point. So there are two
-ways to each such path, that of the camera alone and one that joins.
+A light subpath goes from the lamp from surface to surface, by way of at least one delta lobe
+(mirror or glass) each time. Each of its vertices on a surface with a non-delta lobe is a light
+vertex. Seen from the camera, the connection is made where two non-delta vertices follow each other
+for the first time; up to there a camera path passed delta lobes only and could choose no point. So
+there are two techniques for each such path: the camera's alone, and one connection.
 
-At a mirror or a lens nothing is chosen but lobes, by the same chances from either side, and
-n^2 dA cos dw is the same before and after. So only what happens at lamps and at surfaces that
-spread light tells the densities of the two ways apart: from the lamp P(lamp) pdf_area / pi over
-the index squared there; from the camera the density of the joined point per area, times that of
-the direction taken there per projected solid angle, over the index squared here; and at surfaces
+At a delta lobe only the choice of the lobe has a probability, the same from either side, and
+n^2 dA cos dw is the same before and after. So the ratio of the two densities depends only on what
+happens at lamps and at non-delta vertices: from the lamp P(lamp) pdf_area / pi over the index
+squared there; from the camera the density of the connected point per area, times that of the
+direction sampled there per projected solid angle, over the index squared here; and at vertices
 between, the densities of the two directions per projected solid angle, from either side.
 """
 

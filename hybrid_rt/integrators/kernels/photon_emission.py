@@ -1,10 +1,10 @@
-"""Photons on leaving: where from, which way, and how much power each one carries.
+"""Photon emission: origin, direction and power of each photon.
 
-Photons of a light come in two kinds: spread ones follow what the light sends out, aimed ones go
-toward balls around whatever throws caustics. Each carries what the light sends its way over the
+The photons of a light come in two kinds. Some follow its emission profile; others are aimed, by the
+projection map, at balls around whatever throws caustics. Each carries the light's radiance over the
 density of both kinds together (the balance heuristic of Veach and Guibas, "Optimally combining
 sampling techniques for Monte Carlo rendering", SIGGRAPH 1995): aiming changes where photons are
-many, never what they add up to.
+many, never the light that they carry.
 """
 
 import math

@@ -1,8 +1,7 @@
-"""One step of a photon: what a surface does with its power, and what it leaves there.
+"""One bounce of a photon: what a surface stores of its power, absorbs, and scatters.
 
-Power is not weakened where a photon passes from one medium to another: it is the radiance along a
-ray that counts by the index squared, not the power that flows. So this is not the `scatter` of
-camera rays read backwards.
+Photons carry power, which passes an interface unscaled, where radiance changes by the square of the
+index. So this is the adjoint of the `scatter` of camera rays, not the same kernel.
 """
 
 from typing import Any, NamedTuple

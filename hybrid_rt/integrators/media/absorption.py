@@ -1,4 +1,4 @@
-"""Clear bodies: those that a camera or a lamp stands in, and what they absorb on the way."""
+"""The media that a camera or a lamp stands in, and Beer-Lambert absorption along rays."""
 
 from __future__ import annotations
 
@@ -134,7 +134,8 @@ def absorb(
     ----------
     context : RenderContext
     media : (n, STACK) int32, changed
-        In one order before and after the face that is met: see `hybrid_rt.shading.kernels.medium_stack`.
+        In one order before and after the face that is met: see
+        `hybrid_rt.shading.kernels.medium_stack`.
     material : (n,) int32
     hits : HitRecord of n rows
     second : (n,) int32, or (0,)

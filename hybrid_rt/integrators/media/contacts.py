@@ -1,8 +1,8 @@
-"""Clear bodies that touch: faces that coincide are passed at once, with no air between.
+"""Clear bodies that touch: coincident faces are passed at once, with no air between.
 
-A first hit names one of two coincident faces. Of clear bodies the other is found here, so that the
-ray changes from what lies before both to what lies behind both; where the other surface is not
-clear, light meets that surface, and the clear one wets it.
+A first hit names one of two coincident faces. Where it is a clear body's, the other one is found
+here, so that the ray changes from the medium before both to the medium behind both. Where the other
+surface is opaque, the ray is scattered by that surface, seen through the clear body.
 """
 
 from __future__ import annotations

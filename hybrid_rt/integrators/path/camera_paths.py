@@ -1,4 +1,4 @@
-"""Paths as they leave the camera."""
+"""Camera paths at their start."""
 
 from __future__ import annotations
 

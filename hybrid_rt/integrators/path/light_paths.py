@@ -1,8 +1,8 @@
-"""Light that mirrors and glass throw, found from the lamps: for the paths from the camera to join.
+"""Light subpaths of each pass: traced from the lamps, splatted on the film, kept for connections.
 
-Each pass sends paths from lights that have an area. Where mirrors and glass lead one of them onto
-a surface that spreads light, that point is kept: it is shown to the camera, and joined to what
-camera paths meet. See `hybrid_rt.integrators.kernels.light_paths` for how both ways are weighted.
+Lights that have an area send them. Where mirrors and glass lead one onto a surface with a non-delta
+lobe, that vertex is splatted to the pixel that sees it, and kept as a light vertex for camera paths
+to connect to. `hybrid_rt.integrators.kernels.light_paths` says how the techniques are weighted.
 """
 
 from __future__ import annotations

@@ -1,8 +1,9 @@
-"""Path tracing with light found in two ways: by asking lights, and by running into them.
+"""Path tracing with next-event estimation, BSDF sampling and light subpaths, combined by MIS.
 
-Kajiya, "The rendering equation", SIGGRAPH 1986; the two ways are weighted after Veach and Guibas,
-"Optimally combining sampling techniques for Monte Carlo rendering", SIGGRAPH 1995. Each camera ray
-becomes one path; a batch of them takes its steps together.
+Kajiya, "The rendering equation", SIGGRAPH 1986; light that both next-event estimation and BSDF
+sampling find is weighted by the power heuristic (Veach and Guibas, "Optimally combining sampling
+techniques for Monte Carlo rendering", SIGGRAPH 1995). Each camera ray becomes one path; a batch of
+paths advances together, one bounce at a time.
 """
 
 from __future__ import annotations

@@ -1,10 +1,10 @@
-"""Light at points from the photons near them: sums over discs.
+"""Photon density estimation over discs around hit points, the neighbours found by scipy's cKDTree.
 
-Two ways to choose the disc. `Discs` are of given size, and the sum is exact however many photons
-there are: for progressive photon mapping. Their radius hangs on how densely the first photons fell
-around a point; a few classes of points are asked for together, by the largest radius in each, since
-`scipy.spatial.cKDTree` takes one radius at a time. `Nearest` reach just as far as a given number of
-photons lie: Jensen's photon maps.
+Two ways to choose the disc. `Discs` have a given radius, and the sum is exact however many photons
+lie within: for progressive photon mapping. The first radius of a point depends on how densely a
+first set of photons lies around it; points are grouped in a few classes, each searched by its
+largest radius, since `scipy.spatial.cKDTree` takes one radius at a time. `Nearest` discs reach as
+far as a given number of photons: Jensen's photon maps.
 """
 
 from __future__ import annotations

@@ -1,9 +1,9 @@
-"""Camera rays that look at photons.
+"""The eye pass of photon mapping: camera paths up to the surfaces that gather photons.
 
-They are followed through mirrors, metals and glass. Wherever one meets a surface that spreads light
-widely, lights are asked directly there and photons for all the light that comes by way of other
-surfaces; a mixture is looked at and followed. Straight light is found by shadow rays, with less
-noise than by photons and no blur, so photons count from their second flight on.
+A camera path is followed through mirrors, metals and glass. At every surface that spreads light
+widely, direct light is found by next-event estimation, and indirect light by photons; where a
+material is a mixture, its specular part is followed further. Shadow rays find direct light with
+less noise than photons and without blur, so photons are stored from their second bounce on.
 """
 
 from __future__ import annotations
@@ -76,7 +76,8 @@ class EyePass(Integrator):
     is_in_the_open : bool
         Whether the camera stands in no clear body.
     blur : (pixels, 3) float64
-        By how much a picture of this pass would be less with discs of half the area; written.
+        Radiance of this pass less that with discs of half the area: what estimates the blur.
+        Written.
     """
 
     def __init__(self, context: RenderContext) -> None:

@@ -1,10 +1,10 @@
-"""Dense caustics are shown to the camera photon by photon.
+"""Light tracing of dense caustics: photons are splatted to the pixels that see them.
 
-Where a disc as wide as a pixel holds many photons, it only blurs what they show. There each photon
-that mirrors and glass have led from a lamp adds its light to the pixel that sees it, without any
-blur: the light tracing of Arvo, "Backward ray tracing", SIGGRAPH 1986 course notes. Discs leave
-these photons out where the camera looks straight at a surface, and count them like all others
-where it looks through mirrors and glass, so nothing counts twice and nothing is missed.
+Where a disc as wide as a pixel would hold many photons, density estimation adds nothing but blur.
+There each photon that mirrors and glass have led from a lamp is splatted to the pixel that sees it:
+Arvo, "Backward ray tracing", SIGGRAPH 1986 course notes. Discs leave these photons out where the
+camera sees a surface directly, and count them where it sees one by way of mirrors and glass. So
+each photon counts once.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from scipy.spatial import cKDTree
 
 
-# Of the photons of caustics, as many at least must fall where these are dense to ask where that is.
+# Light tracing pays where at least this many caustic photons of the pilot pass lie in dense places.
 LEAST_SHARE = 0.02
 
 

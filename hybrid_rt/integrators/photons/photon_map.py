@@ -1,9 +1,9 @@
-"""Photon maps with a fixed number of photons per estimate.
+"""Photon mapping with a fixed number of nearest photons per estimate.
 
 Jensen, "Global illumination using photon maps", EGWR 1996. Two maps are kept: photons that have met
-nothing but mirrors, metals and glass make caustics, all others the soft light between surfaces. Each
-is asked for the photons nearest a point. That is quick and smooth, but the discs do not shrink:
-more passes take away noise, never the blur.
+only mirrors, metals and glass make the caustic map, all others the global map. Each estimate takes
+the nearest photons of both. That is quick and smooth, but the discs do not shrink: more passes
+lessen the noise, never the blur.
 """
 
 from __future__ import annotations

@@ -1,8 +1,9 @@
-"""Photons from every light, followed until they are absorbed or leave.
+"""Photon tracing: photons of every light, followed until they are absorbed or leave the scene.
 
-Jensen, "Global illumination using photon maps", EGWR 1996. Photons leave in groups: one for each
-light and kind (`hybrid_rt.integrators.kernels.photon_emission`), each with low-discrepancy sequences of its own that
-run on through the passes, so both one pass and all of them together are spread evenly.
+Jensen, "Global illumination using photon maps", EGWR 1996. Photons are emitted in groups: one for
+each light and kind (see `hybrid_rt.integrators.kernels.photon_emission`). Each group has its own
+low-discrepancy sequences, which run on through the passes: one pass is well distributed, and so
+are all passes together.
 """
 
 from __future__ import annotations
@@ -270,7 +271,7 @@ class PhotonTracer:
     def _launched(self, group: Group, sequence: int, number: UIntArray, dimension: int) -> Flight:
         scene = self.context.scene
         n = number.size
-        # Where a photon arrives hangs on all of these together.
+        # Where a photon arrives depends on all of these together.
         name, index = _in_sequence(sequence, number)
         xi = self.context.sampler.joint(name, dimension + LAUNCH, index, 5)
         # Columns of their own: slices are another type to numba, and the kernel compiled twice.
@@ -322,7 +323,8 @@ class PhotonTracer:
 def sequence_of(group: Group, pass_number: int) -> tuple[int, int]:
     """Return which sequence a pass goes on with, and how many of its points came before.
 
-    Passes that are compared to know the noise have sequences of their own (`hybrid_rt.sensor.film`).
+    Passes that are compared to know the noise have sequences of their own
+    (`hybrid_rt.sensor.film`).
     """
     compared, number = group_of(np.array([pass_number], dtype=np.uint64))
     return group.number * GROUPS + int(compared[0]), int(number[0]) * group.n

@@ -1,7 +1,7 @@
-"""Threads that shoot the photons of a pass together and then look at them together.
+"""The threads of a render with photons: they trace the photons of a pass together, then its eye pass.
 
-While some of them still look at a pass, others shoot the next: no thread waits for another between
-the two, and no more than two sets of photons exist at a time.
+While some still work on the eye pass of one pass, others trace the photons of the next: no thread
+waits between the two, and no more than two photon maps exist at a time.
 """
 
 from __future__ import annotations
@@ -35,10 +35,11 @@ from hybrid_rt.sensor.image_metrics import DARK
 
 # Camera rays that one thread follows and gathers for at a time: many, as trees of many points are
 # compared faster, but a sixteenth of a pass at most, for the threads to share. The order of the
-# sums over photons hangs on this number, so it is the same for any number of threads.
+# sums over photons depends on this number, so it is the same for any number of threads.
 FEWEST_RAYS, MOST_RAYS, SHARE_OF_RAYS = 2**12, 2**15, 16
 
-# What tiles of a picture differ by tells the noise of its estimated blur: so many a side, wider than
+# The noise of the estimated blur is read from how much it differs between tiles of the picture: so
+# many tiles a side, wider than
 # most discs and so nearly independent. Student's t for their degrees of freedom, one-sided 95 %.
 TILES, STUDENT = 4, 1.753
 # The true blur is up to so many times its estimate: 1.3 times at borders, as the estimate takes light

@@ -1,9 +1,9 @@
 """Progressive photon mapping by independent passes.
 
 Hachisuka, Ogaki and Jensen, "Progressive photon mapping", ToG 27(5), 2008; in the form of Knaus and
-Zwicker, "Progressive photon mapping: a probabilistic approach", ToG 30(3), 2011, in which passes
-share nothing: each shoots photons of its own and looks at them with one ray per pixel, the discs
-of later passes are smaller, and the mean of the passes loses both noise and blur.
+Zwicker, "Progressive photon mapping: a probabilistic approach", ToG 30(3), 2011. Passes share
+nothing: each traces photons of its own and one camera path per pixel. The discs shrink from pass to
+pass, so in the mean of the passes both noise and blur vanish.
 """
 
 from __future__ import annotations

@@ -1,9 +1,9 @@
-"""Balls that photons are aimed at: they cover whatever throws caustics.
+"""The projection map: balls around whatever throws caustics, for photons to be aimed at.
 
-Jensen's projection map (in "Global illumination using photon maps", EGWR 1996) marks directions in
-which a light sees such surfaces. Balls say the same for every point of every light at once, and the
-density of directions toward them has a closed form. A surface that its ball hardly fills is covered
-by several smaller ones.
+Jensen's projection map ("Global illumination using photon maps", EGWR 1996) marks the directions in
+which a light sees such surfaces. Balls serve every point of every light at once, and the density of
+directions toward them has a closed form. A surface that fills its ball poorly is covered by several
+smaller ones.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Every light asked at every hit, as Whitted's method does; others choose one of them."""
+"""Direct light from every light at every hit, as in Whitted's method."""
 
 from __future__ import annotations
 

@@ -1,9 +1,8 @@
-"""Direct light, mirrors and glass: the recursion of Whitted, a batch at a time.
+"""Whitted ray tracing: direct light, mirrors and glass; a batch of rays, one level of depth at a time.
 
-Whitted, "An improved illumination model for shaded display", CACM 23(6), 1980. Lights send light to
-matt and glossy surfaces directly; mirrors and glass show what lies in the mirrored and the refracted
-direction, both branches followed. Glass casts a full shadow: bending light onto other surfaces is
-for photons.
+Whitted, "An improved illumination model for shaded display", CACM 23(6), 1980. Matt and glossy
+surfaces are lit directly by every light; at mirrors and glass the reflected and the refracted ray
+are both followed. Glass casts a full shadow: caustics need photons or light subpaths.
 """
 
 from __future__ import annotations

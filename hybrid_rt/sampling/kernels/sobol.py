@@ -2,11 +2,12 @@
 
 Each (pixel, dimension) owns one two-dimensional Sobol sequence; what differs between them is only
 the hash that shuffles its order and scrambles its digits. Scrambling keeps every aligned run of
-2**k points a (0, k, 2)-net, so the passes of a render fill the square evenly however many there are.
+2**k points a (0, k, 2)-net, so the passes of a render fill the square evenly however many there
+are.
 
 Burley, "Practical hash-based Owen scrambling", JCGT 9(4), 2020; the digit permutation is the one of
-Laine and Karras, "Stratified sampling for stochastic transparency", EGSR 2011, with the constants of
-Pharr, Jakob and Humphreys, "Physically based rendering", 4th edition, 2023.
+Laine and Karras, "Stratified sampling for stochastic transparency", EGSR 2011, with the constants
+of Pharr, Jakob and Humphreys, "Physically based rendering", 4th edition, 2023.
 """
 
 import numpy as np
@@ -53,7 +54,7 @@ def reverse_bits(x):
 
 @inner
 def permute(x, key):
-    """Permute binary digits, the lowest first, each by a choice that hangs on those before it."""
+    """Permute binary digits, the lowest first, each by a choice that depends on those before it."""
     x ^= (x * _OWEN_A) & _MASK
     x = (x + key) & _MASK
     x = (x * ((key >> _S16) | _ONE)) & _MASK

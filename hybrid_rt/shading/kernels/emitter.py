@@ -272,7 +272,8 @@ def light_on_rays(
         is none.
     rival : (n,) float64
         Of paths that mirrors and glass have led here from a surface that spreads light: the density
-        to set against that of light paths (see `hybrid_rt.integrators.kernels.light_paths`); else 0.
+        to set against that of light paths (see `hybrid_rt.integrators.kernels.light_paths`); else
+        0.
     media : (n, STACK) int32, or (n, 0)
         Dielectrics that the ray is in.
     radiance : (n, 3) float64, written

@@ -1,7 +1,7 @@
-"""Light from infinitely far: what comes from a direction, and directions chosen by brightness.
+"""Environment lights: radiance by direction, and directions sampled by radiance.
 
 A gradient is linear in the height of the direction, so its distribution is inverted in closed form.
-A picture of all directions is chosen from by texels: first the row, then the column.
+A panorama is importance-sampled by texels: first the row, then the column.
 """
 
 import math

@@ -1,4 +1,4 @@
-"""Mirror and glass: where the light goes and how much of it."""
+"""Reflection and refraction: directions by Snell's law, reflectance by Fresnel's equations."""
 
 import math
 

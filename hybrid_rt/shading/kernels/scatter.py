@@ -1,4 +1,4 @@
-"""One step of a path: what a surface does with a ray that has arrived."""
+"""One bounce of a camera path: BSDF sampling, media, Russian roulette."""
 
 from hybrid_rt.shading.kernels.bsdf import (
     DIELECTRIC,
@@ -27,8 +27,8 @@ def at_glass(lobes, lobe, stack, i, nx, ny, nz, dx, dy, dz, is_front, second, xi
     """Choose between reflection and refraction at a dielectric by its reflectance.
 
     n is on the side from which d came. ``stack[i]`` follows the ray; ``second`` as in
-    `hybrid_rt.shading.kernels.medium_stack`. Returns the direction, the factor on radiance but for the tint, and
-    whether light passes the surface and so is tinted.
+    `hybrid_rt.shading.kernels.medium_stack`. Returns the direction, the factor on radiance but for
+    the tint, and whether light passes the surface and so is tinted.
     """
     before = filling_medium(stack, i, lobes)
     # Kept for what is reflected: STACK places.

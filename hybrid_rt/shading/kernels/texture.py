@@ -1,4 +1,4 @@
-"""Colours of textures, looked up for a batch of hits from one flat table."""
+"""Texture lookups for a batch of hits, from one flat table."""
 
 import math
 from typing import Any, NamedTuple

@@ -1,4 +1,4 @@
-"""From angles to directions."""
+"""Warps: from angles about an axis to directions."""
 
 from __future__ import annotations
 

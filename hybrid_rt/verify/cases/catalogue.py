@@ -37,8 +37,9 @@ class Case:
     t : (n,) float64, optional
         First hits in closed form, inf for a miss; without it the oracle is asked.
     most_error : float, optional
-        Bound on |t - exact| |d| |cos| over the way to the hit (or 1, if that is more), where rounding relative to the scale would be too
-        lax: beside a sphere that is much larger than the way to it.
+        Bound on |t - exact| |d| |cos| over the way to the hit (or 1, if that is more), where
+        rounding relative to the scale would be too lax: beside a sphere that is much larger than
+        the way to it.
     most_pieces : int
         Bound on the work of one search.
     """

@@ -1,8 +1,8 @@
 """A floor lit past glass by a long count of photons: pictures to judge others by.
 
-The count (`hybrid_rt.verify.light.kernels.light_tracer`) shares no code with the renderer and has no
-blur but that of its cells, no aiming, no roulette by brightness: a photon arrives or does not, so
-the noise of a cell of n photons is the root of n.
+The count (`hybrid_rt.verify.light.kernels.light_tracer`) shares no code with the renderer and has
+no blur but that of its cells, no aiming, no roulette by brightness: a photon arrives or does not,
+so the noise of a cell of n photons is the root of n.
 
 Run it to see the light on the floor of one of the benchmark scenes:
   python -m hybrid_rt.verify.light.light_tracer --photons 1e9 --out floor.npz

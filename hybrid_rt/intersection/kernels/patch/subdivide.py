@@ -3,8 +3,8 @@
 The net of the cell is written in ray coordinates: two across the ray, one along it. A root is a
 point where both coordinates across vanish, so a piece whose hull keeps away from that is dropped,
 and a piece whose tangents hardly turn is settled by the Krawczyk test (Krawczyk 1969; Moore,
-Kearfott, Cloud 2009, chapter 8). Everything else is halved along its longer side *in space*: a collapsed
-edge is long in its parameter and a point in space. Pieces are taken nearest first.
+Kearfott, Cloud 2009, chapter 8). Everything else is halved along its longer side *in space*: a
+collapsed edge is long in its parameter and a point in space. Pieces are taken nearest first.
 
 At a silhouette pieces become thin across the fold before they become short. A piece thinner than
 rounding holds no decision to be made: if it is as short as such a piece of a curved surface is, it
