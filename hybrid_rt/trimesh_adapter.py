@@ -17,7 +17,7 @@ from hybrid_rt.core.records import BoolArray, FloatArray, HitRecord, Status
 from hybrid_rt.intersection import Intersector
 from hybrid_rt.intersection.coincident import coincident_hits
 from hybrid_rt.intersection.crossings import Crossings
-from hybrid_rt.primitives import Box, TriangleMesh
+from hybrid_rt.primitives import TriangleMesh
 from meshing.checks import as_floats, whole
 
 IdArray = NDArray[np.int64]
@@ -45,7 +45,7 @@ class RayMeshIntersector:
         parts = geometry if isinstance(geometry, Sequence) else [geometry]
         surfaces = [TriangleMesh(part) if _is_trimesh(part) else part for part in parts]
         self.intersector = Intersector(surfaces, **options)
-        counts = [_n_pieces(surface) for surface in self.intersector.surfaces]
+        counts = [len(surface) for surface in self.intersector.surfaces]
         self._first = np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)
 
     def intersects_location(
@@ -209,9 +209,3 @@ class RayMeshIntersector:
 
 def _is_trimesh(part: Any) -> bool:
     return hasattr(part, "vertices") and hasattr(part, "faces") and hasattr(part, "triangles")
-
-
-def _n_pieces(surface: Any) -> int:
-    if isinstance(surface, Box):
-        return 6
-    return len(surface) if hasattr(surface, "__len__") else 1

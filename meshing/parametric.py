@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
+from abc import abstractmethod
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from meshing.checks import BoolArray, FloatArray, broadcast_parameters
+from meshing.surface import Surface
 
 
-class ParametricSurface(ABC):
+class ParametricSurface(Surface):
     """A surface of one or more pieces, each a map S(u, v) of the unit square."""
+
+    is_freeform = True
 
     @abstractmethod
     def __len__(self) -> int:

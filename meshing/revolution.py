@@ -116,6 +116,11 @@ class SurfaceOfRevolution(ParametricSurface):
         """Return the number of profile segments."""
         return len(self.segments)
 
+    @property
+    def revolution_frame(self) -> FloatArray:
+        """(4, 3) float64: origin, axis, radial, binormal, read-only."""
+        return self._frame
+
     def __repr__(self) -> str:
         """Name the number of segments and the axis."""
         return f"SurfaceOfRevolution({len(self)} segments about {self.axis.tolist()})"

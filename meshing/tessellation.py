@@ -10,8 +10,8 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from functools import cached_property
-from typing import TYPE_CHECKING, TypeAlias
+from functools import cached_property, singledispatch
+from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,11 +24,11 @@ from meshing.kernels import polygons
 from meshing.kernels.leaves import MAX_DEPTH
 from meshing.revolution import SurfaceOfRevolution
 from meshing.seams import Seams, seams_of_patches, seams_of_revolution
+from meshing.surface import Surface
 
 if TYPE_CHECKING:
     import trimesh
 
-Surface: TypeAlias = BezierPatches | SurfaceOfRevolution
 Keys: TypeAlias = NDArray[np.int64]
 
 # About 3 GB with everything that is needed on the way.
@@ -111,41 +111,52 @@ def tessellate(
     """
     tolerance = number(tolerance, "tessellate tolerance", above=0.0, hint="in scene units")
     whole(max_triangles, "tessellate max_triangles", at_least=1, up_to=2**31 - 1)
-    if isinstance(surface, BezierPatches):
-        if len(surface) >= MAX_PATCHES:
-            raise ValueError(
-                f"tessellate surface has {len(surface)} patches: pass less than {MAX_PATCHES}"
-            )
-        seams = seams_of_patches(surface)
-        leaves, units, bound = _leaves_of_patches(surface, seams, tolerance, max_triangles)
-    elif isinstance(surface, SurfaceOfRevolution):
-        seams = seams_of_revolution(surface)
-        leaves, units, bound = _leaves_of_revolution(surface, seams, tolerance, max_triangles)
-    else:
-        raise TypeError(
-            f"tessellate surface is {shown(surface)}: pass BezierPatches or a SurfaceOfRevolution"
-        )
-    return _mesh_of(surface, seams, leaves, units, bound, tolerance, max_triangles)
+    return _mesh_of(surface, cut(surface, tolerance, max_triangles), tolerance, max_triangles)
 
 
-def _slack(surface: Surface, seams: Seams) -> float:
+class Cut(NamedTuple):
+    """A surface in leaves that each become a fan of triangles."""
+
+    seams: Seams
+    leaves: NDArray[np.int32]
+    """(n, 5): piece, then u0, u1, v0, v1 in ``units``."""
+    units: tuple[int, int]
+    """What u = 1 and v = 1 are in a leaf."""
+    bound: float
+    """Proven distance of the triangles, roundings included."""
+
+
+@singledispatch
+def cut(surface: object, tolerance: float, max_triangles: int) -> Cut:
+    """Cut a surface into leaves; each class of free-form surfaces registers how.
+
+    Raises
+    ------
+    TypeError
+        For other surfaces.
+    """
+    del tolerance, max_triangles
+    raise TypeError(
+        f"tessellate surface is {shown(surface)}: pass BezierPatches or a SurfaceOfRevolution"
+    )
+
+
+def _slack(roundings: int, largest: float, seams: Seams) -> float:
     """Bound what rounding of vertices, and welding them, adds to the deviation."""
-    if isinstance(surface, BezierPatches):
-        roundings = 3 * int(surface.degrees.sum(axis=1).max()) + 8
-        largest = float(np.abs(surface.control).max())
-    else:
-        roundings = 3 * max(map(len, surface.segments)) + 16
-        reach = max(float(np.abs(segment).sum(axis=1).max()) for segment in surface.segments)
-        largest = float(np.abs(surface.origin).max()) + reach
     # Per coordinate; sqrt(3) of it in space.
     return math.sqrt(3.0) * (roundings * 2.0**-53 * largest + seams.gap)
 
 
-def _leaves_of_patches(
-    surface: BezierPatches, seams: Seams, tolerance: float, max_triangles: int
-) -> tuple[NDArray[np.int32], tuple[int, int], float]:
+@cut.register(BezierPatches)
+def _cut_patches(surface: BezierPatches, tolerance: float, max_triangles: int) -> Cut:
+    if len(surface) >= MAX_PATCHES:
+        raise ValueError(
+            f"tessellate surface has {len(surface)} patches: pass less than {MAX_PATCHES}"
+        )
+    seams = seams_of_patches(surface)
     least_depth = np.where(seams.corners_apart < 3, _LEAST_DEPTH, 0)
-    slack = _slack(surface, seams)
+    roundings = 3 * int(surface.degrees.sum(axis=1).max()) + 8
+    slack = _slack(roundings, float(np.abs(surface.control).max()), seams)
     data = (surface.control, surface.starts, surface.degrees, least_depth, slack, tolerance)
     # Counted first, kept in a second run: no memory is taken before the count is known.
     max_leaves = max(max_triangles // 2, 1)
@@ -155,13 +166,15 @@ def _leaves_of_patches(
         raise TooManyTrianglesError(2.0 * forecast, max_triangles, tolerance)
     leaves = np.empty((count, 5), dtype=np.int32)
     leaf_kernels.find_leaves(*data, max_leaves, leaves)
-    return leaves, (1 << MAX_DEPTH, 1 << MAX_DEPTH), bound + slack
+    return Cut(seams, leaves, (1 << MAX_DEPTH, 1 << MAX_DEPTH), bound + slack)
 
 
-def _leaves_of_revolution(
-    surface: SurfaceOfRevolution, seams: Seams, tolerance: float, max_triangles: int
-) -> tuple[NDArray[np.int32], tuple[int, int], float]:
-    slack = _slack(surface, seams)
+@cut.register(SurfaceOfRevolution)
+def _cut_revolution(surface: SurfaceOfRevolution, tolerance: float, max_triangles: int) -> Cut:
+    seams = seams_of_revolution(surface)
+    roundings = 3 * max(map(len, surface.segments)) + 16
+    reach = max(float(np.abs(segment).sum(axis=1).max()) for segment in surface.segments)
+    slack = _slack(roundings, float(np.abs(surface.origin).max()) + reach, seams)
     base, rings, bound = rings_of(surface, tolerance, slack, max_triangles)
     table = np.array(rings, dtype=np.int64)
     cells = table[:, 3]
@@ -175,18 +188,11 @@ def _leaves_of_revolution(
     leaves[:, 2] = (first + 1) * width
     leaves[:, 3] = table[ring, 1]
     leaves[:, 4] = table[ring, 2]
-    return leaves, (unit_u, 1 << MAX_DEPTH), bound + slack
+    return Cut(seams, leaves, (unit_u, 1 << MAX_DEPTH), bound + slack)
 
 
-def _mesh_of(
-    surface: Surface,
-    seams: Seams,
-    leaves: NDArray[np.int32],
-    units: tuple[int, int],
-    bound: float,
-    tolerance: float,
-    max_triangles: int,
-) -> CertifiedMesh:
+def _mesh_of(surface: Surface, pieces: Cut, tolerance: float, max_triangles: int) -> CertifiedMesh:
+    seams, leaves, units, bound = pieces
     patch, u0, u1, v0, v1 = leaves.T.astype(np.int64)
     corners = [_key(patch, u, v) for u in (u0, u1) for v in (v0, v1)]
     keys = _share_across_edges(np.unique(np.concatenate(corners)), seams, units)

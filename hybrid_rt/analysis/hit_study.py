@@ -22,7 +22,6 @@ from hybrid_rt.core.ray_set import RaySet
 from hybrid_rt.core.records import FloatArray, HitRecord
 from hybrid_rt.core.timing import Timing, in_turn, timed
 from hybrid_rt.intersection import Intersector
-from hybrid_rt.intersection.kinds.registry import CURVED
 from hybrid_rt.scene.scene import Scene
 from hybrid_rt.verify.judges.hit_errors import HitErrors, hit_errors
 from hybrid_rt.verify.judges.oracle import first_hits
@@ -152,7 +151,7 @@ def _steppers(
 ) -> _Finders:
     """Build Newton's method by fixed numbers of steps; none where a surface needs no steps."""
     steppers: _Finders = {}
-    if not all(isinstance(surface, CURVED) for surface in surfaces):
+    if not all(surface.is_freeform for surface in surfaces):
         return steppers
     for share in sorted(tolerances, reverse=True):
         stepped, seconds = timed(partial(SteppedHits, surfaces, share * size, threads))

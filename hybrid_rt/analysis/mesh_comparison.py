@@ -11,7 +11,7 @@ from hybrid_rt.core.records import FloatArray, HitRecord, Status
 from hybrid_rt.intersection import Intersector
 from hybrid_rt.scene.compiled import CompiledScene, compile_scene
 from hybrid_rt.scene.scene import Scene
-from meshing import BezierPatches, SurfaceOfRevolution, tessellate
+from meshing import tessellate
 
 # The mesh to compare with, relative to the largest curved surface: about as fine as one would
 # export for a picture of ordinary size.
@@ -46,9 +46,7 @@ def compare_with_mesh(
         surface. Empty where the scene has no curved surface.
     """
     compiled = compile_scene(scene)
-    is_curved = np.array(
-        [isinstance(x, BezierPatches | SurfaceOfRevolution) for x in compiled.surfaces], dtype=bool
-    )
+    is_curved = np.array([surface.is_freeform for surface in compiled.surfaces], dtype=bool)
     if not is_curved.any():
         return {}
     if progress is not None:

@@ -16,7 +16,6 @@ from hybrid_rt.scene.plan import WITH_PHOTONS
 from hybrid_rt.scene.scene import Scene
 from hybrid_rt.shading.kernels.bsdf import LAST_SPREADING
 from hybrid_rt.shading.kernels.emitter import POINT
-from meshing import BezierPatches, SurfaceOfRevolution
 
 # Tolerances of meshes, relative to the diagonal of all curved surfaces.
 TOLERANCES = (1e-2, 1e-3, 1e-4)
@@ -59,9 +58,8 @@ class Method:
 
 
 def curved_surfaces(scene: Scene) -> list[Any]:
-    """Return the patches and surfaces of revolution of a scene."""
-    kinds = BezierPatches | SurfaceOfRevolution
-    return [item.surface for item in scene.objects if isinstance(item.surface, kinds)]
+    """Return the free-form surfaces of a scene: patches, surfaces of revolution."""
+    return [item.surface for item in scene.objects if item.surface.is_freeform]
 
 
 def size_of(surfaces: Sequence[Any]) -> float:

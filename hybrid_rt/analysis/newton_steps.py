@@ -8,6 +8,7 @@ and where a hit leads off the surface the next triangle is tried.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import singledispatch
 
 import numpy as np
 
@@ -18,6 +19,7 @@ from hybrid_rt.intersection.coarse.embree import CoarseScene
 from hybrid_rt.intersection.kind import new_record
 from meshing import BezierPatches, SurfaceOfRevolution, tessellate
 from meshing.kernels.bernstein import MAX_DEGREE
+from meshing.surface import Surface
 
 # As the tracer does it: how often the next triangle is tried, and how far beyond the one before.
 RETRIES = 4
@@ -47,7 +49,7 @@ class SteppedHits:
         threads: int | None = None,
     ) -> None:
         for number, surface in enumerate(surfaces):
-            if not isinstance(surface, BezierPatches | SurfaceOfRevolution):
+            if not surface.is_freeform:
                 raise TypeError(
                     f"surfaces[{number}] is a {type(surface).__name__}: pass patches and surfaces "
                     "of revolution, others have a closed form"
@@ -135,20 +137,41 @@ class SteppedHits:
 
 
 def _pieces(surfaces: Sequence[BezierPatches | SurfaceOfRevolution], middle: FloatArray) -> Pieces:
-    points, degrees, frames = [], [], []
-    for surface in surfaces:
-        if isinstance(surface, BezierPatches):
-            for net in surface.patches:
-                points.append(net.reshape(-1, 3) - middle)
-                degrees.append((net.shape[0] - 1, net.shape[1] - 1))
-                frames.append(np.zeros(12))
-        else:
-            vectors = (surface.origin - middle, surface.axis, surface.radial, surface.binormal)
-            for segment in surface.segments:
-                points.append(np.column_stack([segment, np.zeros(len(segment))]))
-                degrees.append((-1, len(segment) - 1))
-                frames.append(np.concatenate(vectors))
+    rows = [row for surface in surfaces for row in _rows(surface, middle)]
+    points, degrees, frames = zip(*rows, strict=True)
     starts = np.cumsum([0, *map(len, points)])[:-1]
     control = np.zeros((sum(map(len, points)), 4))
     control[:, :3] = np.concatenate(points)
     return Pieces(control, starts.astype(np.int64), np.array(degrees, np.int64), np.array(frames))
+
+
+Row = tuple[FloatArray, tuple[int, int], FloatArray]
+"""Points, degrees (-1 in u for a profile) and frame of one piece."""
+
+
+@singledispatch
+def _rows(surface: Surface, middle: FloatArray) -> list[Row]:
+    """Return the pieces of a surface about a point."""
+    del middle
+    raise TypeError(f"a {type(surface).__name__} has no control points")
+
+
+@_rows.register(BezierPatches)
+def _patches(surface: BezierPatches, middle: FloatArray) -> list[Row]:
+    return [
+        (net.reshape(-1, 3) - middle, (net.shape[0] - 1, net.shape[1] - 1), np.zeros(12))
+        for net in surface.patches
+    ]
+
+
+@_rows.register(SurfaceOfRevolution)
+def _profiles(surface: SurfaceOfRevolution, middle: FloatArray) -> list[Row]:
+    vectors = (surface.origin - middle, surface.axis, surface.radial, surface.binormal)
+    return [
+        (
+            np.column_stack([segment, np.zeros(len(segment))]),
+            (-1, len(segment) - 1),
+            np.concatenate(vectors),
+        )
+        for segment in surface.segments
+    ]

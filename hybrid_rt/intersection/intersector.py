@@ -26,21 +26,19 @@ from hybrid_rt.intersection.kernels.search.nearest import Nearest, Rays
 from hybrid_rt.intersection.kernels.search.rays import Record, complete_rows
 from hybrid_rt.intersection.kind import Finished, new_nearest, new_record, rows_of
 from hybrid_rt.intersection.kinds.registry import (
-    CURVED,
-    Surface,
+    ACCURACIES,
     check_surfaces,
     kernel_groups,
     make_kinds,
 )
 from hybrid_rt.intersection.ray_batch import make_batch
-from hybrid_rt.primitives import TriangleMesh
+from meshing.surface import Surface
 
 if TYPE_CHECKING:
     from hybrid_rt.intersection.coarse.proposals import Coarse
 
 # What is counted of each slice besides the work.
 COUNTED = ("rays", "hits", "tangent", "coarse_hits")
-ACCURACIES = ("certified", "refined", "mesh")
 COARSE_STAGES = ("embree", "none")
 
 
@@ -49,9 +47,9 @@ class Intersector:
 
     Parameters
     ----------
-    surfaces : sequence
-        Any mix of `BezierPatches`, `SurfaceOfRevolution`, `Sphere`, `Rectangle`, `Plane`, `Box`
-        and `TriangleMesh`; ``object_id`` of a hit is the index in this list.
+    surfaces : sequence of Surface
+        Any mix: those of `meshing`, and `Sphere`, `TriangleMesh` and the others of `hybrid_rt`.
+        ``object_id`` of a hit is the index in this list.
     accuracy : {"certified", "refined", "mesh"}
         "mesh" takes Embree's triangles as they are; "refined" moves each of its hits onto the
         true surface; "certified" also proves that nothing lies in front.
@@ -87,18 +85,11 @@ class Intersector:
         want(*kernel_groups(self.surfaces, accuracy, coarse))
         self._pool = Pool(threads)
         # Closed forms compute a point from the ray; curved surfaces from their own figures.
-        self._reach = np.array(
-            [
-                float(np.abs(s.bounds).max()) if isinstance(s, (*CURVED, TriangleMesh)) else 0.0
-                for s in self.surfaces
-            ]
-        )
-        self._direct, self._curved, self._kind_of, self.plan = make_kinds(
+        self._reach = np.array([surface.rounding_reach for surface in self.surfaces])
+        self._direct, self._curved, self._kind_of, members, self.plan = make_kinds(
             self.surfaces, accuracy, self._pool
         )
         self._coarse: Coarse | None = None
-        in_embree = CURVED if accuracy == "certified" else (*CURVED, TriangleMesh)
-        members = [(i, s) for i, s in enumerate(self.surfaces) if isinstance(s, in_embree)]
         if members and coarse == "embree":
             from hybrid_rt.intersection.coarse.proposals import (
                 GUESS_TOLERANCE,
@@ -113,7 +104,7 @@ class Intersector:
             )
         elif members:
             self.plan["left_out"]["embree"] = 'coarse="none"'
-        elif any(isinstance(s, TriangleMesh) for s in self.surfaces):
+        elif any(surface.is_triangular for surface in self.surfaces):
             self.plan["left_out"]["embree"] = (
                 "no curved surface; certified hits on meshes come from a tree in float64"
             )

@@ -8,9 +8,10 @@ from numpy.typing import ArrayLike
 from hybrid_rt.core import checks
 from hybrid_rt.core.records import FloatArray
 from meshing.checks import as_affine, broadcast_parameters
+from meshing.surface import Surface
 
 
-class Plane:
+class Plane(Surface):
     """All points ``x`` with ``(x - point) . normal = 0``.
 
     (u, v) are the fractional parts of the two world coordinates across the largest component of
@@ -27,6 +28,8 @@ class Plane:
         For vectors that are not finite, or a zero normal.
     """
 
+    is_bounded = False
+
     def __init__(self, point: ArrayLike, normal: ArrayLike) -> None:
         self.origin = checks.as_vector(point, "Plane point", up_to=checks.FARTHEST)
         self.unit_normal = checks.as_direction(normal, "Plane normal")
@@ -42,6 +45,21 @@ class Plane:
     def bounds(self) -> FloatArray:
         """(2, 3): -inf and inf."""
         return np.stack([np.full(3, -np.inf), np.full(3, np.inf)])
+
+    @property
+    def middle(self) -> FloatArray:
+        """(3,): the point that it was given by."""
+        return self.origin
+
+    @property
+    def size(self) -> float:
+        """0: it has no end."""
+        return 0.0
+
+    @property
+    def rounding_reach(self) -> float:
+        """0: a hit is computed from the ray."""
+        return 0.0
 
     def point(self, u: ArrayLike, v: ArrayLike, patch_id: ArrayLike = 0) -> FloatArray:
         """Return the points (n, 3) float64 whose two coordinates are (u, v), in scene units.
@@ -67,6 +85,22 @@ class Plane:
             o[across] - ((u - o[first]) * n[first] + (v - o[second]) * n[second]) / n[across]
         )
         return points
+
+    def partials(
+        self, u: ArrayLike, v: ArrayLike, patch_id: ArrayLike = 0
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return the partials S_u and S_v (n, 3) float64.
+
+        Arguments and errors are those of `point`.
+        """
+        u, _, _, _ = broadcast_parameters(u, v, patch_id, 1, "patch_id")
+        axes = self.axes
+        across = 3 - sum(axes)
+        edges = np.zeros((2, len(u), 3))
+        for edge, axis in zip(edges, axes, strict=True):
+            edge[:, axis] = 1.0
+            edge[:, across] = -self.unit_normal[axis] / self.unit_normal[across]
+        return edges[0], edges[1]
 
     def normal(self, u: ArrayLike, v: ArrayLike, patch_id: ArrayLike = 0) -> FloatArray:
         """Return the unit normals (n, 3) float64.

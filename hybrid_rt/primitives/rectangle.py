@@ -6,10 +6,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from hybrid_rt.core.records import FloatArray
+from meshing.area import Squares
 from meshing.checks import as_affine, as_direction, as_vector, broadcast_parameters
+from meshing.surface import Surface
 
 
-class Rectangle:
+class Rectangle(Surface):
     """The points ``corner + u edge_u + v edge_v``; the normal lies along edge_u x edge_v.
 
     The edges need not be at right angles: a parallelogram is as good.
@@ -44,6 +46,11 @@ class Rectangle:
         corners = self.point([0, 1, 0, 1], [0, 0, 1, 1])
         return np.stack([corners.min(axis=0), corners.max(axis=0)])
 
+    @property
+    def rounding_reach(self) -> float:
+        """0: a hit rounds as its coordinates do."""
+        return 0.0
+
     def point(self, u: ArrayLike, v: ArrayLike, patch_id: ArrayLike = 0) -> FloatArray:
         """Return the points (n, 3) float64 at (u, v), scene units.
 
@@ -62,12 +69,26 @@ class Rectangle:
         points: FloatArray = self.corner + u[:, None] * self.edge_u + v[:, None] * self.edge_v
         return points
 
+    def partials(
+        self, u: ArrayLike, v: ArrayLike, patch_id: ArrayLike = 0
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return the edges, S_u and S_v, (n, 3) float64.
+
+        Arguments and errors are those of `point`.
+        """
+        u, _, _, _ = broadcast_parameters(u, v, patch_id, 1, "patch_id")
+        return np.tile(self.edge_u, (len(u), 1)), np.tile(self.edge_v, (len(u), 1))
+
     def normal(self, u: ArrayLike, v: ArrayLike, patch_id: ArrayLike = 0) -> FloatArray:
         """Return the unit normals (n, 3) float64.
 
         Arguments and errors are those of `point`.
         """
         return np.zeros_like(self.point(u, v, patch_id)) + self.unit_normal
+
+    def area_sampler(self) -> Squares:
+        """Return what chooses points evenly by area."""
+        return Squares(np.array([np.linalg.norm(np.cross(self.edge_u, self.edge_v))]))
 
     def transformed(self, matrix: ArrayLike) -> Rectangle:
         """Return the image under an affine map.

@@ -6,10 +6,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from hybrid_rt.core.records import FloatArray
+from meshing.area import AreaSampler, IdArray
 from meshing.checks import as_direction, as_similarity, as_vector, broadcast_parameters, number
+from meshing.surface import Surface
 
 
-class Sphere:
+class Sphere(Surface):
     """A sphere; its normal points outward, unless flipped.
 
     ``u`` is the azimuth over 2 pi from ``meridian``, right-handed about ``pole``; ``v`` is the
@@ -63,6 +65,37 @@ class Sphere:
         """(2, 3): lower and upper corner."""
         return np.stack([self.center - self.radius, self.center + self.radius])
 
+    # There may be many: no array where a number will do.
+    @property
+    def middle(self) -> FloatArray:
+        """(3,): the center."""
+        return self.center
+
+    @property
+    def size(self) -> float:
+        """The diameter, scene units."""
+        return 2.0 * self.radius
+
+    @property
+    def reach(self) -> float:
+        """The largest coordinate of its points."""
+        return float(max(map(abs, self.center.tolist()))) + self.radius
+
+    @property
+    def rounding_reach(self) -> float:
+        """0: a hit rounds as its coordinates do."""
+        return 0.0
+
+    @property
+    def ball(self) -> tuple[FloatArray, float]:
+        """Centre and radius."""
+        return self.center, self.radius
+
+    @property
+    def carrier(self) -> tuple[float, ...]:
+        """Equal for equal spheres: others share no area."""
+        return (*self.center.tolist(), self.radius)
+
     def point(self, u: ArrayLike, v: ArrayLike, patch_id: ArrayLike = 0) -> FloatArray:
         """Return the points (n, 3) float64 at (u, v), scene units.
 
@@ -85,6 +118,25 @@ class Sphere:
         Arguments and errors are those of `point`.
         """
         return self.orientation * self._outward(u, v, patch_id)
+
+    def partials(
+        self, u: ArrayLike, v: ArrayLike, patch_id: ArrayLike = 0
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return the partials S_u and S_v (n, 3) float64.
+
+        Arguments and errors are those of `point`.
+        """
+        u, v, _, _ = broadcast_parameters(u, v, patch_id, 1, "patch_id")
+        azimuth, polar = 2.0 * np.pi * u, np.pi * v
+        ring, height = np.sin(polar), np.cos(polar)
+        x, y, zero = np.cos(azimuth), np.sin(azimuth), np.zeros_like(u)
+        along_u = 2.0 * np.pi * np.stack([-ring * y, ring * x, zero], axis=-1)
+        along_v = np.pi * np.stack([height * x, height * y, ring], axis=-1)
+        return self.radius * (along_u @ self.frame), self.radius * (along_v @ self.frame)
+
+    def area_sampler(self) -> AreaSampler:
+        """Return what chooses points evenly by area."""
+        return _Bands(np.array([4.0 * np.pi * self.radius**2]))
 
     def _outward(self, u: ArrayLike, v: ArrayLike, patch_id: ArrayLike) -> FloatArray:
         u, v, _, _ = broadcast_parameters(u, v, patch_id, 1, "patch_id")
@@ -126,3 +178,12 @@ class Sphere:
     def __repr__(self) -> str:
         """Say which sphere this is."""
         return f"Sphere(center={self.center.tolist()}, radius={self.radius})"
+
+
+class _Bands(AreaSampler):
+    """Even in the azimuth and in the height: between planes of equal distance lie equal areas."""
+
+    def within(
+        self, cell: IdArray, xi: FloatArray, eta: FloatArray
+    ) -> tuple[IdArray, FloatArray, FloatArray]:
+        return cell, eta, np.arccos(np.clip(1.0 - 2.0 * xi, -1.0, 1.0)) / np.pi

@@ -2,19 +2,27 @@
 
 from __future__ import annotations
 
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from hybrid_rt.core.records import FloatArray
+from meshing.area import Triangles
 from meshing.checks import as_affine, as_floats, broadcast_parameters, shown
+from meshing.surface import Surface
 
 if TYPE_CHECKING:
     import trimesh
 
+    from meshing import CertifiedMesh
 
-class TriangleMesh:
+# (u, v) of the corners of a face.
+CORNERS = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])
+
+
+class TriangleMesh(Surface):
     """Triangles, exact in float64; (u, v) are the weights of a face's second and third vertex.
 
     Faces without area are never hit, but keep their number.
@@ -29,6 +37,8 @@ class TriangleMesh:
     ValueError
         For vertices that are not finite, faces that name vertices that are not there, no face.
     """
+
+    is_triangular = True
 
     def __init__(self, mesh: trimesh.Trimesh) -> None:
         if isinstance(mesh, type) or not (hasattr(mesh, "vertices") and hasattr(mesh, "faces")):
@@ -74,7 +84,7 @@ class TriangleMesh:
         """Return the number of faces."""
         return len(self.faces)
 
-    @property
+    @cached_property
     def bounds(self) -> FloatArray:
         """(2, 3): lower and upper corner of the vertices that faces use."""
         used = self.vertices[self.faces.ravel()]
@@ -99,6 +109,17 @@ class TriangleMesh:
         points: FloatArray = a + u[:, None] * (b - a) + v[:, None] * (c - a)
         return points
 
+    def partials(
+        self, u: ArrayLike, v: ArrayLike, patch_id: ArrayLike = 0
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return the edges S_u and S_v (n, 3) float64 of faces.
+
+        Arguments and errors are those of `point`.
+        """
+        _, _, face, _ = broadcast_parameters(u, v, patch_id, len(self), "patch_id")
+        a, b, c = (self.vertices[self.faces[face, k]] for k in range(3))
+        return b - a, c - a
+
     def normal(self, u: ArrayLike, v: ArrayLike, patch_id: ArrayLike = 0) -> FloatArray:
         """Return the unit normals (n, 3) float64 of faces, by the order of their vertices.
 
@@ -109,6 +130,20 @@ class TriangleMesh:
         n = np.cross(b - a, c - a)
         normals: FloatArray = n / np.linalg.norm(n, axis=1, keepdims=True)
         return normals
+
+    def area_sampler(self) -> Triangles:
+        """Return what chooses points evenly by area."""
+        a, b, c = (self.vertices[self.faces[:, k]] for k in range(3))
+        return Triangles(0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1))
+
+    def triangles(self, tolerance: float) -> CertifiedMesh:
+        """Return the triangles themselves, whatever the tolerance."""
+        from meshing import CertifiedMesh
+
+        del tolerance
+        uv = np.broadcast_to(CORNERS, (len(self), 3, 2))
+        numbers = np.arange(len(self), dtype=np.int32)
+        return CertifiedMesh(self.vertices, self.faces, uv, numbers, 0.0)
 
     def transformed(self, matrix: ArrayLike) -> TriangleMesh:
         """Return the image under an affine map; faces keep their order.

@@ -3,27 +3,29 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import pairwise
-from typing import Any
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
 from hybrid_rt.core.records import BoolArray, FloatArray, IntArray
 from hybrid_rt.lights.light import Environment, LightRow
-from hybrid_rt.lights.surface import ShiningSurface, shining_surface
+from hybrid_rt.lights.surface import ShiningSurface, shining_surface, with_shape
 from hybrid_rt.lights.table import compile_environment, compile_lights
 from hybrid_rt.materials.material import Material
 from hybrid_rt.materials.table import color_factor, compile_materials
-from hybrid_rt.primitives import Plane, Rectangle, Sphere
 from hybrid_rt.primitives.vertex_normals import vertex_normals
 from hybrid_rt.scene.scene import Object, Scene
 from hybrid_rt.sensor.camera import Camera
 from hybrid_rt.shading.kernels.bsdf import DIELECTRIC, LobeTable
-from hybrid_rt.shading.kernels.emitter import RECTANGLE, SPHERE, SURFACE, LightTable
+from hybrid_rt.shading.kernels.emitter import SURFACE, LightTable
 from hybrid_rt.shading.kernels.environment import EnvironmentTable
 from hybrid_rt.shading.kernels.texture import TextureTable
 from hybrid_rt.textures.texture import ConstantTexture, Texture
+
+if TYPE_CHECKING:
+    from hybrid_rt.primitives import TriangleMesh
 
 NOTHING = -1
 """In a table of indices: there is none."""
@@ -157,7 +159,9 @@ def compile_scene(scene: Scene) -> CompiledScene:
         shining=shining,
         sky=compile_environment(scene.environment),
         vertex_normals={
-            i: vertex_normals(item.surface) for i, item in enumerate(scene.objects) if item.smooth
+            i: vertex_normals(cast("TriangleMesh", item.surface))
+            for i, item in enumerate(scene.objects)
+            if item.smooth
         },
     )
 
@@ -189,13 +193,5 @@ def _shining_object(item: Object, radiance: Texture) -> tuple[LightRow, ShiningS
         texture=None if is_even else radiance,
         power=math.pi * area * float(strength.mean()),
     )
-    if isinstance(surface, Plane):
-        return row, None
-    if isinstance(surface, Rectangle):
-        corner, u, v = surface.corner, surface.edge_u, surface.edge_v
-        return replace(row, kind=RECTANGLE, origin=corner, edge_u=u, edge_v=v), None
-    # From outside, a sphere that shines evenly is better chosen from by the angle it is seen under.
-    if isinstance(surface, Sphere) and surface.orientation > 0 and is_even:
-        size = np.array([surface.radius, 0.0, 0.0])
-        return replace(row, kind=SPHERE, origin=surface.center, edge_u=size), None
-    return row, chooser
+    row = with_shape(surface, row, is_even)
+    return row, chooser if row.kind == SURFACE else None

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
 from hybrid_rt.core import checks
 from hybrid_rt.lights.light import Environment, Light
 from hybrid_rt.materials.material import Material
-from hybrid_rt.primitives import TriangleMesh
 from hybrid_rt.sensor.camera import Camera
+from meshing.surface import Surface
 
 
 class Object:
@@ -17,7 +16,8 @@ class Object:
 
     Parameters
     ----------
-    surface : Sphere, Rectangle, Plane, Box, TriangleMesh, BezierPatches or SurfaceOfRevolution
+    surface : Surface
+        Of `hybrid_rt` or `meshing`: Sphere, TriangleMesh, BezierPatches ...
     material : Material
     name : str, optional
         What messages and reports call it.
@@ -27,25 +27,26 @@ class Object:
     """
 
     def __init__(
-        self, surface: Any, material: Material, name: str | None = None, smooth: bool = False
+        self,
+        surface: Surface,
+        material: Material,
+        name: str | None = None,
+        smooth: bool = False,
     ) -> None:
         if name is not None and not isinstance(name, str):
             raise TypeError(f"Object name is {checks.shown(name)}: pass a word, or None")
         self.name = type(surface).__name__ if name is None else name
-        is_class = isinstance(surface, type)
-        if is_class or not (hasattr(surface, "bounds") and hasattr(surface, "transformed")):
+        if not isinstance(surface, Surface):
             raise TypeError(
-                f"object {self.name!r} is made of {checks.shown(surface)}: pass a Sphere, "
-                "Rectangle, Plane, Box, TriangleMesh, BezierPatches or SurfaceOfRevolution"
+                f"object {self.name!r} is made of {checks.shown(surface)}: pass a Sphere, Rectangle, "
+                "TriangleMesh, BezierPatches, SurfaceOfRevolution or another surface"
             )
         if not isinstance(material, Material):
             raise TypeError(
                 f"object {self.name!r} has the material {checks.shown(material)}: pass one of "
                 "hybrid_rt.materials"
             )
-        if checks.flag(smooth, f"object {self.name!r}, smooth") and not isinstance(
-            surface, TriangleMesh
-        ):
+        if checks.flag(smooth, f"object {self.name!r}, smooth") and not surface.is_triangular:
             raise TypeError(
                 f"object {self.name!r} is a smooth {type(surface).__name__}: leave smooth to "
                 "TriangleMesh, other surfaces have exact normals"

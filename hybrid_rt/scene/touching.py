@@ -2,30 +2,33 @@
 
 from __future__ import annotations
 
+from collections.abc import Hashable
+
 import numpy as np
 
 from hybrid_rt.core.records import BoolArray
 from hybrid_rt.intersection.coincident import FACE_ROUNDING
-from hybrid_rt.primitives import Sphere
 from hybrid_rt.scene.compiled import NOTHING, CompiledScene
 
 
 def touching(scene: CompiledScene) -> BoolArray:
     """Tell which surfaces are clear and may coincide in part with another, (surfaces,) bool.
 
-    Spheres coincide with equal spheres only, other surfaces possibly where their boxes meet.
+    Surfaces with a carrier coincide with those of an equal one only (spheres with equal spheres),
+    the others possibly where their boxes meet.
     """
     surfaces = scene.surfaces
     touches = np.zeros(max(len(surfaces), 1), dtype=np.bool_)
     glass = {i for i in range(len(surfaces)) if _is_glass(scene, scene.material_of[i])}
-    balls: dict[tuple[float, ...], list[int]] = {}
+    carried: dict[Hashable, list[int]] = {}
     others = []
     for i, surface in enumerate(surfaces):
-        if isinstance(surface, Sphere):
-            balls.setdefault((*surface.center, surface.radius), []).append(i)
-        else:
+        carrier = surface.carrier
+        if carrier is None:
             others.append(i)
-    for same in balls.values():
+        else:
+            carried.setdefault((type(surface), carrier), []).append(i)
+    for same in carried.values():
         touches[[i for i in same if i in glass]] = len(same) > 1
     bounds = np.array([surfaces[i].bounds for i in others]).reshape(-1, 2, 3)
     slack = FACE_ROUNDING * np.where(np.isfinite(bounds), np.abs(bounds), 0.0).max(initial=0.0)

@@ -9,7 +9,6 @@ import numpy as np
 from hybrid_rt.core.records import FloatArray, HitRecord, IntArray, NamedPoints
 from hybrid_rt.integrators.context import RenderContext
 from hybrid_rt.integrators.media.contacts import Contacts, first_hits
-from hybrid_rt.primitives import Plane
 from hybrid_rt.scene.compiled import NOTHING, CompiledScene
 from hybrid_rt.shading.kernels.emitter import RECTANGLE, SPHERE
 from hybrid_rt.shading.kernels.medium_stack import STACK, cross_media
@@ -163,7 +162,7 @@ def unclosed_bodies(context: RenderContext) -> dict[str, int]:
     n_objects = len(scene.names)
     for lobe, n_rays in sorted(context.ledger.unclosed.items()):
         objects = np.flatnonzero(scene.glass_of[scene.material_of[:n_objects]] == lobe)
-        if not any(isinstance(scene.surfaces[i], Plane) for i in objects):
+        if all(scene.surfaces[i].is_bounded for i in objects):
             names = dict.fromkeys(scene.names[i] for i in objects)
             found[", ".join(names)] = n_rays
     return found

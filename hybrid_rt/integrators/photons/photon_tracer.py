@@ -45,7 +45,6 @@ from hybrid_rt.integrators.media.absorption import absorb, media_around_lights
 from hybrid_rt.integrators.media.contacts import Contacts, first_hits
 from hybrid_rt.integrators.photons.light_tracing import DensePlaces, Splats, show
 from hybrid_rt.integrators.photons.projection_map import targets_of
-from hybrid_rt.primitives import Plane
 from hybrid_rt.sampling.sampler import UIntArray
 from hybrid_rt.scene.compiled import NOTHING, CompiledScene
 from hybrid_rt.sensor.passes import GROUPS, group_of
@@ -362,7 +361,7 @@ def _in_sequence(sequence: int, number: UIntArray) -> tuple[UIntArray, UIntArray
 
 def _world(scene: CompiledScene) -> FloatArray:
     """Return centre and radius of a ball around all surfaces that end."""
-    ends = [s for s in scene.surfaces if not isinstance(s, Plane)]
+    ends = [surface for surface in scene.surfaces if surface.is_bounded]
     if not ends:
         return np.array([0.0, 0.0, 0.0, 1.0])
     bounds = np.array([s.bounds for s in ends], dtype=np.float64)
@@ -391,7 +390,7 @@ def _powers(scene: CompiledScene, world: FloatArray) -> FloatArray:
             )
         power[i] = factor * lights.strength[i].mean()
     if scene.environment is not None:
-        endless = [i for i, surface in enumerate(scene.surfaces) if isinstance(surface, Plane)]
+        endless = [i for i, surface in enumerate(scene.surfaces) if not surface.is_bounded]
         if endless:
             raise ValueError(
                 f"object {scene.names[endless[0]]!r} is a plane, to which the sky sends photons "

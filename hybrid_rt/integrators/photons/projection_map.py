@@ -9,15 +9,13 @@ smaller ones.
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
 
 from hybrid_rt.core.records import BoolArray, FloatArray
 from hybrid_rt.integrators.kernels.photon_emission import Targets
-from hybrid_rt.primitives import Box, Plane, Sphere, TriangleMesh
 from hybrid_rt.scene.compiled import CompiledScene
-from meshing import BezierPatches, SurfaceOfRevolution
+from meshing.surface import Surface
 
 # Balls about one surface at most: each photon looks at all balls of a scene.
 MOST_BALLS = 16
@@ -49,12 +47,8 @@ def targets_of(scene: CompiledScene, throws: BoolArray) -> Targets:
     balls: list[Ball] = []
     for i in np.flatnonzero(throws[scene.material_of]):
         surface = scene.surfaces[i]
-        if isinstance(surface, Plane):
-            continue
-        if isinstance(surface, Sphere):
-            balls.append((np.asarray(surface.center, dtype=np.float64), float(surface.radius)))
-        else:
-            balls += covering(_cells(surface))
+        if surface.is_bounded:
+            balls += covering(_cells(surface)) if surface.ball is None else [surface.ball]
     return _without_those_inside(balls)
 
 
@@ -87,15 +81,13 @@ def covering(cells: FloatArray) -> list[Ball]:
     return covers[good[-1]]
 
 
-def _cells(surface: Any) -> FloatArray:
+def _cells(surface: Surface) -> FloatArray:
     """Cut a surface into cells; return their corners (n, corners, 3)."""
-    if isinstance(surface, TriangleMesh):
+    if surface.is_triangular:
         corners = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])
         u, v = np.tile(corners, (len(surface), 1)).T
         return surface.point(u, v, np.repeat(np.arange(len(surface)), 3)).reshape(-1, 3, 3)
-    n_patches = 6 if isinstance(surface, Box) else 1
-    if isinstance(surface, BezierPatches | SurfaceOfRevolution):
-        n_patches = len(surface)
+    n_patches = len(surface)
     n = max(math.isqrt(CELLS // n_patches), 4)
     edge = np.linspace(0.0, 1.0, n + 1)
     patch, u, v = np.meshgrid(np.arange(n_patches), edge, edge, indexing="ij")

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 
@@ -18,8 +17,7 @@ from hybrid_rt.intersection.kernels.search.coarse import (
 )
 from hybrid_rt.intersection.kernels.search.nearest import Nearest, Rays
 from hybrid_rt.intersection.kind import CurvedKind, Finished
-from hybrid_rt.primitives import TriangleMesh
-from meshing import tessellate
+from meshing.surface import Surface
 
 # Chordal tolerance of the coarse triangles over the surface's size: where they are the answer, or
 # all that Newton starts from; and where a search comes after that needs no more than a guess.
@@ -33,11 +31,11 @@ STEP_OVER = 2.0**-18
 
 
 class Coarse:
-    """Coarse hits on all curved surfaces.
+    """Coarse hits on all surfaces that go to Embree.
 
     Parameters
     ----------
-    curved : sequence of (object id, surface or TriangleMesh)
+    members : sequence of (object id, surface)
     tolerance : absolute chordal tolerance, or None for ``relative`` times each surface's size
     relative : float
 
@@ -49,25 +47,18 @@ class Coarse:
     """
 
     def __init__(
-        self, curved: Sequence[tuple[int, Any]], tolerance: float | None, relative: float
+        self, members: Sequence[tuple[int, Surface]], tolerance: float | None, relative: float
     ) -> None:
         vertices, faces, objects, pieces, corners = [], [], [], [], []
         n_vertices = 0
-        for object_id, surface in curved:
-            if isinstance(surface, TriangleMesh):
-                v, f = surface.vertices, surface.faces
-                piece = np.arange(len(f), dtype=np.int32)
-                uv = np.broadcast_to(_WEIGHTS, (len(f), 3, 2))
-            else:
-                size = float(np.linalg.norm(surface.bounds[1] - surface.bounds[0]))
-                mesh = tessellate(surface, tolerance or relative * size)
-                v, f, piece, uv = mesh.vertices, mesh.faces, mesh.patch_id, mesh.uv
-            vertices.append(v)
-            faces.append(f + n_vertices)
-            objects.append(np.full(len(f), object_id, np.int32))
-            pieces.append(piece)
-            corners.append(uv)
-            n_vertices += len(v)
+        for object_id, surface in members:
+            mesh = surface.triangles(tolerance or relative * surface.size)
+            vertices.append(mesh.vertices)
+            faces.append(mesh.faces + n_vertices)
+            objects.append(np.full(len(mesh), object_id, np.int32))
+            pieces.append(mesh.patch_id)
+            corners.append(mesh.uv)
+            n_vertices += len(mesh.vertices)
         self.triangles = CoarseTriangles(
             vertex=np.ascontiguousarray(np.concatenate(vertices)),
             face=np.ascontiguousarray(np.concatenate(faces), dtype=np.int64),
@@ -148,6 +139,3 @@ class Coarse:
     ) -> None:
         """Describe hits on triangles (accuracy "mesh"): ``best.primitive`` is the face."""
         finish_mesh(self.triangles, rays, best, kind_of, kind, out)
-
-
-_WEIGHTS = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])

@@ -33,6 +33,51 @@ class BoxTable(NamedTuple):
     object_id: Any  # (k,) int32
 
 
+def rectangle_table(rectangles, object_id):
+    """Return the table of a list of rectangles."""
+    edge_u = np.array([r.edge_u for r in rectangles])
+    edge_v = np.array([r.edge_v for r in rectangles])
+    normal = np.array([r.unit_normal for r in rectangles])
+    area = np.einsum("ij,ij->i", np.cross(edge_u, edge_v), normal)[:, None]
+    return PlanarTable(
+        corner=np.array([r.corner for r in rectangles]),
+        normal=normal,
+        edge_u=edge_u,
+        edge_v=edge_v,
+        row_u=np.cross(edge_v, normal) / area,
+        row_v=np.cross(normal, edge_u) / area,
+        size=np.linalg.norm(edge_u, axis=1) + np.linalg.norm(edge_v, axis=1),
+        axes=np.zeros((len(rectangles), 2), np.int64),
+        object_id=object_id,
+    )
+
+
+def plane_table(planes, object_id):
+    """Return the table of a list of planes."""
+    unused = np.zeros((len(planes), 3))
+    return PlanarTable(
+        corner=np.array([p.origin for p in planes]),
+        normal=np.array([p.unit_normal for p in planes]),
+        edge_u=unused,
+        edge_v=unused,
+        row_u=unused,
+        row_v=unused,
+        size=np.zeros(len(planes)),
+        axes=np.array([p.axes for p in planes], np.int64),
+        object_id=object_id,
+    )
+
+
+def box_table(boxes, object_id):
+    """Return the table of a list of boxes."""
+    return BoxTable(
+        lo=np.array([b.lo for b in boxes]),
+        hi=np.array([b.hi for b in boxes]),
+        orientation=np.array([float(b.orientation) for b in boxes]),
+        object_id=object_id,
+    )
+
+
 @inlined
 def _width(edge, k, dx, dy, dz):
     """|edge x d|: how long an edge looks from along the ray, times |d|; never zero."""

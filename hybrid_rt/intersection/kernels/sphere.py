@@ -38,6 +38,17 @@ class SphereTable(NamedTuple):
     object_id: Any  # (k,) int32
 
 
+def sphere_table(spheres, object_id):
+    """Return the table of a list of spheres."""
+    return SphereTable(
+        center=np.array([s.center for s in spheres]),
+        radius=np.array([s.radius for s in spheres]),
+        frame=np.array([s.frame for s in spheres]),
+        orientation=np.array([float(s.orientation) for s in spheres]),
+        object_id=object_id,
+    )
+
+
 @inlined
 def square(x):
     """X * x as an unevaluated sum of two numbers."""

@@ -1,8 +1,8 @@
-"""Spheres, rectangles, planes and boxes: tables for their kernels."""
+"""Kinds whose roots are found by a kernel alone: a table, what traces it, what describes its hits."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -10,7 +10,6 @@ import numpy as np
 from hybrid_rt.core.records import FloatArray, IntArray
 from hybrid_rt.intersection.kernels.search.nearest import Nearest, Rays
 from hybrid_rt.intersection.kind import Finished
-from hybrid_rt.primitives import Box, Plane, Rectangle, Sphere
 
 
 class ClosedForm:
@@ -18,14 +17,23 @@ class ClosedForm:
 
     Parameters
     ----------
-    name : {"spheres", "rectangles", "planes", "boxes"}
     members : sequence of (object id, surface)
+    make_table : callable
+        Makes the table of a list of surfaces and their object ids (k,) int32.
+    trace : kernel of table, `Rays`, `Nearest` and whether any hit will do
+    finish : kernel of table, `Rays`, `Nearest`, row of each object or -1, and `Finished`
     """
 
-    def __init__(self, name: str, members: Sequence[tuple[int, Any]]) -> None:
-        make, self._trace, self._finish = _kernels(name)
+    def __init__(
+        self,
+        members: Sequence[tuple[int, Any]],
+        make_table: Callable[[list[Any], IntArray], Any],
+        trace: Callable[..., None],
+        finish: Callable[..., None],
+    ) -> None:
+        self._trace, self._finish = trace, finish
         object_id = np.array([i for i, _ in members], np.int32)
-        self.table = make([surface for _, surface in members], object_id)
+        self.table = make_table([surface for _, surface in members], object_id)
         self._row_of = np.full(int(object_id.max()) + 1, -1, np.int64)
         self._row_of[object_id] = np.arange(len(object_id))
 
@@ -66,12 +74,19 @@ class Spheres(ClosedForm):
     """
 
     def __init__(self, members: Sequence[tuple[int, Any]], many: int = MANY) -> None:
+        from hybrid_rt.intersection.kernels.sphere import (
+            finish_spheres,
+            sphere_table,
+            trace_spheres,
+        )
+
         radius = np.array([sphere.radius for _, sphere in members])
         is_large = radius > LARGE * np.median(radius)
         if np.count_nonzero(~is_large) < many:
             is_large[:] = True
         order = np.argsort(~is_large, kind="stable")
-        super().__init__("spheres", [members[k] for k in order])
+        members = [members[k] for k in order]
+        super().__init__(members, sphere_table, trace_spheres, finish_spheres)
         self._n_plain = int(np.count_nonzero(is_large))
         self._tree: Any = None
         if self._n_plain < len(members):
@@ -103,78 +118,3 @@ class Spheres(ClosedForm):
                 self.table, self._tree, self._n_plain, self._middle, self._to_frame,
                 rays, best, any_hit, new_stack(self._tree), work,
             )  # fmt: skip
-
-
-def _kernels(name: str) -> tuple[Any, Any, Any]:
-    """Import the kernels of one kind; no other kind is compiled for it."""
-    if name == "spheres":
-        from hybrid_rt.intersection.kernels.sphere import finish_spheres, trace_spheres
-
-        return _spheres, trace_spheres, finish_spheres
-    from hybrid_rt.intersection.kernels import planar
-
-    if name == "rectangles":
-        return _rectangles, planar.trace_rectangles, planar.finish_rectangles
-    if name == "planes":
-        return _planes, planar.trace_planes, planar.finish_planes
-    return _boxes, planar.trace_boxes, planar.finish_boxes
-
-
-def _spheres(spheres: Sequence[Sphere], object_id: IntArray) -> Any:
-    from hybrid_rt.intersection.kernels.sphere import SphereTable
-
-    return SphereTable(
-        center=np.array([s.center for s in spheres]),
-        radius=np.array([s.radius for s in spheres]),
-        frame=np.array([s.frame for s in spheres]),
-        orientation=np.array([float(s.orientation) for s in spheres]),
-        object_id=object_id,
-    )
-
-
-def _rectangles(rectangles: Sequence[Rectangle], object_id: IntArray) -> Any:
-    from hybrid_rt.intersection.kernels.planar import PlanarTable
-
-    edge_u = np.array([r.edge_u for r in rectangles])
-    edge_v = np.array([r.edge_v for r in rectangles])
-    normal = np.array([r.unit_normal for r in rectangles])
-    area = np.einsum("ij,ij->i", np.cross(edge_u, edge_v), normal)[:, None]
-    return PlanarTable(
-        corner=np.array([r.corner for r in rectangles]),
-        normal=normal,
-        edge_u=edge_u,
-        edge_v=edge_v,
-        row_u=np.cross(edge_v, normal) / area,
-        row_v=np.cross(normal, edge_u) / area,
-        size=np.linalg.norm(edge_u, axis=1) + np.linalg.norm(edge_v, axis=1),
-        axes=np.zeros((len(rectangles), 2), np.int64),
-        object_id=object_id,
-    )
-
-
-def _planes(planes: Sequence[Plane], object_id: IntArray) -> Any:
-    from hybrid_rt.intersection.kernels.planar import PlanarTable
-
-    unused = np.zeros((len(planes), 3))
-    return PlanarTable(
-        corner=np.array([p.origin for p in planes]),
-        normal=np.array([p.unit_normal for p in planes]),
-        edge_u=unused,
-        edge_v=unused,
-        row_u=unused,
-        row_v=unused,
-        size=np.zeros(len(planes)),
-        axes=np.array([p.axes for p in planes], np.int64),
-        object_id=object_id,
-    )
-
-
-def _boxes(boxes: Sequence[Box], object_id: IntArray) -> Any:
-    from hybrid_rt.intersection.kernels.planar import BoxTable
-
-    return BoxTable(
-        lo=np.array([b.lo for b in boxes]),
-        hi=np.array([b.hi for b in boxes]),
-        orientation=np.array([float(b.orientation) for b in boxes]),
-        object_id=object_id,
-    )

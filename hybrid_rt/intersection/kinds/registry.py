@@ -1,9 +1,14 @@
-"""Sorts a list of surfaces into kinds, and builds for each kind what its kernels need."""
+"""How rays meet each class of surfaces: one table, and what is built from it for a scene.
+
+A kind takes all surfaces of its class at once. A new class needs an `Entry` in `ENTRIES`, nothing
+else in this room.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import Any, TypeAlias
+from dataclasses import dataclass
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -14,14 +19,58 @@ from hybrid_rt.intersection.kind import CurvedKind, Kind
 from hybrid_rt.intersection.kinds.closed_forms import MANY, ClosedForm, Spheres
 from hybrid_rt.primitives import Box, Plane, Rectangle, Sphere, TriangleMesh
 from meshing import BezierPatches, SurfaceOfRevolution
+from meshing.surface import Surface
 
-Surface: TypeAlias = (
-    BezierPatches | SurfaceOfRevolution | Sphere | Rectangle | Plane | Box | TriangleMesh
-)
 # From here to `FARTHEST` squares, cross products and fourth powers of lengths are float64 numbers.
 SMALLEST = 1e-60
-CURVED = (BezierPatches, SurfaceOfRevolution)
-"""What goes to Embree as triangles first, in every accuracy."""
+ACCURACIES = ("certified", "refined", "mesh")
+
+Members: TypeAlias = list[tuple[int, Any]]
+"""Object ids and surfaces of one class."""
+
+
+@dataclass(frozen=True)
+class Entry:
+    """How rays meet the surfaces of one class.
+
+    Attributes
+    ----------
+    surface : type
+    name : str
+        What the plan calls them.
+    build : callable
+        Makes their kind from members, accuracy and a pool. It imports their kernels: what a scene
+        does not have is not loaded.
+    kernels : callable
+        Names the groups of kernels, as `hybrid_rt.core.precompile` knows them, from surfaces and
+        the way they are traced: the accuracy, or "alone" without Embree.
+    by_embree : tuple of str
+        Accuracies in which they go to Embree as triangles first.
+    """
+
+    surface: type[Surface]
+    name: str
+    build: Callable[[Members, str, Pool], Any]
+    kernels: Callable[[Sequence[Any], str], list[str]]
+    by_embree: tuple[str, ...] = ()
+
+
+class Kinds(NamedTuple):
+    """The kinds that a scene has.
+
+    Attributes
+    ----------
+    direct, curved : kinds that are traced as they are, and those that go to Embree first
+    kind_of : (objects,) int32, number of each object's kind in ``direct + curved``
+    in_embree : object ids and surfaces that go to Embree first
+    plan : what is used and what was left out, with the reasons
+    """
+
+    direct: list[Kind]
+    curved: list[CurvedKind]
+    kind_of: IntArray
+    in_embree: Members
+    plan: dict[str, dict[str, str]]
 
 
 def check_surfaces(surfaces: Sequence[Surface]) -> tuple[Surface, ...]:
@@ -30,18 +79,18 @@ def check_surfaces(surfaces: Sequence[Surface]) -> tuple[Surface, ...]:
     Raises
     ------
     TypeError
-        If one is no surface.
+        If one is no surface that rays can meet.
     ValueError
         If one is too large, too small or too far away for float64 to compute with.
     """
     for i, surface in enumerate(surfaces):
-        if not isinstance(surface, Surface.__args__):
+        if _entry_of(surface) is None:
             raise TypeError(
                 f"surfaces[{i}] is a {type(surface).__name__}: pass surfaces such as "
                 "BezierPatches or Sphere (for a mesh: TriangleMesh(mesh))"
             )
-        if not isinstance(surface, Plane):
-            farthest, size = _reach_and_size(surface)
+        if surface.is_bounded:
+            farthest, size = surface.reach, surface.size
             if farthest > FARTHEST or size < SMALLEST:
                 raise ValueError(
                     f"surfaces[{i}] reaches {farthest:.3g} and is {size:.3g} large: scale the scene, "
@@ -50,106 +99,145 @@ def check_surfaces(surfaces: Sequence[Surface]) -> tuple[Surface, ...]:
     return tuple(surfaces)
 
 
-def _reach_and_size(surface: Any) -> tuple[float, float]:
-    """Return the largest coordinate and the longest side of a surface's box."""
-    if isinstance(surface, Sphere):  # there may be many
-        return max(map(abs, surface.center.tolist())) + surface.radius, 2.0 * surface.radius
-    low, high = np.asarray(surface.bounds, dtype=np.float64)
-    return float(np.abs([low, high]).max()), float((high - low).max())
-
-
 def kernel_groups(surfaces: Sequence[Surface], accuracy: str, coarse: str) -> list[str]:
     """Name the kernels that first hits and shadows need, as `hybrid_rt.core.precompile` knows them."""
-    kinds = {type(surface) for surface in surfaces}
-    groups = [name for surface_type, name, _ in _CLOSED_FORMS if surface_type in kinds]
-    if sum(isinstance(surface, Sphere) for surface in surfaces) >= MANY:
-        groups.append("many spheres")
     way = accuracy if coarse == "embree" else "alone"
-    patches = [s for s in surfaces if isinstance(s, BezierPatches)]
-    if patches:
-        is_bicubic = all(bool((s.degrees == 3).all()) for s in patches)
-        groups.append(f"{'bicubic' if is_bicubic else 'Bezier'} patches, {way}")
-    for surface_type, name in ((SurfaceOfRevolution, "revolutions"), (TriangleMesh, "meshes")):
-        if surface_type in kinds:
-            groups.append(f"{name}, {way}")
-    return groups
+    members = _members_of(surfaces)
+    return [
+        group
+        for entry in ENTRIES
+        if members[entry.name]
+        for group in entry.kernels([surface for _, surface in members[entry.name]], way)
+    ]
 
 
-def make_kinds(
-    surfaces: Sequence[Surface], accuracy: str, pool: Pool
-) -> tuple[list[Kind], list[CurvedKind], IntArray, dict[str, dict[str, str]]]:
+def make_kinds(surfaces: Sequence[Surface], accuracy: str, pool: Pool) -> Kinds:
     """Build the kinds that occur.
 
     Parameters
     ----------
     surfaces : sequence of surfaces
-    accuracy : {"mesh", "refined", "certified"}
+    accuracy : {"certified", "refined", "mesh"}
     pool : Pool
         Shares the work of building.
-
-    Returns
-    -------
-    direct, curved : the kinds that are traced as they are, and those that go to Embree first
-    kind_of : (objects,) int32, number of each object's kind in ``direct + curved``
-    plan : what is used and what was left out, with the reasons
     """
-    kind_of = np.full(len(surfaces), -1, np.int32)
-    plan: dict[str, dict[str, str]] = {"used": {}, "left_out": {}}
-    kinds: tuple[list[Any], list[Any]] = ([], [])
-    number = 0
-    # Certified hits on meshes come from a tree of our own, in float64 from the first box on.
-    groups: tuple[tuple[Any, ...], ...] = ((*_CLOSED_FORMS, _MESHES), _CURVED)
-    if accuracy != "certified":
-        groups = (_CLOSED_FORMS, (*_CURVED, _MESHES))
-    for group, builders in enumerate(groups):
-        for surface_type, name, build in builders:
-            members: list[tuple[int, Any]] = [
-                (i, s) for i, s in enumerate(surfaces) if isinstance(s, surface_type)
-            ]
+    kinds = Kinds([], [], np.full(len(surfaces), -1, np.int32), [], {"used": {}, "left_out": {}})
+    by_name = _members_of(surfaces)
+    # Numbers run through the direct kinds, then through the others.
+    for goes_to_embree in (False, True):
+        for entry in ENTRIES:
+            if (accuracy in entry.by_embree) != goes_to_embree:
+                continue
+            members = by_name[entry.name]
             if not members:
-                plan["left_out"][name] = "the scene has none"
+                kinds.plan["left_out"][entry.name] = "the scene has none"
                 continue
-            if group == 1 and accuracy == "mesh":
-                plan["left_out"][name] = 'accuracy="mesh" takes the triangles as they are'
-                kind_of[[i for i, _ in members]] = len(kinds[0])
+            rows = [i for i, _ in members]
+            if goes_to_embree:
+                kinds.in_embree.extend(members)
+            if goes_to_embree and accuracy == "mesh":
+                kinds.plan["left_out"][entry.name] = (
+                    'accuracy="mesh" takes the triangles as they are'
+                )
+                kinds.kind_of[rows] = len(kinds.direct)
                 continue
-            kinds[group].append(build(members, accuracy, pool))
-            kind_of[[i for i, _ in members]] = number
-            number += 1
-            plan["used"][name] = f"{len(members)} object(s)"
-    return (*kinds, kind_of, plan)
+            kinds.kind_of[rows] = len(kinds.direct) + len(kinds.curved)
+            kind = entry.build(members, accuracy, pool)
+            (kinds.curved if goes_to_embree else kinds.direct).append(kind)
+            kinds.plan["used"][entry.name] = f"{len(members)} object(s)"
+    kinds.in_embree.sort(key=lambda member: member[0])
+    return kinds
 
 
-def _closed_form(name: str) -> Callable[[list[tuple[int, Any]], str, Pool], Kind]:
-    return lambda members, _accuracy, _pool: ClosedForm(name, members)
+def _entry_of(surface: object) -> Entry | None:
+    """Return the entry of a surface's class, or of the first class that it derives from."""
+    for surface_type in type(surface).__mro__:
+        if surface_type in _BY_CLASS:
+            return _BY_CLASS[surface_type]
+    return None
 
 
-def _patches(members: list[tuple[int, Any]], accuracy: str, pool: Pool) -> CurvedKind:
+def _members_of(surfaces: Sequence[Surface]) -> dict[str, Members]:
+    """Sort checked surfaces by the names of their entries."""
+    members: dict[str, Members] = {entry.name: [] for entry in ENTRIES}
+    for i, surface in enumerate(surfaces):
+        entry = _entry_of(surface)
+        assert entry is not None
+        members[entry.name].append((i, surface))
+    return members
+
+
+def _spheres(members: Members, _accuracy: str, _pool: Pool) -> Kind:
+    return Spheres(members)
+
+
+def _rectangles(members: Members, _accuracy: str, _pool: Pool) -> Kind:
+    from hybrid_rt.intersection.kernels import planar
+
+    return ClosedForm(
+        members, planar.rectangle_table, planar.trace_rectangles, planar.finish_rectangles
+    )
+
+
+def _planes(members: Members, _accuracy: str, _pool: Pool) -> Kind:
+    from hybrid_rt.intersection.kernels import planar
+
+    return ClosedForm(members, planar.plane_table, planar.trace_planes, planar.finish_planes)
+
+
+def _boxes(members: Members, _accuracy: str, _pool: Pool) -> Kind:
+    from hybrid_rt.intersection.kernels import planar
+
+    return ClosedForm(members, planar.box_table, planar.trace_boxes, planar.finish_boxes)
+
+
+def _patches(members: Members, accuracy: str, pool: Pool) -> CurvedKind:
     from hybrid_rt.intersection.kinds.patches import FINEST, PatchKind
 
     return PatchKind(members, pool, finest=FINEST if accuracy == "certified" else 0)
 
 
-def _revolutions(members: list[tuple[int, Any]], _accuracy: str, _pool: Pool) -> CurvedKind:
+def _revolutions(members: Members, _accuracy: str, _pool: Pool) -> CurvedKind:
     from hybrid_rt.intersection.kinds.revolutions import RevolutionKind
 
     return RevolutionKind(members)
 
 
-def _triangles(members: list[tuple[int, Any]], accuracy: str, _pool: Pool) -> Kind:
+def _triangles(members: Members, accuracy: str, _pool: Pool) -> Kind:
     from hybrid_rt.intersection.kinds.triangles import TriangleKind
 
     return TriangleKind(members, search=accuracy == "certified")
 
 
-_CLOSED_FORMS = (
-    (Sphere, "spheres", lambda members, _accuracy, _pool: Spheres(members)),
-    (Rectangle, "rectangles", _closed_form("rectangles")),
-    (Plane, "planes", _closed_form("planes")),
-    (Box, "boxes", _closed_form("boxes")),
+def _of_spheres(spheres: Sequence[Sphere], _way: str) -> list[str]:
+    return ["spheres"] if len(spheres) < MANY else ["spheres", "many spheres"]
+
+
+def _of_patches(surfaces: Sequence[BezierPatches], way: str) -> list[str]:
+    is_bicubic = all(bool((surface.degrees == 3).all()) for surface in surfaces)
+    return [f"{'bicubic' if is_bicubic else 'Bezier'} patches, {way}"]
+
+
+ENTRIES = (
+    Entry(Sphere, "spheres", _spheres, _of_spheres),
+    Entry(Rectangle, "rectangles", _rectangles, lambda _members, _way: ["rectangles"]),
+    Entry(Plane, "planes", _planes, lambda _members, _way: ["planes"]),
+    Entry(Box, "boxes", _boxes, lambda _members, _way: ["boxes"]),
+    Entry(BezierPatches, "Bezier patches", _patches, _of_patches, ACCURACIES),
+    Entry(
+        SurfaceOfRevolution,
+        "surfaces of revolution",
+        _revolutions,
+        lambda _members, way: [f"revolutions, {way}"],
+        ACCURACIES,
+    ),
+    # Certified hits on meshes come from a tree of our own, in float64 from the first box on.
+    Entry(
+        TriangleMesh,
+        "triangle meshes",
+        _triangles,
+        lambda _members, way: [f"meshes, {way}"],
+        ("refined", "mesh"),
+    ),
 )
-_CURVED = (
-    (BezierPatches, "Bezier patches", _patches),
-    (SurfaceOfRevolution, "surfaces of revolution", _revolutions),
-)
-_MESHES = (TriangleMesh, "triangle meshes", _triangles)
+_BY_CLASS: dict[type, Entry] = {entry.surface: entry for entry in ENTRIES}

@@ -9,8 +9,6 @@ import numpy as np
 
 from hybrid_rt.core.ray_set import RaySet
 from hybrid_rt.core.records import FloatArray
-from hybrid_rt.primitives import Box, Plane, TriangleMesh
-from meshing import BezierPatches, SurfaceOfRevolution
 
 # Planes are infinite; rays are aimed at this much of them around their point.
 PLANE_EXTENT = 4.0
@@ -28,7 +26,7 @@ def at_box(surfaces: Sequence[Any], n: int, seed: int) -> RaySet:
     """Rays from all around at random points of the bounding box: incoherent, most of them hit."""
     rng = np.random.default_rng(seed)
     middle, size = _extent(surfaces)
-    boxes = [s.bounds for s in surfaces if not isinstance(s, Plane)]
+    boxes = [s.bounds for s in surfaces if s.is_bounded]
     low, high = np.min([b[0] for b in boxes], axis=0), np.max([b[1] for b in boxes], axis=0)
     origins = middle + 0.5 * size * unit(rng.normal(size=(n, 3)))
     return _named("at box", origins, rng.uniform(low, high, (n, 3)) - origins)
@@ -129,12 +127,10 @@ def about_axes(surfaces: Sequence[Any], n: int, seed: int) -> RaySet:
     """
     rng = np.random.default_rng(seed)
     middle, _ = _extent(surfaces)
-    found = [s for s in surfaces if isinstance(s, SurfaceOfRevolution)]
-    frames = [(s.axis, s.radial, s.binormal, s.origin) for s in found] or [
-        (*np.eye(3)[[2, 0, 1]], middle)
-    ]
+    found = [s for s in surfaces if s.revolution_frame is not None]
+    frames = [s.revolution_frame for s in found] or [np.stack([middle, *np.eye(3)[[2, 0, 1]]])]
     pick = rng.integers(len(frames), size=n)
-    axis, radial, binormal, origin = (np.array([f[k] for f in frames])[pick] for k in range(4))
+    origin, axis, radial, binormal = (np.array([f[k] for f in frames])[pick] for k in range(4))
     points, _, sizes = _points(found or surfaces, n, rng)
     turn = rng.uniform(0.0, 2.0 * np.pi, n)[:, None]
     across = np.cos(turn) * radial + np.sin(turn) * binormal
@@ -199,8 +195,8 @@ def _named(name: str, origins: FloatArray, directions: FloatArray) -> RaySet:
 
 def _extent(surfaces: Sequence[Any]) -> tuple[FloatArray, float]:
     """Middle and diameter of what is finite."""
-    boxes = [s.bounds for s in surfaces if not isinstance(s, Plane)] or [
-        surfaces[0].origin + PLANE_EXTENT * np.array([[-0.5], [0.5]])
+    boxes = [s.bounds for s in surfaces if s.is_bounded] or [
+        surfaces[0].middle + PLANE_EXTENT * np.array([[-0.5], [0.5]])
     ]
     low, high = np.min([b[0] for b in boxes], axis=0), np.max([b[1] for b in boxes], axis=0)
     return 0.5 * (low + high), float(np.linalg.norm(high - low))
@@ -234,33 +230,28 @@ def _points(
     for i, surface in enumerate(surfaces):
         rows = np.flatnonzero(pick == i)
         u, v = rng.random((2, len(rows)))
-        patch = rng.integers(_n_patches(surface), size=len(rows))
+        patch = rng.integers(len(surface), size=len(rows))
         if at_edges:
             side = rng.integers(4, size=len(rows))
             corner = rng.random(len(rows)) < 0.25
             s = np.where(corner, rng.integers(2, size=len(rows)), u)
             u = np.where(side < 2, side, s)
             v = np.where(side < 2, s, side - 2)
-        elif isinstance(surface, TriangleMesh):
+        elif surface.is_triangular:
             over = u + v > 1.0
             u, v = np.where(over, 1.0 - u, u), np.where(over, 1.0 - v, v)
-        if at_edges and isinstance(surface, TriangleMesh):
+        if at_edges and surface.is_triangular:
             v = np.where(u + v > 1.0, 1.0 - u, v)
-        if isinstance(surface, Plane):
+        if surface.is_bounded:
+            extent = float(np.linalg.norm(surface.bounds[1] - surface.bounds[0]))
+        else:
+            # (u, v) of what has no end are two of the coordinates.
             extent = PLANE_EXTENT
             axes = list(surface.axes)
             u, v = (
-                surface.origin[a] + extent * (x - 0.5) for a, x in zip(axes, (u, v), strict=True)
+                surface.middle[a] + extent * (x - 0.5) for a, x in zip(axes, (u, v), strict=True)
             )
-        else:
-            extent = float(np.linalg.norm(surface.bounds[1] - surface.bounds[0]))
         points[rows] = surface.point(u, v, patch)
         normals[rows] = surface.normal(u, v, patch)
         sizes[rows] = extent
     return points, normals, sizes
-
-
-def _n_patches(surface: Any) -> int:
-    if isinstance(surface, BezierPatches | SurfaceOfRevolution | TriangleMesh):
-        return len(surface)
-    return 6 if isinstance(surface, Box) else 1

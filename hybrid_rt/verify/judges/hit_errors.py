@@ -91,11 +91,9 @@ def _nearer_to_another(found: HitRecord, truth: Truth) -> BoolArray:
 
 def _angles(found: HitRecord, truth: Truth, rows: NDArray[np.intp]) -> FloatArray:
     """Return the angles between normals, degrees, of those rows that lie on curved surfaces."""
-    from meshing import BezierPatches, SurfaceOfRevolution
-
     angles = [np.empty(0)]
     for number, surface in enumerate(truth.surfaces):
-        if not isinstance(surface, BezierPatches | SurfaceOfRevolution):
+        if not surface.is_freeform:
             continue
         mine = rows[truth.object_id[rows] == number]
         true = surface.normal(truth.u[mine], truth.v[mine], truth.patch_id[mine])

@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hybrid_rt.core.records import BoolArray, FloatArray, HitRecord, Status
-from hybrid_rt.primitives import Plane, Sphere
 from hybrid_rt.verify.judges.kernels.events import BAND, COVERED, DOUBTFUL
 from hybrid_rt.verify.judges.oracle import Truth
+from hybrid_rt.verify.judges.surface_judge import judge_of
 
 
 @dataclass(frozen=True)
@@ -176,25 +176,14 @@ def _gap(hits: HitRecord, truth: Truth) -> FloatArray:
         rows = np.flatnonzero(hits.object_id == i)
         origins = truth.origins[rows]
         along = hits.t[rows, None] * truth.directions[rows]
-        if isinstance(surface, Plane):
-            middle, size = surface.origin, np.linalg.norm(along, axis=1)
-            distance = np.abs((origins - surface.origin + along) @ surface.unit_normal)
-        elif isinstance(surface, Sphere):
-            middle, size = np.array(surface.center), 2.0 * surface.radius
-            distance = np.linalg.norm(origins - middle + along, axis=1) - surface.radius
-        else:
-            low, high = surface.bounds
-            middle, size = 0.5 * (low + high), np.linalg.norm(high - low)
-            points = _points(surface, hits, rows)
-            distance = np.linalg.norm(points - origins - along, axis=1)
-        scale = np.maximum(np.linalg.norm(origins - middle, axis=1), size)
-        gap[rows] = np.abs(distance) / (BAND * scale)
+        # What has no end is as large as the way to the hit.
+        size = surface.size if surface.is_bounded else np.linalg.norm(along, axis=1)
+        distance = judge_of(surface).gap(
+            origins, along, hits.u[rows], hits.v[rows], hits.patch_id[rows]
+        )
+        scale = np.maximum(np.linalg.norm(origins - surface.middle, axis=1), size)
+        gap[rows] = distance / (BAND * scale)
     return gap
-
-
-def _points(surface: Any, hits: HitRecord, rows: NDArray[np.int64]) -> FloatArray:
-    points: FloatArray = surface.point(hits.u[rows], hits.v[rows], hits.patch_id[rows])
-    return points
 
 
 def _any(mask: BoolArray, ray: NDArray[np.int64], n: int) -> BoolArray:

@@ -7,7 +7,7 @@ as doubtful: an answer that takes a doubtful root and one that leaves it out are
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import Any
@@ -17,18 +17,13 @@ from numpy.typing import ArrayLike, NDArray
 
 from hybrid_rt.core.records import BoolArray, FloatArray, IntArray
 from hybrid_rt.core.threads import available_threads
-from hybrid_rt.primitives import Box, Plane, Rectangle, Sphere, TriangleMesh
-from hybrid_rt.verify.judges.kernels import closed_forms, events, patch_roots, profile_roots
-from meshing import BezierPatches, SurfaceOfRevolution
+from hybrid_rt.verify.judges.kernels import events
+from hybrid_rt.verify.judges.surface_judge import judge_of
 
 # Rays per job: enough to hide the call, few enough to keep all threads busy.
 CHUNK = 2048
-# Deepest stack of pieces: 50 halvings in each of two parameters.
-DEPTH = 110
 # Events per ray for which room is made at first.
 ROOM = 8
-
-Worker = Callable[[int, FloatArray, FloatArray, FloatArray, events.Events], None]
 
 
 @dataclass(frozen=True)
@@ -152,7 +147,7 @@ def first_hits(
     n = len(origin)
     low = np.ascontiguousarray(np.broadcast_to(np.asarray(t_min, dtype=np.float64), (n,)))
     high = np.broadcast_to(np.asarray(t_max, dtype=np.float64), (n,))
-    workers = [_worker(i, surface) for i, surface in enumerate(surfaces)]
+    workers = [judge_of(surface).worker(i) for i, surface in enumerate(surfaces)]
 
     def run(begin: int) -> events.Events:
         rows = slice(begin, min(begin + CHUNK, n))
@@ -195,116 +190,6 @@ def _new_events(room: int) -> events.Events:
         kind=np.empty(room, np.uint8),
         at_edge=np.empty(room, np.uint8),
     )
-
-
-def _worker(object_id: int, surface: Any) -> Worker:
-    """Return what notes the events of rays with one surface."""
-    if isinstance(surface, BezierPatches):
-        return _patch_worker(object_id, surface)
-    if isinstance(surface, SurfaceOfRevolution):
-        return _profile_worker(object_id, surface)
-    if isinstance(surface, Sphere):
-        center, radius = np.array(surface.center, dtype=np.float64), float(surface.radius)
-        return lambda first, o, d, _low, out: closed_forms.sphere_events(
-            center, radius, object_id, first, o, d, out
-        )
-    if isinstance(surface, Plane):
-        at, normal = np.array(surface.origin), np.array(surface.unit_normal)
-        return lambda first, o, d, _low, out: closed_forms.plane_events(
-            at, normal, object_id, first, o, d, out
-        )
-    if isinstance(surface, Box):
-        lo, hi = np.array(surface.lo), np.array(surface.hi)
-        return lambda first, o, d, _low, out: closed_forms.box_events(
-            lo, hi, object_id, first, o, d, out
-        )
-    if isinstance(surface, Rectangle):
-        corners, edges_u = surface.corner[None].copy(), surface.edge_u[None].copy()
-        edges_v, is_triangle = surface.edge_v[None].copy(), False
-    elif isinstance(surface, TriangleMesh):
-        a, b, c = (np.ascontiguousarray(surface.vertices[surface.faces[:, k]]) for k in range(3))
-        corners, edges_u, edges_v, is_triangle = a, b - a, c - a, True
-    else:
-        raise TypeError(f"surfaces[{object_id}] is a {type(surface).__name__}: pass a surface")
-    bounds = surface.bounds
-    middle, size = bounds.mean(axis=0), float(np.linalg.norm(bounds[1] - bounds[0]))
-    return lambda first, o, d, _low, out: closed_forms.face_events(
-        corners, edges_u, edges_v, is_triangle, middle, size, object_id, first, o, d, out
-    )
-
-
-def _patch_worker(object_id: int, surface: BezierPatches) -> Worker:
-    patches = surface.patches
-    points = np.concatenate([net.reshape(-1, 3) for net in patches])
-    lengths = [len(net) * net.shape[1] for net in patches]
-    boxes = np.array([[net.min(axis=(0, 1)), net.max(axis=(0, 1))] for net in patches])
-    low, high = boxes[:, 0].min(axis=0), boxes[:, 1].max(axis=0)
-    nets = patch_roots.Nets(
-        control=points,
-        starts=np.concatenate([[0], np.cumsum(lengths)]).astype(np.int64),
-        degrees=np.array([(len(net) - 1, net.shape[1] - 1) for net in patches], np.int64),
-        centre=boxes.mean(axis=1),
-        radius=0.5 * np.linalg.norm(boxes[:, 1] - boxes[:, 0], axis=1),
-        middle=0.5 * (low + high),
-        size=float(np.linalg.norm(high - low)),
-        object_id=object_id,
-    )
-
-    def work(first: int, o: FloatArray, d: FloatArray, t: FloatArray, out: events.Events) -> None:
-        scratch = patch_roots.Scratch(
-            nets=np.empty((DEPTH, 3 * max(lengths))),
-            spans=np.empty((DEPTH, 4)),
-            leaves=np.empty((patch_roots.MOST_LEAVES, 6)),
-            one=np.empty((1, 6)),
-            rejected=np.empty((patch_roots.MOST_REJECTED, 2)),
-            rows=np.empty((31, 4)),
-            high=np.empty(31),
-            low=np.empty(31),
-            out=np.empty((3, 7)),
-            frame=np.empty((3, 3)),
-            point=np.empty((3, 2)),
-        )
-        patch_roots.patch_events(nets, first, o, d, t, scratch, out)
-
-    return work
-
-
-def _profile_worker(object_id: int, surface: SurfaceOfRevolution) -> Worker:
-    # A segment on the axis has no area.
-    segments = [net for net in surface.segments if net[:, 1].max() > 0.0]
-    numbers = np.array([i for i, net in enumerate(surface.segments) if net[:, 1].max() > 0.0])
-    points = np.concatenate(segments)
-    z = 0.5 * (points[:, 0].min() + points[:, 0].max())
-    radius = float(np.hypot(points[:, 0] - z, points[:, 1]).max())
-    profile = profile_roots.Profile(
-        control=points,
-        starts=np.concatenate([[0], np.cumsum([len(net) for net in segments])]).astype(np.int64),
-        numbers=numbers.astype(np.int32),
-        frame=np.stack([surface.axis, surface.radial, surface.binormal]),
-        origin=np.array(surface.origin),
-        middle=surface.origin + z * surface.axis,
-        radius=radius,
-        size=2.0 * radius,
-        object_id=object_id,
-    )
-
-    def work(first: int, o: FloatArray, d: FloatArray, t: FloatArray, out: events.Events) -> None:
-        scratch = profile_roots.ProfileScratch(
-            nets=np.empty((DEPTH, 62)),
-            spans=np.empty((DEPTH, 4)),
-            leaves=np.empty((patch_roots.MOST_LEAVES, 4)),
-            one=np.empty((1, 4)),
-            high=np.empty(31),
-            low=np.empty(31),
-            frame=np.empty((3, 3)),
-            point=np.empty((3, 2)),
-            local=np.empty((6, 2)),
-            line=np.empty(6),
-            out=np.empty(8),
-        )
-        profile_roots.profile_events(profile, first, o, d, t, scratch, out)
-
-    return work
 
 
 Columns = dict[str, Any]

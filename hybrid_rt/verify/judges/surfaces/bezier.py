@@ -1,0 +1,82 @@
+"""Judges Bezier patches: plain bisection in the oracle, Newton on (u, v, t) to many digits."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from hybrid_rt.core.records import FloatArray
+from hybrid_rt.verify.judges.kernels import events, patch_roots
+from hybrid_rt.verify.judges.surface_judge import Number, Solver, SurfaceJudge, Vector, Worker
+from meshing import BezierPatches
+
+# Deepest stack of pieces: 50 halvings in each of two parameters.
+DEPTH = 110
+
+
+class BezierJudge(SurfaceJudge, of=BezierPatches):
+    """What is known of Bezier patches."""
+
+    surface: BezierPatches
+
+    def worker(self, object_id: int) -> Worker:
+        """Return what bisects the control nets."""
+        patches = self.surface.patches
+        points = np.concatenate([net.reshape(-1, 3) for net in patches])
+        lengths = [len(net) * net.shape[1] for net in patches]
+        boxes = np.array([[net.min(axis=(0, 1)), net.max(axis=(0, 1))] for net in patches])
+        low, high = boxes[:, 0].min(axis=0), boxes[:, 1].max(axis=0)
+        nets = patch_roots.Nets(
+            control=points,
+            starts=np.concatenate([[0], np.cumsum(lengths)]).astype(np.int64),
+            degrees=np.array([(len(net) - 1, net.shape[1] - 1) for net in patches], np.int64),
+            centre=boxes.mean(axis=1),
+            radius=0.5 * np.linalg.norm(boxes[:, 1] - boxes[:, 0], axis=1),
+            middle=0.5 * (low + high),
+            size=float(np.linalg.norm(high - low)),
+            object_id=object_id,
+        )
+
+        def work(
+            first: int, o: FloatArray, d: FloatArray, t: FloatArray, out: events.Events
+        ) -> None:
+            scratch = patch_roots.Scratch(
+                nets=np.empty((DEPTH, 3 * max(lengths))),
+                spans=np.empty((DEPTH, 4)),
+                leaves=np.empty((patch_roots.MOST_LEAVES, 6)),
+                one=np.empty((1, 6)),
+                rejected=np.empty((patch_roots.MOST_REJECTED, 2)),
+                rows=np.empty((31, 4)),
+                high=np.empty(31),
+                low=np.empty(31),
+                out=np.empty((3, 7)),
+                frame=np.empty((3, 3)),
+                point=np.empty((3, 2)),
+            )
+            patch_roots.patch_events(nets, first, o, d, t, scratch, out)
+
+        return work
+
+    def solver(self) -> Solver:
+        """Return Newton's method for S(u, v) = o + t d."""
+        import mpmath
+
+        from hybrid_rt.verify.judges.digits import MOST_STEPS, SMALL, curve, numbers, solved
+
+        nets = [[[numbers(point) for point in row] for row in net] for net in self.surface.patches]
+
+        def solve(patch: int, u: float, v: float, t: float, o: Vector, d: Vector) -> Number:
+            net, x = nets[patch], numbers((u, v, t))
+            for _ in range(MOST_STEPS):
+                rows = [curve(row, x[1]) for row in net]
+                point, along_u = curve([row[0] for row in rows], x[0])
+                along_v, _ = curve([row[1] for row in rows], x[0])
+                gap = [p - a - x[2] * b for p, a, b in zip(point, o, d, strict=True)]
+                step = solved([along_u, along_v, [-b for b in d]], gap)
+                if step is None:
+                    break
+                x = [a - b for a, b in zip(x, step, strict=True)]
+                if abs(step[2]) <= SMALL * abs(x[2]) and max(abs(step[0]), abs(step[1])) <= SMALL:
+                    return x[2]
+            return mpmath.nan
+
+        return solve

@@ -1,0 +1,133 @@
+"""Every class of surfaces keeps the one interface, and stands in both registries."""
+
+import numpy as np
+import pytest
+import trimesh
+
+from hybrid_rt import Box, Intersector, Plane, Rectangle, Sphere, TriangleMesh, demo
+from hybrid_rt.intersection.kinds.registry import ENTRIES
+from hybrid_rt.verify.judges.surface_judge import SurfaceJudge, judge_of
+from meshing import BezierPatches, SurfaceOfRevolution
+from meshing.surface import Surface
+
+TURN = np.array([[0, 0, 2, 1], [2, 0, 0, -3], [0, 2, 0, 5], [0, 0, 0, 1]], float)
+SURFACES = {
+    Box: Box((-1, -2, 0), (1, 3, 4)),
+    Plane: Plane((1, 2, 3), (0.1, -2, 0.3)),
+    Rectangle: Rectangle((0, 1, 0), (1, 0, 1), (0, 2, 1)),
+    Sphere: Sphere((1, 2, 3), 2, pole=(1, 1, 0), meridian=(0, 0, 1)),
+    TriangleMesh: TriangleMesh(trimesh.creation.icosphere(1)),
+    BezierPatches: demo.teapot(),
+    SurfaceOfRevolution: demo.vase(0.0, 0.0, 5.0),
+}
+NAMES = [surface_type.__name__ for surface_type in SURFACES]
+each = pytest.mark.parametrize("surface", SURFACES.values(), ids=NAMES)
+
+
+def some_parameters(surface, n=200):
+    rng = np.random.default_rng(3)
+    u, v = rng.uniform(0.05, 0.45, (2, n))  # within triangles too
+    return u, v, rng.integers(len(surface), size=n)
+
+
+def test_every_class_that_rays_meet_is_judged_and_tested_here():
+    met = {entry.surface for entry in ENTRIES}
+    judge_of(SURFACES[Sphere])  # loads all judges
+    assert met == set(SurfaceJudge.judges)
+    assert met == set(SURFACES)
+    assert all(issubclass(surface_type, Surface) for surface_type in met)
+
+
+@each
+def test_partials_are_derivatives_and_the_normal_lies_along_their_product(surface):
+    u, v, patch = some_parameters(surface)
+    along_u, along_v = surface.partials(u, v, patch)
+    step = 1e-6
+    for partial, (du, dv) in ((along_u, (step, 0)), (along_v, (0, step))):
+        ends = (surface.point(u + s * du, v + s * dv, patch) for s in (1, -1))
+        quotient = np.subtract(*ends) / (2 * step)
+        # Central differences: step^2 S_uuu, and 1e-15 of the size over the step.
+        np.testing.assert_allclose(partial, quotient, atol=1e-7 * max(surface.size, 1))
+    product = np.cross(along_u, along_v)
+    product /= np.linalg.norm(product, axis=1, keepdims=True)
+    normal = surface.normal(u, v, patch)
+    if surface.is_bounded:
+        np.testing.assert_allclose(normal, product, atol=1e-9)
+    else:  # (u, v) of a plane are coordinates, to either side of which the normal may point
+        np.testing.assert_allclose(np.abs(np.einsum("ij,ij->i", normal, product)), 1, atol=1e-9)
+    np.testing.assert_allclose(surface.flipped().flipped().normal(u, v, patch), normal, atol=1e-15)
+
+
+@each
+def test_images_keep_their_points_and_parameters(surface):
+    matrix = np.diag([2.0, 2, 2, 1]) if isinstance(surface, Box) else TURN
+    u, v, patch = some_parameters(surface)
+    image, there = surface.transformed(matrix), surface.point(u, v, patch)
+    there = there @ matrix[:3, :3].T + matrix[:3, 3]
+    if surface.is_bounded:
+        np.testing.assert_allclose(image.point(u, v, patch), there, atol=1e-14 * image.reach)
+        low, high = image.bounds
+        assert (there >= low - 1e-14).all()
+        assert (there <= high + 1e-14).all()
+        assert image.size == pytest.approx(2 * surface.size, rel=0.01)  # boxes of patches have air
+        assert np.abs(there).max() <= image.reach
+    else:
+        assert np.abs((there - image.middle) @ image.unit_normal).max() < 1e-14
+        assert image.size == 0
+
+
+@each
+def test_points_chosen_by_area_have_the_density_that_is_said(surface):
+    sampler = surface.area_sampler()
+    if not surface.is_bounded:
+        assert sampler is None
+        return
+    xi = np.random.default_rng(5).random((20_000, 2))
+    patch, u, v = sampler.choose(xi)
+    density = sampler.pdf_area(patch, u, v)
+    # The mean of 1 / density is the area, whatever the density; and every cell is within a few %.
+    assert (1 / density).mean() == pytest.approx(sampler.area, rel=0.01)
+    assert np.median(density) * sampler.area == pytest.approx(1, rel=0.1)
+
+
+def test_areas():
+    assert SURFACES[Box].area_sampler().area == 2 * (2 * 5 + 2 * 4 + 5 * 4)
+    assert SURFACES[Sphere].area_sampler().area == pytest.approx(16 * np.pi, rel=1e-15)
+    assert SURFACES[Rectangle].area_sampler().area == pytest.approx(np.sqrt(4 + 1 + 4), rel=1e-15)
+    cylinder = SurfaceOfRevolution([(0, 2), (3, 2)], (0, 0, 0), (0, 0, 1))
+    assert cylinder.area_sampler().area == pytest.approx(12 * np.pi, rel=1e-12)
+
+
+@each
+def test_only_free_forms_and_meshes_become_triangles(surface):
+    if surface.is_freeform or surface.is_triangular:
+        mesh = surface.triangles(0.01 * surface.size)
+        assert mesh.faces.max() < len(mesh.vertices)
+        assert mesh.deviation_bound <= 0.01 * surface.size
+    else:
+        with pytest.raises(TypeError, match="pass BezierPatches or a SurfaceOfRevolution"):
+            surface.triangles(0.1)
+
+
+class Ghost(Surface):
+    """A surface that nobody has registered."""
+
+    point = partials = normal = transformed = flipped = None
+    bounds = np.zeros((2, 3))
+
+
+def test_what_is_in_no_registry_is_refused():
+    with pytest.raises(TypeError, match=r"surfaces\[0\] is a Ghost: pass surfaces such as"):
+        Intersector([Ghost()])
+    with pytest.raises(TypeError, match="surface is a Ghost"):
+        judge_of(Ghost())
+
+
+class Moon(Sphere):
+    """A class derived from one that is registered is met and judged as that one."""
+
+
+def test_derived_classes_are_what_they_derive_from():
+    hits = Intersector([Moon((0, 0, 0), 1)]).intersect((0, 0, 3), (0, 0, -1))
+    assert hits.t[0] == 2.0
+    assert judge_of(Moon((0, 0, 0), 1)).surface.radius == 1.0
