@@ -84,7 +84,8 @@ class Intersector:
         self.accuracy, self.coarse = accuracy, coarse
         want(*kernel_groups(self.surfaces, accuracy, coarse))
         self._pool = Pool(threads)
-        # Closed forms compute a point from the ray; curved surfaces from their own figures.
+        # Points of closed forms lie on them up to the rounding of their own coordinates, those of
+        # curved surfaces and triangles up to that of the figures they are computed from.
         self._reach = np.array([surface.rounding_reach for surface in self.surfaces])
         self._direct, self._curved, self._kind_of, members, self.plan = make_kinds(
             self.surfaces, accuracy, self._pool

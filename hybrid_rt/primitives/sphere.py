@@ -110,7 +110,11 @@ class Sphere(Surface):
         ValueError, TypeError
             If they do not broadcast, or there is no such piece.
         """
-        return self.center + self.radius * self._outward(u, v, patch_id)
+        from hybrid_rt.intersection.kernels.sphere import settle_on_sphere
+
+        points: FloatArray = self.center + self.radius * self._outward(u, v, patch_id)
+        settle_on_sphere(points, self.center, self.radius)
+        return points
 
     def normal(self, u: ArrayLike, v: ArrayLike, patch_id: ArrayLike = 0) -> FloatArray:
         """Return the unit normals (n, 3) float64 at (u, v).

@@ -22,6 +22,7 @@ between, the densities of the two directions per projected solid angle, from eit
 import math
 from typing import Any, NamedTuple
 
+from hybrid_rt.intersection.kernels.sphere import onto_sphere
 from hybrid_rt.shading.kernels.bsdf import (
     DIELECTRIC,
     LAST_SPREADING,
@@ -113,9 +114,10 @@ def leave_lights(
             nz = 1.0 - 2.0 * s
             ring, phi = 2.0 * math.sqrt(s * (1.0 - s)), 2.0 * math.pi * t
             nx, ny = ring * math.cos(phi), ring * math.sin(phi)
-            x = lights.origin[row, 0] + radius * nx
-            y = lights.origin[row, 1] + radius * ny
-            z = lights.origin[row, 2] + radius * nz
+            cx, cy, cz = lights.origin[row, 0], lights.origin[row, 1], lights.origin[row, 2]
+            x, y, z = onto_sphere(
+                cx + radius * nx, cy + radius * ny, cz + radius * nz, cx, cy, cz, radius
+            )
             u, v, pdf_area = s, t, 1.0 / (4.0 * math.pi * radius * radius)
         else:
             x, y, z = points.position[i, 0], points.position[i, 1], points.position[i, 2]

@@ -10,6 +10,7 @@ many, never the light that they carry.
 import math
 from typing import Any, NamedTuple
 
+from hybrid_rt.intersection.kernels.sphere import onto_sphere
 from hybrid_rt.shading.kernels.emitter import POINT, RECTANGLE, SPHERE, light_strength
 from hybrid_rt.shading.kernels.environment import sky_direction, sky_pdf, sky_radiance
 from hybrid_rt.shading.kernels.warp import onto_axis
@@ -58,7 +59,8 @@ def _place(lights, row, points, i, s, t):
         ring = math.sqrt(max(1.0 - nz * nz, 0.0))
         nx, ny = ring * math.cos(2.0 * math.pi * t), ring * math.sin(2.0 * math.pi * t)
         area = WHOLE_SPHERE * radius * radius
-        return x + radius * nx, y + radius * ny, z + radius * nz, nx, ny, nz, area
+        px, py, pz = onto_sphere(x + radius * nx, y + radius * ny, z + radius * nz, x, y, z, radius)
+        return px, py, pz, nx, ny, nz, area
     density = points.pdf_area[i]
     area = 1.0 / density if density > 0.0 else 0.0
     return (
@@ -179,7 +181,11 @@ def launch_from_light(
             )  # fmt: skip
             if is_ball and nx * dx + ny * dy + nz * dz < 0.0:
                 across = 2.0 * lights.edge_u[row, 0]
-                px, py, pz = px - across * nx, py - across * ny, pz - across * nz
+                px, py, pz = onto_sphere(
+                    px - across * nx, py - across * ny, pz - across * nz,
+                    lights.origin[row, 0], lights.origin[row, 1], lights.origin[row, 2],
+                    lights.edge_u[row, 0],
+                )  # fmt: skip
                 nx, ny, nz = -nx, -ny, -nz
         elif is_point:
             dz = 1.0 - 2.0 * way[i, 0]

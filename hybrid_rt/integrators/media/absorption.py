@@ -9,6 +9,7 @@ import numpy as np
 from hybrid_rt.core.records import FloatArray, HitRecord, IntArray, NamedPoints
 from hybrid_rt.integrators.context import RenderContext
 from hybrid_rt.integrators.media.contacts import Contacts, first_hits
+from hybrid_rt.intersection.kernels.sphere import settle_on_sphere
 from hybrid_rt.scene.compiled import NOTHING, CompiledScene
 from hybrid_rt.shading.kernels.emitter import RECTANGLE, SPHERE
 from hybrid_rt.shading.kernels.medium_stack import STACK, cross_media
@@ -115,7 +116,9 @@ def _leaving(scene: CompiledScene, light: int) -> tuple[FloatArray, FloatArray]:
         normal = np.cross(u, v)
         return point + 0.5 * (u + v), normal / np.linalg.norm(normal) + 0.5 * SKEW
     if kind == SPHERE:
-        point = point + scene.lights.edge_u[light, 0] * SKEW
+        radius = float(scene.lights.edge_u[light, 0])
+        point = point + radius * SKEW
+        settle_on_sphere(point, scene.lights.origin[light], radius)
     return point, SKEW
 
 

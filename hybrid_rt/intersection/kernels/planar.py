@@ -244,6 +244,10 @@ def finish_planes(table, rays, best, row_of, out):
             gap += table.normal[k, c] * (p - table.corner[k, c])
             out.position[i, c] = p
             out.normal[i, c] = table.normal[k, c]
+        # What came from afar carries the rounding of the way. Off the plane by more than its own
+        # coordinates round, a point would be met again by the rays that leave it.
+        for c in range(3):
+            out.position[i, c] -= gap * table.normal[k, c]
         a, b = out.position[i, table.axes[k, 0]], out.position[i, table.axes[k, 1]]
         out.u[i], out.v[i], out.patch_id[i] = a - np.floor(a), b - np.floor(b), 0
         out.residual[i] = abs(gap)

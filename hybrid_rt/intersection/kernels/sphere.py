@@ -22,7 +22,7 @@ from hybrid_rt.intersection.kernels.search.frame import (
 )
 from hybrid_rt.intersection.kernels.search.nearest import offer
 from hybrid_rt.intersection.kernels.search.tree import box_ray, next_leaf
-from meshing.kernels.jit import hot_kernel, inlined
+from meshing.kernels.jit import hot_kernel, inlined, kernel
 
 # Rays from farther away (in frame units) have a TANGENT band wider than the margin of the boxes.
 FARTHEST = 2.0**25
@@ -80,6 +80,23 @@ def power_of_point(fx, fy, fz, gx, gy, gz, r):
     p, q = square(r)
     high, low = add(high, low, -p, -q)
     return high + (low + 2.0 * (fx * gx + fy * gy + fz * gz))
+
+
+@inlined
+def onto_sphere(px, py, pz, cx, cy, cz, r):
+    """Move a point beside a sphere along the radius onto it.
+
+    c + r x carries the rounding of |c| + r, o + t d that of the way: more than the point's own
+    coordinates where these are small. Then a ray that leaves the point would meet the sphere
+    again. Here |p - c|^2 - r^2 is taken in double-double, so what stays is the rounding of the three
+    coordinates, as `hybrid_rt.intersection.ray_batch` takes for granted. For |p - c| = (1 + e) r one step
+    leaves e^2 / 2, the square of a rounding.
+    """
+    fx, gx = two_difference(px, cx)
+    fy, gy = two_difference(py, cy)
+    fz, gz = two_difference(pz, cz)
+    part = power_of_point(fx, fy, fz, gx, gy, gz, r) / (fx * fx + fy * fy + fz * fz + r * r)
+    return px - part * fx, py - part * fy, pz - part * fz
 
 
 @inlined
@@ -193,13 +210,14 @@ def finish_spheres(table, rays, best, row_of, out):
         x, y, z = fx + t * d[0] + gx, fy + t * d[1] + gy, fz + t * d[2] + gz
         length = np.sqrt(x * x + y * y + z * z)
         x, y, z = x / length, y / length, z / length
-        reach = abs(t) * np.sqrt(d[0] * d[0] + d[1] * d[1] + d[2] * d[2])
         # The shorter of the two ways to the point rounds less.
-        if r <= reach:
+        if r * r <= t * t * (d[0] * d[0] + d[1] * d[1] + d[2] * d[2]):
             px, py, pz = c[0] + r * x, c[1] + r * y, c[2] + r * z
         else:
             px, py, pz = o[0] + t * d[0], o[1] + t * d[1], o[2] + t * d[2]
-        out.position[i, 0], out.position[i, 1], out.position[i, 2] = px, py, pz
+        out.position[i, 0], out.position[i, 1], out.position[i, 2] = onto_sphere(
+            px, py, pz, c[0], c[1], c[2], r
+        )
         s = table.orientation[k]
         out.normal[i, 0], out.normal[i, 1], out.normal[i, 2] = s * x, s * y, s * z
         e = table.frame[k]
@@ -212,3 +230,12 @@ def finish_spheres(table, rays, best, row_of, out):
         out.v[i] = min(max(np.arctan2(np.sqrt(a * a + b * b), -h) / np.pi, 0.0), 1.0)
         out.patch_id[i] = 0
         out.residual[i] = abs(length - r)
+
+
+@kernel
+def settle_on_sphere(points, center, radius):
+    """Move points (n, 3) beside a sphere onto it; in place."""
+    for i in range(points.shape[0]):
+        points[i, 0], points[i, 1], points[i, 2] = onto_sphere(
+            points[i, 0], points[i, 1], points[i, 2], center[0], center[1], center[2], radius
+        )
