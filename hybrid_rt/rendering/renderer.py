@@ -30,12 +30,13 @@ from hybrid_rt.rendering.memory import check_memory, photons_of
 from hybrid_rt.rendering.summary import passes_in_words
 from hybrid_rt.rendering.versions import peak_memory_mib, versions
 from hybrid_rt.sampling.sampler import Sampler
-from hybrid_rt.scene.compiled import compile_scene
+from hybrid_rt.scene.compiled import CompiledScene, compile_scene
 from hybrid_rt.scene.plan import KERNELS_FOR, make_plan
 from hybrid_rt.scene.scene import Scene
 from hybrid_rt.sensor.channel_names import check_names
 from hybrid_rt.sensor.film import Film
 from hybrid_rt.sensor.image_files import save_image
+from hybrid_rt.sunken_lamps import with_lamps_lifted
 
 
 @dataclass(frozen=True)
@@ -176,9 +177,11 @@ def render(
         with ledger.stage("build"):
             if progress is not None:
                 progress("Building", 0, 0)
-            tracer = Intersector(
-                compiled.surfaces, accuracy=accuracy, tolerance=tolerance, threads=1
-            )
+
+            def build(flat: CompiledScene) -> Intersector:
+                return Intersector(flat.surfaces, accuracy, tolerance=tolerance, threads=1)
+
+            compiled, tracer, sunken = with_lamps_lifted(scene, compiled, build)
         # Threads share blocks of camera rays; within a block everything runs in one.
         context = RenderContext(
             compiled, tracer, Pool(1), plan, sampler, ledger, max_depth, options
@@ -216,6 +219,7 @@ def render(
     blur = workers.blur(film.image)
     report = _report(plain(settings), context, film, clock, stopped_by) | workers.report(blur)
     report["geometry"]["wrong_first_hits"] = wrong
+    report["lamps_in_surfaces"] = sunken
     report["relative_error"] = _relative_error(report["noise"], blur, workers.blur_stays)
     result = RenderResult(film.image, report, channels)
     if stopped_by == "interrupted":

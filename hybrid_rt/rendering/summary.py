@@ -34,6 +34,21 @@ def passes_in_words(n: int) -> str:
     return "1 pass" if n == 1 else f"{n} passes"
 
 
+def lamp_in_words(note: dict[str, Any]) -> str:
+    """Put into words what `hybrid_rt.sunken_lamps` says of a lamp."""
+    place = f"{note['lamp']} lies in {note['surface']}"
+    if note["lifted_by"] > 0.0:
+        return (
+            f"{place}: it counts as lying before it, and was moved there by {note['lifted_by']:.1g}"
+        )
+    if note["share"] < 0.995:
+        place += f", with {100.0 * note['share']:.2g} % of its area"
+    return (
+        f"{place}: which of the two is met there is not defined, and integrators differ: move it "
+        "away from there, a millionth of its size is enough"
+    )
+
+
 def _warnings(report: dict[str, Any]) -> list[str]:
     """Return what makes the picture wrong."""
     lines = []
@@ -54,6 +69,10 @@ def _warnings(report: dict[str, Any]) -> list[str]:
         "it, or never left it: add what closes it, normals outward (or more than eight clear bodies "
         "lie within each other: pass fewer)"
         for name, n_rays in report["clear_bodies_not_closed"].items()
+    ]
+    lines += [
+        f"  {'note   ' if note['lifted_by'] > 0.0 else 'WARNING'}   {lamp_in_words(note)}"
+        for note in report["lamps_in_surfaces"]
     ]
     return lines
 

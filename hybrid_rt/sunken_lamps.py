@@ -1,0 +1,258 @@
+"""Lamps that lie in surfaces: found before a render, and lifted out on their shining side.
+
+Where a lamp coincides with a surface, rounding would decide which of the two each ray meets, while
+next-event estimation takes the lamp to be in sight: every integrator would mix the two in its own
+way. So the lamp counts as lying before the surface, on the side on which it shines. It is moved
+there by a hair; after that nothing coincides, and all that is exact elsewhere is exact here.
+"""
+
+from __future__ import annotations
+
+import copy
+import math
+import warnings
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from hybrid_rt.core.records import FloatArray
+from hybrid_rt.intersection import Intersector
+from hybrid_rt.intersection.coincident import FACE_ROUNDING
+from hybrid_rt.lights import RectangleLight
+from hybrid_rt.lights.light import Light
+from hybrid_rt.lights.surface import shining_surface
+from hybrid_rt.rendering.summary import lamp_in_words
+from hybrid_rt.scene.compiled import NOTHING, CompiledScene, compile_scene
+from hybrid_rt.scene.scene import Object, Scene
+from hybrid_rt.shading.kernels.emitter import POINT
+
+# A lamp is moved by this much of the largest coordinate of its corners and of the camera: rounding
+# no longer decides for rays of up to 2**16 times that length, and no float32 pixel shows it.
+LIFT = 2.0**-32
+# Each of them settles what lies in a surface; further ones part lamps that lie in each other.
+MOST_LIFTS = 4
+# Points looked at: of each lamp, of all lamps, of each at least.
+POINTS, MOST_POINTS, FEWEST_POINTS = 256, 2**16, 16
+# Lamps coincide where they run alike: a wall that a lamp passes through does not count.
+ALIKE = 0.999
+# A body stands with so many faces on others at most.
+MOST_FACES = 3
+# Three directions at right angles, none along an axis: a surface through a point crosses one.
+ACROSS = np.array([[2.0, -1.0, 2.0], [2.0, 2.0, -1.0], [-1.0, 2.0, 2.0]]) / 3.0
+
+
+@dataclass(frozen=True)
+class Sunken:
+    """A lamp that lies in another surface.
+
+    Attributes
+    ----------
+    light : int
+        Its row in the light table.
+    lamp, surface : str
+        What the two are called.
+    partner : int
+        The light that the other surface is; `NOTHING` if it does not shine.
+    share : float
+        Of the lamp's area, about.
+    way : (3,) float64, or None
+        Where it is to be moved; None: there is no such direction.
+    """
+
+    light: int
+    lamp: str
+    surface: str
+    partner: int
+    share: float
+    way: FloatArray | None
+
+
+def with_lamps_lifted(
+    scene: Scene, compiled: CompiledScene, build: Callable[[CompiledScene], Intersector]
+) -> tuple[CompiledScene, Intersector, list[dict[str, Any]]]:
+    """Return the scene with its sunken lamps lifted, its tracer, and what is to be said of them.
+
+    Parameters
+    ----------
+    scene : Scene
+    compiled : CompiledScene
+        ``scene``, compiled.
+    build : callable
+        Builds the tracer over a compiled scene.
+
+    Returns
+    -------
+    compiled : CompiledScene
+        As it came, if no lamp lies in a surface.
+    tracer : Intersector
+    notes : list of dict
+        For each such lamp its name (``lamp``), that of the ``surface``, the ``share`` of its area,
+        and by how much it was lifted (``lifted_by``, scene units); 0: it cannot be, which a warning
+        says as well.
+    """
+    tracer = build(compiled)
+    notes: dict[str, dict[str, Any]] = {}
+    for _ in range(MOST_LIFTS):
+        sunken = [lamp for lamp in sunken_lamps(compiled, tracer) if _counts(lamp, notes)]
+        if not sunken:
+            break
+        lifted = {}
+        for lamp in sunken:
+            note = notes.setdefault(
+                lamp.lamp,
+                {"lamp": lamp.lamp, "surface": lamp.surface, "share": lamp.share, "lifted_by": 0.0},
+            )
+            if lamp.way is None or not _is_movable(scene, lamp.light):
+                warnings.warn(lamp_in_words(note), stacklevel=3)
+                continue
+            height = LIFT * max(_size(compiled), _reach(compiled, lamp.light))
+            note["lifted_by"] += height
+            lifted[lamp.light] = _moved(scene, compiled, lamp.light, height * lamp.way)
+        if not lifted:
+            break
+        scene = _replaced(scene, compiled, lifted)
+        compiled = compile_scene(scene)
+        tracer = build(compiled)
+    return compiled, tracer, list(notes.values())
+
+
+def sunken_lamps(scene: CompiledScene, tracer: Intersector) -> list[Sunken]:
+    """Return the lamps that lie in surfaces that are not clear.
+
+    Some points of each lamp are looked at, spread evenly by area; so what covers less than a
+    hundredth of a lamp may not be found. Clear surfaces count as wet by the lamp, see
+    `hybrid_rt.integrators.media.contacts`.
+
+    Parameters
+    ----------
+    scene : CompiledScene
+    tracer : Intersector
+        Over its surfaces.
+    """
+    if not scene.surfaces:
+        return []
+    per_lamp = min(max(MOST_POINTS // max(scene.n_lights, 1), FEWEST_POINTS), POINTS)
+    lamps: dict[int, tuple[FloatArray, FloatArray]] = {}
+    for light in range(scene.n_lights):
+        seen = _places(scene, light, per_lamp)
+        if seen is not None:
+            lamps[light] = seen
+    if not lamps:
+        return []
+    place, direction = (np.concatenate(part) for part in zip(*lamps.values(), strict=True))
+    of_light = np.repeat(list(lamps), [len(seen[0]) for seen in lamps.values()])
+    # From beside each point back to it: t is 1 there.
+    origin = place - direction
+    size = np.maximum(np.abs(origin), np.abs(place)).max(axis=1)
+    width = FACE_ROUNDING * size / np.linalg.norm(direction, axis=1)
+    own_surface = scene.surface_of_light[of_light]
+    own = copy.copy(tracer)
+    own.counters = dict.fromkeys(tracer.counters, 0)  # not work for the picture
+    found = own.intersect(
+        origin, direction, t_min=1.0 - width, t_max=1.0 + width, unseen=own_surface
+    )
+    cosine = np.einsum("ij,ij->i", found.normal, direction) / np.linalg.norm(direction, axis=1)
+    is_point = scene.lights.kind[of_light] == POINT
+    # Triangles alone (accuracy "mesh") cannot leave an object out.
+    others = found.hit & (found.object_id != own_surface)
+    glass_of = np.append(scene.glass_of, NOTHING)  # the last for what has no material
+    is_clear = glass_of[scene.material_of[found.object_id]] != NOTHING
+    rows = np.flatnonzero(others & ~is_clear & (is_point | (np.abs(cosine) > ALIKE)))
+    sunken = []
+    for light, (points, _) in lamps.items():
+        met = rows[of_light[rows] == light]
+        if met.size:
+            other = int(found.object_id[met[0]])
+            partner = int(scene.light_of[other])
+            surface = int(scene.surface_of_light[light])
+            first = int(np.flatnonzero(of_light == light)[0])
+            inward = direction[first : first + len(points)]
+            sunken.append(
+                Sunken(
+                    light=light,
+                    lamp=_name(scene, surface, light),
+                    surface=_name(scene, other, partner),
+                    partner=partner,
+                    share=met.size / len(points),
+                    way=None if surface < 0 else _way_out(-inward, -inward[met - first]),
+                )
+            )
+    return sunken
+
+
+def _counts(lamp: Sunken, notes: dict[str, dict[str, Any]]) -> bool:
+    """Tell whether a lamp is to be lifted: of two lamps in each other, the first one is."""
+    has_been_told = lamp.lamp in notes and notes[lamp.lamp]["lifted_by"] == 0.0
+    return not has_been_told and (lamp.partner == NOTHING or lamp.light < lamp.partner)
+
+
+def _places(scene: CompiledScene, light: int, n: int) -> tuple[FloatArray, FloatArray] | None:
+    """Return points of a lamp (n, 3), and from where they are looked at: inward, its own size."""
+    lights, side = scene.lights, math.isqrt(n)
+    # Not on the lines through the middle, where a scene's walls may stand.
+    grid = (np.arange(side) + 0.381966) / side
+    xi = np.stack(np.meshgrid(grid, grid), axis=-1).reshape(-1, 2)
+    if lights.kind[light] == POINT:
+        point = np.repeat(lights.origin[[light]], 3, axis=0)
+        return point, (max(_size(scene), float(np.abs(point).max())) or 1.0) * ACROSS
+    surface = scene.surfaces[scene.surface_of_light[light]]
+    chooser = scene.shining.get(light) or shining_surface(surface)
+    if chooser is None:  # a plane
+        return None
+    place, normal = chooser.points(xi)[:2]
+    return place, -normal * float(np.ptp(place, axis=0).max())
+
+
+def _reach(scene: CompiledScene, light: int) -> float:
+    return float(np.abs(scene.surfaces[scene.surface_of_light[light]].bounds).max())
+
+
+def _size(scene: CompiledScene) -> float:
+    return float(np.abs(scene.camera.look_from).max())
+
+
+def _way_out(normals: FloatArray, sunken: FloatArray) -> FloatArray | None:
+    """Return where a lamp with these normals, of any equal length, leaves what it lies in."""
+    length = np.linalg.norm(normals[0])
+    mean = normals.mean(axis=0) / length
+    if np.linalg.norm(mean) > ALIKE:
+        return np.asarray(mean)
+    faces = np.unique(np.round(sunken / length, 3), axis=0)
+    way: FloatArray = -faces.sum(axis=0)
+    # Between two surfaces there is no way out, and of a curved one no single direction is.
+    return way if len(faces) <= MOST_FACES and np.linalg.norm(way) > 0.5 else None
+
+
+def _is_movable(scene: Scene, light: int) -> bool:
+    return light >= len(scene.lights) or isinstance(scene.lights[light], RectangleLight)
+
+
+def _moved(scene: Scene, compiled: CompiledScene, light: int, shift: FloatArray) -> Light | Object:
+    """Return a lamp moved out of what it lies in."""
+    surface = compiled.surfaces[compiled.surface_of_light[light]]
+    to_there = np.eye(4)
+    to_there[:3, 3] = shift
+    image = surface.transformed(to_there)
+    if light >= len(scene.lights):
+        item = scene.objects[int(compiled.surface_of_light[light])]
+        return Object(image, item.material, item.name, item.smooth)
+    strength = scene.lights[light].row.strength
+    return RectangleLight(image.corner, image.edge_u, image.edge_v, strength)
+
+
+def _replaced(scene: Scene, compiled: CompiledScene, lifted: dict[int, Light | Object]) -> Scene:
+    lights, objects = list(scene.lights), list(scene.objects)
+    for light, lamp in lifted.items():
+        if isinstance(lamp, Object):
+            objects[int(compiled.surface_of_light[light])] = lamp
+        else:
+            lights[light] = lamp
+    return Scene(scene.camera, objects, lights, scene.environment)
+
+
+def _name(scene: CompiledScene, surface: int, light: int) -> str:
+    if 0 <= surface < len(scene.names):
+        return f"object {scene.names[surface]!r}"
+    return f"lights[{light}]"
