@@ -137,8 +137,10 @@ def kept(file: Path | None, figures: Callable[[], Any]) -> Iterator[None]:
 def _write(file: Path | None, figures: Any) -> None:
     if file is not None:
         from hybrid_rt.core.ledger import as_json
+        from hybrid_rt.sensor.image_files import replacing
 
-        file.write_text(as_json(figures), "utf-8")
+        with replacing(file) as opened:
+            opened.write(as_json(figures).encode())
 
 
 def _said(stage: str, done: int, total: int) -> None:

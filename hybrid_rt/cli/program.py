@@ -6,12 +6,12 @@ import argparse
 import math
 import sys
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from hybrid_rt._version import __version__
-from hybrid_rt.cli.command import guarded
+from hybrid_rt.cli.command import REFUSALS, guarded
 
 if TYPE_CHECKING:
     from hybrid_rt.core.progress import Progress
@@ -203,11 +203,11 @@ def _render(load: Callable[[], tuple[Scene, str]], name: str, options: argparse.
     from hybrid_rt.rendering.limits import Limit
     from hybrid_rt.sampling.sampler import Sampler
     from hybrid_rt.sensor.channel_names import check_names
-    from hybrid_rt.sensor.image_files import check_output, keeps_channels
+    from hybrid_rt.sensor.image_files import keeps_channels
 
-    outputs = [check_output(path) for path in options.out or [Path(f"{name}.png")]]
+    outputs = [_Output(path) for path in options.out or [Path(f"{name}.png")]]
     channels = [word.strip() for word in options.outputs.split(",") if word.strip()]
-    if channels and not any(map(keeps_channels, outputs)):
+    if channels and not any(keeps_channels(output.file) for output in outputs):
         raise ValueError(
             f"--outputs {','.join(channels)}: a .png holds none of them: add --out {name}.npz or .exr"
         )
@@ -220,36 +220,61 @@ def _render(load: Callable[[], tuple[Scene, str]], name: str, options: argparse.
     if options.integrator is not None:
         choice(options.integrator, "integrator", INTEGRATORS)
         _photon_options(options.integrator, options.photons, options.alpha)
-    with _shown_progress(options.quiet) as progress:
-        with watch_compilation(progress):
-            scene, preferred = load()
-        integrator = preferred if options.integrator is None else options.integrator
-        result, interrupt = _rendered(
-            _resized(scene, options.width, options.height),
-            integrator=integrator,
-            passes=options.passes,
-            time_budget=options.time_budget,
-            target_error=options.target_error,
-            seed=options.seed,
-            threads=options.threads,
-            accuracy=options.accuracy,
-            tolerance=options.tolerance,
-            options=_photon_options(integrator, options.photons, options.alpha),
-            outputs=channels,
-            progress=progress,
-        )
+    with ExitStack() as until_saved:
+        with _shown_progress(options.quiet) as progress:
+            with watch_compilation(progress):
+                scene, preferred = load()
+            integrator = preferred if options.integrator is None else options.integrator
+            result, interrupt = _rendered(
+                _resized(scene, options.width, options.height),
+                integrator=integrator,
+                passes=options.passes,
+                time_budget=options.time_budget,
+                target_error=options.target_error,
+                seed=options.seed,
+                threads=options.threads,
+                accuracy=options.accuracy,
+                tolerance=options.tolerance,
+                options=_photon_options(integrator, options.photons, options.alpha),
+                outputs=channels,
+                progress=progress,
+            )
+            until_saved.enter_context(held_back())
+        # Before anything is said: whoever listens may have heard enough.
+        failures = _saved(result, outputs, options.exposure)
+        for output in outputs:
+            if output.shown not in failures:
+                _say(f"{output.shown}  ({_summary(result.report)})")
     if options.explain:
         from hybrid_rt.scene.plan import explain
 
         _say(explain(result.report["plan"]))
-    with held_back():
-        for path in outputs:
-            result.save(path, options.exposure)
-        for path in outputs:
-            _say(f"{path}  ({_summary(result.report)})")
     _say_numbers(result.report)
+    if failures:
+        raise OSError("\nhybrid-rt: ".join(failures.values()))
     if interrupt is not None:
         raise interrupt
+
+
+class _Output:
+    """A file that is asked for: what the user calls it, and where it is, wherever a script goes."""
+
+    def __init__(self, path: Path) -> None:
+        from hybrid_rt.sensor.image_files import check_output
+
+        self.shown = str(check_output(path))
+        self.file = path.absolute()
+
+
+def _saved(result: RenderResult, outputs: Sequence[_Output], exposure: float) -> dict[str, str]:
+    """Write a picture to every file that can be written; return why others cannot, by name."""
+    failures = {}
+    for output in outputs:
+        try:
+            result.save(output.file, exposure)
+        except REFUSALS as error:  # the next may do better
+            failures[output.shown] = str(error) or type(error).__name__
+    return failures
 
 
 def _rendered(scene: Scene, **settings: Any) -> tuple[RenderResult, RenderInterrupted | None]:
@@ -304,6 +329,7 @@ def _photon_options(integrator: str, photons: int | None, alpha: float | None) -
 def _run_demo(options: argparse.Namespace) -> None:
     from hybrid_rt import demo
     from hybrid_rt.analysis.mesh_comparison import compare_with_mesh, in_words
+    from hybrid_rt.core.interrupts import held_back
     from hybrid_rt.core.precompile import want
     from hybrid_rt.core.progress import watch_compilation
     from hybrid_rt.sensor.image_files import check_output
@@ -311,11 +337,13 @@ def _run_demo(options: argparse.Namespace) -> None:
     check_output(options.out)
     want(*demo.KERNELS)
     scene = demo.scene()
-    with _shown_progress(options.quiet) as progress:
-        result, interrupt = _rendered(
-            scene, integrator="whitted", passes=demo.PASSES, progress=progress
-        )
-    result.save(options.out)
+    with ExitStack() as until_saved:
+        with _shown_progress(options.quiet) as progress:
+            result, interrupt = _rendered(
+                scene, integrator="whitted", passes=demo.PASSES, progress=progress
+            )
+            until_saved.enter_context(held_back())
+        result.save(options.out)
     _say(f"{options.out}  ({_summary(result.report)})")
     _say_numbers(result.report)
     if interrupt is not None:

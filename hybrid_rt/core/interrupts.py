@@ -8,20 +8,30 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
 
+Came = list[tuple[Any, ...]]
+
 
 @contextmanager
 def held_back() -> Iterator[None]:
     """Let Ctrl-C wait for the end of this block."""
     handler = signal.getsignal(signal.SIGINT)
+    with kept_back() as came:
+        yield
+    if came and callable(handler):
+        handler(*came[0])
+
+
+@contextmanager
+def kept_back() -> Iterator[Came]:
+    """Let Ctrl-C do nothing in this block but be noted in the list that it is given."""
+    handler = signal.getsignal(signal.SIGINT)
+    came: Came = []
     # Python raises it in the main thread only. What is no function is not Python's to hold back.
     if threading.current_thread() is not threading.main_thread() or not callable(handler):
-        yield
+        yield came
         return
-    came: list[Any] = []
     signal.signal(signal.SIGINT, lambda *signal_and_frame: came.append(signal_and_frame))
     try:
-        yield
+        yield came
     finally:
         signal.signal(signal.SIGINT, handler)
-    if came:
-        handler(*came[0])

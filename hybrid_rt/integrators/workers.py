@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import copy
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor, as_completed
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from hybrid_rt.core.interrupts import held_back
 from hybrid_rt.core.ledger import Ledger
 from hybrid_rt.core.records import FloatArray
 from hybrid_rt.integrators.context import RenderContext
@@ -108,7 +109,7 @@ class Workers:
 
     def render_passes(
         self, passes: range, on_rays: Callable[[int], None] | None = None
-    ) -> Iterator[FloatArray]:
+    ) -> Generator[FloatArray, None, None]:
         """Yield the radiance of one sample per pixel, (height, width, 3) float64, for each pass.
 
         ``on_rays`` hears after each block how many camera rays are done.
@@ -187,7 +188,8 @@ class Workers:
             yield self._submit
         finally:
             self._submit = None
-            executor.shutdown(cancel_futures=True)
+            with held_back():  # or threads would go on counting while others read
+                executor.shutdown(cancel_futures=True)
 
     def _at_once(self, work: Callable[[Any, Any], Any], item: Any) -> Future[Any]:
         future: Future[Any] = Future()

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Sequence
+from contextlib import ExitStack, closing
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
@@ -12,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hybrid_rt.core import checks
-from hybrid_rt.core.interrupts import held_back
+from hybrid_rt.core.interrupts import held_back, kept_back
 from hybrid_rt.core.ledger import Ledger, plain, twelve_digits
 from hybrid_rt.core.precompile import want
 from hybrid_rt.core.progress import Progress, watch_compilation
@@ -68,7 +69,8 @@ class RenderInterrupted(KeyboardInterrupt):
     Attributes
     ----------
     result : RenderResult
-        The picture of the passes that were complete; its report is ``stopped_by`` "interrupted".
+        The picture of the passes that were complete; its report is ``stopped_by`` "interrupted",
+        unless all passes were done when Ctrl-C came.
     """
 
     def __init__(self, result: RenderResult) -> None:
@@ -149,7 +151,7 @@ def render(
         Before any work, if the picture or the photons of a pass are more than the machine holds.
     RenderInterrupted
         A KeyboardInterrupt that holds the picture of the passes done: on Ctrl-C, or where
-        ``progress`` raises one, once a pass is complete.
+        ``progress`` raises one, once a pass is complete. Further ones wait until it is raised.
     """
     if not isinstance(scene, Scene):
         raise TypeError(f"render scene is {checks.shown(scene)}: pass a Scene")
@@ -166,6 +168,22 @@ def render(
     kind = OPTIONS[integrator]
     photons = 0 if kind is None else photons_of(options or kind())
     check_memory(scene.camera, photons, names, passes)
+
+    settings = {
+        "integrator": integrator,
+        "passes": passes,
+        "time_budget": time_budget,
+        "target_error": target_error,
+        "seed": seed,
+        "threads": threads,
+        "max_depth": max_depth,
+        "accuracy": accuracy,
+        "tolerance": tolerance,
+        "outputs": list(names),
+        "options": None if options is None else asdict(options),
+        "width": scene.camera.width,
+        "height": scene.camera.height,
+    }
 
     with watch_compilation(progress) as compilation:
         clock = Clock(compilation)
@@ -193,36 +211,27 @@ def render(
         with ledger.stage("audit"):
             wrong = audit(context, n_threads)
         film = Film(scene.camera.height, scene.camera.width)
-        try:
-            stopped_by = _run_passes(film, workers, limit, clock, progress)
-        except KeyboardInterrupt:
-            if film.n_passes == 0:
-                raise
-            stopped_by = "interrupted"
-        workers.gather()
-        channels = compute_channels(names, context, film)
-    settings = {
-        "integrator": integrator,
-        "passes": passes,
-        "time_budget": time_budget,
-        "target_error": target_error,
-        "seed": seed,
-        "threads": threads,
-        "max_depth": max_depth,
-        "accuracy": accuracy,
-        "tolerance": tolerance,
-        "outputs": list(names),
-        "options": None if options is None else asdict(options),
-        "width": scene.camera.width,
-        "height": scene.camera.height,
-    }
-    blur = workers.blur(film.image)
-    report = _report(plain(settings), context, film, clock, stopped_by) | workers.report(blur)
-    report["geometry"]["wrong_first_hits"] = wrong
-    report["lamps_in_surfaces"] = sunken
-    report["relative_error"] = _relative_error(report["noise"], blur, workers.blur_stays)
-    result = RenderResult(film.image, report, channels)
-    if stopped_by == "interrupted":
+        with ExitStack() as stack:
+            try:
+                stopped_by = _run_passes(film, workers, limit, clock, progress)
+                # What is left to do takes seconds at most: Ctrl-C does not make it lose the picture.
+                came = stack.enter_context(kept_back())
+            except KeyboardInterrupt:
+                came = stack.enter_context(kept_back())
+                if film.n_passes == 0:
+                    raise
+                stopped_by = "interrupted"
+            workers.gather()
+            channels = compute_channels(names, context, film)
+            blur = workers.blur(film.image)
+            report = _report(plain(settings), context, film, clock, stopped_by) | workers.report(
+                blur
+            )
+            report["geometry"]["wrong_first_hits"] = wrong
+            report["lamps_in_surfaces"] = sunken
+            report["relative_error"] = _relative_error(report["noise"], blur, workers.blur_stays)
+            result = RenderResult(film.image, report, channels)
+    if came or stopped_by == "interrupted":
         raise RenderInterrupted(result)
     return result
 
@@ -256,9 +265,11 @@ def _run_passes(
                 progress("Rendering", n_before + n_done, total)
 
         passes = range(film.n_passes, film.n_passes + n_together)
-        for radiance in workers.render_passes(passes, on_rays):
-            with held_back(), workers.context.ledger.stage("film"):
-                film.add(radiance)
+        # Closed here, so that no thread is still at work when an interrupt goes on from here.
+        with closing(workers.render_passes(passes, on_rays)) as radiances:
+            for radiance in radiances:
+                with held_back(), workers.context.ledger.stage("film"):
+                    film.add(radiance)
         if watches_error and film.n_passes >= limit.next_estimate():
             with workers.context.ledger.stage("noise"):
                 noise, blur = film.relative_error(), workers.blur(film.image)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -12,6 +13,10 @@ from numpy.typing import NDArray
 from hybrid_rt.core.records import FloatArray
 from hybrid_rt.sensor.image_metrics import DARK
 from hybrid_rt.sensor.passes import GROUPS, RUN
+
+# A disk with less room than this is as good as full, bytes.
+TRIAL_SIZE = 2**14
+
 
 # Radiances beyond the range of numbers end as inf and nan, which the report counts.
 OVERFLOWS = np.errstate(over="ignore", invalid="ignore")
@@ -239,3 +244,9 @@ def _mean_of_neighbours(image: FloatArray) -> FloatArray:
                 count += inside[down : down + height, right : right + width]
     mean: FloatArray = total / count
     return mean
+
+
+def _named(error: OSError, file: Path) -> OSError:
+    """Return what says of which file an error is."""
+    reason = error.strerror or " ".join(str(error).split())
+    return type(error)(f"output {str(file)!r} cannot be written ({reason}): name another file")

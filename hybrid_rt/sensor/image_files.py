@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from hybrid_rt.core.ledger import as_json
 from hybrid_rt.sensor.channel_names import PARTS
 from hybrid_rt.sensor.color import screen_pixels
+from hybrid_rt.sensor.film import TRIAL_SIZE, _named
 from meshing.checks import as_path, number
 
 # Exposures up to here keep their factor a number.
@@ -51,7 +52,8 @@ def save_image(
     Returns
     -------
     Path
-        The sidecar: a.json of a.png, a.npz.json of a.npz, so that none takes another's place.
+        The sidecar: a.json of a.png, a.npz.json of a.npz, a.npz.png.json of a.npz.png, so that none
+        takes another's place.
 
     Raises
     ------
@@ -72,10 +74,9 @@ def save_image(
 
 
 def sidecar_of(picture: Path) -> Path:
-    """Return where the report of a picture is kept."""
-    return picture.with_suffix(
-        ".json" if picture.suffix.lower() == ".png" else f"{picture.suffix}.json"
-    )
+    """Return where the report of a picture is kept: no two pictures have the same place."""
+    is_short = picture.suffix.lower() == ".png" and Path(picture.stem).suffix.lower() not in WRITERS
+    return picture.with_suffix(".json" if is_short else f"{picture.suffix}.json")
 
 
 def keeps_channels(picture: Path) -> bool:
@@ -104,16 +105,17 @@ def check_writable(file: Path) -> None:
             f"output {str(file)!r} has no folder {str(file.parent)!r}: make it, or name another file"
         )
     try:
-        # A trial tells more than permissions do: full disks, names too long.
+        # A trial tells more than permissions do: full disks, names too long. An empty file fits on
+        # a full disk.
         trial = _temporary(file)
-        trial.touch()
-        trial.unlink()
+        try:
+            trial.write_bytes(bytes(TRIAL_SIZE))
+        finally:
+            trial.unlink(missing_ok=True)
         if file.is_dir():
             raise IsADirectoryError(errno.EISDIR, "it is a folder")
     except OSError as error:
-        raise type(error)(
-            f"output {str(file)!r} cannot be written ({error.strerror}): name another file"
-        ) from error
+        raise _named(error, file) from error
 
 
 def _write_png(
@@ -160,7 +162,11 @@ def _write_exr(
         "hybrid_rt": report,
     }
     contiguous = {name: np.ascontiguousarray(plane) for name, plane in planes.items()}
-    OpenEXR.File(header, contiguous).write(file.name)
+    try:
+        OpenEXR.File(header, contiguous).write(file.name)
+    except RuntimeError as error:
+        # It names the temporary file, and then the reason.
+        raise OSError(str(error).strip(". ").rpartition(". ")[2]) from error
 
 
 Writer = Callable[[BinaryIO, NDArray[np.float32], str, Channels, float], None]
@@ -171,12 +177,20 @@ WRITERS: dict[str, Writer] = {".png": _write_png, ".npz": _write_npz, ".exr": _w
 
 @contextmanager
 def replacing(target: Path) -> Iterator[BinaryIO]:
-    """Open a file under a temporary name that takes the target's place once it is complete."""
+    """Open a file under a temporary name that takes the target's place once it is complete.
+
+    Raises
+    ------
+    OSError
+        Naming the target, if it cannot be written to the end.
+    """
     temporary = _temporary(target)
     try:
         with temporary.open("wb") as file:
             yield file
         temporary.replace(target)
+    except OSError as error:
+        raise _named(error, target) from error
     finally:
         temporary.unlink(missing_ok=True)
 

@@ -3,6 +3,7 @@
 import importlib.util
 import io
 import json
+import resource
 import runpy
 import sys
 import time
@@ -54,6 +55,19 @@ def test_figures_that_cannot_be_kept_are_refused_first(tmp_path, capsys, name, w
 
     assert command.run_tool(main) == 2
     assert words in capsys.readouterr().err
+
+
+def test_figures_that_a_full_disk_loses_are_named(tmp_path):
+    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (2**15, limits[1]))
+    try:
+        with (
+            pytest.raises(OSError, match=r"a\.json' cannot be written \(File too large\): name"),
+            command.kept(tmp_path / "a.json", lambda: [0.5] * 2**14),
+        ):
+            pass
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
 
 
 def test_letters_that_the_output_does_not_have_are_numbers(monkeypatch):

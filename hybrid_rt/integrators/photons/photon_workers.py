@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from abc import abstractmethod
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Generator
 from threading import Lock
 from typing import Any, TypeVar, cast
 
@@ -98,7 +98,7 @@ class PhotonWorkers(Workers):
 
     def render_passes(
         self, passes: range, on_rays: Callable[[int], None] | None = None
-    ) -> Iterator[FloatArray]:
+    ) -> Generator[FloatArray, None, None]:
         """Yield the radiance of one sample per pixel and one set of photons, for each pass."""
         camera = self.context.scene.camera
         blur = np.zeros_like(self._blur)

@@ -163,3 +163,12 @@ def test_pictures_compared_are_not_replaced(tmp_path, monkeypatch, capsys):
     assert "output 'a.png' is one of the pictures: name another" in capsys.readouterr().err
     assert (tmp_path / "a.png").read_bytes() == before
     assert json.loads((tmp_path / "a.json").read_text()) == REPORT
+
+
+def test_reports_of_pictures_compared_are_not_replaced(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    write("a.npz", TRUTH)
+    write("b.npz", 0.5 * TRUTH)
+    assert cli.main(["compare", "a.npz", "b.npz", "--out", "a.npz.png"]) == 0
+    assert json.loads((tmp_path / "a.npz.json").read_text()) == REPORT
+    assert json.loads((tmp_path / "a.npz.png.json").read_text())["against"] == "b.npz"

@@ -1,3 +1,4 @@
+import errno
 import json
 import subprocess
 import sys
@@ -11,6 +12,7 @@ from hybrid_rt.cli import program as cli
 from hybrid_rt.cli.command import BAD_INPUT, CLOSED_PIPE, INTERRUPTED
 from hybrid_rt.cli.scene_file import SceneFileError, load_scene
 from hybrid_rt.rendering import renderer as rendering
+from hybrid_rt.sensor import film
 
 SCRIPT = """
 import sys
@@ -187,7 +189,8 @@ def test_a_script_that_runs_as_a_program_names_the_line_as_well(folder):
 
 def test_a_closed_pipe_ends_without_a_word_and_loses_no_file(folder):
     code = "import sys; from hybrid_rt.cli.program import main; sys.exit(main(sys.argv[1:]))"
-    words = ["render", "ball.py", "--passes", "1", "--quiet", "--out", "a.png", "--out", "b.npz"]
+    words = ["render", "ball.py", "--passes", "1", "--quiet", "--explain"]
+    words += ["--out", "a.png", "--out", "b.npz"]
     with subprocess.Popen(
         [sys.executable, "-c", code, *words],
         cwd=folder, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
@@ -198,6 +201,41 @@ def test_a_closed_pipe_ends_without_a_word_and_loses_no_file(folder):
     assert {path.name for path in folder.iterdir()} == {
         "ball.py", "a.png", "a.json", "b.npz", "b.npz.json",
     }  # fmt: skip
+
+
+def test_a_file_that_cannot_be_written_does_not_take_the_others_with_it(
+    folder, capsys, monkeypatch
+):
+    def full(*_):
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setitem(film.WRITERS, ".png", full)
+    words = ["--passes", "1", "--quiet", "--out", "a.png", "--out", "b.npz", "--out", "c.png"]
+    assert cli.main(["render", "ball.py", *words]) == BAD_INPUT
+    captured = capsys.readouterr()
+    assert captured.out.startswith("b.npz  (1 pass")
+    assert "stopped   by the number of passes" in captured.out
+    lines = captured.err.splitlines()
+    assert len(lines) == 2
+    for name, line in zip("ac", lines, strict=True):
+        assert line == (
+            f"hybrid-rt: output '{folder / name}.png' cannot be written (No space left on device): "
+            "name another file"
+        )
+    assert {path.name for path in folder.iterdir()} == {"ball.py", "b.npz", "b.npz.json"}
+
+
+@pytest.mark.parametrize("words", [[], ["--out", "a.png"]])
+def test_a_script_that_goes_elsewhere_does_not_take_the_picture_with_it(folder, words):
+    (folder / "elsewhere").mkdir()
+    moving = SCRIPT.replace("    camera =", '    import os; os.chdir("elsewhere")\n    camera =')
+    (folder / "ball.py").write_text(moving)
+    assert cli.main(["render", "ball.py", "--passes", "1", "--quiet", *words]) == 0
+    name = "a" if words else "ball"
+    assert {path.name for path in folder.iterdir()} == {
+        "ball.py", "elsewhere", f"{name}.png", f"{name}.json",
+    }  # fmt: skip
+    assert not list((folder / "elsewhere").iterdir())
 
 
 @pytest.mark.usefixtures("folder")

@@ -15,9 +15,13 @@ import pytest
 
 from hybrid_rt.core.interrupts import held_back
 from hybrid_rt.integrators import PPMOptions
+from hybrid_rt.integrators.path.path_tracer import PathTracer
+from hybrid_rt.integrators.photons.photon_workers import PhotonWorkers
+from hybrid_rt.integrators.workers import Workers
 from hybrid_rt.lights import RectangleLight
 from hybrid_rt.materials import Lambertian
 from hybrid_rt.primitives import Plane, Sphere
+from hybrid_rt.rendering import render as rendering
 from hybrid_rt.rendering import summary as numbers
 from hybrid_rt.rendering.renderer import RenderInterrupted, render
 from hybrid_rt.scene.scene import Object, Scene
@@ -74,6 +78,63 @@ def test_complete_passes_come_with_the_interrupt(integrator, options, threads):
     assert found.report["stopped_by"] == "interrupted"
     for name in ("passes", "noise", "relative_error"):
         assert found.report[name] == whole.report[name]
+
+
+STEPS_AT_THE_END = [(Workers, "gather"), (rendering, "compute_channels"), (PhotonWorkers, "blur")]
+
+
+@pytest.mark.parametrize(("place", "step"), STEPS_AT_THE_END)
+@pytest.mark.parametrize("passes", [2, None])
+def test_ctrl_c_at_the_end_loses_nothing(monkeypatch, place, step, passes):
+    """Once after all passes, or a second time after the first one has ended them."""
+    whole = getattr(place, step)
+
+    def interrupted(*arguments):
+        os.kill(os.getpid(), signal.SIGINT)
+        time.sleep(0.01)
+        return whole(*arguments)
+
+    def stop_in_the_third(stage, done, total):
+        del total
+        if passes is None and stage == "Rendering" and done > 2 * 24 * 16:
+            raise KeyboardInterrupt
+
+    monkeypatch.setattr(place, step, interrupted)
+    settings = {"options": PPMOptions(2000, initial_radius=0.3), "outputs": ["depth"]}
+    with pytest.raises(KeyboardInterrupt) as caught:
+        render(ball(), "ppm", passes, target_error=1e-9, progress=stop_in_the_third, **settings)
+    assert isinstance(caught.value, RenderInterrupted)
+    assert str(caught.value) == "interrupted after 2 passes"
+    monkeypatch.undo()
+    found, expected = caught.value.result, render(ball(), "ppm", 2, **settings)
+    np.testing.assert_array_equal(found.image, expected.image)
+    np.testing.assert_array_equal(found.channels["depth"], expected.channels["depth"])
+    assert found.report["relative_error"] == expected.report["relative_error"]
+    assert found.report["stopped_by"] == ("interrupted" if passes is None else "passes")
+    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+
+
+def test_no_thread_works_on_when_the_interrupt_is_heard(monkeypatch):
+    """A second Ctrl-C while threads end their blocks: their counters are read afterwards."""
+    at_work, main = [], threading.main_thread().ident
+
+    def slow(self, passes, first, stop):
+        at_work.append(first)
+        if first == 0:
+            for _ in range(2):
+                time.sleep(0.1)
+                signal.pthread_kill(main, signal.SIGINT)
+        time.sleep(0.2)
+        at_work.remove(first)
+        return trace(self, passes, first, stop)
+
+    trace = PathTracer.trace
+    monkeypatch.setattr(PathTracer, "trace", slow)
+    scene = ball()
+    scene = scene.with_camera(scene.camera.resized(64, 48))  # three blocks
+    with pytest.raises(KeyboardInterrupt):
+        render(scene, passes=1, threads=2)
+    assert not at_work
 
 
 def test_an_interrupt_comes_out_of_other_processes():

@@ -1,4 +1,5 @@
 import json
+import resource
 
 import imageio.v3 as imageio
 import numpy as np
@@ -112,9 +113,45 @@ def test_outputs_that_cannot_be_written_are_refused(tmp_path, name, error, words
     assert len(list(tmp_path.iterdir())) == 3
 
 
+@pytest.fixture
+def only_bytes():
+    """As if every disk had room for so few more bytes in a file."""
+    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+    yield lambda n: resource.setrlimit(resource.RLIMIT_FSIZE, (n, limits[1]))
+    resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+
+
+def test_full_disks_are_found_before_the_work(tmp_path, only_bytes):
+    """An empty file can be made on a full disk."""
+    only_bytes(1000)
+    with pytest.raises(OSError, match=r"output '.*a\.png' cannot be written .*: name another"):
+        check_output(tmp_path / "a.png")
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("ending", [".png", ".npz", ".exr"])
+def test_a_disk_that_fills_is_named_with_its_file_and_the_old_one_stays(
+    tmp_path, only_bytes, ending
+):
+    if ending == ".exr":
+        pytest.importorskip("OpenEXR")
+    target = tmp_path / f"a{ending}"
+    target.write_bytes(b"old")
+    noise = np.random.default_rng(1).random((100, 100, 3)).astype(np.float32)
+    only_bytes(film.TRIAL_SIZE)
+    with pytest.raises(
+        OSError, match=rf"output '.*a\{ending}' cannot be written \(File too large\)"
+    ):
+        save_image(target, noise, {})
+    assert target.read_bytes() == b"old"
+    assert list(tmp_path.iterdir()) == [target]
+
+
 def test_pictures_of_one_name_keep_their_own_reports(tmp_path):
-    for seed, ending in enumerate((".png", ".npz")):
+    endings = (".png", ".npz", ".npz.png", ".npz.png.npz", ".png.png")
+    for seed, ending in enumerate(endings):
         save_image(tmp_path / f"a{ending}", IMAGE, {"seed": seed})
+    assert len(list(tmp_path.iterdir())) == 2 * len(endings)
     assert json.loads((tmp_path / "a.json").read_text()) == {"seed": 0}
     assert json.loads((tmp_path / "a.npz.json").read_text()) == {"seed": 1}
 
