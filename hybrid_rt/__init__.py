@@ -34,13 +34,13 @@ _HOMES = {
     "PointLight": "lights",
     "Rectangle": "primitives",
     "RectangleLight": "lights",
-    "RenderInterrupted": "rendering",
+    "RenderInterrupted": "rendering.renderer",
     "Scene": "scene.scene",
     "Sphere": "primitives",
     "SphereLight": "lights",
     "Status": "core.records",
     "TriangleMesh": "primitives",
-    "render": "rendering",
+    "render": "rendering.renderer",
 }
 
 __all__ = ["__version__", *sorted(_HOMES)]  # noqa: PLE0604  (names of modules loaded on demand)

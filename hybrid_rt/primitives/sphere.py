@@ -110,7 +110,7 @@ class Sphere(Surface):
         ValueError, TypeError
             If they do not broadcast, or there is no such piece.
         """
-        from hybrid_rt.intersection.kernels.sphere import settle_on_sphere
+        from hybrid_rt.core.kernels.sphere_points import settle_on_sphere
 
         points: FloatArray = self.center + self.radius * self._outward(u, v, patch_id)
         settle_on_sphere(points, self.center, self.radius)

@@ -32,12 +32,12 @@ from hybrid_rt.rendering.summary import passes_in_words
 from hybrid_rt.rendering.versions import peak_memory_mib, versions
 from hybrid_rt.sampling.sampler import Sampler
 from hybrid_rt.scene.compiled import CompiledScene, compile_scene
+from hybrid_rt.scene.lamps_in_surfaces import with_lamps_lifted
 from hybrid_rt.scene.plan import KERNELS_FOR, make_plan
 from hybrid_rt.scene.scene import Scene
 from hybrid_rt.sensor.channel_names import check_names
 from hybrid_rt.sensor.film import Film
 from hybrid_rt.sensor.image_files import save_image
-from hybrid_rt.sunken_lamps import with_lamps_lifted
 
 
 @dataclass(frozen=True)

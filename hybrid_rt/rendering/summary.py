@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from typing import Any
 
+from hybrid_rt.scene.lamps_in_surfaces import lamp_in_words
+
 # What each limit is called, and what of it was reached.
 _STOPPED_BY = {
     "passes": "the number of passes",
@@ -32,21 +34,6 @@ def per_cent(share: float) -> str:
 def passes_in_words(n: int) -> str:
     """Return how many passes there are."""
     return "1 pass" if n == 1 else f"{n} passes"
-
-
-def lamp_in_words(note: dict[str, Any]) -> str:
-    """Put into words what `hybrid_rt.sunken_lamps` says of a lamp."""
-    place = f"{note['lamp']} lies in {note['surface']}"
-    if note["lifted_by"] > 0.0:
-        return (
-            f"{place}: it counts as lying before it, and was moved there by {note['lifted_by']:.1g}"
-        )
-    if note["share"] < 0.995:
-        place += f", with {100.0 * note['share']:.2g} % of its area"
-    return (
-        f"{place}: which of the two is met there is not defined, and integrators differ: move it "
-        "away from there, a millionth of its size is enough"
-    )
 
 
 def _warnings(report: dict[str, Any]) -> list[str]:

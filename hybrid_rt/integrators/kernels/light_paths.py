@@ -22,7 +22,7 @@ between, the densities of the two directions per projected solid angle, from eit
 import math
 from typing import Any, NamedTuple
 
-from hybrid_rt.intersection.kernels.sphere import onto_sphere
+from hybrid_rt.core.kernels.sphere_points import onto_sphere
 from hybrid_rt.shading.kernels.bsdf import (
     DIELECTRIC,
     LAST_SPREADING,

@@ -10,7 +10,7 @@ many, never the light that they carry.
 import math
 from typing import Any, NamedTuple
 
-from hybrid_rt.intersection.kernels.sphere import onto_sphere
+from hybrid_rt.core.kernels.sphere_points import onto_sphere
 from hybrid_rt.shading.kernels.emitter import POINT, RECTANGLE, SPHERE, light_strength
 from hybrid_rt.shading.kernels.environment import sky_direction, sky_pdf, sky_radiance
 from hybrid_rt.shading.kernels.warp import onto_axis

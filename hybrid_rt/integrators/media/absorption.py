@@ -6,10 +6,10 @@ from collections.abc import Iterable
 
 import numpy as np
 
+from hybrid_rt.core.kernels.sphere_points import settle_on_sphere
 from hybrid_rt.core.records import FloatArray, HitRecord, IntArray, NamedPoints
 from hybrid_rt.integrators.context import RenderContext
 from hybrid_rt.integrators.media.contacts import Contacts, first_hits
-from hybrid_rt.intersection.kernels.sphere import settle_on_sphere
 from hybrid_rt.scene.compiled import NOTHING, CompiledScene
 from hybrid_rt.shading.kernels.emitter import RECTANGLE, SPHERE
 from hybrid_rt.shading.kernels.medium_stack import STACK, cross_media

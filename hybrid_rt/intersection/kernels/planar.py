@@ -4,8 +4,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from hybrid_rt.core.kernels.compensated import two_difference
 from hybrid_rt.intersection.kernels.patch.solve import TANGENT_BAND, UNIT_ROUNDOFF
-from hybrid_rt.intersection.kernels.search.frame import two_difference
 from hybrid_rt.intersection.kernels.search.nearest import offer
 from meshing.kernels.jit import hot_kernel, inlined
 

@@ -11,18 +11,14 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from hybrid_rt.core.kernels.compensated import two_difference
+from hybrid_rt.core.kernels.sphere_points import onto_sphere, power_of_point
 from hybrid_rt.intersection.kernels.patch.solve import TANGENT_BAND, UNIT_ROUNDOFF
 from hybrid_rt.intersection.kernels.patch.subdivide import NODES
-from hybrid_rt.intersection.kernels.search.frame import (
-    SPLITTER,
-    begin_of,
-    end_of,
-    enter_frame,
-    two_difference,
-)
+from hybrid_rt.intersection.kernels.search.frame import begin_of, end_of, enter_frame
 from hybrid_rt.intersection.kernels.search.nearest import offer
 from hybrid_rt.intersection.kernels.search.tree import box_ray, next_leaf
-from meshing.kernels.jit import hot_kernel, inlined, kernel
+from meshing.kernels.jit import hot_kernel, inlined
 
 # Rays from farther away (in frame units) have a TANGENT band wider than the margin of the boxes.
 FARTHEST = 2.0**25
@@ -47,56 +43,6 @@ def sphere_table(spheres, object_id):
         orientation=np.array([float(s.orientation) for s in spheres]),
         object_id=object_id,
     )
-
-
-@inlined
-def square(x):
-    """X * x as an unevaluated sum of two numbers."""
-    p = x * x
-    c = SPLITTER * x
-    h = c - (c - x)
-    low = x - h
-    return p, ((h * h - p) + 2.0 * h * low) + low * low
-
-
-@inlined
-def add(high, low, a, b):
-    """(high + low) + (a + b), normalised."""
-    s = high + a
-    z = s - high
-    low = low + b + ((high - (s - z)) + (a - z))
-    r = s + low
-    return r, low - (r - s)
-
-
-@inlined
-def power_of_point(fx, fy, fz, gx, gy, gz, r):
-    """|f + g|^2 - r^2 with f the rounded and g the lost part of o - c, good to 2**-100 r^2."""
-    high, low = square(fx)
-    p, q = square(fy)
-    high, low = add(high, low, p, q)
-    p, q = square(fz)
-    high, low = add(high, low, p, q)
-    p, q = square(r)
-    high, low = add(high, low, -p, -q)
-    return high + (low + 2.0 * (fx * gx + fy * gy + fz * gz))
-
-
-@inlined
-def onto_sphere(px, py, pz, cx, cy, cz, r):
-    """Move a point beside a sphere along the radius onto it.
-
-    c + r x carries the rounding of |c| + r, o + t d that of the way: more than the point's own
-    coordinates where these are small. Then a ray that leaves the point would meet the sphere
-    again. Here |p - c|^2 - r^2 is taken in double-double, so what stays is the rounding of the three
-    coordinates, as `hybrid_rt.intersection.ray_batch` takes for granted. For |p - c| = (1 + e) r one step
-    leaves e^2 / 2, the square of a rounding.
-    """
-    fx, gx = two_difference(px, cx)
-    fy, gy = two_difference(py, cy)
-    fz, gz = two_difference(pz, cz)
-    part = power_of_point(fx, fy, fz, gx, gy, gz, r) / (fx * fx + fy * fy + fz * fz + r * r)
-    return px - part * fx, py - part * fy, pz - part * fz
 
 
 @inlined
@@ -230,12 +176,3 @@ def finish_spheres(table, rays, best, row_of, out):
         out.v[i] = min(max(np.arctan2(np.sqrt(a * a + b * b), -h) / np.pi, 0.0), 1.0)
         out.patch_id[i] = 0
         out.residual[i] = abs(length - r)
-
-
-@kernel
-def settle_on_sphere(points, center, radius):
-    """Move points (n, 3) beside a sphere onto it; in place."""
-    for i in range(points.shape[0]):
-        points[i, 0], points[i, 1], points[i, 2] = onto_sphere(
-            points[i, 0], points[i, 1], points[i, 2], center[0], center[1], center[2], radius
-        )

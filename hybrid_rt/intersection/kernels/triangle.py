@@ -9,9 +9,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from hybrid_rt.core.kernels.compensated import product
 from hybrid_rt.intersection.kernels.patch.solve import TANGENT_BAND, UNIT_ROUNDOFF
 from hybrid_rt.intersection.kernels.patch.subdivide import CELLS, NODES
-from hybrid_rt.intersection.kernels.search.frame import begin_of, end_of, enter_frame, product
+from hybrid_rt.intersection.kernels.search.frame import begin_of, end_of, enter_frame
 from hybrid_rt.intersection.kernels.search.nearest import offer
 from hybrid_rt.intersection.kernels.search.tree import box_ray, next_leaf
 from meshing.kernels.jit import hot_kernel, inlined, inner

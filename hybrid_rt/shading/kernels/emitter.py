@@ -8,8 +8,8 @@ rendering", SIGGRAPH 1995.
 import math
 from typing import Any, NamedTuple
 
-from hybrid_rt.intersection.kernels.search.frame import two_difference
-from hybrid_rt.intersection.kernels.sphere import power_of_point
+from hybrid_rt.core.kernels.compensated import two_difference
+from hybrid_rt.core.kernels.sphere_points import power_of_point
 from hybrid_rt.shading.kernels.bsdf import leaves_through_face, scattered
 from hybrid_rt.shading.kernels.environment import sky_direction, sky_pdf, sky_radiance
 from hybrid_rt.shading.kernels.medium_stack import filling_medium, ior_of

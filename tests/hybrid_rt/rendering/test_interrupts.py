@@ -21,7 +21,7 @@ from hybrid_rt.integrators.workers import Workers
 from hybrid_rt.lights import RectangleLight
 from hybrid_rt.materials import Lambertian
 from hybrid_rt.primitives import Plane, Sphere
-from hybrid_rt.rendering import render as rendering
+from hybrid_rt.rendering import renderer as rendering
 from hybrid_rt.rendering import summary as numbers
 from hybrid_rt.rendering.renderer import RenderInterrupted, render
 from hybrid_rt.scene.scene import Object, Scene

@@ -4,7 +4,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from hybrid_rt.intersection.kernels.search.frame import advance, enter_frame
+from hybrid_rt.core.kernels.compensated import advance
+from hybrid_rt.intersection.kernels.search.frame import enter_frame
 from hybrid_rt.intersection.kernels.search.nearest import offer
 from meshing.kernels.jit import hot_kernel, inlined
 

@@ -6,46 +6,14 @@ subtraction what is kept here: the origin is carried as an unevaluated sum of tw
 
 import numpy as np
 
+from hybrid_rt.core.kernels.compensated import advance, two_difference
 from meshing.kernels.jit import inlined
 
 # Everything in the frame lies within this of its origin; rays start within twice that.
 FRAME_RADIUS = 1.0
-SPLITTER = 134217729.0  # 2**27 + 1
 # What begins within this behind the nearest root is still looked into (times 1 + |t|): far more than
 # two neighbours can disagree on the t of a root that they share.
 CUT_SLACK = 2.0**-20
-
-
-@inlined
-def two_difference(a, b):
-    """Return a - b rounded, and what the rounding left (Knuth 1969)."""
-    s = a - b
-    z = s - a
-    return s, (a - (s - z)) - (b + z)
-
-
-@inlined
-def product(a, b):
-    """Return a b rounded, and what the rounding left (Dekker 1971)."""
-    p = a * b
-    c = SPLITTER * a
-    ah = c - (c - a)
-    al = a - ah
-    c = SPLITTER * b
-    bh = c - (c - b)
-    bl = b - bh
-    return p, ((ah * bh - p) + ah * bl + al * bh) + al * bl
-
-
-@inlined
-def advance(high, low, t, d):
-    """Return (high + low) + t d as an unevaluated sum of two numbers (Dekker 1971)."""
-    p, e = product(t, d)
-    s = high + p
-    z = s - high
-    low = low + ((high - (s - z)) + (p - z)) + e
-    r = s + low
-    return r, low - (r - s)
 
 
 @inlined

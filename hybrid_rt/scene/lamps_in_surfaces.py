@@ -23,7 +23,6 @@ from hybrid_rt.intersection.coincident import FACE_ROUNDING
 from hybrid_rt.lights import RectangleLight
 from hybrid_rt.lights.light import Light
 from hybrid_rt.lights.surface import shining_surface
-from hybrid_rt.rendering.summary import lamp_in_words
 from hybrid_rt.scene.compiled import NOTHING, CompiledScene, compile_scene
 from hybrid_rt.scene.scene import Object, Scene
 from hybrid_rt.shading.kernels.emitter import POINT
@@ -116,6 +115,21 @@ def with_lamps_lifted(
         compiled = compile_scene(scene)
         tracer = build(compiled)
     return compiled, tracer, list(notes.values())
+
+
+def lamp_in_words(note: dict[str, Any]) -> str:
+    """Put into words what `with_lamps_lifted` says of a lamp."""
+    place = f"{note['lamp']} lies in {note['surface']}"
+    if note["lifted_by"] > 0.0:
+        return (
+            f"{place}: it counts as lying before it, and was moved there by {note['lifted_by']:.1g}"
+        )
+    if note["share"] < 0.995:
+        place += f", with {100.0 * note['share']:.2g} % of its area"
+    return (
+        f"{place}: which of the two is met there is not defined, and integrators differ: move it "
+        "away from there, a millionth of its size is enough"
+    )
 
 
 def sunken_lamps(scene: CompiledScene, tracer: Intersector) -> list[Sunken]:
