@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hybrid_rt.core.records import HitRecord
-from hybrid_rt.integrators import RenderContext
+from hybrid_rt.integrators.context import RenderContext
 from hybrid_rt.integrators.direct_light import SurfaceLight
 from hybrid_rt.sensor.channel_names import OF_PASSES, PARTS
 from hybrid_rt.sensor.film import Film

@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 from hybrid_rt.sensor.camera import Camera
 from hybrid_rt.sensor.channel_names import PARTS
@@ -63,11 +62,6 @@ def available_bytes() -> int:
         return min(total, int(CONTAINER_LIMIT.read_text()))
     except (OSError, ValueError):  # there is no such file, or it says "max"
         return total
-
-
-def photons_of(options: Any) -> int:
-    """Return the photons of each pass that settings ask for; 0 where they know none."""
-    return int(getattr(options, "photons_per_pass", 0))
 
 
 def _in_words(n_bytes: int) -> str:

@@ -38,8 +38,6 @@ class MapCrew(PhotonCrew):
         Each has a `Looker` of its own.
     """
 
-    blur_stays = True
-
     def __init__(self, context: RenderContext, threads: int) -> None:
         super().__init__(context, threads)
         self._options: PhotonMapOptions = context.options or PhotonMapOptions()
