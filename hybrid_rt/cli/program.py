@@ -130,6 +130,7 @@ def _parser() -> argparse.ArgumentParser:
 
 def _add_render_options(parser: argparse.ArgumentParser) -> None:
     from hybrid_rt.integrators import DEFAULT, INTEGRATORS
+    from hybrid_rt.rendering.channels import OUTPUTS
 
     *others, last = INTEGRATORS
     parser.add_argument(
@@ -176,8 +177,7 @@ def _add_render_options(parser: argparse.ArgumentParser) -> None:
         "--outputs",
         default="",
         metavar="A,B",
-        help="also keep in .npz and .exr: depth, position, normal, uv, object_id, albedo, samples, "
-        "standard_error, half_interval",
+        help=f"also keep in .npz and .exr: {', '.join(OUTPUTS)}",
     )
     parser.add_argument(
         "--exposure", type=_stops, default=0.0, metavar="E", help="stops, for .png (default 0)"
@@ -221,9 +221,9 @@ def _render(load: Callable[[], tuple[Scene, str]], name: str, options: argparse.
     from hybrid_rt.core.progress import watch_compilation
     from hybrid_rt.core.threads import Pool
     from hybrid_rt.intersection.intersector import check_settings
+    from hybrid_rt.rendering.channels import check_names
     from hybrid_rt.rendering.limits import Limit
     from hybrid_rt.sampling.sampler import Sampler
-    from hybrid_rt.sensor.channel_names import check_names
     from hybrid_rt.sensor.image_files import check_output, keeps_channels
 
     outputs = [check_output(path) for path in options.out or [Path(f"{name}.png")]]

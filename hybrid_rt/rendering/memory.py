@@ -6,8 +6,8 @@ import os
 from collections.abc import Sequence
 from pathlib import Path
 
+from hybrid_rt.rendering.channels import numbers_per_pixel
 from hybrid_rt.sensor.camera import Camera
-from hybrid_rt.sensor.channel_names import PARTS
 
 # Of each pixel: sums of four groups and of squares, one pass, the picture (as measured, 120); by
 # photons also the blur of each pixel and its squares (190).
@@ -41,8 +41,8 @@ def check_memory(
         Naming the memory it would take, and the memory there is.
     """
     n_pixels, available = camera.width * camera.height, available_bytes()
-    parts = sum(max(len(PARTS[name]), 1) for name in outputs)
-    per_pixel = (PER_PIXEL_WITH_PHOTONS if photons else PER_PIXEL) + 4 * parts
+    per_pixel = PER_PIXEL_WITH_PHOTONS if photons else PER_PIXEL
+    per_pixel += 4 * numbers_per_pixel(outputs)
     for_pixels = n_pixels * per_pixel
     for_photons = min(passes or PHOTON_SETS, PHOTON_SETS) * photons * PER_PHOTON
     if for_pixels + for_photons > available:

@@ -25,7 +25,7 @@ from hybrid_rt.integrators.workers import TOGETHER, Blur, Crew
 from hybrid_rt.intersection import Intersector
 from hybrid_rt.intersection.intersector import check_settings
 from hybrid_rt.rendering.audit import audit
-from hybrid_rt.rendering.channels import compute_channels
+from hybrid_rt.rendering.channels import OUTPUTS, check_names, compute_channels
 from hybrid_rt.rendering.limits import Clock, Limit
 from hybrid_rt.rendering.memory import check_memory
 from hybrid_rt.rendering.summary import passes_in_words
@@ -34,7 +34,6 @@ from hybrid_rt.sampling.sampler import Sampler
 from hybrid_rt.scene.compiled import compile_scene
 from hybrid_rt.scene.plan import KERNELS_FOR, make_plan
 from hybrid_rt.scene.scene import Scene
-from hybrid_rt.sensor.channel_names import check_names
 from hybrid_rt.sensor.film import Film
 from hybrid_rt.sensor.image_files import save_image
 
@@ -59,7 +58,8 @@ class RenderResult:
 
     def save(self, path: str | os.PathLike[str], exposure: float = 0.0) -> None:
         """Write the picture, and the report beside it; see `hybrid_rt.sensor.image_files.save_image`."""
-        save_image(path, self.image, self.report, self.channels, exposure)
+        parts = {name: output.parts for name, output in OUTPUTS.items()}
+        save_image(path, self.image, self.report, self.channels, exposure, parts)
 
 
 class RenderInterrupted(KeyboardInterrupt):
