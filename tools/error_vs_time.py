@@ -139,7 +139,9 @@ def _study_picture(scene: Scene, args: argparse.Namespace) -> PictureStudy:
         reference_passes=args.reference_passes or (128 if args.quick else 1024),
         reference=None if args.reference is None else load_picture(args.reference),
         reference_by=args.reference_by,
-        methods=default_methods(scene, args.integrators, args.photons, args.alphas),
+        methods=default_methods(
+            scene, args.integrators, {"photons": args.photons, "alpha": args.alphas}
+        ),
         threads=args.threads,
         say=_say,
     )

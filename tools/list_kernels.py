@@ -26,9 +26,7 @@ from numba.core import event
 from hybrid_rt import (
     Box,
     Intersector,
-    PhotonMapOptions,
     Plane,
-    PPMOptions,
     Rectangle,
     Sphere,
     TriangleMesh,
@@ -40,6 +38,7 @@ from hybrid_rt.cli.command import one_or_more, run_tool
 from hybrid_rt.cli.scene_file import load_script
 from hybrid_rt.core import precompile
 from hybrid_rt.core.precompile import type_to_json
+from hybrid_rt.integrators import INTEGRATORS
 from hybrid_rt.intersection.kinds.registry import kernel_groups
 from hybrid_rt.rendering.renderer import RenderResult
 from hybrid_rt.verify.cases.campaign import SCENES as SURFACES_TO_JUDGE
@@ -50,11 +49,10 @@ from meshing.kernels.cache import SharedCache, name_of
 SCENES = Path(__file__).parents[1] / "scenes"
 # All of light and material between them.
 RENDERED = ("still_life", "cornell_box", "teapot_room", "wine_glass")
+# Few photons are enough to see what their kernels are called with.
 OPTIONS: dict[str, Any] = {
-    "whitted": None,
-    "path": None,
-    "ppm": PPMOptions(2000),
-    "photon_map": PhotonMapOptions(2000),
+    name: declared.with_settings({"photons": 2000} if declared.sends_photons else {})
+    for name, declared in INTEGRATORS.items()
 }
 WAYS = {
     "certified": ("certified", "embree"),

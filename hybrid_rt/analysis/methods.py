@@ -2,20 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import product
 from typing import Any
 
 import numpy as np
 
 from hybrid_rt.core import checks
-from hybrid_rt.integrators import INTEGRATORS, OPTIONS, PPMOptions
-from hybrid_rt.integrators.photons.photon_tracer import check_lights
+from hybrid_rt.integrators import DEFAULT, INTEGRATORS, Options
 from hybrid_rt.scene.compiled import compile_scene
-from hybrid_rt.scene.plan import WITH_PHOTONS
 from hybrid_rt.scene.scene import Scene
-from hybrid_rt.shading.kernels.bsdf import LAST_SPREADING
-from hybrid_rt.shading.kernels.emitter import POINT
 
 # Tolerances of meshes, relative to the diagonal of all curved surfaces.
 TOLERANCES = (1e-2, 1e-3, 1e-4)
@@ -29,7 +26,7 @@ class Method:
     integrator: str
     accuracy: str = "certified"
     tolerance: float | None = None
-    options: Any = None
+    options: Options | None = None
 
     @property
     def flags(self) -> str:
@@ -39,22 +36,14 @@ class Method:
             flags.append(f"--accuracy {self.accuracy}")
         if self.tolerance is not None:
             flags.append(f"--tolerance {self.tolerance:.3g}")
-        if self.integrator in WITH_PHOTONS and self.options is not None:
-            flags.append(f"--photons {self.options.photons_per_pass}")
-            if isinstance(self.options, PPMOptions) and self.options.alpha != PPMOptions.alpha:
-                flags.append(f"--alpha {self.options.alpha:.6g}")
+        if self.options is not None and self.options.as_flags:
+            flags.append(self.options.as_flags)
         return " ".join(flags)
 
     @property
     def power(self) -> float:
-        """How fast the square of the error falls in the end: as passes to the minus this.
-
-        Of noise it is one; of progressive photon mapping see `PPMOptions.error_power`.
-        """
-        if self.integrator != "ppm":
-            return 1.0
-        options: PPMOptions = self.options or PPMOptions()
-        return options.error_power
+        """How fast the square of the error falls in the end: as passes to the minus this."""
+        return (self.options or INTEGRATORS[self.integrator].options()).error_power
 
 
 def curved_surfaces(scene: Scene) -> list[Any]:
@@ -72,20 +61,18 @@ def size_of(surfaces: Sequence[Any]) -> float:
 def default_methods(
     scene: Scene,
     integrators: Sequence[str] | None = None,
-    photons: Sequence[int] = (),
-    alphas: Sequence[float] = (),
+    settings: Mapping[str, Sequence[Any]] | None = None,
 ) -> list[Method]:
-    """Return integrators with certified hits, and paths on what is not certified.
+    """Return integrators with certified hits, and the default one on what is not certified.
 
     Parameters
     ----------
     scene : Scene
     integrators : sequence of str, optional
         By default all, but for those that refuse the scene.
-    photons : sequence of int
-        Photons of a pass, for each method that has any; none: its own default.
-    alphas : sequence of float
-        `PPMOptions.alpha`; every one with each number of photons.
+    settings : mapping of str to sequence, optional
+        By the names of their flags: values to try, each with all values of the others, for the
+        integrators that have such a setting; none: its default.
 
     Raises
     ------
@@ -100,61 +87,51 @@ def default_methods(
             refusal = _refusal(scene, name)
             if refusal is not None:
                 raise refusal
-    methods = [method for name in names for method in _with_options(name, photons, alphas)]
-    return methods + (uncertified_methods(scene) if "path" in names else [])
+    methods = [method for name in names for method in _with_settings(name, settings or {})]
+    return methods + (uncertified_methods(scene) if DEFAULT in names else [])
 
 
-def _with_options(integrator: str, photons: Sequence[int], alphas: Sequence[float]) -> list[Method]:
+def _with_settings(integrator: str, settings: Mapping[str, Sequence[Any]]) -> list[Method]:
     """Return an integrator once for each combination of the settings that it has."""
-    kind = OPTIONS[integrator]
-    if integrator not in WITH_PHOTONS or kind is None:
-        return [Method(integrator, integrator)]
+    declared = INTEGRATORS[integrator]
+    flags = [flag for flag in declared.options.flags().values() if settings.get(flag.name)]
     methods = []
-    for n in photons or (None,):
-        for alpha in (alphas if integrator == "ppm" else ()) or (None,):
-            given = {"photons_per_pass": n, "alpha": alpha}
-            given = {key: value for key, value in given.items() if value is not None}
-            words = [integrator]
-            words += [] if n is None else [f"{n} photons"]
-            words += [] if alpha is None else [f"alpha {alpha:.3g}"]
-            options = kind(**given) if given else None
-            methods.append(Method(", ".join(words), integrator, options=options))
+    for values in product(*(settings[flag.name] for flag in flags)):
+        words = [flag.in_words.format(value) for flag, value in zip(flags, values, strict=True)]
+        asked = {flag.name: value for flag, value in zip(flags, values, strict=True)}
+        options = declared.with_settings(asked)
+        methods.append(Method(", ".join([integrator, *words]), integrator, options=options))
     return methods
 
 
 def uncertified_methods(scene: Scene) -> list[Method]:
-    """Return paths after Newton alone, and on meshes; nothing where no surface is curved."""
+    """Return the default integrator after Newton alone, and on meshes, of curved surfaces if any."""
     surfaces = curved_surfaces(scene)
     if not surfaces:
         return []
     tolerances = [share * size_of(surfaces) for share in TOLERANCES]
     return [
-        Method("path, refined", "path", "refined"),
-        *(Method(f"path, mesh {t:.2g}", "path", "mesh", t) for t in tolerances),
+        Method(f"{DEFAULT}, refined", DEFAULT, "refined"),
+        *(Method(f"{DEFAULT}, mesh {t:.2g}", DEFAULT, "mesh", t) for t in tolerances),
     ]
 
 
-def finds_all_light(scene: Scene, integrator: str) -> bool:
+def finds_all_light(scene: Scene, integrator: str, options: Options | None = None) -> bool:
     """Tell whether an integrator's pictures of a scene have the whole light as their limit.
 
-    Paths miss what mirrors and glass make of a light without area; photons cannot be sent to what
-    has no end; Whitted's method leaves out light by way of surfaces that spread it.
+    Not so where it leaves light out, where its blur stays, and where it refuses the scene.
     """
-    if integrator in WITH_PHOTONS:
-        # The blur of a photon map stays.
-        return integrator == "ppm" and _refusal(scene, integrator) is None
-    if integrator != "path":
+    declared = INTEGRATORS[integrator]
+    own = options or declared.options()
+    if own.blur_stays or _refusal(scene, integrator) is not None:
         return False
-    compiled = compile_scene(scene)
-    throws = bool((compiled.lobes.kind > LAST_SPREADING).any())
-    return not (throws and bool((compiled.lights.kind == POINT).any()))
+    return not declared.left_out_light(compile_scene(scene), own)
 
 
 def _refusal(scene: Scene, integrator: str) -> ValueError | None:
     """Return why an integrator refuses a scene, or None."""
-    if integrator in WITH_PHOTONS:
-        try:
-            check_lights(compile_scene(scene))
-        except ValueError as error:
-            return error
+    try:
+        INTEGRATORS[integrator].refuse(compile_scene(scene))
+    except ValueError as error:
+        return error
     return None

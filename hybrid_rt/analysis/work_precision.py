@@ -28,9 +28,8 @@ from hybrid_rt.analysis.picture_comparison import Picture
 from hybrid_rt.core import checks
 from hybrid_rt.core.progress import Say
 from hybrid_rt.core.timing import timed
-from hybrid_rt.integrators.options import PathOptions
+from hybrid_rt.integrators import DEFAULT, INTEGRATORS
 from hybrid_rt.intersection import Intersector
-from hybrid_rt.lights import PointLight
 from hybrid_rt.rendering.renderer import RenderResult, render
 from hybrid_rt.scene.scene import Scene
 from hybrid_rt.sensor.image_metrics import DARK, picture_errors, relative_mse
@@ -39,7 +38,7 @@ Image = NDArray[np.float32]
 
 REFERENCE_SEED, CHECK_SEED = 20_000, 30_000
 # Integrators that references are made by, and checked by.
-REFERENCES = ("path", "ppm")
+REFERENCES = tuple(name for name, declared in INTEGRATORS.items() if declared.finds_light_of_lamps)
 # The picture that checks a reference has so many passes less.
 FEWER_TO_CHECK = 4
 
@@ -121,8 +120,8 @@ def study_picture(
         Of the reference, unless one is given.
     reference : Picture, optional
         Of the camera's size.
-    reference_by : "path" or "ppm", optional
-        What makes the reference, and is checked by the other one. Default: of those that find all
+    reference_by : one of `REFERENCES`, optional
+        What makes the reference, and is checked by another one. Default: of those that find all
         light the one that states the smaller error.
     methods : sequence of Method, optional
         Default: `default_methods`.
@@ -150,7 +149,7 @@ def study_picture(
         found, truth = _given_reference(reference), reference.image
     rows, images = _pictures(scene, chosen, passes, runs, truth, threads, say)
     meshes = []
-    if any(method.integrator == "path" for method in chosen):
+    if any(method.integrator == DEFAULT for method in chosen):
         meshes = _meshes(scene, passes[-1], threads, say)
     biases = {row["method"]: row["error"] for row in meshes}
     curves = [
@@ -245,21 +244,20 @@ def _make_reference(
     """Render long by one integrator; and by another that shares no light transport, to check that.
 
     Photons check paths and paths photons, where both find all light; unless one was asked for, the
-    one that states the smaller error is the reference. Where photons cannot be sent, paths that
-    never ask a light check those that do.
+    one that states the smaller error is the reference. Where only one finds all light it is checked
+    by itself, if it has another way to find the same (`Declaration.other_way`).
     """
     is_free = maker is None
     complete = [name for name in REFERENCES if finds_all_light(scene, name)]
     if maker is None:
-        maker = complete[0] if complete else "path"
+        maker = complete[0] if complete else DEFAULT
     say(f"reference of {passes} passes by {maker}")
     main = _run(scene, Method(maker, maker), passes, REFERENCE_SEED, threads, "standard_error")
     check, n_main, name = None, passes, maker
     others = [Method(name, name) for name in complete if name != maker]
-    has_points = any(isinstance(light, PointLight) for light in scene.lights)
-    if complete == ["path"] and not has_points:
-        blind = PathOptions(strategy="directions")
-        others = [Method("path, never asking a light", "path", options=blind)]
+    way = INTEGRATORS[maker].other_way
+    if complete == [maker] and way is not None and finds_all_light(scene, maker, way.options):
+        others = [Method(f"{maker}, {way.name}", maker, options=way.options)]
     if others and maker in complete:
         n = max(passes // FEWER_TO_CHECK, min(passes, 2))
         say(f"the same by {others[0].name}, {n} passes")
@@ -364,7 +362,8 @@ def _meshes(scene: Scene, passes: int, threads: int | None, say: Say) -> list[di
         return []
     surfaces = curved_surfaces(scene)
     say("pictures of meshes, each twice, with the random numbers of certified ones")
-    exact = [_run(scene, Method("path", "path"), passes, seed, threads).image for seed in (1, 2)]
+    certified = Method(DEFAULT, DEFAULT)
+    exact = [_run(scene, certified, passes, seed, threads).image for seed in (1, 2)]
     weight = np.mean(exact, axis=0, dtype=np.float64) ** 2 + DARK
     rows = []
     for method in methods:

@@ -15,6 +15,7 @@ import numpy as np
 from hybrid_rt.core.ledger import Ledger
 from hybrid_rt.core.records import FloatArray
 from hybrid_rt.core.threads import Pool
+from hybrid_rt.integrators import INTEGRATORS
 from hybrid_rt.integrators.context import RenderContext
 from hybrid_rt.integrators.kernels.photon_steps import MET_SPECULAR, Photons
 from hybrid_rt.integrators.media.contacts import Contacts
@@ -35,7 +36,7 @@ def make_photon_tracer(scene: Scene, seed: int, max_depth: int = 16) -> PhotonTr
     """Return what sends out the photons of a scene, in one thread."""
     compiled = compile_scene(scene)
     tracer = Intersector(compiled.surfaces, threads=1)
-    plan = make_plan(compiled, "ppm")
+    plan = make_plan(compiled, INTEGRATORS["ppm"])
     contacts = Contacts(compiled, tracer) if plan["contacts"] else None
     return PhotonTracer(
         RenderContext(compiled, tracer, Pool(1), plan, Sampler(seed), Ledger(), max_depth), contacts

@@ -15,6 +15,8 @@ from hybrid_rt.cli.command import REFUSALS, guarded
 
 if TYPE_CHECKING:
     from hybrid_rt.core.progress import Progress
+    from hybrid_rt.integrators import Options
+    from hybrid_rt.integrators.options import Flag
     from hybrid_rt.rendering.renderer import RenderInterrupted, RenderResult
     from hybrid_rt.scene.scene import Scene
 
@@ -71,6 +73,23 @@ def render_script(describe: Callable[[], Scene], file: str) -> int:
     return _guarded(lambda: _render(load, Path(file).stem, options))
 
 
+class _Command(argparse.ArgumentParser):
+    """A command that gets its options when it is chosen.
+
+    Integrators and outputs declare some of those of ``render``, and take a while to import, which
+    no other command has to wait for.
+    """
+
+    add_options: Callable[[argparse.ArgumentParser], None] | None = None
+
+    def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
+        """Parse arguments by all options."""
+        add_options, self.add_options = self.add_options, None
+        if add_options is not None:
+            add_options(self)
+        return super().parse_known_args(args, namespace)
+
+
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog="hybrid-rt",
@@ -79,7 +98,7 @@ def _parser() -> argparse.ArgumentParser:
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("--version", action="version", version=f"hybrid-rt {__version__}")
-    commands = parser.add_subparsers(required=True, metavar="COMMAND")
+    commands = parser.add_subparsers(required=True, metavar="COMMAND", parser_class=_Command)
 
     demo = commands.add_parser("demo", help="make a picture of the teapot and compare with meshes")
     demo.add_argument("--out", type=Path, default=Path("demo.png"), metavar="FILE")
@@ -90,7 +109,7 @@ def _parser() -> argparse.ArgumentParser:
         "render", help="make a picture of a scene script (which is executed)"
     )
     render.add_argument("scene", metavar="SCENE.py")
-    _add_render_options(render)
+    render.add_options = _add_render_options
     render.set_defaults(run=_run_render)
 
     compare = commands.add_parser("compare", help="say how far apart pictures are, and draw where")
@@ -110,18 +129,23 @@ def _parser() -> argparse.ArgumentParser:
 
 
 def _add_render_options(parser: argparse.ArgumentParser) -> None:
+    from hybrid_rt.integrators import DEFAULT, INTEGRATORS
+    from hybrid_rt.rendering.channels import OUTPUTS
+
+    *others, last = INTEGRATORS
     parser.add_argument(
         "--integrator",
         metavar="I",
-        help="path, whitted, ppm or photon_map (default: what the scene names, else path)",
+        help=f"{', '.join(others)} or {last} (default: what the scene names, else {DEFAULT})",
     )
     parser.add_argument("--passes", type=int, metavar="N", help="samples per pixel (default 16)")
-    parser.add_argument(
-        "--photons", type=int, metavar="N", help="photons of a pass (ppm, photon_map)"
-    )
-    parser.add_argument(
-        "--alpha", type=float, metavar="A", help="how slowly discs shrink (ppm; default 2/3)"
-    )
+    for flag, integrators in _flags().values():
+        parser.add_argument(
+            f"--{flag.name}",
+            type=flag.type,
+            metavar=flag.metavar,
+            help=flag.help.format(", ".join(integrators)),
+        )
     parser.add_argument("--time-budget", type=float, metavar="S", help="stop after S seconds")
     parser.add_argument(
         "--target-error",
@@ -153,8 +177,7 @@ def _add_render_options(parser: argparse.ArgumentParser) -> None:
         "--outputs",
         default="",
         metavar="A,B",
-        help="also keep in .npz and .exr: depth, position, normal, uv, object_id, albedo, samples, "
-        "standard_error, half_interval",
+        help=f"also keep in .npz and .exr: {', '.join(OUTPUTS)}",
     )
     parser.add_argument(
         "--exposure", type=_stops, default=0.0, metavar="E", help="stops, for .png (default 0)"
@@ -194,15 +217,13 @@ def _run_render(options: argparse.Namespace) -> None:
 
 def _render(load: Callable[[], tuple[Scene, str]], name: str, options: argparse.Namespace) -> None:
     """Render the scene that is loaded once files and settings are known to be possible."""
-    from hybrid_rt.core.checks import choice
     from hybrid_rt.core.interrupts import held_back
     from hybrid_rt.core.progress import watch_compilation
     from hybrid_rt.core.threads import Pool
-    from hybrid_rt.integrators import INTEGRATORS
     from hybrid_rt.intersection.intersector import check_settings
+    from hybrid_rt.rendering.channels import check_names
     from hybrid_rt.rendering.limits import Limit
     from hybrid_rt.sampling.sampler import Sampler
-    from hybrid_rt.sensor.channel_names import check_names
     from hybrid_rt.sensor.image_files import keeps_channels
 
     outputs = [_Output(path) for path in options.out or [Path(f"{name}.png")]]
@@ -218,8 +239,7 @@ def _render(load: Callable[[], tuple[Scene, str]], name: str, options: argparse.
     Sampler(options.seed)
     Pool(options.threads)
     if options.integrator is not None:
-        choice(options.integrator, "integrator", INTEGRATORS)
-        _photon_options(options.integrator, options.photons, options.alpha)
+        _settings(options.integrator, options)
     with ExitStack() as until_saved:
         with _shown_progress(options.quiet) as progress:
             with watch_compilation(progress):
@@ -235,7 +255,7 @@ def _render(load: Callable[[], tuple[Scene, str]], name: str, options: argparse.
                 threads=options.threads,
                 accuracy=options.accuracy,
                 tolerance=options.tolerance,
-                options=_photon_options(integrator, options.photons, options.alpha),
+                options=_settings(integrator, options),
                 outputs=channels,
                 progress=progress,
             )
@@ -310,20 +330,33 @@ def _run_compare(options: argparse.Namespace) -> None:
     _say(f"{out}  (pictures and maps of their errors; the figures are in {figures})")
 
 
-def _photon_options(integrator: str, photons: int | None, alpha: float | None) -> Any:
-    """Return settings for the photons asked for, or None."""
-    given = {"photons_per_pass": photons, "alpha": alpha}
-    given = {key: value for key, value in given.items() if value is not None}
-    if not given:
-        return None
-    from hybrid_rt.integrators import PhotonMapOptions, PPMOptions
+def _flags() -> dict[str, tuple[Flag, list[str]]]:
+    """Return the flags of integrators' settings by name, and who has each of them."""
+    from hybrid_rt.integrators import INTEGRATORS
 
-    of_integrator = {"ppm": PPMOptions, "photon_map": PhotonMapOptions}
-    if photons is not None and integrator not in of_integrator:
-        raise ValueError(f"--photons: integrator {integrator!r} has none, pass --integrator ppm")
-    if alpha is not None and integrator != "ppm":
-        raise ValueError(f"--alpha: integrator {integrator!r} has none, pass --integrator ppm")
-    return of_integrator[integrator](**given)
+    found: dict[str, tuple[Flag, list[str]]] = {}
+    for name, declared in INTEGRATORS.items():
+        for flag in declared.options.flags().values():
+            found.setdefault(flag.name, (flag, []))[1].append(name)
+    return found
+
+
+def _settings(integrator: str, options: argparse.Namespace) -> Options | None:
+    """Return the settings of an integrator that a command line asks for, or None."""
+    from hybrid_rt.core.checks import choice
+    from hybrid_rt.integrators import INTEGRATORS
+
+    declared = INTEGRATORS[choice(integrator, "integrator", INTEGRATORS)]
+    flags = _flags()
+    asked = {name: getattr(options, name.replace("-", "_")) for name in flags}
+    asked = {name: value for name, value in asked.items() if value is not None}
+    for name in asked:
+        integrators = flags[name][1]
+        if integrator not in integrators:
+            raise ValueError(
+                f"--{name}: integrator {integrator!r} has none, pass --integrator {integrators[0]}"
+            )
+    return declared.with_settings(asked)
 
 
 def _run_demo(options: argparse.Namespace) -> None:

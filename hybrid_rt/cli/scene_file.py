@@ -79,10 +79,10 @@ def scene_of(
         raise SceneFileError(
             f"{file}: scene() returned {type(scene).__name__}, let it return a Scene"
         )
-    if "INTEGRATOR" not in names:
-        return scene, "path"
-    from hybrid_rt.integrators import INTEGRATORS
+    from hybrid_rt.integrators import DEFAULT, INTEGRATORS
 
+    if "INTEGRATOR" not in names:
+        return scene, DEFAULT
     try:
         return scene, checks.choice(names["INTEGRATOR"], "INTEGRATOR", INTEGRATORS)
     except ValueError as error:

@@ -1,9 +1,10 @@
-"""Settings of each integrator, checked before any work."""
+"""Settings of integrators, checked before any work, and what follows from them."""
 
 from __future__ import annotations
 
 import warnings
-from dataclasses import dataclass
+from dataclasses import dataclass, field, fields
+from typing import Any
 
 from hybrid_rt.core import checks
 
@@ -15,7 +16,64 @@ DEEPEST = 10**6
 
 
 @dataclass(frozen=True)
-class PathOptions:
+class Flag:
+    """How command lines ask for a setting, and messages name it."""
+
+    name: str
+    """"photons": the flag is ``--photons``."""
+    type: type
+    metavar: str
+    help: str
+    """``{}`` stands for the integrators that have the setting."""
+    in_words: str
+    """How the setting is told among others: "{} photons"."""
+    form: str = "{}"
+    """How its value is written."""
+
+
+def setting(default: Any, flag: Flag) -> Any:
+    """Return a field of `Options` that command lines can ask for."""
+    return field(default=default, metadata={"flag": flag})
+
+
+@dataclass(frozen=True)
+class Options:
+    """Settings of an integrator, and what follows from them; these are those of one without any."""
+
+    @property
+    def n_photons(self) -> int:
+        """Photons that leave the lights in each pass; 0: the integrator has none."""
+        return 0
+
+    @property
+    def error_power(self) -> float:
+        """How fast the square of the error falls in the end: as passes to the minus this."""
+        return 1.0
+
+    @property
+    def blur_stays(self) -> bool:
+        """Whether the picture stays blurred however many passes there are."""
+        return False
+
+    @classmethod
+    def flags(cls) -> dict[str, Flag]:
+        """Return the flags of those settings that have one, by the settings' names."""
+        return {f.name: f.metadata["flag"] for f in fields(cls) if "flag" in f.metadata}
+
+    @property
+    def as_flags(self) -> str:
+        """What a command line says for settings that are not the default, as far as it can."""
+        defaults = {f.name: f.default for f in fields(self)}
+        given = [
+            f"--{flag.name} {flag.form.format(getattr(self, name))}"
+            for name, flag in self.flags().items()
+            if getattr(self, name) != defaults[name]
+        ]
+        return " ".join(given)
+
+
+@dataclass(frozen=True)
+class PathOptions(Options):
     """Settings of the integrator "path".
 
     Attributes
@@ -48,8 +106,14 @@ class PathOptions:
         checks.number(self.survival, "PathOptions survival", above=0.0, up_to=1.0)
 
 
+PHOTONS = Flag("photons", int, "N", "photons of a pass ({})", "{} photons")
+ALPHA = Flag(
+    "alpha", float, "A", "how slowly discs shrink ({}; default 2/3)", "alpha {:.3g}", "{:.6g}"
+)
+
+
 @dataclass(frozen=True)
-class PPMOptions:
+class PPMOptions(Options):
     """Settings of the integrator "ppm".
 
     Attributes
@@ -66,8 +130,8 @@ class PPMOptions:
         photons fall around each point.
     """
 
-    photons_per_pass: int = 200_000
-    alpha: float = 2.0 / 3.0
+    photons_per_pass: int = setting(200_000, PHOTONS)
+    alpha: float = setting(2.0 / 3.0, ALPHA)
     initial_radius: float | None = None
 
     def __post_init__(self) -> None:
@@ -84,6 +148,11 @@ class PPMOptions:
             checks.number(self.initial_radius, "PPMOptions initial_radius", above=0.0)
 
     @property
+    def n_photons(self) -> int:
+        """Photons that leave the lights in each pass."""
+        return self.photons_per_pass
+
+    @property
     def error_power(self) -> float:
         """How fast the square of the error falls in the end: as passes to the minus this.
 
@@ -93,9 +162,14 @@ class PPMOptions:
         """
         return float(min(self.alpha, 2.0 - 2.0 * self.alpha)) if self.alpha < 1.0 else 1.0
 
+    @property
+    def blur_stays(self) -> bool:
+        """Whether the discs never shrink."""
+        return self.alpha == 1.0
+
 
 @dataclass(frozen=True)
-class PhotonMapOptions:
+class PhotonMapOptions(Options):
     """Settings of the integrator "photon_map".
 
     Attributes
@@ -107,7 +181,7 @@ class PhotonMapOptions:
         From 2 on: photons that an estimate is made from. More of them blur, fewer are noisy.
     """
 
-    photons_per_pass: int = 500_000
+    photons_per_pass: int = setting(500_000, PHOTONS)
     nearest: int = 60
 
     def __post_init__(self) -> None:
@@ -116,3 +190,13 @@ class PhotonMapOptions:
             self.photons_per_pass, "PhotonMapOptions photons_per_pass", at_least=1, up_to=MOST
         )
         checks.whole(self.nearest, "PhotonMapOptions nearest", at_least=2, up_to=MOST)
+
+    @property
+    def n_photons(self) -> int:
+        """Photons that leave the lights in each pass."""
+        return self.photons_per_pass
+
+    @property
+    def blur_stays(self) -> bool:
+        """It does: the discs hold as many photons in every pass."""
+        return True

@@ -72,17 +72,7 @@ class Workers:
     threads : int
     make : callable
         Makes the integrator of a context.
-
-    Attributes
-    ----------
-    error_power : float
-        The square of what passes lessen of the error falls as their number to the minus this.
-    blur_stays : bool
-        Whether the method's blur is the same however many passes there are.
     """
-
-    error_power = 1.0
-    blur_stays = False
 
     def __init__(
         self,

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from hybrid_rt.core.records import HitRecord
-from hybrid_rt.integrators import RenderContext
+from hybrid_rt.integrators.context import RenderContext
 from hybrid_rt.integrators.integrator import LENS_DIMENSION, PIXEL_DIMENSION
 from hybrid_rt.intersection import Intersector
 

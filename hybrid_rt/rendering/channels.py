@@ -1,24 +1,167 @@
 """Output channels: what lies behind the middle of each pixel, and errors.
 
-The geometric channels come from one ray through the middle of each pixel and of the lens: they
-have no noise and no border between two objects is blurred.
+Each output is one function here, which its decorator registers under its name. The geometric ones
+come from one ray through the middle of each pixel and of the lens: they have no noise and no border
+between two objects is blurred.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from hybrid_rt.core.records import HitRecord
-from hybrid_rt.integrators import RenderContext
+from hybrid_rt.core import checks
+from hybrid_rt.core.records import FloatArray, HitRecord
+from hybrid_rt.integrators.context import RenderContext
 from hybrid_rt.integrators.direct_light import SurfaceLight
-from hybrid_rt.sensor.channel_names import OF_PASSES, PARTS
+from hybrid_rt.scene.compiled import CompiledScene
 from hybrid_rt.sensor.film import Film
 
 # Pixels looked through at a time.
 ROWS_AT_ONCE = 2**18
+
+
+@dataclass(frozen=True)
+class Behind:
+    """What lies behind n pixels.
+
+    Attributes
+    ----------
+    hits : HitRecord of n rows
+    scene : CompiledScene
+    light : SurfaceLight
+        Knows materials and colours at hits.
+    """
+
+    hits: HitRecord
+    scene: CompiledScene
+    light: SurfaceLight
+
+
+OfPixels = Callable[[Behind], NDArray[Any]]
+OfPasses = Callable[[Film], FloatArray]
+
+
+@dataclass(frozen=True)
+class Output:
+    """One output.
+
+    Attributes
+    ----------
+    parts : tuple of str
+        Names of its parts; (): it is a single number per pixel.
+    of_pixels : callable, optional
+        Returns the values (n,) or (n, parts) of what lies behind n pixels.
+    of_passes : callable, optional
+        Returns the values (height, width) or (height, width, parts) of a film.
+    """
+
+    parts: tuple[str, ...]
+    of_pixels: OfPixels | None = None
+    of_passes: OfPasses | None = None
+
+
+OUTPUTS: dict[str, Output] = {}
+
+
+def geometric(*parts: str) -> Callable[[OfPixels], OfPixels]:
+    """Register a function as the output of its name: of what lies behind pixels."""
+
+    def register(function: OfPixels) -> OfPixels:
+        OUTPUTS[function.__name__] = Output(parts, of_pixels=function)
+        return function
+
+    return register
+
+
+def of_passes(*parts: str) -> Callable[[OfPasses], OfPasses]:
+    """Register a function as the output of its name: of all passes."""
+
+    def register(function: OfPasses) -> OfPasses:
+        OUTPUTS[function.__name__] = Output(parts, of_passes=function)
+        return function
+
+    return register
+
+
+@geometric()
+def depth(behind: Behind) -> FloatArray:
+    """Return the way to what is met, inf where nothing is."""
+    return behind.hits.t
+
+
+@geometric("X", "Y", "Z")
+def position(behind: Behind) -> FloatArray:
+    """Return where something is met."""
+    return behind.hits.position
+
+
+@geometric("X", "Y", "Z")
+def normal(behind: Behind) -> FloatArray:
+    """Return the normal of what is met."""
+    return behind.hits.normal
+
+
+@geometric("U", "V")
+def uv(behind: Behind) -> FloatArray:
+    """Return the parameters of the point that is met."""
+    return np.stack([behind.hits.u, behind.hits.v], axis=1)
+
+
+@geometric()
+def object_id(behind: Behind) -> FloatArray:
+    """Return which object is met, -1 where none is."""
+    return behind.hits.object_id.astype(np.float64)
+
+
+@geometric("R", "G", "B")
+def albedo(behind: Behind) -> FloatArray:
+    """Return the sum of the colours of all lobes, 0 where nothing is met."""
+    hits, light = behind.hits, behind.light
+    material = light.material(hits)
+    total = np.zeros((len(hits), 3))
+    met = np.flatnonzero(material >= 0)
+    n_lobes = np.diff(behind.scene.lobes.first)[material[met]]
+    colors = light.colors(material[met], hits[met])
+    for slot in range(light.n_slots):
+        has_lobe = n_lobes > slot
+        total[met] += np.where(has_lobe[:, None], colors[:, slot], 0.0)
+    return total
+
+
+@of_passes()
+def samples(film: Film) -> FloatArray:
+    """Return how many passes there are."""
+    return np.full(film.image.shape[:2], float(film.n_passes))
+
+
+@of_passes("R", "G", "B")
+def standard_error(film: Film) -> FloatArray:
+    """Return the standard error of each pixel; of a single pass nan."""
+    return film.standard_error
+
+
+@of_passes("R", "G", "B")
+def half_interval(film: Film) -> FloatArray:
+    """Return half the width of each pixel's 95 % interval; of a single pass nan."""
+    return film.half_interval
+
+
+def check_names(names: Sequence[str]) -> tuple[str, ...]:
+    """Return the names of outputs, each once, or raise ValueError naming the unknown one."""
+    given = checks.items(names, "outputs")
+    for name in given:
+        checks.choice(name, "output", OUTPUTS)
+    return tuple(dict.fromkeys(given))
+
+
+def numbers_per_pixel(names: Sequence[str]) -> int:
+    """Return how many numbers outputs hold for each pixel."""
+    return sum(max(len(OUTPUTS[name].parts), 1) for name in names)
 
 
 def compute_channels(
@@ -33,32 +176,33 @@ def compute_channels(
         is behind a pixel depth is inf, object_id -1, albedo 0 and the rest nan; the errors of a
         single pass are nan.
     """
-    channels: dict[str, NDArray[np.float32]] = {}
-    camera = context.scene.camera
-    shape = (camera.height, camera.width)
-    geometric = [name for name in names if name not in OF_PASSES]
-    for name in geometric:
-        channels[name] = np.empty(_shape(name, shape), np.float32)
-    if geometric:
-        light = SurfaceLight(context)
-        at_once = max(ROWS_AT_ONCE // camera.width, 1)
-        for first in range(0, camera.height, at_once):
-            rows = np.arange(first, min(first + at_once, camera.height))
-            hits = _hits_behind(rows, context)
-            for name in geometric:
-                part = channels[name][rows[0] : rows[-1] + 1]
-                part[...] = _values(name, hits, light, context).reshape(part.shape)
-    if "samples" in names:
-        channels["samples"] = np.full(shape, film.n_passes, np.float32)
-    if "standard_error" in names:
-        channels["standard_error"] = film.standard_error.astype(np.float32)
-    if "half_interval" in names:
-        channels["half_interval"] = film.half_interval.astype(np.float32)
+    outputs = {name: OUTPUTS[name] for name in names}
+    of_pixels = {name: o.of_pixels for name, o in outputs.items() if o.of_pixels is not None}
+    channels = _of_pixels(of_pixels, context) if of_pixels else {}
+    for name, output in outputs.items():
+        if output.of_passes is not None:
+            channels[name] = output.of_passes(film).astype(np.float32)
     return {name: channels[name] for name in names}
 
 
-def _shape(name: str, shape: tuple[int, int]) -> tuple[int, ...]:
-    return (*shape, len(PARTS[name])) if PARTS[name] else shape
+def _of_pixels(
+    functions: dict[str, OfPixels], context: RenderContext
+) -> dict[str, NDArray[np.float32]]:
+    """Return geometric channels, found some rows of the picture at a time."""
+    camera, light = context.scene.camera, SurfaceLight(context)
+    channels: dict[str, NDArray[np.float32]] = {}
+    at_once = max(ROWS_AT_ONCE // camera.width, 1)
+    for first in range(0, camera.height, at_once):
+        rows = np.arange(first, min(first + at_once, camera.height))
+        behind = Behind(_hits_behind(rows, context), context.scene, light)
+        for name, function in functions.items():
+            values = function(behind)
+            if name not in channels:
+                shape = (camera.height, camera.width, *values.shape[1:])
+                channels[name] = np.empty(shape, np.float32)
+            part = channels[name][rows[0] : rows[-1] + 1]
+            part[...] = values.reshape(part.shape)
+    return channels
 
 
 def _hits_behind(rows: NDArray[np.intp], context: RenderContext) -> HitRecord:
@@ -69,27 +213,3 @@ def _hits_behind(rows: NDArray[np.intp], context: RenderContext) -> HitRecord:
         hits: HitRecord = context.tracer.intersect(origins, directions)
     context.ledger.rays["channels"] += len(hits)
     return hits
-
-
-def _values(
-    name: str, hits: HitRecord, light: SurfaceLight, context: RenderContext
-) -> NDArray[np.float64]:
-    if name == "depth":
-        return hits.t
-    if name == "position":
-        return hits.position
-    if name == "normal":
-        return hits.normal
-    if name == "uv":
-        return np.stack([hits.u, hits.v], axis=1)
-    if name == "object_id":
-        return hits.object_id.astype(np.float64)
-    material = light.material(hits)
-    albedo = np.zeros((len(hits), 3))
-    met = np.flatnonzero(material >= 0)
-    first = context.scene.lobes.first
-    colors = light.colors(material[met], hits[met])
-    for slot in range(light.n_slots):
-        has_lobe = np.diff(first)[material[met]] > slot
-        albedo[met] += np.where(has_lobe[:, None], colors[:, slot], 0.0)
-    return albedo

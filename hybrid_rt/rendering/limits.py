@@ -119,9 +119,8 @@ class Limit:
     ) -> None:
         """Hear the estimates of the picture's relative error after ``n_done`` passes.
 
-        ``power`` is that of a `hybrid_rt.integrators.workers.Workers`. The blur may be a limit to
-        it, inf where nothing is known; ``blur_stays`` where it is the same after any number of
-        passes.
+        ``power`` is that of `hybrid_rt.integrators.Options`. The blur may be a limit to it, inf
+        where nothing is known; ``blur_stays`` where it is the same after any number of passes.
         """
         self._n_of_error, self._noise, self._blur = n_done, noise, blur
         self._power, self._blur_stays = power, blur_stays

@@ -5,10 +5,9 @@ from __future__ import annotations
 import os
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
+from hybrid_rt.rendering.channels import numbers_per_pixel
 from hybrid_rt.sensor.camera import Camera
-from hybrid_rt.sensor.channel_names import PARTS
 
 # Of each pixel: sums of four groups and of squares, one pass, the picture (as measured, 120); by
 # photons also the blur of each pixel and its squares (190).
@@ -42,8 +41,8 @@ def check_memory(
         Naming the memory it would take, and the memory there is.
     """
     n_pixels, available = camera.width * camera.height, available_bytes()
-    parts = sum(max(len(PARTS[name]), 1) for name in outputs)
-    per_pixel = (PER_PIXEL_WITH_PHOTONS if photons else PER_PIXEL) + 4 * parts
+    per_pixel = PER_PIXEL_WITH_PHOTONS if photons else PER_PIXEL
+    per_pixel += 4 * numbers_per_pixel(outputs)
     for_pixels = n_pixels * per_pixel
     for_photons = min(passes or PHOTON_SETS, PHOTON_SETS) * photons * PER_PHOTON
     if for_pixels + for_photons > available:
@@ -63,11 +62,6 @@ def available_bytes() -> int:
         return min(total, int(CONTAINER_LIMIT.read_text()))
     except (OSError, ValueError):  # there is no such file, or it says "max"
         return total
-
-
-def photons_of(options: Any) -> int:
-    """Return the photons of each pass that settings ask for; 0 where they know none."""
-    return int(getattr(options, "photons_per_pass", 0))
 
 
 def _in_words(n_bytes: int) -> str:

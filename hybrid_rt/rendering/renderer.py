@@ -6,7 +6,7 @@ import math
 import os
 from collections.abc import Sequence
 from contextlib import ExitStack, closing
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, fields
 from typing import Any
 
 import numpy as np
@@ -18,16 +18,17 @@ from hybrid_rt.core.ledger import Ledger, plain, twelve_digits
 from hybrid_rt.core.precompile import want
 from hybrid_rt.core.progress import Progress, watch_compilation
 from hybrid_rt.core.threads import Pool
-from hybrid_rt.integrators import INTEGRATORS, OPTIONS, Options, RenderContext
+from hybrid_rt.integrators import DEFAULT, INTEGRATORS, Declaration, Options
+from hybrid_rt.integrators.context import RenderContext
 from hybrid_rt.integrators.media.absorption import unclosed_bodies
 from hybrid_rt.integrators.options import DEEPEST
 from hybrid_rt.integrators.workers import TOGETHER, Blur, Workers
 from hybrid_rt.intersection import Intersector
 from hybrid_rt.intersection.intersector import check_settings
 from hybrid_rt.rendering.audit import audit
-from hybrid_rt.rendering.channels import compute_channels
+from hybrid_rt.rendering.channels import OUTPUTS, check_names, compute_channels
 from hybrid_rt.rendering.limits import Clock, Limit
-from hybrid_rt.rendering.memory import check_memory, photons_of
+from hybrid_rt.rendering.memory import check_memory
 from hybrid_rt.rendering.summary import passes_in_words
 from hybrid_rt.rendering.versions import peak_memory_mib, versions
 from hybrid_rt.sampling.sampler import Sampler
@@ -35,7 +36,6 @@ from hybrid_rt.scene.compiled import CompiledScene, compile_scene
 from hybrid_rt.scene.lamps_in_surfaces import with_lamps_lifted
 from hybrid_rt.scene.plan import KERNELS_FOR, make_plan
 from hybrid_rt.scene.scene import Scene
-from hybrid_rt.sensor.channel_names import check_names
 from hybrid_rt.sensor.film import Film
 from hybrid_rt.sensor.image_files import save_image
 
@@ -60,7 +60,8 @@ class RenderResult:
 
     def save(self, path: str | os.PathLike[str], exposure: float = 0.0) -> None:
         """Write the picture, and the report beside it; see `hybrid_rt.sensor.image_files.save_image`."""
-        save_image(path, self.image, self.report, self.channels, exposure)
+        parts = {name: output.parts for name, output in OUTPUTS.items()}
+        save_image(path, self.image, self.report, self.channels, exposure, parts)
 
 
 class RenderInterrupted(KeyboardInterrupt):
@@ -84,7 +85,7 @@ class RenderInterrupted(KeyboardInterrupt):
 
 def render(
     scene: Scene,
-    integrator: str = "path",
+    integrator: str = DEFAULT,
     passes: int | None = None,
     time_budget: float | None = None,
     target_error: float | None = None,
@@ -155,9 +156,9 @@ def render(
     """
     if not isinstance(scene, Scene):
         raise TypeError(f"render scene is {checks.shown(scene)}: pass a Scene")
-    checks.choice(integrator, "integrator", INTEGRATORS)
+    declared = INTEGRATORS[checks.choice(integrator, "integrator", INTEGRATORS)]
     check_settings(accuracy, tolerance=tolerance)
-    _check_options(integrator, options)
+    _check_options(declared, options)
     names = check_names(outputs)
     limit = Limit(passes, time_budget, target_error)
     n_threads = Pool(threads).threads
@@ -165,9 +166,8 @@ def render(
     checks.whole(max_depth, "max_depth", at_least=0, up_to=DEEPEST)
     if progress is not None and not callable(progress):
         raise TypeError(f"progress is {checks.shown(progress)}: pass a function, or None")
-    kind = OPTIONS[integrator]
-    photons = 0 if kind is None else photons_of(options or kind())
-    check_memory(scene.camera, photons, names, passes)
+    own = options or declared.options()
+    check_memory(scene.camera, own.n_photons, names, passes)
 
     settings = {
         "integrator": integrator,
@@ -190,7 +190,7 @@ def render(
         ledger = Ledger(lambda: clock.seconds)
         with ledger.stage("scene"):
             compiled = compile_scene(scene)
-            plan = make_plan(compiled, integrator)
+            plan = make_plan(compiled, declared)
             want(integrator, but=[x for x, purpose in KERNELS_FOR.items() if not plan[purpose]])
         with ledger.stage("build"):
             if progress is not None:
@@ -201,11 +201,9 @@ def render(
 
             compiled, tracer, sunken = with_lamps_lifted(scene, compiled, build)
         # Threads share blocks of camera rays; within a block everything runs in one.
-        context = RenderContext(
-            compiled, tracer, Pool(1), plan, sampler, ledger, max_depth, options
-        )
+        context = RenderContext(compiled, tracer, Pool(1), plan, sampler, ledger, max_depth, own)
         with ledger.stage("set-up"):
-            workers = INTEGRATORS[integrator](context, n_threads)
+            workers = declared.make(context, n_threads)
             workers.forget_seconds()
         # Before the passes, so that a time budget covers it.
         with ledger.stage("audit"):
@@ -229,20 +227,21 @@ def render(
             )
             report["geometry"]["wrong_first_hits"] = wrong
             report["lamps_in_surfaces"] = sunken
-            report["relative_error"] = _relative_error(report["noise"], blur, workers.blur_stays)
+            report["relative_error"] = _relative_error(report["noise"], blur, own.blur_stays)
+            report["light_not_found"] = declared.left_out_light(compiled, own)
             result = RenderResult(film.image, report, channels)
     if came or stopped_by == "interrupted":
         raise RenderInterrupted(result)
     return result
 
 
-def _check_options(integrator: str, options: Options | None) -> None:
-    expected = OPTIONS[integrator]
-    if options is None or (expected is not None and isinstance(options, expected)):
+def _check_options(declared: Declaration, options: Options | None) -> None:
+    has_some = bool(fields(declared.options))
+    if options is None or (has_some and isinstance(options, declared.options)):
         return
-    wanted = "no options" if expected is None else expected.__name__
+    wanted = declared.options.__name__ if has_some else "no options"
     raise TypeError(
-        f"options are {checks.shown(options)}: integrator {integrator!r} takes {wanted}"
+        f"options are {checks.shown(options)}: integrator {declared.name!r} takes {wanted}"
     )
 
 
@@ -274,9 +273,10 @@ def _run_passes(
             with workers.context.ledger.stage("noise"):
                 noise, blur = film.relative_error(), workers.blur(film.image)
             # A limit to the blur falls with more passes whatever the blur does.
-            stays = workers.blur_stays and blur.relative is not None
+            own: Options = workers.context.options
+            stays = own.blur_stays and blur.relative is not None
             limit.note_error(
-                film.n_passes, noise, blur.counted, power=workers.error_power, blur_stays=stays
+                film.n_passes, noise, blur.counted, power=own.error_power, blur_stays=stays
             )
             if show_error is not None:
                 show_error(limit.error)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -11,9 +11,6 @@ from hybrid_rt.scene.compiled import CompiledScene
 from hybrid_rt.scene.touching import touching
 from hybrid_rt.shading.kernels.bsdf import DIELECTRIC, LAST_SPREADING, METAL, MIRROR, PHONG
 from hybrid_rt.textures.table import needs_lookup
-
-# Integrators that send photons out from the lights.
-WITH_PHOTONS = ("ppm", "photon_map")
 
 # The decision that each of these modules of kernels is for; those of others always run.
 KERNELS_FOR = {
@@ -23,6 +20,30 @@ KERNELS_FOR = {
     "hybrid_rt.shading.kernels.medium_stack": "medium stack",
     "hybrid_rt.shading.kernels.texture": "texture lookups",
 }
+
+
+class Needs(Protocol):
+    """What an integrator needs of any scene; see `hybrid_rt.integrators.declaration`."""
+
+    @property
+    def asks_every_light(self) -> bool:
+        """Whether every light is asked at each hit, not one of them."""
+
+    @property
+    def follows_every_branch(self) -> bool:
+        """Whether glass both reflects and refracts a ray, not one by chance."""
+
+    @property
+    def without_light_paths(self) -> str:
+        """Why no paths from lamps are joined to those of the camera; "": they are."""
+
+    @property
+    def sends_photons(self) -> bool:
+        """Whether photons leave the lights."""
+
+    @property
+    def keeps_caustic_map(self) -> bool:
+        """Whether photons straight from mirrors and glass are kept apart."""
 
 
 @dataclass
@@ -57,14 +78,14 @@ def explain(plan: dict[str, Any]) -> str:
     return "\n".join(["Plan (+ used, - left out)", *lines])
 
 
-def make_plan(scene: CompiledScene, integrator: str) -> Plan:
+def make_plan(scene: CompiledScene, integrator: Needs) -> Plan:
     """Decide what light transport in this scene needs."""
     kinds = scene.lobes.kind
     spreads = bool((kinds <= LAST_SPREADING).any())
     is_glass = kinds == DIELECTRIC
     has_sky = scene.environment is not None
     n_lights = scene.n_lights
-    asks_all = integrator == "whitted"
+    asks_all = integrator.asks_every_light
 
     plan = Plan()
     plan.decide(
@@ -115,7 +136,7 @@ def make_plan(scene: CompiledScene, integrator: str) -> Plan:
         "glass rays",
         bool(is_glass.any()),
         "at least one surface is a dielectric; "
-        + ("both branches are" if asks_all else "one branch is")
+        + ("both branches are" if integrator.follows_every_branch else "one branch is")
         + " followed",
         "no surface is a dielectric",
     )
@@ -135,24 +156,22 @@ def make_plan(scene: CompiledScene, integrator: str) -> Plan:
     shines = bool(scene.lights.emit.any())
     plan.decide(
         "light paths",
-        integrator == "path" and spreads and leads and shines,
+        not integrator.without_light_paths and spreads and leads and shines,
         "lamps shine on surfaces by way of mirrors and glass: paths from the lamps find that",
-        "both branches at glass are followed, and no light thrown by it"
-        if asks_all
-        else "photons find what mirrors and glass throw"
-        if integrator in WITH_PHOTONS
+        integrator.without_light_paths
+        if integrator.without_light_paths
         else "no surface spreads light"
         if not spreads
         else "no mirror or glass throws light"
         if not leads
         else "no light has an area",
     )
-    if integrator in WITH_PHOTONS:
+    if integrator.sends_photons:
         _plan_photons(plan, scene, integrator)
     return plan
 
 
-def _plan_photons(plan: Plan, scene: CompiledScene, integrator: str) -> None:
+def _plan_photons(plan: Plan, scene: CompiledScene, integrator: Needs) -> None:
     """Decide which photons a scene needs."""
     kinds, shines = scene.lobes.kind, bool(scene.lights.chance.any())
     gathers, throws = bool((kinds <= PHONG).any()), bool((kinds > PHONG).any())
@@ -168,7 +187,7 @@ def _plan_photons(plan: Plan, scene: CompiledScene, integrator: str) -> None:
         "mirrors, metals or glass may throw caustics",
         "nothing mirrors or refracts" if gathers and shines else "there are no photons",
     )
-    if integrator == "photon_map":
+    if integrator.keeps_caustic_map:
         plan.decide(
             "caustic map",
             gathers and shines and throws,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import errno
 import importlib.util
 import os
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, BinaryIO
@@ -14,7 +14,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hybrid_rt.core.ledger import as_json
-from hybrid_rt.sensor.channel_names import PARTS
 from hybrid_rt.sensor.color import screen_pixels
 from hybrid_rt.sensor.film import TRIAL_SIZE, _named
 from meshing.checks import as_path, number
@@ -24,6 +23,8 @@ MOST_STOPS = 100.0
 
 
 Channels = Mapping[str, NDArray[np.float32]]
+# Names of a channel's parts; () is a single number per pixel.
+Parts = Mapping[str, Sequence[str]]
 
 
 def save_image(
@@ -32,6 +33,7 @@ def save_image(
     report: dict[str, Any],
     channels: Channels | None = None,
     exposure: float = 0.0,
+    parts: Parts | None = None,
 ) -> Path:
     """Write a picture, and its report beside it as JSON.
 
@@ -48,6 +50,8 @@ def save_image(
         By name, (height, width) or (height, width, parts) float32; not kept by PNG.
     exposure : float
         Stops: a PNG shows 2**exposure times the radiance. The other formats keep radiance.
+    parts : dict, optional
+        By name of a channel, what EXR calls its parts; by default they are R, G and B.
 
     Returns
     -------
@@ -66,7 +70,8 @@ def save_image(
         raise ValueError(f"image has shape {np.shape(image)}: pass (height, width, 3)")
     text = as_json(report)
     with replacing(target) as file:
-        WRITERS[target.suffix.lower()](file, image, text, channels or {}, exposure)
+        write = WRITERS[target.suffix.lower()]
+        write(file, image, text, channels or {}, exposure, parts or {})
     sidecar = sidecar_of(target)
     with replacing(sidecar) as file:
         file.write(text.encode())
@@ -124,6 +129,7 @@ def _write_png(
     _report: str,
     _channels: Channels,
     exposure: float,
+    _parts: Parts,
 ) -> None:
     import imageio.v3 as imageio
 
@@ -136,6 +142,7 @@ def _write_npz(
     report: str,
     channels: Channels,
     _exposure: float,
+    _parts: Parts,
 ) -> None:
     arrays: dict[str, NDArray[Any]] = {"image": image, "report": np.array(report), **channels}
     np.savez_compressed(file, **arrays)  # type: ignore[arg-type]
@@ -147,6 +154,7 @@ def _write_exr(
     report: str,
     channels: Channels,
     _exposure: float,
+    parts: Parts,
 ) -> None:
     import OpenEXR
 
@@ -155,7 +163,8 @@ def _write_exr(
         if values.ndim == 2:
             planes[name] = values
         else:
-            planes |= {f"{name}.{part}": values[:, :, k] for k, part in enumerate(PARTS[name])}
+            letters = parts.get(name, "RGB")
+            planes |= {f"{name}.{part}": values[:, :, k] for k, part in enumerate(letters)}
     header = {
         "compression": OpenEXR.ZIP_COMPRESSION,
         "type": OpenEXR.scanlineimage,
@@ -169,7 +178,7 @@ def _write_exr(
         raise OSError(str(error).strip(". ").rpartition(". ")[2]) from error
 
 
-Writer = Callable[[BinaryIO, NDArray[np.float32], str, Channels, float], None]
+Writer = Callable[[BinaryIO, NDArray[np.float32], str, Channels, float, Parts], None]
 
 
 WRITERS: dict[str, Writer] = {".png": _write_png, ".npz": _write_npz, ".exr": _write_exr}

@@ -1,1 +1,57 @@
-"""Photon mapping: photon tracing, density estimation, ppm and photon_map."""
+"""Photon mapping: photons from the lights, gathered where camera rays arrive."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from hybrid_rt.integrators.declaration import Declaration
+from hybrid_rt.integrators.options import PhotonMapOptions, PPMOptions
+
+if TYPE_CHECKING:
+    from hybrid_rt.integrators.context import RenderContext
+    from hybrid_rt.integrators.workers import Workers
+    from hybrid_rt.scene.compiled import CompiledScene
+
+# Lights are asked, and photons looked at, where light is spread widely; metals ask lights too, but
+# photons do not stay on them. What runs into a lamp needs neither.
+FINDS = "[LUK][DGS]*E|P[DGS]*D[DGS]*E|PG[GS]*E"
+WHY_NO_LIGHT_PATHS = "photons find what mirrors and glass throw"
+
+
+def _make_ppm(context: RenderContext, threads: int) -> Workers:
+    from hybrid_rt.integrators.photons.ppm import ProgressiveWorkers
+
+    return ProgressiveWorkers(context, threads)
+
+
+def _make_photon_map(context: RenderContext, threads: int) -> Workers:
+    from hybrid_rt.integrators.photons.photon_map import PhotonMapWorkers
+
+    return PhotonMapWorkers(context, threads)
+
+
+def _refuse(scene: CompiledScene) -> None:
+    from hybrid_rt.integrators.photons.photon_tracer import check_lights
+
+    check_lights(scene)
+
+
+PPM = Declaration(
+    name="ppm",
+    make=_make_ppm,
+    finds=lambda _: FINDS,
+    options=PPMOptions,
+    refuse=_refuse,
+    without_light_paths=WHY_NO_LIGHT_PATHS,
+    sends_photons=True,
+)
+PHOTON_MAP = Declaration(
+    name="photon_map",
+    make=_make_photon_map,
+    finds=lambda _: FINDS,
+    options=PhotonMapOptions,
+    refuse=_refuse,
+    without_light_paths=WHY_NO_LIGHT_PATHS,
+    sends_photons=True,
+    keeps_caustic_map=True,
+)

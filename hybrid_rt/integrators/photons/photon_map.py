@@ -38,8 +38,6 @@ class PhotonMapWorkers(PhotonWorkers):
         Each has a `EyePass` of its own.
     """
 
-    blur_stays = True
-
     def __init__(self, context: RenderContext, threads: int) -> None:
         super().__init__(context, threads)
         self._options: PhotonMapOptions = context.options or PhotonMapOptions()

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hybrid_rt.core.records import FloatArray, HitRecord, IntArray, NamedPoints
+from hybrid_rt.integrators import DEFAULT
 from hybrid_rt.integrators.context import RenderContext
 from hybrid_rt.integrators.direct_light import (
     Shading,
@@ -386,7 +387,7 @@ def _powers(scene: CompiledScene, world: FloatArray) -> FloatArray:
             name = scene.names[scene.surface_of_light[i]]
             raise ValueError(
                 f"object {name!r} is a plane that shines, so sends out photons without end: pass a "
-                "Rectangle, or use integrator 'path'"
+                f"Rectangle, or use integrator {DEFAULT!r}"
             )
         power[i] = factor * lights.strength[i].mean()
     if scene.environment is not None:
@@ -394,7 +395,7 @@ def _powers(scene: CompiledScene, world: FloatArray) -> FloatArray:
         if endless:
             raise ValueError(
                 f"object {scene.names[endless[0]]!r} is a plane, to which the sky sends photons "
-                "without end: pass a Rectangle, or use integrator 'path'"
+                f"without end: pass a Rectangle, or use integrator {DEFAULT!r}"
             )
         height = (np.arange(64) + 0.5) / 32.0 - 1.0
         turn = math.pi * (3.0 - math.sqrt(5.0)) * np.arange(64)

@@ -43,7 +43,9 @@ def test_integrators_that_refuse_a_scene_are_left_out_unless_asked_for():
 
 def test_settings_of_photons_are_combined_and_named():
     scene = Scene(VIEW, [BALL], environment=SKY)
-    methods = default_methods(scene, ["whitted", "ppm", "photon_map"], [500, 900], [0.5])
+    methods = default_methods(
+        scene, ["whitted", "ppm", "photon_map"], {"photons": [500, 900], "alpha": [0.5]}
+    )
     assert [method.name for method in methods] == [
         "whitted", "ppm, 500 photons, alpha 0.5", "ppm, 900 photons, alpha 0.5",
         "photon_map, 500 photons", "photon_map, 900 photons",
@@ -51,7 +53,7 @@ def test_settings_of_photons_are_combined_and_named():
     assert methods[2].options == PPMOptions(900, 0.5)
     assert methods[4].options == PhotonMapOptions(900)
     with pytest.raises(ValueError, match="alpha"):
-        default_methods(scene, ["ppm"], [500], [1.5])
+        default_methods(scene, ["ppm"], {"photons": [500], "alpha": [1.5]})
 
 
 @pytest.mark.parametrize(
@@ -67,7 +69,7 @@ def test_settings_of_photons_are_combined_and_named():
 def test_flags_are_understood_by_the_command_line(method, flags):
     assert method.flags == f"--integrator {method.integrator} {flags}".rstrip()
     parsed = cli._parser().parse_args(["render", "scene.py", *method.flags.split()])
-    found = cli._photon_options(parsed.integrator, parsed.photons, parsed.alpha)
+    found = cli._settings(parsed.integrator, parsed)
     assert found == method.options
     assert (parsed.accuracy, parsed.tolerance) == (method.accuracy, method.tolerance)
 
@@ -83,12 +85,12 @@ def test_power_of_the_error():
 def test_who_finds_all_light():
     point = [PointLight((0, -3, 3), 5.0)]
     cases = {
-        "matt": (Scene(VIEW, [BALL], point), True, True),
-        "mirror under a point light": (Scene(VIEW, [BALL, MIRROR], point), False, True),
-        "plane under the sky": (Scene(VIEW, [GROUND], environment=SKY), True, False),
+        "matt": (Scene(VIEW, [BALL], point), True, True, False),
+        "mirror under a point light": (Scene(VIEW, [BALL, MIRROR], point), False, True, False),
+        "plane under the sky": (Scene(VIEW, [GROUND], environment=SKY), True, False, True),
     }
-    for scene, by_paths, by_photons in cases.values():
+    for scene, by_paths, by_photons, by_whitted in cases.values():
         assert finds_all_light(scene, "path") is by_paths
         assert finds_all_light(scene, "ppm") is by_photons
-        assert not finds_all_light(scene, "whitted")
+        assert finds_all_light(scene, "whitted") is by_whitted
         assert not finds_all_light(scene, "photon_map")

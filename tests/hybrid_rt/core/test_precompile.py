@@ -13,6 +13,7 @@ import pytest
 from hybrid_rt import demo
 from hybrid_rt.core import precompile
 from hybrid_rt.core import threads as pool
+from hybrid_rt.integrators import INTEGRATORS
 from hybrid_rt.intersection.kinds.registry import kernel_groups
 from hybrid_rt.scene.compiled import compile_scene
 from hybrid_rt.scene.plan import KERNELS_FOR, make_plan
@@ -76,7 +77,7 @@ def test_what_the_demo_announces_is_what_it_needs():
 
 
 def test_modules_and_decisions_exist():
-    plan = make_plan(compile_scene(demo.scene()), "path")
+    plan = make_plan(compile_scene(demo.scene()), INTEGRATORS["path"])
     for module, decision in KERNELS_FOR.items():
         importlib.import_module(module)
         assert plan[decision] in (True, False)

@@ -6,10 +6,10 @@ import pytest
 from hybrid_rt.lights import GradientSky
 from hybrid_rt.materials import Lambertian, Phong
 from hybrid_rt.primitives import Rectangle, Sphere
+from hybrid_rt.rendering.channels import OUTPUTS, geometric
 from hybrid_rt.rendering.renderer import render
 from hybrid_rt.scene.scene import Object, Scene
 from hybrid_rt.sensor.camera import Camera
-from hybrid_rt.sensor.channel_names import PARTS
 from hybrid_rt.textures import CheckerTexture
 
 CAMERA = Camera((0, 0, 5), (0, 0, 0), (0, 1, 0), 60, 15, 11)
@@ -20,7 +20,7 @@ SCENE = Scene(CAMERA, [WALL, BALL], environment=GradientSky(0.5, 1.0))
 
 @pytest.fixture(scope="module")
 def result():
-    return render(SCENE, passes=4, outputs=list(PARTS))
+    return render(SCENE, passes=4, outputs=list(OUTPUTS))
 
 
 def test_middle_of_the_picture(result):
@@ -83,3 +83,19 @@ def test_one_pass_has_no_standard_error():
 def test_unknown_outputs_are_refused():
     with pytest.raises(ValueError, match="output is 'deepness': pass one of depth"):
         render(SCENE, outputs=("deepness",))
+
+
+def test_an_output_is_one_function(monkeypatch, tmp_path):
+    """Registered under its name: rendered, and kept with the names of its parts."""
+    exr = pytest.importorskip("OpenEXR")
+    monkeypatch.setitem(OUTPUTS, "facing", None)  # forgotten at the end
+
+    @geometric("U", "V")
+    def facing(behind):
+        return np.stack([behind.hits.front_face, behind.hits.normal[:, 2]], axis=1)
+
+    result = render(SCENE, passes=1, outputs=["facing", "depth"])
+    np.testing.assert_allclose(result.channels["facing"][5, 7], (1.0, 1.0), atol=1e-7)
+    result.save(tmp_path / "a.exr")
+    with exr.File(str(tmp_path / "a.exr"), separate_channels=True) as file:
+        assert set(file.channels()) == {*"RGB", "depth", "facing.U", "facing.V"}

@@ -42,13 +42,15 @@ def test_npz_holds_the_picture_bit_for_bit(tmp_path):
 def test_exr_holds_named_channels_bit_for_bit(tmp_path):
     OpenEXR = pytest.importorskip("OpenEXR")
     depth = np.where(IMAGE[:, :, 0] > 0.5, np.inf, IMAGE[:, :, 0]).astype(np.float32)
-    channels = {"depth": depth, "normal": -IMAGE}
-    save_image(tmp_path / "a.exr", IMAGE, {"seed": 3}, channels)
+    channels = {"depth": depth, "normal": -IMAGE, "albedo": IMAGE}
+    save_image(tmp_path / "a.exr", IMAGE, {"seed": 3}, channels, parts={"normal": "XYZ"})
     with OpenEXR.File(str(tmp_path / "a.exr"), separate_channels=True) as file:
         planes = {name: channel.pixels for name, channel in file.channels().items()}
         assert json.loads(file.header()["hybrid_rt"]) == {"seed": 3}
     assert {plane.dtype for plane in planes.values()} == {np.dtype(np.float32)}
-    assert set(planes) == {"R", "G", "B", "depth", "normal.X", "normal.Y", "normal.Z"}
+    assert set(planes) == {
+        *"RGB", "depth", *(f"normal.{x}" for x in "XYZ"), *(f"albedo.{x}" for x in "RGB"),
+    }  # fmt: skip
     np.testing.assert_array_equal(np.stack([planes[c] for c in "RGB"], axis=2), IMAGE)
     np.testing.assert_array_equal(planes["depth"], depth)
     np.testing.assert_array_equal(planes["normal.Y"], -IMAGE[:, :, 1])

@@ -1,0 +1,100 @@
+"""Paths of light in letters, and what an integrator leaves out of a scene's.
+
+After Heckbert, "Adaptive radiosity textures for bidirectional ray tracing", SIGGRAPH 1990: a path is
+a word that begins with what shines and ends in the eye. Here
+
+- ``L`` is a lamp with an area, ``P`` one without (a point, a spot), ``U`` a plane that shines, which
+  has no end and so no point to choose, ``K`` the sky;
+- ``D`` is a surface that spreads light widely (matt, glossy), ``G`` one that spreads it narrowly
+  (metal), ``S`` a mirror or glass;
+- ``E`` is the eye.
+
+So ``[LK]D[GS]*E`` is direct light on matt surfaces, seen also in mirrors. Lamps without area are not
+seen themselves, not in mirrors either: ``PS*E`` is no path.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Sequence
+from itertools import product
+
+import numpy as np
+
+from hybrid_rt.primitives import Plane, Rectangle
+from hybrid_rt.scene.compiled import NOTHING, CompiledScene
+from hybrid_rt.shading.kernels.bsdf import DIELECTRIC, DIFFUSE, METAL, MIRROR, PHONG
+from hybrid_rt.shading.kernels.emitter import POINT
+
+# Every kind of path that integrators differ in shows in as many surfaces.
+MOST_SURFACES = 4
+
+
+def _paths(lights: str, surfaces: str, most: int = MOST_SURFACES) -> list[str]:
+    """Return all paths over these letters, the shortest first."""
+    words = (word for n in range(most + 1) for word in product(lights, *[surfaces] * n))
+    return [f"{''.join(word)}E" for word in words if not re.fullmatch("PS*", "".join(word))]
+
+
+ALL_PATHS = _paths("LPUK", "DGS")
+
+# Paths and what they are called: the first that fits.
+NAMES = (
+    ("PS+[DGS]*E", "light of lamps without area that mirrors or glass throw onto surfaces"),
+    ("[LUK]S+[DGS]*E", "light that mirrors or glass throw onto surfaces"),
+    ("PG[GS]*E", "highlights of lamps without area on metal"),
+    ("PD[GS]*E", "light straight from lamps without area"),
+    ("UD[GS]*E", "light straight from planes that shine"),
+    (".[DG][GS]*E", "light straight from lamps or the sky"),
+    (".*", "light that goes from surface to surface"),
+)
+
+
+def paths_of(scene: CompiledScene) -> list[str]:
+    """Return the paths that light may take in a scene, as far as its lights and materials tell."""
+    lights, surfaces = "", ""
+    shines = scene.lights.strength.any(axis=1)
+    has_no_area = scene.lights.kind == POINT
+    has_no_end = ~has_no_area & (scene.lights.chance[:-1] == 0.0)
+    for letter, is_of_kind in (
+        ("L", ~has_no_area & ~has_no_end),
+        ("P", has_no_area),
+        ("U", has_no_end),
+    ):
+        lights += letter if (shines & is_of_kind).any() else ""
+    lights += "" if scene.environment is None else "K"
+    for letter, least, last in (
+        ("D", DIFFUSE, PHONG),
+        ("G", METAL, METAL),
+        ("S", MIRROR, DIELECTRIC),
+    ):
+        surfaces += letter if scene.lobes_of_kinds(least, last).any() else ""
+    return _paths(lights, surfaces, 1 if _is_one_flat_surface(scene) else MOST_SURFACES)
+
+
+def left_out(found: str, paths: Iterable[str]) -> list[str]:
+    """Return a sentence for each kind of path that is not found, the shortest ones as examples.
+
+    Parameters
+    ----------
+    found : str
+        A regular expression over paths.
+    paths : iterable of str
+    """
+    missing: dict[str, list[str]] = {}
+    for path in paths:
+        if not re.fullmatch(found, path):
+            name = next(name for pattern, name in NAMES if re.fullmatch(pattern, path))
+            missing.setdefault(name, []).append(path)
+    return [f"{name} ({_examples(words)})" for name, words in missing.items()]
+
+
+def _examples(paths: Sequence[str]) -> str:
+    shortest = [path for path in paths if len(path) == len(paths[0])]
+    return ", ".join(shortest[:3]) + (", ..." if len(paths) > len(shortest[:3]) else "")
+
+
+def _is_one_flat_surface(scene: CompiledScene) -> bool:
+    """Tell whether nothing that light leaves can meet another surface that sends it on."""
+    objects = np.flatnonzero(scene.material_of != NOTHING)
+    return objects.size == 1 and isinstance(scene.surfaces[objects[0]], Plane | Rectangle)
