@@ -12,7 +12,7 @@ from hybrid_rt.cli import program as cli
 from hybrid_rt.cli.command import BAD_INPUT, CLOSED_PIPE, INTERRUPTED
 from hybrid_rt.cli.scene_file import SceneFileError, load_scene
 from hybrid_rt.rendering import renderer as rendering
-from hybrid_rt.sensor import film
+from hybrid_rt.sensor import image_files
 
 SCRIPT = """
 import sys
@@ -209,7 +209,7 @@ def test_a_file_that_cannot_be_written_does_not_take_the_others_with_it(
     def full(*_):
         raise OSError(errno.ENOSPC, "No space left on device")
 
-    monkeypatch.setitem(film.WRITERS, ".png", full)
+    monkeypatch.setitem(image_files.WRITERS, ".png", full)
     words = ["--passes", "1", "--quiet", "--out", "a.png", "--out", "b.npz", "--out", "c.png"]
     assert cli.main(["render", "ball.py", *words]) == BAD_INPUT
     captured = capsys.readouterr()
