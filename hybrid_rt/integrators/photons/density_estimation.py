@@ -163,17 +163,6 @@ class Field(ABC):
         )  # fmt: skip
 
 
-def shrunk(pass_number: int, alpha: float) -> float:
-    """Return the radii of a pass, in those of the first.
-
-    Knaus and Zwicker, "Progressive photon mapping: a probabilistic approach", ToG 30(3), 2011:
-    r_i^2 = r_1^2 Gamma(i + alpha) / (Gamma(1 + alpha) Gamma(i + 1)), with i = 1 in the first pass.
-    """
-    i = pass_number + 1.0
-    log_square = math.lgamma(i + alpha) - math.lgamma(1.0 + alpha) - math.lgamma(i + 1.0)
-    return math.exp(0.5 * log_square)
-
-
 class Radii:
     """The radius of the first pass around any point.
 

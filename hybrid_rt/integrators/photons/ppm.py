@@ -8,6 +8,7 @@ pass, so in the mean of the passes both noise and blur vanish.
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 from hybrid_rt.integrators.context import RenderContext
@@ -19,7 +20,6 @@ from hybrid_rt.integrators.photons.density_estimation import (
     Discs,
     Field,
     Radii,
-    shrunk,
 )
 from hybrid_rt.integrators.photons.eye_pass import EyePass
 from hybrid_rt.integrators.photons.light_tracing import DensePlaces, Splats
@@ -60,7 +60,7 @@ class ProgressiveWorkers(PhotonWorkers):
 
     def _fields(self, photons: Photons, pass_number: int) -> tuple[Field, ...]:
         assert self._radii is not None
-        shrink = shrunk(pass_number, self._options.alpha)
+        shrink = radius_factor(pass_number, self._options.alpha)
         return (Discs(photons, self.context.scene.lobes, self._radii, shrink),)
 
     def _first_radii(self) -> Radii:
@@ -94,7 +94,7 @@ class ProgressiveWorkers(PhotonWorkers):
 
     def _about(self) -> dict[str, Any]:
         first = [] if self._radii is None else self._radii.classes.tolist()
-        last = shrunk(max(self._n_passes - 1, 0), self._options.alpha)
+        last = radius_factor(max(self._n_passes - 1, 0), self._options.alpha)
         return {
             "per_pass": self._options.photons_per_pass,
             "alpha": self._options.alpha,
@@ -102,3 +102,14 @@ class ProgressiveWorkers(PhotonWorkers):
             "last_radii": [last * radius for radius in first],
             "blur": BLUR,
         }
+
+
+def radius_factor(pass_number: int, alpha: float) -> float:
+    """Return the radii of a pass over those of the first.
+
+    Knaus and Zwicker, "Progressive photon mapping: a probabilistic approach", ToG 30(3), 2011:
+    r_i^2 = r_1^2 Gamma(i + alpha) / (Gamma(1 + alpha) Gamma(i + 1)), with i = 1 in the first pass.
+    """
+    i = pass_number + 1.0
+    log_square = math.lgamma(i + alpha) - math.lgamma(1.0 + alpha) - math.lgamma(i + 1.0)
+    return math.exp(0.5 * log_square)

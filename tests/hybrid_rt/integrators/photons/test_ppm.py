@@ -18,8 +18,8 @@ from hybrid_rt.integrators.photons import (
 from hybrid_rt.integrators.photons import (
     photon_workers,
 )
-from hybrid_rt.integrators.photons.density_estimation import shrunk
 from hybrid_rt.integrators.photons.photon_tracer import Group, sequence_of
+from hybrid_rt.integrators.photons.ppm import radius_factor
 from hybrid_rt.lights import GradientSky, PointLight, RectangleLight, SphereLight
 from hybrid_rt.materials import Dielectric, Emissive, Lambertian, Metal, Mirror, Mix, Phong
 from hybrid_rt.primitives import Box, Plane, Rectangle, Sphere
@@ -131,7 +131,7 @@ class TestBalance:
 def test_radius_sequence_of_knaus_and_zwicker():
     """r_{i+1}^2 / r_i^2 = (i + alpha) / (i + 1)."""
     alpha = 0.6
-    squares = np.array([shrunk(i, alpha) ** 2 for i in range(6)])
+    squares = np.array([radius_factor(i, alpha) ** 2 for i in range(6)])
     assert squares[0] == pytest.approx(1.0)
     i = np.arange(1, 6)
     np.testing.assert_allclose(squares[1:] / squares[:-1], (i + alpha) / (i + 1), rtol=1e-12)
