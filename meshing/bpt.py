@@ -21,7 +21,9 @@ class _Lines:
     def __init__(self, path: Path) -> None:
         self.path = path
         self._lines: Iterator[tuple[int, str]] = enumerate(
-            path.read_text(encoding="utf-8").splitlines(), start=1
+            # Some editors begin a file with a byte-order mark.
+            path.read_text(encoding="utf-8-sig").splitlines(),
+            start=1,
         )
         self.number = 0
 
@@ -98,7 +100,8 @@ def _read_patch(lines: _Lines, p: int, n_patches: int) -> FloatArray:
 
 
 def _whole_numbers(words: list[str], count: int) -> list[int] | None:
-    if len(words) != count or not all(word.isdecimal() for word in words):
+    # More digits than that are no count, and may be more than Python reads.
+    if len(words) != count or not all(word.isdecimal() and len(word) < 19 for word in words):
         return None
     return [int(word) for word in words]
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 import os
+from contextlib import suppress
 from pathlib import Path
 from typing import TypeAlias
 
@@ -25,11 +26,19 @@ SIMILARITY_TOLERANCE = 2.0**-40
 
 def shown(value: object) -> str:
     """Return a value as a message shows it: on one line, and short."""
-    try:
+    # Python does not write out integers of very many digits; other classes may raise anything.
+    is_whole = isinstance(value, int)
+    text = f"a very large {type(value).__name__}" if is_whole else f"a {type(value).__name__}"
+    with suppress(Exception):
         text = " ".join(repr(value).split())
-    except ValueError:  # an integer of more digits than Python writes out
-        text = f"a very large {type(value).__name__}"
     return text if len(text) <= 60 else text[:57] + "..."
+
+
+def text_of(error: BaseException) -> str:
+    """Return what an exception says, on one line; nothing if its own text raises."""
+    with suppress(Exception):
+        return " ".join(str(error).split())
+    return ""
 
 
 def as_floats(value: ArrayLike, what: str) -> FloatArray:
@@ -40,6 +49,7 @@ def as_floats(value: ArrayLike, what: str) -> FloatArray:
     ValueError, TypeError
         For anything else, and rows of unequal length; ``what`` is named.
     """
+    refuse_mask(value, what)
     try:
         array = np.asarray(value)
     except ValueError:
@@ -54,7 +64,24 @@ def as_floats(value: ArrayLike, what: str) -> FloatArray:
             raise TypeError(f"{what} is {shown(value)}: pass real numbers") from None
     if array.dtype.kind not in "fiu":
         raise TypeError(f"{what} is {shown(value)}: pass real numbers")
-    return np.asarray(array, dtype=np.float64, order="C")
+    if array.dtype.itemsize <= 8:
+        return np.asarray(array, dtype=np.float64, order="C")
+    with np.errstate(over="ignore"):  # what is too large becomes inf, which callers refuse
+        return np.asarray(array, dtype=np.float64, order="C")
+
+
+def refuse_mask(value: object, what: str) -> None:
+    """Refuse an array with masked elements: numpy would hand out what lies under the mask.
+
+    Raises
+    ------
+    ValueError
+        ``what`` is named.
+    """
+    if isinstance(value, np.ndarray) and np.any(getattr(value, "mask", False)):
+        raise ValueError(
+            f"{what} has masked elements: leave them out, or fill them with .filled(...)"
+        )
 
 
 def as_vector(value: ArrayLike, what: str, *, up_to: float = np.inf) -> FloatArray:
@@ -240,8 +267,12 @@ def as_similarity(matrix: ArrayLike, kind: str) -> tuple[FloatArray, FloatArray,
         As `as_affine` does, and for a matrix that is no similarity up to roundings.
     """
     linear, shift = as_affine(matrix, kind)
+    # By a power of two first, so that no square overflows.
+    unit = math.ldexp(1.0, math.frexp(float(np.abs(linear).max()))[1] - 1)
+    linear = linear / unit
     scale = float(np.sqrt((linear**2).sum() / 3.0))
     orthogonal = linear / scale
+    scale *= unit
     error = float(np.abs(orthogonal @ orthogonal.T - np.eye(3)).max())
     if error > SIMILARITY_TOLERANCE:
         raise ValueError(
@@ -276,6 +307,7 @@ def broadcast_parameters(
     ValueError, TypeError
         If they do not broadcast, or there is no such patch.
     """
+    refuse_mask(patch_id, name)
     ids = np.asarray(patch_id)
     if ids.dtype.kind not in "iu":
         raise TypeError(f"{name} has type {ids.dtype}: pass whole numbers")

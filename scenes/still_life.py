@@ -35,7 +35,7 @@ def surroundings(height: int = 128) -> FloatArray:
         indexing="ij",
     )  # fmt: skip
     room = np.where(v[..., None] < 0.5, (0.12, 0.1, 0.08), (0.3, 0.34, 0.3)) * (0.5 + v[..., None])
-    across, up = (u - 0.55) / 0.16, (v - 0.6) / 0.2
+    across, up = (u - 0.29) / 0.16, (v - 0.6) / 0.2
     inside = (across > 0) & (across < 1) & (up > 0) & (up < 1)
     frame = (np.abs(across * 3 % 1 - 0.5) > 0.45) | (np.abs(up * 2 % 1 - 0.5) > 0.46)
     room[inside & ~frame] = (14.0, 15.0, 17.0)

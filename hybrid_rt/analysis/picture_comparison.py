@@ -18,7 +18,7 @@ from hybrid_rt.core.records import FloatArray
 from hybrid_rt.sensor.color import screen_pixels, srgb_to_linear
 from hybrid_rt.sensor.image_files import check_output, replacing, sidecar_of
 from hybrid_rt.sensor.image_metrics import DARK, PictureErrors, picture_errors, relative_squares
-from meshing.checks import as_path
+from meshing.checks import as_path, text_of
 
 Pixels = NDArray[np.uint8]
 
@@ -30,6 +30,9 @@ _COLORS = np.array([
 ], dtype=np.float64)  # fmt: skip
 
 CAPTION_HEIGHT, GAP = 16, 6
+
+# Differences of larger numbers may be no numbers.
+MOST = 1e300
 
 
 @dataclass(frozen=True)
@@ -77,7 +80,7 @@ def load_picture(path: str | os.PathLike[str]) -> Picture:
     except _NotAPictureError:
         raise
     except Exception as error:  # whatever the reader of that format raises on a damaged file
-        reason = " ".join(str(error).split()) or type(error).__name__
+        reason = text_of(error) or type(error).__name__
         raise ValueError(
             f"picture {str(file)!r} cannot be read ({reason[:100]}): pass a complete {file.suffix} file"
         ) from error
@@ -96,11 +99,20 @@ def _check_arrays(file: Path, picture: Picture) -> None:
             f"picture {str(file)!r} holds {image.dtype} of shape {image.shape}: pass floats of "
             "shape (height, width, 3)"
         )
+    if max(_largest(x) for x in (image, error) if x is not None) > MOST:
+        raise ValueError(
+            f"picture {str(file)!r} holds numbers beyond {MOST:g}: pass radiances, scaled if need be"
+        )
     if error is not None and error.shape != image.shape:
         raise ValueError(
             f"picture {str(file)!r} has shape {image.shape}, its standard_error {error.shape}: pass "
             "a file as it was written"
         )
+
+
+def _largest(values: NDArray[np.floating]) -> float:
+    """Return the largest of those that are finite; they may be of low precision."""
+    return float(np.abs(values[np.isfinite(values)]).max(initial=0.0))
 
 
 def _report_of(text: str | bytes | None) -> dict[str, Any] | None:
@@ -223,8 +235,9 @@ def _expected(one: Picture, other: Picture) -> float | None:
     for picture in (one, other):
         noise = _found(picture.report, "noise", "relative_rmse")
         if picture.standard_error is not None:
-            weight = other.image.astype(np.float64) ** 2 + DARK
-            variance += float((picture.standard_error.astype(np.float64) ** 2 / weight).mean())
+            level = np.hypot(other.image.astype(np.float64), math.sqrt(DARK))
+            share = picture.standard_error.astype(np.float64) / level
+            variance += float((share * share).mean())
         elif noise is not None:
             variance += noise**2
         else:

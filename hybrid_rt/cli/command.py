@@ -66,8 +66,15 @@ def guarded(
         _say(f"\n{told(interrupt)}")
         return INTERRUPTED
     except REFUSALS as error:
-        _say(f"{name}: {error}")
+        _say(f"{name}: {_words_of(error)}")
         return BAD_INPUT
+
+
+def _words_of(error: BaseException) -> str:
+    """Return what an error says; its kind where that is nothing, or raises itself."""
+    with suppress(Exception):
+        return str(error) or type(error).__name__
+    return type(error).__name__
 
 
 @contextmanager

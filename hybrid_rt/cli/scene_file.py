@@ -16,7 +16,7 @@ from typing import Any
 
 from hybrid_rt.core import checks
 from hybrid_rt.scene.scene import Scene
-from meshing.checks import as_path
+from meshing.checks import as_path, text_of
 
 
 class SceneFileError(ValueError):
@@ -111,7 +111,7 @@ def _line_in(file: Path, error: BaseException) -> str:
 
 def _described(error: BaseException) -> str:
     # Our own refusals speak for themselves; of anything else the kind matters as well.
-    text = " ".join(str(error).split())
+    text = text_of(error)
     if isinstance(error, ValueError | FileNotFoundError) and text:
         return text
     return f"{type(error).__name__}: {text}" if text else type(error).__name__

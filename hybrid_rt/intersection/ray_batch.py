@@ -12,7 +12,7 @@ from hybrid_rt.core.records import FloatArray, HitRecord, IntArray, NamedPoints
 from hybrid_rt.core.threads import Pool
 from hybrid_rt.intersection.kernels.search import rays as kernels
 from hybrid_rt.intersection.kernels.search.nearest import Rays
-from meshing.checks import as_floats, shown
+from meshing.checks import as_floats, refuse_mask, shown
 
 IdArray = NDArray[np.int64]
 
@@ -128,7 +128,8 @@ def make_batch(
     bad: list[tuple[int, IdArray, IdArray]] = []
 
     def check(begin: int, end: int) -> None:
-        first_bad, n_bad = np.full(4, -1), np.zeros(4, np.int64)
+        kinds = len(kernels.COMPLAINTS)
+        first_bad, n_bad = np.full(kinds, -1), np.zeros(kinds, np.int64)
         kernels.check_rays(origin[begin:end], direction[begin:end], LARGEST, first_bad, n_bad)
         if n_bad.any():
             bad.append((begin, first_bad + begin, n_bad))
@@ -245,6 +246,7 @@ def _checked_points(
 
 def _checked_ids(values: IntArray, name: str, n: int, n_objects: int) -> IntArray:
     """Return indices of objects, one per ray; -1 names none."""
+    refuse_mask(values, name)
     try:
         ids = np.asarray(values)
     except ValueError:  # rows of different lengths

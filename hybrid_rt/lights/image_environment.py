@@ -16,10 +16,12 @@ from hybrid_rt.textures import ImageTexture
 
 
 class ImageEnvironment(Environment):
-    """A picture of all directions: azimuth to the right, straight up along its upper border.
+    """A picture of all directions, as seen from within: what it shows to the right lies to the right.
 
-    Column 0 begins at azimuth 0, which lies along the coordinate axis least aligned with ``up``,
-    made perpendicular to it; azimuth runs right-handed about ``up``. Bilinear between texels.
+    Straight up is along its upper border. Column 0 begins at the coordinate axis least aligned with
+    ``up``, made perpendicular to it; columns go from there as one turns to the right, left-handed
+    about ``up``. With ``up`` = +y the left border lies towards +x, a quarter of the width towards
+    +z, the middle towards -x, three quarters towards -z. Bilinear between texels.
 
     Parameters
     ----------
@@ -34,9 +36,10 @@ class ImageEnvironment(Environment):
     ) -> None:
         texels = ImageTexture(image).texels
         rows, columns = _shares(texels)
+        start, left, upward = upright(checks.as_direction(up, "ImageEnvironment up"))
         self._table = EnvironmentTable(
             kind=PICTURE,
-            frame=upright(checks.as_direction(up, "ImageEnvironment up")),
+            frame=np.stack([start, -left, upward]),
             colors=np.zeros((2, 3)),
             heights=np.ones(2),
             texel=texels,

@@ -27,7 +27,9 @@ class Dielectric(Material):
     Parameters
     ----------
     ior : float
-        Index of refraction, inside over outside; 1e-6 to 1e6.
+        Index of refraction of the material itself, 1 for empty space; 1e-6 to 1e6. What counts at a
+        surface is its ratio to the index of the body around, if there is one: a bubble of air in
+        glass is ``Dielectric(1.0)`` within ``Dielectric(1.5)``.
     absorption : number or three numbers
         Per unit of length, at least 0.
     tint : number, three numbers or texture

@@ -123,8 +123,10 @@ class Plane(Surface):
             For any other matrix.
         """
         linear, shift = as_affine(matrix, "Plane")
-        # Inverse transpose; the sign of the determinant keeps S_u x S_v on its side.
-        normal = np.linalg.solve(linear.T, self.unit_normal) * np.sign(np.linalg.det(linear))
+        # Inverse transpose; the sign of the determinant keeps S_u x S_v on its side. The length of
+        # the normal is free: scaled, no determinant overflows.
+        plain = linear / np.abs(linear).max()
+        normal = np.linalg.solve(plain.T, self.unit_normal) * np.sign(np.linalg.det(plain))
         return Plane(linear @ self.origin + shift, normal)
 
     def flipped(self) -> Plane:

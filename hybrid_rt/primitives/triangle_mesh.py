@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from hybrid_rt.core.records import FloatArray
 from meshing.area import Triangles
-from meshing.checks import as_affine, as_floats, broadcast_parameters, shown
+from meshing.checks import as_affine, as_floats, broadcast_parameters, refuse_mask, shown
 from meshing.surface import Surface
 
 if TYPE_CHECKING:
@@ -46,6 +46,7 @@ class TriangleMesh(Surface):
                 f"TriangleMesh mesh is {shown(mesh)}: pass a trimesh.Trimesh, or what has vertices "
                 "and faces"
             )
+        refuse_mask(mesh.faces, "TriangleMesh faces")
         faces = np.array(mesh.faces)
         if faces.dtype.kind not in "iu":
             raise TypeError(f"TriangleMesh faces have type {faces.dtype}: pass whole numbers")

@@ -12,6 +12,8 @@ from hybrid_rt.core.records import FloatArray
 
 # Below this sine between view and up the picture's roll is decided by rounding.
 SMALLEST_SINE = 1e-8
+# A lens wider than this, in distances of the sharp plane, leaves no digits of where rays meet there.
+WIDEST_LENS = 1e6
 # Pixels along a side; far fewer fill any machine, which `hybrid_rt.rendering.memory` says in time.
 MOST_PIXELS = 10**9
 
@@ -70,6 +72,11 @@ class Camera:
         self.focus_distance = checks.number(
             focus_distance, "Camera focus_distance", above=0.0, up_to=4.0 * checks.FARTHEST
         )
+        if self.aperture > WIDEST_LENS * self.focus_distance:
+            raise ValueError(
+                f"Camera aperture is {self.aperture:g}, focus_distance {self.focus_distance:g}: pass "
+                f"a lens at most {WIDEST_LENS:g} times as wide as that is far"
+            )
 
         self._forward = checks.as_direction(view, "Camera view")
         up_direction = checks.as_direction(self.up, "Camera up")

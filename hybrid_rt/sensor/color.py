@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from hybrid_rt.core.records import FloatArray
+from hybrid_rt.sensor.film import OVERFLOWS
 
 # IEC 61966-2-1: a straight piece near black, then a power. The limits are the standard's.
 _LINEAR_LIMIT, _SRGB_LIMIT, _SLOPE, _OFFSET, _POWER = 0.0031308, 0.04045, 12.92, 0.055, 2.4
@@ -24,6 +25,7 @@ def srgb_to_linear(encoded: ArrayLike) -> FloatArray:
     return np.where(x <= _SRGB_LIMIT, x / _SLOPE, ((x + _OFFSET) / (1.0 + _OFFSET)) ** _POWER)
 
 
+@OVERFLOWS
 def screen_pixels(image: NDArray[np.floating], exposure: float = 0.0) -> NDArray[np.uint8]:
     """Encode a linear picture for a screen, 8 bit; nan is black."""
     shown = np.nan_to_num(image.astype(np.float64), posinf=np.inf) * 2.0**exposure

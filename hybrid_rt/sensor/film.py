@@ -14,12 +14,13 @@ from hybrid_rt.core.records import FloatArray
 from hybrid_rt.sensor.image_metrics import DARK
 from hybrid_rt.sensor.passes import GROUPS, RUN
 
+# Radiances beyond the range of numbers end as inf and nan, which the report counts.
+OVERFLOWS = np.errstate(over="ignore", invalid="ignore")
+
+
 # A disk with less room than this is as good as full, bytes.
 TRIAL_SIZE = 2**14
 
-
-# Radiances beyond the range of numbers end as inf and nan, which the report counts.
-OVERFLOWS = np.errstate(over="ignore", invalid="ignore")
 
 # Pixels of which errors are computed at a time: what it takes stays in the processor's cache.
 STRIP = 2**12

@@ -64,7 +64,9 @@ def picture_errors(image: NDArray[np.floating], reference: NDArray[np.floating])
     # Scaled, so that the squares of very bright pictures do not overflow.
     scale = float(np.abs(gap).max(initial=0.0)) or 1.0
     squares = (gap / scale) ** 2
-    mean, mean_of_reference = float(gap.mean()), float(r.mean())
+    mean = scale * float((gap / scale).mean())
+    of_reference = float(np.abs(r).max(initial=0.0)) or 1.0
+    mean_of_reference = of_reference * float((r / of_reference).mean())
     return PictureErrors(
         rmse=scale * math.sqrt(float(squares.mean())),
         relative_rmse=math.sqrt(float(relative.mean())),
@@ -103,7 +105,8 @@ def relative_squares(image: NDArray[np.floating], reference: NDArray[np.floating
         )
     x, r = image.astype(np.float64), reference.astype(np.float64)
     # Divided before it is squared: very bright pictures would overflow.
-    squares: FloatArray = ((x - r) / np.hypot(r, math.sqrt(DARK))) ** 2
+    with np.errstate(over="ignore"):  # very bright ones against dark ones do
+        squares: FloatArray = ((x - r) / np.hypot(r, math.sqrt(DARK))) ** 2
     return squares
 
 

@@ -14,6 +14,7 @@ from hybrid_rt.core.records import FloatArray
 from hybrid_rt.sensor.color import srgb_to_linear
 from hybrid_rt.shading.kernels.texture import CLAMP, IMAGE, REPEAT
 from hybrid_rt.textures.texture import Texture, TextureRow
+from meshing.checks import refuse_mask
 
 
 class ImageTexture(Texture):
@@ -43,6 +44,7 @@ class ImageTexture(Texture):
         if isinstance(image, str | os.PathLike):
             self._texels = _linear(_read(Path(image)), f"ImageTexture {os.fspath(image)!r}")
         else:
+            refuse_mask(image, "ImageTexture image")
             try:
                 array = np.asarray(image)
             except ValueError:
@@ -95,6 +97,8 @@ def _linear(image: NDArray[Any], what: str) -> NDArray[np.float32]:
         return srgb_to_linear(image / np.iinfo(image.dtype).max).astype(np.float32)
     if not np.issubdtype(image.dtype, np.floating):
         raise TypeError(f"{what} has type {image.dtype}: pass uint8, uint16 or floats")
+    if image.dtype.itemsize < 4:  # the limit itself is beyond its range
+        image = image.astype(np.float32)
     if not (np.isfinite(image).all() and image.min() >= 0.0 and image.max() <= checks.BRIGHTEST):
         raise ValueError(
             f"{what} holds negative or non-finite values, or some above {checks.BRIGHTEST:g}: pass "

@@ -87,6 +87,21 @@ def test_bpt_round_trip_keeps_every_bit(teapot, tmp_path):
         np.testing.assert_array_equal(a, b)
 
 
+def test_a_byte_order_mark_is_no_part_of_a_bpt(teapot, tmp_path):
+    path = tmp_path / "marked.bpt"
+    teapot.write(path)
+    path.write_bytes(b"\xef\xbb\xbf" + path.read_bytes())
+    assert len(BezierPatches.read(path)) == len(teapot)
+
+
+@pytest.mark.parametrize(("text", "line"), [("{}\n1 1\n", 1), ("\n1\n3 {}\n", 3)])
+def test_counts_of_many_digits_are_refused_with_file_and_line(tmp_path, text, line):
+    path = tmp_path / "many.bpt"
+    path.write_text(text.format(5000 * "9"))
+    with pytest.raises(ValueError, match=rf"many\.bpt, line {line}: .* expected, found"):
+        BezierPatches.read(path)
+
+
 def test_broken_bpt_names_file_and_line(tmp_path):
     path = tmp_path / "broken.bpt"
     path.write_text("1\n1 1\n0 0 0\n0 1 0\n1 0 zero\n1 1 0\n")

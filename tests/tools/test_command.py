@@ -70,6 +70,18 @@ def test_figures_that_a_full_disk_loses_are_named(tmp_path):
         resource.setrlimit(resource.RLIMIT_FSIZE, limits)
 
 
+def test_an_error_whose_text_raises_is_called_by_its_kind(capsys):
+    class BadError(ValueError):
+        def __str__(self):
+            raise self
+
+    def main():
+        raise BadError
+
+    assert command.run_tool(main) == 2
+    assert capsys.readouterr().err.endswith(": BadError\n")
+
+
 def test_letters_that_the_output_does_not_have_are_numbers(monkeypatch):
     stream = io.TextIOWrapper(io.BytesIO(), encoding="ascii")
     monkeypatch.setattr(sys, "stdout", stream)

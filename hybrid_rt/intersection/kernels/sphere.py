@@ -155,6 +155,9 @@ def finish_spheres(table, rays, best, row_of, out):
         fz, gz = two_difference(o[2], c[2])
         x, y, z = fx + t * d[0] + gx, fy + t * d[1] + gy, fz + t * d[2] + gz
         length = np.sqrt(x * x + y * y + z * z)
+        if length == 0.0:  # from so far that the radius is lost: the side that faces the ray
+            x, y, z = -d[0], -d[1], -d[2]
+            length = np.sqrt(x * x + y * y + z * z)
         x, y, z = x / length, y / length, z / length
         # The shorter of the two ways to the point rounds less.
         if r * r <= t * t * (d[0] * d[0] + d[1] * d[1] + d[2] * d[2]):

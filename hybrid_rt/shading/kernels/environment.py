@@ -16,7 +16,8 @@ class EnvironmentTable(NamedTuple):
     """What lies around a scene."""
 
     kind: Any  # int
-    frame: Any  # (3, 3) float64, rows: azimuth 0, a quarter turn, up
+    # (3, 3) float64, rows: azimuth 0, a quarter turn (for a picture to the right), up
+    frame: Any
     colors: Any  # (2, 3) float64, radiance straight down and straight up, of a gradient
     heights: Any  # (2,) float64, relative density of a gradient straight down and up
     texel: Any  # (height, width, 3) float32, row 0 at the top

@@ -165,6 +165,25 @@ def test_pictures_compared_are_not_replaced(tmp_path, monkeypatch, capsys):
     assert json.loads((tmp_path / "a.json").read_text()) == REPORT
 
 
+@pytest.mark.parametrize("scale", [1e-300, 1e200, 1e299])
+def test_extreme_pictures_are_compared(tmp_path, monkeypatch, capsys, scale):
+    """A file of float64 may hold what no picture of ours does."""
+    monkeypatch.chdir(tmp_path)
+    for name, factor in (("a", 1.5 * scale), ("b", scale)):
+        image = factor * TRUTH.astype(np.float64)
+        np.savez(tmp_path / f"{name}.npz", image=image, standard_error=0.1 * image)
+    assert cli.main(["compare", "a.npz", "b.npz", "--exposure", "9"]) == 0
+    errors = json.loads((tmp_path / "compare.json").read_text())["errors"]["a.npz"]
+    if scale > 1.0:
+        assert errors["relative_rmse"] == pytest.approx(0.5)
+        assert errors["expected"] == pytest.approx(0.1 * np.sqrt(1.0 + 1.5**2))
+        assert errors["rmse"] / scale == pytest.approx(0.5 * np.sqrt((TRUTH**2).mean()), rel=1e-6)
+    assert errors["relative_mean_error"] == pytest.approx(0.5)
+    np.savez(tmp_path / "c.npz", image=np.full(TRUTH.shape, 1.7e308))
+    assert cli.main(["compare", "a.npz", "c.npz"]) == 2
+    assert "holds numbers beyond 1e+300: pass" in capsys.readouterr().err
+
+
 def test_reports_of_pictures_compared_are_not_replaced(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     write("a.npz", TRUTH)

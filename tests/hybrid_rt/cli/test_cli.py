@@ -150,6 +150,10 @@ def test_interrupt_is_exit_code_130_and_leaves_nothing(folder, capsys, monkeypat
         ("import sys\nsys.exit(4)", "line 2: SystemExit"),
         ("def scene():\n    raise GeneratorExit", "line 2: GeneratorExit$"),
         ("def scene():\n    raise OSError('two\\n lines')", "line 2: OSError: two lines"),
+        (
+            "class Bad(Exception):\n    def __str__(self):\n        raise self\n\nraise Bad",
+            "line 5: Bad$",
+        ),
         ("import hybrid_rt\nexec('x = = 3')", r"bad.py, line 2: SyntaxError: invalid syntax"),
     ],
 )

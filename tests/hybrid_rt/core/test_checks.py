@@ -40,6 +40,7 @@ BALL = Sphere((0, 0, 0), 1)
 CAMERA = Camera((0, -4, 1), (0, 0, 0), (0, 0, 1), width=4, height=3)
 ITEM = Object(BALL, Mirror())
 UP = (0, 0, 1)
+MASKED = np.ma.masked_array([0.0, 0.5, 0.0], mask=[False, True, False])
 
 
 def mesh(vertices, faces):
@@ -120,11 +121,45 @@ def test_other_types_are_refused(make, words):
         (lambda: GradientSky(0, 1e300), "GradientSky top is 1e\\+300: pass"),
         (lambda: CheckerTexture(0, 1, 1e300), "CheckerTexture scale is 1e\\+300: pass"),
         (lambda: ImageTexture([[1], [1, 2]]), "ImageTexture image is .*: pass rows of equal"),
+        (lambda: Sphere(MASKED, 1), "Sphere center has masked elements: leave them out, or fill"),
+        (lambda: Intersector([BALL]).intersect(MASKED, UP), "origins has masked elements"),
+        (lambda: BALL.point(0.5, 0.5, MASKED), "patch_id has masked elements"),
+        (lambda: mesh(np.eye(3), MASKED[None].astype(int)), "TriangleMesh faces has masked"),
+        (lambda: ImageTexture(MASKED[None]), "ImageTexture image has masked elements"),
+        (lambda: Lambertian(MASKED), "Lambertian color has masked elements"),
     ],
 )
 def test_values_that_cannot_work_are_refused(make, words):
     with pytest.raises(ValueError, match=words):
         make()
+
+
+def test_arrays_without_a_masked_element_are_arrays():
+    assert Sphere(np.ma.masked_array([1.0, 2.0, 3.0]), 1).center.tolist() == [1, 2, 3]
+
+
+class Unspeakable:
+    """What cannot be shown."""
+
+    def __repr__(self):
+        raise RuntimeError
+
+
+def test_what_raises_when_it_is_shown_is_called_by_its_kind():
+    with pytest.raises(TypeError, match="Sphere radius is a Unspeakable: pass real numbers"):
+        Sphere((0, 0, 0), Unspeakable())
+    with pytest.raises(ValueError, match="threads is a very large int: pass an integer from 1"):
+        Intersector([BALL], threads=10**5000)
+
+
+@pytest.mark.parametrize("scale", [1e200, 1e-200, 1e307])
+def test_scaling_beyond_all_scenes_is_refused_for_its_size(scale):
+    matrix = np.diag([scale, scale, scale, 1.0])
+    cone = SurfaceOfRevolution([(0, 0), (1, 1)], (0, 0, 0), UP)
+    for surface in (BALL, cone, Box((0, 0, 0), (1, 1, 1))):
+        with pytest.raises(ValueError, match=r"surfaces\[0\] reaches .*: scale the scene"):
+            Intersector([surface.transformed(matrix)])
+    np.testing.assert_array_equal(Plane((0, 0, 0), UP).transformed(matrix).unit_normal, UP)
 
 
 def test_lists_that_can_be_read_only_once_are_kept():

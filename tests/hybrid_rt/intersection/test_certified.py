@@ -6,7 +6,7 @@ from importlib import resources
 import numpy as np
 import pytest
 
-from hybrid_rt import Intersector, Sphere, Status
+from hybrid_rt import Intersector, Plane, Sphere, Status
 from hybrid_rt.intersection.kernels.search.coarse import CoarseHits
 from meshing import BezierPatches
 
@@ -269,6 +269,7 @@ def test_inputs_of_any_form(tracer):
     ("origin", "direction", "message"),
     [
         ([0, 0, 0], [0, 0, 0], r"directions\[0\].*zero"),
+        ([0, 0, 0], [0, 1e-310, 0], r"directions\[0\].* is shorter than 2.3e-308"),
         ([0, np.nan, 0], [0, 0, 1], r"origins\[0\].*finite"),
         ([0, 0, 0], [0, np.inf, 1], r"directions\[0\].*finite"),
         ([[0, 0]], [[0, 0]], r"shape \(1, 2\)"),
@@ -278,6 +279,27 @@ def test_inputs_of_any_form(tracer):
 def test_bad_rays_are_refused(tracer, origin, direction, message):
     with pytest.raises(ValueError, match=message):
         tracer.intersect(origin, direction)
+
+
+def test_what_lies_beyond_the_largest_number_is_a_miss():
+    """Between two such rays there is one whose t is a number still."""
+    tracer = Intersector([Plane((0, 0, -10), (0, 0, 1)), Sphere((0, 0, 5), 1.0)])
+    length = 2.0**-1020  # exact: t is 10 or 4 times 2**1020, below 2**1024
+    rays = [(0, 0, -length), (0, 0, length), (0, 0.9 * length, -0.5 * length)]
+    hits = tracer.intersect(np.zeros((3, 3)), rays)
+    assert hits.t.tolist() == [10 * 2.0**1020, 4 * 2.0**1020, np.inf]
+    assert hits.object_id.tolist() == [0, 1, -1]
+    assert hits.status.tolist() == [Status.HIT, Status.HIT, Status.MISS]
+    assert tracer.occluded(np.zeros((3, 3)), rays).tolist() == [True, True, False]
+
+
+def test_spheres_so_far_away_that_they_are_lost_have_finite_points():
+    rng = np.random.default_rng(31)
+    origin = rng.normal(size=(2000, 3)) * 10.0 ** rng.uniform(15, 59, (2000, 1))
+    hits = Intersector([Sphere((0, 0, 0), 1.0)]).intersect(origin, -origin)
+    assert (hits.status[hits.hit] == Status.TANGENT).all()
+    assert np.isfinite(hits.position[hits.hit]).all()
+    np.testing.assert_allclose(np.linalg.norm(hits.normal[hits.hit], axis=1), 1.0)
 
 
 def test_no_curved_surface_no_embree(monkeypatch):

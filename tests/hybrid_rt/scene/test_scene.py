@@ -11,6 +11,7 @@ from hybrid_rt.lights import (
 )
 from hybrid_rt.materials import Emissive, Lambertian, Mirror
 from hybrid_rt.primitives import Sphere, TriangleMesh
+from hybrid_rt.rendering.renderer import render
 from hybrid_rt.scene.compiled import NOTHING, compile_scene
 from hybrid_rt.scene.scene import Object, Scene
 from hybrid_rt.sensor.camera import Camera
@@ -119,6 +120,31 @@ class TestImageEnvironment:
             found = sky.radiance(np.array([local @ sky.table.frame]))[0]
             # Texels are float32.
             np.testing.assert_allclose(found, self.PICTURE[i, j], rtol=1e-6)
+
+    @pytest.mark.parametrize(
+        ("up", "ahead", "place"),
+        [
+            ((0, 1, 0), (1, 0, 0), 0.0),
+            ((0, 1, 0), (0, 0, 1), 0.25),
+            ((0, 1, 0), (-1, 0, 0), 0.5),
+            ((0, 1, 0), (0, 0, -1), 0.75),
+            ((0, 0, 1), (1, 0, 0), 0.0),
+            ((0, 0, 1), (0, -1, 0), 0.25),
+            ((0, 0, -1), (0, 1, 0), 0.25),
+        ],
+    )
+    def test_cameras_see_the_picture_the_right_way_round(self, up, ahead, place):
+        """Left is left and above is above, and the middle is what the convention says."""
+        u, v = np.meshgrid((np.arange(256) + 0.5) / 256, (np.arange(128) + 0.5) / 128)
+        # Red grows to the right and green downward from the place looked at.
+        aside = (u - place + 0.5) % 1.0
+        sky = ImageEnvironment(np.stack([aside, v, np.zeros_like(u)], axis=2), up)
+        camera = Camera((0, 0, 0), ahead, up, vertical_fov=60, width=33, height=33)
+        image = render(Scene(camera, environment=sky), passes=1).image
+        assert (np.diff(image[:, :, 0], axis=1) > 0).all()
+        assert (np.diff(image[:, :, 1], axis=0) > 0).all()
+        # A pixel is 2 degrees wide, so within 0.003 of the circle and 0.006 of the half one.
+        np.testing.assert_allclose(image[16, 16, :2], 0.5, atol=0.008)
 
     @pytest.mark.statistical
     @pytest.mark.parametrize("kind", ["picture", "gradient"])

@@ -61,6 +61,10 @@ def test_focus_is_at_look_at_unless_said():
         ({"height": -3}, "height"),
         ({"aperture": -0.1}, "aperture"),
         ({"aperture": 0.1, "focus_distance": 0}, "focus_distance"),
+        (
+            {"aperture": 1e50},
+            r"aperture is 1e\+50, focus_distance 5: pass a lens at most 1e\+06 times",
+        ),
     ],
 )
 def test_impossible_cameras_are_refused_by_name(changes, words):

@@ -89,6 +89,11 @@ def test_constant_is_constant():
     np.testing.assert_array_equal(look_up(ConstantTexture(color), 0.5, 0.5), color)
 
 
+def test_half_precision_is_taken_as_it_is():
+    bright = np.full((2, 2, 3), 6e4, dtype=np.float16)
+    assert ImageTexture(bright).brightest.tolist() == bright[0, 0].tolist()
+
+
 @pytest.mark.parametrize(
     ("make", "error", "words"),
     [

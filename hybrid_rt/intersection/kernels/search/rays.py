@@ -4,6 +4,7 @@ What NumPy does in thirty passes over memory takes as long as tracing a simple s
 """
 
 import math
+import sys
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -11,8 +12,15 @@ import numpy as np
 from meshing.kernels.jit import hot_kernel, inner
 
 ORIGIN_NOT_FINITE, ORIGIN_TOO_FAR, DIRECTION_NOT_FINITE, DIRECTION_ZERO = 0, 1, 2, 3
+DIRECTION_TOO_SHORT = 4
 # What is wrong with rays, in the order of the numbers above.
-COMPLAINTS = ("is not finite", "is too far out", "is not finite", "has length zero")
+COMPLAINTS = (
+    "is not finite", "is too far out", "is not finite", "has length zero",
+    "is shorter than 2.3e-308, so has lost digits",
+)  # fmt: skip
+
+# Shorter numbers have fewer digits. Longer ones there are none: a hit beyond is a miss.
+SMALLEST, LARGEST = 2.0**-1022, sys.float_info.max
 
 # `hybrid_rt.core.records.Status`
 MISS, HIT, TANGENT = 0, 1, 2
@@ -44,7 +52,7 @@ def _complain(what, i, first_bad, n_bad):
 
 @hot_kernel
 def check_rays(origin, direction, farthest, first_bad, n_bad):
-    """Count the rays with each complaint: ``n_bad`` (4,), and their first rows: ``first_bad``.
+    """Count the rays with each complaint: ``n_bad`` (5,), and their first rows: ``first_bad``.
 
     Before: 0 and -1.
     """
@@ -65,6 +73,8 @@ def check_rays(origin, direction, farthest, first_bad, n_bad):
             largest = max(largest, abs(direction[i, k]))
         if largest == 0.0:
             _complain(DIRECTION_ZERO, i, first_bad, n_bad)
+        elif largest < SMALLEST:
+            _complain(DIRECTION_TOO_SHORT, i, first_bad, n_bad)
 
 
 @hot_kernel
@@ -88,7 +98,8 @@ def scale_rays(direction, t_min, t_max, scaled, unit, lowest, highest):
             for k in range(3):
                 scaled[i, k] = math.ldexp(direction[i, k], -extreme)
         lowest[i] = t_min[i] / unit[i]
-        highest[i] = t_max[i] / unit[i]
+        # So that what comes back from the scaled t is a number.
+        highest[i] = (min(t_max[i], LARGEST) if unit[i] > 1.0 else t_max[i]) / unit[i]
 
 
 @hot_kernel
