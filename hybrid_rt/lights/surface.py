@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from hybrid_rt.core.records import FloatArray
 from hybrid_rt.primitives import Box, Plane, Rectangle, Sphere, TriangleMesh
-from hybrid_rt.shading.kernels.emitter import LightPoints
+from hybrid_rt.shading.kernels.light_kinds import LightPoints
 
 # Cells along u and v of one patch. The density within a cell varies as |S_u x S_v| does there:
 # by a few percent for a bicubic patch.

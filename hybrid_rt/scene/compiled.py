@@ -20,8 +20,8 @@ from hybrid_rt.primitives.vertex_normals import vertex_normals
 from hybrid_rt.scene.scene import Object, Scene
 from hybrid_rt.sensor.camera import Camera
 from hybrid_rt.shading.kernels.bsdf import DIELECTRIC, LobeTable
-from hybrid_rt.shading.kernels.emitter import RECTANGLE, SPHERE, SURFACE, LightTable
 from hybrid_rt.shading.kernels.environment import EnvironmentTable
+from hybrid_rt.shading.kernels.light_kinds import RECTANGLE, SPHERE, SURFACE, LightTable
 from hybrid_rt.shading.kernels.texture import TextureTable
 from hybrid_rt.textures.texture import ConstantTexture, Texture
 
@@ -47,6 +47,8 @@ class CompiledScene:
         What multiplies the colour of each lobe.
     glass_of : (materials,) int32
         The dielectric lobe of each material; `NOTHING` where it has none.
+    power : (lights,) float64
+        Sent out by each light, in the mean of the channels.
     shining : dict
         What chooses points of the lights of kind `SURFACE`, by row in ``lights``.
     vertex_normals : dict
@@ -65,6 +67,7 @@ class CompiledScene:
     glass_of: IntArray
     textures: TextureTable
     lights: LightTable
+    power: FloatArray
     shining: dict[int, ShiningSurface]
     sky: EnvironmentTable
     vertex_normals: dict[int, FloatArray]
@@ -154,6 +157,7 @@ def compile_scene(scene: Scene) -> CompiledScene:
         glass_of=_glass_of(lobes),
         textures=textures,
         lights=compile_lights(rows, texture_of, scene.environment is not None),
+        power=np.array([row.power for row in rows], dtype=np.float64),
         shining=shining,
         sky=compile_environment(scene.environment),
         vertex_normals={

@@ -11,7 +11,6 @@ from hybrid_rt.integrators.context import RenderContext
 from hybrid_rt.integrators.media.contacts import Contacts, first_hits
 from hybrid_rt.primitives import Plane
 from hybrid_rt.scene.compiled import NOTHING, CompiledScene
-from hybrid_rt.shading.kernels.emitter import RECTANGLE, SPHERE
 from hybrid_rt.shading.kernels.medium_stack import STACK, cross_media
 
 # Surfaces that one ray is followed through.
@@ -110,14 +109,10 @@ def _leaving(scene: CompiledScene, light: int) -> tuple[FloatArray, FloatArray]:
     if light in scene.shining:
         middle = scene.shining[light].points(np.array([[0.5, 0.5]]))
         return middle.position, middle.normal + 0.5 * SKEW
-    kind, point = scene.lights.kind[light], scene.lights.origin[[light]]
-    if kind == RECTANGLE:
-        u, v = scene.lights.edge_u[[light]], scene.lights.edge_v[[light]]
-        normal = np.cross(u, v)
-        return point + 0.5 * (u + v), normal / np.linalg.norm(normal) + 0.5 * SKEW
-    if kind == SPHERE:
-        point = point + scene.lights.edge_u[light, 0] * SKEW
-    return point, SKEW
+    if scene.surface_of_light[light] == NOTHING:
+        return scene.lights.origin[[light]], SKEW
+    surface = scene.surfaces[scene.surface_of_light[light]]
+    return surface.point([0.5], [0.5]), surface.normal([0.5], [0.5]) + 0.5 * SKEW
 
 
 def absorb(
