@@ -18,12 +18,8 @@ from hybrid_rt.integrators.kernels.compaction import (
 from hybrid_rt.primitives.vertex_normals import shading_normals
 from hybrid_rt.scene.compiled import NOTHING
 from hybrid_rt.shading.kernels.bsdf import PHONG
-from hybrid_rt.shading.kernels.emitter import (
-    UNWEIGHTED,
-    LightPoints,
-    light_on_hits,
-    light_on_rays,
-)
+from hybrid_rt.shading.kernels.emitter import UNWEIGHTED, light_on_hits, light_on_rays
+from hybrid_rt.shading.kernels.light_kinds import LightPoints
 from hybrid_rt.shading.kernels.medium_stack import weaken_by_ways
 from hybrid_rt.shading.kernels.texture import lobe_colors
 

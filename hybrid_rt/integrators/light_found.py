@@ -24,7 +24,7 @@ import numpy as np
 from hybrid_rt.primitives import Plane, Rectangle
 from hybrid_rt.scene.compiled import NOTHING, CompiledScene
 from hybrid_rt.shading.kernels.bsdf import DIELECTRIC, DIFFUSE, METAL, MIRROR, PHONG
-from hybrid_rt.shading.kernels.emitter import POINT
+from hybrid_rt.shading.kernels.light_kinds import WITHOUT_AREA
 
 # Every kind of path that integrators differ in shows in as many surfaces.
 MOST_SURFACES = 4
@@ -54,7 +54,7 @@ def paths_of(scene: CompiledScene) -> list[str]:
     """Return the paths that light may take in a scene, as far as its lights and materials tell."""
     lights, surfaces = "", ""
     shines = scene.lights.strength.any(axis=1)
-    has_no_area = scene.lights.kind == POINT
+    has_no_area = np.isin(scene.lights.kind, WITHOUT_AREA)
     has_no_end = ~has_no_area & (scene.lights.chance[:-1] == 0.0)
     for letter, is_of_kind in (
         ("L", ~has_no_area & ~has_no_end),

@@ -25,8 +25,8 @@ class LightRow:
     texture: Texture | None = None
     """Takes the place of ``strength`` where the radiance varies."""
     power: float = 1.0
-    """Light sent out, in any unit common to all lights: how often one light is asked before
-    another."""
+    """Light sent out, in the mean of the channels: how often one light is asked before another, and
+    how many of the photons it sends."""
 
 
 class Light(ABC):

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 
 from hybrid_rt.core import checks
 from hybrid_rt.lights.light import Light, LightRow
-from hybrid_rt.shading.kernels.emitter import POINT
+from hybrid_rt.shading.kernels.light_kinds import POINT
 
 
 class PointLight(Light):

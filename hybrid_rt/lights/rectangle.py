@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 from hybrid_rt.core import checks
 from hybrid_rt.lights.light import Light, LightRow
 from hybrid_rt.primitives import Rectangle
-from hybrid_rt.shading.kernels.emitter import RECTANGLE
+from hybrid_rt.shading.kernels.light_kinds import RECTANGLE
 
 
 class RectangleLight(Light):

@@ -10,7 +10,7 @@ import numpy as np
 from hybrid_rt.core.records import FloatArray
 from hybrid_rt.lights.light import LightRow
 from hybrid_rt.primitives import Rectangle, Sphere
-from hybrid_rt.shading.kernels.emitter import RECTANGLE, SPHERE, LightPoints
+from hybrid_rt.shading.kernels.light_kinds import RECTANGLE, SPHERE, LightPoints
 from meshing.area import AreaSampler, IdArray
 from meshing.surface import Surface
 

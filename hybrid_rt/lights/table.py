@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from hybrid_rt.core.records import FloatArray
 from hybrid_rt.lights.light import Environment, LightRow
-from hybrid_rt.shading.kernels.emitter import POINT, LightTable
 from hybrid_rt.shading.kernels.environment import NO_SKY, EnvironmentTable
+from hybrid_rt.shading.kernels.light_kinds import WITHOUT_AREA, LightTable
 
 # Where one light is asked, half the choices follow power and half go round: the brightest light
 # may be far away.
@@ -75,6 +75,6 @@ def _emission(chance: FloatArray, kind: NDArray[np.int32]) -> FloatArray:
     """Return how often each light begins a light path: those that have an area, as they are asked."""
     emit = chance.copy()
     emit[-1] = 0.0
-    emit[:-1][kind == POINT] = 0.0
+    emit[:-1][np.isin(kind, WITHOUT_AREA)] = 0.0
     total = emit.sum()
     return emit / total if total > 0.0 else emit

@@ -19,8 +19,8 @@ from hybrid_rt.primitives.vertex_normals import vertex_normals
 from hybrid_rt.scene.scene import Object, Scene
 from hybrid_rt.sensor.camera import Camera
 from hybrid_rt.shading.kernels.bsdf import DIELECTRIC, LobeTable
-from hybrid_rt.shading.kernels.emitter import SURFACE, LightTable
 from hybrid_rt.shading.kernels.environment import EnvironmentTable
+from hybrid_rt.shading.kernels.light_kinds import SURFACE, LightTable
 from hybrid_rt.shading.kernels.texture import TextureTable
 from hybrid_rt.textures.texture import ConstantTexture, Texture
 
@@ -49,6 +49,8 @@ class CompiledScene:
         What multiplies the colour of each lobe.
     glass_of : (materials,) int32
         The dielectric lobe of each material; `NOTHING` where it has none.
+    power : (lights,) float64
+        Sent out by each light, in the mean of the channels.
     shining : dict
         What chooses points of the lights of kind `SURFACE`, by row in ``lights``.
     vertex_normals : dict
@@ -67,6 +69,7 @@ class CompiledScene:
     glass_of: IntArray
     textures: TextureTable
     lights: LightTable
+    power: FloatArray
     shining: dict[int, ShiningSurface]
     sky: EnvironmentTable
     vertex_normals: dict[int, FloatArray]
@@ -156,6 +159,7 @@ def compile_scene(scene: Scene) -> CompiledScene:
         glass_of=_glass_of(lobes),
         textures=textures,
         lights=compile_lights(rows, texture_of, scene.environment is not None),
+        power=np.array([row.power for row in rows], dtype=np.float64),
         shining=shining,
         sky=compile_environment(scene.environment),
         vertex_normals={

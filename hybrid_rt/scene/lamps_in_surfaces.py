@@ -25,7 +25,7 @@ from hybrid_rt.lights.light import Light
 from hybrid_rt.lights.surface import shining_surface
 from hybrid_rt.scene.compiled import NOTHING, CompiledScene, compile_scene
 from hybrid_rt.scene.scene import Object, Scene
-from hybrid_rt.shading.kernels.emitter import POINT
+from hybrid_rt.shading.kernels.light_kinds import POINT
 
 # A lamp is moved by this much of the largest coordinate of its corners and of the camera: rounding
 # no longer decides for rays of up to 2**16 times that length, and no float32 pixel shows it.

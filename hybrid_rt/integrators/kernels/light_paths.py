@@ -22,7 +22,6 @@ between, the densities of the two directions per projected solid angle, from eit
 import math
 from typing import Any, NamedTuple
 
-from hybrid_rt.core.kernels.sphere_points import onto_sphere
 from hybrid_rt.shading.kernels.bsdf import (
     DIELECTRIC,
     LAST_SPREADING,
@@ -32,11 +31,15 @@ from hybrid_rt.shading.kernels.bsdf import (
     pick_lobe,
     scattered,
 )
-from hybrid_rt.shading.kernels.emitter import RECTANGLE, SPHERE, light_strength, power_weight
+from hybrid_rt.shading.kernels.emitter import power_weight
 from hybrid_rt.shading.kernels.fresnel import mirrored
+from hybrid_rt.shading.kernels.light_kinds import (
+    chosen_strength,
+    leaving_direction,
+    leaving_point,
+)
 from hybrid_rt.shading.kernels.medium_stack import filling_medium, ior_of, transmittance
 from hybrid_rt.shading.kernels.scatter import at_glass, density_of_turn
-from hybrid_rt.shading.kernels.warp import onto_axis
 from meshing.kernels.jit import inlined, kernel
 
 # Joins bring little light, evenly: asked for every hit, they would cost as much as the lamps. On
@@ -99,32 +102,9 @@ def leave_lights(
     for i in range(light_id.size):
         row = light_id[i]
         s, t = place[i, 0], place[i, 1]
-        if lights.kind[row] == RECTANGLE:
-            ax, ay, az = lights.edge_u[row, 0], lights.edge_u[row, 1], lights.edge_u[row, 2]
-            bx, by, bz = lights.edge_v[row, 0], lights.edge_v[row, 1], lights.edge_v[row, 2]
-            nx, ny, nz = ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
-            area = math.sqrt(nx * nx + ny * ny + nz * nz)
-            nx, ny, nz = nx / area, ny / area, nz / area
-            x = lights.origin[row, 0] + s * ax + t * bx
-            y = lights.origin[row, 1] + s * ay + t * by
-            z = lights.origin[row, 2] + s * az + t * bz
-            u, v, pdf_area = s, t, 1.0 / area
-        elif lights.kind[row] == SPHERE:
-            radius = lights.edge_u[row, 0]
-            nz = 1.0 - 2.0 * s
-            ring, phi = 2.0 * math.sqrt(s * (1.0 - s)), 2.0 * math.pi * t
-            nx, ny = ring * math.cos(phi), ring * math.sin(phi)
-            cx, cy, cz = lights.origin[row, 0], lights.origin[row, 1], lights.origin[row, 2]
-            x, y, z = onto_sphere(
-                cx + radius * nx, cy + radius * ny, cz + radius * nz, cx, cy, cz, radius
-            )
-            u, v, pdf_area = s, t, 1.0 / (4.0 * math.pi * radius * radius)
-        else:
-            x, y, z = points.position[i, 0], points.position[i, 1], points.position[i, 2]
-            nx, ny, nz = points.normal[i, 0], points.normal[i, 1], points.normal[i, 2]
-            u, v, pdf_area = points.u[i], points.v[i], points.pdf_area[i]
+        x, y, z, nx, ny, nz, _, pdf_area = leaving_point(lights, points, i, row, s, t)
         origin[i, 0], origin[i, 1], origin[i, 2] = x, y, z
-        r, g, b = light_strength(lights, textures, row, u, v, x, y, z)
+        r, g, b = chosen_strength(lights, textures, points, i, row, s, t, x, y, z)
         # The cosine of the direction's density is that of the light it carries.
         factor = 0.0
         density[i] = 0.0
@@ -132,13 +112,8 @@ def leave_lights(
             factor = math.pi * scale / (pdf_area * emit[row])
             density[i] = emit[row] * pdf_area / math.pi
         flux[i, 0], flux[i, 1], flux[i, 2] = factor * r, factor * g, factor * b
-        direction[i, 0], direction[i, 1], direction[i, 2] = onto_axis(
-            nx,
-            ny,
-            nz,
-            math.sqrt(1.0 - turn[i, 0]),
-            math.sqrt(turn[i, 0]),
-            2.0 * math.pi * turn[i, 1],
+        direction[i, 0], direction[i, 1], direction[i, 2] = leaving_direction(
+            lights, row, nx, ny, nz, turn[i, 0], turn[i, 1]
         )
 
 

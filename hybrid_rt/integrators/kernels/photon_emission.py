@@ -10,13 +10,19 @@ many, never the light that they carry.
 import math
 from typing import Any, NamedTuple
 
-from hybrid_rt.core.kernels.sphere_points import onto_sphere
-from hybrid_rt.shading.kernels.emitter import POINT, RECTANGLE, SPHERE, light_strength
 from hybrid_rt.shading.kernels.environment import sky_direction, sky_pdf, sky_radiance
+from hybrid_rt.shading.kernels.light_kinds import (
+    chosen_strength,
+    distance_through,
+    largest_share,
+    leaving_direction,
+    leaving_point,
+    opposite_point,
+    share_of_direction,
+    shares_together,
+)
 from hybrid_rt.shading.kernels.warp import onto_axis
 from meshing.kernels.jit import inlined, kernel
-
-WHOLE_SPHERE = 4.0 * math.pi
 
 
 class Targets(NamedTuple):
@@ -35,41 +41,6 @@ class Launch(NamedTuple):
 
 
 @inlined
-def _place(lights, row, points, i, s, t):
-    """Return a point of a light, its normal, and one over the density per area.
-
-    A point light has no normal; its "area" is one.
-    """
-    kind = lights.kind[row]
-    x, y, z = lights.origin[row, 0], lights.origin[row, 1], lights.origin[row, 2]
-    if kind == POINT:
-        return x, y, z, 0.0, 0.0, 0.0, 1.0
-    if kind == RECTANGLE:
-        ax, ay, az = lights.edge_u[row, 0], lights.edge_u[row, 1], lights.edge_u[row, 2]
-        bx, by, bz = lights.edge_v[row, 0], lights.edge_v[row, 1], lights.edge_v[row, 2]
-        nx, ny, nz = ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
-        area = math.sqrt(nx * nx + ny * ny + nz * nz)
-        return (
-            x + s * ax + t * bx, y + s * ay + t * by, z + s * az + t * bz,
-            nx / area, ny / area, nz / area, area,
-        )  # fmt: skip
-    if kind == SPHERE:
-        radius = lights.edge_u[row, 0]
-        nz = 1.0 - 2.0 * s
-        ring = math.sqrt(max(1.0 - nz * nz, 0.0))
-        nx, ny = ring * math.cos(2.0 * math.pi * t), ring * math.sin(2.0 * math.pi * t)
-        area = WHOLE_SPHERE * radius * radius
-        px, py, pz = onto_sphere(x + radius * nx, y + radius * ny, z + radius * nz, x, y, z, radius)
-        return px, py, pz, nx, ny, nz, area
-    density = points.pdf_area[i]
-    area = 1.0 / density if density > 0.0 else 0.0
-    return (
-        points.position[i, 0], points.position[i, 1], points.position[i, 2],
-        points.normal[i, 0], points.normal[i, 1], points.normal[i, 2], area,
-    )  # fmt: skip
-
-
-@inlined
 def _cone(targets, k, px, py, pz):
     """See a target from p: unit axis, 1 - cos of half its angle (2: p is within the ball)."""
     x, y, z = targets.center[k, 0] - px, targets.center[k, 1] - py, targets.center[k, 2] - pz
@@ -83,29 +54,18 @@ def _cone(targets, k, px, py, pz):
 
 
 @inlined
-def _cone_chance(ax, ay, az, cone, nx, ny, nz):
-    """Return how often a target is aimed at before others: about what the light sends there.
-
-    That is its solid angle times the largest cosine to the light's normal; none for a target
-    wholly behind the light. With normal zero there is no preference.
-    """
-    if cone >= 1.0 or nx * nx + ny * ny + nz * nz == 0.0:
-        return cone
-    cosine = ax * nx + ay * ny + az * nz
-    sine = math.sqrt(max(1.0 - cosine * cosine, 0.0))
-    edge = math.sqrt(cone * (2.0 - cone))
-    if cosine >= 1.0 - cone:
-        return cone
-    return cone * max(cosine * (1.0 - cone) + sine * edge, 0.0)
+def _cone_chance(lights, row, nx, ny, nz, ax, ay, az, cone):
+    """Return how often a target is aimed at before others: about what the light sends there."""
+    return cone * largest_share(lights, row, nx, ny, nz, ax, ay, az, cone)
 
 
 @inlined
-def _aimed_pdf(targets, px, py, pz, nx, ny, nz, dx, dy, dz):
+def _aimed_pdf(lights, row, targets, px, py, pz, nx, ny, nz, dx, dy, dz):
     """Return the density per steradian with which `_aim` chooses direction d."""
     total = found = 0.0
     for k in range(targets.radius.size):
         ax, ay, az, cone = _cone(targets, k, px, py, pz)
-        chance = _cone_chance(ax, ay, az, cone, nx, ny, nz)
+        chance = _cone_chance(lights, row, nx, ny, nz, ax, ay, az, cone)
         if chance == 0.0:
             continue
         total += chance
@@ -117,19 +77,19 @@ def _aimed_pdf(targets, px, py, pz, nx, ny, nz, dx, dy, dz):
 
 
 @inlined
-def _aim(targets, px, py, pz, nx, ny, nz, choice, s, t):
-    """Choose a direction from p toward one of the targets; zero where all lie behind the light."""
+def _aim(lights, row, targets, px, py, pz, nx, ny, nz, choice, s, t):
+    """Choose a direction from p toward one of the targets; zero where the light sends nothing."""
     total = 0.0
     for k in range(targets.radius.size):
         ax, ay, az, cone = _cone(targets, k, px, py, pz)
-        total += _cone_chance(ax, ay, az, cone, nx, ny, nz)
+        total += _cone_chance(lights, row, nx, ny, nz, ax, ay, az, cone)
     if total == 0.0:
         return 0.0, 0.0, 0.0
     rest = choice * total
     bx = by = bz = least = 0.0
     for k in range(targets.radius.size):
         ax, ay, az, cone = _cone(targets, k, px, py, pz)
-        chance = _cone_chance(ax, ay, az, cone, nx, ny, nz)
+        chance = _cone_chance(lights, row, nx, ny, nz, ax, ay, az, cone)
         if chance == 0.0:
             continue
         bx, by, bz, least = ax, ay, az, cone
@@ -166,57 +126,33 @@ def launch_from_light(
     out : Launch of n rows, written
         Power zero: nothing is sent that way.
     """
+    through = distance_through(lights, row)
     for i in range(place.shape[0]):
         s, t = place[i, 0], place[i, 1]
-        px, py, pz, nx, ny, nz, area = _place(lights, row, points, i, s, t)
-        is_point = lights.kind[row] == POINT
-        # Half of a ball faces away from any target. An aimed photon that would leave inward leaves
-        # from the opposite point instead; so targets are chosen whichever way the normal is.
-        is_ball = lights.kind[row] == SPHERE
-        facing = 0.0 if is_ball else 1.0
+        px, py, pz, nx, ny, nz, area, _ = leaving_point(lights, points, i, row, s, t)
         if is_aimed:
             dx, dy, dz = _aim(
-                targets, px, py, pz, facing * nx, facing * ny, facing * nz, choice[i], way[i, 0],
-                way[i, 1],
-            )  # fmt: skip
-            if is_ball and nx * dx + ny * dy + nz * dz < 0.0:
-                across = 2.0 * lights.edge_u[row, 0]
-                px, py, pz = onto_sphere(
-                    px - across * nx, py - across * ny, pz - across * nz,
-                    lights.origin[row, 0], lights.origin[row, 1], lights.origin[row, 2],
-                    lights.edge_u[row, 0],
-                )  # fmt: skip
+                lights, row, targets, px, py, pz, nx, ny, nz, choice[i], way[i, 0], way[i, 1]
+            )
+            if through > 0.0 and nx * dx + ny * dy + nz * dz < 0.0:
+                px, py, pz = opposite_point(lights, row, px, py, pz, nx, ny, nz)
                 nx, ny, nz = -nx, -ny, -nz
-        elif is_point:
-            dz = 1.0 - 2.0 * way[i, 0]
-            ring = math.sqrt(max(1.0 - dz * dz, 0.0))
-            dx = ring * math.cos(2.0 * math.pi * way[i, 1])
-            dy = ring * math.sin(2.0 * math.pi * way[i, 1])
         else:
-            dx, dy, dz = onto_axis(
-                nx, ny, nz, math.sqrt(1.0 - way[i, 0]), math.sqrt(way[i, 0]),
-                2.0 * math.pi * way[i, 1],
-            )  # fmt: skip
+            dx, dy, dz = leaving_direction(lights, row, nx, ny, nz, way[i, 0], way[i, 1])
         out.origin[i, 0], out.origin[i, 1], out.origin[i, 2] = px, py, pz
         out.direction[i, 0], out.direction[i, 1], out.direction[i, 2] = dx, dy, dz
-        cosine = 1.0 if is_point else nx * dx + ny * dy + nz * dz
+        share = share_of_direction(lights, row, nx, ny, nz, dx, dy, dz)
         factor = 0.0
-        if cosine > 0.0 and dx * dx + dy * dy + dz * dz > 0.0:
-            density = n_spread * (1.0 / WHOLE_SPHERE if is_point else cosine / math.pi)
+        if share > 0.0 and dx * dx + dy * dy + dz * dz > 0.0:
+            density = n_spread * (share / shares_together(lights, row))
             if n_aimed > 0:
-                aimed = _aimed_pdf(
-                    targets, px, py, pz, facing * nx, facing * ny, facing * nz, dx, dy, dz
-                )  # fmt: skip
-                if is_ball:
-                    across = 2.0 * lights.edge_u[row, 0]
-                    x, y, z = px - across * nx, py - across * ny, pz - across * nz
-                    aimed += _aimed_pdf(targets, x, y, z, 0.0, 0.0, 0.0, dx, dy, dz)
+                aimed = _aimed_pdf(lights, row, targets, px, py, pz, nx, ny, nz, dx, dy, dz)
+                if through > 0.0:
+                    x, y, z = px - through * nx, py - through * ny, pz - through * nz
+                    aimed += _aimed_pdf(lights, row, targets, x, y, z, -nx, -ny, -nz, dx, dy, dz)
                 density += n_aimed * aimed
-            factor = cosine * area / density
-        u, v = s, t
-        if points.u.size:
-            u, v = points.u[i], points.v[i]
-        r, g, b = light_strength(lights, textures, row, u, v, px, py, pz)
+            factor = share * area / density
+        r, g, b = chosen_strength(lights, textures, points, i, row, s, t, px, py, pz)
         out.power[i, 0], out.power[i, 1], out.power[i, 2] = factor * r, factor * g, factor * b
 
 

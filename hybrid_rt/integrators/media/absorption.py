@@ -6,12 +6,10 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from hybrid_rt.core.kernels.sphere_points import settle_on_sphere
 from hybrid_rt.core.records import FloatArray, HitRecord, IntArray, NamedPoints
 from hybrid_rt.integrators.context import RenderContext
 from hybrid_rt.integrators.media.contacts import Contacts, first_hits
 from hybrid_rt.scene.compiled import NOTHING, CompiledScene
-from hybrid_rt.shading.kernels.emitter import RECTANGLE, SPHERE
 from hybrid_rt.shading.kernels.medium_stack import STACK, cross_media
 
 # Surfaces that one ray is followed through.
@@ -110,16 +108,10 @@ def _leaving(scene: CompiledScene, light: int) -> tuple[FloatArray, FloatArray]:
     if light in scene.shining:
         middle = scene.shining[light].points(np.array([[0.5, 0.5]]))
         return middle.position, middle.normal + 0.5 * SKEW
-    kind, point = scene.lights.kind[light], scene.lights.origin[[light]]
-    if kind == RECTANGLE:
-        u, v = scene.lights.edge_u[[light]], scene.lights.edge_v[[light]]
-        normal = np.cross(u, v)
-        return point + 0.5 * (u + v), normal / np.linalg.norm(normal) + 0.5 * SKEW
-    if kind == SPHERE:
-        radius = float(scene.lights.edge_u[light, 0])
-        point = point + radius * SKEW
-        settle_on_sphere(point, scene.lights.origin[light], radius)
-    return point, SKEW
+    if scene.surface_of_light[light] == NOTHING:
+        return scene.lights.origin[[light]], SKEW
+    surface = scene.surfaces[scene.surface_of_light[light]]
+    return surface.point([0.5], [0.5]), surface.normal([0.5], [0.5]) + 0.5 * SKEW
 
 
 def absorb(

@@ -50,7 +50,7 @@ from hybrid_rt.sampling.sampler import UIntArray
 from hybrid_rt.scene.compiled import NOTHING, CompiledScene
 from hybrid_rt.sensor.passes import GROUPS, group_of
 from hybrid_rt.shading.kernels.bsdf import DIELECTRIC, DIFFUSE, LAST_SPREADING, METAL, PHONG
-from hybrid_rt.shading.kernels.emitter import POINT, RECTANGLE, SPHERE, LightPoints
+from hybrid_rt.shading.kernels.light_kinds import LightPoints
 from hybrid_rt.shading.kernels.scatter import ABSORBED, LEFT, SCATTERED, SPECULAR, STOPPED
 
 # About how many photons one thread follows at a time.
@@ -372,26 +372,15 @@ def _world(scene: CompiledScene) -> FloatArray:
 
 def _powers(scene: CompiledScene, world: FloatArray) -> FloatArray:
     """Return about how much each light sends out, (lights + 1,), the sky last."""
-    lights = scene.lights
-    power = np.zeros(scene.n_lights + 1)
-    for i in range(scene.n_lights):
-        if lights.kind[i] == POINT:
-            factor = 4.0 * math.pi
-        elif lights.kind[i] == RECTANGLE:
-            factor = math.pi * float(np.linalg.norm(np.cross(lights.edge_u[i], lights.edge_v[i])))
-        elif lights.kind[i] == SPHERE:
-            factor = 4.0 * math.pi**2 * lights.edge_u[i, 0] ** 2
-        elif i in scene.shining:
-            factor = math.pi * scene.shining[i].area
-        else:
-            name = scene.names[scene.surface_of_light[i]]
-            raise ValueError(
-                f"object {name!r} is a plane that shines, so sends out photons without end: pass a "
-                f"Rectangle, or use integrator {DEFAULT!r}"
-            )
-        power[i] = factor * lights.strength[i].mean()
+    power = np.append(scene.power, 0.0)
+    endless = [i for i, surface in enumerate(scene.surfaces) if not surface.is_bounded]
+    shining = np.intersect1d(endless, scene.surface_of_light)
+    if shining.size:
+        raise ValueError(
+            f"object {scene.names[shining[0]]!r} is a plane that shines, so sends out photons "
+            f"without end: pass a Rectangle, or use integrator {DEFAULT!r}"
+        )
     if scene.environment is not None:
-        endless = [i for i, surface in enumerate(scene.surfaces) if not surface.is_bounded]
         if endless:
             raise ValueError(
                 f"object {scene.names[endless[0]]!r} is a plane, to which the sky sends photons "

@@ -3,7 +3,8 @@ import math
 import numpy as np
 import pytest
 
-from hybrid_rt.shading.kernels.emitter import POINT, RECTANGLE, LightTable, light_point
+from hybrid_rt.shading.kernels import light_kinds
+from hybrid_rt.shading.kernels.light_kinds import POINT, RECTANGLE, LightPoints, LightTable
 
 pytestmark = pytest.mark.interpreted
 
@@ -12,6 +13,11 @@ def table(kind, origin, edge_u=(0, 0, 0), edge_v=(0, 0, 0)):
     one = [np.array([x], dtype=float) for x in (origin, edge_u, edge_v, (1, 1, 1))]
     none, always = np.full(1, -1, np.int32), np.array([1.0, 0.0])
     return LightTable(np.array([kind], np.int32), *one, none, always, always)
+
+
+def light_point(lights, row, *where):
+    nowhere = LightPoints(np.zeros((1, 3)), np.zeros((1, 3)), *np.zeros((3, 1)))
+    return light_kinds.light_point(lights, nowhere, 0, row, *where)
 
 
 def test_point_light_falls_off_with_the_square():

@@ -1,0 +1,306 @@
+"""Kinds of lights: what each one does, here and nowhere else.
+
+A light is asked from a hit (next-event estimation), met by a ray, or left by a photon or a light
+path. A kind answers all three by a branch in each function below, so it is these branches, a class
+that lays the light out as a row of the table, and a name to call it by.
+
+What leaves a point of a light in direction d is its strength times a share: the cosine to the
+normal for lights that have an area, one for points. The integral of the share over all directions
+makes it a density, and with strength and area it makes the light's power.
+"""
+
+import math
+from typing import Any, NamedTuple
+
+from hybrid_rt.core.kernels.compensated import two_difference
+from hybrid_rt.core.kernels.sphere_points import onto_sphere, power_of_point
+from hybrid_rt.shading.kernels.texture import texture_color
+from hybrid_rt.shading.kernels.warp import onto_axis
+from meshing.kernels.jit import inlined
+
+POINT, RECTANGLE, SPHERE, SURFACE = 0, 1, 2, 3
+
+# Kinds that no ray runs into: they are not seen, and only asking finds them.
+WITHOUT_AREA = (POINT,)
+
+WHOLE_SPHERE = 4.0 * math.pi
+
+
+class LightTable(NamedTuple):
+    """All lights of a scene but the sky; n rows."""
+
+    kind: Any  # (n,) int32
+    origin: Any  # (n, 3) float64, place of a point light, corner of a rectangle, centre of a sphere
+    edge_u: Any  # (n, 3) float64; of a sphere: (radius, 0, 0)
+    edge_v: Any  # (n, 3) float64
+    strength: Any  # (n, 3) float64, intensity (W/sr) or radiance (W/sr/m^2)
+    texture: Any  # (n,) int32, row of a texture that takes the place of strength; -1: none
+    # (n + 1,) float64, probability of each light to be asked where one is; the last is the sky's.
+    chance: Any
+    # (n + 1,) float64, probability of each light to begin a light path; the last, the sky's, is 0.
+    emit: Any
+
+
+class LightPoints(NamedTuple):
+    """Points on surfaces that shine, chosen elsewhere; rows of other lights are not read."""
+
+    position: Any  # (n, 3) float64
+    normal: Any  # (n, 3) float64, unit
+    pdf_area: Any  # (n,) float64
+    u: Any  # (n,) float64
+    v: Any  # (n,) float64
+
+
+@inlined
+def has_area(lights, row):
+    """Tell whether rays may run into a light."""
+    return lights.kind[row] not in WITHOUT_AREA
+
+
+# --- asked from a hit
+
+
+@inlined
+def light_point(lights, points, i, row, px, py, pz, s, t):
+    """Choose a point of a light by (s, t) in [0, 1)^2 and weigh what arrives from there.
+
+    ``points`` holds, in row i, what has been chosen on a light of kind `SURFACE`. Returns the
+    vector from p to the point, its length, and the factor on the light's strength that gives the
+    irradiance through a plane facing it: for a point 1 / distance^2; for a rectangle
+    cos_light area / distance^2 and for a sphere the solid angle, one over the density of the
+    direction, so that the mean over (s, t) is exact. Zero behind the light and inside spheres.
+    """
+    kind = lights.kind[row]
+    if kind == SURFACE:
+        return _surface_point(points, i, px, py, pz)
+    if kind == SPHERE:
+        return _sphere_point(lights, row, px, py, pz, s, t)
+    ax, ay, az = lights.edge_u[row, 0], lights.edge_u[row, 1], lights.edge_u[row, 2]
+    bx, by, bz = lights.edge_v[row, 0], lights.edge_v[row, 1], lights.edge_v[row, 2]
+    x, y, z = lights.origin[row, 0] - px, lights.origin[row, 1] - py, lights.origin[row, 2] - pz
+    if kind == RECTANGLE:
+        x, y, z = x + s * ax + t * bx, y + s * ay + t * by, z + s * az + t * bz
+    square = x * x + y * y + z * z
+    distance = math.sqrt(square)
+    if square == 0.0:
+        return x, y, z, distance, 0.0
+    factor = 1.0 / square
+    if kind == RECTANGLE:
+        # Edge_u x edge_v is the normal times the area.
+        nx, ny, nz = ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
+        factor *= max(-(nx * x + ny * y + nz * z), 0.0) / distance
+    return x, y, z, distance, factor
+
+
+@inlined
+def _sphere_seen(lights, row, px, py, pz):
+    """See a sphere from a point: |p - c|^2, |p - c|^2 - r^2 and 1 - cos of half its angle.
+
+    The second, in double-double, tells how near the point is: rounding may be all of it.
+    """
+    radius = lights.edge_u[row, 0]
+    fx, gx = two_difference(px, lights.origin[row, 0])
+    fy, gy = two_difference(py, lights.origin[row, 1])
+    fz, gz = two_difference(pz, lights.origin[row, 2])
+    square = fx * fx + fy * fy + fz * fz
+    power = power_of_point(fx, fy, fz, gx, gy, gz, radius)
+    if power <= 0.0:
+        return square, 0.0, 0.0
+    return square, power, radius * radius / (square * (1.0 + math.sqrt(power / square)))
+
+
+@inlined
+def _sphere_point(lights, row, px, py, pz, s, t):
+    """Choose a direction evenly in the cone that a sphere fills; see `light_point`."""
+    radius = lights.edge_u[row, 0]
+    x, y, z = lights.origin[row, 0] - px, lights.origin[row, 1] - py, lights.origin[row, 2] - pz
+    square, power, cone = _sphere_seen(lights, row, px, py, pz)
+    if power == 0.0:
+        return 0.0, 0.0, 0.0, 0.0, 0.0
+    distance = math.sqrt(square)
+    less = s * cone  # 1 - cos of the angle from the axis
+    sine2 = less * (2.0 - less)
+    wx, wy, wz = onto_axis(
+        x / distance, y / distance, z / distance,
+        1.0 - less, math.sqrt(max(sine2, 0.0)), 2.0 * math.pi * t,
+    )  # fmt: skip
+    # The near root is the product of both over the far one, as where rays meet spheres: shadow
+    # rays end at that root to the last digits, even just beside the sphere.
+    foot = x * wx + y * wy + z * wz
+    far = foot + math.sqrt(max(radius * radius - square * sine2, 0.0))
+    along = power / far
+    return along * wx, along * wy, along * wz, along, 2.0 * math.pi * cone
+
+
+@inlined
+def _surface_point(points, i, px, py, pz):
+    x, y, z = (
+        points.position[i, 0] - px,
+        points.position[i, 1] - py,
+        points.position[i, 2] - pz,
+    )
+    square = x * x + y * y + z * z
+    distance = math.sqrt(square)
+    facing = -(points.normal[i, 0] * x + points.normal[i, 1] * y + points.normal[i, 2] * z)
+    if facing <= 0.0 or points.pdf_area[i] <= 0.0:
+        return x, y, z, distance, 0.0
+    return x, y, z, distance, facing / (distance * square * points.pdf_area[i])
+
+
+@inlined
+def light_strength(lights, textures, row, u, v, x, y, z):
+    """Return the radiance (intensity of a light without area) of a light at one of its points."""
+    if lights.texture[row] < 0:
+        return lights.strength[row, 0], lights.strength[row, 1], lights.strength[row, 2]
+    return texture_color(textures, lights.texture[row], u, v, x, y, z)
+
+
+@inlined
+def chosen_strength(lights, textures, points, i, row, s, t, x, y, z):
+    """Return the strength of a light at the point (x, y, z) that (s, t) has chosen."""
+    u, v = s, t
+    if lights.kind[row] == SURFACE:
+        u, v = points.u[i], points.v[i]
+    return light_strength(lights, textures, row, u, v, x, y, z)
+
+
+# --- met by a ray
+
+
+@inlined
+def pdf_of_light(lights, row, ox, oy, oz, t, cosine, pdf_area):
+    """Return the density per steradian with which `light_point` chooses a point that is met at t.
+
+    ``cosine`` is that of the ray to the light's normal; ``pdf_area`` as in `pdf_of_area`.
+    """
+    if lights.kind[row] == SPHERE:
+        _, power, cone = _sphere_seen(lights, row, ox, oy, oz)
+        return 1.0 / (2.0 * math.pi * cone) if power > 0.0 else 0.0
+    return pdf_of_area(lights, row, pdf_area) * t * t / cosine
+
+
+@inlined
+def pdf_of_area(lights, row, pdf_area):
+    """Return the density per area with which `leaving_point` chooses; that of a `SURFACE` is given."""
+    if lights.kind[row] == SPHERE:
+        return 1.0 / (4.0 * math.pi * lights.edge_u[row, 0] ** 2)
+    if lights.kind[row] == RECTANGLE:
+        ax, ay, az = lights.edge_u[row, 0], lights.edge_u[row, 1], lights.edge_u[row, 2]
+        bx, by, bz = lights.edge_v[row, 0], lights.edge_v[row, 1], lights.edge_v[row, 2]
+        nx, ny, nz = ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
+        return 1.0 / math.sqrt(nx * nx + ny * ny + nz * nz)
+    return pdf_area
+
+
+# --- left by photons and light paths
+
+
+@inlined
+def leaving_point(lights, points, i, row, s, t):
+    """Choose a point of a light by (s, t): the point, its normal, one over its density and that.
+
+    Both are zero where there is no area to be found. A light without area has no normal (zero), and
+    its "area" is one.
+    """
+    kind = lights.kind[row]
+    if kind == SURFACE:
+        density = points.pdf_area[i]
+        area = 1.0 / density if density > 0.0 else 0.0
+        return (
+            points.position[i, 0], points.position[i, 1], points.position[i, 2],
+            points.normal[i, 0], points.normal[i, 1], points.normal[i, 2], area, max(density, 0.0),
+        )  # fmt: skip
+    x, y, z = lights.origin[row, 0], lights.origin[row, 1], lights.origin[row, 2]
+    if kind == RECTANGLE:
+        ax, ay, az = lights.edge_u[row, 0], lights.edge_u[row, 1], lights.edge_u[row, 2]
+        bx, by, bz = lights.edge_v[row, 0], lights.edge_v[row, 1], lights.edge_v[row, 2]
+        nx, ny, nz = ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
+        area = math.sqrt(nx * nx + ny * ny + nz * nz)
+        return (
+            x + s * ax + t * bx, y + s * ay + t * by, z + s * az + t * bz,
+            nx / area, ny / area, nz / area, area, 1.0 / area,
+        )  # fmt: skip
+    if kind == SPHERE:
+        radius = lights.edge_u[row, 0]
+        nx, ny, nz = _even_direction(s, t)
+        area = WHOLE_SPHERE * radius * radius
+        px, py, pz = onto_sphere(x + radius * nx, y + radius * ny, z + radius * nz, x, y, z, radius)
+        return px, py, pz, nx, ny, nz, area, 1.0 / area
+    return x, y, z, 0.0, 0.0, 0.0, 1.0, 1.0
+
+
+@inlined
+def _even_direction(s, t):
+    z = 1.0 - 2.0 * s
+    ring, turn = math.sqrt(max(1.0 - z * z, 0.0)), 2.0 * math.pi * t
+    return ring * math.cos(turn), ring * math.sin(turn), z
+
+
+@inlined
+def leaving_direction(lights, row, nx, ny, nz, s, t):
+    """Choose a direction by the share that it gets, at a point of normal n."""
+    if lights.kind[row] == POINT:
+        return _even_direction(s, t)
+    return onto_axis(nx, ny, nz, math.sqrt(1.0 - s), math.sqrt(s), 2.0 * math.pi * t)
+
+
+@inlined
+def share_of_direction(lights, row, nx, ny, nz, dx, dy, dz):
+    """Return what share of its strength a light sends along d; negative: backwards."""
+    if lights.kind[row] == POINT:
+        return 1.0
+    return nx * dx + ny * dy + nz * dz
+
+
+@inlined
+def shares_together(lights, row):
+    """Return the integral of the share over all directions, steradians."""
+    if lights.kind[row] == POINT:
+        return WHOLE_SPHERE
+    return math.pi
+
+
+@inlined
+def largest_share(lights, row, nx, ny, nz, ax, ay, az, cone):
+    """Return about the largest share that a light sends into a cone about the unit axis a.
+
+    Parameters
+    ----------
+    nx, ny, nz : float
+        Normal of the light where it is left.
+    cone : float
+        1 - cos of half the cone's angle; 2: all directions.
+    """
+    # Half of a ball faces away from anything: see `distance_through`.
+    if cone >= 1.0 or lights.kind[row] == SPHERE or not has_area(lights, row):
+        return 1.0
+    cosine = ax * nx + ay * ny + az * nz
+    if cosine >= 1.0 - cone:
+        return 1.0
+    return max(cosine_beside(cosine, cone), 0.0)
+
+
+@inlined
+def cosine_beside(cosine, cone):
+    """Return the cosine of an angle that is less by half the angle of a cone."""
+    sine = math.sqrt(max(1.0 - cosine * cosine, 0.0))
+    return cosine * (1.0 - cone) + sine * math.sqrt(cone * (2.0 - cone))
+
+
+@inlined
+def opposite_point(lights, row, px, py, pz, nx, ny, nz):
+    """Return the point of a closed ball opposite to p, whose normal is n."""
+    across = distance_through(lights, row)
+    return onto_sphere(
+        px - across * nx, py - across * ny, pz - across * nz,
+        lights.origin[row, 0], lights.origin[row, 1], lights.origin[row, 2], lights.edge_u[row, 0],
+    )  # fmt: skip
+
+
+@inlined
+def distance_through(lights, row):
+    """Return how far behind a point of a closed ball the opposite one lies; else 0.
+
+    What is aimed inward there leaves from the opposite point, so nothing aimed at is lost.
+    """
+    return 2.0 * lights.edge_u[row, 0] if lights.kind[row] == SPHERE else 0.0
