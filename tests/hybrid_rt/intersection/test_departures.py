@@ -19,7 +19,7 @@ from hybrid_rt.core.records import NamedPoints
 from hybrid_rt.integrators.kernels.photon_emission import Launch, Targets, launch_from_light
 from hybrid_rt.lights import SphereLight
 from hybrid_rt.lights.table import compile_lights
-from hybrid_rt.shading.kernels.emitter import LightPoints
+from hybrid_rt.shading.kernels.light_kinds import LightPoints
 from hybrid_rt.textures.table import compile_textures
 
 # Far from 0 compared with some of their points: they pass 0, or near it.
