@@ -219,11 +219,7 @@ def _render(load: Callable[[], tuple[Scene, str]], name: str, options: argparse.
     """Render the scene that is loaded once files and settings are known to be possible."""
     from hybrid_rt.core.interrupts import held_back
     from hybrid_rt.core.progress import watch_compilation
-    from hybrid_rt.core.threads import Pool
-    from hybrid_rt.intersection.intersector import check_settings
-    from hybrid_rt.rendering.channels import check_names
-    from hybrid_rt.rendering.limits import Limit
-    from hybrid_rt.sampling.sampler import Sampler
+    from hybrid_rt.rendering.renderer import check_request
     from hybrid_rt.sensor.image_files import keeps_channels
 
     outputs = [_Output(path) for path in options.out or [Path(f"{name}.png")]]
@@ -232,12 +228,18 @@ def _render(load: Callable[[], tuple[Scene, str]], name: str, options: argparse.
         raise ValueError(
             f"--outputs {','.join(channels)}: a .png holds none of them: add --out {name}.npz or .exr"
         )
+    request = {
+        "passes": options.passes,
+        "time_budget": options.time_budget,
+        "target_error": options.target_error,
+        "seed": options.seed,
+        "threads": options.threads,
+        "accuracy": options.accuracy,
+        "tolerance": options.tolerance,
+        "outputs": channels,
+    }
     # A script may take its time: what it has no say in is refused before it runs.
-    Limit(options.passes, options.time_budget, options.target_error)
-    check_settings(options.accuracy, tolerance=options.tolerance)
-    check_names(channels)
-    Sampler(options.seed)
-    Pool(options.threads)
+    check_request(**request)
     if options.integrator is not None:
         _settings(options.integrator, options)
     with ExitStack() as until_saved:
@@ -248,16 +250,9 @@ def _render(load: Callable[[], tuple[Scene, str]], name: str, options: argparse.
             result, interrupt = _rendered(
                 _resized(scene, options.width, options.height),
                 integrator=integrator,
-                passes=options.passes,
-                time_budget=options.time_budget,
-                target_error=options.target_error,
-                seed=options.seed,
-                threads=options.threads,
-                accuracy=options.accuracy,
-                tolerance=options.tolerance,
                 options=_settings(integrator, options),
-                outputs=channels,
                 progress=progress,
+                **request,
             )
             until_saved.enter_context(held_back())
         # Before anything is said: whoever listens may have heard enough.

@@ -157,12 +157,10 @@ def render(
     if not isinstance(scene, Scene):
         raise TypeError(f"render scene is {checks.shown(scene)}: pass a Scene")
     declared = INTEGRATORS[checks.choice(integrator, "integrator", INTEGRATORS)]
-    check_settings(accuracy, tolerance=tolerance)
     _check_options(declared, options)
-    names = check_names(outputs)
-    limit = Limit(passes, time_budget, target_error)
-    n_threads = Pool(threads).threads
-    sampler = Sampler(seed)
+    limit, names, sampler, n_threads = check_request(
+        passes, time_budget, target_error, seed, threads, accuracy, tolerance, outputs
+    )
     checks.whole(max_depth, "max_depth", at_least=0, up_to=DEEPEST)
     if progress is not None and not callable(progress):
         raise TypeError(f"progress is {checks.shown(progress)}: pass a function, or None")
@@ -233,6 +231,32 @@ def render(
     if came or stopped_by == "interrupted":
         raise RenderInterrupted(result)
     return result
+
+
+def check_request(
+    passes: int | None,
+    time_budget: float | None,
+    target_error: float | None,
+    seed: int,
+    threads: int | None,
+    accuracy: str,
+    tolerance: float | None,
+    outputs: Sequence[str],
+) -> tuple[Limit, tuple[str, ...], Sampler, int]:
+    """Check those settings of `render` that no scene has a say in.
+
+    Returns
+    -------
+    When to stop, the outputs by name, the random numbers, and the number of threads.
+
+    Raises
+    ------
+    ValueError, TypeError
+        If a setting is unknown or out of range.
+    """
+    check_settings(accuracy, tolerance=tolerance)
+    limit = Limit(passes, time_budget, target_error)
+    return limit, check_names(outputs), Sampler(seed), Pool(threads).threads
 
 
 def _check_options(declared: Declaration, options: Options | None) -> None:

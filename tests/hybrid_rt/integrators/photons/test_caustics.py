@@ -5,12 +5,12 @@ import math
 import numpy as np
 import pytest
 from scipy import stats
-
-from hybrid_rt.benchmarks.shared_statistics_ppm import (
+from shared_statistics_ppm import (
     all_photons,
     make_photon_tracer,
     shared_statistics,
 )
+
 from hybrid_rt.integrators import PhotonMapOptions, PPMOptions
 from hybrid_rt.integrators.kernels.photon_steps import MET_SPECULAR
 from hybrid_rt.lights import PointLight, RectangleLight, SphereLight

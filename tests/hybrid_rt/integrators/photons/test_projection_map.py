@@ -4,8 +4,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from shared_statistics_ppm import make_photon_tracer
 
-from hybrid_rt.benchmarks.shared_statistics_ppm import make_photon_tracer
 from hybrid_rt.cli.scene_file import load_scene
 from hybrid_rt.core.records import NamedPoints
 from hybrid_rt.integrators.photons.photon_tracer import PHOTON_DIMENSION
