@@ -15,7 +15,7 @@ from hybrid_rt.integrators.options import Options
 
 if TYPE_CHECKING:
     from hybrid_rt.integrators.context import RenderContext
-    from hybrid_rt.integrators.workers import Crew
+    from hybrid_rt.integrators.workers import Workers
     from hybrid_rt.scene.compiled import CompiledScene
 
 
@@ -56,7 +56,7 @@ class Declaration:
     """
 
     name: str
-    make: Callable[[RenderContext, int], Crew]
+    make: Callable[[RenderContext, int], Workers]
     finds: Callable[[Any], str]
     options: type[Options] = Options
     refuse: Callable[[CompiledScene], None] = lambda _: None

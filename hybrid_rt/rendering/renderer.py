@@ -21,7 +21,7 @@ from hybrid_rt.integrators import DEFAULT, INTEGRATORS, Declaration, Options
 from hybrid_rt.integrators.context import RenderContext
 from hybrid_rt.integrators.media.absorption import unclosed_bodies
 from hybrid_rt.integrators.options import DEEPEST
-from hybrid_rt.integrators.workers import TOGETHER, Blur, Crew
+from hybrid_rt.integrators.workers import TOGETHER, Blur, Workers
 from hybrid_rt.intersection import Intersector
 from hybrid_rt.intersection.intersector import check_settings
 from hybrid_rt.rendering.audit import audit
@@ -182,19 +182,19 @@ def render(
         # Threads share blocks of camera rays; within a block everything runs in one.
         context = RenderContext(compiled, tracer, Pool(1), plan, sampler, ledger, max_depth, own)
         with ledger.stage("set-up"):
-            crew = declared.make(context, n_threads)
-            crew.forget_seconds()
+            workers = declared.make(context, n_threads)
+            workers.forget_seconds()
         # Before the passes, so that a time budget covers it.
         with ledger.stage("audit"):
             wrong = audit(context, n_threads)
         film = Film(scene.camera.height, scene.camera.width)
         try:
-            stopped_by = _run_passes(film, crew, limit, clock, progress)
+            stopped_by = _run_passes(film, workers, limit, clock, progress)
         except KeyboardInterrupt:
             if film.n_passes == 0:
                 raise
             stopped_by = "interrupted"
-        crew.gather()
+        workers.gather()
         channels = compute_channels(names, context, film)
     settings = {
         "integrator": integrator,
@@ -211,8 +211,8 @@ def render(
         "width": scene.camera.width,
         "height": scene.camera.height,
     }
-    blur = crew.blur(film.image)
-    report = _report(plain(settings), context, film, clock, stopped_by) | crew.report(blur)
+    blur = workers.blur(film.image)
+    report = _report(plain(settings), context, film, clock, stopped_by) | workers.report(blur)
     report["geometry"]["wrong_first_hits"] = wrong
     report["relative_error"] = _relative_error(report["noise"], blur, own.blur_stays)
     report["light_not_found"] = declared.left_out_light(compiled, own)
@@ -233,10 +233,10 @@ def _check_options(declared: Declaration, options: Options | None) -> None:
 
 
 def _run_passes(
-    film: Film, crew: Crew, limit: Limit, clock: Clock, progress: Progress | None
+    film: Film, workers: Workers, limit: Limit, clock: Clock, progress: Progress | None
 ) -> str:
     """Add passes in the order of their numbers until a limit is reached; say which."""
-    camera = crew.context.scene.camera
+    camera = workers.context.scene.camera
     n_pixels = camera.width * camera.height
     at_most = max(TOGETHER // n_pixels, 1)
     show_error = getattr(progress, "note_error", None)
@@ -251,14 +251,14 @@ def _run_passes(
                 progress("Rendering", n_before + n_done, total)
 
         passes = range(film.n_passes, film.n_passes + n_together)
-        for radiance in crew.render_passes(passes, on_rays):
-            with held_back(), crew.context.ledger.stage("film"):
+        for radiance in workers.render_passes(passes, on_rays):
+            with held_back(), workers.context.ledger.stage("film"):
                 film.add(radiance)
         if watches_error and film.n_passes >= limit.next_estimate():
-            with crew.context.ledger.stage("noise"):
-                noise, blur = film.relative_error(), crew.blur(film.image)
+            with workers.context.ledger.stage("noise"):
+                noise, blur = film.relative_error(), workers.blur(film.image)
             # A limit to the blur falls with more passes whatever the blur does.
-            own: Options = crew.context.options
+            own: Options = workers.context.options
             stays = own.blur_stays and blur.relative is not None
             limit.note_error(
                 film.n_passes, noise, blur.counted, power=own.error_power, blur_stays=stays

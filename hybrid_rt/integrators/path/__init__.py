@@ -9,14 +9,14 @@ from hybrid_rt.integrators.options import PathOptions
 
 if TYPE_CHECKING:
     from hybrid_rt.integrators.context import RenderContext
-    from hybrid_rt.integrators.workers import Crew
+    from hybrid_rt.integrators.workers import Workers
 
 
-def _make(context: RenderContext, threads: int) -> Crew:
+def _make(context: RenderContext, threads: int) -> Workers:
     from hybrid_rt.integrators.path.path_tracer import PathTracer
-    from hybrid_rt.integrators.workers import Crew
+    from hybrid_rt.integrators.workers import Workers
 
-    return Crew(context, threads, PathTracer)
+    return Workers(context, threads, PathTracer)
 
 
 def _finds(options: PathOptions) -> str:

@@ -9,7 +9,7 @@ from hybrid_rt.integrators.options import PhotonMapOptions, PPMOptions
 
 if TYPE_CHECKING:
     from hybrid_rt.integrators.context import RenderContext
-    from hybrid_rt.integrators.workers import Crew
+    from hybrid_rt.integrators.workers import Workers
     from hybrid_rt.scene.compiled import CompiledScene
 
 # Lights are asked, and photons looked at, where light is spread widely; metals ask lights too, but
@@ -18,16 +18,16 @@ FINDS = "[LUK][DGS]*E|P[DGS]*D[DGS]*E|PG[GS]*E"
 WHY_NO_LIGHT_PATHS = "photons find what mirrors and glass throw"
 
 
-def _make_ppm(context: RenderContext, threads: int) -> Crew:
-    from hybrid_rt.integrators.photons.ppm import ProgressiveCrew
+def _make_ppm(context: RenderContext, threads: int) -> Workers:
+    from hybrid_rt.integrators.photons.ppm import ProgressiveWorkers
 
-    return ProgressiveCrew(context, threads)
+    return ProgressiveWorkers(context, threads)
 
 
-def _make_photon_map(context: RenderContext, threads: int) -> Crew:
-    from hybrid_rt.integrators.photons.photon_map import MapCrew
+def _make_photon_map(context: RenderContext, threads: int) -> Workers:
+    from hybrid_rt.integrators.photons.photon_map import PhotonMapWorkers
 
-    return MapCrew(context, threads)
+    return PhotonMapWorkers(context, threads)
 
 
 def _refuse(scene: CompiledScene) -> None:

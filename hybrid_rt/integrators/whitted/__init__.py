@@ -8,14 +8,14 @@ from hybrid_rt.integrators.declaration import Declaration
 
 if TYPE_CHECKING:
     from hybrid_rt.integrators.context import RenderContext
-    from hybrid_rt.integrators.workers import Crew
+    from hybrid_rt.integrators.workers import Workers
 
 
-def _make(context: RenderContext, threads: int) -> Crew:
+def _make(context: RenderContext, threads: int) -> Workers:
     from hybrid_rt.integrators.whitted.whitted import Whitted
-    from hybrid_rt.integrators.workers import Crew
+    from hybrid_rt.integrators.workers import Workers
 
-    return Crew(context, threads, Whitted)
+    return Workers(context, threads, Whitted)
 
 
 WHITTED = Declaration(

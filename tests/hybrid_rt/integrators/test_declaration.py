@@ -12,7 +12,7 @@ from hybrid_rt.integrators import INTEGRATORS, Declaration, Options
 from hybrid_rt.integrators.direct_light import SurfaceLight
 from hybrid_rt.integrators.integrator import Integrator
 from hybrid_rt.integrators.options import Flag, setting
-from hybrid_rt.integrators.workers import Crew
+from hybrid_rt.integrators.workers import Workers
 from hybrid_rt.lights import PointLight
 from hybrid_rt.materials import Lambertian
 from hybrid_rt.primitives import Rectangle
@@ -43,7 +43,7 @@ class Colors(Integrator):
 def colors(monkeypatch):
     declared = Declaration(
         name="colors",
-        make=lambda context, threads: Crew(context, threads, Colors),
+        make=lambda context, threads: Workers(context, threads, Colors),
         finds=lambda _: "",
         options=ColorOptions,
         without_light_paths="no light is looked at",
