@@ -38,6 +38,7 @@ _HOMES = {
     "Scene": "scene.scene",
     "Sphere": "primitives",
     "SphereLight": "lights",
+    "SpotLight": "lights.spot",
     "Status": "core.records",
     "TriangleMesh": "primitives",
     "render": "rendering.renderer",

@@ -63,7 +63,7 @@ class Scene:
     ----------
     camera : Camera
     objects : sequence of Object
-    lights : sequence of PointLight, RectangleLight or SphereLight
+    lights : sequence of `hybrid_rt.lights.light.Light`
     environment : GradientSky or ImageEnvironment, optional
         What rays see that leave the scene; None is black.
 

@@ -18,10 +18,10 @@ from hybrid_rt.shading.kernels.texture import texture_color
 from hybrid_rt.shading.kernels.warp import onto_axis
 from meshing.kernels.jit import inlined
 
-POINT, RECTANGLE, SPHERE, SURFACE = 0, 1, 2, 3
+POINT, RECTANGLE, SPHERE, SURFACE, SPOT = 0, 1, 2, 3, 4
 
 # Kinds that no ray runs into: they are not seen, and only asking finds them.
-WITHOUT_AREA = (POINT,)
+WITHOUT_AREA = (POINT, SPOT)
 
 WHOLE_SPHERE = 4.0 * math.pi
 
@@ -30,9 +30,11 @@ class LightTable(NamedTuple):
     """All lights of a scene but the sky; n rows."""
 
     kind: Any  # (n,) int32
-    origin: Any  # (n, 3) float64, place of a point light, corner of a rectangle, centre of a sphere
-    edge_u: Any  # (n, 3) float64; of a sphere: (radius, 0, 0)
-    edge_v: Any  # (n, 3) float64
+    # (n, 3) float64, place of a point light or spot, corner of a rectangle, centre of a sphere
+    origin: Any
+    edge_u: Any  # (n, 3) float64; of a sphere: (radius, 0, 0); of a spot: the axis, unit
+    # (n, 3) float64; of a spot: 1 - cos of the angles where its edge begins and where it ends, 0
+    edge_v: Any
     strength: Any  # (n, 3) float64, intensity (W/sr) or radiance (W/sr/m^2)
     texture: Any  # (n,) int32, row of a texture that takes the place of strength; -1: none
     # (n + 1,) float64, probability of each light to be asked where one is; the last is the sky's.
@@ -66,9 +68,10 @@ def light_point(lights, points, i, row, px, py, pz, s, t):
 
     ``points`` holds, in row i, what has been chosen on a light of kind `SURFACE`. Returns the
     vector from p to the point, its length, and the factor on the light's strength that gives the
-    irradiance through a plane facing it: for a point 1 / distance^2; for a rectangle
-    cos_light area / distance^2 and for a sphere the solid angle, one over the density of the
-    direction, so that the mean over (s, t) is exact. Zero behind the light and inside spheres.
+    irradiance through a plane facing it: for a point 1 / distance^2, times its share for a spot;
+    for a rectangle cos_light area / distance^2 and for a sphere the solid angle, one over the
+    density of the direction, so that the mean over (s, t) is exact. Zero where the light sends
+    nothing: behind it, beside a spot's cone, inside spheres.
     """
     kind = lights.kind[row]
     if kind == SURFACE:
@@ -89,6 +92,8 @@ def light_point(lights, points, i, row, px, py, pz, s, t):
         # Edge_u x edge_v is the normal times the area.
         nx, ny, nz = ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
         factor *= max(-(nx * x + ny * y + nz * z), 0.0) / distance
+    elif kind == SPOT:
+        factor *= _spot_share(lights, row, -x / distance, -y / distance, -z / distance)
     return x, y, z, distance, factor
 
 
@@ -241,6 +246,12 @@ def leaving_direction(lights, row, nx, ny, nz, s, t):
     """Choose a direction by the share that it gets, at a point of normal n."""
     if lights.kind[row] == POINT:
         return _even_direction(s, t)
+    if lights.kind[row] == SPOT:
+        less = _spot_angle(lights, row, s)
+        return onto_axis(
+            lights.edge_u[row, 0], lights.edge_u[row, 1], lights.edge_u[row, 2],
+            1.0 - less, math.sqrt(max(less * (2.0 - less), 0.0)), 2.0 * math.pi * t,
+        )  # fmt: skip
     return onto_axis(nx, ny, nz, math.sqrt(1.0 - s), math.sqrt(s), 2.0 * math.pi * t)
 
 
@@ -249,6 +260,8 @@ def share_of_direction(lights, row, nx, ny, nz, dx, dy, dz):
     """Return what share of its strength a light sends along d; negative: backwards."""
     if lights.kind[row] == POINT:
         return 1.0
+    if lights.kind[row] == SPOT:
+        return _spot_share(lights, row, dx, dy, dz)
     return nx * dx + ny * dy + nz * dz
 
 
@@ -257,6 +270,9 @@ def shares_together(lights, row):
     """Return the integral of the share over all directions, steradians."""
     if lights.kind[row] == POINT:
         return WHOLE_SPHERE
+    if lights.kind[row] == SPOT:
+        # The edge, x^2 (3 - 2 x) over equal solid angles, counts half.
+        return math.pi * (lights.edge_v[row, 0] + lights.edge_v[row, 1])
     return math.pi
 
 
@@ -271,13 +287,17 @@ def largest_share(lights, row, nx, ny, nz, ax, ay, az, cone):
     cone : float
         1 - cos of half the cone's angle; 2: all directions.
     """
+    kind = lights.kind[row]
     # Half of a ball faces away from anything: see `distance_through`.
-    if cone >= 1.0 or lights.kind[row] == SPHERE or not has_area(lights, row):
+    if cone >= 1.0 or kind in (POINT, SPHERE):
         return 1.0
+    if kind == SPOT:
+        nx, ny, nz = lights.edge_u[row, 0], lights.edge_u[row, 1], lights.edge_u[row, 2]
     cosine = ax * nx + ay * ny + az * nz
     if cosine >= 1.0 - cone:
         return 1.0
-    return max(cosine_beside(cosine, cone), 0.0)
+    nearest = cosine_beside(cosine, cone)
+    return _share_at(lights, row, 1.0 - nearest) if kind == SPOT else max(nearest, 0.0)
 
 
 @inlined
@@ -295,6 +315,48 @@ def opposite_point(lights, row, px, py, pz, nx, ny, nz):
         px - across * nx, py - across * ny, pz - across * nz,
         lights.origin[row, 0], lights.origin[row, 1], lights.origin[row, 2], lights.edge_u[row, 0],
     )  # fmt: skip
+
+
+@inlined
+def _spot_share(lights, row, dx, dy, dz):
+    """Return the share of its intensity that a spot sends along the unit direction d."""
+    # |d - a|^2 / 2 is 1 - cos without its cancellation; of opposite ones it may round above 2.
+    x, y, z = dx - lights.edge_u[row, 0], dy - lights.edge_u[row, 1], dz - lights.edge_u[row, 2]
+    return _share_at(lights, row, min(0.5 * (x * x + y * y + z * z), 2.0))
+
+
+@inlined
+def _share_at(lights, row, less):
+    """Return the share at an angle from the axis of which 1 - cos is ``less``."""
+    inside = lights.edge_v[row, 1] - less
+    width = lights.edge_v[row, 1] - lights.edge_v[row, 0]
+    if inside < 0.0:
+        return 0.0
+    if inside >= width:
+        return 1.0
+    x = inside / width
+    return x * x * (3.0 - 2.0 * x)
+
+
+@inlined
+def _spot_angle(lights, row, s):
+    """Choose an angle from the axis by its share, through s in [0, 1); return 1 - cos of it."""
+    bright, dark = lights.edge_v[row, 0], lights.edge_v[row, 1]
+    rest = s * (bright + dark) - 2.0 * bright
+    if rest < 0.0:
+        return 0.5 * s * (bright + dark)
+    # Of the edge's power the part 1 - F(x), F(x) = x^3 (2 - x), lies nearer to the axis. F is
+    # convex, and the start at or above the root, so Newton's steps fall toward it and never pass.
+    aim = max(1.0 - rest / (dark - bright), 0.0) if dark > bright else 1.0
+    x = aim ** (1.0 / 3.0)
+    for _ in range(8):
+        if x <= 0.0:
+            break
+        step = (x * x * x * (2.0 - x) - aim) / (2.0 * x * x * (3.0 - 2.0 * x))
+        x -= step
+        if step <= 1e-15 * x:
+            break
+    return dark - x * (dark - bright)
 
 
 @inlined

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from hybrid_rt.shading.kernels import light_kinds
-from hybrid_rt.shading.kernels.light_kinds import POINT, RECTANGLE, LightPoints, LightTable
+from hybrid_rt.shading.kernels.light_kinds import POINT, RECTANGLE, SPOT, LightPoints, LightTable
 
 pytestmark = pytest.mark.interpreted
 
@@ -57,3 +57,29 @@ def test_irradiance_of_a_rectangle_is_the_closed_form():
             total += factor * z / distance
     # Midpoint rule, error proportional to 1 / n^2.
     assert total / n**2 == pytest.approx(irradiance_of_corner(a, b, height), rel=1e-4)
+
+
+@pytest.mark.parametrize("angles", [(25, 30), (0, 30), (40, 40), (120, 180), (0.0006, 0.001)])
+def test_angles_of_a_spot_hold_the_power_that_chose_them(angles):
+    """Within 1 - cos = v of the axis lies v up to the edge, there half of 1 - x^3 (2 - x) of it."""
+    bright, dark = (2.0 * math.sin(math.radians(0.5 * a)) ** 2 for a in angles)
+    lights = table(SPOT, (0, 0, 0), (0, 0, 1), (bright, dark, 0))
+    for s in (0.0, 1e-9, 0.1, 0.5, 0.9, 0.999, 1.0 - 1e-9, 1.0 - 1e-16):
+        d = np.array(light_kinds.leaving_direction(lights, 0, 0.0, 0.0, 0.0, s, 0.3))
+        v = 0.5 * ((d - (0, 0, 1)) ** 2).sum()
+        assert math.hypot(*d) == pytest.approx(1.0, rel=1e-14)
+        assert v <= dark * (1.0 + 1e-9)
+        x = min((dark - v) / (dark - bright), 1.0) if dark > bright else 1.0
+        within = v
+        if v > bright:
+            within = bright + (dark - bright) * 0.5 * (1.0 - x**3 * (2.0 - x))
+        # The narrowest cone is 1.7e-5 wide, a hundred billion roundings.
+        assert within == pytest.approx(s * 0.5 * (bright + dark), rel=1e-9, abs=1e-11 * dark)
+        share = light_kinds.share_of_direction(lights, 0, 0.0, 0.0, 0.0, *d)
+        if v <= dark:  # at a hard edge it may round out of the cone
+            assert share == pytest.approx(x * x * (3.0 - 2.0 * x), abs=1e-9)
+
+
+def test_the_widest_spot_shines_straight_back():
+    lights = table(SPOT, (0, 0, 0), (0, 0.6, 0.8), (2, 2, 0))
+    assert light_kinds.share_of_direction(lights, 0, 0.0, 0.0, 0.0, 0.0, -0.6, -0.8) == 1.0
