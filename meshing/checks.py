@@ -118,6 +118,14 @@ def unit(vector: FloatArray, what: str) -> FloatArray:
     return result
 
 
+def still_unit(vector: FloatArray, what: str) -> FloatArray:
+    """Return a vector of about length one at length one.
+
+    One that is so up to rounding keeps its bits: a power of two as scale then changes none.
+    """
+    return vector if abs(vector @ vector - 1.0) <= 4.0 * 2.0**-52 else unit(vector, what)
+
+
 def as_direction(value: ArrayLike, what: str) -> FloatArray:
     """Return a direction of any length at length one, read-only.
 

@@ -19,6 +19,7 @@ from meshing.checks import (
     as_vector,
     freeze,
     shown,
+    still_unit,
     unit,
 )
 from meshing.kernels import lathe, subdivision
@@ -163,9 +164,9 @@ class SurfaceOfRevolution(ParametricSurface):
         """
         orthogonal, shift, scale, is_reflection = as_similarity(matrix, "SurfaceOfRevolution")
         sign = -1.0 if is_reflection else 1.0
-        axis = _as_unit(sign * (orthogonal @ self.axis))
+        axis = still_unit(sign * (orthogonal @ self.axis), "axis")
         radial = orthogonal @ self.radial
-        radial = _as_unit(radial - (radial @ axis) * axis)
+        radial = still_unit(radial - (radial @ axis) * axis, "radial")
         segments = [segment * (sign * scale, scale) for segment in self.segments]
         origin = scale * (orthogonal @ self.origin) + shift
         return self._from_frame(segments, origin, axis, radial)
@@ -207,11 +208,6 @@ class SurfaceOfRevolution(ParametricSurface):
 def radius_rounding(segments: Iterable[FloatArray]) -> float:
     """Radius up to which a point of a profile lies on the axis."""
     return RADIUS_ROUNDING * max(float(np.abs(segment).max()) for segment in segments)
-
-
-def _as_unit(vector: FloatArray) -> FloatArray:
-    # A vector that is unit already keeps its bits: a power of two as scale then changes none.
-    return vector if abs(vector @ vector - 1.0) <= 4.0 * 2.0**-52 else unit(vector, "axis")
 
 
 def _as_segments(profile: ArrayLike | Iterable[ArrayLike]) -> list[FloatArray]:

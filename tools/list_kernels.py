@@ -43,6 +43,7 @@ from hybrid_rt.intersection.kinds.registry import kernel_groups
 from hybrid_rt.rendering.renderer import RenderResult
 from hybrid_rt.verify.cases.campaign import SCENES as SURFACES_TO_JUDGE
 from hybrid_rt.verify.cases.campaign import steps
+from hybrid_rt.verify.judges.surface_judge import all_judges
 from meshing import BezierPatches
 from meshing.kernels.cache import SharedCache, name_of
 
@@ -94,12 +95,24 @@ def surfaces_of(kind: str) -> list[Any]:
         "Bezier patches": any_patch,
         "revolutions": lambda: demo.vase(0.0, 0.0, 5.0),
         "meshes": lambda: TriangleMesh(trimesh.creation.icosphere(1)),
+        **of_judges(),
     }
     found = made[kind]()
     return found if isinstance(found, list) else [found]
 
 
-PLAIN = ("spheres", "many spheres", "rectangles", "planes", "boxes")
+def of_judges() -> dict[str, Callable[[], Any]]:
+    """Return the examples that judges bring of classes that do not go to Embree, by their kernels."""
+    found: dict[str, Callable[[], Any]] = {}
+    for judge in all_judges().values():
+        for make in judge.examples.values():
+            groups = kernel_groups(make(), "certified", "embree")
+            if groups == kernel_groups(make(), "certified", "none"):
+                found.update(dict.fromkeys(groups, make))
+    return found
+
+
+PLAIN = ("spheres", "many spheres", "rectangles", "planes", "boxes", *of_judges())
 FROM_EMBREE = ("bicubic patches", "Bezier patches", "revolutions", "meshes")
 OF_SURFACES = (*PLAIN, *(f"{kind}, {way}" for kind in FROM_EMBREE for way in WAYS))
 # Of what these need, the kernels of surfaces are left to surfaces.

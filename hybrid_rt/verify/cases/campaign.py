@@ -16,6 +16,7 @@ from hybrid_rt.primitives import Box, Plane, Rectangle, Sphere, TriangleMesh
 from hybrid_rt.verify.cases.rays import hard_rays
 from hybrid_rt.verify.judges.judge import Verdict, compare
 from hybrid_rt.verify.judges.oracle import first_hits
+from hybrid_rt.verify.judges.surface_judge import all_judges
 from meshing import BezierPatches, SurfaceOfRevolution
 
 # Rays per step: enough to keep all threads busy, few enough for a lively progress line.
@@ -94,6 +95,9 @@ SCENES: dict[str, Callable[[], list[Any]]] = {
     "closed forms": closed_forms,
     "mixed": mixed,
 }
+# Judges of single classes bring examples of their own.
+for _judge in all_judges().values():
+    SCENES.update(_judge.examples)
 
 
 @dataclass

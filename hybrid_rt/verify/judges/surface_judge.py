@@ -10,6 +10,7 @@ import importlib
 import pkgutil
 from abc import ABC, abstractmethod
 from collections.abc import Callable
+from functools import cache
 from typing import Any, ClassVar, TypeAlias
 
 import numpy as np
@@ -38,6 +39,8 @@ class SurfaceJudge(ABC):
     """
 
     judges: ClassVar[dict[type[Surface], type[SurfaceJudge]]] = {}
+    examples: ClassVar[dict[str, Callable[[], list[Any]]]] = {}
+    """Surfaces of the class by which campaigns judge it, by the name of their scene."""
 
     def __init_subclass__(cls, *, of: type[Surface], **options: Any) -> None:
         """Register a judge by the class of surfaces that it is ``of``."""
@@ -77,18 +80,20 @@ def judge_of(surface: Any) -> SurfaceJudge:
     TypeError
         If nobody judges its class.
     """
-    _load()
+    judges = all_judges()
     for surface_type in type(surface).__mro__:
-        if surface_type in SurfaceJudge.judges:
-            return SurfaceJudge.judges[surface_type](surface)
+        if surface_type in judges:
+            return judges[surface_type](surface)
     raise TypeError(
         f"surface is a {type(surface).__name__}: pass one of meshing or hybrid_rt.primitives"
     )
 
 
-def _load() -> None:
-    """Import every module of the room, once."""
+@cache
+def all_judges() -> dict[type[Surface], type[SurfaceJudge]]:
+    """Return the judges by classes of surfaces: every module of the room is imported."""
     from hybrid_rt.verify.judges import surfaces
 
     for module in pkgutil.iter_modules(surfaces.__path__, surfaces.__name__ + "."):
         importlib.import_module(module.name)
+    return SurfaceJudge.judges
