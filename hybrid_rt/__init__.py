@@ -40,6 +40,7 @@ _HOMES = {
     "SphereLight": "lights",
     "SpotLight": "lights.spot",
     "Status": "core.records",
+    "Torus": "primitives.torus",
     "TriangleMesh": "primitives",
     "render": "rendering.renderer",
 }

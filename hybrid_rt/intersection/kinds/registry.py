@@ -18,6 +18,7 @@ from hybrid_rt.core.threads import Pool
 from hybrid_rt.intersection.kind import CurvedKind, Kind
 from hybrid_rt.intersection.kinds.closed_forms import MANY, ClosedForm, Spheres
 from hybrid_rt.primitives import Box, Plane, Rectangle, Sphere, TriangleMesh
+from hybrid_rt.primitives.torus import Torus
 from meshing import BezierPatches, SurfaceOfRevolution
 from meshing.surface import Surface
 
@@ -191,6 +192,12 @@ def _boxes(members: Members, _accuracy: str, _pool: Pool) -> Kind:
     return ClosedForm(members, planar.box_table, planar.trace_boxes, planar.finish_boxes)
 
 
+def _tori(members: Members, _accuracy: str, _pool: Pool) -> Kind:
+    from hybrid_rt.intersection.kernels.torus import finish_tori, torus_table, trace_tori
+
+    return ClosedForm(members, torus_table, trace_tori, finish_tori)
+
+
 def _patches(members: Members, accuracy: str, pool: Pool) -> CurvedKind:
     from hybrid_rt.intersection.kinds.patches import FINEST, PatchKind
 
@@ -223,6 +230,7 @@ ENTRIES = (
     Entry(Rectangle, "rectangles", _rectangles, lambda _members, _way: ["rectangles"]),
     Entry(Plane, "planes", _planes, lambda _members, _way: ["planes"]),
     Entry(Box, "boxes", _boxes, lambda _members, _way: ["boxes"]),
+    Entry(Torus, "tori", _tori, lambda _members, _way: ["tori"]),
     Entry(BezierPatches, "Bezier patches", _patches, _of_patches, ACCURACIES),
     Entry(
         SurfaceOfRevolution,

@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from hybrid_rt import Box, Plane, Rectangle, Sphere, TriangleMesh
+from hybrid_rt import Box, Plane, Rectangle, Sphere, Torus, TriangleMesh
 from meshing import BezierPatches, SurfaceOfRevolution
 
 NAN, INF = np.nan, np.inf
@@ -29,6 +29,17 @@ def mesh(vertices, faces):
         (lambda: Plane((0, 0, 0), (0, 0, 0)), "Plane"),
         (lambda: Box((0, 0, 0), (1, 0, 1)), "Box"),
         (lambda: Box((0, 0, 0), (1, -1, 1)), "Box"),
+        (lambda: Torus((0, 0, 0), (0, 0, 1), 1, 0), r"Torus minor_radius .*\.flipped"),
+        (lambda: Torus((0, 0, 0), (0, 0, 1), 1, 1), "a tube that reaches the axis meets itself"),
+        (lambda: Torus((0, 0, 0), (0, 0, 1), 1, 2), "pass a smaller minor_radius"),
+        (lambda: Torus((0, 0, 0), (0, 0, 1), INF, 2), "Torus major_radius"),
+        (lambda: Torus((0, 0, 0), (0, 0, 0), 2, 1), "Torus axis is the zero vector"),
+        (lambda: Torus((0, NAN, 0), (0, 0, 1), 2, 1), "Torus origin"),
+        (lambda: Torus((0, 0, 0), (0, 0, 1), 2, 1, (0, 0, -3)), "reference is parallel"),
+        (
+            lambda: Torus((0, 0, 0), (0, 0, 1), 2, 1).transformed(np.diag([1, 2, 1, 1])),
+            "similarity",
+        ),
         (lambda: mesh(CORNERS, [[0, 1, 3]]), r"faces\[0\] is \[0, 1, 3\]"),
         (lambda: mesh(CORNERS, [[0, 1, 2], [0, 1, -1]]), r"faces\[1\] is \[0, 1, -1\]"),
         (lambda: mesh([[0, 0, NAN], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]]), r"vertices\[0\]"),

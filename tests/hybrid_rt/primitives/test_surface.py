@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from hybrid_rt import Box, Intersector, Plane, Rectangle, Sphere, TriangleMesh, demo
+from hybrid_rt import Box, Intersector, Plane, Rectangle, Sphere, Torus, TriangleMesh, demo
 from hybrid_rt.intersection.kinds.registry import ENTRIES
 from hybrid_rt.verify.judges.surface_judge import all_judges, judge_of
 from meshing import BezierPatches, SurfaceOfRevolution
@@ -16,6 +16,7 @@ SURFACES = {
     Plane: Plane((1, 2, 3), (0.1, -2, 0.3)),
     Rectangle: Rectangle((0, 1, 0), (1, 0, 1), (0, 2, 1)),
     Sphere: Sphere((1, 2, 3), 2, pole=(1, 1, 0), meridian=(0, 0, 1)),
+    Torus: Torus((1, 2, 3), (1, -1, 2), 2, 0.5, (0, 0, 1)),
     TriangleMesh: TriangleMesh(trimesh.creation.icosphere(1)),
     BezierPatches: demo.teapot(),
     SurfaceOfRevolution: demo.vase(0.0, 0.0, 5.0),

@@ -8,6 +8,7 @@ import trimesh
 
 from hybrid_rt.materials import Emissive
 from hybrid_rt.primitives import Plane, Rectangle, Sphere, TriangleMesh
+from hybrid_rt.primitives.torus import Torus
 from hybrid_rt.rendering.renderer import render
 from hybrid_rt.scene.scene import Object, Scene
 from hybrid_rt.sensor.camera import Camera
@@ -40,6 +41,9 @@ CASES = {
     "revolution": (
         SurfaceOfRevolution([(0, 1), (4, 1)], (0, 0, 0), (0, 0, 1), (1, 0, 0)),
         (0, 1, 1), (0, 6, 2), (0.25, 0.25)),
+    "torus, an eighth over its outer rim": (
+        Torus((0, 0, 0), (0, 0, 1), 2, 0.5, (1, 0, 0)),
+        (0, 2 + 0.5 * math.sqrt(0.5), 0.5 * math.sqrt(0.5)), (0, 6, 4), (0.25, 0.125)),
     "mesh, weights of two corners": (
         TriangleMesh(TRIANGLE), (0.6, 0.8, 0), (1, 1, 5), (0.3, 0.4)),
 }  # fmt: skip

@@ -19,6 +19,7 @@ from hybrid_rt.lights import (
 )
 from hybrid_rt.materials import Dielectric, Emissive, Lambertian, Metal, Mirror, Mix, Phong
 from hybrid_rt.primitives import Box, Plane, Rectangle, Sphere, TriangleMesh
+from hybrid_rt.primitives.torus import Torus
 from hybrid_rt.rendering.renderer import render
 from hybrid_rt.scene.scene import Object, Scene
 from hybrid_rt.sensor.camera import Camera
@@ -198,6 +199,7 @@ class TestLights:
         "box": ([Object(Box((-0.5, -0.5, 1), (0.5, 1, 1.5)), Emissive(1.0))], [], None),
         "mesh": ([Object(TriangleMesh(trimesh.creation.torus(0.6, 0.2, 12, 8)).transformed(
             [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 1.0], [0, 0, 0, 1]]), Emissive(1.0))], [], None),
+        "torus": ([Object(Torus((0.2, 0, 1), (0.3, 0, 1), 0.6, 0.2), Emissive(2.0))], [], None),
         "gradient": ([], [], GradientSky((0.1, 0.2, 0.3), (0.9, 0.3, 0.0), (0, 0.6, 0.8))),
         "picture": ([], [], ImageEnvironment(
             np.random.default_rng(2).random((8, 16, 3)) ** 4, (0, 0, 1))),

@@ -1,0 +1,219 @@
+"""Tori: rings with a round tube."""
+
+from __future__ import annotations
+
+import copy
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from hybrid_rt.core.records import FloatArray
+from meshing.checks import (
+    as_direction,
+    as_similarity,
+    as_vector,
+    broadcast_parameters,
+    freeze,
+    number,
+    still_unit,
+    unit,
+)
+from meshing.surface import Surface
+
+
+class Torus(Surface):
+    """A tube of circular section about a circle; its normal points outward, unless flipped.
+
+    S(u, v) = origin + (R + r cos 2 pi v) (cos 2 pi u radial + sin 2 pi u binormal)
+    + r sin 2 pi v axis, with R and r the two radii and binormal = axis x radial: u runs about the
+    axis, right-handed, and v about the tube, from the outer rim toward ``axis``. On a flipped torus
+    v runs the other way, so that S_u x S_v, along which the normal lies, points into the tube.
+
+    Parameters
+    ----------
+    origin : (3,) scene units
+        The middle of the ring.
+    axis : (3,) direction of any length
+    major_radius : positive number, scene units
+        Of the circle in the middle of the tube.
+    minor_radius : positive number, scene units
+        Of the tube; less than ``major_radius``.
+    reference : (3,) direction of any length, optional
+        u = 0 lies along it, projected normal to the axis. Default: the coordinate axis least
+        aligned with ``axis``.
+
+    Raises
+    ------
+    ValueError
+        For radii that are not positive and finite, a tube that reaches the axis, vectors that are
+        not finite, a reference along the axis.
+
+    Attributes
+    ----------
+    origin, axis, radial, binormal : (3,) float64, read-only
+        The last three are unit vectors.
+    major_radius, minor_radius : float
+    """
+
+    def __init__(
+        self,
+        origin: ArrayLike,
+        axis: ArrayLike,
+        major_radius: float,
+        minor_radius: float,
+        reference: ArrayLike | None = None,
+    ) -> None:
+        self.origin = as_vector(origin, "Torus origin")
+        self.axis = as_direction(axis, "Torus axis")
+        self.major_radius = number(major_radius, "Torus major_radius", above=0.0)
+        self.minor_radius = number(
+            minor_radius, "Torus minor_radius", above=0.0, hint="for the inside, use .flipped()"
+        )
+        if not self.minor_radius < self.major_radius:
+            raise ValueError(
+                f"Torus minor_radius is {self.minor_radius:g}, major_radius {self.major_radius:g}: "
+                "pass a smaller minor_radius (a tube that reaches the axis meets itself)"
+            )
+        if reference is None:
+            start = np.zeros(3)
+            start[np.argmin(np.abs(self.axis))] = 1.0
+        else:
+            start = as_direction(reference, "Torus reference")
+        radial = start - (start @ self.axis) * self.axis
+        if not radial @ radial > 2.0**-80:
+            raise ValueError("Torus reference is parallel to the axis: pass another direction")
+        radial = unit(radial, "reference")
+        # Once more: what was left along the axis had been rounded when the rest was small.
+        self.radial = freeze(unit(radial - (radial @ self.axis) * self.axis, "reference"))
+        self.orientation = 1
+
+    @property
+    def binormal(self) -> FloatArray:
+        """(3,): where u is a quarter."""
+        return np.cross(self.axis, self.radial)
+
+    @property
+    def revolution_frame(self) -> FloatArray:
+        """(4, 3): origin, axis, radial, binormal."""
+        return np.stack([self.origin, self.axis, self.radial, self.binormal])
+
+    @property
+    def bounds(self) -> FloatArray:
+        """(2, 3): lower and upper corner."""
+        # Of all circles about the axis the widest part along a coordinate is as long as that
+        # coordinate's own part across the axis.
+        across = np.hypot(self.radial, self.binormal)
+        half = self.major_radius * across + self.minor_radius
+        return np.stack([self.origin - half, self.origin + half])
+
+    @property
+    def middle(self) -> FloatArray:
+        """(3,): the middle of the ring."""
+        return self.origin
+
+    @property
+    def size(self) -> float:
+        """The diameter, scene units."""
+        return 2.0 * (self.major_radius + self.minor_radius)
+
+    @property
+    def carrier(self) -> tuple[float, ...]:
+        """Equal for equal tori: others share no area."""
+        # Of an axis and its opposite, which make the same torus, one.
+        sign = 1.0 if self.axis[np.abs(self.axis).argmax()] > 0.0 else -1.0
+        radii = self.major_radius, self.minor_radius
+        return (*self.origin.tolist(), *(sign * self.axis + 0.0).tolist(), *radii)
+
+    def point(self, u: ArrayLike, v: ArrayLike, patch_id: ArrayLike = 0) -> FloatArray:
+        """Return the points (n, 3) float64 at (u, v), scene units.
+
+        Parameters
+        ----------
+        u, v : floats that broadcast with each other and with ``patch_id``
+        patch_id : whole numbers
+            0: there is one piece.
+
+        Raises
+        ------
+        ValueError, TypeError
+            If they do not broadcast, or there is no such piece.
+        """
+        cos_u, sin_u, cos_v, sin_v = self._turns(u, v, patch_id)
+        ring = self.major_radius + self.minor_radius * cos_v
+        return self.origin + self._world(ring * cos_u, ring * sin_u, self.minor_radius * sin_v)
+
+    def partials(
+        self, u: ArrayLike, v: ArrayLike, patch_id: ArrayLike = 0
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return the partials S_u and S_v (n, 3) float64.
+
+        Arguments and errors are those of `point`.
+        """
+        cos_u, sin_u, cos_v, sin_v = self._turns(u, v, patch_id)
+        ring = 2.0 * np.pi * (self.major_radius + self.minor_radius * cos_v)
+        tube = 2.0 * np.pi * self.orientation * self.minor_radius
+        # `_turns` has turned v with the orientation: its derivative has that sign once more.
+        along_v = self._world(-sin_v * cos_u, -sin_v * sin_u, cos_v)
+        return self._world(-ring * sin_u, ring * cos_u, np.zeros_like(ring)), tube * along_v
+
+    def normal(self, u: ArrayLike, v: ArrayLike, patch_id: ArrayLike = 0) -> FloatArray:
+        """Return the unit normals (n, 3) float64 at (u, v).
+
+        Arguments and errors are those of `point`.
+        """
+        cos_u, sin_u, cos_v, sin_v = self._turns(u, v, patch_id)
+        return self.orientation * self._world(cos_v * cos_u, cos_v * sin_u, sin_v)
+
+    def _turns(
+        self, u: ArrayLike, v: ArrayLike, patch_id: ArrayLike
+    ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+        """Return cosine and sine of both angles; that about the tube counts toward the axis."""
+        u, v, _, _ = broadcast_parameters(u, v, patch_id, 1, "patch_id")
+        a, b = 2.0 * np.pi * u, 2.0 * np.pi * self.orientation * v
+        return np.cos(a), np.sin(a), np.cos(b), np.sin(b)
+
+    def _world(self, x: FloatArray, y: FloatArray, z: FloatArray) -> FloatArray:
+        """Return vectors (n, 3) from their parts along radial, binormal and axis."""
+        world: FloatArray = (
+            x[:, None] * self.radial + y[:, None] * self.binormal + z[:, None] * self.axis
+        )
+        return world
+
+    def transformed(self, matrix: ArrayLike) -> Torus:
+        """Return the image under a similarity; (u, v) stay with their points.
+
+        Parameters
+        ----------
+        matrix : (4, 4) array
+            Acts on columns (x, y, z, 1): rotation, shift, uniform scale, reflection.
+
+        Raises
+        ------
+        ValueError, TypeError
+            For any other matrix.
+        """
+        turn, shift, scale, is_reflection = as_similarity(matrix, "Torus")
+        # A mirrored angle runs the other way about a mirrored axis: the axis is turned round.
+        sign = -1 if is_reflection else 1
+        image = copy.copy(self)
+        image.origin = freeze(scale * (turn @ self.origin) + shift)
+        image.axis = freeze(still_unit(sign * (turn @ self.axis), "axis"))
+        radial = turn @ self.radial
+        image.radial = freeze(still_unit(radial - (radial @ image.axis) * image.axis, "radial"))
+        image.major_radius = scale * self.major_radius
+        image.minor_radius = scale * self.minor_radius
+        image.orientation = sign * self.orientation
+        return image
+
+    def flipped(self) -> Torus:
+        """Return the same torus with its normal reversed; parameters become (u, 1 - v)."""
+        image = copy.copy(self)
+        image.orientation = -self.orientation
+        return image
+
+    def __repr__(self) -> str:
+        """Say which torus this is."""
+        return (
+            f"Torus(origin={self.origin.tolist()}, axis={self.axis.tolist()}, "
+            f"major_radius={self.major_radius}, minor_radius={self.minor_radius})"
+        )

@@ -1,0 +1,349 @@
+"""Tori: closed forms, hard rays at every singular set judged by exact quartics, and the manners."""
+
+import pickle
+
+import numpy as np
+import pytest
+
+from hybrid_rt import Box, Intersector, Status, Torus
+from hybrid_rt.verify.judges.judge import compare
+from hybrid_rt.verify.judges.oracle import first_hits
+
+TORI = {
+    "ring": Torus((0.2, -0.1, 0.3), (0.3, -0.2, 1), 1, 0.4),
+    "nearly horn": Torus((0, 0, 0), (1, 1, 0), 1, 1 - 1e-6),
+    "wire": Torus((1, 2, 3), (0, 0, 1), 1, 1e-6).flipped(),
+    "large and far away": Torus((1e9, -2e9, 3e8), (1, 2, 3), 1.5e6, 0.5e6),
+}
+# Distances from tangency, over the diameter; inside is negative.
+OFFSETS = np.array([0.0, *(s * 10.0**-k for k in range(1, 15) for s in (1, -1))])
+
+
+def unit(vectors):
+    return vectors / np.linalg.norm(vectors, axis=1, keepdims=True)
+
+
+def on_torus(torus, n, rng, v=None):
+    """Points, normals, and two unit tangents: about the axis and about the tube."""
+    u, v = rng.random(n), rng.random(n) if v is None else v
+    along = [unit(partial) for partial in torus.partials(u, v)]
+    return torus.point(u, v), torus.normal(u, v), *along
+
+
+def offsets(torus, n, rng):
+    return torus.size * rng.choice(OFFSETS, n)[:, None]
+
+
+def placed(torus, points, directions, rng, back=(0.0, 0.6, 3.0)):
+    """Rays through points given about origin, radial, binormal and axis, from some way before."""
+    frame = torus.revolution_frame
+    directions = directions @ frame[1:]
+    way = (
+        torus.size
+        * rng.choice(back, len(points))[:, None]
+        / np.linalg.norm(directions, axis=1, keepdims=True)
+    )
+    return frame[0] + points @ frame[1:] - way * directions, directions
+
+
+def grazing(v_of):
+    """Tangents, most of them along one of the principal directions, at ``v_of(n, rng)``."""
+
+    def rays(torus, n, rng):
+        points, normals, about, over = on_torus(torus, n, rng, v_of(n, rng))
+        turn = rng.integers(4, size=n) * np.pi / 2 + rng.normal(size=n) * 10.0 ** rng.uniform(
+            -9, 1, n
+        )
+        directions = np.cos(turn)[:, None] * about + np.sin(turn)[:, None] * over
+        points = points + offsets(torus, n, rng) * np.where(torus.orientation > 0, 1, -1) * normals
+        return points - torus.size * rng.choice([0.02, 0.5, 30], n)[
+            :, None
+        ] * directions, directions
+
+    return rays
+
+
+def near(v):
+    return lambda n, rng: v + rng.normal(size=n) * 10.0 ** rng.uniform(-9, -1, n)
+
+
+def within_rim_planes(torus, n, rng):
+    """In the planes that touch the torus along a circle, or beside them: four roots in two pairs."""
+    turn, r = rng.uniform(0, 2 * np.pi, n), torus.minor_radius
+    beside = torus.major_radius * rng.choice([0, 0.5, 1, 1], n) + offsets(torus, n, rng)[:, 0]
+    height = r * rng.choice([-1, 1], n) + offsets(torus, n, rng)[:, 0]
+    x, y = np.cos(turn), np.sin(turn)
+    tilt = rng.choice([0, 1], n) * 10.0 ** rng.uniform(-15, -3, n)
+    points = np.stack([-y * beside, x * beside, height], axis=1)
+    return placed(torus, points, np.stack([x, y, tilt], axis=1), rng)
+
+
+def along_axis(torus, n, rng):
+    """Parallel to the axis, exactly or nearly: on the axis, at both rims, through the tube."""
+    middle, r = torus.major_radius, torus.minor_radius
+    far = rng.choice([0, middle - r, middle, middle + r], n) + offsets(torus, n, rng)[:, 0]
+    turn, lean = rng.uniform(0, 2 * np.pi, (2, n))
+    tilt = rng.choice([0, 1], n) * 10.0 ** rng.uniform(-16, -2, n)
+    points = np.stack([far * np.cos(turn), far * np.sin(turn), np.zeros(n)], axis=1)
+    ways = [tilt * np.cos(lean), tilt * np.sin(lean), rng.choice([-1.0, 1.0], n)]
+    return placed(torus, points, np.stack(ways, axis=1), rng)
+
+
+def through_axis(torus, n, rng):
+    """At the axis or closely past it."""
+    points = rng.uniform(-1.5, 1.5, (n, 3)) * (0, 0, torus.minor_radius)
+    points[:, :2] = torus.size * rng.choice(OFFSETS, (n, 2))
+    return placed(torus, points, rng.normal(size=(n, 3)), rng)
+
+
+def along_tube(torus, n, rng):
+    """Beside tangents of the circle in the tube's middle: there q is flat to fourth order."""
+    turn, over = rng.uniform(0, 2 * np.pi, (2, n))
+    r = torus.minor_radius * (rng.choice([0, 0.5, 1, 1], n) + rng.choice(OFFSETS, n))
+    far = torus.major_radius + r * np.cos(over)
+    points = np.stack([far * np.cos(turn), far * np.sin(turn), r * np.sin(over)], axis=1)
+    ways = np.stack([-np.sin(turn), np.cos(turn), np.zeros(n)], axis=1)
+    ways += rng.normal(size=(n, 3)) * 10.0 ** rng.uniform(-16, -1, n)[:, None]
+    return placed(torus, points, ways, rng)
+
+
+def twice_tangent(torus, n, rng):
+    """In planes that touch the torus twice: through both points, or tangent to Villarceau's circles."""
+    middle, r = torus.major_radius, torus.minor_radius
+    slope, turn = np.arcsin(r / middle), rng.uniform(0, 2 * np.pi, n)[:, None]
+    one = np.array([np.cos(slope), 0, np.sin(slope)])
+    two = np.array([0.0, 1.0, 0.0])
+    points = rng.choice([-r, r], n)[:, None] * two + middle * (
+        np.cos(turn) * one + np.sin(turn) * two
+    )
+    ways = np.cos(turn) * two - np.sin(turn) * one
+    is_through = rng.random(n)[:, None] < 0.5
+    points, ways = np.where(is_through, 0.0, points), np.where(is_through, one, ways)
+    points = points + rng.normal(size=(n, 3)) * offsets(torus, n, rng)
+    return placed(torus, points, ways, rng)
+
+
+def from_inside(torus, n, rng):
+    points, normals, _, _ = on_torus(torus, n, rng)
+    outward = np.where(torus.orientation > 0, 1, -1) * normals
+    return points - torus.minor_radius * rng.random((n, 1)) * outward, rng.normal(size=(n, 3))
+
+
+def from_far(torus, n, rng):
+    """From 1e2 to 1e9 diameters away, half of them tangent."""
+    points, normals, about, over = on_torus(torus, n, rng)
+    tangent = unit(about + rng.normal(size=(n, 1)) * over)
+    ways = np.where(rng.random((n, 1)) < 0.5, tangent, unit(rng.normal(size=(n, 3))))
+    points = points + offsets(torus, n, rng) * normals
+    return points - torus.size * 10.0 ** rng.uniform(2, 9, (n, 1)) * ways, ways
+
+
+def leaving(torus, n, rng):
+    """From the surface, to both sides, at cos 1 to 1e-8."""
+    points, normals, about, over = on_torus(torus, n, rng)
+    side = 10.0 ** rng.uniform(-8, 0, (n, 1)) * rng.choice([-1, 1], (n, 1))
+    return points, side * normals + unit(about + rng.normal(size=(n, 1)) * over)
+
+
+RAYS = {
+    "silhouettes": grazing(lambda n, rng: rng.random(n)),
+    "inner rim": grazing(near(0.5)),
+    "outer rim": grazing(near(0.0)),
+    "rim planes": within_rim_planes,
+    "along the axis": along_axis,
+    "through the axis": through_axis,
+    "along the tube": along_tube,
+    "twice tangent": twice_tangent,
+    "from inside": from_inside,
+    "from far": from_far,
+    "leaving": leaving,
+}
+
+
+@pytest.mark.parametrize("kind", RAYS)
+@pytest.mark.parametrize("name", TORI)
+def test_hard_rays_are_decided_as_the_exact_quartic_says(name, kind):
+    torus, rng = TORI[name], np.random.default_rng(len(name) + 100 * len(kind))
+    origins, directions = RAYS[kind](torus, 40, rng)
+    # Also what lies behind the origin: no limit of t leaves an answer open.
+    hits = Intersector([torus]).intersect(origins, directions, t_min=-np.inf)
+    truth = first_hits([torus], origins, directions, -np.inf)
+    verdict = compare(hits, truth)
+    assert verdict.n_wrong == 0
+    assert verdict.undecided == 0
+    assert verdict.worst_bound <= 1.0
+    assert verdict.worst_gap <= 1.0
+    # Where moving the ray by the band changes the answer TANGENT is said, and only there; the edge
+    # of the band itself is known to the rounding of f.
+    assert verdict.unmarked == 0
+    assert verdict.tangent_needlessly <= 1
+
+
+def test_closed_forms():
+    torus = Torus((0, 0, 0), (0, 0, 1), 1.0, 0.25)
+    tracer = Intersector([torus])
+    origins = [(-3, 0, 0), (-0.5, 0, 0), (1, 0, 5), (0, 0, 5), (-3, 0, 0.15), (-1, 0, 0)]
+    directions = [(1, 0, 0), (2, 0, 0), (0, 0, -1), (0, 0, -1), (1, 0, 0), (0, 0, 3)]
+    found = tracer.intersect_all(origins, directions)
+    assert found.count.tolist() == [4, 2, 2, 0, 4, 1]
+    # At height 0.15 the tube is 0.2 to both sides of its middle.
+    exact = [1.75, 2.25, 3.75, 4.25, 0.625, 0.875, 4.75, 5.25, 1.8, 2.2, 3.8, 4.2, 0.25 / 3]
+    assert np.abs(found.hits.t - exact).max() <= 4e-16 * 5
+    assert (np.abs(found.hits.t - exact) <= found.hits.t_bound).all()
+    first = found.hits[found.offsets[0] : found.offsets[1]]
+    np.testing.assert_allclose(first.normal, np.outer([-1, 1, -1, 1], [1, 0, 0]), atol=1e-15)
+    assert first.front_face.tolist() == [True, False, True, False]
+    np.testing.assert_allclose(first.u, [0.5, 0.5, 0, 0])
+    np.testing.assert_allclose(first.v, [0, 0.5, 0.5, 0])
+    np.testing.assert_allclose(torus.point(first.u, first.v), first.position, atol=1e-15)
+
+
+def test_a_wire_is_met_along_itself():
+    """Here q is flat to rounding where its curvature changes: neither piece alone has a minimum."""
+    tracer = Intersector([Torus((0, 0, 0), (0, 0, 1), 1.0, 1e-7)])
+    hits = tracer.intersect(
+        [
+            [-2.6097259868943055, 7.628193958634007, -1.2578807664230927e-09],
+            [0.8655777582647778, 2.0617409861659994, 2.4781076509591978e-08],
+        ],
+        [
+            [0.20384020639109915, -0.9790041727606662, 1.5723508007944033e-10],
+            [-0.7585792114109919, -0.651580815667692, -1.2390537015337526e-08],
+        ],
+    )
+    # Roots of the exact quartics, rounded.
+    assert (np.abs(hits.t - [7.999553586121368, 1.9995529944675776]) <= hits.t_bound).all()
+    assert (hits.t_bound < 1e-10).all()  # rounding over a cosine of 4e-4
+    assert hits.status.tolist() == [Status.HIT, Status.HIT]
+
+
+def test_the_plane_of_the_top_rim_touches_along_a_circle():
+    """Rays in it touch the torus twice, or once to fourth order: within the band that is TANGENT."""
+    tracer = Intersector([Torus((0, 0, 0), (0, 0, 1), 1.0, 0.25)])
+    heights = 0.25 + np.array([-1e-13, -1e-15, 0.0, 1e-15, 1e-13])
+    for beside in (0.0, 0.3, 1.0):
+        origins = np.stack([np.full(5, -3.0), np.full(5, beside), heights], axis=1)
+        hits = tracer.intersect(origins, (1, 0, 0))
+        assert hits.status[1:4].tolist() == [Status.TANGENT] * 3
+        assert (hits.status[0], hits.status[4]) == (Status.HIT, Status.MISS)
+        # Tangency moves t by the root of the height: at 1e-13 under it by sqrt(2 r 1e-13); where
+        # the ray follows the circle by its fourth root.
+        wide = 3e-7 if beside < 1 else 1e-3
+        assert abs(hits.t[0] - (3 - np.sqrt(1 - beside**2))) < wide
+
+
+@pytest.mark.parametrize("name", TORI)
+def test_nothing_is_met_by_rays_that_leave_the_outer_half_outward(name):
+    """It lies on the boundary of the convex hull."""
+    torus, rng = TORI[name], np.random.default_rng(5)
+    tracer = Intersector([torus])
+    points, normals, about, over = on_torus(torus, 2000, rng, rng.uniform(-0.24, 0.24, 2000))
+    outward = torus.orientation * normals
+    seen = tracer.intersect(points + torus.size * outward, -outward)
+    assert seen.hit.all()
+    tilt = 10.0 ** rng.uniform(-4, 0, (2000, 1))
+    ways = tilt * torus.orientation * seen.normal + unit(rng.normal(size=(2000, 1)) * over + about)
+    assert not tracer.intersect(seen.position, ways, source=seen).hit.any()
+
+
+@pytest.mark.parametrize("name", list(TORI)[:3])
+def test_departures_are_not_met_again_and_the_other_roots_are(name):
+    torus = TORI[name]
+    rng = np.random.default_rng(9)
+    tracer = Intersector([torus])
+    points, normals, about, over = on_torus(torus, 400, rng)
+    seen = tracer.intersect(points + 0.3 * torus.size * normals, -normals)
+    seen = seen[seen.hit]
+    n = len(seen)
+    assert n > 300
+    tilt = 10.0 ** rng.uniform(-5, 0, (n, 1)) * rng.choice([-1, 1], (n, 1))
+    ways = tilt * seen.normal + unit(rng.normal(size=(n, 1)) * over[:n] + about[:n])
+    hits = tracer.intersect(seen.position, ways, source=seen)
+    truth = first_hits([torus], seen.position, ways, departing=True)
+    verdict = compare(hits, truth)
+    assert verdict.n_wrong == 0
+    assert (hits.t[hits.hit] > 0).all()
+    # Shadow rays agree, to infinity and to the hit itself.
+    assert np.array_equal(tracer.occluded(seen.position, ways, source=seen), hits.hit)
+    rows = np.flatnonzero(hits.hit & (hits.status == Status.HIT))
+    to_hit = tracer.occluded(
+        seen.position[rows], ways[rows], 1.001 * hits.t[rows], source=seen[rows], target=hits[rows]
+    )
+    assert to_hit.mean() < 0.05  # a third surface within a thousandth behind
+
+
+def test_all_crossings_are_the_roots_of_the_quartic():
+    torus = TORI["ring"]
+    rng = np.random.default_rng(2)
+    targets = torus.origin + rng.uniform(-1, 1, (300, 3))
+    origins = torus.origin + 4 * unit(rng.normal(size=(300, 3)))
+    found = Intersector([torus]).intersect_all(origins, targets - origins)
+    roots = first_hits([torus], origins, targets - origins).roots
+    assert np.array_equal(found.count, np.diff(roots.offsets))
+    assert set(found.count) == {0, 2, 4}
+    assert (np.abs(found.hits.t - roots.t) <= found.hits.t_bound + np.spacing(roots.t)).all()
+    # In and out by turns.
+    assert np.array_equal(
+        found.hits.front_face, (np.arange(len(found)) - found.offsets[found.ray]) % 2 == 0
+    )
+
+
+def test_powers_of_two_change_nothing():
+    torus, rng = TORI["ring"], np.random.default_rng(4)
+    origins, directions = rng.normal(size=(2, 500, 3))
+    hits = Intersector([torus]).intersect(origins, directions)
+    assert 50 < hits.hit.sum() < 450
+    for scale in (2.0**-40, 2.0**40):
+        image = torus.transformed(np.diag([scale, scale, scale, 1]))
+        there = Intersector([image]).intersect(scale * origins, directions)
+        assert np.array_equal(there.t, scale * hits.t)
+        assert np.array_equal(there.status, hits.status)
+        for column in ("u", "v", "normal"):
+            assert np.array_equal(getattr(there, column), getattr(hits, column), equal_nan=True)
+
+
+def test_images_are_met_where_their_points_are():
+    torus, rng = TORI["ring"], np.random.default_rng(6)
+    turn, _ = np.linalg.qr(rng.normal(size=(3, 3)))
+    for linear in (1.7 * turn, -0.3 * turn):  # one of the two is a reflection
+        matrix = np.eye(4)
+        matrix[:3, :3], matrix[:3, 3] = linear, (5, -3, 2)
+        image = torus.transformed(matrix)
+        origins, directions = rng.normal(size=(2, 300, 3))
+        hits = Intersector([torus]).intersect(origins, directions)
+        there = Intersector([image]).intersect(
+            origins @ linear.T + matrix[:3, 3], directions @ linear.T
+        )
+        assert np.array_equal(hits.hit, there.hit)
+        rows = hits.hit
+        # A hit moves by rounding over its slope.
+        slope = np.abs(np.einsum("ij,ij->i", hits.normal, unit(directions)))[rows]
+        for one, two in ((hits.u, there.u), (hits.v, there.v)):
+            apart = np.abs(one[rows] - two[rows])
+            assert (np.minimum(apart, 1 - apart) * slope < 1e-13).all()
+        assert np.array_equal(
+            hits.front_face[rows], there.front_face[rows] == (np.linalg.det(linear) > 0)
+        )
+
+
+def test_equal_tori_tie_and_anything_pickles():
+    torus, rng = TORI["ring"], np.random.default_rng(8)
+    surfaces = [Box((5, 5, 5), (6, 6, 6)), torus, torus]
+    origins, directions = rng.normal(size=(2, 300, 3))
+    tracer = Intersector(surfaces, threads=1)
+    hits = tracer.intersect(origins, directions)
+    assert set(hits.object_id) == {-1, 1}
+    again = pickle.loads(pickle.dumps(tracer)).intersect(origins, directions)
+    one_by_one = [tracer.intersect(o, d).t[0] for o, d in zip(origins, directions, strict=True)]
+    assert np.array_equal(hits.t, again.t)
+    assert np.array_equal(hits.t, one_by_one)
+    copy = pickle.loads(pickle.dumps(torus.flipped()))
+    assert np.array_equal(copy.normal(0.3, 0.2), torus.flipped().normal(0.3, 0.2))
+    np.testing.assert_allclose(copy.point(0.3, 0.8), torus.point(0.3, 0.2), atol=1e-15)
+
+
+def test_carriers_of_the_same_torus_are_equal():
+    torus = Torus((1, 2, 3), (0, 1, -2), 2, 1)
+    assert torus.carrier == Torus((1, 2, 3), (0, -1, 2), 2, 1, (1, 0, 0)).flipped().carrier
+    assert torus.carrier != Torus((1, 2, 3), (0, 1, -2), 2, 0.5).carrier
+    assert torus.area_sampler().area == pytest.approx(4 * np.pi**2 * 2 * 1, rel=1e-3)
