@@ -14,8 +14,8 @@ from hybrid_rt.integrators.photons.photon_tracer import check_lights
 from hybrid_rt.scene.compiled import compile_scene
 from hybrid_rt.scene.plan import WITH_PHOTONS
 from hybrid_rt.scene.scene import Scene
-from hybrid_rt.shading.kernels.bsdf import LAST_SPREADING
 from hybrid_rt.shading.kernels.emitter import POINT
+from hybrid_rt.shading.kernels.lobes.register import DELTA
 from meshing import BezierPatches, SurfaceOfRevolution
 
 # Tolerances of meshes, relative to the diagonal of all curved surfaces.
@@ -148,7 +148,7 @@ def finds_all_light(scene: Scene, integrator: str) -> bool:
     if integrator != "path":
         return False
     compiled = compile_scene(scene)
-    throws = bool((compiled.lobes.kind > LAST_SPREADING).any())
+    throws = bool((compiled.lobes.traits & DELTA).any())
     return not (throws and bool((compiled.lights.kind == POINT).any()))
 
 

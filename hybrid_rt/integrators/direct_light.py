@@ -17,13 +17,13 @@ from hybrid_rt.integrators.kernels.compaction import (
 )
 from hybrid_rt.primitives.vertex_normals import shading_normals
 from hybrid_rt.scene.compiled import NOTHING
-from hybrid_rt.shading.kernels.bsdf import PHONG
 from hybrid_rt.shading.kernels.emitter import (
     UNWEIGHTED,
     LightPoints,
     light_on_hits,
     light_on_rays,
 )
+from hybrid_rt.shading.kernels.lobes.register import WIDE
 from hybrid_rt.shading.kernels.medium_stack import weaken_by_ways
 from hybrid_rt.shading.kernels.texture import lobe_colors
 
@@ -62,15 +62,15 @@ class SurfaceLight:
     context : RenderContext
     strategy : int
         How light found in two ways is weighted: see `hybrid_rt.shading.kernels.emitter`.
-    last_kind : int
-        Lobes that lights are asked for: see `hybrid_rt.shading.kernels.bsdf.scattered`.
+    asked : int
+        Traits of the lobes that lights are sampled through: see `hybrid_rt.shading.kernels.bsdf.scattered`.
     """
 
     def __init__(
-        self, context: RenderContext, strategy: int = UNWEIGHTED, last_kind: int = PHONG
+        self, context: RenderContext, strategy: int = UNWEIGHTED, asked: int = WIDE
     ) -> None:
         self._context = context
-        self._strategy, self._last_kind = strategy, last_kind
+        self._strategy, self._traits_asked = strategy, asked
         self.n_slots = int(np.diff(context.scene.lobes.first).max(initial=0))
         self._constant_colors = self._colors_without_lookup()
         self._before = np.cumsum(context.scene.lights.chance)
@@ -260,7 +260,7 @@ class SurfaceLight:
             shading.geometric,
             xi,
             self._strategy,
-            self._last_kind,
+            self._traits_asked,
             to_light,
             value,
         )

@@ -22,8 +22,6 @@ import math
 from typing import Any, NamedTuple
 
 from hybrid_rt.shading.kernels.bsdf import (
-    DIELECTRIC,
-    LAST_SPREADING,
     leaves_through_face,
     lobe_chance,
     lobe_direction,
@@ -32,6 +30,7 @@ from hybrid_rt.shading.kernels.bsdf import (
 )
 from hybrid_rt.shading.kernels.emitter import RECTANGLE, SPHERE, light_strength, power_weight
 from hybrid_rt.shading.kernels.fresnel import mirrored
+from hybrid_rt.shading.kernels.lobes.register import EVERY, SPREADS, TRANSMITS
 from hybrid_rt.shading.kernels.medium_stack import filling_medium, ior_of, transmittance
 from hybrid_rt.shading.kernels.scatter import at_glass, density_of_turn
 from hybrid_rt.shading.kernels.warp import onto_axis
@@ -175,7 +174,7 @@ def pick_lit_points(
         start = lobes.first[material[i]]
         spreads = 0.0
         for j in range(lobes.first[material[i] + 1] - start):
-            spreads += lobe_chance(lobes, start + j, colors, i, j, LAST_SPREADING)
+            spreads += lobe_chance(lobes, start + j, colors, i, j, SPREADS)
         if spreads == 0.0 or max(paths.flux[i, 0], paths.flux[i, 1], paths.flux[i, 2]) <= 0.0:
             continue
         square = 1.0
@@ -203,7 +202,7 @@ def pick_lit_points(
 def lead_through(paths, lobes, row, i, nx, ny, nz, is_front, second, rest):
     """Send light path i on by a mirror or glass; return the direction and whether it is tinted."""
     dx, dy, dz = paths.directions[i, 0], paths.directions[i, 1], paths.directions[i, 2]
-    if lobes.kind[row] == DIELECTRIC:
+    if lobes.traits[row] & TRANSMITS:
         # Power passes whole; it is radiance that changes by the index squared.
         x, y, z, _, is_tinted = at_glass(
             lobes, row, paths.media, i, nx, ny, nz, dx, dy, dz, is_front, second, rest
@@ -222,11 +221,9 @@ def lead_off(paths, lobes, material, colors, normal, geometric, row, i, nx, ny, 
     """
     dx, dy, dz = paths.directions[i, 0], paths.directions[i, 1], paths.directions[i, 2]
     x, y, z = lobe_direction(lobes.kind[row], lobes.number[row, 0], nx, ny, nz, dx, dy, dz, xi, eta)
-    _, _, _, pdf = scattered(
-        lobes, material, colors, i, nx, ny, nz, dx, dy, dz, x, y, z, DIELECTRIC
-    )
+    _, _, _, pdf = scattered(lobes, material, colors, i, nx, ny, nz, dx, dy, dz, x, y, z, EVERY)
     r, g, b, back = scattered(
-        lobes, material, colors, i, nx, ny, nz, -x, -y, -z, -dx, -dy, -dz, DIELECTRIC
+        lobes, material, colors, i, nx, ny, nz, -x, -y, -z, -dx, -dy, -dz, EVERY
     )
     if pdf <= 0.0 or back <= 0.0 or leaves_through_face(geometric, i, paths.directions, x, y, z):
         return x, y, z, 0.0, 0.0, 0.0, 0.0
@@ -267,7 +264,7 @@ def lead_on(
     for i in range(material.size):
         if material[i] < 0:
             continue
-        chosen, chance, rest = pick_lobe(lobes, material[i], colors, i, choice[i, 0], DIELECTRIC)
+        chosen, chance, rest = pick_lobe(lobes, material[i], colors, i, choice[i, 0], EVERY)
         row = lobes.first[material[i]] + chosen
         if chance == 0.0:
             continue
@@ -278,7 +275,7 @@ def lead_on(
         )
         if not is_front:
             nx, ny, nz = -nx, -ny, -nz
-        spreads = lobes.kind[row] <= LAST_SPREADING
+        spreads = lobes.traits[row] & SPREADS != 0
         denser = 1.0
         if spreads:
             if paths.is_direct[i]:
@@ -296,7 +293,7 @@ def lead_on(
             r = g = b = lobes.weight[row] / chance
             if is_tinted:
                 # Glass has its share of the mixture beside its tint, mirrors have it in the colour.
-                share = r if lobes.kind[row] == DIELECTRIC else 1.0 / chance
+                share = r if lobes.traits[row] & TRANSMITS else 1.0 / chance
                 r, g, b = (
                     share * colors[i, chosen, 0],
                     share * colors[i, chosen, 1],
@@ -337,7 +334,7 @@ def sent_toward(lit, k, lobes, wx, wy, wz):
         return 0.0, 0.0, 0.0, 0.0
     r, g, b, pdf = scattered(
         lobes, lit.material[k], lit.colors, k,
-        lit.normal[k, 0], lit.normal[k, 1], lit.normal[k, 2], wx, wy, wz, lx, ly, lz, DIELECTRIC,
+        lit.normal[k, 0], lit.normal[k, 1], lit.normal[k, 2], wx, wy, wz, lx, ly, lz, EVERY,
     )  # fmt: skip
     if pdf <= 0.0:
         return 0.0, 0.0, 0.0, 0.0
@@ -402,7 +399,7 @@ def join_lit_points(
         fr, fg, fb, pdf = scattered(
             lobes, material[i], colors, i,
             normal[i, 0], normal[i, 1], normal[i, 2],
-            direction[i, 0], direction[i, 1], direction[i, 2], wx, wy, wz, DIELECTRIC,
+            direction[i, 0], direction[i, 1], direction[i, 2], wx, wy, wz, EVERY,
         )  # fmt: skip
         if pdf <= 0.0:
             continue

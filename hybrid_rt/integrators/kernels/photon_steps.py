@@ -7,7 +7,8 @@ camera rays read backwards.
 
 from typing import Any, NamedTuple
 
-from hybrid_rt.shading.kernels.bsdf import PHONG, leaves_through_face
+from hybrid_rt.shading.kernels.bsdf import leaves_through_face
+from hybrid_rt.shading.kernels.lobes.register import WIDE
 from hybrid_rt.shading.kernels.scatter import (
     ABSORBED,
     LEFT,
@@ -170,7 +171,7 @@ def scatter_photons(
                 tally[LOST, k] += power[i, k]
         if fate[i] == STOPPED:
             continue
-        is_spread = lobes.kind[row] <= PHONG
+        is_spread = lobes.traits[row] & WIDE != 0
         fate[i] = SCATTERED if is_spread else SPECULAR
         for k in range(3):
             flight.origin[i, k] = position[i, k]

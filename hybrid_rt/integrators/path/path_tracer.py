@@ -34,8 +34,8 @@ from hybrid_rt.integrators.options import PathOptions
 from hybrid_rt.integrators.path.camera_paths import leaving_camera
 from hybrid_rt.integrators.path.light_paths import LightPathTracer, LitPasses, joined
 from hybrid_rt.sensor.passes import pass_of
-from hybrid_rt.shading.kernels.bsdf import DIELECTRIC
 from hybrid_rt.shading.kernels.emitter import BOTH, DIRECTION_ONLY, LIGHT_ONLY
+from hybrid_rt.shading.kernels.lobes.register import EVERY
 from hybrid_rt.shading.kernels.scatter import (
     ABSORBED,
     LEFT,
@@ -63,7 +63,7 @@ class PathTracer(Integrator):
         super().__init__(context)
         self._options: PathOptions = context.options or PathOptions()
         strategy = STRATEGIES[self._options.strategy]
-        self._light = SurfaceLight(context, strategy, DIELECTRIC)
+        self._light = SurfaceLight(context, strategy, EVERY)
         lights, plan = context.scene.lights, context.plan
         asks = strategy != DIRECTION_ONLY and bool(lights.chance.any())
         self._asks_lights = asks and (plan["light samples"] or plan["sky samples"])

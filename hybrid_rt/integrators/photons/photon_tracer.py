@@ -48,8 +48,8 @@ from hybrid_rt.primitives import Plane
 from hybrid_rt.sampling.sampler import UIntArray
 from hybrid_rt.scene.compiled import NOTHING, CompiledScene
 from hybrid_rt.sensor.passes import GROUPS, group_of
-from hybrid_rt.shading.kernels.bsdf import DIELECTRIC, DIFFUSE, LAST_SPREADING, METAL, PHONG
 from hybrid_rt.shading.kernels.emitter import POINT, RECTANGLE, SPHERE, LightPoints
+from hybrid_rt.shading.kernels.lobes.register import FOLLOWED, SPREADS, WIDE
 from hybrid_rt.shading.kernels.scatter import ABSORBED, LEFT, SCATTERED, SPECULAR, STOPPED
 
 # About how many photons one thread follows at a time.
@@ -134,11 +134,11 @@ class Shooter:
         scene = context.scene
         self.world = _world(scene)
         self._light = SurfaceLight(context)
-        self.gathers = scene.materials_of_kinds(DIFFUSE, PHONG)
-        self._spreads = scene.materials_of_kinds(DIFFUSE, LAST_SPREADING)
+        self.gathers = scene.materials_with(WIDE)
+        self._spreads = scene.materials_with(SPREADS)
         self._targets = Targets(np.zeros((0, 3)), np.zeros(0))
         if context.plan["aimed photons"]:
-            throws = scene.materials_of_kinds(METAL, DIELECTRIC)
+            throws = scene.materials_with(FOLLOWED)
             self._targets = targets_of(scene, throws)
         self._powers = _powers(scene, self.world)
         sends = np.flatnonzero((self._powers[:-1] > 0.0) & context.plan["photons"])

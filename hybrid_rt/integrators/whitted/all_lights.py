@@ -88,7 +88,7 @@ class AllLights(SurfaceLight):
             hits.normal,
             shading.directions,
             xi,
-            self._last_kind,
+            self._traits_asked,
             wi,
             value,
             pdf,

@@ -29,8 +29,9 @@ from hybrid_rt.integrators.media.absorption import absorb, media_around_camera
 from hybrid_rt.integrators.whitted.all_lights import AllLights
 from hybrid_rt.sampling.sampler import UIntArray
 from hybrid_rt.scene.compiled import NOTHING
-from hybrid_rt.shading.kernels.bsdf import DIELECTRIC, METAL, MIRROR, sample_lobes
+from hybrid_rt.shading.kernels.bsdf import sample_lobes
 from hybrid_rt.shading.kernels.fresnel import mirror_directions, split_at_glass
+from hybrid_rt.shading.kernels.lobes.register import DELTA, NARROW, TRANSMITS
 from hybrid_rt.shading.kernels.medium_stack import IOR, SCHLICK, media_beyond
 
 # A branch that changes its pixel by less than this, per unit of radiance, is not followed.
@@ -92,10 +93,10 @@ class Whitted(Integrator):
         self._light = AllLights(context)
         lobes = context.scene.lobes
         self._camera_media = media_around_camera(context, self._contacts)
-        # Kind of the n-th lobe of each material, and a last row for what has none (`NOTHING`).
-        self._kinds_in_slot = np.full((self._light.n_slots, lobes.first.size), NOTHING)
+        # Traits of the n-th lobe of each material, and a last row for what has none (`NOTHING`).
+        self._traits_in_slot = np.zeros((self._light.n_slots, lobes.first.size), dtype=np.int32)
         for material, (first, stop) in enumerate(pairwise(lobes.first)):
-            self._kinds_in_slot[: stop - first, material] = lobes.kind[first:stop]
+            self._traits_in_slot[: stop - first, material] = lobes.traits[first:stop]
 
     def _radiance(self, block: CameraBlock) -> FloatArray:
         radiance = np.zeros_like(block.directions)
@@ -155,25 +156,25 @@ class Whitted(Integrator):
         """Return the mirrored and refracted rays, in batches of bounded size."""
         parts: list[_Part] = []
         plan = self.context.plan
-        for slot, kinds in enumerate(self._kinds_in_slot):
-            kind = kinds[met.shading.material]
+        for slot, traits_of in enumerate(self._traits_in_slot):
+            traits = traits_of[met.shading.material]
             if plan["mirror rays"]:
-                rows = np.flatnonzero(kind == MIRROR)
+                rows = np.flatnonzero(traits & (DELTA | TRANSMITS) == DELTA)
                 parts.append(_mirrored(met, rows, 2 * slot, met.shading.colors[rows, slot]))
-                rows = np.flatnonzero(kind == METAL)
+                rows = np.flatnonzero(traits & NARROW)
                 if rows.size:
-                    parts.append(self._spread_by_metal(met, rows, slot, block))
+                    parts.append(self._spread(met, rows, slot, block))
             if plan["glass rays"]:
-                rows = np.flatnonzero(kind == DIELECTRIC)
+                rows = np.flatnonzero(traits & TRANSMITS)
                 parts += self._at_glass(met, rows, slot)
         if not parts:
             return []
         return _in_batches(self._joined(met, parts))
 
-    def _spread_by_metal(
+    def _spread(
         self, met: _Meeting, rows: NDArray[np.intp], slot: int, block: CameraBlock
     ) -> _Part:
-        """Send rays on about the mirror direction, one for each."""
+        """Send rays on by a narrow lobe, each in one sampled direction."""
         lobes, shading = self.context.scene.lobes, met.shading
         rays = met.rays[rows]
         first = np.uint64(self.context.scene.n_lights + 1 + slot)
@@ -189,7 +190,7 @@ class Whitted(Integrator):
         n = rows.size
         directions, value, pdf = np.empty((n, 3)), np.empty((n, 3)), np.empty(n)
         sample_lobes(
-            alone, lobe, colors, shading.hits.normal[rows], rays.directions, xi, METAL,
+            alone, lobe, colors, shading.hits.normal[rows], rays.directions, xi, NARROW,
             directions, value, pdf,
         )  # fmt: skip
         goes = pdf > 0.0

@@ -9,18 +9,16 @@ import math
 from typing import Any, NamedTuple
 
 from hybrid_rt.shading.kernels.fresnel import mirrored
+from hybrid_rt.shading.kernels.lobes.register import DIFFUSE, PHONG, SPREADS, TRANSMITS
 from hybrid_rt.shading.kernels.warp import onto_axis
 from meshing.kernels.jit import inlined, kernel
-
-# In this order: those that spread light come first, see `scattered`.
-DIFFUSE, PHONG, METAL, MIRROR, DIELECTRIC = 0, 1, 2, 3, 4
-LAST_SPREADING = METAL
 
 
 class LobeTable(NamedTuple):
     """The lobes of all materials; material m owns rows first[m] up to first[m + 1]."""
 
-    kind: Any  # (n,) int32
+    kind: Any  # (n,) int32, see `hybrid_rt.shading.kernels.lobes.register`
+    traits: Any  # (n,) int32, bits, see there
     texture: Any  # (n,) int32, row of the texture that colours the lobe
     # (n, 6) float64; phong: exponent; metal: fuzz; glass: ior, whether Schlick, absorption (3),
     # priority
@@ -65,27 +63,27 @@ def lobe_value(kind, number, cos_in, cos_out, cos_alpha):
 
 
 @inlined
-def lobe_chance(lobes, row, colors, i, j, last_kind):
+def lobe_chance(lobes, row, colors, i, j, asked):
     """Return how often a lobe is chosen before the others: its brightest channel.
 
-    Kinds beyond ``last_kind`` are not chosen at all. Glass counts with its share, as it sends on
-    everything but its tint.
+    Lobes without any of the traits ``asked`` are not chosen at all. Glass counts with its share, as
+    it sends on everything but its tint.
     """
-    kind = lobes.kind[row]
-    if kind > last_kind:
+    traits = lobes.traits[row]
+    if traits & asked == 0:
         return 0.0
-    if kind == DIELECTRIC:
+    if traits & TRANSMITS:
         return lobes.weight[row]
     return max(colors[i, j, 0], colors[i, j, 1], colors[i, j, 2])
 
 
 @inlined
-def scattered(lobes, material, colors, i, nx, ny, nz, dx, dy, dz, wx, wy, wz, last_kind):
+def scattered(lobes, material, colors, i, nx, ny, nz, dx, dy, dz, wx, wy, wz, asked):
     """Return f cos per channel and pdf of hit i: ray direction d arriving, unit w leaving.
 
-    Opaque surfaces shine on both sides; light from behind the surface gives zero. Lobes of kinds
-    up to ``last_kind`` are what a direction is chosen among: the pdf is that of all of them
-    together. With `DIELECTRIC` these are all, with `PHONG` only those that Whitted's method asks.
+    Opaque surfaces shine on both sides; light from behind the surface gives zero. A direction is
+    chosen among the lobes that have one of the traits ``asked``, and the pdf is that of all of them
+    together: `EVERY` for paths, `WIDE` where only wide lobes are lit.
     """
     n_dot_d = nx * dx + ny * dy + nz * dz
     cosine = nx * wx + ny * wy + nz * wz
@@ -100,11 +98,11 @@ def scattered(lobes, material, colors, i, nx, ny, nz, dx, dy, dz, wx, wy, wz, la
     start = lobes.first[material]
     for j in range(lobes.first[material + 1] - start):
         row = start + j
-        chance = lobe_chance(lobes, row, colors, i, j, last_kind)
+        chance = lobe_chance(lobes, row, colors, i, j, asked)
         if chance == 0.0:
             continue
         total += chance
-        if lobes.kind[row] > LAST_SPREADING:
+        if lobes.traits[row] & SPREADS == 0:
             continue
         f, density = lobe_value(
             lobes.kind[row], lobes.number[row, 0], abs(n_dot_d), cosine, cos_alpha
@@ -135,7 +133,7 @@ def leaves_through_face(geometric, i, direction, x, y, z):
 
 
 @inlined
-def pick_lobe(lobes, material, colors, i, xi, last_kind):
+def pick_lobe(lobes, material, colors, i, xi, asked):
     """Choose a lobe by a number in [0, 1).
 
     Returns its place among the material's, its probability (zero: there is none to choose) and
@@ -145,13 +143,13 @@ def pick_lobe(lobes, material, colors, i, xi, last_kind):
     n = lobes.first[material + 1] - start
     total = 0.0
     for j in range(n):
-        total += lobe_chance(lobes, start + j, colors, i, j, last_kind)
+        total += lobe_chance(lobes, start + j, colors, i, j, asked)
     if total == 0.0:
         return 0, 0.0, xi
     rest = xi * total
     chosen, chance = 0, 1.0
     for j in range(n):
-        part = lobe_chance(lobes, start + j, colors, i, j, last_kind)
+        part = lobe_chance(lobes, start + j, colors, i, j, asked)
         if part > 0.0:
             chosen, chance = j, part
             if rest < part:
@@ -207,12 +205,12 @@ def metal_direction(fuzz, rx, ry, rz, xi, phi):
 
 
 @kernel
-def sample_lobes(lobes, material, colors, normal, direction, xi, last_kind, wi, value, pdf):
+def sample_lobes(lobes, material, colors, normal, direction, xi, asked, wi, value, pdf):
     """Choose a direction by the spreading lobes of each hit; value = f cos / pdf.
 
     The pdf is that of all lobes together, so a sharp lobe beside a wide one gives no rare large
     values. Rows without such a lobe, directions into the surface, and those given to a mirror or
-    to glass (where ``last_kind`` allows them) get zero.
+    to glass (where these are ``asked``) get zero.
 
     Parameters
     ----------
@@ -222,7 +220,7 @@ def sample_lobes(lobes, material, colors, normal, direction, xi, last_kind, wi, 
     normal, direction : (n, 3) float64
         Of the hit and of the ray that found it.
     xi : (n, 2) float64 in [0, 1)
-    last_kind : int
+    asked : int
         As in `scattered`.
     wi, value : (n, 3) float64, written
     pdf : (n,) float64, written
@@ -234,9 +232,9 @@ def sample_lobes(lobes, material, colors, normal, direction, xi, last_kind, wi, 
         pdf[i] = 0.0
         if material[i] < 0:
             continue
-        chosen, chance, rest = pick_lobe(lobes, material[i], colors, i, xi[i, 0], last_kind)
+        chosen, chance, rest = pick_lobe(lobes, material[i], colors, i, xi[i, 0], asked)
         row = lobes.first[material[i]] + chosen
-        if chance == 0.0 or lobes.kind[row] > LAST_SPREADING:
+        if chance == 0.0 or lobes.traits[row] & SPREADS == 0:
             continue
         nx, ny, nz = normal[i, 0], normal[i, 1], normal[i, 2]
         dx, dy, dz = direction[i, 0], direction[i, 1], direction[i, 2]
@@ -246,7 +244,7 @@ def sample_lobes(lobes, material, colors, normal, direction, xi, last_kind, wi, 
             lobes.kind[row], lobes.number[row, 0], nx, ny, nz, dx, dy, dz, rest, xi[i, 1]
         )
         r, g, b, density = scattered(
-            lobes, material[i], colors, i, nx, ny, nz, dx, dy, dz, x, y, z, last_kind
+            lobes, material[i], colors, i, nx, ny, nz, dx, dy, dz, x, y, z, asked
         )
         if density <= 0.0:
             continue

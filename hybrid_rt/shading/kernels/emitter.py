@@ -152,7 +152,7 @@ def light_strength(lights, textures, row, u, v, x, y, z):
 @kernel
 def light_on_hits(
     lights, sky, textures, points, light_id, lobes, material, colors, position, normal, direction,
-    geometric, xi, strategy, last_kind, to_light, value,
+    geometric, xi, strategy, asked, to_light, value,
 ):  # fmt: skip
     """Ask one light per hit what it sends through the hit's spreading lobes.
 
@@ -173,7 +173,7 @@ def light_on_hits(
     strategy : int
         `UNWEIGHTED`: every light was asked. Otherwise one was, by its chance, and it may be found
         by scattered rays as well.
-    last_kind : int
+    asked : int
         See `scattered`.
     to_light, value : (n, 3) float64, written
         The way to that point (to the sky: a unit direction), and the radiance sent on if nothing
@@ -202,7 +202,7 @@ def light_on_hits(
             lobes, material[i], colors, i,
             normal[i, 0], normal[i, 1], normal[i, 2],
             direction[i, 0], direction[i, 1], direction[i, 2],
-            x / distance, y / distance, z / distance, last_kind,
+            x / distance, y / distance, z / distance, asked,
         )  # fmt: skip
         if pdf == 0.0:
             continue

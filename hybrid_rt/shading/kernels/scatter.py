@@ -1,14 +1,13 @@
 """One step of a path: what a surface does with a ray that has arrived."""
 
 from hybrid_rt.shading.kernels.bsdf import (
-    DIELECTRIC,
-    LAST_SPREADING,
     leaves_through_face,
     lobe_direction,
     pick_lobe,
     scattered,
 )
 from hybrid_rt.shading.kernels.fresnel import fresnel, mirrored, refract, schlick
+from hybrid_rt.shading.kernels.lobes.register import EVERY, SPREADS, TRANSMITS
 from hybrid_rt.shading.kernels.medium_stack import (
     SCHLICK,
     STACK,
@@ -73,7 +72,7 @@ def choose_way(
     density : per solid angle; 0: a mirror or glass
     is_refracted : whether the direction goes through a clear body's surface
     """
-    chosen, chance, rest = pick_lobe(lobes, material, colors, i, choice[i, 0], DIELECTRIC)
+    chosen, chance, rest = pick_lobe(lobes, material, colors, i, choice[i, 0], EVERY)
     if chance == 0.0:
         return -1, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, False
     row = lobes.first[material] + chosen
@@ -81,19 +80,19 @@ def choose_way(
     is_front = nx * dx + ny * dy + nz * dz < 0.0
     if not is_front:
         nx, ny, nz = -nx, -ny, -nz
-    if lobes.kind[row] <= LAST_SPREADING:
+    if lobes.traits[row] & SPREADS:
         x, y, z = lobe_direction(
             lobes.kind[row], lobes.number[row, 0], nx, ny, nz, dx, dy, dz, xi[i, 0], xi[i, 1]
         )
         r, g, b, density = scattered(
-            lobes, material, colors, i, nx, ny, nz, dx, dy, dz, x, y, z, DIELECTRIC
+            lobes, material, colors, i, nx, ny, nz, dx, dy, dz, x, y, z, EVERY
         )
         if density <= 0.0:
             return -1, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, False
         return row, x, y, z, r / density, g / density, b / density, density, False
     # Brought back to the share of all light that this lobe takes.
     r, g, b = colors[i, chosen, 0], colors[i, chosen, 1], colors[i, chosen, 2]
-    if lobes.kind[row] != DIELECTRIC:
+    if lobes.traits[row] & TRANSMITS == 0:
         x, y, z = mirrored(dx, dy, dz, nx, ny, nz)
         return row, x, y, z, r / chance, g / chance, b / chance, 0.0, False
     x, y, z, factor, is_tinted = at_glass(
@@ -176,7 +175,7 @@ def scatter(
         if row < 0:
             continue
         pdf[i] = density
-        if lobes.kind[row] <= LAST_SPREADING:
+        if lobes.traits[row] & SPREADS:
             fate[i] = SCATTERED if may_spread else STOPPED
             if rival.size:
                 turn = density_of_turn(normal, geometric, i, dx, dy, dz, x, y, z, density)
@@ -187,7 +186,7 @@ def scatter(
                 elif rival[i] > 0.0:
                     _, _, _, back = scattered(
                         lobes, material[i], colors, i, normal[i, 0], normal[i, 1], normal[i, 2],
-                        -x, -y, -z, -dx, -dy, -dz, DIELECTRIC,
+                        -x, -y, -z, -dx, -dy, -dz, EVERY,
                     )  # fmt: skip
                     rival[i] = rival[i] * turn / back if back > 0.0 else 0.0
         else:
