@@ -21,7 +21,7 @@ class Lobe:
     """One of those in `hybrid_rt.shading.kernels.lobes.register`."""
     color: Texture
     number: tuple[float, ...] = ()
-    """At most six numbers; `LobeTable.number` says what they are."""
+    """What they are, the lobe's kernel knows."""
     weight: float = 1.0
     """Share of the lobe in a mixture."""
 

@@ -29,7 +29,7 @@ def compile_materials(
         if id(lobe.color) not in row_of:
             row_of[id(lobe.color)] = len(textures)
             textures.append(lobe.color)
-    numbers = np.zeros((len(lobes), 6))
+    numbers = np.zeros((len(lobes), max((len(lobe.number) for lobe in lobes), default=0) or 1))
     for row, lobe in zip(numbers, lobes, strict=True):
         row[: len(lobe.number)] = lobe.number
     table = LobeTable(

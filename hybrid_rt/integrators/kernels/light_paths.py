@@ -24,15 +24,19 @@ from typing import Any, NamedTuple
 from hybrid_rt.shading.kernels.bsdf import (
     leaves_through_face,
     lobe_chance,
-    lobe_direction,
     pick_lobe,
     scattered,
 )
 from hybrid_rt.shading.kernels.emitter import RECTANGLE, SPHERE, light_strength, power_weight
-from hybrid_rt.shading.kernels.fresnel import mirrored
-from hybrid_rt.shading.kernels.lobes.register import EVERY, SPREADS, TRANSMITS
+from hybrid_rt.shading.kernels.lobes.register import (
+    EVERY,
+    SPREADS,
+    TRANSMITS,
+    delta_direction,
+    spread_direction,
+)
 from hybrid_rt.shading.kernels.medium_stack import filling_medium, ior_of, transmittance
-from hybrid_rt.shading.kernels.scatter import at_glass, density_of_turn
+from hybrid_rt.shading.kernels.scatter import density_of_turn
 from hybrid_rt.shading.kernels.warp import onto_axis
 from meshing.kernels.jit import inlined, kernel
 
@@ -199,20 +203,6 @@ def pick_lit_points(
 
 
 @inlined
-def lead_through(paths, lobes, row, i, nx, ny, nz, is_front, second, rest):
-    """Send light path i on by a mirror or glass; return the direction and whether it is tinted."""
-    dx, dy, dz = paths.directions[i, 0], paths.directions[i, 1], paths.directions[i, 2]
-    if lobes.traits[row] & TRANSMITS:
-        # Power passes whole; it is radiance that changes by the index squared.
-        x, y, z, _, is_tinted = at_glass(
-            lobes, row, paths.media, i, nx, ny, nz, dx, dy, dz, is_front, second, rest
-        )
-        return x, y, z, is_tinted
-    x, y, z = mirrored(dx, dy, dz, nx, ny, nz)
-    return x, y, z, True
-
-
-@inlined
 def lead_off(paths, lobes, material, colors, normal, geometric, row, i, nx, ny, nz, xi, eta):
     """Send light path i on by a surface that spreads light.
 
@@ -220,7 +210,7 @@ def lead_off(paths, lobes, material, colors, normal, geometric, row, i, nx, ny, 
     from the camera; all zero where there is no way.
     """
     dx, dy, dz = paths.directions[i, 0], paths.directions[i, 1], paths.directions[i, 2]
-    x, y, z = lobe_direction(lobes.kind[row], lobes.number[row, 0], nx, ny, nz, dx, dy, dz, xi, eta)
+    x, y, z = spread_direction(lobes, row, nx, ny, nz, dx, dy, dz, xi, eta)
     _, _, _, pdf = scattered(lobes, material, colors, i, nx, ny, nz, dx, dy, dz, x, y, z, EVERY)
     r, g, b, back = scattered(
         lobes, material, colors, i, nx, ny, nz, -x, -y, -z, -dx, -dy, -dz, EVERY
@@ -287,11 +277,14 @@ def lead_on(
         else:
             if is_smooth[object_id[i]]:
                 continue
-            x, y, z, is_tinted = lead_through(
-                paths, lobes, row, i, nx, ny, nz, is_front, second, rest
-            )
+            # Power passes glass whole; it is radiance that changes by the index squared.
+            x, y, z, _, is_colored = delta_direction(
+                lobes, row, paths.media, i, nx, ny, nz,
+                paths.directions[i, 0], paths.directions[i, 1], paths.directions[i, 2],
+                is_front, second, rest,
+            )  # fmt: skip
             r = g = b = lobes.weight[row] / chance
-            if is_tinted:
+            if is_colored:
                 # Glass has its share of the mixture beside its tint, mirrors have it in the colour.
                 share = r if lobes.traits[row] & TRANSMITS else 1.0 / chance
                 r, g, b = (

@@ -1,58 +1,18 @@
 """One step of a path: what a surface does with a ray that has arrived."""
 
-from hybrid_rt.shading.kernels.bsdf import (
-    leaves_through_face,
-    lobe_direction,
-    pick_lobe,
-    scattered,
+from hybrid_rt.shading.kernels.bsdf import leaves_through_face, pick_lobe, scattered
+from hybrid_rt.shading.kernels.lobes.register import (
+    EVERY,
+    SPREADS,
+    TRANSMITS,
+    delta_direction,
+    spread_direction,
 )
-from hybrid_rt.shading.kernels.fresnel import fresnel, mirrored, refract, schlick
-from hybrid_rt.shading.kernels.lobes.register import EVERY, SPREADS, TRANSMITS
-from hybrid_rt.shading.kernels.medium_stack import (
-    SCHLICK,
-    STACK,
-    filling_medium,
-    ior_of,
-    pass_surface,
-)
+from hybrid_rt.shading.kernels.medium_stack import filling_medium, ior_of
 from meshing.kernels.jit import inlined, kernel
 
 # How a ray ends at a surface, or goes on.
 LEFT, STOPPED, ABSORBED, SCATTERED, SPECULAR = 0, 1, 2, 3, 4
-
-
-@inlined
-def at_glass(lobes, lobe, stack, i, nx, ny, nz, dx, dy, dz, is_front, second, xi):
-    """Choose between reflection and refraction at a dielectric by its reflectance.
-
-    n is on the side from which d came. ``stack[i]`` follows the ray; ``second`` as in
-    `hybrid_rt.shading.kernels.medium_stack`. Returns the direction, the factor on radiance but for the tint, and
-    whether light passes the surface and so is tinted.
-    """
-    before = filling_medium(stack, i, lobes)
-    # Kept for what is reflected: STACK places.
-    kept = (
-        stack[i, 0], stack[i, 1], stack[i, 2], stack[i, 3],
-        stack[i, 4], stack[i, 5], stack[i, 6], stack[i, 7],
-    )  # fmt: skip
-    pass_surface(lobe, stack, i, is_front, second)
-    after = filling_medium(stack, i, lobes)
-    if before == after:
-        return dx, dy, dz, 1.0, False
-    cos_i = min(-(nx * dx + ny * dy + nz * dz), 1.0)
-    ratio = ior_of(lobes, after) / ior_of(lobes, before)
-    if lobes.number[lobe, SCHLICK] != 0.0:
-        reflectance, cos_t = schlick(cos_i, ratio)
-    else:
-        reflectance, cos_t = fresnel(cos_i, ratio)
-    if xi < reflectance:
-        for k in range(STACK):
-            stack[i, k] = kept[k]
-        twice = 2.0 * cos_i
-        return dx + twice * nx, dy + twice * ny, dz + twice * nz, 1.0, False
-    x, y, z = refract(dx, dy, dz, nx, ny, nz, cos_i, cos_t, ratio)
-    # Radiance over the index squared is what stays the same across the surface.
-    return x, y, z, 1.0 / (ratio * ratio), True
 
 
 @inlined
@@ -81,9 +41,7 @@ def choose_way(
     if not is_front:
         nx, ny, nz = -nx, -ny, -nz
     if lobes.traits[row] & SPREADS:
-        x, y, z = lobe_direction(
-            lobes.kind[row], lobes.number[row, 0], nx, ny, nz, dx, dy, dz, xi[i, 0], xi[i, 1]
-        )
+        x, y, z = spread_direction(lobes, row, nx, ny, nz, dx, dy, dz, xi[i, 0], xi[i, 1])
         r, g, b, density = scattered(
             lobes, material, colors, i, nx, ny, nz, dx, dy, dz, x, y, z, EVERY
         )
@@ -92,16 +50,15 @@ def choose_way(
         return row, x, y, z, r / density, g / density, b / density, density, False
     # Brought back to the share of all light that this lobe takes.
     r, g, b = colors[i, chosen, 0], colors[i, chosen, 1], colors[i, chosen, 2]
-    if lobes.traits[row] & TRANSMITS == 0:
-        x, y, z = mirrored(dx, dy, dz, nx, ny, nz)
-        return row, x, y, z, r / chance, g / chance, b / chance, 0.0, False
-    x, y, z, factor, is_tinted = at_glass(
+    x, y, z, factor, is_colored = delta_direction(
         lobes, row, stack, i, nx, ny, nz, dx, dy, dz, is_front, second, rest
     )
+    if lobes.traits[row] & TRANSMITS == 0:
+        return row, x, y, z, r / chance, g / chance, b / chance, 0.0, False
     if keeps_power:
         factor = 1.0
     factor *= lobes.weight[row] / chance
-    if not is_tinted:
+    if not is_colored:
         r = g = b = 1.0
     is_refracted = nx * x + ny * y + nz * z < 0.0
     return row, x, y, z, factor * r, factor * g, factor * b, 0.0, is_refracted

@@ -1,8 +1,19 @@
-"""The register of lobes: which kinds there are, and what is true of each.
+"""The register of lobes: which kinds there are, what is true of each, and which kernels it has.
 
 A kind is a name, not a rank. Whoever wants lobes of some sort asks for traits, by a mask of bits:
 `lobes.traits[row] & SPREADS` is true of each lobe that has one of the bits in `SPREADS`.
+
+A new kind takes a line in `TRAITS` and a branch in the functions below: numba cannot look a
+function up in a table. A kind that spreads light has a value with a density, and a direction; a
+delta distribution has a direction with a factor.
 """
+
+from hybrid_rt.shading.kernels.fresnel import mirrored
+from hybrid_rt.shading.kernels.lobes.dielectric import at_glass
+from hybrid_rt.shading.kernels.lobes.diffuse import diffuse_direction, diffuse_value
+from hybrid_rt.shading.kernels.lobes.metal import metal_direction, metal_value
+from hybrid_rt.shading.kernels.lobes.phong import phong_direction, phong_value
+from meshing.kernels.jit import inlined
 
 # How widely a lobe spreads light; each has one of these three.
 # Wide: photons are gathered there, and Whitted's method lights it by shadow rays.
@@ -30,3 +41,56 @@ TRAITS = {
     MIRROR: DELTA,
     DIELECTRIC: DELTA | TRANSMITS,
 }
+
+
+@inlined
+def spread_value(lobes, row, cos_in, cos_out, between):
+    """Return f cos of a lobe that spreads light, over its colour, and the density of the direction.
+
+    ``cos_in`` is the cosine of the ray that arrived, ``cos_out`` that of the direction asked for,
+    both positive; ``between`` is the scalar product of the two unit directions. Three channels,
+    then the density per solid angle with which `spread_direction` chooses the direction.
+    """
+    kind = lobes.kind[row]
+    # Cosine between the direction and the mirror direction d - 2 (n.d) n, whichever way n points.
+    cos_alpha = between + 2.0 * cos_in * cos_out
+    if kind == DIFFUSE:
+        f, pdf = diffuse_value(cos_out)
+    elif kind == PHONG:
+        f, pdf = phong_value(lobes.number[row, 0], cos_out, cos_alpha)
+    else:  # METAL
+        f, pdf = metal_value(lobes.number[row, 0], cos_in, cos_out, cos_alpha)
+    return f, f, f, pdf
+
+
+@inlined
+def spread_direction(lobes, row, nx, ny, nz, dx, dy, dz, xi, eta):
+    """Choose a direction by a lobe that spreads light; n is on the side from which d came.
+
+    It may lead into the surface, where `spread_value` is zero.
+    """
+    kind = lobes.kind[row]
+    if kind == DIFFUSE:
+        return diffuse_direction(nx, ny, nz, xi, eta)
+    if kind == PHONG:
+        return phong_direction(lobes.number[row, 0], nx, ny, nz, dx, dy, dz, xi, eta)
+    # METAL
+    return metal_direction(lobes.number[row, 0], nx, ny, nz, dx, dy, dz, xi, eta)
+
+
+@inlined
+def delta_direction(lobes, row, stack, i, nx, ny, nz, dx, dy, dz, is_front, second, xi):
+    """Choose a direction by a delta lobe; n is on the side from which d came.
+
+    ``stack[i]`` follows the ray, ``second`` is as in `hybrid_rt.shading.kernels.medium_stack`.
+
+    Returns
+    -------
+    x, y, z : the direction
+    factor : on radiance, but for the colour
+    is_colored : whether the colour counts: not for what glass reflects
+    """
+    if lobes.traits[row] & TRANSMITS:
+        return at_glass(lobes, row, stack, i, nx, ny, nz, dx, dy, dz, is_front, second, xi)
+    x, y, z = mirrored(dx, dy, dz, nx, ny, nz)
+    return x, y, z, 1.0, True
