@@ -118,6 +118,12 @@ def make_plan(scene: CompiledScene, integrator: str) -> Plan:
         "no surface is a dielectric",
     )
     plan.decide(
+        "rough glass",
+        bool((traits[is_glass] & SPREADS).any()),
+        "at least one clear body is rough: lights are sampled through its surface",
+        "no clear body is rough" if is_glass.any() else "no surface is a dielectric",
+    )
+    plan.decide(
         "medium stack",
         bool(is_glass.any()),
         "rays remember the clear bodies they are in",

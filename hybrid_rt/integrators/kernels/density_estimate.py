@@ -127,7 +127,7 @@ def add_photons(
             continue
         r, g, b, _ = scattered(
             lobes, material[i], colors, i, normal[i, 0], normal[i, 1], normal[i, 2],
-            dx, dy, dz, wx, wy, wz, WIDE,
+            dx, dy, dz, wx, wy, wz, 0.0, WIDE,
         )  # fmt: skip
         weight /= cosine
         r *= weight * photon_power[j, 0]
@@ -189,7 +189,7 @@ def show_photons(
             continue
         r, g, b, _ = scattered(
             lobes, material[i], colors, i, normal[i, 0], normal[i, 1], normal[i, 2],
-            dx, dy, dz, wx, wy, wz, WIDE,
+            dx, dy, dz, wx, wy, wz, 0.0, WIDE,
         )  # fmt: skip
         factor = pdf[i] / square * toward / cosine
         value[i, 0] = factor * r * photon_power[i, 0]

@@ -15,17 +15,19 @@ n^2 dA cos dw is the same before and after. So only what happens at lamps and at
 spread light tells the densities of the two ways apart: from the lamp P(lamp) pdf_area / pi over
 the index squared there; from the camera the density of the joined point per area, times that of
 the direction taken there per projected solid angle, over the index squared here; and at surfaces
-between, the densities of the two directions per projected solid angle, from either side.
+between, the densities of the two directions per projected solid angle, from either side, each over
+the index squared of where it runs (two media meet at rough glass).
 """
 
 import math
 from typing import Any, NamedTuple
 
 from hybrid_rt.shading.kernels.bsdf import (
-    leaves_through_face,
+    is_behind,
     lobe_chance,
     pick_lobe,
     scattered,
+    sides_differ,
 )
 from hybrid_rt.shading.kernels.emitter import RECTANGLE, SPHERE, light_strength, power_weight
 from hybrid_rt.shading.kernels.lobes.register import (
@@ -34,8 +36,14 @@ from hybrid_rt.shading.kernels.lobes.register import (
     TRANSMITS,
     delta_direction,
     spread_direction,
+    spreads_here,
 )
-from hybrid_rt.shading.kernels.medium_stack import filling_medium, ior_of, transmittance
+from hybrid_rt.shading.kernels.medium_stack import (
+    filling_medium,
+    ior_of,
+    pass_surface,
+    transmittance,
+)
 from hybrid_rt.shading.kernels.scatter import density_of_turn
 from hybrid_rt.shading.kernels.warp import onto_axis
 from meshing.kernels.jit import inlined, kernel
@@ -72,7 +80,9 @@ class LitPoints(NamedTuple):
     colors: Any  # (n, lobes of a material at most, 3) float64
     flux: Any  # (n, 3) float64
     density: Any  # (n,) float64, see `LightPaths`
-    square: Any  # (n,) float64, index squared of what surrounds the point
+    square: Any  # (n,) float64, index squared of where the light comes from
+    # (n,) float64, index beyond the surface over that, where rough glass spreads light; else 0
+    ratio: Any
     object_id: Any  # (n,) int32
     steps: Any  # (n,) int64, directions taken at surfaces on the way
 
@@ -151,7 +161,7 @@ def divide_by_index(density, media, lobes):
 
 @kernel
 def pick_lit_points(
-    paths, lobes, material, colors, position, normal, geometric, object_id, steps, out, row
+    paths, lobes, material, colors, position, normal, geometric, ratio, object_id, steps, out, row
 ):
     """Pick the paths that have met a surface that spreads light; return how many.
 
@@ -165,6 +175,8 @@ def pick_lit_points(
         Of the hits; normals to shade by.
     geometric : (n, 3) float64, or (0, 3)
         Normals of the surfaces themselves, where ``normal`` is another.
+    ratio : (n,) float64, or (0,)
+        As in `scattered`; (0,): no glass is rough.
     steps : int
         Directions taken at surfaces on the way.
     out : LitPoints of n rows or more, written
@@ -177,8 +189,10 @@ def pick_lit_points(
             continue
         start = lobes.first[material[i]]
         spreads = 0.0
+        at = ratio[i] if ratio.size else 0.0
         for j in range(lobes.first[material[i] + 1] - start):
-            spreads += lobe_chance(lobes, start + j, colors, i, j, SPREADS)
+            if spreads_here(lobes, start + j, at):
+                spreads += lobe_chance(lobes, start + j, colors, i, j, SPREADS)
         if spreads == 0.0 or max(paths.flux[i, 0], paths.flux[i, 1], paths.flux[i, 2]) <= 0.0:
             continue
         square = 1.0
@@ -196,6 +210,7 @@ def pick_lit_points(
         out.material[n] = material[i]
         out.density[n] = paths.density[i]
         out.square[n] = square
+        out.ratio[n] = at
         out.object_id[n] = object_id[i]
         out.steps[n] = steps
         n += 1
@@ -203,32 +218,47 @@ def pick_lit_points(
 
 
 @inlined
-def lead_off(paths, lobes, material, colors, normal, geometric, row, i, nx, ny, nz, xi, eta):
+def lead_off(
+    paths, lobes, material, colors, normal, geometric, ratio, row, i, nx, ny, nz, xi, eta, branch
+):
     """Send light path i on by a surface that spreads light.
 
-    Returns the direction, factors on flux, and how much denser such paths are from the lamp than
-    from the camera; all zero where there is no way.
+    Returns the direction, whether it passes the surface, factors on flux, and how much denser such
+    paths are from the lamp than from the camera; all zero where there is no way.
     """
     dx, dy, dz = paths.directions[i, 0], paths.directions[i, 1], paths.directions[i, 2]
-    x, y, z = spread_direction(lobes, row, nx, ny, nz, dx, dy, dz, xi, eta)
-    _, _, _, pdf = scattered(lobes, material, colors, i, nx, ny, nz, dx, dy, dz, x, y, z, EVERY)
-    r, g, b, back = scattered(
-        lobes, material, colors, i, nx, ny, nz, -x, -y, -z, -dx, -dy, -dz, EVERY
+    x, y, z, is_through = spread_direction(
+        lobes, row, ratio, nx, ny, nz, dx, dy, dz, xi, eta, branch
     )
-    if pdf <= 0.0 or back <= 0.0 or leaves_through_face(geometric, i, paths.directions, x, y, z):
-        return x, y, z, 0.0, 0.0, 0.0, 0.0
+    _, _, _, pdf = scattered(
+        lobes, material, colors, i, nx, ny, nz, dx, dy, dz, x, y, z, ratio, EVERY
+    )
+    # Seen from the other end of the direction.
+    reverse = 1.0 / ratio if is_through else ratio
+    r, g, b, back = scattered(
+        lobes, material, colors, i, nx, ny, nz, -x, -y, -z, -dx, -dy, -dz, reverse, EVERY
+    )
+    if (
+        pdf <= 0.0
+        or back <= 0.0
+        or (nx * x + ny * y + nz * z < 0.0) != is_through
+        or sides_differ(geometric, normal, i, paths.directions, x, y, z)
+    ):
+        return x, y, z, is_through, 0.0, 0.0, 0.0, 0.0
     # The cosine in f cos is the shading normal's, that of the flux is the surface's own.
     turn = density_of_turn(normal, geometric, i, x, y, z, dx, dy, dz, 1.0)
     factor = turn / pdf
-    # Over the projected solid angle of either direction.
+    # Over the projected solid angle of either direction, and the index squared of where it runs.
     denser = pdf / (back * turn) if turn > 0.0 else 0.0
-    return x, y, z, factor * r, factor * g, factor * b, denser
+    if is_through:
+        denser /= ratio * ratio
+    return x, y, z, is_through, factor * r, factor * g, factor * b, denser
 
 
 @kernel
 def lead_on(
-    paths, lobes, material, colors, position, normal, geometric, object_id, is_smooth, second,
-    choice, xi, out,
+    paths, lobes, material, colors, position, normal, geometric, ratio, object_id, is_smooth,
+    second, choice, xi, out,
 ):  # fmt: skip
     """Send light paths on, and drop those that end; return how many go on.
 
@@ -237,7 +267,7 @@ def lead_on(
 
     Parameters
     ----------
-    geometric : (n, 3) float64, or (0, 3)
+    geometric, ratio : (n, 3) and (n,) float64, or (0, 3) and (0,)
         As in `pick_lit_points`.
     is_smooth : (objects,) bool
         Objects shaded by other normals than their own: their mirrors and glass do not keep
@@ -265,15 +295,18 @@ def lead_on(
         )
         if not is_front:
             nx, ny, nz = -nx, -ny, -nz
-        spreads = lobes.traits[row] & SPREADS != 0
+        at = ratio[i] if ratio.size else 0.0
+        spreads = spreads_here(lobes, row, at)
         denser = 1.0
         if spreads:
             if paths.is_direct[i]:
                 continue
-            x, y, z, r, g, b, denser = lead_off(
-                paths, lobes, material[i], colors, normal, geometric, row, i, nx, ny, nz,
-                xi[i, 0], xi[i, 1],
+            x, y, z, is_through, r, g, b, denser = lead_off(
+                paths, lobes, material[i], colors, normal, geometric, at, row, i, nx, ny, nz,
+                xi[i, 0], xi[i, 1], rest,
             )  # fmt: skip
+            if is_through:
+                pass_surface(row, paths.media, i, is_front, second)
         else:
             if is_smooth[object_id[i]]:
                 continue
@@ -323,12 +356,18 @@ def sent_toward(lit, k, lobes, wx, wy, wz):
     lx, ly, lz = -lit.direction[k, 0], -lit.direction[k, 1], -lit.direction[k, 2]
     toward_eye = -(gx * wx + gy * wy + gz * wz)
     toward_light = gx * lx + gy * ly + gz * lz
-    if toward_eye * toward_light <= 0.0:
+    nx, ny, nz = lit.normal[k, 0], lit.normal[k, 1], lit.normal[k, 2]
+    ratio = lit.ratio[k]
+    is_through = toward_eye * toward_light <= 0.0
+    # The normal to shade by must tell the same, see `sides_differ`.
+    is_shaded_through = (nx * wx + ny * wy + nz * wz) * (nx * lx + ny * ly + nz * lz) >= 0.0
+    if is_through != is_shaded_through or (is_through and ratio == 0.0) or toward_light == 0.0:
         return 0.0, 0.0, 0.0, 0.0
+    if is_through:
+        ratio = 1.0 / ratio
     r, g, b, pdf = scattered(
-        lobes, lit.material[k], lit.colors, k,
-        lit.normal[k, 0], lit.normal[k, 1], lit.normal[k, 2], wx, wy, wz, lx, ly, lz, EVERY,
-    )  # fmt: skip
+        lobes, lit.material[k], lit.colors, k, nx, ny, nz, wx, wy, wz, lx, ly, lz, ratio, EVERY
+    )
     if pdf <= 0.0:
         return 0.0, 0.0, 0.0, 0.0
     # The cosine in f cos is the shading normal's, that of the flux is the surface's own.
@@ -343,8 +382,8 @@ def sent_toward(lit, k, lobes, wx, wy, wz):
 
 @kernel
 def join_lit_points(
-    paths, lobes, material, colors, position, normal, geometric, direction, object_id,
-    lit, first_of_pass, number, of_use, xi, steps_left, out,
+    paths, lobes, material, colors, position, normal, geometric, direction, ratio, beyond,
+    object_id, lit, first_of_pass, number, of_use, xi, steps_left, out,
 ):  # fmt: skip
     """Join hits of camera paths to lit points of their passes, by shadow rays.
 
@@ -352,6 +391,8 @@ def join_lit_points(
     ----------
     paths : Paths
     material ... object_id : the hits
+    ratio, beyond : (n,) float64, (n, STACK) int32; or both without rows
+        See `hybrid_rt.shading.kernels.medium_stack.look_beyond`; without rows: no glass is rough.
     first_of_pass : (passes + 1,) int64
         The rows of ``lit`` that belong to each pass.
     number : (n,) int64
@@ -385,14 +426,15 @@ def join_lit_points(
         y = lit.position[k, 1] - position[i, 1]
         z = lit.position[k, 2] - position[i, 2]
         square = x * x + y * y + z * z
-        if square == 0.0 or leaves_through_face(geometric, i, direction, x, y, z):
+        if square == 0.0 or sides_differ(geometric, normal, i, direction, x, y, z):
             continue
         distance = math.sqrt(square)
         wx, wy, wz = x / distance, y / distance, z / distance
         fr, fg, fb, pdf = scattered(
             lobes, material[i], colors, i,
             normal[i, 0], normal[i, 1], normal[i, 2],
-            direction[i, 0], direction[i, 1], direction[i, 2], wx, wy, wz, EVERY,
+            direction[i, 0], direction[i, 1], direction[i, 2], wx, wy, wz,
+            ratio[i] if ratio.size else 0.0, EVERY,
         )  # fmt: skip
         if pdf <= 0.0:
             continue
@@ -403,7 +445,10 @@ def join_lit_points(
         factor = (end - begin) / (square * JOIN_CHANCE) * power_weight(lit.density[k], rival)
         r, g, b = factor * r * fr, factor * g * fg, factor * b * fb
         if paths.media.shape[1] > 0:
-            p, q, s = transmittance(paths.media, i, lobes, distance)
+            if ratio.size and is_behind(normal, direction, i, x, y, z):
+                p, q, s = transmittance(beyond, i, lobes, distance)
+            else:
+                p, q, s = transmittance(paths.media, i, lobes, distance)
             r, g, b = r * p, g * q, b * s
         r, g, b = r * paths.throughput[i, 0], g * paths.throughput[i, 1], b * paths.throughput[i, 2]
         if max(r, g, b) <= 0.0:

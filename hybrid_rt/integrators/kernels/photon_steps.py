@@ -102,8 +102,8 @@ def store_photons(flight, material, gathers, least_history, position, normal, ou
 
 @kernel
 def scatter_photons(
-    lobes, material, colors, normal, geometric, position, object_id, xi, choice, second, goes_on,
-    flight, fate, tally,
+    lobes, material, colors, normal, geometric, ratio, position, object_id, xi, choice, second,
+    goes_on, flight, fate, tally,
 ):  # fmt: skip
     """Send each photon on in one direction, or end it, by chance and without bias.
 
@@ -115,8 +115,8 @@ def scatter_photons(
     material : (n,) int32
         Negative: the photon ends.
     colors : (n, lobes of a material at most, 3) float64
-    normal, geometric, position, object_id
-        Of the hits; ``geometric`` as in `hybrid_rt.shading.kernels.scatter.scatter`.
+    normal, geometric, ratio, position, object_id
+        Of the hits; ``geometric`` and ``ratio`` as in `hybrid_rt.shading.kernels.scatter.scatter`.
     xi, choice : (n, 2) float64 in [0, 1)
         Choose the direction; the lobe and survival.
     second : (n,) int32, or (0,)
@@ -140,8 +140,8 @@ def scatter_photons(
         direction = flight.direction
         dx, dy, dz = direction[i, 0], direction[i, 1], direction[i, 2]
         row, x, y, z, r, g, b, _, is_refracted = choose_way(
-            lobes, material[i], colors, i, normal, dx, dy, dz, xi, choice, flight.media, second,
-            True,
+            lobes, material[i], colors, i, normal, dx, dy, dz, ratio[i] if ratio.size else 0.0,
+            xi, choice, flight.media, second, True,
         )  # fmt: skip
         if row < 0:
             continue

@@ -134,7 +134,7 @@ class PathTracer(Integrator):
                 if depth > self.context.max_depth:
                     self._lose(paths.throughput[material >= 0])
                     break
-                shading = self._light.shading(hits, paths.directions, material)
+                shading = self._light.shading(hits, paths.directions, material, paths.media, second)
                 # --- light we reach for
                 xi = self._points(paths, depth)
                 if self._asks_lights:
@@ -174,8 +174,8 @@ class PathTracer(Integrator):
         number = pass_of(paths.pixel >> PIXEL_BITS, paths.sample).astype(np.int64)
         n_rays = join_lit_points(
             paths, self.context.scene.lobes, shading.material, shading.colors, hits.position,
-            hits.normal, shading.geometric, shading.directions, hits.object_id, self._lit,
-            self._first_of_pass, number - self._first_pass, self._of_use, xi,
+            hits.normal, shading.geometric, shading.directions, shading.ratio, shading.beyond,
+            hits.object_id, self._lit, self._first_of_pass, number - self._first_pass, self._of_use, xi,
             self.context.max_depth - depth - 2, rays,
         )  # fmt: skip
         self._light.add_unblocked(rays, n_rays, radiance)
@@ -212,6 +212,7 @@ class PathTracer(Integrator):
             hits.normal,
             shading.directions,
             shading.geometric,
+            shading.ratio,
             xi[DIRECTION],
             xi[CHOICE],
             paths.media,

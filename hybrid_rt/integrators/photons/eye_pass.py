@@ -117,7 +117,7 @@ class Looker(Integrator):
                     hits, paths.origins, paths.directions, paths.pdf, NO_RIVAL, paths.media
                 )
                 add_products(paths.camera_ray, paths.throughput, arriving, radiance)
-                shading = self._light.shading(hits, paths.directions, material)
+                shading = self._light.shading(hits, paths.directions, material, paths.media, second)
                 # --- surfaces that spread light widely: lights are asked, photons later
                 wide = np.flatnonzero(self.shooter.gathers[material])
                 if wide.size:
@@ -229,8 +229,8 @@ class Looker(Integrator):
         hits = shading.hits
         scatter(
             self.context.scene.lobes, shading.material, shading.colors, hits.normal,
-            shading.directions, shading.geometric, self._points(paths, depth, DIRECTION),
-            self._points(paths, depth, CHOICE), paths.media, second, goes_on, goes_on,
+            shading.directions, shading.geometric, shading.ratio,
+            self._points(paths, depth, DIRECTION), self._points(paths, depth, CHOICE), paths.media, second, goes_on, goes_on,
             1.0 if depth else 0.0, hits.t, paths.pdf, NONE_SMOOTH, hits.object_id, onward,
             paths.throughput, pdf, paths.rival, fate,
         )  # fmt: skip
@@ -260,4 +260,6 @@ def _rows_of(shading: Shading, rows: Any, keeps: Any) -> Shading:
         material=material,
         colors=shading.colors[rows] * keeps[material][:, :, None],
         geometric=geometric[rows] if geometric.size else geometric,
+        ratio=shading.ratio[rows] if shading.ratio.size else shading.ratio,
+        beyond=shading.beyond[rows] if shading.beyond.size else shading.beyond,
     )

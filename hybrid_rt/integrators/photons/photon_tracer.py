@@ -187,7 +187,9 @@ class Shooter:
             with context.ledger.stage("photons"):
                 # --- where they arrive
                 hits, second, material = self._arrived(flight)
-                shading = self._light.shading(hits, flight.direction, material)
+                shading = self._light.shading(
+                    hits, flight.direction, material, flight.media, second
+                )
                 # --- what they leave there, and what the camera sees of it
                 to_show = self._to_show(flight, shading)
                 stored.append(self._stored(flight, shading, to_show, least))
@@ -254,7 +256,7 @@ class Shooter:
         fate = np.empty(n, dtype=np.uint8)
         scatter_photons(
             self.context.scene.lobes, material, shading.colors, hits.normal, shading.geometric,
-            hits.position, hits.object_id, self._ways(sequence, flight, material, step),
+            shading.ratio, hits.position, hits.object_id, self._ways(sequence, flight, material, step),
             self._points(sequence, flight.number, step + LOBE), second, goes_on, flight, fate,
             self.balance.power,
         )  # fmt: skip

@@ -9,10 +9,10 @@ distributions: they are chosen here as often as the others, and followed in
 from typing import Any, NamedTuple
 
 from hybrid_rt.shading.kernels.lobes.register import (
-    SPREADS,
     TRANSMITS,
     spread_direction,
     spread_value,
+    spreads_here,
 )
 from meshing.kernels.jit import inlined, kernel
 
@@ -44,21 +44,21 @@ def lobe_chance(lobes, row, colors, i, j, asked):
 
 
 @inlined
-def scattered(lobes, material, colors, i, nx, ny, nz, dx, dy, dz, wx, wy, wz, asked):
+def scattered(lobes, material, colors, i, nx, ny, nz, dx, dy, dz, wx, wy, wz, ratio, asked):
     """Return f cos per channel and pdf of hit i: ray direction d arriving, unit w leaving.
 
-    Opaque surfaces shine on both sides; light from behind the surface gives zero. A direction is
-    chosen among the lobes that have one of the traits ``asked``, and the pdf is that of all of them
-    together: `EVERY` for paths, `WIDE` where only wide lobes are lit.
+    Opaque surfaces shine on both sides; light from behind gives zero, but through rough glass. A
+    direction is chosen among the lobes that have one of the traits ``asked``, and the pdf is that
+    of all of them together: `EVERY` for paths, `WIDE` where only wide lobes are lit. ``ratio`` is
+    the index beyond the surface over that before it where rough glass spreads light, 0 elsewhere.
     """
     n_dot_d = nx * dx + ny * dy + nz * dz
     cosine = nx * wx + ny * wy + nz * wz
     if n_dot_d > 0.0:
         cosine = -cosine
     r = g = b = pdf = 0.0
-    if cosine <= 0.0:
+    if cosine == 0.0 or (cosine < 0.0 and ratio == 0.0):
         return r, g, b, pdf
-    between = dx * wx + dy * wy + dz * wz
     total = 0.0
     start = lobes.first[material]
     for j in range(lobes.first[material + 1] - start):
@@ -67,12 +67,20 @@ def scattered(lobes, material, colors, i, nx, ny, nz, dx, dy, dz, wx, wy, wz, as
         if chance == 0.0:
             continue
         total += chance
-        if lobes.traits[row] & SPREADS == 0:
+        passes = lobes.traits[row] & TRANSMITS != 0
+        if not spreads_here(lobes, row, ratio) or (cosine < 0.0 and not passes):
             continue
-        p, q, s, density = spread_value(lobes, row, abs(n_dot_d), cosine, between)
-        r += p * colors[i, j, 0]
-        g += q * colors[i, j, 1]
-        b += s * colors[i, j, 2]
+        p, q, s, density = spread_value(
+            lobes, row, ratio, nx, ny, nz, dx, dy, dz, wx, wy, wz, abs(n_dot_d), cosine
+        )
+        if passes:
+            # Glass has its share of the mixture beside its tint, others have it in the colour.
+            p, q, s = p * lobes.weight[row], q * lobes.weight[row], s * lobes.weight[row]
+        if cosine < 0.0 or not passes:
+            p, q, s = p * colors[i, j, 0], q * colors[i, j, 1], s * colors[i, j, 2]
+        r += p
+        g += q
+        b += s
         pdf += chance * density
     if total > 0.0:
         pdf /= total
@@ -93,6 +101,29 @@ def leaves_through_face(geometric, i, direction, x, y, z):
         + geometric[i, 2] * direction[i, 2]
     )
     return before * (geometric[i, 0] * x + geometric[i, 1] * y + geometric[i, 2] * z) >= 0.0
+
+
+@inlined
+def is_behind(normal, direction, i, x, y, z):
+    """Tell whether a direction leaves on the other side of the normal than d came from."""
+    before = (
+        normal[i, 0] * direction[i, 0]
+        + normal[i, 1] * direction[i, 1]
+        + normal[i, 2] * direction[i, 2]
+    )
+    return before * (normal[i, 0] * x + normal[i, 1] * y + normal[i, 2] * z) >= 0.0
+
+
+@inlined
+def sides_differ(geometric, normal, i, direction, x, y, z):
+    """Tell whether a direction leaves on one side of the surface itself, and another of the normal.
+
+    No light goes that way: it would leak through an opaque surface, or be bent without passing.
+    """
+    if geometric.shape[0] == 0:
+        return False
+    through = leaves_through_face(geometric, i, direction, x, y, z)
+    return through != is_behind(normal, direction, i, x, y, z)
 
 
 @inlined
@@ -122,12 +153,14 @@ def pick_lobe(lobes, material, colors, i, xi, asked):
 
 
 @kernel
-def sample_lobes(lobes, material, colors, normal, direction, xi, asked, wi, value, pdf):
+def sample_lobes(
+    lobes, material, colors, normal, direction, ratio, xi, branch, asked, wi, value, pdf
+):
     """Choose a direction by the spreading lobes of each hit; value = f cos / pdf.
 
     The pdf is that of all lobes together, so a sharp lobe beside a wide one gives no rare large
     values. Rows without such a lobe, directions into the surface, and those given to a mirror or
-    to glass (where these are ``asked``) get zero.
+    to smooth glass (where these are ``asked``) get zero.
 
     Parameters
     ----------
@@ -136,7 +169,11 @@ def sample_lobes(lobes, material, colors, normal, direction, xi, asked, wi, valu
     colors : (n, lobes of a material at most, 3) float64
     normal, direction : (n, 3) float64
         Of the hit and of the ray that found it.
+    ratio : (n,) float64, or (0,)
+        As in `scattered`; (0,): no glass is rough.
     xi : (n, 2) float64 in [0, 1)
+    branch : (n,) float64 in [0, 1), or (0,)
+        Chooses the side at rough glass.
     asked : int
         As in `scattered`.
     wi, value : (n, 3) float64, written
@@ -151,17 +188,21 @@ def sample_lobes(lobes, material, colors, normal, direction, xi, asked, wi, valu
             continue
         chosen, chance, rest = pick_lobe(lobes, material[i], colors, i, xi[i, 0], asked)
         row = lobes.first[material[i]] + chosen
-        if chance == 0.0 or lobes.traits[row] & SPREADS == 0:
+        at = ratio[i] if ratio.size else 0.0
+        if chance == 0.0 or not spreads_here(lobes, row, at):
             continue
         nx, ny, nz = normal[i, 0], normal[i, 1], normal[i, 2]
         dx, dy, dz = direction[i, 0], direction[i, 1], direction[i, 2]
         if nx * dx + ny * dy + nz * dz > 0.0:
             nx, ny, nz = -nx, -ny, -nz
-        x, y, z = spread_direction(lobes, row, nx, ny, nz, dx, dy, dz, rest, xi[i, 1])
-        r, g, b, density = scattered(
-            lobes, material[i], colors, i, nx, ny, nz, dx, dy, dz, x, y, z, asked
+        side = branch[i] if branch.size else 0.0
+        x, y, z, is_through = spread_direction(
+            lobes, row, at, nx, ny, nz, dx, dy, dz, rest, xi[i, 1], side
         )
-        if density <= 0.0:
+        r, g, b, density = scattered(
+            lobes, material[i], colors, i, nx, ny, nz, dx, dy, dz, x, y, z, at, asked
+        )
+        if density <= 0.0 or (nx * x + ny * y + nz * z < 0.0) != is_through:
             continue
         wi[i, 0], wi[i, 1], wi[i, 2] = x, y, z
         value[i, 0], value[i, 1], value[i, 2] = r / density, g / density, b / density

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 from hybrid_rt.intersection.kernels.search.frame import two_difference
 from hybrid_rt.intersection.kernels.sphere import power_of_point
-from hybrid_rt.shading.kernels.bsdf import leaves_through_face, scattered
+from hybrid_rt.shading.kernels.bsdf import scattered, sides_differ
 from hybrid_rt.shading.kernels.environment import sky_direction, sky_pdf, sky_radiance
 from hybrid_rt.shading.kernels.medium_stack import filling_medium, ior_of
 from hybrid_rt.shading.kernels.texture import texture_color
@@ -152,7 +152,7 @@ def light_strength(lights, textures, row, u, v, x, y, z):
 @kernel
 def light_on_hits(
     lights, sky, textures, points, light_id, lobes, material, colors, position, normal, direction,
-    geometric, xi, strategy, asked, to_light, value,
+    geometric, ratio, xi, strategy, asked, to_light, value,
 ):  # fmt: skip
     """Ask one light per hit what it sends through the hit's spreading lobes.
 
@@ -168,6 +168,8 @@ def light_on_hits(
         Of the hit and of the ray that found it.
     geometric : (n, 3) float64
         Normal of the surface itself, where ``normal`` is another; else (0, 3).
+    ratio : (n,) float64, or (0,)
+        As in `scattered`; (0,): no glass is rough.
     xi : (n, 2) float64
         Two numbers in [0, 1) that choose the point of the light.
     strategy : int
@@ -196,13 +198,13 @@ def light_on_hits(
             x, y, z, distance, factor = _surface_point(points, i, px, py, pz)
         else:
             x, y, z, distance, factor = light_point(lights, row, px, py, pz, xi[i, 0], xi[i, 1])
-        if factor == 0.0 or leaves_through_face(geometric, i, direction, x, y, z):
+        if factor == 0.0 or sides_differ(geometric, normal, i, direction, x, y, z):
             continue
         r, g, b, pdf = scattered(
             lobes, material[i], colors, i,
             normal[i, 0], normal[i, 1], normal[i, 2],
             direction[i, 0], direction[i, 1], direction[i, 2],
-            x / distance, y / distance, z / distance, asked,
+            x / distance, y / distance, z / distance, ratio[i] if ratio.size else 0.0, asked,
         )  # fmt: skip
         if pdf == 0.0:
             continue

@@ -50,7 +50,7 @@ def evaluate_lobes(lobes, material, colors, normal, direction, wi, asked, value,
             lobes, material[i], colors, i,
             normal[i, 0], normal[i, 1], normal[i, 2],
             direction[i, 0], direction[i, 1], direction[i, 2],
-            wi[i, 0], wi[i, 1], wi[i, 2], asked,
+            wi[i, 0], wi[i, 1], wi[i, 2], 0.0, asked,
         )  # fmt: skip
 
 
@@ -73,7 +73,10 @@ def sampled(material, incoming, xi, asked=EVERY):
     direction = np.tile(unit(np.asarray(incoming, float)), (n, 1))
     wi, value, pdf = np.empty((n, 3)), np.empty((n, 3)), np.empty(n)
     material_id = np.zeros(n, np.int32)
-    sample_lobes(lobes, material_id, colors, normal, direction, xi, asked, wi, value, pdf)
+    nothing = np.zeros(0)
+    sample_lobes(
+        lobes, material_id, colors, normal, direction, nothing, xi, nothing, asked, wi, value, pdf
+    )
     return wi, value, pdf
 
 
@@ -192,5 +195,6 @@ def test_rows_without_material_give_zero():
     wi, value, pdf = np.empty((8, 3)), np.empty((8, 3)), np.empty(8)
     nan = np.full((8, 3), np.nan)
     nothing = np.full(8, -1, np.int32)
-    sample_lobes(lobes, nothing, colors, nan, nan, nan[:, :2], EVERY, wi, value, pdf)
+    no = np.zeros(0)
+    sample_lobes(lobes, nothing, colors, nan, nan, no, nan[:, :2], no, EVERY, wi, value, pdf)
     assert not value.any()

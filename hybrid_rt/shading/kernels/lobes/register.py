@@ -1,3 +1,4 @@
+# ruff: noqa: ARG001  (one interface for all kinds; not every kind needs all of it)
 """The register of lobes: which kinds there are, what is true of each, and which kernels it has.
 
 A kind is a name, not a rank. Whoever wants lobes of some sort asks for traits, by a mask of bits:
@@ -25,7 +26,8 @@ NARROW = 2
 DELTA = 4
 # Light passes to the other side: this is the surface of a clear body. Rays keep count of the body,
 # its numbers begin as `hybrid_rt.shading.kernels.medium_stack` says, and its colour is a tint of
-# what passes, not of what is reflected. Such a lobe is followed: DELTA or NARROW.
+# what passes, not of what is reflected. Such a lobe is followed (DELTA or NARROW): photons of one
+# side of a face are not gathered on the other.
 TRANSMITS = 8
 
 SPREADS = WIDE | NARROW
@@ -44,16 +46,37 @@ TRAITS = {
 
 
 @inlined
-def spread_value(lobes, row, cos_in, cos_out, between):
+def spreads_here(lobes, row, ratio):
+    """Tell whether a lobe spreads light at a hit; ``ratio`` is that of `scattered`.
+
+    Rough glass does not where it lies hidden in another body, or in one of the same index: there
+    it is passed as smooth glass is.
+    """
+    traits = lobes.traits[row]
+    return traits & SPREADS != 0 and (traits & TRANSMITS == 0 or ratio != 0.0)
+
+
+@inlined
+def spread_value(lobes, row, ratio, nx, ny, nz, dx, dy, dz, wx, wy, wz, cos_in, cos_out):
     """Return f cos of a lobe that spreads light, over its colour, and the density of the direction.
 
-    ``cos_in`` is the cosine of the ray that arrived, ``cos_out`` that of the direction asked for,
-    both positive; ``between`` is the scalar product of the two unit directions. Three channels,
-    then the density per solid angle with which `spread_direction` chooses the direction.
+    Three channels, then the density per solid angle with which `spread_direction` chooses w. What
+    passes to the other side is radiance: it counts by the index squared.
+
+    Parameters
+    ----------
+    lobes, row : LobeTable, int
+    ratio : float
+        Index beyond the surface over that before it; only of lobes that transmit.
+    n, d, w : unit vectors
+        The normal, of either sign; the direction in which a ray arrived; the one asked for.
+    cos_in, cos_out : float
+        Cosines of -d and w to the normal on the side from which d came. The first is not negative;
+        the second is only where the lobe transmits.
     """
     kind = lobes.kind[row]
-    # Cosine between the direction and the mirror direction d - 2 (n.d) n, whichever way n points.
-    cos_alpha = between + 2.0 * cos_in * cos_out
+    # Cosine between w and the mirror direction d - 2 (n.d) n, whichever way n points.
+    cos_alpha = dx * wx + dy * wy + dz * wz + 2.0 * cos_in * cos_out
     if kind == DIFFUSE:
         f, pdf = diffuse_value(cos_out)
     elif kind == PHONG:
@@ -64,18 +87,33 @@ def spread_value(lobes, row, cos_in, cos_out, between):
 
 
 @inlined
-def spread_direction(lobes, row, nx, ny, nz, dx, dy, dz, xi, eta):
+def spread_direction(lobes, row, ratio, nx, ny, nz, dx, dy, dz, xi, eta, branch):
     """Choose a direction by a lobe that spreads light; n is on the side from which d came.
 
-    It may lead into the surface, where `spread_value` is zero.
+    Parameters
+    ----------
+    ratio : float
+        As in `spread_value`.
+    xi, eta : float
+        Two numbers in [0, 1) that choose the direction.
+    branch : float
+        A third that chooses the side.
+
+    Returns
+    -------
+    x, y, z : the direction
+    is_through : whether it is meant for the other side; where it leads to another side than it is
+        meant for, light is lost between facets
     """
     kind = lobes.kind[row]
+    is_through = False
     if kind == DIFFUSE:
-        return diffuse_direction(nx, ny, nz, xi, eta)
-    if kind == PHONG:
-        return phong_direction(lobes.number[row, 0], nx, ny, nz, dx, dy, dz, xi, eta)
-    # METAL
-    return metal_direction(lobes.number[row, 0], nx, ny, nz, dx, dy, dz, xi, eta)
+        x, y, z = diffuse_direction(nx, ny, nz, xi, eta)
+    elif kind == PHONG:
+        x, y, z = phong_direction(lobes.number[row, 0], nx, ny, nz, dx, dy, dz, xi, eta)
+    else:  # METAL
+        x, y, z = metal_direction(lobes.number[row, 0], nx, ny, nz, dx, dy, dz, xi, eta)
+    return x, y, z, is_through
 
 
 @inlined
