@@ -24,11 +24,13 @@ class Lobe:
     """What they are, the lobe's kernel knows."""
     weight: float = 1.0
     """Share of the lobe in a mixture."""
+    breadth: int = 0
+    """WIDE, NARROW or DELTA, where the register leaves that to the material."""
 
     @property
     def traits(self) -> int:
         """What is true of the lobe, in bits: see the register."""
-        return TRAITS[self.kind]
+        return TRAITS[self.kind] | self.breadth
 
 
 class Material(ABC):
