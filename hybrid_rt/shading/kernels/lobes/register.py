@@ -14,6 +14,10 @@ from hybrid_rt.shading.kernels.lobes.dielectric import at_glass
 from hybrid_rt.shading.kernels.lobes.diffuse import diffuse_direction, diffuse_value
 from hybrid_rt.shading.kernels.lobes.metal import metal_direction, metal_value
 from hybrid_rt.shading.kernels.lobes.phong import phong_direction, phong_value
+from hybrid_rt.shading.kernels.lobes.rough_conductor import (
+    rough_conductor_direction,
+    rough_conductor_value,
+)
 from meshing.kernels.jit import inlined
 
 # How widely a lobe spreads light; each has one of these three.
@@ -34,7 +38,7 @@ SPREADS = WIDE | NARROW
 FOLLOWED = NARROW | DELTA
 EVERY = WIDE | NARROW | DELTA
 
-DIFFUSE, PHONG, METAL, MIRROR, DIELECTRIC = range(5)
+DIFFUSE, PHONG, METAL, MIRROR, DIELECTRIC, ROUGH_CONDUCTOR = range(6)
 
 TRAITS = {
     DIFFUSE: WIDE,
@@ -42,6 +46,7 @@ TRAITS = {
     METAL: NARROW,
     MIRROR: DELTA,
     DIELECTRIC: DELTA | TRANSMITS,
+    ROUGH_CONDUCTOR: 0,  # wide or narrow by its roughness
 }
 
 
@@ -81,6 +86,10 @@ def spread_value(lobes, row, ratio, nx, ny, nz, dx, dy, dz, wx, wy, wz, cos_in, 
         f, pdf = diffuse_value(cos_out)
     elif kind == PHONG:
         f, pdf = phong_value(lobes.number[row, 0], cos_out, cos_alpha)
+    elif kind == ROUGH_CONDUCTOR:
+        return rough_conductor_value(
+            lobes.number, row, nx, ny, nz, dx, dy, dz, wx, wy, wz, cos_in, cos_out
+        )
     else:  # METAL
         f, pdf = metal_value(lobes.number[row, 0], cos_in, cos_out, cos_alpha)
     return f, f, f, pdf
@@ -111,6 +120,8 @@ def spread_direction(lobes, row, ratio, nx, ny, nz, dx, dy, dz, xi, eta, branch)
         x, y, z = diffuse_direction(nx, ny, nz, xi, eta)
     elif kind == PHONG:
         x, y, z = phong_direction(lobes.number[row, 0], nx, ny, nz, dx, dy, dz, xi, eta)
+    elif kind == ROUGH_CONDUCTOR:
+        x, y, z = rough_conductor_direction(lobes.number, row, nx, ny, nz, dx, dy, dz, xi, eta)
     else:  # METAL
         x, y, z = metal_direction(lobes.number[row, 0], nx, ny, nz, dx, dy, dz, xi, eta)
     return x, y, z, is_through
