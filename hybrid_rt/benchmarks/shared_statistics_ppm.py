@@ -20,7 +20,7 @@ from hybrid_rt.integrators.kernels.photon_steps import MET_SPECULAR, Photons
 from hybrid_rt.integrators.media.contacts import Contacts
 from hybrid_rt.integrators.photons.photon_tracer import (
     PHOTON_DIMENSION,
-    Shooter,
+    PhotonTracer,
     blocks_of,
     joined,
 )
@@ -31,31 +31,31 @@ from hybrid_rt.scene.plan import make_plan
 from hybrid_rt.scene.scene import Scene
 
 
-def make_shooter(scene: Scene, seed: int, max_depth: int = 16) -> Shooter:
+def make_photon_tracer(scene: Scene, seed: int, max_depth: int = 16) -> PhotonTracer:
     """Return what sends out the photons of a scene, in one thread."""
     compiled = compile_scene(scene)
     tracer = Intersector(compiled.surfaces, threads=1)
     plan = make_plan(compiled, "ppm")
     contacts = Contacts(compiled, tracer) if plan["contacts"] else None
-    return Shooter(
+    return PhotonTracer(
         RenderContext(compiled, tracer, Pool(1), plan, Sampler(seed), Ledger(), max_depth), contacts
     )
 
 
 def all_photons(
-    shooter: Shooter, n_photons: int, pass_number: int, least_history: int = MET_SPECULAR
+    photon_tracer: PhotonTracer, n_photons: int, pass_number: int, least_history: int = MET_SPECULAR
 ) -> Photons:
     """Return the photons of a pass that are stored; ``least_history`` 0 keeps straight ones."""
     return joined(
         [
-            shooter.shoot(group, pass_number, first, stop, PHOTON_DIMENSION, least_history)[0]
-            for group, first, stop in blocks_of(shooter.groups(n_photons))
+            photon_tracer.shoot(group, pass_number, first, stop, PHOTON_DIMENSION, least_history)[0]
+            for group, first, stop in blocks_of(photon_tracer.groups(n_photons))
         ]
     )
 
 
 def shared_statistics(
-    shooter: Shooter,
+    photon_tracer: PhotonTracer,
     points: FloatArray,
     normal: FloatArray,
     albedo: float,
@@ -68,7 +68,7 @@ def shared_statistics(
 
     Parameters
     ----------
-    shooter : Shooter
+    photon_tracer : PhotonTracer
     points : (n, 3) float64
     normal : (3,) float64
         Of the plane, unit, on the side that is looked at.
@@ -90,7 +90,7 @@ def shared_statistics(
     light = np.zeros((len(points), 3))
     results = np.empty((rounds, len(points), 3))
     for number in range(rounds):
-        photons = all_photons(shooter, photons_per_round, number)
+        photons = all_photons(photon_tracer, photons_per_round, number)
         is_seen = (photons.normal @ normal) > 0.5
         position, power = photons.position[is_seen], photons.power[is_seen].astype(np.float64)
         tree = cKDTree(position)

@@ -7,31 +7,31 @@ from hybrid_rt.integrators.integrator import Integrator
 from hybrid_rt.integrators.options import PathOptions, PhotonMapOptions, PPMOptions
 from hybrid_rt.integrators.path.path_tracer import PathTracer
 from hybrid_rt.integrators.whitted.whitted import Whitted
-from hybrid_rt.integrators.workers import Crew
+from hybrid_rt.integrators.workers import Workers
 
 
-def _path(context: RenderContext, threads: int) -> Crew:
-    return Crew(context, threads, PathTracer)
+def _path(context: RenderContext, threads: int) -> Workers:
+    return Workers(context, threads, PathTracer)
 
 
-def _whitted(context: RenderContext, threads: int) -> Crew:
-    return Crew(context, threads, Whitted)
+def _whitted(context: RenderContext, threads: int) -> Workers:
+    return Workers(context, threads, Whitted)
 
 
-def _ppm(context: RenderContext, threads: int) -> Crew:
-    from hybrid_rt.integrators.photons.ppm import ProgressiveCrew
+def _ppm(context: RenderContext, threads: int) -> Workers:
+    from hybrid_rt.integrators.photons.ppm import ProgressiveWorkers
 
-    return ProgressiveCrew(context, threads)
+    return ProgressiveWorkers(context, threads)
 
 
-def _photon_map(context: RenderContext, threads: int) -> Crew:
-    from hybrid_rt.integrators.photons.photon_map import MapCrew
+def _photon_map(context: RenderContext, threads: int) -> Workers:
+    from hybrid_rt.integrators.photons.photon_map import PhotonMapWorkers
 
-    return MapCrew(context, threads)
+    return PhotonMapWorkers(context, threads)
 
 
 # What makes the threads of a render: for each integrator, from the context and their number.
-INTEGRATORS: dict[str, Callable[[RenderContext, int], Crew]] = {
+INTEGRATORS: dict[str, Callable[[RenderContext, int], Workers]] = {
     "path": _path,
     "whitted": _whitted,
     "ppm": _ppm,

@@ -67,7 +67,7 @@ class Blur:
 NO_BLUR, UNKNOWN_BLUR = Blur(0.0, 0.0, 0.0, 0.0), Blur(None, None, None, None)
 
 
-class Crew:
+class Workers:
     """Integrators that work at the same time.
 
     Parameters
@@ -108,7 +108,7 @@ class Crew:
             own.tracer.counters.update(dict.fromkeys(own.tracer.counters, 0))
 
     def forget_seconds(self) -> None:
-        """Begin to count seconds: what was found out so far belongs to whoever made the crew."""
+        """Begin to count seconds: what was found out so far belongs to whoever made the workers."""
         for own in self._contexts:
             own.ledger.seconds.clear()
 
@@ -211,7 +211,7 @@ class Crew:
         return {"points_missed_by_photons": 0}
 
     def gather(self) -> None:
-        """Add up the counters of all threads in those of the crew's context.
+        """Add up the counters of all threads in those of the workers's context.
 
         Seconds become those of the wall: what all threads spent, over their number.
         """

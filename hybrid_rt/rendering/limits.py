@@ -119,7 +119,7 @@ class Limit:
     ) -> None:
         """Hear the estimates of the picture's relative error after ``n_done`` passes.
 
-        ``power`` is that of a `hybrid_rt.integrators.workers.Crew`. The blur may be a limit to it, inf
+        ``power`` is that of a `hybrid_rt.integrators.workers.Workers`. The blur may be a limit to it, inf
         where nothing is known; ``blur_stays`` where it is the same after any number of passes.
         """
         self._n_of_error, self._noise, self._blur = n_done, noise, blur

@@ -20,7 +20,7 @@ from hybrid_rt.core.threads import Pool
 from hybrid_rt.integrators import INTEGRATORS, OPTIONS, Options, RenderContext
 from hybrid_rt.integrators.media.absorption import unclosed_bodies
 from hybrid_rt.integrators.options import DEEPEST
-from hybrid_rt.integrators.workers import TOGETHER, Blur, Crew
+from hybrid_rt.integrators.workers import TOGETHER, Blur, Workers
 from hybrid_rt.intersection import Intersector
 from hybrid_rt.intersection.intersector import check_settings
 from hybrid_rt.rendering.audit import audit
@@ -184,19 +184,19 @@ def render(
             compiled, tracer, Pool(1), plan, sampler, ledger, max_depth, options
         )
         with ledger.stage("set-up"):
-            crew = INTEGRATORS[integrator](context, n_threads)
-            crew.forget_seconds()
+            workers = INTEGRATORS[integrator](context, n_threads)
+            workers.forget_seconds()
         # Before the passes, so that a time budget covers it.
         with ledger.stage("audit"):
             wrong = audit(context, n_threads)
         film = Film(scene.camera.height, scene.camera.width)
         try:
-            stopped_by = _run_passes(film, crew, limit, clock, progress)
+            stopped_by = _run_passes(film, workers, limit, clock, progress)
         except KeyboardInterrupt:
             if film.n_passes == 0:
                 raise
             stopped_by = "interrupted"
-        crew.gather()
+        workers.gather()
         channels = compute_channels(names, context, film)
     settings = {
         "integrator": integrator,
@@ -213,10 +213,10 @@ def render(
         "width": scene.camera.width,
         "height": scene.camera.height,
     }
-    blur = crew.blur(film.image)
-    report = _report(plain(settings), context, film, clock, stopped_by) | crew.report(blur)
+    blur = workers.blur(film.image)
+    report = _report(plain(settings), context, film, clock, stopped_by) | workers.report(blur)
     report["geometry"]["wrong_first_hits"] = wrong
-    report["relative_error"] = _relative_error(report["noise"], blur, crew.blur_stays)
+    report["relative_error"] = _relative_error(report["noise"], blur, workers.blur_stays)
     result = RenderResult(film.image, report, channels)
     if stopped_by == "interrupted":
         raise RenderInterrupted(result)
@@ -234,10 +234,10 @@ def _check_options(integrator: str, options: Options | None) -> None:
 
 
 def _run_passes(
-    film: Film, crew: Crew, limit: Limit, clock: Clock, progress: Progress | None
+    film: Film, workers: Workers, limit: Limit, clock: Clock, progress: Progress | None
 ) -> str:
     """Add passes in the order of their numbers until a limit is reached; say which."""
-    camera = crew.context.scene.camera
+    camera = workers.context.scene.camera
     n_pixels = camera.width * camera.height
     at_most = max(TOGETHER // n_pixels, 1)
     show_error = getattr(progress, "note_error", None)
@@ -252,16 +252,16 @@ def _run_passes(
                 progress("Rendering", n_before + n_done, total)
 
         passes = range(film.n_passes, film.n_passes + n_together)
-        for radiance in crew.render_passes(passes, on_rays):
-            with held_back(), crew.context.ledger.stage("film"):
+        for radiance in workers.render_passes(passes, on_rays):
+            with held_back(), workers.context.ledger.stage("film"):
                 film.add(radiance)
         if watches_error and film.n_passes >= limit.next_estimate():
-            with crew.context.ledger.stage("noise"):
-                noise, blur = film.relative_error(), crew.blur(film.image)
+            with workers.context.ledger.stage("noise"):
+                noise, blur = film.relative_error(), workers.blur(film.image)
             # A limit to the blur falls with more passes whatever the blur does.
-            stays = crew.blur_stays and blur.relative is not None
+            stays = workers.blur_stays and blur.relative is not None
             limit.note_error(
-                film.n_passes, noise, blur.counted, power=crew.error_power, blur_stays=stays
+                film.n_passes, noise, blur.counted, power=workers.error_power, blur_stays=stays
             )
             if show_error is not None:
                 show_error(limit.error)

@@ -153,7 +153,7 @@ def add_photons(
 
 
 @kernel
-def show_photons(
+def splat_photons(
     lobes, material, colors, normal, geometric, photon_direction, photon_power, way, pdf, value
 ):
     """Find what photons send to the camera from where they arrive.

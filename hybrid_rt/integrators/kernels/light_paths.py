@@ -50,7 +50,7 @@ from meshing.kernels.jit import inlined, kernel
 
 # Joins bring little light, evenly: asked for every hit, they would cost as much as the lamps. On
 # the Cornell box a quarter costs 4 % in variance and saves a fifth of the time.
-JOIN_CHANCE = 0.25
+CONNECT_CHANCE = 0.25
 
 
 class LightPaths(NamedTuple):
@@ -69,7 +69,7 @@ class LightPaths(NamedTuple):
     source_id: Any  # (n,) int32, object that the ray leaves from
 
 
-class LitPoints(NamedTuple):
+class LightVertices(NamedTuple):
     """Points of surfaces that spread light, reached from lights by way of mirrors and glass."""
 
     position: Any  # (n, 3) float64
@@ -160,7 +160,7 @@ def divide_by_index(density, media, lobes):
 
 
 @kernel
-def pick_lit_points(
+def store_light_vertices(
     paths, lobes, material, colors, position, normal, geometric, ratio, object_id, steps, out, row
 ):
     """Pick the paths that have met a surface that spreads light; return how many.
@@ -179,7 +179,7 @@ def pick_lit_points(
         As in `scattered`; (0,): no glass is rough.
     steps : int
         Directions taken at surfaces on the way.
-    out : LitPoints of n rows or more, written
+    out : LightVertices of n rows or more, written
     row : (n,) int32, written
         The rows of those that are picked.
     """
@@ -218,7 +218,7 @@ def pick_lit_points(
 
 
 @inlined
-def lead_off(
+def leave_surface(
     paths, lobes, material, colors, normal, geometric, ratio, row, i, nx, ny, nz, xi, eta, branch
 ):
     """Send light path i on by a surface that spreads light.
@@ -256,7 +256,7 @@ def lead_off(
 
 
 @kernel
-def lead_on(
+def extend_light_paths(
     paths, lobes, material, colors, position, normal, geometric, ratio, object_id, is_smooth,
     second, choice, xi, out,
 ):  # fmt: skip
@@ -268,7 +268,7 @@ def lead_on(
     Parameters
     ----------
     geometric, ratio : (n, 3) and (n,) float64, or (0, 3) and (0,)
-        As in `pick_lit_points`.
+        As in `store_light_vertices`.
     is_smooth : (objects,) bool
         Objects shaded by other normals than their own: their mirrors and glass do not keep
         n^2 dA cos dw, so paths from lights end there.
@@ -301,7 +301,7 @@ def lead_on(
         if spreads:
             if paths.is_direct[i]:
                 continue
-            x, y, z, is_through, r, g, b, denser = lead_off(
+            x, y, z, is_through, r, g, b, denser = leave_surface(
                 paths, lobes, material[i], colors, normal, geometric, at, row, i, nx, ny, nz,
                 xi[i, 0], xi[i, 1], rest,
             )  # fmt: skip
@@ -345,7 +345,7 @@ def lead_on(
 
 @inlined
 def sent_toward(lit, k, lobes, wx, wy, wz):
-    """Return what lit point k sends against the unit direction w, and what the camera's way weighs.
+    """Return what light vertex k sends against the unit direction w, and what the camera's way weighs.
 
     The first three: flux times f times the cosine toward the eye. The last: the density with which
     a path that arrives along w would go on to the light, per projected solid angle, times the
@@ -381,11 +381,11 @@ def sent_toward(lit, k, lobes, wx, wy, wz):
 
 
 @kernel
-def join_lit_points(
+def connect_to_light_vertices(
     paths, lobes, material, colors, position, normal, geometric, direction, ratio, beyond,
     object_id, lit, first_of_pass, number, of_use, xi, steps_left, out,
 ):  # fmt: skip
-    """Join hits of camera paths to lit points of their passes, by shadow rays.
+    """Join hits of camera paths to light vertices of their passes, by shadow rays.
 
     Parameters
     ----------
@@ -400,9 +400,9 @@ def join_lit_points(
     of_use : float
         Lit points that a light path leaves, as expected.
     xi : (n, 2) float64 in [0, 1)
-        The first chooses the lit point, the second whether a hit is joined at all.
+        The first chooses the light vertex, the second whether a hit is joined at all.
     steps_left : int
-        Directions that the whole path may still take behind the lit point.
+        Directions that the whole path may still take behind the light vertex.
     out : ShadowRays, written
 
     Returns
@@ -414,7 +414,7 @@ def join_lit_points(
     for i in range(material.size):
         if material[i] < 0:
             continue
-        if xi[i, 1] >= JOIN_CHANCE:
+        if xi[i, 1] >= CONNECT_CHANCE:
             continue
         begin, end = first_of_pass[number[i]], first_of_pass[number[i] + 1]
         if begin == end:
@@ -441,8 +441,8 @@ def join_lit_points(
         r, g, b, onward = sent_toward(lit, k, lobes, wx, wy, wz)
         if onward <= 0.0:
             continue
-        rival = pdf / (square * JOIN_CHANCE) * of_use * onward
-        factor = (end - begin) / (square * JOIN_CHANCE) * power_weight(lit.density[k], rival)
+        rival = pdf / (square * CONNECT_CHANCE) * of_use * onward
+        factor = (end - begin) / (square * CONNECT_CHANCE) * power_weight(lit.density[k], rival)
         r, g, b = factor * r * fr, factor * g * fg, factor * b * fb
         if paths.media.shape[1] > 0:
             if ratio.size and is_behind(normal, direction, i, x, y, z):
@@ -467,8 +467,8 @@ def join_lit_points(
 
 
 @kernel
-def show_lit_points(lit, lobes, way, pdf, n_paths, media, steps_left, value):
-    """Find what lit points send to the camera.
+def splat_light_vertices(lit, lobes, way, pdf, n_paths, media, steps_left, value):
+    """Find what light vertices send to the camera.
 
     Parameters
     ----------

@@ -17,7 +17,7 @@ from hybrid_rt.integrators.context import RenderContext
 from hybrid_rt.integrators.direct_light import SurfaceLight
 from hybrid_rt.integrators.kernels import light_paths as kernels
 from hybrid_rt.integrators.kernels.compaction import choose_lights
-from hybrid_rt.integrators.kernels.light_paths import LightPaths, LitPoints
+from hybrid_rt.integrators.kernels.light_paths import LightPaths, LightVertices
 from hybrid_rt.integrators.media.absorption import absorb, media_around_lights
 from hybrid_rt.integrators.media.contacts import Contacts, first_hits
 from hybrid_rt.sampling.sampler import UIntArray
@@ -35,12 +35,12 @@ MOST_PATHS, AT_ONCE = 2**17, 2**18
 
 
 @dataclass(frozen=True)
-class LitPasses:
+class LightVertexPasses:
     """What the light paths of some passes found.
 
     Attributes
     ----------
-    points : LitPoints
+    points : LightVertices
         In the order of the passes.
     offsets : (passes + 1,) int64
         Where the points of each pass begin.
@@ -50,7 +50,7 @@ class LitPasses:
         Radiance that it adds there.
     """
 
-    points: LitPoints
+    points: LightVertices
     offsets: NDArray[np.int64]
     pixel: NDArray[np.int64]
     value: FloatArray
@@ -100,11 +100,11 @@ class LightPathTracer:
         self.is_smooth[list(scene.vertex_normals)] = True
 
     def share_of_use(self) -> float:
-        """Return the lit points that a light path leaves, by a first few of them."""
+        """Return the light vertices that a light path leaves, by a first few of them."""
         points, _, _ = self._trace(range(PILOT_PASS, PILOT_PASS + 1), PILOT_PATHS)
         return float(points.density.size / PILOT_PATHS)
 
-    def trace(self, passes: range) -> LitPasses:
+    def trace(self, passes: range) -> LightVertexPasses:
         """Return what the light paths of some passes find; each pass is a function of its number."""
         step = max(AT_ONCE // self.n_paths, 1)
         parts = [
@@ -114,13 +114,13 @@ class LightPathTracer:
         number, path = (np.concatenate([part[k] for part in parts]) for k in (1, 2))
         self._context.ledger.rays["light paths"] += self.n_paths * len(passes)
         offsets = np.searchsorted(number, np.arange(passes.start, passes.stop + 1))
-        return LitPasses(points, offsets, *self._shown(points, number, path))
+        return LightVertexPasses(points, offsets, *self._shown(points, number, path))
 
-    def _trace(self, passes: range, n: int) -> tuple[LitPoints, UIntArray, UIntArray]:
-        """Return lit points, the passes that they belong to and the numbers of their paths."""
+    def _trace(self, passes: range, n: int) -> tuple[LightVertices, UIntArray, UIntArray]:
+        """Return light vertices, the passes that they belong to and the numbers of their paths."""
         context, scene = self._context, self._context.scene
         paths = self._leaving_lights(passes, n)
-        found = [(_lit_points(0, self._light.n_slots), paths.sample[:0], paths.number[:0])]
+        found = [(_new_light_vertices(0, self._light.n_slots), paths.sample[:0], paths.number[:0])]
         # The way to the camera takes one direction more than those before the point.
         for step in range(context.max_depth):
             with context.ledger.stage("intersect"):
@@ -133,15 +133,18 @@ class LightPathTracer:
             shading = self._light.shading(hits, paths.directions, material, paths.media, second)
             hits = shading.hits
             if step > 0:
-                out, row = _lit_points(material.size, self._light.n_slots), np.empty_like(material)
-                n_out = kernels.pick_lit_points(
+                out, row = (
+                    _new_light_vertices(material.size, self._light.n_slots),
+                    np.empty_like(material),
+                )
+                n_out = kernels.store_light_vertices(
                     paths, scene.lobes, material, shading.colors, hits.position, hits.normal,
                     shading.geometric, shading.ratio, hits.object_id, step, out, row,
                 )  # fmt: skip
-                points = LitPoints(*(column[:n_out] for column in out))
+                points = LightVertices(*(column[:n_out] for column in out))
                 found.append((points, paths.sample[row[:n_out]], paths.number[row[:n_out]]))
             going = LightPaths(*(np.empty_like(column) for column in paths))
-            n_going = kernels.lead_on(
+            n_going = kernels.extend_light_paths(
                 paths, scene.lobes, material, shading.colors, hits.position, hits.normal,
                 shading.geometric, shading.ratio, hits.object_id, self.is_smooth, second,
                 self._points(paths.sample, paths.number, FIRST_STEP + 2 * step),
@@ -155,7 +158,7 @@ class LightPathTracer:
         # Within a pass by steps and number, whichever passes were traced together.
         order = np.argsort(sample, kind="stable")
         points = joined(list(lists))
-        points = LitPoints(*(column.take(order, axis=0) for column in points))
+        points = LightVertices(*(column.take(order, axis=0) for column in points))
         return points, sample[order], np.concatenate(numbers)[order]
 
     def _leaving_lights(self, passes: range, n: int) -> LightPaths:
@@ -186,9 +189,9 @@ class LightPathTracer:
         return paths
 
     def _shown(
-        self, points: LitPoints, sample: UIntArray, path: UIntArray
+        self, points: LightVertices, sample: UIntArray, path: UIntArray
     ) -> tuple[NDArray[np.int64], FloatArray]:
-        """Return the pixels that see lit points, and what each adds to them."""
+        """Return the pixels that see light vertices, and what each adds to them."""
         context, camera = self._context, self._context.scene.camera
         n = points.density.size
         lens = None
@@ -196,7 +199,7 @@ class LightPathTracer:
             lens = self._points(sample, path, LENS)
         way, pixel, pdf = camera.sees(points.position, lens)
         value = np.empty((n, 3))
-        kernels.show_lit_points(
+        kernels.splat_light_vertices(
             points, context.scene.lobes, way, pdf, float(self.n_paths),
             np.repeat(self._media_of_camera[None], n, axis=0), context.max_depth - 1, value,
         )  # fmt: skip
@@ -215,15 +218,15 @@ class LightPathTracer:
         return self._context.sampler.points(sample, FIRST_LIGHT_DIMENSION + use, path)
 
 
-def joined(parts: list[LitPoints]) -> LitPoints:
+def joined(parts: list[LightVertices]) -> LightVertices:
     """Return the points of several lists as one."""
     if len(parts) == 1:
         return parts[0]
-    return LitPoints(*(np.concatenate(columns) for columns in zip(*parts, strict=True)))
+    return LightVertices(*(np.concatenate(columns) for columns in zip(*parts, strict=True)))
 
 
-def _lit_points(n: int, n_slots: int) -> LitPoints:
-    return LitPoints(
+def _new_light_vertices(n: int, n_slots: int) -> LightVertices:
+    return LightVertices(
         position=np.empty((n, 3)),
         normal=np.empty((n, 3)),
         geometric=np.empty((n, 3)),

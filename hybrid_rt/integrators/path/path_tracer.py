@@ -28,11 +28,11 @@ from hybrid_rt.integrators.integrator import (
     Integrator,
 )
 from hybrid_rt.integrators.kernels.compaction import Paths, add_products, add_to_pixels, pack_paths
-from hybrid_rt.integrators.kernels.light_paths import JOIN_CHANCE, join_lit_points
+from hybrid_rt.integrators.kernels.light_paths import CONNECT_CHANCE, connect_to_light_vertices
 from hybrid_rt.integrators.media.absorption import absorb, media_around_camera
 from hybrid_rt.integrators.options import PathOptions
 from hybrid_rt.integrators.path.camera_paths import leaving_camera
-from hybrid_rt.integrators.path.light_paths import LightPathTracer, LitPasses, joined
+from hybrid_rt.integrators.path.light_paths import LightPathTracer, LightVertexPasses, joined
 from hybrid_rt.sensor.passes import pass_of
 from hybrid_rt.shading.kernels.emitter import BOTH, DIRECTION_ONLY, LIGHT_ONLY
 from hybrid_rt.shading.kernels.lobes.register import EVERY
@@ -48,7 +48,7 @@ from hybrid_rt.shading.kernels.scatter import (
 STRATEGIES = {"both": BOTH, "lights": LIGHT_ONLY, "directions": DIRECTION_ONLY}
 
 # What the low-discrepancy points of one step are for.
-TO_LIGHT, DIRECTION, CHOICE, JOIN, PER_STEP = 0, 1, 2, 3, 4
+TO_LIGHT, DIRECTION, CHOICE, CONNECT, PER_STEP = 0, 1, 2, 3, 4
 
 
 class PathTracer(Integrator):
@@ -66,7 +66,7 @@ class PathTracer(Integrator):
         self._light = SurfaceLight(context, strategy, EVERY)
         lights, plan = context.scene.lights, context.plan
         asks = strategy != DIRECTION_ONLY and bool(lights.chance.any())
-        self._asks_lights = asks and (plan["light samples"] or plan["sky samples"])
+        self._samples_lights = asks and (plan["light samples"] or plan["sky samples"])
         self._camera_media = media_around_camera(context, self._contacts)
         self._lamps: LightPathTracer | None = None
         # One mirror or lens, and a surface on either end of the join, at least.
@@ -92,15 +92,15 @@ class PathTracer(Integrator):
         if first._lamps is None:
             self._lamps = None
 
-    def prepare(self, passes: range) -> LitPasses | None:
+    def prepare(self, passes: range) -> LightVertexPasses | None:
         """Return what the light paths of some passes find."""
         if self._lamps is None:
             return None
         with self.context.ledger.stage("light paths"):
             return self._lamps.trace(passes)
 
-    def take(self, passes: range, prepared: Sequence[LitPasses | None]) -> None:
-        """Keep the lit points of the passes that are traced next."""
+    def take(self, passes: range, prepared: Sequence[LightVertexPasses | None]) -> None:
+        """Keep the light vertices of the passes that are traced next."""
         runs = [run for run in prepared if run is not None]
         if runs:
             sizes = np.concatenate([np.diff(run.offsets) for run in runs])
@@ -108,8 +108,8 @@ class PathTracer(Integrator):
             self._first_of_pass = np.concatenate([[0], np.cumsum(sizes)])
             self._lit = joined([run.points for run in runs])
 
-    def add_prepared(self, prepared: LitPasses | None, images: FloatArray) -> None:
-        """Add what the camera sees of the lit points."""
+    def add_prepared(self, prepared: LightVertexPasses | None, images: FloatArray) -> None:
+        """Add what the camera sees of the light vertices."""
         if prepared is None:
             return
         for image, (first, stop) in zip(images, pairwise(prepared.offsets), strict=True):
@@ -137,7 +137,7 @@ class PathTracer(Integrator):
                 shading = self._light.shading(hits, paths.directions, material, paths.media, second)
                 # --- light we reach for
                 xi = self._points(paths, depth)
-                if self._asks_lights:
+                if self._samples_lights:
                     self._light.from_one(
                         shading,
                         paths.camera_ray,
@@ -147,8 +147,8 @@ class PathTracer(Integrator):
                         radiance,
                     )
                 # --- light that mirrors and glass throw
-                if self._joins(depth):
-                    self._join(paths, shading, depth, xi[JOIN], radiance)
+                if self._connects(depth):
+                    self._connect(paths, shading, depth, xi[CONNECT], radiance)
                 # --- where they go next, and which ones stop
                 paths = self._onward(paths, shading, second, depth, xi)
             if paths.camera_ray.size == 0:
@@ -158,21 +158,21 @@ class PathTracer(Integrator):
     def _points(self, paths: Paths, depth: int) -> FloatArray:
         """Return the points of one step, (uses, n, 2); see `TO_LIGHT` and its like."""
         dimension = FIRST_PATH_DIMENSION + depth * PER_STEP
-        n_uses = PER_STEP if self._joins(depth) else JOIN
+        n_uses = PER_STEP if self._connects(depth) else CONNECT
         return self.context.sampler.several(paths.pixel, dimension, paths.sample, n_uses)
 
-    def _joins(self, depth: int) -> bool:
-        # Directions here, at the lit point, and at one mirror or lens at least.
+    def _connects(self, depth: int) -> bool:
+        # Directions here, at the light vertex, and at one mirror or lens at least.
         return self._lamps is not None and depth + 3 <= self.context.max_depth
 
-    def _join(
+    def _connect(
         self, paths: Paths, shading: Shading, depth: int, xi: FloatArray, radiance: FloatArray
     ) -> None:
-        """Add what comes from lit points: one is asked by one hit in a few."""
+        """Add what comes from light vertices: one is asked by one hit in a few."""
         hits, n = shading.hits, paths.camera_ray.size
         rays = shadow_rays(n)
         number = pass_of(paths.pixel >> PIXEL_BITS, paths.sample).astype(np.int64)
-        n_rays = join_lit_points(
+        n_rays = connect_to_light_vertices(
             paths, self.context.scene.lobes, shading.material, shading.colors, hits.position,
             hits.normal, shading.geometric, shading.directions, shading.ratio, shading.beyond,
             hits.object_id, self._lit, self._first_of_pass, number - self._first_pass, self._of_use, xi,
@@ -189,7 +189,7 @@ class PathTracer(Integrator):
             of_pixel: FloatArray = self.context.scene.camera.direction_pdf(paths.directions)
             of_pixel /= self._lamps.n_paths
             return of_pixel
-        return density * (self._of_use * JOIN_CHANCE)
+        return density * (self._of_use * CONNECT_CHANCE)
 
     def _onward(
         self, paths: Paths, shading: Shading, second: IntArray, depth: int, xi: FloatArray

@@ -34,7 +34,7 @@ from hybrid_rt.integrators.kernels.density_estimate import segments_to_photons
 from hybrid_rt.integrators.media.absorption import absorb, media_around_camera
 from hybrid_rt.integrators.path.camera_paths import leaving_camera
 from hybrid_rt.integrators.photons.density_estimation import Field, Points
-from hybrid_rt.integrators.photons.photon_tracer import Shooter
+from hybrid_rt.integrators.photons.photon_tracer import PhotonTracer
 from hybrid_rt.scene.compiled import NOTHING
 from hybrid_rt.shading.kernels.emitter import BOTH, LIGHT_ONLY
 from hybrid_rt.shading.kernels.lobes.register import EVERY, FOLLOWED, NARROW, WIDE
@@ -60,7 +60,7 @@ class _Waiting:
     points: Points
 
 
-class Looker(Integrator):
+class EyePass(Integrator):
     """See the module; `Integrator` for what it offers.
 
     Parameters
@@ -69,7 +69,7 @@ class Looker(Integrator):
 
     Attributes
     ----------
-    shooter : Shooter
+    photon_tracer : PhotonTracer
         Sends out photons for this thread.
     fields : tuple of Field
         The photons of the pass that is being looked at.
@@ -81,7 +81,7 @@ class Looker(Integrator):
 
     def __init__(self, context: RenderContext) -> None:
         super().__init__(context)
-        self.shooter = Shooter(context, self._contacts)
+        self.photon_tracer = PhotonTracer(context, self._contacts)
         self.fields: tuple[Field, ...] = ()
         camera = context.scene.camera
         self.blur = np.zeros((camera.height * camera.width if context.plan["photons"] else 0, 3))
@@ -93,8 +93,8 @@ class Looker(Integrator):
         self._wide = SurfaceLight(context, LIGHT_ONLY, WIDE)
         self._light = SurfaceLight(context, BOTH, EVERY)
         asks = bool(lights.chance.any())
-        self._asks_lights = asks and (plan["light samples"] or plan["sky samples"])
-        self._asks_for_narrow = self._asks_lights and bool((lobes.traits & NARROW).any())
+        self._samples_lights = asks and (plan["light samples"] or plan["sky samples"])
+        self._asks_for_narrow = self._samples_lights and bool((lobes.traits & NARROW).any())
         self._camera_media = media_around_camera(context, self._contacts)
         self.is_in_the_open = not (self._camera_media != NOTHING).any()
         self._is_wide = context.scene.lobes_with(WIDE)
@@ -119,7 +119,7 @@ class Looker(Integrator):
                 add_products(paths.camera_ray, paths.throughput, arriving, radiance)
                 shading = self._light.shading(hits, paths.directions, material, paths.media, second)
                 # --- surfaces that spread light widely: lights are asked, photons later
-                wide = np.flatnonzero(self.shooter.gathers[material])
+                wide = np.flatnonzero(self.photon_tracer.gathers[material])
                 if wide.size:
                     waiting.append(self._look(paths, shading, wide, depth, radiance))
                 # --- where they go next by mirrors, metals and glass, and which ones stop
@@ -147,7 +147,7 @@ class Looker(Integrator):
         """Add straight light at some of the hits; return them as points to gather photons at."""
         there = _rows_of_paths(paths, rows)
         wide = _rows_of(shading, rows, self._is_wide)
-        if self._asks_lights:
+        if self._samples_lights:
             xi = self._points(there, depth, TO_LIGHT)
             self._wide.from_one(wide, there.camera_ray, there.throughput, there.media, xi, radiance)
         xi = self._points(there, depth, TO_PHOTON)

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from hybrid_rt.core.records import BoolArray, FloatArray, NamedPoints
 from hybrid_rt.integrators.context import RenderContext
 from hybrid_rt.integrators.direct_light import Shading
-from hybrid_rt.integrators.kernels.density_estimate import show_photons
+from hybrid_rt.integrators.kernels.density_estimate import splat_photons
 from hybrid_rt.integrators.kernels.photon_steps import MET_SPECULAR, Flight, Photons
 from hybrid_rt.integrators.photons.density_estimation import NEAREST, PIXELS
 from hybrid_rt.sensor.camera import Camera
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 LEAST_SHARE = 0.02
 
 
-class Shown(NamedTuple):
+class Splats(NamedTuple):
     """What photons add to the picture; n rows."""
 
     pixel: NDArray[np.int64]
@@ -90,7 +90,7 @@ def show(
     shading: Shading,
     rows: NDArray[np.intp],
     lens: FloatArray | None,
-) -> Shown:
+) -> Splats:
     """Return what photons that have arrived add to the picture, for those that the camera sees.
 
     Parameters
@@ -108,7 +108,7 @@ def show(
     position = hits.position[rows]
     way, pixel, pdf = context.scene.camera.sees(position, lens)
     value = np.empty((rows.size, 3))
-    show_photons(
+    splat_photons(
         context.scene.lobes, shading.material[rows], shading.colors[rows], hits.normal[rows],
         geometric[rows] if geometric.size else geometric, flight.direction[rows],
         flight.power[rows], way, pdf, value,
@@ -118,4 +118,4 @@ def show(
     context.ledger.rays["photons to camera"] += seen.size
     blocked = context.tracer.occluded(named.position, -way[seen], 1.0, source=named)
     seen = seen[~blocked]
-    return Shown(pixel[seen], value[seen])
+    return Splats(pixel[seen], value[seen])

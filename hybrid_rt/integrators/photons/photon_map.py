@@ -16,7 +16,7 @@ from hybrid_rt.integrators.context import RenderContext
 from hybrid_rt.integrators.kernels.photon_steps import MET_SPREADING, Photons
 from hybrid_rt.integrators.options import PhotonMapOptions
 from hybrid_rt.integrators.photons.density_estimation import Field, Nearest
-from hybrid_rt.integrators.photons.photon_workers import PhotonCrew
+from hybrid_rt.integrators.photons.photon_workers import PhotonWorkers
 
 # Photons farther than this share of the scene's size make no light at a point: around a caustic
 # there is darkness, and the nearest photons lie anywhere.
@@ -28,14 +28,14 @@ BLUR = (
 )
 
 
-class MapCrew(PhotonCrew):
-    """See the module; `PhotonCrew` for what it offers.
+class PhotonMapWorkers(PhotonWorkers):
+    """See the module; `PhotonWorkers` for what it offers.
 
     Parameters
     ----------
     context : RenderContext
     threads : int
-        Each has a `Looker` of its own.
+        Each has a `EyePass` of its own.
     """
 
     blur_stays = True
@@ -52,7 +52,7 @@ class MapCrew(PhotonCrew):
     def _fields(self, photons: Photons, pass_number: int) -> tuple[Field, ...]:
         del pass_number
         nearest, lobes = self._options.nearest, self.context.scene.lobes
-        limit = FARTHEST * 2.0 * float(self._lookers[0].shooter.world[3])
+        limit = FARTHEST * 2.0 * float(self._eye_passes[0].photon_tracer.world[3])
         is_soft = (photons.history & MET_SPREADING) != 0
         fields = [Nearest(_chosen(photons, is_soft), lobes, nearest, limit)]
         if self.context.plan["caustic map"]:

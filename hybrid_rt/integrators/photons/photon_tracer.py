@@ -42,7 +42,7 @@ from hybrid_rt.integrators.kernels.photon_steps import (
 )
 from hybrid_rt.integrators.media.absorption import absorb, media_around_lights
 from hybrid_rt.integrators.media.contacts import Contacts, first_hits
-from hybrid_rt.integrators.photons.light_tracing import DensePlaces, Shown, show
+from hybrid_rt.integrators.photons.light_tracing import DensePlaces, Splats, show
 from hybrid_rt.integrators.photons.projection_map import targets_of
 from hybrid_rt.primitives import Plane
 from hybrid_rt.sampling.sampler import UIntArray
@@ -105,7 +105,7 @@ class Balance:
         self.n_stored += other.n_stored
 
 
-class Shooter:
+class PhotonTracer:
     """Sends out photons and follows them.
 
     Parameters
@@ -158,7 +158,7 @@ class Shooter:
 
     def shoot(
         self, group: Group, pass_number: int, first: int, stop: int, dimension: int, least: int
-    ) -> tuple[Photons, list[Shown]]:
+    ) -> tuple[Photons, list[Splats]]:
         """Follow some photons of a group.
 
         Returned are those that arrived where light is gathered, and what they show the camera.
@@ -175,7 +175,7 @@ class Shooter:
         """
         context = self.context
         stored: list[Photons] = []
-        shown: list[Shown] = []
+        shown: list[Splats] = []
         sequence, n_before = sequence_of(group, pass_number)
         number = np.arange(n_before + first, n_before + stop, dtype=np.uint64)
         with context.ledger.stage("photons"):
@@ -331,7 +331,7 @@ def sequence_of(group: Group, pass_number: int) -> tuple[int, int]:
 
 
 def check_lights(scene: CompiledScene) -> None:
-    """Refuse a scene that photons cannot be sent into; see `Shooter` for what is raised."""
+    """Refuse a scene that photons cannot be sent into; see `PhotonTracer` for what is raised."""
     _powers(scene, _world(scene))
 
 

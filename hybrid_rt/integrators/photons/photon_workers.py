@@ -21,15 +21,15 @@ from hybrid_rt.core.records import FloatArray
 from hybrid_rt.integrators.context import RenderContext
 from hybrid_rt.integrators.kernels.photon_steps import MET_SPECULAR, Photons
 from hybrid_rt.integrators.photons.density_estimation import Field
-from hybrid_rt.integrators.photons.eye_pass import Looker
-from hybrid_rt.integrators.photons.light_tracing import Shown
+from hybrid_rt.integrators.photons.eye_pass import EyePass
+from hybrid_rt.integrators.photons.light_tracing import Splats
 from hybrid_rt.integrators.photons.photon_tracer import (
     PHOTON_DIMENSION,
     Balance,
     blocks_of,
     joined,
 )
-from hybrid_rt.integrators.workers import NO_BLUR, UNKNOWN_BLUR, Blur, Crew, Submit
+from hybrid_rt.integrators.workers import NO_BLUR, UNKNOWN_BLUR, Blur, Submit, Workers
 from hybrid_rt.sensor.film import OVERFLOWS
 from hybrid_rt.sensor.image_metrics import DARK
 
@@ -53,8 +53,8 @@ T = TypeVar("T")
 Ready = tuple[tuple[Field, ...], FloatArray | None]
 
 
-class PhotonCrew(Crew):
-    """See the module; `Crew` for what it offers.
+class PhotonWorkers(Workers):
+    """See the module; `Workers` for what it offers.
 
     Parameters
     ----------
@@ -70,17 +70,17 @@ class PhotonCrew(Crew):
     is_radius_asked = False
 
     def __init__(self, context: RenderContext, threads: int) -> None:
-        super().__init__(context, threads, Looker)
+        super().__init__(context, threads, EyePass)
         self._threads = threads
-        self._n_passes = self._n_shown = 0
+        self._n_passes = self._n_splats = 0
         self._balance = Balance()
         # Sums over passes of how much less discs of half the area give, and of the squares.
-        self._blur = np.zeros_like(self._lookers[0].blur)
+        self._blur = np.zeros_like(self._eye_passes[0].blur)
         self._blur_squares = np.zeros_like(self._blur)
 
     @property
-    def _lookers(self) -> list[Looker]:
-        return cast(list[Looker], self._integrators)
+    def _eye_passes(self) -> list[EyePass]:
+        return cast(list[EyePass], self._integrators)
 
     @property
     @abstractmethod
@@ -107,8 +107,8 @@ class PhotonCrew(Crew):
                 fields, picture = shot()
                 # While threads look at this pass they shoot the next one already.
                 shot = self._begin(number + 1, submit) if number + 1 in passes else _nothing
-                for looker in self._lookers:
-                    looker.fields, looker.blur = fields, blur
+                for eye_pass in self._eye_passes:
+                    eye_pass.fields, eye_pass.blur = fields, blur
                 done = k * camera.height * camera.width
 
                 def heard(n: int, done: int = done) -> None:
@@ -135,8 +135,8 @@ class PhotonCrew(Crew):
         if not self.context.plan["photons"]:
             return _nothing
 
-        def ready(looker: Looker, photons: Photons, shown: list[Shown]) -> Ready:
-            with looker.context.ledger.stage("photon tree"):
+        def ready(eye_pass: EyePass, photons: Photons, shown: list[Splats]) -> Ready:
+            with eye_pass.context.ledger.stage("photon tree"):
                 return self._fields(photons, pass_number), self._picture(shown)
 
         return self._shot(self._per_pass, pass_number, PHOTON_DIMENSION, submit, ready)
@@ -147,31 +147,31 @@ class PhotonCrew(Crew):
         pass_number: int,
         dimension: int,
         submit: Submit,
-        ready: Callable[[Looker, Photons, list[Shown]], T],
+        ready: Callable[[EyePass, Photons, list[Splats]], T],
     ) -> Callable[[], T]:
         """Let threads shoot photons; whoever is last calls ``ready``. Return what waits for that.
 
         The order of photons, and of sums over them, is the same for any number of threads.
         """
-        blocks = blocks_of(self._lookers[0].shooter.groups(n))
-        parts: list[tuple[Photons, list[Shown], Balance] | None] = [None] * len(blocks)
+        blocks = blocks_of(self._eye_passes[0].photon_tracer.groups(n))
+        parts: list[tuple[Photons, list[Splats], Balance] | None] = [None] * len(blocks)
         lock = Lock()
 
-        def work(looker: Looker, i: int) -> tuple[T] | None:
+        def work(eye_pass: EyePass, i: int) -> tuple[T] | None:
             group, first, stop = blocks[i]
-            looker.shooter.balance = Balance()
-            photons, shown = looker.shooter.shoot(
+            eye_pass.photon_tracer.balance = Balance()
+            photons, shown = eye_pass.photon_tracer.shoot(
                 group, pass_number, first, stop, dimension, MET_SPECULAR
             )
             with lock:
-                parts[i] = photons, shown, looker.shooter.balance
+                parts[i] = photons, shown, eye_pass.photon_tracer.balance
                 done = [part for part in parts if part is not None]
             if len(done) < len(parts):
                 return None
             for _, _, balance in done:
                 self._balance.add(balance)
             all_shown = [one for _, several, _ in done for one in several]
-            return (ready(looker, joined([photons for photons, _, _ in done]), all_shown),)
+            return (ready(eye_pass, joined([photons for photons, _, _ in done]), all_shown),)
 
         futures = [submit(work, i) for i in range(len(blocks))]
 
@@ -181,7 +181,7 @@ class PhotonCrew(Crew):
 
         return waited
 
-    def _picture(self, shown: list[Shown]) -> FloatArray | None:
+    def _picture(self, shown: list[Splats]) -> FloatArray | None:
         """Return what photons have shown the camera in a pass, (height, width, 3)."""
         if not shown:
             return None
@@ -189,12 +189,12 @@ class PhotonCrew(Crew):
         picture = np.zeros((camera.height, camera.width, 3))
         for pixel, value in shown:
             np.add.at(picture.reshape(-1, 3), pixel, value)
-            self._n_shown += pixel.size
+            self._n_splats += pixel.size
         return picture
 
     def gather(self) -> None:
         """Add up the counters of all threads."""
-        first, *others = self._lookers
+        first, *others = self._eye_passes
         for other in others:
             first.n_points += other.n_points
             first.n_gathered += other.n_gathered
@@ -203,14 +203,14 @@ class PhotonCrew(Crew):
 
     def report(self, blur: Blur) -> dict[str, Any]:
         """Return what the photons did, in plain types."""
-        first = self._lookers[0]
+        first = self._eye_passes[0]
         balance = self._balance
         names = ("emitted", "escaped", "absorbed", "lost")
         photons = {
             **self._about(),
             "emitted": balance.n_emitted,
             "stored": balance.n_stored,
-            "shown_to_camera": self._n_shown,
+            "shown_to_camera": self._n_splats,
             "gather_points": first.n_points,
             "gathered_per_point": first.n_gathered / max(first.n_points, 1),
             "points_without_photons": first.n_without,
@@ -239,8 +239,8 @@ class PhotonCrew(Crew):
         n = self._n_passes
         if self._blur.size == 0:
             return NO_BLUR
-        is_asked = any(looker.n_points for looker in self._lookers)
-        is_met = any(looker.n_gathered for looker in self._lookers)
+        is_asked = any(eye_pass.n_points for eye_pass in self._eye_passes)
+        is_met = any(eye_pass.n_gathered for eye_pass in self._eye_passes)
         is_missed = is_asked and self._balance.n_stored > 0 and not is_met
         if n < 2 or (is_missed and self.is_radius_asked):
             return UNKNOWN_BLUR

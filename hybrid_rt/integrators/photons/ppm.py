@@ -21,10 +21,10 @@ from hybrid_rt.integrators.photons.density_estimation import (
     Radii,
     shrunk,
 )
-from hybrid_rt.integrators.photons.eye_pass import Looker
-from hybrid_rt.integrators.photons.light_tracing import DensePlaces, Shown
+from hybrid_rt.integrators.photons.eye_pass import EyePass
+from hybrid_rt.integrators.photons.light_tracing import DensePlaces, Splats
 from hybrid_rt.integrators.photons.photon_tracer import PILOT_DIMENSION, Balance
-from hybrid_rt.integrators.photons.photon_workers import PhotonCrew
+from hybrid_rt.integrators.photons.photon_workers import PhotonWorkers
 
 # The photons that radii are found by, at most.
 PILOT_PHOTONS = 100_000
@@ -35,14 +35,14 @@ BLUR = (
 )
 
 
-class ProgressiveCrew(PhotonCrew):
-    """See the module; `PhotonCrew` for what it offers.
+class ProgressiveWorkers(PhotonWorkers):
+    """See the module; `PhotonWorkers` for what it offers.
 
     Parameters
     ----------
     context : RenderContext
     threads : int
-        Each has a `Looker` of its own.
+        Each has a `EyePass` of its own.
     """
 
     def __init__(self, context: RenderContext, threads: int) -> None:
@@ -67,7 +67,7 @@ class ProgressiveCrew(PhotonCrew):
 
     def _first_radii(self) -> Radii:
         options = self._options
-        extent = 2.0 * float(self._lookers[0].shooter.world[3])
+        extent = 2.0 * float(self._eye_passes[0].photon_tracer.world[3])
         if options.initial_radius is not None:
             low, high = NARROWEST * extent, WIDEST_ASKED * extent
             if not low <= options.initial_radius <= high:
@@ -82,7 +82,7 @@ class ProgressiveCrew(PhotonCrew):
         share = n / options.photons_per_pass
 
         def ready(
-            _: Looker, photons: Photons, _shown: list[Shown]
+            _: EyePass, photons: Photons, _shown: list[Splats]
         ) -> tuple[Radii, DensePlaces | None]:
             dense = DensePlaces.of(photons, share, camera, self._threads)
             return Radii.of(photons, share, camera, extent, self._threads), dense
@@ -90,8 +90,8 @@ class ProgressiveCrew(PhotonCrew):
         with self._at_work() as submit:
             radii, dense = self._shot(n, 0, PILOT_DIMENSION, submit, ready)()
         self._balance = Balance()  # the light of these photons is in no picture
-        for looker in self._lookers:
-            looker.shooter.dense = dense if looker.is_in_the_open else None
+        for eye_pass in self._eye_passes:
+            eye_pass.photon_tracer.dense = dense if eye_pass.is_in_the_open else None
         return radii
 
     def _about(self) -> dict[str, Any]:

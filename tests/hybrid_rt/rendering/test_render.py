@@ -11,12 +11,10 @@ from hybrid_rt.benchmarks.photon_truth import PHOTON_PICTURES
 from hybrid_rt.integrators import (
     PhotonMapOptions,
     PPMOptions,
+    workers,
 )
 from hybrid_rt.integrators import (
     direct_light as surface_light,
-)
-from hybrid_rt.integrators import (
-    workers as crew,
 )
 from hybrid_rt.integrators.integrator import LENS_DIMENSION
 from hybrid_rt.integrators.media import absorption as clear_bodies
@@ -159,7 +157,7 @@ class TestPlan:
             (LightPathTracer, "trace", scene(Dielectric()), ON_A_TABLE),
             (LightPathTracer, "trace", scene(Lambertian(0.5), [SphereLight((0, 0, 3), 0.5, 9)]),
              ON_A_TABLE),
-            (path, "join_lit_points", scene(Dielectric()), ON_A_TABLE),
+            (path, "connect_to_light_vertices", scene(Dielectric()), ON_A_TABLE),
             (Contacts, "at", scene(Dielectric()), ON_A_TABLE),
         ],
         ids=["textures", "no matt", "no light", "nothing seen", "glass", "start", "area", "shadows",
@@ -520,7 +518,7 @@ def test_clear_bodies_that_are_not_closed_are_named(surfaces, is_open, integrato
 
 
 def test_progress_hears_every_block(monkeypatch):
-    monkeypatch.setattr(crew, "BLOCK", 12 * 8)
+    monkeypatch.setattr(workers, "BLOCK", 12 * 8)
     heard = []
     render(scene(), passes=2, progress=lambda *event: heard.append(event))
     assert heard[0] == ("Building", 0, 0)

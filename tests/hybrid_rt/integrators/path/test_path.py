@@ -9,8 +9,7 @@ import pytest
 import trimesh
 from scipy import stats
 
-from hybrid_rt.integrators import PathOptions
-from hybrid_rt.integrators import workers as crew
+from hybrid_rt.integrators import PathOptions, workers
 from hybrid_rt.lights import (
     GradientSky,
     ImageEnvironment,
@@ -578,8 +577,8 @@ class TestLightPaths:
     def test_threads_change_no_bit(self, threads, monkeypatch):
         scene, _ = self.scene("mixtures")
         before = render(scene, passes=5, threads=2).image
-        monkeypatch.setattr(crew, "BLOCK", 1000)
-        monkeypatch.setattr(crew, "TOGETHER", 1000)
+        monkeypatch.setattr(workers, "BLOCK", 1000)
+        monkeypatch.setattr(workers, "TOGETHER", 1000)
         np.testing.assert_array_equal(render(scene, passes=5, threads=threads).image, before)
 
     def test_mirrors_that_no_lamp_reaches_cost_nothing(self):
@@ -657,7 +656,7 @@ def test_error_falls_with_the_root_of_the_passes():
 @pytest.mark.parametrize("block", [100, 2**15])
 def test_threads_and_blocks_change_no_bit(threads, block, monkeypatch):
     before = render(room(), passes=3, seed=4, threads=2).image
-    monkeypatch.setattr(crew, "BLOCK", block)
+    monkeypatch.setattr(workers, "BLOCK", block)
     np.testing.assert_array_equal(render(room(), passes=3, seed=4, threads=threads).image, before)
 
 

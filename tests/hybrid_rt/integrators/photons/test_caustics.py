@@ -8,7 +8,7 @@ from scipy import stats
 
 from hybrid_rt.benchmarks.shared_statistics_ppm import (
     all_photons,
-    make_shooter,
+    make_photon_tracer,
     shared_statistics,
 )
 from hybrid_rt.integrators import PhotonMapOptions, PPMOptions
@@ -54,7 +54,7 @@ def test_sphere_throws_the_light_that_geometric_optics_says():
     glass = Object(Sphere((0, 0, center_z), radius), Dielectric(index))
     scene = Scene(VIEW, [Object(plane(), Lambertian(0.5)), glass], [lamp])
     n = 60_000
-    photons = all_photons(make_shooter(scene, 1, max_depth=2), n, 0)
+    photons = all_photons(make_photon_tracer(scene, 1, max_depth=2), n, 0)
     only_glass = photons.history == MET_SPECULAR
     across = np.hypot(photons.position[only_glass, 0], photons.position[only_glass, 1])
     power = photons.power[only_glass, 0].astype(float)
@@ -92,7 +92,7 @@ def test_paraboloid_makes_light_parallel():
     lamp = PointLight((0, 0, 3 - focus), 2.0)
     scene = Scene(VIEW, [Object(plane(), Lambertian(0.5)), Object(bowl, Mirror(), "bowl")], [lamp])
     n = 40_000
-    photons = all_photons(make_shooter(scene, 2, max_depth=1), n, 0)
+    photons = all_photons(make_photon_tracer(scene, 2, max_depth=1), n, 0)
     mirrored = photons.history == MET_SPECULAR
     across = np.hypot(photons.position[mirrored, 0], photons.position[mirrored, 1])
     direction = photons.direction[mirrored].astype(float)
@@ -171,10 +171,12 @@ def corner(n=16):
 
 def test_independent_passes_agree_with_shared_statistics():
     """Both updates have the same limit: the soft light on the floor."""
-    shooter = make_shooter(corner(), 3)
+    photon_tracer = make_photon_tracer(corner(), 3)
     x, y = np.meshgrid(np.linspace(-0.6, 0.6, 8), np.linspace(-1.4, -0.4, 8))
     points = np.stack([x.ravel(), y.ravel(), np.zeros(64)], axis=1)
-    shared = shared_statistics(shooter, points, np.array([0, 0, 1.0]), 0.6, 12, 20_000, 0.25)[-1]
+    shared = shared_statistics(photon_tracer, points, np.array([0, 0, 1.0]), 0.6, 12, 20_000, 0.25)[
+        -1
+    ]
     image = render(corner(), "ppm", passes=24, seed=5, options=PPMOptions(20_000)).image
     straight = render(corner(), "whitted", passes=64, seed=6).image
     soft = image.astype(float) - straight

@@ -16,7 +16,7 @@ from hybrid_rt.integrators.photons import (
     density_estimation as gathering,
 )
 from hybrid_rt.integrators.photons import (
-    photon_workers as photon_crew,
+    photon_workers,
 )
 from hybrid_rt.integrators.photons.density_estimation import shrunk
 from hybrid_rt.integrators.photons.photon_tracer import Group, sequence_of
@@ -310,7 +310,7 @@ class TestPlan:
         def used(*_args, **_kwargs):
             raise AssertionError("photons were shot")
 
-        monkeypatch.setattr(photon_crew.PhotonCrew, "_shot", used)
+        monkeypatch.setattr(photon_workers.PhotonWorkers, "_shot", used)
         dark = photons(Scene(self.view(), [floor()]))
         assert not dark.image.any()
         assert dark.report["photons"]["emitted"] == 0

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from hybrid_rt.benchmarks.shared_statistics_ppm import make_shooter
+from hybrid_rt.benchmarks.shared_statistics_ppm import make_photon_tracer
 from hybrid_rt.cli.scene_file import load_scene
 from hybrid_rt.core.records import NamedPoints
 from hybrid_rt.integrators.photons.photon_tracer import PHOTON_DIMENSION
@@ -66,14 +66,14 @@ def test_a_rod_is_covered_by_small_balls_and_a_cube_by_one():
 
 @pytest.mark.parametrize("name", sorted(SHARES))
 def test_most_aimed_photons_meet_what_they_are_aimed_at(name):
-    shooter = make_shooter(load_scene(SCENES / f"{name}.py"), 1)
-    context = shooter.context
+    photon_tracer = make_photon_tracer(load_scene(SCENES / f"{name}.py"), 1)
+    context = photon_tracer.context
     throws = context.scene.materials_with(FOLLOWED)
     shares = []
-    for group in shooter.groups(4000):
+    for group in photon_tracer.groups(4000):
         if group.is_aimed:
             number = np.arange(group.n, dtype=np.uint64)
-            flight = shooter._launched(group, group.number, number, PHOTON_DIMENSION)
+            flight = photon_tracer._launched(group, group.number, number, PHOTON_DIMENSION)
             source = NamedPoints(flight.source_id, flight.origin)
             hits = context.tracer.intersect(flight.origin, flight.direction, source=source)
             material = np.where(hits.hit, context.scene.material_of[hits.object_id], -1)

@@ -6,7 +6,7 @@ from functools import partial
 import numpy as np
 import pytest
 
-from hybrid_rt.integrators import workers as crew
+from hybrid_rt.integrators import workers
 from hybrid_rt.integrators.whitted import whitted
 from hybrid_rt.lights import GradientSky, PointLight, RectangleLight
 from hybrid_rt.materials import Dielectric, Lambertian, Mirror, Phong
@@ -250,7 +250,7 @@ def test_threads_change_no_bit(picture, threads):
 
 @pytest.mark.parametrize("block", [7, 100, 1000])
 def test_size_of_blocks_changes_no_bit(picture, block, monkeypatch):
-    monkeypatch.setattr(crew, "BLOCK", block)
+    monkeypatch.setattr(workers, "BLOCK", block)
     monkeypatch.setattr(whitted, "BLOCK", block)
     np.testing.assert_array_equal(render(busy_scene(), passes=3, seed=4).image, picture)
 
