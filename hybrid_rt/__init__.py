@@ -35,6 +35,7 @@ _HOMES = {
     "Rectangle": "primitives",
     "RectangleLight": "lights",
     "RenderInterrupted": "rendering.renderer",
+    "RoughConductor": "materials.rough_conductor",
     "Scene": "scene.scene",
     "Sphere": "primitives",
     "SphereLight": "lights",

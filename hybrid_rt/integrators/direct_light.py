@@ -17,13 +17,19 @@ from hybrid_rt.integrators.kernels.compaction import (
 )
 from hybrid_rt.primitives.vertex_normals import shading_normals
 from hybrid_rt.scene.compiled import NOTHING
-from hybrid_rt.shading.kernels.bsdf import PHONG
 from hybrid_rt.shading.kernels.emitter import UNWEIGHTED, light_on_hits, light_on_rays
 from hybrid_rt.shading.kernels.light_kinds import LightPoints
-from hybrid_rt.shading.kernels.medium_stack import weaken_by_ways
+from hybrid_rt.shading.kernels.lobes.register import SPREADS, WIDE
+from hybrid_rt.shading.kernels.medium_stack import (
+    STACK,
+    look_beyond,
+    take_media_toward,
+    weaken_by_ways,
+)
 from hybrid_rt.shading.kernels.texture import lobe_colors
 
 NO_NORMALS = np.zeros((0, 3))
+NO_RATIO, NO_MEDIA = np.zeros(0), np.zeros((0, 0), dtype=np.int32)
 NO_RIVAL = np.zeros(0)
 NONE_SMOOTH = np.zeros(0, dtype=np.bool_)
 
@@ -41,6 +47,11 @@ class Shading:
     colors : (n, lobes of a material at most, 3) float64
     geometric : (n, 3) float64, or (0, 3)
         Normals of the surfaces themselves where ``hits`` has been given others to shade by.
+    ratio : (n,) float64, or (0,)
+        Index beyond the surface over that before it, where rough glass spreads light to its other
+        side; else 0. Without rows where the scene has no rough glass.
+    beyond : (n, STACK) int32, or (0, 0)
+        The stacks of rays that pass there.
     """
 
     hits: HitRecord
@@ -48,6 +59,8 @@ class Shading:
     material: IntArray
     colors: FloatArray
     geometric: FloatArray
+    ratio: FloatArray
+    beyond: IntArray
 
 
 class SurfaceLight:
@@ -58,18 +71,19 @@ class SurfaceLight:
     context : RenderContext
     strategy : int
         How light found in two ways is weighted: see `hybrid_rt.shading.kernels.emitter`.
-    last_kind : int
-        Lobes that lights are asked for: see `hybrid_rt.shading.kernels.bsdf.scattered`.
+    asked : int
+        Traits of the lobes that lights are sampled through: see `hybrid_rt.shading.kernels.bsdf.scattered`.
     """
 
     def __init__(
-        self, context: RenderContext, strategy: int = UNWEIGHTED, last_kind: int = PHONG
+        self, context: RenderContext, strategy: int = UNWEIGHTED, asked: int = WIDE
     ) -> None:
         self._context = context
-        self._strategy, self._last_kind = strategy, last_kind
+        self._strategy, self._traits_asked = strategy, asked
         self.n_slots = int(np.diff(context.scene.lobes.first).max(initial=0))
         self._constant_colors = self._colors_without_lookup()
         self._before = np.cumsum(context.scene.lights.chance)
+        self._rough_glass_of = self._lobes_of_rough_glass()
 
     def material(self, hits: HitRecord) -> IntArray:
         """Return the material of each hit; `NOTHING` for misses and for lights."""
@@ -97,7 +111,14 @@ class SurfaceLight:
         )
         return colors
 
-    def shading(self, hits: HitRecord, directions: FloatArray, material: IntArray) -> Shading:
+    def shading(
+        self,
+        hits: HitRecord,
+        directions: FloatArray,
+        material: IntArray,
+        media: IntArray,
+        second: IntArray,
+    ) -> Shading:
         """Return hits with the colours of their lobes and the normals to shade by.
 
         Parameters
@@ -106,17 +127,23 @@ class SurfaceLight:
         directions : (n, 3) float64
             Of the rays that arrived.
         material : (n,) int32
+        media : (n, STACK) int32, or (n, 0)
+            The stacks of these rays, on arrival.
+        second : (n,) int32, or (0,)
+            Faces that coincide with the hits: see `Contacts.at`.
         """
         colors = self.colors(material, hits)
+        ratio, beyond = self._across(hits, material, media, second)
         meshes = self._context.scene.vertex_normals
         if not meshes:
-            return Shading(hits, directions, material, colors, NO_NORMALS)
+            return Shading(hits, directions, material, colors, NO_NORMALS, ratio, beyond)
         normal = hits.normal.copy()
         for object_id, normals in meshes.items():
             rows = np.flatnonzero(hits.object_id == object_id)
             mesh = self._context.scene.surfaces[object_id]
             normal[rows] = shading_normals(hits, directions, rows, mesh, normals)
-        return Shading(replace(hits, normal=normal), directions, material, colors, hits.normal)
+        to_shade_by = replace(hits, normal=normal)
+        return Shading(to_shade_by, directions, material, colors, hits.normal, ratio, beyond)
 
     def arriving(
         self,
@@ -201,6 +228,9 @@ class SurfaceLight:
         choose_lights(self._before, scene.lights.chance, xi, light)
         to_light, value = self._asked(shading, light, xi)
         if media.shape[1]:
+            if shading.ratio.size:
+                media = media.copy()
+                take_media_toward(hits.normal, shading.directions, to_light, shading.beyond, media)
             weaken_by_ways(media, scene.lobes, to_light, light < scene.n_lights, value)
         rays = shadow_rays(n)
         n_rays = pack_shadow_rays(
@@ -254,9 +284,10 @@ class SurfaceLight:
             hits.normal,
             shading.directions,
             shading.geometric,
+            shading.ratio,
             xi,
             self._strategy,
-            self._last_kind,
+            self._traits_asked,
             to_light,
             value,
         )
@@ -301,6 +332,27 @@ class SurfaceLight:
                     met.patch_id[rows].astype(np.int64), met.u[rows], met.v[rows]
                 )
         return density
+
+    def _across(
+        self, hits: HitRecord, material: IntArray, media: IntArray, second: IntArray
+    ) -> tuple[FloatArray, IntArray]:
+        """Return what lies beyond rough glass, for `Shading`."""
+        if self._rough_glass_of is None:
+            return NO_RATIO, NO_MEDIA
+        n, lobes = len(hits), self._context.scene.lobes
+        ratio, beyond = np.empty(n), np.empty((n, STACK), dtype=np.int32)
+        lobe = self._rough_glass_of[material]
+        look_beyond(lobes, lobe, media, hits.front_face, second, beyond, ratio)
+        return ratio, beyond
+
+    def _lobes_of_rough_glass(self) -> IntArray | None:
+        """Return the lobe of rough glass of each material; a last row is for `NOTHING`."""
+        scene = self._context.scene
+        if not self._context.plan["rough glass"]:
+            return None
+        is_rough = scene.lobes.traits[scene.glass_of] & SPREADS != 0
+        is_rough &= scene.glass_of != NOTHING
+        return np.append(np.where(is_rough, scene.glass_of, NOTHING), NOTHING).astype(np.int32)
 
     def _colors_without_lookup(self) -> FloatArray | None:
         if self._context.plan["texture lookups"]:

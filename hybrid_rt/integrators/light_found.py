@@ -6,7 +6,7 @@ a word that begins with what shines and ends in the eye. Here
 - ``L`` is a lamp with an area, ``P`` one without (a point, a spot), ``U`` a plane that shines, which
   has no end and so no point to choose, ``K`` the sky;
 - ``D`` is a surface that spreads light widely (matt, glossy), ``G`` one that spreads it narrowly
-  (metal), ``S`` a mirror or glass;
+  (metal, rough glass), ``S`` a mirror or smooth glass;
 - ``E`` is the eye.
 
 So ``[LK]D[GS]*E`` is direct light on matt surfaces, seen also in mirrors. Lamps without area are not
@@ -23,8 +23,8 @@ import numpy as np
 
 from hybrid_rt.primitives import Plane, Rectangle
 from hybrid_rt.scene.compiled import NOTHING, CompiledScene
-from hybrid_rt.shading.kernels.bsdf import DIELECTRIC, DIFFUSE, METAL, MIRROR, PHONG
 from hybrid_rt.shading.kernels.light_kinds import WITHOUT_AREA
+from hybrid_rt.shading.kernels.lobes.register import DELTA, NARROW, WIDE
 
 # Every kind of path that integrators differ in shows in as many surfaces.
 MOST_SURFACES = 4
@@ -63,12 +63,8 @@ def paths_of(scene: CompiledScene) -> list[str]:
     ):
         lights += letter if (shines & is_of_kind).any() else ""
     lights += "" if scene.environment is None else "K"
-    for letter, least, last in (
-        ("D", DIFFUSE, PHONG),
-        ("G", METAL, METAL),
-        ("S", MIRROR, DIELECTRIC),
-    ):
-        surfaces += letter if scene.lobes_of_kinds(least, last).any() else ""
+    for letter, traits in (("D", WIDE), ("G", NARROW), ("S", DELTA)):
+        surfaces += letter if scene.lobes_with(traits).any() else ""
     return _paths(lights, surfaces, 1 if _is_one_flat_surface(scene) else MOST_SURFACES)
 
 

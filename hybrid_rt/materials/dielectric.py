@@ -6,7 +6,7 @@ from numpy.typing import ArrayLike
 
 from hybrid_rt.core import checks
 from hybrid_rt.materials.material import Lobe, Material
-from hybrid_rt.shading.kernels.bsdf import DIELECTRIC
+from hybrid_rt.shading.kernels.lobes.register import DIELECTRIC
 from hybrid_rt.textures.texture import Texture, as_texture
 
 # Squares of the index multiply radiance at every surface: beyond this pictures overflow.

@@ -5,7 +5,7 @@ from __future__ import annotations
 from numpy.typing import ArrayLike
 
 from hybrid_rt.materials.material import Lobe, Material
-from hybrid_rt.shading.kernels.bsdf import DIFFUSE
+from hybrid_rt.shading.kernels.lobes.register import DIFFUSE
 from hybrid_rt.textures.texture import Texture, as_texture
 
 

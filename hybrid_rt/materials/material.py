@@ -9,6 +9,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
 
+from hybrid_rt.shading.kernels.lobes.register import TRAITS
 from hybrid_rt.textures.texture import Texture
 
 
@@ -17,12 +18,19 @@ class Lobe:
     """One way of sending light on."""
 
     kind: int
-    """`hybrid_rt.shading.kernels.bsdf`: DIFFUSE, PHONG, METAL, MIRROR or DIELECTRIC."""
+    """One of those in `hybrid_rt.shading.kernels.lobes.register`."""
     color: Texture
     number: tuple[float, ...] = ()
-    """At most six numbers; `LobeTable.number` says what they are."""
+    """What they are, the lobe's kernel knows."""
     weight: float = 1.0
     """Share of the lobe in a mixture."""
+    breadth: int = 0
+    """WIDE, NARROW or DELTA, where the register leaves that to the material."""
+
+    @property
+    def traits(self) -> int:
+        """What is true of the lobe, in bits: see the register."""
+        return TRAITS[self.kind] | self.breadth
 
 
 class Material(ABC):

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 from hybrid_rt.core import checks
 from hybrid_rt.materials.material import Lobe, Material
-from hybrid_rt.shading.kernels.bsdf import DIELECTRIC
+from hybrid_rt.shading.kernels.lobes.register import TRANSMITS
 
 # Weights that should add up to one may exceed it by rounding.
 _ROUNDING = 1e-12
@@ -57,7 +57,7 @@ class Mix(Material):
                 f"Mix weights add up to {total:g}: pass at most 1 together (a surface cannot send on "
                 "more light than it receives)"
             )
-        if sum(lobe.kind == DIELECTRIC for lobe in lobes) > 1:
+        if sum(lobe.traits & TRANSMITS != 0 for lobe in lobes) > 1:
             raise ValueError(
                 "Mix parts: more than one part is a Dielectric: pass one, a body has one inside"
             )

@@ -7,7 +7,7 @@ from numpy.typing import ArrayLike
 
 from hybrid_rt.core import checks
 from hybrid_rt.materials.material import Lobe, Material
-from hybrid_rt.shading.kernels.bsdf import DIFFUSE, PHONG
+from hybrid_rt.shading.kernels.lobes.register import DIFFUSE, PHONG
 from hybrid_rt.textures.texture import Texture, as_texture
 
 # A sum of two colours that should be one may exceed it by rounding.

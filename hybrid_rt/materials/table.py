@@ -8,7 +8,8 @@ import numpy as np
 
 from hybrid_rt.core.records import FloatArray
 from hybrid_rt.materials.material import Material
-from hybrid_rt.shading.kernels.bsdf import DIELECTRIC, LobeTable
+from hybrid_rt.shading.kernels.bsdf import LobeTable
+from hybrid_rt.shading.kernels.lobes.register import TRANSMITS
 from hybrid_rt.shading.kernels.texture import TextureTable
 from hybrid_rt.textures.table import compile_textures
 from hybrid_rt.textures.texture import Texture
@@ -28,11 +29,12 @@ def compile_materials(
         if id(lobe.color) not in row_of:
             row_of[id(lobe.color)] = len(textures)
             textures.append(lobe.color)
-    numbers = np.zeros((len(lobes), 6))
+    numbers = np.zeros((len(lobes), max((len(lobe.number) for lobe in lobes), default=0) or 1))
     for row, lobe in zip(numbers, lobes, strict=True):
         row[: len(lobe.number)] = lobe.number
     table = LobeTable(
         kind=np.array([lobe.kind for lobe in lobes], dtype=np.int32),
+        traits=np.array([lobe.traits for lobe in lobes], dtype=np.int32),
         texture=np.array([row_of[id(lobe.color)] for lobe in lobes], dtype=np.int32),
         number=numbers,
         weight=np.array([lobe.weight for lobe in lobes], dtype=np.float64),
@@ -43,4 +45,4 @@ def compile_materials(
 
 def color_factor(lobes: LobeTable) -> FloatArray:
     """Return what multiplies the colour of each lobe: its share, but for the tint of glass."""
-    return np.where(lobes.kind == DIELECTRIC, 1.0, lobes.weight)
+    return np.where(lobes.traits & TRANSMITS, 1.0, lobes.weight)

@@ -18,9 +18,10 @@ from hybrid_rt.materials.table import color_factor, compile_materials
 from hybrid_rt.primitives.vertex_normals import vertex_normals
 from hybrid_rt.scene.scene import Object, Scene
 from hybrid_rt.sensor.camera import Camera
-from hybrid_rt.shading.kernels.bsdf import DIELECTRIC, LobeTable
+from hybrid_rt.shading.kernels.bsdf import LobeTable
 from hybrid_rt.shading.kernels.environment import EnvironmentTable
 from hybrid_rt.shading.kernels.light_kinds import SURFACE, LightTable
+from hybrid_rt.shading.kernels.lobes.register import TRANSMITS
 from hybrid_rt.shading.kernels.texture import TextureTable
 from hybrid_rt.textures.texture import ConstantTexture, Texture
 
@@ -79,13 +80,13 @@ class CompiledScene:
         """Return the number of lights, the environment not counted."""
         return int(self.lights.kind.size)
 
-    def lobes_of_kinds(self, least: int, last: int) -> BoolArray:
-        """Return which lobes of each material are of these kinds.
+    def lobes_with(self, traits: int) -> BoolArray:
+        """Return which lobes of each material have one of these traits.
 
         Parameters
         ----------
-        least, last : int
-            First and last of the kinds, in the order of `hybrid_rt.shading.kernels.bsdf`.
+        traits : int
+            Bits of `hybrid_rt.shading.kernels.lobes.register`.
 
         Returns
         -------
@@ -95,13 +96,12 @@ class CompiledScene:
         first = self.lobes.first
         marks = np.zeros((first.size, int(np.diff(first).max(initial=0))), dtype=np.bool_)
         for m, (start, stop) in enumerate(pairwise(first)):
-            kinds = self.lobes.kind[start:stop]
-            marks[m, : kinds.size] = (kinds >= least) & (kinds <= last)
+            marks[m, : stop - start] = self.lobes.traits[start:stop] & traits != 0
         return marks
 
-    def materials_of_kinds(self, least: int, last: int) -> BoolArray:
-        """Return which materials have lobes of these kinds, (materials + 1,): see `lobes_of_kinds`."""
-        return np.asarray(self.lobes_of_kinds(least, last).any(axis=1))
+    def materials_with(self, traits: int) -> BoolArray:
+        """Return which materials have lobes with one of these traits, (materials + 1,)."""
+        return np.asarray(self.lobes_with(traits).any(axis=1))
 
 
 def compile_scene(scene: Scene) -> CompiledScene:
@@ -172,7 +172,7 @@ def compile_scene(scene: Scene) -> CompiledScene:
 
 def _glass_of(lobes: LobeTable) -> IntArray:
     glass = np.full(lobes.first.size - 1, NOTHING, dtype=np.int32)
-    for row in np.flatnonzero(lobes.kind == DIELECTRIC):
+    for row in np.flatnonzero(lobes.traits & TRANSMITS):
         glass[np.searchsorted(lobes.first, row, side="right") - 1] = row
     return glass
 

@@ -5,11 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Any, Protocol
 
-import numpy as np
-
 from hybrid_rt.scene.compiled import CompiledScene
 from hybrid_rt.scene.touching import touching
-from hybrid_rt.shading.kernels.bsdf import DIELECTRIC, LAST_SPREADING, METAL, MIRROR, PHONG
+from hybrid_rt.shading.kernels.lobes.register import DELTA, FOLLOWED, SPREADS, TRANSMITS, WIDE
 from hybrid_rt.textures.table import needs_lookup
 
 # The decision that each of these modules of kernels is for; those of others always run.
@@ -80,9 +78,9 @@ def explain(plan: dict[str, Any]) -> str:
 
 def make_plan(scene: CompiledScene, integrator: Needs) -> Plan:
     """Decide what light transport in this scene needs."""
-    kinds = scene.lobes.kind
-    spreads = bool((kinds <= LAST_SPREADING).any())
-    is_glass = kinds == DIELECTRIC
+    traits = scene.lobes.traits
+    spreads = bool((traits & SPREADS).any())
+    is_glass = (traits & TRANSMITS) != 0
     has_sky = scene.environment is not None
     n_lights = scene.n_lights
     asks_all = integrator.asks_every_light
@@ -128,7 +126,7 @@ def make_plan(scene: CompiledScene, integrator: Needs) -> Plan:
     )
     plan.decide(
         "mirror rays",
-        bool(np.isin(kinds, (MIRROR, METAL)).any()),
+        bool((traits[~is_glass] & FOLLOWED).any()),
         "at least one surface is a mirror or metal",
         "no surface is a mirror",
     )
@@ -139,6 +137,12 @@ def make_plan(scene: CompiledScene, integrator: Needs) -> Plan:
         + ("both branches are" if integrator.follows_every_branch else "one branch is")
         + " followed",
         "no surface is a dielectric",
+    )
+    plan.decide(
+        "rough glass",
+        bool((traits[is_glass] & SPREADS).any()),
+        "at least one clear body is rough: lights are sampled through its surface",
+        "no clear body is rough" if is_glass.any() else "no surface is a dielectric",
     )
     plan.decide(
         "medium stack",
@@ -152,7 +156,7 @@ def make_plan(scene: CompiledScene, integrator: Needs) -> Plan:
         "clear bodies may share faces with others: those are passed at once",
         "no clear body touches another surface" if is_glass.any() else "no surface is a dielectric",
     )
-    leads = bool((kinds > LAST_SPREADING).any())
+    leads = bool((traits & DELTA).any())
     shines = bool(scene.lights.emit.any())
     plan.decide(
         "light paths",
@@ -173,8 +177,8 @@ def make_plan(scene: CompiledScene, integrator: Needs) -> Plan:
 
 def _plan_photons(plan: Plan, scene: CompiledScene, integrator: Needs) -> None:
     """Decide which photons a scene needs."""
-    kinds, shines = scene.lobes.kind, bool(scene.lights.chance.any())
-    gathers, throws = bool((kinds <= PHONG).any()), bool((kinds > PHONG).any())
+    traits, shines = scene.lobes.traits, bool(scene.lights.chance.any())
+    gathers, throws = bool((traits & WIDE).any()), bool((traits & FOLLOWED).any())
     plan.decide(
         "photons",
         gathers and shines,

@@ -5,7 +5,8 @@ import math
 import numpy as np
 
 from hybrid_rt.integrators.kernels.photon_steps import IS_SHOWN
-from hybrid_rt.shading.kernels.bsdf import PHONG, scattered
+from hybrid_rt.shading.kernels.bsdf import scattered
+from hybrid_rt.shading.kernels.lobes.register import WIDE
 from meshing.kernels.jit import inlined, kernel
 
 # Photons of a surface turned farther than this from that of the point belong to another wall.
@@ -74,8 +75,7 @@ def add_photons(
     radius : (n,) float64
         Of the disc of each point.
     material, colors, position, normal, direction : (n, ...)
-        Of the points, as for `hybrid_rt.shading.kernels.emitter.light_on_hits`; only lobes up to
-        `PHONG` count.
+        Of the points, as for `hybrid_rt.shading.kernels.emitter.light_on_hits`; only wide lobes count.
     geometric : (n, 3) float64
         Normal of the surface itself, where ``normal`` is another; else (0, 3).
     is_direct : (n,) bool
@@ -127,7 +127,7 @@ def add_photons(
             continue
         r, g, b, _ = scattered(
             lobes, material[i], colors, i, normal[i, 0], normal[i, 1], normal[i, 2],
-            dx, dy, dz, wx, wy, wz, PHONG,
+            dx, dy, dz, wx, wy, wz, 0.0, WIDE,
         )  # fmt: skip
         weight /= cosine
         r *= weight * photon_power[j, 0]
@@ -189,7 +189,7 @@ def splat_photons(
             continue
         r, g, b, _ = scattered(
             lobes, material[i], colors, i, normal[i, 0], normal[i, 1], normal[i, 2],
-            dx, dy, dz, wx, wy, wz, PHONG,
+            dx, dy, dz, wx, wy, wz, 0.0, WIDE,
         )  # fmt: skip
         factor = pdf[i] / square * toward / cosine
         value[i, 0] = factor * r * photon_power[i, 0]

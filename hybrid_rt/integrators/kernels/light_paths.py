@@ -16,30 +16,41 @@ n^2 dA cos dw is the same before and after. So the ratio of the two densities de
 happens at lamps and at non-delta vertices: from the lamp P(lamp) pdf_area / pi over the index
 squared there; from the camera the density of the connected point per area, times that of the
 direction sampled there per projected solid angle, over the index squared here; and at vertices
-between, the densities of the two directions per projected solid angle, from either side.
+between, the densities of the two directions per projected solid angle, from either side, each over
+the index squared of the medium it runs in (two media meet at rough glass).
 """
 
 import math
 from typing import Any, NamedTuple
 
 from hybrid_rt.shading.kernels.bsdf import (
-    DIELECTRIC,
-    LAST_SPREADING,
-    leaves_through_face,
+    is_behind,
     lobe_chance,
-    lobe_direction,
     pick_lobe,
     scattered,
+    sides_differ,
 )
 from hybrid_rt.shading.kernels.emitter import power_weight
-from hybrid_rt.shading.kernels.fresnel import mirrored
 from hybrid_rt.shading.kernels.light_kinds import (
     chosen_strength,
     leaving_direction,
     leaving_point,
 )
-from hybrid_rt.shading.kernels.medium_stack import filling_medium, ior_of, transmittance
-from hybrid_rt.shading.kernels.scatter import at_glass, density_of_turn
+from hybrid_rt.shading.kernels.lobes.register import (
+    EVERY,
+    SPREADS,
+    TRANSMITS,
+    delta_direction,
+    spread_direction,
+    spreads_here,
+)
+from hybrid_rt.shading.kernels.medium_stack import (
+    filling_medium,
+    ior_of,
+    pass_surface,
+    transmittance,
+)
+from hybrid_rt.shading.kernels.scatter import density_of_turn
 from meshing.kernels.jit import inlined, kernel
 
 # Joins bring little light, evenly: asked for every hit, they would cost as much as the lamps. On
@@ -74,7 +85,9 @@ class LightVertices(NamedTuple):
     colors: Any  # (n, lobes of a material at most, 3) float64
     flux: Any  # (n, 3) float64
     density: Any  # (n,) float64, see `LightPaths`
-    square: Any  # (n,) float64, index squared of what surrounds the point
+    square: Any  # (n,) float64, index squared of where the light comes from
+    # (n,) float64, index beyond the surface over that, where rough glass spreads light; else 0
+    ratio: Any
     object_id: Any  # (n,) int32
     steps: Any  # (n,) int64, directions taken at surfaces on the way
 
@@ -126,7 +139,7 @@ def divide_by_index(density, media, lobes):
 
 @kernel
 def store_light_vertices(
-    paths, lobes, material, colors, position, normal, geometric, object_id, steps, out, row
+    paths, lobes, material, colors, position, normal, geometric, ratio, object_id, steps, out, row
 ):
     """Pick the paths that have met a surface that spreads light; return how many.
 
@@ -140,6 +153,8 @@ def store_light_vertices(
         Of the hits; normals to shade by.
     geometric : (n, 3) float64, or (0, 3)
         Normals of the surfaces themselves, where ``normal`` is another.
+    ratio : (n,) float64, or (0,)
+        As in `scattered`; (0,): no glass is rough.
     steps : int
         Directions taken at surfaces on the way.
     out : LightVertices of n rows or more, written
@@ -152,8 +167,10 @@ def store_light_vertices(
             continue
         start = lobes.first[material[i]]
         spreads = 0.0
+        at = ratio[i] if ratio.size else 0.0
         for j in range(lobes.first[material[i] + 1] - start):
-            spreads += lobe_chance(lobes, start + j, colors, i, j, LAST_SPREADING)
+            if spreads_here(lobes, start + j, at):
+                spreads += lobe_chance(lobes, start + j, colors, i, j, SPREADS)
         if spreads == 0.0 or max(paths.flux[i, 0], paths.flux[i, 1], paths.flux[i, 2]) <= 0.0:
             continue
         square = 1.0
@@ -171,6 +188,7 @@ def store_light_vertices(
         out.material[n] = material[i]
         out.density[n] = paths.density[i]
         out.square[n] = square
+        out.ratio[n] = at
         out.object_id[n] = object_id[i]
         out.steps[n] = steps
         n += 1
@@ -178,48 +196,47 @@ def store_light_vertices(
 
 
 @inlined
-def pass_deltas(paths, lobes, row, i, nx, ny, nz, is_front, second, rest):
-    """Send light path i on by a mirror or glass; return the direction and whether it is tinted."""
-    dx, dy, dz = paths.directions[i, 0], paths.directions[i, 1], paths.directions[i, 2]
-    if lobes.kind[row] == DIELECTRIC:
-        # Power passes whole; it is radiance that changes by the index squared.
-        x, y, z, _, is_tinted = at_glass(
-            lobes, row, paths.media, i, nx, ny, nz, dx, dy, dz, is_front, second, rest
-        )
-        return x, y, z, is_tinted
-    x, y, z = mirrored(dx, dy, dz, nx, ny, nz)
-    return x, y, z, True
-
-
-@inlined
-def leave_surface(paths, lobes, material, colors, normal, geometric, row, i, nx, ny, nz, xi, eta):
+def leave_surface(
+    paths, lobes, material, colors, normal, geometric, ratio, row, i, nx, ny, nz, xi, eta, branch
+):
     """Send light path i on by a surface that spreads light.
 
-    Returns the direction, factors on flux, and how much denser such paths are from the lamp than
-    from the camera; all zero where there is no way.
+    Returns the direction, whether it passes the surface, factors on flux, and how much denser such
+    paths are from the lamp than from the camera; all zero where there is no way.
     """
     dx, dy, dz = paths.directions[i, 0], paths.directions[i, 1], paths.directions[i, 2]
-    x, y, z = lobe_direction(lobes.kind[row], lobes.number[row, 0], nx, ny, nz, dx, dy, dz, xi, eta)
+    x, y, z, is_through = spread_direction(
+        lobes, row, ratio, nx, ny, nz, dx, dy, dz, xi, eta, branch
+    )
     _, _, _, pdf = scattered(
-        lobes, material, colors, i, nx, ny, nz, dx, dy, dz, x, y, z, DIELECTRIC
+        lobes, material, colors, i, nx, ny, nz, dx, dy, dz, x, y, z, ratio, EVERY
     )
+    # Seen from the other end of the direction.
+    reverse = 1.0 / ratio if is_through else ratio
     r, g, b, back = scattered(
-        lobes, material, colors, i, nx, ny, nz, -x, -y, -z, -dx, -dy, -dz, DIELECTRIC
+        lobes, material, colors, i, nx, ny, nz, -x, -y, -z, -dx, -dy, -dz, reverse, EVERY
     )
-    if pdf <= 0.0 or back <= 0.0 or leaves_through_face(geometric, i, paths.directions, x, y, z):
-        return x, y, z, 0.0, 0.0, 0.0, 0.0
+    if (
+        pdf <= 0.0
+        or back <= 0.0
+        or (nx * x + ny * y + nz * z < 0.0) != is_through
+        or sides_differ(geometric, normal, i, paths.directions, x, y, z)
+    ):
+        return x, y, z, is_through, 0.0, 0.0, 0.0, 0.0
     # The cosine in f cos is the shading normal's, that of the flux is the surface's own.
     turn = density_of_turn(normal, geometric, i, x, y, z, dx, dy, dz, 1.0)
     factor = turn / pdf
-    # Over the projected solid angle of either direction.
+    # Over the projected solid angle of either direction, and the index squared of where it runs.
     denser = pdf / (back * turn) if turn > 0.0 else 0.0
-    return x, y, z, factor * r, factor * g, factor * b, denser
+    if is_through:
+        denser /= ratio * ratio
+    return x, y, z, is_through, factor * r, factor * g, factor * b, denser
 
 
 @kernel
 def extend_light_paths(
-    paths, lobes, material, colors, position, normal, geometric, object_id, is_smooth, second,
-    choice, xi, out,
+    paths, lobes, material, colors, position, normal, geometric, ratio, object_id, is_smooth,
+    second, choice, xi, out,
 ):  # fmt: skip
     """Send light paths on, and drop those that end; return how many go on.
 
@@ -228,7 +245,7 @@ def extend_light_paths(
 
     Parameters
     ----------
-    geometric : (n, 3) float64, or (0, 3)
+    geometric, ratio : (n, 3) and (n,) float64, or (0, 3) and (0,)
         As in `store_light_vertices`.
     is_smooth : (objects,) bool
         Objects shaded by other normals than their own: their mirrors and glass do not keep
@@ -245,7 +262,7 @@ def extend_light_paths(
     for i in range(material.size):
         if material[i] < 0:
             continue
-        chosen, chance, rest = pick_lobe(lobes, material[i], colors, i, choice[i, 0], DIELECTRIC)
+        chosen, chance, rest = pick_lobe(lobes, material[i], colors, i, choice[i, 0], EVERY)
         row = lobes.first[material[i]] + chosen
         if chance == 0.0:
             continue
@@ -256,25 +273,31 @@ def extend_light_paths(
         )
         if not is_front:
             nx, ny, nz = -nx, -ny, -nz
-        spreads = lobes.kind[row] <= LAST_SPREADING
+        at = ratio[i] if ratio.size else 0.0
+        spreads = spreads_here(lobes, row, at)
         denser = 1.0
         if spreads:
             if paths.is_direct[i]:
                 continue
-            x, y, z, r, g, b, denser = leave_surface(
-                paths, lobes, material[i], colors, normal, geometric, row, i, nx, ny, nz,
-                xi[i, 0], xi[i, 1],
+            x, y, z, is_through, r, g, b, denser = leave_surface(
+                paths, lobes, material[i], colors, normal, geometric, at, row, i, nx, ny, nz,
+                xi[i, 0], xi[i, 1], rest,
             )  # fmt: skip
+            if is_through:
+                pass_surface(row, paths.media, i, is_front, second)
         else:
             if is_smooth[object_id[i]]:
                 continue
-            x, y, z, is_tinted = pass_deltas(
-                paths, lobes, row, i, nx, ny, nz, is_front, second, rest
-            )
+            # Power passes glass whole; it is radiance that changes by the index squared.
+            x, y, z, _, is_colored = delta_direction(
+                lobes, row, paths.media, i, nx, ny, nz,
+                paths.directions[i, 0], paths.directions[i, 1], paths.directions[i, 2],
+                is_front, second, rest,
+            )  # fmt: skip
             r = g = b = lobes.weight[row] / chance
-            if is_tinted:
+            if is_colored:
                 # Glass has its share of the mixture beside its tint, mirrors have it in the colour.
-                share = r if lobes.kind[row] == DIELECTRIC else 1.0 / chance
+                share = r if lobes.traits[row] & TRANSMITS else 1.0 / chance
                 r, g, b = (
                     share * colors[i, chosen, 0],
                     share * colors[i, chosen, 1],
@@ -311,12 +334,18 @@ def sent_toward(lit, k, lobes, wx, wy, wz):
     lx, ly, lz = -lit.direction[k, 0], -lit.direction[k, 1], -lit.direction[k, 2]
     toward_eye = -(gx * wx + gy * wy + gz * wz)
     toward_light = gx * lx + gy * ly + gz * lz
-    if toward_eye * toward_light <= 0.0:
+    nx, ny, nz = lit.normal[k, 0], lit.normal[k, 1], lit.normal[k, 2]
+    ratio = lit.ratio[k]
+    is_through = toward_eye * toward_light <= 0.0
+    # The normal to shade by must tell the same, see `sides_differ`.
+    is_shaded_through = (nx * wx + ny * wy + nz * wz) * (nx * lx + ny * ly + nz * lz) >= 0.0
+    if is_through != is_shaded_through or (is_through and ratio == 0.0) or toward_light == 0.0:
         return 0.0, 0.0, 0.0, 0.0
+    if is_through:
+        ratio = 1.0 / ratio
     r, g, b, pdf = scattered(
-        lobes, lit.material[k], lit.colors, k,
-        lit.normal[k, 0], lit.normal[k, 1], lit.normal[k, 2], wx, wy, wz, lx, ly, lz, DIELECTRIC,
-    )  # fmt: skip
+        lobes, lit.material[k], lit.colors, k, nx, ny, nz, wx, wy, wz, lx, ly, lz, ratio, EVERY
+    )
     if pdf <= 0.0:
         return 0.0, 0.0, 0.0, 0.0
     # The cosine in f cos is the shading normal's, that of the flux is the surface's own.
@@ -331,8 +360,8 @@ def sent_toward(lit, k, lobes, wx, wy, wz):
 
 @kernel
 def connect_to_light_vertices(
-    paths, lobes, material, colors, position, normal, geometric, direction, object_id,
-    lit, first_of_pass, number, of_use, xi, steps_left, out,
+    paths, lobes, material, colors, position, normal, geometric, direction, ratio, beyond,
+    object_id, lit, first_of_pass, number, of_use, xi, steps_left, out,
 ):  # fmt: skip
     """Join hits of camera paths to light vertices of their passes, by shadow rays.
 
@@ -340,6 +369,8 @@ def connect_to_light_vertices(
     ----------
     paths : Paths
     material ... object_id : the hits
+    ratio, beyond : (n,) float64, (n, STACK) int32; or both without rows
+        See `hybrid_rt.shading.kernels.medium_stack.look_beyond`; without rows: no glass is rough.
     first_of_pass : (passes + 1,) int64
         The rows of ``lit`` that belong to each pass.
     number : (n,) int64
@@ -373,14 +404,15 @@ def connect_to_light_vertices(
         y = lit.position[k, 1] - position[i, 1]
         z = lit.position[k, 2] - position[i, 2]
         square = x * x + y * y + z * z
-        if square == 0.0 or leaves_through_face(geometric, i, direction, x, y, z):
+        if square == 0.0 or sides_differ(geometric, normal, i, direction, x, y, z):
             continue
         distance = math.sqrt(square)
         wx, wy, wz = x / distance, y / distance, z / distance
         fr, fg, fb, pdf = scattered(
             lobes, material[i], colors, i,
             normal[i, 0], normal[i, 1], normal[i, 2],
-            direction[i, 0], direction[i, 1], direction[i, 2], wx, wy, wz, DIELECTRIC,
+            direction[i, 0], direction[i, 1], direction[i, 2], wx, wy, wz,
+            ratio[i] if ratio.size else 0.0, EVERY,
         )  # fmt: skip
         if pdf <= 0.0:
             continue
@@ -391,7 +423,10 @@ def connect_to_light_vertices(
         factor = (end - begin) / (square * CONNECT_CHANCE) * power_weight(lit.density[k], rival)
         r, g, b = factor * r * fr, factor * g * fg, factor * b * fb
         if paths.media.shape[1] > 0:
-            p, q, s = transmittance(paths.media, i, lobes, distance)
+            if ratio.size and is_behind(normal, direction, i, x, y, z):
+                p, q, s = transmittance(beyond, i, lobes, distance)
+            else:
+                p, q, s = transmittance(paths.media, i, lobes, distance)
             r, g, b = r * p, g * q, b * s
         r, g, b = r * paths.throughput[i, 0], g * paths.throughput[i, 1], b * paths.throughput[i, 2]
         if max(r, g, b) <= 0.0:

@@ -6,7 +6,8 @@ index. So this is the adjoint of the `scatter` of camera rays, not the same kern
 
 from typing import Any, NamedTuple
 
-from hybrid_rt.shading.kernels.bsdf import PHONG, leaves_through_face
+from hybrid_rt.shading.kernels.bsdf import leaves_through_face
+from hybrid_rt.shading.kernels.lobes.register import WIDE
 from hybrid_rt.shading.kernels.scatter import (
     ABSORBED,
     LEFT,
@@ -100,8 +101,8 @@ def store_photons(flight, material, gathers, least_history, position, normal, ou
 
 @kernel
 def scatter_photons(
-    lobes, material, colors, normal, geometric, position, object_id, xi, choice, second, goes_on,
-    flight, fate, tally,
+    lobes, material, colors, normal, geometric, ratio, position, object_id, xi, choice, second,
+    goes_on, flight, fate, tally,
 ):  # fmt: skip
     """Send each photon on in one direction, or end it, by chance and without bias.
 
@@ -113,8 +114,8 @@ def scatter_photons(
     material : (n,) int32
         Negative: the photon ends.
     colors : (n, lobes of a material at most, 3) float64
-    normal, geometric, position, object_id
-        Of the hits; ``geometric`` as in `hybrid_rt.shading.kernels.scatter.scatter`.
+    normal, geometric, ratio, position, object_id
+        Of the hits; ``geometric`` and ``ratio`` as in `hybrid_rt.shading.kernels.scatter.scatter`.
     xi, choice : (n, 2) float64 in [0, 1)
         Choose the direction; the lobe and survival.
     second : (n,) int32, or (0,)
@@ -138,8 +139,8 @@ def scatter_photons(
         direction = flight.direction
         dx, dy, dz = direction[i, 0], direction[i, 1], direction[i, 2]
         row, x, y, z, r, g, b, _, is_refracted = choose_way(
-            lobes, material[i], colors, i, normal, dx, dy, dz, xi, choice, flight.media, second,
-            True,
+            lobes, material[i], colors, i, normal, dx, dy, dz, ratio[i] if ratio.size else 0.0,
+            xi, choice, flight.media, second, True,
         )  # fmt: skip
         if row < 0:
             continue
@@ -169,7 +170,7 @@ def scatter_photons(
                 tally[LOST, k] += power[i, k]
         if fate[i] == STOPPED:
             continue
-        is_spread = lobes.kind[row] <= PHONG
+        is_spread = lobes.traits[row] & WIDE != 0
         fate[i] = SCATTERED if is_spread else SPECULAR
         for k in range(3):
             flight.origin[i, k] = position[i, k]

@@ -130,7 +130,7 @@ class LightPathTracer:
                 )
             material = self._light.material(hits)
             absorb(context, paths.media, material, hits, second, paths.flux)
-            shading = self._light.shading(hits, paths.directions, material)
+            shading = self._light.shading(hits, paths.directions, material, paths.media, second)
             hits = shading.hits
             if step > 0:
                 out, row = (
@@ -139,14 +139,14 @@ class LightPathTracer:
                 )
                 n_out = kernels.store_light_vertices(
                     paths, scene.lobes, material, shading.colors, hits.position, hits.normal,
-                    shading.geometric, hits.object_id, step, out, row,
+                    shading.geometric, shading.ratio, hits.object_id, step, out, row,
                 )  # fmt: skip
                 points = LightVertices(*(column[:n_out] for column in out))
                 found.append((points, paths.sample[row[:n_out]], paths.number[row[:n_out]]))
             going = LightPaths(*(np.empty_like(column) for column in paths))
             n_going = kernels.extend_light_paths(
                 paths, scene.lobes, material, shading.colors, hits.position, hits.normal,
-                shading.geometric, hits.object_id, self.is_smooth, second,
+                shading.geometric, shading.ratio, hits.object_id, self.is_smooth, second,
                 self._points(paths.sample, paths.number, FIRST_STEP + 2 * step),
                 self._points(paths.sample, paths.number, FIRST_STEP + 2 * step + 1), going,
             )  # fmt: skip
@@ -236,6 +236,7 @@ def _new_light_vertices(n: int, n_slots: int) -> LightVertices:
         flux=np.empty((n, 3)),
         density=np.empty(n),
         square=np.empty(n),
+        ratio=np.empty(n),
         object_id=np.empty(n, dtype=np.int32),
         steps=np.empty(n, dtype=np.int64),
     )

@@ -35,8 +35,8 @@ from hybrid_rt.integrators.options import PathOptions
 from hybrid_rt.integrators.path.camera_paths import leaving_camera
 from hybrid_rt.integrators.path.light_paths import LightPathTracer, LightVertexPasses, joined
 from hybrid_rt.sensor.passes import pass_of
-from hybrid_rt.shading.kernels.bsdf import DIELECTRIC
 from hybrid_rt.shading.kernels.emitter import BOTH, DIRECTION_ONLY, LIGHT_ONLY
+from hybrid_rt.shading.kernels.lobes.register import EVERY
 from hybrid_rt.shading.kernels.scatter import (
     ABSORBED,
     LEFT,
@@ -64,7 +64,7 @@ class PathTracer(Integrator):
         super().__init__(context)
         self._options: PathOptions = context.options or PathOptions()
         strategy = STRATEGIES[self._options.strategy]
-        self._light = SurfaceLight(context, strategy, DIELECTRIC)
+        self._light = SurfaceLight(context, strategy, EVERY)
         lights, plan = context.scene.lights, context.plan
         asks = strategy != DIRECTION_ONLY and bool(lights.chance.any())
         self._samples_lights = asks and (plan["light samples"] or plan["sky samples"])
@@ -135,7 +135,7 @@ class PathTracer(Integrator):
                 if depth > self.context.max_depth:
                     self._lose(paths.throughput[material >= 0])
                     break
-                shading = self._light.shading(hits, paths.directions, material)
+                shading = self._light.shading(hits, paths.directions, material, paths.media, second)
                 # --- light we reach for
                 xi = self._points(paths, depth)
                 if self._samples_lights:
@@ -175,8 +175,8 @@ class PathTracer(Integrator):
         number = pass_of(paths.pixel >> PIXEL_BITS, paths.sample).astype(np.int64)
         n_rays = connect_to_light_vertices(
             paths, self.context.scene.lobes, shading.material, shading.colors, hits.position,
-            hits.normal, shading.geometric, shading.directions, hits.object_id, self._lit,
-            self._first_of_pass, number - self._first_pass, self._of_use, xi,
+            hits.normal, shading.geometric, shading.directions, shading.ratio, shading.beyond,
+            hits.object_id, self._lit, self._first_of_pass, number - self._first_pass, self._of_use, xi,
             self.context.max_depth - depth - 2, rays,
         )  # fmt: skip
         self._light.add_unblocked(rays, n_rays, radiance)
@@ -213,6 +213,7 @@ class PathTracer(Integrator):
             hits.normal,
             shading.directions,
             shading.geometric,
+            shading.ratio,
             xi[DIRECTION],
             xi[CHOICE],
             paths.media,

@@ -36,8 +36,8 @@ from hybrid_rt.integrators.path.camera_paths import leaving_camera
 from hybrid_rt.integrators.photons.density_estimation import Field, Points
 from hybrid_rt.integrators.photons.photon_tracer import PhotonTracer
 from hybrid_rt.scene.compiled import NOTHING
-from hybrid_rt.shading.kernels.bsdf import DIELECTRIC, DIFFUSE, METAL, PHONG
 from hybrid_rt.shading.kernels.emitter import BOTH, LIGHT_ONLY
+from hybrid_rt.shading.kernels.lobes.register import EVERY, FOLLOWED, NARROW, WIDE
 from hybrid_rt.shading.kernels.scatter import (
     ABSORBED,
     LEFT,
@@ -48,7 +48,7 @@ from hybrid_rt.shading.kernels.scatter import (
 )
 
 # What the low-discrepancy points of one step are for.
-TO_LIGHT, TO_LIGHT_METAL, DIRECTION, CHOICE, TO_PHOTON, PER_STEP = 0, 1, 2, 3, 4, 5
+TO_LIGHT, TO_LIGHT_NARROW, DIRECTION, CHOICE, TO_PHOTON, PER_STEP = 0, 1, 2, 3, 4, 5
 
 
 @dataclass(frozen=True)
@@ -91,15 +91,17 @@ class EyePass(Integrator):
         self.n_without = 0
         lights, plan, lobes = context.scene.lights, context.plan, context.scene.lobes
         # Straight light is not asked for by a further direction here: asking lights counts whole.
-        self._wide = SurfaceLight(context, LIGHT_ONLY, PHONG)
-        self._light = SurfaceLight(context, BOTH, DIELECTRIC)
+        self._wide = SurfaceLight(context, LIGHT_ONLY, WIDE)
+        self._light = SurfaceLight(context, BOTH, EVERY)
         asks = bool(lights.chance.any())
         self._samples_lights = asks and (plan["light samples"] or plan["sky samples"])
-        self._samples_lights_for_metal = self._samples_lights and bool((lobes.kind == METAL).any())
+        self._samples_lights_for_narrow = self._samples_lights and bool(
+            (lobes.traits & NARROW).any()
+        )
         self._camera_media = media_around_camera(context, self._contacts)
         self.is_in_the_open = not (self._camera_media != NOTHING).any()
-        self._is_wide = context.scene.lobes_of_kinds(DIFFUSE, PHONG)
-        self._follows = context.scene.materials_of_kinds(METAL, DIELECTRIC)
+        self._is_wide = context.scene.lobes_with(WIDE)
+        self._follows = context.scene.materials_with(FOLLOWED)
 
     def _radiance(self, block: CameraBlock) -> FloatArray:
         radiance, blur = np.zeros_like(block.directions), np.zeros_like(block.directions)
@@ -118,7 +120,7 @@ class EyePass(Integrator):
                     hits, paths.origins, paths.directions, paths.pdf, NO_RIVAL, paths.media
                 )
                 add_products(paths.camera_ray, paths.throughput, arriving, radiance)
-                shading = self._light.shading(hits, paths.directions, material)
+                shading = self._light.shading(hits, paths.directions, material, paths.media, second)
                 # --- surfaces that spread light widely: lights are asked, photons later
                 wide = np.flatnonzero(self.photon_tracer.gathers[material])
                 if wide.size:
@@ -219,8 +221,8 @@ class EyePass(Integrator):
         n = rows.size
         if n == 0:
             return paths
-        if self._samples_lights_for_metal:
-            xi = self._points(paths, depth, TO_LIGHT_METAL)
+        if self._samples_lights_for_narrow:
+            xi = self._points(paths, depth, TO_LIGHT_NARROW)
             self._light.from_one(
                 shading, paths.camera_ray, paths.throughput, paths.media, xi, radiance
             )
@@ -230,8 +232,8 @@ class EyePass(Integrator):
         hits = shading.hits
         scatter(
             self.context.scene.lobes, shading.material, shading.colors, hits.normal,
-            shading.directions, shading.geometric, self._points(paths, depth, DIRECTION),
-            self._points(paths, depth, CHOICE), paths.media, second, goes_on, goes_on,
+            shading.directions, shading.geometric, shading.ratio,
+            self._points(paths, depth, DIRECTION), self._points(paths, depth, CHOICE), paths.media, second, goes_on, goes_on,
             1.0 if depth else 0.0, hits.t, paths.pdf, NONE_SMOOTH, hits.object_id, onward,
             paths.throughput, pdf, paths.rival, fate,
         )  # fmt: skip
@@ -261,4 +263,6 @@ def _rows_of(shading: Shading, rows: Any, keeps: Any) -> Shading:
         material=material,
         colors=shading.colors[rows] * keeps[material][:, :, None],
         geometric=geometric[rows] if geometric.size else geometric,
+        ratio=shading.ratio[rows] if shading.ratio.size else shading.ratio,
+        beyond=shading.beyond[rows] if shading.beyond.size else shading.beyond,
     )

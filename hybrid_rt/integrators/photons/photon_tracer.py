@@ -49,8 +49,8 @@ from hybrid_rt.integrators.photons.projection_map import targets_of
 from hybrid_rt.sampling.sampler import UIntArray
 from hybrid_rt.scene.compiled import NOTHING, CompiledScene
 from hybrid_rt.sensor.passes import GROUPS, group_of
-from hybrid_rt.shading.kernels.bsdf import DIELECTRIC, DIFFUSE, LAST_SPREADING, METAL, PHONG
 from hybrid_rt.shading.kernels.light_kinds import LightPoints
+from hybrid_rt.shading.kernels.lobes.register import FOLLOWED, SPREADS, WIDE
 from hybrid_rt.shading.kernels.scatter import ABSORBED, LEFT, SCATTERED, SPECULAR, STOPPED
 
 # About how many photons one thread follows at a time.
@@ -135,11 +135,11 @@ class PhotonTracer:
         scene = context.scene
         self.world = _world(scene)
         self._light = SurfaceLight(context)
-        self.gathers = scene.materials_of_kinds(DIFFUSE, PHONG)
-        self._spreads = scene.materials_of_kinds(DIFFUSE, LAST_SPREADING)
+        self.gathers = scene.materials_with(WIDE)
+        self._spreads = scene.materials_with(SPREADS)
         self._targets = Targets(np.zeros((0, 3)), np.zeros(0))
         if context.plan["aimed photons"]:
-            throws = scene.materials_of_kinds(METAL, DIELECTRIC)
+            throws = scene.materials_with(FOLLOWED)
             self._targets = targets_of(scene, throws)
         self._powers = _powers(scene, self.world)
         sends = np.flatnonzero((self._powers[:-1] > 0.0) & context.plan["photons"])
@@ -188,7 +188,9 @@ class PhotonTracer:
             with context.ledger.stage("photons"):
                 # --- where they arrive
                 hits, second, material = self._arrived(flight)
-                shading = self._light.shading(hits, flight.direction, material)
+                shading = self._light.shading(
+                    hits, flight.direction, material, flight.media, second
+                )
                 # --- what they leave there, and what the camera sees of it
                 to_show = self._to_show(flight, shading)
                 stored.append(self._stored(flight, shading, to_show, least))
@@ -255,7 +257,7 @@ class PhotonTracer:
         fate = np.empty(n, dtype=np.uint8)
         scatter_photons(
             self.context.scene.lobes, material, shading.colors, hits.normal, shading.geometric,
-            hits.position, hits.object_id, self._ways(sequence, flight, material, step),
+            shading.ratio, hits.position, hits.object_id, self._ways(sequence, flight, material, step),
             self._points(sequence, flight.number, step + LOBE), second, goes_on, flight, fate,
             self.balance.power,
         )  # fmt: skip

@@ -9,7 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hybrid_rt.core.records import BoolArray, FloatArray, IntArray, NamedPoints
-from hybrid_rt.integrators.direct_light import Shading, SurfaceLight, largest_channel
+from hybrid_rt.integrators.direct_light import (
+    NO_RATIO,
+    Shading,
+    SurfaceLight,
+    largest_channel,
+)
 from hybrid_rt.sampling.sampler import UIntArray
 from hybrid_rt.scene.compiled import NOTHING
 from hybrid_rt.shading.kernels.bsdf import sample_lobes
@@ -87,8 +92,10 @@ class AllLights(SurfaceLight):
             shading.colors,
             hits.normal,
             shading.directions,
+            NO_RATIO,
             xi,
-            self._last_kind,
+            NO_RATIO,
+            self._traits_asked,
             wi,
             value,
             pdf,

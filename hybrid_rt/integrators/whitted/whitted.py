@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from hybrid_rt.core.records import BoolArray, FloatArray, HitRecord, IntArray
 from hybrid_rt.integrators.context import RenderContext
-from hybrid_rt.integrators.direct_light import NO_RIVAL, Shading, largest_channel
+from hybrid_rt.integrators.direct_light import NO_RATIO, NO_RIVAL, Shading, largest_channel
 from hybrid_rt.integrators.integrator import (
     BLOCK,
     FIRST_PATH_DIMENSION,
@@ -28,8 +28,9 @@ from hybrid_rt.integrators.media.absorption import absorb, media_around_camera
 from hybrid_rt.integrators.whitted.all_lights import AllLights
 from hybrid_rt.sampling.sampler import UIntArray
 from hybrid_rt.scene.compiled import NOTHING
-from hybrid_rt.shading.kernels.bsdf import DIELECTRIC, METAL, MIRROR, sample_lobes
+from hybrid_rt.shading.kernels.bsdf import sample_lobes
 from hybrid_rt.shading.kernels.fresnel import mirror_directions, split_at_glass
+from hybrid_rt.shading.kernels.lobes.register import DELTA, NARROW, TRANSMITS
 from hybrid_rt.shading.kernels.medium_stack import IOR, SCHLICK, media_beyond
 
 # A branch that changes its pixel by less than this, per unit of radiance, is not followed.
@@ -91,10 +92,10 @@ class Whitted(Integrator):
         self._light = AllLights(context)
         lobes = context.scene.lobes
         self._camera_media = media_around_camera(context, self._contacts)
-        # Kind of the n-th lobe of each material, and a last row for what has none (`NOTHING`).
-        self._kinds_in_slot = np.full((self._light.n_slots, lobes.first.size), NOTHING)
+        # Traits of the n-th lobe of each material, and a last row for what has none (`NOTHING`).
+        self._traits_in_slot = np.zeros((self._light.n_slots, lobes.first.size), dtype=np.int32)
         for material, (first, stop) in enumerate(pairwise(lobes.first)):
-            self._kinds_in_slot[: stop - first, material] = lobes.kind[first:stop]
+            self._traits_in_slot[: stop - first, material] = lobes.traits[first:stop]
 
     def _radiance(self, block: CameraBlock) -> FloatArray:
         radiance = np.zeros_like(block.directions)
@@ -117,7 +118,10 @@ class Whitted(Integrator):
                 # --- light we reach for
                 met = np.flatnonzero(material != NOTHING)
                 hit_rays, hits, material = rays[met], hits[met], material[met]
-                shading = self._light.shading(hits, hit_rays.directions, material)
+                second = second[met] if second.size else second
+                shading = self._light.shading(
+                    hits, hit_rays.directions, material, hit_rays.media, second
+                )
                 gathered[met] += hit_rays.throughput * self._light.from_all(
                     shading,
                     hit_rays.media,
@@ -127,7 +131,6 @@ class Whitted(Integrator):
                 )
                 add_to_pixels(rays.camera_ray, gathered, radiance)
                 # --- where they go next
-                second = second[met] if second.size else second
                 onward = self._onward(_Meeting(hit_rays, shading, second), block)
             waiting.extend(onward)
         return radiance
@@ -146,41 +149,51 @@ class Whitted(Integrator):
         )
 
     def _dimension(self, node: UIntArray) -> UIntArray:
-        """Return the first of each branch's dimensions: one per light, sky, and one per lobe."""
-        per_node = np.uint64(self.context.scene.n_lights + 1 + self._light.n_slots)
+        """Return the first of each branch's dimensions: one per light, sky, and one per lobe.
+
+        Where glass is rough there is one more for each lobe.
+        """
+        n_slots = self._light.n_slots * (2 if self.context.plan["rough glass"] else 1)
+        per_node = np.uint64(self.context.scene.n_lights + 1 + n_slots)
         return np.uint64(FIRST_PATH_DIMENSION) + node * per_node
 
     def _onward(self, met: _Meeting, block: CameraBlock) -> list[Branches]:
         """Return the mirrored and refracted rays, in batches of bounded size."""
         parts: list[_Part] = []
         plan = self.context.plan
-        for slot, kinds in enumerate(self._kinds_in_slot):
-            kind = kinds[met.shading.material]
+        for slot, traits_of in enumerate(self._traits_in_slot):
+            traits = traits_of[met.shading.material]
+            passes, spreads = traits & TRANSMITS != 0, traits & NARROW != 0
+            if plan["rough glass"]:
+                spreads &= ~passes | (met.shading.ratio != 0.0)
             if plan["mirror rays"]:
-                rows = np.flatnonzero(kind == MIRROR)
+                rows = np.flatnonzero(traits & (DELTA | TRANSMITS) == DELTA)
                 parts.append(_mirrored(met, rows, 2 * slot, met.shading.colors[rows, slot]))
-                rows = np.flatnonzero(kind == METAL)
-                if rows.size:
-                    parts.append(self._spread_by_metal(met, rows, slot, block))
+            rows = np.flatnonzero(spreads)
+            if rows.size:
+                parts += self._spread(met, rows, slot, block)
             if plan["glass rays"]:
-                rows = np.flatnonzero(kind == DIELECTRIC)
+                rows = np.flatnonzero(passes & ~spreads)
                 parts += self._at_glass(met, rows, slot)
         if not parts:
             return []
         return _in_batches(self._joined(met, parts))
 
-    def _spread_by_metal(
+    def _spread(
         self, met: _Meeting, rows: NDArray[np.intp], slot: int, block: CameraBlock
-    ) -> _Part:
-        """Send rays on about the mirror direction, one for each."""
+    ) -> list[_Part]:
+        """Send rays on by a narrow lobe, each in one sampled direction."""
         lobes, shading = self.context.scene.lobes, met.shading
         rays = met.rays[rows]
-        first = np.uint64(self.context.scene.n_lights + 1 + slot)
-        xi = self.context.sampler.points(
-            block.pixel[rays.camera_ray],
-            self._dimension(rays.node) + first,
-            block.sample[rays.camera_ray],
-        )
+        pixel, sample = block.pixel[rays.camera_ray], block.sample[rays.camera_ray]
+        dimension = self._dimension(rays.node)
+        dimension += np.uint64(self.context.scene.n_lights + 1 + slot)
+        xi = self.context.sampler.points(pixel, dimension, sample)
+        ratio = branch = NO_RATIO
+        if shading.ratio.size:
+            ratio = shading.ratio[rows]
+            dimension += np.uint64(self._light.n_slots)
+            branch = self.context.sampler.points(pixel, dimension, sample)[:, 0].copy()
         # Only this lobe of the material: as a table of its own.
         lobe = lobes.first[shading.material[rows]] + np.int32(slot)
         alone = lobes._replace(first=np.arange(lobes.kind.size + 1, dtype=np.int32))
@@ -188,17 +201,24 @@ class Whitted(Integrator):
         n = rows.size
         directions, value, pdf = np.empty((n, 3)), np.empty((n, 3)), np.empty(n)
         sample_lobes(
-            alone, lobe, colors, shading.hits.normal[rows], rays.directions, xi, METAL,
-            directions, value, pdf,
+            alone, lobe, colors, shading.hits.normal[rows], rays.directions, ratio, xi, branch,
+            NARROW, directions, value, pdf,
         )  # fmt: skip
+        throughput = rays.throughput * value
+
+        def going(which: BoolArray, choice: int, media: IntArray) -> _Part:
+            return _Part(rows[which], choice, directions[which], throughput[which], media[which])
+
         goes = pdf > 0.0
-        return _Part(
-            rows[goes],
-            2 * slot,
-            directions[goes],
-            (rays.throughput * value)[goes],
-            rays.media[goes],
-        )
+        if not ratio.size:
+            return [going(goes, 2 * slot, rays.media)]
+        normal = shading.hits.normal[rows]
+        before = np.einsum("ij,ij->i", normal, rays.directions)
+        passes = before * np.einsum("ij,ij->i", normal, directions) > 0.0
+        return [
+            going(goes & ~passes, 2 * slot, rays.media),
+            going(goes & passes, 2 * slot + 1, shading.beyond[rows]),
+        ]
 
     def _at_glass(self, met: _Meeting, rows: NDArray[np.intp], slot: int) -> list[_Part]:
         """Split rays at a dielectric: one part goes back, the other passes the surface."""

@@ -7,7 +7,7 @@ rendering", SIGGRAPH 1995.
 
 import math
 
-from hybrid_rt.shading.kernels.bsdf import leaves_through_face, scattered
+from hybrid_rt.shading.kernels.bsdf import scattered, sides_differ
 from hybrid_rt.shading.kernels.environment import sky_direction, sky_pdf, sky_radiance
 from hybrid_rt.shading.kernels.light_kinds import (
     chosen_strength,
@@ -37,7 +37,7 @@ def power_weight(pdf, other):
 @kernel
 def light_on_hits(
     lights, sky, textures, points, light_id, lobes, material, colors, position, normal, direction,
-    geometric, xi, strategy, last_kind, to_light, value,
+    geometric, ratio, xi, strategy, asked, to_light, value,
 ):  # fmt: skip
     """Ask one light per hit what it sends through the hit's spreading lobes.
 
@@ -53,12 +53,14 @@ def light_on_hits(
         Of the hit and of the ray that found it.
     geometric : (n, 3) float64
         Normal of the surface itself, where ``normal`` is another; else (0, 3).
+    ratio : (n,) float64, or (0,)
+        As in `scattered`; (0,): no glass is rough.
     xi : (n, 2) float64
         Two numbers in [0, 1) that choose the point of the light.
     strategy : int
         `UNWEIGHTED`: every light was asked. Otherwise one was, by its chance, and it may be found
         by scattered rays as well.
-    last_kind : int
+    asked : int
         See `scattered`.
     to_light, value : (n, 3) float64, written
         The way to that point (to the sky: a unit direction), and the radiance sent on if nothing
@@ -81,13 +83,13 @@ def light_on_hits(
             x, y, z, distance, factor = light_point(
                 lights, points, i, row, px, py, pz, xi[i, 0], xi[i, 1]
             )
-        if factor == 0.0 or leaves_through_face(geometric, i, direction, x, y, z):
+        if factor == 0.0 or sides_differ(geometric, normal, i, direction, x, y, z):
             continue
         r, g, b, pdf = scattered(
             lobes, material[i], colors, i,
             normal[i, 0], normal[i, 1], normal[i, 2],
             direction[i, 0], direction[i, 1], direction[i, 2],
-            x / distance, y / distance, z / distance, last_kind,
+            x / distance, y / distance, z / distance, ratio[i] if ratio.size else 0.0, asked,
         )  # fmt: skip
         if pdf == 0.0:
             continue

@@ -20,6 +20,10 @@ STACK = 8
 # Columns of a dielectric in `LobeTable.number`.
 IOR, SCHLICK, ABSORPTION, PRIORITY = 0, 1, 2, 5
 
+# Facets between media turn light by about the difference of the indices times their slope. Below
+# this difference, light passes rough glass as it passes smooth glass.
+MATCHED = 1e-6
+
 
 @inlined
 def filling_medium(stack, i, lobes):
@@ -183,3 +187,56 @@ def media_beyond(lobes, lobe, stack, front_face, second, eta):
         eta[i] = 0.0
         if before != after:
             eta[i] = ior_of(lobes, after) / ior_of(lobes, before)
+
+
+@kernel
+def look_beyond(lobes, lobe, stack, front_face, second, beyond, ratio):
+    """Find the media beyond the surfaces of rough glass that rays have met.
+
+    Parameters
+    ----------
+    lobe : (n,) int32
+        Of rough glass; `NONE`: there is none.
+    stack : (n, STACK) int32
+        Of the rays as they arrive.
+    front_face : (n,) bool
+    second : (n,) int32, or (0,)
+        See the module.
+    beyond : (n, STACK) int32, written
+        Of rays that pass; as they arrive where there is no rough glass.
+    ratio : (n,) float64, written
+        Index beyond the surface over that before it; 0 where there is no rough glass, and where it
+        has the same medium, or the same index, on both sides: it does not spread light there.
+    """
+    for i in range(lobe.size):
+        for k in range(STACK):
+            beyond[i, k] = stack[i, k]
+        ratio[i] = 0.0
+        if lobe[i] == NONE:
+            continue
+        pass_surface(lobe[i], beyond, i, front_face[i], second)
+        before, after = filling_medium(stack, i, lobes), filling_medium(beyond, i, lobes)
+        at = ior_of(lobes, after) / ior_of(lobes, before)
+        if before != after and abs(at - 1.0) > MATCHED:
+            ratio[i] = at
+
+
+@kernel
+def take_media_toward(normal, direction, way, beyond, stack):
+    """Bring ``stack`` (n, STACK) to where ways lead: beyond the surface, for those that pass it.
+
+    Parameters
+    ----------
+    normal, direction, way : (n, 3) float64
+        Of hits; of the rays that arrived; of the ways that leave.
+    beyond : (n, STACK) int32
+        See `look_beyond`.
+    """
+    for i in range(stack.shape[0]):
+        before = after = 0.0
+        for k in range(3):
+            before += normal[i, k] * direction[i, k]
+            after += normal[i, k] * way[i, k]
+        if before * after > 0.0:
+            for k in range(STACK):
+                stack[i, k] = beyond[i, k]

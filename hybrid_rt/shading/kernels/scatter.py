@@ -1,21 +1,14 @@
 """One bounce of a camera path: BSDF sampling, media, Russian roulette."""
 
-from hybrid_rt.shading.kernels.bsdf import (
-    DIELECTRIC,
-    LAST_SPREADING,
-    leaves_through_face,
-    lobe_direction,
-    pick_lobe,
-    scattered,
+from hybrid_rt.shading.kernels.bsdf import leaves_through_face, pick_lobe, scattered
+from hybrid_rt.shading.kernels.lobes.register import (
+    EVERY,
+    TRANSMITS,
+    delta_direction,
+    spread_direction,
+    spreads_here,
 )
-from hybrid_rt.shading.kernels.fresnel import fresnel, mirrored, refract, schlick
-from hybrid_rt.shading.kernels.medium_stack import (
-    SCHLICK,
-    STACK,
-    filling_medium,
-    ior_of,
-    pass_surface,
-)
+from hybrid_rt.shading.kernels.medium_stack import filling_medium, ior_of, pass_surface
 from meshing.kernels.jit import inlined, kernel
 
 # How a ray ends at a surface, or goes on.
@@ -23,57 +16,24 @@ LEFT, STOPPED, ABSORBED, SCATTERED, SPECULAR = 0, 1, 2, 3, 4
 
 
 @inlined
-def at_glass(lobes, lobe, stack, i, nx, ny, nz, dx, dy, dz, is_front, second, xi):
-    """Choose between reflection and refraction at a dielectric by its reflectance.
-
-    n is on the side from which d came. ``stack[i]`` follows the ray; ``second`` as in
-    `hybrid_rt.shading.kernels.medium_stack`. Returns the direction, the factor on radiance but for
-    the tint, and whether light passes the surface and so is tinted.
-    """
-    before = filling_medium(stack, i, lobes)
-    # Kept for what is reflected: STACK places.
-    kept = (
-        stack[i, 0], stack[i, 1], stack[i, 2], stack[i, 3],
-        stack[i, 4], stack[i, 5], stack[i, 6], stack[i, 7],
-    )  # fmt: skip
-    pass_surface(lobe, stack, i, is_front, second)
-    after = filling_medium(stack, i, lobes)
-    if before == after:
-        return dx, dy, dz, 1.0, False
-    cos_i = min(-(nx * dx + ny * dy + nz * dz), 1.0)
-    ratio = ior_of(lobes, after) / ior_of(lobes, before)
-    if lobes.number[lobe, SCHLICK] != 0.0:
-        reflectance, cos_t = schlick(cos_i, ratio)
-    else:
-        reflectance, cos_t = fresnel(cos_i, ratio)
-    if xi < reflectance:
-        for k in range(STACK):
-            stack[i, k] = kept[k]
-        twice = 2.0 * cos_i
-        return dx + twice * nx, dy + twice * ny, dz + twice * nz, 1.0, False
-    x, y, z = refract(dx, dy, dz, nx, ny, nz, cos_i, cos_t, ratio)
-    # Radiance over the index squared is what stays the same across the surface.
-    return x, y, z, 1.0 / (ratio * ratio), True
-
-
-@inlined
 def choose_way(
-    lobes, material, colors, i, normal, dx, dy, dz, xi, choice, stack, second, keeps_power
+    lobes, material, colors, i, normal, dx, dy, dz, ratio, xi, choice, stack, second, keeps_power
 ):
     """Choose a lobe of hit i, and a direction by it.
 
-    Parameters are those of `scatter`, but for ``keeps_power``: whether light is counted as power,
-    which passes glass whole, or as radiance, which changes there by the index squared.
+    Parameters are those of `scatter`, but for ``ratio``, that of `scattered`, and ``keeps_power``:
+    whether light is counted as power, which passes glass whole, or as radiance, which changes there
+    by the index squared.
 
     Returns
     -------
     row : of the lobe in the table; -1: the light is absorbed
     x, y, z : the direction
     r, g, b : factors on the light
-    density : per solid angle; 0: a mirror or glass
+    density : per solid angle; 0: a delta distribution
     is_refracted : whether the direction goes through a clear body's surface
     """
-    chosen, chance, rest = pick_lobe(lobes, material, colors, i, choice[i, 0], DIELECTRIC)
+    chosen, chance, rest = pick_lobe(lobes, material, colors, i, choice[i, 0], EVERY)
     if chance == 0.0:
         return -1, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, False
     row = lobes.first[material] + chosen
@@ -81,28 +41,32 @@ def choose_way(
     is_front = nx * dx + ny * dy + nz * dz < 0.0
     if not is_front:
         nx, ny, nz = -nx, -ny, -nz
-    if lobes.kind[row] <= LAST_SPREADING:
-        x, y, z = lobe_direction(
-            lobes.kind[row], lobes.number[row, 0], nx, ny, nz, dx, dy, dz, xi[i, 0], xi[i, 1]
+    if spreads_here(lobes, row, ratio):
+        x, y, z, is_through = spread_direction(
+            lobes, row, ratio, nx, ny, nz, dx, dy, dz, xi[i, 0], xi[i, 1], rest
         )
         r, g, b, density = scattered(
-            lobes, material, colors, i, nx, ny, nz, dx, dy, dz, x, y, z, DIELECTRIC
+            lobes, material, colors, i, nx, ny, nz, dx, dy, dz, x, y, z, ratio, EVERY
         )
-        if density <= 0.0:
+        if density <= 0.0 or (nx * x + ny * y + nz * z < 0.0) != is_through:
             return -1, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, False
-        return row, x, y, z, r / density, g / density, b / density, density, False
+        r, g, b = r / density, g / density, b / density
+        if is_through:
+            pass_surface(row, stack, i, is_front, second)
+            if keeps_power:
+                r, g, b = r * ratio * ratio, g * ratio * ratio, b * ratio * ratio
+        return row, x, y, z, r, g, b, density, is_through
     # Brought back to the share of all light that this lobe takes.
     r, g, b = colors[i, chosen, 0], colors[i, chosen, 1], colors[i, chosen, 2]
-    if lobes.kind[row] != DIELECTRIC:
-        x, y, z = mirrored(dx, dy, dz, nx, ny, nz)
-        return row, x, y, z, r / chance, g / chance, b / chance, 0.0, False
-    x, y, z, factor, is_tinted = at_glass(
+    x, y, z, factor, is_colored = delta_direction(
         lobes, row, stack, i, nx, ny, nz, dx, dy, dz, is_front, second, rest
     )
+    if lobes.traits[row] & TRANSMITS == 0:
+        return row, x, y, z, r / chance, g / chance, b / chance, 0.0, False
     if keeps_power:
         factor = 1.0
     factor *= lobes.weight[row] / chance
-    if not is_tinted:
+    if not is_colored:
         r = g = b = 1.0
     is_refracted = nx * x + ny * y + nz * z < 0.0
     return row, x, y, z, factor * r, factor * g, factor * b, 0.0, is_refracted
@@ -119,8 +83,9 @@ def density_of_turn(normal, geometric, i, dx, dy, dz, x, y, z, density):
 
 @kernel
 def scatter(
-    lobes, material, colors, normal, direction, geometric, xi, choice, stack, second, may_spread,
-    may_mirror, roulette, t, before, is_smooth, object_id, onward, throughput, pdf, rival, fate,
+    lobes, material, colors, normal, direction, geometric, ratio, xi, choice, stack, second,
+    may_spread, may_mirror, roulette, t, before, is_smooth, object_id, onward, throughput, pdf,
+    rival, fate,
 ):  # fmt: skip
     """Send each ray on in one direction.
 
@@ -133,6 +98,8 @@ def scatter(
         Of the hit and of the ray that found it.
     geometric : (n, 3) float64
         Normal of the surface itself, where ``normal`` is another; else (0, 3).
+    ratio : (n,) float64, or (0,)
+        As in `scattered`; (0,): no glass is rough.
     xi : (n, 2) float64
         Two numbers in [0, 1) that choose the direction.
     choice : (n, 2) float64
@@ -155,7 +122,7 @@ def scatter(
     onward : (n, 3) float64, written
     throughput : (n, 3) float64, changed
     pdf : (n,) float64, written
-        Density of the direction; zero for a mirror or glass.
+        Density of the direction; zero for a mirror or smooth glass.
     rival : (n,) float64, changed
         Density of a surface that spreads light and of the direction taken there, until the next:
         see `hybrid_rt.integrators.kernels.light_paths`. (0,): it is not needed.
@@ -170,13 +137,14 @@ def scatter(
             continue
         fate[i] = ABSORBED
         dx, dy, dz = direction[i, 0], direction[i, 1], direction[i, 2]
+        at = ratio[i] if ratio.size else 0.0
         row, x, y, z, r, g, b, density, is_refracted = choose_way(
-            lobes, material[i], colors, i, normal, dx, dy, dz, xi, choice, stack, second, False
+            lobes, material[i], colors, i, normal, dx, dy, dz, at, xi, choice, stack, second, False
         )
         if row < 0:
             continue
         pdf[i] = density
-        if lobes.kind[row] <= LAST_SPREADING:
+        if density > 0.0:
             fate[i] = SCATTERED if may_spread else STOPPED
             if rival.size:
                 turn = density_of_turn(normal, geometric, i, dx, dy, dz, x, y, z, density)
@@ -185,9 +153,13 @@ def scatter(
                     if stack.shape[1] > 0:
                         rival[i] /= ior_of(lobes, filling_medium(stack, i, lobes)) ** 2
                 elif rival[i] > 0.0:
+                    if is_refracted:
+                        # Densities are over the index squared of where either direction runs.
+                        turn /= at * at
+                        at = 1.0 / at
                     _, _, _, back = scattered(
                         lobes, material[i], colors, i, normal[i, 0], normal[i, 1], normal[i, 2],
-                        -x, -y, -z, -dx, -dy, -dz, DIELECTRIC,
+                        -x, -y, -z, -dx, -dy, -dz, at, EVERY,
                     )  # fmt: skip
                     rival[i] = rival[i] * turn / back if back > 0.0 else 0.0
         else:

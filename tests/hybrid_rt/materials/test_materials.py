@@ -3,7 +3,7 @@ import pytest
 
 from hybrid_rt.materials import Dielectric, Emissive, Lambertian, Metal, Mirror, Mix, Phong
 from hybrid_rt.materials.table import compile_materials
-from hybrid_rt.shading.kernels.bsdf import DIELECTRIC, DIFFUSE, METAL, MIRROR, PHONG
+from hybrid_rt.shading.kernels.lobes.register import DIELECTRIC, DIFFUSE, METAL, MIRROR, PHONG
 from hybrid_rt.textures import CheckerTexture, ImageTexture
 
 CHECKER = CheckerTexture(0.9, 0.1)

@@ -5,7 +5,8 @@ from scipy import stats
 from hybrid_rt.materials import Dielectric, Lambertian, Metal, Mirror, Mix, Phong
 from hybrid_rt.materials.table import color_factor, compile_materials
 from hybrid_rt.sampling.kernels.sobol import sobol_points
-from hybrid_rt.shading.kernels.bsdf import DIELECTRIC, PHONG, sample_lobes, scattered
+from hybrid_rt.shading.kernels.bsdf import sample_lobes, scattered
+from hybrid_rt.shading.kernels.lobes.register import EVERY, WIDE
 from meshing.kernels.jit import kernel
 
 N = 2**16
@@ -38,7 +39,7 @@ def table_of(material, n):
 
 
 @kernel
-def evaluate_lobes(lobes, material, colors, normal, direction, wi, last_kind, value, pdf):
+def evaluate_lobes(lobes, material, colors, normal, direction, wi, asked, value, pdf):
     """Fill ``value`` (n, 3) with f cos and ``pdf`` (n,) for given directions; see `scattered`."""
     for i in range(material.size):
         value[i, 0] = value[i, 1] = value[i, 2] = 0.0
@@ -49,30 +50,33 @@ def evaluate_lobes(lobes, material, colors, normal, direction, wi, last_kind, va
             lobes, material[i], colors, i,
             normal[i, 0], normal[i, 1], normal[i, 2],
             direction[i, 0], direction[i, 1], direction[i, 2],
-            wi[i, 0], wi[i, 1], wi[i, 2], last_kind,
+            wi[i, 0], wi[i, 1], wi[i, 2], 0.0, asked,
         )  # fmt: skip
 
 
-def evaluated(material, incoming, leaving, last_kind=DIELECTRIC):
+def evaluated(material, incoming, leaving, asked=EVERY):
     n = len(leaving)
     lobes, colors = table_of(material, n)
     normal = np.tile([0.0, 0.0, 1.0], (n, 1))
     direction = np.array(np.broadcast_to(unit(np.asarray(incoming, float)), (n, 3)))
     value, pdf = np.empty((n, 3)), np.empty(n)
     evaluate_lobes(
-        lobes, np.zeros(n, np.int32), colors, normal, direction, leaving, last_kind, value, pdf
+        lobes, np.zeros(n, np.int32), colors, normal, direction, leaving, asked, value, pdf
     )
     return value, pdf
 
 
-def sampled(material, incoming, xi, last_kind=DIELECTRIC):
+def sampled(material, incoming, xi, asked=EVERY):
     n = len(xi)
     lobes, colors = table_of(material, n)
     normal = np.tile([0.0, 0.0, 1.0], (n, 1))
     direction = np.tile(unit(np.asarray(incoming, float)), (n, 1))
     wi, value, pdf = np.empty((n, 3)), np.empty((n, 3)), np.empty(n)
     material_id = np.zeros(n, np.int32)
-    sample_lobes(lobes, material_id, colors, normal, direction, xi, last_kind, wi, value, pdf)
+    nothing = np.zeros(0)
+    sample_lobes(
+        lobes, material_id, colors, normal, direction, nothing, xi, nothing, asked, wi, value, pdf
+    )
     return wi, value, pdf
 
 
@@ -181,7 +185,7 @@ def test_single_directions_are_no_spread_light(material):
 def test_whitted_chooses_among_matt_and_glossy_lobes_only():
     material = Mix([(0.5, Metal(1.0, 0.5)), (0.5, Lambertian(1.0))])
     cells = hemisphere(1, 20, 20)
-    value, pdf = evaluated(material, (1, 0, -1), cells, PHONG)
+    value, pdf = evaluated(material, (1, 0, -1), cells, WIDE)
     np.testing.assert_allclose(value[:, 0], 0.5 * cells[:, 2] / np.pi)
     np.testing.assert_allclose(pdf, cells[:, 2] / np.pi)
 
@@ -191,5 +195,6 @@ def test_rows_without_material_give_zero():
     wi, value, pdf = np.empty((8, 3)), np.empty((8, 3)), np.empty(8)
     nan = np.full((8, 3), np.nan)
     nothing = np.full(8, -1, np.int32)
-    sample_lobes(lobes, nothing, colors, nan, nan, nan[:, :2], DIELECTRIC, wi, value, pdf)
+    no = np.zeros(0)
+    sample_lobes(lobes, nothing, colors, nan, nan, no, nan[:, :2], no, EVERY, wi, value, pdf)
     assert not value.any()

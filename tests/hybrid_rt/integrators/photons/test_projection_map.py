@@ -14,7 +14,7 @@ from hybrid_rt.materials import Dielectric
 from hybrid_rt.primitives import Box, Rectangle
 from hybrid_rt.scene.compiled import compile_scene
 from hybrid_rt.scene.scene import Object, Scene
-from hybrid_rt.shading.kernels.bsdf import DIELECTRIC, METAL
+from hybrid_rt.shading.kernels.lobes.register import FOLLOWED
 from hybrid_rt.verify.light.light_tracer import CAMERA
 from meshing import SurfaceOfRevolution
 
@@ -33,7 +33,7 @@ SHARES = {
 
 def balls_of(surface):
     scene = compile_scene(Scene(CAMERA, [Object(surface, Dielectric(1.5))], []))
-    return targets_of(scene, scene.materials_of_kinds(METAL, DIELECTRIC))
+    return targets_of(scene, scene.materials_with(FOLLOWED))
 
 
 @pytest.mark.parametrize(
@@ -68,7 +68,7 @@ def test_a_rod_is_covered_by_small_balls_and_a_cube_by_one():
 def test_most_aimed_photons_meet_what_they_are_aimed_at(name):
     photon_tracer = make_photon_tracer(load_scene(SCENES / f"{name}.py"), 1)
     context = photon_tracer.context
-    throws = context.scene.materials_of_kinds(METAL, DIELECTRIC)
+    throws = context.scene.materials_with(FOLLOWED)
     shares = []
     for group in photon_tracer.groups(4000):
         if group.is_aimed:

@@ -1,0 +1,45 @@
+"""Smooth glass: one direction back, one through the surface, chosen by the reflectance."""
+
+from hybrid_rt.shading.kernels.fresnel import fresnel, refract, schlick
+from hybrid_rt.shading.kernels.medium_stack import (
+    SCHLICK,
+    STACK,
+    filling_medium,
+    ior_of,
+    pass_surface,
+)
+from meshing.kernels.jit import inlined
+
+
+@inlined
+def at_glass(lobes, lobe, stack, i, nx, ny, nz, dx, dy, dz, is_front, second, xi):
+    """Choose between reflection and refraction at a dielectric by its reflectance.
+
+    n is on the side from which d came. ``stack[i]`` follows the ray; ``second`` as in
+    `hybrid_rt.shading.kernels.medium_stack`. Returns the direction, the factor on radiance but for the tint, and
+    whether light passes the surface and so is tinted.
+    """
+    before = filling_medium(stack, i, lobes)
+    # Kept for what is reflected: STACK places.
+    kept = (
+        stack[i, 0], stack[i, 1], stack[i, 2], stack[i, 3],
+        stack[i, 4], stack[i, 5], stack[i, 6], stack[i, 7],
+    )  # fmt: skip
+    pass_surface(lobe, stack, i, is_front, second)
+    after = filling_medium(stack, i, lobes)
+    if before == after:
+        return dx, dy, dz, 1.0, False
+    cos_i = min(-(nx * dx + ny * dy + nz * dz), 1.0)
+    ratio = ior_of(lobes, after) / ior_of(lobes, before)
+    if lobes.number[lobe, SCHLICK] != 0.0:
+        reflectance, cos_t = schlick(cos_i, ratio)
+    else:
+        reflectance, cos_t = fresnel(cos_i, ratio)
+    if xi < reflectance:
+        for k in range(STACK):
+            stack[i, k] = kept[k]
+        twice = 2.0 * cos_i
+        return dx + twice * nx, dy + twice * ny, dz + twice * nz, 1.0, False
+    x, y, z = refract(dx, dy, dz, nx, ny, nz, cos_i, cos_t, ratio)
+    # Radiance over the index squared is what stays the same across the surface.
+    return x, y, z, 1.0 / (ratio * ratio), True

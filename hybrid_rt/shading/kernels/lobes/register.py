@@ -1,0 +1,145 @@
+# ruff: noqa: ARG001  (one interface for all kinds; not every kind needs all of it)
+"""The register of lobes: which kinds there are, what is true of each, and which kernels it has.
+
+A kind is a name, not a rank. Whoever wants lobes of some sort asks for traits, by a mask of bits:
+`lobes.traits[row] & SPREADS` is true of each lobe that has one of the bits in `SPREADS`.
+
+A new kind takes a line in `TRAITS` and a branch in the functions below: numba cannot look a
+function up in a table. A kind that spreads light has a value with a density, and a direction; a
+delta distribution has a direction with a factor.
+"""
+
+from hybrid_rt.shading.kernels.fresnel import mirrored
+from hybrid_rt.shading.kernels.lobes.dielectric import at_glass
+from hybrid_rt.shading.kernels.lobes.diffuse import diffuse_direction, diffuse_value
+from hybrid_rt.shading.kernels.lobes.metal import metal_direction, metal_value
+from hybrid_rt.shading.kernels.lobes.phong import phong_direction, phong_value
+from hybrid_rt.shading.kernels.lobes.rough_conductor import (
+    rough_conductor_direction,
+    rough_conductor_value,
+)
+from meshing.kernels.jit import inlined
+
+# How widely a lobe spreads light; each has one of these three.
+# Wide: photons are gathered there, and Whitted's method lights it by shadow rays.
+WIDE = 1
+# Narrow: it has a density per solid angle, so lights are sampled through it; but what it reflects
+# is found by following one sampled direction. A gather of photons would find few within the lobe.
+NARROW = 2
+# A delta distribution: mirror and smooth glass. Nothing but the lobe itself chooses its directions.
+DELTA = 4
+# Light passes to the other side: this is the surface of a clear body. Rays keep count of the body,
+# its numbers begin as `hybrid_rt.shading.kernels.medium_stack` says, and its colour is a tint of
+# what passes, not of what is reflected. Such a lobe is followed (DELTA or NARROW): photons of one
+# side of a face are not gathered on the other.
+TRANSMITS = 8
+
+SPREADS = WIDE | NARROW
+FOLLOWED = NARROW | DELTA
+EVERY = WIDE | NARROW | DELTA
+
+DIFFUSE, PHONG, METAL, MIRROR, DIELECTRIC, ROUGH_CONDUCTOR = range(6)
+
+TRAITS = {
+    DIFFUSE: WIDE,
+    PHONG: WIDE,
+    METAL: NARROW,
+    MIRROR: DELTA,
+    DIELECTRIC: DELTA | TRANSMITS,
+    ROUGH_CONDUCTOR: 0,  # wide or narrow by its roughness
+}
+
+
+@inlined
+def spreads_here(lobes, row, ratio):
+    """Tell whether a lobe spreads light at a hit; ``ratio`` is that of `scattered`.
+
+    Rough glass does not where it lies hidden in another body, or in one of the same index: there
+    it is passed as smooth glass is.
+    """
+    traits = lobes.traits[row]
+    return traits & SPREADS != 0 and (traits & TRANSMITS == 0 or ratio != 0.0)
+
+
+@inlined
+def spread_value(lobes, row, ratio, nx, ny, nz, dx, dy, dz, wx, wy, wz, cos_in, cos_out):
+    """Return f cos of a lobe that spreads light, over its colour, and the density of the direction.
+
+    Three channels, then the density per solid angle with which `spread_direction` chooses w. What
+    passes to the other side is radiance: it counts by the index squared.
+
+    Parameters
+    ----------
+    lobes, row : LobeTable, int
+    ratio : float
+        Index beyond the surface over that before it; only of lobes that transmit.
+    n, d, w : unit vectors
+        The normal, of either sign; the direction in which a ray arrived; the one asked for.
+    cos_in, cos_out : float
+        Cosines of -d and w to the normal on the side from which d came. The first is not negative;
+        the second is only where the lobe transmits.
+    """
+    kind = lobes.kind[row]
+    # Cosine between w and the mirror direction d - 2 (n.d) n, whichever way n points.
+    cos_alpha = dx * wx + dy * wy + dz * wz + 2.0 * cos_in * cos_out
+    if kind == DIFFUSE:
+        f, pdf = diffuse_value(cos_out)
+    elif kind == PHONG:
+        f, pdf = phong_value(lobes.number[row, 0], cos_out, cos_alpha)
+    elif kind == ROUGH_CONDUCTOR:
+        return rough_conductor_value(
+            lobes.number, row, nx, ny, nz, dx, dy, dz, wx, wy, wz, cos_in, cos_out
+        )
+    else:  # METAL
+        f, pdf = metal_value(lobes.number[row, 0], cos_in, cos_out, cos_alpha)
+    return f, f, f, pdf
+
+
+@inlined
+def spread_direction(lobes, row, ratio, nx, ny, nz, dx, dy, dz, xi, eta, branch):
+    """Choose a direction by a lobe that spreads light; n is on the side from which d came.
+
+    Parameters
+    ----------
+    ratio : float
+        As in `spread_value`.
+    xi, eta : float
+        Two numbers in [0, 1) that choose the direction.
+    branch : float
+        A third that chooses the side.
+
+    Returns
+    -------
+    x, y, z : the direction
+    is_through : whether it is meant for the other side; where it leads to another side than it is
+        meant for, light is lost between facets
+    """
+    kind = lobes.kind[row]
+    is_through = False
+    if kind == DIFFUSE:
+        x, y, z = diffuse_direction(nx, ny, nz, xi, eta)
+    elif kind == PHONG:
+        x, y, z = phong_direction(lobes.number[row, 0], nx, ny, nz, dx, dy, dz, xi, eta)
+    elif kind == ROUGH_CONDUCTOR:
+        x, y, z = rough_conductor_direction(lobes.number, row, nx, ny, nz, dx, dy, dz, xi, eta)
+    else:  # METAL
+        x, y, z = metal_direction(lobes.number[row, 0], nx, ny, nz, dx, dy, dz, xi, eta)
+    return x, y, z, is_through
+
+
+@inlined
+def delta_direction(lobes, row, stack, i, nx, ny, nz, dx, dy, dz, is_front, second, xi):
+    """Choose a direction by a delta lobe; n is on the side from which d came.
+
+    ``stack[i]`` follows the ray, ``second`` is as in `hybrid_rt.shading.kernels.medium_stack`.
+
+    Returns
+    -------
+    x, y, z : the direction
+    factor : on radiance, but for the colour
+    is_colored : whether the colour counts: not for what glass reflects
+    """
+    if lobes.traits[row] & TRANSMITS:
+        return at_glass(lobes, row, stack, i, nx, ny, nz, dx, dy, dz, is_front, second, xi)
+    x, y, z = mirrored(dx, dy, dz, nx, ny, nz)
+    return x, y, z, 1.0, True

@@ -1,0 +1,94 @@
+import numpy as np
+import pytest
+
+from hybrid_rt import Mix, RoughConductor
+from hybrid_rt.materials.rough_conductor import METALS, WIDE_FROM
+from hybrid_rt.materials.table import compile_materials
+from hybrid_rt.shading.kernels.lobes.register import NARROW, WIDE
+
+# Wavelength in micrometres, eta, k: of what is in the literature, the part that is seen.
+MEASURED = {
+    # Johnson and Christy, 1972
+    "gold": """
+        0.3815 1.46 1.933  0.3974 1.47 1.952  0.4133 1.46 1.958  0.4305 1.45 1.948
+        0.4509 1.38 1.914  0.4714 1.31 1.849  0.4959 1.04 1.833  0.5209 0.62 2.081
+        0.5486 0.43 2.455  0.5821 0.29 2.863  0.6168 0.21 3.272  0.6595 0.14 3.697
+        0.7045 0.13 4.103  0.7560 0.14 4.542  0.8211 0.16 5.083""",
+    "copper": """
+        0.3815 1.33 2.045  0.3974 1.32 2.116  0.4133 1.28 2.207  0.4305 1.25 2.305
+        0.4509 1.24 2.397  0.4714 1.25 2.483  0.4959 1.22 2.564  0.5209 1.18 2.608
+        0.5486 1.02 2.577  0.5821 0.70 2.704  0.6168 0.30 3.205  0.6595 0.22 3.747
+        0.7045 0.21 4.205  0.7560 0.24 4.665  0.8211 0.26 5.180""",
+    # Rakic, 1995
+    "aluminium": """
+        0.36466 0.39877 4.3957  0.41328 0.52135 5.0008  0.44280 0.60790 5.3676
+        0.47687 0.72780 5.7781  0.51660 0.87340 6.2418  0.56357 1.07280 6.7839
+        0.61993 1.36600 7.4052  0.65225 1.57240 7.7354  0.68881 1.83010 8.0601
+        0.72932 2.16060 8.3565  0.77491 2.61540 8.4914  0.79478 2.76750 8.3866""",
+}
+
+
+def weights(nanometres):
+    """How red, green and blue of linear sRGB weigh a spectrum, each adding up to one.
+
+    Colour matching functions of 1931 by Wyman, Sloan and Shirley, "Simple analytic approximations
+    to the CIE XYZ color matching functions", JCGT 2(2), 2013.
+    """
+
+    def bell(middle, below, above):
+        width = np.where(nanometres < middle, below, above)
+        return np.exp(-0.5 * ((nanometres - middle) / width) ** 2)
+
+    x = 1.056 * bell(599.8, 37.9, 31.0) + 0.362 * bell(442.0, 16.0, 26.7)
+    x -= 0.065 * bell(501.1, 20.4, 26.2)
+    y = 0.821 * bell(568.8, 46.9, 40.5) + 0.286 * bell(530.9, 16.3, 31.1)
+    z = 1.217 * bell(437.0, 11.8, 36.0) + 0.681 * bell(459.0, 26.0, 13.8)
+    to_srgb = [
+        [3.2406255, -1.5372080, -0.4986286],
+        [-0.9689307, 1.8757561, 0.0415175],
+        [0.0557101, -0.2040211, 1.0569959],
+    ]
+    rgb = np.array(to_srgb) @ [x, y, z]
+    return rgb / rgb.sum(axis=1, keepdims=True)
+
+
+@pytest.mark.parametrize("metal", METALS)
+def test_indices_are_the_measured_ones_weighted_by_the_eye(metal):
+    table = np.array(MEASURED[metal].split(), dtype=float).reshape(-1, 3)
+    wavelength = np.arange(380.0, 781.0)
+    eta, k = (np.interp(wavelength, 1e3 * table[:, 0], table[:, i]) for i in (1, 2))
+    of_eye = weights(wavelength)
+    # As many digits as stand there.
+    np.testing.assert_allclose(METALS[metal], [of_eye @ eta, of_eye @ k], atol=6e-5)
+    reflectance = of_eye @ (((eta - 1) ** 2 + k**2) / ((eta + 1) ** 2 + k**2))
+    found = RoughConductor.of(metal, 0.3).lobes[0].color.row.number[:3]
+    np.testing.assert_allclose(found, np.minimum(reflectance, 0.98), atol=0.014)
+
+
+@pytest.mark.parametrize(
+    ("make", "words"),
+    [
+        (lambda: RoughConductor(0.0, 3.0, 0.5), "eta"),
+        (lambda: RoughConductor((1, 2), 3.0, 0.5), "eta has shape"),
+        (lambda: RoughConductor(1.0, (1, 1, -1), 0.5), "k"),
+        (lambda: RoughConductor(1.0, np.nan, 0.5), "k"),
+        (lambda: RoughConductor(1.0, 1e4, 0.5), "k"),
+        (lambda: RoughConductor(1.0, 3.0, 0.005), "roughness.*use Mirror"),
+        (lambda: RoughConductor(1.0, 3.0, 1.5), "roughness"),
+        (lambda: RoughConductor.of("brass", 0.5), "gold, copper, aluminium"),
+    ],
+)
+def test_impossible_metals_are_refused(make, words):
+    with pytest.raises(ValueError, match=words):
+        make()
+
+
+def test_wide_from_where_a_quarter_of_the_hemisphere_holds_half_the_light():
+    # The solid angle of a cone of half angle 2 atan(alpha).
+    assert 1 - np.cos(2 * np.arctan(WIDE_FROM)) == pytest.approx(0.25)
+    lobes, _ = compile_materials(
+        [RoughConductor.of("gold", r) for r in (0.6, 0.62)]
+        + [Mix([(0.5, RoughConductor.of("copper", 1.0))])]
+    )
+    assert lobes.traits.tolist() == [NARROW, WIDE, WIDE]
+    assert lobes.weight.tolist() == [1.0, 1.0, 0.5]
