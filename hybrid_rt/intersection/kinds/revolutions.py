@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from fractions import Fraction
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -10,8 +11,17 @@ from numpy.typing import NDArray
 
 from hybrid_rt.core.records import BoolArray, FloatArray, IntArray
 from hybrid_rt.intersection.kernels.revolution import (
+    BEND,
     DEPTH,
+    END,
+    END_KIND,
+    END_R,
+    END_TANGENT,
+    END_Z,
     PIECE,
+    RAY,
+    RIM,
+    TIP,
     RevolutionScratch,
     RevolutionTable,
     finish_revolutions,
@@ -30,8 +40,11 @@ if TYPE_CHECKING:
 
 # Pieces per segment: enough that most hold at most one root of a ray.
 PIECES = 8
-# Segment ends that agree to this part of the profile's size are joined.
-JOINED = 2.0**-30
+# Segment ends that agree to this part of the profile's size are joined; through a wider gap a ray
+# may pass.
+JOINED = 2.0**-50
+# Where the profile bends by less than this there is no outline that its curvature does not show.
+STRAIGHT = 1e-10
 
 
 class RevolutionKind:
@@ -43,8 +56,8 @@ class RevolutionKind:
     """
 
     def __init__(self, surfaces: Sequence[tuple[int, SurfaceOfRevolution]]) -> None:
-        middle, to_frame, size = [], [], []
-        control, ends, first_segment, segment_id = [], [], [0], []
+        middle, aside, to_frame, size, roundings = [], [], [], [], []
+        control, end, first_segment, segment_id = [], [], [0], []
         for _, surface in surfaces:
             points = np.concatenate(surface.segments)
             centre = 0.5 * points[:, 0].min() + 0.5 * points[:, 0].max()
@@ -54,29 +67,34 @@ class RevolutionKind:
             radius = np.hypot(points[:, 0] - centre, points[:, 1]).max()
             scale = float(2.0 ** -np.ceil(np.log2(radius)))
             middle.append(point)
+            aside.append(_from_rounded(surface, centre, point) * scale)
             to_frame.append(scale)
             size.append(radius * scale)
+            roundings.append(6.0 * max(map(len, surface.segments)) + 2.0)
             for number, segment in enumerate(surface.segments):
                 if segment[:, 1].any():  # else it lies on the axis and has no area
                     control.append((segment - [centre, 0.0]) * scale)
                     segment_id.append(number)
-                    ends.append(_open_ends(surface, number))
+                    end.append([_describe_end(surface, number, k, centre, scale) for k in (0, 1)])
             first_segment.append(len(control))
         degree = np.array([len(net) - 1 for net in control], np.int64)
         n_pieces = np.where(degree == 1, 1, np.where(degree > 6, 2 * PIECES, PIECES))
         first_piece = np.concatenate([[0], n_pieces.cumsum()]).astype(np.int64)
         self.table = RevolutionTable(
             middle=np.array(middle),
+            aside=np.array(aside),
             to_frame=np.array(to_frame),
             turn=np.array([np.stack([s.radial, s.binormal, s.axis]) for _, s in surfaces]),
             size=np.array(size),
+            roundings=np.array(roundings),
             first_segment=np.array(first_segment, np.int64),
             object_id=np.array([i for i, _ in surfaces], np.int32),
             control=np.concatenate(control),
             start=np.concatenate([[0], (degree + 1).cumsum()[:-1]]).astype(np.int64),
             degree=degree,
             segment_id=np.array(segment_id, np.int32),
-            open_ends=np.array(ends, np.int64),
+            outlines=np.array([_outlines(ends) for ends in end], np.int64),
+            end=np.array(end),
             first_piece=first_piece,
             span=np.empty((len(degree), 4)),
             whole=np.empty((len(surfaces), 3)),
@@ -120,7 +138,7 @@ class RevolutionKind:
         """Move coarse hits onto the surfaces by Newton iteration, and offer what is found."""
         refine_revolutions(
             self.table, hits, coarse.triangles, self._rows(coarse.n_objects), rows, rays, best,
-            np.empty(9), accepted,
+            np.empty(RAY), accepted,
         )  # fmt: skip
 
     def finish(
@@ -129,20 +147,72 @@ class RevolutionKind:
         """Describe the hits that are on surfaces of revolution."""
         row_of = self._rows(len(kind_of))
         row_of[kind_of != kind] = -1
-        finish_revolutions(self.table, rays, best, row_of, np.empty(9), out)
+        finish_revolutions(self.table, rays, best, row_of, np.empty(RAY), out)
 
 
-def _open_ends(surface: SurfaceOfRevolution, number: int) -> int:
-    """Bits of the ends (s = 0, s = 1) of a segment that neither touch the axis nor go on."""
-    ends = [end for segment in surface.segments for end in (segment[0], segment[-1])]
+def _from_rounded(surface: SurfaceOfRevolution, centre: float, point: FloatArray) -> FloatArray:
+    """Return the point of the axis at a height, less what it was rounded to: along u, across, up."""
+    exact = [
+        Fraction(o) + Fraction(centre) * Fraction(a) - Fraction(p)
+        for o, a, p in zip(
+            surface.origin.tolist(), surface.axis.tolist(), point.tolist(), strict=True
+        )
+    ]
+    gap = np.array([float(x) for x in exact])
+    frame = np.stack([surface.radial, surface.binormal, surface.axis])
+    turned: FloatArray = frame @ gap
+    return turned
+
+
+def _describe_end(
+    surface: SurfaceOfRevolution, number: int, side: int, centre: float, scale: float
+) -> FloatArray:
+    """Return an end of a segment (s = 0, s = 1) as the kernels take it, see `END`."""
+    segments = [segment if k else segment[::-1] for segment in surface.segments for k in (1, 0)]
     size = np.abs(np.concatenate(surface.segments)).max()
+    me = 2 * number + side
+    net = segments[me]
+    row = np.zeros(END)
+    row[END_Z], row[END_R] = (net[0] - [centre, 0.0]) * scale
+    row[END_TANGENT : END_TANGENT + 3] = tangent = _leave(net, size, scale)
+    if net[0, 1] <= JOINED * size:
+        row[END_KIND], row[END_R] = TIP, 0.0
+        row[END_TANGENT + 3 :] = tangent * (1.0, -1.0, -1.0)
+        return row
+    # The profile goes on in the segment drawn next, or in any that ends here.
+    others = sorted(
+        (k for k in range(len(segments)) if k != me), key=lambda k: abs(k - me - (2 * side - 1))
+    )
+    for k in others:
+        if np.abs(segments[k][0] - net[0]).max() <= JOINED * size:
+            row[END_KIND] = BEND
+            row[END_TANGENT + 3 :] = _leave(segments[k], size, scale)
+            return row
+    row[END_KIND] = RIM
+    return row
+
+
+def _leave(net: FloatArray, size: float, scale: float) -> FloatArray:
+    """Return the unit tangent (z, r) with which a segment begins, and its curvature there."""
+    steps = np.hypot(*(net - net[0]).T)
+    first = int(np.argmax(steps > JOINED * size))
+    tz, tr = (net[first] - net[0]) / steps[first]
+    curvature = 0.0  # of a resting start: none that a number could tell
+    if first == 1 and len(net) > 2:
+        n = len(net) - 1
+        bend = (net[2] - net[1]) - (net[1] - net[0])
+        curvature = (n - 1) / n * (tz * bend[1] - tr * bend[0]) / steps[1] ** 2 / scale
+    return np.array([tz, tr, curvature])
+
+
+def _outlines(ends: list[FloatArray]) -> int:
+    """Bits of the ends of a segment (s = 0, s = 1) where the surface has an edge or a tip."""
     bits = 0
-    for bit in range(2):
-        here = ends[2 * number + bit]
-        others = [e for k, e in enumerate(ends) if k != 2 * number + bit]
-        is_joined = any(np.abs(here - other).max() <= JOINED * size for other in others)
-        if not is_joined and here[1] > JOINED * size:
-            bits |= 1 << bit
+    for k, end in enumerate(ends):
+        (az, ar, _), (bz, br, _) = end[END_TANGENT : END_TANGENT + 3], end[END_TANGENT + 3 :]
+        bends = abs(az * br - ar * bz) > STRAIGHT or az * bz + ar * br > 0.0
+        if end[END_KIND] == RIM or bends:
+            bits |= 1 << k
     return bits
 
 
@@ -152,5 +222,5 @@ def _new_scratch(table: RevolutionTable) -> RevolutionScratch:
         net=np.empty((int(table.degree.max()) + 1, 2)),
         stack=np.empty((DEPTH, 2)),
         piece=np.empty(PIECE),
-        ray=np.empty(9),
+        ray=np.empty(RAY),
     )
