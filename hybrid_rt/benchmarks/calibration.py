@@ -24,7 +24,7 @@ from hybrid_rt.sensor.camera import Camera
 from hybrid_rt.verify.cases.campaign import STEP
 from hybrid_rt.verify.cases.rays import hard_rays
 from hybrid_rt.verify.judges.judge import Verdict, compare
-from hybrid_rt.verify.judges.kernels.events import BAND
+from hybrid_rt.verify.judges.kernels.events import BAND, LEAST_COSINE
 from hybrid_rt.verify.judges.oracle import Truth, first_hits
 
 # Pixels of the pictures: enough for a mean, few enough for hundreds of pictures.
@@ -261,7 +261,7 @@ def _same_root(hits: HitRecord, truth: Truth, verdict: Verdict) -> BoolArray:
         same[rows] = False
     # Decided within rounding, the hit may be one that the ray only touches, before the first
     # certain root: right, but not that root.
-    slack = truth.band / (np.maximum(truth.cosine, 1e-13) * truth.length)
+    slack = truth.band / (np.maximum(truth.cosine, LEAST_COSINE) * truth.length)
     with np.errstate(invalid="ignore"):
         is_other = (hits.status == Status.TANGENT) & (truth.t - hits.t > slack)
     same &= ~is_other

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hybrid_rt.core.records import BoolArray, FloatArray, HitRecord, Status
-from hybrid_rt.verify.judges.kernels.events import BAND, COVERED, DOUBTFUL
+from hybrid_rt.verify.judges.kernels.events import BAND, COVERED, DOUBTFUL, LEAST_COSINE
 from hybrid_rt.verify.judges.oracle import Truth
 from hybrid_rt.verify.judges.surface_judge import judge_of
 
@@ -79,7 +79,7 @@ class Verdict:
         return sum(self.wrong.values())
 
 
-def compare(hits: HitRecord, truth: Truth) -> Verdict:
+def compare(hits: HitRecord, truth: Truth, gap: FloatArray | None = None) -> Verdict:
     """Judge first hits.
 
     A hit is right if it is the first certain root or a doubtful one before it, with t within
@@ -91,6 +91,9 @@ def compare(hits: HitRecord, truth: Truth) -> Verdict:
     ----------
     hits : HitRecord of n rows
     truth : Truth of the same n rays
+    gap : (n,) float64, optional
+        Distance of S(u, v) from o + t d over 64 eps x scale; default: as float64 has it, which is
+        not enough for surfaces far from 0.
 
     Raises
     ------
@@ -101,19 +104,19 @@ def compare(hits: HitRecord, truth: Truth) -> Verdict:
         raise ValueError(f"{len(hits)} hits but truth for {len(truth)} rays: pass the same rays")
     roots, length = truth.roots, truth.length
     ray = roots.ray
-    slack = roots.band / (np.maximum(roots.cosine, 1e-13) * length[ray])
+    slack = roots.band / (np.maximum(roots.cosine, LEAST_COSINE) * length[ray])
     is_first = (roots.kind <= COVERED) & (roots.t <= truth.t[ray])
     # Roots at the same t, up to rounding, are one answer: whichever object holds it.
     reach = np.where(np.isfinite(truth.t[ray]), truth.t[ray] + slack, np.inf)
     allowed = (is_first | (roots.kind <= DOUBTFUL)) & (roots.t <= reach)
     with np.errstate(invalid="ignore"):
-        gap = np.abs(hits.t[ray] - roots.t)
-    close = hits.hit[ray] & (gap <= slack)
+        apart = np.abs(hits.t[ray] - roots.t)
+    close = hits.hit[ray] & (apart <= slack)
     accepted = _any(allowed & close, ray, len(hits))
     right_object = _any(allowed & close & (roots.object_id == hits.object_id[ray]), ray, len(hits))
     certain = _any(is_first & close, ray, len(hits))
-    gap_in_bands = _gap(hits, truth)
-    first = truth.t + truth.band / (np.maximum(truth.cosine, 1e-13) * length)
+    gap_in_bands = _gap(hits, truth) if gap is None else gap
+    first = truth.t + truth.band / (np.maximum(truth.cosine, LEAST_COSINE) * length)
     in_band = hits.hit & (gap_in_bands <= 1.0) & ~(hits.t > first)
     accepted, right_object = accepted | in_band, right_object | in_band
     some = truth.object_id >= 0

@@ -170,10 +170,31 @@ def first_hits(
         )
         for name in events.Events._fields[1:]
     }
-    length = np.linalg.norm(direction, axis=1)
+    return truth_of(columns, surfaces, origin, direction, low, high, departing)
+
+
+def truth_of(
+    columns: dict[str, Any],
+    surfaces: Sequence[Any],
+    origins: FloatArray,
+    directions: FloatArray,
+    t_min: FloatArray,
+    t_max: FloatArray,
+    departing: bool,
+) -> Truth:
+    """Return the truth about n rays from what was found of each.
+
+    Parameters
+    ----------
+    columns : dict of (m,) arrays
+        See `events.Events`; rows in any order.
+    surfaces, origins, directions, t_min, t_max, departing
+        As `first_hits` takes them, one of each per ray.
+    """
+    length = np.linalg.norm(directions, axis=1)
     columns = _merge(columns, length)
-    columns = _limit(columns, length, low, high, departing)
-    return _first(columns, surfaces, origin, direction, length)
+    columns = _limit(columns, length, t_min, t_max, departing)
+    return _first(columns, surfaces, origins, directions, length)
 
 
 def _new_events(room: int) -> events.Events:
@@ -213,7 +234,7 @@ def _merge(columns: Columns, length: FloatArray) -> Columns:
 
 def _tolerance(columns: Columns, length: FloatArray) -> FloatArray:
     """Return how far the band moves a root, in t."""
-    floor = np.maximum(columns["cosine"], 1e-13)
+    floor = np.maximum(columns["cosine"], events.LEAST_COSINE)
     moved: FloatArray = columns["band"] / (floor * length[columns["ray"].astype(np.int64)])
     return moved
 

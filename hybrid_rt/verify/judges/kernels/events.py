@@ -10,6 +10,8 @@ ROOT, COVERED, DOUBTFUL, UNDECIDED = 0, 1, 2, 3
 BAND = 64.0 * 2.0**-52
 # Rays moved by a little more, so that nothing on the rim of the band counts as certain.
 SHIFT = 1.3
+# Flatter than this rounding of the ray's own direction leaves nothing of a crossing's t.
+LEAST_COSINE = 1e-16
 # Cosines and sines of eight directions around the ray.
 AROUND = (
     (1.0, 0.0),

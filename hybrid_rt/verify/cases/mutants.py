@@ -1,0 +1,637 @@
+"""Does the suite notice a weakened proof? Mutants of the tracer, each a change of one line.
+
+A mutant is data: the function (or the constant) in which it changes one piece of text. It is applied
+to a copy of the packages, whose kernels are compiled anew; the copy traces hard rays at singular
+sets; the rows that differ from those of the packages as they are go before the exact judge. A mutant
+is noticed by a set of rays if a row has a fault that it had not before.
+"""
+
+from __future__ import annotations
+
+import ast
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field, fields
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hybrid_rt.core.records import HitRecord
+
+PACKAGES = ("hybrid_rt", "meshing")
+# Ordinary hard rays of `rays.hard_rays`, besides those at singular sets: scenes of each kind.
+ORDINARY = {
+    "patches": ("teapot", "patches"),
+    "turned": ("vase", "torus"),
+    "closed": ("closed forms",),
+    "mesh": ("mesh",),
+}
+# So many ordinary rays for each ray of a cell.
+ORDINARY_SHARE = 200
+# A search without end is noticed as well.
+TIMEOUT = 1800.0
+
+
+@dataclass(frozen=True)
+class Mutant:
+    """One change that weakens one proof.
+
+    Attributes
+    ----------
+    name : str
+    where : str
+        Name of a function or a constant at the top of a module, wherever in the packages it is.
+    old, new : str
+        Text in its source, there once, and what takes its place.
+    weakens : str
+        What is not proven any more.
+    kinds : tuple of str
+        Kinds of singular sets that could notice (`singular_sets.KINDS`).
+    """
+
+    name: str
+    where: str
+    old: str
+    new: str
+    weakens: str
+    kinds: tuple[str, ...]
+
+
+PATCHES, TURNED, CLOSED, MESH = ("patches",), ("turned",), ("closed",), ("mesh",)
+
+MUTANTS = (
+    # --- patches: cells
+    Mutant(
+        "fans halved", "fill_cell",
+        "record[FAN], record[FAN + 1] = fan_u + FAN_MARGIN * lp, fan_v + FAN_MARGIN * lq",
+        "record[FAN], record[FAN + 1] = 0.5 * fan_u, 0.5 * fan_v",
+        "at most one root in a cell", PATCHES,
+    ),
+    Mutant(
+        "fans without margin", "fill_cell",
+        "record[FAN], record[FAN + 1] = fan_u + FAN_MARGIN * lp, fan_v + FAN_MARGIN * lq",
+        "record[FAN], record[FAN + 1] = fan_u, fan_v",
+        "rounding of the fan", PATCHES,
+    ),
+    Mutant(
+        "fan test without slack", "FAN_SLACK",
+        "2.0**-50 * (1.0 + 2.0 * WIDEST)", "0.0",
+        "rounding of the ray in the fan's basis", PATCHES,
+    ),
+    Mutant(
+        "skew boxes without slack", "BOX_SLACK", "2.0**-47", "0.0",
+        "rounding of a cell's box", PATCHES,
+    ),
+    Mutant(
+        "skew boxes too small", "BOX_SLACK", "2.0**-47", "-(2.0**-12)",
+        "a cell's box holds the cell", PATCHES,
+    ),
+    Mutant(
+        "roots beside a grown cell settle it", "solve_cell",
+        "grown = 1.0 + 2.0 * GROWTH", "grown = 4.0",
+        "one root in the grown cell", PATCHES,
+    ),
+    Mutant(
+        "a cell's border without slack", "solve_cell",
+        "beside_u <= hu * (1.0 + BORDER_SLACK) + error * gain_u",
+        "beside_u <= hu",
+        "no gap between neighbouring cells", PATCHES,
+    ),
+    # --- patches: roots
+    Mutant(
+        "rounding of patches a quarter", "rounding_of_root",
+        "error = UNIT_ROUNDOFF * (", "error = 0.25 * UNIT_ROUNDOFF * (",
+        "bound of t, border bands", PATCHES,
+    ),
+    Mutant(
+        "t_bound of patches a quarter", "offer_root",
+        "t_bound = (2.0 * error / n_dot_d", "t_bound = (0.5 * error / n_dot_d",
+        "bound of t", PATCHES,
+    ),
+    Mutant(
+        "borders of patches without band", "offer_root",
+        "band_u = error * gain_u + 2.0 * UNIT_ROUNDOFF", "band_u = 0.0",
+        "no gap between neighbouring patches", PATCHES,
+    ),
+    Mutant(
+        "TANGENT at open borders left out", "offer_root",
+        "if open_edges != 0:", "if open_edges > 99:",
+        "the mark at open borders", PATCHES,
+    ),
+    Mutant(
+        "TANGENT at silhouettes of patches 64 times as narrow", "finish_patches",
+        "2.0 * bend * TANGENT_BAND * scale", "2.0 / 64 * bend * TANGENT_BAND * scale",
+        "the mark at silhouettes", PATCHES,
+    ),
+    # --- patches: bisection
+    Mutant(
+        "bisection's slop a sixteenth", "slow_solve",
+        "slop = UNIT_ROUNDOFF * (8.0", "slop = UNIT_ROUNDOFF / 16.0 * (8.0",
+        "rounding of projected nets", PATCHES,
+    ),
+    Mutant(
+        "Krawczyk without rounding term", "slow_solve",
+        "turn_v1) + (degree_u + degree_v) * rounding", "turn_v1)",
+        "rounding in Krawczyk's test", PATCHES,
+    ),
+    Mutant(
+        "Krawczyk's exclusion too wide", "slow_solve",
+        "> 1.0 + q + rounding", "> 1.0 - 0.5 * q",
+        "no root is excluded", PATCHES,
+    ),
+    Mutant(
+        "Krawczyk's test passed at q < 3", "slow_solve",
+        "            if q < 1.0:", "            if q < 3.0:",
+        "at most one root in a piece", PATCHES,
+    ),
+    Mutant(
+        "Newton from pieces that turn", "NEWTON_TURN", "0.25", "0.95",
+        "Newton converges to the piece's root", PATCHES,
+    ),
+    Mutant(
+        "neighbouring pieces without slack", "BORDER_SLACK", "1e-9", "-1e-3",
+        "no gap between neighbouring pieces", PATCHES,
+    ),
+    Mutant(
+        "long thin pieces taken for touches", "slow_solve",
+        "fold = 4.0 * np.sqrt", "fold = 4e3 * np.sqrt",
+        "t_bound of touches", PATCHES,
+    ),
+    Mutant(
+        "large pieces taken for points", "slow_solve",
+        "is_point = max(f1 - f0, g1 - g0, h1 - h0) <= 4.0 * slop",
+        "is_point = max(f1 - f0, g1 - g0, h1 - h0) <= 4e4 * slop",
+        "a point's t and place", PATCHES,
+    ),
+    Mutant(
+        "slopes of points overstated", "_steepness",
+        "return abs(nx * dx + ny * dy + nz * dz) / length",
+        "return 8.0 * abs(nx * dx + ny * dy + nz * dz) / length",
+        "bound of t at points", PATCHES,
+    ),
+    # --- tree and frame
+    Mutant(
+        "far sides of boxes without growth", "FAR_GROWTH",
+        "np.float32(8 * 2.0**-23)", "np.float32(0)",
+        "rounding of float32 boxes", (*PATCHES, *MESH),
+    ),
+    Mutant(
+        "search cut too early", "end_of",
+        "return t + CUT_SLACK * (1.0 + abs(t))", "return t - CUT_SLACK * (1.0 + abs(t))",
+        "roots that neighbours share", (*PATCHES, *TURNED),
+    ),
+    Mutant(
+        "origins rounded on their way into the frame", "two_difference",
+        "return s, (a - (s - z)) - (b + z)", "return s, 0.0",
+        "far scenes without loss", (*PATCHES, *TURNED, *CLOSED),
+    ),
+    Mutant(
+        "departure's radius a sixteenth", "POINT_ROUNDING",
+        "8 * 2.0**-53", "0.5 * 2.0**-53",
+        "the point of departure is not met again", (*PATCHES, *TURNED, *CLOSED, *MESH),
+    ),
+    Mutant(
+        "departure without bound of t", "is_known",
+        "t_bound * n_dot_d + radius", "radius",
+        "the point of departure is not met again", (*PATCHES, *TURNED, *CLOSED, *MESH),
+    ),
+    Mutant(
+        "departure hides what is near", "is_known",
+        "t_bound * n_dot_d + radius", "1e5 * (t_bound * n_dot_d + radius)",
+        "other crossings near the departure", (*PATCHES, *TURNED, *CLOSED, *MESH),
+    ),
+    # --- surfaces of revolution
+    Mutant(
+        "rounding of turned surfaces a quarter", "rounding",
+        "return UNIT_ROUNDOFF * (", "return 0.25 * UNIT_ROUNDOFF * (",
+        "bound of t, bands at ends", TURNED,
+    ),
+    Mutant(
+        "t_bound of turned surfaces a quarter", "offer_meeting",
+        "t_bound = (2.0 * error / slope", "t_bound = (0.5 * error / slope",
+        "bound of t", TURNED,
+    ),
+    Mutant(
+        "ends of segments without band", "offer_meeting",
+        "band = error * gain + 4.0 * UNIT_ROUNDOFF", "band = 0.0",
+        "no gap between segments", TURNED,
+    ),
+    Mutant(
+        "one meeting proven by half the slopes", "at_most_one",
+        "return low > clear or high < -clear",
+        "return 0.75 * low + 0.25 * high > clear or 0.25 * low + 0.75 * high < -clear",
+        "at most one root of a piece and a sheet", TURNED,
+    ),
+    Mutant(
+        "slop of turned surfaces a 64th", "trace_revolutions",
+        "slop = (\n                    16.0", "slop = (\n                    0.25",
+        "rounding of boxes and sheets", TURNED,
+    ),
+    Mutant(
+        "chords without slop", "compare_along_chord",
+        "return low > n1 + slop or high < n0 - slop", "return low > n1 - slop or high < n0 + slop",
+        "a piece beside its chord's strip", TURNED,
+    ),
+    Mutant(
+        "heights without slop", "height_range",
+        "return low - 2.0 * slop, high + 2.0 * slop", "return low + 2.0 * slop, high - 2.0 * slop",
+        "segments left out by height", TURNED,
+    ),
+    Mutant(
+        "sheets without air", "sheet_interval",
+        "air = slop / across", "air = -slop / across",
+        "t of a sheet", TURNED,
+    ),
+    Mutant(
+        "roots beside a grown piece settle it", "solve_single",
+        "a - GROWTH * (b - a) <= s <= b + GROWTH * (b - a)",
+        "a - 4.0 * GROWTH * (b - a) <= s <= b + 4.0 * GROWTH * (b - a)",
+        "one root in the grown piece", TURNED,
+    ),
+    # --- closed forms and meshes
+    Mutant(
+        "bound of spheres a quarter", "offer_sphere",
+        "error_half = (", "error_half = 0.25 * (",
+        "bound of t", CLOSED,
+    ),
+    Mutant(
+        "bound of near roots of spheres a 64th", "offer_sphere",
+        "error_near = abs(near) * (error_far / abs(far) + 8.0 * u)",
+        "error_near = abs(near) * (error_far / abs(far) + 8.0 * u) / 64.0",
+        "bound of t", CLOSED,
+    ),
+    Mutant(
+        "power of a point rounded", "power_of_point",
+        "return high + (low + 2.0 * (fx * gx + fy * gy + fz * gz))", "return high",
+        "t beside large spheres", CLOSED,
+    ),
+    Mutant(
+        "TANGENT of spheres 64 times as narrow", "offer_sphere",
+        "band = TANGENT_BAND * max(away, 2.0 * r)", "band = TANGENT_BAND / 64 * max(away, 2.0 * r)",
+        "the mark at silhouettes", CLOSED,
+    ),
+    Mutant(
+        "bound of rectangles an eighth", "_offer_parallelogram",
+        "error = UNIT_ROUNDOFF * (12.0 * away + 4.0 * size[k])",
+        "error = UNIT_ROUNDOFF * (1.5 * away + 0.5 * size[k])",
+        "bound of t, rims", CLOSED,
+    ),
+    Mutant(
+        "bound of planes an eighth", "trace_planes",
+        "error = UNIT_ROUNDOFF * (8.0 * away", "error = 0.125 * UNIT_ROUNDOFF * (8.0 * away",
+        "bound of t", CLOSED,
+    ),
+    Mutant(
+        "TANGENT of boxes 64 times as narrow", "_offer_box",
+        "band = TANGENT_BAND * reach", "band = TANGENT_BAND / 64 * reach",
+        "the mark at edges", CLOSED,
+    ),
+    Mutant(
+        "bound of triangles an eighth", "offer_triangle",
+        "error = UNIT_ROUNDOFF * away * (12.0 + 8.0 * side * side / length)",
+        "error = UNIT_ROUNDOFF * away * (1.5 + side * side / length)",
+        "bound of t", MESH,
+    ),
+    Mutant(
+        "slivers by plain products", "SLIVER", "3e-2", "0.0",
+        "points of triangles seen edge-on", MESH,
+    ),
+    Mutant(
+        "TANGENT of triangles 64 times as narrow", "offer_triangle",
+        "band = TANGENT_BAND * away", "band = TANGENT_BAND / 64 * away",
+        "the mark at silhouettes of meshes", MESH,
+    ),
+)  # fmt: skip
+
+
+@dataclass
+class Notice:
+    """How one set of rays noticed a mutant.
+
+    Attributes
+    ----------
+    set_name : str
+    rays : int
+        Rays traced until the first that tells.
+    telling, judged : int
+        Rows that tell, and rows that were judged: of those that differ, no more than asked for.
+    faults : dict of int
+        What is wrong with them.
+    """
+
+    set_name: str
+    rays: int
+    telling: int
+    judged: int
+    faults: dict[str, int] = field(default_factory=dict)
+
+
+@dataclass
+class MutantResult:
+    """What became of one mutant.
+
+    Attributes
+    ----------
+    mutant : Mutant
+    notices : list of Notice
+        Of the sets that noticed.
+    differing : int
+        Rows that are not the same, of all sets.
+    failed : str
+        The last words of a tracer that did not end well; "" otherwise.
+    seconds : float
+    """
+
+    mutant: Mutant
+    notices: list[Notice]
+    differing: int
+    failed: str
+    seconds: float
+
+    @property
+    def is_noticed(self) -> bool:
+        """Whether anything noticed it."""
+        return bool(self.notices) or bool(self.failed)
+
+
+def place_of(root: Path, where: str) -> tuple[Path, int, int]:
+    """Find the one function or constant of a name at the top of a module of the packages.
+
+    Returns
+    -------
+    file : Path
+    first, last : int
+        Its lines, from 0; the last is not included.
+
+    Raises
+    ------
+    ValueError
+        If there is none, or more than one.
+    """
+    found = []
+    for package in PACKAGES:
+        for file in sorted((root / package).rglob("*.py")):
+            if "verify" in file.parts:
+                continue
+            text = file.read_text("utf-8")
+            if where not in text:
+                continue
+            for node in ast.parse(text).body:
+                names = [node.name] if isinstance(node, ast.FunctionDef) else []
+                if isinstance(node, ast.Assign):
+                    for target in node.targets:
+                        names += [one.id for one in ast.walk(target) if isinstance(one, ast.Name)]
+                if where in names:
+                    found.append((file, node.lineno - 1, node.end_lineno or node.lineno))
+    if not found:
+        raise ValueError(f"no function or constant {where!r} in {', '.join(PACKAGES)}")
+    return found[0] if len(found) == 1 else _only_one(found, where)
+
+
+def _only_one(found: list[tuple[Path, int, int]], where: str) -> tuple[Path, int, int]:
+    places = ", ".join(str(file) for file, _, _ in found)
+    raise ValueError(f"{where!r} is in {places}: name something that is there once")
+
+
+def applied(root: Path, mutant: Mutant) -> tuple[Path, str]:
+    """Return the file that a mutant changes, and its new text.
+
+    Raises
+    ------
+    ValueError
+        If the text that it changes is not there once.
+    """
+    file, first, last = place_of(root, mutant.where)
+    lines = file.read_text("utf-8").splitlines(keepends=True)
+    part = "".join(lines[first:last])
+    if part.count(mutant.old) != 1:
+        raise ValueError(
+            f"mutant {mutant.name!r}: {mutant.old!r} is {part.count(mutant.old)} times in "
+            f"{mutant.where} ({file.name}): say anew what it changes"
+        )
+    part = part.replace(mutant.old, mutant.new)
+    return file, "".join([*lines[:first], part, *lines[last:]])
+
+
+def trace_all(kinds: Sequence[str], n: int, seed: int, out: str) -> None:
+    """Trace the rays of all cells of some kinds, and write hits and rays to a file.
+
+    Parameters
+    ----------
+    kinds : sequence of str
+    n, seed : int
+        Rays of a cell.
+    out : str
+        A .npz file; keys are ``set|place|distance|column``.
+    """
+    from hybrid_rt.intersection import Intersector
+    from hybrid_rt.verify.cases.campaign import SCENES
+    from hybrid_rt.verify.cases.rays import hard_rays
+    from hybrid_rt.verify.cases.singular_campaign import placed_surfaces, trace_cell
+    from hybrid_rt.verify.cases.singular_sets import DISTANCES, PLACEMENTS, SETS
+
+    arrays: dict[str, NDArray[Any]] = {}
+
+    def keep(key: str, hits: HitRecord, origins: Any, directions: Any) -> None:
+        for item in fields(hits):
+            arrays[f"{key}|{item.name}"] = getattr(hits, item.name)
+        arrays[f"{key}|origins"], arrays[f"{key}|directions"] = origins, directions
+
+    for name, entry in SETS.items():
+        if entry.kind not in kinds:
+            continue
+        for place in PLACEMENTS:
+            try:
+                tracer = Intersector(placed_surfaces(name, place), coarse="none", threads=1)
+            except ValueError:
+                break  # refused
+            for distance in DISTANCES:
+                cell = trace_cell(tracer, name, distance, place, n, seed)
+                key = f"{name}|{place}|{distance!r}"
+                keep(key, cell.hits, cell.origins, cell.directions)
+                if cell.source is not None:
+                    arrays[f"{key}|leaves"] = cell.source.object_id
+    for kind in kinds:
+        for scene in ORDINARY[kind]:
+            surfaces = SCENES[scene]()
+            rays = hard_rays(surfaces, ORDINARY_SHARE * n, seed)
+            hits = Intersector(surfaces, coarse="none", threads=1).intersect(
+                rays.origins, rays.directions
+            )
+            keep(f"hard rays, {scene}|home|1.0", hits, rays.origins, rays.directions)
+    np.savez(out, **arrays)  # type: ignore[arg-type]
+
+
+def run_mutants(
+    mutants: Sequence[Mutant], n: int, seed: int, judged: int = 100
+) -> Iterator[MutantResult]:
+    """Try mutants, one after the other.
+
+    Parameters
+    ----------
+    mutants : sequence of Mutant
+    n, seed : int
+        Rays of a cell.
+    judged : int
+        Rows of each set that go before the judge at most.
+    """
+    root = Path(__file__).resolve().parents[2]
+    baselines: dict[tuple[str, ...], dict[str, NDArray[Any]]] = {}
+    judges: dict[tuple[str, str], Any] = {}
+    with tempfile.TemporaryDirectory(prefix="mutants-") as folder:
+        for mutant in mutants:
+            began = time.perf_counter()
+            if mutant.kinds not in baselines:
+                found, words = _trace_copy(root, Path(folder), None, mutant.kinds, n, seed)
+                if found is None:
+                    raise ValueError(f"the packages as they are do not trace: {words}")
+                baselines[mutant.kinds] = found
+            before = baselines[mutant.kinds]
+            after, words = _trace_copy(root, Path(folder), mutant, mutant.kinds, n, seed)
+            if after is None:
+                yield MutantResult(mutant, [], 0, words, time.perf_counter() - began)
+                continue
+            notices, differing = _compared(before, after, judged, judges)
+            yield MutantResult(mutant, notices, differing, "", time.perf_counter() - began)
+
+
+def _trace_copy(
+    root: Path, folder: Path, mutant: Mutant | None, kinds: Sequence[str], n: int, seed: int
+) -> tuple[dict[str, NDArray[Any]] | None, str]:
+    """Trace by a copy of the packages; return what it wrote, or its last words."""
+    copy = folder / "copy"
+    shutil.rmtree(copy, ignore_errors=True)
+    for package in PACKAGES:
+        shutil.copytree(
+            root / package, copy / package, ignore=shutil.ignore_patterns("__pycache__")
+        )
+    if mutant is not None:
+        file, text = applied(copy, mutant)
+        file.write_text(text, "utf-8")
+    out = folder / "traced.npz"
+    out.unlink(missing_ok=True)
+    code = (
+        "import sys; from hybrid_rt.verify.cases.mutants import trace_all; "
+        f"trace_all({tuple(kinds)!r}, {n}, {seed}, {str(out)!r})"
+    )
+    # Its own kernels: numba does not see that a function which a kernel calls has changed.
+    settings = {
+        **os.environ, "PYTHONPATH": str(copy), "NUMBA_CACHE_DIR": str(copy / "kernels"),
+    }  # fmt: skip
+    try:
+        done = subprocess.run(
+            [sys.executable, "-c", code], cwd=copy, env=settings, check=False,
+            capture_output=True, text=True, timeout=TIMEOUT,
+        )  # fmt: skip
+    except subprocess.TimeoutExpired:
+        return None, f"no end within {TIMEOUT:.0f} s"
+    if done.returncode != 0:
+        lines = done.stderr.strip().splitlines() or [f"exit code {done.returncode}"]
+        return None, lines[-1]
+    with np.load(out) as file:
+        return {key: file[key] for key in file.files}, ""
+
+
+COLUMNS = ("t", "t_bound", "object_id", "patch_id", "u", "v", "status")
+
+
+def _compared(
+    before: dict[str, NDArray[Any]],
+    after: dict[str, NDArray[Any]],
+    judged: int,
+    judges: dict[tuple[str, str], Any],
+) -> tuple[list[Notice], int]:
+    """Judge rows that differ, set by set."""
+    keys = list(dict.fromkeys(key.rsplit("|", 1)[0] for key in after))
+    by_set: dict[str, list[str]] = {}
+    for key in keys:
+        by_set.setdefault(key.split("|")[0], []).append(key)
+    notices, differing = [], 0
+    for name, cells in by_set.items():
+        rows: list[tuple[int, int, str, int]] = []
+        passed = 0
+        for key in cells:
+            changed, decided = _differing(before, after, key)
+            differing += len(changed)
+            # Other decisions first, then other bounds; in each in the order of the rays.
+            rows += [
+                (0 if row in decided else 1, passed + row, key, row) for row in changed.tolist()
+            ]
+            passed += len(after[f"{key}|t"])
+        rows.sort()
+        notice = Notice(name, 0, 0, 0)
+        for _, number, key, row in rows[:judged]:
+            notice.judged += 1
+            faults = _new_faults(before, after, key, row, judges)
+            if faults:
+                notice.telling += 1
+                notice.rays = min(notice.rays or number + 1, number + 1)
+                for fault in faults:
+                    notice.faults[fault] = notice.faults.get(fault, 0) + 1
+        if notice.telling:
+            notices.append(notice)
+    return notices, differing
+
+
+def _differing(
+    before: dict[str, NDArray[Any]], after: dict[str, NDArray[Any]], key: str
+) -> tuple[NDArray[np.int64], set[int]]:
+    """Return rows of a cell that differ, of the same rays; and those whose decision does."""
+    count = min(len(before.get(f"{key}|t", ())), len(after[f"{key}|t"]))
+    same = np.ones(count, np.bool_)
+    for name in ("origins", "directions"):
+        same &= (before[f"{key}|{name}"][:count] == after[f"{key}|{name}"][:count]).all(axis=1)
+    differs, decides = np.zeros(count, np.bool_), np.zeros(count, np.bool_)
+    for name in COLUMNS:
+        a, b = before[f"{key}|{name}"][:count], after[f"{key}|{name}"][:count]
+        differs |= (a != b) & ~((a != a) & (b != b))  # noqa: PLR0124
+    for name in ("object_id", "status"):
+        decides |= before[f"{key}|{name}"][:count] != after[f"{key}|{name}"][:count]
+    a, b = before[f"{key}|t"][:count], after[f"{key}|t"][:count]
+    with np.errstate(invalid="ignore"):
+        decides |= np.abs(a - b) > 1e-9 * np.abs(a)
+    return np.flatnonzero(same & differs), set(np.flatnonzero(same & decides).tolist())
+
+
+def _new_faults(
+    before: dict[str, NDArray[Any]],
+    after: dict[str, NDArray[Any]],
+    key: str,
+    row: int,
+    judges: dict[tuple[str, str], Any],
+) -> list[str]:
+    """Return the faults of a row that it did not have before."""
+    old, new = (_faults(traced, key, row, judges) for traced in (before, after))
+    return sorted(new - old)
+
+
+def _faults(
+    traced: dict[str, NDArray[Any]], key: str, row: int, judges: dict[tuple[str, str], Any]
+) -> set[str]:
+    from hybrid_rt.verify.cases.campaign import SCENES
+    from hybrid_rt.verify.cases.singular_campaign import placed_surfaces
+    from hybrid_rt.verify.exact.judge import ExactJudge
+
+    name, place, distance = key.split("|")
+    if (name, place) not in judges:
+        scene = name.removeprefix("hard rays, ")
+        surfaces = SCENES[scene]() if scene != name else placed_surfaces(name, place)
+        judges[name, place] = ExactJudge(surfaces)
+    judge = judges[name, place]
+    columns = {item.name: traced[f"{key}|{item.name}"][row : row + 1] for item in fields(HitRecord)}
+    leaves = traced.get(f"{key}|leaves")
+    verdict = judge.judge(
+        HitRecord(**columns),
+        traced[f"{key}|origins"][row : row + 1],
+        traced[f"{key}|directions"][row : row + 1],
+        distance=np.array([float(distance) * judge.scene.size]),
+        leaves=None if leaves is None else leaves[row : row + 1],
+    )
+    return set(verdict.examples) - {"left open"}

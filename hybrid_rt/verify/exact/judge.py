@@ -1,0 +1,465 @@
+"""Judges certified first hits by exact crossings: decisions, bounds, points, and the word TANGENT.
+
+What is a wrong first hit is defined in one place, `judge.compare`. Most rows need less: a hit within
+64 eps x scale / cos of the first exact crossing, and a miss of a ray without crossings, are right by
+that definition whatever lies around. Only the others are looked at with the eight rays around them.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, fields
+from typing import Any
+
+import flint
+import numpy as np
+
+from hybrid_rt.core.records import FloatArray, HitRecord, IntArray, Status
+from hybrid_rt.primitives import Box, Plane, Rectangle, Sphere, TriangleMesh
+from hybrid_rt.verify.exact.crossings import OPEN, POINT, bits, dot, norm, rational, rationals
+from hybrid_rt.verify.exact.touches import Touches
+from hybrid_rt.verify.exact.truth import ExactScene, Placed, departures, exact_hits, same_place
+from hybrid_rt.verify.judges.judge import compare
+from hybrid_rt.verify.judges.kernels.events import BAND, LEAST_COSINE
+from meshing import BezierPatches, SurfaceOfRevolution
+
+EPS = 2.0**-52
+# A decision must be marked that changes within this part of 64 eps x size, even if the ray comes
+# from far: the object's own rounding ...
+MUST = 1.0 / 8.0
+# ... and must not be if it stands beyond so many bands.
+MUST_NOT = 4.0
+# Rays this near to a singular set (bands), or crossings this flat, may need the mark.
+NEAR_BANDS = 1e3
+FLAT = 1e-6
+
+WRONG = ("missed", "phantom", "farther", "nearer", "wrong object", "departure")
+
+
+@dataclass
+class BatchVerdict:
+    """What came of one batch; sums of batches are such a one again.
+
+    Attributes
+    ----------
+    rays, hits : int
+    wrong : dict of int
+        Rows without TANGENT whose first hit is wrong, outside the band, by kind: those of
+        `judge.Verdict`, and "departure" for rays that met again the point that they leave.
+    wrong_tangent : int
+        Rows with TANGENT of which that is so.
+    bounds_broken : int
+        HIT rows with |t - exact t| > t_bound, exact t being the nearest exact crossing.
+    off_ray : int
+        HIT rows whose S(u, v) is farther than 64 eps x scale from o + t d.
+    unmarked : int
+        Rows without TANGENT whose decision is another than the exact ray's (within the band), or
+        changes when the ray is moved by 8 eps x size.
+    tangent, tangent_needlessly : int
+        Rows with TANGENT; those whose decision stands when the ray is moved by four bands.
+    left_open : int
+        Rays of which the oracle could not tell.
+    worst_error : float
+        Largest |t - exact t| |d| cos / (eps x scale) of HIT rows.
+    worst_bound : float
+        Largest |t - exact t| / t_bound of HIT rows.
+    worst_gap : float
+        Largest distance of S(u, v) from o + t d, over 64 eps x scale, of HIT rows.
+    examples : dict of list of int
+        The first rows of each fault.
+    """
+
+    rays: int = 0
+    hits: int = 0
+    wrong: dict[str, int] = field(default_factory=lambda: dict.fromkeys(WRONG, 0))
+    wrong_tangent: int = 0
+    bounds_broken: int = 0
+    off_ray: int = 0
+    unmarked: int = 0
+    tangent: int = 0
+    tangent_needlessly: int = 0
+    left_open: int = 0
+    worst_error: float = 0.0
+    worst_bound: float = 0.0
+    worst_gap: float = 0.0
+    examples: dict[str, list[int]] = field(default_factory=dict)
+
+    @property
+    def n_wrong(self) -> int:
+        """Number of wrong first hits of all kinds, but for rows with TANGENT."""
+        return sum(self.wrong.values())
+
+    @property
+    def faults(self) -> int:
+        """Number of broken promises: wrong hits, bounds, points, needless and missing marks."""
+        return (
+            self.n_wrong + self.wrong_tangent + self.bounds_broken + self.off_ray + self.unmarked
+            + self.tangent_needlessly
+        )  # fmt: skip
+
+    def __add__(self, other: BatchVerdict) -> BatchVerdict:
+        """Judge two batches as one; ``examples`` are those of the first that has any."""
+        joined: dict[str, Any] = {}
+        for item in fields(self):
+            a, b = getattr(self, item.name), getattr(other, item.name)
+            if item.name == "wrong":
+                joined["wrong"] = {kind: a[kind] + b[kind] for kind in a}
+            elif item.name == "examples":
+                joined["examples"] = {**b, **a}
+            else:
+                joined[item.name] = max(a, b) if item.name.startswith("worst") else a + b
+        return BatchVerdict(**joined)
+
+    def note(self, fault: str, row: int) -> None:
+        """Keep one of the first rows of a fault."""
+        rows = self.examples.setdefault(fault, [])
+        if len(rows) < 5:
+            rows.append(row)
+
+
+class ExactJudge:
+    """Judges hits on a list of surfaces.
+
+    Parameters
+    ----------
+    surfaces : sequence of surfaces, as `Intersector` takes them
+    """
+
+    def __init__(self, surfaces: Sequence[Any]) -> None:
+        self.scene = ExactScene(surfaces)
+        self._gaps = [_gap_of(surface) for surface in surfaces]
+        self._touches = [Touches(surface) for surface in surfaces]
+
+    def judge(
+        self,
+        hits: HitRecord,
+        origins: FloatArray,
+        directions: FloatArray,
+        *,
+        distance: FloatArray | None = None,
+        leaves: IntArray | None = None,
+    ) -> BatchVerdict:
+        """Judge the first hits of rays.
+
+        Parameters
+        ----------
+        hits : HitRecord of n rows
+        origins, directions : (n, 3) float64
+        distance : (n,) float64, optional
+            How near the rays come to a singular set, scene units; far ones are not asked whether
+            they need the mark. Default: 0.
+        leaves : (n,) integers, optional
+            The objects that the rays leave from; -1 for none.
+        """
+        verdict = BatchVerdict(rays=len(hits), hits=int(hits.hit.sum()))
+        near = np.zeros(len(hits)) if distance is None else distance
+        for i in range(len(hits)):
+            left = -1 if leaves is None else int(leaves[i])
+            self._judge_row(verdict, i, hits, origins[i], directions[i], float(near[i]), left)
+        return verdict
+
+    def _judge_row(
+        self,
+        verdict: BatchVerdict,
+        i: int,
+        hits: HitRecord,
+        o: FloatArray,
+        d: FloatArray,
+        near: float,
+        leaves: int,
+    ) -> None:
+        length = norm(d)
+        crossings = self.scene.crossings(o, d)
+        at_start = departures(crossings, leaves, o, length)
+        is_one = len({one.t for one in at_start}) == 1
+        if is_one:
+            if hits.hit[i] and _meets_departure(hits, i, at_start[0], crossings, length):
+                self._note_wrong(verdict, "departure", hits, i)
+                return
+            crossings = [one for one in crossings if one not in at_start]
+        ahead = [one for one in crossings if one.t > 0.0]
+        is_tangent = hits.status[i] == Status.TANGENT
+        verdict.tangent += int(is_tangent)
+        is_plain = is_one or not at_start
+        if not (is_plain and self._is_plainly_right(hits, i, ahead, length)):
+            truth = exact_hits(self.scene, o, d, leaves=leaves)
+            found = compare(hits[i], truth, np.array([self._gap(hits, i, o, d)]))
+            if found.undecided:
+                verdict.left_open += 1
+                verdict.note("left open", i)
+                return
+            for kind, count in found.wrong.items():
+                if count:
+                    self._note_wrong(verdict, kind, hits, i)
+            if found.n_wrong:
+                if hits.hit[i] and not is_tangent:
+                    self._measure(verdict, i, hits, o, d, crossings, length)
+                return
+            # Where t itself is within rounding of 0 no mark is promised.
+            at_limit = any(abs(one.t) * length * one.cosine <= one.band for one in crossings)
+            if not is_tangent and is_plain and not at_limit:
+                verdict.unmarked += 1
+                verdict.note("unmarked", i)
+                return
+        if is_tangent:
+            if self._stands(o, d, MUST_NOT, leaves) is True and not self._is_touched(o, d, leaves):
+                verdict.tangent_needlessly += 1
+                verdict.note("tangent needlessly", i)
+            return
+        first = min((one.t for one in ahead), default=math.inf)
+        close = near <= NEAR_BANDS * self._narrowest() or any(
+            one.crossing.cosine < FLAT or one.crossing.kind != POINT
+            for one in ahead
+            if one.t <= first
+        )
+        if close and self._stands(o, d, MUST, leaves, True) is False:
+            verdict.unmarked += 1
+            verdict.note("unmarked", i)
+            return
+        if hits.hit[i]:
+            self._measure(verdict, i, hits, o, d, crossings, length)
+
+    def _is_touched(self, o: FloatArray, d: FloatArray, leaves: int) -> bool:
+        """Tell whether the ray grazes some surface within a few bands."""
+        return any(
+            touches.is_touched(o, d, MUST_NOT * self.scene.band(k, o, d, 0.0), k == leaves)
+            for k, touches in enumerate(self._touches)
+        )
+
+    @staticmethod
+    def _note_wrong(verdict: BatchVerdict, kind: str, hits: HitRecord, i: int) -> None:
+        if hits.status[i] == Status.TANGENT:
+            verdict.wrong_tangent += 1
+            verdict.note("wrong, TANGENT", i)
+        else:
+            verdict.wrong[kind] += 1
+            verdict.note(kind, i)
+
+    def _narrowest(self) -> float:
+        """Return the widest of the objects' bands at their own size."""
+        return max(self.scene.narrow_band(k) for k in range(len(self.scene.surfaces)))
+
+    @staticmethod
+    def _is_plainly_right(hits: HitRecord, i: int, ahead: list[Placed], length: float) -> bool:
+        if any(one.crossing.kind == OPEN for one in ahead):
+            return False
+        if not hits.hit[i]:
+            return not ahead
+        if not ahead:
+            return False
+        first = ahead[0]
+        slack = first.band / (max(first.crossing.cosine, LEAST_COSINE) * length)
+        same = [
+            one for one in ahead if one.t <= first.t + slack and one.object_id == hits.object_id[i]
+        ]
+        return bool(same) and any(
+            abs(float(hits.t[i]) - one.t)
+            <= one.band / (max(one.crossing.cosine, LEAST_COSINE) * length)
+            for one in same
+        )
+
+    def _stands(
+        self, o: FloatArray, d: FloatArray, bands: float, leaves: int, narrow: bool = False
+    ) -> bool | None:
+        """Tell whether the first hit stays when the ray is moved; None where that is open.
+
+        Crossings that the move takes from before the origin to behind it, or back, do not count:
+        t > 0 is no question of rounding.
+        """
+        length = norm(d)
+        own, *rings = (
+            self._without_start(crossings, leaves, o, length, bands)
+            for crossings in (
+                self.scene.crossings(o, d), *self.scene.around(o, d, bands, narrow)
+            )
+        )  # fmt: skip
+        if own is None or any(one.crossing.kind == OPEN for one in own):
+            return None
+        first = next((one for one in own if one.t > 0.0), None)
+        if first is not None and first.crossing.kind != POINT:
+            return False
+        for ring in rings:
+            if ring is None:
+                return None
+            same = [
+                other
+                for other in ring
+                if first is not None and self._same(first, other, bands, narrow, length)
+            ]
+            if first is not None and not same:
+                return False
+            limit = min((other.t for other in same), default=math.inf)
+            for other in ring:
+                if not 0.0 < other.t < limit:
+                    continue
+                if other.crossing.kind == OPEN:
+                    return None
+                if not any(self._same(one, other, bands, narrow, length) for one in own):
+                    return False
+        return True
+
+    def _same(self, one: Placed, other: Placed, bands: float, narrow: bool, length: float) -> bool:
+        band = self.scene.narrow_band(one.object_id) if narrow else one.band
+        return same_place(one, other, bands * band, length)
+
+    @staticmethod
+    def _without_start(
+        crossings: list[Placed], leaves: int, o: FloatArray, length: float, bands: float
+    ) -> list[Placed] | None:
+        """Return crossings but for the departure; None where it cannot be told from others."""
+        at_start = departures(crossings, leaves, o, length, bands)
+        if len({one.t for one in at_start}) > 1:
+            return None
+        return [one for one in crossings if one not in at_start]
+
+    def _gap(self, hits: HitRecord, i: int, o: FloatArray, d: FloatArray) -> float:
+        """Return the distance of S(u, v) from o + t d, in bands; inf for a miss."""
+        if not hits.hit[i]:
+            return math.inf
+        number, t = int(hits.object_id[i]), float(hits.t[i])
+        patch, u, v = int(hits.patch_id[i]), float(hits.u[i]), float(hits.v[i])
+        point = [rational(x) + rational(t) * rational(y) for x, y in zip(o, d, strict=True)]
+        return self._gaps[number](patch, u, v, point) / self.scene.band(number, o, d, t)
+
+    def _measure(
+        self,
+        verdict: BatchVerdict,
+        i: int,
+        hits: HitRecord,
+        o: FloatArray,
+        d: FloatArray,
+        crossings: list[Placed],
+        length: float,
+    ) -> None:
+        """Hold a hit's t against its bound, and its point against the ray."""
+        number, t = int(hits.object_id[i]), float(hits.t[i])
+        own = [one for one in crossings if one.object_id == number and one.crossing.kind == POINT]
+        if own:
+            exact = rational(t)
+            with bits(512):
+                gaps = [(float(abs(one.crossing.t - exact).upper()), one) for one in own]
+            error, one = min(gaps, key=lambda gap: gap[0])
+            bound = float(hits.t_bound[i])
+            ratio = error / bound if bound > 0.0 else (math.inf if error > 0.0 else 0.0)
+            verdict.worst_bound = max(verdict.worst_bound, ratio)
+            if ratio > 1.0:
+                verdict.bounds_broken += 1
+                verdict.note("bound broken", i)
+            unit = one.band * (EPS / BAND)
+            cosine = one.crossing.cosine
+            verdict.worst_error = max(verdict.worst_error, error * length * cosine / unit)
+        gap = self._gap(hits, i, o, d)
+        verdict.worst_gap = max(verdict.worst_gap, gap)
+        if not gap <= 1.0:
+            verdict.off_ray += 1
+            verdict.note("off ray", i)
+
+
+def _meets_departure(
+    hits: HitRecord, i: int, own: Placed, crossings: list[Placed], length: float
+) -> bool:
+    """Tell whether a hit is the point of departure, and no other crossing."""
+    if int(hits.object_id[i]) != own.object_id:
+        return False
+    t = float(hits.t[i])
+    reach = 2.0 * abs(own.t) + own.band / (own.cosine * length)
+    return abs(t) <= reach and not any(
+        abs(one.t - t) <= reach for one in crossings if one.t != own.t
+    )
+
+
+# The distance of a point of the ray from the point of the surface that a hit names.
+Gap = Callable[[int, float, float, list[Any]], float]
+
+
+def _gap_of(surface: Any) -> Gap:
+    if isinstance(surface, BezierPatches):
+        nets = [[[rationals(p) for p in row] for row in net] for net in surface.patches]
+        return lambda patch, u, v, point: _distance(_on_net(nets[patch], u, v), point)
+    if isinstance(surface, SurfaceOfRevolution):
+        return _gap_of_lathe(surface)
+    if isinstance(surface, Sphere):
+        center, radius = rationals(surface.center), rational(surface.radius)
+
+        def from_sphere(_patch: int, _u: float, _v: float, point: list[Any]) -> float:
+            away = [x - c for x, c in zip(point, center, strict=True)]
+            with bits(256):
+                return abs(float(flint.arb(dot(away, away)).sqrt() - radius))
+
+        return from_sphere
+    if isinstance(surface, Plane):
+        at, normal = rationals(surface.origin), rationals(surface.unit_normal)
+
+        def from_plane(_patch: int, _u: float, _v: float, point: list[Any]) -> float:
+            away = [x - p for x, p in zip(point, at, strict=True)]
+            return abs(float(dot(normal, away)))
+
+        return from_plane
+    if isinstance(surface, Rectangle):
+        corner, e, f = (rationals(x) for x in (surface.corner, surface.edge_u, surface.edge_v))
+
+        def from_rectangle(_patch: int, u: float, v: float, point: list[Any]) -> float:
+            a, b = rational(u), rational(v)
+            there = [p + a * x + b * y for p, x, y in zip(corner, e, f, strict=True)]
+            return _distance(there, point)
+
+        return from_rectangle
+    if isinstance(surface, TriangleMesh):
+        vertices, faces = surface.vertices, surface.faces
+
+        def from_face(patch: int, u: float, v: float, point: list[Any]) -> float:
+            a, b, c = (rationals(vertices[k]) for k in faces[patch])
+            p, q = rational(u), rational(v)
+            there = [x + p * (y - x) + q * (z - x) for x, y, z in zip(a, b, c, strict=True)]
+            return _distance(there, point)
+
+        return from_face
+    assert isinstance(surface, Box)
+    lo, hi = rationals(surface.lo), rationals(surface.hi)
+
+    def from_box(patch: int, _u: float, _v: float, point: list[Any]) -> float:
+        axis, upper = divmod(patch, 2)
+        there = [min(max(x, a), b) for x, a, b in zip(point, lo, hi, strict=True)]
+        there[axis] = (hi if upper else lo)[axis]
+        return _distance(there, point)
+
+    return from_box
+
+
+def _gap_of_lathe(surface: SurfaceOfRevolution) -> Gap:
+    origin = rationals(surface.origin)
+    frame = [rationals(v) for v in (surface.axis, surface.radial, surface.binormal)]
+    segments = [[rationals(p) for p in net] for net in surface.segments]
+
+    def gap(patch: int, u: float, v: float, point: list[Any]) -> float:
+        z, r = _on_curve(segments[patch], rational(v))
+        with bits(256):
+            turn = flint.arb(2 * rational(u))
+            c, s = turn.cos_pi(), turn.sin_pi()
+            there = [
+                o + z * a + r * (c * p + s * q) for o, a, p, q in zip(origin, *frame, strict=True)
+            ]
+            return _distance(there, point)
+
+    return gap
+
+
+def _on_net(net: list[list[list[Any]]], u: float, v: float) -> list[Any]:
+    rows = [_on_curve(row, rational(v)) for row in net]
+    return _on_curve(rows, rational(u))
+
+
+def _on_curve(points: list[list[Any]], x: Any) -> list[Any]:
+    """Return the point of a Bezier curve, exactly."""
+    n = len(points) - 1
+    y = 1 - x
+    total = [flint.fmpq(0) for _ in points[0]]
+    for k, point in enumerate(points):
+        weight = math.comb(n, k) * x**k * y ** (n - k)
+        total = [a + weight * b for a, b in zip(total, point, strict=True)]
+    return total
+
+
+def _distance(a: list[Any], b: list[Any]) -> float:
+    return norm([float(x - y) for x, y in zip(a, b, strict=True)])

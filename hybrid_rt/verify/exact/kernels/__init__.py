@@ -1,0 +1,1 @@
+"""Compiled bisection of control nets for the exact crossings."""

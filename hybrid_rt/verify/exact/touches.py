@@ -1,0 +1,147 @@
+"""Where a ray grazes a surface, or begins beside it: reasons for the word TANGENT.
+
+By samples and damped Newton steps in float64, in coordinates about the surface. A reason that is not
+found counts against the tracer; so none of its own formulas are needed to be fair to it.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from hybrid_rt.core.records import FloatArray
+from hybrid_rt.primitives import Box, Plane, Rectangle, Sphere, TriangleMesh
+from meshing import BezierPatches, SurfaceOfRevolution
+
+# Samples along each parameter of a piece; triangles and flat faces do with fewer.
+SAMPLES, FEW_SAMPLES = 17, 5
+STEPS = 50
+FIRST_DAMPING = 1e-3
+# Crossings steeper than this are no touches; where the normal is lost anything may be one.
+STEEP = 1e-5
+# What float64 leaves of distances, in parts of the scale.
+ROUNDING = 2.0**-50
+
+
+class Touches:
+    """Finds out whether a ray nearly touches a surface.
+
+    Parameters
+    ----------
+    surface : any surface that `Intersector` takes
+    """
+
+    def __init__(self, surface: Any) -> None:
+        self._surface = surface
+        self._is_turned = isinstance(surface, SurfaceOfRevolution)
+        self._few = not isinstance(surface, BezierPatches | SurfaceOfRevolution)
+        if isinstance(surface, SurfaceOfRevolution):
+            self._middle = np.array(surface.origin)
+            self._local: Any = SurfaceOfRevolution._from_frame(
+                list(surface.segments), np.zeros(3), surface.axis, surface.radial
+            )
+        elif not isinstance(surface, Sphere | Plane):
+            nets = _nets(surface)
+            self._middle = np.mean([net.mean(axis=(0, 1)) for net in nets], axis=0)
+            self._local = BezierPatches([net - self._middle for net in nets])
+
+    def is_touched(
+        self, origin: FloatArray, direction: FloatArray, reach: float, leaves: bool = False
+    ) -> bool:
+        """Tell whether the ray grazes the surface within a reach, or begins so near to it.
+
+        A ray that leaves the surface always does the latter, which then is no reason.
+        """
+        d = direction / np.linalg.norm(direction)
+        surface = self._surface
+        if isinstance(surface, Sphere):
+            to_middle = np.asarray(surface.center) - origin
+            foot = float(np.linalg.norm(to_middle - (to_middle @ d) * d))
+            begins = abs(float(np.linalg.norm(to_middle)) - surface.radius) <= reach
+            grazes = abs(foot - surface.radius) <= reach * 1.01 and float(to_middle @ d) > -reach
+            return grazes or (begins and not leaves)
+        if isinstance(surface, Plane):
+            n = surface.unit_normal
+            begins = abs(float(n @ (origin - surface.origin))) <= reach
+            return begins and (not leaves or abs(float(n @ d)) <= STEEP)
+        o = origin - self._middle
+        return self._grazes(o, d, reach) or (not leaves and self._begins(o, reach))
+
+    def _grazes(self, o: FloatArray, d: FloatArray, reach: float) -> bool:
+        across = np.eye(3) - np.outer(d, d)
+        u, v, patch, distance = self._nearest(o, across, reach)
+        points = self._local.point(u, v, patch)
+        su, sv = self._local.partials(u, v, patch)
+        n = np.cross(su, sv)
+        length = np.linalg.norm(n, axis=1)
+        lost = length <= 1e-9 * length.max(initial=1e-300)
+        slack = self._slack(o, reach)
+        ahead = (points - o) @ d > -slack
+        flat = np.abs(n @ d) <= STEEP * length
+        return bool(((distance <= slack) & (flat | lost) & ahead).any())
+
+    def _begins(self, o: FloatArray, reach: float) -> bool:
+        *_, distance = self._nearest(o, np.eye(3), reach)
+        return bool((distance <= self._slack(o, reach)).any())
+
+    def _slack(self, o: FloatArray, reach: float) -> float:
+        size = float(np.abs(self._local.bounds).max())
+        return reach + ROUNDING * (float(np.linalg.norm(o)) + size)
+
+    def _nearest(self, o: FloatArray, across: FloatArray, reach: float) -> tuple[Any, ...]:
+        """Return parameters where S - o, or its part across the ray, is shortest; and its length.
+
+        Half the square of that length has the gradient and the second derivatives below; made
+        positive, they give steps that are taken if they help. At a touch both tangents look the
+        same way, and bends decide.
+        """
+        local = self._local
+        boxes = local.patch_bounds
+        middle, half = boxes.mean(axis=1), 0.5 * np.linalg.norm(boxes[:, 1] - boxes[:, 0], axis=1)
+        near = np.flatnonzero(np.linalg.norm((middle - o) @ across, axis=1) <= half + reach)
+        side = np.linspace(0.0, 1.0, FEW_SAMPLES if self._few else SAMPLES)
+        u, v = (x.ravel() for x in np.meshgrid(side, side, indexing="ij"))
+        patch = np.repeat(near, len(u))
+        u, v = np.tile(u, len(near)), np.tile(v, len(near))
+        damping = np.full(len(u), FIRST_DAMPING)
+        gap = (local.point(u, v, patch) - o) @ across
+        distance = np.linalg.norm(gap, axis=1)
+        for _ in range(STEPS):
+            su, sv = (x @ across for x in local.partials(u, v, patch))
+            uu, uv, vv = ((x * gap).sum(axis=1) for x in local.second_partials(u, v, patch))
+            uu, uv, vv = uu + (su * su).sum(1), uv + (su * sv).sum(1), vv + (sv * sv).sum(1)
+            gu, gv = (su * gap).sum(1), (sv * gap).sum(1)
+            lowest = 0.5 * (uu + vv) - np.hypot(0.5 * (uu - vv), uv)
+            size = np.abs(uu) + np.abs(vv) + 1e-150
+            shift = np.maximum(-lowest, 0.0) * 1.001 + damping * size
+            uu, vv = uu + shift, vv + shift
+            det = uu * vv - uv * uv
+            new_u = u + (uv * gv - vv * gu) / det
+            # All around an axis a turned surface has no border.
+            new_u = new_u % 1.0 if self._is_turned else np.clip(new_u, 0.0, 1.0)
+            new_v = np.clip(v + (uv * gu - uu * gv) / det, 0.0, 1.0)
+            new_gap = (local.point(new_u, new_v, patch) - o) @ across
+            new_distance = np.linalg.norm(new_gap, axis=1)
+            better = new_distance < distance
+            u, v = np.where(better, new_u, u), np.where(better, new_v, v)
+            gap = np.where(better[:, None], new_gap, gap)
+            distance = np.where(better, new_distance, distance)
+            damping = np.clip(np.where(better, 0.1 * damping, 10.0 * damping), 1e-15, 1e6)
+        return u, v, patch, distance
+
+
+def _nets(surface: Any) -> list[FloatArray]:
+    if isinstance(surface, BezierPatches):
+        return list(surface.patches)
+    if isinstance(surface, Rectangle):
+        c, e, f = surface.corner, surface.edge_u, surface.edge_v
+        return [np.array([[c, c + f], [c + e, c + e + f]])]
+    if isinstance(surface, Box):
+        return [
+            np.array([[surface.point(u, v, face)[0] for v in (0, 1)] for u in (0, 1)])
+            for face in range(6)
+        ]
+    assert isinstance(surface, TriangleMesh)
+    corners = surface.vertices[surface.faces]
+    return [np.array([[a, a], [b, c]]) for a, b, c in corners]
