@@ -25,7 +25,7 @@ from hybrid_rt.lights.light import Light
 from hybrid_rt.lights.surface import shining_surface
 from hybrid_rt.scene.compiled import NOTHING, CompiledScene, compile_scene
 from hybrid_rt.scene.scene import Object, Scene
-from hybrid_rt.shading.kernels.light_kinds import POINT
+from hybrid_rt.shading.kernels.light_kinds import WITHOUT_AREA
 
 # A lamp is moved by this much of the largest coordinate of its corners and of the camera: rounding
 # no longer decides for rays of up to 2**16 times that length, and no float32 pixel shows it.
@@ -168,7 +168,7 @@ def sunken_lamps(scene: CompiledScene, tracer: Intersector) -> list[Sunken]:
         origin, direction, t_min=1.0 - width, t_max=1.0 + width, unseen=own_surface
     )
     cosine = np.einsum("ij,ij->i", found.normal, direction) / np.linalg.norm(direction, axis=1)
-    is_point = scene.lights.kind[of_light] == POINT
+    is_point = np.isin(scene.lights.kind[of_light], WITHOUT_AREA)
     # Triangles alone (accuracy "mesh") cannot leave an object out.
     others = found.hit & (found.object_id != own_surface)
     glass_of = np.append(scene.glass_of, NOTHING)  # the last for what has no material
@@ -208,7 +208,7 @@ def _places(scene: CompiledScene, light: int, n: int) -> tuple[FloatArray, Float
     # Not on the lines through the middle, where a scene's walls may stand.
     grid = (np.arange(side) + 0.381966) / side
     xi = np.stack(np.meshgrid(grid, grid), axis=-1).reshape(-1, 2)
-    if lights.kind[light] == POINT:
+    if lights.kind[light] in WITHOUT_AREA:
         point = np.repeat(lights.origin[[light]], 3, axis=0)
         return point, (max(_size(scene), float(np.abs(point).max())) or 1.0) * ACROSS
     surface = scene.surfaces[scene.surface_of_light[light]]
