@@ -31,6 +31,7 @@ from hybrid_rt.intersection.kinds.registry import (
     kernel_groups,
     make_kinds,
 )
+from hybrid_rt.intersection.margins import Probing
 from hybrid_rt.intersection.ray_batch import make_batch
 from meshing.surface import Surface
 
@@ -181,6 +182,8 @@ class Intersector:
             out = rows_of(slots, begin, end)
             for number, kind in enumerate(self._finishers()):
                 kind.finish(rays, best, self._kind_of, number, out)
+            for number, kind in self._probing:
+                kind.settle(rays, best, self._kind_of, number, out)
             complete_rows(rays.direction, unit, best, rows_of(columns, begin, end), totals)
             tallies.append(tally)
             rows.append((end - begin, *totals.tolist(), int(found.sum())))
@@ -266,6 +269,17 @@ class Intersector:
                 kind.trace(rays, guess, best, any_hit, tally)
         else:
             self._coarse.refine(self._curved, rays, best, tally, found)
+
+    @property
+    def _probing(self) -> list[tuple[int, Probing]]:
+        """Return the kinds that leave hits to be settled, with their numbers.
+
+        Of hits that are not certified nothing is known to begin with.
+        """
+        if self.accuracy != "certified":
+            return []
+        kinds = enumerate(self._finishers())
+        return [(number, kind) for number, kind in kinds if isinstance(kind, Probing)]
 
     def _finishers(self) -> list[Any]:
         """Return what describes the hits of each kind, in the order of their numbers."""

@@ -10,10 +10,15 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from hybrid_rt.core.kernels.compensated import product
-from hybrid_rt.intersection.kernels.patch.solve import TANGENT_BAND, UNIT_ROUNDOFF
+from hybrid_rt.intersection.kernels.patch.solve import TANGENT_BAND, UNIT_ROUNDOFF, doubt
 from hybrid_rt.intersection.kernels.patch.subdivide import CELLS, NODES
-from hybrid_rt.intersection.kernels.search.frame import begin_of, end_of, enter_frame
-from hybrid_rt.intersection.kernels.search.nearest import offer
+from hybrid_rt.intersection.kernels.search.frame import (
+    any_normal,
+    begin_of,
+    end_of,
+    enter_frame,
+)
+from hybrid_rt.intersection.kernels.search.nearest import CLEAR, SUSPECT, offer
 from hybrid_rt.intersection.kernels.search.tree import box_ray, next_leaf
 from meshing.kernels.jit import hot_kernel, inlined, inner
 
@@ -28,7 +33,8 @@ class TriangleTable(NamedTuple):
     to_frame: float  # power of two
     vertex: Any  # (v, 3) world
     face: Any  # (f, 3) int64
-    neighbour: Any  # (f, 3) int64: face across the edge opposite vertex k, -1 where none
+    longest: float  # side of a face
+    around: Any  # (objects, 4) world: middle of each mesh, and the diameter of its box
     object_id: Any  # (f,) int32
     patch_id: Any  # (f,) int32: number within its mesh
     corner: Any  # (f, 9) world: the three vertices of each face, faces in the order of the tree
@@ -63,21 +69,62 @@ def _on_edge(px, py, qx, qy):
 
 
 @inlined
+def band_at(around, object_id, o):
+    """Return 64 eps x scale for a mesh and a ray's origin."""
+    m = around[object_id]
+    x, y, z = o[0] - m[0], o[1] - m[1], o[2] - m[2]
+    return TANGENT_BAND * max(np.sqrt(x * x + y * y + z * z), m[3])
+
+
+@inner
+def _note_beside(i, k, corner, order, around, object_id, o, d, t_min, known, best):
+    """Note a doubt if a face that ray i does not meet comes within the band of it."""
+    p = corner[k]
+    band = band_at(around, object_id[order[k]], o)
+    dd = d[0] * d[0] + d[1] * d[1] + d[2] * d[2]
+    for edge in range(3):
+        a, b = 3 * edge, 3 * ((edge + 1) % 3)
+        x, y, z = p[a] - o[0], p[a + 1] - o[1], p[a + 2] - o[2]
+        ex, ey, ez = p[b] - p[a], p[b + 1] - p[a + 1], p[b + 2] - p[a + 2]
+        t, along = (x * d[0] + y * d[1] + z * d[2]) / dd, (ex * d[0] + ey * d[1] + ez * d[2]) / dd
+        x, y, z = x - t * d[0], y - t * d[1], z - t * d[2]
+        ex, ey, ez = ex - along * d[0], ey - along * d[1], ez - along * d[2]
+        square = ex * ex + ey * ey + ez * ez
+        # The point of the edge next to the ray, and its beginning, if it is seen from its end.
+        s = 0.0
+        if square > 0.0:
+            s = min(max(-(x * ex + y * ey + z * ez) / square, 0.0), 1.0)
+        for _ in range(2):
+            gx, gy, gz = x + s * ex, y + s * ey, z + s * ez
+            if gx * gx + gy * gy + gz * gz <= band * band:
+                doubt(i, t + s * along, band, t_min, known, best)
+            s = 0.0
+
+
+@inlined
 def offer_triangle(
-    i, k, corner, order, vertex, face, neighbour, object_id, o, d, kx, ky, kz, sx, sy,
+    i, k, corner, order, around, object_id, o, d, kx, ky, kz, sx, sy, qx, qy, reach, near,
     t_min, known, best,
 ):  # fmt: skip
-    """Offer the hit of ray i on face order[k], if it has one; (kx, ky, kz, s..) is its shear."""
+    """Offer the hit of ray i on face order[k], if it has one; (kx, ky, kz, s..) is its shear.
+
+    The sheared ray is moved by (qx, qy). ``reach`` is the band or more; ``near`` is that times the
+    longest side of a face.
+    """
     p = corner[k]
     az, bz, cz = p[kz] - o[kz], p[3 + kz] - o[kz], p[6 + kz] - o[kz]
-    ax, ay = (p[kx] - o[kx]) - sx * az, (p[ky] - o[ky]) - sy * az
-    bx, by = (p[3 + kx] - o[kx]) - sx * bz, (p[3 + ky] - o[ky]) - sy * bz
-    cx, cy = (p[6 + kx] - o[kx]) - sx * cz, (p[6 + ky] - o[ky]) - sy * cz
+    ax, ay = (p[kx] - o[kx]) - sx * az - qx, (p[ky] - o[ky]) - sy * az - qy
+    bx, by = (p[3 + kx] - o[kx]) - sx * bz - qx, (p[3 + ky] - o[ky]) - sy * bz - qy
+    cx, cy = (p[6 + kx] - o[kx]) - sx * cz - qx, (p[6 + ky] - o[ky]) - sy * cz - qy
     u, v, w = cx * by - cy * bx, ax * cy - ay * cx, bx * ay - by * ax
-    if min(u, v, w) < 0.0 and max(u, v, w) > 0.0:
+    least, most = min(u, v, w), max(u, v, w)
+    if least < 0.0 and most > 0.0:
+        if min(-least, most) <= near:
+            _note_beside(i, k, corner, order, around, object_id, o, d, t_min, known, best)
         return
     total = u + v + w
     if total == 0.0:
+        _note_beside(i, k, corner, order, around, object_id, o, d, t_min, known, best)
         return
     ex, ey, ez = p[3] - p[0], p[4] - p[1], p[5] - p[2]
     fx, fy, fz = p[6] - p[0], p[7] - p[1], p[8] - p[2]
@@ -125,10 +172,9 @@ def offer_triangle(
             (u * wz + v * (p[5] - o[2]) + w * (p[8] - o[2])) / total,
         )
         t = (px * d[0] + py * d[1] + pz * d[2]) / (d[0] * d[0] + d[1] * d[1] + d[2] * d[2])
-    # --- margins to those edges beyond which the ray would miss: open ones and silhouettes
+    # --- near an edge the hit may be lost when the ray moves
     f = order[k]
-    tangent = False
-    band = TANGENT_BAND * away
+    tangent = CLEAR
     for edge in range(3):
         if edge == 0:
             e, ex, ey = su, cx - bx, cy - by
@@ -136,18 +182,19 @@ def offer_triangle(
             e, ex, ey = sv, ax - cx, ay - cy
         else:
             e, ex, ey = sw, bx - ax, by - ay
-        if e * e > band * band * (ex * ex + ey * ey):
-            continue
-        other = neighbour[f, edge]
-        if other < 0:
-            tangent = True
-        else:
-            nx, ny, nz = _normal(vertex, face, other)
-            if (nx * d[0] + ny * d[1] + nz * d[2]) * slope <= 0.0:
-                tangent = True
+        if e * e <= reach * reach * (ex * ex + ey * ey):
+            tangent = SUSPECT
     offer(
         i, t, t_bound, n_dot_d, tangent, object_id[f], f, v / total, w / total, t_min, known, best
     )
+
+
+@inlined
+def _reach(table, o):
+    """Return more than the band of any mesh: sheared distances are up to sqrt(3) times as long."""
+    m = table.middle
+    away = abs(o[0] - m[0]) + abs(o[1] - m[1]) + abs(o[2] - m[2])
+    return 2.0 * TANGENT_BAND * (away + 2.0 / table.to_frame)
 
 
 @inlined
@@ -162,16 +209,22 @@ def _axes(d):
 
 
 @hot_kernel
-def trace_triangles(table, tree, rays, best, any_hit, stack, counters):
-    """Lower ``best`` to the first hits on triangles; ``stack`` is scratch."""
-    vertex, face, neighbour, object_id = table.vertex, table.face, table.neighbour, table.object_id
-    corner, order = table.corner, table.order
+def trace_triangles(table, tree, rays, aside, best, any_hit, stack, counters):
+    """Lower ``best`` to the first hits on triangles; ``stack`` is scratch.
+
+    ``aside``, (n, 3) or (0, 3), moves each ray, in lengths of the world.
+    """
+    around, object_id, corner, order = table.around, table.object_id, table.corner, table.order
     for i in range(rays.origin.shape[0]):
         if any_hit and best.object_id[i] >= 0:
             continue
         o, d = rays.origin[i], rays.direction[i]
         kx, ky, kz = _axes(d)
         sx, sy = d[kx] / d[kz], d[ky] / d[kz]
+        qx = qy = 0.0
+        if aside.shape[0] > 0:
+            qx, qy = aside[i, kx] - sx * aside[i, kz], aside[i, ky] - sy * aside[i, kz]
+        reach = _reach(table, o)
         x, y, z, _, _, _, shift = enter_frame(
             o[0], o[1], o[2], d[0], d[1], d[2], table.middle[0], table.middle[1], table.middle[2],
             table.to_frame,
@@ -188,8 +241,8 @@ def trace_triangles(table, tree, rays, best, any_hit, stack, counters):
             for k in range(first, first + count):
                 counters[CELLS] += 1
                 offer_triangle(
-                    i, k, corner, order, vertex, face, neighbour, object_id, o, d,
-                    kx, ky, kz, sx, sy, rays.t_min, rays.known, best,
+                    i, k, corner, order, around, object_id, o, d, kx, ky, kz, sx, sy, qx, qy,
+                    reach, reach * table.longest, rays.t_min, rays.known, best,
                 )  # fmt: skip
             if any_hit and best.object_id[i] >= 0:
                 break
@@ -217,8 +270,8 @@ def refine_triangles(table, place, rows, rays, best, accepted):
         kx, ky, kz = _axes(d)
         before = best.t[i]
         offer_triangle(
-            i, np.int64(place[j]), table.corner, table.order, table.vertex, table.face,
-            table.neighbour, table.object_id, o, d, kx, ky, kz, d[kx] / d[kz], d[ky] / d[kz],
+            i, np.int64(place[j]), table.corner, table.order, table.around, table.object_id, o, d,
+            kx, ky, kz, d[kx] / d[kz], d[ky] / d[kz], 0.0, 0.0, 0.0, -1.0,
             rays.t_min, rays.known, best,
         )  # fmt: skip
         accepted[j] = best.t[i] < before
@@ -248,3 +301,36 @@ def finish_triangles(table, rays, best, kind_of, kind, out):
         out.u[i], out.v[i] = v, w
         out.patch_id[i] = table.patch_id[f]
         out.residual[i] = np.sqrt(gap)
+
+
+@hot_kernel
+def aim_at_triangles(table, rays, best, rows, bands, outward, is_edge):
+    """Say where to move rays whose hits are `SUSPECT`; see `kernels.patch_hits.aim_at_patches`."""
+    for j in range(rows.shape[0]):
+        i = rows[j]
+        f = np.int64(best.primitive[i])
+        o, d = rays.origin[i], rays.direction[i]
+        band = band_at(table.around, table.object_id[f], o)
+        bands[j] = band
+        n_near = 0
+        nx, ny, nz = _normal(table.vertex, table.face, f)
+        sign = 1.0 if nx * d[0] + ny * d[1] + nz * d[2] < 0.0 else -1.0
+        wx = wy = wz = 0.0
+        for edge in range(3):
+            a = table.vertex[table.face[f, edge]]
+            b = table.vertex[table.face[f, (edge + 1) % 3]]
+            x, y, z = a[0] - o[0], a[1] - o[1], a[2] - o[2]
+            ex, ey, ez = b[0] - a[0], b[1] - a[1], b[2] - a[2]
+            # Normal to edge and ray; seen from the side where corners turn left it points out.
+            mx, my, mz = ey * d[2] - ez * d[1], ez * d[0] - ex * d[2], ex * d[1] - ey * d[0]
+            square = mx * mx + my * my + mz * mz
+            gap = x * mx + y * my + z * mz
+            if gap * gap <= 4.0 * band * band * square:
+                n_near += 1
+                length = sign * np.sqrt(square)
+                if length != 0.0:
+                    wx, wy, wz = -mx / length, -my / length, -mz / length
+        is_edge[j] = n_near == 1
+        if wx == 0.0 and wy == 0.0 and wz == 0.0:
+            wx, wy, wz = any_normal(d[0], d[1], d[2])
+        outward[j, 0], outward[j, 1], outward[j, 2] = wx, wy, wz

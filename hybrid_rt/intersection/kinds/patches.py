@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from hybrid_rt.core.records import BoolArray, FloatArray, IntArray
 from hybrid_rt.core.threads import Pool
+from hybrid_rt.intersection import margins
 from hybrid_rt.intersection.kernels.patch.cells import (
     FAN,
     ROW_U,
@@ -18,12 +19,13 @@ from hybrid_rt.intersection.kernels.patch.cells import (
     fill_quarters,
 )
 from hybrid_rt.intersection.kernels.patch.finish import (
+    aim_at_patches,
     count_changed,
     finish_patches,
     refine_patches,
 )
 from hybrid_rt.intersection.kernels.patch.skew_box import COLUMN, LOWER, RECORD
-from hybrid_rt.intersection.kernels.patch.subdivide import DEPTH
+from hybrid_rt.intersection.kernels.patch.subdivide import COUNTER_NAMES, DEPTH
 from hybrid_rt.intersection.kernels.patch.trace import (
     MORE,
     PatchScratch,
@@ -47,8 +49,10 @@ COARSEST, FINEST = 1, 8
 WIDE_SPREAD = 0.02
 # Cells in all scenes of ordinary size stay below this; larger scenes get coarser grids.
 MOST_CELLS = 4_000_000
-# Edges whose control points agree to this part of the frame are the same edge.
-SAME_EDGE = 2.0**-44
+
+
+_NOT_MOVED = np.empty((0, 3))
+_NO_CELLS = np.empty(0, np.int32)
 
 
 class _Nets(NamedTuple):
@@ -102,7 +106,8 @@ class PatchKind:
             degree=degree,
             centre=centre,
             size=size,
-            open_edges=_open_edges(patches, SAME_EDGE / to_frame),
+            around=_around(surfaces, middle, to_frame, counts),
+            bend=np.array([_bend(net) for net in patches]) * to_frame,
             object_id=object_id,
             patch_id=patch_id,
             **_cells(nets, max(finest, COARSEST), pool),
@@ -137,21 +142,36 @@ class PatchKind:
         self, rays: Rays, guess: IntArray | None, best: Nearest, any_hit: bool, work: FloatArray
     ) -> None:
         """Lower ``best`` to the first roots on the patches."""
-        scratch = _new_scratch(self.table, self.tree, len(best.t))
         cells = np.empty(0, np.int32) if guess is None else guess
         t_guess, t_before = np.empty(len(cells)), best.t[: len(cells)].copy()
+        self._trace(rays, _NOT_MOVED, cells, best, any_hit, t_guess, work)
+        if guess is not None:
+            count_changed(t_guess, t_before, best, work)
+
+    def _trace(
+        self,
+        rays: Rays,
+        aside: FloatArray,
+        cells: IntArray,
+        best: Nearest,
+        any_hit: bool,
+        t_guess: FloatArray,
+        work: FloatArray,
+    ) -> None:
+        """Trace rays, moved by ``aside`` in lengths of the frame; the rest is as in the kernel."""
+        scratch = _new_scratch(self.table, self.tree, len(best.t))
         begin, n = 0, len(best.t)
         while begin < n:
             some, nearest = rows_of(rays, begin, n), rows_of(best, begin, n)
             done, n_doubts = trace_patches(
-                self.table, self.tree, some, cells[begin:], nearest, any_hit, scratch,
-                t_guess[begin:], work,
+                self.table, self.tree, some, aside[begin:], cells[begin:], nearest, any_hit,
+                scratch, t_guess[begin:], work,
             )  # fmt: skip
             if n_doubts:
-                settle_doubts(self.table, some, nearest, any_hit, scratch, n_doubts, work)
+                settle_doubts(
+                    self.table, some, aside[begin:], nearest, any_hit, scratch, n_doubts, work
+                )
             begin += done
-        if guess is not None:
-            count_changed(t_guess, t_before, best, work)
 
     def guesses(self, coarse: Coarse, hits: CoarseHits) -> IntArray:
         """Return the cell of each coarse hit, -1 where there is none on a patch."""
@@ -176,6 +196,27 @@ class PatchKind:
             self.table, hits, coarse.triangles, self._first_of(coarse), rows, rays, best,
             self._new_basis(), accepted,
         )  # fmt: skip
+
+    def settle(
+        self, rays: Rays, best: Nearest, kind_of: IntArray, kind: int, out: Finished
+    ) -> None:
+        """Find out which hits on patches are within the band of being lost."""
+        rows = margins.suspects(best, kind_of, kind)
+        if not len(rows):
+            return
+        table, n = self.table, len(rows)
+        aim = margins.Aim(np.empty(n), np.empty((n, 3)), np.empty(n, np.bool_))
+        aim_at_patches(table, rays, best, out, rows, self._new_basis(), *aim)
+
+        def retrace(probes: Rays, aside: FloatArray, nearest: Nearest) -> None:
+            work = np.zeros(len(COUNTER_NAMES))
+            aside *= table.to_frame
+            self._trace(probes, aside, _NO_CELLS, nearest, False, np.empty(0), work)
+
+        def describe(probes: Rays, nearest: Nearest, found: Finished) -> None:
+            self.finish(probes, nearest, kind_of, kind, found)
+
+        margins.settle(rows, rays, best, out, aim, 1.0 / table.to_frame, retrace, describe)
 
     def _new_basis(self) -> FloatArray | None:
         return _new_basis(self.table)
@@ -262,36 +303,32 @@ def _spread(record: FloatArray) -> FloatArray:
     return np.asarray(width_u + width_v)
 
 
-def _open_edges(nets: Sequence[FloatArray], rounding: float) -> NDArray[np.int64]:
-    """Bits of the borders (u = 0, u = 1, v = 0, v = 1) beyond which no patch goes on."""
-    is_open = np.zeros((len(nets), 4), np.bool_)
-    by_shape: dict[tuple[int, ...], list[int]] = {}
-    for k, net in enumerate(nets):
-        by_shape.setdefault(net.shape, []).append(k)
-    edges: dict[int, list[tuple[NDArray[np.int64], int, FloatArray]]] = {}
-    for members in by_shape.values():
-        rows = np.array(members)
-        net = np.stack([nets[k] for k in members])
-        for bit, edge in enumerate((net[:, 0], net[:, -1], net[:, :, 0], net[:, :, -1])):
-            edges.setdefault(edge.shape[1], []).append((rows, bit, edge))
-    for group in edges.values():
-        patch = np.concatenate([rows for rows, _, _ in group])
-        side = np.concatenate([np.full(len(rows), bit) for rows, bit, _ in group])
-        edge = np.concatenate([edge for _, _, edge in group])
-        # An edge that is a point closes the patch round it.
-        wide = np.abs(edge - edge[:, :1]).max(axis=(1, 2)) > rounding
-        patch, side = patch[wide], side[wide]
-        # The same edge drawn from its other end is the same edge; -0 is 0.
-        here = np.round(edge[wide] / rounding) + 0.0
-        there = np.ascontiguousarray(here[:, ::-1])
-        here, there = here.reshape(len(here), -1), there.reshape(len(there), -1)
-        first = (here != there).argmax(axis=1)[:, None]
-        turned = np.take_along_axis(here, first, 1) > np.take_along_axis(there, first, 1)
-        keys = np.where(turned, there, here)
-        whole = np.ascontiguousarray(keys).view(np.dtype((np.void, keys.itemsize * keys.shape[1])))
-        _, same, count = np.unique(whole.ravel(), return_inverse=True, return_counts=True)
-        is_open[patch, side] = count[same] == 1
-    return np.asarray(is_open @ np.array([1, 2, 4, 8]))
+def _around(
+    surfaces: Sequence[tuple[int, BezierPatches]],
+    middle: FloatArray,
+    to_frame: float,
+    counts: Sequence[int],
+) -> FloatArray:
+    """Return the middle of each patch's object and the diameter of its box, (k, 4)."""
+    bounds = np.array([surface.bounds for _, surface in surfaces])
+    low, high = (bounds[:, 0] - middle) * to_frame, (bounds[:, 1] - middle) * to_frame
+    size = np.linalg.norm(high - low, axis=1, keepdims=True)
+    return np.repeat(np.hstack([0.5 * (low + high), size]), counts, axis=0)
+
+
+def _bend(net: FloatArray) -> tuple[float, float, float]:
+    """Bound the lengths of S_uu, S_uv and S_vv by the differences of a net."""
+    m, n = net.shape[0] - 1, net.shape[1] - 1
+    along_u, along_v = np.diff(net, axis=0), np.diff(net, axis=1)
+    return (
+        m * (m - 1) * _longest(np.diff(along_u, axis=0)),
+        m * n * _longest(np.diff(along_u, axis=1)),
+        n * (n - 1) * _longest(np.diff(along_v, axis=1)),
+    )
+
+
+def _longest(vectors: FloatArray) -> float:
+    return float(np.linalg.norm(vectors, axis=-1).max(initial=0.0))
 
 
 def _new_basis(table: PatchTable) -> FloatArray | None:

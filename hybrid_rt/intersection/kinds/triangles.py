@@ -9,11 +9,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hybrid_rt.core.records import BoolArray, FloatArray, IntArray
+from hybrid_rt.intersection import margins
+from hybrid_rt.intersection.kernels.patch.subdivide import COUNTER_NAMES
 from hybrid_rt.intersection.kernels.search.coarse import CoarseHits
 from hybrid_rt.intersection.kernels.search.nearest import Nearest, Rays
 from hybrid_rt.intersection.kernels.search.tree import Tree, build_tree, new_stack
 from hybrid_rt.intersection.kernels.triangle import (
     TriangleTable,
+    aim_at_triangles,
     finish_triangles,
     refine_triangles,
     rows_of_faces,
@@ -25,6 +28,7 @@ from hybrid_rt.primitives import TriangleMesh
 if TYPE_CHECKING:
     from hybrid_rt.intersection.coarse.proposals import Coarse
 
+_NOT_MOVED = np.empty((0, 3))
 # A box test costs about as much as a triangle's.
 LEAF_SIZE = 4
 
@@ -64,7 +68,8 @@ class TriangleKind:
             to_frame=to_frame,
             vertex=np.ascontiguousarray(vertex),
             face=np.ascontiguousarray(face),
-            neighbour=_neighbours(vertex, face),
+            longest=_longest_side(corners),
+            around=_around(meshes),
             object_id=object_id,
             patch_id=np.concatenate([np.arange(n, dtype=np.int32) for n in counts]),
             corner=corners.reshape(-1, 9)[order],
@@ -80,7 +85,7 @@ class TriangleKind:
         """Lower ``best`` to the first hits on the meshes."""
         del guess
         stack = new_stack(self.tree)
-        trace_triangles(self.table, self.tree, rays, best, any_hit, stack, work)
+        trace_triangles(self.table, self.tree, rays, _NOT_MOVED, best, any_hit, stack, work)
 
     def refine(
         self,
@@ -104,24 +109,38 @@ class TriangleKind:
         """Describe the hits that are on meshes."""
         finish_triangles(self.table, rays, best, kind_of, kind, out)
 
+    def settle(
+        self, rays: Rays, best: Nearest, kind_of: IntArray, kind: int, out: Finished
+    ) -> None:
+        """Find out which hits on meshes are within the band of being lost."""
+        rows = margins.suspects(best, kind_of, kind)
+        if not len(rows):
+            return
+        table, n = self.table, len(rows)
+        aim = margins.Aim(np.empty(n), np.empty((n, 3)), np.empty(n, np.bool_))
+        aim_at_triangles(table, rays, best, rows, *aim)
 
-def _neighbours(vertex: FloatArray, face: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Return the face across each edge; -1 where there is none, or more than one.
+        def retrace(probes: Rays, aside: FloatArray, nearest: Nearest) -> None:
+            work, stack = np.zeros(len(COUNTER_NAMES)), new_stack(self.tree)
+            trace_triangles(table, self.tree, probes, aside, nearest, False, stack, work)
 
-    Vertices at the same place count as one, whatever their numbers.
-    """
-    _, same = np.unique(vertex, axis=0, return_inverse=True)
-    welded = same.reshape(-1)[face]
-    # Edge k lies opposite vertex k.
-    ends = np.sort(np.stack([welded[:, [1, 2, 0]], welded[:, [2, 0, 1]]], axis=-1), axis=-1)
-    edges = ends.reshape(-1, 2)
-    order = np.lexsort((edges[:, 1], edges[:, 0]))
-    alike = (edges[order[1:]] == edges[order[:-1]]).all(axis=1)
-    before, after = np.append(False, alike), np.append(alike, False)
-    # Exactly two of a kind: alike with the next, and neither alike with a third.
-    first = np.flatnonzero(after & ~before)
-    first = first[~after[np.minimum(first + 1, len(order) - 1)]]
-    neighbour = np.full(len(edges), -1, np.int64)
-    a, b = order[first], order[first + 1]
-    neighbour[a], neighbour[b] = b // 3, a // 3
-    return neighbour.reshape(-1, 3)
+        def describe(probes: Rays, nearest: Nearest, found: Finished) -> None:
+            self.finish(probes, nearest, kind_of, kind, found)
+
+        margins.settle(rows, rays, best, out, aim, 1.0 / table.to_frame, retrace, describe)
+
+
+def _longest_side(corners: FloatArray) -> float:
+    """Return the length of the longest side of any face; ``corners`` is (f, 3, 3)."""
+    sides = corners - np.roll(corners, 1, axis=1)
+    return float(np.sqrt((sides**2).sum(axis=2).max()))
+
+
+def _around(meshes: Sequence[tuple[int, TriangleMesh]]) -> FloatArray:
+    """Return the middle of each mesh and the diameter of its box, one row per object."""
+    around = np.zeros((max(i for i, _ in meshes) + 1, 4))
+    for i, mesh in meshes:
+        low, high = mesh.bounds
+        around[i, :3] = 0.5 * low + 0.5 * high
+        around[i, 3] = np.linalg.norm(high - low)
+    return around

@@ -30,8 +30,9 @@ FAN = 22  # 2: at most one root if |d_n| > fan_u |d_u| + fan_v |d_v| + `FAN_SLAC
 
 # Rays that pass beside a cell mostly meet its continuation within this part of its side.
 GROWTH = 0.15
-# Rounding of a coordinate in the skew basis: 2**-52 of |row| * (|o| + |centre|) <= 4 |row|; with air.
-BOX_SLACK = 2.0**-47
+# Rounding of a coordinate in the skew basis is 2**-52 of |row| * (|o| + |centre|) <= 4 |row|. The rest is
+# for rays that pass within the band of a patch: from up to 2**24 away it is narrower than this.
+BOX_SLACK = 2.0**-22
 # Tangents this close to parallel, or normals this short beside others, prove nothing.
 THIN = 1e-6
 SHORT = 1e-4

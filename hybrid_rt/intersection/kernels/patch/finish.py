@@ -4,22 +4,28 @@ import numpy as np
 
 from hybrid_rt.intersection.kernels.patch.solve import (
     CONVERGED,
-    GRAZING,
     NORMAL_DEGENERATE,
     TANGENT_BAND,
+    band_of,
     evaluate_any,
     newton,
+    offer_border,
     offer_root,
-    rounding_of_root,
 )
 from hybrid_rt.intersection.kernels.patch.subdivide import CHANGED
 from hybrid_rt.intersection.kernels.search.coarse import parameters_at
-from hybrid_rt.intersection.kernels.search.frame import enter_frame
-from meshing.kernels.bernstein import second_partials, unit_normal
-from meshing.kernels.jit import hot_kernel
+from hybrid_rt.intersection.kernels.search.frame import any_normal, enter_frame
+from hybrid_rt.intersection.kernels.search.nearest import CLEAR, SUSPECT, WITHIN_BAND
+from meshing.kernels.bernstein import unit_normal
+from meshing.kernels.jit import hot_kernel, inlined
 
 # Squares of tangents (over the size) and of sines below this leave the normal to `unit_normal`.
 CLEAR_TANGENT = 1e-16
+# A root stays in the patch, alone, when the ray moves by one band if twice the way that this takes
+# in parameters leads over no border, and second differences add less than this along that way.
+STEADY = 0.25
+# A bound of twice the rounding over |n.d| has room for a residual of this part of it.
+LEFT = 0.25
 
 
 @hot_kernel
@@ -55,19 +61,45 @@ def refine_patches(table, hits, triangles, first_patch, rows, rays, best, basis,
             table.control, table.start[k], m, n, basis, table.size[k], ox, oy, oz, d[0], d[1], d[2],
             a, b, hits.t[j] * table.to_frame - shift, 1.0, 1.0,
         )  # fmt: skip
-        if status == CONVERGED and offer_root(
-            i, a, b, s, n_dot_d, gain_u, gain_v, table.control, table.start[k], basis, m, n,
-            table.size[k], ox, oy, oz, d[0], d[1], d[2], table.open_edges[k], shift,
-            1.0 / table.to_frame, table.object_id[k], k, rays.t_min, rays.known, best,
-        ):  # fmt: skip
+        if status != CONVERGED:
+            continue
+        if 0.0 <= a <= 1.0 and 0.0 <= b <= 1.0:
+            is_offered = offer_root(
+                i, a, b, s, n_dot_d, m, n, table.size[k], ox, oy, oz, d[0], d[1], d[2], shift,
+                1.0 / table.to_frame, table.object_id[k], k, rays.t_min, rays.known, best,
+            )  # fmt: skip
+        else:
+            is_offered = offer_border(
+                i, a, b, s, n_dot_d, gain_u, gain_v, table.control, table.start[k], basis, m, n,
+                table.size[k], ox, oy, oz, d[0], d[1], d[2], 0.0, True, shift,
+                1.0 / table.to_frame, table.object_id[k], k, rays.t_min, rays.known, best,
+            )  # fmt: skip
+        if is_offered:
             accepted[j] = True
+
+
+@inlined
+def _steps(ux, uy, uz, vx, vy, vz, dx, dy, dz, det, band, bend, k):
+    """Return how far u and v go when the ray moves by the band, and whether that is all there is.
+
+    To first order the root moves by up to (du, dv). Where the tangents turn little enough over
+    twice that for Krawczyk's test, it stays alone within twice (du, dv).
+    """
+    ax, ay, az = vy * dz - vz * dy, vz * dx - vx * dz, vx * dy - vy * dx
+    bx, by, bz = uy * dz - uz * dy, uz * dx - ux * dz, ux * dy - uy * dx
+    gain = band / det
+    du = gain * np.sqrt(ax * ax + ay * ay + az * az)
+    dv = gain * np.sqrt(bx * bx + by * by + bz * bz)
+    turn = du * du * bend[k, 0] + 2.0 * du * dv * bend[k, 1] + dv * dv * bend[k, 2]
+    return 2.0 * du, 2.0 * dv, turn <= STEADY * band
 
 
 @hot_kernel
 def finish_patches(table, rays, best, kind_of, kind, basis, out):
     """Fill what a hit record says of the rays whose nearest root is on a patch.
 
-    ``kind_of`` (objects,) names the kind of each object; rows of other kinds are left alone.
+    ``kind_of`` (objects,) names the kind of each object; rows of other kinds are left alone. Rows
+    that may change when the ray moves by the band become `SUSPECT`.
     """
     middle, to_world = table.middle, 1.0 / table.to_frame
     control, start, degree, centre, size = (
@@ -88,8 +120,7 @@ def finish_patches(table, rays, best, kind_of, kind, basis, out):
         x, y, z, ux, uy, uz, vx, vy, vz = evaluate_any(control, start[k], m, n, u, v, basis)
         nx, ny, nz = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
         length = np.sqrt(nx * nx + ny * ny + nz * nz)
-        guu, guv = ux * ux + uy * uy + uz * uz, ux * vx + uy * vy + uz * vz
-        gvv = vx * vx + vy * vy + vz * vz
+        guu, gvv = ux * ux + uy * uy + uz * uz, vx * vx + vy * vy + vz * vz
         smallest = CLEAR_TANGENT * size[k] * size[k]
         is_degenerate = False
         if guu > smallest and gvv > smallest and length * length > CLEAR_TANGENT * guu * gvv:
@@ -108,24 +139,83 @@ def finish_patches(table, rays, best, kind_of, kind, basis, out):
         rx, ry, rz = ox + t * dx - x, oy + t * dy - y, oz + t * dz - z
         residual = np.sqrt(rx * rx + ry * ry + rz * rz)
         out.residual[i] = residual * to_world
-        # --- grazing: how deep does the ray run under the silhouette?
-        dd = dx * dx + dy * dy + dz * dz
-        slope = nx * dx + ny * dy + nz * dz
-        if slope * slope > GRAZING * GRAZING * dd or is_degenerate:
+        # --- what is left of the equation counts where it is more than was allowed for
+        slope = abs(nx * dx + ny * dy + nz * dz)
+        if residual > LEFT * best.t_bound[i] * table.to_frame * slope and slope > 0.0:
+            best.t_bound[i] += 2.0 * residual / slope * to_world
+        # --- may the root be lost when the ray moves by the band? Roughly first, without roots
+        det, dd = length * slope, dx * dx + dy * dy + dz * dz
+        # Objects' middles are within 1 of the frame's, their diameters within 2, |d| within 2.
+        about = TANGENT_BAND * (abs(hx) + abs(hy) + abs(hz) + 2.0 * abs(shift) + 3.0)
+        far_u, far_v, room = about * about * gvv * dd, about * about * guu * dd, det * det
+        in_u, in_v = min(u, 1.0 - u), min(v, 1.0 - v)
+        turn = far_u * (table.bend[k, 0] + table.bend[k, 1])
+        turn += far_v * (table.bend[k, 2] + table.bend[k, 1])
+        if (
+            turn <= STEADY * about * room
+            and 4.0 * far_u <= in_u * in_u * room
+            and 4.0 * far_v <= in_v * in_v * room
+            and residual <= TANGENT_BAND * table.around[k, 3]
+            and best.tangent[i] == CLEAR
+            and not is_degenerate
+        ):
             continue
-        # d = p S_u + q S_v along the surface; the normal curvature along it bends the surface
-        # away from the ray, which therefore lies slope^2 / (2 bend) deep.
-        a0, a1, a2, b0, b1, b2, c0, c1, c2 = second_partials(control, start[k], m, n, u, v)
-        du, dv = ux * dx + uy * dy + uz * dz, vx * dx + vy * dy + vz * dz
-        det = guu * gvv - guv * guv
-        if not det > 0.0:
-            continue
-        p, q = (gvv * du - guv * dv) / det, (guu * dv - guv * du) / det
-        bend = abs(
-            nx * (p * p * a0 + 2.0 * p * q * b0 + q * q * c0)
-            + ny * (p * p * a1 + 2.0 * p * q * b1 + q * q * c1)
-            + nz * (p * p * a2 + 2.0 * p * q * b2 + q * q * c2)
+        band = band_of(table.around, k, hx, hy, hz, dx, dy, dz, shift)
+        du, dv, is_alone = _steps(ux, uy, uz, vx, vy, vz, dx, dy, dz, det, band, table.bend, k)
+        if residual > band:
+            best.tangent[i] = WITHIN_BAND
+        elif is_degenerate or not (is_alone and du <= in_u and dv <= in_v):
+            best.tangent[i] = SUSPECT
+
+
+@hot_kernel
+def aim_at_patches(table, rays, best, out, rows, basis, bands, outward, is_edge):
+    """Say where to move rays whose hits are `SUSPECT`.
+
+    Parameters
+    ----------
+    table, rays, best, out
+        As for `finish_patches`, which has been here.
+    rows : (k,) int64
+    basis : scratch
+    bands : (k,) float64, written
+        64 eps x scale, world units.
+    outward : (k, 3) float64, written
+        A unit normal of the ray; at a border of the patch, straight across it and out.
+    is_edge : (k,) bool, written
+        Whether it is one border that the root is near, and nothing else.
+    """
+    middle = table.middle
+    for j in range(rows.shape[0]):
+        i = rows[j]
+        k = best.primitive[i]
+        u, v = best.a[i], best.b[i]
+        o, d = rays.origin[i], rays.direction[i]
+        dx, dy, dz = d[0], d[1], d[2]
+        hx, hy, hz, _, _, _, shift = enter_frame(
+            o[0], o[1], o[2], dx, dy, dz, middle[0], middle[1], middle[2], table.to_frame
         )
-        _, scale = rounding_of_root(m, n, size[k], ox, oy, oz, dx, dy, dz, t)
-        if slope * slope < 2.0 * bend * TANGENT_BAND * scale:
-            best.tangent[i] = 1
+        band = band_of(table.around, k, hx, hy, hz, dx, dy, dz, shift)
+        bands[j] = band / table.to_frame
+        _, _, _, ux, uy, uz, vx, vy, vz = evaluate_any(
+            table.control, table.start[k], table.degree[k, 0], table.degree[k, 1], u, v, basis
+        )
+        nx, ny, nz = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
+        det = nx * dx + ny * dy + nz * dz
+        du, dv, is_alone = _steps(ux, uy, uz, vx, vy, vz, dx, dy, dz, abs(det), band, table.bend, k)
+        near_u, near_v = not du <= u <= 1.0 - du, not dv <= v <= 1.0 - dv
+        is_edge[j] = is_alone and near_u != near_v and out.flags[i] != NORMAL_DEGENERATE
+        # Across the tangent of the border, to the side where the other tangent does not point.
+        ax, ay, az, bx, by, bz, side = ux, uy, uz, vx, vy, vz, u
+        if near_v:
+            ax, ay, az, bx, by, bz, side = vx, vy, vz, ux, uy, uz, v
+        wx, wy, wz = by * dz - bz * dy, bz * dx - bx * dz, bx * dy - by * dx
+        points_in = wx * ax + wy * ay + wz * az > 0.0
+        length = np.sqrt(wx * wx + wy * wy + wz * wz)
+        if length > 0.0:
+            length = length if points_in == (side > 0.5) else -length
+            wx, wy, wz = wx / length, wy / length, wz / length
+        else:
+            is_edge[j] = False
+            wx, wy, wz = any_normal(dx, dy, dz)
+        outward[j, 0], outward[j, 1], outward[j, 2] = wx, wy, wz

@@ -9,7 +9,7 @@ surfaces"); its step needs only cross products.
 import numpy as np
 
 from hybrid_rt.intersection.kernels.patch.bicubic import evaluate_bicubic
-from hybrid_rt.intersection.kernels.search.nearest import is_known, offer
+from hybrid_rt.intersection.kernels.search.nearest import CLEAR, is_known, offer
 from meshing.kernels.jit import inlined, inner
 
 UNIT_ROUNDOFF = 2.0**-53
@@ -24,8 +24,15 @@ CONVERGED, FAILED = 1, 0
 MAX_STEPS = 12
 # After a step this small (relative to the cell) the next would be below rounding.
 LAST_STEP = 1e-8
-# Steps along a border onto which a root is moved that lies beyond it by rounding.
-BORDER_APPROACHES = 2
+# The equation holds to rounding where it is off by no more than this part of the bound.
+ROOT = 0.5
+# Steps to the point of a border that is next to a ray which passes just beyond it.
+BORDER_APPROACHES = 3
+# A border farther away in parameters than this many bands is farther away in space than one.
+NEAR = 4.0
+# A ray that passes a border by no more than this many roundings of a root meets it: one for the
+# root, one for the point of the border, one for what Newton's iteration leaves.
+BORDER = 3.0
 # Parameters further outside [0, 1] are of no use to anybody.
 REACH = 1.0
 
@@ -103,17 +110,30 @@ def evaluate_any(control, start, degree_u, degree_v, u, v, basis):
 
 @inlined
 def rounding_of_root(degree_u, degree_v, size, ox, oy, oz, dx, dy, dz, t):
-    """Bound the rounding of S(u, v) - o - t d near a root; also the scale of the TANGENT band.
+    """Bound the rounding of S(u, v) - o - t d, for parameters within the patch.
 
-    Bernstein sums of degree m + n take 2 (m + n) + 4 roundings of numbers up to `size`, the origin
-    relative to the centre 2, t d and the sum 4; the rest is air for the products in a step.
+    The sum is that of ``docs/rounding_patches.md``, lines E1 to E5, with one unit more in each term.
     """
     distance = np.sqrt(ox * ox + oy * oy + oz * oz)
     along = abs(t) * np.sqrt(dx * dx + dy * dy + dz * dz)
-    error = UNIT_ROUNDOFF * (
-        (2.0 * (degree_u + degree_v) + 8.0) * size + 4.0 * distance + 4.0 * along
+    return UNIT_ROUNDOFF * (
+        (4.0 * (degree_u + degree_v) + 2.0) * size + 3.0 * distance + 2.0 * along
     )
-    return error, max(distance, 2.0 * size)
+
+
+@inlined
+def band_of(around, k, x, y, z, dx, dy, dz, shift):
+    """Return 64 eps x scale for a patch, in lengths of the frame.
+
+    The scale is that of its object: ``around[k]`` holds the object's middle and size. The ray's
+    origin has been advanced by ``shift`` d to (x, y, z).
+    """
+    ax, ay, az = (
+        x - shift * dx - around[k, 0],
+        y - shift * dy - around[k, 1],
+        z - shift * dz - around[k, 2],
+    )
+    return TANGENT_BAND * max(np.sqrt(ax * ax + ay * ay + az * az), around[k, 3])
 
 
 @inner
@@ -134,7 +154,7 @@ def newton(
     gain_u, gain_v : how far u and v move when the equation is off by a length of one
     """
     n_dot_d = gain_u = gain_v = 0.0
-    error, _ = rounding_of_root(degree_u, degree_v, size, ox, oy, oz, dx, dy, dz, t)
+    error = rounding_of_root(degree_u, degree_v, size, ox, oy, oz, dx, dy, dz, t)
     for step in range(1, MAX_STEPS + 1):
         x, y, z, xu, yu, zu, xv, yv, zv = evaluate_any(
             control, start, degree_u, degree_v, u, v, basis
@@ -149,17 +169,20 @@ def newton(
         inv = 1.0 / det
         du = (rx * ax + ry * ay + rz * az) * inv
         dv = (rx * bx + ry * by + rz * bz) * inv
+        rr = rx * rx + ry * ry + rz * rz
         # Nearly in the tangent plane rounding becomes a long step, which would leave the surface.
-        is_root = rx * rx + ry * ry + rz * rz <= error * error
+        is_root = rr <= (ROOT * error) ** 2
         if not is_root:
             u += du
             v += dv
             t -= (rx * nx + ry * ny + rz * nz) * inv
         if is_root or (abs(du) <= LAST_STEP * side_u and abs(dv) <= LAST_STEP * side_v):
             n_dot_d = abs(det) / np.sqrt(nx * nx + ny * ny + nz * nz)
-            gain_u = np.sqrt(ax * ax + ay * ay + az * az) * abs(inv)
-            gain_v = np.sqrt(bx * bx + by * by + bz * bz) * abs(inv)
-            return CONVERGED, u, v, t, step, n_dot_d, gain_u, gain_v
+            # Such a step leaves eps |r| / |n.d| beside the ray: below rounding, or one more step.
+            if is_root or rr <= (size * n_dot_d) ** 2:
+                gain_u = np.sqrt(ax * ax + ay * ay + az * az) * abs(inv)
+                gain_v = np.sqrt(bx * bx + by * by + bz * bz) * abs(inv)
+                return CONVERGED, u, v, t, step, n_dot_d, gain_u, gain_v
         if not (-REACH <= u <= 1.0 + REACH and -REACH <= v <= 1.0 + REACH):
             return FAILED, u, v, t, step, n_dot_d, gain_u, gain_v
     return FAILED, u, v, t, MAX_STEPS, n_dot_d, gain_u, gain_v
@@ -210,48 +233,58 @@ def approach(
 
 @inner
 def offer_root(
-    i, u, v, t, n_dot_d, gain_u, gain_v,
-    control, start, basis, degree_u, degree_v, size, ox, oy, oz, dx, dy, dz, open_edges, shift, to_world,
+    i, u, v, t, n_dot_d, degree_u, degree_v, size, ox, oy, oz, dx, dy, dz, shift, to_world,
     object_id, patch, t_min, known, best,
 ):  # fmt: skip
-    """Offer a converged root as a hit if it lies on the patch; tell whether it may be one.
-
-    A root up to the rounding of u or v beyond a border belongs to the patch, so a ray through an
-    edge that two patches share finds at least one of them. ``open_edges`` has a bit for each of
-    u = 0, u = 1, v = 0, v = 1 beyond which no other patch goes on: near those the hit is TANGENT,
-    and just beyond them a doubt.
-    """
-    error, scale = rounding_of_root(degree_u, degree_v, size, ox, oy, oz, dx, dy, dz, t)
-    band_u = error * gain_u + 2.0 * UNIT_ROUNDOFF
-    band_v = error * gain_v + 2.0 * UNIT_ROUNDOFF
+    """Offer a root within the patch as a hit; tell whether it may be one."""
+    error = rounding_of_root(degree_u, degree_v, size, ox, oy, oz, dx, dy, dz, t)
     t_world = (t + shift) * to_world
-    t_bound = (2.0 * error / n_dot_d + 4.0 * UNIT_ROUNDOFF * abs(t + shift)) * to_world
-    tangent = False
-    if open_edges != 0:
-        near_u = max(band_u, TANGENT_BAND * scale * gain_u)
-        near_v = max(band_v, TANGENT_BAND * scale * gain_v)
-        if not (-near_u <= u <= 1.0 + near_u and -near_v <= v <= 1.0 + near_v):
-            return False
-        tangent = (
-            ((open_edges & 1) != 0 and u <= near_u)
-            or ((open_edges & 2) != 0 and u >= 1.0 - near_u)
-            or ((open_edges & 4) != 0 and v <= near_v)
-            or ((open_edges & 8) != 0 and v >= 1.0 - near_v)
-        )
-    if not (-band_u <= u <= 1.0 + band_u and -band_v <= v <= 1.0 + band_v):
-        if tangent and t_world > t_min[i]:
-            best.doubt[i] = min(best.doubt[i], t_world)
-        return False
+    t_bound = (2.0 * error / n_dot_d + 2.0 * UNIT_ROUNDOFF * abs(t + shift)) * to_world
     if not t_world > t_min[i] or is_known(i, t_world, t_bound, n_dot_d, known):
         return False
-    if not (0.0 <= u <= 1.0 and 0.0 <= v <= 1.0):
-        u, v, t, _, _ = approach(
-            control, start, degree_u, degree_v, basis, ox, oy, oz, dx, dy, dz,
-            min(max(u, 0.0), 1.0), min(max(v, 0.0), 1.0), 0.0, 1.0, 0.0, 1.0, BORDER_APPROACHES,
-        )  # fmt: skip
-        t_world = (t + shift) * to_world
-    offer(i, t_world, t_bound, n_dot_d, tangent, object_id, patch, u, v, t_min, known, best)
+    offer(i, t_world, t_bound, n_dot_d, CLEAR, object_id, patch, u, v, t_min, known, best)
     return True
+
+
+@inner
+def offer_border(
+    i, u, v, t, n_dot_d, gain_u, gain_v,
+    control, start, basis, degree_u, degree_v, size, ox, oy, oz, dx, dy, dz, band, is_owner,
+    shift, to_world, object_id, patch, t_min, known, best,
+):  # fmt: skip
+    """Offer the point of the border next to a root beyond it; tell whether it may be a hit.
+
+    It is one if the ray passes it by no more than rounding, so a ray through an edge that two
+    patches share meets at least one of them; and a doubt within the band. (With a band of nothing no
+    doubts are noted.) ``is_owner`` tells whether the point is this cell's to offer.
+    """
+    error = rounding_of_root(degree_u, degree_v, size, ox, oy, oz, dx, dy, dz, t)
+    accepted = BORDER * error if band == 0.0 else min(BORDER * error, band)
+    reach = NEAR * max(band, accepted)
+    if not (
+        -reach * gain_u <= u <= 1.0 + reach * gain_u
+        and -reach * gain_v <= v <= 1.0 + reach * gain_v
+    ):
+        return False
+    u, v, t, gap, _ = approach(
+        control, start, degree_u, degree_v, basis, ox, oy, oz, dx, dy, dz,
+        min(max(u, 0.0), 1.0), min(max(v, 0.0), 1.0), 0.0, 1.0, 0.0, 1.0, BORDER_APPROACHES,
+    )  # fmt: skip
+    if gap <= accepted:
+        return is_owner and offer_root(
+            i, u, v, t, n_dot_d, degree_u, degree_v, size, ox, oy, oz, dx, dy, dz, shift, to_world,
+            object_id, patch, t_min, known, best,
+        )  # fmt: skip
+    if gap <= band:
+        doubt(i, (t + shift) * to_world, band * to_world, t_min, known, best)
+    return False
+
+
+@inner
+def doubt(i, t, band, t_min, known, best):
+    """Note that the surface passes within the band (world) of ray i at t, and is not met there."""
+    if t > t_min[i] and not is_known(i, t, 8.0 * band, 1.0, known):
+        best.doubt[i] = min(best.doubt[i], t)
 
 
 # For the one place that runs for every candidate; elsewhere a call costs less than compiling it.

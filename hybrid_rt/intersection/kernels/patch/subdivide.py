@@ -8,8 +8,8 @@ collapsed edge is long in its parameter and a point in space. Pieces are taken n
 
 At a silhouette pieces become thin across the fold before they become short. A piece thinner than
 rounding holds no decision to be made: if it is as short as such a piece of a curved surface is, it
-is taken as a TANGENT root; if it is long, a flat piece lies edge-on in the ray, and the ray passes
-it by with its doubt noted.
+is taken as a root, to be probed; if it is long, a flat piece lies edge-on in the ray, and the ray
+passes it by with its doubt noted. So does a ray that passes any piece within the band.
 """
 
 import numpy as np
@@ -18,22 +18,28 @@ from hybrid_rt.intersection.kernels.patch.solve import (
     CONVERGED,
     UNIT_ROUNDOFF,
     approach,
+    doubt,
     evaluate_any,
     newton,
+    offer_border,
     offer_root,
     rounding_of_root,
 )
-from hybrid_rt.intersection.kernels.search.nearest import is_known, offer
+from hybrid_rt.intersection.kernels.search.nearest import SUSPECT, is_known, offer
 from meshing.kernels.jit import inlined, inner
 
+# Part of the band that roundings are taken to amount to at most.
+MOST_SLOP = 0.5
 # Pieces examined for one ray and cell before the search admits defeat (counted and flagged).
 MAX_PIECES = 4096
 # 100 halvings take any cell to the last digit; one sibling waits at each.
 DEPTH = 128
 # Newton from a piece whose Jacobian turns by less than this contracts: 2 q / (1 - q) < 1.
 NEWTON_TURN = 0.25
-# Neighbouring pieces both keep a root that lies within this (relative) of their common border.
+# Neighbouring pieces both keep a root that lies within this (relative) of their common border, or
+# within so many roundings: one for each of their two roots, and as much for what Newton leaves.
 BORDER_SLACK = 1e-9
+OWNED = 4.0
 # How far beside a point the normal is looked at where S_u x S_v may vanish.
 NUDGE = 2.0**-20
 # A ray that meets the limit normal of a collapsed edge at more than this crosses the surface.
@@ -42,6 +48,12 @@ CLEAR_CROSSING = 1e-3
 APPROACHES = 3
 # Below this slope curvature, not slope, ends a contact: the root of the rounding.
 FLATTEST = 2.0**-27
+# A piece beside the ray and thinner than this part of the band is seen to be within it or not.
+THIN_BESIDE = 0.25
+# Flat pieces in the ray are halved to this part of the patch, so that it is known where they begin.
+LONG = 2.0**-6
+# What its points may be farther from the ray than its hull.
+BESIDE = 1.0 + 2.0 * THIN_BESIDE
 
 # Places in the counters that kernels fill; see `COUNTER_NAMES`.
 NODES, CELLS, NEWTONS, STEPS, SLOW, PIECES, GIVEN_UP, CHANGED, MOST_PIECES = range(9)
@@ -150,6 +162,33 @@ def _middle(scratch, net, degree_u, degree_v):
     return scratch[0, 0, 0], scratch[0, 0, 1]
 
 
+@inlined
+def normals_of(dx, dy, dz):
+    """Return two unit normals of a direction and of each other, to 3 u: six numbers.
+
+    The first has two components of d itself, exchanged: it is normal before it is divided.
+    """
+    if abs(dx) >= abs(dy) and abs(dx) >= abs(dz):
+        px, py, pz = -dy, dx, 0.0
+    elif abs(dy) >= abs(dz):
+        px, py, pz = 0.0, -dz, dy
+    else:
+        px, py, pz = dz, 0.0, -dx
+    qx, qy, qz = dy * pz - dz * py, dz * px - dx * pz, dx * py - dy * px
+    p, q = np.sqrt(px * px + py * py + pz * pz), np.sqrt(qx * qx + qy * qy + qz * qz)
+    return px / p, py / p, pz / p, qx / q, qy / q, qz / q
+
+
+@inlined
+def rounding_of_net(degree_u, degree_v, size, farthest, across):
+    """Bound the rounding of a net's coordinates across the ray, whole, restricted or halved.
+
+    The sum is that of ``docs/rounding_patches.md``, lines N1 to N6. ``farthest`` is the distance of
+    a control point from the origin, ``across`` the largest of those coordinates.
+    """
+    return UNIT_ROUNDOFF * (9.0 * farthest + 4.0 * size + 7.0 * (degree_u + degree_v) * across)
+
+
 @inner
 def _steepness(control, start, degree_u, degree_v, basis, u, v, dx, dy, dz):
     """|n.d| beside a point where S_u x S_v may vanish: a little toward the patch's middle."""
@@ -167,26 +206,22 @@ def _steepness(control, start, degree_u, degree_v, basis, u, v, dx, dy, dz):
 def slow_solve(
     i, nets, boxes, basis,
     control, start, degree_u, degree_v, size, ox, oy, oz, dx, dy, dz,
-    u0, u1, v0, v1, t_lo, t_cut, open_edges, shift, to_world,
+    u0, u1, v0, v1, t_lo, t_cut, band, shift, to_world,
     object_id, patch, t_min, known, best, counters,
 ):  # fmt: skip
     """Find the first root of ray i in the rectangle [u0, u1] x [v0, v1] of a patch and offer it.
 
     The ray is relative to the patch's centre; t in [t_lo, t_cut] counts lengths of d from o, and
-    ``(t + shift) to_world`` is the caller's t. ``nets`` (`DEPTH`, m + 1, n + 1, 3) and ``boxes``
+    ``(t + shift) to_world`` is the caller's t. Pieces without a root, but within ``band`` of the
+    ray, are noted as doubts. ``nets`` (`DEPTH`, m + 1, n + 1, 3) and ``boxes``
     (`DEPTH`, 4) are scratch. What is offered depends on ray and rectangle only, not on `best`.
     """
     counters[SLOW] += 1
     length = np.sqrt(dx * dx + dy * dy + dz * dz)
     ex, ey, ez = dx / length, dy / length, dz / length
-    # Two unit normals of d (Duff et al. 2017, "Building an orthonormal basis, revisited").
-    sign = 1.0 if ez >= 0.0 else -1.0
-    a = -1.0 / (sign + ez)
-    b = ex * ey * a
-    px, py, pz = 1.0 + sign * ex * ex * a, sign * b, -sign * ex
-    qx, qy, qz = b, sign + ey * ey * a, -ey
+    px, py, pz, qx, qy, qz = normals_of(dx, dy, dz)
     net = nets[0]
-    farthest = 0.0
+    farthest = across = 0.0
     for r in range(degree_u + 1):
         for c in range(degree_v + 1):
             k = start + r * (degree_v + 1) + c
@@ -195,12 +230,14 @@ def slow_solve(
             net[r, c, 0] = px * x + py * y + pz * z
             net[r, c, 1] = qx * x + qy * y + qz * z
             net[r, c, 2] = ex * x + ey * y + ez * z
+            across = max(across, abs(net[r, c, 0]), abs(net[r, c, 1]))
     restrict(net, degree_u, degree_v, u0, u1, v0, v1)
-    # Projection: 4 roundings; the basis is normal to d to 2; restriction: one per level and
-    # direction. Halving adds roundings of ever smaller numbers.
-    slop = UNIT_ROUNDOFF * (8.0 + degree_u + degree_v) * np.sqrt(farthest)
+    slop = rounding_of_net(degree_u, degree_v, size, np.sqrt(farthest), across)
+    # Beyond that the sum of all roundings says nothing; they hardly ever add up.
+    slop = min(slop, MOST_SLOP * band)
     # A piece of radius of curvature r is thinner than 2 slop while shorter than 4 sqrt(slop r).
     fold = 4.0 * np.sqrt(slop * max(size, slop))
+    reach = max(slop, band)
     boxes[0, 0], boxes[0, 1], boxes[0, 2], boxes[0, 3] = u0, u1, v0, v1
     h_lo = t_lo * length - slop
     h_cut = t_cut * length + slop
@@ -218,8 +255,9 @@ def slow_solve(
                 f0, f1 = min(f0, f), max(f1, f)
                 g0, g1 = min(g0, g), max(g1, g)
                 h0, h1 = min(h0, h), max(h1, h)
-        if f0 > slop or f1 < -slop or g0 > slop or g1 < -slop or h1 < h_lo or h0 > h_cut:
+        if f0 > reach or f1 < -reach or g0 > reach or g1 < -reach or h1 < h_lo or h0 > h_cut:
             continue
+        is_beside = f0 > slop or f1 < -slop or g0 > slop or g1 < -slop
         # --- mean tangents across the ray, for a step of half the piece
         au = av = bu = bv = side_u = side_v = 0.0
         for r in range(degree_u):
@@ -262,15 +300,26 @@ def slow_solve(
                 y = net[r, c, 1] * tx - net[r, c, 0] * ty
                 x0, x1 = min(x0, x), max(x1, x)
                 y0, y1 = min(y0, y), max(y1, y)
-        if x0 > slop or x1 < -slop or y0 > slop or y1 < -slop:
+        if x0 > reach or x1 < -reach or y0 > reach or y1 < -reach:
             continue
-        # --- too small to be told from a point, or too thin to hold a decision
+        is_beside = is_beside or x0 > slop or x1 < -slop or y0 > slop or y1 < -slop
         is_point = max(f1 - f0, g1 - g0, h1 - h0) <= 4.0 * slop
-        if is_point or y1 - y0 < 2.0 * slop:
+        is_long = h1 - h0 > LONG * size
+        # --- no root, but is it within the band?
+        if is_beside and (is_point or (y1 - y0 < THIN_BESIDE * reach and not is_long)):
+            _, _, t, gap, _ = approach(
+                control, start, degree_u, degree_v, basis, ox, oy, oz, dx, dy, dz,
+                um, vm, um - hu, um + hu, vm - hv, vm + hv, APPROACHES,
+            )  # fmt: skip
+            if gap <= BESIDE * reach:
+                doubt(i, (t + shift) * to_world, reach * to_world, t_min, known, best)
+            if is_point or gap <= BESIDE * reach:
+                continue
+        # --- too small to be told from a point, or too thin to hold a decision
+        if is_point or (y1 - y0 < 2.0 * slop and not is_beside):
             n_dot_d = _steepness(control, start, degree_u, degree_v, basis, um, vm, ex, ey, ez)
             is_flat = n_dot_d < CLEAR_CROSSING
             t = 0.5 * (h0 + h1) / length
-            t_world = (t + shift) * to_world
             if is_point or (is_flat and x1 - x0 < fold and h1 - h0 < fold):
                 # The surface stays within the thickness of ray and piece as far as that over the
                 # slope.
@@ -287,14 +336,13 @@ def slow_solve(
                 slope *= length
                 if t_world > t_min[i] and not is_known(i, t_world, t_bound, slope, known):
                     offer(
-                        i, t_world, t_bound, slope, is_flat, object_id, patch, u, v,
+                        i, t_world, t_bound, slope, SUSPECT, object_id, patch, u, v,
                         t_min, known, best,
                     )  # fmt: skip
                     h_cut = min(h_cut, h0)
                 continue
-            if is_flat:
-                if t_world > t_min[i]:
-                    best.doubt[i] = min(best.doubt[i], t_world)
+            if is_flat and not is_long:
+                doubt(i, (t + shift) * to_world, reach * to_world, t_min, known, best)
                 continue
         # --- Krawczyk: how far the tangents turn, seen through the inverse of their mean
         det = au * bv - av * bu
@@ -322,7 +370,7 @@ def slow_solve(
                 # --- the middle of the piece, from a copy halved both ways (spare places above)
                 f, g = _middle(nets[top + 1], net, degree_u, degree_v)
                 cu, cv = -(y00 * f + y01 * g), -(y10 * f + y11 * g)
-                if max(abs(cu), abs(cv)) > 1.0 + q + rounding:
+                if max(abs(cu), abs(cv)) > 1.0 + q + gain * reach:
                     continue
                 if q < NEWTON_TURN:
                     counters[NEWTONS] += 1
@@ -333,20 +381,22 @@ def slow_solve(
                     )  # fmt: skip
                     counters[STEPS] += steps
                     if status == CONVERGED:
-                        error, _ = rounding_of_root(
+                        slack = OWNED * rounding_of_root(
                             degree_u, degree_v, size, ox, oy, oz, dx, dy, dz, t
                         )
-                        slack_u = BORDER_SLACK * hu + error * gain_u
-                        slack_v = BORDER_SLACK * hv + error * gain_v
-                        if (
-                            abs(u - um) <= hu + slack_u
-                            and abs(v - vm) <= hv + slack_v
-                            and offer_root(
-                                i, u, v, t, n_dot_d, gain_u, gain_v,
-                                control, start, basis, degree_u, degree_v, size,
-                                ox, oy, oz, dx, dy, dz, open_edges, shift, to_world,
-                                object_id, patch, t_min, known, best,
-                            )
+                        slack_u = BORDER_SLACK * hu + slack * gain_u
+                        slack_v = BORDER_SLACK * hv + slack * gain_v
+                        in_u, in_v = min(max(u, 0.0), 1.0), min(max(v, 0.0), 1.0)
+                        is_owner = abs(in_u - um) <= hu + slack_u and abs(in_v - vm) <= hv + slack_v
+                        if u != in_u or v != in_v:
+                            offer_border(
+                                i, u, v, t, n_dot_d, gain_u, gain_v, control, start, basis,
+                                degree_u, degree_v, size, ox, oy, oz, dx, dy, dz, band, is_owner,
+                                shift, to_world, object_id, patch, t_min, known, best,
+                            )  # fmt: skip
+                        elif is_owner and offer_root(
+                            i, u, v, t, n_dot_d, degree_u, degree_v, size, ox, oy, oz, dx, dy, dz,
+                            shift, to_world, object_id, patch, t_min, known, best,
                         ):  # fmt: skip
                             h_cut = min(h_cut, t * length)
                         continue

@@ -14,6 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from hybrid_rt.intersection.kernels.patch.cells import (
+    BOX_SLACK,
     FAN,
     FAN_SLACK,
     GROWTH,
@@ -25,7 +26,9 @@ from hybrid_rt.intersection.kernels.patch.cells import (
 from hybrid_rt.intersection.kernels.patch.skew_box import LOWER, UPPER, meet_box
 from hybrid_rt.intersection.kernels.patch.solve import (
     CONVERGED,
+    band_of,
     newton_inlined,
+    offer_border,
     offer_root_inlined,
     rounding_of_root,
 )
@@ -34,6 +37,7 @@ from hybrid_rt.intersection.kernels.patch.subdivide import (
     CELLS,
     NEWTONS,
     NODES,
+    OWNED,
     STEPS,
     slow_solve,
 )
@@ -53,7 +57,8 @@ class PatchTable(NamedTuple):
     degree: Any  # (k, 2) int64
     centre: Any  # (k, 3): the middle of each net, frame
     size: Any  # (k,): largest distance of a control point from the centre
-    open_edges: Any  # (k,) int64: bits for borders that no other patch continues
+    around: Any  # (k, 4): middle of each one's object, and the diameter of its box, frame units
+    bend: Any  # (k, 3): bounds of the lengths of S_uu, S_uv and S_vv
     object_id: Any  # (k,) int32
     patch_id: Any  # (k,) int32: number within its surface
     grid: Any  # (k, 2) int64: cells along u and v
@@ -82,7 +87,7 @@ MORE = 8
 
 @inlined
 def solve_cell(
-    i, cell, record, cell_patch, control, start, degree, centre, size, open_edges, object_id, basis,
+    i, cell, record, cell_patch, control, start, degree, centre, size, around, object_id, basis,
     x, y, z, lx, ly, lz, dx, dy, dz, t_lo, t_cut, shift, to_world, t_min, known, best, quartered,
 ):  # fmt: skip
     """Settle one cell for one ray: offer its root, or know that there is none that matters.
@@ -117,26 +122,35 @@ def solve_cell(
     )  # fmt: skip
     if status != CONVERGED:
         return unsettled, np.inf, 1, steps
-    t_root = t if 0.0 <= u <= 1.0 and 0.0 <= v <= 1.0 else np.inf
-    beside_u, beside_v = abs(u - um), abs(v - vm)
+    # What is beyond the patch has its nearest point on the border.
+    in_u, in_v = min(max(u, 0.0), 1.0), min(max(v, 0.0), 1.0)
+    is_inside = u == in_u and v == in_v
+    t_root = t if is_inside else np.inf
     grown = 1.0 + 2.0 * GROWTH
-    if not (beside_u <= grown * hu and beside_v <= grown * hv):
+    if not (abs(u - um) <= grown * hu and abs(v - vm) <= grown * hv):
         return unsettled, t_root, 1, steps
-    error, _ = rounding_of_root(m, n, size[patch], ox, oy, oz, dx, dy, dz, t)
-    if (
-        beside_u <= hu * (1.0 + BORDER_SLACK) + error * gain_u
-        and beside_v <= hv * (1.0 + BORDER_SLACK) + error * gain_v
-    ):
-        offer_root_inlined(
+    slack = OWNED * rounding_of_root(m, n, size[patch], ox, oy, oz, dx, dy, dz, t)
+    is_owner = (
+        abs(in_u - um) <= hu * (1.0 + BORDER_SLACK) + slack * gain_u
+        and abs(in_v - vm) <= hv * (1.0 + BORDER_SLACK) + slack * gain_v
+    )
+    if is_inside:
+        if is_owner:
+            offer_root_inlined(
+                i, u, v, t, n_dot_d, m, n, size[patch], ox, oy, oz, dx, dy, dz, shift, to_world,
+                object_id[patch], patch, t_min, known, best,
+            )  # fmt: skip
+    elif abs(u - in_u) <= BOX_SLACK * gain_u and abs(v - in_v) <= BOX_SLACK * gain_v:
+        offer_border(
             i, u, v, t, n_dot_d, gain_u, gain_v, control, first, basis, m, n, size[patch],
-            ox, oy, oz, dx, dy, dz, open_edges[patch], shift, to_world,
-            object_id[patch], patch, t_min, known, best,
+            ox, oy, oz, dx, dy, dz, band_of(around, patch, x, y, z, dx, dy, dz, shift), is_owner,
+            shift, to_world, object_id[patch], patch, t_min, known, best,
         )  # fmt: skip
     return SETTLED, t_root, 1, steps
 
 
 @hot_kernel
-def trace_patches(table, tree, rays, guess, best, any_hit, scratch, t_guess, counters):
+def trace_patches(table, tree, rays, aside, guess, best, any_hit, scratch, t_guess, counters):
     """Lower ``best`` to the first hits on the patches, but for the doubts that are queued.
 
     Parameters
@@ -144,6 +158,8 @@ def trace_patches(table, tree, rays, guess, best, any_hit, scratch, t_guess, cou
     table : PatchTable
     tree : Tree over its cells
     rays : Rays, n of them
+    aside : (n, 3) or (0, 3) float64
+        Moves each ray, in lengths of the frame; empty: no ray is moved.
     guess : (n,) or (0,) int32
         A cell to begin with for each ray, -1 for none; empty: no guesses at all.
     best : Nearest
@@ -161,7 +177,7 @@ def trace_patches(table, tree, rays, guess, best, any_hit, scratch, t_guess, cou
     """
     middle, to_frame = table.middle, table.to_frame
     control, start, degree = table.control, table.start, table.degree
-    centre, size, open_edges = table.centre, table.size, table.open_edges
+    centre, size, around = table.centre, table.size, table.around
     object_id, record, cell_patch = table.object_id, table.record, table.cell_patch
     # Cells come before their quarters.
     n_cells = table.place.shape[0]
@@ -185,6 +201,8 @@ def trace_patches(table, tree, rays, guess, best, any_hit, scratch, t_guess, cou
         x, y, z, lx, ly, lz, shift = enter_frame(
             origin[i, 0], origin[i, 1], origin[i, 2], dx, dy, dz, mx, my, mz, to_frame
         )
+        if aside.shape[0] > 0:
+            x, y, z = x + aside[i, 0], y + aside[i, 1], z + aside[i, 2]
         ray = box_ray(x, y, z, dx, dy, dz)
         t_lo = begin_of(t_min[i], to_frame, shift)
         t_cut = end_of(t_best[i], to_frame, shift)
@@ -224,7 +242,7 @@ def trace_patches(table, tree, rays, guess, best, any_hit, scratch, t_guess, cou
             if is_walking and node == done:
                 continue
             outcome, t, met, steps = solve_cell(
-                i, node, record, cell_patch, control, start, degree, centre, size, open_edges,
+                i, node, record, cell_patch, control, start, degree, centre, size, around,
                 object_id, basis, x, y, z, lx, ly, lz, dx, dy, dz, t_lo, t_cut,
                 shift, to_world, t_min, known, best, node < n_quartered,
             )  # fmt: skip
@@ -254,7 +272,7 @@ def trace_patches(table, tree, rays, guess, best, any_hit, scratch, t_guess, cou
 
 
 @hot_kernel
-def settle_doubts(table, rays, best, any_hit, scratch, n_doubts, counters):
+def settle_doubts(table, rays, aside, best, any_hit, scratch, n_doubts, counters):
     """Search the cells that `trace_patches` has queued, and lower ``best`` to what they hold."""
     middle, to_frame, record, queue = table.middle, table.to_frame, table.record, scratch.queue
     to_world = 1.0 / to_frame
@@ -266,6 +284,8 @@ def settle_doubts(table, rays, best, any_hit, scratch, n_doubts, counters):
         x, y, z, lx, ly, lz, shift = enter_frame(
             o[0], o[1], o[2], d[0], d[1], d[2], middle[0], middle[1], middle[2], to_frame
         )
+        if aside.shape[0] > 0:
+            x, y, z = x + aside[i, 0], y + aside[i, 1], z + aside[i, 2]
         t_lo = begin_of(rays.t_min[i], to_frame, shift)
         t_cut = end_of(best.t[i], to_frame, shift)
         k = np.int64(table.cell_patch[cell])
@@ -279,6 +299,7 @@ def settle_doubts(table, rays, best, any_hit, scratch, n_doubts, counters):
             i, scratch.nets, scratch.boxes, scratch.basis, table.control, table.start[k],
             m, n, table.size[k],
             (x - c[0]) + lx, (y - c[1]) + ly, (z - c[2]) + lz, d[0], d[1], d[2],
-            um - hu, um + hu, vm - hv, vm + hv, t_lo, t_cut, table.open_edges[k], shift, to_world,
+            um - hu, um + hu, vm - hv, vm + hv, t_lo, t_cut,
+            band_of(table.around, k, x, y, z, d[0], d[1], d[2], shift), shift, to_world,
             table.object_id[k], k, rays.t_min, rays.known, best, counters,
         )  # fmt: skip

@@ -53,3 +53,13 @@ def end_of(t_best, to_frame, shift):
     """Return the t in the frame behind which nothing can be nearer than ``t_best``."""
     t = t_best * to_frame - shift
     return t + CUT_SLACK * (1.0 + abs(t))
+
+
+@inlined
+def any_normal(x, y, z):
+    """Return a unit normal of a vector whose largest component is at least 1/2."""
+    if abs(z) < 0.5:
+        length = np.sqrt(x * x + y * y)
+        return -y / length, x / length, 0.0
+    length = np.sqrt(y * y + z * z)
+    return 0.0, -z / length, y / length

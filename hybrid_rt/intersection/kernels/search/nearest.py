@@ -33,8 +33,12 @@ class Nearest(NamedTuple):
     primitive: Any  # (n,) int32, patch, segment or face; else 0
     a: Any  # (n,) float64, two numbers that locate the point on the primitive,
     b: Any  # (n,) float64, (u, v) wherever the kernel has them for free
-    tangent: Any  # (n,) uint8, 1: whether this root exists was decided within rounding
-    doubt: Any  # (n,) float64, smallest t of a root rejected within rounding; start: inf
+    tangent: Any  # (n,) uint8: is the root's existence decided within the band? See below
+    doubt: Any  # (n,) float64, smallest t of a root rejected within the band; start: inf
+
+
+# What `Nearest.tangent` holds: no; yes; or to be found out by moving the ray (`kernels.margins`).
+CLEAR, WITHIN_BAND, SUSPECT = 0, 1, 2
 
 
 @inlined
@@ -57,7 +61,8 @@ def is_known(i, t, t_bound, n_dot_d, known):
 def offer(i, t, t_bound, n_dot_d, tangent, object_id, primitive, a, b, t_min, known, best):
     """Make a root the nearest one of ray i if it is; tell whether it was taken.
 
-    ``n_dot_d`` is |n.d| with n unit and d as the ray has it. Equal t: the lower object, then the
+    ``n_dot_d`` is |n.d| with n unit and d as the ray has it, ``tangent`` what the row of
+    `Nearest.tangent` becomes. Equal t: the lower object, then the
     lower primitive, then the lower (a, b): whichever was found first makes no difference.
     """
     if not t > t_min[i]:
@@ -86,5 +91,5 @@ def offer(i, t, t_bound, n_dot_d, tangent, object_id, primitive, a, b, t_min, kn
     best.primitive[i] = primitive
     best.a[i] = a
     best.b[i] = b
-    best.tangent[i] = 1 if tangent else 0
+    best.tangent[i] = tangent
     return True

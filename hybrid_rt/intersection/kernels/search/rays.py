@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from hybrid_rt.intersection.kernels.search.nearest import WITHIN_BAND
 from meshing.kernels.jit import hot_kernel, inner
 
 ORIGIN_NOT_FINITE, ORIGIN_TOO_FAR, DIRECTION_NOT_FINITE, DIRECTION_ZERO = 0, 1, 2, 3
@@ -120,7 +121,8 @@ def complete_rows(direction, unit, best, record, totals):
     for i in range(unit.shape[0]):
         is_hit = best.object_id[i] >= 0
         # A root that rounding kept from us matters only in front of the hit.
-        is_tangent = (is_hit and best.tangent[i] != 0) or best.doubt[i] < best.t[i]
+        is_within = is_hit and best.tangent[i] == WITHIN_BAND
+        is_tangent = is_within or best.doubt[i] < best.t[i]
         record.status[i] = TANGENT if is_tangent else (HIT if is_hit else MISS)
         record.object_id[i] = best.object_id[i]
         if is_tangent:

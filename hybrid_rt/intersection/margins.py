@@ -1,0 +1,167 @@
+"""Which decisions are taken within the band: the ray is moved, and asked again.
+
+A decision is within rounding where moving the ray by 64 eps x scale changes it; that is what
+TANGENT says. A surface that passes within the band of a ray, in front of its first hit, is noted as
+a doubt by the search itself. Left are hits that a moved ray might lose: near a border, a crease, a
+pole, a silhouette. No rule about who adjoins whom is needed for those: the same search, on rays
+moved all around by one band, says whether there still is a hit. Hardly any hit is near such a
+place, so asking several times costs next to nothing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import NamedTuple, Protocol, runtime_checkable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hybrid_rt.core.records import BoolArray, FloatArray, IntArray
+from hybrid_rt.intersection.kernels.search.nearest import (
+    CLEAR,
+    SUSPECT,
+    WITHIN_BAND,
+    Nearest,
+    Rays,
+)
+from hybrid_rt.intersection.kind import Finished, new_nearest, new_record
+
+Rows = NDArray[np.int64]
+
+# A circle has this many directions. A border is crossed straight, and to both sides as far as it can
+# be without running along it; elsewhere a few directions show most changes, and the rest is asked
+# where they show none.
+DIRECTIONS = 32
+ACROSS = np.array([0, 4, 7, 25, 28])
+SOME = np.arange(0, DIRECTIONS, 4)
+REST = np.setdiff1d(np.arange(DIRECTIONS), SOME)
+NONE = np.arange(0)
+# A ray that moves by the band meets the same surface within band / |n.d| of before, were it flat;
+# this allows for its bend, and for as much again where the slope changes on the way.
+SAME = 2.0
+# The same surface is met within this of before, whatever the slopes; wider bands leave nothing
+# certain. Part of the frame.
+WIDEST = 2.0**-10
+
+
+class Aim(NamedTuple):
+    """Where to move rays whose hits are in doubt; k rows."""
+
+    band: FloatArray  # (k,) float64: 64 eps x scale, world units
+    outward: FloatArray  # (k, 3) float64: a unit normal of the ray; at a border, straight across it
+    is_edge: BoolArray  # (k,) bool: there is one border nearby, and nothing else
+
+
+# Traces rays moved by (n, 3) lengths of the world, and lowers what is nearest.
+Retrace = Callable[[Rays, FloatArray, Nearest], None]
+# Fills a record of what was found.
+Describe = Callable[[Rays, Nearest, Finished], None]
+
+
+@runtime_checkable
+class Probing(Protocol):
+    """A kind of surface that leaves some of its hits `SUSPECT`."""
+
+    def settle(
+        self, rays: Rays, best: Nearest, kind_of: IntArray, kind: int, out: Finished
+    ) -> None:
+        """Find out of the rows that are `SUSPECT` whether they are `WITHIN_BAND` or `CLEAR`.
+
+        Parameters
+        ----------
+        rays : Rays of n rows
+        best : Nearest of n rows, changed
+        kind_of : (objects,) int32
+        kind : int
+            Number of this kind in ``kind_of``.
+        out : Finished of n rows
+            All kinds have described their hits.
+        """
+        ...
+
+
+def suspects(best: Nearest, kind_of: IntArray, kind: int) -> Rows:
+    """Return the rows that are `SUSPECT` and whose hits are on a kind."""
+    rows: Rows = np.flatnonzero(best.tangent == SUSPECT).astype(np.int64)
+    return rows[kind_of[best.object_id[rows]] == kind] if len(rows) else rows
+
+
+def settle(
+    rows: Rows,
+    rays: Rays,
+    best: Nearest,
+    out: Finished,
+    aim: Aim,
+    frame: float,
+    retrace: Retrace,
+    describe: Describe,
+) -> None:
+    """Move the rays of some rows by the band, and see whether their hits stay.
+
+    Parameters
+    ----------
+    rows : (k,) int64
+    rays, best, out
+        Of all rays; ``best`` is changed in those rows.
+    aim : Aim of k rows
+    frame : float
+        How large everything of the kind is, world units.
+    retrace, describe : callable
+        The search of the kind that the hits are on.
+    """
+    here = _rows_of(rays, rows)
+    t, t_bound, object_id = best.t[rows], best.t_bound[rows], best.object_id[rows]
+    slope = _slopes(out.normal[rows], here)
+    length = np.linalg.norm(here.direction, axis=1)
+    across = np.cross(here.direction / length[:, None], aim.outward)
+    widest = WIDEST * frame
+    stays, moved = aim.band <= widest, np.zeros(len(rows))
+    for across_edges, elsewhere in ((ACROSS, SOME), (NONE, REST)):
+        sets = [(np.flatnonzero(stays & aim.is_edge), across_edges)]
+        sets.append((np.flatnonzero(stays & ~aim.is_edge), elsewhere))
+        sets = [(some, turns) for some, turns in sets if len(some) and len(turns)]
+        if not sets:
+            break
+        k = np.concatenate([np.repeat(some, len(turns)) for some, turns in sets])
+        turn = np.concatenate([np.tile(turns, len(some)) for some, turns in sets])[:, None]
+        turn = turn * (2.0 * np.pi / DIRECTIONS)
+        band = aim.band[k]
+        aside = band[:, None] * (np.cos(turn) * aim.outward[k] + np.sin(turn) * across[k])
+        probes = _rows_of(here, k)
+        _widen(probes, band / length[k])
+        found, record = new_nearest(t[k] + 2.0 * widest / length[k]), new_record(len(k))
+        retrace(probes, aside, found)
+        describe(probes, found, Finished(*(getattr(record, name) for name in Finished._fields)))
+        with np.errstate(all="ignore"):  # normals of misses are nothing
+            slack = SAME * band * (1.0 / slope[k] + 1.0 / _slopes(record.normal, probes))
+            slack += 2.0 * (t_bound[k] + found.t_bound)
+            gap = np.abs(found.t - t[k])
+            same = (found.object_id == object_id[k]) & (gap * length[k] <= widest)
+            same &= ~(gap > slack)
+        stays[k[~same]] = False
+        np.maximum.at(moved, k[same], gap[same])
+    best.tangent[rows] = np.where(stays, CLEAR, WITHIN_BAND)
+    # At a crease, a pole or a bend the slope of one piece does not say how far t is off; this does.
+    best.t_bound[rows] = np.maximum(t_bound, moved)
+    # The surface passes beside the ray, but goes on where it is met.
+    with np.errstate(divide="ignore"):
+        same_place = stays & (best.doubt[rows] >= t - 2.0 * (moved + t_bound + aim.band / slope))
+    best.doubt[rows[same_place]] = np.inf
+
+
+def _rows_of(rays: Rays, rows: Rows) -> Rays:
+    """Return copies of some rows; what is empty stays empty."""
+    return Rays(*(x[rows] if len(x) else x for x in rays))
+
+
+def _slopes(normals: FloatArray, rays: Rays) -> FloatArray:
+    slopes: FloatArray = np.abs(np.einsum("ij,ij->i", normals, rays.direction))
+    return slopes
+
+
+def _widen(probes: Rays, more: FloatArray) -> None:
+    """Let points that rays leave from and go to be known by rays that pass beside them."""
+    if len(probes.known):
+        for column in (1, 3):
+            some = probes.known[:, column] >= 0.0
+            probes.known[some, column] += more[some]
