@@ -36,6 +36,7 @@ _HOMES = {
     "RectangleLight": "lights",
     "RenderInterrupted": "rendering.renderer",
     "RoughConductor": "materials.rough_conductor",
+    "RoughDielectric": "materials.rough_dielectric",
     "Scene": "scene.scene",
     "Sphere": "primitives",
     "SphereLight": "lights",

@@ -1,12 +1,12 @@
-"""Lobes of rough metal: samples as the density says, energy, and light both ways."""
+"""Lobes of rough metal and rough glass: samples as the density says, energy, and light both ways."""
 
 import math
 
 import numpy as np
 import pytest
-from scipy import stats
+from scipy import special, stats
 
-from hybrid_rt import Mirror, Mix, RoughConductor
+from hybrid_rt import Lambertian, Mirror, Mix, RoughConductor, RoughDielectric
 from hybrid_rt.materials.rough_conductor import METALS
 from hybrid_rt.materials.table import color_factor, compile_materials
 from hybrid_rt.shading.kernels.bsdf import sample_lobes, scattered
@@ -244,11 +244,12 @@ class TestConductor:
         np.testing.assert_allclose(found, 0.3 * alone, rtol=1e-12)
 
 
-def leaving_after_one_facet(alpha, cosine):
-    """The share of light that leaves a rough mirror after one facet: an integral over slopes.
+def leaving_after_one_facet(alpha, cosine, ratio=None):
+    """The share of light that leaves a rough mirror, or glass, after one facet.
 
-    A facet of slopes (p, q) takes the share max(v . m, 0) P(p, q) of what is projected, over the
-    whole; what it mirrors leaves with the probability that Smith's function gives, G2 / G1.
+    An integral over slopes. A facet of slopes (p, q) takes the share max(v . m, 0) P(p, q) of what
+    is projected, over the whole; what it mirrors leaves with the probability that Smith's function
+    gives, G2 / G1, and what it refracts with that of two sides, by Euler's beta function.
     """
     sine = math.sqrt(1 - cosine * cosine)
     u = np.linspace(-14, 14, 1601)
@@ -266,4 +267,85 @@ def leaving_after_one_facet(alpha, cosine):
 
     with np.errstate(divide="ignore", invalid="ignore"):
         leaves = np.where(out > 0, (1 + smith(cosine)) / (1 + smith(cosine) + smith(out)), 0.0)
+        if ratio is not None:
+            cos_t = np.sqrt(np.maximum(1 - (1 - facing**2) / ratio**2, 0.0))
+            across = (facing - ratio * cos_t) / (facing + ratio * cos_t)
+            level = (ratio * facing - cos_t) / (ratio * facing + cos_t)
+            mirrors = np.where(cos_t > 0, 0.5 * (across**2 + level**2), 1.0)
+            # Of the refracted direction: (v . m / ratio - cos_t) m - v / ratio, downward.
+            down = cosine / ratio - (facing / ratio - cos_t) / np.sqrt(length2)
+            through = (1 + smith(cosine)) * special.beta(1 + smith(cosine), 1 + smith(down))
+            leaves = mirrors * leaves + (1 - mirrors) * np.where(down > 0, through, 0.0)
+            leaves = np.where(facing > 0, leaves, 0.0)
     return float((seen * leaves).sum() / seen.sum())
+
+
+class TestGlass:
+    """``ratio`` is the index beyond over that before: above 1 from outside, below 1 from inside."""
+
+    RATIOS = (1.5, 1 / 1.5, 1.0 + 1e-4)
+
+    @pytest.mark.statistical
+    @pytest.mark.parametrize("roughness", ROUGHNESS)
+    @pytest.mark.parametrize("cosine", [*COSINES, -0.5])
+    @pytest.mark.parametrize("ratio", RATIOS)
+    def test_directions_are_distributed_as_the_pdf_says(self, roughness, cosine, ratio):
+        incoming, alpha = arriving(cosine), roughness**2
+        charts = [Chart(incoming, alpha), Chart(incoming, alpha, ratio)]
+        assert_distributed_as_pdf(RoughDielectric(1.5, roughness), incoming, charts, ratio)
+
+    @pytest.mark.statistical
+    def test_directions_of_a_mixture_are_distributed_as_the_pdf_says(self):
+        """Matt and mirrored light besides: no lobe leads to another lobe's side."""
+        parts = [(0.3, RoughDielectric(1.5, 0.7)), (0.3, RoughConductor.of("gold", 1.0))]
+        material = Mix([*parts, (0.2, Lambertian(0.9))])
+        incoming = arriving(0.3)
+        charts = [Chart(incoming, 0.7), Chart(incoming, 0.7, 1.5)]
+        assert_distributed_as_pdf(material, incoming, charts, 1.5)
+
+    @pytest.mark.parametrize("roughness", ROUGHNESS)
+    @pytest.mark.parametrize("cosine", COSINES)
+    @pytest.mark.parametrize("ratio", [1.5, 1 / 1.5])
+    def test_energy_is_that_of_facets_seen_once(self, roughness, cosine, ratio):
+        """Power, not radiance: what passes is brought back by the index squared."""
+        glass = RoughDielectric(1.5, roughness)
+        xi = np.random.default_rng(5).random((2 * N, 3))
+        wi, value, _ = sampled(glass, arriving(cosine), xi, ratio)
+        power = value[:, 0] * np.where(wi[:, 2] < 0, ratio**2, 1.0)
+        error = power.std() / math.sqrt(len(power))
+        expected = leaving_after_one_facet(roughness**2, cosine, ratio)
+        assert power.max() <= 1.0 + 1e-9
+        assert expected <= 1.0 + 1e-9
+        assert abs(power.mean() - expected) < 5 * error + 1e-4
+
+    @pytest.mark.parametrize("roughness", ROUGHNESS)
+    @pytest.mark.parametrize("ratio", RATIOS)
+    def test_light_goes_both_ways_alike(self, roughness, ratio):
+        """Reflected: f is the same. Through: f over the index squared of where light goes is."""
+        glass, d = RoughDielectric(1.5, roughness), arriving(0.8)
+        for chart in (Chart(d, roughness**2), Chart(d, roughness**2, ratio)):
+            w, _ = chart.directions()
+            w = w[np.isfinite(w[:, 0])][::37]
+            w = w[np.abs(w[:, 2]) > 1e-3]
+            through = chart.ratio is not None
+            there, _ = evaluated(glass, d, w, ratio)
+            back, _ = evaluated(glass, -w, -d, 1 / ratio if through else ratio)
+            assert there.max() > 0
+            f, reverse = there / np.abs(w[:, 2:]), back / 0.8
+            np.testing.assert_allclose(f * (ratio**2 if through else 1.0), reverse, rtol=1e-7)
+
+    def test_tint_colors_what_passes_only(self):
+        d = arriving(0.6)
+        clear, tinted = RoughDielectric(1.5, 0.5), RoughDielectric(1.5, 0.5, tint=(0.2, 0.5, 1))
+        for ratio, factor in ((None, (1, 1, 1)), (1.5, (0.2, 0.5, 1))):
+            w, _ = Chart(d, 0.25, ratio).directions()
+            w = w[np.isfinite(w[:, 0])][::97]
+            a, b = evaluated(clear, d, w, 1.5)[0], evaluated(tinted, d, w, 1.5)[0]
+            np.testing.assert_allclose(b, a * np.array(factor), rtol=1e-13)
+
+    def test_hidden_glass_spreads_nothing(self):
+        w, _ = Chart(arriving(0.6), 0.25).directions()
+        w = np.concatenate([w, -w])[np.isfinite(np.concatenate([w, w])[:, 0])]
+        value, pdf = evaluated(RoughDielectric(1.5, 0.5), arriving(0.6), w, 0.0)
+        assert not value.any()
+        assert not pdf.any()

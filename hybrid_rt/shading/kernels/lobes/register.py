@@ -1,4 +1,3 @@
-# ruff: noqa: ARG001  (one interface for all kinds; not every kind needs all of it)
 """The register of lobes: which kinds there are, what is true of each, and which kernels it has.
 
 A kind is a name, not a rank. Whoever wants lobes of some sort asks for traits, by a mask of bits:
@@ -17,6 +16,10 @@ from hybrid_rt.shading.kernels.lobes.phong import phong_direction, phong_value
 from hybrid_rt.shading.kernels.lobes.rough_conductor import (
     rough_conductor_direction,
     rough_conductor_value,
+)
+from hybrid_rt.shading.kernels.lobes.rough_dielectric import (
+    rough_dielectric_direction,
+    rough_dielectric_value,
 )
 from meshing.kernels.jit import inlined
 
@@ -38,7 +41,7 @@ SPREADS = WIDE | NARROW
 FOLLOWED = NARROW | DELTA
 EVERY = WIDE | NARROW | DELTA
 
-DIFFUSE, PHONG, METAL, MIRROR, DIELECTRIC, ROUGH_CONDUCTOR = range(6)
+DIFFUSE, PHONG, METAL, MIRROR, DIELECTRIC, ROUGH_CONDUCTOR, ROUGH_DIELECTRIC = range(7)
 
 TRAITS = {
     DIFFUSE: WIDE,
@@ -47,6 +50,7 @@ TRAITS = {
     MIRROR: DELTA,
     DIELECTRIC: DELTA | TRANSMITS,
     ROUGH_CONDUCTOR: 0,  # wide or narrow by its roughness
+    ROUGH_DIELECTRIC: NARROW | TRANSMITS,
 }
 
 
@@ -90,6 +94,10 @@ def spread_value(lobes, row, ratio, nx, ny, nz, dx, dy, dz, wx, wy, wz, cos_in, 
         return rough_conductor_value(
             lobes.number, row, nx, ny, nz, dx, dy, dz, wx, wy, wz, cos_in, cos_out
         )
+    elif kind == ROUGH_DIELECTRIC:
+        f, pdf = rough_dielectric_value(
+            lobes.number, row, ratio, nx, ny, nz, dx, dy, dz, wx, wy, wz, cos_in, cos_out
+        )
     else:  # METAL
         f, pdf = metal_value(lobes.number[row, 0], cos_in, cos_out, cos_alpha)
     return f, f, f, pdf
@@ -122,6 +130,10 @@ def spread_direction(lobes, row, ratio, nx, ny, nz, dx, dy, dz, xi, eta, branch)
         x, y, z = phong_direction(lobes.number[row, 0], nx, ny, nz, dx, dy, dz, xi, eta)
     elif kind == ROUGH_CONDUCTOR:
         x, y, z = rough_conductor_direction(lobes.number, row, nx, ny, nz, dx, dy, dz, xi, eta)
+    elif kind == ROUGH_DIELECTRIC:
+        x, y, z, is_through = rough_dielectric_direction(
+            lobes.number, row, ratio, nx, ny, nz, dx, dy, dz, xi, eta, branch
+        )
     else:  # METAL
         x, y, z = metal_direction(lobes.number[row, 0], nx, ny, nz, dx, dy, dz, xi, eta)
     return x, y, z, is_through
