@@ -42,6 +42,6 @@ def scene() -> Scene:
 
 
 if __name__ == "__main__":
-    from hybrid_rt.cli.program import render_script
+    from hybrid_rt.cli import render_script
 
     sys.exit(render_script(scene, __file__))
