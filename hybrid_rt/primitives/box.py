@@ -1,18 +1,22 @@
-"""Boxes along the coordinate axes."""
+"""Boxes, along the coordinate axes or turned."""
 
 from __future__ import annotations
+
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from hybrid_rt.core.records import BoolArray, FloatArray
 from meshing.area import Squares
-from meshing.checks import as_affine, as_vector, broadcast_parameters
+from meshing.checks import as_affine, as_vector, broadcast_parameters, freeze, unit
 from meshing.surface import Surface
 
 
 class Box(Surface):
     """A solid with faces along the axes; its normals point outward, unless flipped.
+
+    `transformed` turns and skews it: then it is a `TurnedBox`.
 
     ``patch_id`` counts the faces -x, +x, -y, +y, -z, +z. On each, (u, v) run from 0 to 1 along the
     two other axes, in the order (y, z), (z, x), (x, y); on the lower faces, and on the upper ones
@@ -22,11 +26,24 @@ class Box(Surface):
     ----------
     lo, hi : (3,) scene units, lo < hi in every coordinate
 
+    Attributes
+    ----------
+    lo, hi : (3,) float64
+        The corner where all three axes begin, and the opposite one.
+    edges : (3, 3) float64
+        Rows: along its x, y and z axis, from ``lo`` to the next corners.
+    is_upright : bool
+        Whether the axes are those of the world.
+    orientation : int
+        1, or -1 if flipped.
+
     Raises
     ------
     ValueError
         For corners that are not finite or out of order.
     """
+
+    is_upright: ClassVar[bool] = True
 
     def __init__(self, lo: ArrayLike, hi: ArrayLike) -> None:
         self.lo, self.hi = as_vector(lo, "Box lo"), as_vector(hi, "Box hi")
@@ -35,6 +52,7 @@ class Box(Surface):
                 f"Box lo is {self.lo.tolist()}, not below hi, {self.hi.tolist()}: "
                 "pass the lower corner first (for a flat face, use Rectangle)"
             )
+        self.edges = freeze(np.diag(self.hi - self.lo))
         self.orientation = 1
 
     def __len__(self) -> int:
@@ -45,6 +63,12 @@ class Box(Surface):
     def rounding_reach(self) -> float:
         """0: a hit lies in its face exactly."""
         return 0.0
+
+    @property
+    def areas(self) -> FloatArray:
+        """(6,): areas of the faces."""
+        x, y, z = self.hi - self.lo
+        return np.array([y * z, y * z, z * x, z * x, x * y, x * y])
 
     @property
     def bounds(self) -> FloatArray:
@@ -65,6 +89,12 @@ class Box(Surface):
         ValueError, TypeError
             If they do not broadcast, or there is no such face.
         """
+        weight = self._weights(u, v, patch_id)
+        points: FloatArray = self.lo * (1.0 - weight) + self.hi * weight
+        return points
+
+    def _weights(self, u: ArrayLike, v: ArrayLike, patch_id: ArrayLike) -> FloatArray:
+        """Return how far along each of the three axes points lie, (n, 3) from 0 to 1."""
         u, v, face, _ = broadcast_parameters(u, v, patch_id, 6, "patch_id")
         axis, upper = face // 2, face % 2 == 1
         swap = self._is_swapped(face)
@@ -73,8 +103,7 @@ class Box(Surface):
         weight[rows, axis] = upper
         weight[rows, (axis + 1) % 3] = np.where(swap, v, u)
         weight[rows, (axis + 2) % 3] = np.where(swap, u, v)
-        points: FloatArray = self.lo * (1.0 - weight) + self.hi * weight
-        return points
+        return weight
 
     def partials(
         self, u: ArrayLike, v: ArrayLike, patch_id: ArrayLike = 0
@@ -83,13 +112,9 @@ class Box(Surface):
 
         Arguments and errors are those of `point`.
         """
-        u, _, face, _ = broadcast_parameters(u, v, patch_id, 6, "patch_id")
-        swap, rows, size = self._is_swapped(face), np.arange(len(u)), self.hi - self.lo
-        edges = np.zeros((2, len(u), 3))
-        for k in range(2):
-            axis = (face // 2 + np.where(swap, 2 - k, 1 + k)) % 3
-            edges[k, rows, axis] = size[axis]
-        return edges[0], edges[1]
+        _, _, face, _ = broadcast_parameters(u, v, patch_id, 6, "patch_id")
+        first = np.where(self._is_swapped(face), 2, 1)
+        return self.edges[(face // 2 + first) % 3], self.edges[(face // 2 + 3 - first) % 3]
 
     def _is_swapped(self, face: NDArray[np.int64]) -> BoolArray:
         """Tell on which faces v, not u, runs along the first of the two other axes."""
@@ -108,16 +133,19 @@ class Box(Surface):
 
     def area_sampler(self) -> Squares:
         """Return what chooses points evenly by area."""
-        x, y, z = self.hi - self.lo
-        return Squares(np.array([y * z, y * z, z * x, z * x, x * y, x * y]))
+        return Squares(self.areas)
 
     def transformed(self, matrix: ArrayLike) -> Box:
-        """Return the image under a scaling and translation along the axes.
+        """Return the image under an affine map: a parallelepiped, if the map is no similarity.
+
+        A scaling and translation along the axes leads to a box along the axes, whose faces are
+        counted along the axes as well; otherwise faces and (u, v) stay with their points, but for
+        the order of u and v under a reflection, as normals stay outward.
 
         Parameters
         ----------
         matrix : (4, 4) array
-            Acts on columns (x, y, z, 1): diagonal but for its last column; no zero scale.
+            Acts on columns (x, y, z, 1); last row (0, 0, 0, 1); not singular.
 
         Raises
         ------
@@ -126,10 +154,8 @@ class Box(Surface):
         """
         linear, shift = as_affine(matrix, "Box")
         if (linear != np.diag(np.diag(linear))).any():
-            raise ValueError(
-                "Box matrix turns the axes: pass a scaling or translation along them (or use "
-                "TriangleMesh, or six rectangles)"
-            )
+            corner, edges = linear @ self.lo + shift, self.edges @ linear.T
+            return TurnedBox(corner, edges, self.orientation)
         a, b = linear @ self.lo + shift, linear @ self.hi + shift
         image = Box(np.minimum(a, b), np.maximum(a, b))
         image.orientation = self.orientation
@@ -144,3 +170,116 @@ class Box(Surface):
     def __repr__(self) -> str:
         """Say which box this is."""
         return f"Box(lo={self.lo.tolist()}, hi={self.hi.tolist()})"
+
+
+class TurnedBox(Box):
+    """A box that is turned or skewed, as `Box.transformed` makes it.
+
+    Faces and (u, v) are those of `Box` along its own axes. Where a reflection has made these
+    left-handed, u and v change places, as normals stay outward.
+
+    Parameters
+    ----------
+    corner : (3,) scene units
+        Where its axes begin.
+    edges : (3, 3) scene units
+        Rows: along its x, y and z axis, to the next corners.
+    orientation : {1, -1}
+        -1: normals point inward.
+
+    Attributes
+    ----------
+    handedness : int
+        1 where its axes are right-handed, else -1.
+    across : (3, 3) float64
+        Rows: unit normals of the upper faces, away from the lower ones.
+
+    Raises
+    ------
+    ValueError
+        For a corner or edges that are not finite, and edges that lie in a plane.
+    """
+
+    is_upright = False
+
+    def __init__(self, corner: ArrayLike, edges: ArrayLike, orientation: int = 1) -> None:
+        self.lo = as_vector(corner, "Box corner")
+        rows = [as_vector(edge, "Box edge") for edge in np.asarray(edges)]
+        self.edges = freeze(np.stack(rows))
+        self.hi = as_vector(self.lo + self.edges.sum(axis=0), "Box corner")
+        if not np.abs(self.edges).max(axis=1).all():
+            raise ValueError(f"Box edges are {self.edges.tolist()}: pass edges longer than zero")
+        # Of about length 1: neither products nor the determinant overflow.
+        scaled = self.edges / np.abs(self.edges).max(axis=1, keepdims=True)
+        self.handedness = 1 if np.linalg.det(scaled) > 0.0 else -1
+        x, y, z = scaled
+        sides = (np.cross(y, z), np.cross(z, x), np.cross(x, y))
+        normals = np.stack([unit(side, "Box normal") for side in sides])
+        self.across = freeze(self.handedness * normals)
+        self.orientation = orientation
+
+    @property
+    def rounding_reach(self) -> float:
+        """0: a hit rounds as its coordinates do."""
+        return 0.0
+
+    @property
+    def areas(self) -> FloatArray:
+        """(6,): areas of the faces."""
+        x, y, z = self.edges
+        sides = [np.linalg.norm(np.cross(a, b)) for a, b in ((y, z), (z, x), (x, y))]
+        return np.repeat(np.array(sides), 2)
+
+    @property
+    def bounds(self) -> FloatArray:
+        """(2, 3): lower and upper corner of a box along the axes."""
+        steps = np.stack(np.meshgrid(*3 * [(0.0, 1.0)]), axis=-1).reshape(-1, 3)
+        corners = self.lo + steps @ self.edges
+        return np.stack([corners.min(axis=0), corners.max(axis=0)])
+
+    def point(self, u: ArrayLike, v: ArrayLike, patch_id: ArrayLike = 0) -> FloatArray:
+        """Return the points (n, 3) float64 at (u, v) of faces, scene units.
+
+        Arguments and errors are those of `Box.point`.
+        """
+        points: FloatArray = self.lo + self._weights(u, v, patch_id) @ self.edges
+        return points
+
+    def _is_swapped(self, face: NDArray[np.int64]) -> BoolArray:
+        """Tell on which faces v, not u, runs along the first of the two other axes."""
+        swapped: BoolArray = (face % 2 == 1) != (self.orientation * self.handedness > 0)
+        return swapped
+
+    def normal(self, u: ArrayLike, v: ArrayLike, patch_id: ArrayLike = 0) -> FloatArray:
+        """Return the unit normals (n, 3) float64 of faces.
+
+        Arguments and errors are those of `point`.
+        """
+        _, _, face, _ = broadcast_parameters(u, v, patch_id, 6, "patch_id")
+        side = self.orientation * np.where(face % 2 == 1, 1.0, -1.0)
+        normals: FloatArray = side[:, None] * self.across[face // 2]
+        return normals
+
+    def transformed(self, matrix: ArrayLike) -> TurnedBox:
+        """Return the image under an affine map; faces stay with their points.
+
+        Parameters
+        ----------
+        matrix : (4, 4) array
+            Acts on columns (x, y, z, 1); last row (0, 0, 0, 1); not singular.
+
+        Raises
+        ------
+        ValueError, TypeError
+            For any other matrix.
+        """
+        linear, shift = as_affine(matrix, "Box")
+        return TurnedBox(linear @ self.lo + shift, self.edges @ linear.T, self.orientation)
+
+    def flipped(self) -> TurnedBox:
+        """Return the same box with its normals reversed."""
+        return TurnedBox(self.lo, self.edges, -self.orientation)
+
+    def __repr__(self) -> str:
+        """Say which box this is."""
+        return f"Box at {self.lo.tolist()} with edges {self.edges.tolist()}"

@@ -113,7 +113,7 @@ class Sphere(Surface):
         from hybrid_rt.core.kernels.sphere_points import settle_on_sphere
 
         points: FloatArray = self.center + self.radius * self._outward(u, v, patch_id)
-        settle_on_sphere(points, self.center, self.radius)
+        settle_on_sphere(points, *self.center.tolist(), self.radius)
         return points
 
     def normal(self, u: ArrayLike, v: ArrayLike, patch_id: ArrayLike = 0) -> FloatArray:

@@ -55,9 +55,9 @@ def onto_sphere(px, py, pz, cx, cy, cz, r):
 
 
 @kernel
-def settle_on_sphere(points, center, radius):
+def settle_on_sphere(points, cx, cy, cz, radius):
     """Move points (n, 3) beside a sphere onto it; in place."""
     for i in range(points.shape[0]):
         points[i, 0], points[i, 1], points[i, 2] = onto_sphere(
-            points[i, 0], points[i, 1], points[i, 2], center[0], center[1], center[2], radius
+            points[i, 0], points[i, 1], points[i, 2], cx, cy, cz, radius
         )

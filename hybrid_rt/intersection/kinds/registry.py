@@ -18,6 +18,7 @@ from hybrid_rt.core.threads import Pool
 from hybrid_rt.intersection.kind import CurvedKind, Kind
 from hybrid_rt.intersection.kinds.closed_forms import MANY, ClosedForm, Spheres
 from hybrid_rt.primitives import Box, Plane, Rectangle, Sphere, TriangleMesh
+from hybrid_rt.primitives.box import TurnedBox
 from hybrid_rt.primitives.torus import Torus
 from meshing import BezierPatches, SurfaceOfRevolution
 from meshing.surface import Surface
@@ -192,6 +193,14 @@ def _boxes(members: Members, _accuracy: str, _pool: Pool) -> Kind:
     return ClosedForm(members, planar.box_table, planar.trace_boxes, planar.finish_boxes)
 
 
+def _turned_boxes(members: Members, _accuracy: str, _pool: Pool) -> Kind:
+    from hybrid_rt.intersection.kernels import turned_box as kernels
+
+    return ClosedForm(
+        members, kernels.turned_box_table, kernels.trace_turned_boxes, kernels.finish_turned_boxes
+    )
+
+
 def _tori(members: Members, _accuracy: str, _pool: Pool) -> Kind:
     from hybrid_rt.intersection.kernels.torus import finish_tori, torus_table, trace_tori
 
@@ -230,6 +239,7 @@ ENTRIES = (
     Entry(Rectangle, "rectangles", _rectangles, lambda _members, _way: ["rectangles"]),
     Entry(Plane, "planes", _planes, lambda _members, _way: ["planes"]),
     Entry(Box, "boxes", _boxes, lambda _members, _way: ["boxes"]),
+    Entry(TurnedBox, "turned boxes", _turned_boxes, lambda _members, _way: ["turned boxes"]),
     Entry(Torus, "tori", _tori, lambda _members, _way: ["tori"]),
     Entry(BezierPatches, "Bezier patches", _patches, _of_patches, ACCURACIES),
     Entry(

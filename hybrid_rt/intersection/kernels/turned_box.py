@@ -1,0 +1,193 @@
+"""Rays against boxes that do not lie along the axes: parallelepipeds.
+
+Such a box is what lies between three pairs of planes, so its faces leave no gap at their edges.
+"""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from hybrid_rt.core.kernels.compensated import two_difference
+from hybrid_rt.intersection.kernels.patch.solve import TANGENT_BAND, UNIT_ROUNDOFF
+from hybrid_rt.intersection.kernels.search.nearest import offer
+from meshing.kernels.jit import hot_kernel, inlined
+
+
+class TurnedBoxTable(NamedTuple):
+    """Boxes ``corner + a edge_0 + b edge_1 + c edge_2``, a, b, c in [0, 1]."""
+
+    corner: Any  # (k, 3)
+    edge: Any  # (k, 3, 3)
+    normal: Any  # (k, 3, 3) unit: across the other two edges, toward the end of each edge
+    depth: Any  # (k, 3): normal . edge, the distance of each pair of faces
+    size: Any  # (k,): sum of the edges' lengths
+    skew: Any  # (k,): what the rounding of the normals grows by, 1 for right angles
+    orientation: Any  # (k,): 1 normals outward, -1 inward
+    handed: Any  # (k,): 1 edges right-handed, -1 left-handed
+    object_id: Any  # (k,) int32
+
+
+def turned_box_table(boxes, object_id):
+    """Return the table of a list of turned boxes."""
+    edge, normal = np.array([b.edges for b in boxes]), np.array([b.across for b in boxes])
+    length = np.linalg.norm(edge, axis=2)
+    areas = np.array([b.areas[::2] for b in boxes])
+    squares = np.stack([length[:, k - 2] * length[:, k - 1] for k in range(3)], axis=1)
+    return TurnedBoxTable(
+        corner=np.array([b.lo for b in boxes]),
+        edge=edge,
+        normal=normal,
+        depth=np.einsum("ijk,ijk->ij", normal, edge),
+        size=length.sum(axis=1),
+        skew=(squares / areas).max(axis=1),
+        orientation=np.array([float(b.orientation) for b in boxes]),
+        handed=np.array([float(b.handedness) for b in boxes]),
+        object_id=object_id,
+    )
+
+
+@inlined
+def _dot(rows, k, c, x, y, z):
+    return rows[k, c, 0] * x + rows[k, c, 1] * y + rows[k, c, 2] * z
+
+
+@inlined
+def _offer_turned_box(
+    i, k, corner, normal, depth, size, skew, object_id, ox, oy, oz, dx, dy, dz,
+    t_min, known, best,
+):  # fmt: skip
+    wx, ex = two_difference(ox, corner[k, 0])
+    wy, ey = two_difference(oy, corner[k, 1])
+    wz, ez = two_difference(oz, corner[k, 2])
+    away = np.sqrt(wx * wx + wy * wy + wz * wz)
+    # Of the distance of a point from a face: as for parallelograms, and the face's own distance.
+    error = UNIT_ROUNDOFF * (12.0 * away + 8.0 * size[k]) * skew[k]
+    band = TANGENT_BAND * max(away, size[k])
+    # A ray that leaves the plane of a face outward has left the box there, one that leaves it inward
+    # has entered. Rounding may have put its start to the other side of that plane: beside an edge
+    # the ray would meet the next face first, or pass by.
+    start, reach = 0.0, -1.0
+    if known.shape[0] and known[i, 1] >= 0.0:
+        start, reach = known[i, 0], known[i, 1] + error
+    has_left, entered = False, 0
+    # Where the ray lies almost within a face, that face's t has few digits: beside an edge it must
+    # not win over the next face by its rounding. So the face is taken that is entered last by the
+    # lower ends of all intervals of rounding; the largest upper end bounds what that may miss.
+    enter, leave = -np.inf, np.inf
+    surely_in, surely_out = -np.inf, np.inf
+    latest_in, earliest_out = -np.inf, np.inf
+    face_in = face_out = -1
+    p = q = 0.0
+    for c in range(3):
+        below = _dot(normal, k, c, wx, wy, wz) + _dot(normal, k, c, ex, ey, ez)
+        slope = _dot(normal, k, c, dx, dy, dz)
+        if slope == 0.0:
+            if below < 0.0 or below > depth[k, c]:
+                return
+            continue
+        height = below + start * slope
+        if abs(height) <= reach:
+            has_left |= slope < 0.0
+            entered |= 1 << (2 * c)
+        if abs(height - depth[k, c]) <= reach:
+            has_left |= slope > 0.0
+            entered |= 2 << (2 * c)
+        a, b = -below / slope, (depth[k, c] - below) / slope
+        first, second = 2 * c, 2 * c + 1
+        if slope < 0.0:
+            a, b = b, a
+            first, second = second, first
+        rounding_a = error / abs(slope) + 4.0 * UNIT_ROUNDOFF * abs(a)
+        rounding_b = error / abs(slope) + 4.0 * UNIT_ROUNDOFF * abs(b)
+        latest_in, earliest_out = max(latest_in, a + rounding_a), min(earliest_out, b - rounding_b)
+        if a - rounding_a > surely_in:
+            surely_in, enter, face_in, p = a - rounding_a, a, first, slope
+        if b + rounding_b < surely_out:
+            surely_out, leave, face_out, q = b + rounding_b, b, second, slope
+    if face_in < 0 or face_out < 0:
+        return
+    bound_in = max(enter - surely_in, latest_in - enter)
+    bound_out = max(surely_out - leave, leave - earliest_out)
+    # How far the ray runs inside, seen across it at the edge between the two faces: in the plane
+    # across that edge the ray and the two faces make a triangle, and this is its height.
+    starts_there = (entered >> face_in) & 1 != 0
+    if starts_there:
+        enter = start
+    inside = leave - enter
+    m, n = face_in // 2, face_out // 2
+    if m == n:
+        height = inside * abs(p)
+    else:
+        cosine = _dot(normal, k, m, normal[k, n, 0], normal[k, n, 1], normal[k, n, 2])
+        across = np.sqrt(max(p * p + q * q - 2.0 * p * q * cosine, 0.0))
+        height = inside * (abs(p) * abs(q) / across) if across > 0.0 else inside
+    if height < -error or (starts_there and leave <= start):
+        if height > -band and leave > t_min[i]:
+            best.doubt[i] = min(best.doubt[i], leave)
+        return
+    tangent = height < band
+    p, q = abs(p), abs(q)
+    crossed = 0.0
+    if enter > leave:
+        # By rounding, at an edge: a point of the ray next to it.
+        crossed = enter - leave
+        enter = leave = (enter * p * p + leave * q * q) / (p * p + q * q)
+    if not ((has_left or starts_there) and enter >= start):
+        bound = bound_in + crossed
+        offer(i, enter, bound, p, tangent, object_id[k], face_in, 0.0, 0.0, t_min, known, best)
+    if not (has_left and leave >= start):
+        bound = bound_out + crossed
+        offer(i, leave, bound, q, tangent, object_id[k], face_out, 0.0, 0.0, t_min, known, best)
+
+
+@hot_kernel
+def trace_turned_boxes(table, rays, best, any_hit):
+    """Lower ``best`` to the nearest roots on all boxes."""
+    corner, normal, depth, size = table.corner, table.normal, table.depth, table.size
+    skew, object_id = table.skew, table.object_id
+    origin, direction = rays.origin, rays.direction
+    t_min, known = rays.t_min, rays.known
+    for i in range(origin.shape[0]):
+        ox, oy, oz = origin[i, 0], origin[i, 1], origin[i, 2]
+        dx, dy, dz = direction[i, 0], direction[i, 1], direction[i, 2]
+        for k in range(object_id.shape[0]):
+            if any_hit and best.object_id[i] >= 0:
+                break
+            _offer_turned_box(
+                i, k, corner, normal, depth, size, skew, object_id, ox, oy, oz, dx, dy, dz,
+                t_min, known, best,
+            )  # fmt: skip
+
+
+@hot_kernel
+def finish_turned_boxes(table, rays, best, row_of, out):
+    """Describe the hits on boxes."""
+    for i in range(best.t.shape[0]):
+        if best.object_id[i] < 0 or row_of[best.object_id[i]] < 0:
+            continue
+        k = row_of[best.object_id[i]]
+        o, d, t = rays.origin[i], rays.direction[i], best.t[i]
+        face = best.primitive[i]
+        axis, is_upper = face // 2, face % 2 == 1
+        wx, ex = two_difference(o[0], table.corner[k, 0])
+        wy, ey = two_difference(o[1], table.corner[k, 1])
+        wz, ez = two_difference(o[2], table.corner[k, 2])
+        x, y, z = wx + t * d[0] + ex, wy + t * d[1] + ey, wz + t * d[2] + ez
+        first, second = (axis + 1) % 3, (axis + 2) % 3
+        u = min(max(_dot(table.normal, k, first, x, y, z) / table.depth[k, first], 0.0), 1.0)
+        v = min(max(_dot(table.normal, k, second, x, y, z) / table.depth[k, second], 0.0), 1.0)
+        gap = 0.0
+        side = table.orientation[k] if is_upper else -table.orientation[k]
+        for c in range(3):
+            p = u * table.edge[k, first, c] + v * table.edge[k, second, c]
+            if is_upper:
+                p += table.edge[k, axis, c]
+            p += table.corner[k, c]
+            gap += (p - (o[c] + t * d[c])) ** 2
+            out.position[i, c] = p
+            out.normal[i, c] = side * table.normal[k, axis, c]
+        out.u[i], out.v[i] = u, v
+        if side * table.handed[k] < 0.0:
+            out.u[i], out.v[i] = v, u
+        out.patch_id[i] = face
+        out.residual[i] = np.sqrt(gap)
