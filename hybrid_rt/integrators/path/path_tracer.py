@@ -190,7 +190,9 @@ class PathTracer(Integrator):
             of_pixel: FloatArray = self.context.scene.camera.direction_pdf(paths.directions)
             of_pixel /= self._lamps.n_paths
             return of_pixel
-        return density * (self._of_use * CONNECT_CHANCE)
+        # Of the light vertices of a pass, `_of_use` a path, one is connected to, with a probability of
+        # CONNECT_CHANCE.
+        return density * (self._of_use / CONNECT_CHANCE)
 
     def _onward(
         self, paths: Paths, shading: Shading, second: IntArray, depth: int, xi: FloatArray

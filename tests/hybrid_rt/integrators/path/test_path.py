@@ -502,6 +502,11 @@ class TestLightPaths:
              Object(MIRROR.surface, Mix([(0.4, Mirror(0.9)), (0.3, Dielectric(1.4)),
                                          (0.2, Phong(0.2, 0.7, 20))]))], [LAMP], {}, {}),
         "metal": ([Object(FLOOR.surface, Metal(0.8, 0.4)), GLASS, MIRROR], [LAMP], {}, {}),
+        # What the metal shows is reached from the camera far more often than by a join.
+        "lit wall in metal": (
+            [Object(Box((-1.5, -1.5, 0), (1.5, 1.5, 0.6)), Metal(0.9, 0.3)),
+             Object(Sphere((0, 0, 2.2), 0.6), Dielectric(1.5))],
+            [SphereLight((0, 0, 2.2), 0.5, 9)], {}, {}),
         "camera in water": (
             [FLOOR, POND, STONE], [LAMP],
             {"look_from": (0, -1.5, 0.6), "look_at": (0, 0, 0.3), "vertical_fov": 60}, {}),
