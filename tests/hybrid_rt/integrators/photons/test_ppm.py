@@ -56,7 +56,7 @@ class TestBalance:
     LAMPS: ClassVar = (
         [small_lamp()],
         [SphereLight((0.5, 0, 3), 0.3, (1, 2, 3))],
-        [PointLight((0, 0, 3), 7.0), small_lamp()],
+        [PointLight((0.5, 0, 3), 7.0), small_lamp()],
     )
 
     def balance(self, scene, **settings):
