@@ -7,6 +7,7 @@ so is how its hits are judged: a surface knows nothing of rays.
 
 from __future__ import annotations
 
+import math
 from abc import ABC, abstractmethod
 from collections.abc import Hashable
 from typing import TYPE_CHECKING, ClassVar, Self
@@ -91,7 +92,7 @@ class Surface(ABC):
     def size(self) -> float:
         """Its diameter, scene units; 0 where it has no end."""
         low, high = self.bounds
-        return float(np.linalg.norm(high - low))
+        return math.hypot(*(high - low).tolist())
 
     @property
     def reach(self) -> float:

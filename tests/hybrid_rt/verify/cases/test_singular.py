@@ -25,7 +25,7 @@ from hybrid_rt.verify.exact.touches import Touches
 from hybrid_rt.verify.exact.truth import ExactScene
 from meshing import SurfaceOfRevolution
 
-ROOT = Path(__file__).parents[3]
+ROOT = Path(__file__).parents[4]
 TOOLS = ROOT / "tools"
 
 # Sets on which no fault has ever been seen, cheap ones of every kind and aim: they stay so.
