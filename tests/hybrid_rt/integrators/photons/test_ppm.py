@@ -27,6 +27,7 @@ from hybrid_rt.rendering.renderer import render
 from hybrid_rt.scene.scene import Object, Scene
 from hybrid_rt.sensor.camera import Camera
 from hybrid_rt.shading.kernels.bsdf import LobeTable
+from hybrid_rt.shading.kernels.lobes.register import WIDE
 from hybrid_rt.verify.light.light_tracer import BALL
 
 # A test below decides wrongly once in 1e5 runs with another seed.
@@ -272,8 +273,8 @@ def test_a_million_photons_in_one_point_need_little_memory(monkeypatch):
     power = np.full((n, 3), 1.0 / n, np.float32)
     field = gathering.Discs(
         Photons(position, down, -down, power, np.ones(n, np.uint8)),
-        LobeTable(np.zeros(1, np.int32), np.zeros(1, np.int32), np.zeros((1, 6)), np.ones(1),
-                  np.array([0, 1], np.int32)),
+        LobeTable(np.zeros(1, np.int32), np.full(1, WIDE, np.int32), np.zeros(1, np.int32),
+                  np.zeros((1, 6)), np.ones(1), np.array([0, 1], np.int32)),
         gathering.Radii.fixed(0.5), 1.0,
     )  # fmt: skip
     monkeypatch.setattr(gathering, "MOST_PAIRS", 3 * n)
