@@ -16,7 +16,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hybrid_rt.core.records import FloatArray, HitRecord, IntArray, NamedPoints
-from hybrid_rt.integrators import DEFAULT
 from hybrid_rt.integrators.context import RenderContext
 from hybrid_rt.integrators.direct_light import (
     Shading,
@@ -44,6 +43,7 @@ from hybrid_rt.integrators.kernels.photon_steps import (
 )
 from hybrid_rt.integrators.media.absorption import absorb, media_around_lights
 from hybrid_rt.integrators.media.contacts import Contacts, first_hits
+from hybrid_rt.integrators.path import PATH
 from hybrid_rt.integrators.photons.light_tracing import DensePlaces, Splats, show
 from hybrid_rt.integrators.photons.projection_map import targets_of
 from hybrid_rt.sampling.sampler import UIntArray
@@ -380,13 +380,13 @@ def _powers(scene: CompiledScene, world: FloatArray) -> FloatArray:
     if shining.size:
         raise ValueError(
             f"object {scene.names[shining[0]]!r} is a plane that shines, so sends out photons "
-            f"without end: pass a Rectangle, or use integrator {DEFAULT!r}"
+            f"without end: pass a Rectangle, or use integrator {PATH.name!r}"
         )
     if scene.environment is not None:
         if endless:
             raise ValueError(
                 f"object {scene.names[endless[0]]!r} is a plane, to which the sky sends photons "
-                f"without end: pass a Rectangle, or use integrator {DEFAULT!r}"
+                f"without end: pass a Rectangle, or use integrator {PATH.name!r}"
             )
         height = (np.arange(64) + 0.5) / 32.0 - 1.0
         turn = math.pi * (3.0 - math.sqrt(5.0)) * np.arange(64)

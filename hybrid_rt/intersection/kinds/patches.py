@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 
 from hybrid_rt.core.records import BoolArray, FloatArray, IntArray
 from hybrid_rt.core.threads import Pool
-from hybrid_rt.intersection import margins
 from hybrid_rt.intersection.kernels.patch.cells import (
     FAN,
     ROW_U,
@@ -37,6 +36,8 @@ from hybrid_rt.intersection.kernels.search.coarse import CoarseHits, guess_cells
 from hybrid_rt.intersection.kernels.search.nearest import Nearest, Rays
 from hybrid_rt.intersection.kernels.search.tree import Tree, build_tree, new_stack
 from hybrid_rt.intersection.kind import Finished, rows_of
+from hybrid_rt.intersection.margins import Aim, suspects
+from hybrid_rt.intersection.margins import settle as settle_rows
 from meshing import BezierPatches
 
 if TYPE_CHECKING:
@@ -201,11 +202,11 @@ class PatchKind:
         self, rays: Rays, best: Nearest, kind_of: IntArray, kind: int, out: Finished
     ) -> None:
         """Find out which hits on patches are within the band of being lost."""
-        rows = margins.suspects(best, kind_of, kind)
+        rows = suspects(best, kind_of, kind)
         if not len(rows):
             return
         table, n = self.table, len(rows)
-        aim = margins.Aim(np.empty(n), np.empty((n, 3)), np.empty(n, np.bool_))
+        aim = Aim(np.empty(n), np.empty((n, 3)), np.empty(n, np.bool_))
         aim_at_patches(table, rays, best, out, rows, self._new_basis(), *aim)
 
         def retrace(probes: Rays, aside: FloatArray, nearest: Nearest) -> None:
@@ -216,7 +217,7 @@ class PatchKind:
         def describe(probes: Rays, nearest: Nearest, found: Finished) -> None:
             self.finish(probes, nearest, kind_of, kind, found)
 
-        margins.settle(rows, rays, best, out, aim, 1.0 / table.to_frame, retrace, describe)
+        settle_rows(rows, rays, best, out, aim, 1.0 / table.to_frame, retrace, describe)
 
     def _new_basis(self) -> FloatArray | None:
         return _new_basis(self.table)

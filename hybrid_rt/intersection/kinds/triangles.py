@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hybrid_rt.core.records import BoolArray, FloatArray, IntArray
-from hybrid_rt.intersection import margins
 from hybrid_rt.intersection.kernels.patch.subdivide import COUNTER_NAMES
 from hybrid_rt.intersection.kernels.search.coarse import CoarseHits
 from hybrid_rt.intersection.kernels.search.nearest import Nearest, Rays
@@ -23,6 +22,8 @@ from hybrid_rt.intersection.kernels.triangle import (
     trace_triangles,
 )
 from hybrid_rt.intersection.kind import Finished
+from hybrid_rt.intersection.margins import Aim, suspects
+from hybrid_rt.intersection.margins import settle as settle_rows
 from hybrid_rt.primitives import TriangleMesh
 
 if TYPE_CHECKING:
@@ -113,11 +114,11 @@ class TriangleKind:
         self, rays: Rays, best: Nearest, kind_of: IntArray, kind: int, out: Finished
     ) -> None:
         """Find out which hits on meshes are within the band of being lost."""
-        rows = margins.suspects(best, kind_of, kind)
+        rows = suspects(best, kind_of, kind)
         if not len(rows):
             return
         table, n = self.table, len(rows)
-        aim = margins.Aim(np.empty(n), np.empty((n, 3)), np.empty(n, np.bool_))
+        aim = Aim(np.empty(n), np.empty((n, 3)), np.empty(n, np.bool_))
         aim_at_triangles(table, rays, best, rows, *aim)
 
         def retrace(probes: Rays, aside: FloatArray, nearest: Nearest) -> None:
@@ -127,7 +128,7 @@ class TriangleKind:
         def describe(probes: Rays, nearest: Nearest, found: Finished) -> None:
             self.finish(probes, nearest, kind_of, kind, found)
 
-        margins.settle(rows, rays, best, out, aim, 1.0 / table.to_frame, retrace, describe)
+        settle_rows(rows, rays, best, out, aim, 1.0 / table.to_frame, retrace, describe)
 
 
 def _longest_side(corners: FloatArray) -> float:
