@@ -1,7 +1,7 @@
 """Progress on a terminal: one bar a stage, with the picture's error; plain lines elsewhere.
 
-A library's bar would replace some fifteen of these lines, for 0.03 (tqdm) to 0.07 s (rich) of
-import.
+A library's bar would replace some fifteen of these lines, for 0.07 (rich) to 0.13 s (tqdm) of
+import, measured on a busy machine.
 """
 
 from __future__ import annotations

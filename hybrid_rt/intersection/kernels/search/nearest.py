@@ -37,7 +37,7 @@ class Nearest(NamedTuple):
     doubt: Any  # (n,) float64, smallest t of a root rejected within the band; start: inf
 
 
-# What `Nearest.tangent` holds: no; yes; or to be found out by moving the ray (`kernels.margins`).
+# What `Nearest.tangent` holds: no; yes; or to be found out by moving the ray (`intersection.margins`).
 CLEAR, WITHIN_BAND, SUSPECT = 0, 1, 2
 
 
