@@ -21,7 +21,7 @@ from hybrid_rt.core.precompile import want
 from hybrid_rt.core.records import BoolArray, FloatArray, HitRecord, IntArray, NamedPoints
 from hybrid_rt.core.threads import Pool
 from hybrid_rt.intersection.crossings import Crossings, find_crossings
-from hybrid_rt.intersection.kernels.patch.subdivide import COUNTER_NAMES, MOST_PIECES
+from hybrid_rt.intersection.kernels.search.counters import COUNTER_NAMES, MOST_PIECES
 from hybrid_rt.intersection.kernels.search.nearest import Nearest, Rays
 from hybrid_rt.intersection.kernels.search.rays import Record, complete_rows
 from hybrid_rt.intersection.kind import Finished, new_nearest, new_record, rows_of

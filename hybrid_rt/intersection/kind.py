@@ -41,7 +41,7 @@ class Kind(Protocol):
         any_hit : bool
             Whether any root will do: rays that have one are left alone.
         work : (counters,) float64, changed
-            Tally of `hybrid_rt.intersection.kernels.patch.subdivide.COUNTER_NAMES`.
+            Tally of `hybrid_rt.intersection.kernels.search.counters.COUNTER_NAMES`.
         """
         ...
 

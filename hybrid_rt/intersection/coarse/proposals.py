@@ -8,13 +8,13 @@ import numpy as np
 
 from hybrid_rt.core.records import BoolArray, FloatArray, IntArray
 from hybrid_rt.intersection.coarse.embree import CoarseScene
-from hybrid_rt.intersection.kernels.patch.subdivide import NEWTONS
 from hybrid_rt.intersection.kernels.search.coarse import (
     CoarseHits,
     CoarseTriangles,
     finish_mesh,
     offer_faces,
 )
+from hybrid_rt.intersection.kernels.search.counters import NEWTONS
 from hybrid_rt.intersection.kernels.search.nearest import Nearest, Rays
 from hybrid_rt.intersection.kind import CurvedKind, Finished
 from meshing.surface import Surface
@@ -108,7 +108,7 @@ class Coarse:
         rays : Rays of n rows
         best : Nearest of n rows, changed
         work : (counters,) float64, changed
-            Tally of `hybrid_rt.intersection.kernels.patch.subdivide.COUNTER_NAMES`.
+            Tally of `hybrid_rt.intersection.kernels.search.counters.COUNTER_NAMES`.
         found : (n,) bool, changed
             Set where Embree has a hit.
         """

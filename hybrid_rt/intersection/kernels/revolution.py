@@ -28,34 +28,34 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from hybrid_rt.intersection.kernels.patch.solve import (
-    MAX_STEPS,
-    NORMAL_DEGENERATE,
-    TANGENT_BAND,
-    UNIT_ROUNDOFF,
-)
-from hybrid_rt.intersection.kernels.patch.subdivide import (
-    APPROACHES,
-    BORDER_SLACK,
+from hybrid_rt.intersection.kernels.search.coarse import parameters_at
+from hybrid_rt.intersection.kernels.search.counters import (
     CELLS,
     CHANGED,
-    CLEAR_CROSSING,
-    FLATTEST,
     GIVEN_UP,
-    MAX_PIECES,
     MOST_PIECES,
     NEWTONS,
     PIECES,
     SLOW,
     STEPS,
 )
-from hybrid_rt.intersection.kernels.search.coarse import parameters_at
 from hybrid_rt.intersection.kernels.search.frame import CUT_SLACK, begin_of, end_of, enter_frame
 from hybrid_rt.intersection.kernels.search.nearest import is_known, offer
+from hybrid_rt.intersection.kernels.search.rays import NORMAL_DEGENERATE
+from hybrid_rt.intersection.kernels.search.tolerances import (
+    APPROACHES,
+    BORDER_SLACK,
+    CLEAR_CROSSING,
+    DEPTH,
+    FLATTEST,
+    MAX_PIECES,
+    MAX_STEPS,
+    TANGENT_BAND,
+    UNIT_ROUNDOFF,
+)
 from meshing.kernels.jit import hot_kernel, inlined, inner, kernel
 
 GROWTH = 0.15
-DEPTH = 128
 # The determinant must clear zero by this part of its largest term.
 CLEAR = 1e-9
 # Both sheets reach beyond the point nearest the axis by this part of the distance there, so that

@@ -13,10 +13,10 @@ import numpy as np
 
 from hybrid_rt.core.kernels.compensated import two_difference
 from hybrid_rt.core.kernels.sphere_points import onto_sphere, power_of_point
-from hybrid_rt.intersection.kernels.patch.solve import TANGENT_BAND, UNIT_ROUNDOFF
-from hybrid_rt.intersection.kernels.patch.subdivide import NODES
+from hybrid_rt.intersection.kernels.search.counters import NODES
 from hybrid_rt.intersection.kernels.search.frame import begin_of, end_of, enter_frame
 from hybrid_rt.intersection.kernels.search.nearest import offer
+from hybrid_rt.intersection.kernels.search.tolerances import TANGENT_BAND, UNIT_ROUNDOFF
 from hybrid_rt.intersection.kernels.search.tree import box_ray, next_leaf
 from meshing.kernels.jit import hot_kernel, inlined
 

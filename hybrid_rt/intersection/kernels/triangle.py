@@ -10,15 +10,15 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from hybrid_rt.core.kernels.compensated import product
-from hybrid_rt.intersection.kernels.patch.solve import TANGENT_BAND, UNIT_ROUNDOFF, doubt
-from hybrid_rt.intersection.kernels.patch.subdivide import CELLS, NODES
+from hybrid_rt.intersection.kernels.search.counters import CELLS, NODES
 from hybrid_rt.intersection.kernels.search.frame import (
     any_normal,
     begin_of,
     end_of,
     enter_frame,
 )
-from hybrid_rt.intersection.kernels.search.nearest import CLEAR, SUSPECT, offer
+from hybrid_rt.intersection.kernels.search.nearest import CLEAR, SUSPECT, doubt, offer
+from hybrid_rt.intersection.kernels.search.tolerances import TANGENT_BAND, UNIT_ROUNDOFF
 from hybrid_rt.intersection.kernels.search.tree import box_ray, next_leaf
 from meshing.kernels.jit import hot_kernel, inlined, inner
 

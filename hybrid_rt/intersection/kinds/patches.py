@@ -24,7 +24,6 @@ from hybrid_rt.intersection.kernels.patch.finish import (
     refine_patches,
 )
 from hybrid_rt.intersection.kernels.patch.skew_box import COLUMN, LOWER, RECORD
-from hybrid_rt.intersection.kernels.patch.subdivide import COUNTER_NAMES, DEPTH
 from hybrid_rt.intersection.kernels.patch.trace import (
     MORE,
     PatchScratch,
@@ -33,7 +32,9 @@ from hybrid_rt.intersection.kernels.patch.trace import (
     trace_patches,
 )
 from hybrid_rt.intersection.kernels.search.coarse import CoarseHits, guess_cells
+from hybrid_rt.intersection.kernels.search.counters import COUNTER_NAMES
 from hybrid_rt.intersection.kernels.search.nearest import Nearest, Rays
+from hybrid_rt.intersection.kernels.search.tolerances import DEPTH
 from hybrid_rt.intersection.kernels.search.tree import Tree, build_tree, new_stack
 from hybrid_rt.intersection.kind import Finished, rows_of
 from hybrid_rt.intersection.margins import Aim, suspects

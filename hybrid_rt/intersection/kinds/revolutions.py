@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 from hybrid_rt.core.records import BoolArray, FloatArray, IntArray
 from hybrid_rt.intersection.kernels.revolution import (
     BEND,
-    DEPTH,
     END,
     END_KIND,
     END_R,
@@ -32,6 +31,7 @@ from hybrid_rt.intersection.kernels.revolution import (
 )
 from hybrid_rt.intersection.kernels.search.coarse import CoarseHits
 from hybrid_rt.intersection.kernels.search.nearest import Nearest, Rays
+from hybrid_rt.intersection.kernels.search.tolerances import DEPTH
 from hybrid_rt.intersection.kind import Finished
 from meshing import SurfaceOfRevolution
 

@@ -4,18 +4,18 @@ import numpy as np
 
 from hybrid_rt.intersection.kernels.patch.solve import (
     CONVERGED,
-    NORMAL_DEGENERATE,
-    TANGENT_BAND,
     band_of,
     evaluate_any,
     newton,
     offer_border,
     offer_root,
 )
-from hybrid_rt.intersection.kernels.patch.subdivide import CHANGED
 from hybrid_rt.intersection.kernels.search.coarse import parameters_at
+from hybrid_rt.intersection.kernels.search.counters import CHANGED
 from hybrid_rt.intersection.kernels.search.frame import any_normal, enter_frame
 from hybrid_rt.intersection.kernels.search.nearest import CLEAR, SUSPECT, WITHIN_BAND
+from hybrid_rt.intersection.kernels.search.rays import NORMAL_DEGENERATE
+from hybrid_rt.intersection.kernels.search.tolerances import TANGENT_BAND
 from meshing.kernels.bernstein import unit_normal
 from meshing.kernels.jit import hot_kernel, inlined
 

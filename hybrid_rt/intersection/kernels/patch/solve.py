@@ -9,19 +9,11 @@ surfaces"); its step needs only cross products.
 import numpy as np
 
 from hybrid_rt.intersection.kernels.patch.bicubic import evaluate_bicubic
-from hybrid_rt.intersection.kernels.search.nearest import CLEAR, is_known, offer
+from hybrid_rt.intersection.kernels.search.nearest import CLEAR, doubt, is_known, offer
+from hybrid_rt.intersection.kernels.search.tolerances import MAX_STEPS, TANGENT_BAND, UNIT_ROUNDOFF
 from meshing.kernels.jit import inlined, inner
 
-UNIT_ROUNDOFF = 2.0**-53
-# A root decided by less than this many eps x scale is reported as TANGENT.
-TANGENT_BAND = 64 * 2.0**-52
-# Only hits flatter than this can lie within rounding of a silhouette: sqrt(2 * 64 eps), with air.
-GRAZING = 1e-5
-NORMAL_DEGENERATE = 1  # `hybrid_rt.core.records.Flag`
-
 CONVERGED, FAILED = 1, 0
-# Newton squares the error: from 1e-1 of a cell five steps reach rounding; silhouettes need more.
-MAX_STEPS = 12
 # After a step this small (relative to the cell) the next would be below rounding.
 LAST_STEP = 1e-8
 # The equation holds to rounding where it is off by no more than this part of the bound.
@@ -278,13 +270,6 @@ def offer_border(
     if gap <= band:
         doubt(i, (t + shift) * to_world, band * to_world, t_min, known, best)
     return False
-
-
-@inner
-def doubt(i, t, band, t_min, known, best):
-    """Note that the surface passes within the band (world) of ray i at t, and is not met there."""
-    if t > t_min[i] and not is_known(i, t, 8.0 * band, 1.0, known):
-        best.doubt[i] = min(best.doubt[i], t)
 
 
 # For the one place that runs for every candidate; elsewhere a call costs less than compiling it.

@@ -16,58 +16,46 @@ import numpy as np
 
 from hybrid_rt.intersection.kernels.patch.solve import (
     CONVERGED,
-    UNIT_ROUNDOFF,
     approach,
-    doubt,
     evaluate_any,
     newton,
     offer_border,
     offer_root,
     rounding_of_root,
 )
-from hybrid_rt.intersection.kernels.search.nearest import SUSPECT, is_known, offer
+from hybrid_rt.intersection.kernels.search.counters import (
+    GIVEN_UP,
+    MOST_PIECES,
+    NEWTONS,
+    PIECES,
+    SLOW,
+    STEPS,
+)
+from hybrid_rt.intersection.kernels.search.nearest import SUSPECT, doubt, is_known, offer
+from hybrid_rt.intersection.kernels.search.tolerances import (
+    APPROACHES,
+    BORDER_SLACK,
+    CLEAR_CROSSING,
+    DEPTH,
+    FLATTEST,
+    MAX_PIECES,
+    OWNED,
+    UNIT_ROUNDOFF,
+)
 from meshing.kernels.jit import inlined, inner
 
 # Part of the band that roundings are taken to amount to at most.
 MOST_SLOP = 0.5
-# Pieces examined for one ray and cell before the search admits defeat (counted and flagged).
-MAX_PIECES = 4096
-# 100 halvings take any cell to the last digit; one sibling waits at each.
-DEPTH = 128
 # Newton from a piece whose Jacobian turns by less than this contracts: 2 q / (1 - q) < 1.
 NEWTON_TURN = 0.25
-# Neighbouring pieces both keep a root that lies within this (relative) of their common border, or
-# within so many roundings: one for each of their two roots, and as much for what Newton leaves.
-BORDER_SLACK = 1e-9
-OWNED = 4.0
 # How far beside a point the normal is looked at where S_u x S_v may vanish.
 NUDGE = 2.0**-20
-# A ray that meets the limit normal of a collapsed edge at more than this crosses the surface.
-CLEAR_CROSSING = 1e-3
-# Steps that bring a point of such a piece beside the ray: the first leaves the square of its size.
-APPROACHES = 3
-# Below this slope curvature, not slope, ends a contact: the root of the rounding.
-FLATTEST = 2.0**-27
 # A piece beside the ray and thinner than this part of the band is seen to be within it or not.
 THIN_BESIDE = 0.25
 # Flat pieces in the ray are halved to this part of the patch, so that it is known where they begin.
 LONG = 2.0**-6
 # What its points may be farther from the ray than its hull.
 BESIDE = 1.0 + 2.0 * THIN_BESIDE
-
-# Places in the counters that kernels fill; see `COUNTER_NAMES`.
-NODES, CELLS, NEWTONS, STEPS, SLOW, PIECES, GIVEN_UP, CHANGED, MOST_PIECES = range(9)
-COUNTER_NAMES = (
-    "nodes",
-    "cells",
-    "newton_solves",
-    "newton_steps",
-    "slow_solves",
-    "slow_pieces",
-    "given_up",
-    "changed_by_certificate",
-    "most_pieces",
-)
 
 
 @inlined

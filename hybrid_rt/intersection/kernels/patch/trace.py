@@ -32,17 +32,11 @@ from hybrid_rt.intersection.kernels.patch.solve import (
     offer_root_inlined,
     rounding_of_root,
 )
-from hybrid_rt.intersection.kernels.patch.subdivide import (
-    BORDER_SLACK,
-    CELLS,
-    NEWTONS,
-    NODES,
-    OWNED,
-    STEPS,
-    slow_solve,
-)
+from hybrid_rt.intersection.kernels.patch.subdivide import slow_solve
 from hybrid_rt.intersection.kernels.search.boxes import NEVER_MET
+from hybrid_rt.intersection.kernels.search.counters import CELLS, NEWTONS, NODES, STEPS
 from hybrid_rt.intersection.kernels.search.frame import begin_of, end_of, enter_frame
+from hybrid_rt.intersection.kernels.search.tolerances import BORDER_SLACK, OWNED
 from hybrid_rt.intersection.kernels.search.tree import CHILD, COUNT, box_ray, cut_key, descend
 from meshing.kernels.jit import hot_kernel, inlined
 

@@ -1,12 +1,13 @@
 """The rule by which a root becomes a first hit: the same for every kind of surface.
 
 Each kind of surface has its own kernel that finds roots; all of them hand their roots to `offer`.
-So the range of t, the points excluded by identity, and ties are decided in one place.
+So the range of t, the points excluded by identity, and ties are decided in one place. What is not met
+for certain is noted by `doubt`.
 """
 
 from typing import Any, NamedTuple
 
-from meshing.kernels.jit import inlined
+from meshing.kernels.jit import inlined, inner
 
 
 class Rays(NamedTuple):
@@ -93,3 +94,10 @@ def offer(i, t, t_bound, n_dot_d, tangent, object_id, primitive, a, b, t_min, kn
     best.b[i] = b
     best.tangent[i] = tangent
     return True
+
+
+@inner
+def doubt(i, t, band, t_min, known, best):
+    """Note that the surface passes within the band (world) of ray i at t, and is not met there."""
+    if t > t_min[i] and not is_known(i, t, 8.0 * band, 1.0, known):
+        best.doubt[i] = min(best.doubt[i], t)

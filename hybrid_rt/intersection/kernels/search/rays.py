@@ -25,6 +25,8 @@ SMALLEST, LARGEST = 2.0**-1022, sys.float_info.max
 
 # `hybrid_rt.core.records.Status`
 MISS, HIT, TANGENT = 0, 1, 2
+# `hybrid_rt.core.records.Flag`
+NORMAL_DEGENERATE = 1
 
 
 class Record(NamedTuple):
