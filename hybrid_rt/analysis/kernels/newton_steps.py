@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from hybrid_rt.intersection.kernels.patch.solve import evaluate_any
-from hybrid_rt.intersection.kernels.revolution import profile
+from hybrid_rt.intersection.kernels.revolution.profile import profile
 from meshing.kernels.jit import hot_kernel, inner
 
 # Parameters are inside up to this, or up to the last step where that was longer.

@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hybrid_rt.core.records import BoolArray, FloatArray, IntArray
-from hybrid_rt.intersection.kernels.revolution import (
+from hybrid_rt.intersection.kernels.revolution.finish import finish_revolutions, refine_revolutions
+from hybrid_rt.intersection.kernels.revolution.profile import (
     BEND,
     END,
     END_KIND,
@@ -18,15 +19,15 @@ from hybrid_rt.intersection.kernels.revolution import (
     END_TANGENT,
     END_Z,
     PIECE,
-    RAY,
     RIM,
     TIP,
-    RevolutionScratch,
     RevolutionTable,
-    finish_revolutions,
-    guess_pieces,
     measure_pieces,
-    refine_revolutions,
+)
+from hybrid_rt.intersection.kernels.revolution.sheets import RAY
+from hybrid_rt.intersection.kernels.revolution.trace import (
+    RevolutionScratch,
+    guess_pieces,
     trace_revolutions,
 )
 from hybrid_rt.intersection.kernels.search.coarse import CoarseHits

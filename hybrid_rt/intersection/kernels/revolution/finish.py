@@ -1,0 +1,109 @@
+"""What is known of hits on surfaces of revolution: refined without proof, and described."""
+
+import numpy as np
+
+from hybrid_rt.intersection.kernels.revolution.outlines import is_outline
+from hybrid_rt.intersection.kernels.revolution.profile import profile
+from hybrid_rt.intersection.kernels.revolution.sheets import (
+    ACROSS,
+    COSINE,
+    HEIGHT,
+    RISE,
+    SIDE,
+    SINE,
+    WAY,
+    bend_of_ray,
+    distance,
+    enter_axis_frame,
+)
+from hybrid_rt.intersection.kernels.revolution.solve import meet, offer_meeting, rounding
+from hybrid_rt.intersection.kernels.search.coarse import parameters_at
+from hybrid_rt.intersection.kernels.search.rays import NORMAL_DEGENERATE
+from hybrid_rt.intersection.kernels.search.tolerances import UNIT_ROUNDOFF
+from meshing.kernels.jit import hot_kernel
+
+
+@hot_kernel
+def refine_revolutions(table, hits, triangles, row_of, rows, rays, best, ray, accepted):
+    """Newton from coarse hits, with no proof of anything (accuracy "refined")."""
+    for j in range(hits.face.shape[0]):
+        i, f = rows[j], hits.face[j]
+        k = row_of[triangles.object_id[f]]
+        if k < 0:
+            continue
+        o, d = rays.origin[i], rays.direction[i]
+        shift = enter_axis_frame(
+            k, o[0], o[1], o[2], d[0], d[1], d[2], table.middle, table.to_frame[k], table.turn,
+            table.aside, table.size[k], table.roundings[k], ray,
+        )  # fmt: skip
+        for seg in range(table.first_segment[k], table.first_segment[k + 1]):
+            if table.segment_id[seg] != triangles.piece[f]:
+                continue
+            _, s = parameters_at(triangles, f, hits.u[j], hits.v[j])
+            begin = hits.t[j] * table.to_frame[k] - shift
+            degree = table.degree[seg]
+            noise, error = rounding(degree, table.size[k], ray, begin)
+            after = ray[WAY] + begin * ray[ACROSS] >= 0.0
+            ok, s, root, _, slope, gain = meet(
+                table.control, table.start[seg], degree, ray, after, s, begin, noise
+            )
+            if ok and offer_meeting(
+                i, s, root, slope, gain, noise, error, table.control, table.start[seg], degree,
+                table.end[seg], ray, after, shift, 1.0 / table.to_frame[k], table.object_id[k], seg,
+                rays.t_min, rays.known, best,
+            )[1]:  # fmt: skip
+                accepted[j] = True
+
+
+@hot_kernel
+def finish_revolutions(table, rays, best, row_of, ray, out):
+    """Describe the hits on surfaces of revolution; ``row_of`` (objects,): row here, or -1."""
+    for i in range(best.t.shape[0]):
+        if best.object_id[i] < 0 or row_of[best.object_id[i]] < 0:
+            continue
+        k, seg, s = row_of[best.object_id[i]], best.primitive[i], best.b[i]
+        to_frame, e = table.to_frame[k], table.turn[k]
+        control, start, degree = table.control, table.start[seg], table.degree[seg]
+        o, d = rays.origin[i], rays.direction[i]
+        shift = enter_axis_frame(
+            k, o[0], o[1], o[2], d[0], d[1], d[2], table.middle, to_frame, table.turn,
+            table.aside, table.size[k], table.roundings[k], ray,
+        )  # fmt: skip
+        t = best.t[i] * to_frame - shift
+        z, r, zs, rs, zz, rr = profile(control, start, degree, s)
+        w, side = ray[WAY] + t * ray[ACROSS], ray[SIDE]
+        rho, rate = distance(ray, t, w >= 0.0)
+        ex, ey = 1.0, 0.0
+        if rho > 0.0:
+            ex = (w * ray[COSINE] - side * ray[SINE]) / rho
+            ey = (w * ray[SINE] + side * ray[COSINE]) / rho
+        if zs * zs + rs * rs <= 1e-28 * table.size[k] * table.size[k]:
+            # A resting point of the profile: its direction a little further in.
+            inside = s * (1.0 - 2e-6) + 1e-6
+            _, _, zs, rs, _, _ = profile(control, start, degree, inside)
+            out.flags[i] = NORMAL_DEGENERATE
+        speed = np.hypot(zs, rs)
+        zs, rs = zs / speed, rs / speed
+        nr, nz = zs, -rs
+        bend = nr * bend_of_ray(ray, rho)
+        bend -= (zs * rr - rs * zz) / (speed * speed) * (zs * ray[RISE] + rs * rate) ** 2
+        if is_outline(table.end[seg], table.size[k], ray, z, r, t, nr, nz, bend):
+            best.tangent[i] = 1
+        if r <= 4.0 * UNIT_ROUNDOFF * table.size[k]:
+            # On the axis: the normal of a tip is the axis; a smooth pole has no other.
+            if abs(zs) > 1e-6:
+                out.flags[i] = NORMAL_DEGENERATE
+            if rs != 0.0:
+                nr, nz = 0.0, (-1.0 if rs > 0.0 else 1.0)
+        px, py = max(r, 0.0) * ex, max(r, 0.0) * ey
+        gap = np.sqrt((max(r, 0.0) - rho) ** 2 + (z - ray[HEIGHT] - t * ray[RISE]) ** 2)
+        px, py, z = px + table.aside[k, 0], py + table.aside[k, 1], z + table.aside[k, 2]
+        for c in range(3):
+            local = px * e[0, c] + py * e[1, c] + z * e[2, c]
+            out.position[i, c] = table.middle[k, c] + local / to_frame
+            out.normal[i, c] = nr * (ex * e[0, c] + ey * e[1, c]) + nz * e[2, c]
+        turn = np.arctan2(ey, ex) / (2.0 * np.pi)
+        turn -= np.floor(turn)
+        out.u[i], out.v[i] = (turn if turn < 1.0 else 0.0), s
+        out.patch_id[i] = table.segment_id[seg]
+        out.residual[i] = gap / to_frame

@@ -1,0 +1,155 @@
+"""Where a shift of the ray by the TANGENT band may make or lose a hit.
+
+A decision hangs by less than the band where the ray passes within it of a silhouette, of a rim, or
+of a circle where the profile bends (a tip is where it meets its mirror image) so that both sides of
+it lie on one side of the ray. `is_outline` asks this of hits; what was rejected so is a doubt.
+"""
+
+import numpy as np
+
+from hybrid_rt.intersection.kernels.revolution.profile import (
+    END_KIND,
+    END_R,
+    END_TANGENT,
+    END_Z,
+    RIM,
+    TIP,
+)
+from hybrid_rt.intersection.kernels.revolution.sheets import (
+    ACROSS,
+    BAND,
+    BESIDE,
+    HEIGHT,
+    LENGTH,
+    RISE,
+    SIDE,
+    WAY,
+    bend_of_ray,
+    distance,
+    toward_circle,
+    way_on_sheet,
+)
+from hybrid_rt.intersection.kernels.search.nearest import is_known
+from hybrid_rt.intersection.kernels.search.tolerances import APPROACHES, FLATTEST
+from meshing.kernels.jit import inner
+
+# A side of a bend this nearly along the ray is neither before nor behind it.
+FLUSH = 1e-14
+# This many bands from a tip what counts is the cone there, farther away the curvature at the hit.
+BESIDE_TIP = 64.0
+# Farther than this (in frame units) from a hit no end of its segment is asked about.
+BESIDE_END = 1e-4
+
+
+@inner
+def note_doubt(i, t, shift, to_world, ray, t_min, known, best):
+    """Note that something within the TANGENT band of ray i was passed by at t."""
+    t = (t + shift) * to_world
+    if not (t > t_min[i] and t < best.doubt[i]):
+        return
+    # A point of departure is in nobody's way, nor is a target.
+    near = 4.0 * ray[BAND] / ray[LENGTH] * to_world
+    if not is_known(i, t, near, ray[LENGTH], known):
+        best.doubt[i] = t
+
+
+@inner
+def pass_end(end, ray, after):
+    """Tell whether a ray passes a singular circle within the TANGENT band, and where.
+
+    And so that the circle is an outline: a rim; or the profile goes on to one side only, as seen
+    along the ray. A tip goes on as its mirror image. Within the band of grazing a side counts as
+    either.
+
+    Returns
+    -------
+    is_outline : bool
+    t : of the ray's point nearest to the circle, on this sheet
+    """
+    z, r, band = end[END_Z], end[END_R], ray[BAND]
+    dz, across, h, length = ray[RISE], ray[ACROSS], ray[BESIDE], ray[LENGTH]
+    if r == 0.0:
+        w = ray[WAY]
+        t = ((z - ray[HEIGHT]) * dz - w * across) / (length * length)
+        w += t * across
+        f = ray[HEIGHT] + t * dz - z
+        gap = np.sqrt(f * f + w * w + h * h)
+        rate, bend = across, 0.0
+    else:
+        w = np.sqrt((r - h) * (r + h)) if h < r else 0.0
+        rate = across * (w / r)
+        way = (w if after else -w) - ray[WAY]
+        t = (z - ray[HEIGHT]) / dz if abs(dz) > rate else way / across
+        for _ in range(APPROACHES):
+            t += toward_circle(z, r, ray, after, t)
+        rho, rate = distance(ray, t, after)
+        f, g = ray[HEIGHT] + t * dz - z, rho - r
+        gap = np.sqrt(f * f + g * g)
+        bend = bend_of_ray(ray, rho)
+    if not gap <= band or way_on_sheet(ray, t, after) < -2.0 * band:
+        return False, t
+    if end[END_KIND] == RIM:
+        return True, t
+    sides = 0.0
+    for k in range(2):
+        tz, tr, curve = (
+            end[END_TANGENT + 3 * k],
+            end[END_TANGENT + 3 * k + 1],
+            end[END_TANGENT + 3 * k + 2],
+        )
+        side, along = tz * rate - tr * dz, tz * dz + tr * rate
+        depth = abs(tz * bend - curve * along * along)
+        if side * side <= 2.0 * depth * band or abs(side) <= FLUSH * length:
+            return True, t
+        sides += np.sign(side)
+    return sides != 0.0, t
+
+
+@inner
+def depth_in_cone(end, ray, t, from_tip):
+    """Return how deep a ray runs in the cone that touches the profile at a tip; inf: to no end.
+
+    Two planes through the tip touch the cone and hold the ray's direction: seen along the ray they
+    are its outline. Where there is none, nor any within twice this distance from the tip, the
+    ray enters a cone that it does not leave.
+    """
+    tz, tr, curve = end[END_TANGENT], end[END_TANGENT + 1], abs(end[END_TANGENT + 2])
+    steep, wide = abs(tr * ray[RISE]), abs(tz * ray[ACROSS])
+    if steep - wide > (2.0 * curve * from_tip + np.sqrt(2.0 * curve * ray[BAND])) * ray[LENGTH]:
+        return np.inf
+    if not steep < wide:
+        return 0.0
+    cosine = tr * ray[RISE] / (tz * ray[ACROSS])
+    sine = np.sqrt((1.0 - cosine) * (1.0 + cosine))
+    up = tr * (ray[HEIGHT] + t * ray[RISE] - end[END_Z])
+    way = tz * (ray[WAY] + t * ray[ACROSS]) * cosine - up
+    beside = tz * ray[SIDE] * sine
+    return min(abs(way - beside), abs(way + beside))
+
+
+@inner
+def is_outline(end, size, ray, z, r, t, nr, nz, bend):
+    """Tell whether a shift of the ray by the TANGENT band may take a hit away.
+
+    The hit is at height z and radius r. ``bend`` is the surface's curvature along the ray there: the
+    ray runs under the outline by slope^2 / (2 bend). ``end`` (2, END) are the ends of the segment.
+    """
+    rho, rate = distance(ray, t, True)
+    slope, band = abs(nr * rate + nz * ray[RISE]), ray[BAND]
+    is_under = slope * slope < 2.0 * abs(bend) * band and rho > 0.0
+    for k in range(2):
+        if end[k, END_KIND] == TIP:
+            from_tip = abs(z - end[k, END_Z]) + r
+            if is_under or from_tip <= BESIDE_TIP * band:
+                depth = depth_in_cone(end[k], ray, t, from_tip)
+                if depth == np.inf or from_tip <= BESIDE_TIP * band:
+                    is_under = depth < band
+    if is_under:
+        return True
+    for k in range(2):
+        if abs(z - end[k, END_Z]) + abs(r - end[k, END_R]) > BESIDE_END * size + 4.0 * band:
+            continue
+        is_passed, near = pass_end(end[k], ray, ray[WAY] + t * ray[ACROSS] >= 0.0)
+        if is_passed and abs(near - t) * max(slope, FLATTEST) <= 8.0 * band:
+            return True
+    return False
