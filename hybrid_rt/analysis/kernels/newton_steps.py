@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hybrid_rt.intersection.kernels.patch.solve import evaluate_any
+from hybrid_rt.intersection.kernels.patch.evaluate import evaluate_any
 from hybrid_rt.intersection.kernels.revolution.profile import profile
 from meshing.kernels.jit import hot_kernel, inner
 

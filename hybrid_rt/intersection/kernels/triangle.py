@@ -305,7 +305,7 @@ def finish_triangles(table, rays, best, kind_of, kind, out):
 
 @hot_kernel
 def aim_at_triangles(table, rays, best, rows, bands, outward, is_edge):
-    """Say where to move rays whose hits are `SUSPECT`; see `kernels.patch_hits.aim_at_patches`."""
+    """Say where to move rays whose hits are `SUSPECT`; see `kernels.patch.finish.aim_at_patches`."""
     for j in range(rows.shape[0]):
         i = rows[j]
         f = np.int64(best.primitive[i])

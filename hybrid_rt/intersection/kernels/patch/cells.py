@@ -16,13 +16,13 @@ The box is a skew one, along the mean tangents and the normal.
 
 import numpy as np
 
+from hybrid_rt.intersection.kernels.patch.nets import restrict
 from hybrid_rt.intersection.kernels.patch.skew_box import CENTRE, COLUMN, LOWER, UPPER
-from hybrid_rt.intersection.kernels.patch.subdivide import restrict
 from meshing.kernels.jit import inner, kernel
 
 # A cell's record, float64. Columns of the dual basis of half the mean tangents and the unit normal
 # (rows along u, v, n), each followed by a coordinate of the middle of the box; lower and upper
-# bounds along u, v, n (`kernels.skew_box`), each followed by a parameter of the middle.
+# bounds along u, v, n (`patch.skew_box`), each followed by a parameter of the middle.
 ROW_U, ROW_V, ROW_N = 0, 1, 2
 MIDDLE_U, MIDDLE_V = LOWER + 3, UPPER + 3
 HALF = 20  # 2: half the sides in parameters

@@ -2,10 +2,10 @@
 
 import numpy as np
 
+from hybrid_rt.intersection.kernels.patch.evaluate import evaluate_any
 from hybrid_rt.intersection.kernels.patch.solve import (
     CONVERGED,
     band_of,
-    evaluate_any,
     newton,
     offer_border,
     offer_root,

@@ -13,7 +13,7 @@ from numba.extending import intrinsic
 
 from hybrid_rt.intersection.kernels.search.vectors import load, spread
 
-# Where a record of a cell (see `kernels.patch_cells`) has columns along u, v, n, and the bounds.
+# Where a record of a cell (see `patch.cells`) has columns along u, v, n, and the bounds.
 COLUMN = 4
 LOWER, UPPER = 3 * COLUMN, 4 * COLUMN
 RECORD = 24  # 192 bytes: three lines of the cache

@@ -14,10 +14,11 @@ passes it by with its doubt noted. So does a ray that passes any piece within th
 
 import numpy as np
 
+from hybrid_rt.intersection.kernels.patch.evaluate import evaluate_any
+from hybrid_rt.intersection.kernels.patch.nets import depth_range, halve, middle_of, restrict
 from hybrid_rt.intersection.kernels.patch.solve import (
     CONVERGED,
     approach,
-    evaluate_any,
     newton,
     offer_border,
     offer_root,
@@ -56,98 +57,6 @@ THIN_BESIDE = 0.25
 LONG = 2.0**-6
 # What its points may be farther from the ray than its hull.
 BESIDE = 1.0 + 2.0 * THIN_BESIDE
-
-
-@inlined
-def restrict_columns(net, degree_u, degree_v, a, b):
-    """Restrict a net (degree_u + 1, degree_v + 1, 3) in place to u in [a, b] (also beyond 0, 1)."""
-    # de Casteljau at b keeps [0, b]; then at a / b from the other end keeps [a, b].
-    x = b
-    for level in range(1, degree_u + 1):
-        for i in range(degree_u, level - 1, -1):
-            for j in range(degree_v + 1):
-                for c in range(3):
-                    net[i, j, c] = (1.0 - x) * net[i - 1, j, c] + x * net[i, j, c]
-    x = a / b
-    for level in range(1, degree_u + 1):
-        for i in range(degree_u - level + 1):
-            for j in range(degree_v + 1):
-                for c in range(3):
-                    net[i, j, c] = (1.0 - x) * net[i, j, c] + x * net[i + 1, j, c]
-
-
-@inlined
-def restrict_rows(net, degree_u, degree_v, a, b):
-    """As `restrict_columns`, to v in [a, b]."""
-    x = b
-    for level in range(1, degree_v + 1):
-        for j in range(degree_v, level - 1, -1):
-            for i in range(degree_u + 1):
-                for c in range(3):
-                    net[i, j, c] = (1.0 - x) * net[i, j - 1, c] + x * net[i, j, c]
-    x = a / b
-    for level in range(1, degree_v + 1):
-        for j in range(degree_v - level + 1):
-            for i in range(degree_u + 1):
-                for c in range(3):
-                    net[i, j, c] = (1.0 - x) * net[i, j, c] + x * net[i, j + 1, c]
-
-
-@inlined
-def restrict(net, degree_u, degree_v, u0, u1, v0, v1):
-    """Restrict a net in place to a rectangle of parameters with u1, v1 > 0."""
-    if u0 != 0.0 or u1 != 1.0:
-        restrict_columns(net, degree_u, degree_v, u0, u1)
-    if v0 != 0.0 or v1 != 1.0:
-        restrict_rows(net, degree_u, degree_v, v0, v1)
-
-
-@inlined
-def _halve(first, second, degree_u, degree_v, along_u):
-    """Split ``first`` at the middle: its lower half stays, ``second`` receives the upper."""
-    outer = degree_u if along_u else degree_v
-    other = degree_v if along_u else degree_u
-    for k in range(other + 1):
-        for c in range(3):
-            if along_u:
-                second[outer, k, c] = first[outer, k, c]
-            else:
-                second[k, outer, c] = first[k, outer, c]
-            for level in range(1, outer + 1):
-                if along_u:
-                    for i in range(outer, level - 1, -1):
-                        first[i, k, c] = 0.5 * (first[i - 1, k, c] + first[i, k, c])
-                    second[outer - level, k, c] = first[outer, k, c]
-                else:
-                    for i in range(outer, level - 1, -1):
-                        first[k, i, c] = 0.5 * (first[k, i - 1, c] + first[k, i, c])
-                    second[k, outer - level, c] = first[k, outer, c]
-
-
-@inlined
-def _depth_range(net, degree_u, degree_v):
-    lo = hi = net[0, 0, 2]
-    for i in range(degree_u + 1):
-        for j in range(degree_v + 1):
-            lo = min(lo, net[i, j, 2])
-            hi = max(hi, net[i, j, 2])
-    return lo, hi
-
-
-@inlined
-def _middle(scratch, net, degree_u, degree_v):
-    """Evaluate the two coordinates across the ray at the middle of the piece."""
-    for c in range(2):
-        for r in range(degree_u + 1):
-            for k in range(degree_v + 1):
-                scratch[r, k, c] = net[r, k, c]
-            for level in range(degree_v, 0, -1):
-                for k in range(level):
-                    scratch[r, k, c] = 0.5 * (scratch[r, k, c] + scratch[r, k + 1, c])
-        for level in range(degree_u, 0, -1):
-            for r in range(level):
-                scratch[r, 0, c] = 0.5 * (scratch[r, 0, c] + scratch[r + 1, 0, c])
-    return scratch[0, 0, 0], scratch[0, 0, 1]
 
 
 @inlined
@@ -356,7 +265,7 @@ def slow_solve(
             q = max(turn_u0 + turn_v0, turn_u1 + turn_v1) + (degree_u + degree_v) * rounding
             if q < 1.0:
                 # --- the middle of the piece, from a copy halved both ways (spare places above)
-                f, g = _middle(nets[top + 1], net, degree_u, degree_v)
+                f, g = middle_of(nets[top + 1], net, degree_u, degree_v)
                 cu, cv = -(y00 * f + y01 * g), -(y10 * f + y11 * g)
                 if max(abs(cu), abs(cv)) > 1.0 + q + gain * reach:
                     continue
@@ -394,7 +303,7 @@ def slow_solve(
             best.doubt[i] = min(best.doubt[i], (h0 / length + shift) * to_world)
             break
         along_u = side_u >= side_v
-        _halve(net, nets[top + 1], degree_u, degree_v, along_u)
+        halve(net, nets[top + 1], degree_u, degree_v, along_u)
         for c in range(4):
             boxes[top + 1, c] = boxes[top, c]
         if along_u:
@@ -403,8 +312,8 @@ def slow_solve(
         else:
             boxes[top, 3] = vm
             boxes[top + 1, 2] = vm
-        near_first, _ = _depth_range(net, degree_u, degree_v)
-        near_second, _ = _depth_range(nets[top + 1], degree_u, degree_v)
+        near_first, _ = depth_range(net, degree_u, degree_v)
+        near_second, _ = depth_range(nets[top + 1], degree_u, degree_v)
         if near_first < near_second:
             for r in range(degree_u + 1):
                 for c in range(degree_v + 1):

@@ -1,7 +1,7 @@
 """First hits of a batch of rays on Bezier patches, each proven to be the first.
 
 The walk through the tree meets cells front to back. Where the cell's fan admits at most one root
-(`patch_cells`) one Newton solve settles it: the root is in the cell, a hit; or beside it, and there
+(`patch.cells`) one Newton solve settles it: the root is in the cell, a hit; or beside it, and there
 is none. Everything else waits in a queue for `settle_doubts`, a kernel of its own: three of a
 hundred rays need it, and all others are faster without its code among theirs. A root is offered
 only by the cell that holds it (and, within rounding, by its neighbour), so what a ray finds does
