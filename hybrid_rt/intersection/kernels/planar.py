@@ -107,10 +107,13 @@ def _move_to_rim(u, v, t, du, dv, most):
 
 
 @inlined
-def _offer_parallelogram(
-    i, k, corner, normal, edge_u, edge_v, row_u, row_v, size, object_id, ox, oy, oz, dx, dy, dz,
-    t_min, known, best,
-):  # fmt: skip
+def _offer_parallelogram(i, k, table, rays, best):
+    """Offer the root of ray i in the plane of parallelogram k, if it is within its rim."""
+    corner, normal, row_u, row_v = table.corner, table.normal, table.row_u, table.row_v
+    size, object_id, edge_u, edge_v = table.size, table.object_id, table.edge_u, table.edge_v
+    t_min, known = rays.t_min, rays.known
+    o, d = rays.origin[i], rays.direction[i]
+    ox, oy, oz, dx, dy, dz = o[0], o[1], o[2], d[0], d[1], d[2]
     nx, ny, nz = normal[k, 0], normal[k, 1], normal[k, 2]
     n_dot_d = nx * dx + ny * dy + nz * dz
     if n_dot_d == 0.0:
@@ -165,19 +168,11 @@ def _offer_parallelogram(
 @hot_kernel
 def trace_rectangles(table, rays, best, any_hit):
     """Lower ``best`` to the nearest roots on all parallelograms."""
-    corner, normal, row_u, row_v = table.corner, table.normal, table.row_u, table.row_v
-    size, object_id, edge_u, edge_v = table.size, table.object_id, table.edge_u, table.edge_v
-    origin, direction, t_min, known = rays.origin, rays.direction, rays.t_min, rays.known
-    for i in range(origin.shape[0]):
-        ox, oy, oz = origin[i, 0], origin[i, 1], origin[i, 2]
-        dx, dy, dz = direction[i, 0], direction[i, 1], direction[i, 2]
-        for k in range(object_id.shape[0]):
+    for i in range(rays.origin.shape[0]):
+        for k in range(table.object_id.shape[0]):
             if any_hit and best.object_id[i] >= 0:
                 break
-            _offer_parallelogram(
-                i, k, corner, normal, edge_u, edge_v, row_u, row_v, size, object_id,
-                ox, oy, oz, dx, dy, dz, t_min, known, best,
-            )  # fmt: skip
+            _offer_parallelogram(i, k, table, rays, best)
 
 
 @hot_kernel

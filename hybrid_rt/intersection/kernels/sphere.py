@@ -46,11 +46,12 @@ def sphere_table(spheres, object_id):
 
 
 @inlined
-def offer_sphere(
-    i, k, center, radius, object_id, ox, oy, oz, dx, dy, dz, t_min, known, best
-):  # fmt: skip
+def offer_sphere(i, k, table, rays, best):
     """Offer both roots of ray i with sphere k."""
-    r = radius[k]
+    center, object_id, t_min, known = table.center, table.object_id, rays.t_min, rays.known
+    o, d = rays.origin[i], rays.direction[i]
+    ox, oy, oz, dx, dy, dz = o[0], o[1], o[2], d[0], d[1], d[2]
+    r = table.radius[k]
     fx, gx = two_difference(ox, center[k, 0])
     fy, gy = two_difference(oy, center[k, 1])
     fz, gz = two_difference(oz, center[k, 2])
@@ -84,17 +85,11 @@ def offer_sphere(
 @hot_kernel
 def trace_spheres(table, end, rays, best, any_hit):
     """Lower ``best`` to the nearest roots on the spheres up to row ``end``."""
-    center, radius, object_id = table.center, table.radius, table.object_id
-    origin, direction, t_min, known = rays.origin, rays.direction, rays.t_min, rays.known
-    for i in range(origin.shape[0]):
-        ox, oy, oz = origin[i, 0], origin[i, 1], origin[i, 2]
-        dx, dy, dz = direction[i, 0], direction[i, 1], direction[i, 2]
+    for i in range(rays.origin.shape[0]):
         for k in range(end):
             if any_hit and best.object_id[i] >= 0:
                 break
-            offer_sphere(
-                i, k, center, radius, object_id, ox, oy, oz, dx, dy, dz, t_min, known, best
-            )  # fmt: skip
+            offer_sphere(i, k, table, rays, best)
 
 
 @hot_kernel
@@ -103,8 +98,7 @@ def trace_sphere_tree(table, tree, begin, middle, to_frame, rays, best, any_hit,
 
     ``middle`` (3,) and ``to_frame`` bring all of them within 1 of the origin; ``stack`` is scratch.
     """
-    center, radius, object_id = table.center, table.radius, table.object_id
-    origin, direction, t_min, known = rays.origin, rays.direction, rays.t_min, rays.known
+    origin, direction, t_min = rays.origin, rays.direction, rays.t_min
     order = tree.order
     for i in range(origin.shape[0]):
         if any_hit and best.object_id[i] >= 0:
@@ -115,12 +109,10 @@ def trace_sphere_tree(table, tree, begin, middle, to_frame, rays, best, any_hit,
             ox, oy, oz, dx, dy, dz, middle[0], middle[1], middle[2], to_frame
         )
         if abs(shift) > FARTHEST:
-            for k in range(begin, radius.shape[0]):
+            for k in range(begin, table.radius.shape[0]):
                 if any_hit and best.object_id[i] >= 0:
                     break
-                offer_sphere(
-                    i, k, center, radius, object_id, ox, oy, oz, dx, dy, dz, t_min, known, best
-                )  # fmt: skip
+                offer_sphere(i, k, table, rays, best)
             continue
         ray = box_ray(x, y, z, dx, dy, dz)
         t_lo = begin_of(t_min[i], to_frame, shift)
@@ -132,10 +124,7 @@ def trace_sphere_tree(table, tree, begin, middle, to_frame, rays, best, any_hit,
             if count == 0:
                 break
             for k in range(first, first + count):
-                offer_sphere(
-                    i, begin + order[k], center, radius, object_id, ox, oy, oz, dx, dy, dz,
-                    t_min, known, best,
-                )  # fmt: skip
+                offer_sphere(i, begin + order[k], table, rays, best)
             if any_hit and best.object_id[i] >= 0:
                 break
             t_cut = end_of(best.t[i], to_frame, shift)

@@ -41,6 +41,18 @@ class TriangleTable(NamedTuple):
     order: Any  # (f,) int32: face of each row of `corner`
 
 
+class Shear(NamedTuple):
+    """What brings vertices into a ray's own frame, where it runs along the third axis through 0."""
+
+    kx: Any  # the coordinates, in the order in which the last is the largest of the direction
+    ky: Any
+    kz: Any
+    sx: Any  # less this much of the last one
+    sy: Any
+    qx: Any  # and less this: how far the ray is moved
+    qy: Any
+
+
 @inlined
 def _normal(vertex, face, f):
     a, b, c = vertex[face[f, 0]], vertex[face[f, 1]], vertex[face[f, 2]]
@@ -102,15 +114,14 @@ def _note_beside(i, k, corner, order, around, object_id, o, d, t_min, known, bes
 
 
 @inlined
-def offer_triangle(
-    i, k, corner, order, around, object_id, o, d, kx, ky, kz, sx, sy, qx, qy, reach, near,
-    t_min, known, best,
-):  # fmt: skip
-    """Offer the hit of ray i on face order[k], if it has one; (kx, ky, kz, s..) is its shear.
+def offer_triangle(i, k, table, o, d, shear, reach, near, rays, best):
+    """Offer the hit of ray i on face order[k], if it has one.
 
-    The sheared ray is moved by (qx, qy). ``reach`` is the band or more; ``near`` is that times the
-    longest side of a face.
+    ``reach`` is the band or more; ``near`` is that times the longest side of a face.
     """
+    corner, order, around, object_id = table.corner, table.order, table.around, table.object_id
+    t_min, known = rays.t_min, rays.known
+    kx, ky, kz, sx, sy, qx, qy = shear
     p = corner[k]
     az, bz, cz = p[kz] - o[kz], p[3 + kz] - o[kz], p[6 + kz] - o[kz]
     ax, ay = (p[kx] - o[kx]) - sx * az - qx, (p[ky] - o[ky]) - sy * az - qy
@@ -214,7 +225,6 @@ def trace_triangles(table, tree, rays, aside, best, any_hit, stack, counters):
 
     ``aside``, (n, 3) or (0, 3), moves each ray, in lengths of the world.
     """
-    around, object_id, corner, order = table.around, table.object_id, table.corner, table.order
     for i in range(rays.origin.shape[0]):
         if any_hit and best.object_id[i] >= 0:
             continue
@@ -224,7 +234,7 @@ def trace_triangles(table, tree, rays, aside, best, any_hit, stack, counters):
         qx = qy = 0.0
         if aside.shape[0] > 0:
             qx, qy = aside[i, kx] - sx * aside[i, kz], aside[i, ky] - sy * aside[i, kz]
-        reach = _reach(table, o)
+        shear, reach = Shear(kx, ky, kz, sx, sy, qx, qy), _reach(table, o)
         x, y, z, _, _, _, shift = enter_frame(
             o[0], o[1], o[2], d[0], d[1], d[2], table.middle[0], table.middle[1], table.middle[2],
             table.to_frame,
@@ -240,10 +250,7 @@ def trace_triangles(table, tree, rays, aside, best, any_hit, stack, counters):
                 break
             for k in range(first, first + count):
                 counters[CELLS] += 1
-                offer_triangle(
-                    i, k, corner, order, around, object_id, o, d, kx, ky, kz, sx, sy, qx, qy,
-                    reach, reach * table.longest, rays.t_min, rays.known, best,
-                )  # fmt: skip
+                offer_triangle(i, k, table, o, d, shear, reach, reach * table.longest, rays, best)
             if any_hit and best.object_id[i] >= 0:
                 break
             t_cut = end_of(best.t[i], table.to_frame, shift)
@@ -268,12 +275,9 @@ def refine_triangles(table, place, rows, rays, best, accepted):
         i = rows[j]
         o, d = rays.origin[i], rays.direction[i]
         kx, ky, kz = _axes(d)
+        shear = Shear(kx, ky, kz, d[kx] / d[kz], d[ky] / d[kz], 0.0, 0.0)
         before = best.t[i]
-        offer_triangle(
-            i, np.int64(place[j]), table.corner, table.order, table.around, table.object_id, o, d,
-            kx, ky, kz, d[kx] / d[kz], d[ky] / d[kz], 0.0, 0.0, 0.0, -1.0,
-            rays.t_min, rays.known, best,
-        )  # fmt: skip
+        offer_triangle(i, np.int64(place[j]), table, o, d, shear, 0.0, -1.0, rays, best)
         accepted[j] = best.t[i] < before
 
 

@@ -52,10 +52,12 @@ def _dot(rows, k, c, x, y, z):
 
 
 @inlined
-def _offer_turned_box(
-    i, k, corner, normal, depth, size, skew, object_id, ox, oy, oz, dx, dy, dz,
-    t_min, known, best,
-):  # fmt: skip
+def _offer_turned_box(i, k, table, rays, best):
+    """Offer where ray i enters box k and where it leaves it."""
+    corner, normal, depth, size = table.corner, table.normal, table.depth, table.size
+    skew, object_id, t_min, known = table.skew, table.object_id, rays.t_min, rays.known
+    o, d = rays.origin[i], rays.direction[i]
+    ox, oy, oz, dx, dy, dz = o[0], o[1], o[2], d[0], d[1], d[2]
     wx, ex = two_difference(ox, corner[k, 0])
     wy, ey = two_difference(oy, corner[k, 1])
     wz, ez = two_difference(oz, corner[k, 2])
@@ -143,20 +145,11 @@ def _offer_turned_box(
 @hot_kernel
 def trace_turned_boxes(table, rays, best, any_hit):
     """Lower ``best`` to the nearest roots on all boxes."""
-    corner, normal, depth, size = table.corner, table.normal, table.depth, table.size
-    skew, object_id = table.skew, table.object_id
-    origin, direction = rays.origin, rays.direction
-    t_min, known = rays.t_min, rays.known
-    for i in range(origin.shape[0]):
-        ox, oy, oz = origin[i, 0], origin[i, 1], origin[i, 2]
-        dx, dy, dz = direction[i, 0], direction[i, 1], direction[i, 2]
-        for k in range(object_id.shape[0]):
+    for i in range(rays.origin.shape[0]):
+        for k in range(table.object_id.shape[0]):
             if any_hit and best.object_id[i] >= 0:
                 break
-            _offer_turned_box(
-                i, k, corner, normal, depth, size, skew, object_id, ox, oy, oz, dx, dy, dz,
-                t_min, known, best,
-            )  # fmt: skip
+            _offer_turned_box(i, k, table, rays, best)
 
 
 @hot_kernel

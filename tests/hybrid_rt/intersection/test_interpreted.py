@@ -17,7 +17,7 @@ from hybrid_rt.intersection.kernels.patch.skew_box import (
     meet_box,
     meet_box_plain,
 )
-from hybrid_rt.intersection.kernels.search.boxes import FARTHEST, push_boxes, sort_key_plain
+from hybrid_rt.intersection.kernels.search.boxes import FARTHEST, BoxRay, push_boxes, sort_key_plain
 from hybrid_rt.intersection.kernels.search.boxes import push_boxes_plain as boxes_plain
 
 SCRIPT = """
@@ -84,10 +84,8 @@ def test_bicubic_points_have_a_twin_in_numpy():
 
 @numba.njit
 def _push(rows, o, r, sign, t_lo, t_hi, keys, parents):
-    return push_boxes(
-        rows, 1, o[0], o[1], o[2], r[0], r[1], r[2], sign[0], sign[1], sign[2], t_lo, t_hi,
-        keys, parents, 2,
-    )  # fmt: skip
+    ray = BoxRay(o[0], o[1], o[2], r[0], r[1], r[2], sign[0], sign[1], sign[2])
+    return push_boxes(rows, 1, ray, t_lo, t_hi, keys, parents, 2)
 
 
 def test_eight_boxes_have_a_plain_twin():
@@ -104,7 +102,7 @@ def test_eight_boxes_have_a_plain_twin():
         sign = np.where(r > 0, 0, 3)
         t_lo, t_hi = np.float32(rng.uniform(-1, 0.5)), np.float32(rng.choice([1.0, np.inf]))
         stacks = [(np.empty(16, np.int32), np.empty(16, np.uint32)) for _ in range(2)]
-        top, nearest = boxes_plain(rows, 1, *o, *r, *sign, t_lo, t_hi, *stacks[0], 2)
+        top, nearest = boxes_plain(rows, 1, BoxRay(*o, *r, *sign), t_lo, t_hi, *stacks[0], 2)
         assert _push(rows, o, r, sign, t_lo, t_hi, *stacks[1]) == (top, nearest)
         assert nearest == (stacks[0][0][top - 1] if top > 2 else FARTHEST)
         for plain, compiled in zip(*stacks, strict=True):

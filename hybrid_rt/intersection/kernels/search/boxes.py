@@ -12,7 +12,7 @@ with the number of the child in the last three, so t is rounded down by at most 
 interpreted.
 """
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from llvmlite import ir
@@ -28,6 +28,20 @@ LANES = 8
 NEVER_MET, FARTHEST = -(2**31), 2**31 - 1
 
 
+class BoxRay(NamedTuple):
+    """A ray as eight boxes meet it: float32, and where the near bounds of each axis stand."""
+
+    x: Any  # the origin
+    y: Any
+    z: Any
+    rx: Any  # reciprocals of the direction
+    ry: Any
+    rz: Any
+    sx: int  # 0 where the direction is positive, 3 where it is negative
+    sy: int
+    sz: int
+
+
 def sort_key_plain(x: Any) -> int:
     """Return an integer that orders as the float32 ``x`` does."""
     bits = int(np.float32(x).view(np.int32))
@@ -35,19 +49,15 @@ def sort_key_plain(x: Any) -> int:
 
 
 def push_boxes_plain(
-    rows: Any, node: Any, x: Any, y: Any, z: Any, rx: Any, ry: Any, rz: Any,
-    sx: int, sy: int, sz: int, t_lo: Any, t_hi: Any, keys: Any, parents: Any, top: int,
-) -> tuple[int, int]:  # fmt: skip
+    rows: Any, node: Any, ray: BoxRay, t_lo: Any, t_hi: Any, keys: Any, parents: Any, top: int
+) -> tuple[int, int]:
     """Push those of a node's eight boxes that a ray meets, the nearest on top.
 
     Parameters
     ----------
     rows : (n, 8, 8) float32
         Of each node six rows: lower bounds in x, y, z, then upper bounds; two rows of links.
-    x, y, z, rx, ry, rz : float32
-        The ray's origin, and the reciprocals of its direction.
-    sx, sy, sz : int
-        0 where the direction is positive, 3 where it is negative.
+    ray : BoxRay
     t_lo, t_hi : float32
     keys : (m,) int32
     parents : (m,) uint32
@@ -61,6 +71,7 @@ def push_boxes_plain(
     nearest : int
         The key that is now on top; `FARTHEST` if no box is met.
     """
+    x, y, z, rx, ry, rz, sx, sy, sz = ray
     met = []
     for k in range(LANES):
         near = max((rows[node, 1 + sy, k] - y) * ry, (rows[node, sx, k] - x) * rx)
@@ -80,9 +91,10 @@ def push_boxes_plain(
 
 def _push_code(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
     rows, keys, parents = (
-        context.make_array(signature.args[k])(context, builder, arguments[k]) for k in (0, 13, 14)
+        context.make_array(signature.args[k])(context, builder, arguments[k]) for k in (0, 5, 6)
     )
-    node, top = arguments[1], arguments[15]
+    node, top = arguments[1], arguments[7]
+    ray = cgutils.unpack_tuple(builder, arguments[2])
     single, i32, i64 = ir.FloatType(), ir.IntType(32), ir.IntType(64)
     floats, integers = ir.VectorType(single, LANES), ir.VectorType(i32, LANES)
     lanes = range(LANES)
@@ -102,20 +114,20 @@ def _push_code(context: Any, builder: Any, signature: Any, arguments: Any) -> An
 
     near, far = None, None
     for axis in range(3):
-        origin = spread(builder, arguments[2 + axis], floats)
-        reciprocal = spread(builder, arguments[5 + axis], floats)
-        sign = arguments[8 + axis]
+        origin = spread(builder, ray[axis], floats)
+        reciprocal = spread(builder, ray[3 + axis], floats)
+        sign = ray[6 + axis]
         first = row(builder.add(sign, i64(axis)))
         last = row(builder.sub(i64(3 + axis), sign))
         first = builder.fmul(builder.fsub(first, origin), reciprocal)
         last = builder.fmul(builder.fsub(last, origin), reciprocal)
         near = first if near is None else larger(first, near)
         far = last if far is None else smaller(last, far)
-    near = larger(spread(builder, arguments[11], floats), near)
+    near = larger(spread(builder, arguments[3], floats), near)
     size = larger(far, builder.fneg(far))
     growth = spread(builder, ir.Constant(single, float(FAR_GROWTH)), floats)
     far = builder.fadd(far, builder.fmul(size, growth))
-    far = smaller(spread(builder, arguments[12], floats), far)
+    far = smaller(spread(builder, arguments[4], floats), far)
     is_met = builder.fcmp_ordered("<=", near, far)
 
     bits = builder.bitcast(near, integers)
@@ -164,14 +176,17 @@ else:
 
     @intrinsic
     def push_boxes(
-        typing: Any, rows: Any, node: Any, x: Any, y: Any, z: Any, rx: Any, ry: Any, rz: Any,
-        sx: Any, sy: Any, sz: Any, t_lo: Any, t_hi: Any, keys: Any, parents: Any, top: Any,
+        typing: Any, rows: Any, node: Any, ray: Any, t_lo: Any, t_hi: Any,
+        keys: Any, parents: Any, top: Any,
     ) -> Any:  # fmt: skip
         """Do what `push_boxes_plain` does."""
-        del typing, node, x, y, z, rx, ry, rz, sx, sy, sz, t_lo, t_hi, top
-        numbers = [types.float32] * 6 + [types.int64] * 3 + [types.float32] * 2
-        result = types.UniTuple(types.int64, 2)
-        return result(rows, types.int64, *numbers, keys, parents, types.int64), _push_code
+        del typing, node, t_lo, t_hi, top
+        fields = [types.float32] * 6 + [types.int64] * 3
+        ray = types.NamedTuple(fields, ray.instance_class)
+        result, single = types.UniTuple(types.int64, 2), types.float32
+        return result(
+            rows, types.int64, ray, single, single, keys, parents, types.int64
+        ), _push_code
 
     @intrinsic
     def sort_key(typing: Any, x: Any) -> Any:

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from hybrid_rt.intersection.kernels.search.boxes import LANES, push_boxes, sort_key
+from hybrid_rt.intersection.kernels.search.boxes import LANES, BoxRay, push_boxes, sort_key
 from meshing.kernels.jit import inlined, inner, kernel
 
 WIDTH = LANES
@@ -43,7 +43,7 @@ class Tree(NamedTuple):
 
 
 class Stack(NamedTuple):
-    """Where the children wait that a ray has yet to visit; see `kernels.boxes`."""
+    """Where the children wait that a ray has yet to visit; see `search.boxes`."""
 
     key: Any  # (m,) int32
     parent: Any  # (m,) uint32
@@ -207,20 +207,6 @@ def build_tree(lower, upper, leaf_size):
     return rows, rows.view(np.int32), order, stack
 
 
-class BoxRay(NamedTuple):
-    """A ray as `push_boxes` takes it: float32, and where the near bounds of each axis stand."""
-
-    x: Any
-    y: Any
-    z: Any
-    rx: Any
-    ry: Any
-    rz: Any
-    sx: int
-    sy: int
-    sz: int
-
-
 @inlined
 def _reciprocal(x):
     """1/x for a slab test, in float32, with tiny components replaced (never an infinity)."""
@@ -250,9 +236,8 @@ def push_children(tree, node, ray, t_lo, t_cut, stack, top):
     Returns the new height, and the key on top, `FARTHEST` if there is none.
     """
     return push_boxes(
-        tree.rows, node, ray.x, ray.y, ray.z, ray.rx, ray.ry, ray.rz, ray.sx, ray.sy, ray.sz,
-        np.float32(t_lo), np.float32(t_cut), stack.key, stack.parent, top,
-    )  # fmt: skip
+        tree.rows, node, ray, np.float32(t_lo), np.float32(t_cut), stack.key, stack.parent, top
+    )
 
 
 @inlined
