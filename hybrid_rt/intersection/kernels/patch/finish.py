@@ -6,13 +6,15 @@ from hybrid_rt.intersection.kernels.patch.evaluate import evaluate_any
 from hybrid_rt.intersection.kernels.patch.solve import (
     CONVERGED,
     band_of,
+    from_centre,
     newton,
     offer_border,
     offer_root,
+    patch_of,
 )
 from hybrid_rt.intersection.kernels.search.coarse import parameters_at
 from hybrid_rt.intersection.kernels.search.counters import CHANGED
-from hybrid_rt.intersection.kernels.search.frame import any_normal, enter_frame
+from hybrid_rt.intersection.kernels.search.frame import FrameRay, any_normal, enter_frame
 from hybrid_rt.intersection.kernels.search.nearest import CLEAR, SUSPECT, WITHIN_BAND
 from hybrid_rt.intersection.kernels.search.rays import NORMAL_DEGENERATE
 from hybrid_rt.intersection.kernels.search.tolerances import TANGENT_BAND
@@ -42,7 +44,7 @@ def count_changed(t_guess, t_before, best, counters):
 @hot_kernel
 def refine_patches(table, hits, triangles, first_patch, rows, rays, best, basis, accepted):
     """Newton from coarse hits, with no proof of anything (accuracy "refined")."""
-    degree = table.degree
+    to_world = 1.0 / table.to_frame
     for j in range(hits.face.shape[0]):
         i, f = rows[j], hits.face[j]
         if first_patch[triangles.object_id[f]] < 0:
@@ -54,26 +56,19 @@ def refine_patches(table, hits, triangles, first_patch, rows, rays, best, basis,
         hx, hy, hz, lx, ly, lz, shift = enter_frame(
             o[0], o[1], o[2], d[0], d[1], d[2], middle[0], middle[1], middle[2], table.to_frame
         )
-        c = table.centre[k]
-        ox, oy, oz = hx - c[0] + lx, hy - c[1] + ly, hz - c[2] + lz
-        m, n = degree[k, 0], degree[k, 1]
+        ray = FrameRay(hx, hy, hz, lx, ly, lz, d[0], d[1], d[2], shift, to_world)
+        patch, line = patch_of(table, k, basis), from_centre(table, k, ray)
         status, a, b, s, _, n_dot_d, gain_u, gain_v = newton(
-            table.control, table.start[k], m, n, basis, table.size[k], ox, oy, oz, d[0], d[1], d[2],
-            a, b, hits.t[j] * table.to_frame - shift, 1.0, 1.0,
-        )  # fmt: skip
+            patch, line, a, b, hits.t[j] * table.to_frame - shift, 1.0, 1.0
+        )
         if status != CONVERGED:
             continue
         if 0.0 <= a <= 1.0 and 0.0 <= b <= 1.0:
-            is_offered = offer_root(
-                i, a, b, s, n_dot_d, m, n, table.size[k], ox, oy, oz, d[0], d[1], d[2], shift,
-                1.0 / table.to_frame, table.object_id[k], k, rays.t_min, rays.known, best,
-            )  # fmt: skip
+            is_offered = offer_root(i, a, b, s, n_dot_d, patch, line, rays, best)
         else:
             is_offered = offer_border(
-                i, a, b, s, n_dot_d, gain_u, gain_v, table.control, table.start[k], basis, m, n,
-                table.size[k], ox, oy, oz, d[0], d[1], d[2], 0.0, True, shift,
-                1.0 / table.to_frame, table.object_id[k], k, rays.t_min, rays.known, best,
-            )  # fmt: skip
+                i, a, b, s, n_dot_d, gain_u, gain_v, patch, line, 0.0, True, rays, best
+            )
         if is_offered:
             accepted[j] = True
 
@@ -160,7 +155,8 @@ def finish_patches(table, rays, best, kind_of, kind, basis, out):
             and not is_degenerate
         ):
             continue
-        band = band_of(table.around, k, hx, hy, hz, dx, dy, dz, shift)
+        ray = FrameRay(hx, hy, hz, lx, ly, lz, dx, dy, dz, shift, to_world)
+        band = band_of(table.around, k, ray)
         du, dv, is_alone = _steps(ux, uy, uz, vx, vy, vz, dx, dy, dz, det, band, table.bend, k)
         if residual > band:
             best.tangent[i] = WITHIN_BAND
@@ -192,10 +188,11 @@ def aim_at_patches(table, rays, best, out, rows, basis, bands, outward, is_edge)
         u, v = best.a[i], best.b[i]
         o, d = rays.origin[i], rays.direction[i]
         dx, dy, dz = d[0], d[1], d[2]
-        hx, hy, hz, _, _, _, shift = enter_frame(
+        hx, hy, hz, lx, ly, lz, shift = enter_frame(
             o[0], o[1], o[2], dx, dy, dz, middle[0], middle[1], middle[2], table.to_frame
         )
-        band = band_of(table.around, k, hx, hy, hz, dx, dy, dz, shift)
+        ray = FrameRay(hx, hy, hz, lx, ly, lz, dx, dy, dz, shift, 1.0 / table.to_frame)
+        band = band_of(table.around, k, ray)
         bands[j] = band / table.to_frame
         _, _, _, ux, uy, uz, vx, vy, vz = evaluate_any(
             table.control, table.start[k], table.degree[k, 0], table.degree[k, 1], u, v, basis

@@ -6,6 +6,8 @@ the three unknowns (u, v, t) of S(u, v) = o + t d (Toth 1985, "On ray tracing pa
 surfaces"); its step needs only cross products.
 """
 
+from typing import Any, NamedTuple
+
 import numpy as np
 
 from hybrid_rt.intersection.kernels.patch.evaluate import evaluate_any
@@ -29,6 +31,52 @@ BORDER = 3.0
 REACH = 1.0
 
 
+class Patch(NamedTuple):
+    """One patch: a row of a `PatchTable`."""
+
+    control: Any  # the nets of all patches, relative to their centres
+    start: Any  # its first control point
+    degree_u: Any
+    degree_v: Any
+    basis: Any  # scratch of `evaluate_any`
+    size: Any  # largest distance of a control point from its centre
+    object_id: Any
+    row: Any
+
+
+class PatchRay(NamedTuple):
+    """A ray from the centre of a patch: o + t d, where the caller's t is (t + shift) to_world."""
+
+    ox: Any
+    oy: Any
+    oz: Any
+    dx: Any
+    dy: Any
+    dz: Any
+    shift: Any
+    to_world: Any
+
+
+@inlined
+def patch_of(table, k, basis):
+    """Return one row of a table as a `Patch`."""
+    m, n = 3, 3  # known to the compiler where all patches are bicubic
+    if basis is not None:
+        m, n = table.degree[k, 0], table.degree[k, 1]
+    return Patch(table.control, table.start[k], m, n, basis, table.size[k], table.object_id[k], k)
+
+
+@inlined
+def from_centre(table, k, ray):
+    """Return a `FrameRay` as seen from the centre of a patch."""
+    ox, oy, oz = (
+        (ray.x - table.centre[k, 0]) + ray.lx,
+        (ray.y - table.centre[k, 1]) + ray.ly,
+        (ray.z - table.centre[k, 2]) + ray.lz,
+    )
+    return PatchRay(ox, oy, oz, ray.dx, ray.dy, ray.dz, ray.shift, ray.to_world)
+
+
 @inlined
 def rounding_of_root(degree_u, degree_v, size, ox, oy, oz, dx, dy, dz, t):
     """Bound the rounding of S(u, v) - o - t d, for parameters within the patch.
@@ -43,24 +91,21 @@ def rounding_of_root(degree_u, degree_v, size, ox, oy, oz, dx, dy, dz, t):
 
 
 @inlined
-def band_of(around, k, x, y, z, dx, dy, dz, shift):
-    """Return 64 eps x scale for a patch, in lengths of the frame.
+def band_of(around, k, ray):
+    """Return 64 eps x scale for a patch and a `FrameRay`, in lengths of the frame.
 
-    The scale is that of its object: ``around[k]`` holds the object's middle and size. The ray's
-    origin has been advanced by ``shift`` d to (x, y, z).
+    The scale is that of its object: ``around[k]`` holds the object's middle and size.
     """
     ax, ay, az = (
-        x - shift * dx - around[k, 0],
-        y - shift * dy - around[k, 1],
-        z - shift * dz - around[k, 2],
+        ray.x - ray.shift * ray.dx - around[k, 0],
+        ray.y - ray.shift * ray.dy - around[k, 1],
+        ray.z - ray.shift * ray.dz - around[k, 2],
     )
     return TANGENT_BAND * max(np.sqrt(ax * ax + ay * ay + az * az), around[k, 3])
 
 
 @inner
-def newton(
-    control, start, degree_u, degree_v, basis, size, ox, oy, oz, dx, dy, dz, u, v, t, side_u, side_v
-):
+def newton(patch, ray, u, v, t, side_u, side_v):
     """Solve S(u, v) = o + t d from a start, to the last digits that rounding leaves.
 
     It has converged when a step is small beside the sides of the cell, so that the next would be
@@ -74,6 +119,8 @@ def newton(
     n_dot_d : |n.d| with n unit
     gain_u, gain_v : how far u and v move when the equation is off by a length of one
     """
+    control, start, degree_u, degree_v, basis, size, _, _ = patch
+    ox, oy, oz, dx, dy, dz, _, _ = ray
     n_dot_d = gain_u = gain_v = 0.0
     error = rounding_of_root(degree_u, degree_v, size, ox, oy, oz, dx, dy, dz, t)
     for step in range(1, MAX_STEPS + 1):
@@ -110,14 +157,14 @@ def newton(
 
 
 @inner
-def approach(
-    control, start, degree_u, degree_v, basis, ox, oy, oz, dx, dy, dz, u, v, u0, u1, v0, v1, steps
-):
+def approach(patch, ray, u, v, u0, u1, v0, v1, steps):
     """Move (u, v) within a rectangle so that S(u, v) lies beside the ray; return u, v, t, gap, |n.d|.
 
     At a silhouette both tangents point the same way as seen along the ray: one of them, the longer,
     can cancel what separates the two along it; across it they are no further apart than rounding.
     """
+    control, start, degree_u, degree_v, basis, _, _, _ = patch
+    ox, oy, oz, dx, dy, dz, _, _ = ray
     dd = dx * dx + dy * dy + dz * dz
     for step in range(steps + 1):
         x, y, z, xu, yu, zu, xv, yv, zv = evaluate_any(
@@ -153,25 +200,22 @@ def approach(
 
 
 @inner
-def offer_root(
-    i, u, v, t, n_dot_d, degree_u, degree_v, size, ox, oy, oz, dx, dy, dz, shift, to_world,
-    object_id, patch, t_min, known, best,
-):  # fmt: skip
-    """Offer a root within the patch as a hit; tell whether it may be one."""
-    error = rounding_of_root(degree_u, degree_v, size, ox, oy, oz, dx, dy, dz, t)
+def offer_root(i, u, v, t, n_dot_d, patch, ray, rays, best):
+    """Offer a root within the patch as a hit of ray i; tell whether it may be one."""
+    ox, oy, oz, dx, dy, dz, shift, to_world = ray
+    t_min, known = rays.t_min, rays.known
+    error = rounding_of_root(patch.degree_u, patch.degree_v, patch.size, ox, oy, oz, dx, dy, dz, t)
     t_world = (t + shift) * to_world
     t_bound = (2.0 * error / n_dot_d + 2.0 * UNIT_ROUNDOFF * abs(t + shift)) * to_world
     if not t_world > t_min[i] or is_known(i, t_world, t_bound, n_dot_d, known):
         return False
-    offer(i, t_world, t_bound, n_dot_d, CLEAR, object_id, patch, u, v, t_min, known, best)
+    offer(i, t_world, t_bound, n_dot_d, CLEAR, patch.object_id, patch.row, u, v, t_min, known, best)
     return True
 
 
 @inner
 def offer_border(
-    i, u, v, t, n_dot_d, gain_u, gain_v,
-    control, start, basis, degree_u, degree_v, size, ox, oy, oz, dx, dy, dz, band, is_owner,
-    shift, to_world, object_id, patch, t_min, known, best,
+    i, u, v, t, n_dot_d, gain_u, gain_v, patch, ray, band, is_owner, rays, best
 ):  # fmt: skip
     """Offer the point of the border next to a root beyond it; tell whether it may be a hit.
 
@@ -179,7 +223,8 @@ def offer_border(
     patches share meets at least one of them; and a doubt within the band. (With a band of nothing no
     doubts are noted.) ``is_owner`` tells whether the point is this cell's to offer.
     """
-    error = rounding_of_root(degree_u, degree_v, size, ox, oy, oz, dx, dy, dz, t)
+    ox, oy, oz, dx, dy, dz, shift, to_world = ray
+    error = rounding_of_root(patch.degree_u, patch.degree_v, patch.size, ox, oy, oz, dx, dy, dz, t)
     accepted = BORDER * error if band == 0.0 else min(BORDER * error, band)
     reach = NEAR * max(band, accepted)
     if not (
@@ -187,17 +232,12 @@ def offer_border(
         and -reach * gain_v <= v <= 1.0 + reach * gain_v
     ):
         return False
-    u, v, t, gap, _ = approach(
-        control, start, degree_u, degree_v, basis, ox, oy, oz, dx, dy, dz,
-        min(max(u, 0.0), 1.0), min(max(v, 0.0), 1.0), 0.0, 1.0, 0.0, 1.0, BORDER_APPROACHES,
-    )  # fmt: skip
+    u, v = min(max(u, 0.0), 1.0), min(max(v, 0.0), 1.0)
+    u, v, t, gap, _ = approach(patch, ray, u, v, 0.0, 1.0, 0.0, 1.0, BORDER_APPROACHES)
     if gap <= accepted:
-        return is_owner and offer_root(
-            i, u, v, t, n_dot_d, degree_u, degree_v, size, ox, oy, oz, dx, dy, dz, shift, to_world,
-            object_id, patch, t_min, known, best,
-        )  # fmt: skip
+        return is_owner and offer_root(i, u, v, t, n_dot_d, patch, ray, rays, best)
     if gap <= band:
-        doubt(i, (t + shift) * to_world, band * to_world, t_min, known, best)
+        doubt(i, (t + shift) * to_world, band * to_world, rays.t_min, rays.known, best)
     return False
 
 

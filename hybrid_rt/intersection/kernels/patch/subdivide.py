@@ -101,18 +101,17 @@ def _steepness(control, start, degree_u, degree_v, basis, u, v, dx, dy, dz):
 
 @inlined
 def slow_solve(
-    i, nets, boxes, basis,
-    control, start, degree_u, degree_v, size, ox, oy, oz, dx, dy, dz,
-    u0, u1, v0, v1, t_lo, t_cut, band, shift, to_world,
-    object_id, patch, t_min, known, best, counters,
+    i, patch, ray, u0, u1, v0, v1, t_lo, t_cut, band, rays, best, scratch, counters
 ):  # fmt: skip
     """Find the first root of ray i in the rectangle [u0, u1] x [v0, v1] of a patch and offer it.
 
-    The ray is relative to the patch's centre; t in [t_lo, t_cut] counts lengths of d from o, and
-    ``(t + shift) to_world`` is the caller's t. Pieces without a root, but within ``band`` of the
-    ray, are noted as doubts. ``nets`` (`DEPTH`, m + 1, n + 1, 3) and ``boxes``
-    (`DEPTH`, 4) are scratch. What is offered depends on ray and rectangle only, not on `best`.
+    t in [t_lo, t_cut] counts lengths of d from o. Pieces without a root, but within ``band`` of the
+    ray, are noted as doubts. What is offered depends on ray and rectangle only, not on `best`.
     """
+    control, start, degree_u, degree_v, basis, size, object_id, row = patch
+    ox, oy, oz, dx, dy, dz, shift, to_world = ray
+    t_min, known = rays.t_min, rays.known
+    nets, boxes = scratch.nets, scratch.boxes
     counters[SLOW] += 1
     length = np.sqrt(dx * dx + dy * dy + dz * dz)
     ex, ey, ez = dx / length, dy / length, dz / length
@@ -205,9 +204,8 @@ def slow_solve(
         # --- no root, but is it within the band?
         if is_beside and (is_point or (y1 - y0 < THIN_BESIDE * reach and not is_long)):
             _, _, t, gap, _ = approach(
-                control, start, degree_u, degree_v, basis, ox, oy, oz, dx, dy, dz,
-                um, vm, um - hu, um + hu, vm - hv, vm + hv, APPROACHES,
-            )  # fmt: skip
+                patch, ray, um, vm, um - hu, um + hu, vm - hv, vm + hv, APPROACHES
+            )
             if gap <= BESIDE * reach:
                 doubt(i, (t + shift) * to_world, reach * to_world, t_min, known, best)
             if is_point or gap <= BESIDE * reach:
@@ -222,9 +220,8 @@ def slow_solve(
                 # slope.
                 slope = max(n_dot_d, FLATTEST)
                 u, v, t_near, gap, there = approach(
-                    control, start, degree_u, degree_v, basis, ox, oy, oz, dx, dy, dz,
-                    um, vm, um - hu, um + hu, vm - hv, vm + hv, APPROACHES,
-                )  # fmt: skip
+                    patch, ray, um, vm, um - hu, um + hu, vm - hv, vm + hv, APPROACHES
+                )
                 slope = max(min(slope, there / length), FLATTEST)
                 t_bound = 0.5 * (h1 - h0) + (4.0 * slop + 2.0 * gap) / slope
                 t_bound += abs(t_near - t) * length
@@ -233,7 +230,7 @@ def slow_solve(
                 slope *= length
                 if t_world > t_min[i] and not is_known(i, t_world, t_bound, slope, known):
                     offer(
-                        i, t_world, t_bound, slope, SUSPECT, object_id, patch, u, v,
+                        i, t_world, t_bound, slope, SUSPECT, object_id, row, u, v,
                         t_min, known, best,
                     )  # fmt: skip
                     h_cut = min(h_cut, h0)
@@ -273,9 +270,8 @@ def slow_solve(
                     counters[NEWTONS] += 1
                     cu, cv = min(max(cu, -1.0), 1.0), min(max(cv, -1.0), 1.0)
                     status, u, v, t, steps, n_dot_d, gain_u, gain_v = newton(
-                        control, start, degree_u, degree_v, basis, size, ox, oy, oz, dx, dy, dz,
-                        um + hu * cu, vm + hv * cv, 0.5 * (h0 + h1) / length, hu, hv,
-                    )  # fmt: skip
+                        patch, ray, um + hu * cu, vm + hv * cv, 0.5 * (h0 + h1) / length, hu, hv
+                    )
                     counters[STEPS] += steps
                     if status == CONVERGED:
                         slack = OWNED * rounding_of_root(
@@ -287,13 +283,11 @@ def slow_solve(
                         is_owner = abs(in_u - um) <= hu + slack_u and abs(in_v - vm) <= hv + slack_v
                         if u != in_u or v != in_v:
                             offer_border(
-                                i, u, v, t, n_dot_d, gain_u, gain_v, control, start, basis,
-                                degree_u, degree_v, size, ox, oy, oz, dx, dy, dz, band, is_owner,
-                                shift, to_world, object_id, patch, t_min, known, best,
+                                i, u, v, t, n_dot_d, gain_u, gain_v, patch, ray, band, is_owner,
+                                rays, best,
                             )  # fmt: skip
                         elif is_owner and offer_root(
-                            i, u, v, t, n_dot_d, degree_u, degree_v, size, ox, oy, oz, dx, dy, dz,
-                            shift, to_world, object_id, patch, t_min, known, best,
+                            i, u, v, t, n_dot_d, patch, ray, rays, best
                         ):  # fmt: skip
                             h_cut = min(h_cut, t * length)
                         continue

@@ -27,15 +27,17 @@ from hybrid_rt.intersection.kernels.patch.skew_box import LOWER, UPPER, meet_box
 from hybrid_rt.intersection.kernels.patch.solve import (
     CONVERGED,
     band_of,
+    from_centre,
     newton_inlined,
     offer_border,
     offer_root_inlined,
+    patch_of,
     rounding_of_root,
 )
 from hybrid_rt.intersection.kernels.patch.subdivide import slow_solve
 from hybrid_rt.intersection.kernels.search.boxes import NEVER_MET
 from hybrid_rt.intersection.kernels.search.counters import CELLS, NEWTONS, NODES, STEPS
-from hybrid_rt.intersection.kernels.search.frame import begin_of, end_of, enter_frame
+from hybrid_rt.intersection.kernels.search.frame import FrameRay, begin_of, end_of, enter_frame
 from hybrid_rt.intersection.kernels.search.tolerances import BORDER_SLACK, OWNED
 from hybrid_rt.intersection.kernels.search.tree import CHILD, COUNT, box_ray, cut_key, descend
 from meshing.kernels.jit import hot_kernel, inlined
@@ -80,10 +82,7 @@ MORE = 8
 
 
 @inlined
-def solve_cell(
-    i, cell, record, cell_patch, control, start, degree, centre, size, around, object_id, basis,
-    x, y, z, lx, ly, lz, dx, dy, dz, t_lo, t_cut, shift, to_world, t_min, known, best, quartered,
-):  # fmt: skip
+def solve_cell(i, cell, table, basis, ray, t_lo, t_cut, rays, best, quartered):
     """Settle one cell for one ray: offer its root, or know that there is none that matters.
 
     Returns
@@ -93,7 +92,10 @@ def solve_cell(
     boxes : 1 if the ray meets the cell's box
     steps : Newton steps
     """
-    t0, t1, ou, ov, on, du, dv, dn = meet_box(record, cell, x, y, z, dx, dy, dz)
+    record = table.record
+    t0, t1, ou, ov, on, du, dv, dn = meet_box(
+        record, cell, ray.x, ray.y, ray.z, ray.dx, ray.dy, ray.dz
+    )
     if t0 > t1 or t1 < t_lo or t0 > t_cut:
         return SETTLED, np.inf, 0, 0
     r = record[cell]
@@ -101,19 +103,13 @@ def solve_cell(
     if not abs(dn) > r[FAN] * abs(du) + r[FAN + 1] * abs(dv) + FAN_SLACK:
         return unsettled, np.inf, 1, 0
     # --- at most one root: Newton from the middle of the box along the normal
-    patch = cell_patch[cell]
-    ox, oy, oz = (
-        (x - centre[patch, 0]) + lx,
-        (y - centre[patch, 1]) + ly,
-        (z - centre[patch, 2]) + lz,
-    )
+    k = table.cell_patch[cell]
+    patch, line = patch_of(table, k, basis), from_centre(table, k, ray)
     um, vm, hu, hv = r[MIDDLE_U], r[MIDDLE_V], r[HALF], r[HALF + 1]
-    first, m, n = start[patch], degree[patch, 0], degree[patch, 1]
     t = min(max((0.5 * (r[LOWER + ROW_N] + r[UPPER + ROW_N]) - on) / dn, t0), t1)
     status, u, v, t, steps, n_dot_d, gain_u, gain_v = newton_inlined(
-        control, first, m, n, basis, size[patch], ox, oy, oz, dx, dy, dz,
-        um + hu * (ou + t * du), vm + hv * (ov + t * dv), t, hu, hv,
-    )  # fmt: skip
+        patch, line, um + hu * (ou + t * du), vm + hv * (ov + t * dv), t, hu, hv
+    )
     if status != CONVERGED:
         return unsettled, np.inf, 1, steps
     # What is beyond the patch has its nearest point on the border.
@@ -123,23 +119,20 @@ def solve_cell(
     grown = 1.0 + 2.0 * GROWTH
     if not (abs(u - um) <= grown * hu and abs(v - vm) <= grown * hv):
         return unsettled, t_root, 1, steps
-    slack = OWNED * rounding_of_root(m, n, size[patch], ox, oy, oz, dx, dy, dz, t)
+    slack = OWNED * rounding_of_root(
+        patch.degree_u, patch.degree_v, patch.size,
+        line.ox, line.oy, line.oz, line.dx, line.dy, line.dz, t,
+    )  # fmt: skip
     is_owner = (
         abs(in_u - um) <= hu * (1.0 + BORDER_SLACK) + slack * gain_u
         and abs(in_v - vm) <= hv * (1.0 + BORDER_SLACK) + slack * gain_v
     )
     if is_inside:
         if is_owner:
-            offer_root_inlined(
-                i, u, v, t, n_dot_d, m, n, size[patch], ox, oy, oz, dx, dy, dz, shift, to_world,
-                object_id[patch], patch, t_min, known, best,
-            )  # fmt: skip
+            offer_root_inlined(i, u, v, t, n_dot_d, patch, line, rays, best)
     elif abs(u - in_u) <= BOX_SLACK * gain_u and abs(v - in_v) <= BOX_SLACK * gain_v:
-        offer_border(
-            i, u, v, t, n_dot_d, gain_u, gain_v, control, first, basis, m, n, size[patch],
-            ox, oy, oz, dx, dy, dz, band_of(around, patch, x, y, z, dx, dy, dz, shift), is_owner,
-            shift, to_world, object_id[patch], patch, t_min, known, best,
-        )  # fmt: skip
+        band = band_of(table.around, k, ray)
+        offer_border(i, u, v, t, n_dot_d, gain_u, gain_v, patch, line, band, is_owner, rays, best)
     return SETTLED, t_root, 1, steps
 
 
@@ -170,14 +163,12 @@ def trace_patches(table, tree, rays, aside, guess, best, any_hit, scratch, t_gue
     n_doubts : rows of the queue to settle
     """
     middle, to_frame = table.middle, table.to_frame
-    control, start, degree = table.control, table.start, table.degree
-    centre, size, around = table.centre, table.size, table.around
-    object_id, record, cell_patch = table.object_id, table.record, table.cell_patch
+    record = table.record
     # Cells come before their quarters.
     n_cells = table.place.shape[0]
     n_quartered = n_cells if record.shape[0] > n_cells else 0
     links = tree.links
-    origin, direction, t_min, known = rays.origin, rays.direction, rays.t_min, rays.known
+    origin, direction, t_min = rays.origin, rays.direction, rays.t_min
     t_best = best.t
     to_world = 1.0 / to_frame
     mx, my, mz = middle[0], middle[1], middle[2]
@@ -197,7 +188,8 @@ def trace_patches(table, tree, rays, aside, guess, best, any_hit, scratch, t_gue
         )
         if aside.shape[0] > 0:
             x, y, z = x + aside[i, 0], y + aside[i, 1], z + aside[i, 2]
-        ray = box_ray(x, y, z, dx, dy, dz)
+        ray = FrameRay(x, y, z, lx, ly, lz, dx, dy, dz, shift, to_world)
+        box = box_ray(x, y, z, dx, dy, dz)
         t_lo = begin_of(t_min[i], to_frame, shift)
         t_cut = end_of(t_best[i], to_frame, shift)
         t_hi = cut_key(t_cut)
@@ -228,7 +220,7 @@ def trace_patches(table, tree, rays, aside, guess, best, any_hit, scratch, t_gue
                 key, node, count = np.int64(0), np.int64(0), np.int64(0)
             if count == 0:
                 top, node, count, key, nodes = descend(
-                    tree, node, ray, t_lo, t_cut, scratch.stack, top
+                    tree, node, box, t_lo, t_cut, scratch.stack, top
                 )
                 n_nodes += nodes
                 if count == 0:
@@ -236,10 +228,8 @@ def trace_patches(table, tree, rays, aside, guess, best, any_hit, scratch, t_gue
             if is_walking and node == done:
                 continue
             outcome, t, met, steps = solve_cell(
-                i, node, record, cell_patch, control, start, degree, centre, size, around,
-                object_id, basis, x, y, z, lx, ly, lz, dx, dy, dz, t_lo, t_cut,
-                shift, to_world, t_min, known, best, node < n_quartered,
-            )  # fmt: skip
+                i, node, table, basis, ray, t_lo, t_cut, rays, best, node < n_quartered
+            )
             n_met += met
             n_steps += steps
             n_solves += 1 if steps > 0 else 0
@@ -283,17 +273,11 @@ def settle_doubts(table, rays, aside, best, any_hit, scratch, n_doubts, counters
         t_lo = begin_of(rays.t_min[i], to_frame, shift)
         t_cut = end_of(best.t[i], to_frame, shift)
         k = np.int64(table.cell_patch[cell])
-        c = table.centre[k]
         um, vm = record[cell, MIDDLE_U], record[cell, MIDDLE_V]
         hu, hv = record[cell, HALF], record[cell, HALF + 1]
-        m, n = 3, 3  # known to the compiler where all patches are bicubic
-        if scratch.basis is not None:
-            m, n = table.degree[k, 0], table.degree[k, 1]
+        ray = FrameRay(x, y, z, lx, ly, lz, d[0], d[1], d[2], shift, to_world)
         slow_solve(
-            i, scratch.nets, scratch.boxes, scratch.basis, table.control, table.start[k],
-            m, n, table.size[k],
-            (x - c[0]) + lx, (y - c[1]) + ly, (z - c[2]) + lz, d[0], d[1], d[2],
-            um - hu, um + hu, vm - hv, vm + hv, t_lo, t_cut,
-            band_of(table.around, k, x, y, z, d[0], d[1], d[2], shift), shift, to_world,
-            table.object_id[k], k, rays.t_min, rays.known, best, counters,
+            i, patch_of(table, k, scratch.basis), from_centre(table, k, ray),
+            um - hu, um + hu, vm - hv, vm + hv, t_lo, t_cut, band_of(table.around, k, ray),
+            rays, best, scratch, counters,
         )  # fmt: skip

@@ -4,6 +4,8 @@ World coordinates far from the origin, or rays that start far away, would lose i
 subtraction what is kept here: the origin is carried as an unevaluated sum of two numbers.
 """
 
+from typing import Any, NamedTuple
+
 import numpy as np
 
 from hybrid_rt.core.kernels.compensated import advance, two_difference
@@ -14,6 +16,22 @@ FRAME_RADIUS = 1.0
 # What begins within this behind the nearest root is still looked into (times 1 + |t|): far more than
 # two neighbours can disagree on the t of a root that they share.
 CUT_SLACK = 2.0**-20
+
+
+class FrameRay(NamedTuple):
+    """A ray near a frame's ball: (high + low) + t d, where the caller's t is (t + shift) to_world."""
+
+    x: Any  # the origin's high part
+    y: Any
+    z: Any
+    lx: Any  # and its low one
+    ly: Any
+    lz: Any
+    dx: Any
+    dy: Any
+    dz: Any
+    shift: Any
+    to_world: Any
 
 
 @inlined
