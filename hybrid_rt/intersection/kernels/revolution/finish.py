@@ -3,7 +3,7 @@
 import numpy as np
 
 from hybrid_rt.intersection.kernels.revolution.outlines import is_outline
-from hybrid_rt.intersection.kernels.revolution.profile import profile
+from hybrid_rt.intersection.kernels.revolution.profile import profile, segment_of
 from hybrid_rt.intersection.kernels.revolution.sheets import (
     ACROSS,
     COSINE,
@@ -32,26 +32,24 @@ def refine_revolutions(table, hits, triangles, row_of, rows, rays, best, ray, ac
         if k < 0:
             continue
         o, d = rays.origin[i], rays.direction[i]
-        shift = enter_axis_frame(
-            k, o[0], o[1], o[2], d[0], d[1], d[2], table.middle, table.to_frame[k], table.turn,
-            table.aside, table.size[k], table.roundings[k], ray,
-        )  # fmt: skip
+        shift = enter_axis_frame(k, table, o[0], o[1], o[2], d[0], d[1], d[2], ray)
         for seg in range(table.first_segment[k], table.first_segment[k + 1]):
             if table.segment_id[seg] != triangles.piece[f]:
                 continue
             _, s = parameters_at(triangles, f, hits.u[j], hits.v[j])
             begin = hits.t[j] * table.to_frame[k] - shift
-            degree = table.degree[seg]
-            noise, error = rounding(degree, table.size[k], ray, begin)
+            segment = segment_of(table, k, seg)
+            noise, error = rounding(segment.degree, table.size[k], ray, begin)
             after = ray[WAY] + begin * ray[ACROSS] >= 0.0
             ok, s, root, _, slope, gain = meet(
-                table.control, table.start[seg], degree, ray, after, s, begin, noise
+                segment.control, segment.start, segment.degree, ray, after, s, begin, noise
             )
-            if ok and offer_meeting(
-                i, s, root, slope, gain, noise, error, table.control, table.start[seg], degree,
-                table.end[seg], ray, after, shift, 1.0 / table.to_frame[k], table.object_id[k], seg,
-                rays.t_min, rays.known, best,
-            )[1]:  # fmt: skip
+            if not ok:
+                continue
+            _, is_offered = offer_meeting(
+                i, s, root, slope, gain, noise, error, segment, ray, after, rays, best
+            )
+            if is_offered:
                 accepted[j] = True
 
 
@@ -65,10 +63,7 @@ def finish_revolutions(table, rays, best, row_of, ray, out):
         to_frame, e = table.to_frame[k], table.turn[k]
         control, start, degree = table.control, table.start[seg], table.degree[seg]
         o, d = rays.origin[i], rays.direction[i]
-        shift = enter_axis_frame(
-            k, o[0], o[1], o[2], d[0], d[1], d[2], table.middle, to_frame, table.turn,
-            table.aside, table.size[k], table.roundings[k], ray,
-        )  # fmt: skip
+        shift = enter_axis_frame(k, table, o[0], o[1], o[2], d[0], d[1], d[2], ray)
         t = best.t[i] * to_frame - shift
         z, r, zs, rs, zz, rr = profile(control, start, degree, s)
         w, side = ray[WAY] + t * ray[ACROSS], ray[SIDE]

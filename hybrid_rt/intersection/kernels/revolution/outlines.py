@@ -22,7 +22,9 @@ from hybrid_rt.intersection.kernels.revolution.sheets import (
     HEIGHT,
     LENGTH,
     RISE,
+    SHIFT,
     SIDE,
+    TO_WORLD,
     WAY,
     bend_of_ray,
     distance,
@@ -42,14 +44,14 @@ BESIDE_END = 1e-4
 
 
 @inner
-def note_doubt(i, t, shift, to_world, ray, t_min, known, best):
+def note_doubt(i, t, ray, rays, best):
     """Note that something within the TANGENT band of ray i was passed by at t."""
-    t = (t + shift) * to_world
-    if not (t > t_min[i] and t < best.doubt[i]):
+    t = (t + ray[SHIFT]) * ray[TO_WORLD]
+    if not (t > rays.t_min[i] and t < best.doubt[i]):
         return
     # A point of departure is in nobody's way, nor is a target.
-    near = 4.0 * ray[BAND] / ray[LENGTH] * to_world
-    if not is_known(i, t, near, ray[LENGTH], known):
+    near = 4.0 * ray[BAND] / ray[LENGTH] * ray[TO_WORLD]
+    if not is_known(i, t, near, ray[LENGTH], rays.known):
         best.doubt[i] = t
 
 

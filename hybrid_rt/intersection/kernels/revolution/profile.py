@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from hybrid_rt.intersection.kernels.search.tolerances import BORDER_SLACK
-from meshing.kernels.jit import inner, kernel
+from meshing.kernels.jit import inlined, inner, kernel
 
 # Where a piece grown by this part of its length has at most one root, a root beside the piece itself
 # proves that it has none.
@@ -48,6 +48,28 @@ class RevolutionTable(NamedTuple):
     span: Any  # (segments, 4): z and r of the segment
     whole: Any  # (k, 3): lowest and highest z, largest r of the object
     piece: Any  # (pieces, PIECE)
+
+
+class Segment(NamedTuple):
+    """One segment of an object's profile: a row of a `RevolutionTable`."""
+
+    control: Any  # the nets of all segments
+    start: Any  # its first control point
+    degree: Any
+    outlines: Any
+    end: Any  # (2, END)
+    size: Any  # of the object
+    object_id: Any
+    row: Any
+
+
+@inlined
+def segment_of(table, k, row):
+    """Return one row of a table as a `Segment`, of object k."""
+    return Segment(
+        table.control, table.start[row], table.degree[row], table.outlines[row], table.end[row],
+        table.size[k], table.object_id[k], row,
+    )  # fmt: skip
 
 
 @inner

@@ -26,25 +26,26 @@ FARTHEST_BASE = 3.0
 # Columns of a ray in the frame of an axis: its height and its way along the direction across the
 # axis at t = 0, and how both grow with t; its distance beside the axis, without and with a sign;
 # t = 0 itself, in lengths of the direction from the origin; lengths of direction and origin; that
-# direction across; half the width in which decisions are TANGENT; rounding of one evaluation.
+# direction across; half the width in which decisions are TANGENT; rounding of one evaluation; and
+# what brings t back: the caller's t is (t + SHIFT) TO_WORLD.
 (
-    HEIGHT, RISE, ACROSS, WAY, BESIDE, BASE, LENGTH, AWAY, COSINE, SINE, SIDE, BAND, SLOP,
-) = range(13)  # fmt: skip
-RAY = 13
+    HEIGHT, RISE, ACROSS, WAY, BESIDE, BASE, LENGTH, AWAY, COSINE, SINE, SIDE, BAND, SLOP, SHIFT,
+    TO_WORLD,
+) = range(15)  # fmt: skip
+RAY = 15
 
 
 @inlined
-def enter_axis_frame(
-    k, ox, oy, oz, dx, dy, dz, middle, to_frame, turn, aside, size, roundings, ray
-):
+def enter_axis_frame(k, table, ox, oy, oz, dx, dy, dz, ray):
     """Fill ``ray`` for one object; return by how much t was advanced, in frame units.
 
     Its t begins where it is nearest to the axis, unless that is beyond everything.
     """
+    middle, aside, to_frame, size = table.middle, table.aside, table.to_frame[k], table.size[k]
     hx, hy, hz, lx, ly, lz, shift = enter_frame(
         ox, oy, oz, dx, dy, dz, middle[k, 0], middle[k, 1], middle[k, 2], to_frame
     )
-    e = turn[k]
+    e = table.turn[k]
     x = (e[0, 0] * hx + e[0, 1] * hy + e[0, 2] * hz) + (e[0, 0] * lx + e[0, 1] * ly + e[0, 2] * lz)
     y = (e[1, 0] * hx + e[1, 1] * hy + e[1, 2] * hz) + (e[1, 0] * lx + e[1, 1] * ly + e[1, 2] * lz)
     z = (e[2, 0] * hx + e[2, 1] * hy + e[2, 2] * hz) + (e[2, 0] * lx + e[2, 1] * ly + e[2, 2] * lz)
@@ -75,7 +76,8 @@ def enter_axis_frame(
     # The band is that of the origin before it was advanced; beyond the object nothing is left to
     # doubt.
     ray[BAND] = min(TANGENT_BAND * max(away + abs(shift) * length, 2.0 * size), 2.0 * size)
-    ray[SLOP] = roundings * UNIT_ROUNDOFF * max(size, away)
+    ray[SLOP] = table.roundings[k] * UNIT_ROUNDOFF * max(size, away)
+    ray[SHIFT], ray[TO_WORLD] = shift + base, 1.0 / to_frame
     return shift + base
 
 

@@ -35,7 +35,9 @@ from hybrid_rt.intersection.kernels.revolution.sheets import (
     HEIGHT,
     LENGTH,
     RISE,
+    SHIFT,
     SLOP,
+    TO_WORLD,
     bend_of_ray,
     distance,
     sheet_interval,
@@ -207,10 +209,7 @@ def gap_between(control, start, degree, ray, after, s, t):
 
 
 @inner
-def offer_meeting(
-    i, s, t, slope, gain, noise, error, control, start, degree, end, ray, after, shift, to_world,
-    object_id, segment, t_min, known, best,
-):  # fmt: skip
+def offer_meeting(i, s, t, slope, gain, noise, error, segment, ray, after, rays, best):
     """Offer a converged root if it lies on its segment.
 
     Returns
@@ -218,6 +217,8 @@ def offer_meeting(
     settled : whether this says all of the root; not so where it is beyond an end and the end far off
     offered : whether it may be a hit
     """
+    control, start, degree, end = segment.control, segment.start, segment.degree, segment.end
+    shift, to_world, t_min, known = ray[SHIFT], ray[TO_WORLD], rays.t_min, rays.known
     band = 2.0 * noise * gain + 4.0 * UNIT_ROUNDOFF
     if not -band <= s <= 1.0 + band:
         return True, False
@@ -241,15 +242,15 @@ def offer_meeting(
     if not t_world > t_min[i] or is_known(i, t_world, t_bound, slope, known):
         return True, False
     # Of roots at the same t the one with the lower bound is taken, whichever was found first.
-    offer(i, t_world, t_bound, slope, False, object_id, segment, t_bound, s, t_min, known, best)
+    offer(
+        i, t_world, t_bound, slope, False, segment.object_id, segment.row, t_bound, s,
+        t_min, known, best,
+    )  # fmt: skip
     return True, True
 
 
 @inlined
-def solve_single(
-    i, segment, piece, t0, t1, ray, after, control, start, degree, end, size, shift, to_world,
-    object_id, t_min, known, best, counters,
-):  # fmt: skip
+def solve_single(i, segment, piece, t0, t1, ray, after, rays, best, counters):
     """Newton in a piece that a sheet meets at most once in [t0, t1]: offer its root if there is one.
 
     Returns
@@ -257,10 +258,11 @@ def solve_single(
     settled : whether the iteration ended near enough to say what there is
     t : of the root that was offered; else inf
     """
+    control, start, degree = segment.control, segment.start, segment.degree
     counters[NEWTONS] += 1
     a, b = piece[S0], piece[S1]
     t = 0.5 * (t0 + t1)
-    noise, error = rounding(degree, size, ray, t)
+    noise, error = rounding(degree, segment.size, ray, t)
     ok, s, t, steps, slope, gain = meet(control, start, degree, ray, after, 0.5 * (a + b), t, noise)
     counters[STEPS] += steps
     if not (ok and a - GROWTH * (b - a) <= s <= b + GROWTH * (b - a)):
@@ -282,7 +284,6 @@ def solve_single(
     if not t0 - CUT_AIR <= t <= t1 + CUT_AIR:
         return False, np.inf
     settled, offered = offer_meeting(
-        i, s, t, slope, gain, noise, error, control, start, degree, end, ray, after, shift, to_world,
-        object_id, segment, t_min, known, best,
-    )  # fmt: skip
+        i, s, t, slope, gain, noise, error, segment, ray, after, rays, best
+    )
     return settled, (t if offered else np.inf)

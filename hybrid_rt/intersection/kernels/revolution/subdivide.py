@@ -23,7 +23,9 @@ from hybrid_rt.intersection.kernels.revolution.sheets import (
     HEIGHT,
     LENGTH,
     RISE,
+    SHIFT,
     SLOP,
+    TO_WORLD,
     distance,
     sheet_interval,
 )
@@ -98,11 +100,11 @@ def sine_of_crossing(control, start, degree, ray, after, s, t):
 
 
 @inlined
-def solve_piece(
-    i, segment, piece, ray, after, t_lo, t_cut, control, start, degree, outlines, end, size, shift,
-    to_world, object_id, t_min, known, best, net, stack, scratch, counters,
-):  # fmt: skip
+def solve_piece(i, segment, piece, ray, after, t_lo, t_cut, rays, best, work, counters):
     """Settle one piece on one sheet: offer its first root, or know that there is none."""
+    control, start, degree, outlines, end, size, object_id, row = segment
+    t_min, known = rays.t_min, rays.known
+    net, stack, scratch = work.net, work.stack, work.piece
     band, slop = ray[BAND], ray[SLOP]
     t0, t1 = sheet_interval(piece[Z0], piece[Z1], max(piece[R0], 0.0), piece[R1], ray, after, band)
     if not t0 <= t1 or t1 < t_lo or t0 > t_cut:
@@ -113,18 +115,15 @@ def solve_piece(
         if outlines & (1 << k) != 0 and (a == 0.0 if k == 0 else b == 1.0):
             is_passed, t = pass_end(end[k], ray, after)
             if is_passed:
-                note_doubt(i, t, shift, to_world, ray, t_min, known, best)
+                note_doubt(i, t, ray, rays, best)
     if at_most_one(piece, ray, after, slop):
-        settled, _ = solve_single(
-            i, segment, piece, t0, t1, ray, after, control, start, degree, end, size, shift,
-            to_world, object_id, t_min, known, best, counters,
-        )  # fmt: skip
+        settled, _ = solve_single(i, segment, piece, t0, t1, ray, after, rays, best, counters)
         if settled:
             return
     # --- halve, nearest first
     counters[SLOW] += 1
     fold = 4.0 * np.sqrt(slop * max(size, slop))
-    length = ray[LENGTH]
+    length, shift, to_world = ray[LENGTH], ray[SHIFT], ray[TO_WORLD]
     stack[0, 0], stack[0, 1] = a, b
     top, pieces = 1, 0
     while top > 0:
@@ -159,7 +158,7 @@ def solve_piece(
                 near = approach_profile(control, start, degree, ray, after, s, t)
                 gap = gap_between(control, start, degree, ray, after, s, near)
                 if extent > 0.5 * band or gap <= 1.25 * band:
-                    note_doubt(i, t, shift, to_world, ray, t_min, known, best)
+                    note_doubt(i, t, ray, rays, best)
             continue
         middle = min(max(0.5 * (t0 + t1), t0), t1)
         reach = (t1 - t0) * length
@@ -180,19 +179,16 @@ def solve_piece(
                 slope *= length
                 if t_world > t_min[i] and not is_known(i, t_world, t_bound, slope, known):
                     offer(
-                        i, t_world, t_bound, slope, is_flat, object_id, segment, t_bound, s, t_min,
+                        i, t_world, t_bound, slope, is_flat, object_id, row, t_bound, s, t_min,
                         known, best,
                     )  # fmt: skip
                     t_cut = min(t_cut, t0)
                 continue
             if is_flat:
-                note_doubt(i, middle, shift, to_world, ray, t_min, known, best)
+                note_doubt(i, middle, ray, rays, best)
                 continue
         if t0 > -np.inf and t1 < np.inf and at_most_one(scratch, ray, after, slop):
-            settled, t = solve_single(
-                i, segment, scratch, t0, t1, ray, after, control, start, degree, end, size, shift,
-                to_world, object_id, t_min, known, best, counters,
-            )  # fmt: skip
+            settled, t = solve_single(i, segment, scratch, t0, t1, ray, after, rays, best, counters)
             if settled:
                 t_cut = min(t_cut, t + CUT_SLACK * (1.0 + abs(t)))
                 continue

@@ -7,10 +7,11 @@ the piece to begin with.
 
 from typing import Any, NamedTuple
 
-from hybrid_rt.intersection.kernels.revolution.profile import R1, Z0, Z1
+from hybrid_rt.intersection.kernels.revolution.profile import R1, Z0, Z1, segment_of
 from hybrid_rt.intersection.kernels.revolution.sheets import (
     BAND,
     BESIDE,
+    SHIFT,
     enter_axis_frame,
     height_range,
     sheet_interval,
@@ -33,14 +34,14 @@ class RevolutionScratch(NamedTuple):
 
 @inlined
 def solve_segment(
-    i, seg, object_id, done, is_guess, ray, t_lo, z_low, z_high, size, to_frame, shift, table,
-    t_min, known, best, work, counters,
-):  # fmt: skip
+    i, k, seg, done, is_guess, t_lo, z_low, z_high, table, rays, best, work, counters
+):
     """Settle the pieces of one segment: only piece ``done`` where it is the guess, else the others.
 
     ``z_low`` to ``z_high``: where the ray is near the object, see `height_range`.
     """
-    span, piece, first_piece = table.span, table.piece, table.first_piece
+    span, piece, first_piece, ray = table.span, table.piece, table.first_piece, work.ray
+    to_frame, shift, segment = table.to_frame[k], ray[SHIFT], segment_of(table, k, seg)
     nearest = ray[BESIDE] - ray[BAND]
     for sheet in range(2):
         after = sheet == 1
@@ -55,23 +56,16 @@ def solve_segment(
                 continue
             if piece[p, Z0] > z_high or piece[p, Z1] < z_low or piece[p, R1] < nearest:
                 continue
-            solve_piece(
-                i, seg, piece[p], ray, after, t_lo, t_cut, table.control, table.start[seg],
-                table.degree[seg], table.outlines[seg], table.end[seg], size, shift,
-                1.0 / to_frame, object_id, t_min, known, best, work.net, work.stack, work.piece,
-                counters,
-            )  # fmt: skip
+            solve_piece(i, segment, piece[p], ray, after, t_lo, t_cut, rays, best, work, counters)
             t_cut = end_of(best.t[i], to_frame, shift)
 
 
 @hot_kernel
 def trace_revolutions(table, rays, guess, best, any_hit, work, counters):
     """Lower ``best`` to the first hits; ``guess`` names a piece to begin with, -1 for none."""
-    origin, direction, t_min, known = rays.origin, rays.direction, rays.t_min, rays.known
-    middle, axes, to_frames, sizes = table.middle, table.turn, table.to_frame, table.size
+    origin, direction, t_min = rays.origin, rays.direction, rays.t_min
     first_segment, first_piece, span = table.first_segment, table.first_piece, table.span
     whole, object_id, ray = table.whole, table.object_id, work.ray
-    aside, roundings = table.aside, table.roundings
     for i in range(origin.shape[0]):
         if any_hit and best.object_id[i] >= 0:
             continue
@@ -89,23 +83,8 @@ def trace_revolutions(table, rays, guess, best, any_hit, work, counters):
                 first, last = first_segment[k], first_segment[k + 1]
                 if is_guess and not (first_piece[first] <= done < first_piece[last]):
                     continue
-                to_frame, size = to_frames[k], sizes[k]
-                shift = enter_axis_frame(
-                    k,
-                    ox,
-                    oy,
-                    oz,
-                    dx,
-                    dy,
-                    dz,
-                    middle,
-                    to_frame,
-                    axes,
-                    aside,
-                    size,
-                    roundings[k],
-                    ray,
-                )
+                to_frame = table.to_frame[k]
+                shift = enter_axis_frame(k, table, ox, oy, oz, dx, dy, dz, ray)
                 t_lo = begin_of(t_min[i], to_frame, shift)
                 t_cut = end_of(best.t[i], to_frame, shift)
                 z_low, z_high = height_range(
@@ -120,8 +99,8 @@ def trace_revolutions(table, rays, guess, best, any_hit, work, counters):
                     if span[seg, 0] > z_high or span[seg, 1] < z_low or span[seg, 3] < nearest:
                         continue
                     solve_segment(
-                        i, seg, object_id[k], done, is_guess, ray, t_lo, z_low, z_high, size,
-                        to_frame, shift, table, t_min, known, best, work, counters,
+                        i, k, seg, done, is_guess, t_lo, z_low, z_high, table, rays, best, work,
+                        counters,
                     )  # fmt: skip
                     if any_hit and best.object_id[i] >= 0:
                         break
