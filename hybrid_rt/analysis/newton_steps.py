@@ -12,10 +12,11 @@ from functools import singledispatch
 
 import numpy as np
 
-from hybrid_rt.analysis.kernels.newton_steps import Pieces, take_steps
+from hybrid_rt.analysis.kernels.newton_steps import Pieces, Stepped, Triangles, take_steps
 from hybrid_rt.core.records import FloatArray, HitRecord, IntArray, Status
 from hybrid_rt.core.threads import Pool
 from hybrid_rt.intersection.coarse.embree import CoarseScene
+from hybrid_rt.intersection.kernels.search.coarse import CoarseHits
 from hybrid_rt.intersection.kind import new_record
 from meshing import BezierPatches, SurfaceOfRevolution, tessellate
 from meshing.kernels.bernstein import MAX_DEGREE
@@ -114,7 +115,12 @@ class SteppedHits:
         begin: int,
     ) -> None:
         rows = np.arange(len(origin))
-        out = slice(begin, begin + len(origin))
+        part = slice(begin, begin + len(origin))
+        out = Stepped(
+            record.t[part], piece[part], record.u[part], record.v[part], record.normal[part],
+            record.residual[part],
+        )  # fmt: skip
+        triangles = Triangles(self._corner_uv, self._piece_of)
         t_start, t_max = np.zeros(len(origin)), np.full(len(origin), np.inf)
         basis = np.empty((4, MAX_DEGREE + 1))
         for _ in range(RETRIES + 1):
@@ -127,10 +133,8 @@ class SteppedHits:
                 return
             accepted = np.zeros(len(rows), np.bool_)
             take_steps(
-                self._pieces, self._middle, steps, face, t, u, v, self._corner_uv, self._piece_of,
-                rows, origin, direction, record.t[out], piece[out], record.u[out], record.v[out],
-                record.normal[out], record.residual[out], basis,
-                accepted,
+                self._pieces, self._middle, steps, CoarseHits(face, t, u, v), triangles, rows,
+                origin, direction, out, basis, accepted,
             )  # fmt: skip
             t_start[rows] = t + STEP_OVER / self._scene.to_frame
             rows = rows[~accepted]

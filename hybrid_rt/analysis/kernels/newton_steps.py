@@ -33,6 +33,32 @@ class Pieces(NamedTuple):
     frame: np.ndarray
 
 
+class Triangles(NamedTuple):
+    """The triangles of the coarse stage.
+
+    Attributes
+    ----------
+    corner_uv : (f, 3, 2) float64
+        Parameters of each one's corners.
+    piece : (f,) int64
+        The piece that each one approximates.
+    """
+
+    corner_uv: np.ndarray
+    piece: np.ndarray
+
+
+class Stepped(NamedTuple):
+    """Where the steps led: a row for each ray; rays that no step left inside keep theirs."""
+
+    t: np.ndarray
+    piece: np.ndarray
+    u: np.ndarray
+    v: np.ndarray
+    normal: np.ndarray
+    residual: np.ndarray
+
+
 @inner
 def _tangents(pieces, k, u, v, basis):
     """Return S, S_u, S_v (nine numbers)."""
@@ -55,17 +81,17 @@ def _tangents(pieces, k, u, v, basis):
 
 @hot_kernel
 def take_steps(
-    pieces, middle, steps, face, t, u, v, corner_uv, piece_of, rows, origin, direction,
-    out_t, out_piece, out_u, out_v, out_normal, out_residual, basis, accepted,
+    pieces, middle, steps, hits, triangles, rows, origin, direction, out, basis, accepted
 ):  # fmt: skip
     """Take ``steps`` steps from coarse hits j of the rays ``rows[j]``; write those that end inside.
 
     A step solves the linear part of S(u, v) = o + t d. Nothing else is checked but t > 0. ``basis``
     is scratch of shape (4, > degree).
     """
-    for j in range(face.shape[0]):
-        i, f = rows[j], face[j]
-        k = piece_of[f]
+    t, u, v, corner_uv = hits.t, hits.u, hits.v, triangles.corner_uv
+    for j in range(hits.face.shape[0]):
+        i, f = rows[j], hits.face[j]
+        k = triangles.piece[f]
         w = 1.0 - u[j] - v[j]
         a = w * corner_uv[f, 0, 0] + u[j] * corner_uv[f, 1, 0] + v[j] * corner_uv[f, 2, 0]
         b = w * corner_uv[f, 0, 1] + u[j] * corner_uv[f, 1, 1] + v[j] * corner_uv[f, 2, 1]
@@ -107,7 +133,7 @@ def take_steps(
         nx, ny, nz = yu * zv - zu * yv, zu * xv - xu * zv, xu * yv - yu * xv
         length = math.sqrt(nx * nx + ny * ny + nz * nz)
         scale = 1.0 / length if length > 0.0 else 0.0
-        out_t[i], out_piece[i], out_u[i], out_v[i] = s, k, a, b
-        out_normal[i, 0], out_normal[i, 1], out_normal[i, 2] = nx * scale, ny * scale, nz * scale
-        out_residual[i] = math.sqrt(rx * rx + ry * ry + rz * rz)
+        out.t[i], out.piece[i], out.u[i], out.v[i] = s, k, a, b
+        out.normal[i, 0], out.normal[i, 1], out.normal[i, 2] = nx * scale, ny * scale, nz * scale
+        out.residual[i] = math.sqrt(rx * rx + ry * ry + rz * rz)
         accepted[j] = True
