@@ -29,6 +29,8 @@ class Surface(ABC):
     """Given by control points: `tessellate` cuts it, and Embree meets its triangles first."""
     is_bounded: ClassVar[bool] = True
     """Has an end: a box around it, an area, photons that can be sent to it."""
+    is_flat: ClassVar[bool] = False
+    """Lies in one plane, so that no light goes from one point of it to another."""
     is_triangular: ClassVar[bool] = False
     """(u, v) are weights of a triangle's corners, u + v <= 1; else they fill the unit square."""
 
