@@ -19,7 +19,7 @@ from meshing.checks import FloatArray
 
 if TYPE_CHECKING:
     from meshing.area import AreaSampler
-    from meshing.tessellation import CertifiedMesh
+    from meshing.certified_mesh import CertifiedMesh
 
 
 class Surface(ABC):
@@ -144,14 +144,12 @@ class Surface(ABC):
         """
         return None
 
-    def triangles(self, tolerance: float) -> CertifiedMesh:
-        """Return triangles no farther from it than ``tolerance``, scene units: what Embree meets.
+    def triangles(self) -> CertifiedMesh:
+        """Return the triangles that it is made of (`tessellate` cuts those given by control points).
 
         Raises
         ------
         TypeError
-            For surfaces with a closed form.
+            If it is not made of triangles.
         """
-        from meshing.tessellation import tessellate
-
-        return tessellate(self, tolerance)
+        raise TypeError(f"{type(self).__name__} is not made of triangles")
