@@ -2,8 +2,8 @@
 
 A camera path finds a caustic only if a BSDF sample leads by way of a mirror or a lens to a light:
 rarely, and then with a large value. A light subpath finds it often. The two techniques are combined
-by the balance heuristic (Veach, "Robust Monte Carlo methods for light transport simulation", 1997,
-chapter 10). Of all connections of bidirectional path tracing one family is used.
+by the power heuristic (Veach, "Robust Monte Carlo methods for light transport simulation", 1997,
+chapters 9 and 10). Of all connections of bidirectional path tracing one family is used.
 
 A light subpath leads from the light to non-delta surfaces, by way of at least one delta lobe (mirror
 or glass) before each. Each of its vertices with a non-delta lobe is a light vertex. Seen from the

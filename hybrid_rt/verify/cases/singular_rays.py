@@ -205,7 +205,7 @@ def _targets_of(surface: Any, u: FloatArray, v: FloatArray, patch: Any, along_u:
     return Targets(points, unit(step), normals, size)
 
 
-# --- aims
+# --- ways to aim
 
 
 def beside(targets: Targets, k: float, rng: Random) -> Aimed:
