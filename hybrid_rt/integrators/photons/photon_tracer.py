@@ -321,7 +321,7 @@ class PhotonTracer:
 
 
 def sequence_of(group: Group, pass_number: int) -> tuple[int, int]:
-    """Return the sequence that a pass continues, and the index of the pass in it.
+    """Return the sequence that a pass continues, and the index of its first point there.
 
     Each group of passes has a sequence of its own, so that the differences between groups measure
     the noise (`hybrid_rt.sensor.film`).
