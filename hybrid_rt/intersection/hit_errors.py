@@ -19,12 +19,11 @@ class Errors:
     rays : int
         Rays that hit something by either method.
     wrong : float
-        Share of them.
+        Fraction of wrong ones.
     missed, phantom, farther : int
-        Nothing where there is something; something where there is nothing; another sheet or
-        another object.
+        False misses; false hits; hits on a farther sheet or on another object.
     mean, worst : float
-        |t - exact t| in lengths of the scene, over the right hits.
+        |t - exact t| over the correct hits, scene units.
     """
 
     rays: int
@@ -37,10 +36,10 @@ class Errors:
 
 
 def compare(exact: HitRecord, next_t: FloatArray, found: HitRecord, rays: RaySet) -> Errors:
-    """Compare first hits with certified ones; rows decided within rounding are left out.
+    """Compare first hits with certified ones, except where rounding decides (status TANGENT).
 
-    ``next_t`` (n,) is where the ray meets a surface again (inf: nowhere): a hit nearer to that than
-    to the first one is on a farther sheet.
+    ``next_t`` (n,) is the t of the ray's second hit (inf: none). A hit nearer to that than to the
+    first is on a farther sheet.
     """
     sure = exact.status != Status.TANGENT
     missed = sure & exact.hit & ~found.hit

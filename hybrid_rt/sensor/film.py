@@ -131,7 +131,7 @@ class Film:
 
     @OVERFLOWS
     def noise(self) -> dict[str, Any] | None:
-        """Return the noise entries of the report; their values are None after a single pass.
+        """Return the noise estimates for the report; None after a single pass.
 
         See `standard_error` and `relative_error`; ``errs_on_the_safe_side`` before 16 passes. A 95
         % interval of the image mean reaches ``interval_factor`` standard errors to either side.

@@ -74,7 +74,7 @@ def choose_way(
 
 @inlined
 def density_of_turn(normal, geometric, i, dx, dy, dz, x, y, z, density):
-    """Return the factor from pdfs per solid angle, d in and (x, y, z) out, to area and projection."""
+    """Convert a pdf per solid angle, d in and (x, y, z) out, to area and projected solid angle."""
     g = geometric if geometric.shape[0] else normal
     arriving = abs(g[i, 0] * dx + g[i, 1] * dy + g[i, 2] * dz)
     leaving = abs(g[i, 0] * x + g[i, 1] * y + g[i, 2] * z)
