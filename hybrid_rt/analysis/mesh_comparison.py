@@ -1,4 +1,4 @@
-"""What triangles would change in a picture: exact against meshed first hits, pixel by pixel."""
+"""First hits on true surfaces against first hits on their meshes, pixel by pixel."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ FINE = 1e-6
 def compare_with_mesh(
     scene: Scene, threads: int | None = None, progress: Progress | None = None
 ) -> dict[str, Any]:
-    """Trace the rays through the middles of all pixels on the true surfaces and on a mesh.
+    """Trace rays through all pixel centres, on the true surfaces and on a mesh.
 
     Parameters
     ----------
@@ -39,11 +39,10 @@ def compare_with_mesh(
     Returns
     -------
     dict
-        Of plain numbers. ``wrong_first_hits`` counts rays that hit something on one side and
-        nothing or another object on the other, or a farther sheet of the same surface; rays whose
-        exact hit is decided within rounding are left out. ``worst_hit_error`` and
-        ``mean_hit_error`` are distances along the ray, over the other rays that hit a curved
-        surface. Empty where the scene has no curved surface.
+        Of plain numbers. ``wrong_first_hits`` counts rays for which only one of the two hits, or
+        they hit different objects or different sheets of a surface; rays with status TANGENT are
+        left out. ``worst_hit_error`` and ``mean_hit_error`` are distances along the ray, over the
+        other rays that hit a curved surface. Empty if the scene has no curved surface.
     """
     compiled = compile_scene(scene)
     is_curved = np.array([surface.is_freeform for surface in compiled.surfaces], dtype=bool)
@@ -85,7 +84,7 @@ def compare_with_mesh(
 
 
 def in_words(comparison: dict[str, Any]) -> str:
-    """Put a comparison into two lines."""
+    """Format a comparison as two lines of text."""
     if not comparison:
         return "Exact against mesh: no curved surface, nothing to compare."
     c = comparison

@@ -1,1 +1,1 @@
-"""Slow, independent judges of what the fast code says, and the catalogue of hard cases."""
+"""Slow, independent oracles that the fast code is tested against, and the catalogue of hard cases."""

@@ -36,7 +36,7 @@ CLEAR = 1e-9
 
 
 def sphere_crosser(surface: Sphere) -> Crosser:
-    """Return what finds both crossings of a ray with a sphere."""
+    """Return a function that finds both crossings of a ray with a sphere."""
     center, radius = rationals(surface.center), rational(surface.radius)
 
     def crossings(o: RationalVector, d: RationalVector) -> list[Crossing]:
@@ -61,7 +61,7 @@ def sphere_crosser(surface: Sphere) -> Crosser:
 
 
 def plane_crosser(surface: Plane) -> Crosser:
-    """Return what finds the crossing of a ray with a plane."""
+    """Return a function that finds the crossing of a ray with a plane."""
     at, normal = rationals(surface.origin), rationals(surface.unit_normal)
 
     def crossings(o: RationalVector, d: RationalVector) -> list[Crossing]:
@@ -78,13 +78,13 @@ def plane_crosser(surface: Plane) -> Crosser:
 
 
 def rectangle_crosser(surface: Rectangle) -> Crosser:
-    """Return what finds the crossing of a ray with a parallelogram."""
+    """Return a function that finds the crossing of a ray with a parallelogram."""
     face = _Face(0, surface.corner, surface.edge_u, surface.edge_v, False)
     return face.crossings
 
 
 def box_crosser(surface: Box) -> Crosser:
-    """Return what finds all crossings of a ray with the faces of a box."""
+    """Return a function that finds all crossings of a ray with the faces of a box."""
     lo, hi = np.asarray(surface.lo), np.asarray(surface.hi)
     faces = []
     for axis in range(3):
@@ -99,7 +99,7 @@ def box_crosser(surface: Box) -> Crosser:
 
 
 def mesh_crosser(surface: TriangleMesh) -> Crosser:
-    """Return what finds all crossings of a ray with triangles, a shared edge once for each."""
+    """Return a function that finds all crossings of a ray with triangles (shared edges: one each)."""
     corners = surface.vertices[surface.faces]
     faces: dict[int, _Face] = {}
     extent = float(np.abs(corners).max())

@@ -1,7 +1,7 @@
-"""Where a ray grazes a surface, or begins beside it: reasons for the word TANGENT.
+"""Tests whether a ray grazes a surface, or begins near it: legitimate reasons for status TANGENT.
 
-By samples and damped Newton steps in float64, in coordinates about the surface. A reason that is not
-found counts against the tracer; so none of its own formulas are needed to be fair to it.
+Uses sampling and damped Newton steps in float64, in coordinates about the surface. A reason that is
+missed counts against the tracer, so the search may be incomplete without hiding faults.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ ROUNDING = 2.0**-50
 
 
 class Touches:
-    """Finds out whether a ray nearly touches a surface.
+    """Tests whether a ray nearly touches a surface.
 
     Parameters
     ----------

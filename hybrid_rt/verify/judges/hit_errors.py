@@ -1,4 +1,4 @@
-"""How often and how far first hits are wrong, against the oracle."""
+"""Error statistics of first hits against the oracle."""
 
 from __future__ import annotations
 
@@ -13,17 +13,16 @@ from hybrid_rt.verify.judges.oracle import Truth
 
 @dataclass(frozen=True)
 class HitErrors:
-    """First hits against those of the oracle; rows on which it allows several answers are left out.
+    """Errors of first hits against the oracle; rows with several right answers are left out.
 
     Attributes
     ----------
     rays : int
-        Rays that meet something by either method.
+        Rays that hit something by either method.
     missed, phantom, farther : int
-        Nothing where there is something; something where there is nothing; another sheet or
-        another object than the first.
+        False misses; false hits; hits on another sheet or another object than the first.
     mean_dt, worst_dt : float
-        |t - exact t| in scene units, over the right hits.
+        |t - exact t| in scene units, over the correct hits.
     worst_residual : float
         Largest distance of a right hit's point on the surface from its point on the ray, scene
         units.
