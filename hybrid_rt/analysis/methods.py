@@ -105,7 +105,7 @@ def _with_settings(integrator: str, settings: Mapping[str, Sequence[Any]]) -> li
 
 
 def uncertified_methods(scene: Scene) -> list[Method]:
-    """Return the default integrator at accuracy "refined" and "mesh"; empty without curved surfaces."""
+    """Return the default integrator at accuracy "refined" and "mesh", if a surface is curved."""
     surfaces = curved_surfaces(scene)
     if not surfaces:
         return []

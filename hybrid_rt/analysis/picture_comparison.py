@@ -1,4 +1,4 @@
-"""Comparison of two pictures: errors, error maps, and how much of the error their noise explains."""
+"""Comparison of two pictures: errors, error maps, and the part that their noise explains."""
 
 from __future__ import annotations
 

@@ -1,8 +1,8 @@
 """The error of a caustic when its glass is a triangle mesh.
 
-A glass surface of revolution over a diffuse floor under a small light: the exact surface, and meshes
-of more and more triangles, with face normals or interpolated vertex normals. Photons and passes are
-the same; the reference is a long render of the exact surface.
+A glass surface of revolution over a diffuse floor under a small light: the exact surface, and
+meshes of more and more triangles, with face normals or interpolated vertex normals. Photons and
+passes are the same; the reference is a long render of the exact surface.
 """
 
 from __future__ import annotations

@@ -57,7 +57,7 @@ def smooth_floor() -> PhotonPicture:
 
 
 def soft_shadow() -> PhotonPicture:
-    """Return the same with the soft shadow of a black screen, from shadow rays to the mirror image."""
+    """Return the same with the soft shadow of a screen, from shadow rays to the mirror image."""
 
     def truth() -> tuple[FloatArray, float]:
         result = render(_without_mirror(), passes=SHADOW_PASSES, seed=1)

@@ -1,1 +1,1 @@
-"""Shared by all packages: argument checks, hit records, threads, progress, the ledger of a render."""
+"""Shared by all packages: argument checks, hit records, threads, progress, a render's ledger."""

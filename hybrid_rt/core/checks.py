@@ -1,4 +1,4 @@
-"""Checks of colours, choices, flags and lists; `meshing.checks` has those of numbers and vectors."""
+"""Checks of colours, choices, flags, lists; `meshing.checks` has those of numbers and vectors."""
 
 from __future__ import annotations
 

@@ -54,7 +54,7 @@ class Ledger:
             self._within = outer + spent
 
     def add(self, other: Ledger, share: float) -> None:
-        """Add the counts of another thread, and ``share`` of its seconds, as threads ran in parallel."""
+        """Add the counts of another thread, and a share of its seconds, as threads overlap."""
         for stage, seconds in other.seconds.items():
             self.seconds[stage] += share * seconds
         self.rays.update(other.rays)

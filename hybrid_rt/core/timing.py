@@ -1,4 +1,4 @@
-"""Interleaved timing of several methods in one process: only ratios within one run are meaningful."""
+"""Interleaved timing of several methods in one process: only ratios within a run mean anything."""
 
 from __future__ import annotations
 

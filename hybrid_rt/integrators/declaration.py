@@ -1,7 +1,7 @@
 """The declaration of an integrator: its constructor, its options, which light paths it finds.
 
-Each integrator declares itself in the ``__init__`` of its package; `hybrid_rt.integrators` lists all
-declarations. They import nothing that traces rays, so choosing one integrator does not load the
+Each integrator declares itself in the ``__init__`` of its package; `hybrid_rt.integrators` lists
+all declarations. They import nothing that traces rays, so choosing one integrator does not load the
 others.
 """
 

@@ -3,10 +3,10 @@
 Heckbert, "Adaptive radiosity textures for bidirectional ray tracing", SIGGRAPH 1990: a path is a
 word that begins with a light and ends in the eye. Here
 
-- ``L`` is an area light, ``P`` a point or spot light, ``U`` an emissive infinite plane, which cannot
-  be sampled by area, ``K`` the environment;
-- ``D`` is a wide lobe (diffuse, glossy), ``G`` a narrow lobe (metal, rough glass), ``S`` a delta lobe
-  (mirror, smooth glass);
+- ``L`` is an area light, ``P`` a point or spot light, ``U`` an emissive infinite plane, which
+  cannot be sampled by area, ``K`` the environment;
+- ``D`` is a wide lobe (diffuse, glossy), ``G`` a narrow lobe (metal, rough glass), ``S`` a delta
+  lobe (mirror, smooth glass);
 - ``E`` is the eye.
 
 So ``[LK]D[GS]*E`` is direct light on diffuse surfaces, seen also in mirrors. Point and spot lights

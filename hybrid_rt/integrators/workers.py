@@ -1,4 +1,4 @@
-"""Worker threads of a render: each has an integrator of its own and traces blocks of camera rays."""
+"""Worker threads of a render: each has its own integrator and traces blocks of camera rays."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ class Blur:
 
     @property
     def counted(self) -> float:
-        """The blur that counts toward a target error: relative estimate, else its limit, else inf."""
+        """The blur that counts toward a target: the relative estimate, else its limit, else inf."""
         if self.relative is not None:
             return self.relative
         return math.inf if self.relative_at_most is None else self.relative_at_most

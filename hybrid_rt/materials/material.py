@@ -1,7 +1,7 @@
 """The interface of materials: each is a short list of lobes, the terms of its BSDF.
 
-Integrators see only the flat table of all lobes, so a mixture is just more lobes, and a new material
-is one file.
+Integrators see only the flat table of all lobes, so a mixture is just more lobes, and a new
+material is one file.
 """
 
 from __future__ import annotations

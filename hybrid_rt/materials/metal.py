@@ -11,7 +11,7 @@ from hybrid_rt.textures.texture import Texture, as_texture
 
 
 class Metal(Material):
-    """A mirror whose reflected direction is perturbed by a random point of a ball of radius ``fuzz``.
+    """A mirror whose direction is perturbed by a random point of a ball of radius ``fuzz``.
 
     The lobe of "Ray Tracing in One Weekend" (Shirley): the mirror direction plus fuzz times a point
     of the unit ball; here with its pdf p in closed form, and made reciprocal:

@@ -119,8 +119,8 @@ class Limit:
     ) -> None:
         """Record the estimated relative error of the picture after ``n_done`` passes.
 
-        ``power`` is the ``error_power`` of `hybrid_rt.integrators.Options`. The blur may be an upper
-        limit, or inf if unknown. ``blur_stays``: more passes do not reduce it.
+        ``power`` is the ``error_power`` of `hybrid_rt.integrators.Options`. The blur may be an
+        upper limit, or inf if unknown. ``blur_stays``: more passes do not reduce it.
         """
         self._n_of_error, self._noise, self._blur = n_done, noise, blur
         self._power, self._blur_stays = power, blur_stays

@@ -1,4 +1,4 @@
-"""`render`, the main loop: trace passes, add them to the film, stop at a limit, write the report."""
+"""`render`, the main loop: trace passes, add them to the film, stop at a limit, make the report."""
 
 from __future__ import annotations
 

@@ -136,7 +136,8 @@ def sunken_lamps(scene: CompiledScene, tracer: Intersector) -> list[Sunken]:
     """Return the lights that coincide with surfaces other than dielectrics.
 
     Points spread evenly over each light are tested, so an overlap of less than a hundredth of its
-    area may be missed. Coincident dielectrics are handled by `hybrid_rt.integrators.media.contacts`.
+    area may be missed. Coincident dielectrics are handled by
+    `hybrid_rt.integrators.media.contacts`.
 
     Parameters
     ----------

@@ -29,7 +29,7 @@ class Needs(Protocol):
 
     @property
     def follows_every_branch(self) -> bool:
-        """Whether both the reflected and the refracted ray are followed, instead of one at random."""
+        """Whether both the reflected and the refracted ray are followed, not one at random."""
 
     @property
     def without_light_paths(self) -> str:

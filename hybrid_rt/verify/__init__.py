@@ -1,1 +1,1 @@
-"""Slow, independent oracles that the fast code is tested against, and the catalogue of hard cases."""
+"""Slow, independent oracles to test the fast code against, and the catalogue of hard cases."""

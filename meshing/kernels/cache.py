@@ -1,8 +1,8 @@
 """The cache of compiled kernels, safe for several processes that write to it at the same time.
 
 A kernel compiles once per machine: numba stores the machine code beside the source or, if that
-folder is read-only, in the user's cache folder. If both are read-only numba would refuse to compile;
-then a temporary folder is used.
+folder is read-only, in the user's cache folder. If both are read-only numba would refuse to
+compile; then a temporary folder is used.
 
 numba replaces its files atomically, but updates the index of a function's signatures without a
 lock. Of two processes that update it at once, one entry may be lost, or both may give their machine

@@ -89,9 +89,10 @@ def find_leaves(control, starts, degrees, least_depth, slack, tolerance, max_lea
     """Halve patches into leaves.
 
     ``least_depth`` (k,) is the number of halvings in u and in v that every patch gets; ``slack`` is
-    what later rounding may add to the bound. Leaves are written to ``leaves`` (n, 5) int32 as patch,
-    u0, u1, v0, v1 while there is room; without rows they are only counted. Returns the count, the
-    bound, and an estimate of the count, which exceeds ``max_leaves`` if the search was given up.
+    what later rounding may add to the bound. Leaves are written to ``leaves`` (n, 5) int32 as
+    patch, u0, u1, v0, v1 while there is room; without rows they are only counted. Returns the
+    count, the bound, and an estimate of the count, which exceeds ``max_leaves`` if the search was
+    given up.
     """
     n_slots = 2 * MAX_DEPTH + 2
     largest_net = 0

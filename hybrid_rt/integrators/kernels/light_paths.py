@@ -5,18 +5,19 @@ rarely, and then with a large value. A light subpath finds it often. The two tec
 by the power heuristic (Veach, "Robust Monte Carlo methods for light transport simulation", 1997,
 chapters 9 and 10). Of all connections of bidirectional path tracing one family is used.
 
-A light subpath leads from the light to non-delta surfaces, by way of at least one delta lobe (mirror
-or glass) before each. Each of its vertices with a non-delta lobe is a light vertex. Seen from the
-camera, the connection is made at the first two consecutive non-delta vertices; up to there the
-camera path had delta lobes only and could connect nowhere. So there are two techniques for each such
-path: the camera's alone, and one connection.
+A light subpath leads from the light to non-delta surfaces, by way of at least one delta lobe
+(mirror or glass) before each. Each of its vertices with a non-delta lobe is a light vertex. Seen
+from the camera, the connection is made at the first two consecutive non-delta vertices; up to there
+the camera path had delta lobes only and could connect nowhere. So there are two techniques for each
+such path: the camera's alone, and one connection.
 
-At a delta lobe only the choice of the lobe has a probability, the same in both directions, and
+Only the choice of the lobe has a probability at a delta lobe, the same in both directions, and
 n^2 dA cos dw is invariant. So the ratio of the two pdfs depends only on the light and on non-delta
 vertices: from the light, P(light) pdf_area / pi over the index squared there; from the camera, the
-pdf per area of the connected point, times the pdf per projected solid angle of the direction sampled
-there, over the index squared there; and at vertices between, the pdfs of the two directions per
-projected solid angle, each over the index squared of its medium (two media meet at rough glass).
+pdf per area of the connected point, times the pdf per projected solid angle of the direction
+sampled there, over the index squared there; and at vertices between, the pdfs of the two directions
+per projected solid angle, each over the index squared of its medium (two media meet at rough
+glass).
 """
 
 import math

@@ -1,7 +1,7 @@
 """Light subpaths of each pass: traced from area lights, splatted to the film, kept for connections.
 
-Where delta lobes lead a light subpath to a surface with a non-delta lobe, that vertex is splatted to
-the pixel that sees it, and kept as a light vertex for camera paths to connect to.
+Where delta lobes lead a light subpath to a surface with a non-delta lobe, that vertex is splatted
+to the pixel that sees it, and kept as a light vertex for camera paths to connect to.
 `hybrid_rt.integrators.kernels.light_paths` derives the weights.
 """
 

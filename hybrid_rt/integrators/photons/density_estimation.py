@@ -2,9 +2,9 @@
 
 The disc is chosen in one of two ways. `Discs` have a given radius and count all photons within it:
 for progressive photon mapping. The initial radius of a point depends on the density of a first set
-of photons around it; points are grouped in a few classes, each searched by its largest radius, since
-`scipy.spatial.cKDTree` takes one radius at a time. `Nearest` discs reach as far as a given number of
-photons: Jensen's photon maps.
+of photons around it; points are grouped in a few classes, each searched by its largest radius,
+since `scipy.spatial.cKDTree` takes one radius at a time. `Nearest` discs reach as far as a given
+number of photons: Jensen's photon maps.
 """
 
 from __future__ import annotations

@@ -150,7 +150,7 @@ class PhotonWorkers(Workers):
         submit: Submit,
         ready: Callable[[EyePass, Photons, list[Splats]], T],
     ) -> Callable[[], T]:
-        """Trace photons in threads, the last of which calls ``ready``; return a function that waits.
+        """Trace photons in threads, the last of which calls ``ready``; return a waiting function.
 
         The order of photons, and of sums over them, is the same for any number of threads.
         """

@@ -2,8 +2,8 @@
 
 Jensen's projection map ("Global illumination using photon maps", EGWR 1996) marks the directions in
 which a light sees such surfaces. Bounding spheres serve all points of all lights at once, and the
-pdf of directions toward them has a closed form. A surface that fills its sphere poorly is covered by
-several smaller ones.
+pdf of directions toward them has a closed form. A surface that fills its sphere poorly is covered
+by several smaller ones.
 """
 
 from __future__ import annotations
@@ -56,8 +56,8 @@ def covering(cells: FloatArray) -> list[Ball]:
     """Cover cells (n, corners, 3) by a few balls with a small sum of squared radii.
 
     That sum is proportional to the solid angle aimed at. The cells of the largest ball are split in
-    two repeatedly, which gives a cover for each number of balls. Of the covers whose sum is near the
-    least, the finest is returned: around a flat part seen edge-on, smaller balls waste less.
+    two repeatedly, which gives a cover for each number of balls. Of the covers whose sum is near
+    the least, the finest is returned: around a flat part seen edge-on, smaller balls waste less.
     """
     parts = [cells]
     balls = [_ball(cells)]

@@ -1,4 +1,4 @@
-"""Kinds without a coarse stage: a table, the kernel that traces it, the kernel that describes hits."""
+"""Kinds without a coarse stage: a table, a kernel that traces it, a kernel that describes hits."""
 
 from __future__ import annotations
 

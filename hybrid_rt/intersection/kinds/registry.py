@@ -1,7 +1,7 @@
 """The registry of kinds: which kind intersects each class of surfaces, and building them.
 
-A kind takes all surfaces of its class at once. A new class needs an `Entry` in `ENTRIES` and nothing
-else in this package.
+A kind takes all surfaces of its class at once. A new class needs an `Entry` in `ENTRIES` and
+nothing else in this package.
 """
 
 from __future__ import annotations
@@ -102,7 +102,7 @@ def check_surfaces(surfaces: Sequence[Surface]) -> tuple[Surface, ...]:
 
 
 def kernel_groups(surfaces: Sequence[Surface], accuracy: str, coarse: str) -> list[str]:
-    """Return the kernel groups that first hits and shadows need, for `hybrid_rt.core.precompile`."""
+    """Return the kernel groups (`hybrid_rt.core.precompile`) that first hits and shadows need."""
     way = accuracy if coarse == "embree" else "alone"
     members = _members_of(surfaces)
     return [

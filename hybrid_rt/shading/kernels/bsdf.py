@@ -31,8 +31,8 @@ class LobeTable(NamedTuple):
 def lobe_chance(lobes, row, colors, i, j, asked):
     """Return the unnormalised probability of a lobe: its largest channel.
 
-    It is zero for lobes without any of the traits ``asked``. Glass has its weight in the mixture, as
-    its colour tints transmission only.
+    It is zero for lobes without any of the traits ``asked``. Glass has its weight in the mixture,
+    as its colour tints transmission only.
     """
     traits = lobes.traits[row]
     if traits & asked == 0:
@@ -47,9 +47,9 @@ def scattered(lobes, material, colors, i, nx, ny, nz, dx, dy, dz, wx, wy, wz, ra
     """Return f cos per channel and the pdf at hit i, for a ray along d and a unit direction w.
 
     Reflection is two-sided; w and -d on opposite sides give zero, except at rough glass. The pdf is
-    that of sampling one of the lobes with a trait in ``asked``: `EVERY` for paths, `WIDE` where only
-    wide lobes are lit. ``ratio`` is the index beyond the surface over that before it where rough
-    glass scatters, 0 elsewhere.
+    that of sampling one of the lobes with a trait in ``asked``: `EVERY` for paths, `WIDE` where
+    only wide lobes are lit. ``ratio`` is the index beyond the surface over that before it where
+    rough glass scatters, 0 elsewhere.
     """
     n_dot_d = nx * dx + ny * dy + nz * dz
     cosine = nx * wx + ny * wy + nz * wz

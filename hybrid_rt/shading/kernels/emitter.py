@@ -1,6 +1,7 @@
 """Next-event estimation, emission that rays hit, and their multiple importance sampling weights.
 
-Veach and Guibas, "Optimally combining sampling techniques for Monte Carlo rendering", SIGGRAPH 1995.
+Veach and Guibas, "Optimally combining sampling techniques for Monte Carlo rendering", SIGGRAPH
+1995.
 """
 
 import math
@@ -25,7 +26,7 @@ BOTH, LIGHT_ONLY, DIRECTION_ONLY, UNWEIGHTED = 0, 1, 2, 3
 
 @inlined
 def power_weight(pdf, other):
-    """Return the MIS weight of a technique with density ``pdf`` against another (power heuristic)."""
+    """Return the power-heuristic weight of a technique with density ``pdf`` against another."""
     if other <= 0.0:
         return 1.0
     ratio = other / pdf

@@ -1,12 +1,12 @@
 """Kinds of lights: all code that depends on the kind of a light.
 
 A light is sampled from a hit (next-event estimation), hit by a ray, or emits a photon or a light
-subpath. Each kind has a branch for these in the functions below; besides, it has a class that writes
-its row of the table, and a name.
+subpath. Each kind has a branch for these in the functions below; besides, it has a class that
+writes its row of the table, and a name.
 
-A point of a light emits its strength (radiance, or intensity without area) times a share in direction
-d: the cosine to the normal for area lights, one for points. The share over its integral over all
-directions is a pdf; strength times area times that integral is the light's power.
+A point of a light emits its strength (radiance, or intensity without area) times a share in
+direction d: the cosine to the normal for area lights, one for points. The share over its integral
+over all directions is a pdf; strength times area times that integral is the light's power.
 """
 
 import math
@@ -69,8 +69,8 @@ def light_point(lights, points, i, row, px, py, pz, s, t):
     Row i of ``points`` is the sampled point of a light of kind `SURFACE`. Returns the vector from p
     to the point, its length, and the factor that turns the light's strength into irradiance at
     normal incidence: 1 / distance^2 for a point, times its share for a spot; one over the pdf per
-    solid angle for area lights (rectangle: cos_light area / distance^2; sphere: its solid angle), so
-    the estimate is unbiased. Zero behind the light, outside a spot's cone, inside spheres.
+    solid angle for area lights (rectangle: cos_light area / distance^2; sphere: its solid angle),
+    so the estimate is unbiased. Zero behind the light, outside a spot's cone, inside spheres.
     """
     kind = lights.kind[row]
     if kind == SURFACE:

@@ -1,8 +1,8 @@
 """The medium stack of a ray: the dielectrics that it has entered and not yet left.
 
 Where bodies overlap, the one with the highest priority fills the space; among equals, the one
-entered last. A surface at which that does not change is invisible (Schmidt and Budge, "Simple nested
-dielectrics in ray traced images", JGT 7(2), 2002).
+entered last. A surface at which that does not change is invisible (Schmidt and Budge, "Simple
+nested dielectrics in ray traced images", JGT 7(2), 2002).
 
 Where faces of two bodies coincide, a ray crosses both at once, with no air between. The second face
 is a number per ray: 0 for none, lobe + 1 if it is entered, -(lobe + 1) if it is left; the array is
@@ -97,7 +97,7 @@ def _left(density, length):
 
 @kernel
 def weaken_by_ways(stack, lobes, way, has_end, value):
-    """Attenuate values along segments (n, 3) within media; unbounded segments are infinitely long."""
+    """Attenuate values along segments (n, 3) within media; some segments are infinitely long."""
     for i in range(has_end.size):
         length = math.inf
         if has_end[i]:
@@ -223,7 +223,7 @@ def look_beyond(lobes, lobe, stack, front_face, second, beyond, ratio):
 
 @kernel
 def take_media_toward(normal, direction, way, beyond, stack):
-    """Set ``stack`` (n, STACK) to that of outgoing directions: ``beyond`` where they are transmitted.
+    """Set ``stack`` (n, STACK) to that of outgoing directions: ``beyond`` if transmitted.
 
     Parameters
     ----------

@@ -99,7 +99,7 @@ def box_crosser(surface: Box) -> Crosser:
 
 
 def mesh_crosser(surface: TriangleMesh) -> Crosser:
-    """Return a function that finds all crossings of a ray with triangles (shared edges: one each)."""
+    """Return a function that finds all crossings with triangles, on shared edges one for each."""
     corners = surface.vertices[surface.faces]
     faces: dict[int, _Face] = {}
     extent = float(np.abs(corners).max())

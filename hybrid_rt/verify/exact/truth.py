@@ -1,7 +1,7 @@
 """The exact oracle: all crossings of rays with any surfaces, in the format of the fast oracle.
 
-Crossings come from `hybrid_rt.verify.exact.revolution`, `patches` and `closed_forms`. As in the fast
-oracle (`hybrid_rt.verify.judges.kernels.events`), a crossing is certain if eight rays around,
+Crossings come from `hybrid_rt.verify.exact.revolution`, `patches` and `closed_forms`. As in the
+fast oracle (`hybrid_rt.verify.judges.kernels.events`), a crossing is certain if eight rays around,
 displaced by 1.3 bands, cross the surface there too; else either answer is right. "There" means: no
 farther than the displacement accounts for at the angle of either crossing. Crossings of displaced
 rays only are doubtful. So one judge (`judge.compare`) serves both oracles.

@@ -56,7 +56,7 @@ class SurfaceJudge(ABC):
 
     @abstractmethod
     def solver(self) -> Solver:
-        """Return the function that finds the t of a hit to many digits by mpmath, to test bounds."""
+        """Return the function that finds the t of a hit to many digits (mpmath), to test bounds."""
 
     def gap(
         self,

@@ -1,8 +1,8 @@
 """Reference pictures of a floor lit through glass, by plain light tracing.
 
-The light tracer (`hybrid_rt.verify.light.kernels.light_tracer`) shares no code with the renderer. It
-has no density estimation (only cells), no projection map, and all photons have equal power, so the
-noise of a cell with n photons is sqrt(n).
+The light tracer (`hybrid_rt.verify.light.kernels.light_tracer`) shares no code with the renderer.
+It has no density estimation (only cells), no projection map, and all photons have equal power, so
+the noise of a cell with n photons is sqrt(n).
 
 Run it to see the light on the floor of one of the benchmark scenes:
   python -m hybrid_rt.verify.light.light_tracer --photons 1e9 --out floor.npz

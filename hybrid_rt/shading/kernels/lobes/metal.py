@@ -38,9 +38,9 @@ def metal_value(fuzz, cos_in, cos_out, cos_alpha):
 def metal_direction(fuzz, nx, ny, nz, dx, dy, dz, xi, eta):
     """Sample a direction by `metal_pdf`; it may lead into the surface.
 
-    With c = cos alpha and h = sqrt(fuzz^2 - sin^2 alpha), the probability of an angle above alpha is
-    h^3 c / fuzz^3; its derivative in c is proportional to h (3 c^2 + h^2), the pdf. It is inverted
-    by bracketed Newton iteration.
+    With c = cos alpha and h = sqrt(fuzz^2 - sin^2 alpha), the probability of an angle above alpha
+    is h^3 c / fuzz^3; its derivative in c is proportional to h (3 c^2 + h^2), the pdf. It is
+    inverted by bracketed Newton iteration.
     """
     rx, ry, rz = mirrored(dx, dy, dz, nx, ny, nz)
     floor = 1.0 - fuzz * fuzz

@@ -80,8 +80,8 @@ def spread_value(lobes, row, ratio, nx, ny, nz, dx, dy, dz, wx, wy, wz, cos_in, 
     n, d, w : unit vectors
         The normal, of either sign; the direction of the incoming ray; the direction to evaluate.
     cos_in, cos_out : float
-        Cosines of -d and w to the normal on the side from which d came. The first is never negative;
-        the second is negative only for transmission.
+        Cosines of -d and w to the normal on the side from which d came. The first is never
+        negative; the second is negative only for transmission.
     """
     kind = lobes.kind[row]
     # Cosine between w and the mirror direction d - 2 (n.d) n, whichever way n points.

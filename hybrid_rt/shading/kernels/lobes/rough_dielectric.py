@@ -28,7 +28,7 @@ def rough_dielectric_value(number, row, ratio, nx, ny, nz, dx, dy, dz, wx, wy, w
 
 @inlined
 def rough_dielectric_direction(number, row, ratio, nx, ny, nz, dx, dy, dz, xi, eta, branch):
-    """Sample a visible facet, and reflection or refraction there: direction, and whether through."""
+    """Sample a visible facet, and reflection or refraction: direction, and whether through."""
     return _direction(number[row, ALPHA], ratio, nx, ny, nz, dx, dy, dz, xi, eta, branch)
 
 
