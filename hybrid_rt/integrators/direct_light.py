@@ -95,7 +95,7 @@ class SurfaceLight:
         return np.where(hits.hit, of_surface[hits.object_id], np.int32(NOTHING))
 
     def colors(self, material: IntArray, hits: HitRecord) -> FloatArray:
-        """Return the colour of each lobe of each hit, (n, n_slots, 3); undefined without material."""
+        """Return the colour of each lobe of each hit, (n, n_slots, 3); undefined for `NOTHING`."""
         if self._constant_colors is not None:
             return self._constant_colors.take(material, axis=0, mode="clip")
         scene = self._context.scene
