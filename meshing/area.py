@@ -8,21 +8,32 @@ cells are approximate.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from typing import TYPE_CHECKING, TypeAlias
+from typing import Protocol, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from meshing.checks import FloatArray
 
-if TYPE_CHECKING:
-    from meshing.surface import Surface
-
 # Cells along u and v of one patch. The density within a cell varies as |S_u x S_v| does there:
 # by a few percent for a bicubic patch.
 CELLS = 16
 
 IdArray: TypeAlias = NDArray[np.int64]
+
+
+class Patches(Protocol):
+    """What is asked of a surface: how many patches it has, and its partials."""
+
+    def __len__(self) -> int:
+        """Return the number of patches."""
+        ...
+
+    def partials(
+        self, u: FloatArray, v: FloatArray, patch_id: IdArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return S_u and S_v, each (n, 3)."""
+        ...
 
 
 class AreaSampler(ABC):
@@ -103,7 +114,7 @@ class Grid(AreaSampler):
         Over the unit square, with partials.
     """
 
-    def __init__(self, surface: Surface) -> None:
+    def __init__(self, surface: Patches) -> None:
         self._surface = surface
         middle = (np.arange(CELLS) + 0.5) / CELLS
         u, v = np.meshgrid(middle, middle, indexing="ij")
@@ -137,7 +148,7 @@ class Grid(AreaSampler):
         return density
 
 
-def _stretch(surface: Surface, patch_id: IdArray, u: FloatArray, v: FloatArray) -> FloatArray:
+def _stretch(surface: Patches, patch_id: IdArray, u: FloatArray, v: FloatArray) -> FloatArray:
     """Return |S_u x S_v|."""
     s_u, s_v = surface.partials(u, v, patch_id)
     stretch: FloatArray = np.linalg.norm(np.cross(s_u, s_v), axis=1)

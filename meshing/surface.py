@@ -19,7 +19,7 @@ from meshing.checks import FloatArray
 
 if TYPE_CHECKING:
     from meshing.area import AreaSampler
-    from meshing.tessellation import CertifiedMesh
+    from meshing.certified_mesh import CertifiedMesh
 
 
 class Surface(ABC):
@@ -29,6 +29,8 @@ class Surface(ABC):
     """Given by control points: `tessellate` cuts it, and Embree meets its triangles first."""
     is_bounded: ClassVar[bool] = True
     """Has an end: a box around it, an area, photons that can be sent to it."""
+    is_flat: ClassVar[bool] = False
+    """Lies in one plane, so that no light goes from one point of it to another."""
     is_triangular: ClassVar[bool] = False
     """(u, v) are weights of a triangle's corners, u + v <= 1; else they fill the unit square."""
 
@@ -142,14 +144,12 @@ class Surface(ABC):
         """
         return None
 
-    def triangles(self, tolerance: float) -> CertifiedMesh:
-        """Return the triangles for Embree, within ``tolerance`` (scene units) of the surface.
+    def triangles(self) -> CertifiedMesh:
+        """Return the triangles that it is made of (`tessellate` cuts those given by control points).
 
         Raises
         ------
         TypeError
-            For surfaces with a closed form.
+            If it is not made of triangles.
         """
-        from meshing.tessellation import tessellate
-
-        return tessellate(self, tolerance)
+        raise TypeError(f"{type(self).__name__} is not made of triangles")

@@ -9,25 +9,22 @@ triangulated through all vertices on its sides: there are no cracks, and the bou
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
-from functools import cached_property, singledispatch
-from typing import TYPE_CHECKING, NamedTuple, TypeAlias
+from functools import singledispatch
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from meshing.bezier import BezierPatches
 from meshing.bounds import TooManyTrianglesError, rings_of
-from meshing.checks import FloatArray, number, shown, whole
+from meshing.certified_mesh import CertifiedMesh
+from meshing.checks import number, shown, whole
 from meshing.kernels import leaves as leaf_kernels
 from meshing.kernels import polygons
 from meshing.kernels.leaves import MAX_DEPTH
 from meshing.revolution import SurfaceOfRevolution
 from meshing.seams import Seams, seams_of_patches, seams_of_revolution
 from meshing.surface import Surface
-
-if TYPE_CHECKING:
-    import trimesh
 
 Keys: TypeAlias = NDArray[np.int64]
 
@@ -40,44 +37,6 @@ MAX_PATCHES = 1 << (63 - 2 * _BITS)
 # Pieces that close on themselves or whose corners coincide are halved this often both ways, so
 # that their triangles have different corners.
 _LEAST_DEPTH = 2
-
-
-@dataclass(frozen=True)
-class CertifiedMesh:
-    """Triangles, their parameters on the surface, and a bound on their distance from it.
-
-    Attributes
-    ----------
-    vertices : (v, 3) float64
-        In scene units. Pieces that share an edge or a corner share its vertices.
-    faces : (f, 3) int64
-        Rows of ``vertices``, counterclockwise seen from the side of S_u x S_v.
-    uv : (f, 3, 2) float64
-        Parameters of each corner of each face, on its own side of a seam.
-    patch_id : (f,) int32
-        Patch or profile segment of each face.
-    deviation_bound : float
-        Proven bound on the distance between a point of a face and the surface point at the (u, v)
-        interpolated with the same barycentric weights; includes rounding of the vertices. Scene
-        units.
-    """
-
-    vertices: FloatArray
-    faces: NDArray[np.int64]
-    uv: FloatArray
-    patch_id: NDArray[np.int32]
-    deviation_bound: float
-
-    def __len__(self) -> int:
-        """Return the number of triangles."""
-        return len(self.faces)
-
-    @cached_property
-    def mesh(self) -> trimesh.Trimesh:
-        """The triangles as a `trimesh.Trimesh`, for export and for trimesh's own tools."""
-        import trimesh
-
-        return trimesh.Trimesh(self.vertices, self.faces, process=False)
 
 
 def tessellate(

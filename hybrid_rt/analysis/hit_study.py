@@ -98,7 +98,7 @@ def study_hits(
     judged = 0
     for (name, setting), finder in both.items():
         errors = hit_errors(finder.find(rays.origins, rays.directions), truth)
-        judged = max(judged, errors.rays)
+        judged = max(judged, errors.wrong_hits.rays)
         point = _hit_point(setting, finder, errors, timings[name, setting], n)
         points.setdefault(name, []).append(point)
     names = {name for name, _ in finders}
@@ -164,7 +164,8 @@ def _steppers(
 
 def _hit_point(setting: float, finder: _Finder, errors: HitErrors, timing: Timing, n: int) -> Point:
     """Return what one tracer found of n rays."""
-    share = errors.wrong / max(errors.rays, 1)
+    wrong = errors.wrong_hits
+    share = wrong.wrong / max(wrong.rays, 1)
     more = {
         "triangles": float(finder.n_triangles),
         "build_seconds": finder.build_seconds,
@@ -172,9 +173,7 @@ def _hit_point(setting: float, finder: _Finder, errors: HitErrors, timing: Timin
         "worst_dt": errors.worst_dt,
         "worst_residual": errors.worst_residual,
         "mean_angle": errors.mean_angle,
-        "missed": float(errors.missed),
-        "phantom": float(errors.phantom),
-        "farther": float(errors.farther),
+        **{kind: float(count) for kind, count in wrong.counts.items()},
     }
     seconds = Spread(timing.median / n, timing.least / n, timing.most / n)
     return Point(setting, seconds, Spread(share, share, share), more)

@@ -18,7 +18,7 @@ from hybrid_rt.core.ray_set import RaySet
 from hybrid_rt.core.records import FloatArray
 from hybrid_rt.core.timing import in_turn
 from hybrid_rt.intersection import Intersector
-from hybrid_rt.intersection.hit_errors import Errors, compare
+from hybrid_rt.intersection.hit_errors import Errors, certified_hits, compare
 from hybrid_rt.verify.cases.rays import at_box, camera, silhouettes
 from meshing import tessellate
 
@@ -86,13 +86,7 @@ def climb(
     """
     rays = {name: make(surfaces, n_rays, seed) for name, make in RAYS.items()}
     bare = Intersector(surfaces, coarse="none", threads=threads)
-    exact = {name: bare.intersect(r.origins, r.directions) for name, r in rays.items()}
-    next_t = {}
-    for name, r in rays.items():
-        first = exact[name]
-        t_min = np.where(first.hit, first.t, 0.0)
-        beyond = bare.intersect(r.origins, r.directions, t_min=t_min, source=first)
-        next_t[name] = beyond.t
+    exact = {name: certified_hits(bare, r.origins, r.directions) for name, r in rays.items()}
     rungs: list[Rung] = []
     contestants: dict[tuple[int, str], Intersector] = {}
     for number, tolerance in enumerate(tolerances):
@@ -113,7 +107,7 @@ def climb(
             errors[name] = {}
             for kind, r in rays.items():
                 found = contestants[number, name].intersect(r.origins, r.directions)
-                errors[name][kind] = compare(exact[kind], next_t[kind], found, r)
+                errors[name][kind] = compare(exact[kind], found.t, found.object_id)
         rungs.append(
             Rung(
                 tolerance,

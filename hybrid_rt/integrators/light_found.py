@@ -21,7 +21,6 @@ from itertools import product
 
 import numpy as np
 
-from hybrid_rt.primitives import Plane, Rectangle
 from hybrid_rt.scene.compiled import NOTHING, CompiledScene
 from hybrid_rt.shading.kernels.light_kinds import WITHOUT_AREA
 from hybrid_rt.shading.kernels.lobes.register import DELTA, NARROW, WIDE
@@ -93,4 +92,4 @@ def _examples(paths: Sequence[str]) -> str:
 def _is_one_flat_surface(scene: CompiledScene) -> bool:
     """Tell whether nothing that light leaves can meet another surface that sends it on."""
     objects = np.flatnonzero(scene.material_of != NOTHING)
-    return objects.size == 1 and isinstance(scene.surfaces[objects[0]], Plane | Rectangle)
+    return objects.size == 1 and scene.surfaces[objects[0]].is_flat

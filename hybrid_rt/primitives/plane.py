@@ -29,6 +29,7 @@ class Plane(Surface):
     """
 
     is_bounded = False
+    is_flat = True
 
     def __init__(self, point: ArrayLike, normal: ArrayLike) -> None:
         self.origin = checks.as_vector(point, "Plane point", up_to=checks.FARTHEST)

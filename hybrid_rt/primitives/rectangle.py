@@ -26,6 +26,8 @@ class Rectangle(Surface):
         For vectors that are not finite, or edges that span no area.
     """
 
+    is_flat = True
+
     def __init__(self, corner: ArrayLike, edge_u: ArrayLike, edge_v: ArrayLike) -> None:
         self.corner = as_vector(corner, "Rectangle corner")
         self.edge_u = as_vector(edge_u, "Rectangle edge_u")

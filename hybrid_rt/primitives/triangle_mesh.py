@@ -137,11 +137,10 @@ class TriangleMesh(Surface):
         a, b, c = (self.vertices[self.faces[:, k]] for k in range(3))
         return Triangles(0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1))
 
-    def triangles(self, tolerance: float) -> CertifiedMesh:
-        """Return the triangles themselves, whatever the tolerance."""
+    def triangles(self) -> CertifiedMesh:
+        """Return the triangles themselves."""
         from meshing import CertifiedMesh
 
-        del tolerance
         uv = np.broadcast_to(CORNERS, (len(self), 3, 2))
         numbers = np.arange(len(self), dtype=np.int32)
         return CertifiedMesh(self.vertices, self.faces, uv, numbers, 0.0)

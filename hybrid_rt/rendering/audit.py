@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 
-from hybrid_rt.core.records import HitRecord
 from hybrid_rt.integrators.context import RenderContext
 from hybrid_rt.integrators.integrator import LENS_DIMENSION, PIXEL_DIMENSION
 from hybrid_rt.intersection import Intersector
@@ -42,8 +41,7 @@ def audit(context: RenderContext, threads: int | None = None) -> dict[str, Any] 
     tracer = context.tracer
     if tracer.accuracy == "certified" or "embree" not in tracer.plan["used"]:
         return None
-    from hybrid_rt.core.ray_set import RaySet
-    from hybrid_rt.intersection.hit_errors import compare
+    from hybrid_rt.intersection.hit_errors import certified_hits, compare
 
     camera, sampler = context.scene.camera, context.sampler
     n_pixels = camera.width * camera.height
@@ -55,23 +53,18 @@ def audit(context: RenderContext, threads: int | None = None) -> dict[str, Any] 
     origins, directions = camera.rays(column + place[:, 0], row + place[:, 1], lens)
 
     certified = Intersector(tracer.surfaces, coarse="none", threads=threads)
-    exact = certified.intersect(origins, directions)
-    t_min = np.where(exact.hit, exact.t, 0.0)
-    beyond: HitRecord = certified.intersect(origins, directions, t_min=t_min, source=exact)
+    exact = certified_hits(certified, origins, directions)
     own = copy.copy(tracer)
     own.counters = dict.fromkeys(tracer.counters, 0)  # not work for the picture
     found = own.intersect(origins, directions)
-    rays = RaySet(origins, directions, np.full(n, "camera"))
-    errors = compare(exact, beyond.t, found, rays)
-    wrong = errors.missed + errors.phantom + errors.farther
+    errors = compare(exact, found.t, found.object_id)
+    wrong, n_rays = errors.wrong_hits.wrong, errors.wrong_hits.rays
     return {
-        "rays": errors.rays,
+        "rays": n_rays,
         "wrong": wrong,
         "share": errors.wrong,
-        "interval_95": share_interval(wrong, errors.rays),
-        "missed": errors.missed,
-        "phantom": errors.phantom,
-        "farther": errors.farther,
+        "interval_95": share_interval(wrong, n_rays),
+        **errors.wrong_hits.counts,
         "mean_error": errors.mean,
         "worst_error": errors.worst,
     }

@@ -17,6 +17,7 @@ from hybrid_rt.intersection.kernels.search.coarse import (
 )
 from hybrid_rt.intersection.kernels.search.nearest import Nearest, Rays
 from hybrid_rt.intersection.kind import CurvedKind, Finished
+from meshing import tessellate
 from meshing.surface import Surface
 
 # Chordal tolerance of the coarse triangles over the surface's size: where they are the answer, or
@@ -52,7 +53,10 @@ class Coarse:
         vertices, faces, objects, pieces, corners = [], [], [], [], []
         n_vertices = 0
         for object_id, surface in members:
-            mesh = surface.triangles(tolerance or relative * surface.size)
+            if surface.is_freeform:
+                mesh = tessellate(surface, tolerance or relative * surface.size)
+            else:
+                mesh = surface.triangles()
             vertices.append(mesh.vertices)
             faces.append(mesh.faces + n_vertices)
             objects.append(np.full(len(mesh), object_id, np.int32))

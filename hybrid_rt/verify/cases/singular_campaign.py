@@ -15,7 +15,6 @@ import numpy as np
 
 from hybrid_rt.core.records import FloatArray, HitRecord
 from hybrid_rt.intersection import Intersector
-from hybrid_rt.primitives import Box
 from hybrid_rt.verify.cases.rays import unit
 from hybrid_rt.verify.cases.singular_rays import away, size_of
 from hybrid_rt.verify.cases.singular_sets import DISTANCES, PLACEMENTS, SETS
@@ -83,13 +82,10 @@ class SetResult:
 
 def placed_surfaces(name: str, placement: str) -> list[Any]:
     """Return the surfaces of a singular set where a placement puts them."""
-    entry = SETS[name]
-    surfaces = entry.surfaces()
-    matrix = PLACEMENTS[placement].matrix(size_of(surfaces[0]), entry.turns)
+    surfaces = SETS[name].surfaces()
+    matrix = PLACEMENTS[placement].matrix(size_of(surfaces[0]))
     if placement == "home":
         return surfaces
-    if any(isinstance(surface, Box) for surface in surfaces):
-        assert not entry.turns
     return [surface.transformed(matrix) for surface in surfaces]
 
 

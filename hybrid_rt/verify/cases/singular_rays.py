@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from hybrid_rt.core.records import FloatArray
-from hybrid_rt.primitives import Box, Plane, TriangleMesh
+from hybrid_rt.primitives import Plane
 from hybrid_rt.verify.cases.rays import PLANE_EXTENT, _across, unit
 from meshing import BezierPatches, SurfaceOfRevolution
 from meshing.revolution import radius_rounding
@@ -154,7 +154,7 @@ def collapsed(surfaces: Sequence[Any], n: int, rng: Random) -> Targets:
 
 def size_of(surface: Any) -> float:
     """Return the diameter of a surface's box; of a plane, of what is looked at."""
-    if isinstance(surface, Plane):
+    if not surface.is_bounded:
         return PLANE_EXTENT
     return float(np.linalg.norm(surface.bounds[1] - surface.bounds[0]))
 
@@ -175,17 +175,14 @@ def _at(surfaces: Sequence[Any], n: int, rng: Random, on_border: bool) -> Target
         s = np.where(rng.random(n) < 0.25, rng.integers(2, size=n), u)
         u = np.where(side < 2, side, s).astype(np.float64)
         v = np.where(side < 2, s, side - 2).astype(np.float64)
-    if isinstance(surface, TriangleMesh):
+    if surface.is_triangular:
         over = u + v > 1.0
         u, v = (
             (u, np.where(over, 1.0 - u, v))
             if on_border
             else (np.where(over, 1.0 - u, u), np.where(over, 1.0 - v, v))
         )
-    n_patches = (
-        len(surface) if hasattr(surface, "__len__") else 6 if isinstance(surface, Box) else 1
-    )
-    return _targets_of(surface, u, v, rng.integers(n_patches, size=n), along_u)
+    return _targets_of(surface, u, v, rng.integers(len(surface), size=n), along_u)
 
 
 def _targets_of(surface: Any, u: FloatArray, v: FloatArray, patch: Any, along_u: bool) -> Targets:

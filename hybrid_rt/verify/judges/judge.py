@@ -155,23 +155,6 @@ def compare(hits: HitRecord, truth: Truth, gap: FloatArray | None = None) -> Ver
     )
 
 
-def decisions(certified: HitRecord, t: FloatArray) -> dict[str, int]:
-    """Count how another method's t (inf for a miss) differs from certified hits.
-
-    TANGENT rows are left out; "farther" and "nearer" begin at 1e-6 of the distance.
-    """
-    sure, hit, found = certified.status != Status.TANGENT, certified.hit, np.isfinite(t)
-    both = sure & hit & found
-    gap = np.where(both, t, 0.0) - np.where(both, certified.t, 0.0)
-    slack = 1e-6 * np.where(both, np.abs(certified.t), 1.0)
-    return {
-        "missed": int((sure & hit & ~found).sum()),
-        "phantom": int((sure & ~hit & found).sum()),
-        "farther": int((gap > slack).sum()),
-        "nearer": int((gap < -slack).sum()),
-    }
-
-
 def _gap(hits: HitRecord, truth: Truth) -> FloatArray:
     """Distance between point of the surface and point of the ray, over 64 eps x scale."""
     gap = np.full(len(hits), np.inf)
