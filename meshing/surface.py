@@ -145,7 +145,7 @@ class Surface(ABC):
         return None
 
     def triangles(self) -> CertifiedMesh:
-        """Return the triangles that it is made of (`tessellate` cuts those given by control points).
+        """Return the triangles of a surface made of triangles; for others see `tessellate`.
 
         Raises
         ------

@@ -71,7 +71,7 @@ def guarded(
 
 
 def _words_of(error: BaseException) -> str:
-    """Return what an error says; its kind where that is nothing, or raises itself."""
+    """Return the message of an error; its type if the message is empty or cannot be formatted."""
     with suppress(Exception):
         return str(error) or type(error).__name__
     return type(error).__name__

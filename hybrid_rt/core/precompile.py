@@ -92,9 +92,9 @@ def type_from_json(words: Any) -> Any:
 
 def work() -> None:
     """Compile kernels read from standard input, one JSON line each: name and argument types."""
-    signal.signal(signal.SIGINT, signal.SIG_DFL)  # ends with whoever asked, without a word
+    signal.signal(signal.SIGINT, signal.SIG_DFL)  # ends silently with the parent process
     for line in sys.stdin:
-        reply = FAILED  # whoever asked compiles it, and hears why it cannot be done
+        reply = FAILED  # the parent compiles it itself, and gets the error
         with contextlib.suppress(Exception):
             kernel, types = json.loads(line)
             named(kernel).compile(tuple(map(type_from_json, types)))
@@ -116,7 +116,7 @@ def _on_miss(kernel: str, types: tuple[Any, ...]) -> bool:
     number = _workers.number_of(kernel, types)
     if number is None:
         return False
-    # To whoever listens this is a compilation: it is announced, and its time counts as such.
+    # For listeners this is a compilation: it is announced, and its time counts as such.
     what = {"dispatcher": named(kernel), "args": types, "return_type": None}
     with event.trigger_event("numba:compile", data=what):
         return _workers.wait_for(number)

@@ -16,7 +16,7 @@ COMPILING = "Compiling kernels (first run only)"
 
 
 Say = Callable[[str], None]
-"""Hears in words what a long study is doing."""
+"""Callback that receives progress messages of a long study."""
 
 
 class Progress(Protocol):

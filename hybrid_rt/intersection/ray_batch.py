@@ -228,7 +228,7 @@ def _refuse(
 def _checked_points(
     record: HitRecord | NamedPoints | None, name: str, n: int, n_objects: int
 ) -> NamedPoints | None:
-    """Return what is asked of a hit record that names points, in the kernels' types."""
+    """Convert a hit record that names points to the kernels' types."""
     if record is None:
         return None
     if not isinstance(record, HitRecord | NamedPoints):

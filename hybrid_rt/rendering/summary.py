@@ -37,7 +37,7 @@ def passes_in_words(n: int) -> str:
 
 
 def _warnings(report: dict[str, Any]) -> list[str]:
-    """Return what makes the picture wrong."""
+    """Return warnings about errors that the noise estimate does not cover."""
     lines = []
     if report["pixels_not_finite"]:
         lines.append(

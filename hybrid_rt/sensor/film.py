@@ -248,6 +248,6 @@ def _mean_of_neighbours(image: FloatArray) -> FloatArray:
 
 
 def _named(error: OSError, file: Path) -> OSError:
-    """Return what says of which file an error is."""
+    """Return the part of an error message that names the file."""
     reason = error.strerror or " ".join(str(error).split())
     return type(error)(f"output {str(file)!r} cannot be written ({reason}): name another file")

@@ -183,7 +183,7 @@ class PhotonWorkers(Workers):
         return waited
 
     def _picture(self, shown: list[Splats]) -> FloatArray | None:
-        """Return what photons have shown the camera in a pass, (height, width, 3)."""
+        """Return the splats of a pass, (height, width, 3)."""
         if not shown:
             return None
         camera = self.context.scene.camera
