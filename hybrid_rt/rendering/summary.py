@@ -48,8 +48,8 @@ def _warnings(report: dict[str, Any]) -> list[str]:
         share = report["points_missed_by_photons"] / report["photons"]["gather_points"]
         lines.append(
             f"  WARNING   {100.0 * share:.4g} % of the points that gather light have met no photon: "
-            "unless they lie in the dark, light is missing and no error tells of it: pass more "
-            "photons_per_pass, to ppm also a larger initial_radius or none"
+            "unless they are unlit, light is missing that no error estimate counts: pass more "
+            "photons_per_pass (for ppm, also a larger initial_radius, or none)"
         )
     lines += [
         f"  WARNING   {name!r} is clear, but not closed: {n_rays:,} rays left it without entering "
