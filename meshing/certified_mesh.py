@@ -1,4 +1,4 @@
-"""Triangles with a proven distance from the surface that they stand for."""
+"""Triangles with a proven distance from their surface."""
 
 from __future__ import annotations
 
@@ -17,21 +17,22 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class CertifiedMesh:
-    """Triangles, where they lie on the surface, and how far from it they can be.
+    """Triangles, their parameters on the surface, and a bound on their distance from it.
 
     Attributes
     ----------
     vertices : (v, 3) float64
         In scene units. Pieces that share an edge or a corner share its vertices.
     faces : (f, 3) int64
-        Rows of ``vertices``, counterclockwise as seen from where S_u x S_v points to.
+        Rows of ``vertices``, counterclockwise seen from the side of S_u x S_v.
     uv : (f, 3, 2) float64
         Parameters of each corner of each face, on its own side of a seam.
     patch_id : (f,) int32
         Patch or profile segment of each face.
     deviation_bound : float
-        Proven: at equal weights of the corners a point of a face and the point of the surface at
-        (u, v) are no farther apart, roundings of the vertices included. Scene units.
+        Proven bound on the distance between a point of a face and the surface point at the (u, v)
+        interpolated with the same barycentric weights; includes rounding of the vertices. Scene
+        units.
     """
 
     vertices: FloatArray

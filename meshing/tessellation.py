@@ -1,9 +1,9 @@
-"""Certified tessellation: surfaces -> triangles within a proven distance, without cracks.
+"""Certified tessellation: triangles within a proven distance of a surface, without cracks.
 
-Patches are halved into rectangular leaves until the proof of `meshing.kernels.leaves` meets the
+Patches are halved into rectangular leaves until the bound of `meshing.kernels.leaves` meets the
 tolerance; surfaces of revolution are cut into rings of cells by `meshing.bounds`. Every corner of
-a leaf becomes a vertex of all leaves that touch it, also across shared edges, and each leaf is
-then cut into triangles through all vertices on its sides: no cracks, and the proof still holds.
+a leaf becomes a vertex of all leaves that touch it, also across shared edges. Each leaf is then
+triangulated through all vertices on its sides: there are no cracks, and the bound still holds.
 """
 
 from __future__ import annotations
@@ -42,27 +42,27 @@ _LEAST_DEPTH = 2
 def tessellate(
     surface: Surface, tolerance: float, *, max_triangles: int = MAX_TRIANGLES
 ) -> CertifiedMesh:
-    """Cut a surface into triangles within a proven distance.
+    """Tessellate a surface into triangles within a proven distance of it.
 
     Parameters
     ----------
     surface : BezierPatches or SurfaceOfRevolution
     tolerance : float
-        Largest distance allowed, absolute, in scene units. Below the rounding of the surface's
-        own size ``deviation_bound`` tells what was reached.
+        Largest distance allowed, absolute, in scene units. A tolerance below the rounding of the
+        surface's coordinates may be missed; ``deviation_bound`` gives what was reached.
     max_triangles : int
-        More than this are refused before they are made.
+        Largest number of triangles; checked before they are made.
 
     Returns
     -------
     CertifiedMesh
-        Few triangles where the surface is flat, many where it is curved; no cracks inside and
-        across shared edges; closed surfaces are watertight.
+        Adaptive: few triangles where the surface is flat, many where it is curved. No cracks within
+        patches or across shared edges; closed surfaces are watertight.
 
     Raises
     ------
     ValueError
-        If the tolerance is not positive and finite, or needs too many triangles.
+        If the tolerance is not positive and finite, or needs more than ``max_triangles``.
 
     References
     ----------
@@ -75,7 +75,7 @@ def tessellate(
 
 
 class Cut(NamedTuple):
-    """A surface in leaves that each become a fan of triangles."""
+    """A surface cut into leaves, each to be triangulated."""
 
     seams: Seams
     leaves: NDArray[np.int32]
@@ -88,7 +88,7 @@ class Cut(NamedTuple):
 
 @singledispatch
 def cut(surface: object, tolerance: float, max_triangles: int) -> Cut:
-    """Cut a surface into leaves; each class of free-form surfaces registers how.
+    """Cut a surface into leaves; each class of free-form surfaces registers its function.
 
     Raises
     ------

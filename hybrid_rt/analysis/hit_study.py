@@ -1,7 +1,7 @@
-"""Wrong first hits against seconds per ray, of every accuracy and of Newton's method by itself.
+"""Wrong first hits against seconds per ray: every accuracy, and Newton iteration without proof.
 
-All tracers run in turn, so that the machine's moods fall on all alike; errors are against the
-oracle. Building them is timed apart.
+All tracers run in turn, so that changes of machine speed affect all alike; errors are against the
+oracle. Build times are measured separately.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ class HitStudy:
     Attributes
     ----------
     rays, judged : int
-        Traced; decided by the oracle and concerned.
+        Rays traced; those of them that the oracle decides and that hit something.
     size : float
         Diagonal of the surfaces.
     curves : list of Curve
@@ -108,7 +108,7 @@ def study_hits(
 
 
 def camera_rays(scene: Scene, n: int) -> RaySet:
-    """Return about n rays of a scene's camera through the middles of pixels of a picture."""
+    """Return about n rays of a scene's camera through pixel centres."""
     camera = scene.camera
     share = math.sqrt(n / (camera.width * camera.height))
     width = max(round(camera.width * share), 1)

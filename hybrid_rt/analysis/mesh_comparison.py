@@ -1,4 +1,4 @@
-"""What triangles would change in a picture: exact against meshed first hits, pixel by pixel."""
+"""First hits on true surfaces against first hits on their meshes, pixel by pixel."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ FINE = 1e-6
 def compare_with_mesh(
     scene: Scene, threads: int | None = None, progress: Progress | None = None
 ) -> dict[str, Any]:
-    """Trace the rays through the middles of all pixels on the true surfaces and on a mesh.
+    """Trace rays through all pixel centres, on the true surfaces and on a mesh.
 
     Parameters
     ----------
@@ -79,7 +79,7 @@ def compare_with_mesh(
 
 
 def in_words(comparison: dict[str, Any]) -> str:
-    """Put a comparison into two lines."""
+    """Format a comparison as two lines of text."""
     if not comparison:
         return "Exact against mesh: no curved surface, nothing to compare."
     c = comparison

@@ -1,4 +1,4 @@
-"""The error of meshes by tolerance, and what exactness costs.
+"""The error of meshes by tolerance, and the cost of exact hits.
 
 Each rung of the ladder tessellates the same surfaces to a tolerance, measures how far its triangles
 lie from them, and compares the first hits of accuracies "mesh" and "refined" with certified ones.
@@ -71,7 +71,7 @@ def climb(
     threads: int | None = None,
     on_rung: Callable[[Rung], None] | None = None,
 ) -> list[Rung]:
-    """Measure rung after rung, and then the time per ray of all of them in turn.
+    """Measure the errors of each rung, then the time per ray of all rungs in turn.
 
     Parameters
     ----------
@@ -82,7 +82,7 @@ def climb(
         Of each kind.
     seed, threads : int
     on_rung : callable, optional
-        Called with each rung as soon as its errors are known; its times are not yet.
+        Called with each rung when its errors are known, before its times are.
     """
     rays = {name: make(surfaces, n_rays, seed) for name, make in RAYS.items()}
     bare = Intersector(surfaces, coarse="none", threads=threads)
@@ -135,7 +135,7 @@ def climb(
 def deviations(
     surfaces: Sequence[Any], meshes: Sequence[Any], seed: int
 ) -> tuple[FloatArray, FloatArray]:
-    """Sample triangles: distances to the surface at the same (u, v), and angles of normals.
+    """Sample triangles: distances to the surface at equal (u, v), and angles between normals.
 
     Returns
     -------
@@ -171,7 +171,7 @@ def error_image(
     error : (height, width) float64
         |t - exact t| in scene units; nan where both miss, inf where one does.
     shade : (height, width) float64
-        |cos| of the exact hit, for the look of it.
+        |cos| at the exact hit, for display.
     """
     low = np.min([s.bounds[0] for s in surfaces], axis=0)
     high = np.max([s.bounds[1] for s in surfaces], axis=0)

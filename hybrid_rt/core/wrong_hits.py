@@ -1,8 +1,8 @@
-"""What a wrong first hit of an approximate method is: the one definition.
+"""The definition of a wrong first hit of an approximate method.
 
-It is wrong if there is nothing where there is something (missed), something where there is nothing
-(phantom), or if it is on another sheet (farther): on another object, or nearer to another crossing
-of its ray than to the first one. All others are right, and have an error in t.
+A first hit is wrong if it is a false miss (missed), a false hit (phantom), or on another sheet
+(farther): on another object, or nearer to another crossing of its ray than to the first. All others
+are correct, with an error in t.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from hybrid_rt.core.records import BoolArray, FloatArray, IntArray
 
 
 class WrongHits(NamedTuple):
-    """First hits of n rays, sorted by what is wrong with them; each (n,) bool."""
+    """Masks of the wrong first hits of n rays by kind; each (n,) bool."""
 
     missed: BoolArray
     phantom: BoolArray
@@ -42,12 +42,12 @@ class WrongHits(NamedTuple):
 def wrong_hits(
     exact_object: IntArray, found_object: IntArray, is_elsewhere: BoolArray, judged: BoolArray
 ) -> WrongHits:
-    """Say in which way first hits are wrong.
+    """Classify first hits.
 
     Parameters
     ----------
     exact_object, found_object : (n,) int32
-        Objects that are met; -1 for none.
+        Objects hit; -1 on a miss.
     is_elsewhere : (n,) bool
         Whether the found t is nearer to another crossing than to the first; read where both meet
         something.
@@ -61,9 +61,9 @@ def wrong_hits(
 
 
 def is_nearer(found_t: FloatArray, next_t: FloatArray, exact_t: FloatArray) -> BoolArray:
-    """Tell where found t are nearer to the next crossing than to the first, (n,) bool.
+    """Tell which t are nearer to the second crossing than to the first, (n,) bool.
 
-    ``next_t`` is inf where the ray meets nothing more.
+    ``next_t`` is inf if there is no second crossing.
     """
     with np.errstate(invalid="ignore"):  # inf - inf where both miss
         nearer: BoolArray = np.abs(found_t - next_t) < np.abs(found_t - exact_t)

@@ -14,14 +14,14 @@ from hybrid_rt.intersection.intersector import Intersector
 
 @dataclass(frozen=True)
 class Certified:
-    """Certified hits of n rays, and where each ray goes on to meet something again.
+    """Certified hits of n rays, and the next crossing of each ray.
 
     Attributes
     ----------
     directions : (n, 3) float64
     hits : HitRecord of n rows
     next_t : (n,) float64
-        inf where the ray meets nothing more.
+        inf if there is none.
     """
 
     directions: FloatArray
@@ -40,9 +40,9 @@ class Errors:
     Attributes
     ----------
     wrong_hits : WrongHits
-        Without the rays decided within rounding.
+        Without rays of status TANGENT.
     mean, worst : float
-        |t - exact t| in lengths of the scene, over the right hits.
+        |t - exact t| over the correct hits, scene units.
     """
 
     wrong_hits: WrongHits
@@ -51,7 +51,7 @@ class Errors:
 
     @property
     def wrong(self) -> float:
-        """Share of wrong hits among the rays that meet something by either method."""
+        """Fraction of wrong hits among the rays that hit something by either method."""
         return self.wrong_hits.wrong / max(self.wrong_hits.rays, 1)
 
 

@@ -1,4 +1,4 @@
-"""The share of wrong first hits in accuracies "mesh" and "refined", measured on some camera rays."""
+"""The share of wrong first hits at accuracy "mesh" or "refined", measured on some camera rays."""
 
 from __future__ import annotations
 
@@ -22,8 +22,8 @@ def audit(context: RenderContext, threads: int | None = None) -> dict[str, Any] 
     """Compare first hits of camera rays with certified ones.
 
     The rays are those of the first pass through pixels spread evenly over the picture. The
-    certified hits are found without triangles and without Embree, so nothing of the method on trial
-    is used.
+    certified hits are found without triangles and without Embree, so they are independent of the
+    method under test.
 
     Parameters
     ----------
@@ -33,9 +33,9 @@ def audit(context: RenderContext, threads: int | None = None) -> dict[str, Any] 
     Returns
     -------
     dict or None
-        ``rays`` that meet something by either method, ``wrong`` ones among them (``missed``,
-        ``phantom``, ``farther``), their ``share`` with the ``interval_95`` of Wilson, and the
-        ``mean_error`` and ``worst_error`` of t in scene units over the right ones. None where the
+        ``rays`` that hit something by either method, the ``wrong`` ones among them (``missed``,
+        ``phantom``, ``farther``), their ``share`` with Wilson's ``interval_95``, and the
+        ``mean_error`` and ``worst_error`` of t in scene units over the correct ones. None if the
         hits of the picture are certified themselves.
     """
     tracer = context.tracer
@@ -71,10 +71,10 @@ def audit(context: RenderContext, threads: int | None = None) -> dict[str, Any] 
 
 
 def share_interval(k: int, n: int) -> list[float]:
-    """Return the 95 % interval of a share of which k in n were seen.
+    """Return the 95 % confidence interval of a proportion, k of n observed.
 
     Wilson, "Probable inference, the law of succession, and statistical inference", JASA 22, 1927.
-    scipy.stats has the same; importing it would take longer than a small render, 0.4 s.
+    scipy.stats has it too, but importing that takes 0.4 s, longer than a small render.
     """
     if n == 0:
         return [0.0, 1.0]

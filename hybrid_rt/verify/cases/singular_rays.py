@@ -1,9 +1,9 @@
-"""Rays aimed at the places where surfaces are singular, each at a chosen distance from it.
+"""Rays aimed at singular points of surfaces, at chosen distances.
 
-`Targets` are points of a singular set, with what matters there: a direction (the axis of a tip, the
-tangent of an edge, a ruling) and a normal of the surface beside. Four ways to aim at them: beside
-the point, nearly within the tangent plane, in a plane parallel to it, and away from a hit on it.
-Every function takes a generator of random numbers, so a seed decides all.
+`Targets` are points of a singular set, each with a characteristic direction (the axis of a tip, the
+tangent of an edge, a ruling) and a normal of the surface nearby. There are four ways to aim: past
+the point, nearly in the tangent plane, in a plane parallel to it, and away from a hit on it. Every
+function takes a random generator, so a seed determines all rays.
 """
 
 from __future__ import annotations
@@ -202,7 +202,7 @@ def _targets_of(surface: Any, u: FloatArray, v: FloatArray, patch: Any, along_u:
     return Targets(points, unit(step), normals, size)
 
 
-# --- aims
+# --- ways to aim
 
 
 def beside(targets: Targets, k: float, rng: Random) -> Aimed:

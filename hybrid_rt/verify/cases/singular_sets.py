@@ -1,4 +1,4 @@
-"""Every kind of singular set, on surfaces that have it; and the places to which they are moved."""
+"""Every kind of singular set, on surfaces that have it; and the placements of these surfaces."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ class SingularSet:
     kind : str
         One of `KINDS`.
     surfaces : callable without arguments
-        All but the first are there to be in the way.
+        All except the first are occluders.
     find : Finder
     aim : Aim
     leaving : str
@@ -76,7 +76,7 @@ class SingularSet:
 
 @dataclass(frozen=True)
 class Placement:
-    """Where a scene stands: turned, then scaled, then moved by so many sizes."""
+    """A placement of a scene: rotation, then scale, then translation in units of its size."""
 
     turned: bool
     scale: float

@@ -1,7 +1,7 @@
-"""What the exact oracle knows of each class of surfaces: the one table that it asks.
+"""The registry of the exact oracle: how it finds crossings with each class of surfaces.
 
-A new class of surfaces needs a class derived from `ExactSurface` in a module of the room
-`hybrid_rt.verify.exact.surfaces`; nothing else here is told of it.
+A new class of surfaces needs a class derived from `ExactSurface` in a module of
+`hybrid_rt.verify.exact.surfaces`; it is found by itself.
 """
 
 from __future__ import annotations
@@ -49,29 +49,29 @@ class ExactSurface(ABC):
 
     @abstractmethod
     def crosser(self) -> Crosser:
-        """Return what finds all crossings of a ray, of any t."""
+        """Return a function that finds all crossings of a ray, of any t."""
 
     @abstractmethod
     def gap(self) -> Gap:
-        """Return what measures how far a hit's point lies from a point of its ray."""
+        """Return a function that measures how far a hit's point lies from a point of its ray."""
 
     @abstractmethod
     def touch(self) -> IsTouched:
-        """Return what tells whether a ray nearly touches the surface."""
+        """Return a function that tells whether a ray nearly touches the surface."""
 
     def ball(self) -> tuple[list[float], float | None]:
-        """Return the middle and the diameter, scene units; no diameter where it has no end."""
+        """Return the middle and the diameter, scene units; no diameter if it is unbounded."""
         low, high = self.surface.bounds
         return (0.5 * (low + high)).tolist(), float(np.linalg.norm(high - low))
 
 
 def exact_of(surface: Any) -> ExactSurface:
-    """Return what is known of a surface.
+    """Return the exact surface of a surface.
 
     Raises
     ------
     TypeError
-        If its class is not known.
+        If its class is not registered.
     """
     known = all_known()
     for surface_type in type(surface).__mro__:
@@ -84,7 +84,7 @@ def exact_of(surface: Any) -> ExactSurface:
 
 @cache
 def all_known() -> dict[type[Surface], type[ExactSurface]]:
-    """Return the classes by classes of surfaces: every module of the room is imported."""
+    """Import all exact surfaces; return them by class of surface."""
     from hybrid_rt.verify.exact import surfaces
 
     for module in pkgutil.iter_modules(surfaces.__path__, surfaces.__name__ + "."):

@@ -1,8 +1,8 @@
-"""Judges certified first hits by exact crossings: decisions, bounds, points, and the word TANGENT.
+"""Tests certified first hits against exact crossings: decisions, bounds, points, status TANGENT.
 
-What is a wrong first hit is defined in one place, `judge.compare`. Most rows need less: a hit within
+A wrong first hit is defined in one place, `judge.compare`. Most rows need less: a hit within
 64 eps x scale / cos of the first exact crossing, and a miss of a ray without crossings, are right by
-that definition whatever lies around. Only the others are looked at with the eight rays around them.
+that definition in any case. Only for the others eight displaced rays are traced.
 """
 
 from __future__ import annotations
@@ -35,16 +35,16 @@ WRONG = ("missed", "phantom", "farther", "nearer", "wrong object", "departure")
 
 @dataclass
 class BatchVerdict:
-    """What came of one batch; sums of batches are such a one again.
+    """Results of one batch, or of a sum of batches.
 
     Attributes
     ----------
     rays, hits : int
     wrong : dict of int
         Rows without TANGENT whose first hit is wrong, outside the band, by kind: those of
-        `judge.Verdict`, and "departure" for rays that met again the point that they leave.
+        `judge.Verdict`, and "departure" for rays that hit the point that they leave.
     wrong_tangent : int
-        Rows with TANGENT of which that is so.
+        The same for rows with TANGENT.
     bounds_broken : int
         HIT rows with |t - exact t| > t_bound, exact t being the nearest exact crossing.
     off_ray : int
@@ -55,7 +55,7 @@ class BatchVerdict:
     tangent, tangent_needlessly : int
         Rows with TANGENT; those whose decision stands when the ray is moved by four bands.
     left_open : int
-        Rays of which the oracle could not tell.
+        Rays that the oracle could not decide.
     worst_error : float
         Largest |t - exact t| |d| cos / (eps x scale) of HIT rows.
     worst_bound : float
@@ -88,7 +88,7 @@ class BatchVerdict:
 
     @property
     def faults(self) -> int:
-        """Number of broken promises: wrong hits, bounds, points, needless and missing marks."""
+        """Number of faults: wrong hits, bounds, points, needless and missing TANGENT."""
         return (
             self.n_wrong + self.wrong_tangent + self.bounds_broken + self.off_ray + self.unmarked
             + self.tangent_needlessly

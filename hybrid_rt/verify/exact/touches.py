@@ -1,7 +1,7 @@
-"""Where a ray grazes a surface, or begins beside it: reasons for the word TANGENT.
+"""Tests whether a ray grazes a surface, or begins near it: legitimate reasons for status TANGENT.
 
-By samples and damped Newton steps in float64, in coordinates about the surface. A reason that is not
-found counts against the tracer; so none of its own formulas are needed to be fair to it.
+Uses sampling and damped Newton steps in float64, in coordinates about the surface. A reason that is
+missed counts against the tracer, so the search may be incomplete without hiding faults.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ ROUNDING = 2.0**-50
 
 
 class SampledTouches:
-    """Finds out whether a ray nearly touches a surface, by samples of it.
+    """Tests whether a ray nearly touches a surface, by samples of it.
 
     Parameters
     ----------
@@ -34,7 +34,7 @@ class SampledTouches:
     samples : int
         Along each parameter of a piece.
     wraps : bool
-        Whether u = 0 and u = 1 are the same place.
+        Whether u = 0 and u = 1 coincide.
     """
 
     def __init__(self, local: Any, middle: FloatArray, samples: int, wraps: bool = False) -> None:
@@ -110,6 +110,6 @@ class SampledTouches:
 
 
 def touch_of_nets(nets: list[FloatArray], samples: int) -> SampledTouches:
-    """Return what finds touches of Bezier patches."""
+    """Return a function that finds touches of Bezier patches."""
     middle = np.mean([net.mean(axis=(0, 1)) for net in nets], axis=0)
     return SampledTouches(BezierPatches([net - middle for net in nets]), middle, samples)

@@ -1,9 +1,10 @@
-"""The truth about rays on any surfaces in exact arithmetic, in the words of the fast oracle.
+"""The exact oracle: all crossings of rays with any surfaces, in the format of the fast oracle.
 
-All crossings of a ray come from `exact_surface`, class by class. What is certain is decided as the fast oracle defines it (`kernels.events`): a crossing is certain if
-eight rays around, moved by 1.3 bands, cross the surface there too; else either answer is right.
-"There" means: moved by no more than moving the ray accounts for at the angle of either crossing.
-Crossings that only moved rays have are doubtful. So one judge (`judge.compare`) serves both oracles.
+Crossings come from `hybrid_rt.verify.exact.exact_surface`, class by class. As in the fast oracle
+(`hybrid_rt.verify.judges.kernels.events`), a crossing is certain if eight rays around, displaced by
+1.3 bands, cross the surface there too; else either answer is right. "There" means: no farther than
+the displacement accounts for at the angle of either crossing. Crossings of displaced rays only are
+doubtful. So one judge (`judge.compare`) serves both oracles.
 """
 
 from __future__ import annotations
@@ -47,7 +48,7 @@ AT_START, ROUNDED = 1.0, 8.0
 
 @dataclass(frozen=True)
 class Placed:
-    """A crossing, and whose it is.
+    """A crossing with its object.
 
     Attributes
     ----------

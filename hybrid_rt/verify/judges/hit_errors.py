@@ -1,4 +1,4 @@
-"""How often and how far first hits are wrong, against the oracle."""
+"""Error statistics of first hits against the oracle."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from hybrid_rt.verify.judges.oracle import Truth
 
 @dataclass(frozen=True)
 class HitErrors:
-    """First hits against those of the oracle; rows on which it allows several answers are left out.
+    """Errors of first hits against the oracle; rows with several right answers are left out.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""Compares a hit record with the oracle's truth, and says in which way each wrong row is wrong."""
+"""Compares a hit record with the oracle, and classifies the wrong rows."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from hybrid_rt.verify.judges.surface_judge import judge_of
 
 @dataclass(frozen=True)
 class Verdict:
-    """What the judge found.
+    """Results of a comparison with the oracle.
 
     Attributes
     ----------
@@ -80,7 +80,7 @@ class Verdict:
 
 
 def compare(hits: HitRecord, truth: Truth, gap: FloatArray | None = None) -> Verdict:
-    """Judge first hits.
+    """Compare first hits with the oracle's.
 
     A hit is right if it is the first certain root or a doubtful one before it, with t within
     64 eps x scale / cos of it; or if it comes before that root and the surface is within

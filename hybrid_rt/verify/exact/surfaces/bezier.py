@@ -12,16 +12,16 @@ from meshing import BezierPatches
 
 
 class ExactPatches(ExactSurface, of=BezierPatches):
-    """What is known of Bezier patches."""
+    """Exact crossings with Bezier patches."""
 
     surface: BezierPatches
 
     def crosser(self) -> Crosser:
-        """Return what isolates the roots of all patches."""
+        """Return a function that isolates the roots of all patches."""
         return patches_crosser(self.surface)
 
     def gap(self) -> Gap:
-        """Return what measures from S(u, v) by exact arithmetic."""
+        """Return a function that measures from S(u, v) by exact arithmetic."""
         nets = [[[rationals(p) for p in row] for row in net] for net in self.surface.patches]
 
         def gap(patch: int, u: float, v: float, point: list[Any]) -> float:
@@ -31,5 +31,5 @@ class ExactPatches(ExactSurface, of=BezierPatches):
         return gap
 
     def touch(self) -> IsTouched:
-        """Return what looks for places where the ray is tangent."""
+        """Return a function that looks for places where the ray is tangent."""
         return touch_of_nets(list(self.surface.patches), SAMPLES)

@@ -33,12 +33,12 @@ CLEAR = 1e-9
 
 
 class ExactPlane(ExactSurface, of=Plane):
-    """What is known of a plane: a point and the unit normal, floats taken for exact."""
+    """Exact crossings with a plane, given by a point and the unit normal, floats taken as exact."""
 
     surface: Plane
 
     def crosser(self) -> Crosser:
-        """Return what finds the crossing."""
+        """Return a function that finds the crossing."""
         at, normal = rationals(self.surface.origin), rationals(self.surface.unit_normal)
 
         def crossings(o: RationalVector, d: RationalVector) -> list[Crossing]:
@@ -54,7 +54,7 @@ class ExactPlane(ExactSurface, of=Plane):
         return crossings
 
     def gap(self) -> Gap:
-        """Return what measures from the plane itself."""
+        """Return a function that measures from the plane itself."""
         at, normal = rationals(self.surface.origin), rationals(self.surface.unit_normal)
 
         def gap(_patch: int, _u: float, _v: float, point: list[Any]) -> float:
@@ -64,7 +64,7 @@ class ExactPlane(ExactSurface, of=Plane):
         return gap
 
     def touch(self) -> IsTouched:
-        """Return what measures the height of the origin."""
+        """Return a function that measures the height of the origin."""
         n, at = self.surface.unit_normal, self.surface.origin
 
         def is_touched(origin: FloatArray, d: FloatArray, reach: float, leaves: bool) -> bool:
@@ -79,18 +79,18 @@ class ExactPlane(ExactSurface, of=Plane):
 
 
 class ExactRectangle(ExactSurface, of=Rectangle):
-    """What is known of a parallelogram: its corner and edges."""
+    """Exact crossings with a parallelogram, given by corner and edges."""
 
     surface: Rectangle
 
     def crosser(self) -> Crosser:
-        """Return what finds the crossing."""
+        """Return a function that finds the crossing."""
         return Face(
             0, self.surface.corner, self.surface.edge_u, self.surface.edge_v, False
         ).crossings
 
     def gap(self) -> Gap:
-        """Return what measures from corner + u edge_u + v edge_v."""
+        """Return a function that measures from corner + u edge_u + v edge_v."""
         surface = self.surface
         corner, e, f = (rationals(x) for x in (surface.corner, surface.edge_u, surface.edge_v))
 
@@ -102,25 +102,25 @@ class ExactRectangle(ExactSurface, of=Rectangle):
         return gap
 
     def touch(self) -> IsTouched:
-        """Return what looks for places where the ray is tangent."""
+        """Return a function that looks for places where the ray is tangent."""
         c, e, f = self.surface.corner, self.surface.edge_u, self.surface.edge_v
         return touch_of_nets([np.array([[c, c + f], [c + e, c + e + f]])], FEW_SAMPLES)
 
 
 class ExactBox(ExactSurface, of=Box):
-    """What is known of a box along the axes: two corners."""
+    """Exact crossings with an axis-aligned box, given by two corners."""
 
     surface: Box
 
     def crosser(self) -> Crosser:
-        """Return what finds all crossings with the faces."""
+        """Return a function that finds all crossings with the faces."""
         lo, hi = np.asarray(self.surface.lo), np.asarray(self.surface.hi)
         # Corner and edges would be rounded: a face is given by what it is between.
         faces = [BoxFace(face, face // 2, lo, hi) for face in range(6)]
         return lambda o, d: [found for face in faces for found in face.crossings(o, d)]
 
     def gap(self) -> Gap:
-        """Return what measures from the face."""
+        """Return a function that measures from the face."""
         lo, hi = rationals(self.surface.lo), rationals(self.surface.hi)
 
         def gap(patch: int, _u: float, _v: float, point: list[Any]) -> float:
@@ -132,7 +132,7 @@ class ExactBox(ExactSurface, of=Box):
         return gap
 
     def touch(self) -> IsTouched:
-        """Return what looks for places where the ray is tangent."""
+        """Return a function that looks for places where the ray is tangent."""
         box = self.surface
         nets = [
             np.array([[box.point(u, v, face)[0] for v in (0, 1)] for u in (0, 1)])
@@ -142,12 +142,12 @@ class ExactBox(ExactSurface, of=Box):
 
 
 class ExactTurnedBox(ExactBox, of=TurnedBox):
-    """What is known of a turned or skewed box: a corner and three edges."""
+    """Exact crossings with a parallelepiped, given by a corner and three edges."""
 
     surface: TurnedBox
 
     def crosser(self) -> Crosser:
-        """Return what finds all crossings with the six parallelograms."""
+        """Return a function that finds all crossings with the six parallelograms."""
         corner, edges = self._frame()
         faces = []
         for face in range(6):
@@ -157,7 +157,7 @@ class ExactTurnedBox(ExactBox, of=TurnedBox):
         return lambda o, d: [found for face in faces for found in face.crossings(o, d)]
 
     def gap(self) -> Gap:
-        """Return what measures from the face, along the box's own axes."""
+        """Return a function that measures from the face, along the box's own axes."""
         corner, edges = self._frame()
         sides = [cross(edges[k - 2], edges[k - 1]) for k in range(3)]
         volume = dot(edges[0], sides[0])
@@ -180,12 +180,12 @@ class ExactTurnedBox(ExactBox, of=TurnedBox):
 
 
 class ExactMesh(ExactSurface, of=TriangleMesh):
-    """What is known of triangles: their vertices. A shared edge is crossed once for each."""
+    """Exact crossings with triangles; a shared edge is crossed once for each."""
 
     surface: TriangleMesh
 
     def crosser(self) -> Crosser:
-        """Return what finds all crossings."""
+        """Return a function that finds all crossings."""
         corners = self.surface.vertices[self.surface.faces]
         faces: dict[int, Face] = {}
         extent = float(np.abs(corners).max())
@@ -202,7 +202,7 @@ class ExactMesh(ExactSurface, of=TriangleMesh):
         return crossings
 
     def gap(self) -> Gap:
-        """Return what measures from the point of the face with these weights."""
+        """Return a function that measures from the point of the face with these weights."""
         vertices, faces = self.surface.vertices, self.surface.faces
 
         def gap(patch: int, u: float, v: float, point: list[Any]) -> float:
@@ -214,7 +214,7 @@ class ExactMesh(ExactSurface, of=TriangleMesh):
         return gap
 
     def touch(self) -> IsTouched:
-        """Return what looks for places where the ray is tangent."""
+        """Return a function that looks for places where the ray is tangent."""
         corners = self.surface.vertices[self.surface.faces]
         return touch_of_nets([np.array([[a, a], [b, c]]) for a, b, c in corners], FEW_SAMPLES)
 

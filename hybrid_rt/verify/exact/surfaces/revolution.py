@@ -22,16 +22,16 @@ from meshing import SurfaceOfRevolution
 
 
 class ExactRevolution(ExactSurface, of=SurfaceOfRevolution):
-    """What is known of a surface of revolution."""
+    """Exact crossings with a surface of revolution."""
 
     surface: SurfaceOfRevolution
 
     def crosser(self) -> Crosser:
-        """Return what isolates the roots of the eliminated polynomials."""
+        """Return a function that isolates the roots of the eliminated polynomials."""
         return revolution_crosser(self.surface)
 
     def gap(self) -> Gap:
-        """Return what measures from S(u, v), in balls because of the cosine."""
+        """Return a function that measures from S(u, v), in balls because of the cosine."""
         surface = self.surface
         origin = rationals(surface.origin)
         frame = [rationals(v) for v in (surface.axis, surface.radial, surface.binormal)]
@@ -51,7 +51,7 @@ class ExactRevolution(ExactSurface, of=SurfaceOfRevolution):
         return gap
 
     def touch(self) -> IsTouched:
-        """Return what looks for places where the ray is tangent."""
+        """Return a function that looks for places where the ray is tangent."""
         surface = self.surface
         local = SurfaceOfRevolution._from_frame(
             list(surface.segments), np.zeros(3), surface.axis, surface.radial

@@ -29,12 +29,12 @@ ROUNDED = 1.01
 
 
 class ExactSphere(ExactSurface, of=Sphere):
-    """What is known of a sphere: its centre and radius, floats taken for exact."""
+    """Exact crossings with a sphere, given by centre and radius, floats taken as exact."""
 
     surface: Sphere
 
     def crosser(self) -> Crosser:
-        """Return what finds both crossings."""
+        """Return a function that finds both crossings."""
         center, radius = rationals(self.surface.center), rational(self.surface.radius)
 
         def crossings(o: RationalVector, d: RationalVector) -> list[Crossing]:
@@ -58,7 +58,7 @@ class ExactSphere(ExactSurface, of=Sphere):
         return crossings
 
     def gap(self) -> Gap:
-        """Return what measures from the sphere itself."""
+        """Return a function that measures from the sphere itself."""
         center, radius = rationals(self.surface.center), rational(self.surface.radius)
 
         def gap(_patch: int, _u: float, _v: float, point: list[Any]) -> float:
@@ -69,7 +69,7 @@ class ExactSphere(ExactSurface, of=Sphere):
         return gap
 
     def touch(self) -> IsTouched:
-        """Return what compares the distances of ray and origin from the centre."""
+        """Return a function that compares the distances of ray and origin from the centre."""
         center, radius = np.asarray(self.surface.center), float(self.surface.radius)
 
         def is_touched(origin: FloatArray, d: FloatArray, reach: float, leaves: bool) -> bool:

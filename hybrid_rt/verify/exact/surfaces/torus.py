@@ -33,12 +33,12 @@ from hybrid_rt.verify.exact.exact_surface import ExactSurface, Gap, IsTouched
 
 
 class ExactTorus(ExactSurface, of=Torus):
-    """What is known of a torus."""
+    """Exact crossings with a torus."""
 
     surface: Torus
 
     def crosser(self) -> Crosser:
-        """Return what isolates the roots of the quartic; a double root is a touch."""
+        """Return a function that isolates the roots of the quartic; a double root is a touch."""
         quartic = self._quartic()
         center, axis = rationals(self.surface.origin), rationals(self.surface.axis)
         major, minor = rational(self.surface.major_radius), rational(self.surface.minor_radius)
@@ -69,7 +69,7 @@ class ExactTorus(ExactSurface, of=Torus):
         return crossings
 
     def gap(self) -> Gap:
-        """Return what measures from the torus itself."""
+        """Return a function that measures from the torus itself."""
         center, axis = rationals(self.surface.origin), rationals(self.surface.axis)
         major, minor = rational(self.surface.major_radius), rational(self.surface.minor_radius)
 
@@ -84,7 +84,7 @@ class ExactTorus(ExactSurface, of=Torus):
         return gap
 
     def touch(self) -> IsTouched:
-        """Return what counts the crossings with a thicker and a thinner tube.
+        """Return a function that counts the crossings with a thicker and a thinner tube.
 
         A ray that grazes the torus crosses one of the two more often than the other.
         """
@@ -112,7 +112,7 @@ class ExactTorus(ExactSurface, of=Torus):
         return surface.origin.tolist(), 2.0 * (surface.major_radius + surface.minor_radius)
 
     def _quartic(self) -> Callable[[RationalVector, RationalVector, Rational], Polynomial]:
-        """Return what makes F(t), for a ray from the middle and a radius of the tube."""
+        """Return a function that makes F(t), for a ray from the middle and a radius of the tube."""
         axis, major = rationals(self.surface.axis), rational(self.surface.major_radius)
         axis_square = dot(axis, axis)
 
