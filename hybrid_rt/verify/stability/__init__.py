@@ -1,0 +1,1 @@
+"""The catalogue of hard cases, one row each, run against independent truths."""

@@ -1,0 +1,208 @@
+"""The rows of the catalogue of hard cases: their type, their outcome, and the register.
+
+A row is a function that takes an `Effort` and returns an `Outcome`; the decorator `row` registers it
+under its id. `all_rows` imports the modules ``rows_*`` of this package, so a new row is one
+function in one of them.
+"""
+
+from __future__ import annotations
+
+import importlib
+import pkgutil
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+# Every row that there must be: patches, surfaces of revolution, spheres, rays and light, resources,
+# and faults that were met once.
+IDS = tuple(
+    f"{section}{number:02d}"
+    for section, count in (("A", 32), ("B", 19), ("C", 13), ("D", 34), ("E", 10), ("F", 11))
+    for number in range(1, count + 1)
+)
+NOT_BUILT = {
+    "A27": "rational patches",
+    "A28": "rational patches",
+    "A31": "NURBS",
+    "D29": "normal maps",
+    "D31": "renders that stop and go on",
+    "E10": "renders that stop and go on",
+}
+
+
+@dataclass(frozen=True)
+class Effort:
+    """The size of a run, and its seed.
+
+    Attributes
+    ----------
+    factor : float
+        Factor on the number of rays, passes and photons; 1 is a full run.
+    seed : int
+    """
+
+    factor: float = 1.0
+    seed: int = 0
+
+    def count(self, n: int, least: int = 1) -> int:
+        """Return n scaled by the effort."""
+        return max(round(self.factor * n), least)
+
+    def rng(self, stream: int = 0) -> np.random.Generator:
+        """Return a generator of this seed."""
+        return np.random.default_rng([self.seed, stream])
+
+
+@dataclass(frozen=True)
+class Curve:
+    """Error and work against the difficulty of a case, for a plot.
+
+    Attributes
+    ----------
+    against : str
+        Label of the x axis with its unit: "distance from tangency / size".
+    label : str
+        What was traced.
+    x : list of float
+        Positive; both axes are logarithmic.
+    error : list of float
+        Largest |error| at each x, in the unit that `unit` names.
+    expected : list of float
+        What theory allows there, in the same unit.
+    work : list of float
+        Largest work of one ray, in pieces of a patch or of a profile; empty where there is none.
+    unit : str
+    """
+
+    against: str
+    label: str
+    x: list[float]
+    error: list[float]
+    expected: list[float]
+    work: list[float] = field(default_factory=list)
+    unit: str = "size"
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What running a row yields; sums of outcomes keep the worst.
+
+    Attributes
+    ----------
+    rays : int
+        Rays, photons, or values that were compared.
+    wrong : int
+        Decisions that differ from the truth where rounding leaves no choice.
+    error : float
+        The largest error, in units of what is expected there; above 1 the row fails. nan where
+        nothing is measured.
+    broken : int
+        Errors above the bound that was stated with the result.
+    undecided : int
+        Rows marked TANGENT; none of them counts as wrong.
+    work : int
+        The largest work of one search, in pieces.
+    faults : tuple of str
+        Descriptions of faults; any fails the row.
+    notes : tuple of str
+        Remarks.
+    curves : tuple of Curve
+    """
+
+    rays: int = 0
+    wrong: int = 0
+    error: float = float("nan")
+    broken: int = 0
+    undecided: int = 0
+    work: int = 0
+    faults: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
+    curves: tuple[Curve, ...] = ()
+
+    def __add__(self, other: Outcome) -> Outcome:
+        """Put two outcomes together."""
+        return Outcome(
+            self.rays + other.rays,
+            self.wrong + other.wrong,
+            float(np.fmax(self.error, other.error)),
+            self.broken + other.broken,
+            self.undecided + other.undecided,
+            max(self.work, other.work),
+            self.faults + other.faults,
+            self.notes + other.notes,
+            self.curves + other.curves,
+        )
+
+    @property
+    def holds(self) -> bool:
+        """Whether the row passes."""
+        return not (self.wrong or self.broken or self.faults or self.error > 1.0)
+
+    def checked(self, ok: bool, fault: str) -> Outcome:
+        """Return this outcome, with a fault added if a condition does not hold."""
+        return self if ok else replace(self, faults=(*self.faults, fault))
+
+
+@dataclass(frozen=True)
+class Row:
+    """One row of the catalogue.
+
+    Attributes
+    ----------
+    id : str
+    title : str
+        The case, in a few words.
+    truth : str
+        What the answer is compared with: a closed form, high precision, an identity, a refusal.
+    run : callable of an Effort
+    """
+
+    id: str
+    title: str
+    truth: str
+    run: Callable[[Effort], Outcome]
+
+
+_ROWS: dict[str, Row] = {}
+
+
+def row(
+    row_id: str, title: str, truth: str
+) -> Callable[[Callable[[Effort], Outcome]], Callable[[Effort], Outcome]]:
+    """Register a function as a row of the catalogue."""
+
+    def register(run: Callable[[Effort], Outcome]) -> Callable[[Effort], Outcome]:
+        if row_id in _ROWS:
+            raise ValueError(f"row {row_id} is registered twice")
+        _ROWS[row_id] = Row(row_id, title, truth, run)
+        return run
+
+    return register
+
+
+def all_rows() -> dict[str, Row]:
+    """Return every row by its id, in order."""
+    room = importlib.import_module(__package__ or "")
+    for module in pkgutil.iter_modules(room.__path__):
+        if module.name.startswith("rows_"):
+            importlib.import_module(f"{room.__name__}.{module.name}")
+    return dict(sorted(_ROWS.items()))
+
+
+def refusal(make: Callable[[], object], *words: str) -> Outcome:
+    """Return the outcome of a call that must raise an error with this text in its message."""
+    try:
+        make()
+    except (ValueError, TypeError, OSError) as error:
+        missing = [word for word in words if word not in str(error)]
+        fault = f"refused with {str(error)!r}, which lacks {', '.join(missing)}"
+        return Outcome(rays=1).checked(not missing, fault)
+    return Outcome(rays=1, wrong=1, faults=(f"accepted; expected {' '.join(words)!r}",))
+
+
+def selected(rows: dict[str, Row], only: list[str]) -> Iterator[Row]:
+    """Yield the rows whose ids begin with one of some prefixes; all rows without prefixes."""
+    for entry in rows.values():
+        if not only or any(entry.id.startswith(word) for word in only):
+            yield entry
