@@ -5,7 +5,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from hybrid_rt.core.kernels.compensated import two_difference
-from hybrid_rt.intersection.kernels.search.nearest import offer
+from hybrid_rt.intersection.kernels.search.nearest import CLEAR, WITHIN_BAND, is_known, offer
 from hybrid_rt.intersection.kernels.search.tolerances import TANGENT_BAND, UNIT_ROUNDOFF
 from meshing.kernels.jit import hot_kernel, inlined
 
@@ -250,17 +250,19 @@ def finish_planes(table, rays, best, row_of, out):
 
 @inlined
 def _offer_box(i, k, lo, hi, object_id, o, d, t_min, known, best):
-    enter, leave = -np.inf, np.inf
+    enter, leave, goes_on = -np.inf, np.inf, np.inf
     face_in = face_out = -1
     reach = 0.0
     for c in range(3):
         reach = max(reach, hi[k, c] - lo[k, c], abs(lo[k, c] - o[c]), abs(hi[k, c] - o[c]))
     band = TANGENT_BAND * reach
+    is_beside = False
     for c in range(3):
         low, high = lo[k, c] - o[c], hi[k, c] - o[c]
         if d[c] == 0.0:
-            if low > 0.0 or high < 0.0:
+            if low > band or high < -band:
                 return
+            is_beside |= low > 0.0 or high < 0.0
             continue
         a, b = low / d[c], high / d[c]
         first, second = 2 * c, 2 * c + 1
@@ -270,7 +272,9 @@ def _offer_box(i, k, lo, hi, object_id, o, d, t_min, known, best):
         if a > enter:
             enter, face_in = a, first
         if b < leave:
-            leave, face_out = b, second
+            goes_on, leave, face_out = leave, b, second
+        else:
+            goes_on = min(goes_on, b)
     if face_in < 0:
         return
     # How far the ray runs inside, seen across it at the edge between the two faces.
@@ -279,20 +283,22 @@ def _offer_box(i, k, lo, hi, object_id, o, d, t_min, known, best):
         p * q / np.sqrt(p * p + q * q) if face_in // 2 != face_out // 2 else p
     )
     rounding = 4.0 * UNIT_ROUNDOFF * reach
-    if depth < -rounding:
+    if depth < -rounding or is_beside:
         if depth > -band and leave > t_min[i]:
             best.doubt[i] = min(best.doubt[i], leave)
         return
-    tangent = depth < band
     crossed = 0.0
     if enter > leave:
         # By rounding, at an edge: the point of the ray next to it.
         crossed = enter - leave
         enter = leave = (enter * p * p + leave * q * q) / (p * p + q * q)
     bound = 4.0 * UNIT_ROUNDOFF * abs(enter) + crossed
-    offer(i, enter, bound, p, tangent, object_id[k], face_in, 0.0, 0.0, t_min, known, best)
+    offer(i, enter, bound, p, CLEAR, object_id[k], face_in, 0.0, 0.0, t_min, known, best)
     bound = 4.0 * UNIT_ROUNDOFF * abs(leave) + crossed
-    offer(i, leave, bound, q, tangent, object_id[k], face_out, 0.0, 0.0, t_min, known, best)
+    offer(i, leave, bound, q, CLEAR, object_id[k], face_out, 0.0, 0.0, t_min, known, best)
+    if is_known(i, leave, bound, q, known) and (goes_on - leave) * q < band:
+        # It leaves the face so slowly that it passes the next one within the band.
+        best.doubt[i] = min(best.doubt[i], goes_on)
 
 
 @hot_kernel
@@ -308,6 +314,27 @@ def trace_boxes(table, rays, best, any_hit):
             )  # fmt: skip
 
 
+@inlined
+def _is_near_an_edge(lo, hi, o, d):
+    """Tell whether a ray that meets a box passes within the band of its outline.
+
+    An edge of the outline is where a face that is entered meets one that is left: slopes p and q
+    across them, at distances a and b ahead. The ray passes it by (b p - a q) / |(p, q)|.
+    """
+    reach, least = 0.0, np.inf
+    for c in range(3):
+        reach = max(reach, hi[c] - lo[c], abs(lo[c] - o[c]), abs(hi[c] - o[c]))
+        p = abs(d[c])
+        a = lo[c] - o[c] if d[c] >= 0.0 else o[c] - hi[c]
+        for e in range(3):
+            q = abs(d[e])
+            if e == c or p + q == 0.0:
+                continue
+            b = hi[e] - o[e] if d[e] >= 0.0 else o[e] - lo[e]
+            least = min(least, (b * p - a * q) / np.sqrt(p * p + q * q))
+    return least < TANGENT_BAND * reach
+
+
 @hot_kernel
 def finish_boxes(table, rays, best, row_of, out):
     """Describe the hits on boxes."""
@@ -316,6 +343,8 @@ def finish_boxes(table, rays, best, row_of, out):
             continue
         k = row_of[best.object_id[i]]
         o, d, t = rays.origin[i], rays.direction[i], best.t[i]
+        if _is_near_an_edge(table.lo[k], table.hi[k], o, d):
+            best.tangent[i] = WITHIN_BAND
         face = best.primitive[i]
         axis = face // 2
         is_upper = face % 2 == 1

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from hybrid_rt.core.kernels.compensated import two_difference
-from hybrid_rt.intersection.kernels.search.nearest import offer
+from hybrid_rt.intersection.kernels.search.nearest import CLEAR, WITHIN_BAND, offer
 from hybrid_rt.intersection.kernels.search.tolerances import TANGENT_BAND, UNIT_ROUNDOFF
 from meshing.kernels.jit import hot_kernel, inlined
 
@@ -71,11 +71,11 @@ def _offer_turned_box(i, k, table, rays, best):
     start, reach = 0.0, -1.0
     if known.shape[0] and known[i, 1] >= 0.0:
         start, reach = known[i, 0], known[i, 1] + error
-    has_left, entered = False, 0
+    has_left, departed, is_beside = False, 0, False
     # Where the ray lies almost within a face, that face's t has few digits: beside an edge it must
     # not win over the next face by its rounding. So the face is taken that is entered last by the
     # lower ends of all intervals of rounding; the largest upper end bounds what that may miss.
-    enter, leave = -np.inf, np.inf
+    enter, leave, goes_on = -np.inf, np.inf, np.inf
     surely_in, surely_out = -np.inf, np.inf
     latest_in, earliest_out = -np.inf, np.inf
     face_in = face_out = -1
@@ -84,16 +84,17 @@ def _offer_turned_box(i, k, table, rays, best):
         below = _dot(normal, k, c, wx, wy, wz) + _dot(normal, k, c, ex, ey, ez)
         slope = _dot(normal, k, c, dx, dy, dz)
         if slope == 0.0:
-            if below < 0.0 or below > depth[k, c]:
+            if below < -band or below > depth[k, c] + band:
                 return
+            is_beside |= below < 0.0 or below > depth[k, c]
             continue
         height = below + start * slope
         if abs(height) <= reach:
             has_left |= slope < 0.0
-            entered |= 1 << (2 * c)
+            departed |= 1 << (2 * c)
         if abs(height - depth[k, c]) <= reach:
             has_left |= slope > 0.0
-            entered |= 2 << (2 * c)
+            departed |= 2 << (2 * c)
         a, b = -below / slope, (depth[k, c] - below) / slope
         first, second = 2 * c, 2 * c + 1
         if slope < 0.0:
@@ -105,14 +106,17 @@ def _offer_turned_box(i, k, table, rays, best):
         if a - rounding_a > surely_in:
             surely_in, enter, face_in, p = a - rounding_a, a, first, slope
         if b + rounding_b < surely_out:
+            goes_on = leave
             surely_out, leave, face_out, q = b + rounding_b, b, second, slope
+        else:
+            goes_on = min(goes_on, b)
     if face_in < 0 or face_out < 0:
         return
     bound_in = max(enter - surely_in, latest_in - enter)
     bound_out = max(surely_out - leave, leave - earliest_out)
     # How far the ray runs inside, seen across it at the edge between the two faces: in the plane
     # across that edge the ray and the two faces make a triangle, and this is its height.
-    starts_there = (entered >> face_in) & 1 != 0
+    starts_there = (departed >> face_in) & 1 != 0
     if starts_there:
         enter = start
     inside = leave - enter
@@ -123,23 +127,59 @@ def _offer_turned_box(i, k, table, rays, best):
         cosine = _dot(normal, k, m, normal[k, n, 0], normal[k, n, 1], normal[k, n, 2])
         across = np.sqrt(max(p * p + q * q - 2.0 * p * q * cosine, 0.0))
         height = inside * (abs(p) * abs(q) / across) if across > 0.0 else inside
-    if height < -error or (starts_there and leave <= start):
+    if height < -error or is_beside or (starts_there and leave <= start):
         if height > -band and leave > t_min[i]:
             best.doubt[i] = min(best.doubt[i], leave)
         return
-    tangent = height < band
     p, q = abs(p), abs(q)
     crossed = 0.0
     if enter > leave:
         # By rounding, at an edge: a point of the ray next to it.
         crossed = enter - leave
         enter = leave = (enter * p * p + leave * q * q) / (p * p + q * q)
+    # What is passed by because the ray has left there is met by the ray as rounding has put it: at
+    # another face than that of its departure this is a matter of rounding.
     if not ((has_left or starts_there) and enter >= start):
         bound = bound_in + crossed
-        offer(i, enter, bound, p, tangent, object_id[k], face_in, 0.0, 0.0, t_min, known, best)
+        offer(i, enter, bound, p, CLEAR, object_id[k], face_in, 0.0, 0.0, t_min, known, best)
+    elif (departed >> face_in) & 1 == 0 and enter > t_min[i]:
+        best.doubt[i] = min(best.doubt[i], enter)
     if not (has_left and leave >= start):
         bound = bound_out + crossed
-        offer(i, leave, bound, q, tangent, object_id[k], face_out, 0.0, 0.0, t_min, known, best)
+        offer(i, leave, bound, q, CLEAR, object_id[k], face_out, 0.0, 0.0, t_min, known, best)
+    elif (departed >> face_out) & 1 == 0 and leave > t_min[i]:
+        best.doubt[i] = min(best.doubt[i], leave)
+    elif (goes_on - leave) * q < band:
+        # It leaves the face so slowly that it passes the next one within the band.
+        best.doubt[i] = min(best.doubt[i], goes_on)
+
+
+@inlined
+def _is_near_an_edge(table, k, o, d):
+    """Tell whether a ray that meets a box passes within the band of its outline.
+
+    As for boxes along the axes; the planes of two faces meet at an angle.
+    """
+    wx, ex = two_difference(o[0], table.corner[k, 0])
+    wy, ey = two_difference(o[1], table.corner[k, 1])
+    wz, ez = two_difference(o[2], table.corner[k, 2])
+    band = TANGENT_BAND * max(np.sqrt(wx * wx + wy * wy + wz * wz), table.size[k])
+    normal, depth = table.normal, table.depth
+    for c in range(3):
+        p = _dot(normal, k, c, d[0], d[1], d[2])
+        a = _dot(normal, k, c, wx, wy, wz) + _dot(normal, k, c, ex, ey, ez)
+        a = -a if p >= 0.0 else a - depth[k, c]
+        for e in range(3):
+            q = _dot(normal, k, e, d[0], d[1], d[2])
+            cosine = _dot(normal, k, c, normal[k, e, 0], normal[k, e, 1], normal[k, e, 2])
+            across = p * p + q * q - 2.0 * p * q * cosine
+            if e == c or not across > 0.0:
+                continue
+            b = _dot(normal, k, e, wx, wy, wz) + _dot(normal, k, e, ex, ey, ez)
+            b = depth[k, e] - b if q >= 0.0 else b
+            if b * abs(p) - a * abs(q) < band * np.sqrt(across):
+                return True
+    return False
 
 
 @hot_kernel
@@ -160,6 +200,8 @@ def finish_turned_boxes(table, rays, best, row_of, out):
             continue
         k = row_of[best.object_id[i]]
         o, d, t = rays.origin[i], rays.direction[i], best.t[i]
+        if _is_near_an_edge(table, k, o, d):
+            best.tangent[i] = WITHIN_BAND
         face = best.primitive[i]
         axis, is_upper = face // 2, face % 2 == 1
         wx, ex = two_difference(o[0], table.corner[k, 0])
