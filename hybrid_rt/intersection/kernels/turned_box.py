@@ -155,7 +155,7 @@ def _offer_turned_box(i, k, table, rays, best):
 
 
 @inlined
-def _is_near_an_edge(table, k, o, d):
+def _passes_an_edge(table, k, o, d):
     """Tell whether a ray that meets a box passes within the band of its outline.
 
     As for boxes along the axes; the planes of two faces meet at an angle.
@@ -200,7 +200,7 @@ def finish_turned_boxes(table, rays, best, row_of, out):
             continue
         k = row_of[best.object_id[i]]
         o, d, t = rays.origin[i], rays.direction[i], best.t[i]
-        if _is_near_an_edge(table, k, o, d):
+        if _passes_an_edge(table, k, o, d):
             best.tangent[i] = WITHIN_BAND
         face = best.primitive[i]
         axis, is_upper = face // 2, face % 2 == 1

@@ -247,6 +247,85 @@ MUTANTS = (
         "band = 2.0 * noise * gain + 4.0 * UNIT_ROUNDOFF", "band = 0.0",
         "no gap between segments", TURNED,
     ),
+    Mutant(
+        "skew boxes too small", "BOX_SLACK", "2.0**-22", "-(2.0**-12)",
+        "a cell's box holds the cell", PATCHES,
+    ),
+    Mutant(
+        "a cell's border without slack", "solve_cell",
+        "abs(in_u - um) <= hu * (1.0 + BORDER_SLACK) + slack * gain_u",
+        "abs(in_u - um) <= hu",
+        "no gap between neighbouring cells", PATCHES,
+    ),
+    Mutant(
+        "rounding of patches a quarter", "rounding_of_root",
+        "return UNIT_ROUNDOFF * (", "return 0.25 * UNIT_ROUNDOFF * (",
+        "bound of t, border bands", PATCHES,
+    ),
+    Mutant(
+        "rounding of S(u, v) a quarter", "rounding_of_root",
+        "(4.0 * (degree_u + degree_v) + 2.0) * size", "(degree_u + degree_v + 0.5) * size",
+        "bound of t of degrees above 3", PATCHES,
+    ),
+    Mutant(
+        "borders of patches without band", "offer_border",
+        "accepted = BORDER * error if band == 0.0 else min(BORDER * error, band)",
+        "accepted = 0.0",
+        "no gap between neighbouring patches", PATCHES,
+    ),
+    Mutant(
+        "TANGENT at open borders left out", "finish_patches",
+        "not (is_alone and du <= in_u and dv <= in_v)", "not is_alone",
+        "the mark at open borders", PATCHES,
+    ),
+    Mutant(
+        "TANGENT at silhouettes of patches left out", "finish_patches",
+        "not (is_alone and du <= in_u and dv <= in_v)", "not (du <= in_u and dv <= in_v)",
+        "the mark at silhouettes", PATCHES,
+    ),
+    Mutant(
+        "rates of a sheet out of order", "rates_in",
+        "return min(lo, hi), max(lo, hi)", "return lo, hi",
+        "at most one root of rays by the axis", TURNED,
+    ),
+    Mutant(
+        "one meeting proven by half the slopes", "is_transversal",
+        "return low > clear or high < -clear",
+        "return 0.75 * low + 0.25 * high > clear or 0.25 * low + 0.75 * high < -clear",
+        "at most one root of a piece and a sheet", TURNED,
+    ),
+    Mutant(
+        "slop of turned surfaces a 64th", "enter_axis_frame",
+        "ray[SLOP] = table.roundings[k] *", "ray[SLOP] = 1.0 / 64.0 * table.roundings[k] *",
+        "rounding of boxes and sheets", TURNED,
+    ),
+    Mutant(
+        "chords without slop", "solve_piece",
+        "is_near_miss = apart > slop", "is_near_miss = apart > -slop",
+        "a piece beside its chord's strip", TURNED,
+    ),
+    Mutant(
+        "heights without slop", "height_range",
+        "return low - 2.0 * slack, high + 2.0 * slack",
+        "return low + 2.0 * slack, high - 2.0 * slack",
+        "segments left out by height", TURNED,
+    ),
+    Mutant(
+        "sheets without slack", "sheet_interval",
+        "far = np.sqrt((r1 + slack - h) * (r1 + slack + h)) + slack",
+        "far = np.sqrt((r1 + slack - h) * (r1 + slack + h)) - slack",
+        "t of a sheet", TURNED,
+    ),
+    Mutant(
+        "TANGENT of hits on boxes left out", "_is_near_an_edge",
+        "return least < TANGENT_BAND * reach", "return least < 0.0",
+        "the mark at edges", CLOSED,
+    ),
+    Mutant(
+        "TANGENT of meshes 64 times as narrow", "band_at",
+        "return TANGENT_BAND * max(", "return TANGENT_BAND / 64 * max(",
+        "the mark at silhouettes of meshes", MESH,
+    ),
 )  # fmt: skip
 
 
