@@ -17,7 +17,8 @@ from hybrid_rt.integrators.kernels.compaction import (
 )
 from hybrid_rt.primitives.vertex_normals import shading_normals
 from hybrid_rt.scene.compiled import NOTHING
-from hybrid_rt.shading.kernels.emitter import UNWEIGHTED, light_on_hits, light_on_rays
+from hybrid_rt.shading.kernels.bsdf import Vertices
+from hybrid_rt.shading.kernels.emitter import UNWEIGHTED, Met, light_on_hits, light_on_rays
 from hybrid_rt.shading.kernels.light_kinds import LightPoints
 from hybrid_rt.shading.kernels.lobes.register import SPREADS, WIDE
 from hybrid_rt.shading.kernels.medium_stack import (
@@ -62,6 +63,15 @@ class Shading:
     geometric: FloatArray
     ratio: FloatArray
     beyond: IntArray
+
+    @property
+    def vertices(self) -> Vertices:
+        """The arrays as kernels take them."""
+        hits = self.hits
+        return Vertices(
+            self.material, self.colors, hits.position, hits.normal, self.directions,
+            self.geometric, self.ratio,
+        )  # fmt: skip
 
 
 class SurfaceLight:
@@ -186,11 +196,7 @@ class SurfaceLight:
             scene.sky,
             scene.textures,
             light,
-            hits.t,
-            hits.u,
-            hits.v,
-            hits.position,
-            hits.normal,
+            Met(hits.t, hits.u, hits.v, hits.position, hits.normal),
             origins,
             directions,
             pdf,
@@ -272,7 +278,7 @@ class SurfaceLight:
         self, shading: Shading, light_id: IntArray, xi: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
         """Return the ways to chosen points of lights, and what they send."""
-        scene, hits = self._context.scene, shading.hits
+        scene = self._context.scene
         to_light, value = np.empty_like(shading.directions), np.empty_like(shading.directions)
         light_on_hits(
             scene.lights,
@@ -281,13 +287,7 @@ class SurfaceLight:
             self.points(light_id, xi),
             light_id,
             scene.lobes,
-            shading.material,
-            shading.colors,
-            hits.position,
-            hits.normal,
-            shading.directions,
-            shading.geometric,
-            shading.ratio,
+            shading.vertices,
             xi,
             self._strategy,
             self._traits_asked,

@@ -1,6 +1,7 @@
 """Density estimation kernels: the reflected radiance of the photons near a point."""
 
 import math
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -8,6 +9,16 @@ from hybrid_rt.integrators.kernels.photon_steps import IS_SHOWN
 from hybrid_rt.shading.kernels.bsdf import scattered
 from hybrid_rt.shading.kernels.lobes.register import WIDE
 from meshing.kernels.jit import inlined, kernel
+
+
+class Sums(NamedTuple):
+    """Density estimates at n points."""
+
+    value: Any  # (n, 3) float64, reflected radiance
+    blur: Any  # (n, 3) float64, `value` minus the estimate by discs of half the area
+    near: Any  # (n,) int64, number of photons in each sum
+    chosen: Any  # (n,) int64, one of them, sampled by its contribution; -1 if there is none
+
 
 # Photons of a surface turned farther than this from that of the point belong to another wall.
 LEAST_COSINE = 0.5
@@ -61,12 +72,8 @@ def most_neighbours(position, radius, width, table, most):
 
 
 @kernel
-def add_photons(
-    row, photon, distance, radius, lobes, material, colors, position, normal, geometric, direction,
-    is_direct, photon_direction, photon_normal, photon_power, photon_position, history, value, blur,
-    near, xi, chosen,
-):  # fmt: skip
-    """Add the contribution of each photon to ``value`` (n, 3) of the points near it.
+def add_photons(row, photon, distance, radius, lobes, points, is_direct, photons, xi, sums):
+    """Add the contribution of each photon to the points near it.
 
     Parameters
     ----------
@@ -74,25 +81,18 @@ def add_photons(
         A point, a photon near it, and their distance.
     radius : (n,) float64
         Of the disc of each point.
-    material, colors, position, normal, direction : (n, ...)
-        Of the points, as for `hybrid_rt.shading.kernels.emitter.light_on_hits`; only wide lobes count.
-    geometric : (n, 3) float64
-        Normal of the surface itself, where ``normal`` is another; else (0, 3).
+    points : Vertices
+        Only wide lobes count.
     is_direct : (n,) bool
         Points that the camera sees directly: photons that were splatted do not count there.
-    photon_direction, photon_normal, photon_power : (photons, 3) float32
-    photon_position : (photons, 3) float64
-    history : (photons,) uint8
-    value : (n, 3) float64, changed
-    blur : (n, 3) float64, changed
-        The estimate minus that of a disc of half the area, from which the blur is estimated.
-    near : (n,) int64, changed
-        Number of photons that contributed.
+    photons : Photons
     xi : (n,) float64 in [0, 1), changed
-        Samples one of them for each point, by its contribution.
-    chosen : (n,) int64, changed
-        Index of that photon; unchanged where none contributed.
+        Samples one photon for each point, by its contribution.
+    sums : Sums, changed
     """
+    material, colors, position, normal, direction, geometric, _ = points
+    photon_position, photon_direction, photon_normal, photon_power, history = photons
+    value, blur, near, chosen = sums
     for p in range(row.size):
         i, j = row[p], photon[p]
         ratio = (distance[p] / radius[i]) ** 2

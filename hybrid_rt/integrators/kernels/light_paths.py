@@ -360,17 +360,29 @@ def sent_toward(lit, k, lobes, wx, wy, wz):
 
 @kernel
 def connect_to_light_vertices(
-    paths, lobes, material, colors, position, normal, geometric, direction, ratio, beyond,
-    object_id, lit, first_of_pass, number, of_use, xi, steps_left, out,
-):  # fmt: skip
+    paths,
+    lobes,
+    vertices,
+    beyond,
+    object_id,
+    lit,
+    first_of_pass,
+    number,
+    of_use,
+    xi,
+    steps_left,
+    out,
+):
     """Connect camera-path vertices to light vertices of their passes by shadow rays.
 
     Parameters
     ----------
     paths : Paths
-    material ... object_id : the hits
-    ratio, beyond : (n,) float64, (n, STACK) int32; or both without rows
+    vertices : Vertices
+        The hits.
+    beyond : (n, STACK) int32, or (0, 0)
         See `hybrid_rt.shading.kernels.medium_stack.look_beyond`; empty without rough glass.
+    object_id : (n,) int32
     first_of_pass : (passes + 1,) int64
         The rows of ``lit`` that belong to each pass.
     number : (n,) int64
@@ -388,6 +400,7 @@ def connect_to_light_vertices(
     int
         The number of shadow rays.
     """
+    material, colors, position, normal, direction, geometric, ratio = vertices
     n = 0
     for i in range(material.size):
         if material[i] < 0:

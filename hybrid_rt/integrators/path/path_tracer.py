@@ -43,6 +43,7 @@ from hybrid_rt.shading.kernels.scatter import (
     SCATTERED,
     SPECULAR,
     STOPPED,
+    Rivals,
     scatter,
 )
 
@@ -174,9 +175,7 @@ class PathTracer(Integrator):
         rays = shadow_rays(n)
         number = pass_of(paths.pixel >> PIXEL_BITS, paths.sample).astype(np.int64)
         n_rays = connect_to_light_vertices(
-            paths, self.context.scene.lobes, shading.material, shading.colors, hits.position,
-            hits.normal, shading.geometric, shading.directions, shading.ratio, shading.beyond,
-            hits.object_id, self._lit, self._first_of_pass, number - self._first_pass, self._of_use, xi,
+            paths, self.context.scene.lobes, shading.vertices, shading.beyond, hits.object_id, self._lit, self._first_of_pass, number - self._first_pass, self._of_use, xi,
             self.context.max_depth - depth - 2, rays,
         )  # fmt: skip
         self._light.add_unblocked(rays, n_rays, radiance)
@@ -206,16 +205,10 @@ class PathTracer(Integrator):
         roulette = self._options.survival if depth >= self._options.roulette_depth else 0.0
         onward, pdf = np.empty((n, 3)), np.empty(n)
         fate = np.empty(n, dtype=np.uint8)
-        hits, lobes = shading.hits, self.context.scene.lobes
-
+        hits = shading.hits
         scatter(
-            lobes,
-            shading.material,
-            shading.colors,
-            hits.normal,
-            shading.directions,
-            shading.geometric,
-            shading.ratio,
+            self.context.scene.lobes,
+            shading.vertices,
             xi[DIRECTION],
             xi[CHOICE],
             paths.media,
@@ -223,14 +216,12 @@ class PathTracer(Integrator):
             may_spread,
             not is_last,
             roulette,
-            hits.t,
-            self._before(paths, depth),
-            self._is_smooth,
-            hits.object_id,
+            Rivals(
+                hits.t, self._before(paths, depth), self._is_smooth, hits.object_id, paths.rival
+            ),
             onward,
             paths.throughput,
             pdf,
-            paths.rival,
             fate,
         )
         ledger = self.context.ledger

@@ -19,13 +19,14 @@ from numpy.typing import NDArray
 
 from hybrid_rt.core.records import BoolArray, FloatArray, IntArray
 from hybrid_rt.integrators.kernels.density_estimate import (
+    Sums,
     add_photons,
     count_in_cells,
     most_neighbours,
 )
 from hybrid_rt.integrators.kernels.photon_steps import Photons
 from hybrid_rt.sensor.camera import Camera
-from hybrid_rt.shading.kernels.bsdf import LobeTable
+from hybrid_rt.shading.kernels.bsdf import LobeTable, Vertices
 
 if TYPE_CHECKING:
     from scipy.spatial import cKDTree
@@ -51,6 +52,8 @@ WIDEST_ASKED = 0.25
 FEW_PHOTONS = (32, 128)
 # Pairs of points and photons looked at together; a pair takes 24 bytes.
 MOST_PAIRS = 2**20
+# Photons are gathered on one side of a surface.
+NO_RATIO = np.empty(0)
 
 
 @dataclass(frozen=True)
@@ -81,6 +84,14 @@ class Points:
     is_direct: BoolArray
     xi: FloatArray
 
+    @property
+    def vertices(self) -> Vertices:
+        """The arrays as kernels take them."""
+        return Vertices(
+            self.material, self.colors, self.position, self.normal, self.direction,
+            self.geometric, NO_RATIO,
+        )  # fmt: skip
+
     @classmethod
     def joined(cls, parts: list[Points]) -> Points:
         """Concatenate points."""
@@ -88,28 +99,6 @@ class Points:
             return parts[0]
         names = [column.name for column in fields(cls)]
         return cls(*(np.concatenate([getattr(part, name) for part in parts]) for name in names))
-
-
-@dataclass(frozen=True)
-class Sums:
-    """Density estimates at n points.
-
-    Attributes
-    ----------
-    value : (n, 3) float64
-        Reflected radiance.
-    blur : (n, 3) float64
-        ``value`` minus the estimate by discs of half the area.
-    near : (n,) int64
-        Number of photons in each sum.
-    chosen : (n,) int64
-        One of them, sampled by its contribution; -1 if there is none.
-    """
-
-    value: FloatArray
-    blur: FloatArray
-    near: IdArray
-    chosen: IdArray
 
 
 class Field(ABC):
@@ -154,12 +143,8 @@ class Field(ABC):
         xi: FloatArray,
         sums: Sums,
     ) -> None:
-        photons = self.photons
         add_photons(
-            *pairs, radius, self._lobes, points.material, points.colors, points.position,
-            points.normal, points.geometric, points.direction, points.is_direct, photons.direction,
-            photons.normal, photons.power, photons.position, photons.history, sums.value,
-            sums.blur, sums.near, xi, sums.chosen,
+            *pairs, radius, self._lobes, points.vertices, points.is_direct, self.photons, xi, sums
         )  # fmt: skip
 
 

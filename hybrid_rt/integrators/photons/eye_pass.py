@@ -44,6 +44,7 @@ from hybrid_rt.shading.kernels.scatter import (
     SCATTERED,
     SPECULAR,
     STOPPED,
+    Rivals,
     scatter,
 )
 
@@ -231,11 +232,11 @@ class EyePass(Integrator):
         goes_on = depth < self.context.max_depth
         hits = shading.hits
         scatter(
-            self.context.scene.lobes, shading.material, shading.colors, hits.normal,
-            shading.directions, shading.geometric, shading.ratio,
-            self._points(paths, depth, DIRECTION), self._points(paths, depth, CHOICE), paths.media, second, goes_on, goes_on,
-            1.0 if depth else 0.0, hits.t, paths.pdf, NONE_SMOOTH, hits.object_id, onward,
-            paths.throughput, pdf, paths.rival, fate,
+            self.context.scene.lobes, shading.vertices, self._points(paths, depth, DIRECTION),
+            self._points(paths, depth, CHOICE), paths.media, second, goes_on, goes_on,
+            1.0 if depth else 0.0,
+            Rivals(hits.t, paths.pdf, NONE_SMOOTH, hits.object_id, paths.rival),
+            onward, paths.throughput, pdf, fate,
         )  # fmt: skip
         counts = np.bincount(fate, minlength=SPECULAR + 1)
         ledger.rays["mirrored or refracted"] += int(counts[SCATTERED] + counts[SPECULAR])

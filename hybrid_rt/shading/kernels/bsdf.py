@@ -27,6 +27,18 @@ class LobeTable(NamedTuple):
     first: Any  # (materials + 1,) int32
 
 
+class Vertices(NamedTuple):
+    """Points of surfaces and the rays that found them, as BSDFs need them; n rows."""
+
+    material: Any  # (n,) int32; negative: none
+    colors: Any  # (n, lobes of a material at most, 3) float64
+    position: Any  # (n, 3) float64
+    normal: Any  # (n, 3) float64, for shading
+    direction: Any  # (n, 3) float64, of the ray, unit
+    geometric: Any  # (n, 3) float64, geometric normals if they differ from `normal`; else (0, 3)
+    ratio: Any  # (n,) float64, as in `scattered`; (0,) without rough glass
+
+
 @inlined
 def lobe_chance(lobes, row, colors, i, j, asked):
     """Return the unnormalised probability of a lobe: its largest channel.

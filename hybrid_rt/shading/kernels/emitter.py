@@ -5,6 +5,7 @@ Veach and Guibas, "Optimally combining sampling techniques for Monte Carlo rende
 """
 
 import math
+from typing import Any, NamedTuple
 
 from hybrid_rt.shading.kernels.bsdf import scattered, sides_differ
 from hybrid_rt.shading.kernels.environment import sky_direction, sky_pdf, sky_radiance
@@ -24,6 +25,16 @@ from meshing.kernels.jit import inlined, kernel
 BOTH, LIGHT_ONLY, DIRECTION_ONLY, UNWEIGHTED = 0, 1, 2, 3
 
 
+class Met(NamedTuple):
+    """Hits on lights; n rows."""
+
+    t: Any  # (n,) float64
+    u: Any  # (n,) float64
+    v: Any  # (n,) float64
+    position: Any  # (n, 3) float64
+    normal: Any  # (n, 3) float64
+
+
 @inlined
 def power_weight(pdf, other):
     """Return the power-heuristic weight of a technique with density ``pdf`` against another."""
@@ -35,25 +46,18 @@ def power_weight(pdf, other):
 
 @kernel
 def light_on_hits(
-    lights, sky, textures, points, light_id, lobes, material, colors, position, normal, direction,
-    geometric, ratio, xi, strategy, asked, to_light, value,
-):  # fmt: skip
+    lights, sky, textures, points, light_id, lobes, vertices, xi, strategy, asked, to_light, value
+):
     """Next-event estimation: sample a point of one light per hit, times f cos of non-delta lobes.
 
     Parameters
     ----------
     points : LightPoints of n rows
         For rows whose light is a `SURFACE`; may be empty if there is none.
-    light_id, material : (n,) int32
-        The light of each row, the number of lights for the environment; the hit's material,
-        negative for none.
-    colors : (n, lobes of a material at most, 3) float64
-    position, normal, direction : (n, 3) float64
-        Of the hit and of the ray that found it.
-    geometric : (n, 3) float64
-        Geometric normals, if they differ from ``normal``; else (0, 3).
-    ratio : (n,) float64, or (0,)
-        As in `scattered`; empty without rough glass.
+    light_id : (n,) int32
+        The light of each row, the number of lights for the environment.
+    vertices : Vertices
+        The hits.
     xi : (n, 2) float64 in [0, 1)
         Sample the point of the light.
     strategy : int
@@ -65,6 +69,7 @@ def light_on_hits(
         Vector to that point (to the environment: a unit direction), and the radiance scattered if
         it is unoccluded.
     """
+    material, colors, position, normal, direction, geometric, ratio = vertices
     for i in range(light_id.size):
         to_light[i, 0] = to_light[i, 1] = to_light[i, 2] = 0.0
         value[i, 0] = value[i, 1] = value[i, 2] = 0.0
@@ -111,8 +116,8 @@ def light_on_hits(
 
 @kernel
 def light_on_rays(
-    lights, sky, textures, light_id, t, u, v, position, normal, origin, direction, pdf, pdf_area,
-    rival, media, lobes, strategy, radiance,
+    lights, sky, textures, light_id, met, origin, direction, pdf, pdf_area, rival, media, lobes,
+    strategy, radiance,
 ):  # fmt: skip
     """Compute the emitted radiance that rays hit, MIS-weighted.
 
@@ -121,8 +126,8 @@ def light_on_rays(
     light_id : (n,) int32
         The light whose emissive side was hit, the number of lights for the environment; negative:
         none.
-    t, u, v, position, normal : (n, ...) float64
-        Of the hit; not read for the environment.
+    met : Met
+        The hits; not read for the environment.
     origin, direction : (n, 3) float64
         Of the ray; unit directions.
     pdf : (n,) float64
@@ -137,6 +142,7 @@ def light_on_rays(
         Medium stacks of the rays.
     radiance : (n, 3) float64, written
     """
+    t, u, v, position, normal = met
     for i in range(light_id.size):
         radiance[i, 0] = radiance[i, 1] = radiance[i, 2] = 0.0
         row = light_id[i]

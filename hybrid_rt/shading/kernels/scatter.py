@@ -1,5 +1,7 @@
 """One bounce of a camera path: BSDF sampling, media, Russian roulette."""
 
+from typing import Any, NamedTuple
+
 from hybrid_rt.shading.kernels.bsdf import leaves_through_face, pick_lobe, scattered
 from hybrid_rt.shading.kernels.lobes.register import (
     EVERY,
@@ -13,6 +15,20 @@ from meshing.kernels.jit import inlined, kernel
 
 # How a ray ends at a surface, or goes on.
 LEFT, STOPPED, ABSORBED, SCATTERED, SPECULAR = 0, 1, 2, 3, 4
+
+
+class Rivals(NamedTuple):
+    """What paths from the camera are weighed against light subpaths by; n rows."""
+
+    t: Any  # (n,) float64, length of the incoming ray
+    # (n,) float64, pdf per solid angle of its direction over the expected number of light vertices
+    # per light subpath; 0 after delta lobes and for camera rays
+    before: Any
+    is_smooth: Any  # (objects,) bool, objects with interpolated shading normals
+    object_id: Any  # (n,) int32
+    # (n,) float64, density of the last non-delta vertex and of the direction sampled there, see
+    # `hybrid_rt.integrators.kernels.light_paths`; (0,): not needed
+    density: Any
 
 
 @inlined
@@ -83,23 +99,15 @@ def density_of_turn(normal, geometric, i, dx, dy, dz, x, y, z, density):
 
 @kernel
 def scatter(
-    lobes, material, colors, normal, direction, geometric, ratio, xi, choice, stack, second,
-    may_spread, may_mirror, roulette, t, before, is_smooth, object_id, onward, throughput, pdf,
-    rival, fate,
+    lobes, vertices, xi, choice, stack, second, may_spread, may_mirror, roulette, rivals, onward,
+    throughput, pdf, fate,
 ):  # fmt: skip
     """Scatter each ray in one direction: BSDF sampling and Russian roulette.
 
     Parameters
     ----------
-    material : (n,) int32
-        Negative: the ray ends.
-    colors : (n, lobes of a material at most, 3) float64
-    normal, direction : (n, 3) float64
-        Of the hit and of the ray that found it.
-    geometric : (n, 3) float64
-        Geometric normals, if they differ from ``normal``; else (0, 3).
-    ratio : (n,) float64, or (0,)
-        As in `scattered`; empty without rough glass.
+    vertices : Vertices
+        The hits; rays end where they have no material.
     xi : (n, 2) float64 in [0, 1)
         Sample the direction.
     choice : (n, 2) float64 in [0, 1)
@@ -112,23 +120,18 @@ def scatter(
         Whether non-delta and delta lobes are followed; False at the depth limit.
     roulette : float
         Above zero: upper limit of the survival probability, which follows throughput.
-    t, before : (n,) float64
-        Length of the incoming ray, and the pdf per solid angle of its direction over the expected
-        number of light vertices per light subpath; 0 after delta lobes and for camera rays.
-    is_smooth : (objects,) bool
-        Objects with interpolated shading normals.
-    object_id : (n,) int32
+    rivals : Rivals
+        Its ``density`` is changed.
     onward : (n, 3) float64, written
     throughput : (n, 3) float64, changed
     pdf : (n,) float64, written
         pdf of the direction per solid angle; zero for a delta lobe.
-    rival : (n,) float64, changed
-        Density of the last non-delta vertex and of the direction sampled there, to weigh against
-        light subpaths: see `hybrid_rt.integrators.kernels.light_paths`. (0,): not needed.
     fate : (n,) uint8, written
         `LEFT` (no material), `STOPPED` (with what was lost in ``throughput``), `ABSORBED`,
         `SCATTERED`, `SPECULAR`.
     """
+    material, colors, _, normal, direction, geometric, ratio = vertices
+    t, before, is_smooth, object_id, rival = rivals
     for i in range(material.size):
         fate[i] = LEFT
         pdf[i] = 0.0

@@ -52,8 +52,8 @@ def normal_reflectance(eta, k):
 def rough_conductor_value(number, row, nx, ny, nz, dx, dy, dz, wx, wy, wz, cos_in, cos_out):
     """Return f cos of each channel over the reflectance at normal incidence, and the pdf."""
     return _value(
-        number[row, 0], number[row, 1], number[row, 2],
-        number[row, 3], number[row, 4], number[row, 5], number[row, ALPHA],
+        (number[row, 0], number[row, 1], number[row, 2]),
+        (number[row, 3], number[row, 4], number[row, 5]), number[row, ALPHA],
         nx, ny, nz, dx, dy, dz, wx, wy, wz, cos_in, cos_out,
     )  # fmt: skip
 
@@ -66,9 +66,7 @@ def rough_conductor_direction(number, row, nx, ny, nz, dx, dy, dz, xi, eta):
 
 
 @inner
-def _value(
-    eta_r, eta_g, eta_b, k_r, k_g, k_b, alpha, nx, ny, nz, dx, dy, dz, wx, wy, wz, cos_in, cos_out
-):
+def _value(eta, k, alpha, nx, ny, nz, dx, dy, dz, wx, wy, wz, cos_in, cos_out):
     hx, hy, hz = wx - dx, wy - dy, wz - dz
     square = hx * hx + hy * hy + hz * hz
     if square == 0.0 or cos_in <= 0.0:
@@ -82,8 +80,8 @@ def _value(
     # Of the angle at which facets are met: |w - d| is twice that cosine.
     cosine = min(0.5 * math.sqrt(square), 1.0)
     return (
-        f * conductor_reflectance(cosine, eta_r, k_r) / normal_reflectance(eta_r, k_r),
-        f * conductor_reflectance(cosine, eta_g, k_g) / normal_reflectance(eta_g, k_g),
-        f * conductor_reflectance(cosine, eta_b, k_b) / normal_reflectance(eta_b, k_b),
+        f * conductor_reflectance(cosine, eta[0], k[0]) / normal_reflectance(eta[0], k[0]),
+        f * conductor_reflectance(cosine, eta[1], k[1]) / normal_reflectance(eta[1], k[1]),
+        f * conductor_reflectance(cosine, eta[2], k[2]) / normal_reflectance(eta[2], k[2]),
         pdf,
     )
