@@ -14,6 +14,7 @@ from hybrid_rt.textures.table import needs_lookup
 KERNELS_FOR = {
     "hybrid_rt.shading.kernels.environment": "sky samples",
     "hybrid_rt.shading.kernels.fresnel": "glass rays",
+    "hybrid_rt.integrators.kernels.connections": "light paths",
     "hybrid_rt.integrators.kernels.light_paths": "light paths",
     "hybrid_rt.shading.kernels.medium_stack": "medium stack",
     "hybrid_rt.shading.kernels.texture": "texture lookups",

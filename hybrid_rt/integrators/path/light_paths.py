@@ -17,6 +17,7 @@ from hybrid_rt.integrators.context import RenderContext
 from hybrid_rt.integrators.direct_light import SurfaceLight
 from hybrid_rt.integrators.kernels import light_paths as kernels
 from hybrid_rt.integrators.kernels.compaction import choose_lights
+from hybrid_rt.integrators.kernels.connections import splat_light_vertices
 from hybrid_rt.integrators.kernels.light_paths import LightPaths, LightVertices
 from hybrid_rt.integrators.media.absorption import absorb, media_around_lights
 from hybrid_rt.integrators.media.contacts import Contacts, first_hits
@@ -199,7 +200,7 @@ class LightPathTracer:
             lens = self._points(sample, path, LENS)
         way, pixel, pdf = camera.sees(points.position, lens)
         value = np.empty((n, 3))
-        kernels.splat_light_vertices(
+        splat_light_vertices(
             points, context.scene.lobes, way, pdf, float(self.n_paths),
             np.repeat(self._media_of_camera[None], n, axis=0), context.max_depth - 1, value,
         )  # fmt: skip

@@ -29,7 +29,7 @@ from hybrid_rt.integrators.integrator import (
     Integrator,
 )
 from hybrid_rt.integrators.kernels.compaction import Paths, add_products, add_to_pixels, pack_paths
-from hybrid_rt.integrators.kernels.light_paths import CONNECT_CHANCE, connect_to_light_vertices
+from hybrid_rt.integrators.kernels.connections import CONNECT_CHANCE, connect_to_light_vertices
 from hybrid_rt.integrators.media.absorption import absorb, media_around_camera
 from hybrid_rt.integrators.options import PathOptions
 from hybrid_rt.integrators.path.camera_paths import leaving_camera
