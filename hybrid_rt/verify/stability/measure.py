@@ -1,0 +1,316 @@
+"""Traced hits held against a truth: the oracle, exact crossings, given distances, the catalogue.
+
+Every function returns an `Outcome`. Errors of t are in units of 64 eps x scale / cos; below
+``LEAST_COSINE`` the cosine counts as that.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+
+from hybrid_rt.core.records import BoolArray, FloatArray, HitRecord, Status
+from hybrid_rt.intersection import Intersector
+from hybrid_rt.verify.cases.catalogue import CATALOGUE, MOST_PIECES
+from hybrid_rt.verify.cases.singular_campaign import judge_cell, placed_surfaces, trace_cell
+from hybrid_rt.verify.cases.singular_rays import size_of
+from hybrid_rt.verify.exact.crossings import POINT, bits, norm, rational
+from hybrid_rt.verify.exact.judge import BatchVerdict, ExactJudge
+from hybrid_rt.verify.exact.truth import ExactScene
+from hybrid_rt.verify.judges.judge import compare
+from hybrid_rt.verify.judges.oracle import Truth, first_hits
+from hybrid_rt.verify.stability.row import Curve, Effort, Outcome
+
+EPS = 2.0**-52
+BAND = 64 * EPS
+# Flatter than the root of the band a crossing is a touch: rounding moves it by sqrt(band x size).
+LEAST_COSINE = float(np.sqrt(2.0 * BAND))
+# The columns of a hit record that two ways to the same answer must share bit by bit.
+COLUMNS = (
+    "t", "object_id", "patch_id", "u", "v", "position", "normal", "front_face", "status", "flags",
+    "t_bound",
+)  # fmt: skip
+DISTANCES = tuple(10.0**-k for k in range(1, 15))
+# A full run traces so many times the rays of a case of the catalogue.
+MORE = 10.0
+
+
+def differences(a: HitRecord, b: HitRecord, columns: Sequence[str] = COLUMNS) -> tuple[str, ...]:
+    """Name the columns in which two records differ in any bit."""
+    return tuple(
+        name
+        for name in columns
+        if not np.array_equal(
+            getattr(a, name), getattr(b, name), equal_nan=getattr(a, name).dtype.kind == "f"
+        )
+    )
+
+
+def traced(
+    surfaces: Sequence[Any],
+    origins: FloatArray,
+    directions: FloatArray,
+    *,
+    most_pieces: int = MOST_PIECES,
+    ways: Sequence[str] = ("none", "embree"),
+) -> tuple[HitRecord, Outcome]:
+    """Trace rays both ways, and check what must hold of any hits.
+
+    Both ways give the same bits, no search is given up, work is bounded, normals are unit vectors.
+    """
+    records, outcome = [], Outcome()
+    for coarse in ways:
+        tracer = Intersector(surfaces, coarse=coarse)
+        records.append(tracer.intersect(origins, directions))
+        work, given_up = tracer.counters["most_pieces"], tracer.counters["given_up"]
+        outcome = replace(outcome, work=max(outcome.work, work))
+        outcome = outcome.checked(work <= most_pieces, f"{work} pieces for one search ({coarse})")
+        outcome = outcome.checked(given_up == 0, f"{given_up} searches given up ({coarse})")
+    hits = records[0]
+    for other in records[1:]:
+        names = differences(hits, other)
+        outcome = outcome.checked(not names, f"coarse stages differ in {', '.join(names)}")
+    normals = hits.normal[hits.hit]
+    is_unit = np.isfinite(normals).all() and (
+        np.abs(np.linalg.norm(normals, axis=1) - 1.0) <= 1e-14
+    ).all()
+    outcome = outcome.checked(bool(is_unit), "a normal is no unit vector")
+    undecided = int((hits.status == Status.TANGENT).sum())
+    return hits, replace(outcome, rays=len(hits), undecided=undecided)
+
+
+def by_oracle(
+    surfaces: Sequence[Any], origins: FloatArray, directions: FloatArray, **options: Any
+) -> Outcome:
+    """Trace rays and let the oracle judge them; options are those of `traced`."""
+    hits, outcome = traced(surfaces, origins, directions, **options)
+    return outcome + judged(hits, first_hits(surfaces, origins, directions))
+
+
+def judged(hits: HitRecord, truth: Truth) -> Outcome:
+    """Return what the oracle says of hits; the rays are not counted again."""
+    verdict = compare(hits, truth)
+    kinds = ", ".join(
+        f"{kind}: rays {rows[:3].tolist()}" for kind, rows in verdict.rows.items() if len(rows)
+    )
+    outcome = Outcome(
+        wrong=verdict.n_wrong, error=verdict.worst_band, broken=_broken(hits, truth),
+        notes=(kinds,) if kinds else (),
+    )  # fmt: skip
+    return outcome.checked(
+        verdict.worst_gap <= 1.0, f"a point lies {verdict.worst_gap:.3g} bands beside its ray"
+    )
+
+
+def _broken(hits: HitRecord, truth: Truth) -> int:
+    """Count |t - exact| above t_bound, by half an ulp of t more, where the root is the same."""
+    same = truth.exact & ~truth.ambiguous & ~truth.undecided
+    same &= (hits.object_id == truth.object_id) & (hits.patch_id == truth.patch_id) & hits.hit
+    with np.errstate(invalid="ignore"):
+        error = np.abs(hits.t - truth.t)
+        slack = truth.band / (np.maximum(truth.cosine, LEAST_COSINE) * truth.length)
+        close = same & (error <= slack)
+    over: BoolArray = error[close] - 0.5 * np.spacing(hits.t[close]) > hits.t_bound[close]
+    return int(over.sum())
+
+
+def by_times(
+    surfaces: Sequence[Any],
+    origins: FloatArray,
+    directions: FloatArray,
+    t: FloatArray,
+    *,
+    most_error: float | None = None,
+    **options: Any,
+) -> Outcome:
+    """Trace rays and compare with first hits in closed form, inf for a miss.
+
+    Parameters
+    ----------
+    most_error : float, optional
+        As in a `Case` of the catalogue.
+    """
+    hits, outcome = traced(surfaces, origins, directions, **options)
+    largest = np.abs(directions).max(axis=1)  # squares of 1e300 overflow
+    length = largest * np.linalg.norm(directions / largest[:, None], axis=1)
+    sizes = np.array([size_of(surface) for surface in surfaces])
+    middles = np.array([surface.middle for surface in surfaces])
+    sure = hits.status != Status.TANGENT
+    wrong = sure & (np.isfinite(t) != hits.hit)
+    both = np.flatnonzero(sure & hits.hit & np.isfinite(t))
+    number = hits.object_id[both]
+    away = np.linalg.norm(origins[both] - middles[number], axis=1)
+    scale = np.maximum(away, sizes[number])
+    unit = directions[both] / length[both, None]
+    cosine = np.abs(np.einsum("ij,ij->i", hits.normal[both], unit))
+    error = np.abs(hits.t[both] - t[both]) * length[both]
+    allowed = BAND * scale / np.maximum(cosine, LEAST_COSINE)
+    if most_error is not None:
+        way = np.maximum(t[both] * length[both], 1.0)
+        allowed = np.minimum(allowed, most_error * way / np.maximum(cosine, LEAST_COSINE))
+    # t in closed form is rounded: half an ulp is not the tracer's.
+    over = np.abs(hits.t[both] - t[both]) - np.spacing(np.abs(t[both])) > hits.t_bound[both]
+    return outcome + Outcome(
+        wrong=int(wrong.sum()), error=float((error / allowed).max(initial=0.0)),
+        broken=int(over.sum()),
+    )  # fmt: skip
+
+
+def catalogue(case_id: str, effort: Effort) -> Outcome:
+    """Run the cases of the catalogue with an id: by given distances, or by the oracle."""
+    total = Outcome()
+    cases = [case for case in CATALOGUE if case.id == case_id]
+    if not cases:
+        raise ValueError(f"{case_id}: no case of the catalogue")
+    for case in cases:
+        surfaces = case.surfaces()
+        origins, directions = case.rays(surfaces, MORE * effort.factor, effort.seed)
+        if case.t is None:
+            found = by_oracle(surfaces, origins, directions, most_pieces=case.most_pieces)
+        else:
+            found = by_times(
+                surfaces, origins, directions, case.t(origins, directions),
+                most_error=case.most_error, most_pieces=case.most_pieces,
+            )  # fmt: skip
+            undecided = found.undecided
+            found = found.checked(
+                undecided < 0.2 * found.rays, f"{case.name}: {undecided} rays are undecided"
+            )
+        total = total + found
+    return total
+
+
+def verdict_outcome(verdict: BatchVerdict) -> Outcome:
+    """Return what exact crossings say of hits."""
+    outcome = Outcome(
+        rays=verdict.rays, wrong=verdict.n_wrong, error=verdict.worst_error / 64.0,
+        broken=verdict.bounds_broken, undecided=verdict.tangent,
+    )  # fmt: skip
+    for number, words in (
+        (verdict.off_ray, "points beside the ray by more than the band"),
+        (verdict.unmarked, "decisions within rounding without the mark TANGENT"),
+        (verdict.tangent_needlessly, "marks TANGENT without need"),
+    ):
+        outcome = outcome.checked(number == 0, f"{number} {words}")
+    for number, words in (
+        (verdict.wrong_tangent, "rows TANGENT with another first hit than any right one"),
+        (verdict.left_open, "rays left open by the oracle"),
+    ):
+        if number:
+            outcome = replace(outcome, notes=(*outcome.notes, f"{number} {words}"))
+    return outcome
+
+
+def by_exact(
+    surfaces: Sequence[Any], origins: FloatArray, directions: FloatArray, **options: Any
+) -> Outcome:
+    """Trace rays and let exact crossings judge them; options are those of `traced`."""
+    hits, outcome = traced(surfaces, origins, directions, **options)
+    verdict = ExactJudge(surfaces).judge(hits, origins, directions)
+    return outcome + replace(verdict_outcome(verdict), rays=0, undecided=0)
+
+
+@dataclass
+class Plot:
+    """A curve while it is being measured, and what came of its points.
+
+    Attributes
+    ----------
+    against, label, unit : str
+        As in `Curve`.
+    """
+
+    against: str
+    label: str
+    unit: str = "size"
+    x: list[float] = field(default_factory=list)
+    error: list[float] = field(default_factory=list)
+    expected: list[float] = field(default_factory=list)
+    work: list[float] = field(default_factory=list)
+
+    def add(self, x: float, error: FloatArray, expected: FloatArray, work: float = 0.0) -> Outcome:
+        """Add a point: the largest of some errors, and what is expected of that one."""
+        if len(error):
+            k = int(np.argmax(error))
+            self.x.append(float(x))
+            self.error.append(float(error[k]))
+            self.expected.append(float(expected[k]))
+            self.work.append(float(work))
+        return Outcome(error=float((error / expected).max(initial=0.0)))
+
+    @property
+    def curve(self) -> Curve:
+        """The curve as it is now."""
+        work = self.work if any(self.work) else []
+        return Curve(
+            self.against, self.label, list(self.x), list(self.error), list(self.expected),
+            list(work), self.unit,
+        )  # fmt: skip
+
+
+def exact_errors(
+    scene: ExactScene, hits: HitRecord, origins: FloatArray, directions: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return |t - exact t| |d| of HIT rows, and 64 eps x scale / cos; both in scene units."""
+    errors, expected = [], []
+    for i in np.flatnonzero(hits.status == Status.HIT):
+        t, length = float(hits.t[i]), norm(directions[i])
+        own = [
+            one
+            for one in scene.crossings(origins[i], directions[i])
+            if one.object_id == hits.object_id[i] and one.crossing.kind == POINT
+        ]
+        if not own:
+            continue
+        with bits(512):
+            gaps = [(float(abs(one.crossing.t - rational(t)).upper()), one) for one in own]
+        gap, one = min(gaps, key=lambda pair: pair[0])
+        errors.append(gap * length)
+        expected.append(one.band / max(one.cosine, LEAST_COSINE))
+    return np.array(errors), np.array(expected)
+
+
+def by_set(
+    name: str,
+    effort: Effort,
+    rays: int,
+    *,
+    against: str,
+    distances: Sequence[float] = DISTANCES,
+    placement: str = "home",
+    least: int = 2,
+) -> Outcome:
+    """Judge rays of a singular set by exact crossings, distance by distance; yield a curve.
+
+    Parameters
+    ----------
+    name : str, one of `SETS`
+    rays : int
+        At each distance, in a full run.
+    against : str
+        What the distance is.
+    """
+    surfaces = placed_surfaces(name, placement)
+    size = size_of(surfaces[0])
+    tracer, judge = Intersector(surfaces, coarse="none", threads=1), ExactJudge(surfaces)
+    plot, total = Plot(against, name), Outcome()
+    for distance in distances:
+        tracer.counters["most_pieces"] = 0
+        n = effort.count(rays, least)
+        cell = trace_cell(tracer, name, distance, placement, n, effort.seed)
+        verdict = judge_cell(judge, cell)
+        work = tracer.counters["most_pieces"]
+        found = replace(verdict_outcome(verdict), work=work)
+        if not found.holds:
+            seen = {fault: rows[:2] for fault, rows in verdict.examples.items()}
+            where = f"{name}, {distance:.0e}, {placement}, {n} rays, seed {effort.seed}: {seen}"
+            found = replace(found, notes=(*found.notes, where))
+        total = total + found
+        if cell.source is None:
+            error, expected = exact_errors(judge.scene, cell.hits, cell.origins, cell.directions)
+            total = total + plot.add(distance, error / size, expected / size, work)
+    return replace(total, curves=(plot.curve,)) if plot.x else total
+
