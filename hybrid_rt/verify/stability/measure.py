@@ -12,14 +12,14 @@ from typing import Any
 
 import numpy as np
 
-from hybrid_rt.core.records import BoolArray, FloatArray, HitRecord, Status
+from hybrid_rt.core.records import BoolArray, FloatArray, HitRecord, IntArray, Status
 from hybrid_rt.intersection import Intersector
 from hybrid_rt.verify.cases.catalogue import CATALOGUE, MOST_PIECES
-from hybrid_rt.verify.cases.singular_campaign import judge_cell, placed_surfaces, trace_cell
+from hybrid_rt.verify.cases.singular_campaign import placed_surfaces, trace_cell
 from hybrid_rt.verify.cases.singular_rays import size_of
 from hybrid_rt.verify.exact.crossings import POINT, bits, norm, rational
 from hybrid_rt.verify.exact.judge import BatchVerdict, ExactJudge
-from hybrid_rt.verify.exact.truth import ExactScene
+from hybrid_rt.verify.exact.truth import ExactScene, same_place
 from hybrid_rt.verify.judges.judge import compare
 from hybrid_rt.verify.judges.oracle import Truth, first_hits
 from hybrid_rt.verify.stability.row import Curve, Effort, Outcome
@@ -36,6 +36,8 @@ COLUMNS = (
 DISTANCES = tuple(10.0**-k for k in range(1, 15))
 # A full run traces so many times the rays of a case of the catalogue.
 MORE = 10.0
+# A mark is looked at again with rays moved by so many bands, to so many sides.
+MOVES, SIDES = (0.25, 0.5, 1.0, 2.0, 4.0), 24
 
 
 def differences(a: HitRecord, b: HitRecord, columns: Sequence[str] = COLUMNS) -> tuple[str, ...]:
@@ -55,11 +57,13 @@ def traced(
     directions: FloatArray,
     *,
     most_pieces: int = MOST_PIECES,
+    may_give_up: bool = False,
     ways: Sequence[str] = ("none", "embree"),
 ) -> tuple[HitRecord, Outcome]:
     """Trace rays both ways, and check what must hold of any hits.
 
-    Both ways give the same bits, no search is given up, work is bounded, normals are unit vectors.
+    Both ways give the same bits, no search is given up (unless it may), work is bounded, normals
+    are unit vectors.
     """
     records, outcome = [], Outcome()
     for coarse in ways:
@@ -68,15 +72,21 @@ def traced(
         work, given_up = tracer.counters["most_pieces"], tracer.counters["given_up"]
         outcome = replace(outcome, work=max(outcome.work, work))
         outcome = outcome.checked(work <= most_pieces, f"{work} pieces for one search ({coarse})")
-        outcome = outcome.checked(given_up == 0, f"{given_up} searches given up ({coarse})")
+        words = f"{given_up} searches given up ({coarse})"
+        if may_give_up:
+            notes = (words,) if given_up else ()
+            outcome = replace(outcome, notes=(*outcome.notes, *notes))
+        else:
+            outcome = outcome.checked(given_up == 0, words)
     hits = records[0]
     for other in records[1:]:
         names = differences(hits, other)
         outcome = outcome.checked(not names, f"coarse stages differ in {', '.join(names)}")
     normals = hits.normal[hits.hit]
-    is_unit = np.isfinite(normals).all() and (
-        np.abs(np.linalg.norm(normals, axis=1) - 1.0) <= 1e-14
-    ).all()
+    is_unit = (
+        np.isfinite(normals).all()
+        and (np.abs(np.linalg.norm(normals, axis=1) - 1.0) <= 1e-14).all()
+    )
     outcome = outcome.checked(bool(is_unit), "a normal is no unit vector")
     undecided = int((hits.status == Status.TANGENT).sum())
     return hits, replace(outcome, rays=len(hits), undecided=undecided)
@@ -183,19 +193,28 @@ def catalogue(case_id: str, effort: Effort) -> Outcome:
     return total
 
 
-def verdict_outcome(verdict: BatchVerdict) -> Outcome:
-    """Return what exact crossings say of hits."""
+def verdict_outcome(verdict: BatchVerdict, marks: bool = True) -> Outcome:
+    """Return what exact crossings say of hits.
+
+    Parameters
+    ----------
+    marks : bool
+        Whether a mark TANGENT is a fault where moving the ray by up to four bands changes nothing.
+        What is infinitely thin can lie between all those rays.
+    """
     outcome = Outcome(
         rays=verdict.rays, wrong=verdict.n_wrong, error=verdict.worst_error / 64.0,
         broken=verdict.bounds_broken, undecided=verdict.tangent,
     )  # fmt: skip
+    needless = verdict.tangent_needlessly
     for number, words in (
         (verdict.off_ray, "points beside the ray by more than the band"),
         (verdict.unmarked, "decisions within rounding without the mark TANGENT"),
-        (verdict.tangent_needlessly, "marks TANGENT without need"),
+        (needless * marks, "marks TANGENT without need"),
     ):
         outcome = outcome.checked(number == 0, f"{number} {words}")
     for number, words in (
+        (needless * (not marks), "marks TANGENT of which no ray around says why"),
         (verdict.wrong_tangent, "rows TANGENT with another first hit than any right one"),
         (verdict.left_open, "rays left open by the oracle"),
     ):
@@ -204,13 +223,69 @@ def verdict_outcome(verdict: BatchVerdict) -> Outcome:
     return outcome
 
 
+def exact_verdict(
+    judge: ExactJudge,
+    hits: HitRecord,
+    origins: FloatArray,
+    directions: FloatArray,
+    near: float = 0.0,
+    leaves: IntArray | None = None,
+) -> BatchVerdict:
+    """Judge hits by exact crossings, ray by ray, and look twice at marks that it finds wanting.
+
+    The judge moves a ray to eight sides by one length. A mark without need is one that no ray of
+    `MOVES` explains; a mark is missing where t is no matter of rounding: of what lies within the
+    band of the origin none is promised.
+    """
+    total = BatchVerdict()
+    for i in range(len(hits)):
+        row, o, d = hits[i : i + 1], origins[i : i + 1], directions[i : i + 1]
+        left = None if leaves is None else leaves[i : i + 1]
+        one = judge.judge(row, o, d, distance=np.array([near]), leaves=left)
+        if one.tangent_needlessly and _is_decided_nearby(judge.scene, o[0], d[0]):
+            one.tangent_needlessly, one.examples = 0, {}
+        if one.unmarked and _begins_within_the_band(judge.scene, o[0], d[0]):
+            one.unmarked, one.examples = 0, {}
+        one.examples = {fault: [i] for fault in one.examples}
+        total = total + one
+    return total
+
+
+def _is_decided_nearby(scene: ExactScene, o: FloatArray, d: FloatArray) -> bool:
+    """Tell whether some ray moved by up to four bands has another first hit."""
+    length, band = norm(d), max(scene.band(k, o, d, 0.0) for k in range(len(scene.surfaces)))
+    first = next((one for one in scene.crossings(o, d) if one.t > 0.0), None)
+    p, q = (np.array(x) / (1.3 * band) for x in scene.shifts(d, 1.3 * band)[:3:2])
+    for bands in MOVES:
+        for turn in np.arange(SIDES) * (2.0 * np.pi / SIDES):
+            shift = bands * band * (np.cos(turn) * p + np.sin(turn) * q)
+            other = next((x for x in scene.crossings(o, d, shift.tolist()) if x.t > 0.0), None)
+            if (first is None) != (other is None):
+                return True
+            if first is not None and other is not None:
+                same = first.object_id == other.object_id
+                if not (same and same_place(first, other, bands * band, length)):
+                    return True
+    return False
+
+
+def _begins_within_the_band(scene: ExactScene, o: FloatArray, d: FloatArray) -> bool:
+    """Tell whether the ray, or one around it, meets a surface within a band of its origin."""
+    length = norm(d)
+    found = [one for ring in scene.around(o, d, 1.0) for one in ring]
+    return any(abs(one.t) * length * one.cosine <= one.band for one in found)
+
+
 def by_exact(
     surfaces: Sequence[Any], origins: FloatArray, directions: FloatArray, **options: Any
 ) -> Outcome:
     """Trace rays and let exact crossings judge them; options are those of `traced`."""
     hits, outcome = traced(surfaces, origins, directions, **options)
-    verdict = ExactJudge(surfaces).judge(hits, origins, directions)
-    return outcome + replace(verdict_outcome(verdict), rays=0, undecided=0)
+    verdict = exact_verdict(ExactJudge(surfaces), hits, origins, directions)
+    found = replace(verdict_outcome(verdict), rays=0, undecided=0)
+    if not found.holds:
+        found = replace(found, notes=(*found.notes, f"rays {verdict.examples}"))
+    return outcome + found
 
 
 @dataclass
@@ -269,7 +344,7 @@ def exact_errors(
             gaps = [(float(abs(one.crossing.t - rational(t)).upper()), one) for one in own]
         gap, one = min(gaps, key=lambda pair: pair[0])
         errors.append(gap * length)
-        expected.append(one.band / max(one.cosine, LEAST_COSINE))
+        expected.append(one.band / one.cosine)
     return np.array(errors), np.array(expected)
 
 
@@ -282,6 +357,8 @@ def by_set(
     distances: Sequence[float] = DISTANCES,
     placement: str = "home",
     least: int = 2,
+    marks: bool = True,
+    from_afar: bool = False,
 ) -> Outcome:
     """Judge rays of a singular set by exact crossings, distance by distance; yield a curve.
 
@@ -292,6 +369,10 @@ def by_set(
         At each distance, in a full run.
     against : str
         What the distance is.
+    marks : bool
+        As in `verdict_outcome`.
+    from_afar : bool
+        Whether all rays begin at least a third of the size away.
     """
     surfaces = placed_surfaces(name, placement)
     size = size_of(surfaces[0])
@@ -301,9 +382,16 @@ def by_set(
         tracer.counters["most_pieces"] = 0
         n = effort.count(rays, least)
         cell = trace_cell(tracer, name, distance, placement, n, effort.seed)
-        verdict = judge_cell(judge, cell)
+        if from_afar:
+            back = size * effort.rng().uniform(0.3, 3.0, (n, 1))
+            origins = cell.origins - back * cell.directions
+            cell = replace(cell, origins=origins, hits=tracer.intersect(origins, cell.directions))
+        leaves = None if cell.source is None else cell.source.object_id
+        verdict = exact_verdict(
+            judge, cell.hits, cell.origins, cell.directions, cell.distance, leaves
+        )
         work = tracer.counters["most_pieces"]
-        found = replace(verdict_outcome(verdict), work=work)
+        found = replace(verdict_outcome(verdict, marks), work=work)
         if not found.holds:
             seen = {fault: rows[:2] for fault, rows in verdict.examples.items()}
             where = f"{name}, {distance:.0e}, {placement}, {n} rays, seed {effort.seed}: {seen}"
@@ -313,4 +401,3 @@ def by_set(
             error, expected = exact_errors(judge.scene, cell.hits, cell.origins, cell.directions)
             total = total + plot.add(distance, error / size, expected / size, work)
     return replace(total, curves=(plot.curve,)) if plot.x else total
-

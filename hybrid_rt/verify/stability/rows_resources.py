@@ -21,7 +21,7 @@ from hybrid_rt.verify.stability.row import Effort, Outcome, refusal, row
 from meshing import tessellate
 
 # Seconds for a child process, its compilations included.
-LIMIT = 300
+LIMIT = 120
 
 
 class _Liar:

@@ -126,9 +126,7 @@ def through_the_axis(effort: Effort) -> Outcome:
 def the_axis_itself(effort: Effort) -> Outcome:
     """Both poles of a lens, met from outside, from inside, and upside down."""
     del effort
-    lens = SurfaceOfRevolution(
-        [[(-1, 0), (-1, 1), (0, 1)], [(0, 1), (2, 1), (2, 0)]], ORIGIN, AXIS
-    )
+    lens = SurfaceOfRevolution([[(-1, 0), (-1, 1), (0, 1)], [(0, 1), (2, 1), (2, 0)]], ORIGIN, AXIS)
     origins = np.array([(0, 0, -5), (0, 0, 0), (0, 0, 7)], dtype=np.float64)
     directions = np.array([(0, 0, 1), (0, 0, 2), (0, 0, -1)], dtype=np.float64)
     hits, found = traced([lens], origins, directions)
@@ -181,9 +179,8 @@ def on_the_axis(effort: Effort) -> Outcome:
     # Scales differ: what is within the band of one may be clear of the other's.
     sure = (a.status != Status.TANGENT) & (b.status != Status.TANGENT)
     both = sure & a.hit & b.hit
-    error = (np.abs(a.t - b.t)[both] / (a.t_bound + b.t_bound + np.spacing(b.t))[both]).max(
-        initial=0.0
-    )
+    slack = a.t_bound[both] + b.t_bound[both] + np.spacing(b.t[both])
+    error = (np.abs(a.t[both] - b.t[both]) / slack).max(initial=0.0)
     across = Intersector([with_line]).intersect((0, 5, 1.5), (0, -1, 0))
     return found + Outcome(
         wrong=int((sure & (a.hit != b.hit)).sum()) + int(across.hit[0]), error=float(error)
@@ -193,9 +190,7 @@ def on_the_axis(effort: Effort) -> Outcome:
 @row("B10", "profile with a loop", "oracle; exact crossings")
 def loops(effort: Effort) -> Outcome:
     """The nearest sheet."""
-    surface = SurfaceOfRevolution(
-        [(0.0, 0.6), (2.0, 1.6), (-1.0, 1.6), (1.0, 0.6)], ORIGIN, AXIS
-    )
+    surface = SurfaceOfRevolution([(0.0, 0.6), (2.0, 1.6), (-1.0, 1.6), (1.0, 0.6)], ORIGIN, AXIS)
     rays = chords([surface], effort.count(200, 10), seed=effort.seed + 5)
     return catalogue("B10", effort) + by_exact([surface], rays.origins, rays.directions)
 
@@ -337,9 +332,7 @@ def degrees(effort: Effort) -> Outcome:
 def thin(effort: Effort) -> Outcome:
     """A point is refused, a thin wire found."""
     total = catalogue("B18", effort)
-    total += refusal(
-        lambda: SurfaceOfRevolution([(1.0, 0.5), (1.0, 0.5)], ORIGIN, AXIS), "profile"
-    )
+    total += refusal(lambda: SurfaceOfRevolution([(1.0, 0.5), (1.0, 0.5)], ORIGIN, AXIS), "profile")
     radius, n = 1e-9, effort.count(5000, 50)
     y = radius * np.concatenate([effort.rng().uniform(-0.99, 0.99, n), [1.5, -2.0, 30.0]])
     origins = np.stack([np.full_like(y, -1.0), y, np.full_like(y, 0.5)], axis=1)
