@@ -39,17 +39,16 @@ figure svg { width: 100%; height: auto; }
 HEAD = (
     "row", "verdict", "rays", "wrong", "error", "broken", "TANGENT", "work", "seconds", "case", "truth"
 )  # fmt: skip
-READ = (
-    "A row holds if no decision is wrong where rounding leaves a choice of none, no error is above "
-    "what is expected there, no bound that was stated with a result is broken, and nothing else that "
-    "must hold is found not to.",
-    "rays: rays or values compared. wrong: decisions that differ from the truth. error: the largest, "
-    "in units of what is expected there; for first hits of rays that is 64 eps x scale / cos, with "
-    "scale the larger of the way to the object and its size. broken: errors above the stated bound. "
-    "TANGENT: rows that say that rounding decides. work: the largest search, in pieces.",
-    "In the plots a mark is the largest error measured at its abscissa; the dashed line of the same "
-    "colour is what theory allows for that very ray. Errors of 0 stand at the lower edge, at 1e-19.",
-)
+READ = """
+A row holds if no decision is wrong where rounding leaves no choice, no error is above what is expected
+there, no bound that was stated with a result is broken, and nothing else that must hold fails.
+|rays: rays or values compared. wrong: decisions that differ from the truth. error: the largest, in units
+of what is expected there; for first hits of rays that is 64 eps x scale / cos, with scale the larger of
+the way to the object and its size. broken: errors above the stated bound. TANGENT: rows that say that
+rounding decides. work: the largest search, in pieces.
+|In the plots a mark is the largest error measured at its abscissa; the dashed line of the same colour is
+what theory allows for that very ray. Errors of 0 stand at the lower edge, at 1e-19.
+""".strip().split("|")
 
 
 @dataclass(frozen=True)

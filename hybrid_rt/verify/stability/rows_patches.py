@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 from fractions import Fraction
+from functools import partial
 from math import comb, hypot
 from typing import Any
 
@@ -74,7 +75,8 @@ def elevated(net: FloatArray, times: int) -> FloatArray:
             none = np.full_like(exact[:1], Fraction(0))
             below, above = np.concatenate([none, exact]), np.concatenate([exact, none])
             exact = (weight * below + (1 - weight) * above).swapaxes(0, 1)
-    return exact.astype(np.float64)
+    rounded: FloatArray = exact.astype(np.float64)
+    return rounded
 
 
 def bumpy_chords(n: int, rng: np.random.Generator) -> tuple[FloatArray, FloatArray]:
@@ -226,7 +228,7 @@ def curves_are_refused(effort: Effort) -> Outcome:
     rng = effort.rng()
     return sum(
         (
-            refusal(lambda s=shape: BezierPatches(rng.random(s)), "degree 0 in", "a curve")
+            refusal(partial(BezierPatches, rng.random(shape)), "degree 0 in", "a curve")
             for shape in ((1, 1, 4, 3), (1, 4, 1, 3))
         ),
         Outcome(),
@@ -255,7 +257,7 @@ def no_area(effort: Effort) -> Outcome:
     del effort
     return sum(
         (
-            refusal(lambda n=net: BezierPatches([flat_net(), n]), "patch 1 has no area")
+            refusal(partial(BezierPatches, [flat_net(), net]), "patch 1 has no area")
             for net in (np.ones((4, 4, 3)), flat_net()[:, :1].repeat(4, axis=1))
         ),
         Outcome(),
@@ -399,8 +401,8 @@ def not_finite(effort: Effort) -> Outcome:
         net = np.array(teapot().patches[3])
         net[1, 2, 0] = value
         profile = [(0.0, 1.0), (value, 2.0)]
-        total += refusal(lambda n=net: BezierPatches([teapot().patches[0], n]), "finite")
-        total += refusal(lambda p=profile: SurfaceOfRevolution(p, (0, 0, 0), (0, 0, 1)), "finite")
+        total += refusal(partial(BezierPatches, [teapot().patches[0], net]), "finite")
+        total += refusal(partial(SurfaceOfRevolution, profile, (0, 0, 0), (0, 0, 1)), "finite")
     return total
 
 
@@ -625,7 +627,7 @@ def shapes_and_types(effort: Effort) -> Outcome:
     """Other shapes are refused; degrees may be mixed; other types become float64."""
     total = Outcome()
     for shape in ((4, 4, 3), (4, 3), (1, 4, 4, 2), (1, 4, 4, 4)):
-        total += refusal(lambda s=shape: BezierPatches(np.zeros(s)), "control has shape")
+        total += refusal(partial(BezierPatches, np.zeros(shape)), "control has shape")
     for dtype in (np.float32, np.int64):
         net = np.round(4 * flat_net()).astype(dtype)
         surface = BezierPatches([net, flat_net(2.0, degree=2)])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -21,7 +22,7 @@ def _refused(direction: Any, words: str) -> Outcome:
     directions = np.tile([0.0, 0.0, 1.0], (9, 1))
     directions[4] = direction
     for ask in (tracer.intersect, tracer.occluded, tracer.intersect_all):
-        total += refusal(lambda a=ask: a(np.zeros((9, 3)), directions), "directions[4]", words)
+        total += refusal(partial(ask, np.zeros((9, 3)), directions), "directions[4]", words)
     return total
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import multiprocessing
 import subprocess
 import sys
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -164,7 +165,7 @@ def no_tolerance(effort: Effort) -> Outcome:
     del effort
     total = Outcome()
     for tolerance in (0.0, -1.0, np.nan):
-        total += refusal(lambda t=tolerance: tessellate(torus(), t), "tolerance")
+        total += refusal(partial(tessellate, torus(), tolerance), "tolerance")
     return total + _too_fine(1e-300)
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from fractions import Fraction
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -155,7 +156,7 @@ def negative_radii(effort: Effort) -> Outcome:
     return sum(
         (
             refusal(
-                lambda p=profile: SurfaceOfRevolution(p, ORIGIN, AXIS),
+                partial(SurfaceOfRevolution, profile, ORIGIN, AXIS),
                 "reaches radius -1: cut it where it meets the axis",
             )
             for profile in ([(0, -1), (2, 1)], [(0, -1), (2, -1)])

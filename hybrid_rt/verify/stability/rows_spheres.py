@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -79,7 +80,7 @@ def from_afar(effort: Effort) -> Outcome:
 
 def _radius(*values: float) -> Outcome:
     words = ("radius is", "pass a finite number above 0")
-    return sum((refusal(lambda r=value: Sphere(ORIGIN, r), *words) for value in values), Outcome())
+    return sum((refusal(partial(Sphere, ORIGIN, value), *words) for value in values), Outcome())
 
 
 @row("C04", "radius 0", "refusal")
@@ -103,7 +104,7 @@ def not_finite(effort: Effort) -> Outcome:
     total = _radius(np.nan, np.inf, -np.inf)
     for sphere in (Sphere(ORIGIN, 1e61), Sphere(ORIGIN, 1e-61), Sphere((1e61, 0, 0), 1.0)):
         total += refusal(
-            lambda s=sphere: Intersector([Sphere(ORIGIN, 1), s]),
+            partial(Intersector, [Sphere(ORIGIN, 1), sphere]),
             "surfaces[1] reaches", "scale the scene",
         )  # fmt: skip
     for size in (1e-58, 1e-30, 1e30, 1e58):
