@@ -99,7 +99,9 @@ def tips(effort: Effort) -> Outcome:
     ):  # fmt: skip
         total += _beside(effort, label, surface, np.array([0.0, 0.0, z]), "a tip")
     for name in ("flat cone tip", "needle tip", "cone tip, leaving"):
-        total += by_set(name, effort, 40, against="distance from a tip / size")
+        # A needle lies between the rays that are moved around its tip.
+        marks = name != "needle tip"
+        total += by_set(name, effort, 40, against="distance from a tip / size", marks=marks)
     return total
 
 

@@ -31,6 +31,7 @@ class _Liar:
     def __init__(self, honest: Any, n_triangles: int, seed: int, misses: bool) -> None:
         self._honest, self._n, self._misses = honest, n_triangles, misses
         self._rng = np.random.default_rng(seed)
+        self.asked = 0
 
     def __getattr__(self, name: str) -> Any:
         """Be the honest stage in all else."""
@@ -39,6 +40,7 @@ class _Liar:
     def first(self, origin: FloatArray, *_: Any) -> CoarseHits:
         """Return proposals that have nothing to do with the rays."""
         n, rng = len(origin), self._rng
+        self.asked += n
         if self._misses:
             face = np.full(n, -1, np.int32)
         else:
@@ -62,6 +64,7 @@ def _lied_to(effort: Effort, misses: bool) -> Outcome:
         total += Outcome(rays=len(a), work=liar.counters["most_pieces"]).checked(
             not names, f"{', '.join(names)} depend on the coarse stage ({make.__name__})"
         )
+        total = total.checked(scene.asked == len(a), "the coarse stage was not asked")
     return total
 
 

@@ -120,7 +120,10 @@ def on_the_sphere(effort: Effort) -> Outcome:
     n, rng = effort.count(200_000, 1000), effort.rng()
     sphere = Sphere((0.3, -0.2, 0.5), 0.7)
     tracer = Intersector([sphere])
-    start = tracer.intersect(3.0 * rng.normal(size=(n, 3)), sphere.center)
+    outward = unit(rng.normal(size=(n, 3)))
+    start = tracer.intersect(
+        sphere.center + 3.0 * outward, unit(rng.normal(size=(n, 3))) - 8 * outward
+    )
     start = start[start.hit]
     directions = rng.normal(size=(len(start), 3))
     hits = tracer.intersect(start.position, directions, source=start)
