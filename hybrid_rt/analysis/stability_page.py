@@ -192,7 +192,7 @@ def _draw(axes: Any, panel: Panel) -> None:
             axes.plot(curve["x"], allowed, "--", color=color, linewidth=1.0)
     if panel.figure == "error":
         axes.plot([], [], "--", color="0.4", linewidth=1.0, label="what theory allows")
-        axes.set_ylabel(f"largest error of t ({panel.unit})")
+        axes.set_ylabel(f"largest error ({panel.unit})")
     else:
         axes.set_ylabel("largest search (pieces)")
     axes.set_xlabel(panel.against)

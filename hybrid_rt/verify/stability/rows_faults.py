@@ -25,7 +25,6 @@ from hybrid_rt.verify.cases.singular_sets import (
 )
 from hybrid_rt.verify.exact.judge import ExactJudge
 from hybrid_rt.verify.stability.measure import (
-    BAND,
     DISTANCES,
     EPS,
     Plot,
@@ -254,7 +253,9 @@ def almost_within(effort: Effort) -> Outcome:
         )  # fmt: skip
     surface = tilted_flat()
     judge, size, n = ExactJudge([surface]), size_of(surface), effort.count(60, 4)
-    plot = Plot("cosine between ray and normal", "flat bicubic, point beside the ray")
+    plot = Plot(
+        "cosine between ray and normal", "flat bicubic", unit="bands, of the point beside the ray"
+    )
     for k in cosines:
         rng = effort.rng(round(-np.log10(k)))
         u, v = rng.uniform(0.05, 0.95, (2, n))
@@ -265,10 +266,10 @@ def almost_within(effort: Effort) -> Outcome:
         origins = points - size * rng.uniform(0.1, 2.0, (n, 1)) * directions
         hits, found = traced([surface], origins, directions)
         verdict = judge.judge(hits, origins, directions)  # marks do not matter here
-        gap = np.array([verdict.worst_gap * BAND])
+        gap = np.array([verdict.worst_gap])
         total += found.checked(verdict.off_ray == 0, f"{verdict.off_ray} points off at {k:.0e}")
         if gap[0] > 0.0:
-            total += plot.add(k, gap, np.array([BAND]), found.work)
+            total += plot.add(k, gap, np.ones(1), found.work)
     return replace(total, curves=(*total.curves, plot.curve))
 
 
