@@ -52,7 +52,7 @@ def _lied_to(effort: Effort, misses: bool) -> Outcome:
     total = Outcome()
     surfaces = [teapot(), torus()]
     for make, seed in ((chords, 6), (silhouettes, 7), (edges, 8)):
-        rays = make(surfaces, effort.count(50_000, 400), seed + effort.seed)
+        rays = make(surfaces, effort.count(30_000, 400), seed + effort.seed)
         honest, liar = Intersector(surfaces), Intersector(surfaces, threads=1)
         coarse = liar._coarse
         assert coarse is not None
