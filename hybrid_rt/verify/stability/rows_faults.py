@@ -205,15 +205,16 @@ def departures(effort: Effort) -> Outcome:
 
 def _random_profile(rng: np.random.Generator) -> list[list[tuple[float, float]]]:
     """Return one to three segments of degrees 1 to 5, some of which end on the axis."""
-    segments, z, r = [], 0.0, float(rng.uniform(0.0, 1.0)) * float(rng.random() < 0.6)
+    segments: list[list[tuple[float, float]]] = []
+    z, r = 0.0, float(rng.uniform(0.1, 1.0)) * float(rng.random() < 0.6)
     n_segments = int(rng.integers(1, 4))
     for k in range(n_segments):
         degree = int(rng.integers(1, 6))
         net = [(z, r)]
-        net += [
-            (z + float(rng.uniform(-0.5, 1.5)), float(rng.uniform(0, 1.5))) for _ in range(degree)
-        ]
-        if k == n_segments - 1 and rng.random() < 0.4:
+        for _ in range(degree):
+            net.append((z + float(rng.uniform(-0.5, 1.5)), float(rng.uniform(0.1, 1.5))))
+        # A line from the axis to the axis would lie on it.
+        if k == n_segments - 1 and rng.random() < 0.4 and (degree > 1 or r > 0.0):
             net[-1] = (net[-1][0], 0.0)
         segments.append(net)
         z, r = net[-1]
