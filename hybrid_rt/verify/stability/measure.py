@@ -11,6 +11,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from hybrid_rt.core.records import BoolArray, FloatArray, HitRecord, IntArray, Status
 from hybrid_rt.intersection import Intersector
@@ -116,6 +117,19 @@ def judged(hits: HitRecord, truth: Truth) -> Outcome:
     return outcome.checked(
         verdict.worst_gap <= 1.0, f"a point lies {verdict.worst_gap:.3g} bands beside its ray"
     )
+
+
+def _confirmed(hits: HitRecord, truth: Truth, rows: NDArray[np.int64]) -> list[int]:
+    """Return those rows that are wrong by exact crossings as well."""
+    found: list[int] = []
+    judge = ExactJudge(truth.surfaces) if len(rows) else None
+    for i in rows.tolist():
+        assert judge is not None
+        at = slice(i, i + 1)
+        verdict = judge.judge(hits[at], truth.origins[at], truth.directions[at])
+        if verdict.n_wrong or verdict.wrong_tangent:
+            found.append(i)
+    return found
 
 
 def _broken(hits: HitRecord, truth: Truth) -> int:
@@ -382,7 +396,7 @@ def by_set(
     tracer, judge = Intersector(surfaces, coarse="none", threads=1), ExactJudge(surfaces)
     plot, total = Plot(against, name), Outcome()
     for distance in distances:
-        tracer.counters["most_pieces"] = 0
+        tracer.counters["most_pieces"] = tracer.counters["given_up"] = 0
         n = effort.count(rays, least)
         cell = trace_cell(tracer, name, distance, placement, n, effort.seed)
         if from_afar:
@@ -395,6 +409,9 @@ def by_set(
         )
         work = tracer.counters["most_pieces"]
         found = replace(verdict_outcome(verdict, marks), work=work)
+        if tracer.counters["given_up"]:
+            words = f"{tracer.counters['given_up']} searches given up at {distance:.0e}"
+            found = replace(found, notes=(*found.notes, words))
         if not found.holds:
             seen = {fault: rows[:2] for fault, rows in verdict.examples.items()}
             where = f"{name}, {distance:.0e}, {placement}, {n} rays, seed {effort.seed}: {seen}"

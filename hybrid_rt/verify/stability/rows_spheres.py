@@ -13,6 +13,7 @@ from hybrid_rt.primitives import Sphere
 from hybrid_rt.verify.cases.rays import unit
 from hybrid_rt.verify.exact.truth import ExactScene
 from hybrid_rt.verify.stability.measure import (
+    EPS,
     Plot,
     by_exact,
     catalogue,
@@ -130,7 +131,12 @@ def on_the_sphere(effort: Effort) -> Outcome:
     away = start.position - sphere.center
     other = -2 * np.einsum("ij,ij->i", away, directions) / (directions**2).sum(axis=1)
     clear = np.abs(other) > 1e-12
-    error = np.abs(hits.t - other)[hits.hit] / 1e-12
+    # The point lies off the sphere by an ulp of its coordinates, the chord by that over cos.
+    length = np.linalg.norm(directions, axis=1)
+    slope = np.abs(other) * length / (2.0 * sphere.radius)
+    slack = 4 * EPS * (np.abs(start.position).max(axis=1) / slope + 4.0 * sphere.radius)
+    slack = slack / length + hits.t_bound
+    error = np.abs(hits.t[hits.hit] - other[hits.hit]) / slack[hits.hit]
     return Outcome(
         rays=len(hits), wrong=int((hits.hit != (other > 0))[clear].sum()),
         error=float(error.max(initial=0.0)),
