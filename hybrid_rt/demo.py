@@ -60,7 +60,7 @@ def vase(x: float, y: float, height: float) -> SurfaceOfRevolution:
 
 
 def tiles(n_tiles: int, seed: int = 5) -> FloatArray:
-    """Draw square tiles, light and dark in turn, each a little different, with joints between.
+    """Make a texture of square tiles, alternately light and dark, with varied colours and joints.
 
     Returns
     -------
@@ -80,7 +80,7 @@ def tiles(n_tiles: int, seed: int = 5) -> FloatArray:
 
 
 def scene() -> Scene:
-    """Describe the picture."""
+    """Return the demo scene."""
     half = FLOOR_SIZE / 2
     floor = Rectangle((-half, -half, 0.0), (FLOOR_SIZE, 0.0, 0.0), (0.0, FLOOR_SIZE, 0.0))
     return Scene(

@@ -1,8 +1,8 @@
-"""Trimesh's interface to rays, on true surfaces: one changed line for its users.
+"""trimesh's ray interface on true surfaces: a drop-in replacement.
 
 ``RayMeshIntersector`` has the names, arguments, shapes and dtypes of trimesh's class of that name.
-Where trimesh speaks of triangles, this speaks of the faces of meshes, the patches of Bezier
-surfaces and the segments of profiles, numbered through all objects in their order.
+trimesh's triangle indices become indices of pieces: faces of meshes, patches of Bezier surfaces and
+segments of profiles, numbered consecutively through all objects.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ DIRECTIONS = np.array(
 
 
 class RayMeshIntersector:
-    """Queries as trimesh words them.
+    """Ray queries with the interface of trimesh's ``RayMeshIntersector``.
 
     Parameters
     ----------
@@ -58,7 +58,7 @@ class RayMeshIntersector:
         ray_origins, ray_directions : (n, 3) array-like
             Scene units; directions of any length but zero.
         multiple_hits : bool
-            Whether all crossings are asked for, or the first of each ray.
+            Return all crossings, not only the first of each ray.
 
         Returns
         -------
@@ -91,22 +91,22 @@ class RayMeshIntersector:
         ray_origins, ray_directions : (n, 3) array-like
             Scene units; directions of any length but zero.
         multiple_hits : bool
-            Whether all crossings are asked for, or the first of each ray.
+            Return all crossings, not only the first of each ray.
         max_hits : int
-            Of all crossings of a ray, how many at most; from 1 on.
+            Largest number of crossings per ray, at least 1.
         return_locations : bool
-            Whether their places are returned as well.
+            Return the hit points as well.
 
         Returns
         -------
         index_tri : (h,) int64
         index_ray : (h,) int64
-        locations : (h, 3) float64, if asked for
+        locations : (h, 3) float64, only if ``return_locations``
 
         Raises
         ------
         ValueError, TypeError
-            As `Intersector.intersect` does; if ``max_hits`` is no such number.
+            As `Intersector.intersect`; if ``max_hits`` is not an integer of at least 1.
         """
         hits, rays = self._find(ray_origins, ray_directions, multiple_hits, max_hits)
         found: tuple[NDArray[Any], ...] = (self._number(hits), rays)
@@ -146,8 +146,8 @@ class RayMeshIntersector:
     def contains_points(self, points: ArrayLike) -> BoolArray:
         """Tell for each point whether it lies inside the closed surfaces.
 
-        By the parity of crossings; where a ray only touches something, the next direction is
-        asked.
+        Uses the parity of crossings along a ray; if the ray is tangent to something, another
+        direction is tried.
 
         Parameters
         ----------

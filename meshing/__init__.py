@@ -12,14 +12,15 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from meshing.bezier import BezierPatches
+    from meshing.certified_mesh import CertifiedMesh
     from meshing.revolution import SurfaceOfRevolution
-    from meshing.tessellation import CertifiedMesh, tessellate
+    from meshing.tessellation import tessellate
 
 __all__ = ["BezierPatches", "CertifiedMesh", "SurfaceOfRevolution", "tessellate"]
 
 _HOME = {
     "BezierPatches": "meshing.bezier",
-    "CertifiedMesh": "meshing.tessellation",
+    "CertifiedMesh": "meshing.certified_mesh",
     "SurfaceOfRevolution": "meshing.revolution",
     "tessellate": "meshing.tessellation",
 }

@@ -1,22 +1,19 @@
-"""Points of a surface, chosen by area.
+"""Area sampling of surfaces.
 
-A surface is cut into cells of its parameters. A cell is chosen by its area, then a point evenly in
-its parameters, so the density per area is P(cell) / (cell size |S_u x S_v|): exact, however good
-or bad the areas of the cells are known.
+The parameter domain is cut into cells. A cell is sampled by its area, then (u, v) uniformly in it,
+so the pdf per area is P(cell) / (cell size |S_u x S_v|). It is exact even where the areas of the
+cells are approximate.
 """
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from typing import TYPE_CHECKING, TypeAlias
+from typing import Protocol, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from meshing.checks import FloatArray
-
-if TYPE_CHECKING:
-    from meshing.surface import Surface
 
 # Cells along u and v of one patch. The density within a cell varies as |S_u x S_v| does there:
 # by a few percent for a bicubic patch.
@@ -25,23 +22,37 @@ CELLS = 16
 IdArray: TypeAlias = NDArray[np.int64]
 
 
+class Patches(Protocol):
+    """What is asked of a surface: how many patches it has, and its partials."""
+
+    def __len__(self) -> int:
+        """Return the number of patches."""
+        ...
+
+    def partials(
+        self, u: FloatArray, v: FloatArray, patch_id: IdArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return S_u and S_v, each (n, 3)."""
+        ...
+
+
 class AreaSampler(ABC):
-    """Chooses points of a surface.
+    """Samples points of a surface by area.
 
     Parameters
     ----------
     areas : (cells,) float64
-        Areas of the cells, about; scene units squared.
+        Approximate areas of the cells, scene units squared.
 
     Attributes
     ----------
     area : float
-        Their sum.
+        Sum of ``areas``.
 
     Raises
     ------
     ValueError
-        If that is not above 0 and finite. The caller names the surface.
+        If the sum is not positive and finite. The caller names the surface.
     """
 
     def __init__(self, areas: FloatArray) -> None:
@@ -52,7 +63,7 @@ class AreaSampler(ABC):
         self._before = np.concatenate([[0.0], np.cumsum(self._share)])
 
     def choose(self, xi: FloatArray) -> tuple[IdArray, FloatArray, FloatArray]:
-        """Return (patch_id, u, v) of points chosen by numbers (n, 2) in [0, 1)."""
+        """Return (patch_id, u, v) of points sampled by random numbers (n, 2) in [0, 1)."""
         cell = np.searchsorted(self._before, xi[:, 0], side="right") - 1
         cell = np.minimum(cell, self._share.size - 1)
         rest = np.clip((xi[:, 0] - self._before[cell]) / self._share[cell], 0.0, 1.0)
@@ -65,16 +76,16 @@ class AreaSampler(ABC):
         """Return (patch_id, u, v) of points chosen within cells."""
 
     def pdf_area(self, patch_id: IdArray, u: FloatArray, v: FloatArray) -> FloatArray:
-        """Return the density per area with which points are chosen.
+        """Return the pdf per area of points.
 
-        The same everywhere, if `within` is even in area and the areas of the cells are exact.
+        It is constant if `within` is uniform in area and the areas of the cells are exact.
         """
         del patch_id, v
         return np.full(u.size, 1.0 / self.area)
 
 
 class Squares(AreaSampler):
-    """Flat faces whose parameters fill the square evenly: each is a cell."""
+    """Parallelograms, each a cell: (u, v) in the unit square is uniform in area."""
 
     def within(
         self, cell: IdArray, xi: FloatArray, eta: FloatArray
@@ -84,7 +95,7 @@ class Squares(AreaSampler):
 
 
 class Triangles(AreaSampler):
-    """Flat faces whose parameters are the weights of two corners: each is a cell."""
+    """Triangles, each a cell: (u, v) are the barycentric weights of two corners."""
 
     def within(
         self, cell: IdArray, xi: FloatArray, eta: FloatArray
@@ -103,7 +114,7 @@ class Grid(AreaSampler):
         Over the unit square, with partials.
     """
 
-    def __init__(self, surface: Surface) -> None:
+    def __init__(self, surface: Patches) -> None:
         self._surface = surface
         middle = (np.arange(CELLS) + 0.5) / CELLS
         u, v = np.meshgrid(middle, middle, indexing="ij")
@@ -137,7 +148,7 @@ class Grid(AreaSampler):
         return density
 
 
-def _stretch(surface: Surface, patch_id: IdArray, u: FloatArray, v: FloatArray) -> FloatArray:
+def _stretch(surface: Patches, patch_id: IdArray, u: FloatArray, v: FloatArray) -> FloatArray:
     """Return |S_u x S_v|."""
     s_u, s_v = surface.partials(u, v, patch_id)
     stretch: FloatArray = np.linalg.norm(np.cross(s_u, s_v), axis=1)

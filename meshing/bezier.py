@@ -58,7 +58,8 @@ class BezierPatches(ParametricSurface):
         Raises
         ------
         FileNotFoundError, ValueError
-            Naming the file; and the line, and what was expected there.
+            If the file is missing or malformed; the message names file and line, and what was
+            expected there.
         """
         file = as_path(path, "BezierPatches file")
         if not file.is_file():
@@ -80,7 +81,7 @@ class BezierPatches(ParametricSurface):
 
     @property
     def control(self) -> FloatArray:
-        """(total, 3) float64: the control points of all patches in one run, read-only."""
+        """(total, 3) float64: the control points of all patches, one after the other, read-only."""
         return self._control
 
     @property

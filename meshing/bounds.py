@@ -1,10 +1,10 @@
-"""Proofs for surfaces of revolution: how finely to cut rings so that triangles stay close.
+"""Deviation bounds for surfaces of revolution: into how many cells to cut each ring.
 
 The bound is that of `meshing.kernels.leaves`. Over a piece of the profile, with its parameter
 running over [0, 1], |S_uu| <= 4 pi^2 R, |S_uv| <= 2 pi |R'|, and S_vv is that of the profile.
-S_uv points along the circle, the other two lie in the meridian plane; over an angle of at most
-pi hu to each side of the middle they mix by its sine, so the two parts add up as legs of a right
-triangle.
+S_uv points along the circle; the other two lie in the meridian plane. Over an angle of at most
+pi hu to each side of the middle the two directions mix by the sine of that angle, so the two parts
+add up like the legs of a right triangle.
 """
 
 from __future__ import annotations
@@ -26,12 +26,12 @@ HALF_ULP = 2.0**-53
 
 
 class TooManyTrianglesError(ValueError):
-    """A tolerance asks for more triangles than are allowed.
+    """The tolerance needs more triangles than are allowed.
 
     Parameters
     ----------
     estimate : float
-        Triangles that it needs, about.
+        Approximate number of triangles needed.
     max_triangles : int
     tolerance : float
     """
@@ -108,7 +108,7 @@ def rings_of(
     Parameters
     ----------
     tolerance : float
-        Scene units; ``slack`` of it is kept for later roundings.
+        Scene units; ``slack`` of it is reserved for later rounding.
 
     Returns
     -------

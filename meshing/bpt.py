@@ -1,7 +1,7 @@
 """Newell's .bpt files: Bezier patches as text.
 
-The number of patches; then, for each, its two degrees and its (degree_u + 1) (degree_v + 1)
-control points, one a line, v running fastest. Blank lines do not count.
+A file holds the number of patches; then, for each patch, its two degrees and its (degree_u + 1)
+(degree_v + 1) control points, one a line, v fastest. Blank lines are ignored.
 """
 
 from __future__ import annotations
@@ -62,7 +62,7 @@ def read_patches(path: str | Path) -> list[FloatArray]:
     Raises
     ------
     ValueError
-        Naming file and line, and what was expected there.
+        For a malformed file; the message names file, line and what was expected there.
     """
     try:
         lines = _Lines(Path(path))

@@ -1,7 +1,7 @@
-"""Checks of what the user passes: clear refusals before any work starts.
+"""Argument checks: errors are raised before any work starts.
 
-Every message says what has which value, and after a colon what to pass instead. ``what`` names the
-object and its parameter, as in "Sphere radius".
+Every message names the argument and its value and, after a colon, what to pass instead. ``what`` is
+the name of object and parameter that messages use, as in "Sphere radius".
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ SIMILARITY_TOLERANCE = 2.0**-40
 
 
 def shown(value: object) -> str:
-    """Return a value as a message shows it: on one line, and short."""
+    """Return a short, one-line representation of a value for error messages."""
     # Python does not write out integers of very many digits; other classes may raise anything.
     is_whole = isinstance(value, int)
     text = f"a very large {type(value).__name__}" if is_whole else f"a {type(value).__name__}"
@@ -35,7 +35,7 @@ def shown(value: object) -> str:
 
 
 def text_of(error: BaseException) -> str:
-    """Return what an exception says, on one line; nothing if its own text raises."""
+    """Return the message of an exception on one line; "" if formatting it raises."""
     with suppress(Exception):
         return " ".join(str(error).split())
     return ""
@@ -71,7 +71,7 @@ def as_floats(value: ArrayLike, what: str) -> FloatArray:
 
 
 def refuse_mask(value: object, what: str) -> None:
-    """Refuse an array with masked elements: numpy would hand out what lies under the mask.
+    """Refuse an array with masked elements: NumPy would return the data under the mask.
 
     Raises
     ------
@@ -85,7 +85,7 @@ def refuse_mask(value: object, what: str) -> None:
 
 
 def as_vector(value: ArrayLike, what: str, *, up_to: float = np.inf) -> FloatArray:
-    """Return three finite float64 numbers of at most ``up_to`` in size, read-only.
+    """Return three finite float64 numbers of magnitude at most ``up_to``, read-only.
 
     Raises
     ------
@@ -103,7 +103,7 @@ def as_vector(value: ArrayLike, what: str, *, up_to: float = np.inf) -> FloatArr
 
 
 def unit(vector: FloatArray, what: str) -> FloatArray:
-    """Return the vector (3,) at length one; scaled first, so that no square overflows.
+    """Normalise a vector (3,); it is scaled first, so that no square overflows.
 
     Raises
     ------
@@ -119,15 +119,16 @@ def unit(vector: FloatArray, what: str) -> FloatArray:
 
 
 def still_unit(vector: FloatArray, what: str) -> FloatArray:
-    """Return a vector of about length one at length one.
+    """Normalise a vector whose length is about one.
 
-    One that is so up to rounding keeps its bits: a power of two as scale then changes none.
+    A vector of length one up to rounding is returned bit for bit, so scaling a scene by a power of
+    two changes no bits.
     """
     return vector if abs(vector @ vector - 1.0) <= 4.0 * 2.0**-52 else unit(vector, what)
 
 
 def as_direction(value: ArrayLike, what: str) -> FloatArray:
-    """Return a direction of any length at length one, read-only.
+    """Normalise a direction of any length; return it read-only.
 
     Raises
     ------
@@ -151,20 +152,20 @@ def number(
 
     Parameters
     ----------
-    value : float, or what numpy takes for one
+    value : float, or anything that NumPy converts to one
     what : str
-        Names it in messages.
+        Name of the argument in messages.
     above, below : float
-        Limits that are not reached.
+        Exclusive limits.
     at_least, up_to : float
-        Limits that may be.
+        Inclusive limits.
     hint : str
-        Says more of what to pass instead.
+        Added to the message: what to pass instead.
 
     Raises
     ------
     ValueError, TypeError
-        For anything else.
+        If ``value`` is not such a number.
     """
     if type(value) is float:  # there may be many
         result = value
@@ -188,7 +189,7 @@ def number(
 
 
 def whole(value: int, what: str, *, at_least: int, up_to: int | None = None) -> int:
-    """Return an integer from ``at_least`` to ``up_to``, or from there on.
+    """Return an integer from ``at_least`` to ``up_to``; without ``up_to`` there is no upper limit.
 
     Raises
     ------
@@ -209,7 +210,7 @@ def as_path(value: str | os.PathLike[str], what: str) -> Path:
     Raises
     ------
     TypeError
-        If ``value`` is none; ``what`` is named.
+        If ``value`` is not a path; ``what`` is named.
     """
     if not isinstance(value, str | os.PathLike):
         raise TypeError(f"{what} is {shown(value)}: pass a path")
@@ -217,7 +218,7 @@ def as_path(value: str | os.PathLike[str], what: str) -> Path:
 
 
 def as_affine(matrix: ArrayLike, kind: str) -> tuple[FloatArray, FloatArray]:
-    """Split a 4 x 4 matrix that acts on columns (x, y, z, 1) into its linear part and its shift.
+    """Split a 4 x 4 matrix that acts on columns (x, y, z, 1) into linear part and translation.
 
     Parameters
     ----------
@@ -233,7 +234,7 @@ def as_affine(matrix: ArrayLike, kind: str) -> tuple[FloatArray, FloatArray]:
     Raises
     ------
     ValueError, TypeError
-        If it is not finite, not affine, or flattens space.
+        If it is not finite, not affine, or singular.
     """
     array = as_floats(matrix, f"{kind} matrix")
     if array.shape != (4, 4):
@@ -260,7 +261,7 @@ def as_affine(matrix: ArrayLike, kind: str) -> tuple[FloatArray, FloatArray]:
 
 
 def as_similarity(matrix: ArrayLike, kind: str) -> tuple[FloatArray, FloatArray, float, bool]:
-    """Split a similarity as `as_affine` does.
+    """Split a similarity into orthogonal part, translation and scale.
 
     Returns
     -------
@@ -272,7 +273,7 @@ def as_similarity(matrix: ArrayLike, kind: str) -> tuple[FloatArray, FloatArray,
     Raises
     ------
     ValueError, TypeError
-        As `as_affine` does, and for a matrix that is no similarity up to roundings.
+        As `as_affine`, and if the matrix is not a similarity up to rounding.
     """
     linear, shift = as_affine(matrix, kind)
     # By a power of two first, so that no square overflows.
@@ -293,15 +294,15 @@ def as_similarity(matrix: ArrayLike, kind: str) -> tuple[FloatArray, FloatArray,
 def broadcast_parameters(
     u: ArrayLike, v: ArrayLike, patch_id: ArrayLike, n_patches: int, name: str
 ) -> tuple[FloatArray, FloatArray, NDArray[np.int64], tuple[int, ...]]:
-    """Broadcast parameters to one flat length; check that the patches exist.
+    """Broadcast parameters and flatten them; check that the patches exist.
 
     Parameters
     ----------
-    u, v : floats
-    patch_id : whole numbers
+    u, v : float array-like
+    patch_id : int array-like
     n_patches : int
     name : str
-        What messages call ``patch_id``.
+        Name of ``patch_id`` in messages.
 
     Returns
     -------

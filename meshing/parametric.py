@@ -1,4 +1,4 @@
-"""What surfaces with parameters share: points, partial derivatives and normals by (u, v)."""
+"""What parametric surfaces share: points, partial derivatives and normals at (u, v)."""
 
 from __future__ import annotations
 
@@ -49,24 +49,24 @@ class ParametricSurface(Surface):
         """Fill ``out`` (n, 3) with unit normals, and where S_u x S_v vanishes."""
 
     def point(self, u: ArrayLike, v: ArrayLike, patch_id: ArrayLike = 0) -> FloatArray:
-        """Points of the surface.
+        """Return points of the surface.
 
         Parameters
         ----------
-        u, v : floats that broadcast with each other and with ``patch_id``
-            Parameters; a little outside [0, 1] a piece is continued.
-        patch_id : whole numbers
-            Patch, or segment of the profile, to which each pair belongs.
+        u, v : float array-like, broadcast with each other and with ``patch_id``
+            Parameters; the piece extends a little beyond [0, 1].
+        patch_id : int array-like
+            Patch, or profile segment, of each (u, v).
 
         Returns
         -------
         (n, 3) float64
-            In scene units; leading axes as the arguments broadcast, one row for plain numbers.
+            Scene units; the leading axes are those of the broadcast arguments, one row for scalars.
 
         Raises
         ------
         ValueError, TypeError
-            If they do not broadcast, or there is no such piece.
+            If the arguments do not broadcast, or there is no such piece.
         """
         return self._evaluate(u, v, patch_id, 0, 0)
 
@@ -107,8 +107,8 @@ class ParametricSurface(Surface):
     def bounds(self) -> FloatArray:
         """(2, 3) float64: lower and upper corner of a box around the surface.
 
-        Proven to hold the surface; wider than it by about 1/256 of what the box of the control
-        points is.
+        Conservative. It exceeds the tight box by about 1/256 of the excess of the control points'
+        box.
         """
         boxes = self.patch_bounds
         return np.stack((boxes[:, 0].min(axis=0), boxes[:, 1].max(axis=0)))

@@ -206,7 +206,7 @@ class SurfaceOfRevolution(ParametricSurface):
 
 
 def radius_rounding(segments: Iterable[FloatArray]) -> float:
-    """Radius up to which a point of a profile lies on the axis."""
+    """Return the radius up to which a profile point counts as on the axis."""
     return RADIUS_ROUNDING * max(float(np.abs(segment).max()) for segment in segments)
 
 

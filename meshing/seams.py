@@ -1,4 +1,4 @@
-"""How the pieces of a surface hang together: shared edges, shared corners, collapsed edges.
+"""The topology of a surface's pieces: shared edges, shared corners, collapsed edges.
 
 Each piece has four edges, numbered 4 p + side with the sides u = 0, u = 1, v = 0, v = 1; the first
 two run along v, the others along u. Corners are numbered 4 p + 2 i + j for (u, v) = (i, j).
@@ -31,15 +31,15 @@ class Seams:
     Attributes
     ----------
     corner : (4 k,) int64
-        Label of each corner; equal labels, same point.
+        Label of each corner; the same point has the same label.
     group : (4 k,) int64
-        The edge that stands for each edge.
+        Representative of the edges that are the same as this one.
     is_reversed : (4 k,) bool
-        Whether it runs the other way.
+        Whether the edge runs against ``group``.
     is_collapsed : (4 k,) bool
         Whether the edge is a single point.
     gap : float
-        How far points that count as the same lie apart at most.
+        Largest distance of points that were welded.
     """
 
     corner: NDArray[np.int64]
@@ -50,7 +50,7 @@ class Seams:
 
     @property
     def corners_apart(self) -> NDArray[np.int64]:
-        """(k,) int64: how many different points the corners of each piece are."""
+        """(k,) int64: number of distinct corners of each piece."""
         labels = np.sort(self.corner.reshape(-1, 4), axis=1)
         count: NDArray[np.int64] = 1 + (np.diff(labels, axis=1) != 0).sum(axis=1)
         return count
@@ -89,10 +89,10 @@ def seams_of_patches(surface: BezierPatches) -> Seams:
 
 
 def seams_of_revolution(surface: SurfaceOfRevolution) -> Seams:
-    """Name the seam, the joints of the profile, and its ends on the axis.
+    """Find the seam, the joints of the profile, and its ends on the axis.
 
-    Joints that the surface accepted are welded here even where rounding of the profile leaves
-    them a little apart; a closed profile closes likewise.
+    Joints that the surface accepted are welded even where rounding of the profile leaves a small
+    gap; so are the ends of a closed profile.
     """
     segments = surface.segments
     k = len(segments)

@@ -1,8 +1,8 @@
-"""What every surface can say about itself: the one interface that the rest of the program asks.
+"""The interface of surfaces: points, partials, normals, bounds, transformations, area sampling.
 
-Whoever writes a new surface derives from `Surface`, gives the abstract methods, and overrides of
-the others what is not true of it. How rays meet it is said elsewhere, in a registry by class, and
-so is how its hits are judged: a surface knows nothing of rays.
+A new surface derives from `Surface`, implements the abstract methods and overrides the defaults
+that do not hold for it. A surface knows nothing of rays: ray intersection, and the tests of its
+hits, are registered elsewhere by class.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from meshing.checks import FloatArray
 
 if TYPE_CHECKING:
     from meshing.area import AreaSampler
-    from meshing.tessellation import CertifiedMesh
+    from meshing.certified_mesh import CertifiedMesh
 
 
 class Surface(ABC):
@@ -29,6 +29,8 @@ class Surface(ABC):
     """Given by control points: `tessellate` cuts it, and Embree meets its triangles first."""
     is_bounded: ClassVar[bool] = True
     """Has an end: a box around it, an area, photons that can be sent to it."""
+    is_flat: ClassVar[bool] = False
+    """Lies in one plane, so that no light goes from one point of it to another."""
     is_triangular: ClassVar[bool] = False
     """(u, v) are weights of a triangle's corners, u + v <= 1; else they fill the unit square."""
 
@@ -42,8 +44,8 @@ class Surface(ABC):
 
         Parameters
         ----------
-        u, v : floats that broadcast with each other and with ``patch_id``
-        patch_id : whole numbers
+        u, v : float array-like, broadcast with each other and with ``patch_id``
+        patch_id : int array-like
 
         Raises
         ------
@@ -70,7 +72,7 @@ class Surface(ABC):
     @property
     @abstractmethod
     def bounds(self) -> FloatArray:
-        """(2, 3) float64: lower and upper corner of a box around it, along the axes."""
+        """(2, 3) float64: lower and upper corner of the axis-aligned bounding box."""
 
     @abstractmethod
     def transformed(self, matrix: ArrayLike) -> Self:
@@ -84,38 +86,38 @@ class Surface(ABC):
 
     @property
     def middle(self) -> FloatArray:
-        """(3,) float64: the point from which distances count in what is decided within rounding."""
+        """(3,) float64: the point from which distances are taken for rounding tolerances."""
         low, high = self.bounds
         return np.asarray(0.5 * (low + high))
 
     @property
     def size(self) -> float:
-        """Its diameter, scene units; 0 where it has no end."""
+        """Diameter, scene units; 0 for an unbounded surface."""
         low, high = self.bounds
         return math.hypot(*(high - low).tolist())
 
     @property
     def reach(self) -> float:
-        """The largest coordinate of its points."""
+        """Largest |coordinate| of its points."""
         return float(np.abs(self.bounds).max())
 
     @property
     def rounding_reach(self) -> float:
-        """The largest number from which points of hits are computed: they round relative to it.
+        """The largest number in the computation of a hit point: its rounding is relative to this.
 
-        0 where nothing but a point's own coordinates rounds.
+        0 where only the point's own coordinates round.
         """
         return self.reach
 
     # --- light
 
     def area_sampler(self) -> AreaSampler | None:
-        """Return what chooses points by area; None where it has no end.
+        """Return the area sampler of the surface; None if it is unbounded.
 
         Raises
         ------
         ValueError
-            If it has no area. The caller names the surface.
+            If the area is zero. The caller names the surface.
         """
         from meshing.area import Grid
 
@@ -125,31 +127,29 @@ class Surface(ABC):
 
     @property
     def ball(self) -> tuple[FloatArray, float] | None:
-        """Centre and radius of the ball whose boundary it is; None for all but spheres."""
+        """Centre and radius of a sphere; None for other surfaces."""
         return None
 
     @property
     def revolution_frame(self) -> FloatArray | None:
-        """(4, 3): origin, axis, radial, binormal if it is turned about an axis; else None."""
+        """(4, 3): origin, axis, radial, binormal of a surface of revolution; else None."""
         return None
 
     @property
     def carrier(self) -> Hashable | None:
-        """What equals that of another surface where the two are the same set of points.
+        """A key that is equal for surfaces that are the same set of points.
 
-        None if parts of it may coincide with parts of others, as flat faces do. A surface that has
-        one shares area with none but its equals.
+        None if parts of the surface may coincide with parts of others, as flat faces do. Surfaces
+        with different keys share no area.
         """
         return None
 
-    def triangles(self, tolerance: float) -> CertifiedMesh:
-        """Return triangles no farther from it than ``tolerance``, scene units: what Embree meets.
+    def triangles(self) -> CertifiedMesh:
+        """Return the triangles of a surface made of triangles; for others see `tessellate`.
 
         Raises
         ------
         TypeError
-            For surfaces with a closed form.
+            If it is not made of triangles.
         """
-        from meshing.tessellation import tessellate
-
-        return tessellate(self, tolerance)
+        raise TypeError(f"{type(self).__name__} is not made of triangles")

@@ -1,33 +1,30 @@
-"""Certified tessellation: surfaces -> triangles within a proven distance, without cracks.
+"""Certified tessellation: triangles within a proven distance of a surface, without cracks.
 
-Patches are halved into rectangular leaves until the proof of `meshing.kernels.leaves` meets the
+Patches are halved into rectangular leaves until the bound of `meshing.kernels.leaves` meets the
 tolerance; surfaces of revolution are cut into rings of cells by `meshing.bounds`. Every corner of
-a leaf becomes a vertex of all leaves that touch it, also across shared edges, and each leaf is
-then cut into triangles through all vertices on its sides: no cracks, and the proof still holds.
+a leaf becomes a vertex of all leaves that touch it, also across shared edges. Each leaf is then
+triangulated through all vertices on its sides: there are no cracks, and the bound still holds.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
-from functools import cached_property, singledispatch
-from typing import TYPE_CHECKING, NamedTuple, TypeAlias
+from functools import singledispatch
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from meshing.bezier import BezierPatches
 from meshing.bounds import TooManyTrianglesError, rings_of
-from meshing.checks import FloatArray, number, shown, whole
+from meshing.certified_mesh import CertifiedMesh
+from meshing.checks import number, shown, whole
 from meshing.kernels import leaves as leaf_kernels
 from meshing.kernels import polygons
 from meshing.kernels.leaves import MAX_DEPTH
 from meshing.revolution import SurfaceOfRevolution
 from meshing.seams import Seams, seams_of_patches, seams_of_revolution
 from meshing.surface import Surface
-
-if TYPE_CHECKING:
-    import trimesh
 
 Keys: TypeAlias = NDArray[np.int64]
 
@@ -42,67 +39,30 @@ MAX_PATCHES = 1 << (63 - 2 * _BITS)
 _LEAST_DEPTH = 2
 
 
-@dataclass(frozen=True)
-class CertifiedMesh:
-    """Triangles, where they lie on the surface, and how far from it they can be.
-
-    Attributes
-    ----------
-    vertices : (v, 3) float64
-        In scene units. Pieces that share an edge or a corner share its vertices.
-    faces : (f, 3) int64
-        Rows of ``vertices``, counterclockwise as seen from where S_u x S_v points to.
-    uv : (f, 3, 2) float64
-        Parameters of each corner of each face, on its own side of a seam.
-    patch_id : (f,) int32
-        Patch or profile segment of each face.
-    deviation_bound : float
-        Proven: at equal weights of the corners a point of a face and the point of the surface at
-        (u, v) are no farther apart, roundings of the vertices included. Scene units.
-    """
-
-    vertices: FloatArray
-    faces: NDArray[np.int64]
-    uv: FloatArray
-    patch_id: NDArray[np.int32]
-    deviation_bound: float
-
-    def __len__(self) -> int:
-        """Return the number of triangles."""
-        return len(self.faces)
-
-    @cached_property
-    def mesh(self) -> trimesh.Trimesh:
-        """The triangles as a `trimesh.Trimesh`, for export and for trimesh's own tools."""
-        import trimesh
-
-        return trimesh.Trimesh(self.vertices, self.faces, process=False)
-
-
 def tessellate(
     surface: Surface, tolerance: float, *, max_triangles: int = MAX_TRIANGLES
 ) -> CertifiedMesh:
-    """Cut a surface into triangles within a proven distance.
+    """Tessellate a surface into triangles within a proven distance of it.
 
     Parameters
     ----------
     surface : BezierPatches or SurfaceOfRevolution
     tolerance : float
-        Largest distance allowed, absolute, in scene units. Below the rounding of the surface's
-        own size ``deviation_bound`` tells what was reached.
+        Largest distance allowed, absolute, in scene units. A tolerance below the rounding of the
+        surface's coordinates may be missed; ``deviation_bound`` gives what was reached.
     max_triangles : int
-        More than this are refused before they are made.
+        Largest number of triangles; checked before they are made.
 
     Returns
     -------
     CertifiedMesh
-        Few triangles where the surface is flat, many where it is curved; no cracks inside and
-        across shared edges; closed surfaces are watertight.
+        Adaptive: few triangles where the surface is flat, many where it is curved. No cracks within
+        patches or across shared edges; closed surfaces are watertight.
 
     Raises
     ------
     ValueError
-        If the tolerance is not positive and finite, or needs too many triangles.
+        If the tolerance is not positive and finite, or needs more than ``max_triangles``.
 
     References
     ----------
@@ -115,7 +75,7 @@ def tessellate(
 
 
 class Cut(NamedTuple):
-    """A surface in leaves that each become a fan of triangles."""
+    """A surface cut into leaves, each to be triangulated."""
 
     seams: Seams
     leaves: NDArray[np.int32]
@@ -128,7 +88,7 @@ class Cut(NamedTuple):
 
 @singledispatch
 def cut(surface: object, tolerance: float, max_triangles: int) -> Cut:
-    """Cut a surface into leaves; each class of free-form surfaces registers how.
+    """Cut a surface into leaves; each class of free-form surfaces registers its function.
 
     Raises
     ------

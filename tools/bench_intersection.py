@@ -25,9 +25,9 @@ from hybrid_rt.core.ray_set import RaySet
 from hybrid_rt.core.threads import Pool
 from hybrid_rt.core.timing import in_turn
 from hybrid_rt.demo import teapot, vase
+from hybrid_rt.intersection.hit_errors import certified_hits, compare
 from hybrid_rt.verify.cases.campaign import SCENES
 from hybrid_rt.verify.cases.rays import at_box, camera, silhouettes
-from hybrid_rt.verify.judges.judge import decisions
 from meshing import BezierPatches, SurfaceOfRevolution, tessellate
 
 ROUNDS = 5
@@ -114,9 +114,11 @@ def against_rival(n: int, threads: int) -> dict[str, Any]:
             runs[name] = _trace(tracer, rays)
         title = f"teapot, {kind}, {in_words(threads)}"
         result[kind] = show(title, n, in_turn(runs, ROUNDS), "embreex + Newton, uncertified")
-        certified = tracers['certified, coarse="none"'].intersect(rays.origins, rays.directions)
-        wrong = decisions(certified, out[0])
-        print(f"  the uncertified method: {wrong} of {int(certified.hit.sum())} hits")
+        bare = tracers['certified, coarse="none"']
+        exact = certified_hits(bare, rays.origins, rays.directions)
+        met = np.where(np.isfinite(out[0]), np.int32(0), np.int32(-1))
+        wrong = compare(exact, out[0], met).wrong_hits.counts
+        print(f"  the uncertified method: {wrong} of {int(exact.hits.hit.sum())} hits")
         result[kind]["uncertified wrong"] = wrong
     return result
 

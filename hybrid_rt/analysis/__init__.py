@@ -1,1 +1,4 @@
-"""Studies that a user asks for: error against time, meshes against true surfaces, pictures compared."""
+"""Studies: error against time, meshes against true surfaces, pictures compared.
+
+The error metrics of a picture are in `hybrid_rt.sensor.image_metrics`.
+"""

@@ -1,4 +1,4 @@
-"""Curves of methods: what each of their settings costs, and how far it is off."""
+"""Work-precision curves: cost and error of a method at each of its settings."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 
 @dataclass(frozen=True)
 class Spread:
-    """A figure over several runs: median, least and most."""
+    """A value over several runs: median, least and most."""
 
     median: float
     least: float
@@ -31,10 +31,10 @@ class Point:
     setting : float
         Passes, or the tolerance of a mesh in scene units.
     seconds, error : Spread
-        Of a picture its wall seconds and relative RMSE; of hits the seconds per ray and the share
-        of wrong first hits.
+        For pictures, wall seconds and relative RMSE; for hits, seconds per ray and the fraction of
+        wrong first hits.
     more : dict
-        Other figures by name, medians over the runs.
+        Other values by name, medians over the runs.
     """
 
     setting: float
@@ -45,17 +45,17 @@ class Point:
 
 @dataclass(frozen=True)
 class Curve:
-    """A method and its points in the order of their cost.
+    """A method and its points, in order of cost.
 
     Attributes
     ----------
     name, flags : str
-        ``flags`` choose the method in a command.
+        ``flags`` are the command-line options of the method.
     points : list of Point
     bias : float
-        Error that passes do not remove, as far as it is known from elsewhere.
+        Known error that more passes do not reduce.
     power : float
-        The square of the rest of the error falls as passes to the minus this.
+        The square of the rest of the error falls as passes ** -power.
     """
 
     name: str
@@ -66,5 +66,5 @@ class Curve:
 
 
 def renamed(curves: Sequence[Curve], prefix: str) -> list[Curve]:
-    """Return curves under longer names, to be drawn beside others."""
+    """Return curves with longer names, to be drawn with others."""
     return [replace(curve, name=f"{prefix}: {curve.name}") for curve in curves]

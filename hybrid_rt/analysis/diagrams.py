@@ -1,6 +1,6 @@
-"""Log-log diagrams by matplotlib: curves with error bars, reference slopes, a level below them.
+"""Log-log diagrams by matplotlib: curves with error bars, reference slopes, a noise floor.
 
-The same diagram goes onto a page as SVG and into a file of several panels.
+A diagram is written as SVG for a page, or as a panel of an image file.
 """
 
 from __future__ import annotations
@@ -22,9 +22,9 @@ GREY = "0.55"
 
 @dataclass(frozen=True)
 class Mark:
-    """A point with its bars: x and y as (value, least, most).
+    """A point with error bars: x and y as (value, least, most).
 
-    ``label`` stands beside the point; ``is_limit``: y is an upper limit, drawn hollow.
+    ``label`` is printed next to it; ``is_limit``: y is an upper limit, drawn hollow.
     """
 
     x: tuple[float, float, float]
@@ -43,7 +43,7 @@ class Line:
 
 @dataclass(frozen=True)
 class Diagram:
-    """What is to be drawn.
+    """The contents of a diagram.
 
     Attributes
     ----------
@@ -51,14 +51,14 @@ class Diagram:
     lines : sequence of Line
         All values above 0 and finite.
     slopes : sequence of float
-        Drawn as thin lines y ~ x^slope through the first of all points.
+        Drawn as thin lines y ~ x^slope through the first point.
     floor : (name, y), optional
-        A level drawn across.
+        A horizontal line.
 
     Raises
     ------
     ValueError
-        If nothing can be drawn, or a value has no logarithm.
+        If there are no points, or a value is not positive and finite.
     """
 
     title: str
@@ -81,7 +81,7 @@ class Diagram:
 
 
 def as_svg(diagram: Diagram) -> str:
-    """Return a diagram as the text of an SVG file: equal diagrams, equal text."""
+    """Return a diagram as SVG text; equal diagrams give equal text."""
     buffer = io.StringIO()
     with _figure([diagram], {"svg.fonttype": "none", "svg.hashsalt": "hybrid_rt"}) as figure:
         figure.savefig(buffer, format="svg", metadata={"Date": None})
@@ -89,7 +89,7 @@ def as_svg(diagram: Diagram) -> str:
 
 
 def save(diagrams: Sequence[Diagram], file: Path) -> None:
-    """Write diagrams as one picture, two panels a row."""
+    """Write diagrams as one image, two panels a row."""
     with _figure(diagrams, {}) as figure:
         figure.savefig(file, dpi=110)
 

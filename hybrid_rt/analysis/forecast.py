@@ -1,7 +1,6 @@
-"""What methods would take to reach an error, by the curves that were measured.
+"""Forecast of the passes and seconds that a method needs to reach an error.
 
-`hybrid_rt.analysis.work_precision` measures; this reads the curves between their points and beyond
-the last.
+`hybrid_rt.analysis.work_precision` measures curves; here they are interpolated and extrapolated.
 """
 
 from __future__ import annotations
@@ -23,20 +22,20 @@ SURE_BIAS = 0.5
 
 @dataclass(frozen=True)
 class Forecast:
-    """What a method would take to reach an error.
+    """Passes and seconds of a method to reach an error.
 
     Attributes
     ----------
     method : str
     flags : str
     passes : int or None
-        None: not to be reached.
+        None: out of reach.
     seconds : Spread
-        Scaled from the runs; nan where it is not reached.
+        Scaled from the runs; nan if out of reach.
     bias : float
-        Error that passes do not remove, as far as two points tell; 0 if not above the noise.
+        Error that more passes do not reduce, estimated from two points; 0 if not above the noise.
     is_measured : bool
-        Whether so many passes were made, rather than extrapolated to.
+        Whether ``passes`` lies within the measured range.
     """
 
     method: str
@@ -109,10 +108,10 @@ def recommend(study: PictureStudy, target: float) -> list[Forecast]:
 
 
 def triangles_for(meshes: Sequence[dict[str, Any]], target: float) -> float:
-    """Return how many triangles make the error of a picture fall to a target, by its meshes.
+    """Return the number of triangles at which the mesh error of a picture falls to a target.
 
-    A line in logarithms through the two nearest meshes whose error is above the noise; nan where
-    there are no two, or the error does not fall.
+    A log-log line through the two nearest meshes whose error is above the noise; nan if there are
+    not two, or the error does not fall.
     """
     rows = sorted((row for row in meshes if row["error"] > 0.0), key=lambda row: row["triangles"])
     if len(rows) < 2:

@@ -1,7 +1,7 @@
-"""Wrong first hits against seconds per ray, of every accuracy and of Newton's method by itself.
+"""Wrong first hits against seconds per ray: every accuracy, and Newton iteration without proof.
 
-All tracers run in turn, so that the machine's moods fall on all alike; errors are against the
-oracle. Building them is timed apart.
+All tracers run in turn, so that changes of machine speed affect all alike; errors are against the
+oracle. Build times are measured separately.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ class HitStudy:
     Attributes
     ----------
     rays, judged : int
-        Traced; decided by the oracle and concerned.
+        Rays traced; those of them that the oracle decides and that hit something.
     size : float
         Diagonal of the surfaces.
     curves : list of Curve
@@ -98,7 +98,7 @@ def study_hits(
     judged = 0
     for (name, setting), finder in both.items():
         errors = hit_errors(finder.find(rays.origins, rays.directions), truth)
-        judged = max(judged, errors.rays)
+        judged = max(judged, errors.wrong_hits.rays)
         point = _hit_point(setting, finder, errors, timings[name, setting], n)
         points.setdefault(name, []).append(point)
     names = {name for name, _ in finders}
@@ -108,7 +108,7 @@ def study_hits(
 
 
 def camera_rays(scene: Scene, n: int) -> RaySet:
-    """Return about n rays of a scene's camera through the middles of pixels of a picture."""
+    """Return about n rays of a scene's camera through pixel centres."""
     camera = scene.camera
     share = math.sqrt(n / (camera.width * camera.height))
     width = max(round(camera.width * share), 1)
@@ -164,7 +164,8 @@ def _steppers(
 
 def _hit_point(setting: float, finder: _Finder, errors: HitErrors, timing: Timing, n: int) -> Point:
     """Return what one tracer found of n rays."""
-    share = errors.wrong / max(errors.rays, 1)
+    wrong = errors.wrong_hits
+    share = wrong.wrong / max(wrong.rays, 1)
     more = {
         "triangles": float(finder.n_triangles),
         "build_seconds": finder.build_seconds,
@@ -172,9 +173,7 @@ def _hit_point(setting: float, finder: _Finder, errors: HitErrors, timing: Timin
         "worst_dt": errors.worst_dt,
         "worst_residual": errors.worst_residual,
         "mean_angle": errors.mean_angle,
-        "missed": float(errors.missed),
-        "phantom": float(errors.phantom),
-        "farther": float(errors.farther),
+        **{kind: float(count) for kind, count in wrong.counts.items()},
     }
     seconds = Spread(timing.median / n, timing.least / n, timing.most / n)
     return Point(setting, seconds, Spread(share, share, share), more)

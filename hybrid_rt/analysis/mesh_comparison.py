@@ -1,4 +1,4 @@
-"""What triangles would change in a picture: exact against meshed first hits, pixel by pixel."""
+"""First hits on true surfaces against first hits on their meshes, pixel by pixel."""
 
 from __future__ import annotations
 
@@ -7,8 +7,9 @@ from typing import Any
 import numpy as np
 
 from hybrid_rt.core.progress import Progress
-from hybrid_rt.core.records import FloatArray, HitRecord, Status
+from hybrid_rt.core.records import FloatArray
 from hybrid_rt.intersection import Intersector
+from hybrid_rt.intersection.hit_errors import certified_hits, compare
 from hybrid_rt.scene.compiled import CompiledScene, compile_scene
 from hybrid_rt.scene.scene import Scene
 from meshing import tessellate
@@ -16,9 +17,6 @@ from meshing import tessellate
 # The mesh to compare with, relative to the largest curved surface: about as fine as one would
 # export for a picture of ordinary size.
 MESH_TOLERANCE = 1e-3
-# A mesh hit on the right sheet lies within the mesh's deviation of the surface, measured along the
-# normal; where the surface bends away under a slanting ray it can be some times that.
-SAME_SHEET = 8.0
 # The accuracy for which a mesh's triangles are counted, in scene units.
 FINE = 1e-6
 
@@ -26,7 +24,7 @@ FINE = 1e-6
 def compare_with_mesh(
     scene: Scene, threads: int | None = None, progress: Progress | None = None
 ) -> dict[str, Any]:
-    """Trace the rays through the middles of all pixels on the true surfaces and on a mesh.
+    """Trace rays through all pixel centres, on the true surfaces and on a mesh.
 
     Parameters
     ----------
@@ -39,8 +37,7 @@ def compare_with_mesh(
     Returns
     -------
     dict
-        Of plain numbers. ``wrong_first_hits`` counts rays that hit something on one side and
-        nothing or another object on the other, or a farther sheet of the same surface; rays whose
+        Of plain numbers. ``wrong_first_hits`` are those of `hybrid_rt.core.wrong_hits`; rays whose
         exact hit is decided within rounding are left out. ``worst_hit_error`` and
         ``mean_hit_error`` are distances along the ray, over the other rays that hit a curved
         surface. Empty where the scene has no curved surface.
@@ -57,35 +54,32 @@ def compare_with_mesh(
     meshes = [tessellate(surface, tolerance) for surface in curved]
     deviation = max(mesh.deviation_bound for mesh in meshes)
 
-    exact = _camera_hits(compiled, "certified", None, threads)
-    meshed = _camera_hits(compiled, "mesh", tolerance, threads)
-    decided = exact.status != Status.TANGENT
+    origins, directions = _camera_rays(compiled)
+    certified = Intersector(compiled.surfaces, threads=threads)
+    exact = certified_hits(certified, origins, directions)
+    mesh = Intersector(compiled.surfaces, "mesh", tolerance=tolerance, threads=threads)
+    meshed = mesh.intersect(origins, directions)
     # Row -1 (a miss) stands for no object here, not for the last one.
-    concerned = decided & (
-        (exact.hit & is_curved[exact.object_id]) | (meshed.hit & is_curved[meshed.object_id])
+    concerned = (exact.hits.hit & is_curved[exact.hits.object_id]) | (
+        meshed.hit & is_curved[meshed.object_id]
     )
-    same_object = exact.hit & (exact.object_id == meshed.object_id)
-    with np.errstate(invalid="ignore"):  # inf - inf where both miss
-        error = np.abs(meshed.t - exact.t)
-    off_the_sheet = error * _slant(compiled, exact) > SAME_SHEET * deviation
-    right = concerned & same_object & ~off_the_sheet
-    errors = error[right]
+    errors = compare(exact[concerned], meshed.t[concerned], meshed.object_id[concerned])
     triangles = sum(len(mesh) for mesh in meshes)
     return {
-        "rays": len(exact),
-        "rays_on_curved_surfaces": int(np.count_nonzero(concerned)),
+        "rays": len(exact.hits),
+        "rays_on_curved_surfaces": errors.wrong_hits.rays,
         "mesh_triangles": triangles,
         "mesh_deviation_bound": deviation,
-        "wrong_first_hits": int(np.count_nonzero(concerned & ~right)),
-        "worst_hit_error": float(errors.max(initial=0.0)),
-        "mean_hit_error": float(errors.mean()) if errors.size else 0.0,
+        "wrong_first_hits": errors.wrong_hits.wrong,
+        "worst_hit_error": errors.worst,
+        "mean_hit_error": errors.mean,
         # Chordal deviation falls with the square of the edges, so with the number of triangles.
         "triangles_for_1e-6": round(sum(len(m) * m.deviation_bound for m in meshes) / FINE),
     }
 
 
 def in_words(comparison: dict[str, Any]) -> str:
-    """Put a comparison into two lines."""
+    """Format a comparison as two lines of text."""
     if not comparison:
         return "Exact against mesh: no curved surface, nothing to compare."
     c = comparison
@@ -97,19 +91,8 @@ def in_words(comparison: dict[str, Any]) -> str:
     )
 
 
-def _camera_hits(
-    scene: CompiledScene, accuracy: str, tolerance: float | None, threads: int | None
-) -> HitRecord:
+def _camera_rays(scene: CompiledScene) -> tuple[FloatArray, FloatArray]:
+    """Return the rays through the middles of all pixels."""
     camera = scene.camera
     row, column = np.divmod(np.arange(camera.width * camera.height), camera.width)
-    rays = camera.rays(column + 0.5, row + 0.5)
-    tracer = Intersector(scene.surfaces, accuracy=accuracy, tolerance=tolerance, threads=threads)
-    return tracer.intersect(*rays)
-
-
-def _slant(scene: CompiledScene, hits: HitRecord) -> FloatArray:
-    """Return |cos| between the ray of each pixel and the surface it meets; nan on a miss."""
-    way = hits.position - scene.camera.look_from
-    with np.errstate(invalid="ignore"):
-        cosine: FloatArray = np.einsum("ij,ij->i", hits.normal, way) / np.linalg.norm(way, axis=1)
-    return np.abs(cosine)
+    return camera.rays(column + 0.5, row + 0.5)

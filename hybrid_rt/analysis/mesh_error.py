@@ -1,4 +1,4 @@
-"""The error of meshes by tolerance, and what exactness costs.
+"""The error of meshes by tolerance, and the cost of exact hits.
 
 Each rung of the ladder tessellates the same surfaces to a tolerance, measures how far its triangles
 lie from them, and compares the first hits of accuracies "mesh" and "refined" with certified ones.
@@ -18,7 +18,7 @@ from hybrid_rt.core.ray_set import RaySet
 from hybrid_rt.core.records import FloatArray
 from hybrid_rt.core.timing import in_turn
 from hybrid_rt.intersection import Intersector
-from hybrid_rt.intersection.hit_errors import Errors, compare
+from hybrid_rt.intersection.hit_errors import Errors, certified_hits, compare
 from hybrid_rt.verify.cases.rays import at_box, camera, silhouettes
 from meshing import tessellate
 
@@ -71,7 +71,7 @@ def climb(
     threads: int | None = None,
     on_rung: Callable[[Rung], None] | None = None,
 ) -> list[Rung]:
-    """Measure rung after rung, and then the time per ray of all of them in turn.
+    """Measure the errors of each rung, then the time per ray of all rungs in turn.
 
     Parameters
     ----------
@@ -82,17 +82,11 @@ def climb(
         Of each kind.
     seed, threads : int
     on_rung : callable, optional
-        Called with each rung as soon as its errors are known; its times are not yet.
+        Called with each rung when its errors are known, before its times are.
     """
     rays = {name: make(surfaces, n_rays, seed) for name, make in RAYS.items()}
     bare = Intersector(surfaces, coarse="none", threads=threads)
-    exact = {name: bare.intersect(r.origins, r.directions) for name, r in rays.items()}
-    next_t = {}
-    for name, r in rays.items():
-        first = exact[name]
-        t_min = np.where(first.hit, first.t, 0.0)
-        beyond = bare.intersect(r.origins, r.directions, t_min=t_min, source=first)
-        next_t[name] = beyond.t
+    exact = {name: certified_hits(bare, r.origins, r.directions) for name, r in rays.items()}
     rungs: list[Rung] = []
     contestants: dict[tuple[int, str], Intersector] = {}
     for number, tolerance in enumerate(tolerances):
@@ -113,7 +107,7 @@ def climb(
             errors[name] = {}
             for kind, r in rays.items():
                 found = contestants[number, name].intersect(r.origins, r.directions)
-                errors[name][kind] = compare(exact[kind], next_t[kind], found, r)
+                errors[name][kind] = compare(exact[kind], found.t, found.object_id)
         rungs.append(
             Rung(
                 tolerance,
@@ -141,7 +135,7 @@ def climb(
 def deviations(
     surfaces: Sequence[Any], meshes: Sequence[Any], seed: int
 ) -> tuple[FloatArray, FloatArray]:
-    """Sample triangles: distances to the surface at the same (u, v), and angles of normals.
+    """Sample triangles: distances to the surface at equal (u, v), and angles between normals.
 
     Returns
     -------
@@ -177,7 +171,7 @@ def error_image(
     error : (height, width) float64
         |t - exact t| in scene units; nan where both miss, inf where one does.
     shade : (height, width) float64
-        |cos| of the exact hit, for the look of it.
+        |cos| at the exact hit, for display.
     """
     low = np.min([s.bounds[0] for s in surfaces], axis=0)
     high = np.max([s.bounds[1] for s in surfaces], axis=0)

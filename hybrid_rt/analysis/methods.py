@@ -1,4 +1,4 @@
-"""Methods to compare: an integrator with its settings, its accuracy and its mesh."""
+"""The methods of a comparison: an integrator with its options, accuracy and mesh tolerance."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ TOLERANCES = (1e-2, 1e-3, 1e-4)
 
 @dataclass(frozen=True)
 class Method:
-    """One way to make a picture; what varies along its curve is the number of passes."""
+    """One way to render a picture; the number of passes varies along its curve."""
 
     name: str
     integrator: str
@@ -30,7 +30,7 @@ class Method:
 
     @property
     def flags(self) -> str:
-        """The options of ``hybrid-rt render`` that choose it."""
+        """The command-line options of ``hybrid-rt render`` for this method."""
         flags = [f"--integrator {self.integrator}"]
         if self.accuracy != "certified":
             flags.append(f"--accuracy {self.accuracy}")
@@ -42,7 +42,7 @@ class Method:
 
     @property
     def power(self) -> float:
-        """How fast the square of the error falls in the end: as passes to the minus this."""
+        """The asymptotic rate k: the squared error falls as passes ** -k."""
         return (self.options or INTEGRATORS[self.integrator].options()).error_power
 
 
@@ -63,16 +63,16 @@ def default_methods(
     integrators: Sequence[str] | None = None,
     settings: Mapping[str, Sequence[Any]] | None = None,
 ) -> list[Method]:
-    """Return integrators with certified hits, and the default one on what is not certified.
+    """Return all integrators with certified hits, and the default one with uncertified hits.
 
     Parameters
     ----------
     scene : Scene
     integrators : sequence of str, optional
-        By default all, but for those that refuse the scene.
+        Default: all that can render the scene.
     settings : mapping of str to sequence, optional
-        By the names of their flags: values to try, each with all values of the others, for the
-        integrators that have such a setting; none: its default.
+        Values to try by flag name, in all combinations, for integrators with these settings.
+        Default: the settings' defaults.
 
     Raises
     ------
@@ -105,7 +105,7 @@ def _with_settings(integrator: str, settings: Mapping[str, Sequence[Any]]) -> li
 
 
 def uncertified_methods(scene: Scene) -> list[Method]:
-    """Return the default integrator after Newton alone, and on meshes, of curved surfaces if any."""
+    """Return the default integrator at accuracy "refined" and "mesh", if a surface is curved."""
     surfaces = curved_surfaces(scene)
     if not surfaces:
         return []
@@ -117,9 +117,9 @@ def uncertified_methods(scene: Scene) -> list[Method]:
 
 
 def finds_all_light(scene: Scene, integrator: str, options: Options | None = None) -> bool:
-    """Tell whether an integrator's pictures of a scene have the whole light as their limit.
+    """Tell whether an integrator's pictures of a scene converge to the full solution.
 
-    Not so where it leaves light out, where its blur stays, and where it refuses the scene.
+    They do not if it misses light paths, its blur stays, or it cannot render the scene.
     """
     declared = INTEGRATORS[integrator]
     own = options or declared.options()

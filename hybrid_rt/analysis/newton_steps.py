@@ -1,8 +1,8 @@
-"""Uncertified hits after a given number of Newton steps: what the usual method's setting is worth.
+"""Uncertified hits after a fixed number of Newton steps: how the error depends on that number.
 
-The tracer takes as many steps as rounding allows; here their number is fixed, as in renderers that
-take two or three and hope. Nothing else of the method differs: triangles of a tolerance in Embree,
-and where a hit leads off the surface the next triangle is tried.
+The tracer iterates until rounding stops it; here the number of steps is fixed, as in renderers that
+take two or three. The rest is the same: Embree on triangles of a tolerance, and if Newton iteration
+leaves the surface the next triangle is tried.
 """
 
 from __future__ import annotations
@@ -75,7 +75,7 @@ class SteppedHits:
         return self._scene.n_triangles
 
     def intersect(self, origins: FloatArray, directions: FloatArray, steps: int) -> HitRecord:
-        """Return hits after so many steps; with none, the place of the triangle's hit.
+        """Return hits after ``steps`` Newton steps; with 0, the hit on the triangle.
 
         Parameters
         ----------
@@ -85,8 +85,8 @@ class SteppedHits:
         Returns
         -------
         HitRecord of n rows
-            Without ``t_bound`` (inf): nothing is proven. ``residual`` is the gap that the steps
-            leave between the point of the surface and that of the ray.
+            ``t_bound`` is inf: nothing is proven. ``residual`` is the distance left between the
+            surface point and the ray point.
         """
         n = len(origins)
         record, piece = new_record(n), np.full(n, -1, np.int64)

@@ -1,4 +1,4 @@
-"""One page that shows a study: diagrams, pictures, maps of errors, tables; no other file needed."""
+"""A self-contained HTML page of a study: diagrams, pictures, error maps, tables."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ img.diagram { width: 760px; max-width: 100%; }
 
 
 def picture_diagram(title: str, curves: Sequence[Curve], own_error: float) -> Diagram:
-    """Lay out relative RMSE against seconds, with slopes -1/2 (noise) and -1."""
+    """Plot relative RMSE against seconds, with slopes -1/2 (noise) and -1."""
     lines = []
     for curve in curves:
         marks = [
@@ -58,9 +58,9 @@ def picture_diagram(title: str, curves: Sequence[Curve], own_error: float) -> Di
 
 
 def hit_diagram(title: str, curves: Sequence[Curve], judged: int) -> Diagram:
-    """Lay out the share of wrong first hits against the time of a ray.
+    """Plot the fraction of wrong first hits against the time per ray.
 
-    A share of none is drawn hollow at its 95 % upper limit.
+    A fraction of zero is drawn hollow at its 95 % upper limit.
     """
     none = RULE_OF_THREE / max(judged, 1)
 
@@ -76,7 +76,7 @@ def hit_diagram(title: str, curves: Sequence[Curve], judged: int) -> Diagram:
 
 
 def distance_diagram(title: str, curves: Sequence[Curve], size: float) -> Diagram:
-    """Lay out the mean |t - exact t| of right hits, in sizes, against the time of a ray."""
+    """Plot the mean |t - exact t| of correct hits, relative to size, against the time per ray."""
     lines = [_size_line(curve, "mean_dt", size, _tolerance) for curve in curves]
     return Diagram(
         f"{title}: distance of right hits (numbers: tolerances)", MICROSECONDS,
@@ -85,7 +85,7 @@ def distance_diagram(title: str, curves: Sequence[Curve], size: float) -> Diagra
 
 
 def newton_diagrams(title: str, curves: Sequence[Curve], size: float) -> list[Diagram]:
-    """Lay out what each Newton step does to |t - exact t| and to the residual, in sizes."""
+    """Plot |t - exact t| and the residual, relative to size, against the number of Newton steps."""
     return [
         Diagram(
             f"{title}: {what} (numbers: steps of Newton's iteration)", MICROSECONDS, label,
@@ -122,18 +122,18 @@ def page(
     tables: Mapping[str, Table],
     images: Mapping[str, Image],
 ) -> str:
-    """Put everything on one HTML page.
+    """Return the HTML page.
 
     Parameters
     ----------
     title : str
     sentences : sequence of str
-        The answers, first of all.
+        The conclusions, at the top.
     diagrams : sequence of Diagram
     tables : mapping
         By title, (head, rows).
     images : mapping
-        By name; each but "reference" is shown with the map of its error against that.
+        By name; each except "reference" is shown with its error map against the reference.
     """
     parts = [
         '<!doctype html><html lang="en"><head><meta charset="utf-8">',
@@ -239,7 +239,7 @@ def hit_table(curves: Sequence[Curve]) -> Table:
 
 
 def newton_table(curves: Sequence[Curve]) -> Table:
-    """Return the points of Newton's steps as a table."""
+    """Return the points of the Newton curves as a table."""
     rows = [
         (curve.name, f"{p.setting:g}", *_wrong_hits(p)) for curve in curves for p in curve.points
     ]
@@ -257,7 +257,7 @@ def _wrong_hits(p: Point) -> tuple[str, ...]:
 
 
 def mesh_table(study: PictureStudy) -> Table:
-    """Return what uncertified hits do to pictures, as a table."""
+    """Return the picture errors from uncertified hits as a table."""
     head = ("method", "tolerance", "triangles", "build s", "changes the picture by", "at most")
     rows = [
         (
@@ -271,7 +271,7 @@ def mesh_table(study: PictureStudy) -> Table:
 
 
 def forecast_table(forecasts: Sequence[Forecast]) -> Table:
-    """Return what each method needs, as a table."""
+    """Return the forecasts of all methods as a table."""
     head = ("method", "passes", "seconds", "least", "most", "how known", "bias")
     rows = [
         (
@@ -292,7 +292,7 @@ def forecast_table(forecasts: Sequence[Forecast]) -> Table:
 def picture_answers(
     study: PictureStudy, forecasts: Sequence[Forecast], target: float, scene: str, triangles: float
 ) -> list[str]:
-    """Put what pictures have shown into sentences."""
+    """Summarise a picture study in sentences."""
     reference, best = study.reference, forecasts[0]
     percent = f"{100.0 * target:g} %"
     lines = []
@@ -343,7 +343,7 @@ def _recipe(found: Forecast, scene: str) -> str:
 
 
 def hit_answers(study: HitStudy) -> list[str]:
-    """Put what hits have shown into sentences."""
+    """Summarise a hit study in sentences."""
     finest = {curve.name: min(curve.points, key=lambda p: p.setting) for curve in study.curves}
     mesh, certified = finest["mesh"], finest["certified"]
     cheapest = min(

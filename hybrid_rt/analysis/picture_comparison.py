@@ -1,4 +1,4 @@
-"""Two pictures side by side: how far apart, where, and how much of it their noise explains."""
+"""Comparison of two pictures: errors, error maps, and the part that their noise explains."""
 
 from __future__ import annotations
 
@@ -45,9 +45,9 @@ class Picture:
     image : (height, width, 3) float32
         Linear radiance.
     report : dict or None
-        The report of its render, where one was kept.
+        The report of its render, if it was saved.
     standard_error : (height, width, 3) float32 or None
-        Where the file has that channel.
+        If the file has that channel.
     """
 
     name: str
@@ -57,12 +57,12 @@ class Picture:
 
 
 def load_picture(path: str | os.PathLike[str]) -> Picture:
-    """Read a .npz or .exr file of ours, or any .png (8 bit, sRGB: coarse and clipped at 1).
+    """Read a .npz or .exr file of `save_image`, or any .png (8 bit sRGB: quantised, clipped at 1).
 
     Raises
     ------
     FileNotFoundError, ValueError
-        If there is no such file, or it holds no such picture.
+        If the file is missing, or does not hold a picture.
     """
     file = as_path(path, "picture")
     if not file.is_file():
@@ -178,9 +178,9 @@ def compare_pictures(
     -------
     dict
         Of plain numbers: ``errors`` by name of the measured picture (the fields of
-        `hybrid_rt.sensor.image_metrics.PictureErrors`), ``against`` what, ``expected`` the relative
-        RMSE that the stated noise of both sides explains (None where a side states none), and
-        ``seconds`` by name where a report tells them.
+        `hybrid_rt.sensor.image_metrics.PictureErrors`), the name of the reference (``against``),
+        the relative RMSE explained by the estimated noise of both (``expected``; None if one has no
+        estimate), and ``seconds`` by name, from the reports.
 
     Raises
     ------
@@ -246,7 +246,7 @@ def _expected(one: Picture, other: Picture) -> float | None:
 
 
 def in_words(comparison: dict[str, Any]) -> str:
-    """Put a comparison into a table."""
+    """Format a comparison as a text table."""
     head = ("RMSE", "without", "relative", "without", "mean", "worst", "by noise", "seconds")
     below = ("", "0.1 %", "RMSE", "0.1 %", "error", "", "", "")
     lines = [f"against {comparison['against']}:"]
@@ -267,7 +267,7 @@ def in_words(comparison: dict[str, Any]) -> str:
 
 
 def error_map(image: NDArray[np.floating], reference: NDArray[np.floating]) -> Pixels:
-    """Colour relative errors, root mean square over channels: black 0.001, yellow 1.
+    """Map relative errors (root mean square over channels) to colours: black 0.001, yellow 1.
 
     Returns
     -------
@@ -278,7 +278,7 @@ def error_map(image: NDArray[np.floating], reference: NDArray[np.floating]) -> P
 
 
 def error_colors(relative: FloatArray) -> Pixels:
-    """Colour relative errors of any shape on a logarithmic scale from 0.001 to 1."""
+    """Map relative errors of any shape to colours, on a logarithmic scale from 0.001 to 1."""
     decades = math.log10(MOST_SHOWN / LEAST_SHOWN)
     level = np.log10(np.clip(relative, LEAST_SHOWN, MOST_SHOWN) / LEAST_SHOWN) / decades
     places = np.linspace(0.0, 1.0, len(_COLORS))
@@ -287,7 +287,7 @@ def error_colors(relative: FloatArray) -> Pixels:
 
 
 def side_by_side(panels: Sequence[tuple[str, Pixels]]) -> Pixels:
-    """Put pictures of one size beside each other, a caption above each."""
+    """Join pictures of equal size horizontally, with a caption above each."""
     from PIL import Image, ImageDraw
 
     height, width, _ = panels[0][1].shape
@@ -321,8 +321,7 @@ def check_sheet(path: str | os.PathLike[str], pictures: Sequence[str | os.PathLi
     Raises
     ------
     ValueError, OSError
-        If the ending is another one than .png, it is one of the pictures, or no file can be made
-        there.
+        If the suffix is not .png, the path is one of the pictures, or the file cannot be written.
     """
     out = check_output(path)
     if out.suffix.lower() != ".png":
@@ -333,7 +332,7 @@ def check_sheet(path: str | os.PathLike[str], pictures: Sequence[str | os.PathLi
 
 
 def save_comparison(path: Path, sheet: Pixels, comparison: dict[str, Any]) -> Path:
-    """Write a sheet as PNG and what was measured beside it, a.json of a.png; return the latter."""
+    """Write a sheet as PNG (a.png) and the measurements (a.json); return the path of the latter."""
     import imageio.v3 as imageio
 
     with replacing(path) as file:

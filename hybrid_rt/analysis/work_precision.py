@@ -1,8 +1,9 @@
-"""Error against run time: work-precision diagrams of methods that make the same picture.
+"""Error against run time: work-precision diagrams of methods that render the same picture.
 
-Every method runs at several settings, all of them in turn, so that the machine's moods fall on all
-alike; errors are against a long render. Kernels are compiled before, surfaces are built within each
-run and their seconds stated. `hybrid_rt.analysis.hit_study` does the same for first hits.
+Every method runs at several settings, all of them in turn, so that changes of machine speed affect
+all alike; errors are against a long render. Kernels are compiled beforehand; surfaces are built
+within each run and that time is reported. `hybrid_rt.analysis.hit_study` does the same for first
+hits.
 """
 
 from __future__ import annotations
@@ -45,7 +46,7 @@ FEWER_TO_CHECK = 4
 
 @dataclass(frozen=True)
 class Reference:
-    """What pictures are measured against.
+    """The reference of a picture study.
 
     Attributes
     ----------
@@ -115,25 +116,25 @@ def study_picture(
     passes : sequence of int
         Increasing; the settings of each method.
     runs : int
-        Each with a seed of its own.
+        Number of runs per setting, each with its own seed.
     reference_passes : int
-        Of the reference, unless one is given.
+        Passes of the reference, unless one is given.
     reference : Picture, optional
-        Of the camera's size.
+        Must have the camera's resolution.
     reference_by : one of `REFERENCES`, optional
-        What makes the reference, and is checked by another one. Default: of those that find all
-        light the one that states the smaller error.
+        Method of the reference; it is checked by another one. Default: of the methods that find all
+        light the one with the smaller estimated error.
     methods : sequence of Method, optional
         Default: `default_methods`.
     threads : int, optional
     say : callable, optional
-        Hears what is being done.
+        Called with progress messages.
 
     Raises
     ------
     ValueError, TypeError
-        If passes are not increasing, a setting is out of range, or the integrator that is to make
-        the reference does not find all light of the scene.
+        If passes are not increasing, a setting is out of range, or the integrator of the reference
+        does not find all light of the scene.
     """
     _check_picture_study(scene, passes, runs, reference, reference_by)
     chosen = default_methods(scene) if methods is None else list(methods)
@@ -303,9 +304,9 @@ def _checked(main: RenderResult, other: RenderResult, made_by: str) -> dict[str,
 
 
 def stated_error(report: dict[str, Any], part: str = "both") -> float:
-    """Return the relative RMSE that a report states: "noise", "blur" or both; nan if unknown.
+    """Return the relative RMSE estimated in a report: "noise", "blur" or both; nan if unknown.
 
-    Where of the blur no more than a limit is known, it is that.
+    If only an upper limit of the blur is known, that is used.
     """
     error = report.get("relative_error") or {}
     stated = error.get(part)

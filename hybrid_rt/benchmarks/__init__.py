@@ -1,1 +1,1 @@
-"""Rivals, timings and calibrations that the tools run."""
+"""Competing methods, timings and calibrations, run by the tools."""

@@ -1,4 +1,4 @@
-"""Calibration: are stated errors true? Noise against closed forms, t_bound against exact roots."""
+"""Calibration of error estimates: noise against closed forms, t_bound against exact roots."""
 
 from __future__ import annotations
 
@@ -34,18 +34,18 @@ EPS = float(np.finfo(np.float64).eps)
 
 @dataclass(frozen=True)
 class KnownPicture:
-    """A scene whose noise is judged.
+    """A scene with a known solution, to test noise estimates.
 
     Attributes
     ----------
     scene : Scene
     truth : (3,) float64 or None
-        Of every pixel. None: the mean over all seeds stands in for it, which is what noise is about
-        where a picture of few passes is blurred as well.
+        Radiance of every pixel. None: the mean over all seeds stands in for it, which separates the
+        noise of a picture of few passes from its blur.
     integrators : tuple of str
         Those that find all its light.
     settings : dict
-        What `render` takes besides.
+        Further arguments of `render`.
     """
 
     scene: Scene
@@ -60,9 +60,9 @@ def _one_point(look_from: Sequence[float], look_at: Sequence[float]) -> Camera:
 
 
 def floor_under_lamp() -> KnownPicture:
-    """Return a matt floor under the corner of a rectangular lamp: a smooth integrand.
+    """Return a diffuse floor under the corner of a rectangular light: a smooth integrand.
 
-    The irradiance is that of a textbook's parallel rectangle.
+    The irradiance is the textbook formula for a parallel rectangle.
     """
     a, b, height = 1.5, 0.7, 0.9
     lamp = RectangleLight((0, 0, height), (0, b, 0), (a, 0, 0), (1, 2, 3))
@@ -75,7 +75,7 @@ def floor_under_lamp() -> KnownPicture:
 
 
 def shining_room() -> KnownPicture:
-    """Return a closed room whose walls shine and reflect half: L = 1 + L / 2, over many bounces."""
+    """Return a furnace: walls of emission 1 and albedo 1/2, so L = 1 + L / 2, over many bounces."""
     walls = Emissive((1.0, 0.5, 0.25), Lambertian(0.5))
     room = Object(Box((-1, -1, -1), (1, 1, 1)).flipped(), walls, "room")
     camera = Camera((0, 0, 0), (1, 0.2, 0.1), (0, 0, 1), 90, SIDE, SIDE)
@@ -85,9 +85,9 @@ def shining_room() -> KnownPicture:
 
 
 def ball_in_a_pixel() -> KnownPicture:
-    """Return a shining ball in the middle of one pixel: its share of the pixel is an area.
+    """Return an emissive sphere in the middle of one pixel: its coverage is an area ratio.
 
-    The camera sees the ball within an angle of arcsin(r / d), a disc on the film.
+    The camera sees the sphere within an angle of arcsin(r / d), a disc on the film.
     """
     d, r, fov = 5.0, 0.6, 20.0
     ball = Object(Sphere((0, 0, 0), r), Emissive((1.0, 2.0, 4.0)), "ball")
@@ -98,7 +98,7 @@ def ball_in_a_pixel() -> KnownPicture:
 
 
 def with_few_photons(picture: PhotonPicture) -> KnownPicture:
-    """Return a picture with borders of light, for its noise: few photons, radii by themselves."""
+    """Return a picture with shadow borders, few photons and automatic radii."""
     options = PPMOptions(5000)
     return KnownPicture(picture.scene, None, ("ppm",), {"options": options})
 
@@ -116,12 +116,12 @@ PICTURES: dict[str, Callable[[], KnownPicture]] = {
 
 @dataclass(frozen=True)
 class Coverage:
-    """How often the truth fell into the stated 95 % intervals.
+    """Coverage of the stated 95 % intervals.
 
     Attributes
     ----------
     of_pixels, of_mean : float
-        Shares, over all seeds, pixels and channels; over all seeds.
+        Coverage over all seeds, pixels and channels; of the image mean, over all seeds.
     error_ratio : float
         Root mean square of the stated standard errors of pixels over that of the true errors.
     """
@@ -132,7 +132,7 @@ class Coverage:
 
 
 def coverage(picture: KnownPicture, integrator: str, passes: int, seeds: Sequence[int]) -> Coverage:
-    """Render a known picture with each seed and see whether the stated intervals hold the truth."""
+    """Render a known picture with each seed; measure the coverage of the stated intervals."""
     results = [
         render(
             picture.scene,
@@ -164,14 +164,14 @@ def coverage(picture: KnownPicture, integrator: str, passes: int, seeds: Sequenc
 
 @dataclass(frozen=True)
 class Bounds:
-    """Stated bounds of t against the truth: in double-double, or to 60 digits.
+    """Bounds on t against exact t: in double-double, or to 60 digits.
 
     Attributes
     ----------
     hits : int
-        Hits whose true t is known, at least to the last bit.
+        Hits whose exact t is known, at least to the last bit.
     wrong : int
-        Other hits, which are not even the first; they count nowhere else.
+        Hits that are not the first; they count nowhere else.
     exceeded : int
         Hits with |t - exact t| above t_bound.
     worst : float
@@ -190,7 +190,7 @@ class Bounds:
 def bounds(
     surfaces: Sequence[Any], n_rays: int, seed: int, threads: int | None = None
 ) -> Iterator[Bounds]:
-    """Judge the bounds of certified hits of n hard rays, some thousands at a time."""
+    """Test the bounds of certified hits of n hard rays, some thousands at a time."""
     for _, hits, truth, verdict in _judged(surfaces, n_rays, seed, threads):
         same = _same_root(hits, truth, verdict)
         t, bound = hits.t[same], hits.t_bound[same]
@@ -207,7 +207,7 @@ def bounds(
 def bounds_by_digits(
     surfaces: Sequence[Any], n_hits: int, seed: int, threads: int | None = None
 ) -> Bounds:
-    """Judge the bounds of n certified hits of hard rays by their roots to 60 digits."""
+    """Test the bounds of n certified hits of hard rays by their roots to 60 digits."""
     from hybrid_rt.verify.judges.many_digits import exact_t, excess
 
     parts, left = [], n_hits

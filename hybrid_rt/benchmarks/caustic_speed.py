@@ -1,7 +1,7 @@
-"""How soon caustics are right: floors under glass, timed against a long count of photons.
+"""Error of caustics at equal time: floors under glass, against a long light-traced reference.
 
-Errors are taken on the pixels that see nothing but floor, in one case through a pane. The count's
-own noise is known from its two halves; it is stated, and taken off the errors.
+Errors are measured on pixels that see only floor, in one case through a pane. The noise of the
+reference is known from its two halves; it is reported, and subtracted from the errors.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ LAMP_IMAGES = 2e-3
 
 @dataclass(frozen=True)
 class Row:
-    """One question: which floor, how many seconds, what radiance of the lamp, which error."""
+    """One measurement: floor, seconds, radiance of the light, error."""
 
     name: str
     bench: Bench
@@ -47,7 +47,7 @@ ROWS = (
 
 
 def floor_pixels(bench: Bench) -> BoolArray:
-    """Return the pixels (height, width) whose corners and middles see the floor, or a pane."""
+    """Return the pixels (height, width) whose corners and centres see the floor, or a pane."""
     scene = bench.scene(CAMERA)
     tracer = Intersector([item.surface for item in scene.objects])
     passes = [k for k, item in enumerate(scene.objects) if item.name in ("floor", "pane")]
@@ -63,7 +63,7 @@ def floor_pixels(bench: Bench) -> BoolArray:
 def measure_rows(
     n_photons: int, photons_per_pass: int, threads: int | None = None
 ) -> Iterator[dict[str, Any]]:
-    """Render each row within its seconds and compare it with a count of ``n_photons``."""
+    """Render each row within its seconds; compare with a reference of ``n_photons``."""
     halves: dict[tuple[Any, ...], list[NDArray[np.int64]]] = {}
     for row in ROWS:
         bench = row.bench

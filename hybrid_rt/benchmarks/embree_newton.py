@@ -1,6 +1,6 @@
-"""The usual method at its best: a uniform mesh in Embree, Newton from its hits, no proof.
+"""The usual method, tuned: a uniform mesh in Embree, Newton iteration from its hits, no proof.
 
-One job of the pool does both stages for a block of rays, into arrays that exist already.
+One job of the pool does both stages for a block of rays, into preallocated arrays.
 """
 
 from __future__ import annotations
@@ -70,7 +70,7 @@ class Rival:
 
 
 def buffers(n: int) -> tuple[FloatArray, IntArray, FloatArray, FloatArray]:
-    """Return arrays for the results of n rays."""
+    """Allocate arrays for the results of n rays."""
     return np.empty(n), np.empty(n, np.int32), np.empty(n), np.empty(n)
 
 

@@ -1,8 +1,8 @@
-"""What a caustic loses when its glass is made of triangles.
+"""The error of a caustic when its glass is a triangle mesh.
 
-A turned body of glass over a matt floor under a small lamp, once as the exact surface of
-revolution and then as grids of ever more triangles, flat or with normals interpolated between
-vertices. The same photons, the same passes; the truth is a long render of the exact body.
+A glass surface of revolution over a diffuse floor under a small light: the exact surface, and
+meshes of more and more triangles, with face normals or interpolated vertex normals. Photons and
+passes are the same; the reference is a long render of the exact surface.
 """
 
 from __future__ import annotations
@@ -41,15 +41,15 @@ PROFILE = (
 
 
 def body() -> SurfaceOfRevolution:
-    """Return the exact body, just above the floor."""
+    """Return the exact surface, just above the floor."""
     return SurfaceOfRevolution(PROFILE, (0.0, 0.0, 0.02), (0.0, 0.0, 1.0))
 
 
 def grid_mesh(surface: SurfaceOfRevolution, n_triangles: int) -> TriangleMesh:
-    """Return about so many triangles whose vertices lie on a surface that closes on its axis.
+    """Return a mesh of about the given number of triangles on a surface closed on its axis.
 
-    Rings of vertices lie evenly along every segment of the profile; they are about as far apart
-    as vertices within a ring.
+    Rings of vertices are spaced evenly along every segment of the profile, about as far apart as
+    the vertices within a ring.
     """
     n_segments = len(surface)
     around = max(round(math.sqrt(0.9 * n_triangles)), 3)
@@ -95,7 +95,7 @@ def scene_of(surface: SurfaceOfRevolution | TriangleMesh, smooth: bool, size: in
 
 @dataclass
 class Curve:
-    """A body and how its pictures come nearer the truth: seconds and errors of each render."""
+    """A body, and the seconds and errors of its renders."""
 
     name: str
     n_triangles: int
@@ -123,8 +123,8 @@ def curves(
 ) -> Iterator[Curve]:
     """Render every body with every number of passes.
 
-    Errors are relative MSE where the truth sees the floor beside the body: there the body is seen
-    only by the light that it throws.
+    Errors are the relative MSE on the floor beside the body, which shows only the body's shadow and
+    caustic.
     """
     size = len(reference)
     exact = body()

@@ -1,8 +1,8 @@
-"""Floors lit by photons of which the light is known without any: what their blur is judged by.
+"""Floors lit by photons whose illumination is known otherwise, to test the blur estimate.
 
-A mirror throws a lamp's light on a floor; the floor would look the same under the lamp's image
-behind the mirror, which is a lamp that needs no photons. A glass ball's caustic is counted by a
-light tracer that shares no code and has no discs.
+A mirror reflects a light to a floor; the solution is the floor lit directly by the mirror image of
+the light. The caustic of a glass sphere is computed by an independent light tracer without density
+estimation.
 """
 
 from __future__ import annotations
@@ -39,9 +39,9 @@ class PhotonPicture:
     ----------
     scene : Scene
     options : PPMOptions
-        Discs so large, and photons so many, that the blur exceeds the noise.
+        Large discs and many photons, so that the blur exceeds the noise.
     truth : callable
-        Returns the radiance (height, width) without blur, and the mean square of its own error.
+        Returns the exact radiance (height, width), and its own mean squared error.
     """
 
     scene: Scene
@@ -50,14 +50,14 @@ class PhotonPicture:
 
 
 def smooth_floor() -> PhotonPicture:
-    """Return a floor lit by way of a mirror; its light is a closed form."""
+    """Return a floor lit by way of a mirror; its irradiance is a closed form."""
     scene = _mirrored(with_screen=False)
     options = PPMOptions(100_000, initial_radius=0.6)
     return PhotonPicture(scene, options, lambda: (_light_of_image(scene.camera), 0.0))
 
 
 def soft_shadow() -> PhotonPicture:
-    """Return the same with the soft shadow of a black screen; by shadow rays to the image."""
+    """Return the same with the soft shadow of a screen, from shadow rays to the mirror image."""
 
     def truth() -> tuple[FloatArray, float]:
         result = render(_without_mirror(), passes=SHADOW_PASSES, seed=1)
@@ -69,7 +69,7 @@ def soft_shadow() -> PhotonPicture:
 
 
 def caustic_edge() -> PhotonPicture:
-    """Return the bright spot under a glass ball, its rim and the dark around it; counted."""
+    """Return the caustic under a glass sphere with its rim and the shadow, from light tracing."""
     camera = Camera((0, -3, 0.9), (0, 0, 0), (0, 0, 1), 10, SIDE, SIDE)
 
     def truth() -> tuple[FloatArray, float]:
@@ -97,16 +97,16 @@ PHOTON_PICTURES: dict[str, Callable[[], PhotonPicture]] = {
 
 @dataclass(frozen=True)
 class Blur:
-    """The blur that pictures have and the one that they state; absolute, over pixels.
+    """The true blur of pictures and their estimates of it; absolute, over pixels.
 
     Attributes
     ----------
     true : float
-        Root mean square of the mean of all pictures minus the truth, their noise taken off.
+        Root mean square of the mean of all pictures minus the truth, with the noise subtracted.
     noise : float
         Root mean square of a picture minus that mean.
     stated : (seeds,) float64
-        ``blur_root_mean_square`` of each report; where that is None, the limit.
+        ``blur_root_mean_square`` of each report; if that is None, the limit.
     at_most : (seeds,) float64
         ``blur_root_mean_square_at_most`` of each report.
     """
@@ -118,24 +118,24 @@ class Blur:
 
     @property
     def ratio(self) -> float:
-        """Root mean square of what is stated, over the true blur."""
+        """Root mean square of the estimates over the true blur."""
         return math.sqrt(float(np.square(self.stated).mean())) / self.true
 
     @property
     def within_half(self) -> float:
-        """Share of the pictures that state the blur to within half of it."""
+        """Fraction of pictures whose estimate is within 50 % of the true blur."""
         return float((np.abs(self.stated - self.true) <= 0.5 * self.true).mean())
 
     @property
     def below_limit(self) -> float:
-        """Share of the pictures whose limit the true blur is below."""
+        """Fraction of pictures whose limit is above the true blur."""
         return float((self.true <= self.at_most).mean())
 
 
 def blur(
     picture: PhotonPicture, passes: int, seeds: Sequence[int], threads: int | None = None
 ) -> Blur:
-    """Render a picture with each seed, two or more, and compare the blur stated with the true one."""
+    """Render a picture with each seed (two or more); compare estimated and true blur."""
     images, stated, at_most = [], [], []
     for seed in seeds:
         result = render(

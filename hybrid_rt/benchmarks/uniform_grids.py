@@ -1,4 +1,4 @@
-"""The rival of adaptive tessellation: the best uniform grid of equal deviation."""
+"""The baseline of adaptive tessellation: the smallest uniform grid of equal deviation."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What all command lines share: exit codes, Ctrl-C, a word on long compilations, figures kept."""
+"""Shared by all command lines: exit codes, Ctrl-C, notice of long compilations, JSON results."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ REFUSALS = (ValueError, TypeError, OSError, ImportError, MemoryError, OverflowEr
 
 
 def run_tool(main: Callable[[], int]) -> int:
-    """Run a tool; return its exit code, also of refusals and of Ctrl-C.
+    """Run a tool; return its exit code, also after argument errors and Ctrl-C.
 
-    Compilations of kernels that take long are announced on the standard error.
+    Long compilations of kernels are announced on standard error.
     """
     from hybrid_rt.core.progress import watch_compilation
 
@@ -37,16 +37,16 @@ def run_tool(main: Callable[[], int]) -> int:
 def guarded(
     name: str, run: Callable[[], int | None], told: Callable[[KeyboardInterrupt], str]
 ) -> int:
-    """Run a command; return its exit code, also of refusals, Ctrl-C and closed pipes.
+    """Run a command; return its exit code, also after errors, Ctrl-C and closed pipes.
 
     Parameters
     ----------
     name : str
-        What the command is called in messages.
+        Name of the command in messages.
     run : callable
-        Does its work; may return an exit code.
+        Does the work; may return an exit code.
     told : callable
-        Returns what to say of an interrupt.
+        Takes an interrupt, returns the message.
     """
     if isinstance(sys.stdout, io.TextIOWrapper):
         # Letters that the output does not have are shown as their numbers.
@@ -71,7 +71,7 @@ def guarded(
 
 
 def _words_of(error: BaseException) -> str:
-    """Return what an error says; its kind where that is nothing, or raises itself."""
+    """Return the message of an error; its type if the message is empty or cannot be formatted."""
     with suppress(Exception):
         return str(error) or type(error).__name__
     return type(error).__name__
@@ -101,33 +101,33 @@ def _plain_warnings(name: str) -> Iterator[None]:
 
 
 def one_or_more(text: str) -> int:
-    """Read an argument that is a whole number from 1 on."""
+    """Parse an argument that is an integer of at least 1."""
     if not (text.isdecimal() and int(text) > 0):
         raise argparse.ArgumentTypeError(f"{text!r}: pass a whole number from 1 on")
     return int(text)
 
 
 def say_if_no_plots(what: str) -> None:
-    """Say, before the work, what there will be none of where matplotlib is not installed."""
+    """Announce, before the work, the plots that will be missing if matplotlib is not installed."""
     if importlib.util.find_spec("matplotlib") is None:
         _say(f"no {what} without matplotlib: pip install 'hybrid-rt[plot]'")
 
 
 @contextmanager
 def kept(file: Path | None, figures: Callable[[], Any]) -> Iterator[None]:
-    """Write figures as JSON at the end of a block, also where Ctrl-C ends it.
+    """Write results as JSON at the end of a block, also if Ctrl-C ends it.
 
     Parameters
     ----------
     file : Path or None
         None: nothing is written.
     figures : callable
-        Returns what has been found so far.
+        Returns the results so far.
 
     Raises
     ------
     OSError
-        Before the block, if there can be no such file.
+        Before the block, if the file cannot be written.
     """
     if file is not None:
         from hybrid_rt.sensor.image_files import check_writable

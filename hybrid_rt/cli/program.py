@@ -1,4 +1,4 @@
-"""The command ``hybrid-rt``: its options, and what each of its commands does."""
+"""The command ``hybrid-rt``: its options and subcommands."""
 
 from __future__ import annotations
 
@@ -46,9 +46,9 @@ def render_script(describe: Callable[[], Scene], file: str) -> int:
     Parameters
     ----------
     describe : callable
-        The script's function ``scene``; the script's ``INTEGRATOR`` is what it is meant for.
+        The script's function ``scene``; the script's ``INTEGRATOR`` is the default integrator.
     file : str
-        The script's ``__file__``; the picture takes its name.
+        The script's ``__file__``; the picture is named after it.
 
     Returns
     -------
@@ -255,7 +255,7 @@ def _render(load: Callable[[], tuple[Scene, str]], name: str, options: argparse.
                 **request,
             )
             until_saved.enter_context(held_back())
-        # Before anything is said: whoever listens may have heard enough.
+        # Before anything is printed: the reader of a pipe may have closed it.
         failures = _saved(result, outputs, options.exposure)
         for output in outputs:
             if output.shown not in failures:

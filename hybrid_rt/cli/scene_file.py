@@ -1,7 +1,7 @@
 """Scene scripts: Python files with a function ``scene()`` that returns a `Scene`.
 
-A script may name the integrator that it is meant for, in ``INTEGRATOR``: "ppm" where caustics of
-small lamps are to be seen, say. A command line that asks for another one has the last word.
+A script may name its default integrator in ``INTEGRATOR``, for example "ppm" for caustics of small
+lights. The command line overrides it.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from meshing.checks import as_path, text_of
 
 
 class SceneFileError(ValueError):
-    """A scene script is missing, fails, or describes no scene."""
+    """A scene script is missing, fails, or returns no scene."""
 
 
 def load_scene(path: str | os.PathLike[str]) -> Scene:
@@ -29,7 +29,7 @@ def load_scene(path: str | os.PathLike[str]) -> Scene:
 
 
 def check_script(path: str | os.PathLike[str]) -> Path:
-    """Return the path of a scene script, if there is such a file."""
+    """Return the path of a scene script; raise if there is no such file."""
     file = as_path(path, "scene script")
     if not file.is_file():
         raise SceneFileError(f"scene script {os.fspath(path)!r}: there is no such file")
@@ -37,14 +37,14 @@ def check_script(path: str | os.PathLike[str]) -> Path:
 
 
 def load_script(path: str | os.PathLike[str]) -> tuple[Scene, str]:
-    """Run a scene script; return its scene, and the integrator that it is meant for.
+    """Run a scene script; return its scene and its default integrator.
 
-    The script is a program and may do whatever a program may: run only scripts you trust.
+    A script is a Python program that may do anything: run only scripts you trust.
 
     Raises
     ------
     SceneFileError
-        Naming the file, and the line where the script failed.
+        The message names the file, and the line where the script failed.
     """
     file = check_script(path)
     with _naming(file):
@@ -55,7 +55,7 @@ def load_script(path: str | os.PathLike[str]) -> tuple[Scene, str]:
 def scene_of(
     describe: Any, names: Mapping[str, Any], file: str | os.PathLike[str]
 ) -> tuple[Scene, str]:
-    """Return the scene that a script's function describes, and the integrator that it names.
+    """Return the scene of a script's function, and the script's default integrator.
 
     Parameters
     ----------

@@ -1,1 +1,1 @@
-"""What every room uses: checked arguments, hit records, threads, progress, counts and seconds."""
+"""Shared by all packages: argument checks, hit records, threads, progress, a render's ledger."""

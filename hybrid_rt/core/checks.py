@@ -1,4 +1,4 @@
-"""Checks of what describes a picture; those of plain numbers and vectors are meshing's."""
+"""Checks of colours, choices, flags, lists; `meshing.checks` has those of numbers and vectors."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ BRIGHTEST = 1e30
 
 
 def rgb(value: ArrayLike, what: str, *, up_to: float = BRIGHTEST) -> FloatArray:
-    """Return three numbers from 0 to ``up_to`` (one number counts for all), read-only.
+    """Return three numbers from 0 to ``up_to``, read-only; one number stands for all three.
 
     Raises
     ------
@@ -45,7 +45,7 @@ def choice(value: str, what: str, options: Iterable[str]) -> str:
     Raises
     ------
     ValueError
-        If it is none of them; ``what`` is named.
+        If it is not one of them; ``what`` is named.
     """
     if not isinstance(value, str) or value not in options:
         raise ValueError(f"{what} is {shown(value)}: pass one of {', '.join(options)}")
@@ -53,7 +53,7 @@ def choice(value: str, what: str, options: Iterable[str]) -> str:
 
 
 def flag(value: bool, what: str) -> bool:
-    """Return a truth value; a word such as "no" would count as true.
+    """Return a bool; strings are refused, since "no" would be true.
 
     Raises
     ------
@@ -66,12 +66,12 @@ def flag(value: bool, what: str) -> bool:
 
 
 def items(values: Iterable[Any], what: str) -> tuple[Any, ...]:
-    """Return the items of a list, also of one that can be read only once.
+    """Return the items of an iterable, also of one that can be read only once.
 
     Raises
     ------
     TypeError
-        If there are no items to read, or it is text or a dict; ``what`` is named.
+        If it is not iterable, or is a string or a dict; ``what`` is named.
     """
     if isinstance(values, str | bytes | dict) or not isinstance(values, Iterable):
         raise TypeError(f"{what} is {shown(values)}: pass a list")

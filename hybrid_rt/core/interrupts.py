@@ -1,4 +1,4 @@
-"""Ctrl-C held back while sums are changed."""
+"""Deferral of Ctrl-C while sums are updated."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ Came = list[tuple[Any, ...]]
 
 @contextmanager
 def held_back() -> Iterator[None]:
-    """Let Ctrl-C wait for the end of this block."""
+    """Defer Ctrl-C to the end of this block."""
     handler = signal.getsignal(signal.SIGINT)
     with kept_back() as came:
         yield
@@ -23,7 +23,7 @@ def held_back() -> Iterator[None]:
 
 @contextmanager
 def kept_back() -> Iterator[Came]:
-    """Let Ctrl-C do nothing in this block but be noted in the list that it is given."""
+    """Suppress Ctrl-C in this block; each one is recorded in the list that is yielded."""
     handler = signal.getsignal(signal.SIGINT)
     came: Came = []
     # Python raises it in the main thread only. What is no function is not Python's to hold back.

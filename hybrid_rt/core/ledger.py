@@ -1,4 +1,4 @@
-"""The ledger of a render: rays counted by kind, seconds by stage; and JSON of such figures."""
+"""The ledger of a render: ray counts by kind, seconds by stage; and their JSON."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ class Ledger:
     Parameters
     ----------
     now : callable
-        Returns the seconds of the clock that stages are measured by.
+        Clock for the stages; returns seconds.
     """
 
     def __init__(self, now: Callable[[], float] = time.perf_counter) -> None:
@@ -29,7 +29,7 @@ class Ledger:
         self.forget()
 
     def forget(self) -> None:
-        """Begin anew."""
+        """Reset all counts and seconds."""
         self.seconds: dict[str, float] = defaultdict(float)
         self.rays: Counter[str] = Counter()
         self.hits: Counter[str] = Counter({status.name.lower(): 0 for status in Status})
@@ -43,7 +43,7 @@ class Ledger:
 
     @contextmanager
     def stage(self, name: str) -> Iterator[None]:
-        """Add the seconds of a block to a stage; a stage within it keeps its own seconds."""
+        """Add the seconds of a block to a stage, without those of stages nested in it."""
         began = self.now()
         outer, self._within = self._within, 0.0
         try:
@@ -54,7 +54,7 @@ class Ledger:
             self._within = outer + spent
 
     def add(self, other: Ledger, share: float) -> None:
-        """Add what another thread did; of its seconds only a share, as others ran meanwhile."""
+        """Add the counts of another thread, and a share of its seconds, as threads overlap."""
         for stage, seconds in other.seconds.items():
             self.seconds[stage] += share * seconds
         self.rays.update(other.rays)
@@ -82,7 +82,7 @@ class Ledger:
 
 
 def plain(value: Any) -> Any:
-    """Return what JSON can hold: numpy's numbers as Python's, null for what is not finite."""
+    """Convert to JSON types: NumPy scalars become Python numbers, non-finite values None."""
     if isinstance(value, dict):
         return {key: plain(item) for key, item in value.items()}
     if isinstance(value, list | tuple):
@@ -95,10 +95,10 @@ def plain(value: Any) -> Any:
 
 
 def as_json(value: Any) -> str:
-    """Return the text of a JSON file with figures; see `plain`."""
+    """Return figures as JSON text; see `plain`."""
     return json.dumps(plain(value), indent=2, allow_nan=False) + "\n"
 
 
 def twelve_digits(value: float) -> float:
-    """Return a sum over threads without the digits that the order of its terms decides."""
+    """Round a sum over threads to the digits that do not depend on the order of its terms."""
     return float(f"{value:.12g}")

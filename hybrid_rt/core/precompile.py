@@ -46,12 +46,12 @@ class Listed:
 
 
 def read_list() -> list[Listed]:
-    """Read what is known of kernels, those that take longest first."""
+    """Read the list of kernels, the slowest to compile first."""
     return [Listed(**entry) for entry in json.loads(FILE.read_text("utf-8"))]
 
 
 def want(*groups: str, but: Collection[str] = ()) -> None:
-    """Say which groups of kernels this process is going to need; nothing happens on a warm cache.
+    """Announce the groups of kernels that this process will need; no effect on a warm cache.
 
     ``but`` names modules whose kernels are not needed.
     """
@@ -62,7 +62,7 @@ def want(*groups: str, but: Collection[str] = ()) -> None:
 
 
 def type_to_json(numba_type: Any) -> Any:
-    """Put a type of numba into plain words; TypeError for those that no kernel is called with."""
+    """Encode a numba type for JSON; TypeError for types that no kernel takes."""
     from numba import types
 
     if isinstance(numba_type, types.NamedTuple | types.NamedUniTuple):
@@ -77,7 +77,7 @@ def type_to_json(numba_type: Any) -> Any:
 
 
 def type_from_json(words: Any) -> Any:
-    """Return the type that `type_to_json` has put into words."""
+    """Decode a type that `type_to_json` encoded."""
     from numba import types
 
     if isinstance(words, list):
@@ -91,10 +91,10 @@ def type_from_json(words: Any) -> Any:
 
 
 def work() -> None:
-    """Compile what comes in on the standard input: a kernel's name and types in JSON, a line each."""
-    signal.signal(signal.SIGINT, signal.SIG_DFL)  # ends with whoever asked, without a word
+    """Compile kernels read from standard input, one JSON line each: name and argument types."""
+    signal.signal(signal.SIGINT, signal.SIG_DFL)  # ends silently with the parent process
     for line in sys.stdin:
-        reply = FAILED  # whoever asked compiles it, and hears why it cannot be done
+        reply = FAILED  # the parent compiles it itself, and gets the error
         with contextlib.suppress(Exception):
             kernel, types = json.loads(line)
             named(kernel).compile(tuple(map(type_from_json, types)))
@@ -104,7 +104,7 @@ def work() -> None:
 
 
 def named(words: str) -> Any:
-    """Return what ``module:name`` stands for."""
+    """Import the object that ``module:name`` denotes."""
     module, name = words.split(":")
     return getattr(importlib.import_module(module), name)
 
@@ -116,7 +116,7 @@ def _on_miss(kernel: str, types: tuple[Any, ...]) -> bool:
     number = _workers.number_of(kernel, types)
     if number is None:
         return False
-    # To whoever listens this is a compilation: it is announced, and its time counts as such.
+    # For listeners this is a compilation: it is announced, and its time counts as such.
     what = {"dispatcher": named(kernel), "args": types, "return_type": None}
     with event.trigger_event("numba:compile", data=what):
         return _workers.wait_for(number)

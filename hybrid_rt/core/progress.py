@@ -16,15 +16,15 @@ COMPILING = "Compiling kernels (first run only)"
 
 
 Say = Callable[[str], None]
-"""Hears in words what a long study is doing."""
+"""Callback that receives progress messages of a long study."""
 
 
 class Progress(Protocol):
-    """Whoever wants to know how a render is getting on.
+    """The callback for the progress of a render.
 
-    If it also has a method ``note_error``, that hears the picture's estimated relative error from
-    time to time; one called ``note_out_of_reach`` hears the blur that keeps a target error out of
-    reach, however many passes there are.
+    Two further methods are optional: ``note_error`` is called with the picture's estimated relative
+    error; ``note_out_of_reach`` is called with the blur if that keeps the target error out of reach
+    for any number of passes.
     """
 
     def __call__(self, stage: str, done: int, total: int) -> None:
@@ -32,12 +32,12 @@ class Progress(Protocol):
 
 
 class CompileWatch:
-    """Counts the seconds during which at least one kernel was being compiled.
+    """Measures the seconds during which at least one kernel is being compiled.
 
     Parameters
     ----------
     progress : Progress or None
-        Hears of it when it takes long.
+        Called when compilation takes long.
     """
 
     def __init__(self, progress: Progress | None) -> None:
@@ -51,13 +51,13 @@ class CompileWatch:
 
     @property
     def seconds(self) -> float:
-        """Seconds so far, a compilation that is still going on included."""
+        """Seconds so far, including a compilation in progress."""
         with self._lock:
             running = time.perf_counter() - self._began if self._depth else 0.0
             return self._total + running
 
     def on_start(self, _event: Any) -> None:
-        """Hear from numba that a compilation begins; those of called kernels are nested."""
+        """Handle numba's event that a compilation begins; those of called kernels are nested."""
         with self._lock:
             self._depth += 1
             if self._depth > 1:
@@ -72,7 +72,7 @@ class CompileWatch:
                 self._timer.start()
 
     def on_end(self, _event: Any) -> None:
-        """Hear from numba that a compilation has ended."""
+        """Handle numba's event that a compilation has ended."""
         with self._lock:
             self._depth -= 1
             if self._depth > 0:
@@ -93,9 +93,9 @@ class CompileWatch:
 
 @contextmanager
 def watch_compilation(progress: Progress | None = None) -> Iterator[CompileWatch]:
-    """Measure, and announce when it is long, what numba compiles within this block.
+    """Measure the compilation time within this block, and announce it if it is long.
 
-    Kernels that come from the cache are not compiled and cost nothing here.
+    Kernels loaded from the cache do not count.
     """
     from numba.core import event
 

@@ -11,7 +11,7 @@ from hybrid_rt.core.records import FloatArray
 
 
 class RaySet(NamedTuple):
-    """Rays of one generator, or of several."""
+    """Rays of one or several generators."""
 
     origins: FloatArray  # (n, 3)
     directions: FloatArray  # (n, 3)

@@ -1,4 +1,4 @@
-"""What passes between the stages: rays in, hits out. Data only.
+"""Hit records and their status. Data only.
 
 A batch has its ray axis first. Every array is float64 unless its line says otherwise.
 """
@@ -17,7 +17,7 @@ BoolArray = NDArray[np.bool_]
 
 
 class Status(IntEnum):
-    """How a ray ended."""
+    """Outcome of a ray."""
 
     MISS = 0
     HIT = 1
@@ -26,7 +26,7 @@ class Status(IntEnum):
 
 
 class Flag(IntFlag):
-    """What else is to be known of a hit."""
+    """Further properties of a hit."""
 
     NONE = 0
     NORMAL_DEGENERATE = 1
@@ -44,13 +44,13 @@ class HitRecord:
     object_id : (n,) int32
         Index in the list of surfaces; -1 on a miss.
     patch_id : (n,) int32
-        Patch, profile segment, face of a mesh as given, face of a box; else 0.
+        Patch, profile segment, face of a mesh (input order), face of a box; else 0.
     u, v : (n,) float64
         Surface parameters; nan on a miss.
     position : (n, 3) float64
         The point of the surface at (u, v), world frame; nan on a miss.
     normal : (n, 3) float64
-        Unit, along S_u x S_v, finite also at poles and collapsed edges; nan on a miss.
+        Unit normal along S_u x S_v, finite also at poles and collapsed edges; nan on a miss.
     front_face : (n,) bool
         Whether the ray came from the side to which the normal points.
     status : (n,) uint8
@@ -94,12 +94,12 @@ class HitRecord:
 
 @dataclass(frozen=True)
 class NamedPoints:
-    """Points that rays leave from or go to: all that is asked of a `HitRecord` for that.
+    """Points that rays leave from or go to: the part of a `HitRecord` needed for that.
 
     Attributes
     ----------
     object_id : (n,) int32
-        -1: the ray names none.
+        -1: none.
     position : (n, 3) float64
     """
 

@@ -1,7 +1,8 @@
-"""One pool of threads for everything that runs over slices of a batch of rays.
+"""One pool of threads for all work on slices of a batch of rays.
 
-Kernels and Embree release the GIL and work on the slice they are given; nothing below starts
-threads of its own. A slice is a pure function of its rays, so their number changes no result.
+Kernels and Embree release the GIL and work on the slice they are given; they start no threads of
+their own. The result of a slice depends on its rays only, so the number of threads changes no
+result.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ MOST_THREADS = 4096
 
 
 def available_threads() -> int:
-    """Return the number of processors that this process may use."""
+    """Return the number of cores that this process may use."""
     if hasattr(os, "sched_getaffinity"):
         return len(os.sched_getaffinity(0))
     return os.cpu_count() or 1
@@ -36,7 +37,7 @@ class Pool:
     Raises
     ------
     ValueError, TypeError
-        If it is no whole number from 1 to `MOST_THREADS`.
+        If it is not an integer from 1 to `MOST_THREADS`.
     """
 
     def __init__(self, threads: int | None = None) -> None:
@@ -51,10 +52,10 @@ class Pool:
         Parameters
         ----------
         work : callable
-            Takes (begin, end); may run in several threads at once. What it raises is raised here.
+            Takes (begin, end); may run in several threads at once. Its exceptions propagate.
         n : int
         longest : int
-            No slice is longer.
+            Longest slice.
         """
         if n <= longest // 8 or self.threads == 1:
             for begin in range(0, n, longest):

@@ -1,4 +1,4 @@
-"""Rays per second, in turn and in one process: only ratios of one run mean anything."""
+"""Interleaved timing of several methods in one process: only ratios within a run mean anything."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ Built = TypeVar("Built")
 
 @dataclass(frozen=True)
 class Timing:
-    """Seconds of one contestant over several rounds.
+    """Seconds of one method over several rounds.
 
     Attributes
     ----------
@@ -37,12 +37,12 @@ class Timing:
 
 
 def in_turn(contestants: Mapping[Name, Callable[[], object]], rounds: int) -> dict[Name, Timing]:
-    """Run all contestants once unmeasured, then ``rounds`` times one after the other.
+    """Run all methods once for warm-up, then ``rounds`` times in turn.
 
     Returns
     -------
     dict of Timing
-        The machine's moods fall on all alike.
+        Changes of machine speed affect all methods alike.
     """
     for run in contestants.values():
         run()
@@ -59,7 +59,7 @@ def in_turn(contestants: Mapping[Name, Callable[[], object]], rounds: int) -> di
 
 
 def timed(build: Callable[[], Built]) -> tuple[Built, float]:
-    """Return what a call returns, and its seconds."""
+    """Return the result of a call and its seconds."""
     began = time.perf_counter()
     built = build()
     return built, time.perf_counter() - began

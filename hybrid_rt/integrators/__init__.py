@@ -1,4 +1,4 @@
-"""Integrators by name: what turns a scene and an intersector into radiance."""
+"""Integrators by name: path tracing, Whitted ray tracing, photon mapping (PPM, photon map)."""
 
 from hybrid_rt.integrators.declaration import Declaration
 from hybrid_rt.integrators.options import Options, PathOptions, PhotonMapOptions, PPMOptions

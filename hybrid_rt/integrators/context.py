@@ -1,4 +1,4 @@
-"""What an integrator works with: scene tables, intersector, plan, sampler, ledger."""
+"""The inputs of an integrator: scene tables, intersector, plan, sampler, ledger."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from hybrid_rt.scene.plan import Plan
 
 @dataclass(frozen=True)
 class RenderContext:
-    """Everything an integrator works with."""
+    """All inputs of an integrator."""
 
     scene: CompiledScene
     tracer: Intersector

@@ -1,8 +1,8 @@
-"""What an integrator says of itself: how it is made, what it needs of a scene, which light it finds.
+"""The declaration of an integrator: its constructor, its options, which light paths it finds.
 
-A declaration stands in the ``__init__`` of its integrator's room, and `hybrid_rt.integrators` lists
-them all. They import nothing that traces rays: whoever asks for one integrator does not load what
-the others need.
+Each integrator declares itself in the ``__init__`` of its package; `hybrid_rt.integrators` lists
+all declarations. They import nothing that traces rays, so choosing one integrator does not load the
+others.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class OtherWay:
-    """Settings by which an integrator finds the same light by other means: it can check itself."""
+    """Settings by which an integrator finds the same light in another way, to check itself."""
 
     name: str
     options: Options
@@ -29,30 +29,30 @@ class OtherWay:
 
 @dataclass(frozen=True)
 class Declaration:
-    """All that others know of an integrator.
+    """The public description of an integrator.
 
     Attributes
     ----------
     name : str
     make : callable
-        Makes the threads of a render, from the context and their number.
+        Takes the context and the number of threads, returns the `Workers` of a render.
     finds : callable
-        Returns, for settings, the light that the integrator finds: a regular expression over paths
-        of light, in the letters of `hybrid_rt.integrators.light_found`.
+        Takes the options, returns the light paths that the integrator finds: a regular expression
+        in the notation of `hybrid_rt.integrators.light_found`.
     options : type
-        Its settings.
+        Class of its options.
     refuse : callable
         Raises ValueError for a scene that the integrator cannot render.
     other_way : OtherWay, optional
     asks_every_light : bool
-        At each hit, by one shadow ray each; else one light is asked.
+        Sample every light at each hit, by one shadow ray each; else one light is sampled.
     follows_every_branch : bool
-        What glass reflects and what it refracts; else one of them.
+        Follow both the reflected and the refracted ray at glass; else one of them.
     without_light_paths : str
-        Why it sends no paths from the lamps to join those of the camera; "": it does.
+        Why it uses no light subpaths; "": it does.
     sends_photons : bool
     keeps_caustic_map : bool
-        Whether photons straight from mirrors and glass are kept apart from the others.
+        Whether caustic photons are kept in a map of their own.
     """
 
     name: str
@@ -68,9 +68,9 @@ class Declaration:
     keeps_caustic_map: bool = False
 
     def left_out_light(self, scene: CompiledScene, options: Options | None = None) -> list[str]:
-        """Return what light of a scene the integrator does not find, a sentence for each kind.
+        """Return which light of a scene the integrator does not find, one sentence for each kind.
 
-        An empty list: its pictures have the whole light as their limit, but for blur that stays.
+        Empty if its pictures converge to the full solution, up to blur that stays.
         """
         from hybrid_rt.integrators.light_found import left_out, paths_of
 
@@ -78,7 +78,7 @@ class Declaration:
 
     @property
     def finds_light_of_lamps(self) -> bool:
-        """Whether pictures tend to all light of lamps that have an area, whatever the scene."""
+        """Whether pictures converge to all light of area lights, in any scene."""
         from hybrid_rt.integrators.light_found import ALL_PATHS, left_out
 
         options = self.options()
@@ -86,7 +86,7 @@ class Declaration:
         return not options.blur_stays and not left_out(self.finds(options), of_lamps)
 
     def with_settings(self, asked: dict[str, Any]) -> Options | None:
-        """Return settings by the names of their flags; None where nothing is asked for."""
+        """Return options from values by flag name; None if no value is given."""
         setting_of = {flag.name: setting for setting, flag in self.options.flags().items()}
         given = {setting_of[name]: value for name, value in asked.items()}
         return self.options(**given) if given else None

@@ -1,4 +1,4 @@
-"""Direct light at hits: emission that a ray meets, and next-event estimation."""
+"""Direct light at hits: emission that a ray hits, and next-event estimation."""
 
 from __future__ import annotations
 
@@ -36,22 +36,23 @@ NONE_SMOOTH = np.zeros(0, dtype=np.bool_)
 
 @dataclass(frozen=True)
 class Shading:
-    """Hits as shading needs them: where, on what, from where.
+    """Hits with all that shading needs: normals, material, lobe colours, media.
 
     Attributes
     ----------
     hits : HitRecord of n rows
+        ``normal`` is the shading normal.
     directions : (n, 3) float64
-        Of the rays that arrived.
+        Directions of the incoming rays.
     material : (n,) int32
-    colors : (n, lobes of a material at most, 3) float64
+    colors : (n, most lobes of a material, 3) float64
     geometric : (n, 3) float64, or (0, 3)
-        Normals of the surfaces themselves where ``hits`` has been given others to shade by.
+        Geometric normals, if they differ from the shading normals.
     ratio : (n,) float64, or (0,)
-        Index beyond the surface over that before it, where rough glass spreads light to its other
-        side; else 0. Without rows where the scene has no rough glass.
+        Refractive index beyond the surface over that before it, where rough glass transmits; else
+        0. Empty if the scene has no rough glass.
     beyond : (n, STACK) int32, or (0, 0)
-        The stacks of rays that pass there.
+        Medium stacks of rays transmitted there.
     """
 
     hits: HitRecord
@@ -70,9 +71,10 @@ class SurfaceLight:
     ----------
     context : RenderContext
     strategy : int
-        How light found in two ways is weighted: see `hybrid_rt.shading.kernels.emitter`.
+        MIS weights, see `hybrid_rt.shading.kernels.emitter`.
     asked : int
-        Traits of the lobes that lights are sampled through: see `hybrid_rt.shading.kernels.bsdf.scattered`.
+        Traits of the lobes evaluated by next-event estimation, see
+        `hybrid_rt.shading.kernels.bsdf.scattered`.
     """
 
     def __init__(
@@ -93,7 +95,7 @@ class SurfaceLight:
         return np.where(hits.hit, of_surface[hits.object_id], np.int32(NOTHING))
 
     def colors(self, material: IntArray, hits: HitRecord) -> FloatArray:
-        """Return the colour of each lobe of each hit, (n, n_slots, 3); anything without material."""
+        """Return the colour of each lobe of each hit, (n, n_slots, 3); undefined for `NOTHING`."""
         if self._constant_colors is not None:
             return self._constant_colors.take(material, axis=0, mode="clip")
         scene = self._context.scene
@@ -119,18 +121,18 @@ class SurfaceLight:
         media: IntArray,
         second: IntArray,
     ) -> Shading:
-        """Return hits with the colours of their lobes and the normals to shade by.
+        """Return hits with lobe colours and shading normals.
 
         Parameters
         ----------
         hits : HitRecord of n rows
         directions : (n, 3) float64
-            Of the rays that arrived.
+            Directions of the incoming rays.
         material : (n,) int32
         media : (n, STACK) int32, or (n, 0)
-            The stacks of these rays, on arrival.
+            Medium stacks of the incoming rays.
         second : (n,) int32, or (0,)
-            Faces that coincide with the hits: see `Contacts.at`.
+            Faces that coincide with the hits, see `Contacts.at`.
         """
         colors = self.colors(material, hits)
         ratio, beyond = self._across(hits, material, media, second)
@@ -154,19 +156,20 @@ class SurfaceLight:
         rival: FloatArray,
         media: IntArray,
     ) -> FloatArray:
-        """Return the radiance that rays run into, (n, 3): lights and what lies around the scene.
+        """Return the emitted radiance that rays hit, (n, 3): lights and environment, MIS-weighted.
 
         Parameters
         ----------
         hits : HitRecord of n rows
         origins, directions : (n, 3) float64
         pdf : (n,) float64
-            Density with which each direction was chosen, 0 where it had no choice; what lights were
-            asked for already counts less.
+            pdf of each direction per solid angle; 0 after a delta lobe and for camera rays, which
+            are not weighted against next-event estimation.
         rival : (n,) float64, or (0,)
-            Above 0: what light paths find counts less as well.
+            Above 0: density to weigh against light subpaths, see
+            `hybrid_rt.shading.kernels.emitter.light_on_rays`.
         media : (n, STACK) int32, or (n, 0)
-            The stacks of the rays.
+            Medium stacks of the rays.
         """
         scene, plan = self._context.scene, self._context.plan
         radiance = np.zeros_like(directions)
@@ -209,7 +212,7 @@ class SurfaceLight:
         xi: FloatArray,
         radiance: FloatArray,
     ) -> None:
-        """Add what lights and sky send through the spreading lobes: one is asked for each hit.
+        """Next-event estimation: sample one light or the environment per hit, add its radiance.
 
         Parameters
         ----------
@@ -217,9 +220,9 @@ class SurfaceLight:
             Row in ``radiance`` of each hit.
         throughput : (n, 3) float64
         media : (n, STACK) int32, or (n, 0)
-            Dielectrics that the paths are in.
+            Medium stacks of the paths.
         xi : (n, 2) float64 in [0, 1), changed
-            Chooses the light, by its chance, and a point of it.
+            Sample the light, by its probability, and a point on it.
         radiance : (rows, 3) float64, changed
         """
         scene, hits = self._context.scene, shading.hits
@@ -240,15 +243,15 @@ class SurfaceLight:
         self.add_unblocked(rays, n_rays, radiance)
 
     def add_unblocked(self, rays: ShadowRays, n_rays: int, radiance: FloatArray) -> None:
-        """Add what arrives along shadow rays where nothing stands in the way.
+        """Trace shadow rays; add the values of the unoccluded ones.
 
         Parameters
         ----------
         rays : ShadowRays
         n_rays : int
-            The first so many of them.
+            Number of rows to use.
         radiance : (rows, 3) float64, changed
-            In the rows that ``camera_ray`` names.
+            Rows ``rays.camera_ray`` are added to.
         """
         if n_rays == 0:
             return
@@ -294,7 +297,7 @@ class SurfaceLight:
         return to_light, value
 
     def points(self, light_id: IntArray, xi: FloatArray) -> LightPoints:
-        """Choose points on the surfaces among the lights.
+        """Sample points on the lights of kind `SURFACE`.
 
         Parameters
         ----------
@@ -304,7 +307,7 @@ class SurfaceLight:
         Returns
         -------
         LightPoints of n rows
-            Zero for lights of other kinds; (0,) where no surface is a light.
+            Zero for lights of other kinds; no rows if there are no such lights.
         """
         shining = self._context.scene.shining
         points = new_light_points(light_id.size if shining else 0)
@@ -369,7 +372,7 @@ class SurfaceLight:
 
 
 def shadow_rays(n: int) -> ShadowRays:
-    """Return n rays to be filled."""
+    """Allocate n shadow rays."""
     return ShadowRays(
         camera_ray=np.empty(n, dtype=np.int64),
         origin=np.empty((n, 3)),
@@ -383,7 +386,7 @@ def shadow_rays(n: int) -> ShadowRays:
 
 
 def new_light_points(n: int) -> LightPoints:
-    """Return n points to be filled; (0,) where no surface is a light."""
+    """Allocate n light points; no rows if no light is of kind `SURFACE`."""
     return LightPoints(
         position=np.zeros((n, 3)),
         normal=np.zeros((n, 3)),
@@ -394,6 +397,6 @@ def new_light_points(n: int) -> LightPoints:
 
 
 def largest_channel(color: FloatArray) -> FloatArray:
-    """Return the largest of the three channels, (n,); many times faster than a maximum along rows."""
+    """Return the largest channel of each row, (n,); much faster than a maximum along an axis."""
     largest: FloatArray = np.maximum(np.maximum(color[:, 0], color[:, 1]), color[:, 2])
     return largest

@@ -1,4 +1,4 @@
-"""The interface of integrators, and the camera rays that all of them begin with."""
+"""The interface of integrators, and the generation of camera rays."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ PIXEL_BITS = np.uint64(40)
 
 
 def place_of_pixel(name: UIntArray) -> NDArray[np.int64]:
-    """Return the places in one picture of pixels that are named as in `CameraBlock`."""
+    """Return the pixel index within one picture, from ``pixel`` of a `CameraBlock`."""
     return (name & ((np.uint64(1) << PIXEL_BITS) - np.uint64(1))).astype(np.int64)
 
 
@@ -39,8 +39,8 @@ class CameraBlock:
     Attributes
     ----------
     pixel, sample : (n,) uint64
-        Names of their random numbers: the pixel's number in a stack of one picture per group of
-        passes, and the pass's number in its group (see `hybrid_rt.sensor.passes.group_of`).
+        Keys of their random numbers: the pixel index, with the pass's group in the high bits, and
+        the index of the pass in its group (see `hybrid_rt.sensor.passes.group_of`).
     origins, directions : (n, 3) float64
     """
 
@@ -51,7 +51,7 @@ class CameraBlock:
 
 
 class Integrator(ABC):
-    """Computes passes: pure functions of scene, settings, seed and pass number."""
+    """Computes passes; each is a pure function of scene, settings, seed and pass number."""
 
     def __init__(self, context: RenderContext) -> None:
         self.context = context
@@ -60,28 +60,29 @@ class Integrator(ABC):
             self._contacts = Contacts(context.scene, context.tracer)
 
     def begin(self) -> None:  # noqa: B027 (a hook that most leave empty)
-        """Find out, once, what all passes need; by default nothing."""
+        """Compute, once, what all passes need; by default nothing."""
 
     def follow(self, first: Integrator) -> None:
-        """Take over what the integrator of another thread found out in `begin`."""
+        """Copy what the integrator of another thread computed in `begin`."""
         del first
 
     def prepare(self, passes: range) -> Any:
-        """Return what all blocks of some passes need, by default nothing."""
+        """Compute what all blocks of some passes need; by default nothing."""
         del passes
 
     def take(self, passes: range, prepared: Sequence[Any]) -> None:
-        """Keep what was prepared, run by run, for the passes that are traced next."""
+        """Store the results of `prepare`, run by run, for the passes that are traced next."""
         del passes, prepared
 
     def add_prepared(self, prepared: Any, images: FloatArray) -> None:
-        """Add to the radiances (passes, pixels, 3) of a run what was found before their blocks."""
+        """Add the prepared contributions to the pictures (passes, pixels, 3) of a run."""
         del prepared, images
 
     def trace(self, passes: range, first: int, stop: int) -> FloatArray:
         """Return the radiance (stop - first, 3) of a run of camera rays.
 
-        They count through the pixels of the first pass, then those of the second, and so on.
+        ``first`` and ``stop`` count the pixels of the first pass, then those of the second, and so
+        on.
         """
         return self._radiance(self._camera_rays(passes, first, stop))
 

@@ -1,16 +1,16 @@
-"""Paths of light in letters, and what an integrator leaves out of a scene's.
+"""Light paths in Heckbert's notation, and which paths of a scene an integrator does not find.
 
-After Heckbert, "Adaptive radiosity textures for bidirectional ray tracing", SIGGRAPH 1990: a path is
-a word that begins with what shines and ends in the eye. Here
+Heckbert, "Adaptive radiosity textures for bidirectional ray tracing", SIGGRAPH 1990: a path is a
+word that begins with a light and ends in the eye. Here
 
-- ``L`` is a lamp with an area, ``P`` one without (a point, a spot), ``U`` a plane that shines, which
-  has no end and so no point to choose, ``K`` the sky;
-- ``D`` is a surface that spreads light widely (matt, glossy), ``G`` one that spreads it narrowly
-  (metal, rough glass), ``S`` a mirror or smooth glass;
+- ``L`` is an area light, ``P`` a point or spot light, ``U`` an emissive infinite plane, which
+  cannot be sampled by area, ``K`` the environment;
+- ``D`` is a wide lobe (diffuse, glossy), ``G`` a narrow lobe (metal, rough glass), ``S`` a delta
+  lobe (mirror, smooth glass);
 - ``E`` is the eye.
 
-So ``[LK]D[GS]*E`` is direct light on matt surfaces, seen also in mirrors. Lamps without area are not
-seen themselves, not in mirrors either: ``PS*E`` is no path.
+So ``[LK]D[GS]*E`` is direct light on diffuse surfaces, seen also in mirrors. Point and spot lights
+are invisible, also in mirrors: ``PS*E`` is no path.
 """
 
 from __future__ import annotations
@@ -21,7 +21,6 @@ from itertools import product
 
 import numpy as np
 
-from hybrid_rt.primitives import Plane, Rectangle
 from hybrid_rt.scene.compiled import NOTHING, CompiledScene
 from hybrid_rt.shading.kernels.light_kinds import WITHOUT_AREA
 from hybrid_rt.shading.kernels.lobes.register import DELTA, NARROW, WIDE
@@ -51,7 +50,7 @@ NAMES = (
 
 
 def paths_of(scene: CompiledScene) -> list[str]:
-    """Return the paths that light may take in a scene, as far as its lights and materials tell."""
+    """Return the light paths that a scene's lights and materials allow."""
     lights, surfaces = "", ""
     shines = scene.lights.strength.any(axis=1)
     has_no_area = np.isin(scene.lights.kind, WITHOUT_AREA)
@@ -69,12 +68,12 @@ def paths_of(scene: CompiledScene) -> list[str]:
 
 
 def left_out(found: str, paths: Iterable[str]) -> list[str]:
-    """Return a sentence for each kind of path that is not found, the shortest ones as examples.
+    """Return a sentence for each kind of path that is not found, with the shortest as examples.
 
     Parameters
     ----------
     found : str
-        A regular expression over paths.
+        Regular expression of the paths that are found.
     paths : iterable of str
     """
     missing: dict[str, list[str]] = {}
@@ -93,4 +92,4 @@ def _examples(paths: Sequence[str]) -> str:
 def _is_one_flat_surface(scene: CompiledScene) -> bool:
     """Tell whether nothing that light leaves can meet another surface that sends it on."""
     objects = np.flatnonzero(scene.material_of != NOTHING)
-    return objects.size == 1 and isinstance(scene.surfaces[objects[0]], Plane | Rectangle)
+    return objects.size == 1 and scene.surfaces[objects[0]].is_flat

@@ -1,4 +1,4 @@
-"""Settings of integrators, checked before any work, and what follows from them."""
+"""Options of integrators, checked on construction, and what follows from them."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ DEEPEST = 10**6
 
 @dataclass(frozen=True)
 class Flag:
-    """How command lines ask for a setting, and messages name it."""
+    """How a setting appears on the command line and in messages."""
 
     name: str
     """"photons": the flag is ``--photons``."""
@@ -32,37 +32,37 @@ class Flag:
 
 
 def setting(default: Any, flag: Flag) -> Any:
-    """Return a field of `Options` that command lines can ask for."""
+    """Return a field of `Options` with a command-line flag."""
     return field(default=default, metadata={"flag": flag})
 
 
 @dataclass(frozen=True)
 class Options:
-    """Settings of an integrator, and what follows from them; these are those of one without any."""
+    """Base class of the options of an integrator; also the options of one without settings."""
 
     @property
     def n_photons(self) -> int:
-        """Photons that leave the lights in each pass; 0: the integrator has none."""
+        """Photons emitted per pass; 0 for integrators without photons."""
         return 0
 
     @property
     def error_power(self) -> float:
-        """How fast the square of the error falls in the end: as passes to the minus this."""
+        """The asymptotic rate k: the squared error falls as passes ** -k."""
         return 1.0
 
     @property
     def blur_stays(self) -> bool:
-        """Whether the picture stays blurred however many passes there are."""
+        """Whether there is blur that more passes do not reduce."""
         return False
 
     @classmethod
     def flags(cls) -> dict[str, Flag]:
-        """Return the flags of those settings that have one, by the settings' names."""
+        """Return the command-line flags by setting name."""
         return {f.name: f.metadata["flag"] for f in fields(cls) if "flag" in f.metadata}
 
     @property
     def as_flags(self) -> str:
-        """What a command line says for settings that are not the default, as far as it can."""
+        """The command-line text for the non-default settings that have flags."""
         defaults = {f.name: f.default for f in fields(self)}
         given = [
             f"--{flag.name} {flag.form.format(getattr(self, name))}"
@@ -74,23 +74,22 @@ class Options:
 
 @dataclass(frozen=True)
 class PathOptions(Options):
-    """Settings of the integrator "path".
+    """Options of the integrator "path".
 
     Attributes
     ----------
     strategy : "both", "lights" or "directions"
         How direct light is found: by next-event estimation ("lights"), by BSDF sampling
-        ("directions"), or by both, weighted by the power heuristic. The first two alone are for
-        comparison; "lights" does not find what mirrors and glass throw on other surfaces, and
-        "directions" finds no point lights.
+        ("directions"), or by both with multiple importance sampling (power heuristic). The single
+        strategies are for comparison: "lights" finds no caustics, "directions" no point lights.
     roulette_depth : int
-        Directions that every path takes before chance may end it.
+        Number of bounces before Russian roulette begins.
     survival : float
-        Above 0 and at most 1: largest probability to go on after that. At 1 a path in a closed
-        white room ends at ``max_depth`` only.
+        Above 0 and at most 1: largest survival probability of Russian roulette. At 1 a path in a
+        closed white room ends at ``max_depth`` only.
     light_paths : float
-        Paths from lamps for each camera ray: they find what mirrors and glass throw. 0 leaves it
-        to camera paths, which find it by chance. Only with "both".
+        Light subpaths per camera ray; they find caustics. 0 leaves caustics to BSDF sampling. Only
+        with "both".
     """
 
     strategy: str = "both"
@@ -114,20 +113,20 @@ ALPHA = Flag(
 
 @dataclass(frozen=True)
 class PPMOptions(Options):
-    """Settings of the integrator "ppm".
+    """Options of the integrator "ppm", progressive photon mapping.
 
     Attributes
     ----------
     photons_per_pass : int
-        From 1 on: photons that leave all lights together in a pass, shared out by power. Each light
-        sends two at least, one of them aimed where there is something to aim at.
+        At least 1: photons emitted per pass by all lights together, allotted by power. Each light
+        emits at least two, one of them aimed if the projection map is not empty.
     alpha : float
-        Between 0 and 1: how slowly the discs that photons are gathered on shrink. At 1 they never
-        do: noise falls fastest, but the blur stays, which a warning says.
+        Above 0, at most 1: the radius reduction parameter of Hachisuka et al. Larger values shrink
+        the discs more slowly. At 1 they do not shrink: noise falls fastest, but the blur stays, and
+        a warning is given.
     initial_radius : float, optional
-        Scene units, between a millionth and a quarter of the diagonal of the box around all
-        surfaces that end: of the discs in the first pass. By default it depends on how densely
-        photons fall around each point.
+        Radius of the discs in the first pass, scene units; between a millionth and a quarter of the
+        diagonal of the bounded surfaces' box. By default it follows the local photon density.
     """
 
     photons_per_pass: int = setting(200_000, PHOTONS)
@@ -149,16 +148,16 @@ class PPMOptions(Options):
 
     @property
     def n_photons(self) -> int:
-        """Photons that leave the lights in each pass."""
+        """Photons emitted per pass."""
         return self.photons_per_pass
 
     @property
     def error_power(self) -> float:
-        """How fast the square of the error falls in the end: as passes to the minus this.
+        """The asymptotic rate k: the squared error falls as passes ** -k.
 
-        The discs shrink, so the noise falls as passes^-alpha and the square of the blur as
-        passes^(2 alpha - 2) (Knaus and Zwicker, 2011): the slower one stays. At alpha = 1 the blur
-        does not fall at all; this is about the rest.
+        The variance falls as passes^-alpha and the squared blur as passes^(2 alpha - 2) (Knaus and
+        Zwicker, 2011); the slower one dominates. At alpha = 1 the blur does not fall; the rate is
+        that of the variance.
         """
         return float(min(self.alpha, 2.0 - 2.0 * self.alpha)) if self.alpha < 1.0 else 1.0
 
@@ -170,15 +169,15 @@ class PPMOptions(Options):
 
 @dataclass(frozen=True)
 class PhotonMapOptions(Options):
-    """Settings of the integrator "photon_map".
+    """Options of the integrator "photon_map".
 
     Attributes
     ----------
     photons_per_pass : int
-        From 1 on: photons that leave all lights together; each pass has its own. Each light sends
-        two at least, as for `PPMOptions`.
+        At least 1: photons emitted per pass by all lights together. Each light emits at least two,
+        as for `PPMOptions`.
     nearest : int
-        From 2 on: photons that an estimate is made from. More of them blur, fewer are noisy.
+        At least 2: number of photons per density estimate. More of them blur, fewer are noisy.
     """
 
     photons_per_pass: int = setting(500_000, PHOTONS)
@@ -193,10 +192,10 @@ class PhotonMapOptions(Options):
 
     @property
     def n_photons(self) -> int:
-        """Photons that leave the lights in each pass."""
+        """Photons emitted per pass."""
         return self.photons_per_pass
 
     @property
     def blur_stays(self) -> bool:
-        """It does: the discs hold as many photons in every pass."""
+        """True: the discs hold the same number of photons in every pass."""
         return True

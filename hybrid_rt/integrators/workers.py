@@ -1,4 +1,4 @@
-"""The threads of one render: each has an integrator of its own, and takes blocks of camera rays."""
+"""Worker threads of a render: each has its own integrator and traces blocks of camera rays."""
 
 from __future__ import annotations
 
@@ -33,17 +33,17 @@ Submit = Callable[[Callable[[Any, Any], Any], Any], "Future[Any]"]
 
 @dataclass(frozen=True)
 class Blur:
-    """How far off blur puts a picture: root mean squares over pixels and channels.
+    """The blur (bias) of a picture: root mean squares over pixels and channels.
 
-    The relative figures are as those of noise (see `hybrid_rt.sensor.film.Film`): each square is
-    divided by x^2 + 0.01.
+    As for noise (`hybrid_rt.sensor.film.Film`), the relative figures divide each square by
+    x^2 + 0.01.
 
     Attributes
     ----------
     absolute, relative : float or None
-        Estimates; None where they are not above their own noise.
+        Estimates; None if not above their own noise.
     absolute_at_most, relative_at_most : float or None
-        Limits that the blur is below in 95 % of renders, about; None where nothing is known.
+        Upper limits at about 95 % confidence; None if unknown.
     """
 
     absolute: float | None
@@ -53,7 +53,7 @@ class Blur:
 
     @property
     def counted(self) -> float:
-        """What a target is to count: the relative estimate, else its limit, else inf."""
+        """The blur that counts toward a target: the relative estimate, else its limit, else inf."""
         if self.relative is not None:
             return self.relative
         return math.inf if self.relative_at_most is None else self.relative_at_most
@@ -63,15 +63,15 @@ NO_BLUR, UNKNOWN_BLUR = Blur(0.0, 0.0, 0.0, 0.0), Blur(None, None, None, None)
 
 
 class Workers:
-    """Integrators that work at the same time.
+    """Integrators that run in parallel.
 
     Parameters
     ----------
     context : RenderContext
-        Its tracer and sampler run in the thread that calls them.
+        Its tracer and sampler run in the calling thread.
     threads : int
     make : callable
-        Makes the integrator of a context.
+        Takes a context, returns an `Integrator`.
     """
 
     def __init__(
@@ -93,16 +93,16 @@ class Workers:
             own.tracer.counters.update(dict.fromkeys(own.tracer.counters, 0))
 
     def forget_seconds(self) -> None:
-        """Begin to count seconds: what was found out so far belongs to whoever made the workers."""
+        """Reset the seconds of all threads: set-up time is counted by the caller."""
         for own in self._contexts:
             own.ledger.seconds.clear()
 
     def render_passes(
         self, passes: range, on_rays: Callable[[int], None] | None = None
     ) -> Generator[FloatArray, None, None]:
-        """Yield the radiance of one sample per pixel, (height, width, 3) float64, for each pass.
+        """Yield the radiance of each pass, (height, width, 3) float64: one sample per pixel.
 
-        ``on_rays`` hears after each block how many camera rays are done.
+        After each block ``on_rays`` is called with the number of camera rays done.
         """
         camera = self.context.scene.camera
         images = np.empty((len(passes), camera.height, camera.width, 3))
@@ -187,19 +187,19 @@ class Workers:
         return future
 
     def blur(self, image: NDArray[np.float32]) -> Blur:
-        """Return the error of a picture (height, width, 3) that is not noise, as far as is known."""
+        """Return the estimated bias of a picture (height, width, 3), as far as it is known."""
         del image
         return NO_BLUR
 
     def report(self, blur: Blur) -> dict[str, Any]:
-        """Return what the report of a picture holds beside what all integrators count."""
+        """Return the integrator's own entries of the report."""
         del blur
         return {"points_missed_by_photons": 0}
 
     def gather(self) -> None:
-        """Add up the counters of all threads in those of the workers's context.
+        """Add the counters of all threads to those of the context.
 
-        Seconds become those of the wall: what all threads spent, over their number.
+        Seconds become wall seconds: the sum over threads divided by their number.
         """
         counters = self.context.tracer.counters
         for own in self._contexts:

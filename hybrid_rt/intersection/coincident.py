@@ -1,4 +1,4 @@
-"""Faces of different objects that coincide: the other one of the two that a hit may name."""
+"""Coincident faces of different objects: a hit reports one of them, this finds the other."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ def coincident_hits(
     hits: HitRecord,
     source: NamedPoints | None = None,
 ) -> HitRecord:
-    """Return what lies where the hits do, but on other objects; misses where nothing does.
+    """Return hits at the same points on other objects; misses where there is no other.
 
     Parameters
     ----------
@@ -28,7 +28,7 @@ def coincident_hits(
     hits : HitRecord of n rows
         All of them hits, of these rays.
     source : NamedPoints of n rows, optional
-        Where the rays left from.
+        Surface points that the rays leave.
     """
     size = np.maximum(np.abs(origins), np.abs(hits.position)).max(axis=1, initial=0.0)
     slope = np.abs(np.einsum("ij,ij->i", directions, hits.normal))

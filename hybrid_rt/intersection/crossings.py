@@ -62,11 +62,11 @@ def find_crossings(
     t_min: ArrayLike,
     t_max: ArrayLike,
 ) -> Crossings:
-    """Follow each ray from hit to hit: each is the source of the next step.
+    """Find all crossings by stepping from hit to hit; each hit is the ``source`` of the next step.
 
-    So a point that two patches share, a seam, a pole or a mesh edge is one crossing, as it is one
-    point of departure; and so are coincident points of different objects (the lower index holds
-    the row). A ray that touches a surface from one side without passing through has one row there.
+    So a point that patches share (an edge, a seam, a pole, a mesh edge) is one crossing. So are
+    coincident points of different objects; the lower ``object_id`` is reported. A ray that is
+    tangent to a surface without crossing it has one row there.
 
     Parameters
     ----------

@@ -1,65 +1,77 @@
-"""First hits of one tracer against those of another on the same rays."""
+"""First hits of an approximate method against certified ones on the same rays."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from hybrid_rt.core.ray_set import RaySet
-from hybrid_rt.core.records import FloatArray, HitRecord, Status
+from hybrid_rt.core.records import BoolArray, FloatArray, HitRecord, IntArray, Status
+from hybrid_rt.core.wrong_hits import WrongHits, is_nearer, wrong_hits
+from hybrid_rt.intersection.intersector import Intersector
+
+
+@dataclass(frozen=True)
+class Certified:
+    """Certified hits of n rays, and the next crossing of each ray.
+
+    Attributes
+    ----------
+    directions : (n, 3) float64
+    hits : HitRecord of n rows
+    next_t : (n,) float64
+        inf if there is none.
+    """
+
+    directions: FloatArray
+    hits: HitRecord
+    next_t: FloatArray
+
+    def __getitem__(self, rows: BoolArray) -> Certified:
+        """Return some of the rays."""
+        return Certified(self.directions[rows], self.hits[rows], self.next_t[rows])
 
 
 @dataclass(frozen=True)
 class Errors:
-    """First hits of one accuracy against certified ones.
+    """First hits of one method against certified ones.
 
     Attributes
     ----------
-    rays : int
-        Rays that hit something by either method.
-    wrong : float
-        Share of them.
-    missed, phantom, farther : int
-        Nothing where there is something; something where there is nothing; another sheet or
-        another object.
+    wrong_hits : WrongHits
+        Without rays of status TANGENT.
     mean, worst : float
-        |t - exact t| in lengths of the scene, over the right hits.
+        |t - exact t| over the correct hits, scene units.
     """
 
-    rays: int
-    wrong: float
-    missed: int
-    phantom: int
-    farther: int
+    wrong_hits: WrongHits
     mean: float
     worst: float
 
+    @property
+    def wrong(self) -> float:
+        """Fraction of wrong hits among the rays that hit something by either method."""
+        return self.wrong_hits.wrong / max(self.wrong_hits.rays, 1)
 
-def compare(exact: HitRecord, next_t: FloatArray, found: HitRecord, rays: RaySet) -> Errors:
-    """Compare first hits with certified ones; rows decided within rounding are left out.
 
-    ``next_t`` (n,) is where the ray meets a surface again (inf: nowhere): a hit nearer to that than
-    to the first one is on a farther sheet.
-    """
-    sure = exact.status != Status.TANGENT
-    missed = sure & exact.hit & ~found.hit
-    phantom = sure & ~exact.hit & found.hit
-    both = np.flatnonzero(sure & exact.hit & found.hit)
-    length = np.linalg.norm(rays.directions[both], axis=1)
-    error = np.abs(found.t[both] - exact.t[both]) * length
-    to_next = np.abs(found.t[both] - next_t[both]) * length
-    other = found.object_id[both] != exact.object_id[both]
-    farther = other | (to_next < error)
-    right = error[~farther]
-    n_rays = int(missed.sum() + phantom.sum() + len(both))
-    n_wrong = int(missed.sum() + phantom.sum() + farther.sum())
-    return Errors(
-        n_rays,
-        n_wrong / max(n_rays, 1),
-        int(missed.sum()),
-        int(phantom.sum()),
-        int(farther.sum()),
-        float(right.mean()) if len(right) else 0.0,
-        float(right.max(initial=0.0)),
-    )
+def certified_hits(tracer: Intersector, origins: ArrayLike, directions: ArrayLike) -> Certified:
+    """Return the certified hits of rays, and the next crossing of each."""
+    hits: HitRecord = tracer.intersect(origins, directions)
+    t_min = np.where(hits.hit, hits.t, 0.0)
+    beyond = tracer.intersect(origins, directions, t_min=t_min, source=hits)
+    shape = (len(hits), 3)
+    given = np.broadcast_to(np.asarray(directions, dtype=np.float64), shape)
+    return Certified(given, hits, beyond.t)
+
+
+def compare(exact: Certified, t: FloatArray, object_id: IntArray) -> Errors:
+    """Compare the t (n,) and objects (n,; -1: none) of first hits with certified ones."""
+    hits = exact.hits
+    elsewhere = is_nearer(t, exact.next_t, hits.t)
+    sorted_out = wrong_hits(hits.object_id, object_id, elsewhere, hits.status != Status.TANGENT)
+    right = np.flatnonzero(sorted_out.right)
+    length = np.linalg.norm(exact.directions[right], axis=1)
+    error = np.abs(t[right] - hits.t[right]) * length
+    mean = float(error.mean()) if len(error) else 0.0
+    return Errors(sorted_out, mean, float(error.max(initial=0.0)))

@@ -1,10 +1,10 @@
-"""Rays against a list of surfaces: the first hit of each, proven, with its error.
+"""First hits of rays on a list of surfaces, each proven, with an error bound.
 
-Spheres, rectangles, planes and boxes have closed forms. Patches and surfaces of revolution go to
-Embree as triangles first; what it finds is refined on the true surface (Newton) and then proven to
-be the first by a search of our own in float64, for which the refined hit is only a bound. The three
-accuracies stop after one, two and three of these stages. Triangle meshes are searched in float64 if
-the hits are to be certified: that is twice as fast as Embree first and the same search after it.
+Spheres, rectangles, planes, boxes and tori have kernels of their own. Patches and surfaces of
+revolution go through three stages: Embree finds coarse hits on their triangles; Newton iteration
+refines these on the true surface; a search in float64, bounded by the refined hit, proves which hit
+is first. The accuracies "mesh", "refined" and "certified" stop after one, two and three stages.
+Triangle meshes skip Embree if hits are to be certified: the float64 search alone is twice as fast.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ COARSE_STAGES = ("embree", "none")
 
 
 class Intersector:
-    """First hits and shadows on a list of surfaces.
+    """First-hit and shadow queries on a list of surfaces.
 
     Parameters
     ----------
@@ -52,19 +52,19 @@ class Intersector:
         Any mix: those of `meshing`, and `Sphere`, `TriangleMesh` and the others of `hybrid_rt`.
         ``object_id`` of a hit is the index in this list.
     accuracy : {"certified", "refined", "mesh"}
-        "mesh" takes Embree's triangles as they are; "refined" moves each of its hits onto the
-        true surface; "certified" also proves that nothing lies in front.
+        "mesh" returns Embree's hits on the triangles; "refined" moves each of them onto the true
+        surface by Newton iteration; "certified" also proves that nothing lies in front.
     coarse : {"embree", "none"}
-        "none" (certified only) leaves tessellation and Embree out: the same answers.
+        "none" (certified only) skips tessellation and Embree; the hits are the same.
     tolerance : float, optional
         Chordal tolerance of the coarse triangles, scene units; chosen per surface by default.
     threads : int, optional
-        Default: all processors that the process may use. Changes no result.
+        Default: all cores that the process may use. Changes no result.
 
     Raises
     ------
     TypeError, ValueError
-        For what is not a surface, an unknown setting, a tolerance that is not positive.
+        If an item is not a surface, a setting is unknown, or the tolerance is not positive.
 
     References
     ----------
@@ -150,10 +150,10 @@ class Intersector:
         t_min, t_max : scalar, (n,) or (h, w)
             A hit needs ``t_min < t < t_max``; in lengths of the given direction.
         source : HitRecord of n rows, optional
-            The hits that the rays leave from: they are not found again, nor is the same point of
-            an adjoining patch, seam, pole or mesh edge. Rows that are misses exclude nothing.
-        unseen : (n,) integers, optional
-            An object that each ray does not see; -1: it sees all.
+            The hits that the rays leave. These points are excluded, also as points of adjoining
+            patches, seams, poles or mesh edges. Rows that are misses exclude nothing.
+        unseen : (n,) int, optional
+            An object that each ray ignores; -1: none.
 
         Returns
         -------
@@ -162,8 +162,8 @@ class Intersector:
         Raises
         ------
         ValueError, TypeError
-            For shapes that do not fit, zero or non-finite directions, non-finite origins; for what
-            is not real numbers, and a ``source`` that is no hit record of these surfaces.
+            If shapes do not match, directions are zero or not finite, origins are not finite,
+            arrays are not real, or ``source`` is not a hit record of these surfaces.
         """
         batch = make_batch(
             origins, directions, t_min, t_max, source, None, self._reach, self._pool, unseen
@@ -209,8 +209,8 @@ class Intersector:
     ) -> BoolArray:
         """Tell for each ray whether anything lies between ``t_min`` and ``t_max``.
 
-        Parameters are those of `intersect`; ``target`` names the hits that the rays go to, which
-        do not count as being in the way.
+        Parameters are those of `intersect`; ``target`` are the hits that the rays lead to, which do
+        not occlude them.
 
         Returns
         -------
@@ -297,7 +297,7 @@ class Intersector:
 
 
 def check_settings(accuracy: str, coarse: str = "embree", tolerance: float | None = None) -> None:
-    """Refuse what `Intersector` does not take."""
+    """Check the settings of `Intersector`."""
     checks.choice(accuracy, "accuracy", ACCURACIES)
     checks.choice(coarse, "coarse", COARSE_STAGES)
     if coarse == "none" and accuracy != "certified":

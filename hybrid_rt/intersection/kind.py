@@ -1,4 +1,4 @@
-"""What the intersector hands to the kinds of surfaces: buffers of one batch."""
+"""The interface of kinds of surfaces, and the buffers of a batch that they fill."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class Finished(NamedTuple):
 
 
 class Kind(Protocol):
-    """One kind of surface: finds roots for a slice of rays, and describes the winners."""
+    """One kind of surface: finds roots for a slice of rays, and describes the first hits."""
 
     def trace(
         self, rays: Rays, guess: IntArray | None, best: Nearest, any_hit: bool, work: FloatArray
@@ -36,10 +36,10 @@ class Kind(Protocol):
         ----------
         rays : Rays of n rows
         guess : (n,) int32, optional
-            What to begin with, from `CurvedKind.guesses`; kinds without coarse hits take none.
+            Initial guesses, from `CurvedKind.guesses`; only for kinds with coarse hits.
         best : Nearest of n rows, changed
         any_hit : bool
-            Whether any root will do: rays that have one are left alone.
+            Any root will do (shadow rays): rays that have one are skipped.
         work : (counters,) float64, changed
             Tally of `hybrid_rt.intersection.kernels.patch.subdivide.COUNTER_NAMES`.
         """
@@ -54,10 +54,10 @@ class Kind(Protocol):
         ----------
         rays : Rays of n rows
         best : Nearest of n rows
-            ``tangent`` is set where a ray grazes.
+            ``tangent`` is set for grazing rays.
         kind_of : (objects,) int32
         kind : int
-            Number of this kind in ``kind_of``.
+            Index of this kind in ``kind_of``.
         out : Finished of n rows, changed
         """
         ...
@@ -67,7 +67,7 @@ class CurvedKind(Kind, Protocol):
     """A kind that goes to Embree as triangles first."""
 
     def guesses(self, coarse: Any, hits: CoarseHits) -> IntArray:
-        """Return what `trace` is to begin with for each ray, (n,) int32; -1 for nothing.
+        """Return the initial guess for `trace` of each ray, (n,) int32; -1 for none.
 
         Parameters
         ----------
@@ -85,24 +85,24 @@ class CurvedKind(Kind, Protocol):
         best: Nearest,
         accepted: BoolArray,
     ) -> None:
-        """Lower ``best[rows]`` to what coarse hits of this kind refine to.
+        """Refine coarse hits of this kind and lower ``best[rows]`` to them.
 
         Parameters
         ----------
         coarse : Coarse
         hits : CoarseHits of k rows, none of them a miss
         rows : (k,) int64
-            The rays of the hits.
+            Indices of the hits' rays.
         rays : Rays of n rows
         best : Nearest of n rows, changed
         accepted : (k,) bool, changed
-            Set where a root was taken.
+            Set where a root was accepted.
         """
         ...
 
 
 def new_nearest(t_max: FloatArray) -> Nearest:
-    """Return buffers in which no root has been found below ``t_max``, which is taken over."""
+    """Allocate buffers without roots; ``t_max`` is not copied but becomes their t."""
     n = len(t_max)
     return Nearest(
         t=t_max,
@@ -117,7 +117,7 @@ def new_nearest(t_max: FloatArray) -> Nearest:
 
 
 def new_record(n: int) -> HitRecord:
-    """Return a record of n rows to be filled; no flag is set."""
+    """Allocate a record of n rows; no flag is set."""
     return HitRecord(
         t=np.empty(n),
         object_id=np.empty(n, np.int32),
@@ -135,5 +135,5 @@ def new_record(n: int) -> HitRecord:
 
 
 def rows_of(batch: Any, begin: int, end: int) -> Any:
-    """Return a named tuple of views of the rows; what is empty stays empty."""
+    """Return a named tuple of views of the rows; empty arrays stay empty."""
     return type(batch)(*(x[begin:end] if len(x) else x for x in batch))

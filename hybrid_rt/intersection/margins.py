@@ -1,11 +1,10 @@
-"""Which decisions are taken within the band: the ray is moved, and asked again.
+"""Detection of decisions within rounding (status TANGENT), by tracing displaced rays.
 
-A decision is within rounding where moving the ray by 64 eps x scale changes it; that is what
-TANGENT says. A surface that passes within the band of a ray, in front of its first hit, is noted as
-a doubt by the search itself. Left are hits that a moved ray might lose: near a border, a crease, a
-pole, a silhouette. No rule about who adjoins whom is needed for those: the same search, on rays
-moved all around by one band, says whether there still is a hit. Hardly any hit is near such a
-place, so asking several times costs next to nothing.
+The band is 64 eps x scale. A hit or miss is TANGENT if displacing the ray by the band changes it.
+The search itself notes surfaces that pass within the band in front of the first hit. The other case
+are hits that a displaced ray might lose: near a border, a crease, a pole, a silhouette. Those are
+traced again by the same search, displaced by the band in several directions; so no adjacency is
+needed. Few hits are near such places, so the cost is negligible.
 """
 
 from __future__ import annotations
@@ -45,7 +44,7 @@ WIDEST = 2.0**-10
 
 
 class Aim(NamedTuple):
-    """Where to move rays whose hits are in doubt; k rows."""
+    """Where to displace rays whose hits are in doubt; k rows."""
 
     band: FloatArray  # (k,) float64: 64 eps x scale, world units
     outward: FloatArray  # (k, 3) float64: a unit normal of the ray; at a border, straight across it
@@ -65,7 +64,7 @@ class Probing(Protocol):
     def settle(
         self, rays: Rays, best: Nearest, kind_of: IntArray, kind: int, out: Finished
     ) -> None:
-        """Find out of the rows that are `SUSPECT` whether they are `WITHIN_BAND` or `CLEAR`.
+        """Decide for the rows that are `SUSPECT` whether they are `WITHIN_BAND` or `CLEAR`.
 
         Parameters
         ----------
@@ -75,7 +74,7 @@ class Probing(Protocol):
         kind : int
             Number of this kind in ``kind_of``.
         out : Finished of n rows
-            All kinds have described their hits.
+            Complete: all kinds have described their hits.
         """
         ...
 
@@ -96,18 +95,18 @@ def settle(
     retrace: Retrace,
     describe: Describe,
 ) -> None:
-    """Move the rays of some rows by the band, and see whether their hits stay.
+    """Displace the rays of some rows by the band, and test whether they still hit.
 
     Parameters
     ----------
     rows : (k,) int64
     rays, best, out
-        Of all rays; ``best`` is changed in those rows.
+        Of all rays; ``best`` is changed in these rows.
     aim : Aim of k rows
     frame : float
-        How large everything of the kind is, world units.
+        Size of all surfaces of the kind, world units.
     retrace, describe : callable
-        The search of the kind that the hits are on.
+        The search of the hits' kind.
     """
     here = _rows_of(rays, rows)
     t, t_bound, object_id = best.t[rows], best.t_bound[rows], best.object_id[rows]

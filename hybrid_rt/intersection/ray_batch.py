@@ -1,4 +1,4 @@
-"""Checks what a caller passes as rays, and brings it into the form that the kernels take."""
+"""Checks the rays that a caller passes, and converts them to the kernels' format."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ LARGEST = 1e150
 
 @dataclass(frozen=True)
 class Batch:
-    """Rays as a caller gave them, checked; `rows` brings a slice into the kernels' form.
+    """Checked rays of a caller; `rows` converts a slice to the kernels' format.
 
     Attributes
     ----------
@@ -35,11 +35,11 @@ class Batch:
     t_min, t_max : (n,) float64
         In lengths of the given directions.
     source, target : NamedPoints of n rows, or None
-        Points that rays leave from and go to; they are no hits.
+        Points that rays leave and lead to; they are excluded as hits.
     reach : (objects,) float64
         See `make_batch`.
     unseen : (n,) int32, or None
-        An object that each ray does not see; -1: it sees all.
+        An object that each ray ignores; -1: none.
     """
 
     origin: FloatArray
@@ -56,7 +56,7 @@ class Batch:
         return len(self.origin)
 
     def rows(self, begin: int, end: int) -> tuple[Rays, FloatArray, FloatArray]:
-        """Return rays, their t_max, and the units that bring their t into the caller's lengths."""
+        """Return rays, their t_max, and the factors that convert their t to the caller's units."""
         n = end - begin
         origin, direction = self.origin[begin:end], self.direction[begin:end]
         scaled, unit = np.empty((n, 3)), np.empty(n)
@@ -110,10 +110,9 @@ def make_batch(
     origins, directions, t_min, t_max, source, unseen
         As `Intersector.intersect` takes them.
     target : HitRecord or NamedPoints of n rows, optional
-        The points that rays go to.
+        The points that rays lead to.
     reach : (objects,) float64
-        The largest number from which each object's points are computed: their rounding is
-        relative to it.
+        The ``rounding_reach`` of each surface.
     pool : Pool
         Shares the work of checking.
 
@@ -151,12 +150,12 @@ def as_rays(
 ) -> tuple[FloatArray, FloatArray, tuple[int, ...]]:
     """Return origins (n, 3), directions (n, 3) and the shape of their batch: (n,) or (h, w).
 
-    One vector stands for all where the other side has more.
+    A single vector is broadcast against a batch of the other.
 
     Raises
     ------
     TypeError, ValueError
-        For what is not real numbers, and for shapes that do not fit.
+        If the arrays are not real, or the shapes do not match.
     """
     origin, direction = _vectors(origins, "origins"), _vectors(directions, "directions")
     shape, other = origin.shape[:-1], direction.shape[:-1]
@@ -179,7 +178,7 @@ def as_limit(value: ArrayLike, name: str, shape: tuple[int, ...]) -> FloatArray:
     Raises
     ------
     ValueError, TypeError
-        If ``value`` is neither one number nor one per ray, or holds nan; ``name`` says which it is.
+        If ``value`` is neither one number nor one per ray, or holds nan; ``name`` is named.
     """
     if value is None:
         raise TypeError(f"{name} is None: pass a number, or inf for no limit")
@@ -229,7 +228,7 @@ def _refuse(
 def _checked_points(
     record: HitRecord | NamedPoints | None, name: str, n: int, n_objects: int
 ) -> NamedPoints | None:
-    """Return what is asked of a hit record that names points, in the kernels' types."""
+    """Convert a hit record that names points to the kernels' types."""
     if record is None:
         return None
     if not isinstance(record, HitRecord | NamedPoints):

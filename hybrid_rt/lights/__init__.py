@@ -1,4 +1,4 @@
-"""Where light comes from."""
+"""Lights and environments."""
 
 from hybrid_rt.lights.gradient_sky import GradientSky
 from hybrid_rt.lights.image_environment import ImageEnvironment

@@ -1,4 +1,4 @@
-"""A sky whose colour changes with height only."""
+"""A sky whose radiance depends on elevation only."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ from hybrid_rt.shading.kernels.environment import GRADIENT, EnvironmentTable
 
 
 class GradientSky(Environment):
-    """Radiance linear in the height of the direction.
+    """Environment light: radiance linear in the cosine between direction and ``up``.
 
     Parameters
     ----------
     bottom, top : number or three numbers
-        Radiance straight down and straight up, at least 0.
+        Radiance along -``up`` and ``up``, at least 0.
     up : three numbers
-        Which way is up.
+        The zenith, of any length.
     """
 
     def __init__(self, bottom: ArrayLike, top: ArrayLike, up: ArrayLike = (0.0, 1.0, 0.0)) -> None:
@@ -38,5 +38,5 @@ class GradientSky(Environment):
 
     @property
     def table(self) -> EnvironmentTable:
-        """Return what the kernels take."""
+        """Return the table that the kernels take."""
         return self._table

@@ -1,4 +1,4 @@
-"""All that lies around a scene, as one picture."""
+"""Environment light from a latitude-longitude image."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ from hybrid_rt.textures import ImageTexture
 
 
 class ImageEnvironment(Environment):
-    """A picture of all directions, as seen from within: what it shows to the right lies to the right.
+    """Environment light: a latitude-longitude image, seen from inside (not mirrored).
 
-    Straight up is along its upper border. Column 0 begins at the coordinate axis least aligned with
-    ``up``, made perpendicular to it; columns go from there as one turns to the right, left-handed
-    about ``up``. With ``up`` = +y the left border lies towards +x, a quarter of the width towards
+    The upper border is the direction ``up``. The left border is at the coordinate axis least
+    aligned with ``up``, made perpendicular to it; azimuth increases to the right, clockwise seen
+    from above. With ``up`` = +y the left border lies towards +x, a quarter of the width towards
     +z, the middle towards -x, three quarters towards -z. Bilinear between texels.
 
     Parameters
@@ -28,7 +28,7 @@ class ImageEnvironment(Environment):
     image : path, or array as `ImageTexture` takes it
         Files and integer arrays are sRGB, floats are linear radiance.
     up : three numbers
-        Which way is up.
+        The zenith, of any length.
     """
 
     def __init__(
@@ -49,7 +49,7 @@ class ImageEnvironment(Environment):
 
     @property
     def table(self) -> EnvironmentTable:
-        """Return what the kernels take."""
+        """Return the table that the kernels take."""
         return self._table
 
 

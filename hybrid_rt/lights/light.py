@@ -15,7 +15,7 @@ from hybrid_rt.textures.texture import Texture
 
 @dataclass(frozen=True)
 class LightRow:
-    """One light as the kernels take it: a row of the `LightTable`."""
+    """One row of the `LightTable`."""
 
     kind: int
     origin: FloatArray
@@ -30,17 +30,17 @@ class LightRow:
 
 
 class Light(ABC):
-    """Something within the scene that shines; immutable."""
+    """A light inside the scene; immutable."""
 
     @property
     @abstractmethod
     def row(self) -> LightRow:
-        """The light as flat numbers."""
+        """The light's row of the light table."""
 
     @property
     @abstractmethod
     def surface(self) -> Any:
-        """The surface that shines on its front side, or None for a light that is not seen."""
+        """The surface that emits from its front side; None for a light that rays cannot hit."""
 
 
 class Environment(ABC):
@@ -49,17 +49,17 @@ class Environment(ABC):
     @property
     @abstractmethod
     def table(self) -> EnvironmentTable:
-        """What the kernels take."""
+        """The table that the kernels take."""
 
     def radiance(self, directions: FloatArray) -> FloatArray:
-        """Return what arrives from unit directions (n, 3), as (n, 3) radiances."""
+        """Return the radiance (n, 3) arriving from unit directions (n, 3)."""
         radiance, pdf = np.empty((len(directions), 3)), np.empty(len(directions))
         sky_on_rays(self.table, np.ascontiguousarray(directions, np.float64), radiance, pdf)
         return radiance
 
 
 def upright(up: FloatArray) -> FloatArray:
-    """Return the frame (3, 3) of directions about a unit vector: azimuth 0, a quarter turn, up.
+    """Return a frame (3, 3) about a unit vector; rows are azimuth 0, azimuth 90 degrees, up.
 
     Azimuth 0 lies along the coordinate axis least aligned with ``up``, made perpendicular to it.
     """

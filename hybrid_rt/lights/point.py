@@ -1,4 +1,4 @@
-"""Light from one point."""
+"""Point lights."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from hybrid_rt.shading.kernels.light_kinds import POINT
 
 
 class PointLight(Light):
-    """Shines equally in all directions, falls off as 1 / r^2, is not seen itself.
+    """Isotropic point light; irradiance falls off as 1 / r^2; invisible itself.
 
     Parameters
     ----------
@@ -36,10 +36,10 @@ class PointLight(Light):
 
     @property
     def row(self) -> LightRow:
-        """Return the light as flat numbers."""
+        """Return the light's row of the light table."""
         return self._row
 
     @property
     def surface(self) -> None:
-        """Return None: a point is not seen."""
+        """Return None: rays cannot hit a point."""
         return

@@ -1,4 +1,4 @@
-"""Light from a rectangle."""
+"""Rectangular area lights."""
 
 from __future__ import annotations
 
@@ -14,10 +14,9 @@ from hybrid_rt.shading.kernels.light_kinds import RECTANGLE
 
 
 class RectangleLight(Light):
-    """Shines with the same radiance everywhere on the side of edge_u x edge_v.
+    """Area light of constant radiance on the side of edge_u x edge_v.
 
-    It is seen there by camera and specular rays; its back is black. Both sides block light and
-    reflect none.
+    That side is visible to all rays; the back is black. Both sides occlude and reflect nothing.
 
     Parameters
     ----------
@@ -46,10 +45,10 @@ class RectangleLight(Light):
 
     @property
     def row(self) -> LightRow:
-        """Return the light as flat numbers."""
+        """Return the light's row of the light table."""
         return self._row
 
     @property
     def surface(self) -> Rectangle:
-        """Return the rectangle that shines."""
+        """Return the emissive rectangle."""
         return self._surface

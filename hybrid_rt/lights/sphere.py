@@ -1,4 +1,4 @@
-"""Light from a sphere."""
+"""Spherical area lights."""
 
 from __future__ import annotations
 
@@ -14,10 +14,9 @@ from hybrid_rt.shading.kernels.light_kinds import SPHERE
 
 
 class SphereLight(Light):
-    """Shines with the same radiance everywhere on its outside.
+    """Area light of constant radiance on its outside.
 
-    It is seen there by camera and specular rays; its inside is black. It blocks light and reflects
-    none.
+    The outside is visible to all rays; the inside is black. It occludes and reflects nothing.
 
     Parameters
     ----------
@@ -44,10 +43,10 @@ class SphereLight(Light):
 
     @property
     def row(self) -> LightRow:
-        """Return the light as flat numbers."""
+        """Return the light's row of the light table."""
         return self._row
 
     @property
     def surface(self) -> Sphere:
-        """Return the sphere that shines."""
+        """Return the emissive sphere."""
         return self._surface

@@ -1,4 +1,4 @@
-"""Light from one point into a cone."""
+"""Spot lights."""
 
 from __future__ import annotations
 
@@ -16,23 +16,23 @@ NARROWEST = 1e-3
 
 
 class SpotLight(Light):
-    """Shines into a cone with a smooth edge, falls off as 1 / r^2, is not seen itself.
+    """Point light that emits into a cone with a smooth edge; invisible itself.
 
-    Along a direction at angle theta from the axis the intensity is ``intensity`` times x^2 (3 - 2 x)
-    with x = (cos theta - cos cone_angle) / (cos(cone_angle - edge_angle) - cos cone_angle), cut off
-    at 0 and 1: full up to ``cone_angle - edge_angle``, none from ``cone_angle`` on, and smooth
-    between. So the power is pi (2 - cos cone_angle - cos(cone_angle - edge_angle)) ``intensity``.
+    At angle theta from the axis the intensity is ``intensity`` times x^2 (3 - 2 x), where
+    x = (cos theta - cos cone_angle) / (cos(cone_angle - edge_angle) - cos cone_angle), clamped to
+    [0, 1]: full up to ``cone_angle - edge_angle``, zero from ``cone_angle`` on, smooth in between.
+    So the power is pi (2 - cos cone_angle - cos(cone_angle - edge_angle)) ``intensity``.
 
     Parameters
     ----------
     position, direction : three numbers each
-        The direction is that of the axis, of any length.
+        The direction is the axis of the cone, of any length.
     intensity : number or three numbers
         Power per steradian near the axis, at least 0.
     cone_angle : float
-        Degrees from the axis to where the light ends, 0.001 to 180: half of the cone's opening.
+        Half the opening angle of the cone, degrees, 0.001 to 180.
     edge_angle : float
-        Degrees, from 0 (a hard edge) to ``cone_angle``: the part of it that the edge takes.
+        Width of the smooth edge inside the cone, degrees, from 0 (a hard edge) to ``cone_angle``.
 
     Notes
     -----
@@ -75,10 +75,10 @@ class SpotLight(Light):
 
     @property
     def row(self) -> LightRow:
-        """Return the light as flat numbers."""
+        """Return the light's row of the light table."""
         return self._row
 
     @property
     def surface(self) -> None:
-        """Return None: a point is not seen."""
+        """Return None: rays cannot hit a point."""
         return

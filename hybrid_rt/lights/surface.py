@@ -1,4 +1,4 @@
-"""Light from any surface: points of it chosen by area, and the shapes that kernels know better."""
+"""Area lights on any surface: points sampled by area, and shapes that kernels sample directly."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from meshing.surface import Surface
 
 
 class ShiningSurface:
-    """A surface as a light: points chosen by area.
+    """A surface as an area light, sampled by area.
 
     Parameters
     ----------
@@ -30,31 +30,31 @@ class ShiningSurface:
 
     @property
     def area(self) -> float:
-        """Area, about; scene units squared."""
+        """Approximate area, scene units squared."""
         return self._sampler.area
 
     def choose(self, xi: FloatArray) -> tuple[IdArray, FloatArray, FloatArray]:
-        """Return (patch_id, u, v) of points chosen by numbers (n, 2) in [0, 1)."""
+        """Return (patch_id, u, v) of points sampled by random numbers (n, 2) in [0, 1)."""
         return self._sampler.choose(xi)
 
     def points(self, xi: FloatArray) -> LightPoints:
-        """Return points chosen by numbers (n, 2) in [0, 1), as kernels take them."""
+        """Return points sampled by random numbers (n, 2) in [0, 1), as kernels take them."""
         patch, u, v = self.choose(xi)
         point, normal = self.surface.point(u, v, patch), self.surface.normal(u, v, patch)
         return LightPoints(point, normal, self.pdf_area(patch, u, v), u, v)
 
     def pdf_area(self, patch_id: IdArray, u: FloatArray, v: FloatArray) -> FloatArray:
-        """Return the density per area with which points are chosen."""
+        """Return the pdf per area of points."""
         return self._sampler.pdf_area(patch_id, u, v)
 
 
 def shining_surface(surface: Surface) -> ShiningSurface | None:
-    """Return what chooses points of a surface; None for a plane, which has no end.
+    """Return a surface as an area light; None for an infinite plane.
 
     Raises
     ------
     ValueError
-        If the surface has no area.
+        If the area of the surface is zero.
     """
     sampler = surface.area_sampler()
     return None if sampler is None else ShiningSurface(surface, sampler)
@@ -62,9 +62,9 @@ def shining_surface(surface: Surface) -> ShiningSurface | None:
 
 @singledispatch
 def with_shape(surface: Surface, row: LightRow, is_even: bool) -> LightRow:
-    """Return a light as the shape that it has, if kernels choose points of that by themselves.
+    """Return the row of a light as a shape that kernels sample directly, if its surface is one.
 
-    Each class that is such a shape registers how; others stay lights of kind `SURFACE`.
+    Each class with such a shape registers a conversion; others stay lights of kind `SURFACE`.
 
     Parameters
     ----------
@@ -72,7 +72,7 @@ def with_shape(surface: Surface, row: LightRow, is_even: bool) -> LightRow:
     row : LightRow
         Its light, of kind `SURFACE`.
     is_even : bool
-        Whether it shines alike everywhere.
+        Whether its radiance is constant.
     """
     del surface, is_even
     return row

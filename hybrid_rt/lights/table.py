@@ -20,9 +20,9 @@ ROUND = 0.5
 def compile_lights(
     rows: Sequence[LightRow], texture_of: Sequence[int], has_sky: bool
 ) -> LightTable:
-    """Lay lights out for the kernels, row i for light i.
+    """Build the light table; row i is light i.
 
-    ``texture_of`` is the row of each light's texture, -1 for none.
+    ``texture_of`` is the row of each light's texture; -1: none.
     """
 
     def column(name: str) -> FloatArray:
@@ -43,7 +43,7 @@ def compile_lights(
 
 
 def compile_environment(environment: Environment | None) -> EnvironmentTable:
-    """Return what the kernels take of what lies around the scene."""
+    """Build the environment table; None gives a black one."""
     if environment is not None:
         return environment.table
     return EnvironmentTable(

@@ -1,4 +1,7 @@
-"""How surfaces send on the light that reaches them."""
+"""Materials: diffuse, glossy, metal, mirror, glass (`dielectric`, `rough_dielectric`), mixtures.
+
+A material is a list of lobes; `hybrid_rt.shading.kernels` evaluates and samples them.
+"""
 
 from hybrid_rt.materials.dielectric import Dielectric
 from hybrid_rt.materials.emissive import Emissive

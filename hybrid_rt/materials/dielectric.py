@@ -1,4 +1,4 @@
-"""Glass, water and other clear bodies."""
+"""Smooth dielectrics: glass, water, air bubbles."""
 
 from __future__ import annotations
 
@@ -14,32 +14,32 @@ EXTREME = 1e6
 
 
 class Dielectric(Material):
-    """A smooth clear body; its inside is the side opposite the surface's normal.
+    """A smooth dielectric body; its inside is the side opposite the surface's normal.
 
-    A body may have several surfaces, of one material; together they must be closed. The report of
-    a render names those that rays enter and never leave, or leave without having entered. A ray
-    keeps count of eight bodies within each other, a ninth is reported like one that is not closed.
+    A body may have several surfaces of one material; together they must be closed. The report of
+    a render names bodies that rays enter and never leave, or leave without having entered. Up to
+    eight nested bodies are tracked; a ninth is reported like one that is not closed.
 
-    Reflection and refraction follow Fresnel's equations for unpolarised light. Radiance is
-    multiplied by the square of the index ratio where it enters or leaves. Inside, each channel
-    falls as exp(-absorption x length).
+    Reflection and refraction follow Fresnel's equations for unpolarised light. Radiance is scaled
+    by the square of the index ratio on refraction. Inside, each channel falls as
+    exp(-absorption x length).
 
     Parameters
     ----------
     ior : float
-        Index of refraction of the material itself, 1 for empty space; 1e-6 to 1e6. What counts at a
-        surface is its ratio to the index of the body around, if there is one: a bubble of air in
-        glass is ``Dielectric(1.0)`` within ``Dielectric(1.5)``.
+        Index of refraction relative to vacuum, 1e-6 to 1e6. At a surface it is taken relative to
+        the surrounding body, if there is one: an air bubble in glass is ``Dielectric(1.0)`` inside
+        ``Dielectric(1.5)``.
     absorption : number or three numbers
-        Per unit of length, at least 0.
+        Absorption coefficient per scene unit, at least 0.
     tint : number, three numbers or texture
-        Factor on light that passes the surface, 0 to 1.
+        Factor on transmitted light, 0 to 1.
     schlick : bool
-        Use Schlick's approximation in place of Fresnel's equations.
+        Use Schlick's approximation instead of Fresnel's equations.
     priority : float
-        Where bodies overlap, the one of the highest priority fills the space, among equals the one
-        entered last. So a drink that reaches a little into its glass, with a lower priority,
-        touches it without a gap.
+        Where bodies overlap, the one with the highest priority fills the space; among equals, the
+        one entered last (nested dielectrics, Schmidt and Budge 2002). So a liquid of lower priority
+        that overlaps its glass a little touches it without a gap.
     """
 
     def __init__(

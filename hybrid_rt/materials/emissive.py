@@ -1,4 +1,4 @@
-"""Surfaces that shine."""
+"""Emissive surfaces."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ from hybrid_rt.textures.texture import Texture, as_radiance
 
 
 class Emissive(Material):
-    """Shines on the side of the surface's normal, equally in all directions.
+    """Emits the same radiance in all directions on the side of the surface's normal.
 
     Parameters
     ----------
     radiance : number, three numbers or texture
         At least 0.
     base : Material, optional
-        What both sides do with light that reaches them; None: they absorb it.
+        Scattering of both sides; None: they are black.
     """
 
     def __init__(self, radiance: Texture | ArrayLike, base: Material | None = None) -> None:
@@ -35,5 +35,5 @@ class Emissive(Material):
 
     @property
     def radiance(self) -> Texture:
-        """Return what the surface sends out."""
+        """Return the emitted radiance."""
         return self._radiance

@@ -1,4 +1,4 @@
-"""Matt surfaces."""
+"""Diffuse surfaces."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ from hybrid_rt.textures.texture import Texture, as_texture
 
 
 class Lambertian(Material):
-    """Equally bright from everywhere: f = color / pi, on both sides of the surface.
+    """Lambertian (diffuse) reflection, f = color / pi, on both sides of the surface.
 
     Parameters
     ----------
     color : number, three numbers or texture
-        Share of the light sent on, per channel, 0 to 1.
+        Albedo per channel, 0 to 1.
     """
 
     def __init__(self, color: Texture | ArrayLike) -> None:

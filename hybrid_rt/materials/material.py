@@ -1,7 +1,7 @@
 """The interface of materials: each is a short list of lobes, the terms of its BSDF.
 
-A material is a short tuple of lobes. Integrators see only the flat table of all of them, so a
-mixture is nothing but more lobes, and a new material is one file.
+Integrators see only the flat table of all lobes, so a mixture is just more lobes, and a new
+material is one file.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from hybrid_rt.textures.texture import Texture
 
 @dataclass(frozen=True)
 class Lobe:
-    """One way of sending light on."""
+    """One term of a BSDF."""
 
     kind: int
     """One of those in `hybrid_rt.shading.kernels.lobes.register`."""
@@ -29,19 +29,19 @@ class Lobe:
 
     @property
     def traits(self) -> int:
-        """What is true of the lobe, in bits: see the register."""
+        """The lobe's traits (bits), see `hybrid_rt.shading.kernels.lobes.register`."""
         return TRAITS[self.kind] | self.breadth
 
 
 class Material(ABC):
-    """What a surface is made of; immutable."""
+    """Scattering and emission of a surface; immutable."""
 
     @property
     @abstractmethod
     def lobes(self) -> tuple[Lobe, ...]:
-        """The ways in which the material sends light on."""
+        """The terms of the material's BSDF."""
 
     @property
     def radiance(self) -> Texture | None:
-        """What the surface sends out by itself on the side of its normal; None: nothing."""
+        """Radiance emitted on the side of the normal; None: nothing."""
         return None

@@ -11,16 +11,16 @@ from hybrid_rt.textures.texture import Texture, as_texture
 
 
 class Metal(Material):
-    """A mirror whose directions are spread by a ball of radius ``fuzz`` around their end.
+    """A mirror whose direction is perturbed by a random point of a ball of radius ``fuzz``.
 
-    The lobe of "Ray Tracing in One Weekend" (Shirley), mirror direction plus fuzz times a point
-    of the unit ball, with its density in closed form, and made reciprocal:
-    f = color p / max(cos_in, cos_out). Directions that lead into the surface are absorbed.
+    The lobe of "Ray Tracing in One Weekend" (Shirley): the mirror direction plus fuzz times a point
+    of the unit ball; here with its pdf p in closed form, and made reciprocal:
+    f = color p / max(cos_in, cos_out). Light sampled into the surface is absorbed.
 
     Parameters
     ----------
     color : number, three numbers or texture
-        Share of the light sent on, per channel, 0 to 1.
+        Reflectance per channel, 0 to 1.
     fuzz : float
         0 (a perfect mirror) to 1.
     """

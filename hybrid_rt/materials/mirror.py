@@ -10,12 +10,12 @@ from hybrid_rt.textures.texture import Texture, as_texture
 
 
 class Mirror(Material):
-    """Sends each ray on in the mirror direction, on both sides of the surface.
+    """Perfect specular reflection on both sides of the surface.
 
     Parameters
     ----------
     color : number, three numbers or texture
-        Share of the light sent on, per channel, 0 to 1.
+        Reflectance per channel, 0 to 1.
     """
 
     def __init__(self, color: Texture | ArrayLike = 1.0) -> None:

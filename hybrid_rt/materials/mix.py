@@ -1,4 +1,4 @@
-"""Several materials at once."""
+"""Mixtures of materials."""
 
 from __future__ import annotations
 
@@ -14,18 +14,18 @@ _ROUNDING = 1e-12
 
 
 class Mix(Material):
-    """A weighted sum of materials; what the weights leave to one is absorbed.
+    """A weighted sum of BSDFs; if the weights sum to less than 1, the rest is absorbed.
 
     Parameters
     ----------
     parts : sequence of (weight, Material)
-        Weights from 0 on, at most 1 together. At most one part is clear, since a body has one
-        inside; for a mixture that shines, put it into `Emissive`.
+        Weights are at least 0, their sum at most 1. At most one part is a dielectric. For an
+        emissive mixture, pass it to `Emissive`.
 
     Raises
     ------
     ValueError, TypeError
-        Naming the part.
+        If a part is invalid; the message names it.
     """
 
     def __init__(self, parts: Sequence[tuple[float, Material]]) -> None:

@@ -1,4 +1,4 @@
-"""Glossy surfaces after Phong, in the form that keeps energy."""
+"""Glossy surfaces: the energy-conserving Phong model."""
 
 from __future__ import annotations
 
@@ -17,15 +17,16 @@ SHARPEST = 1e10
 
 
 class Phong(Material):
-    """A matt part and a highlight: f = diffuse / pi + specular (n + 2) / (2 pi) cos^n alpha.
+    """Modified Phong model: f = diffuse / pi + specular (n + 2) / (2 pi) cos^n alpha.
 
-    Alpha is the angle to the mirror direction. The normalised highlight of Lafortune and Willems
-    ("Using the modified Phong reflectance model", 1994) sends on at most ``specular``.
+    Alpha is the angle to the mirror direction. The albedo of the normalised specular term is at
+    most ``specular`` (Lafortune and Willems, "Using the modified Phong reflectance model for
+    physically based rendering", 1994).
 
     Parameters
     ----------
     diffuse, specular : number, three numbers or texture
-        Shares of the light, per channel; their sum stays within 1.
+        Albedos per channel; their sum is at most 1.
     exponent : float
         Above 0, at most 1e10; larger is sharper.
     """

@@ -1,4 +1,4 @@
-"""Gold, copper, aluminium and other metals, from nearly polished to matt."""
+"""Rough conductors: gold, copper, aluminium and other metals, from nearly polished to matt."""
 
 from __future__ import annotations
 
@@ -33,19 +33,19 @@ WIDE_FROM = 7.0**-0.5
 
 
 class RoughConductor(Material):
-    """A metal by its index of refraction eta + i k, on both sides of the surface.
+    """A metal with complex index of refraction eta + i k; both sides reflect.
 
-    Facets whose slopes follow GGX each mirror light by Fresnel's equations. Light that one facet
-    sends to another is absorbed, so rougher metal is a little darker.
+    GGX microfacets with Smith shadowing and masking and conductor Fresnel reflectance (Walter et
+    al. 2007). Interreflection between microfacets is lost, so rougher metal is darker.
 
     Parameters
     ----------
     eta, k : number or three numbers
-        Real and imaginary part of the index, over that of the surroundings; 1e-3 to 1e3.
+        Real and imaginary part of the index, relative to the surroundings; 1e-3 to 1e3.
     roughness : float
-        0.01 to 1; the alpha of GGX is its square. From 0.615 on the reflection is wide enough for
-        photons to be gathered on it, and in Whitted renders for lamps to shine on it directly;
-        below it is followed, in one sampled direction.
+        0.01 to 1; the alpha of GGX is its square. From 0.615 on the lobe counts as wide: photon
+        density is estimated on it, and Whitted renders light it directly. Below, one sampled
+        direction is followed.
     """
 
     def __init__(self, eta: ArrayLike, k: ArrayLike, roughness: float) -> None:
@@ -60,7 +60,7 @@ class RoughConductor(Material):
 
     @classmethod
     def of(cls, metal: str, roughness: float) -> RoughConductor:
-        """Return gold, copper or aluminium, as measured.
+        """Return gold, copper or aluminium, with measured indices.
 
         Parameters
         ----------

@@ -1,4 +1,4 @@
-"""Frosted glass, and other clear bodies that are not smooth."""
+"""Rough dielectrics: frosted glass."""
 
 from __future__ import annotations
 
@@ -13,15 +13,15 @@ from hybrid_rt.textures.texture import Texture, as_texture
 
 
 class RoughDielectric(Material):
-    """A clear body with a rough surface; `Dielectric` says what is its inside, and what is closed.
+    """A dielectric body with a rough surface; inside and closedness are as for `Dielectric`.
 
-    Facets whose slopes follow GGX each reflect and refract by Fresnel's equations. Light that one
-    facet sends to another is absorbed. Lights are found through the surface: it casts no shadow on
-    what is seen through it, but on other surfaces it does, as glass does. Where it lies hidden in a
-    body of higher priority, or borders on the same index, it is passed as smooth glass is.
+    GGX microfacets with Smith shadowing and masking that reflect and refract by Fresnel's equations
+    (Walter et al. 2007). Interreflection between microfacets is lost. Next-event estimation
+    evaluates transmission: a light behind the surface lights it directly. For shadow rays between
+    other surfaces it is opaque, as smooth glass is. Where the surface lies inside a body of higher
+    priority, or both sides have the same index, rays pass it as they pass smooth glass.
 
-    It is always followed, never gathered on: behind one face lies another, through which lights are
-    found without blur.
+    Camera paths always follow it; photon density is never estimated on it.
 
     Parameters
     ----------
@@ -30,11 +30,11 @@ class RoughDielectric(Material):
     roughness : float
         0.01 to 1; the alpha of GGX is its square.
     absorption : number or three numbers
-        Per unit of length, at least 0.
+        Absorption coefficient per scene unit, at least 0.
     tint : number, three numbers or texture
-        Factor on light that passes the surface, 0 to 1.
+        Factor on transmitted light, 0 to 1.
     priority : float
-        As of `Dielectric`.
+        As for `Dielectric`.
     """
 
     def __init__(

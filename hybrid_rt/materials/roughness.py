@@ -1,4 +1,4 @@
-"""How rough surfaces are, as materials take it and as kernels do."""
+"""Conversion of a material's roughness to the alpha of GGX."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ LEAST_ROUGHNESS = 0.01
 
 
 def alpha_of(roughness: float, what: str, smooth: str) -> float:
-    """Return the alpha of GGX facets: the square of a roughness, which so looks even in steps.
+    """Return the alpha of GGX: the square of roughness, which is perceptually more uniform.
 
     Burley, "Physically based shading at Disney", SIGGRAPH 2012 course notes.
 
@@ -18,7 +18,7 @@ def alpha_of(roughness: float, what: str, smooth: str) -> float:
     roughness : float
         0.01 to 1.
     what, smooth : str
-        What is being described, and what to use where it is smoother than that.
+        Name of the material in messages, and what to use for smoother surfaces.
 
     Raises
     ------

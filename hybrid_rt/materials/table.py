@@ -18,9 +18,9 @@ from hybrid_rt.textures.texture import Texture
 def compile_materials(
     materials: list[Material], more: Sequence[Texture] = ()
 ) -> tuple[LobeTable, TextureTable]:
-    """Lay materials out for the kernels, material i in rows first[i] up to first[i + 1].
+    """Build the lobe and texture tables; material i has the rows first[i] to first[i + 1].
 
-    The textures ``more`` become the last rows of the texture table, in their order.
+    The textures ``more`` become the last rows of the texture table, in order.
     """
     lobes = [lobe for material in materials for lobe in material.lobes]
     textures: list[Texture] = []
@@ -44,5 +44,5 @@ def compile_materials(
 
 
 def color_factor(lobes: LobeTable) -> FloatArray:
-    """Return what multiplies the colour of each lobe: its share, but for the tint of glass."""
+    """Return the factor on the colour of each lobe: its weight; 1 for the tint of glass."""
     return np.where(lobes.traits & TRANSMITS, 1.0, lobes.weight)

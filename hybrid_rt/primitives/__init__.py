@@ -1,4 +1,4 @@
-"""Surfaces with a closed form, and triangle meshes."""
+"""Analytic surfaces (sphere, torus, plane, rectangle, box) and triangle meshes."""
 
 from hybrid_rt.primitives.box import Box
 from hybrid_rt.primitives.plane import Plane

@@ -1,4 +1,4 @@
-"""Boxes, along the coordinate axes or turned."""
+"""Axis-aligned boxes, and parallelepipeds."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from meshing.surface import Surface
 
 
 class Box(Surface):
-    """A solid with faces along the axes; its normals point outward, unless flipped.
+    """An axis-aligned box; its normals point outward, unless flipped.
 
-    `transformed` turns and skews it: then it is a `TurnedBox`.
+    `transformed` may return a parallelepiped, a `TurnedBox`.
 
     ``patch_id`` counts the faces -x, +x, -y, +y, -z, +z. On each, (u, v) run from 0 to 1 along the
     two other axes, in the order (y, z), (z, x), (x, y); on the lower faces, and on the upper ones
-    of a flipped box, in the opposite order, so that S_u x S_v is the normal.
+    of a flipped box, in the opposite order, so that the normal is along S_u x S_v.
 
     Parameters
     ----------
@@ -29,11 +29,11 @@ class Box(Surface):
     Attributes
     ----------
     lo, hi : (3,) float64
-        The corner where all three axes begin, and the opposite one.
+        Lowest and highest corner.
     edges : (3, 3) float64
-        Rows: along its x, y and z axis, from ``lo`` to the next corners.
+        Rows: the edges from ``lo`` along x, y and z.
     is_upright : bool
-        Whether the axes are those of the world.
+        Whether the box is axis-aligned.
     orientation : int
         1, or -1 if flipped.
 
@@ -132,15 +132,14 @@ class Box(Surface):
         return self.orientation * normals
 
     def area_sampler(self) -> Squares:
-        """Return what chooses points evenly by area."""
+        """Return the area sampler."""
         return Squares(self.areas)
 
     def transformed(self, matrix: ArrayLike) -> Box:
-        """Return the image under an affine map: a parallelepiped, if the map is no similarity.
+        """Return the image under an affine map: a `Box` if it is axis-aligned, else a `TurnedBox`.
 
-        A scaling and translation along the axes leads to a box along the axes, whose faces are
-        counted along the axes as well; otherwise faces and (u, v) stay with their points, but for
-        the order of u and v under a reflection, as normals stay outward.
+        A `Box` numbers its faces along the axes again. Otherwise faces and (u, v) stay with their
+        points, except that a reflection swaps u and v, as normals stay outward.
 
         Parameters
         ----------
@@ -173,31 +172,30 @@ class Box(Surface):
 
 
 class TurnedBox(Box):
-    """A box that is turned or skewed, as `Box.transformed` makes it.
+    """A parallelepiped, as `Box.transformed` makes it.
 
-    Faces and (u, v) are those of `Box` along its own axes. Where a reflection has made these
-    left-handed, u and v change places, as normals stay outward.
+    Faces and (u, v) are those of `Box` along its own edges. If these are left-handed, u and v are
+    swapped, as normals stay outward.
 
     Parameters
     ----------
     corner : (3,) scene units
-        Where its axes begin.
     edges : (3, 3) scene units
-        Rows: along its x, y and z axis, to the next corners.
+        Rows: the three edges from ``corner``.
     orientation : {1, -1}
         -1: normals point inward.
 
     Attributes
     ----------
     handedness : int
-        1 where its axes are right-handed, else -1.
+        1 if the edges are right-handed, else -1.
     across : (3, 3) float64
         Rows: unit normals of the upper faces, away from the lower ones.
 
     Raises
     ------
     ValueError
-        For a corner or edges that are not finite, and edges that lie in a plane.
+        If corner or edges are not finite, or the edges are coplanar.
     """
 
     is_upright = False

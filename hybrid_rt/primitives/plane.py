@@ -14,8 +14,8 @@ from meshing.surface import Surface
 class Plane(Surface):
     """All points ``x`` with ``(x - point) . normal = 0``.
 
-    (u, v) are the fractional parts of the two world coordinates across the largest component of
-    the normal, in the order x, y, z.
+    (u, v) are the fractional parts of two world coordinates, in the order x, y, z: those other than
+    the largest component of the normal.
 
     Parameters
     ----------
@@ -29,6 +29,7 @@ class Plane(Surface):
     """
 
     is_bounded = False
+    is_flat = True
 
     def __init__(self, point: ArrayLike, normal: ArrayLike) -> None:
         self.origin = checks.as_vector(point, "Plane point", up_to=checks.FARTHEST)
@@ -48,12 +49,12 @@ class Plane(Surface):
 
     @property
     def middle(self) -> FloatArray:
-        """(3,): the point that it was given by."""
+        """(3,): ``point``."""
         return self.origin
 
     @property
     def size(self) -> float:
-        """0: it has no end."""
+        """0: it is unbounded."""
         return 0.0
 
     @property
@@ -62,7 +63,7 @@ class Plane(Surface):
         return 0.0
 
     def point(self, u: ArrayLike, v: ArrayLike, patch_id: ArrayLike = 0) -> FloatArray:
-        """Return the points (n, 3) float64 whose two coordinates are (u, v), in scene units.
+        """Return the points (n, 3) float64 with coordinates (u, v) along `axes`, scene units.
 
         Parameters
         ----------

@@ -1,4 +1,4 @@
-"""Rectangles (and parallelograms)."""
+"""Rectangles and parallelograms."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from meshing.surface import Surface
 class Rectangle(Surface):
     """The points ``corner + u edge_u + v edge_v``; the normal lies along edge_u x edge_v.
 
-    The edges need not be at right angles: a parallelogram is as good.
+    The edges need not be perpendicular.
 
     Parameters
     ----------
@@ -25,6 +25,8 @@ class Rectangle(Surface):
     ValueError
         For vectors that are not finite, or edges that span no area.
     """
+
+    is_flat = True
 
     def __init__(self, corner: ArrayLike, edge_u: ArrayLike, edge_v: ArrayLike) -> None:
         self.corner = as_vector(corner, "Rectangle corner")
@@ -87,7 +89,7 @@ class Rectangle(Surface):
         return np.zeros_like(self.point(u, v, patch_id)) + self.unit_normal
 
     def area_sampler(self) -> Squares:
-        """Return what chooses points evenly by area."""
+        """Return the area sampler."""
         return Squares(np.array([np.linalg.norm(np.cross(self.edge_u, self.edge_v))]))
 
     def transformed(self, matrix: ArrayLike) -> Rectangle:

@@ -15,8 +15,8 @@ class Sphere(Surface):
     """A sphere; its normal points outward, unless flipped.
 
     ``u`` is the azimuth over 2 pi from ``meridian``, right-handed about ``pole``; ``v`` is the
-    polar angle over pi, 0 at the south pole and 1 at ``pole``. A flipped sphere counts the azimuth
-    the other way, so that S_u x S_v, along which the normal lies, points inward.
+    polar angle over pi, 0 at the south pole and 1 at ``pole``. On a flipped sphere the azimuth runs
+    the other way, so that S_u x S_v, and with it the normal, points inward.
 
     Parameters
     ----------
@@ -56,7 +56,7 @@ class Sphere(Surface):
 
     @property
     def frame(self) -> FloatArray:
-        """(3, 3): rows along azimuth 0, along a quarter turn (as counted), and along the pole."""
+        """(3, 3): rows along azimuth 0, along azimuth 90 degrees, and along the pole."""
         quarter = self.orientation * np.cross(self.pole, self.meridian)
         return np.stack([self.meridian, quarter, self.pole])
 
@@ -78,7 +78,7 @@ class Sphere(Surface):
 
     @property
     def reach(self) -> float:
-        """The largest coordinate of its points."""
+        """Largest |coordinate| of its points."""
         return float(max(map(abs, self.center.tolist()))) + self.radius
 
     @property
@@ -93,7 +93,7 @@ class Sphere(Surface):
 
     @property
     def carrier(self) -> tuple[float, ...]:
-        """Equal for equal spheres: others share no area."""
+        """Equal for equal spheres; other spheres share no area with it."""
         return (*self.center.tolist(), self.radius)
 
     def point(self, u: ArrayLike, v: ArrayLike, patch_id: ArrayLike = 0) -> FloatArray:
@@ -139,7 +139,7 @@ class Sphere(Surface):
         return self.radius * (along_u @ self.frame), self.radius * (along_v @ self.frame)
 
     def area_sampler(self) -> AreaSampler:
-        """Return what chooses points evenly by area."""
+        """Return the area sampler."""
         return _Bands(np.array([4.0 * np.pi * self.radius**2]))
 
     def _outward(self, u: ArrayLike, v: ArrayLike, patch_id: ArrayLike) -> FloatArray:

@@ -1,4 +1,4 @@
-"""Tori: rings with a round tube."""
+"""Tori."""
 
 from __future__ import annotations
 
@@ -22,22 +22,22 @@ from meshing.surface import Surface
 
 
 class Torus(Surface):
-    """A tube of circular section about a circle; its normal points outward, unless flipped.
+    """A torus; its normal points outward, unless flipped.
 
     S(u, v) = origin + (R + r cos 2 pi v) (cos 2 pi u radial + sin 2 pi u binormal)
     + r sin 2 pi v axis, with R and r the two radii and binormal = axis x radial: u runs about the
     axis, right-handed, and v about the tube, from the outer rim toward ``axis``. On a flipped torus
-    v runs the other way, so that S_u x S_v, along which the normal lies, points into the tube.
+    v runs the other way, so that S_u x S_v, and with it the normal, points into the tube.
 
     Parameters
     ----------
     origin : (3,) scene units
-        The middle of the ring.
+        The centre.
     axis : (3,) direction of any length
     major_radius : positive number, scene units
-        Of the circle in the middle of the tube.
+        Radius of the tube's centre line.
     minor_radius : positive number, scene units
-        Of the tube; less than ``major_radius``.
+        Radius of the tube; less than ``major_radius``.
     reference : (3,) direction of any length, optional
         u = 0 lies along it, projected normal to the axis. Default: the coordinate axis least
         aligned with ``axis``.
@@ -108,7 +108,7 @@ class Torus(Surface):
 
     @property
     def middle(self) -> FloatArray:
-        """(3,): the middle of the ring."""
+        """(3,): the centre."""
         return self.origin
 
     @property
@@ -118,7 +118,7 @@ class Torus(Surface):
 
     @property
     def carrier(self) -> tuple[float, ...]:
-        """Equal for equal tori: others share no area."""
+        """Equal for equal tori; other tori share no area with it."""
         # Of an axis and its opposite, which make the same torus, one.
         sign = 1.0 if self.axis[np.abs(self.axis).argmax()] > 0.0 else -1.0
         radii = self.major_radius, self.minor_radius

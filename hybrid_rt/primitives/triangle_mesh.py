@@ -23,9 +23,9 @@ CORNERS = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])
 
 
 class TriangleMesh(Surface):
-    """Triangles, exact in float64; (u, v) are the weights of a face's second and third vertex.
+    """A triangle mesh in float64; (u, v) are the barycentric weights of vertices 1 and 2 of a face.
 
-    Faces without area are never hit, but keep their number.
+    Faces without area are never hit, but keep their index.
 
     Parameters
     ----------
@@ -35,7 +35,7 @@ class TriangleMesh(Surface):
     Raises
     ------
     ValueError
-        For vertices that are not finite, faces that name vertices that are not there, no face.
+        If a vertex is not finite, a face index is out of range, or there are no faces.
     """
 
     is_triangular = True
@@ -133,15 +133,14 @@ class TriangleMesh(Surface):
         return normals
 
     def area_sampler(self) -> Triangles:
-        """Return what chooses points evenly by area."""
+        """Return the area sampler."""
         a, b, c = (self.vertices[self.faces[:, k]] for k in range(3))
         return Triangles(0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1))
 
-    def triangles(self, tolerance: float) -> CertifiedMesh:
-        """Return the triangles themselves, whatever the tolerance."""
+    def triangles(self) -> CertifiedMesh:
+        """Return the triangles themselves."""
         from meshing import CertifiedMesh
 
-        del tolerance
         uv = np.broadcast_to(CORNERS, (len(self), 3, 2))
         numbers = np.arange(len(self), dtype=np.int32)
         return CertifiedMesh(self.vertices, self.faces, uv, numbers, 0.0)

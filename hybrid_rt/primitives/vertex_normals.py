@@ -1,4 +1,4 @@
-"""Normals between the vertices of a triangle mesh."""
+"""Vertex normals of triangle meshes, and their interpolation."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ from hybrid_rt.primitives import TriangleMesh
 
 
 def vertex_normals(mesh: TriangleMesh) -> FloatArray:
-    """Return a unit normal for each vertex, (v, 3): of its faces, weighted by their angles there.
+    """Return unit vertex normals (v, 3): face normals weighted by the angle at the vertex.
 
-    Vertices at the same place count as one: files often store one for each face. Thuermer and
+    Vertices at the same position are merged, as files often store one per face. Thuermer and
     Wuethrich, "Computing vertex normals from polygonal facets", JGT 3(1), 1998.
     """
     _, place = np.unique(mesh.vertices, axis=0, return_inverse=True)
@@ -36,10 +36,10 @@ def shading_normals(
     mesh: TriangleMesh,
     normals: FloatArray,
 ) -> FloatArray:
-    """Return the interpolated normals of some hits on a mesh, (rows, 3).
+    """Return the shading normals (rows, 3) of some hits on a mesh.
 
-    Where the interpolated normal has the ray on its other side, as happens along outlines, the
-    face's own takes its place: a ray always meets the same side of both.
+    Where the ray arrives on different sides of the interpolated normal and the face normal, as
+    happens along silhouettes, the face normal is returned.
     """
     face = mesh.faces[hits.patch_id[rows]]
     u, v = hits.u[rows][:, None], hits.v[rows][:, None]

@@ -1,4 +1,4 @@
-"""The share of wrong first hits in accuracies "mesh" and "refined", measured on some camera rays."""
+"""The share of wrong first hits at accuracy "mesh" or "refined", measured on some camera rays."""
 
 from __future__ import annotations
 
@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 
-from hybrid_rt.core.records import HitRecord
 from hybrid_rt.integrators.context import RenderContext
 from hybrid_rt.integrators.integrator import LENS_DIMENSION, PIXEL_DIMENSION
 from hybrid_rt.intersection import Intersector
@@ -23,8 +22,8 @@ def audit(context: RenderContext, threads: int | None = None) -> dict[str, Any] 
     """Compare first hits of camera rays with certified ones.
 
     The rays are those of the first pass through pixels spread evenly over the picture. The
-    certified hits are found without triangles and without Embree, so nothing of the method on trial
-    is used.
+    certified hits are found without triangles and without Embree, so they are independent of the
+    method under test.
 
     Parameters
     ----------
@@ -34,16 +33,15 @@ def audit(context: RenderContext, threads: int | None = None) -> dict[str, Any] 
     Returns
     -------
     dict or None
-        ``rays`` that meet something by either method, ``wrong`` ones among them (``missed``,
-        ``phantom``, ``farther``), their ``share`` with the ``interval_95`` of Wilson, and the
-        ``mean_error`` and ``worst_error`` of t in scene units over the right ones. None where the
+        ``rays`` that hit something by either method, the ``wrong`` ones among them (``missed``,
+        ``phantom``, ``farther``), their ``share`` with Wilson's ``interval_95``, and the
+        ``mean_error`` and ``worst_error`` of t in scene units over the correct ones. None if the
         hits of the picture are certified themselves.
     """
     tracer = context.tracer
     if tracer.accuracy == "certified" or "embree" not in tracer.plan["used"]:
         return None
-    from hybrid_rt.core.ray_set import RaySet
-    from hybrid_rt.intersection.hit_errors import compare
+    from hybrid_rt.intersection.hit_errors import certified_hits, compare
 
     camera, sampler = context.scene.camera, context.sampler
     n_pixels = camera.width * camera.height
@@ -55,33 +53,28 @@ def audit(context: RenderContext, threads: int | None = None) -> dict[str, Any] 
     origins, directions = camera.rays(column + place[:, 0], row + place[:, 1], lens)
 
     certified = Intersector(tracer.surfaces, coarse="none", threads=threads)
-    exact = certified.intersect(origins, directions)
-    t_min = np.where(exact.hit, exact.t, 0.0)
-    beyond: HitRecord = certified.intersect(origins, directions, t_min=t_min, source=exact)
+    exact = certified_hits(certified, origins, directions)
     own = copy.copy(tracer)
     own.counters = dict.fromkeys(tracer.counters, 0)  # not work for the picture
     found = own.intersect(origins, directions)
-    rays = RaySet(origins, directions, np.full(n, "camera"))
-    errors = compare(exact, beyond.t, found, rays)
-    wrong = errors.missed + errors.phantom + errors.farther
+    errors = compare(exact, found.t, found.object_id)
+    wrong, n_rays = errors.wrong_hits.wrong, errors.wrong_hits.rays
     return {
-        "rays": errors.rays,
+        "rays": n_rays,
         "wrong": wrong,
         "share": errors.wrong,
-        "interval_95": share_interval(wrong, errors.rays),
-        "missed": errors.missed,
-        "phantom": errors.phantom,
-        "farther": errors.farther,
+        "interval_95": share_interval(wrong, n_rays),
+        **errors.wrong_hits.counts,
         "mean_error": errors.mean,
         "worst_error": errors.worst,
     }
 
 
 def share_interval(k: int, n: int) -> list[float]:
-    """Return the 95 % interval of a share of which k in n were seen.
+    """Return the 95 % confidence interval of a proportion, k of n observed.
 
     Wilson, "Probable inference, the law of succession, and statistical inference", JASA 22, 1927.
-    scipy.stats has the same; importing it would take longer than a small render, 0.4 s.
+    scipy.stats has it too, but importing that takes 0.4 s, longer than a small render.
     """
     if n == 0:
         return [0.0, 1.0]

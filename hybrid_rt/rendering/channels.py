@@ -1,8 +1,8 @@
-"""Output channels: what lies behind the middle of each pixel, and errors.
+"""Output channels (AOVs): geometry at pixel centres, and error estimates.
 
-Each output is one function here, which its decorator registers under its name. The geometric ones
-come from one ray through the middle of each pixel and of the lens: they have no noise and no border
-between two objects is blurred.
+Each output is one function here, which its decorator registers under its name. The geometric
+channels come from one ray through the centre of each pixel and of the lens: they have no noise and
+are not antialiased.
 """
 
 from __future__ import annotations
@@ -27,14 +27,14 @@ ROWS_AT_ONCE = 2**18
 
 @dataclass(frozen=True)
 class Behind:
-    """What lies behind n pixels.
+    """The first hits behind the centres of n pixels.
 
     Attributes
     ----------
     hits : HitRecord of n rows
     scene : CompiledScene
     light : SurfaceLight
-        Knows materials and colours at hits.
+        Gives materials and colours at hits.
     """
 
     hits: HitRecord
@@ -53,11 +53,11 @@ class Output:
     Attributes
     ----------
     parts : tuple of str
-        Names of its parts; (): it is a single number per pixel.
+        Names of its components; (): one number per pixel.
     of_pixels : callable, optional
-        Returns the values (n,) or (n, parts) of what lies behind n pixels.
+        Takes `Behind`, returns values (n,) or (n, parts).
     of_passes : callable, optional
-        Returns the values (height, width) or (height, width, parts) of a film.
+        Takes a `Film`, returns values (height, width) or (height, width, parts).
     """
 
     parts: tuple[str, ...]
@@ -69,7 +69,7 @@ OUTPUTS: dict[str, Output] = {}
 
 
 def geometric(*parts: str) -> Callable[[OfPixels], OfPixels]:
-    """Register a function as the output of its name: of what lies behind pixels."""
+    """Register a function of `Behind` as the output of its name."""
 
     def register(function: OfPixels) -> OfPixels:
         OUTPUTS[function.__name__] = Output(parts, of_pixels=function)
@@ -79,7 +79,7 @@ def geometric(*parts: str) -> Callable[[OfPixels], OfPixels]:
 
 
 def of_passes(*parts: str) -> Callable[[OfPasses], OfPasses]:
-    """Register a function as the output of its name: of all passes."""
+    """Register a function of the film as the output of its name."""
 
     def register(function: OfPasses) -> OfPasses:
         OUTPUTS[function.__name__] = Output(parts, of_passes=function)
@@ -90,37 +90,37 @@ def of_passes(*parts: str) -> Callable[[OfPasses], OfPasses]:
 
 @geometric()
 def depth(behind: Behind) -> FloatArray:
-    """Return the way to what is met, inf where nothing is."""
+    """Return the distance to the hit along the ray; inf on a miss."""
     return behind.hits.t
 
 
 @geometric("X", "Y", "Z")
 def position(behind: Behind) -> FloatArray:
-    """Return where something is met."""
+    """Return the hit points."""
     return behind.hits.position
 
 
 @geometric("X", "Y", "Z")
 def normal(behind: Behind) -> FloatArray:
-    """Return the normal of what is met."""
+    """Return the normals of hits."""
     return behind.hits.normal
 
 
 @geometric("U", "V")
 def uv(behind: Behind) -> FloatArray:
-    """Return the parameters of the point that is met."""
+    """Return the surface parameters of hits."""
     return np.stack([behind.hits.u, behind.hits.v], axis=1)
 
 
 @geometric()
 def object_id(behind: Behind) -> FloatArray:
-    """Return which object is met, -1 where none is."""
+    """Return the index of the object hit; -1 on a miss."""
     return behind.hits.object_id.astype(np.float64)
 
 
 @geometric("R", "G", "B")
 def albedo(behind: Behind) -> FloatArray:
-    """Return the sum of the colours of all lobes, 0 where nothing is met."""
+    """Return the sum of the colours of all lobes; 0 on a miss."""
     hits, light = behind.hits, behind.light
     material = light.material(hits)
     total = np.zeros((len(hits), 3))
@@ -135,19 +135,19 @@ def albedo(behind: Behind) -> FloatArray:
 
 @of_passes()
 def samples(film: Film) -> FloatArray:
-    """Return how many passes there are."""
+    """Return the number of passes."""
     return np.full(film.image.shape[:2], float(film.n_passes))
 
 
 @of_passes("R", "G", "B")
 def standard_error(film: Film) -> FloatArray:
-    """Return the standard error of each pixel; of a single pass nan."""
+    """Return the standard error of each pixel; nan after a single pass."""
     return film.standard_error
 
 
 @of_passes("R", "G", "B")
 def half_interval(film: Film) -> FloatArray:
-    """Return half the width of each pixel's 95 % interval; of a single pass nan."""
+    """Return half the width of each pixel's 95 % interval; nan after a single pass."""
     return film.half_interval
 
 
@@ -160,7 +160,7 @@ def check_names(names: Sequence[str]) -> tuple[str, ...]:
 
 
 def numbers_per_pixel(names: Sequence[str]) -> int:
-    """Return how many numbers outputs hold for each pixel."""
+    """Return the number of values per pixel of these outputs."""
     return sum(max(len(OUTPUTS[name].parts), 1) for name in names)
 
 
@@ -172,9 +172,8 @@ def compute_channels(
     Returns
     -------
     dict
-        By name, (height, width) or (height, width, parts) float32, row 0 at the top. Where nothing
-        is behind a pixel depth is inf, object_id -1, albedo 0 and the rest nan; the errors of a
-        single pass are nan.
+        By name, (height, width) or (height, width, parts) float32, row 0 at the top. On a miss
+        depth is inf, object_id -1, albedo 0 and the rest nan. Errors are nan after a single pass.
     """
     outputs = {name: OUTPUTS[name] for name in names}
     of_pixels = {name: o.of_pixels for name, o in outputs.items() if o.of_pixels is not None}

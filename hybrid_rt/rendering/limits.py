@@ -1,4 +1,4 @@
-"""When a render stops: after passes, after seconds, at a target error; the first reached."""
+"""Stopping criteria: a number of passes, a time budget, a target error; the first reached stops."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ MOST_PASSES = 2**32 - 2
 
 
 class Clock:
-    """Wall seconds since it was made, those of kernel compilation left out."""
+    """Wall seconds since construction, without kernel compilation."""
 
     def __init__(self, compilation: CompileWatch) -> None:
         self._began = time.perf_counter()
@@ -23,7 +23,7 @@ class Clock:
 
     @property
     def seconds(self) -> float:
-        """Seconds that count toward a time budget."""
+        """Seconds that count against a time budget."""
         return time.perf_counter() - self._began - self._compilation.seconds
 
     @property
@@ -33,7 +33,7 @@ class Clock:
 
 
 class Limit:
-    """Decides before each pass whether it starts.
+    """Decides before each pass whether it is to start.
 
     Parameters
     ----------
@@ -42,8 +42,8 @@ class Limit:
     time_budget : float or None
         Seconds, above 0.
     target_error : float or None
-        Estimated relative error of the picture, noise and blur, above 0. With no limit given: 16
-        passes.
+        Estimated relative error of the picture (noise and blur), above 0. If no limit is given, 16
+        passes are made.
     """
 
     def __init__(
@@ -71,10 +71,10 @@ class Limit:
         self._n_of_error = 0
 
     def begins(self, n_done: int, seconds: float, at_most: int = 1) -> int:
-        """Return how many passes start, ``n_done`` being complete after ``seconds``.
+        """Return how many passes to start when ``n_done`` are complete after ``seconds``.
 
-        Up to ``at_most`` run together where no limit will be reached on the way, and no error is
-        to be estimated.
+        It is more than one, at most ``at_most``, only if no limit will be reached and no error has
+        to be estimated before they end.
         """
         if n_done > self._n_began:
             spent = (seconds - self._pass_began) / (n_done - self._n_began)
@@ -93,12 +93,12 @@ class Limit:
         return max(at_most, 1)
 
     def next_estimate(self) -> int:
-        """Return after how many passes the error is to be estimated next.
+        """Return the number of passes at which the error is estimated next.
 
-        Each time there are twice as many. With a target sooner: noise falls as 1 / sqrt(n), so the
-        target is expected after n (error / target)^2 passes, and the next look is after
-        n (error / target), before that. It comes after whole runs of passes. Only the errors so far
-        decide, no clock, so a render to a target ends with the same pass on every machine.
+        The number doubles each time, or grows by less with a target: noise falls as 1 / sqrt(n), so
+        the target is expected at n (error / target)^2 passes, and the next estimate is made before,
+        at n (error / target). It is rounded to whole runs of passes. It depends on errors only, not
+        on time, so a render to a target ends at the same pass on every machine.
         """
         n = self._n_of_error
         if n == 0:
@@ -117,22 +117,22 @@ class Limit:
         power: float = 1.0,
         blur_stays: bool = False,
     ) -> None:
-        """Hear the estimates of the picture's relative error after ``n_done`` passes.
+        """Record the estimated relative error of the picture after ``n_done`` passes.
 
-        ``power`` is that of `hybrid_rt.integrators.Options`. The blur may be a limit to it, inf
-        where nothing is known; ``blur_stays`` where it is the same after any number of passes.
+        ``power`` is the ``error_power`` of `hybrid_rt.integrators.Options`. The blur may be an
+        upper limit, or inf if unknown. ``blur_stays``: more passes do not reduce it.
         """
         self._n_of_error, self._noise, self._blur = n_done, noise, blur
         self._power, self._blur_stays = power, blur_stays
 
     @property
     def error(self) -> float:
-        """The latest estimate of the picture's relative error; inf where there is none."""
+        """The latest estimate of the picture's relative error; inf if there is none."""
         return math.hypot(self._noise, self._blur)
 
     @property
     def blur_out_of_reach(self) -> float | None:
-        """The blur, where it stays and is above the target for sure: twice the noise as well."""
+        """The blur, if it stays and is above the target and above twice the noise; else None."""
         if self.target_error is None or not self._blur_stays:
             return None
         return self._blur if self._blur > max(self.target_error, 2.0 * self._noise) else None
@@ -155,7 +155,7 @@ class Limit:
         return "time_budget" if seconds + self._longest > self.time_budget else None
 
     def expected_passes(self, n_done: int) -> int:
-        """Return how many passes there will be, as far as one can tell after ``n_done``."""
+        """Return the expected total number of passes, as estimated after ``n_done``."""
         expected = [] if self.passes is None else [self.passes]
         if self.time_budget is not None and self._longest > 0.0:
             expected.append(n_done + int((self.time_budget - self._pass_began) / self._longest))

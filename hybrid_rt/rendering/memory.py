@@ -23,22 +23,22 @@ CONTAINER_LIMIT = Path("/sys/fs/cgroup/memory.max")
 def check_memory(
     camera: Camera, photons: int, outputs: Sequence[str], passes: int | None = None
 ) -> None:
-    """Refuse what this machine cannot hold.
+    """Raise if the render needs more memory than this process can have.
 
     Parameters
     ----------
     camera : Camera
     photons : int
-        Of each pass; 0 without photons.
+        Number per pass; 0 without photons.
     outputs : sequence of str
-        Channels beside radiance.
+        Channels besides radiance.
     passes : int, optional
-        At most; None: any number.
+        Largest number of passes; None: unlimited.
 
     Raises
     ------
     MemoryError
-        Naming the memory it would take, and the memory there is.
+        With the memory needed and the memory available.
     """
     n_pixels, available = camera.width * camera.height, available_bytes()
     per_pixel = PER_PIXEL_WITH_PHOTONS if photons else PER_PIXEL
@@ -56,7 +56,7 @@ def check_memory(
 
 
 def available_bytes() -> int:
-    """Return the memory that this process can have at most."""
+    """Return the memory available to this process, bytes."""
     total = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
     try:
         return min(total, int(CONTAINER_LIMIT.read_text()))

@@ -1,4 +1,4 @@
-"""`render`: passes are traced, added up on the film and reported until a limit is reached."""
+"""`render`, the main loop: trace passes, add them to the film, stop at a limit, make the report."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ from hybrid_rt.sensor.image_files import save_image
 
 @dataclass(frozen=True)
 class RenderResult:
-    """A picture and how it came about.
+    """A picture and its report.
 
     Attributes
     ----------
@@ -51,7 +51,7 @@ class RenderResult:
     report : dict
         Settings, counts, seconds, versions; plain types only.
     channels : dict
-        The outputs asked for, by name; see `hybrid_rt.rendering.channels`.
+        The requested outputs by name; see `hybrid_rt.rendering.channels`.
     """
 
     image: NDArray[np.float32]
@@ -70,8 +70,8 @@ class RenderInterrupted(KeyboardInterrupt):
     Attributes
     ----------
     result : RenderResult
-        The picture of the passes that were complete; its report is ``stopped_by`` "interrupted",
-        unless all passes were done when Ctrl-C came.
+        The picture of the complete passes; ``report["stopped_by"]`` is "interrupted", unless all
+        passes were complete when Ctrl-C came.
     """
 
     def __init__(self, result: RenderResult) -> None:
@@ -99,44 +99,44 @@ def render(
     outputs: Sequence[str] = (),
     progress: Progress | None = None,
 ) -> RenderResult:
-    """Make a picture of a scene.
+    """Render a picture of a scene.
 
     Parameters
     ----------
     scene : Scene
     integrator : "path", "whitted", "ppm" or "photon_map"
-        "path": all light but what point lights throw through glass or off mirrors. "whitted":
-        direct light, mirrors and glass only. "ppm": all light, photons from the lights included;
-        blurred by discs that shrink from pass to pass. "photon_map": all light, with a blur that
-        stays.
+        "path": path tracing; finds all light except caustics of point lights. "whitted": direct
+        light, mirrors and glass only. "ppm": progressive photon mapping; finds all light, with a
+        blur that falls from pass to pass. "photon_map": photon mapping; finds all light, with a
+        blur that stays.
     passes : int, optional
-        One pass is one sample per pixel, and one set of photons where there are any. With no limit
-        given: 16. The first limit reached stops.
+        One pass is one sample per pixel, and one photon map for the photon integrators. Rendering
+        stops at the first limit reached; if no limit is given, after 16 passes.
     time_budget : float, optional
-        Wall seconds for all of this call but the compilation of kernels. At least one pass runs,
-        and none is started that would end too late, judged by the slowest so far.
+        Wall seconds for this call, without the compilation of kernels. At least one pass runs. A
+        pass is not started if it would end too late, judged by the slowest so far.
     target_error : float, optional
         Passes are added until the picture's estimated relative root mean square error is at most
-        this (0.01: one per cent), by itself with no end. The error is that of noise (see
-        `hybrid_rt.sensor.film.Film.relative_error`) and of the blur of photons; what ``max_depth``
-        cuts off and the geometric error are in the report. Where a blur that passes do not lessen
-        is above the target, a render without another limit ends and says so.
+        this (0.01: one per cent), with no upper limit of its own. The error counts noise (see
+        `hybrid_rt.sensor.film.Film.relative_error`) and the blur of photons, but not what
+        ``max_depth`` cuts off nor the geometric error, which are in the report. If a blur that more
+        passes do not reduce is above the target, a render without another limit ends and reports
+        that.
     seed : int
-        Names the random numbers: equal seeds and settings give equal pictures, bit for bit, for any
-        number of threads.
+        Equal seeds and settings give equal pictures, bit for bit, for any number of threads.
     threads : int, optional
         Default: the cores that this process may use.
     max_depth : int
-        Directions that a path takes at a surface at most ("whitted": mirrored and refracted ones);
-        what is lost is reported.
+        Largest number of bounces of a path ("whitted": of reflections and refractions); what is
+        lost is reported.
     accuracy, tolerance
         As `Intersector` takes them.
     options : PathOptions, PPMOptions or PhotonMapOptions, optional
         Settings of the integrator.
     outputs : sequence of str
-        What else to find, as ``channels`` of the result: "depth", "position", "normal", "uv",
-        "object_id", "albedo" (all behind the middle of each pixel), "samples", "standard_error",
-        "half_interval" (half the width of each pixel's 95 % interval).
+        Further ``channels`` of the result: "depth", "position", "normal", "uv", "object_id",
+        "albedo" (all at pixel centres), "samples", "standard_error", "half_interval" (half the
+        width of each pixel's 95 % interval).
     progress : callable, optional
         Called with (stage, done, total); see `hybrid_rt.core.progress.Progress`.
 
@@ -149,10 +149,11 @@ def render(
     ValueError, TypeError
         Before any work, if a setting is unknown or out of range.
     MemoryError
-        Before any work, if the picture or the photons of a pass are more than the machine holds.
+        Before any work, if the picture or the photons of a pass do not fit into memory.
     RenderInterrupted
-        A KeyboardInterrupt that holds the picture of the passes done: on Ctrl-C, or where
-        ``progress`` raises one, once a pass is complete. Further ones wait until it is raised.
+        A KeyboardInterrupt that holds the picture of the complete passes: on Ctrl-C, or if
+        ``progress`` raises KeyboardInterrupt, after the first pass. Further Ctrl-C are deferred
+        until it is raised.
     """
     if not isinstance(scene, Scene):
         raise TypeError(f"render scene is {checks.shown(scene)}: pass a Scene")
@@ -243,11 +244,11 @@ def check_request(
     tolerance: float | None,
     outputs: Sequence[str],
 ) -> tuple[Limit, tuple[str, ...], Sampler, int]:
-    """Check those settings of `render` that no scene has a say in.
+    """Check the settings of `render` that do not depend on the scene.
 
     Returns
     -------
-    When to stop, the outputs by name, the random numbers, and the number of threads.
+    The limit, the outputs by name, the sampler, and the number of threads.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""The report in words: noise, blur, geometric error, cost, and what stopped the render."""
+"""The report as text: noise, blur, geometric error, cost, and what stopped the render."""
 
 from __future__ import annotations
 
@@ -19,25 +19,25 @@ _STOPPED_BY = {
 
 
 def in_words(report: dict[str, Any]) -> str:
-    """Put the numbers of a render's report into some lines."""
+    """Format a render's report as a few lines of text."""
     lines = [_noise(report), _geometry(report), _cost(report), _stop(report)]
     return "\n".join([*_warnings(report), *lines])
 
 
 def per_cent(share: float) -> str:
-    """Put a share into per cent, two digits: "0.35 %", "190 %"."""
+    """Format a fraction in per cent, two digits: "0.35 %", "190 %"."""
     two_digits = f"{100.0 * share:.2g}"
     is_large = 100.0 <= float(two_digits) < 1e9  # where two digits would have an exponent
     return f"{float(two_digits):,.0f} %" if is_large else f"{two_digits} %"
 
 
 def passes_in_words(n: int) -> str:
-    """Return how many passes there are."""
+    """Format the number of passes."""
     return "1 pass" if n == 1 else f"{n} passes"
 
 
 def _warnings(report: dict[str, Any]) -> list[str]:
-    """Return what makes the picture wrong."""
+    """Return warnings about errors that the noise estimate does not cover."""
     lines = []
     if report["pixels_not_finite"]:
         lines.append(
@@ -48,8 +48,8 @@ def _warnings(report: dict[str, Any]) -> list[str]:
         share = report["points_missed_by_photons"] / report["photons"]["gather_points"]
         lines.append(
             f"  WARNING   {100.0 * share:.4g} % of the points that gather light have met no photon: "
-            "unless they lie in the dark, light is missing and no error tells of it: pass more "
-            "photons_per_pass, to ppm also a larger initial_radius or none"
+            "unless they are unlit, light is missing that no error estimate counts: pass more "
+            "photons_per_pass (for ppm, also a larger initial_radius, or none)"
         )
     lines += [
         f"  WARNING   {name!r} is clear, but not closed: {n_rays:,} rays left it without entering "

@@ -1,4 +1,4 @@
-"""What a report says of the machine: versions and memory."""
+"""The environment of a render, for its report: versions and peak memory."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ _PACKAGES = ("numpy", "numba", "scipy", "embreex", "trimesh")
 
 
 def peak_memory_mib() -> float:
-    """Return the most memory that this process has held so far, in MiB."""
+    """Return the peak memory of this process, MiB."""
     import resource
 
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
@@ -23,7 +23,7 @@ def peak_memory_mib() -> float:
 
 
 def versions() -> dict[str, str]:
-    """Return the versions of everything that decides bits of a picture."""
+    """Return the versions of everything that can change a picture's bits."""
     return {
         "hybrid_rt": __version__,
         "python": platform.python_version(),

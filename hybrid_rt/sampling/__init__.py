@@ -1,1 +1,1 @@
-"""Random numbers: each is named by seed, pixel, pass and use."""
+"""Quasi-random numbers, a pure function of seed, pixel, dimension and pass."""

@@ -1,7 +1,7 @@
-"""Low-discrepancy numbers that depend on nothing but their names.
+"""The sampler: low-discrepancy numbers as a pure function of their key.
 
-A number is named by the seed, the pixel, the dimension (what it is used for) and the pass. So
-blocks, threads, order and machines do not matter, and a pass can be computed again at any time.
+The key is (seed, pixel, dimension, pass); each use of random numbers has a dimension of its own. So
+results do not depend on blocks, threads, order or machine, and any pass can be computed again.
 """
 
 from __future__ import annotations
@@ -31,12 +31,12 @@ class Sampler:
     seed : int
         From 0 to 2**64 - 1.
     pool : Pool, optional
-        Threads that share long batches; they change no bit.
+        Threads for long batches; they change no result.
 
     Raises
     ------
     ValueError
-        If the seed is out of that range.
+        If the seed is out of range.
     """
 
     def __init__(self, seed: int, pool: Pool | None = None) -> None:
@@ -53,10 +53,10 @@ class Sampler:
         ----------
         pixel : (n,) uint64
             Number of the pixel in the whole image.
-        dimension : (n,) uint64, or one number for all
-            What the point is for; different uses need different numbers.
-        pass_number : (n,) uint64, or one number for all
-            From 0; the passes of one (pixel, dimension) fill the square evenly.
+        dimension : (n,) uint64 or int
+            Different uses need different dimensions.
+        pass_number : (n,) uint64 or int
+            From 0; the passes of one (pixel, dimension) are well distributed in the square.
 
         Returns
         -------
@@ -66,20 +66,20 @@ class Sampler:
         return point
 
     def joint(self, pixel: UIntArray, dimension: int, number: UIntArray, width: int) -> FloatArray:
-        """Return points of sequences that fill the cube of ``width`` dimensions evenly.
+        """Return points of Sobol sequences in ``width`` dimensions.
 
-        Where the integrand depends on all coordinates together, this beats as many pairs of
-        `points`, which fill their squares evenly but are paired with each other by chance.
+        If the integrand depends on all coordinates together, this beats several 2D `points`, which
+        are padded: well distributed in each square, but combined at random.
 
         Parameters
         ----------
         pixel : (n,) uint64
         dimension : int
-            Name the sequence, with ``pixel``.
+            Key of the sequence, with ``pixel``.
         number : (n,) uint64 below 2**32
-            Which of its points.
+            Index in the sequence.
         width : int
-            From 1 to `MOST_JOINT`; the first coordinates are spread best.
+            From 1 to `MOST_JOINT`; the first coordinates are distributed best.
 
         Returns
         -------
@@ -96,7 +96,7 @@ class Sampler:
         pass_number: UIntArray | int,
         n_dimensions: int,
     ) -> FloatArray:
-        """Return the points of dimensions that follow each other, (n_dimensions, n, 2).
+        """Return the points of consecutive dimensions, (n_dimensions, n, 2).
 
         Parameters are those of `points`; ``dimension`` is the first.
         """

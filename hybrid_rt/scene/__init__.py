@@ -1,1 +1,1 @@
-"""What the user describes, the flat tables that it becomes, and the plan of what it needs."""
+"""The scene: `Scene` as described, `CompiledScene` as flat tables, and the plan of its features."""

@@ -34,28 +34,28 @@ NOTHING = -1
 
 @dataclass(frozen=True)
 class CompiledScene:
-    """A scene as integrators and kernels take it.
+    """A scene in the form that integrators and kernels take.
 
     Attributes
     ----------
     surfaces : list
-        What the intersector is built over: first the objects, then the lights that can be seen.
+        Surfaces of the intersector: first the objects, then the lights that rays can hit.
     material_of : (surfaces,) int32
         Row in ``lobes.first`` of each surface; `NOTHING` for lights.
     light_of : (surfaces,) int32
-        Row in ``lights`` of each surface that shines; `NOTHING` for others.
+        Row in ``lights`` of each emissive surface; `NOTHING` for others.
     surface_of_light : (lights,) int32
-        Index in ``surfaces`` of each light; `NOTHING` where it is not seen.
+        Index in ``surfaces`` of each light; `NOTHING` if rays cannot hit it.
     color_factor : (lobes,) float64
-        What multiplies the colour of each lobe.
+        Factor on the colour of each lobe.
     glass_of : (materials,) int32
-        The dielectric lobe of each material; `NOTHING` where it has none.
+        The dielectric lobe of each material; `NOTHING` if it has none.
     power : (lights,) float64
-        Sent out by each light, in the mean of the channels.
+        Emitted power of each light, mean of the channels.
     shining : dict
-        What chooses points of the lights of kind `SURFACE`, by row in ``lights``.
+        The `ShiningSurface` of each light of kind `SURFACE`, by row in ``lights``.
     vertex_normals : dict
-        Of smooth meshes, by index in ``surfaces``: (vertices, 3) float64.
+        Vertex normals (vertices, 3) float64 of smooth meshes, by index in ``surfaces``.
     """
 
     camera: Camera
@@ -77,11 +77,11 @@ class CompiledScene:
 
     @property
     def n_lights(self) -> int:
-        """Return the number of lights, the environment not counted."""
+        """Return the number of lights, without the environment."""
         return int(self.lights.kind.size)
 
     def lobes_with(self, traits: int) -> BoolArray:
-        """Return which lobes of each material have one of these traits.
+        """Return which lobes of each material have at least one of these traits.
 
         Parameters
         ----------
@@ -90,8 +90,8 @@ class CompiledScene:
 
         Returns
         -------
-        (materials + 1, lobes of a material at most) bool
-            The last row is for `NOTHING`, which has none.
+        (materials + 1, most lobes of a material) bool
+            The last row is for `NOTHING` and is False.
         """
         first = self.lobes.first
         marks = np.zeros((first.size, int(np.diff(first).max(initial=0))), dtype=np.bool_)
@@ -110,7 +110,7 @@ def compile_scene(scene: Scene) -> CompiledScene:
     Raises
     ------
     ValueError
-        If an object cannot be what it is to be; it is named.
+        If an object's settings do not fit together (its name is in the message).
     """
     surfaces = [item.surface for item in scene.objects]
     materials: list[Material] = []

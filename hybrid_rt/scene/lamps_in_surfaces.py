@@ -1,9 +1,9 @@
-"""Lamps that lie in surfaces: found before a render, and lifted out on their shining side.
+"""Area lights that coincide with a surface: found before a render, and offset to their lit side.
 
-Where a lamp coincides with a surface, rounding would decide which of the two each ray meets, while
-next-event estimation takes the lamp to be in sight: every integrator would mix the two in its own
-way. So the lamp counts as lying before the surface, on the side on which it shines. It is moved
-there by a hair; after that nothing coincides, and all that is exact elsewhere is exact here.
+Where a light coincides with a surface, rounding would decide which of the two each ray hits, while
+next-event estimation takes the light to be visible: each integrator would mix the two differently.
+So the light counts as lying in front of the surface, on the side to which it emits. It is moved
+there by a tiny offset; after that nothing coincides, and no special case is left.
 """
 
 from __future__ import annotations
@@ -44,20 +44,20 @@ ACROSS = np.array([[2.0, -1.0, 2.0], [2.0, 2.0, -1.0], [-1.0, 2.0, 2.0]]) / 3.0
 
 @dataclass(frozen=True)
 class Sunken:
-    """A lamp that lies in another surface.
+    """A light that coincides with another surface.
 
     Attributes
     ----------
     light : int
         Its row in the light table.
     lamp, surface : str
-        What the two are called.
+        Names of the light and of the surface.
     partner : int
-        The light that the other surface is; `NOTHING` if it does not shine.
+        Row in the light table of the other surface; `NOTHING` if that is not a light.
     share : float
-        Of the lamp's area, about.
+        Approximate fraction of the light's area that coincides.
     way : (3,) float64, or None
-        Where it is to be moved; None: there is no such direction.
+        Direction in which to move it; None: there is none.
     """
 
     light: int
@@ -71,7 +71,7 @@ class Sunken:
 def with_lamps_lifted(
     scene: Scene, compiled: CompiledScene, build: Callable[[CompiledScene], Intersector]
 ) -> tuple[CompiledScene, Intersector, list[dict[str, Any]]]:
-    """Return the scene with its sunken lamps lifted, its tracer, and what is to be said of them.
+    """Offset all coincident lights; return the scene, its tracer, and notes for the report.
 
     Parameters
     ----------
@@ -84,12 +84,12 @@ def with_lamps_lifted(
     Returns
     -------
     compiled : CompiledScene
-        As it came, if no lamp lies in a surface.
+        Unchanged if no light coincides with a surface.
     tracer : Intersector
     notes : list of dict
-        For each such lamp its name (``lamp``), that of the ``surface``, the ``share`` of its area,
-        and by how much it was lifted (``lifted_by``, scene units); 0: it cannot be, which a warning
-        says as well.
+        For each coincident light its name (``lamp``), that of the ``surface``, the ``share`` of its
+        area, and the offset (``lifted_by``, scene units). 0: it could not be moved; a warning is
+        given as well.
     """
     tracer = build(compiled)
     notes: dict[str, dict[str, Any]] = {}
@@ -118,7 +118,7 @@ def with_lamps_lifted(
 
 
 def lamp_in_words(note: dict[str, Any]) -> str:
-    """Put into words what `with_lamps_lifted` says of a lamp."""
+    """Format a note of `with_lamps_lifted` as a sentence."""
     place = f"{note['lamp']} lies in {note['surface']}"
     if note["lifted_by"] > 0.0:
         return (
@@ -133,10 +133,10 @@ def lamp_in_words(note: dict[str, Any]) -> str:
 
 
 def sunken_lamps(scene: CompiledScene, tracer: Intersector) -> list[Sunken]:
-    """Return the lamps that lie in surfaces that are not clear.
+    """Return the lights that coincide with surfaces other than dielectrics.
 
-    Some points of each lamp are looked at, spread evenly by area; so what covers less than a
-    hundredth of a lamp may not be found. Clear surfaces count as wet by the lamp, see
+    Points spread evenly over each light are tested, so an overlap of less than a hundredth of its
+    area may be missed. Coincident dielectrics are handled by
     `hybrid_rt.integrators.media.contacts`.
 
     Parameters

@@ -1,4 +1,4 @@
-"""What a scene needs, decided once; whatever it does not need is never computed."""
+"""The plan: which features a scene needs, decided once; features it does not need cost nothing."""
 
 from __future__ import annotations
 
@@ -21,38 +21,38 @@ KERNELS_FOR = {
 
 
 class Needs(Protocol):
-    """What an integrator needs of any scene; see `hybrid_rt.integrators.declaration`."""
+    """What an integrator does in any scene; see `hybrid_rt.integrators.declaration`."""
 
     @property
     def asks_every_light(self) -> bool:
-        """Whether every light is asked at each hit, not one of them."""
+        """Whether every light is sampled at each hit, instead of one."""
 
     @property
     def follows_every_branch(self) -> bool:
-        """Whether glass both reflects and refracts a ray, not one by chance."""
+        """Whether both the reflected and the refracted ray are followed, not one at random."""
 
     @property
     def without_light_paths(self) -> str:
-        """Why no paths from lamps are joined to those of the camera; "": they are."""
+        """Why light subpaths are not used; "": they are."""
 
     @property
     def sends_photons(self) -> bool:
-        """Whether photons leave the lights."""
+        """Whether photons are traced."""
 
     @property
     def keeps_caustic_map(self) -> bool:
-        """Whether photons straight from mirrors and glass are kept apart."""
+        """Whether caustic photons are kept in a map of their own."""
 
 
 @dataclass
 class Plan:
-    """Decisions by name, and the reason of each in words."""
+    """Decisions by name, each with its reason as text."""
 
     used: dict[str, str] = field(default_factory=dict)
     left_out: dict[str, str] = field(default_factory=dict)
 
     def decide(self, name: str, is_needed: bool, because: str, otherwise: str) -> None:
-        """Record one decision with the reason that applies."""
+        """Record one decision and its reason."""
         (self.used if is_needed else self.left_out)[name] = because if is_needed else otherwise
 
     def __getitem__(self, name: str) -> bool:
@@ -67,7 +67,7 @@ class Plan:
 
 
 def explain(plan: dict[str, Any]) -> str:
-    """Put the plan of a report into words, one decision a line."""
+    """Format the plan of a report, one decision a line."""
     lines = []
     for part, decisions in plan.items():
         lines.append(f"{part}:")
@@ -77,7 +77,7 @@ def explain(plan: dict[str, Any]) -> str:
 
 
 def make_plan(scene: CompiledScene, integrator: Needs) -> Plan:
-    """Decide what light transport in this scene needs."""
+    """Decide which features light transport in this scene needs."""
     traits = scene.lobes.traits
     spreads = bool((traits & SPREADS).any())
     is_glass = (traits & TRANSMITS) != 0

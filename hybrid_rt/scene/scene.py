@@ -1,4 +1,4 @@
-"""What the user describes: objects of surfaces and materials, lights, a camera."""
+"""Scene description: objects (a surface and its material), lights, environment, camera."""
 
 from __future__ import annotations
 
@@ -12,18 +12,18 @@ from meshing.surface import Surface
 
 
 class Object:
-    """A surface made of something.
+    """A surface with a material.
 
     Parameters
     ----------
     surface : Surface
-        Of `hybrid_rt` or `meshing`: Sphere, TriangleMesh, BezierPatches ...
+        From `hybrid_rt` or `meshing`: Sphere, TriangleMesh, BezierPatches ...
     material : Material
     name : str, optional
-        What messages and reports call it.
+        Its name in messages and reports.
     smooth : bool
-        Shade a triangle mesh by normals interpolated between its vertices. Its outline and its
-        shadows stay those of the triangles.
+        Shade a triangle mesh with interpolated vertex normals. Silhouette and shadows stay those of
+        the triangles.
     """
 
     def __init__(
@@ -57,7 +57,7 @@ class Object:
 
 
 class Scene:
-    """A camera, objects, lights, and what lies around them.
+    """A camera, objects, lights and an environment.
 
     Parameters
     ----------
@@ -65,12 +65,12 @@ class Scene:
     objects : sequence of Object
     lights : sequence of `hybrid_rt.lights.light.Light`
     environment : GradientSky or ImageEnvironment, optional
-        What rays see that leave the scene; None is black.
+        Radiance of rays that leave the scene; None is black.
 
     Raises
     ------
     TypeError
-        If a part is of another type; the message says which.
+        If an argument has another type; the message names it.
     """
 
     def __init__(
@@ -101,5 +101,5 @@ class Scene:
         self.environment = environment
 
     def with_camera(self, camera: Camera) -> Scene:
-        """Return the same scene seen by another camera."""
+        """Return the same scene with another camera."""
         return Scene(camera, self.objects, self.lights, self.environment)

@@ -1,4 +1,4 @@
-"""Which clear bodies may coincide in part with other surfaces."""
+"""Which dielectrics may coincide in part with other surfaces."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ from hybrid_rt.scene.compiled import NOTHING, CompiledScene
 
 
 def touching(scene: CompiledScene) -> BoolArray:
-    """Tell which surfaces are clear and may coincide in part with another, (surfaces,) bool.
+    """Tell which surfaces are dielectric and may coincide in part with another, (surfaces,) bool.
 
-    Surfaces with a carrier coincide with those of an equal one only (spheres with equal spheres),
-    the others possibly where their boxes meet.
+    A surface with a carrier coincides only with surfaces of an equal carrier (spheres with equal
+    spheres); others may coincide where their bounding boxes overlap.
     """
     surfaces = scene.surfaces
     touches = np.zeros(max(len(surfaces), 1), dtype=np.bool_)

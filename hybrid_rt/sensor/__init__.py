@@ -1,1 +1,1 @@
-"""Camera, film and picture files."""
+"""Camera, film (`film` sums passes and estimates noise), error metrics, image files."""

@@ -1,4 +1,4 @@
-"""The camera: from places on the film to rays, with or without a lens."""
+"""The camera: pinhole or thin lens; rays from film positions, and back."""
 
 from __future__ import annotations
 
@@ -24,22 +24,22 @@ class Camera:
     Parameters
     ----------
     look_from, look_at : three numbers
-        The eye and the point that lands in the middle of the picture.
+        The eye, and the point at the centre of the picture.
     up : three numbers
-        Points up in the picture; need not be normal to the view.
+        Up vector; need not be perpendicular to the view direction.
     vertical_fov : float
-        Full angle between the lower and the upper border, degrees, between 0 and 180.
+        Full vertical field of view, degrees, between 0 and 180.
     width, height : int
-        Pixels; they are square.
+        Resolution; pixels are square.
     aperture : float
-        Diameter of the lens in scene units; 0 is exactly a pinhole.
+        Lens diameter, scene units; 0 is a pinhole.
     focus_distance : float, optional
-        Distance, along the view, of the plane that is sharp; default the distance of ``look_at``.
+        Distance to the plane of focus along the view direction; default: that of ``look_at``.
 
     Raises
     ------
     ValueError, TypeError
-        If the numbers describe no camera; the message names the parameter.
+        If a parameter is invalid; the message names it.
     """
 
     def __init__(
@@ -91,7 +91,7 @@ class Camera:
 
     @property
     def has_lens(self) -> bool:
-        """Whether rays start on a disc rather than in one point."""
+        """Whether the aperture is positive."""
         return self.aperture > 0.0
 
     @property
@@ -100,7 +100,7 @@ class Camera:
         return 2.0 * self._half_height / self.height
 
     def resized(self, width: int, height: int) -> Camera:
-        """Return the same camera with other pixel counts."""
+        """Return the same camera with another resolution."""
         return Camera(
             self.look_from,
             self.look_at,
@@ -115,14 +115,14 @@ class Camera:
     def rays(
         self, column: FloatArray, row: FloatArray, lens: FloatArray | None = None
     ) -> tuple[FloatArray, FloatArray]:
-        """Return origins and unit directions through places on the film.
+        """Return origins and unit directions of rays through film positions.
 
         Parameters
         ----------
         column, row : (n,) float64
-            Places in pixels from the upper left corner; pixel (0, 0) covers [0, 1) x [0, 1).
+            Positions in pixels from the upper left corner; pixel (0, 0) covers [0, 1) x [0, 1).
         lens : (n, 2) float64 in [0, 1), optional
-            Places on the lens; without them every ray passes its centre.
+            Lens samples; by default every ray passes the centre of the lens.
 
         Returns
         -------
@@ -144,22 +144,22 @@ class Camera:
     def sees(
         self, points: FloatArray, lens: FloatArray | None = None
     ) -> tuple[FloatArray, NDArray[np.int64], FloatArray]:
-        """Return where points appear in the picture: `rays` the other way round.
+        """Project points to pixels: the inverse of `rays`.
 
         Parameters
         ----------
         points : (n, 3) float64
         lens : (n, 2) float64 in [0, 1), optional
-            Places on the lens from which they are seen.
+            Lens samples from which the points are seen.
 
         Returns
         -------
         way : (n, 3) float64
-            From the camera to each point.
+            Vector from the lens to each point.
         pixel : (n,) int64
-            Counted along rows from the upper left; -1 outside the picture.
+            Index in row-major order from the upper left; -1 outside the picture.
         pdf : (n,) float64
-            Density per solid angle of directions to places even in the pixel; 0 outside.
+            pdf per solid angle of directions to positions uniform in the pixel; 0 outside.
         """
         shift = self._on_lens(lens)
         way = points - (self.look_from + shift)
@@ -178,9 +178,9 @@ class Camera:
         return way, pixel, pdf
 
     def direction_pdf(self, directions: FloatArray) -> FloatArray:
-        """Return the density per solid angle (n,) with which `rays` finds unit directions (n, 3).
+        """Return the pdf per solid angle (n,) of unit directions (n, 3) sampled by `rays`.
 
-        Each within its pixel, through one point of the lens.
+        Each is uniform within its pixel, through one point of the lens.
         """
         pdf: FloatArray = self._pdf_ahead / (directions @ self._forward) ** 3
         return pdf

@@ -1,4 +1,4 @@
-"""The film: sums of passes by groups, and from their differences the noise of the picture."""
+"""The film: passes are summed by groups; the noise is estimated from the groups' differences."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ _STUDENT_OF_PIXELS = (
 
 
 class Film:
-    """The sums of all passes so far, group by group.
+    """Accumulates passes, group by group.
 
     Parameters
     ----------
@@ -62,7 +62,7 @@ class Film:
 
     @OVERFLOWS
     def add(self, radiance: FloatArray) -> None:
-        """Add one pass (height, width, 3); passes come in the order of their numbers."""
+        """Add one pass (height, width, 3); passes must come in order."""
         group = self.n_passes // RUN % GROUPS
         mean = float(radiance.mean())
         self._sums[group] += radiance
@@ -84,11 +84,11 @@ class Film:
     @property
     @OVERFLOWS
     def standard_error(self) -> FloatArray:
-        """(height, width, 3) float64: of each pixel; a single pass tells nothing: nan.
+        """(height, width, 3) float64: standard error of each pixel; nan after a single pass.
 
-        From 16 passes on it comes from the differences between groups. Before, passes count as
-        independent; they are better than that, so the figures err on the safe side. The squares
-        are right in the mean over many pixels; of a single one see `half_interval`.
+        From 16 passes on it is estimated from the differences between groups. Before that, passes
+        are taken as independent, which overestimates the error. The squares are unbiased, so they
+        are accurate as a mean over many pixels; for single pixels see `half_interval`.
         """
         return np.sqrt(self._variances())
 
@@ -96,9 +96,9 @@ class Film:
     def half_interval(self) -> FloatArray:
         """(height, width, 3) float64: half the width of each pixel's 95 % interval; nan as above.
 
-        A pixel's own variance and the mean of its neighbours' make one estimate; in pictures of one
-        pixel its own has to do. Of many intervals 95 % hold the truth; beside edges of the noise,
-        where neighbours differ most, more do on the calm side and fewer on the other.
+        The variance is pooled from the pixel and its neighbours. The coverage is 95 % over many
+        pixels; next to an edge of the noise level it is higher on the quieter side and lower on the
+        other.
         """
         own = self._variances()
         n = (self.n_passes if self._squares is not None else GROUPS) - 2
@@ -120,18 +120,18 @@ class Film:
     def relative_error(self) -> float:
         """Return the estimated relative root mean square error of the picture, nan after one pass.
 
-        Its square is what `hybrid_rt.sensor.image_metrics.relative_mse` is expected to be against
-        the limit r of infinitely many passes: the mean over pixels and channels of s^2 / (r^2 +
-        0.01), s the standard error. As r is not known, the picture stands in for it. One bright
-        path makes both s and the value of its pixel large; divided by each other they would hide
-        the error. So what one group of passes varies by is divided by the mean of the other groups.
-        Before 16 passes the mean of the pixel's neighbours is taken for r where it is darker.
+        Its square estimates `hybrid_rt.sensor.image_metrics.relative_mse` against the limit r of
+        infinitely many passes: the mean over pixels and channels of s^2 / (r^2 + 0.01), s the
+        standard error. The picture stands in for the unknown r. One bright path increases both s
+        and its pixel's value, so that their ratio would hide the error; therefore the deviation of
+        one group of passes is divided by the mean of the other groups. Before 16 passes the mean of
+        the pixel's neighbours is taken for r where it is darker.
         """
         return self._root_mean_squares()[1]
 
     @OVERFLOWS
     def noise(self) -> dict[str, Any] | None:
-        """Return estimates of the standard error, or None where a single pass tells nothing.
+        """Return the noise estimates for the report; None after a single pass.
 
         See `standard_error` and `relative_error`; ``errs_on_the_safe_side`` before 16 passes. A 95
         % interval of the image mean reaches ``interval_factor`` standard errors to either side.
@@ -248,6 +248,6 @@ def _mean_of_neighbours(image: FloatArray) -> FloatArray:
 
 
 def _named(error: OSError, file: Path) -> OSError:
-    """Return what says of which file an error is."""
+    """Return the part of an error message that names the file."""
     reason = error.strerror or " ".join(str(error).split())
     return type(error)(f"output {str(file)!r} cannot be written ({reason}): name another file")

@@ -1,4 +1,4 @@
-"""Picture files (.png, .npz, .exr), each written whole, with its report beside it."""
+"""Image files (.png, .npz, .exr), written atomically, with the report beside each."""
 
 from __future__ import annotations
 
@@ -35,34 +35,34 @@ def save_image(
     exposure: float = 0.0,
     parts: Parts | None = None,
 ) -> Path:
-    """Write a picture, and its report beside it as JSON.
+    """Write an image file, and its report beside it as JSON.
 
     Parameters
     ----------
     path : path ending in .png, .npz or .exr
-        PNG: 8 bit, sRGB, values above 1 clipped. NPZ: ``image`` as it is, ``report`` as JSON text
+        PNG: 8 bit, sRGB, values above 1 clipped. NPZ: ``image`` unchanged, ``report`` as JSON text
         and the channels by name. EXR: 32-bit channels R, G, B and name.part, the report as the
         attribute "hybrid_rt"; needs the package OpenEXR (the extra "exr"). An existing file is
-        replaced, at once and only by a complete one.
+        replaced atomically.
     image : (height, width, 3) float32
     report : dict
     channels : dict, optional
-        By name, (height, width) or (height, width, parts) float32; not kept by PNG.
+        By name, (height, width) or (height, width, parts) float32; not stored in PNG.
     exposure : float
-        Stops: a PNG shows 2**exposure times the radiance. The other formats keep radiance.
+        Stops: a PNG shows 2**exposure times the radiance. The other formats store radiance.
     parts : dict, optional
-        By name of a channel, what EXR calls its parts; by default they are R, G and B.
+        EXR names of the components of a channel, by channel name; default: R, G and B.
 
     Returns
     -------
     Path
-        The sidecar: a.json of a.png, a.npz.json of a.npz, a.npz.png.json of a.npz.png, so that none
-        takes another's place.
+        The sidecar: a.json for a.png, a.npz.json for a.npz, a.npz.png.json for a.npz.png, so that
+        sidecars never collide.
 
     Raises
     ------
     ValueError, OSError, ModuleNotFoundError
-        If the ending is another one, no file can be made there, or OpenEXR is not installed.
+        If the suffix is unknown, the file cannot be created, or OpenEXR is not installed.
     """
     target = check_output(path)
     number(exposure, "exposure", at_least=-MOST_STOPS, up_to=MOST_STOPS, hint="stops")
@@ -79,18 +79,18 @@ def save_image(
 
 
 def sidecar_of(picture: Path) -> Path:
-    """Return where the report of a picture is kept: no two pictures have the same place."""
+    """Return the path of an image's report; no two images share one."""
     is_short = picture.suffix.lower() == ".png" and Path(picture.stem).suffix.lower() not in WRITERS
     return picture.with_suffix(".json" if is_short else f"{picture.suffix}.json")
 
 
 def keeps_channels(picture: Path) -> bool:
-    """Tell whether files of this kind hold more than radiance."""
+    """Tell whether files with this suffix store channels."""
     return picture.suffix.lower() != ".png"
 
 
 def check_output(path: str | os.PathLike[str]) -> Path:
-    """Return the path if a picture can be written there; see `save_image` for what is raised."""
+    """Return the path if an image can be written there; raises as `save_image`."""
     target = as_path(path, "output")
     if target.suffix.lower() not in WRITERS:
         raise ValueError(f"output {str(target)!r} has an unknown ending: pass {', '.join(WRITERS)}")
@@ -104,7 +104,7 @@ def check_output(path: str | os.PathLike[str]) -> Path:
 
 
 def check_writable(file: Path) -> None:
-    """Refuse a file that cannot be written, or replaced."""
+    """Raise OSError if a file cannot be written or replaced."""
     if not file.parent.is_dir():
         raise FileNotFoundError(
             f"output {str(file)!r} has no folder {str(file.parent)!r}: make it, or name another file"
@@ -186,12 +186,12 @@ WRITERS: dict[str, Writer] = {".png": _write_png, ".npz": _write_npz, ".exr": _w
 
 @contextmanager
 def replacing(target: Path) -> Iterator[BinaryIO]:
-    """Open a file under a temporary name that takes the target's place once it is complete.
+    """Open a temporary file that replaces the target when it is complete.
 
     Raises
     ------
     OSError
-        Naming the target, if it cannot be written to the end.
+        If writing fails; the message names the target.
     """
     temporary = _temporary(target)
     try:

@@ -1,4 +1,4 @@
-"""How far a picture is from a reference."""
+"""Error metrics: a picture against a reference (RMSE, relative MSE, bias)."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ WORST = 1e-3
 
 @dataclass(frozen=True)
 class PictureErrors:
-    """A picture against a reference.
+    """Errors of a picture x against a reference r.
 
     Attributes
     ----------
@@ -113,15 +113,15 @@ def relative_squares(image: NDArray[np.floating], reference: NDArray[np.floating
 def noise_of_reference(
     reference: NDArray[np.floating], standard_error: NDArray[np.floating]
 ) -> float:
-    """Return the relative MSE that a reference with these standard errors has by itself."""
+    """Return the relative MSE of a reference with these standard errors."""
     return relative_mse(reference + standard_error, reference)
 
 
 def seconds_to(target: float, seconds: Sequence[float], errors: Sequence[float]) -> float:
     """Return the seconds at which errors, falling with time, reach a target.
 
-    Between two measurements the line in logarithms; before the first its seconds, after the last
-    nan.
+    Log-log interpolation between measurements; the first seconds if the first error is below the
+    target, nan if the last is above.
     """
     for k, (t, error) in enumerate(zip(seconds, errors, strict=True)):
         if error > target:

@@ -1,4 +1,4 @@
-"""The numbers of passes, and the groups they belong to; each group has random numbers of its own."""
+"""The assignment of pass numbers to groups; each group has random numbers of its own."""
 
 from __future__ import annotations
 
@@ -24,6 +24,6 @@ def group_of(pass_number: UIntArray) -> tuple[UIntArray, UIntArray]:
 
 
 def pass_of(group: UIntArray, number: UIntArray) -> UIntArray:
-    """Return the passes that `group_of` takes apart."""
+    """Return the pass numbers: the inverse of `group_of`."""
     turn, place = np.divmod(number, np.uint64(RUN))
     return (turn * np.uint64(GROUPS) + group) * np.uint64(RUN) + place

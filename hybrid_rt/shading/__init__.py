@@ -1,1 +1,1 @@
-"""Materials, emitters and media at one hit."""
+"""Shading kernels: BSDFs, light sampling, textures, media."""

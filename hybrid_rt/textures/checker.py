@@ -1,4 +1,4 @@
-"""Checkers: squares on a surface, or cells of space."""
+"""Checker textures, in surface parameters or in world space."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ FINEST = 1e12
 
 
 class CheckerTexture(Texture):
-    """Two colours in turn.
+    """Two alternating colours.
 
     Parameters
     ----------
@@ -60,6 +60,6 @@ class CheckerTexture(Texture):
 
     @property
     def row(self) -> TextureRow:
-        """Return the checker as flat numbers."""
+        """Return the checker's row of the texture table."""
         scale = (*self._scale, 0.0)[:3]
         return TextureRow(self._kind, (*self._even.tolist(), *self._odd.tolist(), *scale))

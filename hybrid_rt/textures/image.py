@@ -1,4 +1,4 @@
-"""Textures from pictures."""
+"""Image textures."""
 
 from __future__ import annotations
 
@@ -18,15 +18,15 @@ from meshing.checks import refuse_mask
 
 
 class ImageTexture(Texture):
-    """A picture laid over the parameters: u to the right, v up, bilinear between pixel centres.
+    """An image over the surface parameters: u to the right, v up, bilinear between pixel centres.
 
     Parameters
     ----------
     image : path, or array (height, width), (height, width, 3) or (height, width, 4)
-        Integers (8 or 16 bit) are sRGB and are decoded; floats are linear already. Grey counts for
-        all channels; an alpha channel is ignored.
+        Integers (8 or 16 bit) are sRGB and are decoded; floats are linear. Grey is used for all
+        channels; an alpha channel is ignored.
     wrap : "repeat" or "clamp"
-        What lies outside [0, 1].
+        Wrap mode outside [0, 1].
 
     Raises
     ------
@@ -66,7 +66,7 @@ class ImageTexture(Texture):
 
     @property
     def row(self) -> TextureRow:
-        """Return the picture for the table."""
+        """Return the image's row of the texture table."""
         return TextureRow(IMAGE, (0.0,) * 9, self._texels, self._wrap)
 
 

@@ -10,7 +10,7 @@ from hybrid_rt.textures.texture import Texture
 
 
 def compile_textures(textures: list[Texture]) -> TextureTable:
-    """Lay textures out for the kernels, row i for texture i."""
+    """Build the texture table; row i is texture i."""
     rows = [texture.row for texture in textures]
     images = np.zeros((len(rows), 4), dtype=np.int64)
     # One black texel keeps the array's type where no texture is a picture.

@@ -15,7 +15,7 @@ from hybrid_rt.shading.kernels import texture as kernels
 
 @dataclass(frozen=True)
 class TextureRow:
-    """One texture as the kernels take it: a row of the `TextureTable`.
+    """One row of the `TextureTable`.
 
     Attributes
     ----------
@@ -25,7 +25,7 @@ class TextureRow:
     texels : (height, width, 3) float32, optional
         Linear, row 0 at the top.
     wrap : int
-        What lies beyond the picture's border.
+        Wrap mode.
     """
 
     kind: int
@@ -35,7 +35,7 @@ class TextureRow:
 
 
 class Texture(ABC):
-    """A colour for every point of a surface; immutable."""
+    """A colour as a function of the surface point; immutable."""
 
     @property
     @abstractmethod
@@ -45,11 +45,11 @@ class Texture(ABC):
     @property
     @abstractmethod
     def row(self) -> TextureRow:
-        """The texture as flat numbers."""
+        """The texture's row of the texture table."""
 
 
 class ConstantTexture(Texture):
-    """The same colour everywhere.
+    """A constant colour.
 
     Parameters
     ----------
@@ -67,12 +67,12 @@ class ConstantTexture(Texture):
 
     @property
     def row(self) -> TextureRow:
-        """Return the colour as flat numbers."""
+        """Return the colour's row of the texture table."""
         return TextureRow(kernels.CONSTANT, (*self._color.tolist(), *(0.0,) * 6))
 
 
 def as_texture(color: Texture | ArrayLike, what: str) -> Texture:
-    """Take a texture, three numbers or one number as a reflectance from 0 to 1.
+    """Convert a texture, three numbers or one number to a texture of values from 0 to 1.
 
     Raises
     ------
@@ -88,7 +88,7 @@ def as_texture(color: Texture | ArrayLike, what: str) -> Texture:
 
 
 def as_radiance(color: Texture | ArrayLike, what: str) -> Texture:
-    """Take a texture, three numbers or one number as a radiance, up to 1e30.
+    """Convert a texture, three numbers or one number to a texture of radiance, up to 1e30.
 
     Raises
     ------

@@ -1,1 +1,1 @@
-"""Slow, independent judges of what the fast code says, and the catalogue of hard cases."""
+"""Slow, independent oracles to test the fast code against, and the catalogue of hard cases."""

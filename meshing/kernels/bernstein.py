@@ -6,7 +6,7 @@ Bernstein sum (Computer Aided Geometric Design 3, 1986): a Horner scheme in u / 
 inverse beyond the middle. Its weights carry a relative error of about 3 degree eps each, as stable
 as de Casteljau's algorithm and without its scratch memory; all of it holds a little outside
 [0, 1] too. Partials are sums of differences of control points, so they do not lose digits where a
-patch lies far from the origin or where a row of differences vanishes.
+patch lies far from the origin, or where a row of differences vanishes.
 """
 
 import math
@@ -98,9 +98,9 @@ def second_partials(control, start, degree_u, degree_v, u, v):
 
 @inner
 def weighted_lengths(control, start, degree_u, degree_v, u, v):
-    """Sum |differences| with the weights of S_u and of S_v; find the largest of either.
+    """Sum |differences| with the weights of S_u and of S_v; find the largest difference of either.
 
-    The first two say how large the partials would be if nothing cancelled in their sums.
+    The two sums bound |S_u| and |S_v|: the partials if nothing cancelled.
     """
     stride = degree_v + 1
     sum_u, sum_v, most_u, most_v = 0.0, 0.0, 0.0, 0.0
@@ -128,7 +128,7 @@ def _length_between(control, k, other):
 
 @inner
 def length_of(x, y, z):
-    """Length of a vector; neither overflows nor underflows before its components do."""
+    """Length of a vector; squares of components neither overflow nor underflow."""
     largest = max(abs(x), abs(y), abs(z))
     if not 0.0 < largest < np.inf:
         return largest

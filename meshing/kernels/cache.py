@@ -1,12 +1,12 @@
-"""Where compiled kernels are kept: a cache that several processes may fill at the same time.
+"""The cache of compiled kernels, safe for several processes that write to it at the same time.
 
-A kernel compiles once per machine: numba keeps the machine code beside the source or, where that
-folder cannot be written, in the user's cache folder. Where neither can be written it would refuse
-to compile at all; a folder for temporary files then takes their place.
+A kernel compiles once per machine: numba stores the machine code beside the source or, if that
+folder is read-only, in the user's cache folder. If both are read-only numba would refuse to
+compile; then a temporary folder is used.
 
-numba replaces its files whole, but reads, changes and writes the index of a function's signatures
-without a lock: of two processes that add to it at once one may be forgotten, or both may give their
-machine code the same file name (numba issue 10128 is of this kind). Here a lock is held meanwhile.
+numba replaces its files atomically, but updates the index of a function's signatures without a
+lock. Of two processes that update it at once, one entry may be lost, or both may give their machine
+code the same file name (numba issue 10128 is of this kind). Here a lock is held during the update.
 """
 
 from __future__ import annotations
@@ -29,26 +29,26 @@ on_miss: Callable[[str, tuple[Any, ...]], bool] | None = None
 
 
 def name_of(function: Any) -> str:
-    """Return the name by which a kernel is known in all processes."""
+    """Return the name of a kernel, the same in all processes."""
     return f"{function.__module__}:{function.__qualname__}"
 
 
 class SharedCache(FunctionCache):
-    """Where one kernel's machine code is kept, a file for each tuple of argument types."""
+    """The cache of one kernel's machine code, one file for each tuple of argument types."""
 
     def __init__(self, function: Any) -> None:
         super().__init__(function)
         self._kernel = name_of(function)
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
-        """Return compiled code, or None where it has to be compiled here."""
+        """Return the compiled code, or None if this process has to compile it."""
         found = self._load(sig, target_context)
         if found is None and on_miss is not None and on_miss(self._kernel, sig):
             found = self._load(sig, target_context)
         return found
 
     def save_overload(self, sig: Any, data: Any) -> None:
-        """Keep compiled code."""
+        """Store compiled code."""
         self._impl.locator.ensure_cache_path()
         with _locked(Path(self.cache_path), "ab"):
             super().save_overload(sig, data)

@@ -20,11 +20,11 @@ def kernel(function: Any) -> Any:
 
 
 def hot_kernel(function: Any) -> Any:
-    """Compile an entry point that allocates nothing; its scratch is passed in.
+    """Compile an entry point that allocates nothing; its scratch memory is passed in.
 
-    numba counts references of every array that is handed on, atomically, and its optimiser removes
-    only part of that. Without its memory manager there is nothing to count: a ray and a rectangle
-    take 80 ns instead of 440.
+    numba counts the references to every array passed to a function, atomically, and its optimiser
+    removes only some of that. Without numba's runtime nothing is counted: intersecting a ray with a
+    rectangle takes 80 ns instead of 440.
     """
     return _cached(numba.njit(**_WITHOUT_ALLOCATION)(function))
 
@@ -35,10 +35,10 @@ def inner(function: Any) -> Any:
 
 
 def inlined(function: Any) -> Any:
-    """As `inner`, but always compiled into its callers.
+    """As `inner`, but always inlined.
 
-    An array is handed on as seven numbers or more, so calling a function with a table of ten
-    arrays costs about 80 ns: for a few dozen operations per ray and surface, most of the time.
+    An array is passed as seven numbers or more, so calling a function with a table of ten arrays
+    costs about 80 ns: most of the time of a function with a few dozen operations.
     """
     return _for_kernels(function, forceinline=True)
 

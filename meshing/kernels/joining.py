@@ -1,4 +1,4 @@
-"""Which corners and edges of patches are the same, up to rounding."""
+"""Welding: which corners and edges of patches are the same, up to rounding."""
 
 import numpy as np
 
@@ -15,9 +15,9 @@ def _root(parent, i):
 
 @kernel
 def join_points(points, order, along, tolerance):
-    """Label points, equal where they lie within ``tolerance`` of each other in each coordinate.
+    """Label points; points within ``tolerance`` of each other in each coordinate get equal labels.
 
-    ``order`` sorts ``along``, their positions along some direction of length one.
+    ``order`` sorts ``along``, the positions of the points along some unit vector.
     """
     n = points.shape[0]
     parent = np.arange(n)
@@ -55,9 +55,9 @@ def _edge_gap(control, first, step, degree, i, j, is_reversed):
 def join_edges(control, first, step, degree, order, run, tolerance, group, is_reversed):
     """Give equal edges the same group, that of the first of them; return the largest difference.
 
-    Edge e has the control points ``first[e] + k step[e]``. ``order`` lists edges with equal ends
-    and degrees one after the other; ``run`` (n,) numbers such runs in that order. Only edges of
-    one run are compared, each with the leaders of the groups found in it so far.
+    Edge e has the control points ``first[e] + k step[e]``. In ``order``, edges with equal ends and
+    equal degrees are adjacent; ``run`` (n,) numbers these runs. Each edge is compared only with the
+    first edge of each group found so far in its run.
     """
     n = order.size
     leaders = np.empty(n, np.int64)

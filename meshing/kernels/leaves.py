@@ -1,12 +1,12 @@
-"""Halving patches until the proof of their triangles' distance meets the tolerance.
+"""Subdivision of patches until the bound on the deviation of their triangles meets the tolerance.
 
 Every triangle whose corners lie on S above an hu x hv rectangle stays within
 (hu^2 Muu + 2 hu hv Muv + hv^2 Mvv) / 8 of S, point by point in (u, v), where the M bound the second
 partials there (Filip, Magedson and Markot, Computer Aided Geometric Design 3, 1986). They prove it
 for right triangles; for any triangle with weights l_i it follows from Taylor's formula at the
 point, since sum l_i (u_i - u)^2 <= hu^2 / 4 and likewise for the other two sums. So vertices that
-a neighbour needs may be added on a leaf's edges without losing the proof. The M are read off the
-second differences of the leaf's own net, whose parameters run over [0, 1].
+a neighbour needs may be added on a leaf's edges, and the bound still holds. The M come from the
+second differences of the leaf's own control net, whose parameters run over [0, 1].
 """
 
 import math
@@ -55,10 +55,10 @@ def _size(stack, slot, a, b, c, d):
 
 @inner
 def net_rounding(m, n, depth, largest):
-    """Bound what roundings of halved nets can do to the deviation bound.
+    """Bound the effect that rounding of subdivided nets has on the deviation bound.
 
-    A halving moves a point by at most ``degree`` half ulps, a difference of four points feels four
-    times that, and forming the differences costs a few more.
+    A halving moves a point by at most ``degree`` half ulps, a difference of four points by four
+    times that, and the differences themselves round by a few ulps.
     """
     weights = m * (m - 1) + 2 * m * n + n * (n - 1)
     return 0.5 * weights * (max(m, n) * depth + 4) * HALF_ULP * largest
@@ -88,10 +88,11 @@ def _splits_u(stack, slot, m, n, uu, uv, vv):
 def find_leaves(control, starts, degrees, least_depth, slack, tolerance, max_leaves, leaves):
     """Halve patches into leaves.
 
-    ``least_depth`` (k,) says how often to halve both ways in any case; ``slack`` is what later
-    roundings may add to the bound. Leaves go into ``leaves`` (n, 5) int32 as patch, u0, u1, v0, v1
-    while there is room: with none they are only counted. Returns the count, the bound, and a
-    forecast of the count, which is above ``max_leaves`` if the work was given up.
+    ``least_depth`` (k,) is the number of halvings in u and in v that every patch gets; ``slack`` is
+    what later rounding may add to the bound. Leaves are written to ``leaves`` (n, 5) int32 as
+    patch, u0, u1, v0, v1 while there is room; without rows they are only counted. Returns the
+    count, the bound, and an estimate of the count, which exceeds ``max_leaves`` if the search was
+    given up.
     """
     n_slots = 2 * MAX_DEPTH + 2
     largest_net = 0

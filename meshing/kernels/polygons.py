@@ -1,4 +1,4 @@
-"""Cutting leaves, with their neighbours' vertices on their edges, into triangles.
+"""Triangulation of leaves whose edges carry the vertices of their neighbours.
 
 A leaf is a rectangle in (u, v); its polygon goes around it counterclockwise through every vertex
 on its sides. Vertices are numbered twice: along lines of constant u, and along lines of constant v.
@@ -55,7 +55,7 @@ def triangulate(
 
     ``left`` and ``right`` (n, 2) are ranges of vertices in order of (patch, u, v) on the two sides
     of constant u; ``bottom`` and ``top`` ranges in ``by_v``, which lists vertices in order of
-    (patch, v, u). ``weld`` gives each vertex its row of ``points``. Ears are cut at the shortest
+    (patch, v, u). ``weld`` gives each vertex its row of ``points``. Ear clipping at the shortest
     diagonal. Triangles with two equal corners, at collapsed edges, are left out.
     """
     longest = 0

@@ -1,6 +1,6 @@
-"""Halving control nets by de Casteljau's algorithm, and boxes around patches.
+"""Halving of control nets by de Casteljau's algorithm, and bounding boxes of patches.
 
-Nets wait on a stack: an array (slots, points, 3) whose slot holds one net row by row.
+Nets lie on a stack, an array (slots, points, 3): each slot holds one net row by row.
 """
 
 import numpy as np
@@ -61,10 +61,10 @@ def _is_inside(bounds, stack, slot, count):
 
 @kernel
 def patch_boxes(control, starts, degrees, boxes):
-    """Write into ``boxes`` (k, 2, 3) a box around each patch.
+    """Write the bounding box of each patch into ``boxes`` (k, 2, 3).
 
-    Only pieces that reach beyond the points known so far are halved, ``LEVELS`` times at most;
-    the last ones count with their control points.
+    Only pieces whose nets exceed the box of the surface points known so far are halved, at most
+    ``LEVELS`` times; then the box takes in their control points.
     """
     largest_net = 0
     for p in range(degrees.shape[0]):

@@ -1,4 +1,4 @@
-"""Newton from coarse hits by a given number of steps, uncertified: what each step is worth."""
+"""A fixed number of Newton steps from coarse hits, uncertified."""
 
 import math
 from typing import NamedTuple

@@ -1,1 +1,1 @@
-"""Compiled loops of the rivals."""
+"""Compiled loops of competing methods."""

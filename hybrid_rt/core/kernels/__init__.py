@@ -1,1 +1,1 @@
-"""Compiled arithmetic that several rooms use."""
+"""Compiled arithmetic that several packages use."""

@@ -7,7 +7,7 @@ SPLITTER = 134217729.0  # 2**27 + 1
 
 @inlined
 def two_difference(a, b):
-    """Return a - b rounded, and what the rounding left (Knuth 1969)."""
+    """Return a - b rounded, and its rounding error (Knuth 1969)."""
     s = a - b
     z = s - a
     return s, (a - (s - z)) - (b + z)
@@ -15,7 +15,7 @@ def two_difference(a, b):
 
 @inlined
 def product(a, b):
-    """Return a b rounded, and what the rounding left (Dekker 1971)."""
+    """Return a b rounded, and its rounding error (Dekker 1971)."""
     p = a * b
     c = SPLITTER * a
     ah = c - (c - a)

@@ -1,4 +1,4 @@
-"""Points and spheres in double-double: the power of a point, and points settled on a sphere."""
+"""Points and spheres in double-double: the power of a point, and projection onto a sphere."""
 
 from hybrid_rt.core.kernels.compensated import SPLITTER, two_difference
 from meshing.kernels.jit import inlined, kernel
@@ -26,7 +26,7 @@ def add(high, low, a, b):
 
 @inlined
 def power_of_point(fx, fy, fz, gx, gy, gz, r):
-    """|f + g|^2 - r^2 with f the rounded and g the lost part of o - c, good to 2**-100 r^2."""
+    """|f + g|^2 - r^2 to within 2**-100 r^2; f is o - c rounded, g its rounding error."""
     high, low = square(fx)
     p, q = square(fy)
     high, low = add(high, low, p, q)
@@ -39,13 +39,13 @@ def power_of_point(fx, fy, fz, gx, gy, gz, r):
 
 @inlined
 def onto_sphere(px, py, pz, cx, cy, cz, r):
-    """Move a point beside a sphere along the radius onto it.
+    """Project a point near a sphere onto it, along the radius.
 
-    c + r x carries the rounding of |c| + r, o + t d that of the way: more than the point's own
-    coordinates where these are small. Then a ray that leaves the point would meet the sphere
-    again. Here |p - c|^2 - r^2 is taken in double-double, so what stays is the rounding of the three
-    coordinates, as `hybrid_rt.intersection.ray_batch` takes for granted. For |p - c| = (1 + e) r one
-    step leaves e^2 / 2, the square of a rounding.
+    c + r x rounds relative to |c| + r, and o + t d relative to t: more than the point's own
+    coordinates where these are small. Then a ray that leaves the point would hit the sphere again.
+    Here |p - c|^2 - r^2 is computed in double-double, so only the rounding of the three coordinates
+    is left, as `hybrid_rt.intersection.ray_batch` assumes. For |p - c| = (1 + e) r one step leaves
+    e^2 / 2, the square of a rounding error.
     """
     fx, gx = two_difference(px, cx)
     fy, gy = two_difference(py, cy)
@@ -56,7 +56,7 @@ def onto_sphere(px, py, pz, cx, cy, cz, r):
 
 @kernel
 def settle_on_sphere(points, cx, cy, cz, radius):
-    """Move points (n, 3) beside a sphere onto it; in place."""
+    """Project points (n, 3) near a sphere onto it, in place."""
     for i in range(points.shape[0]):
         points[i, 0], points[i, 1], points[i, 2] = onto_sphere(
             points[i, 0], points[i, 1], points[i, 2], cx, cy, cz, radius

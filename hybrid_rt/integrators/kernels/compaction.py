@@ -1,6 +1,6 @@
-"""Stream compaction of ray batches: rows picked out of many arrays at once, and sums per pixel.
+"""Stream compaction of ray batches: selecting rows of many arrays at once, and sums per pixel.
 
-Each kernel does in one pass what NumPy does in a dozen, with a temporary array for each.
+Each kernel makes one pass over memory; NumPy would make a dozen, each with a temporary array.
 """
 
 from typing import Any, NamedTuple
@@ -9,7 +9,7 @@ from meshing.kernels.jit import kernel
 
 
 class ShadowRays(NamedTuple):
-    """Rays toward lights, and what arrives along each unless something stands in the way."""
+    """Shadow rays, and the contribution of each if it is unoccluded."""
 
     camera_ray: Any  # (n,) int64
     origin: Any  # (n, 3) float64
@@ -22,7 +22,7 @@ class ShadowRays(NamedTuple):
 
 
 class Paths(NamedTuple):
-    """Paths on their way, in the order of the camera rays they come from."""
+    """Active paths, in the order of their camera rays."""
 
     camera_ray: Any  # (n,) int64, row in the block of camera rays
     pixel: Any  # (n,) uint64; with the sample it names the path's random numbers
@@ -39,7 +39,7 @@ class Paths(NamedTuple):
 
 @kernel
 def add_products(camera_ray, throughput, value, radiance):
-    """Add throughput x value, (n, 3) both, to the rows of ``radiance`` that camera_ray names."""
+    """Add throughput x value, both (n, 3), to the rows ``camera_ray`` of ``radiance``."""
     for i in range(camera_ray.size):
         for k in range(3):
             radiance[camera_ray[i], k] += throughput[i, k] * value[i, k]
@@ -56,12 +56,12 @@ def pack_shadow_rays(
     camera_ray : (n,) int64
     throughput, position : (n, 3) float64
     object_id, light_id : (n,) int32
-        What is lit, and the light; the number of lights stands for the sky.
+        The lit object, and the light; the number of lights stands for the environment.
     surface_of_light : (lights,) int32
     to_light : (n, 3) float64
-        To the chosen point; to the sky, a direction.
+        Vector to the sampled point; for the environment, a direction.
     value : (n, 3) float64
-        What arrives and is sent on, for throughput one.
+        Contribution at throughput one.
     out : ShadowRays of n rows or more, written
     """
     n = 0
@@ -85,7 +85,7 @@ def pack_shadow_rays(
 
 @kernel
 def add_unblocked(camera_ray, blocked, value, radiance):
-    """Add values (n, 3) to the rows of ``radiance`` that camera_ray names, unless blocked."""
+    """Add the values (n, 3) of unoccluded rays to the rows ``camera_ray`` of ``radiance``."""
     for i in range(camera_ray.size):
         if not blocked[i]:
             for k in range(3):
@@ -94,7 +94,7 @@ def add_unblocked(camera_ray, blocked, value, radiance):
 
 @kernel
 def pack_paths(paths, fate, least, position, object_id, onward, pdf, out):
-    """Pick the paths whose fate is at least ``least``, on their new rays; return how many.
+    """Pick the paths whose fate is at least ``least`` and set their new rays; return how many.
 
     Parameters
     ----------
@@ -103,13 +103,13 @@ def pack_paths(paths, fate, least, position, object_id, onward, pdf, out):
         See `hybrid_rt.shading.kernels.scatter`.
     least : int
     position : (n, 3) float64
-        Where the new rays begin.
+        Origins of the new rays.
     object_id : (n,) int32
-        And on which object.
+        Objects that they leave.
     onward : (n, 3) float64
-        Where they go.
+        Their directions.
     pdf : (n,) float64
-        Density of that direction per solid angle.
+        pdf of these directions per solid angle.
     out : Paths of n rows or more, written
     """
     n = 0
@@ -135,9 +135,9 @@ def pack_paths(paths, fate, least, position, object_id, onward, pdf, out):
 
 @kernel
 def choose_lights(before, chance, xi, light_id):
-    """Choose a light per row by the first number of ``xi`` (n, 2), which is rescaled for further use.
+    """Sample a light per row by the first column of ``xi`` (n, 2), which is rescaled for reuse.
 
-    ``before`` (lights + 1,) is the probability of each light and those before it together.
+    ``before`` (lights + 1,) is the cumulative distribution of the lights.
     """
     for i in range(light_id.size):
         row = 0
@@ -152,7 +152,7 @@ def choose_lights(before, chance, xi, light_id):
 
 @kernel
 def add_to_pixels(pixel, radiance, image):
-    """Add rows of ``radiance`` (n, 3) to the rows of ``image`` that ``pixel`` names, in order.
+    """Add rows of ``radiance`` (n, 3) to the rows ``pixel`` of ``image``, in order.
 
     Rows with a negative pixel are left out.
     """

@@ -1,4 +1,4 @@
-"""Density estimation: the reflected radiance that photons near a point add up to."""
+"""Density estimation kernels: the reflected radiance of the photons near a point."""
 
 import math
 
@@ -26,9 +26,9 @@ def _slot(i, j, k, mask):
 
 @kernel
 def count_in_cells(position, width, table):
-    """Count positions (n, 3) by cells of a cubic grid; ``table`` has a power of two of slots.
+    """Count positions (n, 3) by cells of a hashed grid; ``table`` has a power of two of slots.
 
-    Cells may share a slot: counts are upper bounds.
+    Cells may share a slot, so counts are upper bounds.
     """
     mask = table.size - 1
     for i in range(position.shape[0]):
@@ -40,9 +40,9 @@ def count_in_cells(position, width, table):
 
 @kernel
 def most_neighbours(position, radius, width, table, most):
-    """Bound from above how many of the counted positions lie within a radius of each of these.
+    """Bound from above the number of counted positions within a radius of each given position.
 
-    ``width`` of the cells is at least two radii, so the eight cells nearest a point cover its ball.
+    The cells' ``width`` is at least two radii, so the eight cells nearest a point cover its ball.
     """
     mask = table.size - 1
     for i in range(position.shape[0]):
@@ -66,12 +66,12 @@ def add_photons(
     is_direct, photon_direction, photon_normal, photon_power, photon_position, history, value, blur,
     near, xi, chosen,
 ):  # fmt: skip
-    """Add the radiance that photons make to ``value`` (n, 3) of the points they are near.
+    """Add the contribution of each photon to ``value`` (n, 3) of the points near it.
 
     Parameters
     ----------
     row, photon, distance : (pairs,)
-        A point, a photon near it, and how far apart they are.
+        A point, a photon near it, and their distance.
     radius : (n,) float64
         Of the disc of each point.
     material, colors, position, normal, direction : (n, ...)
@@ -79,19 +79,19 @@ def add_photons(
     geometric : (n, 3) float64
         Normal of the surface itself, where ``normal`` is another; else (0, 3).
     is_direct : (n,) bool
-        Points that the camera looks straight at: photons shown to it do not count.
+        Points that the camera sees directly: photons that were splatted do not count there.
     photon_direction, photon_normal, photon_power : (photons, 3) float32
     photon_position : (photons, 3) float64
     history : (photons,) uint8
     value : (n, 3) float64, changed
     blur : (n, 3) float64, changed
-        How much less a disc of half the area would give: what the blur of this one is known by.
+        The estimate minus that of a disc of half the area, from which the blur is estimated.
     near : (n,) int64, changed
-        Photons that counted.
+        Number of photons that contributed.
     xi : (n,) float64 in [0, 1), changed
-        Chooses one of them for each point, by what it adds.
+        Samples one of them for each point, by its contribution.
     chosen : (n,) int64, changed
-        Its number; unchanged where none counted.
+        Index of that photon; unchanged where none contributed.
     """
     for p in range(row.size):
         i, j = row[p], photon[p]
@@ -156,20 +156,19 @@ def add_photons(
 def splat_photons(
     lobes, material, colors, normal, geometric, photon_direction, photon_power, way, pdf, value
 ):
-    """Find what photons send to the camera from where they arrive.
+    """Compute the radiance that photons scatter toward the camera.
 
     Parameters
     ----------
     material, colors, normal, geometric : (n, ...)
-        Of the places, as for `add_photons`.
+        Of the photons' hits, as for `add_photons`.
     photon_direction, photon_power : (n, 3) float64
     way : (n, 3) float64
-        From the camera to each place.
+        Vector from the camera to each photon.
     pdf : (n,) float64
-        Density per solid angle with which the camera chooses a direction within the pixel; 0: the
-        place is not in the picture.
+        pdf per solid angle of the camera's directions within the pixel; 0 outside the picture.
     value : (n, 3) float64, written
-        Radiance added to the pixel unless something stands in the way.
+        Radiance added to the pixel if the segment is unoccluded.
     """
     for i in range(pdf.size):
         value[i, 0] = value[i, 1] = value[i, 2] = 0.0
@@ -201,16 +200,17 @@ def splat_photons(
 def segments_to_photons(
     row, position, normal, direction, chosen, photon_position, photon_normal, origin, way
 ):
-    """Lay a segment from points to the photons chosen for them, just above the surface.
+    """Write the shadow segments from points to the photons sampled for them.
 
-    Both ends are lifted along the normals: enough to clear a surface as curved as the photon's
-    height above the tangent plane says, and a thousandth of the way to clear a flat one.
+    Both ends are offset along the normals: by enough to clear a surface whose curvature is that of
+    the photon's height above the tangent plane, plus a thousandth of the segment for a flat one.
 
     Parameters
     ----------
     row : (k,)
-        Points with a photon.
+        Points that have a sampled photon.
     origin, way : (k, 3) float64, written
+        Start of each segment, and the vector to its end.
     """
     for k in range(row.size):
         i, j = row[k], chosen[row[k]]

@@ -1,23 +1,23 @@
 """Light subpaths, and their connections to camera subpaths: bidirectional path tracing for caustics.
 
-A camera path finds a caustic only where its BSDF sample leads through a mirror or a lens into a
-lamp: rare, and then bright. A path from the lamp finds it often. Both techniques count, weighted by
-the balance heuristic (Veach, "Robust Monte Carlo methods for light transport simulation", 1997,
-chapter 10). Of all connections of bidirectional path tracing one family is used.
+A camera path finds a caustic only if a BSDF sample leads by way of a mirror or a lens to a light:
+rarely, and then with a large value. A light subpath finds it often. The two techniques are combined
+by the power heuristic (Veach, "Robust Monte Carlo methods for light transport simulation", 1997,
+chapters 9 and 10). Of all connections of bidirectional path tracing one family is used.
 
-A light subpath goes from the lamp from surface to surface, by way of at least one delta lobe
-(mirror or glass) each time. Each of its vertices on a surface with a non-delta lobe is a light
-vertex. Seen from the camera, the connection is made where two non-delta vertices follow each other
-for the first time; up to there a camera path passed delta lobes only and could choose no point. So
-there are two techniques for each such path: the camera's alone, and one connection.
+A light subpath leads from the light to non-delta surfaces, by way of at least one delta lobe
+(mirror or glass) before each. Each of its vertices with a non-delta lobe is a light vertex. Seen
+from the camera, the connection is made at the first two consecutive non-delta vertices; up to there
+the camera path had delta lobes only and could connect nowhere. So there are two techniques for each
+such path: the camera's alone, and one connection.
 
-At a delta lobe only the choice of the lobe has a probability, the same from either side, and
-n^2 dA cos dw is the same before and after. So the ratio of the two densities depends only on what
-happens at lamps and at non-delta vertices: from the lamp P(lamp) pdf_area / pi over the index
-squared there; from the camera the density of the connected point per area, times that of the
-direction sampled there per projected solid angle, over the index squared here; and at vertices
-between, the densities of the two directions per projected solid angle, from either side, each over
-the index squared of the medium it runs in (two media meet at rough glass).
+Only the choice of the lobe has a probability at a delta lobe, the same in both directions, and
+n^2 dA cos dw is invariant. So the ratio of the two pdfs depends only on the light and on non-delta
+vertices: from the light, P(light) pdf_area / pi over the index squared there; from the camera, the
+pdf per area of the connected point, times the pdf per projected solid angle of the direction
+sampled there, over the index squared there; and at vertices between, the pdfs of the two directions
+per projected solid angle, each over the index squared of its medium (two media meet at rough
+glass).
 """
 
 import math
@@ -59,7 +59,7 @@ CONNECT_CHANCE = 0.25
 
 
 class LightPaths(NamedTuple):
-    """Paths on their way from lights, in the order of their numbers."""
+    """Active light subpaths, in the order of their indices."""
 
     sample: Any  # (n,) uint64, pass
     number: Any  # (n,) uint64, within the pass; both name the path's random numbers
@@ -75,7 +75,7 @@ class LightPaths(NamedTuple):
 
 
 class LightVertices(NamedTuple):
-    """Points of surfaces that spread light, reached from lights by way of mirrors and glass."""
+    """Light vertices: points with a non-delta lobe, reached from lights by way of delta lobes."""
 
     position: Any  # (n, 3) float64
     normal: Any  # (n, 3) float64, to shade by
@@ -96,21 +96,21 @@ class LightVertices(NamedTuple):
 def leave_lights(
     lights, textures, points, emit, light_id, place, turn, scale, origin, direction, flux, density
 ):
-    """Begin a path at each light asked for.
+    """Begin a light subpath at the light of each row.
 
     Parameters
     ----------
     points : LightPoints
-        For rows that begin on a `SURFACE`; may be empty where there is none.
+        For rows that begin on a `SURFACE`; may be empty if there are none.
     emit : (lights + 1,) float64
-        Probability with which each light was chosen.
+        Probability of each light.
     place, turn : (n, 2) float64 in [0, 1)
-        Choose the point and the direction.
+        Sample the point and the direction.
     scale : float
         One over the number of paths that share the lights' power.
     origin, direction, flux : (n, 3) float64, written
     density : (n,) float64, written
-        Per area and projected solid angle, as in empty space.
+        pdf per area and projected solid angle, in vacuum.
     """
     for i in range(light_id.size):
         row = light_id[i]
@@ -132,7 +132,7 @@ def leave_lights(
 
 @kernel
 def divide_by_index(density, media, lobes):
-    """Bring densities at the start of paths to what is compared: over the index squared there."""
+    """Divide the pdfs at the start of subpaths by the index squared of the medium there."""
     for i in range(density.size):
         density[i] /= ior_of(lobes, filling_medium(media, i, lobes)) ** 2
 
@@ -141,7 +141,7 @@ def divide_by_index(density, media, lobes):
 def store_light_vertices(
     paths, lobes, material, colors, position, normal, geometric, ratio, object_id, steps, out, row
 ):
-    """Pick the paths that have met a surface that spreads light; return how many.
+    """Store the light vertices of the paths that hit a non-delta surface; return how many.
 
     Parameters
     ----------
@@ -150,16 +150,16 @@ def store_light_vertices(
     material, object_id : (n,) int32
     colors : (n, lobes of a material at most, 3) float64
     position, normal : (n, 3) float64
-        Of the hits; normals to shade by.
+        Hit points; shading normals.
     geometric : (n, 3) float64, or (0, 3)
-        Normals of the surfaces themselves, where ``normal`` is another.
+        Geometric normals, if they differ.
     ratio : (n,) float64, or (0,)
-        As in `scattered`; (0,): no glass is rough.
+        As in `scattered`; empty without rough glass.
     steps : int
-        Directions taken at surfaces on the way.
+        Number of bounces so far.
     out : LightVertices of n rows or more, written
     row : (n,) int32, written
-        The rows of those that are picked.
+        Rows of the stored paths.
     """
     n = 0
     for i in range(material.size):
@@ -199,10 +199,10 @@ def store_light_vertices(
 def leave_surface(
     paths, lobes, material, colors, normal, geometric, ratio, row, i, nx, ny, nz, xi, eta, branch
 ):
-    """Send light path i on by a surface that spreads light.
+    """Continue light subpath i at a non-delta surface.
 
-    Returns the direction, whether it passes the surface, factors on flux, and how much denser such
-    paths are from the lamp than from the camera; all zero where there is no way.
+    Returns the direction, whether it is transmitted, the factors on flux, and the factor on the
+    ratio of the pdf from the light to that from the camera; all zero if the path ends.
     """
     dx, dy, dz = paths.directions[i, 0], paths.directions[i, 1], paths.directions[i, 2]
     x, y, z, is_through = spread_direction(
@@ -238,24 +238,24 @@ def extend_light_paths(
     paths, lobes, material, colors, position, normal, geometric, ratio, object_id, is_smooth,
     second, choice, xi, out,
 ):  # fmt: skip
-    """Send light paths on, and drop those that end; return how many go on.
+    """Extend light subpaths by one bounce, and drop those that end; return how many are left.
 
-    Paths that see a surface directly are led on by its mirrors and glass only: what spreads there
-    is joined from the camera.
+    At a surface that is lit directly only delta lobes are followed: light that non-delta lobes
+    scatter there is found from the camera.
 
     Parameters
     ----------
     geometric, ratio : (n, 3) and (n,) float64, or (0, 3) and (0,)
         As in `store_light_vertices`.
     is_smooth : (objects,) bool
-        Objects shaded by other normals than their own: their mirrors and glass do not keep
-        n^2 dA cos dw, so paths from lights end there.
+        Objects with interpolated shading normals: n^2 dA cos dw is not invariant at their delta
+        lobes, so light subpaths end there.
     second : (n,) int32, or (0,)
         Faces that coincide with the hits: see `hybrid_rt.shading.kernels.medium_stack`.
     choice : (n, 2) float64 in [0, 1)
-        The first chooses the lobe.
+        The first column samples the lobe.
     xi : (n, 2) float64 in [0, 1)
-        Chooses the direction.
+        Samples the direction.
     out : LightPaths, written
     """
     n = 0
@@ -323,12 +323,12 @@ def extend_light_paths(
 
 @inlined
 def sent_toward(lit, k, lobes, wx, wy, wz):
-    """Return what light vertex k sends against the unit direction w, and what the camera's way weighs.
+    """Return what light vertex k scatters along -w (w unit), and the pdf of the reverse path.
 
-    The first three: flux times f times the cosine toward the eye. The last: the density with which
-    a path that arrives along w would go on to the light, per projected solid angle, times the
-    cosine with which it arrives and over the index squared; the density per area of arriving is
-    still to be multiplied by, over the square of the distance.
+    The first three numbers are flux times f times the cosine toward the camera. The fourth is the
+    pdf per projected solid angle with which a camera path that arrives along w would continue to
+    the light, times the cosine of its arrival, over the index squared. The caller multiplies it by
+    the pdf per solid angle of arriving there and divides by the squared distance.
     """
     gx, gy, gz = lit.geometric[k, 0], lit.geometric[k, 1], lit.geometric[k, 2]
     lx, ly, lz = -lit.direction[k, 0], -lit.direction[k, 1], -lit.direction[k, 2]
@@ -363,24 +363,24 @@ def connect_to_light_vertices(
     paths, lobes, material, colors, position, normal, geometric, direction, ratio, beyond,
     object_id, lit, first_of_pass, number, of_use, xi, steps_left, out,
 ):  # fmt: skip
-    """Join hits of camera paths to light vertices of their passes, by shadow rays.
+    """Connect camera-path vertices to light vertices of their passes by shadow rays.
 
     Parameters
     ----------
     paths : Paths
     material ... object_id : the hits
     ratio, beyond : (n,) float64, (n, STACK) int32; or both without rows
-        See `hybrid_rt.shading.kernels.medium_stack.look_beyond`; without rows: no glass is rough.
+        See `hybrid_rt.shading.kernels.medium_stack.look_beyond`; empty without rough glass.
     first_of_pass : (passes + 1,) int64
         The rows of ``lit`` that belong to each pass.
     number : (n,) int64
-        Which of those passes each hit belongs to.
+        Index of the pass of each hit.
     of_use : float
-        Lit points that a light path leaves, as expected.
+        Expected number of light vertices per light subpath.
     xi : (n, 2) float64 in [0, 1)
-        The first chooses the light vertex, the second whether a hit is joined at all.
+        The first column samples the light vertex, the second whether a hit is connected at all.
     steps_left : int
-        Directions that the whole path may still take behind the light vertex.
+        Bounces that the path may still have beyond the light vertex.
     out : ShadowRays, written
 
     Returns
@@ -446,21 +446,20 @@ def connect_to_light_vertices(
 
 @kernel
 def splat_light_vertices(lit, lobes, way, pdf, n_paths, media, steps_left, value):
-    """Find what light vertices send to the camera.
+    """Compute the radiance that light vertices scatter toward the camera.
 
     Parameters
     ----------
     way : (n, 3) float64
-        From the camera to each.
+        Vector from the camera to each light vertex.
     pdf : (n,) float64
-        Density per solid angle with which the camera chooses a direction within the pixel; 0: the
-        point is not in the picture.
+        pdf per solid angle of the camera's directions within the pixel; 0 outside the picture.
     n_paths : float
-        Light paths for each sample of a pixel.
+        Light subpaths per pixel sample.
     media : (n, STACK) int32, or (n, 0)
-        What the camera stands in.
+        Medium stack of the camera.
     value : (n, 3) float64, written
-        Radiance added to the pixel unless something stands in the way.
+        Radiance added to the pixel if the connection is unoccluded.
     """
     for k in range(pdf.size):
         value[k, 0] = value[k, 1] = value[k, 2] = 0.0

@@ -1,10 +1,10 @@
 """Photon emission: origin, direction and power of each photon.
 
-The photons of a light come in two kinds. Some follow its emission profile; others are aimed, by the
-projection map, at balls around whatever throws caustics. Each carries the light's radiance over the
-density of both kinds together (the balance heuristic of Veach and Guibas, "Optimally combining
-sampling techniques for Monte Carlo rendering", SIGGRAPH 1995): aiming changes where photons are
-many, never the light that they carry.
+Each light has two kinds of photons. Some follow its emission profile; others are aimed, by the
+projection map, at bounding spheres of objects that cast caustics. A photon's power is the light's
+radiance over the combined pdf of both kinds (the balance heuristic of Veach and Guibas, "Optimally
+combining sampling techniques for Monte Carlo rendering", SIGGRAPH 1995), so aiming introduces no
+bias.
 """
 
 import math
@@ -26,14 +26,14 @@ from meshing.kernels.jit import inlined, kernel
 
 
 class Targets(NamedTuple):
-    """Balls around surfaces that throw caustics; n rows."""
+    """Bounding spheres of surfaces that cast caustics; n rows."""
 
     center: Any  # (n, 3) float64
     radius: Any  # (n,) float64
 
 
 class Launch(NamedTuple):
-    """Photons on leaving; n rows."""
+    """Photons at emission; n rows."""
 
     origin: Any  # (n, 3) float64
     direction: Any  # (n, 3) float64, unit
@@ -106,25 +106,25 @@ def _aim(lights, row, targets, px, py, pz, nx, ny, nz, choice, s, t):
 def launch_from_light(
     lights, textures, points, row, targets, n_spread, n_aimed, is_aimed, place, way, choice, out
 ):
-    """Let photons leave one light.
+    """Emit photons from one light.
 
     Parameters
     ----------
     points : LightPoints of n rows
-        Read for a light of kind `SURFACE` only; else it may be empty.
+        Only for a light of kind `SURFACE`; else it may be empty.
     row : int
-        Of the light.
+        Row of the light.
     targets : Targets
     n_spread, n_aimed : int
-        Photons of both kinds that leave this light in one pass.
+        Photons per pass of either kind from this light.
     is_aimed : bool
-        Which kind these are.
+        The kind to emit.
     place, way : (n, 2) float64 in [0, 1)
-        Choose the point, and the direction.
+        Sample the point and the direction.
     choice : (n,) float64 in [0, 1)
-        Chooses the target.
+        Samples the target.
     out : Launch of n rows, written
-        Power zero: nothing is sent that way.
+        Power is zero where the light emits nothing in that direction.
     """
     through = distance_through(lights, row)
     for i in range(place.shape[0]):
@@ -171,13 +171,13 @@ def _targets_met(targets, px, py, pz, dx, dy, dz):
 
 @kernel
 def launch_from_sky(sky, world, targets, n_spread, n_aimed, is_aimed, place, way, choice, out):
-    """Let photons come in from the sky, along directions chosen by its brightness.
+    """Emit photons from the environment, along directions importance-sampled by its radiance.
 
     Parameters
     ----------
     world : (4,) float64
-        Centre and radius of a ball around all surfaces: photons start on a disc of this radius
-        before it, those that are aimed before the targets' part of it.
+        Centre and radius of the scene's bounding sphere. Photons start on a disc of this radius in
+        front of it; aimed photons start on the part in front of their target.
     place, way, choice, n_spread, n_aimed, is_aimed, targets, out
         See `launch_from_light`.
     """

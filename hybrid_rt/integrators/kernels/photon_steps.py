@@ -1,7 +1,7 @@
 """One bounce of a photon: what a surface stores of its power, absorbs, and scatters.
 
-Photons carry power, which passes an interface unscaled, where radiance changes by the square of the
-index. So this is the adjoint of the `scatter` of camera rays, not the same kernel.
+Power crosses an interface unscaled, whereas radiance changes by the square of the index. So this is
+the adjoint of `scatter` for camera rays, not the same kernel.
 """
 
 from typing import Any, NamedTuple
@@ -27,7 +27,7 @@ MET_SPECULAR, MET_SPREADING, IS_SHOWN = 1, 2, 4
 
 
 class Flight(NamedTuple):
-    """Photons on their way; n rows."""
+    """Photons in flight; n rows."""
 
     number: Any  # (n,) uint64, names the random numbers within the group
     origin: Any  # (n, 3) float64
@@ -39,7 +39,7 @@ class Flight(NamedTuple):
 
 
 class Photons(NamedTuple):
-    """Photons as they arrived at surfaces that gather; n rows."""
+    """Stored photons, at surfaces where density is estimated; n rows."""
 
     position: Any  # (n, 3) float64
     direction: Any  # (n, 3) float32, in which it flew
@@ -78,9 +78,9 @@ def add_power(power, factor, total):
 
 @kernel
 def store_photons(flight, material, gathers, least_history, position, normal, out):
-    """Copy photons that have arrived at surfaces that gather; return how many.
+    """Store photons that hit surfaces where density is estimated; return how many.
 
-    ``least_history``: smaller ones, so 1 for those straight from a light, are not stored.
+    Photons with a ``history`` below ``least_history`` are not stored: 1 leaves out direct light.
     """
     n = 0
     for i in range(material.size):
@@ -104,10 +104,10 @@ def scatter_photons(
     lobes, material, colors, normal, geometric, ratio, position, object_id, xi, choice, second,
     goes_on, flight, fate, tally,
 ):  # fmt: skip
-    """Send each photon on in one direction, or end it, by chance and without bias.
+    """Scatter each photon in one direction, or end it by Russian roulette.
 
-    Whoever survives keeps its largest channel (Russian roulette by albedo), so that all photons
-    stay about equally bright.
+    The survival probability is the ratio of the largest channels of power after and before, so
+    survivors keep their largest channel.
 
     Parameters
     ----------
@@ -117,16 +117,16 @@ def scatter_photons(
     normal, geometric, ratio, position, object_id
         Of the hits; ``geometric`` and ``ratio`` as in `hybrid_rt.shading.kernels.scatter.scatter`.
     xi, choice : (n, 2) float64 in [0, 1)
-        Choose the direction; the lobe and survival.
+        Sample the direction; the lobe and survival.
     second : (n,) int32, or (0,)
         Faces that coincide with the hits: see `hybrid_rt.shading.kernels.medium_stack`.
     goes_on : bool
-        Whether photons may take a further direction at all; if not, power is what is lost.
+        Whether a further bounce is allowed; if not, the power counts as lost.
     flight : Flight of n rows, changed
     fate : (n,) uint8, written
     tally : (4, 3) float64, changed
-        Power that escaped, was absorbed, was lost with the last direction: rows `ESCAPED`,
-        `TAKEN`, `LOST` grow.
+        Power that escaped, was absorbed, or was lost at the depth limit is added to rows
+        `ESCAPED`, `TAKEN`, `LOST`.
     """
     for i in range(material.size):
         fate[i] = LEFT

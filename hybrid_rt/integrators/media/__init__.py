@@ -1,1 +1,1 @@
-"""Light within clear bodies: absorption, and bodies that touch."""
+"""Participating dielectrics: absorption in them, and bodies that touch."""

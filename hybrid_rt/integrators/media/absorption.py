@@ -1,4 +1,4 @@
-"""The media that a camera or a lamp stands in, and Beer-Lambert absorption along rays."""
+"""The media around camera and lights, and Beer-Lambert absorption along rays."""
 
 from __future__ import annotations
 
@@ -26,19 +26,18 @@ def media_at(
     direction: FloatArray = SKEW,
     source: HitRecord | NamedPoints | None = None,
 ) -> list[int]:
-    """Return the dielectric lobes around a point, the outermost first.
+    """Return the dielectrics that contain a point, the outermost first.
 
-    A ray from there to infinity leaves each closed body around it once more often than it
-    enters it.
+    A ray from the point to infinity leaves each of them once more often than it enters it.
 
     Parameters
     ----------
     context : RenderContext
     contacts : Contacts or None
-        None where no clear body touches another surface.
+        None if no dielectric touches another surface.
     origin, direction : (1, 3) float64
     source : HitRecord or NamedPoints of one row, optional
-        Names the point where it lies on a surface.
+        The surface point, if the origin is one.
     """
     scene, tracer = context.scene, context.tracer
     entered: list[int] = []
@@ -66,7 +65,7 @@ def media_at(
 
 
 def media_around_camera(context: RenderContext, contacts: Contacts | None) -> IntArray:
-    """Return the stack of rays that leave the camera, (STACK,); (0,) without clear bodies."""
+    """Return the medium stack of camera rays, (STACK,); (0,) without dielectrics."""
     media: IntArray = _no_media(context, 1)[0]
     if media.size:
         around = media_at(context, contacts, context.scene.camera.look_from[None])
@@ -77,19 +76,19 @@ def media_around_camera(context: RenderContext, contacts: Contacts | None) -> In
 def media_around_lights(
     context: RenderContext, contacts: Contacts | None, lights: Iterable[int]
 ) -> IntArray:
-    """Return the stacks of what leaves the lights, (lights + 1, STACK): the last is the sky's.
+    """Return the medium stacks around the lights; the last row is the environment's.
 
     Parameters
     ----------
     context : RenderContext
     contacts : Contacts or None
-        None where no clear body touches another surface.
+        None if no dielectric touches another surface.
     lights : iterable of int
-        Rows of the light table; the others are as in empty space.
+        Rows of the light table to compute; the others are left as in vacuum.
 
     Returns
     -------
-    (lights + 1, STACK) int32; (lights + 1, 0) where the scene has no clear body.
+    (lights + 1, STACK) int32; (lights + 1, 0) if the scene has no dielectric.
     """
     scene = context.scene
     media = _no_media(context, scene.n_lights + 1)
@@ -122,14 +121,13 @@ def absorb(
     second: IntArray,
     carried: FloatArray,
 ) -> None:
-    """Weaken what rays carry by Beer and Lambert's law over the way to their hits.
+    """Attenuate throughput by the Beer-Lambert law between ray origins and hits.
 
     Parameters
     ----------
     context : RenderContext
     media : (n, STACK) int32, changed
-        In one order before and after the face that is met: see
-        `hybrid_rt.shading.kernels.medium_stack`.
+        Medium stacks of the rays, see `hybrid_rt.shading.kernels.medium_stack`.
     material : (n,) int32
     hits : HitRecord of n rows
     second : (n,) int32, or (0,)
@@ -148,10 +146,10 @@ def absorb(
 
 
 def unclosed_bodies(context: RenderContext) -> dict[str, int]:
-    """Return how many rays found a clear body not closed, by the names of its objects.
+    """Return the number of rays that found a dielectric not closed, by the names of its objects.
 
-    They left it without having entered it, or never left it. Planes are no bodies with an inside
-    that ends, so theirs do not count.
+    Such rays left it without having entered it, or never left it. Planes bound half-spaces, so they
+    do not count.
     """
     scene, found = context.scene, {}
     n_objects = len(scene.names)

@@ -1,8 +1,8 @@
-"""Clear bodies that touch: coincident faces are passed at once, with no air between.
+"""Dielectrics that touch: a ray crosses two coincident faces at once, with no air between.
 
-A first hit names one of two coincident faces. Where it is a clear body's, the other one is found
-here, so that the ray changes from the medium before both to the medium behind both. Where the other
-surface is opaque, the ray is scattered by that surface, seen through the clear body.
+A first hit reports one of two coincident faces. If it belongs to a dielectric, the other face is
+found here, so that the ray changes from the medium before both to the medium behind both. If the
+other surface is opaque, the ray is scattered by that surface, from within the dielectric.
 """
 
 from __future__ import annotations
@@ -33,10 +33,10 @@ def first_hits(
     ----------
     tracer : Intersector
     contacts : Contacts or None
-        None where no clear body touches another surface: there are no second faces.
+        None if no dielectric touches another surface: there are no second faces.
     origins, directions : (n, 3) float64
     source : HitRecord or NamedPoints of n rows, or None
-        Where the rays leave from.
+        Surface points that the rays leave.
 
     Returns
     -------
@@ -75,10 +75,10 @@ class Contacts:
         Parameters
         ----------
         hits : HitRecord of n rows, changed
-            Those of clear surfaces that lie on others become hits of those.
+            A hit on a dielectric that lies on an opaque surface becomes a hit on the latter.
         origins, directions : (n, 3) float64
         source : HitRecord or NamedPoints of n rows, or None
-            Where the rays left from.
+            Surface points that the rays leave.
         """
         second = np.zeros(len(hits), dtype=np.int32)
         rows = np.flatnonzero(hits.hit & self._touches[hits.object_id])

@@ -1,4 +1,4 @@
-"""Path tracing: camera paths, and paths from lamps that join them."""
+"""Path tracing: camera paths, and light subpaths connected to them."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Camera paths at their start."""
+"""The initial state of camera paths."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ def leaving_camera(block: CameraBlock, media: IntArray, has_rivals: bool = False
     ----------
     block : CameraBlock
     media : (STACK,) int32, or (0,)
-        Clear bodies around the camera.
+        Medium stack of the camera.
     has_rivals : bool
-        Whether they are weighed against paths from lights.
+        Whether the paths are weighted against light subpaths.
     """
     n = block.pixel.size
     return Paths(

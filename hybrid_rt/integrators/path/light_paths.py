@@ -1,8 +1,8 @@
-"""Light subpaths of each pass: traced from the lamps, splatted on the film, kept for connections.
+"""Light subpaths of each pass: traced from area lights, splatted to the film, kept for connections.
 
-Lights that have an area send them. Where mirrors and glass lead one onto a surface with a non-delta
-lobe, that vertex is splatted to the pixel that sees it, and kept as a light vertex for camera paths
-to connect to. `hybrid_rt.integrators.kernels.light_paths` says how the techniques are weighted.
+Where delta lobes lead a light subpath to a surface with a non-delta lobe, that vertex is splatted
+to the pixel that sees it, and kept as a light vertex for camera paths to connect to.
+`hybrid_rt.integrators.kernels.light_paths` derives the weights.
 """
 
 from __future__ import annotations
@@ -36,18 +36,18 @@ MOST_PATHS, AT_ONCE = 2**17, 2**18
 
 @dataclass(frozen=True)
 class LightVertexPasses:
-    """What the light paths of some passes found.
+    """The light vertices of some passes, and their splats.
 
     Attributes
     ----------
     points : LightVertices
         In the order of the passes.
     offsets : (passes + 1,) int64
-        Where the points of each pass begin.
+        First row of each pass.
     pixel : (n,) int64
-        The pixel that sees each; -1: none.
+        The pixel that sees each light vertex; -1: none.
     value : (n, 3) float64
-        Radiance that it adds there.
+        Radiance splatted there.
     """
 
     points: LightVertices
@@ -57,25 +57,25 @@ class LightVertexPasses:
 
 
 class LightPathTracer:
-    """Sends light paths, pass by pass; each pass is a pure function of seed and number.
+    """Traces light subpaths, pass by pass; each pass is a pure function of seed and number.
 
     Parameters
     ----------
     context : RenderContext
     light : SurfaceLight
     contacts : Contacts or None
-        None where no clear body touches another surface.
+        None if no dielectric touches another surface.
     camera_media : (STACK,) int32, or (0,)
-        Dielectrics that the camera stands in.
+        Medium stack of the camera.
     share : float
-        Light paths of a pass over the pixels of the picture.
+        Light subpaths per pixel and pass.
 
     Attributes
     ----------
     n_paths : int
-        Light paths of a pass.
+        Light subpaths per pass.
     is_smooth : (objects,) bool
-        Objects shaded by other normals than their own.
+        Objects with interpolated shading normals.
     """
 
     def __init__(
@@ -100,12 +100,12 @@ class LightPathTracer:
         self.is_smooth[list(scene.vertex_normals)] = True
 
     def share_of_use(self) -> float:
-        """Return the light vertices that a light path leaves, by a first few of them."""
+        """Estimate the number of light vertices per light subpath, from a few subpaths."""
         points, _, _ = self._trace(range(PILOT_PASS, PILOT_PASS + 1), PILOT_PATHS)
         return float(points.density.size / PILOT_PATHS)
 
     def trace(self, passes: range) -> LightVertexPasses:
-        """Return what the light paths of some passes find; each pass is a function of its number."""
+        """Trace the light subpaths of some passes."""
         step = max(AT_ONCE // self.n_paths, 1)
         parts = [
             self._trace(passes[i : i + step], self.n_paths) for i in range(0, len(passes), step)
@@ -219,7 +219,7 @@ class LightPathTracer:
 
 
 def joined(parts: list[LightVertices]) -> LightVertices:
-    """Return the points of several lists as one."""
+    """Concatenate light vertices."""
     if len(parts) == 1:
         return parts[0]
     return LightVertices(*(np.concatenate(columns) for columns in zip(*parts, strict=True)))

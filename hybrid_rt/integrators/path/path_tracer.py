@@ -80,28 +80,28 @@ class PathTracer(Integrator):
         self._of_use = 0.0
 
     def begin(self) -> None:
-        """Find out how many light paths come to an end that is of use."""
+        """Estimate the number of light vertices per light subpath."""
         if self._lamps is not None:
             self._of_use = self._lamps.share_of_use()
             if self._of_use == 0.0:
                 self._lamps = None
 
     def follow(self, first: Integrator) -> None:
-        """Take over what `begin` found."""
+        """Copy what `begin` estimated."""
         assert isinstance(first, PathTracer)
         self._of_use = first._of_use
         if first._lamps is None:
             self._lamps = None
 
     def prepare(self, passes: range) -> LightVertexPasses | None:
-        """Return what the light paths of some passes find."""
+        """Trace the light subpaths of some passes."""
         if self._lamps is None:
             return None
         with self.context.ledger.stage("light paths"):
             return self._lamps.trace(passes)
 
     def take(self, passes: range, prepared: Sequence[LightVertexPasses | None]) -> None:
-        """Keep the light vertices of the passes that are traced next."""
+        """Store the light vertices of the passes that are traced next."""
         runs = [run for run in prepared if run is not None]
         if runs:
             sizes = np.concatenate([np.diff(run.offsets) for run in runs])
@@ -110,7 +110,7 @@ class PathTracer(Integrator):
             self._lit = joined([run.points for run in runs])
 
     def add_prepared(self, prepared: LightVertexPasses | None, images: FloatArray) -> None:
-        """Add what the camera sees of the light vertices."""
+        """Add the splats of the light vertices."""
         if prepared is None:
             return
         for image, (first, stop) in zip(images, pairwise(prepared.offsets), strict=True):

@@ -1,4 +1,4 @@
-"""Photon mapping: photons from the lights, gathered where camera rays arrive."""
+"""Photon mapping: photon tracing, the eye pass, density estimation; PPM shrinks radii in `ppm`."""
 
 from __future__ import annotations
 

@@ -1,10 +1,10 @@
-"""Photon density estimation over discs around hit points, the neighbours found by scipy's cKDTree.
+"""Photon density estimation over discs around hit points; scipy's cKDTree finds the neighbours.
 
-Two ways to choose the disc. `Discs` have a given radius, and the sum is exact however many photons
-lie within: for progressive photon mapping. The first radius of a point depends on how densely a
-first set of photons lies around it; points are grouped in a few classes, each searched by its
-largest radius, since `scipy.spatial.cKDTree` takes one radius at a time. `Nearest` discs reach as
-far as a given number of photons: Jensen's photon maps.
+The disc is chosen in one of two ways. `Discs` have a given radius and count all photons within it:
+for progressive photon mapping. The initial radius of a point depends on the density of a first set
+of photons around it; points are grouped in a few classes, each searched by its largest radius,
+since `scipy.spatial.cKDTree` takes one radius at a time. `Nearest` discs reach as far as a given
+number of photons: Jensen's photon maps.
 """
 
 from __future__ import annotations
@@ -55,21 +55,21 @@ MOST_PAIRS = 2**20
 
 @dataclass(frozen=True)
 class Points:
-    """Where light is gathered; n rows.
+    """Hit points of the eye pass ("measurement points" in PPM); n rows.
 
     Attributes
     ----------
     position, normal, direction : (n, 3) float64
-        Place, normal to shade by, and direction of the ray that looks.
+        Position, shading normal, and direction of the camera path's ray.
     geometric : (n, 3) float64
-        Normals of the surfaces themselves where ``normal`` is another; else (0, 3).
+        Geometric normals, if they differ from ``normal``; else (0, 3).
     material : (n,) int32
-    colors : (n, lobes of a material at most, 3) float64
-        Zero for lobes that are not to count.
+    colors : (n, most lobes of a material, 3) float64
+        Zero for lobes that are left out.
     is_direct : (n,) bool
-        The camera looks straight at the point: photons shown to it do not count.
+        The camera sees the point directly: photons that were splatted do not count there.
     xi : (n,) float64 in [0, 1)
-        Chooses one photon for each point.
+        Samples one photon for each point.
     """
 
     position: FloatArray
@@ -83,7 +83,7 @@ class Points:
 
     @classmethod
     def joined(cls, parts: list[Points]) -> Points:
-        """Put points together in their order."""
+        """Concatenate points."""
         if len(parts) == 1:
             return parts[0]
         names = [column.name for column in fields(cls)]
@@ -92,18 +92,18 @@ class Points:
 
 @dataclass(frozen=True)
 class Sums:
-    """Light that photons make at n points.
+    """Density estimates at n points.
 
     Attributes
     ----------
     value : (n, 3) float64
-        Radiance.
+        Reflected radiance.
     blur : (n, 3) float64
-        How much less discs of half the area would give.
+        ``value`` minus the estimate by discs of half the area.
     near : (n,) int64
-        Photons that each sum has.
+        Number of photons in each sum.
     chosen : (n,) int64
-        One of them, chosen by what it adds; -1 where there is none.
+        One of them, sampled by its contribution; -1 if there is none.
     """
 
     value: FloatArray
@@ -113,7 +113,7 @@ class Sums:
 
 
 class Field(ABC):
-    """Photons that have arrived, ready to be asked for the light they make.
+    """Stored photons, arranged for density estimation.
 
     Parameters
     ----------
@@ -130,7 +130,7 @@ class Field(ABC):
         self._tree: cKDTree = cKDTree(photons.position)
 
     def radiance(self, points: Points) -> Sums:
-        """Return the light that photons make at points, through lobes that spread it widely."""
+        """Estimate the radiance that the wide lobes of points reflect from photons."""
         n = points.material.size
         sums = Sums(
             np.zeros((n, 3)),
@@ -164,16 +164,16 @@ class Field(ABC):
 
 
 class Radii:
-    """The radius of the first pass around any point.
+    """The initial radius (that of the first pass) around any point.
 
     Parameters
     ----------
     classes : (classes,) float64
-        The largest radii of points that are asked for together, rising.
+        Largest radius of each class of points, increasing.
     positions : (n, 3) float64
-        Places of the first photons.
+        Positions of the first photons.
     radius : (n,) float64
-        Distance within which each of them has as many neighbours as wanted.
+        Distance within which each of these photons has the desired number of neighbours.
     """
 
     def __init__(self, classes: FloatArray, positions: FloatArray, radius: FloatArray) -> None:
@@ -194,18 +194,18 @@ class Radii:
     def of(
         cls, photons: Photons, share: float, camera: Camera, extent: float, threads: int
     ) -> Radii:
-        """Return radii by the distances between photons.
+        """Return radii from the distances between photons.
 
         Parameters
         ----------
         photons : Photons
-            The first ones.
+            The first photons.
         share : float
             Their number over that of a pass.
         camera : Camera
-            Discs smaller than its pixels would leave out photons and show nothing finer.
+            Discs are at least as wide as its pixels: smaller ones add noise and no resolution.
         extent : float
-            Size of the scene: the radius where hardly any photon falls is a part of it.
+            Size of the scene; where photons are very sparse, the radius is a fraction of it.
         threads : int
         """
         position = photons.position
@@ -227,7 +227,7 @@ class Radii:
         return cls(low * step ** np.arange(1.0, n_classes + 1.0), position, radius)
 
     def around(self, points: FloatArray) -> tuple[FloatArray, NDArray[np.intp]]:
-        """Return the radius around each point (n, 3), and the number of its class."""
+        """Return the initial radius and the class of each point (n, 3)."""
         if self._tree is None:
             n = len(points)
             return np.full(n, self.classes[-1]), np.zeros(n, dtype=np.intp)
@@ -237,7 +237,7 @@ class Radii:
 
 
 class Discs(Field):
-    """Discs of given size.
+    """Discs of given radius.
 
     Parameters
     ----------
@@ -245,7 +245,7 @@ class Discs(Field):
         See `Field`.
     radii : Radii
     shrink : float
-        What multiplies the radii of the first pass.
+        Factor on the initial radii.
     """
 
     def __init__(self, photons: Photons, lobes: LobeTable, radii: Radii, shrink: float) -> None:
@@ -303,7 +303,7 @@ class Discs(Field):
 
 
 class Nearest(Field):
-    """Discs that reach as far as a given number of photons lie, but no farther than a limit.
+    """Discs around the given number of nearest photons, with a largest radius.
 
     Parameters
     ----------
@@ -311,7 +311,7 @@ class Nearest(Field):
         See `Field`.
     nearest : int
     limit : float
-        Scene units.
+        Largest radius, scene units.
     """
 
     def __init__(self, photons: Photons, lobes: LobeTable, nearest: int, limit: float) -> None:

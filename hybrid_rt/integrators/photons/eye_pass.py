@@ -1,9 +1,9 @@
-"""The eye pass of photon mapping: camera paths up to the surfaces that gather photons.
+"""The eye pass of photon mapping: camera paths up to surfaces with wide lobes.
 
-A camera path is followed through mirrors, metals and glass. At every surface that spreads light
-widely, direct light is found by next-event estimation, and indirect light by photons; where a
-material is a mixture, its specular part is followed further. Shadow rays find direct light with
-less noise than photons and without blur, so photons are stored from their second bounce on.
+A camera path is followed through mirrors, metals and glass. At every wide lobe, direct light is
+found by next-event estimation and indirect light by density estimation; the delta and narrow lobes
+of a mixture are followed further. Shadow rays find direct light with less noise than photons and
+without blur, so photons are stored from their second hit on.
 """
 
 from __future__ import annotations
@@ -70,14 +70,14 @@ class EyePass(Integrator):
     Attributes
     ----------
     photon_tracer : PhotonTracer
-        Sends out photons for this thread.
+        Traces the photons of this thread.
     fields : tuple of Field
-        The photons of the pass that is being looked at.
+        The photon maps of the current pass.
     is_in_the_open : bool
-        Whether the camera stands in no clear body.
+        Whether the camera is outside all dielectrics.
     blur : (pixels, 3) float64
-        Radiance of this pass less that with discs of half the area: what estimates the blur.
-        Written.
+        Radiance of this pass minus that by discs of half the area, from which the blur is
+        estimated. Written.
     """
 
     def __init__(self, context: RenderContext) -> None:
@@ -90,7 +90,7 @@ class EyePass(Integrator):
         self.n_points = 0
         self.n_without = 0
         lights, plan, lobes = context.scene.lights, context.plan, context.scene.lobes
-        # Straight light is not asked for by a further direction here: asking lights counts whole.
+        # Next-event estimation alone finds direct light at wide lobes, so its weight is one.
         self._wide = SurfaceLight(context, LIGHT_ONLY, WIDE)
         self._light = SurfaceLight(context, BOTH, EVERY)
         asks = bool(lights.chance.any())
@@ -147,7 +147,7 @@ class EyePass(Integrator):
         depth: int,
         radiance: FloatArray,
     ) -> _Waiting:
-        """Add straight light at some of the hits; return them as points to gather photons at."""
+        """Add direct light at some of the hits; return them as points for density estimation."""
         there = _rows_of_paths(paths, rows)
         wide = _rows_of(shading, rows, self._is_wide)
         if self._samples_lights:

@@ -1,10 +1,10 @@
 """Light tracing of dense caustics: photons are splatted to the pixels that see them.
 
-Where a disc as wide as a pixel would hold many photons, density estimation adds nothing but blur.
-There each photon that mirrors and glass have led from a lamp is splatted to the pixel that sees it:
-Arvo, "Backward ray tracing", SIGGRAPH 1986 course notes. Discs leave these photons out where the
-camera sees a surface directly, and count them where it sees one by way of mirrors and glass. So
-each photon counts once.
+Where a disc as wide as a pixel would hold many photons, density estimation adds only blur. There
+each caustic photon is splatted to the pixel that sees it (Arvo, "Backward ray tracing", SIGGRAPH
+1986 course notes). Density estimation leaves these photons out where the camera sees the surface
+directly, and counts them where it sees the surface through mirrors and glass. So each photon counts
+once.
 """
 
 from __future__ import annotations
@@ -32,21 +32,21 @@ LEAST_SHARE = 0.02
 
 
 class Splats(NamedTuple):
-    """What photons add to the picture; n rows."""
+    """Contributions of photons to pixels; n rows."""
 
     pixel: NDArray[np.int64]
     value: FloatArray  # (n, 3), radiance
 
 
 class DensePlaces:
-    """Where caustics are dense, by the first photons of all.
+    """Where caustics are dense, judged by a first set of photons.
 
     Parameters
     ----------
     position : (n, 3) float64
-        Places of first photons that have met nothing but mirrors and glass.
+        Positions of its caustic photons.
     reach : (n,) float64
-        How far around each of them caustics are dense; 0: they are not.
+        Radius around each in which caustics are dense; 0: they are not.
     """
 
     def __init__(self, position: FloatArray, reach: FloatArray) -> None:
@@ -57,9 +57,9 @@ class DensePlaces:
 
     @classmethod
     def of(cls, photons: Photons, share: float, camera: Camera, threads: int) -> DensePlaces | None:
-        """Return where a disc as wide as a pixel holds enough of such photons; None: nowhere.
+        """Return where a disc as wide as a pixel holds enough caustic photons; None: nowhere.
 
-        ``share`` is the number of first photons over that of a pass.
+        ``share`` is the number of these photons over that of a pass.
         """
         position = photons.position[photons.history == MET_SPECULAR]
         wanted = max(round(NEAREST * share), 3)
@@ -76,7 +76,7 @@ class DensePlaces:
         return cls(position, np.where(is_dense, pixel, 0.0))
 
     def hold(self, position: FloatArray) -> BoolArray:
-        """Tell which points (n, 3) lie where caustics are dense."""
+        """Tell at which points (n, 3) caustics are dense."""
         found, number = self._tree.query(position, distance_upper_bound=self._reach.max())
         distance, nearest = np.asarray(found, dtype=np.float64), np.asarray(number)
         is_near = np.isfinite(distance)
@@ -91,18 +91,18 @@ def show(
     rows: NDArray[np.intp],
     lens: FloatArray | None,
 ) -> Splats:
-    """Return what photons that have arrived add to the picture, for those that the camera sees.
+    """Splat photons: return the contributions of those that the camera sees.
 
     Parameters
     ----------
     context : RenderContext
     flight : Flight of n rows
     shading : Shading of n rows
-        Where they have arrived.
+        Their hits.
     rows : (k,) int64
-        The photons to show.
+        The photons to splat.
     lens : (k, 2) float64 in [0, 1), or None
-        Places on the lens, if it has any size.
+        Points on the lens; None for a pinhole.
     """
     hits, geometric = shading.hits, shading.geometric
     position = hits.position[rows]

@@ -2,8 +2,8 @@
 
 Jensen, "Global illumination using photon maps", EGWR 1996. Two maps are kept: photons that have met
 only mirrors, metals and glass make the caustic map, all others the global map. Each estimate takes
-the nearest photons of both. That is quick and smooth, but the discs do not shrink: more passes
-lessen the noise, never the blur.
+the nearest photons of both. That is fast and smooth, but the discs do not shrink: more passes
+reduce noise, not blur.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ class PhotonMapWorkers(PhotonWorkers):
     ----------
     context : RenderContext
     threads : int
-        Each has a `EyePass` of its own.
+        Each has an `EyePass` of its own.
     """
 
     def __init__(self, context: RenderContext, threads: int) -> None:

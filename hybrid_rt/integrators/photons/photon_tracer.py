@@ -69,10 +69,10 @@ AIMED_SHARE = 0.5
 
 @dataclass(frozen=True)
 class Group:
-    """Photons of one light and kind: ``n`` of them in each pass.
+    """The photons of one light and kind.
 
-    ``light`` is a row of the light table, the number of lights for the sky; ``n_spread`` and
-    ``n_aimed`` are the photons of both kinds that leave this light in a pass.
+    ``light`` is a row of the light table; the number of lights stands for the environment.
+    ``n_spread`` and ``n_aimed`` are the photons per pass of either kind from this light.
     """
 
     number: int
@@ -83,16 +83,16 @@ class Group:
 
     @property
     def n(self) -> int:
-        """Photons of this group in a pass."""
+        """Photons of this group per pass."""
         return self.n_aimed if self.is_aimed else self.n_spread
 
 
 @dataclass
 class Balance:
-    """What became of the power of all photons of all passes.
+    """The energy balance of all photons of all passes.
 
-    ``power`` (4, 3) has a row for what was emitted, what escaped, what surfaces and media
-    absorbed, and what was lost with the last direction that ``max_depth`` allows.
+    The rows of ``power`` (4, 3) are the power emitted, escaped, absorbed by surfaces and media, and
+    lost at ``max_depth``.
     """
 
     power: FloatArray = field(default_factory=lambda: np.zeros((4, 3)))
@@ -100,32 +100,32 @@ class Balance:
     n_stored: int = 0
 
     def add(self, other: Balance) -> None:
-        """Add what became of other photons."""
+        """Add the balance of other photons."""
         self.power += other.power
         self.n_emitted += other.n_emitted
         self.n_stored += other.n_stored
 
 
 class PhotonTracer:
-    """Sends out photons and follows them.
+    """Emits photons and traces them.
 
     Parameters
     ----------
     context : RenderContext
     contacts : Contacts or None
-        None where no clear body touches another surface.
+        None if no dielectric touches another surface.
 
     Attributes
     ----------
     balance : Balance
     dense : DensePlaces or None
-        Where photons are shown to the camera; None: nowhere.
+        Where caustic photons are splatted; None: nowhere.
 
     Raises
     ------
     ValueError
-        If something shines that has no end, or a sky shines on something that has none: no photon
-        can be chosen evenly there. The object is named.
+        If an unbounded surface is emissive, or an environment lights an unbounded surface: photons
+        cannot be distributed uniformly there. The object is named.
     """
 
     def __init__(self, context: RenderContext, contacts: Contacts | None) -> None:
@@ -146,7 +146,7 @@ class PhotonTracer:
         self._media = media_around_lights(context, contacts, sends)
 
     def groups(self, photons_per_pass: int) -> list[Group]:
-        """Share the photons of a pass out by power; every light that shines gets some."""
+        """Allot the photons of a pass to lights by power; every light that emits gets some."""
         power, groups = self._powers, list[Group]()
         aimed_share = AIMED_SHARE if self._targets.radius.size else 0.0
         for light in np.flatnonzero(power > 0.0):
@@ -160,19 +160,17 @@ class PhotonTracer:
     def shoot(
         self, group: Group, pass_number: int, first: int, stop: int, dimension: int, least: int
     ) -> tuple[Photons, list[Splats]]:
-        """Follow some photons of a group.
-
-        Returned are those that arrived where light is gathered, and what they show the camera.
+        """Trace some photons of a group; return the stored photons and the splats.
 
         Parameters
         ----------
         group : Group
         pass_number, first, stop : int
-            Which photons: of the pass, by number.
+            The pass, and the range of photon indices in it.
         dimension : int
-            First of the dimensions of their random numbers.
+            First dimension of their random numbers.
         least : int
-            Photons whose ``history`` is less are not stored.
+            Photons with a smaller ``history`` are not stored.
         """
         context = self.context
         stored: list[Photons] = []
@@ -323,22 +321,22 @@ class PhotonTracer:
 
 
 def sequence_of(group: Group, pass_number: int) -> tuple[int, int]:
-    """Return which sequence a pass goes on with, and how many of its points came before.
+    """Return the sequence that a pass continues, and the index of its first point there.
 
-    Passes that are compared to know the noise have sequences of their own
-    (`hybrid_rt.sensor.film`).
+    Each group of passes has a sequence of its own, so that the differences between groups measure
+    the noise (`hybrid_rt.sensor.film`).
     """
     compared, number = group_of(np.array([pass_number], dtype=np.uint64))
     return group.number * GROUPS + int(compared[0]), int(number[0]) * group.n
 
 
 def check_lights(scene: CompiledScene) -> None:
-    """Refuse a scene that photons cannot be sent into; see `PhotonTracer` for what is raised."""
+    """Raise ValueError for a scene that photons cannot be traced in; see `PhotonTracer`."""
     _powers(scene, _world(scene))
 
 
 def blocks_of(groups: list[Group]) -> list[tuple[Group, int, int]]:
-    """Return the parts that the photons of a pass are shot in, of about the same size."""
+    """Return the blocks in which the photons of a pass are traced, of about the same size."""
     blocks = []
     for group in groups:
         edges = np.linspace(0, group.n, max(round(group.n / AT_ONCE), 1) + 1).round().astype(int)
@@ -347,7 +345,7 @@ def blocks_of(groups: list[Group]) -> list[tuple[Group, int, int]]:
 
 
 def joined(parts: list[Photons]) -> Photons:
-    """Put photons together in their order."""
+    """Concatenate photons."""
     if not parts:
         return _new_photons(0)
     return Photons(*(np.concatenate(columns) for columns in zip(*parts, strict=True)))

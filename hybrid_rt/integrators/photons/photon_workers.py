@@ -1,7 +1,7 @@
-"""The threads of a render with photons: they trace the photons of a pass together, then its eye pass.
+"""Worker threads of photon mapping: they trace the photons of a pass together, then its eye pass.
 
-While some still work on the eye pass of one pass, others trace the photons of the next: no thread
-waits between the two, and no more than two photon maps exist at a time.
+While some threads still work on the eye pass of one pass, others trace the photons of the next: no
+thread waits in between, and at most two photon maps exist at a time.
 """
 
 from __future__ import annotations
@@ -65,7 +65,7 @@ class PhotonWorkers(Workers):
     Attributes
     ----------
     is_radius_asked : bool
-        Whether discs may be too small for photons to lie in them.
+        Whether the initial radius was given, so that discs may be too small to hold photons.
     """
 
     is_radius_asked = False
@@ -99,7 +99,7 @@ class PhotonWorkers(Workers):
     def render_passes(
         self, passes: range, on_rays: Callable[[int], None] | None = None
     ) -> Generator[FloatArray, None, None]:
-        """Yield the radiance of one sample per pixel and one set of photons, for each pass."""
+        """Yield the radiance of each pass: one sample per pixel and one photon map."""
         camera = self.context.scene.camera
         blur = np.zeros_like(self._blur)
         with self._at_work() as submit:
@@ -132,7 +132,7 @@ class PhotonWorkers(Workers):
         return min(max(-(-n // SHARE_OF_RAYS), FEWEST_RAYS), MOST_RAYS)
 
     def _begin(self, pass_number: int, submit: Submit) -> Callable[[], Ready]:
-        """Let threads shoot the photons of a pass and make them ready; return what waits for it."""
+        """Start the tracing of a pass's photons in threads; return a function that waits for it."""
         if not self.context.plan["photons"]:
             return _nothing
 
@@ -150,7 +150,7 @@ class PhotonWorkers(Workers):
         submit: Submit,
         ready: Callable[[EyePass, Photons, list[Splats]], T],
     ) -> Callable[[], T]:
-        """Let threads shoot photons; whoever is last calls ``ready``. Return what waits for that.
+        """Trace photons in threads, the last of which calls ``ready``; return a waiting function.
 
         The order of photons, and of sums over them, is the same for any number of threads.
         """
@@ -183,7 +183,7 @@ class PhotonWorkers(Workers):
         return waited
 
     def _picture(self, shown: list[Splats]) -> FloatArray | None:
-        """Return what photons have shown the camera in a pass, (height, width, 3)."""
+        """Return the splats of a pass, (height, width, 3)."""
         if not shown:
             return None
         camera = self.context.scene.camera
@@ -203,7 +203,7 @@ class PhotonWorkers(Workers):
         super().gather()
 
     def report(self, blur: Blur) -> dict[str, Any]:
-        """Return what the photons did, in plain types."""
+        """Return the photon statistics of the report, in plain types."""
         first = self._eye_passes[0]
         balance = self._balance
         names = ("emitted", "escaped", "absorbed", "lost")
@@ -231,11 +231,11 @@ class PhotonWorkers(Workers):
 
     @OVERFLOWS
     def blur(self, image: NDArray[np.float32]) -> Blur:
-        """Estimate how far off blur puts the pixels of the mean of all passes so far.
+        """Estimate the blur (bias) of the mean of all passes so far.
 
-        Blur grows as the area of a disc, to first order, so it is twice what halving the area
-        changes. Products of different passes have the square of that change as their mean, free of
-        the noise that the square of one pass would have; a single pass tells nothing.
+        To first order blur is proportional to the area of the disc, so it is twice the change from
+        halving the area. The mean product of that change in different passes is its square, without
+        the noise that the square of one pass has; at least two passes are needed.
         """
         n = self._n_passes
         if self._blur.size == 0:

@@ -1,9 +1,9 @@
 """Progressive photon mapping by independent passes.
 
 Hachisuka, Ogaki and Jensen, "Progressive photon mapping", ToG 27(5), 2008; in the form of Knaus and
-Zwicker, "Progressive photon mapping: a probabilistic approach", ToG 30(3), 2011. Passes share
-nothing: each traces photons of its own and one camera path per pixel. The discs shrink from pass to
-pass, so in the mean of the passes both noise and blur vanish.
+Zwicker, "Progressive photon mapping: a probabilistic approach", ToG 30(3), 2011. Passes are
+independent: each traces photons of its own and one camera path per pixel. The radius shrinks from
+pass to pass (`radius_factor`), so in the mean of the passes both noise and blur vanish.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ class ProgressiveWorkers(PhotonWorkers):
     ----------
     context : RenderContext
     threads : int
-        Each has a `EyePass` of its own.
+        Each has an `EyePass` of its own.
     """
 
     def __init__(self, context: RenderContext, threads: int) -> None:
@@ -105,7 +105,7 @@ class ProgressiveWorkers(PhotonWorkers):
 
 
 def radius_factor(pass_number: int, alpha: float) -> float:
-    """Return the radii of a pass over those of the first.
+    """Return the radius of a pass over the initial radius.
 
     Knaus and Zwicker, "Progressive photon mapping: a probabilistic approach", ToG 30(3), 2011:
     r_i^2 = r_1^2 Gamma(i + alpha) / (Gamma(1 + alpha) Gamma(i + 1)), with i = 1 in the first pass.

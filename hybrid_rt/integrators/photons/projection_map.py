@@ -1,9 +1,9 @@
-"""The projection map: balls around whatever throws caustics, for photons to be aimed at.
+"""The projection map: bounding spheres of caustic casters, at which photons are aimed.
 
 Jensen's projection map ("Global illumination using photon maps", EGWR 1996) marks the directions in
-which a light sees such surfaces. Balls serve every point of every light at once, and the density of
-directions toward them has a closed form. A surface that fills its ball poorly is covered by several
-smaller ones.
+which a light sees such surfaces. Bounding spheres serve all points of all lights at once, and the
+pdf of directions toward them has a closed form. A surface that fills its sphere poorly is covered
+by several smaller ones.
 """
 
 from __future__ import annotations
@@ -31,13 +31,13 @@ Ball = tuple[FloatArray, float]
 
 
 def targets_of(scene: CompiledScene, throws: BoolArray) -> Targets:
-    """Return balls around all that throws caustics, but for what has no end.
+    """Return the bounding spheres of all bounded surfaces that cast caustics.
 
     Parameters
     ----------
     scene : CompiledScene
     throws : (materials + 1,) bool
-        Which materials do; the last row is for `NOTHING`.
+        Materials that cast caustics; the last row is for `NOTHING`.
 
     Returns
     -------
@@ -53,11 +53,11 @@ def targets_of(scene: CompiledScene, throws: BoolArray) -> Targets:
 
 
 def covering(cells: FloatArray) -> list[Ball]:
-    """Cover cells (n, corners, 3) by few balls whose squared radii add up to little.
+    """Cover cells (n, corners, 3) by a few balls with a small sum of squared radii.
 
-    That sum is about the solid angle aimed at. The cells of the largest ball are parted in two,
-    over and over, so each number of balls has its cover. Of those whose sum is about the least the
-    finest is returned: seen from the side, a flat part shows less of smaller balls.
+    That sum is proportional to the solid angle aimed at. The cells of the largest ball are split in
+    two repeatedly, which gives a cover for each number of balls. Of the covers whose sum is near
+    the least, the finest is returned: around a flat part seen edge-on, smaller balls waste less.
     """
     parts = [cells]
     balls = [_ball(cells)]

@@ -1,4 +1,4 @@
-"""Whitted ray tracing: direct light, mirrors, both branches at glass."""
+"""Whitted ray tracing: direct light, mirrors, both reflection and refraction at glass."""
 
 from __future__ import annotations
 

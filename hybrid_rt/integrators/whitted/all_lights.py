@@ -36,7 +36,7 @@ class _Question:
 
 
 class AllLights(SurfaceLight):
-    """As `SurfaceLight`, of which it takes the parameters; and asks all lights at once."""
+    """A `SurfaceLight` that samples all lights at each hit; same parameters."""
 
     def from_all(
         self,
@@ -46,16 +46,16 @@ class AllLights(SurfaceLight):
         dimension: UIntArray,
         pass_number: UIntArray,
     ) -> FloatArray:
-        """Return what lights and sky send through the spreading lobes, (n, 3): all are asked.
+        """Return the direct light at hits, (n, 3): the sum over all lights and the environment.
 
         Parameters
         ----------
         shading : Shading of n rows
         media : (n, STACK) int32, or (n, 0)
-            The stacks of the rays.
+            Medium stacks of the rays.
         pixel, dimension, pass_number : (n,) uint64
-            Name the random numbers. Hit i uses the dimensions ``dimension[i] + 0, 1, ...``, one for
-            each light and one for the sky.
+            Keys of the random numbers. Hit i uses the dimensions ``dimension[i] + 0, 1, ...``, one
+            for each light and one for the environment.
         """
         context, n = self._context, len(shading.hits)
         questions: list[_Question] = []

@@ -1,6 +1,6 @@
 """Whitted ray tracing: direct light, mirrors and glass; a batch of rays, one level of depth at a time.
 
-Whitted, "An improved illumination model for shaded display", CACM 23(6), 1980. Matt and glossy
+Whitted, "An improved illumination model for shaded display", CACM 23(6), 1980. Diffuse and glossy
 surfaces are lit directly by every light; at mirrors and glass the reflected and the refracted ray
 are both followed. Glass casts a full shadow: caustics need photons or light subpaths.
 """
@@ -39,24 +39,23 @@ LEAST_CONTRIBUTION = 1e-3
 
 @dataclass(frozen=True)
 class Branches:
-    """Rays on their way, in the order of the camera rays they come from.
+    """Active rays, in the order of their camera rays.
 
     Attributes
     ----------
     depth : int
-        Mirrored and refracted directions taken so far.
+        Number of reflections and refractions so far.
     camera_ray : (n,) int64
         Row in the block of camera rays.
     node : (n,) uint64
-        Place in the tree of branches, 1 at the camera; it names the branch's random numbers.
+        Index in the binary ray tree, 1 at the camera; key of the branch's random numbers.
     origins, directions : (n, 3) float64
         Directions are unit vectors.
     throughput : (n, 3) float64
-        What one unit of radiance on this ray adds to its pixel.
     media : (n, STACK) int32
-        Dielectrics that the ray is in; (n, 0) where the scene has none.
+        Medium stacks; (n, 0) if the scene has no dielectric.
     source : HitRecord or None
-        Where the rays start; None at the camera.
+        Hits that the rays leave; None at the camera.
     """
 
     depth: int
@@ -251,7 +250,7 @@ class Whitted(Integrator):
         return [back, through]
 
     def _joined(self, met: _Meeting, parts: list[_Part]) -> Branches:
-        """Put the branches that go on into the order of their parents."""
+        """Sort the surviving branches in the order of their parents."""
         parent = np.concatenate([part.parent for part in parts])
         choice = np.repeat([part.choice for part in parts], [part.parent.size for part in parts])
         throughput = np.concatenate([part.throughput for part in parts])

@@ -1,8 +1,8 @@
-"""Coarse hits from Embree: the only file that knows it.
+"""Coarse hits from Embree; the only module that imports it.
 
-Embree works in float32, so the triangles are brought into a frame of their own first: centred,
-and scaled by a power of two. Rays far away are brought near in float64 before they are rounded.
-What comes back is a proposal: which triangle, and about where.
+Embree works in float32, so the triangles are first centred, and scaled by a power of two. Origins
+of distant rays are advanced in float64 before they are rounded. The result is approximate: a
+triangle, and about where on it.
 """
 
 from __future__ import annotations
@@ -54,7 +54,7 @@ class CoarseScene:
     def first(
         self, origin: FloatArray, direction: FloatArray, t_min: FloatArray, t_max: FloatArray
     ) -> CoarseHits:
-        """Return what rays meet first.
+        """Return the first hits of rays on the triangles.
 
         Parameters
         ----------

@@ -1,4 +1,4 @@
-"""The coarse stage: triangles of all curved surfaces in Embree, and what their hits mean."""
+"""The coarse stage: triangles of all curved surfaces in Embree, and the use of its hits."""
 
 from __future__ import annotations
 
@@ -17,6 +17,7 @@ from hybrid_rt.intersection.kernels.search.coarse import (
 )
 from hybrid_rt.intersection.kernels.search.nearest import Nearest, Rays
 from hybrid_rt.intersection.kind import CurvedKind, Finished
+from meshing import tessellate
 from meshing.surface import Surface
 
 # Chordal tolerance of the coarse triangles over the surface's size: where they are the answer, or
@@ -52,7 +53,10 @@ class Coarse:
         vertices, faces, objects, pieces, corners = [], [], [], [], []
         n_vertices = 0
         for object_id, surface in members:
-            mesh = surface.triangles(tolerance or relative * surface.size)
+            if surface.is_freeform:
+                mesh = tessellate(surface, tolerance or relative * surface.size)
+            else:
+                mesh = surface.triangles()
             vertices.append(mesh.vertices)
             faces.append(mesh.faces + n_vertices)
             objects.append(np.full(len(mesh), object_id, np.int32))
@@ -77,14 +81,14 @@ class Coarse:
     def propose(
         self, kinds: Sequence[CurvedKind], rays: Rays, best: Nearest, found: BoolArray
     ) -> list[IntArray]:
-        """Return for each kind what its `trace` is to begin with: (n,) int32, -1 for nothing.
+        """Return the initial guess for `trace` of each kind: (n,) int32, -1 for none.
 
         Parameters
         ----------
         kinds : sequence of CurvedKind
         rays : Rays of n rows
         best : Nearest of n rows
-            Coarse hits beyond its t are not looked for.
+            Its t limits the search for coarse hits.
         found : (n,) bool, written
             Whether Embree has a hit.
         """
@@ -100,7 +104,7 @@ class Coarse:
         work: FloatArray,
         found: BoolArray,
     ) -> None:
-        """Lower ``best`` to coarse hits (no kinds: accuracy "mesh") or to what they refine to.
+        """Lower ``best`` to refined coarse hits, or without kinds (accuracy "mesh") to the hits.
 
         Parameters
         ----------

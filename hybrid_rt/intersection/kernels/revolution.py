@@ -343,7 +343,8 @@ def rates_in(piece, ray, after, slack):
         return 1.0, 0.0
     lo = -ray[ACROSS] if t0 == -np.inf else distance(ray, t0, after)[1]
     hi = ray[ACROSS] if t1 == np.inf else distance(ray, t1, after)[1]
-    return lo, hi
+    # rho' grows with t; next to the axis it is +-across but for the last bit, and may seem to fall.
+    return min(lo, hi), max(lo, hi)
 
 
 @inner

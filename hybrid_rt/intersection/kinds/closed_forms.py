@@ -1,4 +1,4 @@
-"""Kinds whose roots are found by a kernel alone: a table, what traces it, what describes its hits."""
+"""Kinds without a coarse stage: a table, a kernel that traces it, a kernel that describes hits."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from hybrid_rt.intersection.kind import Finished
 
 
 class ClosedForm:
-    """First hits on one of the kinds that are solved by a formula.
+    """First hits on a kind without a coarse stage.
 
     Parameters
     ----------
@@ -40,7 +40,7 @@ class ClosedForm:
     def trace(
         self, rays: Rays, guess: IntArray | None, best: Nearest, any_hit: bool, work: FloatArray
     ) -> None:
-        """Lower ``best`` to the nearest roots; formulas take no guess and count no work."""
+        """Lower ``best`` to the nearest roots; ``guess`` and ``work`` are not used."""
         del guess, work
         self._trace(self.table, rays, best, any_hit)
 
@@ -64,13 +64,13 @@ LEAF_SIZE = 2
 
 
 class Spheres(ClosedForm):
-    """First hits on spheres; many of them stand in a tree.
+    """First hits on spheres; many of them are put into a bounding volume hierarchy.
 
     Parameters
     ----------
     members : sequence of (object id, Sphere)
     many : int
-        Number of spheres from which on there is a tree.
+        Number of spheres from which on the hierarchy is used.
     """
 
     def __init__(self, members: Sequence[tuple[int, Any]], many: int = MANY) -> None:

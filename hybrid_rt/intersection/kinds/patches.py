@@ -1,4 +1,4 @@
-"""Bezier patches of all objects: one frame, one table of cells, one tree."""
+"""Bezier patches of all objects: one frame, one table of cells, one bounding volume hierarchy."""
 
 from __future__ import annotations
 
@@ -74,7 +74,8 @@ class PatchKind:
     pool : Pool
         Shares the work of building.
     finest : int
-        Cells per side of a patch at most. 0: no cells and no tree, only `refine` and `finish` work.
+        Largest number of cells per side of a patch. 0: no cells and no hierarchy, so only `refine`
+        and `finish` work.
     """
 
     def __init__(
@@ -192,7 +193,7 @@ class PatchKind:
         best: Nearest,
         accepted: BoolArray,
     ) -> None:
-        """Move coarse hits onto their patches by Newton iteration, and offer what is found."""
+        """Refine coarse hits on their patches by Newton iteration; lower ``best`` to them."""
         refine_patches(
             self.table, hits, coarse.triangles, self._first_of(coarse), rows, rays, best,
             self._new_basis(), accepted,
@@ -201,7 +202,7 @@ class PatchKind:
     def settle(
         self, rays: Rays, best: Nearest, kind_of: IntArray, kind: int, out: Finished
     ) -> None:
-        """Find out which hits on patches are within the band of being lost."""
+        """Find the hits on patches that moving the ray by the band would lose."""
         rows = suspects(best, kind_of, kind)
         if not len(rows):
             return

@@ -1,7 +1,7 @@
-"""How rays meet each class of surfaces: one table, and what is built from it for a scene.
+"""The registry of kinds: which kind intersects each class of surfaces, and building them.
 
-A kind takes all surfaces of its class at once. A new class needs an `Entry` in `ENTRIES`, nothing
-else in this room.
+A kind takes all surfaces of its class at once. A new class needs an `Entry` in `ENTRIES` and
+nothing else in this package.
 """
 
 from __future__ import annotations
@@ -33,21 +33,21 @@ Members: TypeAlias = list[tuple[int, Any]]
 
 @dataclass(frozen=True)
 class Entry:
-    """How rays meet the surfaces of one class.
+    """How rays intersect the surfaces of one class.
 
     Attributes
     ----------
     surface : type
     name : str
-        What the plan calls them.
+        Name in the plan.
     build : callable
-        Makes their kind from members, accuracy and a pool. It imports their kernels: what a scene
-        does not have is not loaded.
+        Takes members, accuracy and a pool, returns the kind. It imports the kernels, so those that
+        a scene does not need are not loaded.
     kernels : callable
-        Names the groups of kernels, as `hybrid_rt.core.precompile` knows them, from surfaces and
-        the way they are traced: the accuracy, or "alone" without Embree.
+        Takes surfaces and the accuracy ("alone" without Embree), returns the names of kernel groups
+        for `hybrid_rt.core.precompile`.
     by_embree : tuple of str
-        Accuracies in which they go to Embree as triangles first.
+        Accuracies at which they have a coarse stage.
     """
 
     surface: type[Surface]
@@ -58,14 +58,14 @@ class Entry:
 
 
 class Kinds(NamedTuple):
-    """The kinds that a scene has.
+    """The kinds in a scene.
 
     Attributes
     ----------
-    direct, curved : kinds that are traced as they are, and those that go to Embree first
-    kind_of : (objects,) int32, number of each object's kind in ``direct + curved``
-    in_embree : object ids and surfaces that go to Embree first
-    plan : what is used and what was left out, with the reasons
+    direct, curved : kinds without and with a coarse stage
+    kind_of : (objects,) int32, index of each object's kind in ``direct + curved``
+    in_embree : object ids and surfaces with a coarse stage
+    plan : which features are used, with reasons
     """
 
     direct: list[Kind]
@@ -76,12 +76,12 @@ class Kinds(NamedTuple):
 
 
 def check_surfaces(surfaces: Sequence[Surface]) -> tuple[Surface, ...]:
-    """Return the surfaces, or say which of them is none.
+    """Check and return the surfaces.
 
     Raises
     ------
     TypeError
-        If one is no surface that rays can meet.
+        If an item is not a surface of a registered class.
     ValueError
         If one is too large, too small or too far away for float64 to compute with.
     """
@@ -102,7 +102,7 @@ def check_surfaces(surfaces: Sequence[Surface]) -> tuple[Surface, ...]:
 
 
 def kernel_groups(surfaces: Sequence[Surface], accuracy: str, coarse: str) -> list[str]:
-    """Name the kernels that first hits and shadows need, as `hybrid_rt.core.precompile` knows them."""
+    """Return the kernel groups (`hybrid_rt.core.precompile`) that first hits and shadows need."""
     way = accuracy if coarse == "embree" else "alone"
     members = _members_of(surfaces)
     return [
@@ -114,7 +114,7 @@ def kernel_groups(surfaces: Sequence[Surface], accuracy: str, coarse: str) -> li
 
 
 def make_kinds(surfaces: Sequence[Surface], accuracy: str, pool: Pool) -> Kinds:
-    """Build the kinds that occur.
+    """Build the kinds that occur in a scene.
 
     Parameters
     ----------

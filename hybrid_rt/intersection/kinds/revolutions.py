@@ -1,4 +1,4 @@
-"""Surfaces of revolution of all objects: their profiles in pieces."""
+"""Surfaces of revolution of all objects: one table of profile pieces."""
 
 from __future__ import annotations
 
@@ -135,7 +135,7 @@ class RevolutionKind:
         best: Nearest,
         accepted: BoolArray,
     ) -> None:
-        """Move coarse hits onto the surfaces by Newton iteration, and offer what is found."""
+        """Refine coarse hits on the surfaces by Newton iteration; lower ``best`` to them."""
         refine_revolutions(
             self.table, hits, coarse.triangles, self._rows(coarse.n_objects), rows, rays, best,
             np.empty(RAY), accepted,

@@ -1,4 +1,4 @@
-"""Triangle meshes of all objects: one table, one tree."""
+"""Triangle meshes of all objects: one table, one bounding volume hierarchy."""
 
 from __future__ import annotations
 
@@ -97,7 +97,7 @@ class TriangleKind:
         best: Nearest,
         accepted: BoolArray,
     ) -> None:
-        """Meet Embree's triangle again in float64."""
+        """Intersect Embree's triangle again in float64."""
         first = np.full(coarse.n_objects, -1, np.int64)
         first[: len(self._first_face)] = self._first_face
         place = np.empty(len(hits.face), np.int32)
@@ -113,7 +113,7 @@ class TriangleKind:
     def settle(
         self, rays: Rays, best: Nearest, kind_of: IntArray, kind: int, out: Finished
     ) -> None:
-        """Find out which hits on meshes are within the band of being lost."""
+        """Find the hits on meshes that moving the ray by the band would lose."""
         rows = suspects(best, kind_of, kind)
         if not len(rows):
             return

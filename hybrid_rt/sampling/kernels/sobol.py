@@ -1,9 +1,8 @@
 """Hash-scrambled Sobol points: a pure function of (seed, pixel, dimension, sample number).
 
-Each (pixel, dimension) owns one two-dimensional Sobol sequence; what differs between them is only
-the hash that shuffles its order and scrambles its digits. Scrambling keeps every aligned run of
-2**k points a (0, k, 2)-net, so the passes of a render fill the square evenly however many there
-are.
+Each (pixel, dimension) has one two-dimensional Sobol sequence; they differ only in the hash that
+shuffles the order and scrambles the digits. After scrambling every aligned run of 2**k points is
+still a (0, k, 2)-net, so any number of passes is well distributed.
 
 Burley, "Practical hash-based Owen scrambling", JCGT 9(4), 2020; the digit permutation is the one of
 Laine and Karras, "Stratified sampling for stochastic transparency", EGSR 2011, with the constants
@@ -33,7 +32,7 @@ _TO_UNIT = 2.0**-32
 
 @inner
 def mix(state, word):
-    """Stir one 32-bit word into a 32-bit hash (the "lowbias32" finaliser of C. Wellons)."""
+    """Mix one 32-bit word into a 32-bit hash (the "lowbias32" finaliser of C. Wellons)."""
     x = ((state + _GOLDEN) & _MASK) ^ word
     x ^= x >> _S16
     x = (x * _HASH_A) & _MASK
@@ -44,7 +43,7 @@ def mix(state, word):
 
 @inner
 def reverse_bits(x):
-    """Turn a 32-bit word round."""
+    """Reverse the bits of a 32-bit word."""
     x = ((x >> _S1) & _BITS1) | ((x & _BITS1) << _S1)
     x = ((x >> _S2) & _BITS2) | ((x & _BITS2) << _S2)
     x = ((x >> _S4) & _BITS4) | ((x & _BITS4) << _S4)
@@ -54,7 +53,7 @@ def reverse_bits(x):
 
 @inner
 def permute(x, key):
-    """Permute binary digits, the lowest first, each by a choice that depends on those before it."""
+    """Permute binary digits, the lowest first: each flip depends on the digits before it."""
     x ^= (x * _OWEN_A) & _MASK
     x = (x + key) & _MASK
     x = (x * ((key >> _S16) | _ONE)) & _MASK
@@ -64,9 +63,9 @@ def permute(x, key):
 
 @inner
 def sobol_second(turned):
-    """Return the second Sobol coordinate of an index, given turned round, as a 32-bit word.
+    """Return the second Sobol coordinate of a bit-reversed index, as a 32-bit word.
 
-    The first is the index turned round itself.
+    The first coordinate is the bit-reversed index itself.
     """
     # The generator matrix is Pascal's triangle modulo 2, five times over the Kronecker product of
     # ((1, 1), (0, 1)) with itself: each factor is one line.
@@ -81,10 +80,10 @@ def sobol_second(turned):
 def sobol_points(seed, sample, pixel, dimension, begin, points):
     """Fill n rows of ``points`` (m, rows, 2) from ``begin`` on, for n triples, all uint64.
 
-    The first axis are the m dimensions from ``dimension`` on.
+    The first axis holds the m dimensions from ``dimension`` on.
 
-    Scrambling permutes the digits from the highest on, so the words it is applied to are turned
-    round before and after; where two such turns meet, neither is done.
+    Scrambling permutes the digits from the highest on, so words are bit-reversed before and after
+    it; where two reversals meet, both are left out.
     """
     seed_key = mix(mix(_ZERO, seed & _MASK), seed >> _S32)
     for i in range(pixel.size):
@@ -104,18 +103,18 @@ def sobol_points(seed, sample, pixel, dimension, begin, points):
 def joint_points(seed, sample, pixel, dimension, tables, points):
     """Fill ``points`` (n, m) with points of one m-dimensional Sobol sequence.
 
-    Each coordinate is scrambled by itself; the order of the points stays, as nothing else is
-    paired with them.
+    Each coordinate is scrambled independently; the order is not shuffled, as the points are paired
+    with no others.
 
     Parameters
     ----------
     seed, dimension : uint64
     pixel : (n,) uint64
-        With them name the sequence.
+        Key of the sequence, with ``seed`` and ``dimension``.
     sample : (n,) uint64 below 2**32
-        Which of its points.
+        Index in the sequence.
     tables : (at least m, 4, 256) uint64
-        For each coordinate and byte of an index what that byte contributes, turned round.
+        Bit-reversed contribution of each byte of an index, for each coordinate.
     """
     seed_key = mix(mix(_ZERO, seed & _MASK), seed >> _S32)
     for i in range(sample.size):

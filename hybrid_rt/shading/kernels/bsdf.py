@@ -1,9 +1,8 @@
-"""The BSDF: what the lobes of a material together send on of the light that reaches a surface.
+"""The BSDF of a material: the sum of its lobes.
 
-One interface for all of them: `scattered` is `eval` (f cos) and `pdf` together, `sample_lobes` is
-`sample`. Single lobes stand in `hybrid_rt.shading.kernels.lobes`. Mirror and glass are delta
-distributions: they are chosen here as often as the others, and followed in
-`hybrid_rt.shading.kernels.scatter`.
+`scattered` is `eval` (f cos) and `pdf` in one, `sample_lobes` is `sample`. Single lobes are in
+`hybrid_rt.shading.kernels.lobes`. Mirror and glass are delta distributions: they take part in the
+choice of a lobe here, and are followed in `hybrid_rt.shading.kernels.scatter`.
 """
 
 from typing import Any, NamedTuple
@@ -30,10 +29,10 @@ class LobeTable(NamedTuple):
 
 @inlined
 def lobe_chance(lobes, row, colors, i, j, asked):
-    """Return how often a lobe is chosen before the others: its brightest channel.
+    """Return the unnormalised probability of a lobe: its largest channel.
 
-    Lobes without any of the traits ``asked`` are not chosen at all. Glass counts with its share, as
-    it sends on everything but its tint.
+    It is zero for lobes without any of the traits ``asked``. Glass has its weight in the mixture,
+    as its colour tints transmission only.
     """
     traits = lobes.traits[row]
     if traits & asked == 0:
@@ -45,12 +44,12 @@ def lobe_chance(lobes, row, colors, i, j, asked):
 
 @inlined
 def scattered(lobes, material, colors, i, nx, ny, nz, dx, dy, dz, wx, wy, wz, ratio, asked):
-    """Return f cos per channel and pdf of hit i: ray direction d arriving, unit w leaving.
+    """Return f cos per channel and the pdf at hit i, for a ray along d and a unit direction w.
 
-    Opaque surfaces shine on both sides; light from behind gives zero, but through rough glass. A
-    direction is chosen among the lobes that have one of the traits ``asked``, and the pdf is that
-    of all of them together: `EVERY` for paths, `WIDE` where only wide lobes are lit. ``ratio`` is
-    the index beyond the surface over that before it where rough glass spreads light, 0 elsewhere.
+    Reflection is two-sided; w and -d on opposite sides give zero, except at rough glass. The pdf is
+    that of sampling one of the lobes with a trait in ``asked``: `EVERY` for paths, `WIDE` where
+    only wide lobes are lit. ``ratio`` is the index beyond the surface over that before it where
+    rough glass scatters, 0 elsewhere.
     """
     n_dot_d = nx * dx + ny * dy + nz * dz
     cosine = nx * wx + ny * wy + nz * wz
@@ -89,9 +88,9 @@ def scattered(lobes, material, colors, i, nx, ny, nz, dx, dy, dz, wx, wy, wz, ra
 
 @inlined
 def leaves_through_face(geometric, i, direction, x, y, z):
-    """Tell whether a direction leaves on the other side of the surface itself than d came from.
+    """Tell whether a direction is transmitted, by the geometric normal.
 
-    ``geometric`` is (0, 3) where shading uses the surface's own normals: then it never does.
+    ``geometric`` is (0, 3) without separate shading normals; then the answer is no.
     """
     if geometric.shape[0] == 0:
         return False
@@ -105,7 +104,7 @@ def leaves_through_face(geometric, i, direction, x, y, z):
 
 @inlined
 def is_behind(normal, direction, i, x, y, z):
-    """Tell whether a direction leaves on the other side of the normal than d came from."""
+    """Tell whether a direction is transmitted, by the shading normal."""
     before = (
         normal[i, 0] * direction[i, 0]
         + normal[i, 1] * direction[i, 1]
@@ -116,9 +115,10 @@ def is_behind(normal, direction, i, x, y, z):
 
 @inlined
 def sides_differ(geometric, normal, i, direction, x, y, z):
-    """Tell whether a direction leaves on one side of the surface itself, and another of the normal.
+    """Tell whether geometric and shading normal disagree on whether a direction is transmitted.
 
-    No light goes that way: it would leak through an opaque surface, or be bent without passing.
+    Such directions carry no light: it would leak through opaque surfaces, or refract without
+    crossing the surface.
     """
     if geometric.shape[0] == 0:
         return False
@@ -128,10 +128,10 @@ def sides_differ(geometric, normal, i, direction, x, y, z):
 
 @inlined
 def pick_lobe(lobes, material, colors, i, xi, asked):
-    """Choose a lobe by a number in [0, 1).
+    """Sample a lobe by a number in [0, 1).
 
-    Returns its place among the material's, its probability (zero: there is none to choose) and
-    what is left of the number, even in [0, 1) again.
+    Returns its index in the material, its probability (zero: there is no lobe) and the number
+    rescaled to [0, 1) for reuse.
     """
     start = lobes.first[material]
     n = lobes.first[material + 1] - start
@@ -156,11 +156,11 @@ def pick_lobe(lobes, material, colors, i, xi, asked):
 def sample_lobes(
     lobes, material, colors, normal, direction, ratio, xi, branch, asked, wi, value, pdf
 ):
-    """Choose a direction by the spreading lobes of each hit; value = f cos / pdf.
+    """Sample a direction by the non-delta lobes of each hit; value = f cos / pdf.
 
-    The pdf is that of all lobes together, so a sharp lobe beside a wide one gives no rare large
-    values. Rows without such a lobe, directions into the surface, and those given to a mirror or
-    to smooth glass (where these are ``asked``) get zero.
+    The pdf is that of all lobes together, so a sharp lobe beside a wide one causes no fireflies.
+    Rows without such a lobe, directions into the surface, and rows that sampled a delta lobe (if
+    ``asked`` includes these) get zero.
 
     Parameters
     ----------
@@ -170,10 +170,10 @@ def sample_lobes(
     normal, direction : (n, 3) float64
         Of the hit and of the ray that found it.
     ratio : (n,) float64, or (0,)
-        As in `scattered`; (0,): no glass is rough.
+        As in `scattered`; empty without rough glass.
     xi : (n, 2) float64 in [0, 1)
     branch : (n,) float64 in [0, 1), or (0,)
-        Chooses the side at rough glass.
+        Samples reflection or transmission at rough glass.
     asked : int
         As in `scattered`.
     wi, value : (n, 3) float64, written

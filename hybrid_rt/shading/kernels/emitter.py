@@ -1,8 +1,7 @@
-"""Light that reaches hits directly: a point of the light, and what the surface makes of it.
+"""Next-event estimation, emission that rays hit, and their multiple importance sampling weights.
 
-Also light that a ray runs into by chance, and the weights that let both ways of finding the same
-light be added up: Veach and Guibas, "Optimally combining sampling techniques for Monte Carlo
-rendering", SIGGRAPH 1995.
+Veach and Guibas, "Optimally combining sampling techniques for Monte Carlo rendering", SIGGRAPH
+1995.
 """
 
 import math
@@ -27,7 +26,7 @@ BOTH, LIGHT_ONLY, DIRECTION_ONLY, UNWEIGHTED = 0, 1, 2, 3
 
 @inlined
 def power_weight(pdf, other):
-    """Return the weight of a way of density ``pdf`` beside another (power heuristic)."""
+    """Return the power-heuristic weight of a technique with density ``pdf`` against another."""
     if other <= 0.0:
         return 1.0
     ratio = other / pdf
@@ -39,32 +38,32 @@ def light_on_hits(
     lights, sky, textures, points, light_id, lobes, material, colors, position, normal, direction,
     geometric, ratio, xi, strategy, asked, to_light, value,
 ):  # fmt: skip
-    """Ask one light per hit what it sends through the hit's spreading lobes.
+    """Next-event estimation: sample a point of one light per hit, times f cos of non-delta lobes.
 
     Parameters
     ----------
     points : LightPoints of n rows
-        For rows that ask a `SURFACE`; may be empty where there is none.
+        For rows whose light is a `SURFACE`; may be empty if there is none.
     light_id, material : (n,) int32
-        The light that each row asks, the number of lights for the sky; the hit's material,
+        The light of each row, the number of lights for the environment; the hit's material,
         negative for none.
     colors : (n, lobes of a material at most, 3) float64
     position, normal, direction : (n, 3) float64
         Of the hit and of the ray that found it.
     geometric : (n, 3) float64
-        Normal of the surface itself, where ``normal`` is another; else (0, 3).
+        Geometric normals, if they differ from ``normal``; else (0, 3).
     ratio : (n,) float64, or (0,)
-        As in `scattered`; (0,): no glass is rough.
-    xi : (n, 2) float64
-        Two numbers in [0, 1) that choose the point of the light.
+        As in `scattered`; empty without rough glass.
+    xi : (n, 2) float64 in [0, 1)
+        Sample the point of the light.
     strategy : int
-        `UNWEIGHTED`: every light was asked. Otherwise one was, by its chance, and it may be found
-        by scattered rays as well.
+        `UNWEIGHTED`: every light is sampled. Otherwise one light is, by its probability, and the
+        value is weighted against BSDF sampling.
     asked : int
         See `scattered`.
     to_light, value : (n, 3) float64, written
-        The way to that point (to the sky: a unit direction), and the radiance sent on if nothing
-        stands in it.
+        Vector to that point (to the environment: a unit direction), and the radiance scattered if
+        it is unoccluded.
     """
     for i in range(light_id.size):
         to_light[i, 0] = to_light[i, 1] = to_light[i, 2] = 0.0
@@ -115,28 +114,27 @@ def light_on_rays(
     lights, sky, textures, light_id, t, u, v, position, normal, origin, direction, pdf, pdf_area,
     rival, media, lobes, strategy, radiance,
 ):  # fmt: skip
-    """Find the radiance that rays run into, weighted for how else it is found.
+    """Compute the emitted radiance that rays hit, MIS-weighted.
 
     Parameters
     ----------
     light_id : (n,) int32
-        The light whose shining side was met, the number of lights for the sky; negative: none.
+        The light whose emissive side was hit, the number of lights for the environment; negative:
+        none.
     t, u, v, position, normal : (n, ...) float64
-        Of the hit; not read for the sky.
+        Of the hit; not read for the environment.
     origin, direction : (n, 3) float64
         Of the ray; unit directions.
     pdf : (n,) float64
-        Density with which the direction was chosen; 0 where it had no choice: there only this way
-        leads to the light.
+        pdf of the direction per solid angle; 0 for camera rays and after delta lobes, where no
+        other technique finds the light.
     pdf_area : (n,) float64
-        Density per area with which the point of a `SURFACE` is chosen; may be empty where there
-        is none.
+        pdf per area of sampling the point of a `SURFACE`; may be empty if there is none.
     rival : (n,) float64
-        Of paths that mirrors and glass have led here from a surface that spreads light: the density
-        to set against that of light paths (see `hybrid_rt.integrators.kernels.light_paths`); else
-        0.
+        For paths from a non-delta vertex by way of delta lobes: the density to weigh against light
+        subpaths (see `hybrid_rt.integrators.kernels.light_paths`); else 0.
     media : (n, STACK) int32, or (n, 0)
-        Dielectrics that the ray is in.
+        Medium stacks of the rays.
     radiance : (n, 3) float64, written
     """
     for i in range(light_id.size):

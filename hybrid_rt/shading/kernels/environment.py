@@ -1,7 +1,7 @@
 """Environment lights: radiance by direction, and directions sampled by radiance.
 
-A gradient is linear in the height of the direction, so its distribution is inverted in closed form.
-A panorama is importance-sampled by texels: first the row, then the column.
+A gradient is linear in the cosine to the zenith, so its distribution is inverted in closed form. An
+image is importance-sampled by texels: first the row, then the column.
 """
 
 import math
@@ -13,7 +13,7 @@ NO_SKY, GRADIENT, PICTURE = 0, 1, 2
 
 
 class EnvironmentTable(NamedTuple):
-    """What lies around a scene."""
+    """An environment light: a gradient or an image."""
 
     kind: Any  # int
     # (3, 3) float64, rows: azimuth 0, a quarter turn (for a picture to the right), up
@@ -69,7 +69,7 @@ def sky_radiance(sky, x, y, z):
 
 @inlined
 def sky_pdf(sky, x, y, z):
-    """Return the density per steradian with which `sky_direction` chooses a direction."""
+    """Return the pdf per solid angle of a direction sampled by `sky_direction`."""
     if sky.kind == GRADIENT:
         f = sky.frame
         s = 0.5 + 0.5 * (f[2, 0] * x + f[2, 1] * y + f[2, 2] * z)
@@ -102,7 +102,7 @@ def _find(shares, row, n, xi):
 
 @inlined
 def sky_direction(sky, xi, eta):
-    """Choose a unit direction by brightness."""
+    """Sample a unit direction by radiance."""
     if sky.kind == GRADIENT:
         low, high = sky.heights[0], sky.heights[1]
         # Density low + (high - low) s on [0, 1]: solve (high - low) s^2 / 2 + low s = xi mean,

@@ -38,7 +38,7 @@ def schlick(cos_i, eta):
 
 @inlined
 def refract(dx, dy, dz, nx, ny, nz, cos_i, cos_t, ratio):
-    """Bend a unit direction by Snell's law; n is on its side."""
+    """Refract a unit direction by Snell's law; n is on its side."""
     if ratio == 1.0:
         return dx, dy, dz
     along = cos_i / ratio - cos_t

@@ -1,12 +1,12 @@
-"""Kinds of lights: what each one does, here and nowhere else.
+"""Kinds of lights: all code that depends on the kind of a light.
 
-A light is asked from a hit (next-event estimation), met by a ray, or left by a photon or a light
-path. A kind answers all three by a branch in each function below, so it is these branches, a class
-that lays the light out as a row of the table, and a name to call it by.
+A light is sampled from a hit (next-event estimation), hit by a ray, or emits a photon or a light
+subpath. Each kind has a branch for these in the functions below; besides, it has a class that
+writes its row of the table, and a name.
 
-What leaves a point of a light in direction d is its strength times a share: the cosine to the
-normal for lights that have an area, one for points. The integral of the share over all directions
-makes it a density, and with strength and area it makes the light's power.
+A point of a light emits its strength (radiance, or intensity without area) times a share in
+direction d: the cosine to the normal for area lights, one for points. The share over its integral
+over all directions is a pdf; strength times area times that integral is the light's power.
 """
 
 import math
@@ -27,7 +27,7 @@ WHOLE_SPHERE = 4.0 * math.pi
 
 
 class LightTable(NamedTuple):
-    """All lights of a scene but the sky; n rows."""
+    """All lights of a scene except the environment; n rows."""
 
     kind: Any  # (n,) int32
     # (n, 3) float64, place of a point light or spot, corner of a rectangle, centre of a sphere
@@ -44,7 +44,7 @@ class LightTable(NamedTuple):
 
 
 class LightPoints(NamedTuple):
-    """Points on surfaces that shine, chosen elsewhere; rows of other lights are not read."""
+    """Sampled points on lights of kind `SURFACE`; rows of other lights are not read."""
 
     position: Any  # (n, 3) float64
     normal: Any  # (n, 3) float64, unit
@@ -55,7 +55,7 @@ class LightPoints(NamedTuple):
 
 @inlined
 def has_area(lights, row):
-    """Tell whether rays may run into a light."""
+    """Tell whether rays can hit a light."""
     return lights.kind[row] not in WITHOUT_AREA
 
 
@@ -64,14 +64,13 @@ def has_area(lights, row):
 
 @inlined
 def light_point(lights, points, i, row, px, py, pz, s, t):
-    """Choose a point of a light by (s, t) in [0, 1)^2 and weigh what arrives from there.
+    """Sample a point of a light by (s, t) in [0, 1)^2, as seen from p.
 
-    ``points`` holds, in row i, what has been chosen on a light of kind `SURFACE`. Returns the
-    vector from p to the point, its length, and the factor on the light's strength that gives the
-    irradiance through a plane facing it: for a point 1 / distance^2, times its share for a spot;
-    for a rectangle cos_light area / distance^2 and for a sphere the solid angle, one over the
-    density of the direction, so that the mean over (s, t) is exact. Zero where the light sends
-    nothing: behind it, beside a spot's cone, inside spheres.
+    Row i of ``points`` is the sampled point of a light of kind `SURFACE`. Returns the vector from p
+    to the point, its length, and the factor that turns the light's strength into irradiance at
+    normal incidence: 1 / distance^2 for a point, times its share for a spot; one over the pdf per
+    solid angle for area lights (rectangle: cos_light area / distance^2; sphere: its solid angle),
+    so the estimate is unbiased. Zero behind the light, outside a spot's cone, inside spheres.
     """
     kind = lights.kind[row]
     if kind == SURFACE:
@@ -154,7 +153,7 @@ def _surface_point(points, i, px, py, pz):
 
 @inlined
 def light_strength(lights, textures, row, u, v, x, y, z):
-    """Return the radiance (intensity of a light without area) of a light at one of its points."""
+    """Return the radiance (for lights without area: the intensity) at a point of a light."""
     if lights.texture[row] < 0:
         return lights.strength[row, 0], lights.strength[row, 1], lights.strength[row, 2]
     return texture_color(textures, lights.texture[row], u, v, x, y, z)
@@ -162,7 +161,7 @@ def light_strength(lights, textures, row, u, v, x, y, z):
 
 @inlined
 def chosen_strength(lights, textures, points, i, row, s, t, x, y, z):
-    """Return the strength of a light at the point (x, y, z) that (s, t) has chosen."""
+    """Return the strength of a light at the point (x, y, z) sampled by (s, t)."""
     u, v = s, t
     if lights.kind[row] == SURFACE:
         u, v = points.u[i], points.v[i]
@@ -174,7 +173,7 @@ def chosen_strength(lights, textures, points, i, row, s, t, x, y, z):
 
 @inlined
 def pdf_of_light(lights, row, ox, oy, oz, t, cosine, pdf_area):
-    """Return the density per steradian with which `light_point` chooses a point that is met at t.
+    """Return the pdf per solid angle with which `light_point` samples a point hit at t.
 
     ``cosine`` is that of the ray to the light's normal; ``pdf_area`` as in `pdf_of_area`.
     """
@@ -186,7 +185,7 @@ def pdf_of_light(lights, row, ox, oy, oz, t, cosine, pdf_area):
 
 @inlined
 def pdf_of_area(lights, row, pdf_area):
-    """Return the density per area with which `leaving_point` chooses; that of a `SURFACE` is given."""
+    """Return the pdf per area of `leaving_point`; for a `SURFACE` it is passed in."""
     if lights.kind[row] == SPHERE:
         return 1.0 / (4.0 * math.pi * lights.edge_u[row, 0] ** 2)
     if lights.kind[row] == RECTANGLE:
@@ -202,10 +201,9 @@ def pdf_of_area(lights, row, pdf_area):
 
 @inlined
 def leaving_point(lights, points, i, row, s, t):
-    """Choose a point of a light by (s, t): the point, its normal, one over its density and that.
+    """Sample a point of a light by (s, t): the point, its normal, one over its pdf, and the pdf.
 
-    Both are zero where there is no area to be found. A light without area has no normal (zero), and
-    its "area" is one.
+    Both are zero if the area is. A light without area has normal zero and pdf one.
     """
     kind = lights.kind[row]
     if kind == SURFACE:
@@ -243,7 +241,7 @@ def _even_direction(s, t):
 
 @inlined
 def leaving_direction(lights, row, nx, ny, nz, s, t):
-    """Choose a direction by the share that it gets, at a point of normal n."""
+    """Sample a direction by its share, at a point with normal n."""
     if lights.kind[row] == POINT:
         return _even_direction(s, t)
     if lights.kind[row] == SPOT:
@@ -257,7 +255,7 @@ def leaving_direction(lights, row, nx, ny, nz, s, t):
 
 @inlined
 def share_of_direction(lights, row, nx, ny, nz, dx, dy, dz):
-    """Return what share of its strength a light sends along d; negative: backwards."""
+    """Return the share of its strength that a light emits along d; negative: backwards."""
     if lights.kind[row] == POINT:
         return 1.0
     if lights.kind[row] == SPOT:
@@ -278,12 +276,12 @@ def shares_together(lights, row):
 
 @inlined
 def largest_share(lights, row, nx, ny, nz, ax, ay, az, cone):
-    """Return about the largest share that a light sends into a cone about the unit axis a.
+    """Return approximately the largest share in a cone about the unit axis a.
 
     Parameters
     ----------
     nx, ny, nz : float
-        Normal of the light where it is left.
+        Normal of the light at the emitting point.
     cone : float
         1 - cos of half the cone's angle; 2: all directions.
     """
@@ -302,7 +300,7 @@ def largest_share(lights, row, nx, ny, nz, ax, ay, az, cone):
 
 @inlined
 def cosine_beside(cosine, cone):
-    """Return the cosine of an angle that is less by half the angle of a cone."""
+    """Return the cosine of an angle reduced by half the angle of a cone."""
     sine = math.sqrt(max(1.0 - cosine * cosine, 0.0))
     return cosine * (1.0 - cone) + sine * math.sqrt(cone * (2.0 - cone))
 

@@ -1,12 +1,12 @@
-"""Which clear body a ray runs in: the dielectrics entered and not yet left.
+"""The medium stack of a ray: the dielectrics that it has entered and not yet left.
 
-A ray carries a short stack of lobes. Where bodies overlap, the one of the highest priority fills
-the space, among equals the one entered last; a surface at which that does not change is not there
-for light (Schmidt and Budge, "Simple nested dielectrics in ray traced images", JGT 7(2), 2002).
+Where bodies overlap, the one with the highest priority fills the space; among equals, the one
+entered last. A surface at which that does not change is invisible (Schmidt and Budge, "Simple
+nested dielectrics in ray traced images", JGT 7(2), 2002).
 
-Where faces of two bodies coincide, a ray passes both at once: what counts is what lies before and
-behind, and no air comes between. The second face is a number per ray: 0 for none, lobe + 1 where
-it is entered, -(lobe + 1) where it is left; the array is empty where no bodies touch.
+Where faces of two bodies coincide, a ray crosses both at once, with no air between. The second face
+is a number per ray: 0 for none, lobe + 1 if it is entered, -(lobe + 1) if it is left; the array is
+empty if no bodies touch.
 """
 
 import math
@@ -38,7 +38,7 @@ def filling_medium(stack, i, lobes):
 
 @inlined
 def place_of(stack, i, lobe):
-    """Return the last place of a lobe in a stack, or `NONE`."""
+    """Return the last index of a lobe in a stack, or `NONE`."""
     for k in range(STACK - 1, -1, -1):
         if stack[i, k] == lobe:
             return k
@@ -47,7 +47,7 @@ def place_of(stack, i, lobe):
 
 @inlined
 def push(stack, i, lobe):
-    """Enter a body: the free place at the end takes it."""
+    """Enter a body: append it to the stack."""
     for k in range(STACK):
         if stack[i, k] == NONE:
             stack[i, k] = lobe
@@ -56,7 +56,7 @@ def push(stack, i, lobe):
 
 @inlined
 def drop(stack, i, place):
-    """Leave a body: those entered later move down."""
+    """Leave a body: remove it from the stack."""
     for k in range(place, STACK - 1):
         stack[i, k] = stack[i, k + 1]
     stack[i, STACK - 1] = NONE
@@ -64,7 +64,7 @@ def drop(stack, i, place):
 
 @inlined
 def begin_with(stack, i, lobe):
-    """Put a body before all others: the ray was in it from the start."""
+    """Insert a body at the bottom of the stack: the ray started inside it."""
     for k in range(STACK - 1, 0, -1):
         stack[i, k] = stack[i, k - 1]
     stack[i, 0] = lobe
@@ -72,13 +72,13 @@ def begin_with(stack, i, lobe):
 
 @inlined
 def ior_of(lobes, lobe):
-    """Return the index of refraction of a lobe, 1 of empty space."""
+    """Return the index of refraction of a lobe; 1 for `NONE`."""
     return 1.0 if lobe == NONE else lobes.number[lobe, IOR]
 
 
 @inlined
 def transmittance(stack, i, lobes, length):
-    """Return the share of light left after a way within what surrounds ray i (Beer, Lambert)."""
+    """Return the Beer-Lambert transmittance over a distance in the medium of ray i."""
     medium = filling_medium(stack, i, lobes)
     if medium == NONE:
         return 1.0, 1.0, 1.0
@@ -97,7 +97,7 @@ def _left(density, length):
 
 @kernel
 def weaken_by_ways(stack, lobes, way, has_end, value):
-    """Weaken what arrives along ways (n, 3) within media; those without an end are infinitely long."""
+    """Attenuate values along segments (n, 3) within media; some segments are infinitely long."""
     for i in range(has_end.size):
         length = math.inf
         if has_end[i]:
@@ -110,10 +110,10 @@ def weaken_by_ways(stack, lobes, way, has_end, value):
 
 @kernel
 def cross_media(stack, lobes, glass_of, material, front_face, second, t, throughput, unclosed):
-    """Weaken what rays carry by Beer and Lambert's law over their ways.
+    """Attenuate throughput by the Beer-Lambert law between ray origins and hits.
 
-    Whoever meets a dielectric from within has crossed it, wherever the ray began: it enters the
-    stack if it is not there.
+    A ray that hits a dielectric from inside has been in it from the start: the body is inserted in
+    the stack if it is missing.
 
     Parameters
     ----------
@@ -126,11 +126,11 @@ def cross_media(stack, lobes, glass_of, material, front_face, second, t, through
     second : (n,) int32, or (0,)
         See the module.
     t : (n,) float64
-        Lengths of the ways, scene units; inf for a miss.
+        Distances, scene units; inf for a miss.
     throughput : (n, 3) float64, changed
     unclosed : (lobes,) int64, changed
-        Counts rays that leave a body which they never entered, or that never leave one: its
-        surface is not closed.
+        Counts rays that leave a body without having entered it, or never leave one: its surface is
+        not closed.
     """
     for i in range(material.size):
         if material[i] >= 0 and not front_face[i]:
@@ -153,7 +153,7 @@ def cross_media(stack, lobes, glass_of, material, front_face, second, t, through
 
 @inlined
 def leave(stack, i, lobe):
-    """Leave a body, if the ray is in it."""
+    """Leave a body if the ray is in it."""
     place = place_of(stack, i, lobe)
     if place != NONE:
         drop(stack, i, place)
@@ -161,7 +161,7 @@ def leave(stack, i, lobe):
 
 @inlined
 def pass_surface(lobe, stack, i, is_front, second):
-    """Enter or leave a body, and the one whose face coincides: what is entered comes first."""
+    """Enter or leave a body, and the one whose face coincides; entering comes first."""
     other = second[i] if second.size else 0
     if is_front:
         push(stack, i, lobe)
@@ -175,10 +175,10 @@ def pass_surface(lobe, stack, i, is_front, second):
 
 @kernel
 def media_beyond(lobes, lobe, stack, front_face, second, eta):
-    """Take each ray through a dielectric's surface: ``stack`` (n, STACK) changes.
+    """Take each ray through a dielectric surface, updating ``stack`` (n, STACK).
 
-    ``eta`` (n,) receives the index beyond over the index before, and 0 where the surface lies
-    hidden within another body.
+    ``eta`` (n,) receives the index beyond over the index before, and 0 where the surface is hidden
+    in a body of higher priority.
     """
     for i in range(lobe.size):
         before = filling_medium(stack, i, lobes)
@@ -191,22 +191,22 @@ def media_beyond(lobes, lobe, stack, front_face, second, eta):
 
 @kernel
 def look_beyond(lobes, lobe, stack, front_face, second, beyond, ratio):
-    """Find the media beyond the surfaces of rough glass that rays have met.
+    """Find the media beyond the rough glass that rays have hit.
 
     Parameters
     ----------
     lobe : (n,) int32
-        Of rough glass; `NONE`: there is none.
+        Lobe of rough glass; `NONE`: there is none.
     stack : (n, STACK) int32
-        Of the rays as they arrive.
+        Medium stacks of the incoming rays.
     front_face : (n,) bool
     second : (n,) int32, or (0,)
         See the module.
     beyond : (n, STACK) int32, written
-        Of rays that pass; as they arrive where there is no rough glass.
+        Medium stacks of transmitted rays; those of the incoming rays without rough glass.
     ratio : (n,) float64, written
-        Index beyond the surface over that before it; 0 where there is no rough glass, and where it
-        has the same medium, or the same index, on both sides: it does not spread light there.
+        Index beyond the surface over that before it; 0 without rough glass, and where both sides
+        have the same medium or the same index, so that it does not scatter.
     """
     for i in range(lobe.size):
         for k in range(STACK):
@@ -223,12 +223,12 @@ def look_beyond(lobes, lobe, stack, front_face, second, beyond, ratio):
 
 @kernel
 def take_media_toward(normal, direction, way, beyond, stack):
-    """Bring ``stack`` (n, STACK) to where ways lead: beyond the surface, for those that pass it.
+    """Set ``stack`` (n, STACK) to that of outgoing directions: ``beyond`` if transmitted.
 
     Parameters
     ----------
     normal, direction, way : (n, 3) float64
-        Of hits; of the rays that arrived; of the ways that leave.
+        Normals of the hits; directions of the incoming rays; outgoing directions.
     beyond : (n, STACK) int32
         See `look_beyond`.
     """

@@ -19,19 +19,19 @@ LEFT, STOPPED, ABSORBED, SCATTERED, SPECULAR = 0, 1, 2, 3, 4
 def choose_way(
     lobes, material, colors, i, normal, dx, dy, dz, ratio, xi, choice, stack, second, keeps_power
 ):
-    """Choose a lobe of hit i, and a direction by it.
+    """Sample a lobe of hit i, and a direction by it.
 
-    Parameters are those of `scatter`, but for ``ratio``, that of `scattered`, and ``keeps_power``:
-    whether light is counted as power, which passes glass whole, or as radiance, which changes there
-    by the index squared.
+    Parameters are those of `scatter`, except ``ratio``, that of `scattered`, and ``keeps_power``:
+    transport power, which refraction leaves unscaled, instead of radiance, which it scales by the
+    index squared.
 
     Returns
     -------
-    row : of the lobe in the table; -1: the light is absorbed
+    row : of the lobe in the table; -1: absorbed
     x, y, z : the direction
-    r, g, b : factors on the light
-    density : per solid angle; 0: a delta distribution
-    is_refracted : whether the direction goes through a clear body's surface
+    r, g, b : factors on throughput
+    density : pdf per solid angle; 0 for a delta lobe
+    is_refracted : whether the direction crosses a dielectric surface
     """
     chosen, chance, rest = pick_lobe(lobes, material, colors, i, choice[i, 0], EVERY)
     if chance == 0.0:
@@ -74,7 +74,7 @@ def choose_way(
 
 @inlined
 def density_of_turn(normal, geometric, i, dx, dy, dz, x, y, z, density):
-    """Bring densities per solid angle, d arriving and (x, y, z) leaving, to area and projection."""
+    """Convert a pdf per solid angle, d in and (x, y, z) out, to area and projected solid angle."""
     g = geometric if geometric.shape[0] else normal
     arriving = abs(g[i, 0] * dx + g[i, 1] * dy + g[i, 2] * dz)
     leaving = abs(g[i, 0] * x + g[i, 1] * y + g[i, 2] * z)
@@ -87,7 +87,7 @@ def scatter(
     may_spread, may_mirror, roulette, t, before, is_smooth, object_id, onward, throughput, pdf,
     rival, fate,
 ):  # fmt: skip
-    """Send each ray on in one direction.
+    """Scatter each ray in one direction: BSDF sampling and Russian roulette.
 
     Parameters
     ----------
@@ -97,35 +97,34 @@ def scatter(
     normal, direction : (n, 3) float64
         Of the hit and of the ray that found it.
     geometric : (n, 3) float64
-        Normal of the surface itself, where ``normal`` is another; else (0, 3).
+        Geometric normals, if they differ from ``normal``; else (0, 3).
     ratio : (n,) float64, or (0,)
-        As in `scattered`; (0,): no glass is rough.
-    xi : (n, 2) float64
-        Two numbers in [0, 1) that choose the direction.
-    choice : (n, 2) float64
-        Two more: for the lobe, and for Russian roulette.
+        As in `scattered`; empty without rough glass.
+    xi : (n, 2) float64 in [0, 1)
+        Sample the direction.
+    choice : (n, 2) float64 in [0, 1)
+        The first column samples the lobe, the second is for Russian roulette.
     stack : (n, STACK) int32, changed
-        Dielectrics that the ray is in; (n, 0) where there is none in the scene.
+        Medium stacks; (n, 0) if the scene has no dielectric.
     second : (n,) int32, or (0,)
         Faces that coincide with the hits: see `hybrid_rt.shading.kernels.medium_stack`.
     may_spread, may_mirror : bool
-        Whether spread, mirrored or refracted directions are followed at all: not at the end of the
-        longest paths.
+        Whether non-delta and delta lobes are followed; False at the depth limit.
     roulette : float
-        Above zero: paths go on with a probability of at most this, given by their throughput.
+        Above zero: upper limit of the survival probability, which follows throughput.
     t, before : (n,) float64
-        Length of the way here, and the density per solid angle with which its direction was chosen,
-        over how often light paths reach such a point; 0 where it had no choice.
+        Length of the incoming ray, and the pdf per solid angle of its direction over the expected
+        number of light vertices per light subpath; 0 after delta lobes and for camera rays.
     is_smooth : (objects,) bool
-        Objects shaded by other normals than their own.
+        Objects with interpolated shading normals.
     object_id : (n,) int32
     onward : (n, 3) float64, written
     throughput : (n, 3) float64, changed
     pdf : (n,) float64, written
-        Density of the direction; zero for a mirror or smooth glass.
+        pdf of the direction per solid angle; zero for a delta lobe.
     rival : (n,) float64, changed
-        Density of a surface that spreads light and of the direction taken there, until the next:
-        see `hybrid_rt.integrators.kernels.light_paths`. (0,): it is not needed.
+        Density of the last non-delta vertex and of the direction sampled there, to weigh against
+        light subpaths: see `hybrid_rt.integrators.kernels.light_paths`. (0,): not needed.
     fate : (n,) uint8, written
         `LEFT` (no material), `STOPPED` (with what was lost in ``throughput``), `ABSORBED`,
         `SCATTERED`, `SPECULAR`.

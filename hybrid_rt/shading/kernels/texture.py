@@ -88,16 +88,16 @@ def texture_color(textures, row, u, v, x, y, z):
 
 @kernel
 def lobe_colors(textures, lobe_texture, factor, first_lobe, material, u, v, position, colors):
-    """Find the colours of the lobes of each hit.
+    """Look up the colours of the lobes of each hit.
 
     Parameters
     ----------
     textures : TextureTable
     lobe_texture, factor : (lobes,)
-        Texture of each lobe, int32, and what multiplies its colour, float64.
+        Texture of each lobe, int32, and the factor on its colour, float64.
     first_lobe : (materials + 1,) int32
     material : (n,) int32
-        Rows of negative material stay as they are.
+        Rows with a negative material are left unchanged.
     u, v : (n,) float64
     position : (n, 3) float64
     colors : (n, lobes of a material at most, 3) float64, written

@@ -1,4 +1,4 @@
-"""Judges certified hits by the oracle on any number of hard rays, scene by scene."""
+"""Tests certified hits against the oracle on any number of hard rays, scene by scene."""
 
 from __future__ import annotations
 
@@ -102,7 +102,7 @@ for _judge in all_judges().values():
 
 @dataclass
 class Tally:
-    """What came of one scene.
+    """Results of one scene.
 
     Attributes
     ----------
@@ -128,7 +128,7 @@ class Tally:
 def steps(
     surfaces: Sequence[Any], n: int, seed: int, coarse: str = "embree", threads: int | None = None
 ) -> Iterator[Tally]:
-    """Judge n hard rays, `STEP` at a time; yield the sum so far after each.
+    """Test n hard rays, `STEP` at a time; yield the totals after each step.
 
     Parameters
     ----------

@@ -1,6 +1,6 @@
-"""The hard cases, as data: what to trace, and what must come of it.
+"""The hard cases, as data: surfaces, rays and expected hits.
 
-A case either has distances in closed form, or is judged by the oracle. Ids name the kind of case: A
+The expected t is a closed form, or that of the oracle. The letter of an id is the kind of case: A
 patches, B surfaces of revolution, C spheres, D rays.
 """
 
@@ -37,11 +37,11 @@ class Case:
     rays : callable of the surfaces, a factor and a seed
         Returns origins and directions; the factor multiplies their number where they are random.
     t : (n,) float64, optional
-        First hits in closed form, inf for a miss; without it the oracle is asked.
+        First hits in closed form, inf for a miss; None: the oracle's.
     most_error : float, optional
-        Bound on |t - exact| |d| |cos| over the way to the hit (or 1, if that is more), where
-        rounding relative to the scale would be too lax: beside a sphere that is much larger than
-        the way to it.
+        Bound on |t - exact| |d| |cos|, relative to the distance of the hit or 1, whichever is
+        larger. For cases where rounding relative to the scale would be too lax a bound: near a
+        sphere that is much larger than its distance.
     most_pieces : int
         Bound on the work of one search.
     """

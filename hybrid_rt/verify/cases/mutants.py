@@ -1,9 +1,9 @@
-"""Does the suite notice a weakened proof? Mutants of the tracer, each a change of one line.
+"""Mutation testing of the tracer's proofs: each mutant changes one line.
 
-A mutant is data: the function (or the constant) in which it changes one piece of text. It is applied
-to a copy of the packages, whose kernels are compiled anew; the copy traces hard rays at singular
-sets; the rows that differ from those of the packages as they are go before the exact judge. A mutant
-is noticed by a set of rays if a row has a fault that it had not before.
+A mutant is data: a function or constant, and the text to replace in it. It is applied to a copy of
+the packages, whose kernels are compiled anew. The copy traces hard rays at singular sets, and rows
+that differ from those of the original are passed to the exact judge. A set of rays detects the
+mutant if a row has a fault that the original does not have.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ TIMEOUT = 1800.0
 
 @dataclass(frozen=True)
 class Mutant:
-    """One change that weakens one proof.
+    """A change that weakens one proof.
 
     Attributes
     ----------
@@ -49,11 +49,11 @@ class Mutant:
     where : str
         Name of a function or a constant at the top of a module, wherever in the packages it is.
     old, new : str
-        Text in its source, there once, and what takes its place.
+        Text that occurs once in its source, and its replacement.
     weakens : str
-        What is not proven any more.
+        What is no longer proven.
     kinds : tuple of str
-        Kinds of singular sets that could notice (`singular_sets.KINDS`).
+        Kinds of singular sets that may detect it (`singular_sets.KINDS`).
     """
 
     name: str
@@ -252,17 +252,17 @@ MUTANTS = (
 
 @dataclass
 class Notice:
-    """How one set of rays noticed a mutant.
+    """How one set of rays detected a mutant.
 
     Attributes
     ----------
     set_name : str
     rays : int
-        Rays traced until the first that tells.
+        Rays traced up to the first that detects it.
     telling, judged : int
-        Rows that tell, and rows that were judged: of those that differ, no more than asked for.
+        Rows with new faults, and rows that were judged: differing rows up to the given number.
     faults : dict of int
-        What is wrong with them.
+        Counts of their faults.
     """
 
     set_name: str
@@ -274,17 +274,17 @@ class Notice:
 
 @dataclass
 class MutantResult:
-    """What became of one mutant.
+    """Result of one mutant.
 
     Attributes
     ----------
     mutant : Mutant
     notices : list of Notice
-        Of the sets that noticed.
+        Of the sets that detected it.
     differing : int
-        Rows that are not the same, of all sets.
+        Differing rows of all sets.
     failed : str
-        The last words of a tracer that did not end well; "" otherwise.
+        End of the error output if the tracer failed; "" otherwise.
     seconds : float
     """
 
@@ -296,7 +296,7 @@ class MutantResult:
 
     @property
     def is_noticed(self) -> bool:
-        """Whether anything noticed it."""
+        """Whether any set detected it."""
         return bool(self.notices) or bool(self.failed)
 
 
@@ -411,7 +411,7 @@ def trace_all(kinds: Sequence[str], n: int, seed: int, out: str) -> None:
 def run_mutants(
     mutants: Sequence[Mutant], n: int, seed: int, judged: int = 100
 ) -> Iterator[MutantResult]:
-    """Try mutants, one after the other.
+    """Run mutants, one after the other.
 
     Parameters
     ----------
@@ -419,7 +419,7 @@ def run_mutants(
     n, seed : int
         Rays of a cell.
     judged : int
-        Rows of each set that go before the judge at most.
+        Largest number of rows of each set to be judged.
     """
     root = Path(__file__).resolve().parents[3]
     baselines: dict[tuple[str, ...], dict[str, NDArray[Any]]] = {}

@@ -1,7 +1,7 @@
-"""Certified first hits of rays aimed at singular sets, judged by exact crossings, cell by cell.
+"""Tests certified first hits of rays aimed at singular sets against exact crossings, cell by cell.
 
-A cell is one singular set at one distance in one place. Its rays depend on its name and the seed
-only, so any cell can be run again by itself.
+A cell is one singular set, at one distance, in one placement. Its rays depend only on its name and
+the seed, so any cell can be rerun by itself.
 """
 
 from __future__ import annotations
@@ -15,7 +15,6 @@ import numpy as np
 
 from hybrid_rt.core.records import FloatArray, HitRecord
 from hybrid_rt.intersection import Intersector
-from hybrid_rt.primitives import Box
 from hybrid_rt.verify.cases.rays import unit
 from hybrid_rt.verify.cases.singular_rays import away, size_of
 from hybrid_rt.verify.cases.singular_sets import DISTANCES, PLACEMENTS, SETS
@@ -27,7 +26,7 @@ TRIES = 4
 
 @dataclass(frozen=True)
 class Cell:
-    """Rays of one cell, and what they meet.
+    """Rays of one cell, and their hits.
 
     Attributes
     ----------
@@ -48,7 +47,7 @@ class Cell:
 
 @dataclass(frozen=True)
 class SetResult:
-    """What came of one singular set.
+    """Results of one singular set.
 
     Attributes
     ----------
@@ -56,9 +55,9 @@ class SetResult:
     cells : dict
         `BatchVerdict` by distance and placement.
     examples : list of (fault, distance, placement, row)
-        The first rows of each fault; `trace_cell` with the same number of rays has them again.
+        The first rows of each fault; `trace_cell` with the same number of rays reproduces them.
     refused : str
-        The words of the tracer where it takes no such surface; else "".
+        The tracer's error message if it does not accept the surface; else "".
     """
 
     name: str
@@ -83,13 +82,10 @@ class SetResult:
 
 def placed_surfaces(name: str, placement: str) -> list[Any]:
     """Return the surfaces of a singular set where a placement puts them."""
-    entry = SETS[name]
-    surfaces = entry.surfaces()
-    matrix = PLACEMENTS[placement].matrix(size_of(surfaces[0]), entry.turns)
+    surfaces = SETS[name].surfaces()
+    matrix = PLACEMENTS[placement].matrix(size_of(surfaces[0]))
     if placement == "home":
         return surfaces
-    if any(isinstance(surface, Box) for surface in surfaces):
-        assert not entry.turns
     return [surface.transformed(matrix) for surface in surfaces]
 
 

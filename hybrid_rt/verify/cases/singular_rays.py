@@ -1,9 +1,9 @@
-"""Rays aimed at the places where surfaces are singular, each at a chosen distance from it.
+"""Rays aimed at singular points of surfaces, at chosen distances.
 
-`Targets` are points of a singular set, with what matters there: a direction (the axis of a tip, the
-tangent of an edge, a ruling) and a normal of the surface beside. Four ways to aim at them: beside
-the point, nearly within the tangent plane, in a plane parallel to it, and away from a hit on it.
-Every function takes a generator of random numbers, so a seed decides all.
+`Targets` are points of a singular set, each with a characteristic direction (the axis of a tip, the
+tangent of an edge, a ruling) and a normal of the surface nearby. There are four ways to aim: past
+the point, nearly in the tangent plane, in a plane parallel to it, and away from a hit on it. Every
+function takes a random generator, so a seed determines all rays.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from hybrid_rt.core.records import FloatArray
-from hybrid_rt.primitives import Box, Plane, TriangleMesh
+from hybrid_rt.primitives import Plane
 from hybrid_rt.verify.cases.rays import PLANE_EXTENT, _across, unit
 from meshing import BezierPatches, SurfaceOfRevolution
 from meshing.revolution import radius_rounding
@@ -154,7 +154,7 @@ def collapsed(surfaces: Sequence[Any], n: int, rng: Random) -> Targets:
 
 def size_of(surface: Any) -> float:
     """Return the diameter of a surface's box; of a plane, of what is looked at."""
-    if isinstance(surface, Plane):
+    if not surface.is_bounded:
         return PLANE_EXTENT
     return float(np.linalg.norm(surface.bounds[1] - surface.bounds[0]))
 
@@ -175,17 +175,14 @@ def _at(surfaces: Sequence[Any], n: int, rng: Random, on_border: bool) -> Target
         s = np.where(rng.random(n) < 0.25, rng.integers(2, size=n), u)
         u = np.where(side < 2, side, s).astype(np.float64)
         v = np.where(side < 2, s, side - 2).astype(np.float64)
-    if isinstance(surface, TriangleMesh):
+    if surface.is_triangular:
         over = u + v > 1.0
         u, v = (
             (u, np.where(over, 1.0 - u, v))
             if on_border
             else (np.where(over, 1.0 - u, u), np.where(over, 1.0 - v, v))
         )
-    n_patches = (
-        len(surface) if hasattr(surface, "__len__") else 6 if isinstance(surface, Box) else 1
-    )
-    return _targets_of(surface, u, v, rng.integers(n_patches, size=n), along_u)
+    return _targets_of(surface, u, v, rng.integers(len(surface), size=n), along_u)
 
 
 def _targets_of(surface: Any, u: FloatArray, v: FloatArray, patch: Any, along_u: bool) -> Targets:
@@ -205,7 +202,7 @@ def _targets_of(surface: Any, u: FloatArray, v: FloatArray, patch: Any, along_u:
     return Targets(points, unit(step), normals, size)
 
 
-# --- aims
+# --- ways to aim
 
 
 def beside(targets: Targets, k: float, rng: Random) -> Aimed:

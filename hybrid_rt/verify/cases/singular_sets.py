@@ -1,4 +1,4 @@
-"""Every kind of singular set, on surfaces that have it; and the places to which they are moved."""
+"""Every kind of singular set, on surfaces that have it; and the placements of these surfaces."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ import numpy as np
 from hybrid_rt.core.records import FloatArray
 from hybrid_rt.demo import teapot, vase
 from hybrid_rt.primitives import Box, Plane, Rectangle, Sphere, TriangleMesh
+from hybrid_rt.primitives.torus import Torus
 from hybrid_rt.verify.cases.campaign import ellipsoid, torus
 from hybrid_rt.verify.cases.catalogue import (
     cuspidal_edge,
@@ -58,14 +59,12 @@ class SingularSet:
     kind : str
         One of `KINDS`.
     surfaces : callable without arguments
-        All but the first are there to be in the way.
+        All except the first are occluders.
     find : Finder
     aim : Aim
     leaving : str
         "" for rays that arrive; "beside" for rays that leave hits of such rays any way; "grazing"
         for rays that leave them at a cosine of the distance.
-    turns : bool
-        Whether the surfaces may be turned.
     """
 
     kind: str
@@ -73,21 +72,20 @@ class SingularSet:
     find: Finder
     aim: Aim = beside
     leaving: str = ""
-    turns: bool = True
 
 
 @dataclass(frozen=True)
 class Placement:
-    """Where a scene stands: turned, then scaled, then moved by so many sizes."""
+    """A placement of a scene: rotation, then scale, then translation in units of its size."""
 
     turned: bool
     scale: float
     offset: float
 
-    def matrix(self, size: float, turns: bool) -> FloatArray:
+    def matrix(self, size: float) -> FloatArray:
         """Return the similarity (4, 4) for a scene of a size."""
         matrix = np.eye(4)
-        if self.turned and turns:
+        if self.turned:
             rng = np.random.default_rng(31)
             turn, _ = np.linalg.qr(rng.normal(size=(3, 3)))
             matrix[:3, :3] = turn * np.sign(np.linalg.det(turn))
@@ -191,6 +189,17 @@ def tilted_flat() -> BezierPatches:
     u, v = u + 0.08 * rng.normal(size=u.shape), v + 0.08 * rng.normal(size=v.shape)
     p, q = np.array([1.7, 0.3, -0.4]), np.array([-0.2, 1.1, 0.9])
     return BezierPatches([u[..., None] * p + v[..., None] * q])
+
+
+def skew_box() -> Box:
+    """Return a box that is turned and skewed."""
+    matrix = ((0.8, -0.6, 0.2, -1.3), (0.6, 0.8, 0.0, 0.4), (0.1, 0.0, 1.0, -0.7), (0, 0, 0, 1))
+    return Box((-0.5, -0.25, -0.5), (0.5, 0.75, 0.25)).transformed(matrix)
+
+
+def closed_torus() -> Torus:
+    """Return a torus in closed form, about an oblique axis."""
+    return Torus((0.2, -0.1, 0.3), (0.3, -0.2, 1.0), 1.0, 0.4)
 
 
 def fan() -> TriangleMesh:
@@ -315,17 +324,25 @@ SETS: dict[str, SingularSet] = {
         "closed", lambda: [Plane((0, 0, -1.3), (0.1, 0.2, 1))], interior, within
     ),
     "box edges and corners": SingularSet(
-        "closed", lambda: [Box((-2, -0.5, -0.5), (-1.2, 0.5, 0.7))], edges, turns=False
-    ),
+        "closed", lambda: [Box((-2, -0.5, -0.5), (-1.2, 0.5, 0.7))], edges),
     "box faces, nearly within": SingularSet(
-        "closed", lambda: [Box((-2, -0.5, -0.5), (-1.2, 0.5, 0.7))], interior, within, turns=False
-    ),
+        "closed", lambda: [Box((-2, -0.5, -0.5), (-1.2, 0.5, 0.7))], interior, within),
     "box faces, parallel": SingularSet(
-        "closed", lambda: [Box((-2, -0.5, -0.5), (-1.2, 0.5, 0.7))], interior, parallel, turns=False
-    ),
+        "closed", lambda: [Box((-2, -0.5, -0.5), (-1.2, 0.5, 0.7))], interior, parallel),
     "box, leaving": SingularSet(
-        "closed", lambda: [Box((-2, -0.5, -0.5), (-1.2, 0.5, 0.7))], interior, leaving="grazing",
-        turns=False,
+        "closed", lambda: [Box((-2, -0.5, -0.5), (-1.2, 0.5, 0.7))], interior, leaving="grazing"),
+    "skew box, edges and corners": SingularSet("closed", lambda: [skew_box()], edges),
+    "skew box, nearly within": SingularSet("closed", lambda: [skew_box()], interior, within),
+    "skew box, leaving": SingularSet("closed", lambda: [skew_box()], interior, leaving="grazing"),
+    "closed torus, tangents": SingularSet("closed", lambda: [closed_torus()], interior, parallel),
+    "closed torus, flat circle": SingularSet(
+        "closed", lambda: [closed_torus()], at_parameters([(None, 0.25), (None, 0.75)], True), parallel
+    ),
+    "closed torus, equators": SingularSet(
+        "closed", lambda: [closed_torus()], at_parameters([(None, 0.0), (None, 0.5)], True)
+    ),
+    "closed torus, leaving": SingularSet(
+        "closed", lambda: [closed_torus()], interior, leaving="grazing"
     ),
     # --- meshes
     "mesh edges and vertices": SingularSet("mesh", lambda: [ellipsoid()], edges),

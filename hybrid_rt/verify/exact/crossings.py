@@ -168,3 +168,32 @@ def is_narrow(ball: Ball, scale: float) -> bool:
     return bool(ball.is_finite()) and float(ball.rad()) <= NARROW * max(
         abs(float(ball.mid())), scale
     )
+
+
+def ball_of(x: Rational) -> Ball:
+    """Return a narrow ball around a fraction."""
+    with bits(512):
+        return flint.arb(x)
+
+
+def cosine_of(normal: RationalVector, d: RationalVector) -> float:
+    """Return |n.d| / (|n| |d|), rounded."""
+    square = dot(normal, normal) * dot(d, d)
+    with bits(128):
+        return float(abs(flint.arb(dot(normal, d))) / flint.arb(square).sqrt())
+
+
+def on_curve(points: Sequence[RationalVector], x: Rational) -> list[Rational]:
+    """Return the point of a Bezier curve, exactly."""
+    n = len(points) - 1
+    y = 1 - x
+    total = [flint.fmpq(0) for _ in points[0]]
+    for k, point in enumerate(points):
+        weight = math.comb(n, k) * x**k * y ** (n - k)
+        total = [a + weight * b for a, b in zip(total, point, strict=True)]
+    return total
+
+
+def distance(a: Sequence[Any], b: Sequence[Any]) -> float:
+    """Return the distance of two points, rounded."""
+    return norm([float(x - y) for x, y in zip(a, b, strict=True)])

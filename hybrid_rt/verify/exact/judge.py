@@ -1,28 +1,24 @@
-"""Judges certified first hits by exact crossings: decisions, bounds, points, and the word TANGENT.
+"""Tests certified first hits against exact crossings: decisions, bounds, points, status TANGENT.
 
-What is a wrong first hit is defined in one place, `judge.compare`. Most rows need less: a hit within
+A wrong first hit is defined in one place, `judge.compare`. Most rows need less: a hit within
 64 eps x scale / cos of the first exact crossing, and a miss of a ray without crossings, are right by
-that definition whatever lies around. Only the others are looked at with the eight rays around them.
+that definition in any case. Only for the others eight displaced rays are traced.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, fields
 from typing import Any
 
-import flint
 import numpy as np
 
 from hybrid_rt.core.records import FloatArray, HitRecord, IntArray, Status
-from hybrid_rt.primitives import Box, Plane, Rectangle, Sphere, TriangleMesh
-from hybrid_rt.verify.exact.crossings import OPEN, POINT, bits, dot, norm, rational, rationals
-from hybrid_rt.verify.exact.touches import Touches
+from hybrid_rt.verify.exact.crossings import OPEN, POINT, bits, norm, rational
 from hybrid_rt.verify.exact.truth import ExactScene, Placed, departures, exact_hits, same_place
 from hybrid_rt.verify.judges.judge import compare
 from hybrid_rt.verify.judges.kernels.events import BAND, LEAST_COSINE
-from meshing import BezierPatches, SurfaceOfRevolution
 
 EPS = 2.0**-52
 # A decision must be marked that changes within this part of 64 eps x size, even if the ray comes
@@ -39,16 +35,16 @@ WRONG = ("missed", "phantom", "farther", "nearer", "wrong object", "departure")
 
 @dataclass
 class BatchVerdict:
-    """What came of one batch; sums of batches are such a one again.
+    """Results of one batch, or of a sum of batches.
 
     Attributes
     ----------
     rays, hits : int
     wrong : dict of int
         Rows without TANGENT whose first hit is wrong, outside the band, by kind: those of
-        `judge.Verdict`, and "departure" for rays that met again the point that they leave.
+        `judge.Verdict`, and "departure" for rays that hit the point that they leave.
     wrong_tangent : int
-        Rows with TANGENT of which that is so.
+        The same for rows with TANGENT.
     bounds_broken : int
         HIT rows with |t - exact t| > t_bound, exact t being the nearest exact crossing.
     off_ray : int
@@ -59,7 +55,7 @@ class BatchVerdict:
     tangent, tangent_needlessly : int
         Rows with TANGENT; those whose decision stands when the ray is moved by four bands.
     left_open : int
-        Rays of which the oracle could not tell.
+        Rays that the oracle could not decide.
     worst_error : float
         Largest |t - exact t| |d| cos / (eps x scale) of HIT rows.
     worst_bound : float
@@ -92,7 +88,7 @@ class BatchVerdict:
 
     @property
     def faults(self) -> int:
-        """Number of broken promises: wrong hits, bounds, points, needless and missing marks."""
+        """Number of faults: wrong hits, bounds, points, needless and missing TANGENT."""
         return (
             self.n_wrong + self.wrong_tangent + self.bounds_broken + self.off_ray + self.unmarked
             + self.tangent_needlessly
@@ -128,8 +124,8 @@ class ExactJudge:
 
     def __init__(self, surfaces: Sequence[Any]) -> None:
         self.scene = ExactScene(surfaces)
-        self._gaps = [_gap_of(surface) for surface in surfaces]
-        self._touches = [Touches(surface) for surface in surfaces]
+        self._gaps = [exact.gap() for exact in self.scene.exact]
+        self._touches = [exact.touch() for exact in self.scene.exact]
 
     def judge(
         self,
@@ -222,9 +218,10 @@ class ExactJudge:
 
     def _is_touched(self, o: FloatArray, d: FloatArray, leaves: int) -> bool:
         """Tell whether the ray grazes some surface within a few bands."""
+        unit = d / norm(d)
         return any(
-            touches.is_touched(o, d, MUST_NOT * self.scene.band(k, o, d, 0.0), k == leaves)
-            for k, touches in enumerate(self._touches)
+            is_touched(o, unit, MUST_NOT * self.scene.band(k, o, d, 0.0), k == leaves)
+            for k, is_touched in enumerate(self._touches)
         )
 
     @staticmethod
@@ -367,99 +364,3 @@ def _meets_departure(
     return abs(t) <= reach and not any(
         abs(one.t - t) <= reach for one in crossings if one.t != own.t
     )
-
-
-# The distance of a point of the ray from the point of the surface that a hit names.
-Gap = Callable[[int, float, float, list[Any]], float]
-
-
-def _gap_of(surface: Any) -> Gap:
-    if isinstance(surface, BezierPatches):
-        nets = [[[rationals(p) for p in row] for row in net] for net in surface.patches]
-        return lambda patch, u, v, point: _distance(_on_net(nets[patch], u, v), point)
-    if isinstance(surface, SurfaceOfRevolution):
-        return _gap_of_lathe(surface)
-    if isinstance(surface, Sphere):
-        center, radius = rationals(surface.center), rational(surface.radius)
-
-        def from_sphere(_patch: int, _u: float, _v: float, point: list[Any]) -> float:
-            away = [x - c for x, c in zip(point, center, strict=True)]
-            with bits(256):
-                return abs(float(flint.arb(dot(away, away)).sqrt() - radius))
-
-        return from_sphere
-    if isinstance(surface, Plane):
-        at, normal = rationals(surface.origin), rationals(surface.unit_normal)
-
-        def from_plane(_patch: int, _u: float, _v: float, point: list[Any]) -> float:
-            away = [x - p for x, p in zip(point, at, strict=True)]
-            return abs(float(dot(normal, away)))
-
-        return from_plane
-    if isinstance(surface, Rectangle):
-        corner, e, f = (rationals(x) for x in (surface.corner, surface.edge_u, surface.edge_v))
-
-        def from_rectangle(_patch: int, u: float, v: float, point: list[Any]) -> float:
-            a, b = rational(u), rational(v)
-            there = [p + a * x + b * y for p, x, y in zip(corner, e, f, strict=True)]
-            return _distance(there, point)
-
-        return from_rectangle
-    if isinstance(surface, TriangleMesh):
-        vertices, faces = surface.vertices, surface.faces
-
-        def from_face(patch: int, u: float, v: float, point: list[Any]) -> float:
-            a, b, c = (rationals(vertices[k]) for k in faces[patch])
-            p, q = rational(u), rational(v)
-            there = [x + p * (y - x) + q * (z - x) for x, y, z in zip(a, b, c, strict=True)]
-            return _distance(there, point)
-
-        return from_face
-    assert isinstance(surface, Box)
-    lo, hi = rationals(surface.lo), rationals(surface.hi)
-
-    def from_box(patch: int, _u: float, _v: float, point: list[Any]) -> float:
-        axis, upper = divmod(patch, 2)
-        there = [min(max(x, a), b) for x, a, b in zip(point, lo, hi, strict=True)]
-        there[axis] = (hi if upper else lo)[axis]
-        return _distance(there, point)
-
-    return from_box
-
-
-def _gap_of_lathe(surface: SurfaceOfRevolution) -> Gap:
-    origin = rationals(surface.origin)
-    frame = [rationals(v) for v in (surface.axis, surface.radial, surface.binormal)]
-    segments = [[rationals(p) for p in net] for net in surface.segments]
-
-    def gap(patch: int, u: float, v: float, point: list[Any]) -> float:
-        z, r = _on_curve(segments[patch], rational(v))
-        with bits(256):
-            turn = flint.arb(2 * rational(u))
-            c, s = turn.cos_pi(), turn.sin_pi()
-            there = [
-                o + z * a + r * (c * p + s * q) for o, a, p, q in zip(origin, *frame, strict=True)
-            ]
-            return _distance(there, point)
-
-    return gap
-
-
-def _on_net(net: list[list[list[Any]]], u: float, v: float) -> list[Any]:
-    rows = [_on_curve(row, rational(v)) for row in net]
-    return _on_curve(rows, rational(u))
-
-
-def _on_curve(points: list[list[Any]], x: Any) -> list[Any]:
-    """Return the point of a Bezier curve, exactly."""
-    n = len(points) - 1
-    y = 1 - x
-    total = [flint.fmpq(0) for _ in points[0]]
-    for k, point in enumerate(points):
-        weight = math.comb(n, k) * x**k * y ** (n - k)
-        total = [a + weight * b for a, b in zip(total, point, strict=True)]
-    return total
-
-
-def _distance(a: list[Any], b: list[Any]) -> float:
-    return norm([float(x - y) for x, y in zip(a, b, strict=True)])

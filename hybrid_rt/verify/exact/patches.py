@@ -93,7 +93,7 @@ class Piece(NamedTuple):
 
 
 def patches_crosser(surface: BezierPatches) -> Crosser:
-    """Return what finds all crossings of a ray with patches, up to a shared edge's duplicates."""
+    """Return a function that finds all crossings with patches, on shared edges one for each."""
     nets = [
         Net(k, [[rationals(point) for point in row] for row in net], (len(net), net.shape[1]))
         for k, net in enumerate(surface.patches)

@@ -12,8 +12,8 @@ a = Z(s), x^2 + y^2 = R(s)^2. Where a changes along the ray, t = (Z(s) - a0) / a
 
 a polynomial of degree 2n with rational coefficients. Both halves of the ray, before and after the
 axis, are roots of the same f. Where a does not change, s is a root of Z(s) = a0, and t then of a
-quadratic. The tracer solves two equations in (s, t) by Newton's method and proves by intervals; no
-step here is one of its own.
+quadratic. The method is independent of the tracer, which solves two equations in (s, t) by Newton
+iteration and proves by intervals.
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ LEAST_AT_AXIS = 1e-3
 
 
 def revolution_crosser(surface: SurfaceOfRevolution) -> Crosser:
-    """Return what finds all crossings of a ray with a surface of revolution."""
+    """Return a function that finds all crossings of a ray with a surface of revolution."""
     origin = rationals(surface.origin)
     frame = [rationals(v) for v in (surface.axis, surface.radial, surface.binormal)]
     # Times the determinant, coordinates along the frame need no division: fractions stay dyadic.

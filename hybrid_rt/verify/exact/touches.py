@@ -1,7 +1,7 @@
-"""Where a ray grazes a surface, or begins beside it: reasons for the word TANGENT.
+"""Tests whether a ray grazes a surface, or begins near it: legitimate reasons for status TANGENT.
 
-By samples and damped Newton steps in float64, in coordinates about the surface. A reason that is not
-found counts against the tracer; so none of its own formulas are needed to be fair to it.
+Uses sampling and damped Newton steps in float64, in coordinates about the surface. A reason that is
+missed counts against the tracer, so the search may be incomplete without hiding faults.
 """
 
 from __future__ import annotations
@@ -11,8 +11,7 @@ from typing import Any
 import numpy as np
 
 from hybrid_rt.core.records import FloatArray
-from hybrid_rt.primitives import Box, Plane, Rectangle, Sphere, TriangleMesh
-from meshing import BezierPatches, SurfaceOfRevolution
+from meshing import BezierPatches
 
 # Samples along each parameter of a piece; triangles and flat faces do with fewer.
 SAMPLES, FEW_SAMPLES = 17, 5
@@ -24,47 +23,26 @@ STEEP = 1e-5
 ROUNDING = 2.0**-50
 
 
-class Touches:
-    """Finds out whether a ray nearly touches a surface.
+class SampledTouches:
+    """Tests whether a ray nearly touches a surface, by samples of it.
 
     Parameters
     ----------
-    surface : any surface that `Intersector` takes
+    local : Surface
+        The surface, moved so that ``middle`` is the origin.
+    middle : (3,) float64
+    samples : int
+        Along each parameter of a piece.
+    wraps : bool
+        Whether u = 0 and u = 1 coincide.
     """
 
-    def __init__(self, surface: Any) -> None:
-        self._surface = surface
-        self._is_turned = isinstance(surface, SurfaceOfRevolution)
-        self._few = not isinstance(surface, BezierPatches | SurfaceOfRevolution)
-        if isinstance(surface, SurfaceOfRevolution):
-            self._middle = np.array(surface.origin)
-            self._local: Any = SurfaceOfRevolution._from_frame(
-                list(surface.segments), np.zeros(3), surface.axis, surface.radial
-            )
-        elif not isinstance(surface, Sphere | Plane):
-            nets = _nets(surface)
-            self._middle = np.mean([net.mean(axis=(0, 1)) for net in nets], axis=0)
-            self._local = BezierPatches([net - self._middle for net in nets])
+    def __init__(self, local: Any, middle: FloatArray, samples: int, wraps: bool = False) -> None:
+        self._local, self._middle = local, middle
+        self._samples, self._wraps = samples, wraps
 
-    def is_touched(
-        self, origin: FloatArray, direction: FloatArray, reach: float, leaves: bool = False
-    ) -> bool:
-        """Tell whether the ray grazes the surface within a reach, or begins so near to it.
-
-        A ray that leaves the surface always does the latter, which then is no reason.
-        """
-        d = direction / np.linalg.norm(direction)
-        surface = self._surface
-        if isinstance(surface, Sphere):
-            to_middle = np.asarray(surface.center) - origin
-            foot = float(np.linalg.norm(to_middle - (to_middle @ d) * d))
-            begins = abs(float(np.linalg.norm(to_middle)) - surface.radius) <= reach
-            grazes = abs(foot - surface.radius) <= reach * 1.01 and float(to_middle @ d) > -reach
-            return grazes or (begins and not leaves)
-        if isinstance(surface, Plane):
-            n = surface.unit_normal
-            begins = abs(float(n @ (origin - surface.origin))) <= reach
-            return begins and (not leaves or abs(float(n @ d)) <= STEEP)
+    def __call__(self, origin: FloatArray, d: FloatArray, reach: float, leaves: bool) -> bool:
+        """Tell whether the ray grazes the surface within a reach, or begins so near to it."""
         o = origin - self._middle
         return self._grazes(o, d, reach) or (not leaves and self._begins(o, reach))
 
@@ -100,7 +78,7 @@ class Touches:
         boxes = local.patch_bounds
         middle, half = boxes.mean(axis=1), 0.5 * np.linalg.norm(boxes[:, 1] - boxes[:, 0], axis=1)
         near = np.flatnonzero(np.linalg.norm((middle - o) @ across, axis=1) <= half + reach)
-        side = np.linspace(0.0, 1.0, FEW_SAMPLES if self._few else SAMPLES)
+        side = np.linspace(0.0, 1.0, self._samples)
         u, v = (x.ravel() for x in np.meshgrid(side, side, indexing="ij"))
         patch = np.repeat(near, len(u))
         u, v = np.tile(u, len(near)), np.tile(v, len(near))
@@ -119,7 +97,7 @@ class Touches:
             det = uu * vv - uv * uv
             new_u = u + (uv * gv - vv * gu) / det
             # All around an axis a turned surface has no border.
-            new_u = new_u % 1.0 if self._is_turned else np.clip(new_u, 0.0, 1.0)
+            new_u = new_u % 1.0 if self._wraps else np.clip(new_u, 0.0, 1.0)
             new_v = np.clip(v + (uv * gu - uu * gv) / det, 0.0, 1.0)
             new_gap = (local.point(new_u, new_v, patch) - o) @ across
             new_distance = np.linalg.norm(new_gap, axis=1)
@@ -131,17 +109,7 @@ class Touches:
         return u, v, patch, distance
 
 
-def _nets(surface: Any) -> list[FloatArray]:
-    if isinstance(surface, BezierPatches):
-        return list(surface.patches)
-    if isinstance(surface, Rectangle):
-        c, e, f = surface.corner, surface.edge_u, surface.edge_v
-        return [np.array([[c, c + f], [c + e, c + e + f]])]
-    if isinstance(surface, Box):
-        return [
-            np.array([[surface.point(u, v, face)[0] for v in (0, 1)] for u in (0, 1)])
-            for face in range(6)
-        ]
-    assert isinstance(surface, TriangleMesh)
-    corners = surface.vertices[surface.faces]
-    return [np.array([[a, a], [b, c]]) for a, b, c in corners]
+def touch_of_nets(nets: list[FloatArray], samples: int) -> SampledTouches:
+    """Return a function that finds touches of Bezier patches."""
+    middle = np.mean([net.mean(axis=(0, 1)) for net in nets], axis=0)
+    return SampledTouches(BezierPatches([net - middle for net in nets]), middle, samples)

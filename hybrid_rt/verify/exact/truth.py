@@ -1,10 +1,10 @@
-"""The truth about rays on any surfaces in exact arithmetic, in the words of the fast oracle.
+"""The exact oracle: all crossings of rays with any surfaces, in the format of the fast oracle.
 
-All crossings of a ray come from `exact_revolution`, `exact_patches` and `exact_closed_forms`. What
-is certain is decided as the fast oracle defines it (`kernels.events`): a crossing is certain if
-eight rays around, moved by 1.3 bands, cross the surface there too; else either answer is right.
-"There" means: moved by no more than moving the ray accounts for at the angle of either crossing.
-Crossings that only moved rays have are doubtful. So one judge (`judge.compare`) serves both oracles.
+Crossings come from `hybrid_rt.verify.exact.exact_surface`, class by class. As in the fast oracle
+(`hybrid_rt.verify.judges.kernels.events`), a crossing is certain if eight rays around, displaced by
+1.3 bands, cross the surface there too; else either answer is right. "There" means: no farther than
+the displacement accounts for at the angle of either crossing. Crossings of displaced rays only are
+doubtful. So one judge (`judge.compare`) serves both oracles.
 """
 
 from __future__ import annotations
@@ -18,26 +18,16 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from hybrid_rt.core.records import FloatArray
-from hybrid_rt.primitives import Box, Plane, Rectangle, Sphere, TriangleMesh
-from hybrid_rt.verify.exact.closed_forms import (
-    box_crosser,
-    mesh_crosser,
-    plane_crosser,
-    rectangle_crosser,
-    sphere_crosser,
-)
 from hybrid_rt.verify.exact.crossings import (
     ALONG,
     OPEN,
     POINT,
-    Crosser,
     Crossing,
     norm,
     rational,
     rationals,
 )
-from hybrid_rt.verify.exact.patches import patches_crosser
-from hybrid_rt.verify.exact.revolution import revolution_crosser
+from hybrid_rt.verify.exact.exact_surface import exact_of
 from hybrid_rt.verify.judges.kernels.events import (
     AROUND,
     BAND,
@@ -47,7 +37,6 @@ from hybrid_rt.verify.judges.kernels.events import (
     UNDECIDED,
 )
 from hybrid_rt.verify.judges.oracle import Truth, truth_of
-from meshing import BezierPatches, SurfaceOfRevolution
 
 # A crossing that moves by more than this many times what the angle accounts for is another one.
 MOST_MOVED = 8.0
@@ -59,7 +48,7 @@ AT_START, ROUNDED = 1.0, 8.0
 
 @dataclass(frozen=True)
 class Placed:
-    """A crossing, and whose it is.
+    """A crossing with its object.
 
     Attributes
     ----------
@@ -96,8 +85,9 @@ class ExactScene:
 
     def __init__(self, surfaces: Sequence[Any]) -> None:
         self.surfaces = list(surfaces)
-        self._crossers = [_crosser(surface) for surface in self.surfaces]
-        self._balls = [_ball(surface) for surface in self.surfaces]
+        self.exact = [exact_of(surface) for surface in self.surfaces]
+        self._crossers = [exact.crosser() for exact in self.exact]
+        self._balls = [exact.ball() for exact in self.exact]
 
     def crossings(
         self, origin: FloatArray, direction: FloatArray, shift: Sequence[float] = (0.0, 0.0, 0.0)
@@ -300,33 +290,3 @@ def _event(ray: int, one: Placed, kind: int, cosine: float) -> tuple[Any, ...]:
         ray, one.t, one.object_id, crossing.patch_id, crossing.u, crossing.v, cosine, one.band,
         kind, crossing.to_edge <= SHIFT * one.band,
     )  # fmt: skip
-
-
-def _crosser(surface: Any) -> Crosser:
-    if isinstance(surface, BezierPatches):
-        return patches_crosser(surface)
-    if isinstance(surface, SurfaceOfRevolution):
-        return revolution_crosser(surface)
-    if isinstance(surface, Sphere):
-        return sphere_crosser(surface)
-    if isinstance(surface, Plane):
-        return plane_crosser(surface)
-    if isinstance(surface, Rectangle):
-        return rectangle_crosser(surface)
-    if isinstance(surface, Box):
-        return box_crosser(surface)
-    if isinstance(surface, TriangleMesh):
-        return mesh_crosser(surface)
-    raise TypeError(
-        f"surface is a {type(surface).__name__}: pass one of meshing or hybrid_rt.primitives"
-    )
-
-
-def _ball(surface: Any) -> tuple[list[float], float | None]:
-    """Return a surface's middle, and its size: of a plane, none."""
-    if isinstance(surface, Plane):
-        return surface.origin.tolist(), None
-    if isinstance(surface, Sphere):
-        return surface.center.tolist(), 2.0 * float(surface.radius)
-    low, high = surface.bounds
-    return (0.5 * (low + high)).tolist(), float(np.linalg.norm(high - low))

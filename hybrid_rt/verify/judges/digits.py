@@ -1,4 +1,4 @@
-"""Arithmetic of many digits (needs mpmath) that judges of several surfaces use."""
+"""Multiple-precision arithmetic shared by the judges (needs mpmath)."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ SMALL = mpmath.mpf(10) ** -40
 
 
 def numbers(values: Sequence[float] | FloatArray) -> Vector:
-    """Return floats as what they are, exactly."""
+    """Convert floats exactly to multiple-precision numbers."""
     return [mpmath.mpf(float(x)) for x in values]
 
 

@@ -1,4 +1,4 @@
-"""Truths about rays in rational arithmetic: they judge the oracle (needs python-flint).
+"""Exact crossings of rays in rational arithmetic, to test the oracle (needs python-flint).
 
 Floats are rationals. On a patch whose first two coordinates are affine in (u, v), and on a surface
 of revolution about the z axis, the crossings of a ray are the roots of one polynomial with rational
@@ -29,7 +29,7 @@ GRAIN = 2.0**-8
 
 @dataclass(frozen=True)
 class Comparison:
-    """What came of comparing the oracle with exact roots.
+    """Results of comparing the oracle with exact roots.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""How often and how far first hits are wrong, against the oracle."""
+"""Error statistics of first hits against the oracle."""
 
 from __future__ import annotations
 
@@ -8,20 +8,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hybrid_rt.core.records import BoolArray, FloatArray, HitRecord
+from hybrid_rt.core.wrong_hits import WrongHits, wrong_hits
 from hybrid_rt.verify.judges.oracle import Truth
 
 
 @dataclass(frozen=True)
 class HitErrors:
-    """First hits against those of the oracle; rows on which it allows several answers are left out.
+    """Errors of first hits against the oracle; rows with several right answers are left out.
 
     Attributes
     ----------
-    rays : int
-        Rays that meet something by either method.
-    missed, phantom, farther : int
-        Nothing where there is something; something where there is nothing; another sheet or
-        another object than the first.
+    wrong_hits : WrongHits
     mean_dt, worst_dt : float
         |t - exact t| in scene units, over the right hits.
     worst_residual : float
@@ -31,20 +28,12 @@ class HitErrors:
         Between the normals of right hits on curved surfaces and the true ones, degrees.
     """
 
-    rays: int
-    missed: int
-    phantom: int
-    farther: int
+    wrong_hits: WrongHits
     mean_dt: float
     worst_dt: float
     worst_residual: float
     mean_angle: float
     worst_angle: float
-
-    @property
-    def wrong(self) -> int:
-        """Number of wrong decisions of all kinds."""
-        return self.missed + self.phantom + self.farther
 
 
 def hit_errors(found: HitRecord, truth: Truth) -> HitErrors:
@@ -58,18 +47,13 @@ def hit_errors(found: HitRecord, truth: Truth) -> HitErrors:
     if len(found) != len(truth):
         raise ValueError(f"{len(found)} hits but truth for {len(truth)} rays: pass the same rays")
     judged = ~truth.ambiguous & ~truth.undecided
-    exists = np.isfinite(truth.t)
-    missed, phantom = judged & exists & ~found.hit, judged & ~exists & found.hit
-    both = judged & exists & found.hit
-    farther = both & ((found.object_id != truth.object_id) | _nearer_to_another(found, truth))
-    right = np.flatnonzero(both & ~farther)
+    elsewhere = _nearer_to_another(found, truth)
+    wrong = wrong_hits(truth.object_id, found.object_id, elsewhere, judged)
+    right = np.flatnonzero(wrong.right)
     dt = np.abs(found.t[right] - truth.t[right]) * truth.length[right]
     residual, angle = found.residual[right], _angles(found, truth, right)
     return HitErrors(
-        rays=int((judged & (exists | found.hit)).sum()),
-        missed=int(missed.sum()),
-        phantom=int(phantom.sum()),
-        farther=int(farther.sum()),
+        wrong_hits=wrong,
         mean_dt=float(dt.mean()) if len(dt) else 0.0,
         worst_dt=float(dt.max(initial=0.0)),
         worst_residual=float(residual.max(initial=0.0)),

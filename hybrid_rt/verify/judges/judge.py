@@ -1,4 +1,4 @@
-"""Compares a hit record with the oracle's truth, and says in which way each wrong row is wrong."""
+"""Compares a hit record with the oracle, and classifies the wrong rows."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from hybrid_rt.verify.judges.surface_judge import judge_of
 
 @dataclass(frozen=True)
 class Verdict:
-    """What the judge found.
+    """Results of a comparison with the oracle.
 
     Attributes
     ----------
@@ -80,7 +80,7 @@ class Verdict:
 
 
 def compare(hits: HitRecord, truth: Truth, gap: FloatArray | None = None) -> Verdict:
-    """Judge first hits.
+    """Compare first hits with the oracle's.
 
     A hit is right if it is the first certain root or a doubtful one before it, with t within
     64 eps x scale / cos of it; or if it comes before that root and the surface is within
@@ -153,23 +153,6 @@ def compare(hits: HitRecord, truth: Truth, gap: FloatArray | None = None) -> Ver
         worst_gap=float(gap_in_bands[hits.hit].max(initial=0.0)),
         small_cosines=int((truth.cosine < 1e-3).sum()),
     )
-
-
-def decisions(certified: HitRecord, t: FloatArray) -> dict[str, int]:
-    """Count how another method's t (inf for a miss) differs from certified hits.
-
-    TANGENT rows are left out; "farther" and "nearer" begin at 1e-6 of the distance.
-    """
-    sure, hit, found = certified.status != Status.TANGENT, certified.hit, np.isfinite(t)
-    both = sure & hit & found
-    gap = np.where(both, t, 0.0) - np.where(both, certified.t, 0.0)
-    slack = 1e-6 * np.where(both, np.abs(certified.t), 1.0)
-    return {
-        "missed": int((sure & hit & ~found).sum()),
-        "phantom": int((sure & ~hit & found).sum()),
-        "farther": int((gap > slack).sum()),
-        "nearer": int((gap < -slack).sum()),
-    }
 
 
 def _gap(hits: HitRecord, truth: Truth) -> FloatArray:

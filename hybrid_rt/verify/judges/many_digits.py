@@ -1,7 +1,7 @@
-"""The t of hits to 60 digits (needs mpmath): what proven bounds of t are judged by.
+"""The t of hits to 60 digits (needs mpmath), to test the proven bounds on t.
 
-A hit is where Newton's method starts; it ends at the root of the surface's own definition, floats
-taken for what they are. Nothing of the tracer or the oracle is used.
+Newton iteration starts at the hit and ends at the root of the surface's own definition, with floats
+taken as exact. No code of the tracer or the oracle is used.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
-"""First hits, slowly and surely: the judge of the intersector, with which it shares no code.
+"""The oracle: slow, reliable first hits, to test the intersector, with which it shares no code.
 
-Patches and profiles are bisected plainly, spheres and flat faces have closed forms; all roots end
-in double-double. What moving the ray by 64 eps x scale could make or lose is not decided but noted
-as doubtful: an answer that takes a doubtful root and one that leaves it out are both right.
+Patches and profiles are bisected; spheres and flat faces have closed forms; all roots end in
+double-double. Roots that displacing the ray by 64 eps x scale could create or remove are reported
+as doubtful: an answer with a doubtful root and one without it are both right.
 """
 
 from __future__ import annotations
@@ -66,7 +66,7 @@ class Roots:
 
 @dataclass(frozen=True)
 class Truth:
-    """The first certain root of each ray, and what may come before it.
+    """The first certain root of each ray, and the doubtful ones before it.
 
     Attributes
     ----------
@@ -182,7 +182,7 @@ def truth_of(
     t_max: FloatArray,
     departing: bool,
 ) -> Truth:
-    """Return the truth about n rays from what was found of each.
+    """Return the truth about n rays from their events.
 
     Parameters
     ----------

@@ -1,9 +1,9 @@
 """A second certificate for Bezier patches, fast enough for 1e8 rays.
 
-The first proves that a cell holds at most one root by the fan of its normals, on up to 8 x 8 cells
-a patch, and leaves the rest to bisection. The second has other cells and a tree of its own over
-them, and settles nothing by fans: every cell that a ray meets is bisected until Krawczyk's test, or
-a box, decides. Where the two differ by more than their bounds, the oracle says who is wrong.
+The first proves by the fan of a cell's normals that it holds at most one root, on up to 8 x 8 cells
+a patch, and bisects the rest. The second has other cells, its own bounding volume hierarchy, and no
+fans: every cell that a ray hits is bisected until Krawczyk's test, or a box, decides. Where the two
+differ by more than their bounds, the oracle decides which is wrong.
 """
 
 from __future__ import annotations
@@ -55,7 +55,7 @@ class Bisection(Intersector):
 
 @dataclass
 class Duel:
-    """What came of comparing the two.
+    """Results of comparing the two certificates.
 
     Attributes
     ----------
@@ -90,7 +90,7 @@ class Duel:
 
 
 def duel(surfaces: Sequence[Any], n: int, seed: int, threads: int | None = None) -> Iterator[Duel]:
-    """Compare the two on n hard rays, `STEP` at a time; yield the sum so far after each."""
+    """Compare the two on n hard rays, `STEP` at a time; yield the totals after each step."""
     first, second = (
         Intersector(surfaces, coarse="none", threads=threads),
         Bisection(surfaces, threads),

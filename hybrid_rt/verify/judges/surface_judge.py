@@ -1,7 +1,7 @@
-"""How hits on each class of surfaces are judged: the one table that all judges ask.
+"""The registry of judges: how hits on each class of surfaces are tested.
 
-A new class of surfaces needs a class derived from `SurfaceJudge` in a module of the room
-`hybrid_rt.verify.judges.surfaces`; nothing else here is told of it.
+A new class of surfaces needs a class derived from `SurfaceJudge` in a module of
+`hybrid_rt.verify.judges.surfaces`; it is found by itself.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ Solver: TypeAlias = Callable[[int, float, float, float, Vector, Vector], Number]
 
 
 class SurfaceJudge(ABC):
-    """What is known of one surface, sharing no code with what finds the hits.
+    """The independent solvers of one surface; they share no code with the intersector.
 
     Parameters
     ----------
@@ -52,11 +52,11 @@ class SurfaceJudge(ABC):
 
     @abstractmethod
     def worker(self, object_id: int) -> Worker:
-        """Return what notes all roots of rays, and what rounding could make one (the oracle)."""
+        """Return the function that finds all roots of rays and near misses, for the oracle."""
 
     @abstractmethod
     def solver(self) -> Solver:
-        """Return what finds the t of a hit to many digits by mpmath (judges bounds of t)."""
+        """Return the function that finds the t of a hit to many digits (mpmath), to test bounds."""
 
     def gap(
         self,
@@ -66,7 +66,7 @@ class SurfaceJudge(ABC):
         v: FloatArray,
         patch_id: NDArray[Any],
     ) -> FloatArray:
-        """Return how far the points ``origins + along`` of rays lie from those of their hits, (n,)."""
+        """Return the distances (n,) of the ray points ``origins + along`` from the hit points."""
         points = self.surface.point(u, v, patch_id)
         distance: FloatArray = np.linalg.norm(points - origins - along, axis=1)
         return distance
@@ -78,7 +78,7 @@ def judge_of(surface: Any) -> SurfaceJudge:
     Raises
     ------
     TypeError
-        If nobody judges its class.
+        If no judge is registered for its class.
     """
     judges = all_judges()
     for surface_type in type(surface).__mro__:
@@ -91,7 +91,7 @@ def judge_of(surface: Any) -> SurfaceJudge:
 
 @cache
 def all_judges() -> dict[type[Surface], type[SurfaceJudge]]:
-    """Return the judges by classes of surfaces: every module of the room is imported."""
+    """Import all judges; return them by class of surface."""
     from hybrid_rt.verify.judges import surfaces
 
     for module in pkgutil.iter_modules(surfaces.__path__, surfaces.__name__ + "."):

@@ -1,8 +1,8 @@
-"""A floor lit past glass by a long count of photons: pictures to judge others by.
+"""Reference pictures of a floor lit through glass, by plain light tracing.
 
-The count (`hybrid_rt.verify.light.kernels.light_tracer`) shares no code with the renderer and has
-no blur but that of its cells, no aiming, no roulette by brightness: a photon arrives or does not,
-so the noise of a cell of n photons is the root of n.
+The light tracer (`hybrid_rt.verify.light.kernels.light_tracer`) shares no code with the renderer.
+It has no density estimation (only cells), no projection map, and all photons have equal power, so
+the noise of a cell with n photons is sqrt(n).
 
 Run it to see the light on the floor of one of the benchmark scenes:
   python -m hybrid_rt.verify.light.light_tracer --photons 1e9 --out floor.npz
@@ -36,14 +36,14 @@ RAYS_AT_ONCE = 2**16
 
 @dataclass(frozen=True)
 class Bench:
-    """A matt square floor under a small square lamp, with clear bodies between them.
+    """A diffuse square floor under a small square light, with dielectrics between them.
 
     Attributes
     ----------
     spheres : tuple of (x, y, z, radius)
     slabs : tuple of (x0, y0, z0, x1, y1, z1)
     lamp_height, lamp_side, radiance : float
-        The lamp is level, its centre above the middle of the floor, and shines down.
+        The light is horizontal, centred above the floor, and emits downward.
     half, albedo : float
         The floor is [-half, half]^2 at z = 0.
     ior : float
@@ -60,11 +60,11 @@ class Bench:
 
     @property
     def power(self) -> float:
-        """What the lamp sends out."""
+        """Power of the light."""
         return math.pi * self.lamp_side**2 * self.radiance
 
     def scene(self, camera: Camera) -> Scene:
-        """Return the same for the renderer."""
+        """Return the bench as a `Scene`."""
         half, side = self.half, self.lamp_side
         floor = Rectangle((-half, -half, 0), (2 * half, 0, 0), (0, 2 * half, 0))
         glass = Dielectric(self.ior)
@@ -150,7 +150,7 @@ BENCHES = {"ball": BALL, "pane": BEHIND_PANE}
 
 
 def main() -> int:
-    """Count photons on the floor of a bench and keep the counts and the picture."""
+    """Count photons on the floor of a bench; save the counts and the picture."""
     parser = argparse.ArgumentParser(description="Light on a floor by a long count of photons.")
     parser.add_argument("--bench", choices=sorted(BENCHES), default="ball")
     parser.add_argument("--photons", type=float, default=1e8)

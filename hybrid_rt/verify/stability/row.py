@@ -1,7 +1,7 @@
-"""What a row of the catalogue is, what running it yields, and the register of all rows.
+"""The rows of the catalogue of hard cases: their type, their outcome, and the register.
 
 A row is a function that takes an `Effort` and returns an `Outcome`; the decorator `row` registers it
-under its id. Modules named ``rows_*`` of this room are imported by `all_rows`, so a new row is one
+under its id. `all_rows` imports the modules ``rows_*`` of this package, so a new row is one
 function in one of them.
 """
 
@@ -33,21 +33,20 @@ NOT_BUILT = {
 
 @dataclass(frozen=True)
 class Effort:
-    """How much a run may do.
+    """The size of a run, and its seed.
 
     Attributes
     ----------
     factor : float
-        Multiplies the number of rays, passes and photons; 1 is a full run.
+        Factor on the number of rays, passes and photons; 1 is a full run.
     seed : int
-        Other seeds, other rays.
     """
 
     factor: float = 1.0
     seed: int = 0
 
     def count(self, n: int, least: int = 1) -> int:
-        """Return how many of n to do."""
+        """Return n scaled by the effort."""
         return max(round(self.factor * n), least)
 
     def rng(self, stream: int = 0) -> np.random.Generator:
@@ -57,12 +56,12 @@ class Effort:
 
 @dataclass(frozen=True)
 class Curve:
-    """Error and work against what makes a case hard, for a plot.
+    """Error and work against the difficulty of a case, for a plot.
 
     Attributes
     ----------
     against : str
-        What stands on the axis, with its unit: "distance from tangency / size".
+        Label of the x axis with its unit: "distance from tangency / size".
     label : str
         What was traced.
     x : list of float
@@ -105,9 +104,9 @@ class Outcome:
     work : int
         The largest work of one search, in pieces.
     faults : tuple of str
-        What went wrong in words; any fails the row.
+        Descriptions of faults; any fails the row.
     notes : tuple of str
-        What a reader should know besides.
+        Remarks.
     curves : tuple of Curve
     """
 
@@ -137,11 +136,11 @@ class Outcome:
 
     @property
     def holds(self) -> bool:
-        """Whether all is as it must be."""
+        """Whether the row passes."""
         return not (self.wrong or self.broken or self.faults or self.error > 1.0)
 
     def checked(self, ok: bool, fault: str) -> Outcome:
-        """Return this, with a fault where something does not hold."""
+        """Return this outcome, with a fault added if a condition does not hold."""
         return self if ok else replace(self, faults=(*self.faults, fault))
 
 
@@ -192,7 +191,7 @@ def all_rows() -> dict[str, Row]:
 
 
 def refusal(make: Callable[[], object], *words: str) -> Outcome:
-    """Return the outcome of something that must be refused with these words in the message."""
+    """Return the outcome of a call that must raise an error with this text in its message."""
     try:
         make()
     except (ValueError, TypeError, OSError) as error:
@@ -203,7 +202,7 @@ def refusal(make: Callable[[], object], *words: str) -> Outcome:
 
 
 def selected(rows: dict[str, Row], only: list[str]) -> Iterator[Row]:
-    """Yield the rows whose ids begin with one of some words; all where there are none."""
+    """Yield the rows whose ids begin with one of some prefixes; all rows without prefixes."""
     for entry in rows.values():
         if not only or any(entry.id.startswith(word) for word in only):
             yield entry

@@ -367,3 +367,32 @@ def test_both_ways_give_the_same_bits():
         ):
             a, b = getattr(one, column), getattr(other, column)
             assert np.array_equal(a, b, equal_nan=a.dtype.kind == "f"), column
+
+
+def test_rays_by_the_axis_meet_a_groove_twice_on_each_side():
+    """Next to the axis a ray's distance from it grows evenly, to the last bit.
+
+    A groove z = r^2 - 0.6 r about an oblique axis, seen from the side just above its bottom, where
+    r = 0.3: it is met where r^2 - 0.6 r = z_0 + tilt t, with r = 1 - t.
+    """
+    rng = np.random.default_rng(17)
+    n = 20_000
+    turn, depth = rng.uniform(0, 2 * np.pi, n), 10.0 ** rng.uniform(-8, -3, n)
+    tilt = 10.0 ** rng.uniform(-6, -2, n) * rng.choice([-1, 1], n)
+    h = 10.0 ** rng.uniform(-16, -7, n)
+    c, s, zero = np.cos(turn), np.sin(turn), np.zeros(n)
+    start = -0.09 + depth - 0.7 * tilt  # above the bottom by the depth where r = 0.3
+    o = np.stack([-c - h * s, -s + h * c, start], axis=1)
+    d = np.stack([c, s, zero + tilt], axis=1)
+    frame, _ = np.linalg.qr(rng.normal(size=(3, 3)))
+    groove = SurfaceOfRevolution(
+        [(0, 0), (-0.3, 0.5), (0.4, 1)], (0, 0, 0), frame[:, 2], reference=frame[:, 0]
+    )
+    frame[:, 1] = groove.binormal
+    hits = Intersector([groove], coarse="none").intersect(o @ frame.T, d @ frame.T)
+    # t^2 - (1.4 + tilt) t + 0.4 - start = 0
+    b = 1.4 + tilt
+    first = 0.5 * b - np.sqrt(0.25 * b * b - 0.4 + start)
+    assert hits.hit.all()
+    # The next crossing is 1e-4 behind the first, or more; h leaves 1e-14 open.
+    np.testing.assert_allclose(hits.t, first, atol=1e-9, rtol=0)

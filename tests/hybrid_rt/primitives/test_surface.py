@@ -8,7 +8,7 @@ from hybrid_rt import Box, Intersector, Plane, Rectangle, Sphere, Torus, Triangl
 from hybrid_rt.intersection.kinds.registry import ENTRIES
 from hybrid_rt.primitives.box import TurnedBox
 from hybrid_rt.verify.judges.surface_judge import all_judges, judge_of
-from meshing import BezierPatches, SurfaceOfRevolution
+from meshing import BezierPatches, SurfaceOfRevolution, tessellate
 from meshing.surface import Surface
 
 TURN = np.array([[0, 0, 2, 1], [2, 0, 0, -3], [0, 2, 0, 5], [0, 0, 0, 1]], float)
@@ -102,13 +102,20 @@ def test_areas():
 
 @each
 def test_only_free_forms_and_meshes_become_triangles(surface):
-    if surface.is_freeform or surface.is_triangular:
-        mesh = surface.triangles(0.01 * surface.size)
+    if surface.is_triangular:
+        mesh = surface.triangles()
+        assert mesh.faces.max() < len(mesh.vertices)
+        assert mesh.deviation_bound == 0.0
+    else:
+        with pytest.raises(TypeError, match=f"{type(surface).__name__} is not made of triangles"):
+            surface.triangles()
+    if surface.is_freeform:
+        mesh = tessellate(surface, 0.01 * surface.size)
         assert mesh.faces.max() < len(mesh.vertices)
         assert mesh.deviation_bound <= 0.01 * surface.size
     else:
         with pytest.raises(TypeError, match="pass BezierPatches or a SurfaceOfRevolution"):
-            surface.triangles(0.1)
+            tessellate(surface, 0.1)
 
 
 class Ghost(Surface):

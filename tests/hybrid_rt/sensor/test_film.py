@@ -1,3 +1,4 @@
+import contextlib
 import json
 import resource
 
@@ -115,35 +116,34 @@ def test_outputs_that_cannot_be_written_are_refused(tmp_path, name, error, words
     assert len(list(tmp_path.iterdir())) == 3
 
 
-@pytest.fixture
-def only_bytes():
-    """As if every disk had room for so few more bytes in a file."""
+@contextlib.contextmanager
+def only_bytes(n):
+    """As if every disk had room for n bytes in a file; not longer, as the log may be a file."""
     limits = resource.getrlimit(resource.RLIMIT_FSIZE)
-    yield lambda n: resource.setrlimit(resource.RLIMIT_FSIZE, (n, limits[1]))
-    resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (n, limits[1]))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
 
 
-def test_full_disks_are_found_before_the_work(tmp_path, only_bytes):
+def test_full_disks_are_found_before_the_work(tmp_path):
     """An empty file can be made on a full disk."""
-    only_bytes(1000)
-    with pytest.raises(OSError, match=r"output '.*a\.png' cannot be written .*: name another"):
+    words = r"output '.*a\.png' cannot be written .*: name another"
+    with only_bytes(1000), pytest.raises(OSError, match=words):
         check_output(tmp_path / "a.png")
     assert not list(tmp_path.iterdir())
 
 
 @pytest.mark.parametrize("ending", [".png", ".npz", ".exr"])
-def test_a_disk_that_fills_is_named_with_its_file_and_the_old_one_stays(
-    tmp_path, only_bytes, ending
-):
+def test_a_disk_that_fills_is_named_with_its_file_and_the_old_one_stays(tmp_path, ending):
     if ending == ".exr":
         pytest.importorskip("OpenEXR")
     target = tmp_path / f"a{ending}"
     target.write_bytes(b"old")
     noise = np.random.default_rng(1).random((100, 100, 3)).astype(np.float32)
-    only_bytes(film.TRIAL_SIZE)
-    with pytest.raises(
-        OSError, match=rf"output '.*a\{ending}' cannot be written \(File too large\)"
-    ):
+    words = rf"output '.*a\{ending}' cannot be written \(File too large\)"
+    with only_bytes(film.TRIAL_SIZE), pytest.raises(OSError, match=words):
         save_image(target, noise, {})
     assert target.read_bytes() == b"old"
     assert list(tmp_path.iterdir()) == [target]

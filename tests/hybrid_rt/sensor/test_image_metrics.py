@@ -101,7 +101,7 @@ class TestHitErrors:
 
     def test_certified_hits_are_right(self, hits, truth):
         e = hit_errors(hits, truth)
-        assert (e.rays, e.wrong) == (5, 0)
+        assert (e.wrong_hits.rays, e.wrong_hits.wrong) == (5, 0)
         assert e.worst_dt < 1e-14
         assert e.worst_residual < 1e-14
         assert e.worst_angle < 1e-12
@@ -116,7 +116,8 @@ class TestHitErrors:
         hits.normal[4] = (1.0, 0.0, 0.0)  # the true one is (1/2, -depth, 0): 60 degrees off
         hits.residual[5] = 0.25
         e = hit_errors(hits, truth)
-        assert (e.rays, e.missed, e.phantom, e.farther, e.wrong) == (6, 1, 1, 1, 3)
+        assert e.wrong_hits.counts == {"missed": 1, "phantom": 1, "farther": 1}
+        assert (e.wrong_hits.rays, e.wrong_hits.wrong) == (6, 3)
         assert e.worst_dt == pytest.approx(0.02)
         assert e.mean_dt == pytest.approx(0.02 / 3)
         assert e.worst_residual == 0.25

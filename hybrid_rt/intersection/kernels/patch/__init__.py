@@ -1,1 +1,1 @@
-"""Rays against Bezier patches: cells, Newton's iteration, certificate, subdivision."""
+"""Ray-patch intersection: `trace` walks the cells, `solve` iterates, `subdivide` searches all."""

@@ -6,7 +6,7 @@ packets"). Boxes are float32 and rounded outward, and the tests below lose no bo
 ray meets (Ize 2013, "Robust BVH ray traversal"); what a leaf holds is decided in float64.
 
 Coordinates are those of the tree's own frame: everything within 1 of the origin, and ray origins
-within 2 (`kernels.frame`).
+within 2 (`frame`).
 """
 
 from typing import Any, NamedTuple

@@ -1,4 +1,4 @@
-"""What kernels written in LLVM's own words share: numbers side by side in one register."""
+"""Shared by kernels written in LLVM IR: vector registers."""
 
 from typing import Any
 

@@ -1,1 +1,1 @@
-"""The kinds of lobes: a register of them, and the value, density and sample of each."""
+"""The kinds of lobes: a register, and eval, pdf and sample of each."""

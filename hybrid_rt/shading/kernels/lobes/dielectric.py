@@ -1,4 +1,4 @@
-"""Smooth glass: one direction back, one through the surface, chosen by the reflectance."""
+"""The lobe of smooth glass: reflection or refraction, sampled by the Fresnel reflectance."""
 
 from hybrid_rt.shading.kernels.fresnel import fresnel, refract, schlick
 from hybrid_rt.shading.kernels.medium_stack import (
@@ -13,11 +13,11 @@ from meshing.kernels.jit import inlined
 
 @inlined
 def at_glass(lobes, lobe, stack, i, nx, ny, nz, dx, dy, dz, is_front, second, xi):
-    """Choose between reflection and refraction at a dielectric by its reflectance.
+    """Sample reflection or refraction at a dielectric by its reflectance.
 
-    n is on the side from which d came. ``stack[i]`` follows the ray; ``second`` as in
-    `hybrid_rt.shading.kernels.medium_stack`. Returns the direction, the factor on radiance but for the tint, and
-    whether light passes the surface and so is tinted.
+    n is on the side from which d came. ``stack[i]`` is updated; ``second`` as in
+    `hybrid_rt.shading.kernels.medium_stack`. Returns the direction, the factor on radiance without
+    the tint, and whether the ray is refracted and so tinted.
     """
     before = filling_medium(stack, i, lobes)
     # Kept for what is reflected: STACK places.

@@ -1,12 +1,12 @@
-"""The facets of rough surfaces: their slopes after GGX, their shadows on each other after Smith.
+"""Microfacets: the GGX distribution, Smith's shadowing-masking, sampling of visible normals.
 
 Walter, Marschner, Li and Torrance, "Microfacet models for refraction through rough surfaces", EGSR
 2007; Heitz, "Understanding the masking-shadowing function in microfacet-based BRDFs", JCGT 3(2),
 2014, and "Sampling the GGX distribution of visible normals", JCGT 7(4), 2018.
 
-Half of the facets, by area, lean by less than the angle whose tangent is alpha. Light that leaves a
-facet for another is lost: of white light at normal incidence on mirrors a hundredth at alpha 0.1, a
-twelfth at 0.25, a third at 0.5, two thirds at 1.
+Half of the facets, by area, are tilted by less than atan(alpha). Interreflection between facets is
+lost: of light at normal incidence on perfect mirrors a hundredth at alpha 0.1, a twelfth at 0.25, a
+third at 0.5, two thirds at 1.
 """
 
 import math
@@ -20,10 +20,10 @@ LARGE = 1e7
 
 @inner
 def facet_area(alpha, cosine, sine2):
-    """Return D: area of facets per solid angle of their normals, over that of the surface.
+    """Return the normal distribution D: facet area per solid angle of normals and surface area.
 
-    ``cosine`` is that of a facet's normal to the surface's, ``sine2`` the square of the sine, given
-    apart because 1 - cosine^2 is nothing but rounding where alpha is small.
+    ``cosine`` is that between facet normal and surface normal, ``sine2`` the squared sine, passed
+    separately because 1 - cosine^2 is mostly rounding for small alpha.
     """
     spread = alpha * alpha * cosine * cosine + sine2
     return alpha * alpha / (math.pi * spread * spread)
@@ -31,9 +31,9 @@ def facet_area(alpha, cosine, sine2):
 
 @inner
 def stretched(alpha, cosine):
-    """Return the length that a unit direction has once the facets are stretched to lean by 45 degrees.
+    """Return the length of a unit direction after the stretch that brings alpha to 1.
 
-    Smith's function is Lambda = (stretched / cosine - 1) / 2, and the share of facets that are seen
+    Smith's Lambda is (stretched / cosine - 1) / 2, and the masking function
     G1 = 2 cosine / (cosine + stretched).
     """
     return math.sqrt(cosine * cosine + alpha * alpha * (1.0 - cosine) * (1.0 + cosine))
@@ -41,9 +41,9 @@ def stretched(alpha, cosine):
 
 @inner
 def seen_and_lit(alpha, cos_in, cos_out):
-    """Return G2: the share of facets that are seen from both of two directions on one side.
+    """Return the height-correlated G2 of two directions on the same side.
 
-    Facets high up are seen from both: 1 / (1 + Lambda + Lambda).
+    It is 1 / (1 + Lambda + Lambda').
     """
     a, b = stretched(alpha, cos_in), stretched(alpha, cos_out)
     return 2.0 * cos_in * cos_out / (a * cos_out + b * cos_in)
@@ -51,10 +51,10 @@ def seen_and_lit(alpha, cos_in, cos_out):
 
 @inner
 def seen_through(alpha, cos_in, cos_out):
-    """Return G2 of two directions on opposite sides, by their absolute cosines.
+    """Return the height-correlated G2 of two directions on opposite sides, by |cosine|.
 
-    What is high up on one side lies deep on the other: with the share c of facets lower than one,
-    the integral of c^Lambda (1 - c)^Lambda', Euler's beta function of 1 + Lambda and 1 + Lambda'.
+    A facet that is high on one side is deep on the other: G2 is the integral over c from 0 to 1 of
+    c^Lambda (1 - c)^Lambda', Euler's beta function of 1 + Lambda and 1 + Lambda'.
     """
     a = 0.5 * (1.0 + stretched(alpha, cos_in) / cos_in)
     b = 0.5 * (1.0 + stretched(alpha, cos_out) / cos_out)
@@ -67,10 +67,10 @@ def seen_through(alpha, cos_in, cos_out):
 
 @inner
 def visible_normal(alpha, nx, ny, nz, dx, dy, dz, xi, eta):
-    """Choose the normal of a facet that a ray of direction d meets; n is on its side.
+    """Sample a visible facet normal m for a ray of direction d; n is on the side of -d.
 
-    The density is G1 (-d . m) D / (-d . n). With the facets stretched to lean by 45 degrees they
-    are those of a hemisphere: a point on its projected disc is chosen.
+    The pdf is G1 (-d . m) D / (-d . n). After the stretch that brings alpha to 1 the facets are
+    those of a hemisphere; a point on its projected disc is sampled (Heitz 2018).
     """
     cosine = -(nx * dx + ny * dy + nz * dz)
     # The direction to where the ray came from, stretched; its tangent is -d - cosine n.

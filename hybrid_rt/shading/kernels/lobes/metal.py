@@ -1,6 +1,6 @@
 """The lobe of metal with fuzz: the mirror direction plus fuzz times a point of the unit ball.
 
-Shirley, "Ray Tracing in One Weekend"; here with its density in closed form, and made reciprocal.
+Shirley, "Ray Tracing in One Weekend"; here with its pdf in closed form, and made reciprocal.
 """
 
 import math
@@ -12,10 +12,10 @@ from meshing.kernels.jit import inlined
 
 @inlined
 def metal_pdf(fuzz, cos_alpha):
-    """Return the density of directions r + fuzz x, x even in the unit ball, r the mirror direction.
+    """Return the pdf of directions r + fuzz x, x uniform in the unit ball, r the mirror direction.
 
-    Along an angle alpha from r the ball is met between t1 and t2, so the density per steradian is
-    the integral of t^2 there over its volume: (t2^3 - t1^3) / (4 pi fuzz^3), with
+    A line from the origin at angle alpha to r crosses the ball between t1 and t2, so the pdf per
+    solid angle is the integral of t^2 there over the volume: (t2^3 - t1^3) / (4 pi fuzz^3), with
     t = cos alpha -+ sqrt(fuzz^2 - sin^2 alpha).
     """
     square = fuzz * fuzz - (1.0 - cos_alpha) * (1.0 + cos_alpha)
@@ -27,7 +27,7 @@ def metal_pdf(fuzz, cos_alpha):
 
 @inlined
 def metal_value(fuzz, cos_in, cos_out, cos_alpha):
-    """Return f cos and the density of the direction."""
+    """Return f cos and the pdf."""
     # The larger cosine makes it reciprocal and keeps it below one (Neumann, Neumann and
     # Szirmay-Kalos, "Compact metallic reflectance models", 1999).
     pdf = metal_pdf(fuzz, cos_alpha)
@@ -36,11 +36,11 @@ def metal_value(fuzz, cos_in, cos_out, cos_alpha):
 
 @inlined
 def metal_direction(fuzz, nx, ny, nz, dx, dy, dz, xi, eta):
-    """Choose a direction by `metal_pdf`; it may lead into the surface.
+    """Sample a direction by `metal_pdf`; it may lead into the surface.
 
-    With c = cos alpha and h = sqrt(fuzz^2 - sin^2 alpha), the share of directions farther from r
-    than alpha is h^3 c / fuzz^3: its derivative in c is h (3 c^2 + h^2), the density. Newton's
-    method inside brackets inverts it.
+    With c = cos alpha and h = sqrt(fuzz^2 - sin^2 alpha), the probability of an angle above alpha
+    is h^3 c / fuzz^3; its derivative in c is proportional to h (3 c^2 + h^2), the pdf. It is
+    inverted by bracketed Newton iteration.
     """
     rx, ry, rz = mirrored(dx, dy, dz, nx, ny, nz)
     floor = 1.0 - fuzz * fuzz

@@ -1,11 +1,11 @@
-"""The register of lobes: which kinds there are, what is true of each, and which kernels it has.
+"""The register of lobes: the kinds, their traits, and dispatch to their kernels.
 
-A kind is a name, not a rank. Whoever wants lobes of some sort asks for traits, by a mask of bits:
-`lobes.traits[row] & SPREADS` is true of each lobe that has one of the bits in `SPREADS`.
+Code selects lobes by traits (a bit mask), never by kind: `lobes.traits[row] & SPREADS` is nonzero
+for each lobe with one of the bits in `SPREADS`.
 
-A new kind takes a line in `TRAITS` and a branch in the functions below: numba cannot look a
-function up in a table. A kind that spreads light has a value with a density, and a direction; a
-delta distribution has a direction with a factor.
+A new kind takes a line in `TRAITS` and a branch in the functions below, since numba cannot look a
+function up in a table. A non-delta lobe has eval, pdf and sample; a delta lobe has a sample with a
+factor.
 """
 
 from hybrid_rt.shading.kernels.fresnel import mirrored
@@ -56,10 +56,10 @@ TRAITS = {
 
 @inlined
 def spreads_here(lobes, row, ratio):
-    """Tell whether a lobe spreads light at a hit; ``ratio`` is that of `scattered`.
+    """Tell whether a lobe is non-delta at a hit; ``ratio`` is that of `scattered`.
 
-    Rough glass does not where it lies hidden in another body, or in one of the same index: there
-    it is passed as smooth glass is.
+    Rough glass is a delta lobe where it is hidden in a body of higher priority or borders on the
+    same index: rays pass it there as they pass smooth glass.
     """
     traits = lobes.traits[row]
     return traits & SPREADS != 0 and (traits & TRANSMITS == 0 or ratio != 0.0)
@@ -67,21 +67,21 @@ def spreads_here(lobes, row, ratio):
 
 @inlined
 def spread_value(lobes, row, ratio, nx, ny, nz, dx, dy, dz, wx, wy, wz, cos_in, cos_out):
-    """Return f cos of a lobe that spreads light, over its colour, and the density of the direction.
+    """Return f cos of a non-delta lobe, over its colour, and the pdf.
 
-    Three channels, then the density per solid angle with which `spread_direction` chooses w. What
-    passes to the other side is radiance: it counts by the index squared.
+    Three channels, then the pdf per solid angle of `spread_direction`. Transmitted light is
+    radiance: it scales by the index squared.
 
     Parameters
     ----------
     lobes, row : LobeTable, int
     ratio : float
-        Index beyond the surface over that before it; only of lobes that transmit.
+        Index beyond the surface over that before it; only for lobes that transmit.
     n, d, w : unit vectors
-        The normal, of either sign; the direction in which a ray arrived; the one asked for.
+        The normal, of either sign; the direction of the incoming ray; the direction to evaluate.
     cos_in, cos_out : float
-        Cosines of -d and w to the normal on the side from which d came. The first is not negative;
-        the second is only where the lobe transmits.
+        Cosines of -d and w to the normal on the side from which d came. The first is never
+        negative; the second is negative only for transmission.
     """
     kind = lobes.kind[row]
     # Cosine between w and the mirror direction d - 2 (n.d) n, whichever way n points.
@@ -105,22 +105,22 @@ def spread_value(lobes, row, ratio, nx, ny, nz, dx, dy, dz, wx, wy, wz, cos_in, 
 
 @inlined
 def spread_direction(lobes, row, ratio, nx, ny, nz, dx, dy, dz, xi, eta, branch):
-    """Choose a direction by a lobe that spreads light; n is on the side from which d came.
+    """Sample a direction by a non-delta lobe; n is on the side from which d came.
 
     Parameters
     ----------
     ratio : float
         As in `spread_value`.
     xi, eta : float
-        Two numbers in [0, 1) that choose the direction.
+        Random numbers in [0, 1) for the direction.
     branch : float
-        A third that chooses the side.
+        A third for the side.
 
     Returns
     -------
     x, y, z : the direction
-    is_through : whether it is meant for the other side; where it leads to another side than it is
-        meant for, light is lost between facets
+    is_through : whether transmission was sampled; if the direction lies on the wrong side, the
+        light is lost between facets
     """
     kind = lobes.kind[row]
     is_through = False
@@ -141,15 +141,15 @@ def spread_direction(lobes, row, ratio, nx, ny, nz, dx, dy, dz, xi, eta, branch)
 
 @inlined
 def delta_direction(lobes, row, stack, i, nx, ny, nz, dx, dy, dz, is_front, second, xi):
-    """Choose a direction by a delta lobe; n is on the side from which d came.
+    """Sample a direction by a delta lobe; n is on the side from which d came.
 
-    ``stack[i]`` follows the ray, ``second`` is as in `hybrid_rt.shading.kernels.medium_stack`.
+    ``stack[i]`` is updated, ``second`` is as in `hybrid_rt.shading.kernels.medium_stack`.
 
     Returns
     -------
     x, y, z : the direction
-    factor : on radiance, but for the colour
-    is_colored : whether the colour counts: not for what glass reflects
+    factor : on radiance, without the colour
+    is_colored : whether the colour applies (not to reflection by glass)
     """
     if lobes.traits[row] & TRANSMITS:
         return at_glass(lobes, row, stack, i, nx, ny, nz, dx, dy, dz, is_front, second, xi)

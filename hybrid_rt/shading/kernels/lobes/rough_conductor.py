@@ -1,7 +1,7 @@
-"""The lobe of rough metal: mirrors of GGX facets, each with Fresnel's reflectance of a conductor.
+"""The lobe of rough metal: GGX microfacets with the Fresnel reflectance of a conductor.
 
 Walter, Marschner, Li and Torrance, "Microfacet models for refraction through rough surfaces", EGSR
-2007. Light that facets send on to other facets is lost.
+2007. Interreflection between facets is lost.
 """
 
 import math
@@ -50,7 +50,7 @@ def normal_reflectance(eta, k):
 
 @inlined
 def rough_conductor_value(number, row, nx, ny, nz, dx, dy, dz, wx, wy, wz, cos_in, cos_out):
-    """Return f cos of each channel over the reflectance at normal incidence, and the density."""
+    """Return f cos of each channel over the reflectance at normal incidence, and the pdf."""
     return _value(
         number[row, 0], number[row, 1], number[row, 2],
         number[row, 3], number[row, 4], number[row, 5], number[row, ALPHA],
@@ -60,7 +60,7 @@ def rough_conductor_value(number, row, nx, ny, nz, dx, dy, dz, wx, wy, wz, cos_i
 
 @inlined
 def rough_conductor_direction(number, row, nx, ny, nz, dx, dy, dz, xi, eta):
-    """Choose a direction: d mirrored by a facet that it sees; it may lead into the surface."""
+    """Sample a direction: d reflected at a visible facet; it may lead into the surface."""
     mx, my, mz = visible_normal(number[row, ALPHA], nx, ny, nz, dx, dy, dz, xi, eta)
     return mirrored(dx, dy, dz, mx, my, mz)
 

@@ -1,8 +1,7 @@
-"""The lobe of rough glass: GGX facets, each reflecting and refracting as smooth glass does.
+"""The lobe of rough glass: GGX microfacets that reflect and refract as smooth glass does.
 
 Walter, Marschner, Li and Torrance, "Microfacet models for refraction through rough surfaces", EGSR
-2007. What passes is radiance, which counts by the index squared. Light that facets send on to
-other facets is lost.
+2007. Transmitted radiance scales by the index squared. Interreflection between facets is lost.
 """
 
 import math
@@ -23,13 +22,13 @@ ALPHA = 6
 
 @inlined
 def rough_dielectric_value(number, row, ratio, nx, ny, nz, dx, dy, dz, wx, wy, wz, cos_in, cos_out):
-    """Return f cos and the density of a direction on either side."""
+    """Return f cos and the pdf of a direction on either side."""
     return _value(number[row, ALPHA], ratio, nx, ny, nz, dx, dy, dz, wx, wy, wz, cos_in, cos_out)
 
 
 @inlined
 def rough_dielectric_direction(number, row, ratio, nx, ny, nz, dx, dy, dz, xi, eta, branch):
-    """Choose a facet that d sees, and a side by its reflectance: direction, and whether through."""
+    """Sample a visible facet, and reflection or refraction: direction, and whether through."""
     return _direction(number[row, ALPHA], ratio, nx, ny, nz, dx, dy, dz, xi, eta, branch)
 
 

@@ -1,4 +1,4 @@
-"""What the oracle notes of a ray: roots, and approaches that rounding could turn into roots."""
+"""The oracle's events of a ray: roots, and near misses that rounding could turn into roots."""
 
 from typing import Any, NamedTuple
 

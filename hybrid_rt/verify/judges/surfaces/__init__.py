@@ -1,1 +1,1 @@
-"""What the judges know of each class of surfaces: every module here registers the classes it judges."""
+"""The judges of all classes of surfaces; every module here registers its own."""

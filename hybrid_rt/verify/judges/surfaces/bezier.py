@@ -19,7 +19,7 @@ class BezierJudge(SurfaceJudge, of=BezierPatches):
     surface: BezierPatches
 
     def worker(self, object_id: int) -> Worker:
-        """Return what bisects the control nets."""
+        """Return a function that bisects the control nets."""
         patches = self.surface.patches
         points = np.concatenate([net.reshape(-1, 3) for net in patches])
         lengths = [len(net) * net.shape[1] for net in patches]

@@ -19,14 +19,14 @@ class PlaneJudge(SurfaceJudge, of=Plane):
     surface: Plane
 
     def worker(self, object_id: int) -> Worker:
-        """Return what meets the plane."""
+        """Return a function that meets the plane."""
         at, normal = np.array(self.surface.origin), np.array(self.surface.unit_normal)
         return lambda first, o, d, _low, out: closed_forms.plane_events(
             at, normal, object_id, first, o, d, out
         )
 
     def solver(self) -> Solver:
-        """Return what meets the plane to many digits."""
+        """Return a function that meets the plane to many digits."""
         from hybrid_rt.verify.judges.digits import numbers, on_plane
 
         at, normal = numbers(self.surface.origin), numbers(self.surface.unit_normal)
@@ -51,14 +51,14 @@ class RectangleJudge(SurfaceJudge, of=Rectangle):
     surface: Rectangle
 
     def worker(self, object_id: int) -> Worker:
-        """Return what meets the face."""
+        """Return a function that meets the face."""
         corner, edge_u, edge_v = self.surface.corner, self.surface.edge_u, self.surface.edge_v
         return _face_worker(
             self.surface, corner[None].copy(), edge_u[None].copy(), edge_v[None].copy(), object_id
         )
 
     def solver(self) -> Solver:
-        """Return what meets the face's plane to many digits."""
+        """Return a function that meets the face's plane to many digits."""
         from hybrid_rt.verify.judges.digits import cross, numbers, on_plane
 
         edges = numbers(self.surface.edge_u), numbers(self.surface.edge_v)
@@ -72,14 +72,14 @@ class BoxJudge(SurfaceJudge, of=Box):
     surface: Box
 
     def worker(self, object_id: int) -> Worker:
-        """Return what meets the slabs."""
+        """Return a function that meets the slabs."""
         lo, hi = np.array(self.surface.lo), np.array(self.surface.hi)
         return lambda first, o, d, _low, out: closed_forms.box_events(
             lo, hi, object_id, first, o, d, out
         )
 
     def solver(self) -> Solver:
-        """Return what meets a face's plane to many digits."""
+        """Return a function that meets a face's plane to many digits."""
         import mpmath
 
         from hybrid_rt.verify.judges.digits import numbers
@@ -99,13 +99,13 @@ class MeshJudge(SurfaceJudge, of=TriangleMesh):
     surface: TriangleMesh
 
     def worker(self, object_id: int) -> Worker:
-        """Return what meets every face."""
+        """Return a function that meets every face."""
         mesh = self.surface
         a, b, c = (np.ascontiguousarray(mesh.vertices[mesh.faces[:, k]]) for k in range(3))
         return _face_worker(mesh, a, b - a, c - a, object_id)
 
     def solver(self) -> Solver:
-        """Return what meets a face's plane to many digits."""
+        """Return a function that meets a face's plane to many digits."""
         from hybrid_rt.verify.judges.digits import cross, numbers, on_plane
 
         mesh = self.surface

@@ -19,7 +19,7 @@ class RevolutionJudge(SurfaceJudge, of=SurfaceOfRevolution):
     surface: SurfaceOfRevolution
 
     def worker(self, object_id: int) -> Worker:
-        """Return what bisects the profile."""
+        """Return a function that bisects the profile."""
         surface = self.surface
         # A segment on the axis has no area.
         segments = [net for net in surface.segments if net[:, 1].max() > 0.0]

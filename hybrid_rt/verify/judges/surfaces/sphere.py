@@ -19,7 +19,7 @@ class SphereJudge(SurfaceJudge, of=Sphere):
     surface: Sphere
 
     def worker(self, object_id: int) -> Worker:
-        """Return what solves the quadratic."""
+        """Return a function that solves the quadratic."""
         center = np.array(self.surface.center, dtype=np.float64)
         radius = float(self.surface.radius)
         return lambda first, o, d, _low, out: closed_forms.sphere_events(
@@ -27,7 +27,7 @@ class SphereJudge(SurfaceJudge, of=Sphere):
         )
 
     def solver(self) -> Solver:
-        """Return what solves the quadratic to many digits."""
+        """Return a function that solves the quadratic to many digits."""
         import mpmath
 
         from hybrid_rt.verify.judges.digits import dot, numbers

@@ -46,7 +46,7 @@ class TorusJudge(SurfaceJudge, of=Torus):
     }
 
     def worker(self, object_id: int) -> Worker:
-        """Return what isolates the roots of the three quartics, ray by ray."""
+        """Return a function that isolates the roots of the three quartics, ray by ray."""
         quartics = self._quartics()
         center, size = np.array(self.surface.origin), self.surface.size
 
@@ -85,7 +85,7 @@ class TorusJudge(SurfaceJudge, of=Torus):
         return distance
 
     def _quartics(self) -> Callable[[FloatArray, FloatArray, float], list[Any]]:
-        """Return what makes the three quartics of a ray, from origin, direction and band."""
+        """Return a function from origin, direction and band of a ray to its three quartics."""
         import flint
 
         def exact(values: Any) -> list[Any]:

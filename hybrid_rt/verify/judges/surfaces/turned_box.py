@@ -28,14 +28,14 @@ class TurnedBoxJudge(SurfaceJudge, of=TurnedBox):
     }
 
     def worker(self, object_id: int) -> Worker:
-        """Return what meets the slabs."""
+        """Return a function that meets the slabs."""
         corner, edges = np.array(self.surface.lo), np.array(self.surface.edges)
         return lambda first, o, d, _low, out: turned_box_events(
             corner, edges, object_id, first, o, d, out
         )
 
     def solver(self) -> Solver:
-        """Return what meets a face's plane to many digits."""
+        """Return a function that meets a face's plane to many digits."""
         from hybrid_rt.verify.judges.digits import cross, numbers, on_plane
 
         corner = numbers(self.surface.lo)

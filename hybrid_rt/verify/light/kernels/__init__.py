@@ -1,1 +1,1 @@
-"""Its compiled loop."""
+"""Compiled loop of the independent light tracer."""

@@ -1,4 +1,4 @@
-"""Light followed from a square lamp to a matt floor past glass, with code of its own.
+"""Light tracing from a square area light through glass to a diffuse floor, with code of its own.
 
 Nothing here is shared with the renderer: intersections are textbook formulas in the world frame,
 Fresnel's equations are written out, random numbers come from SplitMix64 (Steele, Lea and Flood,
@@ -127,7 +127,7 @@ def _cosine_way(s, t):
 
 @kernel
 def count_on_floor(lamp, half, albedo, spheres, slabs, ior, seed, first, stop, counts):
-    """Follow photons number ``first`` to ``stop`` and count where they meet the floor.
+    """Trace the photons ``first`` to ``stop`` and count their hits on the floor.
 
     Parameters
     ----------
@@ -175,10 +175,10 @@ def count_on_floor(lamp, half, albedo, spheres, slabs, ior, seed, first, stop, c
 
 @kernel
 def look_at_floor(lamp, half, spheres, slabs, ior, seed, first, origin, direction, place):
-    """Follow rays from an eye past clear bodies, by chance, to the upper side of the floor.
+    """Trace camera rays through dielectrics, with random branches, to the upper side of the floor.
 
-    ``place`` (n, 2) receives where they end, nan for those that end elsewhere; ``first`` is the
-    number of the first ray for its random numbers.
+    ``place`` (n, 2) receives their end points on the floor, nan for rays that end elsewhere;
+    ``first`` is the index of the first ray for its random numbers.
     """
     for i in range(origin.shape[0]):
         state = (seed * _B + np.uint64(first + i)) * _A

@@ -12,6 +12,7 @@ import pytest
 from hybrid_rt import Intersector, Sphere
 from hybrid_rt.core.records import Status
 from hybrid_rt.verify.cases.mutants import MUTANTS, Mutant, _compared, applied
+from hybrid_rt.verify.cases.rays import unit
 from hybrid_rt.verify.cases.singular_campaign import (
     judge_cell,
     placed_surfaces,
@@ -20,8 +21,8 @@ from hybrid_rt.verify.cases.singular_campaign import (
 )
 from hybrid_rt.verify.cases.singular_rays import beside, parallel, within
 from hybrid_rt.verify.cases.singular_sets import DISTANCES, KINDS, PLACEMENTS, SETS
+from hybrid_rt.verify.exact.exact_surface import exact_of
 from hybrid_rt.verify.exact.judge import ExactJudge
-from hybrid_rt.verify.exact.touches import Touches
 from hybrid_rt.verify.exact.truth import ExactScene
 from meshing import SurfaceOfRevolution
 
@@ -159,12 +160,13 @@ class TestJudge:
 
 def test_touches_are_found_at_their_distance():
     cylinder = SurfaceOfRevolution([(-1, 1), (1, 1)], (0, 0, 0), (0, 0, 1))
-    touches = Touches(cylinder)
+    is_touched = exact_of(cylinder).touch()
     for gap in (1e-3, 1e-9, 1e-13):
-        ray = np.array([-3.0, 1.0 + gap, 0.2]), np.array([2.0, 0.0, 0.1])
-        assert touches.is_touched(*ray, 1.1 * gap)
-        assert not touches.is_touched(*ray, 0.9 * gap)
-    assert not touches.is_touched(np.array([3.0, 1.0, 0.2]), np.array([2.0, 0.0, 0.1]), 1e-3)
+        ray = np.array([-3.0, 1.0 + gap, 0.2]), unit(np.array([[2.0, 0.0, 0.1]]))[0]
+        assert is_touched(*ray, 1.1 * gap, False)
+        assert not is_touched(*ray, 0.9 * gap, False)
+    behind = np.array([3.0, 1.0, 0.2]), unit(np.array([[2.0, 0.0, 0.1]]))[0]
+    assert not is_touched(*behind, 1e-3, False)
 
 
 def test_scenes_that_are_moved_far_keep_their_crossings():

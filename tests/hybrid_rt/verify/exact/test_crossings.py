@@ -8,6 +8,7 @@ import trimesh
 
 from hybrid_rt import Box, Plane, Rectangle, Sphere, TriangleMesh
 from hybrid_rt.demo import vase
+from hybrid_rt.primitives.torus import Torus
 from hybrid_rt.verify.cases.catalogue import (
     cone,
     cylinder,
@@ -302,3 +303,50 @@ def test_the_two_oracles_agree_on_hard_rays(surfaces, n):
     # The fast one adds two floats at the end, the slow one rounds once; scales are below 1e9.
     gap = np.abs(slow.t[both] - fast.t[both]) * slow.length[both] * slow.cosine[both]
     assert (gap <= slow.band[both]).all()
+
+
+def test_tori_by_the_quartic_to_many_digits():
+    """Every crossing lies on the torus to 60 digits, and touches are double."""
+    torus = Torus((0.2, -0.1, 0.3), (0.3, -0.2, 1.0), 1.0, 0.4)
+    scene = ExactScene([torus])
+    rng = np.random.default_rng(12)
+    center, axis = exact(torus.origin), exact(torus.axis)
+    counts = set()
+    for d in rng.normal(size=(60, 3)):
+        o = rng.normal(size=3) * 0.7 - 2 * d
+        found = scene.crossings(o, d)
+        counts.add(len(found))
+        with mpmath.workdps(DIGITS):
+            for one in found:
+                t = mpmath.mpf(one.crossing.t.mid().str(70, radius=False))
+                w = [a + t * b - c for a, b, c in zip(exact(o), exact(d), center, strict=True)]
+                height = mpmath.fdot(w, axis) / mpmath.sqrt(mpmath.fdot(axis, axis))
+                ring = mpmath.sqrt(mpmath.fdot(w, w) - height**2) - 1
+                assert abs(mpmath.sqrt(ring**2 + height**2) - mpmath.mpf(0.4)) < 1e-25
+    assert counts == {0, 2, 4}
+    upright = ExactScene([Torus((0, 0, 0), (0, 0, 1), 1.0, 0.5)])
+    along = upright.crossings(np.array([1.0, 0.0, -3.0]), np.array([0.0, 0.0, 1.0]))
+    assert [one.t for one in along] == [2.5, 3.5]
+    assert [one.crossing.cosine for one in along] == [1.0, 1.0]
+    (touch,) = upright.crossings(np.array([1.5, -3.0, 0.0]), np.array([0.0, 1.0, 0.0]))
+    assert (touch.t, touch.crossing.cosine) == (3.0, 0.0)
+
+
+def test_turned_boxes_are_six_parallelograms():
+    """A box turned by 3, 4, 5 and its ray, and the upright box and its ray: the same t."""
+    upright = Box((-1, -0.5, -0.25), (1, 1, 0.5))
+    turn = np.array(((0.75, -1.0, 0, 0), (1.0, 0.75, 0, 0), (0, 0, 1.25, 0), (0, 0, 0, 1)))
+    scenes = ExactScene([upright]), ExactScene([upright.transformed(turn)])
+    rng = np.random.default_rng(13)
+    n_met = 0
+    for _ in range(60):
+        # On a grid that products with the matrix keep.
+        d = np.round(rng.normal(size=3) * 64) / 64
+        o = np.round(rng.normal(size=3) * 8) / 16 - 2 * d
+        one = scenes[0].crossings(o, d)
+        two = scenes[1].crossings(turn[:3, :3] @ o, turn[:3, :3] @ d)
+        assert [x.t for x in one] == [x.t for x in two]
+        assert [x.crossing.patch_id for x in one] == [x.crossing.patch_id for x in two]
+        assert np.allclose([x.crossing.cosine for x in one], [x.crossing.cosine for x in two])
+        n_met += len(one)
+    assert n_met > 20

@@ -1,0 +1,35 @@
+"""Exact crossings with Bezier patches."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from hybrid_rt.verify.exact.crossings import Crosser, distance, on_curve, rational, rationals
+from hybrid_rt.verify.exact.exact_surface import ExactSurface, Gap, IsTouched
+from hybrid_rt.verify.exact.patches import patches_crosser
+from hybrid_rt.verify.exact.touches import SAMPLES, touch_of_nets
+from meshing import BezierPatches
+
+
+class ExactPatches(ExactSurface, of=BezierPatches):
+    """Exact crossings with Bezier patches."""
+
+    surface: BezierPatches
+
+    def crosser(self) -> Crosser:
+        """Return a function that isolates the roots of all patches."""
+        return patches_crosser(self.surface)
+
+    def gap(self) -> Gap:
+        """Return a function that measures from S(u, v) by exact arithmetic."""
+        nets = [[[rationals(p) for p in row] for row in net] for net in self.surface.patches]
+
+        def gap(patch: int, u: float, v: float, point: list[Any]) -> float:
+            rows = [on_curve(row, rational(v)) for row in nets[patch]]
+            return distance(on_curve(rows, rational(u)), point)
+
+        return gap
+
+    def touch(self) -> IsTouched:
+        """Return a function that looks for places where the ray is tangent."""
+        return touch_of_nets(list(self.surface.patches), SAMPLES)

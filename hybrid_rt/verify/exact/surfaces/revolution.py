@@ -1,0 +1,59 @@
+"""Exact crossings with surfaces of revolution."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import flint
+import numpy as np
+
+from hybrid_rt.verify.exact.crossings import (
+    Crosser,
+    bits,
+    distance,
+    on_curve,
+    rational,
+    rationals,
+)
+from hybrid_rt.verify.exact.exact_surface import ExactSurface, Gap, IsTouched
+from hybrid_rt.verify.exact.revolution import revolution_crosser
+from hybrid_rt.verify.exact.touches import SAMPLES, SampledTouches
+from meshing import SurfaceOfRevolution
+
+
+class ExactRevolution(ExactSurface, of=SurfaceOfRevolution):
+    """Exact crossings with a surface of revolution."""
+
+    surface: SurfaceOfRevolution
+
+    def crosser(self) -> Crosser:
+        """Return a function that isolates the roots of the eliminated polynomials."""
+        return revolution_crosser(self.surface)
+
+    def gap(self) -> Gap:
+        """Return a function that measures from S(u, v), in balls because of the cosine."""
+        surface = self.surface
+        origin = rationals(surface.origin)
+        frame = [rationals(v) for v in (surface.axis, surface.radial, surface.binormal)]
+        segments = [[rationals(p) for p in net] for net in surface.segments]
+
+        def gap(patch: int, u: float, v: float, point: list[Any]) -> float:
+            z, r = on_curve(segments[patch], rational(v))
+            with bits(256):
+                turn = flint.arb(2 * rational(u))
+                c, s = turn.cos_pi(), turn.sin_pi()
+                there = [
+                    o + z * a + r * (c * p + s * q)
+                    for o, a, p, q in zip(origin, *frame, strict=True)
+                ]
+                return distance(there, point)
+
+        return gap
+
+    def touch(self) -> IsTouched:
+        """Return a function that looks for places where the ray is tangent."""
+        surface = self.surface
+        local = SurfaceOfRevolution._from_frame(
+            list(surface.segments), np.zeros(3), surface.axis, surface.radial
+        )
+        return SampledTouches(local, np.array(surface.origin), SAMPLES, wraps=True)

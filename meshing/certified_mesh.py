@@ -1,0 +1,53 @@
+"""Triangles with a proven distance from their surface."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from meshing.checks import FloatArray
+
+if TYPE_CHECKING:
+    import trimesh
+
+
+@dataclass(frozen=True)
+class CertifiedMesh:
+    """Triangles, their parameters on the surface, and a bound on their distance from it.
+
+    Attributes
+    ----------
+    vertices : (v, 3) float64
+        In scene units. Pieces that share an edge or a corner share its vertices.
+    faces : (f, 3) int64
+        Rows of ``vertices``, counterclockwise seen from the side of S_u x S_v.
+    uv : (f, 3, 2) float64
+        Parameters of each corner of each face, on its own side of a seam.
+    patch_id : (f,) int32
+        Patch or profile segment of each face.
+    deviation_bound : float
+        Proven bound on the distance between a point of a face and the surface point at the (u, v)
+        interpolated with the same barycentric weights; includes rounding of the vertices. Scene
+        units.
+    """
+
+    vertices: FloatArray
+    faces: NDArray[np.int64]
+    uv: FloatArray
+    patch_id: NDArray[np.int32]
+    deviation_bound: float
+
+    def __len__(self) -> int:
+        """Return the number of triangles."""
+        return len(self.faces)
+
+    @cached_property
+    def mesh(self) -> trimesh.Trimesh:
+        """The triangles as a `trimesh.Trimesh`, for export and for trimesh's own tools."""
+        import trimesh
+
+        return trimesh.Trimesh(self.vertices, self.faces, process=False)
