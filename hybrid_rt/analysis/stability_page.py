@@ -1,7 +1,7 @@
-"""One page that shows what came of the catalogue of hard cases: a verdict per row, and curves.
+"""HTML page of a run of the catalogue of hard cases: verdicts, and plots of error and work.
 
-Curves of error and of work stand in one picture for each quantity that makes a case hard: measured
-points as marks, what theory allows as a dashed line of the same colour.
+There is one plot for each difficulty parameter. Measured points are marks; the theoretical limit is a
+dashed line of the same colour.
 """
 
 from __future__ import annotations
@@ -53,7 +53,7 @@ what theory allows for that very ray. Errors of 0 stand at the lower edge, at 1e
 
 @dataclass(frozen=True)
 class Panel:
-    """One picture: some curves against one quantity.
+    """One plot: curves against one parameter.
 
     Attributes
     ----------
@@ -76,7 +76,7 @@ class Panel:
 
 
 def summary(rows: Sequence[Mapping[str, Any]], machine: str, version: str, seconds: float) -> str:
-    """Put a run into one sentence."""
+    """Summarise a run in one sentence."""
     verdicts = [row["verdict"] for row in rows]
     hold, left = verdicts.count("holds"), sum(v.startswith("not built") for v in verdicts)
     fail, rays = len(rows) - hold - left, sum(row["rays"] for row in rows)
@@ -87,7 +87,7 @@ def summary(rows: Sequence[Mapping[str, Any]], machine: str, version: str, secon
 
 
 def stability_page(rows: Sequence[Mapping[str, Any]], sentence: str) -> str:
-    """Put the rows of a run on one HTML page that needs no other file.
+    """Return a self-contained HTML page of a run.
 
     Parameters
     ----------
@@ -119,7 +119,7 @@ def stability_page(rows: Sequence[Mapping[str, Any]], sentence: str) -> str:
 
 
 def panels(rows: Sequence[Mapping[str, Any]]) -> list[Panel]:
-    """Gather the curves of all rows by what they stand against."""
+    """Group the curves of all rows by their x axis and unit."""
     groups: dict[tuple[str, str], list[dict[str, Any]]] = {}
     for row in rows:
         for curve in row["curves"]:

@@ -1,7 +1,7 @@
-"""Traced hits held against a truth: the oracle, exact crossings, given distances, the catalogue.
+"""Compares traced hits with the oracle, exact crossings or closed forms; yields an `Outcome`.
 
-Every function returns an `Outcome`. Errors of t are in units of 64 eps x scale / cos; below
-``LEAST_COSINE`` the cosine counts as that.
+Errors of t are in units of 64 eps x scale / cos. Closed forms replace cosines below `LEAST_COSINE`
+by that.
 """
 
 from __future__ import annotations
@@ -61,10 +61,10 @@ def traced(
     may_give_up: bool = False,
     ways: Sequence[str] = ("none", "embree"),
 ) -> tuple[HitRecord, Outcome]:
-    """Trace rays both ways, and check what must hold of any hits.
+    """Trace rays with both coarse stages, and check invariants of the hits.
 
-    Both ways give the same bits, no search is given up (unless it may), work is bounded, normals
-    are unit vectors.
+    Both stages must give the same bits, no search may be given up (without ``may_give_up``), work
+    is bounded, and normals are unit vectors.
     """
     records, outcome = [], Outcome()
     for coarse in ways:
@@ -96,18 +96,19 @@ def traced(
 def by_oracle(
     surfaces: Sequence[Any], origins: FloatArray, directions: FloatArray, **options: Any
 ) -> Outcome:
-    """Trace rays and let the oracle judge them; options are those of `traced`."""
+    """Trace rays and judge them by the oracle; options are those of `traced`."""
     hits, outcome = traced(surfaces, origins, directions, **options)
     return outcome + judged(hits, first_hits(surfaces, origins, directions))
 
 
 def judged(hits: HitRecord, truth: Truth) -> Outcome:
-    """Return what the oracle says of hits; the rays are not counted again.
+    """Return the outcome of hits by the oracle's truth; the rays are not counted again.
 
-    Wrong are also rows TANGENT that hold neither of the answers between which rounding decides.
+    A row that the oracle calls wrong is checked by exact crossings. TANGENT rows count as wrong if
+    their answer is none of those that rounding leaves open.
     """
     verdict = compare(hits, truth)
-    # The oracle is quick, not infallible: what it calls wrong goes before exact crossings.
+    # The oracle is fast, not infallible beside joints: exact crossings confirm what it calls wrong.
     suspects = {kind: _confirmed(hits, truth, rows) for kind, rows in verdict.rows.items()}
     kinds = ", ".join(f"{kind}: rays {rows[:3]}" for kind, rows in suspects.items() if rows)
     outcome = Outcome(
@@ -211,13 +212,13 @@ def catalogue(case_id: str, effort: Effort) -> Outcome:
 
 
 def verdict_outcome(verdict: BatchVerdict, marks: bool = True) -> Outcome:
-    """Return what exact crossings say of hits.
+    """Return the outcome of a verdict by exact crossings.
 
     Parameters
     ----------
     marks : bool
-        Whether a mark TANGENT is a fault where moving the ray by up to four bands changes nothing.
-        What is infinitely thin can lie between all those rays.
+        Whether TANGENT is a fault if no moved ray has another first hit. Features thinner than the
+        spacing of the moved rays escape that test.
     """
     outcome = Outcome(
         rays=verdict.rays, wrong=verdict.n_wrong, error=verdict.worst_error / 64.0,
@@ -248,11 +249,11 @@ def exact_verdict(
     near: float = 0.0,
     leaves: IntArray | None = None,
 ) -> BatchVerdict:
-    """Judge hits by exact crossings, ray by ray, and look twice at marks that it finds wanting.
+    """Judge hits by exact crossings, and check doubtful TANGENT verdicts a second time.
 
-    The judge moves a ray to eight sides by one length. A mark without need is one that no ray of
-    `MOVES` explains; a mark is missing where t is no matter of rounding: of what lies within the
-    band of the origin none is promised.
+    The judge moves a ray in eight directions by one length. TANGENT is needless only if none of the
+    rays of `MOVES` has another first hit either. TANGENT is missing only if no surface lies within
+    the band of the origin: there t > 0 itself is decided by rounding, and no mark is promised.
     """
     total = BatchVerdict()
     for i in range(len(hits)):
@@ -296,7 +297,7 @@ def _begins_within_the_band(scene: ExactScene, o: FloatArray, d: FloatArray) -> 
 def by_exact(
     surfaces: Sequence[Any], origins: FloatArray, directions: FloatArray, **options: Any
 ) -> Outcome:
-    """Trace rays and let exact crossings judge them; options are those of `traced`."""
+    """Trace rays and judge them by exact crossings; options are those of `traced`."""
     hits, outcome = traced(surfaces, origins, directions, **options)
     verdict = exact_verdict(ExactJudge(surfaces), hits, origins, directions)
     found = replace(verdict_outcome(verdict), rays=0, undecided=0)
@@ -307,7 +308,7 @@ def by_exact(
 
 @dataclass
 class Plot:
-    """A curve while it is being measured, and what came of its points.
+    """A curve under construction.
 
     Attributes
     ----------
@@ -377,7 +378,7 @@ def by_set(
     marks: bool = True,
     from_afar: bool = False,
 ) -> Outcome:
-    """Judge rays of a singular set by exact crossings, distance by distance; yield a curve.
+    """Judge rays of a singular set by exact crossings at several distances; adds a curve.
 
     Parameters
     ----------

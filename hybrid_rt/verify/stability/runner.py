@@ -1,6 +1,6 @@
-"""Runs rows of the catalogue in a child process, one after the other, each within a time limit.
+"""Runs rows of the catalogue one by one in a child process, each within a time limit.
 
-A row that takes too long, or ends the process, is noted as such; another child goes on with the rest.
+A row that exceeds its limit or kills the process fails; a new child runs the remaining rows.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ Rows = Callable[[], dict[str, Row]]
 
 @dataclass(frozen=True)
 class Result:
-    """What came of a row.
+    """Result of a row.
 
     Attributes
     ----------
@@ -51,7 +51,7 @@ class Result:
 
     @property
     def curves(self) -> tuple[Curve, ...]:
-        """What there is to be drawn."""
+        """Curves to plot."""
         return self.outcome.curves
 
     def figures(self) -> dict[str, Any]:
@@ -96,9 +96,9 @@ def run_rows(
     limit : float
         Seconds for one row.
     rows : callable
-        Returns the rows by their ids; can be pickled, for it is called in the child as well.
+        Returns the rows by their ids. Must be picklable: the child calls it as well.
     ids : sequence of str
-        All rows that there must be.
+        Required rows.
 
     Raises
     ------
@@ -167,7 +167,7 @@ class _Child:
             raise OSError("the process that runs rows ended before it began") from None
 
     def stop(self) -> None:
-        """End the process, whatever it does."""
+        """Terminate the process."""
         if self._process is None:
             return
         self._pipe.close()
