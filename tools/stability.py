@@ -11,6 +11,7 @@ Needs python-flint and mpmath: pip install 'hybrid-rt[dev]'.
 """
 
 import argparse
+import importlib.util
 import platform
 import sys
 import time
@@ -18,7 +19,7 @@ from pathlib import Path
 
 from hybrid_rt._version import __version__
 from hybrid_rt.analysis import stability_page as pages
-from hybrid_rt.cli.command import kept, run_tool
+from hybrid_rt.cli.command import kept, run_tool, say_if_no_plots
 from hybrid_rt.core import checks
 from hybrid_rt.core.threads import available_threads
 from hybrid_rt.verify.stability import runner
@@ -50,6 +51,7 @@ def main() -> int:
     only = args.only.split(",")
     n_rows = len(runner.expand(only))
     args.out.mkdir(parents=True, exist_ok=True)
+    say_if_no_plots("plots")
     began, rows, failures = time.perf_counter(), [], []
 
     def sentence() -> str:
@@ -83,7 +85,7 @@ def main() -> int:
     (args.out / "stability.html").write_text(
         pages.stability_page(rows, sentence()), encoding="utf-8"
     )
-    if args.plots is not None:
+    if args.plots is not None and importlib.util.find_spec("matplotlib"):
         pages.save_panels(rows, args.plots)
     return 0 if is_right and not failures else 1
 

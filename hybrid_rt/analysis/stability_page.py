@@ -11,6 +11,7 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from html import escape
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -87,7 +88,7 @@ def summary(rows: Sequence[Mapping[str, Any]], machine: str, version: str, secon
 
 
 def stability_page(rows: Sequence[Mapping[str, Any]], sentence: str) -> str:
-    """Return a self-contained HTML page of a run.
+    """Return a self-contained HTML page of a run, without plots if matplotlib is not installed.
 
     Parameters
     ----------
@@ -109,7 +110,7 @@ def stability_page(rows: Sequence[Mapping[str, Any]], sentence: str) -> str:
         *(_row(row) for row in rows),
         "</table></div>",
     ]
-    found = panels(rows)
+    found = panels(rows) if find_spec("matplotlib") else []
     if found:
         parts.append('<h2>Curves</h2><div class="plots">')
         parts += [f"<figure>{as_svg(panel)}</figure>" for panel in found]
