@@ -22,6 +22,8 @@ from meshing import BezierPatches, SurfaceOfRevolution
 
 # Pieces that one search may look at: a tangent ray's are bounded by rounding, not by luck.
 MOST_PIECES = 5000
+# However few rays are asked for, so many are traced.
+LEAST_RAYS = 20
 
 
 @dataclass(frozen=True)
@@ -32,8 +34,8 @@ class Case:
     ----------
     id, name : str
     surfaces : callable without arguments
-    rays : callable of the surfaces
-        Returns origins and directions.
+    rays : callable of the surfaces, a factor and a seed
+        Returns origins and directions; the factor multiplies their number where they are random.
     t : (n,) float64, optional
         First hits in closed form, inf for a miss; None: the oracle's.
     most_error : float, optional
@@ -47,15 +49,17 @@ class Case:
     id: str
     name: str
     surfaces: Callable[[], list[Any]]
-    rays: Callable[[list[Any]], tuple[FloatArray, FloatArray]]
+    rays: Callable[[list[Any], float, int], tuple[FloatArray, FloatArray]]
     t: Callable[[FloatArray, FloatArray], FloatArray] | None = None
     most_pieces: int = MOST_PIECES
     most_error: float | None = None
 
 
 def _rays(make: Callable[..., RaySet], n: int, **options: Any) -> Any:
-    def of(surfaces: Sequence[Any]) -> tuple[FloatArray, FloatArray]:
-        rays = make(surfaces, n, seed=17, **options)
+    def of(
+        surfaces: Sequence[Any], factor: float = 1.0, seed: int = 0
+    ) -> tuple[FloatArray, FloatArray]:
+        rays = make(surfaces, max(round(factor * n), LEAST_RAYS), seed=17 + seed, **options)
         return rays.origins, rays.directions
 
     return of
@@ -63,19 +67,32 @@ def _rays(make: Callable[..., RaySet], n: int, **options: Any) -> Any:
 
 def _fixed(origins: Any, directions: Any) -> Any:
     o, d = np.array(origins, dtype=np.float64), np.array(directions, dtype=np.float64)
-    return lambda _surfaces: tuple(np.broadcast_arrays(np.atleast_2d(o), np.atleast_2d(d)))
+    both = tuple(np.broadcast_arrays(np.atleast_2d(o), np.atleast_2d(d)))
+    return lambda _surfaces, _factor=1.0, _seed=0: both
 
 
 def _aimed(at: Callable[[np.random.Generator], FloatArray], distance: float = 3.0) -> Any:
     """Rays from all around at given points."""
 
-    def of(_surfaces: Sequence[Any]) -> tuple[FloatArray, FloatArray]:
-        rng = np.random.default_rng(23)
-        points = at(rng)
+    def of(
+        _surfaces: Sequence[Any], factor: float = 1.0, seed: int = 0
+    ) -> tuple[FloatArray, FloatArray]:
+        rng = np.random.default_rng([23, seed])
+        points = _as_many(lambda: at(rng), factor, rng)
         directions = unit(rng.normal(size=points.shape))
         return points - distance * directions, directions
 
     return of
+
+
+def _as_many(draw: Callable[[], FloatArray], factor: float, rng: np.random.Generator) -> FloatArray:
+    """Draw points often enough for a multiple of their number; some of them for a part."""
+    points = draw()
+    n = max(round(factor * len(points)), min(LEAST_RAYS, len(points)))
+    if n < len(points):
+        chosen: FloatArray = points[np.sort(rng.permutation(len(points))[:n])]
+        return chosen
+    return np.concatenate([points, *(draw() for _ in range(n // len(points) - 1))])
 
 
 def parabola_sheet() -> BezierPatches:
@@ -189,18 +206,23 @@ def _near_wall(rng: np.random.Generator) -> FloatArray:
 
 
 def _from_far(at: Any, size: float, distance: float) -> Any:
-    def of(_surfaces: Sequence[Any]) -> tuple[FloatArray, FloatArray]:
-        rng = np.random.default_rng(29)
-        origins = distance * unit(rng.normal(size=(400, 3)))
-        targets = np.asarray(at) + size * rng.uniform(-1.2, 1.2, (400, 3))
+    def of(
+        _surfaces: Sequence[Any], factor: float = 1.0, seed: int = 0
+    ) -> tuple[FloatArray, FloatArray]:
+        rng = np.random.default_rng([29, seed])
+        n = max(round(400 * factor), LEAST_RAYS)
+        origins = distance * unit(rng.normal(size=(n, 3)))
+        targets = np.asarray(at) + size * rng.uniform(-1.2, 1.2, (n, 3))
         return origins, targets - origins
 
     return of
 
 
-def _along_axis(surfaces: Sequence[Any]) -> tuple[FloatArray, FloatArray]:
-    rays = about_axes(surfaces, 300, seed=17)
-    return rays.origins, np.repeat(surfaces[0].axis[None], 300, axis=0)
+def _along_axis(
+    surfaces: Sequence[Any], factor: float = 1.0, seed: int = 0
+) -> tuple[FloatArray, FloatArray]:
+    origins, _ = _rays(about_axes, 300)(surfaces, factor, seed)
+    return origins, np.repeat(surfaces[0].axis[None], len(origins), axis=0)
 
 
 OFFSETS = [sign * 10.0**-k for k in range(2, 11) for sign in (1, -1)]

@@ -154,7 +154,9 @@ def same_place(one: Placed, two: Placed, moved: float, length: float) -> bool:
     if one.crossing.cosine == 0.0 or two.crossing.cosine == 0.0:
         return False
     reach = MOST_MOVED * moved / min(one.cosine, two.cosine)
-    return abs(one.t - two.t) * length <= reach
+    # From afar the last place of t is more than that: the difference is taken of exact numbers.
+    apart = abs(float(one.crossing.t - two.crossing.t))
+    return apart * length <= reach
 
 
 def departures(
