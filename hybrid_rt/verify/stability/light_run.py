@@ -145,7 +145,9 @@ def same(name: str, found: ArrayLike, truth: ArrayLike, relative: float = 0.0) -
         return Outcome(rays=1, faults=(f"{name}: shape {a.shape} where {b.shape} is expected",))
     if relative == 0.0:
         wrong = int(np.count_nonzero(~(a == b)))
-        return Outcome(rays=a.size, wrong=wrong).checked(not wrong, f"{name}: {wrong} values differ")
+        return Outcome(rays=a.size, wrong=wrong).checked(
+            not wrong, f"{name}: {wrong} values differ"
+        )
     with np.errstate(invalid="ignore", divide="ignore"):
         units = np.abs(a - b) / (relative * np.abs(b))
     units = np.where(a == b, 0.0, np.where(np.isnan(units), np.inf, units))

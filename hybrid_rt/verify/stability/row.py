@@ -18,7 +18,15 @@ import numpy as np
 # faults that were met once, and light at its extremes.
 IDS = tuple(
     f"{section}{number:02d}"
-    for section, count in (("A", 32), ("B", 19), ("C", 13), ("D", 34), ("E", 10), ("F", 11), ("L", 14))
+    for section, count in (
+        ("A", 32),
+        ("B", 19),
+        ("C", 13),
+        ("D", 34),
+        ("E", 10),
+        ("F", 11),
+        ("L", 14),
+    )
     for number in range(1, count + 1)
 )
 NOT_BUILT = {

@@ -99,7 +99,9 @@ def impossible_views(effort: Effort) -> Outcome:
         outcome += same(f"fov {fov:g}", np.linalg.norm(directions, axis=1), np.ones(50), 1e-15)
     # Up within 1e-7 of the view still gives three directions at right angles.
     _, directions = camera(up=(3, -4, 5e-7)).rays(np.array([4.0]), np.array([2.0]))
-    return outcome + same("up along the view", directions[0] + 1.0, np.array([1.6, 0.2, 1.0]), 1e-15)
+    return outcome + same(
+        "up along the view", directions[0] + 1.0, np.array([1.6, 0.2, 1.0]), 1e-15
+    )
 
 
 @row("D08", "pictures of one pixel, of one row, of none", "closed form; refusals")
