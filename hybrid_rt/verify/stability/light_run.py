@@ -37,7 +37,7 @@ FLOAT32 = 1e-6
 # Whitted's method does not follow branches below a thousandth: what a few of them bring.
 BRANCHES_CUT = 2e-3
 # Camera paths end by their length only: no roulette, and nothing from the lamps.
-PLAIN_PATHS = PathOptions(survival=1.0, light_paths=0.0)
+PLAIN_PATHS = PathOptions(roulette_depth=10**6, survival=1.0, light_paths=0.0)
 # Passes that count as independent of each other at most; see `hybrid_rt.sensor.film`.
 FEW_PASSES = 15
 # Where zeros stand on a logarithmic axis.
