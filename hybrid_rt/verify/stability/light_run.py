@@ -20,6 +20,7 @@ from scipy import stats
 from hybrid_rt.core.records import FloatArray
 from hybrid_rt.integrators import Options, PathOptions, PhotonMapOptions, PPMOptions
 from hybrid_rt.lights import GradientSky
+from hybrid_rt.materials import Emissive, Mirror
 from hybrid_rt.materials.material import Material
 from hybrid_rt.primitives import Box, Rectangle
 from hybrid_rt.rendering.renderer import RenderResult, render
@@ -58,6 +59,15 @@ def floor(material: Material, half: float = 9.0, height: float = 0.0) -> Object:
 def slab(low: float, high: float, material: Material) -> Object:
     """Return a plate so wide that its rim is out of sight."""
     return Object(Box((-50, -50, low), (50, 50, high)), material, f"slab {low:g}")
+
+
+def mirrors(color: float, radiance: float = 0.0) -> list[Object]:
+    """Return two level mirrors that face each other; they may shine as well."""
+    material = Emissive(radiance, Mirror(color)) if radiance else Mirror(color)
+    # Shining sides look at each other.
+    below = Rectangle((-9, -9, 0), (18, 0, 0), (0, 18, 0))
+    above = Rectangle((-9, -9, 2), (0, 18, 0), (18, 0, 0))
+    return [Object(below, material, "below"), Object(above, material, "above")]
 
 
 def own_options(integrator: str, n_photons: int = 4000) -> Options | None:

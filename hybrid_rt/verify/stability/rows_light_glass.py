@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from functools import partial
+from typing import Any
 
 from scipy import stats
 
@@ -89,7 +91,7 @@ def _head_on(effort: Effort, scene: Scene, integrator: str, truth: float, name: 
 
 @row("D09", "index 1 and 1 + 1e-12", "identity: the picture without the body")
 def index_one(effort: Effort) -> Outcome:
-    """A body of the index around it is not seen, smooth or rough, with any integrator."""
+    """See through bodies of the index around them, smooth and rough, with every integrator."""
     camera = Camera((0, 0, 4), (0, 0, 0), (0, 1, 0), 40, 16, 16)
     outcome = Outcome()
     for integrator in INTEGRATORS:
@@ -109,14 +111,14 @@ def index_one(effort: Effort) -> Outcome:
         head_on = Scene(eye((0, 0, 4), (0, 0, 0), 4), [ball], environment=SKY)
         plain = Scene(head_on.camera, environment=SKY)
         pictures = [picture(effort, scene, integrator).image for scene in (head_on, plain)]
-        outcome += same(f"{integrator}, Schlick head-on", *pictures, 1e-5)
+        outcome += same(f"{integrator}, Schlick head-on", pictures[0], pictures[1], 1e-5)
     note = "Schlick's approximation, on request, reflects (1 - cos)^5 also where the index is 1"
     return outcome + Outcome(notes=(note,))
 
 
 @row("D10", "indices 1000 and 1e-3", "closed forms: plates, even light; never above the light")
 def extreme_indices(effort: Effort) -> Outcome:
-    """A clear ball in even light is not seen, but for what max_depth cuts off, and that is said."""
+    """Look at a clear ball in even light: only what max_depth cuts off is missing, and it is said."""
     outcome = Outcome()
     camera = Camera((0, -4, 0), (0, 0, 0), (0, 0, 1), 40, 16, 12)
     for ior in (1000.0, 1e-3, 1e6, 1e-6):
@@ -147,12 +149,13 @@ def impossible_indices(effort: Effort) -> Outcome:
     """Refused by name where the material is made."""
     del effort
     outcome = Outcome()
-    for bad in (0.0, -1.5, math.nan, math.inf, 1e-7, 1e7, "glass", None):
-        outcome += refusal(lambda bad=bad: Dielectric(bad), "Dielectric ior")
-        outcome += refusal(lambda bad=bad: RoughDielectric(bad, 0.5), "RoughDielectric ior")
+    indices: tuple[Any, ...] = (0.0, -1.5, math.nan, math.inf, 1e-7, 1e7, "glass", None)
+    for bad in indices:
+        outcome += refusal(partial(Dielectric, bad), "Dielectric ior")
+        outcome += refusal(partial(RoughDielectric, bad, 0.5), "RoughDielectric ior")
     for bad in (0.0, -1.0, math.nan, math.inf, 1e4):
-        outcome += refusal(lambda bad=bad: RoughConductor(bad, 1.0, 0.5), "RoughConductor eta")
-        outcome += refusal(lambda bad=bad: RoughConductor(1.0, bad, 0.5), "RoughConductor k")
+        outcome += refusal(partial(RoughConductor, bad, 1.0, 0.5), "RoughConductor eta")
+        outcome += refusal(partial(RoughConductor, 1.0, bad, 0.5), "RoughConductor k")
     return outcome
 
 
@@ -233,7 +236,7 @@ def grazing_incidence(effort: Effort) -> Outcome:
 @row("D14", "bodies within bodies, overlapping bodies", "closed form: stacks of plates")
 def bodies_within_bodies(effort: Effort) -> Outcome:
     """Where bodies overlap the one of higher priority counts, in whatever order they stand."""
-    stacks = (
+    stacks: tuple[tuple[list[Object], list[float], list[float]], ...] = (
         (
             [slab(0, 3, Dielectric(1.5, 0.1)), slab(1, 2, Dielectric(2.4, 0.4))],
             [1, 1.5, 2.4, 1.5, 1],
@@ -264,7 +267,7 @@ def bodies_within_bodies(effort: Effort) -> Outcome:
 
 @row("D15", "clear bodies that touch", "closed form: stacks of plates without air between")
 def touching_bodies(effort: Effort) -> Outcome:
-    """A shared face leads from one body into the other."""
+    """Pass shared faces from one body into the other."""
     glass, water = Dielectric(1.5, 0.1), Dielectric(1.33, 0.3)
     stacks = (
         ([slab(0, 1, glass), slab(1, 3, glass)], [1, 1.5, 1], [0.3]),
@@ -294,7 +297,7 @@ def touching_bodies(effort: Effort) -> Outcome:
 
 @row("L01", "indices from 1 + 1e-12 to 1000 and to 1e-3", "closed form: light through a plate")
 def light_through_plates(effort: Effort) -> Outcome:
-    """A plate passes (1 - R) / (1 + R) of a lamp behind it, all reflections together."""
+    """Look through plates: (1 - R) / (1 + R) of the lamp, all reflections together."""
     lamp = RectangleLight((-50, -50, -2), (100, 0, 0), (0, 100, 0), 1.0)
     outcome, curves = Outcome(), []
     above = [10.0**k for k in (-12, -9, -6, -3, -2, -1)] + [0.5, 1.4, 9.0, 99.0, 999.0]
@@ -380,9 +383,7 @@ def rough_metal(effort: Effort) -> Outcome:
         effort, "metal", lambda value: RoughConductor(1.0, 1e3, value), ROUGHNESS
     )
     for bad in (0.0, 1e-6, 0.00999, 1.0001, -0.1, math.nan):
-        outcome += refusal(
-            lambda bad=bad: RoughConductor(1.0, 1e3, bad), "RoughConductor roughness"
-        )
+        outcome += refusal(partial(RoughConductor, 1.0, 1e3, bad), "RoughConductor roughness")
     return outcome + Outcome(curves=tuple(curves))
 
 
@@ -398,5 +399,5 @@ def rough_glass(effort: Effort) -> Outcome:
         )  # fmt: skip
         outcome += more + Outcome(curves=tuple(curves))
     for bad in (0.0, 1e-6, 0.00999, 1.0001, -0.1, math.nan):
-        outcome += refusal(lambda bad=bad: RoughDielectric(1.5, bad), "RoughDielectric roughness")
+        outcome += refusal(partial(RoughDielectric, 1.5, bad), "RoughDielectric roughness")
     return outcome

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from functools import partial
 
 import numpy as np
 
@@ -83,7 +84,7 @@ def lamps_of_all_sizes(effort: Effort) -> Outcome:
 
 @row("L05", "lamps that touch surfaces, or nearly", "closed forms of the irradiance")
 def lamps_in_contact(effort: Effort) -> Outcome:
-    """A square that shines on the floor from 1 down to 1e-12; balls that touch and reach into it."""
+    """Lower a square from 1 to 1e-12 above the floor; balls touch it and reach into it."""
     outcome, curves = Outcome(), []
     gaps = [10.0**k for k in range(-12, 1)]
     for integrator in INTEGRATORS:
@@ -174,11 +175,11 @@ def narrow_spots(effort: Effort) -> Outcome:
             outcome = outcome.checked(dark, f"{integrator}: light beside the cone of {cone:g}")
     for bad in (0.0, 9.99e-4, -1.0, 180.1, math.nan):
         outcome += refusal(
-            lambda bad=bad: SpotLight((0, 0, 1), (0, 0, -1), 1.0, bad, 0.0), "SpotLight cone_angle"
+            partial(SpotLight, (0, 0, 1), (0, 0, -1), 1.0, bad, 0.0), "SpotLight cone_angle"
         )
     for bad in (-1e-9, 30.1, math.nan):
         outcome += refusal(
-            lambda bad=bad: SpotLight((0, 0, 1), (0, 0, -1), 1.0, 30.0, bad), "SpotLight edge_angle"
+            partial(SpotLight, (0, 0, 1), (0, 0, -1), 1.0, 30.0, bad), "SpotLight edge_angle"
         )
     outcome += refusal(lambda: SpotLight((0, 0, 1), (0, 0, 0), 1.0), "SpotLight direction")
     return outcome + refusal(lambda: PointLight((0, 0, 1), math.inf), "PointLight intensity")

@@ -6,10 +6,11 @@ import math
 import time
 import tracemalloc
 import warnings
+from functools import partial
 
 import numpy as np
 
-from hybrid_rt.core.records import FloatArray
+from hybrid_rt.core.records import FloatArray, IdArray
 from hybrid_rt.integrators import PathOptions, PhotonMapOptions, PPMOptions
 from hybrid_rt.integrators.direct_light import NO_NORMALS
 from hybrid_rt.integrators.kernels.photon_steps import Photons
@@ -128,7 +129,7 @@ def _field(position: FloatArray, radius: float) -> Discs:
     return Discs(photons, lobes, Radii.fixed(radius), 1.0)
 
 
-def _gathered(position: FloatArray, n_points: int) -> tuple[FloatArray, FloatArray, float, float]:
+def _gathered(position: FloatArray, n_points: int) -> tuple[FloatArray, IdArray, float, float]:
     """Gather in one point many times; return radiance, photons near, MiB and seconds.
 
     MiB that Python's allocator has seen, or that the process has grown by: trees and their answers
@@ -152,7 +153,7 @@ def _gathered(position: FloatArray, n_points: int) -> tuple[FloatArray, FloatArr
 
 @row("D22", "all photons in one point, or in a disc of 1e-9", "closed form; memory as when spread")
 def photons_in_one_point(effort: Effort) -> Outcome:
-    """A million photons in one place cost no more memory than a million on a wide floor."""
+    """Gather a million photons in one place, in no more memory than a million on a wide floor."""
     n, n_points = effort.count(1_000_000, 10_000), 16
     rng = effort.rng()
     wide = np.zeros((n, 3))
@@ -180,12 +181,12 @@ def extreme_discs(effort: Effort) -> Outcome:
     """Refused beyond a quarter of the scene and below a millionth; the widest show the mean."""
     outcome = Outcome()
     for bad in (0.0, -1.0, math.nan, math.inf):
-        outcome += refusal(lambda bad=bad: PPMOptions(initial_radius=bad), "initial_radius")
+        outcome += refusal(partial(PPMOptions, initial_radius=bad), "initial_radius")
     scene = evenly_lit(BELOW_PANE)
     for bad in (1e308, 1e3, 1.001 * WIDEST * ACROSS, 0.999 * NARROWEST * ACROSS, 1e-300):
         options = PPMOptions(100, initial_radius=bad)
         outcome += refusal(
-            lambda options=options: picture(effort, scene, "ppm", options=options),
+            partial(picture, effort, scene, "ppm", options=options),
             "initial_radius", "across",
         )  # fmt: skip
     more, _, mib = _by_radius(effort, 0.999 * WIDEST * ACROSS)
@@ -248,7 +249,7 @@ def extreme_alpha(effort: Effort) -> Outcome:
     """Refused outside (0, 1]; at 1 a warning; between, radii and errors fall as they should."""
     outcome = Outcome()
     for bad in (0.0, -0.5, math.nextafter(1.0, 2.0), 2.0, math.nan):
-        outcome += refusal(lambda bad=bad: PPMOptions(alpha=bad), "alpha")
+        outcome += refusal(partial(PPMOptions, alpha=bad), "alpha")
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         still = PPMOptions(2000, alpha=1.0)
@@ -288,7 +289,7 @@ def extreme_alpha(effort: Effort) -> Outcome:
 
 @row("L06", "a million photons into a spot of 1e-3", "what a cone sends out; memory as when spread")
 def photons_into_a_spot(effort: Effort) -> Outcome:
-    """A narrow cone through a pane: all photons within a spot, in a whole render."""
+    """Send all photons through a pane into a narrow spot, in a whole render."""
     outcome, figures = Outcome(), []
     n = effort.count(1_000_000, 10_000)
     pane = Object(Box((-4, -4, 1), (4, 4, 1.1)), Dielectric(1.0), "pane")
@@ -299,9 +300,7 @@ def photons_into_a_spot(effort: Effort) -> Outcome:
             lamp = SpotLight((0, 0, 3), (0, 0, -1), 1.0, cone, 0.0)
             scene = Scene(camera, [floor(Lambertian(0.5)), pane], [lamp])
             result, mib, seconds = measured(
-                lambda scene=scene, integrator=integrator: picture(
-                    effort, scene, integrator, options=own_options(integrator, n)
-                )
+                partial(picture, effort, scene, integrator, options=own_options(integrator, n))
             )
             name = f"{integrator}, cone of {cone:g} degrees"
             outcome += finite(name, result) + Outcome(rays=n)
@@ -340,7 +339,7 @@ def gather_radii(effort: Effort) -> Outcome:
         if not NARROWEST <= share <= WIDEST:
             options = PPMOptions(100, initial_radius=radius)
             outcome += refusal(
-                lambda options=options: picture(effort, scene, "ppm", options=options),
+                partial(picture, effort, scene, "ppm", options=options),
                 "initial_radius", "across",
             )  # fmt: skip
             continue
@@ -352,8 +351,8 @@ def gather_radii(effort: Effort) -> Outcome:
             allowed.append(off[1])
     curve = Curve("radius / scene", "ppm", x, shown(errors), allowed, unit="of the radiance")
     for nearest in (2, 10, 60, 1000):
-        options = PhotonMapOptions(effort.count(20_000, 4000), nearest)
-        result = picture(effort, scene, "photon_map", FEW_PASSES, options=options)
+        own = PhotonMapOptions(effort.count(20_000, 4000), nearest)
+        result = picture(effort, scene, "photon_map", FEW_PASSES, options=own)
         # The disc ends at the farthest of so many photons: the mean is off by one in so many.
         off = off_by_passes(result, blurred(1e-6), 1.5 / nearest + 2e-2)
         outcome += judged(f"photon_map, {nearest} nearest", result, off)
@@ -362,7 +361,7 @@ def gather_radii(effort: Effort) -> Outcome:
 
 @row("L13", "light under a ball of glass, and behind a pane", "a light tracer that shares no code")
 def light_under_a_ball(effort: Effort) -> Outcome:
-    """The mean of pictures of the caustic, by paths and by photons."""
+    """Compare the mean of pictures of the caustic, by paths and by photons."""
     outcome = Outcome()
     n = effort.count(4_000_000, 200_000)
     views = {

@@ -1,18 +1,17 @@
-"""Rows D16 to D20, D33, F09, F11, L02, L03, L08, L12, L14: paths of light that hardly end, and balances."""
+"""Rows D16 to D20, D33, L02, L03, L08: paths of light that hardly end, lamps that are dark or bright."""
 
 from __future__ import annotations
 
 import math
-import re
+from functools import partial
 
 import numpy as np
 
-from hybrid_rt.core.records import FloatArray
-from hybrid_rt.integrators import INTEGRATORS as DECLARED
 from hybrid_rt.integrators import PathOptions
 from hybrid_rt.lights import GradientSky, PointLight, RectangleLight, SphereLight
+from hybrid_rt.lights.light import Light
 from hybrid_rt.materials import Dielectric, Emissive, Lambertian, Metal, Mirror, Mix, Phong
-from hybrid_rt.primitives import Box, Plane, Rectangle, Sphere
+from hybrid_rt.primitives import Sphere
 from hybrid_rt.scene.scene import Object, Scene
 from hybrid_rt.sensor.camera import Camera
 from hybrid_rt.verify.stability.light_run import (
@@ -20,12 +19,11 @@ from hybrid_rt.verify.stability.light_run import (
     INTEGRATORS,
     PHOTON_INTEGRATORS,
     PLAIN_PATHS,
-    WHITE_SKY,
     eye,
     finite,
     floor,
     judged,
-    measured,
+    mirrors,
     off_by_passes,
     off_by_pixels,
     picture,
@@ -39,8 +37,6 @@ FLOOR = floor(Lambertian(0.5))
 GLASS = Object(Sphere((0, 0, 1), 0.5), Dielectric(1.5), "glass")
 WITHIN = Camera((0, 0, 0), (1, 0, 0), (0, 0, 1), 90, 8, 8)
 ALBEDOS = (0.0, 0.5, 0.8, 0.9, 0.99, 0.999)
-# MiB beyond what there was before, of pictures of a few pixels.
-LITTLE_MEMORY = 400.0
 
 
 def shining_room(albedo: float) -> Scene:
@@ -91,26 +87,17 @@ def impossible_albedos(effort: Effort) -> Outcome:
     outcome = Outcome()
     for bad in (math.nextafter(1.0, 2.0), 1.5, -1e-300, -0.1, math.nan, math.inf):
         for make, word in (
-            (lambda bad=bad: Lambertian((0.5, bad, 0.5)), "Lambertian color"),
-            (lambda bad=bad: Mirror(bad), "Mirror color"),
-            (lambda bad=bad: Metal(bad, 0.3), "Metal color"),
-            (lambda bad=bad: Phong(bad, 0.0, 5.0), "Phong diffuse"),
-            (lambda bad=bad: Phong(0.0, bad, 5.0), "Phong specular"),
-            (lambda bad=bad: Dielectric(1.5, tint=bad), "Dielectric tint"),
+            (partial(Lambertian, (0.5, bad, 0.5)), "Lambertian color"),
+            (partial(Mirror, bad), "Mirror color"),
+            (partial(Metal, bad, 0.3), "Metal color"),
+            (partial(Phong, bad, 0.0, 5.0), "Phong diffuse"),
+            (partial(Phong, 0.0, bad, 5.0), "Phong specular"),
+            (partial(Dielectric, 1.5, tint=bad), "Dielectric tint"),
         ):
             outcome += refusal(make, word)
     outcome += refusal(lambda: Phong(0.6, 0.5, 5.0), "Phong")
     outcome += refusal(lambda: Mix([(0.6, Mirror()), (0.5, Lambertian(0.5))]), "Mix")
     return outcome + refusal(lambda: Dielectric(1.5, absorption=-0.1), "Dielectric absorption")
-
-
-def mirrors(color: float, radiance: float = 0.0) -> list[Object]:
-    """Return two level mirrors that face each other; they may shine as well."""
-    material = Emissive(radiance, Mirror(color)) if radiance else Mirror(color)
-    # Shining sides look at each other.
-    below = Rectangle((-9, -9, 0), (18, 0, 0), (0, 18, 0))
-    above = Rectangle((-9, -9, 2), (0, 18, 0), (18, 0, 0))
-    return [Object(below, material, "below"), Object(above, material, "above")]
 
 
 def _between_mirrors(
@@ -173,9 +160,9 @@ def parallel_mirrors(effort: Effort) -> Outcome:
 
 @row("D19", "lights of no area, without power, none at all", "black; refusals")
 def lights_without_light(effort: Effort) -> Outcome:
-    """A dark lamp brings nothing and disturbs nothing; one without area is a point light."""
+    """Add lamps that are dark: they bring nothing and disturb nothing."""
     outcome = Outcome()
-    dark = (
+    dark: tuple[list[Light], ...] = (
         [RectangleLight((-1, -1, 3), (0, 2, 0), (2, 0, 0), 0.0)],
         [SphereLight((0, 0, 3), 0.5, 0.0), PointLight((0, 0, 5), 0.0)],
         [],
@@ -200,13 +187,13 @@ def lights_without_light(effort: Effort) -> Outcome:
             picture(effort, Scene(VIEW, [FLOOR], lights), integrator, 2, max_depth=0).image
             for lights in ([bright], [bright, SphereLight((8, 8, 3), 0.5, 0.0)])
         ]
-        outcome += same(f"{integrator}, a dark lamp beside a bright one", *pictures)
+        outcome += same(f"{integrator}, a dark lamp beside a bright one", pictures[0], pictures[1])
     for edges in (((1, 0, 0), (2, 0, 0)), ((0, 0, 0), (0, 1, 0)), ((1e-200, 0, 0), (0, 1e-200, 0))):
         outcome += refusal(
-            lambda e=edges: RectangleLight((0, 0, 1), *e, 1.0), "RectangleLight edges"
+            partial(RectangleLight, (0, 0, 1), edges[0], edges[1], 1.0), "RectangleLight edges"
         )
     for radius in (0.0, -1.0, math.nan):
-        outcome += refusal(lambda r=radius: SphereLight((0, 0, 1), r, 1.0), "SphereLight radius")
+        outcome += refusal(partial(SphereLight, (0, 0, 1), radius, 1.0), "SphereLight radius")
     return outcome + refusal(lambda: PointLight((0, 0, 1), -1.0), "PointLight intensity")
 
 
@@ -289,89 +276,8 @@ def _scaled(effort: Effort, factors: tuple[float, ...], relative: float) -> tupl
 
 @row("D33", "radiance 2^99, 2^-99, 1e30 and 1e-30", "identity: light is linear")
 def very_bright_and_very_dark(effort: Effort) -> Outcome:
-    """The same picture scaled, to roundings of float32; the report stays finite."""
+    """Scale all light: the picture is scaled, to roundings of float32, and the report finite."""
     return _scaled(effort, (2.0**99, 2.0**-99, 1e30, 1e-30), 1e-6)[0]
-
-
-def lit_room(height: float, angle: float) -> Scene:
-    """Return a lamp of side 1/2 above a black floor, and a grey ceiling at 1 seen from below."""
-    c, s = math.cos(angle), math.sin(angle)
-    turn = np.array([[1.0, 0.0, 0.0], [0.0, c, -s], [0.0, s, c]])
-    u, v = turn @ (0.5, 0, 0), turn @ (0, 0.5, 0)
-    wide = turn @ (4, 0, 0), turn @ (0, 4, 0)
-    objects = [
-        Object(Plane((0, 0, 0), turn @ (0, 0, 1)), Lambertian(0.0), "floor"),
-        Object(Rectangle(turn @ (-2, -2, 1), *wide), Lambertian(0.5), "ceiling"),
-    ]
-    lamp = RectangleLight(turn @ (-0.25, -0.25, height), u, v, 1.0)
-    camera = Camera(turn @ (0, 0, 0.5), turn @ (0, 0, 1), turn @ (0, 1, 0), 1e-6, 12, 12)
-    return Scene(camera, objects, [lamp])
-
-
-def above_the_lamp(height: float) -> float:
-    """Return the ceiling's radiance above the lamp's middle: its albedo times the form factor."""
-    x = 0.25 / (1.0 - height)
-    root = math.sqrt(1.0 + x * x)
-    return 0.5 * 4.0 / math.pi * x / root * math.atan(x / root)
-
-
-@row("F09", "lamp in a matt plane, or touching it", "closed form: form factor of a rectangle")
-def lamp_in_a_plane(effort: Effort) -> Outcome:
-    """A lamp in the plane counts as above it, which is said; one below it by 1e-12 is dark."""
-    outcome = Outcome()
-    for height in (0.0, 1e-16, -1e-16, 1e-12, -1e-12, 1e-6, -1e-6, 1e-3):
-        for angle in (0.0, 0.3):
-            truth = 0.0 if height < -1e-15 else above_the_lamp(height)
-            for integrator in INTEGRATORS:
-                result = picture(
-                    effort, lit_room(height, angle), integrator, effort.count(4), n_photons=500
-                )  # fmt: skip
-                name = f"{integrator}, lamp at {height:g}, turned by {angle:g}"
-                outcome += judged(name, result, off_by_pixels(result, truth))
-                notes = result.report["lamps_in_surfaces"]
-                said = len(notes) == (abs(height) < 1e-15)
-                outcome = outcome.checked(said, f"{name}: {len(notes)} notes")
-                lifted = all(0.0 < note["lifted_by"] < 1e-9 for note in notes)
-                outcome = outcome.checked(lifted, f"{name}: lifted too far")
-    return outcome
-
-
-@row(
-    "F11", "point light by way of a mirror or glass", "closed form of the image; named as left out"
-)
-def point_light_by_way_of_a_mirror(effort: Effort) -> Outcome:
-    """A mirror adds the light of the lamp's image: photons find it, others say that they do not."""
-    outcome = Outcome()
-    lamp = PointLight((0, 0, 1), 3.0)
-    wall = Object(Rectangle((1.5, -8, 0), (0, 16, 0), (0, 0, 16)), Mirror(0.8), "mirror")
-    ball = Object(Sphere((0, -6, 2), 0.5), Dielectric(1.5), "glass")
-    place = np.array([0.8, 0.3, 0.0])
-    direct = _by_point_light(place, (0, 0, 1), 3.0)
-    by_mirror = 0.8 * _by_point_light(place, (3, 0, 1), 3.0)
-    camera = eye(place + (0, -0.5, 1.5), place, 6, (0, 0, 1))
-    for objects, mirrored in (([FLOOR, wall], by_mirror), ([FLOOR, wall, ball], by_mirror)):
-        scene = Scene(camera, objects, [lamp])
-        for integrator in INTEGRATORS:
-            result = picture(
-                effort, scene, integrator, FEW_PASSES, max_depth=1,
-                n_photons=effort.count(20_000, 4000),
-            )  # fmt: skip
-            name = f"{integrator}, {len(objects)} objects"
-            finds = integrator in PHOTON_INTEGRATORS
-            truth = direct + (mirrored if finds else 0.0)
-            outcome += judged(name, result, off_by_passes(result, truth, 0.02 if finds else 1e-5))
-            left_out = result.report["light_not_found"]
-            named = any("without area that mirrors or glass throw" in text for text in left_out)
-            fault = f"{name}: {'named as left out, though found' if finds else 'not named'}"
-            outcome = outcome.checked(named is not finds, fault)
-    return outcome
-
-
-def _by_point_light(place: FloatArray, lamp: tuple[float, ...], intensity: float) -> float:
-    """Return the radiance of a level matt floor of albedo 1/2 under a point light."""
-    way = np.array(lamp) - place
-    distance = float(np.linalg.norm(way))
-    return 0.5 / math.pi * intensity * float(way[2]) / distance**3
 
 
 @row("L02", "albedo up to 0.999", "white furnace: 1 / (1 - albedo)")
@@ -440,72 +346,3 @@ def radiance_over_sixty_decades(effort: Effort) -> Outcome:
     factors = (1e-30, 1e-20, 1e-10, 1e-3, 2.0**-10, 1.0, 2.0**10, 1e3, 1e10, 1e20, 1e30)
     outcome, curve = _scaled(effort, factors, 1e-6)
     return outcome + Outcome(curves=(curve,))
-
-
-@row("L12", "work and memory where nothing ends a path", "bounds; what is lost is said")
-def bounded_work(effort: Effort) -> Outcome:
-    """Closed white rooms, mirrors and nested shells with the default max_depth, all integrators."""
-    shells = [
-        Object(Sphere((0, 0, 0), 3.0 - 0.3 * k), Dielectric(1.2 + 0.1 * k), f"shell {k}")
-        for k in range(8)
-    ]
-    white = Object(Box((-4, -4, -4), (4, 4, 4)).flipped(), Lambertian(1.0), "room")
-    lamp = SphereLight((3, 3, 3), 0.2, 10.0)
-    camera = Camera((0, -3.8, 0), (0, 1, 0), (0, 0, 1), 40, 8, 8)
-    inside = [*mirrors(1.0), Object(Sphere((0, 0, 1), 0.5), Mirror(1.0), "ball")]
-    scenes = {
-        "white room": Scene(camera, [white], [lamp]),
-        "shells in a white room": Scene(camera, [white, *shells], [lamp]),
-        "mirrors": Scene(Camera((0, -3, 1), (0, 0, 1), (0, 0, 1), 40, 8, 8), inside, [lamp]),
-        "shells": Scene(camera, shells, [], WHITE_SKY),
-    }
-    outcome, most, longest = Outcome(), 0.0, 0.0
-    for title, scene in scenes.items():
-        for integrator in INTEGRATORS:
-            result, mib, seconds = measured(
-                lambda scene=scene, integrator=integrator: picture(
-                    effort, scene, integrator, 2, n_photons=2000
-                )
-            )
-            name = f"{integrator}, {title}"
-            most, longest = max(most, mib), max(longest, seconds)
-            outcome += finite(name, result) + Outcome(rays=sum(result.report["rays"].values()))
-            outcome = outcome.checked(mib < LITTLE_MEMORY, f"{name}: {mib:.0f} MiB")
-            given_up = result.report["geometry"]["given_up"]
-            outcome = outcome.checked(not given_up, f"{name}: {given_up} rays given up")
-            power = (result.report.get("photons") or {}).get("power_of_all_passes")
-            if power and any(power["emitted"]):
-                parts = np.sum([power[k] for k in ("escaped", "absorbed", "lost")], axis=0)
-                outcome += same(f"{name}, accounts", parts, power["emitted"], 1e-9)
-    note = f"at most {most:.0f} MiB and {longest:.1f} s each, with the kernels compiled"
-    return outcome + Outcome(notes=(note,))
-
-
-@row("L14", "what each integrator declares to find", "closed forms of direct light")
-def direct_light_in_all_integrators(effort: Effort) -> Outcome:
-    """Every lamp straight above a floor, in every integrator that declares to find it."""
-    outcome = Outcome()
-    square = 0.5**2 + 1.5**2
-    sphere = math.pi * 2.0 * 0.6**2 / square * 1.5 / math.sqrt(square)
-    corner = 0.5 * 2 * (1 / math.hypot(1, 1)) * math.atan(1 / math.hypot(1, 1))
-    lights = {
-        "point": ("P", [PointLight((0, 0, 2), 4.0)], None, 1.0),
-        "sphere": ("L", [SphereLight((0.5, 0, 1.5), 0.6, 2.0)], None, sphere),
-        "rectangle": ("L", [RectangleLight((0, 0, 1), (0, 1, 0), (1, 0, 0), 1.0)], None, corner),
-        "sky": ("K", [], WHITE_SKY, math.pi),
-        "gradient": ("K", [], GradientSky(0.0, 1.0, (0, 0, 1)), math.pi * 5 / 6),
-    }
-    camera = eye((0, -1, 0.02), (0, 0, 0), 16, (0, 0, 1))
-    for name, (letter, lamps, sky, irradiance) in lights.items():
-        for integrator in INTEGRATORS:
-            declared = DECLARED[integrator]
-            if not re.fullmatch(declared.finds(declared.options()), f"{letter}DE"):
-                outcome = outcome.checked(False, f"{integrator} declares not to find {name}")
-                continue
-            result = picture(
-                effort, Scene(camera, [FLOOR], lamps, sky), integrator, effort.count(8),
-                n_photons=500,
-            )  # fmt: skip
-            off = off_by_pixels(result, 0.5 / math.pi * irradiance, 1e-5)
-            outcome += judged(f"{integrator}, {name}", result, off)
-    return outcome
