@@ -9,8 +9,9 @@ import warnings
 from functools import partial
 
 import numpy as np
+from numpy.typing import NDArray
 
-from hybrid_rt.core.records import FloatArray, IdArray
+from hybrid_rt.core.records import FloatArray
 from hybrid_rt.integrators import PathOptions, PhotonMapOptions, PPMOptions
 from hybrid_rt.integrators.direct_light import NO_NORMALS
 from hybrid_rt.integrators.kernels.photon_steps import Photons
@@ -129,7 +130,9 @@ def _field(position: FloatArray, radius: float) -> Discs:
     return Discs(photons, lobes, Radii.fixed(radius), 1.0)
 
 
-def _gathered(position: FloatArray, n_points: int) -> tuple[FloatArray, IdArray, float, float]:
+def _gathered(
+    position: FloatArray, n_points: int
+) -> tuple[FloatArray, NDArray[np.int64], float, float]:
     """Gather in one point many times; return radiance, photons near, MiB and seconds.
 
     MiB that Python's allocator has seen, or that the process has grown by: trees and their answers
