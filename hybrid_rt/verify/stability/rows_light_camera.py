@@ -205,6 +205,8 @@ def coordinates_far_outside(effort: Effort) -> Outcome:
         image = picture(effort, Scene(camera, [Object(ground, shining)])).image
         known = set(np.unique(image).tolist()) <= {0.25, 1.0}
         outcome += Outcome(rays=64).checked(known, f"checker of scale {scale:g}: other colours")
+    shining = Emissive(texture)
+    outcome += finite("picture", picture(effort, Scene(camera, [Object(ground, shining)])))
     return outcome
 
 

@@ -50,6 +50,8 @@ HALF, HEIGHT = 4.0, 0.5
 ACROSS = math.sqrt(2 * (2 * HALF) ** 2 + HEIGHT**2)
 NARROWEST, WIDEST = 1e-6, 0.25
 ALPHA = 2.0 / 3.0
+# Radii over that diagonal.
+SHARES = (1e-12, 1e-9, 1e-7, 1.01e-6, 1e-5, 1e-4, 1e-3, 3e-3, 1e-2, 3e-2, 0.1, 0.249, 0.5, 1.0)
 
 
 def evenly_lit(camera: Camera) -> Scene:
@@ -322,22 +324,7 @@ def gather_radii(effort: Effort) -> Outcome:
     """Radii that are taken give the mean of the light over their discs; others are refused."""
     outcome, x, errors, allowed = Outcome(), [], [], []
     scene = evenly_lit(BELOW_PANE)
-    for share in (
-        1e-12,
-        1e-9,
-        1e-7,
-        1.01e-6,
-        1e-5,
-        1e-4,
-        1e-3,
-        3e-3,
-        1e-2,
-        3e-2,
-        0.1,
-        0.249,
-        0.5,
-        1.0,
-    ):
+    for share in SHARES if effort.factor >= 0.5 else SHARES[::2]:
         radius = share * ACROSS
         if not NARROWEST <= share <= WIDEST:
             options = PPMOptions(100, initial_radius=radius)
