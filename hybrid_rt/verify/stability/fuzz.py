@@ -1,0 +1,384 @@
+"""Random surfaces, rays, scenes and files, and what must be true of all of them.
+
+`run_fuzz` tries new ones for some minutes and keeps each case that fails as a file of numbers;
+`strategy` hands the same cases to hypothesis. A kept case below ``found/`` is a row of the catalogue.
+"""
+
+from __future__ import annotations
+
+import base64
+import json
+import tempfile
+import time
+import warnings
+from collections import Counter
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from hybrid_rt.core.records import HitRecord
+from hybrid_rt.integrators import PhotonMapOptions, PPMOptions
+from hybrid_rt.intersection import Intersector
+from hybrid_rt.rendering.renderer import render
+from hybrid_rt.textures import ImageTexture
+from hybrid_rt.verify.judges.judge import compare
+from hybrid_rt.verify.judges.oracle import first_hits
+from hybrid_rt.verify.stability.fuzz_cases import (
+    Case,
+    Draws,
+    NumpyDraws,
+    build,
+    file_case,
+    ray_case,
+    scene_case,
+    surface_case,
+)
+from meshing import BezierPatches
+
+# Errors that may be raised, with a message.
+REFUSALS = (ValueError, TypeError, OSError)
+# What reads files of which ending.
+Readers = Mapping[str, Callable[[Path], object]]
+READERS: Readers = {"bpt": BezierPatches.read, "png": ImageTexture, "bmp": ImageTexture}
+# Rays of a case, about: half of them hard, the others on lattices and along axes.
+N_RAYS = 40
+# Sizes from 0 up to which float64 has the digits to judge residuals.
+NEAR = 100.0
+# Pieces that one search may look at: far above those of any row of the catalogue.
+MOST_WORK = 5000
+# Steps that cutting down a case may take.
+MOST_CUTS = 400
+KINDS = ("surfaces", "mixed", "scene", "file")
+# Shares of the time of `run_fuzz`.
+SHARES = ("surfaces", "surfaces", "mixed", "mixed", "scene", "scene", "scene", "file")
+
+
+@dataclass(frozen=True)
+class Failure:
+    """A case for which something does not hold.
+
+    Attributes
+    ----------
+    case : dict
+        See `hybrid_rt.verify.stability.fuzz_cases`.
+    faults : tuple of str
+    """
+
+    case: Case
+    faults: tuple[str, ...]
+
+    def save(self, folder: Path) -> Path:
+        """Write it to a file of its own, named by its content."""
+        folder.mkdir(parents=True, exist_ok=True)
+        text = json.dumps({"case": self.case, "faults": list(self.faults)})
+        import hashlib
+
+        file = folder / f"{hashlib.sha256(text.encode()).hexdigest()[:12]}.json"
+        file.write_text(text + "\n")
+        return file
+
+
+def read_failure(file: Path) -> Failure:
+    """Return what `Failure.save` wrote."""
+    kept = json.loads(file.read_text())
+    return Failure(kept["case"], tuple(kept["faults"]))
+
+
+def make_case(draws: Draws, kind: str, endings: tuple[str, ...] = tuple(READERS)) -> Case:
+    """Draw a case.
+
+    Parameters
+    ----------
+    draws : Draws
+    kind : "surfaces", "mixed", "scene" or "file"
+        Surfaces of one class, a mixture of them, a scene script, a damaged file.
+    endings : tuple of str
+        Of the files.
+    """
+    if kind == "scene":
+        return scene_case(draws)
+    if kind == "file":
+        return file_case(draws, endings)
+    case: Case = {"kind": "rays", "surfaces": surface_case(draws, kind == "mixed")}
+    try:
+        surfaces = [build(item) for item in case["surfaces"]]
+    except REFUSALS:
+        return case | {"origins": [], "directions": []}
+    return case | ray_case(draws, surfaces, N_RAYS)
+
+
+def strategy(kind: str, endings: tuple[str, ...] = tuple(READERS)) -> Any:
+    """Return a strategy of hypothesis for cases of a kind; see `make_case`."""
+    from hypothesis import strategies as st
+
+    class Drawn:
+        def __init__(self, draw: Any) -> None:
+            self._draw = draw
+
+        def whole(self, low: int, high: int) -> int:
+            return int(self._draw(st.integers(low, high)))
+
+        def one_of(self, choices: Any) -> Any:
+            return choices[self.whole(0, len(choices) - 1)]
+
+    @st.composite
+    def cases(draw: Any) -> Case:
+        return make_case(Drawn(draw), kind, endings)
+
+    return cases()
+
+
+def faults_of(case: Case, readers: Readers = READERS) -> tuple[str, ...]:
+    """Return what does not hold for a case, in words; nothing where all does."""
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")
+            # What the product itself has to say to its user is no fault.
+            warnings.simplefilter("ignore", UserWarning)
+            if case["kind"] == "rays":
+                return tuple(_faults_of_rays(case))
+            if case["kind"] == "scene":
+                return tuple(_faults_of_scene(case))
+            return tuple(_faults_of_file(case, readers))
+    except Exception as error:  # noqa: BLE001 (any other error is what is looked for)
+        import traceback
+
+        where = traceback.extract_tb(error.__traceback__)[-1]
+        return (f"{type(error).__name__} in {Path(where.filename).name}: {error}",)
+
+
+def _refused(error: Exception, names: list[str]) -> list[str]:
+    """Return a fault where a refusal does not say what it is about."""
+    text = str(error)
+    named = any(name.lower() in text.lower() for name in names)
+    return [] if named else [f"{type(error).__name__} that names none of {names}: {text!r}"]
+
+
+# --- rays -----------------------------------------------------------------------------------------
+
+
+def _faults_of_rays(case: Case) -> list[str]:
+    surfaces = []
+    for item in case["surfaces"]:
+        try:
+            surfaces.append(build(item))
+        except (ValueError, TypeError) as error:
+            return _refused(error, [item["class"]])
+    origins = np.array(case["origins"], dtype=np.float64).reshape(-1, 3)
+    directions = np.array(case["directions"], dtype=np.float64).reshape(-1, 3)
+    if not len(origins):
+        return []
+    tracer, plain = (
+        Intersector(surfaces, coarse=coarse, threads=1) for coarse in ("embree", "none")
+    )
+    hits = tracer.intersect(origins, directions)
+    faults = _differences("without Embree", hits, plain.intersect(origins, directions))
+    order = np.random.default_rng(0).permutation(len(origins))
+    again = tracer.intersect(origins[order], directions[order])
+    faults += _differences("in another order", hits[order], again)
+    longer = tracer.intersect(origins, directions * 2.0**40)
+    faults += _differences("along longer directions", hits, longer, times=2.0**40)
+    faults += _not_finite(hits)
+    faults += _judged("first hits", surfaces, origins, directions, hits, False)
+    source = hits[hits.hit]
+    if len(source):
+        leaving = directions[hits.hit][::-1]
+        outward = tracer.intersect(source.position, leaving, source=source)
+        faults += _differences(
+            "leaving, without Embree",
+            outward,
+            plain.intersect(source.position, leaving, source=source),
+        )
+        faults += _not_finite(outward)
+    for name, counters in (("embree", tracer.counters), ("none", plain.counters)):
+        if counters["given_up"]:
+            faults.append(f"coarse {name}: {counters['given_up']} searches given up")
+        if counters["most_pieces"] > MOST_WORK:
+            faults.append(f"coarse {name}: {counters['most_pieces']} pieces")
+    return faults
+
+
+def _differences(name: str, a: HitRecord, b: HitRecord, times: float = 1.0) -> list[str]:
+    found = []
+    for item in fields(HitRecord):
+        one, two = getattr(a, item.name), getattr(b, item.name)
+        if not isinstance(one, np.ndarray):
+            continue
+        if item.name in ("t", "t_bound") and times != 1.0:
+            two = two * times
+        same = one == two
+        if one.dtype.kind == "f":
+            same |= np.isnan(one) & np.isnan(two)
+        if not same.all():
+            rows = np.flatnonzero(~same.reshape(len(same), -1).all(axis=1))
+            found.append(f"{name}: {item.name} of rays {rows[:5].tolist()} differ")
+    return found
+
+
+def _not_finite(hits: HitRecord) -> list[str]:
+    hit = hits.hit
+    faults = []
+    for name in ("t", "t_bound", "position", "normal"):
+        if not np.isfinite(getattr(hits, name)[hit]).all():
+            faults.append(f"{name} of a hit is no number")
+    lengths = np.linalg.norm(hits.normal[hit], axis=1)
+    if (np.abs(lengths - 1.0) > 1e-12).any():
+        faults.append("a normal is not of length one")
+    return faults
+
+
+def _judged(
+    name: str, surfaces: list[Any], origins: Any, directions: Any, hits: HitRecord, departing: bool
+) -> list[str]:
+    truth = first_hits(surfaces, origins, directions, departing=departing, threads=1)
+    verdict = compare(hits, truth)
+    faults = [
+        f"{name}: {kind} {verdict.rows[kind][:5].tolist()}"
+        for kind, number in verdict.wrong.items()
+        if number
+    ]
+    if verdict.worst_bound > 1.0:
+        faults.append(f"{name}: a bound is broken, {verdict.worst_bound:.3g} of it")
+    near = all(
+        float(np.linalg.norm(surface.middle)) <= NEAR * surface.size
+        for surface in surfaces
+        if surface.is_bounded
+    )
+    if near and verdict.worst_gap > 1.0:
+        faults.append(f"{name}: point beside the ray, {verdict.worst_gap:.3g} bands")
+    return faults
+
+
+# --- scenes and files -----------------------------------------------------------------------------
+
+CLASSES = [
+    "Camera", "Sphere", "Box", "Rectangle", "Torus", "Plane", "SurfaceOfRevolution", "BezierPatches",
+    "Light", "Sky", "Lambertian", "Mirror", "Metal", "Phong", "Dielectric", "Conductor", "Emissive",
+    "Mix", "Texture", "Scene", "Object", "body", "lights[",
+]  # fmt: skip
+
+
+def _faults_of_scene(case: Case) -> list[str]:
+    names: dict[str, Any] = {}
+    exec(compile(case["script"], "scene.py", "exec"), names)  # noqa: S102 (a script of our own)
+    options = {"ppm": PPMOptions(200), "photon_map": PhotonMapOptions(200)}
+    try:
+        scene = names["scene"]()
+        result = render(
+            scene, case["integrator"], 2, seed=case["seed"], threads=1, max_depth=8,
+            options=options.get(case["integrator"]),
+        )  # fmt: skip
+    except REFUSALS as error:
+        return _refused(error, CLASSES)
+    faults = []
+    if not np.isfinite(result.image).all():
+        faults.append(f"{result.report['pixels_not_finite']} pixels are no numbers")
+    elif float(result.image.min()) < 0.0:
+        faults.append("a pixel is below 0")
+    if result.report["geometry"]["given_up"]:
+        faults.append("searches given up")
+    json.dumps(result.report)
+    return faults
+
+
+def _faults_of_file(case: Case, readers: Readers) -> list[str]:
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / f"damaged.{case['ending']}"
+        file.write_bytes(base64.b64decode(case["data"]))
+        try:
+            readers[case["ending"]](file)
+        except REFUSALS as error:
+            # What is in the file may be named instead, once it was read.
+            return _refused(error, [file.name, "BezierPatches patch"])
+    return []
+
+
+# --- the loop -------------------------------------------------------------------------------------
+
+
+def run_fuzz(
+    minutes: float, seed: int = 0, out: Path | None = None, readers: Readers = READERS
+) -> list[Failure]:
+    """Try new cases for some minutes.
+
+    Parameters
+    ----------
+    minutes : float
+    seed : int
+        Other seeds, other cases.
+    out : Path, optional
+        Failures are written below it, to ``failures/``.
+    readers : mapping, optional
+        What reads files, by ending.
+
+    Returns
+    -------
+    list of Failure, cut down to what is needed to see them.
+    """
+    end, found, seen = time.monotonic() + 60.0 * minutes, list[Failure](), Counter[str]()
+    number = 0
+    while time.monotonic() < end:
+        draws = NumpyDraws(np.random.default_rng([seed, number]))
+        kind = SHARES[number % len(SHARES)]
+        number += 1
+        failure = tried(draws, kind, readers)
+        if failure is None:
+            continue
+        # The same fault again and again is told a few times.
+        seen[_kind_of_fault(failure)] += 1
+        if seen[_kind_of_fault(failure)] > 3:
+            continue
+        small = cut_down(failure, readers)
+        found.append(small)
+        if out is not None:
+            small.save(out / "failures")
+    return found
+
+
+def tried(draws: Draws, kind: str, readers: Readers = READERS) -> Failure | None:
+    """Draw a case and return it if something does not hold."""
+    case = make_case(draws, kind, tuple(readers))
+    faults = faults_of(case, readers)
+    return Failure(case, faults) if faults else None
+
+
+def _kind_of_fault(failure: Failure) -> str:
+    classes = sorted({item["class"] for item in failure.case.get("surfaces", [])})
+    words = "".join(c for c in failure.faults[0] if not c.isdigit())
+    return f"{' '.join(classes)} {words[:60]}"
+
+
+def cut_down(failure: Failure, readers: Readers = READERS) -> Failure:
+    """Leave out surfaces and rays for as long as something still does not hold."""
+    if failure.case["kind"] != "rays":
+        return failure
+    best, cuts = failure, 0
+    for key in ("surfaces", "rays"):
+        size = max(_count(best.case, key) // 2, 1)
+        while size and cuts < MOST_CUTS:
+            shrunk, first = False, 0
+            while (
+                first < _count(best.case, key) and _count(best.case, key) > 1 and cuts < MOST_CUTS
+            ):
+                case = _without(best.case, key, first, first + size)
+                cuts += 1
+                faults = faults_of(case, readers) if _count(case, key) else ()
+                if faults:
+                    best, shrunk = Failure(case, faults), True
+                else:
+                    first += size
+            if not shrunk or size == 1:
+                size //= 2
+    return best
+
+
+def _count(case: Case, key: str) -> int:
+    return len(case["origins" if key == "rays" else key])
+
+
+def _without(case: Case, key: str, first: int, stop: int) -> Case:
+    keys = ("origins", "directions") if key == "rays" else (key,)
+    return case | {name: case[name][:first] + case[name][stop:] for name in keys}
