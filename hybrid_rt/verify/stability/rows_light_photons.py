@@ -351,7 +351,7 @@ def gather_radii(effort: Effort) -> Outcome:
 
 @row("L13", "light under a ball of glass, and behind a pane", "a light tracer that shares no code")
 def light_under_a_ball(effort: Effort) -> Outcome:
-    """Compare the mean of pictures of the caustic, by paths and by photons."""
+    """Compare the mean of pictures of the caustic, by photons, and by paths under the ball."""
     outcome = Outcome()
     n = effort.count(4_000_000, 200_000)
     views = {
@@ -366,7 +366,10 @@ def light_under_a_ball(effort: Effort) -> Outcome:
             # The caustic's light in a picture is at least that of a few cells: their noise.
             lit = counts[np.abs(np.arange(256) - 127.5) < 16][:, 112:144]
             noise = 4.5 / math.sqrt(max(int(lit.sum()), 1)) if view == "caustic" else 4.5e-3
-            for integrator in ("path", *PHOTON_INTEGRATORS):
+            # Light that glass throws on what is seen through glass is found by paths by chance, so
+            # rarely that few passes may lack it without a sign of that in their noise.
+            paths = ("path",) if bench is BALL else ()
+            for integrator in (*paths, *PHOTON_INTEGRATORS):
                 scene = bench.scene(camera)
                 result: RenderResult = picture(
                     effort, scene, integrator, FEW_PASSES, n_photons=effort.count(20_000, 5000),
