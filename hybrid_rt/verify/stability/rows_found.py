@@ -1,4 +1,4 @@
-"""Rows G01, G02, ...: cases that random search has found, kept below ``found/``."""
+"""Rows G01, G02, ...: cases that random search has found, kept below ``found/`` as G01_what_is_wrong.json."""
 
 from __future__ import annotations
 
@@ -9,13 +9,14 @@ from hybrid_rt.verify.stability.row import Effort, Outcome, row
 FOUND = Path(__file__).parent / "found"
 
 
-def _register(number: int, file: Path) -> None:
+def _register(file: Path) -> None:
     from hybrid_rt.verify.stability.fuzz import faults_of, read_failure
 
     failure = read_failure(file)
     kind = failure.case["kind"]
+    row_id, _, title = file.stem.partition("_")
 
-    @row(f"G{number:02d}", f"found by random search: {file.stem}", "invariances and an oracle")
+    @row(row_id, title.replace("_", " "), "invariances, an oracle, exact arithmetic")
     def found(effort: Effort) -> Outcome:
         del effort
         faults = faults_of(failure.case)
@@ -23,5 +24,5 @@ def _register(number: int, file: Path) -> None:
         return Outcome(rays=n, faults=faults)
 
 
-for _number, _file in enumerate(sorted(FOUND.glob("*.json")), start=1):
-    _register(_number, _file)
+for _file in sorted(FOUND.glob("G*.json")):
+    _register(_file)
