@@ -26,6 +26,7 @@ from hybrid_rt.primitives import Box, Plane, Rectangle, Sphere, TriangleMesh
 from hybrid_rt.rendering.renderer import render
 from hybrid_rt.textures import ImageTexture
 from hybrid_rt.verify.judges.judge import compare
+from hybrid_rt.verify.judges.kernels.events import LEAST_COSINE
 from hybrid_rt.verify.judges.oracle import Truth, first_hits
 from hybrid_rt.verify.stability.fuzz_cases import (
     Case,
@@ -187,7 +188,7 @@ def _faults_of_rays(case: Case) -> list[str]:
     longer = tracer.intersect(origins, directions * 2.0**40)
     faults += _differences("along longer directions", hits, longer, times=2.0**40)
     faults += _not_finite(hits)
-    faults += _judged("first hits", surfaces, origins, directions, hits)
+    faults += _judged("first hits", surfaces, origins, directions, hits, case.get("exact", False))
     source = hits[hits.hit]
     if len(source):
         leaving = directions[hits.hit][::-1]
@@ -236,9 +237,14 @@ def _not_finite(hits: HitRecord) -> list[str]:
 
 
 def _judged(
-    name: str, surfaces: list[Any], origins: FloatArray, directions: FloatArray, hits: HitRecord
+    name: str,
+    surfaces: list[Any],
+    origins: FloatArray,
+    directions: FloatArray,
+    hits: HitRecord,
+    ask_exact: bool = False,
 ) -> list[str]:
-    """Judge hits by the oracle, and by exact arithmetic what it objects to."""
+    """Judge hits by the oracle, and by exact arithmetic what it objects to, or all."""
     truth = first_hits(surfaces, origins, directions, threads=1)
     verdict = compare(hits, truth)
     sure = hits.status != Status.TANGENT
@@ -262,7 +268,10 @@ def _judged(
         beside, far_beside = (_worst_gap(hits, truth, rows) for rows in (sure, ~sure))
     if beside > 1.0:
         faults.append(f"{name}: point beside the ray, {beside:.3g} bands")
-    if faults and is_known:
+    known = [type(surface) in EXACT for surface in surfaces]
+    if faults and not is_known and any(known):
+        return _judged_apart(name, surfaces, known, origins, directions, hits)
+    if (faults or ask_exact) and is_known:
         # In double-double, far from 0, the oracle itself may be wrong: exact arithmetic decides.
         from hybrid_rt.verify.exact.judge import ExactJudge
 
@@ -281,13 +290,41 @@ def _judged(
     return faults
 
 
+def _judged_apart(
+    name: str,
+    surfaces: list[Any],
+    known: list[bool],
+    origins: FloatArray,
+    directions: FloatArray,
+    hits: HitRecord,
+) -> list[str]:
+    """Judge the surfaces that exact arithmetic knows without the others, and those by themselves.
+
+    Together they must give the nearer one of the two first hits.
+    """
+    faults, nearest = list[str](), np.full(len(hits), np.inf)
+    for wanted in (True, False):
+        some = [
+            surface for surface, is_known in zip(surfaces, known, strict=True) if is_known is wanted
+        ]
+        alone = Intersector(some, threads=1).intersect(origins, directions)
+        nearest = np.minimum(nearest, alone.t)
+        faults += _judged(name, some, origins, directions, alone)
+    sure = hits.status != Status.TANGENT
+    if (nearest != hits.t)[sure].any():
+        faults.append(f"{name}: together they are hit elsewhere than each alone")
+    return faults
+
+
 def _has_root_nearby(hits: HitRecord, truth: Truth, row: int) -> bool:
     """Tell whether a row marked TANGENT states an interval that holds a root, certain or not."""
     if not hits.hit[row]:
         # A miss so marked: whatever there is was doubtful.
         return True
-    roots = truth.roots.t[truth.roots.offsets[row] : truth.roots.offsets[row + 1]]
-    return bool((np.abs(roots - hits.t[row]) <= hits.t_bound[row]).any())
+    roots = truth.roots
+    own = slice(roots.offsets[row], roots.offsets[row + 1])
+    slack = roots.band[own] / (np.maximum(roots.cosine[own], LEAST_COSINE) * truth.length[row])
+    return bool((np.abs(roots.t[own] - hits.t[row]) <= hits.t_bound[row] + slack).any())
 
 
 def _worst_gap(hits: HitRecord, truth: Truth, rows: BoolArray) -> float:
@@ -323,8 +360,9 @@ def _faults_of_scene(case: Case) -> list[str]:
         faults.append(f"{result.report['pixels_not_finite']} pixels are no numbers")
     elif float(result.image.min()) < 0.0:
         faults.append("a pixel is below 0")
-    if result.report["geometry"]["given_up"]:
-        faults.append("searches given up")
+    geometry = result.report["geometry"]
+    if geometry["given_up"] and not (geometry["tangent"] or result.report["rays"].get("shadow")):
+        faults.append("searches given up, no row marked")
     json.dumps(result.report)
     return faults
 

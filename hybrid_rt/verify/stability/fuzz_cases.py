@@ -1,6 +1,7 @@
 """Random cases as plain numbers: surfaces, rays, small scene scripts, damaged files.
 
-A case is a dict that JSON holds without loss, so it can be kept, cut down and run again. What is
+A case is a dict that JSON holds without loss, so it can be kept, cut down and run again; one of rays
+may have ``exact``: true, and is then judged in exact arithmetic from the start. What is
 drawn comes through `Draws`, from a generator of numpy's or from hypothesis, which then shrinks it.
 """
 
