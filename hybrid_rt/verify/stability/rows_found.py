@@ -10,7 +10,8 @@ FOUND = Path(__file__).parent / "found"
 
 
 def _register(file: Path) -> None:
-    from hybrid_rt.verify.stability.fuzz import faults_of, read_failure
+    from hybrid_rt.verify.stability.fuzz import read_failure
+    from hybrid_rt.verify.stability.fuzz_properties import faults_of
 
     failure = read_failure(file)
     kind = failure.case["kind"]

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import HealthCheck, Phase, given, settings
 
 from hybrid_rt.analysis.picture_comparison import load_picture
-from hybrid_rt.verify.stability import fuzz
+from hybrid_rt.verify.stability import fuzz, fuzz_properties
 from hybrid_rt.verify.stability.fuzz_cases import NumpyDraws, build
 from hybrid_rt.verify.stability.row import Effort, all_rows
 
@@ -64,15 +64,15 @@ def test_what_was_found_holds(row_id):
 
 def test_failures_are_cut_down_kept_and_run_again(tmp_path, monkeypatch):
     """A tracer that loses hits on spheres from one side is found, on one sphere and one ray."""
-    judged = fuzz.compare
+    judged = fuzz_properties.compare
 
     def losing(hits, truth):
         lost = hits.hit & (truth.directions[:, 0] > 0)
         hits.t[lost], hits.object_id[lost] = np.inf, -1
         return judged(hits, truth)
 
-    monkeypatch.setattr(fuzz, "compare", losing)
-    monkeypatch.setattr(fuzz, "EXACT", ())
+    monkeypatch.setattr(fuzz_properties, "compare", losing)
+    monkeypatch.setattr(fuzz_properties, "EXACT", ())
     monkeypatch.setattr(fuzz, "SHARES", ("mixed",))
     failures = []
     for number in range(20):
