@@ -268,8 +268,8 @@ def _faults_of_scene(case: Case) -> list[str]:
         faults.append(f"{result.report['pixels_not_finite']} pixels are no numbers")
     elif float(result.image.min()) < 0.0:
         faults.append("a pixel is below 0")
-    geometry = result.report["geometry"]
-    if geometry["given_up"] and not (geometry["tangent"] or result.report["rays"].get("shadow")):
+    work = result.report["intersection"]
+    if work["given_up"] and not work["tangent"]:
         faults.append("searches given up, no row marked")
     json.dumps(result.report)
     return faults
