@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
+from hybrid_rt.core.checks import FARTHEST
 from hybrid_rt.core.records import BoolArray, FloatArray, IntArray
 from hybrid_rt.lights.light import Environment, LightRow
 from hybrid_rt.lights.surface import ShiningSurface, shining_surface, with_shape
@@ -180,6 +181,11 @@ def _glass_of(lobes: LobeTable) -> IntArray:
 def _shining_object(item: Object, radiance: Texture) -> tuple[LightRow, ShiningSurface | None]:
     """Return the light that an object is, and what chooses its points unless the kernels do."""
     surface, nothing = item.surface, np.zeros(3)
+    if surface.is_bounded and not surface.size <= FARTHEST:
+        raise ValueError(
+            f"object {item.name!r} shines and is {surface.size:g} across: lamps may be up to "
+            f"{FARTHEST:g}"
+        )
     try:
         chooser = shining_surface(surface)
     except ValueError as error:

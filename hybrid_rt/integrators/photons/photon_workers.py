@@ -155,6 +155,9 @@ class PhotonWorkers(Workers):
         The order of photons, and of sums over them, is the same for any number of threads.
         """
         blocks = blocks_of(self._eye_passes[0].photon_tracer.groups(n))
+        if not blocks:
+            # All that shines sends out nothing: a black sky.
+            return lambda: ready(self._eye_passes[0], joined([]), [])
         parts: list[tuple[Photons, list[Splats], Balance] | None] = [None] * len(blocks)
         lock = Lock()
 

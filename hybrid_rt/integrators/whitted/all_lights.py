@@ -60,7 +60,8 @@ class AllLights(SurfaceLight):
         context, n = self._context, len(shading.hits)
         questions: list[_Question] = []
         if context.plan["light samples"]:
-            for light in range(context.scene.n_lights):
+            # Planes that shine have no end, so no point that could be asked for; nor has what is dark.
+            for light in np.flatnonzero(context.scene.lights.chance[:-1]).tolist():
                 xi = context.sampler.points(pixel, dimension + np.uint64(light), pass_number)
                 light_id = np.full(n, light, dtype=np.int32)
                 questions += self._ask(shading, light_id, xi)

@@ -15,10 +15,18 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 # Every row that there must be: patches, surfaces of revolution, spheres, rays and light, resources,
-# and faults that were met once.
+# faults that were met once, and light at its extremes.
 IDS = tuple(
     f"{section}{number:02d}"
-    for section, count in (("A", 32), ("B", 19), ("C", 13), ("D", 34), ("E", 10), ("F", 11))
+    for section, count in (
+        ("A", 32),
+        ("B", 19),
+        ("C", 13),
+        ("D", 34),
+        ("E", 10),
+        ("F", 11),
+        ("L", 14),
+    )
     for number in range(1, count + 1)
 )
 NOT_BUILT = {

@@ -34,6 +34,12 @@ def test_tables_list_objects_first_and_visible_lights_after_them():
     assert compiled.lobes.kind.size == 2  # the matt material is stored once
 
 
+@pytest.mark.parametrize("surface", [Sphere((0, 0, 0), 1e300), Sphere((0, 0, 0), 6e59)])
+def test_objects_too_large_to_shine_are_named(surface):
+    with pytest.raises(ValueError, match=r"object 'lamp' shines and is .* across: lamps may be"):
+        compile_scene(Scene(CAMERA, [Object(surface, Emissive(1.0), "lamp")]))
+
+
 def test_objects_are_called_by_their_name():
     assert Object(BALL, Mirror()).name == "Sphere"
     with pytest.raises(TypeError, match=r"object 'ball' has the material 'red'"):

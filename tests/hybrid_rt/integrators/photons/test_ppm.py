@@ -319,6 +319,14 @@ class TestPlan:
         with pytest.raises(AssertionError, match="were shot"):
             photons(Scene(self.view(), [floor()], [small_lamp()]))
 
+    @pytest.mark.parametrize("integrator", ["ppm", "photon_map"])
+    def test_a_black_sky_sends_no_photons(self, integrator):
+        glass = Object(Sphere((0, 0, 1), 0.5), Dielectric(1.5))
+        scene = Scene(self.view(), [floor(), glass], [], GradientSky(0.0, 0.0))
+        result = render(scene, integrator, passes=2)
+        assert not result.image.any()
+        assert result.report["photons"]["emitted"] == 0
+
     def test_no_caustic_map_without_mirror_or_glass(self):
         scene = Scene(self.view(), [floor()], [small_lamp()])
         options = PhotonMapOptions(2000)

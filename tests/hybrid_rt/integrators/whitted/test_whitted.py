@@ -8,9 +8,10 @@ import pytest
 
 from hybrid_rt.integrators import workers
 from hybrid_rt.integrators.whitted import whitted
+from hybrid_rt.integrators.whitted.all_lights import AllLights
 from hybrid_rt.lights import GradientSky, PointLight, RectangleLight
-from hybrid_rt.materials import Dielectric, Lambertian, Mirror, Phong
-from hybrid_rt.primitives import Rectangle, Sphere
+from hybrid_rt.materials import Dielectric, Emissive, Lambertian, Mirror, Phong
+from hybrid_rt.primitives import Plane, Rectangle, Sphere
 from hybrid_rt.rendering import renderer as rendering
 from hybrid_rt.scene.scene import Object, Scene
 from hybrid_rt.sensor.camera import Camera
@@ -88,6 +89,18 @@ def test_area_light_is_seen_on_its_shining_side_only():
     above, below = pixel((0, 0, 5), (0, 0, 0)), pixel((0, 0, -5), (0, 0, 0))
     assert radiance(Scene(above, [], [light])).tolist() == [1, 2, 3]
     assert not radiance(Scene(below, [], [light])).any()
+
+
+def test_planes_that_shine_are_seen_and_not_asked(monkeypatch):
+    """They have no end, so no point to choose."""
+
+    def asked(*_):
+        raise AssertionError("a plane was asked for a point")
+
+    monkeypatch.setattr(AllLights, "_asked", asked)
+    plane = Object(Plane((2.0, 1.0, 0.5), (-1.0, 0.0, 1.0)), Emissive(1.0, Phong(0.1, 0.5, 500.0)))
+    camera = Camera((0.5, 0.5, 1.0), (0.1, 0.1, 0.1), (1.0, 1.0, 0.0), 20, 6, 6)
+    np.testing.assert_array_equal(render(Scene(camera, [plane]), passes=4).image, 1.0)
 
 
 def test_area_light_blocks_other_lights():
