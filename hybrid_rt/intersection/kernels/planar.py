@@ -7,7 +7,10 @@ import numpy as np
 from hybrid_rt.core.kernels.compensated import two_difference
 from hybrid_rt.intersection.kernels.search.nearest import CLEAR, WITHIN_BAND, is_known, offer
 from hybrid_rt.intersection.kernels.search.tolerances import TANGENT_BAND, UNIT_ROUNDOFF
-from meshing.kernels.jit import hot_kernel, inlined
+from meshing.kernels.jit import hot_kernel, inlined, inner
+
+# Rays that meet a parallelogram's plane at a smaller cosine are met along it.
+FLAT = 1e-9
 
 
 class PlanarTable(NamedTuple):
@@ -107,6 +110,54 @@ def _move_to_rim(u, v, t, du, dv, most):
 
 
 @inlined
+def _within(x, dx, low, high):
+    """Return the part of low <= t <= high where 0 <= x + t dx <= 1; empty: low > high."""
+    if dx == 0.0:
+        return (low, high) if 0.0 <= x <= 1.0 else (1.0, 0.0)
+    a, b = -x / dx, (1.0 - x) / dx
+    return max(low, min(a, b)), min(high, max(a, b))
+
+
+@inner
+def _offer_nearly_within(i, k, table, n_dot_d, rays, best):
+    """Offer the root of a ray that runs almost within the plane of parallelogram k.
+
+    Such a root has few digits or none, and (u, v) computed from it would have less: so the stretch
+    of the ray above the parallelogram comes first, and the root is where the ray passes the plane
+    within that stretch.
+    """
+    o, d, n = rays.origin[i], rays.direction[i], table.normal[k]
+    wx, ex = two_difference(o[0], table.corner[k, 0])
+    wy, ey = two_difference(o[1], table.corner[k, 1])
+    wz, ez = two_difference(o[2], table.corner[k, 2])
+    x, y, z = wx + ex, wy + ey, wz + ez
+    p, q = table.row_u[k], table.row_v[k]
+    u, du = p[0] * x + p[1] * y + p[2] * z, p[0] * d[0] + p[1] * d[1] + p[2] * d[2]
+    v, dv = q[0] * x + q[1] * y + q[2] * z, q[0] * d[0] + q[1] * d[1] + q[2] * d[2]
+    low, high = _within(u, du, -np.inf, np.inf)
+    low, high = _within(v, dv, low, high)
+    if not low <= high or high <= rays.t_min[i]:
+        return
+    height = (n[0] * wx + n[1] * wy + n[2] * wz) + (n[0] * ex + n[1] * ey + n[2] * ez)
+    away = np.sqrt(wx * wx + wy * wy + wz * wz)
+    error = UNIT_ROUNDOFF * (12.0 * away + 4.0 * table.size[k])
+    band = TANGENT_BAND * max(away, table.size[k])
+    # The heights at both ends of the stretch: by how much does the ray come from above to below?
+    first, last = height + low * n_dot_d, height + high * n_dot_d
+    depth = min(abs(first), abs(last)) if first * last < 0.0 else -min(abs(first), abs(last))
+    if depth < -error or n_dot_d == 0.0:
+        if depth > -band:
+            best.doubt[i] = min(best.doubt[i], max(low, rays.t_min[i]))
+        return
+    t = min(max(-height / n_dot_d, low), high)
+    slope = abs(n_dot_d)
+    t_bound = min(error / slope, high - low) + 4.0 * UNIT_ROUNDOFF * abs(t)
+    u, v = min(max(u + t * du, 0.0), 1.0), min(max(v + t * dv, 0.0), 1.0)
+    tangent = WITHIN_BAND if depth < band else CLEAR
+    offer(i, t, t_bound, slope, tangent, table.object_id[k], 0, u, v, rays.t_min, rays.known, best)
+
+
+@inlined
 def _offer_parallelogram(i, k, table, rays, best):
     """Offer the root of ray i in the plane of parallelogram k, if it is within its rim."""
     corner, normal, row_u, row_v = table.corner, table.normal, table.row_u, table.row_v
@@ -116,7 +167,8 @@ def _offer_parallelogram(i, k, table, rays, best):
     ox, oy, oz, dx, dy, dz = o[0], o[1], o[2], d[0], d[1], d[2]
     nx, ny, nz = normal[k, 0], normal[k, 1], normal[k, 2]
     n_dot_d = nx * dx + ny * dy + nz * dz
-    if n_dot_d == 0.0:
+    if abs(n_dot_d) < FLAT:
+        _offer_nearly_within(i, k, table, n_dot_d, rays, best)
         return
     wx, ex = two_difference(ox, corner[k, 0])
     wy, ey = two_difference(oy, corner[k, 1])
@@ -249,12 +301,39 @@ def finish_planes(table, rays, best, row_of, out):
 
 
 @inlined
+def _reach(lo, hi, o):
+    """Return the scale of a box and a ray, along the axes."""
+    reach = 0.0
+    for c in range(3):
+        reach = max(reach, hi[c] - lo[c], abs(lo[c] - o[c]), abs(hi[c] - o[c]))
+    return reach
+
+
+@inner
+def _margin(lo, hi, o, d):
+    """Return how far within the outline of a box a ray passes; negative: beside it.
+
+    An edge of the outline is where a face that is entered meets one that is left: slopes p and q
+    across them, at distances a and b ahead. The ray passes it by (b p - a q) / |(p, q)|.
+    """
+    least = np.inf
+    for c in range(3):
+        p = abs(d[c])
+        a = lo[c] - o[c] if d[c] >= 0.0 else o[c] - hi[c]
+        for e in range(3):
+            q = abs(d[e])
+            if e == c or p + q == 0.0:
+                continue
+            b = hi[e] - o[e] if d[e] >= 0.0 else o[e] - lo[e]
+            least = min(least, (b * p - a * q) / np.sqrt(p * p + q * q))
+    return least
+
+
+@inlined
 def _offer_box(i, k, lo, hi, object_id, o, d, t_min, known, best):
     enter, leave, goes_on = -np.inf, np.inf, np.inf
     face_in = face_out = -1
-    reach = 0.0
-    for c in range(3):
-        reach = max(reach, hi[k, c] - lo[k, c], abs(lo[k, c] - o[c]), abs(hi[k, c] - o[c]))
+    reach = _reach(lo[k], hi[k], o)
     band = TANGENT_BAND * reach
     is_beside = False
     for c in range(3):
@@ -283,6 +362,9 @@ def _offer_box(i, k, lo, hi, object_id, o, d, t_min, known, best):
         p * q / np.sqrt(p * p + q * q) if face_in // 2 != face_out // 2 else p
     )
     rounding = 4.0 * UNIT_ROUNDOFF * reach
+    if depth < band:
+        # By so little that other pairs of faces count: of slabs that the ray runs along t says little.
+        depth = _margin(lo[k], hi[k], o, d)
     if depth < -rounding or is_beside:
         if depth > -band and leave > t_min[i]:
             best.doubt[i] = min(best.doubt[i], leave)
@@ -314,27 +396,6 @@ def trace_boxes(table, rays, best, any_hit):
             )  # fmt: skip
 
 
-@inlined
-def _is_near_an_edge(lo, hi, o, d):
-    """Tell whether a ray that meets a box passes within the band of its outline.
-
-    An edge of the outline is where a face that is entered meets one that is left: slopes p and q
-    across them, at distances a and b ahead. The ray passes it by (b p - a q) / |(p, q)|.
-    """
-    reach, least = 0.0, np.inf
-    for c in range(3):
-        reach = max(reach, hi[c] - lo[c], abs(lo[c] - o[c]), abs(hi[c] - o[c]))
-        p = abs(d[c])
-        a = lo[c] - o[c] if d[c] >= 0.0 else o[c] - hi[c]
-        for e in range(3):
-            q = abs(d[e])
-            if e == c or p + q == 0.0:
-                continue
-            b = hi[e] - o[e] if d[e] >= 0.0 else o[e] - lo[e]
-            least = min(least, (b * p - a * q) / np.sqrt(p * p + q * q))
-    return least < TANGENT_BAND * reach
-
-
 @hot_kernel
 def finish_boxes(table, rays, best, row_of, out):
     """Describe the hits on boxes."""
@@ -343,7 +404,9 @@ def finish_boxes(table, rays, best, row_of, out):
             continue
         k = row_of[best.object_id[i]]
         o, d, t = rays.origin[i], rays.direction[i], best.t[i]
-        if _is_near_an_edge(table.lo[k], table.hi[k], o, d):
+        if _margin(table.lo[k], table.hi[k], o, d) < TANGENT_BAND * _reach(
+            table.lo[k], table.hi[k], o
+        ):
             best.tangent[i] = WITHIN_BAND
         face = best.primitive[i]
         axis = face // 2

@@ -11,15 +11,17 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from hybrid_rt.core.kernels.compensated import two_difference
+from hybrid_rt.core.kernels.compensated import product, two_difference
 from hybrid_rt.core.kernels.sphere_points import onto_sphere, power_of_point
 from hybrid_rt.intersection.kernels.search.counters import NODES
 from hybrid_rt.intersection.kernels.search.frame import begin_of, end_of, enter_frame
 from hybrid_rt.intersection.kernels.search.nearest import offer
 from hybrid_rt.intersection.kernels.search.tolerances import TANGENT_BAND, UNIT_ROUNDOFF
 from hybrid_rt.intersection.kernels.search.tree import box_ray, next_leaf
-from meshing.kernels.jit import hot_kernel, inlined
+from meshing.kernels.jit import hot_kernel, inlined, inner
 
+# An origin is beside a sphere where |o - c|^2 - r^2 is below this part of r^2.
+BESIDE = 1e-2
 # Rays from farther away (in frame units) have a TANGENT band wider than the margin of the boxes.
 FARTHEST = 2.0**25
 
@@ -45,6 +47,21 @@ def sphere_table(spheres, object_id):
     )
 
 
+@inner
+def _along(fx, fy, fz, gx, gy, gz, dx, dy, dz):
+    """Return (f + g) . d with exact products."""
+    p, e = product(fx, dx)
+    q, f = product(fy, dy)
+    r, g = product(fz, dz)
+    low = (e + f + g) + (gx * dx + gy * dy + gz * dz)
+    s = p + q
+    z = s - p
+    low += (p - (s - z)) + (q - z)
+    t = s + r
+    z = t - s
+    return t + (low + ((s - (t - z)) + (r - z)))
+
+
 @inlined
 def offer_sphere(i, k, table, rays, best):
     """Offer both roots of ray i with sphere k."""
@@ -68,11 +85,25 @@ def offer_sphere(i, k, table, rays, best):
         return
     half = np.sqrt(depth * (r + foot) / dd)
     far = middle + half if middle >= 0.0 else middle - half
-    near = power_of_point(fx, fy, fz, gx, gy, gz, r) / (dd * far)
+    power = power_of_point(fx, fy, fz, gx, gy, gz, r)
+    near = power / (dd * far)
     # The foot is off by 8 u |f| (a dot product, a product, a sum), r - foot by 2 u r more, and
     # half changes by that over its slope; `near` inherits the relative error of `far`.
     u = UNIT_ROUNDOFF
     error_half = (foot * 8.0 * u * away + 4.0 * u * r * r) / (half * dd)
+    if abs(power) < BESIDE * r * r:
+        # Beside a large sphere the quadratic's own discriminant is of small numbers.
+        b = _along(fx, fy, fz, gx, gy, gz, dx, dy, dz)
+        rest = b * b - dd * power
+        if rest > 0.0:
+            half = np.sqrt(rest) / dd
+            middle = -b / dd
+            far = middle + half if middle >= 0.0 else middle - half
+            near = power / (dd * far)
+            wide = 32.0 * u * u * (r * r + away * away)
+            error_half = 8.0 * u * (b * b + dd * abs(power)) + dd * wide
+            error_half += 48.0 * u * u * abs(b) * away * np.sqrt(dd)
+            error_half /= 2.0 * half * dd * dd
     error_far = 8.0 * u * abs(middle) + 4.0 * u * half + error_half
     error_near = abs(near) * (error_far / abs(far) + 8.0 * u)
     error_near += 32.0 * u * u * (r * r + away * away) / (dd * abs(far))

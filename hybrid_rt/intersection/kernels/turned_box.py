@@ -10,7 +10,7 @@ import numpy as np
 from hybrid_rt.core.kernels.compensated import two_difference
 from hybrid_rt.intersection.kernels.search.nearest import CLEAR, WITHIN_BAND, offer
 from hybrid_rt.intersection.kernels.search.tolerances import TANGENT_BAND, UNIT_ROUNDOFF
-from meshing.kernels.jit import hot_kernel, inlined
+from meshing.kernels.jit import hot_kernel, inlined, inner
 
 
 class TurnedBoxTable(NamedTuple):
@@ -49,6 +49,34 @@ def turned_box_table(boxes, object_id):
 @inlined
 def _dot(rows, k, c, x, y, z):
     return rows[k, c, 0] * x + rows[k, c, 1] * y + rows[k, c, 2] * z
+
+
+@inner
+def _margin(table, k, o, d):
+    """Return how far within the outline of a box a ray passes, and what rounding leaves open.
+
+    As for boxes along the axes; the planes of two faces meet at an angle.
+    """
+    wx, ex = two_difference(o[0], table.corner[k, 0])
+    wy, ey = two_difference(o[1], table.corner[k, 1])
+    wz, ez = two_difference(o[2], table.corner[k, 2])
+    away = np.sqrt(wx * wx + wy * wy + wz * wz)
+    error = UNIT_ROUNDOFF * (12.0 * away + 8.0 * table.size[k]) * table.skew[k]
+    normal, depth, least = table.normal, table.depth, np.inf
+    for c in range(3):
+        p = _dot(normal, k, c, d[0], d[1], d[2])
+        a = _dot(normal, k, c, wx, wy, wz) + _dot(normal, k, c, ex, ey, ez)
+        a = -a if p >= 0.0 else a - depth[k, c]
+        for e in range(3):
+            q = _dot(normal, k, e, d[0], d[1], d[2])
+            cosine = _dot(normal, k, c, normal[k, e, 0], normal[k, e, 1], normal[k, e, 2])
+            across = p * p + q * q - 2.0 * p * q * cosine
+            if e == c or not across > 0.0:
+                continue
+            b = _dot(normal, k, e, wx, wy, wz) + _dot(normal, k, e, ex, ey, ez)
+            b = depth[k, e] - b if q >= 0.0 else b
+            least = min(least, (b * abs(p) - a * abs(q)) / np.sqrt(across))
+    return least, max(TANGENT_BAND * max(away, table.size[k]), 2.0 * error)
 
 
 @inlined
@@ -127,6 +155,9 @@ def _offer_turned_box(i, k, table, rays, best):
         cosine = _dot(normal, k, m, normal[k, n, 0], normal[k, n, 1], normal[k, n, 2])
         across = np.sqrt(max(p * p + q * q - 2.0 * p * q * cosine, 0.0))
         height = inside * (abs(p) * abs(q) / across) if across > 0.0 else inside
+    if height < band and departed == 0:
+        # By so little that other pairs of faces count: of slabs that the ray runs along t says little.
+        height, _ = _margin(table, k, o, d)
     if height < -error or is_beside or (starts_there and leave <= start):
         if height > -band and leave > t_min[i]:
             best.doubt[i] = min(best.doubt[i], leave)
@@ -154,34 +185,6 @@ def _offer_turned_box(i, k, table, rays, best):
         best.doubt[i] = min(best.doubt[i], goes_on)
 
 
-@inlined
-def _passes_an_edge(table, k, o, d):
-    """Tell whether a ray that meets a box passes within the band of its outline.
-
-    As for boxes along the axes; the planes of two faces meet at an angle.
-    """
-    wx, ex = two_difference(o[0], table.corner[k, 0])
-    wy, ey = two_difference(o[1], table.corner[k, 1])
-    wz, ez = two_difference(o[2], table.corner[k, 2])
-    band = TANGENT_BAND * max(np.sqrt(wx * wx + wy * wy + wz * wz), table.size[k])
-    normal, depth = table.normal, table.depth
-    for c in range(3):
-        p = _dot(normal, k, c, d[0], d[1], d[2])
-        a = _dot(normal, k, c, wx, wy, wz) + _dot(normal, k, c, ex, ey, ez)
-        a = -a if p >= 0.0 else a - depth[k, c]
-        for e in range(3):
-            q = _dot(normal, k, e, d[0], d[1], d[2])
-            cosine = _dot(normal, k, c, normal[k, e, 0], normal[k, e, 1], normal[k, e, 2])
-            across = p * p + q * q - 2.0 * p * q * cosine
-            if e == c or not across > 0.0:
-                continue
-            b = _dot(normal, k, e, wx, wy, wz) + _dot(normal, k, e, ex, ey, ez)
-            b = depth[k, e] - b if q >= 0.0 else b
-            if b * abs(p) - a * abs(q) < band * np.sqrt(across):
-                return True
-    return False
-
-
 @hot_kernel
 def trace_turned_boxes(table, rays, best, any_hit):
     """Lower ``best`` to the nearest roots on all boxes."""
@@ -200,7 +203,8 @@ def finish_turned_boxes(table, rays, best, row_of, out):
             continue
         k = row_of[best.object_id[i]]
         o, d, t = rays.origin[i], rays.direction[i], best.t[i]
-        if _passes_an_edge(table, k, o, d):
+        margin, open_width = _margin(table, k, o, d)
+        if margin < open_width:
             best.tangent[i] = WITHIN_BAND
         face = best.primitive[i]
         axis, is_upper = face // 2, face % 2 == 1
@@ -211,6 +215,20 @@ def finish_turned_boxes(table, rays, best, row_of, out):
         first, second = (axis + 1) % 3, (axis + 2) % 3
         u = min(max(_dot(table.normal, k, first, x, y, z) / table.depth[k, first], 0.0), 1.0)
         v = min(max(_dot(table.normal, k, second, x, y, z) / table.depth[k, second], 0.0), 1.0)
+        # Normals of flat boxes are rounded by more than u and v: what is left is taken out once more.
+        for c in range(3):
+            rest = u * table.edge[k, first, c] + v * table.edge[k, second, c]
+            if is_upper:
+                rest += table.edge[k, axis, c]
+            if c == 0:
+                x -= rest
+            elif c == 1:
+                y -= rest
+            else:
+                z -= rest
+        u += _dot(table.normal, k, first, x, y, z) / table.depth[k, first]
+        v += _dot(table.normal, k, second, x, y, z) / table.depth[k, second]
+        u, v = min(max(u, 0.0), 1.0), min(max(v, 0.0), 1.0)
         gap = 0.0
         side = table.orientation[k] if is_upper else -table.orientation[k]
         for c in range(3):

@@ -317,8 +317,8 @@ MUTANTS = (
         "t of a sheet", TURNED,
     ),
     Mutant(
-        "TANGENT of hits on boxes left out", "_is_near_an_edge",
-        "return least < TANGENT_BAND * reach", "return least < 0.0",
+        "TANGENT of hits on boxes left out", "finish_boxes",
+        "o, d) < TANGENT_BAND * _reach(", "o, d) < -1.0 * _reach(",
         "the mark at edges", CLOSED,
     ),
     Mutant(

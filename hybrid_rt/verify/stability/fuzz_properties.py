@@ -21,14 +21,13 @@ import numpy as np
 from hybrid_rt.core.records import BoolArray, FloatArray, HitRecord, Status
 from hybrid_rt.integrators import PhotonMapOptions, PPMOptions
 from hybrid_rt.intersection import Intersector
-from hybrid_rt.primitives import Box, Plane, Rectangle, Sphere, TriangleMesh
 from hybrid_rt.rendering.renderer import render
 from hybrid_rt.textures import ImageTexture
 from hybrid_rt.verify.judges.judge import compare
 from hybrid_rt.verify.judges.kernels.events import LEAST_COSINE
 from hybrid_rt.verify.judges.oracle import Truth, first_hits
 from hybrid_rt.verify.stability.fuzz_cases import Case, build
-from meshing import BezierPatches, SurfaceOfRevolution
+from meshing import BezierPatches
 
 # Errors that may be raised, with a message.
 REFUSALS = (ValueError, TypeError, OSError)
@@ -41,8 +40,6 @@ NEAR = 100.0
 MOST_WORK = 5000
 # Bands that the point of a hit marked TANGENT may be beside its ray: far more than rounding makes.
 FAR_BESIDE = 1e4
-# What exact arithmetic knows.
-EXACT = (BezierPatches, SurfaceOfRevolution, Sphere, Box, Plane, Rectangle, TriangleMesh)
 
 
 def faults_of(case: Case, readers: Readers = READERS) -> tuple[str, ...]:
@@ -165,7 +162,6 @@ def _judged(
             faults.append(f"{name}: {kind} {wrong[:5]}")
     if verdict.worst_bound > 1.0:
         faults.append(f"{name}: a bound is broken, {verdict.worst_bound:.3g} of it")
-    is_known = all(type(surface) in EXACT for surface in surfaces)
     if not all(
         float(np.linalg.norm(surface.middle)) <= NEAR * surface.size
         for surface in surfaces
@@ -176,10 +172,7 @@ def _judged(
         beside, far_beside = (_worst_gap(hits, truth, rows) for rows in (sure, ~sure))
     if beside > 1.0:
         faults.append(f"{name}: point beside the ray, {beside:.3g} bands")
-    known = [type(surface) in EXACT for surface in surfaces]
-    if faults and not is_known and any(known):
-        return _judged_apart(name, surfaces, known, origins, directions, hits)
-    if (faults or ask_exact) and is_known:
+    if faults or ask_exact:
         # In double-double, far from 0, the oracle itself may be wrong: exact arithmetic decides.
         from hybrid_rt.verify.exact.judge import ExactJudge
 
@@ -195,32 +188,6 @@ def _judged(
         ]
     if far_beside > FAR_BESIDE:
         faults.append(f"{name}: TANGENT at a point far beside the ray, {far_beside:.3g} bands")
-    return faults
-
-
-def _judged_apart(
-    name: str,
-    surfaces: list[Any],
-    known: list[bool],
-    origins: FloatArray,
-    directions: FloatArray,
-    hits: HitRecord,
-) -> list[str]:
-    """Judge the surfaces that exact arithmetic knows without the others, and those by themselves.
-
-    Together they must give the nearer one of the two first hits.
-    """
-    faults, nearest = list[str](), np.full(len(hits), np.inf)
-    for wanted in (True, False):
-        some = [
-            surface for surface, is_known in zip(surfaces, known, strict=True) if is_known is wanted
-        ]
-        alone = Intersector(some, threads=1).intersect(origins, directions)
-        nearest = np.minimum(nearest, alone.t)
-        faults += _judged(name, some, origins, directions, alone)
-    sure = hits.status != Status.TANGENT
-    if (nearest != hits.t)[sure].any():
-        faults.append(f"{name}: together they are hit elsewhere than each alone")
     return faults
 
 

@@ -226,6 +226,8 @@ def offer_meeting(i, s, t, slope, gain, noise, error, segment, ray, after, rays,
     flat = slope_within(control, start, degree, ray, after, s, t, slope, error)
     # A quarter for the curvature that the slope leaves out.
     t_bound = (1.25 * error / flat + 4.0 * UNIT_ROUNDOFF * abs(t + shift)) * to_world
+    k = 1 if s > 0.5 else 0
+    is_at_end = not band < s < 1.0 - band
     if not 0.0 <= s <= 1.0:
         s = min(max(s, 0.0), 1.0)
         near = approach_profile(control, start, degree, ray, after, s, t)
@@ -233,12 +235,11 @@ def offer_meeting(i, s, t, slope, gain, noise, error, segment, ray, after, rays,
             return False, False
         t_bound += abs(near - t) * to_world
         t = near
-        k = 1 if s == 1.0 else 0
-        if end[k, END_KIND] == BEND:
-            # The exact root may be beyond, on the segment that goes on there.
-            rate = distance(ray, t, after)[1]
-            other = end[k, END_TANGENT + 3] * rate - end[k, END_TANGENT + 4] * ray[RISE]
-            t_bound += 1.25 * error / max(abs(other), FLATTEST * ray[LENGTH]) * to_world
+    if is_at_end and end[k, END_KIND] == BEND:
+        # The exact root may be beyond, on the segment that goes on there.
+        rate = distance(ray, t, after)[1]
+        other = end[k, END_TANGENT + 3] * rate - end[k, END_TANGENT + 4] * ray[RISE]
+        t_bound += 1.25 * error / max(abs(other), FLATTEST * ray[LENGTH]) * to_world
     t_world = (t + shift) * to_world
     if not t_world > t_min[i] or is_known(i, t_world, t_bound, slope, known):
         return True, False

@@ -78,10 +78,13 @@ def offer(i, t, t_bound, n_dot_d, tangent, object_id, primitive, a, b, t_min, kn
         if holder == object_id:
             if best.primitive[i] < primitive:
                 return False
-            if best.primitive[i] == primitive and (
-                best.a[i] < a or (best.a[i] == a and best.b[i] <= b)
-            ):
-                return False
+            if best.primitive[i] == primitive and best.a[i] <= a:
+                if best.a[i] == a and best.b[i] == b:
+                    # The same root, found from two cells: the larger of its bounds holds.
+                    best.t_bound[i] = max(best.t_bound[i], t_bound)
+                    return False
+                if best.a[i] < a or best.b[i] < b:
+                    return False
     if is_known(i, t, t_bound, n_dot_d, known):
         return False
     if known.shape[0] and known.shape[1] > 4 and known[i, 4] == object_id:

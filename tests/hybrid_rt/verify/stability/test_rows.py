@@ -11,15 +11,11 @@ ROWS = {
     for row_id, entry in all_rows().items()
     if not any(module in entry.run.__module__ for module in OTHERS)
 }
-# What does not hold: each is a fault that is known, and still open.
-KNOWN = {"A10": "t_bound of a ray through a cusp differs by way of Embree in its seventh digit"}
 EFFORT = Effort(0.01)
 
 
 @pytest.mark.parametrize("row_id", list(ROWS))
 def test_the_row_holds(row_id):
     outcome = ROWS[row_id].run(EFFORT)
-    if row_id in KNOWN and not outcome.holds:
-        pytest.xfail(KNOWN[row_id])
     assert outcome.holds, (outcome.faults, outcome.notes, outcome)
     assert outcome.rays > 0
