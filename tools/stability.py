@@ -76,9 +76,9 @@ def main() -> int:
             from hybrid_rt.verify.stability.fuzz import run_fuzz
 
             minutes = checks.number(args.fuzz, "--fuzz", above=0.0)
-            failures += run_fuzz(minutes, args.seed, args.out)
-            for failure in failures:
-                print(f"fuzz: {failure}")
+            for failure in run_fuzz(minutes, args.seed, args.out):
+                failures.append({"case": failure.case, "faults": failure.faults})
+                print(f"fuzz: {'; '.join(failure.faults)}: {failure.case}")
     print(f"\n{sentence()}")
     if len(rows) < n_rows:
         print(f"{n_rows - len(rows)} rows were not run")

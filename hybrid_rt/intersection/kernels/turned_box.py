@@ -244,3 +244,6 @@ def finish_turned_boxes(table, rays, best, row_of, out):
             out.u[i], out.v[i] = v, u
         out.patch_id[i] = face
         out.residual[i] = np.sqrt(gap)
+        # Flat boxes leave so much open that their points may lie beside the ray.
+        if out.residual[i] > 0.25 * open_width:
+            best.tangent[i] = WITHIN_BAND

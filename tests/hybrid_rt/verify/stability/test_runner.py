@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from hybrid_rt.verify.stability import runner
+from hybrid_rt.verify.stability import fuzz, runner
 from hybrid_rt.verify.stability.row import IDS, NOT_BUILT, Curve, Effort, Outcome, Row, all_rows
 from hybrid_rt.verify.stability.runner import Result, expand, run_rows
 
@@ -120,3 +120,11 @@ def test_bad_ids_are_refused_by_name(monkeypatch, tmp_path, capsys):
         runpy.run_path(str(TOOL), run_name="__main__")
     assert ended.value.code == 2
     assert "Q7" in capsys.readouterr().err
+
+
+def test_the_tool_keeps_what_random_search_finds(monkeypatch, tmp_path):
+    failure = fuzz.Failure({"kind": "file", "text": "x"}, ("does not hold",))
+    monkeypatch.setattr(fuzz, "run_fuzz", lambda *_: [failure])
+    assert _tool(monkeypatch, ["--only", "A07", "--fuzz", "1", "--out", str(tmp_path)], []) == 1
+    kept = json.loads((tmp_path / "stability.json").read_text())
+    assert kept["fuzz"] == [{"case": failure.case, "faults": ["does not hold"]}]
