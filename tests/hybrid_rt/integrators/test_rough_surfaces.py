@@ -42,7 +42,7 @@ BALL = Sphere((0, 0, 0.8), 0.7)
 pytestmark = pytest.mark.statistical
 
 
-def view(objects, lights, sky=None, n=24, **place):
+def view(objects, lights, sky=None, n=18, **place):
     place = {"look_from": (0, -5, 2.0), "look_at": (0, 0, 0.7), "vertical_fov": 30, **place}
     return Scene(Camera(up=(0, 0, 1), width=n, height=n, **place), objects, lights, sky)
 
@@ -94,7 +94,7 @@ class TestMetal:
         scene = view([FLOOR, WALL, Object(BALL, METALS[name])], [LAMP])
         path = means(scene, "path", 32)
         # Discs blur; those of ppm shrink.
-        ppm = means(scene, "ppm", 12, options=PPMOptions(10_000))
+        ppm = means(scene, "ppm", 12, options=PPMOptions(6_000))
         assert_agree(path, ppm, 0.02)
         photon_map = means(scene, "photon_map", 6, options=PhotonMapOptions(20_000))
         assert_agree(path, photon_map, 0.06)
@@ -169,7 +169,7 @@ class TestGlass:
         "smooth mesh": ([Object(SMOOTH_MESH, glass(0.5), smooth=True)], [LAMP]),
     }  # fmt: skip
 
-    def scene(self, name, n=24):
+    def scene(self, name, n=18):
         objects, lights = self.SCENES[name]
         return view([FLOOR, WALL, *objects], lights, n=n)
 
@@ -196,7 +196,7 @@ class TestGlass:
     @pytest.mark.parametrize("name", ["ball", "absorbing", "lamp within", "overlapping"])
     def test_paths_and_photons_agree(self, name):
         path = means(self.scene(name), "path", 32)
-        ppm = means(self.scene(name), "ppm", 12, options=PPMOptions(10_000))
+        ppm = means(self.scene(name), "ppm", 12, options=PPMOptions(6_000))
         assert_agree(path, ppm, 0.02)
 
     @pytest.mark.parametrize(

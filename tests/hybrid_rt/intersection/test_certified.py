@@ -11,7 +11,7 @@ from hybrid_rt.intersection.kernels.search.coarse import CoarseHits
 from meshing import BezierPatches
 
 EPS = 2.0**-52
-N = 20_000
+N = 10_000
 
 
 @pytest.fixture(scope="module")
@@ -161,7 +161,7 @@ def test_silhouettes_with_and_without_embree(teapot, tracer, bare, exponent):
 
 def test_no_ray_slips_through_an_edge(teapot, tracer):
     rng = np.random.default_rng(7)
-    n = 20_000
+    n = 10_000
     k, u, v = edge_points(teapot, n, seed=8)
     point, normal = teapot.point(u, v, k), teapot.normal(u, v, k)
     direction = unit(rng.normal(size=(n, 3)))
@@ -209,10 +209,10 @@ def test_apex_of_the_lid(tracer):
     rng = np.random.default_rng(11)
     apex = np.array([0.0, 0.0, 3.15])
     for offset in (0.0, 1e-15, 1e-12, 1e-9, 1e-6):
-        direction = rng.normal(size=(200, 3))
+        direction = rng.normal(size=(100, 3))
         direction[:, 2] = -np.abs(direction[:, 2]) - 0.2
         direction = unit(direction)
-        target = apex + offset * rng.normal(size=(200, 3)) * (1.0, 1.0, 0.0)
+        target = apex + offset * rng.normal(size=(100, 3)) * (1.0, 1.0, 0.0)
         hits = tracer.intersect(target - 3.0 * direction, direction)
         assert (hits.status == Status.HIT).all()
         np.testing.assert_allclose(hits.t, 3.0, atol=1e-12 + 20 * offset)
