@@ -24,6 +24,8 @@ from meshing.kernels.jit import hot_kernel, inlined, inner
 
 # |n.d| below which a triangle's weights would lose more than a digit.
 SLIVER = 3e-2
+# So many times as long as high, about: a needle.
+THIN = 16.0
 
 
 class TriangleTable(NamedTuple):
@@ -147,7 +149,10 @@ def offer_triangle(i, k, table, o, d, shear, reach, near, rays, best):
     wx, wy, wz = p[0] - o[0], p[1] - o[1], p[2] - o[2]
     t = (nx * wx + ny * wy + nz * wz) / slope
     n_dot_d = abs(slope) / length
-    if t > best.t[i] and n_dot_d >= SLIVER:
+    # The normal of a needle has fewer digits than its vertices.
+    longest = max(ex * ex + ey * ey + ez * ez, fx * fx + fy * fy + fz * fz)
+    is_sliver = n_dot_d < SLIVER or longest > THIN * length
+    if t > best.t[i] and not is_sliver:
         return
     away = max(abs(az), abs(bz), abs(cz)) + max(
         abs(ax), abs(bx), abs(cx), abs(ay), abs(by), abs(cy)
@@ -158,10 +163,10 @@ def offer_triangle(i, k, table, o, d, shear, reach, near, rays, best):
     side += max(abs(bz - az), abs(cz - az), abs(bz - cz))
     error = UNIT_ROUNDOFF * away * (12.0 + 8.0 * side * side / length)
     t_bound = error / n_dot_d + 4.0 * UNIT_ROUNDOFF * abs(t)
-    # --- a sliver as the ray sees it: its weights by exact products, and t from them, so that the
-    # point they name stays on the ray
+    # --- a sliver, or one as the ray sees it: its weights by exact products, and t from them, so that
+    # the point they name stays on the ray
     su, sv, sw = u, v, w
-    if n_dot_d < SLIVER:
+    if is_sliver:
         u, v, w = cross(cx, cy, bx, by), cross(ax, ay, cx, cy), cross(bx, by, ax, ay)
         if u + v + w < 0.0:
             u, v, w = -u, -v, -w

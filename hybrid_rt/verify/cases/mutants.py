@@ -322,6 +322,10 @@ MUTANTS = (
         "the mark at edges", CLOSED,
     ),
     Mutant(
+        "needles by their own normals", "THIN", "16.0", "1e300",
+        "points of needles", MESH,
+    ),
+    Mutant(
         "TANGENT of meshes 64 times as narrow", "band_at",
         "return TANGENT_BAND * max(", "return TANGENT_BAND / 64 * max(",
         "the mark at silhouettes of meshes", MESH,

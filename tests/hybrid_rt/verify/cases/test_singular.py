@@ -8,8 +8,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import trimesh
 
-from hybrid_rt import Intersector, Sphere
+from hybrid_rt import Intersector, Sphere, TriangleMesh
 from hybrid_rt.core.records import Status
 from hybrid_rt.verify.cases.mutants import MUTANTS, Mutant, _compared, applied
 from hybrid_rt.verify.cases.rays import unit
@@ -257,3 +258,19 @@ def test_too_few_rays_are_refused(monkeypatch, capsys):
 def test_mutants_are_listed(monkeypatch, capsys):
     assert run_tool("mutants.py", monkeypatch, "--list", "--only", "fans") == 0
     assert "fans halved: at most one root in a cell; in fill_cell" in capsys.readouterr().out
+
+
+def test_points_of_needles_lie_on_their_rays():
+    """Triangles 10 to 1e6 times as long as high, met at any angle, wherever they stand."""
+    rng = np.random.default_rng(14)
+    frame, _ = np.linalg.qr(rng.normal(size=(3, 3)))
+    for height in (1e-1, 1e-3, 1e-6):
+        corners = np.array([(0, 0, 0), (2.5, height, 0), (2.3, 0, 0)]) @ frame.T + (0.3, -0.7, 0.2)
+        needle = TriangleMesh(trimesh.Trimesh(corners, [(0, 1, 2)], process=False))
+        u, v = rng.uniform(0, 0.5, (2, 60))
+        directions = unit(rng.normal(size=(60, 3)))
+        origins = needle.point(u, v) - 3.0 * directions
+        hits = Intersector([needle]).intersect(origins, directions)
+        verdict = ExactJudge([needle]).judge(hits, origins, directions)
+        assert verdict.n_wrong == verdict.off_ray == verdict.bounds_broken == 0
+        assert verdict.hits > 50
