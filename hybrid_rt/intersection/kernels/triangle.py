@@ -25,7 +25,7 @@ from meshing.kernels.jit import hot_kernel, inlined, inner
 # |n.d| below which a triangle's weights would lose more than a digit.
 SLIVER = 3e-2
 # So many times as long as high, about: a needle.
-THIN = 16.0
+NEEDLE = 16.0
 
 
 class TriangleTable(NamedTuple):
@@ -151,7 +151,7 @@ def offer_triangle(i, k, table, o, d, shear, reach, near, rays, best):
     n_dot_d = abs(slope) / length
     # The normal of a needle has fewer digits than its vertices.
     longest = max(ex * ex + ey * ey + ez * ez, fx * fx + fy * fy + fz * fz)
-    is_sliver = n_dot_d < SLIVER or longest > THIN * length
+    is_sliver = n_dot_d < SLIVER or longest > NEEDLE * length
     if t > best.t[i] and not is_sliver:
         return
     away = max(abs(az), abs(bz), abs(cz)) + max(

@@ -322,7 +322,7 @@ MUTANTS = (
         "the mark at edges", CLOSED,
     ),
     Mutant(
-        "needles by their own normals", "THIN", "16.0", "1e300",
+        "needles by their own normals", "NEEDLE", "16.0", "1e300",
         "points of needles", MESH,
     ),
     Mutant(
