@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import importlib
 import pkgutil
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -198,6 +198,11 @@ def all_rows() -> dict[str, Row]:
     return dict(sorted(_ROWS.items()))
 
 
+def all_ids() -> tuple[str, ...]:
+    """Return the ids of the catalogue, and of what random search has found."""
+    return (*IDS, *(row_id for row_id in all_rows() if row_id not in IDS))
+
+
 def refusal(make: Callable[[], object], *words: str) -> Outcome:
     """Return the outcome of a call that must raise an error with this text in its message."""
     try:
@@ -207,10 +212,3 @@ def refusal(make: Callable[[], object], *words: str) -> Outcome:
         fault = f"refused with {str(error)!r}, which lacks {', '.join(missing)}"
         return Outcome(rays=1).checked(not missing, fault)
     return Outcome(rays=1, wrong=1, faults=(f"accepted; expected {' '.join(words)!r}",))
-
-
-def selected(rows: dict[str, Row], only: list[str]) -> Iterator[Row]:
-    """Yield the rows whose ids begin with one of some prefixes; all rows without prefixes."""
-    for entry in rows.values():
-        if not only or any(entry.id.startswith(word) for word in only):
-            yield entry

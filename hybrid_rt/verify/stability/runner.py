@@ -12,7 +12,15 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
-from hybrid_rt.verify.stability.row import IDS, NOT_BUILT, Curve, Effort, Outcome, Row, all_rows
+from hybrid_rt.verify.stability.row import (
+    NOT_BUILT,
+    Curve,
+    Effort,
+    Outcome,
+    Row,
+    all_ids,
+    all_rows,
+)
 
 # Seconds for one row, its compilations included.
 LIMIT = 900.0
@@ -60,14 +68,15 @@ class Result:
         return {**head, **asdict(self.outcome), "seconds": self.seconds}
 
 
-def expand(only: Sequence[str], ids: Sequence[str] = IDS) -> list[str]:
-    """Return the ids that begin with one of some words; all where there are none.
+def expand(only: Sequence[str], ids: Sequence[str] = ()) -> list[str]:
+    """Return the ids (default: `all_ids`) that begin with one of some words; all without words.
 
     Raises
     ------
     ValueError
         If no id begins with one of them.
     """
+    ids = ids or all_ids()
     words = [word.strip() for word in only if word.strip()]
     for word in words:
         if not any(entry.startswith(word) for entry in ids):
@@ -83,7 +92,7 @@ def run_rows(
     *,
     limit: float = LIMIT,
     rows: Rows = all_rows,
-    ids: Sequence[str] = IDS,
+    ids: Sequence[str] = (),
 ) -> Iterator[Result]:
     """Run rows in order; yield the result of each as it ends.
 
@@ -98,7 +107,7 @@ def run_rows(
     rows : callable
         Returns the rows by their ids. Must be picklable: the child calls it as well.
     ids : sequence of str
-        Required rows.
+        Required rows. Default: `all_ids`.
 
     Raises
     ------
