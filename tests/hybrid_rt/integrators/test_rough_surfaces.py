@@ -103,7 +103,7 @@ class TestMetal:
     def test_lamps_asked_run_into_and_both(self, name):
         scene = view([FLOOR, WALL, Object(BALL, METALS[name])], [LAMP])
         both, lights, directions = (
-            means(scene, "path", 48, options=PathOptions(strategy=way)) for way in WAYS
+            means(scene, "path", 32, options=PathOptions(strategy=way)) for way in WAYS
         )
         assert_agree(both, lights)
         assert_agree(both, directions)
@@ -130,7 +130,7 @@ class TestMetal:
         ]  # fmt: skip
         scene = view(objects, [LAMP])
         without, found = (
-            means(scene, "path", 48, options=PathOptions(light_paths=share)) for share in (0, 1)
+            means(scene, "path", 32, options=PathOptions(light_paths=share)) for share in (0, 1)
         )
         assert_agree(without, found)
 
@@ -217,7 +217,7 @@ class TestGlass:
         }[name]  # fmt: skip
         scene = view([FLOOR, WALL, mirror, *objects], [LAMP])
         without, found = (
-            means(scene, "path", 48, options=PathOptions(light_paths=share)) for share in (0, 1)
+            means(scene, "path", 32, options=PathOptions(light_paths=share)) for share in (0, 1)
         )
         assert_agree(without, found)
 
