@@ -6,8 +6,6 @@ A new class of surfaces needs a class derived from `ExactSurface` in a module of
 
 from __future__ import annotations
 
-import importlib
-import pkgutil
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from functools import cache
@@ -16,6 +14,7 @@ from typing import Any, ClassVar, TypeAlias
 import numpy as np
 
 from hybrid_rt.core.records import FloatArray
+from hybrid_rt.verify.by_class import entry_of, import_all
 from hybrid_rt.verify.exact.crossings import Crosser
 from meshing.surface import Surface
 
@@ -73,13 +72,7 @@ def exact_of(surface: Any) -> ExactSurface:
     TypeError
         If its class is not registered.
     """
-    known = all_known()
-    for surface_type in type(surface).__mro__:
-        if surface_type in known:
-            return known[surface_type](surface)
-    raise TypeError(
-        f"surface is a {type(surface).__name__}: pass one of meshing or hybrid_rt.primitives"
-    )
+    return entry_of(surface, all_known())(surface)
 
 
 @cache
@@ -87,6 +80,5 @@ def all_known() -> dict[type[Surface], type[ExactSurface]]:
     """Import all exact surfaces; return them by class of surface."""
     from hybrid_rt.verify.exact import surfaces
 
-    for module in pkgutil.iter_modules(surfaces.__path__, surfaces.__name__ + "."):
-        importlib.import_module(module.name)
+    import_all(surfaces)
     return ExactSurface.known

@@ -6,8 +6,6 @@ A new class of surfaces needs a class derived from `SurfaceJudge` in a module of
 
 from __future__ import annotations
 
-import importlib
-import pkgutil
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from functools import cache
@@ -17,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hybrid_rt.core.records import FloatArray
+from hybrid_rt.verify.by_class import entry_of, import_all
 from hybrid_rt.verify.judges.kernels.events import Events
 from meshing.surface import Surface
 
@@ -80,13 +79,7 @@ def judge_of(surface: Any) -> SurfaceJudge:
     TypeError
         If no judge is registered for its class.
     """
-    judges = all_judges()
-    for surface_type in type(surface).__mro__:
-        if surface_type in judges:
-            return judges[surface_type](surface)
-    raise TypeError(
-        f"surface is a {type(surface).__name__}: pass one of meshing or hybrid_rt.primitives"
-    )
+    return entry_of(surface, all_judges())(surface)
 
 
 @cache
@@ -94,6 +87,5 @@ def all_judges() -> dict[type[Surface], type[SurfaceJudge]]:
     """Import all judges; return them by class of surface."""
     from hybrid_rt.verify.judges import surfaces
 
-    for module in pkgutil.iter_modules(surfaces.__path__, surfaces.__name__ + "."):
-        importlib.import_module(module.name)
+    import_all(surfaces)
     return SurfaceJudge.judges

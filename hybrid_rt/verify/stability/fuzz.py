@@ -6,6 +6,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import time
 from collections import Counter
@@ -53,8 +54,6 @@ class Failure:
         """Write it to a file of its own, named by its content."""
         folder.mkdir(parents=True, exist_ok=True)
         text = json.dumps({"case": self.case, "faults": list(self.faults)})
-        import hashlib
-
         file = folder / f"{hashlib.sha256(text.encode()).hexdigest()[:12]}.json"
         file.write_text(text + "\n")
         return file
