@@ -3,8 +3,11 @@
 The net of the cell is written in ray coordinates: two across the ray, one along it. A root is a
 point where both coordinates across vanish, so a piece whose hull keeps away from that is dropped,
 and a piece whose tangents hardly turn is settled by the Krawczyk test (Krawczyk 1969; Moore,
-Kearfott, Cloud 2009, chapter 8). Everything else is halved along its longer side *in space*: a
-collapsed edge is long in its parameter and a point in space. Pieces are taken nearest first.
+Kearfott, Cloud 2009, chapter 8). Everything else is halved along the side that is longer across
+the ray, since that is what halves the number of pieces that the ray can meet. (Along a straight
+line of the surface, which the ray nearly runs along, the other side would leave both halves in the
+ray.) A piece that is thinner than rounding is halved along its longer side in space. Pieces are
+taken nearest first.
 
 At a silhouette pieces become thin across the fold before they become short. A piece thinner than
 rounding holds no decision to be made: if it is as short as such a piece of a curved surface is, it
@@ -49,6 +52,10 @@ from meshing.kernels.jit import inlined, inner
 MOST_SLOP = 0.5
 # Newton from a piece whose Jacobian turns by less than this contracts: 2 q / (1 - q) < 1.
 NEWTON_TURN = 0.25
+# A piece of which q < 1 holds one root at most, though Newton may fail to find it. One that is no
+# thicker than this many slops, and longer than a surface with a radius of curvature of the patch's
+# size stays so thin, is asked all the same: its halves would be thinner than rounding.
+LAST_CHANCE = 256.0
 # How far beside a point the normal is looked at where S_u x S_v may vanish.
 NUDGE = 2.0**-20
 # A piece beside the ray and thinner than this part of the band is seen to be within it or not.
@@ -155,26 +162,30 @@ def slow_solve(
             continue
         is_beside = f0 > slop or f1 < -slop or g0 > slop or g1 < -slop
         # --- mean tangents across the ray, for a step of half the piece
-        au = av = bu = bv = side_u = side_v = 0.0
+        au = av = bu = bv = side_u = side_v = deep_u = deep_v = 0.0
         for r in range(degree_u):
             for c in range(degree_v + 1):
                 f = net[r + 1, c, 0] - net[r, c, 0]
                 g = net[r + 1, c, 1] - net[r, c, 1]
                 au += f
                 av += g
-                side_u += abs(f) + abs(g) + abs(net[r + 1, c, 2] - net[r, c, 2])
+                side_u += abs(f) + abs(g)
+                deep_u += abs(net[r + 1, c, 2] - net[r, c, 2])
         for r in range(degree_u + 1):
             for c in range(degree_v):
                 f = net[r, c + 1, 0] - net[r, c, 0]
                 g = net[r, c + 1, 1] - net[r, c, 1]
                 bu += f
                 bv += g
-                side_v += abs(f) + abs(g) + abs(net[r, c + 1, 2] - net[r, c, 2])
+                side_v += abs(f) + abs(g)
+                deep_v += abs(net[r, c + 1, 2] - net[r, c, 2])
         weight_u = 0.5 / (degree_v + 1)
         weight_v = 0.5 / (degree_u + 1)
         au, av, bu, bv = au * weight_u, av * weight_u, bu * weight_v, bv * weight_v
         side_u *= weight_u
         side_v *= weight_v
+        deep_u *= weight_u
+        deep_v *= weight_v
         um, vm = 0.5 * (boxes[top, 0] + boxes[top, 1]), 0.5 * (boxes[top, 2] + boxes[top, 3])
         hu, hv = 0.5 * (boxes[top, 1] - boxes[top, 0]), 0.5 * (boxes[top, 3] - boxes[top, 2])
         # --- the box that lies along the longer tangent
@@ -216,8 +227,8 @@ def slow_solve(
             is_flat = n_dot_d < CLEAR_CROSSING
             t = 0.5 * (h0 + h1) / length
             if is_point or (is_flat and x1 - x0 < fold and h1 - h0 < fold):
-                # The surface stays within the thickness of ray and piece as far as that over the
-                # slope.
+                # Ray and surface are apart by less than the piece is thick, for a length of that
+                # thickness over the slope: t is no surer.
                 slope = max(n_dot_d, FLATTEST)
                 u, v, t_near, gap, there = approach(
                     patch, ray, um, vm, um - hu, um + hu, vm - hv, vm + hv, APPROACHES
@@ -266,13 +277,16 @@ def slow_solve(
                 cu, cv = -(y00 * f + y01 * g), -(y10 * f + y11 * g)
                 if max(abs(cu), abs(cv)) > 1.0 + q + gain * reach:
                     continue
-                if q < NEWTON_TURN:
+                contracts = q < NEWTON_TURN
+                is_last = y1 - y0 < LAST_CHANCE * slop and (x1 - x0) ** 2 > 16.0 * (y1 - y0) * size
+                if contracts or is_last:
                     counters[NEWTONS] += 1
                     cu, cv = min(max(cu, -1.0), 1.0), min(max(cv, -1.0), 1.0)
                     status, u, v, t, steps, n_dot_d, gain_u, gain_v = newton(
                         patch, ray, um + hu * cu, vm + hv * cv, 0.5 * (h0 + h1) / length, hu, hv
                     )
                     counters[STEPS] += steps
+                    is_owner = False
                     if status == CONVERGED:
                         slack = OWNED * rounding_of_root(
                             degree_u, degree_v, size, ox, oy, oz, dx, dy, dz, t
@@ -281,7 +295,7 @@ def slow_solve(
                         slack_v = BORDER_SLACK * hv + slack * gain_v
                         in_u, in_v = min(max(u, 0.0), 1.0), min(max(v, 0.0), 1.0)
                         is_owner = abs(in_u - um) <= hu + slack_u and abs(in_v - vm) <= hv + slack_v
-                        if u != in_u or v != in_v:
+                        if (u != in_u or v != in_v) and (contracts or is_owner):
                             offer_border(
                                 i, u, v, t, n_dot_d, gain_u, gain_v, patch, ray, band, is_owner,
                                 rays, best,
@@ -290,12 +304,16 @@ def slow_solve(
                             i, u, v, t, n_dot_d, patch, ray, rays, best
                         ):  # fmt: skip
                             h_cut = min(h_cut, t * length)
+                    if contracts or is_owner:
                         continue
-        # --- halve the longer side in space, the nearer half on top
+        # --- halve the longer side, the nearer half on top
         if top + 2 > DEPTH - 1 or pieces >= MAX_PIECES:
             counters[GIVEN_UP] += 1
             best.doubt[i] = min(best.doubt[i], (h0 / length + shift) * to_world)
             break
+        if y1 - y0 < 2.0 * slop or (is_beside and y1 - y0 < THIN_BESIDE * reach):
+            side_u += deep_u
+            side_v += deep_v
         along_u = side_u >= side_v
         halve(net, nets[top + 1], degree_u, degree_v, along_u)
         for c in range(4):
