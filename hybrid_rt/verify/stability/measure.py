@@ -24,6 +24,7 @@ from hybrid_rt.verify.exact.truth import ExactScene, same_place
 from hybrid_rt.verify.judges.judge import compare
 from hybrid_rt.verify.judges.oracle import Truth, first_hits
 from hybrid_rt.verify.stability.row import Curve, Effort, Outcome
+from meshing import BezierPatches
 
 EPS = 2.0**-52
 BAND = 64 * EPS
@@ -252,7 +253,8 @@ def exact_verdict(
     """Judge hits by exact crossings, and check doubtful TANGENT verdicts a second time.
 
     The judge moves a ray in eight directions by one length. TANGENT is needless only if none of the
-    rays of `MOVES` has another first hit either. TANGENT is missing only if no surface lies within
+    rays of `MOVES` has another first hit either, and no corner of a patch lies within four bands of
+    the ray: seen edge-on it is a needle that moved rays miss. TANGENT is missing only if no surface lies within
     the band of the origin: there t > 0 itself is decided by rounding, and no mark is promised.
     """
     total = BatchVerdict()
@@ -260,13 +262,35 @@ def exact_verdict(
         row, o, d = hits[i : i + 1], origins[i : i + 1], directions[i : i + 1]
         left = None if leaves is None else leaves[i : i + 1]
         one = judge.judge(row, o, d, distance=np.array([near]), leaves=left)
-        if one.tangent_needlessly and _is_decided_nearby(judge.scene, o[0], d[0]):
+        if one.tangent_needlessly and (
+            _passes_a_corner(judge.scene, o[0], d[0]) or _is_decided_nearby(judge.scene, o[0], d[0])
+        ):
             one.tangent_needlessly, one.examples = 0, {}
         if one.unmarked and _begins_within_the_band(judge.scene, o[0], d[0]):
             one.unmarked, one.examples = 0, {}
         one.examples = {fault: [i] for fault in one.examples}
         total = total + one
     return total
+
+
+def _passes_a_corner(scene: ExactScene, o: FloatArray, d: FloatArray) -> bool:
+    """Tell whether the ray passes a corner of a Bezier patch within four bands."""
+    along = d / norm(d)
+    for k, surface in enumerate(scene.surfaces):
+        if isinstance(surface, BezierPatches):
+            away = (
+                np.concatenate(
+                    [
+                        net[:: len(net) - 1, :: len(net[0]) - 1].reshape(-1, 3)
+                        for net in surface.patches
+                    ]
+                )
+                - o
+            )
+            beside = away - np.outer(away @ along, along)
+            if (np.linalg.norm(beside, axis=1) <= 4.0 * scene.band(k, o, d, 0.0)).any():
+                return True
+    return False
 
 
 def _is_decided_nearby(scene: ExactScene, o: FloatArray, d: FloatArray) -> bool:
