@@ -10,7 +10,6 @@ from typing import Any, NamedTuple
 from hybrid_rt.shading.kernels.bsdf import scattered, sides_differ
 from hybrid_rt.shading.kernels.environment import sky_direction, sky_pdf, sky_radiance
 from hybrid_rt.shading.kernels.light_kinds import (
-    chosen_strength,
     has_area,
     light_point,
     light_strength,
@@ -80,11 +79,11 @@ def light_on_hits(
         is_sky = row == lights.kind.size
         if is_sky:
             x, y, z = sky_direction(sky, xi[i, 0], xi[i, 1])
-            distance = 1.0
+            distance, u, v = 1.0, 0.0, 0.0
             density = sky_pdf(sky, x, y, z)
             factor = 1.0 / density if density > 0.0 else 0.0
         else:
-            x, y, z, distance, factor = light_point(
+            x, y, z, distance, factor, u, v = light_point(
                 lights, points, i, row, px, py, pz, xi[i, 0], xi[i, 1]
             )
         if factor == 0.0 or sides_differ(geometric, normal, i, direction, x, y, z):
@@ -100,9 +99,7 @@ def light_on_hits(
         if is_sky:
             p, q, s = sky_radiance(sky, x, y, z)
         else:
-            p, q, s = chosen_strength(
-                lights, textures, points, i, row, xi[i, 0], xi[i, 1], px + x, py + y, pz + z
-            )
+            p, q, s = light_strength(lights, textures, row, u, v, px + x, py + y, pz + z)
         if strategy != UNWEIGHTED:
             chance = lights.chance[row]
             factor /= chance

@@ -14,6 +14,7 @@ from typing import Any, NamedTuple
 
 from hybrid_rt.core.kernels.compensated import two_difference
 from hybrid_rt.core.kernels.sphere_points import onto_sphere, power_of_point
+from hybrid_rt.shading.kernels.parallelogram import even_point, is_far, solid_angle
 from hybrid_rt.shading.kernels.texture import texture_color
 from hybrid_rt.shading.kernels.warp import onto_axis
 from meshing.kernels.jit import inlined
@@ -67,33 +68,46 @@ def light_point(lights, points, i, row, px, py, pz, s, t):
     """Sample a point of a light by (s, t) in [0, 1)^2, as seen from p.
 
     Row i of ``points`` is the sampled point of a light of kind `SURFACE`. Returns the vector from p
-    to the point, its length, and the factor that turns the light's strength into irradiance at
-    normal incidence: 1 / distance^2 for a point, times its share for a spot; one over the pdf per
-    solid angle for area lights (rectangle: cos_light area / distance^2; sphere: its solid angle),
-    so the estimate is unbiased. Zero behind the light, outside a spot's cone, inside spheres.
+    to the point, its length, the factor that turns the light's strength into irradiance at normal
+    incidence, and the point's parameters (u, v). The factor is 1 / distance^2 for a point, times its
+    share for a spot; one over the pdf per solid angle for area lights (sphere, near rectangle: its
+    solid angle; far rectangle: cos_light area / distance^2), so the estimate is unbiased. Zero
+    behind the light, outside a spot's cone, inside spheres.
     """
     kind = lights.kind[row]
     if kind == SURFACE:
         return _surface_point(points, i, px, py, pz)
     if kind == SPHERE:
         return _sphere_point(lights, row, px, py, pz, s, t)
-    ax, ay, az = lights.edge_u[row, 0], lights.edge_u[row, 1], lights.edge_u[row, 2]
-    bx, by, bz = lights.edge_v[row, 0], lights.edge_v[row, 1], lights.edge_v[row, 2]
-    x, y, z = lights.origin[row, 0] - px, lights.origin[row, 1] - py, lights.origin[row, 2] - pz
     if kind == RECTANGLE:
-        x, y, z = x + s * ax + t * bx, y + s * ay + t * by, z + s * az + t * bz
+        return _rectangle_point(lights, row, px, py, pz, s, t)
+    x, y, z = lights.origin[row, 0] - px, lights.origin[row, 1] - py, lights.origin[row, 2] - pz
     square = x * x + y * y + z * z
     distance = math.sqrt(square)
     if square == 0.0:
-        return x, y, z, distance, 0.0
+        return x, y, z, distance, 0.0, s, t
     factor = 1.0 / square
-    if kind == RECTANGLE:
+    if kind == SPOT:
+        factor *= _spot_share(lights, row, -x / distance, -y / distance, -z / distance)
+    return x, y, z, distance, factor, s, t
+
+
+@inlined
+def _rectangle_point(lights, row, px, py, pz, s, t):
+    """Choose a point evenly by solid angle, of a far rectangle by area; see `light_point`."""
+    ax, ay, az = lights.edge_u[row, 0], lights.edge_u[row, 1], lights.edge_u[row, 2]
+    bx, by, bz = lights.edge_v[row, 0], lights.edge_v[row, 1], lights.edge_v[row, 2]
+    x, y, z = lights.origin[row, 0] - px, lights.origin[row, 1] - py, lights.origin[row, 2] - pz
+    if is_far(x, y, z, ax, ay, az, bx, by, bz):
+        x, y, z = x + s * ax + t * bx, y + s * ay + t * by, z + s * az + t * bz
+        square = x * x + y * y + z * z
+        distance = math.sqrt(square)
         # Edge_u x edge_v is the normal times the area.
         nx, ny, nz = ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
-        factor *= max(-(nx * x + ny * y + nz * z), 0.0) / distance
-    elif kind == SPOT:
-        factor *= _spot_share(lights, row, -x / distance, -y / distance, -z / distance)
-    return x, y, z, distance, factor
+        factor = max(-(nx * x + ny * y + nz * z), 0.0) / (square * distance)
+        return x, y, z, distance, factor, s, t
+    x, y, z, u, v, factor = even_point(x, y, z, ax, ay, az, bx, by, bz, s, t)
+    return x, y, z, math.sqrt(x * x + y * y + z * z), factor, u, v
 
 
 @inlined
@@ -120,7 +134,7 @@ def _sphere_point(lights, row, px, py, pz, s, t):
     x, y, z = lights.origin[row, 0] - px, lights.origin[row, 1] - py, lights.origin[row, 2] - pz
     square, power, cone = _sphere_seen(lights, row, px, py, pz)
     if power == 0.0:
-        return 0.0, 0.0, 0.0, 0.0, 0.0
+        return 0.0, 0.0, 0.0, 0.0, 0.0, s, t
     distance = math.sqrt(square)
     less = s * cone  # 1 - cos of the angle from the axis
     sine2 = less * (2.0 - less)
@@ -133,7 +147,7 @@ def _sphere_point(lights, row, px, py, pz, s, t):
     foot = x * wx + y * wy + z * wz
     far = foot + math.sqrt(max(radius * radius - square * sine2, 0.0))
     along = power / far
-    return along * wx, along * wy, along * wz, along, 2.0 * math.pi * cone
+    return along * wx, along * wy, along * wz, along, 2.0 * math.pi * cone, s, t
 
 
 @inlined
@@ -147,8 +161,9 @@ def _surface_point(points, i, px, py, pz):
     distance = math.sqrt(square)
     facing = -(points.normal[i, 0] * x + points.normal[i, 1] * y + points.normal[i, 2] * z)
     if facing <= 0.0 or points.pdf_area[i] <= 0.0:
-        return x, y, z, distance, 0.0
-    return x, y, z, distance, facing / (distance * square * points.pdf_area[i])
+        return x, y, z, distance, 0.0, points.u[i], points.v[i]
+    factor = facing / (distance * square * points.pdf_area[i])
+    return x, y, z, distance, factor, points.u[i], points.v[i]
 
 
 @inlined
@@ -161,7 +176,7 @@ def light_strength(lights, textures, row, u, v, x, y, z):
 
 @inlined
 def chosen_strength(lights, textures, points, i, row, s, t, x, y, z):
-    """Return the strength of a light at the point (x, y, z) sampled by (s, t)."""
+    """Return the strength of a light at the point (x, y, z) that `leaving_point` chose by (s, t)."""
     u, v = s, t
     if lights.kind[row] == SURFACE:
         u, v = points.u[i], points.v[i]
@@ -180,6 +195,13 @@ def pdf_of_light(lights, row, ox, oy, oz, t, cosine, pdf_area):
     if lights.kind[row] == SPHERE:
         _, power, cone = _sphere_seen(lights, row, ox, oy, oz)
         return 1.0 / (2.0 * math.pi * cone) if power > 0.0 else 0.0
+    if lights.kind[row] == RECTANGLE:
+        ax, ay, az = lights.edge_u[row, 0], lights.edge_u[row, 1], lights.edge_u[row, 2]
+        bx, by, bz = lights.edge_v[row, 0], lights.edge_v[row, 1], lights.edge_v[row, 2]
+        x, y, z = lights.origin[row, 0] - ox, lights.origin[row, 1] - oy, lights.origin[row, 2] - oz
+        if not is_far(x, y, z, ax, ay, az, bx, by, bz):
+            angle = solid_angle(x, y, z, ax, ay, az, bx, by, bz)
+            return 1.0 / angle if angle > 0.0 else 0.0
     return pdf_of_area(lights, row, pdf_area) * t * t / cosine
 
 

@@ -21,7 +21,9 @@ def light_point(lights, row, *where):
 
 
 def test_point_light_falls_off_with_the_square():
-    x, y, z, distance, factor = light_point(table(POINT, (0, 0, 4)), 0, 0.0, 3.0, 0.0, 0.3, 0.6)
+    x, y, z, distance, factor, _, _ = light_point(
+        table(POINT, (0, 0, 4)), 0, 0.0, 3.0, 0.0, 0.3, 0.6
+    )
     assert (x, y, z, distance) == (0, -3, 4, 5)
     assert factor == pytest.approx(1 / 25, rel=1e-15)
 
@@ -33,7 +35,9 @@ def test_light_in_the_lit_point_gives_nothing():
 def test_back_of_a_rectangle_is_dark():
     lights = table(RECTANGLE, (-1, -1, 2), (2, 0, 0), (0, 2, 0))  # shines upward
     assert light_point(lights, 0, 0.0, 0.0, 0.0, 0.5, 0.5)[4] == 0.0
-    assert light_point(lights, 0, 0.0, 0.0, 4.0, 0.5, 0.5)[4] == pytest.approx(1.0)
+    # Two above the middle of a square of side two: four corners of 1 x 1.
+    angle = 4.0 * math.atan(1.0 / (2.0 * math.sqrt(6.0)))
+    assert light_point(lights, 0, 0.0, 0.0, 4.0, 0.5, 0.5)[4] == pytest.approx(angle, rel=1e-14)
 
 
 def irradiance_of_corner(a, b, height):
@@ -53,7 +57,7 @@ def test_irradiance_of_a_rectangle_is_the_closed_form():
     for i in range(n):
         for j in range(n):
             s, t = (i + 0.5) / n, (j + 0.5) / n
-            _, _, z, distance, factor = light_point(lights, 0, 0.0, 0.0, 0.0, s, t)
+            _, _, z, distance, factor, _, _ = light_point(lights, 0, 0.0, 0.0, 0.0, s, t)
             total += factor * z / distance
     # Midpoint rule, error proportional to 1 / n^2.
     assert total / n**2 == pytest.approx(irradiance_of_corner(a, b, height), rel=1e-4)

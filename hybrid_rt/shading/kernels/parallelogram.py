@@ -1,0 +1,211 @@
+"""Parallelograms sampled evenly by solid angle, as seen from a point.
+
+As Urena, Fajardo and King, "An area-preserving parametrization for spherical rectangles", EGSR
+2013: one random number chooses a line across the lamp, another a point of that line, by a map that
+is continuous and keeps ratios of solid angles, so points of low discrepancy stay so. The formulas
+are other ones: they hold for edges at any angle, and lose no digits where the solid angle is small.
+
+The frame: x along the longer edge, y across it, h the distance to the plane; the longer edge is one.
+Between its two long sides, at y0 and y1, a line parallel to the short edges meets the sides at a and
+b. The part of the strip beyond it, to x = infinity, is a spherical triangle with the corners a, b and
+the direction x. Let E be its solid angle (Van Oosterom and Strackee, "The solid angle of a plane
+triangle", 1983)::
+
+    cot(E / 2) = (k + m) / (h (y1 - y0)),  k = (|a| + a_x) (|b| + b_x),  m = h^2 + y0 y1
+
+So E, linear in the first random number, gives k, and k gives the line by a quadratic equation. On a
+line at distance d the solid angle is linear in the sine z / sqrt(d^2 + z^2).
+"""
+
+import math
+
+from meshing.kernels.jit import inlined
+
+# A lamp farther away than this many times sqrt(|edge_u|^2 + |edge_v|^2), for a rectangle its
+# diagonal, is sampled by area. Over it 1 / distance^3, all that the two densities differ by, stays
+# within a tenth of its mean, and differences of its coordinates keep all but two of their digits.
+FAR = 16.0
+
+# Nearer to its plane than this, in longer edges, a lamp is seen as from there: squares of squares of
+# distances do not underflow. What it sends changes by as much at most.
+NEAREST = 1e-60
+
+
+@inlined
+def is_far(x, y, z, ax, ay, az, bx, by, bz):
+    """Tell whether a parallelogram with corner (x, y, z), seen from 0, is to be sampled by area."""
+    cx, cy, cz = x + 0.5 * (ax + bx), y + 0.5 * (ay + by), z + 0.5 * (az + bz)
+    size = ax * ax + ay * ay + az * az + bx * bx + by * by + bz * bz
+    return cx * cx + cy * cy + cz * cz > FAR * FAR * size
+
+
+@inlined
+def solid_angle(x, y, z, ax, ay, az, bx, by, bz):
+    """Return the solid angle of a parallelogram, seen from 0; 0 from its back.
+
+    Parameters
+    ----------
+    x, y, z : float
+        Its corner.
+    ax, ay, az, bx, by, bz : float
+        Its edges a and b; the front is on the side of a x b.
+    """
+    if ax * ax + ay * ay + az * az >= bx * bx + by * by + bz * bz:
+        frame = _frame(x, y, z, ax, ay, az, bx, by, bz, 1.0)
+    else:
+        frame = _frame(x, y, z, bx, by, bz, ax, ay, az, -1.0)
+    _, _, _, _, x0, y0, width, slant, h, _ = frame
+    if h <= 0.0:
+        return 0.0
+    return 2.0 * _between(x0, y0, width, slant, h)[0]
+
+
+@inlined
+def even_point(x, y, z, ax, ay, az, bx, by, bz, s, t):
+    """Sample a point of a parallelogram evenly by solid angle, by (s, t) in [0, 1)^2; seen from 0.
+
+    Returns the point, its coordinates along a and b in [0, 1], and the solid angle; see
+    `solid_angle` for the arguments. From the back all are zero.
+    """
+    if ax * ax + ay * ay + az * az >= bx * bx + by * by + bz * bz:
+        px, py, pz, u, v, angle = _even_point(x, y, z, ax, ay, az, bx, by, bz, 1.0, s, t)
+    else:
+        px, py, pz, v, u, angle = _even_point(x, y, z, bx, by, bz, ax, ay, az, -1.0, t, s)
+    return px, py, pz, u, v, angle
+
+
+@inlined
+def _even_point(x, y, z, ax, ay, az, bx, by, bz, side, s, t):
+    """Do as `even_point` with a the longer edge; ``side`` -1: the front is that of b x a."""
+    along, across, length, sign, x0, y0, width, slant, h, normal = _frame(
+        x, y, z, ax, ay, az, bx, by, bz, side
+    )
+    if h <= 0.0:
+        return 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    half, last, low, high = _between(x0, y0, width, slant, h)
+    beyond = half * (1.0 - s if sign > 0.0 else s)
+    x = min(max(_line_beyond(beyond, last, low, high, y0, width, slant, h), x0), x0 + 1.0)
+    v = _along_line(x, y0, width, slant, h, t)
+    u = x - x0 if sign > 0.0 else x0 + 1.0 - x
+    i, j, k = length * (x + v * slant), length * (y0 + v * width), -length * h
+    return (
+        i * along[0] + j * across[0] + k * normal[0],
+        i * along[1] + j * across[1] + k * normal[1],
+        i * along[2] + j * across[2] + k * normal[2],
+        u, v, 2.0 * half,
+    )  # fmt: skip
+
+
+@inlined
+def _frame(x, y, z, ax, ay, az, bx, by, bz, side):
+    """Return the frame of a parallelogram whose longer edge is a, in lengths of that edge.
+
+    Returns
+    -------
+    along, across : three floats each
+        Unit, x and y. x points to the side where most of the lamp lies: E is small there.
+    length, sign : float
+        Of the longer edge; -1: x points against it.
+    x0, y0 : float
+        The corner with the least x of the side with the least y.
+    width : float
+        y1 - y0.
+    slant : float
+        By how much the other side is ahead in x.
+    h : float
+        Height above the front, at least `NEAREST`; negative or 0: not before it.
+    normal : three floats
+        Unit, of the front.
+    """
+    length = math.sqrt(ax * ax + ay * ay + az * az)
+    one = 1.0 / length
+    ax, ay, az, bx, by, bz = one * ax, one * ay, one * az, one * bx, one * by, one * bz
+    x, y, z = one * x, one * y, one * z
+    nx, ny, nz = ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
+    width = math.sqrt(nx * nx + ny * ny + nz * nz)
+    nx, ny, nz = nx / width, ny / width, nz / width
+    cx, cy, cz = ny * az - nz * ay, nz * ax - nx * az, nx * ay - ny * ax
+    x0, y0 = ax * x + ay * y + az * z, cx * x + cy * y + cz * z
+    slant = ax * bx + ay * by + az * bz
+    h = -side * (nx * x + ny * y + nz * z)
+    if h > 0.0:
+        h = max(h, NEAREST)
+    sign = 1.0
+    if x0 + 0.5 + 0.5 * slant < 0.0:
+        sign, x0, slant = -1.0, -(x0 + 1.0), -slant
+    along, across = (sign * ax, sign * ay, sign * az), (cx, cy, cz)
+    normal = (side * nx, side * ny, side * nz)
+    return along, across, length, sign, x0, y0, width, slant, h, normal
+
+
+@inlined
+def _between(x0, y0, width, slant, h):
+    """Return half the solid angle between the ends, k + m of the last, and k of the first and last."""
+    y1 = y0 + width
+    r0, r1 = math.sqrt(y0 * y0 + h * h), math.sqrt(y1 * y1 + h * h)
+    across = h * width
+    # r0 r1 + m, where r0^2 r1^2 - m^2 = across^2.
+    more = h * h + y0 * y1
+    more = r0 * r1 + more if more >= 0.0 else across * across / (r0 * r1 - more)
+    low, first = _cut(x0, slant, r0, r1, more)
+    high, last = _cut(x0 + 1.0, slant, r0, r1, more)
+    half = math.atan2(across * (high - low), first * last + across * across)
+    return half, last, low, high
+
+
+@inlined
+def _cut(x, slant, r0, r1, more):
+    """Return k and k + m of the line from x, without cancellation; ``more`` is r0 r1 + m."""
+    a, a_less = _sum_with_distance(x, r0)
+    b, b_less = _sum_with_distance(x + slant, r1)
+    return a * b, a * b_less + r1 * a_less + more
+
+
+@inlined
+def _sum_with_distance(x, r):
+    """Return x + sqrt(x^2 + r^2), and how much that is above r."""
+    size = abs(x)
+    distance = math.sqrt(x * x + r * r)
+    more = size * (1.0 + size / (distance + r))
+    if x >= 0.0:
+        return size + distance, more
+    a = r / (size + distance)
+    return r * a, -a * more
+
+
+@inlined
+def _line_beyond(half, last, low, high, y0, width, slant, h):
+    """Return the x where the line starts that has ``half`` of E between itself and the last one."""
+    sine, cosine = math.sin(half), math.cos(half)
+    across, y1 = h * width, y0 + width
+    below = across * cosine + last * sine
+    k = low
+    if below > 0.0:
+        k = across * (last * cosine - across * sine) / below - (h * h + y0 * y1)
+        k = min(max(k, low), high)
+    p, q = k + y0 * y0 + h * h, k + y1 * y1 + h * h
+    root = math.sqrt(slant * slant + p * q / k)
+    a = p / (root + slant) if slant >= 0.0 else k * (root - slant) / q
+    return 0.5 * (a - (y0 * y0 + h * h) / a)
+
+
+@inlined
+def _along_line(x, y0, width, slant, h, t):
+    """Choose a point of the line from x by t; return which part of the line lies before it."""
+    length = math.sqrt(slant * slant + width * width)
+    z0, foot = (x * slant + y0 * width) / length, (x * width - y0 * slant) / length
+    square = foot * foot + h * h
+    less0, more0 = _beside_one(z0, square)
+    less1, more1 = _beside_one(z0 + length, square)
+    less, more = (1.0 - t) * less0 + t * less1, (1.0 - t) * more0 + t * more1
+    z = math.sqrt(square) * 0.5 * (more - less) / math.sqrt(less * more)
+    return min(max((z - z0) / length, 0.0), 1.0)
+
+
+@inlined
+def _beside_one(z, square):
+    """Return 1 - s and 1 + s of the sine s = z / sqrt(square + z^2), both to the last digits."""
+    distance = math.sqrt(square + z * z)
+    large = 1.0 + abs(z) / distance
+    small = square / (distance * (distance + abs(z)))
+    return (small, large) if z >= 0.0 else (large, small)
