@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 
 from hybrid_rt.core.kernels.compensated import two_difference
 from hybrid_rt.core.kernels.sphere_points import onto_sphere, power_of_point
-from hybrid_rt.shading.kernels.parallelogram import even_point, is_far, solid_angle
+from hybrid_rt.shading.kernels.parallelogram import even_point, is_even, solid_angle
 from hybrid_rt.shading.kernels.texture import texture_color
 from hybrid_rt.shading.kernels.warp import onto_axis
 from meshing.kernels.jit import inlined
@@ -70,8 +70,8 @@ def light_point(lights, points, i, row, px, py, pz, s, t):
     Row i of ``points`` is the sampled point of a light of kind `SURFACE`. Returns the vector from p
     to the point, its length, the factor that turns the light's strength into irradiance at normal
     incidence, and the point's parameters (u, v). The factor is 1 / distance^2 for a point, times its
-    share for a spot; one over the pdf per solid angle for area lights (sphere, near rectangle: its
-    solid angle; far rectangle: cos_light area / distance^2), so the estimate is unbiased. Zero
+    share for a spot; one over the pdf per solid angle for area lights (sphere, rectangle: its solid
+    angle; far rectangle: cos_light area / distance^2), so the estimate is unbiased. Zero
     behind the light, outside a spot's cone, inside spheres.
     """
     kind = lights.kind[row]
@@ -98,7 +98,7 @@ def _rectangle_point(lights, row, px, py, pz, s, t):
     ax, ay, az = lights.edge_u[row, 0], lights.edge_u[row, 1], lights.edge_u[row, 2]
     bx, by, bz = lights.edge_v[row, 0], lights.edge_v[row, 1], lights.edge_v[row, 2]
     x, y, z = lights.origin[row, 0] - px, lights.origin[row, 1] - py, lights.origin[row, 2] - pz
-    if is_far(x, y, z, ax, ay, az, bx, by, bz):
+    if is_even(x, y, z, ax, ay, az, bx, by, bz):
         x, y, z = x + s * ax + t * bx, y + s * ay + t * by, z + s * az + t * bz
         square = x * x + y * y + z * z
         distance = math.sqrt(square)
@@ -199,7 +199,7 @@ def pdf_of_light(lights, row, ox, oy, oz, t, cosine, pdf_area):
         ax, ay, az = lights.edge_u[row, 0], lights.edge_u[row, 1], lights.edge_u[row, 2]
         bx, by, bz = lights.edge_v[row, 0], lights.edge_v[row, 1], lights.edge_v[row, 2]
         x, y, z = lights.origin[row, 0] - ox, lights.origin[row, 1] - oy, lights.origin[row, 2] - oz
-        if not is_far(x, y, z, ax, ay, az, bx, by, bz):
+        if not is_even(x, y, z, ax, ay, az, bx, by, bz):
             angle = solid_angle(x, y, z, ax, ay, az, bx, by, bz)
             return 1.0 / angle if angle > 0.0 else 0.0
     return pdf_of_area(lights, row, pdf_area) * t * t / cosine
