@@ -54,14 +54,8 @@ def solid_angle(x, y, z, ax, ay, az, bx, by, bz):
     ax, ay, az, bx, by, bz : float
         Its edges a and b; the front is on the side of a x b.
     """
-    if ax * ax + ay * ay + az * az >= bx * bx + by * by + bz * bz:
-        frame = _frame(x, y, z, ax, ay, az, bx, by, bz, 1.0)
-    else:
-        frame = _frame(x, y, z, bx, by, bz, ax, ay, az, -1.0)
-    _, _, _, _, x0, y0, width, slant, h, _ = frame
-    if h <= 0.0:
-        return 0.0
-    return 2.0 * _between(x0, y0, width, slant, h)[0]
+    _, _, _, _, _, x0, y0, width, slant, h, _ = _frame(x, y, z, ax, ay, az, bx, by, bz)
+    return 2.0 * _between(x0, y0, width, slant, h)[0] if h > 0.0 else 0.0
 
 
 @inlined
@@ -71,27 +65,21 @@ def even_point(x, y, z, ax, ay, az, bx, by, bz, s, t):
     Returns the point, its coordinates along a and b in [0, 1], and the solid angle; see
     `solid_angle` for the arguments. From the back all are zero.
     """
-    if ax * ax + ay * ay + az * az >= bx * bx + by * by + bz * bz:
-        px, py, pz, u, v, angle = _even_point(x, y, z, ax, ay, az, bx, by, bz, 1.0, s, t)
-    else:
-        px, py, pz, v, u, angle = _even_point(x, y, z, bx, by, bz, ax, ay, az, -1.0, t, s)
-    return px, py, pz, u, v, angle
-
-
-@inlined
-def _even_point(x, y, z, ax, ay, az, bx, by, bz, side, s, t):
-    """Do as `even_point` with a the longer edge; ``side`` -1: the front is that of b x a."""
-    along, across, length, sign, x0, y0, width, slant, h, normal = _frame(
-        x, y, z, ax, ay, az, bx, by, bz, side
+    side, along, across, length, sign, x0, y0, width, slant, h, normal = _frame(
+        x, y, z, ax, ay, az, bx, by, bz
     )
     if h <= 0.0:
         return 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    if side < 0.0:
+        s, t = t, s
     half, last, low, high = _between(x0, y0, width, slant, h)
     beyond = half * (1.0 - s if sign > 0.0 else s)
     x = min(max(_line_beyond(beyond, last, low, high, y0, width, slant, h), x0), x0 + 1.0)
     v = _along_line(x, y0, width, slant, h, t)
     u = x - x0 if sign > 0.0 else x0 + 1.0 - x
     i, j, k = length * (x + v * slant), length * (y0 + v * width), -length * h
+    if side < 0.0:
+        u, v = v, u
     return (
         i * along[0] + j * across[0] + k * normal[0],
         i * along[1] + j * across[1] + k * normal[1],
@@ -101,11 +89,13 @@ def _even_point(x, y, z, ax, ay, az, bx, by, bz, side, s, t):
 
 
 @inlined
-def _frame(x, y, z, ax, ay, az, bx, by, bz, side):
-    """Return the frame of a parallelogram whose longer edge is a, in lengths of that edge.
+def _frame(x, y, z, ax, ay, az, bx, by, bz):
+    """Return the frame of a parallelogram, in lengths of its longer edge.
 
     Returns
     -------
+    side : float
+        1: the longer edge is a; -1: b.
     along, across : three floats each
         Unit, x and y. x points to the side where most of the lamp lies: E is small there.
     length, sign : float
@@ -121,17 +111,21 @@ def _frame(x, y, z, ax, ay, az, bx, by, bz, side):
     normal : three floats
         Unit, of the front.
     """
-    length = math.sqrt(ax * ax + ay * ay + az * az)
-    one = 1.0 / length
-    ax, ay, az, bx, by, bz = one * ax, one * ay, one * az, one * bx, one * by, one * bz
-    x, y, z = one * x, one * y, one * z
+    side = 1.0
+    if ax * ax + ay * ay + az * az < bx * bx + by * by + bz * bz:
+        side, ax, ay, az, bx, by, bz = -1.0, bx, by, bz, ax, ay, az
+    square = ax * ax + ay * ay + az * az
     nx, ny, nz = ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
-    width = math.sqrt(nx * nx + ny * ny + nz * nz)
-    one = 1.0 / width
-    nx, ny, nz = one * nx, one * ny, one * nz
+    length, area = math.sqrt(square), math.sqrt(nx * nx + ny * ny + nz * nz)
+    # One division for all: they and the roots take most of the time.
+    by_both = 1.0 / (length * area)
+    one, by_area = by_both * area, by_both * length
+    width, slant = area * one * one, (ax * bx + ay * by + az * bz) * one * one
+    ax, ay, az = one * ax, one * ay, one * az
+    nx, ny, nz = by_area * nx, by_area * ny, by_area * nz
+    x, y, z = one * x, one * y, one * z
     cx, cy, cz = ny * az - nz * ay, nz * ax - nx * az, nx * ay - ny * ax
     x0, y0 = ax * x + ay * y + az * z, cx * x + cy * y + cz * z
-    slant = ax * bx + ay * by + az * bz
     h = -side * (nx * x + ny * y + nz * z)
     if h > 0.0:
         h = max(h, NEAREST)
@@ -140,7 +134,7 @@ def _frame(x, y, z, ax, ay, az, bx, by, bz, side):
         sign, x0, slant = -1.0, -(x0 + 1.0), -slant
     along, across = (sign * ax, sign * ay, sign * az), (cx, cy, cz)
     normal = (side * nx, side * ny, side * nz)
-    return along, across, length, sign, x0, y0, width, slant, h, normal
+    return side, along, across, length, sign, x0, y0, width, slant, h, normal
 
 
 @inlined
@@ -187,12 +181,10 @@ def _beyond(x, r):
 def _line_beyond(half, last, low, high, y0, width, slant, h):
     """Return the x where the line starts that has ``half`` of E between itself and the last one."""
     across, y1 = h * width, y0 + width
-    sine, cosine = math.sin(half), math.cos(half)
-    below = across * cosine + last * sine
-    k = low
-    if below > 0.0:
-        k = across * (last * cosine - across * sine) / below - (h * h + y0 * y1)
-        k = min(max(k, low), high)
+    # Of the sums of angles, last and half, by their cotangent and tangent.
+    tangent = math.tan(half)
+    k = across * (last - across * tangent) / (across + last * tangent) - (h * h + y0 * y1)
+    k = min(max(k, low), high)
     # With a = |a| + a_x: (k + r1^2) a^2 + 2 slant k a = k (k + r0^2).
     square = y0 * y0 + h * h
     p, q = k + square, k + y1 * y1 + h * h
