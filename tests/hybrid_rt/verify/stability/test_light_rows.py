@@ -7,24 +7,11 @@ from hybrid_rt.verify.stability.row import IDS, NOT_BUILT, Effort, all_rows
 LIGHT = {
     row_id: entry for row_id, entry in all_rows().items() if ".rows_light_" in entry.run.__module__
 }
-# What does not hold, and why; a row that begins to hold must leave this list.
-FAILS = {
-    "L04": "squares far wider than their distance: sampled by area, the error that is stated is 0",
-    "L05": "squares far nearer than they are wide: the same",
-}
 
 pytestmark = [pytest.mark.statistical, pytest.mark.slow]
 
 
-@pytest.mark.parametrize(
-    "row_id",
-    [
-        pytest.param(row_id, marks=pytest.mark.xfail(reason=FAILS[row_id], strict=True))
-        if row_id in FAILS
-        else row_id
-        for row_id in LIGHT
-    ],
-)
+@pytest.mark.parametrize("row_id", LIGHT)
 def test_row_holds(row_id):
     outcome = LIGHT[row_id].run(Effort(0.04))
     assert outcome.rays > 0
