@@ -153,6 +153,12 @@ def _add_render_options(parser: argparse.ArgumentParser) -> None:
         metavar="E",
         help="stop at this estimated relative error of the picture (0.01: one per cent)",
     )
+    parser.add_argument(
+        "--target-error-trimmed",
+        type=float,
+        metavar="E",
+        help="stop at this error without the worst 0.1 %% of the pixels",
+    )
     parser.add_argument("--seed", type=int, default=0, metavar="S")
     parser.add_argument("--threads", type=int, metavar="N", help="default: all cores")
     parser.add_argument(
@@ -232,6 +238,7 @@ def _render(load: Callable[[], tuple[Scene, str]], name: str, options: argparse.
         "passes": options.passes,
         "time_budget": options.time_budget,
         "target_error": options.target_error,
+        "target_error_trimmed": options.target_error_trimmed,
         "seed": options.seed,
         "threads": options.threads,
         "accuracy": options.accuracy,

@@ -6,6 +6,7 @@ measured on a busy machine.
 
 from __future__ import annotations
 
+import math
 import threading
 import time
 from contextlib import suppress
@@ -37,9 +38,15 @@ class TerminalProgress:
         self._is_open = False
         self._error = ""
 
-    def note_error(self, error: float) -> None:
-        """Show this relative error of the picture from now on."""
-        self._error = f", error {per_cent(error)}"
+    def note_error(self, error: float, trimmed: float, is_limit: bool) -> None:
+        """Show this relative error of the picture from now on; see `Progress`."""
+        if not math.isfinite(error):
+            self._error = ", error unknown"
+            return
+        at_most = "at most " if is_limit else ""
+        self._error = f", error {at_most}{per_cent(error)}"
+        if per_cent(trimmed) != per_cent(error):
+            self._error += f" ({per_cent(trimmed)} without the worst 0.1 % of pixels)"
 
     def note_out_of_reach(self, blur: float) -> None:
         """Show next to the error that the target cannot be reached."""

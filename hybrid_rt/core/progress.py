@@ -22,9 +22,10 @@ Say = Callable[[str], None]
 class Progress(Protocol):
     """The callback for the progress of a render.
 
-    Two further methods are optional: ``note_error`` is called with the picture's estimated relative
-    error; ``note_out_of_reach`` is called with the blur if that keeps the target error out of reach
-    for any number of passes.
+    Two further methods are optional. ``note_error(error, trimmed, is_limit)`` is called with the
+    picture's estimated relative error, over all pixels and without the worst 0.1 %; ``is_limit``:
+    the blur in them is an upper limit, not an estimate. ``note_out_of_reach(blur)`` is called with
+    the blur if that keeps every target error out of reach for any number of passes.
     """
 
     def __call__(self, stage: str, done: int, total: int) -> None:

@@ -44,6 +44,8 @@ class Limit:
     target_error : float or None
         Estimated relative error of the picture (noise and blur), above 0. If no limit is given, 16
         passes are made.
+    target_error_trimmed : float or None
+        The same for the error without the worst 0.1 % of the pixels.
     """
 
     def __init__(
@@ -51,22 +53,29 @@ class Limit:
         passes: int | None,
         time_budget: float | None,
         target_error: float | None = None,
+        target_error_trimmed: float | None = None,
     ) -> None:
         if passes is not None:
             checks.whole(passes, "passes", at_least=1, up_to=MOST_PASSES)
         if time_budget is not None:
             checks.number(time_budget, "time_budget", above=0.0)
-        if target_error is not None:
-            checks.number(target_error, "target_error", above=0.0)
-        if passes is None and time_budget is None and target_error is None:
+        self.targets: dict[str, float] = {}
+        for name, target in (
+            ("target_error", target_error),
+            ("target_error_trimmed", target_error_trimmed),
+        ):
+            if target is not None:
+                self.targets[name] = checks.number(target, name, above=0.0)
+        if passes is None and time_budget is None and not self.targets:
             passes = DEFAULT_PASSES
         self.passes = passes
         self.time_budget = time_budget
-        self.target_error = target_error
         self._longest = 0.0
         self._pass_began = 0.0
         self._n_began = 0
-        self._noise, self._blur = math.inf, 0.0
+        # The noise that each target is about.
+        self._noise = dict.fromkeys(("target_error", "target_error_trimmed"), math.inf)
+        self._blur = 0.0
         self._power, self._blur_stays = 1.0, False
         self._n_of_error = 0
 
@@ -84,7 +93,7 @@ class Limit:
             return 0
         if self.passes is not None:
             at_most = min(at_most, self.passes - n_done)
-        if self.target_error is not None:
+        if self.targets:
             at_most = min(at_most, self.next_estimate() - n_done)
         if self.time_budget is not None:
             # The first pass alone tells how long one takes.
@@ -102,10 +111,9 @@ class Limit:
         """
         n = self._n_of_error
         if n == 0:
-            return 2 if self.target_error is None else RUN
-        share = 2.0
-        if self.target_error is not None and math.isfinite(self.error):
-            share = min(self.error / self.target_error, share)
+            return RUN if self.targets else 2
+        ratios = [self._error(name) / target for name, target in self.targets.items()]
+        share = min([2.0, *(ratio for ratio in ratios if math.isfinite(ratio))])
         return max(int(n * share) // RUN * RUN, n + RUN)
 
     def note_error(
@@ -114,35 +122,52 @@ class Limit:
         noise: float,
         blur: float = 0.0,
         *,
+        trimmed: float | None = None,
         power: float = 1.0,
         blur_stays: bool = False,
     ) -> None:
         """Record the estimated relative error of the picture after ``n_done`` passes.
 
-        ``power`` is the ``error_power`` of `hybrid_rt.integrators.Options`. The blur may be an
-        upper limit, or inf if unknown. ``blur_stays``: more passes do not reduce it.
+        ``trimmed`` is the noise without the worst pixels; by default ``noise``. ``power`` is the
+        ``error_power`` of `hybrid_rt.integrators.Options`. The blur may be an upper limit, or inf
+        if unknown. ``blur_stays``: more passes do not reduce it.
         """
-        self._n_of_error, self._noise, self._blur = n_done, noise, blur
+        self._n_of_error, self._blur = n_done, blur
+        self._noise["target_error"] = noise
+        self._noise["target_error_trimmed"] = noise if trimmed is None else trimmed
         self._power, self._blur_stays = power, blur_stays
 
     @property
     def error(self) -> float:
         """The latest estimate of the picture's relative error; inf if there is none."""
-        return math.hypot(self._noise, self._blur)
+        return self._error("target_error")
+
+    @property
+    def error_trimmed(self) -> float:
+        """The same without the worst pixels, with the blur of all."""
+        return self._error("target_error_trimmed")
+
+    def _error(self, name: str) -> float:
+        return math.hypot(self._noise[name], self._blur)
 
     @property
     def blur_out_of_reach(self) -> float | None:
-        """The blur, if it stays and is above the target and above twice the noise; else None."""
-        if self.target_error is None or not self._blur_stays:
+        """The blur, if it stays and keeps every target out of reach; else None.
+
+        It is above each target and above twice the noise then.
+        """
+        if not self.targets or not self._blur_stays:
             return None
-        return self._blur if self._blur > max(self.target_error, 2.0 * self._noise) else None
+        highest = max(max(target, 2.0 * self._noise[name]) for name, target in self.targets.items())
+        return self._blur if self._blur > highest else None
 
     def reached(self, n_done: int, seconds: float) -> str | None:
         """Return which limit allows no further pass, or None."""
-        if self.target_error is not None and self.error <= self.target_error:
-            return "target_error"
-        is_noise_known = math.isfinite(self._noise) and not math.isnan(self._blur)
-        if self.target_error is not None and self._n_of_error and not is_noise_known:
+        for name, target in self.targets.items():
+            if self._error(name) <= target:
+                return name
+        is_noise_known = math.isfinite(self._noise["target_error"]) and not math.isnan(self._blur)
+        if self.targets and self._n_of_error and not is_noise_known:
             return "not_finite"  # and never will be: what is in the sums stays
         # Passes would be added for ever, to no avail.
         is_alone = self.passes is None and self.time_budget is None
@@ -159,10 +184,11 @@ class Limit:
         expected = [] if self.passes is None else [self.passes]
         if self.time_budget is not None and self._longest > 0.0:
             expected.append(n_done + int((self.time_budget - self._pass_began) / self._longest))
-        if self.target_error is not None and math.isfinite(self.error):
-            stays = self._blur if self._blur_stays else 0.0
-            left = self.target_error**2 - stays**2
-            if left > 0.0:
-                more = (self.error**2 - stays**2) / left
+        stays = self._blur if self._blur_stays else 0.0
+        for name, target in self.targets.items():
+            error = self._error(name)
+            left = target**2 - stays**2
+            if left > 0.0 and math.isfinite(error):
+                more = (error**2 - stays**2) / left
                 expected.append(math.ceil(self._n_of_error * more ** (1.0 / self._power)))
         return max(min(expected, default=0), n_done + 1)

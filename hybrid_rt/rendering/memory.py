@@ -10,7 +10,8 @@ from hybrid_rt.rendering.channels import numbers_per_pixel
 from hybrid_rt.sensor.camera import Camera
 
 # Of each pixel: sums of four groups and of squares, one pass, the picture (as measured, 120); by
-# photons also the blur of each pixel and its squares (190).
+# photons also the blur of each pixel and its squares (190). What ranks pixels by their error takes
+# 24 while no pass is traced.
 PER_PIXEL, PER_PIXEL_WITH_PHOTONS = 120, 190
 # Of each photon of a pass, with its share of the tree, where most arrive somewhere (80 to 105).
 PER_PHOTON = 80

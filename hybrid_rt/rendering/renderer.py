@@ -90,6 +90,7 @@ def render(
     time_budget: float | None = None,
     target_error: float | None = None,
     *,
+    target_error_trimmed: float | None = None,
     seed: int = 0,
     threads: int | None = None,
     max_depth: int = 16,
@@ -118,10 +119,13 @@ def render(
     target_error : float, optional
         Passes are added until the picture's estimated relative root mean square error is at most
         this (0.01: one per cent), with no upper limit of its own. The error counts noise (see
-        `hybrid_rt.sensor.film.Film.relative_error`) and the blur of photons, but not what
-        ``max_depth`` cuts off nor the geometric error, which are in the report. If a blur that more
-        passes do not reduce is above the target, a render without another limit ends and reports
-        that.
+        `hybrid_rt.sensor.film.Film.relative_errors`) and the blur of photons, but not light that
+        the integrator does not find, nor what ``max_depth`` cuts off, nor the geometric error; those
+        are in the report. If a blur that more passes do not reduce is above the target, a render
+        without another limit ends and reports that.
+    target_error_trimmed : float, optional
+        The same for the noise without the worst 0.1 % of the pixels, which a few bright paths
+        (fireflies) can spoil in an otherwise good picture; with the blur of all pixels.
     seed : int
         Equal seeds and settings give equal pictures, bit for bit, for any number of threads.
     threads : int, optional
@@ -160,7 +164,15 @@ def render(
     declared = INTEGRATORS[checks.choice(integrator, "integrator", INTEGRATORS)]
     _check_options(declared, options)
     limit, names, sampler, n_threads = check_request(
-        passes, time_budget, target_error, seed, threads, accuracy, tolerance, outputs
+        passes,
+        time_budget,
+        target_error,
+        target_error_trimmed,
+        seed,
+        threads,
+        accuracy,
+        tolerance,
+        outputs,
     )
     checks.whole(max_depth, "max_depth", at_least=0, up_to=DEEPEST)
     if progress is not None and not callable(progress):
@@ -173,6 +185,7 @@ def render(
         "passes": passes,
         "time_budget": time_budget,
         "target_error": target_error,
+        "target_error_trimmed": target_error_trimmed,
         "seed": seed,
         "threads": threads,
         "max_depth": max_depth,
@@ -238,6 +251,7 @@ def check_request(
     passes: int | None,
     time_budget: float | None,
     target_error: float | None,
+    target_error_trimmed: float | None,
     seed: int,
     threads: int | None,
     accuracy: str,
@@ -256,7 +270,7 @@ def check_request(
         If a setting is unknown or out of range.
     """
     check_settings(accuracy, tolerance=tolerance)
-    limit = Limit(passes, time_budget, target_error)
+    limit = Limit(passes, time_budget, target_error, target_error_trimmed)
     return limit, check_names(outputs), Sampler(seed), Pool(threads).threads
 
 
@@ -279,7 +293,7 @@ def _run_passes(
     at_most = max(TOGETHER // n_pixels, 1)
     show_error = getattr(progress, "note_error", None)
     show_out_of_reach = getattr(progress, "note_out_of_reach", None)
-    watches_error = show_error is not None or limit.target_error is not None
+    watches_error = show_error is not None or bool(limit.targets)
     while n_together := limit.begins(film.n_passes, clock.seconds, at_most):
         n_before = n_pixels * film.n_passes
         n_expected = n_pixels * limit.expected_passes(film.n_passes)
@@ -296,15 +310,20 @@ def _run_passes(
                     film.add(radiance)
         if watches_error and film.n_passes >= limit.next_estimate():
             with workers.context.ledger.stage("noise"):
-                noise, blur = film.relative_error(), workers.blur(film.image)
+                noise, blur = film.relative_errors(), workers.blur(film.image)
             # A limit to the blur falls with more passes whatever the blur does.
             own: Options = workers.context.options
             stays = own.blur_stays and blur.relative is not None
             limit.note_error(
-                film.n_passes, noise, blur.counted, power=own.error_power, blur_stays=stays
+                film.n_passes,
+                noise.whole,
+                blur.counted,
+                trimmed=noise.trimmed,
+                power=own.error_power,
+                blur_stays=stays,
             )
             if show_error is not None:
-                show_error(limit.error)
+                show_error(limit.error, limit.error_trimmed, blur.relative is None)
             if show_out_of_reach is not None and limit.blur_out_of_reach is not None:
                 show_out_of_reach(limit.blur_out_of_reach)
     return limit.reached(film.n_passes, clock.seconds) or "passes"
@@ -317,11 +336,14 @@ def _relative_error(
     if noise is None:
         return None
     both = math.hypot(noise["relative_rmse"], blur.counted)
+    trimmed = math.hypot(noise["relative_rmse_trimmed"], blur.counted)
     return {
         "noise": noise["relative_rmse"],
+        "noise_trimmed": noise["relative_rmse_trimmed"],
         "blur": blur.relative,
         "blur_at_most": blur.relative_at_most,
         "both": both if blur.counted < math.inf else None,
+        "both_trimmed": trimmed if blur.counted < math.inf else None,
         "blur_stays": blur_stays,
     }
 

@@ -12,6 +12,7 @@ _STOPPED_BY = {
     "passes": "the number of passes",
     "time_budget": "the time budget",
     "target_error": "the target error",
+    "target_error_trimmed": "the target error without the worst 0.1 % of the pixels",
     "not_finite": "pixels that are not finite, which no error can be estimated of",
     "blur": "the blur",
     "interrupted": "Ctrl-C",
@@ -73,7 +74,19 @@ def _noise(report: dict[str, Any]) -> str:
     return (
         f"  noise     {at_most}{per_cent(noise['relative_rmse'])} of the picture (relative RMSE, "
         f"estimated); image mean {noise['image_mean']:.6g} +- {half:.1g} (95 %)"
-    ) + _blur(report["relative_error"])
+        f"{_worst_pixels(noise)}{_blur(report['relative_error'])}"
+    )
+
+
+def _worst_pixels(noise: dict[str, Any]) -> str:
+    """Return the noise without the worst pixels; nothing where there are no pixels to spare."""
+    if not noise["worst_pixels"] or not math.isfinite(noise["relative_rmse_trimmed"]):
+        return ""
+    return (
+        f"\n            {per_cent(noise['relative_rmse_trimmed'])} without the worst 0.1 % of the "
+        f"pixels, which hold {per_cent(noise['worst_pixels_share_of_squared_error'])} of the "
+        "squared error"
+    )
 
 
 def _blur(error: dict[str, Any]) -> str:
@@ -139,7 +152,7 @@ def _cost(report: dict[str, Any]) -> str:
 
 
 def _stop(report: dict[str, Any]) -> str:
-    error, target = report["relative_error"], report["settings"]["target_error"]
+    error, settings = report["relative_error"], report["settings"]
     text = (
         f"  stopped   by {_STOPPED_BY[report['stopped_by']]}, after {passes_in_words(report['passes'])}, "
         f"{report['seconds']['total']:.2f} s"
@@ -149,10 +162,15 @@ def _stop(report: dict[str, Any]) -> str:
     noise, blur, at_most = error["noise"], error["blur"], error["blur_at_most"]
     if at_most is None:
         return text + f", relative error unknown (noise {noise:.2g})"
-    text += f", relative error {error['both']:.2g}"
+    if settings["target_error_trimmed"] is not None:
+        text += f", relative error of most pixels {error['both_trimmed']:.2g}, of all {error['both']:.2g}"
+    else:
+        text += f", relative error {error['both']:.2g}"
     if at_most > 0.0:
         said = f"blur at most {at_most:.2g}" if blur is None else f"blur {blur:.2g}"
         text += f" (noise {noise:.2g}, {said})"
-    if target is not None and error["blur_stays"] and blur is not None and blur > target:
-        text += f"\n            the blur alone keeps the target {target:g} out of reach"
+    targets = [settings["target_error"], settings["target_error_trimmed"]]
+    for target in targets:
+        if target is not None and error["blur_stays"] and blur is not None and blur > target:
+            text += f"\n            the blur alone keeps the target {target:g} out of reach"
     return text

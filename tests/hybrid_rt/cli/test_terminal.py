@@ -1,7 +1,9 @@
 import io
+import math
 import time
 
 import numba
+import pytest
 
 from hybrid_rt.cli import terminal as progress
 from hybrid_rt.cli.terminal import TerminalProgress
@@ -54,7 +56,7 @@ def test_error_is_shown_until_the_next_stage(monkeypatch):
     stream = Terminal()
     show = TerminalProgress(stream)
     show("Rendering", 1, 10)
-    show.note_error(0.0345)
+    show.note_error(0.0345, 0.0345, False)
     show("Rendering", 2, 10)
     show("Writing", 1, 10)
     lines = stream.getvalue().split("\r\x1b[K")[1:]
@@ -66,11 +68,31 @@ def test_target_out_of_reach_is_shown_with_its_reason(monkeypatch):
     stream = Terminal()
     show = TerminalProgress(stream)
     show("Rendering", 1, 10)
-    show.note_error(0.05)
+    show.note_error(0.05, 0.05, False)
     show.note_out_of_reach(0.04)
     show("Rendering", 2, 10)
     last = stream.getvalue().split("\r\x1b[K")[-1]
     assert last.endswith("error 5 %: the blur alone has 4 %, the target is out of reach")
+
+
+@pytest.mark.parametrize(
+    ("noted", "words"),
+    [
+        ((0.9, 0.31, False), "error 90 % (31 % without the worst 0.1 % of pixels)"),
+        ((0.05, 0.05, True), "error at most 5 %"),
+        ((0.05, 0.04, True), "error at most 5 % (4 % without the worst 0.1 % of pixels)"),
+        ((math.inf, math.inf, True), "error unknown"),
+        ((math.nan, math.nan, False), "error unknown"),
+    ],
+)
+def test_errors_are_shown_as_what_they_are(monkeypatch, noted, words):
+    monkeypatch.setattr(progress, "REDRAW_INTERVAL", 0.0)
+    stream = Terminal()
+    show = TerminalProgress(stream)
+    show("Rendering", 1, 10)
+    show.note_error(*noted)
+    show("Rendering", 2, 10)
+    assert stream.getvalue().endswith(f"left, {words}")
 
 
 def test_nested_compilations_count_once_and_long_ones_are_announced(monkeypatch):

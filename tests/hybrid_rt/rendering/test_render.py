@@ -379,6 +379,33 @@ class TestLimit:
         assert before["noise"]["relative_rmse"] > target
         assert before["stopped_by"] == "passes"
 
+    def test_targets_are_about_all_pixels_and_about_most(self):
+        """Noise of 90 % that is 31 % in most pixels: the second falls to 20 % in 2.4 times the passes."""
+        limit = Limit(None, None, None, 0.2)
+        limit.note_error(16, 0.9, trimmed=0.31)
+        assert limit.expected_passes(16) == 39  # 16 (0.31 / 0.2)^2
+        assert limit.next_estimate() == 24
+        assert limit.reached(16, 0.0) is None
+        limit.note_error(40, 0.6, trimmed=0.19)
+        assert limit.reached(40, 0.0) == "target_error_trimmed"
+        limit = Limit(None, None, 0.5, 0.2)  # whichever comes first
+        limit.note_error(32, 0.49, trimmed=0.21)
+        assert limit.reached(32, 0.0) == "target_error"
+        limit = Limit(None, None, None, 0.2)
+        limit.note_error(40, 0.6, 0.1, trimmed=0.19)
+        assert limit.error_trimmed == pytest.approx(np.hypot(0.19, 0.1))
+        assert limit.reached(40, 0.0) is None
+
+    def test_trimmed_target_stops_a_render(self):
+        busy = scene(Lambertian(CheckerTexture(0.9, 0.1)), width=40, height=30)
+        report = render(busy, "path", target_error_trimmed=0.03).report
+        assert report["stopped_by"] == "target_error_trimmed"
+        error, noise = report["relative_error"], report["noise"]
+        assert noise["worst_pixels"] == 1
+        assert error["both_trimmed"] == noise["relative_rmse_trimmed"] <= 0.03
+        assert error["both_trimmed"] <= error["both"]
+        assert "without the worst 0.1 % of the pixels, which hold" in numbers.in_words(report)
+
     def test_picture_without_noise_ends_with_the_first_estimate(self):
         report = render(scene(environment=None), target_error=1e-12).report
         assert (report["passes"], report["stopped_by"]) == (4, "target_error")
@@ -405,6 +432,7 @@ class TestLimit:
         ({"time_budget": 0}, ValueError, "time_budget"),
         ({"time_budget": float("nan")}, ValueError, "time_budget"),
         ({"target_error": -0.01}, ValueError, "target_error"),
+        ({"target_error_trimmed": 0.0}, ValueError, "target_error_trimmed"),
         ({"seed": -1}, ValueError, "seed"),
         ({"max_depth": -1}, ValueError, "max_depth"),
         ({"threads": 0}, ValueError, "threads"),
@@ -532,7 +560,8 @@ def test_progress_that_listens_hears_the_error():
         def __call__(self, *event):
             self.append(event)
 
-        def note_error(self, error):
+        def note_error(self, error, trimmed, is_limit):
+            assert (trimmed, is_limit) == (error, False)  # no pixel is one of 1000
             self.append(error)
 
     heard = Heard()

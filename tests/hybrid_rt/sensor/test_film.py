@@ -10,6 +10,7 @@ from hybrid_rt.sensor import film, image_files
 from hybrid_rt.sensor.color import linear_to_srgb, srgb_to_linear
 from hybrid_rt.sensor.film import Film
 from hybrid_rt.sensor.image_files import check_output, save_image
+from hybrid_rt.sensor.image_metrics import picture_errors
 from hybrid_rt.sensor.passes import group_of, pass_of
 
 IMAGE = np.random.default_rng(4).uniform(0, 1.2, (5, 7, 3)).astype(np.float32)
@@ -220,6 +221,64 @@ def test_relative_error_of_even_noise_is_right(n):
     truth = np.sqrt((0.09 * level**2 / n / (level**2 + 0.01)).mean())
     # Noise of 10 % in what stands in for r makes the mean of 1 / r^2 some per cent too large.
     assert sheet.relative_error() == pytest.approx(truth, rel=0.03)
+
+
+@pytest.mark.statistical
+@pytest.mark.parametrize("n", [16, 22, 64])
+@pytest.mark.parametrize("rare", [0.0, 1e-5, 1e-4])
+def test_noise_is_told_from_fireflies(n, rare):
+    """Even noise of 30 %, and one sample in 1 / rare that is brighter by 50.
+
+    Errors against the truth, with and without the worst 60 of 6e4 pixels. From 16 passes on the
+    estimates are up to 3 % too large, as for even noise alone; the share of the worst is that of a
+    few dozen pixels, which their own estimates know to a tenth.
+    """
+    rng = np.random.default_rng(n)
+    level = rng.uniform(0.2, 2.0, (200, 300, 3))
+    sheet = Film(200, 300)
+    for _ in range(n):
+        noise = level * (1.0 + 0.3 * rng.normal(size=(200, 300, 1)))
+        sheet.add(noise + 50.0 * (rng.random((200, 300, 1)) < rare))
+    truth, found = picture_errors(sheet.image, level + 50.0 * rare), sheet.relative_errors()
+    assert found.n_worst == 60
+    assert found.whole == pytest.approx(truth.relative_rmse, rel=0.06)
+    assert found.trimmed == pytest.approx(truth.relative_rmse_of_most, rel=0.04)
+    share = 1.0 - 0.999 * (truth.relative_rmse_of_most / truth.relative_rmse) ** 2
+    assert found.share_of_worst == pytest.approx(share, abs=0.05)
+
+
+def test_early_errors_of_fireflies_claim_no_safety():
+    """One bright sample of 16 000: 15 pixels in 16 that hide what they have not met."""
+    for n_bright in (0, 1):
+        sheet = Film(40, 50)
+        for n in range(8):
+            radiance = np.full((40, 50, 3), 1.0 + 0.1 * (-1.0) ** n)
+            radiance[0, :n_bright] += 100.0 * (n == 0)
+            sheet.add(radiance)
+        noise = sheet.noise()
+        assert noise["errs_on_the_safe_side"] == (n_bright == 0)
+        assert noise["worst_pixels"] == 2
+    assert noise["worst_pixels_share_of_squared_error"] > 0.9
+    assert noise["relative_rmse_trimmed"] == pytest.approx(0.1 / np.sqrt(7 * 1.01), rel=1e-3)
+
+
+def test_worst_pixels_of_few_are_none():
+    sheet = Film(31, 32)
+    for value in (1.0, 2.0):
+        sheet.add(np.full((31, 32, 3), value))
+    errors = sheet.relative_errors()
+    assert (errors.trimmed, errors.n_worst, errors.share_of_worst) == (errors.whole, 0, 0.0)
+
+
+def test_what_is_not_finite_or_black_is_counted():
+    sheet = Film(40, 50)
+    for n in range(16):
+        radiance = np.random.default_rng(n).random((40, 50, 3))
+        radiance[0, 0] = np.nan
+        radiance[1] = 0.0
+        sheet.add(radiance)
+    assert np.isnan(sheet.relative_errors().trimmed)
+    assert sheet.noise()["pixels_without_light"] == 50
 
 
 def test_peaks_are_cut_to_their_neighbours():
