@@ -8,7 +8,7 @@ others.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 from hybrid_rt.integrators.options import Options
@@ -75,6 +75,11 @@ class Declaration:
         from hybrid_rt.integrators.light_found import left_out, paths_of
 
         return left_out(self.finds(options or self.options()), paths_of(scene))
+
+    def with_options(self, options: Options) -> Declaration:
+        """Return the declaration with what these options leave out."""
+        why = self.without_light_paths or options.without_light_paths
+        return replace(self, without_light_paths=why)
 
     @property
     def finds_light_of_lamps(self) -> bool:

@@ -20,6 +20,7 @@ from collections.abc import Iterable, Sequence
 from itertools import product
 
 import numpy as np
+from numpy.typing import NDArray
 
 from hybrid_rt.scene.compiled import NOTHING, CompiledScene
 from hybrid_rt.shading.kernels.light_kinds import WITHOUT_AREA
@@ -51,20 +52,20 @@ NAMES = (
 
 def paths_of(scene: CompiledScene) -> list[str]:
     """Return the light paths that a scene's lights and materials allow."""
-    lights, surfaces = "", ""
     shines = scene.lights.strength.any(axis=1)
-    has_no_area = np.isin(scene.lights.kind, WITHOUT_AREA)
-    has_no_end = ~has_no_area & (scene.lights.chance[:-1] == 0.0)
-    for letter, is_of_kind in (
-        ("L", ~has_no_area & ~has_no_end),
-        ("P", has_no_area),
-        ("U", has_no_end),
-    ):
-        lights += letter if (shines & is_of_kind).any() else ""
+    present = set(letters_of_lights(scene)[shines].tolist())
+    lights, surfaces = "".join(letter for letter in "LPU" if letter in present), ""
     lights += "" if scene.environment is None else "K"
     for letter, traits in (("D", WIDE), ("G", NARROW), ("S", DELTA)):
         surfaces += letter if scene.lobes_with(traits).any() else ""
     return _paths(lights, surfaces, 1 if _is_one_flat_surface(scene) else MOST_SURFACES)
+
+
+def letters_of_lights(scene: CompiledScene) -> NDArray[np.str_]:
+    """Return the letter of each light of the table, (lights,)."""
+    has_no_area = np.isin(scene.lights.kind, WITHOUT_AREA)
+    has_no_end = ~has_no_area & (scene.lights.chance[:-1] == 0.0)
+    return np.where(has_no_area, "P", np.where(has_no_end, "U", "L"))
 
 
 def left_out(found: str, paths: Iterable[str]) -> list[str]:

@@ -55,6 +55,11 @@ class Options:
         """Whether there is blur that more passes do not reduce."""
         return False
 
+    @property
+    def without_light_paths(self) -> str:
+        """Why these options allow no light subpaths; "": they do."""
+        return ""
+
     @classmethod
     def flags(cls) -> dict[str, Flag]:
         """Return the command-line flags by setting name."""
@@ -103,6 +108,13 @@ class PathOptions(Options):
         checks.whole(self.roulette_depth, "PathOptions roulette_depth", at_least=0, up_to=DEEPEST)
         checks.number(self.light_paths, "PathOptions light_paths", at_least=0.0, hint="0: none")
         checks.number(self.survival, "PathOptions survival", above=0.0, up_to=1.0)
+
+    @property
+    def without_light_paths(self) -> str:
+        """Why these options allow no light subpaths; "": they do."""
+        if self.strategy != "both":
+            return f"strategy={self.strategy!r}"
+        return "" if self.light_paths > 0.0 else "light_paths=0"
 
 
 PHOTONS = Flag("photons", int, "N", "photons of a pass ({})", "{} photons")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import os
 from collections.abc import Sequence
 from contextlib import ExitStack, closing
@@ -14,23 +13,22 @@ from numpy.typing import NDArray
 
 from hybrid_rt.core import checks
 from hybrid_rt.core.interrupts import held_back, kept_back
-from hybrid_rt.core.ledger import Ledger, plain, twelve_digits
+from hybrid_rt.core.ledger import Ledger, plain
 from hybrid_rt.core.precompile import want
 from hybrid_rt.core.progress import Progress, watch_compilation
 from hybrid_rt.core.threads import Pool
 from hybrid_rt.integrators import DEFAULT, INTEGRATORS, Declaration, Options
 from hybrid_rt.integrators.context import RenderContext
-from hybrid_rt.integrators.media.absorption import unclosed_bodies
 from hybrid_rt.integrators.options import DEEPEST
-from hybrid_rt.integrators.workers import TOGETHER, Blur, Workers
+from hybrid_rt.integrators.workers import TOGETHER, Workers
 from hybrid_rt.intersection import Intersector
 from hybrid_rt.intersection.intersector import check_settings
 from hybrid_rt.rendering.audit import audit
 from hybrid_rt.rendering.channels import OUTPUTS, check_names, compute_channels
 from hybrid_rt.rendering.limits import Clock, Limit
 from hybrid_rt.rendering.memory import check_memory
+from hybrid_rt.rendering.report import light_left_out, make_report, relative_error
 from hybrid_rt.rendering.summary import passes_in_words
-from hybrid_rt.rendering.versions import peak_memory_mib, versions
 from hybrid_rt.sampling.sampler import Sampler
 from hybrid_rt.scene.compiled import CompiledScene, compile_scene
 from hybrid_rt.scene.lamps_in_surfaces import with_lamps_lifted
@@ -106,10 +104,12 @@ def render(
     ----------
     scene : Scene
     integrator : "path", "whitted", "ppm" or "photon_map"
-        "path": path tracing; finds all light except caustics of point lights. "whitted": direct
-        light, mirrors and glass only. "ppm": progressive photon mapping; finds all light, with a
-        blur that falls from pass to pass. "photon_map": photon mapping; finds all light, with a
-        blur that stays.
+        "path": path tracing; finds all light except what point and spot lights send by way of
+        mirrors and smooth glass. "whitted": direct light, mirrors and glass only. "ppm":
+        progressive photon mapping; finds all light except what point and spot lights send by way
+        of mirrors and smooth glass onto metal, with a blur that falls from pass to pass.
+        "photon_map": photon mapping; the same, with a blur that stays. The report says which of
+        it a scene has, and how much.
     passes : int, optional
         One pass is one sample per pixel, and one photon map for the photon integrators. Rendering
         stops at the first limit reached; if no limit is given, after 16 passes.
@@ -202,7 +202,8 @@ def render(
         ledger = Ledger(lambda: clock.seconds)
         with ledger.stage("scene"):
             compiled = compile_scene(scene)
-            plan = make_plan(compiled, declared)
+            left_out = declared.left_out_light(compiled, own)
+            plan = make_plan(compiled, declared.with_options(own), left_out)
             want(integrator, but=[x for x, purpose in KERNELS_FOR.items() if not plan[purpose]])
         with ledger.stage("build"):
             if progress is not None:
@@ -220,6 +221,12 @@ def render(
         # Before the passes, so that a time budget covers it.
         with ledger.stage("audit"):
             wrong = audit(context, n_threads)
+        with ledger.stage("light not found"):
+            unfound = None
+            if left_out:
+                from hybrid_rt.integrators.photons.unfound_light import unfound_light
+
+                unfound = unfound_light(context, declared.finds(own))
         film = Film(scene.camera.height, scene.camera.width)
         with ExitStack() as stack:
             try:
@@ -234,13 +241,12 @@ def render(
             workers.gather()
             channels = compute_channels(names, context, film)
             blur = workers.blur(film.image)
-            report = _report(plain(settings), context, film, clock, stopped_by) | workers.report(
-                blur
-            )
+            report = make_report(plain(settings), context, film, clock, stopped_by)
+            report |= workers.report(blur)
             report["geometry"]["wrong_first_hits"] = wrong
             report["lamps_in_surfaces"] = sunken
-            report["relative_error"] = _relative_error(report["noise"], blur, own.blur_stays)
-            report["light_not_found"] = declared.left_out_light(compiled, own)
+            report["relative_error"] = relative_error(report["noise"], blur, own.blur_stays)
+            report |= light_left_out(report, left_out, unfound)
             result = RenderResult(film.image, report, channels)
     if came or stopped_by == "interrupted":
         raise RenderInterrupted(result)
@@ -327,66 +333,3 @@ def _run_passes(
             if show_out_of_reach is not None and limit.blur_out_of_reach is not None:
                 show_out_of_reach(limit.blur_out_of_reach)
     return limit.reached(film.n_passes, clock.seconds) or "passes"
-
-
-def _relative_error(
-    noise: dict[str, Any] | None, blur: Blur, blur_stays: bool
-) -> dict[str, Any] | None:
-    """Return the estimated relative errors of the picture, or None after a single pass."""
-    if noise is None:
-        return None
-    both = math.hypot(noise["relative_rmse"], blur.counted)
-    trimmed = math.hypot(noise["relative_rmse_trimmed"], blur.counted)
-    return {
-        "noise": noise["relative_rmse"],
-        "noise_trimmed": noise["relative_rmse_trimmed"],
-        "blur": blur.relative,
-        "blur_at_most": blur.relative_at_most,
-        "both": both if blur.counted < math.inf else None,
-        "both_trimmed": trimmed if blur.counted < math.inf else None,
-        "blur_stays": blur_stays,
-    }
-
-
-def _report(
-    settings: dict[str, Any], context: RenderContext, film: Film, clock: Clock, stopped_by: str
-) -> dict[str, Any]:
-    ledger, tracer, total = context.ledger, context.tracer, clock.seconds
-    n_camera = ledger.rays["camera"]
-    work = tracer.counters
-    n_certified = work["rays"] + work["shadow_rays"] - work["given_up"]
-    return {
-        "settings": settings,
-        "versions": versions(),
-        "passes": film.n_passes,
-        "stopped_by": stopped_by,
-        "seconds": {
-            **{stage: round(seconds, 4) for stage, seconds in ledger.seconds.items()},
-            # Threads that start, end and wait for each other, and whatever has no stage.
-            "other": round(max(total - sum(ledger.seconds.values()), 0.0), 4),
-            "total": round(total, 4),
-        },
-        "kernel_compilation_seconds": round(clock.compile_seconds, 4),
-        "rays": dict(ledger.rays),
-        "hits": dict(ledger.hits),
-        "intersection": dict(work),
-        "ended_branches": {
-            **ledger.ended,
-            "lost_weight_per_camera_ray": twelve_digits(ledger.lost_weight / n_camera),
-        },
-        "noise": film.noise(),
-        "clear_bodies_not_closed": unclosed_bodies(context),
-        "pixels_not_finite": int(np.count_nonzero(~np.isfinite(film.image).all(axis=2))),
-        "geometry": {
-            "accuracy": tracer.accuracy,
-            "camera_hits": ledger.camera_hits,
-            "camera_hits_without_bound": ledger.camera_hits_without_bound,
-            "largest_t_bound_of_camera_hits": ledger.largest_t_bound,
-            "certified_rays": n_certified if tracer.accuracy == "certified" else 0,
-            "given_up": work["given_up"],
-            "tangent": ledger.hits["tangent"],
-            "changed_by_certificate": work["changed_by_certificate"],
-        },
-        "peak_memory_mib": round(peak_memory_mib(), 1),
-        "plan": {"light": context.plan.as_dict(), "intersection": tracer.plan},
-    }

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
+from hybrid_rt.rendering.report import ALL_LIGHT, share_cut_off
 from hybrid_rt.scene.lamps_in_surfaces import lamp_in_words
 
 # What each limit is called, and what of it was reached.
@@ -22,7 +23,7 @@ _STOPPED_BY = {
 def in_words(report: dict[str, Any]) -> str:
     """Format a render's report as a few lines of text."""
     lines = [_noise(report), _geometry(report), _cost(report), _stop(report)]
-    return "\n".join([*_warnings(report), *lines])
+    return "\n".join([*_warnings(report), *_left_out(report), *lines])
 
 
 def per_cent(share: float) -> str:
@@ -65,6 +66,70 @@ def _warnings(report: dict[str, Any]) -> list[str]:
     return lines
 
 
+def _left_out(report: dict[str, Any]) -> list[str]:
+    """Return what is not in the picture, with its size."""
+    integrator, lines = report["settings"]["integrator"], []
+    for sentence in report["light_not_found"]:
+        lines.append(f"  left out  {integrator} does not find {sentence}")
+    if report["light_not_found"]:
+        lines.append(f"            {_unfound(report)}")
+    return [*lines, *_cut_off(report)]
+
+
+def _unfound(report: dict[str, Any]) -> str:
+    """Return the size of the light that is not found, as far as it is measured."""
+    measured = report["light_not_found_measured"]
+    if measured is None:
+        return "its size is not measured: the image mean lacks it, and no error below counts it"
+    mean, half, share = (measured[k] for k in ("mean", "half_interval_95", "share_of_image_mean"))
+    by = f"by {measured['photons']:,} photons"
+    where = "surfaces that spread light widely and that the camera sees directly"
+    if mean == 0.0:
+        return f"{by}, none of it leaves\n            {where}; elsewhere it is not measured"
+    relative = "" if share is None else f", {per_cent(share)} of what is found"
+    return (
+        f"the image mean lacks {mean:.3g} +- {half:.1g} (95 %) of it{relative}, {by}, on\n"
+        f"            {where}; what mirrors, glass and metal show of it comes on top"
+    )
+
+
+def _cut_off(report: dict[str, Any]) -> list[str]:
+    """Return what limits of depth and weight have cut off."""
+    ended, max_depth = report["ended_branches"], report["settings"]["max_depth"]
+    lost, of_photons = share_cut_off(report)
+    lines = []
+    if lost > 0.0:
+        n_deep, n_faint = ended.get("at max_depth", 0), ended.get("below least contribution", 0)
+        which = [f"{n_deep:,} paths at max_depth {max_depth}"] if n_deep else []
+        which += [f"{n_faint:,} faint branches"] if n_faint else []
+        lines.append(
+            f"  cut off   {' and '.join(which)}, with {per_cent(lost)} of the weight of all camera rays: "
+            "the image mean lacks that share of the radiance they would have met"
+        )
+    if of_photons > 0.0:
+        lines.append(
+            f"  cut off   {ended['photons at max_depth']:,} photons at max_depth {max_depth}, with "
+            f"{per_cent(of_photons)} of the power that all photons were sent out with"
+        )
+    return lines
+
+
+def _not_met(report: dict[str, Any]) -> str:
+    """Return how much of the picture no light has reached: its error counts as none."""
+    text, n_dark = "", report["noise"]["pixels_without_light"]
+    settings, photons = report["settings"], report.get("photons")
+    if n_dark:
+        share = per_cent(n_dark / (settings["width"] * settings["height"]))
+        text += f"\n            {share} of the pixels are black in every pass, and count as without noise"
+    if photons is not None and photons["points_without_photons"]:
+        share = per_cent(photons["points_without_photons"] / photons["gather_points"])
+        text += (
+            f"\n            {share} of the points that gather light met no photon in their pass: noise "
+            "counts that where other passes meet some"
+        )
+    return text
+
+
 def _noise(report: dict[str, Any]) -> str:
     noise = report["noise"]
     if noise is None:
@@ -73,9 +138,15 @@ def _noise(report: dict[str, Any]) -> str:
     half = noise["interval_factor"] * noise["standard_error_of_image_mean"]
     return (
         f"  noise     {at_most}{per_cent(noise['relative_rmse'])} of the picture (relative RMSE, "
-        f"estimated); image mean {noise['image_mean']:.6g} +- {half:.1g} (95 %)"
-        f"{_worst_pixels(noise)}{_blur(report['relative_error'])}"
+        f"estimated); image mean{_of_what(report)} {noise['image_mean']:.6g} +- {half:.1g} (95 %)"
+        f"{_worst_pixels(noise)}{_not_met(report)}{_blur(report['relative_error'])}"
     )
+
+
+def _of_what(report: dict[str, Any]) -> str:
+    """Return what light the figures are about, if it is not all: " of the light that ..."."""
+    holds = report["picture_holds"]
+    return "" if holds == ALL_LIGHT else f" of {holds}"
 
 
 def _worst_pixels(noise: dict[str, Any]) -> str:
@@ -169,6 +240,7 @@ def _stop(report: dict[str, Any]) -> str:
     if at_most > 0.0:
         said = f"blur at most {at_most:.2g}" if blur is None else f"blur {blur:.2g}"
         text += f" (noise {noise:.2g}, {said})"
+    text += _of_what(report)
     targets = [settings["target_error"], settings["target_error_trimmed"]]
     for target in targets:
         if target is not None and error["blur_stays"] and blur is not None and blur > target:

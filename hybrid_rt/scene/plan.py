@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any, Protocol
 
+import numpy as np
+
 from hybrid_rt.scene.compiled import CompiledScene
 from hybrid_rt.scene.touching import touching
+from hybrid_rt.shading.kernels.light_kinds import WITHOUT_AREA
 from hybrid_rt.shading.kernels.lobes.register import DELTA, FOLLOWED, SPREADS, TRANSMITS, WIDE
 from hybrid_rt.textures.table import needs_lookup
 
@@ -15,7 +19,10 @@ KERNELS_FOR = {
     "hybrid_rt.shading.kernels.environment": "sky samples",
     "hybrid_rt.shading.kernels.fresnel": "glass rays",
     "hybrid_rt.integrators.kernels.connections": "light paths",
+    "hybrid_rt.integrators.kernels.density_estimate": "photons",
     "hybrid_rt.integrators.kernels.light_paths": "light paths",
+    "hybrid_rt.integrators.kernels.photon_emission": "photons",
+    "hybrid_rt.integrators.kernels.photon_steps": "photons",
     "hybrid_rt.shading.kernels.medium_stack": "medium stack",
     "hybrid_rt.shading.kernels.texture": "texture lookups",
 }
@@ -53,7 +60,9 @@ class Plan:
     left_out: dict[str, str] = field(default_factory=dict)
 
     def decide(self, name: str, is_needed: bool, because: str, otherwise: str) -> None:
-        """Record one decision and its reason."""
+        """Record one decision and its reason; a later decision replaces an earlier one."""
+        self.used.pop(name, None)
+        self.left_out.pop(name, None)
         (self.used if is_needed else self.left_out)[name] = because if is_needed else otherwise
 
     def __getitem__(self, name: str) -> bool:
@@ -77,8 +86,16 @@ def explain(plan: dict[str, Any]) -> str:
     return "\n".join(["Plan (+ used, - left out)", *lines])
 
 
-def make_plan(scene: CompiledScene, integrator: Needs) -> Plan:
-    """Decide which features light transport in this scene needs."""
+def make_plan(scene: CompiledScene, integrator: Needs, left_out: Sequence[str] = ()) -> Plan:
+    """Decide which features light transport in this scene needs.
+
+    Parameters
+    ----------
+    scene : CompiledScene
+    integrator : Needs
+    left_out : sequence of str
+        The light of the scene that the integrator does not find.
+    """
     traits = scene.lobes.traits
     spreads = bool((traits & SPREADS).any())
     is_glass = (traits & TRANSMITS) != 0
@@ -159,20 +176,32 @@ def make_plan(scene: CompiledScene, integrator: Needs) -> Plan:
     )
     leads = bool((traits & DELTA).any())
     shines = bool(scene.lights.emit.any())
+    has_points = bool(np.isin(scene.lights.kind, WITHOUT_AREA).any())
+    of_points = "what point and spot lights send that way is not found"
     plan.decide(
         "light paths",
         not integrator.without_light_paths and spreads and leads and shines,
-        "lamps shine on surfaces by way of mirrors and glass: paths from the lamps find that",
+        "area lights shine on surfaces by way of mirrors and glass: paths from them find that"
+        + (f"; {of_points}" if has_points else ""),
         integrator.without_light_paths
         if integrator.without_light_paths
         else "no surface spreads light"
         if not spreads
         else "no mirror or glass throws light"
         if not leads
+        else f"no light has an area; {of_points}"
+        if has_points
         else "no light has an area",
     )
     if integrator.sends_photons:
         _plan_photons(plan, scene, integrator)
+    else:
+        plan.decide(
+            "photons",
+            bool(left_out),
+            "a few estimate the light that is not found; the picture holds none of them",
+            "all light of this scene is found",
+        )
     return plan
 
 

@@ -33,7 +33,12 @@ from hybrid_rt.integrators.kernels.connections import CONNECT_CHANCE, connect_to
 from hybrid_rt.integrators.media.absorption import absorb, media_around_camera
 from hybrid_rt.integrators.options import PathOptions
 from hybrid_rt.integrators.path.camera_paths import leaving_camera
-from hybrid_rt.integrators.path.light_paths import LightPathTracer, LightVertexPasses, joined
+from hybrid_rt.integrators.path.light_paths import (
+    PILOT_PATHS,
+    LightPathTracer,
+    LightVertexPasses,
+    joined,
+)
 from hybrid_rt.sensor.passes import pass_of
 from hybrid_rt.shading.kernels.emitter import BOTH, DIRECTION_ONLY, LIGHT_ONLY
 from hybrid_rt.shading.kernels.lobes.register import EVERY
@@ -72,7 +77,7 @@ class PathTracer(Integrator):
         self._camera_media = media_around_camera(context, self._contacts)
         self._lamps: LightPathTracer | None = None
         # One mirror or lens, and a surface on either end of the join, at least.
-        if plan["light paths"] and strategy == BOTH and self._options.light_paths > 0.0:
+        if plan["light paths"]:
             self._lamps = LightPathTracer(
                 context, self._light, self._contacts, self._camera_media, self._options.light_paths
             )
@@ -86,6 +91,8 @@ class PathTracer(Integrator):
             self._of_use = self._lamps.share_of_use()
             if self._of_use == 0.0:
                 self._lamps = None
+                why = f"none of {PILOT_PATHS} light paths came to a surface that spreads light"
+                self.context.plan.decide("light paths", False, "", why)
 
     def follow(self, first: Integrator) -> None:
         """Copy what `begin` estimated."""

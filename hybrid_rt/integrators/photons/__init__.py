@@ -15,7 +15,9 @@ if TYPE_CHECKING:
 # Lights are asked, and photons looked at, where light is spread widely; metals ask lights too, but
 # photons do not stay on them. What runs into a lamp needs neither.
 FINDS = "[LUK][DGS]*E|P[DGS]*D[DGS]*E|PG[GS]*E"
-WHY_NO_LIGHT_PATHS = "photons find what mirrors and glass throw"
+WHY_NO_LIGHT_PATHS = (
+    "photons find what mirrors and glass throw onto surfaces that spread light widely"
+)
 
 
 def _make_ppm(context: RenderContext, threads: int) -> Workers:

@@ -25,5 +25,5 @@ WHITTED = Declaration(
     finds=lambda _: "[LPK]D[GS]*E|[LUK][GS]*E",
     asks_every_light=True,
     follows_every_branch=True,
-    without_light_paths="both branches at glass are followed, and no light thrown by it",
+    without_light_paths="both branches at glass are followed; light that mirrors and glass throw is not found",
 )

@@ -1,0 +1,207 @@
+"""The size of the light that an integrator does not find, estimated by light tracing.
+
+Photons of the lights concerned are followed from surface to surface. Each that arrives by a path
+that the integrator does not find is splatted to the pixel that sees it (Arvo, "Backward ray
+tracing", SIGGRAPH 1986 course notes). The sum is unbiased for the paths that end in ``DE``: on a
+surface with a wide lobe that the camera sees directly. What is seen in mirrors, through glass or on
+metal comes on top, and is not measured.
+"""
+
+from __future__ import annotations
+
+import copy
+import math
+import re
+from dataclasses import dataclass, replace
+from itertools import product
+
+import numpy as np
+
+from hybrid_rt.core.ledger import Ledger
+from hybrid_rt.integrators.context import RenderContext
+from hybrid_rt.integrators.light_found import letters_of_lights
+from hybrid_rt.integrators.media.absorption import media_around_camera
+from hybrid_rt.integrators.media.contacts import Contacts
+from hybrid_rt.integrators.photons import PPM
+from hybrid_rt.integrators.photons.light_tracing import show
+from hybrid_rt.integrators.photons.photon_tracer import (
+    LENS,
+    PER_LAUNCH,
+    PER_STEP,
+    Group,
+    PhotonTracer,
+    sequence_of,
+)
+from hybrid_rt.scene.compiled import NOTHING, CompiledScene
+from hybrid_rt.scene.plan import make_plan
+from hybrid_rt.sensor.passes import GROUPS, RUN
+from hybrid_rt.shading.kernels.lobes.register import DELTA, NARROW, TRANSMITS, WIDE
+
+# Photons traced: one a pixel. A caustic that holds a tenth of the light is then known to about a
+# tenth of itself, in about 0.1 s.
+FEWEST_PHOTONS, MOST_PHOTONS = 2000, 20_000
+# Far from the dimensions of the photons in pictures.
+UNFOUND_DIMENSION = 2**42
+# Student's t for the means of four groups of photons, two-sided 95 %.
+STUDENT = 3.182
+# Lobes of the letters of `hybrid_rt.integrators.light_found`.
+TRAITS = {"D": WIDE, "G": NARROW, "S": DELTA}
+# Surfaces between the first and the last that are tried: paths that differ beyond do not differ in
+# whether an integrator finds them.
+MOST_BETWEEN = 2
+
+
+@dataclass(frozen=True)
+class UnfoundLight:
+    """Light that an integrator does not find, where the camera sees wide lobes directly.
+
+    Attributes
+    ----------
+    n_photons : int
+        Photons traced.
+    mean : float
+        What it would add to the mean of the picture over pixels and channels.
+    half_interval : float
+        Half of the 95 % interval of ``mean``.
+    """
+
+    n_photons: int
+    mean: float
+    half_interval: float
+
+
+@dataclass(frozen=True)
+class _Beginnings:
+    """Paths that are not found whatever follows: their lights, and their first surfaces.
+
+    ``direct``: also those that arrive straight from the light.
+    """
+
+    lights: str
+    firsts: str
+    direct: bool
+
+
+def unfound_light(context: RenderContext, found: str) -> UnfoundLight | None:
+    """Estimate the light that is not found.
+
+    Parameters
+    ----------
+    context : RenderContext
+        Its ledger and counters are left alone.
+    found : str
+        Regular expression of the paths that are found; see `hybrid_rt.integrators.light_found`.
+
+    Returns
+    -------
+    UnfoundLight or None
+        None if it cannot be measured so: no such path ends in ``DE``, the camera is inside glass,
+        or a light has no end (see `PhotonTracer`).
+    """
+    camera = context.scene.camera
+    n = min(max(camera.width * camera.height, FEWEST_PHOTONS), MOST_PHOTONS)
+    means, is_measured, n_photons = np.zeros(GROUPS), False, 0
+    for beginnings in _beginnings(found, context.scene):
+        try:
+            tracer = _tracer(context, beginnings)
+        except ValueError:  # photons cannot be distributed uniformly on what has no end
+            return None
+        if tracer is None:
+            continue
+        is_measured = True
+        for group in tracer.groups(n // GROUPS):
+            for k in range(GROUPS):
+                means[k] += tracer.shown(group, k * RUN)
+        n_photons += tracer.balance.n_emitted
+    if not is_measured:
+        return None
+    half = STUDENT * float(means.std(ddof=1)) / math.sqrt(GROUPS)
+    return UnfoundLight(n_photons, float(means.mean()), half)
+
+
+class _Tracer(PhotonTracer):
+    """Traces photons that begin in certain ways, and shows those that arrive to the camera."""
+
+    def __init__(
+        self, context: RenderContext, contacts: Contacts | None, beginnings: _Beginnings
+    ) -> None:
+        super().__init__(context, contacts)
+        self._direct = beginnings.direct
+        scene = context.scene
+        self._keeps = np.zeros_like(scene.lobes_with(WIDE))
+        for letter in beginnings.firsts:
+            self._keeps |= scene.lobes_with(TRAITS[letter])
+        # Glass in a mixture is chosen by its weight, whatever its colour.
+        others = scene.lobes_with(TRANSMITS) & ~self._keeps
+        self._begins = np.asarray(self._keeps.any(axis=1) & ~others.any(axis=1))
+
+    def shown(self, group: Group, pass_number: int) -> float:
+        """Return what the photons of a pass add to the mean of the picture."""
+        context, total = self.context, 0.0
+        sequence, before = sequence_of(group, pass_number)
+        number = np.arange(before, before + group.n, dtype=np.uint64)
+        flight = self._launched(group, sequence, number, UNFOUND_DIMENSION)
+        for depth in range(context.max_depth + 1):
+            if flight.number.size == 0:
+                break
+            step = UNFOUND_DIMENSION + PER_LAUNCH + PER_STEP * depth
+            hits, second, material = self._arrived(flight)
+            shading = self._light.shading(hits, flight.direction, material, flight.media, second)
+            # --- what the camera sees of it
+            rows = np.flatnonzero(self.gathers[shading.material])
+            if rows.size and (depth or self._direct):
+                lens = None
+                if context.plan["lens samples"]:
+                    lens = self._points(sequence, flight.number[rows], step + LENS)
+                total += float(show(context, flight, shading, rows, lens).value.sum())
+            # --- where they go next: at first only by lobes after which nothing is found
+            if depth == 0:
+                shading = replace(
+                    shading,
+                    colors=shading.colors * self._keeps[shading.material][:, :, None],
+                    material=np.where(
+                        self._begins[shading.material], shading.material, np.int32(NOTHING)
+                    ),
+                )
+            flight = self._onward(
+                flight, shading, second, sequence, step, depth < context.max_depth
+            )
+        return total / (3 * context.scene.camera.width * context.scene.camera.height)
+
+
+def _tracer(context: RenderContext, beginnings: _Beginnings) -> _Tracer | None:
+    """Return what traces photons of these beginnings; None if nothing is seen of them."""
+    scene = context.scene
+    letters = letters_of_lights(scene)
+    sends = np.isin(letters, list(beginnings.lights))
+    scene = replace(
+        scene,
+        power=np.where(sends, scene.power, 0.0),
+        environment=scene.environment if "K" in beginnings.lights else None,
+    )
+    tracer = copy.copy(context.tracer)
+    tracer.counters = dict.fromkeys(tracer.counters, 0)
+    own = replace(context, scene=scene, plan=make_plan(scene, PPM), tracer=tracer, ledger=Ledger())
+    contacts = Contacts(scene, tracer) if own.plan["contacts"] else None
+    if not own.plan["photons"] or (media_around_camera(own, contacts) != NOTHING).any():
+        return None
+    return _Tracer(own, contacts, beginnings)
+
+
+def _beginnings(found: str, scene: CompiledScene) -> list[_Beginnings]:
+    """Return what begins paths that are not found, the lights that are alike together."""
+    letters = dict.fromkeys(letters_of_lights(scene).tolist())
+    if scene.environment is not None:
+        letters["K"] = None
+    between = ["".join(word) for n in range(MOST_BETWEEN + 1) for word in product(TRAITS, repeat=n)]
+    lights: dict[tuple[str, bool], str] = {}
+    for light in letters:
+        firsts = "".join(
+            first
+            for first in TRAITS
+            if not any(re.fullmatch(found, f"{light}{first}{word}DE") for word in between)
+        )
+        direct = not re.fullmatch(found, f"{light}DE")
+        if firsts or direct:
+            lights[firsts, direct] = lights.get((firsts, direct), "") + light
+    return [_Beginnings(names, *key) for key, names in lights.items()]

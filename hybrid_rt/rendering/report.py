@@ -1,0 +1,149 @@
+"""The report of a render: settings, seconds, counts, errors, and the light that is left out."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from hybrid_rt.core.ledger import twelve_digits
+from hybrid_rt.integrators.context import RenderContext
+from hybrid_rt.integrators.media.absorption import unclosed_bodies
+from hybrid_rt.integrators.workers import Blur
+from hybrid_rt.rendering.limits import Clock
+from hybrid_rt.rendering.versions import peak_memory_mib, versions
+from hybrid_rt.sensor.film import Film
+
+if TYPE_CHECKING:
+    from hybrid_rt.integrators.photons.unfound_light import UnfoundLight
+
+# What a picture holds if nothing is left out.
+ALL_LIGHT = "all light"
+# From this share on, what max_depth cuts off is said of the picture as a whole as well; below, it is
+# less than the intervals of common renders.
+COUNTS = 1e-4
+
+
+def light_left_out(
+    report: dict[str, Any], left_out: list[str], unfound: UnfoundLight | None
+) -> dict[str, Any]:
+    """Return the entries about light that is not in the picture.
+
+    Parameters
+    ----------
+    report : dict
+        The entries so far.
+    left_out : list of str
+        The kinds of paths that the integrator does not find; see `Declaration.left_out_light`.
+    unfound : UnfoundLight, optional
+        Their size, if it was measured.
+
+    Returns
+    -------
+    dict
+        ``light_not_found``: ``left_out``. ``light_not_found_measured``: its ``mean`` where the
+        camera sees wide lobes directly, with ``half_interval_95`` and ``share_of_image_mean``;
+        None if not measured. ``picture_holds``: the light that the image mean, its interval and
+        the relative errors are about.
+    """
+    integrator, max_depth = (report["settings"][name] for name in ("integrator", "max_depth"))
+    holds = f"the light that {integrator} finds" if left_out else ALL_LIGHT
+    if max(share_cut_off(report)) >= COUNTS:
+        holds += f" in up to {max_depth} bounces"
+    measured, noise = None, report["noise"]
+    if unfound is not None:
+        mean = noise["image_mean"] if noise is not None else 0.0
+        measured = {
+            "photons": unfound.n_photons,
+            "mean": unfound.mean,
+            "half_interval_95": unfound.half_interval,
+            "share_of_image_mean": unfound.mean / mean if mean > 0.0 else None,
+        }
+    return {
+        "light_not_found": left_out,
+        "light_not_found_measured": measured,
+        "picture_holds": holds,
+    }
+
+
+def share_cut_off(report: dict[str, Any]) -> tuple[float, float]:
+    """Return what limits of depth and weight have ended.
+
+    Returns
+    -------
+    of_paths : float
+        The weight that camera paths carried there, over that of all camera rays.
+    of_photons : float
+        The power that photons carried there, over all that was emitted; 0 without photons.
+    """
+    of_photons = 0.0
+    if "photons" in report:
+        power = report["photons"]["power_of_all_passes"]
+        if any(power["lost"]):
+            of_photons = sum(power["lost"]) / sum(power["emitted"])
+    return report["ended_branches"]["lost_weight_per_camera_ray"], of_photons
+
+
+def relative_error(
+    noise: dict[str, Any] | None, blur: Blur, blur_stays: bool
+) -> dict[str, Any] | None:
+    """Return the estimated relative errors of the picture, or None after a single pass."""
+    if noise is None:
+        return None
+    both = math.hypot(noise["relative_rmse"], blur.counted)
+    trimmed = math.hypot(noise["relative_rmse_trimmed"], blur.counted)
+    return {
+        "noise": noise["relative_rmse"],
+        "noise_trimmed": noise["relative_rmse_trimmed"],
+        "blur": blur.relative,
+        "blur_at_most": blur.relative_at_most,
+        "both": both if blur.counted < math.inf else None,
+        "both_trimmed": trimmed if blur.counted < math.inf else None,
+        "blur_stays": blur_stays,
+    }
+
+
+def make_report(
+    settings: dict[str, Any], context: RenderContext, film: Film, clock: Clock, stopped_by: str
+) -> dict[str, Any]:
+    """Return the entries that every integrator has."""
+    ledger, tracer, total = context.ledger, context.tracer, clock.seconds
+    n_camera = ledger.rays["camera"]
+    work = tracer.counters
+    n_certified = work["rays"] + work["shadow_rays"] - work["given_up"]
+    return {
+        "settings": settings,
+        "versions": versions(),
+        "passes": film.n_passes,
+        "stopped_by": stopped_by,
+        "seconds": {
+            **{stage: round(seconds, 4) for stage, seconds in ledger.seconds.items()},
+            # Threads that start, end and wait for each other, and whatever has no stage.
+            "other": round(max(total - sum(ledger.seconds.values()), 0.0), 4),
+            "total": round(total, 4),
+        },
+        "kernel_compilation_seconds": round(clock.compile_seconds, 4),
+        "rays": dict(ledger.rays),
+        "hits": dict(ledger.hits),
+        "intersection": dict(work),
+        "ended_branches": {
+            **ledger.ended,
+            "lost_weight_per_camera_ray": twelve_digits(ledger.lost_weight / n_camera),
+        },
+        "noise": film.noise(),
+        "clear_bodies_not_closed": unclosed_bodies(context),
+        "pixels_not_finite": int(np.count_nonzero(~np.isfinite(film.image).all(axis=2))),
+        "geometry": {
+            "accuracy": tracer.accuracy,
+            "camera_hits": ledger.camera_hits,
+            "camera_hits_without_bound": ledger.camera_hits_without_bound,
+            "largest_t_bound_of_camera_hits": ledger.largest_t_bound,
+            "certified_rays": n_certified if tracer.accuracy == "certified" else 0,
+            "given_up": work["given_up"],
+            "tangent": ledger.hits["tangent"],
+            "changed_by_certificate": work["changed_by_certificate"],
+        },
+        "peak_memory_mib": round(peak_memory_mib(), 1),
+        "plan": {"light": context.plan.as_dict(), "intersection": tracer.plan},
+    }

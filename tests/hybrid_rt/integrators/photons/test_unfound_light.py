@@ -1,0 +1,219 @@
+"""The size of light that is not found, against closed forms and against those who find it."""
+
+import math
+
+import numpy as np
+import pytest
+
+from hybrid_rt.integrators import INTEGRATORS, PPMOptions
+from hybrid_rt.integrators.photons.unfound_light import _beginnings
+from hybrid_rt.lights import GradientSky, PointLight, RectangleLight
+from hybrid_rt.materials import Dielectric, Lambertian, Metal, Mirror, Mix
+from hybrid_rt.materials.rough_dielectric import RoughDielectric
+from hybrid_rt.primitives import Plane, Rectangle, Sphere
+from hybrid_rt.rendering import summary
+from hybrid_rt.rendering.renderer import render
+from hybrid_rt.scene.compiled import compile_scene
+from hybrid_rt.scene.plan import explain
+from hybrid_rt.scene.scene import Object, Scene
+from hybrid_rt.sensor.camera import Camera
+
+# A floor, seen from above, and a mirror beside it that shows the floor the lamp once more.
+VIEW = Camera((0.0, 0.0, 1.5), (0, 0, 0), (0, 1, 0), vertical_fov=45, width=12, height=8)
+LAMP = PointLight((0.5, 0.0, 1.0), 3.0)
+AREA_LAMP = RectangleLight((0.3, -0.2, 1.2), (0, 0.4, 0), (0.4, 0, 0), 6.0)
+FLOOR = Object(Rectangle((-4, -4, 0), (8, 0, 0), (0, 8, 0)), Lambertian(0.5), "floor")
+WALL = Rectangle((1.0, -4, 0), (0, 8, 0), (0, 0, 1))
+MIRROR = Object(WALL, Mirror(0.8), "mirror")
+BALL = Object(Sphere((0.3, 0.2, 0.4), 0.2), Dielectric(1.5), "ball")
+DEEP = 16
+
+
+def room(*objects, lights=(LAMP,), environment=None, camera=VIEW):
+    return Scene(camera, [FLOOR, *objects], lights, environment)
+
+
+def measured(scene, integrator="path", **settings):
+    return render(scene, integrator, 1, threads=1, **settings).report["light_not_found_measured"]
+
+
+def mean_by_mirror():
+    """Return the mean, 16 places a pixel, of what the lamp's image at x = 1.5 adds to the floor."""
+    row, column = (np.mgrid[: 4 * VIEW.height, : 4 * VIEW.width] + 0.5) / 4
+    origin, way = VIEW.rays(column.ravel(), row.ravel())
+    place = origin - (origin[:, 2] / way[:, 2])[:, None] * way
+    to_image = np.array([1.5, 0.0, 1.0]) - place
+    distance = np.linalg.norm(to_image, axis=1)
+    return float((0.8 * 0.5 / math.pi * 3.0 / distance**3).mean())
+
+
+@pytest.mark.statistical
+def test_it_is_that_of_the_lamps_image():
+    """The truth is in the 95 % interval by all but 3 of 24 seeds at most (chance of more: 3 %)."""
+    truth = mean_by_mirror()
+    found = [measured(room(MIRROR), seed=seed) for seed in range(24)]
+    outside = [abs(m["mean"] - truth) > m["half_interval_95"] for m in found]
+    assert sum(outside) <= 3
+    # 24 estimates of 7 % each.
+    assert np.mean([m["mean"] for m in found]) == pytest.approx(truth, rel=0.05)
+    assert np.median([m["half_interval_95"] for m in found]) < 0.25 * truth
+
+
+@pytest.mark.statistical
+@pytest.mark.parametrize("integrator", ["path", "whitted"])
+def test_it_is_what_others_find_more(integrator):
+    """Without mirrors to look into, all that is missing leaves the floor and the wall."""
+    wall = Object(WALL, Lambertian((0.9, 0.5, 0.1)), "wall")
+    scene, finder = (room(wall), "path") if integrator == "whitted" else (room(MIRROR), "ppm")
+    options = PPMOptions(20_000) if finder == "ppm" else None
+    more = render(scene, finder, 16, options=options, threads=1).report["noise"]["image_mean"]
+    less = render(scene, integrator, 16, threads=1).report
+    found = less["light_not_found_measured"]
+    gap = more - less["noise"]["image_mean"]
+    # Half an interval is 3.2 standard errors; the pictures' own are below a third of that.
+    assert found["mean"] == pytest.approx(gap, abs=2.0 * found["half_interval_95"])
+    assert found["half_interval_95"] < 0.4 * gap
+    assert found["share_of_image_mean"] == pytest.approx(
+        found["mean"] / less["noise"]["image_mean"]
+    )
+
+
+def test_pictures_and_counts_are_as_without_it(monkeypatch):
+    scene = room(MIRROR, BALL)
+    expected = render(scene, "path", 2, threads=1)
+    monkeypatch.setattr(
+        "hybrid_rt.integrators.photons.unfound_light.unfound_light", lambda *_: None
+    )
+    found = render(scene, "path", 2, threads=1)
+    np.testing.assert_array_equal(found.image, expected.image)
+    for name in ("rays", "hits", "intersection", "ended_branches", "noise"):
+        assert found.report[name] == expected.report[name]
+    assert found.report["light_not_found_measured"] is None
+    text = summary.in_words(found.report)
+    assert "its size is not measured: the image mean lacks it, and no error below counts it" in text
+
+
+def test_only_paths_that_begin_so_are_counted():
+    """Metal and rough glass are asked for lamps: what comes by way of them is found."""
+    assert measured(room(Object(WALL, Metal(0.8, 0.2)))) is None
+    gray = Mix([(0.5, Mirror(0.8)), (0.5, Metal(0.8, 0.2))])
+    half, whole = measured(room(Object(WALL, gray)), seed=1), measured(room(MIRROR), seed=1)
+    assert half["mean"] == pytest.approx(0.5 * whole["mean"], rel=0.1)
+    clear = Mix([(0.5, Mirror(0.8)), (0.5, RoughDielectric(1.5, 0.2))])
+    assert measured(room(Object(WALL, clear)))["mean"] == 0.0  # a part that cannot be told
+
+
+def test_lights_are_grouped_by_what_is_missed():
+    scene = compile_scene(room(MIRROR, lights=[LAMP, AREA_LAMP], environment=GradientSky(1, 1)))
+
+    def of(name):
+        declared = INTEGRATORS[name]
+        found = _beginnings(declared.finds(declared.options()), scene)
+        return [(part.lights, part.firsts, part.direct) for part in found]
+
+    assert of("path") == [("P", "S", False)]
+    assert of("whitted") == [("PLK", "DGS", False)]
+    assert of("ppm") == []
+
+
+@pytest.mark.parametrize(
+    "scene",
+    [
+        room(MIRROR, Object(Plane((0, 0, -1), (0, 0, 1)), Lambertian(0.5)), environment=GradientSky(1, 1)),
+        room(BALL, camera=Camera((0.3, 0.2, 0.4), (0, 0, 0), (0, 1, 0), width=8, height=6)),
+    ],
+    ids=["sky on a plane", "camera in glass"],
+)  # fmt: skip
+def test_what_photons_cannot_measure_is_said(scene):
+    report = render(scene, "whitted", 2).report
+    assert report["light_not_found"]
+    assert report["light_not_found_measured"] is None
+    assert "its size is not measured" in summary.in_words(report)
+
+
+class TestSentences:
+    def test_of_a_room_with_a_point_light_a_mirror_and_a_glass_ball(self):
+        scene = room(MIRROR, BALL)
+        for integrator in ("path", "whitted"):
+            report = render(scene, integrator, 4).report
+            text = summary.in_words(report)
+            light = f"the light that {integrator} finds"
+            assert report["picture_holds"].startswith(light)
+            assert f"  left out  {integrator} does not find light of lamps without area" in text
+            assert "the image mean lacks 0.0" in text
+            assert "of what is found, by 2,000 photons, on" in text
+            assert f"image mean of {light}" in text
+            stopped = text.splitlines()[-1]
+            assert stopped.startswith("  stopped")
+            assert light in stopped
+
+    def test_of_a_picture_that_holds_all(self):
+        report = render(room(lights=[AREA_LAMP]), "path", 4).report
+        assert report["picture_holds"] == "all light"
+        text = summary.in_words(report)
+        assert "left out" not in text
+        assert "image mean 0." in text
+
+    def test_nothing_that_arrives(self):
+        """The ball throws its light aside, out of the picture."""
+        far = Object(Sphere((3.0, 3.0, 0.5), 0.1), Dielectric(1.5), "far")
+        closed = Object(Rectangle((-1, 2, 0), (8, 0, 0), (0, 0, 8)), Lambertian(0.0), "screen")
+        report = render(room(far, closed), "path", 2).report
+        assert report["light_not_found_measured"]["mean"] == 0.0
+        assert "none of it leaves\n" in summary.in_words(report)
+
+    @pytest.mark.parametrize("integrator", ["path", "whitted", "ppm"])
+    def test_what_max_depth_cuts_off(self, integrator):
+        """Two mirrors that face each other, and nothing else: all weight is lost at max_depth."""
+        walls = [
+            Object(Rectangle((-9, -9, z), (18, 0, 0), (0, 18, 0)), Mirror(0.5)) for z in (0, 1)
+        ]
+        camera = Camera((0, 0, 0.5), (0, 0, 0), (0, 1, 0), vertical_fov=5, width=4, height=3)
+        report = render(Scene(camera, walls, [AREA_LAMP]), integrator, 2, max_depth=3).report
+        lost = report["ended_branches"]["lost_weight_per_camera_ray"]
+        # After the first mirror ppm plays Russian roulette: the same in the mean.
+        expected = pytest.approx(0.5**4, rel=1.0 if integrator == "ppm" else 1e-9)
+        assert lost == expected
+        text = summary.in_words(report)
+        n_lost = report["ended_branches"]["at max_depth"]
+        assert (
+            f"  cut off   {n_lost} paths at max_depth 3, with {summary.per_cent(lost)} of the"
+            in text
+        )
+        assert report["picture_holds"] == (
+            "the light that whitted finds in up to 3 bounces"
+            if integrator == "whitted" and report["light_not_found"]
+            else "all light in up to 3 bounces"
+        )
+        assert "of all light in up to 3 bounces" in text or integrator == "whitted"
+
+    def test_what_no_light_has_reached(self):
+        """Half of the picture sees nothing: its error counts as none."""
+        half = Camera((0, -1, 0.02), (0, 5, 0.02), (0, 0, 1), vertical_fov=20, width=8, height=6)
+        report = render(room(camera=half), "path", 4).report
+        assert report["noise"]["pixels_without_light"] == 24
+        assert "50 % of the pixels are black in every pass, and count as without noise" in (
+            summary.in_words(report)
+        )
+
+    def test_of_the_plan(self):
+        def plan(scene, **settings):
+            return explain(render(scene, "path", 1, **settings).report["plan"])
+
+        of_points = "what point and spot lights send that way is not found"
+        assert f"  - light paths: no light has an area; {of_points}" in plan(room(MIRROR))
+        both = plan(room(MIRROR, lights=[LAMP, AREA_LAMP]))
+        assert f"paths from them find that; {of_points}" in both
+        assert "  + photons: a few estimate the light that is not found" in both
+        alone = plan(room(MIRROR, lights=[AREA_LAMP]))
+        assert "paths from them find that\n" in alone
+        assert "  - photons: all light of this scene is found" in alone
+
+    @pytest.mark.parametrize(
+        ("setting", "why"), [({"light_paths": 0.0}, "light_paths=0"), ({"strategy": "lights"}, "'lights'")]
+    )  # fmt: skip
+    def test_of_the_plan_without_light_paths(self, setting, why):
+        options = INTEGRATORS["path"].options(**setting)
+        scene = room(MIRROR, lights=[AREA_LAMP])
+        left_out = render(scene, "path", 1, options=options).report["plan"]["light"]["left_out"]
+        assert why in left_out["light paths"]
