@@ -4,6 +4,7 @@ For example:
   python tools/bench_render.py scenes/cornell_box.py --targets 0.035
   python tools/bench_render.py scenes/*.py --width 200 --reference-passes 256 --json bench.json
   python tools/bench_render.py scenes/teapot_room.py --integrator ppm --photons 500000 --width 512
+  python tools/bench_render.py scenes/wine_glass.py --coarse embree none     # by either way
   python tools/bench_render.py --caustics            # floors under glass, against a light tracer
 
 Seconds are wall time of a whole render after its kernels are compiled, scene set-up included. The
@@ -28,6 +29,7 @@ from hybrid_rt.cli.command import kept, one_or_more, run_tool
 from hybrid_rt.cli.scene_file import load_scene
 from hybrid_rt.core import checks
 from hybrid_rt.integrators import PPMOptions
+from hybrid_rt.intersection.intersector import COARSE_STAGES
 from hybrid_rt.rendering.renderer import RenderResult, render
 from hybrid_rt.scene.scene import Scene
 from hybrid_rt.sensor.image_metrics import noise_of_reference, relative_mse, seconds_to
@@ -50,14 +52,15 @@ def main() -> int:
     rows: list[dict[str, Any]] = []
     with kept(options.json, lambda: rows):
         for path in options.scenes:
-            row = _apart(_measure, Path(path), options)
-            row["full_size_memory_mib"] = _apart(_memory, Path(path), options)
-            rows.append(row)
-            _show(row, options.targets)
+            for coarse in options.coarse:
+                row = _apart(_measure, Path(path), coarse, options)
+                row["full_size_memory_mib"] = _apart(_memory, Path(path), coarse, options)
+                rows.append(row)
+                _show(row, options.targets)
     return 0
 
 
-def _apart(function: Callable[[Path, argparse.Namespace], Any], *arguments: Any) -> Any:
+def _apart(function: Callable[[Path, str, argparse.Namespace], Any], *arguments: Any) -> Any:
     """Call a function in a process of its own: peak memory is that of a whole process."""
     # Ctrl-C reaches the child as well: there it ends without a word.
     quietly = (signal.SIGINT, signal.SIG_DFL)
@@ -68,11 +71,11 @@ def _apart(function: Callable[[Path, argparse.Namespace], Any], *arguments: Any)
         return child.submit(function, *arguments).result()
 
 
-def _memory(path: Path, options: argparse.Namespace) -> float:
+def _memory(path: Path, coarse: str, options: argparse.Namespace) -> float:
     """Return the peak memory, MiB, of two passes of a full-size picture."""
     scene = load_scene(path)
     shown = scene.with_camera(scene.camera.resized(*FULL_SIZE))
-    render(shown, options.integrator, 2, threads=options.threads)
+    render(shown, options.integrator, 2, threads=options.threads, coarse=coarse)
     return _peak()
 
 
@@ -91,6 +94,9 @@ def _parser() -> argparse.ArgumentParser:
         "--reference-photons", type=float, default=1e9, help="counted by the light tracer"
     )
     parser.add_argument("--integrator", default="path")
+    parser.add_argument(
+        "--coarse", nargs="+", default=["embree"], choices=COARSE_STAGES, help="a row for each"
+    )
     parser.add_argument("--width", type=one_or_more, help="pixels; proportions are kept")
     parser.add_argument("--threads", type=one_or_more)
     parser.add_argument("--targets", type=float, nargs="+", default=[1e-2, 1e-3], metavar="E")
@@ -100,7 +106,7 @@ def _parser() -> argparse.ArgumentParser:
     return parser
 
 
-def _measure(path: Path, options: argparse.Namespace) -> dict[str, Any]:
+def _measure(path: Path, coarse: str, options: argparse.Namespace) -> dict[str, Any]:
     scene = load_scene(path)
     camera = scene.camera
     if options.width is not None:
@@ -112,7 +118,13 @@ def _measure(path: Path, options: argparse.Namespace) -> dict[str, Any]:
         if options.integrator == "ppm":
             settings["options"] = PPMOptions(options.photons)
         return render(
-            shown, options.integrator, passes, seed=seed, threads=options.threads, **settings
+            shown,
+            options.integrator,
+            passes,
+            seed=seed,
+            threads=options.threads,
+            coarse=coarse,
+            **settings,
         )
 
     run(1, 0, small=True)  # compiles
@@ -136,6 +148,7 @@ def _measure(path: Path, options: argparse.Namespace) -> dict[str, Any]:
     return {
         "scene": path.stem,
         "integrator": options.integrator,
+        "coarse": result.report["coarse"],
         "size": [scene.camera.width, scene.camera.height],
         "rays_per_second": rays / totals[-1],
         "rays_per_camera_ray": rays / result.report["rays"]["camera"],
@@ -165,7 +178,11 @@ def _caustics(options: argparse.Namespace) -> int:
 
 def _show(row: dict[str, Any], targets: list[float]) -> None:
     width, height = row["size"]
-    print(f"\n{row['scene']}  {width} x {height}, {row['integrator']}")
+    coarse = row["coarse"]
+    print(
+        f"\n{row['scene']}  {width} x {height}, {row['integrator']}, coarse {coarse['stage']} "
+        f"({coarse['share_of_seconds']:.0%} of the time)"
+    )
     print(
         f"  {row['rays_per_second'] / 1e6:.2f} Mrays/s, {row['rays_per_camera_ray']:.1f} rays for "
         f"each camera ray, peak memory {row['peak_memory_mib']:.0f} MiB, at {FULL_SIZE[0]} x {FULL_SIZE[1]} "

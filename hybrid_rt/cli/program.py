@@ -169,6 +169,12 @@ def _add_render_options(parser: argparse.ArgumentParser) -> None:
         "--accuracy", default="certified", metavar="A", help="mesh, refined or certified (default)"
     )
     parser.add_argument(
+        "--coarse",
+        default="embree",
+        metavar="C",
+        help="embree (default) or none: certified hits without triangles, the same picture bit for bit",
+    )
+    parser.add_argument(
         "--tolerance", type=float, metavar="T", help="of the coarse mesh, in scene units"
     )
     parser.add_argument(
@@ -242,6 +248,7 @@ def _render(load: Callable[[], tuple[Scene, str]], name: str, options: argparse.
         "seed": options.seed,
         "threads": options.threads,
         "accuracy": options.accuracy,
+        "coarse": options.coarse,
         "tolerance": options.tolerance,
         "outputs": channels,
     }

@@ -1,11 +1,14 @@
-"""Interleaved timing of several methods in one process: only ratios within a run mean anything."""
+"""Interleaved timing of several methods in one process, and a stopwatch.
+
+Of interleaved timings only ratios within a run mean anything.
+"""
 
 from __future__ import annotations
 
 import time
 from collections.abc import Callable, Hashable, Mapping
 from dataclasses import dataclass
-from typing import TypeVar
+from typing import Self, TypeVar
 
 import numpy as np
 
@@ -34,6 +37,34 @@ class Timing:
         """Return the median, least and greatest speed over that of ``base``, round by round."""
         ratios = np.array(base.rounds) / np.array(self.rounds)
         return float(np.median(ratios)), float(ratios.min()), float(ratios.max())
+
+
+class Stopwatch:
+    """Sums the seconds of all blocks that run in it; for one thread.
+
+    Parameters
+    ----------
+    now : callable
+        Clock; returns seconds.
+
+    Attributes
+    ----------
+    seconds : float
+    """
+
+    def __init__(self, now: Callable[[], float] = time.perf_counter) -> None:
+        self.seconds = 0.0
+        self._now = now
+        self._began = 0.0
+
+    def __enter__(self) -> Self:
+        """Start."""
+        self._began = self._now()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """Stop."""
+        self.seconds += self._now() - self._began
 
 
 def in_turn(contestants: Mapping[Name, Callable[[], object]], rounds: int) -> dict[Name, Timing]:

@@ -201,9 +201,11 @@ class Workers:
 
         Seconds become wall seconds: the sum over threads divided by their number.
         """
-        counters = self.context.tracer.counters
+        tracer, share = self.context.tracer, 1.0 / len(self._contexts)
+        counters = tracer.counters
         for own in self._contexts:
-            self.context.ledger.add(own.ledger, share=1.0 / len(self._contexts))
+            self.context.ledger.add(own.ledger, share)
+            tracer.coarse_seconds += share * own.tracer.coarse_seconds
             for name, count in own.tracer.counters.items():
                 if name.startswith("most"):
                     counters[name] = max(counters[name], count)
@@ -214,4 +216,5 @@ class Workers:
 def _own_counters(context: RenderContext) -> RenderContext:
     tracer: Intersector = copy.copy(context.tracer)
     tracer.counters = dict.fromkeys(tracer.counters, 0)
+    tracer.coarse_seconds = 0.0
     return replace(context, tracer=tracer, ledger=Ledger(context.ledger.now))

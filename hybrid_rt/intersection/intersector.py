@@ -10,7 +10,7 @@ Triangle meshes skip Embree if hits are to be certified: the float64 search alon
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -20,6 +20,7 @@ from hybrid_rt.core import checks
 from hybrid_rt.core.precompile import want
 from hybrid_rt.core.records import BoolArray, FloatArray, HitRecord, IntArray, NamedPoints
 from hybrid_rt.core.threads import Pool
+from hybrid_rt.core.timing import Stopwatch
 from hybrid_rt.intersection.crossings import Crossings, find_crossings
 from hybrid_rt.intersection.kernels.search.counters import COUNTER_NAMES, MOST_PIECES
 from hybrid_rt.intersection.kernels.search.nearest import Nearest, Rays
@@ -61,6 +62,15 @@ class Intersector:
     threads : int, optional
         Default: all cores that the process may use. Changes no result.
 
+    Attributes
+    ----------
+    coarse_build_seconds : float
+        Time that tessellation and Embree's tree took.
+    coarse_seconds : float
+        Time that coarse hits have taken so far, summed over threads.
+    now : callable
+        The clock of ``coarse_seconds``, in seconds.
+
     Raises
     ------
     TypeError, ValueError
@@ -92,6 +102,8 @@ class Intersector:
             self.surfaces, accuracy, self._pool
         )
         self._coarse: Coarse | None = None
+        self.now: Callable[[], float] = time.perf_counter
+        self.coarse_seconds = self.coarse_build_seconds = 0.0
         if members and coarse == "embree":
             from hybrid_rt.intersection.coarse.proposals import (
                 GUESS_TOLERANCE,
@@ -100,7 +112,9 @@ class Intersector:
             )
 
             relative = GUESS_TOLERANCE if accuracy == "certified" else MESH_TOLERANCE
-            self._coarse = Coarse(members, tolerance, relative)
+            with Stopwatch(self.now) as watch:
+                self._coarse = Coarse(members, tolerance, relative)
+            self.coarse_build_seconds = watch.seconds
             self.plan["used"]["embree"] = (
                 f"{self._coarse.n_triangles} triangles for {len(members)} surface(s)"
             )
@@ -173,12 +187,14 @@ class Intersector:
         columns = Record(*(getattr(record, name) for name in Record._fields))
         slots = Finished(*(getattr(record, name) for name in Finished._fields))
         tallies: list[FloatArray] = []
+        watches: list[Stopwatch] = []
 
         def work(begin: int, end: int) -> None:
+            watches.append(watch := Stopwatch(self.now))
             tally, totals = np.zeros(len(COUNTER_NAMES)), np.zeros(2, np.int64)
             rays, t_max, unit = batch.rows(begin, end)
             best, found = new_nearest(t_max), np.zeros(end - begin, np.bool_)
-            self._first_roots(rays, best, False, tally, found)
+            self._first_roots(rays, best, False, tally, found, watch)
             out = rows_of(slots, begin, end)
             for number, kind in enumerate(self._finishers()):
                 kind.finish(rays, best, self._kind_of, number, out)
@@ -190,7 +206,7 @@ class Intersector:
 
         rows: list[tuple[int, ...]] = []
         self._pool.run(work, n)
-        self._add_work(tallies)
+        self._add_work(tallies, watches)
         for counted in rows:
             for name, number in zip(COUNTED, counted, strict=True):
                 self.counters[name] += number
@@ -221,17 +237,19 @@ class Intersector:
         )
         blocked = np.empty(len(batch), np.bool_)
         tallies: list[FloatArray] = []
+        watches: list[Stopwatch] = []
 
         def work(begin: int, end: int) -> None:
+            watches.append(watch := Stopwatch(self.now))
             tally = np.zeros(len(COUNTER_NAMES))
             rays, highest, _ = batch.rows(begin, end)
             best = new_nearest(highest)
-            self._first_roots(rays, best, True, tally, np.zeros(end - begin, np.bool_))
+            self._first_roots(rays, best, True, tally, np.zeros(end - begin, np.bool_), watch)
             blocked[begin:end] = best.object_id >= 0
             tallies.append(tally)
 
         self._pool.run(work, len(batch))
-        self._add_work(tallies)
+        self._add_work(tallies, watches)
         self.counters["shadow_rays"] += len(batch)
         return blocked
 
@@ -255,7 +273,13 @@ class Intersector:
         return find_crossings(self.intersect, origins, directions, t_min, t_max)
 
     def _first_roots(
-        self, rays: Rays, best: Nearest, any_hit: bool, tally: FloatArray, found: BoolArray
+        self,
+        rays: Rays,
+        best: Nearest,
+        any_hit: bool,
+        tally: FloatArray,
+        found: BoolArray,
+        watch: Stopwatch,
     ) -> None:
         """Lower ``best`` for a slice of rays, by the stages of the accuracy."""
         for kind in self._direct:
@@ -264,11 +288,11 @@ class Intersector:
             for kind in self._curved:
                 kind.trace(rays, None, best, any_hit, tally)
         elif self.accuracy == "certified":
-            guesses = self._coarse.propose(self._curved, rays, best, found)
+            guesses = self._coarse.propose(self._curved, rays, best, found, watch)
             for kind, guess in zip(self._curved, guesses, strict=True):
                 kind.trace(rays, guess, best, any_hit, tally)
         else:
-            self._coarse.refine(self._curved, rays, best, tally, found)
+            self._coarse.refine(self._curved, rays, best, tally, found, watch)
 
     @property
     def _probing(self) -> list[tuple[int, Probing]]:
@@ -287,7 +311,8 @@ class Intersector:
             return [*self._direct, self._coarse]
         return [*self._direct, *self._curved]
 
-    def _add_work(self, tallies: list[FloatArray]) -> None:
+    def _add_work(self, tallies: list[FloatArray], watches: list[Stopwatch]) -> None:
+        self.coarse_seconds += sum(watch.seconds for watch in watches)
         for tally in tallies:
             for name, value in zip(COUNTER_NAMES, tally, strict=True):
                 if name == COUNTER_NAMES[MOST_PIECES]:

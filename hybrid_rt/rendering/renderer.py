@@ -93,6 +93,7 @@ def render(
     threads: int | None = None,
     max_depth: int = 16,
     accuracy: str = "certified",
+    coarse: str = "embree",
     tolerance: float | None = None,
     options: Options | None = None,
     outputs: Sequence[str] = (),
@@ -133,8 +134,8 @@ def render(
     max_depth : int
         Largest number of bounces of a path ("whitted": of reflections and refractions); what is
         lost is reported.
-    accuracy, tolerance
-        As `Intersector` takes them.
+    accuracy, coarse, tolerance
+        As `Intersector` takes them. ``coarse`` changes the time, and no bit of the picture.
     options : PathOptions, PPMOptions or PhotonMapOptions, optional
         Settings of the integrator.
     outputs : sequence of str
@@ -171,6 +172,7 @@ def render(
         seed,
         threads,
         accuracy,
+        coarse,
         tolerance,
         outputs,
     )
@@ -190,6 +192,7 @@ def render(
         "threads": threads,
         "max_depth": max_depth,
         "accuracy": accuracy,
+        "coarse": coarse,
         "tolerance": tolerance,
         "outputs": list(names),
         "options": None if options is None else asdict(options),
@@ -210,7 +213,9 @@ def render(
                 progress("Building", 0, 0)
 
             def build(flat: CompiledScene) -> Intersector:
-                return Intersector(flat.surfaces, accuracy, tolerance=tolerance, threads=1)
+                built = Intersector(flat.surfaces, accuracy, coarse, tolerance, threads=1)
+                built.now = ledger.now
+                return built
 
             compiled, tracer, sunken = with_lamps_lifted(scene, compiled, build)
         # Threads share blocks of camera rays; within a block everything runs in one.
@@ -261,6 +266,7 @@ def check_request(
     seed: int,
     threads: int | None,
     accuracy: str,
+    coarse: str,
     tolerance: float | None,
     outputs: Sequence[str],
 ) -> tuple[Limit, tuple[str, ...], Sampler, int]:
@@ -275,7 +281,7 @@ def check_request(
     ValueError, TypeError
         If a setting is unknown or out of range.
     """
-    check_settings(accuracy, tolerance=tolerance)
+    check_settings(accuracy, coarse, tolerance)
     limit = Limit(passes, time_budget, target_error, target_error_trimmed)
     return limit, check_names(outputs), Sampler(seed), Pool(threads).threads
 

@@ -11,6 +11,7 @@ from hybrid_rt.core.ledger import twelve_digits
 from hybrid_rt.integrators.context import RenderContext
 from hybrid_rt.integrators.media.absorption import unclosed_bodies
 from hybrid_rt.integrators.workers import Blur
+from hybrid_rt.intersection import Intersector
 from hybrid_rt.rendering.limits import Clock
 from hybrid_rt.rendering.versions import peak_memory_mib, versions
 from hybrid_rt.sensor.film import Film
@@ -123,6 +124,7 @@ def make_report(
             "other": round(max(total - sum(ledger.seconds.values()), 0.0), 4),
             "total": round(total, 4),
         },
+        "coarse": _coarse(tracer, total),
         "kernel_compilation_seconds": round(clock.compile_seconds, 4),
         "rays": dict(ledger.rays),
         "hits": dict(ledger.hits),
@@ -146,4 +148,16 @@ def make_report(
         },
         "peak_memory_mib": round(peak_memory_mib(), 1),
         "plan": {"light": context.plan.as_dict(), "intersection": tracer.plan},
+    }
+
+
+def _coarse(tracer: Intersector, total: float) -> dict[str, Any]:
+    """Return what the coarse stage took; its seconds are within those of the stages that trace rays."""
+    spent = tracer.coarse_build_seconds + tracer.coarse_seconds
+    return {
+        "stage": "embree" if "embree" in tracer.plan["used"] else "none",
+        "triangles": tracer.n_triangles,
+        "build_seconds": round(tracer.coarse_build_seconds, 4),
+        "hit_seconds": round(tracer.coarse_seconds, 4),
+        "share_of_seconds": min(spent / total, 1.0) if total > 0.0 else 0.0,
     }

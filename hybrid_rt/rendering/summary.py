@@ -218,8 +218,23 @@ def _cost(report: dict[str, Any]) -> str:
     rays = f"{n_rays / 1e6:.3g} million rays" if n_rays >= 1e5 else f"{n_rays:,} rays"
     return (
         f"  cost      {seconds['total']:.2f} s ({longest}), {rays}, "
-        f"peak memory {report['peak_memory_mib']:.0f} MiB"
+        f"peak memory {report['peak_memory_mib']:.0f} MiB{_coarse(report)}"
     )
+
+
+def _coarse(report: dict[str, Any]) -> str:
+    """Return the cost of coarse hits, if there were any."""
+    coarse = report["coarse"]
+    if coarse["stage"] == "none":
+        return ""
+    text = (
+        f"\n            {per_cent(coarse['share_of_seconds'])} of it for coarse hits on "
+        f"{coarse['triangles']:,} triangles (building {coarse['build_seconds']:.2g}, tracing "
+        f"{coarse['hit_seconds']:.2g})"
+    )
+    if report["geometry"]["accuracy"] == "certified":
+        text += '; coarse="none" makes the same picture, bit for bit, without them'
+    return text
 
 
 def _stop(report: dict[str, Any]) -> str:

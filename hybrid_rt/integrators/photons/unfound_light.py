@@ -88,7 +88,7 @@ def unfound_light(context: RenderContext, found: str) -> UnfoundLight | None:
     Parameters
     ----------
     context : RenderContext
-        Its ledger and counters are left alone.
+        Its counts are left alone; the seconds of coarse hits are added to its tracer's.
     found : str
         Regular expression of the paths that are found; see `hybrid_rt.integrators.light_found`.
 
@@ -112,6 +112,7 @@ def unfound_light(context: RenderContext, found: str) -> UnfoundLight | None:
         for group in tracer.groups(n // GROUPS):
             for k in range(GROUPS):
                 means[k] += tracer.shown(group, k * RUN)
+        context.tracer.coarse_seconds += tracer.context.tracer.coarse_seconds
         n_photons += tracer.balance.n_emitted
     if not is_measured:
         return None
@@ -181,6 +182,7 @@ def _tracer(context: RenderContext, beginnings: _Beginnings) -> _Tracer | None:
     )
     tracer = copy.copy(context.tracer)
     tracer.counters = dict.fromkeys(tracer.counters, 0)
+    tracer.coarse_seconds = 0.0
     own = replace(context, scene=scene, plan=make_plan(scene, PPM), tracer=tracer, ledger=Ledger())
     contacts = Contacts(scene, tracer) if own.plan["contacts"] else None
     if not own.plan["photons"] or (media_around_camera(own, contacts) != NOTHING).any():

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from hybrid_rt.core.records import BoolArray, FloatArray, IntArray
+from hybrid_rt.core.timing import Stopwatch
 from hybrid_rt.intersection.coarse.embree import CoarseScene
 from hybrid_rt.intersection.kernels.search.coarse import (
     CoarseHits,
@@ -79,7 +80,12 @@ class Coarse:
         return len(self.triangles.face)
 
     def propose(
-        self, kinds: Sequence[CurvedKind], rays: Rays, best: Nearest, found: BoolArray
+        self,
+        kinds: Sequence[CurvedKind],
+        rays: Rays,
+        best: Nearest,
+        found: BoolArray,
+        watch: Stopwatch,
     ) -> list[IntArray]:
         """Return the initial guess for `trace` of each kind: (n,) int32, -1 for none.
 
@@ -91,10 +97,13 @@ class Coarse:
             Its t limits the search for coarse hits.
         found : (n,) bool, written
             Whether Embree has a hit.
+        watch : Stopwatch
+            Measures all of this.
         """
-        hits = self.scene.first(rays.origin, rays.direction, rays.t_min, best.t)
-        found[:] = hits.face >= 0
-        return [kind.guesses(self, hits) for kind in kinds]
+        with watch:
+            hits = self.scene.first(rays.origin, rays.direction, rays.t_min, best.t)
+            found[:] = hits.face >= 0
+            return [kind.guesses(self, hits) for kind in kinds]
 
     def refine(
         self,
@@ -103,6 +112,7 @@ class Coarse:
         best: Nearest,
         work: FloatArray,
         found: BoolArray,
+        watch: Stopwatch,
     ) -> None:
         """Lower ``best`` to refined coarse hits, or without kinds (accuracy "mesh") to the hits.
 
@@ -115,15 +125,18 @@ class Coarse:
             Tally of `hybrid_rt.intersection.kernels.search.counters.COUNTER_NAMES`.
         found : (n,) bool, changed
             Set where Embree has a hit.
+        watch : Stopwatch
+            Measures Embree alone, without the refinement.
         """
         rows = np.arange(len(best.t))
         t_start = rays.t_min.copy()
         if len(rays.known):  # step off the triangles of the point of departure
             t_start[rays.known[:, 1] >= 0] += STEP_OVER / self.scene.to_frame
         for _ in range(RETRIES + 1):
-            hits = self.scene.first(
-                rays.origin[rows], rays.direction[rows], t_start[rows], best.t[rows]
-            )
+            with watch:
+                hits = self.scene.first(
+                    rays.origin[rows], rays.direction[rows], t_start[rows], best.t[rows]
+                )
             is_hit = hits.face >= 0
             rows, hits = rows[is_hit], CoarseHits(*(column[is_hit] for column in hits))
             if not len(rows):

@@ -437,6 +437,7 @@ class TestLimit:
         ({"max_depth": -1}, ValueError, "max_depth"),
         ({"threads": 0}, ValueError, "threads"),
         ({"accuracy": "exact"}, ValueError, "accuracy"),
+        ({"coarse": "triangles"}, ValueError, "coarse is 'triangles': pass one of embree, none"),
         ({"tolerance": -1.0}, ValueError, "tolerance"),
         (
             {"integrator": "ppm", "options": PPMOptions(10**12)},
