@@ -31,6 +31,8 @@ class Surface(ABC):
     """Has an end: a box around it, an area, photons that can be sent to it."""
     is_flat: ClassVar[bool] = False
     """Lies in one plane, so that no light goes from one point of it to another."""
+    is_closed: ClassVar[bool] = False
+    """Encloses a body by itself, whatever its numbers are."""
     is_triangular: ClassVar[bool] = False
     """(u, v) are weights of a triangle's corners, u + v <= 1; else they fill the unit square."""
 

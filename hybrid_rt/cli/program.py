@@ -236,10 +236,6 @@ def _render(load: Callable[[], tuple[Scene, str]], name: str, options: argparse.
 
     outputs = [_Output(path) for path in options.out or [Path(f"{name}.png")]]
     channels = [word.strip() for word in options.outputs.split(",") if word.strip()]
-    if channels and not any(keeps_channels(output.file) for output in outputs):
-        raise ValueError(
-            f"--outputs {','.join(channels)}: a .png holds none of them: add --out {name}.npz or .exr"
-        )
     request = {
         "passes": options.passes,
         "time_budget": options.time_budget,
@@ -254,6 +250,10 @@ def _render(load: Callable[[], tuple[Scene, str]], name: str, options: argparse.
     }
     # A script may take its time: what it has no say in is refused before it runs.
     check_request(**request)
+    if channels and not any(keeps_channels(output.file) for output in outputs):
+        raise ValueError(
+            f"--outputs {','.join(channels)}: a .png holds none of them: add --out {name}.npz or .exr"
+        )
     if options.integrator is not None:
         _settings(options.integrator, options)
     with ExitStack() as until_saved:

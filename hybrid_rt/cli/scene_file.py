@@ -6,12 +6,15 @@ lights. The command line overrides it.
 
 from __future__ import annotations
 
+import importlib
 import os
 import runpy
+import sys
 import traceback
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 from hybrid_rt.core import checks
@@ -39,7 +42,8 @@ def check_script(path: str | os.PathLike[str]) -> Path:
 def load_script(path: str | os.PathLike[str]) -> tuple[Scene, str]:
     """Run a scene script; return its scene and its default integrator.
 
-    A script is a Python program that may do anything: run only scripts you trust.
+    A script is a Python program that may do anything: run only scripts you trust. It may import
+    files that lie beside it; these are forgotten afterwards, so that the next script imports its own.
 
     Raises
     ------
@@ -47,9 +51,10 @@ def load_script(path: str | os.PathLike[str]) -> tuple[Scene, str]:
         The message names the file, and the line where the script failed.
     """
     file = check_script(path)
-    with _naming(file):
-        names = runpy.run_path(str(file), run_name="hybrid_rt_scene")
-    return scene_of(names.get("scene"), names, file)
+    with _importing_beside(file):
+        with _naming(file):
+            names = runpy.run_path(str(file), run_name="hybrid_rt_scene")
+        return scene_of(names.get("scene"), names, file)
 
 
 def scene_of(
@@ -87,6 +92,33 @@ def scene_of(
         return scene, checks.choice(names["INTEGRATOR"], "INTEGRATOR", INTEGRATORS)
     except ValueError as error:
         raise SceneFileError(f"{file}: {error}") from None
+
+
+@contextmanager
+def _importing_beside(file: Path) -> Iterator[None]:
+    """Let imports find files beside a script; forget what was imported from there at the end."""
+    folder = file.resolve().parent
+    path, before = list(sys.path), set(sys.modules)
+    sys.path.insert(0, str(folder))
+    importlib.invalidate_caches()  # the folder may have new files
+    try:
+        yield
+    finally:
+        sys.path[:] = path
+        beside = {
+            name
+            for name, module in sys.modules.items()
+            if "." not in name and name not in before and _lies_in(folder, module)
+        }
+        for name in [name for name in sys.modules if name.partition(".")[0] in beside]:
+            del sys.modules[name]
+
+
+def _lies_in(folder: Path, module: ModuleType) -> bool:
+    """Tell whether a module is a file or a package of this folder."""
+    spec = getattr(module, "__spec__", None)
+    places = [] if spec is None else list(spec.submodule_search_locations or [spec.origin])
+    return any(Path(place).resolve().parent == folder for place in places if place)
 
 
 @contextmanager

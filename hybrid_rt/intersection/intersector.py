@@ -49,7 +49,7 @@ class Intersector:
 
     Parameters
     ----------
-    surfaces : sequence of Surface
+    surfaces : Surface, or sequence of Surface
         Any mix: those of `meshing`, and `Sphere`, `TriangleMesh` and the others of `hybrid_rt`.
         ``object_id`` of a hit is the index in this list.
     accuracy : {"certified", "refined", "mesh"}
@@ -83,7 +83,7 @@ class Intersector:
 
     def __init__(
         self,
-        surfaces: Sequence[Surface],
+        surfaces: Surface | Sequence[Surface],
         accuracy: str = "certified",
         coarse: str = "embree",
         tolerance: float | None = None,
@@ -91,7 +91,10 @@ class Intersector:
     ) -> None:
         began = time.perf_counter()
         check_settings(accuracy, coarse, tolerance)
-        self.surfaces = check_surfaces(checks.items(surfaces, "surfaces"))
+        several = (
+            (surfaces,) if isinstance(surfaces, Surface) else checks.items(surfaces, "surfaces")
+        )
+        self.surfaces = check_surfaces(several)
         self.accuracy, self.coarse = accuracy, coarse
         want(*kernel_groups(self.surfaces, accuracy, coarse))
         self._pool = Pool(threads)

@@ -45,6 +45,8 @@ class Box(Surface):
 
     is_upright: ClassVar[bool] = True
 
+    is_closed = True
+
     def __init__(self, lo: ArrayLike, hi: ArrayLike) -> None:
         self.lo, self.hi = as_vector(lo, "Box lo"), as_vector(hi, "Box hi")
         if not (self.lo < self.hi).all():

@@ -31,6 +31,8 @@ class Sphere(Surface):
         the pole.
     """
 
+    is_closed = True
+
     def __init__(
         self,
         center: ArrayLike,

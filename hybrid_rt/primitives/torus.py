@@ -55,6 +55,8 @@ class Torus(Surface):
     major_radius, minor_radius : float
     """
 
+    is_closed = True
+
     def __init__(
         self,
         origin: ArrayLike,

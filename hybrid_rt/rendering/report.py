@@ -112,6 +112,7 @@ def make_report(
     ledger, tracer, total = context.ledger, context.tracer, clock.seconds
     n_camera = ledger.rays["camera"]
     work = tracer.counters
+    not_closed, lost = unclosed_bodies(context)
     n_certified = work["rays"] + work["shadow_rays"] - work["given_up"]
     return {
         "settings": settings,
@@ -134,7 +135,8 @@ def make_report(
             "lost_weight_per_camera_ray": twelve_digits(ledger.lost_weight / n_camera),
         },
         "noise": film.noise(),
-        "clear_bodies_not_closed": unclosed_bodies(context),
+        "clear_bodies_not_closed": not_closed,
+        "clear_bodies_lost": lost,
         "pixels_not_finite": int(np.count_nonzero(~np.isfinite(film.image).all(axis=2))),
         "geometry": {
             "accuracy": tracer.accuracy,

@@ -60,6 +60,12 @@ def _warnings(report: dict[str, Any]) -> list[str]:
         for name, n_rays in report["clear_bodies_not_closed"].items()
     ]
     lines += [
+        f"  WARNING   {name!r} is clear: {n_rays:,} rays left it without entering it, or never left it: "
+        "its normals point inward (pass it flipped), or more than eight clear bodies lie within each "
+        "other (pass fewer)"
+        for name, n_rays in report["clear_bodies_lost"].items()
+    ]
+    lines += [
         f"  {'note   ' if note['lifted_by'] > 0.0 else 'WARNING'}   {lamp_in_words(note)}"
         for note in report["lamps_in_surfaces"]
     ]

@@ -41,6 +41,10 @@ class CompiledScene:
     ----------
     surfaces : list
         Surfaces of the intersector: first the objects, then the lights that rays can hit.
+    names : list of str
+        The name of each object, or its place: "objects[3] (a Sphere)".
+    called : list of str
+        The same in messages: "object 'lamp'", or the place.
     material_of : (surfaces,) int32
         Row in ``lobes.first`` of each surface; `NOTHING` for lights.
     light_of : (surfaces,) int32
@@ -63,6 +67,7 @@ class CompiledScene:
     environment: Environment | None
     surfaces: list[Any]
     names: list[str]
+    called: list[str]
     material_of: IntArray
     light_of: IntArray
     surface_of_light: IntArray
@@ -114,6 +119,12 @@ def compile_scene(scene: Scene) -> CompiledScene:
         If an object's settings do not fit together (its name is in the message).
     """
     surfaces = [item.surface for item in scene.objects]
+    places = [f"objects[{i}] (a {type(x).__name__})" for i, x in enumerate(surfaces)]
+    names = [item.name for item in scene.objects]
+    called = [
+        place if name is None else f"object {name!r}"
+        for name, place in zip(names, places, strict=True)
+    ]
     materials: list[Material] = []
     row_of: dict[int, int] = {}  # a material used twice is stored once
     for item in scene.objects:
@@ -138,7 +149,7 @@ def compile_scene(scene: Scene) -> CompiledScene:
             continue
         light_of[i] = len(rows)
         surface_of_light.append(i)
-        row, chooser = _shining_object(item, item.material.radiance)
+        row, chooser = _shining_object(item, item.material.radiance, called[i])
         if chooser is not None:
             shining[len(rows)] = chooser
         rows.append(row)
@@ -151,7 +162,8 @@ def compile_scene(scene: Scene) -> CompiledScene:
         camera=scene.camera,
         environment=scene.environment,
         surfaces=surfaces,
-        names=[item.name for item in scene.objects],
+        names=[place if name is None else name for name, place in zip(names, places, strict=True)],
+        called=called,
         material_of=np.array(material_of, dtype=np.int32),
         light_of=np.array(light_of, dtype=np.int32),
         surface_of_light=np.array(surface_of_light, dtype=np.int32),
@@ -178,18 +190,19 @@ def _glass_of(lobes: LobeTable) -> IntArray:
     return glass
 
 
-def _shining_object(item: Object, radiance: Texture) -> tuple[LightRow, ShiningSurface | None]:
+def _shining_object(
+    item: Object, radiance: Texture, called: str
+) -> tuple[LightRow, ShiningSurface | None]:
     """Return the light that an object is, and what chooses its points unless the kernels do."""
     surface, nothing = item.surface, np.zeros(3)
     if surface.is_bounded and not surface.size <= FARTHEST:
         raise ValueError(
-            f"object {item.name!r} shines and is {surface.size:g} across: lamps may be up to "
-            f"{FARTHEST:g}"
+            f"{called} shines and is {surface.size:g} across: lamps may be up to {FARTHEST:g}"
         )
     try:
         chooser = shining_surface(surface)
     except ValueError as error:
-        raise ValueError(f"object {item.name!r} {error}") from error
+        raise ValueError(f"{called} {error}") from error
     # A plane has no end: scattered rays find it, but nothing is chosen on it.
     area = 0.0 if chooser is None else chooser.area
     strength = radiance.brightest

@@ -92,7 +92,7 @@ def with_lamps_lifted(
         given as well.
     """
     tracer = build(compiled)
-    notes: dict[str, dict[str, Any]] = {}
+    notes: dict[int, dict[str, Any]] = {}  # by row in the light table, as names may be alike
     for _ in range(MOST_LIFTS):
         sunken = [lamp for lamp in sunken_lamps(compiled, tracer) if _counts(lamp, notes)]
         if not sunken:
@@ -100,7 +100,7 @@ def with_lamps_lifted(
         lifted = {}
         for lamp in sunken:
             note = notes.setdefault(
-                lamp.lamp,
+                lamp.light,
                 {"lamp": lamp.lamp, "surface": lamp.surface, "share": lamp.share, "lifted_by": 0.0},
             )
             if lamp.way is None or not _is_movable(scene, lamp.light):
@@ -196,9 +196,9 @@ def sunken_lamps(scene: CompiledScene, tracer: Intersector) -> list[Sunken]:
     return sunken
 
 
-def _counts(lamp: Sunken, notes: dict[str, dict[str, Any]]) -> bool:
+def _counts(lamp: Sunken, notes: dict[int, dict[str, Any]]) -> bool:
     """Tell whether a lamp is to be lifted: of two lamps in each other, the first one is."""
-    has_been_told = lamp.lamp in notes and notes[lamp.lamp]["lifted_by"] == 0.0
+    has_been_told = lamp.light in notes and notes[lamp.light]["lifted_by"] == 0.0
     return not has_been_told and (lamp.partner == NOTHING or lamp.light < lamp.partner)
 
 
@@ -267,6 +267,6 @@ def _replaced(scene: Scene, compiled: CompiledScene, lifted: dict[int, Light | O
 
 
 def _name(scene: CompiledScene, surface: int, light: int) -> str:
-    if 0 <= surface < len(scene.names):
-        return f"object {scene.names[surface]!r}"
+    if 0 <= surface < len(scene.called):
+        return scene.called[surface]
     return f"lights[{light}]"

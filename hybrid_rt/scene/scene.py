@@ -20,7 +20,8 @@ class Object:
         From `hybrid_rt` or `meshing`: Sphere, TriangleMesh, BezierPatches ...
     material : Material
     name : str, optional
-        Its name in messages and reports.
+        Its name in messages and reports. Without one it is named by its place in the scene:
+        "objects[3] (a Sphere)".
     smooth : bool
         Shade a triangle mesh with interpolated vertex normals. Silhouette and shadows stay those of
         the triangles.
@@ -35,20 +36,23 @@ class Object:
     ) -> None:
         if name is not None and not isinstance(name, str):
             raise TypeError(f"Object name is {checks.shown(name)}: pass a word, or None")
-        self.name = type(surface).__name__ if name is None else name
+        self.name = name
+        called = "object" if name is None else f"object {name!r}"
         if not isinstance(surface, Surface):
             raise TypeError(
-                f"object {self.name!r} is made of {checks.shown(surface)}: pass a Sphere, Rectangle, "
+                f"{called} is made of {checks.shown(surface)}: pass a Sphere, Rectangle, "
                 "TriangleMesh, BezierPatches, SurfaceOfRevolution or another surface"
             )
+        if name is None:
+            called = f"object (a {type(surface).__name__})"
         if not isinstance(material, Material):
             raise TypeError(
-                f"object {self.name!r} has the material {checks.shown(material)}: pass one of "
+                f"{called} has the material {checks.shown(material)}: pass one of "
                 "hybrid_rt.materials"
             )
-        if checks.flag(smooth, f"object {self.name!r}, smooth") and not surface.is_triangular:
+        if checks.flag(smooth, f"{called}, smooth") and not surface.is_triangular:
             raise TypeError(
-                f"object {self.name!r} is a smooth {type(surface).__name__}: leave smooth to "
+                f"{called} is a smooth {type(surface).__name__}: leave smooth to "
                 "TriangleMesh, other surfaces have exact normals"
             )
         self.surface = surface

@@ -145,20 +145,31 @@ def absorb(
             context.ledger.unclosed[int(lobe)] += int(unclosed[lobe])
 
 
-def unclosed_bodies(context: RenderContext) -> dict[str, int]:
-    """Return the number of rays that found a dielectric not closed, by the names of its objects.
+def unclosed_bodies(context: RenderContext) -> tuple[dict[str, int], dict[str, int]]:
+    """Return the number of rays that lost count of the dielectrics they are in, by objects' names.
 
-    Such rays left it without having entered it, or never left it. Planes bound half-spaces, so they
-    do not count.
+    Such rays left a dielectric without having entered it, or never left it. Planes bound
+    half-spaces, so they do not count.
+
+    Returns
+    -------
+    not_closed : dict
+        Of dielectrics with a surface that may be open; the names are those of such surfaces.
+    lost : dict
+        Of those made of spheres, boxes and tori, which are closed: their normals point inward, or
+        there are too many within each other.
     """
-    scene, found = context.scene, {}
+    scene = context.scene
+    not_closed: dict[str, int] = {}
+    lost: dict[str, int] = {}
     n_objects = len(scene.names)
     for lobe, n_rays in sorted(context.ledger.unclosed.items()):
         objects = np.flatnonzero(scene.glass_of[scene.material_of[:n_objects]] == lobe)
         if all(scene.surfaces[i].is_bounded for i in objects):
-            names = dict.fromkeys(scene.names[i] for i in objects)
-            found[", ".join(names)] = n_rays
-    return found
+            may_be_open = [i for i in objects if not scene.surfaces[i].is_closed]
+            names = dict.fromkeys(scene.names[i] for i in may_be_open or objects)
+            (not_closed if may_be_open else lost)[", ".join(names)] = n_rays
+    return not_closed, lost
 
 
 def _no_media(context: RenderContext, n: int) -> IntArray:

@@ -377,13 +377,13 @@ def _powers(scene: CompiledScene, world: FloatArray) -> FloatArray:
     shining = np.intersect1d(endless, scene.surface_of_light)
     if shining.size:
         raise ValueError(
-            f"object {scene.names[shining[0]]!r} is a plane that shines, so sends out photons "
+            f"{scene.called[shining[0]]} is a plane that shines, so sends out photons "
             f"without end: pass a Rectangle, or use integrator {PATH.name!r}"
         )
     if scene.environment is not None:
         if endless:
             raise ValueError(
-                f"object {scene.names[endless[0]]!r} is a plane, to which the sky sends photons "
+                f"{scene.called[endless[0]]} is a plane, to which the sky sends photons "
                 f"without end: pass a Rectangle, or use integrator {PATH.name!r}"
             )
         height = (np.arange(64) + 0.5) / 32.0 - 1.0

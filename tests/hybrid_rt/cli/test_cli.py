@@ -108,6 +108,9 @@ def test_script_runs_as_a_program(folder):
         (["ball.py", "--out", "nowhere/a.png"], "no folder"),
         (["ball.py", "--out", "."], "unknown ending"),
         (["ball.py", "--outputs", "depth"], "--outputs depth: a .png holds none of them: add"),
+        (["ball.py", "--outputs", "z"], "output is 'z': pass one of depth, position"),
+        (["ball.py", "--coarse", "none", "--accuracy", "mesh"], "leaves no triangles for accuracy"),
+        (["ball.py", "--target-error-trimmed", "0"], "target_error_trimmed is 0"),
         (["ball.py", "--outputs", "depth,,x", "--out", "a.npz"], "output is 'x': pass one of"),
         (["ball.py", "--width", "0"], "width"),
         (["ball.py", "--accuracy", "exact"], "accuracy is 'exact': pass one of certified, refined"),
@@ -163,6 +166,48 @@ def test_faulty_scripts_are_named_with_their_line(tmp_path, text, words):
     with pytest.raises(SceneFileError, match=words) as caught:
         load_scene(script)
     assert "bad.py" in str(caught.value)
+
+
+LENS = """
+from hybrid_rt import Sphere
+def lens():
+    return Sphere((0, 0, 0), {radius})
+"""
+LATE = """
+from hybrid_rt import Camera, Lambertian, Object, Scene
+import lens
+def scene():
+    from parts import glass
+    objects = [Object(lens.lens(), Lambertian(0.5), glass.NAME)]
+    return Scene(Camera((0, -4, 0), (0, 0, 0), (0, 0, 1)), objects)
+"""
+
+
+def test_scripts_import_what_lies_beside_them_and_leave_nothing(tmp_path):
+    """Two scripts, each with a lens and a package of its own; also from within scene()."""
+    path, modules = list(sys.path), set(sys.modules)
+    for radius in (1.0, 2.0):
+        folder = tmp_path / str(radius)
+        (folder / "parts").mkdir(parents=True)
+        (folder / "lens.py").write_text(LENS.format(radius=radius))
+        (folder / "parts" / "glass.py").write_text(f"NAME = 'lens of {radius}'")
+        (folder / "late.py").write_text(LATE)
+        item = load_scene(folder / "late.py").objects[0]
+        assert (item.surface.radius, item.name) == (radius, f"lens of {radius}")
+        assert sys.path == path
+        assert not {"lens", "parts", "parts.glass"} & (set(sys.modules) - modules)
+
+
+def test_neighbours_that_fail_are_told_by_the_scripts_line(tmp_path):
+    path = list(sys.path)
+    (tmp_path / "lens.py").write_text("import nowhere_at_all")
+    (tmp_path / "late.py").write_text(LATE)
+    with pytest.raises(
+        SceneFileError, match=r"late\.py, line 3: .*No module named 'nowhere_at_all'"
+    ):
+        load_scene(tmp_path / "late.py")
+    assert sys.path == path
+    assert "lens" not in sys.modules
 
 
 @pytest.mark.parametrize(

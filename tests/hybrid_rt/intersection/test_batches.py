@@ -46,6 +46,15 @@ def test_shadow_rays_are_checked_alike(tracer, settings):
         tracer.occluded(O, D, **settings)
 
 
+def test_a_single_surface_need_not_stand_in_a_list():
+    ball = Sphere((0, 0, 0), 1)
+    hits = [Intersector(surfaces).intersect(O, D) for surfaces in (ball, [ball])]
+    assert hits[0].object_id.tolist() == [0] * 6
+    np.testing.assert_array_equal(hits[0].t, hits[1].t)
+    with pytest.raises(TypeError, match="surfaces is 5: pass a list"):
+        Intersector(5)
+
+
 def test_crossings_are_checked_alike(tracer):
     with pytest.raises(ValueError, match=r"t_max has shape \(3, 2\)"):
         tracer.intersect_all(O, D, t_max=np.ones((3, 2)))

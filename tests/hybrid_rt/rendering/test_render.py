@@ -548,6 +548,33 @@ def test_clear_bodies_that_are_not_closed_are_named(surfaces, is_open, integrato
     assert ("WARNING   'glass' is clear, but not closed" in numbers.in_words(report)) == is_open
 
 
+@pytest.mark.parametrize(
+    ("bodies", "not_closed", "lost"),
+    [
+        ({"ball": Sphere((0, 0, 0), 1).flipped()}, [], ["ball"]),
+        ({f"ball {k}": Sphere((0, 0, 0), 1.0 - 0.05 * k) for k in range(10)}, [], ["ball 8", "ball 9"]),
+        ({"ball": Sphere((0, 0, 0), 1), "pane": PANE}, ["pane"], []),
+        ({"box": Box((-1, -1, -1), (1, 1, 1)).flipped()}, [], ["box"]),
+    ],
+    ids=["ball from within", "ten balls", "a pane of its glass", "box from within"],
+)  # fmt: skip
+def test_closed_bodies_are_never_called_open(bodies, not_closed, lost):
+    """Ten balls are of ten kinds of glass; the ball and the pane are of one."""
+    glass = [Dielectric(1.5 + (0.01 * k if len(bodies) > 2 else 0.0)) for k in range(len(bodies))]
+    glass = glass if len(bodies) > 2 else [glass[0]] * 2
+    objects = [
+        Object(surface, material, name)
+        for (name, surface), material in zip(bodies.items(), glass, strict=False)
+    ]
+    report = render(Scene(scene().camera, objects, [LAMP], SKY), "path", passes=1).report
+    assert list(report["clear_bodies_not_closed"]) == not_closed
+    assert [name for name in lost if name not in report["clear_bodies_lost"]] == []
+    assert bool(report["clear_bodies_lost"]) == bool(lost)
+    text = numbers.in_words(report)
+    assert ("but not closed" in text) == bool(not_closed)
+    assert ("its normals point inward" in text) == bool(lost)
+
+
 def test_progress_hears_every_block(monkeypatch):
     monkeypatch.setattr(workers, "BLOCK", 12 * 8)
     heard = []

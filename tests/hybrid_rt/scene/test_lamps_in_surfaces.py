@@ -156,11 +156,24 @@ def test_a_ball_that_touches_the_floor_needs_no_word(height):
 def test_lamps_without_a_way_out_are_warned_of_before_the_render(objects, lights):
     camera = Camera((0, -3, 0.5), (0, 0, 0.5), (0, 0, 1), 40, 4, 4)
 
-    with pytest.warns(UserWarning, match="lies in object .* move it away") as caught:
+    with pytest.warns(UserWarning, match=r"lies in objects\[\d\] .* move it away") as caught:
         report = render(Scene(camera, objects, lights), passes=1).report
     assert len(caught) == 1
     assert report["lamps_in_surfaces"][0]["lifted_by"] == 0.0
     assert "WARNING" in numbers.in_words(report)
+
+
+def test_lamps_of_one_name_are_told_apart():
+    floor = Object(Plane((0, 0, 0), (0, 0, 1)), GREY)
+    lamps = [
+        Object(Rectangle((x, 0, 0), (0.5, 0, 0), (0, 0.5, 0)), Emissive(1.0), "lamp")
+        for x in (-1.0, 1.0)
+    ]
+    camera = Camera((0, -3, 0.5), (0, 0, 0.5), (0, 0, 1), 40, 4, 4)
+    notes = render(Scene(camera, [floor, *lamps]), passes=1).report["lamps_in_surfaces"]
+    assert [note["lamp"] for note in notes] == ["object 'lamp'"] * 2
+    # By 2**-32 of the largest coordinate, which is the camera's.
+    assert [note["lifted_by"] for note in notes] == [3.0 * 2.0**-32] * 2
 
 
 def test_what_stands_in_the_way_or_crosses_is_no_matter():

@@ -10,7 +10,7 @@ from hybrid_rt.lights import (
     SphereLight,
 )
 from hybrid_rt.materials import Emissive, Lambertian, Mirror
-from hybrid_rt.primitives import Sphere, TriangleMesh
+from hybrid_rt.primitives import Plane, Sphere, TriangleMesh
 from hybrid_rt.rendering.renderer import render
 from hybrid_rt.scene.compiled import NOTHING, compile_scene
 from hybrid_rt.scene.scene import Object, Scene
@@ -41,11 +41,26 @@ def test_objects_too_large_to_shine_are_named(surface):
 
 
 def test_objects_are_called_by_their_name():
-    assert Object(BALL, Mirror()).name == "Sphere"
+    assert Object(BALL, Mirror(), "ball").name == "ball"
     with pytest.raises(TypeError, match=r"object 'ball' has the material 'red'"):
         Object(BALL, "red", "ball")
     with pytest.raises(TypeError, match=r"object 'pot' is made of 'teapot': pass a Sphere"):
         Object("teapot", Mirror(), "pot")
+
+
+def test_objects_without_a_name_are_called_by_their_place():
+    matt = Object(BALL, Lambertian(0.5))
+    compiled = compile_scene(Scene(CAMERA, [Object(BALL, Mirror(), "ball"), matt]))
+    assert compiled.names == ["ball", "objects[1] (a Sphere)"]
+    assert compiled.called == ["object 'ball'", "objects[1] (a Sphere)"]
+    with pytest.raises(TypeError, match=r"^object \(a Sphere\) has the material 'red'"):
+        Object(BALL, "red")
+    huge = Object(Sphere((0, 0, 0), 1e300), Emissive(1.0))
+    with pytest.raises(ValueError, match=r"^objects\[1\] \(a Sphere\) shines and is"):
+        compile_scene(Scene(CAMERA, [matt, huge]))
+    sky = Object(Plane((0, 0, 0), (0, 0, 1)), Emissive(1.0))
+    with pytest.raises(ValueError, match=r"^objects\[1\] \(a Plane\) is a plane that shines"):
+        render(Scene(CAMERA, [matt, sky]), "ppm", 1)
 
 
 @pytest.mark.parametrize(
