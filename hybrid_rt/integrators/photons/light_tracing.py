@@ -91,7 +91,18 @@ def show(
     rows: NDArray[np.intp],
     lens: FloatArray | None,
 ) -> Splats:
-    """Splat photons: return the contributions of those that the camera sees.
+    """Splat photons: return the contributions of those that the camera sees; see `shown_rows`."""
+    return shown_rows(context, flight, shading, rows, lens)[1]
+
+
+def shown_rows(
+    context: RenderContext,
+    flight: Flight,
+    shading: Shading,
+    rows: NDArray[np.intp],
+    lens: FloatArray | None,
+) -> tuple[NDArray[np.intp], Splats]:
+    """Splat photons; return the rows of those that the camera sees, and their contributions.
 
     Parameters
     ----------
@@ -118,4 +129,4 @@ def show(
     context.ledger.rays["photons to camera"] += seen.size
     blocked = context.tracer.occluded(named.position, -way[seen], 1.0, source=named)
     seen = seen[~blocked]
-    return Splats(pixel[seen], value[seen])
+    return rows[seen], Splats(pixel[seen], value[seen])
