@@ -46,7 +46,8 @@ def light_left_out(
         ``light_not_found``: ``left_out``. ``light_not_found_measured``: its ``mean`` where the
         camera sees wide lobes directly, with ``half_interval_95`` and ``share_of_image_mean``;
         None if not measured. ``picture_holds``: the light that the image mean, its interval and
-        the relative errors are about.
+        the relative errors are about. ``picture_is_blurred``: by photons, so that the interval of
+        the mean is about the mean of blurred pictures.
     """
     integrator, max_depth = (report["settings"][name] for name in ("integrator", "max_depth"))
     holds = f"the light that {integrator} finds" if left_out else ALL_LIGHT
@@ -65,6 +66,8 @@ def light_left_out(
         "light_not_found": left_out,
         "light_not_found_measured": measured,
         "picture_holds": holds,
+        "picture_is_blurred": "photons" in report
+        and report["photons"]["blur_root_mean_square_at_most"] != 0.0,
     }
 
 

@@ -127,7 +127,8 @@ def _not_met(report: dict[str, Any]) -> str:
     if n_dark:
         share = per_cent(n_dark / (settings["width"] * settings["height"]))
         text += f"\n            {share} of the pixels are black in every pass, and count as without noise"
-    if photons is not None and photons["points_without_photons"]:
+    is_warned = report["points_missed_by_photons"] > 0
+    if photons is not None and photons["points_without_photons"] and not is_warned:
         share = per_cent(photons["points_without_photons"] / photons["gather_points"])
         text += (
             f"\n            {share} of the points that gather light met no photon in their pass: noise "
@@ -144,7 +145,8 @@ def _noise(report: dict[str, Any]) -> str:
     half = noise["interval_factor"] * noise["standard_error_of_image_mean"]
     return (
         f"  noise     {at_most}{per_cent(noise['relative_rmse'])} of the picture (relative RMSE, "
-        f"estimated); image mean{_of_what(report)} {noise['image_mean']:.6g} +- {half:.1g} (95 %)"
+        f"estimated); image mean{', blurred,' if report['picture_is_blurred'] else ''}"
+        f"{_of_what(report)} {noise['image_mean']:.6g} +- {half:.1g} (95 %)"
         f"{_worst_pixels(noise)}{_not_met(report)}{_blur(report['relative_error'])}"
     )
 

@@ -34,6 +34,7 @@ from hybrid_rt.integrators.photons.photon_tracer import (
     PhotonTracer,
     sequence_of,
 )
+from hybrid_rt.sampling.sampler import Sampler
 from hybrid_rt.scene.compiled import NOTHING, CompiledScene
 from hybrid_rt.scene.plan import make_plan
 from hybrid_rt.sensor.passes import GROUPS, RUN
@@ -42,6 +43,8 @@ from hybrid_rt.shading.kernels.lobes.register import DELTA, NARROW, TRANSMITS, W
 # Photons traced: one a pixel. A caustic that holds a tenth of the light is then known to about a
 # tenth of itself, in about 0.1 s.
 FEWEST_PHOTONS, MOST_PHOTONS = 2000, 20_000
+# Of more lights so many are chosen by each group of passes: each takes launches of its own.
+MOST_LIGHTS = 32
 # Far from the dimensions of the photons in pictures.
 UNFOUND_DIMENSION = 2**42
 # The sequence of a photon stands above its number there, so all are followed together: that takes a
@@ -114,7 +117,7 @@ def unfound_light(context: RenderContext, found: str) -> UnfoundLight | None:
         if tracer is None:
             continue
         is_measured = True
-        means += tracer.shown(n // GROUPS)
+        means += tracer.shown(n // GROUPS)  # by each group of passes
         context.tracer.coarse_seconds += tracer.context.tracer.coarse_seconds
         n_photons += tracer.balance.n_emitted
     if not is_measured:
@@ -127,10 +130,15 @@ class _Tracer(PhotonTracer):
     """Traces photons that begin in certain ways, and shows those that arrive to the camera."""
 
     def __init__(
-        self, context: RenderContext, contacts: Contacts | None, beginnings: _Beginnings
+        self,
+        context: RenderContext,
+        contacts: Contacts | None,
+        beginnings: _Beginnings,
+        chosen: FloatArray,
     ) -> None:
         super().__init__(context, contacts)
         self._direct = beginnings.direct
+        self._chosen = chosen
         scene = context.scene
         self._keeps = np.zeros_like(scene.lobes_with(WIDE))
         for letter in beginnings.firsts:
@@ -178,11 +186,12 @@ class _Tracer(PhotonTracer):
         """Launch photons of all lights and groups of passes; numbers tell their sequences."""
         flights = []
         for group in groups:
-            for k in range(GROUPS):
+            for k in np.flatnonzero(self._chosen[:, group.light]).tolist():
                 sequence, first = sequence_of(group, k * RUN)
                 number = np.arange(first, first + group.n, dtype=np.uint64)
                 flight = self._launched(group, sequence, number, UNFOUND_DIMENSION)
                 flight.number[:] |= np.uint64(sequence) << BITS
+                flight.power[:] *= self._chosen[k, group.light]
                 flights.append(flight)
         return Flight(*(np.concatenate(columns) for columns in zip(*flights, strict=True)))
 
@@ -192,9 +201,11 @@ def _tracer(context: RenderContext, beginnings: _Beginnings) -> _Tracer | None:
     scene = context.scene
     letters = letters_of_lights(scene)
     sends = np.isin(letters, list(beginnings.lights))
+    power = np.where(sends, scene.power, 0.0)
+    chosen = _chosen(power, context.sampler)
     scene = replace(
         scene,
-        power=np.where(sends, scene.power, 0.0),
+        power=np.where(chosen[:, :-1].any(axis=0), power, 0.0),
         environment=scene.environment if "K" in beginnings.lights else None,
     )
     tracer = copy.copy(context.tracer)
@@ -204,7 +215,32 @@ def _tracer(context: RenderContext, beginnings: _Beginnings) -> _Tracer | None:
     contacts = Contacts(scene, tracer) if own.plan["contacts"] else None
     if not own.plan["photons"] or (media_around_camera(own, contacts) != NOTHING).any():
         return None
-    return _Tracer(own, contacts, beginnings)
+    return _Tracer(own, contacts, beginnings, chosen)
+
+
+def _chosen(power: FloatArray, sampler: Sampler) -> FloatArray:
+    """Choose lights for each group of passes, evenly by power; of few lights all.
+
+    Parameters
+    ----------
+    power : (lights,) float64
+
+    Returns
+    -------
+    (GROUPS, lights + 1) float64
+        Factors on the light of each, the sky last: 0 if not chosen, 1 in the mean.
+    """
+    factors = np.ones((GROUPS, power.size + 1))
+    if np.count_nonzero(power) <= MOST_LIGHTS:
+        return factors
+    share = power / power.sum()
+    before = np.cumsum(share)
+    place = sampler.points(np.arange(GROUPS, dtype=np.uint64), UNFOUND_DIMENSION - 1, 0)[:, :1]
+    rows = np.searchsorted(before / before[-1], (np.arange(MOST_LIGHTS) + place) / MOST_LIGHTS)
+    for k in range(GROUPS):
+        factors[k, :-1] = np.bincount(rows[k], minlength=power.size)
+        factors[k, :-1] /= np.where(share > 0.0, MOST_LIGHTS * share, 1.0)
+    return factors
 
 
 def _beginnings(found: str, scene: CompiledScene) -> list[_Beginnings]:
