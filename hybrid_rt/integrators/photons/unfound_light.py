@@ -37,6 +37,7 @@ from hybrid_rt.integrators.photons.photon_tracer import (
 from hybrid_rt.sampling.sampler import Sampler
 from hybrid_rt.scene.compiled import NOTHING, CompiledScene
 from hybrid_rt.scene.plan import make_plan
+from hybrid_rt.sensor.film import OVERFLOWS
 from hybrid_rt.sensor.passes import GROUPS, RUN
 from hybrid_rt.shading.kernels.lobes.register import DELTA, NARROW, TRANSMITS, WIDE
 
@@ -90,6 +91,7 @@ class _Beginnings:
     direct: bool
 
 
+@OVERFLOWS
 def unfound_light(context: RenderContext, found: str) -> UnfoundLight | None:
     """Estimate the light that is not found.
 
@@ -104,7 +106,7 @@ def unfound_light(context: RenderContext, found: str) -> UnfoundLight | None:
     -------
     UnfoundLight or None
         None if it cannot be measured so: no such path ends in ``DE``, the camera is inside glass,
-        or a light has no end (see `PhotonTracer`).
+        a light has no end (see `PhotonTracer`), or the light is too bright for float64.
     """
     camera = context.scene.camera
     n = min(max(camera.width * camera.height, FEWEST_PHOTONS), MOST_PHOTONS)
@@ -120,7 +122,7 @@ def unfound_light(context: RenderContext, found: str) -> UnfoundLight | None:
         means += tracer.shown(n // GROUPS)  # by each group of passes
         context.tracer.coarse_seconds += tracer.context.tracer.coarse_seconds
         n_photons += tracer.balance.n_emitted
-    if not is_measured:
+    if not is_measured or not np.isfinite(means).all():
         return None
     half = STUDENT * float(means.std(ddof=1)) / math.sqrt(GROUPS)
     return UnfoundLight(n_photons, float(means.mean()), half)
@@ -150,7 +152,10 @@ class _Tracer(PhotonTracer):
     def shown(self, photons_per_pass: int) -> FloatArray:
         """Return what the photons of a pass of each group of passes add to the mean, (GROUPS,)."""
         context, total = self.context, np.zeros(GROUPS)
-        flight = self._all_launched(self.groups(photons_per_pass))
+        groups = self.groups(photons_per_pass)
+        if not groups:  # what shines is black
+            return total
+        flight = self._all_launched(groups)
         for depth in range(context.max_depth + 1):
             if flight.number.size == 0:
                 break

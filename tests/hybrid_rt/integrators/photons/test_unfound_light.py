@@ -180,7 +180,9 @@ class TestSentences:
             assert ("image mean, blurred, 0." in summary.in_words(report)) == is_blurred
 
     def test_nothing_that_arrives(self):
-        """The ball throws its light aside, out of the picture."""
+        """The ball throws its light aside, out of the picture; a black sky throws none."""
+        black = render(room(lights=[], environment=GradientSky(0, 0)), "whitted", 2).report
+        assert black["light_not_found_measured"] is None
         far = Object(Sphere((3.0, 3.0, 0.5), 0.1), Dielectric(1.5), "far")
         closed = Object(Rectangle((-1, 2, 0), (8, 0, 0), (0, 0, 8)), Lambertian(0.0), "screen")
         report = render(room(far, closed), "path", 2).report
