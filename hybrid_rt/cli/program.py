@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import math
+import shlex
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
@@ -194,6 +195,18 @@ def _add_render_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--exposure", type=_stops, default=0.0, metavar="E", help="stops, for .png (default 0)"
     )
+    parser.add_argument(
+        "--store",
+        type=Path,
+        metavar="DIR",
+        help="keep the sums over passes there, every ten seconds: the render can go on after Ctrl-C, a "
+        "crash or its end",
+    )
+    parser.add_argument(
+        "--resume",
+        action="store_true",
+        help="go on from what --store holds, if anything; --passes counts that as well",
+    )
     parser.add_argument("--explain", action="store_true", help="say what the scene needed and why")
     parser.add_argument("--quiet", action="store_true", help="show no progress")
 
@@ -256,6 +269,13 @@ def _render(load: Callable[[], tuple[Scene, str]], name: str, options: argparse.
         )
     if options.integrator is not None:
         _settings(options.integrator, options)
+    store = None
+    if options.store is not None:
+        from hybrid_rt.rendering.store import check_folder
+
+        store = check_folder(options.store, options.resume).absolute()
+    elif options.resume:
+        raise ValueError("--resume: there is no --store to go on from, name its folder")
     with ExitStack() as until_saved:
         with _shown_progress(options.quiet) as progress:
             with watch_compilation(progress):
@@ -266,6 +286,8 @@ def _render(load: Callable[[], tuple[Scene, str]], name: str, options: argparse.
                 integrator=integrator,
                 options=_settings(integrator, options),
                 progress=progress,
+                store=store,
+                resume=options.resume,
                 **request,
             )
             until_saved.enter_context(held_back())
@@ -279,10 +301,31 @@ def _render(load: Callable[[], tuple[Scene, str]], name: str, options: argparse.
 
         _say(explain(result.report["plan"]))
     _say_numbers(result.report)
-    if failures:
-        raise OSError("\nhybrid-rt: ".join(failures.values()))
+    reasons = list(failures.values())
+    if store is not None:
+        kept = result.report["store"]
+        reasons += [kept["not_saved"]] if kept["not_saved"] else []
+        _say(_how_to_go_on(result.report, interrupt is not None))
+    if reasons:
+        raise OSError("\nhybrid-rt: ".join(reasons))
     if interrupt is not None:
         raise interrupt
+
+
+def _how_to_go_on(report: dict[str, Any], is_interrupted: bool) -> str:
+    """Say what a store holds, what was lost, and by which command the render goes on."""
+    from hybrid_rt.rendering.summary import passes_in_words
+
+    kept = report["store"]
+    lines = [f"  store     {note}" for note in kept["lost"]]
+    before = kept["passes_before"]
+    since = f", {before} of them from before" if before else ""
+    lines.append(f"  store     {kept['folder']} holds {passes_in_words(report['passes'])}{since}")
+    command = [Path(sys.argv[0]).name, *sys.argv[1:]]
+    command += [] if "--resume" in command else ["--resume"]
+    if not is_interrupted:
+        command += ["--passes", str(2 * report["passes"])]
+    return "\n".join([*lines, f"  go on     {shlex.join(command)}"])
 
 
 class _Output:

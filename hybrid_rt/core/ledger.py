@@ -14,6 +14,9 @@ import numpy as np
 
 from hybrid_rt.core.records import HitRecord, Status
 
+_COUNTERS = ("seconds", "rays", "hits", "ended", "unclosed")
+_NUMBERS = ("lost_weight", "camera_hits", "camera_hits_without_bound", "largest_t_bound")
+
 
 class Ledger:
     """Seconds per stage and counts by name, summed over a render.
@@ -53,7 +56,7 @@ class Ledger:
             self.seconds[name] += spent - self._within
             self._within = outer + spent
 
-    def add(self, other: Ledger, share: float) -> None:
+    def add(self, other: Ledger, share: float = 1.0) -> None:
         """Add the counts of another thread, and a share of its seconds, as threads overlap."""
         for stage, seconds in other.seconds.items():
             self.seconds[stage] += share * seconds
@@ -65,6 +68,23 @@ class Ledger:
         self.camera_hits += other.camera_hits
         self.camera_hits_without_bound += other.camera_hits_without_bound
         self.largest_t_bound = max(self.largest_t_bound, other.largest_t_bound)
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return all counts and seconds, as JSON types."""
+        counts = {name: dict(getattr(self, name)) for name in _COUNTERS}
+        return {**counts, **{name: getattr(self, name) for name in _NUMBERS}}
+
+    @classmethod
+    def from_dict(cls, counts: dict[str, Any]) -> Ledger:
+        """Return the ledger of which `as_dict` made these counts."""
+        ledger = cls()
+        for name in _COUNTERS:
+            # JSON has words for keys only; those of bodies are numbers.
+            found = {int(k) if name == "unclosed" else k: n for k, n in counts[name].items()}
+            getattr(ledger, name).update(found)
+        for name in _NUMBERS:
+            setattr(ledger, name, counts[name])
+        return ledger
 
     def count_hits(self, hits: HitRecord) -> None:
         """Count first hits by status."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import copy
 import math
-from collections.abc import Callable, Generator, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor, as_completed
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
@@ -62,6 +62,44 @@ class Blur:
 NO_BLUR, UNKNOWN_BLUR = Blur(0.0, 0.0, 0.0, 0.0), Blur(None, None, None, None)
 
 
+@dataclass(frozen=True)
+class Pass:
+    """What one pass brings.
+
+    Attributes
+    ----------
+    radiance : (height, width, 3) float64
+        One sample per pixel.
+    blur_change : (height * width, 3) float64, optional
+        What the blur is estimated from.
+    """
+
+    radiance: FloatArray
+    blur_change: FloatArray | None = None
+
+
+@dataclass(frozen=True)
+class Counts:
+    """What was counted while passes were made, in plain types.
+
+    Attributes
+    ----------
+    ledger : dict
+        That of `Ledger.as_dict`.
+    work : dict of int
+        Counters of the intersector.
+    coarse_seconds : float
+        What of the intersector's seconds was spent on coarse hits.
+    own : dict
+        What the integrator counts by itself.
+    """
+
+    ledger: dict[str, Any]
+    work: dict[str, int]
+    coarse_seconds: float
+    own: dict[str, Any]
+
+
 class Workers:
     """Integrators that run in parallel.
 
@@ -99,8 +137,8 @@ class Workers:
 
     def render_passes(
         self, passes: range, on_rays: Callable[[int], None] | None = None
-    ) -> Generator[FloatArray, None, None]:
-        """Yield the radiance of each pass, (height, width, 3) float64: one sample per pixel.
+    ) -> Generator[Pass, None, None]:
+        """Yield the passes in their order, each to be handed to `keep` once it is on the film.
 
         After each block ``on_rays`` is called with the number of camera rays done.
         """
@@ -125,7 +163,17 @@ class Workers:
             first, stop = run.start - passes.start, run.stop - passes.start
             part = images[first:stop].reshape(len(run), -1, 3)
             self._integrators[0].add_prepared(found, part)
-        yield from images
+        yield from map(Pass, images)
+
+    def keep(self, made: Pass) -> None:
+        """Add what a pass says of the blur, once it is part of the picture."""
+
+    def state(self) -> dict[str, NDArray[Any]]:
+        """Return the sums over passes that `restore` goes on from, by name; not the film's."""
+        return {}
+
+    def restore(self, state: Mapping[str, NDArray[Any]]) -> None:
+        """Take over the sums of other workers of the same render."""
 
     def _block_size(self, n: int) -> int:
         # At least four blocks a thread, so that a slow one does not hold up the others.
@@ -196,21 +244,56 @@ class Workers:
         del blur
         return {"points_missed_by_photons": 0}
 
-    def gather(self) -> None:
-        """Add the counters of all threads to those of the context.
+    def counts(self) -> Counts:
+        """Return what all threads have counted, while none of them is at work.
 
         Seconds become wall seconds: the sum over threads divided by their number.
         """
-        tracer, share = self.context.tracer, 1.0 / len(self._contexts)
-        counters = tracer.counters
+        total, work = Ledger(self.context.ledger.now), dict(self.context.tracer.counters)
+        total.add(self.context.ledger)
         for own in self._contexts:
-            self.context.ledger.add(own.ledger, share)
-            tracer.coarse_seconds += share * own.tracer.coarse_seconds
-            for name, count in own.tracer.counters.items():
-                if name.startswith("most"):
-                    counters[name] = max(counters[name], count)
-                else:
-                    counters[name] += count
+            total.add(own.ledger, share=1.0 / len(self._contexts))
+            add_work(work, own.tracer.counters)
+        coarse_seconds = self.context.tracer.coarse_seconds + sum(
+            own.tracer.coarse_seconds for own in self._contexts
+        ) / len(self._contexts)
+        return Counts(total.as_dict(), work, coarse_seconds, self._own_counts())
+
+    def carry(self, counts: Counts) -> None:
+        """Add what others counted for the same render."""
+        self.context.ledger.add(Ledger.from_dict(counts.ledger))
+        add_work(self.context.tracer.counters, counts.work)
+        self.context.tracer.coarse_seconds += counts.coarse_seconds
+        self._carry_own(counts.own)
+
+    def forget(self) -> None:
+        """Reset all counts."""
+        for context in (self.context, *self._contexts):
+            context.ledger.forget()
+            context.tracer.counters.update(dict.fromkeys(context.tracer.counters, 0))
+            context.tracer.coarse_seconds = 0.0
+        self._forget_own()
+
+    def gather(self) -> None:
+        """Move the counts of all threads to the context."""
+        counts = self.counts()
+        self.forget()
+        self.carry(counts)
+
+    def _own_counts(self) -> dict[str, Any]:
+        return {}
+
+    def _carry_own(self, counts: dict[str, Any]) -> None:
+        """Add counts of the integrator's own."""
+
+    def _forget_own(self) -> None:
+        """Reset counts of the integrator's own."""
+
+
+def add_work(total: dict[str, int], more: Mapping[str, int]) -> None:
+    """Add counters of the intersector to others."""
+    for name, count in more.items():
+        total[name] = max(total[name], count) if name.startswith("most") else total[name] + count
 
 
 def _own_counters(context: RenderContext) -> RenderContext:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import time
+from typing import Any
 
 from hybrid_rt.core import checks
 from hybrid_rt.core.progress import CompileWatch
@@ -14,12 +15,23 @@ DEFAULT_PASSES = 16
 MOST_PASSES = 2**32 - 2
 
 
+# What a limit knows of errors.
+_NOTED = ("n_of_error", "noise", "blur", "power", "blur_stays")
+
+
 class Clock:
-    """Wall seconds since construction, without kernel compilation."""
+    """Wall seconds since construction, without kernel compilation.
+
+    Attributes
+    ----------
+    earlier, earlier_compilation : float
+        Those of earlier calls that made passes of the same picture.
+    """
 
     def __init__(self, compilation: CompileWatch) -> None:
         self._began = time.perf_counter()
         self._compilation = compilation
+        self.earlier, self.earlier_compilation = 0.0, 0.0
 
     @property
     def seconds(self) -> float:
@@ -78,6 +90,15 @@ class Limit:
         self._blur = 0.0
         self._power, self._blur_stays = 1.0, False
         self._n_of_error = 0
+
+    def state(self) -> dict[str, Any]:
+        """Return what was noted of errors, from which `restore` goes on."""
+        return {name: getattr(self, f"_{name}") for name in _NOTED}
+
+    def restore(self, state: dict[str, Any]) -> None:
+        """Take over what another limit noted of the same render."""
+        for name in _NOTED:
+            setattr(self, f"_{name}", state[name])
 
     def begins(self, n_done: int, seconds: float, at_most: int = 1) -> int:
         """Return how many passes to start when ``n_done`` are complete after ``seconds``.

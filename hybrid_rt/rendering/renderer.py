@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Sequence
-from contextlib import ExitStack, closing
+from contextlib import ExitStack
 from dataclasses import asdict, dataclass, field, fields
 from typing import Any
 
@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hybrid_rt.core import checks
-from hybrid_rt.core.interrupts import held_back, kept_back
+from hybrid_rt.core.interrupts import kept_back
 from hybrid_rt.core.ledger import Ledger, plain
 from hybrid_rt.core.precompile import want
 from hybrid_rt.core.progress import Progress, watch_compilation
@@ -20,7 +20,6 @@ from hybrid_rt.core.threads import Pool
 from hybrid_rt.integrators import DEFAULT, INTEGRATORS, Declaration, Options
 from hybrid_rt.integrators.context import RenderContext
 from hybrid_rt.integrators.options import DEEPEST
-from hybrid_rt.integrators.workers import TOGETHER, Workers
 from hybrid_rt.intersection import Intersector
 from hybrid_rt.intersection.intersector import check_settings
 from hybrid_rt.rendering.audit import audit
@@ -28,6 +27,7 @@ from hybrid_rt.rendering.channels import OUTPUTS, check_names, compute_channels
 from hybrid_rt.rendering.limits import Clock, Limit
 from hybrid_rt.rendering.memory import check_memory
 from hybrid_rt.rendering.report import light_left_out, make_report, relative_error
+from hybrid_rt.rendering.run import run_passes
 from hybrid_rt.rendering.summary import passes_in_words
 from hybrid_rt.sampling.sampler import Sampler
 from hybrid_rt.scene.compiled import CompiledScene, compile_scene
@@ -98,6 +98,8 @@ def render(
     options: Options | None = None,
     outputs: Sequence[str] = (),
     progress: Progress | None = None,
+    store: str | os.PathLike[str] | None = None,
+    resume: bool = False,
 ) -> RenderResult:
     """Render a picture of a scene.
 
@@ -144,6 +146,12 @@ def render(
         width of each pixel's 95 % interval).
     progress : callable, optional
         Called with (stage, done, total); see `hybrid_rt.core.progress.Progress`.
+    store : path, optional
+        Folder in which the sums over passes are saved every ten seconds or so and at the end; see
+        `hybrid_rt.rendering.store`.
+    resume : bool
+        Go on from the passes of the store, if it has any. ``passes`` counts them as well. The
+        picture has the bits of one that was rendered in one go.
 
     Returns
     -------
@@ -155,6 +163,9 @@ def render(
         Before any work, if a setting is unknown or out of range.
     MemoryError
         Before any work, if the picture or the photons of a pass do not fit into memory.
+    StoreError
+        A ValueError, before any work: the store is in use, holds passes although ``resume`` is
+        False, or those of another scene, of other settings or versions.
     RenderInterrupted
         A KeyboardInterrupt that holds the picture of the complete passes: on Ctrl-C, or if
         ``progress`` raises KeyboardInterrupt, after the first pass. Further Ctrl-C are deferred
@@ -179,6 +190,13 @@ def render(
     checks.whole(max_depth, "max_depth", at_least=0, up_to=DEEPEST)
     if progress is not None and not callable(progress):
         raise TypeError(f"progress is {checks.shown(progress)}: pass a function, or None")
+    if store is not None:
+        from hybrid_rt.rendering.keeper import Keeper, identity
+        from hybrid_rt.rendering.store import PassStore, check_folder
+
+        check_folder(store, resume)
+    elif checks.flag(resume, "resume"):
+        raise ValueError("resume is True, but there is no store: pass its folder as store")
     own = options or declared.options()
     check_memory(scene.camera, own.n_photons, names, passes)
 
@@ -200,7 +218,13 @@ def render(
         "height": scene.camera.height,
     }
 
-    with watch_compilation(progress) as compilation:
+    with ExitStack() as around:
+        kept_in, saved = None, None
+        if store is not None:
+            kept_in = PassStore(store, resume)
+            around.callback(kept_in.close)
+            saved = kept_in.open(identity(scene, settings))
+        compilation = around.enter_context(watch_compilation(progress))
         clock = Clock(compilation)
         ledger = Ledger(lambda: clock.seconds)
         with ledger.stage("scene"):
@@ -233,9 +257,14 @@ def render(
 
                 unfound = unfound_light(context, declared.finds(own))
         film = Film(scene.camera.height, scene.camera.width)
+        keeper = None
+        if kept_in is not None:
+            keeper = Keeper(kept_in, film, workers, limit, clock, n_threads)
+            if saved is not None:
+                keeper.take_up(saved)
         with ExitStack() as stack:
             try:
-                stopped_by = _run_passes(film, workers, limit, clock, progress)
+                stopped_by = run_passes(film, workers, limit, clock, progress, keeper)
                 # What is left to do takes seconds at most: Ctrl-C does not make it lose the picture.
                 came = stack.enter_context(kept_back())
             except KeyboardInterrupt:
@@ -243,6 +272,9 @@ def render(
                 if film.n_passes == 0:
                     raise
                 stopped_by = "interrupted"
+            if keeper is not None:
+                with ledger.stage("store"):
+                    keeper.save()
             workers.gather()
             channels = compute_channels(names, context, film)
             blur = workers.blur(film.image)
@@ -252,6 +284,7 @@ def render(
             report["lamps_in_surfaces"] = sunken
             report["relative_error"] = relative_error(report["noise"], blur, own.blur_stays)
             report |= light_left_out(report, left_out, unfound)
+            report["store"] = None if keeper is None else keeper.report()
             result = RenderResult(film.image, report, channels)
     if came or stopped_by == "interrupted":
         raise RenderInterrupted(result)
@@ -294,48 +327,3 @@ def _check_options(declared: Declaration, options: Options | None) -> None:
     raise TypeError(
         f"options are {checks.shown(options)}: integrator {declared.name!r} takes {wanted}"
     )
-
-
-def _run_passes(
-    film: Film, workers: Workers, limit: Limit, clock: Clock, progress: Progress | None
-) -> str:
-    """Add passes in the order of their numbers until a limit is reached; say which."""
-    camera = workers.context.scene.camera
-    n_pixels = camera.width * camera.height
-    at_most = max(TOGETHER // n_pixels, 1)
-    show_error = getattr(progress, "note_error", None)
-    show_out_of_reach = getattr(progress, "note_out_of_reach", None)
-    watches_error = show_error is not None or bool(limit.targets)
-    while n_together := limit.begins(film.n_passes, clock.seconds, at_most):
-        n_before = n_pixels * film.n_passes
-        n_expected = n_pixels * limit.expected_passes(film.n_passes)
-
-        def on_rays(n_done: int, n_before: int = n_before, total: int = n_expected) -> None:
-            if progress is not None:
-                progress("Rendering", n_before + n_done, total)
-
-        passes = range(film.n_passes, film.n_passes + n_together)
-        # Closed here, so that no thread is still at work when an interrupt goes on from here.
-        with closing(workers.render_passes(passes, on_rays)) as radiances:
-            for radiance in radiances:
-                with held_back(), workers.context.ledger.stage("film"):
-                    film.add(radiance)
-        if watches_error and film.n_passes >= limit.next_estimate():
-            with workers.context.ledger.stage("noise"):
-                noise, blur = film.relative_errors(), workers.blur(film.image)
-            # A limit to the blur falls with more passes whatever the blur does.
-            own: Options = workers.context.options
-            stays = own.blur_stays and blur.relative is not None
-            limit.note_error(
-                film.n_passes,
-                noise.whole,
-                blur.counted,
-                trimmed=noise.trimmed,
-                power=own.error_power,
-                blur_stays=stays,
-            )
-            if show_error is not None:
-                show_error(limit.error, limit.error_trimmed, blur.relative is None)
-            if show_out_of_reach is not None and limit.blur_out_of_reach is not None:
-                show_out_of_reach(limit.blur_out_of_reach)
-    return limit.reached(film.n_passes, clock.seconds) or "passes"

@@ -112,7 +112,7 @@ def make_report(
     settings: dict[str, Any], context: RenderContext, film: Film, clock: Clock, stopped_by: str
 ) -> dict[str, Any]:
     """Return the entries that every integrator has."""
-    ledger, tracer, total = context.ledger, context.tracer, clock.seconds
+    ledger, tracer, total = context.ledger, context.tracer, clock.earlier + clock.seconds
     n_camera = ledger.rays["camera"]
     work = tracer.counters
     not_closed, lost = unclosed_bodies(context)
@@ -129,7 +129,7 @@ def make_report(
             "total": round(total, 4),
         },
         "coarse": _coarse(tracer, total),
-        "kernel_compilation_seconds": round(clock.compile_seconds, 4),
+        "kernel_compilation_seconds": round(clock.earlier_compilation + clock.compile_seconds, 4),
         "rays": dict(ledger.rays),
         "hits": dict(ledger.hits),
         "intersection": dict(work),

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -17,10 +16,6 @@ from hybrid_rt.sensor.passes import GROUPS, RUN
 
 # Radiances beyond the range of numbers end as inf and nan, which the report counts.
 OVERFLOWS = np.errstate(over="ignore", invalid="ignore")
-
-
-# A disk with less room than this is as good as full, bytes.
-TRIAL_SIZE = 2**14
 
 
 # Pixels of which errors are computed at a time: what it takes stays in the processor's cache.
@@ -81,6 +76,9 @@ class Film:
     the mean over the others. It is the estimate of `PictureErrors.relative_rmse_of_most` in
     `hybrid_rt.sensor.image_metrics`.
 
+    Within a group the passes of a run are added up by themselves, and then added to the runs before
+    them: whoever traces a whole run may add it up, to the same bits.
+
     Parameters
     ----------
     height, width : int
@@ -89,26 +87,72 @@ class Film:
     def __init__(self, height: int, width: int) -> None:
         self.n_passes = 0
         self._sums = np.zeros((GROUPS, height, width, 3))
+        self._run = np.zeros((height, width, 3))  # the present run, as far as it is done
         self._counts = np.zeros(GROUPS, dtype=np.int64)
         self._means = np.zeros(GROUPS)  # of whole pictures, summed like the pictures
         # Until every group holds a run, passes count as independent of each other.
         self._first_means: list[float] = []
         self._squares: FloatArray | None = np.zeros((height, width, 3))
 
+    @property
+    def takes_runs(self) -> bool:
+        """Whether the next passes may come as a whole run; see `add_run`."""
+        return self.n_passes >= GROUPS * RUN and self.n_passes % RUN == 0
+
     @OVERFLOWS
     def add(self, radiance: FloatArray) -> None:
         """Add one pass (height, width, 3); passes must come in order."""
-        group = self.n_passes // RUN % GROUPS
         mean = float(radiance.mean())
-        self._sums[group] += radiance
-        self._means[group] += mean
-        self._counts[group] += 1
-        self.n_passes += 1
-        if self.n_passes >= GROUPS * RUN:
-            self._squares = None
-        elif self._squares is not None:
+        self._run += radiance
+        if self._squares is not None:
             self._squares += radiance * radiance
             self._first_means.append(mean)
+        self._count(1, [mean])
+
+    @OVERFLOWS
+    def add_run(self, total: FloatArray, means: Sequence[float]) -> None:
+        """Add the sum of the passes of a run, and their means over the picture, in their order."""
+        if not self.takes_runs or len(means) != RUN:
+            raise ValueError(
+                f"film has {self.n_passes} passes, {len(means)} more come as one: add them singly"
+            )
+        self._run += total
+        self._count(RUN, means)
+
+    def _count(self, n: int, means: Sequence[float]) -> None:
+        group = self.n_passes // RUN % GROUPS
+        for mean in means:
+            self._means[group] += mean
+        self._counts[group] += n
+        self.n_passes += n
+        if self.n_passes % RUN == 0:
+            self._sums[group] += self._run
+            self._run[:] = 0.0
+        if self.n_passes >= GROUPS * RUN:
+            self._squares = None
+
+    def state(self) -> dict[str, NDArray[Any]]:
+        """Return the sums, from which `restore` goes on: arrays by name, no copies."""
+        arrays = {"sums": self._sums, "run": self._run, "counts": self._counts}
+        arrays |= {"means": self._means, "first_means": np.array(self._first_means)}
+        return arrays if self._squares is None else {**arrays, "squares": self._squares}
+
+    def restore(self, state: Mapping[str, NDArray[Any]]) -> None:
+        """Take over the sums of another film of the same size.
+
+        Raises
+        ------
+        ValueError, KeyError
+            If they are those of a film of another size, or of none.
+        """
+        for name, own in (("sums", self._sums), ("run", self._run), ("counts", self._counts)):
+            if state[name].shape != own.shape or state[name].dtype != own.dtype:
+                raise ValueError(f"{name} are {state[name].dtype} {state[name].shape}")
+        self._sums, self._run = state["sums"].copy(), state["run"].copy()
+        self._counts, self._means = state["counts"].copy(), state["means"].copy()
+        self._first_means = state["first_means"].tolist()
+        self._squares = state["squares"].copy() if "squares" in state else None
+        self.n_passes = int(self._counts.sum())
 
     @property
     @OVERFLOWS
@@ -206,8 +250,16 @@ class Film:
         }
 
     def _mean(self) -> FloatArray:
-        mean: FloatArray = self._sums.sum(axis=0) / self.n_passes
+        mean: FloatArray = self._of_groups(slice(None)).sum(axis=0) / self.n_passes
         return mean
+
+    def _of_groups(self, rows: slice) -> FloatArray:
+        """Return the sums over groups (GROUPS, rows, width, 3), with the present run in its own."""
+        if self.n_passes % RUN == 0:
+            return self._sums[:, rows]
+        sums = self._sums[:, rows].copy()
+        sums[self.n_passes // RUN % GROUPS] += self._run[rows]
+        return sums
 
     def _root_mean_squares(self) -> tuple[float, RelativeErrors]:
         """Return those of the pixels' standard errors, absolute and relative; nan after one pass."""
@@ -224,7 +276,7 @@ class Film:
             seen = mean if level is None else level[rows]
             plain[rows] = (variance / (seen * seen + DARK)).sum(axis=2)
             if not is_early:
-                crossed[rows] = self._relative_to_others(self._sums[:, rows])
+                crossed[rows] = self._relative_to_others(self._of_groups(rows))
         return math.sqrt(absolute / plain.size / 3.0), _relative_errors(plain, crossed, n_worst)
 
     def _relative_to_others(self, sums: FloatArray) -> FloatArray:
@@ -262,7 +314,7 @@ class Film:
         at_once = max(STRIP // width, 1)
         for first in range(0, height, at_once):
             rows = slice(first, first + at_once)
-            sums = self._sums[:, rows]
+            sums = self._of_groups(rows)
             mean = sums.sum(axis=0) / n
             if self._squares is None:
                 yield rows, mean, self._variance(sums, mean)
@@ -323,9 +375,3 @@ def _mean_of_neighbours(image: FloatArray) -> FloatArray:
                 count += inside[down : down + height, right : right + width]
     mean: FloatArray = total / count
     return mean
-
-
-def _named(error: OSError, file: Path) -> OSError:
-    """Return the part of an error message that names the file."""
-    reason = error.strerror or " ".join(str(error).split())
-    return type(error)(f"output {str(file)!r} cannot be written ({reason}): name another file")

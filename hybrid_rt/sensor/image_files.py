@@ -15,7 +15,6 @@ from numpy.typing import NDArray
 
 from hybrid_rt.core.ledger import as_json
 from hybrid_rt.sensor.color import screen_pixels
-from hybrid_rt.sensor.film import TRIAL_SIZE, _named
 from meshing.checks import as_path, number
 
 # Exposures up to here keep their factor a number.
@@ -25,6 +24,10 @@ MOST_STOPS = 100.0
 Channels = Mapping[str, NDArray[np.float32]]
 # Names of a channel's parts; () is a single number per pixel.
 Parts = Mapping[str, Sequence[str]]
+
+
+# A disk with less room than this is as good as full, bytes.
+TRIAL_SIZE = 2**14
 
 
 def save_image(
@@ -206,3 +209,9 @@ def replacing(target: Path) -> Iterator[BinaryIO]:
 
 def _temporary(target: Path) -> Path:
     return target.with_name(f".{target.name}.{os.getpid()}.part")
+
+
+def _named(error: OSError, file: Path) -> OSError:
+    """Return the part of an error message that names the file."""
+    reason = error.strerror or " ".join(str(error).split())
+    return type(error)(f"output {str(file)!r} cannot be written ({reason}): name another file")

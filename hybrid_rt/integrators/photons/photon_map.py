@@ -58,6 +58,17 @@ class PhotonMapWorkers(PhotonWorkers):
             fields.append(Nearest(_chosen(photons, ~is_soft), lobes, nearest, limit))
         return tuple(fields)
 
+    def _own_counts(self) -> dict[str, Any]:
+        return {**super()._own_counts(), "n_caustic": self._n_caustic}
+
+    def _carry_own(self, counts: dict[str, Any]) -> None:
+        super()._carry_own(counts)
+        self._n_caustic += counts["n_caustic"]
+
+    def _forget_own(self) -> None:
+        super()._forget_own()
+        self._n_caustic = 0
+
     def _about(self) -> dict[str, Any]:
         return {
             "per_pass": self._options.photons_per_pass,

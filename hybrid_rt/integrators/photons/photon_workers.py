@@ -6,20 +6,19 @@ thread waits in between, and at most two photon maps exist at a time.
 
 from __future__ import annotations
 
-import math
 from abc import abstractmethod
-from collections.abc import Callable, Generator
+from collections.abc import Callable, Generator, Mapping
 from threading import Lock
 from typing import Any, TypeVar, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
-from hybrid_rt.core.interrupts import held_back
 from hybrid_rt.core.ledger import twelve_digits
 from hybrid_rt.core.records import FloatArray
 from hybrid_rt.integrators.context import RenderContext
 from hybrid_rt.integrators.kernels.photon_steps import MET_SPECULAR, Photons
+from hybrid_rt.integrators.photons.blur import BlurSums
 from hybrid_rt.integrators.photons.density_estimation import Field
 from hybrid_rt.integrators.photons.eye_pass import EyePass
 from hybrid_rt.integrators.photons.light_tracing import Splats
@@ -29,25 +28,18 @@ from hybrid_rt.integrators.photons.photon_tracer import (
     blocks_of,
     joined,
 )
-from hybrid_rt.integrators.workers import NO_BLUR, UNKNOWN_BLUR, Blur, Submit, Workers
-from hybrid_rt.sensor.film import OVERFLOWS
-from hybrid_rt.sensor.image_metrics import DARK
+from hybrid_rt.integrators.workers import NO_BLUR, UNKNOWN_BLUR, Blur, Pass, Submit, Workers
 
 # Camera rays that one thread follows and gathers for at a time: many, as trees of many points are
 # compared faster, but a sixteenth of a pass at most, for the threads to share. The order of the
 # sums over photons depends on this number, so it is the same for any number of threads.
 FEWEST_RAYS, MOST_RAYS, SHARE_OF_RAYS = 2**12, 2**15, 16
 
-# The noise of the estimated blur is read from how much it differs between tiles of the picture: so
-# many tiles a side, wider than
-# most discs and so nearly independent. Student's t for their degrees of freedom, one-sided 95 %.
-TILES, STUDENT = 4, 1.753
-# The true blur is up to so many times its estimate: 1.3 times at borders, as the estimate takes light
-# for smooth; as a relative figure 1.8 times beside them, where blurred light brightens what it is
-# divided by. docs/error_vs_time.md has the figures.
-AT_BORDERS = 2.0
 # From this share of points without photons on, light is missing rather than dark places common.
 NEARLY_ALL = 0.99
+
+# What eye passes count.
+_OF_EYE_PASS = ("n_points", "n_gathered", "n_without")
 
 T = TypeVar("T")
 # The photons of a pass, ready to be looked at, and the picture of those shown to the camera.
@@ -73,11 +65,11 @@ class PhotonWorkers(Workers):
     def __init__(self, context: RenderContext, threads: int) -> None:
         super().__init__(context, threads, EyePass)
         self._threads = threads
-        self._n_passes = self._n_splats = 0
+        self._n_splats = 0
         self._balance = Balance()
-        # Sums over passes of how much less discs of half the area give, and of the squares.
-        self._blur = np.zeros_like(self._eye_passes[0].blur)
-        self._blur_squares = np.zeros_like(self._blur)
+        camera = context.scene.camera
+        has_photons = context.plan["photons"]
+        self._blur = BlurSums(camera.height, camera.width) if has_photons else None
 
     @property
     def _eye_passes(self) -> list[EyePass]:
@@ -98,10 +90,10 @@ class PhotonWorkers(Workers):
 
     def render_passes(
         self, passes: range, on_rays: Callable[[int], None] | None = None
-    ) -> Generator[FloatArray, None, None]:
-        """Yield the radiance of each pass: one sample per pixel and one photon map."""
+    ) -> Generator[Pass, None, None]:
+        """Yield the passes in their order: one sample per pixel and one photon map."""
         camera = self.context.scene.camera
-        blur = np.zeros_like(self._blur)
+        change = np.zeros_like(self._eye_passes[0].blur)
         with self._at_work() as submit:
             shot = self._begin(passes[0], submit)
             for k, number in enumerate(passes):
@@ -109,24 +101,35 @@ class PhotonWorkers(Workers):
                 # While threads look at this pass they shoot the next one already.
                 shot = self._begin(number + 1, submit) if number + 1 in passes else _nothing
                 for eye_pass in self._eye_passes:
-                    eye_pass.fields, eye_pass.blur = fields, blur
+                    eye_pass.fields, eye_pass.blur = fields, change
                 done = k * camera.height * camera.width
 
                 def heard(n: int, done: int = done) -> None:
                     if on_rays is not None:
                         on_rays(done + n)
 
-                for radiance in super().render_passes(range(number, number + 1), heard):
-                    # First, so that no picture holds a pass of which the blur is not known.
-                    with held_back():
-                        self._add_blur(blur)
-                    yield radiance if picture is None else radiance + picture
+                for made in super().render_passes(range(number, number + 1), heard):
+                    radiance = made.radiance if picture is None else made.radiance + picture
+                    yield Pass(radiance, change)
 
-    @OVERFLOWS
-    def _add_blur(self, blur: FloatArray) -> None:
-        self._blur += blur
-        self._blur_squares += blur * blur
-        self._n_passes += 1
+    @property
+    def n_kept(self) -> int:
+        """Passes of which the picture is made."""
+        return 0 if self._blur is None else self._blur.n_passes
+
+    def keep(self, made: Pass) -> None:
+        """Add what a pass says of the blur, once it is part of the picture."""
+        if self._blur is not None and made.blur_change is not None:
+            self._blur.add(made.blur_change)
+
+    def state(self) -> dict[str, NDArray[Any]]:
+        """Return the sums of the blur."""
+        return {} if self._blur is None else self._blur.state()
+
+    def restore(self, state: Mapping[str, NDArray[Any]]) -> None:
+        """Take over the sums of the blur."""
+        if self._blur is not None:
+            self._blur.restore(state)
 
     def _block_size(self, n: int) -> int:
         return min(max(-(-n // SHARE_OF_RAYS), FEWEST_RAYS), MOST_RAYS)
@@ -196,14 +199,33 @@ class PhotonWorkers(Workers):
             self._n_splats += pixel.size
         return picture
 
-    def gather(self) -> None:
-        """Add up the counters of all threads."""
-        first, *others = self._eye_passes
-        for other in others:
-            first.n_points += other.n_points
-            first.n_gathered += other.n_gathered
-            first.n_without += other.n_without
-        super().gather()
+    def _own_counts(self) -> dict[str, Any]:
+        counts = {
+            name: sum(getattr(eye_pass, name) for eye_pass in self._eye_passes)
+            for name in _OF_EYE_PASS
+        }
+        balance = self._balance
+        return {
+            **counts,
+            "n_splats": self._n_splats,
+            "n_emitted": balance.n_emitted,
+            "n_stored": balance.n_stored,
+            "power": balance.power.tolist(),
+        }
+
+    def _carry_own(self, counts: dict[str, Any]) -> None:
+        first = self._eye_passes[0]
+        for name in _OF_EYE_PASS:
+            setattr(first, name, getattr(first, name) + counts[name])
+        self._n_splats += counts["n_splats"]
+        power = np.array(counts["power"])
+        self._balance.add(Balance(power, counts["n_emitted"], counts["n_stored"]))
+
+    def _forget_own(self) -> None:
+        for eye_pass in self._eye_passes:
+            for name in _OF_EYE_PASS:
+                setattr(eye_pass, name, 0)
+        self._n_splats, self._balance = 0, Balance()
 
     def report(self, blur: Blur) -> dict[str, Any]:
         """Return the photon statistics of the report, in plain types."""
@@ -232,56 +254,16 @@ class PhotonWorkers(Workers):
             missed = 0
         return {"photons": photons, "points_missed_by_photons": missed}
 
-    @OVERFLOWS
     def blur(self, image: NDArray[np.float32]) -> Blur:
-        """Estimate the blur (bias) of the mean of all passes so far.
-
-        To first order blur is proportional to the area of the disc, so it is twice the change from
-        halving the area. The mean product of that change in different passes is its square, without
-        the noise that the square of one pass has; at least two passes are needed.
-        """
-        n = self._n_passes
-        if self._blur.size == 0:
+        """Estimate the blur (bias) of the mean of all passes so far."""
+        if self._blur is None:
             return NO_BLUR
         is_asked = any(eye_pass.n_points for eye_pass in self._eye_passes)
         is_met = any(eye_pass.n_gathered for eye_pass in self._eye_passes)
         is_missed = is_asked and self._balance.n_stored > 0 and not is_met
-        if n < 2 or (is_missed and self.is_radius_asked):
+        if is_missed and self.is_radius_asked:
             return UNKNOWN_BLUR
-        squares = 4.0 * (self._blur * self._blur - self._blur_squares) / (n * (n - 1))
-        # What the squares of the mean change have beyond these products.
-        noise = 4.0 * (self._blur / n) ** 2 - squares
-        if not np.isfinite(squares).all():
-            return UNKNOWN_BLUR
-        weight = image.reshape(-1, 3).astype(np.float64) ** 2 + DARK
-        return Blur(
-            *self._root_mean(squares, noise), *self._root_mean(squares / weight, noise / weight)
-        )
-
-    def _root_mean(
-        self, squares: FloatArray, noise: FloatArray
-    ) -> tuple[float | None, float | None]:
-        """Return the root of the mean of estimated squares (pixels, 3), and a limit to the true one.
-
-        Estimates of small squares are often negative; one below its own noise says nothing but the
-        limit. ``noise`` is the variance that each square is free of.
-        """
-        camera = self.context.scene.camera
-        mean = float(squares.mean())
-        if min(camera.height, camera.width) < TILES:
-            # As if all pixels had one noise in common, the most that they can.
-            error = math.sqrt(2.0) * float(noise.mean())
-            least = STUDENT * error
-        else:
-            rows, columns = (np.arange(TILES) * n // TILES for n in (camera.height, camera.width))
-            of_pixels = squares.reshape(camera.height, camera.width, 3).sum(axis=2)
-            tiles = np.add.reduceat(np.add.reduceat(of_pixels, rows, axis=0), columns, axis=1)
-            error = TILES * float(tiles.std(ddof=1)) / squares.size
-            # Tiles differ by blur as well, if few have it: then it is above the pixels' noise.
-            least = min(STUDENT * error, float(noise.mean()))
-        at_most = AT_BORDERS * math.sqrt(max(mean, 0.0) + STUDENT * error)
-        is_known = mean > least or error == 0.0
-        return math.sqrt(max(mean, 0.0)) if is_known else None, at_most
+        return self._blur.estimate(image)
 
 
 def _nothing() -> Ready:

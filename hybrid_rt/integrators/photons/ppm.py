@@ -94,7 +94,7 @@ class ProgressiveWorkers(PhotonWorkers):
 
     def _about(self) -> dict[str, Any]:
         first = [] if self._radii is None else self._radii.classes.tolist()
-        last = radius_factor(max(self._n_passes - 1, 0), self._options.alpha)
+        last = radius_factor(max(self.n_kept - 1, 0), self._options.alpha)
         return {
             "per_pass": self._options.photons_per_pass,
             "alpha": self._options.alpha,

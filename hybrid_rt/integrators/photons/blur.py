@@ -1,0 +1,120 @@
+"""The blur of photon mapping, estimated from what discs of half the area find in each pass."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hybrid_rt.core.records import FloatArray
+from hybrid_rt.integrators.workers import UNKNOWN_BLUR, Blur
+from hybrid_rt.sensor.film import OVERFLOWS
+from hybrid_rt.sensor.image_metrics import DARK
+from hybrid_rt.sensor.passes import RUN
+
+# The noise of the estimated blur is read from how much it differs between tiles of the picture: so
+# many tiles a side, wider than most discs and so nearly independent. Student's t for their degrees
+# of freedom, one-sided 95 %.
+TILES, STUDENT = 4, 1.753
+# The true blur is up to so many times its estimate: 1.3 times at borders, as the estimate takes light
+# for smooth; as a relative figure 1.8 times beside them, where blurred light brightens what it is
+# divided by. docs/error_vs_time.md has the figures.
+AT_BORDERS = 2.0
+
+
+class BlurSums:
+    """Sums over passes of how much less discs of half the area give, and of the squares.
+
+    They are added up by runs, as `hybrid_rt.sensor.film.Film` adds pictures.
+
+    Parameters
+    ----------
+    height, width : int
+        Size of the picture.
+    """
+
+    def __init__(self, height: int, width: int) -> None:
+        self.height, self.width = height, width
+        self.n_passes = 0
+        self._sums, self._run = np.zeros((2, 2, height * width, 3))
+
+    @OVERFLOWS
+    def add(self, change: FloatArray) -> None:
+        """Add that of one pass, (pixels, 3)."""
+        self._run[0] += change
+        self._run[1] += change * change
+        self._count(1)
+
+    @OVERFLOWS
+    def add_run(self, run: FloatArray) -> None:
+        """Add the sums over the passes of a whole run, (2, pixels, 3)."""
+        self._run += run
+        self._count(RUN)
+
+    def _count(self, n: int) -> None:
+        self.n_passes += n
+        if self.n_passes % RUN == 0:
+            self._sums += self._run
+            self._run[:] = 0.0
+
+    def state(self) -> dict[str, NDArray[Any]]:
+        """Return the sums, from which `restore` goes on: arrays by name, no copies."""
+        n = np.array(self.n_passes)
+        return {"blur": self._sums, "blur_of_run": self._run, "blur_passes": n}
+
+    def restore(self, state: Mapping[str, NDArray[Any]]) -> None:
+        """Take over the sums of another picture of the same size."""
+        for name in ("blur", "blur_of_run"):
+            if state[name].shape != self._sums.shape or state[name].dtype != self._sums.dtype:
+                raise ValueError(f"{name} is {state[name].dtype} {state[name].shape}")
+        self._sums, self._run = state["blur"].copy(), state["blur_of_run"].copy()
+        self.n_passes = int(state["blur_passes"])
+
+    @OVERFLOWS
+    def estimate(self, image: NDArray[np.float32]) -> Blur:
+        """Estimate the blur (bias) of the mean of all passes so far.
+
+        To first order blur is proportional to the area of the disc, so it is twice the change from
+        halving the area. The mean product of that change in different passes is its square, without
+        the noise that the square of one pass has; at least two passes are needed.
+        """
+        n = self.n_passes
+        if n < 2:
+            return UNKNOWN_BLUR
+        change, of_squares = self._sums + self._run
+        squares = 4.0 * (change * change - of_squares) / (n * (n - 1))
+        # What the squares of the mean change have beyond these products.
+        noise = 4.0 * (change / n) ** 2 - squares
+        if not np.isfinite(squares).all():
+            return UNKNOWN_BLUR
+        weight = image.reshape(-1, 3).astype(np.float64) ** 2 + DARK
+        return Blur(
+            *self._root_mean(squares, noise), *self._root_mean(squares / weight, noise / weight)
+        )
+
+    def _root_mean(
+        self, squares: FloatArray, noise: FloatArray
+    ) -> tuple[float | None, float | None]:
+        """Return the root of the mean of estimated squares (pixels, 3), and a limit to the true one.
+
+        Estimates of small squares are often negative; one below its own noise says nothing but the
+        limit. ``noise`` is the variance that each square is free of.
+        """
+        mean = float(squares.mean())
+        if min(self.height, self.width) < TILES:
+            # As if all pixels had one noise in common, the most that they can.
+            error = math.sqrt(2.0) * float(noise.mean())
+            least = STUDENT * error
+        else:
+            rows, columns = (np.arange(TILES) * n // TILES for n in (self.height, self.width))
+            of_pixels = squares.reshape(self.height, self.width, 3).sum(axis=2)
+            tiles = np.add.reduceat(np.add.reduceat(of_pixels, rows, axis=0), columns, axis=1)
+            error = TILES * float(tiles.std(ddof=1)) / squares.size
+            # Tiles differ by blur as well, if few have it: then it is above the pixels' noise.
+            least = min(STUDENT * error, float(noise.mean()))
+        at_most = AT_BORDERS * math.sqrt(max(mean, 0.0) + STUDENT * error)
+        is_known = mean > least or error == 0.0
+        return math.sqrt(max(mean, 0.0)) if is_known else None, at_most

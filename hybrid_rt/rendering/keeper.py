@@ -1,0 +1,124 @@
+"""Saving the sums of a render in a store, and going on from them."""
+
+from __future__ import annotations
+
+import time
+from typing import Any
+
+from hybrid_rt.core.fingerprint import fingerprint
+from hybrid_rt.integrators.workers import Workers
+from hybrid_rt.rendering.limits import Clock, Limit
+from hybrid_rt.rendering.store import PassStore, Saved, StoreError
+from hybrid_rt.rendering.versions import versions
+from hybrid_rt.scene.scene import Scene
+from hybrid_rt.sensor.film import Film
+
+# Settings that decide the bits of a pass. Threads and the coarse stage do not, limits neither.
+DECISIVE = ("integrator", "seed", "max_depth", "accuracy", "tolerance", "options")
+
+
+def identity(scene: Scene, settings: dict[str, Any]) -> dict[str, Any]:
+    """Return what decides the bits of a pass, as `PassStore.open` takes it.
+
+    Parameters
+    ----------
+    scene : Scene
+    settings : dict
+        Of `hybrid_rt.rendering.render`.
+    """
+    camera = scene.camera
+    parts: dict[str, Any] = {"camera": camera, "environment": scene.environment}
+    parts |= {f"lights[{i}]": light for i, light in enumerate(scene.lights)}
+    parts |= {f"objects[{i}]": found for i, found in enumerate(scene.objects)}
+    size = {"width": camera.width, "height": camera.height}
+    return {
+        "scene": {name: fingerprint(part) for name, part in parts.items()},
+        "settings": {**{name: settings[name] for name in DECISIVE}, **size},
+        "versions": versions(),
+    }
+
+
+class Keeper:
+    """Takes up what a store holds, and saves what a render makes.
+
+    Parameters
+    ----------
+    store : PassStore
+    film : Film
+    workers : Workers
+    limit : Limit
+    clock : Clock
+    threads : int
+    """
+
+    def __init__(
+        self,
+        store: PassStore,
+        film: Film,
+        workers: Workers,
+        limit: Limit,
+        clock: Clock,
+        threads: int,
+    ) -> None:
+        self._store, self._film, self._workers = store, film, workers
+        self._limit, self._clock, self._threads = limit, clock, threads
+        self._before: list[dict[str, Any]] = []
+        self._first, self._began = 0, time.time()
+
+    def take_up(self, saved: Saved) -> None:
+        """Go on from saved sums.
+
+        Raises
+        ------
+        StoreError
+            If they do not fit the picture.
+        """
+        try:
+            self._film.restore(saved.arrays)
+            self._workers.restore(saved.arrays)
+            self._workers.carry(saved.counts)
+            self._limit.restore(saved.limit)
+        except (KeyError, ValueError, TypeError) as error:
+            raise StoreError(
+                f"store {self._store.shown} holds sums that do not fit its render ({error}): name "
+                "another folder"
+            ) from None
+        self._before, self._first = saved.sessions, self._film.n_passes
+        self._clock.earlier = sum(one["seconds"] for one in saved.sessions)
+        self._clock.earlier_compilation = sum(
+            one["kernel_compilation_seconds"] for one in saved.sessions
+        )
+
+    def is_due(self) -> bool:
+        """Tell whether it is time to save."""
+        return self._store.is_due()
+
+    def save(self) -> None:
+        """Write the sums of all passes so far; no thread may be at work."""
+        arrays = {**self._film.state(), **self._workers.state()}
+        counts, limit = self._workers.counts(), self._limit.state()
+        saved = Saved(self._film.n_passes, arrays, counts, limit, self.sessions)
+        self._store.save(saved)
+
+    @property
+    def sessions(self) -> list[dict[str, Any]]:
+        """All calls that added passes; see `Saved`."""
+        now = {
+            "began": round(self._began, 1),
+            "passes": [self._first, self._film.n_passes],
+            "seconds": round(self._clock.seconds, 4),
+            "kernel_compilation_seconds": round(self._clock.compile_seconds, 4),
+            "threads": self._threads,
+        }
+        return [*self._before, now]
+
+    def report(self) -> dict[str, Any]:
+        """Return the report's entry: the folder, its sessions, and what was lost or not saved."""
+        store = self._store
+        return {
+            "folder": str(store.folder),
+            "passes_before": self._first,
+            "sessions": self.sessions,
+            "lost": store.notes,
+            "not_saved": store.not_saved,
+        }

@@ -1,0 +1,79 @@
+"""The main loop of a render: trace passes, add them to the film, stop at a limit."""
+
+from __future__ import annotations
+
+from contextlib import closing
+from typing import TYPE_CHECKING
+
+from hybrid_rt.core.interrupts import held_back
+from hybrid_rt.core.progress import Progress
+from hybrid_rt.integrators import Options
+from hybrid_rt.integrators.workers import TOGETHER, Workers
+from hybrid_rt.rendering.limits import Clock, Limit
+from hybrid_rt.sensor.film import Film
+
+if TYPE_CHECKING:
+    from hybrid_rt.rendering.keeper import Keeper
+
+
+def run_passes(
+    film: Film,
+    workers: Workers,
+    limit: Limit,
+    clock: Clock,
+    progress: Progress | None = None,
+    keeper: Keeper | None = None,
+) -> str:
+    """Add passes in the order of their numbers until a limit is reached; say which.
+
+    Parameters
+    ----------
+    film : Film
+        May hold passes already.
+    workers, limit, clock, progress
+    keeper : Keeper, optional
+        Saves what is done.
+    """
+    camera = workers.context.scene.camera
+    n_pixels = camera.width * camera.height
+    at_most = max(TOGETHER // n_pixels, 1)
+    show_error = getattr(progress, "note_error", None)
+    show_out_of_reach = getattr(progress, "note_out_of_reach", None)
+    watches_error = show_error is not None or bool(limit.targets)
+    while n_together := limit.begins(film.n_passes, clock.seconds, at_most):
+        n_before = n_pixels * film.n_passes
+        n_expected = n_pixels * limit.expected_passes(film.n_passes)
+
+        def on_rays(n_done: int, n_before: int = n_before, total: int = n_expected) -> None:
+            if progress is not None:
+                progress("Rendering", n_before + n_done, total)
+
+        passes = range(film.n_passes, film.n_passes + n_together)
+        # Closed here, so that no thread is still at work when an interrupt goes on from here.
+        with closing(workers.render_passes(passes, on_rays)) as made:
+            for one in made:
+                with held_back(), workers.context.ledger.stage("film"):
+                    film.add(one.radiance)
+                    workers.keep(one)
+        if watches_error and film.n_passes >= limit.next_estimate():
+            with workers.context.ledger.stage("noise"):
+                noise, blur = film.relative_errors(), workers.blur(film.image)
+            # A limit to the blur falls with more passes whatever the blur does.
+            own: Options = workers.context.options
+            stays = own.blur_stays and blur.relative is not None
+            limit.note_error(
+                film.n_passes,
+                noise.whole,
+                blur.counted,
+                trimmed=noise.trimmed,
+                power=own.error_power,
+                blur_stays=stays,
+            )
+            if show_error is not None:
+                show_error(limit.error, limit.error_trimmed, blur.relative is None)
+            if show_out_of_reach is not None and limit.blur_out_of_reach is not None:
+                show_out_of_reach(limit.blur_out_of_reach)
+        if keeper is not None and keeper.is_due():
+            with held_back(), workers.context.ledger.stage("store"):
+                keeper.save()
+    return limit.reached(film.n_passes, clock.seconds) or "passes"

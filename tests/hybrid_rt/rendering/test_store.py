@@ -1,0 +1,229 @@
+"""The pass store: the same bits however a render was cut, and nothing lost without a word."""
+
+import errno
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import numpy as np
+import pytest
+
+from hybrid_rt import Camera, Lambertian, Object, RectangleLight, Scene, Sphere
+from hybrid_rt.integrators.options import PhotonMapOptions, PPMOptions
+from hybrid_rt.primitives.rectangle import Rectangle
+from hybrid_rt.rendering import run
+from hybrid_rt.rendering import store as store_module
+from hybrid_rt.rendering.renderer import RenderInterrupted, render
+from hybrid_rt.rendering.store import PassStore, StoreError
+
+OPTIONS = {
+    "path": None,
+    "whitted": None,
+    "ppm": PPMOptions(photons_per_pass=500),
+    "photon_map": PhotonMapOptions(photons_per_pass=500, nearest=20),
+}
+
+
+def scene(radius=1.0, width=12):
+    matt = Lambertian((0.7, 0.6, 0.5))
+    return Scene(
+        Camera((0, 2, 6), (0, 0.5, 0), (0, 1, 0), width=width, height=9),
+        [
+            Object(Rectangle((-4, -1, -4), (0, 0, 8), (8, 0, 0)), matt, "floor"),
+            Object(Sphere((0, 0, 0), radius), matt, "ball"),
+        ],
+        [RectangleLight((-1, 4, -1), (2, 0, 0), (0, 0, 2), (9, 9, 9))],
+    )
+
+
+def figures(report):
+    """Return what of a report does not depend on time or on how often the set-up was made."""
+    photons = {**report.get("photons", {})}
+    return {name: report[name] for name in ("passes", "noise", "relative_error")} | {
+        "photons": photons,
+        "camera": report["rays"]["camera"],
+    }
+
+
+@pytest.mark.parametrize("integrator", OPTIONS)
+def test_a_render_in_parts_has_the_bits_of_one_in_one_go(integrator, tmp_path):
+    """Cut within runs of passes, at their ends, before and after 16; with other threads."""
+    settings = {"integrator": integrator, "seed": 3, "options": OPTIONS[integrator]}
+    whole = render(scene(), passes=22, threads=2, **settings)
+    for passes, threads in ((1, 2), (3, 1), (4, 2), (9, 1), (16, 2), (18, 1), (22, 2)):
+        part = render(
+            scene(), passes=passes, threads=threads, store=tmp_path, resume=True, **settings
+        )
+        assert part.report["passes"] == passes
+    np.testing.assert_array_equal(part.image, whole.image)
+    assert figures(part.report) == figures(whole.report)
+    assert [one["passes"] for one in part.report["store"]["sessions"]] == [
+        [0, 1], [1, 3], [3, 4], [4, 9], [9, 16], [16, 18], [18, 22],
+    ]  # fmt: skip
+    assert part.report["store"]["lost"] == []
+
+
+def test_a_target_is_reached_at_the_same_pass(tmp_path):
+    settings = {"integrator": "path", "target_error": 0.03, "seed": 1}
+    whole = render(scene(), **settings)
+    assert whole.report["passes"] > 20
+    for passes in (5, 17, 23):
+        render(scene(), passes=passes, store=tmp_path, resume=True, **settings)
+    part = render(scene(), store=tmp_path, resume=True, **settings)
+    assert part.report["passes"] == whole.report["passes"]
+    np.testing.assert_array_equal(part.image, whole.image)
+    finer = render(scene(), store=tmp_path, resume=True, **{**settings, "target_error": 0.02})
+    assert finer.report["passes"] > part.report["passes"]
+    assert finer.report["relative_error"]["both"] <= 0.02
+
+
+def test_interrupted_and_continued(tmp_path, monkeypatch):
+    monkeypatch.setattr(run, "TOGETHER", 4 * 12 * 9)
+
+    def stop(stage, done, _total):
+        if stage == "Rendering" and done > 5 * 12 * 9:
+            raise KeyboardInterrupt
+
+    with pytest.raises(RenderInterrupted) as caught:
+        render(scene(), passes=22, store=tmp_path, progress=stop, threads=1)
+    done = caught.value.result.report["passes"]
+    assert 0 < done < 22
+    part = render(scene(), passes=22, store=tmp_path, resume=True)
+    assert part.report["store"]["passes_before"] == done
+    np.testing.assert_array_equal(part.image, render(scene(), passes=22).image)
+
+
+def test_a_used_store_is_refused_without_resume(tmp_path):
+    render(scene(), passes=1, store=tmp_path)
+    with pytest.raises(StoreError, match=r"holds passes of a render: resume it"):
+        render(scene(), passes=2, store=tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"scene": scene(radius=0.5)}, r"the scene's objects\[1\] differs"),
+        ({"scene": scene(width=13)}, "width 12 there, 13 here"),
+        ({"seed": 8}, "seed 7 there, 8 here"),
+        ({"max_depth": 3}, "max_depth 16 there, 3 here"),
+        ({"integrator": "whitted"}, "integrator 'path' there, 'whitted' here"),
+    ],
+)
+def test_another_render_is_refused(change, words, tmp_path):
+    settings = {"scene": scene(), "seed": 7, "passes": 2, "integrator": "path"}
+    render(**settings, store=tmp_path)
+    with pytest.raises(StoreError, match=words):
+        render(**{**settings, **change}, store=tmp_path, resume=True)
+
+
+def test_another_version_is_refused(tmp_path):
+    render(scene(), passes=1, store=tmp_path)
+    held = json.loads((tmp_path / "render.json").read_text())
+    held["versions"]["numpy"] = "1.0.0"
+    (tmp_path / "render.json").write_text(json.dumps(held))
+    with pytest.raises(StoreError, match=r"numpy '1\.0\.0' there"):
+        render(scene(), passes=2, store=tmp_path, resume=True)
+
+
+def test_resume_begins_where_there_is_nothing(tmp_path):
+    assert render(scene(), passes=1, store=tmp_path / "new", resume=True).report["passes"] == 1
+    with pytest.raises(ValueError, match="there is no store"):
+        render(scene(), passes=1, resume=True)
+
+
+def test_strange_folders_are_left_alone(tmp_path):
+    (tmp_path / "letter.txt").write_text("dear")
+    with pytest.raises(StoreError, match=r"holds 'letter\.txt', which is no part of a store"):
+        render(scene(), passes=1, store=tmp_path)
+    with pytest.raises(StoreError, match="is a file"):
+        render(scene(), passes=1, store=tmp_path / "letter.txt")
+    assert [path.name for path in tmp_path.iterdir()] == ["letter.txt"]
+
+
+def test_two_renders_do_not_share_a_folder(tmp_path):
+    first = PassStore(tmp_path)
+    with pytest.raises(StoreError, match=rf"is in use by process {os.getpid()}"):
+        render(scene(), passes=1, store=tmp_path)
+    first.close()
+    render(scene(), passes=1, store=tmp_path)
+
+
+@pytest.mark.parametrize("how", ["torn", "a flipped bit", "empty"])
+def test_damaged_sums_are_said_and_the_older_ones_taken(how, tmp_path):
+    render(scene(), passes=6, store=tmp_path)
+    render(scene(), passes=9, store=tmp_path, resume=True)
+    newest = tmp_path / "sums-1.npz"
+    content = bytearray(newest.read_bytes())
+    if how == "torn":
+        del content[len(content) // 2 :]
+    elif how == "empty":
+        content.clear()
+    else:
+        content[content.index(b"sums.npy") + 4000] ^= 16
+    newest.write_bytes(content)
+    part = render(scene(), passes=12, store=tmp_path, resume=True)
+    assert part.report["store"]["passes_before"] == 6
+    assert "sums-1.npz is damaged" in part.report["store"]["lost"][0]
+    np.testing.assert_array_equal(part.image, render(scene(), passes=12).image)
+
+
+def test_a_full_disk_loses_no_picture(tmp_path, monkeypatch):
+    render(scene(), passes=6, store=tmp_path)
+
+    def full(*_arguments, **_settings):
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    with monkeypatch.context() as patch:
+        patch.setattr(store_module.np, "savez", full)
+        part = render(scene(), passes=9, store=tmp_path, resume=True)
+    assert part.report["passes"] == 9
+    assert "No space left on device" in part.report["store"]["not_saved"]
+    after = render(scene(), passes=9, store=tmp_path, resume=True)
+    assert after.report["store"]["passes_before"] == 6
+    assert after.report["store"]["lost"]
+    np.testing.assert_array_equal(after.image, part.image)
+
+
+KILLED = """
+import sys
+sys.path[:0] = {path!r}
+from test_store import render, run, scene, store_module
+run.TOGETHER = 4 * 12 * 9
+store_module.EVERY = 0.0
+store_module.SHARE = 1e9
+render(scene(), passes=10**6, store={folder!r}, resume=True, threads=1)
+"""
+
+
+def test_killed_at_any_moment(tmp_path):
+    """Kill -9 while it saves after every few passes; the sums that are left are whole."""
+    code = KILLED.format(path=[__file__.rsplit("/", 1)[0], *sys.path], folder=str(tmp_path))
+    rng, passes = np.random.default_rng(5), 0
+    for _ in range(3):
+        process = subprocess.Popen([sys.executable, "-c", code], stderr=subprocess.PIPE, text=True)
+        seen = time.monotonic() + 60.0
+        before = {path.name: path.stat().st_mtime_ns for path in tmp_path.glob("sums-*.npz")}
+        while time.monotonic() < seen and process.poll() is None:
+            now = {path.name: path.stat().st_mtime_ns for path in tmp_path.glob("sums-*.npz")}
+            if now != before and len(now) == 2:
+                break
+            time.sleep(0.01)
+        time.sleep(rng.uniform(0.0, 0.3))
+        process.send_signal(signal.SIGKILL)
+        _, said = process.communicate()
+        assert process.returncode == -signal.SIGKILL, said
+        found = PassStore(tmp_path, resume=True)
+        saved = found._newest()
+        found.close()
+        assert saved is not None
+        assert saved.passes > passes
+        passes = saved.passes
+    # As if another were killed now: it is said.
+    (tmp_path / "in-use").write_text("process 1")
+    part = render(scene(), passes=passes + 3, store=tmp_path, resume=True)
+    assert part.report["store"]["passes_before"] == passes
+    assert "ended without saving" in part.report["store"]["lost"][0]
+    np.testing.assert_array_equal(part.image, render(scene(), passes=passes + 3).image)
