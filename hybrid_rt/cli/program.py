@@ -207,6 +207,12 @@ def _add_render_options(parser: argparse.ArgumentParser) -> None:
         action="store_true",
         help="go on from what --store holds, if anything; --passes counts that as well",
     )
+    parser.add_argument(
+        "--cluster",
+        metavar="ADDRESS",
+        help="let workers of dask.distributed make the passes: tcp://HOST:PORT of a scheduler, or local:N "
+        "for N processes",
+    )
     parser.add_argument("--explain", action="store_true", help="say what the scene needed and why")
     parser.add_argument("--quiet", action="store_true", help="show no progress")
 
@@ -276,6 +282,10 @@ def _render(load: Callable[[], tuple[Scene, str]], name: str, options: argparse.
         store = check_folder(options.store, options.resume).absolute()
     elif options.resume:
         raise ValueError("--resume: there is no --store to go on from, name its folder")
+    if options.cluster is not None:
+        from hybrid_rt.rendering.cluster import check_address
+
+        check_address(options.cluster)
     with ExitStack() as until_saved:
         with _shown_progress(options.quiet) as progress:
             with watch_compilation(progress):
@@ -288,6 +298,7 @@ def _render(load: Callable[[], tuple[Scene, str]], name: str, options: argparse.
                 progress=progress,
                 store=store,
                 resume=options.resume,
+                cluster=options.cluster,
                 **request,
             )
             until_saved.enter_context(held_back())
@@ -302,6 +313,8 @@ def _render(load: Callable[[], tuple[Scene, str]], name: str, options: argparse.
         _say(explain(result.report["plan"]))
     _say_numbers(result.report)
     reasons = list(failures.values())
+    if result.report["cluster"] is not None and result.report["cluster"]["lost"]:
+        reasons.append(result.report["cluster"]["lost"])
     if store is not None:
         kept = result.report["store"]
         reasons += [kept["not_saved"]] if kept["not_saved"] else []

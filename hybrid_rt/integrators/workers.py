@@ -79,6 +79,28 @@ class Pass:
 
 
 @dataclass(frozen=True)
+class Run:
+    """What the passes of a whole run bring together.
+
+    Attributes
+    ----------
+    total : (height, width, 3) float64
+        Sum of their radiances, in their order.
+    means : tuple of float
+        Of each, over the picture.
+    blur_change : (2, height * width, 3) float64, optional
+        Sums of what the blur is estimated from, and of its squares.
+    """
+
+    total: FloatArray
+    means: tuple[float, ...]
+    blur_change: FloatArray | None = None
+
+
+Made = Pass | Run
+
+
+@dataclass(frozen=True)
 class Counts:
     """What was counted while passes were made, in plain types.
 
@@ -135,10 +157,15 @@ class Workers:
         for own in self._contexts:
             own.ledger.seconds.clear()
 
+    def at_once(self) -> int:
+        """Return how many passes to ask for at a time: enough blocks for every thread."""
+        camera = self.context.scene.camera
+        return max(TOGETHER // (camera.width * camera.height), 1)
+
     def render_passes(
         self, passes: range, on_rays: Callable[[int], None] | None = None
-    ) -> Generator[Pass, None, None]:
-        """Yield the passes in their order, each to be handed to `keep` once it is on the film.
+    ) -> Generator[Made, None, None]:
+        """Yield the passes in their order, to be handed to `keep` once they are on the film.
 
         After each block ``on_rays`` is called with the number of camera rays done.
         """
@@ -165,8 +192,8 @@ class Workers:
             self._integrators[0].add_prepared(found, part)
         yield from map(Pass, images)
 
-    def keep(self, made: Pass) -> None:
-        """Add what a pass says of the blur, once it is part of the picture."""
+    def keep(self, made: Made) -> None:
+        """Add what passes say of the blur, once they are part of the picture."""
 
     def state(self) -> dict[str, NDArray[Any]]:
         """Return the sums over passes that `restore` goes on from, by name; not the film's."""

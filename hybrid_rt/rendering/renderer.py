@@ -14,25 +14,20 @@ from numpy.typing import NDArray
 from hybrid_rt.core import checks
 from hybrid_rt.core.interrupts import kept_back
 from hybrid_rt.core.ledger import Ledger, plain
-from hybrid_rt.core.precompile import want
 from hybrid_rt.core.progress import Progress, watch_compilation
 from hybrid_rt.core.threads import Pool
 from hybrid_rt.integrators import DEFAULT, INTEGRATORS, Declaration, Options
-from hybrid_rt.integrators.context import RenderContext
 from hybrid_rt.integrators.options import DEEPEST
-from hybrid_rt.intersection import Intersector
 from hybrid_rt.intersection.intersector import check_settings
 from hybrid_rt.rendering.audit import audit
 from hybrid_rt.rendering.channels import OUTPUTS, check_names, compute_channels
 from hybrid_rt.rendering.limits import Clock, Limit
 from hybrid_rt.rendering.memory import check_memory
 from hybrid_rt.rendering.report import light_left_out, make_report, relative_error
-from hybrid_rt.rendering.run import run_passes
+from hybrid_rt.rendering.run import ClusterLost, run_passes
+from hybrid_rt.rendering.set_up import Request, set_up
 from hybrid_rt.rendering.summary import passes_in_words
 from hybrid_rt.sampling.sampler import Sampler
-from hybrid_rt.scene.compiled import CompiledScene, compile_scene
-from hybrid_rt.scene.lamps_in_surfaces import with_lamps_lifted
-from hybrid_rt.scene.plan import KERNELS_FOR, make_plan
 from hybrid_rt.scene.scene import Scene
 from hybrid_rt.sensor.film import Film
 from hybrid_rt.sensor.image_files import save_image
@@ -100,6 +95,7 @@ def render(
     progress: Progress | None = None,
     store: str | os.PathLike[str] | None = None,
     resume: bool = False,
+    cluster: str | None = None,
 ) -> RenderResult:
     """Render a picture of a scene.
 
@@ -152,6 +148,9 @@ def render(
     resume : bool
         Go on from the passes of the store, if it has any. ``passes`` counts them as well. The
         picture has the bits of one that was rendered in one go.
+    cluster : str, optional
+        Address of a dask scheduler (``"tcp://HOST:8786"``) whose workers make the passes, or
+        ``"local:N"`` for N processes of this machine; see `hybrid_rt.rendering.cluster`.
 
     Returns
     -------
@@ -175,7 +174,7 @@ def render(
         raise TypeError(f"render scene is {checks.shown(scene)}: pass a Scene")
     declared = INTEGRATORS[checks.choice(integrator, "integrator", INTEGRATORS)]
     _check_options(declared, options)
-    limit, names, sampler, n_threads = check_request(
+    limit, names, n_threads = check_request(
         passes,
         time_budget,
         target_error,
@@ -197,6 +196,10 @@ def render(
         check_folder(store, resume)
     elif checks.flag(resume, "resume"):
         raise ValueError("resume is True, but there is no store: pass its folder as store")
+    if cluster is not None:
+        from hybrid_rt.rendering.cluster import Cluster, check_address
+
+        check_address(cluster)
     own = options or declared.options()
     check_memory(scene.camera, own.n_photons, names, passes)
 
@@ -218,6 +221,8 @@ def render(
         "height": scene.camera.height,
     }
 
+    request = Request(scene, integrator, seed, max_depth, accuracy, coarse, tolerance, own)
+
     with ExitStack() as around:
         kept_in, saved = None, None
         if store is not None:
@@ -227,26 +232,12 @@ def render(
         compilation = around.enter_context(watch_compilation(progress))
         clock = Clock(compilation)
         ledger = Ledger(lambda: clock.seconds)
-        with ledger.stage("scene"):
-            compiled = compile_scene(scene)
-            left_out = declared.left_out_light(compiled, own)
-            plan = make_plan(compiled, declared.with_options(own), left_out)
-            want(integrator, but=[x for x, purpose in KERNELS_FOR.items() if not plan[purpose]])
-        with ledger.stage("build"):
-            if progress is not None:
-                progress("Building", 0, 0)
-
-            def build(flat: CompiledScene) -> Intersector:
-                built = Intersector(flat.surfaces, accuracy, coarse, tolerance, threads=1)
-                built.now = ledger.now
-                return built
-
-            compiled, tracer, sunken = with_lamps_lifted(scene, compiled, build)
-        # Threads share blocks of camera rays; within a block everything runs in one.
-        context = RenderContext(compiled, tracer, Pool(1), plan, sampler, ledger, max_depth, own)
-        with ledger.stage("set-up"):
-            workers = declared.make(context, n_threads)
-            workers.forget_seconds()
+        ready = set_up(request, n_threads, ledger, progress)
+        context, left_out = ready.context, ready.left_out
+        workers, source = ready.workers, None
+        if cluster is not None:
+            with ledger.stage("cluster"):
+                source = around.enter_context(Cluster(cluster, request, workers, limit.passes))
         # Before the passes, so that a time budget covers it.
         with ledger.stage("audit"):
             wrong = audit(context, n_threads)
@@ -262,9 +253,10 @@ def render(
             keeper = Keeper(kept_in, film, workers, limit, clock, n_threads)
             if saved is not None:
                 keeper.take_up(saved)
+        lost = ""
         with ExitStack() as stack:
             try:
-                stopped_by = run_passes(film, workers, limit, clock, progress, keeper)
+                stopped_by = run_passes(film, workers, limit, clock, progress, keeper, source)
                 # What is left to do takes seconds at most: Ctrl-C does not make it lose the picture.
                 came = stack.enter_context(kept_back())
             except KeyboardInterrupt:
@@ -272,6 +264,11 @@ def render(
                 if film.n_passes == 0:
                     raise
                 stopped_by = "interrupted"
+            except ClusterLost as error:
+                came = stack.enter_context(kept_back())
+                if film.n_passes == 0:
+                    raise
+                stopped_by, lost = "cluster_lost", str(error)
             if keeper is not None:
                 with ledger.stage("store"):
                     keeper.save()
@@ -281,9 +278,10 @@ def render(
             report = make_report(plain(settings), context, film, clock, stopped_by)
             report |= workers.report(blur)
             report["geometry"]["wrong_first_hits"] = wrong
-            report["lamps_in_surfaces"] = sunken
+            report["lamps_in_surfaces"] = ready.sunken
             report["relative_error"] = relative_error(report["noise"], blur, own.blur_stays)
             report |= light_left_out(report, left_out, unfound)
+            report["cluster"] = None if source is None else {**source.about(), "lost": lost}
             report["store"] = None if keeper is None else keeper.report()
             result = RenderResult(film.image, report, channels)
     if came or stopped_by == "interrupted":
@@ -302,12 +300,12 @@ def check_request(
     coarse: str,
     tolerance: float | None,
     outputs: Sequence[str],
-) -> tuple[Limit, tuple[str, ...], Sampler, int]:
+) -> tuple[Limit, tuple[str, ...], int]:
     """Check the settings of `render` that do not depend on the scene.
 
     Returns
     -------
-    The limit, the outputs by name, the sampler, and the number of threads.
+    The limit, the outputs by name, and the number of threads.
 
     Raises
     ------
@@ -316,7 +314,8 @@ def check_request(
     """
     check_settings(accuracy, coarse, tolerance)
     limit = Limit(passes, time_budget, target_error, target_error_trimmed)
-    return limit, check_names(outputs), Sampler(seed), Pool(threads).threads
+    Sampler(seed)
+    return limit, check_names(outputs), Pool(threads).threads
 
 
 def _check_options(declared: Declaration, options: Options | None) -> None:

@@ -2,18 +2,35 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Generator
 from contextlib import closing
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol
 
 from hybrid_rt.core.interrupts import held_back
 from hybrid_rt.core.progress import Progress
 from hybrid_rt.integrators import Options
-from hybrid_rt.integrators.workers import TOGETHER, Workers
+from hybrid_rt.integrators.workers import Made, Run, Workers
 from hybrid_rt.rendering.limits import Clock, Limit
 from hybrid_rt.sensor.film import Film
 
 if TYPE_CHECKING:
     from hybrid_rt.rendering.keeper import Keeper
+
+
+class ClusterLost(OSError):
+    """Nobody makes passes any more; the message says of which cluster, and why."""
+
+
+class PassSource(Protocol):
+    """What makes passes."""
+
+    def at_once(self) -> int:
+        """Return how many passes to ask for at a time, if there is time."""
+
+    def render_passes(
+        self, passes: range, on_rays: Callable[[int], None] | None = None
+    ) -> Generator[Made, None, None]:
+        """Yield at least the passes asked for, in their order; a whole run may end beyond them."""
 
 
 def run_passes(
@@ -23,6 +40,7 @@ def run_passes(
     clock: Clock,
     progress: Progress | None = None,
     keeper: Keeper | None = None,
+    source: PassSource | None = None,
 ) -> str:
     """Add passes in the order of their numbers until a limit is reached; say which.
 
@@ -33,14 +51,21 @@ def run_passes(
     workers, limit, clock, progress
     keeper : Keeper, optional
         Saves what is done.
+    source : PassSource, optional
+        Default: the workers.
+
+    Raises
+    ------
+    ClusterLost
+        If the source is lost; the film holds what it made.
     """
     camera = workers.context.scene.camera
     n_pixels = camera.width * camera.height
-    at_most = max(TOGETHER // n_pixels, 1)
+    source = workers if source is None else source
     show_error = getattr(progress, "note_error", None)
     show_out_of_reach = getattr(progress, "note_out_of_reach", None)
     watches_error = show_error is not None or bool(limit.targets)
-    while n_together := limit.begins(film.n_passes, clock.seconds, at_most):
+    while n_together := limit.begins(film.n_passes, clock.seconds, source.at_once()):
         n_before = n_pixels * film.n_passes
         n_expected = n_pixels * limit.expected_passes(film.n_passes)
 
@@ -50,10 +75,13 @@ def run_passes(
 
         passes = range(film.n_passes, film.n_passes + n_together)
         # Closed here, so that no thread is still at work when an interrupt goes on from here.
-        with closing(workers.render_passes(passes, on_rays)) as made:
+        with closing(source.render_passes(passes, on_rays)) as made:
             for one in made:
                 with held_back(), workers.context.ledger.stage("film"):
-                    film.add(one.radiance)
+                    if isinstance(one, Run):
+                        film.add_run(one.total, one.means)
+                    else:
+                        film.add(one.radiance)
                     workers.keep(one)
         if watches_error and film.n_passes >= limit.next_estimate():
             with workers.context.ledger.stage("noise"):

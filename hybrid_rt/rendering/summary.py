@@ -17,12 +17,13 @@ _STOPPED_BY = {
     "not_finite": "pixels that are not finite, which no error can be estimated of",
     "blur": "the blur",
     "interrupted": "Ctrl-C",
+    "cluster_lost": "the loss of the cluster",
 }
 
 
 def in_words(report: dict[str, Any]) -> str:
     """Format a render's report as a few lines of text."""
-    lines = [_noise(report), _geometry(report), _cost(report), _stop(report)]
+    lines = [_noise(report), _geometry(report), _cost(report), *_cluster(report), _stop(report)]
     return "\n".join([*_warnings(report), *_left_out(report), *lines])
 
 
@@ -228,6 +229,23 @@ def _cost(report: dict[str, Any]) -> str:
         f"  cost      {seconds['total']:.2f} s ({longest}), {rays}, "
         f"peak memory {report['peak_memory_mib']:.0f} MiB{_coarse(report)}"
     )
+
+
+def _cluster(report: dict[str, Any]) -> list[str]:
+    """Return what a cluster did, if there was one."""
+    cluster = report["cluster"]
+    if cluster is None:
+        return []
+    n = cluster["workers"]
+    again = f", {cluster['tried_again']} of them again" if cluster["tried_again"] else ""
+    lines = [
+        f"  cluster   {cluster['address']}: {n} process{'' if n == 1 else 'es'}, {cluster['tasks']:,} "
+        f"tasks{again}, {cluster['mib_received']:.3g} MiB received; the seconds of stages are sums "
+        "over all processes"
+    ]
+    return lines + [
+        f"  WARNING   {who} made no passes: {why}" for who, why in cluster["refused"].items()
+    ]
 
 
 def _coarse(report: dict[str, Any]) -> str:

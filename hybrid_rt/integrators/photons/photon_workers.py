@@ -28,7 +28,16 @@ from hybrid_rt.integrators.photons.photon_tracer import (
     blocks_of,
     joined,
 )
-from hybrid_rt.integrators.workers import NO_BLUR, UNKNOWN_BLUR, Blur, Pass, Submit, Workers
+from hybrid_rt.integrators.workers import (
+    NO_BLUR,
+    UNKNOWN_BLUR,
+    Blur,
+    Made,
+    Pass,
+    Run,
+    Submit,
+    Workers,
+)
 
 # Camera rays that one thread follows and gathers for at a time: many, as trees of many points are
 # compared faster, but a sixteenth of a pass at most, for the threads to share. The order of the
@@ -90,7 +99,7 @@ class PhotonWorkers(Workers):
 
     def render_passes(
         self, passes: range, on_rays: Callable[[int], None] | None = None
-    ) -> Generator[Pass, None, None]:
+    ) -> Generator[Made, None, None]:
         """Yield the passes in their order: one sample per pixel and one photon map."""
         camera = self.context.scene.camera
         change = np.zeros_like(self._eye_passes[0].blur)
@@ -109,6 +118,7 @@ class PhotonWorkers(Workers):
                         on_rays(done + n)
 
                 for made in super().render_passes(range(number, number + 1), heard):
+                    assert isinstance(made, Pass)
                     radiance = made.radiance if picture is None else made.radiance + picture
                     yield Pass(radiance, change)
 
@@ -117,9 +127,13 @@ class PhotonWorkers(Workers):
         """Passes of which the picture is made."""
         return 0 if self._blur is None else self._blur.n_passes
 
-    def keep(self, made: Pass) -> None:
-        """Add what a pass says of the blur, once it is part of the picture."""
-        if self._blur is not None and made.blur_change is not None:
+    def keep(self, made: Made) -> None:
+        """Add what passes say of the blur, once they are part of the picture."""
+        if self._blur is None or made.blur_change is None:
+            return
+        if isinstance(made, Run):
+            self._blur.add_run(made.blur_change)
+        else:
             self._blur.add(made.blur_change)
 
     def state(self) -> dict[str, NDArray[Any]]:

@@ -12,9 +12,9 @@ import numpy as np
 import pytest
 
 from hybrid_rt import Camera, Lambertian, Object, RectangleLight, Scene, Sphere
+from hybrid_rt.integrators import workers
 from hybrid_rt.integrators.options import PhotonMapOptions, PPMOptions
 from hybrid_rt.primitives.rectangle import Rectangle
-from hybrid_rt.rendering import run
 from hybrid_rt.rendering import store as store_module
 from hybrid_rt.rendering.renderer import RenderInterrupted, render
 from hybrid_rt.rendering.store import PassStore, StoreError
@@ -81,7 +81,7 @@ def test_a_target_is_reached_at_the_same_pass(tmp_path):
 
 
 def test_interrupted_and_continued(tmp_path, monkeypatch):
-    monkeypatch.setattr(run, "TOGETHER", 4 * 12 * 9)
+    monkeypatch.setattr(workers, "TOGETHER", 4 * 12 * 9)
 
     def stop(stage, done, _total):
         if stage == "Rendering" and done > 5 * 12 * 9:
@@ -190,8 +190,8 @@ def test_a_full_disk_loses_no_picture(tmp_path, monkeypatch):
 KILLED = """
 import sys
 sys.path[:0] = {path!r}
-from test_store import render, run, scene, store_module
-run.TOGETHER = 4 * 12 * 9
+from test_store import render, workers, scene, store_module
+workers.TOGETHER = 4 * 12 * 9
 store_module.EVERY = 0.0
 store_module.SHARE = 1e9
 render(scene(), passes=10**6, store={folder!r}, resume=True, threads=1)

@@ -1,0 +1,327 @@
+"""Passes by many processes or machines, scheduled by dask.distributed (extra ``cluster``).
+
+A pass is a pure function of its number, so workers need the scene once and a range of numbers per
+task; whichever worker makes it, at whatever try, it has the same bits. Results are added in the
+order of their numbers, so nothing is added twice. A whole run of passes comes back as one sum.
+"""
+
+from __future__ import annotations
+
+import importlib.util
+import pickle
+import time
+import uuid
+from collections import deque
+from collections.abc import Callable, Generator
+from contextlib import suppress
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, Self
+
+from hybrid_rt.core import checks
+from hybrid_rt.integrators.workers import Made, Pass, Workers
+from hybrid_rt.rendering.run import ClusterLost
+from hybrid_rt.rendering.set_up import Request
+from hybrid_rt.rendering.versions import versions
+from hybrid_rt.sensor.passes import RUN
+
+if TYPE_CHECKING:
+    from distributed import Client, Future, LocalCluster
+
+LOCAL = "local:"
+# Tasks that each thread of the cluster has at hand, so that none waits for the network.
+AT_HAND = 2
+# A task is to take about so many seconds: much longer than the scheduler's milliseconds, and short
+# enough that little is lost with a worker. It has a run of passes at least.
+SECONDS, MOST_RUNS = 2.0, 16
+# Seconds to wait for a first worker; between looks at who is there; for the scheduler's answer.
+PATIENCE, LOOK, ANSWER = 60.0, 1.0, 10.0
+# So often is a task tried again after the end of its worker.
+TRIES = 5
+
+
+def check_address(address: str) -> None:
+    """Raise unless an address is "tcp://HOST:PORT" (or another protocol of dask's) or "local:N"."""
+    if not isinstance(address, str):
+        raise TypeError(f"cluster is {checks.shown(address)}: pass 'tcp://HOST:PORT' or 'local:N'")
+    number = address.removeprefix(LOCAL)
+    is_local = address.startswith(LOCAL) and number.isdecimal() and 0 < int(number) <= 1024
+    is_remote = "://" in address and address.rpartition(":")[2].isdecimal()
+    if not (is_local or is_remote):
+        raise ValueError(f"cluster is {address!r}: pass 'tcp://HOST:PORT' or 'local:N'")
+    if importlib.util.find_spec("distributed") is None:
+        raise ModuleNotFoundError(
+            f"cluster {address!r} needs dask.distributed: pip install 'hybrid-rt[cluster]'"
+        )
+
+
+@dataclass
+class _Task:
+    first: int
+    stop: int
+    future: Future
+    allowed: frozenset[str]
+    tries: int = 1
+
+
+@dataclass
+class _Seen:
+    """What is told of the cluster in the report."""
+
+    workers: set[str] = field(default_factory=set)
+    refused: dict[str, str] = field(default_factory=dict)
+    tasks: int = 0
+    tried_again: int = 0
+    seconds: float = 0.0
+    received: int = 0
+
+
+class Cluster:
+    """Makes passes in other processes; sums and counts stay with the workers of this one.
+
+    Parameters
+    ----------
+    address : str
+        See `check_address`.
+    request : Request
+    here : Workers
+        Of this process: they count what others counted.
+    last : int, optional
+        Number of passes beyond which none is asked for.
+
+    Raises
+    ------
+    ClusterLost
+        If there is no scheduler, or no worker of these versions within `PATIENCE` seconds.
+    """
+
+    def __init__(self, address: str, request: Request, here: Workers, last: int | None) -> None:
+        self._here, self._address, self._last = here, address, last
+        self._key = f"hybrid-rt-{uuid.uuid4().hex[:12]}"
+        self._request = request
+        self._seen = _Seen()
+        self._threads: dict[str, int] = {}
+        self._tasks: deque[_Task] = deque()
+        self._made: deque[Made] = deque()
+        self._asked = self._yielded = -1
+        self._runs = 1
+        self._looked = 0.0
+        self._client: Client
+        self._local: LocalCluster | None = None
+
+    def __enter__(self) -> Self:
+        """Connect, bring the scene to the workers, and wait for one of them."""
+        from distributed import Client, LocalCluster
+
+        from hybrid_rt.rendering.cluster_tasks import SceneOnWorkers
+
+        try:
+            if self._address.startswith(LOCAL):
+                n = int(self._address.removeprefix(LOCAL))
+                self._local = LocalCluster(
+                    n, threads_per_worker=1, dashboard_address=None, silence_logs=50
+                )
+            place = self._address if self._local is None else self._local
+            self._client = Client(place, timeout=ANSWER, set_as_default=False)
+        except (OSError, TimeoutError, ValueError, RuntimeError) as error:
+            self._close_local()
+            raise self._lost(
+                f"no scheduler answers ({_words(error)}): start `dask scheduler` there"
+            ) from error
+        try:
+            self._client.register_plugin(SceneOnWorkers(self._key, pickle.dumps(self._request)))
+            began = time.monotonic()
+            while not self._look():
+                if time.monotonic() - began > PATIENCE:
+                    refused = "; ".join(f"{who}: {why}" for who, why in self._seen.refused.items())
+                    raise self._lost(
+                        f"no worker of these versions came within {PATIENCE:.0f} s"
+                        f"{f' (refused: {refused})' if refused else ''}: start `dask worker` there"
+                    )
+                time.sleep(LOOK / 4)
+        except BaseException:
+            self.__exit__()
+            raise
+        return self
+
+    def __exit__(self, *_error: object) -> None:
+        """Drop what is still to be made, and let go of the cluster."""
+        with suppress(Exception):
+            self._client.cancel([task.future for task in self._tasks], force=True)
+        with suppress(Exception):
+            if self._client.status == "running":
+                self._client.unregister_worker_plugin(self._key)
+        with suppress(Exception):
+            self._client.close(timeout=2)
+        self._close_local()
+
+    def _close_local(self) -> None:
+        if self._local is not None:
+            with suppress(Exception):
+                self._local.close(timeout=5)
+
+    def at_once(self) -> int:
+        """Return how many passes to ask for at a time: what the cluster has at hand."""
+        return RUN * self._runs * AT_HAND * max(sum(self._threads.values()), 1)
+
+    def render_passes(
+        self, passes: range, on_rays: Callable[[int], None] | None = None
+    ) -> Generator[Made, None, None]:
+        """Yield at least the passes asked for, in their order; a run may end beyond them."""
+        if self._yielded != passes.start:
+            self._asked = self._yielded = passes.start
+        n_pixels = self._request.scene.camera.width * self._request.scene.camera.height
+        while self._yielded < passes.stop:
+            if not self._made:
+                self._ask()
+                self._made.extend(self._next())
+            made = self._made.popleft()
+            self._yielded += 1 if isinstance(made, Pass) else RUN
+            yield made
+            if on_rays is not None:
+                on_rays((self._yielded - passes.start) * n_pixels)
+
+    def _ask(self) -> None:
+        """Keep as many tasks at work as the cluster's threads can take."""
+        n_tasks = AT_HAND * max(sum(self._threads.values()), 1)
+        while len(self._tasks) < n_tasks and (self._last is None or self._asked < self._last):
+            stop = (self._asked // RUN + self._runs) * RUN
+            stop = stop if self._last is None else min(stop, self._last)
+            self._tasks.append(self._submitted(self._asked, stop))
+            self._asked = stop
+
+    def _submitted(self, first: int, stop: int, tries: int = 1) -> _Task:
+        from hybrid_rt.rendering.cluster_tasks import make_passes
+
+        self._seen.tasks += 1
+        allowed = frozenset(self._threads)
+        future = self._client.submit(
+            make_passes,
+            self._key,
+            first,
+            stop,
+            key=f"{self._key}-{first}-{stop}-{tries}",
+            workers=sorted(allowed),
+            priority=-first,
+            pure=False,
+        )
+        return _Task(first, stop, future, allowed, tries)
+
+    def _next(self) -> list[Made]:
+        """Wait for the first of the tasks, and return what it made."""
+        from distributed import CancelledError, KilledWorker
+        from distributed.comm import CommClosedError
+
+        while True:
+            task = self._tasks[0]
+            try:
+                result = task.future.result(timeout=LOOK)
+            except TimeoutError:
+                self._look()
+                continue
+            except (CancelledError, CommClosedError, KilledWorker, OSError) as error:
+                self._try_again(task, error)
+                continue
+            except KeyError as error:
+                if self._key not in str(error):
+                    raise self._failed(task, error) from error
+                self._try_again(task, error)  # a worker that was restarted just now
+                continue
+            except Exception as error:
+                raise self._failed(task, error) from error
+            self._tasks.popleft()
+            task.future.release()
+            self._here.carry(result.counts)
+            self._note(task, result)
+            if time.monotonic() - self._looked > LOOK:
+                self._look()
+            return list(result.made)
+
+    def _note(self, task: _Task, result: Any) -> None:
+        self._seen.seconds += result.seconds
+        for made in result.made:
+            parts = (made.radiance if isinstance(made, Pass) else made.total, made.blur_change)
+            self._seen.received += sum(part.nbytes for part in parts if part is not None)
+        a_run = RUN * result.seconds / (task.stop - task.first)
+        self._runs = min(max(int(SECONDS / max(a_run, 1e-9)), 1), MOST_RUNS)
+
+    def _try_again(self, task: _Task, error: BaseException) -> None:
+        if self._client.status != "running":
+            raise self._lost("the scheduler is gone: start it again")
+        if task.tries >= TRIES:
+            raise self._failed(task, error)
+        self._look()
+        self._seen.tried_again += 1
+        place = self._tasks.index(task)
+        self._tasks[place] = self._submitted(task.first, task.stop, task.tries + 1)
+
+    def _look(self) -> bool:
+        """See which workers are there, refuse those of other versions; tell whether any is left.
+
+        Tasks whose workers are all gone are given to those that are there now.
+        """
+        from hybrid_rt.rendering.cluster_tasks import versions_here
+
+        self._looked = time.monotonic()
+        if self._client.status != "running":
+            raise self._lost("the scheduler is gone: start it again")
+        try:
+            there = self._client.scheduler_info(n_workers=-1)["workers"]
+            new = [
+                who for who in there if who not in self._threads and who not in self._seen.refused
+            ]
+            found = {}
+            if new:
+                found = self._client.run(versions_here, workers=new, on_error="return")
+        except (OSError, TimeoutError, RuntimeError, KeyError):
+            return bool(self._threads)  # between two states: look again later
+        for who, versions_there in found.items():
+            if isinstance(versions_there, BaseException):
+                why = _words(versions_there)
+            else:
+                why = _differences(versions(), versions_there)
+            if why:
+                self._seen.refused[who] = why
+            else:
+                self._threads[who] = there[who]["nthreads"]
+                self._seen.workers.add(who)
+        self._threads = {who: n for who, n in self._threads.items() if who in there}
+        for place, task in enumerate(self._tasks):
+            if self._threads and not task.allowed & self._threads.keys() and not task.future.done():
+                task.future.cancel(force=True)
+                self._seen.tried_again += 1
+                self._tasks[place] = self._submitted(task.first, task.stop, task.tries + 1)
+        return bool(self._threads)
+
+    def _lost(self, why: str) -> ClusterLost:
+        return ClusterLost(f"cluster {self._address!r}: {why}")
+
+    def _failed(self, task: _Task, error: BaseException) -> ClusterLost:
+        return self._lost(
+            f"passes {task.first} to {task.stop - 1} failed {task.tries} times ({_words(error)})"
+        )
+
+    def about(self) -> dict[str, Any]:
+        """Return the report's entry."""
+        return {
+            "address": self._address,
+            "workers": len(self._seen.workers),
+            "threads": sum(self._threads.values()),
+            "refused": self._seen.refused,
+            "tasks": self._seen.tasks,
+            "tried_again": self._seen.tried_again,
+            "seconds_of_tasks": round(self._seen.seconds, 4),
+            "mib_received": round(self._seen.received / 2**20, 2),
+        }
+
+
+def _words(error: BaseException) -> str:
+    return " ".join(str(error).split())[:200] or type(error).__name__
+
+
+def _differences(own: dict[str, str], there: dict[str, str]) -> str:
+    names = dict.fromkeys((*own, *there))
+    return ", ".join(
+        f"{name} {there.get(name)} there, {own.get(name)} here"
+        for name in names
+        if own.get(name) != there.get(name)
+    )

@@ -1,0 +1,153 @@
+"""What runs in the processes of a cluster: a scene is set up once, then passes are made."""
+
+from __future__ import annotations
+
+import copy
+import pickle
+import time
+from contextlib import closing
+from dataclasses import dataclass, replace
+from threading import Lock
+from typing import Any
+
+import numpy as np
+from distributed import Worker, WorkerPlugin
+
+from hybrid_rt.core.ledger import Ledger
+from hybrid_rt.core.records import FloatArray
+from hybrid_rt.integrators.context import RenderContext
+from hybrid_rt.integrators.workers import Counts, Made, Pass, Run, Workers
+from hybrid_rt.rendering.set_up import Request, set_up
+from hybrid_rt.rendering.versions import versions
+from hybrid_rt.sensor.film import OVERFLOWS
+from hybrid_rt.sensor.passes import GROUPS, RUN
+
+# The scenes of this process by key.
+_SCENES: dict[str, _Prepared] = {}
+
+
+@dataclass(frozen=True)
+class TaskResult:
+    """Consecutive passes, as sums of whole runs where that is possible.
+
+    Attributes
+    ----------
+    made : list of Pass and Run
+    counts : Counts
+    seconds : float
+        Wall seconds of the passes, without the set-up.
+    """
+
+    made: list[Made]
+    counts: Counts
+    seconds: float
+
+
+class SceneOnWorkers(WorkerPlugin):  # type: ignore[misc]
+    """Brings a scene to every worker, also to those that come later; once to each.
+
+    Parameters
+    ----------
+    key : str
+    pickled : bytes
+        A `Request`.
+    """
+
+    def __init__(self, key: str, pickled: bytes) -> None:
+        self.name, self._pickled = key, pickled
+
+    def setup(self, worker: Worker) -> None:
+        """Keep the scene, without any work on it."""
+        del worker
+        _SCENES[self.name] = _Prepared(self._pickled)
+
+    def teardown(self, worker: Worker) -> None:
+        """Forget the scene."""
+        del worker
+        _SCENES.pop(self.name, None)
+
+
+def versions_here() -> dict[str, str]:
+    """Return what decides bits in this process."""
+    return versions()
+
+
+def make_passes(key: str, first: int, stop: int) -> TaskResult:
+    """Make the passes from ``first`` to ``stop`` - 1 of a scene, in this process."""
+    prepared = _SCENES[key]
+    workers = prepared.take()
+    try:
+        workers.forget()
+        began = time.perf_counter()
+        made: list[Made] = []
+        with closing(workers.render_passes(range(first, stop))) as passes:
+            run = _OpenRun()
+            for number, one in enumerate(passes, start=first):
+                assert isinstance(one, Pass)
+                begin = number // RUN * RUN
+                if begin < max(first, GROUPS * RUN) or begin + RUN > stop:
+                    change = None if one.blur_change is None else one.blur_change.copy()
+                    made.append(Pass(one.radiance.copy(), change))
+                    continue
+                run.add(one)
+                if len(run.means) == RUN:
+                    made.append(run.closed())
+                    run = _OpenRun()
+        return TaskResult(made, workers.counts(), time.perf_counter() - began)
+    finally:
+        prepared.give_back(workers)
+
+
+class _OpenRun:
+    """The passes of one run, added up as `Film` and `BlurSums` would."""
+
+    def __init__(self) -> None:
+        self.means: list[float] = []
+        self._total: FloatArray | None = None
+        self._change: FloatArray | None = None
+
+    @OVERFLOWS
+    def add(self, one: Pass) -> None:
+        if self._total is None:
+            self._total = np.zeros_like(one.radiance)
+            if one.blur_change is not None:
+                self._change = np.zeros((2, *one.blur_change.shape))
+        self._total += one.radiance
+        self.means.append(float(one.radiance.mean()))
+        if self._change is not None and one.blur_change is not None:
+            self._change[0] += one.blur_change
+            self._change[1] += one.blur_change * one.blur_change
+
+    def closed(self) -> Run:
+        assert self._total is not None
+        return Run(self._total, tuple(self.means), self._change)
+
+
+class _Prepared:
+    """A scene in this process: set up when the first task asks, with `Workers` for each thread."""
+
+    def __init__(self, pickled: bytes) -> None:
+        self._pickled = pickled
+        self._lock = Lock()
+        self._context: RenderContext | None = None
+        self._idle: list[Workers] = []
+
+    def take(self) -> Workers:
+        """Return workers that no other thread uses."""
+        with self._lock:
+            request: Request = pickle.loads(self._pickled)
+            if self._context is None:
+                ready = set_up(request, 1, Ledger())
+                self._context = ready.context
+                return ready.workers
+            if self._idle:
+                return self._idle.pop()
+            tracer: Any = copy.copy(self._context.tracer)
+            tracer.counters = dict.fromkeys(tracer.counters, 0)
+            own = replace(self._context, tracer=tracer, ledger=Ledger())
+            return request.declared.make(own, 1)
+
+    def give_back(self, workers: Workers) -> None:
+        """Let others use them."""
+        with self._lock:
+            self._idle.append(workers)

@@ -1,0 +1,185 @@
+"""Passes by real processes of dask.distributed on this machine: killed, added, refused, lost."""
+
+import subprocess
+import sys
+import time
+
+import numpy as np
+import pytest
+
+from hybrid_rt import Camera, Lambertian, Object, RectangleLight, Scene, Sphere
+from hybrid_rt.cli.program import main
+from hybrid_rt.integrators.options import PPMOptions
+from hybrid_rt.primitives.rectangle import Rectangle
+from hybrid_rt.rendering import cluster
+from hybrid_rt.rendering.cluster import check_address
+from hybrid_rt.rendering.renderer import render
+from hybrid_rt.rendering.run import ClusterLost
+
+pytest.importorskip("distributed")
+
+RUN_SCHEDULER = "from distributed.cli.dask_scheduler import main; main()"
+RUN_WORKER = "from distributed.cli.dask_worker import main; main()"
+OTHER_VERSION = "import hybrid_rt.rendering.versions as v; v.__version__ = '0.0.1'; " + RUN_WORKER
+SCRIPT = """
+from test_cluster import scene
+"""
+
+
+def scene(width=40):
+    matt = Lambertian((0.7, 0.6, 0.5))
+    return Scene(
+        Camera((0, 2, 6), (0, 0.5, 0), (0, 1, 0), width=width, height=30),
+        [
+            Object(Rectangle((-4, -1, -4), (0, 0, 8), (8, 0, 0)), matt, "floor"),
+            Object(Sphere((0, 0, 0), 1.0), matt, "ball"),
+        ],
+        [RectangleLight((-1, 4, -1), (2, 0, 0), (0, 0, 2), (9, 9, 9))],
+    )
+
+
+class Processes:
+    """A scheduler and workers; all end with the test."""
+
+    def __init__(self, folder):
+        self.folder, self.file = folder, folder / "scheduler.json"
+        self.all = []
+        self.scheduler = self._start(
+            RUN_SCHEDULER, "--port", "0", "--no-dashboard", "--scheduler-file", str(self.file)
+        )
+        until = time.monotonic() + 60
+        while not self.file.exists() or not self.file.read_text().strip().endswith("}"):
+            assert self.scheduler.poll() is None
+            assert time.monotonic() < until
+            time.sleep(0.05)
+
+    @property
+    def address(self):
+        import json
+
+        return json.loads(self.file.read_text())["address"].replace("0.0.0.0", "127.0.0.1")
+
+    def worker(self, code=RUN_WORKER):
+        return self._start(
+            code, self.address, "--nthreads", "1", "--no-nanny", "--no-dashboard",
+            "--local-directory", str(self.folder),
+        )  # fmt: skip
+
+    def _start(self, code, *arguments):
+        with (self.folder / f"log{len(self.all)}").open("w") as log:
+            process = subprocess.Popen(
+                [sys.executable, "-c", code, *arguments], stdout=log, stderr=log
+            )
+        self.all.append(process)
+        return process
+
+    def end(self):
+        for process in self.all:
+            process.kill()
+            process.wait()
+
+
+@pytest.fixture
+def processes(tmp_path):
+    (tmp_path / "dask").mkdir()
+    started = Processes(tmp_path / "dask")
+    yield started
+    started.end()
+
+
+@pytest.fixture
+def small_tasks(monkeypatch):
+    """Tasks of one run each, so that there are many."""
+    monkeypatch.setattr(cluster, "MOST_RUNS", 1)
+
+
+def when(passes, act):
+    """Return a progress function that acts once, when so many passes are done."""
+    acted = []
+
+    def progress(stage, done, _total):
+        if stage == "Rendering" and done >= passes * 40 * 30 and not acted:
+            acted.append(True)
+            act()
+
+    progress.acted = acted
+    return progress
+
+
+@pytest.mark.usefixtures("small_tasks")
+def test_workers_killed_and_added_change_no_bit(processes):
+    """By ppm, whose blur comes back as well: two workers, one is killed, one comes later."""
+    settings = {"integrator": "ppm", "options": PPMOptions(photons_per_pass=2000), "seed": 2}
+    first, _second = processes.worker(), processes.worker()
+
+    def change():
+        first.kill()
+        processes.worker()
+
+    progress = when(40, change)
+    part = render(scene(), passes=302, cluster=processes.address, progress=progress, **settings)
+    assert progress.acted
+    assert part.report["cluster"]["workers"] >= 2
+    whole = render(scene(), passes=302, **settings)
+    np.testing.assert_array_equal(part.image, whole.image)
+    assert part.report["relative_error"] == whole.report["relative_error"]
+    assert part.report["noise"] == whole.report["noise"]
+
+
+@pytest.mark.usefixtures("small_tasks")
+def test_a_lost_scheduler_leaves_the_picture_and_a_store_that_goes_on(processes, tmp_path):
+    processes.worker()
+    progress = when(40, processes.scheduler.kill)
+    part = render(
+        scene(), passes=4000, cluster=processes.address, progress=progress, store=tmp_path / "s"
+    )
+    assert part.report["stopped_by"] == "cluster_lost"
+    assert "scheduler is gone" in part.report["cluster"]["lost"]
+    done = part.report["passes"]
+    assert 40 <= done < 4000
+    np.testing.assert_array_equal(part.image, render(scene(), passes=done).image)
+    more = render(scene(), passes=done + 5, store=tmp_path / "s", resume=True)
+    assert more.report["store"]["passes_before"] == done
+    assert more.report["store"]["lost"] == []
+    np.testing.assert_array_equal(more.image, render(scene(), passes=done + 5).image)
+
+
+def test_workers_of_other_versions_are_refused(processes, monkeypatch):
+    other = processes.worker(OTHER_VERSION)
+    monkeypatch.setattr(cluster, "PATIENCE", 10.0)
+    with pytest.raises(
+        ClusterLost, match=r"no worker of these versions .* hybrid_rt 0\.0\.1 there"
+    ):
+        render(scene(), passes=4, cluster=processes.address)
+    processes.worker()
+    monkeypatch.setattr(cluster, "PATIENCE", 60.0)
+    part = render(scene(), passes=40, cluster=processes.address)
+    assert other.poll() is None
+    assert part.report["cluster"]["workers"] == 1
+    assert len(part.report["cluster"]["refused"]) == 1
+    np.testing.assert_array_equal(part.image, render(scene(), passes=40).image)
+
+
+def test_processes_of_this_machine_by_the_command(tmp_path, capsys):
+    script = tmp_path / "ball.py"
+    script.write_text(f"import sys; sys.path.append({__file__.rsplit('/', 1)[0]!r})\n{SCRIPT}")
+    out = tmp_path / "ball.npz"
+    words = ["--passes", "17", "--quiet", "--out", str(out)]
+    assert main(["render", str(script), "--cluster", "local:2", *words]) == 0
+    assert "local:2: 2 processes" in capsys.readouterr().out
+    np.testing.assert_array_equal(np.load(out)["image"], render(scene(), passes=17).image)
+
+
+@pytest.mark.parametrize(
+    "address", ["", "local:", "local:0", "local:-1", "local:x", "host", "tcp://host"]
+)
+def test_addresses_are_checked_before_any_work(address):
+    with pytest.raises(ValueError, match=r"pass 'tcp://HOST:PORT' or 'local:N'"):
+        render(scene(), passes=1, cluster=address)
+
+
+def test_nobody_there(monkeypatch):
+    check_address("tcp://127.0.0.1:1")
+    monkeypatch.setattr(cluster, "ANSWER", 1.0)
+    with pytest.raises(ClusterLost, match="no scheduler answers"):
+        render(scene(), passes=1, cluster="tcp://127.0.0.1:1")
