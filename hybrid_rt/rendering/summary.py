@@ -238,14 +238,13 @@ def _cluster(report: dict[str, Any]) -> list[str]:
         return []
     n = cluster["workers"]
     again = f", {cluster['tried_again']} of them again" if cluster["tried_again"] else ""
-    lines = [
+    line = (
         f"  cluster   {cluster['address']}: {n} process{'' if n == 1 else 'es'}, {cluster['tasks']:,} "
         f"tasks{again}, {cluster['mib_received']:.3g} MiB received; the seconds of stages are sums "
         "over all processes"
-    ]
-    return lines + [
-        f"  WARNING   {who} made no passes: {why}" for who, why in cluster["refused"].items()
-    ]
+    )
+    refused = cluster["refused"].items()
+    return [line, *(f"  WARNING   {who} made no passes: {why}" for who, why in refused)]
 
 
 def _coarse(report: dict[str, Any]) -> str:
