@@ -79,51 +79,79 @@ def _tangents(pieces, k, u, v, basis):
     )  # fmt: skip
 
 
+@inner
+def _steps_on(pieces, k, a, b, s, ox, oy, oz, dx, dy, dz, steps, basis):
+    """Take steps on one piece; return u, v, t, the last change of u or v, and whether all is lost."""
+    last = 0.0
+    for _ in range(steps):
+        x, y, z, xu, yu, zu, xv, yv, zv = _tangents(pieces, k, a, b, basis)
+        rx, ry, rz = ox + s * dx - x, oy + s * dy - y, oz + s * dz - z
+        nx, ny, nz = yu * zv - zu * yv, zu * xv - xu * zv, xu * yv - yu * xv
+        det = nx * dx + ny * dy + nz * dz
+        if det == 0.0:
+            return a, b, s, last, True
+        inv = 1.0 / det
+        da = inv * (rx * (yv * dz - zv * dy) + ry * (zv * dx - xv * dz) + rz * (xv * dy - yv * dx))
+        db = inv * (rx * (dy * zu - dz * yu) + ry * (dz * xu - dx * zu) + rz * (dx * yu - dy * xu))
+        a += da
+        b += db
+        s -= inv * (rx * nx + ry * ny + rz * nz)
+        last = max(abs(da), abs(db))
+        if not (-1.0 <= a <= 2.0 and -1.0 <= b <= 2.0):
+            return a, b, s, last, True
+    return a, b, s, last, False
+
+
+@inner
+def _goes_on(pieces, k, other):
+    """Return whether two neighbours in the list are segments of one profile that join."""
+    if not 0 <= other < pieces.start.shape[0]:
+        return False
+    if pieces.degree[k, 0] >= 0 or pieces.degree[other, 0] >= 0:
+        return False
+    for c in range(12):
+        if pieces.frame[k, c] != pieces.frame[other, c]:
+            return False
+    first, then = (k, other) if other > k else (other, k)
+    p, q = pieces.start[first] + pieces.degree[first, 1], pieces.start[then]
+    return (
+        pieces.control[p, 0] == pieces.control[q, 0]
+        and pieces.control[p, 1] == pieces.control[q, 1]
+    )
+
+
 @hot_kernel
 def take_steps(
     pieces, middle, steps, hits, triangles, rows, origin, direction, out, basis, accepted
 ):  # fmt: skip
     """Take ``steps`` steps from coarse hits j of the rays ``rows[j]``; write those that end inside.
 
-    A step solves the linear part of S(u, v) = o + t d. Nothing else is checked but t > 0. ``basis``
-    is scratch of shape (4, > degree).
+    A step solves the linear part of S(u, v) = o + t d. Nothing else is checked but t > 0. Where the
+    steps leave a profile's segment by an end, as many are taken on the next one. ``basis`` is
+    scratch of shape (4, > degree).
     """
     t, u, v, corner_uv = hits.t, hits.u, hits.v, triangles.corner_uv
     for j in range(hits.face.shape[0]):
         i, f = rows[j], hits.face[j]
         k = triangles.piece[f]
         w = 1.0 - u[j] - v[j]
-        a = w * corner_uv[f, 0, 0] + u[j] * corner_uv[f, 1, 0] + v[j] * corner_uv[f, 2, 0]
+        begin = w * corner_uv[f, 0, 0] + u[j] * corner_uv[f, 1, 0] + v[j] * corner_uv[f, 2, 0]
         b = w * corner_uv[f, 0, 1] + u[j] * corner_uv[f, 1, 1] + v[j] * corner_uv[f, 2, 1]
         ox, oy, oz = origin[i, 0] - middle[0], origin[i, 1] - middle[1], origin[i, 2] - middle[2]
         dx, dy, dz = direction[i, 0], direction[i, 1], direction[i, 2]
-        s = t[j]
-        last = 0.0
-        is_lost = False
-        for _ in range(steps):
-            x, y, z, xu, yu, zu, xv, yv, zv = _tangents(pieces, k, a, b, basis)
-            rx, ry, rz = ox + s * dx - x, oy + s * dy - y, oz + s * dz - z
-            nx, ny, nz = yu * zv - zu * yv, zu * xv - xu * zv, xu * yv - yu * xv
-            det = nx * dx + ny * dy + nz * dz
-            if det == 0.0:
-                is_lost = True
-                break
-            inv = 1.0 / det
-            da = inv * (
-                rx * (yv * dz - zv * dy) + ry * (zv * dx - xv * dz) + rz * (xv * dy - yv * dx)
-            )
-            db = inv * (
-                rx * (dy * zu - dz * yu) + ry * (dz * xu - dx * zu) + rz * (dx * yu - dy * xu)
-            )
-            a += da
-            b += db
-            s -= inv * (rx * nx + ry * ny + rz * nz)
-            last = max(abs(da), abs(db))
-            if not (-1.0 <= a <= 2.0 and -1.0 <= b <= 2.0):
-                is_lost = True
-                break
-        slack = max(last, INSIDE)
         is_round = pieces.degree[k, 0] < 0
+        way = 0
+        while True:
+            a, b, s, last, is_lost = _steps_on(
+                pieces, k, begin, b, t[j], ox, oy, oz, dx, dy, dz, steps, basis
+            )
+            slack = max(last, INSIDE)
+            step = 1 if b > 1.0 + slack else (-1 if b < -slack else 0)
+            if is_lost:
+                step = 1 if b > 1.0 else (-1 if b < 0.0 else 0)
+            if step in (0, -way) or not _goes_on(pieces, k, k + step):
+                break
+            way, k, b = step, k + step, 0.0 if step > 0 else 1.0
         if is_lost or not (-slack <= b <= 1.0 + slack and s > 0.0):
             continue
         if not (is_round or -slack <= a <= 1.0 + slack):

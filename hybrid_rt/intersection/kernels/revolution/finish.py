@@ -38,19 +38,28 @@ def refine_revolutions(table, hits, triangles, row_of, rows, rays, best, ray, ac
                 continue
             _, s = parameters_at(triangles, f, hits.u[j], hits.v[j])
             begin = hits.t[j] * table.to_frame[k] - shift
-            segment = segment_of(table, k, seg)
-            noise, error = rounding(segment.degree, table.size[k], ray, begin)
             after = ray[WAY] + begin * ray[ACROSS] >= 0.0
-            ok, s, root, _, slope, gain = meet(
-                segment.control, segment.start, segment.degree, ray, after, s, begin, noise
-            )
-            if not ok:
-                continue
-            _, is_offered = offer_meeting(
-                i, s, root, slope, gain, noise, error, segment, ray, after, rays, best
-            )
-            if is_offered:
-                accepted[j] = True
+            at, way = seg, 0
+            # Triangles may be wider than segments are long: from an end that Newton's iteration
+            # leaves by, it goes on along the profile, never back.
+            while table.first_segment[k] <= at < table.first_segment[k + 1]:
+                segment = segment_of(table, k, at)
+                noise, error = rounding(segment.degree, table.size[k], ray, begin)
+                ok, s, root, _, slope, gain = meet(
+                    segment.control, segment.start, segment.degree, ray, after, s, begin, noise
+                )
+                if ok:
+                    _, is_offered = offer_meeting(
+                        i, s, root, slope, gain, noise, error, segment, ray, after, rays, best
+                    )
+                    if is_offered:
+                        accepted[j] = True
+                        break
+                step = 1 if s > 1.0 else (-1 if s < 0.0 else 0)
+                if step in (0, -way):
+                    break
+                way, at, s = step, at + step, 0.0 if step > 0 else 1.0
+            break
 
 
 @hot_kernel
