@@ -21,13 +21,17 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from hybrid_rt.analysis import hit_study, page, work_precision
+from hybrid_rt.analysis import answers, hit_study, study_diagrams, tables, work_precision
+from hybrid_rt.analysis.advice import advise
 from hybrid_rt.analysis.curves import Curve, Point, Spread, renamed
 from hybrid_rt.analysis.diagrams import Diagram, save
-from hybrid_rt.analysis.forecast import forecast, recommend, triangles_for
+from hybrid_rt.analysis.forecast import forecast, triangles_for
 from hybrid_rt.analysis.hit_study import HitStudy
 from hybrid_rt.analysis.methods import curved_surfaces, default_methods
+from hybrid_rt.analysis.page import Study, page
 from hybrid_rt.analysis.picture_comparison import load_picture
+from hybrid_rt.analysis.reference import REFERENCES
+from hybrid_rt.analysis.units import asked, seconds
 from hybrid_rt.analysis.work_precision import PictureStudy
 from hybrid_rt.cli.command import one_or_more, run_tool, say_if_no_plots
 from hybrid_rt.cli.scene_file import load_scene
@@ -67,7 +71,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--reference", type=Path, help="a picture (.npz or .exr) instead of ours")
     parser.add_argument(
         "--reference-by",
-        choices=work_precision.REFERENCES,
+        choices=REFERENCES,
         help="checked by the other one; default: the one that states the smaller error",
     )
     parser.add_argument("--integrators", nargs="+", metavar="I", help="default: all that can")
@@ -100,22 +104,30 @@ def _measure(args: argparse.Namespace) -> None:
     if args.out:  # a place that cannot be written is said before the work
         args.out.mkdir(parents=True, exist_ok=True)
     studies: dict[str, Any] = {}
+    scene = None if file.suffix == ".bpt" else load_scene(file)
+    full_size = None if scene is None else (scene.camera.width, scene.camera.height)
     try:
-        _study(file, n_rays, studies, args)
+        _study(file, scene, n_rays, studies, args)
     except KeyboardInterrupt:
         if studies:
-            _show(str(file), studies, args)
+            _show(str(file), studies, full_size, args)
         raise
-    _show(str(file), studies, args)
+    _show(str(file), studies, full_size, args)
 
 
-def _study(file: Path, n_rays: int, studies: dict[str, Any], args: argparse.Namespace) -> None:
+def _study(
+    file: Path,
+    scene: Scene | None,
+    n_rays: int,
+    studies: dict[str, Any],
+    args: argparse.Namespace,
+) -> None:
     """Make the studies that there can be, one after the other."""
-    if file.suffix == ".bpt":
+    if scene is None:
         surfaces: list[Any] = [BezierPatches.read(file)]
         rays = random_camera(surfaces, n_rays, 1)
     else:
-        scene = _resized(load_scene(file), args.width or (120 if args.quick else 240))
+        scene = _resized(scene, args.width or (120 if args.quick else 240))
         studies["picture"] = _study_picture(scene, args)
         surfaces = curved_surfaces(scene)
         rays = hit_study.camera_rays(scene, n_rays)
@@ -147,85 +159,115 @@ def _study_picture(scene: Scene, args: argparse.Namespace) -> PictureStudy:
     )
 
 
-def _show(name: str, studies: dict[str, Any], args: argparse.Namespace) -> None:
-    sentences: list[str] = []
-    diagrams: list[Diagram] = []
-    tables: dict[str, page.Table] = {}
-    images: dict[str, work_precision.Image] = {}
+def _show(
+    name: str, studies: dict[str, Any], full_size: tuple[int, int] | None, args: argparse.Namespace
+) -> None:
+    shown: dict[str, Any] = {
+        "title": f"Error against run time: {name}", "asked": "", "answer": "", "command": "",
+        "details": [], "findings": [], "diagrams": [], "tables": [], "images": {},
+    }  # fmt: skip
+    measured: answers.Conditions = []
     data: dict[str, Any] = {"source": name, "versions": versions(), "target": args.target}
     if "picture" in studies:
-        study: PictureStudy = studies["picture"]
-        forecasts = recommend(study, args.target)
-        triangles = triangles_for(
-            [row for row in study.meshes if row["accuracy"] == "mesh"], args.target
-        )
-        sentences += page.picture_answers(study, forecasts, args.target, name, triangles)
-        own = study.reference.own_error
-        diagrams.append(page.picture_diagram(f"{name}: pictures", study.curves, own))
-        tables["Pictures"] = page.picture_table(study.curves)
-        tables[f"To a relative RMSE of {args.target:g}"] = page.forecast_table(forecasts)
-        if study.meshes:
-            tables["What passes do not remove"] = page.mesh_table(study)
-        images = study.images
-        data["picture"] = {
-            **{key: value for key, value in vars(study).items() if key != "images"},
-            "reference": asdict(study.reference),
-            "curves": [asdict(curve) for curve in study.curves],
-            "forecasts": [asdict(found) for found in forecasts],
-            "triangles_for_target": triangles,
-        }
+        measured += answers.picture_conditions(studies["picture"], full_size)
+        data["picture"] = _show_picture(studies["picture"], name, full_size, args.target, shown)
     if "hits" in studies:
         hits: HitStudy = studies["hits"]
-        sentences += page.hit_answers(hits)
-        diagrams.append(page.hit_diagram(f"{name}: first hits", hits.curves, hits.judged))
-        diagrams.append(page.distance_diagram(f"{name}: right hits", hits.curves, hits.size))
-        tables["First hits"] = page.hit_table(hits.curves)
+        measured.append(
+            ("first hits", f"{hits.rays:,} rays of the camera, {hits.judged:,} meet something")
+        )
+        cost, *others = answers.hit_answers(hits)
+        if "picture" in studies:
+            others.insert(0, cost)
+        else:
+            shown["asked"] = "Asked: what do exact first hits cost, and how often are others wrong?"
+            shown["answer"] = cost
+        shown["findings"] += others
+        shown["diagrams"] += [
+            study_diagrams.hit_diagram(hits.curves, hits.judged),
+            study_diagrams.distance_diagram(hits.curves, hits.size),
+        ]
+        shown["tables"].append(tables.hit_table(hits.curves))
         if hits.newton:
-            diagrams += page.newton_diagrams(f"{name}: Newton's steps", hits.newton, hits.size)
-            tables["Newton's steps"] = page.newton_table(hits.newton)
+            shown["diagrams"] += study_diagrams.newton_diagrams(hits.newton, hits.size)
+            shown["tables"].append(tables.newton_table(hits))
         data["hits"] = asdict(hits)
-    _print(sentences, tables)
+    study = Study(**shown, measured=answers.conditions(measured, name))
+    _print(study)
     if args.out:
-        _write(args.out, name, sentences, diagrams, tables, images, data)
+        _write(args.out, study, data)
 
 
-def _print(sentences: Sequence[str], tables: dict[str, page.Table]) -> None:
-    for title, (head, rows) in tables.items():
-        cells = [tuple(head), *(tuple(row) for row in rows)]
-        widths = [max(len(row[k]) for row in cells) for k in range(len(head))]
-        print(f"\n{title}")
-        for row in cells:
-            first, *others = (
-                cell.ljust(w) if k == 0 else cell.rjust(w)
-                for k, (cell, w) in enumerate(zip(row, widths, strict=True))
-            )
-            print("  " + "  ".join([first, *others]))
-    print()
-    for sentence in sentences:
-        print(f"- {sentence}")
-
-
-def _write(
-    folder: Path,
+def _show_picture(
+    study: PictureStudy,
     name: str,
-    sentences: Sequence[str],
-    diagrams: Sequence[Diagram],
-    tables: dict[str, page.Table],
-    images: dict[str, work_precision.Image],
-    data: dict[str, Any],
-) -> None:
+    full_size: tuple[int, int] | None,
+    target: float,
+    shown: dict[str, Any],
+) -> dict[str, Any]:
+    """Add a picture study to what is shown; return its figures."""
+    advice = advise(study, target, name, full_size)
+    triangles = triangles_for(
+        [row for row in study.meshes if row["accuracy"] == "mesh"], advice.target
+    )
+    shown["asked"] = (
+        f"Asked: which method renders this scene soonest to an error of {asked(target)}, on this "
+        "machine?"
+    )
+    shown["answer"], shown["command"] = advice.headline, advice.command
+    shown["details"] += advice.details
+    shown["findings"] += answers.bias_answers(study)
+    shown["findings"] += answers.mesh_answer(study, advice.target, triangles)
+    own = study.reference.own_error
+    shown["diagrams"].append(study_diagrams.picture_diagram(study.curves, own))
+    shown["tables"].append(tables.forecast_table(advice.forecasts, advice.target))
+    shown["tables"].append(tables.picture_table(study.curves))
+    if study.meshes:
+        shown["tables"].append(tables.mesh_table(study))
+    shown["images"] = study.images
+    return {
+        **{key: value for key, value in vars(study).items() if key != "images"},
+        "reference": asdict(study.reference),
+        "curves": [asdict(curve) for curve in study.curves],
+        "answer": {"headline": advice.headline, "command": advice.command},
+        "forecast_target": advice.target,
+        "forecasts": [asdict(found) for found in advice.forecasts],
+        "triangles_for_target": triangles,
+    }
+
+
+def _print(study: Study) -> None:
+    print(study.title)
+    for name, value in study.measured:
+        print(f"  {name:12s} {value}")
+    for table in study.tables:
+        print(f"\n{tables.in_text(table)}")
+    print()
+    for sentence in study.findings:
+        print(f"- {sentence}")
+    if study.asked:
+        print(f"\n{study.asked}")
+    if study.answer:
+        print(study.answer)
+    for sentence in study.details:
+        print(f"- {sentence}")
+    if study.command:
+        print(f"\n  {study.command}")
+
+
+def _write(folder: Path, study: Study, data: dict[str, Any]) -> None:
     folder.mkdir(parents=True, exist_ok=True)
-    title = f"Error against run time: {name}"
     (folder / "curves.json").write_text(as_json(data), "utf-8")
     with (folder / "curves.csv").open("w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file)
-        for table, (head, rows) in tables.items():
-            writer.writerows([(table,), head, *rows, ()])
+        for table in study.tables:
+            writer.writerows([(table.title,), table.head, *table.rows, ()])
+    written = ["curves.json", "curves.csv"]
     if importlib.util.find_spec("matplotlib") is not None:
-        save(diagrams, folder / "curves.png")
-        text = page.page(title, sentences, diagrams, tables, images)
-        (folder / "page.html").write_text(text, "utf-8")
-    print(f"\nwrote {', '.join(sorted(str(path) for path in folder.iterdir()))}")
+        save(study.diagrams, folder / "curves.png")
+        (folder / "page.html").write_text(page(study), "utf-8")
+        written += ["curves.png", "page.html"]
+    print(f"\nwrote {', '.join(str(folder / name) for name in written)}")
 
 
 def _read(file: Path) -> dict[str, Any]:
@@ -241,7 +283,7 @@ def _compare(args: argparse.Namespace) -> None:
     both = [_read(file) for file in args.compare]
     names = [str(file.parent / file.stem) for file in args.compare]
     diagrams: list[Diagram] = []
-    tables: dict[str, page.Table] = {}
+    found: list[tables.Table] = []
     data: dict[str, Any] = {"compared": names}
     for part in ("picture", "hits"):
         if not all(part in one for one in both):
@@ -255,21 +297,28 @@ def _compare(args: argparse.Namespace) -> None:
         if part == "picture":
             own = max(one[part]["reference"]["own_error"] or 0.0 for one in both)
             data[part]["reference"] = {"own_error": own or float("nan")}
-            diagrams.append(page.picture_diagram("pictures", curves, own or float("nan")))
-            tables["Pictures"] = page.picture_table(curves)
+            diagrams.append(study_diagrams.picture_diagram(curves, own or float("nan")))
+            found.append(tables.picture_table(curves))
         else:
             judged = max(one[part]["judged"] for one in both)
             data[part]["judged"] = judged
-            diagrams.append(page.hit_diagram("first hits", curves, judged))
-            tables["First hits"] = page.hit_table(curves)
+            diagrams.append(study_diagrams.hit_diagram(curves, judged))
+            found.append(tables.hit_table(curves))
     if not diagrams:
         raise ValueError(
             f"{names[0]} and {names[1]} have no kind of curves in common: name two of one kind"
         )
-    sentences = [f"A is {names[0]}, B is {names[1]}.", *_ratios(both)]
-    _print(sentences, tables)
+    study = Study(
+        f"Error against run time: {names[0]} and {names[1]}",
+        f"Asked: how do two runs compare? A is {names[0]}, B is {names[1]}.",
+        " ".join(_ratios(both)) or "Read the diagrams: lower and further left is better.",
+        measured=[(letter, str(file)) for letter, file in zip("AB", args.compare, strict=True)],
+        diagrams=diagrams,
+        tables=found,
+    )
+    _print(study)
     if args.out:
-        _write(args.out, " and ".join(names), sentences, diagrams, tables, {}, data)
+        _write(args.out, study, data)
 
 
 def _curves(part: dict[str, Any]) -> list[Curve]:
@@ -289,6 +338,9 @@ def _curves(part: dict[str, Any]) -> list[Curve]:
             ],
             curve["bias"],
             curve["power"],
+            curve["bias_known_by"],
+            curve["left_out"],
+            curve["bias_at_most"],
         )
         for curve in part["curves"]
     ]
@@ -304,8 +356,8 @@ def _ratios(both: Sequence[dict[str, Any]]) -> list[str]:
         own = one["picture"]["reference"]["own_error"] or 0.0
         found.append({c.name: forecast(c, target, own) for c in _curves(one["picture"])})
     return [
-        f"{name} to {target:g}: A {found[0][name].seconds.median:.3g} s, "
-        f"B {found[1][name].seconds.median:.3g} s."
+        f"{name} to {asked(target)}: A {seconds(found[0][name].seconds.median)}, "
+        f"B {seconds(found[1][name].seconds.median)}."
         for name in found[0]
         if name in found[1] and None not in (found[0][name].passes, found[1][name].passes)
     ]

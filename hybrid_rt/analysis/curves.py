@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -53,7 +53,13 @@ class Curve:
         ``flags`` are the command-line options of the method.
     points : list of Point
     bias : float
-        Known error that more passes do not reduce.
+        Least error known that more passes do not reduce.
+    bias_known_by : str
+        How that is known, in words.
+    left_out : list of str
+        Light of the scene that the method does not find, as it declares.
+    bias_at_most : float
+        Upper 95 % limit of what its mesh changes; 0 without a mesh.
     power : float
         The square of the rest of the error falls as passes ** -power.
     """
@@ -63,6 +69,9 @@ class Curve:
     points: list[Point]
     bias: float = 0.0
     power: float = 1.0
+    bias_known_by: str = ""
+    left_out: list[str] = field(default_factory=list)
+    bias_at_most: float = 0.0
 
 
 def renamed(curves: Sequence[Curve], prefix: str) -> list[Curve]:

@@ -1,23 +1,30 @@
 """Log-log diagrams by matplotlib: curves with error bars, reference slopes, a noise floor.
 
-A diagram is written as SVG for a page, or as a panel of an image file.
+A diagram is written as SVG for a page, wide or narrow, or as a panel of an image file.
 """
 
 from __future__ import annotations
 
 import io
 import math
+import textwrap
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from hybrid_rt.analysis.units import number
+
 # Told apart also by readers who do not see colours, and in print.
 MARKERS = "os^Dv<>Pp*X"
-PANEL = (8.0, 4.6)
-"""Inches, the legend included."""
 GREY = "0.55"
+# Inches, the legend included: beside the curves, and below them for narrow screens.
+WIDE, NARROW = (8.4, 4.7), (4.3, 5.6)
+# Letters of a title or note that fit into a line.
+LINE = {WIDE: 98, NARROW: 46}
+# Up to so many decades ticks stand between powers of ten as well, from so many on not at all powers.
+FEW_DECADES, MANY_DECADES = 1.7, 7.0
 
 
 @dataclass(frozen=True)
@@ -50,10 +57,12 @@ class Diagram:
     title, x_label, y_label : str
     lines : sequence of Line
         All values above 0 and finite.
-    slopes : sequence of float
+    slopes : sequence of (slope, name)
         Drawn as thin lines y ~ x^slope through the first point.
     floor : (name, y), optional
         A horizontal line.
+    note : str
+        How to read it: what the marks' labels and the bars are.
 
     Raises
     ------
@@ -65,8 +74,9 @@ class Diagram:
     x_label: str
     y_label: str
     lines: Sequence[Line]
-    slopes: Sequence[float] = ()
+    slopes: Sequence[tuple[float, str]] = ()
     floor: tuple[str, float] | None = None
+    note: str = ""
 
     def __post_init__(self) -> None:
         """Refuse what has no logarithm."""
@@ -80,45 +90,58 @@ class Diagram:
                 )
 
 
-def as_svg(diagram: Diagram) -> str:
-    """Return a diagram as SVG text; equal diagrams give equal text."""
+def as_svg(diagram: Diagram, size: tuple[float, float] = WIDE) -> str:
+    """Return a diagram without its title and note as SVG text; equal diagrams give equal text."""
     buffer = io.StringIO()
-    with _figure([diagram], {"svg.fonttype": "none", "svg.hashsalt": "hybrid_rt"}) as figure:
+    settings = {"svg.fonttype": "none", "svg.hashsalt": "hybrid_rt"}
+    with _figure([diagram], settings, size, is_alone=False) as figure:
         figure.savefig(buffer, format="svg", metadata={"Date": None})
     return buffer.getvalue()
 
 
 def save(diagrams: Sequence[Diagram], file: Path) -> None:
-    """Write diagrams as one image, two panels a row."""
-    with _figure(diagrams, {}) as figure:
+    """Write diagrams as one image, one below the other."""
+    with _figure(diagrams, {}, WIDE, is_alone=True) as figure:
         figure.savefig(file, dpi=110)
 
 
 @contextmanager
-def _figure(diagrams: Sequence[Diagram], settings: dict[str, Any]) -> Iterator[Any]:
+def _figure(
+    diagrams: Sequence[Diagram],
+    settings: dict[str, Any],
+    size: tuple[float, float],
+    *,
+    is_alone: bool,
+) -> Iterator[Any]:
     """Yield a figure without a window, whatever the user's own settings of matplotlib are."""
     from matplotlib import style
     from matplotlib.figure import Figure
 
-    columns = min(len(diagrams), 2)
-    rows = -(-len(diagrams) // columns)
     with style.context(["default", settings]):
-        size = (PANEL[0] * columns, PANEL[1] * rows)
-        figure = Figure(figsize=size, layout="constrained")
-        for number, diagram in enumerate(diagrams):
-            _draw(figure.add_subplot(rows, columns, number + 1), diagram)
+        # An image has no text around it, so there each panel has a title and a note.
+        height = (size[1] + (0.5 if is_alone else 0.0)) * len(diagrams)
+        figure = Figure(figsize=(size[0], height), layout="constrained")
+        panels = figure.subfigures(len(diagrams), 1, squeeze=False)[:, 0]
+        for panel, diagram in zip(panels, diagrams, strict=True):
+            axes = panel.add_subplot()
+            _draw(axes, diagram, is_wide=size == WIDE)
+            if is_alone:
+                title = "\n".join(textwrap.wrap(diagram.title, LINE[size] - 20))
+                panel.suptitle(title, fontsize=12, x=0.01, ha="left", fontweight="bold")
+                note = "\n".join(textwrap.wrap(diagram.note, LINE[size] + 30))
+                panel.supxlabel(note, fontsize=8, x=0.01, ha="left", color="0.3")
         yield figure
 
 
-def _draw(axes: Any, diagram: Diagram) -> None:
+def _draw(axes: Any, diagram: Diagram, *, is_wide: bool) -> None:
     axes.set_xscale("log")
     axes.set_yscale("log")
-    for number, line in enumerate(diagram.lines):
+    for number_of_line, line in enumerate(diagram.lines):
         x, y = (_columns(line.marks, name) for name in ("x", "y"))
-        marker = MARKERS[number % len(MARKERS)]
+        marker = MARKERS[number_of_line % len(MARKERS)]
         drawn = axes.errorbar(
             x[0], y[0], yerr=_bars(y), xerr=_bars(x), label=line.name, marker=marker,
-            markersize=5, linewidth=1.4, elinewidth=1.0,
+            markersize=5, linewidth=1.4, elinewidth=1.0, color=f"C{number_of_line % 10}",
         )  # fmt: skip
         color = drawn[0].get_color()
         for mark in line.marks:
@@ -127,21 +150,66 @@ def _draw(axes: Any, diagram: Diagram) -> None:
                     mark.x[0], mark.y[0], marker=marker, markersize=5, color=color,
                     markerfacecolor="white", zorder=3,
                 )  # fmt: skip
-            if mark.label:
-                axes.annotate(
-                    mark.label, (mark.x[0], mark.y[0]), (4, 4), textcoords="offset points",
-                    fontsize=7, color=color,
-                )  # fmt: skip
+    _labels(axes, diagram)
     _slopes(axes, diagram)
     if diagram.floor is not None:
         name, level = diagram.floor
         axes.axhline(level, color=GREY, linestyle="-.", linewidth=1.0, label=name)
-    axes.grid(True, which="major", color="0.9")
+    for axis in (axes.xaxis, axes.yaxis):
+        set_plain_ticks(axis)
+    axes.grid(visible=True, which="major", color="0.9")
     axes.set_axisbelow(True)
     axes.set_xlabel(diagram.x_label)
     axes.set_ylabel(diagram.y_label)
-    axes.set_title(diagram.title, fontsize=11, loc="left")
-    axes.legend(fontsize=8, loc="upper left", bbox_to_anchor=(1.01, 1.0), borderaxespad=0.0)
+    if is_wide:
+        axes.legend(fontsize=8, loc="upper left", bbox_to_anchor=(1.01, 1.0), borderaxespad=0.0)
+    else:
+        axes.legend(
+            fontsize=8, loc="upper center", bbox_to_anchor=(0.45, -0.17), borderaxespad=0.0,
+            ncols=2 if max(len(line.name) for line in diagram.lines) < 24 else 1, frameon=False,
+        )  # fmt: skip
+
+
+def _labels(axes: Any, diagram: Diagram) -> None:
+    """Print the marks' labels; a label is left out where another stands already."""
+    low_x, high_x = (math.log10(v) for v in axes.get_xlim())
+    low_y, high_y = (math.log10(v) for v in axes.get_ylim())
+    taken: list[tuple[float, float]] = []
+    for number_of_line, line in enumerate(diagram.lines):
+        for mark in line.marks:
+            place = (
+                (math.log10(mark.x[0]) - low_x) / (high_x - low_x),
+                (math.log10(mark.y[0]) - low_y) / (high_y - low_y),
+            )
+            is_free = all(abs(place[0] - x) > 0.06 or abs(place[1] - y) > 0.05 for x, y in taken)
+            if not mark.label or not is_free:
+                continue
+            taken.append(place)
+            axes.annotate(
+                mark.label, (mark.x[0], mark.y[0]), (4, 4), textcoords="offset points",
+                fontsize=7.5, color=f"C{number_of_line % 10}",
+            )  # fmt: skip
+
+
+def set_plain_ticks(axis: Any) -> None:
+    """Label a logarithmic axis with plain numbers, so few that they do not collide."""
+    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+
+    low, high = (math.log10(v) for v in sorted(axis.get_view_interval()))
+    if high - low > MANY_DECADES:
+        axis.set_major_locator(LogLocator(10.0, numticks=8))
+    else:
+        digits: Sequence[float] = (1.0, 2.0, 5.0) if high - low < FEW_DECADES else (1.0,)
+        if high - low < 0.5:
+            digits = (1.0, 1.5, 2.0, 3.0, 4.0, 5.0, 7.0)
+        axis.set_major_locator(LogLocator(10.0, subs=digits, numticks=20))
+        axis.set_major_formatter(FuncFormatter(lambda value, _: plain(value)))
+    axis.set_minor_formatter(NullFormatter())
+
+
+def plain(value: float) -> str:
+    """Return a tick's number as it is said: "0.05", "20", "1,000"."""
+    return number(value, 2).rstrip("0").rstrip(".") if value < 1.0 else f"{value:,.10g}"
 
 
 def _slopes(axes: Any, diagram: Diagram) -> None:
@@ -150,10 +218,10 @@ def _slopes(axes: Any, diagram: Diagram) -> None:
     low, high = min(m.x[0] for m in marks), max(m.x[0] for m in marks)
     top = max(m.y[0] for m in marks)
     frame = axes.get_ylim()
-    for slope, style in zip(diagram.slopes, ("--", ":", "-."), strict=False):
+    for (slope, name), style in zip(diagram.slopes, ("--", ":", "-."), strict=False):
         axes.plot(
             [low, high], [top, top * (high / low) ** slope], style, color=GREY, linewidth=1.0,
-            label=f"slope {slope:g}", gid=f"slope {slope:g}",
+            label=name, gid=name,
         )  # fmt: skip
     axes.set_ylim(frame)
 

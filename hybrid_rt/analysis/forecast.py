@@ -7,13 +7,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from hybrid_rt.analysis.curves import Curve, Spread
+from hybrid_rt.analysis.units import percent
 from hybrid_rt.analysis.work_precision import PictureStudy
 
 # A bias below half of the whole error cannot be told from noise by two points.
@@ -33,9 +34,16 @@ class Forecast:
     seconds : Spread
         Scaled from the runs; nan if out of reach.
     bias : float
-        Error that more passes do not reduce, estimated from two points; 0 if not above the noise.
+        Error that more passes do not reduce: the curve's own, or estimated from its last two points;
+        0 if not above the noise.
     is_measured : bool
         Whether ``passes`` lies within the measured range.
+    obstacle : str
+        Why it is out of reach; "" if it is not.
+    left_out : list of str
+        Light that the method does not find.
+    measured_to : int
+        The most passes that were measured.
     """
 
     method: str
@@ -44,6 +52,14 @@ class Forecast:
     seconds: Spread
     bias: float
     is_measured: bool
+    obstacle: str = ""
+    left_out: list[str] = field(default_factory=list)
+    measured_to: int = 0
+
+    @property
+    def is_certified(self) -> bool:
+        """Whether its hits are."""
+        return "--accuracy" not in self.flags
 
 
 def forecast(curve: Curve, target: float, reference_error: float = 0.0) -> Forecast:
@@ -51,21 +67,39 @@ def forecast(curve: Curve, target: float, reference_error: float = 0.0) -> Forec
 
     The square of the error is taken as b^2 + c / n^k: between two measured points as measured (a
     line in logarithms), beyond the last with the curve's k, and b from the last two points, at
-    least the curve's own. The reference's noise is subtracted from the squares first.
+    least the curve's own. The reference's noise is subtracted from the squares first. Nothing beyond
+    the measured range is promised of a method that leaves out light, or whose mesh may change the
+    picture by more than the target.
     """
     own = 0.0 if math.isnan(reference_error) else reference_error
     passes = np.array([p.setting for p in curve.points])
     squares = np.array([max(p.error.median**2 - own**2, 1e-30) for p in curve.points])
     seconds = np.array([p.seconds.median for p in curve.points])
     last = curve.points[-1].seconds
-    bias = max(_bias(passes**curve.power, squares), curve.bias)
+    bent = _bias(passes**curve.power, squares)
+    bias = max(bent, curve.bias)
 
-    def result(n: float, is_measured: bool) -> Forecast:
-        whole = max(math.ceil(n - 1e-9), 1)
-        median = _seconds(passes, seconds, whole)
-        spread = Spread(median, median * last.least / last.median, median * last.most / last.median)
-        return Forecast(curve.name, curve.flags, whole, spread, bias, is_measured)
+    def result(n: float, is_measured: bool, obstacle: str = "") -> Forecast:
+        whole, spread = None, Spread(math.nan, math.nan, math.nan)
+        if not obstacle:
+            whole = max(math.ceil(n - 1e-9), 1)
+            median = _seconds(passes, seconds, whole)
+            spread = Spread(
+                median, median * last.least / last.median, median * last.most / last.median
+            )
+        return Forecast(
+            curve.name, curve.flags, whole, spread, bias, is_measured, obstacle, curve.left_out,
+            int(passes[-1]),
+        )  # fmt: skip
 
+    if curve.bias >= target:
+        return result(math.inf, False, curve.bias_known_by or "its error does not fall below this")
+    if curve.bias_at_most >= target:
+        return result(
+            math.inf,
+            False,
+            f"triangles may change it by {percent(curve.bias_at_most)}",
+        )
     reached = np.flatnonzero(squares <= target**2)
     if len(reached):
         k = int(reached[0])
@@ -73,11 +107,11 @@ def forecast(curve: Curve, target: float, reference_error: float = 0.0) -> Forec
             return result(float(passes[0]), True)
         share = math.log(squares[k - 1] / target**2) / math.log(squares[k - 1] / squares[k])
         return result(float(passes[k - 1] * (passes[k] / passes[k - 1]) ** share), True)
+    if curve.left_out:
+        return result(math.inf, False, "leaves out light")
     left = target**2 - bias**2
     if left <= 0.0:
-        return Forecast(
-            curve.name, curve.flags, None, Spread(math.nan, math.nan, math.nan), bias, False
-        )
+        return result(math.inf, False, "its error no longer falls with the passes")
     more = max((squares[-1] - bias**2) / left, 1.0)
     return result(float(passes[-1] * more ** (1.0 / curve.power)), False)
 
@@ -100,7 +134,7 @@ def _seconds(passes: NDArray[np.float64], seconds: NDArray[np.float64], n: float
     return float(seconds[-1] + each * (n - passes[-1]))
 
 
-def recommend(study: PictureStudy, target: float) -> list[Forecast]:
+def forecasts_of(study: PictureStudy, target: float) -> list[Forecast]:
     """Return what each method needs for a relative RMSE, the cheapest first."""
     own = study.reference.own_error
     forecasts = [forecast(curve, target, own) for curve in study.curves]

@@ -109,7 +109,8 @@ def uncertified_methods(scene: Scene) -> list[Method]:
     surfaces = curved_surfaces(scene)
     if not surfaces:
         return []
-    tolerances = [share * size_of(surfaces) for share in TOLERANCES]
+    # As a command line would write them, so that a printed command is what was measured.
+    tolerances = [float(f"{share * size_of(surfaces):.3g}") for share in TOLERANCES]
     return [
         Method(f"{DEFAULT}, refined", DEFAULT, "refined"),
         *(Method(f"{DEFAULT}, mesh {t:.2g}", DEFAULT, "mesh", t) for t in tolerances),

@@ -10,13 +10,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import partial
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from hybrid_rt.analysis.bias import least_by_mean, least_by_tiles
 from hybrid_rt.analysis.curves import Curve, Point, spread
 from hybrid_rt.analysis.methods import (
     Method,
@@ -26,48 +26,28 @@ from hybrid_rt.analysis.methods import (
     uncertified_methods,
 )
 from hybrid_rt.analysis.picture_comparison import Picture
+from hybrid_rt.analysis.reference import (
+    REFERENCES,
+    Image,
+    Reference,
+    given_reference,
+    make_reference,
+    run_method,
+    stated_error,
+)
+from hybrid_rt.analysis.units import percent, signed_percent
 from hybrid_rt.core import checks
 from hybrid_rt.core.progress import Say
+from hybrid_rt.core.threads import Pool
 from hybrid_rt.core.timing import timed
 from hybrid_rt.integrators import DEFAULT, INTEGRATORS
 from hybrid_rt.intersection import Intersector
-from hybrid_rt.rendering.renderer import RenderResult, render
+from hybrid_rt.rendering.renderer import RenderResult
 from hybrid_rt.scene.scene import Scene
-from hybrid_rt.sensor.image_metrics import DARK, picture_errors, relative_mse
+from hybrid_rt.sensor.image_metrics import DARK, picture_errors
 
-Image = NDArray[np.float32]
-
-REFERENCE_SEED, CHECK_SEED = 20_000, 30_000
-# Integrators that references are made by, and checked by.
-REFERENCES = tuple(name for name, declared in INTEGRATORS.items() if declared.finds_light_of_lamps)
-# The picture that checks a reference has so many passes less.
-FEWER_TO_CHECK = 4
-
-
-@dataclass(frozen=True)
-class Reference:
-    """The reference of a picture study.
-
-    Attributes
-    ----------
-    made_by : str
-    own_error : float
-        Its own relative RMSE, estimated; nan if unknown.
-    mean, mean_error : float
-        Mean radiance, and the standard error of it; nan if unknown.
-    seconds : float
-    check : dict or None
-        A different method: ``made_by``, ``gap`` of the means, ``gap_error`` its standard error,
-        ``difference`` of the pictures (relative RMSE) and ``by_noise``, ``by_blur``, what their
-        noise and the blur of photons explain.
-    """
-
-    made_by: str
-    own_error: float
-    mean: float
-    mean_error: float
-    seconds: float
-    check: dict[str, Any] | None
+# Half a 95 % interval of a mean of four groups of passes in standard errors (Student, 3 degrees).
+INTERVAL = 3.182
 
 
 @dataclass(frozen=True)
@@ -86,6 +66,7 @@ class PictureStudy:
         upper 95 % limit ``error_at_most``.
     images : dict of (height, width, 3) float32
         By method, the first run at its dearest setting; "reference" the reference.
+    threads, runs : int
     """
 
     size: tuple[int, int]
@@ -94,6 +75,17 @@ class PictureStudy:
     curves: list[Curve]
     meshes: list[dict[str, Any]]
     images: dict[str, Image]
+    threads: int
+    runs: int
+
+
+@dataclass
+class _Runs:
+    """What the runs of one method gave: figures by passes, pictures at its dearest setting."""
+
+    rows: dict[int, list[dict[str, float]]]
+    images: list[Image] = field(default_factory=list)
+    left_out: list[str] = field(default_factory=list)
 
 
 def study_picture(
@@ -142,29 +134,54 @@ def study_picture(
     small = scene.with_camera(camera.resized(16, 12))
     say("compiling kernels")
     compile_seconds = sum(
-        _run(small, method, 1, 0, threads).report["kernel_compilation_seconds"] for method in chosen
+        run_method(small, method, 1, 0, threads).report["kernel_compilation_seconds"]
+        for method in chosen
     )
     if reference is None:
-        found, truth = _make_reference(scene, reference_by, reference_passes, threads, say)
+        found, truth = make_reference(scene, reference_by, reference_passes, threads, say)
     else:
-        found, truth = _given_reference(reference), reference.image
-    rows, images = _pictures(scene, chosen, passes, runs, truth, threads, say)
+        found, truth = given_reference(reference), reference.image
+    found_of = _pictures(scene, chosen, passes, runs, truth, threads, say)
     meshes = []
     if any(method.integrator == DEFAULT for method in chosen):
         meshes = _meshes(scene, passes[-1], threads, say)
-    biases = {row["method"]: row["error"] for row in meshes}
-    curves = [
-        Curve(
-            method.name,
-            method.flags,
-            [_point(n, rows[method.name][n]) for n in passes],
-            biases.get(method.name, 0.0),
-            method.power,
-        )
-        for method in chosen
-    ]
+    images = {"reference": truth, **{name: of.images[0] for name, of in found_of.items()}}
+    curves = [_curve(m, found_of[m.name], meshes, found, truth) for m in chosen]
     return PictureStudy(
-        (camera.width, camera.height), compile_seconds, found, curves, meshes, images
+        (camera.width, camera.height), compile_seconds, found, curves, meshes, images,
+        Pool(threads).threads, runs,
+    )  # fmt: skip
+
+
+def _curve(
+    method: Method,
+    of: _Runs,
+    meshes: Sequence[dict[str, Any]],
+    reference: Reference,
+    truth: Image,
+) -> Curve:
+    """Return the points of a method, and what is known of its bias."""
+    points = [_point(n, rows, reference) for n, rows in of.rows.items()]
+    mesh = next((row for row in meshes if row["method"] == method.name), None)
+    biases = [(0.0, "")]
+    if mesh is not None:
+        biases.append((mesh["error"], f"triangles change it by {percent(mesh['error'])}"))
+    declared = INTEGRATORS[method.integrator]
+    options = method.options or declared.options()
+    # Blur that falls with the passes is error, but none that stays.
+    if not declared.sends_photons or options.blur_stays:
+        last = points[-1].more
+        error, noise = last["mean_error"], last["mean_error_noise"]
+        mean = reference.mean
+        told = f"its mean is off by {signed_percent(error)} +- {percent(noise)}"
+        by_mean = least_by_mean(error * mean, noise * abs(mean), truth)
+        by_tiles = least_by_tiles(of.images, truth, reference.own_error)
+        biases.append((by_mean, told))
+        biases.append((by_tiles, "parts of it are too dark or bright in all runs"))
+    bias, known_by = max(biases, key=lambda pair: pair[0])
+    at_most = 0.0 if mesh is None else mesh["error_at_most"]
+    return Curve(
+        method.name, method.flags, points, bias, method.power, known_by, of.left_out, at_most
     )
 
 
@@ -206,148 +223,54 @@ def _pictures(
     truth: Image,
     threads: int | None,
     say: Say,
-) -> tuple[dict[str, dict[int, list[dict[str, float]]]], dict[str, Image]]:
-    """Run all methods in turn; return figures by method and passes, and pictures by method."""
-    rows: dict[str, dict[int, list[dict[str, float]]]] = {
-        method.name: {n: [] for n in passes} for method in methods
-    }
-    images = {"reference": truth}
+) -> dict[str, _Runs]:
+    """Run all methods in turn; return by method what its runs gave."""
+    found = {method.name: _Runs({n: [] for n in passes}) for method in methods}
     for run in range(runs):
         for n in passes:
             say(f"run {run + 1} of {runs}: {n} passes of {len(methods)} methods")
             for method in methods:
-                result = _run(scene, method, n, run + 1, threads)
-                rows[method.name][n].append(_row(result, truth))
-                if run == 0 and n == passes[-1]:
-                    images[method.name] = result.image
-    return rows, images
-
-
-def _run(
-    scene: Scene, method: Method, passes: int, seed: int, threads: int | None, *outputs: str
-) -> RenderResult:
-    return render(
-        scene,
-        method.integrator,
-        passes,
-        seed=seed,
-        threads=threads,
-        accuracy=method.accuracy,
-        tolerance=method.tolerance,
-        options=method.options,
-        outputs=outputs,
-    )
-
-
-def _make_reference(
-    scene: Scene, maker: str | None, passes: int, threads: int | None, say: Say
-) -> tuple[Reference, Image]:
-    """Render long by one integrator; and by another that shares no light transport, to check that.
-
-    Photons check paths and paths photons, where both find all light; unless one was asked for, the
-    one that states the smaller error is the reference. Where only one finds all light it is checked
-    by itself, if it has another way to find the same (`Declaration.other_way`).
-    """
-    is_free = maker is None
-    complete = [name for name in REFERENCES if finds_all_light(scene, name)]
-    if maker is None:
-        maker = complete[0] if complete else DEFAULT
-    say(f"reference of {passes} passes by {maker}")
-    main = _run(scene, Method(maker, maker), passes, REFERENCE_SEED, threads, "standard_error")
-    check, n_main, name = None, passes, maker
-    others = [Method(name, name) for name in complete if name != maker]
-    way = INTEGRATORS[maker].other_way
-    if complete == [maker] and way is not None and finds_all_light(scene, maker, way.options):
-        others = [Method(f"{maker}, {way.name}", maker, options=way.options)]
-    if others and maker in complete:
-        n = max(passes // FEWER_TO_CHECK, min(passes, 2))
-        say(f"the same by {others[0].name}, {n} passes")
-        other = _run(scene, others[0], n, CHECK_SEED, threads, "standard_error")
-        # Of light that paths find by rare chance alone photons are the better judges.
-        is_free &= others[0].integrator != maker
-        if is_free and stated_error(other.report) < stated_error(main.report):
-            main, other, n_main, n = other, main, n, passes
-            name, others = others[0].name, [Method(maker, maker)]
-        check = _checked(main, other, f"{others[0].name}, {n} passes")
-    noise = main.report["noise"] or {}
-    return (
-        Reference(
-            f"{name}, certified, {n_main} passes",
-            stated_error(main.report),
-            float(main.image.mean(dtype=np.float64)),
-            noise.get("standard_error_of_image_mean", math.nan),
-            main.report["seconds"]["total"],
-            check,
-        ),
-        main.image,
-    )
-
-
-def _checked(main: RenderResult, other: RenderResult, made_by: str) -> dict[str, Any]:
-    """Return how far a picture is from one by another method, and what explains that."""
-    noises = [result.report["noise"] or {} for result in (main, other)]
-    errors = [noise.get("standard_error_of_image_mean", math.nan) for noise in noises]
-    weight = main.image.astype(np.float64) ** 2 + DARK
-    variance = sum(
-        float((result.channels["standard_error"].astype(np.float64) ** 2 / weight).mean())
-        for result in (main, other)
-    )
-    means = [float(result.image.mean(dtype=np.float64)) for result in (main, other)]
-    return {
-        "made_by": made_by,
-        "gap": means[1] - means[0],
-        "gap_error": math.hypot(*errors),
-        "difference": math.sqrt(relative_mse(other.image, main.image)),
-        "by_noise": math.sqrt(variance),
-        "by_blur": math.hypot(*(stated_error(result.report, "blur") for result in (main, other))),
-    }
-
-
-def stated_error(report: dict[str, Any], part: str = "both") -> float:
-    """Return the relative RMSE estimated in a report: "noise", "blur" or both; nan if unknown.
-
-    If only an upper limit of the blur is known, that is used.
-    """
-    error = report.get("relative_error") or {}
-    stated = error.get(part)
-    if stated is None and part == "blur":
-        stated = error.get("blur_at_most")
-    return math.nan if stated is None else float(stated)
-
-
-def _given_reference(picture: Picture) -> Reference:
-    report = picture.report or {}
-    noise = report.get("noise") or {}
-    return Reference(
-        f"the file {picture.name}",
-        stated_error(report),
-        float(picture.image.mean(dtype=np.float64)),
-        noise.get("standard_error_of_image_mean", math.nan),
-        report.get("seconds", {}).get("total", math.nan),
-        None,
-    )
+                result = run_method(scene, method, n, run + 1, threads)
+                of = found[method.name]
+                of.rows[n].append(_row(result, truth))
+                of.left_out = result.report["light_not_found"]
+                if n == passes[-1]:
+                    of.images.append(result.image)
+    return found
 
 
 def _row(result: RenderResult, truth: Image) -> dict[str, float]:
     """Return the figures of one run."""
     errors, report = picture_errors(result.image, truth), result.report
     stages = report["seconds"]
+    noise = report["noise"] or {}
+    of_mean = noise.get("standard_error_of_image_mean", math.nan)
     return {
         # The audit of uncertified hits is not part of making the picture.
         "seconds": stages["total"] - stages.get("audit", 0.0),
         "error": errors.relative_rmse,
         "error_of_most": errors.relative_rmse_of_most,
         "mean_error": errors.relative_mean_error,
+        "standard_error": of_mean,
         "stated_error": stated_error(report),
         "build_seconds": stages.get("build", 0.0),
         "rays": float(sum(report["rays"].values())),
     }
 
 
-def _point(setting: float, rows: Sequence[dict[str, float]]) -> Point:
+def _point(setting: float, rows: Sequence[dict[str, float]], reference: Reference) -> Point:
     columns = {name: [row[name] for row in rows] for name in rows[0]}
     seconds, error = columns.pop("seconds"), columns.pop("error")
+    noises, means = columns.pop("standard_error"), columns["mean_error"]
     more = {name: float(np.median(values)) for name, values in columns.items()}
+    # Means average over the runs; a single pass states no noise, but runs differ by it.
+    of_runs = math.sqrt(sum(noise * noise for noise in noises)) / len(noises)
+    if math.isnan(of_runs) and len(means) > 2:
+        of_runs = abs(reference.mean) * float(np.std(means, ddof=1)) / math.sqrt(len(means))
+    own = 0.0 if math.isnan(reference.mean_error) else reference.mean_error
+    more["mean_error"] = float(np.mean(means))
+    noise = INTERVAL * math.hypot(of_runs, own)
+    more["mean_error_noise"] = noise / abs(reference.mean) if reference.mean else math.nan
     return Point(setting, spread(seconds), spread(error), more)
 
 
@@ -364,12 +287,13 @@ def _meshes(scene: Scene, passes: int, threads: int | None, say: Say) -> list[di
     surfaces = curved_surfaces(scene)
     say("pictures of meshes, each twice, with the random numbers of certified ones")
     certified = Method(DEFAULT, DEFAULT)
-    exact = [_run(scene, certified, passes, seed, threads).image for seed in (1, 2)]
+    exact = [run_method(scene, certified, passes, seed, threads).image for seed in (1, 2)]
     weight = np.mean(exact, axis=0, dtype=np.float64) ** 2 + DARK
     rows = []
     for method in methods:
         one, other = (
-            _run(scene, method, passes, seed, threads).image.astype(np.float64) - exact[seed - 1]
+            run_method(scene, method, passes, seed, threads).image.astype(np.float64)
+            - exact[seed - 1]
             for seed in (1, 2)
         )
         # Channels of a pixel share their noise; pixels are independent.

@@ -40,7 +40,10 @@ def test_study_of_a_scene_and_the_overlay_of_two(run, tmp_path):
     pytest.importorskip("matplotlib")
     code, captured = run(f"tube.py {SMALL} --out a")
     assert code == 0
-    assert "Cheapest for 1 %" in captured.out
+    assert "Asked: which method renders this scene soonest to an error of 1 %" in captured.out
+    assert "1 % cannot be judged: the reference is itself off by" in captured.out
+    assert "--width 24 --height 16 --threads 1 --seed 1" in captured.out
+    assert "phantom: rays that meet nothing and find something" in captured.out
     assert "judged rays" in captured.out
     written = {path.name for path in (tmp_path / "a").iterdir()}
     assert written == {"curves.csv", "curves.json", "curves.png", "page.html"}
@@ -62,7 +65,7 @@ def test_study_of_a_scene_and_the_overlay_of_two(run, tmp_path):
     assert code == 0
     assert "A: path" in captured.out
     assert "B: path" in captured.out
-    assert (tmp_path / "both" / "page.html").read_text().count("data:image/svg+xml") == 2
+    assert (tmp_path / "both" / "page.html").read_text().count("data:image/svg+xml") == 4
 
 
 def test_surface_alone(run):

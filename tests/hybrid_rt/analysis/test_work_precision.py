@@ -11,17 +11,22 @@ import imageio.v3 as imageio
 import numpy as np
 import pytest
 
-from hybrid_rt.analysis import page as error_page
+from hybrid_rt.analysis import answers, study_diagrams, tables
+from hybrid_rt.analysis.advice import advise
+from hybrid_rt.analysis.bias import least_by_mean, least_by_tiles
 from hybrid_rt.analysis.curves import Curve, Spread, renamed, spread
 from hybrid_rt.analysis.diagrams import Diagram, Line, Mark, as_svg, save
-from hybrid_rt.analysis.forecast import recommend
+from hybrid_rt.analysis.forecast import forecasts_of
 from hybrid_rt.analysis.hit_study import RULE_OF_THREE, camera_rays, study_hits
 from hybrid_rt.analysis.methods import Method, size_of
+from hybrid_rt.analysis.page import Study, page
 from hybrid_rt.analysis.picture_comparison import Picture
 from hybrid_rt.analysis.work_precision import study_picture
+from hybrid_rt.integrators import PPMOptions
 from hybrid_rt.lights import GradientSky, PointLight
-from hybrid_rt.materials import Emissive, Lambertian, Mirror
+from hybrid_rt.materials import Dielectric, Emissive, Lambertian, Mirror
 from hybrid_rt.primitives import Box, Plane, Rectangle, Sphere
+from hybrid_rt.rendering.renderer import render
 from hybrid_rt.scene.scene import Object, Scene
 from hybrid_rt.sensor.camera import Camera
 from hybrid_rt.verify.light.light_tracer import BEHIND_PANE
@@ -75,7 +80,7 @@ class TestPictures:
         np.testing.assert_array_equal(room.images["path"], room.images["again"])
 
     def test_recommended_is_the_cheapest(self, room):
-        found = recommend(room, 0.05)
+        found = forecasts_of(room, 0.05)
         seconds = [f.seconds.median for f in found]
         assert seconds == sorted(seconds)
         assert all(f.seconds.least <= f.seconds.median <= f.seconds.most for f in found)
@@ -86,21 +91,27 @@ class TestPictures:
         curves = [
             replace(c, points=[replace(p, error=none) for p in c.points]) for c in room.curves
         ]
-        with pytest.raises(ValueError, match="room: all are equal to the reference"):
-            error_page.picture_diagram("room", curves, math.nan)
+        with pytest.raises(ValueError, match="all are equal to the reference"):
+            study_diagrams.picture_diagram(curves, math.nan)
 
     def test_page_needs_no_other_file(self, room):
-        forecasts = recommend(room, 0.05)
-        answers = error_page.picture_answers(room, forecasts, 0.05, "room.py", math.nan)
-        assert "hybrid-rt render room.py --integrator path --passes" in answers[0]
-        diagram = error_page.picture_diagram("room", room.curves, room.reference.own_error)
-        tables = {"points": error_page.picture_table(room.curves)}
-        text = error_page.page("A <room>", answers, [diagram], tables, room.images)
+        advice = advise(room, 0.05, "a <room>.py")
+        diagram = study_diagrams.picture_diagram(room.curves, room.reference.own_error)
+        study = Study(
+            "A <room>", "Asked: which?", advice.headline, advice.command, advice.details,
+            measured=answers.conditions(answers.picture_conditions(room, (32, 24)), "room.py"),
+            diagrams=[diagram], tables=[tables.picture_table(room.curves)], images=room.images,
+        )  # fmt: skip
+        text = page(study)
         assert "A &lt;room&gt;" in text
-        assert text.count("data:image/svg+xml") == 1
-        assert text.count("<tr>") == 1 + 6
-        links = re.findall(r'(?:src|href)="([^"]*)"', text)
-        assert len(links) == 1 + 1 + 2 * 2
+        assert f'<p class="answer">{advice.headline}</p>' in text
+        assert "16 x 12 pixels; the scene&#x27;s own camera has 32 x 24" in text
+        assert "relative RMSE against the reference" in text
+        # One diagram, for wide screens and narrow ones.
+        assert text.count("data:image/svg+xml") == 2
+        links = re.findall(r'(?:src|href|srcset)="([^"]*)"', text)
+        assert len(links) == 2 + 1 + 2 * 2
+        assert not re.findall(r"https?://", re.sub(r'(?:src|srcset)="[^"]*"', "", text))
         for link in links:
             kind, data = link.split(",", 1)
             file = base64.b64decode(data)
@@ -128,6 +139,93 @@ def test_two_methods_agree_and_a_mesh_does_not():
     assert coarse["error"] > 3.0 * refined["error"]
     assert coarse["triangles"] < fine["triangles"]
     assert coarse["error"] < coarse["error_at_most"]
+
+
+@pytest.fixture(scope="module")
+def mirror_room():
+    walls = Object(Box((-2, -2, 0), (2, 2, 3)).flipped(), Lambertian(0.6))
+    ball = Object(Sphere((0.5, 0.2, 0.8), 0.5), Dielectric(1.5))
+    mirror = Object(Rectangle((-1.9, 1, 0.2), (1.6, 0.8, 0), (0, 0, 1.8)), Mirror())
+    scene = Scene(
+        Camera((0, -1.8, 1.4), (0, 0, 1), (0, 0, 1), 70, 24, 18),
+        [walls, ball, mirror],
+        [PointLight((-0.5, -0.3, 2.6), 6.0)],
+    )
+    methods = [
+        Method("path", "path"),
+        Method("ppm", "ppm", options=PPMOptions(5_000)),
+        Method("whitted", "whitted"),
+    ]
+    # Few photons, but many enough to know the mean to 1.6 % (95 %).
+    truth = render(scene, "ppm", 32, seed=9, threads=1, options=PPMOptions(10_000))
+    reference = Picture("truth.npz", truth.image, truth.report, None)
+    return study_picture(scene, (4, 64), runs=1, reference=reference, methods=methods, threads=1)
+
+
+class TestBias:
+    """A room with a point light, a mirror and a ball of glass: only photons find what these throw."""
+
+    @pytest.mark.statistical
+    def test_means_and_declarations_tell_what_passes_do_not_remove(self, mirror_room):
+        path, photons, whitted = mirror_room.curves
+        # What is thrown by mirror and glass is a tenth of the light, measured at 120 x 90 pixels.
+        assert -0.15 < path.points[-1].more["mean_error"] < -0.03
+        assert abs(path.points[-1].more["mean_error"]) > path.points[-1].more["mean_error_noise"]
+        assert path.bias > 0.01
+        assert "its mean is off by -" in path.bias_known_by
+        assert "that mirrors or glass throw" in path.left_out[0]
+        assert whitted.bias > path.bias
+        assert (photons.bias, photons.left_out) == (0.0, [])
+
+    @pytest.mark.statistical
+    def test_what_cannot_arrive_is_not_named(self, mirror_room):
+        """Given a good reference, and long photon curves, paths are not the answer at any speed."""
+        good = replace(mirror_room, reference=replace(mirror_room.reference, own_error=0.003))
+        found = {f.method: f for f in advise(good, 0.01, "room.py").forecasts}
+        assert found["path"].passes is None
+        assert found["whitted"].passes is None
+        assert found["ppm"].passes is not None
+        advice = advise(good, 0.01, "room.py")
+        assert advice.headline.startswith("For 1 %: ppm, ")
+        # As the study stands its reference cannot judge that.
+        advice = advise(mirror_room, 0.01, "room.py")
+        assert advice.headline.startswith("1 % cannot be judged: the reference is itself off by ")
+
+    def test_command_is_what_was_measured(self, mirror_room):
+        good = replace(mirror_room, reference=replace(mirror_room.reference, own_error=0.003))
+        advice = advise(good, 0.5, "my room.py", (240, 180))
+        best = next(f for f in advice.forecasts if f.passes is not None)
+        assert advice.command == (
+            f"hybrid-rt render 'my room.py' {best.flags} --passes {best.passes} --width 24 "
+            "--height 18 --threads 1 --seed 1"
+        )
+        size = next(text for text in advice.details if "240 x 180" in text)
+        assert "100 times as long" in size
+        assert "24 x 18 pixels, as measured" in size
+
+    def test_reference_that_leaves_out_light_names_nothing(self, mirror_room):
+        lacks = replace(mirror_room.reference, own_error=0.001, light_not_found=["light (PSDE)"])
+        advice = advise(replace(mirror_room, reference=lacks), 0.1, "room.py")
+        assert advice.headline.startswith("No method is named for 10 %")
+        assert advice.command == ""
+        assert "does not find light. " in advice.details[0]
+
+    def test_proofs_of_bias(self):
+        """A picture too dark by a tenth everywhere, once with noise that differs between runs."""
+        truth = np.full((32, 32, 3), 0.5, np.float32)
+        rng = np.random.default_rng(3)
+        dark = [0.9 * truth + 0.1 * rng.normal(size=truth.shape) for _ in range(3)]
+        least = 0.05 / math.sqrt(0.26)
+        assert least_by_mean(-0.05, 0.0, truth) == pytest.approx(least)
+        assert least_by_mean(-0.05, 0.06, truth) == 0.0
+        assert least_by_mean(-0.05, math.nan, truth) == 0.0
+        found = least_by_tiles(dark, truth, 0.0)
+        # 64 tiles of 48 values in 3 pairs: the doubt taken off is a tenth of the square.
+        assert 0.85 * least < found < least
+        assert least_by_tiles(dark, truth, 0.2) == 0.0
+        assert least_by_tiles(dark[:1], truth, 0.0) == 0.0
+        noise = [truth + 0.1 * rng.normal(size=truth.shape) for _ in range(3)]
+        assert least_by_tiles(noise, truth, 0.0) < 0.02
 
 
 class TestReference:
@@ -168,8 +266,22 @@ class TestReference:
 
     def test_reference_worse_than_what_it_judges_is_said_so(self, room):
         worse = replace(room, reference=replace(room.reference, own_error=0.5))
-        answers = error_page.picture_answers(worse, recommend(worse, 0.05), 0.05, "r.py", math.nan)
-        assert "forecasts say nothing" in answers[0]
+        found = advise(worse, 0.05, "r.py")
+        assert found.headline == "5 % cannot be judged: the reference is itself off by 50 %."
+        assert found.command == ""
+        (todo,) = found.details
+        assert "may be off by 1.7 % at most" in todo
+        assert "--reference FILE.npz" in todo
+
+    def test_poor_reference_names_its_remedy_and_what_it_can_judge(self, room):
+        """Off by 4 % with 100 passes: for 6 % it needs four times as many, and it can judge 12 %."""
+        own = replace(room.reference, own_error=0.04, passes=100, seconds=3.0)
+        found = advise(replace(room, reference=own), 0.06, "r.py")
+        assert found.headline.startswith(
+            "6 % cannot be judged: the reference is itself off by 4.0 %. For 15 %: "
+        )
+        assert found.target == 0.15
+        assert "--reference-passes 400, about 12 s instead of 3.0 s" in found.details[-1]
 
     def test_where_photons_cannot_be_sent_paths_check_paths(self):
         ground = Object(Plane((0, 0, -1), (0, 0, 1)), Lambertian(0.5))
@@ -196,25 +308,25 @@ class TestHits:
         assert math.isinf(curves["certified, no Embree"][0].setting)
 
     def test_answers_and_diagrams(self, tube):
-        cost, share, mesh, newton = error_page.hit_answers(tube)
-        assert "us per ray" in cost
-        assert f"Of {tube.judged} judged rays" in share
+        cost, share, mesh, newton = answers.hit_answers(tube)
+        assert "us a ray" in cost
+        assert f"Of {tube.judged:,} judged rays" in share
         assert "triangles^-" in mesh
-        marks = [
-            m for line in error_page.hit_diagram("tube", tube.curves, 9).lines for m in line.marks
-        ]
+        marks = [m for line in study_diagrams.hit_diagram(tube.curves, 9).lines for m in line.marks]
         n_none = sum(p.error.median == 0.0 for c in tube.curves for p in c.points)
         assert len(marks) == sum(len(curve.points) for curve in tube.curves)
         assert sum(mark.is_limit for mark in marks) == n_none
-        assert {mark.y[0] for mark in marks if mark.is_limit} == {RULE_OF_THREE / 9}
-        head, rows = error_page.hit_table(tube.curves)
-        assert all(len(row) == len(head) for row in rows)
+        limits = {mark.y[0] for mark in marks if mark.is_limit}
+        assert limits == {100.0 * (RULE_OF_THREE / 9)}
+        for table in (tables.hit_table(tube.curves), tables.newton_table(tube)):
+            assert all(len(row) == len(table.head) for row in table.rows)
+            words = " ".join(table.words)
+            assert all(f"{word}:" in words for word in ("us a ray", "missed", "phantom", "farther"))
+            assert table.words[-1] in " ".join(tables.in_text(table).split())
 
         assert "before the first step" in newton
-        for diagram in error_page.newton_diagrams("tube", tube.newton, tube.size):
+        for diagram in study_diagrams.newton_diagrams(tube.newton, tube.size):
             assert [len(line.marks) for line in diagram.lines] == [6] * len(tube.newton)
-        head, rows = error_page.newton_table(tube.newton)
-        assert all(len(row) == len(head) for row in rows)
 
     def test_newton_mends_distances_and_no_decisions(self, tube):
         curves = {curve.name: curve.points for curve in tube.curves}
@@ -242,13 +354,15 @@ class TestDiagram:
     def test_words_and_marks_are_drawn(self, tmp_path):
         marks = [self.mark(10.0**k, 10.0 ** (-0.5 * k), label=f"n{k}") for k in range(5)]
         marks.append(self.mark(1e5, 1e-3, is_limit=True))
-        diagram = Diagram("t", "x", "y", [Line("half", marks)], (-0.5,), ("<floor>", 0.02))
+        diagram = Diagram(
+            "t", "x", "y", [Line("half", marks)], ((-0.5, "noise"),), ("<floor>", 0.02), "n"
+        )
         svg = as_svg(diagram)
         assert svg == as_svg(diagram)
         words = {text.text.strip() for text in ElementTree.fromstring(svg).iter() if text.text}
-        assert words >= {"t", "x", "y", "half", "slope -0.5", "<floor>", "n0", "n4"}
+        assert words >= {"x", "y", "half", "noise", "<floor>", "n0", "n4"}
         save([diagram] * 3, tmp_path / "a.png")
-        assert imageio.imread(tmp_path / "a.png").shape[:2] == (2 * 506, 2 * 880)
+        assert imageio.imread(tmp_path / "a.png").shape[:2] == (3 * 572, 924)
 
     @pytest.mark.parametrize("value", [0.0, -1.0, math.nan, math.inf])
     def test_what_has_no_logarithm_is_refused(self, value):

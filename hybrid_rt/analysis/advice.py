@@ -1,0 +1,234 @@
+"""The answer of a picture study: which method reaches an error soonest, or why none is named."""
+
+from __future__ import annotations
+
+import math
+import re
+import shlex
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from hybrid_rt.analysis.forecast import Forecast, forecasts_of
+from hybrid_rt.analysis.reference import Reference
+from hybrid_rt.analysis.units import asked, number, percent, seconds
+from hybrid_rt.analysis.work_precision import PictureStudy
+from hybrid_rt.integrators import INTEGRATORS
+
+# What is judged must be so many times as far off as the reference itself: then the reference adds
+# a twentieth to an error, sqrt(1 + 1 / 9).
+JUDGES = 3.0
+# Hits without proof are named only if they save more than this, and more than runs differ by.
+WORTH_A_DOUBT = 1.1
+# Seconds that nobody waits for a reference.
+PATIENCE = 6.0 * 3600.0
+# Targets offered where the one asked for cannot be judged.
+ROUND = tuple(
+    digit / 10.0**k for k in (4, 3, 2, 1) for digit in (1.0, 1.5, 2.0, 3.0, 5.0, 7.0)
+)
+FIRST_SEED = 1
+
+
+@dataclass(frozen=True)
+class Advice:
+    """An answer.
+
+    Attributes
+    ----------
+    headline : str
+        One sentence or two.
+    command : str
+        A command line that renders to the target; "" if no method is named.
+    details : list of str
+        Sentences: how it is known, what it costs at other sizes, what to do.
+    target : float
+        The target that the forecasts of the tables are for.
+    forecasts : list of Forecast
+    """
+
+    headline: str
+    command: str
+    details: list[str]
+    target: float
+    forecasts: list[Forecast]
+
+
+def advise(
+    study: PictureStudy, target: float, scene: str, full_size: tuple[int, int] | None = None
+) -> Advice:
+    """Name the cheapest method that reaches a target, if the reference can judge that.
+
+    Parameters
+    ----------
+    study : PictureStudy
+    target : float
+        Relative RMSE.
+    scene : str
+        The scene's file, for commands.
+    full_size : (width, height), optional
+        Pixels of the scene's own camera, if the study's pictures are smaller.
+    """
+    reference = study.reference
+    wanted = asked(target)
+    if reference.light_not_found:
+        return Advice(
+            f"No method is named for {wanted}: the reference itself leaves out light of this scene.",
+            "",
+            [
+                (
+                    f"It is {reference.made_by}, and does not find "
+                    f"{without_examples(reference.light_not_found)}. Errors below are against that reference, "
+                    "so they do not show what it lacks."
+                ),
+                (
+                    "What to do: pass --reference FILE.npz, a picture that has all light, or give point "
+                    "and spot lights a small area (SphereLight), which more integrators find."
+                ),
+            ],
+            target,
+            forecasts_of(study, target),
+        )
+    if reference.own_error * JUDGES > target:
+        return _with_poor_reference(study, target, scene, full_size)
+    return _recommended(study, target, scene, full_size)
+
+
+def without_examples(sentences: Sequence[str]) -> str:
+    """Join declarations of light that is not found, without the examples in Heckbert's notation."""
+    return "; ".join(re.sub(r" \([A-Z, .]*\)$", "", text) for text in sentences)
+
+
+def _with_poor_reference(
+    study: PictureStudy, target: float, scene: str, full_size: tuple[int, int] | None
+) -> Advice:
+    """Say that the reference cannot judge a target, and answer for one that it can."""
+    reference = study.reference
+    cannot = (
+        f"{asked(target)} cannot be judged: the reference is itself off by "
+        f"{percent(reference.own_error)}."
+    )
+    todo = (
+        f"To judge {asked(target)} the reference may be off by {percent(target / JUDGES)} at most. What "
+        f"to do: {_longer(reference, target)}"
+    )
+    other = next((t for t in ROUND if t >= reference.own_error * JUDGES), None)
+    if other is None:
+        return Advice(cannot, "", [todo], target, forecasts_of(study, target))
+    found = _recommended(study, other, scene, full_size)
+    return Advice(
+        f"{cannot} {found.headline}", found.command, [*found.details, todo], other, found.forecasts
+    )
+
+
+def _longer(reference: Reference, target: float) -> str:
+    own_picture = "pass a better picture of your own, --reference FILE.npz"
+    if not reference.passes:
+        return f"{own_picture}."
+    more = (JUDGES * reference.own_error / target) ** (2.0 / reference.power)
+    passes = math.ceil(reference.passes * more)
+    unit = 10 ** max(len(str(passes)) - 2, 0)
+    passes = math.ceil(passes / unit) * unit
+    needed = reference.seconds * more
+    option = f"--reference-passes {passes}, about {seconds(needed)} instead of {seconds(reference.seconds)}"
+    if needed > PATIENCE:
+        return f"ask for less with --target, or {own_picture} ({option}, are out of reach)."
+    return f"a longer reference, {option}; or {own_picture}."
+
+
+def _recommended(
+    study: PictureStudy, target: float, scene: str, full_size: tuple[int, int] | None
+) -> Advice:
+    forecasts = forecasts_of(study, target)
+    best = _chosen(forecasts)
+    if best is None:
+        return Advice(
+            f"No method here reaches {asked(target)}.",
+            "",
+            [f"{f.method}: {f.obstacle}." for f in forecasts],
+            target,
+            forecasts,
+        )
+    command = command_of(study, best, scene)
+    details = [_how_known(best, study.runs), *_at_full_size(study, best, full_size)]
+    if best.left_out:
+        details.append(
+            f"{best.method} leaves out {without_examples(best.left_out)}; in this picture that is less than "
+            f"{asked(target)}, as measured."
+        )
+    if not best.is_certified:
+        details.append("Its hits are not proven: see First hits below.")
+    if math.isnan(study.reference.own_error):
+        details.append("How far the reference itself is off is unknown: it came without a report.")
+    cheaper = forecasts[0]
+    if cheaper is not best:
+        details.append(
+            f"{cheaper.method} would take {seconds(cheaper.seconds.median)}, which is the same within "
+            "what runs differ by, and its hits are not proven."
+        )
+    hits = "certified hits" if best.is_certified else "hits without proof"
+    return Advice(
+        f"For {asked(target)}: {best.method}, {best.passes:,} passes, about "
+        f"{seconds(best.seconds.median)} ({hits}).",
+        command,
+        details,
+        target,
+        forecasts,
+    )
+
+
+def _chosen(forecasts: Sequence[Forecast]) -> Forecast | None:
+    """Return the cheapest; certified hits rather than others that save next to nothing."""
+    within = [f for f in forecasts if f.passes is not None]
+    if not within:
+        return None
+    best = within[0]
+    certified = next((f for f in within if f.is_certified), None)
+    if certified is None or best.is_certified:
+        return best
+    saves = certified.seconds.median > WORTH_A_DOUBT * best.seconds.median
+    return best if saves and certified.seconds.least > best.seconds.most else certified
+
+
+def command_of(study: PictureStudy, found: Forecast, scene: str) -> str:
+    """Return the command that renders what was measured: same pixels, threads and first seed."""
+    width, height = study.size
+    return (
+        f"hybrid-rt render {shlex.quote(scene)} {found.flags} --passes {found.passes} "
+        f"--width {width} --height {height} --threads {study.threads} --seed {FIRST_SEED}"
+    )
+
+
+def _how_known(found: Forecast, runs: int) -> str:
+    of_runs = (
+        f"by what {runs} runs differ, {seconds(found.seconds.least)} to {seconds(found.seconds.most)}"
+        if runs > 1
+        else "one run each, so how far seconds vary is not known"
+    )
+    if found.is_measured:
+        return f"Interpolated between numbers of passes that were measured; {of_runs}."
+    ratio = (found.passes or 0) / found.measured_to
+    return (
+        f"Extrapolated: {found.measured_to} passes were measured, this is {number(ratio, 2)} times as "
+        f"many; {of_runs}."
+    )
+
+
+def _at_full_size(
+    study: PictureStudy, found: Forecast, full_size: tuple[int, int] | None
+) -> list[str]:
+    if full_size is None or full_size == study.size:
+        return []
+    width, height = full_size
+    ratio = width * height / (study.size[0] * study.size[1])
+    longer = f"{number(ratio, 2)} times as long, {seconds(found.seconds.median * ratio)}"
+    integrator = found.flags.split()[1]
+    about = (
+        f"up to {longer}: photons cost the same, rays from the camera more"
+        if INTEGRATORS[integrator].sends_photons
+        else f"about {longer}"
+    )
+    return [
+        (
+            f"The command renders {study.size[0]} x {study.size[1]} pixels, as measured. The scene's own "
+            f"{width} x {height} pixels (leave out --width and --height) take {about}."
+        )
+    ]

@@ -1,0 +1,174 @@
+"""Studies in sentences: what meshes change, what exact hits cost, under what conditions it was measured."""
+
+from __future__ import annotations
+
+import math
+import os
+import platform
+from pathlib import Path
+
+from hybrid_rt.analysis.advice import without_examples
+from hybrid_rt.analysis.hit_study import RULE_OF_THREE, HitStudy
+from hybrid_rt.analysis.units import asked, number, percent, seconds, signed_percent
+from hybrid_rt.analysis.work_precision import PictureStudy
+from hybrid_rt.rendering.versions import versions
+
+Conditions = list[tuple[str, str]]
+"""Names and values, as they stand in a page's first table."""
+
+
+def machine() -> str:
+    """Return the processor and how many of its cores there are."""
+    name = platform.processor() or platform.machine()
+    told = Path("/proc/cpuinfo")
+    if told.is_file():
+        lines = told.read_text("utf-8", errors="replace").splitlines()
+        models = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
+        name = models[0] if models else name
+    return f"{name}, {os.cpu_count()} cores, {platform.system()}"
+
+
+def picture_conditions(study: PictureStudy, full_size: tuple[int, int] | None) -> Conditions:
+    """Return how pictures were measured, and against what."""
+    width, height = study.size
+    own = (
+        ""
+        if full_size in (None, study.size)
+        else "; the scene's own camera has {} x {}".format(*(full_size or ()))
+    )
+    reference = study.reference
+    off = "unknown" if math.isnan(reference.own_error) else percent(reference.own_error)
+    runs = (
+        "one run of each, seed 1"
+        if study.runs == 1
+        else f"{study.runs} runs of each, seeds from 1 on"
+    )
+    passes = ", ".join(f"{p.setting:g}" for p in study.curves[0].points)
+    return [
+        ("pictures", f"{width} x {height} pixels{own}"),
+        ("threads", str(study.threads)),
+        (
+            "passes",
+            f"{passes}; {runs}, all methods in turn",
+        ),
+        (
+            "reference",
+            f"{reference.made_by}, {seconds(reference.seconds)}; it is off by {off} itself (estimated)",
+        ),
+        ("its check", _check_in_words(reference.check)),
+        (
+            "seconds",
+            f"wall time; compiling kernels, {seconds(study.compile_seconds)}, is not counted",
+        ),
+    ]
+
+
+def _check_in_words(check: dict[str, float] | None) -> str:
+    if check is None:
+        return "none: no other method here finds all light of the scene"
+    blur = check["by_blur"]
+    blurred = f" and blur of photons {percent(blur)}" if blur else ""
+    return (
+        f"{check['made_by']}: mean differs by {number(check['gap'], 2)} +- "
+        f"{number(3.182 * check['gap_error'], 1)} (95 %), pictures by {percent(check['difference'])}, "
+        f"of which noise explains {percent(check['by_noise'])}{blurred}"
+    )
+
+
+def conditions(of_study: Conditions, scene: str) -> Conditions:
+    """Return all conditions of a page."""
+    numbers = versions()
+    return [
+        ("scene", scene),
+        ("machine", machine()),
+        *of_study,
+        ("versions", ", ".join(f"{name} {number}" for name, number in numbers.items())),
+    ]
+
+
+def mesh_answer(study: PictureStudy, target: float, triangles: float) -> list[str]:
+    """Say how fine a mesh must be for a target, if that is known."""
+    rows = [row for row in study.meshes if row["accuracy"] == "mesh"]
+    if not rows or math.isnan(triangles):
+        return []
+    coarse, fine = rows[0], rows[-1]
+    least = percent(fine["error"]) if fine["error"] else f"below {percent(fine['error_at_most'])}"
+    return [
+        (
+            f"Triangles in place of the surfaces change the picture by {percent(coarse['error'])} "
+            f"({coarse['triangles']:,.0f} triangles) to {least} ({fine['triangles']:,.0f}); for "
+            f"{asked(target)} about {number(triangles, 2)} are needed."
+        )
+    ]
+
+
+def bias_answers(study: PictureStudy) -> list[str]:
+    """Say which methods miss light, by what they declare and by their mean brightness."""
+    found = []
+    for curve in study.curves:
+        last = curve.points[-1].more
+        if not curve.left_out or "--accuracy" in curve.flags:
+            continue
+        found.append(
+            f"{curve.name} leaves out {without_examples(curve.left_out)}: after {curve.points[-1].setting:g} "
+            f"passes its mean is {signed_percent(last['mean_error'])} off."
+        )
+    return found
+
+
+def hit_answers(study: HitStudy) -> list[str]:
+    """Summarise a hit study in sentences."""
+    finest = {curve.name: min(curve.points, key=lambda p: p.setting) for curve in study.curves}
+    mesh, certified = finest["mesh"], finest["certified"]
+    cheapest = min(
+        (p for c in study.curves if c.name.startswith("certified") for p in c.points),
+        key=lambda p: p.seconds.median,
+    )
+    limit = RULE_OF_THREE / study.judged
+    meshes = [p for c in study.curves if c.name == "mesh" for p in c.points]
+    times = sorted(p.seconds.median for p in meshes)
+    cost = (
+        f"Exact first hits cost {number(1e6 * cheapest.seconds.median, 2)} us a ray at best, meshes "
+        f"{number(1e6 * times[0], 2)} to {number(1e6 * times[-1], 2)} us: exactness costs "
+        f"{number(cheapest.seconds.median / times[-1], 2)} to "
+        f"{number(cheapest.seconds.median / times[0], 2)} times a mesh."
+    )
+    share = (
+        f"Of {study.judged:,} judged rays {percent(mesh.error.median)} meet the wrong thing first on a "
+        f"mesh of {mesh.more['triangles']:,.0f} triangles, {percent(finest['refined'].error.median)} "
+        f"after Newton's iteration, {percent(certified.error.median)} when certified (none of so many: "
+        f"below {percent(limit, 1)} at 95 %), by an oracle that shares no code."
+    )
+    lines = [cost, share]
+    curve = next(c for c in study.curves if c.name == "mesh")
+    a, b = sorted(curve.points, key=lambda p: p.more["triangles"])[-2:]
+    if 0.0 < b.more["mean_dt"] < a.more["mean_dt"]:
+        order = math.log(a.more["mean_dt"] / b.more["mean_dt"]) / math.log(
+            b.more["triangles"] / a.more["triangles"]
+        )
+        exact = max(certified.more["mean_dt"], 1e-17 * study.size)
+        needed = b.more["triangles"] * (b.more["mean_dt"] / exact) ** (1.0 / order)
+        lines.append(
+            f"Its right hits are off by {b.more['mean_dt'] / study.size:.1e} of the size on average, "
+            f"falling as triangles^-{order:.2f}; to be as near as certified hits "
+            f"({exact / study.size:.0e}) it would need about {needed:.0e} triangles."
+        )
+    if study.newton:
+        lines.append(_newton_answer(study))
+    return lines
+
+
+def _newton_answer(study: HitStudy) -> str:
+    # The middle one of the meshes, finer than which few renderers start from.
+    curve = study.newton[len(study.newton) // 2]
+    first, last = curve.points[0], curve.points[-1]
+    steps = ", ".join(
+        f"{p.more['mean_dt'] / study.size:.0e} after {p.setting:g}" for p in curve.points[1:]
+    )
+    return (
+        f"{curve.name}: right hits are off by {first.more['mean_dt'] / study.size:.0e} of the size "
+        f"on average before the first step, {steps}. The wrong ones no step mends: "
+        f"{percent(first.error.median)} of the rays before, {percent(last.error.median)} after. All "
+        f"{last.setting:g} steps take a ray from {number(1e6 * first.seconds.least, 2)} to "
+        f"{number(1e6 * last.seconds.least, 2)} us."
+    )

@@ -1,0 +1,174 @@
+"""The reference of a picture study: a long render, and another by other light transport to check it."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hybrid_rt.analysis.methods import Method, finds_all_light
+from hybrid_rt.analysis.picture_comparison import Picture
+from hybrid_rt.core.progress import Say
+from hybrid_rt.integrators import DEFAULT, INTEGRATORS
+from hybrid_rt.rendering.renderer import RenderResult, render
+from hybrid_rt.scene.scene import Scene
+from hybrid_rt.sensor.image_metrics import DARK, relative_mse
+
+Image = NDArray[np.float32]
+
+REFERENCE_SEED, CHECK_SEED = 20_000, 30_000
+# Integrators that references are made by, and checked by.
+REFERENCES = tuple(name for name, declared in INTEGRATORS.items() if declared.finds_light_of_lamps)
+# The picture that checks a reference has so many passes less.
+FEWER_TO_CHECK = 4
+
+
+@dataclass(frozen=True)
+class Reference:
+    """The reference of a picture study.
+
+    Attributes
+    ----------
+    made_by : str
+    own_error : float
+        Its own relative RMSE, estimated; nan if unknown.
+    mean, mean_error : float
+        Mean radiance, and the standard error of it; nan if unknown.
+    seconds : float
+    passes : int
+        0 if unknown.
+    power : float
+        The square of its error falls as passes ** -power.
+    light_not_found : list of str
+        Light of the scene that it leaves out.
+    check : dict or None
+        A different method: ``made_by``, ``gap`` of the means, ``gap_error`` its standard error,
+        ``difference`` of the pictures (relative RMSE) and ``by_noise``, ``by_blur``, what their
+        noise and the blur of photons explain.
+    """
+
+    made_by: str
+    own_error: float
+    mean: float
+    mean_error: float
+    seconds: float
+    check: dict[str, Any] | None
+    passes: int = 0
+    power: float = 1.0
+    light_not_found: list[str] = field(default_factory=list)
+
+
+def make_reference(
+    scene: Scene, maker: str | None, passes: int, threads: int | None, say: Say
+) -> tuple[Reference, Image]:
+    """Render long by one integrator; and by another that shares no light transport, to check that.
+
+    Photons check paths and paths photons, where both find all light; unless one was asked for, the
+    one that states the smaller error is the reference. Where only one finds all light it is checked
+    by itself, if it has another way to find the same (`Declaration.other_way`).
+    """
+    is_free = maker is None
+    complete = [name for name in REFERENCES if finds_all_light(scene, name)]
+    if maker is None:
+        maker = complete[0] if complete else DEFAULT
+    say(f"reference of {passes} passes by {maker}")
+    main = run_method(
+        scene, Method(maker, maker), passes, REFERENCE_SEED, threads, "standard_error"
+    )
+    check, n_main, name = None, passes, maker
+    others = [Method(name, name) for name in complete if name != maker]
+    way = INTEGRATORS[maker].other_way
+    if complete == [maker] and way is not None and finds_all_light(scene, maker, way.options):
+        others = [Method(f"{maker}, {way.name}", maker, options=way.options)]
+    if others and maker in complete:
+        n = max(passes // FEWER_TO_CHECK, min(passes, 2))
+        say(f"the same by {others[0].name}, {n} passes")
+        other = run_method(scene, others[0], n, CHECK_SEED, threads, "standard_error")
+        # Of light that paths find by rare chance alone photons are the better judges.
+        is_free &= others[0].integrator != maker
+        if is_free and stated_error(other.report) < stated_error(main.report):
+            main, other, n_main, n = other, main, n, passes
+            name, others = others[0].name, [Method(maker, maker)]
+        check = _checked(main, other, f"{others[0].name}, {n} passes")
+    noise = main.report["noise"] or {}
+    return (
+        Reference(
+            f"{name}, certified, {n_main} passes",
+            stated_error(main.report),
+            float(main.image.mean(dtype=np.float64)),
+            noise.get("standard_error_of_image_mean", math.nan),
+            main.report["seconds"]["total"],
+            check,
+            n_main,
+            Method(name, name).power,
+            main.report["light_not_found"],
+        ),
+        main.image,
+    )
+
+
+def _checked(main: RenderResult, other: RenderResult, made_by: str) -> dict[str, Any]:
+    """Return how far a picture is from one by another method, and what explains that."""
+    noises = [result.report["noise"] or {} for result in (main, other)]
+    errors = [noise.get("standard_error_of_image_mean", math.nan) for noise in noises]
+    weight = main.image.astype(np.float64) ** 2 + DARK
+    variance = sum(
+        float((result.channels["standard_error"].astype(np.float64) ** 2 / weight).mean())
+        for result in (main, other)
+    )
+    means = [float(result.image.mean(dtype=np.float64)) for result in (main, other)]
+    return {
+        "made_by": made_by,
+        "gap": means[1] - means[0],
+        "gap_error": math.hypot(*errors),
+        "difference": math.sqrt(relative_mse(other.image, main.image)),
+        "by_noise": math.sqrt(variance),
+        "by_blur": math.hypot(*(stated_error(result.report, "blur") for result in (main, other))),
+    }
+
+
+def stated_error(report: dict[str, Any], part: str = "both") -> float:
+    """Return the relative RMSE estimated in a report: "noise", "blur" or both; nan if unknown.
+
+    If only an upper limit of the blur is known, that is used.
+    """
+    error = report.get("relative_error") or {}
+    stated = error.get(part)
+    if stated is None and part == "blur":
+        stated = error.get("blur_at_most")
+    return math.nan if stated is None else float(stated)
+
+
+def given_reference(picture: Picture) -> Reference:
+    """Return what is known of a picture that is to be the reference."""
+    report = picture.report or {}
+    noise = report.get("noise") or {}
+    return Reference(
+        f"the file {picture.name}",
+        stated_error(report),
+        float(picture.image.mean(dtype=np.float64)),
+        noise.get("standard_error_of_image_mean", math.nan),
+        report.get("seconds", {}).get("total", math.nan),
+        None,
+        light_not_found=report.get("light_not_found") or [],
+    )
+
+
+def run_method(
+    scene: Scene, method: Method, passes: int, seed: int, threads: int | None, *outputs: str
+) -> RenderResult:
+    """Render a scene by a method."""
+    return render(
+        scene,
+        method.integrator,
+        passes,
+        seed=seed,
+        threads=threads,
+        accuracy=method.accuracy,
+        tolerance=method.tolerance,
+        options=method.options,
+        outputs=outputs,
+    )

@@ -1,0 +1,213 @@
+"""Tables of the studies, for terminals, pages and CSV: units in the heads, words defined below."""
+
+from __future__ import annotations
+
+import math
+import textwrap
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from hybrid_rt.analysis.curves import Curve, Point, Spread
+from hybrid_rt.analysis.forecast import Forecast
+from hybrid_rt.analysis.hit_study import HitStudy
+from hybrid_rt.analysis.units import asked, number, percent, signed_percent
+from hybrid_rt.analysis.work_precision import PictureStudy
+
+# Of text in a terminal.
+WIDTH = 100
+
+
+@dataclass(frozen=True)
+class Table:
+    """A table with words below it.
+
+    Attributes
+    ----------
+    title : str
+    head : sequence of str
+    rows : sequence of sequence of str
+    words : sequence of str
+        Definitions, one sentence or a few each.
+    """
+
+    title: str
+    head: Sequence[str]
+    rows: Sequence[Sequence[str]]
+    words: Sequence[str] = ()
+
+
+RANGE = ", all runs"
+
+
+def _spread_if_any(table: Table, spreads: Sequence[Spread]) -> Table:
+    """Return a table without its columns of least and most values if these are all alike."""
+    if any(of.least < of.most for of in spreads):
+        return table
+    kept = [k for k, word in enumerate(table.head) if not word.endswith(RANGE)]
+    rows = [[row[k] for k in kept] for row in table.rows]
+    return Table(table.title, [table.head[k] for k in kept], rows, table.words)
+
+
+def in_text(table: Table) -> str:
+    """Return a table for a terminal."""
+    cells = [tuple(table.head), *(tuple(row) for row in table.rows)]
+    widths = [max(len(row[k]) for row in cells) for k in range(len(table.head))]
+    lines = [table.title]
+    for row in cells:
+        first, *others = (
+            cell.ljust(w) if k == 0 else cell.rjust(w)
+            for k, (cell, w) in enumerate(zip(row, widths, strict=True))
+        )
+        lines.append("  " + "  ".join([first, *others]).rstrip())
+    for words in table.words:
+        lines += textwrap.wrap(words, WIDTH, initial_indent="  ", subsequent_indent="    ")
+    return "\n".join(lines)
+
+
+def _range(of: Spread, digits: int = 3, scale: float = 1.0) -> str:
+    return f"{number(scale * of.least, digits)} to {number(scale * of.most, digits)}"
+
+
+def picture_table(curves: Sequence[Curve]) -> Table:
+    """Return the points of picture curves."""
+    head = (
+        "method", "passes", "s", "s, all runs", "error %", "error %, all runs", "most pixels %",
+        "mean off by", "+-", "stated %", "build s", "million rays",
+    )  # fmt: skip
+    rows = [
+        (
+            curve.name, f"{p.setting:g}", number(p.seconds.median), _range(p.seconds),
+            number(100.0 * p.error.median), _range(p.error, scale=100.0),
+            number(100.0 * p.more["error_of_most"]), signed_percent(p.more["mean_error"]),
+            percent(p.more.get("mean_error_noise", math.nan)),
+            number(100.0 * p.more["stated_error"]), number(p.more["build_seconds"], 2),
+            number(1e-6 * p.more["rays"]),
+        )
+        for curve in curves
+        for p in curve.points
+    ]  # fmt: skip
+    table = Table("Pictures", head, rows, (
+        ("s: seconds of wall time, the median of the runs; all runs: the least and the most of them."),
+        ("error: relative RMSE against the reference, the root of the mean of (x - r)^2 / (r^2 + 0.01) "
+        "over pixels and channels. most pixels: the same without the worst 0.1 % of the pixels."),
+        ("mean off by: mean brightness against the reference's, + brighter, - darker; noise averages out "
+        "here, light that is not found does not. +-: half its 95 % interval, noise of both pictures."),
+        ("stated: the error that the render itself states. build s: seconds of these spent on building "
+        "surfaces."),
+    ))  # fmt: skip
+    return _spread_if_any(table, [p.seconds for curve in curves for p in curve.points])
+
+
+def forecast_table(forecasts: Sequence[Forecast], target: float) -> Table:
+    """Return what all methods need for a target."""
+    rows = [
+        (
+            f.method,
+            "out of reach" if f.passes is None else f"{f.passes:,}",
+            "" if f.passes is None else number(f.seconds.median),
+            "" if f.passes is None else _range(f.seconds),
+            f.obstacle if f.passes is None else "interpolated" if f.is_measured else "extrapolated",
+            percent(f.bias) if f.bias else "none seen",
+        )
+        for f in forecasts
+    ]
+    table = Table(
+        f"To an error of {asked(target)}",
+        ("method", "passes", "s", "s, all runs", "how known, or why not", "stays"),
+        rows,
+        (
+            (
+                "interpolated: between numbers of passes that were measured; extrapolated: beyond them, the "
+                "squared error falling as 1 over the passes (by photons more slowly)."
+            ),
+            "stays: error that more passes do not remove, as far as it is seen above the noise.",
+        ),
+    )
+    return _spread_if_any(table, [f.seconds for f in forecasts])
+
+
+def mesh_table(study: PictureStudy) -> Table:
+    """Return the picture errors from uncertified hits."""
+    rows = [
+        (
+            row["method"], "default" if row["tolerance"] is None else number(row["tolerance"]),
+            f"{row['triangles']:,.0f}", number(row["build_seconds"], 2), percent(row["error"]),
+            percent(row["error_at_most"]),
+        )
+        for row in study.meshes
+    ]  # fmt: skip
+    return Table(
+        "What triangles change",
+        ("method", "tolerance", "triangles", "build s", "changes the picture by", "at most"),
+        rows,
+        (
+            (
+                "tolerance: largest distance between triangles and surface, scene units. changes the picture "
+                "by: relative RMSE that no number of passes removes, from certified hits with the same "
+                "random numbers. at most: its upper 95 % limit."
+            ),
+        ),
+    )
+
+
+_WRONG = ("us a ray", "us, all runs", "wrong %", "missed", "phantom", "farther")
+_FAR = ("mean off by", "worst off by", "gap", "normal off by")
+_ABOUT_HITS = (
+    (
+        "us a ray: microseconds of wall time, the median of the runs; all runs: the least and the most. "
+        "wrong: share of the judged rays whose first hit is wrong, by an oracle that shares no code."
+    ),
+    (
+        "missed: rays that meet a surface and find none. phantom: rays that meet nothing and find "
+        "something. farther: rays that find a farther sheet than the first."
+    ),
+    (
+        "mean, worst off by: distance along the ray between right hits and exact ones, scene units. gap: "
+        "largest distance between the point on the surface and the point on the ray, scene units. normal "
+        "off by: mean angle to the true normal, degrees."
+    ),
+)
+
+
+def hit_table(curves: Sequence[Curve]) -> Table:
+    """Return the points of hit curves."""
+    rows = [
+        (
+            curve.name, "-" if p.setting == float("inf") else number(p.setting),
+            f"{p.more['triangles']:,.0f}", number(p.more["build_seconds"], 2), *_wrong_hits(p),
+        )
+        for curve in curves
+        for p in curve.points
+    ]  # fmt: skip
+    return Table(
+        "First hits",
+        ("method", "tolerance", "triangles", "build s", *_WRONG, *_FAR),
+        rows,
+        (
+            (
+                "mesh: Embree's hits on the triangles. refined: Newton's iteration from these onto the true "
+                "surface. certified: proven to be the first hit. no Embree: the proof's own search alone."
+            ),
+            "tolerance: largest distance between triangles and surface, scene units.",
+            *_ABOUT_HITS,
+        ),
+    )
+
+
+def newton_table(study: HitStudy) -> Table:
+    """Return the points of the Newton curves."""
+    rows = [
+        (curve.name, f"{p.setting:g}", *_wrong_hits(p))
+        for curve in study.newton
+        for p in curve.points
+    ]
+    return Table("Newton's steps", ("method", "steps", *_WRONG, *_FAR), rows, _ABOUT_HITS)
+
+
+def _wrong_hits(p: Point) -> tuple[str, ...]:
+    return (
+        number(1e6 * p.seconds.median, 2), _range(p.seconds, 2, 1e6),
+        number(100.0 * p.error.median, 2), *(f"{p.more[kind]:,.0f}" for kind in _WRONG[3:]),
+        f"{p.more['mean_dt']:.1e}", f"{p.more['worst_dt']:.1e}", f"{p.more['worst_residual']:.1e}",
+        f"{p.more['mean_angle']:.1e}",
+    )  # fmt: skip
