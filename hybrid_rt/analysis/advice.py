@@ -22,9 +22,7 @@ WORTH_A_DOUBT = 1.1
 # Seconds that nobody waits for a reference.
 PATIENCE = 6.0 * 3600.0
 # Targets offered where the one asked for cannot be judged.
-ROUND = tuple(
-    digit / 10.0**k for k in (4, 3, 2, 1) for digit in (1.0, 1.5, 2.0, 3.0, 5.0, 7.0)
-)
+ROUND = tuple(digit / 10.0**k for k in (4, 3, 2, 1) for digit in (1.0, 1.5, 2.0, 3.0, 5.0, 7.0))
 FIRST_SEED = 1
 
 

@@ -11,7 +11,8 @@ from html import escape
 import numpy as np
 
 from hybrid_rt.analysis.diagrams import NARROW, Diagram, as_svg
-from hybrid_rt.analysis.picture_comparison import Pixels, error_colors, error_map
+from hybrid_rt.analysis.picture_comparison import error_map
+from hybrid_rt.analysis.picture_sheet import Pixels, error_colors
 from hybrid_rt.analysis.reference import Image
 from hybrid_rt.analysis.tables import Table
 from hybrid_rt.analysis.units import percent, signed_percent

@@ -13,23 +13,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from hybrid_rt.analysis.picture_sheet import Pixels, error_colors, sheet
+from hybrid_rt.analysis.units import percent, signed_percent
 from hybrid_rt.core.ledger import as_json
-from hybrid_rt.core.records import FloatArray
 from hybrid_rt.sensor.color import screen_pixels, srgb_to_linear
 from hybrid_rt.sensor.image_files import check_output, replacing, sidecar_of
 from hybrid_rt.sensor.image_metrics import DARK, PictureErrors, picture_errors, relative_squares
 from meshing.checks import as_path, text_of
-
-Pixels = NDArray[np.uint8]
-
-# Relative errors shown from the darkest colour to the brightest, and colours between.
-LEAST_SHOWN, MOST_SHOWN = 1e-3, 1.0
-_COLORS = np.array([
-    (0, 0, 4), (33, 12, 74), (87, 16, 110), (138, 34, 106), (188, 55, 84), (228, 90, 49),
-    (249, 142, 9), (249, 203, 53), (252, 255, 164),
-], dtype=np.float64)  # fmt: skip
-
-CAPTION_HEIGHT, GAP = 16, 6
 
 # Differences of larger numbers may be no numbers.
 MOST = 1e300
@@ -247,22 +237,23 @@ def _expected(one: Picture, other: Picture) -> float | None:
 
 def in_words(comparison: dict[str, Any]) -> str:
     """Format a comparison as a text table."""
-    head = ("RMSE", "without", "relative", "without", "mean", "worst", "by noise", "seconds")
-    below = ("", "0.1 %", "RMSE", "0.1 %", "error", "", "", "")
+    head = ("RMSE", "of most", "relative", "of most", "mean", "worst", "by noise", "render")
+    units = ("radiance", "radiance", "%", "%", "radiance", "radiance", "%", "s")
     lines = [f"against {comparison['against']}:"]
-    lines += [f"  {'':24}" + "".join(f" {word:>9}" for word in row) for row in (head, below)]
+    lines += [f"  {'':24}" + "".join(f" {word:>9}" for word in row) for row in (head, units)]
     for name, row in comparison["errors"].items():
-        expected = "unknown" if row["expected"] is None else f"{row['expected']:.3g}"
+        expected = "unknown" if row["expected"] is None else f"{100.0 * row['expected']:.3g}"
         seconds = "unknown" if row["seconds"] is None else f"{row['seconds']:.2f}"
         lines.append(
             f"  {name:24} {row['rmse']:9.3g} {row['rmse_of_most']:9.3g} "
-            f"{row['relative_rmse']:9.3g} {row['relative_rmse_of_most']:9.3g} "
+            f"{100.0 * row['relative_rmse']:9.3g} {100.0 * row['relative_rmse_of_most']:9.3g} "
             f"{row['mean_error']:+9.2g} {row['worst']:9.3g} {expected:>9} {seconds:>9}"
         )
-    lines.append(
-        "  (relative: over sqrt(r^2 + 0.01); without the worst 0.1 % of the pixels; by noise: the "
-        "relative RMSE that both sides' own errors explain)"
-    )
+    lines += [
+        "  relative: RMSE of the differences over sqrt(r^2 + 0.01). of most: without the worst 0.1 % of",
+        "  the pixels. mean, worst: mean and largest difference. by noise: what the errors that both",
+        "  pictures state of themselves explain of the relative RMSE. render: seconds, as reported.",
+    ]
     return "\n".join(lines)
 
 
@@ -277,42 +268,27 @@ def error_map(image: NDArray[np.floating], reference: NDArray[np.floating]) -> P
     return error_colors(relative)
 
 
-def error_colors(relative: FloatArray) -> Pixels:
-    """Map relative errors of any shape to colours, on a logarithmic scale from 0.001 to 1."""
-    decades = math.log10(MOST_SHOWN / LEAST_SHOWN)
-    level = np.log10(np.clip(relative, LEAST_SHOWN, MOST_SHOWN) / LEAST_SHOWN) / decades
-    places = np.linspace(0.0, 1.0, len(_COLORS))
-    channels = [np.interp(level, places, _COLORS[:, c]) for c in range(3)]
-    return np.rint(np.stack(channels, axis=-1)).astype(np.uint8)
-
-
-def side_by_side(panels: Sequence[tuple[str, Pixels]]) -> Pixels:
-    """Join pictures of equal size horizontally, with a caption above each."""
-    from PIL import Image, ImageDraw
-
-    height, width, _ = panels[0][1].shape
-    n = len(panels)
-    sheet = Image.new("RGB", (n * width + (n - 1) * GAP, height + CAPTION_HEIGHT), "white")
-    draw = ImageDraw.Draw(sheet)
-    for k, (caption, pixels) in enumerate(panels):
-        left = k * (width + GAP)
-        sheet.paste(Image.fromarray(pixels), (left, CAPTION_HEIGHT))
-        draw.text((left + 2, 2), caption, fill="black")
-    return np.asarray(sheet)
-
-
 def comparison_sheet(
     one: Picture, other: Picture, reference: Picture | None = None, exposure: float = 0.0
 ) -> Pixels:
-    """Return both pictures and their error maps, side by side."""
+    """Return both pictures above the maps of their errors, with the scale of these."""
     target = other if reference is None else reference
-    panels = [(one.name, screen_pixels(one.image, exposure))]
-    panels.append((other.name, screen_pixels(other.image, exposure)))
-    for picture in [one] if reference is None else [one, other]:
+    names = _distinct([one, other] if reference is None else [one, other, reference])
+    against = names[-1]
+    panels = [
+        (name, screen_pixels(picture.image, exposure))
+        for name, picture in zip(names, (one, other), strict=False)
+    ]
+    for name, picture in zip(names, [one] if reference is None else [one, other], strict=False):
         errors: PictureErrors = picture_errors(picture.image, target.image)
-        caption = f"error of {picture.name}: {errors.relative_rmse:.2g} (black 0.001, yellow 1)"
+        mean = errors.relative_mean_error
+        caption = (
+            f"where {name} differs from {against}: {percent(errors.relative_rmse)} (relative RMSE), "
+            f"mean {signed_percent(mean)}"
+        )
         panels.append((caption, error_map(picture.image, target.image)))
-    return side_by_side(panels)
+    scale = "Relative difference of each pixel, root mean square over red, green and blue:"
+    return sheet(panels, 2, scale=scale)
 
 
 def check_sheet(path: str | os.PathLike[str], pictures: Sequence[str | os.PathLike[str]]) -> Path:

@@ -5,13 +5,10 @@ import numpy as np
 import pytest
 
 from hybrid_rt.analysis.picture_comparison import (
-    CAPTION_HEIGHT,
-    GAP,
     compare_pictures,
-    error_colors,
     load_picture,
-    side_by_side,
 )
+from hybrid_rt.analysis.picture_sheet import BAR, GAP, LINE, MARGIN, error_colors, sheet
 from hybrid_rt.cli import program as cli
 from hybrid_rt.sensor.image_files import save_image
 
@@ -115,13 +112,24 @@ def test_colours_are_logarithmic():
     np.testing.assert_array_equal(colors[2], (188, 55, 84))  # half way
 
 
-def test_sheets_hold_all_pictures():
-    panels = [(name, np.full((5, 40, 3), k * 50, np.uint8)) for k, name in enumerate("abc")]
-    sheet = side_by_side(panels)
-    assert sheet.shape == (5 + CAPTION_HEIGHT, 3 * 40 + 2 * GAP, 3)
-    for k in range(3):
-        assert (sheet[CAPTION_HEIGHT:, k * (40 + GAP) : k * (40 + GAP) + 40] == k * 50).all()
-    assert sheet[:CAPTION_HEIGHT].min() < 50  # ink
+def test_sheets_hold_all_pictures_and_whole_captions():
+    """Three of 40 x 5 pixels in two columns: 8 times as large, the second caption on two lines."""
+    captions = ("one", "two: " + "a long word or two " * 4, "three")
+    panels = [(c, np.full((5, 40, 3), 60 + k * 50, np.uint8)) for k, c in enumerate(captions)]
+    drawn = sheet(panels, 2)
+    assert drawn.shape == (
+        MARGIN + 2 * LINE + 40 + GAP + LINE + 40 + GAP, 2 * 320 + GAP + 2 * MARGIN, 3
+    )  # fmt: skip
+    places = [(0, 2 * LINE), (320 + GAP, 2 * LINE), (0, 3 * LINE + 40 + GAP)]
+    for k, place in enumerate(places):
+        x, y = place[0] + MARGIN, place[1] + MARGIN
+        assert (drawn[y : y + 40, x : x + 320] == 60 + k * 50).all()
+        assert drawn[y - LINE : y, x : x + 320].min() < 50  # ink above each
+    # Nothing of a caption is cut, nor runs into the gap beside it.
+    assert (drawn[:, MARGIN + 320 : MARGIN + 320 + GAP] == 255).all()
+    assert (drawn[:, -MARGIN:] == 255).all()
+    with_scale = sheet(panels, 2, scale="errors")
+    assert len(with_scale) == len(drawn) + LINE + BAR + LINE + GAP
 
 
 def test_command_prints_errors_and_draws_a_map(tmp_path, monkeypatch, capsys):
@@ -134,12 +142,13 @@ def test_command_prints_errors_and_draws_a_map(tmp_path, monkeypatch, capsys):
     assert "against truth.npz" in out
     assert f"{0.5 * np.sqrt((TRUTH.astype(float) ** 2).mean()):9.3g}" in out
     assert "+0.01" in out
-    assert imageio.imread("compare.png").shape == (20 + CAPTION_HEIGHT, 4 * 30 + 3 * GAP, 3)
+    # Two columns of pictures 30 wide, 11 times as large.
+    assert imageio.imread("compare.png").shape[1] == 2 * 330 + GAP + 2 * MARGIN
     figures = json.loads((tmp_path / "compare.json").read_text())
     assert figures["against"] == "truth.npz"
     assert figures["errors"]["off.npz"]["mean_error"] == pytest.approx(0.01, rel=1e-5)
     assert cli.main(["compare", "dark.npz", "off.npz", "--out", "two.png"]) == 0
-    assert imageio.imread("two.png").shape == (20 + CAPTION_HEIGHT, 3 * 30 + 2 * GAP, 3)
+    assert imageio.imread("two.png").shape[1] == 2 * 330 + GAP + 2 * MARGIN
 
 
 def test_pictures_of_other_sizes_are_one_clear_line(tmp_path, monkeypatch, capsys):
