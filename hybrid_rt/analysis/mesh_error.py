@@ -62,6 +62,21 @@ class Rung:
     errors: dict[str, dict[str, Errors]]
     microseconds: dict[str, dict[str, float]]
 
+    @property
+    def figures(self) -> dict[str, Any]:
+        """Plain numbers, for files and diagrams: of errors ``wrong`` (share), ``rays`` and so on."""
+        errors = {
+            accuracy: {
+                kind: {
+                    "wrong": e.wrong, "rays": e.wrong_hits.rays, **e.wrong_hits.counts,
+                    "mean": e.mean, "worst": e.worst,
+                }
+                for kind, e in kinds.items()
+            }
+            for accuracy, kinds in self.errors.items()
+        }  # fmt: skip
+        return {**vars(self), "errors": errors}
+
 
 def climb(
     surfaces: Sequence[Any],

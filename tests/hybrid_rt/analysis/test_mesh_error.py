@@ -1,12 +1,17 @@
 """The ladder of meshes: measured deviations stay within what is proven, errors fall with them."""
 
+import json
+
+import imageio.v3 as imageio
 import numpy as np
+import pytest
 
 from hybrid_rt.analysis.mesh_error import climb
+from hybrid_rt.core.ledger import as_json
 from hybrid_rt.verify.cases.campaign import torus
 
 
-def test_errors_fall_with_the_tolerance():
+def test_errors_fall_with_the_tolerance(tmp_path):
     coarse, fine = climb([torus()], (3e-2, 3e-3), 3000)
     for rung in (coarse, fine):
         assert rung.worst <= rung.bound <= rung.tolerance
@@ -21,3 +26,11 @@ def test_errors_fall_with_the_tolerance():
         assert coarse.errors["refined"][kind].worst < 1e-8
         assert coarse.errors["refined"][kind].wrong > 1e-3
     assert np.isfinite(list(fine.microseconds["certified"].values())).all()
+    # What is drawn is what the tool's table.json holds.
+    pytest.importorskip("matplotlib")
+    from hybrid_rt.analysis.mesh_diagrams import draw_time
+
+    rows = json.loads(as_json([rung.figures for rung in (coarse, fine)]))
+    assert rows[0]["errors"]["mesh"]["camera"]["wrong"] == coarse.errors["mesh"]["camera"].wrong
+    draw_time(rows, "torus", tmp_path / "a.png")
+    assert imageio.imread(tmp_path / "a.png").shape[1] == 924
