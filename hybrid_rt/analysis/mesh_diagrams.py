@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from hybrid_rt.analysis.diagrams import set_plain_ticks
+from hybrid_rt.analysis.diagrams import plain, set_plain_ticks
 from hybrid_rt.analysis.hit_study import RULE_OF_THREE
 from hybrid_rt.analysis.mesh_error import RAYS, error_image
 from hybrid_rt.analysis.units import number
@@ -83,6 +83,7 @@ def draw_error(surfaces: Sequence[Any], tolerance: float, name: str, file: Path)
     from matplotlib import colors, style
     from matplotlib.cm import ScalarMappable
     from matplotlib.figure import Figure
+    from matplotlib.ticker import FuncFormatter
 
     error, shade = error_image(surfaces, tolerance, 640, 480)
     scale = colors.LogNorm(tolerance * BELOW, tolerance * ABOVE, clip=True)
@@ -112,5 +113,6 @@ def draw_error(surfaces: Sequence[Any], tolerance: float, name: str, file: Path)
             "have nothing", fontsize=9, loc="left",
         )  # fmt: skip
         bar = figure.colorbar(ScalarMappable(scale, colormap), ax=axes, shrink=0.8)
+        bar.formatter = FuncFormatter(lambda value, _: plain(value))
         bar.set_label("distance along the ray, scene units")
         figure.savefig(file, dpi=110)
