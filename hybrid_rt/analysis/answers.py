@@ -149,7 +149,7 @@ def hit_answers(study: HitStudy) -> list[str]:
         exact = max(certified.more["mean_dt"], 1e-17 * study.size)
         needed = b.more["triangles"] * (b.more["mean_dt"] / exact) ** (1.0 / order)
         lines.append(
-            f"Its right hits are off by {b.more['mean_dt'] / study.size:.1e} of the size on average, "
+            f"Right hits on that mesh are off by {b.more['mean_dt'] / study.size:.1e} of the size on average, "
             f"falling as triangles^-{order:.2f}; to be as near as certified hits "
             f"({exact / study.size:.0e}) it would need about {needed:.0e} triangles."
         )

@@ -1,4 +1,4 @@
-"""Log-log diagrams by matplotlib: curves with error bars, reference slopes, a noise floor.
+"""Diagrams by matplotlib: curves with error bars, reference slopes, a noise floor.
 
 A diagram is written as SVG for a page, wide or narrow, or as a panel of an image file.
 """
@@ -20,7 +20,7 @@ from hybrid_rt.analysis.units import number
 MARKERS = "os^Dv<>Pp*X"
 GREY = "0.55"
 # Inches, the legend included: beside the curves, and below them for narrow screens.
-WIDE, NARROW = (8.4, 4.7), (4.3, 5.6)
+WIDE, NARROW = (8.4, 4.2), (4.3, 5.6)
 # Letters of a title or note that fit into a line.
 LINE = {WIDE: 98, NARROW: 46}
 # Up to so many decades ticks stand between powers of ten as well, from so many on not at all powers.
@@ -63,6 +63,8 @@ class Diagram:
         A horizontal line.
     note : str
         How to read it: what the marks' labels and the bars are.
+    counts_x : bool
+        Whether x counts things from 0 on, on a linear axis.
 
     Raises
     ------
@@ -77,13 +79,14 @@ class Diagram:
     slopes: Sequence[tuple[float, str]] = ()
     floor: tuple[str, float] | None = None
     note: str = ""
+    counts_x: bool = False
 
     def __post_init__(self) -> None:
         """Refuse what has no logarithm."""
         marks = [mark for line in self.lines for mark in line.marks]
         if not marks:
             raise ValueError(f"diagram {self.title!r} has no marks: pass one or more")
-        for value in (v for mark in marks for v in (*mark.x, *mark.y)):
+        for value in (v for m in marks for v in (*(() if self.counts_x else m.x), *m.y)):
             if not (value > 0.0 and math.isfinite(value)):
                 raise ValueError(
                     f"diagram {self.title!r} has the value {value}: pass positive finite numbers"
@@ -134,7 +137,7 @@ def _figure(
 
 
 def _draw(axes: Any, diagram: Diagram, *, is_wide: bool) -> None:
-    axes.set_xscale("log")
+    axes.set_xscale("linear" if diagram.counts_x else "log")
     axes.set_yscale("log")
     for number_of_line, line in enumerate(diagram.lines):
         x, y = (_columns(line.marks, name) for name in ("x", "y"))
@@ -155,7 +158,8 @@ def _draw(axes: Any, diagram: Diagram, *, is_wide: bool) -> None:
     if diagram.floor is not None:
         name, level = diagram.floor
         axes.axhline(level, color=GREY, linestyle="-.", linewidth=1.0, label=name)
-    for axis in (axes.xaxis, axes.yaxis):
+        axes.set_ylim(bottom=min(axes.get_ylim()[0], 0.8 * level))
+    for axis in (axes.yaxis,) if diagram.counts_x else (axes.xaxis, axes.yaxis):
         set_plain_ticks(axis)
     axes.grid(visible=True, which="major", color="0.9")
     axes.set_axisbelow(True)
@@ -172,6 +176,8 @@ def _draw(axes: Any, diagram: Diagram, *, is_wide: bool) -> None:
 
 def _labels(axes: Any, diagram: Diagram) -> None:
     """Print the marks' labels; a label is left out where another stands already."""
+    if diagram.counts_x:
+        return
     low_x, high_x = (math.log10(v) for v in axes.get_xlim())
     low_y, high_y = (math.log10(v) for v in axes.get_ylim())
     taken: list[tuple[float, float]] = []
@@ -200,7 +206,7 @@ def set_plain_ticks(axis: Any) -> None:
         axis.set_major_locator(LogLocator(10.0, numticks=8))
     else:
         digits: Sequence[float] = (1.0, 2.0, 5.0) if high - low < FEW_DECADES else (1.0,)
-        if high - low < 0.5:
+        if high - low < 0.9:
             digits = (1.0, 1.5, 2.0, 3.0, 4.0, 5.0, 7.0)
         axis.set_major_locator(LogLocator(10.0, subs=digits, numticks=20))
         axis.set_major_formatter(FuncFormatter(lambda value, _: plain(value)))

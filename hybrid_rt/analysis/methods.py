@@ -35,7 +35,7 @@ class Method:
         if self.accuracy != "certified":
             flags.append(f"--accuracy {self.accuracy}")
         if self.tolerance is not None:
-            flags.append(f"--tolerance {self.tolerance:.3g}")
+            flags.append(f"--tolerance {self.tolerance:.6g}")
         if self.options is not None and self.options.as_flags:
             flags.append(self.options.as_flags)
         return " ".join(flags)
@@ -110,7 +110,7 @@ def uncertified_methods(scene: Scene) -> list[Method]:
     if not surfaces:
         return []
     # As a command line would write them, so that a printed command is what was measured.
-    tolerances = [float(f"{share * size_of(surfaces):.3g}") for share in TOLERANCES]
+    tolerances = [float(f"{share * size_of(surfaces):.6g}") for share in TOLERANCES]
     return [
         Method(f"{DEFAULT}, refined", DEFAULT, "refined"),
         *(Method(f"{DEFAULT}, mesh {t:.2g}", DEFAULT, "mesh", t) for t in tolerances),

@@ -26,6 +26,7 @@ h2 { margin: 2em 0 0.4em; font-size: 20px; }
 .asked { color: #555; margin: 0; }
 .answer { font-size: clamp(20px, 3.2vw, 32px); font-weight: bold; line-height: 1.25; margin: 0.3em 0; }
 pre { background: #f2f2f2; padding: 0.7em; white-space: pre-wrap; overflow-wrap: anywhere; }
+pre span { display: inline-block; max-width: 100%; }
 .scroll { overflow-x: auto; }
 table { border-collapse: collapse; font-size: 13px; font-variant-numeric: tabular-nums; }
 td, th { padding: 3px 9px; text-align: right; border-bottom: 1px solid #ddd; vertical-align: top; }
@@ -103,7 +104,9 @@ def page(study: Study) -> str:
         f'<p class="answer">{escape(study.answer)}</p>',
     ]
     if study.command:
-        parts.append(f"<pre>{escape(study.command)}</pre>")
+        # An option is not broken at its hyphens.
+        words = " ".join(f"<span>{escape(word)}</span>" for word in study.command.split(" "))
+        parts.append(f"<pre>{words}</pre>")
     parts += [_list(study.details), "<h2>How this was measured</h2>"]
     rows = "".join(
         f"<tr><td>{escape(name)}</td><td>{escape(value)}</td></tr>"

@@ -86,20 +86,36 @@ def newton_diagrams(curves: Sequence[Curve], size: float) -> list[Diagram]:
     """Plot |t - exact t| and the residual, relative to size, against the number of Newton steps."""
     return [
         Diagram(
-            title, A_RAY, label,
-            [_size_line(curve, figure, size, lambda p: f"{p.setting:g}") for curve in curves],
-            note=f"Lower and further left is better. Numbers: steps of Newton's iteration from the "
-            f"triangle's hit, 0: the triangle itself. {about} {BARS}",
+            title,
+            "steps of Newton's iteration from the hit on the triangle",
+            label,
+            [_step_line(curve, figure, size) for curve in curves],
+            note=f"Lower is better. 0 steps: the triangle itself. {about} Of hits on the right sheet only: "
+            "what the triangles decided wrongly no step mends. What steps cost stands in the table.",
+            counts_x=True,
         )
         for figure, title, label, about in (
-            ("mean_dt", "What a step of Newton's iteration is worth",
-             "mean distance / size of the objects",
-             "Distance: of right hits from the exact point, along the ray."),
-            ("worst_residual", "What gap Newton's iteration leaves between ray and surface",
-             "largest gap / size of the objects",
-             "Gap: between the point on the ray and the point on the surface."),
+            (
+                "mean_dt",
+                "What a step of Newton's iteration is worth",
+                "mean distance / size of the objects",
+                "Distance: from the exact point, along the ray.",
+            ),
+            (
+                "worst_residual",
+                "What gap Newton's iteration leaves between ray and surface",
+                "largest gap / size of the objects",
+                "Gap: between the point on the ray and the point on the surface.",
+            ),
         )
-    ]  # fmt: skip
+    ]
+
+
+def _step_line(curve: Curve, figure: str, size: float) -> Line:
+    marks = [
+        Mark((p.setting,) * 3, (max(p.more[figure] / size, NOTHING),) * 3) for p in curve.points
+    ]
+    return Line(curve.name, marks)
 
 
 def _size_line(curve: Curve, figure: str, size: float, label: Callable[[Point], str]) -> Line:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 import textwrap
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -45,7 +46,8 @@ def _spread_if_any(table: Table, spreads: Sequence[Spread]) -> Table:
         return table
     kept = [k for k, word in enumerate(table.head) if not word.endswith(RANGE)]
     rows = [[row[k] for k in kept] for row in table.rows]
-    return Table(table.title, [table.head[k] for k in kept], rows, table.words)
+    words = [re.sub(r"; all runs: [^.]*", "", text) for text in table.words]
+    return Table(table.title, [table.head[k] for k in kept], rows, words)
 
 
 def in_text(table: Table) -> str:

@@ -362,7 +362,7 @@ class TestDiagram:
         words = {text.text.strip() for text in ElementTree.fromstring(svg).iter() if text.text}
         assert words >= {"x", "y", "half", "noise", "<floor>", "n0", "n4"}
         save([diagram] * 3, tmp_path / "a.png")
-        assert imageio.imread(tmp_path / "a.png").shape[:2] == (3 * 572, 924)
+        assert imageio.imread(tmp_path / "a.png").shape[:2] == (3 * 517, 924)
 
     @pytest.mark.parametrize("value", [0.0, -1.0, math.nan, math.inf])
     def test_what_has_no_logarithm_is_refused(self, value):
