@@ -308,10 +308,12 @@ def _compare(args: argparse.Namespace) -> None:
         raise ValueError(
             f"{names[0]} and {names[1]} have no kind of curves in common: name two of one kind"
         )
+    first, *others = _ratios(both) or ["Read the diagrams: lower and further left is better."]
     study = Study(
         f"Error against run time: {names[0]} and {names[1]}",
         f"Asked: how do two runs compare? A is {names[0]}, B is {names[1]}.",
-        " ".join(_ratios(both)) or "Read the diagrams: lower and further left is better.",
+        first,
+        details=others,
         measured=[(letter, str(file)) for letter, file in zip("AB", args.compare, strict=True)],
         diagrams=diagrams,
         tables=found,
@@ -323,6 +325,8 @@ def _compare(args: argparse.Namespace) -> None:
 
 def _curves(part: dict[str, Any]) -> list[Curve]:
     inf = float("inf")
+    if any("left_out" not in curve for curve in part["curves"]):
+        raise ValueError("the figures are of an earlier version of this tool: measure again")
     return [
         Curve(
             curve["name"],
@@ -347,17 +351,17 @@ def _curves(part: dict[str, Any]) -> list[Curve]:
 
 
 def _ratios(both: Sequence[dict[str, Any]]) -> list[str]:
-    """Say for methods of both runs how the seconds to the first one's target compare."""
+    """Say for methods of both runs how the seconds compare to a target that both can judge."""
     if not all("picture" in one for one in both):
         return []
-    target = both[0]["target"]
+    target = max(one["picture"]["forecast_target"] for one in both)
     found = []
     for one in both:
         own = one["picture"]["reference"]["own_error"] or 0.0
         found.append({c.name: forecast(c, target, own) for c in _curves(one["picture"])})
     return [
-        f"{name} to {asked(target)}: A {seconds(found[0][name].seconds.median)}, "
-        f"B {seconds(found[1][name].seconds.median)}."
+        f"To {asked(target)}, {name}: {seconds(found[0][name].seconds.median)} in A, "
+        f"{seconds(found[1][name].seconds.median)} in B."
         for name in found[0]
         if name in found[1] and None not in (found[0][name].passes, found[1][name].passes)
     ]

@@ -14,8 +14,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from hybrid_rt.analysis.units import number
-
 # Told apart also by readers who do not see colours, and in print.
 MARKERS = "os^Dv<>Pp*X"
 GREY = "0.55"
@@ -215,7 +213,7 @@ def set_plain_ticks(axis: Any) -> None:
 
 def plain(value: float) -> str:
     """Return a tick's number as it is said: "0.05", "20", "1,000"."""
-    return number(value, 2).rstrip("0").rstrip(".") if value < 1.0 else f"{value:,.10g}"
+    return f"{value:.12f}".rstrip("0") if value < 1.0 else f"{value:,.10g}"
 
 
 def _slopes(axes: Any, diagram: Diagram) -> None:

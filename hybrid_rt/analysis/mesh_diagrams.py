@@ -24,6 +24,8 @@ EXACT = {
     "certified": ("tab:blue", "-", "certified: none wrong"),
     'certified, coarse="none"': ("tab:green", "--", "certified without Embree: none wrong"),
 }
+# Inches of a picture at most.
+TALL = 6.0
 # Decades that the colours span: down to a thousandth of the tolerance, up to ten times it.
 BELOW, ABOVE = 1e-3, 10.0
 
@@ -100,7 +102,7 @@ def draw_error(surfaces: Sequence[Any], tolerance: float, name: str, file: Path)
     ]
     with style.context("default"):
         height, width = picture.shape[:2]
-        figure = Figure(figsize=(7.0, 5.6 * height / width + 0.9), layout="constrained")
+        figure = Figure(figsize=(7.0, min(5.6 * height / width, TALL) + 0.9), layout="constrained")
         axes = figure.add_subplot()
         axes.imshow(picture, interpolation="nearest")
         axes.set_axis_off()
