@@ -110,10 +110,11 @@ def draw_error(surfaces: Sequence[Any], tolerance: float, name: str, file: Path)
             f"{name}: how far hits on a mesh are from the true surface",
             fontsize=12, fontweight="bold", x=0.01, ha="left",
         )  # fmt: skip
-        axes.set_title(
-            f"tolerance {number(tolerance, 2)} scene units; red: the mesh has nothing there, or should "
-            "have nothing", fontsize=9, loc="left",
-        )  # fmt: skip
+        note = (
+            f"tolerance of the mesh {number(tolerance, 2)} scene units; red: the mesh has nothing there, or "
+            "should have nothing"
+        )
+        figure.supxlabel(note, fontsize=9, x=0.01, ha="left", color="0.3")
         bar = figure.colorbar(ScalarMappable(scale, colormap), ax=axes, shrink=0.8)
         bar.formatter = FuncFormatter(lambda value, _: plain(value))
         bar.set_label("distance along the ray, scene units")
