@@ -1,7 +1,7 @@
 """Does a long render stay as it begins? For example: python tools/soak.py scenes/wine_glass.py.
 
 Renders many passes and compares the memory and the processor time of the last hundred with those of
-the first (the very first ten are left out: they fill caches). The exit code is 1 if memory grew by
+the first (the very first are left out: they fill caches and buffers). The exit code is 1 if memory grew by
 more than a twentieth, or a pass costs more than a twentieth more than it did.
 """
 
@@ -16,6 +16,7 @@ from typing import Any
 
 from hybrid_rt.cli.command import kept, one_or_more, run_tool
 from hybrid_rt.cli.scene_file import load_script
+from hybrid_rt.integrators.workers import TOGETHER
 from hybrid_rt.rendering.renderer import RenderInterrupted, render
 
 WARM, OVER = 10, 100
@@ -88,12 +89,14 @@ def main() -> int:
         except RenderInterrupted as interrupt:
             result = interrupt.result
         n = result.report["passes"]
-        if n < WARM + 2 * OVER:
-            raise ValueError(f"{n} passes: too few to compare, pass {WARM + 2 * OVER} or more")
+        # Small passes are made many together: two such groups have filled all buffers.
+        warm = max(WARM, 2 * TOGETHER // log.n_pixels)
+        if n < warm + 2 * OVER:
+            raise ValueError(f"{n} passes: too few to compare, pass {warm + 2 * OVER} or more")
         figures |= {
             "passes": n,
             "seconds": result.report["seconds"]["total"],
-            "first": log.over(WARM, WARM + OVER),
+            "first": log.over(warm, warm + OVER),
             "last": log.over(n - OVER, n),
             "peak_mib": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**10,
         }
