@@ -28,7 +28,7 @@ HEAD = (
 
 
 def main() -> int:
-    """Run the tool; the exit code is 1 if anything was wrong."""
+    """Run the tool; the exit code is 1 if there was a fault or a refusal."""
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
@@ -66,6 +66,7 @@ def main() -> int:
         print(_line(place, sum((result.in_place(place) for result in results), BatchVerdict())))
     print(_line("all", total))
     print(f"{total.rays} rays, {total.faults} faults, {len(refused)} sets refused")
+    print(f"wrong, but says TANGENT (no fault): {total.wrong_tangent}")
     return 1 if total.faults or refused else 0
 
 

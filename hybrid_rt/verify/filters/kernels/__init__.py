@@ -1,0 +1,1 @@
+"""Balls in double-double and the polynomials that filters solve by them."""

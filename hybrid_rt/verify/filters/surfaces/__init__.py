@@ -1,0 +1,1 @@
+"""Filters of each class of surfaces, one module a class or a few alike."""

@@ -1,0 +1,184 @@
+"""Filters agree with exact arithmetic, and confirm nothing that is wrong."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from hybrid_rt import Intersector
+from hybrid_rt.core.records import Status
+from hybrid_rt.primitives import Box, Rectangle, Sphere
+from hybrid_rt.verify.cases.filtered_campaign import ORDINARY_SCENES, ordinary_rays
+from hybrid_rt.verify.cases.singular_campaign import placed_surfaces, trace_cell
+from hybrid_rt.verify.cases.singular_sets import PLACEMENTS, SETS
+from hybrid_rt.verify.exact.judge import ExactJudge
+from hybrid_rt.verify.exact.truth import ExactScene
+from hybrid_rt.verify.filters.kernels import first
+from hybrid_rt.verify.filters.screen import Screen
+from meshing import SurfaceOfRevolution
+
+SCREENED = [name for name, entry in SETS.items() if entry.kind != "patches"]
+
+
+def cell_of(name, place, distance, n=12, seed=5):
+    tracer = Intersector(placed_surfaces(name, place), coarse="none", threads=1)
+    cell = trace_cell(tracer, name, distance, place, n, seed)
+    leaves = None if cell.source is None else cell.source.object_id
+    return tracer.surfaces, cell, leaves
+
+
+@pytest.mark.parametrize("name", SCREENED)
+def test_what_is_confirmed_is_right(name):
+    """By exact arithmetic, and what is not confirmed is little but near the set."""
+    confirmed = rays = 0
+    for k, place in enumerate(PLACEMENTS):
+        distance = (1e-2, 1e-9, 1e-5, 1e-13, 1e-15)[k]
+        surfaces, cell, leaves = cell_of(name, place, distance)
+        sure = Screen(surfaces).confirmed(cell.hits, cell.origins, cell.directions, leaves)
+        rows = np.flatnonzero(sure)
+        verdict = ExactJudge(surfaces).judge(
+            cell.hits[rows], cell.origins[rows], cell.directions[rows],
+            leaves=None if leaves is None else leaves[rows], marks=False,
+        )  # fmt: skip
+        assert verdict.n_wrong == verdict.wrong_tangent == verdict.bounds_broken == 0
+        assert verdict.off_ray == verdict.left_open == 0
+        if distance > 1e-6:
+            confirmed, rays = confirmed + int(sure.sum()), rays + len(sure)
+    assert confirmed >= 0.9 * rays > 0
+
+
+@pytest.mark.parametrize("name", SCREENED)
+def test_first_crossings_are_those_of_exact_arithmetic(name):
+    """t within the radius that is said, for rays that arrive at all distances."""
+    if SETS[name].leaving:
+        pytest.skip("crossings at the start are chosen by the judge")
+    for distance in (1e-1, 1e-6, 1e-12):
+        surfaces, cell, _ = cell_of(name, "turned", distance, 10)
+        screen = Screen(surfaces)
+        scene = ExactScene(surfaces)
+        nowhere = np.zeros(len(cell.hits), np.bool_)
+        out = screen.filters[0].first(
+            np.ascontiguousarray(cell.origins), np.ascontiguousarray(cell.directions), nowhere,
+            cell.hits.t,
+        )  # fmt: skip
+        for i, row in enumerate(out):
+            ahead = [
+                one.t
+                for one in scene.crossings(cell.origins[i], cell.directions[i])
+                if one.t > 0.0 and one.object_id == 0
+            ]
+            if row[first.UNSURE_FROM] < np.inf:
+                continue
+            assert (row[first.FOUND] == 1.0) == bool(ahead)
+            if ahead:
+                slack = row[first.T_ERROR] + np.spacing(ahead[0])
+                assert abs(row[first.T] - ahead[0]) <= slack
+
+
+@pytest.fixture(scope="module")
+def traced():
+    surfaces = [
+        SurfaceOfRevolution([(0, 0.5), (1, 1.5), (2, 0.7)], (0.1, 0, 0), (1, 2, 2)),
+        Sphere((3.0, 0.5, 0.2), 0.8),
+        Box((-3, -3, -1), (-2, 1, 1)),
+    ]
+    rays = ordinary_rays(surfaces, 600, 3)
+    hits = Intersector(surfaces).intersect(rays.origins, rays.directions)
+    return Screen(surfaces), ExactJudge(surfaces), hits, rays.origins, rays.directions
+
+
+class TestWeakenedHits:
+    def changed(self, hits, **columns):
+        rows = hits.hit
+        out = {}
+        for name, value in columns.items():
+            out[name] = getattr(hits, name).copy()
+            out[name][rows] = value
+        return dataclasses.replace(hits, **out)
+
+    def test_right_hits_are_confirmed(self, traced):
+        screen, _, hits, origins, directions = traced
+        assert screen.confirmed(hits, origins, directions).mean() > 0.99
+        assert hits.hit.sum() > 200
+
+    def test_t_beside_its_bound_is_not(self, traced):
+        """And exact arithmetic, asked, finds the bound broken."""
+        screen, judge, hits, origins, directions = traced
+        rows = hits.hit
+        for side in (-3.0, 3.0):
+            shifted = self.changed(hits, t=hits.t[rows] + side * hits.t_bound[rows])
+            assert not screen.confirmed(shifted, origins, directions)[rows].any()
+            few = np.flatnonzero(rows)[:10]
+            verdict = judge.judge(shifted[few], origins[few], directions[few])
+            assert verdict.bounds_broken == 10
+
+    def test_a_lost_hit_is_not(self, traced):
+        screen, judge, hits, origins, directions = traced
+        rows = hits.hit
+        lost = self.changed(hits, t=np.inf, object_id=-1, status=Status.MISS)
+        assert not screen.confirmed(lost, origins, directions)[rows].any()
+        few = np.flatnonzero(rows)[:10]
+        assert judge.judge(lost[few], origins[few], directions[few]).wrong["missed"] == 10
+
+    def test_the_farther_crossing_is_not(self, traced):
+        """Rays that go on from just behind the first hit find the second one."""
+        screen, judge, hits, origins, directions = traced
+        rows = np.flatnonzero(hits.hit)
+        begin = origins[rows] + (hits.t[rows] + 1e-3)[:, None] * directions[rows]
+        surfaces = judge.scene.surfaces
+        second = Intersector(surfaces).intersect(begin, directions[rows])
+        again = np.flatnonzero(second.hit)
+        rows, second = rows[again], second[again]
+        farther = dataclasses.replace(second, t=second.t + hits.t[rows] + 1e-3)
+        assert len(rows) > 100
+        assert not screen.confirmed(farther, origins[rows], directions[rows]).any()
+        few = rows[:10]
+        verdict = judge.judge(farther[:10], origins[few], directions[few])
+        assert verdict.wrong["farther"] == 10
+
+    def test_a_point_beside_the_ray_is_not(self, traced):
+        screen, _, hits, origins, directions = traced
+        rows = hits.object_id == 0
+        aside = dataclasses.replace(hits, v=np.where(rows, hits.v + 1e-9, hits.v))
+        assert not screen.confirmed(aside, origins, directions)[rows].any()
+
+    def test_a_wrong_object_is_not(self, traced):
+        screen, _, hits, origins, directions = traced
+        other = self.changed(hits, object_id=(hits.object_id[hits.hit] + 1) % 3)
+        assert not screen.confirmed(other, origins, directions)[hits.hit].any()
+
+
+def test_departures_met_again_are_not_confirmed():
+    sphere = Sphere((0, 1, 0), 1)
+    tracer = Intersector([sphere])
+    start = tracer.intersect((0.3, 1.2, -4.0), (0, 0, 1))
+    leaving = np.array([[0.1, 0.2, 1.0]])
+    hits = tracer.intersect(start.position, leaving, source=start)
+    screen = Screen([sphere])
+    assert screen.confirmed(hits, start.position, leaving, start.object_id).all()
+    again = dataclasses.replace(hits, t=np.array([1e-16]))
+    assert not screen.confirmed(again, start.position, leaving, start.object_id).any()
+
+
+def test_the_nearer_of_two_objects_is_confirmed():
+    """In either order; where both have the same t neither is."""
+    near = Rectangle((-1, -1, 0), (2, 0, 0), (0, 2, 0))
+    far = Rectangle((-1, -1, 1), (2, 0, 0), (0, 2, 0))
+    o, d = np.array([[0.1, 0.2, -2.0]]), np.array([[0.0, 0.0, 1.0]])
+    for surfaces, expected in (([near, far], 0), ([far, near], 1)):
+        hits = Intersector(surfaces).intersect(o, d)
+        assert hits.object_id[0] == expected
+        assert Screen(surfaces).confirmed(hits, o, d).all()
+    twice = [near, near]
+    assert not Screen(twice).confirmed(Intersector(twice).intersect(o, d), o, d).any()
+
+
+@pytest.mark.parametrize(
+    "name", [n for n, (kind, _) in ORDINARY_SCENES.items() if kind != "patches"]
+)
+def test_ordinary_rays_are_confirmed(name):
+    """All but few: the exact judge is asked about what is left."""
+    surfaces = ORDINARY_SCENES[name][1]()
+    rays = ordinary_rays(surfaces, 900, 2)
+    hits = Intersector(surfaces).intersect(rays.origins, rays.directions)
+    assert Screen(surfaces).confirmed(hits, rays.origins, rays.directions).mean() > 0.99
