@@ -1,41 +1,72 @@
-"""The filter of Bezier patches: so far a second certificate, see `second_certificate`."""
+"""The filter of Bezier patches."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from hybrid_rt.core.records import BoolArray, FloatArray, IntArray, NamedPoints, Status
-from hybrid_rt.verify.filters.kernels import first
-from hybrid_rt.verify.filters.surface_filter import SurfaceFilter
-from hybrid_rt.verify.judges.second_certificate import Bisection
+from hybrid_rt.core.records import BoolArray, FloatArray, IntArray
+from hybrid_rt.verify.filters.kernels import patches
+from hybrid_rt.verify.filters.kernels.first import N_COLUMNS
+from hybrid_rt.verify.filters.surface_filter import (
+    SurfaceFilter,
+    crossings_scratch,
+    double_double,
+    fractions,
+)
 from meshing import BezierPatches
 
 
 class PatchesFilter(SurfaceFilter, of=BezierPatches):
-    """Bisects every cell that a ray hits; rows that say TANGENT are unsure."""
+    """Bisects the projections of all patches that a ray may meet."""
 
     surface: BezierPatches
 
     def __init__(self, surface: BezierPatches) -> None:
         super().__init__(surface)
-        self._second = Bisection([surface], threads=1)
-        self._centre = np.mean([net.mean(axis=(0, 1)) for net in surface.patches], axis=0)
-        self._local = BezierPatches([net - self._centre for net in surface.patches])
+        nets = [np.asarray(net) for net in surface.patches]
+        middle, size = self.ball()
+        self._origin = middle
+        flat = np.concatenate([net.reshape(-1, 3) for net in nets])
+        points = double_double(fractions(flat) - fractions(middle))
+        counts = [net.shape[0] * net.shape[1] for net in nets]
+        starts = np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)
+        balls = np.zeros((len(nets), 4))
+        for k, (a, b) in enumerate(zip(starts[:-1], starts[1:], strict=True)):
+            own = points[a:b, :, 0]
+            balls[k, :3] = 0.5 * (own.min(axis=0) + own.max(axis=0))
+            balls[k, 3] = np.linalg.norm(own - balls[k, :3], axis=1).max()
+        most = max(max(counts), 31)
+        self._table = patches.Patches(
+            points=points,
+            starts=starts,
+            degrees=np.array([(net.shape[0] - 1, net.shape[1] - 1) for net in nets]),
+            balls=balls,
+            origin=middle,
+            radius=float(np.linalg.norm(points[..., 0], axis=1).max()),
+            middle=middle,
+            size=size,
+        )
+        self._scratch = patches.PatchScratch(
+            nets=np.zeros((patches.DEPTH + 2, 4, most)),
+            spans=np.zeros((patches.DEPTH + 1, 4)),
+            radii=np.zeros(patches.DEPTH + 1),
+            height=np.zeros((2, most)),
+            work=np.zeros((4, most)),
+            turned=np.zeros((4, most)),
+            values=np.zeros(12),
+            away=np.zeros((3, 3)),
+            crossings=crossings_scratch(),
+        )
+        self._local = BezierPatches([net - middle for net in nets])
 
     def first(
         self, origins: FloatArray, directions: FloatArray, leaves: BoolArray, hit_t: FloatArray
     ) -> FloatArray:
-        """Ask the second certificate."""
-        source = NamedPoints(np.where(leaves, 0, -1).astype(np.int32), origins)
-        hits = self._second.intersect(origins, directions, source=source if leaves.any() else None)
-        out = np.zeros((len(origins), first.N_COLUMNS))
-        out[:, first.FOUND] = hits.hit
-        out[:, first.T] = hits.t
-        out[:, first.T_ERROR] = hits.t_bound
-        with np.errstate(invalid="ignore"):
-            out[:, first.APART] = hit_t - hits.t
-        out[:, first.APART_ERROR] = hits.t_bound
-        out[:, first.UNSURE_FROM] = np.where(hits.status == Status.TANGENT, -np.inf, np.inf)
+        """Bisect the patches near each ray."""
+        out = np.zeros((len(origins), N_COLUMNS))
+        patches.first_on_patches(
+            self._table, origins, directions, leaves, hit_t, self._scratch, out
+        )
         return out
 
     def gap(
@@ -43,5 +74,5 @@ class PatchesFilter(SurfaceFilter, of=BezierPatches):
     ) -> FloatArray:
         """Measure from S(u, v), in coordinates about the surface."""
         points = self._local.point(u, v, patch)
-        distance: FloatArray = np.linalg.norm(points + (self._centre - origins) - along, axis=1)
+        distance: FloatArray = np.linalg.norm(points + (self._origin - origins) - along, axis=1)
         return distance

@@ -17,7 +17,7 @@ from hybrid_rt.verify.filters.kernels import first
 from hybrid_rt.verify.filters.screen import Screen
 from meshing import SurfaceOfRevolution
 
-SCREENED = [name for name, entry in SETS.items() if entry.kind != "patches"]
+SCREENED = list(SETS)
 
 
 def cell_of(name, place, distance, n=12, seed=5):
@@ -42,7 +42,8 @@ def test_what_is_confirmed_is_right(name):
         )  # fmt: skip
         assert verdict.n_wrong == verdict.wrong_tangent == verdict.bounds_broken == 0
         assert verdict.off_ray == verdict.left_open == 0
-        if distance > 1e-6:
+        # Near a cusp crossings merge, so that fewer are certain.
+        if distance > (1e-4 if name == "cuspidal edge" else 1e-6):
             confirmed, rays = confirmed + int(sure.sum()), rays + len(sure)
     assert confirmed >= 0.9 * rays > 0
 
@@ -82,7 +83,7 @@ def traced():
         Sphere((3.0, 0.5, 0.2), 0.8),
         Box((-3, -3, -1), (-2, 1, 1)),
     ]
-    rays = ordinary_rays(surfaces, 600, 3)
+    rays = ordinary_rays(surfaces, 1200, 3)
     hits = Intersector(surfaces).intersect(rays.origins, rays.directions)
     return Screen(surfaces), ExactJudge(surfaces), hits, rays.origins, rays.directions
 
@@ -173,9 +174,7 @@ def test_the_nearer_of_two_objects_is_confirmed():
     assert not Screen(twice).confirmed(Intersector(twice).intersect(o, d), o, d).any()
 
 
-@pytest.mark.parametrize(
-    "name", [n for n, (kind, _) in ORDINARY_SCENES.items() if kind != "patches"]
-)
+@pytest.mark.parametrize("name", list(ORDINARY_SCENES))
 def test_ordinary_rays_are_confirmed(name):
     """All but few: the exact judge is asked about what is left."""
     surfaces = ORDINARY_SCENES[name][1]()
