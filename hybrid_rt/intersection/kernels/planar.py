@@ -271,8 +271,10 @@ def trace_planes(table, rays, best, any_hit):
             # As for parallelograms; the rounding of n.d itself counts for distant points.
             error = UNIT_ROUNDOFF * (8.0 * away + 6.0 * abs(t) * length)
             t_bound = error / slope + 4.0 * UNIT_ROUNDOFF * abs(t)
+            # Below that n.d has no digits, perhaps not even the right sign.
+            within = slope <= 8.0 * UNIT_ROUNDOFF * length
             offer(
-                i, t, t_bound, slope, False, table.object_id[k], 0, 0.0, 0.0,
+                i, t, t_bound, slope, within, table.object_id[k], 0, 0.0, 0.0,
                 rays.t_min, rays.known, best,
             )  # fmt: skip
 

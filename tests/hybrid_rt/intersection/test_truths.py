@@ -98,6 +98,28 @@ def test_boxes_rectangles_and_planes():
     np.testing.assert_array_equal(hits.front_face[:4], [True, False, False, True])
 
 
+def test_rays_within_a_plane_up_to_rounding_say_tangent():
+    """n.d is 1.4e-18, three roundings below 2^-53: its sign is not known, nor is that of t."""
+    normal = [float.fromhex(x) for x in (
+        "0x1.b5635f974609ap-1", "-0x1.0901539a02813p-1", "-0x1.8a78205293f0ep-5",
+    )]  # fmt: skip
+    point = [float.fromhex(x) for x in (
+        "0x1.24f7f63c9fcc5p+21", "-0x1.d4bff8e96b8d4p+20", "0x1.387fff78a69dap+21",
+    )]  # fmt: skip
+    origin = [float.fromhex(x) for x in (
+        "0x1.24f7f49949508p+21", "-0x1.d4c000196e916p+20", "0x1.3880090a3ce37p+21",
+    )]  # fmt: skip
+    direction = [float.fromhex(x) for x in (
+        "-0x1.d972efe1aa346p-2", "-0x1.6dae75fef4ceap-1", "-0x1.0d0a42f4cc326p-1",
+    )]  # fmt: skip
+    plane = Plane(point, normal)
+    hits = Intersector([plane], coarse="none").intersect(origin, direction)
+    assert hits.status[0] == Status.TANGENT
+    # Well above rounding there is no need.
+    steeper = np.array(direction) - 1e-13 * plane.unit_normal
+    assert Intersector([plane]).intersect(origin, steeper).status[0] == Status.HIT
+
+
 def test_no_ray_slips_between_triangles():
     ball = trimesh.creation.icosphere(subdivisions=4)
     rng = np.random.default_rng(5)
