@@ -19,7 +19,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import asdict
 from pathlib import Path
 
-from hybrid_rt.cli.command import kept, run_tool
+from hybrid_rt.cli.command import kept, one_or_more, run_tool
 from hybrid_rt.core import checks
 from hybrid_rt.verify.cases.filtered_campaign import (
     ORDINARY,
@@ -35,7 +35,7 @@ from hybrid_rt.verify.cases.singular_sets import DISTANCES, KINDS, PLACEMENTS, S
 
 HEAD = (
     f"{'':30}{'rays':>11}{'hits':>11}{'TANGENT':>9}{'asked':>9}{'wrong':>7}{'+TANGENT':>9}"
-    f"{'bounds':>7}{'off':>5}{'open':>6}{'seconds':>9}{'krays/s':>9}"
+    f"{'bounds':>7}{'off':>5}{'open':>6}{'passed':>8}{'seconds':>9}{'krays/s':>9}"
 )
 
 
@@ -50,6 +50,10 @@ def main() -> int:
     parser.add_argument("--kind", action="append", choices=KINDS, help="may be repeated")
     parser.add_argument("--set", action="append", choices=list(SETS), help="may be repeated")
     parser.add_argument("--scene", action="append", choices=list(ORDINARY_SCENES))
+    parser.add_argument(
+        "--tangent-every", type=one_or_more, default=1, metavar="N",
+        help="judge every Nth row that says TANGENT and is not confirmed; default: all",
+    )  # fmt: skip
     parser.add_argument("--out", type=Path, help="write the figures as JSON")
     parser.add_argument("--add-up", type=Path, nargs="+", metavar="FILE", help="runs to add up")
     args = parser.parse_args()
@@ -71,7 +75,8 @@ def main() -> int:
         print(HEAD)
         if singular:
             for name in names:
-                _follow(groups, run_singular(name, int(singular) // len(names), args.seed))
+                each = int(singular) // len(names)
+                _follow(groups, run_singular(name, each, args.seed, args.tangent_every))
         if ordinary:
             for name in scenes:
                 _follow(groups, run_ordinary(name, int(ordinary) // len(scenes), args.seed))
@@ -114,7 +119,7 @@ def _line(name: str, c: Count) -> str:
     seconds = c.seconds + c.filter_seconds + c.exact_seconds
     return (
         f"{name:30}{c.rays:11}{c.hits:11}{c.tangent:9}{c.asked:9}{c.wrong:7}{c.wrong_tangent:9}"
-        f"{c.bounds_broken:7}{c.off_ray:5}{c.left_open:6}{seconds:9.1f}"
+        f"{c.bounds_broken:7}{c.off_ray:5}{c.left_open:6}{c.passed_over:8}{seconds:9.1f}"
         f"{1e-3 * c.rays / max(seconds, 1e-9):9.1f}"
     )
 

@@ -78,8 +78,7 @@ def _signs(high, radius, n):
         if now == 0:
             unknown += 1
             continue
-        if last != 0 and now != last:
-            changes += 1
+        changes += int(now * last < 0)
         last = now
     if unknown == 0 and changes == 0:
         return NONE
@@ -99,10 +98,10 @@ def _signs(high, radius, n):
 @inner
 def _is_lost(high, radius, n):
     """Whether all coefficients are within a few radii, so that halving cannot help."""
+    largest = 0.0
     for k in range(n + 1):
-        if abs(high[k]) > LOST * radius:
-            return False
-    return True
+        largest = max(largest, abs(high[k]))
+    return largest <= LOST * radius
 
 
 @inner

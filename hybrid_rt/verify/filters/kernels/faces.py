@@ -58,7 +58,8 @@ def _is_outside(part, slope):
     p, s = abs(part[0]), abs(slope[0])
     if p / GROW - part[2] > (s + slope[2]) * GROW:
         return True
-    return sign(part) * sign(slope) < 0
+    side = sign(part) * sign(slope)
+    return side < 0 or (side > 0 and sign(minus(part, slope)) == sign(slope))
 
 
 @inner

@@ -6,7 +6,6 @@ from hybrid_rt.verify.filters.kernels.balls import (
     GROW,
     ROUNDING,
     TINY,
-    difference,
     minus,
     plus,
     product,
@@ -117,42 +116,26 @@ def finish(crossings, count, shift, o, length, middle, size, leaves, hit_t, from
         return
     out[UNSURE_FROM] = from_t
     n_dropped, n_open = 0, 0
-    if leaves:
-        away = distance(middle, o)
-        rounded = ROUNDED * max(abs(o[0]), abs(o[1]), abs(o[2]))
-        for k in range(count):
-            t = abs(shift + crossings[k, 0])
-            extent = size if size >= 0.0 else t * length
-            allowed = BAND * max(away, extent) + rounded
-            reach = t * length * crossings[k, 3]
-            crossings[k, 4] = 1.0
-            if not reach > NEARLY * allowed:
-                n_dropped += 1
-                crossings[k, 4] = 0.0
-            elif not reach > BEYOND * allowed:
-                n_open += 1
-        if n_open > 0 or from_t <= 0.0:
-            unsure(out)
-            return
-    else:
-        for k in range(count):
-            crossings[k, 4] = 1.0
-    if n_dropped > 1 and not math.isnan(hit_t):
-        # Any of them may be the departure, so that each of the others is a right answer.
-        for k in range(count):
-            t = plus((shift, 0.0, 0.0), (crossings[k, 0], crossings[k, 1], crossings[k, 2]))
-            if crossings[k, 4] == 0.0 and sign(t) > 0:
-                gap = abs(hit_t - t[0])
-                if not out[FOUND] == 1.0 or gap < abs(out[APART]):
-                    apart = minus((hit_t, 0.0, 0.0), t)
-                    out[FOUND], out[T] = 1.0, t[0]
-                    out[T_ERROR] = (t[2] + abs(t[1])) * GROW
-                    out[APART] = apart[0]
-                    out[APART_ERROR] = (apart[2] + abs(apart[1])) * GROW
-        if out[FOUND] == 1.0 and abs(out[APART]) <= BAND * max(abs(hit_t), size / length):
-            return
-        out[FOUND] = 0.0
-    first, last, found = math.inf, math.inf, False
+    away = distance(middle, o)
+    rounded = ROUNDED * max(abs(o[0]), abs(o[1]), abs(o[2])) if leaves else 0.0
+    for k in range(count):
+        t = abs(shift + crossings[k, 0])
+        extent = size if size >= 0.0 else t * length
+        allowed = BAND * max(away, extent) + rounded
+        reach = t * length * crossings[k, 3]
+        crossings[k, 4] = 1.0
+        if not reach > NEARLY * allowed:
+            n_dropped += 1
+            crossings[k, 4] = 0.0
+        elif leaves and not reach > BEYOND * allowed:
+            n_open += 1
+    if leaves and (n_open > 0 or from_t <= 0.0):
+        unsure(out)
+        return
+    # Any of several may be the departure, so that each of the others is a right answer; so is,
+    # where nothing is left, a crossing on either side of t = 0 within rounding.
+    has_choice = n_dropped > (1 if leaves else 0) and not math.isnan(hit_t)
+    first, found = math.inf, False
     for k in range(count):
         if crossings[k, 4] == 0.0:
             continue
@@ -167,10 +150,24 @@ def finish(crossings, count, shift, o, length, middle, size, leaves, hit_t, from
             first, found = t[0], True
             out[T] = t[0]
             out[T_ERROR] = (t[2] + abs(t[1])) * GROW
-    if not found:
-        return
-    out[FOUND] = 1.0
-    # Crossings that cannot be told apart from the first count as one with it.
+    if found:
+        out[FOUND] = 1.0
+        _hold(crossings, count, shift, hit_t, out)
+    if has_choice:
+        for k in range(count):
+            if crossings[k, 4] != 0.0:
+                continue
+            t = plus((shift, 0.0, 0.0), (crossings[k, 0], crossings[k, 1], crossings[k, 2]))
+            if sign(t) > 0 and (out[FOUND] != 1.0 or abs(hit_t - t[0]) < abs(out[APART])):
+                apart = minus((hit_t, 0.0, 0.0), t)
+                out[FOUND], out[T] = 1.0, t[0]
+                out[T_ERROR] = (t[2] + abs(t[1])) * GROW
+                out[APART], out[APART_ERROR] = apart[0], (apart[2] + abs(apart[1])) * GROW
+
+
+@inner
+def _hold(crossings, count, shift, hit_t, out):
+    """Compare with the first crossing and with those that cannot be told apart from it."""
     low, high = math.inf, -math.inf
     last = out[T] + out[T_ERROR]
     for k in range(count):
@@ -185,13 +182,6 @@ def finish(crossings, count, shift, o, length, middle, size, leaves, hit_t, from
         high = max(high, apart[0] + (apart[2] + abs(apart[1])) * GROW)
     out[APART] = 0.5 * (low + high)
     out[APART_ERROR] = 0.5 * (high - low) * GROW + 2.0**-52 * abs(out[APART])
-
-
-@inner
-def vector_difference(a, b, out):
-    """Write a - b of float64 vectors, as balls."""
-    for k in range(3):
-        out[k, 0], out[k, 1], out[k, 2] = difference(a[k], b[k])
 
 
 @inner

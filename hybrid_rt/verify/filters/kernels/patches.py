@@ -19,7 +19,6 @@ from hybrid_rt.verify.filters.kernels.balls import (
     ROUNDING,
     minus,
     over,
-    plus,
     times,
 )
 from hybrid_rt.verify.filters.kernels.bernstein import LOST
@@ -79,6 +78,22 @@ def _project(surface, p, d, k, scratch):
         height[0, c], height[1, c] = z[0], z[1]
         radius, far = max(radius, a[2], b[2]), max(far, z[2])
     return radius, far
+
+
+@inner
+def _is_passed(surface, p, d, k, scratch):
+    """Whether A or B has coefficients of one certain sign already in float64."""
+    i, j = (k + 1) % 3, (k + 2) % 3
+    away = scratch.away
+    margin = 2.0**-48 * (surface.radius + abs(away[0, 0]) + abs(away[1, 0]) + abs(away[2, 0]))
+    margin *= 2.0 * abs(d[k])
+    a0, a1, b0, b1 = math.inf, -math.inf, math.inf, -math.inf
+    for c in range(surface.starts[p], surface.starts[p + 1]):
+        z = surface.points[c, k, 0] - away[k, 0]
+        a = d[k] * (surface.points[c, i, 0] - away[i, 0]) - d[i] * z
+        b = d[k] * (surface.points[c, j, 0] - away[j, 0]) - d[j] * z
+        a0, a1, b0, b1 = min(a0, a), max(a1, a), min(b0, b), max(b1, b)
+    return a0 > margin or a1 < -margin or b0 > margin or b1 < -margin
 
 
 @inner
@@ -432,7 +447,7 @@ def _ray(surface, o, d, leaves, hit_t, scratch, out):
         if cx * cx + cy * cy + cz * cz > limit * limit:
             continue
         ahead = (wx * d[0] + wy * d[1] + wz * d[2]) / length + radius + 1e-9 * surface.radius
-        if ahead < behind * length:
+        if ahead < behind * length or _is_passed(surface, p, d, k, scratch):
             continue
         count, begins = _patch(surface, p, d, k, length, behind, scratch, count)
         from_t = min(from_t, begins)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 
 from hybrid_rt.core.records import BoolArray, FloatArray, IntArray
@@ -31,11 +33,11 @@ class PatchesFilter(SurfaceFilter, of=BezierPatches):
         counts = [net.shape[0] * net.shape[1] for net in nets]
         starts = np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)
         balls = np.zeros((len(nets), 4))
-        for k, (a, b) in enumerate(zip(starts[:-1], starts[1:], strict=True)):
+        for k, (a, b) in enumerate(pairwise(starts)):
             own = points[a:b, :, 0]
             balls[k, :3] = 0.5 * (own.min(axis=0) + own.max(axis=0))
             balls[k, 3] = np.linalg.norm(own - balls[k, :3], axis=1).max()
-        most = max(max(counts), 31)
+        most = max([31, *counts])
         self._table = patches.Patches(
             points=points,
             starts=starts,
