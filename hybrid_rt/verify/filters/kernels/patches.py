@@ -231,6 +231,21 @@ def _slopes(row, m, n, radius):
     return m * (u0 - slack), m * (u1 + slack), n * (v0 - slack), n * (v1 + slack)
 
 
+@inner
+def _may_be_dominated(net, m, n, inverse, turned):
+    """Whether, by float64 and in the favourable case, the diagonal of the derivatives dominates."""
+    terms = 0.0
+    for c in range((m + 1) * (n + 1)):
+        for side in range(2):
+            a, b = inverse[2 * side] * net[0, c], inverse[2 * side + 1] * net[2, c]
+            turned[2 * side, c] = a + b
+            terms = max(terms, abs(a) + abs(b))
+    uu0, _, uv0, uv1 = _slopes(turned[0], m, n, 0.0)
+    vu0, vu1, vv0, _ = _slopes(turned[2], m, n, 0.0)
+    slack = 8.0 * ROUGH * terms * (m + n)
+    return uu0 + slack > max(-uv0, uv1) - slack and vv0 + slack > max(-vu0, vu1) - slack
+
+
 NO_ROOT, ROOT, HALVE = 0, 1, 2
 
 
@@ -253,6 +268,8 @@ def _settle(net, m, n, radius, scratch):
     inverse = (
         b_v / determinant, -a_v / determinant, -b_u / determinant, a_u / determinant,
     )  # fmt: skip
+    if not _may_be_dominated(net, m, n, inverse, turned):
+        return HALVE
     first, second = _turn(net, count, radius, inverse, turned)
     uu0, _, uv0, uv1 = _slopes(turned[0], m, n, first)
     vu0, vu1, vv0, _ = _slopes(turned[2], m, n, second)
