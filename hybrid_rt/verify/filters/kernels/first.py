@@ -12,12 +12,12 @@ from hybrid_rt.verify.filters.kernels.balls import (
     sign,
 )
 from hybrid_rt.verify.judges.kernels.double_double import add, two_product, two_sum
-from hybrid_rt.verify.judges.kernels.events import BAND
+from hybrid_rt.verify.judges.kernels.events import BAND, LEAST_COSINE
 from meshing.kernels.jit import inner
 
 # Columns of what is said of a ray and a surface.
 FOUND, T, T_ERROR, APART, APART_ERROR, UNSURE_FROM, N_COLUMNS = 0, 1, 2, 3, 4, 5, 6
-# Columns of crossings: t as a ball, the cosine, and 0 for those at the departure.
+# Columns of crossings: t as a ball, the cosine (-1: unknown), and 0 for those at the departure.
 CROSSING = 5
 MOST_CROSSINGS = 96
 # Whether a crossing is the point of departure is certain within half of what is allowed, and
@@ -122,12 +122,14 @@ def finish(crossings, count, shift, o, length, middle, size, leaves, hit_t, from
         t = abs(shift + crossings[k, 0])
         extent = size if size >= 0.0 else t * length
         allowed = BAND * max(away, extent) + rounded
-        reach = t * length * crossings[k, 3]
+        cosine = crossings[k, 3]
+        is_known = cosine >= 0.0
+        reach = t * length * (max(cosine, 0.0 if leaves else LEAST_COSINE) if is_known else 1.0)
         crossings[k, 4] = 1.0
-        if not reach > NEARLY * allowed:
+        if reach <= NEARLY * allowed:
             n_dropped += 1
             crossings[k, 4] = 0.0
-        elif leaves and not reach > BEYOND * allowed:
+        elif not is_known or not reach > BEYOND * allowed:
             n_open += 1
     if leaves and (n_open > 0 or from_t <= 0.0):
         unsure(out)

@@ -23,7 +23,8 @@ from hybrid_rt.verify.filters.kernels.balls import (
 )
 from hybrid_rt.verify.filters.kernels.bernstein import LOST
 from hybrid_rt.verify.filters.kernels.first import exact, finish, note, nothing, start
-from hybrid_rt.verify.judges.kernels.double_double import add, interpolate, multiply, two_product
+from hybrid_rt.verify.filters.kernels.nets import bounds, halve_net, rough, slopes, value
+from hybrid_rt.verify.judges.kernels.double_double import add, multiply, two_product
 from meshing.kernels.jit import hot_kernel, inner
 
 # Pieces of a patch that are narrower are left; pieces of one patch; the deepest stack.
@@ -97,27 +98,6 @@ def _is_passed(surface, p, d, k, scratch):
 
 
 @inner
-def _halve(high, low, other_high, other_low, begin, stride, n):
-    for level in range(n):
-        other_high[begin + level * stride], other_low[begin + level * stride] = (
-            high[begin], low[begin],
-        )  # fmt: skip
-        for k in range(n - level):
-            a, b = begin + k * stride, begin + (k + 1) * stride
-            h, e = add(high[a], low[a], high[b], low[b])
-            high[a], low[a] = 0.5 * h, 0.5 * e
-    other_high[begin + n * stride], other_low[begin + n * stride] = high[begin], low[begin]
-
-
-@inner
-def _bounds(high, count):
-    low, top = high[0], high[0]
-    for c in range(1, count):
-        low, top = min(low, high[c]), max(top, high[c])
-    return low, top
-
-
-@inner
 def _one_sided(net, count, radius, p, q):
     """Whether p A + q B has coefficients of one certain sign."""
     low, top, terms = math.inf, -math.inf, 0.0
@@ -157,48 +137,6 @@ def _mean_slopes(net, m, n, values):
 
 
 @inner
-def _rough(row, m, n, u, v, work):
-    """Return the value and both derivatives of a net at (u, v), in float64."""
-    width = n + 1
-    for i in range(m + 1):
-        for j in range(width):
-            work[0, j] = row[i * width + j]
-        for level in range(n - 1):
-            for j in range(n - level):
-                work[0, j] += v * (work[0, j + 1] - work[0, j])
-        slope = work[0, 1] - work[0, 0]
-        work[1, i], work[2, i] = work[0, 0] + v * slope, n * slope
-    for level in range(m - 1):
-        for i in range(m - level):
-            work[1, i] += u * (work[1, i + 1] - work[1, i])
-            work[2, i] += u * (work[2, i + 1] - work[2, i])
-    along = work[1, 1] - work[1, 0]
-    return work[1, 0] + u * along, m * along, work[2, 0] + u * (work[2, 1] - work[2, 0])
-
-
-@inner
-def _value(high, low, m, n, u, v, radius, work):
-    """Return the ball of a net's value at a point given by pairs."""
-    width, scale = n + 1, 0.0
-    for i in range(m + 1):
-        for j in range(width):
-            work[0, j], work[1, j] = high[i * width + j], low[i * width + j]
-            scale = max(scale, abs(work[0, j]))
-        for level in range(n):
-            for j in range(n - level):
-                work[0, j], work[1, j] = interpolate(
-                    work[0, j], work[1, j], work[0, j + 1], work[1, j + 1], v[0], v[1]
-                )
-        work[2, i], work[3, i] = work[0, 0], work[1, 0]
-    for level in range(m):
-        for i in range(m - level):
-            work[2, i], work[3, i] = interpolate(
-                work[2, i], work[3, i], work[2, i + 1], work[3, i + 1], u[0], u[1]
-            )
-    return work[2, 0], work[3, 0], (radius + (4.0 * (m + n) + 1.0) * ROUNDING * scale) * GROW
-
-
-@inner
 def _turn(net, count, radius, inverse, turned):
     """Multiply A and B by a matrix; return the radii."""
     scale = 0.0
@@ -214,24 +152,6 @@ def _turn(net, count, radius, inverse, turned):
 
 
 @inner
-def _slopes(row, m, n, radius):
-    """Return the least and the most of both derivatives of a net: along u, then along v."""
-    width, scale = n + 1, 0.0
-    u0, u1, v0, v1 = math.inf, -math.inf, math.inf, -math.inf
-    for i in range(m + 1):
-        for j in range(width):
-            scale = max(scale, abs(row[i * width + j]))
-            if i < m:
-                step = row[(i + 1) * width + j] - row[i * width + j]
-                u0, u1 = min(u0, step), max(u1, step)
-            if j < n:
-                step = row[i * width + j + 1] - row[i * width + j]
-                v0, v1 = min(v0, step), max(v1, step)
-    slack = (2.0 * radius + 2.0**-51 * scale) * GROW
-    return m * (u0 - slack), m * (u1 + slack), n * (v0 - slack), n * (v1 + slack)
-
-
-@inner
 def _may_be_dominated(net, m, n, inverse, turned):
     """Whether, by float64 and in the favourable case, the diagonal of the derivatives dominates."""
     terms = 0.0
@@ -240,8 +160,8 @@ def _may_be_dominated(net, m, n, inverse, turned):
             a, b = inverse[2 * side] * net[0, c], inverse[2 * side + 1] * net[2, c]
             turned[2 * side, c] = a + b
             terms = max(terms, abs(a) + abs(b))
-    uu0, _, uv0, uv1 = _slopes(turned[0], m, n, 0.0)
-    vu0, vu1, vv0, _ = _slopes(turned[2], m, n, 0.0)
+    uu0, _, uv0, uv1 = slopes(turned[0], m, n, 0.0)
+    vu0, vu1, vv0, _ = slopes(turned[2], m, n, 0.0)
     slack = 8.0 * ROUGH * terms * (m + n)
     return uu0 + slack > max(-uv0, uv1) - slack and vv0 + slack > max(-vu0, vu1) - slack
 
@@ -260,8 +180,8 @@ def _settle(net, m, n, radius, scratch):
         return NO_ROOT
     if _one_sided(net, count, radius, -values[3], values[1]):
         return NO_ROOT
-    _, a_u, a_v = _rough(net[0], m, n, 0.5, 0.5, work)
-    _, b_u, b_v = _rough(net[2], m, n, 0.5, 0.5, work)
+    _, a_u, a_v = rough(net[0], m, n, 0.5, 0.5, work)
+    _, b_u, b_v = rough(net[2], m, n, 0.5, 0.5, work)
     determinant = a_u * b_v - a_v * b_u
     if determinant == 0.0:
         return HALVE
@@ -271,15 +191,15 @@ def _settle(net, m, n, radius, scratch):
     if not _may_be_dominated(net, m, n, inverse, turned):
         return HALVE
     first, second = _turn(net, count, radius, inverse, turned)
-    uu0, _, uv0, uv1 = _slopes(turned[0], m, n, first)
-    vu0, vu1, vv0, _ = _slopes(turned[2], m, n, second)
+    uu0, _, uv0, uv1 = slopes(turned[0], m, n, first)
+    vu0, vu1, vv0, _ = slopes(turned[2], m, n, second)
     b1, b2 = max(-uv0, uv1) * GROW, max(-vu0, vu1) * GROW
     if not (uu0 > b1 and vv0 > b2):
         return HALVE
     u, v = 0.5, 0.5
     for _ in range(NEWTON_STEPS):
-        f, f_u, f_v = _rough(turned[0], m, n, u, v, work)
-        g, g_u, g_v = _rough(turned[2], m, n, u, v, work)
+        f, f_u, f_v = rough(turned[0], m, n, u, v, work)
+        g, g_u, g_v = rough(turned[2], m, n, u, v, work)
         det = f_u * g_v - f_v * g_u
         if not abs(det) > 0.0:
             return HALVE
@@ -294,14 +214,14 @@ def _settle(net, m, n, radius, scratch):
     least = min(uu0 - b1, vv0 - b2)
     wide = math.inf
     for step in range(3):
-        f = _value(turned[0], turned[1], m, n, (u, ul), (v, vl), first, work)
-        g = _value(turned[2], turned[3], m, n, (u, ul), (v, vl), second, work)
+        f = value(turned[0], turned[1], m, n, (u, ul), (v, vl), first, work)
+        g = value(turned[2], turned[3], m, n, (u, ul), (v, vl), second, work)
         most_of = max(abs(f[0]) + f[2], abs(g[0]) + g[2])
         wide = most_of / least * GROW * GROW + 2.0**-104
         if step == 2 or (abs(f[0]) <= 2.0 * f[2] and abs(g[0]) <= 2.0 * g[2]):
             break
-        _, f_u, f_v = _rough(turned[0], m, n, u, v, work)
-        _, g_u, g_v = _rough(turned[2], m, n, u, v, work)
+        _, f_u, f_v = rough(turned[0], m, n, u, v, work)
+        _, g_u, g_v = rough(turned[2], m, n, u, v, work)
         det = f_u * g_v - f_v * g_u
         u, ul = add(u, ul, -(f[0] * g_v - g[0] * f_v) / det, 0.0)
         v, vl = add(v, vl, -(g[0] * f_u - f[0] * g_u) / det, 0.0)
@@ -315,8 +235,8 @@ def _settle(net, m, n, radius, scratch):
 @inner
 def _outside(turned, m, n, u, v, first, second, uu0, b1, b2, vv0, work):
     """Decide by the derivatives that a root is beyond the border, from its nearest point."""
-    f = _value(turned[0], turned[1], m, n, (u, 0.0), (v, 0.0), first, work)
-    g = _value(turned[2], turned[3], m, n, (u, 0.0), (v, 0.0), second, work)
+    f = value(turned[0], turned[1], m, n, (u, 0.0), (v, 0.0), first, work)
+    g = value(turned[2], turned[3], m, n, (u, 0.0), (v, 0.0), second, work)
     # f < 0 at u = 1 and f > 0 at u = 0 push away; v may make up for it only so far.
     f_push = -f[0] if u == 1.0 else (f[0] if u == 0.0 else -math.inf)
     g_push = -g[0] if v == 1.0 else (g[0] if v == 0.0 else -math.inf)
@@ -339,8 +259,8 @@ def _note_root(surface, p, m, n, span, radius, k, d, length, scratch, count):
     v = add(h, e + values[3] * span[3], span[2], 0.0)
     error_u = (values[4] * span[1] + 2.0**-100) * GROW
     error_v = (values[4] * span[3] + 2.0**-100) * GROW
-    z = _value(height[0], height[1], m, n, u, v, radius, work)
-    u0, u1, v0, v1 = _slopes(height[0], m, n, radius)
+    z = value(height[0], height[1], m, n, u, v, radius, work)
+    u0, u1, v0, v1 = slopes(height[0], m, n, radius)
     wide = max(-u0, u1) * error_u + max(-v0, v1) * error_v
     t = over((z[0], z[1], (z[2] + wide) * GROW), exact(d[k]))
     # The cosine, in float64.
@@ -348,13 +268,13 @@ def _note_root(surface, p, m, n, span, radius, k, d, length, scratch, count):
     for axis in range(3):
         for c in range((m + 1) * (n + 1)):
             work[3, c] = surface.points[begin + c, axis, 0]
-        _, values[5 + axis], values[8 + axis] = _rough(work[3], m, n, u[0], v[0], work)
+        _, values[5 + axis], values[8 + axis] = rough(work[3], m, n, u[0], v[0], work)
     nx = values[6] * values[10] - values[7] * values[9]
     ny = values[7] * values[8] - values[5] * values[10]
     nz = values[5] * values[9] - values[6] * values[8]
     size = math.sqrt(nx * nx + ny * ny + nz * nz)
     slope = abs(nx * d[0] + ny * d[1] + nz * d[2])
-    return note(scratch.crossings, count, t, slope / (size * length) if size > 0.0 else 0.0)
+    return note(scratch.crossings, count, t, slope / (size * length) if size > 0.0 else -1.0)
 
 
 @inner
@@ -369,8 +289,8 @@ def _patch(surface, p, d, k, length, behind, scratch, count):
     while top >= 0:
         n_pieces += 1
         net, span, radius = nets[top], spans[top], radii[top]
-        a0, a1 = _bounds(net[0], total)
-        b0, b1 = _bounds(net[2], total)
+        a0, a1 = bounds(net[0], total)
+        b0, b1 = bounds(net[2], total)
         limit = radius * GROW
         if a0 > limit or a1 < -limit or b0 > limit or b1 < -limit:
             top -= 1
@@ -407,7 +327,7 @@ def _patch(surface, p, d, k, length, behind, scratch, count):
         if m * along >= n * across:
             for side in (0, 2):
                 for j in range(width):
-                    _halve(net[side], net[side + 1], other[side], other[side + 1], j, width, m)
+                    halve_net(net[side], net[side + 1], other[side], other[side + 1], j, width, m)
             span[1] *= 0.5
             spans[top + 1, 1] = span[1]
             span[0] += span[1]
@@ -415,7 +335,9 @@ def _patch(surface, p, d, k, length, behind, scratch, count):
         else:
             for side in (0, 2):
                 for i in range(m + 1):
-                    _halve(net[side], net[side + 1], other[side], other[side + 1], i * width, 1, n)
+                    halve_net(
+                        net[side], net[side + 1], other[side], other[side + 1], i * width, 1, n
+                    )
             span[3] *= 0.5
             spans[top + 1, 3] = span[3]
             span[2] += span[3]
@@ -431,9 +353,9 @@ def _height_range(m, n, span, far, slope, scratch):
     """Return bounds of t on a piece, in float64 with a margin."""
     height = scratch.height
     u, v = span[0] + 0.5 * span[1], span[2] + 0.5 * span[3]
-    z, _, _ = _rough(height[0], m, n, u, v, scratch.work)
-    u0, u1, v0, v1 = _slopes(height[0], m, n, far)
-    low, high = _bounds(height[0], (m + 1) * (n + 1))
+    z, _, _ = rough(height[0], m, n, u, v, scratch.work)
+    u0, u1, v0, v1 = slopes(height[0], m, n, far)
+    low, high = bounds(height[0], (m + 1) * (n + 1))
     wide = 0.5 * (max(-u0, u1) * span[1] + max(-v0, v1) * span[3])
     wide += 2.0**-45 * max(abs(low), abs(high))
     a, b = (z - wide) / slope, (z + wide) / slope

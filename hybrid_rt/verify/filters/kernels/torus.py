@@ -70,7 +70,7 @@ def _cosine(surface, away, d, t, length):
         n = (1.0 - surface.major / rho) * across + height * surface.axis[k]
         square += n * n
         slope += n * d[k]
-    return abs(slope) / (math.sqrt(square) * length) if square > 0.0 else 0.0
+    return abs(slope) / (math.sqrt(square) * length) if square > 0.0 else -1.0
 
 
 @inner

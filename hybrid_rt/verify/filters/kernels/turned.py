@@ -11,12 +11,9 @@ root of a quadratic with an interval for R^2, and both are narrowed in turn.
 """
 
 import math
-from typing import Any, NamedTuple
 
 from hybrid_rt.verify.filters.kernels.balls import (
     GROW,
-    ROUNDING,
-    dot3,
     minus,
     most,
     over,
@@ -25,8 +22,9 @@ from hybrid_rt.verify.filters.kernels.balls import (
     square_root,
     times,
 )
-from hybrid_rt.verify.filters.kernels.bernstein import halve, least_slope, solve, steepest, value_at
+from hybrid_rt.verify.filters.kernels.bernstein import least_slope, solve, steepest, value_at
 from hybrid_rt.verify.filters.kernels.first import finish, note, nothing, start, unsure
+from hybrid_rt.verify.filters.kernels.profiles import build, enter, is_clear, is_passed, load, row
 from meshing.kernels.jit import hot_kernel, inner
 
 # Below this |a1| / |d| the second form is tried first.
@@ -40,82 +38,6 @@ LOOSE = 2.0**-58
 MOST_BUILDS, NARROWEST = 5, 2.0**-51
 
 
-class Turned(NamedTuple):
-    """One surface of revolution."""
-
-    control: Any  # (total, 2) float64: axial position, radius
-    starts: Any  # (k + 1,) int64
-    weights: Any  # (total, 31, 2) float64: C(n, i) C(n, j) / C(2n, i + j), twice that if i < j
-    duals: Any  # (3, 3, 2) float64: inverse of (axis, radial, binormal), double-double
-    origin: Any  # (3,) float64
-    centre: Any  # (3,) float64: of the ball
-    radius: float  # of a ball about it that holds the surface
-    middle: Any  # (3,) float64: of the box
-    size: float  # diameter of the box
-
-
-class TurnedScratch(NamedTuple):
-    """Working memory of one thread."""
-
-    nets: Any  # (DEPTH + 3, 2, MOST_DEGREE + 1) float64
-    radii: Any  # (DEPTH + 1,) float64
-    spans: Any  # (DEPTH + 1, 2) float64
-    roots: Any  # (ROOM, 6) float64
-    unsure: Any  # (ROOM, 2) float64
-    factors: Any  # (3, 31, 3) float64
-    local: Any  # (4, 31) float64: high and low parts of Z - a0 and of R
-    spare: Any  # (4, 31) float64
-    pieces: Any  # (32, 3) float64: begin, width, and how often F was built
-    line: Any  # (6, 3) float64: a0, x0, y0, a1, x1, y1
-    away: Any  # (3, 3) float64
-    crossings: Any  # (MOST_CROSSINGS, CROSSING) float64
-
-
-@inner
-def _row(table, k):
-    return table[k, 0], table[k, 1], table[k, 2]
-
-
-@inner
-def _enter(surface, d, scratch):
-    """Take the ray into coordinates along the frame."""
-    line, away = scratch.line, scratch.away
-    for k in range(3):
-        x = surface.duals[k, 0, 0], surface.duals[k, 0, 1], 2.0**-104
-        y = surface.duals[k, 1, 0], surface.duals[k, 1, 1], 2.0**-104
-        z = surface.duals[k, 2, 0], surface.duals[k, 2, 1], 2.0**-104
-        a, b, c = _row(away, 0), _row(away, 1), _row(away, 2)
-        line[k, 0], line[k, 1], line[k, 2] = dot3(a, b, c, x, y, z)
-        line[3 + k, 0], line[3 + k, 1], line[3 + k, 2] = dot3(
-            (d[0], 0.0, 0.0), (d[1], 0.0, 0.0), (d[2], 0.0, 0.0), x, y, z
-        )
-
-
-@inner
-def _load(surface, p, n, begin, width, scratch):
-    """Write Z - a0 and R of a piece of a segment, and return the radii of their coefficients."""
-    start, local, spare = surface.starts[p], scratch.local, scratch.spare
-    a0 = _row(scratch.line, 0)
-    z_radius, r_radius = 0.0, 0.0
-    for k in range(n + 1):
-        h, e, r = minus((surface.control[start + k, 0], 0.0, 0.0), a0)
-        local[0, k], local[1, k] = h, e
-        local[2, k], local[3, k] = surface.control[start + k, 1], 0.0
-        z_radius = max(z_radius, r)
-    low, wide = 0.0, 1.0
-    while wide > width:
-        wide *= 0.5
-        z_radius = halve(local[0], local[1], spare[0], spare[1], n, z_radius)
-        r_radius = halve(local[2], local[3], spare[2], spare[3], n, r_radius)
-        if begin >= low + wide:
-            low += wide
-            continue
-        for c in range(4):
-            for k in range(n + 1):
-                local[c, k] = spare[c, k]
-    return z_radius, r_radius
-
-
 @inner
 def _cosine(line, local, n, x, t, length, work):
     """Return |n.d| / |d| at a crossing, in float64."""
@@ -125,7 +47,7 @@ def _cosine(line, local, n, x, t, length, work):
     dr, _ = least_slope(local[2], 0.0, n, x, 0.0, work[0])
     speed = math.sqrt(dz * dz + dr * dr)
     if speed == 0.0 or rho == 0.0:
-        return 0.0
+        return -1.0
     slope = dz * (px * line[4, 0] + py * line[5, 0]) / rho - dr * line[3, 0]
     return abs(slope) / (speed * length)
 
@@ -133,7 +55,7 @@ def _cosine(line, local, n, x, t, length, work):
 @inner
 def _quadratic(line):
     """Return A, B, C of x^2 + y^2 = A t^2 + 2 B t + C."""
-    x0, y0, x1, y1 = _row(line, 1), _row(line, 2), _row(line, 4), _row(line, 5)
+    x0, y0, x1, y1 = row(line, 1), row(line, 2), row(line, 4), row(line, 5)
     a = plus(times(x1, x1), times(y1, y1))
     b = plus(times(x0, x1), times(y0, y1))
     return a, b, plus(times(x0, x0), times(y0, y0))
@@ -154,7 +76,7 @@ def _meet(local, n, s, t, line, quadratic, radii, steep, side, work):
     quadratic that of ``side`` is meant, -1 or 1; 0 is for the one that the ball of t touches.
     """
     a, b, _ = quadratic
-    a1 = _row(line, 3)
+    a1 = row(line, 3)
     for _ in range(ALTERNATIONS):
         r = value_at(local[2], local[3], radii[1], n, s, steep[1], work)
         far = square_root(_along(quadratic, r))
@@ -191,74 +113,6 @@ def _meet(local, n, s, t, line, quadratic, radii, steep, side, work):
 
 
 @inner
-def _is_passed(surface, p, n, scratch):
-    """Whether F has coefficients of one certain sign already in float64."""
-    line, start, factors = scratch.line, surface.starts[p], scratch.factors
-    a1 = line[3, 0]
-    scale = 0.0
-    for k in range(n + 1):
-        h = surface.control[start + k, 0] - line[0, 0]
-        factors[0, k, 0] = a1 * line[1, 0] + h * line[4, 0]
-        factors[1, k, 0] = a1 * line[2, 0] + h * line[5, 0]
-        factors[2, k, 0] = a1 * surface.control[start + k, 1]
-        scale = max(
-            scale,
-            abs(a1 * line[1, 0]) + abs(line[0, 0] * line[4, 0]) + abs(h * line[4, 0])
-            + abs(a1 * line[2, 0]) + abs(line[0, 0] * line[5, 0]) + abs(h * line[5, 0])
-            + abs(factors[2, k, 0]),
-        )  # fmt: skip
-    margin = 2.0**-46 * scale * scale
-    below = above = True
-    for m in range(2 * n + 1):
-        total = 0.0
-        for i in range(max(0, m - n), m // 2 + 1):
-            j = m - i
-            term = (
-                factors[0, i, 0] * factors[0, j, 0] + factors[1, i, 0] * factors[1, j, 0]
-                - factors[2, i, 0] * factors[2, j, 0]
-            )  # fmt: skip
-            total += surface.weights[start + i, j, 0] * term
-        below, above = below and total < -margin, above and total > margin
-    return below or above
-
-
-@inner
-def _build(n, p, z_radius, r_radius, surface, scratch):
-    """Write F of the piece, and return the radius of its coefficients."""
-    line, factors, local = scratch.line, scratch.factors, scratch.local
-    start = surface.starts[p]
-    a1 = _row(line, 3)
-    across_x, across_y = times(a1, _row(line, 1)), times(a1, _row(line, 2))
-    for k in range(n + 1):
-        h = local[0, k], local[1, k], z_radius
-        r = local[2, k], local[3, k], r_radius
-        factors[0, k, 0], factors[0, k, 1], factors[0, k, 2] = plus(
-            across_x, times(h, _row(line, 4))
-        )
-        factors[1, k, 0], factors[1, k, 1], factors[1, k, 2] = plus(
-            across_y, times(h, _row(line, 5))
-        )
-        factors[2, k, 0], factors[2, k, 1], factors[2, k, 2] = times(a1, r)
-    widest = 0.0
-    for m in range(2 * n + 1):
-        total = (0.0, 0.0, 0.0)
-        for i in range(max(0, m - n), m // 2 + 1):
-            j = m - i
-            term = minus(
-                plus(
-                    times(_row(factors[0], i), _row(factors[0], j)),
-                    times(_row(factors[1], i), _row(factors[1], j)),
-                ),
-                times(_row(factors[2], i), _row(factors[2], j)),
-            )
-            w = surface.weights[start + i, j]
-            total = plus(total, times(term, (w[0], w[1], 2.0 * ROUNDING)))
-        scratch.nets[0, 0, m], scratch.nets[0, 1, m] = total[0], total[1]
-        widest = max(widest, total[2])
-    return widest
-
-
-@inner
 def _piece_around(root, s):
     """Return begin and width of a small dyadic piece that holds one root, with room around it."""
     begin, width, room = root[4], root[5], 16.0 * s[2]
@@ -282,7 +136,7 @@ def _by_height(surface, p, n, behind, reach, scratch, count, length):
     """
     line, local, pieces = scratch.line, scratch.local, scratch.pieces
     work = scratch.nets[scratch.nets.shape[0] - 2]
-    a1, quadratic, loose = _row(line, 3), _quadratic(line), LOOSE * reach
+    a1, quadratic, loose = row(line, 3), _quadratic(line), LOOSE * reach
     if sign(a1) == 0:
         return count, -math.inf
     from_t = math.inf
@@ -291,9 +145,9 @@ def _by_height(surface, p, n, behind, reach, scratch, count, length):
     while next_piece < n_pieces:
         begin, width, age = pieces[next_piece, 0], pieces[next_piece, 1], pieces[next_piece, 2]
         next_piece += 1
-        radii = _load(surface, p, n, begin, width, scratch)
+        radii = load(surface, p, n, begin, width, scratch)
         steep = steepest(local[0], radii[0], n), steepest(local[2], radii[1], n)
-        radius = _build(n, p, radii[0], radii[1], surface, scratch)
+        radius = build(n, p, radii[0], radii[1], surface, scratch)
         n_roots, n_unsure = solve(
             scratch.nets, 2 * n, radius, scratch.roots, scratch.unsure, SMALLEST, scratch.radii,
             scratch.spans,
@@ -337,8 +191,8 @@ def _across(surface, p, n, reach, scratch, count, length):
     """Solve Z(s) = a0 + a1 t for s in an interval, then the quadratic for t; narrow both."""
     line, local, nets = scratch.line, scratch.local, scratch.nets
     work = nets[nets.shape[0] - 2]
-    a1 = _row(line, 3)
-    radii = _load(surface, p, n, 0.0, 1.0, scratch)
+    a1 = row(line, 3)
+    radii = load(surface, p, n, 0.0, 1.0, scratch)
     for k in range(n + 1):
         nets[0, 0, k], nets[0, 1, k] = local[0, k], local[1, k]
     n_roots, n_unsure = solve(
@@ -380,31 +234,6 @@ def _across(surface, p, n, reach, scratch, count, length):
 
 
 @inner
-def _is_clear(surface, begin, n, reach, scratch):
-    """Whether a ray passes by the box of a segment in (a, rho), in float64 with a margin."""
-    line = scratch.line
-    least, greatest, most_r = math.inf, -math.inf, 0.0
-    for k in range(n + 1):
-        height = surface.control[begin + k, 0] - line[0, 0]
-        least, greatest = min(least, height), max(greatest, height)
-        most_r = max(most_r, abs(surface.control[begin + k, 1]))
-    margin = 1e-9 * surface.radius
-    a1, low, high = line[3, 0], -reach, reach
-    if abs(a1) * reach > margin:
-        s, e = (least - margin) / a1, (greatest + margin) / a1
-        low, high = max(low, min(s, e)), min(high, max(s, e))
-        if low > high:
-            return True
-    elif least > 2.0 * margin or greatest < -2.0 * margin:
-        return True
-    a = line[4, 0] * line[4, 0] + line[5, 0] * line[5, 0]
-    b = line[1, 0] * line[4, 0] + line[2, 0] * line[5, 0]
-    t = min(max(-b / a, low), high) if a > 0.0 else low
-    x, y = line[1, 0] + t * line[4, 0], line[2, 0] + t * line[5, 0]
-    return x * x + y * y > (most_r + margin) ** 2
-
-
-@inner
 def _ray(surface, o, d, leaves, hit_t, scratch, out):
     shift, length, along, aside = start(o, d, surface.centre, surface.origin, scratch.away)
     ball = surface.radius * (1.0 + 1e-6)
@@ -416,13 +245,13 @@ def _ray(surface, o, d, leaves, hit_t, scratch, out):
     if shift + reach < 0.0 and not leaves:
         nothing(out)
         return
-    _enter(surface, d, scratch)
+    enter(surface, d, scratch)
     count, from_t = 0, math.inf
     behind = -math.inf if leaves else -shift - 2.0**-50 * abs(shift)
     for p in range(surface.starts.size - 1):
         begin = surface.starts[p]
         n = surface.starts[p + 1] - begin - 1
-        if _is_clear(surface, begin, n, reach, scratch) or _is_passed(surface, p, n, scratch):
+        if is_clear(surface, begin, n, reach, scratch) or is_passed(surface, p, n, scratch):
             continue
         is_settled, before = False, count
         if abs(scratch.line[3, 0]) < ACROSS * length:

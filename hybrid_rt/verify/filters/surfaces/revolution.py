@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from hybrid_rt.core.records import BoolArray, FloatArray, IntArray
-from hybrid_rt.verify.filters.kernels import turned
+from hybrid_rt.verify.filters.kernels import profiles, turned
 from hybrid_rt.verify.filters.kernels.first import N_COLUMNS
 from hybrid_rt.verify.filters.surface_filter import (
     SurfaceFilter,
@@ -41,7 +41,7 @@ class RevolutionFilter(SurfaceFilter, of=SurfaceOfRevolution):
         rounding = 1e-15 * (float(np.abs(surface.origin).max()) + abs(height))
         radius = float(np.hypot(points[:, 0] - height, points[:, 1]).max())
         middle, size = self.ball()
-        self._table = turned.Turned(
+        self._table = profiles.Turned(
             control=np.ascontiguousarray(points),
             starts=np.concatenate([[0], np.cumsum(lengths)]).astype(np.int64),
             weights=np.concatenate([_weights(n - 1) for n in lengths]),
@@ -53,7 +53,7 @@ class RevolutionFilter(SurfaceFilter, of=SurfaceOfRevolution):
             size=size,
         )
         degree = max(lengths) - 1
-        self._scratch = turned.TurnedScratch(
+        self._scratch = profiles.TurnedScratch(
             **solver_scratch(2 * degree),
             factors=np.zeros((3, degree + 1, 3)),
             local=np.zeros((4, degree + 1)),
