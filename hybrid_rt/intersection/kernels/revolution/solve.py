@@ -50,7 +50,6 @@ from hybrid_rt.intersection.kernels.search.nearest import is_known, offer
 from hybrid_rt.intersection.kernels.search.tolerances import (
     APPROACHES,
     BORDER_SLACK,
-    FLATTEST,
     MAX_STEPS,
     UNIT_ROUNDOFF,
 )
@@ -160,7 +159,8 @@ def slope_within(control, start, degree, ray, after, s, t, slope, error):
     """Return the least |n.d| that a ray may have that rounding has moved from this one.
 
     Beside the axis the normal turns by the shift over rho. At a tip it may turn all the way: what
-    counts is then the flattest meridian, if the ray points into the cone at all.
+    counts is then the angle between ray and cone. It is the slope at the flattest meridian of a ray
+    that points into the cone; any other meets the cone, if at all, within the shift over it.
     """
     rho, _ = distance(ray, t, after)
     moved = error * (1.0 + ray[LENGTH] / slope)
@@ -172,7 +172,8 @@ def slope_within(control, start, degree, ray, after, s, t, slope, error):
     speed = np.sqrt(zs * zs + rs * rs)
     zs, rs = abs(zs) / speed, abs(rs) / speed
     turned = slope - zs * ray[ACROSS] * min(2.0, 2.0 * moved / max(rho, 1e-300))
-    return max(turned, rs * abs(ray[RISE]) - zs * ray[ACROSS], 0.125 * slope)
+    from_cone = abs(rs * abs(ray[RISE]) - zs * ray[ACROSS])
+    return max(turned, min(from_cone, slope), UNIT_ROUNDOFF * ray[LENGTH])
 
 
 @inner
@@ -236,10 +237,12 @@ def offer_meeting(i, s, t, slope, gain, noise, error, segment, ray, after, rays,
         t_bound += abs(near - t) * to_world
         t = near
     if is_at_end and end[k, END_KIND] == BEND:
-        # The exact root may be beyond, on the segment that goes on there.
+        # The exact root may be beyond, on the segment that goes on there, and so flatly that only
+        # the surface's size limits how far: a disc has no curvature that would end the contact.
         rate = distance(ray, t, after)[1]
         other = end[k, END_TANGENT + 3] * rate - end[k, END_TANGENT + 4] * ray[RISE]
-        t_bound += 1.25 * error / max(abs(other), FLATTEST * ray[LENGTH]) * to_world
+        beyond = 1.25 * error / max(abs(other), UNIT_ROUNDOFF * ray[LENGTH])
+        t_bound += min(beyond, 4.0 * segment.size / ray[LENGTH]) * to_world
     t_world = (t + shift) * to_world
     if not t_world > t_min[i] or is_known(i, t_world, t_bound, slope, known):
         return True, False
