@@ -44,6 +44,9 @@ MOST_MOVED = 8.0
 FLATTEST = 1e-18
 # A point of departure lies so many bands, and so many eps of its coordinates, beside its surface.
 AT_START, ROUNDED = 1.0, 8.0
+# Up to so many eps it is certainly the point of departure. Farther away it may as well be another
+# crossing, such as the other side of a ridge.
+SURELY_ROUNDED = 3.0
 
 
 @dataclass(frozen=True)
@@ -160,16 +163,21 @@ def same_place(one: Placed, two: Placed, moved: float, length: float) -> bool:
 
 
 def departures(
-    crossings: list[Placed], leaves: int, origin: FloatArray, length: float, bands: float = 0.0
+    crossings: list[Placed],
+    leaves: int,
+    origin: FloatArray,
+    length: float,
+    bands: float = 0.0,
+    roundings: float = ROUNDED,
 ) -> list[Placed]:
     """Return the crossings of an object at which a ray leaves it, nearest first.
 
-    The origin is a point of the surface, rounded: by `ROUNDED` eps of its coordinates and by some
-    eps of the scale; and moved by some bands.
+    The origin is a point of the surface, rounded: by some eps of its coordinates and by some of the
+    scale; and moved by some bands.
     """
     if leaves < 0:
         return []
-    rounded = ROUNDED * 2.0**-52 * float(np.abs(origin).max())
+    rounded = roundings * 2.0**-52 * float(np.abs(origin).max())
     found = [
         one
         for one in crossings

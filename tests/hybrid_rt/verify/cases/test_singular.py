@@ -159,6 +159,21 @@ class TestJudge:
         assert verdict.wrong["departure"] == 1
 
 
+def test_the_other_side_of_an_edge_is_no_departure():
+    """Far from 0 a ray cuts a ridge 3.8e-9 from where it leaves: eight eps of its coordinates."""
+    name, place = "joint, leaving", "far"
+    tracer = Intersector(placed_surfaces(name, place), coarse="none", threads=1)
+    cell = trace_cell(tracer, name, 1e-9, place, 375, 401)
+    assert cell.hits.t[36] == pytest.approx(3.7641912e-9)
+    assert cell.source is not None
+    source, hit = cell.source[36], cell.hits[36]
+    assert (source.patch_id[0], hit.patch_id[0]) == (1, 0)
+    verdict = ExactJudge(tracer.surfaces).judge(
+        hit, cell.origins[36:37], cell.directions[36:37], leaves=source.object_id
+    )
+    assert verdict.n_wrong == verdict.bounds_broken == 0
+
+
 def test_touches_are_found_at_their_distance():
     cylinder = SurfaceOfRevolution([(-1, 1), (1, 1)], (0, 0, 0), (0, 0, 1))
     is_touched = exact_of(cylinder).touch()
