@@ -34,8 +34,6 @@ NOT_BUILT = {
     "A28": "rational patches",
     "A31": "NURBS",
     "D29": "normal maps",
-    "D31": "renders that stop and go on",
-    "E10": "renders that stop and go on",
 }
 
 

@@ -1,11 +1,15 @@
-"""Rows E01 to E09: the coarse stage, processes and threads, memory, layouts of arrays."""
+"""Rows E01 to E10: the coarse stage, processes and threads, memory, layouts of arrays, kills."""
 
 from __future__ import annotations
 
 import multiprocessing
+import signal
 import subprocess
 import sys
+import tempfile
+import time
 from functools import partial
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -15,6 +19,7 @@ from hybrid_rt.demo import teapot
 from hybrid_rt.intersection import Intersector
 from hybrid_rt.intersection.kernels.search.coarse import CoarseHits
 from hybrid_rt.primitives import Sphere
+from hybrid_rt.rendering.store import SUMS
 from hybrid_rt.verify.cases.campaign import torus
 from hybrid_rt.verify.cases.rays import at_box, chords, edges, silhouettes
 from hybrid_rt.verify.stability.measure import differences
@@ -209,4 +214,46 @@ def layouts(effort: Effort) -> Outcome:
         for name, arrays in others.items():
             names = differences(tracer.intersect(*arrays), expected)
             total += Outcome(rays=n).checked(not names, f"{name} arrays change {', '.join(names)}")
+    return total
+
+
+# Saves after every few passes, until it is killed.
+_SAVES = """
+import sys
+from hybrid_rt.integrators import workers
+from hybrid_rt.rendering import store
+from hybrid_rt.rendering.renderer import render
+from hybrid_rt.verify.stability.rows_light_stored import room
+workers.TOGETHER, store.EVERY, store.SHARE = 1, 0.0, 1e9
+render(room(), passes=10**6, store=sys.argv[1], resume=True, threads=1)
+"""
+
+
+@row("E10", "killed while its sums are written", "the render in one go")
+def killed(effort: Effort) -> Outcome:
+    """Kill -9 at random moments of a render that saves after each pass: the store goes on."""
+    from hybrid_rt.rendering.renderer import render
+    from hybrid_rt.verify.stability.rows_light_stored import room
+
+    total, rng, before = Outcome(), effort.rng(), 0
+    with tempfile.TemporaryDirectory() as name:
+        sums = [Path(name) / file for file in SUMS]
+        for _ in range(effort.count(12, 2)):
+            child = subprocess.Popen([sys.executable, "-c", _SAVES, name])
+            times = [file.exists() and file.stat().st_mtime_ns for file in sums]
+            until = time.monotonic() + LIMIT
+            while [file.exists() and file.stat().st_mtime_ns for file in sums] == times:
+                if child.poll() is not None or time.monotonic() > until:
+                    break
+                time.sleep(0.005)
+            time.sleep(float(rng.uniform(0.0, 0.2)))
+            child.kill()
+            total = total.checked(child.wait() == -signal.SIGKILL, "the child ended by itself")
+            part = render(room(), passes=before + 1, store=name, resume=True)
+            done, kept = part.report["passes"], part.report["store"]
+            whole = render(room(), passes=done)
+            total += Outcome(
+                rays=whole.image.size, wrong=int((part.image != whole.image).sum())
+            ).checked(done > before and bool(kept["lost"]), "passes were lost without a word")
+            before = done
     return total
