@@ -462,3 +462,22 @@ def _restricted(net, a, b):
                     for one, two in zip(net[low], net[high], strict=True)
                 ]
     return net
+
+
+def test_a_search_that_is_given_up_says_so_of_all_that_it_leaves():
+    """Along a cusp, 5e-8 askew: the nearer sheet was among the pieces that waited."""
+    a, b = 1e9 / 3.0, 1e9
+    net = [
+        [(b, -b, z), (-a, b, z), (-a, -b, z), (b, b, z)] for z in (0.0, b)
+    ]  # (t^2, t^3) times b, along z
+    tracer = Intersector([BezierPatches([np.swapaxes(net, 0, 1)])], coarse="none", threads=1)
+    origin = [float.fromhex(x) for x in (
+        "0x1.90e4518f06421p+0", "-0x1.e22f325610e53p+0", "0x1.c6bae5cda85f1p+28",
+    )]  # fmt: skip
+    direction = [float.fromhex(x) for x in (
+        "0x1.d912301432afdp-27", "0x1.b1ee69f0a980ap-25", "-0x1.ffffffffffff3p-1",
+    )]  # fmt: skip
+    hits = tracer.intersect(origin, direction)
+    first = float.fromhex("0x1.1c73ebf648eccp+25")  # by exact arithmetic
+    is_right = abs(hits.t[0] - first) <= hits.t_bound[0]
+    assert hits.status[0] == Status.TANGENT or is_right

@@ -309,6 +309,11 @@ def slow_solve(
         # --- halve the longer side, the nearer half on top
         if top + 2 > DEPTH - 1 or pieces >= MAX_PIECES:
             counters[GIVEN_UP] += 1
+            # None of the pieces that wait has been looked at: any may be nearer than this one.
+            for k in range(top):
+                for r in range(degree_u + 1):
+                    for c in range(degree_v + 1):
+                        h0 = min(h0, nets[k, r, c, 2])
             best.doubt[i] = min(best.doubt[i], (h0 / length + shift) * to_world)
             break
         if y1 - y0 < 2.0 * slop or (is_beside and y1 - y0 < THIN_BESIDE * reach):

@@ -125,6 +125,7 @@ def solve_piece(i, segment, piece, ray, after, t_lo, t_cut, rays, best, work, co
     fold = 4.0 * np.sqrt(slop * max(size, slop))
     length, shift, to_world = ray[LENGTH], ray[SHIFT], ray[TO_WORLD]
     stack[0, 0], stack[0, 1] = a, b
+    begins = t0
     top, pieces = 1, 0
     while top > 0:
         top -= 1
@@ -194,7 +195,8 @@ def solve_piece(i, segment, piece, ray, after, t_lo, t_cut, rays, best, work, co
                 continue
         if top + 2 > DEPTH - 1 or pieces >= MAX_PIECES:
             counters[GIVEN_UP] += 1
-            best.doubt[i] = min(best.doubt[i], (t0 + shift) * to_world)
+            # None of the pieces that wait has been looked at: any may be nearer than this one.
+            best.doubt[i] = min(best.doubt[i], (begins + shift) * to_world)
             break
         m = 0.5 * (a + b)
         # The half that the ray reaches first goes on top.
