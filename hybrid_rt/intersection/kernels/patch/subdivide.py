@@ -52,6 +52,8 @@ from meshing.kernels.jit import inlined, inner
 MOST_SLOP = 0.5
 # Newton from a piece whose Jacobian turns by less than this contracts: 2 q / (1 - q) < 1.
 NEWTON_TURN = 0.25
+# So many half pieces from its middle Newton may end in a root that is that of the piece.
+NEARBY = 4.0
 # A piece of which q < 1 holds one root at most, though Newton may fail to find it. One that is no
 # thicker than this many slops, and longer than a surface with a radius of curvature of the patch's
 # size stays so thin, is asked all the same: its halves would be thinner than rounding.
@@ -281,9 +283,16 @@ def slow_solve(
                 is_last = y1 - y0 < LAST_CHANCE * slop and (x1 - x0) ** 2 > 16.0 * (y1 - y0) * size
                 if contracts or is_last:
                     counters[NEWTONS] += 1
-                    cu, cv = min(max(cu, -1.0), 1.0), min(max(cv, -1.0), 1.0)
+                    u = um + hu * min(max(cu, -1.0), 1.0)
+                    v = vm + hv * min(max(cv, -1.0), 1.0)
+                    # What is left along the ray has to be small: nearly in the tangent plane its
+                    # rounding alone would move u by more than the piece.
+                    x, y, z, _, _, _, _, _, _ = evaluate_any(
+                        control, start, degree_u, degree_v, u, v, basis
+                    )
+                    t = ((x - ox) * ex + (y - oy) * ey + (z - oz) * ez) / length
                     status, u, v, t, steps, n_dot_d, gain_u, gain_v = newton(
-                        patch, ray, um + hu * cu, vm + hv * cv, 0.5 * (h0 + h1) / length, hu, hv
+                        patch, ray, u, v, t, hu, hv
                     )
                     counters[STEPS] += steps
                     is_owner = False
@@ -304,7 +313,10 @@ def slow_solve(
                             i, u, v, t, n_dot_d, patch, ray, rays, best
                         ):  # fmt: skip
                             h_cut = min(h_cut, t * length)
-                    if contracts or is_owner:
+                    # The piece's root, if it has one, lies within (1 + q) / (1 - q) half pieces of
+                    # its middle; any that lies far away is another, and says nothing of the piece.
+                    is_near = abs(u - um) <= NEARBY * hu and abs(v - vm) <= NEARBY * hv
+                    if is_owner or (contracts and status == CONVERGED and is_near):
                         continue
         # --- halve the longer side, the nearer half on top
         if top + 2 > DEPTH - 1 or pieces >= MAX_PIECES:
