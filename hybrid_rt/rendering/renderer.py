@@ -21,6 +21,7 @@ from hybrid_rt.integrators.options import DEEPEST
 from hybrid_rt.intersection.intersector import check_settings
 from hybrid_rt.rendering.audit import audit
 from hybrid_rt.rendering.channels import OUTPUTS, check_names, compute_channels
+from hybrid_rt.rendering.display import as_html, one_line, png
 from hybrid_rt.rendering.limits import Clock, Limit
 from hybrid_rt.rendering.memory import check_memory
 from hybrid_rt.rendering.report import light_left_out, make_report, relative_error
@@ -55,6 +56,18 @@ class RenderResult:
         """Write the picture, and the report beside it; see `hybrid_rt.sensor.image_files.save_image`."""
         parts = {name: output.parts for name, output in OUTPUTS.items()}
         save_image(path, self.image, self.report, self.channels, exposure, parts)
+
+    def __repr__(self) -> str:
+        """Name size, integrator, passes, error and seconds."""
+        return one_line(self)
+
+    def _repr_png_(self) -> bytes:
+        """Return the picture as notebooks show it: as `save` writes it to a .png file."""
+        return png(self.image)
+
+    def _repr_html_(self) -> str:
+        """Return the picture and its report as notebooks show them."""
+        return as_html(self)
 
 
 class RenderInterrupted(KeyboardInterrupt):

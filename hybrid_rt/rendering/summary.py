@@ -147,12 +147,12 @@ def _noise(report: dict[str, Any]) -> str:
     return (
         f"  noise     {at_most}{per_cent(noise['relative_rmse'])} of the picture (relative RMSE, "
         f"estimated); image mean{', blurred,' if report['picture_is_blurred'] else ''}"
-        f"{_of_what(report)} {noise['image_mean']:.6g} +- {half:.1g} (95 %)"
+        f"{of_what(report)} {noise['image_mean']:.6g} +- {half:.1g} (95 %)"
         f"{_worst_pixels(noise)}{_not_met(report)}{_blur(report['relative_error'])}"
     )
 
 
-def _of_what(report: dict[str, Any]) -> str:
+def of_what(report: dict[str, Any]) -> str:
     """Return what light the figures are about, if it is not all: " of the light that ..."."""
     holds = report["picture_holds"]
     return "" if holds == ALL_LIGHT else f" of {holds}"
@@ -280,7 +280,7 @@ def _stop(report: dict[str, Any]) -> str:
     if at_most > 0.0:
         said = f"blur at most {at_most:.2g}" if blur is None else f"blur {blur:.2g}"
         text += f" (noise {noise:.2g}, {said})"
-    text += _of_what(report)
+    text += of_what(report)
     targets = [settings["target_error"], settings["target_error_trimmed"]]
     for target in targets:
         if target is not None and error["blur_stays"] and blur is not None and blur > target:
