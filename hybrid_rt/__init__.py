@@ -45,6 +45,7 @@ _HOMES = {
     "Status": "core.records",
     "Torus": "primitives.torus",
     "TriangleMesh": "primitives",
+    "progress_bar": "rendering.progress_bar",
     "render": "rendering.renderer",
 }
 
