@@ -141,7 +141,7 @@ def test_interrupt_is_exit_code_130_and_leaves_nothing(folder, capsys, monkeypat
     def interrupted(*_args, **_kwargs):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(rendering, "_run_passes", interrupted)
+    monkeypatch.setattr(rendering, "run_passes", interrupted)
     assert cli.main(["render", "ball.py", "--quiet"]) == 130
     expected = "\nhybrid-rt: interrupted: nothing is written but what is named above\n"
     assert capsys.readouterr() == ("", expected)
