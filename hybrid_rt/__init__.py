@@ -35,6 +35,7 @@ _HOMES = {
     "Rectangle": "primitives",
     "RectangleLight": "lights",
     "RenderInterrupted": "rendering.renderer",
+    "RenderResult": "rendering.renderer",
     "RoughConductor": "materials.rough_conductor",
     "RoughDielectric": "materials.rough_dielectric",
     "Scene": "scene.scene",
@@ -44,6 +45,7 @@ _HOMES = {
     "Status": "core.records",
     "Torus": "primitives.torus",
     "TriangleMesh": "primitives",
+    "progress_bar": "rendering.progress_bar",
     "render": "rendering.renderer",
 }
 

@@ -1,10 +1,11 @@
-"""Shared by all command lines: exit codes, Ctrl-C, notice of long compilations, JSON results."""
+"""Shared by all command lines: exit codes, Ctrl-C, messages of the library, JSON results."""
 
 from __future__ import annotations
 
 import argparse
 import importlib.util
 import io
+import logging
 import os
 import sys
 import warnings
@@ -25,17 +26,20 @@ def run_tool(main: Callable[[], int]) -> int:
     from hybrid_rt.core.progress import watch_compilation
 
     def run() -> int:
-        with watch_compilation(_said):
+        with watch_compilation():
             return main()
 
     def told(_: KeyboardInterrupt) -> str:
         return "interrupted: what was found so far stands above, and in the files asked for"
 
-    return guarded(Path(sys.argv[0]).name, run, told)
+    return guarded(Path(sys.argv[0]).name, run, told, logging.INFO)
 
 
 def guarded(
-    name: str, run: Callable[[], int | None], told: Callable[[KeyboardInterrupt], str]
+    name: str,
+    run: Callable[[], int | None],
+    told: Callable[[KeyboardInterrupt], str],
+    level: int = logging.WARNING,
 ) -> int:
     """Run a command; return its exit code, also after errors, Ctrl-C and closed pipes.
 
@@ -47,12 +51,14 @@ def guarded(
         Does the work; may return an exit code.
     told : callable
         Takes an interrupt, returns the message.
+    level : int
+        From which level on messages of the library are shown.
     """
     if isinstance(sys.stdout, io.TextIOWrapper):
         # Letters that the output does not have are shown as their numbers.
         sys.stdout.reconfigure(errors="backslashreplace")
     try:
-        with _plain_warnings(name):
+        with _plain_warnings(name), _shown_log(name, level):
             code = run()
         if sys.stdout is not None:
             sys.stdout.flush()  # now, while a failure can still be told
@@ -98,6 +104,47 @@ def _plain_warnings(name: str) -> Iterator[None]:
 
         warnings.showwarning = show
         yield
+
+
+class _Messages(logging.Handler):
+    """Shows what the library logs; but not what the report says, which commands print."""
+
+    def __init__(self, name: str, level: int) -> None:
+        super().__init__(level)
+        self._name = name
+        self.addFilter(lambda record: record.name != "hybrid_rt.report")
+
+    def emit(self, record: logging.LogRecord) -> None:
+        is_warning = record.levelno >= logging.WARNING
+        prefix = f"{self._name}: {record.levelname.lower()}: " if is_warning else ""
+        _say(f"{prefix}{record.getMessage()}")
+
+
+@contextmanager
+def _shown_log(name: str, level: int) -> Iterator[None]:
+    """Show messages of the logger "hybrid_rt" as lines of a command."""
+    log, handler = logging.getLogger("hybrid_rt"), _Messages(name, level)
+    as_before = log.level
+    log.addHandler(handler)
+    log.setLevel(min(level, log.getEffectiveLevel()))
+    try:
+        yield
+    finally:
+        log.removeHandler(handler)
+        log.setLevel(as_before)
+
+
+@contextmanager
+def said_by(say: Callable[[str], None]) -> Iterator[None]:
+    """Leave messages within this block to a function, such as one that knows of an open line."""
+    _speakers.append(say)
+    try:
+        yield
+    finally:
+        _speakers.remove(say)
+
+
+_speakers: list[Callable[[str], None]] = []
 
 
 def one_or_more(text: str) -> int:
@@ -150,11 +197,9 @@ def _write(file: Path | None, figures: Any) -> None:
             opened.write(as_json(figures).encode())
 
 
-def _said(stage: str, done: int, total: int) -> None:
-    del done, total
-    _say(f"{stage} ...")
-
-
 def _say(text: str) -> None:
+    if _speakers:
+        _speakers[-1](text)
+        return
     with suppress(OSError):  # nobody need listen
         print(text, file=sys.stderr, flush=True)  # noqa: T201

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from hybrid_rt._version import __version__
-from hybrid_rt.cli.command import REFUSALS, guarded
+from hybrid_rt.cli.command import REFUSALS, guarded, said_by
 
 if TYPE_CHECKING:
     from hybrid_rt.core.progress import Progress
@@ -32,6 +32,9 @@ examples:
   hybrid-rt compare a.npz b.npz --reference c.npz  errors of both, and a map of them
 
 Scene scripts are Python programs and are executed: run only those that you trust.
+
+exit codes: 0 done, 2 refused or not written, 130 Ctrl-C, 141 closed pipe; 1 is an error of the
+program itself. All about progress, messages and exit codes: docs/command_line.md
 """
 
 
@@ -103,7 +106,7 @@ def _parser() -> argparse.ArgumentParser:
 
     demo = commands.add_parser("demo", help="make a picture of the teapot and compare with meshes")
     demo.add_argument("--out", type=Path, default=Path("demo.png"), metavar="FILE")
-    demo.add_argument("--quiet", action="store_true", help="show no progress")
+    _add_progress_options(demo)
     demo.set_defaults(run=_run_demo)
 
     render = commands.add_parser(
@@ -214,7 +217,20 @@ def _add_render_options(parser: argparse.ArgumentParser) -> None:
         "for N processes",
     )
     parser.add_argument("--explain", action="store_true", help="say what the scene needed and why")
-    parser.add_argument("--quiet", action="store_true", help="show no progress")
+    _add_progress_options(parser)
+
+
+def _add_progress_options(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "--progress",
+        choices=("auto", "bar", "plain", "none"),
+        default="auto",
+        metavar="MODE",
+        help="auto (default: a bar on terminals, else plain), bar, plain (lines for a log) or none",
+    )
+    parser.add_argument(
+        "--quiet", action="store_const", dest="progress", const="none", help="--progress none"
+    )
 
 
 def _stops(text: str) -> float:
@@ -287,7 +303,7 @@ def _render(load: Callable[[], tuple[Scene, str]], name: str, options: argparse.
 
         check_address(options.cluster)
     with ExitStack() as until_saved:
-        with _shown_progress(options.quiet) as progress:
+        with _shown_progress(options.progress) as progress:
             with watch_compilation(progress):
                 scene, preferred = load()
             integrator = preferred if options.integrator is None else options.integrator
@@ -436,7 +452,7 @@ def _run_demo(options: argparse.Namespace) -> None:
     want(*demo.KERNELS)
     scene = demo.scene()
     with ExitStack() as until_saved:
-        with _shown_progress(options.quiet) as progress:
+        with _shown_progress(options.progress) as progress:
             result, interrupt = _rendered(
                 scene, integrator="whitted", passes=demo.PASSES, progress=progress
             )
@@ -446,7 +462,7 @@ def _run_demo(options: argparse.Namespace) -> None:
     _say_numbers(result.report)
     if interrupt is not None:
         raise interrupt
-    with _shown_progress(options.quiet) as progress, watch_compilation(progress):
+    with _shown_progress(options.progress) as progress, watch_compilation(progress):
         comparison = compare_with_mesh(scene, progress=progress)
     result.report["exact_against_mesh"] = comparison
     result.save(options.out)
@@ -455,18 +471,19 @@ def _run_demo(options: argparse.Namespace) -> None:
 
 
 @contextmanager
-def _shown_progress(quiet: bool) -> Iterator[Progress | None]:
-    """Show the progress of what runs within, unless it is to be quiet."""
-    from hybrid_rt.cli.terminal import TerminalProgress
+def _shown_progress(mode: str) -> Iterator[Progress | None]:
+    """Show the progress of what runs within; messages come above the bar."""
+    from hybrid_rt.rendering.progress_bar import StreamDisplay, progress_bar
 
-    if quiet or sys.stderr is None:
+    progress = progress_bar(mode, sys.stderr)
+    if not isinstance(progress, StreamDisplay):
         yield None
         return
-    progress = TerminalProgress(sys.stderr)
-    try:
-        yield progress
-    finally:
-        progress.close()
+    with said_by(progress.say):
+        try:
+            yield progress
+        finally:
+            progress.close()
 
 
 def _resized(scene: Scene, width: int | None, height: int | None) -> Scene:

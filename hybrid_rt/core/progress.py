@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -14,6 +15,7 @@ ANNOUNCE_AFTER = 0.5
 
 COMPILING = "Compiling kernels (first run only)"
 
+LOG = logging.getLogger(__name__)
 
 Say = Callable[[str], None]
 """Callback that receives progress messages of a long study."""
@@ -22,7 +24,8 @@ Say = Callable[[str], None]
 class Progress(Protocol):
     """The callback for the progress of a render.
 
-    Two further methods are optional. ``note_error(error, trimmed, is_limit)`` is called with the
+    Three further methods are optional. ``close()`` is called as the render ends, whatever ends
+    it. ``note_error(error, trimmed, is_limit)`` is called with the
     picture's estimated relative error, over all pixels and without the worst 0.1 %; ``is_limit``:
     the blur in them is an upper limit, not an estimate. ``note_out_of_reach(blur)`` is called with
     the blur if that keeps every target error out of reach for any number of passes.
@@ -39,9 +42,12 @@ class CompileWatch:
     ----------
     progress : Progress or None
         Called when compilation takes long.
+    is_logged : bool
+        Whether that is logged as well, as information.
     """
 
-    def __init__(self, progress: Progress | None) -> None:
+    def __init__(self, progress: Progress | None, is_logged: bool = False) -> None:
+        self._is_logged = is_logged
         self._progress = progress
         self._lock = threading.Lock()
         self._depth = 0
@@ -64,7 +70,7 @@ class CompileWatch:
             if self._depth > 1:
                 return
             self._began = time.perf_counter()
-            if self._progress is not None and not self._is_announced:
+            if not self._is_announced:
                 # Counted over all kernels: many short compilations are a long one.
                 self._timer = threading.Timer(
                     max(ANNOUNCE_AFTER - self._total, 0.0), self._announce
@@ -88,19 +94,26 @@ class CompileWatch:
             if self._depth == 0 or self._is_announced:
                 return
             self._is_announced = True
-        assert self._progress is not None
-        self._progress(COMPILING, 0, 0)
+        if self._is_logged:
+            LOG.info("%s ...", COMPILING)
+        if self._progress is not None:
+            self._progress(COMPILING, 0, 0)
+
+
+_is_watching = False
 
 
 @contextmanager
 def watch_compilation(progress: Progress | None = None) -> Iterator[CompileWatch]:
     """Measure the compilation time within this block, and announce it if it is long.
 
-    Kernels loaded from the cache do not count.
+    Kernels loaded from the cache do not count. Of blocks within each other only the outermost logs.
     """
     from numba.core import event
 
-    watch = CompileWatch(progress)
+    global _is_watching  # noqa: PLW0603
+    is_outermost = not _is_watching
+    watch = CompileWatch(progress, is_outermost)
 
     class Listener(event.Listener):
         def on_start(self, event: Any) -> None:
@@ -109,5 +122,9 @@ def watch_compilation(progress: Progress | None = None) -> Iterator[CompileWatch
         def on_end(self, event: Any) -> None:
             watch.on_end(event)
 
-    with event.install_listener("numba:compile", Listener()):
-        yield watch
+    _is_watching = True
+    try:
+        with event.install_listener("numba:compile", Listener()):
+            yield watch
+    finally:
+        _is_watching = not is_outermost

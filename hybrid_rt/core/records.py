@@ -86,6 +86,17 @@ class HitRecord:
             rows = [rows]
         return HitRecord(*(getattr(self, field.name)[rows] for field in fields(self)))
 
+    def __repr__(self) -> str:
+        """Count rays, hits and statuses; name the range of t and the largest bound of hits."""
+        n = len(self)
+        counts = [f"{np.count_nonzero(self.status == s):,} {s.name}" for s in Status]
+        line = f"HitRecord({n:,} ray{'' if n == 1 else 's'}, {int(self.hit.sum()):,} hit: "
+        line += ", ".join(text for text in counts if not text.startswith("0 "))
+        if not self.hit.any():
+            return line.removesuffix(": ") + ")"
+        t, bound = self.t[self.hit], self.t_bound[self.hit].max()
+        return f"{line}; t {t.min():.4g} to {t.max():.4g}, t_bound up to {bound:.2g})"
+
     @property
     def hit(self) -> BoolArray:
         """(n,) bool: the rays that found a surface."""

@@ -37,6 +37,11 @@ class Crossings:
         """Return the number of crossings."""
         return len(self.hits)
 
+    def __repr__(self) -> str:
+        """Count rays and crossings."""
+        most = int(self.count.max(initial=0))
+        return f"Crossings({len(self):,} of {self.count.size:,} rays, at most {most} of one)"
+
     @property
     def count(self) -> NDArray[np.int64]:
         """(n,) int64: how many crossings each ray has."""

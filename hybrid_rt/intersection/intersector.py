@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from hybrid_rt.core import checks
+from hybrid_rt.core.one_line import cut
 from hybrid_rt.core.precompile import want
 from hybrid_rt.core.records import BoolArray, FloatArray, HitRecord, IntArray, NamedPoints
 from hybrid_rt.core.threads import Pool
@@ -29,6 +30,7 @@ from hybrid_rt.intersection.kind import Finished, new_nearest, new_record, rows_
 from hybrid_rt.intersection.kinds.registry import (
     ACCURACIES,
     check_surfaces,
+    count_by_kind,
     kernel_groups,
     make_kinds,
 )
@@ -137,6 +139,16 @@ class Intersector:
             0,
         )  # fmt: skip
         self.build_seconds = time.perf_counter() - began
+
+    def __repr__(self) -> str:
+        """Say what it holds: surfaces by kind, accuracy, coarse stage, and what is left out."""
+        held = ", ".join(f"{kind}: {n}" for kind, n in count_by_kind(self.surfaces).items())
+        words = [held or "no surface", self.accuracy]
+        if self._coarse is None:
+            words.append(f"without Embree: {self.plan['left_out']['embree']}")
+        else:
+            words.append(f"Embree with {self.n_triangles:,} triangles")
+        return cut(f"Intersector({'; '.join(words)})", "...)")
 
     @property
     def threads(self) -> int:

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from hybrid_rt.core import checks
+from hybrid_rt.core.one_line import call, one_or_three
 from hybrid_rt.lights.light import Environment, upright
 from hybrid_rt.shading.kernels.environment import GRADIENT, EnvironmentTable
 
@@ -35,6 +36,11 @@ class GradientSky(Environment):
             rows=np.array([[0.0, 1.0]]),
             columns=np.array([[0.0, 1.0]]),
         )
+
+    def __repr__(self) -> str:
+        """Return the call that makes it."""
+        bottom, top = (one_or_three(color) for color in self._table.colors)
+        return call(self, bottom, top, up=self._table.frame[2])
 
     @property
     def table(self) -> EnvironmentTable:

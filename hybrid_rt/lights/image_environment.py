@@ -47,6 +47,12 @@ class ImageEnvironment(Environment):
             columns=columns,
         )
 
+    def __repr__(self) -> str:
+        """Name the size of the image."""
+        height, width, _ = self._table.texel.shape
+        up = ", ".join(f"{x:.4g}" for x in self._table.frame[2])
+        return f"ImageEnvironment({width} x {height}, up=({up}))"
+
     @property
     def table(self) -> EnvironmentTable:
         """Return the table that the kernels take."""

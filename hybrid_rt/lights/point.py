@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from hybrid_rt.core import checks
+from hybrid_rt.core.one_line import call, one_or_three
 from hybrid_rt.lights.light import Light, LightRow
 from hybrid_rt.shading.kernels.light_kinds import POINT
 
@@ -33,6 +34,11 @@ class PointLight(Light):
             strength,
             power=4.0 * math.pi * float(strength.mean()),
         )
+
+    def __repr__(self) -> str:
+        """Return the call that makes it."""
+        row = self._row
+        return call(self, row.origin, intensity=one_or_three(row.strength))
 
     @property
     def row(self) -> LightRow:

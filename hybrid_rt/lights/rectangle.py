@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from hybrid_rt.core import checks
+from hybrid_rt.core.one_line import call, one_or_three
 from hybrid_rt.lights.light import Light, LightRow
 from hybrid_rt.primitives import Rectangle
 from hybrid_rt.shading.kernels.light_kinds import RECTANGLE
@@ -42,6 +43,12 @@ class RectangleLight(Light):
         power = math.pi * area * float(strength.mean())
         self._row = LightRow(RECTANGLE, origin, u, v, strength, power=power)
         self._surface = Rectangle(origin, u, v)
+
+    def __repr__(self) -> str:
+        """Return the call that makes it."""
+        row = self._row
+        radiance = one_or_three(row.strength)
+        return call(self, row.origin, row.edge_u, row.edge_v, radiance=radiance)
 
     @property
     def row(self) -> LightRow:

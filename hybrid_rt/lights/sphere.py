@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from hybrid_rt.core import checks
+from hybrid_rt.core.one_line import call, one_or_three
 from hybrid_rt.lights.light import Light, LightRow
 from hybrid_rt.primitives import Sphere
 from hybrid_rt.shading.kernels.light_kinds import SPHERE
@@ -40,6 +41,12 @@ class SphereLight(Light):
             power=4.0 * math.pi**2 * size * size * float(strength.mean()),
         )
         self._surface = Sphere(middle, size)
+
+    def __repr__(self) -> str:
+        """Return the call that makes it."""
+        row = self._row
+        radiance = one_or_three(row.strength)
+        return call(self, row.origin, radius=row.edge_u[0], radiance=radiance)
 
     @property
     def row(self) -> LightRow:

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from hybrid_rt.core import checks
+from hybrid_rt.core.one_line import call, one_or_three
 from hybrid_rt.lights.light import Light, LightRow
 from hybrid_rt.shading.kernels.light_kinds import SPOT
 
@@ -72,6 +73,15 @@ class SpotLight(Light):
             strength,
             power=math.pi * (bright + dark) * float(strength.mean()),
         )
+
+    def __repr__(self) -> str:
+        """Return the call that makes it."""
+        row = self._row
+        # Of 1 - cos, without its cancellation.
+        inner, outer = np.degrees(2.0 * np.arcsin(np.sqrt(0.5 * row.edge_v[:2])))
+        strength = one_or_three(row.strength)
+        angles = {"cone_angle": outer, "edge_angle": outer - inner}
+        return call(self, row.origin, row.edge_u, intensity=strength, **angles)
 
     @property
     def row(self) -> LightRow:

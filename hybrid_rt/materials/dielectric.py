@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from typing import Any
+
+import numpy as np
 from numpy.typing import ArrayLike
 
 from hybrid_rt.core import checks
+from hybrid_rt.core.one_line import call, one_or_three
 from hybrid_rt.materials.material import Lobe, Material
 from hybrid_rt.shading.kernels.lobes.register import DIELECTRIC
-from hybrid_rt.textures.texture import Texture, as_texture
+from hybrid_rt.textures.texture import Texture, as_texture, plain_color
 
 # Squares of the index multiply radiance at every surface: beyond this pictures overflow.
 EXTREME = 1e6
@@ -56,7 +60,27 @@ class Dielectric(Material):
         number = (index, float(checks.flag(schlick, "Dielectric schlick")), *density.tolist(), rank)
         self._lobes = (Lobe(DIELECTRIC, as_texture(tint, "Dielectric tint"), number),)
 
+    def __repr__(self) -> str:
+        """Return the call that makes it."""
+        (lobe,) = self._lobes
+        ior, schlick, *_ = lobe.number
+        further = {"schlick": True} if schlick else {}
+        return call(self, ior, **changed(lobe), **further)
+
     @property
     def lobes(self) -> tuple[Lobe, ...]:
         """Return the single dielectric lobe."""
         return self._lobes
+
+
+def changed(lobe: Lobe) -> dict[str, Any]:
+    """Return those of absorption, tint and priority of a body's lobe that are not as by default."""
+    absorption, tint = np.array(lobe.number[2:5]), plain_color(lobe.color)
+    found: dict[str, Any] = {}
+    if absorption.any():
+        found["absorption"] = one_or_three(absorption)
+    if not (isinstance(tint, float) and tint == 1.0):
+        found["tint"] = tint
+    if lobe.number[5] != 0.0:
+        found["priority"] = lobe.number[5]
+    return found

@@ -5,8 +5,9 @@ from __future__ import annotations
 from numpy.typing import ArrayLike
 
 from hybrid_rt.core.checks import shown
+from hybrid_rt.core.one_line import call
 from hybrid_rt.materials.material import Lobe, Material
-from hybrid_rt.textures.texture import Texture, as_radiance
+from hybrid_rt.textures.texture import Texture, as_radiance, plain_color
 
 
 class Emissive(Material):
@@ -26,7 +27,13 @@ class Emissive(Material):
         if base is not None and base.radiance is not None:
             raise ValueError("Emissive base shines itself: add up the two radiances")
         self._radiance = as_radiance(radiance, "Emissive radiance")
+        self._base = base
         self._lobes = () if base is None else base.lobes
+
+    def __repr__(self) -> str:
+        """Return the call that makes it."""
+        further = {} if self._base is None else {"base": self._base}
+        return call(self, plain_color(self._radiance), **further)
 
     @property
     def lobes(self) -> tuple[Lobe, ...]:

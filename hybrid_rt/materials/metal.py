@@ -5,9 +5,10 @@ from __future__ import annotations
 from numpy.typing import ArrayLike
 
 from hybrid_rt.core import checks
+from hybrid_rt.core.one_line import call
 from hybrid_rt.materials.material import Lobe, Material
 from hybrid_rt.shading.kernels.lobes.register import METAL, MIRROR
-from hybrid_rt.textures.texture import Texture, as_texture
+from hybrid_rt.textures.texture import Texture, as_texture, plain_color
 
 
 class Metal(Material):
@@ -29,6 +30,12 @@ class Metal(Material):
         spread = checks.number(fuzz, "Metal fuzz", at_least=0.0, up_to=1.0, hint="0: a mirror")
         texture = as_texture(color, "Metal color")
         self._lobes = (Lobe(METAL, texture, (spread,)) if spread > 0.0 else Lobe(MIRROR, texture),)
+
+    def __repr__(self) -> str:
+        """Return the call that makes it."""
+        (lobe,) = self._lobes
+        fuzz = lobe.number[0] if lobe.number else 0.0
+        return call(self, plain_color(lobe.color), fuzz=fuzz)
 
     @property
     def lobes(self) -> tuple[Lobe, ...]:

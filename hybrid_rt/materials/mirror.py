@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from numpy.typing import ArrayLike
 
+from hybrid_rt.core.one_line import call
 from hybrid_rt.materials.material import Lobe, Material
 from hybrid_rt.shading.kernels.lobes.register import MIRROR
-from hybrid_rt.textures.texture import Texture, as_texture
+from hybrid_rt.textures.texture import Texture, as_texture, plain_color
 
 
 class Mirror(Material):
@@ -20,6 +21,10 @@ class Mirror(Material):
 
     def __init__(self, color: Texture | ArrayLike = 1.0) -> None:
         self._lobes = (Lobe(MIRROR, as_texture(color, "Mirror color")),)
+
+    def __repr__(self) -> str:
+        """Return the call that makes it."""
+        return call(self, plain_color(self._lobes[0].color))
 
     @property
     def lobes(self) -> tuple[Lobe, ...]:

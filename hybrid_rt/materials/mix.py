@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from hybrid_rt.core import checks
+from hybrid_rt.core.one_line import call
 from hybrid_rt.materials.material import Lobe, Material
 from hybrid_rt.shading.kernels.lobes.register import TRANSMITS
 
@@ -30,6 +31,7 @@ class Mix(Material):
 
     def __init__(self, parts: Sequence[tuple[float, Material]]) -> None:
         lobes: list[Lobe] = []
+        named: list[tuple[float, Material]] = []
         total = 0.0
         given = checks.items(parts, "Mix parts")
         if not given:
@@ -51,6 +53,7 @@ class Mix(Material):
                     f"Mix part {i} shines: pass Emissive(radiance, base=Mix(...)) instead"
                 )
             total += share
+            named.append((share, material))
             lobes += [replace(lobe, weight=share * lobe.weight) for lobe in material.lobes]
         if total > 1.0 + _ROUNDING:
             raise ValueError(
@@ -61,7 +64,12 @@ class Mix(Material):
             raise ValueError(
                 "Mix parts: more than one part is a Dielectric: pass one, a body has one inside"
             )
+        self._parts = tuple(named)
         self._lobes = tuple(lobe for lobe in lobes if lobe.weight > 0.0)
+
+    def __repr__(self) -> str:
+        """Return the call that makes it."""
+        return call(self, self._parts)
 
     @property
     def lobes(self) -> tuple[Lobe, ...]:

@@ -6,9 +6,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from hybrid_rt.core import checks
+from hybrid_rt.core.one_line import call
 from hybrid_rt.materials.material import Lobe, Material
 from hybrid_rt.shading.kernels.lobes.register import DIFFUSE, PHONG
-from hybrid_rt.textures.texture import Texture, as_texture
+from hybrid_rt.textures.texture import Texture, as_texture, plain_color
 
 # A sum of two colours that should be one may exceed it by rounding.
 _ROUNDING = 1e-12
@@ -46,6 +47,12 @@ class Phong(Material):
             exponent, "Phong exponent", above=0.0, up_to=SHARPEST, hint="beyond it use Mirror"
         )
         self._lobes = (Lobe(DIFFUSE, matt), Lobe(PHONG, glossy, (power,)))
+
+    def __repr__(self) -> str:
+        """Return the call that makes it."""
+        matt, glossy = self._lobes
+        colors = plain_color(matt.color), plain_color(glossy.color)
+        return call(self, *colors, exponent=glossy.number[0])
 
     @property
     def lobes(self) -> tuple[Lobe, ...]:

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numpy.typing import ArrayLike
 
 from hybrid_rt.core import checks
+from hybrid_rt.core.one_line import call, one_or_three
 from hybrid_rt.core.records import FloatArray
 from hybrid_rt.materials.material import Lobe, Material
 from hybrid_rt.materials.roughness import alpha_of
@@ -69,6 +72,12 @@ class RoughConductor(Material):
             See the class.
         """
         return cls(*METALS[checks.choice(metal, "RoughConductor metal", METALS)], roughness)
+
+    def __repr__(self) -> str:
+        """Return the call that makes it."""
+        *index, alpha = self._lobes[0].number
+        eta, k = one_or_three(np.array(index[:3])), one_or_three(np.array(index[3:]))
+        return call(self, eta=eta, k=k, roughness=math.sqrt(alpha))
 
     @property
     def lobes(self) -> tuple[Lobe, ...]:

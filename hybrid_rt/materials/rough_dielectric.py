@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import math
+
 from numpy.typing import ArrayLike
 
 from hybrid_rt.core import checks
-from hybrid_rt.materials.dielectric import EXTREME
+from hybrid_rt.core.one_line import call
+from hybrid_rt.materials.dielectric import EXTREME, changed
 from hybrid_rt.materials.material import Lobe, Material
 from hybrid_rt.materials.roughness import alpha_of
 from hybrid_rt.shading.kernels.lobes.register import ROUGH_DIELECTRIC
@@ -53,6 +56,11 @@ class RoughDielectric(Material):
         # Those of a dielectric without Schlick's approximation, then its own.
         number = (index, 0.0, *density.tolist(), rank, alpha)
         self._lobes = (Lobe(ROUGH_DIELECTRIC, as_texture(tint, f"{what} tint"), number),)
+
+    def __repr__(self) -> str:
+        """Return the call that makes it."""
+        (lobe,) = self._lobes
+        return call(self, lobe.number[0], roughness=math.sqrt(lobe.number[-1]), **changed(lobe))
 
     @property
     def lobes(self) -> tuple[Lobe, ...]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import os
 from collections.abc import Sequence
 from contextlib import ExitStack
@@ -21,16 +22,20 @@ from hybrid_rt.integrators.options import DEEPEST
 from hybrid_rt.intersection.intersector import check_settings
 from hybrid_rt.rendering.audit import audit
 from hybrid_rt.rendering.channels import OUTPUTS, check_names, compute_channels
+from hybrid_rt.rendering.display import as_html, one_line, png
 from hybrid_rt.rendering.limits import Clock, Limit
 from hybrid_rt.rendering.memory import check_memory
 from hybrid_rt.rendering.report import light_left_out, make_report, relative_error
 from hybrid_rt.rendering.run import ClusterLost, run_passes
 from hybrid_rt.rendering.set_up import Request, set_up
-from hybrid_rt.rendering.summary import passes_in_words
+from hybrid_rt.rendering.summary import passes_in_words, warnings_in_words
 from hybrid_rt.sampling.sampler import Sampler
 from hybrid_rt.scene.scene import Scene
 from hybrid_rt.sensor.film import Film
 from hybrid_rt.sensor.image_files import save_image
+
+# What a report's text says as well: whoever prints that can leave these messages out.
+LOG = logging.getLogger("hybrid_rt.report")
 
 
 @dataclass(frozen=True)
@@ -55,6 +60,18 @@ class RenderResult:
         """Write the picture, and the report beside it; see `hybrid_rt.sensor.image_files.save_image`."""
         parts = {name: output.parts for name, output in OUTPUTS.items()}
         save_image(path, self.image, self.report, self.channels, exposure, parts)
+
+    def __repr__(self) -> str:
+        """Name size, integrator, passes, error and seconds."""
+        return one_line(self)
+
+    def _repr_png_(self) -> bytes:
+        """Return the picture as notebooks show it: as `save` writes it to a .png file."""
+        return png(self.image)
+
+    def _repr_html_(self) -> str:
+        """Return the picture and its report as notebooks show them."""
+        return as_html(self)
 
 
 class RenderInterrupted(KeyboardInterrupt):
@@ -141,7 +158,8 @@ def render(
         "albedo" (all at pixel centres), "samples", "standard_error", "half_interval" (half the
         width of each pixel's 95 % interval).
     progress : callable, optional
-        Called with (stage, done, total); see `hybrid_rt.core.progress.Progress`.
+        Called with (stage, done, total), see `hybrid_rt.core.progress.Progress`:
+        ``hybrid_rt.progress_bar()`` shows a bar on terminals and in notebooks.
     store : path, optional
         Folder in which the sums over passes are saved every ten seconds or so and at the end; see
         `hybrid_rt.rendering.store`.
@@ -188,7 +206,9 @@ def render(
     )
     checks.whole(max_depth, "max_depth", at_least=0, up_to=DEEPEST)
     if progress is not None and not callable(progress):
-        raise TypeError(f"progress is {checks.shown(progress)}: pass a function, or None")
+        raise TypeError(
+            f"progress is {checks.shown(progress)}: pass a function such as progress_bar(), or None"
+        )
     if store is not None:
         from hybrid_rt.rendering.keeper import Keeper, identity
         from hybrid_rt.rendering.store import PassStore, check_folder
@@ -224,6 +244,7 @@ def render(
     request = Request(scene, integrator, seed, max_depth, accuracy, coarse, tolerance, own)
 
     with ExitStack() as around:
+        around.callback(getattr(progress, "close", lambda: None))
         kept_in, saved = None, None
         if store is not None:
             kept_in = PassStore(store, resume)
@@ -284,6 +305,8 @@ def render(
             report["cluster"] = None if source is None else {**source.about(), "lost": lost}
             report["store"] = None if keeper is None else keeper.report()
             result = RenderResult(film.image, report, channels)
+            for words in [*warnings_in_words(report), *([lost] if lost else [])]:
+                LOG.warning(words)
     if came or stopped_by == "interrupted":
         raise RenderInterrupted(result)
     return result

@@ -24,7 +24,8 @@ _STOPPED_BY = {
 def in_words(report: dict[str, Any]) -> str:
     """Format a render's report as a few lines of text."""
     lines = [_noise(report), _geometry(report), _cost(report), *_cluster(report), _stop(report)]
-    return "\n".join([*_warnings(report), *_left_out(report), *lines])
+    warnings = [f"  WARNING   {words}" for words in warnings_in_words(report)]
+    return "\n".join([*warnings, *_lamps(report), *_left_out(report), *lines])
 
 
 def per_cent(share: float) -> str:
@@ -39,38 +40,41 @@ def passes_in_words(n: int) -> str:
     return "1 pass" if n == 1 else f"{n} passes"
 
 
-def _warnings(report: dict[str, Any]) -> list[str]:
-    """Return warnings about errors that the noise estimate does not cover."""
+def warnings_in_words(report: dict[str, Any]) -> list[str]:
+    """Return warnings about errors that the noise estimate does not cover, a line each."""
     lines = []
     if report["pixels_not_finite"]:
         lines.append(
-            f"  WARNING   {report['pixels_not_finite']:,} pixels are not finite (nan, or brighter "
+            f"{report['pixels_not_finite']:,} pixels are not finite (nan, or brighter "
             "than float32 holds): lower the radiance of the lights, or scale the scene"
         )
     if report["points_missed_by_photons"]:
         share = report["points_missed_by_photons"] / report["photons"]["gather_points"]
         lines.append(
-            f"  WARNING   {100.0 * share:.4g} % of the points that gather light have met no photon: "
+            f"{100.0 * share:.4g} % of the points that gather light have met no photon: "
             "unless they are unlit, light is missing that no error estimate counts: pass more "
             "photons_per_pass (for ppm, also a larger initial_radius, or none)"
         )
     lines += [
-        f"  WARNING   {name!r} is clear, but not closed: {n_rays:,} rays left it without entering "
+        f"{name!r} is clear, but not closed: {n_rays:,} rays left it without entering "
         "it, or never left it: add what closes it, normals outward (or more than eight clear bodies "
         "lie within each other: pass fewer)"
         for name, n_rays in report["clear_bodies_not_closed"].items()
     ]
     lines += [
-        f"  WARNING   {name!r} is clear: {n_rays:,} rays left it without entering it, or never left it: "
+        f"{name!r} is clear: {n_rays:,} rays left it without entering it, or never left it: "
         "its normals point inward (pass it flipped), or more than eight clear bodies lie within each "
         "other (pass fewer)"
         for name, n_rays in report["clear_bodies_lost"].items()
     ]
-    lines += [
+    return lines
+
+
+def _lamps(report: dict[str, Any]) -> list[str]:
+    return [
         f"  {'note   ' if note['lifted_by'] > 0.0 else 'WARNING'}   {lamp_in_words(note)}"
         for note in report["lamps_in_surfaces"]
     ]
-    return lines
 
 
 def _left_out(report: dict[str, Any]) -> list[str]:
@@ -147,12 +151,12 @@ def _noise(report: dict[str, Any]) -> str:
     return (
         f"  noise     {at_most}{per_cent(noise['relative_rmse'])} of the picture (relative RMSE, "
         f"estimated); image mean{', blurred,' if report['picture_is_blurred'] else ''}"
-        f"{_of_what(report)} {noise['image_mean']:.6g} +- {half:.1g} (95 %)"
+        f"{of_what(report)} {noise['image_mean']:.6g} +- {half:.1g} (95 %)"
         f"{_worst_pixels(noise)}{_not_met(report)}{_blur(report['relative_error'])}"
     )
 
 
-def _of_what(report: dict[str, Any]) -> str:
+def of_what(report: dict[str, Any]) -> str:
     """Return what light the figures are about, if it is not all: " of the light that ..."."""
     holds = report["picture_holds"]
     return "" if holds == ALL_LIGHT else f" of {holds}"
@@ -280,7 +284,7 @@ def _stop(report: dict[str, Any]) -> str:
     if at_most > 0.0:
         said = f"blur at most {at_most:.2g}" if blur is None else f"blur {blur:.2g}"
         text += f" (noise {noise:.2g}, {said})"
-    text += _of_what(report)
+    text += of_what(report)
     targets = [settings["target_error"], settings["target_error_trimmed"]]
     for target in targets:
         if target is not None and error["blur_stays"] and blur is not None and blur > target:

@@ -9,8 +9,8 @@ there by a tiny offset; after that nothing coincides, and no special case is lef
 from __future__ import annotations
 
 import copy
+import logging
 import math
-import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
@@ -26,6 +26,8 @@ from hybrid_rt.lights.surface import shining_surface
 from hybrid_rt.scene.compiled import NOTHING, CompiledScene, compile_scene
 from hybrid_rt.scene.scene import Object, Scene
 from hybrid_rt.shading.kernels.light_kinds import WITHOUT_AREA
+
+LOG = logging.getLogger(__name__)
 
 # A lamp is moved by this much of the largest coordinate of its corners and of the camera: rounding
 # no longer decides for rays of up to 2**16 times that length, and no float32 pixel shows it.
@@ -89,7 +91,7 @@ def with_lamps_lifted(
     notes : list of dict
         For each coincident light its name (``lamp``), that of the ``surface``, the ``share`` of its
         area, and the offset (``lifted_by``, scene units). 0: it could not be moved; a warning is
-        given as well.
+        logged as well.
     """
     tracer = build(compiled)
     notes: dict[int, dict[str, Any]] = {}  # by row in the light table, as names may be alike
@@ -104,7 +106,7 @@ def with_lamps_lifted(
                 {"lamp": lamp.lamp, "surface": lamp.surface, "share": lamp.share, "lifted_by": 0.0},
             )
             if lamp.way is None or not _is_movable(scene, lamp.light):
-                warnings.warn(lamp_in_words(note), stacklevel=3)
+                LOG.warning(lamp_in_words(note))
                 continue
             height = LIFT * max(_size(compiled), _reach(compiled, lamp.light))
             note["lifted_by"] += height

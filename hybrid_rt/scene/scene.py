@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 from hybrid_rt.core import checks
+from hybrid_rt.core.one_line import call
 from hybrid_rt.lights.light import Environment, Light
 from hybrid_rt.materials.material import Material
 from hybrid_rt.sensor.camera import Camera
@@ -59,6 +61,12 @@ class Object:
         self.material = material
         self.smooth = smooth
 
+    def __repr__(self) -> str:
+        """Return the call that makes it."""
+        further: dict[str, Any] = {} if self.name is None else {"name": self.name}
+        further |= {"smooth": True} if self.smooth else {}
+        return call(self, self.surface, self.material, **further)
+
 
 class Scene:
     """A camera, objects, lights and an environment.
@@ -103,6 +111,16 @@ class Scene:
         self.objects: tuple[Object, ...] = objects
         self.lights: tuple[Light, ...] = lights
         self.environment = environment
+
+    def __repr__(self) -> str:
+        """Count what is in the scene."""
+        counts = [
+            f"{n} {word}{'' if n == 1 else 's'}"
+            for n, word in ((len(self.objects), "object"), (len(self.lights), "light"))
+        ]
+        sky = [] if self.environment is None else [type(self.environment).__name__]
+        size = f"camera {self.camera.width} x {self.camera.height}"
+        return f"Scene({', '.join([*counts, *sky, size])})"
 
     def with_camera(self, camera: Camera) -> Scene:
         """Return the same scene with another camera."""

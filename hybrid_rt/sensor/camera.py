@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from hybrid_rt.core import checks
+from hybrid_rt.core.one_line import call
 from hybrid_rt.core.records import FloatArray
 
 # Below this sine between view and up the picture's roll is decided by rounding.
@@ -88,6 +89,22 @@ class Camera:
         self._right = right / np.linalg.norm(right)
         self._upward = np.cross(self._right, self._forward)
         self._half_height = math.tan(math.radians(self.vertical_fov) / 2.0)
+
+    def __repr__(self) -> str:
+        """Return the call that makes it."""
+        lens = {}
+        if self.has_lens:
+            lens = {"aperture": self.aperture, "focus_distance": self.focus_distance}
+        return call(
+            self,
+            self.look_from,
+            self.look_at,
+            self.up,
+            vertical_fov=self.vertical_fov,
+            width=self.width,
+            height=self.height,
+            **lens,
+        )
 
     @property
     def has_lens(self) -> bool:

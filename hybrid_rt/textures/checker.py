@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from hybrid_rt.core import checks
+from hybrid_rt.core.one_line import call, one_or_three
 from hybrid_rt.core.records import FloatArray
 from hybrid_rt.shading.kernels.texture import CHECKER_UV, CHECKER_WORLD
 from hybrid_rt.textures.texture import Texture, TextureRow
@@ -52,6 +53,13 @@ class CheckerTexture(Texture):
             checks.number(value, "CheckerTexture scale", above=0.0, up_to=FINEST)
             for value in scales
         )
+
+    def __repr__(self) -> str:
+        """Return the call that makes it."""
+        colors = one_or_three(self._even), one_or_three(self._odd)
+        scale = self._scale[0] if len(set(self._scale)) == 1 else self._scale
+        space = "uv" if self._kind == CHECKER_UV else "world"
+        return call(self, *colors, scale=scale, space=space)
 
     @property
     def brightest(self) -> FloatArray:

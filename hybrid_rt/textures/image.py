@@ -53,6 +53,12 @@ class ImageTexture(Texture):
                 ) from None
             self._texels = _linear(array, "ImageTexture image")
 
+    def __repr__(self) -> str:
+        """Name the size of the image."""
+        height, width, _ = self._texels.shape
+        wrap = "repeat" if self._wrap == REPEAT else "clamp"
+        return f"ImageTexture({width} x {height}, wrap={wrap!r})"
+
     @property
     def texels(self) -> NDArray[np.float32]:
         """(height, width, 3) float32: linear, row 0 at the top."""

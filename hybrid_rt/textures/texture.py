@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from hybrid_rt.core import checks
+from hybrid_rt.core.one_line import one_or_three
 from hybrid_rt.core.records import FloatArray
 from hybrid_rt.shading.kernels import texture as kernels
 
@@ -69,6 +71,11 @@ class ConstantTexture(Texture):
     def row(self) -> TextureRow:
         """Return the colour's row of the texture table."""
         return TextureRow(kernels.CONSTANT, (*self._color.tolist(), *(0.0,) * 6))
+
+
+def plain_color(texture: Texture) -> Any:
+    """Return what a description shows of a texture: of a constant one its number or numbers."""
+    return one_or_three(texture.brightest) if isinstance(texture, ConstantTexture) else texture
 
 
 def as_texture(color: Texture | ArrayLike, what: str) -> Texture:

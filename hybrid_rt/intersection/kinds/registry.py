@@ -113,6 +113,12 @@ def kernel_groups(surfaces: Sequence[Surface], accuracy: str, coarse: str) -> li
     ]
 
 
+def count_by_kind(surfaces: Sequence[Surface]) -> dict[str, int]:
+    """Count checked surfaces by the names of their entries; without those that do not occur."""
+    members = _members_of(surfaces)
+    return {name: len(found) for name, found in members.items() if found}
+
+
 def make_kinds(surfaces: Sequence[Surface], accuracy: str, pool: Pool) -> Kinds:
     """Build the kinds that occur in a scene.
 

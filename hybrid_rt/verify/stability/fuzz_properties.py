@@ -9,9 +9,11 @@ from __future__ import annotations
 
 import base64
 import json
+import logging
 import tempfile
 import warnings
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import ExitStack, contextmanager
 from dataclasses import fields
 from pathlib import Path
 from typing import Any
@@ -42,13 +44,27 @@ MOST_WORK = 5000
 FAR_BESIDE = 1e4
 
 
+@contextmanager
+def _unheard() -> Iterator[None]:
+    """Keep the product's log silent."""
+    log = logging.getLogger("hybrid_rt")
+    as_before = log.level
+    log.setLevel(logging.CRITICAL)
+    try:
+        yield
+    finally:
+        log.setLevel(as_before)
+
+
 def faults_of(case: Case, readers: Readers = READERS) -> tuple[str, ...]:
     """Return what does not hold for a case, in words; nothing where all does."""
     try:
-        with warnings.catch_warnings():
+        with ExitStack() as around:
+            around.enter_context(warnings.catch_warnings())
             warnings.simplefilter("error")
             # What the product itself has to say to its user is no fault.
             warnings.simplefilter("ignore", UserWarning)
+            around.enter_context(_unheard())
             if case["kind"] == "rays":
                 return tuple(_faults_of_rays(case))
             if case["kind"] == "scene":

@@ -1,13 +1,23 @@
+import contextlib
 import errno
+import fcntl
 import json
+import logging
+import os
+import pty
+import re
+import struct
 import subprocess
 import sys
+import termios
+from pathlib import Path
 
 import imageio.v3 as imageio
 import numpy as np
 import pytest
 
 from hybrid_rt._version import __version__
+from hybrid_rt.cli import command
 from hybrid_rt.cli import program as cli
 from hybrid_rt.cli.command import BAD_INPUT, CLOSED_PIPE, INTERRUPTED
 from hybrid_rt.cli.scene_file import SceneFileError, load_scene
@@ -131,7 +141,7 @@ def test_interrupt_is_exit_code_130_and_leaves_nothing(folder, capsys, monkeypat
     def interrupted(*_args, **_kwargs):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(rendering, "_run_passes", interrupted)
+    monkeypatch.setattr(rendering, "run_passes", interrupted)
     assert cli.main(["render", "ball.py", "--quiet"]) == 130
     expected = "\nhybrid-rt: interrupted: nothing is written but what is named above\n"
     assert capsys.readouterr() == ("", expected)
@@ -304,6 +314,136 @@ def test_exposures_are_refused_in_words(text, capsys):
     assert caught.value.code == BAD_INPUT
     expected = f"argument --exposure: '{text}' stops: pass a number from -100 to 100\n"
     assert capsys.readouterr().err.endswith(expected)
+
+
+@pytest.mark.usefixtures("folder")
+def test_what_the_library_logs_is_a_line_above_the_bar(capsys, monkeypatch):
+    """But not what the report says at the end in any case."""
+    monkeypatch.setenv("COLUMNS", "80")
+    renders = rendering.render
+
+    def talkative(*arguments, **settings):
+        settings["progress"]("Building", 0, 0)
+        logging.getLogger("hybrid_rt.scene").info("not shown")
+        logging.getLogger("hybrid_rt.scene").warning("the lamp is dark")
+        logging.getLogger("hybrid_rt.report").warning("not shown here")
+        return renders(*arguments, **settings)
+
+    monkeypatch.setattr(rendering, "render", talkative)
+    log = logging.getLogger("hybrid_rt")
+    before = log.level, list(log.handlers)
+    assert cli.main(["render", "ball.py", "--passes", "1", "--progress", "bar"]) == 0
+    error = capsys.readouterr().err
+    blank = " " * len("Building ...")
+    expected = f"\rBuilding ...\r{blank}\rhybrid-rt: warning: the lamp is dark\n\rBuilding ..."
+    assert error.startswith(expected)
+    assert "not shown" not in error
+    assert (log.level, log.handlers) == before
+
+
+@pytest.mark.parametrize(
+    ("words", "shown"),
+    [
+        (["--progress", "plain"], ["Building ...", "Rendering ..."]),
+        (["--progress", "auto"], ["Building ...", "Rendering ..."]),
+        (["--progress", "none"], []),
+        (["--quiet"], []),
+    ],
+)
+@pytest.mark.usefixtures("folder")
+def test_progress_is_shown_as_asked(words, shown, capsys):
+    """The standard error of a test is no terminal, so lines are plain."""
+    assert cli.main(["render", "ball.py", "--passes", "1", *words]) == 0
+    lines = capsys.readouterr().err.splitlines()
+    assert [line for line in lines if "Compiling" not in line] == shown
+
+
+@pytest.mark.usefixtures("folder")
+def test_other_modes_of_progress_are_refused(capsys):
+    with pytest.raises(SystemExit) as caught:
+        cli.main(["render", "ball.py", "--progress", "loud"])
+    assert caught.value.code == BAD_INPUT
+    assert "invalid choice: 'loud'" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("columns", ["0", "1", "20", "79"])
+@pytest.mark.parametrize("term", [None, "", "nonsense", "xterm"])
+def test_no_terminal_is_too_damaged_for_a_bar(folder, columns, term):
+    """In a pseudo-terminal: no line wider than it, and no sequence that it may not know."""
+    given = {k: v for k, v in os.environ.items() if k not in {"COLUMNS", "TERM"}}
+    given |= {} if term is None else {"TERM": term}
+    leader, follower = pty.openpty()
+    size = struct.pack("HHHH", 24, int(columns), 0, 0)
+    fcntl.ioctl(follower, termios.TIOCSWINSZ, size)
+    code = (
+        "import sys; from hybrid_rt.rendering.progress_bar import progress_bar\n"
+        "show = progress_bar('auto', sys.stderr)\n"
+        "for i in range(3): show('Rendering', i, 2); show.note_error(0.9, 0.3, True)\n"
+        "show.close()"
+    )
+    with subprocess.Popen(
+        [sys.executable, "-c", code], cwd=folder, env=given, stderr=follower, stdout=subprocess.PIPE
+    ) as process:
+        os.close(follower)
+        said = b""
+        with contextlib.suppress(OSError):  # what Linux says at the end of a pseudo-terminal
+            while block := os.read(leader, 4096):
+                said += block
+        assert process.wait(timeout=60) == 0
+    os.close(leader)
+    lines = said.decode().replace("\r\n", "\n").replace("\r", "\n").splitlines()
+    width = int(columns) or 80
+    assert max(map(len, lines)) <= max(width - 1, 1)
+    assert b"\x1b" not in said
+    assert said.count(b"\n") == 1  # one line, however often it is drawn
+
+
+class TestExitCodes:
+    """Those that docs/command_line.md lists; 2, 130 and 141 of whole commands are above."""
+
+    PAGE = (Path(__file__).parents[3] / "docs" / "command_line.md").read_text(encoding="utf-8")
+
+    def test_all_are_documented(self):
+        codes = [int(code) for code in re.findall(r"^\| (\d+) \|", self.PAGE, re.MULTILINE)]
+        assert codes == [0, 1, BAD_INPUT, INTERRUPTED, CLOSED_PIPE]
+
+    @pytest.mark.parametrize(
+        ("raised", "code"),
+        [
+            (None, 0),
+            (ValueError("x"), BAD_INPUT),
+            (OSError("x"), BAD_INPUT),
+            (MemoryError(), BAD_INPUT),
+            (KeyboardInterrupt(), INTERRUPTED),
+        ],
+    )
+    def test_of_what_ends_a_command(self, raised, code):
+        def run():
+            if raised is not None:
+                raise raised
+
+        assert command.guarded("tool", run, str) == code
+
+    def test_a_tool_whose_check_fails_ends_with_one(self):
+        assert command.guarded("tool", lambda: 1, str) == 1
+
+    def test_a_fault_of_the_program_keeps_its_traceback_and_ends_with_one(self):
+        code = (
+            "import sys; from hybrid_rt.cli.command import guarded\n"
+            "sys.exit(guarded('tool', lambda: 1 // 0, str))"
+        )
+        done = subprocess.run(
+            [sys.executable, "-c", code], check=False, capture_output=True, text=True, timeout=60
+        )
+        assert done.returncode == 1
+        assert "ZeroDivisionError" in done.stderr
+
+    def test_the_help_says_where(self, capsys):
+        with pytest.raises(SystemExit):
+            cli.main(["--help"])
+        out = capsys.readouterr().out
+        assert "exit codes: 0 done, 2 refused or not written, 130 Ctrl-C, 141 closed pipe" in out
+        assert "docs/command_line.md" in out
 
 
 def test_version_and_help(capsys):
