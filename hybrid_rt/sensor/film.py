@@ -158,7 +158,13 @@ class Film:
     @OVERFLOWS
     def image(self) -> NDArray[np.float32]:
         """(height, width, 3) float32: the mean of the passes, linear, row 0 at the top."""
-        return self._mean().astype(np.float32)
+        _, height, width, _ = self._sums.shape
+        result = np.empty((height, width, 3), np.float32)
+        at_once = max(STRIP // width, 1)
+        for first in range(0, height, at_once):
+            rows = slice(first, first + at_once)
+            result[rows] = self._of_groups(rows).sum(axis=0) / self.n_passes
+        return result
 
     @property
     @OVERFLOWS
