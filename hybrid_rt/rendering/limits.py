@@ -168,6 +168,16 @@ class Limit:
         """The same without the worst pixels, with the blur of all."""
         return self._error("target_error_trimmed")
 
+    @property
+    def estimated_at(self) -> int:
+        """The number of passes of the latest estimate; 0: none."""
+        return self._n_of_error
+
+    @property
+    def blur(self) -> float:
+        """The blur in the latest estimate, as in `note_error`."""
+        return self._blur
+
     def _error(self, name: str) -> float:
         return math.hypot(self._noise[name], self._blur)
 

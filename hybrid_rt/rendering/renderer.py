@@ -29,6 +29,7 @@ from hybrid_rt.rendering.report import light_left_out, make_report, relative_err
 from hybrid_rt.rendering.run import ClusterLost, run_passes
 from hybrid_rt.rendering.set_up import Request, set_up
 from hybrid_rt.rendering.summary import passes_in_words, warnings_in_words
+from hybrid_rt.rendering.watcher import Beginning, Watcher
 from hybrid_rt.sampling.sampler import Sampler
 from hybrid_rt.scene.scene import Scene
 from hybrid_rt.sensor.film import Film
@@ -113,6 +114,7 @@ def render(
     store: str | os.PathLike[str] | None = None,
     resume: bool = False,
     cluster: str | None = None,
+    watch: Watcher | None = None,
 ) -> RenderResult:
     """Render a picture of a scene.
 
@@ -169,6 +171,9 @@ def render(
     cluster : str, optional
         Address of a dask scheduler (``"tcp://HOST:8786"``) whose workers make the passes, or
         ``"local:N"`` for N processes of this machine; see `hybrid_rt.rendering.cluster`.
+    watch : Watcher, optional
+        Hears of the render while it runs, and may stop it: ``report["stopped_by"]`` is "watcher" then;
+        see `hybrid_rt.rendering.watcher`.
 
     Returns
     -------
@@ -274,10 +279,15 @@ def render(
             keeper = Keeper(kept_in, film, workers, limit, clock, n_threads)
             if saved is not None:
                 keeper.take_up(saved)
+        if watch is not None:
+            shown = plain(settings)
+            watch.begin(Beginning(scene, context, shown, n_threads, clock, film, left_out, unfound))
         lost = ""
         with ExitStack() as stack:
             try:
-                stopped_by = run_passes(film, workers, limit, clock, progress, keeper, source)
+                stopped_by = run_passes(
+                    film, workers, limit, clock, progress, keeper, source, watch
+                )
                 # What is left to do takes seconds at most: Ctrl-C does not make it lose the picture.
                 came = stack.enter_context(kept_back())
             except KeyboardInterrupt:
@@ -307,6 +317,8 @@ def render(
             result = RenderResult(film.image, report, channels)
             for words in [*warnings_in_words(report), *([lost] if lost else [])]:
                 LOG.warning(words)
+            if watch is not None:
+                watch.end(report)
     if came or stopped_by == "interrupted":
         raise RenderInterrupted(result)
     return result

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Generator
-from contextlib import closing
+from contextlib import closing, nullcontext
 from typing import TYPE_CHECKING, Protocol
 
 from hybrid_rt.core.interrupts import held_back
@@ -11,6 +11,7 @@ from hybrid_rt.core.progress import Progress
 from hybrid_rt.integrators import Options
 from hybrid_rt.integrators.workers import Made, Run, Workers
 from hybrid_rt.rendering.limits import Clock, Limit
+from hybrid_rt.rendering.watcher import STOPPED, StopAsked, Watcher
 from hybrid_rt.sensor.film import Film
 
 if TYPE_CHECKING:
@@ -41,6 +42,7 @@ def run_passes(
     progress: Progress | None = None,
     keeper: Keeper | None = None,
     source: PassSource | None = None,
+    watch: Watcher | None = None,
 ) -> str:
     """Add passes in the order of their numbers until a limit is reached; say which.
 
@@ -53,6 +55,7 @@ def run_passes(
         Saves what is done.
     source : PassSource, optional
         Default: the workers.
+    watch : Watcher, optional
 
     Raises
     ------
@@ -65,6 +68,7 @@ def run_passes(
     show_error = getattr(progress, "note_error", None)
     show_out_of_reach = getattr(progress, "note_out_of_reach", None)
     watches_error = show_error is not None or bool(limit.targets)
+    adding = nullcontext() if watch is None else watch.film_lock
     while n_together := limit.begins(film.n_passes, clock.seconds, source.at_once()):
         n_before = n_pixels * film.n_passes
         n_expected = n_pixels * limit.expected_passes(film.n_passes)
@@ -72,17 +76,24 @@ def run_passes(
         def on_rays(n_done: int, n_before: int = n_before, total: int = n_expected) -> None:
             if progress is not None:
                 progress("Rendering", n_before + n_done, total)
+            if watch is not None:
+                watch.note_rays(n_before + n_done, total)
+                if watch.stop_asked and film.n_passes > 0:
+                    raise StopAsked
 
         passes = range(film.n_passes, film.n_passes + n_together)
         # Closed here, so that no thread is still at work when an interrupt goes on from here.
-        with closing(source.render_passes(passes, on_rays)) as made:
-            for one in made:
-                with held_back(), workers.context.ledger.stage("film"):
-                    if isinstance(one, Run):
-                        film.add_run(one.total, one.means)
-                    else:
-                        film.add(one.radiance)
-                    workers.keep(one)
+        try:
+            with closing(source.render_passes(passes, on_rays)) as made:
+                for one in made:
+                    with held_back(), adding, workers.context.ledger.stage("film"):
+                        if isinstance(one, Run):
+                            film.add_run(one.total, one.means)
+                        else:
+                            film.add(one.radiance)
+                        workers.keep(one)
+        except StopAsked:
+            return STOPPED
         if watches_error and film.n_passes >= limit.next_estimate():
             with workers.context.ledger.stage("noise"):
                 noise, blur = film.relative_errors(), workers.blur(film.image)
@@ -104,4 +115,9 @@ def run_passes(
         if keeper is not None and keeper.is_due():
             with held_back(), workers.context.ledger.stage("store"):
                 keeper.save()
+        if watch is not None:
+            with workers.context.ledger.stage("watch"):
+                watch.note(film, workers, limit, clock)
+            if watch.stop_asked:
+                return STOPPED
     return limit.reached(film.n_passes, clock.seconds) or "passes"

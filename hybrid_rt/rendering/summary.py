@@ -18,6 +18,7 @@ _STOPPED_BY = {
     "blur": "the blur",
     "interrupted": "Ctrl-C",
     "cluster_lost": "the loss of the cluster",
+    "watcher": "the live page",
 }
 
 
