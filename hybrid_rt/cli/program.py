@@ -12,7 +12,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from hybrid_rt._version import __version__
-from hybrid_rt.cli.command import REFUSALS, guarded, said_by
+from hybrid_rt.cli.command import REFUSALS, STOPPED, guarded, said_by
+from hybrid_rt.cli.live import add_live_options, compare_on, open_page
 
 if TYPE_CHECKING:
     from hybrid_rt.core.progress import Progress
@@ -28,6 +29,7 @@ examples:
   hybrid-rt render scenes/vase.py --passes 64      less noise
   hybrid-rt render scenes/vase.py --target-error 0.02 --time-budget 60    until 2 %, at most 60 s
   hybrid-rt render scenes/vase.py --time-budget 30 --width 1280 --out big.png --out big.npz
+  hybrid-rt render scenes/vase.py --passes 256 --live    a page that shows it grow, and stops it
   hybrid-rt render scenes/vase.py --explain        what the scene needed, and what was left out
   hybrid-rt compare a.npz b.npz --reference c.npz  errors of both, and a map of them
 
@@ -216,6 +218,7 @@ def _add_render_options(parser: argparse.ArgumentParser) -> None:
         help="let workers of dask.distributed make the passes: tcp://HOST:PORT of a scheduler, or local:N "
         "for N processes",
     )
+    add_live_options(parser)
     parser.add_argument("--explain", action="store_true", help="say what the scene needed and why")
     _add_progress_options(parser)
 
@@ -244,7 +247,7 @@ def _stops(text: str) -> float:
     return value
 
 
-def _guarded(run: Callable[[], None]) -> int:
+def _guarded(run: Callable[[], int | None]) -> int:
     """Run a command of this program; return its exit code."""
 
     def told(error: KeyboardInterrupt) -> str:
@@ -255,15 +258,18 @@ def _guarded(run: Callable[[], None]) -> int:
     return guarded("hybrid-rt", run, told)
 
 
-def _run_render(options: argparse.Namespace) -> None:
+def _run_render(options: argparse.Namespace) -> int:
     from hybrid_rt.cli.scene_file import check_script, load_script
 
     script = check_script(options.scene)
-    _render(lambda: load_script(script), script.stem, options)
+    return _render(lambda: load_script(script), script.stem, options)
 
 
-def _render(load: Callable[[], tuple[Scene, str]], name: str, options: argparse.Namespace) -> None:
-    """Render the scene that is loaded once files and settings are known to be possible."""
+def _render(load: Callable[[], tuple[Scene, str]], name: str, options: argparse.Namespace) -> int:
+    """Render the scene that is loaded once files and settings are known to be possible.
+
+    Returns the exit code.
+    """
     from hybrid_rt.core.interrupts import held_back
     from hybrid_rt.core.progress import watch_compilation
     from hybrid_rt.rendering.renderer import check_request
@@ -303,23 +309,30 @@ def _render(load: Callable[[], tuple[Scene, str]], name: str, options: argparse.
 
         check_address(options.cluster)
     with ExitStack() as until_saved:
+        page = until_saved.enter_context(open_page(name, options))
         with _shown_progress(options.progress) as progress:
             with watch_compilation(progress):
                 scene, preferred = load()
             integrator = preferred if options.integrator is None else options.integrator
+            scene = _resized(scene, options.width, options.height)
+            compare_on(page, scene, options.live_compare)
             result, interrupt = _rendered(
-                _resized(scene, options.width, options.height),
+                scene,
                 integrator=integrator,
                 options=_settings(integrator, options),
                 progress=progress,
                 store=store,
                 resume=options.resume,
                 cluster=options.cluster,
+                watch=page,
                 **request,
             )
             until_saved.enter_context(held_back())
         # Before anything is printed: the reader of a pipe may have closed it.
         failures = _saved(result, outputs, options.exposure)
+        if page is not None:
+            saved = [output.shown for output in outputs if output.shown not in failures]
+            page.finish(f"saved as {', '.join(saved)}" if saved else "it could not be saved")
         for output in outputs:
             if output.shown not in failures:
                 _say(f"{output.shown}  ({_summary(result.report)})")
@@ -328,17 +341,18 @@ def _render(load: Callable[[], tuple[Scene, str]], name: str, options: argparse.
 
         _say(explain(result.report["plan"]))
     _say_numbers(result.report)
-    reasons = list(failures.values())
+    reasons, is_stopped = list(failures.values()), result.report["stopped_by"] == "watcher"
     if result.report["cluster"] is not None and result.report["cluster"]["lost"]:
         reasons.append(result.report["cluster"]["lost"])
     if store is not None:
         kept = result.report["store"]
         reasons += [kept["not_saved"]] if kept["not_saved"] else []
-        _say(_how_to_go_on(result.report, interrupt is not None))
+        _say(_how_to_go_on(result.report, is_stopped or interrupt is not None))
     if reasons:
         raise OSError("\nhybrid-rt: ".join(reasons))
     if interrupt is not None:
         raise interrupt
+    return STOPPED if is_stopped else 0
 
 
 def _how_to_go_on(report: dict[str, Any], is_interrupted: bool) -> str:

@@ -19,7 +19,7 @@ import pytest
 from hybrid_rt._version import __version__
 from hybrid_rt.cli import command
 from hybrid_rt.cli import program as cli
-from hybrid_rt.cli.command import BAD_INPUT, CLOSED_PIPE, INTERRUPTED
+from hybrid_rt.cli.command import BAD_INPUT, CLOSED_PIPE, INTERRUPTED, STOPPED
 from hybrid_rt.cli.scene_file import SceneFileError, load_scene
 from hybrid_rt.rendering import renderer as rendering
 from hybrid_rt.sensor import image_files
@@ -405,7 +405,7 @@ class TestExitCodes:
 
     def test_all_are_documented(self):
         codes = [int(code) for code in re.findall(r"^\| (\d+) \|", self.PAGE, re.MULTILINE)]
-        assert codes == [0, 1, BAD_INPUT, INTERRUPTED, CLOSED_PIPE]
+        assert codes == [0, 1, BAD_INPUT, STOPPED, INTERRUPTED, CLOSED_PIPE]
 
     @pytest.mark.parametrize(
         ("raised", "code"),

@@ -1,0 +1,234 @@
+"""Who may ask a live page, and for what."""
+
+import http.client
+import json
+import socket
+import time
+from urllib.parse import parse_qs, urlsplit
+
+import numpy as np
+import pytest
+
+from hybrid_rt.live import server as served
+from hybrid_rt.live.picture import halved
+from hybrid_rt.live.server import PageServer
+
+IMAGE = np.linspace(0.0, 4.0, 2 * 3 * 3).reshape(2, 3, 3)
+
+
+class Still:
+    """A render that is told what to say."""
+
+    def __init__(self):
+        self.phase, self.n_stops = "rendering", 0
+
+    def now(self):
+        return {"phase": self.phase}
+
+    def about(self):
+        return {"title": "a <title>"}
+
+    def picture(self, after):
+        return halved(IMAGE, passes=5) if after < 5 else None
+
+    def compared(self):
+        return None
+
+    def probe(self, column, row):
+        if column > 2:
+            raise ValueError(f"pixel ({column}, {row}): pass a column below 3")
+        return {"column": column, "row": row}
+
+    def note_sent(self, seconds):
+        assert seconds >= 0.0
+
+    def ask_to_stop(self):
+        self.n_stops += 1
+
+
+@pytest.fixture
+def still():
+    return Still()
+
+
+@pytest.fixture
+def page(still):
+    server = PageServer(0, "a-token", still)
+    server.start()
+    yield server
+    server.stop()
+
+
+def ask(page, path, method="GET", token="a-token", **headers):
+    link = http.client.HTTPConnection("127.0.0.1", page.port, timeout=10)
+    mark = "&" if "?" in path else "?"
+    headers = {name.replace("_", "-"): value for name, value in headers.items()}
+    try:
+        link.request(method, path if token is None else f"{path}{mark}token={token}", None, headers)
+        answer = link.getresponse()
+        return answer.status, answer.read(), answer.headers
+    finally:
+        link.close()
+
+
+def test_the_address_leads_to_the_page(page):
+    parts = urlsplit(page.address)
+    assert (parts.hostname, parts.port) == ("127.0.0.1", page.port)
+    assert parse_qs(parts.query) == {"token": ["a-token"]}
+    status, body, headers = ask(page, "/")
+    assert (status, headers.get_content_type()) == (200, "text/html")
+    assert b'data-token="a-token"' in body
+    assert b"TOKEN" not in body.replace(b"const TOKEN", b"")
+    for name, kind in served.TYPES.items():
+        status, body, headers = ask(page, f"/{name}")
+        assert (status, headers.get_content_type()) == (200, kind)
+        assert b"http://" not in body.replace(
+            b"http://www.w3.org/2000/svg", b""
+        )  # from nowhere else
+        assert b"https://" not in body
+
+
+EVERYTHING = [
+    "/",
+    "/live.js",
+    "/events",
+    "/picture",
+    "/compared",
+    "/probe",
+    "/about",
+    "/stop",
+    "/x",
+]
+
+
+@pytest.mark.parametrize(
+    ("changed", "word"),
+    [
+        ({"token": None}, b"token"),
+        ({"token": "a-tokeN"}, b"token"),
+        ({"token": ""}, b"token"),
+        ({"token": "%FF"}, b"token"),
+        ({"Host": "evil.example"}, b"Host"),
+        ({"Host": "127.0.0.1"}, b"Host"),
+        ({"Host": "127.0.0.1:1"}, b"Host"),
+        ({"Origin": "http://evil.example"}, b"Origin"),
+        ({"Origin": "null"}, b"Origin"),
+        ({"Origin": "http://127.0.0.1:1"}, b"Origin"),
+        ({"Sec_Fetch_Site": "cross-site"}, b"another site"),
+        ({"Sec_Fetch_Site": "same-site"}, b"another site"),
+    ],
+)
+def test_strangers_learn_nothing(page, still, changed, word):
+    """Not even which pages there are: 403 comes before 404 and 405."""
+    for path in EVERYTHING:
+        status, body, _ = ask(page, path, "POST" if path == "/stop" else "GET", **changed)
+        assert status == 403
+        assert word in body
+        assert body.count(b"\n") == 1
+    assert still.n_stops == 0
+
+
+def test_the_page_itself_may_ask(page):
+    for name in ("127.0.0.1", "localhost", "LocalHost"):
+        host = f"{name}:{page.port}"
+        answer = ask(page, "/about", Host=host, Origin=f"http://{host.lower()}")
+        assert answer[0] == 200
+    assert ask(page, "/about", Sec_Fetch_Site="same-origin")[0] == 200
+
+
+def test_no_answer_allows_other_origins_or_other_content(page):
+    for path, method in (("/", "GET"), ("/about", "GET"), ("/x", "GET"), ("/", "OPTIONS")):
+        headers = ask(page, path, method, Origin=f"http://127.0.0.1:{page.port}")[2]
+        assert not [name for name in headers if name.lower().startswith("access-control")]
+        assert "default-src 'none'" in headers["Content-Security-Policy"]
+        assert "unsafe" not in headers["Content-Security-Policy"]
+        assert headers["X-Content-Type-Options"] == "nosniff"
+        assert headers["Referrer-Policy"] == "no-referrer"
+        assert headers["Cache-Control"] == "no-store"
+
+
+@pytest.mark.parametrize(
+    ("path", "method", "status", "allowed"),
+    [
+        ("/nothing", "GET", 404, None),
+        ("/../watch.py", "GET", 404, None),
+        ("/", "POST", 405, "GET"),
+        ("/picture", "PUT", 405, "GET"),
+        ("/about", "HEAD", 405, "GET"),
+        ("/about", "OPTIONS", 405, "GET"),
+        ("/stop", "GET", 405, "POST"),
+        ("/stop", "DELETE", 405, "POST"),
+        ("/probe?column=1", "GET", 400, None),
+        ("/probe?column=-1&row=0", "GET", 400, None),
+        ("/probe?column=3&row=0", "GET", 400, None),
+        ("/picture?after=x", "GET", 400, None),
+    ],
+)
+def test_what_cannot_be_answered(page, still, path, method, status, allowed):
+    found, _, headers = ask(page, path, method)
+    assert (found, headers["Allow"]) == (status, allowed)
+    assert still.n_stops == 0
+
+
+def test_only_a_post_stops(page, still):
+    status, body, _ = ask(page, "/stop", "POST")
+    assert (status, json.loads(body)) == (200, {"stop_asked": True})
+    assert still.n_stops == 1
+
+
+def test_pictures_are_half_precision_and_come_once(page):
+    status, body, headers = ask(page, "/picture")
+    assert status == 200
+    sizes = [int(headers[name]) for name in ("X-Passes", "X-Height", "X-Width")]
+    assert sizes == [5, 2, 3]
+    image = np.frombuffer(body, "<f2").reshape(2, 3, 3) * 2.0 ** int(headers["X-Exponent"])
+    np.testing.assert_allclose(image, IMAGE, rtol=2**-11)  # half of the last of 11 bits
+    assert ask(page, "/picture?after=5")[:2] == (204, b"")
+    assert ask(page, "/compared")[:2] == (204, b"")
+
+
+@pytest.mark.parametrize("level", [0.0, 1e-9, 1e9])
+def test_dark_and_bright_pictures_keep_their_digits(level):
+    half = halved(level * IMAGE)
+    image = np.frombuffer(half.data, "<f2").reshape(IMAGE.shape).astype(float) * 2.0**half.exponent
+    np.testing.assert_allclose(image, level * IMAGE, rtol=2**-11)
+
+
+def test_events_come_with_changes_and_end_with_the_render(page, still):
+    link = http.client.HTTPConnection("127.0.0.1", page.port, timeout=10)
+    link.request("GET", "/events?token=a-token")
+    answer = link.getresponse()
+    assert answer.headers.get_content_type() == "text/event-stream"
+    lines = iter(answer.readline, b"")
+    assert next(lines) == b"retry: 5000\n"
+    text = b"".join(next(lines) for _ in range(7)).decode()
+    assert "event: about" in text
+    assert '{"phase": "rendering"}' in text
+    assert page.n_listening == 1
+    still.phase = "ended"
+    page.wake()
+    assert '{"phase": "ended"}' in answer.read().decode()  # and then the stream is over
+    link.close()
+    until = time.monotonic() + 5.0
+    while page.n_listening and time.monotonic() < until:
+        time.sleep(0.01)
+    assert page.n_listening == 0
+
+
+def test_listeners_are_limited(page, monkeypatch):
+    monkeypatch.setattr(served, "MOST_PAGES", 0)
+    assert ask(page, "/events")[0] == 503
+
+
+def test_it_is_not_to_be_reached_from_elsewhere(page):
+    with socket.socket() as other, pytest.raises(ConnectionRefusedError):
+        other.connect(("127.0.0.2", page.port))  # only one address of this machine answers
+
+
+def test_a_port_in_use_is_named(still):
+    with socket.socket() as other:
+        other.bind(("127.0.0.1", 0))
+        other.listen()
+        port = other.getsockname()[1]
+        with pytest.raises(OSError, match=f"port {port} of 127.0.0.1 is in use: name another"):
+            PageServer(port, "a-token", still)
