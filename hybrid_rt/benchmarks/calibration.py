@@ -118,7 +118,7 @@ def of_all_kinds(picture: NoiseScene, has_rare_light: bool) -> KnownPicture:
     return KnownPicture(picture.scene, None, (picture.integrator,), settings, judged)
 
 
-HAS_RARE_LIGHT = ("tiny bright lamp",)
+HAS_RARE_LIGHT = ("tiny bright lamp", "mirror cabinet")
 
 PICTURES: dict[str, Callable[[], KnownPicture]] = {
     "floor under a lamp": floor_under_lamp,
