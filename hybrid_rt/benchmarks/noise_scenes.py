@@ -2,7 +2,7 @@
 
 Each is a dozen surfaces at most in 16 x 16 pixels, so that hundreds of renders tell how often the
 intervals hold. The mean of all renders of a scene stands in for the truth. The intervals of
-`hybrid_rt.sensor.film` were chosen by the figures of `SEEN`; those of `UNSEEN` were taken afterwards.
+`hybrid_rt.sensor.film` were chosen by figures of `SEEN`, without those of `UNSEEN`.
 """
 
 from __future__ import annotations

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from hybrid_rt.core.records import FloatArray
 from hybrid_rt.sensor.image_metrics import DARK, WORST
+from hybrid_rt.sensor.neighbours import mean_around, mean_of_neighbours
 from hybrid_rt.sensor.passes import GROUPS, RUN
 
 # Radiances beyond the range of numbers end as inf and nan, which the report counts.
@@ -190,7 +191,7 @@ class Film:
         n = (self.n_passes if self._squares is not None else GROUPS) - 2
         if own.shape[0] * own.shape[1] == 1:
             return _STUDENT[max(n, 0)] * np.sqrt(own)
-        both = (own + BORROWED * _mean_of_neighbours(own)) / (1.0 + BORROWED)
+        both = (own + BORROWED * mean_of_neighbours(own)) / (1.0 + BORROWED)
         half: FloatArray = _STUDENT_OF_PIXELS[max(n, 0)] * np.sqrt(both)
         if self._squares is None:
             half = np.hypot(half, self._light_of_rare_paths())
@@ -205,10 +206,10 @@ class Film:
         above = np.empty(self._sums.shape[1:])
         counts = self._counts.reshape(-1, 1, 1, 1)
         for rows, mean, _ in self._strips():
-            of_groups = np.sort(self._sums[:, rows] / counts, axis=0)
+            of_groups = np.sort(self._of_groups(rows) / counts, axis=0)
             above[rows] = mean - 0.5 * (of_groups[1] + of_groups[2])
-        around, n = _mean_around(above, REACH)
-        variance = np.maximum(_mean_around(above * above, REACH)[0] - around * around, 0.0)
+        around, n = mean_around(above, REACH)
+        variance = np.maximum(mean_around(above * above, REACH)[0] - around * around, 0.0)
         limit: FloatArray = np.maximum(around + ONE_SIDED * np.sqrt(variance / n), 0.0)
         return limit
 
@@ -384,31 +385,4 @@ def _without_peaks(image: FloatArray) -> FloatArray:
     """Return an image (height, width, 3) no brighter than the mean of each pixel's neighbours."""
     if image.shape[0] * image.shape[1] == 1:
         return image
-    return np.minimum(image, _mean_of_neighbours(image))
-
-
-def _mean_of_neighbours(image: FloatArray) -> FloatArray:
-    """Return the means (height, width, 3) over the up to eight pixels around each of several."""
-    height, width, _ = image.shape
-    padded = np.pad(image, ((1, 1), (1, 1), (0, 0)))
-    inside = np.pad(np.ones((height, width, 1)), ((1, 1), (1, 1), (0, 0)))
-    total, count = np.zeros_like(image), np.zeros((height, width, 1))
-    for down in range(3):
-        for right in range(3):
-            if (down, right) != (1, 1):
-                total += padded[down : down + height, right : right + width]
-                count += inside[down : down + height, right : right + width]
-    mean: FloatArray = total / count
-    return mean
-
-
-def _mean_around(image: FloatArray, reach: int) -> tuple[FloatArray, FloatArray]:
-    """Return the means (height, width, 3) over squares about each pixel, and how many these are."""
-    total = np.concatenate([image, np.ones((*image.shape[:2], 1))], axis=2)
-    for axis in (0, 1):
-        n = total.shape[axis]
-        padded = np.pad(total, [(reach, reach) if a == axis else (0, 0) for a in range(3)])
-        total = np.zeros_like(total)
-        for shift in range(2 * reach + 1):
-            total += padded.take(range(shift, shift + n), axis=axis)
-    return total[:, :, :3] / total[:, :, 3:], total[:, :, 3:]
+    return np.minimum(image, mean_of_neighbours(image))

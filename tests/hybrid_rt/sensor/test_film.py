@@ -11,6 +11,7 @@ from hybrid_rt.sensor.color import linear_to_srgb, srgb_to_linear
 from hybrid_rt.sensor.film import Film
 from hybrid_rt.sensor.image_files import check_output, save_image
 from hybrid_rt.sensor.image_metrics import picture_errors
+from hybrid_rt.sensor.neighbours import mean_around, mean_of_neighbours
 from hybrid_rt.sensor.passes import group_of, pass_of
 
 IMAGE = np.random.default_rng(4).uniform(0, 1.2, (5, 7, 3)).astype(np.float32)
@@ -405,7 +406,7 @@ def test_even_noise_adds_next_to_nothing_to_intervals():
     rng, sheet = np.random.default_rng(12), Film(24, 24)
     for _ in range(16):
         sheet.add(rng.normal(size=(24, 24, 3)))
-    around = film._mean_of_neighbours(sheet.standard_error**2)
+    around = mean_of_neighbours(sheet.standard_error**2)
     pooled = 2.262 * np.sqrt((sheet.standard_error**2 + 2 * around) / 3)
     assert (sheet.half_interval >= pooled * (1.0 - 1e-15)).all()
     assert np.mean(sheet.half_interval / pooled) < 1.01
@@ -413,7 +414,7 @@ def test_even_noise_adds_next_to_nothing_to_intervals():
 
 def test_means_over_squares_are_cut_off_by_the_border():
     image = np.arange(4 * 5 * 3.0).reshape(4, 5, 3)
-    around, n = film._mean_around(image, 2)
+    around, n = mean_around(image, 2)
     np.testing.assert_allclose(around[0, 0], image[:3, :3].mean(axis=(0, 1)), rtol=1e-15)
     np.testing.assert_allclose(around[2, 3], image[:, 1:].mean(axis=(0, 1)), rtol=1e-15)
     assert (n[0, 0], n[2, 3]) == (9, 16)
