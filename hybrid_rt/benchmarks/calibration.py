@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from hybrid_rt.benchmarks.noise_scenes import SEEN, UNSEEN, NoiseScene
 from hybrid_rt.benchmarks.photon_truth import PHOTON_PICTURES, PhotonPicture
 from hybrid_rt.core.ray_set import RaySet
 from hybrid_rt.core.records import BoolArray, FloatArray, HitRecord, Status
@@ -46,12 +47,15 @@ class KnownPicture:
         Those that find all its light.
     settings : dict
         Further arguments of `render`.
+    judged : tuple of str
+        Of "pixels" and "means": the intervals that are to hold. Others are measured only.
     """
 
     scene: Scene
     truth: FloatArray | None
     integrators: tuple[str, ...]
     settings: dict[str, Any]
+    judged: tuple[str, ...] = ("pixels", "means")
 
 
 def _one_point(look_from: Sequence[float], look_at: Sequence[float]) -> Camera:
@@ -103,6 +107,19 @@ def with_few_photons(picture: PhotonPicture) -> KnownPicture:
     return KnownPicture(picture.scene, None, ("ppm",), {"options": options})
 
 
+def of_all_kinds(picture: NoiseScene, has_rare_light: bool) -> KnownPicture:
+    """Return one of the small scenes.
+
+    Few camera rays meet a lamp in so small a picture, and no interval of its mean knows of one that
+    none has met. Where much of the light is such, that is true of pixels as well.
+    """
+    settings = {} if picture.options is None else {"options": picture.options}
+    judged = () if has_rare_light else ("pixels",)
+    return KnownPicture(picture.scene, None, (picture.integrator,), settings, judged)
+
+
+HAS_RARE_LIGHT = ("tiny bright lamp", "mirror cabinet")
+
 PICTURES: dict[str, Callable[[], KnownPicture]] = {
     "floor under a lamp": floor_under_lamp,
     "shining room": shining_room,
@@ -110,6 +127,10 @@ PICTURES: dict[str, Callable[[], KnownPicture]] = {
     **{
         name: lambda make=make: with_few_photons(make())  # type: ignore[misc]
         for name, make in PHOTON_PICTURES.items()
+    },
+    **{
+        name: lambda name=name, make=make: of_all_kinds(make(), name in HAS_RARE_LIGHT)  # type: ignore[misc]
+        for name, make in (SEEN | UNSEEN).items()
     },
 }
 

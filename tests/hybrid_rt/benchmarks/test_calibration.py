@@ -5,6 +5,7 @@ import pytest
 
 from hybrid_rt.benchmarks import calibration
 from hybrid_rt.benchmarks.calibration import PICTURES, bounds, bounds_by_digits, coverage
+from hybrid_rt.benchmarks.noise_scenes import SEEN, UNSEEN
 from hybrid_rt.benchmarks.photon_truth import PHOTON_PICTURES, blur
 from hybrid_rt.verify.cases.campaign import SCENES
 
@@ -33,6 +34,15 @@ def test_truth_is_in_the_stated_interval_as_often_as_stated(name, integrator, pa
     assert 0.92 <= found.of_pixels <= 0.98
     assert 0.92 <= found.of_mean <= 0.98
     assert found.error_ratio == pytest.approx(1.0, abs=0.05)
+
+
+def test_small_scenes_are_of_all_kinds_and_half_of_them_were_not_looked_at():
+    assert len(SEEN) == len(UNSEEN) == 7
+    assert not SEEN.keys() & UNSEEN.keys()
+    pictures = [PICTURES[name]() for name in SEEN | UNSEEN]
+    found_by = {integrator for picture in pictures for integrator in picture.integrators}
+    assert found_by == {"path", "whitted", "ppm", "photon_map"}
+    assert {picture.judged for picture in pictures} == {(), ("pixels",)}
 
 
 @pytest.mark.slow
