@@ -42,7 +42,7 @@ class Verdict:
         of t: above 1, a bound is broken.
     worst_gap : float
         Largest distance of a hit's point on the surface from its point on the ray, over
-        64 eps x scale.
+        64 eps x scale; of rows that say TANGENT a third of that.
     small_cosines : int
         Rays whose first root has a cosine below 1e-3.
     """
@@ -150,7 +150,7 @@ def compare(hits: HitRecord, truth: Truth, gap: FloatArray | None = None) -> Ver
         tangent_needlessly=int((tangent & clear).sum()),
         worst_band=float(in_bands.max(initial=0.0)),
         worst_bound=float(ratio.max(initial=0.0)),
-        worst_gap=float(gap_in_bands[hits.hit].max(initial=0.0)),
+        worst_gap=float((gap_in_bands / np.where(tangent, 3.0, 1.0))[hits.hit].max(initial=0.0)),
         small_cosines=int((truth.cosine < 1e-3).sum()),
     )
 

@@ -570,11 +570,11 @@ class TestLightPaths:
         np.testing.assert_array_equal(render(scene, passes=5, threads=threads).image, before)
 
     def test_mirrors_that_no_lamp_reaches_cost_nothing(self):
-        """The first light paths say so; the report shows that no more were sent."""
+        """The first light paths say so; plan and report show that no more were sent."""
         scene, _ = self.scene("rectangle")
         beyond = Object(Sphere((50, 50, -40), 0.5), Mirror())
         result = render(Scene(scene.camera, [self.FLOOR, beyond], scene.lights), passes=2)
-        assert "light paths" in result.report["plan"]["light"]["used"]
+        assert "light paths" in result.report["plan"]["light"]["left_out"]
         assert "light paths" not in result.report["rays"]
 
 
