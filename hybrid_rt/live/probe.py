@@ -12,7 +12,7 @@ from hybrid_rt.core.ledger import plain
 from hybrid_rt.core.records import HitRecord, Status
 from hybrid_rt.materials.material import Material
 from hybrid_rt.rendering.watcher import Beginning
-from hybrid_rt.sensor.film import Film
+from hybrid_rt.sensor.film import REACH, Film
 from hybrid_rt.textures.texture import ConstantTexture, Texture
 
 
@@ -113,11 +113,11 @@ def _color(texture: Texture) -> str:
 
 
 def _crop(film: Film, column: int, row: int) -> tuple[Film, tuple[int, int]]:
-    """Return a film of a pixel and its neighbours, from which its interval follows, and its place."""
+    """Return a film of a pixel and what its interval follows from around it, and its place."""
     state = film.state()
     height, width, _ = state["run"].shape
-    rows = slice(max(row - 1, 0), min(row + 2, height))
-    columns = slice(max(column - 1, 0), min(column + 2, width))
+    rows = slice(max(row - REACH, 0), min(row + REACH + 1, height))
+    columns = slice(max(column - REACH, 0), min(column + REACH + 1, width))
     kept = {
         name: values[..., rows, columns, :] if values.ndim >= 3 else values
         for name, values in state.items()
