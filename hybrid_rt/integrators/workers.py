@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import copy
 import math
 from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor, as_completed
@@ -19,7 +18,6 @@ from hybrid_rt.core.ledger import Ledger
 from hybrid_rt.core.records import FloatArray
 from hybrid_rt.integrators.context import RenderContext
 from hybrid_rt.integrators.integrator import BLOCK, Integrator
-from hybrid_rt.intersection import Intersector
 
 # Camera rays of the passes that are traced together: enough blocks for every thread, while the
 # radiances of all of them stay small.
@@ -297,8 +295,7 @@ class Workers:
         """Reset all counts."""
         for context in (self.context, *self._contexts):
             context.ledger.forget()
-            context.tracer.counters.update(dict.fromkeys(context.tracer.counters, 0))
-            context.tracer.coarse_seconds = 0.0
+            context.tracer.forget_counters()
         self._forget_own()
 
     def gather(self) -> None:
@@ -324,7 +321,5 @@ def add_work(total: dict[str, int], more: Mapping[str, int]) -> None:
 
 
 def _own_counters(context: RenderContext) -> RenderContext:
-    tracer: Intersector = copy.copy(context.tracer)
-    tracer.counters = dict.fromkeys(tracer.counters, 0)
-    tracer.coarse_seconds = 0.0
+    tracer = context.tracer.with_own_counters()
     return replace(context, tracer=tracer, ledger=Ledger(context.ledger.now))

@@ -9,6 +9,7 @@ Triangle meshes skip Embree if hits are to be certified: the float64 search alon
 
 from __future__ import annotations
 
+import copy
 import time
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
@@ -159,6 +160,18 @@ class Intersector:
     def n_triangles(self) -> int:
         """Number of coarse triangles; 0 without Embree."""
         return 0 if self._coarse is None else self._coarse.n_triangles
+
+    def with_own_counters(self) -> Intersector:
+        """Return a tracer of the same surfaces that counts for itself, from nothing."""
+        own = copy.copy(self)
+        own.counters = dict.fromkeys(self.counters, 0)
+        own.coarse_seconds = 0.0
+        return own
+
+    def forget_counters(self) -> None:
+        """Set all counters, and the seconds of coarse hits, to nothing."""
+        self.counters.update(dict.fromkeys(self.counters, 0))
+        self.coarse_seconds = 0.0
 
     def intersect(
         self,

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import copy
 import threading
 from typing import Any
 
@@ -32,9 +31,7 @@ class Probe:
     def __init__(self, beginning: Beginning, film_lock: threading.Lock) -> None:
         self._film, self._film_lock = beginning.film, film_lock
         self._scene, self._compiled = beginning.scene, beginning.context.scene
-        tracer = beginning.context.tracer
-        self._tracer = copy.copy(tracer)
-        self._tracer.counters = dict.fromkeys(tracer.counters, 0)
+        self._tracer = beginning.context.tracer.with_own_counters()
         self._one_at_a_time = threading.Lock()
 
     def at(self, column: int, row: int) -> dict[str, Any]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import copy
 import math
 from typing import Any
 
@@ -54,8 +53,7 @@ def audit(context: RenderContext, threads: int | None = None) -> dict[str, Any] 
 
     certified = Intersector(tracer.surfaces, coarse="none", threads=threads)
     exact = certified_hits(certified, origins, directions)
-    own = copy.copy(tracer)
-    own.counters = dict.fromkeys(tracer.counters, 0)  # not work for the picture
+    own = tracer.with_own_counters()  # no work for the picture
     found = own.intersect(origins, directions)
     errors = compare(exact, found.t, found.object_id)
     wrong, n_rays = errors.wrong_hits.wrong, errors.wrong_hits.rays

@@ -262,8 +262,6 @@ class Cluster:
 
         Tasks whose workers are all gone are given to those that are there now.
         """
-        from hybrid_rt.rendering.cluster_tasks import versions_here
-
         self._looked = time.monotonic()
         if self._client.status != "running":
             raise self._lost("the scheduler is gone: start it again")
@@ -274,7 +272,7 @@ class Cluster:
             ]
             found = {}
             if new:
-                found = self._client.run(versions_here, workers=new, on_error="return")
+                found = self._client.run(versions, workers=new, on_error="return")
         except (OSError, TimeoutError, RuntimeError, KeyError):
             return bool(self._threads)  # between two states: look again later
         for who, versions_there in found.items():

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import copy
 import pickle
 import time
 from contextlib import closing
 from dataclasses import dataclass, replace
 from threading import Lock
-from typing import Any
 
 import numpy as np
 from distributed import Worker, WorkerPlugin
@@ -18,7 +16,6 @@ from hybrid_rt.core.records import FloatArray
 from hybrid_rt.integrators.context import RenderContext
 from hybrid_rt.integrators.workers import Counts, Made, Pass, Run, Workers
 from hybrid_rt.rendering.set_up import Request, set_up
-from hybrid_rt.rendering.versions import versions
 from hybrid_rt.sensor.film import OVERFLOWS
 from hybrid_rt.sensor.passes import GROUPS, RUN
 
@@ -65,11 +62,6 @@ class SceneOnWorkers(WorkerPlugin):  # type: ignore[misc]
         """Forget the scene."""
         del worker
         _SCENES.pop(self.name, None)
-
-
-def versions_here() -> dict[str, str]:
-    """Return what decides bits in this process."""
-    return versions()
 
 
 def make_passes(key: str, first: int, stop: int) -> TaskResult:
@@ -142,8 +134,7 @@ class _Prepared:
                 return ready.workers
             if self._idle:
                 return self._idle.pop()
-            tracer: Any = copy.copy(self._context.tracer)
-            tracer.counters = dict.fromkeys(tracer.counters, 0)
+            tracer = self._context.tracer.with_own_counters()
             own = replace(self._context, tracer=tracer, ledger=Ledger())
             return request.declared.make(own, 1)
 

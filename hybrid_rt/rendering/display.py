@@ -6,7 +6,7 @@ import base64
 import html
 import io
 import math
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,9 +14,6 @@ from numpy.typing import NDArray
 from hybrid_rt.core.one_line import cut
 from hybrid_rt.rendering.summary import in_words, of_what, passes_in_words, per_cent
 from hybrid_rt.sensor.color import screen_pixels
-
-if TYPE_CHECKING:
-    from hybrid_rt.rendering.renderer import RenderResult
 
 # A notebook keeps the picture within its text: of larger ones it gets a smaller copy, pixels.
 MOST_PIXELS = 1600
@@ -26,10 +23,10 @@ WIDEST, NARROWEST = 960, 320
 LABEL = 12
 
 
-def one_line(result: RenderResult) -> str:
+def one_line(image: NDArray[np.floating], report: dict[str, Any]) -> str:
     """Return size, integrator, passes, error and seconds of a result."""
-    height, width = result.image.shape[:2]
-    report, words = result.report, [f"{width} x {height}"]
+    height, width = image.shape[:2]
+    words = [f"{width} x {height}"]
     if report:
         words += [report["settings"]["integrator"], passes_in_words(report["passes"])]
         words += [_error(report), f"{report['seconds']['total']:.3g} s"]
@@ -45,15 +42,14 @@ def png(image: NDArray[np.floating]) -> bytes:
     return file.getvalue()
 
 
-def as_html(result: RenderResult) -> str:
+def as_html(image: NDArray[np.floating], report: dict[str, Any]) -> str:
     """Return the picture and its report for a notebook.
 
     Colours are those of the page, so it reads alike on light and dark ones.
     """
-    image = reduced(result.image)
-    data = base64.b64encode(png(image)).decode("ascii")
-    name = html.escape(one_line(result))
-    width = result.image.shape[1]
+    data = base64.b64encode(png(reduced(image))).decode("ascii")
+    name = html.escape(one_line(image, report))
+    width = image.shape[1]
     shown, style = min(width, WIDEST), "max-width:100%;height:auto"
     if width < NARROWEST:
         shown = width * math.ceil(NARROWEST / width)
@@ -62,9 +58,9 @@ def as_html(result: RenderResult) -> str:
         f'<img alt="{name}" width="{shown}" style="{style}" src="data:image/png;base64,{data}">',
         f'<div style="font-weight:bold;margin:0.5em 0">{name}</div>',
     ]
-    if result.report:
+    if report:
         grid = "display:grid;grid-template-columns:max-content minmax(0,1fr);gap:0.1em 1em"
-        cells = [_row(label, text) for label, text in labelled(in_words(result.report))]
+        cells = [_row(label, text) for label, text in labelled(in_words(report))]
         parts.append(f'<div style="{grid};font-size:90%">{"".join(cells)}</div>')
     return f'<div style="color:inherit;background:none;max-width:{WIDEST}px">{"".join(parts)}</div>'
 

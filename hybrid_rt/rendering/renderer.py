@@ -64,7 +64,7 @@ class RenderResult:
 
     def __repr__(self) -> str:
         """Name size, integrator, passes, error and seconds."""
-        return one_line(self)
+        return one_line(self.image, self.report)
 
     def _repr_png_(self) -> bytes:
         """Return the picture as notebooks show it: as `save` writes it to a .png file."""
@@ -72,7 +72,7 @@ class RenderResult:
 
     def _repr_html_(self) -> str:
         """Return the picture and its report as notebooks show them."""
-        return as_html(self)
+        return as_html(self.image, self.report)
 
 
 class RenderInterrupted(KeyboardInterrupt):

@@ -8,7 +8,6 @@ there by a tiny offset; after that nothing coincides, and no special case is lef
 
 from __future__ import annotations
 
-import copy
 import logging
 import math
 from collections.abc import Callable
@@ -164,8 +163,7 @@ def sunken_lamps(scene: CompiledScene, tracer: Intersector) -> list[Sunken]:
     size = np.maximum(np.abs(origin), np.abs(place)).max(axis=1)
     width = FACE_ROUNDING * size / np.linalg.norm(direction, axis=1)
     own_surface = scene.surface_of_light[of_light]
-    own = copy.copy(tracer)
-    own.counters = dict.fromkeys(tracer.counters, 0)  # not work for the picture
+    own = tracer.with_own_counters()  # no work for the picture
     found = own.intersect(
         origin, direction, t_min=1.0 - width, t_max=1.0 + width, unseen=own_surface
     )

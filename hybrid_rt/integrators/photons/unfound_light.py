@@ -9,7 +9,6 @@ metal comes on top, and is not measured.
 
 from __future__ import annotations
 
-import copy
 import math
 import re
 from dataclasses import dataclass, replace
@@ -213,9 +212,7 @@ def _tracer(context: RenderContext, beginnings: _Beginnings) -> _Tracer | None:
         power=np.where(chosen[:, :-1].any(axis=0), power, 0.0),
         environment=scene.environment if "K" in beginnings.lights else None,
     )
-    tracer = copy.copy(context.tracer)
-    tracer.counters = dict.fromkeys(tracer.counters, 0)
-    tracer.coarse_seconds = 0.0
+    tracer = context.tracer.with_own_counters()
     own = replace(context, scene=scene, plan=make_plan(scene, PPM), tracer=tracer, ledger=Ledger())
     contacts = Contacts(scene, tracer) if own.plan["contacts"] else None
     if not own.plan["photons"] or (media_around_camera(own, contacts) != NOTHING).any():
