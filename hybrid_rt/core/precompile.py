@@ -61,6 +61,15 @@ def want(*groups: str, but: Collection[str] = ()) -> None:
     _workers.want({(group, tuple(but)) for group in groups})
 
 
+def fill_cold_cache() -> None:
+    """Wait until all that is announced is compiled, unless the cache holds the first of it.
+
+    For programs that start several processes on the same cold cache: each would begin to compile
+    everything. Ends without a result if no process can be started.
+    """
+    _workers.fill()
+
+
 def type_to_json(numba_type: Any) -> Any:
     """Encode a numba type for JSON; TypeError for types that no kernel takes."""
     from numba import types
@@ -171,6 +180,16 @@ class _Workers:
             while number in self._at_work:
                 self._changed.wait()
             return number in self._done
+
+    def fill(self) -> None:
+        """Load the first kernel that is wanted; if that begins the work, wait for its end."""
+        first = next((entry for entry in read_list() if self._is_wanted(entry)), None)
+        if first is None:
+            return
+        named(first.kernel).compile(tuple(map(type_from_json, first.types)))
+        with self._changed:
+            while self._n_threads and (self._queue or self._at_work):
+                self._changed.wait(1.0)  # a process that dies tells nobody
 
     def _is_wanted(self, entry: Listed) -> bool:
         module = entry.kernel.split(":")[0]

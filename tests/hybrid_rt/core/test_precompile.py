@@ -100,7 +100,7 @@ def test_the_list_holds_what_kernels_are_called_with():
 
 # Calls two small kernels, which it has announced, and prints which it has compiled itself.
 CALLS = """
-import json, sys, time
+import json, sys
 import numpy as np
 from hybrid_rt.core import precompile
 from hybrid_rt.core import threads as pool
@@ -112,11 +112,9 @@ precompile._CODE = sys.argv[1] or precompile._CODE
 listed = [e for e in precompile.read_list() if e.kernel.split(":")[1] in sys.argv[2:]]
 precompile.read_list = lambda: listed
 precompile.want("path")
+precompile.fill_cold_cache()
 image, radiance = np.zeros((2, 3)), np.zeros((2, 3))
 add_to_pixels(np.array([1, 1, 0]), np.ones((3, 3)), image)
-patience = time.monotonic() + 60.0  # a process may take its time to start
-while precompile._workers._queue and time.monotonic() < patience:
-    time.sleep(0.01)
 add_unblocked(np.array([1, 0]), np.array([True, False]), np.full((2, 3), 5.0), radiance)
 assert image.tolist() == [[1] * 3, [2] * 3]
 assert radiance.tolist() == [[5] * 3, [0] * 3]
@@ -141,9 +139,9 @@ def run_cold(folder, code=""):
 
 
 def test_a_cold_cache_is_filled_by_others_and_a_warm_one_starts_nobody(tmp_path):
-    """While the first kernel is compiled here, another process compiles the second."""
+    """While one kernel is compiled here, another process compiles the other."""
     compiled, n_processes = run_cold(tmp_path)
-    assert "add_unblocked" not in compiled
+    assert len(compiled) < 2
     assert n_processes >= 1
     assert run_cold(tmp_path) == ([], 0)
 
