@@ -121,7 +121,7 @@ class Cluster:
                 # dask has its processes give back memory at once, which costs a quarter of the time.
                 with dask.config.set({"distributed.nanny.pre-spawn-environ": {}}):
                     self._local = LocalCluster(
-                        n, threads_per_worker=1, dashboard_address=None, silence_logs=50
+                        n_workers=n, threads_per_worker=1, dashboard_address=None, silence_logs=50
                     )
             place = self._address if self._local is None else self._local
             self._client = Client(place, timeout=ANSWER, set_as_default=False)
