@@ -17,8 +17,11 @@ from hybrid_rt.core.records import BoolArray, FloatArray, HitRecord, Status
 from hybrid_rt.intersection import Intersector
 from hybrid_rt.intersection.coincident import coincident_hits
 from hybrid_rt.intersection.crossings import Crossings
+from hybrid_rt.intersection.intersector import check_settings
+from hybrid_rt.intersection.kernels.search.tolerances import TANGENT_BAND
 from hybrid_rt.primitives import TriangleMesh
-from meshing.checks import as_floats, whole
+from meshing.checks import as_floats, shown, whole
+from meshing.surface import Surface
 
 IdArray = NDArray[np.int64]
 
@@ -31,22 +34,62 @@ DIRECTIONS = np.array(
 class RayMeshIntersector:
     """Ray queries with the interface of trimesh's ``RayMeshIntersector``.
 
+    As with trimesh's engines, the surface that a ray starts on, within rounding, counts as a hit
+    (`Intersector` finds only what lies ahead), and nothing is built before the first query.
+
     Parameters
     ----------
     geometry : trimesh.Trimesh, surface, or sequence of them
-    **options : as for `Intersector`
+        A mesh that is changed later is looked at anew by the next query.
+    scale_to_box : bool
+        Accepted as trimesh's engines do. Changes nothing: hits are found in float64 at any scale.
+    accuracy, coarse, tolerance, threads : as for `Intersector`
 
     Attributes
     ----------
-    intersector : Intersector
+    mesh : the geometry
+
+    Raises
+    ------
+    TypeError, ValueError
+        If an item is neither a mesh nor a surface, or a setting is unknown.
     """
 
-    def __init__(self, geometry: Any, **options: Any) -> None:
-        parts = geometry if isinstance(geometry, Sequence) else [geometry]
-        surfaces = [TriangleMesh(part) if _is_trimesh(part) else part for part in parts]
-        self.intersector = Intersector(surfaces, **options)
-        counts = [len(surface) for surface in self.intersector.surfaces]
-        self._first = np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)
+    def __init__(
+        self,
+        geometry: Any,
+        scale_to_box: bool = True,
+        *,
+        accuracy: str = "certified",
+        coarse: str = "embree",
+        tolerance: float | None = None,
+        threads: int | None = None,
+    ) -> None:
+        del scale_to_box
+        check_settings(accuracy, coarse, tolerance)
+        self._settings = (accuracy, coarse, tolerance, threads)
+        self.mesh = geometry
+        self._parts = list(geometry) if isinstance(geometry, Sequence) else [geometry]
+        for i, part in enumerate(self._parts):
+            if not (_is_trimesh(part) or isinstance(part, Surface)):
+                raise TypeError(
+                    f"RayMeshIntersector geometry[{i}] is {shown(part)}: pass a trimesh.Trimesh or "
+                    "a surface such as BezierPatches"
+                )
+        self._intersector: Intersector | None = None
+        self._built_for: list[int] = []
+
+    @property
+    def intersector(self) -> Intersector:
+        """The tracer of the geometry as it is now."""
+        now = [hash(part) for part in self._parts if _is_trimesh(part)]
+        if self._intersector is None or now != self._built_for:
+            self._intersector = Intersector(
+                [TriangleMesh(part) if _is_trimesh(part) else part for part in self._parts],
+                *self._settings,
+            )
+            self._built_for = now
+        return self._intersector
 
     def intersects_location(
         self, ray_origins: ArrayLike, ray_directions: ArrayLike, multiple_hits: bool = True
@@ -125,7 +168,8 @@ class RayMeshIntersector:
         ValueError, TypeError
             As `Intersector.intersect` does.
         """
-        hits = self.intersector.intersect(ray_origins, ray_directions)
+        tracer, begin = self._begin(ray_origins, ray_directions)
+        hits = tracer.intersect(ray_origins, ray_directions, t_min=begin)
         return np.where(hits.hit, self._number(hits), -1)
 
     def intersects_any(self, ray_origins: ArrayLike, ray_directions: ArrayLike) -> BoolArray:
@@ -141,7 +185,8 @@ class RayMeshIntersector:
         ValueError, TypeError
             As `Intersector.intersect` does.
         """
-        return self.intersector.occluded(ray_origins, ray_directions)
+        tracer, begin = self._begin(ray_origins, ray_directions)
+        return tracer.occluded(ray_origins, ray_directions, t_min=begin)
 
     def contains_points(self, points: ArrayLike) -> BoolArray:
         """Tell for each point whether it lies inside the closed surfaces.
@@ -188,24 +233,41 @@ class RayMeshIntersector:
         others = coincident_hits(self.intersector, points[found.ray], directions, found.hits)
         return count + np.bincount(found.ray[others.hit], minlength=len(points))
 
+    def _begin(self, origins: ArrayLike, directions: ArrayLike) -> tuple[Intersector, FloatArray]:
+        """Return the tracer and, for each ray, the t within rounding before its start."""
+        tracer = self.intersector
+        scale = max((s.reach for s in tracer.surfaces if s.is_bounded), default=0.0)
+        at = np.abs(as_floats(origins, "ray_origins"))
+        length = np.abs(as_floats(directions, "ray_directions"))
+        with np.errstate(all="ignore"):  # what is wrong with them, the tracer says
+            size = np.maximum(at.max(axis=-1, initial=0.0), scale)
+            begin: FloatArray = -TANGENT_BAND * size / length.max(axis=-1, initial=0.0)
+        return tracer, np.where(np.isfinite(begin), begin, 0.0)
+
     def _find(
         self, origins: ArrayLike, directions: ArrayLike, multiple_hits: bool, most: int | None
     ) -> tuple[HitRecord, IdArray]:
-        if not multiple_hits:
-            hits = self.intersector.intersect(origins, directions)
-            return hits[hits.hit], np.flatnonzero(hits.hit)
         if most is not None:
             whole(most, "max_hits", at_least=1)
-        found = self.intersector.intersect_all(origins, directions)
+        tracer, begin = self._begin(origins, directions)
+        if not multiple_hits:
+            hits = tracer.intersect(origins, directions, t_min=begin)
+            return hits[hits.hit], np.flatnonzero(hits.hit)
+        found = tracer.intersect_all(origins, directions, t_min=begin)
         if most is None:
             return found.hits, found.ray
         rank = np.arange(len(found)) - found.offsets[found.ray]
         return found.hits[rank < most], found.ray[rank < most]
 
     def _number(self, hits: HitRecord) -> IdArray:
-        numbers: IdArray = self._first[hits.object_id] + hits.patch_id
+        assert self._intersector is not None
+        counts = [len(surface) for surface in self._intersector.surfaces]
+        first = np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)
+        numbers: IdArray = first[hits.object_id] + hits.patch_id
         return numbers
 
 
 def _is_trimesh(part: Any) -> bool:
-    return hasattr(part, "vertices") and hasattr(part, "faces") and hasattr(part, "triangles")
+    # trimesh's primitives ask for their engine before they have vertices; their class has them.
+    names = ("vertices", "faces", "triangles")
+    return all(hasattr(type(part), name) or hasattr(part, name) for name in names)

@@ -56,11 +56,13 @@ def test_points_inside_and_outside(cube):
 
 
 @pytest.mark.parametrize("size", [1e-6, 1.0, 1e7])
-def test_a_large_or_small_box_is_left_once(size):
+def test_a_box_of_any_size_is_met_twice_also_from_its_top(size):
     ours = RayMeshIntersector(trimesh.creation.box(extents=(size, size, size)))
     tri, ray = ours.intersects_id([[0.0, 0.0, 0.5 * size]], [[0.0, 0.0, -1.0]])
-    # From the top itself: t > 0 excludes the face of departure.
-    assert len(tri) == len(ray) == 1
+    # trimesh's engines count the face that a ray starts on.
+    assert len(tri) == len(ray) == 2
+    ahead = ours.intersector.intersect_all([[0.0, 0.0, 0.5 * size]], [[0.0, 0.0, -1.0]])
+    assert ahead.hits.t.tolist() == [size]
     tri, _ = ours.intersects_id([[0.0, 0.0, size]], [[0.0, 0.0, -1.0]])
     assert len(tri) == 2
 
@@ -73,3 +75,61 @@ def test_queries_that_find_nothing_return_empty_arrays(cube):
     assert ray.shape == tri.shape == (0,)
     assert np.array_equal(ours.intersects_first(origins, directions), np.full(10, -1))
     assert not ours.intersects_any(origins, directions).any()
+
+
+def test_trimeshs_own_search_for_what_contains_a_point_runs_on_it():
+    """It reads the engine's mesh, and its primitives are meshes as well."""
+    ball = trimesh.primitives.Sphere(radius=2.0)
+    points = np.random.default_rng(4).uniform(-3.0, 3.0, (500, 3))
+    distance = np.linalg.norm(points, axis=1)
+    points, distance = points[abs(distance - 2.0) > 0.1], distance[abs(distance - 2.0) > 0.1]
+    found = trimesh.ray.ray_util.contains_points(RayMeshIntersector(ball), points)
+    assert np.array_equal(found, distance < 2.0)
+
+
+def test_primitives_take_it_as_their_engine_while_they_are_made(monkeypatch):
+    monkeypatch.setattr(trimesh.ray.ray_pyembree, "RayMeshIntersector", RayMeshIntersector)
+    box = trimesh.primitives.Box(extents=(2, 2, 2))
+    assert isinstance(box.ray, RayMeshIntersector)
+    assert box.ray.intersects_any([[0, 0, 5]], [[0, 0, -1]]).all()
+
+
+def test_a_mesh_that_is_changed_is_looked_at_anew(cube):
+    ours = RayMeshIntersector(cube, scale_to_box=False)
+    cube.apply_translation((10, 0, 0))  # before anything was built
+    assert not ours.intersects_any([[0, 0, 5]], [[0, 0, -1]]).any()
+    cube.apply_translation((-10, 0, 0))
+    assert ours.intersects_any([[0, 0, 5]], [[0, 0, -1]]).all()
+    assert ours.intersector is ours.intersector
+
+
+def test_the_cavity_of_a_body_is_outside():
+    outer, inner = trimesh.creation.box(), trimesh.creation.box(extents=(0.1, 0.1, 0.1))
+    inner.invert()
+    ours = RayMeshIntersector(trimesh.util.concatenate([outer, inner]))
+    assert ours.contains_points([(0, 0, 0), (0.2, 0, 0), (2, 0, 0)]).tolist() == [
+        False,
+        True,
+        False,
+    ]
+
+
+def test_rays_along_edges_and_through_corners_hit():
+    ours = RayMeshIntersector(trimesh.creation.box(extents=(2, 2, 2)))
+    place = [(1, 0), (-1, 0), (0, 1), (0, -1), (1, 1), (-1, -1), (1, -1), (-1, 1)]
+    origins = np.array([(x, y, 5.0) for x, y in place])
+    assert ours.intersects_any(origins, np.tile([0.0, 0.0, -1.0], (8, 1))).all()
+
+
+def test_a_tiny_box_far_away_is_met_twice():
+    ours = RayMeshIntersector(trimesh.creation.box(extents=(1e-3, 1e-3, 1e-3)))
+    tri, _, at = ours.intersects_id([(0, 0, 1e4)], [(0, 0, -1)], return_locations=True)
+    assert len(tri) == 2
+    assert at[:, 2].tolist() == [5e-4, -5e-4]
+
+
+def test_what_is_no_geometry_is_named():
+    with pytest.raises(TypeError, match=r"geometry\[1\] is 'cube': pass a trimesh"):
+        RayMeshIntersector([trimesh.creation.box(), "cube"])
+    with pytest.raises(ValueError, match="accuracy is 'exact'"):
+        RayMeshIntersector(trimesh.creation.box(), accuracy="exact")
