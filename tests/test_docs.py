@@ -5,6 +5,8 @@ from pathlib import Path
 
 import pytest
 
+from hybrid_rt._version import __version__
+
 ROOT = Path(__file__).parents[1]
 LIGHT, PHOTONS = (
     (ROOT / "docs" / name).read_text(encoding="utf-8") for name in ("light.md", "photons.md")
@@ -32,3 +34,10 @@ def test_pictures_are_shown_and_links_lead_somewhere():
         linked |= {(page.parent / link).resolve() for link in links}
     assert {link for link in linked if not link.exists()} == set()
     assert set((ROOT / "docs").rglob("*.png")) <= linked
+
+
+def test_the_version_is_stated_alike():
+    cited = re.search(r"^version: (\S+)$", (ROOT / "CITATION.cff").read_text("utf-8"), re.MULTILINE)
+    assert cited is not None
+    assert cited[1] == __version__
+    assert f"## [{__version__}]" in (ROOT / "CHANGELOG.md").read_text("utf-8")

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 from hybrid_rt._version import __version__
 from hybrid_rt.cli.command import REFUSALS, STOPPED, guarded, said_by
+from hybrid_rt.cli.completion import SHELLS, completion_action
 from hybrid_rt.cli.live import add_live_options, compare_on, open_page
 
 if TYPE_CHECKING:
@@ -88,15 +89,20 @@ class _Command(argparse.ArgumentParser):
 
     add_options: Callable[[argparse.ArgumentParser], None] | None = None
 
-    def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
-        """Parse arguments by all options."""
+    def complete(self) -> None:
+        """Add the options, unless that is done."""
         add_options, self.add_options = self.add_options, None
         if add_options is not None:
             add_options(self)
+
+    def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
+        """Parse arguments by all options."""
+        self.complete()
         return super().parse_known_args(args, namespace)
 
 
-def _parser() -> argparse.ArgumentParser:
+def _parser(complete: bool = False) -> argparse.ArgumentParser:
+    """Return the parser; ``complete``: with the options of every command."""
     parser = argparse.ArgumentParser(
         prog="hybrid-rt",
         description="Pictures of curved surfaces, traced on the surfaces themselves.",
@@ -104,6 +110,13 @@ def _parser() -> argparse.ArgumentParser:
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("--version", action="version", version=f"hybrid-rt {__version__}")
+    parser.add_argument(
+        "--print-completion",
+        choices=SHELLS,
+        action=completion_action(lambda: _parser(complete=True)),
+        metavar="SHELL",
+        help=f"print a script that completes commands in {', '.join(SHELLS[:-1])} or {SHELLS[-1]}",
+    )
     commands = parser.add_subparsers(required=True, metavar="COMMAND", parser_class=_Command)
 
     demo = commands.add_parser("demo", help="make a picture of the teapot and compare with meshes")
@@ -131,6 +144,8 @@ def _parser() -> argparse.ArgumentParser:
     )
     compare.add_argument("--exposure", type=_stops, default=0.0, metavar="E", help="stops shown")
     compare.set_defaults(run=_run_compare)
+    for command in commands.choices.values() if complete else ():
+        command.complete()
     return parser
 
 

@@ -1,0 +1,56 @@
+"""Completion of the command line in shells, by shtab (extra ``completion``)."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, NoReturn
+
+SHELLS = ("bash", "zsh", "tcsh")
+# Arguments that are files, but no `Path`.
+FILE_ARGUMENTS = ("scene", "a", "b", "reference")
+# What shells know as the names of files; see the documentation of shtab.
+FILES = {"bash": "_shtab_compgen_files", "zsh": "_files", "tcsh": "f"}
+
+
+def completion_action(parser: Callable[[], argparse.ArgumentParser]) -> type[argparse.Action]:
+    """Return the action of an option that prints a completion script and ends the program.
+
+    Parameters
+    ----------
+    parser : callable
+        Makes the parser with all its options.
+
+    Raises
+    ------
+    ModuleNotFoundError
+        When the option is used and shtab is not installed.
+    """
+
+    class PrintCompletion(argparse.Action):
+        def __call__(self, _parser: Any, _names: Any, shell: Any, _option: Any = None) -> NoReturn:
+            try:
+                import shtab
+            except ModuleNotFoundError:
+                _parser.error(
+                    f"--print-completion {shell} needs shtab: pip install 'hybrid-rt[completion]'"
+                )
+            complete = parser()
+            for action in _all_actions(complete):
+                if action.type is Path or action.dest in FILE_ARGUMENTS:
+                    action.complete = FILES  # type: ignore[attr-defined]
+            print(shtab.complete(complete, shell=shell))
+            raise SystemExit(0)
+
+    return PrintCompletion
+
+
+def _all_actions(parser: argparse.ArgumentParser) -> list[argparse.Action]:
+    """Return the actions of a parser and of its commands."""
+    actions = list(parser._actions)  # noqa: SLF001  (argparse has no other list of them)
+    for action in parser._actions:  # noqa: SLF001
+        if isinstance(action, argparse._SubParsersAction):  # noqa: SLF001
+            for command in action.choices.values():
+                actions += _all_actions(command)
+    return actions
