@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, NoReturn
@@ -40,7 +41,7 @@ def completion_action(parser: Callable[[], argparse.ArgumentParser]) -> type[arg
             for action in _all_actions(complete):
                 if action.type is Path or action.dest in FILE_ARGUMENTS:
                     action.complete = FILES  # type: ignore[attr-defined]
-            print(shtab.complete(complete, shell=shell))
+            sys.stdout.write(shtab.complete(complete, shell=shell))
             raise SystemExit(0)
 
     return PrintCompletion
@@ -48,9 +49,9 @@ def completion_action(parser: Callable[[], argparse.ArgumentParser]) -> type[arg
 
 def _all_actions(parser: argparse.ArgumentParser) -> list[argparse.Action]:
     """Return the actions of a parser and of its commands."""
-    actions = list(parser._actions)  # noqa: SLF001  (argparse has no other list of them)
-    for action in parser._actions:  # noqa: SLF001
-        if isinstance(action, argparse._SubParsersAction):  # noqa: SLF001
+    actions = list(parser._actions)
+    for action in parser._actions:
+        if isinstance(action, argparse._SubParsersAction):
             for command in action.choices.values():
                 actions += _all_actions(command)
     return actions
