@@ -10,6 +10,7 @@ from typing import Any
 from hybrid_rt._version import __version__
 
 _HOMES = {
+    "Asphere": "primitives.asphere",
     "Box": "primitives",
     "Camera": "sensor.camera",
     "CheckerTexture": "textures",
@@ -46,6 +47,8 @@ _HOMES = {
     "Torus": "primitives.torus",
     "TriangleMesh": "primitives",
     "progress_bar": "rendering.progress_bar",
+    "reflect": "shading.snell",
+    "refract": "shading.snell",
     "render": "rendering.renderer",
 }
 

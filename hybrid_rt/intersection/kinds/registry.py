@@ -18,6 +18,7 @@ from hybrid_rt.core.threads import Pool
 from hybrid_rt.intersection.kind import CurvedKind, Kind
 from hybrid_rt.intersection.kinds.closed_forms import MANY, ClosedForm, Spheres
 from hybrid_rt.primitives import Box, Plane, Rectangle, Sphere, TriangleMesh
+from hybrid_rt.primitives.asphere import Asphere
 from hybrid_rt.primitives.box import TurnedBox
 from hybrid_rt.primitives.torus import Torus
 from meshing import BezierPatches, SurfaceOfRevolution
@@ -213,6 +214,13 @@ def _tori(members: Members, _accuracy: str, _pool: Pool) -> Kind:
     return ClosedForm(members, torus_table, trace_tori, finish_tori)
 
 
+def _aspheres(members: Members, _accuracy: str, _pool: Pool) -> Kind:
+    from hybrid_rt.intersection.kernels.asphere.table import asphere_table
+    from hybrid_rt.intersection.kernels.asphere.trace import finish_aspheres, trace_aspheres
+
+    return ClosedForm(members, asphere_table, trace_aspheres, finish_aspheres)
+
+
 def _patches(members: Members, accuracy: str, pool: Pool) -> CurvedKind:
     from hybrid_rt.intersection.kinds.patches import FINEST, PatchKind
 
@@ -247,6 +255,7 @@ ENTRIES = (
     Entry(Box, "boxes", _boxes, lambda _members, _way: ["boxes"]),
     Entry(TurnedBox, "turned boxes", _turned_boxes, lambda _members, _way: ["turned boxes"]),
     Entry(Torus, "tori", _tori, lambda _members, _way: ["tori"]),
+    Entry(Asphere, "aspheres", _aspheres, lambda _members, _way: ["aspheres"]),
     Entry(BezierPatches, "Bezier patches", _patches, _of_patches, ACCURACIES),
     Entry(
         SurfaceOfRevolution,

@@ -65,6 +65,42 @@ def mirror_directions(direction, normal, reflected):
 
 
 @kernel
+def reflect_directions(direction, normal, out):
+    """Reflect unit directions (n, 3) at unit normals of either sign, to unit directions."""
+    for i in range(direction.shape[0]):
+        x, y, z = mirrored(
+            direction[i, 0], direction[i, 1], direction[i, 2],
+            normal[i, 0], normal[i, 1], normal[i, 2],
+        )  # fmt: skip
+        length = math.sqrt(x * x + y * y + z * z)
+        out[i, 0], out[i, 1], out[i, 2] = x / length, y / length, z / length
+
+
+@kernel
+def refract_directions(direction, normal, before, beyond, out):
+    """Refract unit directions (n, 3) at unit normals of either sign; nan where reflection is total.
+
+    ``before`` and ``beyond`` (n,) are the indices of refraction on both sides.
+    """
+    for i in range(direction.shape[0]):
+        dx, dy, dz = direction[i, 0], direction[i, 1], direction[i, 2]
+        nx, ny, nz = normal[i, 0], normal[i, 1], normal[i, 2]
+        cos_i = -(dx * nx + dy * ny + dz * nz)
+        if cos_i < 0.0:
+            cos_i, nx, ny, nz = -cos_i, -nx, -ny, -nz
+        ratio = beyond[i] / before[i]
+        # As in `fresnel`; the difference is taken before the quotient rounds it.
+        change = (beyond[i] - before[i]) / before[i]
+        square = change * (ratio + 1.0) + cos_i * cos_i
+        if square <= 0.0 or cos_i == 0.0:
+            out[i, 0] = out[i, 1] = out[i, 2] = math.nan
+            continue
+        out[i, 0], out[i, 1], out[i, 2] = refract(
+            dx, dy, dz, nx, ny, nz, cos_i, math.sqrt(square) / ratio, ratio
+        )
+
+
+@kernel
 def split_at_glass(direction, normal, eta, use_schlick, reflectance, refracted):
     """Find the refracted direction and the reflectance of each ray at a dielectric.
 

@@ -11,6 +11,7 @@ import numpy as np
 from hybrid_rt.core.records import FloatArray
 from hybrid_rt.demo import teapot, vase
 from hybrid_rt.primitives import Box, Plane, Rectangle, Sphere, TriangleMesh
+from hybrid_rt.primitives.asphere import Asphere
 from hybrid_rt.primitives.torus import Torus
 from hybrid_rt.verify.cases.campaign import ellipsoid, torus
 from hybrid_rt.verify.cases.catalogue import (
@@ -202,6 +203,11 @@ def closed_torus() -> Torus:
     return Torus((0.2, -0.1, 0.3), (0.3, -0.2, 1.0), 1.0, 0.4)
 
 
+def asphere() -> Asphere:
+    """Return an asphere that bends both ways, about an oblique axis."""
+    return Asphere(4.0, -0.7, [-0.2, 0.08, -0.01], 4.0, (0.2, -0.1, 0.3), (0.3, -0.2, 1.0))
+
+
 def fan() -> TriangleMesh:
     """Return an open cap of triangles about a vertex, and a needle."""
     import trimesh
@@ -344,6 +350,14 @@ SETS: dict[str, SingularSet] = {
     "closed torus, leaving": SingularSet(
         "closed", lambda: [closed_torus()], interior, leaving="grazing"
     ),
+    "asphere, rim": SingularSet(
+        "closed", lambda: [asphere()], at_parameters([(None, 1.0)], True)
+    ),
+    "asphere, vertex": SingularSet(
+        "closed", lambda: [asphere()], at_parameters([(0.0, 0.0)], False)
+    ),
+    "asphere, tangents": SingularSet("closed", lambda: [asphere()], interior, parallel),
+    "asphere, leaving": SingularSet("closed", lambda: [asphere()], interior, leaving="grazing"),
     # --- meshes
     "mesh edges and vertices": SingularSet("mesh", lambda: [ellipsoid()], edges),
     "open mesh, edges": SingularSet("mesh", lambda: [fan()], edges),

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from hybrid_rt import Box, Intersector, Plane, Rectangle, Sphere, Torus, TriangleMesh, demo
+from hybrid_rt import Asphere, Box, Intersector, Plane, Rectangle, Sphere, Torus, TriangleMesh, demo
 from hybrid_rt.intersection.kinds.registry import ENTRIES
 from hybrid_rt.primitives.box import TurnedBox
 from hybrid_rt.verify.judges.surface_judge import all_judges, judge_of
@@ -14,6 +14,7 @@ from meshing.surface import Surface
 TURN = np.array([[0, 0, 2, 1], [2, 0, 0, -3], [0, 2, 0, 5], [0, 0, 0, 1]], float)
 SKEW = np.array([[-1, 0.6, 0.2, 1], [0, 1, -0.4, 0], [0.3, 0, 1, 2], [0, 0, 0, 1]])
 SURFACES = {
+    Asphere: Asphere(3, -0.7, [0.02, -0.01, 1e-3], 4, (1, 2, 3), (1, -1, 2), (0, 0, 1)),
     Box: Box((-1, -2, 0), (1, 3, 4)),
     TurnedBox: Box((-1, -2, 0), (1, 3, 4)).transformed(SKEW),
     Plane: Plane((1, 2, 3), (0.1, -2, 0.3)),

@@ -10,10 +10,8 @@ All else is doubtful: both decisions are right.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from itertools import pairwise
-from threading import RLock
 from typing import Any, ClassVar
 
 import numpy as np
@@ -22,6 +20,7 @@ from numpy.typing import NDArray
 from hybrid_rt.core.records import FloatArray
 from hybrid_rt.primitives.torus import Torus
 from hybrid_rt.verify.judges.kernels import events
+from hybrid_rt.verify.judges.precision import bits
 from hybrid_rt.verify.judges.surface_judge import Number, Solver, SurfaceJudge, Vector, Worker
 
 # Bits of roots: twice as many where two of them are not told apart.
@@ -30,8 +29,6 @@ BITS = 128
 OUTER, TRUE, INNER = range(3)
 # Rays that pass the ball around a torus by this part of it need no exact arithmetic.
 CLEAR = 1e-6
-
-_LOCK = RLock()
 
 
 class TorusJudge(SurfaceJudge, of=Torus):
@@ -59,7 +56,7 @@ class TorusJudge(SurfaceJudge, of=Torus):
                 across = np.linalg.norm(np.cross(o[i] - center, d[i])) / length
                 if across > (1.0 + CLEAR) * 0.5 * size + 2.0 * band:
                     continue
-                with _bits(BITS):
+                with bits(BITS):
                     for t, flatness, kind in _passages(quartics(o[i], d[i], band), band, length):
                         is_sure = kind == events.ROOT
                         cosine = self._cosine(o[i], d[i], t) if is_sure else flatness
@@ -185,7 +182,7 @@ def _sorted_roots(quartics: list[Any]) -> list[tuple[Any, int]]:
     """Return where the quartics change their sign, in order, each with its level."""
     number = BITS
     while True:
-        with _bits(number):
+        with bits(number):
             found: list[tuple[Any, int]] = []
             for level, quartic in enumerate(quartics):
                 if level > OUTER and not found:
@@ -197,19 +194,6 @@ def _sorted_roots(quartics: list[Any]) -> list[tuple[Any, int]]:
             if not any(one[0].overlaps(two[0]) for one, two in pairwise(found)):
                 return found
         number *= 2
-
-
-@contextmanager
-def _bits(number: int) -> Iterator[None]:
-    """Work with balls of so many bits, one thread at a time: flint has one precision for all."""
-    import flint
-
-    with _LOCK:
-        before, flint.ctx.prec = flint.ctx.prec, number
-        try:
-            yield
-        finally:
-            flint.ctx.prec = before
 
 
 def _dot(a: list[Any], b: list[Any]) -> Any:

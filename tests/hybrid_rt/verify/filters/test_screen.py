@@ -17,7 +17,8 @@ from hybrid_rt.verify.filters.kernels import first
 from hybrid_rt.verify.filters.screen import Screen
 from meshing import SurfaceOfRevolution
 
-SCREENED = list(SETS)
+# Of aspheres the filter knows the ball only: the exact judge is asked about all other rays.
+SCREENED = [name for name in SETS if not name.startswith("asphere")]
 
 
 def cell_of(name, place, distance, n=10, seed=5):

@@ -1,0 +1,156 @@
+"""The search of a ray within the rim: pieces of which g is known to have at most two roots."""
+
+import numpy as np
+
+from hybrid_rt.intersection.kernels.asphere.sag import gradient, look
+from hybrid_rt.intersection.kernels.asphere.solve import (
+    bound_of_root,
+    find_extremum,
+    find_root,
+    is_grazing,
+)
+from hybrid_rt.intersection.kernels.asphere.table import bounds_between
+from hybrid_rt.intersection.kernels.search.nearest import doubt, offer
+from hybrid_rt.intersection.kernels.search.tolerances import MAX_PIECES, UNIT_ROUNDOFF
+from meshing.kernels.jit import inner
+
+# Halvings of the ray: shorter pieces than 2^-48 are points.
+DEPTH = 48
+# Rounding of g' and g'', over the sizes of their terms.
+SLOPE_NOISE = 2.0**-44
+# Rims this many bands from a hit, across the surface, do not concern it.
+BESIDE_RIM = 8.0
+
+
+@inner
+def offer_root(i, k, line, s, near, shift, per_t, rims, table, rays, best):
+    """Offer the root at s; tell whether the search of this surface ends with it."""
+    to_world = 1.0 / table.to_frame[k]
+    t = (shift + s * per_t) * to_world
+    if t > best.t[i]:
+        return True
+    if not t > rays.t_min[i]:
+        return False
+    first_rim, second_rim, band = rims
+    coefficient, noise, bend = table.coefficient, table.noise[k], table.bend[k]
+    _, slope, _, rate = look(line, coefficient, k, s)
+    cosine = abs(slope) / gradient(line, s, rate)
+    near = near or is_grazing(line, coefficient, k, s, band, bend)
+    bound = bound_of_root(line, coefficient, k, s, noise, bend, near) * per_t
+    bound += 4.0 * UNIT_ROUNDOFF * (abs(shift) + abs(s * per_t))
+    from_rim = min(abs(s - first_rim), abs(s - second_rim))
+    is_tangent = near or from_rim * cosine <= BESIDE_RIM * band
+    return offer(
+        i, t, bound * to_world, cosine / per_t, is_tangent, table.object_id[k], 0, 0.0, 0.0,
+        rays.t_min, rays.known, best,
+    )  # fmt: skip
+
+
+@inner
+def search(i, k, line, lo, hi, shift, per_t, rims, table, rays, best):
+    """Offer the roots of g in [lo, hi], one after the other, until one is taken."""
+    coefficient, band = table.coefficient, rims[2]
+    to_world = 1.0 / table.to_frame[k]
+    per_zone = table.bounds.shape[2] / table.rim[k, 1]
+    nearest = -line.turn / line.across if line.across > 0.0 else 0.0
+    sx, sy = line.x + nearest * line.vx, line.y + nearest * line.vy
+    least = sx * sx + sy * sy
+    width, index, depth = hi - lo, 0, 0
+    ga, slope_a, _, _ = look(line, coefficient, k, lo)
+    for _ in range(MAX_PIECES):
+        # --- the piece [a, b], and bounds over its w
+        a, b = lo + index * width, lo + (index + 1) * width
+        gb, slope_b, _, _ = look(line, coefficient, k, b)
+        ax, ay = line.x + a * line.vx, line.y + a * line.vy
+        bx, by = line.x + b * line.vx, line.y + b * line.vy
+        wa, wb = ax * ax + ay * ay, bx * bx + by * by
+        low, high = min(wa, wb), max(wa, wb)
+        if a < nearest < b:
+            low = least
+        f0, f1, b0, b1, is_fine = bounds_between(table.bounds, k, low * per_zone, high * per_zone)
+        if is_fine:
+            # Within a zone F changes by no more than F' allows.
+            rate = look(line, coefficient, k, a)[3]
+            change = max(abs(b0), abs(b1)) * (high - low) + SLOPE_NOISE * abs(rate)
+            f0, f1 = max(f0, rate - change), min(f1, rate + change)
+        p, q = 2.0 * (line.turn + line.across * a), 2.0 * (line.turn + line.across * b)
+        steepest = max(abs(f0), abs(f1))
+        most = max(abs(p), abs(q))
+        wrong = SLOPE_NOISE * (1.0 + steepest * most)
+        lowest = min(f0 * p, f0 * q, f1 * p, f1 * q) + wrong
+        highest = max(f0 * p, f0 * q, f1 * p, f1 * q) - wrong
+        is_inside, will_be = ga <= 0.0, gb <= 0.0
+        splits = False
+        if line.vz > highest + 2.0 * wrong or line.vz < lowest - 2.0 * wrong:
+            # --- it runs one way
+            if is_inside != will_be:
+                s = find_root(line, coefficient, k, a, b, ga, gb)
+                if offer_root(i, k, line, s, False, shift, per_t, rims, table, rays, best):
+                    return
+        else:
+            square_high = most * most
+            square_low = 0.0 if p * q <= 0.0 else min(p * p, q * q)
+            twice = 2.0 * line.across
+            least_bend = min(b0 * square_low, b0 * square_high) + twice * f0
+            most_bend = max(b1 * square_low, b1 * square_high) + twice * f1
+            largest = max(abs(least_bend), abs(most_bend))
+            clear = (band + table.noise[k]) * np.sqrt(1.0 + 4.0 * high * steepest * steepest)
+            long = b - a
+            sagitta = 0.125 * largest * long * long
+            least_g = min(abs(ga), abs(gb))
+            slack = SLOPE_NOISE * largest
+            if is_inside == will_be and least_g > sagitta + clear:
+                pass
+            elif least_bend > slack or most_bend < -slack:
+                # --- it bends one way: two roots at most, on both sides of the extremum
+                sign = -1.0 if least_bend > slack else 1.0
+                s, is_out, near = b, will_be, False
+                if sign * slope_a <= 0.0 <= sign * slope_b:
+                    s = find_extremum(line, coefficient, k, a, b, sign, clear)
+                    g, _, _, rate = look(line, coefficient, k, s)
+                    is_out = g <= 0.0
+                    near = abs(g) < band * gradient(line, s, rate)
+                    if is_inside != is_out:
+                        root = find_root(line, coefficient, k, a, s, ga, g)
+                        if offer_root(
+                            i, k, line, root, near, shift, per_t, rims, table, rays, best
+                        ):
+                            return
+                    if is_out != will_be:
+                        root = find_root(line, coefficient, k, s, b, g, gb)
+                        if offer_root(
+                            i, k, line, root, near, shift, per_t, rims, table, rays, best
+                        ):
+                            return
+                    if near and is_inside == is_out == will_be:
+                        t = (shift + s * per_t) * to_world
+                        doubt(i, t, band * to_world, rays.t_min, rays.known, best)
+                elif is_inside != will_be:
+                    root = find_root(line, coefficient, k, a, b, ga, gb)
+                    if offer_root(i, k, line, root, False, shift, per_t, rims, table, rays, best):
+                        return
+            elif depth >= DEPTH or (
+                abs(gb - ga) + 2.0 * sagitta <= 0.125 * clear and least_g <= clear
+            ):
+                # --- along the surface, within the band
+                s = 0.5 * (a + b)
+                if is_inside != will_be:
+                    if offer_root(i, k, line, s, True, shift, per_t, rims, table, rays, best):
+                        return
+                else:
+                    t = (shift + s * per_t) * to_world
+                    doubt(i, t, band * to_world, rays.t_min, rays.known, best)
+            else:
+                splits = True
+        if splits:
+            width, index, depth = 0.5 * width, 2 * index, depth + 1
+            continue
+        ga, slope_a = gb, slope_b
+        index += 1
+        while depth > 0 and index % 2 == 0:
+            width, index, depth = 2.0 * width, index // 2, depth - 1
+        if depth == 0:
+            return
+    # Given up: what is left of the ray is in doubt.
+    t = (shift + (lo + index * width) * per_t) * to_world
+    best.doubt[i] = min(best.doubt[i], max(t, rays.t_min[i]))

@@ -1,0 +1,367 @@
+"""Aspheres: surfaces of lenses and mirrors, given by their sag."""
+
+from __future__ import annotations
+
+import copy
+import math
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from hybrid_rt.core.records import FloatArray
+from hybrid_rt.primitives.sag import Sag, Zones
+from meshing.checks import (
+    as_direction,
+    as_floats,
+    as_similarity,
+    as_vector,
+    broadcast_parameters,
+    freeze,
+    number,
+    shown,
+    still_unit,
+    unit,
+)
+from meshing.surface import Surface
+
+# a_2 to a_32.
+MOST_COEFFICIENTS = 16
+# Less than this under the square root at the rim, and the conic is as steep as can be.
+LEAST_UNDER_ROOT = 1e-3
+# Steeper than this the height at a radius that is rounded would not be on the surface any more.
+STEEPEST = 32.0
+# Rounding of the sag that leaves the decisions right, in units of 2^-53 of the surface's size.
+MOST_NOISE = 64.0
+
+
+class Asphere(Surface):
+    """A rotationally symmetric lens or mirror surface, given by its sag.
+
+    A point at distance r from the axis lies at height
+
+        z = c r^2 / (1 + sqrt(1 - (1 + k) c^2 r^2)) + a_2 r^2 + a_4 r^4 + ...,   c = 1 / radius
+
+    above ``origin``, along ``axis``. Rays are intersected with that formula itself.
+
+    S(u, v) = origin + r (cos 2 pi u radial + sin 2 pi u binormal) + z(r) axis with r = v aperture / 2
+    and binormal = axis x radial: v is 0 at the vertex and 1 at the rim. The normal, along
+    S_u x S_v, has a part against ``axis``: where light travels along ``axis``, it comes from the side
+    to which the normal points. On a flipped asphere v runs from the rim to the vertex, and the normal
+    points to the other side.
+
+    Parameters
+    ----------
+    radius : number but 0, scene units
+        Radius of curvature at the vertex of the conic part; positive: the centre of curvature lies
+        along ``axis`` from the vertex. ``inf``: a plane with a polynomial on it.
+    conic : number
+        Conic constant k: 0 a sphere, -1 a paraboloid, below -1 a hyperboloid, above -1 an
+        ellipsoid (above 0 an oblate one).
+    coefficients : (n,) numbers, at most 16
+        a_2, a_4, ... a_2n, the factors of r^2, r^4, ... r^2n, in scene units to 1, 3, ... 2n - 1.
+        Prescriptions that begin with r^4 need a zero in front.
+    aperture : positive number, scene units
+        Diameter of the rim, across which nothing is met.
+    origin : (3,) scene units
+        The vertex.
+    axis : (3,) direction of any length
+    reference : (3,) direction of any length, optional
+        u = 0 lies along it, projected normal to the axis. Default: the coordinate axis least
+        aligned with ``axis``.
+
+    Raises
+    ------
+    ValueError
+        For a radius of 0, numbers that are not finite, an aperture within which the square root
+        ends or nearly so, a slope dz / dr beyond 32, and coefficients whose terms cancel so far
+        that rounding spoils the sum.
+
+    Attributes
+    ----------
+    origin, axis, radial, binormal : (3,) float64, read-only
+        The last three are unit vectors.
+    radius, conic, aperture : float
+    coefficients : (n,) float64, read-only
+
+    References
+    ----------
+    ISO 10110-12, "Optics and photonics: preparation of drawings, aspheric surfaces".
+    """
+
+    def __init__(
+        self,
+        radius: float,
+        conic: float,
+        coefficients: ArrayLike,
+        aperture: float,
+        origin: ArrayLike,
+        axis: ArrayLike,
+        reference: ArrayLike | None = None,
+    ) -> None:
+        self.radius = _as_radius(radius)
+        self.conic = number(conic, "Asphere conic")
+        self.coefficients = _as_coefficients(coefficients)
+        self.aperture = number(aperture, "Asphere aperture", above=0.0)
+        self.origin = as_vector(origin, "Asphere origin")
+        self.axis = as_direction(axis, "Asphere axis")
+        if reference is None:
+            start = np.zeros(3)
+            start[np.argmin(np.abs(self.axis))] = 1.0
+        else:
+            start = as_direction(reference, "Asphere reference")
+        radial = start - (start @ self.axis) * self.axis
+        if not radial @ radial > 2.0**-80:
+            raise ValueError("Asphere reference is parallel to the axis: pass another direction")
+        radial = unit(radial, "reference")
+        # Once more: what was left along the axis had been rounded when the rest was small.
+        self.radial = freeze(unit(radial - (radial @ self.axis) * self.axis, "reference"))
+        self.orientation = 1
+        self._check_sag()
+
+    def _check_sag(self) -> None:
+        """Refuse a sag that ends within the aperture, or whose terms cancel."""
+        sag = self.sag
+        # Half the aperture in units of the radius: no square of it overflows.
+        across = 0.5 * self.aperture / self.radius
+        left = 1.0 - (1.0 + self.conic) * across * across
+        if not left >= LEAST_UNDER_ROOT:
+            most = 2.0 * abs(self.radius) * math.sqrt((1.0 - LEAST_UNDER_ROOT) / (1.0 + self.conic))
+            raise ValueError(
+                f"Asphere aperture is {self.aperture:g} with radius {self.radius:g} and conic "
+                f"{self.conic:g}: the conic turns vertical within it, pass at most {most:.9g}"
+            )
+        with np.errstate(all="ignore"):
+            z, slope, _ = sag.at(np.array([sag.w_max]))
+        if not (np.isfinite(z[0]) and np.isfinite(slope[0])):
+            raise ValueError(
+                f"Asphere coefficients are {shown(self.coefficients.tolist())}: at the rim their "
+                "sum is no finite number, check the units of each"
+            )
+        zones = self.local_zones
+        rim = math.ldexp(0.5 * self.aperture, -self.local_exponent)
+        rings = rim * np.sqrt(np.arange(1, len(zones.slope) + 1) / len(zones.slope))
+        steepest = float((2.0 * rings * np.abs(zones.slope).max(axis=1)).max())
+        if not steepest <= STEEPEST:
+            raise ValueError(
+                f"Asphere aperture is {self.aperture:g}: within it the slope dz / dr of the sag "
+                f"reaches {steepest:.3g}, at most {STEEPEST:g} is possible; pass a smaller aperture, "
+                "or check the units of the coefficients"
+            )
+        noise = float(zones.noise.max())
+        if not noise <= MOST_NOISE:
+            raise ValueError(
+                f"Asphere coefficients are {shown(self.coefficients.tolist())}: within aperture "
+                f"{self.aperture:g} their terms are so large that rounding moves the surface by "
+                f"{noise * 2.0**-53:.2g} of its size (at most {MOST_NOISE * 2.0**-53:.2g} is sound): "
+                "pass a smaller aperture, and check the units of each"
+            )
+
+    @property
+    def sag(self) -> Sag:
+        """The sag in scene units."""
+        return Sag(1.0 / self.radius, self.conic, self.coefficients, (0.5 * self.aperture) ** 2)
+
+    @cached_property
+    def local_exponent(self) -> int:
+        """The power of two by which scene units are divided so that `ball_radius` is 1/2 to 1."""
+        return math.frexp(self.ball_radius)[1]
+
+    @cached_property
+    def local_zones(self) -> Zones:
+        """Bounds of the sag in units of 2^`local_exponent`."""
+        return self.sag.scaled(-self.local_exponent).zones()
+
+    @cached_property
+    def ball_radius(self) -> float:
+        """Radius of a ball about the vertex that holds the surface, scene units."""
+        half = 0.5 * self.aperture
+        # In units of the half aperture, so that no power overflows.
+        exponent = -math.frexp(half)[1]
+        sag = self.sag.scaled(exponent)
+        heights, w = np.abs(sag.zones().z).max(axis=1), sag.w_max * np.arange(1, 65) / 64
+        return math.ldexp(float(np.sqrt(w + heights**2).max()), -exponent)
+
+    @property
+    def binormal(self) -> FloatArray:
+        """(3,): where u is a quarter."""
+        return np.cross(self.axis, self.radial)
+
+    @property
+    def revolution_frame(self) -> FloatArray:
+        """(4, 3): origin, axis, radial, binormal."""
+        return np.stack([self.origin, self.axis, self.radial, self.binormal])
+
+    @property
+    def bounds(self) -> FloatArray:
+        """(2, 3): lower and upper corner of a box around the surface."""
+        # Of a circle about the axis the widest part along a coordinate is as long as that
+        # coordinate's own part across the axis.
+        across = np.hypot(self.radial, self.binormal)
+        unit_length = math.ldexp(1.0, self.local_exponent)
+        z = self.local_zones.z * unit_length
+        rings = 0.5 * self.aperture * np.sqrt(np.arange(1, len(z) + 1) / len(z))
+        ends = z[:, :, None] * self.axis
+        low = ends.min(axis=1) - rings[:, None] * across
+        high = ends.max(axis=1) + rings[:, None] * across
+        return np.stack([self.origin + low.min(axis=0), self.origin + high.max(axis=0)])
+
+    @property
+    def middle(self) -> FloatArray:
+        """(3,): the vertex."""
+        return self.origin
+
+    @property
+    def size(self) -> float:
+        """Twice the radius of a ball about the vertex that holds the surface, scene units."""
+        return 2.0 * self.ball_radius
+
+    def sag_at(self, r: ArrayLike) -> FloatArray:
+        """Return the sag z at distances r from the axis, of any shape, scene units.
+
+        Raises
+        ------
+        ValueError, TypeError
+            If a distance is no number from 0 to half the aperture.
+        """
+        r = as_floats(r, "r")
+        if not ((r >= 0.0) & (r <= 0.5 * self.aperture)).all():
+            bad = r[~((r >= 0.0) & (r <= 0.5 * self.aperture))][0]
+            raise ValueError(
+                f"r is {bad:g}: pass distances from the axis from 0 to {0.5 * self.aperture:g}"
+            )
+        z, _, _ = self.sag.at(r * r)
+        return z
+
+    def point(self, u: ArrayLike, v: ArrayLike, patch_id: ArrayLike = 0) -> FloatArray:
+        """Return the points (n, 3) float64 at (u, v), scene units.
+
+        Parameters
+        ----------
+        u, v : floats that broadcast with each other and with ``patch_id``
+        patch_id : whole numbers
+            0: there is one piece.
+
+        Raises
+        ------
+        ValueError, TypeError
+            If they do not broadcast, or there is no such piece.
+        """
+        cos_u, sin_u, r = self._polar(u, v, patch_id)
+        z = self.sag.at(r * r)[0]
+        return self.origin + self._world(r * cos_u, r * sin_u, z)
+
+    def partials(
+        self, u: ArrayLike, v: ArrayLike, patch_id: ArrayLike = 0
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return the partials S_u and S_v (n, 3) float64.
+
+        Arguments and errors are those of `point`.
+        """
+        cos_u, sin_u, r = self._polar(u, v, patch_id)
+        slope, turn = 2.0 * r * self.sag.at(r * r)[1], 2.0 * np.pi * r
+        along_u = self._world(-turn * sin_u, turn * cos_u, np.zeros_like(r))
+        along_v = 0.5 * self.aperture * self.orientation * self._world(cos_u, sin_u, slope)
+        return along_u, along_v
+
+    def normal(self, u: ArrayLike, v: ArrayLike, patch_id: ArrayLike = 0) -> FloatArray:
+        """Return the unit normals (n, 3) float64 at (u, v).
+
+        Arguments and errors are those of `point`.
+        """
+        cos_u, sin_u, r = self._polar(u, v, patch_id)
+        slope = 2.0 * r * self.sag.at(r * r)[1]
+        length = np.hypot(1.0, slope)
+        across = self.orientation * slope / length
+        return self._world(across * cos_u, across * sin_u, -self.orientation / length)
+
+    def _polar(
+        self, u: ArrayLike, v: ArrayLike, patch_id: ArrayLike
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return cosine and sine of the azimuth, and the distance from the axis."""
+        u, v, _, _ = broadcast_parameters(u, v, patch_id, 1, "patch_id")
+        a = 2.0 * np.pi * u
+        return np.cos(a), np.sin(a), 0.5 * self.aperture * (v if self.orientation > 0 else 1.0 - v)
+
+    def _world(self, x: FloatArray, y: FloatArray, z: FloatArray) -> FloatArray:
+        """Return vectors (n, 3) from their parts along radial, binormal and axis."""
+        world: FloatArray = (
+            x[:, None] * self.radial + y[:, None] * self.binormal + z[:, None] * self.axis
+        )
+        return world
+
+    def transformed(self, matrix: ArrayLike) -> Asphere:
+        """Return the image under a similarity; (u, v) stay with their points.
+
+        Parameters
+        ----------
+        matrix : (4, 4) array
+            Acts on columns (x, y, z, 1): rotation, shift, uniform scale, reflection. Under a
+            reflection the axis of the image runs the other way, and radius and coefficients change
+            sign, because u stays a right-handed angle about the axis.
+
+        Raises
+        ------
+        ValueError, TypeError
+            For any other matrix.
+        """
+        turn, shift, scale, is_reflection = as_similarity(matrix, "Asphere")
+        sign = -1 if is_reflection else 1
+        powers = scale ** (1.0 - 2.0 * np.arange(1, len(self.coefficients) + 1))
+        axis = still_unit(sign * (turn @ self.axis), "axis")
+        radial = turn @ self.radial
+        image = Asphere(
+            sign * scale * self.radius,
+            self.conic,
+            sign * self.coefficients * powers,
+            scale * self.aperture,
+            scale * (turn @ self.origin) + shift,
+            axis,
+            radial,
+        )
+        # Bit for bit, where a scale by a power of two leaves them.
+        image.axis = freeze(axis)
+        image.radial = freeze(still_unit(radial - (radial @ axis) * axis, "radial"))
+        image.orientation = self.orientation
+        return image
+
+    def flipped(self) -> Asphere:
+        """Return the same asphere with its normal reversed; parameters become (u, 1 - v)."""
+        image = copy.copy(self)
+        image.orientation = -self.orientation
+        return image
+
+    def __repr__(self) -> str:
+        """Say which asphere this is."""
+        return (
+            f"Asphere(radius={self.radius}, conic={self.conic}, "
+            f"coefficients={self.coefficients.tolist()}, aperture={self.aperture}, "
+            f"origin={self.origin.tolist()}, axis={self.axis.tolist()})"
+        )
+
+
+def _as_radius(value: float) -> float:
+    """Return a radius of curvature: any number but 0, or infinity."""
+    array = as_floats(value, "Asphere radius")
+    if array.shape != ():
+        raise TypeError(f"Asphere radius is {shown(value)}: pass one number")
+    radius = float(array)
+    if math.isnan(radius) or radius == 0.0:
+        raise ValueError(f"Asphere radius is {radius:g}: pass a number but 0, or inf for a plane")
+    return abs(radius) if math.isinf(radius) else radius
+
+
+def _as_coefficients(values: ArrayLike) -> FloatArray:
+    """Return the coefficients of the polynomial, read-only."""
+    array = as_floats(values, "Asphere coefficients")
+    if array.ndim != 1 or len(array) > MOST_COEFFICIENTS:
+        raise ValueError(
+            f"Asphere coefficients have shape {array.shape}: pass a_2, a_4, ..., at most "
+            f"{MOST_COEFFICIENTS} of them, [] for none"
+        )
+    bad = np.flatnonzero(~np.isfinite(array))
+    if bad.size:
+        raise ValueError(
+            f"Asphere coefficient a_{2 * bad[0] + 2} is {array[bad[0]]}: pass finite numbers"
+        )
+    return freeze(array.copy())

@@ -1,0 +1,307 @@
+"""Aspheres: closed forms, hard rays at every singular set judged by exact roots, and the manners."""
+
+import pickle
+
+import numpy as np
+import pytest
+
+from hybrid_rt import Asphere, Intersector, Sphere, Status
+from hybrid_rt.verify.judges.judge import compare
+from hybrid_rt.verify.judges.oracle import first_hits
+
+ASPHERES = {
+    "hyperboloid": Asphere(10, -2.25, [], 22, (0.2, -0.1, 0.3), (0.3, -0.2, 1)),
+    "paraboloid": Asphere(-4, -1, [], 10, (0, 0, 0), (1, 1, 0)),
+    "ellipsoid": Asphere(5, -0.5, [], 12, (1, 2, 3), (0, 0, 1)).flipped(),
+    "oblate": Asphere(5, 1.3, [0, 1e-4], 5, (1, 2, 3), (0, 1, 1)),
+    "gull wing": Asphere(20, -0.7, [-0.05, 0.008, -2e-4, 1e-6], 10, (0, 0, 0), (0, 0, 1)),
+    "corrector": Asphere(np.inf, 0, [-0.004, 3e-4], 8, (0, 0, 0), (0.1, 0, 1)),
+    "plane": Asphere(np.inf, 0, [], 2, (0, 0, 0), (0.1, 0.5, 1)),
+    "steep": Asphere(1, 0, [], 2 * np.sqrt(1 - 2e-3), (0, 0, 0), (0, 0, 1)),
+    "far away": Asphere(1e6, -0.4, [0, 1e-19], 1.5e6, (1e9, -2e9, 3e8), (1, 2, 3)),
+}
+# Distances from tangency, rim or vertex, over the size; inside is negative.
+OFFSETS = np.array([0.0, *(s * 10.0**-k for k in range(1, 15) for s in (1, -1))])
+
+# 1e-3 times the Chebyshev polynomial T_8(2 w - 1), but for its constant: terms up to 665, the sum 2e-3.
+CANCELLING = 1e-3 * np.array([-128, 2688, -21504, 84480, -180224, 212992, -131072, 32768])
+
+
+def unit(vectors):
+    return vectors / np.linalg.norm(vectors, axis=1, keepdims=True)
+
+
+def on_asphere(asphere, n, rng, v=None):
+    """Points, normals, and two unit tangents: about the axis and away from it."""
+    u, v = rng.random(n), np.sqrt(rng.random(n)) if v is None else np.broadcast_to(v, n)
+    about, over = asphere.partials(u, np.clip(v, 1e-9, 1))
+    return asphere.point(u, v), asphere.normal(u, v), unit(about), unit(over)
+
+
+def offsets(asphere, n, rng):
+    return asphere.size * rng.choice(OFFSETS, n)[:, None]
+
+
+def back(asphere, n, rng, ways=(0.0, 0.02, 0.5, 30)):
+    return asphere.size * rng.choice(ways, n)[:, None]
+
+
+def silhouettes(asphere, n, rng):
+    """Tangents, most of them along one of the principal directions."""
+    points, normals, about, over = on_asphere(asphere, n, rng)
+    turn = rng.integers(4, size=n) * np.pi / 2 + rng.normal(size=n) * 10.0 ** rng.uniform(-9, 1, n)
+    ways = np.cos(turn)[:, None] * about + np.sin(turn)[:, None] * over
+    return points + offsets(asphere, n, rng) * normals - back(asphere, n, rng) * ways, ways
+
+
+def at_rim(asphere, n, rng):
+    """Past the rim, any way, across it and nearly along it."""
+    v = np.where(asphere.orientation > 0, 1.0, 0.0)
+    points, normals, about, over = on_asphere(asphere, n, rng, v)
+    points = points + offsets(asphere, n, rng) * np.where(rng.random((n, 1)) < 0.5, normals, over)
+    flat = 10.0 ** rng.uniform(-12, 0, (n, 1)) * rng.choice([-1, 1], (n, 1))
+    ways = [
+        rng.normal(size=(n, 3)),
+        over + flat * normals,
+        about + flat * over,
+        normals + flat * over,
+    ]
+    ways = unit(np.choose(rng.integers(4, size=n)[:, None], ways))
+    return points - back(asphere, n, rng) * ways, ways
+
+
+def at_vertex(asphere, n, rng):
+    """Past the vertex, along the axis, nearly so, and across it."""
+    frame = asphere.revolution_frame
+    points = frame[0] + asphere.size * rng.choice(OFFSETS, (n, 3)) @ frame[1:]
+    tilt = 10.0 ** rng.uniform(-16, 0, (n, 1)) * rng.choice([0, 1], (n, 1))
+    along, across = (
+        frame[1] * rng.choice([-1.0, 1.0], (n, 1)),
+        unit(rng.normal(size=(n, 2)) @ frame[2:]),
+    )
+    is_flat = rng.random((n, 1)) < 0.3
+    ways = np.where(is_flat, across + tilt * along, along + tilt * across)
+    return points - back(asphere, n, rng) * ways, ways
+
+
+def of_a_lens(asphere, n, rng):
+    """Nearly along the axis, over the aperture and a little beyond, from both sides."""
+    frame = asphere.revolution_frame
+    radius, turn = 0.55 * asphere.aperture * np.sqrt(rng.random(n)), rng.uniform(0, 2 * np.pi, n)
+    points = frame[0] + np.stack([radius * np.cos(turn), radius * np.sin(turn)], axis=1) @ frame[2:]
+    ways = frame[1] * rng.choice([-1.0, 1.0], (n, 1)) + rng.normal(size=(n, 2)) * 0.2 @ frame[2:]
+    return points - back(asphere, n, rng) * ways, ways
+
+
+def from_far(asphere, n, rng):
+    """From 1e2 to 1e9 sizes away, half of them tangent."""
+    points, normals, about, over = on_asphere(asphere, n, rng)
+    tangent = unit(about + rng.normal(size=(n, 1)) * over)
+    ways = np.where(rng.random((n, 1)) < 0.5, tangent, unit(rng.normal(size=(n, 3))))
+    points = points + offsets(asphere, n, rng) * normals
+    return points - asphere.size * 10.0 ** rng.uniform(2, 9, (n, 1)) * ways, ways
+
+
+def leaving(asphere, n, rng):
+    """From the surface, to both sides, at cos 1 to 1e-8."""
+    points, normals, about, over = on_asphere(asphere, n, rng)
+    side = 10.0 ** rng.uniform(-8, 0, (n, 1)) * rng.choice([-1, 1], (n, 1))
+    return points, side * normals + unit(about + rng.normal(size=(n, 1)) * over)
+
+
+RAYS = {
+    "silhouettes": silhouettes,
+    "rim": at_rim,
+    "vertex": at_vertex,
+    "lens": of_a_lens,
+    "far": from_far,
+    "leaving": leaving,
+}
+
+
+@pytest.mark.parametrize("kind", RAYS)
+@pytest.mark.parametrize("name", ASPHERES)
+def test_hard_rays_are_decided_as_the_exact_roots_say(name, kind):
+    asphere, rng = ASPHERES[name], np.random.default_rng(len(name) + 100 * len(kind))
+    origins, directions = RAYS[kind](asphere, 40, rng)
+    # Also what lies behind the origin: no limit of t leaves an answer open.
+    hits = Intersector([asphere]).intersect(origins, directions, t_min=-np.inf)
+    truth = first_hits([asphere], origins, directions, -np.inf)
+    verdict = compare(hits, truth)
+    assert verdict.n_wrong == 0
+    assert verdict.undecided == 0
+    assert verdict.worst_bound <= 1.0
+    assert verdict.worst_gap <= 1.0
+    # Where moving the ray by the band changes the answer TANGENT is said, and only there; the edge
+    # of the band itself is known to the rounding of g.
+    assert verdict.unmarked == 0
+    assert verdict.tangent_needlessly <= 1
+
+
+def test_closed_forms():
+    """Conics are quadrics: c r^2 + c (1 + k) z^2 = 2 z."""
+    tracer = Intersector([
+        Asphere(5, 0, [], 8, (0, 0, 0), (0, 0, 1)),
+        Asphere(2, -1, [], 4, (10, 0, 0), (0, 0, 1)),
+        Asphere(1, -5, [], 40, (30, 0, 0), (0, 0, 1)),
+        Asphere(np.inf, 0, [0, 0.25], 4, (60, 0, 0), (0, 0, 1)),
+    ])  # fmt: skip
+    origins = [(3, 0, -5), (0, 0, 9), (11, 0, -3), (10, -9, 0.5), (30, 12, -9), (61, 0, -1)]
+    directions = [(0, 0, 1), (0, 0, -2), (0, 0, 1), (0, 1, 0), (0, 0, 2), (0, 0, 1)]
+    # Hyperboloid: r^2 = 2 z + 4 z^2.
+    exact = [6, 4.5, 3.25, 9 - np.sqrt(2), (9 + (np.sqrt(4 + 16 * 144) - 2) / 8) / 2, 1.25]
+    hits = tracer.intersect(origins, directions)
+    assert hits.object_id.tolist() == [0, 0, 1, 1, 2, 3]
+    assert np.abs(hits.t - exact).max() < 4e-15
+    assert (np.abs(hits.t - exact) <= hits.t_bound).all()
+    assert (hits.t_bound < 1e-13).all()
+    np.testing.assert_allclose(hits.normal[0], [0.6, 0, -0.8], atol=1e-15)
+    assert hits.front_face.tolist() == [True, False, True, True, True, True]
+    np.testing.assert_allclose(hits.v, [0.75, 0, 0.5, np.sqrt(2) / 2, 0.6, 0.5], atol=1e-15)
+    np.testing.assert_allclose(hits.u, [0, 0, 0, 0.75, 0.25, 0])
+    assert tracer.intersect((4.001, 0, -5), (0, 0, 1)).status[0] == Status.MISS
+    assert tracer.intersect((4, 0, -5), (0, 0, 1)).status[0] == Status.TANGENT
+
+
+def test_a_cap_of_a_sphere_is_met_as_the_sphere():
+    rng = np.random.default_rng(3)
+    cap, ball = Asphere(2, 0, [], 3.9, (0, 0, 0), (0, 0, 1)), Sphere((0, 0, 2), 2)
+    targets = ball.point(rng.random(20_000), 0.3 * rng.random(20_000))
+    targets = targets[np.hypot(*targets[:, :2].T) < 1.9]
+    origins = targets + unit(rng.normal(size=targets.shape)) * (0, 0, 5) - (0, 0, 4)
+    ours = Intersector([cap]).intersect(origins, targets - origins)
+    theirs = Intersector([ball]).intersect(origins, targets - origins)
+    assert len(ours) > 10_000
+    same = np.abs(ours.t - theirs.t) <= ours.t_bound + theirs.t_bound
+    # The sphere's other half may come first.
+    assert (same | (theirs.position[:, 2] > 1.5)).all()
+    # A shift by the rounding of the ray and the sag, over the slope; where that is small, by its root.
+    slope = np.abs(np.einsum("ij,ij->i", ours.normal, targets - origins))
+    is_steep = slope > 1e-3
+    assert (ours.t_bound * slope)[is_steep].max() < 4e-14
+
+
+@pytest.mark.parametrize("name", list(ASPHERES)[:6])
+def test_departures_are_not_met_again_and_the_other_roots_are(name):
+    asphere, rng = ASPHERES[name], np.random.default_rng(9)
+    tracer = Intersector([asphere])
+    points, normals, about, over = on_asphere(asphere, 400, rng)
+    seen = tracer.intersect(points + 0.02 * asphere.size * normals, -normals)
+    seen, about, over = seen[seen.hit], about[seen.hit], over[seen.hit]
+    n = len(seen)
+    assert n > 300
+    tilt = 10.0 ** rng.uniform(-5, 0, (n, 1)) * rng.choice([-1, 1], (n, 1))
+    ways = tilt * seen.normal + unit(rng.normal(size=(n, 1)) * over + about)
+    hits = tracer.intersect(seen.position, ways, source=seen)
+    verdict = compare(hits, first_hits([asphere], seen.position, ways, departing=True))
+    assert verdict.n_wrong == 0
+    assert (hits.t[hits.hit] > 0).all()
+    # Shadow rays agree, to infinity and to the hit itself.
+    assert np.array_equal(tracer.occluded(seen.position, ways, source=seen), hits.hit)
+    rows = np.flatnonzero(hits.hit & (hits.status == Status.HIT))
+    to_hit = tracer.occluded(
+        seen.position[rows], ways[rows], 1.001 * hits.t[rows], source=seen[rows], target=hits[rows]
+    )
+    assert not to_hit.any()
+
+
+def test_all_crossings_are_the_roots_of_the_polynomial():
+    asphere, rng = ASPHERES["gull wing"], np.random.default_rng(2)
+    targets, _, _, over = on_asphere(asphere, 300, rng)
+    origins = targets - 15 * unit(over + 0.2 * rng.normal(size=(300, 3)))
+    found = Intersector([asphere]).intersect_all(origins, targets - origins)
+    roots = first_hits([asphere], origins, targets - origins).roots
+    assert np.array_equal(found.count, np.diff(roots.offsets))
+    assert set(found.count) >= {1, 2, 3, 4}
+    assert (np.abs(found.hits.t - roots.t) <= found.hits.t_bound + np.spacing(roots.t)).all()
+
+
+def test_images_are_met_where_their_points_are():
+    asphere, rng = ASPHERES["gull wing"], np.random.default_rng(6)
+    origins, _, _, _ = on_asphere(asphere, 300, rng)
+    directions = rng.normal(size=(300, 3))
+    origins = origins - 9 * directions
+    hits = Intersector([asphere]).intersect(origins, directions)
+    assert hits.hit.mean() > 0.9
+    turn, _ = np.linalg.qr(rng.normal(size=(3, 3)))
+    for linear in (1.7 * turn, -0.3 * turn, 2.0**40 * np.eye(3)):  # one of them is a reflection
+        matrix = np.eye(4)
+        matrix[:3, :3], matrix[:3, 3] = linear, np.array((5, -3, 2)) * abs(linear[0, 0])
+        there = Intersector([asphere.transformed(matrix)]).intersect(
+            origins @ linear.T + matrix[:3, 3], directions @ linear.T
+        )
+        assert np.array_equal(hits.hit, there.hit)
+        rows = hits.hit
+        slope = np.abs(np.einsum("ij,ij->i", hits.normal, unit(directions)))[rows]
+        apart = np.abs(hits.u - there.u)[rows]
+        radius = np.maximum(hits.v[rows], 1e-3)
+        # A hit moves by rounding over its slope, its azimuth by that over the radius.
+        assert (np.minimum(apart, 1 - apart) * slope * radius < 2e-13).all()
+        assert (np.abs(hits.v - there.v)[rows] * slope < 2e-13).all()
+        assert np.array_equal(
+            hits.front_face[rows], there.front_face[rows] == (np.linalg.det(linear) > 0)
+        )
+
+
+def test_any_slicing_and_pickling_give_the_same_bits():
+    asphere, rng = ASPHERES["oblate"], np.random.default_rng(8)
+    origins = asphere.origin + 5 * rng.normal(size=(300, 3))
+    tracer = Intersector([asphere, asphere.flipped()], threads=2)
+    hits = tracer.intersect(origins, asphere.origin - origins)
+    assert set(hits.object_id) <= {-1, 0}
+    again = pickle.loads(pickle.dumps(tracer)).intersect(origins, asphere.origin - origins)
+    one_by_one = [tracer.intersect(o, asphere.origin - o).t[0] for o in origins]
+    assert np.array_equal(hits.t, again.t)
+    assert np.array_equal(hits.t, one_by_one)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ((0, 0, [], 1), "radius is 0: pass a number but 0"),
+        ((np.nan, 0, [], 1), "radius is nan"),
+        ((1, np.inf, [], 1), "conic is inf"),
+        ((1, 0, [1, np.nan], 1), "coefficient a_4 is nan"),
+        ((1, 0, [0] * 17, 1), "at most 16"),
+        ((1, 0, [], 0), "aperture is 0"),
+        ((10, 0, [], 20), "turns vertical within it, pass at most 19.98"),
+        ((10, 3, [], 12), "turns vertical within it, pass at most 9.99"),
+        ((10, -1, [], 1000), r"slope dz / dr of the sag reaches 50.*pass a smaller aperture"),
+        ((np.inf, 0, CANCELLING, 2), "rounding moves the surface by 4.6e-13 of its size"),
+    ],
+)
+def test_what_cannot_be_a_surface_is_refused(arguments, message):
+    with pytest.raises(ValueError, match=f"Asphere .*{message}"):
+        Asphere(*arguments, (0, 0, 0), (0, 0, 1))
+
+
+def test_the_sag_is_the_formula():
+    asphere = ASPHERES["gull wing"]
+    r = np.linspace(0, 5, 50)
+    c, (a2, a4, a6, a8) = 1 / 20, asphere.coefficients
+    z = (
+        c * r**2 / (1 + np.sqrt(1 - 0.3 * c**2 * r**2))
+        + a2 * r**2
+        + a4 * r**4
+        + a6 * r**6
+        + a8 * r**8
+    )
+    np.testing.assert_allclose(asphere.sag_at(r), z, atol=1e-14)
+    with pytest.raises(ValueError, match=r"r is 5\.1: pass distances from the axis from 0 to 5"):
+        asphere.sag_at([1, 5.1])
+    again = eval(repr(asphere), {"Asphere": Asphere})
+    assert repr(again) == repr(asphere)
+    assert np.array_equal(again.bounds, asphere.bounds)
+
+
+def test_bounds_of_zones_hold():
+    """Dense samples do not leave the bounds that the certificate rests on."""
+    for asphere in ASPHERES.values():
+        sag, zones = asphere.sag.scaled(-asphere.local_exponent), asphere.local_zones
+        w = sag.w_max * np.linspace(0, 1, 64 * 50 + 1)
+        for values, bounds in zip(sag.at(w), zones[:3], strict=True):
+            for part in (np.arange(64) * 50, (np.arange(64) + 1) * 50):
+                zone = np.minimum(part // 50, 63) if part[0] == 0 else np.arange(64)
+                inside = values[part[:, None] + (np.arange(50) if part[0] == 0 else 0)]
+                assert (inside >= bounds[zone, :1]).all()
+                assert (inside <= bounds[zone, 1:]).all()

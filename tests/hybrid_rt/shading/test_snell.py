@@ -1,0 +1,76 @@
+"""Reflection and refraction of arrays: Snell's law itself, total reflection, and what is refused."""
+
+import numpy as np
+import pytest
+
+from hybrid_rt import reflect, refract
+
+
+def unit(vectors):
+    return vectors / np.linalg.norm(vectors, axis=-1, keepdims=True)
+
+
+def some(n=2000, seed=1):
+    rng = np.random.default_rng(seed)
+    return rng.normal(size=(n, 3)), rng.normal(size=(n, 3)), rng.uniform(1, 2.5, (2, n))
+
+
+def test_refraction_keeps_n_sine_and_the_plane_of_incidence():
+    d, n, (n1, n2) = some()
+    out, d, n = refract(3 * d, n, n1, n2), unit(d), unit(n)
+    sine = np.linalg.norm(np.cross(d, n), axis=1)
+    is_total = n1 * sine > n2
+    assert np.array_equal(np.isnan(out).all(axis=1), is_total)
+    assert 100 < is_total.sum() < 1900
+    d, n, out, n1, n2 = (x[~is_total] for x in (d, n, out, n1, n2))
+    # The vector form of Snell's law: the tangential part of n d stays. Units, so a few roundings.
+    np.testing.assert_allclose(
+        n2[:, None] * np.cross(out, n), n1[:, None] * np.cross(d, n), atol=2e-15
+    )
+    np.testing.assert_allclose(np.linalg.norm(out, axis=1), 1, atol=4e-16)
+    assert (np.einsum("ij,ij->i", out, n) * np.einsum("ij,ij->i", d, n) > 0).all()
+
+
+def test_reflection_turns_the_part_along_the_normal():
+    d, n, _ = some()
+    out, d, n = reflect(d, n), unit(d), unit(n)
+    along = np.einsum("ij,ij->i", d, n)[:, None] * n
+    np.testing.assert_allclose(out, d - 2 * along, atol=1e-15)
+    np.testing.assert_allclose(np.linalg.norm(out, axis=1), 1, atol=4e-16)
+
+
+def test_known_angles():
+    # 45 degrees into an index of sqrt 2: 30 degrees; the way back; and total reflection beyond it.
+    root = np.sqrt(2)
+    inside = refract((1, 0, 1), (0, 0, -1), 1, root)
+    np.testing.assert_allclose(inside, (0.5, 0, np.sqrt(0.75)), atol=2e-16)
+    np.testing.assert_allclose(
+        refract(inside, (0, 0, 1), root, 1), np.array([1, 0, 1]) / root, atol=4e-16
+    )
+    assert np.isnan(refract((1, 0, 0.99), (0, 0, 1), root, 1)).all()
+    assert np.isnan(refract((1, 0, 0), (0, 0, 1), 1, 1.5)).all()
+    assert np.array_equal(refract((0, 3, 4), (1, 1, 1), 1.3, 1.3), (0, 0.6, 0.8))
+    assert np.array_equal(reflect((0, 3, 4), (0, 0, -2)), (0, 0.6, -0.8))
+
+
+def test_one_vector_stands_for_all():
+    d, n, _ = some(5)
+    assert refract(d, n[0], 1, 1.5).shape == (5, 3)
+    assert np.array_equal(refract(d[0], n, 1, 1.5)[3], refract(d[0], n[3], 1, 1.5))
+    assert refract(np.empty((0, 3)), (0, 0, 1), 1, 1.5).shape == (0, 3)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (((0, 0, 0), (0, 0, 1), 1, 1), r"direction\[0\] = \[0\.0, 0\.0, 0\.0\] is no direction"),
+        (((0, 0, 1), (0, np.nan, 1), 1, 1), r"normal\[0\] = .* leave out rays that miss"),
+        ((np.ones((2, 3)), np.ones((3, 3)), 1, 1), "2 directions but 3 normals"),
+        ((np.ones((2, 2)), np.ones((2, 3)), 1, 1), r"direction has shape \(2, 2\)"),
+        ((np.ones((2, 3)), np.ones((2, 3)), [1, 1, 1], 1), r"n1 has shape \(3,\) for 2 rays"),
+        ((np.ones((2, 3)), np.ones((2, 3)), 1, 0), "n2 is 0: pass indices of refraction above 0"),
+    ],
+)
+def test_what_is_no_ray_is_refused(arguments, message):
+    with pytest.raises(ValueError, match=message):
+        refract(*arguments)
