@@ -75,6 +75,11 @@ class AreaSampler(ABC):
     ) -> tuple[IdArray, FloatArray, FloatArray]:
         """Return (patch_id, u, v) of points chosen within cells."""
 
+    @property
+    def share(self) -> FloatArray:
+        """(cells,) float64: with which probability `choose` samples each cell."""
+        return self._share
+
     def pdf_area(self, patch_id: IdArray, u: FloatArray, v: FloatArray) -> FloatArray:
         """Return the pdf per area of points.
 
@@ -104,6 +109,14 @@ class Triangles(AreaSampler):
         root = np.sqrt(xi)
         return cell, root * (1.0 - eta), root * eta
 
+    def cell_of(
+        self, patch_id: IdArray, u: FloatArray, v: FloatArray
+    ) -> tuple[IdArray, FloatArray, FloatArray]:
+        """Return (cell, xi, eta) of points: what `within` takes."""
+        root = u + v
+        eta = np.divide(v, root, out=np.zeros_like(v), where=root > 0.0)
+        return patch_id, np.clip(root, 0.0, 1.0) ** 2, np.clip(eta, 0.0, 1.0)
+
 
 class Grid(AreaSampler):
     """Any surface: a grid of cells on each of its patches.
@@ -112,38 +125,51 @@ class Grid(AreaSampler):
     ----------
     surface : Surface
         Over the unit square, with partials.
+    cells : int
+        Cells along u and v of one patch.
     """
 
-    def __init__(self, surface: Patches) -> None:
-        self._surface = surface
-        middle = (np.arange(CELLS) + 0.5) / CELLS
+    def __init__(self, surface: Patches, cells: int = CELLS) -> None:
+        self._surface, self._cells = surface, cells
+        middle = (np.arange(cells) + 0.5) / cells
         u, v = np.meshgrid(middle, middle, indexing="ij")
-        patch = np.repeat(np.arange(len(surface)), CELLS * CELLS)
+        patch = np.repeat(np.arange(len(surface)), cells * cells)
         u, v = np.tile(u.ravel(), len(surface)), np.tile(v.ravel(), len(surface))
         # Three by three points in each cell: even one that vanishes in the middle gets its share.
         areas = np.zeros(patch.size)
         for i in (-0.4, 0.0, 0.4):
             for j in (-0.4, 0.0, 0.4):
-                areas += _stretch(surface, patch, u + i / CELLS, v + j / CELLS)
-        super().__init__(areas / (9.0 * CELLS * CELLS))
+                areas += _stretch(surface, patch, u + i / cells, v + j / cells)
+        super().__init__(areas / (9.0 * cells * cells))
 
     def within(
         self, cell: IdArray, xi: FloatArray, eta: FloatArray
     ) -> tuple[IdArray, FloatArray, FloatArray]:
         """Return (patch_id, u, v) of points chosen within cells."""
-        patch, place = np.divmod(cell, CELLS * CELLS)
-        i, j = np.divmod(place, CELLS)
-        return patch, (i + xi) / CELLS, (j + eta) / CELLS
+        patch, place = np.divmod(cell, self._cells**2)
+        i, j = np.divmod(place, self._cells)
+        return patch, (i + xi) / self._cells, (j + eta) / self._cells
+
+    def cell_of(
+        self, patch_id: IdArray, u: FloatArray, v: FloatArray
+    ) -> tuple[IdArray, FloatArray, FloatArray]:
+        """Return (cell, xi, eta) of points: what `within` takes."""
+        n = self._cells
+        i = np.clip((u * n).astype(np.int64), 0, n - 1)
+        j = np.clip((v * n).astype(np.int64), 0, n - 1)
+        return (
+            (patch_id * n + i) * n + j,
+            np.clip(u * n - i, 0.0, 1.0),
+            np.clip(v * n - j, 0.0, 1.0),
+        )
 
     def pdf_area(self, patch_id: IdArray, u: FloatArray, v: FloatArray) -> FloatArray:
         """Return the density per area with which points are chosen."""
-        i = np.clip((u * CELLS).astype(np.int64), 0, CELLS - 1)
-        j = np.clip((v * CELLS).astype(np.int64), 0, CELLS - 1)
-        share = self._share[(patch_id * CELLS + i) * CELLS + j]
+        cell, _, _ = self.cell_of(patch_id, u, v)
         stretch = _stretch(self._surface, patch_id, u, v)
         # Where the surface collapses to a point there is no area to be found.
         density: FloatArray = np.where(
-            stretch > 0.0, share * CELLS * CELLS / np.maximum(stretch, 1e-300), 0.0
+            stretch > 0.0, self._share[cell] * self._cells**2 / np.maximum(stretch, 1e-300), 0.0
         )
         return density
 

@@ -15,11 +15,11 @@ from hybrid_rt.integrators.kernels.compaction import (
     choose_lights,
     pack_shadow_rays,
 )
+from hybrid_rt.integrators.light_points import pdf_area_of_hits, seen_points
 from hybrid_rt.primitives.vertex_normals import shading_normals
 from hybrid_rt.scene.compiled import NOTHING
 from hybrid_rt.shading.kernels.bsdf import Vertices
 from hybrid_rt.shading.kernels.emitter import UNWEIGHTED, Met, light_on_hits, light_on_rays
-from hybrid_rt.shading.kernels.light_kinds import LightPoints
 from hybrid_rt.shading.kernels.lobes.register import SPREADS, WIDE
 from hybrid_rt.shading.kernels.medium_stack import (
     STACK,
@@ -191,6 +191,11 @@ class SurfaceLight:
             light[~hits.hit] = scene.n_lights
         if not (light != NOTHING).any():
             return radiance
+        is_asked = np.zeros(len(hits), dtype=np.bool_)
+        has_left = is_asked
+        if self._strategy != UNWEIGHTED:
+            is_asked = pdf > 0.0
+            has_left = ~is_asked & (rival > 0.0) if rival.size else has_left
         light_on_rays(
             scene.lights,
             scene.sky,
@@ -200,7 +205,7 @@ class SurfaceLight:
             origins,
             directions,
             pdf,
-            self._pdf_area(hits, light, pdf, rival),
+            pdf_area_of_hits(scene, hits, light, origins, is_asked, has_left),
             rival if rival.size else np.zeros_like(pdf),
             media,
             scene.lobes,
@@ -284,7 +289,7 @@ class SurfaceLight:
             scene.lights,
             scene.sky,
             scene.textures,
-            self.points(light_id, xi),
+            seen_points(scene, shading.hits.position, shading.material, light_id, xi),
             light_id,
             scene.lobes,
             shading.vertices,
@@ -295,46 +300,6 @@ class SurfaceLight:
             value,
         )
         return to_light, value
-
-    def points(self, light_id: IntArray, xi: FloatArray) -> LightPoints:
-        """Sample points on the lights of kind `SURFACE`.
-
-        Parameters
-        ----------
-        light_id : (n,) int32
-        xi : (n, 2) float64 in [0, 1)
-
-        Returns
-        -------
-        LightPoints of n rows
-            Zero for lights of other kinds; no rows if there are no such lights.
-        """
-        shining = self._context.scene.shining
-        points = new_light_points(light_id.size if shining else 0)
-        for light, chooser in shining.items():
-            rows = np.flatnonzero(light_id == light)
-            if rows.size == 0:
-                continue
-            for column, chosen in zip(points, chooser.points(xi[rows]), strict=True):
-                column[rows] = chosen
-        return points
-
-    def _pdf_area(
-        self, met: HitRecord, light: IntArray, pdf: FloatArray, rival: FloatArray
-    ) -> FloatArray:
-        """Return the density per area of points met on surfaces among the lights."""
-        shining = self._context.scene.shining
-        density = np.zeros(light.size if shining else 0)
-        if self._strategy == UNWEIGHTED:
-            return density
-        is_weighed = (pdf > 0.0) | (rival > 0.0) if rival.size else pdf > 0.0
-        for number, chooser in shining.items():
-            rows = np.flatnonzero((light == number) & is_weighed)
-            if rows.size:
-                density[rows] = chooser.pdf_area(
-                    met.patch_id[rows].astype(np.int64), met.u[rows], met.v[rows]
-                )
-        return density
 
     def _across(
         self, hits: HitRecord, material: IntArray, media: IntArray, second: IntArray
@@ -382,17 +347,6 @@ def shadow_rays(n: int) -> ShadowRays:
         source_id=np.empty(n, dtype=np.int32),
         target_id=np.empty(n, dtype=np.int32),
         value=np.empty((n, 3)),
-    )
-
-
-def new_light_points(n: int) -> LightPoints:
-    """Allocate n light points; no rows if no light is of kind `SURFACE`."""
-    return LightPoints(
-        position=np.zeros((n, 3)),
-        normal=np.zeros((n, 3)),
-        pdf_area=np.zeros(n),
-        u=np.zeros(n),
-        v=np.zeros(n),
     )
 
 

@@ -1,22 +1,24 @@
-"""Area lights on any surface: points sampled by area, and shapes that kernels sample directly."""
+"""Area lights on any surface: points sampled as seen or by area, and shapes that kernels sample."""
 
 from __future__ import annotations
 
 from dataclasses import replace
-from functools import singledispatch
+from functools import cached_property, singledispatch
 
 import numpy as np
 
-from hybrid_rt.core.records import FloatArray
+from hybrid_rt.core.records import FloatArray, HitRecord
+from hybrid_rt.lights.cells import Cells
 from hybrid_rt.lights.light import LightRow
-from hybrid_rt.primitives import Rectangle, Sphere
+from hybrid_rt.primitives import Box, Rectangle, Sphere
 from hybrid_rt.shading.kernels.light_kinds import RECTANGLE, SPHERE, LightPoints
+from hybrid_rt.shading.kernels.shining_faces import Faces, angle_of_faces, sample_faces
 from meshing.area import AreaSampler, IdArray
 from meshing.surface import Surface
 
 
 class ShiningSurface:
-    """A surface as an area light, sampled by area.
+    """A surface as an area light: photons leave points chosen by area, hits ask points that they see.
 
     Parameters
     ----------
@@ -33,19 +35,75 @@ class ShiningSurface:
         """Approximate area, scene units squared."""
         return self._sampler.area
 
+    @cached_property
+    def _cells(self) -> Cells:
+        return Cells(self.surface)
+
     def choose(self, xi: FloatArray) -> tuple[IdArray, FloatArray, FloatArray]:
-        """Return (patch_id, u, v) of points sampled by random numbers (n, 2) in [0, 1)."""
+        """Return (patch_id, u, v) of points sampled by area, by (n, 2) numbers in [0, 1)."""
         return self._sampler.choose(xi)
 
     def points(self, xi: FloatArray) -> LightPoints:
-        """Return points sampled by random numbers (n, 2) in [0, 1), as kernels take them."""
+        """Return points sampled by area, by random numbers (n, 2) in [0, 1), as kernels take them."""
         patch, u, v = self.choose(xi)
         point, normal = self.surface.point(u, v, patch), self.surface.normal(u, v, patch)
         return LightPoints(point, normal, self.pdf_area(patch, u, v), u, v)
 
     def pdf_area(self, patch_id: IdArray, u: FloatArray, v: FloatArray) -> FloatArray:
-        """Return the pdf per area of points."""
+        """Return the pdf per area of `points`."""
         return self._sampler.pdf_area(patch_id, u, v)
+
+    def seen_points(self, seen_from: FloatArray, xi: FloatArray) -> LightPoints:
+        """Return points sampled by about the solid angle that they are seen under.
+
+        Parameters
+        ----------
+        seen_from : (n, 3) float64
+        xi : (n, 2) float64 in [0, 1)
+        """
+        patch, u, v, density = self._cells.choose(seen_from, xi)
+        point, normal = self.surface.point(u, v, patch), self.surface.normal(u, v, patch)
+        return LightPoints(point, normal, density, u, v)
+
+    def seen_pdf_area(self, seen_from: FloatArray, hits: HitRecord) -> FloatArray:
+        """Return the pdf per area with which `seen_points` samples hits, seen from (n, 3) points.
+
+        Parameters
+        ----------
+        seen_from : (n, 3) float64
+        hits : HitRecord of n rows
+            On this surface.
+        """
+        return self._cells.pdf_area(seen_from, hits.patch_id.astype(np.int64), hits.u, hits.v)
+
+
+class ShiningBox(ShiningSurface):
+    """A `Box` as an area light: its faces are sampled evenly by solid angle."""
+
+    def __init__(self, surface: Box, sampler: AreaSampler) -> None:
+        super().__init__(surface, sampler)
+        face, zero = np.arange(len(surface)), np.zeros(len(surface))
+        edge_u, edge_v = surface.partials(zero, zero, face)
+        corner, normal = surface.point(zero, zero, face), surface.normal(zero, zero, face)
+        self._faces = Faces(*map(np.ascontiguousarray, (corner, edge_u, edge_v, normal)))
+
+    def seen_points(self, seen_from: FloatArray, xi: FloatArray) -> LightPoints:
+        """Return points sampled evenly by solid angle; see `ShiningSurface.seen_points`."""
+        n = len(seen_from)
+        points = LightPoints(np.zeros((n, 3)), np.zeros((n, 3)), *np.zeros((3, n)))
+        sample_faces(self._faces, seen_from, xi, np.empty(len(self.surface)), points)
+        return points
+
+    def seen_pdf_area(self, seen_from: FloatArray, hits: HitRecord) -> FloatArray:
+        """Return the pdf per area of `seen_points`; see `ShiningSurface.seen_pdf_area`."""
+        angle = np.empty(len(hits))
+        angle_of_faces(self._faces, seen_from, angle)
+        way = hits.position - seen_from
+        square = np.einsum("ij,ij->i", way, way)
+        facing = np.maximum(-np.einsum("ij,ij->i", way, hits.normal), 0.0)
+        below = angle * square * np.sqrt(square)
+        density: FloatArray = np.divide(facing, below, out=np.zeros_like(below), where=below > 0.0)
+        return density
 
 
 def shining_surface(surface: Surface) -> ShiningSurface | None:
@@ -57,7 +115,11 @@ def shining_surface(surface: Surface) -> ShiningSurface | None:
         If the area of the surface is zero.
     """
     sampler = surface.area_sampler()
-    return None if sampler is None else ShiningSurface(surface, sampler)
+    if sampler is None:
+        return None
+    if isinstance(surface, Box):
+        return ShiningBox(surface, sampler)
+    return ShiningSurface(surface, sampler)
 
 
 @singledispatch

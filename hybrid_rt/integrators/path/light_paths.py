@@ -19,6 +19,7 @@ from hybrid_rt.integrators.kernels import light_paths as kernels
 from hybrid_rt.integrators.kernels.compaction import choose_lights
 from hybrid_rt.integrators.kernels.connections import splat_light_vertices
 from hybrid_rt.integrators.kernels.light_paths import LightPaths, LightVertices
+from hybrid_rt.integrators.light_points import leaving_points
 from hybrid_rt.integrators.media.absorption import absorb, media_around_lights
 from hybrid_rt.integrators.media.contacts import Contacts, first_hits
 from hybrid_rt.sampling.sampler import UIntArray
@@ -181,7 +182,7 @@ class LightPathTracer:
             source_id=scene.surface_of_light.take(light),
         )
         kernels.leave_lights(
-            scene.lights, scene.textures, self._light.points(light, place), self._emit, light, place,
+            scene.lights, scene.textures, leaving_points(scene, light, place), self._emit, light, place,
             self._points(sample, number, TURN), 1.0 / n, paths.origins, paths.directions, paths.flux,
             paths.density,
         )  # fmt: skip

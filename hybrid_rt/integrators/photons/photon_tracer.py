@@ -17,12 +17,7 @@ from numpy.typing import NDArray
 
 from hybrid_rt.core.records import FloatArray, HitRecord, IntArray, NamedPoints
 from hybrid_rt.integrators.context import RenderContext
-from hybrid_rt.integrators.direct_light import (
-    Shading,
-    SurfaceLight,
-    largest_channel,
-    new_light_points,
-)
+from hybrid_rt.integrators.direct_light import Shading, SurfaceLight, largest_channel
 from hybrid_rt.integrators.kernels.photon_emission import (
     Launch,
     Targets,
@@ -41,6 +36,7 @@ from hybrid_rt.integrators.kernels.photon_steps import (
     scatter_photons,
     store_photons,
 )
+from hybrid_rt.integrators.light_points import new_light_points
 from hybrid_rt.integrators.media.absorption import absorb, media_around_lights
 from hybrid_rt.integrators.media.contacts import Contacts, first_hits
 from hybrid_rt.integrators.path import PATH

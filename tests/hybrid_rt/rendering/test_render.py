@@ -25,7 +25,7 @@ from hybrid_rt.integrators.path.light_paths import LightPathTracer
 from hybrid_rt.integrators.whitted import all_lights, whitted
 from hybrid_rt.intersection import Intersector
 from hybrid_rt.lights import GradientSky, PointLight, RectangleLight, SphereLight
-from hybrid_rt.lights.surface import ShiningSurface
+from hybrid_rt.lights.surface import ShiningBox
 from hybrid_rt.materials import Dielectric, Emissive, Lambertian, Metal, Mirror
 from hybrid_rt.primitives import Box, Plane, Rectangle, Sphere
 from hybrid_rt.rendering import memory
@@ -152,7 +152,7 @@ class TestPlan:
              scene(Lambertian(0.5))),
             (clear_bodies, "cross_media", scene(Metal(0.5, 0.1)), scene(Dielectric())),
             (clear_bodies, "media_at", scene(Lambertian(0.5)), scene(Dielectric())),
-            (ShiningSurface, "choose", scene(Lambertian(0.5)),
+            (ShiningBox, "seen_points", scene(Lambertian(0.5)),
              Scene(scene().camera, [*scene(Lambertian(0.5)).objects, SHINING])),
             (Intersector, "occluded", scene(Mirror()), scene(Lambertian(0.5))),
             (LightPathTracer, "trace", scene(Dielectric()), ON_A_TABLE),
