@@ -6,6 +6,8 @@ For example:
   python tools/bench_render.py scenes/teapot_room.py --integrator ppm --photons 500000 --width 512
   python tools/bench_render.py scenes/wine_glass.py --coarse embree none     # by either way
   python tools/bench_render.py --caustics            # floors under glass, against a light tracer
+  git worktree add ../older e10b952                  # this checkout and an older one, in turn:
+  python tools/bench_render.py scenes/wine_glass.py --against ../older --integrator ppm --width 200
 
 Seconds are wall time of a whole render after its kernels are compiled, scene set-up included. The
 reference is a longer render of the same method with other random numbers; its own error is stated.
@@ -25,8 +27,9 @@ from pathlib import Path
 from typing import Any
 
 from hybrid_rt.benchmarks.caustic_speed import measure_rows
+from hybrid_rt.benchmarks.two_checkouts import Job, checkout_at, compare
 from hybrid_rt.cli.command import kept, one_or_more, run_tool
-from hybrid_rt.cli.scene_file import load_scene
+from hybrid_rt.cli.scene_file import check_script, load_scene
 from hybrid_rt.core import checks
 from hybrid_rt.integrators import PPMOptions
 from hybrid_rt.intersection.intersector import COARSE_STAGES
@@ -49,6 +52,8 @@ def main() -> int:
         parser.error("name scene scripts, or use --caustics")
     for target in options.targets:
         checks.number(target, "--targets", above=0.0)
+    if options.against is not None:
+        return _against(options)
     rows: list[dict[str, Any]] = []
     with kept(options.json, lambda: rows):
         for path in options.scenes:
@@ -89,6 +94,15 @@ def _parser() -> argparse.ArgumentParser:
     )
     parser.add_argument("scenes", nargs="*", metavar="SCENE.py")
     parser.add_argument("--caustics", action="store_true", help="the rows of caustics on a floor")
+    parser.add_argument(
+        "--against", type=Path, metavar="DIR", help="an older checkout: renders by both, in turn"
+    )
+    parser.add_argument(
+        "--passes", type=one_or_more, default=16, metavar="N", help="of a render (--against)"
+    )
+    parser.add_argument(
+        "--rounds", type=one_or_more, default=3, metavar="N", help="renders by each (--against)"
+    )
     parser.add_argument("--photons", type=one_or_more, default=200_000, help="of a pass (ppm)")
     parser.add_argument(
         "--reference-photons", type=float, default=1e9, help="counted by the light tracer"
@@ -158,6 +172,60 @@ def _measure(path: Path, coarse: str, options: argparse.Namespace) -> dict[str, 
         "photons": result.report.get("photons"),
         "peak_memory_mib": _peak(),
     }
+
+
+def _against(options: argparse.Namespace) -> int:
+    """Compare this checkout with an older one."""
+    checkout = checkout_at(options.against)
+    scenes = [check_script(path) for path in options.scenes]
+    rows: list[dict[str, Any]] = []
+    with kept(options.json, lambda: rows):
+        for scene in scenes:
+            for coarse in options.coarse:
+                has_photons = options.integrator in ("ppm", "photon_map")
+                job = Job(
+                    scene,
+                    options.integrator,
+                    options.passes,
+                    options.rounds,
+                    options.reference_passes,
+                    options.width,
+                    options.photons if has_photons else None,
+                    options.threads,
+                    coarse,
+                )
+                print(f"{scene.stem}: reference and {job.rounds} rounds ...", file=sys.stderr)
+                rows.append(compare(checkout, job))
+                _show_ratios(rows[-1])
+    return 0
+
+
+def _show_ratios(row: dict[str, Any]) -> None:
+    width, height = row["size"]
+    print(
+        f"\n{row['scene']}  {width} x {height}, {row['integrator']}, {row['passes']} passes, "
+        f"{row['rounds']} rounds, threads {row['threads'] or 'all'}, coarse {row['coarse']}"
+    )
+    heads = {
+        "relmse": "relMSE",
+        "wall": "seconds",
+        "processor": "processor s",
+        "work": "relMSE x processor s",
+        "trimmed_work": "without the worst 0.1 %",
+    }
+    print(" " * 20 + "".join(f"{head:>25}" for head in heads.values()))
+    for side in ("old", "new"):
+        means = [sum(row[side][name]) / row["rounds"] for name in heads]
+        shown = "".join(f"{mean:>25.3g}" for mean in means)
+        print(f"  {side} {row[f'{side}_checkout']:<14}{shown}")
+    ratios = [row["ratios"][name] for name in heads]
+    shown = "".join(
+        f"{'{mean:.2f} ({least:.2f} to {most:.2f})'.format(**ratio):>25}" for ratio in ratios
+    )
+    print(f"  {'old / new':<18}{shown}")
+    own = row["relmse_of_reference"]
+    share = own * row["rounds"] / sum(row["new"]["relmse"])
+    print(f"  the reference's own relMSE is about {own:.2g}, {share:.0%} of the new one's")
 
 
 def _caustics(options: argparse.Namespace) -> int:
