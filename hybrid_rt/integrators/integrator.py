@@ -91,20 +91,23 @@ class Integrator(ABC):
         """Return the radiance (n, 3) that each camera ray brings."""
 
     def _camera_rays(self, passes: range, first: int, stop: int) -> CameraBlock:
-        camera, sampler = self.context.scene.camera, self.context.sampler
+        camera = self.context.scene.camera
         with self.context.ledger.stage("camera rays"):
             number = np.arange(first, stop, dtype=np.uint64)
             sample, pixel = np.divmod(number, np.uint64(camera.height * camera.width))
-            sample += np.uint64(passes.start)
-            row, column = np.divmod(pixel.astype(np.int64), camera.width)
             # Groups of passes are pictures on their own, with independent random numbers.
-            group, sample = group_of(sample)
-            pixel += group << PIXEL_BITS
-            place = sampler.points(pixel, PIXEL_DIMENSION, sample)
-            lens = None
-            if self.context.plan["lens samples"]:
-                lens = sampler.points(pixel, LENS_DIMENSION, sample)
-            origins, directions = camera.rays(column + place[:, 0], row + place[:, 1], lens)
+            group, sample = group_of(sample + np.uint64(passes.start))
+            return self._through(pixel + (group << PIXEL_BITS), sample)
+
+    def _through(self, pixel: UIntArray, sample: UIntArray) -> CameraBlock:
+        """Return the camera rays with these keys, see `CameraBlock`."""
+        camera, sampler = self.context.scene.camera, self.context.sampler
+        row, column = np.divmod(place_of_pixel(pixel), camera.width)
+        place = sampler.points(pixel, PIXEL_DIMENSION, sample)
+        lens = None
+        if self.context.plan["lens samples"]:
+            lens = sampler.points(pixel, LENS_DIMENSION, sample)
+        origins, directions = camera.rays(column + place[:, 0], row + place[:, 1], lens)
         self.context.ledger.rays["camera"] += pixel.size
         return CameraBlock(pixel, sample, origins, directions)
 

@@ -30,7 +30,7 @@ from hybrid_rt.integrators.integrator import (
     place_of_pixel,
 )
 from hybrid_rt.integrators.kernels.compaction import Paths, add_products, pack_paths
-from hybrid_rt.integrators.kernels.density_estimate import segments_to_photons
+from hybrid_rt.integrators.kernels.density_estimate import Sums, segments_to_photons
 from hybrid_rt.integrators.media.absorption import absorb, media_around_camera
 from hybrid_rt.integrators.path.camera_paths import leaving_camera
 from hybrid_rt.integrators.photons.density_estimation import Field, Points
@@ -74,6 +74,10 @@ class EyePass(Integrator):
         Traces the photons of this thread.
     fields : tuple of Field
         The photon maps of the current pass.
+    n_shadow_rays : int
+        Shadow rays from each point on a wide lobe.
+    casts_shadow_rays : bool
+        Whether there are any.
     is_in_the_open : bool
         Whether the camera is outside all dielectrics.
     blur : (pixels, 3) float64
@@ -85,6 +89,7 @@ class EyePass(Integrator):
         super().__init__(context)
         self.photon_tracer = PhotonTracer(context, self._contacts)
         self.fields: tuple[Field, ...] = ()
+        self.n_shadow_rays = 1
         camera = context.scene.camera
         self.blur = np.zeros((camera.height * camera.width if context.plan["photons"] else 0, 3))
         self.n_gathered = 0
@@ -95,10 +100,8 @@ class EyePass(Integrator):
         self._wide = SurfaceLight(context, LIGHT_ONLY, WIDE)
         self._light = SurfaceLight(context, BOTH, EVERY)
         asks = bool(lights.chance.any())
-        self._samples_lights = asks and (plan["light samples"] or plan["sky samples"])
-        self._samples_lights_for_narrow = self._samples_lights and bool(
-            (lobes.traits & NARROW).any()
-        )
+        self.casts_shadow_rays = asks and (plan["light samples"] or plan["sky samples"])
+        self._casts_them_for_narrow = self.casts_shadow_rays and bool((lobes.traits & NARROW).any())
         self._camera_media = media_around_camera(context, self._contacts)
         self.is_in_the_open = not (self._camera_media != NOTHING).any()
         self._is_wide = context.scene.lobes_with(WIDE)
@@ -151,9 +154,8 @@ class EyePass(Integrator):
         """Add direct light at some of the hits; return them as points for density estimation."""
         there = _rows_of_paths(paths, rows)
         wide = _rows_of(shading, rows, self._is_wide)
-        if self._samples_lights:
-            xi = self._points(there, depth, TO_LIGHT)
-            self._wide.from_one(wide, there.camera_ray, there.throughput, there.media, xi, radiance)
+        if self.casts_shadow_rays:
+            self._add_direct(there, wide, depth, radiance)
         xi = self._points(there, depth, TO_PHOTON)
         points = Points(
             wide.hits.position,
@@ -167,6 +169,16 @@ class EyePass(Integrator):
         )
         return _Waiting(there.camera_ray, there.throughput, points)
 
+    def _add_direct(self, there: Paths, wide: Shading, depth: int, radiance: FloatArray) -> None:
+        """Add the direct light at points: the mean of several shadow rays each."""
+        n = self.n_shadow_rays
+        throughput = there.throughput / n
+        for j in range(n):
+            # All shadow rays of all passes are points of one sequence.
+            sample = there.sample * np.uint64(n) + np.uint64(j)
+            xi = self._points(there._replace(sample=sample), depth, TO_LIGHT)
+            self._wide.from_one(wide, there.camera_ray, throughput, there.media, xi, radiance)
+
     def _gather(self, waiting: list[_Waiting], radiance: FloatArray, blur: FloatArray) -> None:
         """Add the light of photons at all points of a block."""
         camera_ray = np.concatenate([part.camera_ray for part in waiting])
@@ -179,9 +191,15 @@ class EyePass(Integrator):
             sums.value[hidden] = sums.blur[hidden] = 0.0
             add_products(camera_ray, throughput, sums.value, radiance)
             add_products(camera_ray, throughput, sums.blur, blur)
+            self._note_gathered(camera_ray, throughput, sums)
             self.n_points += camera_ray.size
             self.n_gathered += int(sums.near.sum())
             self.n_without += int(np.count_nonzero(sums.near == 0))
+
+    def _note_gathered(
+        self, camera_ray: NDArray[np.int64], throughput: FloatArray, sums: Sums
+    ) -> None:
+        """Note density estimates and how much each counts; by default nothing."""
 
     def _hidden(self, points: Points, field: Field, chosen: NDArray[np.int64]) -> NDArray[np.intp]:
         """Return the points whose photons lie behind walls.
@@ -222,7 +240,7 @@ class EyePass(Integrator):
         n = rows.size
         if n == 0:
             return paths
-        if self._samples_lights_for_narrow:
+        if self._casts_them_for_narrow:
             xi = self._points(paths, depth, TO_LIGHT_NARROW)
             self._light.from_one(
                 shading, paths.camera_ray, paths.throughput, paths.media, xi, radiance

@@ -25,8 +25,9 @@ from hybrid_rt.integrators.photons.eye_pass import EyePass
 from hybrid_rt.integrators.photons.light_tracing import DensePlaces, Splats
 from hybrid_rt.integrators.photons.photon_tracer import PILOT_DIMENSION, Balance
 from hybrid_rt.integrators.photons.photon_workers import PhotonWorkers
+from hybrid_rt.integrators.photons.shadow_ray_number import measure_work
 
-# The photons that radii are found by, at most.
+# The first photons, which find radii, dense caustics and the number of shadow rays; at most.
 PILOT_PHOTONS = 100_000
 
 BLUR = (
@@ -52,7 +53,7 @@ class ProgressiveWorkers(PhotonWorkers):
         # Now, as part of the set-up: a time budget judges by the seconds of passes alone.
         self._radii: Radii | None = None
         if context.plan["photons"]:
-            self._radii = self._first_radii()
+            self._radii = self._pilot()
 
     @property
     def _per_pass(self) -> int:
@@ -63,34 +64,47 @@ class ProgressiveWorkers(PhotonWorkers):
         shrink = radius_factor(pass_number, self._options.alpha)
         return (Discs(photons, self.context.scene.lobes, self._radii, shrink),)
 
-    def _first_radii(self) -> Radii:
-        options = self._options
+    def _pilot(self) -> Radii:
+        """Shoot the first photons; return initial radii, and set what else follows from them."""
         extent = 2.0 * float(self._eye_passes[0].photon_tracer.world[3])
-        if options.initial_radius is not None:
-            low, high = NARROWEST * extent, WIDEST_ASKED * extent
-            if not low <= options.initial_radius <= high:
-                raise ValueError(
-                    f"PPMOptions initial_radius is {options.initial_radius:g}, the scene is "
-                    f"{extent:.3g} across: pass {low:.3g} to {high:.3g}, or None"
-                )
-            return Radii.fixed(options.initial_radius)
-        n = min(PILOT_PHOTONS, options.photons_per_pass)
-        camera = self.context.scene.camera
-
-        share = n / options.photons_per_pass
+        asked = self._asked_radii(extent)
+        n = min(PILOT_PHOTONS, self._per_pass)
+        share = n / self._per_pass
+        camera, lobes = self.context.scene.camera, self.context.scene.lobes
 
         def ready(
             _: EyePass, photons: Photons, _shown: list[Splats]
-        ) -> tuple[Radii, DensePlaces | None]:
+        ) -> tuple[Radii, DensePlaces | None, Discs]:
+            if asked is not None:
+                return asked, None, Discs(photons, lobes, asked, 1.0)
             dense = DensePlaces.of(photons, share, camera, self._threads)
-            return Radii.of(photons, share, camera, extent, self._threads), dense
+            radii = Radii.of(photons, share, camera, extent, self._threads)
+            return radii, dense, Discs(photons, lobes, radii, 1.0)
 
         with self._at_work() as submit:
-            radii, dense = self._shot(n, 0, PILOT_DIMENSION, submit, ready)()
+            radii, dense, field = self._shot(n, 0, PILOT_DIMENSION, submit, ready)()
         self._balance = Balance()  # the light of these photons is in no picture
+        ledgers = [eye_pass.context.ledger for eye_pass in self._eye_passes]
+        photon_rays = sum(
+            ledger.rays[name] for ledger in ledgers for name in ("photon", "photons to camera")
+        )
+        work = measure_work(self.context, field, share, photon_rays / share)
         for eye_pass in self._eye_passes:
             eye_pass.photon_tracer.dense = dense if eye_pass.is_in_the_open else None
+            eye_pass.n_shadow_rays = 1 if work is None else work.best_number
         return radii
+
+    def _asked_radii(self, extent: float) -> Radii | None:
+        radius = self._options.initial_radius
+        if radius is None:
+            return None
+        low, high = NARROWEST * extent, WIDEST_ASKED * extent
+        if not low <= radius <= high:
+            raise ValueError(
+                f"PPMOptions initial_radius is {radius:g}, the scene is "
+                f"{extent:.3g} across: pass {low:.3g} to {high:.3g}, or None"
+            )
+        return Radii.fixed(radius)
 
     def _about(self) -> dict[str, Any]:
         first = [] if self._radii is None else self._radii.classes.tolist()
@@ -100,6 +114,7 @@ class ProgressiveWorkers(PhotonWorkers):
             "alpha": self._options.alpha,
             "first_radii": first,
             "last_radii": [last * radius for radius in first],
+            "shadow_rays_per_point": self._eye_passes[0].n_shadow_rays,
             "blur": BLUR,
         }
 
