@@ -116,7 +116,7 @@ def make_plan(scene: CompiledScene, integrator: Needs, left_out: Sequence[str] =
         "at least one colour varies over its surface",
         "every colour is constant",
     )
-    how = "one shadow ray each" if asks_all else "one of them asked, by one shadow ray,"
+    how = "one shadow ray each" if asks_all else "one asked by a shadow ray (ppm: or by several)"
     plan.decide(
         "light samples",
         spreads and n_lights > 0,

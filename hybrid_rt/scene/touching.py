@@ -8,14 +8,18 @@ import numpy as np
 
 from hybrid_rt.core.records import BoolArray
 from hybrid_rt.intersection.coincident import FACE_ROUNDING
+from hybrid_rt.scene.coaxial import may_share_ring
 from hybrid_rt.scene.compiled import NOTHING, CompiledScene
+from meshing import SurfaceOfRevolution
+from meshing.surface import Surface
 
 
 def touching(scene: CompiledScene) -> BoolArray:
     """Tell which surfaces are dielectric and may coincide in part with another, (surfaces,) bool.
 
     A surface with a carrier coincides only with surfaces of an equal carrier (spheres with equal
-    spheres); others may coincide where their bounding boxes overlap.
+    spheres); others may coincide where their bounding boxes overlap, but surfaces of revolution
+    about one axis only where their profiles may share an arc.
     """
     surfaces = scene.surfaces
     touches = np.zeros(max(len(surfaces), 1), dtype=np.bool_)
@@ -37,8 +41,17 @@ def touching(scene: CompiledScene) -> BoolArray:
         meets = (bounds[:, 0] <= high + slack).all(axis=1) & (bounds[:, 1] >= low - slack).all(
             axis=1
         )
-        touches[i] = np.count_nonzero(meets) > 1
+        touches[i] = any(
+            others[k] != i and _may_coincide(surfaces[i], surfaces[others[k]], slack)
+            for k in np.flatnonzero(meets)
+        )
     return touches
+
+
+def _may_coincide(one: Surface, other: Surface, slack: float) -> bool:
+    if isinstance(one, SurfaceOfRevolution) and isinstance(other, SurfaceOfRevolution):
+        return may_share_ring(one, other, slack)
+    return True
 
 
 def _is_glass(scene: CompiledScene, material: int) -> bool:
