@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 from hybrid_rt._version import __version__
 from hybrid_rt.cli.command import REFUSALS, STOPPED, guarded, said_by
 from hybrid_rt.cli.completion import SHELLS, completion_action
+from hybrid_rt.cli.denoise import add_denoise_option, denoised_files, save_denoised
 from hybrid_rt.cli.live import add_live_options, compare_on, open_page
 
 if TYPE_CHECKING:
@@ -215,6 +216,7 @@ def _add_render_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--exposure", type=_stops, default=0.0, metavar="E", help="stops, for .png (default 0)"
     )
+    add_denoise_option(parser)
     parser.add_argument(
         "--store",
         type=Path,
@@ -310,6 +312,12 @@ def _render(load: Callable[[], tuple[Scene, str]], name: str, options: argparse.
         raise ValueError(
             f"--outputs {','.join(channels)}: a .png holds none of them: add --out {name}.npz or .exr"
         )
+    denoised: dict[str, Path] = {}
+    if options.denoise:
+        from hybrid_rt.rendering.denoising import GUIDES
+
+        denoised = denoised_files({output.shown: output.file for output in outputs})
+        request["outputs"] = list(dict.fromkeys([*channels, *GUIDES]))
     if options.integrator is not None:
         _settings(options.integrator, options)
     store = None
@@ -351,6 +359,11 @@ def _render(load: Callable[[], tuple[Scene, str]], name: str, options: argparse.
         for output in outputs:
             if output.shown not in failures:
                 _say(f"{output.shown}  ({_summary(result.report)})")
+    if denoised:
+        said, lost = save_denoised(result, denoised, options.exposure)
+        failures |= lost
+        for line in said:
+            _say(line)
     if options.explain:
         from hybrid_rt.scene.plan import explain
 

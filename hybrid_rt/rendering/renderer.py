@@ -22,6 +22,7 @@ from hybrid_rt.integrators.options import DEEPEST
 from hybrid_rt.intersection.intersector import check_settings
 from hybrid_rt.rendering.audit import audit
 from hybrid_rt.rendering.channels import OUTPUTS, check_names, compute_channels
+from hybrid_rt.rendering.denoising import DenoisedPicture, denoise
 from hybrid_rt.rendering.display import as_html, one_line, png
 from hybrid_rt.rendering.limits import Clock, Limit
 from hybrid_rt.rendering.memory import check_memory
@@ -61,6 +62,13 @@ class RenderResult:
         """Write the picture, and the report beside it; see `hybrid_rt.sensor.image_files.save_image`."""
         parts = {name: output.parts for name, output in OUTPUTS.items()}
         save_image(path, self.image, self.report, self.channels, exposure, parts)
+
+    def denoised(self) -> DenoisedPicture:
+        """Return a smoother, biased picture for the eye; see `hybrid_rt.rendering.denoising.denoise`.
+
+        The render needs ``outputs=["albedo", "normal"]``. No error in the report refers to it.
+        """
+        return denoise(self.image, self.channels, self.report)
 
     def __repr__(self) -> str:
         """Name size, integrator, passes, error and seconds."""
