@@ -29,7 +29,7 @@ def test_scenes_that_are_pointed_to(text, least):
 
 def test_pictures_are_shown_and_links_lead_somewhere():
     linked = set()
-    for page in [ROOT / "README.md", *(ROOT / "docs").glob("*.md")]:
+    for page in [ROOT / "README.md", *(ROOT / "docs").rglob("*.md")]:
         links = re.findall(r"\]\(([^):#]+)(?:#[\w-]+)?\)", page.read_text(encoding="utf-8"))
         linked |= {(page.parent / link).resolve() for link in links}
     assert {link for link in linked if not link.exists()} == set()
