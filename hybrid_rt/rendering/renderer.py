@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import math
 import os
 from collections.abc import Sequence
 from contextlib import ExitStack
@@ -49,7 +50,8 @@ class RenderResult:
     image : (height, width, 3) float32
         Linear radiance, row 0 at the top.
     report : dict
-        Settings, counts, seconds, versions; plain types only.
+        Settings, counts, seconds, versions; plain types only. The page "The report" of the
+        documentation has every key.
     channels : dict
         The requested outputs by name; see `hybrid_rt.rendering.channels`.
     """
@@ -57,6 +59,28 @@ class RenderResult:
     image: NDArray[np.float32]
     report: dict[str, Any]
     channels: dict[str, NDArray[np.float32]] = field(default_factory=dict)
+
+    @property
+    def error(self) -> float:
+        """The estimated relative root mean square error of the picture: noise, and blur of photons.
+
+        What a target error is held against; nan after a single pass, inf where nothing is known of
+        the blur. It counts neither light that the integrator does not find nor the geometric error.
+        """
+        errors = self.report["relative_error"]
+        if errors is None:
+            return math.nan
+        return math.inf if errors["both"] is None else float(errors["both"])
+
+    @property
+    def seconds(self) -> float:
+        """Wall seconds of the render, without the compilation of kernels."""
+        return float(self.report["seconds"]["total"])
+
+    @property
+    def passes(self) -> int:
+        """The passes of which the picture is the mean."""
+        return int(self.report["passes"])
 
     def save(self, path: str | os.PathLike[str], exposure: float = 0.0) -> None:
         """Write the picture, and the report beside it; see `hybrid_rt.sensor.image_files.save_image`."""
