@@ -1,0 +1,70 @@
+"""The code on the pages of the documentation runs, prints what the pages show, and is understood."""
+
+import re
+import runpy
+import shlex
+
+import pages
+import pytest
+
+PYTHON = [page for page in pages.pages() if pages.blocks_of(page, "python")]
+COMMANDS = sorted(
+    {
+        (block.page.relative_to(pages.ROOT).as_posix(), " ".join(line.split("#")[0].split()))
+        for page in pages.pages()
+        for block in pages.blocks_of(page, "sh")
+        for line in block.code.replace("\\\n", " ").splitlines()
+        if re.match(r"hybrid-rt |python (tools|scenes)/", line)
+    }
+)
+PARSERS = runpy.run_path(str(pages.ROOT / "docs" / "_ext" / "parsers.py"))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("page", PYTHON, ids=lambda page: str(page.relative_to(pages.ROOT)))
+def test_python_runs_and_prints_what_is_shown(page, tmp_path):
+    every = pages.blocks_of(page, "python")
+    assert page.read_text(encoding="utf-8").count("```python") == len(every)
+    blocks = [block for block in every if block.reason is None]
+    for block, printed in zip(blocks, pages.run(blocks, tmp_path), strict=True):
+        if block.output is not None:
+            assert pages.differences(printed, block.output) == "", block.name
+        else:
+            assert printed == "", f"{block.name} prints: show it in a block of text"
+
+
+@pytest.fixture(scope="module")
+def parser_of():
+    """Return a program's parser; each is made once."""
+    made = {}
+
+    def get(program):
+        if program not in made:
+            made[program] = PARSERS["parser_of"](program)
+        return made[program]
+
+    return get
+
+
+@pytest.mark.parametrize(("page", "command"), COMMANDS, ids=lambda text: text)
+def test_commands_are_understood(page, command, parser_of):
+    """Every command in a block of sh has options that exist, and scenes and tools that exist."""
+    words = shlex.split(command)
+    if words[0] == "python":
+        assert (pages.ROOT / words[1]).is_file(), page
+        words = words[1:] if words[1].startswith("tools/") else ["hybrid-rt", "render", *words[1:]]
+    parser_of(words[0]).parse_args(words[1:])
+
+
+@pytest.mark.parametrize(
+    ("printed", "shown", "is_alike"),
+    [
+        ("error 0.0123\n", "error 0.0124", True),
+        ("error 0.0123\n", "error 0.0125", False),
+        ("1.50e-07 of 12", "1.51e-07 of 12", True),
+        ("hit", "miss", False),
+        ("1 2", "1", False),
+    ],
+)
+def test_numbers_may_differ_in_their_last_place(printed, shown, is_alike):
+    assert (pages.differences(printed, shown) == "") is is_alike
