@@ -1,6 +1,6 @@
 """Surfaces and their certified tessellation.
 
-`BezierPatches` and `SurfaceOfRevolution` are surfaces over (u, v) in [0, 1] x [0, 1];
+`BezierPatches`, `NurbsSurface` and `SurfaceOfRevolution` are surfaces over (u, v) in [0, 1] x [0, 1];
 `tessellate` turns one into a `CertifiedMesh` that stays within a proven distance of it. Names are
 imported on first use: ``import meshing`` alone compiles and loads nothing.
 """
@@ -13,14 +13,16 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from meshing.bezier import BezierPatches
     from meshing.certified_mesh import CertifiedMesh
+    from meshing.nurbs import NurbsSurface
     from meshing.revolution import SurfaceOfRevolution
     from meshing.tessellation import tessellate
 
-__all__ = ["BezierPatches", "CertifiedMesh", "SurfaceOfRevolution", "tessellate"]
+__all__ = ["BezierPatches", "CertifiedMesh", "NurbsSurface", "SurfaceOfRevolution", "tessellate"]
 
 _HOME = {
     "BezierPatches": "meshing.bezier",
     "CertifiedMesh": "meshing.certified_mesh",
+    "NurbsSurface": "meshing.nurbs",
     "SurfaceOfRevolution": "meshing.revolution",
     "tessellate": "meshing.tessellation",
 }

@@ -2,38 +2,86 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from functools import cached_property
 from pathlib import Path
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from meshing.bpt import read_patches, write_patches
-from meshing.checks import BoolArray, FloatArray, as_affine, as_floats, as_path, freeze, shown
+from meshing.checks import (
+    BoolArray,
+    FloatArray,
+    as_affine,
+    as_floats,
+    as_path,
+    freeze,
+    shown,
+    whole,
+)
 from meshing.kernels import bernstein, subdivision
 from meshing.parametric import ParametricSurface
 
+if TYPE_CHECKING:
+    from meshing.sheet import PatchSheet
+
 
 class BezierPatches(ParametricSurface):
-    """One or more tensor product Bezier patches, as one surface.
+    """One or more tensor product Bezier patches, polynomial or rational, as one surface.
 
     A point of patch p is the sum of B_i(u) B_j(v) times its control point (i, j): u follows the
-    row index of the net, v the column index. The normal is along S_u x S_v.
+    row index of the net, v the column index. With weights it is the weighted mean, weights
+    B_i(u) B_j(v) w_ij: cylinders, spheres and other quadrics are such surfaces exactly. The normal
+    is along S_u x S_v.
 
     Parameters
     ----------
     control : (k, m + 1, n + 1, 3) array, or a sequence of (m + 1, n + 1, 3) arrays
         Control points in scene units, any real dtype; degrees m and n from 1 to 30, in a
         sequence each patch may have its own.
+    weights : (k, m + 1, n + 1) array, or a sequence of (m + 1, n + 1) arrays, optional
+        Of the control points: positive, the smallest of a patch at least 1e-6 of its largest. Only
+        their ratios within a patch count; where all are equal the patches are polynomial.
 
     Raises
     ------
-    ValueError
-        For a wrong shape, a degree outside 1 to 30, NaN or infinity, and a patch without area.
+    ValueError, TypeError
+        For a wrong shape, a degree outside 1 to 30, NaN or infinity, a patch without area, and
+        weights that are not positive or too far apart.
+
+    References
+    ----------
+    Farin, "Curves and Surfaces for CAGD", 5th edition, 2002, chapters 13 and 16.
     """
 
-    def __init__(self, control: ArrayLike | Iterable[ArrayLike]) -> None:
+    def __new__(
+        cls,
+        control: ArrayLike | Iterable[ArrayLike],
+        weights: ArrayLike | Sequence[ArrayLike] | None = None,
+    ) -> Self:
+        """Make `RationalPatches` where weights differ."""
+        del control
+        from meshing.rational import RationalPatches, is_rational
+
+        kind: Any = RationalPatches if cls is BezierPatches and is_rational(weights) else cls
+        made: Self = super().__new__(kind)
+        return made
+
+    def __init__(
+        self,
+        control: ArrayLike | Iterable[ArrayLike],
+        weights: ArrayLike | Sequence[ArrayLike] | None = None,
+    ) -> None:
+        self._set_control(control)
+        if weights is not None:
+            from meshing.rational import as_weights
+
+            as_weights(weights, self._degrees)
+        self._check_area(self._control, None)
+
+    def _set_control(self, control: ArrayLike | Iterable[ArrayLike]) -> None:
         nets = _as_nets(control)
         shapes = np.array([net.shape[:2] for net in nets], dtype=np.int64).reshape(-1, 2)
         self._degrees: NDArray[np.int64] = shapes - 1
@@ -43,13 +91,18 @@ class BezierPatches(ParametricSurface):
         else:
             self._control = freeze(np.concatenate([net.reshape(-1, 3) for net in nets]))
         _check_finite(self._control, self._starts, self._degrees)
-        collapsed = bernstein.first_collapsed_patch(self._control, self._starts, self._degrees)
+        for array in (self._degrees, self._starts):
+            array.setflags(write=False)
+
+    def _check_area(self, nets: FloatArray, rational: bool | None) -> None:
+        reach = np.maximum.reduceat(np.abs(self._control).max(axis=1), self._starts[:-1])
+        collapsed = bernstein.first_collapsed_patch(
+            nets, self._starts, self._degrees, reach, rational
+        )
         if collapsed >= 0:
             raise ValueError(
                 f"BezierPatches patch {collapsed} has no area (a curve or a point is left): remove it"
             )
-        for array in (self._degrees, self._starts):
-            array.setflags(write=False)
 
     @classmethod
     def read(cls, path: str | Path) -> BezierPatches:
@@ -85,6 +138,11 @@ class BezierPatches(ParametricSurface):
         return self._control
 
     @property
+    def weights(self) -> tuple[FloatArray, ...] | None:
+        """Weights of each patch, (m + 1, n + 1) float64, read-only; None: polynomial patches."""
+        return None
+
+    @property
     def starts(self) -> NDArray[np.int64]:
         """(k + 1,) int64: patch p holds the rows ``starts[p]`` to ``starts[p + 1]`` of `control`."""
         return self._starts
@@ -104,7 +162,7 @@ class BezierPatches(ParametricSurface):
         degrees = f"degree {low}" if low == high else f"degrees {low} to {high}"
         return f"BezierPatches({len(self)} of {degrees})"
 
-    def __reduce__(self) -> tuple[type[BezierPatches], tuple[list[FloatArray]]]:
+    def __reduce__(self) -> tuple[type[BezierPatches], tuple[list[FloatArray], ...]]:
         """Pickle the control nets; loading checks them again."""
         return type(self), ([np.array(net) for net in self.patches],)
 
@@ -112,7 +170,7 @@ class BezierPatches(ParametricSurface):
     def patch_bounds(self) -> FloatArray:
         """(k, 2, 3) float64: lower and upper corner of a box around each patch, read-only."""
         boxes = np.empty((len(self), 2, 3))
-        subdivision.patch_boxes(self._control, self._starts, self._degrees, boxes)
+        subdivision.patch_boxes(self._control, self._starts, self._degrees, None, boxes)
         return freeze(boxes)
 
     def transformed(self, matrix: ArrayLike) -> BezierPatches:
@@ -122,8 +180,8 @@ class BezierPatches(ParametricSurface):
         ----------
         matrix : (4, 4) array
             Acts on columns (x, y, z, 1); last row (0, 0, 0, 1); not singular. It is applied to
-            the control points, so the image is exact up to their rounding. A reflection turns
-            the normal, which stays along S_u x S_v, to the other side.
+            the control points, so the image is exact up to their rounding; weights stay. A
+            reflection turns the normal, which stays along S_u x S_v, to the other side.
         """
         linear, shift = as_affine(matrix, "BezierPatches")
         # Term by term rather than by a matrix product: equal points must get equal images, which
@@ -132,19 +190,47 @@ class BezierPatches(ParametricSurface):
         image = np.empty_like(self._control)
         for axis, row in enumerate(linear):
             image[:, axis] = row[0] * x + row[1] * y + row[2] * z + shift[axis]
-        return self._with_control(image, self._degrees)
+        return self._with_control(image)
 
     def flipped(self) -> BezierPatches:
         """Return the same surface with u and v swapped, so with the opposite normal."""
-        nets = [net.transpose(1, 0, 2).reshape(-1, 3) for net in self.patches]
-        return self._with_control(np.concatenate(nets), self._degrees[:, ::-1])
+        return BezierPatches([net.transpose(1, 0, 2) for net in self.patches])
 
-    def _with_control(self, control: FloatArray, degrees: NDArray[np.int64]) -> BezierPatches:
-        sizes = degrees.tolist()
+    def as_sheet(self, rows: int, columns: int) -> PatchSheet:
+        """Return the patches as one sheet, over which one (u, v) runs.
+
+        Parameters
+        ----------
+        rows, columns : int
+            How many patches lie side by side along u, and along v: patch p is number
+            ``p % columns`` of row ``p // columns``. Each takes an equal part of the sheet's
+            parameters, so that a texture is stretched across all of them.
+
+        Raises
+        ------
+        ValueError, TypeError
+            If there are not as many patches.
+        """
+        from meshing.sheet import PatchSheet
+
+        whole(rows, "BezierPatches sheet rows", at_least=1)
+        whole(columns, "BezierPatches sheet columns", at_least=1)
+        if rows * columns != len(self):
+            raise ValueError(
+                f"BezierPatches sheet of {rows} x {columns} for {len(self)} patches: pass rows and "
+                f"columns whose product is {len(self)}"
+            )
+        i, j = np.divmod(np.arange(len(self)), columns)
+        spans = [i / rows, (i + 1) / rows, j / columns, (j + 1) / columns]
+        return PatchSheet(self, np.stack(spans, axis=1))
+
+    def _nets_of(self, control: FloatArray) -> list[FloatArray]:
+        sizes = self._degrees.tolist()
         pieces = np.split(control, self._starts[1:-1])
-        return BezierPatches(
-            [piece.reshape(m + 1, n + 1, 3) for piece, (m, n) in zip(pieces, sizes, strict=True)]
-        )
+        return [piece.reshape(m + 1, n + 1, 3) for piece, (m, n) in zip(pieces, sizes, strict=True)]
+
+    def _with_control(self, control: FloatArray) -> BezierPatches:
+        return BezierPatches(self._nets_of(control))
 
     def _fill(
         self,
@@ -156,7 +242,7 @@ class BezierPatches(ParametricSurface):
         out: FloatArray,
     ) -> None:
         bernstein.evaluate_patches(
-            self._control, self._starts, self._degrees, ids, u, v, order_u, order_v, out
+            self._control, self._starts, self._degrees, ids, u, v, order_u, order_v, None, out
         )
 
     def _fill_normals(
@@ -168,7 +254,7 @@ class BezierPatches(ParametricSurface):
         is_degenerate: BoolArray,
     ) -> None:
         bernstein.normals_of_patches(
-            self._control, self._starts, self._degrees, ids, u, v, out, is_degenerate
+            self._control, self._starts, self._degrees, ids, u, v, None, out, is_degenerate
         )
 
 

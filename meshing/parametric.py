@@ -48,15 +48,16 @@ class ParametricSurface(Surface):
     ) -> None:
         """Fill ``out`` (n, 3) with unit normals, and where S_u x S_v vanishes."""
 
-    def point(self, u: ArrayLike, v: ArrayLike, patch_id: ArrayLike = 0) -> FloatArray:
+    def point(self, u: ArrayLike, v: ArrayLike, patch_id: ArrayLike | None = None) -> FloatArray:
         """Return points of the surface.
 
         Parameters
         ----------
         u, v : float array-like, broadcast with each other and with ``patch_id``
             Parameters; the piece extends a little beyond [0, 1].
-        patch_id : int array-like
-            Patch, or profile segment, of each (u, v).
+        patch_id : int array-like, optional
+            Patch, or profile segment, of each (u, v); default: the first, on a sheet of patches the
+            one that holds (u, v).
 
         Returns
         -------
@@ -71,7 +72,7 @@ class ParametricSurface(Surface):
         return self._evaluate(u, v, patch_id, 0, 0)
 
     def partials(
-        self, u: ArrayLike, v: ArrayLike, patch_id: ArrayLike = 0
+        self, u: ArrayLike, v: ArrayLike, patch_id: ArrayLike | None = None
     ) -> tuple[FloatArray, FloatArray]:
         """Return the first partials S_u and S_v, each shaped like `point`.
 
@@ -80,7 +81,7 @@ class ParametricSurface(Surface):
         return self._evaluate(u, v, patch_id, 1, 0), self._evaluate(u, v, patch_id, 0, 1)
 
     def second_partials(
-        self, u: ArrayLike, v: ArrayLike, patch_id: ArrayLike = 0
+        self, u: ArrayLike, v: ArrayLike, patch_id: ArrayLike | None = None
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return the second partials S_uu, S_uv and S_vv, each shaped like `point`.
 
@@ -92,13 +93,14 @@ class ParametricSurface(Surface):
             self._evaluate(u, v, patch_id, 0, 2),
         )
 
-    def normal(self, u: ArrayLike, v: ArrayLike, patch_id: ArrayLike = 0) -> FloatArray:
+    def normal(self, u: ArrayLike, v: ArrayLike, patch_id: ArrayLike | None = None) -> FloatArray:
         """Return unit normals along S_u x S_v, shaped like `point`.
 
         Where S_u x S_v vanishes (a collapsed edge, a cusp, a pole): its limit from inside.
         Arguments and errors are those of `point`.
         """
-        u, v, ids, shape = broadcast_parameters(u, v, patch_id, len(self), "patch_id")
+        patch = self._piece_of(u, v, patch_id)
+        u, v, ids, shape = broadcast_parameters(u, v, patch, len(self), "patch_id")
         out, is_degenerate = np.empty((u.size, 3)), np.empty(u.size, dtype=np.bool_)
         self._fill_normals(ids, u, v, out, is_degenerate)
         return out.reshape(*shape, 3)
@@ -113,10 +115,16 @@ class ParametricSurface(Surface):
         boxes = self.patch_bounds
         return np.stack((boxes[:, 0].min(axis=0), boxes[:, 1].max(axis=0)))
 
+    def _piece_of(self, u: ArrayLike, v: ArrayLike, patch_id: ArrayLike | None) -> ArrayLike:
+        """Return the pieces that parameters belong to."""
+        del u, v
+        return 0 if patch_id is None else patch_id
+
     def _evaluate(
-        self, u: ArrayLike, v: ArrayLike, patch_id: ArrayLike, order_u: int, order_v: int
+        self, u: ArrayLike, v: ArrayLike, patch_id: ArrayLike | None, order_u: int, order_v: int
     ) -> FloatArray:
-        u, v, ids, shape = broadcast_parameters(u, v, patch_id, len(self), "patch_id")
+        patch = self._piece_of(u, v, patch_id)
+        u, v, ids, shape = broadcast_parameters(u, v, patch, len(self), "patch_id")
         out = np.empty((u.size, 3))
         self._fill(ids, u, v, order_u, order_v, out)
         return out.reshape(*shape, 3)

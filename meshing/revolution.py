@@ -143,7 +143,7 @@ class SurfaceOfRevolution(ParametricSurface):
         degrees[:, 0] = np.diff(starts) - 1
         boxes = np.empty((2 * n, 2, 3))
         curves = self.origin + np.concatenate((z + r, z - r))
-        subdivision.patch_boxes(curves, starts, degrees, boxes)
+        subdivision.patch_boxes(curves, starts, degrees, None, boxes)
         # Where neither w nor the axis is 0 or 1 the products above were rounded, and so was the
         # shift by the origin.
         size = np.abs(self._profile).max() * np.where(np.isin(w, (0.0, 1.0)), 0.0, 1.0)

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from meshing.bezier import BezierPatches
 from meshing.checks import FloatArray
 from meshing.kernels import joining
+from meshing.rational import RationalPatches
 from meshing.revolution import SurfaceOfRevolution, radius_rounding
 
 # Control points that went through a rotation or a unit conversion agree to a few roundings.
@@ -71,8 +72,12 @@ def seams_of_patches(surface: BezierPatches) -> Seams:
     edge_degree = np.stack((n, n, m, m), axis=1).reshape(-1)
     ends = corner.reshape(-1, 4)[:, _ENDS].reshape(-1, 2)
     low, high = ends.min(axis=1), ends.max(axis=1)
-    order = np.lexsort((edge_degree, high, low))
-    keys = np.stack((low, high, edge_degree), axis=1)[order]
+    kind = edge_degree
+    if isinstance(surface, RationalPatches):
+        w = surface.homogeneous[:, 3]
+        kind = _kinds_of_weights(w, edge_first, edge_step, edge_degree, ends)
+    order = np.lexsort((kind, high, low))
+    keys = np.stack((low, high, kind), axis=1)[order]
     run = np.concatenate(([0], np.cumsum((keys[1:] != keys[:-1]).any(axis=1))))
     group = np.empty(len(order), dtype=np.int64)
     is_reversed = np.empty(len(order), dtype=np.bool_)
@@ -86,6 +91,31 @@ def seams_of_patches(surface: BezierPatches) -> Seams:
         is_collapsed=_collapsed(control, edge_first, edge_step, edge_degree, tolerance),
         gap=max(gap, float(edge_gap)),
     )
+
+
+def _kinds_of_weights(
+    weights: FloatArray,
+    first: NDArray[np.int64],
+    step: NDArray[np.int64],
+    degree: NDArray[np.int64],
+    ends: NDArray[np.int64],
+) -> NDArray[np.int64]:
+    """Return a number (n,) of degree and weights; these count up to a factor, and to rounding.
+
+    Edges of other weights are other curves, or run along the same one at another pace.
+    """
+    rows = np.full((len(first), int(degree.max()) + 2), -1.0)
+    rows[:, 0] = degree
+    for k in range(int(degree.max()) + 1):
+        has = k <= degree
+        # From the corner of the lower number on.
+        at = np.where(ends[:, 0] <= ends[:, 1], k, degree - k)
+        w = weights[first[has] + at[has] * step[has]]
+        rows[has, 1 + k] = w
+    ratios = rows[:, 1:] / rows[:, 1:2]
+    rows[:, 1:] = np.where(rows[:, 1:] < 0.0, -1.0, np.float32(ratios))
+    kinds: NDArray[np.int64] = np.unique(rows, axis=0, return_inverse=True)[1].reshape(-1)
+    return kinds
 
 
 def seams_of_revolution(surface: SurfaceOfRevolution) -> Seams:

@@ -9,6 +9,7 @@ triangulated through all vertices on its sides: there are no cracks, and the bou
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from functools import singledispatch
 from typing import NamedTuple, TypeAlias
 
@@ -22,8 +23,10 @@ from meshing.checks import number, shown, whole
 from meshing.kernels import leaves as leaf_kernels
 from meshing.kernels import polygons
 from meshing.kernels.leaves import MAX_DEPTH
+from meshing.rational import RationalPatches
 from meshing.revolution import SurfaceOfRevolution
 from meshing.seams import Seams, seams_of_patches, seams_of_revolution
+from meshing.sheet import PatchSheet
 from meshing.surface import Surface
 
 Keys: TypeAlias = NDArray[np.int64]
@@ -46,7 +49,7 @@ def tessellate(
 
     Parameters
     ----------
-    surface : BezierPatches or SurfaceOfRevolution
+    surface : BezierPatches, NurbsSurface or SurfaceOfRevolution
     tolerance : float
         Largest distance allowed, absolute, in scene units. A tolerance below the rounding of the
         surface's coordinates may be missed; ``deviation_bound`` gives what was reached.
@@ -71,6 +74,10 @@ def tessellate(
     """
     tolerance = number(tolerance, "tessellate tolerance", above=0.0, hint="in scene units")
     whole(max_triangles, "tessellate max_triangles", at_least=1, up_to=2**31 - 1)
+    if isinstance(surface, PatchSheet):
+        mesh = tessellate(surface.pieces, tolerance, max_triangles=max_triangles)
+        u, v = mesh.uv[..., 0], mesh.uv[..., 1]
+        return replace(mesh, uv=np.stack(surface.across(u, v, mesh.patch_id[:, None]), axis=-1))
     return _mesh_of(surface, cut(surface, tolerance, max_triangles), tolerance, max_triangles)
 
 
@@ -97,7 +104,7 @@ def cut(surface: object, tolerance: float, max_triangles: int) -> Cut:
     """
     del tolerance, max_triangles
     raise TypeError(
-        f"tessellate surface is {shown(surface)}: pass BezierPatches or a SurfaceOfRevolution"
+        f"tessellate surface is {shown(surface)}: pass BezierPatches, a NurbsSurface or a SurfaceOfRevolution"
     )
 
 
@@ -116,8 +123,14 @@ def _cut_patches(surface: BezierPatches, tolerance: float, max_triangles: int) -
     seams = seams_of_patches(surface)
     least_depth = np.where(seams.corners_apart < 3, _LEAST_DEPTH, 0)
     roundings = 3 * int(surface.degrees.sum(axis=1).max()) + 8
+    if isinstance(surface, RationalPatches):
+        # A quotient of two such sums, and the product of each net's own rounding.
+        roundings = 2 * roundings + 4
+        nets, rational = surface.homogeneous, True
+    else:
+        nets, rational = surface.control, None
     slack = _slack(roundings, float(np.abs(surface.control).max()), seams)
-    data = (surface.control, surface.starts, surface.degrees, least_depth, slack, tolerance)
+    data = (nets, surface.starts, surface.degrees, rational, least_depth, slack, tolerance)
     # Counted first, kept in a second run: no memory is taken before the count is known.
     max_leaves = max(max_triangles // 2, 1)
     leaves = np.empty((0, 5), dtype=np.int32)

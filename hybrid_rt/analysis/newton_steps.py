@@ -20,6 +20,7 @@ from hybrid_rt.intersection.kernels.search.coarse import CoarseHits
 from hybrid_rt.intersection.kind import new_record
 from meshing import BezierPatches, SurfaceOfRevolution, tessellate
 from meshing.kernels.bernstein import MAX_DEGREE
+from meshing.rational import RationalPatches
 from meshing.surface import Surface
 
 # As the tracer does it: how often the next triangle is tried, and how far beyond the one before.
@@ -166,6 +167,12 @@ def _patches(surface: BezierPatches, middle: FloatArray) -> list[Row]:
         (net.reshape(-1, 3) - middle, (net.shape[0] - 1, net.shape[1] - 1), np.zeros(12))
         for net in surface.patches
     ]
+
+
+@_rows.register(RationalPatches)
+def _rational_patches(surface: RationalPatches, middle: FloatArray) -> list[Row]:
+    del middle
+    raise TypeError(f"{surface!r} is rational: pass polynomial patches, steps are counted on these")
 
 
 @_rows.register(SurfaceOfRevolution)

@@ -24,7 +24,7 @@ class Rival:
 
     Parameters
     ----------
-    surface : BezierPatches, all of degree 3 x 3
+    surface : BezierPatches, polynomial, all of degree 3 x 3
     threads : int, optional
 
     Raises
@@ -34,6 +34,8 @@ class Rival:
     """
 
     def __init__(self, surface: BezierPatches, threads: int | None = None) -> None:
+        if surface.weights is not None:
+            raise ValueError(f"{surface!r} has weights: pass polynomial patches")
         for p, net in enumerate(surface.patches):
             if net.shape != (4, 4, 3):
                 raise ValueError(f"patch {p} has a net of shape {net.shape}: pass bicubic patches")

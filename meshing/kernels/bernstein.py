@@ -7,6 +7,10 @@ inverse beyond the middle. Its weights carry a relative error of about 3 degree 
 as de Casteljau's algorithm and without its scratch memory; all of it holds a little outside
 [0, 1] too. Partials are sums of differences of control points, so they do not lose digits where a
 patch lies far from the origin, or where a row of differences vanishes.
+
+Rational patches have rows (w (P - c), w), c a point of each patch's own: S - c is the quotient of
+two such sums. Functions that take both kinds have an argument ``rational``: None for polynomials,
+which the compiler knows, else True.
 """
 
 import math
@@ -30,8 +34,8 @@ DIFFERENCE = np.array([[1.0, 0.0, 0.0], [-1.0, 1.0, 0.0], [1.0, -2.0, 1.0]])
 # where d is the distance in parameters. Where S_u and S_v are nearly parallel all over a patch,
 # the cross product is still good: a threshold well below sqrt(eps) keeps those out.
 PARALLEL = 2.0**-32
-# A partial below this part of the patch's largest is made of roundings.
-VANISHING = 8.0 * 2.0**-52
+# A partial below this part of the patch's largest is made of roundings; a quotient has more of them.
+VANISHING, VANISHING_QUOTIENT = 8.0 * 2.0**-52, 128.0 * 2.0**-52
 # The derivative of S_u x S_v, in units of the largest partials, counts as zero below this.
 FLAT_PRODUCT = 2.0**-26
 # Where to look: at the point itself; if first order fails too, this far inside, near ones first.
@@ -88,6 +92,87 @@ def derivative(control, start, degree_u, degree_v, u, v, order_u, order_v):
 
 
 @inner
+def column_derivative(control, column, start, degree_u, degree_v, u, v, order_u, order_v):
+    """As `derivative`, of one column of ``control``."""
+    m = degree_u - order_u
+    n = degree_v - order_v
+    if m < 0 or n < 0:
+        return 0.0
+    stride = degree_v + 1
+    low_u = u <= 0.5
+    low_v = v <= 0.5
+    base_u = 1.0 - u if low_u else u
+    base_v = 1.0 - v if low_v else v
+    ratio_u = (1.0 - base_u if not low_u else u) / base_u
+    ratio_v = (1.0 - base_v if not low_v else v) / base_v
+    total = 0.0
+    for step_u in range(m + 1):
+        i = m - step_u if low_u else step_u
+        row = 0.0
+        for step_v in range(n + 1):
+            j = n - step_v if low_v else step_v
+            difference = 0.0
+            for a in range(order_u + 1):
+                for b in range(order_v + 1):
+                    sign = DIFFERENCE[order_u, a] * DIFFERENCE[order_v, b]
+                    difference += sign * control[start + (i + a) * stride + j + b, column]
+            row = row * ratio_v + BINOMIAL[n, j] * difference
+        total = total * ratio_u + BINOMIAL[m, i] * row
+    for _ in range(m):
+        total *= base_u
+    for _ in range(n):
+        total *= base_v
+    for a in range(order_u):
+        total *= degree_u - a
+    for b in range(order_v):
+        total *= degree_v - b
+    return total
+
+
+@inner
+def _quotient(control, start, degree_u, degree_v, u, v, order_u, order_v):
+    """As `derivative`, of a rational patch about its point c; total order at most 2."""
+    x, y, z = derivative(control, start, degree_u, degree_v, u, v, order_u, order_v)
+    weight = column_derivative(control, 3, start, degree_u, degree_v, u, v, 0, 0)
+    # Leibniz's rule for S W, solved for the derivative of highest order.
+    for a in range(order_u + 1):
+        for b in range(order_v + 1):
+            if a + b == order_u + order_v:
+                continue
+            factor = column_derivative(
+                control, 3, start, degree_u, degree_v, u, v, order_u - a, order_v - b
+            )
+            factor *= BINOMIAL[order_u, a] * BINOMIAL[order_v, b]
+            px, py, pz = _quotient_of_lower_order(
+                control, start, degree_u, degree_v, u, v, a, b, weight
+            )
+            x -= factor * px
+            y -= factor * py
+            z -= factor * pz
+    return x / weight, y / weight, z / weight
+
+
+@inner
+def _quotient_of_lower_order(control, start, degree_u, degree_v, u, v, order_u, order_v, weight):
+    """S - c, S_u or S_v of a rational patch; ``weight``: its denominator here."""
+    x, y, z = derivative(control, start, degree_u, degree_v, u, v, 0, 0)
+    x, y, z = x / weight, y / weight, z / weight
+    if order_u + order_v == 0:
+        return x, y, z
+    factor = column_derivative(control, 3, start, degree_u, degree_v, u, v, order_u, order_v)
+    dx, dy, dz = derivative(control, start, degree_u, degree_v, u, v, order_u, order_v)
+    return (dx - factor * x) / weight, (dy - factor * y) / weight, (dz - factor * z) / weight
+
+
+@inner
+def partial(control, start, degree_u, degree_v, u, v, order_u, order_v, rational):
+    """Partial derivative of total order 0 to 2, three numbers; rational patches: about their c."""
+    if rational is None:
+        return derivative(control, start, degree_u, degree_v, u, v, order_u, order_v)
+    return _quotient(control, start, degree_u, degree_v, u, v, order_u, order_v)
+
+
+@inner
 def second_partials(control, start, degree_u, degree_v, u, v):
     """S_uu, S_uv and S_vv of one patch: nine numbers."""
     xuu, yuu, zuu = derivative(control, start, degree_u, degree_v, u, v, 2, 0)
@@ -97,10 +182,11 @@ def second_partials(control, start, degree_u, degree_v, u, v):
 
 
 @inner
-def weighted_lengths(control, start, degree_u, degree_v, u, v):
+def weighted_lengths(control, start, degree_u, degree_v, u, v, rational):
     """Sum |differences| with the weights of S_u and of S_v; find the largest difference of either.
 
-    The two sums bound |S_u| and |S_v|: the partials if nothing cancelled.
+    The two sums bound |S_u| and |S_v| of a polynomial patch: the partials if nothing cancelled.
+    For a rational one they say the order of magnitude.
     """
     stride = degree_v + 1
     sum_u, sum_v, most_u, most_v = 0.0, 0.0, 0.0, 0.0
@@ -108,18 +194,25 @@ def weighted_lengths(control, start, degree_u, degree_v, u, v):
         for j in range(degree_v + 1):
             k = start + i * stride + j
             if i < degree_u:
-                length = degree_u * _length_between(control, k, k + stride)
+                length = degree_u * _length_between(control, k, k + stride, rational)
                 sum_u += length * _weight(degree_u - 1, i, u) * _weight(degree_v, j, v)
                 most_u = max(most_u, length)
             if j < degree_v:
-                length = degree_v * _length_between(control, k, k + 1)
+                length = degree_v * _length_between(control, k, k + 1, rational)
                 sum_v += length * _weight(degree_u, i, u) * _weight(degree_v - 1, j, v)
                 most_v = max(most_v, length)
     return sum_u, sum_v, most_u, most_v
 
 
 @inner
-def _length_between(control, k, other):
+def _length_between(control, k, other, rational):
+    if rational is not None:
+        p, q = control[k, 3], control[other, 3]
+        return length_of(
+            control[other, 0] / q - control[k, 0] / p,
+            control[other, 1] / q - control[k, 1] / p,
+            control[other, 2] / q - control[k, 2] / p,
+        )
     x = control[other, 0] - control[k, 0]
     y = control[other, 1] - control[k, 1]
     z = control[other, 2] - control[k, 2]
@@ -149,24 +242,27 @@ def _weight(degree, i, x):
 
 
 @inner
-def unit_normal(control, start, degree_u, degree_v, u, v):
+def unit_normal(control, start, degree_u, degree_v, u, v, rational):
     """Find the unit normal along S_u x S_v: three numbers, and whether that product vanishes.
 
     Where it vanishes the normal is the limit from inside the patch: from the derivative of
     S_u x S_v towards the middle; where that vanishes too, from a point a little further in.
     Always finite and of length one.
     """
+    vanishing = VANISHING if rational is None else VANISHING_QUOTIENT
     a = 1.0 if u <= 0.5 else -1.0
     b = 1.0 if v <= 0.5 else -1.0
     for h in NUDGES:
         # Unequal steps: a diagonal may be a line of symmetry on which the product vanishes.
         p, q = u + a * h, v + 0.75 * b * h
-        sum_u, sum_v, most_u, most_v = weighted_lengths(control, start, degree_u, degree_v, p, q)
+        sum_u, sum_v, most_u, most_v = weighted_lengths(
+            control, start, degree_u, degree_v, p, q, rational
+        )
         if not (most_u > 0.0 and most_v > 0.0):
             break
         # Partials are divided by the patch's largest, so that products stay within range.
-        xu, yu, zu = derivative(control, start, degree_u, degree_v, p, q, 1, 0)
-        xv, yv, zv = derivative(control, start, degree_u, degree_v, p, q, 0, 1)
+        xu, yu, zu = partial(control, start, degree_u, degree_v, p, q, 1, 0, rational)
+        xv, yv, zv = partial(control, start, degree_u, degree_v, p, q, 0, 1, rational)
         xu, yu, zu = xu / most_u, yu / most_u, zu / most_u
         xv, yv, zv = xv / most_v, yv / most_v, zv / most_v
         length_u = length_of(xu, yu, zu)
@@ -177,16 +273,16 @@ def unit_normal(control, start, degree_u, degree_v, u, v):
         length = length_of(nx, ny, nz)
         if (
             length > PARALLEL * (sum_u / most_u) * (sum_v / most_v)
-            and length_u > VANISHING
-            and length_v > VANISHING
+            and length_u > vanishing
+            and length_v > vanishing
         ):
             return nx / length, ny / length, nz / length, h > 0.0
         if h > 0.0:
             continue
         # Derivatives of S_u and of S_v in the direction (a, b), then of their product.
-        xuv, yuv, zuv = derivative(control, start, degree_u, degree_v, u, v, 1, 1)
-        xuu, yuu, zuu = derivative(control, start, degree_u, degree_v, u, v, 2, 0)
-        xvv, yvv, zvv = derivative(control, start, degree_u, degree_v, u, v, 0, 2)
+        xuv, yuv, zuv = partial(control, start, degree_u, degree_v, u, v, 1, 1, rational)
+        xuu, yuu, zuu = partial(control, start, degree_u, degree_v, u, v, 2, 0, rational)
+        xvv, yvv, zvv = partial(control, start, degree_u, degree_v, u, v, 0, 2, rational)
         px, py, pz = a * xuu + b * xuv, a * yuu + b * yuv, a * zuu + b * zuv
         qx, qy, qz = a * xuv + b * xvv, a * yuv + b * yvv, a * zuv + b * zvv
         px, py, pz = px / most_u, py / most_u, pz / most_u
@@ -201,12 +297,12 @@ def unit_normal(control, start, degree_u, degree_v, u, v):
 
 
 @kernel
-def evaluate_patches(control, starts, degrees, patch_id, u, v, order_u, order_v, out):
+def evaluate_patches(control, starts, degrees, patch_id, u, v, order_u, order_v, rational, out):
     """Write one partial derivative per row into ``out`` (n, 3)."""
     for i in range(u.size):
         p = patch_id[i]
-        x, y, z = derivative(
-            control, starts[p], degrees[p, 0], degrees[p, 1], u[i], v[i], order_u, order_v
+        x, y, z = partial(
+            control, starts[p], degrees[p, 0], degrees[p, 1], u[i], v[i], order_u, order_v, rational
         )
         out[i, 0] = x
         out[i, 1] = y
@@ -214,11 +310,13 @@ def evaluate_patches(control, starts, degrees, patch_id, u, v, order_u, order_v,
 
 
 @kernel
-def normals_of_patches(control, starts, degrees, patch_id, u, v, out, is_degenerate):
+def normals_of_patches(control, starts, degrees, patch_id, u, v, rational, out, is_degenerate):
     """Write one unit normal per row into ``out`` (n, 3), and where S_u x S_v vanishes."""
     for i in range(u.size):
         p = patch_id[i]
-        x, y, z, flag = unit_normal(control, starts[p], degrees[p, 0], degrees[p, 1], u[i], v[i])
+        x, y, z, flag = unit_normal(
+            control, starts[p], degrees[p, 0], degrees[p, 1], u[i], v[i], rational
+        )
         out[i, 0] = x
         out[i, 1] = y
         out[i, 2] = z
@@ -226,28 +324,25 @@ def normals_of_patches(control, starts, degrees, patch_id, u, v, out, is_degener
 
 
 @kernel
-def first_collapsed_patch(control, starts, degrees):
-    """Index of the first patch without area, or -1.
+def first_collapsed_patch(control, starts, degrees, reach, rational):
+    """Index of the first patch without area, or -1; ``reach`` (k,): largest |coordinate| of each.
 
-    S_u x S_v has degree (2 m - 1, 2 n - 1): if it vanishes on a grid of 2 m by 2 n points, it
-    vanishes everywhere. Nearly always the first point settles it.
+    S_u x S_v has degree (2 m - 1, 2 n - 1), times W^3 if rational at most (3 m - 1, 3 n - 1): if it
+    vanishes on a grid of one point more each way, it vanishes everywhere. Nearly always the first point settles it.
     """
     for p in range(starts.size - 1):
         m, n = degrees[p, 0], degrees[p, 1]
-        largest = 0.0
-        for k in range(starts[p], starts[p + 1]):
-            for axis in range(3):
-                largest = max(largest, abs(control[k, axis]))
         # Narrower than the roundings of its own coordinates: nothing is left to be hit.
-        _, _, most_u, most_v = weighted_lengths(control, starts[p], m, n, 0.5, 0.5)
-        has_area = min(most_u, most_v) > 4.0 * 2.0**-52 * largest
-        count = 4 * m * n if has_area else 0
+        _, _, most_u, most_v = weighted_lengths(control, starts[p], m, n, 0.5, 0.5, rational)
+        has_area = min(most_u, most_v) > 4.0 * 2.0**-52 * reach[p]
+        rows, columns = (2 * m, 2 * n) if rational is None else (3 * m, 3 * n)
+        count = rows * columns if has_area else 0
         for i in range(count):
             # Starts in the middle of the patch.
-            a = (i // (2 * n) + m) % (2 * m)
-            b = (i % (2 * n) + n) % (2 * n)
-            u, v = (a + 0.5) / (2 * m), (b + 0.5) / (2 * n)
-            _, _, _, is_degenerate = unit_normal(control, starts[p], m, n, u, v)
+            a = (i // columns + rows // 2) % rows
+            b = (i % columns + columns // 2) % columns
+            u, v = (a + 0.5) / rows, (b + 0.5) / columns
+            _, _, _, is_degenerate = unit_normal(control, starts[p], m, n, u, v, rational)
             has_area = not is_degenerate
             if has_area:
                 break

@@ -64,7 +64,7 @@ def _tangents(pieces, k, u, v, basis):
     """Return S, S_u, S_v (nine numbers)."""
     start, m, n = pieces.start[k], pieces.degree[k, 0], pieces.degree[k, 1]
     if m >= 0:
-        return evaluate_any(pieces.control, start, m, n, u, v, basis)
+        return evaluate_any(pieces.control, start, m, n, u, v, basis, None)
     z, r, dz, dr, _, _ = profile(pieces.control, start, n, v)
     turn = 2.0 * math.pi
     c, s = math.cos(turn * u), math.sin(turn * u)

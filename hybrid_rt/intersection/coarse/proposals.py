@@ -18,7 +18,9 @@ from hybrid_rt.intersection.kernels.search.coarse import (
 from hybrid_rt.intersection.kernels.search.counters import NEWTONS
 from hybrid_rt.intersection.kernels.search.nearest import Nearest, Rays
 from hybrid_rt.intersection.kind import CurvedKind, Finished
+from hybrid_rt.intersection.sheets import Sheets
 from meshing import tessellate
+from meshing.sheet import PatchSheet
 from meshing.surface import Surface
 
 # Chordal tolerance of the coarse triangles over the surface's size: where they are the answer, or
@@ -53,9 +55,12 @@ class Coarse:
     ) -> None:
         vertices, faces, objects, pieces, corners = [], [], [], [], []
         n_vertices = 0
+        self._sheets = Sheets.of(members)
         for object_id, surface in members:
             if surface.is_freeform:
-                mesh = tessellate(surface, tolerance or relative * surface.size)
+                # Cells of a sheet go by the parameters of its patches.
+                own = surface.pieces if isinstance(surface, PatchSheet) else surface
+                mesh = tessellate(own, tolerance or relative * surface.size)
             else:
                 mesh = surface.triangles()
             vertices.append(mesh.vertices)
@@ -156,3 +161,5 @@ class Coarse:
     ) -> None:
         """Describe hits on triangles (accuracy "mesh"): ``best.primitive`` is the face."""
         finish_mesh(self.triangles, rays, best, kind_of, kind, out)
+        if self._sheets is not None:
+            self._sheets.finish(best.object_id, out)

@@ -23,6 +23,7 @@ from hybrid_rt.intersection.kernels.patch.finish import (
     finish_patches,
     refine_patches,
 )
+from hybrid_rt.intersection.kernels.patch.rational_fan import bound_rational_bends
 from hybrid_rt.intersection.kernels.patch.skew_box import COLUMN, LOWER, RECORD
 from hybrid_rt.intersection.kernels.patch.trace import (
     MORE,
@@ -39,7 +40,10 @@ from hybrid_rt.intersection.kernels.search.tree import Tree, build_tree, new_sta
 from hybrid_rt.intersection.kind import Finished, rows_of
 from hybrid_rt.intersection.margins import Aim, suspects
 from hybrid_rt.intersection.margins import settle as settle_rows
+from hybrid_rt.intersection.sheets import Sheets
 from meshing import BezierPatches
+from meshing.rational import RationalPatches
+from meshing.sheet import PatchSheet
 
 if TYPE_CHECKING:
     from hybrid_rt.intersection.coarse.proposals import Coarse
@@ -64,14 +68,16 @@ class _Nets(NamedTuple):
     start: NDArray[np.int64]
     degree: NDArray[np.int64]
     centre: FloatArray
+    rational: bool | None
 
 
 class PatchKind:
-    """First hits on Bezier patches.
+    """First hits on Bezier patches, all polynomial or all rational.
 
     Parameters
     ----------
-    surfaces : sequence of (object id, BezierPatches)
+    members : sequence of (object id, BezierPatches or PatchSheet)
+        All of them rational, or none; else TypeError.
     pool : Pool
         Shares the work of building.
     finest : int
@@ -80,8 +86,16 @@ class PatchKind:
     """
 
     def __init__(
-        self, surfaces: Sequence[tuple[int, BezierPatches]], pool: Pool, finest: int = FINEST
+        self,
+        members: Sequence[tuple[int, BezierPatches | PatchSheet]],
+        pool: Pool,
+        finest: int = FINEST,
     ) -> None:
+        surfaces = [(i, s.pieces if isinstance(s, PatchSheet) else s) for i, s in members]
+        self._sheets = Sheets.of(members)
+        rational = True if isinstance(surfaces[0][1], RationalPatches) else None
+        if any(isinstance(surface, RationalPatches) != bool(rational) for _, surface in surfaces):
+            raise TypeError("polynomial and rational patches in one kind: pass each to its own")
         patches = [net for _, surface in surfaces for net in surface.patches]
         points = np.concatenate([net.reshape(-1, 3) for net in patches])
         degree = np.array([(net.shape[0] - 1, net.shape[1] - 1) for net in patches], np.int64)
@@ -96,8 +110,16 @@ class PatchKind:
         # Rounded to 20 bits, so that subtracting a centre loses nothing of ordinary figures.
         centre = np.round(0.5 * (low + high) * to_frame * 2.0**20) * 2.0**-20
         control = _difference(points, middle, np.repeat(centre, lengths, axis=0), to_frame)
-        nets = _Nets(control, start, degree, centre)
         size = np.sqrt(np.maximum.reduceat((control**2).sum(axis=1), start))
+        if rational:
+            weights = [s.homogeneous[:, 3] for _, s in surfaces if isinstance(s, RationalPatches)]
+            control[:, 3] = np.concatenate(weights)
+            control[:, :3] *= control[:, 3:]
+            bend = np.empty((len(patches), 3))
+            bound_rational_bends(control, start, degree, bend)
+        else:
+            bend = np.array([_bend(net) for net in patches]) * to_frame
+        nets = _Nets(control, start, degree, centre, rational)
         counts = [len(surface) for _, surface in surfaces]
         object_id = np.repeat(np.array([i for i, _ in surfaces], np.int32), counts)
         patch_id = np.concatenate([np.arange(n, dtype=np.int32) for n in counts])
@@ -105,12 +127,13 @@ class PatchKind:
             middle=middle,
             to_frame=to_frame,
             control=control,
+            rational=rational,
             start=start,
             degree=degree,
             centre=centre,
             size=size,
             around=_around(surfaces, middle, to_frame, counts),
-            bend=np.array([_bend(net) for net in patches]) * to_frame,
+            bend=bend,
             object_id=object_id,
             patch_id=patch_id,
             **_cells(nets, max(finest, COARSEST), pool),
@@ -125,7 +148,7 @@ class PatchKind:
         """Fill the cells in the order of a tree over them, and their quarters."""
         t = self.table
         n = len(t.place)
-        nets = _Nets(t.control, t.start, t.degree, t.centre)
+        nets = _Nets(t.control, t.start, t.degree, t.centre, t.rational)
         record, boxes, cell_patch = _filled(nets, t.grid, t.first_cell, pool)
         self.tree = Tree(*build_tree(boxes[:, :3].copy(), boxes[:, 3:].copy(), 1))
         order = self.tree.order
@@ -235,6 +258,8 @@ class PatchKind:
     ) -> None:
         """Describe the hits that are on patches."""
         finish_patches(self.table, rays, best, kind_of, kind, self._new_basis(), out)
+        if self._sheets is not None:
+            self._sheets.finish(best.object_id, out)
 
 
 def _difference(
@@ -346,7 +371,8 @@ def _new_scratch(table: PatchTable, tree: Tree, n_rays: int) -> PatchScratch:
     widest = int(table.degree.max()) + 1
     return PatchScratch(
         basis=_new_basis(table),
-        nets=np.empty((DEPTH, widest, widest, 3)),
+        nets=np.empty((DEPTH, widest, widest, 4 if table.rational else 3)),
+        room=np.empty((widest, widest, 3)) if table.rational else None,
         boxes=np.empty((DEPTH, 4)),
         stack=new_stack(tree, MORE),
         # Room for every record once, by one ray; memory that is not touched costs nothing.

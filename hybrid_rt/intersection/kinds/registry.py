@@ -22,6 +22,8 @@ from hybrid_rt.primitives.asphere import Asphere
 from hybrid_rt.primitives.box import TurnedBox
 from hybrid_rt.primitives.torus import Torus
 from meshing import BezierPatches, SurfaceOfRevolution
+from meshing.rational import RationalPatches
+from meshing.sheet import PatchSheet
 from meshing.surface import Surface
 
 # From here to `FARTHEST` squares, cross products and fourth powers of lengths are float64 numbers.
@@ -159,7 +161,12 @@ def make_kinds(surfaces: Sequence[Surface], accuracy: str, pool: Pool) -> Kinds:
 
 
 def _entry_of(surface: object) -> Entry | None:
-    """Return the entry of a surface's class, or of the first class that it derives from."""
+    """Return the entry of a surface's class, or of the first class that it derives from.
+
+    Sheets are intersected as the patches that they consist of.
+    """
+    if isinstance(surface, PatchSheet):
+        surface = surface.pieces
     for surface_type in type(surface).__mro__:
         if surface_type in _BY_CLASS:
             return _BY_CLASS[surface_type]
@@ -243,9 +250,17 @@ def _of_spheres(spheres: Sequence[Sphere], _way: str) -> list[str]:
     return ["spheres"] if len(spheres) < MANY else ["spheres", "many spheres"]
 
 
-def _of_patches(surfaces: Sequence[BezierPatches], way: str) -> list[str]:
-    is_bicubic = all(bool((surface.degrees == 3).all()) for surface in surfaces)
-    return [f"{'bicubic' if is_bicubic else 'Bezier'} patches, {way}"]
+def _of_patches(surfaces: Sequence[BezierPatches | PatchSheet], way: str) -> list[str]:
+    return [f"{'bicubic' if _are_bicubic(surfaces) else 'Bezier'} patches, {way}"]
+
+
+def _of_rational_patches(surfaces: Sequence[BezierPatches | PatchSheet], way: str) -> list[str]:
+    return [f"rational {'bicubic ' if _are_bicubic(surfaces) else ''}patches, {way}"]
+
+
+def _are_bicubic(surfaces: Sequence[BezierPatches | PatchSheet]) -> bool:
+    pieces = [one.pieces if isinstance(one, PatchSheet) else one for one in surfaces]
+    return all(bool((one.degrees == 3).all()) for one in pieces)
 
 
 ENTRIES = (
@@ -257,6 +272,7 @@ ENTRIES = (
     Entry(Torus, "tori", _tori, lambda _members, _way: ["tori"]),
     Entry(Asphere, "aspheres", _aspheres, lambda _members, _way: ["aspheres"]),
     Entry(BezierPatches, "Bezier patches", _patches, _of_patches, ACCURACIES),
+    Entry(RationalPatches, "rational patches", _patches, _of_rational_patches, ACCURACIES),
     Entry(
         SurfaceOfRevolution,
         "surfaces of revolution",

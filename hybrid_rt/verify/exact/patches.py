@@ -4,7 +4,8 @@ The largest component of the direction, k, is divided out: with i and j the two 
 
     f = d_k (S_i - o_i) - d_i (S_k - o_k),    g = d_k (S_j - o_j) - d_j (S_k - o_k)
 
-vanish where S(u, v) is on the ray, and t = (S_k - o_k) / d_k. Times a power of two the Bernstein
+vanish where S(u, v) is on the ray, and t = (S_k - o_k) / d_k. (Those of rational patches are times
+the denominator W, which is positive.) Times a power of two the Bernstein
 coefficients of f and g are whole numbers, and so they stay when a piece is halved: nothing is
 rounded. A piece without a sign change in f, in g, or in their components along and across its
 longer tangent is dropped. A piece is settled where the Jacobian of (f, g), times the adjugate of its
@@ -75,11 +76,21 @@ MOST_LEFT = 256
 
 
 class Net(NamedTuple):
-    """One patch: its control points as fractions, and one matrix of each coordinate."""
+    """One patch: its control points and weights as fractions."""
 
     number: int
     rows: list[list[list[Rational]]]
+    weights: list[list[Rational]]
     shape: tuple[int, int]
+
+    def column(self, c: int) -> list[list[Rational]]:
+        """Return the Bernstein coefficients of W S_c; those of W for ``c`` = 3."""
+        if c == 3:
+            return self.weights
+        return [
+            [w * p[c] for p, w in zip(row, weights, strict=True)]
+            for row, weights in zip(self.rows, self.weights, strict=True)
+        ]
 
 
 class Piece(NamedTuple):
@@ -95,8 +106,13 @@ class Piece(NamedTuple):
 def patches_crosser(surface: BezierPatches) -> Crosser:
     """Return a function that finds all crossings with patches, on shared edges one for each."""
     nets = [
-        Net(k, [[rationals(point) for point in row] for row in net], (len(net), net.shape[1]))
-        for k, net in enumerate(surface.patches)
+        Net(
+            k,
+            [[rationals(point) for point in row] for row in net],
+            [rationals(row) for row in weights],
+            (len(net), net.shape[1]),
+        )
+        for k, (net, weights) in enumerate(zip(surface.patches, weights_of(surface), strict=True))
     ]
     # Float64 nets for a first look, all of one shape together.
     by_shape: dict[tuple[int, int], list[int]] = {}
@@ -114,6 +130,13 @@ def patches_crosser(surface: BezierPatches) -> Crosser:
         return found
 
     return crossings
+
+
+def weights_of(surface: BezierPatches) -> list[FloatArray]:
+    """Return the weights of each patch, ones for polynomial ones."""
+    if surface.weights is None:
+        return [np.ones(net.shape[:2]) for net in surface.patches]
+    return list(surface.weights)
 
 
 def _near(stacks: list[tuple[Any, FloatArray]], o: list[float], d: list[float]) -> list[int]:
@@ -210,10 +233,12 @@ class PatchAndRay:
         i, j = (self.k + 1) % 3, (self.k + 2) % 3
         dk, ok = d[self.k], o[self.k]
         f, g = [], []
-        for row in net.rows:
-            depth = [p[self.k] - ok for p in row]
-            f.append([dk * (p[i] - o[i]) - d[i] * h for p, h in zip(row, depth, strict=True)])
-            g.append([dk * (p[j] - o[j]) - d[j] * h for p, h in zip(row, depth, strict=True)])
+        for row, weights in zip(net.rows, net.weights, strict=True):
+            points = [
+                (w, p, p[self.k] - ok) for w, p in zip(weights, row, strict=True)
+            ]  # fmt: skip
+            f.append([w * (dk * (p[i] - o[i]) - d[i] * h) for w, p, h in points])
+            g.append([w * (dk * (p[j] - o[j]) - d[j] * h) for w, p, h in points])
         denominator = flint.fmpz(1)
         for table in (f, g):
             for line in table:
@@ -414,19 +439,17 @@ class PatchAndRay:
     def _t(self, u: Ball, v: Ball) -> Ball:
         """Return t at parameters given as balls."""
         with bits(4 * ROOT_BITS):
-            depths = [
-                value(flint.fmpq_poly(_power_form([p[self.k] for p in row])), v)
-                for row in self.net.rows
-            ]
-            n = len(depths) - 1
-            total = sum(
-                (
-                    math.comb(n, i) * u**i * (1 - u) ** (n - i) * depth
-                    for i, depth in enumerate(depths)
-                ),
-                flint.arb(0),
-            )
-            return (total - self.o[self.k]) / self.d[self.k]
+            depth, weight = (self._at(c, u, v) for c in (self.k, 3))
+            return (depth / weight - self.o[self.k]) / self.d[self.k]
+
+    def _at(self, c: int, u: Ball, v: Ball) -> Ball:
+        """Return W S_c, or for 3 W, at parameters given as balls."""
+        curves = [value(flint.fmpq_poly(_power_form(row)), v) for row in self.net.column(c)]
+        n = len(curves) - 1
+        return sum(
+            (math.comb(n, i) * u**i * (1 - u) ** (n - i) * x for i, x in enumerate(curves)),
+            flint.arb(0),
+        )
 
     def _point(self, u: Rational, v: Rational, radius: Rational) -> Crossing:
         with bits(4 * ROOT_BITS):
@@ -455,10 +478,12 @@ class PatchAndRay:
 
     def _tangents(self, u: Rational, v: Rational) -> tuple[list[Rational], list[Rational]]:
         """Return S_u and S_v at a point, exactly."""
-        columns = [
-            _values_of([[p[c] for p in row] for row in self.net.rows], u, v) for c in range(3)
-        ]
-        return [c[1] for c in columns], [c[2] for c in columns]
+        *columns, (w, wu, wv) = [_values_of(self.net.column(c), u, v) for c in range(4)]
+        # (W S)_u = W S_u + W_u S.
+        return (
+            [(xu - wu * (x / w)) / w for x, xu, _ in columns],
+            [(xv - wv * (x / w)) / w for x, _, xv in columns],
+        )
 
     def _left_open(self, pieces: list[Piece]) -> Crossing:
         """Return one crossing for all that was left open."""

@@ -6,6 +6,7 @@ missed counts against the tracer, so the search may be incomplete without hiding
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -109,7 +110,9 @@ class SampledTouches:
         return u, v, patch, distance
 
 
-def touch_of_nets(nets: list[FloatArray], samples: int) -> SampledTouches:
+def touch_of_nets(
+    nets: list[FloatArray], samples: int, weights: Sequence[FloatArray] | None = None
+) -> SampledTouches:
     """Return a function that finds touches of Bezier patches."""
     middle = np.mean([net.mean(axis=(0, 1)) for net in nets], axis=0)
-    return SampledTouches(BezierPatches([net - middle for net in nets]), middle, samples)
+    return SampledTouches(BezierPatches([net - middle for net in nets], weights), middle, samples)

@@ -1,6 +1,7 @@
 """A bicubic patch and its tangents at one point, three coordinates at a time in vector registers.
 
-Control points are rows of four float64, the last of them unused, so that one load brings a point.
+Control points are rows of four float64, so that one load brings a point; the last of them is the
+weight of a homogeneous net, else unused.
 The arithmetic is that of `evaluate_bicubic_plain`, which stands in where kernels run interpreted.
 """
 
@@ -22,18 +23,27 @@ def evaluate_bicubic_plain(control: Any, start: int, u: float, v: float) -> Any:
     start : int
     u, v : float
     """
+    out = evaluate_homogeneous_plain(control, start, u, v)
+    return tuple(out[4 * k + c] for k in range(3) for c in range(3))
+
+
+def evaluate_homogeneous_plain(control: Any, start: int, u: float, v: float) -> Any:
+    """Return W S, its partials along u and v, each followed by that of W: twelve numbers.
+
+    Parameters are those of `evaluate_bicubic_plain`.
+    """
     values_u, slopes_u = _bernstein(u)
     values_v, slopes_v = _bernstein(v)
     weights = (-slopes_u[0], slopes_u[0] - slopes_u[1], slopes_u[1] - slopes_u[2], slopes_u[2])
-    out = [0.0] * 9
+    out = [0.0] * 12
     for i in range(4):
-        for c in range(3):
+        for c in range(4):
             a, b, p, q = (float(control[start + 4 * i + j, c]) for j in range(4))
             point = values_v[0] * a + values_v[1] * b + values_v[2] * p + values_v[3] * q
             slope = slopes_v[0] * (b - a) + slopes_v[1] * (p - b) + slopes_v[2] * (q - p)
             out[c] += values_u[i] * point
-            out[3 + c] += weights[i] * point
-            out[6 + c] += values_u[i] * slope
+            out[4 + c] += weights[i] * point
+            out[8 + c] += values_u[i] * slope
     return tuple(out)
 
 
@@ -45,6 +55,7 @@ def _bernstein(x: float) -> Any:
 
 
 def _vector_code(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+    columns = len(signature.return_type) // 3
     array = context.make_array(signature.args[0])(context, builder, arguments[0])
     start, u, v = arguments[1:]
     double, i64 = ir.DoubleType(), ir.IntType(64)
@@ -85,13 +96,14 @@ def _vector_code(context: Any, builder: Any, signature: Any, arguments: Any) -> 
         for k, term in enumerate((mul(value, point), mul(weight, point), mul(value, slope))):
             out[k] = term if i == 0 else add(out[k], term)
     numbers = [
-        builder.extract_element(vector, ir.IntType(32)(c)) for vector in out for c in range(3)
+        builder.extract_element(vector, ir.IntType(32)(c)) for vector in out for c in range(columns)
     ]
     return cgutils.pack_array(builder, numbers)
 
 
 if config.DISABLE_JIT:  # type: ignore[attr-defined]
     evaluate_bicubic = evaluate_bicubic_plain
+    evaluate_homogeneous = evaluate_homogeneous_plain
 else:
 
     @intrinsic
@@ -99,4 +111,11 @@ else:
         """Do what `evaluate_bicubic_plain` does."""
         del typing, start, u, v
         result = types.UniTuple(types.float64, 9)
+        return result(control, types.int64, types.float64, types.float64), _vector_code
+
+    @intrinsic
+    def evaluate_homogeneous(typing: Any, control: Any, start: Any, u: Any, v: Any) -> Any:
+        """Do what `evaluate_homogeneous_plain` does."""
+        del typing, start, u, v
+        result = types.UniTuple(types.float64, 12)
         return result(control, types.int64, types.float64, types.float64), _vector_code

@@ -11,12 +11,14 @@ made four-sided: most patches bend much more one way than the other.) It is comp
 grown by `GROWTH` to each side, so a root that lies a little beside the cell proves that there is
 none inside.
 
-The box is a skew one, along the mean tangents and the normal.
+The box is a skew one, along the mean tangents and the normal. For rational patches see
+`patch.rational_fan`.
 """
 
 import numpy as np
 
-from hybrid_rt.intersection.kernels.patch.nets import restrict
+from hybrid_rt.intersection.kernels.patch.nets import columns_of, projected, restrict
+from hybrid_rt.intersection.kernels.patch.rational_fan import rational_fan
 from hybrid_rt.intersection.kernels.patch.skew_box import CENTRE, COLUMN, LOWER, UPPER
 from meshing.kernels.jit import inner, kernel
 
@@ -128,19 +130,58 @@ def row_length(record, row):
 
 
 @inner
-def fill_cell(control, start, degree_u, degree_v, cx, cy, cz, u0, u1, v0, v1, scratch, record, box):
-    """Fill the record and the axis-aligned box (6) of the cell [u0, u1] x [v0, v1] of a patch."""
+def _nets(control, start, degree_u, degree_v, u0, u1, v0, v1, scratch, cones):
+    """Fill ``scratch[0]`` and ``[1]`` with the nets of a cell and of the cell grown."""
     net, grown = scratch[0], scratch[1]
-    hu, hv = 0.5 * (u1 - u0), 0.5 * (v1 - v0)
     for i in range(degree_u + 1):
         for j in range(degree_v + 1):
-            for c in range(3):
+            for c in range(columns_of(cones)):
                 p = control[start + i * (degree_v + 1) + j, c]
                 net[i, j, c] = p
                 grown[i, j, c] = p
-    restrict(net, degree_u, degree_v, u0, u1, v0, v1)
-    g = 2.0 * GROWTH
-    restrict(grown, degree_u, degree_v, u0 - g * hu, u1 + g * hu, v0 - g * hv, v1 + g * hv)
+    restrict(net, degree_u, degree_v, u0, u1, v0, v1, cones)
+    if cones is None:
+        hu, hv, g = 0.5 * (u1 - u0), 0.5 * (v1 - v0), 2.0 * GROWTH
+        restrict(
+            grown, degree_u, degree_v, u0 - g * hu, u1 + g * hu, v0 - g * hv, v1 + g * hv, cones
+        )
+        return
+    # From the cell's own net: so roundings stay small beside its weights, however small these are.
+    for i in range(degree_u + 1):
+        for j in range(degree_v + 1):
+            for c in range(4):
+                grown[i, j, c] = net[i, j, c]
+    restrict(grown, degree_u, degree_v, -GROWTH, 1.0 + GROWTH, -GROWTH, 1.0 + GROWTH, cones)
+
+
+@inner
+def _fan(
+    net, degree_u, degree_v, record, room, cones, px, py, pz, qx, qy, qz, nx, ny, nz
+):  # fmt: skip
+    """Return the half widths of a grown cell's fan, and the margin for their rounding."""
+    if cones is None:
+        if degree_u * (degree_v + 1) * degree_v * (degree_u + 1) <= MOST_PAIRS:
+            fan_u, fan_v = _fan_by_pairs(
+                net, degree_u, degree_v, px, py, pz, qx, qy, qz, nx, ny, nz
+            )  # fmt: skip
+        else:
+            fan_u, fan_v = _fan_by_box(net, degree_u, degree_v, record, room)
+        return fan_u, fan_v, FAN_MARGIN
+    fan_u, fan_v = rational_fan(
+        net, degree_u, degree_v, cones, px, py, pz, qx, qy, qz, nx, ny, nz
+    )  # fmt: skip
+    # Growing by de Casteljau's algorithm enlarges roundings by 1.3 a degree, at most.
+    return fan_u, fan_v, FAN_MARGIN * max(1.0, 1.3 ** (degree_u + degree_v - 12))
+
+
+@inner
+def fill_cell(
+    control, start, degree_u, degree_v, cx, cy, cz, u0, u1, v0, v1, scratch, cones, record, box
+):  # fmt: skip
+    """Fill the record and the axis-aligned box (6) of the cell [u0, u1] x [v0, v1] of a patch."""
+    _nets(control, start, degree_u, degree_v, u0, u1, v0, v1, scratch, cones)
+    net = projected(scratch[0], degree_u, degree_v, scratch[2], cones)
+    hu, hv = 0.5 * (u1 - u0), 0.5 * (v1 - v0)
     px = _differences(net, degree_u, degree_v, True, 0)
     py = _differences(net, degree_u, degree_v, True, 1)
     pz = _differences(net, degree_u, degree_v, True, 2)
@@ -190,17 +231,15 @@ def fill_cell(control, start, degree_u, degree_v, cx, cy, cz, u0, u1, v0, v1, sc
     record[2 * COLUMN + CENTRE] = mz + cz
     record[MIDDLE_U], record[MIDDLE_V] = 0.5 * (u0 + u1), 0.5 * (v0 + v1)
     record[HALF], record[HALF + 1] = hu, hv
-    fan_u = fan_v = np.inf
+    fan_u, fan_v, margin = np.inf, np.inf, FAN_MARGIN
     if provable:
-        if degree_u * (degree_v + 1) * degree_v * (degree_u + 1) <= MOST_PAIRS:
-            fan_u, fan_v = _fan_by_pairs(
-                grown, degree_u, degree_v, px, py, pz, qx, qy, qz, nx, ny, nz
-            )
-        else:
-            fan_u, fan_v = _fan_by_box(grown, degree_u, degree_v, record, scratch[2, 0, :2])
+        fan_u, fan_v, margin = _fan(
+            scratch[1], degree_u, degree_v, record, scratch[2, 0, :2], cones,
+            px, py, pz, qx, qy, qz, nx, ny, nz,
+        )  # fmt: skip
     if not max(fan_u * row_length(record, ROW_U), fan_v * row_length(record, ROW_V)) < WIDEST:
         fan_u = fan_v = np.inf
-    record[FAN], record[FAN + 1] = fan_u + FAN_MARGIN * lp, fan_v + FAN_MARGIN * lq
+    record[FAN], record[FAN + 1] = fan_u + margin * lp, fan_v + margin * lq
     for c in range(3):
         centre = cx if c == 0 else (cy if c == 1 else cz)
         box[c] += centre
@@ -208,18 +247,28 @@ def fill_cell(control, start, degree_u, degree_v, cx, cy, cz, u0, u1, v0, v1, sc
 
 
 @kernel
+def _new_cones(widest, rational):
+    """Return scratch of `rational_fan`; None for polynomial patches."""
+    if rational is None:
+        return None
+    return np.empty((2, (widest - 1) * (2 * widest - 1), 3))
+
+
+@kernel
 def fill_cells(
-    control, start, degree, centre, grid, first_cell, begin, end, records, boxes, cell_patch
-):
+    control, start, degree, centre, rational, grid, first_cell, begin, end, records, boxes,
+    cell_patch
+):  # fmt: skip
     """Fill the cells of patches ``begin .. end``: grid[k] = (columns, rows) cells of patch k.
 
-    ``control`` (total, 3) holds nets relative to ``centre`` (k, 3); ``records`` (n, `RECORD`),
-    ``boxes`` (n, 6) and ``cell_patch`` (n,) are filled from ``first_cell[k]`` on.
+    ``control`` (total, 4) holds nets relative to ``centre`` (k, 3) as in `PatchTable`; ``records``
+    (n, `RECORD`), ``boxes`` (n, 6) and ``cell_patch`` (n,) are filled from ``first_cell[k]`` on.
     """
     widest = 2
     for k in range(begin, end):
         widest = max(widest, degree[k, 0] + 1, degree[k, 1] + 1)
-    scratch = np.empty((3, widest, widest, 3))
+    scratch = np.empty((3, widest, widest, columns_of(rational)))
+    cones = _new_cones(widest, rational)
     for k in range(begin, end):
         nu, nv = grid[k, 0], grid[k, 1]
         cell = first_cell[k]
@@ -229,7 +278,7 @@ def fill_cells(
                     control, start[k], degree[k, 0], degree[k, 1],
                     centre[k, 0], centre[k, 1], centre[k, 2],
                     a / nu, (a + 1) / nu, b / nv, (b + 1) / nv,
-                    scratch, records[cell], boxes[cell],
+                    scratch, cones, records[cell], boxes[cell],
                 )  # fmt: skip
                 cell_patch[cell] = k
                 cell += 1
@@ -237,8 +286,8 @@ def fill_cells(
 
 @kernel
 def fill_quarters(
-    control, start, degree, centre, record, cell_patch, begin, end, quarter, quarter_patch
-):
+    control, start, degree, centre, rational, record, cell_patch, begin, end, quarter, quarter_patch
+):  # fmt: skip
     """Fill the four quarters of cells ``begin .. end``.
 
     ``quarter`` (4 n, `RECORD`) and ``quarter_patch`` (4 n,) hold those of cell k from 4 k on.
@@ -246,7 +295,8 @@ def fill_quarters(
     widest = 2
     for k in range(degree.shape[0]):
         widest = max(widest, degree[k, 0] + 1, degree[k, 1] + 1)
-    scratch = np.empty((3, widest, widest, 3))
+    scratch = np.empty((3, widest, widest, columns_of(rational)))
+    cones = _new_cones(widest, rational)
     box = np.empty(6)
     for cell in range(begin, end):
         k = cell_patch[cell]
@@ -258,6 +308,6 @@ def fill_quarters(
             fill_cell(
                 control, start[k], degree[k, 0], degree[k, 1],
                 centre[k, 0], centre[k, 1], centre[k, 2], u0, u0 + hu, v0, v0 + hv,
-                scratch, quarter[4 * cell + part], box,
+                scratch, cones, quarter[4 * cell + part], box,
             )  # fmt: skip
             quarter_patch[4 * cell + part] = k

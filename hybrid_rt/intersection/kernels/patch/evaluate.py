@@ -1,6 +1,6 @@
 """One point of a Bezier patch, with its tangents."""
 
-from hybrid_rt.intersection.kernels.patch.bicubic import evaluate_bicubic
+from hybrid_rt.intersection.kernels.patch.bicubic import evaluate_bicubic, evaluate_homogeneous
 from meshing.kernels.jit import inlined, inner
 
 
@@ -62,14 +62,80 @@ def evaluate(control, start, degree_u, degree_v, u, v, basis):
     return x, y, z, xu, yu, zu, xv, yv, zv
 
 
-@inlined
-def evaluate_any(control, start, degree_u, degree_v, u, v, basis):
-    """Take the vector code for bicubic patches, the general one for all others.
+@inner
+def evaluate_columns(control, start, degree_u, degree_v, u, v, basis):
+    """Return W S, its partials along u and v, each followed by that of W: twelve numbers."""
+    bu, du, bv, dv = basis[0], basis[1], basis[2], basis[3]
+    bernstein_basis(degree_u, u, bu, du)
+    bernstein_basis(degree_v, v, bv, dv)
+    x = y = z = w = xu = yu = zu = wu = xv = yv = zv = wv = 0.0
+    row = start
+    for i in range(degree_u + 1):
+        cx = cy = cz = cw = ex = ey = ez = ew = 0.0
+        for j in range(degree_v + 1):
+            px, py, pz = control[row + j, 0], control[row + j, 1], control[row + j, 2]
+            pw = control[row + j, 3]
+            b, e = bv[j], dv[j]
+            cx += b * px
+            cy += b * py
+            cz += b * pz
+            cw += b * pw
+            ex += e * px
+            ey += e * py
+            ez += e * pz
+            ew += e * pw
+        row += degree_v + 1
+        b, e = bu[i], du[i]
+        x += b * cx
+        y += b * cy
+        z += b * cz
+        w += b * cw
+        xu += e * cx
+        yu += e * cy
+        zu += e * cz
+        wu += e * cw
+        xv += b * ex
+        yv += b * ey
+        zv += b * ez
+        wv += b * ew
+    return x, y, z, w, xu, yu, zu, wu, xv, yv, zv, wv
 
-    Where ``basis`` is None all patches are bicubic: the compiler then leaves the general code out.
-    """
+
+@inlined
+def _homogeneous(control, start, degree_u, degree_v, u, v, basis):
+    if basis is None:
+        return evaluate_homogeneous(control, start, u, v)
+    if degree_u == 3 and degree_v == 3:
+        return evaluate_homogeneous(control, start, u, v)
+    return evaluate_columns(control, start, degree_u, degree_v, u, v, basis)
+
+
+@inlined
+def _polynomial(control, start, degree_u, degree_v, u, v, basis):
     if basis is None:
         return evaluate_bicubic(control, start, u, v)
     if degree_u == 3 and degree_v == 3:
         return evaluate_bicubic(control, start, u, v)
     return evaluate(control, start, degree_u, degree_v, u, v, basis)
+
+
+@inlined
+def evaluate_any(control, start, degree_u, degree_v, u, v, basis, rational):
+    """Return S, S_u, S_v (nine numbers), by vector code for bicubic patches.
+
+    Where ``basis`` is None all patches are bicubic, where ``rational`` is None all are polynomial:
+    the compiler then leaves the other code out.
+    """
+    if rational is None:
+        return _polynomial(control, start, degree_u, degree_v, u, v, basis)
+    x, y, z, w, xu, yu, zu, wu, xv, yv, zv, wv = _homogeneous(
+        control, start, degree_u, degree_v, u, v, basis
+    )
+    # (W S)_u = W S_u + W_u S.
+    inverse = 1.0 / w
+    x, y, z, wu, wv = x * inverse, y * inverse, z * inverse, wu * inverse, wv * inverse
+    return (
+        x, y, z,
+        xu * inverse - wu * x, yu * inverse - wu * y, zu * inverse - wu * z,
+        xv * inverse - wv * x, yv * inverse - wv * y, zv * inverse - wv * z,
+    )  # fmt: skip

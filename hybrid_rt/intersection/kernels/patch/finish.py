@@ -112,7 +112,9 @@ def finish_patches(table, rays, best, kind_of, kind, basis, out):
             o[0], o[1], o[2], dx, dy, dz, middle[0], middle[1], middle[2], table.to_frame
         )
         ox, oy, oz = hx - centre[k, 0] + lx, hy - centre[k, 1] + ly, hz - centre[k, 2] + lz
-        x, y, z, ux, uy, uz, vx, vy, vz = evaluate_any(control, start[k], m, n, u, v, basis)
+        x, y, z, ux, uy, uz, vx, vy, vz = evaluate_any(
+            control, start[k], m, n, u, v, basis, table.rational
+        )
         nx, ny, nz = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
         length = np.sqrt(nx * nx + ny * ny + nz * nz)
         guu, gvv = ux * ux + uy * uy + uz * uz, vx * vx + vy * vy + vz * vz
@@ -121,7 +123,7 @@ def finish_patches(table, rays, best, kind_of, kind, basis, out):
         if guu > smallest and gvv > smallest and length * length > CLEAR_TANGENT * guu * gvv:
             nx, ny, nz = nx / length, ny / length, nz / length
         else:
-            nx, ny, nz, is_degenerate = unit_normal(control, start[k], m, n, u, v)
+            nx, ny, nz, is_degenerate = unit_normal(control, start[k], m, n, u, v, table.rational)
         out.patch_id[i] = table.patch_id[k]
         out.u[i], out.v[i] = u, v
         out.position[i, 0] = middle[0] + (centre[k, 0] + x) * to_world
@@ -195,7 +197,14 @@ def aim_at_patches(table, rays, best, out, rows, basis, bands, outward, is_edge)
         band = band_of(table.around, k, ray)
         bands[j] = band / table.to_frame
         _, _, _, ux, uy, uz, vx, vy, vz = evaluate_any(
-            table.control, table.start[k], table.degree[k, 0], table.degree[k, 1], u, v, basis
+            table.control,
+            table.start[k],
+            table.degree[k, 0],
+            table.degree[k, 1],
+            u,
+            v,
+            basis,
+            table.rational,
         )
         nx, ny, nz = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
         det = nx * dx + ny * dy + nz * dz

@@ -39,6 +39,7 @@ class Patch(NamedTuple):
     degree_u: Any
     degree_v: Any
     basis: Any  # scratch of `evaluate_any`
+    rational: Any  # None: polynomial; True
     size: Any  # largest distance of a control point from its centre
     object_id: Any
     row: Any
@@ -63,7 +64,10 @@ def patch_of(table, k, basis):
     m, n = 3, 3  # known to the compiler where all patches are bicubic
     if basis is not None:
         m, n = table.degree[k, 0], table.degree[k, 1]
-    return Patch(table.control, table.start[k], m, n, basis, table.size[k], table.object_id[k], k)
+    return Patch(
+        table.control, table.start[k], m, n, basis, table.rational, table.size[k],
+        table.object_id[k], k,
+    )  # fmt: skip
 
 
 @inlined
@@ -78,15 +82,16 @@ def from_centre(table, k, ray):
 
 
 @inlined
-def rounding_of_root(degree_u, degree_v, size, ox, oy, oz, dx, dy, dz, t):
+def rounding_of_root(degree_u, degree_v, rational, size, ox, oy, oz, dx, dy, dz, t):
     """Bound the rounding of S(u, v) - o - t d, for parameters within the patch.
 
     The sum is that of ``docs/rounding_patches.md``, lines E1 to E5, with one unit more in each term.
     """
     distance = np.sqrt(ox * ox + oy * oy + oz * oz)
     along = abs(t) * np.sqrt(dx * dx + dy * dy + dz * dz)
+    sums = 4.0 if rational is None else 8.0
     return UNIT_ROUNDOFF * (
-        (4.0 * (degree_u + degree_v) + 2.0) * size + 3.0 * distance + 2.0 * along
+        (sums * (degree_u + degree_v) + 2.0) * size + 3.0 * distance + 2.0 * along
     )
 
 
@@ -119,13 +124,13 @@ def newton(patch, ray, u, v, t, side_u, side_v):
     n_dot_d : |n.d| with n unit
     gain_u, gain_v : how far u and v move when the equation is off by a length of one
     """
-    control, start, degree_u, degree_v, basis, size, _, _ = patch
+    control, start, degree_u, degree_v, basis, rational, size, _, _ = patch
     ox, oy, oz, dx, dy, dz, _, _ = ray
     n_dot_d = gain_u = gain_v = 0.0
-    error = rounding_of_root(degree_u, degree_v, size, ox, oy, oz, dx, dy, dz, t)
+    error = rounding_of_root(degree_u, degree_v, rational, size, ox, oy, oz, dx, dy, dz, t)
     for step in range(1, MAX_STEPS + 1):
         x, y, z, xu, yu, zu, xv, yv, zv = evaluate_any(
-            control, start, degree_u, degree_v, u, v, basis
+            control, start, degree_u, degree_v, u, v, basis, rational
         )
         rx, ry, rz = ox + t * dx - x, oy + t * dy - y, oz + t * dz - z
         nx, ny, nz = yu * zv - zu * yv, zu * xv - xu * zv, xu * yv - yu * xv
@@ -163,12 +168,12 @@ def approach(patch, ray, u, v, u0, u1, v0, v1, steps):
     At a silhouette both tangents point the same way as seen along the ray: one of them, the longer,
     can cancel what separates the two along it; across it they are no further apart than rounding.
     """
-    control, start, degree_u, degree_v, basis, _, _, _ = patch
+    control, start, degree_u, degree_v, basis, rational, _, _, _ = patch
     ox, oy, oz, dx, dy, dz, _, _ = ray
     dd = dx * dx + dy * dy + dz * dz
     for step in range(steps + 1):
         x, y, z, xu, yu, zu, xv, yv, zv = evaluate_any(
-            control, start, degree_u, degree_v, u, v, basis
+            control, start, degree_u, degree_v, u, v, basis, rational
         )
         rx, ry, rz = x - ox, y - oy, z - oz
         t = (rx * dx + ry * dy + rz * dz) / dd
@@ -204,7 +209,9 @@ def offer_root(i, u, v, t, n_dot_d, patch, ray, rays, best):
     """Offer a root within the patch as a hit of ray i; tell whether it may be one."""
     ox, oy, oz, dx, dy, dz, shift, to_world = ray
     t_min, known = rays.t_min, rays.known
-    error = rounding_of_root(patch.degree_u, patch.degree_v, patch.size, ox, oy, oz, dx, dy, dz, t)
+    error = rounding_of_root(
+        patch.degree_u, patch.degree_v, patch.rational, patch.size, ox, oy, oz, dx, dy, dz, t
+    )
     t_world = (t + shift) * to_world
     t_bound = (2.0 * error / n_dot_d + 2.0 * UNIT_ROUNDOFF * abs(t + shift)) * to_world
     if not t_world > t_min[i] or is_known(i, t_world, t_bound, n_dot_d, known):
@@ -224,7 +231,9 @@ def offer_border(
     doubts are noted.) ``is_owner`` tells whether the point is this cell's to offer.
     """
     ox, oy, oz, dx, dy, dz, shift, to_world = ray
-    error = rounding_of_root(patch.degree_u, patch.degree_v, patch.size, ox, oy, oz, dx, dy, dz, t)
+    error = rounding_of_root(
+        patch.degree_u, patch.degree_v, patch.rational, patch.size, ox, oy, oz, dx, dy, dz, t
+    )
     accepted = BORDER * error if band == 0.0 else min(BORDER * error, band)
     reach = NEAR * max(band, accepted)
     if not (

@@ -3,7 +3,8 @@
 The net of the cell is written in ray coordinates: two across the ray, one along it. A root is a
 point where both coordinates across vanish, so a piece whose hull keeps away from that is dropped,
 and a piece whose tangents hardly turn is settled by the Krawczyk test (Krawczyk 1969; Moore,
-Kearfott, Cloud 2009, chapter 8). Everything else is halved along the side that is longer across
+Kearfott, Cloud 2009, chapter 8). Coordinates of rational patches are times W, which is positive:
+the zeros are the same. Hulls are those of the quotients. Everything else is halved along the side that is longer across
 the ray, since that is what halves the number of pieces that the ray can meet. (Along a straight
 line of the surface, which the ray nearly runs along, the other side would leave both halves in the
 ray.) A piece that is thinner than rounding is halved along its longer side in space. Pieces are
@@ -18,7 +19,15 @@ passes it by with its doubt noted. So does a ray that passes any piece within th
 import numpy as np
 
 from hybrid_rt.intersection.kernels.patch.evaluate import evaluate_any
-from hybrid_rt.intersection.kernels.patch.nets import depth_range, halve, middle_of, restrict
+from hybrid_rt.intersection.kernels.patch.nets import (
+    columns_of,
+    depth_range,
+    halve,
+    middle_of,
+    projected,
+    restrict,
+    weights_of,
+)
 from hybrid_rt.intersection.kernels.patch.solve import (
     CONVERGED,
     approach,
@@ -86,26 +95,43 @@ def normals_of(dx, dy, dz):
 
 
 @inlined
-def rounding_of_net(degree_u, degree_v, size, farthest, across):
+def rounding_of_net(degree_u, degree_v, rational, size, farthest, across):
     """Bound the rounding of a net's coordinates across the ray, whole, restricted or halved.
 
     The sum is that of ``docs/rounding_patches.md``, lines N1 to N6. ``farthest`` is the distance of
-    a control point from the origin, ``across`` the largest of those coordinates.
+    a control point from the origin, ``across`` the largest of those coordinates. For a rational net
+    it bounds that of the quotients; that of the numerators is as much times the largest weight.
     """
+    if rational is not None:
+        return UNIT_ROUNDOFF * (
+            10.0 * farthest + 7.0 * size + (14.0 * (degree_u + degree_v) + 2.0) * across
+        )
     return UNIT_ROUNDOFF * (9.0 * farthest + 4.0 * size + 7.0 * (degree_u + degree_v) * across)
 
 
 @inner
-def _steepness(control, start, degree_u, degree_v, basis, u, v, dx, dy, dz):
+def _steepness(patch, u, v, dx, dy, dz):
     """|n.d| beside a point where S_u x S_v may vanish: a little toward the patch's middle."""
     u += (0.5 - u) * NUDGE
     v += (0.5 - v) * NUDGE
-    _, _, _, xu, yu, zu, xv, yv, zv = evaluate_any(control, start, degree_u, degree_v, u, v, basis)
+    _, _, _, xu, yu, zu, xv, yv, zv = evaluate_any(
+        patch.control, patch.start, patch.degree_u, patch.degree_v, u, v, patch.basis,
+        patch.rational,
+    )  # fmt: skip
     nx, ny, nz = yu * zv - zu * yv, zu * xv - xu * zv, xu * yv - yu * xv
     length = np.sqrt(nx * nx + ny * ny + nz * nz)
     if length == 0.0:
         return 0.0
     return abs(nx * dx + ny * dy + nz * dz) / length
+
+
+@inlined
+def _from_origin(control, k, ox, oy, oz, rational):
+    """Return a control point as seen from the origin, times its weight, and the weight."""
+    if rational is None:
+        return control[k, 0] - ox, control[k, 1] - oy, control[k, 2] - oz, 1.0
+    w = control[k, 3]
+    return control[k, 0] - w * ox, control[k, 1] - w * oy, control[k, 2] - w * oz, w
 
 
 @inlined
@@ -117,10 +143,10 @@ def slow_solve(
     t in [t_lo, t_cut] counts lengths of d from o. Pieces without a root, but within ``band`` of the
     ray, are noted as doubts. What is offered depends on ray and rectangle only, not on `best`.
     """
-    control, start, degree_u, degree_v, basis, size, object_id, row = patch
+    control, start, degree_u, degree_v, basis, rational, size, object_id, row = patch
     ox, oy, oz, dx, dy, dz, shift, to_world = ray
     t_min, known = rays.t_min, rays.known
-    nets, boxes = scratch.nets, scratch.boxes
+    nets, boxes, room = scratch.nets, scratch.boxes, scratch.room
     counters[SLOW] += 1
     length = np.sqrt(dx * dx + dy * dy + dz * dz)
     ex, ey, ez = dx / length, dy / length, dz / length
@@ -130,14 +156,16 @@ def slow_solve(
     for r in range(degree_u + 1):
         for c in range(degree_v + 1):
             k = start + r * (degree_v + 1) + c
-            x, y, z = control[k, 0] - ox, control[k, 1] - oy, control[k, 2] - oz
-            farthest = max(farthest, x * x + y * y + z * z)
+            x, y, z, w = _from_origin(control, k, ox, oy, oz, rational)
+            farthest = max(farthest, (x * x + y * y + z * z) / (w * w))
             net[r, c, 0] = px * x + py * y + pz * z
             net[r, c, 1] = qx * x + qy * y + qz * z
             net[r, c, 2] = ex * x + ey * y + ez * z
-            across = max(across, abs(net[r, c, 0]), abs(net[r, c, 1]))
-    restrict(net, degree_u, degree_v, u0, u1, v0, v1)
-    slop = rounding_of_net(degree_u, degree_v, size, np.sqrt(farthest), across)
+            across = max(across, abs(net[r, c, 0]) / w, abs(net[r, c, 1]) / w)
+            if rational is not None:
+                net[r, c, 3] = w
+    restrict(net, degree_u, degree_v, u0, u1, v0, v1, rational)
+    slop = rounding_of_net(degree_u, degree_v, rational, size, np.sqrt(farthest), across)
     # Beyond that the sum of all roundings says nothing; they hardly ever add up.
     slop = min(slop, MOST_SLOP * band)
     # A piece of radius of curvature r is thinner than 2 slop while shorter than 4 sqrt(slop r).
@@ -151,12 +179,13 @@ def slow_solve(
     while top > 0:
         top -= 1
         net = nets[top]
+        seen = projected(net, degree_u, degree_v, room, rational)
         pieces += 1
         f0 = g0 = h0 = np.inf
         f1 = g1 = h1 = -np.inf
         for r in range(degree_u + 1):
             for c in range(degree_v + 1):
-                f, g, h = net[r, c, 0], net[r, c, 1], net[r, c, 2]
+                f, g, h = seen[r, c, 0], seen[r, c, 1], seen[r, c, 2]
                 f0, f1 = min(f0, f), max(f1, f)
                 g0, g1 = min(g0, g), max(g1, g)
                 h0, h1 = min(h0, h), max(h1, h)
@@ -171,16 +200,20 @@ def slow_solve(
                 g = net[r + 1, c, 1] - net[r, c, 1]
                 au += f
                 av += g
+                f = seen[r + 1, c, 0] - seen[r, c, 0]
+                g = seen[r + 1, c, 1] - seen[r, c, 1]
                 side_u += abs(f) + abs(g)
-                deep_u += abs(net[r + 1, c, 2] - net[r, c, 2])
+                deep_u += abs(seen[r + 1, c, 2] - seen[r, c, 2])
         for r in range(degree_u + 1):
             for c in range(degree_v):
                 f = net[r, c + 1, 0] - net[r, c, 0]
                 g = net[r, c + 1, 1] - net[r, c, 1]
                 bu += f
                 bv += g
+                f = seen[r, c + 1, 0] - seen[r, c, 0]
+                g = seen[r, c + 1, 1] - seen[r, c, 1]
                 side_v += abs(f) + abs(g)
-                deep_v += abs(net[r, c + 1, 2] - net[r, c, 2])
+                deep_v += abs(seen[r, c + 1, 2] - seen[r, c, 2])
         weight_u = 0.5 / (degree_v + 1)
         weight_v = 0.5 / (degree_u + 1)
         au, av, bu, bv = au * weight_u, av * weight_u, bu * weight_v, bv * weight_v
@@ -205,8 +238,8 @@ def slow_solve(
         x1 = y1 = -np.inf
         for r in range(degree_u + 1):
             for c in range(degree_v + 1):
-                x = net[r, c, 0] * tx + net[r, c, 1] * ty
-                y = net[r, c, 1] * tx - net[r, c, 0] * ty
+                x = seen[r, c, 0] * tx + seen[r, c, 1] * ty
+                y = seen[r, c, 1] * tx - seen[r, c, 0] * ty
                 x0, x1 = min(x0, x), max(x1, x)
                 y0, y1 = min(y0, y), max(y1, y)
         if x0 > reach or x1 < -reach or y0 > reach or y1 < -reach:
@@ -225,7 +258,7 @@ def slow_solve(
                 continue
         # --- too small to be told from a point, or too thin to hold a decision
         if is_point or (y1 - y0 < 2.0 * slop and not is_beside):
-            n_dot_d = _steepness(control, start, degree_u, degree_v, basis, um, vm, ex, ey, ez)
+            n_dot_d = _steepness(patch, um, vm, ex, ey, ez)
             is_flat = n_dot_d < CLEAR_CROSSING
             t = 0.5 * (h0 + h1) / length
             if is_point or (is_flat and x1 - x0 < fold and h1 - h0 < fold):
@@ -271,6 +304,8 @@ def slow_solve(
                     turn_v0 = max(turn_v0, abs(y00 * f + y01 * g))
                     turn_v1 = max(turn_v1, abs(y10 * f + y11 * g - 1.0))
             gain = max(abs(y00) + abs(y01), abs(y10) + abs(y11))
+            most, turn_w = weights_of(net, degree_u, degree_v, rational)
+            gain *= most
             rounding = gain * slop
             q = max(turn_u0 + turn_v0, turn_u1 + turn_v1) + (degree_u + degree_v) * rounding
             if q < 1.0:
@@ -279,7 +314,8 @@ def slow_solve(
                 cu, cv = -(y00 * f + y01 * g), -(y10 * f + y11 * g)
                 if max(abs(cu), abs(cv)) > 1.0 + q + gain * reach:
                     continue
-                contracts = q < NEWTON_TURN
+                # Newton's iteration is that of the quotient: a turn of W counts twice.
+                contracts = q + 2.0 * turn_w < NEWTON_TURN
                 is_last = y1 - y0 < LAST_CHANCE * slop and (x1 - x0) ** 2 > 16.0 * (y1 - y0) * size
                 if contracts or is_last:
                     counters[NEWTONS] += 1
@@ -288,7 +324,7 @@ def slow_solve(
                     # What is left along the ray has to be small: nearly in the tangent plane its
                     # rounding alone would move u by more than the piece.
                     x, y, z, _, _, _, _, _, _ = evaluate_any(
-                        control, start, degree_u, degree_v, u, v, basis
+                        control, start, degree_u, degree_v, u, v, basis, rational
                     )
                     t = ((x - ox) * ex + (y - oy) * ey + (z - oz) * ez) / length
                     status, u, v, t, steps, n_dot_d, gain_u, gain_v = newton(
@@ -298,7 +334,7 @@ def slow_solve(
                     is_owner = False
                     if status == CONVERGED:
                         slack = OWNED * rounding_of_root(
-                            degree_u, degree_v, size, ox, oy, oz, dx, dy, dz, t
+                            degree_u, degree_v, rational, size, ox, oy, oz, dx, dy, dz, t
                         )
                         slack_u = BORDER_SLACK * hu + slack * gain_u
                         slack_v = BORDER_SLACK * hv + slack * gain_v
@@ -323,16 +359,15 @@ def slow_solve(
             counters[GIVEN_UP] += 1
             # None of the pieces that wait has been looked at: any may be nearer than this one.
             for k in range(top):
-                for r in range(degree_u + 1):
-                    for c in range(degree_v + 1):
-                        h0 = min(h0, nets[k, r, c, 2])
+                near, _ = depth_range(nets[k], degree_u, degree_v, rational)
+                h0 = min(h0, near)
             best.doubt[i] = min(best.doubt[i], (h0 / length + shift) * to_world)
             break
         if y1 - y0 < 2.0 * slop or (is_beside and y1 - y0 < THIN_BESIDE * reach):
             side_u += deep_u
             side_v += deep_v
         along_u = side_u >= side_v
-        halve(net, nets[top + 1], degree_u, degree_v, along_u)
+        halve(net, nets[top + 1], degree_u, degree_v, along_u, rational)
         for c in range(4):
             boxes[top + 1, c] = boxes[top, c]
         if along_u:
@@ -341,12 +376,12 @@ def slow_solve(
         else:
             boxes[top, 3] = vm
             boxes[top + 1, 2] = vm
-        near_first, _ = depth_range(net, degree_u, degree_v)
-        near_second, _ = depth_range(nets[top + 1], degree_u, degree_v)
+        near_first, _ = depth_range(net, degree_u, degree_v, rational)
+        near_second, _ = depth_range(nets[top + 1], degree_u, degree_v, rational)
         if near_first < near_second:
             for r in range(degree_u + 1):
                 for c in range(degree_v + 1):
-                    for k in range(3):
+                    for k in range(columns_of(rational)):
                         swap = nets[top, r, c, k]
                         nets[top, r, c, k] = nets[top + 1, r, c, k]
                         nets[top + 1, r, c, k] = swap

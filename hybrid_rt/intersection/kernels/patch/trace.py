@@ -48,7 +48,10 @@ class PatchTable(NamedTuple):
 
     middle: Any  # (3,) float64: the frame's origin, world
     to_frame: float  # power of two: frame = (world - middle) * to_frame
-    control: Any  # (total, 4) nets relative to `centre`, frame units, one after the other, and 0
+    # (total, 4) nets relative to `centre`, frame units, one after the other, and 0; of rational
+    # patches times their weights, the largest of a patch in [1/2, 1), and these
+    control: Any
+    rational: Any  # None: all patches are polynomial; True
     start: Any  # (k,) int64: first control point
     degree: Any  # (k, 2) int64
     centre: Any  # (k, 3): the middle of each net, frame
@@ -68,7 +71,8 @@ class PatchScratch(NamedTuple):
     """What one thread needs while it traces; contents mean nothing between calls."""
 
     basis: Any  # (4, w), w - 1 the highest degree; None if all patches are bicubic
-    nets: Any  # (DEPTH, w, w, 3)
+    nets: Any  # (DEPTH, w, w, 3); (DEPTH, w, w, 4) if patches are rational
+    room: Any  # None; (w, w, 3) if patches are rational
     boxes: Any  # (DEPTH, 4)
     stack: Any  # Stack with room for `MORE` besides the tree's children
     queue: Any  # (m, 2) int32: rays and cells still to settle; m at least the number of records
@@ -120,7 +124,7 @@ def solve_cell(i, cell, table, basis, ray, t_lo, t_cut, rays, best, quartered):
     if not (abs(u - um) <= grown * hu and abs(v - vm) <= grown * hv):
         return unsettled, t_root, 1, steps
     slack = OWNED * rounding_of_root(
-        patch.degree_u, patch.degree_v, patch.size,
+        patch.degree_u, patch.degree_v, patch.rational, patch.size,
         line.ox, line.oy, line.oz, line.dx, line.dy, line.dz, t,
     )  # fmt: skip
     is_owner = (

@@ -6,7 +6,7 @@ from typing import Any
 
 from hybrid_rt.verify.exact.crossings import Crosser, distance, on_curve, rational, rationals
 from hybrid_rt.verify.exact.exact_surface import ExactSurface, Gap, IsTouched
-from hybrid_rt.verify.exact.patches import patches_crosser
+from hybrid_rt.verify.exact.patches import patches_crosser, weights_of
 from hybrid_rt.verify.exact.touches import SAMPLES, touch_of_nets
 from meshing import BezierPatches
 
@@ -22,14 +22,24 @@ class ExactPatches(ExactSurface, of=BezierPatches):
 
     def gap(self) -> Gap:
         """Return a function that measures from S(u, v) by exact arithmetic."""
-        nets = [[[rationals(p) for p in row] for row in net] for net in self.surface.patches]
+        nets = [
+            [
+                [
+                    [w * x for x in (*rationals(p), 1)]
+                    for p, w in zip(row, rationals(ws), strict=True)
+                ]
+                for row, ws in zip(net, weights, strict=True)
+            ]
+            for net, weights in zip(self.surface.patches, weights_of(self.surface), strict=True)
+        ]
 
         def gap(patch: int, u: float, v: float, point: list[Any]) -> float:
             rows = [on_curve(row, rational(v)) for row in nets[patch]]
-            return distance(on_curve(rows, rational(u)), point)
+            *scaled, weight = on_curve(rows, rational(u))
+            return distance([x / weight for x in scaled], point)
 
         return gap
 
     def touch(self) -> IsTouched:
         """Return a function that looks for places where the ray is tangent."""
-        return touch_of_nets(list(self.surface.patches), SAMPLES)
+        return touch_of_nets(list(self.surface.patches), SAMPLES, self.surface.weights)

@@ -1,0 +1,38 @@
+"""Sheets of patches: rays meet the patches, hits name the parameters of the sheet."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from hybrid_rt.core.records import IntArray
+from hybrid_rt.intersection.kind import Finished
+from meshing.sheet import PatchSheet
+
+
+class Sheets:
+    """The sheets among the surfaces of a kind.
+
+    Parameters
+    ----------
+    sheets : dict of object id to PatchSheet
+    """
+
+    def __init__(self, sheets: dict[int, PatchSheet]) -> None:
+        self._sheets = sheets
+
+    @classmethod
+    def of(cls, members: Sequence[tuple[int, Any]]) -> Sheets | None:
+        """Return those among (object id, surface); None if there are none."""
+        sheets = {i: surface for i, surface in members if isinstance(surface, PatchSheet)}
+        return cls(sheets) if sheets else None
+
+    def finish(self, object_id: IntArray, out: Finished) -> None:
+        """Replace the patches' u and v in ``out`` by the sheets'."""
+        for i, sheet in self._sheets.items():
+            rows = np.flatnonzero(object_id == i)
+            if len(rows):
+                patch = out.patch_id[rows]
+                out.u[rows], out.v[rows] = sheet.across(out.u[rows], out.v[rows], patch)

@@ -1,0 +1,36 @@
+"""Judges sheets by their patches."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from hybrid_rt.verify.judges.surface_judge import (
+    Number,
+    Solver,
+    SurfaceJudge,
+    Vector,
+    Worker,
+    judge_of,
+)
+from meshing.sheet import PatchSheet
+
+
+class SheetJudge(SurfaceJudge, of=PatchSheet):
+    """What is known of sheets of patches."""
+
+    surface: PatchSheet
+
+    def worker(self, object_id: int) -> Worker:
+        """Return the function of the patches."""
+        return judge_of(self.surface.pieces).worker(object_id)
+
+    def solver(self) -> Solver:
+        """Return the function of the patches, from (u, v) across the sheet."""
+        inner = judge_of(self.surface.pieces).solver()
+
+        def solve(patch: int, u: float, v: float, t: float, o: Vector, d: Vector) -> Number:
+            at = np.array([u]), np.array([v]), np.array([patch])
+            a, b = self.surface.within_patch(*at)
+            return inner(patch, float(a[0]), float(b[0]), t, o, d)
+
+        return solve
