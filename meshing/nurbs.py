@@ -182,11 +182,11 @@ def _as_knots(values: ArrayLike, side: str, degree: int, n_points: int) -> Float
         )
     if not np.isfinite(given).all():
         raise ValueError(f"{what} is {shown(given.tolist())}: pass finite numbers")
-    down = np.flatnonzero(np.diff(given) < 0.0)
+    low, high = given[degree], given[n_points]
+    down = np.flatnonzero(np.diff(given) < -SAME_KNOT * abs(high - low))
     if down.size:
         i = int(down[0])
         raise ValueError(f"{what} descends from {given[i]:g} to {given[i + 1]:g} at {i}: sort them")
-    low, high = given[degree], given[n_points]
     if not high > low:
         raise ValueError(
             f"{what} leaves an empty domain, {low:g} to {high:g}: pass different knots"

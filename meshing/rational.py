@@ -195,6 +195,7 @@ def is_rational(weights: object) -> bool:
     if weights is None:
         return False
     try:
-        return any(np.ptp(np.asarray(net, dtype=np.float64)) != 0.0 for net in weights)  # type: ignore[attr-defined]
+        arrays = [np.asarray(net, dtype=np.float64) for net in weights]  # type: ignore[attr-defined]
+        return any(array.min() != array.max() for array in arrays)
     except (TypeError, ValueError):
         return True

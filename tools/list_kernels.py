@@ -93,6 +93,8 @@ def surfaces_of(kind: str) -> list[Any]:
         "boxes": lambda: Box((-1.0, -1.0, -1.0), (1.0, 1.0, 1.0)),
         "bicubic patches": demo.teapot,
         "Bezier patches": any_patch,
+        "rational bicubic patches": lambda: rational_patch(3, 3),
+        "rational patches": lambda: rational_patch(2, 4),
         "revolutions": lambda: demo.vase(0.0, 0.0, 5.0),
         "meshes": lambda: TriangleMesh(trimesh.creation.icosphere(1)),
         **of_judges(),
@@ -113,7 +115,10 @@ def of_judges() -> dict[str, Callable[[], Any]]:
 
 
 PLAIN = ("spheres", "many spheres", "rectangles", "planes", "boxes", *of_judges())
-FROM_EMBREE = ("bicubic patches", "Bezier patches", "revolutions", "meshes")
+FROM_EMBREE = (
+    "bicubic patches", "Bezier patches", "rational bicubic patches", "rational patches",
+    "revolutions", "meshes",
+)  # fmt: skip
 OF_SURFACES = (*PLAIN, *(f"{kind}, {way}" for kind in FROM_EMBREE for way in WAYS))
 # Of what these need, the kernels of surfaces are left to surfaces.
 OTHERS = (*OPTIONS, "judges")
@@ -124,6 +129,13 @@ def any_patch() -> BezierPatches:
     """Return a curved patch that is not bicubic."""
     u, v = np.meshgrid(np.linspace(-1, 1, 5), np.linspace(-1, 1, 4), indexing="ij")
     return BezierPatches(np.stack([u, v, u * u - v * v * v], axis=-1)[None])
+
+
+def rational_patch(degree_u: int, degree_v: int) -> BezierPatches:
+    """Return a curved patch with weights."""
+    side_u, side_v = np.linspace(-1, 1, degree_u + 1), np.linspace(-1, 1, degree_v + 1)
+    u, v = np.meshgrid(side_u, side_v, indexing="ij")
+    return BezierPatches([np.stack([u, v, u * u - v * v * v], axis=-1)], [1.0 + 0.2 * u * v])
 
 
 def needed_for(cases: list[str]) -> list[dict[str, Any]]:

@@ -8,9 +8,8 @@ point, since sum l_i (u_i - u)^2 <= hu^2 / 4 and likewise for the other two sums
 a neighbour needs may be added on a leaf's edges, and the bound still holds. The M come from the
 second differences of the leaf's own control net, whose parameters run over [0, 1].
 
-A rational leaf S = X / W, seen from a control point, has W S_uu = X_uu - 2 S_u W_u - S W_uu and
-W S_u = X_u - S W_u, and likewise for the others: bounds of X, W and their differences bound S_u
-and S_v, and these bound the second partials.
+A rational leaf S = X / W has W S_uu = X_uu - 2 S_u W_u - S W_uu and so on, which the differences of X
+and W bound (`rational_second_differences`).
 """
 
 import math
@@ -49,58 +48,95 @@ def second_differences(stack, slot, m, n):
 
 @inner
 def rational_second_differences(stack, slot, m, n):
-    """Bound Muu, Muv and Mvv of a rational net in a slot; and tell the ratio of its weights."""
+    """Bound Muu, Muv and Mvv of a rational net in a slot; and tell the ratio of its weights.
+
+    With a point c, mean tangents p and q, and w, w_1 and w_2 the means of W, W_u and W_v,
+
+        W S_uu = (X_uu - c W_uu - 2 p w_1) - 2 p (W_u - w_1) - 2 (S_u - p) W_u - (S - c) W_uu,
+        W S_uv = (X_uv - c W_uv - p w_2 - q w_1) - p (W_v - w_2) - q (W_u - w_1)
+                 - (S_u - p) W_v - (S_v - q) W_u - (S - c) W_uv,
+        W (S_u - p) = (X_u - c W_u - p w) - p (W - w) - (S - c) W_u:
+
+    all that is not in the first brackets falls faster than the leaf shrinks.
+    """
     stride = n + 1
     middle = (m + 1) // 2 * stride + (n + 1) // 2
     w = stack[slot, middle, 3]
     cx, cy, cz = stack[slot, middle, 0] / w, stack[slot, middle, 1] / w, stack[slot, middle, 2] / w
     least = most = w
-    radius = u = v = uu = uv = vv = wu = wv = wuu = wuv = wvv = 0.0
+    radius = mean_u = mean_v = px = py = pz = qx = qy = qz = 0.0
     for i in range(m + 1):
         for j in range(n + 1):
             k = i * stride + j
             w = stack[slot, k, 3]
             least, most = min(least, w), max(most, w)
-            radius = max(
-                radius,
-                length_of(
-                    stack[slot, k, 0] / w - cx, stack[slot, k, 1] / w - cy,
-                    stack[slot, k, 2] / w - cz,
-                ),
-            )  # fmt: skip
+            x, y, z = stack[slot, k, 0] / w, stack[slot, k, 1] / w, stack[slot, k, 2] / w
+            radius = max(radius, length_of(x - cx, y - cy, z - cz))
             if i < m:
-                x, y = _change(stack, slot, k, k, k, k + stride, cx, cy, cz)
-                u, wu = max(u, x), max(wu, y)
+                x, y, z, w = _change(stack, slot, k, k, k, k + stride, cx, cy, cz)
+                px, py, pz, mean_u = px + x, py + y, pz + z, mean_u + w
             if j < n:
-                x, y = _change(stack, slot, k, k, k, k + 1, cx, cy, cz)
-                v, wv = max(v, x), max(wv, y)
+                x, y, z, w = _change(stack, slot, k, k, k, k + 1, cx, cy, cz)
+                qx, qy, qz, mean_v = qx + x, qy + y, qz + z, mean_v + w
+    mean = 0.5 * (least + most)
+    # Sums of m (n + 1) differences, times m.
+    mean_u, mean_v = mean_u / (n + 1), mean_v / (m + 1)
+    px, py, pz = px / (n + 1) / mean, py / (n + 1) / mean, pz / (n + 1) / mean
+    qx, qy, qz = qx / (m + 1) / mean, qy / (m + 1) / mean, qz / (m + 1) / mean
+    p, q = length_of(px, py, pz), length_of(qx, qy, qz)
+    u = v = uv = wuu = wuv = wvv = off_u = off_v = 0.0
+    uu = 2.0 * p * abs(mean_u) if m < 2 else 0.0
+    vv = 2.0 * q * abs(mean_v) if n < 2 else 0.0
+    for i in range(m + 1):
+        for j in range(n + 1):
+            k = i * stride + j
+            if i < m:
+                x, y, z, w = _change(stack, slot, k, k, k, k + stride, cx, cy, cz)
+                u = max(u, length_of(m * x - mean * px, m * y - mean * py, m * z - mean * pz))
+                off_u = max(off_u, abs(m * w - mean_u))
+            if j < n:
+                x, y, z, w = _change(stack, slot, k, k, k, k + 1, cx, cy, cz)
+                v = max(v, length_of(n * x - mean * qx, n * y - mean * qy, n * z - mean * qz))
+                off_v = max(off_v, abs(n * w - mean_v))
             if i + 2 <= m:
-                x, y = _change(
+                x, y, z, w = _change(
                     stack, slot, k + stride, k, k + stride, k + 2 * stride, cx, cy, cz
                 )  # fmt: skip
-                uu, wuu = max(uu, x), max(wuu, y)
+                f, g = m * (m - 1.0), 2.0 * mean_u
+                uu = max(uu, length_of(f * x - g * px, f * y - g * py, f * z - g * pz))
+                wuu = max(wuu, f * abs(w))
             if i < m and j < n:
-                x, y = _change(stack, slot, k + 1, k, k + stride, k + stride + 1, cx, cy, cz)
-                uv, wuv = max(uv, x), max(wuv, y)
+                x, y, z, w = _change(
+                    stack, slot, k + 1, k, k + stride, k + stride + 1, cx, cy, cz
+                )  # fmt: skip
+                f = m * float(n)
+                x = f * x - mean_v * px - mean_u * qx
+                y = f * y - mean_v * py - mean_u * qy
+                z = f * z - mean_v * pz - mean_u * qz
+                uv = max(uv, length_of(x, y, z))
+                wuv = max(wuv, f * abs(w))
             if j + 2 <= n:
-                x, y = _change(stack, slot, k + 1, k, k + 1, k + 2, cx, cy, cz)
-                vv, wvv = max(vv, x), max(wvv, y)
-    wu, wv = m * wu, n * wv
-    u, v = (m * u + radius * wu) / least, (n * v + radius * wv) / least
-    uu = m * (m - 1) * (uu + radius * wuu) + 2.0 * u * wu
-    uv = m * n * (uv + radius * wuv) + u * wv + v * wu
-    vv = n * (n - 1) * (vv + radius * wvv) + 2.0 * v * wv
+                x, y, z, w = _change(stack, slot, k + 1, k, k + 1, k + 2, cx, cy, cz)
+                f, g = n * (n - 1.0), 2.0 * mean_v
+                vv = max(vv, length_of(f * x - g * qx, f * y - g * qy, f * z - g * qz))
+                wvv = max(wvv, f * abs(w))
+    along_u, along_v, half = abs(mean_u) + off_u, abs(mean_v) + off_v, 0.5 * (most - least)
+    u = (u + p * half + radius * along_u) / least
+    v = (v + q * half + radius * along_v) / least
+    uu += 2.0 * p * off_u + 2.0 * u * along_u + radius * wuu
+    uv += p * off_v + q * off_u + u * along_v + v * along_u + radius * wuv
+    vv += 2.0 * q * off_v + 2.0 * v * along_v + radius * wvv
     return uu / least, uv / least, vv / least, most / least
 
 
 @inner
 def _change(stack, slot, b, a, c, d, cx, cy, cz):
-    """Return the lengths of (d - c) - (b - a) for X about a point, and for W."""
+    """Return (d - c) - (b - a) of X about a point, and of W."""
     w = (stack[slot, d, 3] - stack[slot, c, 3]) - (stack[slot, b, 3] - stack[slot, a, 3])
     x = (stack[slot, d, 0] - stack[slot, c, 0]) - (stack[slot, b, 0] - stack[slot, a, 0])
     y = (stack[slot, d, 1] - stack[slot, c, 1]) - (stack[slot, b, 1] - stack[slot, a, 1])
     z = (stack[slot, d, 2] - stack[slot, c, 2]) - (stack[slot, b, 2] - stack[slot, a, 2])
-    return length_of(x - w * cx, y - w * cy, z - w * cz), abs(w)
+    return x - w * cx, y - w * cy, z - w * cz, w
 
 
 @inner

@@ -1,0 +1,160 @@
+"""B-splines and NURBS against SciPy's B-splines, and sheets of patches."""
+
+import pickle
+
+import numpy as np
+import pytest
+from scipy.interpolate import BSpline
+
+from meshing import BezierPatches, NurbsSurface, tessellate
+
+KNOTS = {
+    "repeated": ([0, 0, 0, 0, 1, 2, 2, 3, 3, 3, 3], 3),
+    "crease": ([0, 0, 0, 1, 1, 4, 4, 4], 2),
+    "break": ([0, 0, 0, 1, 1, 1, 2, 2, 2], 2),
+    "unclamped": (np.arange(9.0) * 1e5, 3),
+    "lines": ([-1, -1, 0, 0.25, 1, 1], 1),
+    "one piece": ([2] * 5 + [5] * 5, 4),
+}
+
+
+def surface_of(u, v, is_rational, seed=1):
+    (knots_u, m), (knots_v, n) = KNOTS[u], KNOTS[v]
+    p, q = len(knots_u) - m - 1, len(knots_v) - n - 1
+    rng = np.random.default_rng(seed)
+    x, y = np.meshgrid(np.arange(p), np.arange(q), indexing="ij")
+    net = np.stack([x, y, rng.normal(size=(p, q))], axis=2) + 0.3 * rng.random((p, q, 3))
+    weights = np.exp(rng.normal(size=(p, q))) if is_rational else None
+    return NurbsSurface(net, knots_u, knots_v, (m, n), weights)
+
+
+def by_scipy(surface, u, v):
+    """Points of the homogeneous spline, divided by the last coordinate."""
+    share = []
+    for x, knots, d in zip((u, v), surface.knots, surface.degree, strict=True):
+        p = len(knots) - d - 1
+        at = np.clip(knots[d] + x * (knots[p] - knots[d]), knots[d], knots[p])
+        share.append(BSpline.design_matrix(at, knots, d).toarray())
+    weights = np.ones(surface.control.shape[:2]) if surface.weights is None else surface.weights
+    columns = np.concatenate([surface.control * weights[..., None], weights[..., None]], axis=2)
+    values = np.einsum("ni,nj,ijc->nc", *share, columns)
+    return values[:, :3] / values[:, 3:]
+
+
+@pytest.mark.parametrize("is_rational", [False, True])
+@pytest.mark.parametrize(
+    ("u", "v"), [("repeated", "crease"), ("break", "unclamped"), ("one piece", "lines")]
+)
+def test_points_are_those_of_scipy(u, v, is_rational):
+    surface = surface_of(u, v, is_rational)
+    a, b = np.random.default_rng(2).random((2, 3000))
+    # Coordinates up to 6; knots of 1e5 are rounded to 1e-16 of them.
+    assert np.abs(surface.point(a, b) - by_scipy(surface, a, b)).max() < 1e-13
+
+
+def test_partials_are_those_of_the_sheet():
+    surface = surface_of("repeated", "unclamped", True)
+    u, v = np.random.default_rng(3).uniform(0.01, 0.99, (2, 200))
+    h = 2.0**-18
+    s_u, s_v = surface.partials(u, v)
+    slope_u = (surface.point(u + h, v) - surface.point(u - h, v)) / (2 * h)
+    slope_v = (surface.point(u, v + h) - surface.point(u, v - h)) / (2 * h)
+    # Central differences, but where a knot with a jump of the curvature is within h.
+    assert np.quantile(np.abs(slope_u - s_u), 0.99) < 1e-6
+    assert np.quantile(np.abs(slope_v - s_v), 0.99) < 1e-6
+
+
+def test_one_patch_for_each_span_and_shared_borders_to_the_bit():
+    surface = surface_of("repeated", "crease", True)
+    assert len(surface) == 3 * 2
+    nets = surface.pieces.patches
+    for p, q in ((0, 2), (2, 4)):
+        np.testing.assert_array_equal(nets[p][-1], nets[q][0])
+    np.testing.assert_array_equal(nets[0][:, -1], nets[1][:, 0])
+    np.testing.assert_allclose(surface.spans[0], [0, 1 / 3, 0, 0.25])
+    assert tessellate(surface, 0.05).mesh.body_count == 1
+
+
+def test_a_break_leaves_two_sheets():
+    surface = surface_of("break", "lines", False)
+    mesh = tessellate(surface, 0.05)
+    assert mesh.mesh.body_count == 2
+    assert mesh.uv.min() == 0.0
+    assert mesh.uv.max() == 1.0
+
+
+def test_a_periodic_surface_closes():
+    angle = 2 * np.pi * np.arange(8) / 8
+    ring = np.stack([np.cos(angle), np.sin(angle), 0 * angle], axis=1)
+    ring = np.concatenate([ring, ring[:3]])
+    net = np.stack([ring, np.add(ring, (0, 0, 1))], axis=1)
+    surface = NurbsSurface(net, np.arange(15.0), [0, 0, 1, 1], (3, 1))
+    assert len(surface) == 8
+    assert np.abs(surface.point(0.0, 0.3) - surface.point(1.0, 0.3)).max() < 1e-15
+    assert tessellate(surface, 1e-2).mesh.euler_number == 0
+
+
+def test_knots_of_twelve_digits_are_one():
+    knots = [0, 0, 0, 1 / 3, 0.333333333333, 1, 1, 1]
+    surface = NurbsSurface(np.random.default_rng(1).random((5, 3, 3)), knots, [0] * 3 + [1] * 3, 2)
+    assert len(surface) == 2
+    np.testing.assert_array_equal(surface.knots[0][3:5], [1 / 3] * 2)
+
+
+def test_image_flip_and_pickle():
+    surface = surface_of("crease", "unclamped", True)
+    u, v = np.random.default_rng(4).random((2, 200))
+    matrix = np.eye(4)
+    matrix[:3] += np.random.default_rng(5).normal(size=(3, 4))
+    there = surface.point(u, v) @ matrix[:3, :3].T + matrix[:3, 3]
+    np.testing.assert_allclose(surface.transformed(matrix).point(u, v), there, atol=1e-13)
+    np.testing.assert_allclose(surface.flipped().point(v, u), surface.point(u, v), atol=1e-14)
+    again = pickle.loads(pickle.dumps(surface))
+    np.testing.assert_array_equal(again.point(u, v), surface.point(u, v))
+    assert repr(again) == "NurbsSurface(5 x 5 points of degree 2 x 3, 4 patches, rational)"
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"control": np.zeros((4, 3))}, r"control has shape \(4, 3\): pass \(p, q, 3\)"),
+        ({"knots_u": [0, 0, 1, 1]}, r"knots_u has shape \(4,\): pass 6 knots"),
+        ({"knots_u": [0, 0, 0, 1, 1, 0.5]}, "knots_u descends from 1 to 0.5 at 4"),
+        ({"knots_u": [0, 0, 0, 0, 0, 1]}, "knots_u leaves an empty domain"),
+        ({"knots_v": [0, 0, 0, np.nan, 1, 1]}, "knots_v is"),
+        ({"degree": 0}, "degree in u is 0: pass an integer from 1 to 30"),
+        ({"degree": (2, 2.0)}, "degree in v is 2.0: pass an integer"),
+        ({"degree": (1, 2, 3)}, r"degree is \(1, 2, 3\): pass one number or two"),
+        ({"weights": np.zeros((3, 3))}, r"NurbsSurface weights is 0 at \(0, 0\)"),
+        ({"weights": np.ones((3, 2))}, r"weights has shape \(3, 2\)"),
+        ({"control": np.zeros((3, 3, 3))}, "NurbsSurface: BezierPatches patch 0 has no area"),
+        ({"control": np.full((3, 3, 3), np.inf)}, r"control point \(0, 0\) is \[inf"),
+    ],
+)
+def test_bad_arguments_are_refused_by_name(changes, words):
+    x, y = np.meshgrid(np.arange(3.0), np.arange(3.0), indexing="ij")
+    good = {
+        "control": np.stack([x, y, x * y], axis=2), "degree": 2,
+        "knots_u": [0, 0, 0, 1, 1, 1], "knots_v": [0, 0, 0, 1, 1, 1],
+    }  # fmt: skip
+    NurbsSurface(**good)
+    with pytest.raises((ValueError, TypeError), match=words):
+        NurbsSurface(**{**good, **changes})
+
+
+def test_too_many_equal_knots_are_refused():
+    with pytest.raises(ValueError, match="knots_u holds 1 4 times: pass a knot at most 3 times"):
+        NurbsSurface(np.ones((7, 3, 3)), [0, 0, 0, 1, 1, 1, 1, 2, 2, 2], [0] * 3 + [1] * 3, 2)
+
+
+def test_a_sheet_of_patches_has_one_picture():
+    x, y = np.meshgrid(np.arange(4.0), np.arange(7.0), indexing="ij")
+    net = np.stack([x, y, 0.1 * x * y], axis=2)
+    sheet = BezierPatches([net[:, :4], net[:, 3:]]).as_sheet(1, 2)
+    points = sheet.point(0.5, np.linspace(0.0, 1.0, 9))
+    np.testing.assert_allclose(points[:, 1], np.linspace(0.0, 6.0, 9), atol=1e-14)
+    patch, u, v = sheet.area_sampler().choose(np.random.default_rng(1).random((500, 2)))
+    assert ((v <= 0.5) == (patch == 0)).all()
+    assert (sheet.area_sampler().pdf_area(patch, u, v) > 0.0).all()
+    with pytest.raises(ValueError, match="sheet of 2 x 2 for 2 patches"):
+        BezierPatches([net[:, :4], net[:, 3:]]).as_sheet(2, 2)
