@@ -15,14 +15,23 @@ if TYPE_CHECKING:
     from meshing.certified_mesh import CertifiedMesh
     from meshing.nurbs import NurbsSurface
     from meshing.revolution import SurfaceOfRevolution
+    from meshing.sheet import PatchSheet
     from meshing.tessellation import tessellate
 
-__all__ = ["BezierPatches", "CertifiedMesh", "NurbsSurface", "SurfaceOfRevolution", "tessellate"]
+__all__ = [
+    "BezierPatches",
+    "CertifiedMesh",
+    "NurbsSurface",
+    "PatchSheet",
+    "SurfaceOfRevolution",
+    "tessellate",
+]
 
 _HOME = {
     "BezierPatches": "meshing.bezier",
     "CertifiedMesh": "meshing.certified_mesh",
     "NurbsSurface": "meshing.nurbs",
+    "PatchSheet": "meshing.sheet",
     "SurfaceOfRevolution": "meshing.revolution",
     "tessellate": "meshing.tessellation",
 }

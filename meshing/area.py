@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from meshing.checks import FloatArray
+from meshing.spans import across, within_patch
 
 # Cells along u and v of one patch. The density within a cell varies as |S_u x S_v| does there:
 # by a few percent for a bicubic patch.
@@ -24,6 +25,16 @@ IdArray: TypeAlias = NDArray[np.int64]
 
 class Patches(Protocol):
     """What is asked of a surface: how many patches it has, and its partials."""
+
+    @property
+    def pieces(self) -> Patches:
+        """The patches, each with (u, v) in the unit square."""
+        ...
+
+    @property
+    def spans(self) -> FloatArray | None:
+        """(k, 4): u0, u1, v0, v1 of each patch on a sheet; None: they are `pieces` themselves."""
+        ...
 
     def __len__(self) -> int:
         """Return the number of patches."""
@@ -124,13 +135,14 @@ class Grid(AreaSampler):
     Parameters
     ----------
     surface : Surface
-        Over the unit square, with partials.
+        With partials.
     cells : int
         Cells along u and v of one patch.
     """
 
     def __init__(self, surface: Patches, cells: int = CELLS) -> None:
-        self._surface, self._cells = surface, cells
+        self._spans, surface, self._cells = surface.spans, surface.pieces, cells
+        self._surface = surface
         middle = (np.arange(cells) + 0.5) / cells
         u, v = np.meshgrid(middle, middle, indexing="ij")
         patch = np.repeat(np.arange(len(surface)), cells * cells)
@@ -148,13 +160,16 @@ class Grid(AreaSampler):
         """Return (patch_id, u, v) of points chosen within cells."""
         patch, place = np.divmod(cell, self._cells**2)
         i, j = np.divmod(place, self._cells)
-        return patch, (i + xi) / self._cells, (j + eta) / self._cells
+        u, v = (i + xi) / self._cells, (j + eta) / self._cells
+        return (patch, u, v) if self._spans is None else (patch, *across(self._spans, u, v, patch))
 
     def cell_of(
         self, patch_id: IdArray, u: FloatArray, v: FloatArray
     ) -> tuple[IdArray, FloatArray, FloatArray]:
         """Return (cell, xi, eta) of points: what `within` takes."""
         n = self._cells
+        if self._spans is not None:
+            u, v = within_patch(self._spans, u, v, patch_id)
         i = np.clip((u * n).astype(np.int64), 0, n - 1)
         j = np.clip((v * n).astype(np.int64), 0, n - 1)
         return (
@@ -166,6 +181,8 @@ class Grid(AreaSampler):
     def pdf_area(self, patch_id: IdArray, u: FloatArray, v: FloatArray) -> FloatArray:
         """Return the density per area with which points are chosen."""
         cell, _, _ = self.cell_of(patch_id, u, v)
+        if self._spans is not None:
+            u, v = within_patch(self._spans, u, v, patch_id)
         stretch = _stretch(self._surface, patch_id, u, v)
         # Where the surface collapses to a point there is no area to be found.
         density: FloatArray = np.where(

@@ -1,31 +1,20 @@
-"""Tensor Bezier patches: input checks, evaluation, bounds, transformations, files."""
+"""Tensor Bezier patches, polynomial and rational: evaluation, bounds, transformations, files."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Self
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from meshing.bpt import read_patches, write_patches
-from meshing.checks import (
-    BoolArray,
-    FloatArray,
-    as_affine,
-    as_floats,
-    as_path,
-    freeze,
-    shown,
-    whole,
-)
+from meshing.checks import BoolArray, FloatArray, as_affine, as_path, freeze
 from meshing.kernels import bernstein, subdivision
+from meshing.nets import as_nets, as_weights, check_finite, is_rational
 from meshing.parametric import ParametricSurface
-
-if TYPE_CHECKING:
-    from meshing.sheet import PatchSheet
 
 
 class BezierPatches(ParametricSurface):
@@ -63,8 +52,6 @@ class BezierPatches(ParametricSurface):
     ) -> Self:
         """Make `RationalPatches` where weights differ."""
         del control
-        from meshing.rational import RationalPatches, is_rational
-
         kind: Any = RationalPatches if cls is BezierPatches and is_rational(weights) else cls
         made: Self = super().__new__(kind)
         return made
@@ -76,13 +63,11 @@ class BezierPatches(ParametricSurface):
     ) -> None:
         self._set_control(control)
         if weights is not None:
-            from meshing.rational import as_weights
-
             as_weights(weights, self._degrees)
         self._check_area(self._control, None)
 
     def _set_control(self, control: ArrayLike | Iterable[ArrayLike]) -> None:
-        nets = _as_nets(control)
+        nets = as_nets(control)
         shapes = np.array([net.shape[:2] for net in nets], dtype=np.int64).reshape(-1, 2)
         self._degrees: NDArray[np.int64] = shapes - 1
         self._starts = np.concatenate(([0], np.cumsum(shapes.prod(axis=1))))
@@ -90,7 +75,7 @@ class BezierPatches(ParametricSurface):
             self._control = freeze(nets.reshape(-1, 3).copy())
         else:
             self._control = freeze(np.concatenate([net.reshape(-1, 3) for net in nets]))
-        _check_finite(self._control, self._starts, self._degrees)
+        check_finite(self._control, self._starts, self._degrees)
         for array in (self._degrees, self._starts):
             array.setflags(write=False)
 
@@ -131,6 +116,11 @@ class BezierPatches(ParametricSurface):
             self._control[start:stop].reshape(m + 1, n + 1, 3)
             for start, stop, (m, n) in zip(starts[:-1], starts[1:], degrees, strict=True)
         )
+
+    @property
+    def pieces(self) -> Self:
+        """The patches themselves: each has (u, v) in the unit square."""
+        return self
 
     @property
     def control(self) -> FloatArray:
@@ -196,34 +186,6 @@ class BezierPatches(ParametricSurface):
         """Return the same surface with u and v swapped, so with the opposite normal."""
         return BezierPatches([net.transpose(1, 0, 2) for net in self.patches])
 
-    def as_sheet(self, rows: int, columns: int) -> PatchSheet:
-        """Return the patches as one sheet, over which one (u, v) runs.
-
-        Parameters
-        ----------
-        rows, columns : int
-            How many patches lie side by side along u, and along v: patch p is number
-            ``p % columns`` of row ``p // columns``. Each takes an equal part of the sheet's
-            parameters, so that a texture is stretched across all of them.
-
-        Raises
-        ------
-        ValueError, TypeError
-            If there are not as many patches.
-        """
-        from meshing.sheet import PatchSheet
-
-        whole(rows, "BezierPatches sheet rows", at_least=1)
-        whole(columns, "BezierPatches sheet columns", at_least=1)
-        if rows * columns != len(self):
-            raise ValueError(
-                f"BezierPatches sheet of {rows} x {columns} for {len(self)} patches: pass rows and "
-                f"columns whose product is {len(self)}"
-            )
-        i, j = np.divmod(np.arange(len(self)), columns)
-        spans = [i / rows, (i + 1) / rows, j / columns, (j + 1) / columns]
-        return PatchSheet(self, np.stack(spans, axis=1))
-
     def _nets_of(self, control: FloatArray) -> list[FloatArray]:
         sizes = self._degrees.tolist()
         pieces = np.split(control, self._starts[1:-1])
@@ -258,47 +220,117 @@ class BezierPatches(ParametricSurface):
         )
 
 
-def _as_nets(control: ArrayLike | Iterable[ArrayLike]) -> FloatArray | list[FloatArray]:
-    if isinstance(control, np.ndarray) and control.dtype != object:
-        stack = as_floats(control, "BezierPatches control")
-        if stack.ndim != 4 or stack.shape[3] != 3:
-            raise ValueError(
-                f"BezierPatches control has shape {control.shape}: pass (patches, m + 1, n + 1, 3)"
-                + (", put one net into a list" if stack.ndim == 3 else "")
-            )
-        if stack.shape[0] == 0:
-            raise ValueError("BezierPatches control holds no patches: pass at least one")
-        _check_shape(stack.shape[1:], "BezierPatches: each patch")
-        return stack
-    if isinstance(control, str | bytes) or not isinstance(control, Iterable):
-        raise TypeError(f"BezierPatches control is {shown(control)}: pass a sequence of nets")
-    nets = [as_floats(net, f"BezierPatches patch {p}") for p, net in enumerate(control)]
-    if not nets:
-        raise ValueError("BezierPatches control holds no patches: pass at least one")
-    for p, net in enumerate(nets):
-        _check_shape(net.shape, f"BezierPatches patch {p}")
-    return nets
+class RationalPatches(BezierPatches):
+    """Rational Bezier patches; ``BezierPatches(control, weights)`` makes them.
 
+    Weights count up to a factor of each patch. Arithmetic is that of the homogeneous net
+    (w (P - c), w), c the middle of each patch's net: a quotient of two Bernstein sums whose terms
+    in w are all positive, so it is as accurate as one of them.
+    """
 
-def _check_shape(shape: tuple[int, ...], name: str) -> None:
-    if len(shape) != 3 or shape[2] != 3:
-        raise ValueError(f"{name} has shape {shape}: pass (m + 1, n + 1, 3)")
-    for degree, direction in ((shape[0] - 1, "u"), (shape[1] - 1, "v")):
-        if not 1 <= degree <= bernstein.MAX_DEGREE:
-            raise ValueError(
-                f"{name} has degree {degree} in {direction}: pass 1 to {bernstein.MAX_DEGREE}"
-                + (" (degree 0 would make it a curve)" if degree == 0 else "")
-            )
+    def __init__(
+        self, control: ArrayLike | Iterable[ArrayLike], weights: ArrayLike | Sequence[ArrayLike]
+    ) -> None:
+        self._set_control(control)
+        given = as_weights(weights, self._degrees)
+        self._weights = freeze(np.concatenate([net.reshape(-1) for net in given]))
+        first = self._starts[:-1]
+        low = np.minimum.reduceat(self._control, first)
+        high = np.maximum.reduceat(self._control, first)
+        self._centres = freeze(0.5 * low + 0.5 * high)
+        counts = np.diff(self._starts)
+        # A power of two each, so that weights stay exact: the largest is in [1/2, 1).
+        exponent = np.frexp(np.maximum.reduceat(self._weights, first))[1]
+        w = np.ldexp(self._weights, -np.repeat(exponent, counts))
+        away = self._control - np.repeat(self._centres, counts, axis=0)
+        self._homogeneous = freeze(np.concatenate([w[:, None] * away, w[:, None]], axis=1))
+        self._check_area(self._homogeneous, True)
 
+    @cached_property
+    def weights(self) -> tuple[FloatArray, ...]:
+        """Weights of each patch, (m + 1, n + 1) float64, as given, read-only."""
+        starts, degrees = self._starts.tolist(), self._degrees.tolist()
+        return tuple(
+            self._weights[start:stop].reshape(m + 1, n + 1)
+            for start, stop, (m, n) in zip(starts[:-1], starts[1:], degrees, strict=True)
+        )
 
-def _check_finite(
-    control: FloatArray, starts: NDArray[np.int64], degrees: NDArray[np.int64]
-) -> None:
-    bad = np.flatnonzero(~np.isfinite(control).all(axis=1))
-    if bad.size:
-        p = int(np.searchsorted(starts, bad[0], side="right")) - 1
-        i, j = divmod(int(bad[0] - starts[p]), int(degrees[p, 1]) + 1)
+    @property
+    def homogeneous(self) -> FloatArray:
+        """(total, 4) float64: (w (P - c), w), each patch's largest w in [1/2, 1), read-only."""
+        return self._homogeneous
+
+    @property
+    def centres(self) -> FloatArray:
+        """(k, 3) float64: the point c of each patch, read-only."""
+        return self._centres
+
+    def __repr__(self) -> str:
+        """Name the number of patches and their degrees."""
+        return super().__repr__()[:-1] + ", rational)"
+
+    def __reduce__(self) -> tuple[type[BezierPatches], tuple[list[FloatArray], ...]]:
+        """Pickle control nets and weights; loading checks them again."""
+        nets = [np.array(net) for net in self.patches]
+        return RationalPatches, (nets, [np.array(w) for w in self.weights])
+
+    def write(self, path: str | Path) -> None:
+        """Refuse: .bpt files have no weights.
+
+        Raises
+        ------
+        ValueError
+        """
         raise ValueError(
-            f"BezierPatches patch {p}, control point ({i}, {j}) is {control[bad[0]].tolist()}: "
-            "pass finite numbers"
+            f"BezierPatches file {str(path)!r}: .bpt files hold no weights; keep `patches` and "
+            "`weights` in a file of your own, for instance by numpy.savez"
+        )
+
+    @cached_property
+    def patch_bounds(self) -> FloatArray:
+        """(k, 2, 3) float64: lower and upper corner of a box around each patch, read-only."""
+        boxes = np.empty((len(self), 2, 3))
+        subdivision.patch_boxes(self._homogeneous, self._starts, self._degrees, True, boxes)
+        boxes += self._centres[:, None]
+        # The sum rounds once more; the box of the control points needs no rounding.
+        boxes[:, 0] = np.nextafter(boxes[:, 0], -np.inf)
+        boxes[:, 1] = np.nextafter(boxes[:, 1], np.inf)
+        first = self._starts[:-1]
+        boxes[:, 0] = np.maximum(boxes[:, 0], np.minimum.reduceat(self._control, first))
+        boxes[:, 1] = np.minimum(boxes[:, 1], np.maximum.reduceat(self._control, first))
+        return freeze(boxes)
+
+    def flipped(self) -> RationalPatches:
+        """Return the same surface with u and v swapped, so with the opposite normal."""
+        nets = [net.transpose(1, 0, 2) for net in self.patches]
+        return RationalPatches(nets, [w.T for w in self.weights])
+
+    def _with_control(self, control: FloatArray) -> RationalPatches:
+        return RationalPatches(self._nets_of(control), self.weights)
+
+    def _fill(
+        self,
+        ids: NDArray[np.int64],
+        u: FloatArray,
+        v: FloatArray,
+        order_u: int,
+        order_v: int,
+        out: FloatArray,
+    ) -> None:
+        bernstein.evaluate_patches(
+            self._homogeneous, self._starts, self._degrees, ids, u, v, order_u, order_v, True, out
+        )
+        if order_u == order_v == 0:
+            out += self._centres[ids]
+
+    def _fill_normals(
+        self,
+        ids: NDArray[np.int64],
+        u: FloatArray,
+        v: FloatArray,
+        out: FloatArray,
+        is_degenerate: BoolArray,
+    ) -> None:
+        bernstein.normals_of_patches(
+            self._homogeneous, self._starts, self._degrees, ids, u, v, True, out, is_degenerate
         )

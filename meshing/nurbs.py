@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 from meshing.bezier import BezierPatches
 from meshing.checks import FloatArray, as_affine, as_floats, freeze, shown, whole
 from meshing.kernels.bernstein import MAX_DEGREE
-from meshing.rational import check_weights
+from meshing.nets import check_weights
 from meshing.sheet import PatchSheet
 
 # Knots closer than this part of the domain are one: files write them with a dozen digits.

@@ -11,10 +11,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from meshing.bezier import BezierPatches
+from meshing.bezier import BezierPatches, RationalPatches
 from meshing.checks import FloatArray
 from meshing.kernels import joining
-from meshing.rational import RationalPatches
 from meshing.revolution import SurfaceOfRevolution, radius_rounding
 
 # Control points that went through a rotation or a unit conversion agree to a few roundings.

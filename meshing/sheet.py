@@ -7,10 +7,10 @@ from typing import Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from meshing.area import AreaSampler, Grid, IdArray
 from meshing.bezier import BezierPatches
-from meshing.checks import BoolArray, FloatArray, as_floats, freeze, shown
+from meshing.checks import BoolArray, FloatArray, as_floats, freeze, shown, whole
 from meshing.parametric import ParametricSurface
+from meshing.spans import within_patch
 
 
 class PatchSheet(ParametricSurface):
@@ -58,6 +58,33 @@ class PatchSheet(ParametricSurface):
                 "patch that fill the unit square, rows and columns side by side"
             )
 
+    @classmethod
+    def grid(cls, patches: BezierPatches, rows: int, columns: int) -> PatchSheet:
+        """Return patches as one sheet, so that a texture is stretched across all of them.
+
+        Parameters
+        ----------
+        patches : BezierPatches
+        rows, columns : int
+            How many patches lie side by side along u, and along v: patch p is number
+            ``p % columns`` of row ``p // columns``. Each takes an equal part of the parameters.
+
+        Raises
+        ------
+        ValueError, TypeError
+            If there are not as many patches.
+        """
+        whole(rows, "PatchSheet rows", at_least=1)
+        whole(columns, "PatchSheet columns", at_least=1)
+        if rows * columns != len(patches):
+            raise ValueError(
+                f"PatchSheet of {rows} x {columns} for {len(patches)} patches: pass rows and columns "
+                f"whose product is {len(patches)}"
+            )
+        i, j = np.divmod(np.arange(len(patches)), columns)
+        spans = [i / rows, (i + 1) / rows, j / columns, (j + 1) / columns]
+        return PatchSheet(patches, np.stack(spans, axis=1))
+
     @property
     def pieces(self) -> BezierPatches:
         """The patches, each with (u, v) of its own in the unit square."""
@@ -89,27 +116,6 @@ class PatchSheet(ParametricSurface):
         """Return the same surface with u and v swapped, so with the opposite normal."""
         return type(self)(self._pieces.flipped(), self._spans[:, [2, 3, 0, 1]])
 
-    def area_sampler(self) -> AreaSampler:
-        """Return the area sampler of the surface."""
-        return _SheetGrid(self)
-
-    def within_patch(
-        self, u: FloatArray, v: FloatArray, patch_id: NDArray[np.integer]
-    ) -> tuple[FloatArray, FloatArray]:
-        """Convert parameters of the sheet to those of its patches."""
-        u0, u1, v0, v1 = np.moveaxis(self._spans[patch_id], -1, 0)
-        return (u - u0) / (u1 - u0), (v - v0) / (v1 - v0)
-
-    def across(
-        self, u: FloatArray, v: FloatArray, patch_id: NDArray[np.integer]
-    ) -> tuple[FloatArray, FloatArray]:
-        """Convert parameters of patches to those of the sheet; borders stay where they are."""
-        u0, u1, v0, v1 = np.moveaxis(self._spans[patch_id], -1, 0)
-        return (
-            np.where(u == 1.0, u1, u0 + u * (u1 - u0)),
-            np.where(v == 1.0, v1, v0 + v * (v1 - v0)),
-        )
-
     def _piece_of(self, u: ArrayLike, v: ArrayLike, patch_id: ArrayLike | None) -> ArrayLike:
         if patch_id is not None:
             return patch_id
@@ -130,7 +136,7 @@ class PatchSheet(ParametricSurface):
         order_v: int,
         out: FloatArray,
     ) -> None:
-        u, v = self.within_patch(u, v, ids)
+        u, v = within_patch(self._spans, u, v, ids)
         self._pieces._fill(ids, u, v, order_u, order_v, out)
         u0, u1, v0, v1 = self._spans[ids].T
         out /= ((u1 - u0) ** order_u * (v1 - v0) ** order_v)[:, None]
@@ -143,24 +149,5 @@ class PatchSheet(ParametricSurface):
         out: FloatArray,
         is_degenerate: BoolArray,
     ) -> None:
-        u, v = self.within_patch(u, v, ids)
+        u, v = within_patch(self._spans, u, v, ids)
         self._pieces._fill_normals(ids, u, v, out, is_degenerate)
-
-
-class _SheetGrid(Grid):
-    """Samples the patches of a sheet by area."""
-
-    def __init__(self, sheet: PatchSheet) -> None:
-        super().__init__(sheet.pieces)
-        self._sheet = sheet
-
-    def within(
-        self, cell: IdArray, xi: FloatArray, eta: FloatArray
-    ) -> tuple[IdArray, FloatArray, FloatArray]:
-        """Return (patch_id, u, v) of points chosen within cells."""
-        patch, u, v = super().within(cell, xi, eta)
-        return patch, *self._sheet.across(u, v, patch)
-
-    def pdf_area(self, patch_id: IdArray, u: FloatArray, v: FloatArray) -> FloatArray:
-        """Return the density per area with which points are chosen."""
-        return super().pdf_area(patch_id, *self._sheet.within_patch(u, v, patch_id))

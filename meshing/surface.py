@@ -84,6 +84,16 @@ class Surface(ABC):
     def flipped(self) -> Self:
         """Return the same surface with its normals reversed."""
 
+    @property
+    def pieces(self) -> Surface:
+        """The patches as they are, each with (u, v) in the unit square: itself, but for sheets."""
+        return self
+
+    @property
+    def spans(self) -> FloatArray | None:
+        """(k, 4): u0, u1, v0, v1 of each patch on a sheet; None: each fills the unit square."""
+        return None
+
     # --- size and rounding
 
     @property

@@ -16,17 +16,17 @@ from typing import NamedTuple, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from meshing.bezier import BezierPatches
+from meshing.bezier import BezierPatches, RationalPatches
 from meshing.bounds import TooManyTrianglesError, rings_of
 from meshing.certified_mesh import CertifiedMesh
 from meshing.checks import number, shown, whole
 from meshing.kernels import leaves as leaf_kernels
 from meshing.kernels import polygons
 from meshing.kernels.leaves import MAX_DEPTH
-from meshing.rational import RationalPatches
 from meshing.revolution import SurfaceOfRevolution
 from meshing.seams import Seams, seams_of_patches, seams_of_revolution
 from meshing.sheet import PatchSheet
+from meshing.spans import across
 from meshing.surface import Surface
 
 Keys: TypeAlias = NDArray[np.int64]
@@ -77,7 +77,9 @@ def tessellate(
     if isinstance(surface, PatchSheet):
         mesh = tessellate(surface.pieces, tolerance, max_triangles=max_triangles)
         u, v = mesh.uv[..., 0], mesh.uv[..., 1]
-        return replace(mesh, uv=np.stack(surface.across(u, v, mesh.patch_id[:, None]), axis=-1))
+        return replace(
+            mesh, uv=np.stack(across(surface.spans, u, v, mesh.patch_id[:, None]), axis=-1)
+        )
     return _mesh_of(surface, cut(surface, tolerance, max_triangles), tolerance, max_triangles)
 
 

@@ -19,8 +19,8 @@ from hybrid_rt.intersection.coarse.embree import CoarseScene
 from hybrid_rt.intersection.kernels.search.coarse import CoarseHits
 from hybrid_rt.intersection.kind import new_record
 from meshing import BezierPatches, SurfaceOfRevolution, tessellate
+from meshing.bezier import RationalPatches
 from meshing.kernels.bernstein import MAX_DEGREE
-from meshing.rational import RationalPatches
 from meshing.surface import Surface
 
 # As the tracer does it: how often the next triangle is tried, and how far beyond the one before.

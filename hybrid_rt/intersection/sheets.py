@@ -10,6 +10,7 @@ import numpy as np
 from hybrid_rt.core.records import IntArray
 from hybrid_rt.intersection.kind import Finished
 from meshing.sheet import PatchSheet
+from meshing.spans import across
 
 
 class Sheets:
@@ -35,4 +36,4 @@ class Sheets:
             rows = np.flatnonzero(object_id == i)
             if len(rows):
                 patch = out.patch_id[rows]
-                out.u[rows], out.v[rows] = sheet.across(out.u[rows], out.v[rows], patch)
+                out.u[rows], out.v[rows] = across(sheet.spans, out.u[rows], out.v[rows], patch)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.interpolate import BSpline
 
-from meshing import BezierPatches, NurbsSurface, tessellate
+from meshing import BezierPatches, NurbsSurface, PatchSheet, tessellate
 
 KNOTS = {
     "repeated": ([0, 0, 0, 0, 1, 2, 2, 3, 3, 3, 3], 3),
@@ -150,11 +150,11 @@ def test_too_many_equal_knots_are_refused():
 def test_a_sheet_of_patches_has_one_picture():
     x, y = np.meshgrid(np.arange(4.0), np.arange(7.0), indexing="ij")
     net = np.stack([x, y, 0.1 * x * y], axis=2)
-    sheet = BezierPatches([net[:, :4], net[:, 3:]]).as_sheet(1, 2)
+    sheet = PatchSheet.grid(BezierPatches([net[:, :4], net[:, 3:]]), 1, 2)
     points = sheet.point(0.5, np.linspace(0.0, 1.0, 9))
     np.testing.assert_allclose(points[:, 1], np.linspace(0.0, 6.0, 9), atol=1e-14)
     patch, u, v = sheet.area_sampler().choose(np.random.default_rng(1).random((500, 2)))
     assert ((v <= 0.5) == (patch == 0)).all()
     assert (sheet.area_sampler().pdf_area(patch, u, v) > 0.0).all()
-    with pytest.raises(ValueError, match="sheet of 2 x 2 for 2 patches"):
-        BezierPatches([net[:, :4], net[:, 3:]]).as_sheet(2, 2)
+    with pytest.raises(ValueError, match="PatchSheet of 2 x 2 for 2 patches"):
+        PatchSheet.grid(sheet.pieces, 2, 2)

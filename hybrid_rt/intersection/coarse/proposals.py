@@ -20,7 +20,6 @@ from hybrid_rt.intersection.kernels.search.nearest import Nearest, Rays
 from hybrid_rt.intersection.kind import CurvedKind, Finished
 from hybrid_rt.intersection.sheets import Sheets
 from meshing import tessellate
-from meshing.sheet import PatchSheet
 from meshing.surface import Surface
 
 # Chordal tolerance of the coarse triangles over the surface's size: where they are the answer, or
@@ -59,8 +58,7 @@ class Coarse:
         for object_id, surface in members:
             if surface.is_freeform:
                 # Cells of a sheet go by the parameters of its patches.
-                own = surface.pieces if isinstance(surface, PatchSheet) else surface
-                mesh = tessellate(own, tolerance or relative * surface.size)
+                mesh = tessellate(surface.pieces, tolerance or relative * surface.size)
             else:
                 mesh = surface.triangles()
             vertices.append(mesh.vertices)

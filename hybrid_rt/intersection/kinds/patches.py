@@ -42,7 +42,7 @@ from hybrid_rt.intersection.margins import Aim, suspects
 from hybrid_rt.intersection.margins import settle as settle_rows
 from hybrid_rt.intersection.sheets import Sheets
 from meshing import BezierPatches
-from meshing.rational import RationalPatches
+from meshing.bezier import RationalPatches
 from meshing.sheet import PatchSheet
 
 if TYPE_CHECKING:
@@ -91,7 +91,7 @@ class PatchKind:
         pool: Pool,
         finest: int = FINEST,
     ) -> None:
-        surfaces = [(i, s.pieces if isinstance(s, PatchSheet) else s) for i, s in members]
+        surfaces = [(i, surface.pieces) for i, surface in members]
         self._sheets = Sheets.of(members)
         rational = True if isinstance(surfaces[0][1], RationalPatches) else None
         if any(isinstance(surface, RationalPatches) != bool(rational) for _, surface in surfaces):

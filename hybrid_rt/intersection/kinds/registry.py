@@ -22,7 +22,7 @@ from hybrid_rt.primitives.asphere import Asphere
 from hybrid_rt.primitives.box import TurnedBox
 from hybrid_rt.primitives.torus import Torus
 from meshing import BezierPatches, SurfaceOfRevolution
-from meshing.rational import RationalPatches
+from meshing.bezier import RationalPatches
 from meshing.sheet import PatchSheet
 from meshing.surface import Surface
 
@@ -259,8 +259,7 @@ def _of_rational_patches(surfaces: Sequence[BezierPatches | PatchSheet], way: st
 
 
 def _are_bicubic(surfaces: Sequence[BezierPatches | PatchSheet]) -> bool:
-    pieces = [one.pieces if isinstance(one, PatchSheet) else one for one in surfaces]
-    return all(bool((one.degrees == 3).all()) for one in pieces)
+    return all(bool((one.pieces.degrees == 3).all()) for one in surfaces)
 
 
 ENTRIES = (

@@ -10,6 +10,7 @@ from hybrid_rt.verify.exact.crossings import Crosser
 from hybrid_rt.verify.exact.exact_surface import ExactSurface, Gap, IsTouched
 from hybrid_rt.verify.exact.surfaces.bezier import ExactPatches
 from meshing.sheet import PatchSheet
+from meshing.spans import within_patch
 
 
 class ExactSheet(ExactSurface, of=PatchSheet):
@@ -31,7 +32,7 @@ class ExactSheet(ExactSurface, of=PatchSheet):
 
         def gap(patch: int, u: float, v: float, point: list[Any]) -> float:
             at = np.array([u]), np.array([v]), np.array([patch])
-            a, b = self.surface.within_patch(*at)
+            a, b = within_patch(self.surface.spans, *at)
             return inner(patch, float(a[0]), float(b[0]), point)
 
         return gap

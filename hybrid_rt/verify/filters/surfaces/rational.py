@@ -7,7 +7,7 @@ import numpy as np
 from hybrid_rt.core.records import BoolArray, FloatArray, IntArray
 from hybrid_rt.verify.filters.kernels.first import N_COLUMNS, UNSURE_FROM
 from hybrid_rt.verify.filters.surface_filter import SurfaceFilter
-from meshing.rational import RationalPatches
+from meshing.bezier import RationalPatches
 
 
 class RationalFilter(SurfaceFilter, of=RationalPatches):

@@ -5,6 +5,7 @@ from __future__ import annotations
 from hybrid_rt.core.records import BoolArray, FloatArray, IntArray
 from hybrid_rt.verify.filters.surface_filter import SurfaceFilter, filter_of
 from meshing.sheet import PatchSheet
+from meshing.spans import within_patch
 
 
 class SheetFilter(SurfaceFilter, of=PatchSheet):
@@ -26,5 +27,5 @@ class SheetFilter(SurfaceFilter, of=PatchSheet):
         self, origins: FloatArray, along: FloatArray, u: FloatArray, v: FloatArray, patch: IntArray
     ) -> FloatArray:
         """Measure from S(u, v), (u, v) across the sheet."""
-        a, b = self.surface.within_patch(u, v, patch)
+        a, b = within_patch(self.surface.spans, u, v, patch)
         return self._pieces.gap(origins, along, a, b, patch)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from hybrid_rt.verify.judges.surface_judge import Number, Solver, SurfaceJudge, Vector, Worker
-from meshing.rational import RationalPatches
+from meshing.bezier import RationalPatches
 
 
 class RationalJudge(SurfaceJudge, of=RationalPatches):

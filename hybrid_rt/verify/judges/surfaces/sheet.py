@@ -13,6 +13,7 @@ from hybrid_rt.verify.judges.surface_judge import (
     judge_of,
 )
 from meshing.sheet import PatchSheet
+from meshing.spans import within_patch
 
 
 class SheetJudge(SurfaceJudge, of=PatchSheet):
@@ -30,7 +31,7 @@ class SheetJudge(SurfaceJudge, of=PatchSheet):
 
         def solve(patch: int, u: float, v: float, t: float, o: Vector, d: Vector) -> Number:
             at = np.array([u]), np.array([v]), np.array([patch])
-            a, b = self.surface.within_patch(*at)
+            a, b = within_patch(self.surface.spans, *at)
             return inner(patch, float(a[0]), float(b[0]), t, o, d)
 
         return solve
