@@ -30,9 +30,6 @@ IDS = tuple(
     for number in range(1, count + 1)
 )
 NOT_BUILT = {
-    "A27": "rational patches",
-    "A28": "rational patches",
-    "A31": "NURBS",
     "D29": "normal maps",
 }
 
