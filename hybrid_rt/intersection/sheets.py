@@ -5,12 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-import numpy as np
-
 from hybrid_rt.core.records import IntArray
+from hybrid_rt.intersection.kernels.patch.sheet import name_on_sheet
 from hybrid_rt.intersection.kind import Finished
 from meshing.sheet import PatchSheet
-from meshing.spans import across
 
 
 class Sheets:
@@ -32,8 +30,5 @@ class Sheets:
 
     def finish(self, object_id: IntArray, out: Finished) -> None:
         """Replace the patches' u and v in ``out`` by the sheets'."""
-        for i, sheet in self._sheets.items():
-            rows = np.flatnonzero(object_id == i)
-            if len(rows):
-                patch = out.patch_id[rows]
-                out.u[rows], out.v[rows] = across(sheet.spans, out.u[rows], out.v[rows], patch)
+        for number, sheet in self._sheets.items():
+            name_on_sheet(object_id, number, sheet.spans, out.patch_id, out.u, out.v)

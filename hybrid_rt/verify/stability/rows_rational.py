@@ -119,7 +119,7 @@ def weights_far_apart(effort: Effort) -> Outcome:
     total, plot = Outcome(), Plot("ratio of weights", "octant of a sphere")
     origins, directions = aimed(effort.count(20_000, 300), effort.rng(28))
     t = octant_times(origins, directions)
-    n = effort.count(500, 3)
+    n = effort.count(500, 1)
     for pace_u, pace_v in [(c, 1.0) for c in PACES] + [(c**0.5, c**0.5) for c in PACES]:
         net, weights = octant(pace_u, pace_v)
         surface = BezierPatches([net], [weights])

@@ -1,4 +1,6 @@
-"""A bicubic patch and its tangents at one point, three coordinates at a time in vector registers.
+"""A bicubic patch and its tangents at one point, all coordinates at a time in vector registers.
+
+So are biquadratic homogeneous nets, those of most machined surfaces.
 
 Control points are rows of four float64, so that one load brings a point; the last of them is the
 weight of a homogeneous net, else unused.
@@ -23,7 +25,7 @@ def evaluate_bicubic_plain(control: Any, start: int, u: float, v: float) -> Any:
     start : int
     u, v : float
     """
-    out = evaluate_homogeneous_plain(control, start, u, v)
+    out = _plain(3, control, start, u, v)
     return tuple(out[4 * k + c] for k in range(3) for c in range(3))
 
 
@@ -32,32 +34,41 @@ def evaluate_homogeneous_plain(control: Any, start: int, u: float, v: float) -> 
 
     Parameters are those of `evaluate_bicubic_plain`.
     """
-    values_u, slopes_u = _bernstein(u)
-    values_v, slopes_v = _bernstein(v)
-    weights = (-slopes_u[0], slopes_u[0] - slopes_u[1], slopes_u[1] - slopes_u[2], slopes_u[2])
+    return _plain(3, control, start, u, v)
+
+
+def evaluate_biquadratic_plain(control: Any, start: int, u: float, v: float) -> Any:
+    """As `evaluate_homogeneous_plain`, of degree 2."""
+    return _plain(2, control, start, u, v)
+
+
+def _plain(degree: int, control: Any, start: int, u: float, v: float) -> Any:
+    values_u, slopes_u = _bernstein(degree, u)
+    values_v, slopes_v = _bernstein(degree, v)
+    slopes = (0.0, *slopes_u, 0.0)
     out = [0.0] * 12
-    for i in range(4):
+    for i in range(degree + 1):
         for c in range(4):
-            a, b, p, q = (float(control[start + 4 * i + j, c]) for j in range(4))
-            point = values_v[0] * a + values_v[1] * b + values_v[2] * p + values_v[3] * q
-            slope = slopes_v[0] * (b - a) + slopes_v[1] * (p - b) + slopes_v[2] * (q - p)
+            points = [float(control[start + (degree + 1) * i + j, c]) for j in range(degree + 1)]
+            point = sum(values_v[j] * points[j] for j in range(degree + 1))
+            slope = sum(slopes_v[j] * (points[j + 1] - points[j]) for j in range(degree))
             out[c] += values_u[i] * point
-            out[4 + c] += weights[i] * point
+            out[4 + c] += (slopes[i] - slopes[i + 1]) * point
             out[8 + c] += values_u[i] * slope
     return tuple(out)
 
 
-def _bernstein(x: float) -> Any:
-    """Return the cubic Bernstein polynomials, and three times the quadratic ones."""
+def _bernstein(degree: int, x: float) -> Any:
+    """Return the Bernstein polynomials, and the degree times those of one degree less."""
     y = 1.0 - x
+    if degree == 2:
+        return (y * y, 2.0 * y * x, x * x), (2.0 * y, 2.0 * x)
     values = (y * y * y, 3.0 * y * y * x, 3.0 * y * x * x, x * x * x)
     return values, (3.0 * y * y, 6.0 * y * x, 3.0 * x * x)
 
 
-def _vector_code(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-    columns = len(signature.return_type) // 3
-    array = context.make_array(signature.args[0])(context, builder, arguments[0])
-    start, u, v = arguments[1:]
+def _vector_code(degree: int, columns: int, builder: Any, data: Any, arguments: Any) -> Any:
+    start, u, v = arguments
     double, i64 = ir.DoubleType(), ir.IntType(64)
     four = ir.VectorType(double, 4)
     add, sub, mul = builder.fadd, builder.fsub, builder.fmul
@@ -67,6 +78,9 @@ def _vector_code(context: Any, builder: Any, signature: Any, arguments: Any) -> 
 
     def bernstein(x: Any) -> Any:
         y = sub(number(1.0), x)
+        if degree == 2:
+            y2, x2 = mul(number(2.0), y), mul(number(2.0), x)
+            return (mul(y, y), mul(y2, x), mul(x, x)), (y2, x2)
         y3, x3 = mul(number(3.0), y), mul(number(3.0), x)
         values = (mul(mul(y, y), y), mul(mul(y3, y), x), mul(mul(y3, x), x), mul(mul(x, x), x))
         return values, (mul(y3, y), mul(mul(number(6.0), y), x), mul(x3, x))
@@ -75,22 +89,21 @@ def _vector_code(context: Any, builder: Any, signature: Any, arguments: Any) -> 
     values_v, slopes_v = bernstein(v)
     weights = (
         builder.fneg(slopes_u[0]),
-        sub(slopes_u[0], slopes_u[1]),
-        sub(slopes_u[1], slopes_u[2]),
-        slopes_u[2],
+        *(sub(slopes_u[i], slopes_u[i + 1]) for i in range(degree - 1)),
+        slopes_u[degree - 1],
     )
     values_v, slopes_v = ([spread(builder, x, four) for x in p] for p in (values_v, slopes_v))
     out: list[Any] = [None] * 3
-    for i in range(4):
+    for i in range(degree + 1):
         points = []
-        for j in range(4):
-            place = builder.mul(builder.add(start, i64(4 * i + j)), i64(4))
-            points.append(load(builder, array.data, place, four))
+        for j in range(degree + 1):
+            place = builder.mul(builder.add(start, i64((degree + 1) * i + j)), i64(4))
+            points.append(load(builder, data, place, four))
         point = mul(values_v[0], points[0])
-        for j in range(1, 4):
+        for j in range(1, degree + 1):
             point = add(point, mul(values_v[j], points[j]))
         slope = mul(slopes_v[0], sub(points[1], points[0]))
-        for j in range(1, 3):
+        for j in range(1, degree):
             slope = add(slope, mul(slopes_v[j], sub(points[j + 1], points[j])))
         value, weight = (spread(builder, x[i], four) for x in (values_u, weights))
         for k, term in enumerate((mul(value, point), mul(weight, point), mul(value, slope))):
@@ -101,21 +114,37 @@ def _vector_code(context: Any, builder: Any, signature: Any, arguments: Any) -> 
     return cgutils.pack_array(builder, numbers)
 
 
+def _compiled(degree: int, columns: int, control: Any) -> Any:
+    """Return signature and code of an intrinsic that takes (control, start, u, v)."""
+
+    def code(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        array = context.make_array(signature.args[0])(context, builder, arguments[0])
+        return _vector_code(degree, columns, builder, array.data, arguments[1:])
+
+    result = types.UniTuple(types.float64, 3 * columns)
+    return result(control, types.int64, types.float64, types.float64), code
+
+
 if config.DISABLE_JIT:  # type: ignore[attr-defined]
     evaluate_bicubic = evaluate_bicubic_plain
     evaluate_homogeneous = evaluate_homogeneous_plain
+    evaluate_biquadratic = evaluate_biquadratic_plain
 else:
 
     @intrinsic
     def evaluate_bicubic(typing: Any, control: Any, start: Any, u: Any, v: Any) -> Any:
         """Do what `evaluate_bicubic_plain` does."""
         del typing, start, u, v
-        result = types.UniTuple(types.float64, 9)
-        return result(control, types.int64, types.float64, types.float64), _vector_code
+        return _compiled(3, 3, control)
 
     @intrinsic
     def evaluate_homogeneous(typing: Any, control: Any, start: Any, u: Any, v: Any) -> Any:
         """Do what `evaluate_homogeneous_plain` does."""
         del typing, start, u, v
-        result = types.UniTuple(types.float64, 12)
-        return result(control, types.int64, types.float64, types.float64), _vector_code
+        return _compiled(3, 4, control)
+
+    @intrinsic
+    def evaluate_biquadratic(typing: Any, control: Any, start: Any, u: Any, v: Any) -> Any:
+        """Do what `evaluate_biquadratic_plain` does."""
+        del typing, start, u, v
+        return _compiled(2, 4, control)

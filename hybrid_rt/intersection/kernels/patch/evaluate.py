@@ -1,6 +1,10 @@
 """One point of a Bezier patch, with its tangents."""
 
-from hybrid_rt.intersection.kernels.patch.bicubic import evaluate_bicubic, evaluate_homogeneous
+from hybrid_rt.intersection.kernels.patch.bicubic import (
+    evaluate_bicubic,
+    evaluate_biquadratic,
+    evaluate_homogeneous,
+)
 from meshing.kernels.jit import inlined, inner
 
 
@@ -107,6 +111,8 @@ def _homogeneous(control, start, degree_u, degree_v, u, v, basis):
         return evaluate_homogeneous(control, start, u, v)
     if degree_u == 3 and degree_v == 3:
         return evaluate_homogeneous(control, start, u, v)
+    if degree_u == 2 and degree_v == 2:
+        return evaluate_biquadratic(control, start, u, v)
     return evaluate_columns(control, start, degree_u, degree_v, u, v, basis)
 
 
@@ -121,7 +127,7 @@ def _polynomial(control, start, degree_u, degree_v, u, v, basis):
 
 @inlined
 def evaluate_any(control, start, degree_u, degree_v, u, v, basis, rational):
-    """Return S, S_u, S_v (nine numbers), by vector code for bicubic patches.
+    """Return S, S_u, S_v (nine numbers), by vector code for bicubic patches (and others).
 
     Where ``basis`` is None all patches are bicubic, where ``rational`` is None all are polynomial:
     the compiler then leaves the other code out.

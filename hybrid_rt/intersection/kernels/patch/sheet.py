@@ -1,0 +1,26 @@
+"""Parameters of patches made those of their sheet, for the hits of a batch."""
+
+import numpy as np
+
+from meshing.kernels.jit import hot_kernel
+
+
+@hot_kernel
+def name_on_sheet(object_id, number, spans, patch_id, u, v):
+    """Replace u and v of the hits on one object by those across its sheet.
+
+    Parameters
+    ----------
+    object_id : (n,) int32
+    number : int
+        The sheet's.
+    spans : (k, 4) float64
+        u0, u1, v0, v1 of each patch.
+    patch_id : (n,) int32
+    u, v : (n,) float64, changed
+    """
+    for i in range(object_id.shape[0]):
+        if object_id[i] == number:
+            span = spans[np.int64(patch_id[i])]
+            u[i] = span[1] if u[i] == 1.0 else span[0] + u[i] * (span[1] - span[0])
+            v[i] = span[3] if v[i] == 1.0 else span[2] + v[i] * (span[3] - span[2])
