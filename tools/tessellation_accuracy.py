@@ -24,7 +24,7 @@ from hybrid_rt.analysis.methods import size_of
 from hybrid_rt.analysis.units import number
 from hybrid_rt.cli.command import kept, one_or_more, run_tool, say_if_no_plots
 from hybrid_rt.cli.scene_file import load_scene
-from meshing import BezierPatches, SurfaceOfRevolution
+from meshing import BezierPatches
 
 LADDER = (1e-1, 3e-2, 1e-2, 3e-3, 1e-3, 3e-4, 1e-4, 3e-5, 1e-5)
 QUICK = (3e-2, 3e-3, 3e-4)
@@ -80,11 +80,7 @@ def load(file: Path) -> list[Any]:
     """Return the curved surfaces of a file."""
     if file.suffix == ".bpt":
         return [BezierPatches.read(file)]
-    curved = [
-        item.surface
-        for item in load_scene(file).objects
-        if isinstance(item.surface, BezierPatches | SurfaceOfRevolution)
-    ]
+    curved = [item.surface for item in load_scene(file).objects if item.surface.is_freeform]
     if not curved:
         raise ValueError(
             f"{file} has neither Bezier patches nor a surface of revolution: name a file with one"

@@ -1,10 +1,12 @@
 """First hits on rational patches and on sheets: closed forms, exact arithmetic, polynomial twins."""
 
+import numba
 import numpy as np
 import pytest
 from rational_surfaces import bumpy, cylinder, octant, petal, sphere
 
 from hybrid_rt import Intersector, Status
+from hybrid_rt.intersection.kernels.patch import bicubic
 from hybrid_rt.verify.exact.judge import ExactJudge
 from meshing import BezierPatches, NurbsSurface
 
@@ -215,3 +217,29 @@ def test_polynomial_and_rational_patches_in_one_scene():
     nearest = np.minimum(alone[0].t, alone[1].t)
     np.testing.assert_allclose(both.t, nearest, rtol=1e-14)
     assert set(np.unique(both.object_id)) == {-1, 0, 1}
+
+
+@numba.njit
+def _values(control, u, v):
+    return bicubic.evaluate_homogeneous(control, 0, u, v), bicubic.evaluate_biquadratic(
+        control, 1, u, v
+    )
+
+
+def test_vector_code_has_twins():
+    rng = np.random.default_rng(10)
+    for u, v in rng.uniform(-0.2, 1.2, (20, 2)):
+        control = rng.normal(size=(16, 4))
+        cubic, quadratic = _values(control, u, v)
+        twins = (
+            bicubic.evaluate_homogeneous_plain(control, 0, u, v),
+            bicubic.evaluate_biquadratic_plain(control, 1, u, v),
+        )
+        np.testing.assert_array_equal(cubic, twins[0])
+        np.testing.assert_array_equal(quadratic, twins[1])
+        # By the definition.
+        share = [np.array([(1 - x) ** 2, 2 * x * (1 - x), x * x]) for x in (u, v)]
+        net = control[1:10].reshape(3, 3, 4)
+        np.testing.assert_allclose(
+            quadratic[:4], np.einsum("i,j,ijc->c", *share, net), rtol=0, atol=1e-14
+        )
