@@ -2,14 +2,13 @@
 
 A camera path is followed through mirrors, metals and glass. At every wide lobe, direct light is
 found by next-event estimation and indirect light by density estimation; the delta and narrow lobes
-of a mixture are followed further. Shadow rays find direct light with less noise than photons and
+of a mixture are followed further, at glass both branches (`hybrid_rt.integrators.photons.branching`). Shadow rays find direct light with less noise than photons and
 without blur, so photons are stored from their second hit on.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from typing import Any
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,6 +32,11 @@ from hybrid_rt.integrators.kernels.compaction import Paths, add_products, pack_p
 from hybrid_rt.integrators.kernels.density_estimate import Sums, segments_to_photons
 from hybrid_rt.integrators.media.absorption import absorb, media_around_camera
 from hybrid_rt.integrators.path.camera_paths import leaving_camera
+from hybrid_rt.integrators.photons.branching import (
+    Branching,
+    rows_of_paths,
+    rows_of_shading,
+)
 from hybrid_rt.integrators.photons.density_estimation import Field, Points
 from hybrid_rt.integrators.photons.photon_tracer import PhotonTracer
 from hybrid_rt.scene.compiled import NOTHING
@@ -105,6 +109,7 @@ class EyePass(Integrator):
         self._camera_media = media_around_camera(context, self._contacts)
         self.is_in_the_open = not (self._camera_media != NOTHING).any()
         self._is_wide = context.scene.lobes_with(WIDE)
+        self._branching = Branching(context)
         self._follows = context.scene.materials_with(FOLLOWED)
 
     def _radiance(self, block: CameraBlock) -> FloatArray:
@@ -152,8 +157,8 @@ class EyePass(Integrator):
         radiance: FloatArray,
     ) -> _Waiting:
         """Add direct light at some of the hits; return them as points for density estimation."""
-        there = _rows_of_paths(paths, rows)
-        wide = _rows_of(shading, rows, self._is_wide)
+        there = rows_of_paths(paths, rows)
+        wide = rows_of_shading(shading, rows, self._is_wide)
         if self.casts_shadow_rays:
             self._add_direct(there, wide, depth, radiance)
         xi = self._points(there, depth, TO_PHOTON)
@@ -234,28 +239,31 @@ class EyePass(Integrator):
         ledger.ended["met surfaces that gather"] += int(
             np.count_nonzero(shading.material >= 0) - rows.size
         )
-        paths = _rows_of_paths(paths, rows)
-        shading = _rows_of(shading, rows, ~self._is_wide)
+        paths = rows_of_paths(paths, rows)
+        shading = rows_of_shading(shading, rows, ~self._is_wide)
         second = second[rows] if second.size else second
-        n = rows.size
-        if n == 0:
+        if rows.size == 0:
             return paths
         if self._casts_them_for_narrow:
             xi = self._points(paths, depth, TO_LIGHT_NARROW)
             self._light.from_one(
                 shading, paths.camera_ray, paths.throughput, paths.media, xi, radiance
             )
+        choice = self._points(paths, depth, CHOICE)
+        # The branches of a path share its random numbers: each by itself is right.
+        paths, shading, second, choice = self._branching.split(paths, shading, second, choice)
+        n = len(choice)
         onward, pdf = np.empty((n, 3)), np.empty(n)
         fate = np.empty(n, dtype=np.uint8)
         goes_on = depth < self.context.max_depth
         hits = shading.hits
         scatter(
             self.context.scene.lobes, shading.vertices, self._points(paths, depth, DIRECTION),
-            self._points(paths, depth, CHOICE), paths.media, second, goes_on, goes_on,
-            1.0 if depth else 0.0,
+            choice, paths.media, second, goes_on, goes_on, 0.0,
             Rivals(hits.t, paths.pdf, NONE_SMOOTH, hits.object_id, paths.rival),
             onward, paths.throughput, pdf, fate,
         )  # fmt: skip
+        self._branching.thin_out(paths, fate, choice[:, 1])
         counts = np.bincount(fate, minlength=SPECULAR + 1)
         ledger.rays["mirrored or refracted"] += int(counts[SCATTERED] + counts[SPECULAR])
         ledger.ended["absorbed or by roulette"] += int(counts[ABSORBED] + counts[LEFT])
@@ -265,23 +273,3 @@ class EyePass(Integrator):
         out = Paths(*(np.empty_like(column) for column in paths))
         n_out = pack_paths(paths, fate, SCATTERED, hits.position, hits.object_id, onward, pdf, out)
         return Paths(*(column[:n_out] for column in out))
-
-
-def _rows_of_paths(paths: Paths, rows: Any) -> Paths:
-    return Paths(*(column[rows] if len(column) else column for column in paths))
-
-
-def _rows_of(shading: Shading, rows: Any, keeps: Any) -> Shading:
-    """Select rows of a shading, with the colours of the kept lobes only."""
-    material = shading.material[rows]
-    geometric = shading.geometric
-    return replace(
-        shading,
-        hits=shading.hits[rows],
-        directions=shading.directions[rows],
-        material=material,
-        colors=shading.colors[rows] * keeps[material][:, :, None],
-        geometric=geometric[rows] if geometric.size else geometric,
-        ratio=shading.ratio[rows] if shading.ratio.size else shading.ratio,
-        beyond=shading.beyond[rows] if shading.beyond.size else shading.beyond,
-    )
