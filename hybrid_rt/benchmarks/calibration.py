@@ -174,7 +174,7 @@ def coverage(picture: KnownPicture, integrator: str, passes: int, seeds: Sequenc
     reach = np.array([result.channels["half_interval"] for result in results])
     noises = [result.report["noise"] for result in results]
     gaps = np.array([noise["image_mean"] for noise in noises]) - truth.mean()
-    reaches = [n["interval_factor"] * n["standard_error_of_image_mean"] for n in noises]
+    reaches = [noise["half_interval_95_of_image_mean"] for noise in noises]
     stated = [np.square(r.channels["standard_error"], dtype=np.float64).mean() for r in results]
     return Coverage(
         float((np.abs(gap) <= reach + slack).mean()),

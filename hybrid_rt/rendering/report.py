@@ -13,6 +13,7 @@ from hybrid_rt.integrators.media.absorption import unclosed_bodies
 from hybrid_rt.integrators.workers import Blur
 from hybrid_rt.intersection import Intersector
 from hybrid_rt.rendering.limits import Clock
+from hybrid_rt.rendering.unmet_lamps import unmet_light
 from hybrid_rt.rendering.versions import peak_memory_mib, versions
 from hybrid_rt.sensor.film import Film
 
@@ -137,7 +138,7 @@ def make_report(
             **ledger.ended,
             "lost_weight_per_camera_ray": twelve_digits(ledger.lost_weight / n_camera),
         },
-        "noise": film.noise(),
+        "noise": _with_interval(film.noise(), context, film.n_passes),
         "clear_bodies_not_closed": not_closed,
         "clear_bodies_lost": lost,
         "pixels_not_finite": int(np.count_nonzero(~np.isfinite(film.image).all(axis=2))),
@@ -153,6 +154,20 @@ def make_report(
         },
         "peak_memory_mib": round(peak_memory_mib(), 1),
         "plan": {"light": context.plan.as_dict(), "intersection": tracer.plan},
+    }
+
+
+def _with_interval(
+    noise: dict[str, Any] | None, context: RenderContext, passes: int
+) -> dict[str, Any] | None:
+    """Add half the 95 % interval of the image mean, and what of it is for lamps that were not met."""
+    if noise is None:
+        return None
+    unmet = unmet_light(context.scene, passes)
+    half = noise["interval_factor"] * noise["standard_error_of_image_mean"]
+    return noise | {
+        "unmet_lamps_95": twelve_digits(unmet),
+        "half_interval_95_of_image_mean": math.hypot(half, unmet),
     }
 
 

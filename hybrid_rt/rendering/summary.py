@@ -148,12 +148,23 @@ def _noise(report: dict[str, Any]) -> str:
     if noise is None:
         return "  noise     unknown after a single pass"
     at_most = "at most about " if noise["errs_on_the_safe_side"] else ""
-    half = noise["interval_factor"] * noise["standard_error_of_image_mean"]
+    half = noise["half_interval_95_of_image_mean"]
     return (
         f"  noise     {at_most}{per_cent(noise['relative_rmse'])} of the picture (relative RMSE, "
         f"estimated); image mean{', blurred,' if report['picture_is_blurred'] else ''}"
         f"{of_what(report)} {noise['image_mean']:.6g} +- {half:.1g} (95 %)"
-        f"{_worst_pixels(noise)}{_not_met(report)}{_blur(report['relative_error'])}"
+        f"{_unmet(noise)}{_worst_pixels(noise)}{_not_met(report)}{_blur(report['relative_error'])}"
+    )
+
+
+def _unmet(noise: dict[str, Any]) -> str:
+    """Return what of the interval is for lamps that no camera ray has met, if that decides it."""
+    unmet = noise["unmet_lamps_95"]
+    if 2.0 * unmet**2 < noise["half_interval_95_of_image_mean"] ** 2:
+        return ""
+    return (
+        f"\n            {unmet:.1g} of it for the brightest lamp: as much may come by rare ways to it, in "
+        "mirrors or glass or as a speck, that no camera ray has taken yet"
     )
 
 

@@ -1,0 +1,56 @@
+"""What lamps that no camera ray has met may add to the mean of a picture.
+
+Where a lamp is run into, by way of mirrors, metal or glass or as a speck in the picture, few camera rays
+add its whole radiance. As long as none has met it, all passes agree, and no variance knows of it. If n
+rays have met nothing of a kind, no more than 3 of n others would in the mean, with 95 % confidence
+(1 - 0.05^(1/n); Hanley and Lippman-Hand, "If nothing goes wrong, is everything all right?", JAMA 1983).
+Once one has, the differences between groups of passes tell as much.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from hybrid_rt.core.records import BoolArray
+from hybrid_rt.scene.compiled import NOTHING, CompiledScene
+from hybrid_rt.shading.kernels.light_kinds import WITHOUT_AREA
+from hybrid_rt.shading.kernels.lobes.register import FOLLOWED
+
+OF_NONE_MET = 3.0
+# A lamp in the picture that so many camera rays meet in the mean is no speck.
+SURELY_MET = 30.0
+
+
+def unmet_light(scene: CompiledScene, passes: int) -> float:
+    """Return how much of the picture's mean radiance may come by lamps unmet so far, at most (95 %).
+
+    0 where no camera ray meets a lamp by chance: mirrors, metal and glass are missing, and no lamp is
+    a speck in the picture. Pictures of the surroundings are not looked at.
+
+    Parameters
+    ----------
+    scene : CompiledScene
+    passes : int
+        Camera rays for each pixel.
+    """
+    lights, camera = scene.lights, scene.camera
+    has_area = ~np.isin(lights.kind, WITHOUT_AREA)
+    if not (scene.lobes.traits & FOLLOWED).any():
+        has_area &= _is_speck(scene, passes)
+    radiance = lights.strength.mean(axis=1)[has_area]
+    rays = passes * camera.width * camera.height
+    return OF_NONE_MET * float(radiance.max(initial=0.0)) / rays
+
+
+def _is_speck(scene: CompiledScene, passes: int) -> BoolArray:
+    """Tell which lamps are in the picture, and met by few camera rays."""
+    is_speck = np.zeros(scene.n_lights, dtype=np.bool_)
+    for light, number in enumerate(scene.surface_of_light.tolist()):
+        if number == NOTHING or not scene.surfaces[number].is_bounded:
+            continue
+        low, high = scene.surfaces[number].bounds
+        way, pixel, pdf = scene.camera.sees(0.5 * (low + high)[None])
+        square = float(np.square(high - low).sum())
+        met = passes * float(pdf[0]) * square / max(float(np.square(way).sum()), 1e-300)
+        is_speck[light] = pixel[0] >= 0 and met < SURELY_MET
+    return is_speck
