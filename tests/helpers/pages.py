@@ -5,7 +5,8 @@ repository's files. A block of ``text`` right after one holds what it prints. Th
 
     <!-- not run: REASON -->
 
-before a block leaves it out.
+before a block leaves it out. ``python tests/helpers/pages.py PAGE...`` writes anew what the blocks of
+pages print, and puts the pictures that they save and that pages show beside them.
 """
 
 from __future__ import annotations
@@ -13,6 +14,9 @@ from __future__ import annotations
 import contextlib
 import io
 import re
+import shutil
+import sys
+import tempfile
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -92,3 +96,23 @@ def _last_place(number):
     mantissa, _, exponent = number.partition("e")
     decimals = len(mantissa.partition(".")[2])
     return 10.0 ** (int(exponent or 0) - decimals)
+
+
+def rewrite(page):
+    """Write anew what the blocks of a page print, where it shows that, and the pictures they save."""
+    text = page.read_text(encoding="utf-8")
+    blocks = [block for block in blocks_of(page, "python") if block.reason is None]
+    with tempfile.TemporaryDirectory() as folder:
+        for block, printed in zip(blocks, run(blocks, Path(folder)), strict=True):
+            if block.output is not None:
+                before = f"```python\n{block.code}```\n\n```text\n"
+                text = text.replace(f"{before}{block.output}```", f"{before}{printed}```")
+        page.write_text(text, encoding="utf-8")
+        for name in re.findall(r"\]\(([\w.]+\.png)\)", text):
+            if (Path(folder) / name).exists():
+                shutil.copy(Path(folder) / name, page.parent / name)
+
+
+if __name__ == "__main__":
+    for argument in sys.argv[1:]:
+        rewrite(Path(argument).resolve())
