@@ -53,10 +53,12 @@ def test_commands_are_understood(page, command, parser_of):
     if words[0] == "python":
         assert (pages.ROOT / words[1]).is_file(), page
         words = words[1:] if words[1].startswith("tools/") else ["hybrid-rt", "render", *words[1:]]
+    code = 0
     try:
         parser_of(words[0]).parse_args(words[1:])
     except SystemExit as end:  # an option that prints something and ends, or a wrong one
-        assert not end.code
+        code = end.code
+    assert not code
 
 
 @pytest.mark.parametrize(
