@@ -41,3 +41,18 @@ def test_the_version_is_stated_alike():
     assert cited is not None
     assert cited[1] == __version__
     assert f"## [{__version__}]" in (ROOT / "CHANGELOG.md").read_text("utf-8")
+
+
+@pytest.mark.parametrize("module", [hybrid_rt, meshing], ids=lambda module: module.__name__)
+def test_reference_has_every_public_name(module):
+    pages = (ROOT / "docs" / "reference").glob("*.md")
+    text = "".join(page.read_text(encoding="utf-8") for page in pages)
+    documented = set(re.findall(r"\.\. auto(?:class|function):: (?:[\w.]+\.)?(\w+)", text))
+    assert {name for name in module.__all__ if not name.startswith("__")} - documented == set()
+
+
+def test_site_leads_to_every_page():
+    index = (ROOT / "docs" / "index.md").read_text(encoding="utf-8")
+    listed = set(re.findall(r"^[\w/]+$", index, re.MULTILINE))
+    pages = {page.relative_to(ROOT / "docs") for page in (ROOT / "docs").rglob("*.md")}
+    assert {page.with_suffix("").as_posix() for page in pages} - {"index"} == listed

@@ -40,7 +40,7 @@ def check(_: Sphinx, env: BuildEnvironment) -> None:
             if name.startswith("__"):
                 continue
             if f"{module_name}.{name}" not in documented:
-                LOG.warning("the reference lacks the public name %s.%s", module_name, name)
+                LOG.warning("no page of docs/reference has %s.%s: add it", module_name, name)
             if not inspect.getdoc(getattr(module, name)):
                 LOG.warning("%s.%s has no docstring", module_name, name)
 
