@@ -83,7 +83,8 @@ def by_basis(surface: NurbsSurface, u: FloatArray, v: FloatArray) -> FloatArray:
     w = np.ones(surface.control.shape[:2]) if weights is None else weights
     joint = shares[0][:, :, None] * shares[1][:, None, :] * w
     points: FloatArray = np.einsum("kij,ijc->kc", joint, surface.control)
-    return points / joint.sum(axis=(1, 2))[:, None]
+    points /= joint.sum(axis=(1, 2))[:, None]
+    return points
 
 
 def random_nurbs(
