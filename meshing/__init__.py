@@ -1,7 +1,8 @@
 """Surfaces and their certified tessellation.
 
 `BezierPatches`, `NurbsSurface` and `SurfaceOfRevolution` are surfaces over (u, v) in [0, 1] x [0, 1];
-`tessellate` turns one into a `CertifiedMesh` that stays within a proven distance of it. Names are
+`Cylinder`, `Cone` and `circular_arc` make the usual turned ones; `tessellate` turns a surface into a
+`CertifiedMesh` that stays within a proven distance of it. Names are
 imported on first use: ``import meshing`` alone compiles and loads nothing.
 """
 
@@ -17,13 +18,17 @@ if TYPE_CHECKING:
     from meshing.revolution import SurfaceOfRevolution
     from meshing.sheet import PatchSheet
     from meshing.tessellation import tessellate
+    from meshing.turned_shapes import Cone, Cylinder, circular_arc
 
 __all__ = [
     "BezierPatches",
     "CertifiedMesh",
+    "Cone",
+    "Cylinder",
     "NurbsSurface",
     "PatchSheet",
     "SurfaceOfRevolution",
+    "circular_arc",
     "tessellate",
 ]
 
@@ -32,7 +37,10 @@ _HOME = {
     "CertifiedMesh": "meshing.certified_mesh",
     "NurbsSurface": "meshing.nurbs",
     "PatchSheet": "meshing.sheet",
+    "Cone": "meshing.turned_shapes",
+    "Cylinder": "meshing.turned_shapes",
     "SurfaceOfRevolution": "meshing.revolution",
+    "circular_arc": "meshing.turned_shapes",
     "tessellate": "meshing.tessellation",
 }
 

@@ -1,7 +1,9 @@
 """Deviation bounds for surfaces of revolution: into how many cells to cut each ring.
 
 The bound is that of `meshing.kernels.leaves`. Over a piece of the profile, with its parameter
-running over [0, 1], |S_uu| <= 4 pi^2 R, |S_uv| <= 2 pi |R'|, and S_vv is that of the profile.
+running over [0, 1], |S_uu| <= 4 pi^2 R, |S_uv| <= 2 pi |R'|, and S_vv is that of the profile; of a part
+of the turn, with its share for the 1 in 2 pi. A rational profile C = N / w has C' = D / w^2 with D = N' w -
+N w', and C'' = E / w^3 with E = D' w - 2 D w', whose Bezier points bound them over the least of w.
 S_uv points along the circle; the other two lie in the meridian plane. Over an angle of at most
 pi hu to each side of the middle the two directions mix by the sine of that angle, so the two parts
 add up like the legs of a right triangle.
@@ -16,7 +18,8 @@ import numpy as np
 
 from meshing.checks import FloatArray
 from meshing.kernels.leaves import MAX_DEPTH
-from meshing.revolution import SurfaceOfRevolution, halve_curve, radius_rounding
+from meshing.profiles import halve_curve, radius_rounding
+from meshing.revolution import SurfaceOfRevolution
 
 # A ring has one of these numbers of cells, times a power of two: a circle shared by two rings then
 # has the vertices of the finer one. The count that needs fewest cells over the surface is taken.
@@ -51,21 +54,28 @@ class _Piece:
     points: FloatArray
     v0: int
     v1: int
+    turn: float
+    """The share of a whole turn."""
 
     def __post_init__(self) -> None:
-        n = len(self.points) - 1
-        step = np.diff(self.points, axis=0)
-        bend = np.hypot(*np.diff(step, axis=0).T).max(initial=0.0)
-        self.uu = 4.0 * math.pi**2 * float(self.points[:, 1].max())
-        self.uv = 2.0 * math.pi * n * float(np.abs(step[:, 1]).max())
-        self.vv = n * (n - 1) * float(bend)
+        uu, uv = 4.0 * math.pi**2 * self.turn**2, 2.0 * math.pi * self.turn
+        if self.points.shape[1] == 3:
+            radius, radius_rate, self.vv = _of_rational(self.points)
+            self.uu, self.uv = uu * radius, uv * radius_rate
+        else:
+            n = len(self.points) - 1
+            step = np.diff(self.points, axis=0)
+            bend = np.hypot(*np.diff(step, axis=0).T).max(initial=0.0)
+            self.uu = uu * float(self.points[:, 1].max())
+            self.uv = uv * n * float(np.abs(step[:, 1]).max())
+            self.vv = n * (n - 1) * float(bend)
         self._halves: tuple[_Piece, _Piece] | None = None
 
     def deviation(self, cells: float) -> float:
         h = 1.0 / cells
         meridian = (h * h * self.uu + self.vv) / 8.0
         along = h * self.uv / 4.0
-        mix = math.sin(math.pi * h)
+        mix = math.sin(math.pi * self.turn * h)
         legs = math.hypot(meridian + mix * along, along + mix * meridian)
         return min(meridian + along, legs)
 
@@ -88,8 +98,8 @@ class _Piece:
             first, second = halve_curve(self.points)
             middle = (self.v0 + self.v1) // 2
             self._halves = (
-                _Piece(self.segment, first, self.v0, middle),
-                _Piece(self.segment, second, middle, self.v1),
+                _Piece(self.segment, first, self.v0, middle, self.turn),
+                _Piece(self.segment, second, middle, self.v1, self.turn),
             )
         return self._halves
 
@@ -120,9 +130,12 @@ def rings_of(
         Proven distance of the triangles, without ``slack``.
     """
     on_axis = radius_rounding(surface.segments)
+    turn = surface.u_range[1] - surface.u_range[0]
     roots = [
-        _Piece(i, np.asarray(segment), 0, 1 << MAX_DEPTH)
-        for i, segment in enumerate(surface.segments)
+        _Piece(i, np.asarray(segment if w is None else net), 0, 1 << MAX_DEPTH, turn)
+        for i, (segment, w, net) in enumerate(
+            zip(surface.segments, surface.weights, surface.homogeneous, strict=True)
+        )
         if segment[:, 1].max() > on_axis
     ]
     largest = max(float(np.abs(segment).max()) for segment in surface.segments)
@@ -143,6 +156,36 @@ def rings_of(
         raise TooManyTrianglesError(2.0 * cells, max_triangles, tolerance)
     rings = [(piece.segment, piece.v0, piece.v1, cells) for piece, cells in leaves]
     return base, rings, max(piece.deviation(cells) for piece, cells in leaves) + rounding
+
+
+def _of_rational(net: FloatArray) -> tuple[float, float, float]:
+    """Bound R, |R'| and |C''| of a rational segment C = (Z, R), rows (w z, w r, w)."""
+    least = float(net[:, 2].min())
+    plain, w = net[:, :2], net[:, 2:]
+    first = _product(_rate(plain), w) - _product(plain, _rate(w))
+    second = _product(_rate(first), w) - 2.0 * _product(first, _rate(w))
+    return (
+        float((plain[:, 1] / net[:, 2]).max()),
+        float(np.abs(first[:, 1]).max()) / least**2,
+        float(np.hypot(*second.T).max()) / least**3,
+    )
+
+
+def _rate(net: FloatArray) -> FloatArray:
+    """Return the Bezier points of a derivative."""
+    rate: FloatArray = (len(net) - 1) * np.diff(net, axis=0)
+    return rate
+
+
+def _product(one: FloatArray, other: FloatArray) -> FloatArray:
+    """Return the Bezier points of a product; one of the two has one column."""
+    m, n = len(one) - 1, len(other) - 1
+    total = np.zeros((m + n + 1, max(one.shape[1], other.shape[1])))
+    for i in range(m + 1):
+        for j in range(n + 1):
+            share = math.comb(m, i) * math.comb(n, j) / math.comb(m + n, i + j)
+            total[i + j] += share * one[i] * other[j]
+    return total
 
 
 def _best_cut(piece: _Piece, base: int, target: float) -> tuple[int, list[tuple[_Piece, int]]]:

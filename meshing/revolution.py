@@ -1,11 +1,10 @@
-"""Surfaces of revolution with a Bezier profile: input checks, evaluation, transformations."""
+"""Surfaces of revolution with a Bezier profile, rational or not: evaluation, transformations."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from functools import cached_property
-from itertools import pairwise
-from typing import Any
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -14,35 +13,32 @@ from meshing.checks import (
     BoolArray,
     FloatArray,
     as_direction,
-    as_floats,
     as_similarity,
     as_vector,
     freeze,
-    shown,
     still_unit,
     unit,
 )
-from meshing.kernels import lathe, subdivision
-from meshing.kernels.bernstein import MAX_DEGREE
+from meshing.kernels import lathe, rational_lathe, subdivision
 from meshing.parametric import ParametricSurface
+from meshing.profiles import (
+    as_part,
+    as_segments,
+    as_weights,
+    check_segments,
+    homogeneous,
+    pieces_of,
+)
 
-# Radii down to minus this part of the profile's extent are roundings of zero.
-RADIUS_ROUNDING = 16.0 * 2.0**-52
-# What messages call it.
-PROFILE = "SurfaceOfRevolution profile"
-# Profiles drawn in single precision or typed with nine digits still join.
-LARGEST_GAP = 1e-9
-# Halvings until a radius that may still be negative counts as zero; each divides the doubt by
-# about four, so what is left after these is far below rounding.
-RADIUS_HALVINGS = 40
+Weights: TypeAlias = tuple[FloatArray | None, ...]
 
 
 class SurfaceOfRevolution(ParametricSurface):
     """A Bezier profile turned about an axis.
 
-    S(u, v) = origin + Z(v) axis + R(v) (cos 2 pi u radial + sin 2 pi u binormal), where (Z, R) is
-    the profile segment and binormal = axis x radial. The normal is along S_u x S_v: outward where
-    the profile runs along the axis.
+    S(u, v) = origin + Z(v) axis + R(v) (cos a radial + sin a binormal), where (Z, R) is the profile
+    segment, binormal = axis x radial, and the angle a runs over ``u_range``: 2 pi u for a whole
+    turn. The normal is along S_u x S_v: outward where the profile runs along the axis.
 
     Parameters
     ----------
@@ -54,16 +50,25 @@ class SurfaceOfRevolution(ParametricSurface):
     reference : (3,) array, optional
         u = 0 lies along this vector, projected normal to the axis. Default: the coordinate axis
         least aligned with ``axis``.
+    weights : (n + 1,) array, or a sequence of one for each segment, optional
+        Weights of the Bezier points, above 0, the smallest at least 1e-6 of the largest: then the
+        segment is rational. None, also for single segments: all are 1.
+    u_range : two numbers
+        Where the turn begins and ends, in whole turns from ``reference``; at most one turn. u = 0
+        and u = 1 are there.
 
     Raises
     ------
     ValueError
         For wrong shapes, NaN or infinity, a radius below zero anywhere on a segment, segments that
-        do not join, a segment shrunk to a point, and a profile that lies wholly on the axis.
+        do not join, a segment shrunk to a point, a profile that lies wholly on the axis, weights
+        that are not above 0 or too different, and an empty turn.
 
     Attributes
     ----------
     segments : tuple of (n + 1, 2) float64, read-only
+    weights : tuple of (n + 1,) float64, read-only, or None for a segment that is not rational
+    u_range : tuple of two floats
     origin, axis, radial, binormal : (3,) float64, read-only
         The last three are unit vectors.
     """
@@ -74,6 +79,8 @@ class SurfaceOfRevolution(ParametricSurface):
         origin: ArrayLike,
         axis: ArrayLike,
         reference: ArrayLike | None = None,
+        weights: ArrayLike | Sequence[ArrayLike | None] | None = None,
+        u_range: ArrayLike = (0.0, 1.0),
     ) -> None:
         along = as_direction(axis, "SurfaceOfRevolution axis")
         if reference is None:
@@ -89,29 +96,65 @@ class SurfaceOfRevolution(ParametricSurface):
         radial = unit(radial, "reference")
         radial = unit(radial - (radial @ along) * along, "reference")
         place = as_vector(origin, "SurfaceOfRevolution origin")
-        self._set(_as_segments(profile), place, along, radial)
+        segments = as_segments(profile)
+        self._set(segments, place, along, radial, as_weights(weights, segments), as_part(u_range))
 
     def _set(
-        self, segments: list[FloatArray], origin: FloatArray, axis: FloatArray, radial: FloatArray
+        self,
+        segments: list[FloatArray],
+        origin: FloatArray,
+        axis: FloatArray,
+        radial: FloatArray,
+        weights: Weights,
+        u_range: tuple[float, float],
     ) -> None:
-        _check_segments(segments)
+        check_segments(segments, weights)
         self.segments = tuple(freeze(segment) for segment in segments)
+        self.weights = tuple(None if w is None else freeze(w) for w in weights)
+        self.u_range = u_range
         self.origin = freeze(origin)
         self.axis = freeze(axis)
         self.radial = freeze(radial)
         self.binormal = freeze(np.cross(axis, radial))
-        self._profile = freeze(np.concatenate(segments))
+        if self.is_rational:
+            self._profile = freeze(np.concatenate(self.homogeneous))
+        else:
+            self._profile = freeze(np.concatenate(segments))
         self._starts = np.cumsum([0, *map(len, segments)], dtype=np.int64)
         self._starts.setflags(write=False)
         self._frame = freeze(np.stack((origin, axis, radial, self.binormal)))
 
     @classmethod
     def _from_frame(
-        cls, segments: list[FloatArray], origin: FloatArray, axis: FloatArray, radial: FloatArray
+        cls,
+        segments: list[FloatArray],
+        origin: FloatArray,
+        axis: FloatArray,
+        radial: FloatArray,
+        weights: Weights,
+        u_range: tuple[float, float],
     ) -> SurfaceOfRevolution:
         surface = cls.__new__(cls)
-        surface._set([segment.copy() for segment in segments], origin, axis, radial)
+        surface._set(
+            [segment.copy() for segment in segments], origin, axis, radial,
+            tuple(None if w is None else w.copy() for w in weights), u_range,
+        )  # fmt: skip
         return surface
+
+    @property
+    def is_rational(self) -> bool:
+        """Whether a segment has weights that differ."""
+        return any(w is not None for w in self.weights)
+
+    @property
+    def is_whole_turn(self) -> bool:
+        """Whether the surface closes around its axis."""
+        return self.u_range[1] - self.u_range[0] == 1.0
+
+    @property
+    def homogeneous(self) -> list[FloatArray]:
+        """(n + 1, 3) float64 of each segment: w z, w r and w, the largest w from 1/2 to 1."""
+        return [homogeneous(net, w) for net, w in zip(self.segments, self.weights, strict=True)]
 
     def __len__(self) -> int:
         """Return the number of profile segments."""
@@ -123,26 +166,35 @@ class SurfaceOfRevolution(ParametricSurface):
         return self._frame
 
     def __repr__(self) -> str:
-        """Name the number of segments and the axis."""
-        return f"SurfaceOfRevolution({len(self)} segments about {self.axis.tolist()})"
+        """Name the number of segments, the axis, and what is special."""
+        words = f"{len(self)} {'rational ' * self.is_rational}segments about {self.axis.tolist()}"
+        if not self.is_whole_turn:
+            words += f", u_range={self.u_range}"
+        return f"SurfaceOfRevolution({words})"
 
     def __reduce__(self) -> tuple[object, ...]:
         """Pickle profile and frame; loading checks them again."""
         frame = [np.array(vector) for vector in (self.origin, self.axis, self.radial)]
-        return SurfaceOfRevolution._from_frame, ([np.array(s) for s in self.segments], *frame)
+        weights = tuple(None if w is None else np.array(w) for w in self.weights)
+        parts = [np.array(s) for s in self.segments], *frame, weights, self.u_range
+        return SurfaceOfRevolution._from_frame, parts
 
     @cached_property
     def patch_bounds(self) -> FloatArray:
         """(k, 2, 3) float64: lower and upper corner of a box around each segment, read-only."""
         # Coordinate k of a circle runs from Z axis_k - R w_k to Z axis_k + R w_k.
         w = np.hypot(self.radial, self.binormal)
+        if self.is_rational:
+            return self._boxes_of_pieces(w)
         z, r = self._profile[:, :1] * self.axis, self._profile[:, 1:] * w
         n = len(self)
         starts = np.concatenate((self._starts, self._starts[1:] + self._starts[-1]))
         degrees = np.zeros((2 * n, 2), dtype=np.int64)
         degrees[:, 0] = np.diff(starts) - 1
         boxes = np.empty((2 * n, 2, 3))
-        curves = self.origin + np.concatenate((z + r, z - r))
+        least, most = self._ends_of_circles()
+        up, down = (z + r, z - r) if self.is_whole_turn else (z + r * most, z + r * least)
+        curves = self.origin + np.concatenate((up, down))
         subdivision.patch_boxes(curves, starts, degrees, None, boxes)
         # Where neither w nor the axis is 0 or 1 the products above were rounded, and so was the
         # shift by the origin.
@@ -151,6 +203,38 @@ class SurfaceOfRevolution(ParametricSurface):
         low = np.minimum(boxes[:n, 0], boxes[n:, 0]) - rounding
         high = np.maximum(boxes[:n, 1], boxes[n:, 1]) + rounding
         return freeze(np.stack((low, high), axis=1))
+
+    def _ends_of_circles(self) -> tuple[FloatArray, FloatArray]:
+        """Return the least and most of cos(a - a_k) over the turn, for each coordinate k, (3,)."""
+        begin, end = (2.0 * np.pi * u for u in self.u_range)
+        farthest = np.arctan2(self.binormal, self.radial)
+        ends = np.cos(np.array([begin, end])[:, None] - farthest)
+        ends = np.concatenate([ends - 2.0**-48, ends + 2.0**-48])
+
+        def is_within(angle: FloatArray) -> BoolArray:
+            return (angle - begin) % (2.0 * np.pi) <= end - begin
+
+        return (
+            np.where(is_within(farthest + np.pi), -1.0, np.maximum(ends.min(axis=0), -1.0)),
+            np.where(is_within(farthest), 1.0, np.minimum(ends.max(axis=0), 1.0)),
+        )
+
+    def _boxes_of_pieces(self, w: FloatArray) -> FloatArray:
+        """Return `patch_bounds` of a rational profile: boxes of the points of its pieces."""
+        least, most = (-1.0, 1.0) if self.is_whole_turn else self._ends_of_circles()
+        boxes = []
+        for net in self.homogeneous:
+            points = pieces_of(net)
+            z, r = points[:, :1] * self.axis, points[:, 1:] * w
+            ends = np.concatenate((z + r * least, z + r * most))
+            rounding = 2.0**-46 * (np.abs(points).max() + np.abs(self.origin))
+            boxes.append(
+                (
+                    self.origin + ends.min(axis=0) - rounding,
+                    self.origin + ends.max(axis=0) + rounding,
+                )
+            )
+        return freeze(np.array(boxes))
 
     def transformed(self, matrix: ArrayLike) -> SurfaceOfRevolution:
         """Return the image under a similarity, with the same (u, v).
@@ -169,7 +253,7 @@ class SurfaceOfRevolution(ParametricSurface):
         radial = still_unit(radial - (radial @ axis) * axis, "radial")
         segments = [segment * (sign * scale, scale) for segment in self.segments]
         origin = scale * (orthogonal @ self.origin) + shift
-        return self._from_frame(segments, origin, axis, radial)
+        return self._from_frame(segments, origin, axis, radial, self.weights, self.u_range)
 
     def flipped(self) -> SurfaceOfRevolution:
         """Return the same surface drawn from its other end, so with the opposite normal.
@@ -177,7 +261,9 @@ class SurfaceOfRevolution(ParametricSurface):
         Parameters become (u, 1 - v), and segments count from the other end.
         """
         segments = [segment[::-1].copy() for segment in reversed(self.segments)]
-        return self._from_frame(segments, self.origin.copy(), self.axis.copy(), self.radial.copy())
+        weights = tuple(None if w is None else w[::-1] for w in reversed(self.weights))
+        frame = self.origin.copy(), self.axis.copy(), self.radial.copy()
+        return self._from_frame(segments, *frame, weights, self.u_range)
 
     def _fill(
         self,
@@ -188,9 +274,23 @@ class SurfaceOfRevolution(ParametricSurface):
         order_v: int,
         out: FloatArray,
     ) -> None:
-        lathe.evaluate_lathe(
-            self._profile, self._starts, self._frame, ids, u, v, order_u, order_v, out
+        evaluate = rational_lathe.evaluate_lathe if self.is_rational else lathe.evaluate_lathe
+        evaluate(
+            self._profile, self._starts, self._frame, ids, self._turns(u), v, order_u, order_v, out
         )
+        if not self.is_whole_turn:
+            out *= (self.u_range[1] - self.u_range[0]) ** order_u
+
+    def _turns(self, u: FloatArray) -> FloatArray:
+        """Return u in whole turns from the reference."""
+        begin, end = self.u_range
+        if (begin, end) == (0.0, 1.0):
+            return u
+        # So that both ends are where they were said to be.
+        turns: FloatArray = np.where(
+            u <= 0.5, begin + u * (end - begin), end - (1.0 - u) * (end - begin)
+        )
+        return turns
 
     def _fill_normals(
         self,
@@ -200,88 +300,7 @@ class SurfaceOfRevolution(ParametricSurface):
         out: FloatArray,
         is_degenerate: BoolArray,
     ) -> None:
-        lathe.normals_of_lathe(
-            self._profile, self._starts, self._frame, ids, u, v, out, is_degenerate
+        normals = rational_lathe.normals_of_lathe if self.is_rational else lathe.normals_of_lathe
+        normals(
+            self._profile, self._starts, self._frame, ids, self._turns(u), v, out, is_degenerate
         )
-
-
-def radius_rounding(segments: Iterable[FloatArray]) -> float:
-    """Return the radius up to which a profile point counts as on the axis."""
-    return RADIUS_ROUNDING * max(float(np.abs(segment).max()) for segment in segments)
-
-
-def _as_segments(profile: ArrayLike | Iterable[ArrayLike]) -> list[FloatArray]:
-    wanted = "pass Bezier points (axial position, radius)"
-    if isinstance(profile, str | bytes) or not isinstance(profile, Iterable):
-        raise TypeError(f"{PROFILE} is {shown(profile)}: {wanted}")
-    parts = list(profile)
-    if not parts:
-        raise ValueError(f"{PROFILE} is empty: {wanted}")
-    is_single = as_floats(parts[0], f"{PROFILE}[0]").ndim <= 1
-    arrays: list[Any] = [parts] if is_single else parts
-    names = [PROFILE] if is_single else [f"{PROFILE} segment {i}" for i in range(len(parts))]
-    segments = [as_floats(array, name).copy() for array, name in zip(arrays, names, strict=True)]
-    for segment, name in zip(segments, names, strict=True):
-        if segment.ndim != 2 or segment.shape[1] != 2:
-            raise ValueError(f"{name} has shape {segment.shape}: pass (n + 1, 2)")
-        if not 1 <= len(segment) - 1 <= MAX_DEGREE:
-            raise ValueError(f"{name} has degree {len(segment) - 1}: pass 1 to {MAX_DEGREE}")
-        bad = np.flatnonzero(~np.isfinite(segment).all(axis=1))
-        if bad.size:
-            raise ValueError(
-                f"{name}, point {bad[0]} is {segment[bad[0]].tolist()}: pass finite numbers"
-            )
-    return segments
-
-
-def _check_segments(segments: list[FloatArray]) -> None:
-    points = np.concatenate(segments)
-    rounding = radius_rounding(segments)
-    for i, segment in enumerate(segments):
-        extent = float(np.ptp(segment, axis=0).max())
-        if not extent > 4.0 * 2.0**-52 * float(np.abs(segment).max()):
-            raise ValueError(f"{PROFILE} segment {i} is shrunk to a point: remove it")
-        lowest = _lowest_radius(segment[:, 1], rounding)
-        if lowest < -rounding:
-            raise ValueError(
-                f"{PROFILE} segment {i} reaches radius {lowest:.6g}: cut it where it meets the axis, "
-                "radii must not be negative"
-            )
-    if not points[:, 1].max() > rounding:
-        raise ValueError(f"{PROFILE} lies wholly on the axis: pass radii above 0")
-    size = float(np.ptp(points, axis=0).max())
-    for i, (one, other) in enumerate(pairwise(segments)):
-        gap = float(np.abs(one[-1] - other[0]).max())
-        if gap > LARGEST_GAP * size:
-            raise ValueError(
-                f"{PROFILE} segments {i} and {i + 1} do not join: one ends at "
-                f"{one[-1].tolist()}, the next begins at {other[0].tolist()}; make both points "
-                "equal, or make two surfaces"
-            )
-
-
-def _lowest_radius(radii: FloatArray, rounding: float) -> float:
-    """Find a negative radius of a segment, or prove that none is below ``-rounding``.
-
-    A piece whose Bezier points are all above that is settled; others are halved.
-    """
-    pieces = [radii]
-    for _ in range(RADIUS_HALVINGS):
-        pieces = [piece for piece in pieces if piece.min() < -rounding]
-        if not pieces:
-            return 0.0
-        lowest = float(min(min(piece[0], piece[-1]) for piece in pieces))
-        if lowest < -rounding:
-            return lowest
-        pieces = [half for piece in pieces for half in halve_curve(piece)]
-    return 0.0
-
-
-def halve_curve(points: NDArray[np.float64]) -> tuple[FloatArray, FloatArray]:
-    """Halve a curve: Bezier points of both halves, one point per row."""
-    first, second = np.empty_like(points), np.empty_like(points)
-    current = points
-    for level in range(len(points)):
-        first[level], second[-1 - level] = current[0], current[-1]
-        current = 0.5 * (current[:-1] + current[1:])
-    return first, second

@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 from meshing.bezier import BezierPatches, RationalPatches
 from meshing.checks import FloatArray
 from meshing.kernels import joining
-from meshing.revolution import SurfaceOfRevolution, radius_rounding
+from meshing.profiles import radius_rounding
+from meshing.revolution import SurfaceOfRevolution
 
 # Control points that went through a rotation or a unit conversion agree to a few roundings.
 JOIN_TOLERANCE = 64.0 * 2.0**-52
@@ -133,10 +134,15 @@ def seams_of_revolution(surface: SurfaceOfRevolution) -> Seams:
     if is_closed:
         node[-1, 1] = node[0, 0]
     joints = np.abs(ends[1:, 0] - ends[:-1, 1])
-    # Both ends of a circle are the same point: the corner labels of u = 0 and u = 1 agree.
-    corner = np.concatenate((node, node), axis=1).reshape(-1)
+    # Both ends of a whole circle are the same point: the corner labels of u = 0 and u = 1 agree.
+    corner = np.concatenate((node, node), axis=1)
     group = np.arange(4 * k).reshape(k, 4)
-    group[:, 1] = group[:, 0]
+    if surface.is_whole_turn:
+        group[:, 1] = group[:, 0]
+    else:
+        # Of a part only points of the axis are where u = 0 and u = 1 meet.
+        on_axis = ends[:, :, 1] <= radius_rounding(segments)
+        corner[:, 2:] = np.where(on_axis, node, node + 2 * k)
     # Circles at the same place along the profile share the first edge that lies there.
     circles = np.stack((4 * np.arange(k) + 2, 4 * np.arange(k) + 3), axis=1)
     leader = np.full(2 * k, 4 * k)
@@ -145,7 +151,7 @@ def seams_of_revolution(surface: SurfaceOfRevolution) -> Seams:
     is_collapsed = np.zeros((k, 4), dtype=np.bool_)
     is_collapsed[:, 2:] = ends[:, :, 1] <= radius_rounding(segments)
     return Seams(
-        corner=corner,
+        corner=corner.reshape(-1),
         group=group.reshape(-1),
         is_reversed=np.zeros(4 * k, dtype=np.bool_),
         is_collapsed=is_collapsed.reshape(-1),

@@ -177,6 +177,11 @@ def _rational_patches(surface: RationalPatches, middle: FloatArray) -> list[Row]
 
 @_rows.register(SurfaceOfRevolution)
 def _profiles(surface: SurfaceOfRevolution, middle: FloatArray) -> list[Row]:
+    if surface.is_rational or not surface.is_whole_turn:
+        raise TypeError(
+            f"{surface!r} is rational or a part of a turn: pass whole turns of plain profiles, steps are "
+            "counted on these"
+        )
     vectors = (surface.origin - middle, surface.axis, surface.radial, surface.binormal)
     return [
         (

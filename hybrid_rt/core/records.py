@@ -5,8 +5,10 @@ A batch has its ray axis first. Every array is float64 unless its line says othe
 
 from __future__ import annotations
 
+import os
 from dataclasses import dataclass, fields
 from enum import IntEnum, IntFlag
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -101,6 +103,41 @@ class HitRecord:
     def hit(self) -> BoolArray:
         """(n,) bool: the rays that found a surface."""
         return self.object_id >= 0
+
+    def to_dataframe(self) -> Any:
+        """Return a pandas.DataFrame of n rows, one column per number.
+
+        Columns: t, object_id, patch_id, u, v, x, y, z (position), nx, ny, nz (normal), front_face,
+        status (MISS, HIT, TANGENT), flags, t_bound, residual. Lengths are in the units of the scene,
+        whatever these are; t and t_bound count lengths of each ray's direction.
+
+        Raises
+        ------
+        ImportError
+            Without pandas.
+        """
+        from hybrid_rt.core.hit_table import to_dataframe
+
+        return to_dataframe(self)
+
+    def to_csv(self, path: str | os.PathLike[str]) -> None:
+        """Write the columns of `to_dataframe` as comma-separated text, UTF-8, a header line first.
+
+        Numbers are written so that they are read back bit for bit; a miss has t inf and nan. A file
+        that exists is replaced.
+
+        Parameters
+        ----------
+        path : path
+
+        Raises
+        ------
+        TypeError, OSError
+            If it is no path, or cannot be written.
+        """
+        from hybrid_rt.core.hit_table import to_csv
+
+        to_csv(self, path)
 
 
 @dataclass(frozen=True)

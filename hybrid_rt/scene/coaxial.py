@@ -10,7 +10,8 @@ from __future__ import annotations
 import numpy as np
 
 from hybrid_rt.core.records import BoolArray, FloatArray
-from meshing.revolution import SurfaceOfRevolution, halve_curve
+from meshing.profiles import halve_curve
+from meshing.revolution import SurfaceOfRevolution
 
 # Axes count as one up to this angle, and up to this share of the size: far above rounding, far below
 # any gap that halving can find.
@@ -31,6 +32,9 @@ def may_share_ring(one: SurfaceOfRevolution, other: SurfaceOfRevolution, slack: 
     slack : float
         Distance up to which points count as coincident, scene units.
     """
+    # Weights would have to be halved with the points.
+    if one.is_rational or other.is_rational:
+        return True
     sign = float(np.sign(one.axis @ other.axis))
     apart = other.origin - one.origin
     size = max(

@@ -35,6 +35,7 @@ from hybrid_rt.intersection.kernels.search.nearest import Nearest, Rays
 from hybrid_rt.intersection.kernels.search.tolerances import DEPTH
 from hybrid_rt.intersection.kind import Finished
 from meshing import SurfaceOfRevolution
+from meshing.profiles import cosine_and_sine, homogeneous
 
 if TYPE_CHECKING:
     from hybrid_rt.intersection.coarse.proposals import Coarse
@@ -57,7 +58,7 @@ class RevolutionKind:
     """
 
     def __init__(self, surfaces: Sequence[tuple[int, SurfaceOfRevolution]]) -> None:
-        middle, aside, to_frame, size, roundings = [], [], [], [], []
+        middle, aside, to_frame, size, roundings, part = [], [], [], [], [], []
         control, end, first_segment, segment_id = [], [], [0], []
         for _, surface in surfaces:
             points = np.concatenate(surface.segments)
@@ -71,10 +72,16 @@ class RevolutionKind:
             aside.append(_from_rounded(surface, centre, point) * scale)
             to_frame.append(scale)
             size.append(radius * scale)
-            roundings.append(6.0 * max(map(len, surface.segments)) + 2.0)
+            part.append(_part(surface))
+            # Of a rational segment numerator and denominator are halved alike.
+            sums = [
+                6.0 * len(net) + 2.0 if w is None else 12.0 * len(net) + 8.0
+                for net, w in zip(surface.segments, surface.weights, strict=True)
+            ]
+            roundings.append(max(sums))
             for number, segment in enumerate(surface.segments):
                 if segment[:, 1].any():  # else it lies on the axis and has no area
-                    control.append((segment - [centre, 0.0]) * scale)
+                    control.append(_net(surface, number, centre, scale))
                     segment_id.append(number)
                     end.append([_describe_end(surface, number, k, centre, scale) for k in (0, 1)])
             first_segment.append(len(control))
@@ -86,6 +93,7 @@ class RevolutionKind:
             aside=np.array(aside),
             to_frame=np.array(to_frame),
             turn=np.array([np.stack([s.radial, s.binormal, s.axis]) for _, s in surfaces]),
+            part=np.array(part),
             size=np.array(size),
             roundings=np.array(roundings),
             first_segment=np.array(first_segment, np.int64),
@@ -151,6 +159,24 @@ class RevolutionKind:
         finish_revolutions(self.table, rays, best, row_of, np.empty(RAY), out)
 
 
+def _net(surface: SurfaceOfRevolution, number: int, centre: float, scale: float) -> FloatArray:
+    """Return a segment as the kernels take it, see `RevolutionTable.control`."""
+    points = (surface.segments[number] - [centre, 0.0]) * scale
+    weights = surface.weights[number]
+    if weights is None:
+        return np.column_stack([points, np.zeros(len(points))])
+    return homogeneous(points, weights)
+
+
+def _part(surface: SurfaceOfRevolution) -> FloatArray:
+    """Return the part of a turn as the kernels take it, see `PART`."""
+    begin, end = surface.u_range
+    share = end - begin
+    mx, my = cosine_and_sine(0.5 * (begin + end))
+    cosine, sine = cosine_and_sine(0.5 * share)
+    return np.array([float(share < 1.0), mx, my, cosine, sine, begin - np.floor(begin), share])
+
+
 def _from_rounded(surface: SurfaceOfRevolution, centre: float, point: FloatArray) -> FloatArray:
     """Return the point of the axis at a height, less what it was rounded to: along u, across, up."""
     exact = [
@@ -170,12 +196,13 @@ def _describe_end(
 ) -> FloatArray:
     """Return an end of a segment (s = 0, s = 1) as the kernels take it, see `END`."""
     segments = [segment if k else segment[::-1] for segment in surface.segments for k in (1, 0)]
+    weights = [w if k or w is None else w[::-1] for w in surface.weights for k in (1, 0)]
     size = np.abs(np.concatenate(surface.segments)).max()
     me = 2 * number + side
     net = segments[me]
     row = np.zeros(END)
     row[END_Z], row[END_R] = (net[0] - [centre, 0.0]) * scale
-    row[END_TANGENT : END_TANGENT + 3] = tangent = _leave(net, size, scale)
+    row[END_TANGENT : END_TANGENT + 3] = tangent = _leave(net, weights[me], size, scale)
     if net[0, 1] <= JOINED * size:
         row[END_KIND], row[END_R] = TIP, 0.0
         row[END_TANGENT + 3 :] = tangent * (1.0, -1.0, -1.0)
@@ -187,13 +214,13 @@ def _describe_end(
     for k in others:
         if np.abs(segments[k][0] - net[0]).max() <= JOINED * size:
             row[END_KIND] = BEND
-            row[END_TANGENT + 3 :] = _leave(segments[k], size, scale)
+            row[END_TANGENT + 3 :] = _leave(segments[k], weights[k], size, scale)
             return row
     row[END_KIND] = RIM
     return row
 
 
-def _leave(net: FloatArray, size: float, scale: float) -> FloatArray:
+def _leave(net: FloatArray, weights: FloatArray | None, size: float, scale: float) -> FloatArray:
     """Return the unit tangent (z, r) with which a segment begins, and its curvature there."""
     steps = np.hypot(*(net - net[0]).T)
     first = int(np.argmax(steps > JOINED * size))
@@ -203,6 +230,8 @@ def _leave(net: FloatArray, size: float, scale: float) -> FloatArray:
         n = len(net) - 1
         bend = (net[2] - net[1]) - (net[1] - net[0])
         curvature = (n - 1) / n * (tz * bend[1] - tr * bend[0]) / steps[1] ** 2 / scale
+        if weights is not None:
+            curvature *= weights[0] * weights[2] / weights[1] ** 2
     return np.array([tz, tr, curvature])
 
 
@@ -220,7 +249,7 @@ def _outlines(ends: list[FloatArray]) -> int:
 def _new_scratch(table: RevolutionTable) -> RevolutionScratch:
     """Return scratch for one call of `trace_revolutions`."""
     return RevolutionScratch(
-        net=np.empty((int(table.degree.max()) + 1, 2)),
+        net=np.empty((int(table.degree.max()) + 1, 3)),
         stack=np.empty((DEPTH, 2)),
         piece=np.empty(PIECE),
         ray=np.empty(RAY),

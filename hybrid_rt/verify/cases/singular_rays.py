@@ -17,7 +17,7 @@ from hybrid_rt.core.records import FloatArray
 from hybrid_rt.primitives import Plane
 from hybrid_rt.verify.cases.rays import PLANE_EXTENT, _across, unit
 from meshing import BezierPatches, SurfaceOfRevolution
-from meshing.revolution import radius_rounding
+from meshing.profiles import radius_rounding
 
 # How far before their target rays begin, in sizes; and in distances from the singular set.
 BACKS = (0.3, 3.0, 1e3)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
@@ -115,6 +116,40 @@ def _ball() -> list[Any]:
     return [SurfaceOfRevolution([low, high], ZERO, Z)]
 
 
+def rational_torus(u_range: tuple[float, float] = (0.0, 1.0)) -> SurfaceOfRevolution:
+    """Return a torus turned from four quarter circles, rational quadratics."""
+    ring = [
+        (0, 1.4),
+        (0.4, 1.4),
+        (0.4, 1),
+        (0.4, 0.6),
+        (0, 0.6),
+        (-0.4, 0.6),
+        (-0.4, 1),
+        (-0.4, 1.4),
+    ]
+    ring.append(ring[0])
+    arcs = [ring[k : k + 3] for k in range(0, 8, 2)]
+    weights = [(1.0, math.sqrt(0.5), 1.0)] * 4
+    return SurfaceOfRevolution(
+        arcs, (0.2, -0.1, 0.3), (0.3, -0.2, 1.0), weights=weights, u_range=u_range
+    )
+
+
+def rational_ball() -> SurfaceOfRevolution:
+    """Return a ball of radius 1 turned from two quarter circles."""
+    arcs = [[(-1, 0), (-1, 1), (0, 1)], [(0, 1), (1, 1), (1, 0)]]
+    return SurfaceOfRevolution(arcs, ZERO, Z, weights=[(1.0, math.sqrt(0.5), 1.0)] * 2)
+
+
+def uneven_profile() -> SurfaceOfRevolution:
+    """Return a part of a rational cubic whose weights differ by a factor of 1000."""
+    return SurfaceOfRevolution(
+        [(-1, 0.8), (-0.5, 2.5), (0.6, 0.1), (1, 1.2)], ZERO, (1.0, 2.0, 2.0),
+        weights=[1.0, 0.02, 20.0, 3.0], u_range=(0.1, 0.85),
+    )  # fmt: skip
+
+
 def lid() -> BezierPatches:
     """Return the lid of the teapot: eight patches, four of them with an edge at the apex."""
     nets = teapot().patches
@@ -223,6 +258,12 @@ def _turned(name: str, *segments: Any, **more: Any) -> dict[str, SingularSet]:
     return {name: SingularSet("turned", _lathe(*segments), **{"find": poles, **more})}
 
 
+def part(profile: Any, begin: float, end: float) -> SurfaceOfRevolution:
+    """Return a part of a turned surface."""
+    return SurfaceOfRevolution(profile, ZERO, Z, u_range=(begin, end))
+
+
+CYLINDER = [(-1.0, 1.0), (1.0, 1.0)]
 CONE = [(0.0, 0.0), (2.0, 1.0)]
 PARABOLOID = [(0.0, 0.0), (0.0, 0.5), (1.0, 1.0)]
 EGG = [(-1.0, 0.0), (-1.0, 0.9), (1.2, 1.3), (1.2, 0.0)]
@@ -258,6 +299,33 @@ SETS: dict[str, SingularSet] = {
     **_turned("cone tip, leaving", CONE, leaving="beside"),
     **_turned("paraboloid pole, leaving", PARABOLOID, leaving="beside"),
     **_turned("joint, leaving", *DIAMOND, find=circles(True), leaving="beside"),
+    "rational torus, tangents": SingularSet(
+        "turned", lambda: [rational_torus()], interior, parallel
+    ),
+    "rational torus, flat circle": SingularSet(
+        "turned", lambda: [rational_torus()], circles(True), parallel
+    ),
+    "rational torus, joints": SingularSet("turned", lambda: [rational_torus()], circles(True)),
+    "rational torus, leaving": SingularSet(
+        "turned", lambda: [rational_torus()], interior, leaving="grazing"
+    ),
+    "rational ball, poles": SingularSet("turned", lambda: [rational_ball()], poles),
+    "part of a cylinder, ends": SingularSet("turned", lambda: [part(CYLINDER, 0.1, 0.6)], edges),
+    "part of a cylinder, within": SingularSet(
+        "turned", lambda: [part(CYLINDER, 0.0, 0.25)], edges, within
+    ),
+    "part of a cone, tip": SingularSet("turned", lambda: [part(CONE, -0.1, 0.7)], poles),
+    "part of a torus, ends": SingularSet(
+        "turned", lambda: [rational_torus((0.3, 0.65))], at_parameters([(0, None), (1, None)], False)
+    ),
+    "part of a torus, tangents": SingularSet(
+        "turned", lambda: [rational_torus((0.3, 1.2))], interior, parallel
+    ),
+    "part, leaving": SingularSet(
+        "turned", lambda: [rational_torus((0.3, 0.65))], edges, leaving="beside"
+    ),
+    "uneven weights": SingularSet("turned", lambda: [uneven_profile()], interior, parallel),
+    "uneven weights, ends": SingularSet("turned", lambda: [uneven_profile()], edges),
     # --- patches
     "apex of the lid": SingularSet("patches", lambda: [lid()], collapsed),
     "collapsed edge": SingularSet("patches", lambda: [petal()], collapsed),

@@ -10,7 +10,9 @@ a = Z(s), x^2 + y^2 = R(s)^2. Where a changes along the ray, t = (Z(s) - a0) / a
 
     f(s) = (a1 x0 + (Z(s) - a0) x1)^2 + (a1 y0 + (Z(s) - a0) y1)^2 - a1^2 R(s)^2,
 
-a polynomial of degree 2n with rational coefficients. Both halves of the ray, before and after the
+a polynomial of degree 2n with rational coefficients. Of a rational profile Z = N / W, R = M / W all is
+multiplied by W^2: the degree stays. Where only a part of the turn is there, crossings are dropped that lie
+beyond the half-planes of its ends, which balls tell. Both halves of the ray, before and after the
 axis, are roots of the same f. Where a does not change, s is a root of Z(s) = a0, and t then of a
 quadratic. The method is independent of the tracer, which solves two equations in (s, t) by Newton
 iteration and proves by intervals.
@@ -25,6 +27,7 @@ import flint
 
 from hybrid_rt.verify.exact.crossings import (
     ALONG,
+    OPEN,
     Ball,
     Crosser,
     Crossing,
@@ -58,23 +61,54 @@ def revolution_crosser(surface: SurfaceOfRevolution) -> Crosser:
     duals = [cross(frame[1], frame[2]), cross(frame[2], frame[0]), cross(frame[0], frame[1])]
     determinant = dot(frame[0], duals[0])
     segments = [
-        _Segment(number, net, determinant)
-        for number, net in enumerate(surface.segments)
+        _Segment(number, net, weights, determinant)
+        for number, (net, weights) in enumerate(zip(surface.segments, surface.weights, strict=True))
         if net[:, 1].any()  # one on the axis has no area
     ]
+    part = None if surface.is_whole_turn else _Part(*surface.u_range)
     vectors = [[float(x) for x in v] for v in (surface.axis, surface.radial, surface.binormal)]
 
     def crossings(o: RationalVector, d: RationalVector) -> list[Crossing]:
         away = [x - y for x, y in zip(o, origin, strict=True)]
         start = [dot(dual, away) for dual in duals]
         way = [dot(dual, d) for dual in duals]
-        line = _Line(start, way, [float(x) for x in d], vectors, float(determinant))
+        line = _Line(start, way, [float(x) for x in d], vectors, float(determinant), part)
         found = []
         for segment in segments:
             found += segment.crossings(line)
         return found
 
     return crossings
+
+
+class _Part:
+    """The part of a turn that a surface takes."""
+
+    def __init__(self, begin: float, end: float) -> None:
+        self.begin, self.share = begin, end - begin
+        self._ends = rationals((begin, end))
+
+    def to_end(self, x: Ball, y: Ball) -> float | None:
+        """Return the distance of a point from the nearer end; None if it is beyond."""
+        with bits(256):
+            (ax, ay), (bx, by) = (
+                ((2 * u).cos_pi(), (2 * u).sin_pi()) for u in map(flint.arb, self._ends)
+            )
+            from_begin, from_end = ax * y - ay * x, x * by - y * bx
+            # Of half a turn or less a point is within if it is on the right side of both ends; of more
+            # it is beyond if it is on the wrong side of both.
+            if self.share <= 0.5:
+                is_beyond = from_begin < 0 or from_end < 0
+            else:
+                is_beyond = from_begin < 0 and from_end < 0
+            if is_beyond:
+                return None
+            rho = math.hypot(float(x.mid()), float(y.mid()))
+            distances = [
+                abs(float(side.mid())) if along > 0 else rho
+                for side, along in ((from_begin, ax * x + ay * y), (from_end, bx * x + by * y))
+            ]
+            return min(distances)
 
 
 class _Line:
@@ -87,7 +121,9 @@ class _Line:
         d: list[float],
         vectors: list[list[float]],
         determinant: float,
+        part: _Part | None,
     ) -> None:
+        self.part = part
         self.a0, self.x0, self.y0 = start
         self.a1, self.x1, self.y1 = way
         self.d, self.length = d, norm(d)
@@ -106,19 +142,33 @@ class _Line:
 
 
 class _Segment:
-    """One segment of the profile; positions and radii times the frame's determinant."""
+    """One segment of the profile; positions and radii times the frame's determinant.
 
-    def __init__(self, number: int, net: Any, determinant: Rational) -> None:
+    They are ``z`` / ``w`` and ``r`` / ``w``; ``dz`` and ``dr`` are w^2 times their derivatives.
+    """
+
+    def __init__(self, number: int, net: Any, weights: Any, determinant: Rational) -> None:
         self.number = number
-        self.z = determinant * bernstein_form(rationals(net[:, 0]))
-        self.r = determinant * bernstein_form(rationals(net[:, 1]))
-        self.dz, self.dr = self.z.derivative(), self.r.derivative()
+        w = rationals([1.0] * len(net) if weights is None else weights)
+        z, r = ([a * b for a, b in zip(rationals(net[:, k]), w, strict=True)] for k in (0, 1))
+        self.z, self.r = determinant * bernstein_form(z), determinant * bernstein_form(r)
+        self.w = bernstein_form(w)
+        rate = self.w.derivative()
+        self.dz = self.z.derivative() * self.w - self.z * rate
+        self.dr = self.r.derivative() * self.w - self.r * rate
         self.squares = self.r * self.r
 
     def crossings(self, line: _Line) -> list[Crossing]:
-        height = self.z - line.a0
+        found = self._of_whole_turn(line)
+        return [one for one in found if one is not None]
+
+    def _of_whole_turn(self, line: _Line) -> list[Crossing | None]:
+        height = self.z - line.a0 * self.w
         if line.a1 != 0:
-            x, y = line.a1 * line.x0 + height * line.x1, line.a1 * line.y0 + height * line.y1
+            x, y = (
+                line.a1 * p * self.w + height * q
+                for p, q in ((line.x0, line.x1), (line.y0, line.y1))
+            )
             f = x * x + y * y - line.a1**2 * self.squares
             if f == 0:
                 return [self._ruling(line, height)]
@@ -127,19 +177,19 @@ class _Segment:
             return self._within_disc(line)
         return self._across(line, height)
 
-    def _by_height(self, line: _Line, f: Polynomial, height: Polynomial) -> list[Crossing]:
+    def _by_height(self, line: _Line, f: Polynomial, height: Polynomial) -> list[Crossing | None]:
         for number in precisions():
             roots = roots_from_0_to_1(f, number)
             with bits(2 * number):
-                ts = [value(height, s) / line.a1 for s in roots]
+                ts = [value(height, s) / (line.a1 * value(self.w, s)) for s in roots]
                 if all(is_narrow(t, line.scale) for t in ts):
                     return [self._point(line, s, t) for s, t in zip(roots, ts, strict=True)]
         raise ArithmeticError("t that cannot be narrowed")
 
-    def _across(self, line: _Line, height: Polynomial) -> list[Crossing]:
+    def _across(self, line: _Line, height: Polynomial) -> list[Crossing | None]:
         """Solve Z(s) = a0 for s, then the quadratic for t."""
         a, b, c = line.quadratic()
-        square = b * b - a * c + a * self.squares
+        square = (b * b - a * c) * self.w * self.w + a * self.squares
         once = height // height.gcd(height.derivative())
         touching = once.gcd(square)
         found = []
@@ -152,7 +202,7 @@ class _Segment:
                 if any(x.contains(0) for x in squares):
                     continue
                 pairs = [
-                    (s, (-b + sign * x.sqrt()) / a)
+                    (s, (-b + sign * x.sqrt() / value(self.w, s)) / a)
                     for s, x in zip(roots, squares, strict=True)
                     if x > 0
                     for sign in (-1, 1)
@@ -161,19 +211,23 @@ class _Segment:
                     return found + [self._point(line, s, t) for s, t in pairs]
         raise ArithmeticError("t that cannot be narrowed")
 
-    def _ruling(self, line: _Line, height: Polynomial) -> Crossing:
+    def _ruling(self, line: _Line, height: Polynomial) -> Crossing | None:
         """Return the stretch of a ray that lies in the surface."""
         ends = [
-            (value(height, s) / line.a1, s) for s in [flint.arb(0), flint.arb(1), *_turns(self.dz)]
+            (value(height, s) / (line.a1 * value(self.w, s)), s)
+            for s in [flint.arb(0), flint.arb(1), *_turns(self.dz)]
         ]
         ends.sort(key=lambda end: float(end[0].mid()))
         (t, s), (t_end, _) = ends[0], ends[-1]
         return self._point(line, s, t, ALONG, t_end)
 
-    def _within_disc(self, line: _Line) -> list[Crossing]:
+    def _within_disc(self, line: _Line) -> list[Crossing | None]:
         """Return the stretches of a ray in the plane of a flat segment."""
         a, b, c = line.quadratic()
-        ends = [(value(self.squares, s), s) for s in [flint.arb(0), flint.arb(1), *_turns(self.dr)]]
+        ends = [
+            (value(self.squares, s) / value(self.w, s) ** 2, s)
+            for s in [flint.arb(0), flint.arb(1), *_turns(self.dr)]
+        ]
         ends.sort(key=lambda end: float(end[0].mid()))
         (low, inner), (high, outer) = ends[0], ends[-1]
         rest = b * b - a * c + a * high
@@ -191,20 +245,33 @@ class _Segment:
 
     def _point(
         self, line: _Line, s: Ball, t: Ball, kind: str = "point", t_end: Ball | None = None
-    ) -> Crossing:
-        x, y = (float((p + t * q).mid()) for p, q in ((line.x0, line.x1), (line.y0, line.y1)))
-        dz, dr = float(value(self.dz, s).mid()), float(value(self.dr, s).mid())
+    ) -> Crossing | None:
+        at = [p + t * q for p, q in ((line.x0, line.x1), (line.y0, line.y1))]
+        x, y = (float(p.mid()) for p in at)
+        w = float(value(self.w, s).mid())
+        dz, dr = (float(value(rate, s).mid()) / w**2 for rate in (self.dz, self.dr))
         cosine, per_s = self._slopes(line, x, y, dz, dr)
-        v = float(s.mid())
+        v, u = float(s.mid()), math.atan2(y, x) / (2.0 * math.pi) % 1.0
+        to_edge = min(v, 1.0 - v) * per_s
+        if line.part is not None:
+            if kind == ALONG and line.a1 == 0:  # stretches of a disc that ends within
+                return Crossing(t, self.number, u, v, cosine, OPEN, t_end)
+            beside = line.part.to_end(*at)
+            if beside is None:
+                return None
+            u = (u - line.part.begin) % 1.0
+            # Rounded to beyond an end it is at that.
+            u = u / line.part.share if u <= 0.5 + 0.5 * line.part.share else 0.0
+            to_edge = min(to_edge, beside / line.determinant * cosine)
         return Crossing(
             t=t,
             patch_id=self.number,
-            u=math.atan2(y, x) / (2.0 * math.pi) % 1.0,
+            u=min(u, 1.0),
             v=v,
             cosine=cosine,
             kind=kind,
             t_end=t_end,
-            to_edge=min(v, 1.0 - v) * per_s,
+            to_edge=to_edge,
         )
 
     def _slopes(self, line: _Line, x: float, y: float, dz: float, dr: float) -> tuple[float, float]:

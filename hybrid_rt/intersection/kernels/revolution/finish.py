@@ -3,11 +3,19 @@
 import numpy as np
 
 from hybrid_rt.intersection.kernels.revolution.outlines import is_outline
-from hybrid_rt.intersection.kernels.revolution.profile import profile, segment_of
+from hybrid_rt.intersection.kernels.revolution.profile import (
+    BEGIN,
+    SHARE,
+    profile,
+    segment_of,
+    summed_degree,
+)
 from hybrid_rt.intersection.kernels.revolution.sheets import (
     ACROSS,
+    BAND,
     COSINE,
     HEIGHT,
+    IN_PART,
     RISE,
     SIDE,
     SINE,
@@ -15,6 +23,7 @@ from hybrid_rt.intersection.kernels.revolution.sheets import (
     bend_of_ray,
     distance,
     enter_axis_frame,
+    shift_to_end,
 )
 from hybrid_rt.intersection.kernels.revolution.solve import meet, offer_meeting, rounding
 from hybrid_rt.intersection.kernels.search.coarse import parameters_at
@@ -44,7 +53,8 @@ def refine_revolutions(table, hits, triangles, row_of, rows, rays, best, ray, ac
             # leaves by, it goes on along the profile, never back.
             while table.first_segment[k] <= at < table.first_segment[k + 1]:
                 segment = segment_of(table, k, at)
-                noise, error = rounding(segment.degree, table.size[k], ray, begin)
+                sums = summed_degree(segment.control, segment.start, segment.degree)
+                noise, error = rounding(sums, table.size[k], ray, begin)
                 ok, s, root, _, slope, gain = meet(
                     segment.control, segment.start, segment.degree, ray, after, s, begin, noise
                 )
@@ -93,6 +103,10 @@ def finish_revolutions(table, rays, best, row_of, ray, out):
         bend -= (zs * rr - rs * zz) / (speed * speed) * (zs * ray[RISE] + rs * rate) ** 2
         if is_outline(table.end[seg], table.size[k], ray, z, r, t, nr, nz, bend):
             best.tangent[i] = 1
+        if ray[IN_PART] != 0.0:
+            to_end = shift_to_end(ray, t, abs(nr * rate + nz * ray[RISE]))
+            if to_end <= ray[BAND]:
+                best.tangent[i] = 1
         if r <= 4.0 * UNIT_ROUNDOFF * table.size[k]:
             # On the axis: the normal of a tip is the axis; a smooth pole has no other.
             if abs(zs) > 1e-6:
@@ -107,7 +121,15 @@ def finish_revolutions(table, rays, best, row_of, ray, out):
             out.position[i, c] = table.middle[k, c] + local / to_frame
             out.normal[i, c] = nr * (ex * e[0, c] + ey * e[1, c]) + nz * e[2, c]
         turn = np.arctan2(ey, ex) / (2.0 * np.pi)
+        turn -= np.floor(turn) + table.part[k, BEGIN]
         turn -= np.floor(turn)
-        out.u[i], out.v[i] = (turn if turn < 1.0 else 0.0), s
+        share = table.part[k, SHARE]
+        if share < 1.0:
+            # Rounding may have put it beyond either end.
+            turn = turn / share if turn <= 0.5 + 0.5 * share else 0.0
+            out.u[i] = min(turn, 1.0)
+        else:
+            out.u[i] = turn if turn < 1.0 else 0.0
+        out.v[i] = s
         out.patch_id[i] = table.segment_id[seg]
         out.residual[i] = gap / to_frame

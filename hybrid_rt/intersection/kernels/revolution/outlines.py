@@ -20,6 +20,7 @@ from hybrid_rt.intersection.kernels.revolution.sheets import (
     BAND,
     BESIDE,
     HEIGHT,
+    IN_PART,
     LENGTH,
     RISE,
     SHIFT,
@@ -30,6 +31,7 @@ from hybrid_rt.intersection.kernels.revolution.sheets import (
     distance,
     toward_circle,
     way_on_sheet,
+    within_part,
 )
 from hybrid_rt.intersection.kernels.search.nearest import is_known
 from hybrid_rt.intersection.kernels.search.tolerances import APPROACHES, FLATTEST
@@ -45,7 +47,22 @@ BESIDE_END = 1e-4
 
 @inner
 def note_doubt(i, t, ray, rays, best):
-    """Note that something within the TANGENT band of ray i was passed by at t."""
+    """Note that something within the TANGENT band of ray i was passed by at t.
+
+    Beyond the ends of a part of the turn there is nothing. What the band can bring about there is a
+    contact as long as the root of the band, and as far as the ray goes around the axis.
+    """
+    if ray[IN_PART] != 0.0:
+        rho, _ = distance(ray, t, True)
+        around = ray[ACROSS] * ray[BESIDE] / (max(rho, 1e-300) * ray[LENGTH])
+        if within_part(ray, t) < -4.0 * (ray[BAND] + min(np.sqrt(ray[BAND]), around)):
+            return
+    keep_doubt(i, t, ray, rays, best)
+
+
+@inner
+def keep_doubt(i, t, ray, rays, best):
+    """Note that the band decides something at t, if that is where a hit may be."""
     t = (t + ray[SHIFT]) * ray[TO_WORLD]
     if not (t > rays.t_min[i] and t < best.doubt[i]):
         return

@@ -11,6 +11,13 @@ of coordinates, and its rate by that over rho.)
 
 import numpy as np
 
+from hybrid_rt.intersection.kernels.revolution.profile import (
+    HALF_COSINE,
+    HALF_SINE,
+    IS_PART,
+    MIDDLE_X,
+    MIDDLE_Y,
+)
 from hybrid_rt.intersection.kernels.search.frame import enter_frame
 from hybrid_rt.intersection.kernels.search.tolerances import TANGENT_BAND, UNIT_ROUNDOFF
 from meshing.kernels.jit import inlined, inner
@@ -27,12 +34,13 @@ FARTHEST_BASE = 3.0
 # axis at t = 0, and how both grow with t; its distance beside the axis, without and with a sign;
 # t = 0 itself, in lengths of the direction from the origin; lengths of direction and origin; that
 # direction across; half the width in which decisions are TANGENT; rounding of one evaluation; and
-# what brings t back: the caller's t is (t + SHIFT) TO_WORLD.
+# what brings t back: the caller's t is (t + SHIFT) TO_WORLD; and the part of the turn that there is, see
+# `profile.PART`.
 (
     HEIGHT, RISE, ACROSS, WAY, BESIDE, BASE, LENGTH, AWAY, COSINE, SINE, SIDE, BAND, SLOP, SHIFT,
-    TO_WORLD,
-) = range(15)  # fmt: skip
-RAY = 15
+    TO_WORLD, IN_PART, PART_X, PART_Y, PART_COSINE, PART_SINE,
+) = range(20)  # fmt: skip
+RAY = 20
 
 
 @inlined
@@ -78,6 +86,11 @@ def enter_axis_frame(k, table, ox, oy, oz, dx, dy, dz, ray):
     ray[BAND] = min(TANGENT_BAND * max(away + abs(shift) * length, 2.0 * size), 2.0 * size)
     ray[SLOP] = table.roundings[k] * UNIT_ROUNDOFF * max(size, away)
     ray[SHIFT], ray[TO_WORLD] = shift + base, 1.0 / to_frame
+    part = table.part
+    ray[IN_PART] = part[k, IS_PART]
+    if ray[IN_PART] != 0.0:
+        ray[PART_X], ray[PART_Y] = part[k, MIDDLE_X], part[k, MIDDLE_Y]
+        ray[PART_COSINE], ray[PART_SINE] = part[k, HALF_COSINE], part[k, HALF_SINE]
     return shift + base
 
 
@@ -169,3 +182,33 @@ def toward_circle(z, r, ray, after, t):
     if run == 0.0:
         return 0.0
     return ((z - (ray[HEIGHT] + t * ray[RISE])) * ray[RISE] + (r - rho) * rate) / run
+
+
+@inner
+def within_part(ray, t):
+    """Return how far within the part of the turn a point of the ray is; below zero: beyond its ends.
+
+    With the angle a between the point and the middle of the part, and half the part's angle b, that is
+    rho sin(b - a), and all of rho where b - a is more than a quarter turn.
+    """
+    w = ray[WAY] + t * ray[ACROSS]
+    x, y = w * ray[COSINE] - ray[SIDE] * ray[SINE], w * ray[SINE] + ray[SIDE] * ray[COSINE]
+    along = x * ray[PART_X] + y * ray[PART_Y]
+    aside = abs(x * ray[PART_Y] - y * ray[PART_X])
+    if along * ray[PART_COSINE] + aside * ray[PART_SINE] > 0.0:
+        return along * ray[PART_SINE] - aside * ray[PART_COSINE]
+    # More than a quarter turn from either end, which is within only where the part is a half or more.
+    rho = np.sqrt(x * x + y * y)
+    return rho if ray[PART_COSINE] < 0.0 or (ray[PART_COSINE] == 0.0 and along > 0.0) else -rho
+
+
+@inner
+def shift_to_end(ray, t, slope):
+    """Return how far a ray must be moved for its hit at t to leave the part, below zero: to enter it.
+
+    The end is a meridian, to first order its tangent; ``slope`` is |n.d|, and with the way around the
+    axis makes the sine of the angle between ray and meridian.
+    """
+    rho, _ = distance(ray, t, True)
+    around = ray[ACROSS] * ray[BESIDE] / max(rho, 1e-300)
+    return within_part(ray, t) * (slope / np.sqrt(max(slope * slope + around * around, 1e-300)))

@@ -11,6 +11,7 @@ docs/rounding_turned.md.
 
 import numpy as np
 
+from hybrid_rt.intersection.kernels.revolution.outlines import keep_doubt
 from hybrid_rt.intersection.kernels.revolution.profile import (
     BEND,
     DR0,
@@ -27,12 +28,16 @@ from hybrid_rt.intersection.kernels.revolution.profile import (
     S0,
     S1,
     profile,
+    speed_degree,
+    summed_degree,
 )
 from hybrid_rt.intersection.kernels.revolution.sheets import (
     ACROSS,
     AWAY,
+    BAND,
     BASE,
     HEIGHT,
+    IN_PART,
     LENGTH,
     RISE,
     SHIFT,
@@ -41,6 +46,7 @@ from hybrid_rt.intersection.kernels.revolution.sheets import (
     bend_of_ray,
     distance,
     sheet_interval,
+    shift_to_end,
     toward_circle,
     way_on_sheet,
 )
@@ -128,6 +134,10 @@ def meet(control, start, degree, ray, after, s, t, noise):
             and abs(ds) * degree <= SMALL_STEP
             and abs(dt) * across <= 0.125 * rho
             and abs(zs) * turn + abs(ds) * (abs(rr * dz) + abs(zz) * across) <= 0.0625 * abs(det)
+            and (
+                control[start, 2] == 0.0
+                or abs(ds) * speed_degree(control, start, degree) <= SMALL_STEP
+            )
         )
         if is_root or is_last:
             slope = abs(det) / np.sqrt(zs * zs + rs * rs)
@@ -246,12 +256,25 @@ def offer_meeting(i, s, t, slope, gain, noise, error, segment, ray, after, rays,
     t_world = (t + shift) * to_world
     if not t_world > t_min[i] or is_known(i, t_world, t_bound, slope, known):
         return True, False
+    if ray[IN_PART] != 0.0 and not is_in_part(i, t, slope, ray, rays, best):
+        return True, False
     # Of roots at the same t the one with the lower bound is taken, whichever was found first.
     offer(
         i, t_world, t_bound, slope, False, segment.object_id, segment.row, t_bound, s,
         t_min, known, best,
     )  # fmt: skip
     return True, True
+
+
+@inner
+def is_in_part(i, t, slope, ray, rays, best):
+    """Tell whether a root is in the part of the turn; what the band decides is noted as a doubt."""
+    to_end = shift_to_end(ray, t, slope)
+    if to_end >= 0.0:
+        return True
+    if to_end >= -ray[BAND]:
+        keep_doubt(i, t, ray, rays, best)
+    return False
 
 
 @inlined
@@ -267,7 +290,7 @@ def solve_single(i, segment, piece, t0, t1, ray, after, rays, best, counters):
     counters[NEWTONS] += 1
     a, b = piece[S0], piece[S1]
     t = 0.5 * (t0 + t1)
-    noise, error = rounding(degree, segment.size, ray, t)
+    noise, error = rounding(summed_degree(control, start, degree), segment.size, ray, t)
     ok, s, t, steps, slope, gain = meet(control, start, degree, ray, after, 0.5 * (a + b), t, noise)
     counters[STEPS] += steps
     if not (ok and a - GROWTH * (b - a) <= s <= b + GROWTH * (b - a)):

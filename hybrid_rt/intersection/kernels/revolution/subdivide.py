@@ -17,10 +17,12 @@ from hybrid_rt.intersection.kernels.revolution.profile import (
     measure_piece,
     profile,
     restrict_profile,
+    summed_degree,
 )
 from hybrid_rt.intersection.kernels.revolution.sheets import (
     BAND,
     HEIGHT,
+    IN_PART,
     LENGTH,
     RISE,
     SHIFT,
@@ -34,6 +36,7 @@ from hybrid_rt.intersection.kernels.revolution.solve import (
     approach_ray,
     at_most_one,
     gap_between,
+    is_in_part,
     rounding,
     solve_single,
 )
@@ -173,12 +176,16 @@ def solve_piece(i, segment, piece, ray, after, t_lo, t_cut, rays, best, work, co
             ):
                 slope = max(slope, FLATTEST)
                 s, near = approach_ray(control, start, degree, ray, after, a, b, t0, t1)
-                _, error = rounding(degree, size, ray, near)
+                _, error = rounding(summed_degree(control, start, degree), size, ray, near)
                 t_bound = 0.5 * reach + 2.0 * error / slope + abs(near - middle) * length
                 t_bound = t_bound / length * to_world
                 t_world = (near + shift) * to_world
                 slope *= length
-                if t_world > t_min[i] and not is_known(i, t_world, t_bound, slope, known):
+                if (
+                    t_world > t_min[i]
+                    and not is_known(i, t_world, t_bound, slope, known)
+                    and (ray[IN_PART] == 0.0 or is_in_part(i, near, slope, ray, rays, best))
+                ):
                     offer(
                         i, t_world, t_bound, slope, is_flat, object_id, row, t_bound, s, t_min,
                         known, best,

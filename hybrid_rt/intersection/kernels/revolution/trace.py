@@ -26,7 +26,7 @@ from meshing.kernels.jit import hot_kernel, inlined
 class RevolutionScratch(NamedTuple):
     """What one thread needs while it traces; contents mean nothing between calls."""
 
-    net: Any  # (w, 2), w - 1 the highest degree
+    net: Any  # (w, 3), w - 1 the highest degree
     stack: Any  # (DEPTH, 2)
     piece: Any  # (PIECE,)
     ray: Any  # (RAY,)

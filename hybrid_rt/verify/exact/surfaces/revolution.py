@@ -35,12 +35,24 @@ class ExactRevolution(ExactSurface, of=SurfaceOfRevolution):
         surface = self.surface
         origin = rationals(surface.origin)
         frame = [rationals(v) for v in (surface.axis, surface.radial, surface.binormal)]
-        segments = [[rationals(p) for p in net] for net in surface.segments]
+        # w z, w r and w, as fractions.
+        segments = [
+            [
+                [*(rational(x) * rational(b) for x in p), rational(b)]
+                for p, b in zip(net, w, strict=True)
+            ]
+            for net, w in (
+                (net, [1.0] * len(net) if w is None else w)
+                for net, w in zip(surface.segments, surface.weights, strict=True)
+            )
+        ]
+        begin, end = rationals(surface.u_range)
 
         def gap(patch: int, u: float, v: float, point: list[Any]) -> float:
-            z, r = on_curve(segments[patch], rational(v))
+            z, r, w = on_curve(segments[patch], rational(v))
+            z, r = z / w, r / w
             with bits(256):
-                turn = flint.arb(2 * rational(u))
+                turn = flint.arb(2 * (begin + rational(u) * (end - begin)))
                 c, s = turn.cos_pi(), turn.sin_pi()
                 there = [
                     o + z * a + r * (c * p + s * q)
@@ -54,6 +66,7 @@ class ExactRevolution(ExactSurface, of=SurfaceOfRevolution):
         """Return a function that looks for places where the ray is tangent."""
         surface = self.surface
         local = SurfaceOfRevolution._from_frame(
-            list(surface.segments), np.zeros(3), surface.axis, surface.radial
-        )
-        return SampledTouches(local, np.array(surface.origin), SAMPLES, wraps=True)
+            list(surface.segments), np.zeros(3), surface.axis, surface.radial, surface.weights,
+            surface.u_range,
+        )  # fmt: skip
+        return SampledTouches(local, np.array(surface.origin), SAMPLES, wraps=surface.is_whole_turn)

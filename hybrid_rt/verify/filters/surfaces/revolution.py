@@ -10,7 +10,7 @@ import numpy as np
 
 from hybrid_rt.core.records import BoolArray, FloatArray, IntArray
 from hybrid_rt.verify.filters.kernels import profiles, turned
-from hybrid_rt.verify.filters.kernels.first import N_COLUMNS
+from hybrid_rt.verify.filters.kernels.first import N_COLUMNS, UNSURE_FROM
 from hybrid_rt.verify.filters.surface_filter import (
     SurfaceFilter,
     crossings_scratch,
@@ -64,14 +64,21 @@ class RevolutionFilter(SurfaceFilter, of=SurfaceOfRevolution):
             crossings=crossings_scratch(),
         )
         self._local = SurfaceOfRevolution._from_frame(
-            list(surface.segments), np.zeros(3), surface.axis, surface.radial
-        )
+            list(surface.segments), np.zeros(3), surface.axis, surface.radial, surface.weights,
+            surface.u_range,
+        )  # fmt: skip
 
     def first(
         self, origins: FloatArray, directions: FloatArray, leaves: BoolArray, hit_t: FloatArray
     ) -> FloatArray:
-        """Solve the eliminated polynomials of all segments."""
+        """Solve the eliminated polynomials of all segments.
+
+        Rational profiles and parts of a turn are left to exact arithmetic.
+        """
         out = np.zeros((len(origins), N_COLUMNS))
+        if self.surface.is_rational or not self.surface.is_whole_turn:
+            out[:, UNSURE_FROM] = -np.inf
+            return out
         turned.first_on_turned(self._table, origins, directions, leaves, hit_t, self._scratch, out)
         return out
 

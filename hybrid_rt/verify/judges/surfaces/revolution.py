@@ -14,9 +14,23 @@ DEPTH = 110
 
 
 class RevolutionJudge(SurfaceJudge, of=SurfaceOfRevolution):
-    """What is known of a surface of revolution."""
+    """What is known of a surface of revolution: a whole turn of a profile without weights.
+
+    Raises
+    ------
+    TypeError
+        For others; `hybrid_rt.verify.exact` judges these.
+    """
 
     surface: SurfaceOfRevolution
+
+    def __init__(self, surface: SurfaceOfRevolution) -> None:
+        super().__init__(surface)
+        if surface.is_rational or not surface.is_whole_turn:
+            raise TypeError(
+                f"surface is a {surface!r}: the bisecting judge knows whole turns of profiles without "
+                "weights only, ask ExactJudge"
+            )
 
     def worker(self, object_id: int) -> Worker:
         """Return a function that bisects the profile."""

@@ -1,0 +1,191 @@
+"""Profiles of surfaces of revolution: input checks, weights, the turn, and their pieces."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from meshing.checks import FloatArray, as_floats, shown
+from meshing.kernels.bernstein import MAX_DEGREE
+
+# Radii down to minus this part of the profile's extent are roundings of zero.
+RADIUS_ROUNDING = 16.0 * 2.0**-52
+# What messages call it.
+PROFILE = "SurfaceOfRevolution profile"
+# Profiles drawn in single precision or typed with nine digits still join.
+LARGEST_GAP = 1e-9
+# Halvings until a radius that may still be negative counts as zero; each divides the doubt by
+# about four, so what is left after these is far below rounding.
+RADIUS_HALVINGS = 40
+# Weights that differ by more leave hulls that say nothing.
+LEAST_WEIGHT = 1e-6
+# Halvings of a rational segment for its box: the excess of the hull falls to 1 / 4096.
+BOX_HALVINGS = 6
+
+
+def radius_rounding(segments: Iterable[FloatArray]) -> float:
+    """Return the radius up to which a profile point counts as on the axis."""
+    return RADIUS_ROUNDING * max(float(np.abs(segment).max()) for segment in segments)
+
+
+def as_segments(profile: ArrayLike | Iterable[ArrayLike]) -> list[FloatArray]:
+    """Return the segments of a profile, each (n + 1, 2) float64."""
+    wanted = "pass Bezier points (axial position, radius)"
+    if isinstance(profile, str | bytes) or not isinstance(profile, Iterable):
+        raise TypeError(f"{PROFILE} is {shown(profile)}: {wanted}")
+    parts = list(profile)
+    if not parts:
+        raise ValueError(f"{PROFILE} is empty: {wanted}")
+    is_single = as_floats(parts[0], f"{PROFILE}[0]").ndim <= 1
+    arrays: list[Any] = [parts] if is_single else parts
+    names = [PROFILE] if is_single else [f"{PROFILE} segment {i}" for i in range(len(parts))]
+    segments = [as_floats(array, name).copy() for array, name in zip(arrays, names, strict=True)]
+    for segment, name in zip(segments, names, strict=True):
+        if segment.ndim != 2 or segment.shape[1] != 2:
+            raise ValueError(f"{name} has shape {segment.shape}: pass (n + 1, 2)")
+        if not 1 <= len(segment) - 1 <= MAX_DEGREE:
+            raise ValueError(f"{name} has degree {len(segment) - 1}: pass 1 to {MAX_DEGREE}")
+        bad = np.flatnonzero(~np.isfinite(segment).all(axis=1))
+        if bad.size:
+            raise ValueError(
+                f"{name}, point {bad[0]} is {segment[bad[0]].tolist()}: pass finite numbers"
+            )
+    return segments
+
+
+def as_weights(
+    weights: ArrayLike | Sequence[ArrayLike | None] | None, segments: list[FloatArray]
+) -> tuple[FloatArray | None, ...]:
+    """Return the weights of each segment; None where they are equal, so that nothing is divided."""
+    if weights is None:
+        return (None,) * len(segments)
+    if isinstance(weights, str | bytes) or not isinstance(weights, Iterable):
+        raise TypeError(f"SurfaceOfRevolution weights is {shown(weights)}: pass one for each point")
+    parts = list(weights)
+    if len(segments) == 1 and (
+        not parts or (parts[0] is not None and as_floats(parts[0], "weights").ndim == 0)
+    ):
+        parts = [np.array(parts)]
+    if len(parts) != len(segments):
+        raise ValueError(
+            f"SurfaceOfRevolution weights are of {len(parts)} segments, the profile has "
+            f"{len(segments)}: pass weights, or None, for each"
+        )
+    found: list[FloatArray | None] = []
+    for i, (part, segment) in enumerate(zip(parts, segments, strict=True)):
+        if part is None:
+            found.append(None)
+            continue
+        name = f"SurfaceOfRevolution weights of segment {i}"
+        array = as_floats(part, name)
+        if array.shape != (len(segment),):
+            raise ValueError(f"{name} have shape {array.shape}: pass ({len(segment)},)")
+        if not (np.isfinite(array).all() and (array > 0.0).all()):
+            bad = int(np.flatnonzero(~(np.isfinite(array) & (array > 0.0)))[0])
+            raise ValueError(f"{name}, number {bad} is {array[bad]}: pass numbers above 0")
+        if array.min() < LEAST_WEIGHT * array.max():
+            raise ValueError(
+                f"{name} go from {array.min():g} to {array.max():g}: pass weights of which the "
+                f"smallest is at least {LEAST_WEIGHT:g} of the largest"
+            )
+        found.append(None if (array == array[0]).all() else array.copy())
+    return tuple(found)
+
+
+def as_part(u_range: ArrayLike) -> tuple[float, float]:
+    """Return where a turn begins and ends."""
+    array = as_floats(u_range, "SurfaceOfRevolution u_range")
+    if array.shape != (2,):
+        raise ValueError(f"SurfaceOfRevolution u_range has shape {array.shape}: pass two numbers")
+    begin, end = array.tolist()
+    if not (-1.0 <= begin < end <= 2.0 and end - begin <= 1.0 and end - begin >= 2.0**-40):
+        raise ValueError(
+            f"SurfaceOfRevolution u_range is {(begin, end)}: pass where the turn begins and ends, "
+            "between -1 and 2, at most one turn apart"
+        )
+    return begin, end
+
+
+def cosine_and_sine(turns: float) -> tuple[float, float]:
+    """Return cosine and sine of an angle in whole turns, exact at quarters."""
+    quarter = math.floor(4.0 * turns + 0.5)
+    angle = 2.0 * math.pi * (turns - 0.25 * quarter)
+    c, s = math.cos(angle), math.sin(angle)
+    return ((c, s), (-s, c), (-c, -s), (s, -c))[quarter % 4]
+
+
+def homogeneous(points: FloatArray, weights: FloatArray | None) -> FloatArray:
+    """Return w z, w r and w of Bezier points (n + 1, 3); the largest w is from 1/2 to 1."""
+    w = np.ones(len(points)) if weights is None else weights
+    w = w * math.ldexp(1.0, -math.frexp(float(w.max()))[1])
+    return np.column_stack([points * w[:, None], w])
+
+
+def pieces_of(net: FloatArray) -> FloatArray:
+    """Halve a rational segment, `homogeneous`, repeatedly: the points of all pieces, (m, 2)."""
+    pieces = [net]
+    for _ in range(BOX_HALVINGS):
+        pieces = [half for piece in pieces for half in halve_curve(piece)]
+    points = np.concatenate(pieces)
+    plain: FloatArray = points[:, :2] / points[:, 2:]
+    return plain
+
+
+def check_segments(segments: list[FloatArray], weights: tuple[FloatArray | None, ...]) -> None:
+    """Check that radii are not negative, that segments join and have an extent."""
+    points = np.concatenate(segments)
+    rounding = radius_rounding(segments)
+    for i, segment in enumerate(segments):
+        extent = float(np.ptp(segment, axis=0).max())
+        if not extent > 4.0 * 2.0**-52 * float(np.abs(segment).max()):
+            raise ValueError(f"{PROFILE} segment {i} is shrunk to a point: remove it")
+        # With weights above 0 the sum of their products with the radii has the radius' sign.
+        lowest = _lowest_radius(homogeneous(segment, weights[i])[:, 1], rounding)
+        if lowest < -rounding:
+            raise ValueError(
+                f"{PROFILE} segment {i} reaches radius {lowest:.6g}: cut it where it meets the axis, "
+                "radii must not be negative"
+            )
+    if not points[:, 1].max() > rounding:
+        raise ValueError(f"{PROFILE} lies wholly on the axis: pass radii above 0")
+    size = float(np.ptp(points, axis=0).max())
+    for i, (one, other) in enumerate(pairwise(segments)):
+        gap = float(np.abs(one[-1] - other[0]).max())
+        if gap > LARGEST_GAP * size:
+            raise ValueError(
+                f"{PROFILE} segments {i} and {i + 1} do not join: one ends at "
+                f"{one[-1].tolist()}, the next begins at {other[0].tolist()}; make both points "
+                "equal, or make two surfaces"
+            )
+
+
+def _lowest_radius(radii: FloatArray, rounding: float) -> float:
+    """Find a negative radius of a segment, or prove that none is below ``-rounding``.
+
+    A piece whose Bezier points are all above that is settled; others are halved.
+    """
+    pieces = [radii]
+    for _ in range(RADIUS_HALVINGS):
+        pieces = [piece for piece in pieces if piece.min() < -rounding]
+        if not pieces:
+            return 0.0
+        lowest = float(min(min(piece[0], piece[-1]) for piece in pieces))
+        if lowest < -rounding:
+            return lowest
+        pieces = [half for piece in pieces for half in halve_curve(piece)]
+    return 0.0
+
+
+def halve_curve(points: NDArray[np.float64]) -> tuple[FloatArray, FloatArray]:
+    """Halve a curve: Bezier points of both halves, one point per row."""
+    first, second = np.empty_like(points), np.empty_like(points)
+    current = points
+    for level in range(len(points)):
+        first[level], second[-1 - level] = current[0], current[-1]
+        current = 0.5 * (current[:-1] + current[1:])
+    return first, second

@@ -1,0 +1,133 @@
+"""Cylinders and cones, and circular arcs as rational profiles: turned surfaces of engineering."""
+
+from __future__ import annotations
+
+import math
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from meshing.checks import FloatArray, as_vector, number
+from meshing.profiles import cosine_and_sine
+from meshing.revolution import SurfaceOfRevolution
+
+# Arcs are cut into pieces of at most this, in turns: the middle weight is then at least sqrt 1/2.
+WIDEST_ARC = 0.25
+
+
+def Cylinder(
+    origin: ArrayLike,
+    axis: ArrayLike,
+    radius: float,
+    length: float,
+    *,
+    reference: ArrayLike | None = None,
+    u_range: ArrayLike = (0.0, 1.0),
+) -> SurfaceOfRevolution:
+    """Return the side of a cylinder, without its ends; its normal points outward.
+
+    Parameters
+    ----------
+    origin : (3,) scene units
+        The middle of the end at v = 0.
+    axis : (3,) direction of any length
+        To the middle of the other end.
+    radius, length : positive numbers, scene units
+    reference, u_range
+        As for `SurfaceOfRevolution`.
+
+    Raises
+    ------
+    ValueError, TypeError
+        For a radius or length that is not positive and finite, and as `SurfaceOfRevolution` does.
+    """
+    r = number(radius, "Cylinder radius", above=0.0, hint="for the inside, use .flipped()")
+    end = number(length, "Cylinder length", above=0.0)
+    origin = as_vector(origin, "Cylinder origin")
+    return SurfaceOfRevolution([(0.0, r), (end, r)], origin, axis, reference, u_range=u_range)
+
+
+def Cone(
+    origin: ArrayLike,
+    axis: ArrayLike,
+    radius: float,
+    length: float,
+    top_radius: float = 0.0,
+    *,
+    reference: ArrayLike | None = None,
+    u_range: ArrayLike = (0.0, 1.0),
+) -> SurfaceOfRevolution:
+    """Return the side of a cone or of a frustum, without its ends; its normal points outward.
+
+    Parameters
+    ----------
+    origin : (3,) scene units
+        The middle of the end at v = 0.
+    axis : (3,) direction of any length
+        To the middle of the other end, or to the tip.
+    radius : positive number, scene units
+        At ``origin``.
+    length : positive number, scene units
+    top_radius : number from 0 on, scene units
+        At the other end; 0: the tip.
+    reference, u_range
+        As for `SurfaceOfRevolution`.
+
+    Raises
+    ------
+    ValueError, TypeError
+        For sizes that are not positive and finite, a negative radius at the top, and as
+        `SurfaceOfRevolution` does.
+    """
+    r = number(radius, "Cone radius", above=0.0, hint="for the inside, use .flipped()")
+    end = number(length, "Cone length", above=0.0)
+    top = number(top_radius, "Cone top_radius", at_least=0.0)
+    origin = as_vector(origin, "Cone origin")
+    return SurfaceOfRevolution([(0.0, r), (end, top)], origin, axis, reference, u_range=u_range)
+
+
+def circular_arc(
+    center: ArrayLike, radius: float, begin: float, end: float
+) -> tuple[list[FloatArray], list[FloatArray]]:
+    """Return a circular arc as rational quadratic segments, for profiles.
+
+    Parameters
+    ----------
+    center : (2,) (axial position, radius)
+    radius : positive number
+    begin, end : numbers
+        Angles in whole turns, from the axial direction toward larger radii; at most one turn apart.
+
+    Returns
+    -------
+    segments : list of (3, 2) float64
+        Bezier points, one after the other along the arc.
+    weights : list of (3,) float64
+        1, the cosine of half a segment's angle, 1.
+
+    Raises
+    ------
+    ValueError, TypeError
+        If a number is not finite, the radius is not positive, or the arc is empty or too long.
+    """
+    middle = np.array([number(x, "circular_arc center") for x in np.asarray(center).tolist()])
+    r = number(radius, "circular_arc radius", above=0.0)
+    first, last = number(begin, "circular_arc begin"), number(end, "circular_arc end")
+    if not 0.0 < abs(last - first) <= 1.0:
+        raise ValueError(
+            f"circular_arc goes from {first:g} to {last:g}: pass angles in turns, at most one apart"
+        )
+    n = math.ceil(abs(last - first) / WIDEST_ARC - 1e-12)
+    half = math.pi * (last - first) / n
+
+    def point(turns: float, reach: float = 1.0) -> FloatArray:
+        c, s = cosine_and_sine(turns)
+        return np.asarray(middle + r * reach * np.array([c, s]))
+
+    cuts = [first + (last - first) * k / n for k in range(n + 1)]
+    segments = [
+        np.stack([point(a), point(0.5 * (a + b), 1.0 / math.cos(half)), point(b)])
+        for a, b in pairwise(cuts)
+    ]
+    return segments, [np.array([1.0, math.cos(half), 1.0]) for _ in segments]
