@@ -29,6 +29,7 @@ PACKAGES = ("hybrid_rt", "meshing")
 # Ordinary hard rays of `rays.hard_rays`, besides those at singular sets: scenes of each kind.
 ORDINARY = {
     "patches": ("teapot", "patches"),
+    "rational": (),
     "turned": ("vase", "torus"),
     "closed": ("closed forms",),
     "mesh": ("mesh",),
@@ -65,18 +66,19 @@ class Mutant:
 
 
 PATCHES, TURNED, CLOSED, MESH = ("patches",), ("turned",), ("closed",), ("mesh",)
+RATIONAL = ("rational",)
 
 MUTANTS = (
     # --- patches: cells
     Mutant(
         "fans halved", "fill_cell",
-        "record[FAN], record[FAN + 1] = fan_u + FAN_MARGIN * lp, fan_v + FAN_MARGIN * lq",
+        "record[FAN], record[FAN + 1] = fan_u + margin * lp, fan_v + margin * lq",
         "record[FAN], record[FAN + 1] = 0.5 * fan_u, 0.5 * fan_v",
         "at most one root in a cell", PATCHES,
     ),
     Mutant(
         "fans without margin", "fill_cell",
-        "record[FAN], record[FAN + 1] = fan_u + FAN_MARGIN * lp, fan_v + FAN_MARGIN * lq",
+        "record[FAN], record[FAN + 1] = fan_u + margin * lp, fan_v + margin * lq",
         "record[FAN], record[FAN + 1] = fan_u, fan_v",
         "rounding of the fan", PATCHES,
     ),
@@ -89,6 +91,17 @@ MUTANTS = (
         "roots beside a grown cell settle it", "solve_cell",
         "grown = 1.0 + 2.0 * GROWTH", "grown = 4.0",
         "one root in the grown cell", PATCHES,
+    ),
+    # --- rational patches
+    Mutant(
+        "fans of rational cells by half their cross products", "_by_pairs",
+        "for b in range(n_v):", "for b in range(n_v // 2):",
+        "at most one root in a cell", RATIONAL,
+    ),
+    Mutant(
+        "hodographs without weights", "_cone",
+        "x += factor * (q[3] * p[0] - p[3] * q[0])", "x += factor * (p[0] - q[0])",
+        "at most one root in a cell", RATIONAL,
     ),
     # --- patches: roots
     Mutant(
@@ -264,7 +277,7 @@ MUTANTS = (
     ),
     Mutant(
         "rounding of S(u, v) a quarter", "rounding_of_root",
-        "(4.0 * (degree_u + degree_v) + 2.0) * size", "(degree_u + degree_v + 0.5) * size",
+        "sums = 4.0 if rational is None else 8.0", "sums = 1.0 if rational is None else 2.0",
         "bound of t of degrees above 3", PATCHES,
     ),
     Mutant(

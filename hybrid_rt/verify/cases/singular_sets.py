@@ -25,6 +25,12 @@ from hybrid_rt.verify.cases.catalogue import (
     uneven_patch,
     wavy_patch,
 )
+from hybrid_rt.verify.cases.rational_surfaces import (
+    half_pipe,
+    octants,
+    torn_nurbs,
+    weighted_petal,
+)
 from hybrid_rt.verify.cases.singular_rays import (
     Aimed,
     Finder,
@@ -43,7 +49,7 @@ from hybrid_rt.verify.cases.singular_rays import (
 )
 from meshing import BezierPatches, SurfaceOfRevolution
 
-KINDS = ("turned", "patches", "closed", "mesh")
+KINDS = ("turned", "patches", "rational", "closed", "mesh")
 DISTANCES = tuple(10.0**-k for k in range(1, 17))
 Aim = Callable[[Targets, float, Random], Aimed]
 Z = (0.0, 0.0, 1.0)
@@ -372,6 +378,16 @@ SETS: dict[str, SingularSet] = {
     "shared edge, leaving": SingularSet(
         "patches", lambda: [roof()], at_parameters([(0.0, None)], False), leaving="beside"
     ),
+    # --- rational patches
+    "rational poles": SingularSet("rational", lambda: [octants()], collapsed),
+    "rational seams": SingularSet("rational", lambda: [octants()], edges),
+    "rational tangents": SingularSet("rational", lambda: [octants()], interior, parallel),
+    "rational, leaving": SingularSet(
+        "rational", lambda: [octants()], interior, leaving="grazing"
+    ),
+    "rational rulings": SingularSet("rational", lambda: [half_pipe()], interior, within),
+    "rational collapsed edges": SingularSet("rational", lambda: [weighted_petal()], collapsed),
+    "breaks and creases of NURBS": SingularSet("rational", lambda: [torn_nurbs()], edges),
     # --- closed forms
     "sphere, tangents": SingularSet(
         "closed", lambda: [Sphere((0.3, 0.2, 0.1), 0.37)], interior, parallel

@@ -7,13 +7,11 @@ from functools import partial
 import numpy as np
 
 from hybrid_rt.core.records import FloatArray
+from hybrid_rt.verify.cases.rational_surfaces import octant
 from hybrid_rt.verify.stability.measure import EPS, Plot, by_exact, by_times
 from hybrid_rt.verify.stability.row import Effort, Outcome, refusal, row
 from meshing import BezierPatches, NurbsSurface
 
-# A quarter of the unit circle whose figures are all whole: x = (1 - s^2) / (1 + s^2).
-ARC = np.array([(1.0, 0.0), (1.0, 1.0), (0.0, 1.0)])
-ARC_WEIGHTS = np.array([1.0, 1.0, 2.0])
 # Powers of two that leave the weights of an octant within a factor of 1e6.
 PACES = (2.0**-1, 2.0**-4, 2.0**-8, 2.0**-9, 2.0**4, 2.0**8)
 # Knots with breaks (degree + 1), creases (degree), spans of nothing, and none at the ends.
@@ -23,19 +21,6 @@ KNOTS: tuple[tuple[FloatArray, int], ...] = (
     (np.arange(10.0) * 1e6, 3),
     (np.array([-1.0, -1, 0, 0, 2, 2]), 1),
 )
-
-
-def octant(pace_u: float = 1.0, pace_v: float = 1.0) -> tuple[FloatArray, FloatArray]:
-    """Net and weights of an exact octant of the unit sphere; paces move u and v along it."""
-    radius, height = np.array([1.0, 1.0, 0.0]), np.array([0.0, 1.0, 1.0])
-    net = np.empty((3, 3, 3))
-    net[..., :2] = ARC[:, None, :] * radius[:, None]
-    net[..., 2] = height
-    along_u, along_v = (
-        ARC_WEIGHTS * pace_u ** np.arange(3.0),
-        ARC_WEIGHTS * pace_v ** np.arange(3.0),
-    )
-    return net, along_u[:, None] * along_v
 
 
 def aimed(n: int, rng: np.random.Generator) -> tuple[FloatArray, FloatArray]:

@@ -100,13 +100,12 @@ def rounding_of_net(degree_u, degree_v, rational, size, farthest, across):
 
     The sum is that of ``docs/rounding_patches.md``, lines N1 to N6. ``farthest`` is the distance of
     a control point from the origin, ``across`` the largest of those coordinates. For a rational net
-    it bounds that of the quotients; that of the numerators is as much times the largest weight.
+    (lines Q1 to Q4) it is that of the numerators over their weights.
     """
+    sums = 7.0 * (degree_u + degree_v) * across
     if rational is not None:
-        return UNIT_ROUNDOFF * (
-            10.0 * farthest + 7.0 * size + (14.0 * (degree_u + degree_v) + 2.0) * across
-        )
-    return UNIT_ROUNDOFF * (9.0 * farthest + 4.0 * size + 7.0 * (degree_u + degree_v) * across)
+        return UNIT_ROUNDOFF * (10.0 * farthest + 7.0 * size + sums)
+    return UNIT_ROUNDOFF * (9.0 * farthest + 4.0 * size + sums)
 
 
 @inner
