@@ -74,8 +74,8 @@ def advise(
             [
                 (
                     f"It is {reference.made_by}, and does not find "
-                    f"{without_examples(reference.light_not_found)}. Errors below are against that reference, "
-                    "so they do not show what it lacks."
+                    f"{without_examples(reference.light_not_found)}{_measured(reference)}. Errors below are "
+                    "against that reference, so they do not show what it lacks."
                 ),
                 (
                     "What to do: pass --reference FILE.npz, a picture that has all light, or give point "
@@ -88,6 +88,21 @@ def advise(
     if reference.own_error * JUDGES > target:
         return _with_poor_reference(study, target, scene, full_size)
     return _recommended(study, target, scene, full_size)
+
+
+def _measured(reference: Reference) -> str:
+    """Return how much of the light that a reference leaves out was found by photons."""
+    measured = reference.measured
+    if measured is None:
+        return ", how much of it is not measured"
+    share = measured["share_of_image_mean"]
+    if share is None or measured["mean"] == 0.0:
+        return ", on surfaces seen directly none that few photons would find"
+    half = share * measured["half_interval_95"] / measured["mean"]
+    return (
+        f": on surfaces seen directly alone {percent(share)} +- {percent(half)} (95 %, by "
+        f"{measured['photons']:,} photons) of its mean"
+    )
 
 
 def without_examples(sentences: Sequence[str]) -> str:

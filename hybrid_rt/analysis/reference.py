@@ -44,6 +44,8 @@ class Reference:
         The square of its error falls as passes ** -power.
     light_not_found : list of str
         Light of the scene that it leaves out.
+    measured : dict or None
+        How much of that few photons found: ``light_not_found_measured`` of its report.
     check : dict or None
         A different method: ``made_by``, ``gap`` of the means, ``gap_error`` its standard error,
         ``difference`` of the pictures (relative RMSE) and ``by_noise``, ``by_blur``, what their
@@ -59,6 +61,7 @@ class Reference:
     passes: int = 0
     power: float = 1.0
     light_not_found: list[str] = field(default_factory=list)
+    measured: dict[str, Any] | None = None
 
 
 def make_reference(
@@ -105,6 +108,7 @@ def make_reference(
             n_main,
             Method(name, name).power,
             main.report["light_not_found"],
+            main.report["light_not_found_measured"],
         ),
         main.image,
     )
@@ -154,6 +158,7 @@ def given_reference(picture: Picture) -> Reference:
         report.get("seconds", {}).get("total", math.nan),
         None,
         light_not_found=report.get("light_not_found") or [],
+        measured=report.get("light_not_found_measured"),
     )
 
 

@@ -208,7 +208,17 @@ class TestBias:
         advice = advise(replace(mirror_room, reference=lacks), 0.1, "room.py")
         assert advice.headline.startswith("No method is named for 10 %")
         assert advice.command == ""
-        assert "does not find light. " in advice.details[0]
+        assert "does not find light, how much of it is not measured." in advice.details[0]
+        share = {
+            "mean": 0.02,
+            "half_interval_95": 0.002,
+            "share_of_image_mean": 0.1,
+            "photons": 2000,
+        }
+        advice = advise(
+            replace(mirror_room, reference=replace(lacks, measured=share)), 0.1, "room.py"
+        )
+        assert "alone 10 % +- 1.0 % (95 %, by 2,000 photons) of its mean" in advice.details[0]
 
     def test_proofs_of_bias(self):
         """A picture too dark by a tenth everywhere, once with noise that differs between runs."""
