@@ -37,6 +37,8 @@ numpydoc_use_plots = False
 
 html_theme = "furo"
 html_title = f"hybrid_rt {release}"
+html_static_path = ["_static"]
+html_css_files = ["site.css"]
 html_show_sourcelink = False
 html_copy_source = False
 html_show_copyright = False

@@ -5,6 +5,8 @@ from pathlib import Path
 
 import pytest
 
+import hybrid_rt
+import meshing
 from hybrid_rt._version import __version__
 
 ROOT = Path(__file__).parents[1]
