@@ -41,7 +41,8 @@ def half_pipe() -> BezierPatches:
 
 def weighted_petal() -> BezierPatches:
     """Return a patch with two collapsed edges, weights from 0.4 to 2."""
-    net = [[(0, 0, 0)] * 3, [(1, -1, 0.3), (1, 0, 0.6), (1, 1, 0.2)], [(2, 0, 0)] * 3]
+    middle = [(1, -1, 0.3), (1, 0, 0.6), (1, 1, 0.2)]
+    net = np.array([[(0, 0, 0)] * 3, middle, [(2, 0, 0)] * 3])
     return BezierPatches([net], [[(1, 0.5, 2), (0.7, 1.5, 0.4), (1, 1, 0.6)]])
 
 
