@@ -28,6 +28,7 @@ from hybrid_rt.intersection.kernels.search.counters import COUNTER_NAMES, MOST_P
 from hybrid_rt.intersection.kernels.search.nearest import Nearest, Rays
 from hybrid_rt.intersection.kernels.search.rays import Record, complete_rows
 from hybrid_rt.intersection.kind import Finished, new_nearest, new_record, rows_of
+from hybrid_rt.intersection.kinds.closed_forms import closed_forms
 from hybrid_rt.intersection.kinds.registry import (
     ACCURACIES,
     check_surfaces,
@@ -41,6 +42,7 @@ from meshing.surface import Surface
 
 if TYPE_CHECKING:
     from hybrid_rt.intersection.coarse.proposals import Coarse
+    from hybrid_rt.intersection.kernels.closed_forms import ClosedForms
 
 # What is counted of each slice besides the work.
 COUNTED = ("rays", "hits", "tangent", "coarse_hits")
@@ -167,6 +169,12 @@ class Intersector:
         own.counters = dict.fromkeys(self.counters, 0)
         own.coarse_seconds = 0.0
         return own
+
+    def closed_forms(self) -> ClosedForms | None:
+        """Return tables for kernels that trace single rays; None if a surface wants batches."""
+        if self._curved or self._coarse is not None:
+            return None
+        return closed_forms(self._direct, self._kind_of, self._reach)
 
     def forget_counters(self) -> None:
         """Set all counters, and the seconds of coarse hits, to nothing."""

@@ -1,16 +1,18 @@
-"""Rays against rectangles, planes and boxes."""
+"""Rays against rectangles and planes."""
 
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from hybrid_rt.core.kernels.compensated import two_difference
-from hybrid_rt.intersection.kernels.search.nearest import CLEAR, WITHIN_BAND, is_known, offer
+from hybrid_rt.intersection.kernels.search.nearest import CLEAR, WITHIN_BAND, offer
 from hybrid_rt.intersection.kernels.search.tolerances import TANGENT_BAND, UNIT_ROUNDOFF
 from meshing.kernels.jit import hot_kernel, inlined, inner
 
 # Rays that meet a parallelogram's plane at a smaller cosine are met along it.
 FLAT = 1e-9
+# A quotient is more than a number if its dividend is by this more than number x divisor.
+BEYOND = 1.0 + 2.0**-50
 
 
 class PlanarTable(NamedTuple):
@@ -27,23 +29,14 @@ class PlanarTable(NamedTuple):
     object_id: Any  # (k,) int32
 
 
-class BoxTable(NamedTuple):
-    """Boxes along the axes."""
-
-    lo: Any  # (k, 3)
-    hi: Any  # (k, 3)
-    orientation: Any  # (k,)
-    object_id: Any  # (k,) int32
-
-
 def rectangle_table(rectangles, object_id):
     """Return the table of a list of rectangles."""
-    edge_u = np.array([r.edge_u for r in rectangles])
-    edge_v = np.array([r.edge_v for r in rectangles])
-    normal = np.array([r.unit_normal for r in rectangles])
+    edge_u = np.array([r.edge_u for r in rectangles]).reshape(-1, 3)
+    edge_v = np.array([r.edge_v for r in rectangles]).reshape(-1, 3)
+    normal = np.array([r.unit_normal for r in rectangles]).reshape(-1, 3)
     area = np.einsum("ij,ij->i", np.cross(edge_u, edge_v), normal)[:, None]
     return PlanarTable(
-        corner=np.array([r.corner for r in rectangles]),
+        corner=np.array([r.corner for r in rectangles]).reshape(-1, 3),
         normal=normal,
         edge_u=edge_u,
         edge_v=edge_v,
@@ -59,24 +52,14 @@ def plane_table(planes, object_id):
     """Return the table of a list of planes."""
     unused = np.zeros((len(planes), 3))
     return PlanarTable(
-        corner=np.array([p.origin for p in planes]),
-        normal=np.array([p.unit_normal for p in planes]),
+        corner=np.array([p.origin for p in planes]).reshape(-1, 3),
+        normal=np.array([p.unit_normal for p in planes]).reshape(-1, 3),
         edge_u=unused,
         edge_v=unused,
         row_u=unused,
         row_v=unused,
         size=np.zeros(len(planes)),
-        axes=np.array([p.axes for p in planes], np.int64),
-        object_id=object_id,
-    )
-
-
-def box_table(boxes, object_id):
-    """Return the table of a list of boxes."""
-    return BoxTable(
-        lo=np.array([b.lo for b in boxes]),
-        hi=np.array([b.hi for b in boxes]),
-        orientation=np.array([float(b.orientation) for b in boxes]),
+        axes=np.array([p.axes for p in planes], np.int64).reshape(-1, 2),
         object_id=object_id,
     )
 
@@ -158,7 +141,7 @@ def _offer_nearly_within(i, k, table, n_dot_d, rays, best):
 
 
 @inlined
-def _offer_parallelogram(i, k, table, rays, best):
+def offer_parallelogram(i, k, table, rays, best):
     """Offer the root of ray i in the plane of parallelogram k, if it is within its rim."""
     corner, normal, row_u, row_v = table.corner, table.normal, table.row_u, table.row_v
     size, object_id, edge_u, edge_v = table.size, table.object_id, table.edge_u, table.edge_v
@@ -173,16 +156,35 @@ def _offer_parallelogram(i, k, table, rays, best):
     wx, ex = two_difference(ox, corner[k, 0])
     wy, ey = two_difference(oy, corner[k, 1])
     wz, ez = two_difference(oz, corner[k, 2])
-    t = -((nx * wx + ny * wy + nz * wz) + (nx * ex + ny * ey + nz * ez)) / n_dot_d
+    height = (nx * wx + ny * wy + nz * wz) + (nx * ex + ny * ey + nz * ez)
+    slope = abs(n_dot_d)
+    # Without the division: behind the origin, or beyond the nearest root by more than roundings.
+    if (height > 0.0) == (n_dot_d > 0.0):
+        if t_min[i] >= 0.0:
+            return
+    elif abs(height) > best.t[i] * slope * BEYOND:
+        return
+    t = -height / n_dot_d
     if not t > t_min[i] or t > best.t[i]:
         return
     px, py, pz = wx + t * dx + ex, wy + t * dy + ey, wz + t * dz + ez
     u = row_u[k, 0] * px + row_u[k, 1] * py + row_u[k, 2] * pz
     v = row_v[k, 0] * px + row_v[k, 1] * py + row_v[k, 2] * pz
+    # Clear of the rim by this, u and v need no roots to be compared with it: twice the band, as sums
+    # of absolute values are no less than lengths, and |d| < sqrt(3).
+    band = 2.0 * TANGENT_BAND * (abs(wx) + abs(wy) + abs(wz) + size[k]) * (1.75 + slope)
+    rim_u = band * (abs(row_u[k, 0]) + abs(row_u[k, 1]) + abs(row_u[k, 2]))
+    rim_v = band * (abs(row_v[k, 0]) + abs(row_v[k, 1]) + abs(row_v[k, 2]))
+    within_u, within_v = slope * min(u, 1.0 - u), slope * min(v, 1.0 - v)
+    if within_u < -rim_u or within_v < -rim_v:
+        return
     away = np.sqrt(wx * wx + wy * wy + wz * wz)
     # The normal is rounded (2), its two products have 3 roundings each, quotient and sums 4.
     error = UNIT_ROUNDOFF * (12.0 * away + 4.0 * size[k])
-    slope = abs(n_dot_d)
+    if within_u > rim_u and within_v > rim_v:
+        t_bound = error / slope + 4.0 * UNIT_ROUNDOFF * abs(t)
+        offer(i, t, t_bound, slope, False, object_id[k], 0, u, v, t_min, known, best)
+        return
     band = TANGENT_BAND * max(away, size[k])
     # A step across the ray moves the point by up to |d| / |n.d| along the plane.
     lean = max(1.0, np.sqrt(dx * dx + dy * dy + dz * dz) / slope)
@@ -224,7 +226,22 @@ def trace_rectangles(table, rays, best, any_hit):
         for k in range(table.object_id.shape[0]):
             if any_hit and best.object_id[i] >= 0:
                 break
-            _offer_parallelogram(i, k, table, rays, best)
+            offer_parallelogram(i, k, table, rays, best)
+
+
+@inlined
+def finish_rectangle(table, k, rays, best, i, out):
+    """Describe the hit of ray i on parallelogram k."""
+    o, d, t = rays.origin[i], rays.direction[i], best.t[i]
+    u, v = best.a[i], best.b[i]
+    gap = 0.0
+    for c in range(3):
+        p = table.corner[k, c] + (u * table.edge_u[k, c] + v * table.edge_v[k, c])
+        gap += (p - (o[c] + t * d[c])) ** 2
+        out.position[i, c] = p
+        out.normal[i, c] = table.normal[k, c]
+    out.u[i], out.v[i], out.patch_id[i] = u, v, 0
+    out.residual[i] = np.sqrt(gap)
 
 
 @hot_kernel
@@ -233,50 +250,62 @@ def finish_rectangles(table, rays, best, row_of, out):
     for i in range(best.t.shape[0]):
         if best.object_id[i] < 0 or row_of[best.object_id[i]] < 0:
             continue
-        k = row_of[best.object_id[i]]
-        o, d, t = rays.origin[i], rays.direction[i], best.t[i]
-        u, v = best.a[i], best.b[i]
-        gap = 0.0
-        for c in range(3):
-            p = table.corner[k, c] + (u * table.edge_u[k, c] + v * table.edge_v[k, c])
-            gap += (p - (o[c] + t * d[c])) ** 2
-            out.position[i, c] = p
-            out.normal[i, c] = table.normal[k, c]
-        out.u[i], out.v[i], out.patch_id[i] = u, v, 0
-        out.residual[i] = np.sqrt(gap)
+        finish_rectangle(table, row_of[best.object_id[i]], rays, best, i, out)
+
+
+@inlined
+def offer_plane(i, k, table, rays, best):
+    """Offer the root of ray i with plane k."""
+    o, d = rays.origin[i], rays.direction[i]
+    c, n = table.corner[k], table.normal[k]
+    n_dot_d = n[0] * d[0] + n[1] * d[1] + n[2] * d[2]
+    if n_dot_d == 0.0:
+        return
+    wx, ex = two_difference(o[0], c[0])
+    wy, ey = two_difference(o[1], c[1])
+    wz, ez = two_difference(o[2], c[2])
+    t = -((n[0] * wx + n[1] * wy + n[2] * wz) + (n[0] * ex + n[1] * ey + n[2] * ez)) / n_dot_d
+    slope = abs(n_dot_d)
+    length = np.sqrt(d[0] * d[0] + d[1] * d[1] + d[2] * d[2])
+    away = np.sqrt(wx * wx + wy * wy + wz * wz)
+    # As for parallelograms; the rounding of n.d itself counts for distant points.
+    error = UNIT_ROUNDOFF * (8.0 * away + 6.0 * abs(t) * length)
+    t_bound = error / slope + 4.0 * UNIT_ROUNDOFF * abs(t)
+    # Below that n.d has no digits, perhaps not even the right sign.
+    within = slope <= 8.0 * UNIT_ROUNDOFF * length
+    offer(
+        i, t, t_bound, slope, within, table.object_id[k], 0, 0.0, 0.0,
+        rays.t_min, rays.known, best,
+    )  # fmt: skip
 
 
 @hot_kernel
 def trace_planes(table, rays, best, any_hit):
     """Lower ``best`` to the nearest roots on all planes."""
     for i in range(rays.origin.shape[0]):
-        o, d = rays.origin[i], rays.direction[i]
         for k in range(table.object_id.shape[0]):
             if any_hit and best.object_id[i] >= 0:
                 break
-            c, n = table.corner[k], table.normal[k]
-            n_dot_d = n[0] * d[0] + n[1] * d[1] + n[2] * d[2]
-            if n_dot_d == 0.0:
-                continue
-            wx, ex = two_difference(o[0], c[0])
-            wy, ey = two_difference(o[1], c[1])
-            wz, ez = two_difference(o[2], c[2])
-            t = (
-                -((n[0] * wx + n[1] * wy + n[2] * wz) + (n[0] * ex + n[1] * ey + n[2] * ez))
-                / n_dot_d
-            )
-            slope = abs(n_dot_d)
-            length = np.sqrt(d[0] * d[0] + d[1] * d[1] + d[2] * d[2])
-            away = np.sqrt(wx * wx + wy * wy + wz * wz)
-            # As for parallelograms; the rounding of n.d itself counts for distant points.
-            error = UNIT_ROUNDOFF * (8.0 * away + 6.0 * abs(t) * length)
-            t_bound = error / slope + 4.0 * UNIT_ROUNDOFF * abs(t)
-            # Below that n.d has no digits, perhaps not even the right sign.
-            within = slope <= 8.0 * UNIT_ROUNDOFF * length
-            offer(
-                i, t, t_bound, slope, within, table.object_id[k], 0, 0.0, 0.0,
-                rays.t_min, rays.known, best,
-            )  # fmt: skip
+            offer_plane(i, k, table, rays, best)
+
+
+@inlined
+def finish_plane(table, k, rays, best, i, out):
+    """Describe the hit of ray i on plane k."""
+    o, d, t = rays.origin[i], rays.direction[i], best.t[i]
+    gap = 0.0
+    for c in range(3):
+        p = o[c] + t * d[c]
+        gap += table.normal[k, c] * (p - table.corner[k, c])
+        out.position[i, c] = p
+        out.normal[i, c] = table.normal[k, c]
+    # What came from afar carries the rounding of the way. Off the plane by more than its own
+    # coordinates round, a point would be met again by the rays that leave it.
+    for c in range(3):
+        out.position[i, c] -= gap * table.normal[k, c]
+    a, b = out.position[i, table.axes[k, 0]], out.position[i, table.axes[k, 1]]
+    out.u[i], out.v[i], out.patch_id[i] = a - np.floor(a), b - np.floor(b), 0
+    out.residual[i] = abs(gap)
 
 
 @hot_kernel
@@ -285,150 +314,4 @@ def finish_planes(table, rays, best, row_of, out):
     for i in range(best.t.shape[0]):
         if best.object_id[i] < 0 or row_of[best.object_id[i]] < 0:
             continue
-        k = row_of[best.object_id[i]]
-        o, d, t = rays.origin[i], rays.direction[i], best.t[i]
-        gap = 0.0
-        for c in range(3):
-            p = o[c] + t * d[c]
-            gap += table.normal[k, c] * (p - table.corner[k, c])
-            out.position[i, c] = p
-            out.normal[i, c] = table.normal[k, c]
-        # What came from afar carries the rounding of the way. Off the plane by more than its own
-        # coordinates round, a point would be met again by the rays that leave it.
-        for c in range(3):
-            out.position[i, c] -= gap * table.normal[k, c]
-        a, b = out.position[i, table.axes[k, 0]], out.position[i, table.axes[k, 1]]
-        out.u[i], out.v[i], out.patch_id[i] = a - np.floor(a), b - np.floor(b), 0
-        out.residual[i] = abs(gap)
-
-
-@inlined
-def _reach(lo, hi, o):
-    """Return the scale of a box and a ray, along the axes."""
-    reach = 0.0
-    for c in range(3):
-        reach = max(reach, hi[c] - lo[c], abs(lo[c] - o[c]), abs(hi[c] - o[c]))
-    return reach
-
-
-@inner
-def _margin(lo, hi, o, d):
-    """Return how far within the outline of a box a ray passes; negative: beside it.
-
-    An edge of the outline is where a face that is entered meets one that is left: slopes p and q
-    across them, at distances a and b ahead. The ray passes it by (b p - a q) / |(p, q)|.
-    """
-    least = np.inf
-    for c in range(3):
-        p = abs(d[c])
-        a = lo[c] - o[c] if d[c] >= 0.0 else o[c] - hi[c]
-        for e in range(3):
-            q = abs(d[e])
-            if e == c or p + q == 0.0:
-                continue
-            b = hi[e] - o[e] if d[e] >= 0.0 else o[e] - lo[e]
-            least = min(least, (b * p - a * q) / np.sqrt(p * p + q * q))
-    return least
-
-
-@inlined
-def _offer_box(i, k, lo, hi, object_id, o, d, t_min, known, best):
-    enter, leave, goes_on = -np.inf, np.inf, np.inf
-    face_in = face_out = -1
-    reach = _reach(lo[k], hi[k], o)
-    band = TANGENT_BAND * reach
-    is_beside = False
-    for c in range(3):
-        low, high = lo[k, c] - o[c], hi[k, c] - o[c]
-        if d[c] == 0.0:
-            if low > band or high < -band:
-                return
-            is_beside |= low > 0.0 or high < 0.0
-            continue
-        a, b = low / d[c], high / d[c]
-        first, second = 2 * c, 2 * c + 1
-        if d[c] < 0.0:
-            a, b = b, a
-            first, second = second, first
-        if a > enter:
-            enter, face_in = a, first
-        if b < leave:
-            goes_on, leave, face_out = leave, b, second
-        else:
-            goes_on = min(goes_on, b)
-    if face_in < 0:
-        return
-    # How far the ray runs inside, seen across it at the edge between the two faces.
-    p, q = abs(d[face_in // 2]), abs(d[face_out // 2])
-    depth = (leave - enter) * (
-        p * q / np.sqrt(p * p + q * q) if face_in // 2 != face_out // 2 else p
-    )
-    rounding = 4.0 * UNIT_ROUNDOFF * reach
-    if depth < band:
-        # By so little that other pairs of faces count: of slabs that the ray runs along t says little.
-        depth = _margin(lo[k], hi[k], o, d)
-    if depth < -rounding or is_beside:
-        if depth > -band and leave > t_min[i]:
-            best.doubt[i] = min(best.doubt[i], leave)
-        return
-    crossed = 0.0
-    if enter > leave:
-        # By rounding, at an edge: the point of the ray next to it.
-        crossed = enter - leave
-        enter = leave = (enter * p * p + leave * q * q) / (p * p + q * q)
-    bound = 4.0 * UNIT_ROUNDOFF * abs(enter) + crossed
-    offer(i, enter, bound, p, CLEAR, object_id[k], face_in, 0.0, 0.0, t_min, known, best)
-    bound = 4.0 * UNIT_ROUNDOFF * abs(leave) + crossed
-    offer(i, leave, bound, q, CLEAR, object_id[k], face_out, 0.0, 0.0, t_min, known, best)
-    if is_known(i, leave, bound, q, known) and (goes_on - leave) * q < band:
-        # It leaves the face so slowly that it passes the next one within the band.
-        best.doubt[i] = min(best.doubt[i], goes_on)
-
-
-@hot_kernel
-def trace_boxes(table, rays, best, any_hit):
-    """Lower ``best`` to the nearest roots on all boxes."""
-    for i in range(rays.origin.shape[0]):
-        for k in range(table.object_id.shape[0]):
-            if any_hit and best.object_id[i] >= 0:
-                break
-            _offer_box(
-                i, k, table.lo, table.hi, table.object_id, rays.origin[i], rays.direction[i],
-                rays.t_min, rays.known, best,
-            )  # fmt: skip
-
-
-@hot_kernel
-def finish_boxes(table, rays, best, row_of, out):
-    """Describe the hits on boxes."""
-    for i in range(best.t.shape[0]):
-        if best.object_id[i] < 0 or row_of[best.object_id[i]] < 0:
-            continue
-        k = row_of[best.object_id[i]]
-        o, d, t = rays.origin[i], rays.direction[i], best.t[i]
-        if _margin(table.lo[k], table.hi[k], o, d) < TANGENT_BAND * _reach(
-            table.lo[k], table.hi[k], o
-        ):
-            best.tangent[i] = WITHIN_BAND
-        face = best.primitive[i]
-        axis = face // 2
-        is_upper = face % 2 == 1
-        gap = 0.0
-        for c in range(3):
-            p = o[c] + t * d[c]
-            q = min(max(p, table.lo[k, c]), table.hi[k, c])
-            if c == axis:
-                q = table.hi[k, c] if is_upper else table.lo[k, c]
-            gap += (p - q) ** 2
-            out.position[i, c] = q
-            out.normal[i, c] = 0.0
-        s = table.orientation[k]
-        out.normal[i, axis] = s if is_upper else -s
-        first, second = (axis + 1) % 3, (axis + 2) % 3
-        if is_upper != (s > 0):
-            first, second = second, first
-        lo, hi = table.lo[k], table.hi[k]
-        out.u[i] = (out.position[i, first] - lo[first]) / (hi[first] - lo[first])
-        out.v[i] = (out.position[i, second] - lo[second]) / (hi[second] - lo[second])
-        out.patch_id[i] = face
-        out.residual[i] = np.sqrt(gap)
+        finish_plane(table, row_of[best.object_id[i]], rays, best, i, out)

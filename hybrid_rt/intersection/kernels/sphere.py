@@ -26,6 +26,10 @@ BESIDE = 1e-2
 FARTHEST = 2.0**25
 
 
+# Far above the rounding of a sum of squares, far below what matters: see `_is_out_of_reach`.
+SURE, FARTHER = 2.0**-40, 1.0 + 2.0**-16
+
+
 class SphereTable(NamedTuple):
     """Spheres; row k is object ``object_id[k]``."""
 
@@ -39,9 +43,9 @@ class SphereTable(NamedTuple):
 def sphere_table(spheres, object_id):
     """Return the table of a list of spheres."""
     return SphereTable(
-        center=np.array([s.center for s in spheres]),
+        center=np.array([s.center for s in spheres]).reshape(-1, 3),
         radius=np.array([s.radius for s in spheres]),
-        frame=np.array([s.frame for s in spheres]),
+        frame=np.array([s.frame for s in spheres]).reshape(-1, 3, 3),
         orientation=np.array([float(s.orientation) for s in spheres]),
         object_id=object_id,
     )
@@ -63,6 +67,33 @@ def _along(fx, fy, fz, gx, gy, gz, dx, dy, dz):
 
 
 @inlined
+def _is_out_of_reach(fx, fy, fz, dx, dy, dz, dd, r, t_min, t_best):
+    """Tell, without division or root, that `offer_sphere` changes nothing; False: it may.
+
+    With b = f.d and c = |f|^2 - r^2 the roots have the product c / dd and the sum -2 b / dd. Let S be
+    |f|^2 + r^2. In float64 c is off by less than 16 u S, and D = b^2 - dd c by less than 32 u dd S. A
+    ray within the band, 64 eps max(|f|, 2 r), has D > -2^-43 dd S. 2^-40 S is more than all of it.
+
+    - c > 0 and b >= 0: the sphere lies behind. Either both roots are negative or, where b has the wrong
+      sign by rounding, |b| <= 8 u |f| |d|, D is far below the band. t_min >= 0 rejects the roots.
+    - c > 0 and b < 0: the farther root is less than the sum, so the nearer one exceeds c / (-2 b). If
+      that exceeds t_best, so do both roots and, half the sum, what would be doubted. Unless D is below
+      the band, |b| > 2^-22 |f| |d| is known to 2^-27; and the root that `offer_sphere` would compute is
+      within 2^-20 of the true one. `FARTHER` is more.
+    - D is below the band: there is no root and no doubt.
+    """
+    b = fx * dx + fy * dy + fz * dz
+    ff = fx * fx + fy * fy + fz * fz
+    c, rounding = ff - r * r, SURE * (ff + r * r)
+    if c > rounding:
+        if b >= 0.0:
+            return t_min >= 0.0
+        if c - rounding > -2.0 * t_best * b * FARTHER:
+            return True
+    return b * b - dd * c < -dd * rounding
+
+
+@inlined
 def offer_sphere(i, k, table, rays, best):
     """Offer both roots of ray i with sphere k."""
     center, object_id, t_min, known = table.center, table.object_id, rays.t_min, rays.known
@@ -73,6 +104,8 @@ def offer_sphere(i, k, table, rays, best):
     fy, gy = two_difference(oy, center[k, 1])
     fz, gz = two_difference(oz, center[k, 2])
     dd = dx * dx + dy * dy + dz * dz
+    if _is_out_of_reach(fx, fy, fz, dx, dy, dz, dd, r, t_min[i], best.t[i]):
+        return
     middle = -((fx * dx + fy * dy + fz * dz) + (gx * dx + gy * dy + gz * dz)) / dd
     lx, ly, lz = fx + middle * dx + gx, fy + middle * dy + gy, fz + middle * dz + gz
     foot = np.sqrt(lx * lx + ly * ly + lz * lz)
@@ -161,41 +194,46 @@ def trace_sphere_tree(table, tree, begin, middle, to_frame, rays, best, any_hit,
             t_cut = end_of(best.t[i], to_frame, shift)
 
 
+@inlined
+def finish_sphere(table, k, rays, best, i, out):
+    """Describe the hit of ray i on sphere k."""
+    r, c, t = table.radius[k], table.center[k], best.t[i]
+    o, d = rays.origin[i], rays.direction[i]
+    fx, gx = two_difference(o[0], c[0])
+    fy, gy = two_difference(o[1], c[1])
+    fz, gz = two_difference(o[2], c[2])
+    x, y, z = fx + t * d[0] + gx, fy + t * d[1] + gy, fz + t * d[2] + gz
+    length = np.sqrt(x * x + y * y + z * z)
+    if length == 0.0:  # from so far that the radius is lost: the side that faces the ray
+        x, y, z = -d[0], -d[1], -d[2]
+        length = np.sqrt(x * x + y * y + z * z)
+    x, y, z = x / length, y / length, z / length
+    # The shorter of the two ways to the point rounds less.
+    if r * r <= t * t * (d[0] * d[0] + d[1] * d[1] + d[2] * d[2]):
+        px, py, pz = c[0] + r * x, c[1] + r * y, c[2] + r * z
+    else:
+        px, py, pz = o[0] + t * d[0], o[1] + t * d[1], o[2] + t * d[2]
+    out.position[i, 0], out.position[i, 1], out.position[i, 2] = onto_sphere(
+        px, py, pz, c[0], c[1], c[2], r
+    )
+    s = table.orientation[k]
+    out.normal[i, 0], out.normal[i, 1], out.normal[i, 2] = s * x, s * y, s * z
+    e = table.frame[k]
+    a = e[0, 0] * x + e[0, 1] * y + e[0, 2] * z
+    b = e[1, 0] * x + e[1, 1] * y + e[1, 2] * z
+    h = e[2, 0] * x + e[2, 1] * y + e[2, 2] * z
+    turn = np.arctan2(b, a) / (2.0 * np.pi)
+    turn -= np.floor(turn)
+    out.u[i] = turn if turn < 1.0 else 0.0
+    out.v[i] = min(max(np.arctan2(np.sqrt(a * a + b * b), -h) / np.pi, 0.0), 1.0)
+    out.patch_id[i] = 0
+    out.residual[i] = abs(length - r)
+
+
 @hot_kernel
 def finish_spheres(table, rays, best, row_of, out):
     """Describe the hits on spheres; ``row_of`` (objects,) is the object's row here or -1."""
     for i in range(best.t.shape[0]):
         if best.object_id[i] < 0 or row_of[best.object_id[i]] < 0:
             continue
-        k = row_of[best.object_id[i]]
-        r, c, t = table.radius[k], table.center[k], best.t[i]
-        o, d = rays.origin[i], rays.direction[i]
-        fx, gx = two_difference(o[0], c[0])
-        fy, gy = two_difference(o[1], c[1])
-        fz, gz = two_difference(o[2], c[2])
-        x, y, z = fx + t * d[0] + gx, fy + t * d[1] + gy, fz + t * d[2] + gz
-        length = np.sqrt(x * x + y * y + z * z)
-        if length == 0.0:  # from so far that the radius is lost: the side that faces the ray
-            x, y, z = -d[0], -d[1], -d[2]
-            length = np.sqrt(x * x + y * y + z * z)
-        x, y, z = x / length, y / length, z / length
-        # The shorter of the two ways to the point rounds less.
-        if r * r <= t * t * (d[0] * d[0] + d[1] * d[1] + d[2] * d[2]):
-            px, py, pz = c[0] + r * x, c[1] + r * y, c[2] + r * z
-        else:
-            px, py, pz = o[0] + t * d[0], o[1] + t * d[1], o[2] + t * d[2]
-        out.position[i, 0], out.position[i, 1], out.position[i, 2] = onto_sphere(
-            px, py, pz, c[0], c[1], c[2], r
-        )
-        s = table.orientation[k]
-        out.normal[i, 0], out.normal[i, 1], out.normal[i, 2] = s * x, s * y, s * z
-        e = table.frame[k]
-        a = e[0, 0] * x + e[0, 1] * y + e[0, 2] * z
-        b = e[1, 0] * x + e[1, 1] * y + e[1, 2] * z
-        h = e[2, 0] * x + e[2, 1] * y + e[2, 2] * z
-        turn = np.arctan2(b, a) / (2.0 * np.pi)
-        turn -= np.floor(turn)
-        out.u[i] = turn if turn < 1.0 else 0.0
-        out.v[i] = min(max(np.arctan2(np.sqrt(a * a + b * b), -h) / np.pi, 0.0), 1.0)
-        out.patch_id[i] = 0
-        out.residual[i] = abs(length - r)
+        finish_sphere(table, row_of[best.object_id[i]], rays, best, i, out)

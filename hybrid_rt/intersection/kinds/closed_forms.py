@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from hybrid_rt.core.records import FloatArray, IntArray
+from hybrid_rt.core.records import BoolArray, FloatArray, IntArray
 from hybrid_rt.intersection.kernels.search.nearest import Nearest, Rays
 from hybrid_rt.intersection.kind import Finished
+from hybrid_rt.intersection.ray_batch import FARTHEST, POINT_ROUNDING
+
+if TYPE_CHECKING:
+    from hybrid_rt.intersection.kernels.closed_forms import ClosedForms
 
 
 class ClosedForm:
@@ -22,6 +26,9 @@ class ClosedForm:
         Makes the table of a list of surfaces and their object ids (k,) int32.
     trace : kernel of table, `Rays`, `Nearest` and whether any hit will do
     finish : kernel of table, `Rays`, `Nearest`, row of each object or -1, and `Finished`
+    alone : str
+        The field of `hybrid_rt.intersection.kernels.closed_forms.ClosedForms` that takes the table;
+        "": single rays cannot be traced.
     """
 
     def __init__(
@@ -30,7 +37,9 @@ class ClosedForm:
         make_table: Callable[[list[Any], IntArray], Any],
         trace: Callable[..., None],
         finish: Callable[..., None],
+        alone: str = "",
     ) -> None:
+        self.alone = alone
         self._trace, self._finish = trace, finish
         object_id = np.array([i for i, _ in members], np.int32)
         self.table = make_table([surface for _, surface in members], object_id)
@@ -59,8 +68,17 @@ class ClosedForm:
 # From so many spheres on a tree is faster than asking all of them.
 MANY = 8
 # Spheres so much larger than the usual one would fill the tree's boxes: they are asked by all rays.
-LARGE = 32.0
+# A room may have more walls than things in it, so the usual one is not the median.
+LARGE, USUAL = 32.0, 0.25
 LEAF_SIZE = 2
+
+
+def asked_by_all(radius: FloatArray, many: int = MANY) -> BoolArray:
+    """Tell which spheres are asked by all rays, (n,) bool; the others go into a tree."""
+    is_large: BoolArray = radius > LARGE * np.quantile(radius, USUAL)
+    if np.count_nonzero(~is_large) < many:
+        is_large[:] = True
+    return is_large
 
 
 class Spheres(ClosedForm):
@@ -81,16 +99,15 @@ class Spheres(ClosedForm):
         )
 
         radius = np.array([sphere.radius for _, sphere in members])
-        is_large = radius > LARGE * np.median(radius)
-        if np.count_nonzero(~is_large) < many:
-            is_large[:] = True
+        is_large = asked_by_all(radius, many)
         order = np.argsort(~is_large, kind="stable")
         members = [members[k] for k in order]
-        super().__init__(members, sphere_table, trace_spheres, finish_spheres)
+        super().__init__(members, sphere_table, trace_spheres, finish_spheres, "spheres")
         self._n_plain = int(np.count_nonzero(is_large))
         self._tree: Any = None
         if self._n_plain < len(members):
             self._build_tree()
+            self.alone = ""
 
     def _build_tree(self) -> None:
         from hybrid_rt.intersection.kernels.search.tree import Tree, build_tree
@@ -118,3 +135,44 @@ class Spheres(ClosedForm):
                 self.table, self._tree, self._n_plain, self._middle, self._to_frame,
                 rays, best, any_hit, new_stack(self._tree), work,
             )  # fmt: skip
+
+
+def closed_forms(kinds: Sequence[Any], kind_of: IntArray, reach: FloatArray) -> ClosedForms | None:
+    """Return the tables by which single rays are traced; None if a kind needs batches.
+
+    Parameters
+    ----------
+    kinds : sequence of Kind
+    kind_of : (objects,) int32
+        Index of each object's kind.
+    reach : (objects,) float64
+        The ``rounding_reach`` of each surface.
+    """
+    names = [getattr(kind, "alone", "") for kind in kinds]
+    if not all(names):
+        return None
+    from hybrid_rt.intersection.kernels import closed_forms as kernels
+    from hybrid_rt.intersection.kernels.box import box_table
+    from hybrid_rt.intersection.kernels.planar import plane_table, rectangle_table
+    from hybrid_rt.intersection.kernels.sphere import sphere_table
+
+    make: dict[str, Callable[..., Any]] = {
+        "spheres": sphere_table,
+        "rectangles": rectangle_table,
+        "planes": plane_table,
+        "boxes": box_table,
+    }
+    tables = {name: make_table([], np.zeros(0, np.int32)) for name, make_table in make.items()}
+    row_of, number_of = np.zeros(kind_of.size, np.int64), np.zeros(kind_of.size, np.int64)
+    for name, kind in zip(names, kinds, strict=True):
+        tables[name] = kind.table
+        row_of[kind.table.object_id] = np.arange(kind.table.object_id.size)
+        number_of[kind.table.object_id] = kernels.ClosedForms._fields.index(name)
+    return kernels.ClosedForms(
+        **tables,
+        kind_of=number_of,
+        row_of=row_of,
+        reach=reach,
+        rounding=POINT_ROUNDING,
+        most=FARTHEST,
+    )

@@ -16,7 +16,7 @@ from hybrid_rt.core.checks import FARTHEST
 from hybrid_rt.core.records import IntArray
 from hybrid_rt.core.threads import Pool
 from hybrid_rt.intersection.kind import CurvedKind, Kind
-from hybrid_rt.intersection.kinds.closed_forms import MANY, ClosedForm, Spheres
+from hybrid_rt.intersection.kinds.closed_forms import MANY, ClosedForm, Spheres, asked_by_all
 from hybrid_rt.primitives import Box, Plane, Rectangle, Sphere, TriangleMesh
 from hybrid_rt.primitives.asphere import Asphere
 from hybrid_rt.primitives.box import TurnedBox
@@ -29,6 +29,8 @@ from meshing.surface import Surface
 # From here to `FARTHEST` squares, cross products and fourth powers of lengths are float64 numbers.
 SMALLEST = 1e-60
 ACCURACIES = ("certified", "refined", "mesh")
+# Classes of which single rays can be traced.
+SINGLE = (Sphere, Rectangle, Plane, Box)
 
 Members: TypeAlias = list[tuple[int, Any]]
 """Object ids and surfaces of one class."""
@@ -116,6 +118,15 @@ def kernel_groups(surfaces: Sequence[Surface], accuracy: str, coarse: str) -> li
     ]
 
 
+def takes_single_rays(surfaces: Sequence[Surface]) -> bool:
+    """Tell whether `hybrid_rt.intersection.kinds.closed_forms.closed_forms` serves these surfaces."""
+    entries = [_entry_of(surface) for surface in surfaces]
+    if not all(entry is not None and entry.surface in SINGLE for entry in entries):
+        return False
+    radius = np.array([surface.radius for surface in surfaces if isinstance(surface, Sphere)])
+    return radius.size == 0 or bool(asked_by_all(radius).all())
+
+
 def count_by_kind(surfaces: Sequence[Surface]) -> dict[str, int]:
     """Count checked surfaces by the names of their entries; without those that do not occur."""
     members = _members_of(surfaces)
@@ -191,20 +202,26 @@ def _rectangles(members: Members, _accuracy: str, _pool: Pool) -> Kind:
     from hybrid_rt.intersection.kernels import planar
 
     return ClosedForm(
-        members, planar.rectangle_table, planar.trace_rectangles, planar.finish_rectangles
+        members,
+        planar.rectangle_table,
+        planar.trace_rectangles,
+        planar.finish_rectangles,
+        "rectangles",
     )
 
 
 def _planes(members: Members, _accuracy: str, _pool: Pool) -> Kind:
     from hybrid_rt.intersection.kernels import planar
 
-    return ClosedForm(members, planar.plane_table, planar.trace_planes, planar.finish_planes)
+    return ClosedForm(
+        members, planar.plane_table, planar.trace_planes, planar.finish_planes, "planes"
+    )
 
 
 def _boxes(members: Members, _accuracy: str, _pool: Pool) -> Kind:
-    from hybrid_rt.intersection.kernels import planar
+    from hybrid_rt.intersection.kernels.box import box_table, finish_boxes, trace_boxes
 
-    return ClosedForm(members, planar.box_table, planar.trace_boxes, planar.finish_boxes)
+    return ClosedForm(members, box_table, trace_boxes, finish_boxes, "boxes")
 
 
 def _turned_boxes(members: Members, _accuracy: str, _pool: Pool) -> Kind:

@@ -206,18 +206,18 @@ MUTANTS = (
         "the mark at silhouettes", CLOSED,
     ),
     Mutant(
-        "bound of rectangles an eighth", "_offer_parallelogram",
+        "bound of rectangles an eighth", "offer_parallelogram",
         "error = UNIT_ROUNDOFF * (12.0 * away + 4.0 * size[k])",
         "error = UNIT_ROUNDOFF * (1.5 * away + 0.5 * size[k])",
         "bound of t, rims", CLOSED,
     ),
     Mutant(
-        "bound of planes an eighth", "trace_planes",
+        "bound of planes an eighth", "offer_plane",
         "error = UNIT_ROUNDOFF * (8.0 * away", "error = 0.125 * UNIT_ROUNDOFF * (8.0 * away",
         "bound of t", CLOSED,
     ),
     Mutant(
-        "TANGENT of boxes 64 times as narrow", "_offer_box",
+        "TANGENT of boxes 64 times as narrow", "offer_box",
         "band = TANGENT_BAND * reach", "band = TANGENT_BAND / 64 * reach",
         "the mark at edges", CLOSED,
     ),
@@ -330,7 +330,7 @@ MUTANTS = (
         "t of a sheet", TURNED,
     ),
     Mutant(
-        "TANGENT of hits on boxes left out", "finish_boxes",
+        "TANGENT of hits on boxes left out", "finish_box",
         "o, d) < TANGENT_BAND * _reach(", "o, d) < -1.0 * _reach(",
         "the mark at edges", CLOSED,
     ),

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from hybrid_rt.intersection.kernels.search.nearest import WITHIN_BAND
-from meshing.kernels.jit import hot_kernel, inner
+from meshing.kernels.jit import hot_kernel, inlined, inner
 
 ORIGIN_NOT_FINITE, ORIGIN_TOO_FAR, DIRECTION_NOT_FINITE, DIRECTION_ZERO = 0, 1, 2, 3
 DIRECTION_TOO_SHORT = 4
@@ -80,29 +80,76 @@ def check_rays(origin, direction, farthest, first_bad, n_bad):
             _complain(DIRECTION_TOO_SHORT, i, first_bad, n_bad)
 
 
+@inlined
+def scale_ray(direction, i, scaled, j):
+    """Scale direction i by the power of two that brings its largest component into [1/2, 1).
+
+    Row j of ``scaled`` (n, 3) receives it. Returns that power of two.
+    """
+    largest = max(abs(direction[i, 0]), abs(direction[i, 1]), abs(direction[i, 2]))
+    # The exponent in the bits of a float64 is that of `frexp` plus 1022.
+    exponent = (np.float64(largest).view(np.int64) >> 52) - 1022
+    if abs(exponent) < 1000:
+        unit = np.int64((1023 - exponent) << 52).view(np.float64)
+        for k in range(3):
+            scaled[j, k] = direction[i, k] * unit
+        return unit
+    # The power itself may overflow.
+    _, extreme = math.frexp(largest)
+    for k in range(3):
+        scaled[j, k] = math.ldexp(direction[i, k], -extreme)
+    return math.ldexp(1.0, -extreme)
+
+
+@inlined
+def scaled_limit(t_max, unit):
+    """Return the upper limit of t in lengths of a scaled direction."""
+    # So that what comes back from the scaled t is a number.
+    return (min(t_max, LARGEST) if unit > 1.0 else t_max) / unit
+
+
 @hot_kernel
 def scale_rays(direction, t_min, t_max, scaled, unit, lowest, highest):
-    """Scale directions (n, 3) by the power of two that brings the largest component into [1/2, 1).
+    """Scale directions (n, 3); see `scale_ray`.
 
-    ``unit`` (n,) receives that power of two; limits of t (n,) become those of the scaled direction.
+    ``unit`` (n,) receives the power of two; limits of t (n,) become those of the scaled direction.
     """
     for i in range(direction.shape[0]):
-        largest = max(abs(direction[i, 0]), abs(direction[i, 1]), abs(direction[i, 2]))
-        # The exponent in the bits of a float64 is that of `frexp` plus 1022.
-        exponent = (np.float64(largest).view(np.int64) >> 52) - 1022
-        if abs(exponent) < 1000:
-            unit[i] = np.int64((1023 - exponent) << 52).view(np.float64)
-            for k in range(3):
-                scaled[i, k] = direction[i, k] * unit[i]
-        else:
-            # The power itself may overflow.
-            _, extreme = math.frexp(largest)
-            unit[i] = math.ldexp(1.0, -extreme)
-            for k in range(3):
-                scaled[i, k] = math.ldexp(direction[i, k], -extreme)
+        unit[i] = scale_ray(direction, i, scaled, i)
         lowest[i] = t_min[i] / unit[i]
-        # So that what comes back from the scaled t is a number.
-        highest[i] = (min(t_max[i], LARGEST) if unit[i] > 1.0 else t_max[i]) / unit[i]
+        highest[i] = scaled_limit(t_max[i], unit[i])
+
+
+@inlined
+def complete_row(i, direction, unit, best, record):
+    """Fill the columns of row i that are the same for every kind of surface; all those of a miss.
+
+    ``unit`` brings t into the caller's lengths.
+    """
+    is_hit = best.object_id[i] >= 0
+    # A root that rounding kept from us matters only in front of the hit.
+    is_within = is_hit and best.tangent[i] == WITHIN_BAND
+    is_tangent = is_within or best.doubt[i] < best.t[i]
+    record.status[i] = TANGENT if is_tangent else (HIT if is_hit else MISS)
+    record.object_id[i] = best.object_id[i]
+    if is_hit:
+        record.t[i] = best.t[i] * unit
+        record.t_bound[i] = best.t_bound[i] * unit
+        slope = 0.0
+        for k in range(3):
+            slope += direction[i, k] * record.normal[i, k]
+        record.front_face[i] = slope < 0.0
+        return
+    record.t[i] = np.inf
+    record.t_bound[i] = np.inf
+    record.front_face[i] = False
+    record.patch_id[i] = -1
+    record.u[i] = np.nan
+    record.v[i] = np.nan
+    record.residual[i] = np.nan
+    for k in range(3):
+        record.position[i, k] = np.nan
+        record.normal[i, k] = np.nan
 
 
 @hot_kernel
@@ -121,33 +168,30 @@ def complete_rows(direction, unit, best, record, totals):
         Hits and TANGENT rows are added here.
     """
     for i in range(unit.shape[0]):
-        is_hit = best.object_id[i] >= 0
-        # A root that rounding kept from us matters only in front of the hit.
-        is_within = is_hit and best.tangent[i] == WITHIN_BAND
-        is_tangent = is_within or best.doubt[i] < best.t[i]
-        record.status[i] = TANGENT if is_tangent else (HIT if is_hit else MISS)
-        record.object_id[i] = best.object_id[i]
-        if is_tangent:
-            totals[1] += 1
-        if is_hit:
-            totals[0] += 1
-            record.t[i] = best.t[i] * unit[i]
-            record.t_bound[i] = best.t_bound[i] * unit[i]
-            slope = 0.0
-            for k in range(3):
-                slope += direction[i, k] * record.normal[i, k]
-            record.front_face[i] = slope < 0.0
-            continue
-        record.t[i] = np.inf
-        record.t_bound[i] = np.inf
-        record.front_face[i] = False
-        record.patch_id[i] = -1
-        record.u[i] = np.nan
-        record.v[i] = np.nan
-        record.residual[i] = np.nan
-        for k in range(3):
-            record.position[i, k] = np.nan
-            record.normal[i, k] = np.nan
+        complete_row(i, direction, unit[i], best, record)
+        totals[0] += best.object_id[i] >= 0
+        totals[1] += record.status[i] == TANGENT
+
+
+@inlined
+def name_point(origin, direction, i, object_id, position, j, reach, rounding, most):
+    """Return t and rounding of point j on ray i; ``object_id`` is that of the point.
+
+    Other parameters are those of `name_points`.
+    """
+    ax, ay, az = (
+        position[j, 0] - origin[i, 0],
+        position[j, 1] - origin[i, 1],
+        position[j, 2] - origin[i, 2],
+    )
+    dx, dy, dz = direction[i, 0], direction[i, 1], direction[i, 2]
+    t = (ax * dx + ay * dy + az * dz) / (dx * dx + dy * dy + dz * dz)
+    # The ray passes the point at this distance: rounding, if the caller means this point.
+    gap = max(abs(ax - t * dx), abs(ay - t * dy), abs(az - t * dz))
+    size = reach[object_id]
+    for k in range(3):
+        size = max(size, abs(position[j, k]), abs(origin[i, k]))
+    return t, rounding * size + min(gap, most * size)
 
 
 @hot_kernel
@@ -173,17 +217,6 @@ def name_points(origin, direction, object_id, position, reach, column, rounding,
             known[i, column] = 0.0
             known[i, column + 1] = -1.0
             continue
-        ax, ay, az = (
-            position[i, 0] - origin[i, 0],
-            position[i, 1] - origin[i, 1],
-            position[i, 2] - origin[i, 2],
+        known[i, column], known[i, column + 1] = name_point(
+            origin, direction, i, object_id[i], position, i, reach, rounding, most
         )
-        dx, dy, dz = direction[i, 0], direction[i, 1], direction[i, 2]
-        t = (ax * dx + ay * dy + az * dz) / (dx * dx + dy * dy + dz * dz)
-        # The ray passes the point at this distance: rounding, if the caller means this point.
-        gap = max(abs(ax - t * dx), abs(ay - t * dy), abs(az - t * dz))
-        size = reach[object_id[i]]
-        for k in range(3):
-            size = max(size, abs(position[i, k]), abs(origin[i, k]))
-        known[i, column] = t
-        known[i, column + 1] = rounding * size + min(gap, most * size)
