@@ -50,6 +50,8 @@ class Declaration:
         Follow both the reflected and the refracted ray at glass; else one of them.
     without_light_paths : str
         Why it uses no light subpaths; "": it does.
+    follows_single_paths : bool
+        Where the surfaces allow it, follow each path to its end before the next one begins.
     sends_photons : bool
     keeps_caustic_map : bool
         Whether caustic photons are kept in a map of their own.
@@ -64,6 +66,7 @@ class Declaration:
     asks_every_light: bool = False
     follows_every_branch: bool = False
     without_light_paths: str = ""
+    follows_single_paths: bool = False
     sends_photons: bool = False
     keeps_caustic_map: bool = False
 

@@ -20,6 +20,7 @@ from hybrid_rt.primitives.vertex_normals import shading_normals
 from hybrid_rt.scene.compiled import NOTHING
 from hybrid_rt.shading.kernels.bsdf import Vertices
 from hybrid_rt.shading.kernels.emitter import UNWEIGHTED, Met, light_on_hits, light_on_rays
+from hybrid_rt.shading.kernels.light_kinds import LightPoints
 from hybrid_rt.shading.kernels.lobes.register import SPREADS, WIDE
 from hybrid_rt.shading.kernels.medium_stack import (
     STACK,
@@ -32,6 +33,7 @@ from hybrid_rt.shading.kernels.texture import lobe_colors
 NO_NORMALS = np.zeros((0, 3))
 NO_RATIO, NO_MEDIA = np.zeros(0), np.zeros((0, 0), dtype=np.int32)
 NO_RIVAL = np.zeros(0)
+NO_LOBES = np.zeros(0, dtype=np.int32)
 NONE_SMOOTH = np.zeros(0, dtype=np.bool_)
 
 
@@ -146,14 +148,9 @@ class SurfaceLight:
         """
         colors = self.colors(material, hits)
         ratio, beyond = self._across(hits, material, media, second)
-        meshes = self._context.scene.vertex_normals
-        if not meshes:
+        normal = self.shading_normals(hits, directions)
+        if not normal.size:
             return Shading(hits, directions, material, colors, NO_NORMALS, ratio, beyond)
-        normal = hits.normal.copy()
-        for object_id, normals in meshes.items():
-            rows = np.flatnonzero(hits.object_id == object_id)
-            mesh = self._context.scene.surfaces[object_id]
-            normal[rows] = shading_normals(hits, directions, rows, mesh, normals)
         to_shade_by = replace(hits, normal=normal)
         return Shading(to_shade_by, directions, material, colors, hits.normal, ratio, beyond)
 
@@ -181,21 +178,11 @@ class SurfaceLight:
         media : (n, STACK) int32, or (n, 0)
             Medium stacks of the rays.
         """
-        scene, plan = self._context.scene, self._context.plan
+        scene = self._context.scene
         radiance = np.zeros_like(directions)
-        light = np.full(len(hits), NOTHING, dtype=np.int32)
-        if plan["visible lights"]:
-            # A light's back is black.
-            light = np.where(hits.front_face, scene.light_of[hits.object_id], light)
-        if scene.environment is not None:
-            light[~hits.hit] = scene.n_lights
+        light = self._light_met(hits)
         if not (light != NOTHING).any():
             return radiance
-        is_asked = np.zeros(len(hits), dtype=np.bool_)
-        has_left = is_asked
-        if self._strategy != UNWEIGHTED:
-            is_asked = pdf > 0.0
-            has_left = ~is_asked & (rival > 0.0) if rival.size else has_left
         light_on_rays(
             scene.lights,
             scene.sky,
@@ -205,7 +192,7 @@ class SurfaceLight:
             origins,
             directions,
             pdf,
-            pdf_area_of_hits(scene, hits, light, origins, is_asked, has_left),
+            self._pdf_area(hits, light, origins, pdf, rival),
             rival if rival.size else np.zeros_like(pdf),
             media,
             scene.lobes,
@@ -213,6 +200,75 @@ class SurfaceLight:
             radiance,
         )
         return radiance
+
+    def _light_met(self, hits: HitRecord) -> IntArray:
+        """Return the light on whose shining side each ray ends, (n,) int32; `NOTHING`: none."""
+        scene = self._context.scene
+        light = np.full(len(hits), NOTHING, dtype=np.int32)
+        if self._context.plan["visible lights"]:
+            # A light's back is black.
+            light = np.where(hits.front_face, scene.light_of[hits.object_id], light)
+        if scene.environment is not None:
+            light[~hits.hit] = scene.n_lights
+        return light
+
+    def _pdf_area(
+        self,
+        hits: HitRecord,
+        light: IntArray,
+        origins: FloatArray,
+        pdf: FloatArray,
+        rival: FloatArray,
+    ) -> FloatArray:
+        """Return the pdf per area of points met on lights of kind `SURFACE`, (n,); or (0,)."""
+        is_asked = np.zeros(len(hits), dtype=np.bool_)
+        has_left = is_asked
+        if self._strategy != UNWEIGHTED:
+            is_asked = pdf > 0.0
+            has_left = ~is_asked & (rival > 0.0) if rival.size else has_left
+        return pdf_area_of_hits(self._context.scene, hits, light, origins, is_asked, has_left)
+
+    def pdf_area_met(
+        self, hits: HitRecord, origins: FloatArray, pdf: FloatArray, rival: FloatArray
+    ) -> FloatArray:
+        """Return the pdf per area of points met on lights of kind `SURFACE`, (n,).
+
+        Parameters are those of `arriving`; (0,) if there are no such lights.
+        """
+        if not self._context.scene.shining:
+            return np.zeros(0)
+        return self._pdf_area(hits, self._light_met(hits), origins, pdf, rival)
+
+    def points_of_one(self, hits: HitRecord, xi: FloatArray) -> LightPoints:
+        """Sample points on the lights of kind `SURFACE` that next-event estimation chooses.
+
+        Parameters
+        ----------
+        hits : HitRecord of n rows
+        xi : (n, 2) float64 in [0, 1), changed
+            As in `from_one`.
+        """
+        scene = self._context.scene
+        light = np.empty(len(xi), dtype=np.int32)
+        choose_lights(self._before, scene.lights.chance, xi, light)
+        return seen_points(scene, hits.position, self.material(hits), light, xi)
+
+    @property
+    def rough_glass_of(self) -> IntArray:
+        """(materials + 1,) int32: the lobe of rough glass of each material; (0,): there is none."""
+        return NO_LOBES if self._rough_glass_of is None else self._rough_glass_of
+
+    def shading_normals(self, hits: HitRecord, directions: FloatArray) -> FloatArray:
+        """Return normals to shade by, (n, 3); (0, 3) if all are those of the hits."""
+        meshes = self._context.scene.vertex_normals
+        if not meshes:
+            return NO_NORMALS
+        normal = hits.normal.copy()
+        for object_id, normals in meshes.items():
+            rows = np.flatnonzero(hits.object_id == object_id)
+            mesh = self._context.scene.surfaces[object_id]
+            normal[rows] = shading_normals(hits, directions, rows, mesh, normals)
+        return normal
 
     def from_one(
         self,

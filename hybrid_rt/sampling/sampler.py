@@ -44,6 +44,11 @@ class Sampler:
         self._seed = np.uint64(seed)
         self._pool = Pool(1) if pool is None else pool
 
+    @property
+    def seed(self) -> np.uint64:
+        """The seed."""
+        return self._seed
+
     def points(
         self, pixel: UIntArray, dimension: UIntArray | int, pass_number: UIntArray | int
     ) -> FloatArray:

@@ -8,6 +8,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
+from hybrid_rt.intersection.kinds.registry import takes_single_rays
 from hybrid_rt.scene.compiled import CompiledScene
 from hybrid_rt.scene.touching import touching
 from hybrid_rt.shading.kernels.light_kinds import WITHOUT_AREA
@@ -20,7 +21,9 @@ KERNELS_FOR = {
     "hybrid_rt.shading.kernels.fresnel": "glass rays",
     "hybrid_rt.integrators.kernels.connections": "light paths",
     "hybrid_rt.integrators.kernels.density_estimate": "photons",
+    "hybrid_rt.integrators.kernels.followed_paths": "single rays",
     "hybrid_rt.integrators.kernels.light_paths": "light paths",
+    "hybrid_rt.integrators.kernels.path_batches": "rays in batches",
     "hybrid_rt.integrators.kernels.photon_emission": "photons",
     "hybrid_rt.integrators.kernels.photon_steps": "photons",
     "hybrid_rt.shading.kernels.medium_stack": "medium stack",
@@ -46,6 +49,10 @@ class Needs(Protocol):
     @property
     def sends_photons(self) -> bool:
         """Whether photons are traced."""
+
+    @property
+    def follows_single_paths(self) -> bool:
+        """Whether a path can be followed to its end before the next one begins."""
 
     @property
     def keeps_caustic_map(self) -> bool:
@@ -174,6 +181,7 @@ def make_plan(scene: CompiledScene, integrator: Needs, left_out: Sequence[str] =
         "clear bodies may share faces with others: those are passed at once",
         "no clear body touches another surface" if is_glass.any() else "no surface is a dielectric",
     )
+    _plan_rays(plan, scene, integrator)
     leads = bool((traits & DELTA).any())
     shines = bool(scene.lights.emit.any())
     has_points = bool(np.isin(scene.lights.kind, WITHOUT_AREA).any())
@@ -203,6 +211,24 @@ def make_plan(scene: CompiledScene, integrator: Needs, left_out: Sequence[str] =
             "all light of this scene is found",
         )
     return plan
+
+
+def _plan_rays(plan: Plan, scene: CompiledScene, integrator: Needs) -> None:
+    """Decide whether rays are traced one by one or in batches."""
+    if not integrator.follows_single_paths:
+        why = "the integrator follows many rays at once"
+    elif plan["contacts"] or scene.shining or scene.vertex_normals:
+        why = (
+            "clear bodies that touch, composed surfaces that shine and vertex normals want batches"
+        )
+    elif not takes_single_rays(scene.surfaces):
+        why = "some surfaces are searched by trees"
+    else:
+        why = ""
+    plan.decide(
+        "single rays", not why, "all surfaces are closed forms: paths are followed one by one", why
+    )
+    plan.decide("rays in batches", bool(why), why, "all surfaces are closed forms")
 
 
 def _plan_photons(plan: Plan, scene: CompiledScene, integrator: Needs) -> None:

@@ -5,7 +5,7 @@ Each kernel makes one pass over memory; NumPy would make a dozen, each with a te
 
 from typing import Any, NamedTuple
 
-from meshing.kernels.jit import kernel
+from meshing.kernels.jit import inlined, kernel
 
 
 class ShadowRays(NamedTuple):
@@ -133,21 +133,26 @@ def pack_paths(paths, fate, least, position, object_id, onward, pdf, out):
     return n
 
 
-@kernel
-def choose_lights(before, chance, xi, light_id):
-    """Sample a light per row by the first column of ``xi`` (n, 2), which is rescaled for reuse.
+@inlined
+def choose_light(before, chance, xi):
+    """Sample a light by a number in [0, 1); return its row, and the number rescaled for reuse.
 
     ``before`` (lights + 1,) is the cumulative distribution of the lights.
     """
+    row = 0
+    while row < before.size - 1 and (xi >= before[row] or chance[row] == 0.0):
+        row += 1
+    while chance[row] == 0.0:  # rounding may leave the sums just below one
+        row -= 1
+    rest = (xi - (before[row] - chance[row])) / chance[row]
+    return row, min(max(rest, 0.0), 1.0 - 2.0**-53)
+
+
+@kernel
+def choose_lights(before, chance, xi, light_id):
+    """Sample a light per row by the first column of ``xi`` (n, 2); see `choose_light`."""
     for i in range(light_id.size):
-        row = 0
-        while row < before.size - 1 and (xi[i, 0] >= before[row] or chance[row] == 0.0):
-            row += 1
-        while chance[row] == 0.0:  # rounding may leave the sums just below one
-            row -= 1
-        light_id[i] = row
-        rest = (xi[i, 0] - (before[row] - chance[row])) / chance[row]
-        xi[i, 0] = min(max(rest, 0.0), 1.0 - 2.0**-53)
+        light_id[i], xi[i, 0] = choose_light(before, chance, xi[i, 0])
 
 
 @kernel

@@ -53,22 +53,12 @@ def sent_toward(lit, k, lobes, wx, wy, wz):
     )
 
 
-@kernel
-def connect_to_light_vertices(
-    paths,
-    lobes,
-    vertices,
-    beyond,
-    object_id,
-    lit,
-    first_of_pass,
-    number,
-    of_use,
-    xi,
-    steps_left,
-    out,
-):
-    """Connect camera-path vertices to light vertices of their passes by shadow rays.
+@inlined
+def connect_to_light_vertex(
+    paths, i, lobes, vertices, beyond, object_id, lit, first_of_pass, number, of_use, s, t,
+    steps_left, out, n,
+):  # fmt: skip
+    """Connect vertex i of a camera path to a light vertex of its pass, by a shadow ray.
 
     Parameters
     ----------
@@ -80,76 +70,72 @@ def connect_to_light_vertices(
     object_id : (n,) int32
     first_of_pass : (passes + 1,) int64
         The rows of ``lit`` that belong to each pass.
-    number : (n,) int64
-        Index of the pass of each hit.
+    number : int
+        Index of the pass.
     of_use : float
         Expected number of light vertices per light subpath.
-    xi : (n, 2) float64 in [0, 1)
-        The first column samples the light vertex, the second whether a hit is connected at all.
+    s, t : float
+        In [0, 1): the first samples the light vertex, the second whether the hit is connected at all.
     steps_left : int
         Bounces that the path may still have beyond the light vertex.
-    out : ShadowRays, written
+    out : ShadowRays
+        Row n is written.
 
     Returns
     -------
-    int
-        The number of shadow rays.
+    bool
+        Whether there is such a shadow ray.
     """
     material, colors, position, normal, direction, geometric, ratio = vertices
-    n = 0
-    for i in range(material.size):
-        if material[i] < 0:
-            continue
-        if xi[i, 1] >= CONNECT_CHANCE:
-            continue
-        begin, end = first_of_pass[number[i]], first_of_pass[number[i] + 1]
-        if begin == end:
-            continue
-        k = min(begin + int(xi[i, 0] * (end - begin)), end - 1)
-        if lit.steps[k] > steps_left:
-            continue
-        x = lit.position[k, 0] - position[i, 0]
-        y = lit.position[k, 1] - position[i, 1]
-        z = lit.position[k, 2] - position[i, 2]
-        square = x * x + y * y + z * z
-        if square == 0.0 or sides_differ(geometric, normal, i, direction, x, y, z):
-            continue
-        distance = math.sqrt(square)
-        wx, wy, wz = x / distance, y / distance, z / distance
-        fr, fg, fb, pdf = scattered(
-            lobes, material[i], colors, i,
-            normal[i, 0], normal[i, 1], normal[i, 2],
-            direction[i, 0], direction[i, 1], direction[i, 2], wx, wy, wz,
-            ratio[i] if ratio.size else 0.0, EVERY,
-        )  # fmt: skip
-        if pdf <= 0.0:
-            continue
-        r, g, b, onward = sent_toward(lit, k, lobes, wx, wy, wz)
-        if onward <= 0.0:
-            continue
-        rival = pdf / (square * CONNECT_CHANCE) * of_use * onward
-        factor = (end - begin) / (square * CONNECT_CHANCE) * power_weight(lit.density[k], rival)
-        r, g, b = factor * r * fr, factor * g * fg, factor * b * fb
-        if paths.media.shape[1] > 0:
-            if ratio.size and is_behind(normal, direction, i, x, y, z):
-                p, q, s = transmittance(beyond, i, lobes, distance)
-            else:
-                p, q, s = transmittance(paths.media, i, lobes, distance)
-            r, g, b = r * p, g * q, b * s
-        r, g, b = r * paths.throughput[i, 0], g * paths.throughput[i, 1], b * paths.throughput[i, 2]
-        if max(r, g, b) <= 0.0:
-            continue
-        out.camera_ray[n] = paths.camera_ray[i]
-        out.source_id[n] = object_id[i]
-        out.target_id[n] = lit.object_id[k]
-        out.t_max[n] = 1.0
-        out.value[n, 0], out.value[n, 1], out.value[n, 2] = r, g, b
-        out.way[n, 0], out.way[n, 1], out.way[n, 2] = x, y, z
-        for c in range(3):
-            out.origin[n, c] = position[i, c]
-            out.end[n, c] = lit.position[k, c]
-        n += 1
-    return n
+    if t >= CONNECT_CHANCE:
+        return False
+    begin, end = first_of_pass[number], first_of_pass[number + 1]
+    if begin == end:
+        return False
+    k = min(begin + int(s * (end - begin)), end - 1)
+    if lit.steps[k] > steps_left:
+        return False
+    x = lit.position[k, 0] - position[i, 0]
+    y = lit.position[k, 1] - position[i, 1]
+    z = lit.position[k, 2] - position[i, 2]
+    square = x * x + y * y + z * z
+    if square == 0.0 or sides_differ(geometric, normal, i, direction, x, y, z):
+        return False
+    distance = math.sqrt(square)
+    wx, wy, wz = x / distance, y / distance, z / distance
+    fr, fg, fb, pdf = scattered(
+        lobes, material[i], colors, i,
+        normal[i, 0], normal[i, 1], normal[i, 2],
+        direction[i, 0], direction[i, 1], direction[i, 2], wx, wy, wz,
+        ratio[i] if ratio.size else 0.0, EVERY,
+    )  # fmt: skip
+    if pdf <= 0.0:
+        return False
+    r, g, b, onward = sent_toward(lit, k, lobes, wx, wy, wz)
+    if onward <= 0.0:
+        return False
+    rival = pdf / (square * CONNECT_CHANCE) * of_use * onward
+    factor = (end - begin) / (square * CONNECT_CHANCE) * power_weight(lit.density[k], rival)
+    r, g, b = factor * r * fr, factor * g * fg, factor * b * fb
+    if paths.media.shape[1] > 0:
+        if ratio.size and is_behind(normal, direction, i, x, y, z):
+            p, q, w = transmittance(beyond, i, lobes, distance)
+        else:
+            p, q, w = transmittance(paths.media, i, lobes, distance)
+        r, g, b = r * p, g * q, b * w
+    r, g, b = r * paths.throughput[i, 0], g * paths.throughput[i, 1], b * paths.throughput[i, 2]
+    if max(r, g, b) <= 0.0:
+        return False
+    out.camera_ray[n] = paths.camera_ray[i]
+    out.source_id[n] = object_id[i]
+    out.target_id[n] = lit.object_id[k]
+    out.t_max[n] = 1.0
+    out.value[n, 0], out.value[n, 1], out.value[n, 2] = r, g, b
+    out.way[n, 0], out.way[n, 1], out.way[n, 2] = x, y, z
+    for c in range(3):
+        out.origin[n, c] = position[i, c]
+        out.end[n, c] = lit.position[k, c]
+    return True
 
 
 @kernel

@@ -31,4 +31,5 @@ PATH = Declaration(
     finds=_finds,
     options=PathOptions,
     other_way=OtherWay("never asking a light", PathOptions(strategy="directions")),
+    follows_single_paths=True,
 )

@@ -122,7 +122,7 @@ class LightPathTracer:
         """Return light vertices, the passes that they belong to and the numbers of their paths."""
         context, scene = self._context, self._context.scene
         paths = self._leaving_lights(passes, n)
-        found = [(_new_light_vertices(0, self._light.n_slots), paths.sample[:0], paths.number[:0])]
+        found = [(new_light_vertices(0, self._light.n_slots), paths.sample[:0], paths.number[:0])]
         # The way to the camera takes one direction more than those before the point.
         for step in range(context.max_depth):
             with context.ledger.stage("intersect"):
@@ -136,7 +136,7 @@ class LightPathTracer:
             hits = shading.hits
             if step > 0:
                 out, row = (
-                    _new_light_vertices(material.size, self._light.n_slots),
+                    new_light_vertices(material.size, self._light.n_slots),
                     np.empty_like(material),
                 )
                 n_out = kernels.store_light_vertices(
@@ -227,7 +227,8 @@ def joined(parts: list[LightVertices]) -> LightVertices:
     return LightVertices(*(np.concatenate(columns) for columns in zip(*parts, strict=True)))
 
 
-def _new_light_vertices(n: int, n_slots: int) -> LightVertices:
+def new_light_vertices(n: int, n_slots: int) -> LightVertices:
+    """Allocate n light vertices."""
     return LightVertices(
         position=np.empty((n, 3)),
         normal=np.empty((n, 3)),

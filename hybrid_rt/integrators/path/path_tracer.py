@@ -13,13 +13,12 @@ from itertools import pairwise
 
 import numpy as np
 
-from hybrid_rt.core.records import FloatArray, IntArray, NamedPoints
+from hybrid_rt.core.records import FloatArray, HitRecord, IntArray, NamedPoints
 from hybrid_rt.integrators.context import RenderContext
 from hybrid_rt.integrators.direct_light import (
+    NO_RIVAL,
     NONE_SMOOTH,
-    Shading,
     SurfaceLight,
-    largest_channel,
     shadow_rays,
 )
 from hybrid_rt.integrators.integrator import (
@@ -28,9 +27,19 @@ from hybrid_rt.integrators.integrator import (
     CameraBlock,
     Integrator,
 )
-from hybrid_rt.integrators.kernels.compaction import Paths, add_products, add_to_pixels, pack_paths
-from hybrid_rt.integrators.kernels.connections import CONNECT_CHANCE, connect_to_light_vertices
-from hybrid_rt.integrators.media.absorption import absorb, media_around_camera
+from hybrid_rt.integrators.kernels.compaction import Paths, add_to_pixels
+from hybrid_rt.integrators.kernels.followed_paths import follow_paths
+from hybrid_rt.integrators.kernels.path_batches import Arrival, advance_paths
+from hybrid_rt.integrators.kernels.path_vertex import (
+    PER_STEP,
+    TO_LIGHT,
+    Block,
+    Rules,
+    Tally,
+    World,
+)
+from hybrid_rt.integrators.light_points import new_light_points
+from hybrid_rt.integrators.media.absorption import media_around_camera
 from hybrid_rt.integrators.options import PathOptions
 from hybrid_rt.integrators.path.camera_paths import leaving_camera
 from hybrid_rt.integrators.path.light_paths import (
@@ -38,24 +47,26 @@ from hybrid_rt.integrators.path.light_paths import (
     LightPathTracer,
     LightVertexPasses,
     joined,
+    new_light_vertices,
+)
+from hybrid_rt.integrators.path.path_state import (
+    columns_of,
+    count_rays,
+    count_vertices,
+    new_paths,
+    new_ray,
+    new_tally,
+    new_vertex,
 )
 from hybrid_rt.sensor.passes import pass_of
 from hybrid_rt.shading.kernels.emitter import BOTH, DIRECTION_ONLY, LIGHT_ONLY
 from hybrid_rt.shading.kernels.lobes.register import EVERY
-from hybrid_rt.shading.kernels.scatter import (
-    ABSORBED,
-    LEFT,
-    SCATTERED,
-    SPECULAR,
-    STOPPED,
-    Rivals,
-    scatter,
-)
 
 STRATEGIES = {"both": BOTH, "lights": LIGHT_ONLY, "directions": DIRECTION_ONLY}
-
-# What the low-discrepancy points of one step are for.
-TO_LIGHT, DIRECTION, CHOICE, CONNECT, PER_STEP = 0, 1, 2, 3, 4
+# Of a vertex: to a light, and to a light vertex.
+MOST_SHADOW_RAYS = 2
+NO_NUMBER = np.zeros(0, dtype=np.int64)
+NO_COLORS = np.zeros((0, 0, 3))
 
 
 class PathTracer(Integrator):
@@ -81,8 +92,22 @@ class PathTracer(Integrator):
             self._lamps = LightPathTracer(
                 context, self._light, self._contacts, self._camera_media, self._options.light_paths
             )
-        # Read only where paths from lights are weighed against those of the camera.
-        self._is_smooth = NONE_SMOOTH if self._lamps is None else self._lamps.is_smooth
+        # What single rays are traced by; None: paths advance together.
+        self._forms = context.tracer.closed_forms() if plan["single rays"] else None
+        scene = context.scene
+        self._ray = new_ray()
+        self._vertex = new_vertex(
+            self._ray.record,
+            self._light.n_slots,
+            smooth=bool(scene.vertex_normals),
+            contacts=self._contacts is not None,
+            shining=bool(scene.shining),
+            rough=self._light.rough_glass_of.size > 0,
+        )
+        self._path = new_paths(1, self._camera_media.size, self._lamps is not None)
+        self._lit = new_light_vertices(0, self._light.n_slots)
+        self._first_of_pass = np.zeros(1, dtype=np.int64)
+        self._first_pass = 0
         self._of_use = 0.0
 
     def begin(self) -> None:
@@ -90,7 +115,7 @@ class PathTracer(Integrator):
         if self._lamps is not None:
             self._of_use = self._lamps.share_of_use()
             if self._of_use == 0.0:
-                self._lamps = None
+                self._leave_out_light_paths()
                 why = f"none of {PILOT_PATHS} light paths came to a surface that spreads light"
                 self.context.plan.decide("light paths", False, "", why)
 
@@ -99,7 +124,11 @@ class PathTracer(Integrator):
         assert isinstance(first, PathTracer)
         self._of_use = first._of_use
         if first._lamps is None:
-            self._lamps = None
+            self._leave_out_light_paths()
+
+    def _leave_out_light_paths(self) -> None:
+        self._lamps = None
+        self._path = new_paths(1, self._camera_media.size, False)
 
     def prepare(self, passes: range) -> LightVertexPasses | None:
         """Trace the light subpaths of some passes."""
@@ -126,125 +155,106 @@ class PathTracer(Integrator):
 
     def _radiance(self, block: CameraBlock) -> FloatArray:
         radiance = np.zeros_like(block.directions)
+        rays = self._block(block)
+        tally = new_tally(self.context.scene.lobes.kind.size)
+        if self._forms is None:
+            self._advance(block, rays, radiance, tally)
+        else:
+            with self.context.ledger.stage("paths"):
+                follow_paths(
+                    self._world(), self._rules(), rays, self._camera_media, self._forms,
+                    self._ray, self._path, self._vertex, shadow_rays(MOST_SHADOW_RAYS), radiance,
+                    tally,
+                )  # fmt: skip
+            count_rays(tally, self.context.ledger, self.context.tracer)
+        count_vertices(tally, self.context.ledger)
+        return radiance
+
+    def _advance(self, block: CameraBlock, rays: Block, radiance: FloatArray, tally: Tally) -> None:
+        """Follow the paths of a block together, from vertex to vertex."""
         paths = leaving_camera(block, self._camera_media, self._lamps is not None)
+        world, rules = self._world(), self._rules()
+        n = paths.camera_ray.size
+        # Filled in turn: pages that are new each time would cost more than what is written.
+        out, spare = (new_paths(n, paths.media.shape[1], paths.rival.size > 0) for _ in range(2))
+        shadows = shadow_rays(MOST_SHADOW_RAYS * n)
         for depth in range(self.context.max_depth + 2):
             # --- where the rays arrive
             source = NamedPoints(paths.source_id, paths.origins) if depth else None
             hits, second = self._first_hits(paths.origins, paths.directions, source)
             with self.context.ledger.stage("shade"):
-                material = self._light.material(hits)
-                # --- what the way there absorbed
-                absorb(self.context, paths.media, material, hits, second, paths.throughput)
-                # --- light they ran into
-                arriving = self._light.arriving(
-                    hits, paths.origins, paths.directions, paths.pdf, paths.rival, paths.media
-                )
-                add_products(paths.camera_ray, paths.throughput, arriving, radiance)
-                if depth > self.context.max_depth:
-                    self._lose(paths.throughput[material >= 0])
-                    break
-                shading = self._light.shading(hits, paths.directions, material, paths.media, second)
-                # --- light we reach for
-                xi = self._points(paths, depth)
-                if self._samples_lights:
-                    self._light.from_one(
-                        shading,
-                        paths.camera_ray,
-                        paths.throughput,
-                        paths.media,
-                        xi[TO_LIGHT],
-                        radiance,
-                    )
-                # --- light that mirrors and glass throw
-                if self._connects(depth):
-                    self._connect(paths, shading, depth, xi[CONNECT], radiance)
-                # --- where they go next, and which ones stop
-                paths = self._onward(paths, shading, second, depth, xi)
-            if paths.camera_ray.size == 0:
+                # --- light they ran into; light we reach for; where they go next, and which stop
+                n_rays, n_out = advance_paths(
+                    world, rules, depth, rays, paths, self._arrival(paths, hits, second, depth),
+                    self._path, self._vertex, radiance, shadows, out, tally,
+                )  # fmt: skip
+                self._light.add_unblocked(shadows, n_rays, radiance)
+            if n_out == 0:
                 break
-        return radiance
+            paths = Paths(*(column[:n_out] for column in out))
+            out, spare = spare, out
 
-    def _points(self, paths: Paths, depth: int) -> FloatArray:
-        """Return the points of one step, (uses, n, 2); see `TO_LIGHT` and its like."""
-        dimension = FIRST_PATH_DIMENSION + depth * PER_STEP
-        n_uses = PER_STEP if self._connects(depth) else CONNECT
-        return self.context.sampler.several(paths.pixel, dimension, paths.sample, n_uses)
-
-    def _connects(self, depth: int) -> bool:
-        # Directions here, at the light vertex, and at one mirror or lens at least.
-        return self._lamps is not None and depth + 3 <= self.context.max_depth
-
-    def _connect(
-        self, paths: Paths, shading: Shading, depth: int, xi: FloatArray, radiance: FloatArray
-    ) -> None:
-        """Add what comes from light vertices: one is asked by one hit in a few."""
-        hits, n = shading.hits, paths.camera_ray.size
-        rays = shadow_rays(n)
-        number = pass_of(paths.pixel >> PIXEL_BITS, paths.sample).astype(np.int64)
-        n_rays = connect_to_light_vertices(
-            paths, self.context.scene.lobes, shading.vertices, shading.beyond, hits.object_id, self._lit, self._first_of_pass, number - self._first_pass, self._of_use, xi,
-            self.context.max_depth - depth - 2, rays,
-        )  # fmt: skip
-        self._light.add_unblocked(rays, n_rays, radiance)
-
-    def _before(self, paths: Paths, depth: int) -> FloatArray:
-        """Return the densities of directions over how often light paths lead to where they end."""
-        density: FloatArray = paths.pdf
-        if self._lamps is None:
-            return density
-        if depth == 0:
-            of_pixel: FloatArray = self.context.scene.camera.direction_pdf(paths.directions)
-            of_pixel /= self._lamps.n_paths
-            return of_pixel
-        # Of the light vertices of a pass, `_of_use` a path, one is connected to, with a probability of
-        # CONNECT_CHANCE.
-        return density * (self._of_use / CONNECT_CHANCE)
-
-    def _onward(
-        self, paths: Paths, shading: Shading, second: IntArray, depth: int, xi: FloatArray
-    ) -> Paths:
-        """Choose where each path goes; return those that go on."""
-        n = paths.camera_ray.size
-        is_last = depth == self.context.max_depth
-        # The last step may still run into light, so that both ways of finding it agree; but a
-        # mirrored or refracted ray would be one direction more.
-        may_spread = not is_last or self._options.strategy != "lights"
-        roulette = self._options.survival if depth >= self._options.roulette_depth else 0.0
-        onward, pdf = np.empty((n, 3)), np.empty(n)
-        fate = np.empty(n, dtype=np.uint8)
-        hits = shading.hits
-        scatter(
-            self.context.scene.lobes,
-            shading.vertices,
-            xi[DIRECTION],
-            xi[CHOICE],
-            paths.media,
+    def _arrival(self, paths: Paths, hits: HitRecord, second: IntArray, depth: int) -> Arrival:
+        points = new_light_points(0)
+        if self._samples_lights and self.context.scene.shining:
+            dimension = FIRST_PATH_DIMENSION + depth * PER_STEP + TO_LIGHT
+            xi = self.context.sampler.points(paths.pixel, dimension, paths.sample)
+            points = self._light.points_of_one(hits, xi)
+        colors = NO_COLORS
+        if self.context.plan["texture lookups"]:
+            colors = self._light.colors(self._light.material(hits), hits)
+        return Arrival(
+            columns_of(hits),
+            self._light.shading_normals(hits, paths.directions),
             second,
-            may_spread,
-            not is_last,
-            roulette,
-            Rivals(
-                hits.t, self._before(paths, depth), self._is_smooth, hits.object_id, paths.rival
-            ),
-            onward,
-            paths.throughput,
-            pdf,
-            fate,
+            colors,
+            points,
+            self._light.pdf_area_met(hits, paths.origins, paths.pdf, paths.rival),
         )
-        ledger = self.context.ledger
-        counts = np.bincount(fate, minlength=SPECULAR + 1)
-        ledger.rays["scattered"] += int(counts[SCATTERED])
-        ledger.rays["mirrored or refracted"] += int(counts[SPECULAR])
-        ledger.ended["absorbed or by roulette"] += int(counts[ABSORBED])
-        ledger.ended["left the scene or met a lamp"] += int(counts[LEFT])
-        if counts[STOPPED]:
-            self._lose(paths.throughput[fate == STOPPED])
-        out = Paths(*(np.empty_like(column) for column in paths))
-        n_out = pack_paths(paths, fate, SCATTERED, hits.position, hits.object_id, onward, pdf, out)
-        return Paths(*(column[:n_out] for column in out))
 
-    def _lose(self, throughput: FloatArray) -> None:
-        """Count paths that the limit ends, and what they might have carried."""
-        if len(throughput):
-            self.context.ledger.ended["at max_depth"] += len(throughput)
-            self.context.ledger.lost_weight += float(largest_channel(throughput).sum())
+    def _block(self, block: CameraBlock) -> Block:
+        camera_pdf, number = NO_RIVAL, NO_NUMBER
+        if self._lamps is not None:
+            camera_pdf = self.context.scene.camera.direction_pdf(block.directions)
+            passes = pass_of(block.pixel >> PIXEL_BITS, block.sample)
+            number = passes.astype(np.int64) - self._first_pass
+        return Block(block.pixel, block.sample, block.origins, block.directions, camera_pdf, number)
+
+    def _world(self) -> World:
+        scene = self.context.scene
+        return World(
+            material_of=scene.material_of,
+            light_of=scene.light_of,
+            surface_of_light=scene.surface_of_light,
+            lobes=scene.lobes,
+            color_factor=scene.color_factor,
+            glass_of=scene.glass_of,
+            rough_glass_of=self._light.rough_glass_of,
+            textures=scene.textures,
+            lights=scene.lights,
+            before=np.cumsum(scene.lights.chance),
+            sky=scene.sky,
+            is_smooth=NONE_SMOOTH if self._lamps is None else self._lamps.is_smooth,
+            lit=self._lit,
+            first_of_pass=self._first_of_pass,
+        )
+
+    def _rules(self) -> Rules:
+        context = self.context
+        return Rules(
+            seed=context.sampler.seed,
+            first_dimension=np.uint64(FIRST_PATH_DIMENSION),
+            strategy=STRATEGIES[self._options.strategy],
+            asks_lights=self._samples_lights,
+            has_colors=self._forms is None and context.plan["texture lookups"],
+            has_sky=context.scene.environment is not None,
+            has_light_paths=self._lamps is not None,
+            n_light_paths=1.0 if self._lamps is None else float(self._lamps.n_paths),
+            of_use=self._of_use,
+            max_depth=context.max_depth,
+            roulette_depth=self._options.roulette_depth,
+            survival=self._options.survival,
+            # The last step may still run into light, so that both ways of finding it agree; but a
+            # mirrored or refracted ray would be one direction more.
+            spreads_last=self._options.strategy != "lights",
+        )

@@ -11,7 +11,7 @@ of Pharr, Jakob and Humphreys, "Physically based rendering", 4th edition, 2023.
 
 import numpy as np
 
-from meshing.kernels.jit import inner, kernel
+from meshing.kernels.jit import inlined, inner, kernel
 
 # 32-bit arithmetic in 64-bit words: a product of two 32-bit numbers cannot overflow, so compiled
 # and interpreted runs give the same bits. Numba would turn uint64 with int64 into float64: every
@@ -76,27 +76,41 @@ def sobol_second(turned):
     return x ^ ((x & _BITS1) << _S1)
 
 
+@inlined
+def key_of_pixel(seed, pixel):
+    """Return the hash of a seed and a pixel, both uint64."""
+    seed_key = mix(mix(_ZERO, seed & _MASK), seed >> _S32)
+    return mix(mix(seed_key, pixel & _MASK), pixel >> _S32)
+
+
+@inlined
+def sobol_point(pixel_key, turned_sample, dimension):
+    """Return the point of one dimension (uint64), two numbers in [0, 1).
+
+    ``turned_sample`` is the bit-reversed sample number. Scrambling permutes the digits from the
+    highest on, so words are bit-reversed before and after it; where two reversals meet, both are
+    left out.
+    """
+    key = mix(mix(pixel_key, dimension & _MASK), dimension >> _S32)
+    turned = permute(turned_sample, key)
+    first = permute(reverse_bits(turned), mix(key, _ONE))
+    second = permute(reverse_bits(sobol_second(turned)), mix(key, _S2))
+    return reverse_bits(first) * _TO_UNIT, reverse_bits(second) * _TO_UNIT
+
+
 @kernel
 def sobol_points(seed, sample, pixel, dimension, begin, points):
     """Fill n rows of ``points`` (m, rows, 2) from ``begin`` on, for n triples, all uint64.
 
     The first axis holds the m dimensions from ``dimension`` on.
-
-    Scrambling permutes the digits from the highest on, so words are bit-reversed before and after
-    it; where two reversals meet, both are left out.
     """
-    seed_key = mix(mix(_ZERO, seed & _MASK), seed >> _S32)
     for i in range(pixel.size):
-        pixel_key = mix(mix(seed_key, pixel[i] & _MASK), pixel[i] >> _S32)
+        pixel_key = key_of_pixel(seed, pixel[i])
         turned_sample = reverse_bits(sample[i] & _MASK)
         for d in range(points.shape[0]):
-            number = dimension[i] + np.uint64(d)
-            key = mix(mix(pixel_key, number & _MASK), number >> _S32)
-            turned = permute(turned_sample, key)
-            first = permute(reverse_bits(turned), mix(key, _ONE))
-            second = permute(reverse_bits(sobol_second(turned)), mix(key, _S2))
-            points[d, begin + i, 0] = reverse_bits(first) * _TO_UNIT
-            points[d, begin + i, 1] = reverse_bits(second) * _TO_UNIT
+            points[d, begin + i, 0], points[d, begin + i, 1] = sobol_point(
+                pixel_key, turned_sample, dimension[i] + np.uint64(d)
+            )
 
 
 @kernel

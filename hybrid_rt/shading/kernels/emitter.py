@@ -43,6 +43,44 @@ def power_weight(pdf, other):
     return 1.0 / (1.0 + ratio * ratio)
 
 
+@inlined
+def light_on_hit(lights, sky, textures, points, row, lobes, vertices, i, s, t, strategy, asked):
+    """Sample a point of light ``row`` by (s, t), as seen from hit i, times f cos of non-delta lobes.
+
+    Parameters are those of `light_on_hits`. Returns the vector to that point (to the environment: a
+    unit direction), and the radiance scattered if it is unoccluded; zero if there is none.
+    """
+    material, colors, position, normal, direction, geometric, ratio = vertices
+    px, py, pz = position[i, 0], position[i, 1], position[i, 2]
+    is_sky = row == lights.kind.size
+    if is_sky:
+        x, y, z = sky_direction(sky, s, t)
+        distance, u, v = 1.0, 0.0, 0.0
+        density = sky_pdf(sky, x, y, z)
+        factor = 1.0 / density if density > 0.0 else 0.0
+    else:
+        x, y, z, distance, factor, u, v = light_point(lights, points, i, row, px, py, pz, s, t)
+    if factor == 0.0 or sides_differ(geometric, normal, i, direction, x, y, z):
+        return 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    r, g, b, pdf = scattered(
+        lobes, material[i], colors, i,
+        normal[i, 0], normal[i, 1], normal[i, 2],
+        direction[i, 0], direction[i, 1], direction[i, 2],
+        x / distance, y / distance, z / distance, ratio[i] if ratio.size else 0.0, asked,
+    )  # fmt: skip
+    if pdf == 0.0:
+        return 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    if is_sky:
+        p, q, k = sky_radiance(sky, x, y, z)
+    else:
+        p, q, k = light_strength(lights, textures, row, u, v, px + x, py + y, pz + z)
+    if strategy != UNWEIGHTED:
+        factor /= lights.chance[row]
+        if strategy == BOTH and (is_sky or has_area(lights, row)):
+            factor *= power_weight(1.0 / factor, pdf)
+    return x, y, z, factor * p * r, factor * q * g, factor * k * b
+
+
 @kernel
 def light_on_hits(
     lights, sky, textures, points, light_id, lobes, vertices, xi, strategy, asked, to_light, value
@@ -68,47 +106,58 @@ def light_on_hits(
         Vector to that point (to the environment: a unit direction), and the radiance scattered if
         it is unoccluded.
     """
-    material, colors, position, normal, direction, geometric, ratio = vertices
+    material = vertices.material
     for i in range(light_id.size):
-        to_light[i, 0] = to_light[i, 1] = to_light[i, 2] = 0.0
-        value[i, 0] = value[i, 1] = value[i, 2] = 0.0
-        if material[i] < 0:
-            continue
-        row = light_id[i]
-        px, py, pz = position[i, 0], position[i, 1], position[i, 2]
-        is_sky = row == lights.kind.size
-        if is_sky:
-            x, y, z = sky_direction(sky, xi[i, 0], xi[i, 1])
-            distance, u, v = 1.0, 0.0, 0.0
-            density = sky_pdf(sky, x, y, z)
-            factor = 1.0 / density if density > 0.0 else 0.0
-        else:
-            x, y, z, distance, factor, u, v = light_point(
-                lights, points, i, row, px, py, pz, xi[i, 0], xi[i, 1]
-            )
-        if factor == 0.0 or sides_differ(geometric, normal, i, direction, x, y, z):
-            continue
-        r, g, b, pdf = scattered(
-            lobes, material[i], colors, i,
-            normal[i, 0], normal[i, 1], normal[i, 2],
-            direction[i, 0], direction[i, 1], direction[i, 2],
-            x / distance, y / distance, z / distance, ratio[i] if ratio.size else 0.0, asked,
-        )  # fmt: skip
-        if pdf == 0.0:
-            continue
-        if is_sky:
-            p, q, s = sky_radiance(sky, x, y, z)
-        else:
-            p, q, s = light_strength(lights, textures, row, u, v, px + x, py + y, pz + z)
-        if strategy != UNWEIGHTED:
-            chance = lights.chance[row]
-            factor /= chance
-            if strategy == BOTH and (is_sky or has_area(lights, row)):
-                factor *= power_weight(1.0 / factor, pdf)
+        x = y = z = r = g = b = 0.0
+        if material[i] >= 0:
+            x, y, z, r, g, b = light_on_hit(
+                lights, sky, textures, points, light_id[i], lobes, vertices, i, xi[i, 0], xi[i, 1],
+                strategy, asked,
+            )  # fmt: skip
         to_light[i, 0], to_light[i, 1], to_light[i, 2] = x, y, z
-        value[i, 0] = factor * p * r
-        value[i, 1] = factor * q * g
-        value[i, 2] = factor * s * b
+        value[i, 0], value[i, 1], value[i, 2] = r, g, b
+
+
+@inlined
+def light_on_ray(
+    lights, sky, textures, row, i, met, origin, direction, pdf, pdf_area, rival, media, lobes,
+    strategy,
+):  # fmt: skip
+    """Return the radiance that ray i hits on light ``row``, MIS-weighted.
+
+    Parameters are those of `light_on_rays`; ``pdf``, ``pdf_area`` and ``rival`` are those of the ray.
+    """
+    t, u, v, position, normal = met
+    x, y, z = direction[i, 0], direction[i, 1], direction[i, 2]
+    is_sky = row == lights.kind.size
+    weight = 1.0
+    if strategy < DIRECTION_ONLY and pdf > 0.0 and lights.chance[row] > 0.0:
+        if is_sky:
+            density = sky_pdf(sky, x, y, z)
+        else:
+            cosine = -(x * normal[i, 0] + y * normal[i, 1] + z * normal[i, 2])
+            density = pdf_of_light(
+                lights, row, origin[i, 0], origin[i, 1], origin[i, 2], t[i], cosine, pdf_area
+            )
+        density *= lights.chance[row]
+        if strategy == BOTH:
+            weight = power_weight(pdf, density)
+        elif density > 0.0:
+            weight = 0.0
+    elif strategy == BOTH and rival > 0.0 and lights.emit[row] > 0.0:
+        density = lights.emit[row] / math.pi * pdf_of_area(lights, row, pdf_area)
+        if media.shape[1] > 0:
+            density /= ior_of(lobes, filling_medium(media, i, lobes)) ** 2
+        weight = power_weight(rival, density)
+    if weight == 0.0:
+        return 0.0, 0.0, 0.0
+    if is_sky:
+        r, g, b = sky_radiance(sky, x, y, z)
+    else:
+        r, g, b = light_strength(
+            lights, textures, row, u[i], v[i], position[i, 0], position[i, 1], position[i, 2]
+        )
+    return weight * r, weight * g, weight * b
 
 
 @kernel
@@ -139,41 +188,11 @@ def light_on_rays(
         Medium stacks of the rays.
     radiance : (n, 3) float64, written
     """
-    t, u, v, position, normal = met
     for i in range(light_id.size):
-        radiance[i, 0] = radiance[i, 1] = radiance[i, 2] = 0.0
-        row = light_id[i]
-        if row < 0:
-            continue
-        x, y, z = direction[i, 0], direction[i, 1], direction[i, 2]
-        is_sky = row == lights.kind.size
-        weight = 1.0
-        if strategy < DIRECTION_ONLY and pdf[i] > 0.0 and lights.chance[row] > 0.0:
-            if is_sky:
-                density = sky_pdf(sky, x, y, z)
-            else:
-                cosine = -(x * normal[i, 0] + y * normal[i, 1] + z * normal[i, 2])
-                by_area = pdf_area[i] if pdf_area.size else 0.0
-                density = pdf_of_light(
-                    lights, row, origin[i, 0], origin[i, 1], origin[i, 2], t[i], cosine, by_area
-                )
-            density *= lights.chance[row]
-            if strategy == BOTH:
-                weight = power_weight(pdf[i], density)
-            elif density > 0.0:
-                weight = 0.0
-        elif strategy == BOTH and rival[i] > 0.0 and lights.emit[row] > 0.0:
-            by_area = pdf_area[i] if pdf_area.size else 0.0
-            density = lights.emit[row] / math.pi * pdf_of_area(lights, row, by_area)
-            if media.shape[1] > 0:
-                density /= ior_of(lobes, filling_medium(media, i, lobes)) ** 2
-            weight = power_weight(rival[i], density)
-        if weight == 0.0:
-            continue
-        if is_sky:
-            r, g, b = sky_radiance(sky, x, y, z)
-        else:
-            r, g, b = light_strength(
-                lights, textures, row, u[i], v[i], position[i, 0], position[i, 1], position[i, 2]
-            )
-        radiance[i, 0], radiance[i, 1], radiance[i, 2] = weight * r, weight * g, weight * b
+        r = g = b = 0.0
+        if light_id[i] >= 0:
+            r, g, b = light_on_ray(
+                lights, sky, textures, light_id[i], i, met, origin, direction, pdf[i],
+                pdf_area[i] if pdf_area.size else 0.0, rival[i], media, lobes, strategy,
+            )  # fmt: skip
+        radiance[i, 0], radiance[i, 1], radiance[i, 2] = r, g, b

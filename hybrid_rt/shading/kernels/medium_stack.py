@@ -108,12 +108,32 @@ def weaken_by_ways(stack, lobes, way, has_end, value):
         value[i, 2] *= b
 
 
-@kernel
-def cross_media(stack, lobes, glass_of, material, front_face, second, t, throughput, unclosed):
-    """Attenuate throughput by the Beer-Lambert law between ray origins and hits.
+@inlined
+def cross_medium(stack, i, lobes, glass_of, material, is_front, second, t, unclosed):
+    """Return the transmittance between the origin of ray i and its hit.
 
     A ray that hits a dielectric from inside has been in it from the start: the body is inserted in
-    the stack if it is missing.
+    the stack if it is missing. Parameters are those of `cross_media`; ``material``, ``is_front`` and
+    ``t`` are those of the ray.
+    """
+    if material >= 0 and not is_front:
+        glass = glass_of[material]
+        if glass != NONE and place_of(stack, i, glass) == NONE:
+            begin_with(stack, i, glass)
+            unclosed[glass] += 1
+    if second.size and second[i] < 0 and place_of(stack, i, -second[i] - 1) == NONE:
+        begin_with(stack, i, -second[i] - 1)
+        unclosed[-second[i] - 1] += 1
+    if t == math.inf:
+        for k in range(STACK):
+            if stack[i, k] != NONE:
+                unclosed[stack[i, k]] += 1
+    return transmittance(stack, i, lobes, t)
+
+
+@kernel
+def cross_media(stack, lobes, glass_of, material, front_face, second, t, throughput, unclosed):
+    """Attenuate throughput by the Beer-Lambert law between ray origins and hits: see `cross_medium`.
 
     Parameters
     ----------
@@ -133,19 +153,9 @@ def cross_media(stack, lobes, glass_of, material, front_face, second, t, through
         not closed.
     """
     for i in range(material.size):
-        if material[i] >= 0 and not front_face[i]:
-            glass = glass_of[material[i]]
-            if glass != NONE and place_of(stack, i, glass) == NONE:
-                begin_with(stack, i, glass)
-                unclosed[glass] += 1
-        if second.size and second[i] < 0 and place_of(stack, i, -second[i] - 1) == NONE:
-            begin_with(stack, i, -second[i] - 1)
-            unclosed[-second[i] - 1] += 1
-        if t[i] == math.inf:
-            for k in range(STACK):
-                if stack[i, k] != NONE:
-                    unclosed[stack[i, k]] += 1
-        r, g, b = transmittance(stack, i, lobes, t[i])
+        r, g, b = cross_medium(
+            stack, i, lobes, glass_of, material[i], front_face[i], second, t[i], unclosed
+        )
         throughput[i, 0] *= r
         throughput[i, 1] *= g
         throughput[i, 2] *= b
@@ -189,6 +199,22 @@ def media_beyond(lobes, lobe, stack, front_face, second, eta):
             eta[i] = ior_of(lobes, after) / ior_of(lobes, before)
 
 
+@inlined
+def look_beyond_one(lobes, lobe, stack, i, is_front, second, beyond):
+    """Find the media beyond the rough glass that ray i has hit; see `look_beyond`.
+
+    Returns the index beyond the surface over that before it; sets row i of ``beyond``.
+    """
+    for k in range(STACK):
+        beyond[i, k] = stack[i, k]
+    if lobe == NONE:
+        return 0.0
+    pass_surface(lobe, beyond, i, is_front, second)
+    before, after = filling_medium(stack, i, lobes), filling_medium(beyond, i, lobes)
+    at = ior_of(lobes, after) / ior_of(lobes, before)
+    return at if before != after and abs(at - 1.0) > MATCHED else 0.0
+
+
 @kernel
 def look_beyond(lobes, lobe, stack, front_face, second, beyond, ratio):
     """Find the media beyond the rough glass that rays have hit.
@@ -209,16 +235,7 @@ def look_beyond(lobes, lobe, stack, front_face, second, beyond, ratio):
         have the same medium or the same index, so that it does not scatter.
     """
     for i in range(lobe.size):
-        for k in range(STACK):
-            beyond[i, k] = stack[i, k]
-        ratio[i] = 0.0
-        if lobe[i] == NONE:
-            continue
-        pass_surface(lobe[i], beyond, i, front_face[i], second)
-        before, after = filling_medium(stack, i, lobes), filling_medium(beyond, i, lobes)
-        at = ior_of(lobes, after) / ior_of(lobes, before)
-        if before != after and abs(at - 1.0) > MATCHED:
-            ratio[i] = at
+        ratio[i] = look_beyond_one(lobes, lobe[i], stack, i, front_face[i], second, beyond)
 
 
 @kernel

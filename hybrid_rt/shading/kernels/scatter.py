@@ -97,6 +97,67 @@ def density_of_turn(normal, geometric, i, dx, dy, dz, x, y, z, density):
     return density * arriving / leaving if leaving > 0.0 else 0.0
 
 
+@inlined
+def scatter_one(
+    lobes, vertices, i, xi, choice, stack, second, may_spread, may_mirror, roulette, rivals, onward,
+    throughput, pdf,
+):  # fmt: skip
+    """Scatter ray i in one direction and return its fate; parameters are those of `scatter`."""
+    material, colors, _, normal, direction, geometric, ratio = vertices
+    t, before, is_smooth, object_id, rival = rivals
+    pdf[i] = 0.0
+    if material[i] < 0:
+        return LEFT
+    dx, dy, dz = direction[i, 0], direction[i, 1], direction[i, 2]
+    at = ratio[i] if ratio.size else 0.0
+    row, x, y, z, r, g, b, density, is_refracted = choose_way(
+        lobes, material[i], colors, i, normal, dx, dy, dz, at, xi, choice, stack, second, False
+    )
+    if row < 0:
+        return ABSORBED
+    pdf[i] = density
+    if density > 0.0:
+        fate = SCATTERED if may_spread else STOPPED
+        if rival.size:
+            turn = density_of_turn(normal, geometric, i, dx, dy, dz, x, y, z, density)
+            if before[i] > 0.0:
+                rival[i] = turn * before[i] / (t[i] * t[i])
+                if stack.shape[1] > 0:
+                    rival[i] /= ior_of(lobes, filling_medium(stack, i, lobes)) ** 2
+            elif rival[i] > 0.0:
+                if is_refracted:
+                    # Densities are over the index squared of where either direction runs.
+                    turn /= at * at
+                    at = 1.0 / at
+                _, _, _, back = scattered(
+                    lobes, material[i], colors, i, normal[i, 0], normal[i, 1], normal[i, 2],
+                    -x, -y, -z, -dx, -dy, -dz, at, EVERY,
+                )  # fmt: skip
+                rival[i] = rival[i] * turn / back if back > 0.0 else 0.0
+    else:
+        fate = SPECULAR if may_mirror else STOPPED
+        if rival.size and is_smooth[object_id[i]]:
+            rival[i] = 0.0
+    # Only light that goes through a clear body's surface may pass to the other side.
+    if geometric.shape[0] and leaves_through_face(geometric, i, direction, x, y, z) != is_refracted:
+        return ABSORBED
+    r, g, b = throughput[i, 0] * r, throughput[i, 1] * g, throughput[i, 2] * b
+    carried = max(r, g, b)
+    if carried == 0.0:
+        return ABSORBED
+    if stack.shape[1] > 0:
+        # Within glass radiance counts by its index squared, given back on the way out.
+        carried *= ior_of(lobes, filling_medium(stack, i, lobes)) ** 2
+    if roulette > 0.0 and fate != STOPPED:
+        survival = min(carried, roulette)
+        if choice[i, 1] >= survival:
+            return ABSORBED
+        r, g, b = r / survival, g / survival, b / survival
+    throughput[i, 0], throughput[i, 1], throughput[i, 2] = r, g, b
+    onward[i, 0], onward[i, 1], onward[i, 2] = x, y, z
+    return fate
+
+
 @kernel
 def scatter(
     lobes, vertices, xi, choice, stack, second, may_spread, may_mirror, roulette, rivals, onward,
@@ -130,64 +191,8 @@ def scatter(
         `LEFT` (no material), `STOPPED` (with what was lost in ``throughput``), `ABSORBED`,
         `SCATTERED`, `SPECULAR`.
     """
-    material, colors, _, normal, direction, geometric, ratio = vertices
-    t, before, is_smooth, object_id, rival = rivals
-    for i in range(material.size):
-        fate[i] = LEFT
-        pdf[i] = 0.0
-        if material[i] < 0:
-            continue
-        fate[i] = ABSORBED
-        dx, dy, dz = direction[i, 0], direction[i, 1], direction[i, 2]
-        at = ratio[i] if ratio.size else 0.0
-        row, x, y, z, r, g, b, density, is_refracted = choose_way(
-            lobes, material[i], colors, i, normal, dx, dy, dz, at, xi, choice, stack, second, False
-        )
-        if row < 0:
-            continue
-        pdf[i] = density
-        if density > 0.0:
-            fate[i] = SCATTERED if may_spread else STOPPED
-            if rival.size:
-                turn = density_of_turn(normal, geometric, i, dx, dy, dz, x, y, z, density)
-                if before[i] > 0.0:
-                    rival[i] = turn * before[i] / (t[i] * t[i])
-                    if stack.shape[1] > 0:
-                        rival[i] /= ior_of(lobes, filling_medium(stack, i, lobes)) ** 2
-                elif rival[i] > 0.0:
-                    if is_refracted:
-                        # Densities are over the index squared of where either direction runs.
-                        turn /= at * at
-                        at = 1.0 / at
-                    _, _, _, back = scattered(
-                        lobes, material[i], colors, i, normal[i, 0], normal[i, 1], normal[i, 2],
-                        -x, -y, -z, -dx, -dy, -dz, at, EVERY,
-                    )  # fmt: skip
-                    rival[i] = rival[i] * turn / back if back > 0.0 else 0.0
-        else:
-            fate[i] = SPECULAR if may_mirror else STOPPED
-            if rival.size and is_smooth[object_id[i]]:
-                rival[i] = 0.0
-        # Only light that goes through a clear body's surface may pass to the other side.
-        if (
-            geometric.shape[0]
-            and leaves_through_face(geometric, i, direction, x, y, z) != is_refracted
-        ):
-            fate[i] = ABSORBED
-            continue
-        r, g, b = throughput[i, 0] * r, throughput[i, 1] * g, throughput[i, 2] * b
-        carried = max(r, g, b)
-        if carried == 0.0:
-            fate[i] = ABSORBED
-            continue
-        if stack.shape[1] > 0:
-            # Within glass radiance counts by its index squared, given back on the way out.
-            carried *= ior_of(lobes, filling_medium(stack, i, lobes)) ** 2
-        if roulette > 0.0 and fate[i] != STOPPED:
-            survival = min(carried, roulette)
-            if choice[i, 1] >= survival:
-                fate[i] = ABSORBED
-                continue
-            r, g, b = r / survival, g / survival, b / survival
-        throughput[i, 0], throughput[i, 1], throughput[i, 2] = r, g, b
-        onward[i, 0], onward[i, 1], onward[i, 2] = x, y, z
+    for i in range(fate.size):
+        fate[i] = scatter_one(
+            lobes, vertices, i, xi, choice, stack, second, may_spread, may_mirror, roulette, rivals,
+            onward, throughput, pdf,
+        )  # fmt: skip

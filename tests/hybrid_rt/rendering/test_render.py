@@ -3,6 +3,7 @@ import math
 import subprocess
 import sys
 from inspect import signature
+from types import SimpleNamespace
 
 import imageio.v3 as imageio
 import numpy as np
@@ -23,10 +24,16 @@ from hybrid_rt.integrators.media.contacts import Contacts
 from hybrid_rt.integrators.path import path_tracer as path
 from hybrid_rt.integrators.path.light_paths import LightPathTracer
 from hybrid_rt.integrators.whitted import all_lights, whitted
-from hybrid_rt.intersection import Intersector
 from hybrid_rt.lights import GradientSky, PointLight, RectangleLight, SphereLight
 from hybrid_rt.lights.surface import ShiningBox
-from hybrid_rt.materials import Dielectric, Emissive, Lambertian, Metal, Mirror
+from hybrid_rt.materials import (
+    Dielectric,
+    Emissive,
+    Lambertian,
+    Metal,
+    Mirror,
+)
+from hybrid_rt.materials.rough_dielectric import RoughDielectric
 from hybrid_rt.primitives import Box, Plane, Rectangle, Sphere
 from hybrid_rt.rendering import memory
 from hybrid_rt.rendering import renderer as rendering
@@ -143,26 +150,15 @@ class TestPlan:
     @pytest.mark.parametrize(
         ("module", "name", "needless", "needed"),
         [
-            (surface_light, "lobe_colors", scene(Lambertian(0.5)),
-             scene(Lambertian(CheckerTexture(0.9, 0.1)))),
-            (surface_light, "light_on_hits", scene(Mirror()), scene(Lambertian(0.5))),
-            (surface_light, "light_on_hits", scene(Lambertian(0.5), (), None),
-             scene(Lambertian(0.5))),
-            (surface_light, "light_on_rays", scene(Lambertian(0.5), environment=None),
-             scene(Lambertian(0.5))),
-            (clear_bodies, "cross_media", scene(Metal(0.5, 0.1)), scene(Dielectric())),
             (clear_bodies, "media_at", scene(Lambertian(0.5)), scene(Dielectric())),
             (ShiningBox, "seen_points", scene(Lambertian(0.5)),
              Scene(scene().camera, [*scene(Lambertian(0.5)).objects, SHINING])),
-            (Intersector, "occluded", scene(Mirror()), scene(Lambertian(0.5))),
             (LightPathTracer, "trace", scene(Dielectric()), ON_A_TABLE),
             (LightPathTracer, "trace", scene(Lambertian(0.5), [SphereLight((0, 0, 3), 0.5, 9)]),
              ON_A_TABLE),
-            (path, "connect_to_light_vertices", scene(Dielectric()), ON_A_TABLE),
             (Contacts, "at", scene(Dielectric()), ON_A_TABLE),
         ],
-        ids=["textures", "no matt", "no light", "nothing seen", "glass", "start", "area", "shadows",
-             "nothing lit by glass", "nothing that throws light", "joins", "contacts"],
+        ids=["start", "area", "nothing lit by glass", "nothing that throws light", "contacts"],
     )  # fmt: skip
     def test_paths_call_only_what_the_scene_needs(self, forbid, module, name, needless, needed):
         before = render(needless, "path", passes=1).image
@@ -171,20 +167,53 @@ class TestPlan:
         with pytest.raises(AssertionError, match=name):
             render(needed, "path", passes=1)
 
-    def test_paths_keep_a_stack_only_where_there_is_glass(self, monkeypatch):
-        widths = []
-        scatter = path.scatter
-        place = list(signature(getattr(scatter, "py_func", scatter)).parameters).index("stack")
+    ABOVE_A_TABLE = Scene(
+        scene().camera,
+        [Object(Rectangle((-2, -2, -2), (4, 0, 0), (0, 4, 0)), Lambertian(0.5), "table"),
+         Object(Sphere((0, 0, 0), 1), Dielectric(1.5), "ball")],
+        [SphereLight((0, 0, 3), 0.5, 9)],
+    )  # fmt: skip
+    # A vase wants rays in batches, so its paths advance together.
+    VASE = SurfaceOfRevolution([(0.0, 0.8), (1.0, 0.6)], (0, 0, -0.5), (0, 0, 1))
+
+    @pytest.mark.parametrize("batches", [False, True], ids=["followed", "in batches"])
+    @pytest.mark.parametrize(
+        ("needs", "needless", "needed"),
+        [
+            (lambda to: to.rules.asks_lights, scene(Mirror()), scene(Lambertian(0.5))),
+            (lambda to: to.rules.asks_lights, scene(Lambertian(0.5), (), None),
+             scene(Lambertian(0.5))),
+            (lambda to: to.rules.has_sky, scene(Lambertian(0.5), environment=None),
+             scene(Lambertian(0.5))),
+            (lambda to: to.path.media.shape[1] == STACK, scene(Metal(0.5, 0.1)),
+             scene(Dielectric())),
+            (lambda to: to.rules.has_light_paths and to.path.rival.size, scene(Dielectric()),
+             ABOVE_A_TABLE),
+            (lambda to: to.vertex.ratio.size, scene(Dielectric()),
+             scene(RoughDielectric(1.5, 0.3))),
+        ],
+        ids=["no matt", "no light", "nothing seen", "glass", "nothing lit by glass", "rough glass"],
+    )  # fmt: skip
+    def test_paths_carry_only_what_the_scene_needs(
+        self, monkeypatch, needs, needless, needed, batches
+    ):
+        """Kernels of paths hold all that paths may do; tables without rows leave it out."""
+        name = "advance_paths" if batches else "follow_paths"
+        kernel, passed = getattr(path, name), []
+        names = list(signature(getattr(kernel, "py_func", kernel)).parameters)
 
         def recorded(*arguments):
-            widths.append(arguments[place].shape[1])
-            scatter(*arguments)
+            passed.append(SimpleNamespace(**dict(zip(names, arguments, strict=True))))
+            return kernel(*arguments)
 
-        monkeypatch.setattr(path, "scatter", recorded)
-        render(scene(Lambertian(0.5)), "path", passes=1)
-        assert set(widths) == {0}
-        render(scene(Dielectric()), "path", passes=1)
-        assert set(widths) == {0, STACK}
+        monkeypatch.setattr(path, name, recorded)
+        for shown, is_needed in ((needless, False), (needed, True)):
+            objects = list(shown.objects)
+            if batches:
+                objects.append(Object(self.VASE, shown.objects[-1].material, "vase"))
+            passed.clear()
+            render(Scene(shown.camera, objects, shown.lights, shown.environment), "path", passes=1)
+            assert {bool(needs(to)) for to in passed} == {is_needed}
 
     def test_pinholes_take_no_lens_samples(self, monkeypatch):
         used = []

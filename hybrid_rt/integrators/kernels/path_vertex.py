@@ -1,0 +1,335 @@
+"""One vertex of a camera path, from the hit to the direction that it goes on in.
+
+The pieces are those of `hybrid_rt.shading.kernels`: here is said in which order they are called. All
+state of the path is in arrays of one row, so the same code serves a path that is followed to its end
+(`hybrid_rt.integrators.kernels.followed_paths`) and one of a batch that advances together
+(`hybrid_rt.integrators.kernels.path_batches`).
+"""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from hybrid_rt.integrators.kernels.compaction import choose_light
+from hybrid_rt.integrators.kernels.connections import (
+    CONNECT_CHANCE,
+    connect_to_light_vertex,
+)
+from hybrid_rt.sampling.kernels.sobol import key_of_pixel, reverse_bits, sobol_point
+from hybrid_rt.shading.kernels.bsdf import Vertices
+from hybrid_rt.shading.kernels.emitter import Met, light_on_hit, light_on_ray
+from hybrid_rt.shading.kernels.lobes.register import EVERY, SPREADS
+from hybrid_rt.shading.kernels.medium_stack import (
+    cross_medium,
+    look_beyond_one,
+    transmittance,
+)
+from hybrid_rt.shading.kernels.scatter import LEFT, STOPPED, Rivals, scatter_one
+from hybrid_rt.shading.kernels.texture import texture_color
+from meshing.kernels.jit import inlined
+
+NOTHING = -1
+_MASK = np.uint64(0xFFFFFFFF)
+
+# What the low-discrepancy points of one vertex are for.
+TO_LIGHT, DIRECTION, CHOICE, CONNECT, PER_STEP = 0, 1, 2, 3, 4
+
+
+class World(NamedTuple):
+    """What a scene holds, as paths read it."""
+
+    material_of: Any  # (surfaces,) int32; `NOTHING` for lights
+    light_of: Any  # (surfaces,) int32; `NOTHING` for what does not shine
+    surface_of_light: Any  # (lights,) int32
+    lobes: Any  # LobeTable
+    color_factor: Any  # (lobes,) float64
+    glass_of: Any  # (materials,) int32, dielectric lobe
+    rough_glass_of: Any  # (materials,) int32, its dielectric lobe if that is rough; (0,): none is
+    textures: Any  # TextureTable
+    lights: Any  # LightTable
+    before: Any  # (lights + 1,) float64, cumulative distribution of the lights
+    sky: Any  # EnvironmentTable
+    is_smooth: Any  # (objects,) bool, interpolated shading normals; (0,) without light paths
+    lit: Any  # LightVertices
+    first_of_pass: Any  # (passes + 1,) int64, rows of `lit`
+
+
+class Rules(NamedTuple):
+    """Settings of the integrator; what follows from the plan."""
+
+    seed: Any  # uint64
+    first_dimension: Any  # uint64, of the random numbers of the first vertex
+    strategy: Any  # int, see `hybrid_rt.shading.kernels.emitter`
+    asks_lights: Any  # bool, next-event estimation
+    has_sky: Any  # bool
+    has_colors: Any  # bool, the colours of each vertex come with it
+    has_light_paths: Any  # bool
+    n_light_paths: Any  # float, light subpaths of a pass
+    of_use: Any  # float, expected number of light vertices per light subpath
+    max_depth: Any  # int
+    roulette_depth: Any  # int
+    survival: Any  # float
+    spreads_last: Any  # bool, non-delta lobes are followed at the last vertex
+
+
+class Vertex(NamedTuple):
+    """Where a path has arrived; one row."""
+
+    hit: Any  # Record
+    geometric: Any  # (1, 3) float64, the geometric normal if ``hit.normal`` is another; else (0, 3)
+    second: Any  # (1,) int32, or (0,), see `hybrid_rt.shading.kernels.medium_stack`
+    light_point: Any  # LightPoints of one row; none where no light is of kind `SURFACE`
+    material: Any  # (1,) int32
+    colors: Any  # (1, lobes of a material at most, 3) float64
+    ratio: Any  # (1,) float64, or (0,) without rough glass
+    beyond: Any  # (1, STACK) int32, or (0, 0): media beyond rough glass
+    xi: Any  # (1, 2) float64, samples the direction
+    choice: Any  # (1, 2) float64, samples the lobe and survival
+    onward: Any  # (1, 3) float64, the sampled direction
+    before: Any  # (1,) float64, see `Rivals`
+
+
+class Block(NamedTuple):
+    """Camera rays."""
+
+    pixel: Any  # (n,) uint64; with the sample it names the path's random numbers
+    sample: Any  # (n,) uint64
+    origins: Any  # (n, 3) float64
+    directions: Any  # (n, 3) float64, unit
+    # What they are weighed against light paths by; (0,) without.
+    camera_pdf: Any  # (n,) float64, pdf per solid angle
+    pass_number: Any  # (n,) int64, among the passes that are traced together
+
+
+class Tally(NamedTuple):
+    """What is counted."""
+
+    fates: Any  # (5,) int64, see `hybrid_rt.shading.kernels.scatter`
+    lost: Any  # (2,) float64: number of paths that the depth limit ended, and their throughputs
+    unclosed: Any  # (lobes,) int64, see `cross_medium`
+    status: Any  # (3,) int64, first hits by `Status`
+    hits: Any  # (3,) int64: rays that hit, those of the camera, those without a bound
+    shadow: Any  # (1,) int64: shadow rays
+    bound: Any  # (1,) float64, largest finite `t_bound` of a camera ray
+
+
+@inlined
+def absorbed_on_the_way(world, paths, vertex, unclosed):
+    """Attenuate throughput by the Beer-Lambert law; set the material of the hit."""
+    hit = vertex.hit
+    vertex.material[0] = NOTHING
+    if hit.object_id[0] >= 0:
+        vertex.material[0] = world.material_of[hit.object_id[0]]
+    if paths.media.shape[1] == 0:
+        return
+    r, g, b = cross_medium(
+        paths.media, 0, world.lobes, world.glass_of, vertex.material[0], hit.front_face[0],
+        vertex.second, hit.t[0], unclosed,
+    )  # fmt: skip
+    paths.throughput[0, 0] *= r
+    paths.throughput[0, 1] *= g
+    paths.throughput[0, 2] *= b
+
+
+@inlined
+def emitted(world, rules, paths, vertex, pdf_area):
+    """Return the radiance that the ray has run into, MIS-weighted.
+
+    ``pdf_area`` is the density of choosing the point on a light of kind `SURFACE`.
+    """
+    hit, light = vertex.hit, NOTHING
+    if hit.object_id[0] < 0:
+        if rules.has_sky:
+            light = world.lights.kind.size
+    elif hit.front_face[0]:  # a light's back is black
+        light = world.light_of[hit.object_id[0]]
+    if light < 0:
+        return 0.0, 0.0, 0.0
+    met = Met(hit.t, hit.u, hit.v, hit.position, hit.normal)
+    rival = paths.rival[0] if paths.rival.size else 0.0
+    return light_on_ray(
+        world.lights, world.sky, world.textures, light, 0, met, paths.origins, paths.directions,
+        paths.pdf[0], pdf_area, rival, paths.media, world.lobes, rules.strategy,
+    )  # fmt: skip
+
+
+@inlined
+def look_up_surface(world, rules, paths, vertex):
+    """Look up the colours of the lobes and what lies beyond; tell whether a lobe is not a delta."""
+    hit, material, lobes = vertex.hit, vertex.material[0], world.lobes
+    spreads = False
+    first = lobes.first[material]
+    for j in range(lobes.first[material + 1] - first):
+        spreads |= lobes.traits[first + j] & SPREADS != 0
+        if rules.has_colors:
+            continue
+        r, g, b = texture_color(
+            world.textures, lobes.texture[first + j], hit.u[0], hit.v[0],
+            hit.position[0, 0], hit.position[0, 1], hit.position[0, 2],
+        )  # fmt: skip
+        part = world.color_factor[first + j]
+        vertex.colors[0, j, 0] = part * r
+        vertex.colors[0, j, 1] = part * g
+        vertex.colors[0, j, 2] = part * b
+    if vertex.ratio.size:
+        vertex.ratio[0] = look_beyond_one(
+            lobes, world.rough_glass_of[material], paths.media, 0, hit.front_face[0],
+            vertex.second, vertex.beyond,
+        )  # fmt: skip
+    return spreads
+
+
+@inlined
+def ask_light(world, rules, paths, vertex, vertices, s, t, rays, n):
+    """Next-event estimation: sample one light or the sky by (s, t); write row n of ``rays``.
+
+    Tells whether there is such a shadow ray.
+    """
+    hit = vertex.hit
+    light, s = choose_light(world.before, world.lights.chance, s)
+    x, y, z, r, g, b = light_on_hit(
+        world.lights, world.sky, world.textures, vertex.light_point, light, world.lobes, vertices,
+        0, s, t, rules.strategy, EVERY,
+    )  # fmt: skip
+    is_sky = light == world.surface_of_light.size
+    if paths.media.shape[1] > 0:
+        length = np.inf if is_sky else np.sqrt(x * x + y * y + z * z)
+        before = after = 0.0
+        if vertex.ratio.size:
+            d, normal = paths.directions, hit.normal
+            before = normal[0, 0] * d[0, 0] + normal[0, 1] * d[0, 1] + normal[0, 2] * d[0, 2]
+            after = normal[0, 0] * x + normal[0, 1] * y + normal[0, 2] * z
+        if before * after > 0.0:
+            p, q, k = transmittance(vertex.beyond, 0, world.lobes, length)
+        else:
+            p, q, k = transmittance(paths.media, 0, world.lobes, length)
+        r, g, b = r * p, g * q, b * k
+    if max(r, g, b) <= 0.0:
+        return False
+    rays.camera_ray[n] = paths.camera_ray[0]
+    rays.source_id[n] = hit.object_id[0]
+    rays.t_max[n] = np.inf if is_sky else 1.0
+    rays.target_id[n] = NOTHING if is_sky else world.surface_of_light[light]
+    rays.way[n, 0], rays.way[n, 1], rays.way[n, 2] = x, y, z
+    for k in range(3):
+        rays.origin[n, k] = hit.position[0, k]
+        rays.end[n, k] = hit.position[0, k] + rays.way[n, k]
+    rays.value[n, 0] = paths.throughput[0, 0] * r
+    rays.value[n, 1] = paths.throughput[0, 1] * g
+    rays.value[n, 2] = paths.throughput[0, 2] * b
+    return True
+
+
+@inlined
+def leave_vertex(world, rules, paths, vertex, depth, camera_pdf, number, key, sample, rays, n):
+    """Reach for light from a surface, and choose where the path goes.
+
+    Parameters
+    ----------
+    world : World
+    rules : Rules
+    paths : Paths of one row
+        Becomes the ray that goes on.
+    vertex : Vertex
+    depth : int
+        Vertices before this one.
+    camera_pdf : float
+        pdf per solid angle of the camera ray's direction; read if there are light paths.
+    number : int
+        Index of the pass among those of `World.first_of_pass`.
+    key, sample : uint64
+        See `sobol_point`.
+    rays : ShadowRays
+        Up to two rows are written from row n on.
+
+    Returns
+    -------
+    fate : int, see `hybrid_rt.shading.kernels.scatter`
+    n : int, rows of ``rays``
+    """
+    hit = vertex.hit
+    dimension = rules.first_dimension + np.uint64(depth) * np.uint64(PER_STEP)
+    spreads = look_up_surface(world, rules, paths, vertex)
+    vertices = Vertices(
+        vertex.material, vertex.colors, hit.position, hit.normal, paths.directions,
+        vertex.geometric, vertex.ratio,
+    )  # fmt: skip
+    # --- light we reach for
+    if spreads and rules.asks_lights:
+        s, t = sobol_point(key, sample, dimension + np.uint64(TO_LIGHT))
+        n += ask_light(world, rules, paths, vertex, vertices, s, t, rays, n)
+    # --- light that mirrors and glass throw: two directions more, and a mirror or lens at least
+    if spreads and rules.has_light_paths and depth + 3 <= rules.max_depth:
+        s, t = sobol_point(key, sample, dimension + np.uint64(CONNECT))
+        n += connect_to_light_vertex(
+            paths, 0, world.lobes, vertices, vertex.beyond, hit.object_id, world.lit,
+            world.first_of_pass, number, rules.of_use, s, t, rules.max_depth - depth - 2, rays, n,
+        )  # fmt: skip
+    # --- where it goes next, and whether it stops
+    vertex.xi[0, 0], vertex.xi[0, 1] = sobol_point(key, sample, dimension + np.uint64(DIRECTION))
+    vertex.choice[0, 0], vertex.choice[0, 1] = sobol_point(
+        key, sample, dimension + np.uint64(CHOICE)
+    )
+    if depth > 0:
+        # Of the light vertices of a pass, `of_use` a path, one is connected to, with a probability
+        # of CONNECT_CHANCE.
+        vertex.before[0] = paths.pdf[0] * (rules.of_use / CONNECT_CHANCE)
+    else:
+        vertex.before[0] = camera_pdf / rules.n_light_paths
+    is_last = depth == rules.max_depth
+    fate = scatter_one(
+        world.lobes, vertices, 0, vertex.xi, vertex.choice, paths.media, vertex.second,
+        not is_last or rules.spreads_last, not is_last,
+        rules.survival if depth >= rules.roulette_depth else 0.0,
+        Rivals(hit.t, vertex.before, world.is_smooth, hit.object_id, paths.rival),
+        vertex.onward, paths.throughput, paths.pdf,
+    )  # fmt: skip
+    paths.source_id[0] = hit.object_id[0]
+    for k in range(3):
+        paths.origins[0, k] = hit.position[0, k]
+        paths.directions[0, k] = vertex.onward[0, k]
+    return fate, n
+
+
+@inlined
+def _lose(throughput, tally):
+    """Count a path that the depth limit ends, and what it might have carried."""
+    tally.lost[0] += 1
+    tally.lost[1] += max(throughput[0, 0], throughput[0, 1], throughput[0, 2])
+
+
+@inlined
+def arrive(world, rules, paths, vertex, depth, pdf_area, radiance, tally):
+    """Add the light that a path has run into; tell whether it goes on at this vertex."""
+    absorbed_on_the_way(world, paths, vertex, tally.unclosed)
+    r, g, b = emitted(world, rules, paths, vertex, pdf_area)
+    row = paths.camera_ray[0]
+    radiance[row, 0] += paths.throughput[0, 0] * r
+    radiance[row, 1] += paths.throughput[0, 1] * g
+    radiance[row, 2] += paths.throughput[0, 2] * b
+    if depth > rules.max_depth:
+        if vertex.material[0] >= 0:
+            _lose(paths.throughput, tally)
+        return False
+    if vertex.material[0] < 0:
+        tally.fates[LEFT] += 1
+        return False
+    return True
+
+
+@inlined
+def depart(world, rules, paths, vertex, depth, block, rays, n, tally):
+    """Leave a vertex; return the fate of the path and the number of shadow rays."""
+    row = paths.camera_ray[0]
+    camera_pdf, number = 0.0, 0
+    if rules.has_light_paths:
+        camera_pdf, number = block.camera_pdf[row], block.pass_number[row]
+    key = key_of_pixel(rules.seed, paths.pixel[0])
+    sample = reverse_bits(paths.sample[0] & _MASK)
+    fate, n = leave_vertex(
+        world, rules, paths, vertex, depth, camera_pdf, number, key, sample, rays, n
+    )
+    tally.fates[fate] += 1
+    if fate == STOPPED:
+        _lose(paths.throughput, tally)
+    return fate, n

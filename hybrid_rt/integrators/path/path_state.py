@@ -1,0 +1,139 @@
+"""Tables and scratch memory of the kernels that trace camera paths."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from hybrid_rt.core.ledger import Ledger
+from hybrid_rt.core.records import HitRecord, Status
+from hybrid_rt.integrators.kernels.compaction import Paths
+from hybrid_rt.integrators.kernels.path_vertex import Tally, Vertex
+from hybrid_rt.integrators.light_points import new_light_points
+from hybrid_rt.intersection import Intersector
+from hybrid_rt.intersection.kernels.closed_forms import OneRay
+from hybrid_rt.intersection.kernels.search.nearest import Rays
+from hybrid_rt.intersection.kernels.search.rays import Record
+from hybrid_rt.intersection.kind import Finished, new_nearest, new_record
+from hybrid_rt.shading.kernels.medium_stack import STACK
+from hybrid_rt.shading.kernels.scatter import ABSORBED, LEFT, SCATTERED, SPECULAR
+
+
+def new_paths(n: int, media_depth: int, has_rivals: bool) -> Paths:
+    """Allocate n paths.
+
+    Parameters
+    ----------
+    n : int
+    media_depth : int
+        `STACK`, or 0 without dielectrics.
+    has_rivals : bool
+        Whether they are weighted against light subpaths.
+    """
+    return Paths(
+        camera_ray=np.empty(n, dtype=np.int64),
+        pixel=np.empty(n, dtype=np.uint64),
+        sample=np.empty(n, dtype=np.uint64),
+        origins=np.empty((n, 3)),
+        directions=np.empty((n, 3)),
+        throughput=np.empty((n, 3)),
+        pdf=np.empty(n),
+        rival=np.empty(n if has_rivals else 0),
+        media=np.empty((n, media_depth), dtype=np.int32),
+        source_id=np.empty(n, dtype=np.int32),
+    )
+
+
+def new_ray() -> OneRay:
+    """Allocate what one ray is traced with."""
+    record = new_record(1)
+    return OneRay(
+        rays=Rays(np.empty((1, 3)), np.empty((1, 3)), np.zeros(1), np.empty((1, 4))),
+        best=new_nearest(np.empty(1)),
+        record=columns_of(record),
+        out=Finished(*(getattr(record, name) for name in Finished._fields)),
+    )
+
+
+def columns_of(hits: HitRecord) -> Record:
+    """Return the columns of hits as kernels take them."""
+    return Record(*(getattr(hits, name) for name in Record._fields))
+
+
+def new_vertex(
+    hit: Record, n_slots: int, *, smooth: bool, contacts: bool, shining: bool, rough: bool
+) -> Vertex:
+    """Allocate a vertex.
+
+    Parameters
+    ----------
+    hit : Record of one row
+    n_slots : int
+        Lobes of a material at most.
+    smooth : bool
+        Whether shading normals may differ from geometric ones.
+    contacts : bool
+        Whether faces may coincide.
+    shining : bool
+        Whether there are lights of kind `SURFACE`.
+    rough : bool
+        Whether there is rough glass.
+    """
+    return Vertex(
+        hit=hit,
+        geometric=np.empty((1 if smooth else 0, 3)),
+        second=np.zeros(1 if contacts else 0, dtype=np.int32),
+        light_point=new_light_points(1 if shining else 0),
+        material=np.empty(1, dtype=np.int32),
+        colors=np.empty((1, n_slots, 3)),
+        ratio=np.empty(1 if rough else 0),
+        beyond=np.empty((1, STACK) if rough else (0, 0), dtype=np.int32),
+        xi=np.empty((1, 2)),
+        choice=np.empty((1, 2)),
+        onward=np.empty((1, 3)),
+        before=np.empty(1),
+    )
+
+
+def new_tally(n_lobes: int) -> Tally:
+    """Allocate counters, all zero."""
+    return Tally(
+        fates=np.zeros(SPECULAR + 1, dtype=np.int64),
+        lost=np.zeros(2),
+        unclosed=np.zeros(n_lobes, dtype=np.int64),
+        status=np.zeros(len(Status), dtype=np.int64),
+        hits=np.zeros(3, dtype=np.int64),
+        shadow=np.zeros(1, dtype=np.int64),
+        bound=np.zeros(1),
+    )
+
+
+def count_vertices(tally: Tally, ledger: Ledger) -> None:
+    """Add to a ledger what became of paths at their vertices."""
+    fates = tally.fates
+    ledger.rays["scattered"] += int(fates[SCATTERED])
+    ledger.rays["mirrored or refracted"] += int(fates[SPECULAR])
+    ledger.ended["absorbed or by roulette"] += int(fates[ABSORBED])
+    ledger.ended["left the scene or met a lamp"] += int(fates[LEFT])
+    if tally.lost[0]:
+        ledger.ended["at max_depth"] += int(tally.lost[0])
+        ledger.lost_weight += float(tally.lost[1])
+    for lobe in np.flatnonzero(tally.unclosed):
+        ledger.unclosed[int(lobe)] += int(tally.unclosed[lobe])
+
+
+def count_rays(tally: Tally, ledger: Ledger, tracer: Intersector) -> None:
+    """Add to a ledger and an intersector the rays that `follow_paths` has traced."""
+    for status in Status:
+        ledger.hits[status.name.lower()] += int(tally.status[status])
+    hits, of_camera, without_bound = map(int, tally.hits)
+    ledger.camera_hits += of_camera
+    ledger.camera_hits_without_bound += without_bound
+    ledger.largest_t_bound = max(ledger.largest_t_bound, float(tally.bound[0]))
+    ledger.rays["shadow"] += int(tally.shadow[0])
+    rays = int(tally.status.sum())
+    counters = tracer.counters
+    counters["rays"] += rays
+    counters["hits"] += hits
+    counters["tangent"] += int(tally.status[Status.TANGENT])
+    counters["shadow_rays"] += int(tally.shadow[0])
+    counters["misses"] = counters["rays"] - counters["hits"]
