@@ -60,39 +60,44 @@ def _cone_chance(lights, row, nx, ny, nz, ax, ay, az, cone):
 
 
 @inlined
-def _aimed_pdf(lights, row, targets, px, py, pz, nx, ny, nz, dx, dy, dz):
-    """Return the density per steradian with which `_aim` chooses direction d."""
-    total = found = 0.0
+def _see_targets(lights, row, targets, px, py, pz, nx, ny, nz, cones):
+    """See all targets from p: write axis, 1 - cos and chance of each; return the sum of chances."""
+    total = 0.0
     for k in range(targets.radius.size):
         ax, ay, az, cone = _cone(targets, k, px, py, pz)
         chance = _cone_chance(lights, row, nx, ny, nz, ax, ay, az, cone)
+        cones[k, 0], cones[k, 1], cones[k, 2], cones[k, 3], cones[k, 4] = ax, ay, az, cone, chance
+        total += chance
+    return total
+
+
+@inlined
+def _aimed_pdf(cones, total, dx, dy, dz):
+    """Return the density per steradian with which `_aim` chooses direction d."""
+    found = 0.0
+    for k in range(cones.shape[0]):
+        cone, chance = cones[k, 3], cones[k, 4]
         if chance == 0.0:
             continue
-        total += chance
         # |d - a|^2 / 2 is 1 - cos without its cancellation.
-        x, y, z = dx - ax, dy - ay, dz - az
+        x, y, z = dx - cones[k, 0], dy - cones[k, 1], dz - cones[k, 2]
         if 0.5 * (x * x + y * y + z * z) <= cone:
             found += chance / (2.0 * math.pi * cone)
     return found / total if total > 0.0 else 0.0
 
 
 @inlined
-def _aim(lights, row, targets, px, py, pz, nx, ny, nz, choice, s, t):
-    """Choose a direction from p toward one of the targets; zero where the light sends nothing."""
-    total = 0.0
-    for k in range(targets.radius.size):
-        ax, ay, az, cone = _cone(targets, k, px, py, pz)
-        total += _cone_chance(lights, row, nx, ny, nz, ax, ay, az, cone)
+def _aim(cones, total, choice, s, t):
+    """Choose a direction toward one of the targets; zero where the light sends nothing."""
     if total == 0.0:
         return 0.0, 0.0, 0.0
     rest = choice * total
     bx = by = bz = least = 0.0
-    for k in range(targets.radius.size):
-        ax, ay, az, cone = _cone(targets, k, px, py, pz)
-        chance = _cone_chance(lights, row, nx, ny, nz, ax, ay, az, cone)
+    for k in range(cones.shape[0]):
+        chance = cones[k, 4]
         if chance == 0.0:
             continue
-        bx, by, bz, least = ax, ay, az, cone
+        bx, by, bz, least = cones[k, 0], cones[k, 1], cones[k, 2], cones[k, 3]
         if rest < chance:
             break
         rest -= chance
@@ -104,8 +109,9 @@ def _aim(lights, row, targets, px, py, pz, nx, ny, nz, choice, s, t):
 
 @kernel
 def launch_from_light(
-    lights, textures, points, row, targets, n_spread, n_aimed, is_aimed, place, way, choice, out
-):
+    lights, textures, points, row, targets, n_spread, n_aimed, is_aimed, place, way, choice, cones,
+    out,
+):  # fmt: skip
     """Emit photons from one light.
 
     Parameters
@@ -123,6 +129,8 @@ def launch_from_light(
         Sample the point and the direction.
     choice : (n,) float64 in [0, 1)
         Samples the target.
+    cones : (targets, 5) float64, written
+        Scratch memory: the targets as seen from one point.
     out : Launch of n rows, written
         Power is zero where the light emits nothing in that direction.
     """
@@ -130,10 +138,13 @@ def launch_from_light(
     for i in range(place.shape[0]):
         s, t = place[i, 0], place[i, 1]
         px, py, pz, nx, ny, nz, area, _ = leaving_point(lights, points, i, row, s, t)
+        total = 0.0
+        if n_aimed > 0:
+            total = _see_targets(lights, row, targets, px, py, pz, nx, ny, nz, cones)
+        # Of light that may leave through the far side, the targets are seen from there as well.
+        sx, sy, sz, mx, my, mz = px, py, pz, nx, ny, nz
         if is_aimed:
-            dx, dy, dz = _aim(
-                lights, row, targets, px, py, pz, nx, ny, nz, choice[i], way[i, 0], way[i, 1]
-            )
+            dx, dy, dz = _aim(cones, total, choice[i], way[i, 0], way[i, 1])
             if through > 0.0 and nx * dx + ny * dy + nz * dz < 0.0:
                 px, py, pz = opposite_point(lights, row, px, py, pz, nx, ny, nz)
                 nx, ny, nz = -nx, -ny, -nz
@@ -146,10 +157,11 @@ def launch_from_light(
         if share > 0.0 and dx * dx + dy * dy + dz * dz > 0.0:
             density = n_spread * (share / shares_together(lights, row))
             if n_aimed > 0:
-                aimed = _aimed_pdf(lights, row, targets, px, py, pz, nx, ny, nz, dx, dy, dz)
+                aimed = _aimed_pdf(cones, total, dx, dy, dz)
                 if through > 0.0:
-                    x, y, z = px - through * nx, py - through * ny, pz - through * nz
-                    aimed += _aimed_pdf(lights, row, targets, x, y, z, -nx, -ny, -nz, dx, dy, dz)
+                    x, y, z = sx - through * mx, sy - through * my, sz - through * mz
+                    total = _see_targets(lights, row, targets, x, y, z, -mx, -my, -mz, cones)
+                    aimed += _aimed_pdf(cones, total, dx, dy, dz)
                 density += n_aimed * aimed
             factor = share * area / density
         r, g, b = chosen_strength(lights, textures, points, i, row, s, t, px, py, pz)

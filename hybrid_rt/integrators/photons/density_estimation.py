@@ -49,7 +49,7 @@ WIDEST, NARROWEST = 0.03, 1e-6
 # light is lost, and half the disc loses as much, so the estimate of blur would not see it.
 WIDEST_ASKED = 0.25
 # Points are asked for so many photons first, and those that have more once again for more.
-FEW_PHOTONS = (32, 128)
+FEW_PHOTONS = (64, 256)
 # Pairs of points and photons looked at together; a pair takes 24 bytes.
 MOST_PAIRS = 2**20
 # Photons are gathered on one side of a surface.

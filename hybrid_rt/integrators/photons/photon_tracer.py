@@ -50,7 +50,7 @@ from hybrid_rt.shading.kernels.lobes.register import FOLLOWED, SPREADS, WIDE
 from hybrid_rt.shading.kernels.scatter import ABSORBED, LEFT, SCATTERED, SPECULAR, STOPPED
 
 # About how many photons one thread follows at a time.
-AT_ONCE = 2**15
+AT_ONCE = 2**16
 
 # Dimensions of photons begin far beyond those of camera rays, those of the first photons of all,
 # which only find radii, farther still.
@@ -284,7 +284,7 @@ class PhotonTracer:
             launch_from_light(
                 scene.lights, scene.textures, self._surface_points(group.light, place),
                 group.light, self._targets, group.n_spread, group.n_aimed, group.is_aimed, place,
-                way, choice, launch,
+                way, choice, np.empty((self._targets.radius.size, 5)), launch,
             )  # fmt: skip
         self.balance.n_emitted += n
         add_power(launch.power, 1.0, self.balance.power[EMITTED])

@@ -42,7 +42,7 @@ from hybrid_rt.integrators.workers import (
 # Camera rays that one thread follows and gathers for at a time: many, as trees of many points are
 # compared faster, but a sixteenth of a pass at most, for the threads to share. The order of the
 # sums over photons depends on this number, so it is the same for any number of threads.
-FEWEST_RAYS, MOST_RAYS, SHARE_OF_RAYS = 2**12, 2**15, 16
+FEWEST_RAYS, MOST_RAYS, SHARE_OF_RAYS = 2**14, 2**15, 16
 
 # From this share of points without photons on, light is missing rather than dark places common.
 NEARLY_ALL = 0.99

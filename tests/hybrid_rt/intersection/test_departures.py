@@ -129,7 +129,7 @@ def test_light_leaves_a_sphere_that_passes_near_zero():
     textures = compile_textures([])
     launch_from_light(
         lights, textures, nothing, 0, Targets(np.zeros((0, 3)), np.zeros(0)), n, 0, False,
-        place, rng.random((n, 2)), rng.random(n), launch,
+        place, rng.random((n, 2)), rng.random(n), np.empty((0, 5)), launch,
     )  # fmt: skip
     tracer = Intersector([lamp.surface])
     source = NamedPoints(np.zeros(n, np.int32), launch.origin)

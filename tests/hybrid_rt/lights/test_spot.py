@@ -131,7 +131,7 @@ def launch(spot, n, xi, targets, counts, is_aimed):
     out = Launch(np.empty((n, 3)), np.empty((n, 3)), np.empty((n, 3)))
     launch_from_light(
         lights, textures, nowhere, 0, targets, *counts, is_aimed, np.zeros((n, 2)), xi[:, :2].copy(),
-        xi[:, 2].copy(), out,
+        xi[:, 2].copy(), np.empty((targets.radius.size, 5)), out,
     )  # fmt: skip
     return out
 
