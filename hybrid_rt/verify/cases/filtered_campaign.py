@@ -227,6 +227,8 @@ ORDINARY_SCENES: dict[str, tuple[str, Callable[[], list[Any]]]] = {
     "teapot": ("patches", SCENES["teapot"]),
     "patches of mixed degrees": ("patches", SCENES["patches"]),
     "bent sheet": ("patches", _of_set("patch tangents")),
+    "octants of a sphere": ("rational", _of_set("rational poles")),
+    "torn NURBS": ("rational", _of_set("breaks and creases of NURBS")),
     "spheres, box, rectangle, plane": ("closed", SCENES["closed forms"]),
     "closed torus": ("closed", _of_set("closed torus, tangents")),
     "skew box": ("closed", _of_set("skew box, edges and corners")),

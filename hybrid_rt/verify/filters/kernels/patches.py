@@ -4,7 +4,8 @@ With k the largest component of d and i, j the others, the ray meets S(u, v) whe
 
     A = d_k (S_i - o_i) - d_i (S_k - o_k) = 0,    B = d_k (S_j - o_j) - d_j (S_k - o_k) = 0,
 
-without a division and without vectors across d, so that the exact ray is meant. A piece holds no
+without a division and without vectors across d, so that the exact ray is meant. For rational patches
+both are times the denominator W > 0, and so is the height S_k - o_k until t is asked. A piece holds no
 root if a combination of A and B has coefficients of one sign. After multiplication by an approximate
 inverse of the Jacobian a piece whose rows of derivatives are dominated by the diagonal holds at most
 one; Miranda's theorem on a small square around an approximate root says that it is there, or the
@@ -38,6 +39,8 @@ class Patches(NamedTuple):
     """All patches of one surface."""
 
     points: Any  # (total, 3, 2) float64: from the origin, double-double
+    weights: Any  # (total,) float64
+    is_rational: bool  # or all weights are 1
     starts: Any  # (k + 1,) int64
     degrees: Any  # (k, 2) int64: in u and v
     balls: Any  # (k, 4) float64: centre from the origin and radius
@@ -54,6 +57,7 @@ class PatchScratch(NamedTuple):
     spans: Any  # (DEPTH + 1, 4) float64: begin and width in u, then in v
     radii: Any  # (DEPTH + 1,) float64
     height: Any  # (2, most) float64: S_k - o_k, high and low parts
+    weight: Any  # (2, most) float64: W, and zeros
     work: Any  # (4, most) float64
     turned: Any  # (4, most) float64: nets after multiplication
     values: Any  # (12,) float64
@@ -75,6 +79,10 @@ def _project(surface, p, d, k, scratch):
         z = minus((point[k, 0], point[k, 1], 0.0), (away[k, 0], away[k, 1], away[k, 2]))
         a = minus(times(exact(d[k]), x), times(exact(d[i]), z))
         b = minus(times(exact(d[k]), y), times(exact(d[j]), z))
+        if surface.is_rational:
+            w = exact(surface.weights[begin + c])
+            a, b, z = times(w, a), times(w, b), times(w, z)
+            scratch.weight[0, c], scratch.weight[1, c] = w[0], 0.0
         net[0, c], net[1, c], net[2, c], net[3, c] = a[0], a[1], b[0], b[1]
         height[0, c], height[1, c] = z[0], z[1]
         radius, far = max(radius, a[2], b[2]), max(far, z[2])
@@ -262,13 +270,23 @@ def _note_root(surface, p, m, n, span, radius, k, d, length, scratch, count):
     z = value(height[0], height[1], m, n, u, v, radius, work)
     u0, u1, v0, v1 = slopes(height[0], m, n, radius)
     wide = max(-u0, u1) * error_u + max(-v0, v1) * error_v
-    t = over((z[0], z[1], (z[2] + wide) * GROW), exact(d[k]))
+    z = (z[0], z[1], (z[2] + wide) * GROW)
+    w, w_u, w_v = 1.0, 0.0, 0.0
+    if surface.is_rational:
+        weight = scratch.weight
+        q = value(weight[0], weight[1], m, n, u, v, 0.0, work)
+        u0, u1, v0, v1 = slopes(weight[0], m, n, 0.0)
+        wide = max(-u0, u1) * error_u + max(-v0, v1) * error_v
+        z = over(z, (q[0], q[1], (q[2] + wide) * GROW))
+        w, w_u, w_v = rough(weight[0], m, n, u[0], v[0], work)
+    t = over(z, exact(d[k]))
     # The cosine, in float64.
     begin = surface.starts[p]
     for axis in range(3):
         for c in range((m + 1) * (n + 1)):
-            work[3, c] = surface.points[begin + c, axis, 0]
-        _, values[5 + axis], values[8 + axis] = rough(work[3], m, n, u[0], v[0], work)
+            work[3, c] = surface.weights[begin + c] * surface.points[begin + c, axis, 0]
+        x, x_u, x_v = rough(work[3], m, n, u[0], v[0], work)
+        values[5 + axis], values[8 + axis] = x_u - x / w * w_u, x_v - x / w * w_v
     nx = values[6] * values[10] - values[7] * values[9]
     ny = values[7] * values[8] - values[5] * values[10]
     nz = values[5] * values[9] - values[6] * values[8]
@@ -306,7 +324,7 @@ def _patch(surface, p, d, k, length, behind, scratch, count):
         is_lost = max(-a0, a1, -b0, b1) <= LOST * radius
         is_small = min(span[1], span[3]) <= SMALLEST
         if is_lost or is_small or n_pieces >= MOST_PIECES or top + 1 >= spans.shape[0]:
-            low, high = _height_range(m, n, span, far, d[k], scratch)
+            low, high = _height_range(surface, p, span, far, d[k], scratch)
             if not high < behind:
                 from_t = min(from_t, low)
             top -= 1
@@ -349,9 +367,11 @@ def _patch(surface, p, d, k, length, behind, scratch, count):
 
 
 @inner
-def _height_range(m, n, span, far, slope, scratch):
+def _height_range(surface, p, span, far, slope, scratch):
     """Return bounds of t on a piece, in float64 with a margin."""
-    height = scratch.height
+    height, m, n = scratch.height, surface.degrees[p, 0], surface.degrees[p, 1]
+    if surface.is_rational:
+        return _rational_height_range(m, n, span, far, slope, scratch)
     u, v = span[0] + 0.5 * span[1], span[2] + 0.5 * span[3]
     z, _, _ = rough(height[0], m, n, u, v, scratch.work)
     u0, u1, v0, v1 = slopes(height[0], m, n, far)
@@ -359,6 +379,25 @@ def _height_range(m, n, span, far, slope, scratch):
     wide = 0.5 * (max(-u0, u1) * span[1] + max(-v0, v1) * span[3])
     wide += 2.0**-45 * max(abs(low), abs(high))
     a, b = (z - wide) / slope, (z + wide) / slope
+    return min(a, b), max(a, b)
+
+
+@inner
+def _rational_height_range(m, n, span, far, slope, scratch):
+    """As `_height_range`: the quotient's slope is at most (|Z_u| + |Z / W| |W_u|) / W."""
+    height, weight = scratch.height[0], scratch.weight[0]
+    u, v = span[0] + 0.5 * span[1], span[2] + 0.5 * span[3]
+    z, _, _ = rough(height, m, n, u, v, scratch.work)
+    w, _, _ = rough(weight, m, n, u, v, scratch.work)
+    least, most = math.inf, 0.0
+    for c in range((m + 1) * (n + 1)):
+        least, most = min(least, weight[c]), max(most, abs(height[c]) / weight[c])
+    u0, u1, v0, v1 = slopes(height, m, n, far)
+    p0, p1, q0, q1 = slopes(weight, m, n, 0.0)
+    wide = 0.5 * (max(-u0, u1) + most * max(-p0, p1)) * span[1]
+    wide += 0.5 * (max(-v0, v1) + most * max(-q0, q1)) * span[3]
+    wide = wide / least + 2.0**-44 * most
+    a, b = (z / w - wide) / slope, (z / w + wide) / slope
     return min(a, b), max(a, b)
 
 

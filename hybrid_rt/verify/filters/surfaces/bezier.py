@@ -16,6 +16,7 @@ from hybrid_rt.verify.filters.surface_filter import (
     fractions,
 )
 from meshing import BezierPatches
+from meshing.bezier import RationalPatches
 
 
 class PatchesFilter(SurfaceFilter, of=BezierPatches):
@@ -38,8 +39,13 @@ class PatchesFilter(SurfaceFilter, of=BezierPatches):
             balls[k, :3] = 0.5 * (own.min(axis=0) + own.max(axis=0))
             balls[k, 3] = np.linalg.norm(own - balls[k, :3], axis=1).max()
         most = max([31, *counts])
+        weights = np.ones(len(flat))
+        if isinstance(surface, RationalPatches):
+            weights = surface.homogeneous[:, 3].copy()
         self._table = patches.Patches(
             points=points,
+            weights=weights,
+            is_rational=isinstance(surface, RationalPatches),
             starts=starts,
             degrees=np.array([(net.shape[0] - 1, net.shape[1] - 1) for net in nets]),
             balls=balls,
@@ -53,13 +59,14 @@ class PatchesFilter(SurfaceFilter, of=BezierPatches):
             spans=np.zeros((patches.DEPTH + 1, 4)),
             radii=np.zeros(patches.DEPTH + 1),
             height=np.zeros((2, most)),
+            weight=np.zeros((2, most)),
             work=np.zeros((4, most)),
             turned=np.zeros((4, most)),
             values=np.zeros(12),
             away=np.zeros((3, 3)),
             crossings=crossings_scratch(),
         )
-        self._local = BezierPatches([net - middle for net in nets])
+        self._local = BezierPatches([net - middle for net in nets], surface.weights)
 
     def first(
         self, origins: FloatArray, directions: FloatArray, leaves: BoolArray, hit_t: FloatArray
