@@ -7,8 +7,9 @@ from rational_surfaces import bumpy, cylinder, octant, petal, sphere
 
 from hybrid_rt import Intersector, Status
 from hybrid_rt.intersection.kernels.patch import bicubic
+from hybrid_rt.lights.cells import Cells
 from hybrid_rt.verify.exact.judge import ExactJudge
-from meshing import BezierPatches, NurbsSurface
+from meshing import BezierPatches, NurbsSurface, tessellate
 
 EPS = 2.0**-52
 COLUMNS = ("t", "object_id", "patch_id", "u", "v", "position", "normal", "status", "t_bound")
@@ -243,3 +244,18 @@ def test_vector_code_has_twins():
         np.testing.assert_allclose(
             quadratic[:4], np.einsum("i,j,ijc->c", *share, net), rtol=0, atol=1e-14
         )
+
+
+def test_light_is_taken_from_all_of_a_sheet():
+    surface, rng = nurbs(), np.random.default_rng(11)
+    cells, n = Cells(surface), 4000
+    seen_from = np.tile((2.0, 1.5, 9.0), (n, 1))
+    patch, u, v, density = cells.choose(seen_from, rng.random((n, 2)))
+    # Both ways to the density; points on a border of cells aside.
+    np.testing.assert_allclose(cells.pdf_area(seen_from, patch, u, v), density, rtol=1e-6)
+    low, high = surface.spans[patch][:, ::2], surface.spans[patch][:, 1::2]
+    assert ((low <= np.stack([u, v], 1)) & (np.stack([u, v], 1) <= high)).all()
+    # The mean of 1 / pdf is the area, to four standard errors.
+    ratio = 1.0 / density
+    area = tessellate(surface, 1e-3).mesh.area
+    assert abs(ratio.mean() - area) < 4 * ratio.std() / np.sqrt(n) + 1e-3 * area
