@@ -1,7 +1,7 @@
 """Surfaces and their certified tessellation.
 
 `BezierPatches`, `NurbsSurface` and `SurfaceOfRevolution` are surfaces over (u, v) in [0, 1] x [0, 1];
-`Cylinder`, `Cone` and `circular_arc` make the usual turned ones; `tessellate` turns a surface into a
+`Cylinder`, `Cone` and `circular_arc` make the usual turned ones, `Extrusion` swept ones; `tessellate` turns a surface into a
 `CertifiedMesh` that stays within a proven distance of it. Names are
 imported on first use: ``import meshing`` alone compiles and loads nothing.
 """
@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from meshing.bezier import BezierPatches
     from meshing.certified_mesh import CertifiedMesh
+    from meshing.extrusion import Extrusion
     from meshing.nurbs import NurbsSurface
     from meshing.revolution import SurfaceOfRevolution
     from meshing.sheet import PatchSheet
@@ -25,6 +26,7 @@ __all__ = [
     "CertifiedMesh",
     "Cone",
     "Cylinder",
+    "Extrusion",
     "NurbsSurface",
     "PatchSheet",
     "SurfaceOfRevolution",
@@ -39,6 +41,7 @@ _HOME = {
     "PatchSheet": "meshing.sheet",
     "Cone": "meshing.turned_shapes",
     "Cylinder": "meshing.turned_shapes",
+    "Extrusion": "meshing.extrusion",
     "SurfaceOfRevolution": "meshing.revolution",
     "circular_arc": "meshing.turned_shapes",
     "tessellate": "meshing.tessellation",
