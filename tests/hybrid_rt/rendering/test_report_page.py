@@ -10,11 +10,14 @@ import pytest
 
 import hybrid_rt as rt
 from hybrid_rt.analysis.mesh_comparison import compare_with_mesh
+from hybrid_rt.rendering import denoising
 from hybrid_rt.rendering.cluster import Cluster
 
 PAGE = Path(__file__).parents[3] / "docs" / "reference" / "report.md"
 DOCUMENTED = set(re.findall(r"^\| `([^`]+)` \|", PAGE.read_text(encoding="utf-8"), re.MULTILINE))
 # Keys of renders by processes of dask, which take seconds to start: see the last test.
+# So are those of denoised pictures, which need a large package.
+OF_DENOISED = {key for key in DOCUMENTED if key.startswith("denoised.")}
 OF_CLUSTERS = {key for key in DOCUMENTED if re.match(r"cluster\.|seconds\.cluster", key)}
 # What only fault brings: bodies that are not what they should be.
 OF_FAULTS = {"clear_bodies_lost.*"}
@@ -97,7 +100,7 @@ def test_every_key_is_documented(reports):
 
 def test_every_documented_key_exists(reports):
     found = set().union(*map(keys_of, reports))
-    assert DOCUMENTED - found - OF_CLUSTERS - OF_FAULTS == set()
+    assert DOCUMENTED - found - OF_CLUSTERS - OF_DENOISED - OF_FAULTS == set()
 
 
 def test_what_is_looked_up_first_are_attributes(reports):
@@ -109,6 +112,8 @@ def test_what_is_looked_up_first_are_attributes(reports):
     assert rt.RenderResult(result.image, reports[0] | unknown).error == np.inf
 
 
-def test_keys_of_clusters_are_those_that_the_code_writes():
+def test_keys_of_clusters_and_denoised_pictures_are_those_that_the_code_writes():
     written = set(re.findall(r'"(\w+)":', inspect.getsource(Cluster.about))) | {"lost"}
     assert {f"cluster.{key}" for key in written} | {"seconds.cluster"} == OF_CLUSTERS
+    written = re.findall(r'^ {16}"(\w+)":', inspect.getsource(denoising), re.MULTILINE)
+    assert {f"denoised.{key}" for key in written} == OF_DENOISED
