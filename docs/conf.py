@@ -28,12 +28,11 @@ suppress_warnings: list[str] = []
 
 # `name` in a docstring links to what it names, where that is public.
 default_role = "py:obj"
-python_use_unqualified_type_names = True
 autodoc_default_options = {"members": True, "member-order": "bysource"}
 autodoc_typehints = "none"  # the docstrings say types, with shapes and units
-autodoc_class_signature = "mixed"
 numpydoc_show_class_members = False  # autodoc does, with their docstrings
-numpydoc_use_plots = False
+
+smartquotes = False  # "--" is an option, not a dash
 
 html_theme = "furo"
 html_title = f"hybrid_rt {release}"
