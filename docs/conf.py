@@ -24,7 +24,6 @@ needs_sphinx = "8.2"
 # Markdown as GitHub reads it: links to headings by GitHub's rule, tables, raw HTML left alone.
 myst_heading_anchors = 4
 myst_enable_extensions = ["dollarmath", "colon_fence"]
-suppress_warnings: list[str] = []
 
 # `name` in a docstring links to what it names, where that is public.
 default_role = "py:obj"
