@@ -4,6 +4,8 @@ import re
 import runpy
 import shlex
 
+import imageio.v3 as imageio
+import numpy as np
 import pages
 import pytest
 
@@ -17,6 +19,7 @@ COMMANDS = sorted(
         if re.match(r"hybrid-rt |python (tools|scenes)/", line)
     }
 )
+ANEW = "if that is right, python tests/helpers/pages.py PAGE writes it anew"
 PARSERS = runpy.run_path(str(pages.ROOT / "docs" / "_ext" / "parsers.py"))
 
 
@@ -28,9 +31,13 @@ def test_python_runs_and_prints_what_is_shown(page, tmp_path):
     blocks = [block for block in every if block.reason is None]
     for block, printed in zip(blocks, pages.run(blocks, tmp_path), strict=True):
         if block.output is not None:
-            assert pages.differences(printed, block.output) == "", block.name
+            assert pages.differences(printed, block.output) == "", f"{block.name}: {ANEW}"
         else:
             assert printed == "", f"{block.name} prints: show it in a block of text"
+    for name in pages.pictures_of(page, tmp_path):
+        made, shown = imageio.imread(tmp_path / name), imageio.imread(page.parent / name)
+        # Same bits on processors of one kind; elsewhere a path in thousands may turn out otherwise.
+        assert np.abs(made.astype(float) - shown).mean() < 0.5, f"{name}: {ANEW}"
 
 
 @pytest.fixture(scope="module")

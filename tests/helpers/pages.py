@@ -98,6 +98,12 @@ def _last_place(number):
     return 10.0 ** (int(exponent or 0) - decimals)
 
 
+def pictures_of(page, folder):
+    """Return the names of pictures that a page shows and that its blocks have saved in a folder."""
+    names = re.findall(r"\]\(([\w.]+\.png)\)", page.read_text(encoding="utf-8"))
+    return [name for name in names if (folder / name).exists() and not (folder / name).is_symlink()]
+
+
 def rewrite(page):
     """Write anew what the blocks of a page print, where it shows that, and the pictures they save."""
     text = page.read_text(encoding="utf-8")
@@ -108,9 +114,8 @@ def rewrite(page):
                 before = f"```python\n{block.code}```\n\n```text\n"
                 text = text.replace(f"{before}{block.output}```", f"{before}{printed}```")
         page.write_text(text, encoding="utf-8")
-        for name in re.findall(r"\]\(([\w.]+\.png)\)", text):
-            if (Path(folder) / name).exists():
-                shutil.copy(Path(folder) / name, page.parent / name)
+        for name in pictures_of(page, Path(folder)):
+            shutil.copy(Path(folder) / name, page.parent / name)
 
 
 if __name__ == "__main__":
