@@ -14,7 +14,8 @@ from hybrid_rt.rendering import denoising
 from hybrid_rt.rendering.cluster import Cluster
 
 PAGE = Path(__file__).parents[3] / "docs" / "reference" / "report.md"
-DOCUMENTED = set(re.findall(r"^\| `([^`]+)` \|", PAGE.read_text(encoding="utf-8"), re.MULTILINE))
+ROWS = re.findall(r"^\| `([^`]+)` \|", PAGE.read_text(encoding="utf-8"), re.MULTILINE)
+DOCUMENTED = set(ROWS)
 # Keys of renders by processes of dask, which take seconds to start: see the last test.
 # So are those of denoised pictures, which need a large package.
 OF_DENOISED = {key for key in DOCUMENTED if key.startswith("denoised.")}
@@ -98,7 +99,8 @@ def test_every_key_is_documented(reports):
         )
 
 
-def test_every_documented_key_exists(reports):
+def test_every_documented_key_exists_and_is_documented_once(reports):
+    assert sorted(ROWS) == sorted(DOCUMENTED)
     found = set().union(*map(keys_of, reports))
     assert DOCUMENTED - found - OF_CLUSTERS - OF_DENOISED - OF_FAULTS == set()
 
