@@ -35,6 +35,8 @@ class Paths(NamedTuple):
     rival: Any
     media: Any  # (n, STACK) int32, dielectrics that the ray is in; (n, 0): there are none
     source_id: Any  # (n,) int32, object that the ray leaves from; -1 at the camera
+    # (n,) bool, the light that diffuse surfaces send along the ray is found by connections; (0,): none
+    joined: Any
 
 
 @kernel

@@ -56,7 +56,7 @@ def sent_toward(lit, k, lobes, wx, wy, wz):
 @inlined
 def connect_to_light_vertex(
     paths, i, lobes, vertices, beyond, object_id, lit, first_of_pass, number, of_use, s, t,
-    steps_left, out, n,
+    steps_left, joins, near, out, n,
 ):  # fmt: skip
     """Connect vertex i of a camera path to a light vertex of its pass, by a shadow ray.
 
@@ -77,7 +77,11 @@ def connect_to_light_vertex(
     s, t : float
         In [0, 1): the first samples the light vertex, the second whether the hit is connected at all.
     steps_left : int
-        Bounces that the path may still have beyond the light vertex.
+        Bounces that the path may still have beyond this one.
+    joins : (materials,) bool
+        Which materials are lit by connections alone from ``near`` on.
+    near : float
+        Scene units.
     out : ShadowRays
         Row n is written.
 
@@ -87,7 +91,8 @@ def connect_to_light_vertex(
         Whether there is such a shadow ray.
     """
     material, colors, position, normal, direction, geometric, ratio = vertices
-    if t >= CONNECT_CHANCE:
+    may_be_far = joins[material[i]] and near < math.inf
+    if t >= CONNECT_CHANCE and not may_be_far:
         return False
     begin, end = first_of_pass[number], first_of_pass[number + 1]
     if begin == end:
@@ -99,6 +104,9 @@ def connect_to_light_vertex(
     y = lit.position[k, 1] - position[i, 1]
     z = lit.position[k, 2] - position[i, 2]
     square = x * x + y * y + z * z
+    is_far = may_be_far and square >= near * near and joins[lit.material[k]]
+    if not is_far and (t >= CONNECT_CHANCE or lit.density[k] == 0.0):
+        return False
     if square == 0.0 or sides_differ(geometric, normal, i, direction, x, y, z):
         return False
     distance = math.sqrt(square)
@@ -114,8 +122,10 @@ def connect_to_light_vertex(
     r, g, b, onward = sent_toward(lit, k, lobes, wx, wy, wz)
     if onward <= 0.0:
         return False
-    rival = pdf / (square * CONNECT_CHANCE) * of_use * onward
-    factor = (end - begin) / (square * CONNECT_CHANCE) * power_weight(lit.density[k], rival)
+    factor = (end - begin) / square
+    if not is_far:
+        rival = pdf / (square * CONNECT_CHANCE) * of_use * onward
+        factor *= power_weight(lit.density[k], rival) / CONNECT_CHANCE
     r, g, b = factor * r * fr, factor * g * fg, factor * b * fb
     if paths.media.shape[1] > 0:
         if ratio.size and is_behind(normal, direction, i, x, y, z):
@@ -157,7 +167,7 @@ def splat_light_vertices(lit, lobes, way, pdf, n_paths, media, steps_left, value
     """
     for k in range(pdf.size):
         value[k, 0] = value[k, 1] = value[k, 2] = 0.0
-        if pdf[k] <= 0.0 or lit.steps[k] > steps_left:
+        if pdf[k] <= 0.0 or lit.density[k] == 0.0 or lit.steps[k] > steps_left:
             continue
         square = way[k, 0] ** 2 + way[k, 1] ** 2 + way[k, 2] ** 2
         distance = math.sqrt(square)

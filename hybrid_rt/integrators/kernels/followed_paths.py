@@ -28,7 +28,7 @@ def follow_paths(world, rules, block, media, forms, ray, path, vertex, rays, rad
     path : Paths of one row, scratch
     vertex : Vertex, scratch
         Its ``hit`` is ``ray.record``.
-    rays : ShadowRays of two rows, scratch
+    rays : ShadowRays, scratch
     radiance : (n, 3) float64, changed
     tally : Tally, changed
     """
@@ -61,6 +61,7 @@ def _leave_camera(block, i, media, path):
     path.pdf[0] = 0.0
     if path.rival.size:
         path.rival[0] = 0.0
+        path.joined[0] = False
     path.source_id[0] = NOTHING
     for k in range(3):
         path.origins[0, k] = block.origins[i, k]

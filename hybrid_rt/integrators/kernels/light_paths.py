@@ -18,10 +18,20 @@ pdf per area of the connected point, times the pdf per projected solid angle of 
 sampled there, over the index squared there; and at vertices between, the pdfs of the two directions
 per projected solid angle, each over the index squared of its medium (two media meet at rough
 glass).
+
+All other light between diffuse surfaces can be found by connections alone (Keller, "Instant
+radiosity", SIGGRAPH 1997): one light subpath in `FOLLOWED_FAR` is followed from surface to surface,
+and its vertices are kept too. A camera path is connected to them at its first diffuse vertex, and
+does not go on from the next one. As a connection has a variance without bound where its ends are
+close, nearer than a set distance the path goes on instead: either way finds what the other leaves,
+without weights (Kollig and Keller, "Illumination in the presence of weak singularities", MCQMC
+2004).
 """
 
 import math
 from typing import Any, NamedTuple
+
+import numpy as np
 
 from hybrid_rt.shading.kernels.bsdf import (
     lobe_chance,
@@ -50,6 +60,9 @@ from hybrid_rt.shading.kernels.medium_stack import (
 from hybrid_rt.shading.kernels.scatter import density_of_turn
 from meshing.kernels.jit import inlined, kernel
 
+# One light subpath in so many is followed from surface to surface.
+FOLLOWED_FAR = 4
+
 
 class LightPaths(NamedTuple):
     """Active light subpaths, in the order of their indices."""
@@ -65,6 +78,7 @@ class LightPaths(NamedTuple):
     is_direct: Any  # (n,) bool, no mirror or lens since the lamp or surface that sent the light
     media: Any  # (n, STACK) int32, or (n, 0)
     source_id: Any  # (n,) int32, object that the ray leaves from
+    begins_late: Any  # (n,) bool, a mirror or lens came first
 
 
 class LightVertices(NamedTuple):
@@ -77,12 +91,14 @@ class LightVertices(NamedTuple):
     material: Any  # (n,) int32
     colors: Any  # (n, lobes of a material at most, 3) float64
     flux: Any  # (n, 3) float64
-    density: Any  # (n,) float64, see `LightPaths`
+    density: Any  # (n,) float64, see `LightPaths`; 0: of all other light, see the module
     square: Any  # (n,) float64, index squared of where the light comes from
     # (n,) float64, index beyond the surface over that, where rough glass spreads light; else 0
     ratio: Any
     object_id: Any  # (n,) int32
-    steps: Any  # (n,) int64, directions taken at surfaces on the way
+    # (n,) int64, directions taken at surfaces on the way; one more if the first was by a mirror or
+    # lens, which must not be the last that a camera path takes
+    steps: Any
 
 
 @kernel
@@ -130,10 +146,17 @@ def divide_by_index(density, media, lobes):
         density[i] /= ior_of(lobes, filling_medium(media, i, lobes)) ** 2
 
 
+@inlined
+def is_followed_far(paths, i):
+    """Tell whether a light subpath goes on where other light is scattered; see the module."""
+    return paths.number[i] % np.uint64(FOLLOWED_FAR) == np.uint64(0)
+
+
 @kernel
 def store_light_vertices(
-    paths, lobes, material, colors, position, normal, geometric, ratio, object_id, steps, out, row
-):
+    paths, lobes, material, colors, position, normal, geometric, ratio, object_id, steps,
+    keeps_all, out, row,
+):  # fmt: skip
     """Store the light vertices of the paths that hit a non-delta surface; return how many.
 
     Parameters
@@ -150,14 +173,21 @@ def store_light_vertices(
         As in `scattered`; empty without rough glass.
     steps : int
         Number of bounces so far.
+    keeps_all : bool
+        Whether vertices of all light are stored; else those of light by way of delta lobes.
     out : LightVertices of n rows or more, written
     row : (n,) int32, written
         Rows of the stored paths.
     """
     n = 0
     for i in range(material.size):
-        if material[i] < 0 or paths.is_direct[i]:
+        if material[i] < 0:
             continue
+        # Of light by way of delta lobes there is a vertex of each path, of other light one in a few.
+        is_other = paths.is_direct[i] or paths.density[i] == 0.0
+        if is_other and not (keeps_all and is_followed_far(paths, i)):
+            continue
+        factor = FOLLOWED_FAR if is_other and paths.density[i] > 0.0 else 1.0
         start = lobes.first[material[i]]
         spreads = 0.0
         at = ratio[i] if ratio.size else 0.0
@@ -174,16 +204,16 @@ def store_light_vertices(
             out.normal[n, k] = normal[i, k]
             out.geometric[n, k] = geometric[i, k] if geometric.shape[0] else normal[i, k]
             out.direction[n, k] = paths.directions[i, k]
-            out.flux[n, k] = paths.flux[i, k]
+            out.flux[n, k] = factor * paths.flux[i, k]
             for j in range(colors.shape[1]):
                 out.colors[n, j, k] = colors[i, j, k]
         row[n] = i
         out.material[n] = material[i]
-        out.density[n] = paths.density[i]
+        out.density[n] = 0.0 if is_other else paths.density[i]
         out.square[n] = square
         out.ratio[n] = at
         out.object_id[n] = object_id[i]
-        out.steps[n] = steps
+        out.steps[n] = steps + paths.begins_late[i]
         n += 1
     return n
 
@@ -229,7 +259,7 @@ def leave_surface(
 @kernel
 def extend_light_paths(
     paths, lobes, material, colors, position, normal, geometric, ratio, object_id, is_smooth,
-    second, choice, xi, out,
+    second, choice, xi, steps, keeps_all, out,
 ):  # fmt: skip
     """Extend light subpaths by one bounce, and drop those that end; return how many are left.
 
@@ -246,9 +276,11 @@ def extend_light_paths(
     second : (n,) int32, or (0,)
         Faces that coincide with the hits: see `hybrid_rt.shading.kernels.medium_stack`.
     choice : (n, 2) float64 in [0, 1)
-        The first column samples the lobe.
+        The first column samples the lobe, the second is for Russian roulette.
     xi : (n, 2) float64 in [0, 1)
         Samples the direction.
+    steps, keeps_all : int, bool
+        As in `store_light_vertices`.
     out : LightPaths, written
     """
     n = 0
@@ -270,7 +302,8 @@ def extend_light_paths(
         spreads = spreads_here(lobes, row, at)
         denser = 1.0
         if spreads:
-            if paths.is_direct[i]:
+            is_other = paths.is_direct[i] or paths.density[i] == 0.0
+            if is_other and not (keeps_all and is_followed_far(paths, i)):
                 continue
             x, y, z, is_through, r, g, b, denser = leave_surface(
                 paths, lobes, material[i], colors, normal, geometric, at, row, i, nx, ny, nz,
@@ -297,14 +330,27 @@ def extend_light_paths(
                     share * colors[i, chosen, 2],
                 )
         r, g, b = r * paths.flux[i, 0], g * paths.flux[i, 1], b * paths.flux[i, 2]
-        if max(r, g, b) <= 0.0:
+        carried = max(r, g, b)
+        if carried <= 0.0:
             continue
+        if spreads and (paths.is_direct[i] or paths.density[i] == 0.0):
+            if paths.density[i] > 0.0:
+                r, g, b = FOLLOWED_FAR * r, FOLLOWED_FAR * g, FOLLOWED_FAR * b
+            denser = 0.0
+            # Roulette that leaves survivors the power that arrived.
+            arrived = max(paths.flux[i, 0], paths.flux[i, 1], paths.flux[i, 2])
+            survival = carried / arrived
+            if survival < 1.0:
+                if choice[i, 1] >= survival:
+                    continue
+                r, g, b = r / survival, g / survival, b / survival
         out.sample[n] = paths.sample[i]
         out.number[n] = paths.number[i]
         out.directions[n, 0], out.directions[n, 1], out.directions[n, 2] = x, y, z
         out.flux[n, 0], out.flux[n, 1], out.flux[n, 2] = r, g, b
         out.density[n] = paths.density[i] * denser
         out.is_direct[n] = spreads
+        out.begins_late[n] = paths.begins_late[i] or (steps == 0 and not spreads)
         out.source_id[n] = object_id[i]
         for k in range(3):
             out.origins[n, k] = position[i, k]

@@ -31,6 +31,7 @@ def _copy_path(source, i, target, j):
     target.pdf[j] = source.pdf[i]
     if source.rival.size:
         target.rival[j] = source.rival[i]
+        target.joined[j] = source.joined[i]
     target.source_id[j] = source.source_id[i]
     for k in range(3):
         target.origins[j, k] = source.origins[i, k]

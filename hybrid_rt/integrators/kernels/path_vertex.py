@@ -18,13 +18,13 @@ from hybrid_rt.integrators.kernels.connections import (
 from hybrid_rt.sampling.kernels.sobol import key_of_pixel, reverse_bits, sobol_point
 from hybrid_rt.shading.kernels.bsdf import Vertices
 from hybrid_rt.shading.kernels.emitter import Met, light_on_hit, light_on_ray
-from hybrid_rt.shading.kernels.lobes.register import EVERY, SPREADS
+from hybrid_rt.shading.kernels.lobes.register import DELTA, EVERY, SPREADS
 from hybrid_rt.shading.kernels.medium_stack import (
     cross_medium,
     look_beyond_one,
     transmittance,
 )
-from hybrid_rt.shading.kernels.scatter import LEFT, STOPPED, Rivals, scatter_one
+from hybrid_rt.shading.kernels.scatter import ABSORBED, LEFT, STOPPED, Rivals, scatter_one
 from hybrid_rt.shading.kernels.texture import texture_color
 from meshing.kernels.jit import inlined
 
@@ -33,6 +33,9 @@ _MASK = np.uint64(0xFFFFFFFF)
 
 # What the low-discrepancy points of one vertex are for.
 TO_LIGHT, DIRECTION, CHOICE, CONNECT, PER_STEP = 0, 1, 2, 3, 4
+# Connections of a diffuse vertex, and the distance of their dimensions.
+N_JOINS, JOIN_DIMENSIONS = 3, 2**44
+MOST_SHADOW_RAYS = 1 + N_JOINS
 
 
 class World(NamedTuple):
@@ -49,6 +52,7 @@ class World(NamedTuple):
     lights: Any  # LightTable
     before: Any  # (lights + 1,) float64, cumulative distribution of the lights
     sky: Any  # EnvironmentTable
+    joins: Any  # (materials,) bool, see `connect_to_light_vertex`
     is_smooth: Any  # (objects,) bool, interpolated shading normals; (0,) without light paths
     lit: Any  # LightVertices
     first_of_pass: Any  # (passes + 1,) int64, rows of `lit`
@@ -65,6 +69,7 @@ class Rules(NamedTuple):
     has_colors: Any  # bool, the colours of each vertex come with it
     has_light_paths: Any  # bool
     n_light_paths: Any  # float, light subpaths of a pass
+    near: Any  # float, see `connect_to_light_vertex`
     of_use: Any  # float, expected number of light vertices per light subpath
     max_depth: Any  # int
     roulette_depth: Any  # int
@@ -155,12 +160,16 @@ def emitted(world, rules, paths, vertex, pdf_area):
 
 @inlined
 def look_up_surface(world, rules, paths, vertex):
-    """Look up the colours of the lobes and what lies beyond; tell whether a lobe is not a delta."""
+    """Look up the colours of the lobes and what lies beyond; tell which lobes there are.
+
+    Returns whether one is not a delta, and whether one is.
+    """
     hit, material, lobes = vertex.hit, vertex.material[0], world.lobes
-    spreads = False
+    spreads = mirrors = False
     first = lobes.first[material]
     for j in range(lobes.first[material + 1] - first):
         spreads |= lobes.traits[first + j] & SPREADS != 0
+        mirrors |= lobes.traits[first + j] & DELTA != 0
         if rules.has_colors:
             continue
         r, g, b = texture_color(
@@ -176,7 +185,7 @@ def look_up_surface(world, rules, paths, vertex):
             lobes, world.rough_glass_of[material], paths.media, 0, hit.front_face[0],
             vertex.second, vertex.beyond,
         )  # fmt: skip
-    return spreads
+    return spreads, mirrors
 
 
 @inlined
@@ -240,7 +249,7 @@ def leave_vertex(world, rules, paths, vertex, depth, camera_pdf, number, key, sa
     key, sample : uint64
         See `sobol_point`.
     rays : ShadowRays
-        Up to two rows are written from row n on.
+        Up to `MOST_SHADOW_RAYS` rows are written from row n on.
 
     Returns
     -------
@@ -249,22 +258,35 @@ def leave_vertex(world, rules, paths, vertex, depth, camera_pdf, number, key, sa
     """
     hit = vertex.hit
     dimension = rules.first_dimension + np.uint64(depth) * np.uint64(PER_STEP)
-    spreads = look_up_surface(world, rules, paths, vertex)
+    spreads, mirrors = look_up_surface(world, rules, paths, vertex)
+    joins = rules.has_light_paths and world.joins[vertex.material[0]]
+    # What this surface sends back along a far ray is known already, but for that of delta lobes.
+    is_known = joins and paths.joined[0] and hit.t[0] >= rules.near
+    if is_known and not mirrors:
+        return ABSORBED, n
     vertices = Vertices(
         vertex.material, vertex.colors, hit.position, hit.normal, paths.directions,
         vertex.geometric, vertex.ratio,
     )  # fmt: skip
     # --- light we reach for
-    if spreads and rules.asks_lights:
+    if spreads and rules.asks_lights and not is_known:
         s, t = sobol_point(key, sample, dimension + np.uint64(TO_LIGHT))
         n += ask_light(world, rules, paths, vertex, vertices, s, t, rays, n)
-    # --- light that mirrors and glass throw: two directions more, and a mirror or lens at least
-    if spreads and rules.has_light_paths and depth + 3 <= rules.max_depth:
-        s, t = sobol_point(key, sample, dimension + np.uint64(CONNECT))
-        n += connect_to_light_vertex(
-            paths, 0, world.lobes, vertices, vertex.beyond, hit.object_id, world.lit,
-            world.first_of_pass, number, rules.of_use, s, t, rules.max_depth - depth - 2, rays, n,
-        )  # fmt: skip
+    # --- light of other surfaces, and what mirrors and glass throw
+    if spreads and rules.has_light_paths and not is_known and depth < rules.max_depth:
+        n_before = n
+        n_joins = N_JOINS if joins and rules.near < np.inf else 1
+        for j in range(n_joins):
+            use = dimension + np.uint64(CONNECT) + np.uint64(j) * np.uint64(JOIN_DIMENSIONS)
+            s, t = sobol_point(key, sample, use)
+            n += connect_to_light_vertex(
+                paths, 0, world.lobes, vertices, vertex.beyond, hit.object_id, world.lit,
+                world.first_of_pass, number, rules.of_use, s, t, rules.max_depth - depth - 1,
+                world.joins, rules.near, rays, n,
+            )  # fmt: skip
+        for i in range(n_before, n):
+            for k in range(3):
+                rays.value[i, k] /= n_joins
     # --- where it goes next, and whether it stops
     vertex.xi[0, 0], vertex.xi[0, 1] = sobol_point(key, sample, dimension + np.uint64(DIRECTION))
     vertex.choice[0, 0], vertex.choice[0, 1] = sobol_point(
@@ -284,6 +306,10 @@ def leave_vertex(world, rules, paths, vertex, depth, camera_pdf, number, key, sa
         Rivals(hit.t, vertex.before, world.is_smooth, hit.object_id, paths.rival),
         vertex.onward, paths.throughput, paths.pdf,
     )  # fmt: skip
+    if rules.has_light_paths:
+        paths.joined[0] = joins and paths.pdf[0] > 0.0
+    if is_known and paths.pdf[0] > 0.0:
+        return ABSORBED, n
     paths.source_id[0] = hit.object_id[0]
     for k in range(3):
         paths.origins[0, k] = hit.position[0, k]

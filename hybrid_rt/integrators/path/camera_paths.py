@@ -34,4 +34,5 @@ def leaving_camera(block: CameraBlock, media: IntArray, has_rivals: bool = False
         rival=np.zeros(n) if has_rivals else NO_RIVAL,
         media=np.repeat(media[None], n, axis=0),
         source_id=np.full(n, NOTHING, dtype=np.int32),
+        joined=np.zeros(n if has_rivals else 0, dtype=np.bool_),
     )

@@ -8,11 +8,12 @@ to the pixel that sees it, and kept as a light vertex for camera paths to connec
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
-from hybrid_rt.core.records import FloatArray, IntArray, NamedPoints
+from hybrid_rt.core.records import BoolArray, FloatArray, IntArray, NamedPoints
 from hybrid_rt.integrators.context import RenderContext
 from hybrid_rt.integrators.direct_light import SurfaceLight
 from hybrid_rt.integrators.kernels import light_paths as kernels
@@ -23,7 +24,9 @@ from hybrid_rt.integrators.light_points import leaving_points
 from hybrid_rt.integrators.media.absorption import absorb, media_around_lights
 from hybrid_rt.integrators.media.contacts import Contacts, first_hits
 from hybrid_rt.sampling.sampler import UIntArray
-from hybrid_rt.scene.compiled import NOTHING
+from hybrid_rt.scene.compiled import NOTHING, CompiledScene
+from hybrid_rt.shading.kernels.bsdf import LobeTable
+from hybrid_rt.shading.kernels.lobes.register import DIFFUSE, SPREADS
 
 # Dimensions of light paths, far from those of the camera's: light, place, direction, lens, then
 # two for each direction taken at a surface.
@@ -32,6 +35,8 @@ LIGHT, PLACE, TURN, LENS, FIRST_STEP = 0, 1, 2, 3, 4
 # A pass that no render reaches tells how many light paths come to an end that is of use. It is
 # only a weight: a wrong figure costs noise and no more.
 PILOT_PASS, PILOT_PATHS = 2**32 - 1, 4096
+# Part of the usual distance between light vertices below which connections are too noisy.
+NEAR = 0.2
 # Paths of one pass at most, and of all passes that are traced at once: each takes about 300 bytes.
 MOST_PATHS, AT_ONCE = 2**17, 2**18
 
@@ -71,6 +76,8 @@ class LightPathTracer:
         Medium stack of the camera.
     share : float
         Light subpaths per pixel and pass.
+    keeps_all : bool
+        Whether the vertices of all light are kept, not only of what mirrors and lenses throw.
 
     Attributes
     ----------
@@ -78,6 +85,9 @@ class LightPathTracer:
         Light subpaths per pass.
     is_smooth : (objects,) bool
         Objects with interpolated shading normals.
+    keeps_all : bool
+    near : float
+        Distance from which on light is found by connections alone; inf until it is estimated.
     """
 
     def __init__(
@@ -87,7 +97,9 @@ class LightPathTracer:
         contacts: Contacts | None,
         camera_media: IntArray,
         share: float,
+        keeps_all: bool,
     ) -> None:
+        self.keeps_all, self.near = keeps_all, np.inf
         self._context, self._light, self._contacts = context, light, contacts
         scene = context.scene
         camera = scene.camera
@@ -102,8 +114,12 @@ class LightPathTracer:
         self.is_smooth[list(scene.vertex_normals)] = True
 
     def share_of_use(self) -> float:
-        """Estimate the number of light vertices per light subpath, from a few subpaths."""
+        """Estimate the number of light vertices per light subpath, and `near`, from a few subpaths."""
         points, _, _ = self._trace(range(PILOT_PASS, PILOT_PASS + 1), PILOT_PATHS)
+        half = points.density.size // 2
+        if self.keeps_all and half:
+            between = points.position[:half] - points.position[half : 2 * half]
+            self.near = NEAR * float(np.median(np.linalg.norm(between, axis=1)))
         return float(points.density.size / PILOT_PATHS)
 
     def trace(self, passes: range) -> LightVertexPasses:
@@ -134,14 +150,15 @@ class LightPathTracer:
             absorb(context, paths.media, material, hits, second, paths.flux)
             shading = self._light.shading(hits, paths.directions, material, paths.media, second)
             hits = shading.hits
-            if step > 0:
+            if step > 0 or self.keeps_all:
                 out, row = (
                     new_light_vertices(material.size, self._light.n_slots),
                     np.empty_like(material),
                 )
                 n_out = kernels.store_light_vertices(
                     paths, scene.lobes, material, shading.colors, hits.position, hits.normal,
-                    shading.geometric, shading.ratio, hits.object_id, step, out, row,
+                    shading.geometric, shading.ratio, hits.object_id, step, self.keeps_all, out,
+                    row,
                 )  # fmt: skip
                 points = LightVertices(*(column[:n_out] for column in out))
                 found.append((points, paths.sample[row[:n_out]], paths.number[row[:n_out]]))
@@ -150,7 +167,8 @@ class LightPathTracer:
                 paths, scene.lobes, material, shading.colors, hits.position, hits.normal,
                 shading.geometric, shading.ratio, hits.object_id, self.is_smooth, second,
                 self._points(paths.sample, paths.number, FIRST_STEP + 2 * step),
-                self._points(paths.sample, paths.number, FIRST_STEP + 2 * step + 1), going,
+                self._points(paths.sample, paths.number, FIRST_STEP + 2 * step + 1), step,
+                self.keeps_all, going,
             )  # fmt: skip
             paths = LightPaths(*(column[:n_going] for column in going))
             if n_going == 0:
@@ -180,6 +198,7 @@ class LightPathTracer:
             is_direct=np.ones(number.size, dtype=np.bool_),
             media=self._media_of_light.take(light, axis=0),
             source_id=scene.surface_of_light.take(light),
+            begins_late=np.zeros(number.size, dtype=np.bool_),
         )
         kernels.leave_lights(
             scene.lights, scene.textures, leaving_points(scene, light, place), self._emit, light, place,
@@ -203,7 +222,7 @@ class LightPathTracer:
         value = np.empty((n, 3))
         splat_light_vertices(
             points, context.scene.lobes, way, pdf, float(self.n_paths),
-            np.repeat(self._media_of_camera[None], n, axis=0), context.max_depth - 1, value,
+            np.repeat(self._media_of_camera[None], n, axis=0), context.max_depth, value,
         )  # fmt: skip
         rows = np.flatnonzero(value.any(axis=1))
         named = NamedPoints(points.object_id[rows], points.position[rows])
@@ -218,6 +237,30 @@ class LightPathTracer:
         # The paths of a pass are the samples of one sequence, so they fill lights and directions
         # evenly; each pass has a sequence of its own.
         return self._context.sampler.points(sample, FIRST_LIGHT_DIMENSION + use, path)
+
+
+def diffuse_materials(lobes: LobeTable) -> BoolArray:
+    """Return which materials spread light by diffuse lobes and no others, (materials,)."""
+    is_diffuse = lobes.kind == DIFFUSE
+    spreads = lobes.traits & SPREADS != 0
+    return np.array(
+        [
+            bool(is_diffuse[i:j].any() and not (spreads & ~is_diffuse)[i:j].any())
+            for i, j in pairwise(lobes.first.tolist())
+        ],
+        dtype=np.bool_,
+    )
+
+
+def finds_all_light(scene: CompiledScene) -> bool:
+    """Tell whether light subpaths carry the light of all lamps to all surfaces.
+
+    None begin at lamps without area, on planes or in the sky, and none go on from mirrors or lenses
+    with interpolated normals.
+    """
+    shines = scene.lights.strength.any(axis=1)
+    begins = scene.lights.emit[:-1] > 0.0
+    return scene.environment is None and not scene.vertex_normals and bool((begins | ~shines).all())
 
 
 def joined(parts: list[LightVertices]) -> LightVertices:

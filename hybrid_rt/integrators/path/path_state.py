@@ -40,6 +40,7 @@ def new_paths(n: int, media_depth: int, has_rivals: bool) -> Paths:
         rival=np.empty(n if has_rivals else 0),
         media=np.empty((n, media_depth), dtype=np.int32),
         source_id=np.empty(n, dtype=np.int32),
+        joined=np.empty(n if has_rivals else 0, dtype=np.bool_),
     )
 
 

@@ -31,6 +31,7 @@ from hybrid_rt.integrators.kernels.compaction import Paths, add_to_pixels
 from hybrid_rt.integrators.kernels.followed_paths import follow_paths
 from hybrid_rt.integrators.kernels.path_batches import Arrival, advance_paths
 from hybrid_rt.integrators.kernels.path_vertex import (
+    MOST_SHADOW_RAYS,
     PER_STEP,
     TO_LIGHT,
     Block,
@@ -46,6 +47,8 @@ from hybrid_rt.integrators.path.light_paths import (
     PILOT_PATHS,
     LightPathTracer,
     LightVertexPasses,
+    diffuse_materials,
+    finds_all_light,
     joined,
     new_light_vertices,
 )
@@ -58,13 +61,18 @@ from hybrid_rt.integrators.path.path_state import (
     new_tally,
     new_vertex,
 )
+from hybrid_rt.integrators.path.pilot import (
+    CLEARLY_LESS,
+    FEWEST_PIXELS,
+    LIGHT_PATHS,
+    work_times_noise,
+)
+from hybrid_rt.sampling.sampler import UIntArray
 from hybrid_rt.sensor.passes import pass_of
 from hybrid_rt.shading.kernels.emitter import BOTH, DIRECTION_ONLY, LIGHT_ONLY
 from hybrid_rt.shading.kernels.lobes.register import EVERY
 
 STRATEGIES = {"both": BOTH, "lights": LIGHT_ONLY, "directions": DIRECTION_ONLY}
-# Of a vertex: to a light, and to a light vertex.
-MOST_SHADOW_RAYS = 2
 NO_NUMBER = np.zeros(0, dtype=np.int64)
 NO_COLORS = np.zeros((0, 0, 3))
 
@@ -86,11 +94,17 @@ class PathTracer(Integrator):
         asks = strategy != DIRECTION_ONLY and bool(lights.chance.any())
         self._samples_lights = asks and (plan["light samples"] or plan["sky samples"])
         self._camera_media = media_around_camera(context, self._contacts)
+        self._joins = diffuse_materials(context.scene.lobes)
         self._lamps: LightPathTracer | None = None
         # One mirror or lens, and a surface on either end of the join, at least.
         if plan["light paths"]:
             self._lamps = LightPathTracer(
-                context, self._light, self._contacts, self._camera_media, self._options.light_paths
+                context,
+                self._light,
+                self._contacts,
+                self._camera_media,
+                self._options.light_paths,
+                keeps_all=self._may_connect_all(),
             )
         # What single rays are traced by; None: paths advance together.
         self._forms = context.tracer.closed_forms() if plan["single rays"] else None
@@ -111,13 +125,33 @@ class PathTracer(Integrator):
         self._of_use = 0.0
 
     def begin(self) -> None:
-        """Estimate the number of light vertices per light subpath."""
+        """Estimate what light subpaths are of use for."""
         if self._lamps is not None:
             self._of_use = self._lamps.share_of_use()
+            if self._lamps.keeps_all:
+                self._choose_connections(self._lamps)
             if self._of_use == 0.0:
                 self._leave_out_light_paths()
                 why = f"none of {PILOT_PATHS} light paths came to a surface that spreads light"
                 self.context.plan.decide("light paths", False, "", why)
+
+    def _choose_connections(self, lamps: LightPathTracer) -> None:
+        """Leave the light between diffuse surfaces to connections where that takes less work."""
+        n_paths, near, of_use = lamps.n_paths, lamps.near, self._of_use
+        lamps.n_paths = LIGHT_PATHS
+        by_connections = work_times_noise(self, n_paths)
+        lamps.keeps_all, lamps.near = False, np.inf
+        self._of_use = lamps.share_of_use()
+        by_paths = work_times_noise(self, n_paths)
+        lamps.n_paths = n_paths
+        if by_connections < CLEARLY_LESS * by_paths:
+            lamps.keeps_all, lamps.near, self._of_use = True, near, of_use
+            why = "paths from lamps light every surface, and find what mirrors and glass throw"
+            self.context.plan.decide("light paths", True, why, "")
+
+    def radiance_through(self, pixel: UIntArray, sample: UIntArray) -> FloatArray:
+        """Return the radiance (n, 3) of camera rays with these keys, see `CameraBlock`."""
+        return self._radiance(self._through(pixel, sample))
 
     def follow(self, first: Integrator) -> None:
         """Copy what `begin` estimated."""
@@ -125,6 +159,15 @@ class PathTracer(Integrator):
         self._of_use = first._of_use
         if first._lamps is None:
             self._leave_out_light_paths()
+        elif self._lamps is not None:
+            self._lamps.near = first._lamps.near
+            self._lamps.keeps_all = first._lamps.keeps_all
+
+    def _may_connect_all(self) -> bool:
+        """Tell whether connections might find all light between diffuse surfaces."""
+        camera = self.context.scene.camera
+        is_worth_a_pilot = camera.width * camera.height >= FEWEST_PIXELS
+        return bool(is_worth_a_pilot and self._joins.any() and finds_all_light(self.context.scene))
 
     def _leave_out_light_paths(self) -> None:
         self._lamps = None
@@ -234,6 +277,7 @@ class PathTracer(Integrator):
             lights=scene.lights,
             before=np.cumsum(scene.lights.chance),
             sky=scene.sky,
+            joins=self._joins,
             is_smooth=NONE_SMOOTH if self._lamps is None else self._lamps.is_smooth,
             lit=self._lit,
             first_of_pass=self._first_of_pass,
@@ -250,6 +294,7 @@ class PathTracer(Integrator):
             has_sky=context.scene.environment is not None,
             has_light_paths=self._lamps is not None,
             n_light_paths=1.0 if self._lamps is None else float(self._lamps.n_paths),
+            near=np.inf if self._lamps is None else self._lamps.near,
             of_use=self._of_use,
             max_depth=context.max_depth,
             roulette_depth=self._options.roulette_depth,

@@ -10,6 +10,7 @@ import trimesh
 from scipy import stats
 
 from hybrid_rt.integrators import PathOptions, workers
+from hybrid_rt.integrators.path import path_tracer
 from hybrid_rt.lights import (
     GradientSky,
     ImageEnvironment,
@@ -454,6 +455,34 @@ def irradiance(x, y, height, low, high):
         corner(high[0] - x, high[1] - y) - corner(low[0] - x, high[1] - y)
         - corner(high[0] - x, low[1] - y) + corner(low[0] - x, low[1] - y)
     )  # fmt: skip
+
+
+class TestConnections:
+    """Light between diffuse surfaces, found by connections to light vertices or by paths."""
+
+    @pytest.mark.parametrize("by_connections", [True, False])
+    def test_integrating_sphere(self, monkeypatch, by_connections):
+        """A matt ball around a lamp is lit evenly: E = pi L r^2 + a (1 - r^2) E, r the lamp's radius.
+
+        The lamp is black to what comes back. The mirror takes 1e-4 of the light of its place.
+        """
+        asked = iter([0.0, 1.0] if by_connections else [1.0, 0.0])
+        monkeypatch.setattr(path_tracer, "work_times_noise", lambda *_: next(asked))
+        albedo, radius, radiance = 0.5, 0.2, 10.0
+        objects = [
+            Object(Sphere((0, 0, 0), 1).flipped(), Lambertian(albedo), "wall"),
+            Object(Sphere((0.5, 0.5, 0.5), 0.02), Mirror(), "mirror"),
+        ]
+        camera = Camera((0, -0.5, 0), (0, -1, 0), (0, 0, 1), 60, 64, 64)
+        scene = Scene(camera, objects, [SphereLight((0, 0, 0), radius, radiance)])
+        result = render(scene, passes=8, seed=3, threads=1)
+        exact = albedo * radiance * radius**2 / (1 - albedo * (1 - radius**2))
+        error = result.report["noise"]["standard_error_of_image_mean"]
+        assert result.image.mean() == pytest.approx(exact, abs=5 * error + 5e-4 * exact)
+        assert error < 0.01 * exact
+        n_rays = result.report["rays"]
+        # Most paths end where they meet the wall for the second time.
+        assert (n_rays["scattered"] < 2 * n_rays["camera"]) == by_connections
 
 
 class TestLightPaths:
