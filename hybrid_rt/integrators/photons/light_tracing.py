@@ -27,8 +27,11 @@ if TYPE_CHECKING:
     from scipy.spatial import cKDTree
 
 
-# Light tracing pays where at least this many caustic photons of the pilot pass lie in dense places.
-LEAST_SHARE = 0.02
+# Light tracing pays where at least this share of the pilot pass's caustic photons lies in dense places,
+# and of these is seen by the camera, judged by so many of them at most.
+LEAST_SHARE, MOST_JUDGED = 0.02, 1024
+# A segment to a photon ends this much of its length before it.
+BEFORE_END = 1e-6
 
 
 class Splats(NamedTuple):
@@ -53,7 +56,7 @@ class DensePlaces:
         from scipy.spatial import cKDTree
 
         self._tree: cKDTree = cKDTree(position)
-        self._reach = reach
+        self._position, self._reach = position, reach
 
     @classmethod
     def of(cls, photons: Photons, share: float, camera: Camera, threads: int) -> DensePlaces | None:
@@ -74,6 +77,17 @@ class DensePlaces:
         if is_dense.mean() < LEAST_SHARE:
             return None
         return cls(position, np.where(is_dense, pixel, 0.0))
+
+    def are_seen(self, context: RenderContext) -> bool:
+        """Tell whether the camera sees enough of the dense caustics directly, not through glass."""
+        dense = self._position[self._reach > 0.0]
+        judged = dense[:: max(len(dense) // MOST_JUDGED, 1)]
+        camera = context.scene.camera
+        _, _, pdf = camera.sees(judged)
+        origin = np.broadcast_to(camera.look_from, judged.shape)
+        tracer = context.tracer.with_own_counters()
+        is_hidden = tracer.occluded(origin, judged - origin, 1.0 - BEFORE_END)
+        return bool(np.mean((pdf > 0.0) & ~is_hidden) >= LEAST_SHARE)
 
     def hold(self, position: FloatArray) -> BoolArray:
         """Tell at which points (n, 3) caustics are dense."""

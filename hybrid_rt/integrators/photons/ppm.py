@@ -83,6 +83,8 @@ class ProgressiveWorkers(PhotonWorkers):
 
         with self._at_work() as submit:
             radii, dense, field = self._shot(n, 0, PILOT_DIMENSION, submit, ready)()
+        if dense is not None and not dense.are_seen(self.context):
+            dense = None
         self._balance = Balance()  # the light of these photons is in no picture
         ledgers = [eye_pass.context.ledger for eye_pass in self._eye_passes]
         photon_rays = sum(

@@ -140,6 +140,15 @@ def test_picture_agrees_with_a_light_tracer_of_its_own(bench):
     assert abs(a.mean() / b.mean() - 1) < 0.01
 
 
+def test_a_caustic_that_no_camera_ray_meets_straight_is_not_shown():
+    """Dense places behind a pane are found, but no photon is sent to the camera in vain."""
+    camera = Camera((0, -3, 2.2), (0, 0, 0.3), (0, 0, 1), 45, 64, 64)
+    for bench, is_shown in ((BALL, True), (BEHIND_PANE, False)):
+        result = render(bench.scene(camera), "ppm", passes=1, options=PPMOptions(60_000))
+        assert ("photons to camera" in result.report["rays"]) is is_shown
+        assert (result.report["photons"]["shown_to_camera"] > 0) is is_shown
+
+
 @pytest.mark.parametrize("aperture", [0.0, 0.1])
 def test_photons_shown_to_the_camera_are_what_discs_leave_out(aperture):
     """Dense caustics photon by photon, and by discs alone: the same but for the blur of small discs.
