@@ -222,28 +222,29 @@ def test_polynomial_and_rational_patches_in_one_scene():
 
 @numba.njit
 def _values(control, u, v):
-    return bicubic.evaluate_homogeneous(control, 0, u, v), bicubic.evaluate_biquadratic(
-        control, 1, u, v
+    return (
+        bicubic.evaluate_rational_bicubic(control, 0, u, v),
+        bicubic.evaluate_rational_biquadratic(control, 1, u, v),
     )
 
 
 def test_vector_code_has_twins():
     rng = np.random.default_rng(10)
-    for u, v in rng.uniform(-0.2, 1.2, (20, 2)):
+    for u, v in rng.uniform(0.0, 1.0, (20, 2)):
         control = rng.normal(size=(16, 4))
+        control[:, 3] = rng.uniform(0.5, 2.0, 16)
         cubic, quadratic = _values(control, u, v)
         twins = (
-            bicubic.evaluate_homogeneous_plain(control, 0, u, v),
-            bicubic.evaluate_biquadratic_plain(control, 1, u, v),
+            bicubic.evaluate_rational_bicubic_plain(control, 0, u, v),
+            bicubic.evaluate_rational_biquadratic_plain(control, 1, u, v),
         )
         np.testing.assert_array_equal(cubic, twins[0])
         np.testing.assert_array_equal(quadratic, twins[1])
-        # By the definition.
-        share = [np.array([(1 - x) ** 2, 2 * x * (1 - x), x * x]) for x in (u, v)]
-        net = control[1:10].reshape(3, 3, 4)
-        np.testing.assert_allclose(
-            quadratic[:4], np.einsum("i,j,ijc->c", *share, net), rtol=0, atol=1e-14
-        )
+        for values, rows, side in ((cubic, control, 4), (quadratic, control[1:10], 3)):
+            net, weights = rows[:, :3] / rows[:, 3:], rows[:, 3].reshape(side, side)
+            surface = BezierPatches([net.reshape(side, side, 3)], [weights])
+            points = (surface.point(u, v), *surface.partials(u, v))
+            np.testing.assert_allclose(values, np.concatenate(points, axis=None), atol=1e-12)
 
 
 def test_light_is_taken_from_all_of_a_sheet():

@@ -1,6 +1,6 @@
 """A bicubic patch and its tangents at one point, all coordinates at a time in vector registers.
 
-So are biquadratic homogeneous nets, those of most machined surfaces.
+So are rational patches of degree 3 x 3, and of degree 2 x 2, as most machined surfaces are.
 
 Control points are rows of four float64, so that one load brings a point; the last of them is the
 weight of a homogeneous net, else unused.
@@ -29,17 +29,25 @@ def evaluate_bicubic_plain(control: Any, start: int, u: float, v: float) -> Any:
     return tuple(out[4 * k + c] for k in range(3) for c in range(3))
 
 
-def evaluate_homogeneous_plain(control: Any, start: int, u: float, v: float) -> Any:
-    """Return W S, its partials along u and v, each followed by that of W: twelve numbers.
-
-    Parameters are those of `evaluate_bicubic_plain`.
-    """
-    return _plain(3, control, start, u, v)
+def evaluate_rational_bicubic_plain(control: Any, start: int, u: float, v: float) -> Any:
+    """Return S, S_u, S_v of a rational patch, rows (w P, w); parameters as above."""
+    return _quotient(*_plain(3, control, start, u, v))
 
 
-def evaluate_biquadratic_plain(control: Any, start: int, u: float, v: float) -> Any:
-    """As `evaluate_homogeneous_plain`, of degree 2."""
-    return _plain(2, control, start, u, v)
+def evaluate_rational_biquadratic_plain(control: Any, start: int, u: float, v: float) -> Any:
+    """As `evaluate_rational_bicubic_plain`, of degree 2."""
+    return _quotient(*_plain(2, control, start, u, v))
+
+
+def _quotient(*sums: float) -> Any:
+    """Return X / W and its partials from X, W, their partials along u and those along v."""
+    inverse = 1.0 / sums[3]
+    point = [x * inverse for x in sums[:3]]
+    slopes = (sums[7] * inverse, sums[11] * inverse)
+    partials = [
+        sums[4 + 4 * k + c] * inverse - slopes[k] * point[c] for k in range(2) for c in range(3)
+    ]
+    return (*point, *partials)
 
 
 def _plain(degree: int, control: Any, start: int, u: float, v: float) -> Any:
@@ -67,7 +75,7 @@ def _bernstein(degree: int, x: float) -> Any:
     return values, (3.0 * y * y, 6.0 * y * x, 3.0 * x * x)
 
 
-def _vector_code(degree: int, columns: int, builder: Any, data: Any, arguments: Any) -> Any:
+def _vector_code(degree: int, rational: bool, builder: Any, data: Any, arguments: Any) -> Any:
     start, u, v = arguments
     double, i64 = ir.DoubleType(), ir.IntType(64)
     four = ir.VectorType(double, 4)
@@ -108,43 +116,53 @@ def _vector_code(degree: int, columns: int, builder: Any, data: Any, arguments: 
         value, weight = (spread(builder, x[i], four) for x in (values_u, weights))
         for k, term in enumerate((mul(value, point), mul(weight, point), mul(value, slope))):
             out[k] = term if i == 0 else add(out[k], term)
+    if rational:
+        # (W S)_u = W S_u + W_u S.
+        last = ir.IntType(32)(3)
+        inverse = spread(
+            builder, builder.fdiv(number(1.0), builder.extract_element(out[0], last)), four
+        )
+        out = [mul(vector, inverse) for vector in out]
+        for k in (1, 2):
+            slope = spread(builder, builder.extract_element(out[k], last), four)
+            out[k] = sub(out[k], mul(slope, out[0]))
     numbers = [
-        builder.extract_element(vector, ir.IntType(32)(c)) for vector in out for c in range(columns)
+        builder.extract_element(vector, ir.IntType(32)(c)) for vector in out for c in range(3)
     ]
     return cgutils.pack_array(builder, numbers)
 
 
-def _compiled(degree: int, columns: int, control: Any) -> Any:
+def _compiled(degree: int, rational: bool, control: Any) -> Any:
     """Return signature and code of an intrinsic that takes (control, start, u, v)."""
 
     def code(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         array = context.make_array(signature.args[0])(context, builder, arguments[0])
-        return _vector_code(degree, columns, builder, array.data, arguments[1:])
+        return _vector_code(degree, rational, builder, array.data, arguments[1:])
 
-    result = types.UniTuple(types.float64, 3 * columns)
+    result = types.UniTuple(types.float64, 9)
     return result(control, types.int64, types.float64, types.float64), code
 
 
 if config.DISABLE_JIT:  # type: ignore[attr-defined]
     evaluate_bicubic = evaluate_bicubic_plain
-    evaluate_homogeneous = evaluate_homogeneous_plain
-    evaluate_biquadratic = evaluate_biquadratic_plain
+    evaluate_rational_bicubic = evaluate_rational_bicubic_plain
+    evaluate_rational_biquadratic = evaluate_rational_biquadratic_plain
 else:
 
     @intrinsic
     def evaluate_bicubic(typing: Any, control: Any, start: Any, u: Any, v: Any) -> Any:
         """Do what `evaluate_bicubic_plain` does."""
         del typing, start, u, v
-        return _compiled(3, 3, control)
+        return _compiled(3, False, control)
 
     @intrinsic
-    def evaluate_homogeneous(typing: Any, control: Any, start: Any, u: Any, v: Any) -> Any:
-        """Do what `evaluate_homogeneous_plain` does."""
+    def evaluate_rational_bicubic(typing: Any, control: Any, start: Any, u: Any, v: Any) -> Any:
+        """Do what `evaluate_rational_bicubic_plain` does."""
         del typing, start, u, v
-        return _compiled(3, 4, control)
+        return _compiled(3, True, control)
 
     @intrinsic
-    def evaluate_biquadratic(typing: Any, control: Any, start: Any, u: Any, v: Any) -> Any:
-        """Do what `evaluate_biquadratic_plain` does."""
+    def evaluate_rational_biquadratic(typing: Any, control: Any, start: Any, u: Any, v: Any) -> Any:
+        """Do what `evaluate_rational_biquadratic_plain` does."""
         del typing, start, u, v
-        return _compiled(2, 4, control)
+        return _compiled(2, True, control)

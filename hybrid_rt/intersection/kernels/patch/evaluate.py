@@ -2,8 +2,8 @@
 
 from hybrid_rt.intersection.kernels.patch.bicubic import (
     evaluate_bicubic,
-    evaluate_biquadratic,
-    evaluate_homogeneous,
+    evaluate_rational_bicubic,
+    evaluate_rational_biquadratic,
 )
 from meshing.kernels.jit import inlined, inner
 
@@ -105,15 +105,30 @@ def evaluate_columns(control, start, degree_u, degree_v, u, v, basis):
     return x, y, z, w, xu, yu, zu, wu, xv, yv, zv, wv
 
 
+@inner
+def _evaluate_rational(control, start, degree_u, degree_v, u, v, basis):
+    x, y, z, w, xu, yu, zu, wu, xv, yv, zv, wv = evaluate_columns(
+        control, start, degree_u, degree_v, u, v, basis
+    )
+    # (W S)_u = W S_u + W_u S.
+    inverse = 1.0 / w
+    x, y, z, wu, wv = x * inverse, y * inverse, z * inverse, wu * inverse, wv * inverse
+    return (
+        x, y, z,
+        xu * inverse - wu * x, yu * inverse - wu * y, zu * inverse - wu * z,
+        xv * inverse - wv * x, yv * inverse - wv * y, zv * inverse - wv * z,
+    )  # fmt: skip
+
+
 @inlined
-def _homogeneous(control, start, degree_u, degree_v, u, v, basis):
+def _rational(control, start, degree_u, degree_v, u, v, basis):
     if basis is None:
-        return evaluate_homogeneous(control, start, u, v)
+        return evaluate_rational_bicubic(control, start, u, v)
     if degree_u == 3 and degree_v == 3:
-        return evaluate_homogeneous(control, start, u, v)
+        return evaluate_rational_bicubic(control, start, u, v)
     if degree_u == 2 and degree_v == 2:
-        return evaluate_biquadratic(control, start, u, v)
-    return evaluate_columns(control, start, degree_u, degree_v, u, v, basis)
+        return evaluate_rational_biquadratic(control, start, u, v)
+    return _evaluate_rational(control, start, degree_u, degree_v, u, v, basis)
 
 
 @inlined
@@ -134,14 +149,4 @@ def evaluate_any(control, start, degree_u, degree_v, u, v, basis, rational):
     """
     if rational is None:
         return _polynomial(control, start, degree_u, degree_v, u, v, basis)
-    x, y, z, w, xu, yu, zu, wu, xv, yv, zv, wv = _homogeneous(
-        control, start, degree_u, degree_v, u, v, basis
-    )
-    # (W S)_u = W S_u + W_u S.
-    inverse = 1.0 / w
-    x, y, z, wu, wv = x * inverse, y * inverse, z * inverse, wu * inverse, wv * inverse
-    return (
-        x, y, z,
-        xu * inverse - wu * x, yu * inverse - wu * y, zu * inverse - wu * z,
-        xv * inverse - wv * x, yv * inverse - wv * y, zv * inverse - wv * z,
-    )  # fmt: skip
+    return _rational(control, start, degree_u, degree_v, u, v, basis)
