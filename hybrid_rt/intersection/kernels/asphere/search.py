@@ -23,7 +23,7 @@ BESIDE_RIM = 8.0
 
 
 @inner
-def offer_root(i, k, line, s, near, shift, per_t, rims, table, rays, best):
+def offer_sag_root(i, k, line, s, near, shift, per_t, rims, table, rays, best):
     """Offer the root at s; tell whether the search of this surface ends with it."""
     to_world = 1.0 / table.to_frame[k]
     t = (shift + s * per_t) * to_world
@@ -85,7 +85,7 @@ def search(i, k, line, lo, hi, shift, per_t, rims, table, rays, best):
             # --- it runs one way
             if is_inside != will_be:
                 s = find_root(line, coefficient, k, a, b, ga, gb)
-                if offer_root(i, k, line, s, False, shift, per_t, rims, table, rays, best):
+                if offer_sag_root(i, k, line, s, False, shift, per_t, rims, table, rays, best):
                     return
         else:
             square_high = most * most
@@ -112,13 +112,13 @@ def search(i, k, line, lo, hi, shift, per_t, rims, table, rays, best):
                     near = abs(g) < band * gradient(line, s, rate)
                     if is_inside != is_out:
                         root = find_root(line, coefficient, k, a, s, ga, g)
-                        if offer_root(
+                        if offer_sag_root(
                             i, k, line, root, near, shift, per_t, rims, table, rays, best
                         ):
                             return
                     if is_out != will_be:
                         root = find_root(line, coefficient, k, s, b, g, gb)
-                        if offer_root(
+                        if offer_sag_root(
                             i, k, line, root, near, shift, per_t, rims, table, rays, best
                         ):
                             return
@@ -127,7 +127,7 @@ def search(i, k, line, lo, hi, shift, per_t, rims, table, rays, best):
                         doubt(i, t, band * to_world, rays.t_min, rays.known, best)
                 elif is_inside != will_be:
                     root = find_root(line, coefficient, k, a, b, ga, gb)
-                    if offer_root(i, k, line, root, False, shift, per_t, rims, table, rays, best):
+                    if offer_sag_root(i, k, line, root, False, shift, per_t, rims, table, rays, best):
                         return
             elif depth >= DEPTH or (
                 abs(gb - ga) + 2.0 * sagitta <= 0.125 * clear and least_g <= clear
@@ -135,7 +135,7 @@ def search(i, k, line, lo, hi, shift, per_t, rims, table, rays, best):
                 # --- along the surface, within the band
                 s = 0.5 * (a + b)
                 if is_inside != will_be:
-                    if offer_root(i, k, line, s, True, shift, per_t, rims, table, rays, best):
+                    if offer_sag_root(i, k, line, s, True, shift, per_t, rims, table, rays, best):
                         return
                 else:
                     t = (shift + s * per_t) * to_world
