@@ -175,8 +175,24 @@ class EyePass(Integrator):
         return _Waiting(there.camera_ray, there.throughput, points)
 
     def _add_direct(self, there: Paths, wide: Shading, depth: int, radiance: FloatArray) -> None:
-        """Add the direct light at points: the mean of several shadow rays each."""
+        """Add the direct light at points: the mean of several shadow rays each.
+
+        A branch that carries so little that its one ray has less variance than the mean of several
+        at full weight gets one ray.
+        """
         n = self.n_shadow_rays
+        if n == 1:
+            self._add_shadow_rays(there, wide, depth, 1, radiance)
+            return
+        is_strong = largest_channel(there.throughput) ** 2 * n > 1.0
+        for rows, n_each in ((np.flatnonzero(is_strong), n), (np.flatnonzero(~is_strong), 1)):
+            if rows.size:
+                part = rows_of_paths(there, rows), rows_of_shading(wide, rows)
+                self._add_shadow_rays(*part, depth, n_each, radiance)
+
+    def _add_shadow_rays(
+        self, there: Paths, wide: Shading, depth: int, n: int, radiance: FloatArray
+    ) -> None:
         throughput = there.throughput / n
         for j in range(n):
             # All shadow rays of all passes are points of one sequence.
