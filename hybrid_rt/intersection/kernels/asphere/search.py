@@ -127,7 +127,9 @@ def search(i, k, line, lo, hi, shift, per_t, rims, table, rays, best):
                         doubt(i, t, band * to_world, rays.t_min, rays.known, best)
                 elif is_inside != will_be:
                     root = find_root(line, coefficient, k, a, b, ga, gb)
-                    if offer_sag_root(i, k, line, root, False, shift, per_t, rims, table, rays, best):
+                    if offer_sag_root(
+                        i, k, line, root, False, shift, per_t, rims, table, rays, best
+                    ):
                         return
             elif depth >= DEPTH or (
                 abs(gb - ga) + 2.0 * sagitta <= 0.125 * clear and least_g <= clear
