@@ -145,7 +145,7 @@ def check_segments(segments: list[FloatArray], weights: tuple[FloatArray | None,
         if not extent > 4.0 * 2.0**-52 * float(np.abs(segment).max()):
             raise ValueError(f"{PROFILE} segment {i} is shrunk to a point: remove it")
         # With weights above 0 the sum of their products with the radii has the radius' sign.
-        lowest = _lowest_radius(homogeneous(segment, weights[i])[:, 1], rounding)
+        lowest = _lowest_radius(homogeneous(segment, weights[i])[:, 1:], rounding)
         if lowest < -rounding:
             raise ValueError(
                 f"{PROFILE} segment {i} reaches radius {lowest:.6g}: cut it where it meets the axis, "
@@ -167,14 +167,15 @@ def check_segments(segments: list[FloatArray], weights: tuple[FloatArray | None,
 def _lowest_radius(radii: FloatArray, rounding: float) -> float:
     """Find a negative radius of a segment, or prove that none is below ``-rounding``.
 
-    A piece whose Bezier points are all above that is settled; others are halved.
+    ``radii`` are w r and w. A piece whose Bezier points are all above that is settled; others are
+    halved.
     """
     pieces = [radii]
     for _ in range(RADIUS_HALVINGS):
-        pieces = [piece for piece in pieces if piece.min() < -rounding]
+        pieces = [p for p in pieces if (p[:, 0] + rounding * p[:, 1]).min() < 0.0]
         if not pieces:
             return 0.0
-        lowest = float(min(min(piece[0], piece[-1]) for piece in pieces))
+        lowest = float(min((p[[0, -1], 0] / p[[0, -1], 1]).min() for p in pieces))
         if lowest < -rounding:
             return lowest
         pieces = [half for piece in pieces for half in halve_curve(piece)]

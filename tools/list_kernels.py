@@ -16,6 +16,7 @@ import time
 from collections import defaultdict
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -217,7 +218,8 @@ def overloads() -> list[tuple[str, list[Any]]]:
             if not isinstance(getattr(kernel, "_cache", None), SharedCache):
                 continue
             for types in kernel.signatures if kernel.__module__ == module.__name__ else ():
-                found.append((name_of(kernel.py_func), [type_to_json(x) for x in types]))
+                with suppress(TypeError):  # called by other kernels alone
+                    found.append((name_of(kernel.py_func), [type_to_json(x) for x in types]))
     return found
 
 

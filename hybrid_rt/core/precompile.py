@@ -80,6 +80,8 @@ def type_to_json(numba_type: Any) -> Any:
     if isinstance(numba_type, types.Array) and numba_type.aligned:
         words = [str(numba_type.dtype), str(numba_type.ndim), numba_type.layout]
         return " ".join(words if numba_type.mutable else [*words, "readonly"])
+    if isinstance(numba_type, types.Literal):  # of a call from another kernel
+        raise TypeError(f"kernels are not called with a {numba_type}")
     if isinstance(numba_type, types.Number | types.Boolean | types.NoneType):
         return str(numba_type)
     raise TypeError(f"kernels are not called with a {numba_type}")

@@ -7,7 +7,7 @@ from functools import cached_property, singledispatch
 
 import numpy as np
 
-from hybrid_rt.core.records import FloatArray, HitRecord
+from hybrid_rt.core.records import BoolArray, FloatArray, HitRecord
 from hybrid_rt.lights.cells import Cells
 from hybrid_rt.lights.light import LightRow
 from hybrid_rt.primitives import Box, Rectangle, Sphere
@@ -15,6 +15,9 @@ from hybrid_rt.shading.kernels.light_kinds import RECTANGLE, SPHERE, LightPoints
 from hybrid_rt.shading.kernels.shining_faces import Faces, angle_of_faces, sample_faces
 from meshing.area import AreaSampler, IdArray
 from meshing.surface import Surface
+
+# A point lies on a sphere if it is as near as this, of the radius and the centre's distance from 0.
+ON = 64 * 2.0**-52
 
 
 class ShiningSurface:
@@ -61,9 +64,16 @@ class ShiningSurface:
         seen_from : (n, 3) float64
         xi : (n, 2) float64 in [0, 1)
         """
+        on = self._bear_on(seen_from)
+        if on.all():
+            return self.points(xi)
         patch, u, v, density = self._cells.choose(seen_from, xi)
         point, normal = self.surface.point(u, v, patch), self.surface.normal(u, v, patch)
-        return LightPoints(point, normal, density, u, v)
+        found = LightPoints(point, normal, density, u, v)
+        if on.any():
+            for column, by_area in zip(found, self.points(xi[on]), strict=True):
+                column[on] = by_area
+        return found
 
     def seen_pdf_area(self, seen_from: FloatArray, hits: HitRecord) -> FloatArray:
         """Return the pdf per area with which `seen_points` samples hits, seen from (n, 3) points.
@@ -74,7 +84,26 @@ class ShiningSurface:
         hits : HitRecord of n rows
             On this surface.
         """
-        return self._cells.pdf_area(seen_from, hits.patch_id.astype(np.int64), hits.u, hits.v)
+        on = self._bear_on(seen_from)
+        patch = hits.patch_id.astype(np.int64)
+        if on.all():
+            return self.pdf_area(patch, hits.u, hits.v)
+        density = self._cells.pdf_area(seen_from, patch, hits.u, hits.v)
+        if on.any():
+            density[on] = self.pdf_area(patch[on], hits.u[on], hits.v[on])
+        return density
+
+    def _bear_on(self, seen_from: FloatArray) -> BoolArray:
+        """Tell which points lie on the surface itself, and are lit evenly from places even by area.
+
+        That is so within a sphere: the two cosines over the squared distance are constant.
+        """
+        if self.surface.ball is None:
+            return np.zeros(len(seen_from), dtype=np.bool_)
+        middle, radius = self.surface.ball
+        away = np.abs(np.linalg.norm(seen_from - middle, axis=1) - radius)
+        on: BoolArray = away <= ON * (radius + float(np.abs(middle).max()))
+        return on
 
 
 class ShiningBox(ShiningSurface):

@@ -93,7 +93,7 @@ def measure_work(
     Returns
     -------
     Work or None
-        None if there are no shadow rays.
+        None if there are no shadow rays, or if their light is beyond the largest number.
     """
     own = replace(context, tracer=context.tracer.with_own_counters(), ledger=Ledger())
     pilot, rays = _PilotEyePass(own, field, share), own.ledger.rays
@@ -106,6 +106,8 @@ def measure_work(
         for variance in (pilot.of_shadow_rays, pilot.of_photons)
     )
     # What the rays through one pixel differ by, without the noise of the shadow rays that is left.
+    if not np.isfinite([radiance.sum(), of_shadow_rays.sum(), of_photons.sum()]).all():
+        return None
     of_camera_rays = radiance.var(axis=1, ddof=1) - of_shadow_rays / PER_POINT
     of_rest = np.maximum(of_camera_rays, 0.0) + of_photons
     weight = 1.0 / (radiance.mean(axis=1) ** 2 + DARK)

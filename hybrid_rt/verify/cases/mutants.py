@@ -99,7 +99,7 @@ MUTANTS = (
         "at most one root in a cell", RATIONAL,
     ),
     Mutant(
-        "hodographs without weights", "_cone",
+        "hodographs without weights", "_hodograph_cone",
         "x += factor * (q[3] * p[0] - p[3] * q[0])", "x += factor * (p[0] - q[0])",
         "at most one root in a cell", RATIONAL,
     ),

@@ -408,7 +408,7 @@ class TestRoundings:
             exact = _point(net, m, n, Fraction(u), Fraction(v))
             gap = math.hypot(*(float(Fraction(a) - b) for a, b in zip(found, exact, strict=True)))
             size = np.linalg.norm(net[:, :3], axis=1).max()
-            bound = rounding_of_root(m, n, size, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
+            bound = rounding_of_root(m, n, None, size, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
             assert gap <= bound
 
     def test_normals_of_the_ray_are_normal_to_three_units(self):
@@ -430,12 +430,12 @@ class TestRoundings:
             a, b = (Fraction(k, 8), Fraction(k + 1, 8))
             exact = _restricted([[[Fraction(c) for c in p] for p in row] for row in net], a, b)
             across = np.abs(net).max()
-            restrict(net, m, n, float(a), float(b), 0.0, 1.0)
+            restrict(net, m, n, float(a), float(b), 0.0, 1.0, None)
             gap = max(
                 abs(float(Fraction(net[i, j, c]) - exact[i][j][c]))
                 for i in range(m + 1) for j in range(n + 1) for c in range(3)
             )  # fmt: skip
-            assert gap <= rounding_of_net(m, n, 0.0, 0.0, across)
+            assert gap <= rounding_of_net(m, n, None, 0.0, 0.0, across)
 
 
 def _point(net, m, n, u, v):

@@ -108,8 +108,9 @@ def gaps(surface, hits, o, d):
     """|S(u, v) - o - t d| in extended precision: coordinates about the surface's own origin."""
     wide = np.longdouble
     local = SurfaceOfRevolution._from_frame(
-        list(surface.segments), np.zeros(3), surface.axis, surface.radial
-    )
+        list(surface.segments), np.zeros(3), surface.axis, surface.radial, surface.weights,
+        surface.u_range,
+    )  # fmt: skip
     point = local.point(hits.u, hits.v, hits.patch_id).astype(wide)
     ray = (o.astype(wide) - surface.origin.astype(wide)) + hits.t[:, None].astype(wide) * d
     return np.sqrt(((point - ray) ** 2).sum(axis=1)).astype(float)

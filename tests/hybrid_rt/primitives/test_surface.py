@@ -7,8 +7,10 @@ import trimesh
 from hybrid_rt import Asphere, Box, Intersector, Plane, Rectangle, Sphere, Torus, TriangleMesh, demo
 from hybrid_rt.intersection.kinds.registry import ENTRIES
 from hybrid_rt.primitives.box import TurnedBox
+from hybrid_rt.verify.cases.rational_surfaces import octants
 from hybrid_rt.verify.judges.surface_judge import all_judges, judge_of
 from meshing import BezierPatches, SurfaceOfRevolution, tessellate
+from meshing.bezier import RationalPatches
 from meshing.sheet import PatchSheet
 from meshing.surface import Surface
 
@@ -24,6 +26,7 @@ SURFACES = {
     Torus: Torus((1, 2, 3), (1, -1, 2), 2, 0.5, (0, 0, 1)),
     TriangleMesh: TriangleMesh(trimesh.creation.icosphere(1)),
     BezierPatches: demo.teapot(),
+    RationalPatches: octants(),
     SurfaceOfRevolution: demo.vase(0.0, 0.0, 5.0),
 }
 NAMES = [surface_type.__name__ for surface_type in SURFACES]

@@ -34,7 +34,7 @@ LEVELS = 6
 
 
 @inner
-def _cone(net, degree_u, degree_v, along_u, out):
+def _hodograph_cone(net, degree_u, degree_v, along_u, out):
     """Fill ``out`` with the vectors of a cone; return their number, 0 if any is short."""
     m, n = (degree_u, degree_v) if along_u else (degree_v, degree_u)
     count, shortest, longest = 0, np.inf, 0.0
@@ -118,8 +118,8 @@ def rational_fan(net, degree_u, degree_v, cones, px, py, pz, qx, qy, qz, nx, ny,
             least, most = min(least, net[i, j, 3]), max(most, net[i, j, 3])
     if not least > LEAST_WEIGHT * most:
         return np.inf, np.inf
-    n_u = _cone(net, degree_u, degree_v, True, cones[0])
-    n_v = _cone(net, degree_u, degree_v, False, cones[1])
+    n_u = _hodograph_cone(net, degree_u, degree_v, True, cones[0])
+    n_v = _hodograph_cone(net, degree_u, degree_v, False, cones[1])
     if n_u == 0 or n_v == 0:
         return np.inf, np.inf
     if n_u * n_v <= MOST_PAIRS:
