@@ -118,7 +118,7 @@ class HitRecord:
         """
         from hybrid_rt.core.hit_table import to_dataframe
 
-        return to_dataframe(self)
+        return to_dataframe(self._columns())
 
     def to_csv(self, path: str | os.PathLike[str]) -> None:
         """Write the columns of `to_dataframe` as comma-separated text, UTF-8, a header line first.
@@ -137,7 +137,25 @@ class HitRecord:
         """
         from hybrid_rt.core.hit_table import to_csv
 
-        to_csv(self, path)
+        to_csv(self._columns(), path)
+
+    def _columns(self) -> dict[str, NDArray[Any]]:
+        """Return the columns of a table, each (n,), in order."""
+        names = np.array([status.name for status in Status])
+        return {
+            "t": self.t,
+            "object_id": self.object_id,
+            "patch_id": self.patch_id,
+            "u": self.u,
+            "v": self.v,
+            **dict(zip(("x", "y", "z"), self.position.T, strict=True)),
+            **dict(zip(("nx", "ny", "nz"), self.normal.T, strict=True)),
+            "front_face": self.front_face,
+            "status": names[self.status],
+            "flags": self.flags,
+            "t_bound": self.t_bound,
+            "residual": self.residual,
+        }
 
 
 @dataclass(frozen=True)

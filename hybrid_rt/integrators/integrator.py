@@ -99,6 +99,10 @@ class Integrator(ABC):
             group, sample = group_of(sample + np.uint64(passes.start))
             return self._through(pixel + (group << PIXEL_BITS), sample)
 
+    def radiance_through(self, pixel: UIntArray, sample: UIntArray) -> FloatArray:
+        """Return the radiance (n, 3) of camera rays with these keys, see `CameraBlock`."""
+        return self._radiance(self._through(pixel, sample))
+
     def _through(self, pixel: UIntArray, sample: UIntArray) -> CameraBlock:
         """Return the camera rays with these keys, see `CameraBlock`."""
         camera, sampler = self.context.scene.camera, self.context.sampler

@@ -149,10 +149,6 @@ class PathTracer(Integrator):
             why = "paths from lamps light every surface, and find what mirrors and glass throw"
             self.context.plan.decide("light paths", True, why, "")
 
-    def radiance_through(self, pixel: UIntArray, sample: UIntArray) -> FloatArray:
-        """Return the radiance (n, 3) of camera rays with these keys, see `CameraBlock`."""
-        return self._radiance(self._through(pixel, sample))
-
     def follow(self, first: Integrator) -> None:
         """Copy what `begin` estimated."""
         assert isinstance(first, PathTracer)

@@ -9,15 +9,11 @@ from __future__ import annotations
 import copy
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hybrid_rt.integrators.integrator import PIXEL_BITS
+from hybrid_rt.integrators.integrator import PIXEL_BITS, Integrator
 from hybrid_rt.sensor.passes import group_of
-
-if TYPE_CHECKING:
-    from hybrid_rt.integrators.path.path_tracer import PathTracer
 
 # Passes that no render reaches, pixels of each, and light paths.
 PASSES = range(2**32 - 16, 2**32 - 12)
@@ -30,12 +26,12 @@ FEWEST_PIXELS = 64 * 64
 CLEARLY_LESS = 0.65
 
 
-def work_times_noise(integrator: PathTracer, n_light_paths: int) -> float:
+def work_times_noise(integrator: Integrator, n_light_paths: int) -> float:
     """Return rays for each camera ray times the relative squared error of a pass.
 
     Parameters
     ----------
-    integrator : PathTracer
+    integrator : Integrator
         Traces the light paths of a pass, and follows camera rays; its counts are left alone.
     n_light_paths : int
         Light paths of a pass of the picture.
@@ -58,7 +54,7 @@ def work_times_noise(integrator: PathTracer, n_light_paths: int) -> float:
 
 
 @contextmanager
-def _left_alone(integrator: PathTracer) -> Iterator[Callable[[], int]]:
+def _left_alone(integrator: Integrator) -> Iterator[Callable[[], int]]:
     """Hand out a count of rays since the beginning; undo all counts at the end."""
     ledger, tracer = integrator.context.ledger, integrator.context.tracer
     kept, counters = copy.deepcopy(vars(ledger)), dict(tracer.counters)

@@ -153,7 +153,7 @@ class _PilotEyePass(EyePass):
         pixel += np.uint64(GROUPS) << PIXEL_BITS
         sample = np.tile(np.arange(PER_PIXEL, dtype=np.uint64), n)
         self.of_shadow_rays, self.of_photons = np.zeros((2, pixel.size, 3))
-        return self._radiance(self._through(pixel, sample))
+        return self.radiance_through(pixel, sample)
 
     def _add_direct(self, there: Paths, wide: Shading, depth: int, radiance: FloatArray) -> None:
         rows = np.arange(there.camera_ray.size)
