@@ -19,7 +19,7 @@ from meshing.checks import (
     still_unit,
     unit,
 )
-from meshing.kernels import lathe, rational_lathe, subdivision
+from meshing.kernels import lathe, subdivision
 from meshing.parametric import ParametricSurface
 from meshing.profiles import (
     as_part,
@@ -274,10 +274,10 @@ class SurfaceOfRevolution(ParametricSurface):
         order_v: int,
         out: FloatArray,
     ) -> None:
-        evaluate = rational_lathe.evaluate_lathe if self.is_rational else lathe.evaluate_lathe
-        evaluate(
-            self._profile, self._starts, self._frame, ids, self._turns(u), v, order_u, order_v, out
-        )
+        lathe.evaluate_lathe(
+            self._profile, self._starts, self._frame, ids, self._turns(u), v, order_u, order_v,
+            self.is_rational or None, out,
+        )  # fmt: skip
         if not self.is_whole_turn:
             out *= (self.u_range[1] - self.u_range[0]) ** order_u
 
@@ -300,7 +300,7 @@ class SurfaceOfRevolution(ParametricSurface):
         out: FloatArray,
         is_degenerate: BoolArray,
     ) -> None:
-        normals = rational_lathe.normals_of_lathe if self.is_rational else lathe.normals_of_lathe
-        normals(
-            self._profile, self._starts, self._frame, ids, self._turns(u), v, out, is_degenerate
-        )
+        lathe.normals_of_lathe(
+            self._profile, self._starts, self._frame, ids, self._turns(u), v,
+            self.is_rational or None, out, is_degenerate,
+        )  # fmt: skip
