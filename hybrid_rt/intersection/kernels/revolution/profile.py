@@ -81,40 +81,36 @@ def segment_of(table, k, row):
     )  # fmt: skip
 
 
+@inlined
+def _restrict_columns(control, start, degree, a, b, columns, out):
+    """Write the first columns of a net, restricted to [a, b] (b > 0), to ``out``."""
+    for i in range(degree + 1):
+        for c in range(columns):
+            out[i, c] = control[start + i, c]
+    for level in range(1, degree + 1):
+        for i in range(degree, level - 1, -1):
+            for c in range(columns):
+                out[i, c] = (1.0 - b) * out[i - 1, c] + b * out[i, c]
+    x = a / b
+    for level in range(1, degree + 1):
+        for i in range(degree - level + 1):
+            for c in range(columns):
+                out[i, c] = (1.0 - x) * out[i, c] + x * out[i + 1, c]
+
+
 @inner
 def restrict_profile(control, start, degree, a, b, out):
     """Write the net of the profile between parameters a and b (b > 0) to ``out``, weights last."""
     if control[start, 2] != 0.0:
         restrict_rational(control, start, degree, a, b, out)
         return
-    for i in range(degree + 1):
-        out[i, 0], out[i, 1] = control[start + i, 0], control[start + i, 1]
-    for level in range(1, degree + 1):
-        for i in range(degree, level - 1, -1):
-            for c in range(2):
-                out[i, c] = (1.0 - b) * out[i - 1, c] + b * out[i, c]
-    x = a / b
-    for level in range(1, degree + 1):
-        for i in range(degree - level + 1):
-            for c in range(2):
-                out[i, c] = (1.0 - x) * out[i, c] + x * out[i + 1, c]
+    _restrict_columns(control, start, degree, a, b, 2, out)
 
 
 @inner
 def restrict_rational(control, start, degree, a, b, out):
     """Write points and weights of a rational profile between a and b (b > 0) to ``out``."""
-    for i in range(degree + 1):
-        for c in range(3):
-            out[i, c] = control[start + i, c]
-    for level in range(1, degree + 1):
-        for i in range(degree, level - 1, -1):
-            for c in range(3):
-                out[i, c] = (1.0 - b) * out[i - 1, c] + b * out[i, c]
-    x = a / b
-    for level in range(1, degree + 1):
-        for i in range(degree - level + 1):
-            for c in range(3):
-                out[i, c] = (1.0 - x) * out[i, c] + x * out[i + 1, c]
+    _restrict_columns(control, start, degree, a, b, 3, out)
     for i in range(degree + 1):
         out[i, 0] /= out[i, 2]
         out[i, 1] /= out[i, 2]
