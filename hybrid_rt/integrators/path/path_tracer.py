@@ -67,7 +67,6 @@ from hybrid_rt.integrators.path.pilot import (
     LIGHT_PATHS,
     work_times_noise,
 )
-from hybrid_rt.sampling.sampler import UIntArray
 from hybrid_rt.sensor.passes import pass_of
 from hybrid_rt.shading.kernels.emitter import BOTH, DIRECTION_ONLY, LIGHT_ONLY
 from hybrid_rt.shading.kernels.lobes.register import EVERY
