@@ -54,34 +54,25 @@ def sent_toward(lit, k, lobes, wx, wy, wz):
 
 
 @inlined
-def connect_to_light_vertex(
-    paths, i, lobes, vertices, beyond, object_id, lit, first_of_pass, number, of_use, s, t,
-    steps_left, joins, near, out, n,
-):  # fmt: skip
-    """Connect vertex i of a camera path to a light vertex of its pass, by a shadow ray.
+def connect_to_light_vertex(world, rules, paths, vertex, vertices, depth, number, s, t, out, n):
+    """Connect a vertex of a camera path to a light vertex of its pass, by a shadow ray.
+
+    Surfaces of `World.joins` are lit by connections alone from the distance `Rules.near` on.
 
     Parameters
     ----------
-    paths : Paths
-    vertices : Vertices
-        The hits.
-    beyond : (n, STACK) int32, or (0, 0)
-        See `hybrid_rt.shading.kernels.medium_stack.look_beyond`; empty without rough glass.
-    object_id : (n,) int32
-    first_of_pass : (passes + 1,) int64
-        The rows of ``lit`` that belong to each pass.
+    world : World
+    rules : Rules
+    paths : Paths of one row
+    vertex : Vertex
+    vertices : Vertices of one row
+        The same as BSDFs read it.
+    depth : int
+        Vertices before this one.
     number : int
-        Index of the pass.
-    of_use : float
-        Expected number of light vertices per light subpath.
+        Index of the pass among those of `World.first_of_pass`.
     s, t : float
         In [0, 1): the first samples the light vertex, the second whether the hit is connected at all.
-    steps_left : int
-        Bounces that the path may still have beyond this one.
-    joins : (materials,) bool
-        Which materials are lit by connections alone from ``near`` on.
-    near : float
-        Scene units.
     out : ShadowRays
         Row n is written.
 
@@ -91,31 +82,32 @@ def connect_to_light_vertex(
         Whether there is such a shadow ray.
     """
     material, colors, position, normal, direction, geometric, ratio = vertices
-    may_be_far = joins[material[i]] and near < math.inf
+    lobes, lit, joins, near = world.lobes, world.lit, world.joins, rules.near
+    may_be_far = joins[material[0]] and near < math.inf
     if t >= CONNECT_CHANCE and not may_be_far:
         return False
-    begin, end = first_of_pass[number], first_of_pass[number + 1]
+    begin, end = world.first_of_pass[number], world.first_of_pass[number + 1]
     if begin == end:
         return False
     k = min(begin + int(s * (end - begin)), end - 1)
-    if lit.steps[k] > steps_left:
+    if lit.steps[k] > rules.max_depth - depth - 1:
         return False
-    x = lit.position[k, 0] - position[i, 0]
-    y = lit.position[k, 1] - position[i, 1]
-    z = lit.position[k, 2] - position[i, 2]
+    x = lit.position[k, 0] - position[0, 0]
+    y = lit.position[k, 1] - position[0, 1]
+    z = lit.position[k, 2] - position[0, 2]
     square = x * x + y * y + z * z
     is_far = may_be_far and square >= near * near and joins[lit.material[k]]
     if not is_far and (t >= CONNECT_CHANCE or lit.density[k] == 0.0):
         return False
-    if square == 0.0 or sides_differ(geometric, normal, i, direction, x, y, z):
+    if square == 0.0 or sides_differ(geometric, normal, 0, direction, x, y, z):
         return False
     distance = math.sqrt(square)
     wx, wy, wz = x / distance, y / distance, z / distance
     fr, fg, fb, pdf = scattered(
-        lobes, material[i], colors, i,
-        normal[i, 0], normal[i, 1], normal[i, 2],
-        direction[i, 0], direction[i, 1], direction[i, 2], wx, wy, wz,
-        ratio[i] if ratio.size else 0.0, EVERY,
+        lobes, material[0], colors, 0,
+        normal[0, 0], normal[0, 1], normal[0, 2],
+        direction[0, 0], direction[0, 1], direction[0, 2], wx, wy, wz,
+        ratio[0] if ratio.size else 0.0, EVERY,
     )  # fmt: skip
     if pdf <= 0.0:
         return False
@@ -124,26 +116,26 @@ def connect_to_light_vertex(
         return False
     factor = (end - begin) / square
     if not is_far:
-        rival = pdf / (square * CONNECT_CHANCE) * of_use * onward
+        rival = pdf / (square * CONNECT_CHANCE) * rules.of_use * onward
         factor *= power_weight(lit.density[k], rival) / CONNECT_CHANCE
     r, g, b = factor * r * fr, factor * g * fg, factor * b * fb
     if paths.media.shape[1] > 0:
-        if ratio.size and is_behind(normal, direction, i, x, y, z):
-            p, q, w = transmittance(beyond, i, lobes, distance)
+        if ratio.size and is_behind(normal, direction, 0, x, y, z):
+            p, q, w = transmittance(vertex.beyond, 0, lobes, distance)
         else:
-            p, q, w = transmittance(paths.media, i, lobes, distance)
+            p, q, w = transmittance(paths.media, 0, lobes, distance)
         r, g, b = r * p, g * q, b * w
-    r, g, b = r * paths.throughput[i, 0], g * paths.throughput[i, 1], b * paths.throughput[i, 2]
+    r, g, b = r * paths.throughput[0, 0], g * paths.throughput[0, 1], b * paths.throughput[0, 2]
     if max(r, g, b) <= 0.0:
         return False
-    out.camera_ray[n] = paths.camera_ray[i]
-    out.source_id[n] = object_id[i]
+    out.camera_ray[n] = paths.camera_ray[0]
+    out.source_id[n] = vertex.hit.object_id[0]
     out.target_id[n] = lit.object_id[k]
     out.t_max[n] = 1.0
     out.value[n, 0], out.value[n, 1], out.value[n, 2] = r, g, b
     out.way[n, 0], out.way[n, 1], out.way[n, 2] = x, y, z
     for c in range(3):
-        out.origin[n, c] = position[i, c]
+        out.origin[n, c] = position[0, c]
         out.end[n, c] = lit.position[k, c]
     return True
 

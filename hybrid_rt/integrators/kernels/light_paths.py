@@ -153,24 +153,16 @@ def is_followed_far(paths, i):
 
 
 @kernel
-def store_light_vertices(
-    paths, lobes, material, colors, position, normal, geometric, ratio, object_id, steps,
-    keeps_all, out, row,
-):  # fmt: skip
+def store_light_vertices(paths, lobes, vertices, object_id, steps, keeps_all, out, row):
     """Store the light vertices of the paths that hit a non-delta surface; return how many.
 
     Parameters
     ----------
     paths : LightPaths of n rows
     lobes : LobeTable
-    material, object_id : (n,) int32
-    colors : (n, lobes of a material at most, 3) float64
-    position, normal : (n, 3) float64
-        Hit points; shading normals.
-    geometric : (n, 3) float64, or (0, 3)
-        Geometric normals, if they differ.
-    ratio : (n,) float64, or (0,)
-        As in `scattered`; empty without rough glass.
+    vertices : Vertices of n rows
+        The hits of the paths' rays.
+    object_id : (n,) int32
     steps : int
         Number of bounces so far.
     keeps_all : bool
@@ -179,6 +171,7 @@ def store_light_vertices(
     row : (n,) int32, written
         Rows of the stored paths.
     """
+    material, colors, position, normal, direction, geometric, ratio = vertices
     n = 0
     for i in range(material.size):
         if material[i] < 0:
@@ -203,7 +196,7 @@ def store_light_vertices(
             out.position[n, k] = position[i, k]
             out.normal[n, k] = normal[i, k]
             out.geometric[n, k] = geometric[i, k] if geometric.shape[0] else normal[i, k]
-            out.direction[n, k] = paths.directions[i, k]
+            out.direction[n, k] = direction[i, k]
             out.flux[n, k] = factor * paths.flux[i, k]
             for j in range(colors.shape[1]):
                 out.colors[n, j, k] = colors[i, j, k]
@@ -219,31 +212,30 @@ def store_light_vertices(
 
 
 @inlined
-def leave_surface(
-    paths, lobes, material, colors, normal, geometric, ratio, row, i, nx, ny, nz, xi, eta, branch
-):
+def leave_surface(lobes, vertices, i, row, ratio, nx, ny, nz, xi, eta, branch):
     """Continue light subpath i at a non-delta surface.
 
     Returns the direction, whether it is transmitted, the factors on flux, and the factor on the
     ratio of the pdf from the light to that from the camera; all zero if the path ends.
     """
-    dx, dy, dz = paths.directions[i, 0], paths.directions[i, 1], paths.directions[i, 2]
+    material, colors, _, normal, direction, geometric, _ = vertices
+    dx, dy, dz = direction[i, 0], direction[i, 1], direction[i, 2]
     x, y, z, is_through = spread_direction(
         lobes, row, ratio, nx, ny, nz, dx, dy, dz, xi, eta, branch
     )
     _, _, _, pdf = scattered(
-        lobes, material, colors, i, nx, ny, nz, dx, dy, dz, x, y, z, ratio, EVERY
+        lobes, material[i], colors, i, nx, ny, nz, dx, dy, dz, x, y, z, ratio, EVERY
     )
     # Seen from the other end of the direction.
     reverse = 1.0 / ratio if is_through else ratio
     r, g, b, back = scattered(
-        lobes, material, colors, i, nx, ny, nz, -x, -y, -z, -dx, -dy, -dz, reverse, EVERY
+        lobes, material[i], colors, i, nx, ny, nz, -x, -y, -z, -dx, -dy, -dz, reverse, EVERY
     )
     if (
         pdf <= 0.0
         or back <= 0.0
         or (nx * x + ny * y + nz * z < 0.0) != is_through
-        or sides_differ(geometric, normal, i, paths.directions, x, y, z)
+        or sides_differ(geometric, normal, i, direction, x, y, z)
     ):
         return x, y, z, is_through, 0.0, 0.0, 0.0, 0.0
     # The cosine in f cos is the shading normal's, that of the flux is the surface's own.
@@ -258,9 +250,8 @@ def leave_surface(
 
 @kernel
 def extend_light_paths(
-    paths, lobes, material, colors, position, normal, geometric, ratio, object_id, is_smooth,
-    second, choice, xi, steps, keeps_all, out,
-):  # fmt: skip
+    paths, lobes, vertices, object_id, is_smooth, second, choice, xi, steps, keeps_all, out
+):
     """Extend light subpaths by one bounce, and drop those that end; return how many are left.
 
     At a surface that is lit directly only delta lobes are followed: light that non-delta lobes
@@ -268,7 +259,7 @@ def extend_light_paths(
 
     Parameters
     ----------
-    geometric, ratio : (n, 3) and (n,) float64, or (0, 3) and (0,)
+    vertices, object_id
         As in `store_light_vertices`.
     is_smooth : (objects,) bool
         Objects with interpolated shading normals: n^2 dA cos dw is not invariant at their delta
@@ -283,6 +274,7 @@ def extend_light_paths(
         As in `store_light_vertices`.
     out : LightPaths, written
     """
+    material, colors, position, normal, direction, _, ratio = vertices
     n = 0
     for i in range(material.size):
         if material[i] < 0:
@@ -292,10 +284,8 @@ def extend_light_paths(
         if chance == 0.0:
             continue
         nx, ny, nz = normal[i, 0], normal[i, 1], normal[i, 2]
-        is_front = (
-            nx * paths.directions[i, 0] + ny * paths.directions[i, 1] + nz * paths.directions[i, 2]
-            < 0.0
-        )
+        dx, dy, dz = direction[i, 0], direction[i, 1], direction[i, 2]
+        is_front = nx * dx + ny * dy + nz * dz < 0.0
         if not is_front:
             nx, ny, nz = -nx, -ny, -nz
         at = ratio[i] if ratio.size else 0.0
@@ -306,9 +296,8 @@ def extend_light_paths(
             if is_other and not (keeps_all and is_followed_far(paths, i)):
                 continue
             x, y, z, is_through, r, g, b, denser = leave_surface(
-                paths, lobes, material[i], colors, normal, geometric, at, row, i, nx, ny, nz,
-                xi[i, 0], xi[i, 1], rest,
-            )  # fmt: skip
+                lobes, vertices, i, row, at, nx, ny, nz, xi[i, 0], xi[i, 1], rest
+            )
             if is_through:
                 pass_surface(row, paths.media, i, is_front, second)
         else:
@@ -316,10 +305,8 @@ def extend_light_paths(
                 continue
             # Power passes glass whole; it is radiance that changes by the index squared.
             x, y, z, _, is_colored = delta_direction(
-                lobes, row, paths.media, i, nx, ny, nz,
-                paths.directions[i, 0], paths.directions[i, 1], paths.directions[i, 2],
-                is_front, second, rest,
-            )  # fmt: skip
+                lobes, row, paths.media, i, nx, ny, nz, dx, dy, dz, is_front, second, rest
+            )
             r = g = b = lobes.weight[row] / chance
             if is_colored:
                 # Glass has its share of the mixture beside its tint, mirrors have it in the colour.

@@ -280,10 +280,8 @@ def leave_vertex(world, rules, paths, vertex, depth, camera_pdf, number, key, sa
             use = dimension + np.uint64(CONNECT) + np.uint64(j) * np.uint64(JOIN_DIMENSIONS)
             s, t = sobol_point(key, sample, use)
             n += connect_to_light_vertex(
-                paths, 0, world.lobes, vertices, vertex.beyond, hit.object_id, world.lit,
-                world.first_of_pass, number, rules.of_use, s, t, rules.max_depth - depth - 1,
-                world.joins, rules.near, rays, n,
-            )  # fmt: skip
+                world, rules, paths, vertex, vertices, depth, number, s, t, rays, n
+            )
         for i in range(n_before, n):
             for k in range(3):
                 rays.value[i, k] /= n_joins

@@ -156,16 +156,14 @@ class LightPathTracer:
                     np.empty_like(material),
                 )
                 n_out = kernels.store_light_vertices(
-                    paths, scene.lobes, material, shading.colors, hits.position, hits.normal,
-                    shading.geometric, shading.ratio, hits.object_id, step, self.keeps_all, out,
+                    paths, scene.lobes, shading.vertices, hits.object_id, step, self.keeps_all, out,
                     row,
                 )  # fmt: skip
                 points = LightVertices(*(column[:n_out] for column in out))
                 found.append((points, paths.sample[row[:n_out]], paths.number[row[:n_out]]))
             going = LightPaths(*(np.empty_like(column) for column in paths))
             n_going = kernels.extend_light_paths(
-                paths, scene.lobes, material, shading.colors, hits.position, hits.normal,
-                shading.geometric, shading.ratio, hits.object_id, self.is_smooth, second,
+                paths, scene.lobes, shading.vertices, hits.object_id, self.is_smooth, second,
                 self._points(paths.sample, paths.number, FIRST_STEP + 2 * step),
                 self._points(paths.sample, paths.number, FIRST_STEP + 2 * step + 1), step,
                 self.keeps_all, going,
