@@ -14,7 +14,13 @@ import numpy as np
 from hybrid_rt.core.kernels.compensated import product, two_difference
 from hybrid_rt.core.kernels.sphere_points import onto_sphere, power_of_point
 from hybrid_rt.intersection.kernels.search.counters import NODES
-from hybrid_rt.intersection.kernels.search.frame import begin_of, end_of, enter_frame
+from hybrid_rt.intersection.kernels.search.frame import (
+    begin_of,
+    end_of,
+    enter_frame,
+    share_of_turn,
+    turned,
+)
 from hybrid_rt.intersection.kernels.search.nearest import offer
 from hybrid_rt.intersection.kernels.search.tolerances import TANGENT_BAND, UNIT_ROUNDOFF
 from hybrid_rt.intersection.kernels.search.tree import box_ray, next_leaf
@@ -219,12 +225,8 @@ def finish_sphere(table, k, rays, best, i, out):
     s = table.orientation[k]
     out.normal[i, 0], out.normal[i, 1], out.normal[i, 2] = s * x, s * y, s * z
     e = table.frame[k]
-    a = e[0, 0] * x + e[0, 1] * y + e[0, 2] * z
-    b = e[1, 0] * x + e[1, 1] * y + e[1, 2] * z
-    h = e[2, 0] * x + e[2, 1] * y + e[2, 2] * z
-    turn = np.arctan2(b, a) / (2.0 * np.pi)
-    turn -= np.floor(turn)
-    out.u[i] = turn if turn < 1.0 else 0.0
+    a, b, h = turned(e, x, y, z)
+    out.u[i] = share_of_turn(b, a)
     out.v[i] = min(max(np.arctan2(np.sqrt(a * a + b * b), -h) / np.pi, 0.0), 1.0)
     out.patch_id[i] = 0
     out.residual[i] = abs(length - r)

@@ -233,7 +233,8 @@ def _turned_boxes(members: Members, _accuracy: str, _pool: Pool) -> Kind:
 
 
 def _tori(members: Members, _accuracy: str, _pool: Pool) -> Kind:
-    from hybrid_rt.intersection.kernels.torus import finish_tori, torus_table, trace_tori
+    from hybrid_rt.intersection.kernels.torus.table import torus_table
+    from hybrid_rt.intersection.kernels.torus.trace import finish_tori, trace_tori
 
     return ClosedForm(members, torus_table, trace_tori, finish_tori)
 

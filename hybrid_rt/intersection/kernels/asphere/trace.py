@@ -20,17 +20,21 @@ Analysis", SIAM 2009.
 
 import numpy as np
 
-from hybrid_rt.core.kernels.compensated import advance, two_difference
 from hybrid_rt.intersection.kernels.asphere.sag import Line, gradient, look
 from hybrid_rt.intersection.kernels.asphere.search import search
 from hybrid_rt.intersection.kernels.asphere.solve import pass_rim
-from hybrid_rt.intersection.kernels.search.frame import enter_frame
+from hybrid_rt.intersection.kernels.search.frame import (
+    MARGIN,
+    clearly_passes,
+    cut_to_slab,
+    cylinder_roots,
+    enter_turned_frame,
+    share_of_turn,
+    turned_point,
+)
 from hybrid_rt.intersection.kernels.search.nearest import doubt
-from hybrid_rt.intersection.kernels.search.tolerances import TANGENT_BAND, UNIT_ROUNDOFF
 from meshing.kernels.jit import hot_kernel, inner
 
-# Rays that pass the ball, slab or rim by more than this, and the band, miss them.
-MARGIN = 2.0**-30
 # The origin of s is moved to the point nearest the axis unless that is farther away than this.
 NEAR_AXIS = 2.5
 
@@ -38,49 +42,18 @@ NEAR_AXIS = 2.5
 @inner
 def offer_asphere(i, k, table, rays, best):
     """Offer the first root of ray i with asphere k."""
-    o, d, c, to_frame = rays.origin[i], rays.direction[i], table.origin[k], table.to_frame[k]
-    dx, dy, dz = d[0], d[1], d[2]
-    dd = dx * dx + dy * dy + dz * dz
-    hx, hy, hz, lx, ly, lz, t_of_zero = enter_frame(
-        o[0], o[1], o[2], dx, dy, dz, c[0], c[1], c[2], to_frame
+    to_frame = table.to_frame[k]
+    ray = enter_turned_frame(
+        i, rays, best, table.origin[k], table.frame[k], to_frame, table.size[k] * to_frame
     )
-    # --- does the ray meet the ball around the vertex, and when?
-    away = np.sqrt((o[0] - c[0]) ** 2 + (o[1] - c[1]) ** 2 + (o[2] - c[2]) ** 2) * to_frame
-    size = table.size[k] * to_frame
-    band = TANGENT_BAND * max(away, 2.0 * size)
-    reach = size + 2.0 * band + MARGIN
-    step = -(hx * dx + hy * dy + hz * dz) / dd
-    x, y, z = hx + step * dx, hy + step * dy, hz + step * dz
-    half = reach * reach - (x * x + y * y + z * z)
-    if half <= 0.0:
+    if ray.half <= 0.0:
         return
-    length = np.sqrt(dd)
-    half, per_t, to_world = np.sqrt(half), 1.0 / length, 1.0 / to_frame
-    t_of_zero += step
-    if (t_of_zero + half * per_t) * to_world <= rays.t_min[i]:
-        return
-    if (t_of_zero - half * per_t) * to_world > best.t[i]:
-        return
-    # --- the ray in the frame of the vertex, from its point nearest to that
-    hx, _ = advance(hx, lx, step, dx)
-    hy, _ = advance(hy, ly, step, dy)
-    hz, _ = advance(hz, lz, step, dz)
-    dx, dy, dz = dx * per_t, dy * per_t, dz * per_t
-    e = table.frame[k]
-    x = e[0, 0] * hx + e[0, 1] * hy + e[0, 2] * hz
-    y = e[1, 0] * hx + e[1, 1] * hy + e[1, 2] * hz
-    z = e[2, 0] * hx + e[2, 1] * hy + e[2, 2] * hz
-    vx = e[0, 0] * dx + e[0, 1] * dy + e[0, 2] * dz
-    vy = e[1, 0] * dx + e[1, 1] * dy + e[1, 2] * dz
-    vz = e[2, 0] * dx + e[2, 1] * dy + e[2, 2] * dz
+    x, y, z, vx, vy, vz, half, length, t_of_zero, band = ray
+    per_t, to_world = 1.0 / length, 1.0 / to_frame
     # --- within the slab of the sag
-    lo, hi, thick = -half, half, 2.0 * band + MARGIN
+    thick = 2.0 * band + MARGIN
     bottom, top = table.height[k, 0] - thick, table.height[k, 1] + thick
-    if vz != 0.0:
-        a, b = (bottom - z) / vz, (top - z) / vz
-        lo, hi = max(lo, min(a, b)), min(hi, max(a, b))
-    elif not bottom < z < top:
-        return
+    lo, hi = cut_to_slab(-half, half, z, vz, bottom, top)
     if lo >= hi:
         return
     # --- from the point nearest the axis, unless the ray runs along that
@@ -99,12 +72,7 @@ def offer_asphere(i, k, table, rays, best):
         square = turn * turn - across * beside
         is_within = square > 0.0
         root = np.sqrt(max(square, 0.0))
-        if turn == 0.0:
-            s0, s1 = -root / across, root / across
-        else:
-            q = -(turn + (root if turn > 0.0 else -root))
-            a, b = q / across, (beside / q if q != 0.0 else 0.0)
-            s0, s1 = min(a, b), max(a, b)
+        s0, s1 = cylinder_roots(across, turn, beside, root)
     elif beside > 0.0:
         is_within = False
     # --- which places of the ray may be at the rim?
@@ -142,14 +110,10 @@ def trace_aspheres(table, rays, best, any_hit):
             if any_hit and best.object_id[i] >= 0:
                 break
             # Most rays clearly pass the ball around an asphere: they are not worth a call.
-            x, y, z = (
-                origin[i, 0] - center[k, 0],
-                origin[i, 1] - center[k, 1],
-                origin[i, 2] - center[k, 2],
-            )
-            away, along = x * x + y * y + z * z, x * dx + y * dy + z * dz
-            reach = (1.0 + MARGIN) * size[k] + 4.0 * TANGENT_BAND * np.sqrt(away)
-            if away - along * along / dd <= reach * reach + 16.0 * UNIT_ROUNDOFF * away:
+            if not clearly_passes(
+                origin[i, 0], origin[i, 1], origin[i, 2], dx, dy, dz, dd,
+                center[k, 0], center[k, 1], center[k, 2], size[k],
+            ):  # fmt: skip
                 offer_asphere(i, k, table, rays, best)
 
 
@@ -160,24 +124,8 @@ def finish_aspheres(table, rays, best, row_of, out):
         if best.object_id[i] < 0 or row_of[best.object_id[i]] < 0:
             continue
         k = row_of[best.object_id[i]]
-        o, d, c, e, t = (
-            rays.origin[i],
-            rays.direction[i],
-            table.origin[k],
-            table.frame[k],
-            best.t[i],
-        )
-        to_frame = table.to_frame[k]
-        fx, gx = two_difference(o[0], c[0])
-        fy, gy = two_difference(o[1], c[1])
-        fz, gz = two_difference(o[2], c[2])
-        px, _ = advance(fx, gx, t, d[0])
-        py, _ = advance(fy, gy, t, d[1])
-        pz, _ = advance(fz, gz, t, d[2])
-        px, py, pz = px * to_frame, py * to_frame, pz * to_frame
-        x = e[0, 0] * px + e[0, 1] * py + e[0, 2] * pz
-        y = e[1, 0] * px + e[1, 1] * py + e[1, 2] * pz
-        z = e[2, 0] * px + e[2, 1] * py + e[2, 2] * pz
+        c, e, to_frame = table.origin[k], table.frame[k], table.to_frame[k]
+        x, y, z = turned_point(i, rays, best.t[i], c, e, to_frame)
         # Rounding may have put it beyond the rim.
         rho, rim = np.sqrt(x * x + y * y), table.rim[k, 0]
         if rho > rim:
@@ -194,9 +142,7 @@ def finish_aspheres(table, rays, best, row_of, out):
         for j in range(3):
             out.position[i, j] = c[j] + (x * e[0, j] + y * e[1, j] + z * e[2, j]) / to_frame
             out.normal[i, j] = nx * e[0, j] + ny * e[1, j] + nz * e[2, j]
-        turn = np.arctan2(y, x) / (2.0 * np.pi)
-        turn -= np.floor(turn)
-        out.u[i] = turn if turn < 1.0 else 0.0
+        out.u[i] = share_of_turn(y, x)
         v = min(rho / rim, 1.0)
         out.v[i] = v if s > 0.0 else 1.0 - v
         out.patch_id[i] = 0

@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from hybrid_rt.core.kernels.compensated import advance, two_difference
+from hybrid_rt.intersection.kernels.search.tolerances import TANGENT_BAND, UNIT_ROUNDOFF
 from meshing.kernels.jit import inlined
 
 # Everything in the frame lies within this of its origin; rays start within twice that.
@@ -16,6 +17,8 @@ FRAME_RADIUS = 1.0
 # What begins within this behind the nearest root is still looked into (times 1 + |t|): far more than
 # two neighbours can disagree on the t of a root that they share.
 CUT_SLACK = 2.0**-20
+# Rays that pass the ball or the slab around an object by more than this, and the band, miss it.
+MARGIN = 2.0**-30
 
 
 class FrameRay(NamedTuple):
@@ -32,6 +35,24 @@ class FrameRay(NamedTuple):
     dz: Any
     shift: Any
     to_world: Any
+
+
+class TurnedRay(NamedTuple):
+    """A ray in the turned frame of one object: x + s v, |v| = 1, from its point nearest the origin.
+
+    The caller's t is (shift + s / length) over the frame's scale.
+    """
+
+    x: Any
+    y: Any
+    z: Any
+    vx: Any
+    vy: Any
+    vz: Any
+    half: Any  # within the ball |s| is at most this; 0: it passes the ball, or its t are of no use
+    length: Any  # of the direction in the world
+    shift: Any
+    band: Any  # what is nearer than this, in the frame, is `TANGENT`
 
 
 @inlined
@@ -81,3 +102,97 @@ def any_normal(x, y, z):
         return -y / length, x / length, 0.0
     length = np.sqrt(y * y + z * z)
     return 0.0, -z / length, y / length
+
+
+@inlined
+def clearly_passes(ox, oy, oz, dx, dy, dz, dd, cx, cy, cz, size):
+    """Tell whether a ray, dd = |d|^2, passes a ball by more than the margin and the band."""
+    x, y, z = ox - cx, oy - cy, oz - cz
+    away, along = x * x + y * y + z * z, x * dx + y * dy + z * dz
+    reach = (1.0 + MARGIN) * size + 4.0 * TANGENT_BAND * np.sqrt(away)
+    return away - along * along / dd > reach * reach + 16.0 * UNIT_ROUNDOFF * away
+
+
+@inlined
+def enter_turned_frame(i, rays, best, c, e, to_frame, size):
+    """Return ray i in the frame of the rows e about c, where it comes near the ball of this size."""
+    o, d = rays.origin[i], rays.direction[i]
+    dx, dy, dz = d[0], d[1], d[2]
+    dd = dx * dx + dy * dy + dz * dz
+    hx, hy, hz, lx, ly, lz, shift = enter_frame(
+        o[0], o[1], o[2], dx, dy, dz, c[0], c[1], c[2], to_frame
+    )
+    # --- does the ray meet the ball, and when?
+    away = np.sqrt((o[0] - c[0]) ** 2 + (o[1] - c[1]) ** 2 + (o[2] - c[2]) ** 2) * to_frame
+    band = TANGENT_BAND * max(away, 2.0 * size)
+    reach = size + 2.0 * band + MARGIN
+    step = -(hx * dx + hy * dy + hz * dz) / dd
+    x, y, z = hx + step * dx, hy + step * dy, hz + step * dz
+    square = reach * reach - (x * x + y * y + z * z)
+    half, length = np.sqrt(max(square, 0.0)), np.sqrt(dd)
+    per_t, to_world = 1.0 / length, 1.0 / to_frame
+    shift += step
+    if (
+        square <= 0.0
+        or (shift + half * per_t) * to_world <= rays.t_min[i]
+        or (shift - half * per_t) * to_world > best.t[i]
+    ):
+        return TurnedRay(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, length, shift, band)
+    # --- from its point nearest the origin of the frame
+    hx, _ = advance(hx, lx, step, dx)
+    hy, _ = advance(hy, ly, step, dy)
+    hz, _ = advance(hz, lz, step, dz)
+    dx, dy, dz = dx * per_t, dy * per_t, dz * per_t
+    x, y, z = turned(e, hx, hy, hz)
+    vx, vy, vz = turned(e, dx, dy, dz)
+    return TurnedRay(x, y, z, vx, vy, vz, half, length, shift, band)
+
+
+@inlined
+def turned(e, x, y, z):
+    """Return the components of a vector along the rows of e."""
+    return (
+        e[0, 0] * x + e[0, 1] * y + e[0, 2] * z,
+        e[1, 0] * x + e[1, 1] * y + e[1, 2] * z,
+        e[2, 0] * x + e[2, 1] * y + e[2, 2] * z,
+    )
+
+
+@inlined
+def cut_to_slab(lo, hi, z, vz, bottom, top):
+    """Return the part of [lo, hi] in which z + s vz is from bottom to top; lo >= hi: none."""
+    if vz != 0.0:
+        a, b = (bottom - z) / vz, (top - z) / vz
+        return max(lo, min(a, b)), min(hi, max(a, b))
+    return lo, (hi if bottom < z < top else lo)
+
+
+@inlined
+def cylinder_roots(across, turn, beside, root):
+    """Return the roots of across s^2 + 2 turn s + beside, in order; root: of turn^2 - across beside."""
+    if turn == 0.0:
+        return -root / across, root / across
+    q = -(turn + (root if turn > 0.0 else -root))
+    a, b = q / across, (beside / q if q != 0.0 else 0.0)
+    return min(a, b), max(a, b)
+
+
+@inlined
+def turned_point(i, rays, t, c, e, to_frame):
+    """Return the point at t of ray i in the frame of the rows e about c."""
+    o, d = rays.origin[i], rays.direction[i]
+    fx, gx = two_difference(o[0], c[0])
+    fy, gy = two_difference(o[1], c[1])
+    fz, gz = two_difference(o[2], c[2])
+    px, _ = advance(fx, gx, t, d[0])
+    py, _ = advance(fy, gy, t, d[1])
+    pz, _ = advance(fz, gz, t, d[2])
+    return turned(e, px * to_frame, py * to_frame, pz * to_frame)
+
+
+@inlined
+def share_of_turn(y, x):
+    """Return the angle of (x, y) in whole turns, from 0 to below 1."""
+    turn = np.arctan2(y, x) / (2.0 * np.pi)
+    turn -= np.floor(turn)
+    return turn if turn < 1.0 else 0.0
