@@ -134,6 +134,7 @@ class Intersector:
             )
         else:
             self.plan["left_out"]["embree"] = "no curved surface and no triangle mesh"
+        self._number_kinds()
         self.counters: dict[str, int] = dict.fromkeys(
             (
                 "rays", "shadow_rays", "hits", "tangent", "misses", "coarse_hits",
@@ -232,7 +233,7 @@ class Intersector:
             best, found = new_nearest(t_max), np.zeros(end - begin, np.bool_)
             self._first_roots(rays, best, False, tally, found, watch)
             out = rows_of(slots, begin, end)
-            for number, kind in enumerate(self._finishers()):
+            for number, kind in enumerate(self._finishing):
                 kind.finish(rays, best, self._kind_of, number, out)
             for number, kind in self._probing:
                 kind.settle(rays, best, self._kind_of, number, out)
@@ -330,22 +331,17 @@ class Intersector:
         else:
             self._coarse.refine(self._curved, rays, best, tally, found, watch)
 
-    @property
-    def _probing(self) -> list[tuple[int, Probing]]:
-        """Return the kinds that leave hits to be settled, with their numbers.
-
-        Of hits that are not certified nothing is known to begin with.
-        """
-        if self.accuracy != "certified":
-            return []
-        kinds = enumerate(self._finishers())
-        return [(number, kind) for number, kind in kinds if isinstance(kind, Probing)]
-
-    def _finishers(self) -> list[Any]:
-        """Return what describes the hits of each kind, in the order of their numbers."""
+    def _number_kinds(self) -> None:
+        """Set what describes the hits of each kind, by its number, and which of these settle hits."""
+        self._finishing: list[Any] = [*self._direct, *self._curved]
         if self.accuracy == "mesh" and self._coarse is not None:
-            return [*self._direct, self._coarse]
-        return [*self._direct, *self._curved]
+            self._finishing = [*self._direct, self._coarse]
+        # Of hits that are not certified nothing is known to begin with.
+        self._probing: list[tuple[int, Probing]] = [
+            (number, kind)
+            for number, kind in enumerate(self._finishing)
+            if self.accuracy == "certified" and isinstance(kind, Probing)
+        ]
 
     def _add_work(self, tallies: list[FloatArray], watches: list[Stopwatch]) -> None:
         self.coarse_seconds += sum(watch.seconds for watch in watches)

@@ -51,6 +51,7 @@ class Bisection(Intersector):
         kind = PatchKind(list(enumerate(surfaces)), Pool(threads), finest=CELLS)
         kind.table.record[:, FAN : FAN + 2] = np.inf
         self._curved = [kind]
+        self._number_kinds()
 
 
 @dataclass
