@@ -138,6 +138,31 @@ def as_direction(value: ArrayLike, what: str) -> FloatArray:
     return freeze(unit(as_vector(value, what), what))
 
 
+def direction_across(axis: FloatArray, reference: ArrayLike | None, what: str) -> FloatArray:
+    """Return the unit vector of ``reference`` normal to a unit ``axis``, read-only.
+
+    None stands for the coordinate axis least aligned with ``axis``.
+
+    Raises
+    ------
+    ValueError, TypeError
+        If it is no direction, or parallel to the axis; ``what`` is named.
+    """
+    if reference is None:
+        start = np.zeros(3)
+        start[np.argmin(np.abs(axis))] = 1.0
+    else:
+        start = as_direction(reference, what)
+    across = start - (start @ axis) * axis
+    if not across @ across > 2.0**-80:
+        raise ValueError(
+            f"{what} is {shown(reference)}, parallel to the axis: pass another direction"
+        )
+    across = unit(across, what)
+    # Once more: what was left along the axis had been rounded when the rest was small.
+    return freeze(unit(across - (across @ axis) * axis, what))
+
+
 def number(
     value: float,
     what: str,

@@ -15,9 +15,9 @@ from meshing.checks import (
     as_direction,
     as_similarity,
     as_vector,
+    direction_across,
     freeze,
     still_unit,
-    unit,
 )
 from meshing.kernels import lathe, subdivision
 from meshing.parametric import ParametricSurface
@@ -83,18 +83,7 @@ class SurfaceOfRevolution(ParametricSurface):
         u_range: ArrayLike = (0.0, 1.0),
     ) -> None:
         along = as_direction(axis, "SurfaceOfRevolution axis")
-        if reference is None:
-            start = np.zeros(3)
-            start[np.argmin(np.abs(along))] = 1.0
-        else:
-            start = as_direction(reference, "SurfaceOfRevolution reference")
-        radial = start - (start @ along) * along
-        if not radial @ radial > 2.0**-80:
-            raise ValueError(
-                "SurfaceOfRevolution reference is parallel to the axis: pass another direction"
-            )
-        radial = unit(radial, "reference")
-        radial = unit(radial - (radial @ along) * along, "reference")
+        radial = direction_across(along, reference, "SurfaceOfRevolution reference")
         place = as_vector(origin, "SurfaceOfRevolution origin")
         segments = as_segments(profile)
         self._set(segments, place, along, radial, as_weights(weights, segments), as_part(u_range))

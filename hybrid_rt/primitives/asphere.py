@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import copy
 import math
 from functools import cached_property
 
@@ -10,20 +9,17 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from hybrid_rt.core.records import FloatArray
+from hybrid_rt.primitives.axial import AxialSurface
 from hybrid_rt.primitives.sag import Sag, Zones
 from meshing.checks import (
-    as_direction,
     as_floats,
     as_similarity,
-    as_vector,
     broadcast_parameters,
     freeze,
     number,
     shown,
     still_unit,
-    unit,
 )
-from meshing.surface import Surface
 
 # a_2 to a_32.
 MOST_COEFFICIENTS = 16
@@ -35,7 +31,7 @@ STEEPEST = 32.0
 MOST_NOISE = 64.0
 
 
-class Asphere(Surface):
+class Asphere(AxialSurface):
     """A rotationally symmetric lens or mirror surface, given by its sag.
 
     A point at distance r from the axis lies at height
@@ -103,20 +99,7 @@ class Asphere(Surface):
         self.conic = number(conic, "Asphere conic")
         self.coefficients = _as_coefficients(coefficients)
         self.aperture = number(aperture, "Asphere aperture", above=0.0)
-        self.origin = as_vector(origin, "Asphere origin")
-        self.axis = as_direction(axis, "Asphere axis")
-        if reference is None:
-            start = np.zeros(3)
-            start[np.argmin(np.abs(self.axis))] = 1.0
-        else:
-            start = as_direction(reference, "Asphere reference")
-        radial = start - (start @ self.axis) * self.axis
-        if not radial @ radial > 2.0**-80:
-            raise ValueError("Asphere reference is parallel to the axis: pass another direction")
-        radial = unit(radial, "reference")
-        # Once more: what was left along the axis had been rounded when the rest was small.
-        self.radial = freeze(unit(radial - (radial @ self.axis) * self.axis, "reference"))
-        self.orientation = 1
+        self._set_frame(origin, axis, reference)
         self._check_sag()
 
     def _check_sag(self) -> None:
@@ -183,16 +166,6 @@ class Asphere(Surface):
         return math.ldexp(float(np.sqrt(w + heights**2).max()), -exponent)
 
     @property
-    def binormal(self) -> FloatArray:
-        """(3,): where u is a quarter."""
-        return np.cross(self.axis, self.radial)
-
-    @property
-    def revolution_frame(self) -> FloatArray:
-        """(4, 3): origin, axis, radial, binormal."""
-        return np.stack([self.origin, self.axis, self.radial, self.binormal])
-
-    @property
     def bounds(self) -> FloatArray:
         """(2, 3): lower and upper corner of a box around the surface."""
         # Of a circle about the axis the widest part along a coordinate is as long as that
@@ -205,11 +178,6 @@ class Asphere(Surface):
         low = ends.min(axis=1) - rings[:, None] * across
         high = ends.max(axis=1) + rings[:, None] * across
         return np.stack([self.origin + low.min(axis=0), self.origin + high.max(axis=0)])
-
-    @property
-    def middle(self) -> FloatArray:
-        """(3,): the vertex."""
-        return self.origin
 
     @property
     def size(self) -> float:
@@ -283,13 +251,6 @@ class Asphere(Surface):
         a = 2.0 * np.pi * u
         return np.cos(a), np.sin(a), 0.5 * self.aperture * (v if self.orientation > 0 else 1.0 - v)
 
-    def _world(self, x: FloatArray, y: FloatArray, z: FloatArray) -> FloatArray:
-        """Return vectors (n, 3) from their parts along radial, binormal and axis."""
-        world: FloatArray = (
-            x[:, None] * self.radial + y[:, None] * self.binormal + z[:, None] * self.axis
-        )
-        return world
-
     def transformed(self, matrix: ArrayLike) -> Asphere:
         """Return the image under a similarity; (u, v) stay with their points.
 
@@ -323,12 +284,6 @@ class Asphere(Surface):
         image.axis = freeze(axis)
         image.radial = freeze(still_unit(radial - (radial @ axis) * axis, "radial"))
         image.orientation = self.orientation
-        return image
-
-    def flipped(self) -> Asphere:
-        """Return the same asphere with its normal reversed; parameters become (u, 1 - v)."""
-        image = copy.copy(self)
-        image.orientation = -self.orientation
         return image
 
     def __repr__(self) -> str:

@@ -8,20 +8,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from hybrid_rt.core.records import FloatArray
-from meshing.checks import (
-    as_direction,
-    as_similarity,
-    as_vector,
-    broadcast_parameters,
-    freeze,
-    number,
-    still_unit,
-    unit,
-)
-from meshing.surface import Surface
+from hybrid_rt.primitives.axial import AxialSurface
+from meshing.checks import as_similarity, broadcast_parameters, freeze, number, still_unit
 
 
-class Torus(Surface):
+class Torus(AxialSurface):
     """A torus; its normal points outward, unless flipped.
 
     S(u, v) = origin + (R + r cos 2 pi v) (cos 2 pi u radial + sin 2 pi u binormal)
@@ -65,8 +56,7 @@ class Torus(Surface):
         minor_radius: float,
         reference: ArrayLike | None = None,
     ) -> None:
-        self.origin = as_vector(origin, "Torus origin")
-        self.axis = as_direction(axis, "Torus axis")
+        self._set_frame(origin, axis, reference)
         self.major_radius = number(major_radius, "Torus major_radius", above=0.0)
         self.minor_radius = number(
             minor_radius, "Torus minor_radius", above=0.0, hint="for the inside, use .flipped()"
@@ -76,28 +66,6 @@ class Torus(Surface):
                 f"Torus minor_radius is {self.minor_radius:g}, major_radius {self.major_radius:g}: "
                 "pass a smaller minor_radius (a tube that reaches the axis meets itself)"
             )
-        if reference is None:
-            start = np.zeros(3)
-            start[np.argmin(np.abs(self.axis))] = 1.0
-        else:
-            start = as_direction(reference, "Torus reference")
-        radial = start - (start @ self.axis) * self.axis
-        if not radial @ radial > 2.0**-80:
-            raise ValueError("Torus reference is parallel to the axis: pass another direction")
-        radial = unit(radial, "reference")
-        # Once more: what was left along the axis had been rounded when the rest was small.
-        self.radial = freeze(unit(radial - (radial @ self.axis) * self.axis, "reference"))
-        self.orientation = 1
-
-    @property
-    def binormal(self) -> FloatArray:
-        """(3,): where u is a quarter."""
-        return np.cross(self.axis, self.radial)
-
-    @property
-    def revolution_frame(self) -> FloatArray:
-        """(4, 3): origin, axis, radial, binormal."""
-        return np.stack([self.origin, self.axis, self.radial, self.binormal])
 
     @property
     def bounds(self) -> FloatArray:
@@ -107,11 +75,6 @@ class Torus(Surface):
         across = np.hypot(self.radial, self.binormal)
         half = self.major_radius * across + self.minor_radius
         return np.stack([self.origin - half, self.origin + half])
-
-    @property
-    def middle(self) -> FloatArray:
-        """(3,): the centre."""
-        return self.origin
 
     @property
     def size(self) -> float:
@@ -174,13 +137,6 @@ class Torus(Surface):
         a, b = 2.0 * np.pi * u, 2.0 * np.pi * self.orientation * v
         return np.cos(a), np.sin(a), np.cos(b), np.sin(b)
 
-    def _world(self, x: FloatArray, y: FloatArray, z: FloatArray) -> FloatArray:
-        """Return vectors (n, 3) from their parts along radial, binormal and axis."""
-        world: FloatArray = (
-            x[:, None] * self.radial + y[:, None] * self.binormal + z[:, None] * self.axis
-        )
-        return world
-
     def transformed(self, matrix: ArrayLike) -> Torus:
         """Return the image under a similarity; (u, v) stay with their points.
 
@@ -205,12 +161,6 @@ class Torus(Surface):
         image.major_radius = scale * self.major_radius
         image.minor_radius = scale * self.minor_radius
         image.orientation = sign * self.orientation
-        return image
-
-    def flipped(self) -> Torus:
-        """Return the same torus with its normal reversed; parameters become (u, 1 - v)."""
-        image = copy.copy(self)
-        image.orientation = -self.orientation
         return image
 
     def __repr__(self) -> str:

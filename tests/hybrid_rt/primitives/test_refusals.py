@@ -35,7 +35,7 @@ def mesh(vertices, faces):
         (lambda: Torus((0, 0, 0), (0, 0, 1), INF, 2), "Torus major_radius"),
         (lambda: Torus((0, 0, 0), (0, 0, 0), 2, 1), "Torus axis is the zero vector"),
         (lambda: Torus((0, NAN, 0), (0, 0, 1), 2, 1), "Torus origin"),
-        (lambda: Torus((0, 0, 0), (0, 0, 1), 2, 1, (0, 0, -3)), "reference is parallel"),
+        (lambda: Torus((0, 0, 0), (0, 0, 1), 2, 1, (0, 0, -3)), "parallel to the axis"),
         (
             lambda: Torus((0, 0, 0), (0, 0, 1), 2, 1).transformed(np.diag([1, 2, 1, 1])),
             "similarity",
