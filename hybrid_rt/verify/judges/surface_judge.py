@@ -28,6 +28,12 @@ Solver: TypeAlias = Callable[[int, float, float, float, Vector, Vector], Number]
 """The t of the root near a hit: from patch, u, v, t, origin and direction."""
 
 
+def about_origin(surface: Any) -> tuple[Surface, FloatArray]:
+    """Return a surface shifted so that its attribute ``origin`` is at zero, and that origin."""
+    origin = surface.origin
+    return surface.transformed(np.eye(4) - np.outer([*origin, 0.0], [0, 0, 0, 1.0])), origin
+
+
 class SurfaceJudge(ABC):
     """The independent solvers of one surface; they share no code with the intersector.
 
@@ -66,9 +72,14 @@ class SurfaceJudge(ABC):
         patch_id: NDArray[Any],
     ) -> FloatArray:
         """Return the distances (n,) of the ray points ``origins + along`` from the hit points."""
-        points = self.surface.point(u, v, patch_id)
-        distance: FloatArray = np.linalg.norm(points - origins - along, axis=1)
+        surface, middle = self.about_itself()
+        points = surface.point(u, v, patch_id)
+        distance: FloatArray = np.linalg.norm(points - (origins - middle) - along, axis=1)
         return distance
+
+    def about_itself(self) -> tuple[Surface, FloatArray]:
+        """Return the surface moved to where its points round least, and from where (3,)."""
+        return self.surface, np.zeros(3)
 
 
 def judge_of(surface: Any) -> SurfaceJudge:

@@ -3,16 +3,23 @@
 from __future__ import annotations
 
 import math
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hybrid_rt.core.records import FloatArray
 from hybrid_rt.primitives.asphere import Asphere
 from hybrid_rt.verify.judges.asphere_roots import AsphereRoots
 from hybrid_rt.verify.judges.kernels import events
-from hybrid_rt.verify.judges.surface_judge import Number, Solver, SurfaceJudge, Vector, Worker
+from hybrid_rt.verify.judges.surface_judge import (
+    Number,
+    Solver,
+    SurfaceJudge,
+    Vector,
+    Worker,
+    about_origin,
+)
+from meshing.surface import Surface
 
 # Rays that pass the ball around an asphere by this part of it need no exact arithmetic.
 CLEAR = 1e-6
@@ -65,20 +72,9 @@ class AsphereJudge(SurfaceJudge, of=Asphere):
 
         return work
 
-    def gap(
-        self,
-        origins: FloatArray,
-        along: FloatArray,
-        u: FloatArray,
-        v: FloatArray,
-        patch_id: NDArray[Any],
-    ) -> FloatArray:
-        """Return how far points lie from those of their hits, about the vertex."""
-        surface = self.surface
-        local = surface.transformed(np.eye(4) - np.outer([*surface.origin, 0.0], [0, 0, 0, 1.0]))
-        points = local.point(u, v, patch_id)
-        distance: FloatArray = np.linalg.norm(points - (origins - surface.origin) - along, axis=1)
-        return distance
+    def about_itself(self) -> tuple[Surface, FloatArray]:
+        """Return it about its vertex."""
+        return about_origin(self.surface)
 
     def solver(self) -> Solver:
         """Return Newton's method on the sag, to many digits."""

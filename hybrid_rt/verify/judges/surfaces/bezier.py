@@ -62,14 +62,15 @@ class BezierJudge(SurfaceJudge, of=BezierPatches):
 
         from hybrid_rt.verify.judges.digits import MOST_STEPS, SMALL, curve, numbers, solved
 
-        nets = [[[numbers(point) for point in row] for row in net] for net in self.surface.patches]
+        nets, quotient = self._nets(), self._quotient
 
         def solve(patch: int, u: float, v: float, t: float, o: Vector, d: Vector) -> Number:
             net, x = nets[patch], numbers((u, v, t))
             for _ in range(MOST_STEPS):
                 rows = [curve(row, x[1]) for row in net]
-                point, along_u = curve([row[0] for row in rows], x[0])
-                along_v, _ = curve([row[1] for row in rows], x[0])
+                sums, by_u = curve([row[0] for row in rows], x[0])
+                by_v, _ = curve([row[1] for row in rows], x[0])
+                point, along_u, along_v = quotient(sums, by_u, by_v)
                 gap = [p - a - x[2] * b for p, a, b in zip(point, o, d, strict=True)]
                 step = solved([along_u, along_v, [-b for b in d]], gap)
                 if step is None:
@@ -80,3 +81,13 @@ class BezierJudge(SurfaceJudge, of=BezierPatches):
             return mpmath.nan
 
         return solve
+
+    def _nets(self) -> list[list[list[Vector]]]:
+        """Return the control points of the patches, row by row, as numbers of many digits."""
+        from hybrid_rt.verify.judges.digits import numbers
+
+        return [[[numbers(point) for point in row] for row in net] for net in self.surface.patches]
+
+    def _quotient(self, sums: Vector, by_u: Vector, by_v: Vector) -> tuple[Vector, Vector, Vector]:
+        """Return point and partials, of which these are the Bernstein sums."""
+        return sums, by_u, by_v

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from hybrid_rt.verify.judges.surface_judge import Number, Solver, SurfaceJudge, Vector, Worker
+from hybrid_rt.verify.judges.surface_judge import Vector, Worker
+from hybrid_rt.verify.judges.surfaces.bezier import BezierJudge
 from meshing.bezier import RationalPatches
 
 
-class RationalJudge(SurfaceJudge, of=RationalPatches):
+class RationalJudge(BezierJudge, of=RationalPatches):
     """What is known of rational patches."""
 
     surface: RationalPatches
@@ -23,13 +24,11 @@ class RationalJudge(SurfaceJudge, of=RationalPatches):
             "polynomial patches only"
         )
 
-    def solver(self) -> Solver:
-        """Return Newton's method for S(u, v) = o + t d."""
-        import mpmath
+    def _nets(self) -> list[list[list[Vector]]]:
+        """Return the control points times their weights, and the weights."""
+        from hybrid_rt.verify.judges.digits import numbers
 
-        from hybrid_rt.verify.judges.digits import MOST_STEPS, SMALL, curve, numbers, solved
-
-        nets = [
+        return [
             [
                 [
                     [number * w for number in numbers((*point, 1.0))]
@@ -40,22 +39,10 @@ class RationalJudge(SurfaceJudge, of=RationalPatches):
             for net, of_patch in zip(self.surface.patches, self.surface.weights, strict=True)
         ]
 
-        def solve(patch: int, u: float, v: float, t: float, o: Vector, d: Vector) -> Number:
-            net, x = nets[patch], numbers((u, v, t))
-            for _ in range(MOST_STEPS):
-                rows = [curve(row, x[1]) for row in net]
-                (*scaled, w), (*by_u, wu) = curve([row[0] for row in rows], x[0])
-                (*by_v, wv), _ = curve([row[1] for row in rows], x[0])
-                point = [p / w for p in scaled]
-                along_u = [(p - wu * s) / w for p, s in zip(by_u, point, strict=True)]
-                along_v = [(p - wv * s) / w for p, s in zip(by_v, point, strict=True)]
-                gap = [p - a - x[2] * b for p, a, b in zip(point, o, d, strict=True)]
-                step = solved([along_u, along_v, [-b for b in d]], gap)
-                if step is None:
-                    break
-                x = [a - b for a, b in zip(x, step, strict=True)]
-                if abs(step[2]) <= SMALL * abs(x[2]) and max(abs(step[0]), abs(step[1])) <= SMALL:
-                    return x[2]
-            return mpmath.nan
-
-        return solve
+    def _quotient(self, sums: Vector, by_u: Vector, by_v: Vector) -> tuple[Vector, Vector, Vector]:
+        """Return point and partials by the rule of quotients."""
+        (*scaled, w), (*of_u, wu), (*of_v, wv) = sums, by_u, by_v
+        point = [p / w for p in scaled]
+        along_u = [(p - wu * s) / w for p, s in zip(of_u, point, strict=True)]
+        along_v = [(p - wv * s) / w for p, s in zip(of_v, point, strict=True)]
+        return point, along_u, along_v

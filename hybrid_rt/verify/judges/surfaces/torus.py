@@ -15,13 +15,20 @@ from itertools import pairwise
 from typing import Any, ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hybrid_rt.core.records import FloatArray
 from hybrid_rt.primitives.torus import Torus
 from hybrid_rt.verify.judges.kernels import events
 from hybrid_rt.verify.judges.precision import bits
-from hybrid_rt.verify.judges.surface_judge import Number, Solver, SurfaceJudge, Vector, Worker
+from hybrid_rt.verify.judges.surface_judge import (
+    Number,
+    Solver,
+    SurfaceJudge,
+    Vector,
+    Worker,
+    about_origin,
+)
+from meshing.surface import Surface
 
 # Bits of roots: twice as many where two of them are not told apart.
 BITS = 128
@@ -66,20 +73,9 @@ class TorusJudge(SurfaceJudge, of=Torus):
 
         return work
 
-    def gap(
-        self,
-        origins: FloatArray,
-        along: FloatArray,
-        u: FloatArray,
-        v: FloatArray,
-        patch_id: NDArray[Any],
-    ) -> FloatArray:
-        """Return how far points lie from those of their hits, about the middle of the torus."""
-        torus = self.surface
-        local = torus.transformed(np.eye(4) - np.outer([*torus.origin, 0.0], [0, 0, 0, 1.0]))
-        points = local.point(u, v, patch_id)
-        distance: FloatArray = np.linalg.norm(points - (origins - torus.origin) - along, axis=1)
-        return distance
+    def about_itself(self) -> tuple[Surface, FloatArray]:
+        """Return it about its centre."""
+        return about_origin(self.surface)
 
     def _quartics(self) -> Callable[[FloatArray, FloatArray, float], list[Any]]:
         """Return a function from origin, direction and band of a ray to its three quartics."""
