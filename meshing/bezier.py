@@ -64,7 +64,11 @@ class BezierPatches(ParametricSurface):
         self._set_control(control)
         if weights is not None:
             as_weights(weights, self._degrees)
-        self._check_area(self._control, None)
+        # What kernels evaluate, and what kind of net it is: None is a polynomial one.
+        self._net, self._rational = self._control, None
+        self._check_area()
+
+    _rational: bool | None
 
     def _set_control(self, control: ArrayLike | Iterable[ArrayLike]) -> None:
         nets = as_nets(control)
@@ -79,10 +83,10 @@ class BezierPatches(ParametricSurface):
         for array in (self._degrees, self._starts):
             array.setflags(write=False)
 
-    def _check_area(self, nets: FloatArray, rational: bool | None) -> None:
+    def _check_area(self) -> None:
         reach = np.maximum.reduceat(np.abs(self._control).max(axis=1), self._starts[:-1])
         collapsed = bernstein.first_collapsed_patch(
-            nets, self._starts, self._degrees, reach, rational
+            self._net, self._starts, self._degrees, reach, self._rational
         )
         if collapsed >= 0:
             raise ValueError(
@@ -159,9 +163,12 @@ class BezierPatches(ParametricSurface):
     @cached_property
     def patch_bounds(self) -> FloatArray:
         """(k, 2, 3) float64: lower and upper corner of a box around each patch, read-only."""
+        return freeze(self._boxes_of_nets())
+
+    def _boxes_of_nets(self) -> FloatArray:
         boxes = np.empty((len(self), 2, 3))
-        subdivision.patch_boxes(self._control, self._starts, self._degrees, None, boxes)
-        return freeze(boxes)
+        subdivision.patch_boxes(self._net, self._starts, self._degrees, self._rational, boxes)
+        return boxes
 
     def transformed(self, matrix: ArrayLike) -> BezierPatches:
         """Return the image under an affine map, with the same (u, v).
@@ -204,8 +211,9 @@ class BezierPatches(ParametricSurface):
         out: FloatArray,
     ) -> None:
         bernstein.evaluate_patches(
-            self._control, self._starts, self._degrees, ids, u, v, order_u, order_v, None, out
-        )
+            self._net, self._starts, self._degrees, ids, u, v, order_u, order_v, self._rational,
+            out,
+        )  # fmt: skip
 
     def _fill_normals(
         self,
@@ -216,7 +224,7 @@ class BezierPatches(ParametricSurface):
         is_degenerate: BoolArray,
     ) -> None:
         bernstein.normals_of_patches(
-            self._control, self._starts, self._degrees, ids, u, v, None, out, is_degenerate
+            self._net, self._starts, self._degrees, ids, u, v, self._rational, out, is_degenerate
         )
 
 
@@ -243,8 +251,9 @@ class RationalPatches(BezierPatches):
         exponent = np.frexp(np.maximum.reduceat(self._weights, first))[1]
         w = np.ldexp(self._weights, -np.repeat(exponent, counts))
         away = self._control - np.repeat(self._centres, counts, axis=0)
-        self._homogeneous = freeze(np.concatenate([w[:, None] * away, w[:, None]], axis=1))
-        self._check_area(self._homogeneous, True)
+        self._net = freeze(np.concatenate([w[:, None] * away, w[:, None]], axis=1))
+        self._rational = True
+        self._check_area()
 
     @cached_property
     def weights(self) -> tuple[FloatArray, ...]:
@@ -258,7 +267,7 @@ class RationalPatches(BezierPatches):
     @property
     def homogeneous(self) -> FloatArray:
         """(total, 4) float64: (w (P - c), w), each patch's largest w in [1/2, 1), read-only."""
-        return self._homogeneous
+        return self._net
 
     @property
     def centres(self) -> FloatArray:
@@ -289,9 +298,7 @@ class RationalPatches(BezierPatches):
     @cached_property
     def patch_bounds(self) -> FloatArray:
         """(k, 2, 3) float64: lower and upper corner of a box around each patch, read-only."""
-        boxes = np.empty((len(self), 2, 3))
-        subdivision.patch_boxes(self._homogeneous, self._starts, self._degrees, True, boxes)
-        boxes += self._centres[:, None]
+        boxes = self._boxes_of_nets() + self._centres[:, None]
         # The sum rounds once more; the box of the control points needs no rounding.
         boxes[:, 0] = np.nextafter(boxes[:, 0], -np.inf)
         boxes[:, 1] = np.nextafter(boxes[:, 1], np.inf)
@@ -317,20 +324,6 @@ class RationalPatches(BezierPatches):
         order_v: int,
         out: FloatArray,
     ) -> None:
-        bernstein.evaluate_patches(
-            self._homogeneous, self._starts, self._degrees, ids, u, v, order_u, order_v, True, out
-        )
+        super()._fill(ids, u, v, order_u, order_v, out)
         if order_u == order_v == 0:
             out += self._centres[ids]
-
-    def _fill_normals(
-        self,
-        ids: NDArray[np.int64],
-        u: FloatArray,
-        v: FloatArray,
-        out: FloatArray,
-        is_degenerate: BoolArray,
-    ) -> None:
-        bernstein.normals_of_patches(
-            self._homogeneous, self._starts, self._degrees, ids, u, v, True, out, is_degenerate
-        )
