@@ -89,6 +89,10 @@ class RayMeshIntersector:
                 *self._settings,
             )
             self._built_for = now
+            surfaces = self._intersector.surfaces
+            counts = [len(surface) for surface in surfaces]
+            self._first_piece = np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)
+            self._reach = max((s.reach for s in surfaces if s.is_bounded), default=0.0)
         return self._intersector
 
     def intersects_location(
@@ -236,11 +240,10 @@ class RayMeshIntersector:
     def _begin(self, origins: ArrayLike, directions: ArrayLike) -> tuple[Intersector, FloatArray]:
         """Return the tracer and, for each ray, the t within rounding before its start."""
         tracer = self.intersector
-        scale = max((s.reach for s in tracer.surfaces if s.is_bounded), default=0.0)
         at = np.abs(as_floats(origins, "ray_origins"))
         length = np.abs(as_floats(directions, "ray_directions"))
         with np.errstate(all="ignore"):  # what is wrong with them, the tracer says
-            size = np.maximum(at.max(axis=-1, initial=0.0), scale)
+            size = np.maximum(at.max(axis=-1, initial=0.0), self._reach)
             begin: FloatArray = -TANGENT_BAND * size / length.max(axis=-1, initial=0.0)
         return tracer, np.where(np.isfinite(begin), begin, 0.0)
 
@@ -260,10 +263,7 @@ class RayMeshIntersector:
         return found.hits[rank < most], found.ray[rank < most]
 
     def _number(self, hits: HitRecord) -> IdArray:
-        assert self._intersector is not None
-        counts = [len(surface) for surface in self._intersector.surfaces]
-        first = np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)
-        numbers: IdArray = first[hits.object_id] + hits.patch_id
+        numbers: IdArray = self._first_piece[hits.object_id] + hits.patch_id
         return numbers
 
 
