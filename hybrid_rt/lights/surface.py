@@ -64,16 +64,9 @@ class ShiningSurface:
         seen_from : (n, 3) float64
         xi : (n, 2) float64 in [0, 1)
         """
-        on = self._bear_on(seen_from)
-        if on.all():
-            return self.points(xi)
         patch, u, v, density = self._cells.choose(seen_from, xi)
         point, normal = self.surface.point(u, v, patch), self.surface.normal(u, v, patch)
-        found = LightPoints(point, normal, density, u, v)
-        if on.any():
-            for column, by_area in zip(found, self.points(xi[on]), strict=True):
-                column[on] = by_area
-        return found
+        return LightPoints(point, normal, density, u, v)
 
     def seen_pdf_area(self, seen_from: FloatArray, hits: HitRecord) -> FloatArray:
         """Return the pdf per area with which `seen_points` samples hits, seen from (n, 3) points.
@@ -84,24 +77,45 @@ class ShiningSurface:
         hits : HitRecord of n rows
             On this surface.
         """
-        on = self._bear_on(seen_from)
+        return self._cells.pdf_area(seen_from, hits.patch_id.astype(np.int64), hits.u, hits.v)
+
+
+class ShiningSphere(ShiningSurface):
+    """A sphere as an area light: seen from points on the sphere itself it is sampled by area.
+
+    Within a sphere the two cosines over the squared distance are constant.
+    """
+
+    def __init__(self, surface: Sphere, sampler: AreaSampler) -> None:
+        super().__init__(surface, sampler)
+        self._ball = surface.ball
+
+    def seen_points(self, seen_from: FloatArray, xi: FloatArray) -> LightPoints:
+        """Return sampled points; see `ShiningSurface.seen_points`."""
+        on = self._bears(seen_from)
+        if on.all():
+            return self.points(xi)
+        found = super().seen_points(seen_from, xi)
+        if on.any():
+            for column, by_area in zip(found, self.points(xi[on]), strict=True):
+                column[on] = by_area
+        return found
+
+    def seen_pdf_area(self, seen_from: FloatArray, hits: HitRecord) -> FloatArray:
+        """Return the pdf per area of `seen_points`; see `ShiningSurface.seen_pdf_area`."""
+        on = self._bears(seen_from)
         patch = hits.patch_id.astype(np.int64)
         if on.all():
             return self.pdf_area(patch, hits.u, hits.v)
-        density = self._cells.pdf_area(seen_from, patch, hits.u, hits.v)
+        density = super().seen_pdf_area(seen_from, hits)
         if on.any():
             density[on] = self.pdf_area(patch[on], hits.u[on], hits.v[on])
         return density
 
-    def _bear_on(self, seen_from: FloatArray) -> BoolArray:
-        """Tell which points lie on the surface itself, and are lit evenly from places even by area.
-
-        That is so within a sphere: the two cosines over the squared distance are constant.
-        """
-        if self.surface.ball is None:
-            return np.zeros(len(seen_from), dtype=np.bool_)
-        middle, radius = self.surface.ball
-        away = np.abs(np.linalg.norm(seen_from - middle, axis=1) - radius)
+    def _bears(self, points: FloatArray) -> BoolArray:
+        """Tell which points (n, 3) lie on the sphere."""
+        middle, radius = self._ball
+        away = np.abs(np.linalg.norm(points - middle, axis=1) - radius)
         on: BoolArray = away <= ON * (radius + float(np.abs(middle).max()))
         return on
 
@@ -148,6 +162,8 @@ def shining_surface(surface: Surface) -> ShiningSurface | None:
         return None
     if isinstance(surface, Box):
         return ShiningBox(surface, sampler)
+    if isinstance(surface, Sphere):
+        return ShiningSphere(surface, sampler)
     return ShiningSurface(surface, sampler)
 
 
