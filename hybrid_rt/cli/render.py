@@ -1,0 +1,222 @@
+"""One render of the command line, from the checked request to the saved files and what is said."""
+
+from __future__ import annotations
+
+import argparse
+import shlex
+import sys
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from hybrid_rt.cli.command import REFUSALS, STOPPED, said_by
+from hybrid_rt.cli.denoise import denoised_files, save_denoised
+from hybrid_rt.cli.live import compare_on, open_page
+from hybrid_rt.cli.options import settings_of
+
+if TYPE_CHECKING:
+    from hybrid_rt.core.progress import Progress
+    from hybrid_rt.rendering.renderer import RenderInterrupted, RenderResult
+    from hybrid_rt.scene.scene import Scene
+
+
+def render_scene(
+    load: Callable[[], tuple[Scene, str]], name: str, options: argparse.Namespace
+) -> int:
+    """Render the scene that is loaded once files and settings are known to be possible.
+
+    Returns the exit code.
+    """
+    from hybrid_rt.core.interrupts import held_back
+    from hybrid_rt.core.progress import watch_compilation
+    from hybrid_rt.rendering.renderer import check_request
+    from hybrid_rt.sensor.image_files import keeps_channels
+
+    outputs = [_Output(path) for path in options.out or [Path(f"{name}.png")]]
+    channels = [word.strip() for word in options.outputs.split(",") if word.strip()]
+    request = {
+        "passes": options.passes,
+        "time_budget": options.time_budget,
+        "target_error": options.target_error,
+        "target_error_trimmed": options.target_error_trimmed,
+        "seed": options.seed,
+        "threads": options.threads,
+        "accuracy": options.accuracy,
+        "coarse": options.coarse,
+        "tolerance": options.tolerance,
+        "outputs": channels,
+    }
+    # A script may take its time: what it has no say in is refused before it runs.
+    check_request(**request)
+    if channels and not any(keeps_channels(output.file) for output in outputs):
+        raise ValueError(
+            f"--outputs {','.join(channels)}: a .png holds none of them: add --out {name}.npz or .exr"
+        )
+    denoised: dict[str, Path] = {}
+    if options.denoise:
+        from hybrid_rt.rendering.denoising import GUIDES
+
+        denoised = denoised_files({output.shown: output.file for output in outputs})
+        request["outputs"] = list(dict.fromkeys([*channels, *GUIDES]))
+    if options.integrator is not None:
+        settings_of(options.integrator, options)
+    store = None
+    if options.store is not None:
+        from hybrid_rt.rendering.store import check_folder
+
+        store = check_folder(options.store, options.resume).absolute()
+    elif options.resume:
+        raise ValueError("--resume: there is no --store to go on from, name its folder")
+    if options.cluster is not None:
+        from hybrid_rt.rendering.cluster import check_address
+
+        check_address(options.cluster)
+    with ExitStack() as until_saved:
+        page = until_saved.enter_context(open_page(name, options))
+        with shown_progress(options.progress) as progress:
+            with watch_compilation(progress):
+                scene, preferred = load()
+            integrator = preferred if options.integrator is None else options.integrator
+            scene = _resized(scene, options.width, options.height)
+            compare_on(page, scene, options.live_compare)
+            result, interrupt = rendered(
+                scene,
+                integrator=integrator,
+                options=settings_of(integrator, options),
+                progress=progress,
+                store=store,
+                resume=options.resume,
+                cluster=options.cluster,
+                watch=page,
+                **request,
+            )
+            until_saved.enter_context(held_back())
+        # Before anything is printed: the reader of a pipe may have closed it.
+        failures = _saved(result, outputs, options.exposure)
+        if page is not None:
+            saved = [output.shown for output in outputs if output.shown not in failures]
+            page.finish(f"saved as {', '.join(saved)}" if saved else "it could not be saved")
+        for output in outputs:
+            if output.shown not in failures:
+                say(f"{output.shown}  ({summary(result.report)})")
+    if denoised:
+        said, lost = save_denoised(result, denoised, options.exposure)
+        failures |= lost
+        for line in said:
+            say(line)
+    if options.explain:
+        from hybrid_rt.scene.plan import explain
+
+        say(explain(result.report["plan"]))
+    say_numbers(result.report)
+    reasons, is_stopped = list(failures.values()), result.report["stopped_by"] == "watcher"
+    if result.report["cluster"] is not None and result.report["cluster"]["lost"]:
+        reasons.append(result.report["cluster"]["lost"])
+    if store is not None:
+        kept = result.report["store"]
+        reasons += [kept["not_saved"]] if kept["not_saved"] else []
+        say(_how_to_go_on(result.report, is_stopped or interrupt is not None))
+    if reasons:
+        raise OSError("\nhybrid-rt: ".join(reasons))
+    if interrupt is not None:
+        raise interrupt
+    return STOPPED if is_stopped else 0
+
+
+def _how_to_go_on(report: dict[str, Any], is_interrupted: bool) -> str:
+    """Say what a store holds, what was lost, and by which command the render goes on."""
+    from hybrid_rt.rendering.summary import passes_in_words
+
+    kept = report["store"]
+    lines = [f"  store     {note}" for note in kept["lost"]]
+    before = kept["passes_before"]
+    since = f", {before} of them from before" if before else ""
+    lines.append(f"  store     {kept['folder']} holds {passes_in_words(report['passes'])}{since}")
+    command = [Path(sys.argv[0]).name, *sys.argv[1:]]
+    command += [] if "--resume" in command else ["--resume"]
+    if not is_interrupted:
+        command += ["--passes", str(2 * report["passes"])]
+    return "\n".join([*lines, f"  go on     {shlex.join(command)}"])
+
+
+class _Output:
+    """A file that is asked for: what the user calls it, and where it is, wherever a script goes."""
+
+    def __init__(self, path: Path) -> None:
+        from hybrid_rt.sensor.image_files import check_output
+
+        self.shown = str(check_output(path))
+        self.file = path.absolute()
+
+
+def _saved(result: RenderResult, outputs: Sequence[_Output], exposure: float) -> dict[str, str]:
+    """Write a picture to every file that can be written; return why others cannot, by name."""
+    failures = {}
+    for output in outputs:
+        try:
+            result.save(output.file, exposure)
+        except REFUSALS as error:  # the next may do better
+            failures[output.shown] = str(error) or type(error).__name__
+    return failures
+
+
+def _resized(scene: Scene, width: int | None, height: int | None) -> Scene:
+    """Return the scene with other pixel counts; one of them alone keeps the proportions."""
+    camera = scene.camera
+    if width is None and height is None:
+        return scene
+    if width is None:
+        assert height is not None
+        width = max(round(camera.width * height / camera.height), 1)
+    elif height is None:
+        height = max(round(camera.height * width / camera.width), 1)
+    return scene.with_camera(camera.resized(width, height))
+
+
+def rendered(scene: Scene, **settings: Any) -> tuple[RenderResult, RenderInterrupted | None]:
+    """Render a scene; where Ctrl-C ends it, return the picture so far and the interrupt."""
+    from hybrid_rt.rendering.renderer import RenderInterrupted, render
+
+    try:
+        return render(scene, **settings), None
+    except RenderInterrupted as interrupt:
+        return interrupt.result, interrupt
+
+
+@contextmanager
+def shown_progress(mode: str) -> Iterator[Progress | None]:
+    """Show the progress of what runs within; messages come above the bar."""
+    from hybrid_rt.rendering.progress_bar import StreamDisplay, progress_bar
+
+    progress = progress_bar(mode, sys.stderr)
+    if not isinstance(progress, StreamDisplay):
+        yield None
+        return
+    with said_by(progress.say):
+        try:
+            yield progress
+        finally:
+            progress.close()
+
+
+def summary(report: dict[str, Any]) -> str:
+    """Return passes and seconds of a render in words."""
+    from hybrid_rt.rendering.summary import passes_in_words
+
+    seconds = report["seconds"]
+    compiling = report["kernel_compilation_seconds"]
+    text = f"{passes_in_words(report['passes'])}, {seconds['total']:.1f} s"
+    return text + (f" and {compiling:.1f} s compiling kernels" if compiling >= 0.1 else "")
+
+
+def say_numbers(report: dict[str, Any]) -> None:
+    """Print what a report says of its render."""
+    from hybrid_rt.rendering.summary import in_words
+
+    say(in_words(report))
+
+
+def say(text: str) -> None:
+    """Print a result."""
+    print(text)  # noqa: T201  (a command's result belongs on the standard output)
