@@ -1,31 +1,48 @@
 """Render every scene and write the page that shows them: docs/gallery.md and its pictures.
 
-python tools/gallery.py --seconds 30
-python tools/gallery.py --only wine_glass --seconds 120
+python tools/gallery.py --seconds 300 --store renders
+python tools/gallery.py --seconds 300 --store renders --only crystal    # goes on where it stopped
 
-Each scene is rendered by the integrator that its script names first. Rows of scenes that are not
-rendered again stay as they are.
+Each scene is rendered by the integrator that its script names first, until its noise without the
+worst 0.1 % of the pixels is small enough or its time is over. What --store holds is gone on from.
+Rows of scenes that are not rendered again stay as they are.
 """
 
 import argparse
 import json
 import sys
+import time
 from pathlib import Path
 from typing import Any
 
+import imageio.v3 as imageio
+
 from hybrid_rt.cli.command import kept, one_or_more, run_tool
 from hybrid_rt.cli.scene_file import load_script
+from hybrid_rt.integrators import PPMOptions
 from hybrid_rt.rendering.renderer import render
-from hybrid_rt.rendering.summary import passes_in_words
+from hybrid_rt.rendering.summary import passes_in_words, per_cent
+from hybrid_rt.sensor.color import screen_pixels
 
 ROOT = Path(__file__).parents[1]
 PAGE, PICTURES, RECORD = "gallery.md", "gallery", "gallery.json"
+# First on the page, and rendered first; all others follow by name.
+FIRST = ("crystal", "light_box", "still_life", "rings", "nurbs_goblet", "wine_glass", "cornell_box")
+# Stops, of scenes whose lamps are set for figures and not for the eye.
+EXPOSURE = {
+    "caustic_ball": 2.0,
+    "caustic_through_glass": 2.0,
+    "glass_lathe": 1.0,
+    "wine_glass": 0.7,
+}
+# Lossy: no difference is seen at this quality, and a picture takes a tenth of a PNG.
+QUALITY = 90
 HEAD = """# Gallery
 
-Every scene of the project, by `python tools/gallery.py`, on a busy machine. Error: root mean square
-of the standard errors of all pixels, in units of radiance, from the differences between passes;
-where photons are gathered, the estimated blur, or a limit to it, comes beside it. The pictures are
-small, so that a page holds them; every script renders larger ones.
+Every scene of the project, rendered by `tools/gallery.py`. Below each picture stands what it cost and
+how far it may be off: the *noise* is the relative root-mean-square error of the pixels, estimated from
+the differences between passes, first without and then with the worst 0.1 % of them; where photons are
+gathered, their *blur*, or a limit to it, comes beside it. Nothing is denoised.
 """
 
 
@@ -34,12 +51,21 @@ def main() -> int:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument("--seconds", type=float, default=30.0, help="for each scene")
-    parser.add_argument("--width", type=one_or_more, default=360)
+    parser.add_argument("--seconds", type=float, default=300.0, help="for each scene, at most")
+    parser.add_argument(
+        "--noise", type=float, default=0.01, help="that is enough; default 0.01, one per cent"
+    )
+    parser.add_argument("--width", type=one_or_more, default=1280)
+    parser.add_argument(
+        "--photons", type=one_or_more, default=3_000_000, help="of a pass, where there are any"
+    )
     parser.add_argument("--threads", type=one_or_more, default=4)
     scenes = {script.stem: script for script in sorted((ROOT / "scenes").glob("*.py"))}
     parser.add_argument(
         "--only", action="append", choices=scenes, metavar="NAME", help="may be repeated"
+    )
+    parser.add_argument(
+        "--store", type=Path, metavar="DIR", help="holds a folder of each scene, to go on from"
     )
     parser.add_argument("--out", type=Path, default=ROOT / "docs")
     args = parser.parse_args()
@@ -47,12 +73,17 @@ def main() -> int:
     record_file = args.out / PICTURES / RECORD
     record = json.loads(record_file.read_text("utf-8")) if record_file.exists() else {}
     with kept(record_file, lambda: record):
-        for name in args.only or scenes:
+        for name in args.only or sorted(scenes, key=place):
             record[name] = show(scenes[name], args)
             print(row(name, record[name]), flush=True)
-    page = HEAD + "".join("\n" + section(name, facts) for name, facts in sorted(record.items()))
-    (args.out / PAGE).write_text(page, "utf-8")
+            sections = (section(shown, record[shown]) for shown in sorted(record, key=place))
+            (args.out / PAGE).write_text(HEAD + "".join(f"\n{text}" for text in sections), "utf-8")
     return 0
+
+
+def place(name: str) -> tuple[int, str]:
+    """Return by what scenes are sorted."""
+    return FIRST.index(name) if name in FIRST else len(FIRST), name
 
 
 def show(script: Path, args: argparse.Namespace) -> dict[str, Any]:
@@ -61,43 +92,77 @@ def show(script: Path, args: argparse.Namespace) -> dict[str, Any]:
     scene, integrator = load_script(script)
     camera = scene.camera
     height = max(round(camera.height * args.width / camera.width), 1)
-    small = scene.with_camera(camera.resized(args.width, height))
+    sized = scene.with_camera(camera.resized(args.width, height))
+    options = PPMOptions(args.photons) if integrator == "ppm" else None
     render(scene.with_camera(camera.resized(8, 6)), integrator, 1)  # compiles
-    result = render(small, integrator, time_budget=args.seconds, threads=args.threads)
-    result.save(args.out / PICTURES / f"{script.stem}.png")
-    (args.out / PICTURES / f"{script.stem}.json").unlink()
+    store = None if args.store is None else args.store / script.stem
+    spent = 0.0 if store is None else spent_on(store)
+    begin = time.process_time()
+    result = render(
+        sized,
+        integrator,
+        time_budget=args.seconds,
+        target_error_trimmed=args.noise,
+        threads=args.threads,
+        options=options,
+        store=store,
+        resume=store is not None,
+    )
+    spent += time.process_time() - begin
+    if store is not None:
+        spent_on(store, spent)
+    stops = EXPOSURE.get(script.stem, 0.0)
+    picture = args.out / PICTURES / f"{script.stem}.webp"
+    imageio.imwrite(picture, screen_pixels(result.image, stops), quality=QUALITY, method=6)
     report = result.report
-    photons = report.get("photons")
+    photons, noise = report.get("photons"), report["noise"]
     return {
         "about": text.split('"""')[1].split("\n")[0],
         "integrator": integrator,
         "size": [args.width, height],
-        "threads": args.threads,
         "passes": report["passes"],
-        "seconds": report["seconds"]["total"],
-        "error": report["noise"] and report["noise"]["root_mean_square_standard_error_of_pixels"],
-        "blur": photons and photons["blur_root_mean_square"],
-        "blur_at_most": photons and photons["blur_root_mean_square_at_most"],
+        "photons": photons and photons["per_pass"],
+        "processor_seconds": round(spent, 1),
+        "noise": noise and noise["relative_rmse"],
+        "noise_trimmed": noise and noise["relative_rmse_trimmed"],
+        "blur": photons and photons["blur_relative_rmse"],
+        "blur_at_most": photons and photons["blur_relative_rmse_at_most"],
+        "exposure": stops,
     }
+
+
+def spent_on(store: Path, seconds: float | None = None) -> float:
+    """Return the processor seconds of the passes in a store; write them first if they are given."""
+    file = store.with_suffix(".seconds")
+    if seconds is not None:
+        file.write_text(repr(seconds), "utf-8")
+    return float(file.read_text("utf-8")) if file.exists() else 0.0
 
 
 def row(name: str, facts: dict[str, Any]) -> str:
     """Put the facts of one picture into a line."""
-    error = "unknown after one pass" if facts["error"] is None else f"{facts['error']:.3g}"
-    blur = "" if facts["blur"] is None else f", blur {facts['blur']:.2g}"
-    if not blur and facts.get("blur_at_most") is not None:
-        blur = f", blur at most {facts['blur_at_most']:.2g}"
     width, height = facts["size"]
+    passes = passes_in_words(facts["passes"])
+    if facts["photons"]:
+        passes += f" of {facts['photons']:,} photons"
+    if facts["noise"] is None:
+        noise = "noise unknown after one pass"
+    else:
+        noise = f"noise {per_cent(facts['noise_trimmed'])} ({per_cent(facts['noise'])})"
+    if facts["blur"] is not None:
+        noise += f", blur {per_cent(facts['blur'])}"
+    elif facts["blur_at_most"] is not None:
+        noise += f", blur at most {per_cent(facts['blur_at_most'])}"
+    stops = f", shown {facts['exposure']:g} stops brighter" if facts["exposure"] else ""
     return (
-        f"`scenes/{name}.py`: {facts['integrator']}, {width} x {height}, "
-        f"{passes_in_words(facts['passes'])}, "
-        f"{facts['seconds']:.1f} s on {facts['threads']} threads, error {error}{blur}"
+        f"`scenes/{name}.py`: `{facts['integrator']}`, {width} x {height}, {passes}, "
+        f"{facts['processor_seconds']:.0f} s of processor time; {noise}{stops}"
     )
 
 
 def section(name: str, facts: dict[str, Any]) -> str:
     """Put one picture on the page."""
-    return f"## {facts['about']}\n\n![{name}](gallery/{name}.png)\n\n{row(name, facts)}\n"
+    return f"## {facts['about']}\n\n![{name}](gallery/{name}.webp)\n\n{row(name, facts)}\n"
 
 
 if __name__ == "__main__":
