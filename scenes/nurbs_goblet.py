@@ -17,8 +17,8 @@ from hybrid_rt import (
     Mix,
     Object,
     Rectangle,
+    RectangleLight,
     Scene,
-    SphereLight,
 )
 from hybrid_rt.core.records import FloatArray
 from meshing import BezierPatches, NurbsSurface
@@ -108,8 +108,8 @@ def scene() -> Scene:
     table = Rectangle((-12.0, -12.0, 0.0), (24.0, 0.0, 0.0), (0.0, 24.0, 0.0))
     return Scene(
         camera=Camera(
-            look_from=(3.4, -8.2, 4.9),
-            look_at=(0.1, 0.0, 1.15),
+            look_from=(2.6, -7.6, 4.3),
+            look_at=(0.12, 0.0, 1.22),
             up=(0.0, 0.0, 1.0),
             vertical_fov=32.0,
             width=800,
@@ -119,10 +119,12 @@ def scene() -> Scene:
             Object(goblet(), painted, "goblet"),
             Object(cloth(), Lambertian(ImageTexture(weave())), "cloth"),
             Object(ball((1.55, -0.75, 0.45), 0.42), Metal((0.95, 0.78, 0.45), 0.05), "ball"),
-            Object(table, Lambertian((0.16, 0.1, 0.07)), "table"),
+            Object(table, Lambertian((0.3, 0.17, 0.09)), "table"),
         ],
-        lights=[SphereLight((-4.5, -5.0, 7.5), 0.8, 26.0)],
-        environment=GradientSky((0.05, 0.05, 0.06), (0.5, 0.6, 0.75), (0.0, 0.0, 1.0)),
+        lights=[
+            RectangleLight((-7.0, -7.0, 5.0), (0.0, 4.0, 0.0), (2.0, 0.0, 4.0), (9.0, 8.4, 7.5))
+        ],
+        environment=GradientSky((0.3, 0.26, 0.22), (0.45, 0.55, 0.7), (0.0, 0.0, 1.0)),
     )
 
 

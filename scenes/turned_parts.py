@@ -87,8 +87,8 @@ def scene() -> Scene:
     ]
     return Scene(
         camera=Camera(
-            look_from=(0.6, -7.2, 4.4),
-            look_at=(0.05, -0.15, 0.45),
+            look_from=(0.8, -6.9, 4.2),
+            look_at=(0.12, -0.2, 0.45),
             up=UP,
             vertical_fov=34.0,
             width=640,
@@ -96,13 +96,12 @@ def scene() -> Scene:
         ),
         objects=[
             *(Object(surface, material) for surface, material in parts),
-            Object(Rectangle((-9, -9, 0), (18, 0, 0), (0, 18, 0)), Lambertian(0.42), "bench"),
+            Object(
+                Rectangle((-9, -9, 0), (18, 0, 0), (0, 18, 0)), Lambertian((0.5, 0.4, 0.3)), "bench"
+            ),
         ],
-        lights=[
-            RectangleLight((-4.5, 2.5, 5.5), (0, -4, 0), (3.0, 0, 1.5), (16.0, 15.2, 14.0)),
-            RectangleLight((3.5, -5.5, 4.0), (0, 3, 0), (0, 0, 2), (5.0, 5.5, 6.2)),
-        ],
-        environment=GradientSky((0.2, 0.2, 0.22), (0.55, 0.62, 0.72), UP),
+        lights=[RectangleLight((-6.5, -4.5, 4.5), (0, 4, 0), (2.5, 0, 3.0), (13.0, 12.2, 11.0))],
+        environment=GradientSky((0.3, 0.27, 0.24), (0.5, 0.6, 0.75), UP),
     )
 
 

@@ -1,0 +1,128 @@
+"""Show one caustic of meshes and of the true surface, in equal processor time: docs/gallery/strip.webp.
+
+python tools/mesh_or_exact.py --seconds 120
+
+The caustic of scenes/crystal.py, seen from close by, with accuracy="mesh" on two meshes and with
+certified hits. Beside the picture, strip.json says what each panel took; tools/gallery.py puts both
+on its page.
+"""
+
+import argparse
+import json
+import sys
+import tempfile
+import time
+from pathlib import Path
+from typing import Any
+
+import imageio.v3 as imageio
+import numpy as np
+from numpy.typing import NDArray
+
+from hybrid_rt import Camera, PPMOptions, Scene
+from hybrid_rt.cli.command import one_or_more, run_tool
+from hybrid_rt.cli.scene_file import load_scene
+from hybrid_rt.core.records import FloatArray
+from hybrid_rt.rendering.renderer import RenderResult, render
+from hybrid_rt.sensor.color import screen_pixels
+
+ROOT = Path(__file__).parents[1]
+# (accuracy, tolerance of the mesh in scene units); the bowl of the glass is 2 across.
+PANELS = (("mesh", 1e-2), ("mesh", 1e-3), ("certified", None))
+# Pixels between the panels, and the side of the blocks whose means are compared.
+GAP, BLOCK, QUALITY = 8, 8, 90
+
+
+def main() -> int:
+    """Run the tool."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--seconds", type=float, default=120.0, help="processor time of a panel")
+    parser.add_argument("--width", type=one_or_more, default=480, help="of a panel; default 480")
+    parser.add_argument("--photons", type=one_or_more, default=4_000_000, help="of a pass")
+    parser.add_argument("--threads", type=one_or_more, default=4)
+    parser.add_argument("--out", type=Path, default=ROOT / "docs" / "gallery")
+    args = parser.parse_args()
+    close = Camera(
+        look_from=(1.1, -9.0, 5.9),
+        look_at=(1.05, -1.9, 0.0),
+        up=(0.0, 0.0, 1.0),
+        vertical_fov=8.5,
+        width=args.width,
+        height=round(0.75 * args.width),
+    )
+    scene = load_scene(ROOT / "scenes" / "crystal.py").with_camera(close)
+    results, record = [], []
+    for accuracy, tolerance in PANELS:
+        result, seconds = panel(scene, accuracy, tolerance, args)
+        results.append(result)
+        record.append(facts(accuracy, tolerance, result, seconds))
+        print(record[-1], flush=True)
+    truth = blocks(results[-1].image)
+    for entry, result in zip(record, results, strict=True):
+        gap = blocks(result.image) - truth
+        entry["difference"] = float(np.sqrt((gap**2).mean() / (truth**2).mean()))
+    white = np.full((close.height, GAP, 3), 255, np.uint8)
+    parts = [part for result in results for part in (white, screen_pixels(result.image))]
+    args.out.mkdir(parents=True, exist_ok=True)
+    strip = np.concatenate(parts[1:], axis=1)
+    imageio.imwrite(args.out / "strip.webp", strip, quality=QUALITY, method=6)
+    (args.out / "strip.json").write_text(json.dumps(record, indent=1) + "\n", "utf-8")
+    return 0
+
+
+def panel(
+    scene: Scene, accuracy: str, tolerance: float | None, args: argparse.Namespace
+) -> tuple[RenderResult, float]:
+    """Render passes until the processor time is over; return the picture and that time."""
+    options = PPMOptions(args.photons)
+    small = scene.with_camera(scene.camera.resized(8, 6))
+    render(small, "ppm", 1, accuracy=accuracy, tolerance=tolerance)  # compiles
+    with tempfile.TemporaryDirectory() as store:
+        begin, passes = time.process_time(), 0
+        while True:
+            passes += 1
+            result = render(
+                scene,
+                "ppm",
+                passes,
+                threads=args.threads,
+                accuracy=accuracy,
+                tolerance=tolerance,
+                options=options,
+                store=store,
+                resume=True,
+            )
+            seconds = time.process_time() - begin
+            if seconds * (passes + 1) > args.seconds * passes:
+                return result, seconds
+
+
+def facts(
+    accuracy: str, tolerance: float | None, result: RenderResult, seconds: float
+) -> dict[str, Any]:
+    """Return what is said of a panel."""
+    report = result.report
+    noise = report["noise"]
+    return {
+        "accuracy": accuracy,
+        "tolerance": tolerance,
+        "triangles": report["coarse"]["triangles"],
+        "passes": report["passes"],
+        "photons": report["photons"]["per_pass"],
+        "processor_seconds": round(seconds, 1),
+        "noise_trimmed": noise and noise["relative_rmse_trimmed"],
+    }
+
+
+def blocks(image: NDArray[np.floating]) -> FloatArray:
+    """Return the means of blocks of pixels, clipped at white."""
+    rows, columns = (side // BLOCK for side in image.shape[:2])
+    shown = np.minimum(image[: rows * BLOCK, : columns * BLOCK].astype(np.float64), 1.0)
+    means: FloatArray = shown.reshape(rows, BLOCK, columns, BLOCK, 3).mean(axis=(1, 3))
+    return means
+
+
+if __name__ == "__main__":
+    sys.exit(run_tool(main))
