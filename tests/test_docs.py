@@ -35,7 +35,8 @@ def test_pictures_are_shown_and_links_lead_somewhere():
         links = re.findall(r"\]\(([^):#]+)(?:#[\w-]+)?\)", page.read_text(encoding="utf-8"))
         linked |= {(page.parent / link).resolve() for link in links}
     assert {link for link in linked if not link.exists()} == set()
-    assert set((ROOT / "docs").rglob("*.png")) <= linked
+    pictures = {p for ending in ("png", "webp") for p in (ROOT / "docs").rglob(f"*.{ending}")}
+    assert pictures <= linked
 
 
 def test_the_version_is_stated_alike():

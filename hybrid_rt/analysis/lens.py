@@ -160,7 +160,7 @@ class Lens:
             raise ValueError("a ray beside the axis does not pass the lens: check its apertures")
         x, dx, dz = ray.position[0, 0], ray.direction[0, 0], ray.direction[0, 2]
         crosses = ray.position[0, 2] - x * dz / dx
-        return Focus(-height * dz / dx, float(crosses - self.vertices[-1]))
+        return Focus(float(-height * dz / dx), float(crosses - self.vertices[-1]))
 
     def paraxial_focus(self) -> Focus:
         """Return the same by the product of paraxial matrices (Gaussian optics), without any ray."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -41,6 +42,11 @@ class TriangleMesh(Surface):
     is_triangular = True
 
     def __init__(self, mesh: trimesh.Trimesh) -> None:
+        if isinstance(mesh, str | os.PathLike):
+            file = shown(os.fspath(mesh))
+            raise TypeError(
+                f"TriangleMesh mesh is {file}: of a file, pass trimesh.load_mesh({file})"
+            )
         if isinstance(mesh, type) or not (hasattr(mesh, "vertices") and hasattr(mesh, "faces")):
             raise TypeError(
                 f"TriangleMesh mesh is {shown(mesh)}: pass a trimesh.Trimesh, or what has vertices "

@@ -268,6 +268,7 @@ class Film:
             of_mean = math.sqrt(float(self._variance(self._means, mean)))
         absolute, relative = self._root_mean_squares()
         n_pixels = self._sums[0].size // 3
+        is_lit = self._sums.any(axis=(0, 3)) | self._run.any(axis=2)
         return {
             "errs_on_the_safe_side": is_early and relative.share_of_worst <= RARE,
             "interval_factor": _STUDENT[(n if is_early else GROUPS) - 2],
@@ -278,7 +279,7 @@ class Film:
             "relative_rmse_trimmed": relative.trimmed,
             "worst_pixels": relative.n_worst,
             "worst_pixels_share_of_squared_error": relative.share_of_worst,
-            "pixels_without_light": n_pixels - int(np.count_nonzero(self._sums.any(axis=(0, 3)))),
+            "pixels_without_light": n_pixels - int(np.count_nonzero(is_lit)),
         }
 
     def _mean(self) -> FloatArray:

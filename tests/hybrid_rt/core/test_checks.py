@@ -58,6 +58,7 @@ def mesh(vertices, faces):
         (lambda: Box(None, (1, 1, 1)), "Box lo is None: pass real numbers"),
         (lambda: BALL.transformed("turn"), "Sphere matrix is 'turn': pass real numbers"),
         (lambda: TriangleMesh(None), "TriangleMesh mesh is None: pass a trimesh"),
+        (lambda: TriangleMesh("a.obj"), r"of a file, pass trimesh.load_mesh\(.a.obj.\)"),
         (lambda: mesh("abc", [[0, 1, 2]]), "TriangleMesh vertices is 'abc': pass real"),
         (lambda: BezierPatches("teapot.bpt"), "BezierPatches control is 'teapot.bpt': pass"),
         (lambda: SurfaceOfRevolution(3, (0, 0, 0), UP), "profile is 3: pass Bezier points"),

@@ -271,6 +271,16 @@ def test_worst_pixels_of_few_are_none():
     assert (errors.trimmed, errors.n_worst, errors.share_of_worst) == (errors.whole, 0, 0.0)
 
 
+@pytest.mark.parametrize("n_passes", [2, 3, 5])
+def test_black_pixels_are_counted_before_runs_are_whole(n_passes):
+    sheet = Film(4, 5)
+    for _ in range(n_passes):
+        radiance = np.ones((4, 5, 3))
+        radiance[1] = 0.0
+        sheet.add(radiance)
+    assert sheet.noise()["pixels_without_light"] == 5
+
+
 def test_what_is_not_finite_or_black_is_counted():
     sheet = Film(40, 50)
     for n in range(16):
