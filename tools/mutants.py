@@ -17,7 +17,8 @@ from pathlib import Path
 
 from hybrid_rt.cli.command import kept, one_or_more, run_tool
 from hybrid_rt.core import checks
-from hybrid_rt.verify.cases.mutants import MUTANTS, MutantResult, run_mutants
+from hybrid_rt.verify.cases.mutant_campaign import MutantResult, run_mutants
+from hybrid_rt.verify.cases.mutants import MUTANTS
 
 # Sets that are named for one mutant.
 MOST_NAMED = 4

@@ -12,7 +12,8 @@ import trimesh
 
 from hybrid_rt import Intersector, Sphere, TriangleMesh
 from hybrid_rt.core.records import Status
-from hybrid_rt.verify.cases.mutants import MUTANTS, Mutant, _compared, applied
+from hybrid_rt.verify.cases.mutant_campaign import compared
+from hybrid_rt.verify.cases.mutants import MUTANTS, Mutant, applied
 from hybrid_rt.verify.cases.rays import unit
 from hybrid_rt.verify.cases.singular_campaign import (
     judge_cell,
@@ -229,11 +230,11 @@ class TestMutants:
         }
         before |= {f"{key}|origins": cell.origins, f"{key}|directions": cell.directions}
         after = {**before, f"{key}|t_bound": 1e-6 * cell.hits.t_bound}
-        notices, differing = _compared(before, after, 10, {})
+        notices, differing = compared(before, after, 10, {})
         assert differing == cell.hits.hit.sum()
         assert [notice.set_name for notice in notices] == [name]
         assert notices[0].faults == {"bound broken": notices[0].telling}
-        assert _compared(before, before, 10, {}) == ([], 0)
+        assert compared(before, before, 10, {}) == ([], 0)
 
 
 def test_cells_can_be_run_again():
