@@ -2,7 +2,7 @@
 
 Rays are aimed at tips, poles, spindles, joints, rims, seams, flat parts, rulings, collapsed edges,
 corners, creases, cusps, shared edges, and away from hits, at 1e-1 to 1e-16 of the size, in several
-places; see `hybrid_rt/verify/singular_sets.py`. All crossings come from exact arithmetic. For each
+places; see `hybrid_rt/verify/cases/singular_sets.py`. All crossings come from exact arithmetic. For each
 set and distance: wrong hits (+ those that say TANGENT), broken bounds of t, points beside the ray,
 missing marks, rows TANGENT and those of them without need, rays left open; then the largest error
 of t in eps x scale / cos, in t_bound, and of the point in 64 eps x scale.

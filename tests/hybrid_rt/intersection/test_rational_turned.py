@@ -7,7 +7,7 @@ import pytest
 
 from hybrid_rt import Intersector, Sphere, Status, Torus
 from hybrid_rt.verify.cases.singular_campaign import run_set
-from hybrid_rt.verify.cases.singular_sets import rational_torus
+from hybrid_rt.verify.cases.singular_surfaces import rational_torus
 from hybrid_rt.verify.judges.surface_judge import judge_of
 from meshing import Cone, Cylinder, SurfaceOfRevolution, circular_arc
 

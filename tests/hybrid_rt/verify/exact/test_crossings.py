@@ -18,7 +18,7 @@ from hybrid_rt.verify.cases.catalogue import (
     square,
 )
 from hybrid_rt.verify.cases.rays import hard_rays
-from hybrid_rt.verify.cases.singular_sets import lid, petal
+from hybrid_rt.verify.cases.singular_surfaces import lid, petal
 from hybrid_rt.verify.exact.crossings import ALONG, OPEN, POINT, bits, rationals
 from hybrid_rt.verify.exact.patches import patches_crosser
 from hybrid_rt.verify.exact.revolution import revolution_crosser
