@@ -14,7 +14,7 @@ from hybrid_rt.primitives import Plane, Sphere
 from hybrid_rt.verify.cases.campaign import torus
 from hybrid_rt.verify.cases.rays import chords, edges, silhouettes, unit
 from hybrid_rt.verify.cases.singular_rays import size_of
-from hybrid_rt.verify.cases.singular_sets import (
+from hybrid_rt.verify.cases.singular_surfaces import (
     CONE,
     EGG,
     LENS,
@@ -24,16 +24,12 @@ from hybrid_rt.verify.cases.singular_sets import (
     uneven_lune,
 )
 from hybrid_rt.verify.exact.judge import ExactJudge
-from hybrid_rt.verify.stability.measure import (
-    DISTANCES,
-    EPS,
-    Plot,
+from hybrid_rt.verify.stability.measure import DISTANCES, EPS, Plot, differences, traced
+from hybrid_rt.verify.stability.measure_exact import (
     by_exact,
     by_set,
-    differences,
     exact_errors,
     exact_verdict,
-    traced,
     verdict_outcome,
 )
 from hybrid_rt.verify.stability.row import Effort, Outcome, refusal, row

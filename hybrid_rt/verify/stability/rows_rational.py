@@ -8,7 +8,8 @@ import numpy as np
 
 from hybrid_rt.core.records import FloatArray
 from hybrid_rt.verify.cases.rational_surfaces import octant
-from hybrid_rt.verify.stability.measure import EPS, Plot, by_exact, by_times
+from hybrid_rt.verify.stability.measure import EPS, Plot, by_times
+from hybrid_rt.verify.stability.measure_exact import by_exact
 from hybrid_rt.verify.stability.row import Effort, Outcome, refusal, row
 from meshing import BezierPatches, NurbsSurface
 

@@ -17,16 +17,8 @@ from hybrid_rt.verify.cases.catalogue import cone, cylinder, ring
 from hybrid_rt.verify.cases.rays import chords, secondary
 from hybrid_rt.verify.cases.singular_rays import size_of
 from hybrid_rt.verify.exact.truth import ExactScene
-from hybrid_rt.verify.stability.measure import (
-    EPS,
-    Plot,
-    by_exact,
-    by_set,
-    by_times,
-    catalogue,
-    exact_errors,
-    traced,
-)
+from hybrid_rt.verify.stability.measure import EPS, Plot, by_times, catalogue, traced
+from hybrid_rt.verify.stability.measure_exact import by_exact, by_set, exact_errors
 from hybrid_rt.verify.stability.row import Effort, Outcome, refusal, row
 from meshing import SurfaceOfRevolution
 

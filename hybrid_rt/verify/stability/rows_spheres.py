@@ -12,14 +12,8 @@ from hybrid_rt.intersection import Intersector
 from hybrid_rt.primitives import Sphere
 from hybrid_rt.verify.cases.rays import unit
 from hybrid_rt.verify.exact.truth import ExactScene
-from hybrid_rt.verify.stability.measure import (
-    EPS,
-    Plot,
-    by_exact,
-    catalogue,
-    exact_errors,
-    traced,
-)
+from hybrid_rt.verify.stability.measure import EPS, Plot, catalogue, traced
+from hybrid_rt.verify.stability.measure_exact import by_exact, exact_errors
 from hybrid_rt.verify.stability.row import Effort, Outcome, refusal, row
 
 ORIGIN = (0.0, 0.0, 0.0)

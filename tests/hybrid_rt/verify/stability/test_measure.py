@@ -11,15 +11,11 @@ from hybrid_rt.verify.cases.catalogue import cone, saddle, square
 from hybrid_rt.verify.cases.rays import chords
 from hybrid_rt.verify.exact.judge import ExactJudge
 from hybrid_rt.verify.judges.oracle import first_hits
-from hybrid_rt.verify.stability.measure import (
-    Plot,
+from hybrid_rt.verify.stability.measure import Plot, by_times, differences, judged, traced
+from hybrid_rt.verify.stability.measure_exact import (
     by_set,
-    by_times,
-    differences,
     exact_errors,
     exact_verdict,
-    judged,
-    traced,
     verdict_outcome,
 )
 from hybrid_rt.verify.stability.row import Effort, Outcome
