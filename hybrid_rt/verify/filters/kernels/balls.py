@@ -90,12 +90,6 @@ def scaled(a, power):
 
 
 @inner
-def widened(a, radius):
-    """Return a ball with a larger radius."""
-    return a[0], a[1], (a[2] + radius) * GROW
-
-
-@inner
 def sign(a):
     """Return 1 or -1 if all numbers of a ball have this sign; else 0."""
     if a[0] > a[2] * GROW:
@@ -103,12 +97,6 @@ def sign(a):
     if a[0] < -a[2] * GROW:
         return -1
     return 0
-
-
-@inner
-def is_below(a, b):
-    """Whether every number of a ball is below every number of another."""
-    return sign(minus(b, a)) > 0
 
 
 @inner

@@ -11,6 +11,7 @@ from hybrid_rt.core.records import FloatArray
 from hybrid_rt.primitives.asphere import Asphere
 from hybrid_rt.verify.judges.asphere_roots import AsphereRoots
 from hybrid_rt.verify.judges.kernels import events
+from hybrid_rt.verify.judges.near_rays import near_rays
 from hybrid_rt.verify.judges.surface_judge import (
     Number,
     Solver,
@@ -21,8 +22,6 @@ from hybrid_rt.verify.judges.surface_judge import (
 )
 from meshing.surface import Surface
 
-# Rays that pass the ball around an asphere by this part of it need no exact arithmetic.
-CLEAR = 1e-6
 # Over the root of the band: the flattest contact that still counts as one with a doubtful root.
 FLATTEST = 0.1
 
@@ -48,12 +47,7 @@ class AsphereJudge(SurfaceJudge, of=Asphere):
         def work(
             first: int, o: FloatArray, d: FloatArray, _low: FloatArray, out: events.Events
         ) -> None:
-            for i in range(len(o)):
-                length = math.hypot(*d[i])
-                band = events.BAND * max(math.dist(o[i], center), size)
-                across = np.linalg.norm(np.cross(o[i] - center, d[i])) / length
-                if across > (1.0 + CLEAR) * 0.5 * size + 2.0 * band:
-                    continue
+            for i, band, _ in near_rays(center, size, o, d):
                 exact = [
                     [flint.fmpq(*float(x).as_integer_ratio()) for x in row] for row in (o[i], d[i])
                 ]

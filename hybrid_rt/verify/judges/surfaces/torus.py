@@ -9,7 +9,6 @@ All else is doubtful: both decisions are right.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from itertools import pairwise
 from typing import Any, ClassVar
@@ -19,6 +18,7 @@ import numpy as np
 from hybrid_rt.core.records import FloatArray
 from hybrid_rt.primitives.torus import Torus
 from hybrid_rt.verify.judges.kernels import events
+from hybrid_rt.verify.judges.near_rays import near_rays
 from hybrid_rt.verify.judges.precision import bits
 from hybrid_rt.verify.judges.surface_judge import (
     Number,
@@ -34,8 +34,6 @@ from meshing.surface import Surface
 BITS = 128
 # By what the tubes of the three quartics differ from the torus, in bands, from the outside in.
 OUTER, TRUE, INNER = range(3)
-# Rays that pass the ball around a torus by this part of it need no exact arithmetic.
-CLEAR = 1e-6
 
 
 class TorusJudge(SurfaceJudge, of=Torus):
@@ -57,12 +55,7 @@ class TorusJudge(SurfaceJudge, of=Torus):
         def work(
             first: int, o: FloatArray, d: FloatArray, _low: FloatArray, out: events.Events
         ) -> None:
-            for i in range(len(o)):
-                length = math.hypot(*d[i])
-                band = events.BAND * max(math.dist(o[i], center), size)
-                across = np.linalg.norm(np.cross(o[i] - center, d[i])) / length
-                if across > (1.0 + CLEAR) * 0.5 * size + 2.0 * band:
-                    continue
+            for i, band, length in near_rays(center, size, o, d):
                 with bits(BITS):
                     for t, flatness, kind in _passages(quartics(o[i], d[i], band), band, length):
                         is_sure = kind == events.ROOT
