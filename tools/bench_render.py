@@ -33,7 +33,8 @@ from hybrid_rt.cli.scene_file import check_script, load_scene
 from hybrid_rt.core import checks
 from hybrid_rt.integrators import PPMOptions
 from hybrid_rt.intersection.intersector import COARSE_STAGES
-from hybrid_rt.rendering.renderer import RenderResult, render
+from hybrid_rt.rendering.renderer import render
+from hybrid_rt.rendering.result import RenderResult
 from hybrid_rt.scene.scene import Scene
 from hybrid_rt.sensor.image_metrics import noise_of_reference, relative_mse, seconds_to
 

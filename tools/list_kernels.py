@@ -41,7 +41,7 @@ from hybrid_rt.core import precompile
 from hybrid_rt.core.precompile import type_to_json
 from hybrid_rt.integrators import INTEGRATORS
 from hybrid_rt.intersection.kinds.registry import kernel_groups
-from hybrid_rt.rendering.renderer import RenderResult
+from hybrid_rt.rendering.result import RenderResult
 from hybrid_rt.verify.cases.campaign import SCENES as SURFACES_TO_JUDGE
 from hybrid_rt.verify.cases.campaign import steps
 from hybrid_rt.verify.judges.surface_judge import all_judges

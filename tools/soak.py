@@ -17,7 +17,8 @@ from typing import Any
 from hybrid_rt.cli.command import kept, one_or_more, run_tool
 from hybrid_rt.cli.scene_file import load_script
 from hybrid_rt.integrators.workers import TOGETHER
-from hybrid_rt.rendering.renderer import RenderInterrupted, render
+from hybrid_rt.rendering.renderer import render
+from hybrid_rt.rendering.result import RenderInterrupted
 
 WARM, OVER = 10, 100
 GROWTH = 0.05

@@ -13,7 +13,8 @@ from hybrid_rt.analysis.methods import Method, finds_all_light
 from hybrid_rt.analysis.picture_comparison import Picture
 from hybrid_rt.core.progress import Say
 from hybrid_rt.integrators import DEFAULT, INTEGRATORS
-from hybrid_rt.rendering.renderer import RenderResult, render
+from hybrid_rt.rendering.renderer import render
+from hybrid_rt.rendering.result import RenderResult
 from hybrid_rt.scene.scene import Scene
 from hybrid_rt.sensor.image_metrics import DARK, relative_mse
 

@@ -42,7 +42,7 @@ from hybrid_rt.core.threads import Pool
 from hybrid_rt.core.timing import timed
 from hybrid_rt.integrators import DEFAULT, INTEGRATORS
 from hybrid_rt.intersection import Intersector
-from hybrid_rt.rendering.renderer import RenderResult
+from hybrid_rt.rendering.result import RenderResult
 from hybrid_rt.scene.scene import Scene
 from hybrid_rt.sensor.image_metrics import DARK, picture_errors
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from hybrid_rt.cli.command import REFUSALS
 
 if TYPE_CHECKING:
-    from hybrid_rt.rendering.renderer import RenderResult
+    from hybrid_rt.rendering.result import RenderResult
 
 
 def add_denoise_option(parser: argparse.ArgumentParser) -> None:

@@ -17,7 +17,7 @@ from hybrid_rt.cli.options import settings_of
 
 if TYPE_CHECKING:
     from hybrid_rt.core.progress import Progress
-    from hybrid_rt.rendering.renderer import RenderInterrupted, RenderResult
+    from hybrid_rt.rendering.result import RenderInterrupted, RenderResult
     from hybrid_rt.scene.scene import Scene
 
 
@@ -176,7 +176,8 @@ def _resized(scene: Scene, width: int | None, height: int | None) -> Scene:
 
 def rendered(scene: Scene, **settings: Any) -> tuple[RenderResult, RenderInterrupted | None]:
     """Render a scene; where Ctrl-C ends it, return the picture so far and the interrupt."""
-    from hybrid_rt.rendering.renderer import RenderInterrupted, render
+    from hybrid_rt.rendering.renderer import render
+    from hybrid_rt.rendering.result import RenderInterrupted
 
     try:
         return render(scene, **settings), None

@@ -3,15 +3,10 @@
 from __future__ import annotations
 
 import logging
-import math
 import os
 from collections.abc import Sequence
 from contextlib import ExitStack
-from dataclasses import asdict, dataclass, field, fields
-from typing import Any
-
-import numpy as np
-from numpy.typing import NDArray
+from dataclasses import asdict, fields
 
 from hybrid_rt.core import checks
 from hybrid_rt.core.interrupts import kept_back
@@ -22,108 +17,21 @@ from hybrid_rt.integrators import DEFAULT, INTEGRATORS, Declaration, Options
 from hybrid_rt.integrators.options import DEEPEST
 from hybrid_rt.intersection.intersector import check_settings
 from hybrid_rt.rendering.audit import audit
-from hybrid_rt.rendering.channels import OUTPUTS, check_names, compute_channels
-from hybrid_rt.rendering.denoising import DenoisedPicture, denoise
-from hybrid_rt.rendering.display import as_html, one_line, png
+from hybrid_rt.rendering.channels import check_names, compute_channels
 from hybrid_rt.rendering.limits import Clock, Limit
 from hybrid_rt.rendering.memory import check_memory
 from hybrid_rt.rendering.report import light_left_out, make_report, relative_error
+from hybrid_rt.rendering.result import RenderInterrupted, RenderResult
 from hybrid_rt.rendering.run import ClusterLost, run_passes
 from hybrid_rt.rendering.set_up import Request, set_up
-from hybrid_rt.rendering.summary import passes_in_words, warnings_in_words
+from hybrid_rt.rendering.summary import warnings_in_words
 from hybrid_rt.rendering.watcher import Beginning, Watcher
 from hybrid_rt.sampling.sampler import Sampler
 from hybrid_rt.scene.scene import Scene
 from hybrid_rt.sensor.film import Film
-from hybrid_rt.sensor.image_files import save_image
 
 # What a report's text says as well: whoever prints that can leave these messages out.
 LOG = logging.getLogger("hybrid_rt.report")
-
-
-@dataclass(frozen=True)
-class RenderResult:
-    """A picture and its report.
-
-    Attributes
-    ----------
-    image : (height, width, 3) float32
-        Linear radiance, row 0 at the top.
-    report : dict
-        Settings, counts, seconds, versions; plain types only. The page "The report" of the
-        documentation has every key.
-    channels : dict
-        The requested outputs by name; see `hybrid_rt.rendering.channels`.
-    """
-
-    image: NDArray[np.float32]
-    report: dict[str, Any]
-    channels: dict[str, NDArray[np.float32]] = field(default_factory=dict)
-
-    @property
-    def error(self) -> float:
-        """The estimated relative root mean square error of the picture: noise, and blur of photons.
-
-        What a target error is held against; nan after a single pass, inf where nothing is known of
-        the blur. It counts neither light that the integrator does not find nor the geometric error.
-        """
-        errors = self.report["relative_error"]
-        if errors is None:
-            return math.nan
-        return math.inf if errors["both"] is None else float(errors["both"])
-
-    @property
-    def seconds(self) -> float:
-        """Wall seconds of the render, without the compilation of kernels."""
-        return float(self.report["seconds"]["total"])
-
-    @property
-    def passes(self) -> int:
-        """The passes of which the picture is the mean."""
-        return int(self.report["passes"])
-
-    def save(self, path: str | os.PathLike[str], exposure: float = 0.0) -> None:
-        """Write the picture, and the report beside it; see `hybrid_rt.sensor.image_files.save_image`."""
-        parts = {name: output.parts for name, output in OUTPUTS.items()}
-        save_image(path, self.image, self.report, self.channels, exposure, parts)
-
-    def denoised(self) -> DenoisedPicture:
-        """Return a smoother, biased picture for the eye; see `hybrid_rt.rendering.denoising.denoise`.
-
-        The render needs ``outputs=["albedo", "normal"]``. No error in the report refers to it.
-        """
-        return denoise(self.image, self.channels, self.report)
-
-    def __repr__(self) -> str:
-        """Name size, integrator, passes, error and seconds."""
-        return one_line(self.image, self.report)
-
-    def _repr_png_(self) -> bytes:
-        """Return the picture as notebooks show it: as `save` writes it to a .png file."""
-        return png(self.image)
-
-    def _repr_html_(self) -> str:
-        """Return the picture and its report as notebooks show them."""
-        return as_html(self.image, self.report)
-
-
-class RenderInterrupted(KeyboardInterrupt):
-    """Ctrl-C ended a render after at least one pass.
-
-    Attributes
-    ----------
-    result : RenderResult
-        The picture of the complete passes; ``report["stopped_by"]`` is "interrupted", unless all
-        passes were complete when Ctrl-C came.
-    """
-
-    def __init__(self, result: RenderResult) -> None:
-        super().__init__(f"interrupted after {passes_in_words(result.report['passes'])}")
-        self.result = result
-
-    def __reduce__(self) -> tuple[Any, ...]:
-        """Pickle as what it was made of."""
-        return RenderInterrupted, (self.result,)
 
 
 def render(
@@ -230,17 +138,9 @@ def render(
     declared = INTEGRATORS[checks.choice(integrator, "integrator", INTEGRATORS)]
     _check_options(declared, options)
     limit, names, n_threads = check_request(
-        passes,
-        time_budget,
-        target_error,
-        target_error_trimmed,
-        seed,
-        threads,
-        accuracy,
-        coarse,
-        tolerance,
-        outputs,
-    )
+        passes, time_budget, target_error, target_error_trimmed, seed, threads, accuracy, coarse,
+        tolerance, outputs,
+    )  # fmt: skip
     checks.whole(max_depth, "max_depth", at_least=0, up_to=DEEPEST)
     if progress is not None and not callable(progress):
         raise TypeError(

@@ -23,7 +23,8 @@ from hybrid_rt.lights import GradientSky
 from hybrid_rt.materials import Emissive, Mirror
 from hybrid_rt.materials.material import Material
 from hybrid_rt.primitives import Box, Rectangle
-from hybrid_rt.rendering.renderer import RenderResult, render
+from hybrid_rt.rendering.renderer import render
+from hybrid_rt.rendering.result import RenderResult
 from hybrid_rt.scene.scene import Object, Scene
 from hybrid_rt.sensor.camera import Camera
 from hybrid_rt.verify.stability.row import Effort, Outcome

@@ -20,7 +20,7 @@ from hybrid_rt.lights import RectangleLight, SphereLight
 from hybrid_rt.lights.spot import SpotLight
 from hybrid_rt.materials import Dielectric, Lambertian
 from hybrid_rt.primitives import Box, Rectangle
-from hybrid_rt.rendering.renderer import RenderResult
+from hybrid_rt.rendering.result import RenderResult
 from hybrid_rt.scene.scene import Object, Scene
 from hybrid_rt.sensor.camera import Camera
 from hybrid_rt.shading.kernels.bsdf import LobeTable

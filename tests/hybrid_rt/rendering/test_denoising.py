@@ -9,7 +9,7 @@ import pytest
 from hybrid_rt.cli import program
 from hybrid_rt.cli.command import BAD_INPUT
 from hybrid_rt.rendering.denoising import BIASED, DenoisedPicture, denoised_name
-from hybrid_rt.rendering.renderer import RenderResult
+from hybrid_rt.rendering.result import RenderResult
 
 REPORT = {"passes": 4, "settings": {"seed": 0}, "versions": {}, "noise": {"relative_rmse": 0.1}}
 HEIGHT, WIDTH = 48, 64

@@ -23,7 +23,8 @@ from hybrid_rt.materials import Lambertian
 from hybrid_rt.primitives import Plane, Sphere
 from hybrid_rt.rendering import renderer as rendering
 from hybrid_rt.rendering import summary as numbers
-from hybrid_rt.rendering.renderer import RenderInterrupted, render
+from hybrid_rt.rendering.renderer import render
+from hybrid_rt.rendering.result import RenderInterrupted
 from hybrid_rt.scene.scene import Object, Scene
 from hybrid_rt.sensor.camera import Camera
 

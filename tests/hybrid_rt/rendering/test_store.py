@@ -16,7 +16,8 @@ from hybrid_rt.integrators import workers
 from hybrid_rt.integrators.options import PhotonMapOptions, PPMOptions
 from hybrid_rt.primitives.rectangle import Rectangle
 from hybrid_rt.rendering import store as store_module
-from hybrid_rt.rendering.renderer import RenderInterrupted, render
+from hybrid_rt.rendering.renderer import render
+from hybrid_rt.rendering.result import RenderInterrupted
 from hybrid_rt.rendering.store import PassStore, StoreError
 
 OPTIONS = {
