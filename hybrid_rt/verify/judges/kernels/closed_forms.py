@@ -15,7 +15,7 @@ from hybrid_rt.verify.judges.kernels.double_double import (
     two_sum,
 )
 from hybrid_rt.verify.judges.kernels.events import AROUND, BAND, DOUBTFUL, ROOT, SHIFT, note
-from hybrid_rt.verify.judges.kernels.patch_roots import normal_frame
+from hybrid_rt.verify.judges.kernels.patch_bisection import normal_frame
 from meshing.kernels.jit import inner, kernel
 
 

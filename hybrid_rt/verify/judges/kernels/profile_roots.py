@@ -34,14 +34,8 @@ from hybrid_rt.verify.judges.kernels.events import (
     UNDECIDED,
     note,
 )
-from hybrid_rt.verify.judges.kernels.patch_roots import (
-    MOST_PIECES,
-    NEWTON_STEPS,
-    PIECE,
-    ROUNDING,
-    normal_frame,
-    window_of,
-)
+from hybrid_rt.verify.judges.kernels.patch_bisection import MOST_PIECES, PIECE, normal_frame
+from hybrid_rt.verify.judges.kernels.patch_roots import NEWTON_STEPS, ROUNDING, window_of
 from meshing.kernels.jit import inner, kernel
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from hybrid_rt.core.records import FloatArray
-from hybrid_rt.verify.judges.kernels import events, patch_roots
+from hybrid_rt.verify.judges.kernels import events, patch_bisection, patch_roots
 from hybrid_rt.verify.judges.surface_judge import Number, Solver, SurfaceJudge, Vector, Worker
 from meshing import BezierPatches
 
@@ -42,9 +42,9 @@ class BezierJudge(SurfaceJudge, of=BezierPatches):
             scratch = patch_roots.Scratch(
                 nets=np.empty((DEPTH, 3 * max(lengths))),
                 spans=np.empty((DEPTH, 4)),
-                leaves=np.empty((patch_roots.MOST_LEAVES, 6)),
+                leaves=np.empty((patch_bisection.MOST_LEAVES, 6)),
                 one=np.empty((1, 6)),
-                rejected=np.empty((patch_roots.MOST_REJECTED, 2)),
+                rejected=np.empty((patch_bisection.MOST_REJECTED, 2)),
                 rows=np.empty((31, 4)),
                 high=np.empty(31),
                 low=np.empty(31),

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from hybrid_rt.core.records import FloatArray
-from hybrid_rt.verify.judges.kernels import events, patch_roots, profile_roots
+from hybrid_rt.verify.judges.kernels import events, patch_bisection, profile_roots
 from hybrid_rt.verify.judges.surface_judge import Number, Solver, SurfaceJudge, Vector, Worker
 from meshing import SurfaceOfRevolution
 
@@ -61,7 +61,7 @@ class RevolutionJudge(SurfaceJudge, of=SurfaceOfRevolution):
             scratch = profile_roots.ProfileScratch(
                 nets=np.empty((DEPTH, 62)),
                 spans=np.empty((DEPTH, 4)),
-                leaves=np.empty((patch_roots.MOST_LEAVES, 4)),
+                leaves=np.empty((patch_bisection.MOST_LEAVES, 4)),
                 one=np.empty((1, 4)),
                 high=np.empty(31),
                 low=np.empty(31),
