@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,9 +16,9 @@ from hybrid_rt.integrators.kernels.compaction import (
     pack_shadow_rays,
 )
 from hybrid_rt.integrators.light_points import pdf_area_of_hits, seen_points
+from hybrid_rt.integrators.shading import NO_MEDIA, NO_NORMALS, NO_RATIO, Shading
 from hybrid_rt.primitives.vertex_normals import shading_normals
 from hybrid_rt.scene.compiled import NOTHING
-from hybrid_rt.shading.kernels.bsdf import Vertices
 from hybrid_rt.shading.kernels.emitter import UNWEIGHTED, Met, light_on_hits, light_on_rays
 from hybrid_rt.shading.kernels.light_kinds import LightPoints
 from hybrid_rt.shading.kernels.lobes.register import SPREADS, WIDE
@@ -30,50 +30,9 @@ from hybrid_rt.shading.kernels.medium_stack import (
 )
 from hybrid_rt.shading.kernels.texture import lobe_colors
 
-NO_NORMALS = np.zeros((0, 3))
-NO_RATIO, NO_MEDIA = np.zeros(0), np.zeros((0, 0), dtype=np.int32)
 NO_RIVAL = np.zeros(0)
 NO_LOBES = np.zeros(0, dtype=np.int32)
 NONE_SMOOTH = np.zeros(0, dtype=np.bool_)
-
-
-@dataclass(frozen=True)
-class Shading:
-    """Hits with all that shading needs: normals, material, lobe colours, media.
-
-    Attributes
-    ----------
-    hits : HitRecord of n rows
-        ``normal`` is the shading normal.
-    directions : (n, 3) float64
-        Directions of the incoming rays.
-    material : (n,) int32
-    colors : (n, most lobes of a material, 3) float64
-    geometric : (n, 3) float64, or (0, 3)
-        Geometric normals, if they differ from the shading normals.
-    ratio : (n,) float64, or (0,)
-        Refractive index beyond the surface over that before it, where rough glass transmits; else
-        0. Empty if the scene has no rough glass.
-    beyond : (n, STACK) int32, or (0, 0)
-        Medium stacks of rays transmitted there.
-    """
-
-    hits: HitRecord
-    directions: FloatArray
-    material: IntArray
-    colors: FloatArray
-    geometric: FloatArray
-    ratio: FloatArray
-    beyond: IntArray
-
-    @property
-    def vertices(self) -> Vertices:
-        """The arrays as kernels take them."""
-        hits = self.hits
-        return Vertices(
-            self.material, self.colors, hits.position, hits.normal, self.directions,
-            self.geometric, self.ratio,
-        )  # fmt: skip
 
 
 class SurfaceLight:

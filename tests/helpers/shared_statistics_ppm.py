@@ -19,12 +19,8 @@ from hybrid_rt.integrators import INTEGRATORS
 from hybrid_rt.integrators.context import RenderContext
 from hybrid_rt.integrators.kernels.photon_steps import MET_SPECULAR, Photons
 from hybrid_rt.integrators.media.contacts import Contacts
-from hybrid_rt.integrators.photons.photon_tracer import (
-    PHOTON_DIMENSION,
-    PhotonTracer,
-    blocks_of,
-    joined,
-)
+from hybrid_rt.integrators.photons.photon_groups import blocks_of
+from hybrid_rt.integrators.photons.photon_tracer import PHOTON_DIMENSION, PhotonTracer, joined
 from hybrid_rt.intersection import Intersector
 from hybrid_rt.sampling.sampler import Sampler
 from hybrid_rt.scene.compiled import compile_scene

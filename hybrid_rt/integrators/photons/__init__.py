@@ -33,7 +33,7 @@ def _make_photon_map(context: RenderContext, threads: int) -> Workers:
 
 
 def _refuse(scene: CompiledScene) -> None:
-    from hybrid_rt.integrators.photons.photon_tracer import check_lights
+    from hybrid_rt.integrators.photons.photon_groups import check_lights
 
     check_lights(scene)
 

@@ -19,8 +19,9 @@ from numpy.typing import NDArray
 
 from hybrid_rt.core.records import BoolArray, FloatArray, IntArray
 from hybrid_rt.integrators.context import RenderContext
-from hybrid_rt.integrators.direct_light import Shading, largest_channel
+from hybrid_rt.integrators.direct_light import largest_channel
 from hybrid_rt.integrators.kernels.compaction import Paths
+from hybrid_rt.integrators.shading import Shading
 from hybrid_rt.scene.compiled import NOTHING
 from hybrid_rt.shading.kernels.fresnel import split_at_glass
 from hybrid_rt.shading.kernels.lobes.register import FOLLOWED, NARROW, TRANSMITS

@@ -15,13 +15,7 @@ from numpy.typing import NDArray
 
 from hybrid_rt.core.records import FloatArray, IntArray, NamedPoints
 from hybrid_rt.integrators.context import RenderContext
-from hybrid_rt.integrators.direct_light import (
-    NO_RIVAL,
-    NONE_SMOOTH,
-    Shading,
-    SurfaceLight,
-    largest_channel,
-)
+from hybrid_rt.integrators.direct_light import NO_RIVAL, NONE_SMOOTH, SurfaceLight, largest_channel
 from hybrid_rt.integrators.integrator import (
     FIRST_PATH_DIMENSION,
     CameraBlock,
@@ -39,6 +33,7 @@ from hybrid_rt.integrators.photons.branching import (
 )
 from hybrid_rt.integrators.photons.density_estimation import Field, Points
 from hybrid_rt.integrators.photons.photon_tracer import PhotonTracer
+from hybrid_rt.integrators.shading import Shading
 from hybrid_rt.scene.compiled import NOTHING
 from hybrid_rt.shading.kernels.emitter import BOTH, LIGHT_ONLY
 from hybrid_rt.shading.kernels.lobes.register import EVERY, FOLLOWED, NARROW, WIDE

@@ -17,10 +17,10 @@ from numpy.typing import NDArray
 
 from hybrid_rt.core.records import BoolArray, FloatArray, NamedPoints
 from hybrid_rt.integrators.context import RenderContext
-from hybrid_rt.integrators.direct_light import Shading
 from hybrid_rt.integrators.kernels.density_estimate import splat_photons
 from hybrid_rt.integrators.kernels.photon_steps import MET_SPECULAR, Flight, Photons
 from hybrid_rt.integrators.photons.density_estimation import NEAREST, PIXELS
+from hybrid_rt.integrators.shading import Shading
 from hybrid_rt.sensor.camera import Camera
 
 if TYPE_CHECKING:

@@ -8,16 +8,14 @@ are all passes together.
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, field
-from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
 from hybrid_rt.core.records import FloatArray, HitRecord, IntArray, NamedPoints
 from hybrid_rt.integrators.context import RenderContext
-from hybrid_rt.integrators.direct_light import Shading, SurfaceLight, largest_channel
+from hybrid_rt.integrators.direct_light import SurfaceLight, largest_channel
 from hybrid_rt.integrators.kernels.photon_emission import (
     Launch,
     Targets,
@@ -39,18 +37,21 @@ from hybrid_rt.integrators.kernels.photon_steps import (
 from hybrid_rt.integrators.light_points import new_light_points
 from hybrid_rt.integrators.media.absorption import absorb, media_around_lights
 from hybrid_rt.integrators.media.contacts import Contacts, first_hits
-from hybrid_rt.integrators.path import PATH
 from hybrid_rt.integrators.photons.light_tracing import DensePlaces, Splats, show
+from hybrid_rt.integrators.photons.photon_groups import (
+    Group,
+    ball_of_world,
+    in_sequence,
+    powers_of_lights,
+    sequence_of,
+)
 from hybrid_rt.integrators.photons.projection_map import targets_of
+from hybrid_rt.integrators.shading import Shading
 from hybrid_rt.sampling.sampler import UIntArray
-from hybrid_rt.scene.compiled import NOTHING, CompiledScene
-from hybrid_rt.sensor.passes import GROUPS, group_of
+from hybrid_rt.scene.compiled import NOTHING
 from hybrid_rt.shading.kernels.light_kinds import LightPoints
 from hybrid_rt.shading.kernels.lobes.register import FOLLOWED, SPREADS, WIDE
 from hybrid_rt.shading.kernels.scatter import ABSORBED, LEFT, SCATTERED, SPECULAR, STOPPED
-
-# About how many photons one thread follows at a time.
-AT_ONCE = 2**16
 
 # Dimensions of photons begin far beyond those of camera rays, those of the first photons of all,
 # which only find radii, farther still.
@@ -58,29 +59,8 @@ PHOTON_DIMENSION, PILOT_DIMENSION = 2**40, 2**41
 LAUNCH, PER_LAUNCH = 0, 1
 # What the points of one step are for.
 DIRECTION, LOBE, LENS, PER_STEP = 0, 1, 2, 3
-
 # Of the photons of a light, how many are aimed where there is something to aim at.
 AIMED_SHARE = 0.5
-
-
-@dataclass(frozen=True)
-class Group:
-    """The photons of one light and kind.
-
-    ``light`` is a row of the light table; the number of lights stands for the environment.
-    ``n_spread`` and ``n_aimed`` are the photons per pass of either kind from this light.
-    """
-
-    number: int
-    light: int
-    is_aimed: bool
-    n_spread: int
-    n_aimed: int
-
-    @property
-    def n(self) -> int:
-        """Photons of this group per pass."""
-        return self.n_aimed if self.is_aimed else self.n_spread
 
 
 @dataclass
@@ -129,7 +109,7 @@ class PhotonTracer:
         self.balance = Balance()
         self.dense: DensePlaces | None = None
         scene = context.scene
-        self.world = _world(scene)
+        self.world = ball_of_world(scene)
         self._light = SurfaceLight(context)
         self.gathers = scene.materials_with(WIDE)
         self._spreads = scene.materials_with(SPREADS)
@@ -137,7 +117,7 @@ class PhotonTracer:
         if context.plan["aimed photons"]:
             throws = scene.materials_with(FOLLOWED)
             self._targets = targets_of(scene, throws)
-        self._powers = _powers(scene, self.world)
+        self._powers = powers_of_lights(scene, self.world)
         sends = np.flatnonzero((self._powers[:-1] > 0.0) & context.plan["photons"])
         self._media = media_around_lights(context, contacts, sends)
 
@@ -268,7 +248,7 @@ class PhotonTracer:
         scene = self.context.scene
         n = number.size
         # Where a photon arrives depends on all of these together.
-        name, index = _in_sequence(sequence, number)
+        name, index = in_sequence(sequence, number)
         xi = self.context.sampler.joint(name, dimension + LAUNCH, index, 5)
         # Columns of their own: slices are another type to numba, and the kernel compiled twice.
         way, place, choice = xi[:, :2].copy(), xi[:, 2:4].copy(), xi[:, 4].copy()
@@ -300,7 +280,7 @@ class PhotonTracer:
         )
 
     def _points(self, sequence: int, number: UIntArray, dimension: int) -> FloatArray:
-        name, _ = _in_sequence(sequence, number)
+        name, _ = in_sequence(sequence, number)
         return self.context.sampler.points(name, dimension, number)
 
     def _ways(self, sequence: int, flight: Flight, material: IntArray, step: int) -> FloatArray:
@@ -316,79 +296,11 @@ class PhotonTracer:
         return new_light_points(0) if chooser is None else chooser.points(xi)
 
 
-def sequence_of(group: Group, pass_number: int) -> tuple[int, int]:
-    """Return the sequence that a pass continues, and the index of its first point there.
-
-    Each group of passes has a sequence of its own, so that the differences between groups measure
-    the noise (`hybrid_rt.sensor.film`).
-    """
-    compared, number = group_of(np.array([pass_number], dtype=np.uint64))
-    return group.number * GROUPS + int(compared[0]), int(number[0]) * group.n
-
-
-def check_lights(scene: CompiledScene) -> None:
-    """Raise ValueError for a scene that photons cannot be traced in; see `PhotonTracer`."""
-    _powers(scene, _world(scene))
-
-
-def blocks_of(groups: list[Group]) -> list[tuple[Group, int, int]]:
-    """Return the blocks in which the photons of a pass are traced, of about the same size."""
-    blocks = []
-    for group in groups:
-        edges = np.linspace(0, group.n, max(round(group.n / AT_ONCE), 1) + 1).round().astype(int)
-        blocks += [(group, int(first), int(stop)) for first, stop in pairwise(edges)]
-    return blocks
-
-
 def joined(parts: list[Photons]) -> Photons:
     """Concatenate photons."""
     if not parts:
         return _new_photons(0)
     return Photons(*(np.concatenate(columns) for columns in zip(*parts, strict=True)))
-
-
-def _in_sequence(sequence: int, number: UIntArray) -> tuple[UIntArray, UIntArray]:
-    """Return the names of points of a group, and their indices.
-
-    A sequence has 2**32 points; beyond, the next one begins.
-    """
-    name = (number >> np.uint64(32)) + np.uint64(sequence * 2**32)
-    return name, number & np.uint64(2**32 - 1)
-
-
-def _world(scene: CompiledScene) -> FloatArray:
-    """Return centre and radius of a ball around all surfaces that end."""
-    ends = [surface for surface in scene.surfaces if surface.is_bounded]
-    if not ends:
-        return np.array([0.0, 0.0, 0.0, 1.0])
-    bounds = np.array([s.bounds for s in ends], dtype=np.float64)
-    low, high = bounds[:, 0].min(axis=0), bounds[:, 1].max(axis=0)
-    return np.array([*(0.5 * (low + high)), 0.5 * np.linalg.norm(high - low)])
-
-
-def _powers(scene: CompiledScene, world: FloatArray) -> FloatArray:
-    """Return about how much each light sends out, (lights + 1,), the sky last."""
-    power = np.append(scene.power, 0.0)
-    endless = [i for i, surface in enumerate(scene.surfaces) if not surface.is_bounded]
-    shining = np.intersect1d(endless, scene.surface_of_light)
-    if shining.size:
-        raise ValueError(
-            f"{scene.called[shining[0]]} is a plane that shines, so sends out photons "
-            f"without end: pass a Rectangle, or use integrator {PATH.name!r}"
-        )
-    if scene.environment is not None:
-        if endless:
-            raise ValueError(
-                f"{scene.called[endless[0]]} is a plane, to which the sky sends photons "
-                f"without end: pass a Rectangle, or use integrator {PATH.name!r}"
-            )
-        height = (np.arange(64) + 0.5) / 32.0 - 1.0
-        turn = math.pi * (3.0 - math.sqrt(5.0)) * np.arange(64)
-        ring = np.sqrt(1.0 - height**2)
-        ways = np.stack([ring * np.cos(turn), ring * np.sin(turn), height], axis=1)
-        mean = float(scene.environment.radiance(ways).mean())
-        power[-1] = 4.0 * math.pi**2 * world[3] ** 2 * mean
-    return power
 
 
 def _new_launch(n: int) -> Launch:

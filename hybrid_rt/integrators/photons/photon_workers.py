@@ -22,12 +22,8 @@ from hybrid_rt.integrators.photons.blur import BlurSums
 from hybrid_rt.integrators.photons.density_estimation import Field
 from hybrid_rt.integrators.photons.eye_pass import EyePass
 from hybrid_rt.integrators.photons.light_tracing import Splats
-from hybrid_rt.integrators.photons.photon_tracer import (
-    PHOTON_DIMENSION,
-    Balance,
-    blocks_of,
-    joined,
-)
+from hybrid_rt.integrators.photons.photon_groups import blocks_of
+from hybrid_rt.integrators.photons.photon_tracer import PHOTON_DIMENSION, Balance, joined
 from hybrid_rt.integrators.workers import (
     NO_BLUR,
     UNKNOWN_BLUR,

@@ -20,12 +20,12 @@ from numpy.typing import NDArray
 from hybrid_rt.core.ledger import Ledger
 from hybrid_rt.core.records import FloatArray
 from hybrid_rt.integrators.context import RenderContext
-from hybrid_rt.integrators.direct_light import Shading
 from hybrid_rt.integrators.integrator import PIXEL_BITS
 from hybrid_rt.integrators.kernels.compaction import Paths
 from hybrid_rt.integrators.kernels.density_estimate import Sums
 from hybrid_rt.integrators.photons.density_estimation import Discs
 from hybrid_rt.integrators.photons.eye_pass import TO_LIGHT, EyePass
+from hybrid_rt.integrators.shading import Shading
 from hybrid_rt.sensor.image_metrics import DARK
 from hybrid_rt.sensor.passes import GROUPS
 

@@ -25,14 +25,8 @@ from hybrid_rt.integrators.media.absorption import media_around_camera
 from hybrid_rt.integrators.media.contacts import Contacts
 from hybrid_rt.integrators.photons import PPM
 from hybrid_rt.integrators.photons.light_tracing import shown_rows
-from hybrid_rt.integrators.photons.photon_tracer import (
-    LENS,
-    PER_LAUNCH,
-    PER_STEP,
-    Group,
-    PhotonTracer,
-    sequence_of,
-)
+from hybrid_rt.integrators.photons.photon_groups import Group, sequence_of
+from hybrid_rt.integrators.photons.photon_tracer import LENS, PER_LAUNCH, PER_STEP, PhotonTracer
 from hybrid_rt.sampling.sampler import Sampler
 from hybrid_rt.scene.compiled import NOTHING, CompiledScene
 from hybrid_rt.scene.plan import make_plan

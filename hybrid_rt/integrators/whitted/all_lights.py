@@ -9,12 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hybrid_rt.core.records import BoolArray, FloatArray, IntArray, NamedPoints
-from hybrid_rt.integrators.direct_light import (
-    NO_RATIO,
-    Shading,
-    SurfaceLight,
-    largest_channel,
-)
+from hybrid_rt.integrators.direct_light import SurfaceLight, largest_channel
+from hybrid_rt.integrators.shading import NO_RATIO, Shading
 from hybrid_rt.sampling.sampler import UIntArray
 from hybrid_rt.scene.compiled import NOTHING
 from hybrid_rt.shading.kernels.bsdf import sample_lobes

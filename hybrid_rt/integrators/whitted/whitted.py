@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from hybrid_rt.core.records import BoolArray, FloatArray, HitRecord, IntArray
 from hybrid_rt.integrators.context import RenderContext
-from hybrid_rt.integrators.direct_light import NO_RATIO, NO_RIVAL, Shading, largest_channel
+from hybrid_rt.integrators.direct_light import NO_RIVAL, largest_channel
 from hybrid_rt.integrators.integrator import (
     BLOCK,
     FIRST_PATH_DIMENSION,
@@ -25,6 +25,7 @@ from hybrid_rt.integrators.integrator import (
 )
 from hybrid_rt.integrators.kernels.compaction import add_to_pixels
 from hybrid_rt.integrators.media.absorption import absorb, media_around_camera
+from hybrid_rt.integrators.shading import NO_RATIO, Shading
 from hybrid_rt.integrators.whitted.all_lights import AllLights
 from hybrid_rt.sampling.sampler import UIntArray
 from hybrid_rt.scene.compiled import NOTHING

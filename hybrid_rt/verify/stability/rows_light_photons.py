@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 
 from hybrid_rt.core.records import FloatArray
 from hybrid_rt.integrators import PathOptions, PhotonMapOptions, PPMOptions
-from hybrid_rt.integrators.direct_light import NO_NORMALS
 from hybrid_rt.integrators.kernels.photon_steps import Photons
 from hybrid_rt.integrators.photons.density_estimation import Discs, Points, Radii
+from hybrid_rt.integrators.shading import NO_NORMALS
 from hybrid_rt.lights import RectangleLight, SphereLight
 from hybrid_rt.lights.spot import SpotLight
 from hybrid_rt.materials import Dielectric, Lambertian

@@ -10,7 +10,6 @@ import pytest
 from scipy import stats
 
 from hybrid_rt.integrators import PhotonMapOptions, PPMOptions
-from hybrid_rt.integrators.direct_light import NO_NORMALS
 from hybrid_rt.integrators.kernels.photon_steps import Photons
 from hybrid_rt.integrators.photons import (
     density_estimation as gathering,
@@ -18,8 +17,9 @@ from hybrid_rt.integrators.photons import (
 from hybrid_rt.integrators.photons import (
     photon_workers,
 )
-from hybrid_rt.integrators.photons.photon_tracer import Group, sequence_of
+from hybrid_rt.integrators.photons.photon_groups import Group, sequence_of
 from hybrid_rt.integrators.photons.ppm import radius_factor
+from hybrid_rt.integrators.shading import NO_NORMALS
 from hybrid_rt.lights import GradientSky, PointLight, RectangleLight, SphereLight
 from hybrid_rt.materials import Dielectric, Emissive, Lambertian, Metal, Mirror, Mix, Phong
 from hybrid_rt.primitives import Box, Plane, Rectangle, Sphere

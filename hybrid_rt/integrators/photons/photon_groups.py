@@ -1,0 +1,106 @@
+"""Groups of photons: the power of each light, the sequences and the blocks that its photons come in."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from hybrid_rt.core.records import FloatArray
+from hybrid_rt.integrators.path import PATH
+from hybrid_rt.sampling.sampler import UIntArray
+from hybrid_rt.scene.compiled import CompiledScene
+from hybrid_rt.sensor.passes import GROUPS, group_of
+
+# About how many photons one thread follows at a time.
+AT_ONCE = 2**16
+
+
+@dataclass(frozen=True)
+class Group:
+    """The photons of one light and kind.
+
+    ``light`` is a row of the light table; the number of lights stands for the environment.
+    ``n_spread`` and ``n_aimed`` are the photons per pass of either kind from this light.
+    """
+
+    number: int
+    light: int
+    is_aimed: bool
+    n_spread: int
+    n_aimed: int
+
+    @property
+    def n(self) -> int:
+        """Photons of this group per pass."""
+        return self.n_aimed if self.is_aimed else self.n_spread
+
+
+def sequence_of(group: Group, pass_number: int) -> tuple[int, int]:
+    """Return the sequence that a pass continues, and the index of its first point there.
+
+    Each group of passes has a sequence of its own, so that the differences between groups measure
+    the noise (`hybrid_rt.sensor.film`).
+    """
+    compared, number = group_of(np.array([pass_number], dtype=np.uint64))
+    return group.number * GROUPS + int(compared[0]), int(number[0]) * group.n
+
+
+def check_lights(scene: CompiledScene) -> None:
+    """Raise ValueError for a scene that photons cannot be traced in; see `PhotonTracer`."""
+    powers_of_lights(scene, ball_of_world(scene))
+
+
+def blocks_of(groups: list[Group]) -> list[tuple[Group, int, int]]:
+    """Return the blocks in which the photons of a pass are traced, of about the same size."""
+    blocks = []
+    for group in groups:
+        edges = np.linspace(0, group.n, max(round(group.n / AT_ONCE), 1) + 1).round().astype(int)
+        blocks += [(group, int(first), int(stop)) for first, stop in pairwise(edges)]
+    return blocks
+
+
+def in_sequence(sequence: int, number: UIntArray) -> tuple[UIntArray, UIntArray]:
+    """Return the names of points of a group, and their indices.
+
+    A sequence has 2**32 points; beyond, the next one begins.
+    """
+    name = (number >> np.uint64(32)) + np.uint64(sequence * 2**32)
+    return name, number & np.uint64(2**32 - 1)
+
+
+def ball_of_world(scene: CompiledScene) -> FloatArray:
+    """Return centre and radius of a ball around all surfaces that end."""
+    ends = [surface for surface in scene.surfaces if surface.is_bounded]
+    if not ends:
+        return np.array([0.0, 0.0, 0.0, 1.0])
+    bounds = np.array([s.bounds for s in ends], dtype=np.float64)
+    low, high = bounds[:, 0].min(axis=0), bounds[:, 1].max(axis=0)
+    return np.array([*(0.5 * (low + high)), 0.5 * np.linalg.norm(high - low)])
+
+
+def powers_of_lights(scene: CompiledScene, world: FloatArray) -> FloatArray:
+    """Return about how much each light sends out, (lights + 1,), the sky last."""
+    power = np.append(scene.power, 0.0)
+    endless = [i for i, surface in enumerate(scene.surfaces) if not surface.is_bounded]
+    shining = np.intersect1d(endless, scene.surface_of_light)
+    if shining.size:
+        raise ValueError(
+            f"{scene.called[shining[0]]} is a plane that shines, so sends out photons "
+            f"without end: pass a Rectangle, or use integrator {PATH.name!r}"
+        )
+    if scene.environment is not None:
+        if endless:
+            raise ValueError(
+                f"{scene.called[endless[0]]} is a plane, to which the sky sends photons "
+                f"without end: pass a Rectangle, or use integrator {PATH.name!r}"
+            )
+        height = (np.arange(64) + 0.5) / 32.0 - 1.0
+        turn = math.pi * (3.0 - math.sqrt(5.0)) * np.arange(64)
+        ring = np.sqrt(1.0 - height**2)
+        ways = np.stack([ring * np.cos(turn), ring * np.sin(turn), height], axis=1)
+        mean = float(scene.environment.radiance(ways).mean())
+        power[-1] = 4.0 * math.pi**2 * world[3] ** 2 * mean
+    return power

@@ -1,0 +1,52 @@
+"""Hits with all that shading needs."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from hybrid_rt.core.records import FloatArray, HitRecord, IntArray
+from hybrid_rt.shading.kernels.bsdf import Vertices
+
+NO_NORMALS = np.zeros((0, 3))
+NO_RATIO, NO_MEDIA = np.zeros(0), np.zeros((0, 0), dtype=np.int32)
+
+
+@dataclass(frozen=True)
+class Shading:
+    """Hits with all that shading needs: normals, material, lobe colours, media.
+
+    Attributes
+    ----------
+    hits : HitRecord of n rows
+        ``normal`` is the shading normal.
+    directions : (n, 3) float64
+        Directions of the incoming rays.
+    material : (n,) int32
+    colors : (n, most lobes of a material, 3) float64
+    geometric : (n, 3) float64, or (0, 3)
+        Geometric normals, if they differ from the shading normals.
+    ratio : (n,) float64, or (0,)
+        Refractive index beyond the surface over that before it, where rough glass transmits; else
+        0. Empty if the scene has no rough glass.
+    beyond : (n, STACK) int32, or (0, 0)
+        Medium stacks of rays transmitted there.
+    """
+
+    hits: HitRecord
+    directions: FloatArray
+    material: IntArray
+    colors: FloatArray
+    geometric: FloatArray
+    ratio: FloatArray
+    beyond: IntArray
+
+    @property
+    def vertices(self) -> Vertices:
+        """The arrays as kernels take them."""
+        hits = self.hits
+        return Vertices(
+            self.material, self.colors, hits.position, hits.normal, self.directions,
+            self.geometric, self.ratio,
+        )  # fmt: skip
