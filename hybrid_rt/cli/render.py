@@ -7,6 +7,7 @@ import shlex
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -21,15 +22,104 @@ if TYPE_CHECKING:
     from hybrid_rt.scene.scene import Scene
 
 
+@dataclass(frozen=True)
+class _Asked:
+    """What a command line asks for, possible as far as that is known without the scene.
+
+    Attributes
+    ----------
+    request : dict
+        Arguments of `render` that depend on neither scene nor integrator.
+    outputs : list
+        Files to write.
+    denoised : dict
+        Files of denoised pictures, by what the user calls the pictures.
+    store : Path or None
+    """
+
+    request: dict[str, Any]
+    outputs: list[_Output]
+    denoised: dict[str, Path]
+    store: Path | None
+
+
 def render_scene(
     load: Callable[[], tuple[Scene, str]], name: str, options: argparse.Namespace
 ) -> int:
     """Render the scene that is loaded once files and settings are known to be possible.
 
-    Returns the exit code.
+    Parameters
+    ----------
+    load : callable
+        Returns the scene and the integrator that it prefers; may take its time.
+    name : str
+        The picture is named after it, unless ``--out`` is given.
+    options : argparse.Namespace
+        Those of `add_render_options`.
+
+    Returns
+    -------
+    int
+        The exit code.
     """
     from hybrid_rt.core.interrupts import held_back
     from hybrid_rt.core.progress import watch_compilation
+
+    asked = _checked(name, options)
+    with ExitStack() as until_saved:
+        page = until_saved.enter_context(open_page(name, options))
+        with shown_progress(options.progress) as progress:
+            with watch_compilation(progress):
+                scene, preferred = load()
+            integrator = preferred if options.integrator is None else options.integrator
+            scene = _resized(scene, options.width, options.height)
+            compare_on(page, scene, options.live_compare)
+            result, interrupt = rendered(
+                scene,
+                integrator=integrator,
+                options=settings_of(integrator, options),
+                progress=progress,
+                store=asked.store,
+                resume=options.resume,
+                cluster=options.cluster,
+                watch=page,
+                **asked.request,
+            )
+            until_saved.enter_context(held_back())
+        # Before anything is printed: the reader of a pipe may have closed it.
+        failures = _saved(result, asked.outputs, options.exposure)
+        if page is not None:
+            saved = [output.shown for output in asked.outputs if output.shown not in failures]
+            page.finish(f"saved as {', '.join(saved)}" if saved else "it could not be saved")
+        for output in asked.outputs:
+            if output.shown not in failures:
+                say(f"{output.shown}  ({summary(result.report)})")
+    if asked.denoised:
+        said, lost = save_denoised(result, asked.denoised, options.exposure)
+        failures |= lost
+        for line in said:
+            say(line)
+    if options.explain:
+        from hybrid_rt.scene.plan import explain
+
+        say(explain(result.report["plan"]))
+    say_numbers(result.report)
+    reasons, is_stopped = list(failures.values()), result.report["stopped_by"] == "watcher"
+    if result.report["cluster"] is not None and result.report["cluster"]["lost"]:
+        reasons.append(result.report["cluster"]["lost"])
+    if asked.store is not None:
+        kept = result.report["store"]
+        reasons += [kept["not_saved"]] if kept["not_saved"] else []
+        say(_how_to_go_on(result.report, is_stopped or interrupt is not None))
+    if reasons:
+        raise OSError("\nhybrid-rt: ".join(reasons))
+    if interrupt is not None:
+        raise interrupt
+    return STOPPED if is_stopped else 0
+
+
+def _checked(name: str, options: argparse.Namespace) -> _Asked:
+    """Refuse what cannot be, before a script runs that may take its time."""
     from hybrid_rt.rendering.renderer import check_request
     from hybrid_rt.sensor.image_files import keeps_channels
 
@@ -47,7 +137,6 @@ def render_scene(
         "tolerance": options.tolerance,
         "outputs": channels,
     }
-    # A script may take its time: what it has no say in is refused before it runs.
     check_request(**request)
     if channels and not any(keeps_channels(output.file) for output in outputs):
         raise ValueError(
@@ -72,56 +161,7 @@ def render_scene(
         from hybrid_rt.rendering.cluster import check_address
 
         check_address(options.cluster)
-    with ExitStack() as until_saved:
-        page = until_saved.enter_context(open_page(name, options))
-        with shown_progress(options.progress) as progress:
-            with watch_compilation(progress):
-                scene, preferred = load()
-            integrator = preferred if options.integrator is None else options.integrator
-            scene = _resized(scene, options.width, options.height)
-            compare_on(page, scene, options.live_compare)
-            result, interrupt = rendered(
-                scene,
-                integrator=integrator,
-                options=settings_of(integrator, options),
-                progress=progress,
-                store=store,
-                resume=options.resume,
-                cluster=options.cluster,
-                watch=page,
-                **request,
-            )
-            until_saved.enter_context(held_back())
-        # Before anything is printed: the reader of a pipe may have closed it.
-        failures = _saved(result, outputs, options.exposure)
-        if page is not None:
-            saved = [output.shown for output in outputs if output.shown not in failures]
-            page.finish(f"saved as {', '.join(saved)}" if saved else "it could not be saved")
-        for output in outputs:
-            if output.shown not in failures:
-                say(f"{output.shown}  ({summary(result.report)})")
-    if denoised:
-        said, lost = save_denoised(result, denoised, options.exposure)
-        failures |= lost
-        for line in said:
-            say(line)
-    if options.explain:
-        from hybrid_rt.scene.plan import explain
-
-        say(explain(result.report["plan"]))
-    say_numbers(result.report)
-    reasons, is_stopped = list(failures.values()), result.report["stopped_by"] == "watcher"
-    if result.report["cluster"] is not None and result.report["cluster"]["lost"]:
-        reasons.append(result.report["cluster"]["lost"])
-    if store is not None:
-        kept = result.report["store"]
-        reasons += [kept["not_saved"]] if kept["not_saved"] else []
-        say(_how_to_go_on(result.report, is_stopped or interrupt is not None))
-    if reasons:
-        raise OSError("\nhybrid-rt: ".join(reasons))
-    if interrupt is not None:
-        raise interrupt
-    return STOPPED if is_stopped else 0
+    return _Asked(request, outputs, denoised, store)
 
 
 def _how_to_go_on(report: dict[str, Any], is_interrupted: bool) -> str:
