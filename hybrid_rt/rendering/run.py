@@ -95,21 +95,9 @@ def run_passes(
         except StopAsked:
             return STOPPED
         if watches_error and film.n_passes >= limit.next_estimate():
-            with workers.context.ledger.stage("noise"):
-                noise, blur = film.relative_errors(), workers.blur(film.image)
-            # A limit to the blur falls with more passes whatever the blur does.
-            own: Options = workers.context.options
-            stays = own.blur_stays and blur.relative is not None
-            limit.note_error(
-                film.n_passes,
-                noise.whole,
-                blur.counted,
-                trimmed=noise.trimmed,
-                power=own.error_power,
-                blur_stays=stays,
-            )
+            blur_is_unknown = _note_errors(film, workers, limit)
             if show_error is not None:
-                show_error(limit.error, limit.error_trimmed, blur.relative is None)
+                show_error(limit.error, limit.error_trimmed, blur_is_unknown)
             if show_out_of_reach is not None and limit.blur_out_of_reach is not None:
                 show_out_of_reach(limit.blur_out_of_reach)
         if keeper is not None and keeper.is_due():
@@ -121,3 +109,21 @@ def run_passes(
             if watch.stop_asked:
                 return STOPPED
     return limit.reached(film.n_passes, clock.seconds) or "passes"
+
+
+def _note_errors(film: Film, workers: Workers, limit: Limit) -> bool:
+    """Estimate noise and blur of the picture so far; tell whether the blur is unknown."""
+    with workers.context.ledger.stage("noise"):
+        noise, blur = film.relative_errors(), workers.blur(film.image)
+    # A limit to the blur falls with more passes whatever the blur does.
+    own: Options = workers.context.options
+    stays = own.blur_stays and blur.relative is not None
+    limit.note_error(
+        film.n_passes,
+        noise.whole,
+        blur.counted,
+        trimmed=noise.trimmed,
+        power=own.error_power,
+        blur_stays=stays,
+    )
+    return blur.relative is None
