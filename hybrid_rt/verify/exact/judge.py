@@ -181,6 +181,10 @@ class ExactJudge:
         leaves: int,
         marks: bool,
     ) -> None:
+        """Count in the verdict what is wrong with hit i of the ray from o along d.
+
+        The last three arguments are those of `judge` for this row; ``leaves`` is -1 for none.
+        """
         length = norm(d)
         crossings = self.scene.crossings(o, d)
         at_start = departures(crossings, leaves, o, length)
