@@ -48,8 +48,9 @@ HEAD = """# Gallery
 
 Every scene of the project, rendered by `tools/gallery.py`. Below each picture stands what it cost and
 how far it may be off: the *noise* is the relative root-mean-square error of the pixels, estimated from
-the differences between passes, first without and then with the worst 0.1 % of them; where photons are
-gathered, their *blur*, or a limit to it, comes beside it. Nothing is denoised.
+the differences between passes, first without the worst 0.1 % of them and then, in brackets, with these:
+a few glints of a tiny bright lamp can make that figure huge. Where photons are gathered, their *blur*,
+or a limit to it, comes beside it. Nothing is denoised.
 """
 
 
