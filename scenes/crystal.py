@@ -9,6 +9,7 @@ Run it: python scenes/crystal.py --passes 64 --photons 1000000
 import sys
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from hybrid_rt import (
     Camera,
@@ -57,7 +58,7 @@ def ring(x: float, y: float, radius: float, height: float) -> SurfaceOfRevolutio
     half, inner = 0.035, radius - 0.07
     top, w_top = circular_arc((height - half, radius - half), half, 0.25, -0.25)
     foot, w_foot = circular_arc((half, radius - half), half, 0.75, 0.25)
-    profile = [
+    profile: list[ArrayLike] = [
         *foot,
         [(half, radius), (height - half, radius)],
         *top,
