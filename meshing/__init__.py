@@ -14,29 +14,36 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from meshing.bezier import BezierPatches
     from meshing.certified_mesh import CertifiedMesh
+    from meshing.curve2 import Curve2, circle, polygon
     from meshing.extrusion import Extrusion
     from meshing.nurbs import NurbsSurface
     from meshing.revolution import SurfaceOfRevolution
     from meshing.sheet import PatchSheet
     from meshing.tessellation import tessellate
+    from meshing.trimmed import TrimmedSurface
     from meshing.turned_shapes import Cone, Cylinder, circular_arc
 
 __all__ = [
     "BezierPatches",
     "CertifiedMesh",
     "Cone",
+    "Curve2",
     "Cylinder",
     "Extrusion",
     "NurbsSurface",
     "PatchSheet",
     "SurfaceOfRevolution",
+    "TrimmedSurface",
+    "circle",
     "circular_arc",
+    "polygon",
     "tessellate",
 ]
 
 _HOME = {
     "BezierPatches": "meshing.bezier",
     "CertifiedMesh": "meshing.certified_mesh",
+    "Curve2": "meshing.curve2",
     "NurbsSurface": "meshing.nurbs",
     "PatchSheet": "meshing.sheet",
     "Cone": "meshing.turned_shapes",
@@ -44,6 +51,9 @@ _HOME = {
     "Extrusion": "meshing.extrusion",
     "SurfaceOfRevolution": "meshing.revolution",
     "circular_arc": "meshing.turned_shapes",
+    "TrimmedSurface": "meshing.trimmed",
+    "circle": "meshing.curve2",
+    "polygon": "meshing.curve2",
     "tessellate": "meshing.tessellation",
 }
 

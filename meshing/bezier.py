@@ -45,6 +45,8 @@ class BezierPatches(ParametricSurface):
     Farin, "Curves and Surfaces for CAGD", 5th edition, 2002, chapters 13 and 16.
     """
 
+    flip_of_uv = "swapped"
+
     def __new__(
         cls,
         control: ArrayLike | Iterable[ArrayLike],

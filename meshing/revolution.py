@@ -73,6 +73,8 @@ class SurfaceOfRevolution(ParametricSurface):
         The last three are unit vectors.
     """
 
+    flip_of_uv = "v reversed"
+
     def __init__(
         self,
         profile: ArrayLike | Iterable[ArrayLike],

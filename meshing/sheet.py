@@ -32,6 +32,8 @@ class PatchSheet(ParametricSurface):
         For other surfaces, and spans that are no such grid.
     """
 
+    flip_of_uv = "swapped"
+
     def __init__(self, pieces: BezierPatches, spans: ArrayLike) -> None:
         if not isinstance(pieces, BezierPatches):
             raise TypeError(f"PatchSheet pieces is {shown(pieces)}: pass BezierPatches")

@@ -36,6 +36,9 @@ class Surface(ABC):
     is_triangular: ClassVar[bool] = False
     """(u, v) are weights of a triangle's corners, u + v <= 1; else they fill the unit square."""
 
+    flip_of_uv: ClassVar[str] = ""
+    """What `flipped` makes of (u, v): "swapped" or "v reversed". "": loops cannot trim it."""
+
     def __len__(self) -> int:
         """Return the number of patches; ``patch_id`` counts them from 0."""
         return 1

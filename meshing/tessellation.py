@@ -28,6 +28,7 @@ from meshing.seams import Seams, seams_of_patches, seams_of_revolution
 from meshing.sheet import PatchSheet
 from meshing.spans import across
 from meshing.surface import Surface
+from meshing.trimmed import TrimmedSurface
 
 Keys: TypeAlias = NDArray[np.int64]
 
@@ -49,7 +50,7 @@ def tessellate(
 
     Parameters
     ----------
-    surface : BezierPatches, NurbsSurface or SurfaceOfRevolution
+    surface : BezierPatches, NurbsSurface, SurfaceOfRevolution, or TrimmedSurface of one
     tolerance : float
         Largest distance allowed, absolute, in scene units. A tolerance below the rounding of the
         surface's coordinates may be missed; ``deviation_bound`` gives what was reached.
@@ -60,7 +61,8 @@ def tessellate(
     -------
     CertifiedMesh
         Adaptive: few triangles where the surface is flat, many where it is curved. No cracks within
-        patches or across shared edges; closed surfaces are watertight.
+        patches or across shared edges; closed surfaces are watertight. Of a trimmed surface: the
+        triangles that reach inside the loops, so they cover it and end up to a triangle beyond.
 
     Raises
     ------
@@ -74,6 +76,14 @@ def tessellate(
     """
     tolerance = number(tolerance, "tessellate tolerance", above=0.0, hint="in scene units")
     whole(max_triangles, "tessellate max_triangles", at_least=1, up_to=2**31 - 1)
+    if isinstance(surface, TrimmedSurface):
+        mesh = tessellate(surface.surface, tolerance, max_triangles=max_triangles)
+        low, high = mesh.uv.min(axis=1), mesh.uv.max(axis=1)
+        boxes = np.stack([low[:, 0], high[:, 0], low[:, 1], high[:, 1]], axis=1)
+        keeps = ~surface.is_outside(boxes)
+        return replace(
+            mesh, faces=mesh.faces[keeps], uv=mesh.uv[keeps], patch_id=mesh.patch_id[keeps]
+        )
     if isinstance(surface, PatchSheet):
         mesh = tessellate(surface.pieces, tolerance, max_triangles=max_triangles)
         u, v = mesh.uv[..., 0], mesh.uv[..., 1]

@@ -33,6 +33,8 @@ class Flag(IntFlag):
     NONE = 0
     NORMAL_DEGENERATE = 1
     """S_u x S_v vanishes here; the normal is the limit from inside the patch."""
+    EDGE = 2
+    """Within the ``gap`` of a `TrimmedSurface`'s edge: which face of the model is met is open."""
 
 
 @dataclass(frozen=True)

@@ -9,6 +9,7 @@ from hybrid_rt.core.records import IntArray
 from hybrid_rt.intersection.kernels.patch.sheet import name_on_sheet
 from hybrid_rt.intersection.kind import Finished
 from meshing.sheet import PatchSheet
+from meshing.trimmed import TrimmedSurface
 
 
 class Sheets:
@@ -25,7 +26,11 @@ class Sheets:
     @classmethod
     def of(cls, members: Sequence[tuple[int, Any]]) -> Sheets | None:
         """Return those among (object id, surface); None if there are none."""
-        sheets = {i: surface for i, surface in members if isinstance(surface, PatchSheet)}
+        sheets = {}
+        for i, surface in members:
+            whole = surface.surface if isinstance(surface, TrimmedSurface) else surface
+            if isinstance(whole, PatchSheet):
+                sheets[i] = whole
         return cls(sheets) if sheets else None
 
     def finish(self, object_id: IntArray, out: Finished) -> None:

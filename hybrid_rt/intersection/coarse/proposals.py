@@ -19,7 +19,8 @@ from hybrid_rt.intersection.kernels.search.counters import NEWTONS
 from hybrid_rt.intersection.kernels.search.nearest import Nearest, Rays
 from hybrid_rt.intersection.kind import CurvedKind, Finished
 from hybrid_rt.intersection.sheets import Sheets
-from meshing import tessellate
+from hybrid_rt.intersection.trims import coarse_triangles
+from meshing import TrimmedSurface, tessellate
 from meshing.surface import Surface
 
 # Chordal tolerance of the coarse triangles over the surface's size: where they are the answer, or
@@ -56,7 +57,9 @@ class Coarse:
         n_vertices = 0
         self._sheets = Sheets.of(members)
         for object_id, surface in members:
-            if surface.is_freeform:
+            if isinstance(surface, TrimmedSurface):
+                mesh = coarse_triangles(surface, tolerance or relative * surface.size)
+            elif surface.is_freeform:
                 # Cells of a sheet go by the parameters of its patches.
                 mesh = tessellate(surface.pieces, tolerance or relative * surface.size)
             else:

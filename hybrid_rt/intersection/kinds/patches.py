@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +12,9 @@ from hybrid_rt.core.records import BoolArray, FloatArray, IntArray
 from hybrid_rt.core.threads import Pool
 from hybrid_rt.intersection.kernels.patch.cells import (
     FAN,
+    HALF,
+    MIDDLE_U,
+    MIDDLE_V,
     ROW_U,
     ROW_V,
     fill_cells,
@@ -41,7 +44,8 @@ from hybrid_rt.intersection.kind import Finished, rows_of
 from hybrid_rt.intersection.margins import Aim, suspects
 from hybrid_rt.intersection.margins import settle as settle_rows
 from hybrid_rt.intersection.sheets import Sheets
-from meshing import BezierPatches
+from hybrid_rt.intersection.trims import may_hold_hits, trim_of, trimmed_of, whole_of
+from meshing import BezierPatches, TrimmedSurface
 from meshing.bezier import RationalPatches
 from meshing.sheet import PatchSheet
 
@@ -57,6 +61,8 @@ WIDE_SPREAD = 0.02
 MOST_CELLS = 4_000_000
 
 
+# Columns of a record: middle and half sides in parameters.
+_PLACE = [MIDDLE_U, MIDDLE_V, HALF, HALF + 1]
 _NOT_MOVED = np.empty((0, 3))
 _NO_CELLS = np.empty(0, np.int32)
 
@@ -76,8 +82,8 @@ class PatchKind:
 
     Parameters
     ----------
-    members : sequence of (object id, BezierPatches or PatchSheet)
-        All of them rational, or none; else TypeError.
+    members : sequence of (object id, BezierPatches, PatchSheet or TrimmedSurface of one of them)
+        All of them rational, or none, and all of them trimmed, or none; else TypeError.
     pool : Pool
         Shares the work of building.
     finest : int
@@ -87,11 +93,13 @@ class PatchKind:
 
     def __init__(
         self,
-        members: Sequence[tuple[int, BezierPatches | PatchSheet]],
+        members: Sequence[tuple[int, BezierPatches | PatchSheet | TrimmedSurface]],
         pool: Pool,
         finest: int = FINEST,
     ) -> None:
-        surfaces = [(i, surface.pieces) for i, surface in members]
+        trimmed = trimmed_of(members)
+        whole: list[tuple[int, Any]] = whole_of(members)
+        surfaces: list[tuple[int, BezierPatches]] = [(i, surface.pieces) for i, surface in whole]
         self._sheets = Sheets.of(members)
         rational = True if isinstance(surfaces[0][1], RationalPatches) else None
         if any(isinstance(surface, RationalPatches) != bool(rational) for _, surface in surfaces):
@@ -123,6 +131,12 @@ class PatchKind:
         counts = [len(surface) for _, surface in surfaces]
         object_id = np.repeat(np.array([i for i, _ in surfaces], np.int32), counts)
         patch_id = np.concatenate([np.arange(n, dtype=np.int32) for n in counts])
+        around = _around(surfaces, middle, to_frame, counts)
+        trim = None
+        if trimmed:
+            spans = [_spans(surface) for _, surface in whole]
+            scale = np.column_stack([around[:, :3] - centre, around[:, 3]])
+            trim = trim_of(trimmed, counts, np.concatenate(spans), to_frame, scale)
         self.table = PatchTable(
             middle=middle,
             to_frame=to_frame,
@@ -132,10 +146,11 @@ class PatchKind:
             degree=degree,
             centre=centre,
             size=size,
-            around=_around(surfaces, middle, to_frame, counts),
+            around=around,
             bend=bend,
             object_id=object_id,
             patch_id=patch_id,
+            trim=trim,
             **_cells(nets, max(finest, COARSEST), pool),
         )
         self._first_patch = np.full(int(object_id.max()) + 1, -1, np.int64)
@@ -150,8 +165,12 @@ class PatchKind:
         n = len(t.place)
         nets = _Nets(t.control, t.start, t.degree, t.centre, t.rational)
         record, boxes, cell_patch = _filled(nets, t.grid, t.first_cell, pool)
-        self.tree = Tree(*build_tree(boxes[:, :3].copy(), boxes[:, 3:].copy(), 1))
-        order = self.tree.order
+        kept = np.arange(n)
+        if t.trim is not None:
+            kept = np.flatnonzero(may_hold_hits(t.trim, record[:, _PLACE], cell_patch))
+        self.tree = Tree(*build_tree(boxes[kept, :3].copy(), boxes[kept, 3:].copy(), 1))
+        # Cells that are wholly trimmed away come last, and in no node of the tree.
+        order = np.concatenate([kept[self.tree.order], np.setdiff1d(np.arange(n), kept)])
         t.record[:n], t.cell_patch[:n] = record[order], cell_patch[order]
         t.place[order] = np.arange(n, dtype=np.int32)
         if len(t.record) > n:
@@ -342,6 +361,11 @@ def _around(
     low, high = (bounds[:, 0] - middle) * to_frame, (bounds[:, 1] - middle) * to_frame
     size = np.linalg.norm(high - low, axis=1, keepdims=True)
     return np.repeat(np.hstack([0.5 * (low + high), size]), counts, axis=0)
+
+
+def _spans(surface: BezierPatches | PatchSheet) -> FloatArray:
+    """Return u0, u1, v0, v1 of each patch on its surface, (k, 4)."""
+    return np.array([(0.0, 1.0, 0.0, 1.0)]) if surface.spans is None else surface.spans
 
 
 def _bend(net: FloatArray) -> tuple[float, float, float]:

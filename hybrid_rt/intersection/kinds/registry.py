@@ -7,7 +7,7 @@ nothing else in this package.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
@@ -21,7 +21,7 @@ from hybrid_rt.primitives import Box, Plane, Rectangle, Sphere, TriangleMesh
 from hybrid_rt.primitives.asphere import Asphere
 from hybrid_rt.primitives.box import TurnedBox
 from hybrid_rt.primitives.torus import Torus
-from meshing import BezierPatches, SurfaceOfRevolution
+from meshing import BezierPatches, SurfaceOfRevolution, TrimmedSurface
 from meshing.bezier import RationalPatches
 from meshing.sheet import PatchSheet
 from meshing.surface import Surface
@@ -112,7 +112,7 @@ def kernel_groups(surfaces: Sequence[Surface], accuracy: str, coarse: str) -> li
     members = _members_of(surfaces)
     return [
         group
-        for entry in ENTRIES
+        for entry in ALL_ENTRIES
         if members[entry.name]
         for group in entry.kernels([surface for _, surface in members[entry.name]], way)
     ]
@@ -147,7 +147,7 @@ def make_kinds(surfaces: Sequence[Surface], accuracy: str, pool: Pool) -> Kinds:
     by_name = _members_of(surfaces)
     # Numbers run through the direct kinds, then through the others.
     for goes_to_embree in (False, True):
-        for entry in ENTRIES:
+        for entry in ALL_ENTRIES:
             if (accuracy in entry.by_embree) != goes_to_embree:
                 continue
             members = by_name[entry.name]
@@ -176,6 +176,9 @@ def _entry_of(surface: object) -> Entry | None:
 
     Sheets are intersected as the patches that they consist of.
     """
+    if isinstance(surface, TrimmedSurface):
+        whole = _entry_of(surface.surface)
+        return None if whole is None else _TRIMMED.get(whole.surface)
     if isinstance(surface, PatchSheet):
         surface = surface.pieces
     for surface_type in type(surface).__mro__:
@@ -186,7 +189,7 @@ def _entry_of(surface: object) -> Entry | None:
 
 def _members_of(surfaces: Sequence[Surface]) -> dict[str, Members]:
     """Sort checked surfaces by the names of their entries."""
-    members: dict[str, Members] = {entry.name: [] for entry in ENTRIES}
+    members: dict[str, Members] = {entry.name: [] for entry in ALL_ENTRIES}
     for i, surface in enumerate(surfaces):
         entry = _entry_of(surface)
         assert entry is not None
@@ -307,3 +310,15 @@ ENTRIES = (
     ),
 )
 _BY_CLASS: dict[type, Entry] = {entry.surface: entry for entry in ENTRIES}
+# Which classes can be trimmed: the same kinds with loops, so that whole surfaces ask for none.
+_TRIMMED: dict[type, Entry] = {
+    entry.surface: replace(
+        entry,
+        surface=TrimmedSurface,
+        name=f"trimmed {entry.name}",
+        kernels=lambda _members, _way: [],
+    )
+    for entry in ENTRIES
+    if entry.surface.flip_of_uv
+}
+ALL_ENTRIES = (*ENTRIES, *_TRIMMED.values())

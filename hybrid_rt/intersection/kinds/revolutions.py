@@ -33,8 +33,10 @@ from hybrid_rt.intersection.kernels.revolution.trace import (
 from hybrid_rt.intersection.kernels.search.coarse import CoarseHits
 from hybrid_rt.intersection.kernels.search.nearest import Nearest, Rays
 from hybrid_rt.intersection.kernels.search.tolerances import DEPTH
+from hybrid_rt.intersection.kernels.search.trims import Trim
 from hybrid_rt.intersection.kind import Finished
-from meshing import SurfaceOfRevolution
+from hybrid_rt.intersection.trims import trim_of, trimmed_of, whole_of
+from meshing import SurfaceOfRevolution, TrimmedSurface
 from meshing.profiles import cosine_and_sine, homogeneous
 
 if TYPE_CHECKING:
@@ -54,10 +56,13 @@ class RevolutionKind:
 
     Parameters
     ----------
-    surfaces : sequence of (object id, SurfaceOfRevolution)
+    members : sequence of (object id, SurfaceOfRevolution or TrimmedSurface of one)
+        All of them trimmed, or none; else TypeError.
     """
 
-    def __init__(self, surfaces: Sequence[tuple[int, SurfaceOfRevolution]]) -> None:
+    def __init__(self, members: Sequence[tuple[int, SurfaceOfRevolution | TrimmedSurface]]) -> None:
+        trimmed = trimmed_of(members)
+        surfaces: list[tuple[int, SurfaceOfRevolution]] = whole_of(members)
         middle, aside, to_frame, size, roundings, part = [], [], [], [], [], []
         control, end, first_segment, segment_id = [], [], [0], []
         for _, surface in surfaces:
@@ -108,6 +113,7 @@ class RevolutionKind:
             span=np.empty((len(degree), 4)),
             whole=np.empty((len(surfaces), 3)),
             piece=np.empty((int(first_piece[-1]), PIECE)),
+            trim=_trim(trimmed, np.array(part), np.array(to_frame)) if trimmed else None,
         )
         t = self.table
         measure_pieces(t.control, t.start, t.degree, t.first_piece, t.span, t.piece)
@@ -166,6 +172,16 @@ def _net(surface: SurfaceOfRevolution, number: int, centre: float, scale: float)
     if weights is None:
         return np.column_stack([points, np.zeros(len(points))])
     return homogeneous(points, weights)
+
+
+def _trim(surfaces: Sequence[TrimmedSurface], part: FloatArray, to_frame: FloatArray) -> Trim:
+    """Return the loops of trimmed surfaces; the kernels count u in whole turns."""
+    n = len(surfaces)
+    begin, share = part[:, -2], part[:, -1]
+    spans, scale = np.zeros((n, 4)), np.zeros((n, 4))
+    spans[:, 1], spans[:, 3] = 1.0 / share, 1.0
+    scale[:, 0], scale[:, 1] = begin, share
+    return trim_of(surfaces, [1] * n, spans, to_frame, scale)
 
 
 def _part(surface: SurfaceOfRevolution) -> FloatArray:

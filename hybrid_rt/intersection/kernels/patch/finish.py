@@ -16,8 +16,9 @@ from hybrid_rt.intersection.kernels.search.coarse import parameters_at
 from hybrid_rt.intersection.kernels.search.counters import CHANGED
 from hybrid_rt.intersection.kernels.search.frame import FrameRay, any_normal, enter_frame
 from hybrid_rt.intersection.kernels.search.nearest import CLEAR, SUSPECT, WITHIN_BAND
-from hybrid_rt.intersection.kernels.search.rays import NORMAL_DEGENERATE
+from hybrid_rt.intersection.kernels.search.rays import EDGE, NORMAL_DEGENERATE
 from hybrid_rt.intersection.kernels.search.tolerances import TANGENT_BAND
+from hybrid_rt.intersection.kernels.search.trims import band_at, decide, is_near_loops
 from meshing.kernels.bernstein import unit_normal
 from meshing.kernels.jit import hot_kernel, inlined
 
@@ -131,7 +132,7 @@ def finish_patches(table, rays, best, kind_of, kind, basis, out):
         out.position[i, 2] = middle[2] + (centre[k, 2] + z) * to_world
         out.normal[i, 0], out.normal[i, 1], out.normal[i, 2] = nx, ny, nz
         if is_degenerate:
-            out.flags[i] = NORMAL_DEGENERATE
+            out.flags[i] |= NORMAL_DEGENERATE
         t = best.t[i] * table.to_frame - shift
         rx, ry, rz = ox + t * dx - x, oy + t * dy - y, oz + t * dz - z
         residual = np.sqrt(rx * rx + ry * ry + rz * rz)
@@ -145,6 +146,15 @@ def finish_patches(table, rays, best, kind_of, kind, basis, out):
         # Objects' middles are within 1 of the frame's, their diameters within 2, |d| within 2.
         about = TANGENT_BAND * (abs(hx) + abs(hy) + abs(hz) + 2.0 * abs(shift) + 3.0)
         far_u, far_v, room = about * about * gvv * dd, about * about * guu * dd, det * det
+        if is_near_loops(table.trim, k, u, v, far_u, far_v, room):
+            band = band_at(table.trim, k, ox - shift * dx, oy - shift * dy, oz - shift * dz)
+            _, is_within, edge = decide(
+                table.trim, k, u, v, ux, uy, uz, vx, vy, vz, dx, dy, dz, band
+            )
+            if is_within:
+                best.tangent[i] = WITHIN_BAND
+            if edge > 0.0:
+                out.flags[i] |= EDGE
         in_u, in_v = min(u, 1.0 - u), min(v, 1.0 - v)
         turn = far_u * (table.bend[k, 0] + table.bend[k, 1])
         turn += far_v * (table.bend[k, 2] + table.bend[k, 1])
@@ -162,7 +172,9 @@ def finish_patches(table, rays, best, kind_of, kind, basis, out):
         du, dv, is_alone = _steps(ux, uy, uz, vx, vy, vz, dx, dy, dz, det, band, table.bend, k)
         if residual > band:
             best.tangent[i] = WITHIN_BAND
-        elif is_degenerate or not (is_alone and du <= in_u and dv <= in_v):
+        elif best.tangent[i] != WITHIN_BAND and (
+            is_degenerate or not (is_alone and du <= in_u and dv <= in_v)
+        ):
             best.tangent[i] = SUSPECT
 
 
@@ -210,7 +222,7 @@ def aim_at_patches(table, rays, best, out, rows, basis, bands, outward, is_edge)
         det = nx * dx + ny * dy + nz * dz
         du, dv, is_alone = _steps(ux, uy, uz, vx, vy, vz, dx, dy, dz, abs(det), band, table.bend, k)
         near_u, near_v = not du <= u <= 1.0 - du, not dv <= v <= 1.0 - dv
-        is_edge[j] = is_alone and near_u != near_v and out.flags[i] != NORMAL_DEGENERATE
+        is_edge[j] = is_alone and near_u != near_v and not out.flags[i] & NORMAL_DEGENERATE
         # Across the tangent of the border, to the side where the other tangent does not point.
         ax, ay, az, bx, by, bz, side = ux, uy, uz, vx, vy, vz, u
         if near_v:

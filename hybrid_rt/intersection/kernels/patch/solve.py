@@ -13,7 +13,9 @@ import numpy as np
 from hybrid_rt.intersection.kernels.patch.evaluate import evaluate_any
 from hybrid_rt.intersection.kernels.search.nearest import CLEAR, doubt, is_known, offer
 from hybrid_rt.intersection.kernels.search.tolerances import MAX_STEPS, TANGENT_BAND, UNIT_ROUNDOFF
+from hybrid_rt.intersection.kernels.search.trims import band_at, decide, may_be_kept, quick_side
 from meshing.kernels.jit import inlined, inner
+from meshing.kernels.trims import INSIDE, OUTSIDE
 
 CONVERGED, FAILED = 1, 0
 # After a step this small (relative to the cell) the next would be below rounding.
@@ -43,6 +45,7 @@ class Patch(NamedTuple):
     size: Any  # largest distance of a control point from its centre
     object_id: Any
     row: Any
+    trim: Any  # None: patches are whole; else `search.trims.Trim`
 
 
 class PatchRay(NamedTuple):
@@ -66,7 +69,7 @@ def patch_of(table, k, basis):
         m, n = table.degree[k, 0], table.degree[k, 1]
     return Patch(
         table.control, table.start[k], m, n, basis, table.rational, table.size[k],
-        table.object_id[k], k,
+        table.object_id[k], k, table.trim,
     )  # fmt: skip
 
 
@@ -124,7 +127,7 @@ def newton(patch, ray, u, v, t, side_u, side_v):
     n_dot_d : |n.d| with n unit
     gain_u, gain_v : how far u and v move when the equation is off by a length of one
     """
-    control, start, degree_u, degree_v, basis, rational, size, _, _ = patch
+    control, start, degree_u, degree_v, basis, rational, size, _, _, _ = patch
     ox, oy, oz, dx, dy, dz, _, _ = ray
     n_dot_d = gain_u = gain_v = 0.0
     error = rounding_of_root(degree_u, degree_v, rational, size, ox, oy, oz, dx, dy, dz, t)
@@ -168,7 +171,7 @@ def approach(patch, ray, u, v, u0, u1, v0, v1, steps):
     At a silhouette both tangents point the same way as seen along the ray: one of them, the longer,
     can cancel what separates the two along it; across it they are no further apart than rounding.
     """
-    control, start, degree_u, degree_v, basis, rational, _, _, _ = patch
+    control, start, degree_u, degree_v, basis, rational, _, _, _, _ = patch
     ox, oy, oz, dx, dy, dz, _, _ = ray
     dd = dx * dx + dy * dy + dz * dz
     for step in range(steps + 1):
@@ -205,6 +208,46 @@ def approach(patch, ray, u, v, u0, u1, v0, v1, steps):
 
 
 @inner
+def is_inside_loops(i, u, v, t, trim, patch, ray, rays, best):
+    """Tell whether a root on a trimmed patch is a hit; note a doubt if the band decides it is none.
+
+    Returns
+    -------
+    is_kept : bool
+    edge : float
+        What the gap of an edge adds to the bound of t, as the caller counts it.
+    """
+    if trim is None:  # an argument of its own: numba leaves the rest out where it is
+        return True, 0.0
+    k = patch.row
+    side = quick_side(trim, k, u, v)
+    if side == OUTSIDE:
+        return False, 0.0
+    if side == INSIDE:
+        return True, 0.0
+    ox, oy, oz, dx, dy, dz, shift, to_world = ray
+    _, _, _, xu, yu, zu, xv, yv, zv = evaluate_any(
+        patch.control, patch.start, patch.degree_u, patch.degree_v, u, v, patch.basis,
+        patch.rational,
+    )  # fmt: skip
+    band = band_at(trim, k, ox - shift * dx, oy - shift * dy, oz - shift * dz)
+    is_hit, is_within, edge = decide(trim, k, u, v, xu, yu, zu, xv, yv, zv, dx, dy, dz, band)
+    if is_within and not is_hit:
+        doubt(i, (t + shift) * to_world, band * to_world, rays.t_min, rays.known, best)
+    return is_hit, edge * to_world / np.sqrt(dx * dx + dy * dy + dz * dz)
+
+
+@inner
+def doubt_piece(i, t, reach, u, v, hu, hv, patch, ray, rays, best):
+    """Note that the patch, within hu and hv of (u, v), passes the ray at t within ``reach``."""
+    if not may_be_kept(patch.trim, patch.row, u, v, hu, hv):
+        return
+    doubt(
+        i, (t + ray.shift) * ray.to_world, reach * ray.to_world, rays.t_min, rays.known, best
+    )  # fmt: skip
+
+
+@inner
 def offer_root(i, u, v, t, n_dot_d, patch, ray, rays, best):
     """Offer a root within the patch as a hit of ray i; tell whether it may be one."""
     ox, oy, oz, dx, dy, dz, shift, to_world = ray
@@ -216,6 +259,10 @@ def offer_root(i, u, v, t, n_dot_d, patch, ray, rays, best):
     t_bound = (2.0 * error / n_dot_d + 2.0 * UNIT_ROUNDOFF * abs(t + shift)) * to_world
     if not t_world > t_min[i] or is_known(i, t_world, t_bound, n_dot_d, known):
         return False
+    is_kept, edge = is_inside_loops(i, u, v, t, patch.trim, patch, ray, rays, best)
+    if not is_kept:
+        return False
+    t_bound += edge
     offer(i, t_world, t_bound, n_dot_d, CLEAR, patch.object_id, patch.row, u, v, t_min, known, best)
     return True
 
@@ -230,7 +277,7 @@ def offer_border(
     patches share meets at least one of them; and a doubt within the band. (With a band of nothing no
     doubts are noted.) ``is_owner`` tells whether the point is this cell's to offer.
     """
-    ox, oy, oz, dx, dy, dz, shift, to_world = ray
+    ox, oy, oz, dx, dy, dz, _, _ = ray
     error = rounding_of_root(
         patch.degree_u, patch.degree_v, patch.rational, patch.size, ox, oy, oz, dx, dy, dz, t
     )
@@ -246,7 +293,7 @@ def offer_border(
     if gap <= accepted:
         return is_owner and offer_root(i, u, v, t, n_dot_d, patch, ray, rays, best)
     if gap <= band:
-        doubt(i, (t + shift) * to_world, band * to_world, rays.t_min, rays.known, best)
+        doubt_piece(i, t, band, u, v, band * gain_u, band * gain_v, patch, ray, rays, best)
     return False
 
 

@@ -31,6 +31,8 @@ from hybrid_rt.intersection.kernels.patch.nets import (
 from hybrid_rt.intersection.kernels.patch.solve import (
     CONVERGED,
     approach,
+    doubt_piece,
+    is_inside_loops,
     newton,
     offer_border,
     offer_root,
@@ -44,7 +46,7 @@ from hybrid_rt.intersection.kernels.search.counters import (
     SLOW,
     STEPS,
 )
-from hybrid_rt.intersection.kernels.search.nearest import SUSPECT, doubt, is_known, offer
+from hybrid_rt.intersection.kernels.search.nearest import SUSPECT, is_known, offer
 from hybrid_rt.intersection.kernels.search.tolerances import (
     APPROACHES,
     BORDER_SLACK,
@@ -142,7 +144,7 @@ def slow_solve(
     t in [t_lo, t_cut] counts lengths of d from o. Pieces without a root, but within ``band`` of the
     ray, are noted as doubts. What is offered depends on ray and rectangle only, not on `best`.
     """
-    control, start, degree_u, degree_v, basis, rational, size, object_id, row = patch
+    control, start, degree_u, degree_v, basis, rational, size, object_id, row, _ = patch
     ox, oy, oz, dx, dy, dz, shift, to_world = ray
     t_min, known = rays.t_min, rays.known
     nets, boxes, room = scratch.nets, scratch.boxes, scratch.room
@@ -252,7 +254,7 @@ def slow_solve(
                 patch, ray, um, vm, um - hu, um + hu, vm - hv, vm + hv, APPROACHES
             )
             if gap <= BESIDE * reach:
-                doubt(i, (t + shift) * to_world, reach * to_world, t_min, known, best)
+                doubt_piece(i, t, reach, um, vm, hu, hv, patch, ray, rays, best)
             if is_point or gap <= BESIDE * reach:
                 continue
         # --- too small to be told from a point, or too thin to hold a decision
@@ -274,6 +276,14 @@ def slow_solve(
                 t_world = (t_near + shift) * to_world
                 slope *= length
                 if t_world > t_min[i] and not is_known(i, t_world, t_bound, slope, known):
+                    is_kept, edge = is_inside_loops(
+                        i, u, v, t_near, patch.trim, patch, ray, rays, best
+                    )
+                    if not is_kept:
+                        # Where along a fold the root is, is open by as much as the piece is long.
+                        doubt_piece(i, t_near, reach, um, vm, hu, hv, patch, ray, rays, best)
+                        continue
+                    t_bound += edge
                     offer(
                         i, t_world, t_bound, slope, SUSPECT, object_id, row, u, v,
                         t_min, known, best,
@@ -281,7 +291,7 @@ def slow_solve(
                     h_cut = min(h_cut, h0)
                 continue
             if is_flat and not is_long:
-                doubt(i, (t + shift) * to_world, reach * to_world, t_min, known, best)
+                doubt_piece(i, t, reach, um, vm, hu, hv, patch, ray, rays, best)
                 continue
         # --- Krawczyk: how far the tangents turn, seen through the inverse of their mean
         det = au * bv - av * bu

@@ -65,6 +65,7 @@ class PatchTable(NamedTuple):
     place: Any  # (n,) int32: where each cell of the grids stands below, in the order of the tree
     record: Any  # (n or 5 n, RECORD): the cells, then the four quarters of each if there are any
     cell_patch: Any  # (n or 5 n,) uint32
+    trim: Any  # None: patches are whole; else `search.trims.Trim`, a row for each patch
 
 
 class PatchScratch(NamedTuple):

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from hybrid_rt.intersection.kernels.revolution.loops import TURN, turn_within
 from hybrid_rt.intersection.kernels.revolution.outlines import is_outline
 from hybrid_rt.intersection.kernels.revolution.profile import (
     BEGIN,
@@ -16,6 +17,7 @@ from hybrid_rt.intersection.kernels.revolution.sheets import (
     COSINE,
     HEIGHT,
     IN_PART,
+    LENGTH,
     RISE,
     SIDE,
     SINE,
@@ -27,8 +29,9 @@ from hybrid_rt.intersection.kernels.revolution.sheets import (
 )
 from hybrid_rt.intersection.kernels.revolution.solve import meet, offer_meeting, rounding
 from hybrid_rt.intersection.kernels.search.coarse import parameters_at
-from hybrid_rt.intersection.kernels.search.rays import NORMAL_DEGENERATE
+from hybrid_rt.intersection.kernels.search.rays import EDGE, NORMAL_DEGENERATE
 from hybrid_rt.intersection.kernels.search.tolerances import UNIT_ROUNDOFF
+from hybrid_rt.intersection.kernels.search.trims import decide, is_near_loops
 from meshing.kernels.jit import hot_kernel
 
 
@@ -95,7 +98,7 @@ def finish_revolutions(table, rays, best, row_of, ray, out):
             # A resting point of the profile: its direction a little further in.
             inside = s * (1.0 - 2e-6) + 1e-6
             _, _, zs, rs, _, _ = profile(control, start, degree, inside)
-            out.flags[i] = NORMAL_DEGENERATE
+            out.flags[i] |= NORMAL_DEGENERATE
         speed = np.hypot(zs, rs)
         zs, rs = zs / speed, rs / speed
         nr, nz = zs, -rs
@@ -110,7 +113,7 @@ def finish_revolutions(table, rays, best, row_of, ray, out):
         if r <= 4.0 * UNIT_ROUNDOFF * table.size[k]:
             # On the axis: the normal of a tip is the axis; a smooth pole has no other.
             if abs(zs) > 1e-6:
-                out.flags[i] = NORMAL_DEGENERATE
+                out.flags[i] |= NORMAL_DEGENERATE
             if rs != 0.0:
                 nr, nz = 0.0, (-1.0 if rs > 0.0 else 1.0)
         px, py = max(r, 0.0) * ex, max(r, 0.0) * ey
@@ -120,16 +123,23 @@ def finish_revolutions(table, rays, best, row_of, ray, out):
             local = px * e[0, c] + py * e[1, c] + z * e[2, c]
             out.position[i, c] = table.middle[k, c] + local / to_frame
             out.normal[i, c] = nr * (ex * e[0, c] + ey * e[1, c]) + nz * e[2, c]
-        turn = np.arctan2(ey, ex) / (2.0 * np.pi)
-        turn -= np.floor(turn) + table.part[k, BEGIN]
-        turn -= np.floor(turn)
         share = table.part[k, SHARE]
-        if share < 1.0:
-            # Rounding may have put it beyond either end.
-            turn = turn / share if turn <= 0.5 + 0.5 * share else 0.0
-            out.u[i] = min(turn, 1.0)
-        else:
-            out.u[i] = turn if turn < 1.0 else 0.0
+        turn = turn_within(np.arctan2(ey, ex) / TURN, table.part[k, BEGIN], share)
+        out.u[i] = min(turn / share, 1.0)
+        slope = abs(nr * rate + nz * ray[RISE]) / ray[LENGTH]
+        band, along = ray[BAND], TURN * max(r, 0.0)
+        if is_near_loops(
+            table.trim, k, turn, s, band**2, (band * along / speed) ** 2, (slope * along) ** 2
+        ):
+            around = ray[ACROSS] * side / rho if rho > 0.0 else 0.0
+            _, is_within, edge = decide(
+                table.trim, k, turn, s, 0.0, along, 0.0, rs * speed, 0.0, zs * speed, rate,
+                -around, ray[RISE], band,
+            )  # fmt: skip
+            if is_within:
+                best.tangent[i] = 1
+            if edge > 0.0:
+                out.flags[i] |= EDGE
         out.v[i] = s
         out.patch_id[i] = table.segment_id[seg]
         out.residual[i] = gap / to_frame

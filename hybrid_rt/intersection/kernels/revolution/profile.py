@@ -57,6 +57,7 @@ class RevolutionTable(NamedTuple):
     span: Any  # (segments, 4): z and r of the segment
     whole: Any  # (k, 3): lowest and highest z, largest r of the object
     piece: Any  # (pieces, PIECE)
+    trim: Any  # None: surfaces are whole; else `search.trims.Trim`, a row for each object
 
 
 class Segment(NamedTuple):
@@ -70,6 +71,8 @@ class Segment(NamedTuple):
     size: Any  # of the object
     object_id: Any
     row: Any
+    trim: Any  # as in the table
+    member: Any  # its row there
 
 
 @inlined
@@ -77,7 +80,7 @@ def segment_of(table, k, row):
     """Return one row of a table as a `Segment`, of object k."""
     return Segment(
         table.control, table.start[row], table.degree[row], table.outlines[row], table.end[row],
-        table.size[k], table.object_id[k], row,
+        table.size[k], table.object_id[k], row, table.trim, k,
     )  # fmt: skip
 
 

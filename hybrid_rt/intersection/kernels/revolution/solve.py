@@ -11,6 +11,7 @@ docs/rounding_turned.md.
 
 import numpy as np
 
+from hybrid_rt.intersection.kernels.revolution.loops import is_inside_loops
 from hybrid_rt.intersection.kernels.revolution.outlines import keep_doubt
 from hybrid_rt.intersection.kernels.revolution.profile import (
     BEND,
@@ -258,6 +259,10 @@ def offer_meeting(i, s, t, slope, gain, noise, error, segment, ray, after, rays,
         return True, False
     if ray[IN_PART] != 0.0 and not is_in_part(i, t, slope, ray, rays, best):
         return True, False
+    is_kept, edge = is_inside_loops(i, s, t, segment.trim, segment, ray, rays, best)
+    if not is_kept:
+        return True, False
+    t_bound += edge
     # Of roots at the same t the one with the lower bound is taken, whichever was found first.
     offer(
         i, t_world, t_bound, slope, False, segment.object_id, segment.row, t_bound, s,

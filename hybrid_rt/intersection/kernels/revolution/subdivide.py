@@ -6,6 +6,7 @@ along their chord. The half that the ray reaches first is taken first.
 
 import numpy as np
 
+from hybrid_rt.intersection.kernels.revolution.loops import is_inside_loops, may_be_kept_near
 from hybrid_rt.intersection.kernels.revolution.outlines import note_doubt, pass_end
 from hybrid_rt.intersection.kernels.revolution.profile import (
     R0,
@@ -105,7 +106,7 @@ def sine_of_crossing(control, start, degree, ray, after, s, t):
 @inlined
 def solve_piece(i, segment, piece, ray, after, t_lo, t_cut, rays, best, work, counters):
     """Settle one piece on one sheet: offer its first root, or know that there is none."""
-    control, start, degree, outlines, end, size, object_id, row = segment
+    control, start, degree, outlines, end, size, object_id, row, trim, _ = segment
     t_min, known = rays.t_min, rays.known
     net, stack, scratch = work.net, work.stack, work.piece
     band, slop = ray[BAND], ray[SLOP]
@@ -117,7 +118,7 @@ def solve_piece(i, segment, piece, ray, after, t_lo, t_cut, rays, best, work, co
     for k in range(2):
         if outlines & (1 << k) != 0 and (a == 0.0 if k == 0 else b == 1.0):
             is_passed, t = pass_end(end[k], ray, after)
-            if is_passed:
+            if is_passed and may_be_kept_near(trim, segment, ray, t, float(k), 0.0):
                 note_doubt(i, t, ray, rays, best)
     if at_most_one(piece, ray, after, slop):
         settled, _ = solve_single(i, segment, piece, t0, t1, ray, after, rays, best, counters)
@@ -161,7 +162,9 @@ def solve_piece(i, segment, piece, ray, after, t_lo, t_cut, rays, best, work, co
                 s, t = 0.5 * (a + b), min(max(0.5 * (t0 + t1), t0), t1)
                 near = approach_profile(control, start, degree, ray, after, s, t)
                 gap = gap_between(control, start, degree, ray, after, s, near)
-                if extent > 0.5 * band or gap <= 1.25 * band:
+                if (extent > 0.5 * band or gap <= 1.25 * band) and may_be_kept_near(
+                    trim, segment, ray, t, s, 0.5 * (b - a)
+                ):
                     note_doubt(i, t, ray, rays, best)
             continue
         middle = min(max(0.5 * (t0 + t1), t0), t1)
@@ -186,6 +189,12 @@ def solve_piece(i, segment, piece, ray, after, t_lo, t_cut, rays, best, work, co
                     and not is_known(i, t_world, t_bound, slope, known)
                     and (ray[IN_PART] == 0.0 or is_in_part(i, near, slope, ray, rays, best))
                 ):
+                    is_kept, edge = is_inside_loops(i, s, near, trim, segment, ray, rays, best)
+                    if not is_kept:
+                        if may_be_kept_near(trim, segment, ray, near, s, 0.5 * (b - a)):
+                            note_doubt(i, near, ray, rays, best)
+                        continue
+                    t_bound += edge
                     offer(
                         i, t_world, t_bound, slope, is_flat, object_id, row, t_bound, s, t_min,
                         known, best,
@@ -193,7 +202,8 @@ def solve_piece(i, segment, piece, ray, after, t_lo, t_cut, rays, best, work, co
                     t_cut = min(t_cut, t0)
                 continue
             if is_flat:
-                note_doubt(i, middle, ray, rays, best)
+                if may_be_kept_near(trim, segment, ray, middle, 0.5 * (a + b), 0.5 * (b - a)):
+                    note_doubt(i, middle, ray, rays, best)
                 continue
         if t0 > -np.inf and t1 < np.inf and at_most_one(scratch, ray, after, slop):
             settled, t = solve_single(i, segment, scratch, t0, t1, ray, after, rays, best, counters)

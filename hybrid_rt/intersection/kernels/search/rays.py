@@ -27,6 +27,7 @@ SMALLEST, LARGEST = 2.0**-1022, sys.float_info.max
 MISS, HIT, TANGENT = 0, 1, 2
 # `hybrid_rt.core.records.Flag`
 NORMAL_DEGENERATE = 1
+EDGE = 2
 
 
 class Record(NamedTuple):

@@ -1,0 +1,94 @@
+"""Roots on trimmed surfaces of revolution: their angle, and the side of the loops that they are on."""
+
+import numpy as np
+
+from hybrid_rt.intersection.kernels.revolution.outlines import keep_doubt
+from hybrid_rt.intersection.kernels.revolution.profile import profile
+from hybrid_rt.intersection.kernels.revolution.sheets import (
+    ACROSS,
+    BAND,
+    BESIDE,
+    COSINE,
+    LENGTH,
+    RISE,
+    SIDE,
+    SINE,
+    TO_WORLD,
+    WAY,
+    distance,
+)
+from hybrid_rt.intersection.kernels.search.trims import decide, may_be_kept, quick_side
+from meshing.kernels.jit import inner
+from meshing.kernels.trims import INSIDE, OUTSIDE
+
+TURN = 2.0 * np.pi
+# Parameters of an end of a segment are open by so much.
+AT_END = 2.0**-40
+# Columns of `Trim.scale` of turned surfaces.
+BEGIN, SHARE = 0, 1
+
+
+@inner
+def turn_within(turn, begin, share):
+    """Return an angle in whole turns, counted from where the surface begins; 0 to ``share``."""
+    turn -= np.floor(turn) + begin
+    turn -= np.floor(turn)
+    if share < 1.0:
+        # Rounding may have put it beyond either end.
+        return min(turn, share) if turn <= 0.5 + 0.5 * share else 0.0
+    return turn if turn < 1.0 else 0.0
+
+
+@inner
+def turn_of(trim, k, ray, t):
+    """Return the angle of the ray at t on trimmed surface k, see `turn_within`."""
+    w, side = ray[WAY] + t * ray[ACROSS], ray[SIDE]
+    x, y = w * ray[COSINE] - side * ray[SINE], w * ray[SINE] + side * ray[COSINE]
+    return turn_within(np.arctan2(y, x) / TURN, trim.scale[k, BEGIN], trim.scale[k, SHARE])
+
+
+@inner
+def is_inside_loops(i, s, t, trim, segment, ray, rays, best):
+    """Tell whether a root on a trimmed surface is a hit; note a doubt if the band decides it is none.
+
+    Returns
+    -------
+    is_kept : bool
+    edge : float
+        What the gap of an edge adds to the bound of t, as the caller counts it.
+    """
+    if trim is None:  # an argument of its own: numba leaves the rest out where it is
+        return True, 0.0
+    k = segment.member
+    turn = turn_of(trim, k, ray, t)
+    side = quick_side(trim, k, turn, s)
+    if side == OUTSIDE:
+        return False, 0.0
+    if side == INSIDE:
+        return True, 0.0
+    _, r, zs, rs, _, _ = profile(segment.control, segment.start, segment.degree, s)
+    rho, rate = distance(ray, t, ray[WAY] + t * ray[ACROSS] >= 0.0)
+    around = ray[ACROSS] * ray[SIDE] / rho if rho > 0.0 else 0.0
+    is_hit, is_within, edge = decide(
+        trim, k, turn, s, 0.0, TURN * max(r, 0.0), 0.0, rs, 0.0, zs, rate, -around, ray[RISE],
+        ray[BAND],
+    )  # fmt: skip
+    if is_within and not is_hit:
+        keep_doubt(i, t, ray, rays, best)
+    return is_hit, edge * ray[TO_WORLD] / ray[LENGTH]
+
+
+@inner
+def may_be_kept_near(trim, segment, ray, t, s, hs):
+    """Tell whether the surface within hs of s may be inside the loops where the ray is at t.
+
+    A contact within the band is as long as the root of the band: so far around the axis is asked.
+    """
+    if trim is None:
+        return True
+    k = segment.member
+    rho, _ = distance(ray, t, True)
+    around = ray[ACROSS] * ray[BESIDE] / (max(rho, 1e-300) * ray[LENGTH])
+    long = 4.0 * (ray[BAND] + min(np.sqrt(ray[BAND]), around))
+    hu = min(long / (TURN * max(rho, 1e-300)), 1.0)
+    return may_be_kept(trim, k, turn_of(trim, k, ray, t), s, hu, hs + AT_END)

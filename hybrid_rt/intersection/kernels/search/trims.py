@@ -1,0 +1,146 @@
+"""Roots on trimmed surfaces: whether one is inside the loops, and what could change that.
+
+A root counts if its (u, v) is inside (`meshing.kernels.trims`). Whether moving the ray by the band
+would change that is asked in space: the distance from the root to the curve S(u(s), v(s)), as seen
+along the ray, to first order, S_u and S_v being those at the root. In the same way, but measured in
+the tangent plane, the gap of a model's edge is asked for.
+"""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from hybrid_rt.intersection.kernels.search.tolerances import TANGENT_BAND
+from meshing.kernels.jit import inlined, inner
+from meshing.kernels.trims import CROSSED, classify, gap_to_loops, tile_of
+
+# Rays that meet an edge more flatly than this have the gap of a ray that meets it so.
+FLATTEST_EDGE = 1e-3
+# A tile's state is taken as it is for roots that rounding, or the band, moves by less than this.
+NEARBY = 2.0**-20
+
+
+class Trim(NamedTuple):
+    """The loops of a kind's surfaces; one row for each patch, or each surface."""
+
+    loops: Any  # `meshing.kernels.trims.TrimTable`
+    member: Any  # (k,) int64: row of its loops
+    span: Any  # (k, 4) float64: u0, width in u, v0, width in v on the sheet
+    gap: Any  # (k,) float64, lengths of the frame
+    # (k, 4) float64: middle of the object from where rays are counted, and its diameter; or zeros
+    scale: Any
+
+
+@inlined
+def quick_side(trim, k, u, v):
+    """Return OUTSIDE or INSIDE for points far from every curve, else CROSSED."""
+    if trim.gap[k] > 0.0:
+        return CROSSED
+    span, m = trim.span, trim.member[k]
+    at_u, at_v = span[k, 0] + u * span[k, 1], span[k, 2] + v * span[k, 3]
+    return tile_of(trim.loops, m, at_u, at_v, NEARBY, NEARBY)
+
+
+@inlined
+def is_near_loops(trim, k, u, v, far_u, far_v, room):
+    """Tell whether a root may be near a curve; one that rounding moves by far_u / room in u squared."""
+    if trim is None:
+        return False
+    side, most = quick_side(trim, k, u, v), NEARBY * NEARBY * room
+    span = trim.span
+    return not (
+        side != CROSSED
+        and far_u * span[k, 1] * span[k, 1] <= most
+        and far_v * span[k, 3] * span[k, 3] <= most
+    )
+
+
+@inlined
+def band_at(trim, k, ox, oy, oz):
+    """Return 64 eps x scale for a ray from o, as rays of row k are counted; 0 without loops."""
+    if trim is None:
+        return 0.0
+    ax, ay, az = ox - trim.scale[k, 0], oy - trim.scale[k, 1], oz - trim.scale[k, 2]
+    return TANGENT_BAND * max(np.sqrt(ax * ax + ay * ay + az * az), trim.scale[k, 3])
+
+
+@inner
+def _distance(trim, k, u, v, e, f, g, reach):
+    """Return the side of a point of row k, and its distance from the curves: inf beyond ``reach``.
+
+    e, f, g are the coefficients of the metric in u and v of the row.
+    """
+    span, m = trim.span, trim.member[k]
+    at_u, at_v = span[k, 0] + u * span[k, 1], span[k, 2] + v * span[k, 3]
+    e, f, g = e / span[k, 1] ** 2, f / (span[k, 1] * span[k, 3]), g / span[k, 3] ** 2
+    det = e * g - f * f
+    du = dv = 1.0
+    if det > 0.0:
+        du, dv = min(reach * np.sqrt(g / det), 1.0), min(reach * np.sqrt(e / det), 1.0)
+    is_inside, may_be_near = classify(trim.loops, m, at_u, at_v, du, dv)
+    if not may_be_near:
+        return is_inside, np.inf
+    gap = gap_to_loops(trim.loops, m, at_u, at_v, du, dv, e, f, g)
+    if reach < gap < np.inf and (
+        gap_to_loops(trim.loops, m, at_u, at_v, 0.0, 0.0, e, f, g) == np.inf
+    ):
+        return is_inside, np.inf
+    return is_inside, gap
+
+
+@inner
+def decide(trim, k, u, v, ux, uy, uz, vx, vy, vz, dx, dy, dz, band):
+    """Decide about a root of row k; without loops (None) it is a hit.
+
+    Parameters
+    ----------
+    u, v : float
+        Of the root; ux ... vz: S_u and S_v there; dx, dy, dz: the ray, of any length.
+    band : float
+        64 eps x scale.
+
+    Returns
+    -------
+    is_hit : bool
+        It is inside the loops, or outside within the gap.
+    is_within : bool
+        Moving the ray by the band, or rounding, may change that.
+    edge : float
+        What the gap adds to the bound of t, in lengths of the frame; 0: the root is no EDGE.
+    """
+    if trim is None:
+        return True, False, 0.0
+    dd = dx * dx + dy * dy + dz * dz
+    ee, ff = ux * ux + uy * uy + uz * uz, ux * vx + uy * vy + uz * vz
+    gg = vx * vx + vy * vy + vz * vz
+    along_u, along_v = ux * dx + uy * dy + uz * dz, vx * dx + vy * dy + vz * dz
+    is_inside, gap = _distance(
+        trim, k, u, v, ee - along_u * along_u / dd, ff - along_u * along_v / dd,
+        gg - along_v * along_v / dd, band,
+    )  # fmt: skip
+    is_within = gap < np.inf
+    if trim.gap[k] == 0.0:
+        return is_inside, is_within, 0.0
+    nx, ny, nz = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
+    area = np.sqrt(nx * nx + ny * ny + nz * nz)
+    cosine = abs(nx * dx + ny * dy + nz * dz) / (area * np.sqrt(dd)) if area > 0.0 else 0.0
+    reach = trim.gap[k] / max(cosine, FLATTEST_EDGE)
+    _, gap = _distance(trim, k, u, v, ee, ff, gg, reach)
+    if gap <= reach:
+        # The edge of what counts is farther out than the curves are.
+        return True, False, reach
+    return is_inside, is_within, 0.0
+
+
+@inner
+def may_be_kept(trim, k, u, v, hu, hv):
+    """Tell whether any point of row k within hu and hv of (u, v) may be inside the loops."""
+    if trim is None:
+        return True
+    span, m = trim.span, trim.member[k]
+    at_u, at_v = span[k, 0] + u * span[k, 1], span[k, 2] + v * span[k, 3]
+    hu, hv = hu * span[k, 1], hv * span[k, 3]
+    is_inside, may_be_near = classify(trim.loops, m, at_u, at_v, hu, hv)
+    return is_inside or (
+        may_be_near and gap_to_loops(trim.loops, m, at_u, at_v, hu, hv, 1.0, 0.0, 1.0) < np.inf
+    )

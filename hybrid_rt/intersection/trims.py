@@ -1,0 +1,111 @@
+"""Trimmed surfaces made ready for the kernels of their kinds, and their coarse triangles."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hybrid_rt.core.records import BoolArray, FloatArray
+from hybrid_rt.intersection.kernels.search.trims import Trim
+from meshing import TrimmedSurface, tessellate
+from meshing.certified_mesh import CertifiedMesh
+from meshing.kernels.trims import OUTSIDE, classify_boxes
+from meshing.spans import within_patch
+from meshing.trims import make_table
+
+
+def trimmed_of(members: Sequence[tuple[int, Any]]) -> list[TrimmedSurface] | None:
+    """Return the trimmed surfaces among (object id, surface); None if there are none.
+
+    Raises
+    ------
+    TypeError
+        If only some of them are trimmed.
+    """
+    trimmed = [surface for _, surface in members if isinstance(surface, TrimmedSurface)]
+    if trimmed and len(trimmed) != len(members):
+        raise TypeError("trimmed and whole surfaces in one kind: pass each to its own")
+    return trimmed or None
+
+
+def whole_of(members: Sequence[tuple[int, Any]]) -> list[tuple[int, Any]]:
+    """Return object ids and surfaces, trimmed ones without their loops."""
+    return [
+        (i, surface.surface if isinstance(surface, TrimmedSurface) else surface)
+        for i, surface in members
+    ]
+
+
+def trim_of(
+    surfaces: Sequence[TrimmedSurface],
+    counts: Sequence[int],
+    spans: FloatArray,
+    to_frame: float | FloatArray,
+    scale: FloatArray,
+) -> Trim:
+    """Return the loops of trimmed surfaces.
+
+    Parameters
+    ----------
+    surfaces : sequence of TrimmedSurface
+    counts : rows (patches) of each
+    spans : (rows, 4)
+        u0, u1, v0, v1 of each row on its surface.
+    to_frame : lengths of the frame in a scene unit, one or one per surface
+    scale : (rows, 4), see `Trim`
+    """
+    span = spans.copy()
+    span[:, 1] -= spans[:, 0]
+    span[:, 3] -= spans[:, 2]
+    gap = np.array([surface.gap for surface in surfaces]) * to_frame
+    member = np.repeat(np.arange(len(surfaces)), counts).astype(np.int64)
+    return Trim(make_table(surfaces), member, span, gap[member], scale)
+
+
+def may_hold_hits(
+    trim: Trim, cells: FloatArray, rows: NDArray[np.unsignedinteger[Any]]
+) -> BoolArray:
+    """Tell which cells are not wholly outside the loops, (n,) bool.
+
+    Parameters
+    ----------
+    cells : (n, 4)
+        Middles in u and v and half sides, in the rows' own parameters.
+    rows : (n,) integers
+    """
+    um, vm, hu, hv = cells.T
+    span = trim.span[rows]
+    keeps = np.ones(len(rows), np.bool_)
+    boxes = np.stack([um - hu, um + hu, vm - hv, vm + hv], axis=1)
+    boxes[:, :2] = span[:, :1] + boxes[:, :2] * span[:, 1:2]
+    boxes[:, 2:] = span[:, 2:3] + boxes[:, 2:] * span[:, 3:4]
+    for m in range(len(trim.loops.member)):
+        mine = np.flatnonzero(trim.member[rows] == m)
+        # A gap makes roots count beyond the curves, by how much in (u, v) is not known here.
+        if len(mine) and not trim.gap[rows[mine[0]]] > 0.0:
+            state = np.empty(len(mine), np.uint8)
+            classify_boxes(trim.loops, m, boxes[mine], state)
+            keeps[mine] = state != OUTSIDE
+    # A tree of nothing cannot be built.
+    if not keeps.any():
+        keeps[0] = True
+    return keeps
+
+
+def coarse_triangles(surface: TrimmedSurface, tolerance: float) -> CertifiedMesh:
+    """Return the triangles of a surface that reach inside its loops, at least one.
+
+    ``uv`` is that of the patches, as kinds take it.
+    """
+    mesh = tessellate(surface, tolerance)
+    if not len(mesh):
+        mesh = tessellate(surface.surface, tolerance)
+        mesh = replace(mesh, faces=mesh.faces[:1], uv=mesh.uv[:1], patch_id=mesh.patch_id[:1])
+    if surface.spans is None:
+        return mesh
+    u, v = within_patch(surface.spans, mesh.uv[..., 0], mesh.uv[..., 1], mesh.patch_id[:, None])
+    return replace(mesh, uv=np.stack([u, v], axis=-1))

@@ -1,0 +1,308 @@
+"""Which side of closed loops of rational Bezier arcs a point of the plane is on.
+
+The arcs are cut into pieces along which both coordinates are monotone, with end points that
+neighbours share bit for bit. Parity is that of the pieces to the right of the point: a piece counts
+where ``low <= v < high`` of its end points, so it is defined for every point, vertices and horizontal
+pieces included. Inside the box of a piece its parameter is halved until the point is beside the box
+of what is left (Schollmeyer and Froehlich, "Direct trimming of NURBS surfaces on the GPU", SIGGRAPH
+2009). Everything is computed on the arcs as given, so no error grows with the number of halvings.
+"""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from meshing.kernels.jit import hot_kernel, inlined, inner
+
+# What a tile of the map is known to be: the point sets of the sides, or asked piece by piece.
+OUTSIDE, INSIDE, CROSSED = 0, 1, 2
+# Columns of `TrimTable.piece`: parameter and place of the lower end, then of the upper.
+S_LOW, X_LOW, Y_LOW, S_HIGH, X_HIGH, Y_HIGH = 0, 1, 2, 3, 4, 5
+# Columns of `TrimTable.member`.
+FIRST_SLAB, N_SLABS, FIRST_TILE, N_TILES, N_PIECES = 0, 1, 2, 3, 4
+# The border u = 1 or v = 1 is asked this far inside, u = 0 and v = 0 as well: less than rounding.
+WITHIN = 2.0**-53
+# Chords that a piece of curve near a point is measured by: the sagitta left is 1/64 of the whole.
+CHORDS = 8
+
+
+class TrimTable(NamedTuple):
+    """Loops of one or more trimmed surfaces."""
+
+    net: Any  # (total, 3) float64: w x, w y, w of the arcs, the largest w of each in [1/2, 1)
+    arc: Any  # (p, 2) int64: first row in `net` and degree of the arc of each piece
+    piece: Any  # (p, 6) float64
+    slab: Any  # (s + 1,) int64: where the pieces of each slab of v begin in `listed`
+    listed: Any  # (l,) int32
+    tile: Any  # (t,) uint8: OUTSIDE, INSIDE or CROSSED
+    member: Any  # (m, 5) int64: first slab, slabs, first tile, tiles per side, pieces
+    error: Any  # (m,) float64: bound on the rounding of a point of an arc, and of (u, v)
+
+
+@inner
+def point_of_arc(net, start, degree, s):
+    """Return x and y at s, by Horner's scheme in Bernstein form: only sums of weighted terms.
+
+    With positive weights the terms of numerator and denominator carry at most 4 n + 5 roundings
+    each, so the quotient is off by at most (8 n + 12) u max |x|.
+    """
+    r = 1.0 - s
+    x, y, w = net[start, 0] * r, net[start, 1] * r, net[start, 2] * r
+    h = 1.0
+    for i in range(1, degree):
+        h = h * s * (degree - i + 1) / i
+        k = start + i
+        x = (x + h * net[k, 0]) * r
+        y = (y + h * net[k, 1]) * r
+        w = (w + h * net[k, 2]) * r
+    h = h * s / degree if degree > 1 else s
+    k = start + degree
+    x += h * net[k, 0]
+    y += h * net[k, 1]
+    w += h * net[k, 2]
+    return x / w, y / w
+
+
+@inner
+def _halve(table, p, s):
+    """Return the point of piece p at s, within the box of the piece."""
+    piece = table.piece
+    x, y = point_of_arc(table.net, table.arc[p, 0], table.arc[p, 1], s)
+    x_low, x_high = piece[p, X_LOW], piece[p, X_HIGH]
+    x = min(max(x, min(x_low, x_high)), max(x_low, x_high))
+    return x, min(max(y, piece[p, Y_LOW]), piece[p, Y_HIGH])
+
+
+@inner
+def side_of_piece(table, p, u, v, du, dv):
+    """Tell whether the piece is crossed to the right of (u, v), and whether it may be near.
+
+    Near: it may enter the rectangle of half sides du and dv about the point.
+    """
+    piece = table.piece
+    a, xa, ya = piece[p, S_LOW], piece[p, X_LOW], piece[p, Y_LOW]
+    b, xb, yb = piece[p, S_HIGH], piece[p, X_HIGH], piece[p, Y_HIGH]
+    if v < ya - dv or v > yb + dv or u > max(xa, xb) + du:
+        return False, False
+    straddles = ya <= v < yb
+    if u < min(xa, xb) - du:
+        return straddles, False
+    is_near = v <= ya + dv or v >= yb - dv
+    if not straddles:
+        return False, True
+    while True:
+        low, high = min(xa, xb), max(xa, xb)
+        if u < low and (is_near or u < low - du):
+            return True, is_near
+        if u >= high and (is_near or u > high + du):
+            return False, is_near
+        m = 0.5 * (a + b)
+        if m in (a, b):
+            return u < high, True
+        x, y = _halve(table, p, m)
+        if abs(v - y) <= dv:
+            is_near = True
+        if v < y:
+            b, xb = m, x
+        else:
+            a, xa = m, x
+
+
+@inner
+def _first_beyond(table, p, limit, of_x, grows):
+    """Return the s of a piece from its lower end on from which x or y is beyond a limit."""
+    a, b = table.piece[p, S_LOW], table.piece[p, S_HIGH]
+    while True:
+        m = 0.5 * (a + b)
+        if m in (a, b):
+            return m
+        x, y = _halve(table, p, m)
+        value = x if of_x else y
+        if (value >= limit) == grows:
+            b = m
+        else:
+            a = m
+
+
+@inner
+def part_in_box(table, p, u, v, du, dv):
+    """Return the range of s of a piece inside a rectangle: meets, from, to."""
+    piece = table.piece
+    a, xa, ya = piece[p, S_LOW], piece[p, X_LOW], piece[p, Y_LOW]
+    b, xb, yb = piece[p, S_HIGH], piece[p, X_HIGH], piece[p, Y_HIGH]
+    if v + dv < ya or v - dv > yb or u + du < min(xa, xb) or u - du > max(xa, xb):
+        return False, a, b
+    forward = 1.0 if b >= a else -1.0
+    first, last = a, b
+    if ya < v - dv:
+        first = _first_beyond(table, p, v - dv, False, True)
+    if yb > v + dv:
+        last = _first_beyond(table, p, v + dv, False, True)
+    grows = xb >= xa
+    near, far = (u - du, u + du) if grows else (u + du, u - du)
+    if (xa < near) if grows else (xa > near):
+        s = _first_beyond(table, p, near, True, grows)
+        first = s if (s - first) * forward > 0.0 else first
+    if (xb > far) if grows else (xb < far):
+        s = _first_beyond(table, p, far, True, grows)
+        last = s if (s - last) * forward < 0.0 else last
+    return (last - first) * forward >= 0.0, first, last
+
+
+@inner
+def gap_to_piece(table, p, u, v, du, dv, e, f, g):
+    """Return the least of e a^2 + 2 f a b + g b^2, (a, b) from (u, v) to the piece within a box."""
+    meets, first, last = part_in_box(table, p, u, v, du, dv)
+    least = np.inf
+    if not meets:
+        return least
+    x, y = _halve(table, p, first)
+    ax, ay = x - u, y - v
+    least = e * ax * ax + 2.0 * f * ax * ay + g * ay * ay
+    for k in range(1, CHORDS + 1):
+        x, y = _halve(table, p, first + (last - first) * (k / CHORDS))
+        bx, by = x - u, y - v
+        cx, cy = bx - ax, by - ay
+        run = e * cx * cx + 2.0 * f * cx * cy + g * cy * cy
+        if run > 0.0:
+            at = -(e * ax * cx + f * (ax * cy + ay * cx) + g * ay * cy) / run
+            at = min(max(at, 0.0), 1.0)
+            px, py = ax + at * cx, ay + at * cy
+            least = min(least, e * px * px + 2.0 * f * px * py + g * py * py)
+        ax, ay = bx, by
+    return max(least, 0.0)
+
+
+@inlined
+def slab_of(table, m, v):
+    """Return the slab that holds v."""
+    n = table.member[m, N_SLABS]
+    return table.member[m, FIRST_SLAB] + min(max(np.int64(v * n), 0), n - 1)
+
+
+@inlined
+def tile_of(table, m, u, v, du, dv):
+    """Return what the map knows of a point and the rectangle about it."""
+    n = table.member[m, N_TILES]
+    if du * n > 0.5 or dv * n > 0.5:
+        return CROSSED
+    a, b = min(max(np.int64(u * n), 0), n - 1), min(max(np.int64(v * n), 0), n - 1)
+    return np.int64(table.tile[table.member[m, FIRST_TILE] + a * n + b])
+
+
+@inner
+def classify(table, m, u, v, du, dv):
+    """Tell on which side of the loops of member m a point of the unit square is.
+
+    Parameters
+    ----------
+    du, dv : float
+        Half sides of a rectangle about it; what rounding makes of the curves is added.
+
+    Returns
+    -------
+    is_inside : bool
+        Whether parity is odd.
+    may_be_near : bool
+        Whether a curve may enter the rectangle; if not, the side is certain.
+    """
+    u, v = min(max(u, WITHIN), 1.0 - WITHIN), min(max(v, WITHIN), 1.0 - WITHIN)
+    du += table.error[m]
+    dv += table.error[m]
+    state = tile_of(table, m, u, v, du, dv)
+    if state != CROSSED:
+        return state == INSIDE, False
+    parity = may_be_near = False
+    slab = slab_of(table, m, v)
+    for k in range(table.slab[slab], table.slab[slab + 1]):
+        crosses, is_near = side_of_piece(table, np.int64(table.listed[k]), u, v, du, dv)
+        parity ^= crosses
+        may_be_near |= is_near
+    # Pieces are listed in slabs half of one beyond their ends.
+    return parity, may_be_near or 2.0 * dv * table.member[m, N_SLABS] > 1.0
+
+
+@inner
+def gap_to_loops(table, m, u, v, du, dv, e, f, g):
+    """Return the distance of a point from the loops in a metric: inf where no curve is in the box.
+
+    e, f, g are the coefficients of its square in steps of u and v.
+    """
+    u, v = min(max(u, WITHIN), 1.0 - WITHIN), min(max(v, WITHIN), 1.0 - WITHIN)
+    du += table.error[m]
+    dv += table.error[m]
+    least = np.inf
+    for slab in range(slab_of(table, m, v - dv), slab_of(table, m, v + dv) + 1):
+        for k in range(table.slab[slab], table.slab[slab + 1]):
+            p = np.int64(table.listed[k])
+            least = min(least, gap_to_piece(table, p, u, v, du, dv, e, f, g))
+    return np.sqrt(least)
+
+
+@hot_kernel
+def points_of_arc(net, s, out):
+    """Fill points (k, 2) of the arc of a net (n + 1, 3) at s (k,)."""
+    for i in range(s.shape[0]):
+        out[i, 0], out[i, 1] = point_of_arc(net, 0, net.shape[0] - 1, s[i])
+
+
+@hot_kernel
+def classify_points(table, m, u, v, inside, in_band):
+    """Fill ``inside`` and ``in_band`` (n,) bool for points (n,)."""
+    for i in range(u.shape[0]):
+        is_inside, may_be_near = classify(table, m, u[i], v[i], 0.0, 0.0)
+        inside[i] = is_inside
+        in_band[i] = (
+            may_be_near and gap_to_loops(table, m, u[i], v[i], 0.0, 0.0, 1.0, 0.0, 1.0) < np.inf
+        )
+
+
+@hot_kernel
+def mark_tiles(table, m, p, tile):
+    """Mark the tiles that piece p comes nearer to than half a tile as CROSSED."""
+    n = table.member[m, N_TILES]
+    a, b = table.piece[p, S_LOW], table.piece[p, S_HIGH]
+    x, y = table.piece[p, X_LOW], table.piece[p, Y_LOW]
+    side_x, side_y = abs(table.piece[p, X_HIGH] - x), table.piece[p, Y_HIGH] - y
+    parts = max(1, min(4 * n, np.int64(2.0 * n * (side_x + side_y)) + 1))
+    grown = 0.5 / n + 2.0 * table.error[m]
+    for k in range(1, parts + 1):
+        xk, yk = _halve(table, p, a + (b - a) * (k / parts))
+        if k == parts:
+            xk, yk = table.piece[p, X_HIGH], table.piece[p, Y_HIGH]
+        i0, i1 = (min(x, xk) - grown) * n, (max(x, xk) + grown) * n
+        j0, j1 = (min(y, yk) - grown) * n, (max(y, yk) + grown) * n
+        if i1 >= 0.0 and j1 >= 0.0 and i0 < n and j0 < n:
+            for i in range(int(max(i0, 0.0)), int(min(i1, n - 1.0)) + 1):
+                for j in range(int(max(j0, 0.0)), int(min(j1, n - 1.0)) + 1):
+                    tile[i * n + j] = CROSSED
+        x, y = xk, yk
+
+
+@hot_kernel
+def fill_tiles(table, m, tile):
+    """Classify the tiles that no piece comes near."""
+    n = table.member[m, N_TILES]
+    for i in range(n):
+        for j in range(n):
+            if tile[i * n + j] != CROSSED:
+                u, v = (i + 0.5) / n, (j + 0.5) / n
+                parity = False
+                slab = slab_of(table, m, v)
+                for k in range(table.slab[slab], table.slab[slab + 1]):
+                    parity ^= side_of_piece(table, np.int64(table.listed[k]), u, v, 0.0, 0.0)[0]
+                tile[i * n + j] = INSIDE if parity else OUTSIDE
+
+
+@hot_kernel
+def classify_boxes(table, m, boxes, state):
+    """Tell of boxes (k, 4) u0, u1, v0, v1 whether they are wholly on one side: OUTSIDE, INSIDE."""
+    for i in range(boxes.shape[0]):
+        u, v = 0.5 * (boxes[i, 0] + boxes[i, 1]), 0.5 * (boxes[i, 2] + boxes[i, 3])
+        # A part in a million more: roots may lie beside the box that offers them.
+        du, dv = 0.5000005 * (boxes[i, 1] - boxes[i, 0]), 0.5000005 * (boxes[i, 3] - boxes[i, 2])
+        is_inside, may_be_near = classify(table, m, u, v, du, dv)
+        if may_be_near and gap_to_loops(table, m, u, v, du, dv, 1.0, 0.0, 1.0) < np.inf:
+            state[i] = CROSSED
+        else:
+            state[i] = INSIDE if is_inside else OUTSIDE

@@ -1,0 +1,224 @@
+"""Surfaces cut by curves in their parameters: holes, and faces of parts with any outline."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from meshing.area import AreaSampler
+from meshing.checks import BoolArray, FloatArray, as_affine, broadcast_parameters, number, shown
+from meshing.curve2 import Curve2
+from meshing.kernels.trims import OUTSIDE, TrimTable, classify_boxes, classify_points
+from meshing.surface import Surface
+from meshing.trims import as_loops, make_table
+
+
+class TrimmedSurface(Surface):
+    """The part of a surface inside closed loops of curves in its (u, v).
+
+    A point belongs to the surface if the loops go around its (u, v) an odd number of times in all:
+    an outline, holes in it, and islands in these, in any order and any direction. Without an outline
+    of its own a hole is cut by adding the border of the unit square as a loop. What loops enclose
+    outside the unit square is nothing. On a surface that closes around its axis a loop across the
+    seam is written in one piece, u below 0 or above 1; it counts a turn away as well.
+
+    A hit is the first root inside the loops. Sides are decided by the curves as they are given,
+    without approximation; where rounding leaves the side open a hit or miss is TANGENT.
+
+    Parameters
+    ----------
+    surface : Surface
+        One Bezier patch, a sheet of patches or a `NurbsSurface`; a `SurfaceOfRevolution` of one
+        segment (`Cylinder`, `Cone`); or a `hybrid_rt.Rectangle`.
+    loops : sequence of sequences of Curve2
+        Each curve begins where the one before ends, the first where the last one ends. Ends up to
+        1e-5 apart are joined by a straight line.
+    gap : float
+        By how much the faces of a part may disagree about this edge, scene units. Roots outside the
+        loops within ``gap / |cos|`` of an edge are hits too, |cos| of ray and normal taken as 1e-3
+        at least. These, and those as near inside, have the flag EDGE, and ``gap / |cos|`` is part of
+        their ``t_bound``. 0: no such hits.
+
+    Raises
+    ------
+    TypeError, ValueError
+        For another surface, no loop, an empty or open loop, and a negative gap.
+
+    Attributes
+    ----------
+    surface, loops, gap
+        As given; loops with what joins them, as tuples.
+    """
+
+    def __init__(
+        self, surface: Surface, loops: Iterable[Iterable[Curve2]], gap: float = 0.0
+    ) -> None:
+        if not isinstance(surface, Surface) or not surface.flip_of_uv:
+            raise TypeError(
+                f"TrimmedSurface surface is {shown(surface)}: pass one of Bezier patches, a "
+                "NurbsSurface, a SurfaceOfRevolution or a Rectangle; no other is trimmed"
+            )
+        if len(surface) != 1 and surface.spans is None:
+            raise ValueError(
+                f"TrimmedSurface surface is {shown(surface)}, of {len(surface)} pieces with (u, v) of "
+                "their own: trim each alone, or patches side by side as a PatchSheet"
+            )
+        self.surface = surface
+        self.loops = as_loops(loops)
+        self.gap = number(gap, "TrimmedSurface gap", at_least=0.0, hint="in scene units")
+
+    def __len__(self) -> int:
+        """Return the number of patches of the surface."""
+        return len(self.surface)
+
+    def __repr__(self) -> str:
+        """Name the surface, and count loops and curves."""
+        n, curves = len(self.loops), sum(map(len, self.loops))
+        words = f"{n} loop{'s' * (n > 1)} of {curves} curve{'s' * (curves > 1)}"
+        return f"TrimmedSurface({self.surface!r}, {words}{f', gap={self.gap:g}' * (self.gap > 0)})"
+
+    def __reduce__(self) -> tuple[object, ...]:
+        """Pickle surface and loops; loading checks them again."""
+        return type(self), (self.surface, [list(loop) for loop in self.loops], self.gap)
+
+    @property
+    def wraps(self) -> bool:
+        """Whether u = 0 and u = 1 are the same points, so that loops go around."""
+        return bool(getattr(self.surface, "is_whole_turn", False))
+
+    @property
+    def is_freeform(self) -> bool:  # type: ignore[override]
+        """As the surface is."""
+        return self.surface.is_freeform
+
+    @property
+    def is_flat(self) -> bool:  # type: ignore[override]
+        """As the surface is."""
+        return self.surface.is_flat
+
+    def contains(self, u: ArrayLike, v: ArrayLike) -> tuple[BoolArray, BoolArray]:
+        """Tell which (u, v) are inside the loops.
+
+        Parameters
+        ----------
+        u, v : float array-like, broadcast with each other, from 0 to 1
+
+        Returns
+        -------
+        inside : (n,) bool
+            Leading axes are those of the broadcast arguments, one row for scalars.
+        in_band : (n,) bool
+            Whether rounding leaves the side open: a curve of degree d passes within
+            2^-52 (8 d + 14), twice that where curves leave the unit square; elsewhere ``inside`` is
+            proven.
+        """
+        u, v, _, shape = broadcast_parameters(u, v, 0, 1, "patch_id")
+        inside, in_band = np.empty(u.size, np.bool_), np.empty(u.size, np.bool_)
+        classify_points(self.table, 0, u, v, inside, in_band)
+        return inside.reshape(shape), in_band.reshape(shape)
+
+    def sides_of(self, boxes: FloatArray) -> Any:
+        """Return 0 for boxes (k, 4) u0, u1, v0, v1 outside the loops, 1 inside, 2 for others."""
+        state = np.empty(len(boxes), np.uint8)
+        classify_boxes(self.table, 0, np.ascontiguousarray(boxes, dtype=np.float64), state)
+        return state
+
+    def is_outside(self, boxes: FloatArray) -> BoolArray:
+        """Tell which boxes (k, 4) u0, u1, v0, v1 have no point inside the loops."""
+        return np.asarray(self.sides_of(boxes) == OUTSIDE)
+
+    @cached_property
+    def table(self) -> TrimTable:
+        """The loops as the classifier takes them."""
+        return make_table([self])
+
+    # --- the surface's own
+
+    @property
+    def pieces(self) -> Surface:
+        """The patches of the surface, untrimmed."""
+        return self.surface.pieces
+
+    @property
+    def spans(self) -> FloatArray | None:
+        """Parameters of each patch on a sheet, as the surface has them."""
+        return self.surface.spans
+
+    def point(self, u: ArrayLike, v: ArrayLike, patch_id: ArrayLike | None = None) -> FloatArray:
+        """Return points of the surface, also outside the loops; see its own `point`."""
+        if patch_id is None:
+            return self.surface.point(u, v)
+        return self.surface.point(u, v, patch_id)
+
+    def partials(
+        self, u: ArrayLike, v: ArrayLike, patch_id: ArrayLike | None = None
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return the first partials S_u and S_v, each shaped like `point`."""
+        if patch_id is None:
+            return self.surface.partials(u, v)
+        return self.surface.partials(u, v, patch_id)
+
+    def normal(self, u: ArrayLike, v: ArrayLike, patch_id: ArrayLike | None = None) -> FloatArray:
+        """Return unit normals along S_u x S_v, shaped like `point`."""
+        if patch_id is None:
+            return self.surface.normal(u, v)
+        return self.surface.normal(u, v, patch_id)
+
+    @property
+    def bounds(self) -> FloatArray:
+        """(2, 3) float64: a box around the untrimmed surface."""
+        return self.surface.bounds
+
+    @property
+    def middle(self) -> FloatArray:
+        """(3,) float64: that of the untrimmed surface."""
+        return self.surface.middle
+
+    @property
+    def size(self) -> float:
+        """Diameter of the untrimmed surface, scene units."""
+        return self.surface.size
+
+    @property
+    def rounding_reach(self) -> float:
+        """That of the untrimmed surface."""
+        return self.surface.rounding_reach
+
+    @property
+    def revolution_frame(self) -> FloatArray | None:
+        """That of the untrimmed surface."""
+        return self.surface.revolution_frame
+
+    def transformed(self, matrix: ArrayLike) -> TrimmedSurface:
+        """Return the image, with the same (u, v) and loops; the gap grows with the largest scale."""
+        image = self.surface.transformed(matrix)
+        linear, _ = as_affine(matrix, "TrimmedSurface")
+        # Similarities keep a gap to the bit where their scale is a power of two.
+        scale = float(np.linalg.norm(linear, 2)) if self.gap > 0.0 else 1.0
+        return TrimmedSurface(image, self.loops, self.gap * scale)
+
+    def flipped(self) -> TrimmedSurface:
+        """Return the same surface with its normal reversed; loops follow its (u, v)."""
+        return TrimmedSurface(
+            self.surface.flipped(),
+            [[self._turned(c) for c in loop] for loop in self.loops],
+            self.gap,
+        )
+
+    def _turned(self, curve: Curve2) -> Curve2:
+        if self.surface.flip_of_uv == "swapped":
+            return Curve2(curve.control[:, ::-1], curve.weights)
+        return Curve2(curve.control * (1.0, -1.0) + (0.0, 1.0), curve.weights)
+
+    def area_sampler(self) -> AreaSampler | None:
+        """Refuse: points are not sampled inside loops.
+
+        Raises
+        ------
+        ValueError
+        """
+        raise ValueError("is trimmed: it cannot shine, pass a surface without loops as a lamp")

@@ -1,0 +1,115 @@
+"""Trimmed surfaces for tests, and rays past their edges."""
+
+import numpy as np
+
+from hybrid_rt.verify.cases.rational_surfaces import octants
+from meshing import (
+    BezierPatches,
+    Curve2,
+    Cylinder,
+    NurbsSurface,
+    SurfaceOfRevolution,
+    TrimmedSurface,
+    circle,
+    polygon,
+)
+
+OUTLINE = polygon([(0, 0), (1, 0), (1, 1), (0, 1)])
+
+
+def plate(loops=None, gap=0.0):
+    """The square of side 2 about the origin, in z = 0, with a round hole of radius 1/2."""
+    flat = BezierPatches([[[[-1, -1, 0], [-1, 1, 0]], [[1, -1, 0], [1, 1, 0]]]])
+    return TrimmedSurface(flat, loops or [OUTLINE, circle((0.5, 0.5), 0.25)], gap)
+
+
+def wavy_loop(rng, centre, radius, arcs, degree, weights):
+    """A closed chain of random arcs around a point."""
+    n = arcs * degree
+    a = 2 * np.pi * np.arange(n) / n
+    away = radius * rng.uniform(0.6, 1.3, n)
+    points = np.column_stack([centre[0] + away * np.cos(a), centre[1] + away * np.sin(a)])
+    points = np.concatenate([points, points[:1]])
+    return [
+        Curve2(points[k : k + degree + 1], rng.uniform(0.3, 2.0, degree + 1) if weights else None)
+        for k in range(0, n, degree)
+    ]
+
+
+def bumpy(seed=1):
+    """A bicubic patch with an outline of cubics and a hole of rational quadratics."""
+    rng = np.random.default_rng(seed)
+    x, y = np.meshgrid(np.linspace(-1, 1, 4), np.linspace(-1, 1, 4), indexing="ij")
+    net = np.stack([x, y, rng.uniform(-0.5, 0.5, (4, 4))], axis=-1)
+    loops = [
+        wavy_loop(rng, (0.5, 0.5), 0.38, 4, 3, False),
+        wavy_loop(rng, (0.45, 0.5), 0.15, 3, 2, True),
+    ]
+    return TrimmedSurface(BezierPatches(net[None]), loops)
+
+
+def sheet(seed=2):
+    """A NURBS surface of 3 x 2 patches with three holes across their borders."""
+    rng = np.random.default_rng(seed)
+    knots_u, knots_v = [0, 0, 0, 0, 1, 2, 3, 3, 3, 3], [0, 0, 0, 1, 2, 2, 2]
+    x, y = np.meshgrid(np.linspace(-1, 1, 6), np.linspace(-1, 1, 4), indexing="ij")
+    net = np.stack([x, y, rng.uniform(-0.3, 0.3, (6, 4))], axis=-1)
+    surface = NurbsSurface(net, knots_u, knots_v, (3, 2), rng.uniform(0.5, 2, (6, 4)))
+    holes = [circle((1 / 3, 0.5), 0.2), circle((0.7, 0.4), (0.1, 0.25)), circle((0.8, 0.9), 0.05)]
+    return TrimmedSurface(surface, [OUTLINE, *holes])
+
+
+def ball_piece():
+    """A rational octant of the unit sphere, inside a circle in (u, v)."""
+    net, weights = octants().patches[0], octants().weights[0]
+    return TrimmedSurface(BezierPatches([net], [weights]), [circle((0.5, 0.5), 0.35)])
+
+
+def edge_rays(surface, n, seed, reach=3.0):
+    """Rays past points of the loops, beside them by 1e-1 to 1e-14 in (u, v), or not at all.
+
+    Returns
+    -------
+    origins, directions : (n, 3)
+    beside : (n,) float64, about how far the ray passes the edge, scene units
+    """
+    rng = np.random.default_rng(seed)
+    curves = [curve for loop in surface.loops for curve in loop]
+    at = np.array(
+        [
+            curves[k].point(rng.choice([0.0, 1.0, 0.5, rng.random()]))[0]
+            for k in rng.integers(len(curves), size=n)
+        ]
+    )
+    beside = rng.choice([0.0, *10.0 ** -np.arange(1, 15)], n)
+    turn = rng.uniform(0, 2 * np.pi, n)
+    at += beside[:, None] * np.column_stack([np.cos(turn), np.sin(turn)])
+    u, v = np.clip(at.T, 0.0, 1.0)
+    point, normal = surface.point(u, v), surface.normal(u, v)
+    away = rng.normal(size=(n, 3))
+    away /= np.linalg.norm(away, axis=1)[:, None]
+    away += 0.4 * normal * np.sign(np.einsum("ij,ij->i", away, normal))[:, None]
+    return point + reach * away, -away, beside * surface.size
+
+
+def windowed_cylinder():
+    """A cylinder of radius 1 and length 2 with a window across its seam and a round one."""
+    window = polygon([(-0.1, 0.3), (0.15, 0.25), (0.12, 0.7), (-0.08, 0.6)])
+    return TrimmedSurface(
+        Cylinder((0.1, 0.2, -1), (0.2, 0.1, 1), 1.0, 2.0),
+        [OUTLINE, window, circle((0.5, 0.5), (0.1, 0.2))],
+    )
+
+
+def part_of_cone():
+    """Part of a cone's turn inside one smooth outline."""
+    rng = np.random.default_rng(5)
+    cone = SurfaceOfRevolution([(0, 0.2), (1, 1)], (0, 0, 0), (0, 0, 1), u_range=(0.1, 0.75))
+    return TrimmedSurface(cone, [wavy_loop(rng, (0.5, 0.5), 0.35, 4, 3, False)])
+
+
+def cap():
+    """A cap of the unit sphere, turned from a rational quarter circle: v from 1/2 on."""
+    quarter = [(0, 1), (1, 1), (1, 0)]
+    dome = SurfaceOfRevolution(quarter, (0, 0, 0), (0, 0, 1), weights=(1, np.sqrt(0.5), 1))
+    return TrimmedSurface(dome, [polygon([(0, 0.5), (1, 0.5), (1, 1), (0, 1)])])

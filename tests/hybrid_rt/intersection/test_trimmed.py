@@ -1,0 +1,224 @@
+"""First hits on trimmed surfaces: closed forms, exact arithmetic beside edges, all queries agree."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+from trimmed_surfaces import (
+    OUTLINE,
+    ball_piece,
+    bumpy,
+    cap,
+    edge_rays,
+    part_of_cone,
+    plate,
+    sheet,
+    windowed_cylinder,
+)
+
+from hybrid_rt import Intersector, Sphere, Status
+from hybrid_rt.core.records import Flag
+from hybrid_rt.core.threads import Pool
+from hybrid_rt.intersection.kinds.patches import PatchKind
+from hybrid_rt.verify.exact.judge import ExactJudge
+from meshing import BezierPatches, TrimmedSurface, circle, polygon
+
+SURFACES = {
+    "plate": plate, "bumpy": bumpy, "sheet": sheet, "ball_piece": ball_piece,
+    "windowed_cylinder": windowed_cylinder, "part_of_cone": part_of_cone, "cap": cap,
+}  # fmt: skip
+each = pytest.mark.parametrize("name", SURFACES)
+
+
+def columns(record):
+    return [getattr(record, item.name) for item in dataclasses.fields(record)]
+
+
+def assert_same(one, other):
+    for a, b in zip(columns(one), columns(other), strict=True):
+        np.testing.assert_array_equal(a, b)
+
+
+def down(points, height=2.0):
+    """Rays straight down onto points (n, 2)."""
+    origins = np.column_stack([points, np.full(len(points), height)])
+    return origins, np.broadcast_to([0.0, 0.0, -1.0], origins.shape)
+
+
+@each
+def test_hits_beside_edges_are_the_exact_ones(name):
+    surface = SURFACES[name]()
+    origins, directions, beside = edge_rays(surface, 24, 11)
+    hits = Intersector([surface], coarse="none").intersect(origins, directions)
+    verdict = ExactJudge([surface]).judge(hits, origins, directions, distance=beside)
+    assert 0 < verdict.hits < 24
+    assert verdict.faults == verdict.left_open == 0
+    assert verdict.worst_bound <= 1.0
+
+
+@each
+def test_all_queries_agree(name):
+    surface = SURFACES[name]()
+    scene = [surface, Sphere((0.2, 0, -1.5), 0.4)]
+    *rays, beside = edge_rays(surface, 3000, 5)
+    alone = Intersector(scene, coarse="none", threads=1)
+    hits = alone.intersect(*rays)
+    assert_same(hits, Intersector(scene, threads=1).intersect(*rays))
+    assert_same(hits, Intersector(scene, coarse="none", threads=2).intersect(*rays))
+    np.testing.assert_array_equal(alone.occluded(*rays), hits.hit)
+    # All crossings are those of the whole surface that are inside, and its first is the first hit.
+    all_of = alone.intersect_all(*rays)
+    first = all_of.offsets[:-1][all_of.count > 0]
+    assert_same(all_of.hits[first], hits[hits.hit])
+    whole = Intersector([surface.surface, scene[1]], coarse="none").intersect_all(*rays)
+    inside = surface.contains(np.clip(whole.hits.u, 0, 1), np.clip(whole.hits.v, 0, 1))[0]
+    kept = inside | (whole.hits.object_id == 1)
+    sure = beside > 1e-9
+    for crossings in (whole, all_of):
+        sure[crossings.ray[crossings.hits.status == Status.TANGENT]] = False
+    sure &= hits.status != Status.TANGENT
+    count = np.bincount(whole.ray[kept], minlength=len(sure))
+    np.testing.assert_array_equal(all_of.count[sure], count[sure])
+    assert sure.mean() > 0.4
+
+
+def test_plate_with_a_round_hole_by_its_closed_form():
+    points = np.random.default_rng(1).uniform(-1.1, 1.1, (20_000, 2))
+    tracer = Intersector(plate(), coarse="none")
+    hits = tracer.intersect(*down(points))
+    r = np.hypot(*points.T)
+    np.testing.assert_array_equal(hits.hit, (np.abs(points).max(axis=1) <= 1) & (r >= 0.5))
+    np.testing.assert_allclose(hits.t[hits.hit], 2.0, atol=1e-15)
+    assert (hits.status[hits.hit] == Status.HIT).all()
+    # Within the band of the edge, and nowhere else, TANGENT: 64 eps x 3 is 4.3e-14.
+    angle = np.random.default_rng(2).uniform(0, 2 * np.pi, 500)
+    for beside in (0.0, 1e-14, -1e-14, 3e-14, 1e-13, -1e-13, 1e-6, -1e-6):
+        at = (0.5 + beside) * np.column_stack([np.cos(angle), np.sin(angle)])
+        hits = tracer.intersect(*down(at))
+        is_open = abs(beside) < 4e-14
+        assert ((hits.status == Status.TANGENT) == is_open).all()
+        assert is_open or (hits.hit == (beside > 0)).all()
+
+
+def test_window_in_a_cylinder_shows_the_far_wall():
+    surface = windowed_cylinder()
+    # From outside through the middle of the window across the seam, and beside it.
+    middle, beside = surface.point([0.0, 0.3], [0.5, 0.5])
+    axis_point = surface.surface.origin + surface.surface.axis
+    o = 3 * (np.array([middle, beside]) - axis_point) + axis_point
+    hits = Intersector(surface).intersect(o, axis_point - o)
+    assert (hits.t[0] > 1.0) != (hits.t[1] > 1.0)
+    # The wall of radius 1, on the far side after 4 / 3 of the way, is there but for the round hole.
+    np.testing.assert_allclose(hits.t[1], 2 / 3, rtol=1e-12)
+    through = Intersector(surface).intersect_all(o, axis_point - o)
+    assert through.count.tolist() == [int(hits.hit[0]), 2]
+
+
+def test_cap_of_a_sphere_by_its_closed_form():
+    rng = np.random.default_rng(3)
+    origins = rng.normal(size=(10_000, 3)) * 2
+    directions = rng.uniform(-1, 1, (10_000, 3)) - origins
+    surface = cap()
+    hits = Intersector(surface, coarse="none").intersect(origins, directions)
+    # v from 1/2 of the quarter (0, 1) .. (1, 0): the part above z = cos 45 degrees.
+    o, d = origins.astype(np.longdouble), directions.astype(np.longdouble)
+    a, b, c = (d * d).sum(1), (o * d).sum(1), (o * o).sum(1) - 1
+    t = np.full(len(o), np.inf, np.longdouble)
+    with np.errstate(invalid="ignore"):
+        root = np.sqrt(b * b - a * c)
+        for s in ((-b - root) / a, (-b + root) / a):
+            z = (o + s[:, None] * d)[:, 2]
+            t = np.where((s > 0) & (z >= np.sqrt(np.longdouble(0.5))) & (s < t), s, t)
+    sure = hits.status != Status.TANGENT
+    np.testing.assert_array_equal(hits.hit[sure], np.isfinite(t)[sure])
+    both = hits.hit & sure
+    assert both.sum() > 500
+    assert np.abs(hits.t[both] - t[both]).max() < 1e-12
+
+
+def test_rays_leave_trimmed_surfaces_by_identity():
+    surface = bumpy()
+    rays = edge_rays(surface, 2000, 9)[:2]
+    tracer = Intersector(surface, coarse="none")
+    hits = tracer.intersect(*rays)
+    hits, ways = hits[hits.hit], rays[1][hits.hit]
+    again = tracer.intersect(hits.position, ways, source=hits)
+    all_of = tracer.intersect_all(*rays)
+    np.testing.assert_array_equal(again.hit, all_of.count[all_of.count > 0] > 1)
+
+
+def test_limits_of_t_pass_over_roots():
+    two = [plate(), plate().transformed(np.diag([1, 1, 1, 1.0]) - np.eye(4, k=3) * 1.0)]
+    rays = down(np.array([(0.8, 0.8), (0.0, 0.0)]))
+    tracer = Intersector([two[0], BezierPatches(two[1].surface.patches)], coarse="none")
+    assert tracer.intersect(*rays).object_id.tolist() == [0, 1]
+    assert tracer.intersect(*rays, t_min=2.5).object_id.tolist()[1] in (1, -1)
+    assert tracer.intersect(*rays, t_max=1.5).object_id.tolist() == [-1, -1]
+
+
+def test_hits_within_the_gap_are_edges():
+    gap = 1e-3
+    tracer, exact = Intersector(plate(gap=gap)), Intersector(plate())
+    angle = np.linspace(0, 6, 50)
+    ring = np.column_stack([np.cos(angle), np.sin(angle)])
+    for beside, is_hit, is_edge in (
+        (-1.1e-3, False, False), (-0.9e-3, True, True), (0.9e-3, True, True),
+        (1.1e-3, True, False),
+    ):  # fmt: skip
+        rays = down((0.5 + beside) * ring)
+        hits = tracer.intersect(*rays)
+        assert (hits.hit == is_hit).all()
+        assert ((hits.flags & Flag.EDGE > 0) == is_edge).all()
+        assert (exact.intersect(*rays).hit == (beside > 0)).all()
+        if is_edge:
+            assert (hits.t_bound >= gap).all()
+            assert (hits.t_bound <= 1.001 * gap).all()
+    # Met at 60 degrees the gap reaches twice as far along the surface, and along the ray.
+    slanted = np.array([np.sqrt(3.0), 0.0, -1.0])
+    for beside, is_hit in ((-1.9e-3, True), (-2.1e-3, False)):
+        at = np.array([0.5 + beside, 0.0, 0.0])
+        hits = tracer.intersect(at - slanted, slanted)
+        assert hits.hit[0] == is_hit
+        if is_hit:
+            np.testing.assert_allclose(hits.t_bound, 2 * gap / 2, rtol=1e-3)
+            np.testing.assert_array_equal(tracer.occluded(at - slanted, slanted), [True])
+
+
+@pytest.mark.parametrize("accuracy", ["refined", "mesh"])
+def test_meshes_of_trimmed_surfaces_miss_only_beside_edges(accuracy):
+    for surface in (sheet(), windowed_cylinder()):
+        *rays, beside = edge_rays(surface, 4000, 3)
+        truth = Intersector(surface, coarse="none").intersect(*rays)
+        # Rays along the border of the surface itself miss the triangles there.
+        whole = Intersector(surface.surface, coarse="none").intersect(*rays)
+        inner = np.abs(np.column_stack([whole.u, whole.v]) - 0.5).max(axis=1) < 0.49
+        rows = (beside > 1e-6) & inner
+        hits = Intersector(surface, accuracy=accuracy, tolerance=1e-3).intersect(*rays)
+        if accuracy == "refined":
+            assert (hits.hit == truth.hit)[rows].mean() > 0.97
+            both = hits.hit & truth.hit & rows
+            assert (np.abs(hits.t[both] - truth.t[both]) < 1e-9).mean() > 0.99
+        else:
+            # Whole triangles stay where an edge runs through them.
+            assert (hits.hit >= truth.hit)[rows].mean() > 0.99
+            assert hits.hit[rows].sum() > truth.hit[rows].sum()
+
+
+def test_loops_that_enclose_nothing_are_never_hit():
+    twice = TrimmedSurface(plate().surface, [OUTLINE, OUTLINE])
+    for coarse in ("embree", "none"):
+        hits = Intersector(twice, coarse=coarse).intersect(*down(np.zeros((5, 2))))
+        assert not hits.hit.any()
+
+
+def test_other_surfaces_are_refused_by_name():
+    with pytest.raises(TypeError, match=r"Sphere.*no other is trimmed"):
+        TrimmedSurface(Sphere((0, 0, 0), 1), [circle((0.5, 0.5), 0.2)])
+    with pytest.raises(TypeError, match="each to its own"):
+        PatchKind([(0, plate()), (1, plate().surface)], Pool(1))
+
+
+def test_repr_names_the_loops():
+    assert repr(plate(gap=0.5)).endswith("2 loops of 8 curves, gap=0.5)")
+    words = repr(Intersector([plate(), plate([polygon([(0, 0), (1, 0), (0, 1)])])], coarse="none"))
+    assert "trimmed Bezier patches: 2" in words

@@ -1,0 +1,172 @@
+"""Loops in parameter planes: sides by exact winding numbers, what is refused, what is kept."""
+
+import pickle
+
+import numpy as np
+import pytest
+from trimmed_surfaces import OUTLINE, ball_piece, bumpy, plate, sheet, wavy_loop, windowed_cylinder
+
+from hybrid_rt.core.fingerprint import fingerprint
+from hybrid_rt.verify.exact.loops import ExactLoops
+from meshing import BezierPatches, Curve2, Cylinder, TrimmedSurface, circle, polygon, tessellate
+from meshing.curve2 import _slopes, _turns
+
+EPS = 2.0**-52
+
+
+def loops_of(kind):
+    rng = np.random.default_rng(3)
+    if kind == "disc":
+        return [OUTLINE, circle((0.5, 0.5), 0.25)]
+    if kind == "squares":  # horizontal and vertical pieces, two loops that touch and cross
+        return [
+            polygon([(0.25, 0.25), (0.75, 0.25), (0.75, 0.75), (0.25, 0.75)]),
+            polygon([(0.5, 0.5), (0.75, 0.5), (0.75, 0.25), (0.25, 0.75)]),
+        ]
+    return [
+        wavy_loop(rng, (0.5, 0.5), 0.3, 3, 5, True),
+        wavy_loop(rng, (0.4, 0.5), 0.3, 4, 3, False),
+    ]
+
+
+def points_on_and_beside(surface, n, seed):
+    """Points anywhere, on the curves and beside them by 1e-1 to 1e-16, and as high as vertices."""
+    rng = np.random.default_rng(seed)
+    curves = [curve for loop in surface.loops for curve in loop]
+    at = np.concatenate(
+        [c.point(np.concatenate([c.cuts(), rng.random(n // len(curves))])) for c in curves]
+    )
+    step = 10.0 ** -rng.integers(1, 17, at.shape) * rng.choice([-1, 0, 1], at.shape)
+    heights = surface.table.piece[:, [2, 5]].ravel()
+    level = np.column_stack([rng.random(n // 4), rng.choice(heights, n // 4)])
+    return np.clip(np.concatenate([at + step, level, rng.random((n // 2, 2))]), 0, 1)
+
+
+@pytest.mark.parametrize("kind", ["disc", "squares", "wild"])
+def test_sides_are_those_of_exact_winding_numbers(kind):
+    surface = plate(loops_of(kind))
+    judge = ExactLoops(surface.loops)
+    points = points_on_and_beside(surface, 600, 1)
+    inside, in_band = surface.contains(*points.T)
+    for (u, v), ours, open_ in zip(points.tolist(), inside, in_band, strict=True):
+        exact = judge.is_inside(u, v)
+        assert open_ if exact is None else (open_ or exact == ours), (u, v)
+    # Most points beside a curve are decided: the band is a few roundings wide.
+    assert in_band.mean() < 0.5
+
+
+def test_band_is_as_wide_as_stated():
+    surface = plate()
+    angle = np.random.default_rng(2).uniform(0, 2 * np.pi, 2000)
+    stated = 2.0**-52 * (8 * 2 + 14)
+    for beside, is_open in ((4 * stated, False), (-4 * stated, False), (EPS, True), (0.0, True)):
+        r = 0.25 + beside
+        inside, in_band = surface.contains(0.5 + r * np.cos(angle), 0.5 + r * np.sin(angle))
+        assert (in_band == is_open).all()
+        assert is_open or (inside == (beside > 0)).all()
+
+
+def test_every_turn_of_a_coordinate_is_cut():
+    # x = 3 s (1 - s) (1 - 2 s) has its turns at (3 -+ sqrt 3) / 6, y = s has none.
+    curve = Curve2([(0.5, 0), (1, 1 / 3), (0, 2 / 3), (0.5, 1)])
+    np.testing.assert_allclose(curve.cuts(), [0, 0.5 - 12**-0.5, 0.5 + 12**-0.5, 1], atol=2**-47)
+    # A double zero needs no cut, but is one of two roots that are not to be told apart: both hold.
+    assert len(_turns(_slopes(np.array([0.0, 0.5, 0.5, 1.0]), None))) <= 2
+    quarter = circle((0.5, 0.5), 0.25)[0]
+    assert quarter.cuts() == [0.0, 1.0]
+
+
+def test_border_of_the_square_is_inside_a_loop_along_it():
+    surface = plate()
+    u, v = np.array([(0, 0.5), (1, 0.5), (0.5, 0), (0.5, 1), (0, 0), (1, 1), (1, 0)]).T
+    assert surface.contains(u, v)[0].all()
+
+
+def test_loops_across_the_seam_count_a_turn_away():
+    surface = windowed_cylinder()
+    judge = ExactLoops(surface.loops, wraps=True)
+    u, v = np.random.default_rng(4).random((2, 500))
+    inside, in_band = surface.contains(u, v)
+    exact = [judge.is_inside(*pair) for pair in zip(u.tolist(), v.tolist(), strict=True)]
+    assert not in_band.any()
+    np.testing.assert_array_equal(inside, exact)
+    # An outline all the way round leaves no edge at the seam.
+    assert not surface.contains([0.0, 1.0, 1e-17, 0.5], [0.9, 0.9, 0.9, 0.9])[1].any()
+
+
+def test_ends_that_nearly_meet_are_joined_and_open_loops_refused():
+    near = [Curve2([(0.2, 0.2), (0.8, 0.2)]), Curve2([(0.8, 0.2 + 4e-6), (0.2, 0.8)]),
+            Curve2([(0.2, 0.8), (0.2, 0.2)])]  # fmt: skip
+    surface = plate([near])
+    assert [len(loop) for loop in surface.loops] == [4]
+    ends = [(a.control[-1] == b.control[0]).all() for a, b in
+            zip(surface.loops[0], surface.loops[0][1:], strict=False)]  # fmt: skip
+    assert all(ends)
+    with pytest.raises(ValueError, match=r"loops\[0\] is open: curve 1 ends .*0\.6 away"):
+        plate([near[:2]])
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda: Curve2([(0, 0)]), "degree 0: pass 1 to 30"),
+        (lambda: Curve2([(0, 0, 0), (1, 1, 1)]), r"shape \(2, 3\)"),
+        (lambda: Curve2([(0, 0), (np.nan, 1)]), r"control point 1 is \[nan, 1\.0\]"),
+        (lambda: Curve2([(0, 0), (3, 1)]), r"control point 1 is \[3\.0, 1\.0\].*from -1 to 2"),
+        (lambda: Curve2([(0.5, 0.5), (0.5, 0.5)]), r"is the point \[0\.5, 0\.5\]"),
+        (lambda: Curve2([(0, 0), (1, 1)], [1, -1]), "Curve2 weights"),
+        (lambda: Curve2([(0, 0), (1, 1)], [1, 1, 1]), r"shape \(3,\) for 2 points"),
+        (lambda: circle((0.5, 0.5), 0), "positive radius"),
+        (lambda: polygon([(0, 0), (1, 1)]), "at least 3"),
+        (lambda: plate([[]]), r"loops\[0\] is empty"),
+        (lambda: TrimmedSurface(plate().surface, []), "loops is empty"),
+        (lambda: TrimmedSurface(plate().surface, OUTLINE), r"loops\[0\] is Curve2"),
+        (lambda: TrimmedSurface(plate().surface, [[1]]), r"loops\[0\]\[0\] is 1"),
+        (lambda: plate(gap=-1), "gap is -1"),
+        (lambda: TrimmedSurface(plate(), [OUTLINE]), "no other is trimmed"),
+        (lambda: TrimmedSurface(BezierPatches([plate().surface.patches[0]] * 2), [OUTLINE]), "of 2 pieces"),
+        (lambda: plate().area_sampler(), "cannot shine"),
+    ],
+)  # fmt: skip
+def test_what_is_no_loop_is_refused_by_name(make, message):
+    with pytest.raises((ValueError, TypeError), match=message):
+        make()
+
+
+@pytest.mark.parametrize(
+    "surface", [bumpy(), sheet(), ball_piece(), windowed_cylinder()], ids=lambda s: repr(s)[15:30]
+)
+def test_moved_turned_and_pickled_surfaces_keep_their_loops(surface):
+    copy = pickle.loads(pickle.dumps(surface))
+    assert fingerprint(copy) == fingerprint(surface) != fingerprint(surface.surface)
+    u, v = np.random.default_rng(5).random((2, 500))
+    inside = surface.contains(u, v)[0]
+    move = np.array([[0, -2, 0, 1], [2, 0, 0, 3], [0, 0, 2, 5], [0, 0, 0, 1]], float)
+    np.testing.assert_array_equal(surface.transformed(move).contains(u, v)[0], inside)
+    # The flipped surface has the same points inside, at its own (u, v).
+    over = surface.flipped()
+    uv = (v, u) if surface.surface.flip_of_uv == "swapped" else (u, 1 - v)
+    np.testing.assert_array_equal(over.contains(*uv)[0], inside)
+    np.testing.assert_allclose(over.point(*uv), surface.point(u, v), atol=1e-14)
+    np.testing.assert_allclose(over.normal(*uv), -surface.normal(u, v), atol=1e-12)
+
+
+def test_gap_grows_with_the_surface():
+    moved = plate(gap=1e-3).transformed(np.diag([2.0, 2.0, 2.0, 1.0]))
+    assert moved.gap == 2e-3
+
+
+def test_tessellation_keeps_the_triangles_that_reach_inside():
+    surface = TrimmedSurface(
+        Cylinder((0, 0, 0), (0, 0, 1), 1, 2), [polygon([(0, 0), (0.4, 0), (0.4, 1), (0, 1)])]
+    )
+    mesh, whole = tessellate(surface, 1e-4), tessellate(surface.surface, 1e-4)
+    assert len(mesh) < 0.5 * len(whole)
+    assert mesh.deviation_bound == whole.deviation_bound
+    u = mesh.uv[..., 0]
+    assert u.min() == 0.0
+    # Triangles that touch the edge at u = 0 from the other side of the seam are kept as well.
+    assert 0.4 <= u[u < 0.9].max() < 0.42
+    # Every point inside is in a triangle's (u, v).
+    area = 0.5 * np.abs(np.linalg.det(mesh.uv[:, 1:] - mesh.uv[:, :1])).sum()
+    assert 0.4 <= area < 0.43
