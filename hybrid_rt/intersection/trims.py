@@ -66,6 +66,13 @@ def trim_of(
     return Trim(make_table(surfaces), member, span, gap[member], scale)
 
 
+def trim_of_single(surfaces: Sequence[TrimmedSurface]) -> Trim:
+    """Return the loops of surfaces of one piece each, met in lengths of the world."""
+    n = len(surfaces)
+    spans = np.tile([0.0, 1.0, 0.0, 1.0], (n, 1))
+    return trim_of(surfaces, [1] * n, spans, 1.0, np.zeros((n, 4)))
+
+
 def may_hold_hits(
     trim: Trim, cells: FloatArray, rows: NDArray[np.unsignedinteger[Any]]
 ) -> BoolArray:

@@ -27,6 +27,7 @@ class Rectangle(Surface):
     """
 
     is_flat = True
+    flip_of_uv = "swapped"
 
     def __init__(self, corner: ArrayLike, edge_u: ArrayLike, edge_v: ArrayLike) -> None:
         self.corner = as_vector(corner, "Rectangle corner")

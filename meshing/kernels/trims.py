@@ -150,27 +150,28 @@ def part_in_box(table, p, u, v, du, dv):
 
 
 @inner
-def gap_to_piece(table, p, u, v, du, dv, e, f, g):
-    """Return the least of e a^2 + 2 f a b + g b^2, (a, b) from (u, v) to the piece within a box."""
+def gap_to_piece(table, p, u, v, du, dv, px, py, pz, qx, qy, qz):
+    """Return the least square of |a p + b q|, (a, b) from (u, v) to a piece within a box."""
     meets, first, last = part_in_box(table, p, u, v, du, dv)
     least = np.inf
     if not meets:
         return least
     x, y = _halve(table, p, first)
-    ax, ay = x - u, y - v
-    least = e * ax * ax + 2.0 * f * ax * ay + g * ay * ay
+    x, y = x - u, y - v
+    ax, ay, az = x * px + y * qx, x * py + y * qy, x * pz + y * qz
+    least = ax * ax + ay * ay + az * az
     for k in range(1, CHORDS + 1):
         x, y = _halve(table, p, first + (last - first) * (k / CHORDS))
-        bx, by = x - u, y - v
-        cx, cy = bx - ax, by - ay
-        run = e * cx * cx + 2.0 * f * cx * cy + g * cy * cy
+        x, y = x - u, y - v
+        bx, by, bz = x * px + y * qx, x * py + y * qy, x * pz + y * qz
+        cx, cy, cz = bx - ax, by - ay, bz - az
+        run = cx * cx + cy * cy + cz * cz
         if run > 0.0:
-            at = -(e * ax * cx + f * (ax * cy + ay * cx) + g * ay * cy) / run
-            at = min(max(at, 0.0), 1.0)
-            px, py = ax + at * cx, ay + at * cy
-            least = min(least, e * px * px + 2.0 * f * px * py + g * py * py)
-        ax, ay = bx, by
-    return max(least, 0.0)
+            at = min(max(-(ax * cx + ay * cy + az * cz) / run, 0.0), 1.0)
+            ax, ay, az = ax + at * cx, ay + at * cy, az + at * cz
+            least = min(least, ax * ax + ay * ay + az * az)
+        ax, ay, az = bx, by, bz
+    return least
 
 
 @inlined
@@ -223,10 +224,10 @@ def classify(table, m, u, v, du, dv):
 
 
 @inner
-def gap_to_loops(table, m, u, v, du, dv, e, f, g):
-    """Return the distance of a point from the loops in a metric: inf where no curve is in the box.
+def gap_to_loops(table, m, u, v, du, dv, px, py, pz, qx, qy, qz):
+    """Return the distance of a point from the loops in space: inf where no curve is in the box.
 
-    e, f, g are the coefficients of its square in steps of u and v.
+    A step of 1 in u is the vector p there, one in v is q.
     """
     u, v = min(max(u, WITHIN), 1.0 - WITHIN), min(max(v, WITHIN), 1.0 - WITHIN)
     du += table.error[m]
@@ -235,7 +236,7 @@ def gap_to_loops(table, m, u, v, du, dv, e, f, g):
     for slab in range(slab_of(table, m, v - dv), slab_of(table, m, v + dv) + 1):
         for k in range(table.slab[slab], table.slab[slab + 1]):
             p = np.int64(table.listed[k])
-            least = min(least, gap_to_piece(table, p, u, v, du, dv, e, f, g))
+            least = min(least, gap_to_piece(table, p, u, v, du, dv, px, py, pz, qx, qy, qz))
     return np.sqrt(least)
 
 
@@ -253,7 +254,8 @@ def classify_points(table, m, u, v, inside, in_band):
         is_inside, may_be_near = classify(table, m, u[i], v[i], 0.0, 0.0)
         inside[i] = is_inside
         in_band[i] = (
-            may_be_near and gap_to_loops(table, m, u[i], v[i], 0.0, 0.0, 1.0, 0.0, 1.0) < np.inf
+            may_be_near
+            and gap_to_loops(table, m, u[i], v[i], 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0) < np.inf
         )
 
 
@@ -302,7 +304,10 @@ def classify_boxes(table, m, boxes, state):
         # A part in a million more: roots may lie beside the box that offers them.
         du, dv = 0.5000005 * (boxes[i, 1] - boxes[i, 0]), 0.5000005 * (boxes[i, 3] - boxes[i, 2])
         is_inside, may_be_near = classify(table, m, u, v, du, dv)
-        if may_be_near and gap_to_loops(table, m, u, v, du, dv, 1.0, 0.0, 1.0) < np.inf:
+        if (
+            may_be_near
+            and gap_to_loops(table, m, u, v, du, dv, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0) < np.inf
+        ):
             state[i] = CROSSED
         else:
             state[i] = INSIDE if is_inside else OUTSIDE

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from hybrid_rt import Rectangle
 from hybrid_rt.verify.cases.rational_surfaces import octants
 from meshing import (
     BezierPatches,
@@ -113,3 +114,11 @@ def cap():
     quarter = [(0, 1), (1, 1), (1, 0)]
     dome = SurfaceOfRevolution(quarter, (0, 0, 0), (0, 0, 1), weights=(1, np.sqrt(0.5), 1))
     return TrimmedSurface(dome, [polygon([(0, 0.5), (1, 0.5), (1, 1), (0, 1)])])
+
+
+def slanted_plane():
+    """A parallelogram in space inside one smooth outline, with a round hole."""
+    rng = np.random.default_rng(8)
+    plane = Rectangle((-1, -0.5, 0.3), (2, 0.3, 0.1), (0.2, 1.5, -0.4))
+    loops = [wavy_loop(rng, (0.5, 0.5), 0.38, 4, 3, True), circle((0.45, 0.5), (0.1, 0.2))]
+    return TrimmedSurface(plane, loops)

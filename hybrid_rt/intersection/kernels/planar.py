@@ -5,9 +5,12 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from hybrid_rt.core.kernels.compensated import two_difference
-from hybrid_rt.intersection.kernels.search.nearest import CLEAR, WITHIN_BAND, offer
+from hybrid_rt.intersection.kernels.search.nearest import CLEAR, WITHIN_BAND, doubt, offer
+from hybrid_rt.intersection.kernels.search.rays import EDGE
 from hybrid_rt.intersection.kernels.search.tolerances import TANGENT_BAND, UNIT_ROUNDOFF
+from hybrid_rt.intersection.kernels.search.trims import decide, is_near_loops, quick_side
 from meshing.kernels.jit import hot_kernel, inlined, inner
+from meshing.kernels.trims import INSIDE
 
 # Rays that meet a parallelogram's plane at a smaller cosine are met along it.
 FLAT = 1e-9
@@ -27,10 +30,11 @@ class PlanarTable(NamedTuple):
     size: Any  # (k,) |edge_u| + |edge_v|
     axes: Any  # (k, 2) int64: the coordinates whose fractions are a plane's (u, v)
     object_id: Any  # (k,) int32
+    trim: Any  # None: they are whole; else `search.trims.Trim`
 
 
-def rectangle_table(rectangles, object_id):
-    """Return the table of a list of rectangles."""
+def rectangle_table(rectangles, object_id, trim=None):
+    """Return the table of a list of rectangles, and of the loops that trim all of them."""
     edge_u = np.array([r.edge_u for r in rectangles]).reshape(-1, 3)
     edge_v = np.array([r.edge_v for r in rectangles]).reshape(-1, 3)
     normal = np.array([r.unit_normal for r in rectangles]).reshape(-1, 3)
@@ -45,6 +49,7 @@ def rectangle_table(rectangles, object_id):
         size=np.linalg.norm(edge_u, axis=1) + np.linalg.norm(edge_v, axis=1),
         axes=np.zeros((len(rectangles), 2), np.int64),
         object_id=object_id,
+        trim=trim,
     )
 
 
@@ -61,6 +66,7 @@ def plane_table(planes, object_id):
         size=np.zeros(len(planes)),
         axes=np.array([p.axes for p in planes], np.int64).reshape(-1, 2),
         object_id=object_id,
+        trim=None,
     )
 
 
@@ -137,7 +143,42 @@ def _offer_nearly_within(i, k, table, n_dot_d, rays, best):
     t_bound = min(error / slope, high - low) + 4.0 * UNIT_ROUNDOFF * abs(t)
     u, v = min(max(u + t * du, 0.0), 1.0), min(max(v + t * dv, 0.0), 1.0)
     tangent = WITHIN_BAND if depth < band else CLEAR
+    is_kept, is_within, edge = _side_of_loops(i, k, u, v, t, band, table.trim, table, rays, best)
+    if not is_kept:
+        return
+    tangent = WITHIN_BAND if is_within else tangent
+    t_bound += edge
     offer(i, t, t_bound, slope, tangent, table.object_id[k], 0, u, v, rays.t_min, rays.known, best)
+
+
+@inner
+def _side_of_loops(i, k, u, v, t, band, trim, table, rays, best):
+    """Decide about a root on trimmed parallelogram k; note a doubt if the band decides it is none.
+
+    Returns
+    -------
+    is_kept, is_within : bool
+        It is a hit; moving the ray by the band may change that.
+    edge : float
+        What the gap of an edge adds to the bound of t.
+    """
+    if trim is None:  # an argument of its own: numba leaves the rest out where it is
+        return True, False, 0.0
+    d, n, p, q = rays.direction[i], table.normal[k], table.row_u[k], table.row_v[k]
+    slope = n[0] * d[0] + n[1] * d[1] + n[2] * d[2]
+    # A step across the ray moves the point by up to |d| / |n.d| along the plane, |d|^2 below 3.
+    far = 3.0 * band * band
+    far_u = far * (p[0] * p[0] + p[1] * p[1] + p[2] * p[2])
+    far_v = far * (q[0] * q[0] + q[1] * q[1] + q[2] * q[2])
+    if not is_near_loops(trim, k, u, v, far_u, far_v, slope * slope):
+        return quick_side(trim, k, u, v) == INSIDE, False, 0.0
+    p, q = table.edge_u[k], table.edge_v[k]
+    is_hit, is_within, edge = decide(
+        trim, k, u, v, p[0], p[1], p[2], q[0], q[1], q[2], d[0], d[1], d[2], band
+    )
+    if is_within and not is_hit:
+        doubt(i, t, band, rays.t_min, rays.known, best)
+    return is_hit, is_within, edge / np.sqrt(d[0] * d[0] + d[1] * d[1] + d[2] * d[2])
 
 
 @inlined
@@ -183,7 +224,13 @@ def offer_parallelogram(i, k, table, rays, best):
     error = UNIT_ROUNDOFF * (12.0 * away + 4.0 * size[k])
     if within_u > rim_u and within_v > rim_v:
         t_bound = error / slope + 4.0 * UNIT_ROUNDOFF * abs(t)
-        offer(i, t, t_bound, slope, False, object_id[k], 0, u, v, t_min, known, best)
+        within = TANGENT_BAND * max(away, size[k])
+        is_kept, is_within, edge = _side_of_loops(
+            i, k, u, v, t, within, table.trim, table, rays, best
+        )
+        if is_kept:
+            t_bound += edge
+            offer(i, t, t_bound, slope, is_within, object_id[k], 0, u, v, t_min, known, best)
         return
     band = TANGENT_BAND * max(away, size[k])
     # A step across the ray moves the point by up to |d| / |n.d| along the plane.
@@ -216,6 +263,11 @@ def offer_parallelogram(i, k, table, rays, best):
             row_u[k, 0] * dx + row_u[k, 1] * dy + row_u[k, 2] * dz, 4.0 * error / slope,
         )  # fmt: skip
         u, v = min(max(u, 0.0), 1.0), min(max(v, 0.0), 1.0)
+    is_kept, is_within, edge = _side_of_loops(i, k, u, v, t, band, table.trim, table, rays, best)
+    if not is_kept:
+        return
+    tangent |= is_within
+    t_bound += edge
     offer(i, t, t_bound, slope, tangent, object_id[k], 0, u, v, t_min, known, best)
 
 
@@ -242,6 +294,18 @@ def finish_rectangle(table, k, rays, best, i, out):
         out.normal[i, c] = table.normal[k, c]
     out.u[i], out.v[i], out.patch_id[i] = u, v, 0
     out.residual[i] = np.sqrt(gap)
+    if is_edge(k, u, v, d, table.trim, table):
+        out.flags[i] |= EDGE
+
+
+@inner
+def is_edge(k, u, v, d, trim, table):
+    """Tell whether a hit on parallelogram k is within the gap of an edge."""
+    if trim is None or trim.gap[k] == 0.0:
+        return False
+    p, q = table.edge_u[k], table.edge_v[k]
+    edge = decide(trim, k, u, v, p[0], p[1], p[2], q[0], q[1], q[2], d[0], d[1], d[2], 0.0)[2]
+    return edge > 0.0
 
 
 @hot_kernel

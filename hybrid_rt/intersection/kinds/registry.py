@@ -17,6 +17,7 @@ from hybrid_rt.core.records import IntArray
 from hybrid_rt.core.threads import Pool
 from hybrid_rt.intersection.kind import CurvedKind, Kind
 from hybrid_rt.intersection.kinds.closed_forms import MANY, ClosedForm, Spheres, asked_by_all
+from hybrid_rt.intersection.trims import trim_of_single, whole_of
 from hybrid_rt.primitives import Box, Plane, Rectangle, Sphere, TriangleMesh
 from hybrid_rt.primitives.asphere import Asphere
 from hybrid_rt.primitives.box import TurnedBox
@@ -309,6 +310,19 @@ ENTRIES = (
         ("refined", "mesh"),
     ),
 )
+
+
+def _trimmed_rectangles(members: Members, _accuracy: str, _pool: Pool) -> Kind:
+    from hybrid_rt.intersection.kernels import planar
+
+    trim = trim_of_single([surface for _, surface in members])
+
+    def table(rectangles: list[Rectangle], object_id: IntArray) -> Any:
+        return planar.rectangle_table(rectangles, object_id, trim)
+
+    return ClosedForm(whole_of(members), table, planar.trace_rectangles, planar.finish_rectangles)
+
+
 _BY_CLASS: dict[type, Entry] = {entry.surface: entry for entry in ENTRIES}
 # Which classes can be trimmed: the same kinds with loops, so that whole surfaces ask for none.
 _TRIMMED: dict[type, Entry] = {
@@ -316,6 +330,7 @@ _TRIMMED: dict[type, Entry] = {
         entry,
         surface=TrimmedSurface,
         name=f"trimmed {entry.name}",
+        build=_trimmed_rectangles if entry.surface is Rectangle else entry.build,
         kernels=lambda _members, _way: [],
     )
     for entry in ENTRIES

@@ -13,6 +13,7 @@ from trimmed_surfaces import (
     part_of_cone,
     plate,
     sheet,
+    slanted_plane,
     windowed_cylinder,
 )
 
@@ -26,6 +27,7 @@ from meshing import BezierPatches, TrimmedSurface, circle, polygon
 SURFACES = {
     "plate": plate, "bumpy": bumpy, "sheet": sheet, "ball_piece": ball_piece,
     "windowed_cylinder": windowed_cylinder, "part_of_cone": part_of_cone, "cap": cap,
+    "slanted_plane": slanted_plane,
 }  # fmt: skip
 each = pytest.mark.parametrize("name", SURFACES)
 

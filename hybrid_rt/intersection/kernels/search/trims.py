@@ -65,24 +65,26 @@ def band_at(trim, k, ox, oy, oz):
 
 
 @inner
-def _distance(trim, k, u, v, e, f, g, reach):
+def _distance(trim, k, u, v, px, py, pz, qx, qy, qz, area, reach):
     """Return the side of a point of row k, and its distance from the curves: inf beyond ``reach``.
 
-    e, f, g are the coefficients of the metric in u and v of the row.
+    A step of 1 in u of the row is the vector p, one in v is q; ``area`` is |p x q|.
     """
     span, m = trim.span, trim.member[k]
     at_u, at_v = span[k, 0] + u * span[k, 1], span[k, 2] + v * span[k, 3]
-    e, f, g = e / span[k, 1] ** 2, f / (span[k, 1] * span[k, 3]), g / span[k, 3] ** 2
-    det = e * g - f * f
+    wide, high = 1.0 / span[k, 1], 1.0 / span[k, 3]
+    px, py, pz, qx, qy, qz = px * wide, py * wide, pz * wide, qx * high, qy * high, qz * high
+    area *= wide * high
     du = dv = 1.0
-    if det > 0.0:
-        du, dv = min(reach * np.sqrt(g / det), 1.0), min(reach * np.sqrt(e / det), 1.0)
+    if area > 0.0:
+        du = min(reach * np.sqrt(qx * qx + qy * qy + qz * qz) / area, 1.0)
+        dv = min(reach * np.sqrt(px * px + py * py + pz * pz) / area, 1.0)
     is_inside, may_be_near = classify(trim.loops, m, at_u, at_v, du, dv)
     if not may_be_near:
         return is_inside, np.inf
-    gap = gap_to_loops(trim.loops, m, at_u, at_v, du, dv, e, f, g)
+    gap = gap_to_loops(trim.loops, m, at_u, at_v, du, dv, px, py, pz, qx, qy, qz)
     if reach < gap < np.inf and (
-        gap_to_loops(trim.loops, m, at_u, at_v, 0.0, 0.0, e, f, g) == np.inf
+        gap_to_loops(trim.loops, m, at_u, at_v, 0.0, 0.0, px, py, pz, qx, qy, qz) == np.inf
     ):
         return is_inside, np.inf
     return is_inside, gap
@@ -110,22 +112,21 @@ def decide(trim, k, u, v, ux, uy, uz, vx, vy, vz, dx, dy, dz, band):
     """
     if trim is None:
         return True, False, 0.0
+    nx, ny, nz = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
     dd = dx * dx + dy * dy + dz * dz
-    ee, ff = ux * ux + uy * uy + uz * uz, ux * vx + uy * vy + uz * vz
-    gg = vx * vx + vy * vy + vz * vz
-    along_u, along_v = ux * dx + uy * dy + uz * dz, vx * dx + vy * dy + vz * dz
+    seen = abs(nx * dx + ny * dy + nz * dz) / np.sqrt(dd)
+    # As seen along the ray: what is left of S_u and S_v across it.
+    a, b = (ux * dx + uy * dy + uz * dz) / dd, (vx * dx + vy * dy + vz * dz) / dd
     is_inside, gap = _distance(
-        trim, k, u, v, ee - along_u * along_u / dd, ff - along_u * along_v / dd,
-        gg - along_v * along_v / dd, band,
+        trim, k, u, v, ux - a * dx, uy - a * dy, uz - a * dz, vx - b * dx, vy - b * dy,
+        vz - b * dz, seen, band,
     )  # fmt: skip
     is_within = gap < np.inf
     if trim.gap[k] == 0.0:
         return is_inside, is_within, 0.0
-    nx, ny, nz = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
     area = np.sqrt(nx * nx + ny * ny + nz * nz)
-    cosine = abs(nx * dx + ny * dy + nz * dz) / (area * np.sqrt(dd)) if area > 0.0 else 0.0
-    reach = trim.gap[k] / max(cosine, FLATTEST_EDGE)
-    _, gap = _distance(trim, k, u, v, ee, ff, gg, reach)
+    reach = trim.gap[k] / max(seen / max(area, 1e-300), FLATTEST_EDGE)
+    _, gap = _distance(trim, k, u, v, ux, uy, uz, vx, vy, vz, area, reach)
     if gap <= reach:
         # The edge of what counts is farther out than the curves are.
         return True, False, reach
@@ -142,5 +143,6 @@ def may_be_kept(trim, k, u, v, hu, hv):
     hu, hv = hu * span[k, 1], hv * span[k, 3]
     is_inside, may_be_near = classify(trim.loops, m, at_u, at_v, hu, hv)
     return is_inside or (
-        may_be_near and gap_to_loops(trim.loops, m, at_u, at_v, hu, hv, 1.0, 0.0, 1.0) < np.inf
+        may_be_near
+        and gap_to_loops(trim.loops, m, at_u, at_v, hu, hv, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0) < np.inf
     )
