@@ -106,6 +106,7 @@ class TrimmedSurface(Surface):
         Parameters
         ----------
         u, v : float array-like, broadcast with each other, from 0 to 1
+            Points of the border of the unit square count as just inside it.
 
         Returns
         -------

@@ -17,7 +17,7 @@ from meshing.kernels.trims import OUTSIDE, TrimTable, fill_tiles, mark_tiles
 # curves of a loop (4.5e-6 was measured) is below it.
 JOINED = 1e-5
 LEAST_SLABS, MOST_SLABS = 16, 4096
-LEAST_TILES, MOST_TILES = 32, 256
+LEAST_TILES, MOST_TILES = 64, 512
 
 
 class Piece(NamedTuple):
@@ -109,7 +109,7 @@ def make_table(members: Sequence[Any]) -> TrimTable:
         begin, numbers = _slabs(pieces[-1].reshape(-1, 6), count)
         slabs.append(begin[1:] + slabs[-1][-1])
         listed.append(numbers + first)
-        side = _power_of_two(4 * math.isqrt(len(own)), LEAST_TILES, MOST_TILES)
+        side = _power_of_two(8 * math.isqrt(len(own)), LEAST_TILES, MOST_TILES)
         rows.append((n_slabs, count, n_tiles, side, len(own)))
         largest = max(float(np.abs(curve.control).max()) for curve in curves)
         # Twice the bound of `point_of_arc`, since what is computed need not be monotone by as much;

@@ -261,7 +261,14 @@ def classify_points(table, m, u, v, inside, in_band):
 
 @hot_kernel
 def mark_tiles(table, m, p, tile):
-    """Mark the tiles that piece p comes nearer to than half a tile as CROSSED."""
+    """Mark the tiles that piece p comes nearer to than half a tile as CROSSED.
+
+    A piece along the border of the square marks none: beyond it there is no surface.
+    """
+    if table.piece[p, X_LOW] == table.piece[p, X_HIGH] and table.piece[p, X_LOW] in (0.0, 1.0):
+        return
+    if table.piece[p, Y_LOW] == table.piece[p, Y_HIGH] and table.piece[p, Y_LOW] in (0.0, 1.0):
+        return
     n = table.member[m, N_TILES]
     a, b = table.piece[p, S_LOW], table.piece[p, S_HIGH]
     x, y = table.piece[p, X_LOW], table.piece[p, Y_LOW]

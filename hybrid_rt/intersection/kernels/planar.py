@@ -8,9 +8,9 @@ from hybrid_rt.core.kernels.compensated import two_difference
 from hybrid_rt.intersection.kernels.search.nearest import CLEAR, WITHIN_BAND, doubt, offer
 from hybrid_rt.intersection.kernels.search.rays import EDGE
 from hybrid_rt.intersection.kernels.search.tolerances import TANGENT_BAND, UNIT_ROUNDOFF
-from hybrid_rt.intersection.kernels.search.trims import decide, is_near_loops, quick_side
+from hybrid_rt.intersection.kernels.search.trims import decide, sure_side
 from meshing.kernels.jit import hot_kernel, inlined, inner
-from meshing.kernels.trims import INSIDE
+from meshing.kernels.trims import CROSSED, INSIDE
 
 # Rays that meet a parallelogram's plane at a smaller cosine are met along it.
 FLAT = 1e-9
@@ -151,7 +151,7 @@ def _offer_nearly_within(i, k, table, n_dot_d, rays, best):
     offer(i, t, t_bound, slope, tangent, table.object_id[k], 0, u, v, rays.t_min, rays.known, best)
 
 
-@inner
+@inlined
 def _side_of_loops(i, k, u, v, t, band, trim, table, rays, best):
     """Decide about a root on trimmed parallelogram k; note a doubt if the band decides it is none.
 
@@ -170,9 +170,16 @@ def _side_of_loops(i, k, u, v, t, band, trim, table, rays, best):
     far = 3.0 * band * band
     far_u = far * (p[0] * p[0] + p[1] * p[1] + p[2] * p[2])
     far_v = far * (q[0] * q[0] + q[1] * q[1] + q[2] * q[2])
-    if not is_near_loops(trim, k, u, v, far_u, far_v, slope * slope):
-        return quick_side(trim, k, u, v) == INSIDE, False, 0.0
-    p, q = table.edge_u[k], table.edge_v[k]
+    side = sure_side(trim, k, u, v, far_u, far_v, slope * slope)
+    if side != CROSSED:
+        return side == INSIDE, False, 0.0
+    return _side_by_curves(i, k, u, v, t, band, trim, table, rays, best)
+
+
+@inner
+def _side_by_curves(i, k, u, v, t, band, trim, table, rays, best):
+    """Decide about a root near the curves, see `_side_of_loops`."""
+    d, p, q = rays.direction[i], table.edge_u[k], table.edge_v[k]
     is_hit, is_within, edge = decide(
         trim, k, u, v, p[0], p[1], p[2], q[0], q[1], q[2], d[0], d[1], d[2], band
     )

@@ -31,8 +31,9 @@ from hybrid_rt.intersection.kernels.revolution.solve import meet, offer_meeting,
 from hybrid_rt.intersection.kernels.search.coarse import parameters_at
 from hybrid_rt.intersection.kernels.search.rays import EDGE, NORMAL_DEGENERATE
 from hybrid_rt.intersection.kernels.search.tolerances import UNIT_ROUNDOFF
-from hybrid_rt.intersection.kernels.search.trims import decide, is_near_loops
+from hybrid_rt.intersection.kernels.search.trims import decide, sure_side
 from meshing.kernels.jit import hot_kernel
+from meshing.kernels.trims import CROSSED
 
 
 @hot_kernel
@@ -128,9 +129,8 @@ def finish_revolutions(table, rays, best, row_of, ray, out):
         out.u[i] = min(turn / share, 1.0)
         slope = abs(nr * rate + nz * ray[RISE]) / ray[LENGTH]
         band, along = ray[BAND], TURN * max(r, 0.0)
-        if is_near_loops(
-            table.trim, k, turn, s, band**2, (band * along / speed) ** 2, (slope * along) ** 2
-        ):
+        far_v = (band * along / speed) ** 2
+        if sure_side(table.trim, k, turn, s, band**2, far_v, (slope * along) ** 2) == CROSSED:
             around = ray[ACROSS] * side / rho if rho > 0.0 else 0.0
             _, is_within, edge = decide(
                 table.trim, k, turn, s, 0.0, along, 0.0, rs * speed, 0.0, zs * speed, rate,

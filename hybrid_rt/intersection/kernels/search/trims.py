@@ -12,7 +12,7 @@ import numpy as np
 
 from hybrid_rt.intersection.kernels.search.tolerances import TANGENT_BAND
 from meshing.kernels.jit import inlined, inner
-from meshing.kernels.trims import CROSSED, classify, gap_to_loops, tile_of
+from meshing.kernels.trims import CROSSED, INSIDE, classify, gap_to_loops, tile_of
 
 # Rays that meet an edge more flatly than this have the gap of a ray that meets it so.
 FLATTEST_EDGE = 1e-3
@@ -42,17 +42,17 @@ def quick_side(trim, k, u, v):
 
 
 @inlined
-def is_near_loops(trim, k, u, v, far_u, far_v, room):
-    """Tell whether a root may be near a curve; one that rounding moves by far_u / room in u squared."""
+def sure_side(trim, k, u, v, far_u, far_v, room):
+    """Return the side of a root that the band moves by sqrt(far_u / room) in u; CROSSED: perhaps either.
+
+    Without loops (None) all is INSIDE.
+    """
     if trim is None:
-        return False
-    side, most = quick_side(trim, k, u, v), NEARBY * NEARBY * room
-    span = trim.span
-    return not (
-        side != CROSSED
-        and far_u * span[k, 1] * span[k, 1] <= most
-        and far_v * span[k, 3] * span[k, 3] <= most
-    )
+        return INSIDE
+    span, most = trim.span, NEARBY * NEARBY * room
+    if far_u * span[k, 1] * span[k, 1] <= most and far_v * span[k, 3] * span[k, 3] <= most:
+        return quick_side(trim, k, u, v)
+    return CROSSED
 
 
 @inlined
