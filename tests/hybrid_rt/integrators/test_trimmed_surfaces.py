@@ -82,7 +82,7 @@ def test_textures_take_the_surface_s_uv():
 
 
 def test_a_trimmed_lamp_is_refused_by_name():
-    with pytest.raises(ValueError, match="plate.* is trimmed: it cannot shine"):
+    with pytest.raises(ValueError, match=r"plate.* is trimmed: it cannot shine"):
         render(Scene(CAMERA, [FLOOR, *trimmed(Emissive((5, 5, 5)))]), "path", passes=1)
 
 
