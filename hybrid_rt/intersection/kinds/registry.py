@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
@@ -316,10 +317,7 @@ def _trimmed_rectangles(members: Members, _accuracy: str, _pool: Pool) -> Kind:
     from hybrid_rt.intersection.kernels import planar
 
     trim = trim_of_single([surface for _, surface in members])
-
-    def table(rectangles: list[Rectangle], object_id: IntArray) -> Any:
-        return planar.rectangle_table(rectangles, object_id, trim)
-
+    table = partial(planar.rectangle_table, trim=trim)
     return ClosedForm(whole_of(members), table, planar.trace_rectangles, planar.finish_rectangles)
 
 
