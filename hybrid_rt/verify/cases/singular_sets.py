@@ -72,6 +72,13 @@ from hybrid_rt.verify.cases.singular_surfaces import (
     uneven_lune,
     uneven_profile,
 )
+from hybrid_rt.verify.cases.trimmed_surfaces import (
+    drilled_plate,
+    trim_edges,
+    trimmed_nurbs,
+    trimmed_patch,
+    windowed_cylinder,
+)
 
 KINDS = ("turned", "patches", "rational", "closed", "mesh")
 DISTANCES = tuple(10.0**-k for k in range(1, 17))
@@ -190,6 +197,10 @@ SETS: dict[str, SingularSet] = {
     ),
     "uneven weights": SingularSet("turned", lambda: [uneven_profile()], interior, parallel),
     "uneven weights, ends": SingularSet("turned", lambda: [uneven_profile()], edges),
+    "windows of a cylinder": SingularSet("turned", lambda: [windowed_cylinder()], trim_edges),
+    "windows, leaving": SingularSet(
+        "turned", lambda: [windowed_cylinder()], trim_edges, leaving="beside"
+    ),
     # --- patches
     "apex of the lid": SingularSet("patches", lambda: [lid()], collapsed),
     "collapsed edge": SingularSet("patches", lambda: [petal()], collapsed),
@@ -236,6 +247,10 @@ SETS: dict[str, SingularSet] = {
     "shared edge, leaving": SingularSet(
         "patches", lambda: [roof()], at_parameters([(0.0, None)], False), leaving="beside"
     ),
+    "trimmed patch, edges": SingularSet("patches", lambda: [trimmed_patch()], trim_edges),
+    "trimmed patch, leaving": SingularSet(
+        "patches", lambda: [trimmed_patch()], trim_edges, leaving="beside"
+    ),
     # --- rational patches
     "rational poles": SingularSet("rational", lambda: [octants()], collapsed),
     "rational seams": SingularSet("rational", lambda: [octants()], edges),
@@ -246,6 +261,7 @@ SETS: dict[str, SingularSet] = {
     "rational rulings": SingularSet("rational", lambda: [half_pipe()], interior, within),
     "rational collapsed edges": SingularSet("rational", lambda: [weighted_petal()], collapsed),
     "breaks and creases of NURBS": SingularSet("rational", lambda: [torn_nurbs()], edges),
+    "holes of NURBS": SingularSet("rational", lambda: [trimmed_nurbs()], trim_edges),
     # --- closed forms
     "sphere, tangents": SingularSet(
         "closed", lambda: [Sphere((0.3, 0.2, 0.1), 0.37)], interior, parallel
@@ -267,6 +283,10 @@ SETS: dict[str, SingularSet] = {
     ),
     "rectangle, parallel": SingularSet(
         "closed", lambda: [Rectangle((-2, -2, -1.2), (4, 0.3, 0), (0, 4, 0.2))], interior, parallel
+    ),
+    "drilled plate, edges": SingularSet("closed", lambda: [drilled_plate()], trim_edges),
+    "drilled plate, nearly within": SingularSet(
+        "closed", lambda: [drilled_plate()], trim_edges, within
     ),
     "plane, nearly within": SingularSet(
         "closed", lambda: [Plane((0, 0, -1.3), (0.1, 0.2, 1))], interior, within
