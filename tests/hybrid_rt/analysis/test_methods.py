@@ -5,6 +5,7 @@ import pytest
 
 from hybrid_rt.analysis.methods import Method, default_methods, finds_all_light
 from hybrid_rt.cli import program as cli
+from hybrid_rt.cli.options import settings_of
 from hybrid_rt.integrators import PhotonMapOptions, PPMOptions
 from hybrid_rt.lights import GradientSky, PointLight
 from hybrid_rt.materials import Lambertian, Mirror
@@ -69,7 +70,7 @@ def test_settings_of_photons_are_combined_and_named():
 def test_flags_are_understood_by_the_command_line(method, flags):
     assert method.flags == f"--integrator {method.integrator} {flags}".rstrip()
     parsed = cli._parser().parse_args(["render", "scene.py", *method.flags.split()])
-    found = cli._settings(parsed.integrator, parsed)
+    found = settings_of(parsed.integrator, parsed)
     assert found == method.options
     assert (parsed.accuracy, parsed.tolerance) == (method.accuracy, method.tolerance)
 
