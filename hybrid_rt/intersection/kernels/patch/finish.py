@@ -18,7 +18,7 @@ from hybrid_rt.intersection.kernels.search.frame import FrameRay, any_normal, en
 from hybrid_rt.intersection.kernels.search.nearest import CLEAR, SUSPECT, WITHIN_BAND
 from hybrid_rt.intersection.kernels.search.rays import EDGE, NORMAL_DEGENERATE
 from hybrid_rt.intersection.kernels.search.tolerances import TANGENT_BAND
-from hybrid_rt.intersection.kernels.search.trims import band_at, decide, sure_side
+from hybrid_rt.intersection.kernels.search.trims import band_of_ray, decide, sure_side
 from meshing.kernels.bernstein import unit_normal
 from meshing.kernels.jit import hot_kernel, inlined
 from meshing.kernels.trims import CROSSED
@@ -148,7 +148,7 @@ def finish_patches(table, rays, best, kind_of, kind, basis, out):
         about = TANGENT_BAND * (abs(hx) + abs(hy) + abs(hz) + 2.0 * abs(shift) + 3.0)
         far_u, far_v, room = about * about * gvv * dd, about * about * guu * dd, det * det
         if sure_side(table.trim, k, u, v, far_u, far_v, room) == CROSSED:
-            band = band_at(table.trim, k, ox - shift * dx, oy - shift * dy, oz - shift * dz)
+            band = band_of_ray(table.trim, k, ox - shift * dx, oy - shift * dy, oz - shift * dz)
             _, is_within, edge = decide(
                 table.trim, k, u, v, ux, uy, uz, vx, vy, vz, dx, dy, dz, band
             )

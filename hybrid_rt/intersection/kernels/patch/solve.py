@@ -13,7 +13,7 @@ import numpy as np
 from hybrid_rt.intersection.kernels.patch.evaluate import evaluate_any
 from hybrid_rt.intersection.kernels.search.nearest import CLEAR, doubt, is_known, offer
 from hybrid_rt.intersection.kernels.search.tolerances import MAX_STEPS, TANGENT_BAND, UNIT_ROUNDOFF
-from hybrid_rt.intersection.kernels.search.trims import band_at, decide, may_be_kept, quick_side
+from hybrid_rt.intersection.kernels.search.trims import band_of_ray, decide, may_be_kept, quick_side
 from meshing.kernels.jit import inlined, inner
 from meshing.kernels.trims import INSIDE, OUTSIDE
 
@@ -230,7 +230,7 @@ def is_inside_loops(i, u, v, t, trim, patch, ray, rays, best):
         patch.control, patch.start, patch.degree_u, patch.degree_v, u, v, patch.basis,
         patch.rational,
     )  # fmt: skip
-    band = band_at(trim, k, ox - shift * dx, oy - shift * dy, oz - shift * dz)
+    band = band_of_ray(trim, k, ox - shift * dx, oy - shift * dy, oz - shift * dz)
     is_hit, is_within, edge = decide(trim, k, u, v, xu, yu, zu, xv, yv, zv, dx, dy, dz, band)
     if is_within and not is_hit:
         doubt(i, (t + shift) * to_world, band * to_world, rays.t_min, rays.known, best)

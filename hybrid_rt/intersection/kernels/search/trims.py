@@ -56,7 +56,7 @@ def sure_side(trim, k, u, v, far_u, far_v, room):
 
 
 @inlined
-def band_at(trim, k, ox, oy, oz):
+def band_of_ray(trim, k, ox, oy, oz):
     """Return 64 eps x scale for a ray from o, as rays of row k are counted; 0 without loops."""
     if trim is None:
         return 0.0

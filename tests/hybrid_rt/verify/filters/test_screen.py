@@ -15,7 +15,7 @@ from hybrid_rt.verify.exact.judge import ExactJudge
 from hybrid_rt.verify.exact.truth import ExactScene
 from hybrid_rt.verify.filters.kernels import first
 from hybrid_rt.verify.filters.screen import Screen
-from meshing import SurfaceOfRevolution
+from meshing import SurfaceOfRevolution, TrimmedSurface
 
 # Of aspheres the filter knows the ball only, of rational profiles and parts of a turn nothing: the
 # exact judge is asked about all other rays.
@@ -49,7 +49,10 @@ def test_what_is_confirmed_is_right(name):
         assert verdict.n_wrong == verdict.wrong_tangent == verdict.bounds_broken == 0
         assert verdict.off_ray == verdict.left_open == 0
         # Near a cusp crossings merge, so that fewer are certain.
-        if distance > (1e-4 if name == "cuspidal edge" else 1e-6) and place != "far":
+        # Of trimmed surfaces it only knows what misses the whole surface.
+        is_trimmed = any(isinstance(surface, TrimmedSurface) for surface in surfaces)
+        is_clear = distance > (1e-4 if name == "cuspidal edge" else 1e-6) and not is_trimmed
+        if is_clear and place != "far":
             confirmed, rays = confirmed + int(sure.sum()), rays + len(sure)
     assert confirmed >= 0.8 * rays
 
