@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -12,9 +11,9 @@ from numpy.typing import ArrayLike
 from meshing.area import AreaSampler
 from meshing.checks import BoolArray, FloatArray, as_affine, broadcast_parameters, number, shown
 from meshing.curve2 import Curve2
-from meshing.kernels.trims import OUTSIDE, TrimTable, classify_boxes, classify_points
+from meshing.kernels.trims import TrimTable, classify_points
 from meshing.surface import Surface
-from meshing.trims import as_loops, make_table
+from meshing.trims import as_loops, boxes_outside, make_table
 
 
 class TrimmedSurface(Surface):
@@ -122,15 +121,9 @@ class TrimmedSurface(Surface):
         classify_points(self.table, 0, u, v, inside, in_band)
         return inside.reshape(shape), in_band.reshape(shape)
 
-    def sides_of(self, boxes: FloatArray) -> Any:
-        """Return 0 for boxes (k, 4) u0, u1, v0, v1 outside the loops, 1 inside, 2 for others."""
-        state = np.empty(len(boxes), np.uint8)
-        classify_boxes(self.table, 0, np.ascontiguousarray(boxes, dtype=np.float64), state)
-        return state
-
     def is_outside(self, boxes: FloatArray) -> BoolArray:
         """Tell which boxes (k, 4) u0, u1, v0, v1 have no point inside the loops."""
-        return np.asarray(self.sides_of(boxes) == OUTSIDE)
+        return boxes_outside(self.table, 0, boxes)
 
     @cached_property
     def table(self) -> TrimTable:

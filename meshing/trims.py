@@ -9,9 +9,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from meshing.checks import FloatArray, shown
+from meshing.checks import BoolArray, FloatArray, shown
 from meshing.curve2 import Curve2
-from meshing.kernels.trims import OUTSIDE, TrimTable, fill_tiles, mark_tiles
+from meshing.kernels.trims import OUTSIDE, TrimTable, classify_boxes, fill_tiles, mark_tiles
 
 # Ends that are no farther apart are joined by a straight line: what files of parts leave between the
 # curves of a loop (4.5e-6 was measured) is below it.
@@ -82,14 +82,8 @@ def make_table(members: Sequence[Any]) -> TrimTable:
     """Return the table of the loops of trimmed surfaces, one member each."""
     nets: list[FloatArray] = []
     pieces: list[FloatArray] = []
-    arcs, slabs, listed, tiles, rows, errors = (
-        [],
-        [np.zeros(1, np.int64)],
-        [],
-        [],
-        [],
-        [],
-    )
+    slabs = [np.zeros(1, np.int64)]
+    arcs, listed, tiles, rows, errors = [], [], [], [], []
     n_points = n_slabs = n_tiles = 0
     for member in members:
         curves = [curve for loop in member.loops for curve in loop]
@@ -135,6 +129,13 @@ def make_table(members: Sequence[Any]) -> TrimTable:
         fill_tiles(table, m, own_tiles)
         at += count
     return table
+
+
+def boxes_outside(table: TrimTable, member: int, boxes: FloatArray) -> BoolArray:
+    """Tell which boxes (k, 4) u0, u1, v0, v1 have no point inside the loops of a member, (k,)."""
+    state = np.empty(len(boxes), np.uint8)
+    classify_boxes(table, member, np.ascontiguousarray(boxes, dtype=np.float64), state)
+    return np.asarray(state == OUTSIDE)
 
 
 def _cut(curve: Curve2, number: int) -> list[Piece]:

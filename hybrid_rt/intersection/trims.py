@@ -13,9 +13,8 @@ from hybrid_rt.core.records import BoolArray, FloatArray
 from hybrid_rt.intersection.kernels.search.trims import Trim
 from meshing import TrimmedSurface, tessellate
 from meshing.certified_mesh import CertifiedMesh
-from meshing.kernels.trims import OUTSIDE, classify_boxes
 from meshing.spans import within_patch
-from meshing.trims import make_table
+from meshing.trims import boxes_outside, make_table
 
 
 def trimmed_of(members: Sequence[tuple[int, Any]]) -> list[TrimmedSurface] | None:
@@ -94,9 +93,7 @@ def may_hold_hits(
         mine = np.flatnonzero(trim.member[rows] == m)
         # A gap makes roots count beyond the curves, by how much in (u, v) is not known here.
         if len(mine) and not trim.gap[rows[mine[0]]] > 0.0:
-            state = np.empty(len(mine), np.uint8)
-            classify_boxes(trim.loops, m, boxes[mine], state)
-            keeps[mine] = state != OUTSIDE
+            keeps[mine] = ~boxes_outside(trim.loops, m, boxes[mine])
     # A tree of nothing cannot be built.
     if not keeps.any():
         keeps[0] = True

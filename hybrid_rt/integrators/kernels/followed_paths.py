@@ -1,7 +1,7 @@
 """Camera paths, each followed to its end, where all surfaces are closed forms.
 
-Against batches this saves what passes through memory between kernels: the Cornell box takes two
-thirds of the time.
+Against batches this saves what passes through memory between kernels; docs/light.md says how much
+time that is.
 """
 
 import numpy as np

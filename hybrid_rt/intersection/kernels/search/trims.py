@@ -27,7 +27,8 @@ class Trim(NamedTuple):
     member: Any  # (k,) int64: row of its loops
     span: Any  # (k, 4) float64: u0, width in u, v0, width in v on the sheet
     gap: Any  # (k,) float64, lengths of the frame
-    # (k, 4) float64: middle of the object from where rays are counted, and its diameter; or zeros
+    # (k, 4) float64. Of patches: middle of the object from where rays are counted, and its diameter.
+    # Of turned surfaces: where u begins and the share of a turn. Of rectangles: zeros, not read.
     scale: Any
 
 
