@@ -1,7 +1,7 @@
-"""Exact ray tracing of curved surfaces, with Embree, with the error stated.
+"""Exact ray tracing of curved surfaces, with the error stated beside every result.
 
-Names are imported on first use, so that ``import hybrid_rt`` costs next to nothing and a scene
-without curved surfaces never loads what they need.
+Names are imported on first use. So ``import hybrid_rt`` takes next to no time, and a scene without
+curved surfaces never loads what they need.
 """
 
 from importlib import import_module

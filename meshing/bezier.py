@@ -20,19 +20,19 @@ from meshing.parametric import ParametricSurface
 class BezierPatches(ParametricSurface):
     """One or more tensor product Bezier patches, polynomial or rational, as one surface.
 
-    A point of patch p is the sum of B_i(u) B_j(v) times its control point (i, j): u follows the
-    row index of the net, v the column index. With weights it is the weighted mean, weights
-    B_i(u) B_j(v) w_ij: cylinders, spheres and other quadrics are such surfaces exactly. The normal
-    is along S_u x S_v.
+    A point of patch p is the sum of its control points (i, j) times B_i(u) B_j(v): u follows the
+    row index of the net, v the column index. If there are weights w_ij, the point is the mean of the
+    control points with weights B_i(u) B_j(v) w_ij, which represents cylinders, spheres and other
+    quadrics exactly. The normal is along S_u x S_v.
 
     Parameters
     ----------
     control : (k, m + 1, n + 1, 3) array, or a sequence of (m + 1, n + 1, 3) arrays
-        Control points in scene units, any real dtype; degrees m and n from 1 to 30, in a
+        Control points in scene units, any real dtype. The degrees m and n are from 1 to 30; in a
         sequence each patch may have its own.
     weights : (k, m + 1, n + 1) array, or a sequence of (m + 1, n + 1) arrays, optional
-        Of the control points: positive, the smallest of a patch at least 1e-6 of its largest. Only
-        their ratios within a patch count; where all are equal the patches are polynomial.
+        Weights of the control points: positive, the smallest of a patch at least 1e-6 of its
+        largest. Only their ratios within a patch matter; if all are equal the patches are polynomial.
 
     Raises
     ------
@@ -102,8 +102,8 @@ class BezierPatches(ParametricSurface):
         Raises
         ------
         FileNotFoundError, ValueError
-            If the file is missing or malformed; the message names file and line, and what was
-            expected there.
+            If the file is missing or malformed. The message names the file and the line, and says
+            what was expected there.
         """
         file = as_path(path, "BezierPatches file")
         if not file.is_file():
@@ -130,12 +130,12 @@ class BezierPatches(ParametricSurface):
 
     @property
     def control(self) -> FloatArray:
-        """(total, 3) float64: the control points of all patches, one after the other, read-only."""
+        """(total, 3) float64: the control points of all patches in order, read-only."""
         return self._control
 
     @property
     def weights(self) -> tuple[FloatArray, ...] | None:
-        """Weights of each patch, (m + 1, n + 1) float64, read-only; None: polynomial patches."""
+        """Weights of each patch, (m + 1, n + 1) float64, read-only; None if polynomial."""
         return None
 
     @property
@@ -179,8 +179,8 @@ class BezierPatches(ParametricSurface):
         ----------
         matrix : (4, 4) array
             Acts on columns (x, y, z, 1); last row (0, 0, 0, 1); not singular. It is applied to
-            the control points, so the image is exact up to their rounding; weights stay. A
-            reflection turns the normal, which stays along S_u x S_v, to the other side.
+            the control points, so the image is exact up to their rounding; weights do not change.
+            The normal stays along S_u x S_v, so a reflection moves it to the other side.
         """
         linear, shift = as_affine(matrix, "BezierPatches")
         # Term by term rather than by a matrix product: equal points must get equal images, which

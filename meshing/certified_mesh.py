@@ -24,15 +24,15 @@ class CertifiedMesh:
     vertices : (v, 3) float64
         In scene units. Pieces that share an edge or a corner share its vertices.
     faces : (f, 3) int64
-        Rows of ``vertices``, counterclockwise seen from the side of S_u x S_v.
+        Rows of ``vertices``, counterclockwise as seen from the side of S_u x S_v.
     uv : (f, 3, 2) float64
-        Parameters of each corner of each face, on its own side of a seam.
+        Parameters of each corner of each face; at a seam, those of the face's own side.
     patch_id : (f,) int32
         Patch or profile segment of each face.
     deviation_bound : float
-        Proven bound on the distance between a point of a face and the surface point at the (u, v)
-        interpolated with the same barycentric weights; includes rounding of the vertices. Scene
-        units.
+        Proven bound, in scene units, on the distance between a point of a face and the surface
+        point at the (u, v) that the same barycentric weights interpolate. It includes the rounding
+        of the vertices.
     """
 
     vertices: FloatArray

@@ -27,19 +27,19 @@ HALVINGS = 48
 
 
 class Curve2:
-    """A rational Bezier arc in a surface's (u, v).
+    """A rational Bezier arc in the parameter plane (u, v) of a surface.
 
     Parameters
     ----------
     control : (n + 1, 2) array
         Points (u, v), degree n from 1 to 30, each number from -1 to 2.
     weights : (n + 1,) array, optional
-        Positive, the smallest at least 1e-6 of the largest; only their ratios count. None: all 1.
+        Positive, the smallest at least 1e-6 of the largest; only their ratios matter. Default: all 1.
 
     Attributes
     ----------
     control : (n + 1, 2) float64, read-only
-    weights : (n + 1,) float64, read-only, or None where all are equal
+    weights : (n + 1,) float64, read-only, or None if all are equal
 
     Raises
     ------
@@ -125,8 +125,13 @@ def circle(center: ArrayLike, radius: float | tuple[float, float]) -> list[Curve
     ----------
     center : (2,) array
         In (u, v).
-    radius : float, or two
-        Along u and along v.
+    radius : float, or two floats
+        One radius, or one along u and one along v.
+
+    Returns
+    -------
+    list of Curve2
+        The four arcs, counterclockwise.
 
     Raises
     ------
@@ -149,12 +154,22 @@ def circle(center: ArrayLike, radius: float | tuple[float, float]) -> list[Curve
 
 
 def polygon(corners: ArrayLike) -> list[Curve2]:
-    """Return straight lines through corners (k, 2) in (u, v), closed, as a loop.
+    """Return a closed polygon as a loop of straight lines.
+
+    Parameters
+    ----------
+    corners : (k, 2) array
+        In (u, v), at least three. The last one is joined to the first.
+
+    Returns
+    -------
+    list of Curve2
+        The k sides, in order.
 
     Raises
     ------
     ValueError, TypeError
-        For fewer than three corners, and as for `Curve2`.
+        As for `Curve2`, and for fewer than three corners.
     """
     points = as_floats(corners, "polygon corners")
     if points.ndim != 2 or points.shape[1] != 2 or len(points) < 3:

@@ -16,20 +16,20 @@ def Extrusion(
     direction: ArrayLike,
     weights: ArrayLike | Sequence[ArrayLike | None] | None = None,
 ) -> BezierPatches:
-    """Return the surface that a Bezier profile sweeps when it is moved along a straight line.
+    """Return the surface that a Bezier profile sweeps as it moves along a straight line.
 
-    S(u, v) = C(u) + v direction, exactly a patch of degree n x 1 for each segment C. The normal is
-    along C' x direction.
+    S(u, v) = C(u) + v direction, which is exactly a patch of degree n x 1 for each segment C. The
+    normal is along C' x direction.
 
     Parameters
     ----------
     profile : (n + 1, 3) array, or a sequence of such segments
         Bezier points in scene units, degree 1 to 30; they need not lie in a plane.
     direction : (3,) array
-        From v = 0 to v = 1: its length is that of the extrusion.
+        From v = 0 to v = 1, in scene units; its length is that of the extrusion.
     weights : (n + 1,) array, or a sequence of one for each segment, optional
-        Weights of the Bezier points, above 0: then the segment is rational, as arcs of circles are
-        (`circular_arc`). None, also for single segments: all are 1.
+        Weights of the Bezier points, positive; they make a segment rational, as circular arcs are
+        (`circular_arc`). None, also for single segments, means that all are 1.
 
     Returns
     -------
@@ -39,8 +39,8 @@ def Extrusion(
     Raises
     ------
     ValueError, TypeError
-        For wrong shapes, numbers that are not finite, a direction of zero or along a whole segment,
-        and weights as `BezierPatches` refuses them.
+        For wrong shapes, numbers that are not finite, a direction that is zero or along a whole
+        segment, and weights that `BezierPatches` refuses.
     """
     way = as_vector(direction, "Extrusion direction")
     if not way.any():

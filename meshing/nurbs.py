@@ -20,30 +20,31 @@ SAME_KNOT = 1e-12
 class NurbsSurface(PatchSheet):
     """A tensor product B-spline surface, rational with weights.
 
-    Knot insertion turns it into one Bezier patch for each pair of non-empty knot spans; ``patch_id``
-    counts them, u outermost. u and v of hits, textures and `point` are the surface's own parameters,
-    mapped from the domain to [0, 1]. Knot vectors may be clamped or not (periodic surfaces repeat
-    their first control points), and may repeat knots: multiplicity ``degree`` makes a crease,
-    ``degree + 1`` a break. The normal is along S_u x S_v.
+    Knot insertion turns it into one Bezier patch for each pair of non-empty knot spans. ``patch_id``
+    counts these patches, with u outermost. u and v of hits, textures and `point` are the parameters of
+    the whole surface, mapped from the domain to [0, 1]. Knot vectors need not be clamped (periodic
+    surfaces repeat their first control points), and may repeat knots: multiplicity ``degree`` makes a
+    crease, ``degree + 1`` a break. The normal is along S_u x S_v.
 
     Parameters
     ----------
     control : (p, q, 3) array
         Control points in scene units: u follows the first index, v the second.
     knots_u : (p + degree_u + 1,) array
-        Ascending, in any unit. The domain of u is from ``knots_u[degree_u]`` to ``knots_u[p]``;
-        knots closer than 1e-12 of that are taken for one.
+        Ascending, in any unit. The domain of u is from ``knots_u[degree_u]`` to ``knots_u[p]``.
+        Knots that are closer than 1e-12 of its length count as one.
     knots_v : (q + degree_v + 1,) array
+        The same for v.
     degree : int, or (degree_u, degree_v)
         From 1 to 30.
     weights : (p, q) array, optional
-        Positive; the smallest at least 1e-6 of the largest. Equal ones are none.
+        Positive; the smallest at least 1e-6 of the largest. If all are equal, they are ignored.
 
     Raises
     ------
     ValueError, TypeError
         For shapes that do not match, knots that descend or repeat more than degree + 1 times, an
-        empty domain, weights that are not positive, and a patch without area.
+        empty domain, weights that are not positive or too far apart, and a patch without area.
 
     References
     ----------
@@ -114,7 +115,7 @@ class NurbsSurface(PatchSheet):
 
     @property
     def weights(self) -> FloatArray | None:
-        """(p, q) float64, read-only; None for a surface that is not rational."""
+        """(p, q) float64, read-only; None if the surface is not rational."""
         return self._weights
 
     @property

@@ -54,10 +54,10 @@ class ParametricSurface(Surface):
         Parameters
         ----------
         u, v : float array-like, broadcast with each other and with ``patch_id``
-            Parameters; the piece extends a little beyond [0, 1].
+            Parameters. They may lie slightly outside [0, 1].
         patch_id : int array-like, optional
-            Patch, or profile segment, of each (u, v); default: the first, on a sheet of patches the
-            one that holds (u, v).
+            Patch, or profile segment, of each (u, v). Default: the first, or on a sheet of patches
+            the one that holds (u, v).
 
         Returns
         -------
@@ -96,7 +96,7 @@ class ParametricSurface(Surface):
     def normal(self, u: ArrayLike, v: ArrayLike, patch_id: ArrayLike | None = None) -> FloatArray:
         """Return unit normals along S_u x S_v, shaped like `point`.
 
-        Where S_u x S_v vanishes (a collapsed edge, a cusp, a pole): its limit from inside.
+        Where S_u x S_v vanishes (a collapsed edge, a cusp, a pole), this is its limit from inside.
         Arguments and errors are those of `point`.
         """
         patch = self._piece_of(u, v, patch_id)
@@ -109,8 +109,8 @@ class ParametricSurface(Surface):
     def bounds(self) -> FloatArray:
         """(2, 3) float64: lower and upper corner of a box around the surface.
 
-        Conservative. It exceeds the tight box by about 1/256 of the excess of the control points'
-        box.
+        The box is conservative: it exceeds the tight box by about 1/256 of what the box of the
+        control points exceeds it by.
         """
         boxes = self.patch_bounds
         return np.stack((boxes[:, 0].min(axis=0), boxes[:, 1].max(axis=0)))

@@ -43,26 +43,25 @@ class SurfaceOfRevolution(ParametricSurface):
     Parameters
     ----------
     profile : (n + 1, 2) array, or a sequence of such segments
-        Bezier points (axial position from ``origin``, radius) in scene units, degree 1 to 30.
-        Each segment begins where the one before ends.
+        Bezier points (axial position from ``origin``, radius) in scene units, degree n from 1 to
+        30. Each segment begins where the one before ends.
     origin, axis : (3,) arrays
         A point of the axis and its direction, of any length but zero.
     reference : (3,) array, optional
-        u = 0 lies along this vector, projected normal to the axis. Default: the coordinate axis
-        least aligned with ``axis``.
+        The angle a is 0 along this vector, projected onto the plane across the axis. Default: the
+        coordinate axis least aligned with ``axis``.
     weights : (n + 1,) array, or a sequence of one for each segment, optional
-        Weights of the Bezier points, above 0, the smallest at least 1e-6 of the largest: then the
-        segment is rational. None, also for single segments: all are 1.
+        Weights of the Bezier points, which make the segment rational: positive, the smallest at
+        least 1e-6 of the largest. None, also for single segments, means that all are 1.
     u_range : two numbers
-        Where the turn begins and ends, in whole turns from ``reference``; at most one turn. u = 0
-        and u = 1 are there.
+        The angles at u = 0 and at u = 1, in whole turns from ``reference``; at most one turn apart.
 
     Raises
     ------
     ValueError
-        For wrong shapes, NaN or infinity, a radius below zero anywhere on a segment, segments that
+        For wrong shapes, NaN or infinity, a negative radius anywhere on a segment, segments that
         do not join, a segment shrunk to a point, a profile that lies wholly on the axis, weights
-        that are not above 0 or too different, and an empty turn.
+        that are not positive or too far apart, and an empty turn.
 
     Attributes
     ----------
@@ -134,7 +133,7 @@ class SurfaceOfRevolution(ParametricSurface):
 
     @property
     def is_rational(self) -> bool:
-        """Whether a segment has weights that differ."""
+        """Whether any segment has weights that differ."""
         return any(w is not None for w in self.weights)
 
     @property
@@ -233,9 +232,9 @@ class SurfaceOfRevolution(ParametricSurface):
         Parameters
         ----------
         matrix : (4, 4) array
-            Acts on columns (x, y, z, 1): rotation, shift, uniform scale, reflection. Under a
-            reflection the axis of the image runs the other way and its axial positions change
-            sign, because u stays a right-handed angle about the axis.
+            Acts on columns (x, y, z, 1): rotation, shift, uniform scale, reflection. A reflection
+            reverses the axis of the image, and the axial positions change sign, because u stays a
+            right-handed angle about the axis.
         """
         orthogonal, shift, scale, is_reflection = as_similarity(matrix, "SurfaceOfRevolution")
         sign = -1.0 if is_reflection else 1.0
@@ -249,7 +248,7 @@ class SurfaceOfRevolution(ParametricSurface):
     def flipped(self) -> SurfaceOfRevolution:
         """Return the same surface drawn from its other end, so with the opposite normal.
 
-        Parameters become (u, 1 - v), and segments count from the other end.
+        Parameters become (u, 1 - v), and segments are counted from the other end.
         """
         segments = [segment[::-1].copy() for segment in reversed(self.segments)]
         weights = tuple(None if w is None else w[::-1] for w in reversed(self.weights))

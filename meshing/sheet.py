@@ -14,22 +14,24 @@ from meshing.spans import within_patch
 
 
 class PatchSheet(ParametricSurface):
-    """Bezier patches with parameters of their own across all of them.
+    """Bezier patches that share one pair of parameters (u, v).
 
-    Patch p holds ``spans[p]`` of the sheet's (u, v), which fill the unit square. Hits, textures and
-    `point` take and give these; where ``patch_id`` is left out it is the patch that holds (u, v),
-    on a shared border the one beyond.
+    The (u, v) of the sheet fill the unit square, and patch p covers the rectangle ``spans[p]`` of it.
+    Hits, textures and `point` use the parameters of the sheet. If ``patch_id`` is left out, the patch
+    is the one that holds (u, v); on a shared border it is the one with the larger parameters.
 
     Parameters
     ----------
     pieces : BezierPatches
+        k patches.
     spans : (k, 4) array
-        u0, u1, v0, v1 of each patch: together a grid that fills the unit square, in any order.
+        u0, u1, v0, v1 of each patch. Together they are a grid that fills the unit square; the order
+        does not matter.
 
     Raises
     ------
     TypeError, ValueError
-        For other surfaces, and spans that are no such grid.
+        If ``pieces`` are other surfaces, or the spans are no such grid.
     """
 
     flip_of_uv = "swapped"
@@ -62,19 +64,23 @@ class PatchSheet(ParametricSurface):
 
     @classmethod
     def grid(cls, patches: BezierPatches, rows: int, columns: int) -> PatchSheet:
-        """Return patches as one sheet, so that a texture is stretched across all of them.
+        """Return patches as one sheet, so that a texture is stretched over all of them.
 
         Parameters
         ----------
         patches : BezierPatches
         rows, columns : int
-            How many patches lie side by side along u, and along v: patch p is number
-            ``p % columns`` of row ``p // columns``. Each takes an equal part of the parameters.
+            Number of patches along u, and along v: patch p is in row ``p // columns`` and column
+            ``p % columns``. All cover equal parts of the unit square.
+
+        Returns
+        -------
+        PatchSheet
 
         Raises
         ------
         ValueError, TypeError
-            If there are not as many patches.
+            If the number of patches is not ``rows * columns``.
         """
         whole(rows, "PatchSheet rows", at_least=1)
         whole(columns, "PatchSheet columns", at_least=1)
@@ -107,7 +113,7 @@ class PatchSheet(ParametricSurface):
 
     @property
     def patch_bounds(self) -> FloatArray:
-        """(k, 2, 3) float64: lower and upper corner of a box around each patch."""
+        """(k, 2, 3) float64: lower and upper corner of a box around each patch, scene units."""
         return self._pieces.patch_bounds
 
     def transformed(self, matrix: ArrayLike) -> Self:

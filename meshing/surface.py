@@ -23,21 +23,21 @@ if TYPE_CHECKING:
 
 
 class Surface(ABC):
-    """Points S(u, v) of one or more patches, with a normal along S_u x S_v."""
+    """A surface S(u, v) of one or more patches, with its normal along S_u x S_v."""
 
     is_freeform: ClassVar[bool] = False
     """Given by control points: `tessellate` cuts it, and Embree meets its triangles first."""
     is_bounded: ClassVar[bool] = True
-    """Has an end: a box around it, an area, photons that can be sent to it."""
+    """Is bounded: has a box around it and an area, and photons can be sent to it."""
     is_flat: ClassVar[bool] = False
     """Lies in one plane, so that no light goes from one point of it to another."""
     is_closed: ClassVar[bool] = False
-    """Encloses a body by itself, whatever its numbers are."""
+    """Always encloses a body by itself, whatever its parameters."""
     is_triangular: ClassVar[bool] = False
-    """(u, v) are weights of a triangle's corners, u + v <= 1; else they fill the unit square."""
+    """(u, v) are barycentric weights, u + v <= 1; otherwise they fill the unit square."""
 
     flip_of_uv: ClassVar[str] = ""
-    """What `flipped` makes of (u, v): "swapped" or "v reversed". "": loops cannot trim it."""
+    """What `flipped` does to (u, v): "swapped" or "v reversed"; "" if loops cannot trim it."""
 
     def __len__(self) -> int:
         """Return the number of patches; ``patch_id`` counts them from 0."""
@@ -49,8 +49,10 @@ class Surface(ABC):
 
         Parameters
         ----------
-        u, v : float array-like, broadcast with each other and with ``patch_id``
+        u, v : float array-like
+            Parameters; they broadcast with each other and with ``patch_id``.
         patch_id : int array-like
+            Patch of each (u, v).
 
         Raises
         ------
@@ -89,19 +91,19 @@ class Surface(ABC):
 
     @property
     def pieces(self) -> Surface:
-        """The patches as they are, each with (u, v) in the unit square: itself, but for sheets."""
+        """The patches, each with (u, v) in the unit square: the surface itself, except for sheets."""
         return self
 
     @property
     def spans(self) -> FloatArray | None:
-        """(k, 4): u0, u1, v0, v1 of each patch on a sheet; None: each fills the unit square."""
+        """(k, 4): u0, u1, v0, v1 of each patch on a sheet; None if each fills the unit square."""
         return None
 
     # --- size and rounding
 
     @property
     def middle(self) -> FloatArray:
-        """(3,) float64: the point from which distances are taken for rounding tolerances."""
+        """(3,) float64: the point from which rounding tolerances measure distances."""
         low, high = self.bounds
         return np.asarray(0.5 * (low + high))
 
@@ -113,14 +115,14 @@ class Surface(ABC):
 
     @property
     def reach(self) -> float:
-        """Largest |coordinate| of its points."""
+        """Largest absolute coordinate of its points, scene units."""
         return float(np.abs(self.bounds).max())
 
     @property
     def rounding_reach(self) -> float:
-        """The largest number in the computation of a hit point: its rounding is relative to this.
+        """The largest number in the computation of a hit point; rounding is relative to it.
 
-        0 where only the point's own coordinates round.
+        0 if only the coordinates of the point itself are rounded.
         """
         return self.reach
 
@@ -142,12 +144,12 @@ class Surface(ABC):
 
     @property
     def ball(self) -> tuple[FloatArray, float] | None:
-        """Centre and radius of a sphere; None for other surfaces."""
+        """Centre and radius if the surface is a sphere, otherwise None."""
         return None
 
     @property
     def revolution_frame(self) -> FloatArray | None:
-        """(4, 3): origin, axis, radial, binormal of a surface of revolution; else None."""
+        """(4, 3): origin, axis, radial, binormal of a surface about an axis; otherwise None."""
         return None
 
     @property

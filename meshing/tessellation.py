@@ -53,21 +53,22 @@ def tessellate(
     surface : BezierPatches, NurbsSurface, SurfaceOfRevolution, or TrimmedSurface of one
     tolerance : float
         Largest distance allowed, absolute, in scene units. A tolerance below the rounding of the
-        surface's coordinates may be missed; ``deviation_bound`` gives what was reached.
+        surface's coordinates may be missed; ``deviation_bound`` says what was reached.
     max_triangles : int
-        Largest number of triangles; checked before they are made.
+        Largest number of triangles allowed; checked before they are made.
 
     Returns
     -------
     CertifiedMesh
-        Adaptive: few triangles where the surface is flat, many where it is curved. No cracks within
-        patches or across shared edges; closed surfaces are watertight. Of a trimmed surface: the
-        triangles that reach inside the loops, so they cover it and end up to a triangle beyond.
+        Adaptive: few triangles where the surface is flat, many where it is curved. There are no
+        cracks within patches or across shared edges, and closed surfaces are watertight. For a trimmed
+        surface these are all triangles that reach inside the loops: they cover it, and extend up to
+        one triangle beyond its edges.
 
     Raises
     ------
     ValueError
-        If the tolerance is not positive and finite, or needs more than ``max_triangles``.
+        If the tolerance is not positive and finite, or takes more than ``max_triangles``.
 
     References
     ----------

@@ -19,14 +19,15 @@ from meshing.trims import as_loops, boxes_outside, make_table
 class TrimmedSurface(Surface):
     """The part of a surface inside closed loops of curves in its (u, v).
 
-    A point belongs to the surface if the loops go around its (u, v) an odd number of times in all:
-    an outline, holes in it, and islands in these, in any order and any direction. Without an outline
-    of its own a hole is cut by adding the border of the unit square as a loop. What loops enclose
-    outside the unit square is nothing. On a surface that closes around its axis a loop across the
-    seam is written in one piece, u below 0 or above 1; it counts a turn away as well.
+    A point belongs to the surface if the loops together go around its (u, v) an odd number of times.
+    So loops may be an outline, holes in it and islands in these, in any order and direction. To cut a
+    hole into a whole surface, add the border of the unit square as a loop. Parts of loops outside the
+    unit square enclose nothing. On a surface that closes around its axis, write a loop across the seam
+    in one piece, with u below 0 or above 1; its copies one turn away count as well.
 
-    A hit is the first root inside the loops. Sides are decided by the curves as they are given,
-    without approximation; where rounding leaves the side open a hit or miss is TANGENT.
+    A hit is the first root inside the loops. Which side of a curve a point is on is decided by the
+    curves as they are given, without approximation. If rounding leaves it undecided, the hit or miss
+    is TANGENT.
 
     Parameters
     ----------
@@ -34,23 +35,23 @@ class TrimmedSurface(Surface):
         One Bezier patch, a sheet of patches or a `NurbsSurface`; a `SurfaceOfRevolution` of one
         segment (`Cylinder`, `Cone`); or a `hybrid_rt.Rectangle`.
     loops : sequence of sequences of Curve2
-        Each curve begins where the one before ends, the first where the last one ends. Ends up to
-        1e-5 apart are joined by a straight line.
+        In each loop a curve begins where the one before ends, and the first where the last one ends.
+        Ends that are up to 1e-5 apart are joined by a straight line.
     gap : float
-        By how much the faces of a part may disagree about this edge, scene units. Roots outside the
-        loops within ``gap / |cos|`` of an edge are hits too, |cos| of ray and normal taken as 1e-3
-        at least. These, and those as near inside, have the flag EDGE, and ``gap / |cos|`` is part of
-        their ``t_bound``. 0: no such hits.
+        Distance, in scene units, by which neighbouring faces of a part may disagree about their
+        common edge. Roots outside the loops within ``gap / |cos|`` of an edge are hits too, where cos
+        is the cosine between ray and normal, and at least 1e-3. They and the roots equally near inside
+        have the flag EDGE, and ``gap / |cos|`` is part of their ``t_bound``. 0: no such hits.
 
     Raises
     ------
     TypeError, ValueError
-        For another surface, no loop, an empty or open loop, and a negative gap.
+        For any other surface, no loops, an empty or open loop, and a negative gap.
 
     Attributes
     ----------
     surface, loops, gap
-        As given; loops with what joins them, as tuples.
+        As given; the loops are tuples that include the joining lines.
     """
 
     def __init__(
@@ -86,7 +87,7 @@ class TrimmedSurface(Surface):
 
     @property
     def wraps(self) -> bool:
-        """Whether u = 0 and u = 1 are the same points, so that loops go around."""
+        """Whether u = 0 and u = 1 are the same points, so that loops may cross the seam."""
         return bool(getattr(self.surface, "is_whole_turn", False))
 
     @property
@@ -112,8 +113,8 @@ class TrimmedSurface(Surface):
         inside : (n,) bool
             Leading axes are those of the broadcast arguments, one row for scalars.
         in_band : (n,) bool
-            Whether rounding leaves the side open: a curve of degree d passes within
-            2^-52 (8 d + 14), twice that where curves leave the unit square; elsewhere ``inside`` is
+            Whether rounding leaves the side undecided: a curve of degree d passes within
+            2^-52 (8 d + 14), or twice that if curves leave the unit square. Elsewhere ``inside`` is
             proven.
         """
         u, v, _, shape = broadcast_parameters(u, v, 0, 1, "patch_id")
@@ -122,7 +123,7 @@ class TrimmedSurface(Surface):
         return inside.reshape(shape), in_band.reshape(shape)
 
     def is_outside(self, boxes: FloatArray) -> BoolArray:
-        """Tell which boxes (k, 4) u0, u1, v0, v1 have no point inside the loops."""
+        """Tell which boxes (k, 4), given as u0, u1, v0, v1, have no point inside the loops."""
         return boxes_outside(self.table, 0, boxes)
 
     @cached_property
@@ -143,7 +144,7 @@ class TrimmedSurface(Surface):
         return self.surface.spans
 
     def point(self, u: ArrayLike, v: ArrayLike, patch_id: ArrayLike | None = None) -> FloatArray:
-        """Return points of the surface, also outside the loops; see its own `point`."""
+        """Return points of the surface, inside or outside the loops; see its own `point`."""
         if patch_id is None:
             return self.surface.point(u, v)
         return self.surface.point(u, v, patch_id)
@@ -188,7 +189,7 @@ class TrimmedSurface(Surface):
         return self.surface.revolution_frame
 
     def transformed(self, matrix: ArrayLike) -> TrimmedSurface:
-        """Return the image, with the same (u, v) and loops; the gap grows with the largest scale."""
+        """Return the image, with the same (u, v) and loops; the gap is scaled by the largest scale."""
         image = self.surface.transformed(matrix)
         linear, _ = as_affine(matrix, "TrimmedSurface")
         # Similarities keep a gap to the bit where their scale is a power of two.

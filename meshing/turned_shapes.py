@@ -25,17 +25,21 @@ def Cylinder(
     reference: ArrayLike | None = None,
     u_range: ArrayLike = (0.0, 1.0),
 ) -> SurfaceOfRevolution:
-    """Return the side of a cylinder, without its ends; its normal points outward.
+    """Return the side of a cylinder, without its ends. The normal points outward.
 
     Parameters
     ----------
     origin : (3,) scene units
         The middle of the end at v = 0.
     axis : (3,) direction of any length
-        To the middle of the other end.
+        From ``origin`` to the middle of the other end.
     radius, length : positive numbers, scene units
     reference, u_range
         As for `SurfaceOfRevolution`.
+
+    Returns
+    -------
+    SurfaceOfRevolution
 
     Raises
     ------
@@ -58,21 +62,26 @@ def Cone(
     reference: ArrayLike | None = None,
     u_range: ArrayLike = (0.0, 1.0),
 ) -> SurfaceOfRevolution:
-    """Return the side of a cone or of a frustum, without its ends; its normal points outward.
+    """Return the side of a cone or frustum, without its ends. The normal points outward.
 
     Parameters
     ----------
     origin : (3,) scene units
         The middle of the end at v = 0.
     axis : (3,) direction of any length
-        To the middle of the other end, or to the tip.
+        From ``origin`` to the middle of the other end, or to the tip.
     radius : positive number, scene units
         At ``origin``.
     length : positive number, scene units
-    top_radius : number from 0 on, scene units
-        At the other end; 0: the tip.
+        Along the axis.
+    top_radius : number at least 0, scene units
+        At the other end; 0 for a tip.
     reference, u_range
         As for `SurfaceOfRevolution`.
+
+    Returns
+    -------
+    SurfaceOfRevolution
 
     Raises
     ------
@@ -94,15 +103,17 @@ def circular_arc(
 
     Parameters
     ----------
-    center : (2,) (axial position, radius)
-    radius : positive number
+    center : (2,) numbers
+        Axial position and radius, scene units.
+    radius : positive number, scene units
     begin, end : numbers
-        Angles in whole turns, from the axial direction toward larger radii; at most one turn apart.
+        Angles in whole turns, counted from the axial direction toward larger radii; at most one turn
+        apart.
 
     Returns
     -------
     segments : list of (3, 2) float64
-        Bezier points, one after the other along the arc.
+        Bezier points in scene units, segment by segment along the arc.
     weights : list of (3,) float64
         1, the cosine of half a segment's angle, 1.
 
