@@ -34,20 +34,22 @@ DIRECTIONS = np.array(
 class RayMeshIntersector:
     """Ray queries with the interface of trimesh's ``RayMeshIntersector``.
 
-    As with trimesh's engines, the surface that a ray starts on, within rounding, counts as a hit
-    (`Intersector` finds only what lies ahead), and nothing is built before the first query.
+    As with trimesh's engines, a surface on which a ray starts, within rounding, counts as a hit,
+    whereas `Intersector` finds only what lies ahead. Nothing is built before the first query.
 
     Parameters
     ----------
     geometry : trimesh.Trimesh, surface, or sequence of them
-        A mesh that is changed later is looked at anew by the next query.
+        If a mesh is changed later, the next query uses the changed mesh.
     scale_to_box : bool
-        Accepted as trimesh's engines do. Changes nothing: hits are found in float64 at any scale.
-    accuracy, coarse, tolerance, threads : as for `Intersector`
+        Accepted for compatibility. It changes nothing: hits are found in float64 at any scale.
+    accuracy, coarse, tolerance, threads
+        As for `Intersector`.
 
     Attributes
     ----------
-    mesh : the geometry
+    mesh
+        The geometry, as given.
 
     Raises
     ------
@@ -113,7 +115,7 @@ class RayMeshIntersector:
             Scene units.
         index_ray : (h,) int64
         index_tri : (h,) int64
-            Pieces, numbered through all objects.
+            Pieces (patches, profile segments, faces), numbered consecutively across all objects.
 
         Raises
         ------
@@ -153,7 +155,7 @@ class RayMeshIntersector:
         Raises
         ------
         ValueError, TypeError
-            As `Intersector.intersect`; if ``max_hits`` is not an integer of at least 1.
+            As `Intersector.intersect` does, and if ``max_hits`` is not an integer of at least 1.
         """
         hits, rays = self._find(ray_origins, ray_directions, multiple_hits, max_hits)
         found: tuple[NDArray[Any], ...] = (self._number(hits), rays)
@@ -195,8 +197,8 @@ class RayMeshIntersector:
     def contains_points(self, points: ArrayLike) -> BoolArray:
         """Tell for each point whether it lies inside the closed surfaces.
 
-        Uses the parity of crossings along a ray; if the ray is tangent to something, another
-        direction is tried.
+        The answer is the parity of the crossings along a ray. If the ray is tangent to a surface,
+        another direction is tried.
 
         Parameters
         ----------
@@ -210,7 +212,7 @@ class RayMeshIntersector:
         Raises
         ------
         ValueError, TypeError
-            If they are not finite numbers of that shape.
+            If the points are not finite numbers of that shape.
         """
         points = as_floats(points, "contains_points points")
         if points.ndim != 2 or points.shape[1] != 3:

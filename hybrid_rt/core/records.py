@@ -24,7 +24,7 @@ class Status(IntEnum):
     MISS = 0
     HIT = 1
     TANGENT = 2
-    """The decision (hit or miss) lies within rounding: 64 eps x scale. The row carries it."""
+    """Rounding decides between hit and miss: moving the ray by 64 eps x scale may change the row."""
 
 
 class Flag(IntFlag):
@@ -32,9 +32,9 @@ class Flag(IntFlag):
 
     NONE = 0
     NORMAL_DEGENERATE = 1
-    """S_u x S_v vanishes here; the normal is the limit from inside the patch."""
+    """S_u x S_v vanishes here, and the normal is its limit from inside the patch."""
     EDGE = 2
-    """Within the ``gap`` of a `TrimmedSurface`'s edge: which face of the model is met is open."""
+    """Within the ``gap`` of an edge of a `TrimmedSurface`: a neighbouring face may be meant."""
 
 
 @dataclass(frozen=True)
@@ -46,13 +46,14 @@ class HitRecord:
     t : (n,) float64
         Distance in lengths of the given direction; inf on a miss.
     object_id : (n,) int32
-        Index in the list of surfaces; -1 on a miss.
+        Index in the sequence of surfaces; -1 on a miss.
     patch_id : (n,) int32
-        Patch, profile segment, face of a mesh (input order), face of a box; else 0.
+        Index of the patch, profile segment, face of a mesh (in input order) or face of a box;
+        otherwise 0.
     u, v : (n,) float64
         Surface parameters; nan on a miss.
     position : (n, 3) float64
-        The point of the surface at (u, v), world frame; nan on a miss.
+        The point of the surface at (u, v), scene units, world frame; nan on a miss.
     normal : (n, 3) float64
         Unit normal along S_u x S_v, finite also at poles and collapsed edges; nan on a miss.
     front_face : (n,) bool
@@ -62,7 +63,8 @@ class HitRecord:
     flags : (n,) uint8
         `Flag` of the row.
     t_bound : (n,) float64
-        Proven bound on ``|t - exact t|``; inf where nothing is proven (accuracy "mesh").
+        Proven bound on ``|t - exact t|``, in the unit of t; inf where nothing is proven (accuracy
+        "mesh").
     residual : (n,) float64
         ``|S(u, v) - (o + t d)|`` in scene units; nan on a miss.
     """
@@ -110,32 +112,32 @@ class HitRecord:
         """Return a pandas.DataFrame of n rows, one column per number.
 
         Columns: t, object_id, patch_id, u, v, x, y, z (position), nx, ny, nz (normal), front_face,
-        status (MISS, HIT, TANGENT), flags, t_bound, residual. Lengths are in the units of the scene,
-        whatever these are; t and t_bound count lengths of each ray's direction.
+        status (MISS, HIT, TANGENT), flags, t_bound, residual. Lengths are in scene units; t and
+        t_bound are in lengths of each ray's direction.
 
         Raises
         ------
         ImportError
-            Without pandas.
+            If pandas is not installed.
         """
         from hybrid_rt.core.hit_table import to_dataframe
 
         return to_dataframe(self._columns())
 
     def to_csv(self, path: str | os.PathLike[str]) -> None:
-        """Write the columns of `to_dataframe` as comma-separated text, UTF-8, a header line first.
+        """Write the columns of `to_dataframe` as comma-separated text, UTF-8, with a header line.
 
-        Numbers are written so that they are read back bit for bit; a miss has t inf and nan. A file
-        that exists is replaced.
+        Numbers are written so that they are read back bit for bit. On a miss t is inf and the other
+        floats are nan. An existing file is replaced.
 
         Parameters
         ----------
-        path : path
+        path : str or path
 
         Raises
         ------
         TypeError, OSError
-            If it is no path, or cannot be written.
+            If ``path`` is not a path, or cannot be written.
         """
         from hybrid_rt.core.hit_table import to_csv
 

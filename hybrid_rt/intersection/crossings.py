@@ -24,9 +24,9 @@ class Crossings:
     ----------
     hits : HitRecord of m rows
     ray : (m,) int64
-        The ray of each row.
+        Index of the ray of each row.
     offsets : (n + 1,) int64
-        Ray i has the rows ``offsets[i]`` to ``offsets[i + 1]``.
+        Ray i has the rows from ``offsets[i]`` up to, but not including, ``offsets[i + 1]``.
     """
 
     hits: HitRecord

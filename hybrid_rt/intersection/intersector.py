@@ -55,26 +55,27 @@ class Intersector:
     Parameters
     ----------
     surfaces : Surface, or sequence of Surface
-        Any mix: those of `meshing`, and `Sphere`, `TriangleMesh` and the others of `hybrid_rt`.
-        ``object_id`` of a hit is the index in this list.
+        Any mix of the surfaces of `meshing` and of `hybrid_rt` (`Sphere`, `TriangleMesh` and so on).
+        The ``object_id`` of a hit is the index in this sequence.
     accuracy : {"certified", "refined", "mesh"}
-        "mesh" returns Embree's hits on the triangles; "refined" moves each of them onto the true
-        surface by Newton iteration; "certified" also proves that nothing lies in front.
+        "mesh" returns Embree's hits on the triangles. "refined" moves each of them onto the true
+        surface by Newton iteration. "certified" also proves that nothing lies in front.
     coarse : {"embree", "none"}
-        "none" (certified only) skips tessellation and Embree; the hits are the same.
+        "none" skips tessellation and Embree. The hits are the same. Only for "certified".
     tolerance : float, optional
-        Chordal tolerance of the coarse triangles, scene units; chosen per surface by default.
+        Chordal tolerance of the coarse triangles, scene units. By default it is chosen for each
+        surface.
     threads : int, optional
-        Default: all cores that the process may use. Changes no result.
+        Default: all cores that the process may use. The number changes no result.
 
     Attributes
     ----------
     coarse_build_seconds : float
-        Time that tessellation and Embree's tree took.
+        Time that the tessellation and Embree's tree took.
     coarse_seconds : float
         Time that coarse hits have taken so far, summed over threads.
     now : callable
-        The clock of ``coarse_seconds``, in seconds.
+        The clock of ``coarse_seconds``; returns seconds.
 
     Raises
     ------
@@ -165,20 +166,20 @@ class Intersector:
         return 0 if self._coarse is None else self._coarse.n_triangles
 
     def with_own_counters(self) -> Intersector:
-        """Return a tracer of the same surfaces that counts for itself, from nothing."""
+        """Return a tracer of the same surfaces with counters of its own that start at 0."""
         own = copy.copy(self)
         own.counters = dict.fromkeys(self.counters, 0)
         own.coarse_seconds = 0.0
         return own
 
     def closed_forms(self) -> ClosedForms | None:
-        """Return tables for kernels that trace single rays; None if a surface wants batches."""
+        """Return tables for kernels that trace single rays; None if a surface needs batches."""
         if self._curved or self._coarse is not None:
             return None
         return closed_forms(self._direct, self._kind_of, self._reach)
 
     def forget_counters(self) -> None:
-        """Set all counters, and the seconds of coarse hits, to nothing."""
+        """Set all counters, and the seconds of coarse hits, to 0."""
         self.counters.update(dict.fromkeys(self.counters, 0))
         self.coarse_seconds = 0.0
 
@@ -197,14 +198,14 @@ class Intersector:
         Parameters
         ----------
         origins, directions : (n, 3), (3,) or (h, w, 3) array-like
-            Scene units, world frame, any float type; directions of any length but zero.
+            Scene units, world frame, any float type. Directions may have any length but zero.
         t_min, t_max : scalar, (n,) or (h, w)
-            A hit needs ``t_min < t < t_max``; in lengths of the given direction.
+            A hit needs ``t_min < t < t_max``, in lengths of the given direction.
         source : HitRecord of n rows, optional
             The hits that the rays leave. These points are excluded, also as points of adjoining
             patches, seams, poles or mesh edges. Rows that are misses exclude nothing.
         unseen : (n,) int, optional
-            An object that each ray ignores; -1: none.
+            ``object_id`` of an object that each ray ignores; -1 for none.
 
         Returns
         -------
@@ -262,8 +263,8 @@ class Intersector:
     ) -> BoolArray:
         """Tell for each ray whether anything lies between ``t_min`` and ``t_max``.
 
-        Parameters are those of `intersect`; ``target`` are the hits that the rays lead to, which do
-        not occlude them.
+        Parameters and errors are those of `intersect`. ``target`` holds the hits, n rows, that the
+        rays lead to; these do not occlude them.
 
         Returns
         -------
@@ -298,14 +299,14 @@ class Intersector:
         t_min: ArrayLike = 0.0,
         t_max: ArrayLike = np.inf,
     ) -> Crossings:
-        """Find every crossing of each ray, a shared edge, seam or pole counted once.
+        """Find every crossing of each ray. A shared edge, a seam or a pole counts once.
 
-        Parameters are those of `intersect`.
+        Parameters and errors are those of `intersect`.
 
         Returns
         -------
         Crossings
-            ``hits`` sorted by ray and t; those of ray i are ``offsets[i]`` to ``offsets[i + 1]``.
+            ``hits`` are sorted by ray and then by t.
         """
         return find_crossings(self.intersect, origins, directions, t_min, t_max)
 

@@ -41,36 +41,36 @@ class Asphere(AxialSurface):
     above ``origin``, along ``axis``. Rays are intersected with that formula itself.
 
     S(u, v) = origin + r (cos 2 pi u radial + sin 2 pi u binormal) + z(r) axis with r = v aperture / 2
-    and binormal = axis x radial: v is 0 at the vertex and 1 at the rim. The normal, along
-    S_u x S_v, has a part against ``axis``: where light travels along ``axis``, it comes from the side
-    to which the normal points. On a flipped asphere v runs from the rim to the vertex, and the normal
-    points to the other side.
+    and binormal = axis x radial: v is 0 at the vertex and 1 at the rim. The normal is along
+    S_u x S_v and has a negative component along ``axis``, so light that travels along ``axis`` meets
+    the front side. On a flipped asphere v runs from the rim to the vertex, and the normal points to
+    the other side.
 
     Parameters
     ----------
     radius : number but 0, scene units
-        Radius of curvature at the vertex of the conic part; positive: the centre of curvature lies
-        along ``axis`` from the vertex. ``inf``: a plane with a polynomial on it.
+        Radius of curvature of the conic part at the vertex. Positive if the centre of curvature lies
+        in the direction of ``axis`` from the vertex. ``inf`` is a plane with a polynomial on it.
     conic : number
-        Conic constant k: 0 a sphere, -1 a paraboloid, below -1 a hyperboloid, above -1 an
+        Conic constant k: 0 is a sphere, -1 a paraboloid, below -1 a hyperboloid, above -1 an
         ellipsoid (above 0 an oblate one).
     coefficients : (n,) numbers, at most 16
-        a_2, a_4, ... a_2n, the factors of r^2, r^4, ... r^2n, in scene units to 1, 3, ... 2n - 1.
-        Prescriptions that begin with r^4 need a zero in front.
+        a_2, a_4, ... a_2n, the factors of r^2, r^4, ... r^2n, in one over scene units to the power
+        1, 3, ... 2n - 1. If a prescription begins with r^4, put a zero in front.
     aperture : positive number, scene units
-        Diameter of the rim, across which nothing is met.
+        Diameter of the rim. Rays that pass outside it miss.
     origin : (3,) scene units
         The vertex.
     axis : (3,) direction of any length
     reference : (3,) direction of any length, optional
-        u = 0 lies along it, projected normal to the axis. Default: the coordinate axis least
-        aligned with ``axis``.
+        u is 0 along this vector, projected onto the plane across the axis. Default: the coordinate
+        axis least aligned with ``axis``.
 
     Raises
     ------
-    ValueError
-        For a radius of 0, numbers that are not finite, an aperture within which the square root
-        ends or nearly so, a slope dz / dr beyond 32, and coefficients whose terms cancel so far
+    ValueError, TypeError
+        For a radius of 0, numbers that are not finite, an aperture within which the conic turns
+        vertical or nearly so, a slope dz / dr beyond 32, and coefficients whose terms cancel so far
         that rounding spoils the sum.
 
     Attributes
@@ -190,7 +190,7 @@ class Asphere(AxialSurface):
         Raises
         ------
         ValueError, TypeError
-            If a distance is no number from 0 to half the aperture.
+            If a distance is not a number from 0 to half the aperture.
         """
         r = as_floats(r, "r")
         if not ((r >= 0.0) & (r <= 0.5 * self.aperture)).all():
@@ -257,9 +257,9 @@ class Asphere(AxialSurface):
         Parameters
         ----------
         matrix : (4, 4) array
-            Acts on columns (x, y, z, 1): rotation, shift, uniform scale, reflection. Under a
-            reflection the axis of the image runs the other way, and radius and coefficients change
-            sign, because u stays a right-handed angle about the axis.
+            Acts on columns (x, y, z, 1): rotation, shift, uniform scale, reflection. A reflection
+            reverses the axis of the image, and radius and coefficients change sign, because u stays
+            a right-handed angle about the axis.
 
         Raises
         ------

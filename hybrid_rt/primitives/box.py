@@ -14,17 +14,19 @@ from meshing.surface import Surface
 
 
 class Box(Surface):
-    """An axis-aligned box; its normals point outward, unless flipped.
+    """An axis-aligned box. Its normals point outward unless it is flipped.
 
-    `transformed` may return a parallelepiped, a `TurnedBox`.
+    `transformed` returns a `TurnedBox`, a parallelepiped, where the image is not axis-aligned.
 
-    ``patch_id`` counts the faces -x, +x, -y, +y, -z, +z. On each, (u, v) run from 0 to 1 along the
-    two other axes, in the order (y, z), (z, x), (x, y); on the lower faces, and on the upper ones
-    of a flipped box, in the opposite order, so that the normal is along S_u x S_v.
+    ``patch_id`` counts the faces -x, +x, -y, +y, -z, +z. On each face u and v run from 0 to 1 along
+    the two other axes, in the order (y, z), (z, x), (x, y). On the lower faces the order is
+    reversed, so that the normal is along S_u x S_v; on a flipped box it is reversed on the upper faces
+    instead.
 
     Parameters
     ----------
-    lo, hi : (3,) scene units, lo < hi in every coordinate
+    lo, hi : (3,) scene units
+        Lowest and highest corner: lo < hi in every coordinate.
 
     Attributes
     ----------
@@ -39,8 +41,8 @@ class Box(Surface):
 
     Raises
     ------
-    ValueError
-        For corners that are not finite or out of order.
+    ValueError, TypeError
+        For corners that are not finite numbers, or not in order.
     """
 
     is_upright: ClassVar[bool] = True
@@ -140,8 +142,8 @@ class Box(Surface):
     def transformed(self, matrix: ArrayLike) -> Box:
         """Return the image under an affine map: a `Box` if it is axis-aligned, else a `TurnedBox`.
 
-        A `Box` numbers its faces along the axes again. Otherwise faces and (u, v) stay with their
-        points, except that a reflection swaps u and v, as normals stay outward.
+        A `Box` numbers its faces along the axes again. In a `TurnedBox` faces and (u, v) stay with
+        their points, except that a reflection swaps u and v, since normals stay outward.
 
         Parameters
         ----------

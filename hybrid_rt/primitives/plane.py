@@ -12,20 +12,21 @@ from meshing.surface import Surface
 
 
 class Plane(Surface):
-    """All points ``x`` with ``(x - point) . normal = 0``.
+    """An infinite plane: all points x with (x - point) . normal = 0.
 
-    (u, v) are the fractional parts of two world coordinates, in the order x, y, z: those other than
-    the largest component of the normal.
+    u and v are the fractional parts of two world coordinates, in the order x, y, z. The coordinate
+    in which the normal is largest is left out.
 
     Parameters
     ----------
     point : (3,) scene units
+        Any point of the plane.
     normal : (3,) direction of any length
 
     Raises
     ------
-    ValueError
-        For vectors that are not finite, or a zero normal.
+    ValueError, TypeError
+        For vectors that are not finite numbers, or a zero normal.
     """
 
     is_bounded = False

@@ -12,9 +12,9 @@ from meshing.surface import Surface
 
 
 class Rectangle(Surface):
-    """The points ``corner + u edge_u + v edge_v``; the normal lies along edge_u x edge_v.
+    """A rectangle or parallelogram, the points ``corner + u edge_u + v edge_v``, u and v in [0, 1].
 
-    The edges need not be perpendicular.
+    The normal is along edge_u x edge_v. The edges need not be perpendicular.
 
     Parameters
     ----------
@@ -22,8 +22,8 @@ class Rectangle(Surface):
 
     Raises
     ------
-    ValueError
-        For vectors that are not finite, or edges that span no area.
+    ValueError, TypeError
+        For vectors that are not finite numbers, or edges that span no area.
     """
 
     is_flat = True
@@ -110,7 +110,7 @@ class Rectangle(Surface):
         return Rectangle(linear @ self.corner + shift, linear @ self.edge_u, linear @ self.edge_v)
 
     def flipped(self) -> Rectangle:
-        """Return the rectangle with u and v swapped, and so its normal reversed."""
+        """Return the rectangle with u and v swapped, and so with its normal reversed."""
         return Rectangle(self.corner, self.edge_v, self.edge_u)
 
     def __repr__(self) -> str:

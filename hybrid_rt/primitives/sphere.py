@@ -12,7 +12,7 @@ from meshing.surface import Surface
 
 
 class Sphere(Surface):
-    """A sphere; its normal points outward, unless flipped.
+    """A sphere. Its normal points outward unless it is flipped.
 
     ``u`` is the azimuth over 2 pi from ``meridian``, right-handed about ``pole``; ``v`` is the
     polar angle over pi, 0 at the south pole and 1 at ``pole``. On a flipped sphere the azimuth runs
@@ -23,12 +23,14 @@ class Sphere(Surface):
     center : (3,) scene units
     radius : positive number, scene units
     pole, meridian : (3,) directions of any length, not parallel
+        The axis of the parameters, and where u is 0: ``meridian`` is projected onto the plane across
+        ``pole``.
 
     Raises
     ------
-    ValueError
-        For a radius that is not positive and finite, vectors that are not finite, a meridian along
-        the pole.
+    ValueError, TypeError
+        For a radius that is not positive and finite, vectors that are not finite numbers, and a
+        meridian along the pole.
     """
 
     is_closed = True
@@ -70,7 +72,7 @@ class Sphere(Surface):
     # There may be many: no array where a number will do.
     @property
     def middle(self) -> FloatArray:
-        """(3,): the center."""
+        """(3,): the centre."""
         return self.center
 
     @property
@@ -80,7 +82,7 @@ class Sphere(Surface):
 
     @property
     def reach(self) -> float:
-        """Largest |coordinate| of its points."""
+        """Largest absolute coordinate of its points, scene units."""
         return float(max(map(abs, self.center.tolist()))) + self.radius
 
     @property
@@ -95,7 +97,7 @@ class Sphere(Surface):
 
     @property
     def carrier(self) -> tuple[float, ...]:
-        """Equal for equal spheres; other spheres share no area with it."""
+        """A key that is equal for equal spheres; other spheres share no area with this one."""
         return (*self.center.tolist(), self.radius)
 
     def point(self, u: ArrayLike, v: ArrayLike, patch_id: ArrayLike = 0) -> FloatArray:

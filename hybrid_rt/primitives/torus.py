@@ -13,7 +13,7 @@ from meshing.checks import as_similarity, broadcast_parameters, freeze, number, 
 
 
 class Torus(AxialSurface):
-    """A torus; its normal points outward, unless flipped.
+    """A torus. Its normal points outward unless it is flipped.
 
     S(u, v) = origin + (R + r cos 2 pi v) (cos 2 pi u radial + sin 2 pi u binormal)
     + r sin 2 pi v axis, with R and r the two radii and binormal = axis x radial: u runs about the
@@ -30,14 +30,14 @@ class Torus(AxialSurface):
     minor_radius : positive number, scene units
         Radius of the tube; less than ``major_radius``.
     reference : (3,) direction of any length, optional
-        u = 0 lies along it, projected normal to the axis. Default: the coordinate axis least
-        aligned with ``axis``.
+        u is 0 along this vector, projected onto the plane across the axis. Default: the coordinate
+        axis least aligned with ``axis``.
 
     Raises
     ------
-    ValueError
+    ValueError, TypeError
         For radii that are not positive and finite, a tube that reaches the axis, vectors that are
-        not finite, a reference along the axis.
+        not finite numbers, and a reference along the axis.
 
     Attributes
     ----------

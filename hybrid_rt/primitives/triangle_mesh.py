@@ -26,17 +26,18 @@ CORNERS = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])
 class TriangleMesh(Surface):
     """A triangle mesh in float64; (u, v) are the barycentric weights of vertices 1 and 2 of a face.
 
-    Faces without area are never hit, but keep their index.
+    A face without area is never hit, but keeps its index.
 
     Parameters
     ----------
     mesh : trimesh.Trimesh
-        Or anything with ``vertices`` (v, 3) and ``faces`` (f, 3).
+        Or any object with ``vertices`` (v, 3), scene units, and ``faces`` (f, 3), integers.
 
     Raises
     ------
-    ValueError
-        If a vertex is not finite, a face index is out of range, or there are no faces.
+    ValueError, TypeError
+        If a vertex is not finite, the index of a vertex is out of range, there are no faces, or the
+        object has no vertices and faces.
     """
 
     is_triangular = True
@@ -128,7 +129,7 @@ class TriangleMesh(Surface):
         return b - a, c - a
 
     def normal(self, u: ArrayLike, v: ArrayLike, patch_id: ArrayLike = 0) -> FloatArray:
-        """Return the unit normals (n, 3) float64 of faces, by the order of their vertices.
+        """Return the unit normals (n, 3) float64 of faces; they follow the winding order.
 
         Arguments and errors are those of `point`.
         """

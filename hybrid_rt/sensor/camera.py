@@ -20,22 +20,23 @@ MOST_PIXELS = 10**9
 
 
 class Camera:
-    """A pinhole, or a thin lens where ``aperture`` is positive.
+    """A pinhole camera, or one with a thin lens if ``aperture`` is positive.
 
     Parameters
     ----------
     look_from, look_at : three numbers
-        The eye, and the point at the centre of the picture.
+        The eye, and the point at the centre of the picture, scene units.
     up : three numbers
-        Up vector; need not be perpendicular to the view direction.
+        Up vector, of any length. It need not be perpendicular to the view direction.
     vertical_fov : float
         Full vertical field of view, degrees, between 0 and 180.
     width, height : int
         Resolution; pixels are square.
     aperture : float
-        Lens diameter, scene units; 0 is a pinhole.
+        Diameter of the lens, scene units; 0 is a pinhole.
     focus_distance : float, optional
-        Distance to the plane of focus along the view direction; default: that of ``look_at``.
+        Distance to the plane of focus along the view direction, scene units. Default: the distance
+        of ``look_at``.
 
     Raises
     ------
@@ -137,13 +138,14 @@ class Camera:
         Parameters
         ----------
         column, row : (n,) float64
-            Positions in pixels from the upper left corner; pixel (0, 0) covers [0, 1) x [0, 1).
+            Positions in pixels from the upper left corner. Pixel (0, 0) covers [0, 1) x [0, 1).
         lens : (n, 2) float64 in [0, 1), optional
-            Lens samples; by default every ray passes the centre of the lens.
+            Lens samples. By default every ray passes through the centre of the lens.
 
         Returns
         -------
-        origins, directions : (n, 3) float64 each
+        origins, directions : (n, 3) float64
+            Scene units; unit vectors.
         """
         across = (2.0 * column - self.width) / self.height * self._half_height
         upward = (1.0 - 2.0 * row / self.height) * self._half_height
@@ -166,6 +168,7 @@ class Camera:
         Parameters
         ----------
         points : (n, 3) float64
+            Scene units.
         lens : (n, 2) float64 in [0, 1), optional
             Lens samples from which the points are seen.
 
@@ -176,7 +179,7 @@ class Camera:
         pixel : (n,) int64
             Index in row-major order from the upper left; -1 outside the picture.
         pdf : (n,) float64
-            pdf per solid angle of directions to positions uniform in the pixel; 0 outside.
+            pdf per solid angle of directions to positions that are uniform in the pixel; 0 outside.
         """
         shift = self._on_lens(lens)
         way = points - (self.look_from + shift)

@@ -16,16 +16,16 @@ def refract(direction: ArrayLike, normal: ArrayLike, n1: ArrayLike, n2: ArrayLik
     Parameters
     ----------
     direction : (n, 3) or (3,) floats, of any length but zero
-        Where the light goes.
+        The direction in which the light travels.
     normal : (n, 3) or (3,) floats, of any length but zero
-        Of either sign, such as ``hits.normal``.
+        Normals of either sign, such as ``hits.normal``.
     n1, n2 : number or (n,) floats, positive
-        Indices of refraction of the medium that the light comes from, and of that beyond.
+        Indices of refraction of the medium that the light comes from, and of the one beyond.
 
     Returns
     -------
     (n, 3) or (3,) float64
-        Unit vectors; nan where reflection is total, which includes light along the surface.
+        Unit vectors; nan in case of total reflection, which includes light along the surface.
 
     Raises
     ------
@@ -53,7 +53,7 @@ def reflect(direction: ArrayLike, normal: ArrayLike) -> FloatArray:
     Parameters
     ----------
     direction, normal : (n, 3) or (3,) floats, of any length but zero
-        The normal may have either sign.
+        The direction in which the light travels, and normals of either sign.
 
     Returns
     -------
