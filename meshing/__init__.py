@@ -1,10 +1,10 @@
 """Surfaces and their certified tessellation.
 
-`BezierPatches`, `NurbsSurface` and `SurfaceOfRevolution` are surfaces over (u, v) in [0, 1] x [0, 1].
-`Cylinder`, `Cone` and `circular_arc` make common turned surfaces, `Extrusion` makes swept ones, and
-`TrimmedSurface` cuts a surface along curves. `tessellate` turns a surface into a `CertifiedMesh` that
-stays within a proven distance of it. Names are imported on first use: ``import meshing`` alone
-compiles and loads nothing.
+`BezierPatches`, `NurbsSurface` and `SurfaceOfRevolution` are surfaces over (u, v) in [0, 1] x [0,
+1]. `Cylinder`, `Cone` and `circular_arc` make common turned surfaces, `Extrusion` makes swept ones,
+and `TrimmedSurface` cuts a surface along curves. `tessellate` turns a surface into a
+`CertifiedMesh` that stays within a proven distance of it. Names are imported on first use: ``import
+meshing`` alone compiles and loads nothing.
 """
 
 from __future__ import annotations

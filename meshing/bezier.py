@@ -21,9 +21,9 @@ class BezierPatches(ParametricSurface):
     """One or more tensor product Bezier patches, polynomial or rational, as one surface.
 
     A point of patch p is the sum of its control points (i, j) times B_i(u) B_j(v): u follows the
-    row index of the net, v the column index. If there are weights w_ij, the point is the mean of the
-    control points with weights B_i(u) B_j(v) w_ij, which represents cylinders, spheres and other
-    quadrics exactly. The normal is along S_u x S_v.
+    row index of the net, v the column index. If there are weights w_ij, the point is the mean of
+    the control points with weights B_i(u) B_j(v) w_ij, which represents cylinders, spheres and
+    other quadrics exactly. The normal is along S_u x S_v.
 
     Parameters
     ----------
@@ -32,7 +32,8 @@ class BezierPatches(ParametricSurface):
         sequence each patch may have its own.
     weights : (k, m + 1, n + 1) array, or a sequence of (m + 1, n + 1) arrays, optional
         Weights of the control points: positive, the smallest of a patch at least 1e-6 of its
-        largest. Only their ratios within a patch matter; if all are equal the patches are polynomial.
+        largest. Only their ratios within a patch matter; if all are equal the patches are
+        polynomial.
 
     Raises
     ------

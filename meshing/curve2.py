@@ -34,7 +34,8 @@ class Curve2:
     control : (n + 1, 2) array
         Points (u, v), degree n from 1 to 30, each number from -1 to 2.
     weights : (n + 1,) array, optional
-        Positive, the smallest at least 1e-6 of the largest; only their ratios matter. Default: all 1.
+        Positive, the smallest at least 1e-6 of the largest; only their ratios matter. Default: all
+        1.
 
     Attributes
     ----------

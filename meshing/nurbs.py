@@ -20,11 +20,11 @@ SAME_KNOT = 1e-12
 class NurbsSurface(PatchSheet):
     """A tensor product B-spline surface, rational with weights.
 
-    Knot insertion turns it into one Bezier patch for each pair of non-empty knot spans. ``patch_id``
-    counts these patches, with u outermost. u and v of hits, textures and `point` are the parameters of
-    the whole surface, mapped from the domain to [0, 1]. Knot vectors need not be clamped (periodic
-    surfaces repeat their first control points), and may repeat knots: multiplicity ``degree`` makes a
-    crease, ``degree + 1`` a break. The normal is along S_u x S_v.
+    Knot insertion turns it into one Bezier patch for each pair of non-empty knot spans.
+    ``patch_id`` counts these patches, with u outermost. u and v of hits, textures and `point` are
+    the parameters of the whole surface, mapped from the domain to [0, 1]. Knot vectors need not be
+    clamped (periodic surfaces repeat their first control points), and may repeat knots:
+    multiplicity ``degree`` makes a crease, ``degree + 1`` a break. The normal is along S_u x S_v.
 
     Parameters
     ----------

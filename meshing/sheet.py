@@ -16,9 +16,9 @@ from meshing.spans import within_patch
 class PatchSheet(ParametricSurface):
     """Bezier patches that share one pair of parameters (u, v).
 
-    The (u, v) of the sheet fill the unit square, and patch p covers the rectangle ``spans[p]`` of it.
-    Hits, textures and `point` use the parameters of the sheet. If ``patch_id`` is left out, the patch
-    is the one that holds (u, v); on a shared border it is the one with the larger parameters.
+    The (u, v) of the sheet fill the unit square, and patch p covers the rectangle ``spans[p]`` of
+    it. Hits, textures and `point` use the parameters of the sheet. If ``patch_id`` is left out, the
+    patch is the one that holds (u, v); on a shared border it is the one with the larger parameters.
 
     Parameters
     ----------

@@ -91,7 +91,7 @@ class Surface(ABC):
 
     @property
     def pieces(self) -> Surface:
-        """The patches, each with (u, v) in the unit square: the surface itself, except for sheets."""
+        """The patches, each with (u, v) in the unit square: the surface itself, but for sheets."""
         return self
 
     @property

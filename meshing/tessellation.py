@@ -61,9 +61,9 @@ def tessellate(
     -------
     CertifiedMesh
         Adaptive: few triangles where the surface is flat, many where it is curved. There are no
-        cracks within patches or across shared edges, and closed surfaces are watertight. For a trimmed
-        surface these are all triangles that reach inside the loops: they cover it, and extend up to
-        one triangle beyond its edges.
+        cracks within patches or across shared edges, and closed surfaces are watertight. For a
+        trimmed surface these are all triangles that reach inside the loops: they cover it, and
+        extend up to one triangle beyond its edges.
 
     Raises
     ------

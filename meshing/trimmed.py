@@ -19,15 +19,15 @@ from meshing.trims import as_loops, boxes_outside, make_table
 class TrimmedSurface(Surface):
     """The part of a surface inside closed loops of curves in its (u, v).
 
-    A point belongs to the surface if the loops together go around its (u, v) an odd number of times.
-    So loops may be an outline, holes in it and islands in these, in any order and direction. To cut a
-    hole into a whole surface, add the border of the unit square as a loop. Parts of loops outside the
-    unit square enclose nothing. On a surface that closes around its axis, write a loop across the seam
-    in one piece, with u below 0 or above 1; its copies one turn away count as well.
+    A point belongs to the surface if the loops together go around its (u, v) an odd number of
+    times. So loops may be an outline, holes in it and islands in these, in any order and direction.
+    To cut a hole into a whole surface, add the border of the unit square as a loop. Parts of loops
+    outside the unit square enclose nothing. On a surface that closes around its axis, write a loop
+    across the seam in one piece, with u below 0 or above 1; its copies one turn away count as well.
 
     A hit is the first root inside the loops. Which side of a curve a point is on is decided by the
-    curves as they are given, without approximation. If rounding leaves it undecided, the hit or miss
-    is TANGENT.
+    curves as they are given, without approximation. If rounding leaves it undecided, the hit or
+    miss is TANGENT.
 
     Parameters
     ----------
@@ -35,13 +35,14 @@ class TrimmedSurface(Surface):
         One Bezier patch, a sheet of patches or a `NurbsSurface`; a `SurfaceOfRevolution` of one
         segment (`Cylinder`, `Cone`); or a `hybrid_rt.Rectangle`.
     loops : sequence of sequences of Curve2
-        In each loop a curve begins where the one before ends, and the first where the last one ends.
-        Ends that are up to 1e-5 apart are joined by a straight line.
+        In each loop a curve begins where the one before ends, and the first where the last one
+        ends. Ends that are up to 1e-5 apart are joined by a straight line.
     gap : float
         Distance, in scene units, by which neighbouring faces of a part may disagree about their
-        common edge. Roots outside the loops within ``gap / |cos|`` of an edge are hits too, where cos
-        is the cosine between ray and normal, and at least 1e-3. They and the roots equally near inside
-        have the flag EDGE, and ``gap / |cos|`` is part of their ``t_bound``. 0: no such hits.
+        common edge. Roots outside the loops within ``gap / |cos|`` of an edge are hits too, where
+        cos is the cosine between ray and normal, and at least 1e-3. They and the roots equally near
+        inside have the flag EDGE, and ``gap / |cos|`` is part of their ``t_bound``. 0: no such
+        hits.
 
     Raises
     ------
@@ -189,7 +190,7 @@ class TrimmedSurface(Surface):
         return self.surface.revolution_frame
 
     def transformed(self, matrix: ArrayLike) -> TrimmedSurface:
-        """Return the image, with the same (u, v) and loops; the gap is scaled by the largest scale."""
+        """Return the image, with the same (u, v) and loops; the gap grows by the largest scale."""
         image = self.surface.transformed(matrix)
         linear, _ = as_affine(matrix, "TrimmedSurface")
         # Similarities keep a gap to the bit where their scale is a power of two.

@@ -107,8 +107,8 @@ def circular_arc(
         Axial position and radius, scene units.
     radius : positive number, scene units
     begin, end : numbers
-        Angles in whole turns, counted from the axial direction toward larger radii; at most one turn
-        apart.
+        Angles in whole turns, counted from the axial direction toward larger radii; at most one
+        turn apart.
 
     Returns
     -------

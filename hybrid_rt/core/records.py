@@ -24,7 +24,7 @@ class Status(IntEnum):
     MISS = 0
     HIT = 1
     TANGENT = 2
-    """Rounding decides between hit and miss: moving the ray by 64 eps x scale may change the row."""
+    """Rounding decides: moving the ray by 64 eps x scale may change the answer."""
 
 
 class Flag(IntFlag):

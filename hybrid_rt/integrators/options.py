@@ -86,15 +86,16 @@ class PathOptions(Options):
     strategy : "both", "lights" or "directions"
         How direct light is found: by next-event estimation ("lights"), by BSDF sampling
         ("directions"), or by both with multiple importance sampling (power heuristic). The single
-        strategies are for comparison: "lights" finds no caustics, "directions" no point lights.
+        strategies are for comparison: "lights" finds no caustics, "directions" finds no point
+        lights.
     roulette_depth : int
         Number of bounces before Russian roulette begins.
     survival : float
-        Above 0 and at most 1: largest survival probability of Russian roulette. At 1 a path in a
-        closed white room ends at ``max_depth`` only.
+        Largest survival probability of Russian roulette, above 0 and at most 1. At 1 a path in a
+        closed white room ends only at ``max_depth``.
     light_paths : float
-        Light subpaths per camera ray; they find caustics. 0 leaves caustics to BSDF sampling. Only
-        with "both".
+        Number of light subpaths per camera ray, which find caustics. 0 leaves caustics to BSDF
+        sampling. Only with "both".
     """
 
     strategy: str = "both"
@@ -130,15 +131,16 @@ class PPMOptions(Options):
     Attributes
     ----------
     photons_per_pass : int
-        At least 1: photons emitted per pass by all lights together, allotted by power. Each light
-        emits at least two, one of them aimed if the projection map is not empty.
+        Number of photons that all lights together emit per pass, at least 1, shared by power. Each
+        light emits at least two, one of them aimed if the projection map is not empty.
     alpha : float
-        Above 0, at most 1: the radius reduction parameter of Hachisuka et al. Larger values shrink
-        the discs more slowly. At 1 they do not shrink: noise falls fastest, but the blur stays, and
-        a warning is given.
+        The radius reduction parameter of Hachisuka et al., above 0 and at most 1. Larger values
+        shrink the discs more slowly. At 1 they do not shrink: the noise falls fastest, but the blur
+        stays, and a warning is given.
     initial_radius : float, optional
-        Radius of the discs in the first pass, scene units; between a millionth and a quarter of the
-        diagonal of the bounded surfaces' box. By default it follows the local photon density.
+        Radius of the discs in the first pass, scene units, between a millionth and a quarter of the
+        diagonal of the box around all bounded surfaces. By default it follows the local photon
+        density.
     """
 
     photons_per_pass: int = setting(200_000, PHOTONS)
@@ -186,10 +188,11 @@ class PhotonMapOptions(Options):
     Attributes
     ----------
     photons_per_pass : int
-        At least 1: photons emitted per pass by all lights together. Each light emits at least two,
-        as for `PPMOptions`.
+        Number of photons that all lights together emit per pass, at least 1. Each light emits at
+        least two, as for `PPMOptions`.
     nearest : int
-        At least 2: number of photons per density estimate. More of them blur, fewer are noisy.
+        Number of photons per density estimate, at least 2. More photons blur more, fewer are
+        noisier.
     """
 
     photons_per_pass: int = setting(500_000, PHOTONS)

@@ -55,8 +55,8 @@ class Intersector:
     Parameters
     ----------
     surfaces : Surface, or sequence of Surface
-        Any mix of the surfaces of `meshing` and of `hybrid_rt` (`Sphere`, `TriangleMesh` and so on).
-        The ``object_id`` of a hit is the index in this sequence.
+        Any mix of the surfaces of `meshing` and of `hybrid_rt` (`Sphere`, `TriangleMesh` and so
+        on). The ``object_id`` of a hit is the index in this sequence.
     accuracy : {"certified", "refined", "mesh"}
         "mesh" returns Embree's hits on the triangles. "refined" moves each of them onto the true
         surface by Newton iteration. "certified" also proves that nothing lies in front.

@@ -12,14 +12,19 @@ from hybrid_rt.shading.kernels.environment import GRADIENT, EnvironmentTable
 
 
 class GradientSky(Environment):
-    """Environment light: radiance linear in the cosine between direction and ``up``.
+    """Environment light whose radiance is linear in the cosine between direction and ``up``.
 
     Parameters
     ----------
     bottom, top : number or three numbers
         Radiance along -``up`` and ``up``, at least 0.
     up : three numbers
-        The zenith, of any length.
+        The zenith, a direction of any length.
+
+    Raises
+    ------
+    ValueError, TypeError
+        If a radiance is out of range, or ``up`` is zero or not finite.
     """
 
     def __init__(self, bottom: ArrayLike, top: ArrayLike, up: ArrayLike = (0.0, 1.0, 0.0)) -> None:

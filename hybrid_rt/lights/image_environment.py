@@ -16,19 +16,24 @@ from hybrid_rt.textures import ImageTexture
 
 
 class ImageEnvironment(Environment):
-    """Environment light: a latitude-longitude image, seen from inside (not mirrored).
+    """Environment light from a latitude-longitude image, seen from inside and not mirrored.
 
-    The upper border is the direction ``up``. The left border is at the coordinate axis least
-    aligned with ``up``, made perpendicular to it; azimuth increases to the right, clockwise seen
-    from above. With ``up`` = +y the left border lies towards +x, a quarter of the width towards
-    +z, the middle towards -x, three quarters towards -z. Bilinear between texels.
+    The upper edge is the direction ``up``. The left edge is towards the coordinate axis least
+    aligned with ``up``, made perpendicular to it. The azimuth grows to the right, clockwise as seen
+    from above. With ``up`` = +y the left edge is towards +x, a quarter of the width towards +z, the
+    middle towards -x, and three quarters towards -z. Between texels the image is bilinear.
 
     Parameters
     ----------
     image : path, or array as `ImageTexture` takes it
-        Files and integer arrays are sRGB, floats are linear radiance.
+        Files and integer arrays are decoded from sRGB; floats are linear radiance.
     up : three numbers
-        The zenith, of any length.
+        The zenith, a direction of any length.
+
+    Raises
+    ------
+    FileNotFoundError, ValueError, TypeError
+        As for `ImageTexture`, and if ``up`` is zero or not finite.
     """
 
     def __init__(

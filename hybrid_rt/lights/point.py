@@ -14,13 +14,19 @@ from hybrid_rt.shading.kernels.light_kinds import POINT
 
 
 class PointLight(Light):
-    """Isotropic point light; irradiance falls off as 1 / r^2; invisible itself.
+    """An isotropic point light. Its irradiance falls off as 1 / r^2, and it is itself invisible.
 
     Parameters
     ----------
     position : three numbers
+        Scene units.
     intensity : number or three numbers
         Power per steradian, at least 0.
+
+    Raises
+    ------
+    ValueError, TypeError
+        If an argument is out of range or not a number; the message names it.
     """
 
     def __init__(self, position: ArrayLike, intensity: ArrayLike) -> None:

@@ -15,16 +15,21 @@ from hybrid_rt.shading.kernels.light_kinds import RECTANGLE
 
 
 class RectangleLight(Light):
-    """Area light of constant radiance on the side of edge_u x edge_v.
+    """A rectangular area light with constant radiance on the side of edge_u x edge_v.
 
-    That side is visible to all rays; the back is black. Both sides occlude and reflect nothing.
+    That side is visible to all rays; the back is black. Both sides occlude light and reflect none.
 
     Parameters
     ----------
     corner, edge_u, edge_v : three numbers each
-        The rectangle is corner + u edge_u + v edge_v for u, v in [0, 1].
+        The rectangle is corner + u edge_u + v edge_v for u and v in [0, 1], scene units.
     radiance : number or three numbers
         At least 0.
+
+    Raises
+    ------
+    ValueError, TypeError
+        If an argument is out of range or not a number, or the edges span no area.
     """
 
     def __init__(

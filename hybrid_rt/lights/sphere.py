@@ -15,17 +15,24 @@ from hybrid_rt.shading.kernels.light_kinds import SPHERE
 
 
 class SphereLight(Light):
-    """Area light of constant radiance on its outside.
+    """A spherical area light with constant radiance on its outside.
 
-    The outside is visible to all rays; the inside is black. It occludes and reflects nothing.
+    The outside is visible to all rays; the inside is black. The sphere occludes light and reflects
+    none.
 
     Parameters
     ----------
     center : three numbers
+        Scene units.
     radius : float
-        Above 0.
+        Above 0, scene units.
     radiance : number or three numbers
         At least 0.
+
+    Raises
+    ------
+    ValueError, TypeError
+        If an argument is out of range or not a number; the message names it.
     """
 
     def __init__(self, center: ArrayLike, radius: float, radiance: ArrayLike) -> None:

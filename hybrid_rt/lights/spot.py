@@ -17,7 +17,7 @@ NARROWEST = 1e-3
 
 
 class SpotLight(Light):
-    """Point light that emits into a cone with a smooth edge; invisible itself.
+    """A point light that emits into a cone with a smooth edge. It is itself invisible.
 
     At angle theta from the axis the intensity is ``intensity`` times x^2 (3 - 2 x), where
     x = (cos theta - cos cone_angle) / (cos(cone_angle - edge_angle) - cos cone_angle), clamped to
@@ -27,7 +27,7 @@ class SpotLight(Light):
     Parameters
     ----------
     position, direction : three numbers each
-        The direction is the axis of the cone, of any length.
+        The position in scene units, and the axis of the cone, of any length.
     intensity : number or three numbers
         Power per steradian near the axis, at least 0.
     cone_angle : float
@@ -35,11 +35,17 @@ class SpotLight(Light):
     edge_angle : float
         Width of the smooth edge inside the cone, degrees, from 0 (a hard edge) to ``cone_angle``.
 
+    Raises
+    ------
+    ValueError, TypeError
+        If an argument is out of range or not a number, or the direction is zero; the message names
+        it.
+
     Notes
     -----
-    This is pbrt's spot with ``coneangle`` for ``cone_angle`` and ``conedeltaangle`` for
-    ``edge_angle``; Mitsuba's ``cutoff_angle`` is ``cone_angle`` and its ``beam_width`` is
-    ``cone_angle - edge_angle``, but its edge is linear in the angle.
+    This is the spot light of pbrt, where ``cone_angle`` is called ``coneangle`` and ``edge_angle``
+    is called ``conedeltaangle``. In Mitsuba ``cutoff_angle`` is ``cone_angle`` and ``beam_width``
+    is ``cone_angle - edge_angle``, but there the edge is linear in the angle.
     """
 
     def __init__(

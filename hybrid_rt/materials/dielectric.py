@@ -18,11 +18,11 @@ EXTREME = 1e6
 
 
 class Dielectric(Material):
-    """A smooth dielectric body; its inside is the side opposite the surface's normal.
+    """A smooth dielectric body. Its inside is the side opposite to the normal.
 
-    A body may have several surfaces of one material; together they must be closed. The report of
-    a render names bodies that rays enter and never leave, or leave without having entered. Up to
-    eight nested bodies are tracked; a ninth is reported like one that is not closed.
+    A body may have several surfaces that share one material object; together they must be closed.
+    The report of a render names bodies that rays enter and never leave, or leave without having
+    entered. Up to eight nested bodies are tracked; a ninth is reported like one that is not closed.
 
     Reflection and refraction follow Fresnel's equations for unpolarised light. Radiance is scaled
     by the square of the index ratio on refraction. Inside, each channel falls as
@@ -31,19 +31,29 @@ class Dielectric(Material):
     Parameters
     ----------
     ior : float
-        Index of refraction relative to vacuum, 1e-6 to 1e6. At a surface it is taken relative to
-        the surrounding body, if there is one: an air bubble in glass is ``Dielectric(1.0)`` inside
-        ``Dielectric(1.5)``.
+        Index of refraction relative to vacuum, from 1e-6 to 1e6. At a surface it is taken relative
+        to the surrounding body, if there is one: an air bubble in glass is ``Dielectric(1.0)``
+        inside ``Dielectric(1.5)``.
     absorption : number or three numbers
         Absorption coefficient per scene unit, at least 0.
     tint : number, three numbers or texture
-        Factor on transmitted light, 0 to 1.
+        Factor on transmitted light, from 0 to 1, applied at each surface.
     schlick : bool
         Use Schlick's approximation instead of Fresnel's equations.
     priority : float
-        Where bodies overlap, the one with the highest priority fills the space; among equals, the
-        one entered last (nested dielectrics, Schmidt and Budge 2002). So a liquid of lower priority
-        that overlaps its glass a little touches it without a gap.
+        Where bodies overlap, the one with the highest priority fills the space; among equals it is
+        the one that was entered last. So a liquid of lower priority that overlaps its glass a
+        little touches it without a gap.
+
+    Raises
+    ------
+    ValueError, TypeError
+        If an argument is out of range or not a number; the message names it.
+
+    References
+    ----------
+    Schmidt and Budge, "Simple nested dielectrics in ray traced images", Journal of Graphics Tools
+    7, 2002.
     """
 
     def __init__(

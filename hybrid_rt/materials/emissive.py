@@ -11,14 +11,19 @@ from hybrid_rt.textures.texture import Texture, as_radiance, plain_color
 
 
 class Emissive(Material):
-    """Emits the same radiance in all directions on the side of the surface's normal.
+    """A surface that emits the same radiance in all directions on the side of its normal.
 
     Parameters
     ----------
     radiance : number, three numbers or texture
-        At least 0.
+        Emitted radiance, at least 0.
     base : Material, optional
-        Scattering of both sides; None: they are black.
+        How both sides scatter light. Default: they are black.
+
+    Raises
+    ------
+    ValueError, TypeError
+        If the radiance is out of range, or ``base`` is not a material or is itself emissive.
     """
 
     def __init__(self, radiance: Texture | ArrayLike, base: Material | None = None) -> None:

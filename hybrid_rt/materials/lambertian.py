@@ -16,7 +16,12 @@ class Lambertian(Material):
     Parameters
     ----------
     color : number, three numbers or texture
-        Albedo per channel, 0 to 1.
+        Albedo per channel, from 0 to 1.
+
+    Raises
+    ------
+    ValueError, TypeError
+        If the colour is out of range or not a colour.
     """
 
     def __init__(self, color: Texture | ArrayLike) -> None:

@@ -12,18 +12,23 @@ from hybrid_rt.textures.texture import Texture, as_texture, plain_color
 
 
 class Metal(Material):
-    """A mirror whose direction is perturbed by a random point of a ball of radius ``fuzz``.
+    """A mirror whose direction is perturbed by a random point in a ball of radius ``fuzz``.
 
-    The lobe of "Ray Tracing in One Weekend" (Shirley): the mirror direction plus fuzz times a point
-    of the unit ball; here with its pdf p in closed form, and made reciprocal:
-    f = color p / max(cos_in, cos_out). Light sampled into the surface is absorbed.
+    This is the lobe of "Ray Tracing in One Weekend" (Shirley): the mirror direction plus ``fuzz``
+    times a point of the unit ball. Here its pdf p has a closed form, and the lobe is reciprocal: f
+    = color p / max(cos_in, cos_out). Light that is sampled into the surface is absorbed.
 
     Parameters
     ----------
     color : number, three numbers or texture
-        Reflectance per channel, 0 to 1.
+        Reflectance per channel, from 0 to 1.
     fuzz : float
-        0 (a perfect mirror) to 1.
+        From 0 (a perfect mirror) to 1.
+
+    Raises
+    ------
+    ValueError, TypeError
+        If an argument is out of range or not a number; the message names it.
     """
 
     def __init__(self, color: Texture | ArrayLike, fuzz: float = 0.0) -> None:

@@ -16,7 +16,12 @@ class Mirror(Material):
     Parameters
     ----------
     color : number, three numbers or texture
-        Reflectance per channel, 0 to 1.
+        Reflectance per channel, from 0 to 1.
+
+    Raises
+    ------
+    ValueError, TypeError
+        If the colour is out of range or not a colour.
     """
 
     def __init__(self, color: Texture | ArrayLike = 1.0) -> None:

@@ -15,18 +15,18 @@ _ROUNDING = 1e-12
 
 
 class Mix(Material):
-    """A weighted sum of BSDFs; if the weights sum to less than 1, the rest is absorbed.
+    """A weighted sum of materials; if the weights sum to less than 1, the rest is absorbed.
 
     Parameters
     ----------
     parts : sequence of (weight, Material)
-        Weights are at least 0, their sum at most 1. At most one part is a dielectric. For an
-        emissive mixture, pass it to `Emissive`.
+        Weights are at least 0, and their sum is at most 1. At most one part may be a dielectric.
+        For a mixture that emits light, pass it to `Emissive` as ``base``.
 
     Raises
     ------
     ValueError, TypeError
-        If a part is invalid; the message names it.
+        If a part is invalid, or the weights sum to more than 1; the message names the part.
     """
 
     def __init__(self, parts: Sequence[tuple[float, Material]]) -> None:

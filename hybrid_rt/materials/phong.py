@@ -20,16 +20,25 @@ SHARPEST = 1e10
 class Phong(Material):
     """Modified Phong model: f = diffuse / pi + specular (n + 2) / (2 pi) cos^n alpha.
 
-    Alpha is the angle to the mirror direction. The albedo of the normalised specular term is at
-    most ``specular`` (Lafortune and Willems, "Using the modified Phong reflectance model for
-    physically based rendering", 1994).
+    Here n is the exponent and alpha the angle to the mirror direction. The specular term is
+    normalised: its albedo is at most ``specular``.
 
     Parameters
     ----------
     diffuse, specular : number, three numbers or texture
         Albedos per channel; their sum is at most 1.
     exponent : float
-        Above 0, at most 1e10; larger is sharper.
+        Above 0, at most 1e10. Larger exponents give sharper highlights.
+
+    Raises
+    ------
+    ValueError, TypeError
+        If an argument is out of range, or the two albedos sum to more than 1.
+
+    References
+    ----------
+    Lafortune and Willems, "Using the modified Phong reflectance model for physically based
+    rendering", 1994.
     """
 
     def __init__(

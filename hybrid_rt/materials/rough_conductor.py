@@ -36,19 +36,28 @@ WIDE_FROM = 7.0**-0.5
 
 
 class RoughConductor(Material):
-    """A metal with complex index of refraction eta + i k; both sides reflect.
+    """A rough metal with the complex index of refraction eta + i k. Both sides reflect.
 
-    GGX microfacets with Smith shadowing and masking and conductor Fresnel reflectance (Walter et
-    al. 2007). Interreflection between microfacets is lost, so rougher metal is darker.
+    The model has GGX microfacets with Smith shadowing and masking, and the Fresnel reflectance of
+    conductors. Interreflection between microfacets is lost, so rougher metal is darker.
 
     Parameters
     ----------
     eta, k : number or three numbers
-        Real and imaginary part of the index, relative to the surroundings; 1e-3 to 1e3.
+        Real and imaginary part of the index, relative to the surroundings, from 1e-3 to 1e3.
     roughness : float
-        0.01 to 1; the alpha of GGX is its square. From 0.615 on the lobe counts as wide: photon
-        density is estimated on it, and Whitted renders light it directly. Below, one sampled
-        direction is followed.
+        From 0.01 to 1; the alpha of GGX is its square. From 0.615 on the lobe counts as wide:
+        photon density is estimated on it, and Whitted's method lights it directly. Below that, one
+        sampled direction is followed.
+
+    Raises
+    ------
+    ValueError, TypeError
+        If an argument is out of range or not a number; the message names it.
+
+    References
+    ----------
+    Walter et al., "Microfacet models for refraction through rough surfaces", EGSR 2007.
     """
 
     def __init__(self, eta: ArrayLike, k: ArrayLike, roughness: float) -> None:
@@ -69,7 +78,12 @@ class RoughConductor(Material):
         ----------
         metal : "gold", "copper" or "aluminium"
         roughness : float
-            See the class.
+            As for the class.
+
+        Raises
+        ------
+        ValueError, TypeError
+            If the metal is not known, or the roughness is out of range.
         """
         return cls(*METALS[checks.choice(metal, "RoughConductor metal", METALS)], roughness)
 

@@ -16,28 +16,37 @@ from hybrid_rt.textures.texture import Texture, as_texture
 
 
 class RoughDielectric(Material):
-    """A dielectric body with a rough surface; inside and closedness are as for `Dielectric`.
+    """A dielectric body with a rough surface. It must be closed, as a `Dielectric` must.
 
-    GGX microfacets with Smith shadowing and masking that reflect and refract by Fresnel's equations
-    (Walter et al. 2007). Interreflection between microfacets is lost. Next-event estimation
-    evaluates transmission: a light behind the surface lights it directly. For shadow rays between
-    other surfaces it is opaque, as smooth glass is. Where the surface lies inside a body of higher
-    priority, or both sides have the same index, rays pass it as they pass smooth glass.
+    The model has GGX microfacets with Smith shadowing and masking that reflect and refract by
+    Fresnel's equations. Interreflection between microfacets is lost. Next-event estimation includes
+    transmission, so a light behind the surface lights it directly. The surface is opaque for shadow
+    rays between other surfaces, as smooth glass is. Inside a body of higher priority, or with the
+    same index on both sides, rays pass the surface as they pass smooth glass.
 
-    Camera paths always follow it; photon density is never estimated on it.
+    Camera paths always follow a sampled direction; photon density is never estimated on it.
 
     Parameters
     ----------
     ior : float
-        Index of refraction of the body; 1e-6 to 1e6.
+        Index of refraction of the body, relative to vacuum, from 1e-6 to 1e6.
     roughness : float
-        0.01 to 1; the alpha of GGX is its square.
+        From 0.01 to 1; the alpha of GGX is its square.
     absorption : number or three numbers
         Absorption coefficient per scene unit, at least 0.
     tint : number, three numbers or texture
-        Factor on transmitted light, 0 to 1.
+        Factor on transmitted light, from 0 to 1.
     priority : float
         As for `Dielectric`.
+
+    Raises
+    ------
+    ValueError, TypeError
+        If an argument is out of range or not a number; the message names it.
+
+    References
+    ----------
+    Walter et al., "Microfacet models for refraction through rough surfaces", EGSR 2007.
     """
 
     def __init__(

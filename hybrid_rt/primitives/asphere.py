@@ -40,17 +40,18 @@ class Asphere(AxialSurface):
 
     above ``origin``, along ``axis``. Rays are intersected with that formula itself.
 
-    S(u, v) = origin + r (cos 2 pi u radial + sin 2 pi u binormal) + z(r) axis with r = v aperture / 2
-    and binormal = axis x radial: v is 0 at the vertex and 1 at the rim. The normal is along
-    S_u x S_v and has a negative component along ``axis``, so light that travels along ``axis`` meets
-    the front side. On a flipped asphere v runs from the rim to the vertex, and the normal points to
-    the other side.
+    S(u, v) = origin + r (cos 2 pi u radial + sin 2 pi u binormal) + z(r) axis with r = v aperture /
+    2 and binormal = axis x radial: v is 0 at the vertex and 1 at the rim. The normal is along S_u x
+    S_v and has a negative component along ``axis``, so light that travels along ``axis`` meets the
+    front side. On a flipped asphere v runs from the rim to the vertex, and the normal points to the
+    other side.
 
     Parameters
     ----------
     radius : number but 0, scene units
-        Radius of curvature of the conic part at the vertex. Positive if the centre of curvature lies
-        in the direction of ``axis`` from the vertex. ``inf`` is a plane with a polynomial on it.
+        Radius of curvature of the conic part at the vertex. Positive if the centre of curvature
+        lies in the direction of ``axis`` from the vertex. ``inf`` is a plane with a polynomial on
+        it.
     conic : number
         Conic constant k: 0 is a sphere, -1 a paraboloid, below -1 a hyperboloid, above -1 an
         ellipsoid (above 0 an oblate one).

@@ -20,8 +20,8 @@ class Box(Surface):
 
     ``patch_id`` counts the faces -x, +x, -y, +y, -z, +z. On each face u and v run from 0 to 1 along
     the two other axes, in the order (y, z), (z, x), (x, y). On the lower faces the order is
-    reversed, so that the normal is along S_u x S_v; on a flipped box it is reversed on the upper faces
-    instead.
+    reversed, so that the normal is along S_u x S_v; on a flipped box it is reversed on the upper
+    faces instead.
 
     Parameters
     ----------

@@ -23,8 +23,8 @@ class Sphere(Surface):
     center : (3,) scene units
     radius : positive number, scene units
     pole, meridian : (3,) directions of any length, not parallel
-        The axis of the parameters, and where u is 0: ``meridian`` is projected onto the plane across
-        ``pole``.
+        The axis of the parameters, and where u is 0: ``meridian`` is projected onto the plane
+        across ``pole``.
 
     Raises
     ------

@@ -32,27 +32,27 @@ BAR_WIDTH, LEAST_BAR = 30, 10
 
 
 def progress_bar(mode: str = "auto", stream: TextIO | None = None) -> ProgressDisplay | None:
-    """Return what shows the progress of a render, for its argument ``progress``.
+    """Return a display of a render's progress, for its argument ``progress``.
 
     Parameters
     ----------
     mode : {"auto", "bar", "plain", "none"}
-        "bar": one line that is redrawn, in a notebook one output. "plain": lines without control
-        characters, for logs: one as a stage begins, then one after 10 s and whenever the stage has
-        taken a fifth longer, at least every 10 minutes. "auto": a bar on terminals and in
-        notebooks, plain lines elsewhere and where TERM is "dumb". "none": None.
+        "bar": one line that is redrawn; in a notebook, one output. "plain": lines without control
+        characters, for logs: one when a stage begins, the next after 10 s, then whenever the stage
+        has taken a fifth longer, but at least every 10 minutes. "auto": a bar on terminals and in
+        notebooks, plain lines elsewhere and if TERM is "dumb". "none": no display.
     stream : text file, optional
         Where to write, also from a notebook. Default: standard error.
 
     Returns
     -------
     ProgressDisplay or None
-        `render` closes it at its end; it may be used again.
+        None for the mode "none". `render` closes the display at its end; it may be used again.
 
     Raises
     ------
-    ValueError, TypeError
-        If the mode is another.
+    ValueError
+        If the mode is unknown.
 
     Examples
     --------

@@ -62,41 +62,41 @@ def render(
     ----------
     scene : Scene
     integrator : "path", "whitted", "ppm" or "photon_map"
-        "path": path tracing; finds all light except what point and spot lights send by way of
-        mirrors and smooth glass. "whitted": direct light, mirrors and glass only. "ppm":
-        progressive photon mapping; finds all light except what point and spot lights send by way
-        of mirrors and smooth glass onto metal, with a blur that falls from pass to pass.
-        "photon_map": photon mapping; the same, with a blur that stays. The report says which of
-        it a scene has, and how much.
+        "path" is path tracing, which finds all light except what point and spot lights send by way
+        of mirrors and smooth glass. "whitted" finds only direct light, mirrors and glass. "ppm" is
+        progressive photon mapping, which finds all light except what point and spot lights send by
+        way of mirrors and smooth glass onto metal; its blur falls from pass to pass. "photon_map"
+        is photon mapping, which finds the same light; its blur stays. The report says which light
+        of the scene is not found, and how much it is.
     passes : int, optional
-        One pass is one sample per pixel, and one photon map for the photon integrators. Rendering
-        stops at the first limit reached; if no limit is given, after 16 passes.
+        One pass is one sample per pixel and, for the photon integrators, one photon map. Rendering
+        stops at the first limit that is reached; if no limit is given, after 16 passes.
     time_budget : float, optional
-        Wall seconds for this call, without the compilation of kernels. At least one pass runs. A
-        pass is not started if it would end too late, judged by the slowest so far.
+        Wall-clock seconds for this call, without the compilation of kernels. At least one pass
+        runs. A pass is not started if it would end too late, judged by the slowest pass so far.
     target_error : float, optional
-        Passes are added until the picture's estimated relative root mean square error is at most
-        this (0.01: one per cent), with no upper limit of its own. The error counts noise (see
-        `hybrid_rt.sensor.film.Film.relative_errors`) and the blur of photons, but not light that
-        the integrator does not find, nor what ``max_depth`` cuts off, nor the geometric error; those
-        are in the report. If a blur that more passes do not reduce is above the target, a render
-        without another limit ends and reports that.
+        Passes are added until the estimated relative root mean square error of the picture is at
+        most this (0.01 is one per cent), with no upper limit on their number. The error counts
+        noise (see `hybrid_rt.sensor.film.Film.relative_errors`) and the blur of photons. It does
+        not count light that the integrator does not find, what ``max_depth`` cuts off, or the
+        geometric error; those are in the report. If a blur that more passes do not reduce is above
+        the target, a render without another limit ends and reports that.
     target_error_trimmed : float, optional
-        The same for the noise without the worst 0.1 % of the pixels, which a few bright paths
-        (fireflies) can spoil in an otherwise good picture; with the blur of all pixels.
+        The same, but with the noise without the worst 0.1 % of the pixels, which a few bright paths
+        (fireflies) can spoil in an otherwise good picture. It counts the blur of all pixels.
     seed : int
         Equal seeds and settings give equal pictures, bit for bit, for any number of threads.
     threads : int, optional
-        Default: the cores that this process may use.
+        Default: all cores that this process may use. The number changes no bit of the picture.
     max_depth : int
-        Largest number of bounces of a path ("whitted": of reflections and refractions); what is
-        lost is reported.
+        Largest number of bounces of a path (for "whitted": of reflections and refractions). The
+        light that this cuts off is reported.
     accuracy, coarse, tolerance
-        As `Intersector` takes them. ``coarse`` changes the time, and no bit of the picture.
+        As for `Intersector`. ``coarse`` changes only the time, and no bit of the picture.
     options : PathOptions, PPMOptions or PhotonMapOptions, optional
         Settings of the integrator.
     outputs : sequence of str
-        Further ``channels`` of the result: "depth", "position", "normal", "uv", "object_id",
+        Additional ``channels`` of the result: "depth", "position", "normal", "uv", "object_id",
         "albedo" (all at pixel centres), "samples", "standard_error", "half_interval" (half the
         width of each pixel's 95 % interval).
     progress : callable, optional
@@ -106,14 +106,14 @@ def render(
         Folder in which the sums over passes are saved every ten seconds or so and at the end; see
         `hybrid_rt.rendering.store`.
     resume : bool
-        Go on from the passes of the store, if it has any. ``passes`` counts them as well. The
-        picture has the bits of one that was rendered in one go.
+        Continue from the passes of the store, if it has any. ``passes`` counts them as well. The
+        picture has the same bits as one that was rendered without a break.
     cluster : str, optional
         Address of a dask scheduler (``"tcp://HOST:8786"``) whose workers make the passes, or
-        ``"local:N"`` for N processes of this machine; see `hybrid_rt.rendering.cluster`.
+        ``"local:N"`` for N processes on this machine; see `hybrid_rt.rendering.cluster`.
     watch : Watcher, optional
-        Hears of the render while it runs, and may stop it: ``report["stopped_by"]`` is "watcher" then;
-        see `hybrid_rt.rendering.watcher`.
+        Is informed about the render while it runs, and may stop it; ``report["stopped_by"]`` is
+        then "watcher". See `hybrid_rt.rendering.watcher`.
 
     Returns
     -------
@@ -127,11 +127,11 @@ def render(
         Before any work, if the picture or the photons of a pass do not fit into memory.
     StoreError
         A ValueError, before any work: the store is in use, holds passes although ``resume`` is
-        False, or those of another scene, of other settings or versions.
+        False, or holds passes of another scene, of other settings or of other versions.
     RenderInterrupted
-        A KeyboardInterrupt that holds the picture of the complete passes: on Ctrl-C, or if
-        ``progress`` raises KeyboardInterrupt, after the first pass. Further Ctrl-C are deferred
-        until it is raised.
+        A KeyboardInterrupt that holds the picture of the complete passes. It is raised on Ctrl-C,
+        or if ``progress`` raises KeyboardInterrupt, after the first pass. Further Ctrl-C are
+        deferred until then.
     """
     if not isinstance(scene, Scene):
         raise TypeError(f"render scene is {checks.shown(scene)}: pass a Scene")

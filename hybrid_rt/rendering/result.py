@@ -26,10 +26,11 @@ class RenderResult:
     image : (height, width, 3) float32
         Linear radiance, row 0 at the top.
     report : dict
-        Settings, counts, seconds, versions; plain types only. The page "The report" of the
-        documentation has every key.
+        Settings, counts, seconds and versions, in plain types only. The page "The report" of the
+        documentation explains every key.
     channels : dict
-        The requested outputs by name; see `hybrid_rt.rendering.channels`.
+        The requested outputs by name, (height, width) or (height, width, k) arrays; see
+        `hybrid_rt.rendering.channels`.
     """
 
     image: NDArray[np.float32]
@@ -40,8 +41,9 @@ class RenderResult:
     def error(self) -> float:
         """The estimated relative root mean square error of the picture: noise, and blur of photons.
 
-        What a target error is held against; nan after a single pass, inf where nothing is known of
-        the blur. It counts neither light that the integrator does not find nor the geometric error.
+        A target error is compared with this value. It is nan after a single pass, and inf if
+        nothing is known of the blur. It counts neither light that the integrator does not find nor
+        the geometric error.
         """
         errors = self.report["relative_error"]
         if errors is None:
@@ -50,12 +52,12 @@ class RenderResult:
 
     @property
     def seconds(self) -> float:
-        """Wall seconds of the render, without the compilation of kernels."""
+        """Wall-clock seconds of the render, without the compilation of kernels."""
         return float(self.report["seconds"]["total"])
 
     @property
     def passes(self) -> int:
-        """The passes of which the picture is the mean."""
+        """Number of passes of which the picture is the mean."""
         return int(self.report["passes"])
 
     def save(self, path: str | os.PathLike[str], exposure: float = 0.0) -> None:
@@ -64,7 +66,7 @@ class RenderResult:
         save_image(path, self.image, self.report, self.channels, exposure, parts)
 
     def denoised(self) -> DenoisedPicture:
-        """Return a smoother, biased picture for the eye; see `hybrid_rt.rendering.denoising.denoise`.
+        """Return a smoother, biased picture; see `hybrid_rt.rendering.denoising.denoise`.
 
         The render needs ``outputs=["albedo", "normal"]``. No error in the report refers to it.
         """
@@ -89,8 +91,8 @@ class RenderInterrupted(KeyboardInterrupt):
     Attributes
     ----------
     result : RenderResult
-        The picture of the complete passes; ``report["stopped_by"]`` is "interrupted", unless all
-        passes were complete when Ctrl-C came.
+        The picture of the complete passes. ``report["stopped_by"]`` is "interrupted", unless all
+        passes were complete when Ctrl-C was pressed.
     """
 
     def __init__(self, result: RenderResult) -> None:

@@ -19,14 +19,19 @@ class Object:
     Parameters
     ----------
     surface : Surface
-        From `hybrid_rt` or `meshing`: Sphere, TriangleMesh, BezierPatches ...
+        Any surface of `hybrid_rt` or `meshing`, such as Sphere, TriangleMesh or BezierPatches.
     material : Material
     name : str, optional
-        Its name in messages and reports. Without one it is named by its place in the scene:
+        The name in messages and reports. Without it the object is named by its place in the scene:
         "objects[3] (a Sphere)".
     smooth : bool
-        Shade a triangle mesh with interpolated vertex normals. Silhouette and shadows stay those of
-        the triangles.
+        Shade a triangle mesh with interpolated vertex normals. Silhouettes and shadows stay those
+        of the triangles.
+
+    Raises
+    ------
+    TypeError
+        If an argument has another type, or ``smooth`` is set for a surface that is not a mesh.
     """
 
     def __init__(
@@ -77,7 +82,7 @@ class Scene:
     objects : sequence of Object
     lights : sequence of `hybrid_rt.lights.light.Light`
     environment : GradientSky or ImageEnvironment, optional
-        Radiance of rays that leave the scene; None is black.
+        Radiance of rays that leave the scene. Default: black.
 
     Raises
     ------

@@ -18,17 +18,24 @@ FINEST = 1e12
 
 
 class CheckerTexture(Texture):
-    """Two alternating colours.
+    """A checkerboard of two colours, in space or in the surface parameters.
 
     Parameters
     ----------
     even, odd : number or three numbers
-        The two colours, linear.
+        The two colours, linear, at least 0.
     scale : number, or two numbers ("uv"), or three numbers ("world")
-        For "uv": squares along u and v. For "world": angular frequencies along x, y and z.
+        For "uv": number of squares along u and v. For "world": angular frequencies a, b and c along
+        x, y and z, radians per scene unit.
     space : "world" or "uv"
-        "world": ``odd`` where sin(a x) sin(b y) sin(c z) < 0, cells of edge pi over the frequency.
-        "uv": squares of the surface's parameters.
+        "world": the colour is ``odd`` where sin(a x) sin(b y) sin(c z) < 0, so the edges of a cell
+        are pi over the frequency. "uv": squares in the surface parameters.
+
+    Raises
+    ------
+    ValueError, TypeError
+        If a colour or a scale is out of range, ``scale`` has another shape, or ``space`` is
+        unknown.
     """
 
     def __init__(

@@ -18,20 +18,21 @@ from meshing.checks import refuse_mask
 
 
 class ImageTexture(Texture):
-    """An image over the surface parameters: u to the right, v up, bilinear between pixel centres.
+    """An image over the surface parameters: u points right, v up; bilinear between pixel centres.
 
     Parameters
     ----------
     image : path, or array (height, width), (height, width, 3) or (height, width, 4)
-        Integers (8 or 16 bit) are sRGB and are decoded; floats are linear. Grey is used for all
-        channels; an alpha channel is ignored.
+        Row 0 is the upper one. Integers (8 or 16 bits) are decoded from sRGB, floats are taken as
+        linear. Grey is used for all channels; an alpha channel is ignored.
     wrap : "repeat" or "clamp"
-        Wrap mode outside [0, 1].
+        What happens outside [0, 1].
 
     Raises
     ------
-    FileNotFoundError, ValueError
-        If the file is missing, or the array has another shape, is empty, negative or not finite.
+    FileNotFoundError, ValueError, TypeError
+        If the file is missing, ``wrap`` is unknown, or the array has another shape or dtype, is
+        empty, negative or not finite.
     """
 
     def __init__(
