@@ -112,7 +112,14 @@ class BezierPatches(ParametricSurface):
         return cls(read_patches(file))
 
     def write(self, path: str | Path) -> None:
-        """Write a .bpt file; `read` gives back the same float64 control points."""
+        """Write a .bpt file, from which `read` returns the same float64 control points.
+
+        Raises
+        ------
+        ValueError, OSError
+            If the patches are rational, since .bpt files hold no weights; if the file cannot be
+            written.
+        """
         write_patches(as_path(path, "BezierPatches file"), self.patches)
 
     @cached_property

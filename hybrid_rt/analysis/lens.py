@@ -1,7 +1,7 @@
-"""Lenses given by a prescription: their surfaces, light through them one after the other, their focus.
+"""Lenses given by a prescription: their surfaces, the light that passes them in order, their focus.
 
-Distances and heights are in the units of the prescription. The axis is z, light travels along it, and
-the first vertex is at z = 0.
+Distances and heights are in the unit of the prescription. Light travels along the z axis, and the
+first vertex is at z = 0.
 """
 
 from __future__ import annotations
@@ -30,17 +30,18 @@ class LensSurface:
     Attributes
     ----------
     radius : float
-        Of curvature at the vertex; inf: plane. Positive: convex to the light that comes.
+        Radius of curvature at the vertex, positive if the surface is convex towards the incoming
+        light; inf is a plane.
     thickness : float
-        From this vertex to the next one.
+        Distance from this vertex to the next one.
     index : float
-        Of refraction behind this surface.
+        Index of refraction behind this surface.
     aperture : float
         Clear diameter.
     conic : float
         Conic constant.
     coefficients : tuple of float
-        a_2, a_4, ... of `Asphere`.
+        a_2, a_4, ... as for `Asphere`.
     """
 
     radius: float
@@ -52,12 +53,12 @@ class LensSurface:
 
 
 class Focus(NamedTuple):
-    """Where light along the axis comes together.
+    """Where light that arrives along the axis comes together.
 
     Attributes
     ----------
     focal_length, back_focal_distance : float
-        From the rear principal plane, and from the last vertex, to the focus.
+        Distances to the focus from the rear principal plane, and from the last vertex.
     """
 
     focal_length: float
@@ -71,12 +72,14 @@ class Traced:
     Attributes
     ----------
     position, direction : (n, 3) float64
-        On the last surface, and the unit direction behind it; nan where a ray does not get through.
+        The point on the last surface, and the unit direction behind it; nan if a ray does not get
+        through.
     passed : (n,) bool
+        Whether a ray gets through.
     path : (n,) float64
-        Optical path from the rays' origins to the last surface: lengths times indices.
+        Optical path length from the origin of the ray to the last surface: lengths times indices.
     t_bound : (n,) float64
-        The largest bound on the error of a hit on the way.
+        The largest bound on the error of any hit of the ray.
     """
 
     position: FloatArray
@@ -86,7 +89,7 @@ class Traced:
     t_bound: FloatArray
 
     def at(self, z: float) -> FloatArray:
-        """Return the points (n, 2) where the rays meet a plane across the axis."""
+        """Return the points (n, 2) at which the rays meet the plane across the axis at z."""
         way = (z - self.position[:, 2]) / self.direction[:, 2]
         points: FloatArray = self.position[:, :2] + way[:, None] * self.direction[:, :2]
         return points
@@ -98,9 +101,10 @@ class Lens:
     Parameters
     ----------
     prescription : sequence of LensSurface
-        A surface with the same index on both sides is a stop.
+        The surfaces in the order in which the light meets them. A surface with the same index on
+        both sides is a stop.
     index : float
-        Of the medium in front.
+        Index of refraction of the medium in front.
     """
 
     def __init__(self, prescription: Sequence[LensSurface], index: float = 1.0) -> None:
@@ -116,12 +120,16 @@ class Lens:
     def trace(self, origins: FloatArray, directions: FloatArray) -> Traced:
         """Refract rays at one surface after the other.
 
-        Rays that miss an aperture or are reflected totally do not get through.
+        Rays that miss an aperture, or are totally reflected, do not get through.
 
         Parameters
         ----------
         origins, directions : (n, 3) float64
-            In front of the first surface.
+            Rays in front of the first surface. Directions may have any length but zero.
+
+        Returns
+        -------
+        Traced
         """
         n = len(origins)
         position, direction = np.full((n, 3), np.nan), np.full((n, 3), np.nan)
@@ -146,12 +154,12 @@ class Lens:
         return Traced(position, direction, passed, np.where(passed, path, np.nan), bound)
 
     def focus(self) -> Focus:
-        """Find the focus of rays right beside the axis, by tracing one.
+        """Find the focus of rays close to the axis, by tracing one.
 
         Raises
         ------
         ValueError
-            If it does not get through.
+            If the ray does not get through.
         """
         height = BESIDE * self.prescription[0].aperture
         start = -abs(self.surfaces[0].bounds[:, 2]).max() - height
@@ -163,7 +171,7 @@ class Lens:
         return Focus(float(-height * dz / dx), float(crosses - self.vertices[-1]))
 
     def paraxial_focus(self) -> Focus:
-        """Return the same by the product of paraxial matrices (Gaussian optics), without any ray."""
+        """Return the focus from the product of paraxial matrices (Gaussian optics), without a ray."""
         system, before = np.eye(2), self.index
         last = len(self.prescription) - 1
         for k, s in enumerate(self.prescription):
@@ -189,20 +197,20 @@ class Lens:
         field : float
             Angle to the axis, degrees, in the y-z plane.
         z : float
-            Of the plane.
+            Position of the plane.
         pupil : float
-            Diameter of a disc in the plane of the first vertex that the light fills.
+            Diameter of the disc, in the plane of the first vertex, that the light fills.
         n : int
-            Rays across that disc, on a square grid.
+            Number of rays across that disc, on a square grid.
 
         Returns
         -------
         points : (k, 2) float64
-            Of the rays that get through.
+            (x, y) of the rays that get through.
         chief : (2,) float64
-            Their mean.
+            The mean of these points.
         rms : float
-            Root mean square distance from it.
+            Root mean square distance of the points from their mean.
 
         Raises
         ------
@@ -219,7 +227,7 @@ class Lens:
         return met, chief, float(np.sqrt(((met - chief) ** 2).sum(axis=1).mean()))
 
     def plane_of_least_spread(self, z: float, pupil: float, n: int = 64) -> float:
-        """Return the z at which parallel light along the axis is spread least (rms), near a z.
+        """Return the z, near a given one, where the spot of light along the axis is smallest (rms).
 
         Parameters are those of `spot`.
         """

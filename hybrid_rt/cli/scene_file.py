@@ -27,7 +27,21 @@ class SceneFileError(ValueError):
 
 
 def load_scene(path: str | os.PathLike[str]) -> Scene:
-    """Run a scene script and return its scene; see `load_script`."""
+    """Run a scene script and return its scene.
+
+    A script is a Python program that may do anything: run only scripts that you trust. It may
+    import files that lie beside it.
+
+    Parameters
+    ----------
+    path : str or path
+        A Python file with a function ``scene()`` that returns a `Scene`.
+
+    Raises
+    ------
+    SceneFileError
+        The message names the file, and the line where the script failed.
+    """
     return load_script(path)[0]
 
 
@@ -42,8 +56,9 @@ def check_script(path: str | os.PathLike[str]) -> Path:
 def load_script(path: str | os.PathLike[str]) -> tuple[Scene, str]:
     """Run a scene script; return its scene and its default integrator.
 
-    A script is a Python program that may do anything: run only scripts you trust. It may import
-    files that lie beside it; these are forgotten afterwards, so that the next script imports its own.
+    A script is a Python program that may do anything: run only scripts that you trust. It may
+    import files that lie beside it. These are forgotten afterwards, so that the next script imports
+    its own.
 
     Raises
     ------

@@ -24,11 +24,11 @@ Say = Callable[[str], None]
 class Progress(Protocol):
     """The callback for the progress of a render.
 
-    Three further methods are optional. ``close()`` is called as the render ends, whatever ends
-    it. ``note_error(error, trimmed, is_limit)`` is called with the
-    picture's estimated relative error, over all pixels and without the worst 0.1 %; ``is_limit``:
-    the blur in them is an upper limit, not an estimate. ``note_out_of_reach(blur)`` is called with
-    the blur if that keeps every target error out of reach for any number of passes.
+    Three more methods are optional. ``close()`` is called when the render ends, for whatever
+    reason. ``note_error(error, trimmed, is_limit)`` is called with the estimated relative error of
+    the picture, over all pixels and without the worst 0.1 %; ``is_limit`` says that the blur in
+    them is an upper limit and not an estimate. ``note_out_of_reach(blur)`` is called with the blur
+    if it keeps every target error out of reach, whatever the number of passes.
     """
 
     def __call__(self, stage: str, done: int, total: int) -> None:

@@ -30,17 +30,17 @@ class LivePage:
     Parameters
     ----------
     port : int
-        Of 127.0.0.1; 0 picks a free one.
+        Port of 127.0.0.1; 0 picks a free one.
     title : str
         Name of the scene.
 
     Attributes
     ----------
     address : str
-        The page's address, with the token that every request must carry.
+        Address of the page, with the token that every request must carry.
     film_lock : threading.Lock
     stop_asked : bool
-        Whether a page has asked for the end.
+        Whether the render was stopped from a page.
 
     Raises
     ------

@@ -31,15 +31,15 @@ class Beginning:
     scene : Scene
     context : RenderContext
     settings : dict
-        Those of the report.
+        The settings, as in the report.
     threads : int
     clock : Clock
     film : Film
-        To be read under the watcher's lock only.
+        Read it only while you hold the watcher's lock.
     left_out : list of str
         Light that the integrator does not find.
     unfound : UnfoundLight, optional
-        Its size, if it was measured.
+        How much light that is, if it was measured.
     """
 
     scene: Scene
@@ -53,16 +53,17 @@ class Beginning:
 
 
 class Watcher(Protocol):
-    """Hears of a render's progress, and may ask it to stop; it changes no bit of the picture.
+    """Follows a render and may stop it; changes no bit of the picture.
 
     All methods are called in the thread that renders.
 
     Attributes
     ----------
     film_lock : context manager
-        Held while a pass is added to the film: who holds it in another thread may read the film.
+        Held while a pass is added to the film. A thread that holds it may read the film.
     stop_asked : bool
-        Asked for after each block of camera rays: the render ends as soon as a pass is complete.
+        Read after each block of camera rays. If it is true, the render ends as soon as a pass is
+        complete.
     """
 
     @property
@@ -74,13 +75,13 @@ class Watcher(Protocol):
         """See above."""
 
     def begin(self, beginning: Beginning) -> None:
-        """Hear, once, what is rendered."""
+        """Receive, once, what is rendered."""
 
     def note_rays(self, done: int, total: int) -> None:
-        """Hear how many camera rays are done, and how many are expected in all."""
+        """Receive how many camera rays are done, and how many are expected in all."""
 
     def note(self, film: Film, workers: Workers, limit: Limit, clock: Clock) -> None:
-        """Hear that more passes are complete; no other thread is at work on them meanwhile."""
+        """Receive the film when more passes are complete; no other thread changes it meanwhile."""
 
     def end(self, report: dict[str, Any]) -> None:
-        """Hear, once, the report of a picture that is done."""
+        """Receive, once, the report of the finished picture."""

@@ -24,13 +24,13 @@ class PictureErrors:
     Attributes
     ----------
     rmse, relative_rmse : float
-        Root mean squares over pixels and channels of x - r, and of the same over
-        sqrt(r^2 + 0.01): the second is the root of `relative_mse`.
+        Root mean squares, over pixels and channels, of x - r and of (x - r) / sqrt(r^2 + 0.01). The
+        second is the root of `relative_mse`.
     rmse_of_most, relative_rmse_of_most : float
         The same without the worst 0.1 % of the pixels.
     mean_error, relative_mean_error : float
-        Mean of x - r, signed; and over the mean of r (nan where that is 0). Noise averages out
-        here: what stays is bias.
+        Signed mean of x - r, and its ratio to the mean of r (nan if that is 0). Noise averages out,
+        so what remains is bias.
     worst : float
         Largest |x - r|.
     """
@@ -90,7 +90,7 @@ def relative_mse(
 ) -> float:
     """Return the mean over pixels and channels of (x - r)^2 / (r^2 + 0.01).
 
-    ``leave_out`` is the share of the worst values that do not count.
+    ``leave_out`` is the share of the worst values that are not counted.
     """
     errors = relative_squares(image, reference).ravel()
     n_kept = errors.size - int(leave_out * errors.size)
@@ -120,8 +120,8 @@ def noise_of_reference(
 def seconds_to(target: float, seconds: Sequence[float], errors: Sequence[float]) -> float:
     """Return the seconds at which errors, falling with time, reach a target.
 
-    Log-log interpolation between measurements; the first seconds if the first error is below the
-    target, nan if the last is above.
+    Between measurements the interpolation is log-log. The result is the first time if the first
+    error is below the target, and nan if the last one is above it.
     """
     for k, (t, error) in enumerate(zip(seconds, errors, strict=True)):
         if error > target:
