@@ -171,7 +171,7 @@ class Lens:
         return Focus(float(-height * dz / dx), float(crosses - self.vertices[-1]))
 
     def paraxial_focus(self) -> Focus:
-        """Return the focus from the product of paraxial matrices (Gaussian optics), without a ray."""
+        """Return the focus from the product of paraxial matrices (Gaussian optics), without rays."""
         system, before = np.eye(2), self.index
         last = len(self.prescription) - 1
         for k, s in enumerate(self.prescription):
