@@ -21,11 +21,13 @@ import math
 
 from meshing.kernels.jit import inlined
 
-# A lamp over which distance^2 stays within this part of that of its middle is sampled by area. The
-# two densities differ by 1 / distance^3 only, there by 1.5 times as much: a standard deviation of a
-# ninth at most, which other factors of what is sampled exceed, for a sixth of the time. The lamp's
-# extent is then a tenth of its distance or more, so differences of coordinates keep their digits.
-EVEN = 0.125
+# A lamp over which distance^2 stays within this part of that of its middle is sampled by area, in a
+# sixth of the time. The two densities differ by 1 / distance^3 only: a standard deviation of half the
+# mean where the part is reached, and mostly far less. On the Cornell box and in teapot_room paths take
+# 0.88 and 0.93 of the time of 0.125 for 1.006 and 1.010 of the squared error; 1.5 saves 0.03 more, but
+# a lamp might then come as near as one likes. Others extend over a fifth of their distance or more, so
+# differences of coordinates keep their digits.
+EVEN = 0.5
 
 # Nearer to its plane than this, in longer edges, a lamp is seen as from there: squares of squares of
 # distances do not underflow. What it sends changes by as much at most.

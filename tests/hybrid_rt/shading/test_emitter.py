@@ -35,9 +35,9 @@ def test_light_in_the_lit_point_gives_nothing():
 def test_back_of_a_rectangle_is_dark():
     lights = table(RECTANGLE, (-1, -1, 2), (2, 0, 0), (0, 2, 0))  # shines upward
     assert light_point(lights, 0, 0.0, 0.0, 0.0, 0.5, 0.5)[4] == 0.0
-    # Two above the middle of a square of side two: four corners of 1 x 1.
-    angle = 4.0 * math.atan(1.0 / (2.0 * math.sqrt(6.0)))
-    assert light_point(lights, 0, 0.0, 0.0, 4.0, 0.5, 0.5)[4] == pytest.approx(angle, rel=1e-14)
+    # One above the middle of a square of side two, a face of a cube: a sixth of all directions.
+    angle = 4.0 * math.pi / 6.0
+    assert light_point(lights, 0, 0.0, 0.0, 3.0, 0.5, 0.5)[4] == pytest.approx(angle, rel=1e-14)
 
 
 def irradiance_of_corner(a, b, height):
