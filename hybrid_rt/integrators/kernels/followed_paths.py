@@ -7,13 +7,16 @@ time that is.
 import numpy as np
 
 from hybrid_rt.integrators.kernels.path_vertex import NOTHING, arrive, depart
+from hybrid_rt.integrators.kernels.vertex_points import RUN_ALONG, draw_along
 from hybrid_rt.intersection.kernels.closed_forms import first_hit, is_occluded
 from hybrid_rt.shading.kernels.scatter import SCATTERED
 from meshing.kernels.jit import hot_kernel, inlined
 
 
 @hot_kernel
-def follow_paths(world, rules, block, media, forms, ray, path, vertex, rays, radiance, tally):
+def follow_paths(
+    world, rules, block, media, forms, ray, path, vertex, points, rays, radiance, tally
+):
     """Follow the path of each camera ray to its end; all surfaces are closed forms.
 
     Parameters
@@ -28,6 +31,7 @@ def follow_paths(world, rules, block, media, forms, ray, path, vertex, rays, rad
     path : Paths of one row, scratch
     vertex : Vertex, scratch
         Its ``hit`` is ``ray.record``.
+    points : (2, N_SLOTS, RUN_ALONG) float64, scratch
     rays : ShadowRays, scratch
     radiance : (n, 3) float64, changed
     tally : Tally, changed
@@ -44,7 +48,12 @@ def follow_paths(world, rules, block, media, forms, ray, path, vertex, rays, rad
             if not arrive(world, rules, path, vertex, depth, 0.0, radiance, tally):
                 break
             # --- light we reach for; where it goes next, and whether it stops
-            fate, n = depart(world, rules, path, vertex, depth, block, rays, 0, tally)
+            column = depth % RUN_ALONG
+            if column == 0:
+                draw_along(rules, depth, path.pixel[0], path.sample[0], points)
+            fate, n = depart(
+                world, rules, path, vertex, depth, block, points, column, rays, 0, tally
+            )
             for k in range(n):
                 if not is_occluded(forms, rays, k, ray):
                     for c in range(3):

@@ -6,6 +6,7 @@ Surfaces that go to Embree or into a tree want rays in batches.
 from typing import Any, NamedTuple
 
 from hybrid_rt.integrators.kernels.path_vertex import arrive, depart
+from hybrid_rt.integrators.kernels.vertex_points import RUN_ACROSS, draw_across
 from hybrid_rt.shading.kernels.scatter import SCATTERED
 from meshing.kernels.jit import hot_kernel, inlined
 
@@ -68,7 +69,7 @@ def _copy_arrival(arrival, i, vertex):
 
 @hot_kernel
 def advance_paths(
-    world, rules, depth, block, paths, arrival, path, vertex, radiance, rays, out, tally
+    world, rules, depth, block, paths, arrival, path, vertex, points, radiance, rays, out, tally
 ):
     """Advance each path of a batch by one vertex.
 
@@ -84,6 +85,7 @@ def advance_paths(
     arrival : Arrival of n rows
     path : Paths of one row, scratch
     vertex : Vertex, scratch
+    points : (2, N_SLOTS, RUN_ACROSS) float64, scratch
     radiance : (camera rays, 3) float64, changed
     rays : ShadowRays of 2 n rows, written
         What they bring is not added yet.
@@ -96,12 +98,17 @@ def advance_paths(
     """
     n_rays = n_out = 0
     for i in range(paths.camera_ray.size):
+        column = i % RUN_ACROSS
+        if column == 0:
+            draw_across(rules, depth, paths.pixel, paths.sample, i, points)
         _copy_path(paths, i, path, 0)
         _copy_arrival(arrival, i, vertex)
         pdf_area = arrival.pdf_area[i] if arrival.pdf_area.size else 0.0
         if not arrive(world, rules, path, vertex, depth, pdf_area, radiance, tally):
             continue
-        fate, n_rays = depart(world, rules, path, vertex, depth, block, rays, n_rays, tally)
+        fate, n_rays = depart(
+            world, rules, path, vertex, depth, block, points, column, rays, n_rays, tally
+        )
         if fate >= SCATTERED:
             _copy_path(path, 0, out, n_out)
             n_out += 1

@@ -15,7 +15,13 @@ from hybrid_rt.integrators.kernels.connections import (
     CONNECT_CHANCE,
     connect_to_light_vertex,
 )
-from hybrid_rt.sampling.kernels.sobol import key_of_pixel, reverse_bits, sobol_point
+from hybrid_rt.integrators.kernels.vertex_points import (
+    CHOICE,
+    CONNECT,
+    DIRECTION,
+    N_JOINS,
+    TO_LIGHT,
+)
 from hybrid_rt.shading.kernels.bsdf import Vertices
 from hybrid_rt.shading.kernels.emitter import Met, light_on_hit, light_on_ray
 from hybrid_rt.shading.kernels.lobes.register import DELTA, EVERY, SPREADS
@@ -29,12 +35,6 @@ from hybrid_rt.shading.kernels.texture import texture_color
 from meshing.kernels.jit import inlined
 
 NOTHING = -1
-_MASK = np.uint64(0xFFFFFFFF)
-
-# What the low-discrepancy points of one vertex are for.
-TO_LIGHT, DIRECTION, CHOICE, CONNECT, PER_STEP = 0, 1, 2, 3, 4
-# Connections of a diffuse vertex, and the distance of their dimensions.
-N_JOINS, JOIN_DIMENSIONS = 3, 2**44
 MOST_SHADOW_RAYS = 1 + N_JOINS
 
 
@@ -230,7 +230,7 @@ def ask_light(world, rules, paths, vertex, vertices, s, t, rays, n):
 
 
 @inlined
-def leave_vertex(world, rules, paths, vertex, depth, camera_pdf, number, key, sample, rays, n):
+def leave_vertex(world, rules, paths, vertex, depth, camera_pdf, number, points, column, rays, n):
     """Reach for light from a surface, and choose where the path goes.
 
     Parameters
@@ -246,8 +246,10 @@ def leave_vertex(world, rules, paths, vertex, depth, camera_pdf, number, key, sa
         pdf per solid angle of the camera ray's direction; read if there are light paths.
     number : int
         Index of the pass among those of `World.first_of_pass`.
-    key, sample : uint64
-        See `sobol_point`.
+    points : (2, N_SLOTS, run) float64
+        See `hybrid_rt.integrators.kernels.vertex_points`.
+    column : int
+        Of this vertex among them.
     rays : ShadowRays
         Up to `MOST_SHADOW_RAYS` rows are written from row n on.
 
@@ -257,7 +259,6 @@ def leave_vertex(world, rules, paths, vertex, depth, camera_pdf, number, key, sa
     n : int, rows of ``rays``
     """
     hit = vertex.hit
-    dimension = rules.first_dimension + np.uint64(depth) * np.uint64(PER_STEP)
     spreads, mirrors = look_up_surface(world, rules, paths, vertex)
     joins = rules.has_light_paths and world.joins[vertex.material[0]]
     # What this surface sends back along a far ray is known already, but for that of delta lobes.
@@ -270,15 +271,14 @@ def leave_vertex(world, rules, paths, vertex, depth, camera_pdf, number, key, sa
     )  # fmt: skip
     # --- light we reach for
     if spreads and rules.asks_lights and not is_known:
-        s, t = sobol_point(key, sample, dimension + np.uint64(TO_LIGHT))
+        s, t = points[0, TO_LIGHT, column], points[1, TO_LIGHT, column]
         n += ask_light(world, rules, paths, vertex, vertices, s, t, rays, n)
     # --- light of other surfaces, and what mirrors and glass throw
     if spreads and rules.has_light_paths and not is_known and depth < rules.max_depth:
         n_before = n
         n_joins = N_JOINS if joins and rules.near < np.inf else 1
         for j in range(n_joins):
-            use = dimension + np.uint64(CONNECT) + np.uint64(j) * np.uint64(JOIN_DIMENSIONS)
-            s, t = sobol_point(key, sample, use)
+            s, t = points[0, CONNECT + j, column], points[1, CONNECT + j, column]
             n += connect_to_light_vertex(
                 world, rules, paths, vertex, vertices, depth, number, s, t, rays, n
             )
@@ -286,10 +286,9 @@ def leave_vertex(world, rules, paths, vertex, depth, camera_pdf, number, key, sa
             for k in range(3):
                 rays.value[i, k] /= n_joins
     # --- where it goes next, and whether it stops
-    vertex.xi[0, 0], vertex.xi[0, 1] = sobol_point(key, sample, dimension + np.uint64(DIRECTION))
-    vertex.choice[0, 0], vertex.choice[0, 1] = sobol_point(
-        key, sample, dimension + np.uint64(CHOICE)
-    )
+    for k in range(2):
+        vertex.xi[0, k] = points[k, DIRECTION, column]
+        vertex.choice[0, k] = points[k, CHOICE, column]
     if depth > 0:
         # Of the light vertices of a pass, `of_use` a path, one is connected to, with a probability
         # of CONNECT_CHANCE.
@@ -342,16 +341,14 @@ def arrive(world, rules, paths, vertex, depth, pdf_area, radiance, tally):
 
 
 @inlined
-def depart(world, rules, paths, vertex, depth, block, rays, n, tally):
+def depart(world, rules, paths, vertex, depth, block, points, column, rays, n, tally):
     """Leave a vertex; return the fate of the path and the number of shadow rays."""
     row = paths.camera_ray[0]
     camera_pdf, number = 0.0, 0
     if rules.has_light_paths:
         camera_pdf, number = block.camera_pdf[row], block.pass_number[row]
-    key = key_of_pixel(rules.seed, paths.pixel[0])
-    sample = reverse_bits(paths.sample[0] & _MASK)
     fate, n = leave_vertex(
-        world, rules, paths, vertex, depth, camera_pdf, number, key, sample, rays, n
+        world, rules, paths, vertex, depth, camera_pdf, number, points, column, rays, n
     )
     tally.fates[fate] += 1
     if fate == STOPPED:

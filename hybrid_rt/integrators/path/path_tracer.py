@@ -32,12 +32,17 @@ from hybrid_rt.integrators.kernels.followed_paths import follow_paths
 from hybrid_rt.integrators.kernels.path_batches import Arrival, advance_paths
 from hybrid_rt.integrators.kernels.path_vertex import (
     MOST_SHADOW_RAYS,
-    PER_STEP,
-    TO_LIGHT,
     Block,
     Rules,
     Tally,
     World,
+)
+from hybrid_rt.integrators.kernels.vertex_points import (
+    N_SLOTS,
+    PER_STEP,
+    RUN_ACROSS,
+    RUN_ALONG,
+    TO_LIGHT,
 )
 from hybrid_rt.integrators.light_points import new_light_points
 from hybrid_rt.integrators.media.absorption import media_around_camera
@@ -118,6 +123,7 @@ class PathTracer(Integrator):
             rough=self._light.rough_glass_of.size > 0,
         )
         self._path = new_paths(1, self._camera_media.size, self._lamps is not None)
+        self._points = np.empty((2, N_SLOTS, RUN_ACROSS if self._forms is None else RUN_ALONG))
         self._lit = new_light_vertices(0, self._light.n_slots)
         self._first_of_pass = np.zeros(1, dtype=np.int64)
         self._first_pass = 0
@@ -201,7 +207,7 @@ class PathTracer(Integrator):
             with self.context.ledger.stage("paths"):
                 follow_paths(
                     self._world(), self._rules(), rays, self._camera_media, self._forms,
-                    self._ray, self._path, self._vertex, shadow_rays(MOST_SHADOW_RAYS), radiance,
+                    self._ray, self._path, self._vertex, self._points, shadow_rays(MOST_SHADOW_RAYS), radiance,
                     tally,
                 )  # fmt: skip
             count_rays(tally, self.context.ledger, self.context.tracer)
@@ -224,7 +230,7 @@ class PathTracer(Integrator):
                 # --- light they ran into; light we reach for; where they go next, and which stop
                 n_rays, n_out = advance_paths(
                     world, rules, depth, rays, paths, self._arrival(paths, hits, second, depth),
-                    self._path, self._vertex, radiance, shadows, out, tally,
+                    self._path, self._vertex, self._points, radiance, shadows, out, tally,
                 )  # fmt: skip
                 self._light.add_unblocked(shadows, n_rays, radiance)
             if n_out == 0:
