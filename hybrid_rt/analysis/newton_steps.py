@@ -137,7 +137,7 @@ class SteppedHits:
                 self._pieces, self._middle, steps, CoarseHits(face, t, u, v), triangles, rows,
                 origin, direction, out, basis, accepted,
             )  # fmt: skip
-            t_start[rows] = t + STEP_OVER / self._scene.to_frame
+            t_start[rows] = t + STEP_OVER / self._scene.frame.to_frame
             rows = rows[~accepted]
 
 

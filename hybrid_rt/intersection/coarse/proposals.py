@@ -137,7 +137,7 @@ class Coarse:
         rows = np.arange(len(best.t))
         t_start = rays.t_min.copy()
         if len(rays.known):  # step off the triangles of the point of departure
-            t_start[rays.known[:, 1] >= 0] += STEP_OVER / self.scene.to_frame
+            t_start[rays.known[:, 1] >= 0] += STEP_OVER / self.scene.frame.to_frame
         for _ in range(RETRIES + 1):
             with watch:
                 hits = self.scene.first(
@@ -154,7 +154,7 @@ class Coarse:
             for kind in kinds:
                 kind.refine(self, hits, rows, rays, best, accepted)
                 work[NEWTONS] += len(rows)
-            t_start[rows] = hits.t + STEP_OVER / self.scene.to_frame
+            t_start[rows] = hits.t + STEP_OVER / self.scene.frame.to_frame
             rows = rows[~accepted]
 
     def finish(

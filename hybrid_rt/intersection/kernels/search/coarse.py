@@ -22,6 +22,14 @@ class CoarseHits(NamedTuple):
     v: Any  # (n,) float64, and of the third
 
 
+class CoarseFrame(NamedTuple):
+    """The frame of Embree's triangles: their box is about its origin, and within 1 of it."""
+
+    middle: Any  # (3,) float64, world
+    to_frame: Any  # float, a power of two
+    half: Any  # (3,) float64, half the sides of the box, and a little more
+
+
 class CoarseTriangles(NamedTuple):
     """The triangles in Embree, and which part of which surface each stands for."""
 
@@ -43,26 +51,76 @@ def parameters_at(triangles, f, u, v):
     )
 
 
+@inlined
+def _misses_box(x, y, z, dx, dy, dz, end, half):
+    """Tell whether the ray from (x, y, z) up to t = ``end`` misses the box |x| <= half_x, ..."""
+    hx, hy, hz = half[0], half[1], half[2]
+    ex, ey, ez = x + end * dx, y + end * dy, z + end * dz
+    ax, ay, az = abs(dx), abs(dy), abs(dz)
+    return (
+        (min(x, ex) > hx)
+        | (max(x, ex) < -hx)
+        | (min(y, ey) > hy)
+        | (max(y, ey) < -hy)
+        | (min(z, ez) > hz)
+        | (max(z, ez) < -hz)
+        | (abs(y * dz - z * dy) > hy * az + hz * ay)
+        | (abs(z * dx - x * dz) > hz * ax + hx * az)
+        | (abs(x * dy - y * dx) > hx * ay + hy * ax)
+    )
+
+
 @hot_kernel
-def rays_to_float32(origin, direction, t_min, t_max, middle, to_frame, near, away, reach, shift):
-    """Fill float32 origins (advanced to t_min), directions and reach; ``shift`` in frame units."""
-    mx, my, mz = middle[0], middle[1], middle[2]
+def rays_to_float32(origin, direction, t_min, t_max, frame, near, away, reach, shift, rows):
+    """Write the rays that meet the triangles' box as Embree takes them; return how many there are.
+
+    Parameters
+    ----------
+    origin, direction : (n, 3) float64
+    t_min, t_max : (n,) float64
+    frame : CoarseFrame
+    near, away : (n, 3) float32, written
+        Origins, advanced to t_min, and directions.
+    reach : (n,) float32, written
+        Largest t.
+    shift : (n,) float64, written
+        By how much t was advanced, in frame units.
+    rows : (n,) int64, written
+        Which ray each is.
+    """
+    mx, my, mz = frame.middle[0], frame.middle[1], frame.middle[2]
+    n = 0
     for i in range(origin.shape[0]):
         dx, dy, dz = direction[i, 0], direction[i, 1], direction[i, 2]
         x, y, z, lx, ly, lz, s = enter_frame(
-            origin[i, 0], origin[i, 1], origin[i, 2], dx, dy, dz, mx, my, mz, to_frame
+            origin[i, 0], origin[i, 1], origin[i, 2], dx, dy, dz, mx, my, mz, frame.to_frame
         )
         # Embree starts at 0: begin at t_min, but never before the frame's ball.
-        begin = t_min[i] * to_frame - s
+        begin = t_min[i] * frame.to_frame - s
         if begin > 0.0:
             x, lx = advance(x, lx, begin, dx)
             y, ly = advance(y, ly, begin, dy)
             z, lz = advance(z, lz, begin, dz)
             s += begin
-        near[i, 0], near[i, 1], near[i, 2] = x, y, z
-        away[i, 0], away[i, 1], away[i, 2] = dx, dy, dz
-        reach[i] = min(max(t_max[i] * to_frame - s, 0.0), NO_LIMIT)
-        shift[i] = s
+        end = min(max(t_max[i] * frame.to_frame - s, 0.0), NO_LIMIT)
+        if _misses_box(x, y, z, dx, dy, dz, end, frame.half):
+            continue
+        near[n, 0], near[n, 1], near[n, 2] = x, y, z
+        away[n, 0], away[n, 1], away[n, 2] = dx, dy, dz
+        reach[n], shift[n], rows[n] = end, s, i
+        n += 1
+    return n
+
+
+@hot_kernel
+def hits_of_rows(face, t, u, v, shift, rows, to_frame, hits):
+    """Write what Embree found for some rows of ``hits``; all others have no hit."""
+    for i in range(hits.face.shape[0]):
+        hits.face[i], hits.t[i], hits.u[i], hits.v[i] = -1, np.inf, 0.0, 0.0
+    for k in range(rows.shape[0]):
+        i = rows[k]
+        hits.face[i], hits.u[i], hits.v[i] = face[k], u[k], v[k]
+        hits.t[i] = (t[k] + shift[k]) / to_frame
 
 
 @hot_kernel
