@@ -13,7 +13,7 @@ from hybrid_rt.intersection.kernels.box import finish_box, offer_box
 from hybrid_rt.intersection.kernels.planar import (
     finish_plane,
     finish_rectangle,
-    offer_parallelogram,
+    offer_parallelograms,
     offer_plane,
 )
 from hybrid_rt.intersection.kernels.search.nearest import CLEAR
@@ -23,7 +23,7 @@ from hybrid_rt.intersection.kernels.search.rays import (
     scale_ray,
     scaled_limit,
 )
-from hybrid_rt.intersection.kernels.sphere import finish_sphere, offer_sphere
+from hybrid_rt.intersection.kernels.sphere import finish_sphere, offer_spheres
 from meshing.kernels.jit import inlined
 
 SPHERE, RECTANGLE, PLANE, BOX = 0, 1, 2, 3
@@ -82,10 +82,8 @@ def first_hit(forms, source_id, direction, ray):
             rays.origin, rays.direction, 0, source_id, rays.origin, 0, forms.reach,
             forms.rounding, forms.most,
         )  # fmt: skip
-    for k in range(forms.spheres.object_id.size):
-        offer_sphere(0, k, forms.spheres, rays, best)
-    for k in range(forms.rectangles.object_id.size):
-        offer_parallelogram(0, k, forms.rectangles, rays, best)
+    offer_spheres(0, 0, forms.spheres.object_id.size, forms.spheres, rays, best, False)
+    offer_parallelograms(0, forms.rectangles, rays, best, False)
     for k in range(forms.planes.object_id.size):
         offer_plane(0, k, forms.planes, rays, best)
     for k in range(forms.boxes.object_id.size):
@@ -119,14 +117,12 @@ def is_occluded(forms, shadow, i, ray):
             rays.origin, rays.direction, 0, shadow.target_id[i], shadow.end, i, forms.reach,
             forms.rounding, forms.most,
         )  # fmt: skip
-    for k in range(forms.spheres.object_id.size):
-        offer_sphere(0, k, forms.spheres, rays, best)
-        if best.object_id[0] >= 0:
-            return True
-    for k in range(forms.rectangles.object_id.size):
-        offer_parallelogram(0, k, forms.rectangles, rays, best)
-        if best.object_id[0] >= 0:
-            return True
+    offer_spheres(0, 0, forms.spheres.object_id.size, forms.spheres, rays, best, True)
+    if best.object_id[0] >= 0:
+        return True
+    offer_parallelograms(0, forms.rectangles, rays, best, True)
+    if best.object_id[0] >= 0:
+        return True
     for k in range(forms.planes.object_id.size):
         offer_plane(0, k, forms.planes, rays, best)
         if best.object_id[0] >= 0:

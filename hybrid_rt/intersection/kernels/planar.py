@@ -5,6 +5,13 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from hybrid_rt.core.kernels.compensated import two_difference
+from hybrid_rt.intersection.kernels.reach import (
+    BLOCK,
+    FIRST_BIT,
+    NEXT,
+    parallelogram_columns,
+    parallelograms_in_reach,
+)
 from hybrid_rt.intersection.kernels.search.nearest import CLEAR, WITHIN_BAND, doubt, offer
 from hybrid_rt.intersection.kernels.search.rays import EDGE
 from hybrid_rt.intersection.kernels.search.tolerances import TANGENT_BAND, UNIT_ROUNDOFF
@@ -31,6 +38,7 @@ class PlanarTable(NamedTuple):
     axes: Any  # (k, 2) int64: the coordinates whose fractions are a plane's (u, v)
     object_id: Any  # (k,) int32
     trim: Any  # None: they are whole; else `search.trims.Trim`
+    reach: Any  # (15, more) float64, see `parallelograms_in_reach`; of planes (15, 0)
 
 
 def rectangle_table(rectangles, object_id, trim=None):
@@ -39,17 +47,21 @@ def rectangle_table(rectangles, object_id, trim=None):
     edge_v = np.array([r.edge_v for r in rectangles]).reshape(-1, 3)
     normal = np.array([r.unit_normal for r in rectangles]).reshape(-1, 3)
     area = np.einsum("ij,ij->i", np.cross(edge_u, edge_v), normal)[:, None]
+    corner = np.array([r.corner for r in rectangles]).reshape(-1, 3)
+    row_u, row_v = np.cross(edge_v, normal) / area, np.cross(normal, edge_u) / area
+    size = np.linalg.norm(edge_u, axis=1) + np.linalg.norm(edge_v, axis=1)
     return PlanarTable(
-        corner=np.array([r.corner for r in rectangles]).reshape(-1, 3),
+        corner=corner,
         normal=normal,
         edge_u=edge_u,
         edge_v=edge_v,
-        row_u=np.cross(edge_v, normal) / area,
-        row_v=np.cross(normal, edge_u) / area,
-        size=np.linalg.norm(edge_u, axis=1) + np.linalg.norm(edge_v, axis=1),
+        row_u=row_u,
+        row_v=row_v,
+        size=size,
         axes=np.zeros((len(rectangles), 2), np.int64),
         object_id=object_id,
         trim=trim,
+        reach=parallelogram_columns(corner, normal, row_u, row_v, size),
     )
 
 
@@ -67,6 +79,7 @@ def plane_table(planes, object_id):
         axes=np.array([p.axes for p in planes], np.int64).reshape(-1, 2),
         object_id=object_id,
         trim=None,
+        reach=np.zeros((15, 0)),
     )
 
 
@@ -278,14 +291,31 @@ def offer_parallelogram(i, k, table, rays, best):
     offer(i, t, t_bound, slope, tangent, object_id[k], 0, u, v, t_min, known, best)
 
 
+@inlined
+def offer_parallelograms(i, table, rays, best, any_hit):
+    """Offer the roots of ray i on all parallelograms; ``any_hit``: until there is a hit."""
+    o, d = rays.origin[i], rays.direction[i]
+    n = table.object_id.shape[0]
+    for begin in range(0, n, BLOCK):
+        if any_hit and best.object_id[i] >= 0:
+            return
+        mask = parallelograms_in_reach(
+            table.reach, begin, min(begin + BLOCK, table.reach.shape[1]),
+            o[0], o[1], o[2], d[0], d[1], d[2], rays.t_min[i], best.t[i],
+        )  # fmt: skip
+        for k in range(begin, min(begin + BLOCK, n)):
+            if mask & FIRST_BIT:
+                offer_parallelogram(i, k, table, rays, best)
+                if any_hit and best.object_id[i] >= 0:
+                    return
+            mask >>= NEXT
+
+
 @hot_kernel
 def trace_rectangles(table, rays, best, any_hit):
     """Lower ``best`` to the nearest roots on all parallelograms."""
     for i in range(rays.origin.shape[0]):
-        for k in range(table.object_id.shape[0]):
-            if any_hit and best.object_id[i] >= 0:
-                break
-            offer_parallelogram(i, k, table, rays, best)
+        offer_parallelograms(i, table, rays, best, any_hit)
 
 
 @inlined

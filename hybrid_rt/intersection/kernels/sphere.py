@@ -13,6 +13,14 @@ import numpy as np
 
 from hybrid_rt.core.kernels.compensated import product, two_difference
 from hybrid_rt.core.kernels.sphere_points import onto_sphere, power_of_point
+from hybrid_rt.intersection.kernels.reach import (
+    BLOCK,
+    FIRST_BIT,
+    LANES,
+    NEXT,
+    sphere_columns,
+    spheres_in_reach,
+)
 from hybrid_rt.intersection.kernels.search.counters import NODES
 from hybrid_rt.intersection.kernels.search.frame import (
     begin_of,
@@ -32,10 +40,6 @@ BESIDE = 1e-2
 FARTHEST = 2.0**25
 
 
-# Far above the rounding of a sum of squares, far below what matters: see `_is_out_of_reach`.
-SURE, FARTHER = 2.0**-40, 1.0 + 2.0**-16
-
-
 class SphereTable(NamedTuple):
     """Spheres; row k is object ``object_id[k]``."""
 
@@ -44,16 +48,20 @@ class SphereTable(NamedTuple):
     frame: Any  # (k, 3, 3): rows along azimuth 0, a quarter turn, the pole
     orientation: Any  # (k,): 1 normals outward, -1 inward
     object_id: Any  # (k,) int32
+    reach: Any  # (4, more) float64, see `spheres_in_reach`
 
 
 def sphere_table(spheres, object_id):
     """Return the table of a list of spheres."""
+    center = np.array([s.center for s in spheres]).reshape(-1, 3)
+    radius = np.array([s.radius for s in spheres])
     return SphereTable(
-        center=np.array([s.center for s in spheres]).reshape(-1, 3),
-        radius=np.array([s.radius for s in spheres]),
+        center=center,
+        radius=radius,
         frame=np.array([s.frame for s in spheres]).reshape(-1, 3, 3),
         orientation=np.array([float(s.orientation) for s in spheres]),
         object_id=object_id,
+        reach=sphere_columns(center, radius),
     )
 
 
@@ -73,33 +81,6 @@ def _along(fx, fy, fz, gx, gy, gz, dx, dy, dz):
 
 
 @inlined
-def _is_out_of_reach(fx, fy, fz, dx, dy, dz, dd, r, t_min, t_best):
-    """Tell, without division or root, that `offer_sphere` changes nothing; False: it may.
-
-    With b = f.d and c = |f|^2 - r^2 the roots have the product c / dd and the sum -2 b / dd. Let S be
-    |f|^2 + r^2. In float64 c is off by less than 16 u S, and D = b^2 - dd c by less than 32 u dd S. A
-    ray within the band, 64 eps max(|f|, 2 r), has D > -2^-43 dd S. 2^-40 S is more than all of it.
-
-    - c > 0 and b >= 0: the sphere lies behind. Either both roots are negative or, where b has the wrong
-      sign by rounding, |b| <= 8 u |f| |d|, D is far below the band. t_min >= 0 rejects the roots.
-    - c > 0 and b < 0: the farther root is less than the sum, so the nearer one exceeds c / (-2 b). If
-      that exceeds t_best, so do both roots and, half the sum, what would be doubted. Unless D is below
-      the band, |b| > 2^-22 |f| |d| is known to 2^-27; and the root that `offer_sphere` would compute is
-      within 2^-20 of the true one. `FARTHER` is more.
-    - D is below the band: there is no root and no doubt.
-    """
-    b = fx * dx + fy * dy + fz * dz
-    ff = fx * fx + fy * fy + fz * fz
-    c, rounding = ff - r * r, SURE * (ff + r * r)
-    if c > rounding:
-        if b >= 0.0:
-            return t_min >= 0.0
-        if c - rounding > -2.0 * t_best * b * FARTHER:
-            return True
-    return b * b - dd * c < -dd * rounding
-
-
-@inlined
 def offer_sphere(i, k, table, rays, best):
     """Offer both roots of ray i with sphere k."""
     center, object_id, t_min, known = table.center, table.object_id, rays.t_min, rays.known
@@ -110,8 +91,6 @@ def offer_sphere(i, k, table, rays, best):
     fy, gy = two_difference(oy, center[k, 1])
     fz, gz = two_difference(oz, center[k, 2])
     dd = dx * dx + dy * dy + dz * dz
-    if _is_out_of_reach(fx, fy, fz, dx, dy, dz, dd, r, t_min[i], best.t[i]):
-        return
     middle = -((fx * dx + fy * dy + fz * dz) + (gx * dx + gy * dy + gz * dz)) / dd
     lx, ly, lz = fx + middle * dx + gx, fy + middle * dy + gy, fz + middle * dz + gz
     foot = np.sqrt(lx * lx + ly * ly + lz * lz)
@@ -152,14 +131,35 @@ def offer_sphere(i, k, table, rays, best):
     offer(i, far, error_far, n_dot_d, tangent, object_id[k], 0, 0.0, 0.0, t_min, known, best)
 
 
+@inlined
+def offer_spheres(i, first, end, table, rays, best, any_hit):
+    """Offer the roots of ray i with the spheres of some rows; ``any_hit``: until there is a hit."""
+    o, d, t_min = rays.origin[i], rays.direction[i], rays.t_min[i]
+    ox, oy, oz, dx, dy, dz = o[0], o[1], o[2], d[0], d[1], d[2]
+    for begin in range(first, end, BLOCK):
+        if any_hit and best.object_id[i] >= 0:
+            return
+        # Whole vector registers; bits from ``end`` on are not read.
+        stop = min(begin + BLOCK, (end + LANES - 1) // LANES * LANES)
+        t_best = best.t[i]
+        mask = spheres_in_reach(table.reach, begin, stop, ox, oy, oz, dx, dy, dz, t_min, t_best)
+        for k in range(begin, min(begin + BLOCK, end)):
+            # What was in reach may lie beyond a root that has been found since.
+            if mask & FIRST_BIT and (
+                best.t[i] == t_best
+                or spheres_in_reach(table.reach, k, k + 1, ox, oy, oz, dx, dy, dz, t_min, best.t[i])
+            ):
+                offer_sphere(i, k, table, rays, best)
+                if any_hit and best.object_id[i] >= 0:
+                    return
+            mask >>= NEXT
+
+
 @hot_kernel
 def trace_spheres(table, end, rays, best, any_hit):
     """Lower ``best`` to the nearest roots on the spheres up to row ``end``."""
     for i in range(rays.origin.shape[0]):
-        for k in range(end):
-            if any_hit and best.object_id[i] >= 0:
-                break
-            offer_sphere(i, k, table, rays, best)
+        offer_spheres(i, 0, end, table, rays, best, any_hit)
 
 
 @hot_kernel
@@ -194,7 +194,11 @@ def trace_sphere_tree(table, tree, begin, middle, to_frame, rays, best, any_hit,
             if count == 0:
                 break
             for k in range(first, first + count):
-                offer_sphere(i, begin + order[k], table, rays, best)
+                row = begin + order[k]
+                if spheres_in_reach(
+                    table.reach, row, row + 1, ox, oy, oz, dx, dy, dz, t_min[i], best.t[i]
+                ):
+                    offer_sphere(i, row, table, rays, best)
             if any_hit and best.object_id[i] >= 0:
                 break
             t_cut = end_of(best.t[i], to_frame, shift)

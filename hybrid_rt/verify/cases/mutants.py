@@ -186,6 +186,14 @@ MUTANTS = (
         "bound of t, rims", CLOSED,
     ),
     Mutant(
+        "rectangles out of reach without slack", "CLEARANCE", "2.0**-38", "0.0",
+        "roots and doubts at rims", CLOSED,
+    ),
+    Mutant(
+        "spheres out of reach without slack", "SURE", "2.0**-40", "0.0",
+        "roots and doubts at silhouettes", CLOSED,
+    ),
+    Mutant(
         "bound of planes an eighth", "offer_plane",
         "error = UNIT_ROUNDOFF * (8.0 * away", "error = 0.125 * UNIT_ROUNDOFF * (8.0 * away",
         "bound of t", CLOSED,
