@@ -9,6 +9,7 @@ from itertools import pairwise
 import numpy as np
 
 from hybrid_rt.core.records import FloatArray
+from hybrid_rt.integrators.context import RenderContext
 from hybrid_rt.integrators.path import PATH
 from hybrid_rt.sampling.sampler import UIntArray
 from hybrid_rt.scene.compiled import CompiledScene
@@ -16,6 +17,8 @@ from hybrid_rt.sensor.passes import GROUPS, group_of
 
 # About how many photons one thread follows at a time.
 AT_ONCE = 2**16
+# Camera rays, across and down, that tell how large a part of the scene is seen; and what is far less.
+VIEWS, FAR_LESS = 8, 0.01
 
 
 @dataclass(frozen=True)
@@ -79,6 +82,27 @@ def ball_of_world(scene: CompiledScene) -> FloatArray:
     bounds = np.array([s.bounds for s in ends], dtype=np.float64)
     low, high = bounds[:, 0].min(axis=0), bounds[:, 1].max(axis=0)
     return np.array([*(0.5 * (low + high)), 0.5 * np.linalg.norm(high - low)])
+
+
+def size_for_discs(context: RenderContext) -> float:
+    """Return the size that radii are compared with, scene units.
+
+    It is the diagonal of the box around all surfaces that end. A room may have huge spheres as walls, so
+    where the camera sees a `FAR_LESS` part of that, it is the diagonal of the box around what the camera
+    sees, and itself.
+    """
+    scene, tracer = context.scene, context.tracer
+    size = 2.0 * float(ball_of_world(scene)[3])
+    camera, kept = scene.camera, dict(tracer.counters)
+    place = (np.arange(VIEWS) + 0.5) / VIEWS
+    column, row = np.meshgrid(place * camera.width, place * camera.height)
+    hits = tracer.intersect(*camera.rays(column.ravel(), row.ravel()))
+    tracer.counters.update(kept)
+    seen = hits.position[hits.hit]
+    if not len(seen):
+        return size
+    in_view = float(np.linalg.norm(np.ptp(np.vstack([seen, camera.look_from]), axis=0)))
+    return in_view if 0.0 < in_view < FAR_LESS * size else size
 
 
 def powers_of_lights(scene: CompiledScene, world: FloatArray) -> FloatArray:

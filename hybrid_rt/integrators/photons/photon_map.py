@@ -16,6 +16,7 @@ from hybrid_rt.integrators.context import RenderContext
 from hybrid_rt.integrators.kernels.photon_steps import MET_SPREADING, Photons
 from hybrid_rt.integrators.options import PhotonMapOptions
 from hybrid_rt.integrators.photons.density_estimation import Field, Nearest
+from hybrid_rt.integrators.photons.photon_groups import size_for_discs
 from hybrid_rt.integrators.photons.photon_workers import PhotonWorkers
 
 # Photons farther than this share of the scene's size make no light at a point: around a caustic
@@ -42,6 +43,7 @@ class PhotonMapWorkers(PhotonWorkers):
         super().__init__(context, threads)
         self._options: PhotonMapOptions = context.options or PhotonMapOptions()
         self._n_caustic = 0
+        self._size = size_for_discs(context)
 
     @property
     def _per_pass(self) -> int:
@@ -50,7 +52,7 @@ class PhotonMapWorkers(PhotonWorkers):
     def _fields(self, photons: Photons, pass_number: int) -> tuple[Field, ...]:
         del pass_number
         nearest, lobes = self._options.nearest, self.context.scene.lobes
-        limit = FARTHEST * 2.0 * float(self._eye_passes[0].photon_tracer.world[3])
+        limit = FARTHEST * self._size
         is_soft = (photons.history & MET_SPREADING) != 0
         fields = [Nearest(_chosen(photons, is_soft), lobes, nearest, limit)]
         if self.context.plan["caustic map"]:

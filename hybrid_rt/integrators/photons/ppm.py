@@ -23,6 +23,7 @@ from hybrid_rt.integrators.photons.density_estimation import (
 )
 from hybrid_rt.integrators.photons.eye_pass import EyePass
 from hybrid_rt.integrators.photons.light_tracing import DensePlaces, Splats
+from hybrid_rt.integrators.photons.photon_groups import size_for_discs
 from hybrid_rt.integrators.photons.photon_tracer import PILOT_DIMENSION, Balance
 from hybrid_rt.integrators.photons.photon_workers import PhotonWorkers
 from hybrid_rt.integrators.photons.shadow_ray_number import measure_work
@@ -66,7 +67,7 @@ class ProgressiveWorkers(PhotonWorkers):
 
     def _pilot(self) -> Radii:
         """Shoot the first photons; return initial radii, and set what else follows from them."""
-        extent = 2.0 * float(self._eye_passes[0].photon_tracer.world[3])
+        extent = size_for_discs(self.context)
         asked = self._asked_radii(extent)
         n = min(PILOT_PHOTONS, self._per_pass)
         share = n / self._per_pass

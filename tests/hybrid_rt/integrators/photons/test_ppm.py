@@ -380,6 +380,35 @@ def test_radii_far_from_the_scenes_size_are_refused(radius):
         photons(Scene(view, [floor()], [small_lamp()]), initial_radius=radius)
 
 
+@pytest.mark.parametrize("method", ["ppm", "photon_map"])
+def test_huge_spheres_as_walls_leave_discs_as_small(method):
+    """In a room of size two, walls of radius 1e5 depart from planes by 1e-5."""
+    view = Camera((0, -0.9, 0), (0, 0, 0), (0, 0, 1), 80, 16, 16)
+    lamp = RectangleLight((-0.2, -0.2, 0.95), (0, 0.4, 0), (0.4, 0, 0), 5.0)
+    flat = [
+        Object(Rectangle(-s * a - b - c, 2 * b, 2 * c), Lambertian(0.6))
+        for s in (1.0, -1.0)
+        for a, b, c in np.eye(3)[[[0, 1, 2], [1, 2, 0], [2, 0, 1]]]
+    ]
+    huge = [
+        Object(Sphere(s * (1.0 + 1e5) * a, 1e5), Lambertian(0.6))
+        for s in (1.0, -1.0)
+        for a in np.eye(3)
+    ]
+    options = PPMOptions(20_000) if method == "ppm" else PhotonMapOptions(20_000)
+    results = [
+        render(Scene(view, walls, [lamp]), method, 2, options=options) for walls in (flat, huge)
+    ]
+    a, b = (result.report["photons"] for result in results)
+    if method == "ppm":
+        assert b["first_radii"][-1] == pytest.approx(a["first_radii"][-1], rel=0.2)
+        given = PPMOptions(2000, initial_radius=0.02)
+        render(Scene(view, huge, [lamp]), "ppm", 1, options=given)
+    # The same light but for the lost corners of the spheres, and noise: 256 pixels of 1 % each.
+    means = [result.image.mean() for result in results]
+    assert means[1] == pytest.approx(means[0], rel=0.02)
+
+
 @pytest.mark.parametrize(
     ("options", "words"),
     [({"photons_per_pass": 0}, "photons_per_pass"), ({"nearest": 1}, "nearest")],
