@@ -52,7 +52,7 @@ def check_memory(
             what += f" by passes of {photons} photons"
         raise MemoryError(
             f"{what} takes about {_in_words(for_pixels + for_photons)} of memory, this machine has "
-            f"{_in_words(available)}: pass fewer {'photons' if for_photons > for_pixels else 'pixels'}"
+            f"{_in_words(available)}: ask for fewer {'photons' if for_photons > for_pixels else 'pixels'}"
         )
 
 

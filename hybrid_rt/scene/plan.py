@@ -215,16 +215,14 @@ def make_plan(scene: CompiledScene, integrator: Needs, left_out: Sequence[str] =
 
 def _plan_rays(plan: Plan, scene: CompiledScene, integrator: Needs) -> None:
     """Decide whether rays are traced one by one or in batches."""
-    if not integrator.follows_single_paths:
-        why = "the integrator follows many rays at once"
-    elif plan["contacts"] or scene.shining or scene.vertex_normals:
-        why = (
-            "clear bodies that touch, composed surfaces that shine and vertex normals want batches"
-        )
-    elif not takes_single_rays(scene.surfaces):
-        why = "some surfaces are searched by trees"
-    else:
-        why = ""
+    reasons = {
+        "the integrator follows many rays at once": not integrator.follows_single_paths,
+        "clear bodies touch": plan["contacts"],
+        "a lamp is a box, a mesh, patches or a turned body": bool(scene.shining),
+        "normals are interpolated over a mesh": bool(scene.vertex_normals),
+        "some surfaces are searched by trees": not takes_single_rays(scene.surfaces),
+    }
+    why = next((reason for reason, holds in reasons.items() if holds), "")
     plan.decide(
         "single rays", not why, "all surfaces are closed forms: paths are followed one by one", why
     )
