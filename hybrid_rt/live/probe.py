@@ -11,7 +11,8 @@ from hybrid_rt.core.ledger import plain
 from hybrid_rt.core.records import HitRecord, Status
 from hybrid_rt.materials.material import Material
 from hybrid_rt.rendering.watcher import Beginning
-from hybrid_rt.sensor.film import REACH, Film
+from hybrid_rt.sensor.film import Film
+from hybrid_rt.sensor.intervals import SURROUNDINGS
 from hybrid_rt.textures.texture import ConstantTexture, Texture
 
 
@@ -113,8 +114,8 @@ def _crop(film: Film, column: int, row: int) -> tuple[Film, tuple[int, int]]:
     """Return a film of a pixel and what its interval follows from around it, and its place."""
     state = film.state()
     height, width, _ = state["run"].shape
-    rows = slice(max(row - REACH, 0), min(row + REACH + 1, height))
-    columns = slice(max(column - REACH, 0), min(column + REACH + 1, width))
+    rows = slice(max(row - SURROUNDINGS, 0), min(row + SURROUNDINGS + 1, height))
+    columns = slice(max(column - SURROUNDINGS, 0), min(column + SURROUNDINGS + 1, width))
     kept = {
         name: values[..., rows, columns, :] if values.ndim >= 3 else values
         for name, values in state.items()

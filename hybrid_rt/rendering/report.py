@@ -16,6 +16,7 @@ from hybrid_rt.rendering.limits import Clock
 from hybrid_rt.rendering.unmet_lamps import unmet_light
 from hybrid_rt.rendering.versions import peak_memory_mib, versions
 from hybrid_rt.sensor.film import Film
+from hybrid_rt.sensor.intervals import half_interval_of_mean
 
 if TYPE_CHECKING:
     from hybrid_rt.integrators.photons.unfound_light import UnfoundLight
@@ -164,10 +165,14 @@ def _with_interval(
     if noise is None:
         return None
     unmet = unmet_light(context.scene, passes)
-    half = noise["interval_factor"] * noise["standard_error_of_image_mean"]
+    half = half_interval_of_mean(
+        noise["standard_error_of_image_mean"],
+        noise["interval_factor"],
+        noise["bright_path_in_image_mean"],
+    )
     return noise | {
         "unmet_lamps_95": twelve_digits(unmet),
-        "half_interval_95_of_image_mean": math.hypot(half, unmet),
+        "half_interval_95_of_image_mean": max(half, unmet),
     }
 
 

@@ -160,10 +160,10 @@ def _noise(report: dict[str, Any]) -> str:
 def _unmet(noise: dict[str, Any]) -> str:
     """Return what of the interval is for lamps that no camera ray has met, if that decides it."""
     unmet = noise["unmet_lamps_95"]
-    if 2.0 * unmet**2 < noise["half_interval_95_of_image_mean"] ** 2:
+    if unmet == 0.0 or unmet < noise["half_interval_95_of_image_mean"]:
         return ""
     return (
-        f"\n            {unmet:.1g} of it for the brightest lamp: as much may come by rare ways to it, in "
+        "\n            all of it for the brightest lamp: as much may come by rare ways to it, in "
         "mirrors or glass or as a speck, that no camera ray has taken yet"
     )
 

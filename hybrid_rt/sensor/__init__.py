@@ -1,1 +1,1 @@
-"""Camera, film (`film` sums passes and estimates noise), error metrics, image files."""
+"""Camera, film (`film` sums passes and estimates noise, `intervals` states it), error metrics, files."""

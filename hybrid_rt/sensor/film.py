@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 
 from hybrid_rt.core.records import FloatArray
 from hybrid_rt.sensor.image_metrics import DARK, WORST
-from hybrid_rt.sensor.neighbours import mean_around, mean_of_neighbours
+from hybrid_rt.sensor.intervals import STUDENT, bright_path, half_intervals, light_of_rare_paths
+from hybrid_rt.sensor.neighbours import mean_of_neighbours
 from hybrid_rt.sensor.passes import GROUPS, RUN
 
 # Radiances beyond the range of numbers end as inf and nan, which the report counts.
@@ -25,28 +26,6 @@ STRIP = 2**12
 # From this share of the squared error in the worst pixels on, rare paths decide it, and estimates from
 # less than 16 passes may be too small: half of the error in tests with one bright sample in 10**5.
 RARE = 0.1
-
-# Half the width of a 95 % interval in standard errors: Student's t by degrees of freedom.
-_STUDENT = (
-    12.706, 4.303, 3.182, 2.776, 2.571, 2.447, 2.365, 2.306, 2.262, 2.228, 2.201, 2.179, 2.160,
-    2.145,
-)  # fmt: skip
-
-# Four means say little about their own spread, and where rare paths bring much light the lucky
-# pixels believe their error to be none. So the interval of a pixel borrows from the pixels around
-# it: they are alike but not the same, and discs of photons give them common noise, so together they
-# count for twice the degrees of freedom that it has by itself. docs/error_vs_time.md has figures.
-BORROWED = 2
-# Light that rare paths bring is missing from most pixels, and no variance of theirs shows it. The
-# medians of a pixel's groups lack it too: what they lack in the mean over so many pixels to either
-# side, at most (one-sided 95 %, normal), is an error besides the noise. Where noise is even, means
-# and medians agree.
-REACH, ONE_SIDED = 3, 1.645
-# Student's t as above for 3, 6, 9, ... degrees of freedom: with what neighbours lend.
-_STUDENT_OF_PIXELS = (
-    3.182, 2.447, 2.262, 2.179, 2.131, 2.101, 2.080, 2.064, 2.052, 2.042, 2.035, 2.028, 2.023,
-    2.018,
-)  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -184,40 +163,30 @@ class Film:
         return np.sqrt(self._variances())
 
     @property
+    @OVERFLOWS
     def half_interval(self) -> FloatArray:
         """(height, width, 3) float64: half the width of each pixel's 95 % interval; nan as above.
 
-        The variance is pooled from the pixel and its neighbours. From 16 passes on the light that
-        rare paths bring to the pixels around is added in quadrature: by how much their means exceed
-        the medians of their groups, at most. The coverage is about 95 % over many pixels; next to
-        an edge of the noise level it is higher on the quieter side and lower on the other, and light
-        that no path has met nearby is not covered.
+        The variance is pooled from the pixel and its neighbours. From 16 passes on it is at least a
+        limit to the light that rare paths bring: by how much means exceed the medians of their
+        groups, at most, in the pixels around and in those farther away with like noise. The coverage
+        is about 95 % over many pixels; next to an edge of the noise level it is higher on the
+        quieter side and lower on the other, and light that no path has met nearby is not covered.
         """
         own = self._variances()
-        n = (self.n_passes if self._squares is not None else GROUPS) - 2
-        if own.shape[0] * own.shape[1] == 1:
-            return _STUDENT[max(n, 0)] * np.sqrt(own)
-        both = (own + BORROWED * mean_of_neighbours(own)) / (1.0 + BORROWED)
-        half: FloatArray = _STUDENT_OF_PIXELS[max(n, 0)] * np.sqrt(both)
-        if self._squares is None:
-            half = np.hypot(half, self._light_of_rare_paths())
-        return half
-
-    @OVERFLOWS
-    def _light_of_rare_paths(self) -> FloatArray:
-        """Return a limit to the light (height, width, 3) that rare paths bring to pixels.
-
-        In the mean over the pixels around it is what the means have and the medians of groups lack.
-        """
-        above = np.empty(self._sums.shape[1:])
+        freedom = max((self.n_passes if self._squares is not None else GROUPS) - 1, 1)
+        half = half_intervals(own, freedom)
+        if self._squares is not None or own[:, :, 0].size == 1:
+            return half
+        above, lowest = np.empty_like(own), np.empty((*own.shape[:2], 2))
         counts = self._counts.reshape(-1, 1, 1, 1)
         for rows, mean, _ in self._strips():
-            of_groups = np.sort(self._of_groups(rows) / counts, axis=0)
+            of_groups = self._of_groups(rows) / counts
+            grey = np.sort(of_groups.mean(axis=3), axis=0)[:-1]
+            lowest[rows] = np.stack([grey.mean(axis=0), grey[-1] - grey[0]], axis=2)
+            of_groups.sort(axis=0)
             above[rows] = mean - 0.5 * (of_groups[1] + of_groups[2])
-        around, n = mean_around(above, REACH)
-        variance = np.maximum(mean_around(above * above, REACH)[0] - around * around, 0.0)
-        limit: FloatArray = np.maximum(around + ONE_SIDED * np.sqrt(variance / n), 0.0)
-        return limit
+        return np.maximum(half, light_of_rare_paths(above, lowest))
 
     def _variances(self) -> FloatArray:
         """Return the variances (height, width, 3) of the mean, nan after one pass."""
@@ -252,7 +221,9 @@ class Film:
         """Return the noise estimates for the report; None after a single pass.
 
         See `standard_error` and `relative_errors`. A 95 % interval of the image mean reaches
-        ``interval_factor`` standard errors to either side. ``errs_on_the_safe_side``: before 16
+        ``interval_factor`` standard errors to either side where its noise is even, and farther where
+        few bright paths make it: ``bright_path_in_image_mean`` is what one of them adds to the mean,
+        0 before 16 passes; see `half_interval_of_mean`. ``errs_on_the_safe_side``: before 16
         passes, unless the worst pixels hold more than a tenth of the squared error; then too
         few passes have met what those pixels show. ``pixels_without_light``: those that are black
         in every pass, whose error counts as none.
@@ -271,9 +242,10 @@ class Film:
         is_lit = self._sums.any(axis=(0, 3)) | self._run.any(axis=2)
         return {
             "errs_on_the_safe_side": is_early and relative.share_of_worst <= RARE,
-            "interval_factor": _STUDENT[(n if is_early else GROUPS) - 2],
+            "interval_factor": STUDENT[(n if is_early else GROUPS) - 2],
             "image_mean": mean,
             "standard_error_of_image_mean": of_mean,
+            "bright_path_in_image_mean": 0.0 if is_early else self._bright_path(mean),
             "root_mean_square_standard_error_of_pixels": absolute,
             "relative_rmse": relative.whole,
             "relative_rmse_trimmed": relative.trimmed,
@@ -281,6 +253,24 @@ class Film:
             "worst_pixels_share_of_squared_error": relative.share_of_worst,
             "pixels_without_light": n_pixels - int(np.count_nonzero(is_lit)),
         }
+
+    def _bright_path(self, mean: float) -> float:
+        """Return what one of the bright paths that make the noise contributes to the image mean.
+
+        Where pixels meet events of one size at random, the third moment of their sums over the second
+        is that size, in any number of passes. Both are estimated without bias from the groups of each
+        pixel. The mean is negative or 0 where bright paths are as frequent as dark ones: then 0.
+        """
+        if not 0.0 < mean < math.inf:
+            return 0.0
+        squares = cubes = 0.0
+        counts = self._counts.reshape(-1, 1, 1) * mean
+        for rows, _, _ in self._strips():
+            of_rows = bright_path(self._of_groups(rows).mean(axis=3) / counts)
+            squares, cubes = squares + of_rows[0], cubes + of_rows[1]
+        size = cubes / squares if squares > 0.0 and cubes > 0.0 else 0.0
+        # k3 / k2 of four groups is the sums' ratio times n / (n - 2); a group is a quarter of the mean.
+        return mean * size / (GROUPS - 2) / self._sums[0, :, :, 0].size
 
     def _mean(self) -> FloatArray:
         mean: FloatArray = self._of_groups(slice(None)).sum(axis=0) / self.n_passes

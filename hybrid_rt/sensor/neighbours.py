@@ -23,12 +23,36 @@ def mean_of_neighbours(image: FloatArray) -> FloatArray:
 
 
 def mean_around(image: FloatArray, reach: int) -> tuple[FloatArray, FloatArray]:
-    """Return the means (height, width, 3) over squares about each pixel, and how many these are."""
-    total = np.concatenate([image, np.ones((*image.shape[:2], 1))], axis=2)
+    """Return means (height, width, n) over squares about each pixel, and how many pixels these are."""
+    sums = sums_around(np.concatenate([image, np.ones((*image.shape[:2], 1))], axis=2), reach)
+    return sums[:, :, :-1] / sums[:, :, -1:], sums[:, :, -1:]
+
+
+def sums_around(planes: FloatArray, reach: int) -> FloatArray:
+    """Return sums (height, width, n) over squares about each pixel, cut off by the border.
+
+    Sums of 1, 2, 4, ... neighbours are put together. Unlike differences of sums from the border on,
+    they neither round more than the square does nor carry inf and nan out of it.
+
+    Parameters
+    ----------
+    planes : (height, width, n) float64
+    reach : int
+        Pixels to either side.
+    """
+    total = planes
     for axis in (0, 1):
-        n = total.shape[axis]
-        padded = np.pad(total, [(reach, reach) if a == axis else (0, 0) for a in range(3)])
-        total = np.zeros_like(total)
-        for shift in range(2 * reach + 1):
-            total += padded.take(range(shift, shift + n), axis=axis)
-    return total[:, :, :3] / total[:, :, 3:], total[:, :, 3:]
+        n, n_in_square = total.shape[axis], 2 * reach + 1
+        widths = [(reach, reach) if a == axis else (0, 0) for a in range(3)]
+        block, n_in_block, done = np.moveaxis(np.pad(total, widths), axis, 0), 1, 0
+        parts = np.zeros((n, *block.shape[1:]))
+        while True:
+            if n_in_square & n_in_block:
+                parts += block[done : done + n]
+                done += n_in_block
+            if done == n_in_square:
+                break
+            block = block[:-n_in_block] + block[n_in_block:]
+            n_in_block *= 2
+        total = np.moveaxis(parts, 0, axis)
+    return total

@@ -11,7 +11,6 @@ from hybrid_rt.sensor.color import linear_to_srgb, srgb_to_linear
 from hybrid_rt.sensor.film import Film
 from hybrid_rt.sensor.image_files import check_output, save_image
 from hybrid_rt.sensor.image_metrics import picture_errors
-from hybrid_rt.sensor.neighbours import mean_around, mean_of_neighbours
 from hybrid_rt.sensor.passes import group_of, pass_of
 
 IMAGE = np.random.default_rng(4).uniform(0, 1.2, (5, 7, 3)).astype(np.float32)
@@ -324,43 +323,6 @@ def test_intervals_use_students_t():
             )
 
 
-def test_intervals_of_pixels_borrow_from_their_neighbours():
-    """Two of three parts come from around, and with them twice the degrees of freedom.
-
-    From 16 passes on there is what medians lack, in squares of 7 x 7: here of all pixels.
-    """
-    from scipy.stats import t
-
-    passes = np.random.default_rng(9).normal(size=(20, 3, 3, 3))
-    sheet = Film(3, 3)
-    for n in range(1, 21):
-        sheet.add(passes[n - 1])
-        if n == 1:
-            assert np.isnan(sheet.half_interval).all()
-            continue
-        lacking = np.zeros(3)
-        if n >= 16:
-            group, _ = group_of(np.arange(n, dtype=np.uint64))
-            medians = np.median([passes[:n][group == k].mean(axis=0) for k in range(4)], axis=0)
-            above = (passes[:n].mean(axis=0) - medians).reshape(9, 3)
-            lacking = (above.mean(axis=0) + 1.645 * above.std(axis=0) / 3).clip(min=0.0)
-        freedom = n - 1 if n < 16 else 3
-        squares = sheet.standard_error**2
-        around = (squares.sum(axis=(0, 1)) - squares[1, 1]) / 8
-        expected = t.ppf(0.975, 3 * freedom) * np.sqrt((squares[1, 1] + 2 * around) / 3)
-        np.testing.assert_allclose(sheet.half_interval[1, 1], np.hypot(expected, lacking), 3e-4)
-        corner = (squares[0, 1] + squares[1, 0] + squares[1, 1]) / 3
-        expected = t.ppf(0.975, 3 * freedom) * np.sqrt((squares[0, 0] + 2 * corner) / 3)
-        np.testing.assert_allclose(sheet.half_interval[0, 0], np.hypot(expected, lacking), 3e-4)
-
-
-def test_a_single_pixel_has_its_own_interval():
-    sheet = Film(1, 1)
-    for n in range(16):
-        sheet.add(np.full((1, 1, 3), float(n)))
-    np.testing.assert_allclose(sheet.half_interval, 3.182 * sheet.standard_error)
-
-
 @pytest.mark.statistical
 @pytest.mark.parametrize("n", [2, 5, 16, 21, 30])
 def test_squares_of_errors_are_unbiased(n):
@@ -389,42 +351,3 @@ def test_extreme_brightness_neither_overflows_nor_vanishes(scale):
         sheet.add(np.full((1, 1, 3), value * scale))
     assert sheet.noise()["root_mean_square_standard_error_of_pixels"] == pytest.approx(scale / 2)
     assert sheet.image[0, 0, 0] == pytest.approx(1.5 * scale)
-
-
-@pytest.mark.statistical
-@pytest.mark.parametrize(
-    ("n", "rate"), [(16, 1 / 2000), (64, 1 / 2000), (64, 1 / 200), (16, 1 / 50)]
-)
-def test_intervals_allow_for_rare_paths(n, rate):
-    """A few samples are thirty times as bright as the others: a lamp met through glass.
-
-    By the variance of nine pixels alone these are in their intervals 94, 88, 92 and 91 % of the
-    time. 40 sheets of 256 pixels tell it to about 1 %, as neighbours share what they borrow.
-    """
-    rng, truth, found = np.random.default_rng(11), 1.0 + 30.0 * rate, []
-    for _ in range(40):
-        sheet = Film(16, 16)
-        for _ in range(n):
-            rare = 30.0 * (rng.random((16, 16, 1)) < rate)
-            sheet.add(1.0 + 0.1 * rng.normal(size=(16, 16, 3)) + rare)
-        found.append(np.abs(sheet.image - truth) <= sheet.half_interval)
-    assert np.mean(found) == pytest.approx(0.953, abs=0.02)
-
-
-def test_even_noise_adds_next_to_nothing_to_intervals():
-    """Means and medians of four groups differ by 0.3 of a group's deviation, less over 49 pixels."""
-    rng, sheet = np.random.default_rng(12), Film(24, 24)
-    for _ in range(16):
-        sheet.add(rng.normal(size=(24, 24, 3)))
-    around = mean_of_neighbours(sheet.standard_error**2)
-    pooled = 2.262 * np.sqrt((sheet.standard_error**2 + 2 * around) / 3)
-    assert (sheet.half_interval >= pooled * (1.0 - 1e-15)).all()
-    assert np.mean(sheet.half_interval / pooled) < 1.01
-
-
-def test_means_over_squares_are_cut_off_by_the_border():
-    image = np.arange(4 * 5 * 3.0).reshape(4, 5, 3)
-    around, n = mean_around(image, 2)
-    np.testing.assert_allclose(around[0, 0], image[:3, :3].mean(axis=(0, 1)), rtol=1e-15)
-    np.testing.assert_allclose(around[2, 3], image[:, 1:].mean(axis=(0, 1)), rtol=1e-15)
-    assert (n[0, 0], n[2, 3]) == (9, 16)
