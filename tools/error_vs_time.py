@@ -325,7 +325,7 @@ def _compare(args: argparse.Namespace) -> None:
 
 def _curves(part: dict[str, Any]) -> list[Curve]:
     inf = float("inf")
-    if any("left_out" not in curve for curve in part["curves"]):
+    if any("unfound" not in curve for curve in part["curves"]):
         raise ValueError("the figures are of an earlier version of this tool: measure again")
     return [
         Curve(
@@ -345,6 +345,7 @@ def _curves(part: dict[str, Any]) -> list[Curve]:
             curve["bias_known_by"],
             curve["left_out"],
             curve["bias_at_most"],
+            curve["unfound"],
         )
         for curve in part["curves"]
     ]

@@ -62,6 +62,9 @@ class Curve:
         Upper 95 % limit of what its mesh changes; 0 without a mesh.
     power : float
         The square of the rest of the error falls as passes ** -power.
+    unfound : float
+        Light that the method does not find but photons do, over the mean of the picture; 0 if
+        none, or not measured.
     """
 
     name: str
@@ -72,6 +75,7 @@ class Curve:
     bias_known_by: str = ""
     left_out: list[str] = field(default_factory=list)
     bias_at_most: float = 0.0
+    unfound: float = 0.0
 
 
 def renamed(curves: Sequence[Curve], prefix: str) -> list[Curve]:

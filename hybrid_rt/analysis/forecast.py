@@ -68,8 +68,8 @@ def forecast(curve: Curve, target: float, reference_error: float = 0.0) -> Forec
     The square of the error is taken as b^2 + c / n^k: between two measured points as measured (a
     line in logarithms), beyond the last with the curve's k, and b from the last two points, at
     least the curve's own. The reference's noise is subtracted from the squares first. Nothing beyond
-    the measured range is promised of a method that leaves out light, or whose mesh may change the
-    picture by more than the target.
+    the measured range is promised of a method that leaves out light, nothing at all where photons
+    found that to be more than the target, or where its mesh may change the picture by more.
     """
     own = 0.0 if math.isnan(reference_error) else reference_error
     passes = np.array([p.setting for p in curve.points])
@@ -94,6 +94,12 @@ def forecast(curve: Curve, target: float, reference_error: float = 0.0) -> Forec
 
     if curve.bias >= target:
         return result(math.inf, False, curve.bias_known_by or "its error does not fall below this")
+    if curve.unfound >= target:
+        return result(
+            math.inf,
+            False,
+            f"does not find light that is {percent(curve.unfound)} of the mean, as photons measure",
+        )
     if curve.bias_at_most >= target:
         return result(
             math.inf,

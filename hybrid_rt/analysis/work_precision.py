@@ -81,11 +81,15 @@ class PictureStudy:
 
 @dataclass
 class _Runs:
-    """What the runs of one method gave: figures by passes, pictures at its dearest setting."""
+    """What the runs of one method gave: figures by passes, pictures at its dearest setting.
+
+    ``unfound`` is radiance that photons found and the method does not, as each such run measured.
+    """
 
     rows: dict[int, list[dict[str, float]]]
     images: list[Image] = field(default_factory=list)
     left_out: list[str] = field(default_factory=list)
+    unfound: list[float] = field(default_factory=list)
 
 
 def study_picture(
@@ -180,9 +184,10 @@ def _curve(
         biases.append((by_tiles, "parts of it are too dark or bright in all runs"))
     bias, known_by = max(biases, key=lambda pair: pair[0])
     at_most = 0.0 if mesh is None else mesh["error_at_most"]
+    unfound = float(np.mean(of.unfound)) / reference.mean if reference.mean > 0.0 else 0.0
     return Curve(
-        method.name, method.flags, points, bias, method.power, known_by, of.left_out, at_most
-    )
+        method.name, method.flags, points, bias, method.power, known_by, of.left_out, at_most, unfound
+    )  # fmt: skip
 
 
 def _check_picture_study(
@@ -236,6 +241,8 @@ def _pictures(
                 of.left_out = result.report["light_not_found"]
                 if n == passes[-1]:
                     of.images.append(result.image)
+                    measured = result.report["light_not_found_measured"]
+                    of.unfound.append(0.0 if measured is None else measured["mean"])
     return found
 
 
@@ -244,14 +251,14 @@ def _row(result: RenderResult, truth: Image) -> dict[str, float]:
     errors, report = picture_errors(result.image, truth), result.report
     stages = report["seconds"]
     noise = report["noise"] or {}
-    of_mean = noise.get("standard_error_of_image_mean", math.nan)
+    of_mean = noise.get("half_interval_95_of_image_mean", math.nan)
     return {
         # The audit of uncertified hits is not part of making the picture.
         "seconds": stages["total"] - stages.get("audit", 0.0),
         "error": errors.relative_rmse,
         "error_of_most": errors.relative_rmse_of_most,
         "mean_error": errors.relative_mean_error,
-        "standard_error": of_mean,
+        "half_interval": of_mean,
         "stated_error": stated_error(report),
         "build_seconds": stages.get("build", 0.0),
         "rays": float(sum(report["rays"].values())),
@@ -261,15 +268,16 @@ def _row(result: RenderResult, truth: Image) -> dict[str, float]:
 def _point(setting: float, rows: Sequence[dict[str, float]], reference: Reference) -> Point:
     columns = {name: [row[name] for row in rows] for name in rows[0]}
     seconds, error = columns.pop("seconds"), columns.pop("error")
-    noises, means = columns.pop("standard_error"), columns["mean_error"]
+    halves, means = columns.pop("half_interval"), columns["mean_error"]
     more = {name: float(np.median(values)) for name, values in columns.items()}
     # Means average over the runs; a single pass states no noise, but runs differ by it.
-    of_runs = math.sqrt(sum(noise * noise for noise in noises)) / len(noises)
+    of_runs = math.sqrt(sum(half * half for half in halves)) / len(halves)
     if math.isnan(of_runs) and len(means) > 2:
-        of_runs = abs(reference.mean) * float(np.std(means, ddof=1)) / math.sqrt(len(means))
+        by_means = float(np.std(means, ddof=1)) / math.sqrt(len(means))
+        of_runs = INTERVAL * abs(reference.mean) * by_means
     own = 0.0 if math.isnan(reference.mean_error) else reference.mean_error
     more["mean_error"] = float(np.mean(means))
-    noise = INTERVAL * math.hypot(of_runs, own)
+    noise = math.hypot(of_runs, INTERVAL * own)
     more["mean_error_noise"] = noise / abs(reference.mean) if reference.mean else math.nan
     return Point(setting, spread(seconds), spread(error), more)
 

@@ -59,6 +59,15 @@ class TestForecast:
         found = forecast(law(own=0.3), 0.1, reference_error=0.3)
         assert (found.passes, found.bias) == (100, 0.0)
 
+    def test_light_that_photons_found_and_the_method_does_not_is_out_of_reach(self):
+        """Errors fall to 0.05 by a reference that lacks the same 6 % of the light."""
+        lacks = replace(law(first=0.2), left_out=["light"], unfound=0.06)
+        assert forecast(replace(lacks, unfound=0.0), 0.051).is_measured
+        found = forecast(lacks, 0.051)
+        assert found.passes is None
+        assert found.obstacle == "does not find light that is 6.0 % of the mean, as photons measure"
+        assert forecast(lacks, 0.1).passes == 4
+
     def test_errors_that_do_not_fall_are_bias(self):
         assert forecast(law(bias=0.5, first=1e-9), 0.1).passes is None
 

@@ -191,6 +191,28 @@ class TestBias:
         advice = advise(mirror_room, 0.01, "room.py")
         assert advice.headline.startswith("1 % cannot be judged: the reference is itself off by ")
 
+    @pytest.mark.statistical
+    def test_unfound_light_rules_out_what_a_blind_reference_does_not(self, mirror_room):
+        """By a picture that lacks what paths lack, paths look right to 1 %.
+
+        432 pixels have 2000 photons, which know the light on surfaces seen directly to a fifth; what
+        mirror and ball show of it, a tenth of the picture, comes on top.
+        """
+        path = mirror_room.curves[0]
+        assert path.unfound == pytest.approx(-path.points[-1].more["mean_error"], rel=0.4)
+        looks_right = [replace(p, error=Spread(0.01, 0.01, 0.01)) for p in path.points]
+        blind = replace(
+            mirror_room,
+            reference=replace(mirror_room.reference, own_error=0.001),
+            curves=[replace(path, points=looks_right, bias=0.0)],
+        )
+        advice = advise(blind, 0.5 * path.unfound, "room.py")
+        assert advice.headline.startswith("No method here reaches")
+        assert advice.details[0].startswith("path: does not find light that is ")
+        assert advise(blind, 2.0 * path.unfound, "room.py").forecasts[0].passes == 4
+        assert [curve.unfound for curve in mirror_room.curves[1:2]] == [0.0]
+        assert any("photons find" in text for text in answers.bias_answers(mirror_room))
+
     def test_command_is_what_was_measured(self, mirror_room):
         good = replace(mirror_room, reference=replace(mirror_room.reference, own_error=0.003))
         advice = advise(good, 0.5, "my room.py", (240, 180))
