@@ -41,8 +41,7 @@ class KnownPicture:
     ----------
     scene : Scene
     truth : (3,) float64 or None
-        Radiance of every pixel. None: the mean over all seeds stands in for it, which separates the
-        noise of a picture of few passes from its blur.
+        Radiance of every pixel. None: the mean over all seeds stands in for it, see `coverage`.
     integrators : tuple of str
         Those that find all its light.
     settings : dict
@@ -145,15 +144,36 @@ class Coverage:
         Coverage over all seeds, pixels and channels; of the image mean, over all seeds.
     error_ratio : float
         Root mean square of the stated standard errors of pixels over that of the true errors.
+    mean_image : (height, width, 3) float64
+        The mean over all seeds.
     """
 
     of_pixels: float
     of_mean: float
     error_ratio: float
+    mean_image: FloatArray
 
 
-def coverage(picture: KnownPicture, integrator: str, passes: int, seeds: Sequence[int]) -> Coverage:
-    """Render a known picture with each seed; measure the coverage of the stated intervals."""
+def coverage(
+    picture: KnownPicture,
+    integrator: str,
+    passes: int,
+    seeds: Sequence[int],
+    truth: FloatArray | None = None,
+) -> Coverage:
+    """Render a known picture with each seed; measure the coverage of the stated intervals.
+
+    Parameters
+    ----------
+    picture : KnownPicture
+    integrator : str
+    passes : int
+    seeds : sequence of int
+    truth : (height, width, 3) float64, optional
+        Stands in for a truth that is not known, default the mean over all seeds. That separates
+        noise from the blur of photons, which is another after more passes; but what rare paths bring
+        it lacks as the pictures do, so of unbiased integrators a mean of more passes tells more.
+    """
     results = [
         render(
             picture.scene,
@@ -167,7 +187,11 @@ def coverage(picture: KnownPicture, integrator: str, passes: int, seeds: Sequenc
         for seed in seeds
     ]
     images = np.array([result.image for result in results], dtype=np.float64)
-    truth = images.mean(axis=0) if picture.truth is None else picture.truth
+    mean_image = images.mean(axis=0)
+    if picture.truth is not None:
+        truth = picture.truth
+    elif truth is None:
+        truth = mean_image
     gap = images - truth
     # float32 pixels; where all passes agree to the last bit there is no other error.
     slack = 2.0**-23 * truth
@@ -180,6 +204,7 @@ def coverage(picture: KnownPicture, integrator: str, passes: int, seeds: Sequenc
         float((np.abs(gap) <= reach + slack).mean()),
         float((np.abs(gaps) <= reaches + slack.mean()).mean()),
         math.sqrt(float(np.mean(stated)) / float(np.square(gap).mean())),
+        mean_image,
     )
 
 

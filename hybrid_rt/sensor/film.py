@@ -259,7 +259,7 @@ class Film:
 
         Where pixels meet events of one size at random, the third moment of their sums over the second
         is that size, in any number of passes. Both are estimated without bias from the groups of each
-        pixel. The mean is negative or 0 where bright paths are as frequent as dark ones: then 0.
+        pixel. The third is negative or 0 where bright paths are as frequent as dark ones: then 0.
         """
         if not 0.0 < mean < math.inf:
             return 0.0
