@@ -2,11 +2,12 @@
 
 First noise: how often the truth falls into the stated 95 % intervals, over many seeds, per pixel
 and for the mean of the picture. Of the small scenes of all kinds only pixels are judged, against the
-mean of all renders: by paths after the most passes, by photons, which blur, after as many. Then the blur that photons state, against floors of which the light
-is known without photons. Then certified hits of hard rays against their roots in double-double, and
-some to 60 digits (with mpmath): whether t_bound was ever exceeded, and how loose it is. The exit
-code is 1 if an interval holds the truth less than 92 % or more than 98 % of the time, if a stated
-blur is off by more than half of one that exceeds the noise, or if a bound is broken or loose.
+mean of all renders: by paths after the most passes, by photons, which blur, after as many. Then the
+blur that photons state, against floors of which the light is known without photons. Then certified
+hits of hard rays against their roots in double-double, and some to 60 digits (with mpmath): whether
+t_bound was ever exceeded, and how loose it is. The exit code is 1 if an interval holds the truth
+less than 92 % or more than 98 % of the time, if a stated blur is off by more than half of one that
+exceeds the noise, or if a bound is broken or loose.
 """
 
 import argparse
