@@ -30,6 +30,9 @@ from meshing.profiles import (
     pieces_of,
 )
 
+# Segment ends that agree to this part of the profile's size are the same point.
+JOINED = 2.0**-50
+
 Weights: TypeAlias = tuple[FloatArray | None, ...]
 
 
@@ -140,6 +143,26 @@ class SurfaceOfRevolution(ParametricSurface):
     def is_whole_turn(self) -> bool:
         """Whether the surface closes around its axis."""
         return self.u_range[1] - self.u_range[0] == 1.0
+
+    @property
+    def closes(self) -> tuple[bool, bool]:
+        """Whether a whole turn is there, and whether the profile ends where it begins."""
+        first, last = self.segments[0][0], self.segments[-1][-1]
+        size = max(float(np.abs(segment).max()) for segment in self.segments)
+        meets = np.abs(first - last).max() <= JOINED * size < first[1]
+        return self.is_whole_turn, bool(meets)
+
+    @cached_property
+    def v_breaks(self) -> FloatArray:
+        """(k + 1,) float64, from 0 to 1: where segments begin and end in one v for all of them.
+
+        That is the v of a `TrimmedSurface` of several segments: each takes a part as long as its
+        control polygon. Straight segments: as long as they are.
+        """
+        lengths = [np.hypot(*np.diff(segment, axis=0).T).sum() for segment in self.segments]
+        breaks = np.concatenate([[0.0], np.cumsum(lengths)]) / np.sum(lengths)
+        breaks[-1] = 1.0
+        return freeze(breaks)
 
     @property
     def homogeneous(self) -> list[FloatArray]:

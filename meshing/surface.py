@@ -99,6 +99,19 @@ class Surface(ABC):
         """(k, 4): u0, u1, v0, v1 of each patch on a sheet; None if each fills the unit square."""
         return None
 
+    @property
+    def closes(self) -> tuple[bool, bool]:
+        """Whether u = 0 and u = 1 are the same points, and v = 0 and v = 1."""
+        return False, False
+
+    @property
+    def v_breaks(self) -> FloatArray | None:
+        """(k + 1,) float64, where pieces that follow each other along v begin and end; else None.
+
+        That is in one v from 0 to 1 for all of them.
+        """
+        return None
+
     # --- size and rounding
 
     @property

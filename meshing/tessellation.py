@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from meshing.bezier import BezierPatches, RationalPatches
 from meshing.bounds import TooManyTrianglesError, rings_of
 from meshing.certified_mesh import CertifiedMesh
-from meshing.checks import number, shown, whole
+from meshing.checks import FloatArray, number, shown, whole
 from meshing.kernels import leaves as leaf_kernels
 from meshing.kernels import polygons
 from meshing.kernels.leaves import MAX_DEPTH
@@ -79,6 +79,8 @@ def tessellate(
     whole(max_triangles, "tessellate max_triangles", at_least=1, up_to=2**31 - 1)
     if isinstance(surface, TrimmedSurface):
         mesh = tessellate(surface.surface, tolerance, max_triangles=max_triangles)
+        if surface.spans is not None and surface.surface.spans is None:
+            mesh = _on_sheet(mesh, surface.spans)
         low, high = mesh.uv.min(axis=1), mesh.uv.max(axis=1)
         boxes = np.stack([low[:, 0], high[:, 0], low[:, 1], high[:, 1]], axis=1)
         keeps = ~surface.is_outside(boxes)
@@ -87,11 +89,14 @@ def tessellate(
         )
     if isinstance(surface, PatchSheet):
         mesh = tessellate(surface.pieces, tolerance, max_triangles=max_triangles)
-        u, v = mesh.uv[..., 0], mesh.uv[..., 1]
-        return replace(
-            mesh, uv=np.stack(across(surface.spans, u, v, mesh.patch_id[:, None]), axis=-1)
-        )
+        return _on_sheet(mesh, surface.spans)
     return _mesh_of(surface, cut(surface, tolerance, max_triangles), tolerance, max_triangles)
+
+
+def _on_sheet(mesh: CertifiedMesh, spans: FloatArray) -> CertifiedMesh:
+    """Return a mesh of pieces with the (u, v) across all of them."""
+    u, v = across(spans, mesh.uv[..., 0], mesh.uv[..., 1], mesh.patch_id[:, None])
+    return replace(mesh, uv=np.stack([u, v], axis=-1))
 
 
 class Cut(NamedTuple):

@@ -4,16 +4,30 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from meshing.area import AreaSampler
-from meshing.checks import BoolArray, FloatArray, as_affine, broadcast_parameters, number, shown
+from meshing.checks import (
+    BoolArray,
+    FloatArray,
+    as_affine,
+    as_floats,
+    broadcast_parameters,
+    freeze,
+    number,
+    shown,
+)
 from meshing.curve2 import Curve2
 from meshing.kernels.trims import TrimTable, classify_points
+from meshing.spans import within_patch
 from meshing.surface import Surface
 from meshing.trims import as_loops, boxes_outside, make_table
+
+# A shorter segment of a profile would have too few digits of v for curves across it.
+LEAST_SHARE = 1e-9
 
 
 class TrimmedSurface(Surface):
@@ -22,8 +36,9 @@ class TrimmedSurface(Surface):
     A point belongs to the surface if the loops together go around its (u, v) an odd number of
     times. So loops may be an outline, holes in it and islands in these, in any order and direction.
     To cut a hole into a whole surface, add the border of the unit square as a loop. Parts of loops
-    outside the unit square enclose nothing. On a surface that closes around its axis, write a loop
-    across the seam in one piece, with u below 0 or above 1; its copies one turn away count as well.
+    outside the unit square enclose nothing. On a surface that closes around its axis, or whose
+    profile ends where it begins, write a loop across the seam in one piece, with u or v below 0 or
+    above 1; its copies one turn away count as well.
 
     A hit is the first root inside the loops. Which side of a curve a point is on is decided by the
     curves as they are given, without approximation. If rounding leaves it undecided, the hit or
@@ -32,8 +47,10 @@ class TrimmedSurface(Surface):
     Parameters
     ----------
     surface : Surface
-        One Bezier patch, a sheet of patches or a `NurbsSurface`; a `SurfaceOfRevolution` of one
-        segment (`Cylinder`, `Cone`); or a `hybrid_rt.Rectangle`.
+        One Bezier patch, a sheet of patches or a `NurbsSurface`; a `SurfaceOfRevolution`
+        (`Cylinder`, `Cone`); or a `hybrid_rt.Rectangle`. Of a profile of several segments u and v are
+        those of a sheet: v goes on from segment to segment, which begin at
+        `SurfaceOfRevolution.v_breaks`. Loops, hits and `point` take and give that v.
     loops : sequence of sequences of Curve2
         In each loop a curve begins where the one before ends, and the first where the last one
         ends. Ends that are up to 1e-5 apart are joined by a straight line.
@@ -47,7 +64,8 @@ class TrimmedSurface(Surface):
     Raises
     ------
     TypeError, ValueError
-        For any other surface, no loops, an empty or open loop, and a negative gap.
+        For any other surface, no loops, an empty or open loop, a segment shorter than 1e-9 of its
+        profile, and a negative gap.
 
     Attributes
     ----------
@@ -63,7 +81,9 @@ class TrimmedSurface(Surface):
                 f"TrimmedSurface surface is {shown(surface)}: pass one of Bezier patches, a "
                 "NurbsSurface, a SurfaceOfRevolution or a Rectangle; no other is trimmed"
             )
-        if len(surface) != 1 and surface.spans is None:
+        if surface.v_breaks is not None:
+            _check_shares(surface, surface.v_breaks)
+        elif len(surface) != 1 and surface.spans is None:
             raise ValueError(
                 f"TrimmedSurface surface is {shown(surface)}, of {len(surface)} pieces with (u, v) of "
                 "their own: trim each alone, or patches side by side as a PatchSheet"
@@ -87,9 +107,9 @@ class TrimmedSurface(Surface):
         return type(self), (self.surface, [list(loop) for loop in self.loops], self.gap)
 
     @property
-    def wraps(self) -> bool:
-        """Whether u = 0 and u = 1 are the same points, so that loops may cross the seam."""
-        return bool(getattr(self.surface, "is_whole_turn", False))
+    def closes(self) -> tuple[bool, bool]:
+        """Whether loops may cross the seam of u, and that of v: as the surface closes."""
+        return self.surface.closes
 
     @property
     def is_freeform(self) -> bool:  # type: ignore[override]
@@ -139,30 +159,45 @@ class TrimmedSurface(Surface):
         """The patches of the surface, untrimmed."""
         return self.surface.pieces
 
-    @property
+    @cached_property
     def spans(self) -> FloatArray | None:
-        """Parameters of each patch on a sheet, as the surface has them."""
-        return self.surface.spans
+        """(k, 4): u0, u1, v0, v1 of each patch or segment; None: there is one."""
+        at, border = self.surface.v_breaks, np.zeros(len(self.surface))
+        if at is None or len(self.surface) == 1:
+            return self.surface.spans
+        return freeze(np.stack([border, border + 1.0, at[:-1], at[1:]], axis=1))
 
     def point(self, u: ArrayLike, v: ArrayLike, patch_id: ArrayLike | None = None) -> FloatArray:
-        """Return points of the surface, inside or outside the loops; see its own `point`."""
-        if patch_id is None:
-            return self.surface.point(u, v)
-        return self.surface.point(u, v, patch_id)
+        """Return points of the surface, also outside the loops; see its own `point`."""
+        where, _ = self._own(u, v, patch_id)
+        return self.surface.point(*where)
 
     def partials(
         self, u: ArrayLike, v: ArrayLike, patch_id: ArrayLike | None = None
     ) -> tuple[FloatArray, FloatArray]:
         """Return the first partials S_u and S_v, each shaped like `point`."""
-        if patch_id is None:
-            return self.surface.partials(u, v)
-        return self.surface.partials(u, v, patch_id)
+        where, width = self._own(u, v, patch_id)
+        along_u, along_v = self.surface.partials(*where)
+        return along_u, along_v / width
 
     def normal(self, u: ArrayLike, v: ArrayLike, patch_id: ArrayLike | None = None) -> FloatArray:
         """Return unit normals along S_u x S_v, shaped like `point`."""
+        where, _ = self._own(u, v, patch_id)
+        return self.surface.normal(*where)
+
+    def _own(
+        self, u: ArrayLike, v: ArrayLike, patch_id: ArrayLike | None
+    ) -> tuple[tuple[Any, ...], Any]:
+        """Return arguments of the surface's own functions, and how wide their piece is in v."""
+        spans = self.spans
+        if spans is None or self.surface.spans is not None:
+            return ((u, v) if patch_id is None else (u, v, patch_id)), 1.0
         if patch_id is None:
-            return self.surface.normal(u, v)
-        return self.surface.normal(u, v, patch_id)
+            patch_id = np.searchsorted(spans[1:, 2], as_floats(v, "v"), side="right")
+        u, v, ids, shape = broadcast_parameters(u, v, patch_id, len(self), "patch_id")
+        u, v = within_patch(spans, u, v, ids)
+        width = spans[ids, 3] - spans[ids, 2]
+        return (u.reshape(shape), v.reshape(shape), ids.reshape(shape)), width.reshape(*shape, 1)
 
     @property
     def bounds(self) -> FloatArray:
@@ -218,3 +253,14 @@ class TrimmedSurface(Surface):
         ValueError
         """
         raise ValueError("is trimmed: it cannot shine, pass a surface without loops as a lamp")
+
+
+def _check_shares(surface: Surface, breaks: FloatArray) -> None:
+    """Refuse segments too short for one v across all of them."""
+    shares = np.diff(breaks)
+    k = int(shares.argmin())
+    if not shares[k] >= LEAST_SHARE:
+        raise ValueError(
+            f"TrimmedSurface surface is {shown(surface)}, of which segment {k} is {shares[k]:.3g} of "
+            f"the profile: pass segments of at least {LEAST_SHARE:g}, or leave it out"
+        )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
+from itertools import product
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -18,6 +19,9 @@ from meshing.kernels.trims import OUTSIDE, TrimTable, classify_boxes, fill_tiles
 JOINED = 1e-5
 LEAST_SLABS, MOST_SLABS = 16, 4096
 LEAST_TILES, MOST_TILES = 64, 512
+# Whole turns by which loops are copied, and how far from the unit square copies still matter.
+TURNS = (0.0, 1.0, -1.0, 2.0, -2.0)
+NEAR_SEAM = 0.5
 
 
 class Piece(NamedTuple):
@@ -87,8 +91,8 @@ def make_table(members: Sequence[Any]) -> TrimTable:
     n_points = n_slabs = n_tiles = 0
     for member in members:
         curves = [curve for loop in member.loops for curve in loop]
-        if member.wraps:
-            curves = _around(member.loops)
+        if any(member.closes):
+            curves = _around(member.loops, member.closes)
         starts, degrees = [], []
         for curve in curves:
             starts.append(n_points)
@@ -123,9 +127,10 @@ def make_table(members: Sequence[Any]) -> TrimTable:
     )
     at = 0
     for m, (_, _, first_tile, side, count) in enumerate(rows):
+        closes = members[m].closes
         own_tiles = table.tile[first_tile : first_tile + side * side]
         for p in range(at, at + count):
-            mark_tiles(table, m, p, own_tiles)
+            mark_tiles(table, m, p, *closes, own_tiles)
         fill_tiles(table, m, own_tiles)
         at += count
     return table
@@ -152,22 +157,28 @@ def _cut(curve: Curve2, number: int) -> list[Piece]:
     return found
 
 
-def _around(loops: Iterable[Iterable[Curve2]]) -> list[Curve2]:
-    """Return the curves of loops, and copies of the loops a turn away that reach the unit square."""
+def _around(loops: Iterable[Iterable[Curve2]], closes: tuple[bool, bool]) -> list[Curve2]:
+    """Return the curves of loops, and copies of the loops whole turns away that come near enough.
+
+    Near: within half a turn of the unit square. Beside a pole an edge on the other side of the seam
+    is as near as one on this side.
+    """
     found = []
     for loop in loops:
         curves = list(loop)
-        low = min(float(curve.control[:, 0].min()) for curve in curves)
-        high = max(float(curve.control[:, 0].max()) for curve in curves)
-        for turn in (0.0, 1.0, -1.0, 2.0, -2.0):
-            if low + turn <= 1.0 and high + turn >= 0.0:
+        points = np.concatenate([curve.control for curve in curves])
+        low, high = points.min(axis=0), points.max(axis=0)
+        for turn in product(*(TURNS if closed else (0.0,) for closed in closes)):
+            if not any(turn) or (
+                (low + turn <= 1.0 + NEAR_SEAM) & (high + turn >= -NEAR_SEAM)
+            ).all():  # fmt: skip
                 found += [_moved(curve, turn) for curve in curves]
     return found
 
 
-def _moved(curve: Curve2, turn: float) -> Curve2:
+def _moved(curve: Curve2, turn: tuple[float, ...]) -> Curve2:
     moved = Curve2.__new__(Curve2)
-    moved.control, moved.weights = curve.control + np.array([turn, 0.0]), curve.weights
+    moved.control, moved.weights = curve.control + np.array(turn), curve.weights
     return moved
 
 

@@ -105,11 +105,11 @@ def coarse_triangles(surface: TrimmedSurface, tolerance: float) -> CertifiedMesh
 
     ``uv`` is that of the patches, as kinds take it.
     """
-    mesh = tessellate(surface, tolerance)
+    mesh, spans = tessellate(surface, tolerance), surface.spans
     if not len(mesh):
-        mesh = tessellate(surface.surface, tolerance)
+        mesh, spans = tessellate(surface.surface, tolerance), surface.surface.spans
         mesh = replace(mesh, faces=mesh.faces[:1], uv=mesh.uv[:1], patch_id=mesh.patch_id[:1])
-    if surface.spans is None:
+    if spans is None:
         return mesh
-    u, v = within_patch(surface.spans, mesh.uv[..., 0], mesh.uv[..., 1], mesh.patch_id[:, None])
+    u, v = within_patch(spans, mesh.uv[..., 0], mesh.uv[..., 1], mesh.patch_id[:, None])
     return replace(mesh, uv=np.stack([u, v], axis=-1))

@@ -273,18 +273,19 @@ def classify_points(table, m, u, v, inside, in_band):
 
 
 @hot_kernel
-def mark_tiles(table, m, p, tile):
+def mark_tiles(table, m, p, closes_u, closes_v, tile):
     """Mark the tiles that piece p comes nearer to than half a tile as CROSSED.
 
-    A piece along the border of the square marks none: beyond it there is no surface.
+    A piece along the border of the square marks none where there is no surface beyond: unless u (or
+    v) begins anew there.
     """
-    if table.piece[p, X_LOW] == table.piece[p, X_HIGH] and table.piece[p, X_LOW] in (0.0, 1.0):
+    x, y = table.piece[p, X_LOW], table.piece[p, Y_LOW]
+    if not closes_u and x == table.piece[p, X_HIGH] and x in (0.0, 1.0):
         return
-    if table.piece[p, Y_LOW] == table.piece[p, Y_HIGH] and table.piece[p, Y_LOW] in (0.0, 1.0):
+    if not closes_v and y == table.piece[p, Y_HIGH] and y in (0.0, 1.0):
         return
     n = table.member[m, N_TILES]
     a, b = table.piece[p, S_LOW], table.piece[p, S_HIGH]
-    x, y = table.piece[p, X_LOW], table.piece[p, Y_LOW]
     side_x, side_y = abs(table.piece[p, X_HIGH] - x), table.piece[p, Y_HIGH] - y
     parts = max(1, min(4 * n, np.int64(2.0 * n * (side_x + side_y)) + 1))
     grown = 0.5 / n + 2.0 * table.error[m]

@@ -122,3 +122,33 @@ def slanted_plane():
     plane = Rectangle((-1, -0.5, 0.3), (2, 0.3, 0.1), (0.2, 1.5, -0.4))
     loops = [wavy_loop(rng, (0.5, 0.5), 0.38, 4, 3, True), circle((0.45, 0.5), (0.1, 0.2))]
     return TrimmedSurface(plane, loops)
+
+
+def turned_part():
+    """A turned part of five segments, with a drilled hole across three and a slot across the seam."""
+    corner = np.sqrt(0.5)
+    segments = [
+        [(0, 0.3), (0, 1)],
+        [(0, 1), (0.9, 1)],
+        [(0.9, 1), (1, 1), (1, 0.9)],
+        [(1, 0.9), (1.2, 0.4)],
+        [(1.2, 0.4), (1.5, 0.5), (1.8, 0.2), (2, 0.3)],
+    ]
+    weights = [None, None, (1, corner, 1), None, None]
+    part = SurfaceOfRevolution(segments, (0.1, 0, -1), (0.2, 0.1, 1), weights=weights)
+    middle = 0.5 * (part.v_breaks[2] + part.v_breaks[3])
+    slot = polygon([(-0.05, 0.2), (0.1, 0.25), (0.08, 0.8), (-0.02, 0.85)])
+    return TrimmedSurface(part, [OUTLINE, circle((0.6, middle), (0.08, 0.2)), slot])
+
+
+def ring():
+    """Three quarters of a ring whose profile ends where it begins, cut across that place."""
+    segments = [
+        [(-0.3, 0.7), (-0.3, 1.2)],
+        [(-0.3, 1.2), (0, 1.5), (0.4, 1.2)],
+        [(0.4, 1.2), (0.3, 0.7)],
+        [(0.3, 0.7), (-0.3, 0.7)],
+    ]
+    whole = SurfaceOfRevolution(segments, (0, 0, 0.1), (0.1, 0.3, 1), u_range=(-0.1, 0.65))
+    notch = polygon([(0.3, -0.1), (0.5, -0.15), (0.6, 0.2), (0.35, 0.12)])
+    return TrimmedSurface(whole, [OUTLINE, notch, circle((0.3, 0.6), (0.1, 0.2))])

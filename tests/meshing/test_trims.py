@@ -4,11 +4,30 @@ import pickle
 
 import numpy as np
 import pytest
-from trimmed_surfaces import OUTLINE, ball_piece, bumpy, plate, sheet, wavy_loop, windowed_cylinder
+from trimmed_surfaces import (
+    OUTLINE,
+    ball_piece,
+    bumpy,
+    plate,
+    ring,
+    sheet,
+    turned_part,
+    wavy_loop,
+    windowed_cylinder,
+)
 
 from hybrid_rt.core.fingerprint import fingerprint
 from hybrid_rt.verify.exact.loops import ExactLoops
-from meshing import BezierPatches, Curve2, Cylinder, TrimmedSurface, circle, polygon, tessellate
+from meshing import (
+    BezierPatches,
+    Curve2,
+    Cylinder,
+    SurfaceOfRevolution,
+    TrimmedSurface,
+    circle,
+    polygon,
+    tessellate,
+)
 from meshing.curve2 import _slopes, _turns
 
 EPS = 2.0**-52
@@ -86,7 +105,7 @@ def test_border_of_the_square_is_inside_a_loop_along_it():
 
 def test_loops_across_the_seam_count_a_turn_away():
     surface = windowed_cylinder()
-    judge = ExactLoops(surface.loops, wraps=True)
+    judge = ExactLoops(surface.loops, surface.closes)
     u, v = np.random.default_rng(4).random((2, 500))
     inside, in_band = surface.contains(u, v)
     exact = [judge.is_inside(*pair) for pair in zip(u.tolist(), v.tolist(), strict=True)]
@@ -94,6 +113,35 @@ def test_loops_across_the_seam_count_a_turn_away():
     np.testing.assert_array_equal(inside, exact)
     # An outline all the way round leaves no edge at the seam.
     assert not surface.contains([0.0, 1.0, 1e-17, 0.5], [0.9, 0.9, 0.9, 0.9])[1].any()
+
+
+@pytest.mark.parametrize("make", [turned_part, ring])
+def test_v_goes_on_from_segment_to_segment(make):
+    surface = make()
+    judge = ExactLoops(surface.loops, surface.closes)
+    assert surface.closes == ((False, True) if make is ring else (True, False))
+    u, v = np.random.default_rng(6).random((2, 300))
+    inside, in_band = surface.contains(u, v)
+    exact = [judge.is_inside(*pair) for pair in zip(u.tolist(), v.tolist(), strict=True)]
+    assert not in_band.any()
+    np.testing.assert_array_equal(inside, exact)
+    at = surface.surface.v_breaks
+    k = np.searchsorted(at, v) - 1
+    own = (v - at[k]) / np.diff(at)[k]
+    np.testing.assert_array_equal(surface.point(u, v), surface.surface.point(u, own, k))
+    np.testing.assert_array_equal(surface.point(u, v, k), surface.point(u, v))
+    step = 2.0**-20
+    for d, (du, dv) in zip(surface.partials(u, v), ((step, 0), (0, step)), strict=True):
+        there, here = surface.point(u + du, v + dv, k), surface.point(u - du, v - dv, k)
+        np.testing.assert_allclose(d, (there - here) / (2 * step), atol=1e-8)
+    # Each segment's part is as long as its control polygon; all straight, v is the way along it.
+    lengths = [np.linalg.norm(np.diff(s, axis=0), axis=1).sum() for s in surface.surface.segments]
+    np.testing.assert_allclose(np.diff(at), lengths / np.sum(lengths), rtol=1e-14)
+    mesh = tessellate(surface, 1e-3)
+    gap = mesh.vertices[mesh.faces] - surface.point(
+        *mesh.uv.transpose(2, 0, 1), mesh.patch_id[:, None]
+    )
+    assert np.abs(gap).max() < 1e-12
 
 
 def test_ends_that_nearly_meet_are_joined_and_open_loops_refused():
@@ -128,6 +176,9 @@ def test_ends_that_nearly_meet_are_joined_and_open_loops_refused():
         (lambda: TrimmedSurface(plate(), [OUTLINE]), "no other is trimmed"),
         (lambda: TrimmedSurface(BezierPatches([plate().surface.patches[0]] * 2), [OUTLINE]), "of 2 pieces"),
         (lambda: plate().area_sampler(), "cannot shine"),
+        (lambda: TrimmedSurface(SurfaceOfRevolution([[(0, 1), (1, 1)], [(1, 1), (1, 1 + 1e-10)]],
+                                                    (0, 0, 0), (0, 0, 1)), [OUTLINE]),
+         "segment 1 is 1e-10 of the profile"),
     ],
 )  # fmt: skip
 def test_what_is_no_loop_is_refused_by_name(make, message):
@@ -136,7 +187,9 @@ def test_what_is_no_loop_is_refused_by_name(make, message):
 
 
 @pytest.mark.parametrize(
-    "surface", [bumpy(), sheet(), ball_piece(), windowed_cylinder()], ids=lambda s: repr(s)[15:30]
+    "surface",
+    [bumpy(), sheet(), ball_piece(), windowed_cylinder(), turned_part(), ring()],
+    ids=lambda s: repr(s)[15:50],
 )
 def test_moved_turned_and_pickled_surfaces_keep_their_loops(surface):
     copy = pickle.loads(pickle.dumps(surface))

@@ -12,14 +12,17 @@ from numpy.typing import NDArray
 from hybrid_rt.core.records import BoolArray, FloatArray, IntArray
 from hybrid_rt.intersection.kernels.revolution.finish import finish_revolutions, refine_revolutions
 from hybrid_rt.intersection.kernels.revolution.profile import (
+    BEGIN,
     BEND,
     END,
     END_KIND,
+    END_NEXT,
     END_R,
     END_TANGENT,
     END_Z,
     PIECE,
     RIM,
+    SHARE,
     TIP,
     RevolutionTable,
     measure_pieces,
@@ -89,6 +92,9 @@ class RevolutionKind:
                     control.append(_net(surface, number, centre, scale))
                     segment_id.append(number)
                     end.append([_describe_end(surface, number, k, centre, scale) for k in (0, 1)])
+            _number_rows(
+                end[first_segment[-1] :], segment_id[first_segment[-1] :], first_segment[-1]
+            )
             first_segment.append(len(control))
         degree = np.array([len(net) - 1 for net in control], np.int64)
         n_pieces = np.where(degree == 1, 1, np.where(degree > 6, 2 * PIECES, PIECES))
@@ -113,7 +119,7 @@ class RevolutionKind:
             span=np.empty((len(degree), 4)),
             whole=np.empty((len(surfaces), 3)),
             piece=np.empty((int(first_piece[-1]), PIECE)),
-            trim=_trim(trimmed, np.array(part), np.array(to_frame)) if trimmed else None,
+            trim=_trim(trimmed, first_segment, segment_id, part, to_frame) if trimmed else None,
         )
         t = self.table
         measure_pieces(t.control, t.start, t.degree, t.first_piece, t.span, t.piece)
@@ -174,14 +180,31 @@ def _net(surface: SurfaceOfRevolution, number: int, centre: float, scale: float)
     return homogeneous(points, weights)
 
 
-def _trim(surfaces: Sequence[TrimmedSurface], part: FloatArray, to_frame: FloatArray) -> Trim:
-    """Return the loops of trimmed surfaces; the kernels count u in whole turns."""
-    n = len(surfaces)
-    begin, share = part[:, -2], part[:, -1]
-    spans, scale = np.zeros((n, 4)), np.zeros((n, 4))
+def _trim(
+    surfaces: Sequence[TrimmedSurface],
+    first_segment: list[int],
+    segment_id: list[int],
+    part: list[FloatArray],
+    to_frame: list[float],
+) -> Trim:
+    """Return the loops of trimmed surfaces, a row for each segment; the kernels count u in turns."""
+    counts = np.diff(first_segment)
+    begin, share = np.repeat(np.array(part), counts, axis=0)[:, [BEGIN, SHARE]].T
+    spans, scale = np.zeros((len(segment_id), 4)), np.zeros((len(segment_id), 4))
     spans[:, 1], spans[:, 3] = 1.0 / share, 1.0
+    for k, surface in enumerate(surfaces):
+        if surface.spans is not None:
+            rows = slice(first_segment[k], first_segment[k + 1])
+            spans[rows, 2:] = surface.spans[segment_id[rows], 2:]
     scale[:, 0], scale[:, 1] = begin, share
-    return trim_of(surfaces, [1] * n, spans, to_frame, scale)
+    return trim_of(surfaces, counts.tolist(), spans, np.array(to_frame), scale)
+
+
+def _number_rows(ends: list[list[FloatArray]], segment_id: list[int], first: int) -> None:
+    """Replace numbers of segments, where ends go on, by rows of the table."""
+    row_of = {number: first + k for k, number in enumerate(segment_id)}
+    for end in (end for pair in ends for end in pair):
+        end[END_NEXT] = row_of.get(int(end[END_NEXT]), -1)
 
 
 def _part(surface: SurfaceOfRevolution) -> FloatArray:
@@ -217,11 +240,12 @@ def _describe_end(
     me = 2 * number + side
     net = segments[me]
     row = np.zeros(END)
+    row[END_NEXT] = -1.0
     row[END_Z], row[END_R] = (net[0] - [centre, 0.0]) * scale
     row[END_TANGENT : END_TANGENT + 3] = tangent = _leave(net, weights[me], size, scale)
     if net[0, 1] <= JOINED * size:
         row[END_KIND], row[END_R] = TIP, 0.0
-        row[END_TANGENT + 3 :] = tangent * (1.0, -1.0, -1.0)
+        row[END_TANGENT + 3 : END_NEXT] = tangent * (1.0, -1.0, -1.0)
         return row
     # The profile goes on in the segment drawn next, or in any that ends here.
     others = sorted(
@@ -230,7 +254,9 @@ def _describe_end(
     for k in others:
         if np.abs(segments[k][0] - net[0]).max() <= JOINED * size:
             row[END_KIND] = BEND
-            row[END_TANGENT + 3 :] = _leave(segments[k], weights[k], size, scale)
+            row[END_TANGENT + 3 : END_NEXT] = _leave(segments[k], weights[k], size, scale)
+            speed = _speed(segments[k], weights[k]) * scale
+            row[END_NEXT:] = k // 2, k % 2, speed
             return row
     row[END_KIND] = RIM
     return row
@@ -251,11 +277,17 @@ def _leave(net: FloatArray, weights: FloatArray | None, size: float, scale: floa
     return np.array([tz, tr, curvature])
 
 
+def _speed(net: FloatArray, weights: FloatArray | None) -> float:
+    """Return the length of the derivative with which a segment begins."""
+    ratio = 1.0 if weights is None else float(weights[1] / weights[0])
+    return (len(net) - 1) * ratio * float(np.hypot(*(net[1] - net[0])))
+
+
 def _outlines(ends: list[FloatArray]) -> int:
     """Bits of the ends of a segment (s = 0, s = 1) where the surface has an edge or a tip."""
     bits = 0
     for k, end in enumerate(ends):
-        (az, ar, _), (bz, br, _) = end[END_TANGENT : END_TANGENT + 3], end[END_TANGENT + 3 :]
+        (az, ar, _), (bz, br, _) = np.split(end[END_TANGENT:END_NEXT], 2)
         bends = abs(az * br - ar * bz) > STRAIGHT or az * bz + ar * br > 0.0
         if end[END_KIND] == RIM or bends:
             bits |= 1 << k

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from fractions import Fraction
-from itertools import pairwise
+from itertools import pairwise, product
 from math import lcm
 from typing import Any
 
@@ -28,17 +28,20 @@ class ExactLoops:
     ----------
     loops : iterable of iterables of Curve2
         Closed: each curve begins where the one before ends.
-    wraps : bool
-        Loops count once for every whole turn by which u can be moved.
+    closes : two bool
+        Whether loops count once for every whole turn by which u can be moved, and v.
     """
 
-    def __init__(self, loops: Iterable[Iterable[Curve2]], wraps: bool = False) -> None:
+    def __init__(
+        self, loops: Iterable[Iterable[Curve2]], closes: tuple[bool, bool] = (False, False)
+    ) -> None:
         self._arcs = [
             (curve.control[:, 0].tolist(), curve.control[:, 1].tolist(), _weights(curve))
             for loop in loops
             for curve in loop
         ]
-        self._turns = range(-2, 3) if wraps else range(1)
+        turns = [range(-2, 3) if closed else range(1) for closed in closes]
+        self._turns = list(product(*turns))
 
     def is_inside(self, u: Any, v: Any) -> bool | None:
         """Tell whether the loops go around a point an odd number of times; None: it is on a curve.
@@ -49,10 +52,10 @@ class ExactLoops:
             Taken as they are.
         """
         total = 0
-        for turn in self._turns:
+        for turn, rise in self._turns:
             quarters = 0
             # Python compares floats and fractions exactly.
-            x, y = (Fraction(u) + turn if turn else u), v
+            x, y = (Fraction(u) + turn if turn else u), (Fraction(v) + rise if rise else v)
             for arc in self._arcs:
                 found = _quarters(arc, x, y)
                 if found is None:

@@ -12,8 +12,10 @@ from trimmed_surfaces import (
     edge_rays,
     part_of_cone,
     plate,
+    ring,
     sheet,
     slanted_plane,
+    turned_part,
     windowed_cylinder,
 )
 
@@ -22,12 +24,12 @@ from hybrid_rt.core.records import Flag
 from hybrid_rt.core.threads import Pool
 from hybrid_rt.intersection.kinds.patches import PatchKind
 from hybrid_rt.verify.exact.judge import ExactJudge
-from meshing import BezierPatches, TrimmedSurface, circle, polygon
+from meshing import BezierPatches, SurfaceOfRevolution, TrimmedSurface, circle, polygon
 
 SURFACES = {
     "plate": plate, "bumpy": bumpy, "sheet": sheet, "ball_piece": ball_piece,
     "windowed_cylinder": windowed_cylinder, "part_of_cone": part_of_cone, "cap": cap,
-    "slanted_plane": slanted_plane,
+    "slanted_plane": slanted_plane, "turned_part": turned_part, "ring": ring,
 }  # fmt: skip
 each = pytest.mark.parametrize("name", SURFACES)
 
@@ -73,7 +75,11 @@ def test_all_queries_agree(name):
     first = all_of.offsets[:-1][all_of.count > 0]
     assert_same(all_of.hits[first], hits[hits.hit])
     whole = Intersector([surface.surface, scene[1]], coarse="none").intersect_all(*rays)
-    inside = surface.contains(np.clip(whole.hits.u, 0, 1), np.clip(whole.hits.v, 0, 1))[0]
+    v = whole.hits.v
+    if isinstance(surface.surface, SurfaceOfRevolution):  # hits on a whole one have v of segments
+        k = np.where(whole.hits.object_id == 0, whole.hits.patch_id, 0)
+        v = surface.surface.v_breaks[k] + v * np.diff(surface.surface.v_breaks)[k]
+    inside = surface.contains(np.clip(whole.hits.u, 0, 1), np.clip(v, 0, 1))[0]
     kept = inside | (whole.hits.object_id == 1)
     sure = beside > 1e-9
     for crossings in (whole, all_of):
@@ -184,6 +190,53 @@ def test_hits_within_the_gap_are_edges():
         if is_hit:
             np.testing.assert_allclose(hits.t_bound, 2 * gap / 2, rtol=1e-3)
             np.testing.assert_array_equal(tracer.occluded(at - slanted, slanted), [True])
+
+
+def test_edge_at_a_seam_is_an_edge():
+    # A cylinder of radius 1 cut at u = 0 and 0.4, so that there is nothing below y = 0 beside (1, 0).
+    tube = SurfaceOfRevolution([(0, 1), (2, 1)], (0, 0, 0), (0, 0, 1), (1, 0, 0))
+    surface = TrimmedSurface(tube, [polygon([(0, 0), (0.4, 0), (0.4, 1), (0, 1)])])
+    y = np.array([0, 1e-18, -1e-18, 1e-14, -1e-14, 1e-12, -1e-12])
+    origins = np.column_stack([np.full(len(y), 3.0), y, np.full(len(y), 1.0)])
+    hits = Intersector(surface).intersect(origins, [-1, 0, 0], t_max=3.0)
+    # 64 eps x 3 is 4.3e-14.
+    np.testing.assert_array_equal(hits.status == Status.TANGENT, np.abs(y) < 4e-14)
+    np.testing.assert_array_equal(hits.hit[-2:], [True, False])
+
+
+def test_segments_of_one_cylinder_are_hit_as_one():
+    loops = windowed_cylinder().loops
+    one = SurfaceOfRevolution([(0, 1), (2, 1)], (0, 0, 0), (0, 0, 1))
+    parts = [[(0, 1), (0.5, 1)], [(0.5, 1), (1.5, 1)], [(1.5, 1), (2, 1)]]
+    three = SurfaceOfRevolution(parts, (0, 0, 0), (0, 0, 1))
+    assert three.v_breaks.tolist() == [0, 0.25, 0.75, 1]
+    rays = edge_rays(TrimmedSurface(one, loops), 3000, 8)[:2]
+    hits, same = (Intersector(TrimmedSurface(s, loops)).intersect(*rays) for s in (three, one))
+    # A root as far from an edge as the band is wide may be told either way.
+    assert (hits.status != same.status).sum() <= 3
+    sure = (hits.status != Status.TANGENT) & (same.status != Status.TANGENT)
+    np.testing.assert_array_equal(hits.hit[sure], same.hit[sure])
+    assert sure.mean() > 0.7
+    hits, same = hits[sure], same[sure]
+    np.testing.assert_allclose(hits.t[hits.hit], same.t[hits.hit], rtol=1e-12)
+    np.testing.assert_allclose(hits.v[hits.hit], same.v[hits.hit], atol=1e-12)
+    at = np.array([0.0, 0.25, 0.75])
+    np.testing.assert_array_equal(
+        hits.patch_id[hits.hit], np.searchsorted(at, hits.v[hits.hit], side="right") - 1
+    )
+
+
+def test_band_reaches_beyond_a_bend_that_a_ray_sees_along():
+    # A disc, then a cone that widens by 1e-3 of its length, cut after 1e-11: seen along the axis the
+    # cut is 1e-14 beyond the disc, within the band of 64 eps x 2.8; on the surface it is far from it.
+    part = SurfaceOfRevolution([[(0, 0.2), (0, 1)], [(0, 1), (1, 1.001)]], (0, 0, 0), (0, 0, 1))
+    end = part.v_breaks[1] + 1e-11 * (1 - part.v_breaks[1])
+    surface = TrimmedSurface(part, [polygon([(0, 0), (1, 0), (1, end), (0, end)])])
+    r = 1 - np.array([1e-15, 1e-14, 1e-12, 1e-9])
+    origins = np.column_stack([r * np.cos(1), r * np.sin(1), np.full(4, -1.0)])
+    hits = Intersector(surface).intersect(origins, [0, 0, 1])
+    np.testing.assert_array_equal(hits.status == Status.TANGENT, r > 1 - 3e-14)
+    assert hits.hit.all()
 
 
 @pytest.mark.parametrize("accuracy", ["refined", "mesh"])

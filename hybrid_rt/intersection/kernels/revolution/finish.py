@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from hybrid_rt.intersection.kernels.revolution.loops import TURN, turn_within
+from hybrid_rt.intersection.kernels.revolution.loops import TURN, side_by_curves, turn_within
 from hybrid_rt.intersection.kernels.revolution.outlines import is_outline
 from hybrid_rt.intersection.kernels.revolution.profile import (
     BEGIN,
@@ -31,7 +31,7 @@ from hybrid_rt.intersection.kernels.revolution.solve import meet, offer_meeting,
 from hybrid_rt.intersection.kernels.search.coarse import parameters_at
 from hybrid_rt.intersection.kernels.search.rays import EDGE, NORMAL_DEGENERATE
 from hybrid_rt.intersection.kernels.search.tolerances import UNIT_ROUNDOFF
-from hybrid_rt.intersection.kernels.search.trims import decide, sure_side
+from hybrid_rt.intersection.kernels.search.trims import across_rows, sure_side
 from meshing.kernels.jit import hot_kernel
 from meshing.kernels.trims import CROSSED
 
@@ -130,16 +130,14 @@ def finish_revolutions(table, rays, best, row_of, ray, out):
         slope = abs(nr * rate + nz * ray[RISE]) / ray[LENGTH]
         band, along = ray[BAND], TURN * max(r, 0.0)
         far_v = (band * along / speed) ** 2
-        if sure_side(table.trim, k, turn, s, band**2, far_v, (slope * along) ** 2) == CROSSED:
-            around = ray[ACROSS] * side / rho if rho > 0.0 else 0.0
-            _, is_within, edge = decide(
-                table.trim, k, turn, s, 0.0, along, 0.0, rs * speed, 0.0, zs * speed, rate,
-                -around, ray[RISE], band,
-            )  # fmt: skip
+        if sure_side(table.trim, seg, turn, s, band**2, far_v, (slope * along) ** 2) == CROSSED:
+            _, is_within, edge = side_by_curves(
+                table.trim, seg, table.end[seg], turn, s, along, zs * speed, rs * speed, ray, t
+            )
             if is_within:
                 best.tangent[i] = 1
             if edge > 0.0:
                 out.flags[i] |= EDGE
-        out.v[i] = s
+        out.v[i] = across_rows(table.trim, seg, s)
         out.patch_id[i] = table.segment_id[seg]
         out.residual[i] = gap / to_frame

@@ -3,7 +3,13 @@
 import numpy as np
 
 from hybrid_rt.intersection.kernels.revolution.outlines import keep_doubt
-from hybrid_rt.intersection.kernels.revolution.profile import profile
+from hybrid_rt.intersection.kernels.revolution.profile import (
+    END_NEXT,
+    END_NEXT_SIDE,
+    END_NEXT_SPEED,
+    END_TANGENT,
+    profile,
+)
 from hybrid_rt.intersection.kernels.revolution.sheets import (
     ACROSS,
     BAND,
@@ -41,7 +47,7 @@ def turn_within(turn, begin, share):
 
 @inner
 def turn_of(trim, k, ray, t):
-    """Return the angle of the ray at t on trimmed surface k, see `turn_within`."""
+    """Return the angle of the ray at t on the surface of row k, see `turn_within`."""
     w, side = ray[WAY] + t * ray[ACROSS], ray[SIDE]
     x, y = w * ray[COSINE] - side * ray[SINE], w * ray[SINE] + side * ray[COSINE]
     return turn_within(np.arctan2(y, x) / TURN, trim.scale[k, BEGIN], trim.scale[k, SHARE])
@@ -59,7 +65,7 @@ def is_inside_loops(i, s, t, trim, segment, ray, rays, best):
     """
     if trim is None:  # an argument of its own: numba leaves the rest out where it is
         return True, 0.0
-    k = segment.member
+    k = segment.row
     turn = turn_of(trim, k, ray, t)
     side = quick_side(trim, k, turn, s)
     if side == OUTSIDE:
@@ -67,15 +73,38 @@ def is_inside_loops(i, s, t, trim, segment, ray, rays, best):
     if side == INSIDE:
         return True, 0.0
     _, r, zs, rs, _, _ = profile(segment.control, segment.start, segment.degree, s)
-    rho, rate = distance(ray, t, ray[WAY] + t * ray[ACROSS] >= 0.0)
-    around = ray[ACROSS] * ray[SIDE] / rho if rho > 0.0 else 0.0
-    is_hit, is_within, edge = decide(
-        trim, k, turn, s, 0.0, TURN * max(r, 0.0), 0.0, rs, 0.0, zs, rate, -around, ray[RISE],
-        ray[BAND],
-    )  # fmt: skip
+    is_hit, is_within, edge = side_by_curves(
+        trim, k, segment.end, turn, s, TURN * max(r, 0.0), zs, rs, ray, t
+    )
     if is_within and not is_hit:
         keep_doubt(i, t, ray, rays, best)
     return is_hit, edge * ray[TO_WORLD] / ray[LENGTH]
+
+
+@inner
+def side_by_curves(trim, k, end, turn, s, along, zs, rs, ray, t):
+    """Decide about a root near the curves, see `decide`; ``along`` is what a whole turn takes there.
+
+    Within the band of an end, the segment that goes on there is asked as well: seen along the ray its
+    curves may be nearer, or farther, than those of this segment say.
+    """
+    band, dz = ray[BAND], ray[RISE]
+    rho, rate = distance(ray, t, ray[WAY] + t * ray[ACROSS] >= 0.0)
+    around = ray[ACROSS] * ray[SIDE] / rho if rho > 0.0 else 0.0
+    is_hit, is_within, edge = decide(
+        trim, k, turn, s, 0.0, along, 0.0, rs, 0.0, zs, rate, -around, dz, band
+    )
+    side = 1 if s > 0.5 else 0
+    beyond = np.int64(end[side, END_NEXT])
+    if beyond >= 0 and abs(s - side) * abs(rs * dz - zs * rate) <= band * ray[LENGTH]:
+        at = end[side, END_NEXT_SIDE]
+        speed = end[side, END_NEXT_SPEED] * (1.0 - 2.0 * at)
+        zs, rs = speed * end[side, END_TANGENT + 3], speed * end[side, END_TANGENT + 4]
+        _, is_near, _ = decide(
+            trim, beyond, turn, at, 0.0, along, 0.0, rs, 0.0, zs, rate, -around, dz, band
+        )
+        is_within |= is_near
+    return is_hit, is_within, edge
 
 
 @inner
@@ -86,7 +115,7 @@ def may_be_kept_near(trim, segment, ray, t, s, hs):
     """
     if trim is None:
         return True
-    k = segment.member
+    k = segment.row
     rho, _ = distance(ray, t, True)
     around = ray[ACROSS] * ray[BESIDE] / (max(rho, 1e-300) * ray[LENGTH])
     long = 4.0 * (ray[BAND] + min(np.sqrt(ray[BAND]), around))

@@ -18,9 +18,11 @@ from meshing.kernels.jit import inlined, inner, kernel
 GROWTH = 0.15
 
 # Columns of the end of a segment: what it is, its height and radius, then for each side that the
-# profile goes on to: unit tangent (z, r) away from the end, and curvature.
+# profile goes on to: unit tangent (z, r) away from the end, and curvature. Then the segment that goes on
+# there, -1 for none: its row, its end (0 or 1), and the length of its derivative.
 END_KIND, END_Z, END_R, END_TANGENT = range(4)
-END = 9
+END_NEXT, END_NEXT_SIDE, END_NEXT_SPEED = 9, 10, 11
+END = 12
 RIM, TIP, BEND = 0.0, 1.0, 2.0
 
 # Columns of a piece: z and r of the piece, then of the grown piece, then Z' and R' of that.
@@ -57,7 +59,7 @@ class RevolutionTable(NamedTuple):
     span: Any  # (segments, 4): z and r of the segment
     whole: Any  # (k, 3): lowest and highest z, largest r of the object
     piece: Any  # (pieces, PIECE)
-    trim: Any  # None: surfaces are whole; else `search.trims.Trim`, a row for each object
+    trim: Any  # None: surfaces are whole; else `search.trims.Trim`, a row for each segment
 
 
 class Segment(NamedTuple):
@@ -72,7 +74,6 @@ class Segment(NamedTuple):
     object_id: Any
     row: Any
     trim: Any  # as in the table
-    member: Any  # its row there
 
 
 @inlined
@@ -80,7 +81,7 @@ def segment_of(table, k, row):
     """Return one row of a table as a `Segment`, of object k."""
     return Segment(
         table.control, table.start[row], table.degree[row], table.outlines[row], table.end[row],
-        table.size[k], table.object_id[k], row, table.trim, k,
+        table.size[k], table.object_id[k], row, table.trim,
     )  # fmt: skip
 
 

@@ -106,7 +106,7 @@ def sine_of_crossing(control, start, degree, ray, after, s, t):
 @inlined
 def solve_piece(i, segment, piece, ray, after, t_lo, t_cut, rays, best, work, counters):
     """Settle one piece on one sheet: offer its first root, or know that there is none."""
-    control, start, degree, outlines, end, size, object_id, row, trim, _ = segment
+    control, start, degree, outlines, end, size, object_id, row, trim = segment
     t_min, known = rays.t_min, rays.known
     net, stack, scratch = work.net, work.stack, work.piece
     band, slop = ray[BAND], ray[SLOP]

@@ -21,7 +21,7 @@ NEARBY = 2.0**-20
 
 
 class Trim(NamedTuple):
-    """The loops of a kind's surfaces; one row for each patch, or each surface."""
+    """The loops of a kind's surfaces; one row for each patch or segment, or each surface."""
 
     loops: Any  # `meshing.kernels.trims.TrimTable`
     member: Any  # (k,) int64: row of its loops
@@ -54,6 +54,16 @@ def sure_side(trim, k, u, v, far_u, far_v, room):
     if far_u * span[k, 1] * span[k, 1] <= most and far_v * span[k, 3] * span[k, 3] <= most:
         return quick_side(trim, k, u, v)
     return CROSSED
+
+
+@inlined
+def across_rows(trim, k, v):
+    """Return the v on the whole surface of a v of row k; without loops (None) the same."""
+    if trim is None:
+        return v
+    # The end is where the next row begins.
+    begin, width = trim.span[k, 2], trim.span[k, 3]
+    return begin + width if v == 1.0 else begin + v * width
 
 
 @inlined

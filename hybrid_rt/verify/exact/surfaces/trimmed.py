@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from fractions import Fraction
+from typing import Any
 
 from hybrid_rt.verify.exact.crossings import POINT, Crosser, Crossing, RationalVector
 from hybrid_rt.verify.exact.exact_surface import ExactSurface, Gap, IsTouched, exact_of
@@ -29,7 +30,7 @@ class ExactTrimmed(ExactSurface, of=TrimmedSurface):
         if surface.gap > 0.0:
             raise ValueError(f"{surface!r} has a gap: pass it without, exact crossings have none")
         self._whole = exact_of(surface.surface)
-        self._loops = ExactLoops(surface.loops, surface.wraps)
+        self._loops = ExactLoops(surface.loops, surface.closes)
 
     def crosser(self) -> Crosser:
         """Return a function that finds the crossings of the whole surface and leaves some out."""
@@ -51,7 +52,15 @@ class ExactTrimmed(ExactSurface, of=TrimmedSurface):
 
     def gap(self) -> Gap:
         """Return a function that measures from S(u, v) of the whole surface."""
-        return self._whole.gap()
+        gap, spans = self._whole.gap(), self.surface.spans
+        if spans is None or self.surface.surface.spans is not None:
+            return gap
+
+        def gap_of_segment(patch: int, u: float, v: float, point: list[Any]) -> float:
+            _, _, v0, v1 = spans[patch].tolist()
+            return gap(patch, u, (v - v0) / (v1 - v0), point)
+
+        return gap_of_segment
 
     def touch(self) -> IsTouched:
         """Return a function that looks for places where the ray is tangent to the whole surface."""

@@ -7,6 +7,7 @@ import numpy as np
 from hybrid_rt.core.records import BoolArray, FloatArray, IntArray
 from hybrid_rt.verify.filters.kernels.first import FOUND, UNSURE_FROM
 from hybrid_rt.verify.filters.surface_filter import SurfaceFilter, filter_of
+from meshing.spans import within_patch
 from meshing.trimmed import TrimmedSurface
 
 
@@ -33,6 +34,8 @@ class TrimmedFilter(SurfaceFilter, of=TrimmedSurface):
         self, origins: FloatArray, along: FloatArray, u: FloatArray, v: FloatArray, patch: IntArray
     ) -> FloatArray:
         """Measure from S(u, v) of the whole surface."""
+        if self.surface.spans is not None and self.surface.surface.spans is None:
+            u, v = within_patch(self.surface.spans, u, v, patch)
         return self._whole.gap(origins, along, u, v, patch)
 
     def ball(self) -> tuple[FloatArray, float]:
