@@ -152,6 +152,13 @@ class SurfaceOfRevolution(ParametricSurface):
         meets = np.abs(first - last).max() <= JOINED * size < first[1]
         return self.is_whole_turn, bool(meets)
 
+    @property
+    def poles(self) -> tuple[bool, bool]:
+        """Whether the profile begins on the axis, and whether it ends there."""
+        size = max(float(np.abs(segment).max()) for segment in self.segments)
+        ends = self.segments[0][0, 1], self.segments[-1][-1, 1]
+        return bool(ends[0] <= JOINED * size), bool(ends[1] <= JOINED * size)
+
     @cached_property
     def v_breaks(self) -> FloatArray:
         """(k + 1,) float64, from 0 to 1: where segments begin and end in one v for all of them.

@@ -37,7 +37,7 @@ class Surface(ABC):
     """(u, v) are barycentric weights, u + v <= 1; otherwise they fill the unit square."""
 
     flip_of_uv: ClassVar[str] = ""
-    """What `flipped` does to (u, v): "swapped" or "v reversed"; "" if loops cannot trim it."""
+    """What `flipped` does to (u, v): "swapped", "u reversed" or "v reversed". "": loops cannot trim it."""
 
     def __len__(self) -> int:
         """Return the number of patches; ``patch_id`` counts them from 0."""
@@ -102,6 +102,11 @@ class Surface(ABC):
     @property
     def closes(self) -> tuple[bool, bool]:
         """Whether u = 0 and u = 1 are the same points, and v = 0 and v = 1."""
+        return False, False
+
+    @property
+    def poles(self) -> tuple[bool, bool]:
+        """Whether all points of v = 0 are one, and all of v = 1: no edge of a surface about an axis."""
         return False, False
 
     @property

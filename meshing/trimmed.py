@@ -48,9 +48,9 @@ class TrimmedSurface(Surface):
     ----------
     surface : Surface
         One Bezier patch, a sheet of patches or a `NurbsSurface`; a `SurfaceOfRevolution`
-        (`Cylinder`, `Cone`); or a `hybrid_rt.Rectangle`. Of a profile of several segments u and v are
-        those of a sheet: v goes on from segment to segment, which begin at
-        `SurfaceOfRevolution.v_breaks`. Loops, hits and `point` take and give that v.
+        (`Cylinder`, `Cone`); or a `hybrid_rt.Rectangle`, `Sphere`, `Torus` or `Asphere`. Of a
+        profile of several segments u and v are those of a sheet: v goes on from segment to segment,
+        which begin at `SurfaceOfRevolution.v_breaks`. Loops, hits and `point` take and give that v.
     loops : sequence of sequences of Curve2
         In each loop a curve begins where the one before ends, and the first where the last one
         ends. Ends that are up to 1e-5 apart are joined by a straight line.
@@ -79,7 +79,8 @@ class TrimmedSurface(Surface):
         if not isinstance(surface, Surface) or not surface.flip_of_uv:
             raise TypeError(
                 f"TrimmedSurface surface is {shown(surface)}: pass one of Bezier patches, a "
-                "NurbsSurface, a SurfaceOfRevolution or a Rectangle; no other is trimmed"
+                "NurbsSurface, a SurfaceOfRevolution, a Rectangle, Sphere, Torus or Asphere; no other "
+                "is trimmed"
             )
         if surface.v_breaks is not None:
             _check_shares(surface, surface.v_breaks)
@@ -120,6 +121,11 @@ class TrimmedSurface(Surface):
     def is_flat(self) -> bool:  # type: ignore[override]
         """As the surface is."""
         return self.surface.is_flat
+
+    @property
+    def poles(self) -> tuple[bool, bool]:
+        """Those of the untrimmed surface."""
+        return self.surface.poles
 
     def contains(self, u: ArrayLike, v: ArrayLike) -> tuple[BoolArray, BoolArray]:
         """Tell which (u, v) are inside the loops.
@@ -243,6 +249,8 @@ class TrimmedSurface(Surface):
     def _turned(self, curve: Curve2) -> Curve2:
         if self.surface.flip_of_uv == "swapped":
             return Curve2(curve.control[:, ::-1], curve.weights)
+        if self.surface.flip_of_uv == "u reversed":
+            return Curve2(curve.control * (-1.0, 1.0) + (1.0, 0.0), curve.weights)
         return Curve2(curve.control * (1.0, -1.0) + (0.0, 1.0), curve.weights)
 
     def area_sampler(self) -> AreaSampler | None:

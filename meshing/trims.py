@@ -99,7 +99,8 @@ def make_table(members: Sequence[Any]) -> TrimTable:
             degrees.append(curve.degree)
             nets.append(curve.homogeneous())
             n_points += curve.degree + 1
-        own = _without_pairs(curves, [piece for k, c in enumerate(curves) for piece in _cut(c, k)])
+        own = [piece for k, c in enumerate(curves) for piece in _cut(c, k)]
+        own = _without_pairs(curves, _without_poles(own, member.poles))
         first = sum(len(before) for before in pieces)
         arcs.append(np.array([(starts[p.arc], degrees[p.arc]) for p in own], np.int64))
         pieces.append(np.array([(p.s_low, *p.low, p.s_high, *p.high) for p in own]))
@@ -180,6 +181,12 @@ def _moved(curve: Curve2, turn: tuple[float, ...]) -> Curve2:
     moved = Curve2.__new__(Curve2)
     moved.control, moved.weights = curve.control + np.array(turn), curve.weights
     return moved
+
+
+def _without_poles(pieces: list[Piece], poles: tuple[bool, bool]) -> list[Piece]:
+    """Leave out pieces along v = 0 or 1 where that is a single point: no edge, and no change of sides."""
+    at = [v for v, is_pole in zip((0.0, 1.0), poles, strict=True) if is_pole]
+    return [p for p in pieces if not (p.low[1] == p.high[1] and p.low[1] in at)]
 
 
 def _without_pairs(curves: list[Curve2], pieces: list[Piece]) -> list[Piece]:

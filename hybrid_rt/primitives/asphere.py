@@ -86,6 +86,9 @@ class Asphere(AxialSurface):
     ISO 10110-12, "Optics and photonics: preparation of drawings, aspheric surfaces".
     """
 
+    flip_of_uv = "v reversed"
+    closes = (True, False)
+
     def __init__(
         self,
         radius: float,
@@ -102,6 +105,11 @@ class Asphere(AxialSurface):
         self.aperture = number(aperture, "Asphere aperture", above=0.0)
         self._set_frame(origin, axis, reference)
         self._check_sag()
+
+    @property
+    def poles(self) -> tuple[bool, bool]:
+        """Whether v = 0 is the vertex, and whether v = 1 is."""
+        return self.orientation > 0, self.orientation < 0
 
     def _check_sag(self) -> None:
         """Refuse a sag that ends within the aperture, or whose terms cancel."""

@@ -34,6 +34,9 @@ class Sphere(Surface):
     """
 
     is_closed = True
+    flip_of_uv = "u reversed"
+    closes = (True, False)
+    poles = (True, True)
 
     def __init__(
         self,

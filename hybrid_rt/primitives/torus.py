@@ -47,6 +47,8 @@ class Torus(AxialSurface):
     """
 
     is_closed = True
+    flip_of_uv = "v reversed"
+    closes = (True, True)
 
     def __init__(
         self,

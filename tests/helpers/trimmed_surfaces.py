@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from hybrid_rt import Rectangle
+from hybrid_rt import Asphere, Rectangle, Sphere, Torus
 from hybrid_rt.verify.cases.rational_surfaces import octants
 from meshing import (
     BezierPatches,
@@ -85,7 +85,8 @@ def edge_rays(surface, n, seed, reach=3.0):
     beside = rng.choice([0.0, *10.0 ** -np.arange(1, 15)], n)
     turn = rng.uniform(0, 2 * np.pi, n)
     at += beside[:, None] * np.column_stack([np.cos(turn), np.sin(turn)])
-    u, v = np.clip(at.T, 0.0, 1.0)
+    # Where the surface closes on itself an edge goes on at its other border.
+    u, v = np.where(np.array(surface.closes)[:, None], at.T % 1.0, np.clip(at.T, 0.0, 1.0))
     point, normal = surface.point(u, v), surface.normal(u, v)
     away = rng.normal(size=(n, 3))
     away /= np.linalg.norm(away, axis=1)[:, None]
@@ -152,3 +153,24 @@ def ring():
     whole = SurfaceOfRevolution(segments, (0, 0, 0.1), (0.1, 0.3, 1), u_range=(-0.1, 0.65))
     notch = polygon([(0.3, -0.1), (0.5, -0.15), (0.6, 0.2), (0.35, 0.12)])
     return TrimmedSurface(whole, [OUTLINE, notch, circle((0.3, 0.6), (0.1, 0.2))])
+
+
+def windowed_ball():
+    """A flipped sphere with a window over a pole's meridians, a round one across the seam, a sector."""
+    ball = Sphere((0.1, 0.2, -0.3), 0.8, (0.2, 0.1, 1), (1, 0.3, 0)).flipped()
+    sector = polygon([(0.55, 1), (0.7, 0.8), (0.85, 1)])
+    return TrimmedSurface(ball, [OUTLINE, sector, circle((0.02, 0.45), (0.1, 0.2))])
+
+
+def windowed_torus():
+    """A torus with windows across both seams, and one beside them."""
+    tube = Torus((0.1, -0.2, 0.3), (0.3, -0.2, 1), 1.0, 0.45)
+    across = polygon([(-0.1, -0.2), (0.12, -0.15), (0.08, 0.2), (-0.05, 0.1)])
+    return TrimmedSurface(tube, [OUTLINE, across, circle((0.5, 0.55), (0.2, 0.15))])
+
+
+def cut_lens():
+    """An aspheric surface inside a smooth outline that holds the vertex, with a hole."""
+    lens = Asphere(1.5, -0.7, [0, 0.05, -0.02], 2.0, (0.1, 0.2, 0), (0.2, 0, 1))
+    shape = polygon([(0, 0), (0, 0.6), (0.3, 0.95), (0.7, 0.5), (1, 0.6), (1, 0)])
+    return TrimmedSurface(lens, [shape, circle((0.35, 0.5), (0.1, 0.2))])

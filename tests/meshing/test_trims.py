@@ -8,12 +8,15 @@ from trimmed_surfaces import (
     OUTLINE,
     ball_piece,
     bumpy,
+    cut_lens,
     plate,
     ring,
     sheet,
     turned_part,
     wavy_loop,
+    windowed_ball,
     windowed_cylinder,
+    windowed_torus,
 )
 
 from hybrid_rt.core.fingerprint import fingerprint
@@ -188,7 +191,17 @@ def test_what_is_no_loop_is_refused_by_name(make, message):
 
 @pytest.mark.parametrize(
     "surface",
-    [bumpy(), sheet(), ball_piece(), windowed_cylinder(), turned_part(), ring()],
+    [
+        bumpy(),
+        sheet(),
+        ball_piece(),
+        windowed_cylinder(),
+        turned_part(),
+        ring(),
+        windowed_ball(),
+        windowed_torus(),
+        cut_lens(),
+    ],
     ids=lambda s: repr(s)[15:50],
 )
 def test_moved_turned_and_pickled_surfaces_keep_their_loops(surface):
@@ -200,7 +213,8 @@ def test_moved_turned_and_pickled_surfaces_keep_their_loops(surface):
     np.testing.assert_array_equal(surface.transformed(move).contains(u, v)[0], inside)
     # The flipped surface has the same points inside, at its own (u, v).
     over = surface.flipped()
-    uv = (v, u) if surface.surface.flip_of_uv == "swapped" else (u, 1 - v)
+    uv = {"swapped": (v, u), "v reversed": (u, 1 - v), "u reversed": (1 - u, v)}
+    uv = uv[surface.surface.flip_of_uv]
     np.testing.assert_array_equal(over.contains(*uv)[0], inside)
     np.testing.assert_allclose(over.point(*uv), surface.point(u, v), atol=1e-14)
     np.testing.assert_allclose(over.normal(*uv), -surface.normal(u, v), atol=1e-12)

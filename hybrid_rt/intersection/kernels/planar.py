@@ -15,7 +15,7 @@ from hybrid_rt.intersection.kernels.reach import (
 from hybrid_rt.intersection.kernels.search.nearest import CLEAR, WITHIN_BAND, doubt, offer
 from hybrid_rt.intersection.kernels.search.rays import EDGE
 from hybrid_rt.intersection.kernels.search.tolerances import TANGENT_BAND, UNIT_ROUNDOFF
-from hybrid_rt.intersection.kernels.search.trims import decide, sure_side
+from hybrid_rt.intersection.kernels.search.trims import decide, has_gap, sure_side
 from meshing.kernels.jit import hot_kernel, inlined, inner
 from meshing.kernels.trims import CROSSED, INSIDE
 
@@ -331,14 +331,14 @@ def finish_rectangle(table, k, rays, best, i, out):
         out.normal[i, c] = table.normal[k, c]
     out.u[i], out.v[i], out.patch_id[i] = u, v, 0
     out.residual[i] = np.sqrt(gap)
-    if is_edge(k, u, v, d, table.trim, table):
+    if has_gap(table.trim, k) and is_edge(k, u, v, d, table.trim, table):
         out.flags[i] |= EDGE
 
 
 @inner
 def is_edge(k, u, v, d, trim, table):
     """Tell whether a hit on parallelogram k is within the gap of an edge."""
-    if trim is None or trim.gap[k] == 0.0:
+    if trim is None:
         return False
     p, q = table.edge_u[k], table.edge_v[k]
     edge = decide(trim, k, u, v, p[0], p[1], p[2], q[0], q[1], q[2], d[0], d[1], d[2], 0.0)[2]

@@ -21,6 +21,11 @@ from hybrid_rt.intersection.kernels.reach import (
     sphere_columns,
     spheres_in_reach,
 )
+from hybrid_rt.intersection.kernels.search.axial_trims import (
+    LONG,
+    side_about_axis,
+    touches_kept,
+)
 from hybrid_rt.intersection.kernels.search.counters import NODES
 from hybrid_rt.intersection.kernels.search.frame import (
     begin_of,
@@ -29,9 +34,11 @@ from hybrid_rt.intersection.kernels.search.frame import (
     share_of_turn,
     turned,
 )
-from hybrid_rt.intersection.kernels.search.nearest import offer
+from hybrid_rt.intersection.kernels.search.nearest import doubt, offer
+from hybrid_rt.intersection.kernels.search.rays import EDGE
 from hybrid_rt.intersection.kernels.search.tolerances import TANGENT_BAND, UNIT_ROUNDOFF
 from hybrid_rt.intersection.kernels.search.tree import box_ray, next_leaf
+from hybrid_rt.intersection.kernels.search.trims import has_gap
 from meshing.kernels.jit import hot_kernel, inlined, inner
 
 # An origin is beside a sphere where |o - c|^2 - r^2 is below this part of r^2.
@@ -49,10 +56,11 @@ class SphereTable(NamedTuple):
     orientation: Any  # (k,): 1 normals outward, -1 inward
     object_id: Any  # (k,) int32
     reach: Any  # (4, more) float64, see `spheres_in_reach`
+    trim: Any  # None: they are whole; else `search.trims.Trim`
 
 
-def sphere_table(spheres, object_id):
-    """Return the table of a list of spheres."""
+def sphere_table(spheres, object_id, trim=None):
+    """Return the table of a list of spheres, and of the loops that trim all of them."""
     center = np.array([s.center for s in spheres]).reshape(-1, 3)
     radius = np.array([s.radius for s in spheres])
     return SphereTable(
@@ -62,6 +70,7 @@ def sphere_table(spheres, object_id):
         orientation=np.array([float(s.orientation) for s in spheres]),
         object_id=object_id,
         reach=sphere_columns(center, radius),
+        trim=trim,
     )
 
 
@@ -78,6 +87,59 @@ def _along(fx, fy, fz, gx, gy, gz, dx, dy, dz):
     t = s + r
     z = t - s
     return t + (low + ((s - (t - z)) + (r - z)))
+
+
+@inlined
+def _look(i, k, t, table, rays):
+    """Return the point of ray i at t from the centre of sphere k, along its frame, and its v."""
+    o, d, c = rays.origin[i], rays.direction[i], table.center[k]
+    fx, gx = two_difference(o[0], c[0])
+    fy, gy = two_difference(o[1], c[1])
+    fz, gz = two_difference(o[2], c[2])
+    x, y, z = turned(
+        table.frame[k], fx + t * d[0] + gx, fy + t * d[1] + gy, fz + t * d[2] + gz
+    )  # fmt: skip
+    v = np.arctan2(np.sqrt(x * x + y * y), -z) / np.pi
+    return x, y, z, min(max(v, 0.0), 1.0)
+
+
+@inlined
+def _side_of_root(i, k, t, band, trim, table, rays):
+    """Decide about a root on trimmed sphere k, see `side_about_axis`; return its u and v as well."""
+    d = rays.direction[i]
+    x, y, z, v = _look(i, k, t, table, rays)
+    dx, dy, dz = turned(table.frame[k], d[0], d[1], d[2])
+    up = np.pi * np.sqrt(x * x + y * y)
+    u = share_of_turn(y, x)
+    is_hit, is_within, edge = side_about_axis(trim, k, x, y, u, v, -np.pi * z, up, dx, dy, dz, band)
+    return is_hit, is_within, edge, u, v
+
+
+@inner
+def _grazes_kept(i, k, t, band, trim, table, rays):
+    """Tell whether the sphere where a ray grazes it, around t, may be inside the loops."""
+    if trim is None:
+        return True
+    x, y, _, v = _look(i, k, t, table, rays)
+    r = table.radius[k]
+    return touches_kept(trim, k, x, y, v, np.pi * r, LONG * (np.sqrt(band * r) + band))
+
+
+@inlined
+def _offer_inside(i, k, t, error, n_dot_d, tangent, band, trim, table, rays, best):
+    """Offer a root on trimmed sphere k if it is inside the loops."""
+    if not t > rays.t_min[i] or t > best.t[i]:
+        return
+    is_kept, is_within, edge, u, v = _side_of_root(i, k, t, band, trim, table, rays)
+    if is_kept:
+        d = rays.direction[i]
+        error += edge / np.sqrt(d[0] * d[0] + d[1] * d[1] + d[2] * d[2])
+        offer(
+            i, t, error, n_dot_d, tangent or is_within, table.object_id[k], 0, u, v,
+            rays.t_min, rays.known, best,
+        )  # fmt: skip
+    elif is_within or (tangent and _grazes_kept(i, k, t, band, trim, table, rays)):
+        doubt(i, t, band, rays.t_min, rays.known, best)
 
 
 @inlined
@@ -98,7 +160,11 @@ def offer_sphere(i, k, table, rays, best):
     band = TANGENT_BAND * max(away, 2.0 * r)
     depth = r - foot
     if depth <= 0.0:
-        if depth > -band and middle > t_min[i]:
+        if (
+            depth > -band
+            and middle > t_min[i]
+            and _grazes_kept(i, k, middle, band, table.trim, table, rays)
+        ):
             best.doubt[i] = min(best.doubt[i], middle)
         return
     half = np.sqrt(depth * (r + foot) / dd)
@@ -127,6 +193,10 @@ def offer_sphere(i, k, table, rays, best):
     error_near += 32.0 * u * u * (r * r + away * away) / (dd * abs(far))
     n_dot_d = half * dd / r
     tangent = depth < band
+    if table.trim is not None:
+        _offer_inside(i, k, near, error_near, n_dot_d, tangent, band, table.trim, table, rays, best)
+        _offer_inside(i, k, far, error_far, n_dot_d, tangent, band, table.trim, table, rays, best)
+        return
     offer(i, near, error_near, n_dot_d, tangent, object_id[k], 0, 0.0, 0.0, t_min, known, best)
     offer(i, far, error_far, n_dot_d, tangent, object_id[k], 0, 0.0, 0.0, t_min, known, best)
 
@@ -230,10 +300,23 @@ def finish_sphere(table, k, rays, best, i, out):
     out.normal[i, 0], out.normal[i, 1], out.normal[i, 2] = s * x, s * y, s * z
     e = table.frame[k]
     a, b, h = turned(e, x, y, z)
-    out.u[i] = share_of_turn(b, a)
-    out.v[i] = min(max(np.arctan2(np.sqrt(a * a + b * b), -h) / np.pi, 0.0), 1.0)
+    if table.trim is None:
+        out.u[i] = share_of_turn(b, a)
+        out.v[i] = min(max(np.arctan2(np.sqrt(a * a + b * b), -h) / np.pi, 0.0), 1.0)
+    else:
+        out.u[i], out.v[i] = best.a[i], best.b[i]
     out.patch_id[i] = 0
     out.residual[i] = abs(length - r)
+    if has_gap(table.trim, k) and is_edge(i, k, t, table.trim, table, rays):
+        out.flags[i] |= EDGE
+
+
+@inner
+def is_edge(i, k, t, trim, table, rays):
+    """Tell whether a hit on sphere k is within the gap of an edge."""
+    if trim is None:
+        return False
+    return _side_of_root(i, k, t, 0.0, trim, table, rays)[2] > 0.0
 
 
 @hot_kernel

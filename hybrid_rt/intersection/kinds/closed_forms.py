@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -11,6 +12,7 @@ from hybrid_rt.core.records import BoolArray, FloatArray, IntArray
 from hybrid_rt.intersection.kernels.search.nearest import Nearest, Rays
 from hybrid_rt.intersection.kind import Finished
 from hybrid_rt.intersection.ray_batch import FARTHEST, POINT_ROUNDING
+from hybrid_rt.intersection.trims import trim_of_single, trimmed_of, whole_of
 
 if TYPE_CHECKING:
     from hybrid_rt.intersection.kernels.closed_forms import ClosedForms
@@ -86,7 +88,8 @@ class Spheres(ClosedForm):
 
     Parameters
     ----------
-    members : sequence of (object id, Sphere)
+    members : sequence of (object id, Sphere or TrimmedSurface of one)
+        All of them trimmed, or none; else TypeError.
     many : int
         Number of spheres from which on the hierarchy is used.
     """
@@ -98,11 +101,16 @@ class Spheres(ClosedForm):
             trace_spheres,
         )
 
+        trimmed, members = trimmed_of(members), whole_of(members)
         radius = np.array([sphere.radius for _, sphere in members])
         is_large = asked_by_all(radius, many)
         order = np.argsort(~is_large, kind="stable")
         members = [members[k] for k in order]
-        super().__init__(members, sphere_table, trace_spheres, finish_spheres, "spheres")
+        make_table: Callable[..., Any] = sphere_table
+        if trimmed:
+            make_table = partial(sphere_table, trim=trim_of_single([trimmed[k] for k in order]))
+        alone = "" if trimmed else "spheres"
+        super().__init__(members, make_table, trace_spheres, finish_spheres, alone)
         self._n_plain = int(np.count_nonzero(is_large))
         self._tree: Any = None
         if self._n_plain < len(members):

@@ -18,7 +18,7 @@ from hybrid_rt.core.records import IntArray
 from hybrid_rt.core.threads import Pool
 from hybrid_rt.intersection.kind import CurvedKind, Kind
 from hybrid_rt.intersection.kinds.closed_forms import MANY, ClosedForm, Spheres, asked_by_all
-from hybrid_rt.intersection.trims import trim_of_single, whole_of
+from hybrid_rt.intersection.trims import trim_of_single, trimmed_of, whole_of
 from hybrid_rt.primitives import Box, Plane, Rectangle, Sphere, TriangleMesh
 from hybrid_rt.primitives.asphere import Asphere
 from hybrid_rt.primitives.box import TurnedBox
@@ -199,6 +199,16 @@ def _members_of(surfaces: Sequence[Surface]) -> dict[str, Members]:
     return members
 
 
+def _with_loops(
+    members: Members, make_table: Callable[..., Any]
+) -> tuple[Members, Callable[..., Any], bool]:
+    """Return members without loops, what makes their table with these, and whether there are any."""
+    trimmed = trimmed_of(members)
+    if not trimmed:
+        return members, make_table, False
+    return whole_of(members), partial(make_table, trim=trim_of_single(trimmed)), True
+
+
 def _spheres(members: Members, _accuracy: str, _pool: Pool) -> Kind:
     return Spheres(members)
 
@@ -206,13 +216,9 @@ def _spheres(members: Members, _accuracy: str, _pool: Pool) -> Kind:
 def _rectangles(members: Members, _accuracy: str, _pool: Pool) -> Kind:
     from hybrid_rt.intersection.kernels import planar
 
-    return ClosedForm(
-        members,
-        planar.rectangle_table,
-        planar.trace_rectangles,
-        planar.finish_rectangles,
-        "rectangles",
-    )
+    whole, table, is_trimmed = _with_loops(members, planar.rectangle_table)
+    alone = "" if is_trimmed else "rectangles"
+    return ClosedForm(whole, table, planar.trace_rectangles, planar.finish_rectangles, alone)
 
 
 def _planes(members: Members, _accuracy: str, _pool: Pool) -> Kind:
@@ -241,14 +247,16 @@ def _tori(members: Members, _accuracy: str, _pool: Pool) -> Kind:
     from hybrid_rt.intersection.kernels.torus.table import torus_table
     from hybrid_rt.intersection.kernels.torus.trace import finish_tori, trace_tori
 
-    return ClosedForm(members, torus_table, trace_tori, finish_tori)
+    whole, table, _ = _with_loops(members, torus_table)
+    return ClosedForm(whole, table, trace_tori, finish_tori)
 
 
 def _aspheres(members: Members, _accuracy: str, _pool: Pool) -> Kind:
     from hybrid_rt.intersection.kernels.asphere.table import asphere_table
     from hybrid_rt.intersection.kernels.asphere.trace import finish_aspheres, trace_aspheres
 
-    return ClosedForm(members, asphere_table, trace_aspheres, finish_aspheres)
+    whole, table, _ = _with_loops(members, asphere_table)
+    return ClosedForm(whole, table, trace_aspheres, finish_aspheres)
 
 
 def _patches(members: Members, accuracy: str, pool: Pool) -> CurvedKind:
@@ -313,14 +321,6 @@ ENTRIES = (
 )
 
 
-def _trimmed_rectangles(members: Members, _accuracy: str, _pool: Pool) -> Kind:
-    from hybrid_rt.intersection.kernels import planar
-
-    trim = trim_of_single([surface for _, surface in members])
-    table = partial(planar.rectangle_table, trim=trim)
-    return ClosedForm(whole_of(members), table, planar.trace_rectangles, planar.finish_rectangles)
-
-
 _BY_CLASS: dict[type, Entry] = {entry.surface: entry for entry in ENTRIES}
 # Which classes can be trimmed: the same kinds with loops, so that whole surfaces ask for none.
 _TRIMMED: dict[type, Entry] = {
@@ -328,7 +328,6 @@ _TRIMMED: dict[type, Entry] = {
         entry,
         surface=TrimmedSurface,
         name=f"trimmed {entry.name}",
-        build=_trimmed_rectangles if entry.surface is Rectangle else entry.build,
         kernels=lambda _members, _way: [],
     )
     for entry in ENTRIES

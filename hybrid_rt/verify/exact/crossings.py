@@ -194,6 +194,23 @@ def on_curve(points: Sequence[RationalVector], x: Rational) -> list[Rational]:
     return total
 
 
+def turns(y: Ball, x: Ball) -> Ball:
+    """Return the angle of (x, y) in whole turns, from -1/2 to 1/2."""
+    return flint.acb(x, y).arg() / (2 * flint.arb.pi())
+
+
+def along_frame(frame: Any, centre: RationalVector, point: Sequence[Ball]) -> list[Ball]:
+    """Return the coordinates of a point about a centre along the rows of a frame, (3, 3) floats."""
+    away = [p - c for p, c in zip(point, centre, strict=True)]
+    return [dot(rationals(row), away) for row in frame]
+
+
+def share(turn: Ball) -> float:
+    """Return an angle in whole turns as a number from 0 to 1, rounded."""
+    middle = float(turn.mid())
+    return middle if middle >= 0.0 else float((turn + 1).mid())
+
+
 def distance(a: Sequence[Any], b: Sequence[Any]) -> float:
     """Return the distance of two points, rounded."""
     return norm([float(x - y) for x, y in zip(a, b, strict=True)])

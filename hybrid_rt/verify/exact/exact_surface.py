@@ -21,6 +21,8 @@ from meshing.surface import Surface
 Gap: TypeAlias = Callable[[int, float, float, list[Any]], float]
 """How far a rational point of a ray lies from the point of the surface that a hit names by its
 patch, u and v; rounded."""
+Locate: TypeAlias = Callable[[list[Any]], tuple[float, float]]
+"""(u, v), rounded, of a point of the surface given in balls."""
 IsTouched: TypeAlias = Callable[[FloatArray, FloatArray, float, bool], bool]
 """Whether a ray, from its origin and unit direction, grazes the surface within a reach, or begins
 so near to it. A ray that leaves the surface (the last argument) always does the latter, which then
@@ -49,6 +51,10 @@ class ExactSurface(ABC):
     @abstractmethod
     def crosser(self) -> Crosser:
         """Return a function that finds all crossings of a ray, of any t."""
+
+    def locate(self) -> Locate | None:
+        """Return a function that finds (u, v) of a point; None: crossings name theirs."""
+        return None
 
     @abstractmethod
     def gap(self) -> Gap:

@@ -9,6 +9,7 @@ from trimmed_surfaces import (
     ball_piece,
     bumpy,
     cap,
+    cut_lens,
     edge_rays,
     part_of_cone,
     plate,
@@ -16,10 +17,12 @@ from trimmed_surfaces import (
     sheet,
     slanted_plane,
     turned_part,
+    windowed_ball,
     windowed_cylinder,
+    windowed_torus,
 )
 
-from hybrid_rt import Intersector, Sphere, Status
+from hybrid_rt import Box, Intersector, Sphere, Status
 from hybrid_rt.core.records import Flag
 from hybrid_rt.core.threads import Pool
 from hybrid_rt.intersection.kinds.patches import PatchKind
@@ -30,6 +33,7 @@ SURFACES = {
     "plate": plate, "bumpy": bumpy, "sheet": sheet, "ball_piece": ball_piece,
     "windowed_cylinder": windowed_cylinder, "part_of_cone": part_of_cone, "cap": cap,
     "slanted_plane": slanted_plane, "turned_part": turned_part, "ring": ring,
+    "windowed_ball": windowed_ball, "windowed_torus": windowed_torus, "cut_lens": cut_lens,
 }  # fmt: skip
 each = pytest.mark.parametrize("name", SURFACES)
 
@@ -55,7 +59,8 @@ def test_hits_beside_edges_are_the_exact_ones(name):
     origins, directions, beside = edge_rays(surface, 24, 11)
     hits = Intersector([surface], coarse="none").intersect(origins, directions)
     verdict = ExactJudge([surface]).judge(hits, origins, directions, distance=beside)
-    assert 0 < verdict.hits < 24
+    # Behind the windows of a ball there is the ball.
+    assert 0 < verdict.hits < (25 if name == "windowed_ball" else 24)
     assert verdict.faults == verdict.left_open == 0
     assert verdict.worst_bound <= 1.0
 
@@ -239,6 +244,60 @@ def test_band_reaches_beyond_a_bend_that_a_ray_sees_along():
     assert hits.hit.all()
 
 
+@pytest.mark.parametrize("is_flipped", [False, True])
+@pytest.mark.parametrize("name", ["windowed_ball", "windowed_torus", "cut_lens"])
+def test_edges_of_surfaces_about_an_axis(name, is_flipped):
+    # Cut at v = 1/2, met along the normal beside that: distances on the surface are those in space.
+    whole = SURFACES[name]().surface
+    whole = whole.flipped() if is_flipped else whole
+    gap, u = 1e-4, np.random.default_rng(4).random(40)
+    speed = np.linalg.norm(whole.partials(0.3, 0.5)[1])
+    lower = [polygon([(0, 0), (1, 0), (1, 0.5), (0, 0.5)])]
+    exact, wide = (TrimmedSurface(whole, lower, gap=g) for g in (0.0, gap))
+    for beside in (-1e-5, -1e-12, 0.0, 1e-12, 0.9e-4, 1.1e-4, 1e-2):
+        v = 0.5 + beside / speed
+        point, normal = whole.point(u, v), whole.normal(u, v)
+        rays = point + 0.05 * normal, -normal
+        hits, hits_wide = (Intersector(s).intersect(*rays, t_max=0.1) for s in (exact, wide))
+        # 64 eps x 3 is 4.3e-14.
+        np.testing.assert_array_equal(hits.status == Status.TANGENT, beside == 0.0)
+        assert beside == 0.0 or (hits.hit == (beside < 0.0)).all()
+        np.testing.assert_array_equal(hits_wide.hit, beside < gap)
+        np.testing.assert_array_equal(hits_wide.flags & Flag.EDGE > 0, abs(beside) < gap)
+        if abs(beside) < gap:
+            np.testing.assert_allclose(hits_wide.t_bound, gap, rtol=1e-3)
+
+
+def test_a_ball_is_hit_beyond_its_windows_by_the_closed_form():
+    # The southern hemisphere, and of the northern one a quarter: u from 1/4 to 1/2.
+    ball = Sphere((0, 0, 0), 1.0)
+    loop = polygon(
+        [(0, 0), (1, 0), (1, 0.5), (0.5, 0.5), (0.5, 1), (0.25, 1), (0.25, 0.5), (0, 0.5)]
+    )
+    surface = TrimmedSurface(ball, [loop])
+    rng = np.random.default_rng(5)
+    origins = 2 * rng.normal(size=(20_000, 3))
+    directions = rng.uniform(-1, 1, (20_000, 3)) - origins
+    hits = Intersector(surface).intersect(origins, directions)
+    o, d = origins.astype(np.longdouble), directions.astype(np.longdouble)
+    a, b, c = (d * d).sum(1), (o * d).sum(1), (o * o).sum(1) - 1
+    t = np.full(len(o), np.inf, np.longdouble)
+    with np.errstate(invalid="ignore"):
+        root = np.sqrt(b * b - a * c)
+        for s in ((-b - root) / a, (-b + root) / a):
+            x, y, z = (o + s[:, None] * d).T
+            is_there = (z <= 0) | ((x <= 0) & (y >= 0))
+            t = np.where((s > 0) & is_there & (s < t), s, t)
+    sure = hits.status != Status.TANGENT
+    assert sure.mean() > 0.999
+    np.testing.assert_array_equal(hits.hit[sure], np.isfinite(t)[sure])
+    both = hits.hit & sure
+    assert both.sum() > 5000
+    assert np.abs(hits.t[both] - t[both]).max() < 1e-11
+    many = [surface.transformed(np.eye(4) + 9 * k * np.eye(4, k=3)) for k in range(12)]
+    assert_same(hits[hits.hit], Intersector(many).intersect(origins, directions)[hits.hit])
+
+
 @pytest.mark.parametrize("accuracy", ["refined", "mesh"])
 def test_meshes_of_trimmed_surfaces_miss_only_beside_edges(accuracy):
     for surface in (sheet(), windowed_cylinder()):
@@ -267,8 +326,8 @@ def test_loops_that_enclose_nothing_are_never_hit():
 
 
 def test_other_surfaces_are_refused_by_name():
-    with pytest.raises(TypeError, match=r"Sphere.*no other is trimmed"):
-        TrimmedSurface(Sphere((0, 0, 0), 1), [circle((0.5, 0.5), 0.2)])
+    with pytest.raises(TypeError, match=r"Box.*no other is trimmed"):
+        TrimmedSurface(Box((0, 0, 0), (1, 1, 1)), [circle((0.5, 0.5), 0.2)])
     with pytest.raises(TypeError, match="each to its own"):
         PatchKind([(0, plate()), (1, plate().surface)], Pool(1))
 

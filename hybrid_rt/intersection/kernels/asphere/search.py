@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from hybrid_rt.intersection.kernels.asphere.loops import doubt_kept, side_of_root
 from hybrid_rt.intersection.kernels.asphere.sag import gradient, look
 from hybrid_rt.intersection.kernels.asphere.solve import (
     bound_of_root,
@@ -40,8 +41,17 @@ def offer_sag_root(i, k, line, s, near, shift, per_t, rims, table, rays, best):
     bound += 4.0 * UNIT_ROUNDOFF * (abs(shift) + abs(s * per_t))
     from_rim = min(abs(s - first_rim), abs(s - second_rim))
     is_tangent = near or from_rim * cosine <= BESIDE_RIM * band
+    is_kept, is_within, edge, u, v = side_of_root(table.trim, k, line, s, table, band)
+    if not is_kept:
+        if is_within:
+            doubt(i, t, band * to_world, rays.t_min, rays.known, best)
+        elif is_tangent:
+            doubt_kept(i, k, line, s, t, band, table, rays, best)
+        return False
+    bound += edge * per_t
+    is_tangent |= is_within
     return offer(
-        i, t, bound * to_world, cosine / per_t, is_tangent, table.object_id[k], 0, 0.0, 0.0,
+        i, t, bound * to_world, cosine / per_t, is_tangent, table.object_id[k], 0, u, v,
         rays.t_min, rays.known, best,
     )  # fmt: skip
 
@@ -124,7 +134,7 @@ def search(i, k, line, lo, hi, shift, per_t, rims, table, rays, best):
                             return
                     if near and is_inside == is_out == will_be:
                         t = (shift + s * per_t) * to_world
-                        doubt(i, t, band * to_world, rays.t_min, rays.known, best)
+                        doubt_kept(i, k, line, s, t, band, table, rays, best)
                 elif is_inside != will_be:
                     root = find_root(line, coefficient, k, a, b, ga, gb)
                     if offer_sag_root(
@@ -141,7 +151,7 @@ def search(i, k, line, lo, hi, shift, per_t, rims, table, rays, best):
                         return
                 else:
                     t = (shift + s * per_t) * to_world
-                    doubt(i, t, band * to_world, rays.t_min, rays.known, best)
+                    doubt_kept(i, k, line, s, t, band, table, rays, best)
             else:
                 splits = True
         if splits:

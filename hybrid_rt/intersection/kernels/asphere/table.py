@@ -31,10 +31,11 @@ class AsphereTable(NamedTuple):
     bounds: Any  # (k, levels, zones, 4): of F and F' over 2^level zones of w from each one on
     orientation: Any  # (k,): 1 as S_u x S_v of r growing with v, -1 flipped
     object_id: Any  # (k,) int32
+    trim: Any  # None: they are whole; else `search.trims.Trim`
 
 
-def asphere_table(aspheres, object_id):
-    """Return the table of a list of aspheres."""
+def asphere_table(aspheres, object_id, trim=None):
+    """Return the table of a list of aspheres, and of the loops that trim all of them."""
     sags = [a.sag.scaled(-a.local_exponent) for a in aspheres]
     zones = [a.local_zones for a in aspheres]
     width = max(1, *(len(sag.coefficients) for sag in sags)) if sags else 1
@@ -61,6 +62,7 @@ def asphere_table(aspheres, object_id):
         bounds=np.array([_levels(zone) for zone in zones]),
         orientation=np.array([float(a.orientation) for a in aspheres]),
         object_id=object_id,
+        trim=None if trim is None else trim._replace(gap=trim.gap * to_frame),
     )
 
 

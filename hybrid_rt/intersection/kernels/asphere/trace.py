@@ -20,6 +20,7 @@ Analysis", SIAM 2009.
 
 import numpy as np
 
+from hybrid_rt.intersection.kernels.asphere.loops import doubt_kept, side_of_root
 from hybrid_rt.intersection.kernels.asphere.sag import Line, gradient, look
 from hybrid_rt.intersection.kernels.asphere.search import search
 from hybrid_rt.intersection.kernels.asphere.solve import pass_rim
@@ -30,9 +31,11 @@ from hybrid_rt.intersection.kernels.search.frame import (
     cylinder_roots,
     enter_turned_frame,
     share_of_turn,
+    turned,
     turned_point,
 )
-from hybrid_rt.intersection.kernels.search.nearest import doubt
+from hybrid_rt.intersection.kernels.search.rays import EDGE
+from hybrid_rt.intersection.kernels.search.trims import has_gap
 from meshing.kernels.jit import hot_kernel, inner
 
 # The origin of s is moved to the point nearest the axis unless that is farther away than this.
@@ -92,7 +95,7 @@ def offer_asphere(i, k, table, rays, best):
     for s in (first_rim, second_rim):
         if s < np.inf:
             t = (t_of_zero + s * per_t) * to_world
-            doubt(i, t, band * to_world, rays.t_min, rays.known, best)
+            doubt_kept(i, k, line, s, t, band, table, rays, best)
     lo, hi = max(lo, s0), min(hi, s1)
     if is_within and lo < hi:
         rims = first_rim, second_rim, band
@@ -117,6 +120,19 @@ def trace_aspheres(table, rays, best, any_hit):
                 offer_asphere(i, k, table, rays, best)
 
 
+@inner
+def is_edge(i, k, line, trim, table, rays):
+    """Tell whether a hit at the origin of a line is within the gap of an edge of asphere k."""
+    if trim is None:
+        return False
+    d = rays.direction[i]
+    vx, vy, vz = turned(table.frame[k], d[0], d[1], d[2])
+    along = Line(
+        line.x, line.y, line.z, vx, vy, vz, 0.0, 0.0, line.curvature, line.under_root
+    )  # fmt: skip
+    return side_of_root(trim, k, along, 0.0, table, 0.0)[2] > 0.0
+
+
 @hot_kernel
 def finish_aspheres(table, rays, best, row_of, out):
     """Describe the hits on aspheres; ``row_of`` (objects,) is the object's row here or -1."""
@@ -137,12 +153,16 @@ def finish_aspheres(table, rays, best, row_of, out):
         size = gradient(line, 0.0, rate)
         s = table.orientation[k]
         out.residual[i] = abs(g) / to_frame
+        if has_gap(table.trim, k) and is_edge(i, k, line, table.trim, table, rays):
+            out.flags[i] |= EDGE
         z -= g
         nx, ny, nz = 2.0 * rate * x * s / size, 2.0 * rate * y * s / size, -s / size
         for j in range(3):
             out.position[i, j] = c[j] + (x * e[0, j] + y * e[1, j] + z * e[2, j]) / to_frame
             out.normal[i, j] = nx * e[0, j] + ny * e[1, j] + nz * e[2, j]
-        out.u[i] = share_of_turn(y, x)
         v = min(rho / rim, 1.0)
-        out.v[i] = v if s > 0.0 else 1.0 - v
+        if table.trim is None:
+            out.u[i], out.v[i] = share_of_turn(y, x), (v if s > 0.0 else 1.0 - v)
+        else:
+            out.u[i], out.v[i] = best.a[i], best.b[i]
         out.patch_id[i] = 0

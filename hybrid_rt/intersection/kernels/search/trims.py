@@ -57,6 +57,14 @@ def sure_side(trim, k, u, v, far_u, far_v, room):
 
 
 @inlined
+def has_gap(trim, k):
+    """Tell whether hits of row k may be EDGE; asked first, since calls with tables take long."""
+    if trim is None:
+        return False
+    return trim.gap[k] > 0.0
+
+
+@inlined
 def across_rows(trim, k, v):
     """Return the v on the whole surface of a v of row k; without loops (None) the same."""
     if trim is None:

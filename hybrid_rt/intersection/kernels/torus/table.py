@@ -16,10 +16,11 @@ class TorusTable(NamedTuple):
     minor: Any  # (k,)
     orientation: Any  # (k,): 1 normals outward, -1 inward
     object_id: Any  # (k,) int32
+    trim: Any  # None: they are whole; else `search.trims.Trim`
 
 
-def torus_table(tori, object_id):
-    """Return the table of a list of tori."""
+def torus_table(tori, object_id, trim=None):
+    """Return the table of a list of tori, and of the loops that trim all of them."""
     size = np.array([torus.major_radius + torus.minor_radius for torus in tori])
     to_frame = 2.0 ** -np.ceil(np.log2(size))
     return TorusTable(
@@ -31,4 +32,5 @@ def torus_table(tori, object_id):
         minor=np.array([torus.minor_radius for torus in tori]) * to_frame,
         orientation=np.array([float(torus.orientation) for torus in tori]),
         object_id=object_id,
+        trim=None if trim is None else trim._replace(gap=trim.gap * to_frame),
     )

@@ -38,10 +38,14 @@ from hybrid_rt.intersection.kernels.search.frame import (
     cylinder_roots,
     enter_turned_frame,
     share_of_turn,
+    turned,
     turned_point,
 )
-from hybrid_rt.intersection.kernels.search.nearest import offer
+from hybrid_rt.intersection.kernels.search.nearest import doubt, offer
+from hybrid_rt.intersection.kernels.search.rays import EDGE
 from hybrid_rt.intersection.kernels.search.tolerances import UNIT_ROUNDOFF
+from hybrid_rt.intersection.kernels.search.trims import has_gap
+from hybrid_rt.intersection.kernels.torus.loops import grazes_kept, side_of_root
 from hybrid_rt.intersection.kernels.torus.solve import (
     INSIDE,
     NEAR_INSIDE,
@@ -127,7 +131,11 @@ def offer_torus(i, k, table, rays, best):
         is_inside, is_near = known in (INSIDE, NEAR_INSIDE), known in (NEAR_OUTSIDE, NEAR_INSIDE)
         if is_inside == was_inside:
             t = (t_of_zero + s * per_t) * to_world
-            if is_near and t > rays.t_min[i]:
+            if (
+                is_near
+                and t > rays.t_min[i]
+                and grazes_kept(table.trim, k, line, s, table.orientation[k], band)
+            ):
                 best.doubt[i] = min(best.doubt[i], t)
         else:
             start = guess_root(line, s, -1.0) if is_inside else guess_root(line, before, 1.0)
@@ -137,14 +145,23 @@ def offer_torus(i, k, table, rays, best):
                 return
             if t > rays.t_min[i]:
                 near = is_near or was_near
-                bound = bound_of_root(line, s_root, near) * per_t
-                bound += 4.0 * UNIT_ROUNDOFF * (abs(t_of_zero) + abs(s_root * per_t))
-                _, slope, away, _ = look(line, s_root)
-                if offer(
-                    i, t, bound * to_world, abs(slope) / away * length, near, table.object_id[k],
-                    0, 0.0, 0.0, rays.t_min, rays.known, best,
-                ):  # fmt: skip
-                    return
+                is_kept, is_within, edge, u, v = side_of_root(
+                    table.trim, k, line, s_root, table.orientation[k], band
+                )
+                if is_kept:
+                    bound = bound_of_root(line, s_root, near) * per_t
+                    bound += 4.0 * UNIT_ROUNDOFF * (abs(t_of_zero) + abs(s_root * per_t))
+                    bound += edge * per_t
+                    _, slope, away, _ = look(line, s_root)
+                    if offer(
+                        i, t, bound * to_world, abs(slope) / away * length, near or is_within,
+                        table.object_id[k], 0, u, v, rays.t_min, rays.known, best,
+                    ):  # fmt: skip
+                        return
+                elif is_within or (
+                    near and grazes_kept(table.trim, k, line, s_root, table.orientation[k], band)
+                ):
+                    doubt(i, t, band * to_world, rays.t_min, rays.known, best)
         before, was_inside, was_near = s, is_inside, is_near
 
 
@@ -166,6 +183,17 @@ def trace_tori(table, rays, best, any_hit):
                 offer_torus(i, k, table, rays, best)
 
 
+@inner
+def is_edge(i, k, x, y, z, trim, table, rays):
+    """Tell whether a hit at (x, y, z) in the frame of torus k is within the gap of an edge."""
+    if trim is None:
+        return False
+    d = rays.direction[i]
+    vx, vy, vz = turned(table.frame[k], d[0], d[1], d[2])
+    line = Line(x, y, z, vx, vy, vz, 0.0, 0.0, 0.0, 0.0, table.major[k], table.minor[k])
+    return side_of_root(trim, k, line, 0.0, table.orientation[k], 0.0)[2] > 0.0
+
+
 @hot_kernel
 def finish_tori(table, rays, best, row_of, out):
     """Describe the hits on tori; ``row_of`` (objects,) is the object's row here or -1."""
@@ -179,6 +207,8 @@ def finish_tori(table, rays, best, row_of, out):
         rho = np.sqrt(x * x + y * y)
         beside = rho - major
         away = np.sqrt(beside * beside + z * z)
+        if has_gap(table.trim, k) and is_edge(i, k, x, y, z, table.trim, table, rays):
+            out.flags[i] |= EDGE
         # Along the ring's radius, and the normal: along that and along the axis.
         x, y = x / rho, y / rho
         n, m = beside / away, z / away
@@ -189,7 +219,9 @@ def finish_tori(table, rays, best, row_of, out):
             radius = x * e[0, j] + y * e[1, j]
             out.position[i, j] = c[j] + (ring * radius + lift * e[2, j])
             out.normal[i, j] = s * (n * radius + m * e[2, j])
-        out.u[i] = share_of_turn(y, x)
-        out.v[i] = share_of_turn(s * m, n)
+        if table.trim is None:
+            out.u[i], out.v[i] = share_of_turn(y, x), share_of_turn(s * m, n)
+        else:
+            out.u[i], out.v[i] = best.a[i], best.b[i]
         out.patch_id[i] = 0
         out.residual[i] = abs(away - minor) / to_frame

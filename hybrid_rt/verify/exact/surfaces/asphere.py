@@ -10,8 +10,19 @@ import numpy as np
 
 from hybrid_rt.core.records import FloatArray
 from hybrid_rt.primitives.asphere import Asphere
-from hybrid_rt.verify.exact.crossings import Crosser, Crossing, RationalVector, bits, dot, rationals
-from hybrid_rt.verify.exact.exact_surface import ExactSurface, Gap, IsTouched
+from hybrid_rt.verify.exact.crossings import (
+    Crosser,
+    Crossing,
+    RationalVector,
+    along_frame,
+    bits,
+    dot,
+    rational,
+    rationals,
+    share,
+    turns,
+)
+from hybrid_rt.verify.exact.exact_surface import ExactSurface, Gap, IsTouched, Locate
 from hybrid_rt.verify.judges.asphere_roots import AsphereRoots
 
 
@@ -35,6 +46,19 @@ class ExactAsphere(ExactSurface, of=Asphere):
             ]  # fmt: skip
 
         return crossings
+
+    def locate(self) -> Locate:
+        """Return a function that takes the angle of a point and its distance from the axis."""
+        surface, center = self.surface, rationals(self.surface.origin)
+        frame = surface.radial, surface.binormal, surface.axis
+
+        def locate(point: list[Any]) -> tuple[float, float]:
+            with bits(256):
+                x, y, _ = along_frame(frame, center, point)
+                v = 2 * (x * x + y * y).sqrt() / rational(surface.aperture)
+                return share(turns(y, x)), float((v if surface.orientation > 0 else 1 - v).mid())
+
+        return locate
 
     def gap(self) -> Gap:
         """Return a function that measures from the sag itself, along its gradient."""

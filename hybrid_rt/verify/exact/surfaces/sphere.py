@@ -14,6 +14,7 @@ from hybrid_rt.verify.exact.crossings import (
     Crosser,
     Crossing,
     RationalVector,
+    along_frame,
     bits,
     dot,
     is_narrow,
@@ -21,8 +22,10 @@ from hybrid_rt.verify.exact.crossings import (
     precisions,
     rational,
     rationals,
+    share,
+    turns,
 )
-from hybrid_rt.verify.exact.exact_surface import ExactSurface, Gap, IsTouched
+from hybrid_rt.verify.exact.exact_surface import ExactSurface, Gap, IsTouched, Locate
 
 # What a float64 distance may add to a reach.
 ROUNDED = 1.01
@@ -56,6 +59,18 @@ class ExactSphere(ExactSurface, of=Sphere):
             raise ArithmeticError("t that cannot be narrowed")
 
         return crossings
+
+    def locate(self) -> Locate:
+        """Return a function that takes the angles of a point."""
+        center, frame = rationals(self.surface.center), self.surface.frame
+
+        def locate(point: list[Any]) -> tuple[float, float]:
+            with bits(256):
+                x, y, z = along_frame(frame, center, point)
+                polar = 2 * turns((x * x + y * y).sqrt(), -z)
+                return share(turns(y, x)), float(polar.mid())
+
+        return locate
 
     def gap(self) -> Gap:
         """Return a function that measures from the sphere itself."""

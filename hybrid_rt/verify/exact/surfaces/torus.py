@@ -21,6 +21,7 @@ from hybrid_rt.verify.exact.crossings import (
     Polynomial,
     Rational,
     RationalVector,
+    along_frame,
     bits,
     dot,
     is_narrow,
@@ -28,8 +29,10 @@ from hybrid_rt.verify.exact.crossings import (
     precisions,
     rational,
     rationals,
+    share,
+    turns,
 )
-from hybrid_rt.verify.exact.exact_surface import ExactSurface, Gap, IsTouched
+from hybrid_rt.verify.exact.exact_surface import ExactSurface, Gap, IsTouched, Locate
 
 
 class ExactTorus(ExactSurface, of=Torus):
@@ -67,6 +70,20 @@ class ExactTorus(ExactSurface, of=Torus):
             raise ArithmeticError("t that cannot be narrowed")
 
         return crossings
+
+    def locate(self) -> Locate:
+        """Return a function that takes both angles of a point."""
+        surface, center = self.surface, rationals(self.surface.origin)
+        frame = surface.radial, surface.binormal, surface.axis
+        major = rational(surface.major_radius)
+
+        def locate(point: list[Any]) -> tuple[float, float]:
+            with bits(256):
+                x, y, z = along_frame(frame, center, point)
+                about = turns(surface.orientation * z, (x * x + y * y).sqrt() - major)
+                return share(turns(y, x)), share(about)
+
+        return locate
 
     def gap(self) -> Gap:
         """Return a function that measures from the torus itself."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from fractions import Fraction
 from typing import Any
 
-from hybrid_rt.verify.exact.crossings import POINT, Crosser, Crossing, RationalVector
+from hybrid_rt.verify.exact.crossings import POINT, Crosser, Crossing, RationalVector, bits
 from hybrid_rt.verify.exact.exact_surface import ExactSurface, Gap, IsTouched, exact_of
 from hybrid_rt.verify.exact.loops import ExactLoops
 from meshing.trimmed import TrimmedSurface
@@ -34,19 +34,23 @@ class ExactTrimmed(ExactSurface, of=TrimmedSurface):
 
     def crosser(self) -> Crosser:
         """Return a function that finds the crossings of the whole surface and leaves some out."""
-        crosser, spans = self._whole.crosser(), self.surface.spans
+        crosser, locate, spans = self._whole.crosser(), self._whole.locate(), self.surface.spans
 
-        def is_kept(one: Crossing) -> bool:
+        def is_kept(one: Crossing, o: RationalVector, d: RationalVector) -> bool:
             if one.kind != POINT:
                 return True
-            u, v = Fraction(one.u), Fraction(one.v)
+            at = one.u, one.v
+            if locate is not None:
+                with bits(256):
+                    at = locate([a + one.t * b for a, b in zip(o, d, strict=True)])
+            u, v = map(Fraction, at)
             if spans is not None:
                 u0, u1, v0, v1 = map(Fraction, spans[one.patch_id].tolist())
                 u, v = u0 + u * (u1 - u0), v0 + v * (v1 - v0)
             return self._loops.is_inside(_within(u), _within(v)) is not False
 
         def crossings(o: RationalVector, d: RationalVector) -> list[Crossing]:
-            return [one for one in crosser(o, d) if is_kept(one)]
+            return [one for one in crosser(o, d) if is_kept(one, o, d)]
 
         return crossings
 
