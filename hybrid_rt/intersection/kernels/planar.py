@@ -12,7 +12,7 @@ from hybrid_rt.intersection.kernels.reach import (
     parallelogram_columns,
     parallelograms_in_reach,
 )
-from hybrid_rt.intersection.kernels.search.nearest import CLEAR, WITHIN_BAND, doubt, offer
+from hybrid_rt.intersection.kernels.search.nearest import CLEAR, WITHIN_BAND, doubt, is_known, offer
 from hybrid_rt.intersection.kernels.search.rays import EDGE
 from hybrid_rt.intersection.kernels.search.tolerances import TANGENT_BAND, UNIT_ROUNDOFF
 from hybrid_rt.intersection.kernels.search.trims import decide, has_gap, sure_side
@@ -157,6 +157,12 @@ def _offer_nearly_within(i, k, table, n_dot_d, rays, best):
     u, v = min(max(u + t * du, 0.0), 1.0), min(max(v + t * dv, 0.0), 1.0)
     tangent = WITHIN_BAND if depth < band else CLEAR
     is_kept, is_within, edge = _side_of_loops(i, k, u, v, t, band, table.trim, table, rays, best)
+    # The band moves the root by so much that it may be ahead although this one is behind.
+    reach = band / slope
+    if is_within and min(t + reach, high) > rays.t_min[i] >= t:
+        if not is_known(i, t, reach, slope, rays.known):
+            best.doubt[i] = min(best.doubt[i], rays.t_min[i])
+        return
     if not is_kept:
         return
     tangent = WITHIN_BAND if is_within else tangent

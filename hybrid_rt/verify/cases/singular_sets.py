@@ -73,11 +73,15 @@ from hybrid_rt.verify.cases.singular_surfaces import (
     uneven_profile,
 )
 from hybrid_rt.verify.cases.trimmed_surfaces import (
+    cut_lens,
+    drilled_part,
     drilled_plate,
     trim_edges,
     trimmed_nurbs,
     trimmed_patch,
+    windowed_ball,
     windowed_cylinder,
+    windowed_torus,
 )
 
 KINDS = ("turned", "patches", "rational", "closed", "mesh")
@@ -201,6 +205,7 @@ SETS: dict[str, SingularSet] = {
     "windows, leaving": SingularSet(
         "turned", lambda: [windowed_cylinder()], trim_edges, leaving="beside"
     ),
+    "drilled part, edges": SingularSet("turned", lambda: [drilled_part()], trim_edges),
     # --- patches
     "apex of the lid": SingularSet("patches", lambda: [lid()], collapsed),
     "collapsed edge": SingularSet("patches", lambda: [petal()], collapsed),
@@ -288,6 +293,12 @@ SETS: dict[str, SingularSet] = {
     "drilled plate, nearly within": SingularSet(
         "closed", lambda: [drilled_plate()], trim_edges, within
     ),
+    "windows of a ball": SingularSet("closed", lambda: [windowed_ball()], trim_edges),
+    "windows of a ball, leaving": SingularSet(
+        "closed", lambda: [windowed_ball()], trim_edges, leaving="beside"
+    ),
+    "windows of a torus": SingularSet("closed", lambda: [windowed_torus()], trim_edges),
+    "cut lens, edges": SingularSet("closed", lambda: [cut_lens()], trim_edges),
     "plane, nearly within": SingularSet(
         "closed", lambda: [Plane((0, 0, -1.3), (0.1, 0.2, 1))], interior, within
     ),

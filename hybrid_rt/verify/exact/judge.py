@@ -26,6 +26,7 @@ from hybrid_rt.verify.exact.truth import (
 )
 from hybrid_rt.verify.judges.judge import compare
 from hybrid_rt.verify.judges.kernels.events import BAND, LEAST_COSINE
+from meshing.trimmed import TrimmedSurface
 
 EPS = 2.0**-52
 # A decision must be marked that changes within this part of 64 eps x size, even if the ray comes
@@ -316,13 +317,23 @@ class ExactJudge:
                 return False
             limit = min((other.t for other in same), default=math.inf)
             for other in ring:
-                if not 0.0 < other.t < limit:
+                if not 0.0 < other.t < limit or self._begins(other, bands, narrow, length):
                     continue
                 if other.crossing.kind == OPEN:
                     return None
                 if not any(self._same(one, other, bands, narrow, length) for one in own):
                     return False
         return True
+
+    def _begins(self, one: Placed, bands: float, narrow: bool, length: float) -> bool:
+        """Tell whether a move takes a crossing with a trimmed surface from ahead to behind.
+
+        With others it is found among the crossings of the ray itself; there it may be outside the loops.
+        """
+        if not isinstance(self.scene.surfaces[one.object_id], TrimmedSurface):
+            return False
+        band = self.scene.narrow_band(one.object_id) if narrow else one.band
+        return one.t * length * one.crossing.cosine <= 2.0 * bands * band
 
     def _same(self, one: Placed, other: Placed, bands: float, narrow: bool, length: float) -> bool:
         band = self.scene.narrow_band(one.object_id) if narrow else one.band

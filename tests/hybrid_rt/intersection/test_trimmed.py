@@ -22,7 +22,7 @@ from trimmed_surfaces import (
     windowed_torus,
 )
 
-from hybrid_rt import Box, Intersector, Sphere, Status
+from hybrid_rt import Box, Intersector, Rectangle, Sphere, Status
 from hybrid_rt.core.records import Flag
 from hybrid_rt.core.threads import Pool
 from hybrid_rt.intersection.kinds.patches import PatchKind
@@ -158,6 +158,17 @@ def test_rays_leave_trimmed_surfaces_by_identity():
     again = tracer.intersect(hits.position, ways, source=hits)
     all_of = tracer.intersect_all(*rays)
     np.testing.assert_array_equal(again.hit, all_of.count[all_of.count > 0] > 1)
+
+
+def test_a_root_behind_that_the_band_moves_ahead_is_open():
+    # The ray runs down through the plane at 1e-14 of its length, just behind its origin: moved by the
+    # band, 64 eps x 2, it would pass anywhere up to the hole and beyond.
+    hole = polygon([(0.5, 0.25), (0.75, 0.25), (0.75, 0.75), (0.5, 0.75)])
+    surface = TrimmedSurface(Rectangle((0, 0, 0), (1, 0, 0), (0, 1, 0)), [OUTLINE, hole])
+    z = np.array([-1e-18, -1e-12, 1e-18])
+    origins = np.column_stack([np.full(3, 0.45), np.full(3, 0.5), z])
+    hits = Intersector(surface).intersect(origins, (1, 0, -1e-14))
+    assert hits.status.tolist() == [Status.TANGENT, Status.MISS, Status.TANGENT]
 
 
 def test_limits_of_t_pass_over_roots():

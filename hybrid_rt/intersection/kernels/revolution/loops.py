@@ -23,7 +23,12 @@ from hybrid_rt.intersection.kernels.revolution.sheets import (
     WAY,
     distance,
 )
-from hybrid_rt.intersection.kernels.search.trims import decide, may_be_kept, quick_side
+from hybrid_rt.intersection.kernels.search.trims import (
+    decide,
+    may_be_kept,
+    meets_pole,
+    quick_side,
+)
 from meshing.kernels.jit import inner
 from meshing.kernels.trims import INSIDE, OUTSIDE
 
@@ -99,11 +104,15 @@ def side_by_curves(trim, k, end, turn, s, along, zs, rs, ray, t):
     if beyond >= 0 and abs(s - side) * abs(rs * dz - zs * rate) <= band * ray[LENGTH]:
         at = end[side, END_NEXT_SIDE]
         speed = end[side, END_NEXT_SPEED] * (1.0 - 2.0 * at)
-        zs, rs = speed * end[side, END_TANGENT + 3], speed * end[side, END_TANGENT + 4]
+        tz, tr = speed * end[side, END_TANGENT + 3], speed * end[side, END_TANGENT + 4]
         _, is_near, _ = decide(
-            trim, beyond, turn, at, 0.0, along, 0.0, rs, 0.0, zs, rate, -around, dz, band
+            trim, beyond, turn, at, 0.0, along, 0.0, tr, 0.0, tz, rate, -around, dz, band
         )
         is_within |= is_near
+    if not is_within:
+        speed = np.sqrt(zs * zs + rs * rs)
+        slope = abs(rs * dz - zs * rate) / max(speed * ray[LENGTH], 1e-300)
+        is_within = meets_pole(trim, k, turn, s, along / TURN, speed, slope, band)
     return is_hit, is_within, edge
 
 

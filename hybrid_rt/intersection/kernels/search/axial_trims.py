@@ -7,7 +7,12 @@ axis and the point: ``out`` from the axis and ``up`` along it. Lengths are those
 import numpy as np
 
 from hybrid_rt.intersection.kernels.search.frame import share_of_turn
-from hybrid_rt.intersection.kernels.search.trims import decide, may_be_kept, sure_side
+from hybrid_rt.intersection.kernels.search.trims import (
+    decide,
+    may_be_kept,
+    meets_pole,
+    sure_side,
+)
 from meshing.kernels.jit import inlined, inner
 from meshing.kernels.trims import CROSSED, INSIDE
 
@@ -45,9 +50,12 @@ def side_about_axis(trim, k, x, y, u, v, out, up, dx, dy, dz, band):
     side = sure_side(trim, k, u, v, far_u, far_v, room)
     if side != CROSSED:
         return side == INSIDE, False, 0.0
-    return decide(
+    is_hit, is_within, edge = decide(
         trim, k, u, v, -along * ey, along * ex, 0.0, out * ex, out * ey, up, dx, dy, dz, band
     )
+    if not is_within:
+        is_within = meets_pole(trim, k, u, v, rho, np.sqrt(square), np.sqrt(room), band)
+    return is_hit, is_within, edge
 
 
 @inner

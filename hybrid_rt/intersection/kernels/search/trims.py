@@ -165,3 +165,24 @@ def may_be_kept(trim, k, u, v, hu, hv):
         may_be_near
         and gap_to_loops(trim.loops, m, at_u, at_v, hu, hv, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0) < np.inf
     )
+
+
+@inner
+def meets_pole(trim, k, u, v, rho, speed, slope, band):
+    """Tell whether a curve enters a pole, or passes it, so near that the band may take a root there.
+
+    Around a pole u turns by any angle within a short way: there a distance to first order says
+    nothing. The root is at ``rho`` from the axis, |S_v| is ``speed``, ``slope`` is |n.d| / |d|.
+    """
+    if trim is None:
+        return False
+    if rho * slope >= 2.0 * band:
+        return False
+    span, m = trim.span, trim.member[k]
+    at_u, at_v = span[k, 0] + u * span[k, 1], span[k, 2] + v * span[k, 3]
+    hv = min((rho + band / max(slope, 1e-300)) / max(speed, 1e-300), 1.0) * span[k, 3]
+    _, may_be_near = classify(trim.loops, m, at_u, at_v, 1.0, hv)
+    return (
+        may_be_near
+        and gap_to_loops(trim.loops, m, at_u, at_v, 1.0, hv, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0) < np.inf
+    )
