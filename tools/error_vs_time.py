@@ -40,7 +40,7 @@ from hybrid_rt.core.ledger import as_json
 from hybrid_rt.rendering.versions import versions
 from hybrid_rt.scene.scene import Scene
 from hybrid_rt.verify.cases.rays import camera as random_camera
-from meshing import BezierPatches
+from meshing import BezierPatches, TrimmedSurface
 
 
 def main() -> int:
@@ -131,7 +131,9 @@ def _study(
         studies["picture"] = _study_picture(scene, args)
         surfaces = curved_surfaces(scene)
         rays = hit_study.camera_rays(scene, n_rays)
-    if surfaces:
+    if any(isinstance(surface, TrimmedSurface) for surface in surfaces):
+        _say("first hits are left out: the oracle knows no trimmed surfaces")
+    elif surfaces:
         studies["hits"] = hit_study.study_hits(
             surfaces, rays, runs=3 if args.quick else 7, threads=args.threads, say=_say
         )

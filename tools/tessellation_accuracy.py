@@ -24,7 +24,7 @@ from hybrid_rt.analysis.methods import size_of
 from hybrid_rt.analysis.units import number
 from hybrid_rt.cli.command import kept, one_or_more, run_tool, say_if_no_plots
 from hybrid_rt.cli.scene_file import load_scene
-from meshing import BezierPatches
+from meshing import BezierPatches, TrimmedSurface
 
 LADDER = (1e-1, 3e-2, 1e-2, 3e-3, 1e-3, 3e-4, 1e-4, 3e-5, 1e-5)
 QUICK = (3e-2, 3e-3, 3e-4)
@@ -70,6 +70,8 @@ def main() -> int:
     with kept(table, lambda: [rung.figures for rung in rungs]):
         rungs[:] = climb(surfaces, tolerances, n_rays, threads=args.threads, on_rung=hear)
     print(WORDS)
+    if any(isinstance(surface, TrimmedSurface) for surface in surfaces):
+        print(TRIMMED)
     print(speeds(rungs))
     if args.out:
         write(args.out, args.file, surfaces, rungs)
@@ -104,6 +106,9 @@ wrong first hits: share of the rays that hit anything which miss the surface, fi
   nothing is, or find a farther sheet; random rays, a camera's, and rays along the silhouette.
 after Newton: hits moved from the triangles onto the true surface, accuracy "refined".
 right hits off by: mean distance along the ray, camera rays on the mesh, scene units."""
+
+TRIMMED = """trimmed surfaces: triangles that an edge crosses stay whole, so a mesh reaches beyond the edges by up
+  to a triangle, whatever the tolerance is. Hits there count as wrong."""
 
 
 def row(rung: Rung) -> str:

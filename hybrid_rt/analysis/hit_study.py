@@ -25,6 +25,8 @@ from hybrid_rt.intersection import Intersector
 from hybrid_rt.scene.scene import Scene
 from hybrid_rt.verify.judges.hit_errors import HitErrors, hit_errors
 from hybrid_rt.verify.judges.oracle import first_hits
+from meshing import TrimmedSurface
+from meshing.checks import shown
 
 # Steps of Newton's method that are tried: after six nothing changes but on the coarsest meshes.
 NEWTON_STEPS = (0, 1, 2, 3, 4, 6)
@@ -81,7 +83,18 @@ def study_hits(
         Of each, in turn.
     threads : int, optional
     say : callable, optional
+
+    Raises
+    ------
+    TypeError
+        For trimmed surfaces, which the oracle does not know.
     """
+    for i, surface in enumerate(surfaces):
+        if isinstance(surface, TrimmedSurface):
+            raise TypeError(
+                f"surfaces[{i}] is {shown(surface)}: the oracle knows no loops, pass surfaces that "
+                "are not trimmed (tools/verify_many.py judges hits on trimmed ones)"
+            )
     n, size = len(rays.origins), size_of(surfaces)
     say(f"the oracle on {n} rays")
     truth, oracle_seconds = timed(

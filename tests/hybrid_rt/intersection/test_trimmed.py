@@ -23,9 +23,12 @@ from trimmed_surfaces import (
 )
 
 from hybrid_rt import Box, Intersector, Rectangle, Sphere, Status
+from hybrid_rt.analysis.hit_study import study_hits
+from hybrid_rt.core.ray_set import RaySet
 from hybrid_rt.core.records import Flag
 from hybrid_rt.core.threads import Pool
 from hybrid_rt.intersection.kinds.patches import PatchKind
+from hybrid_rt.trimesh_adapter import RayMeshIntersector
 from hybrid_rt.verify.exact.judge import ExactJudge
 from meshing import BezierPatches, SurfaceOfRevolution, TrimmedSurface, circle, polygon
 
@@ -341,6 +344,25 @@ def test_other_surfaces_are_refused_by_name():
         TrimmedSurface(Box((0, 0, 0), (1, 1, 1)), [circle((0.5, 0.5), 0.2)])
     with pytest.raises(TypeError, match="each to its own"):
         PatchKind([(0, plate()), (1, plate().surface)], Pool(1))
+
+
+def test_trimesh_queries_take_trimmed_surfaces():
+    points = np.random.default_rng(1).uniform(-1.1, 1.1, (500, 2))
+    inside = (np.abs(points).max(axis=1) <= 1) & (np.hypot(*points.T) >= 0.5)
+    tracer, rays = RayMeshIntersector(plate(), coarse="none"), down(points)
+    np.testing.assert_array_equal(tracer.intersects_any(*rays), inside)
+    np.testing.assert_array_equal(tracer.intersects_first(*rays), inside - 1)
+    locations, ray, piece = tracer.intersects_location(*rays)
+    np.testing.assert_array_equal(ray, np.flatnonzero(inside))
+    np.testing.assert_allclose(locations[:, :2], points[inside], atol=1e-15)
+    assert not piece.any()
+
+
+def test_the_study_of_hits_refuses_trimmed_surfaces_by_name():
+    origins, directions = down(np.zeros((2, 2)))
+    rays = RaySet(origins, np.array(directions), np.full(2, "down"))
+    with pytest.raises(TypeError, match=r"surfaces\[0\] is TrimmedSurface.*knows no loops"):
+        study_hits([plate()], rays)
 
 
 def test_repr_names_the_loops():
