@@ -45,7 +45,7 @@ from hybrid_rt.rendering.result import RenderResult
 from hybrid_rt.verify.cases.campaign import SCENES as SURFACES_TO_JUDGE
 from hybrid_rt.verify.cases.campaign import steps
 from hybrid_rt.verify.judges.surface_judge import all_judges
-from meshing import BezierPatches
+from meshing import BezierPatches, TrimmedSurface, circle
 from meshing.kernels.cache import SharedCache, name_of
 
 SCENES = Path(__file__).parents[1] / "scenes"
@@ -86,6 +86,12 @@ def main() -> int:
 
 def surfaces_of(kind: str) -> list[Any]:
     """Return surfaces of one kind."""
+    if kind.startswith(TRIMMED):
+        loop = circle((0.5, 0.5), 0.45)
+        kind = kind.removeprefix(TRIMMED)
+        # Several patches have no common (u, v) to draw loops in.
+        wholes = [any_patch(3, 3)] if kind == "bicubic patches" else surfaces_of(kind)
+        return [TrimmedSurface(whole, [loop]) for whole in wholes]
     made: dict[str, Callable[[], Any]] = {
         "spheres": lambda: Sphere((0.0, 0.0, 0.0), 1.0),
         "many spheres": lambda: [Sphere((float(i), 0.0, 0.0), 0.4) for i in range(10)],
@@ -93,7 +99,7 @@ def surfaces_of(kind: str) -> list[Any]:
         "planes": lambda: Plane((0.0, 0.0, 0.0), (0.0, 0.0, 1.0)),
         "boxes": lambda: Box((-1.0, -1.0, -1.0), (1.0, 1.0, 1.0)),
         "bicubic patches": demo.teapot,
-        "Bezier patches": any_patch,
+        "Bezier patches": lambda: any_patch(4, 3),
         "rational bicubic patches": lambda: rational_patch(3, 3),
         "rational patches": lambda: rational_patch(2, 4),
         "revolutions": lambda: demo.vase(0.0, 0.0, 5.0),
@@ -120,15 +126,26 @@ FROM_EMBREE = (
     "bicubic patches", "Bezier patches", "rational bicubic patches", "rational patches",
     "revolutions", "meshes",
 )  # fmt: skip
-OF_SURFACES = (*PLAIN, *(f"{kind}, {way}" for kind in FROM_EMBREE for way in WAYS))
+# What is seldom trimmed is compiled when it is met.
+TRIMMED = "trimmed "
+OF_TRIMMED = (
+    "rectangles", "spheres", "tori", "aspheres", "bicubic patches, certified",
+    "rational bicubic patches, certified", "rational patches, certified", "revolutions, certified",
+)  # fmt: skip
+OF_SURFACES = (
+    *PLAIN,
+    *(f"{kind}, {way}" for kind in FROM_EMBREE for way in WAYS),
+    *(TRIMMED + kind for kind in OF_TRIMMED),
+)
 # Of what these need, the kernels of surfaces are left to surfaces.
 OTHERS = (*OPTIONS, "judges")
 CASES = (*OF_SURFACES, *OTHERS)
 
 
-def any_patch() -> BezierPatches:
-    """Return a curved patch that is not bicubic."""
-    u, v = np.meshgrid(np.linspace(-1, 1, 5), np.linspace(-1, 1, 4), indexing="ij")
+def any_patch(degree_u: int, degree_v: int) -> BezierPatches:
+    """Return a curved patch."""
+    side_u, side_v = np.linspace(-1, 1, degree_u + 1), np.linspace(-1, 1, degree_v + 1)
+    u, v = np.meshgrid(side_u, side_v, indexing="ij")
     return BezierPatches(np.stack([u, v, u * u - v * v * v], axis=-1)[None])
 
 

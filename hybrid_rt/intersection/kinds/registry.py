@@ -321,6 +321,11 @@ ENTRIES = (
 )
 
 
+def _of_trimmed(entry: Entry, members: Sequence[TrimmedSurface], way: str) -> list[str]:
+    """Return the groups of trimmed surfaces: those of the whole ones, under names of their own."""
+    return [f"trimmed {group}" for group in entry.kernels([m.surface for m in members], way)]
+
+
 _BY_CLASS: dict[type, Entry] = {entry.surface: entry for entry in ENTRIES}
 # Which classes can be trimmed: the same kinds with loops, so that whole surfaces ask for none.
 _TRIMMED: dict[type, Entry] = {
@@ -328,7 +333,7 @@ _TRIMMED: dict[type, Entry] = {
         entry,
         surface=TrimmedSurface,
         name=f"trimmed {entry.name}",
-        kernels=lambda _members, _way: [],
+        kernels=partial(_of_trimmed, entry),
     )
     for entry in ENTRIES
     if entry.surface.flip_of_uv
