@@ -1,7 +1,7 @@
 """Small scenes of all kinds on which the stated noise is tested.
 
 Each is a dozen surfaces at most in 16 x 16 pixels, so that hundreds of renders tell how often the
-intervals hold. The mean of all renders of a scene stands in for the truth. The intervals of
+intervals hold; `tools/calibrate.py` says what stands in for the truth. The intervals of
 `hybrid_rt.sensor.intervals` were first chosen by figures of `SEEN`, without those of `UNSEEN`; skewness
 and light from farther away by the first 300 seeds of all.
 """

@@ -139,8 +139,8 @@ class PPMOptions(Options):
         stays, and a warning is given.
     initial_radius : float, optional
         Radius of the discs in the first pass, scene units, between a millionth and a quarter of the
-        diagonal of the box around all bounded surfaces; or around what the camera sees and itself, if
-        that is less than a hundredth. By default it follows the local photon density.
+        diagonal of the box around all bounded surfaces. If the box around the camera and what it sees
+        has less than a hundredth of that diagonal, its own counts. By default it follows the local photon density.
     """
 
     photons_per_pass: int = setting(200_000, PHOTONS)

@@ -164,14 +164,14 @@ def _with_interval(
     """Add half the 95 % interval of the image mean, and what of it is for lamps that were not met."""
     if noise is None:
         return None
-    unmet = unmet_light(context.scene, passes)
+    unmet = twelve_digits(unmet_light(context.scene, passes))
     half = half_interval_of_mean(
         noise["standard_error_of_image_mean"],
         noise["interval_factor"],
         noise["bright_path_in_image_mean"],
     )
     return noise | {
-        "unmet_lamps_95": twelve_digits(unmet),
+        "unmet_lamps_95": unmet,
         "half_interval_95_of_image_mean": max(half, unmet),
     }
 

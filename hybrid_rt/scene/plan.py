@@ -218,7 +218,7 @@ def _plan_rays(plan: Plan, scene: CompiledScene, integrator: Needs) -> None:
     reasons = {
         "the integrator follows many rays at once": not integrator.follows_single_paths,
         "clear bodies touch": plan["contacts"],
-        "a lamp is a box, a mesh, patches or a turned body": bool(scene.shining),
+        "points of a lamp are chosen for many rays at once": bool(scene.shining),
         "normals are interpolated over a mesh": bool(scene.vertex_normals),
         "some surfaces are searched by trees": not takes_single_rays(scene.surfaces),
     }

@@ -30,7 +30,7 @@ _STUDENT_OF_PIXELS = (
     2.018,
 )  # fmt: skip
 # The medians of a pixel's groups lack what rare paths bring: what they lack in the mean over so many
-# pixels to either side, at most (one-sided 95 %), is a limit to it.
+# pixels to either side, at most (one-sided 95 %), is a limit to that light.
 REACH, ONE_SIDED = 3, 1.645
 # Light that a pixel and its neighbours meet once in hundreds of passes shows farther away only; there
 # the pixels are asked whose noise is alike. Quiet pixels (a sky, a lamp in sight) keep their narrow
@@ -44,6 +44,8 @@ SURROUNDINGS = FAR_REACH + 1
 # Rows at a time: their planes stay in the processor's cache.
 ROWS = 64
 TWO_SIDED = 1.96
+# Sums of cubes over a square of pixels stay finite below this.
+HUGE = 1e100
 
 
 def half_intervals(variances: FloatArray, freedom: int) -> FloatArray:
@@ -145,18 +147,21 @@ def _far_light(above: FloatArray, decades: NDArray[np.int64]) -> FloatArray:
     """Return the limit from pixels of like noise, within `FAR_REACH`; rows at a time."""
     limit = np.zeros_like(above)
     height = len(above)
+    is_summed = (np.abs(above) < HUGE).all(axis=2)
     for first in range(0, height, ROWS):
         own = slice(first, min(first + ROWS, height))
         low = max(first - FAR_REACH, 0)
         around = slice(low, own.stop + FAR_REACH)
         for decade in np.unique(decades[own]).tolist():
-            is_alike = np.abs(decades[around] - decade) <= 1
+            # What is not finite, or has no square and cube, would spoil the sums of all around.
+            is_alike = (np.abs(decades[around] - decade) <= 1) & is_summed[around]
             counted = np.where(is_alike[:, :, None], above[around], 0.0)
             powers = [counted, counted**2, counted**3]
             planes = np.concatenate([*powers, is_alike[:, :, None]], axis=2)
             rows = decades[own] == decade
             sums = sums_around(planes, FAR_REACH)[first - low : own.stop - low][rows]
             n = sums[:, 9:]
-            mean, square, cube = np.split(sums[:, :9] / n, 3, axis=1)
-            limit[own][rows] = _score_limit(mean, square, cube, n)
+            # None like it is within reach: `light_of_rare_paths` has the limit of the pixels around.
+            mean, square, cube = np.split(sums[:, :9] / np.maximum(n, 1.0), 3, axis=1)
+            limit[own][rows] = _score_limit(mean, square, cube, np.maximum(n, 1.0))
     return limit

@@ -8,17 +8,20 @@ from itertools import pairwise
 
 import numpy as np
 
-from hybrid_rt.core.records import FloatArray
+from hybrid_rt.core.records import FloatArray, NamedPoints
 from hybrid_rt.integrators.context import RenderContext
 from hybrid_rt.integrators.path import PATH
+from hybrid_rt.intersection import Intersector
 from hybrid_rt.sampling.sampler import UIntArray
 from hybrid_rt.scene.compiled import CompiledScene
 from hybrid_rt.sensor.passes import GROUPS, group_of
+from hybrid_rt.shading.kernels.lobes.register import WIDE
 
 # About how many photons one thread follows at a time.
 AT_ONCE = 2**16
-# Camera rays, across and down, that tell how large a part of the scene is seen; and what is far less.
-VIEWS, FAR_LESS = 8, 0.01
+# Camera rays, across and down, that tell how large a part of the scene is seen; how many surfaces they
+# meet at most, two ways at each; and what is far less.
+VIEWS, MOST_VIEWS, FAR_LESS = 8, 6, 0.01
 
 
 @dataclass(frozen=True)
@@ -88,21 +91,42 @@ def size_for_discs(context: RenderContext) -> float:
     """Return the size that radii are compared with, scene units.
 
     It is the diagonal of the box around all surfaces that end. A room may have huge spheres as walls, so
-    where the camera sees a `FAR_LESS` part of that, it is the diagonal of the box around what the camera
-    sees, and itself.
+    the box around the camera and the points that it sees, directly or by way of mirrors and glass, is
+    taken instead if its diagonal is a `FAR_LESS` part of that.
     """
-    scene, tracer = context.scene, context.tracer
+    scene, camera = context.scene, context.scene.camera
     size = 2.0 * float(ball_of_world(scene)[3])
-    camera, kept = scene.camera, dict(tracer.counters)
     place = (np.arange(VIEWS) + 0.5) / VIEWS
     column, row = np.meshgrid(place * camera.width, place * camera.height)
-    hits = tracer.intersect(*camera.rays(column.ravel(), row.ravel()))
-    tracer.counters.update(kept)
-    seen = hits.position[hits.hit]
+    rays = camera.rays(column.ravel(), row.ravel())
+    seen = _points_seen(scene, context.tracer.with_own_counters(), *rays)
     if not len(seen):
         return size
     in_view = float(np.linalg.norm(np.ptp(np.vstack([seen, camera.look_from]), axis=0)))
     return in_view if 0.0 < in_view < FAR_LESS * size else size
+
+
+def _points_seen(
+    scene: CompiledScene, tracer: Intersector, origins: FloatArray, directions: FloatArray
+) -> FloatArray:
+    """Return where rays meet lamps and surfaces on which photons are gathered, (n, 3).
+
+    Elsewhere they go on both straight ahead, which is about where glass sends them, and mirrored.
+    """
+    ends = np.append(scene.materials_with(WIDE)[:-1], True)  # lamps have no material: -1
+    found, source = [], None
+    for _ in range(MOST_VIEWS):
+        hits = tracer.intersect(origins, directions, source=source)
+        is_end = hits.hit & ends[np.where(hits.hit, scene.material_of[hits.object_id], -1)]
+        found.append(hits.position[is_end])
+        on = np.flatnonzero(hits.hit & ~is_end)
+        if not len(on):
+            break
+        ahead, normal = directions[on], hits.normal[on]
+        mirrored = ahead - 2.0 * (ahead * normal).sum(axis=1, keepdims=True) * normal
+        origins, directions = np.tile(hits.position[on], (2, 1)), np.vstack([ahead, mirrored])
+        source = NamedPoints(np.tile(hits.object_id[on], 2), origins)
+    return np.concatenate(found)
 
 
 def powers_of_lights(scene: CompiledScene, world: FloatArray) -> FloatArray:

@@ -19,7 +19,7 @@ from hybrid_rt.integrators.photons.density_estimation import Field, Nearest
 from hybrid_rt.integrators.photons.photon_groups import size_for_discs
 from hybrid_rt.integrators.photons.photon_workers import PhotonWorkers
 
-# Photons farther than this share of the scene's size make no light at a point: around a caustic
+# Photons farther than this share of `size_for_discs` make no light at a point: around a caustic
 # there is darkness, and the nearest photons lie anywhere.
 FARTHEST = 0.05
 

@@ -104,8 +104,8 @@ class ProgressiveWorkers(PhotonWorkers):
         low, high = NARROWEST * extent, WIDEST_ASKED * extent
         if not low <= radius <= high:
             raise ValueError(
-                f"PPMOptions initial_radius is {radius:g}, the scene is "
-                f"{extent:.3g} across: pass {low:.3g} to {high:.3g}, or None"
+                f"PPMOptions initial_radius is {radius:g}, the scene, or what is seen "
+                f"of it, is {extent:.3g} across: pass {low:.3g} to {high:.3g}, or None"
             )
         return Radii.fixed(radius)
 

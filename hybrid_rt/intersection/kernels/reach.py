@@ -34,7 +34,7 @@ def padded(columns):
 
 
 def parallelogram_columns(corner, normal, row_u, row_v, size):
-    """Return what `parallelograms_in_reach` reads, (15, k) float64.
+    """Return what `parallelograms_in_reach` reads, (15, more) float64; see `padded`.
 
     Parameters
     ----------
@@ -49,7 +49,9 @@ def parallelogram_columns(corner, normal, row_u, row_v, size):
     columns += [reach, np.abs(row_u).sum(axis=1), np.abs(row_v).sum(axis=1)]
     result = np.array(columns).reshape(15, -1)
     # No comparison with NaN holds, so these are never rejected.
-    is_extreme = ~((size > LEAST) & (reach < MOST) & (result[13:].min(axis=0) > LEAST))
+    inverse = result[13:]
+    is_extreme = ~((size > LEAST) & (reach < MOST))
+    is_extreme |= ~((inverse.min(axis=0) > LEAST) & (inverse.max(axis=0) < MOST))
     result[:, is_extreme] = np.nan
     return padded(result)
 
@@ -69,7 +71,7 @@ def parallelograms_in_reach(columns, begin, end, ox, oy, oz, dx, dy, dz, t_min, 
 
     Parameters
     ----------
-    columns : (15, k) float64
+    columns : (15, more) float64
         See `parallelogram_columns`.
     begin, end : int
         At most `BLOCK` columns.
@@ -102,8 +104,10 @@ def parallelograms_in_reach(columns, begin, end, ox, oy, oz, dx, dy, dz, t_min, 
 
 
 def sphere_columns(center, radius):
-    """Return what `spheres_in_reach` reads, (4, k) float64, for centres (k, 3) and radii (k,)."""
-    return padded(np.vstack([center.T.reshape(3, -1), radius]))
+    """Return what `spheres_in_reach` reads, (4, more) float64, for centres (k, 3) and radii (k,)."""
+    columns = np.vstack([center.T.reshape(3, -1), radius])
+    columns[3, ~((radius > LEAST) & (radius < MOST))] = np.nan  # never rejected, as above
+    return padded(columns)
 
 
 @inlined

@@ -127,6 +127,26 @@ def test_spheres(n, scale):
     assert np.count_nonzero(np.isfinite(expected.doubt)) > 0
 
 
+def test_spheres_whose_squares_underflow():
+    """Aimed within 0.9 of the radius: all of them hit."""
+    rng = np.random.default_rng(7)
+    radius = 1e-162
+    table = sphere_table([Sphere((0, 0, 0), radius)], np.zeros(1, np.int32))
+    away = rng.normal(size=(300, 3))
+    away /= np.linalg.norm(away, axis=1, keepdims=True)
+    aside = np.cross(away, rng.normal(size=(300, 3)))
+    aside *= 0.9 * rng.random((300, 1)) / np.linalg.norm(aside, axis=1, keepdims=True)
+    direction = aside - 3.0 * away
+    direction *= 2.0 ** -np.ceil(np.log2(np.abs(direction).max(axis=1, keepdims=True) * 1.0000001))
+    rays = Rays(3.0 * radius * away, direction, np.zeros(300), np.empty((0, 4)))
+    found, expected = start(np.full(300, np.inf)), start(np.full(300, np.inf))
+    trace_spheres(table, 1, rays, found, False)
+    each_sphere(table, rays, expected)
+    assert (expected.object_id == 0).all()
+    assert np.array_equal(found.object_id, expected.object_id)
+    assert np.array_equal(found.t, expected.t)
+
+
 def test_box_of_triangles():
     """Embree finds the same triangles when it is not given the rays that miss their box."""
     rng = np.random.default_rng(4)

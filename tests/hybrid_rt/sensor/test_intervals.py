@@ -48,6 +48,22 @@ def test_a_single_pixel_has_its_own_interval():
     np.testing.assert_allclose(sheet.half_interval, 3.182 * sheet.standard_error)
 
 
+@pytest.mark.parametrize("spoilt", [math.inf, 1e110])
+def test_a_spoilt_pixel_leaves_those_farther_away_alone(spoilt):
+    """Radiance without bound in one pass: its neighbours, 7 x 7, borrow from it."""
+    rng = np.random.default_rng(3)
+    sheet = Film(48, 48)
+    for k in range(16):
+        radiance = rng.random((48, 48, 3)).astype(float)
+        if k == 5:
+            radiance[20, 30] = spoilt
+        sheet.add(radiance)
+    is_sound = np.isfinite(sheet.half_interval) & (sheet.half_interval < 10.0)
+    assert np.count_nonzero(~is_sound.all(axis=2)) <= 49
+    assert is_sound[20, 34].all()
+    assert is_sound[0].all()
+
+
 @pytest.mark.statistical
 @pytest.mark.parametrize(
     ("n", "rate"), [(16, 1 / 2000), (64, 1 / 2000), (64, 1 / 200), (16, 1 / 50)]

@@ -28,7 +28,7 @@ class Trim(NamedTuple):
     span: Any  # (k, 4) float64: u0, width in u, v0, width in v on the sheet
     gap: Any  # (k,) float64, lengths of the frame
     # (k, 4) float64. Of patches: middle of the object from where rays are counted, and its diameter.
-    # Of turned surfaces: where u begins and the share of a turn. Of rectangles: zeros, not read.
+    # Of turned surfaces: where u begins and the share of a turn. Of others: zeros, not read.
     scale: Any
 
 
@@ -69,9 +69,7 @@ def across_rows(trim, k, v):
     """Return the v on the whole surface of a v of row k; without loops (None) the same."""
     if trim is None:
         return v
-    # The end is where the next row begins.
-    begin, width = trim.span[k, 2], trim.span[k, 3]
-    return begin + width if v == 1.0 else begin + v * width
+    return trim.span[k, 2] + v * trim.span[k, 3]
 
 
 @inlined

@@ -409,6 +409,17 @@ def test_huge_spheres_as_walls_leave_discs_as_small(method):
     assert means[1] == pytest.approx(means[0], rel=0.02)
 
 
+@pytest.mark.parametrize("material", [Mirror(0.9), Dielectric(1.5)], ids=["mirror", "pane"])
+def test_a_view_filled_by_a_mirror_or_pane_is_as_large_as_what_is_seen_in_it(material):
+    """The floor is 200 across, the glass a fifth of a unit before the camera."""
+    view = Camera((0, 0, 1), (0, 1, 0.8), (0, 0, 1), 40, 8, 8)
+    pane = Object(Rectangle((-1, 0.2, 0.5), (2, 0, 0), (0, 0, 1)), Mirror(0.9))
+    if isinstance(material, Dielectric):
+        pane = Object(Box((-1, 0.2, 0.5), (1, 0.21, 1.5)), material)
+    scene = Scene(view, [floor(half=100.0), pane], [small_lamp()])
+    assert photons(scene, n=2000, passes=1, initial_radius=1.0).report["passes"] == 1
+
+
 @pytest.mark.parametrize(
     ("options", "words"),
     [({"photons_per_pass": 0}, "photons_per_pass"), ({"nearest": 1}, "nearest")],
