@@ -147,7 +147,7 @@ def _far_light(above: FloatArray, decades: NDArray[np.int64]) -> FloatArray:
     """Return the limit from pixels of like noise, within `FAR_REACH`; rows at a time."""
     limit = np.zeros_like(above)
     height = len(above)
-    is_summed = (np.abs(above) < HUGE).all(axis=2)
+    is_summed: NDArray[np.bool_] = np.all(np.abs(above) < HUGE, axis=2)
     for first in range(0, height, ROWS):
         own = slice(first, min(first + ROWS, height))
         low = max(first - FAR_REACH, 0)
