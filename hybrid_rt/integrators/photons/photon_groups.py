@@ -117,7 +117,8 @@ def _points_seen(
     found, source = [], None
     for _ in range(MOST_VIEWS):
         hits = tracer.intersect(origins, directions, source=source)
-        is_end = hits.hit & ends[np.where(hits.hit, scene.material_of[hits.object_id], -1)]
+        is_end = hits.hit.copy()
+        is_end[is_end] = ends[scene.material_of[hits.object_id[is_end]]]
         found.append(hits.position[is_end])
         on = np.flatnonzero(hits.hit & ~is_end)
         if not len(on):
