@@ -41,7 +41,7 @@ class KnownPicture:
     ----------
     scene : Scene
     truth : (3,) float64 or None
-        Radiance of every pixel. None: the mean over all seeds stands in for it, see `coverage`.
+        Radiance of every pixel. None: not known; `coverage` says what stands in for it.
     integrators : tuple of str
         Those that find all its light.
     settings : dict

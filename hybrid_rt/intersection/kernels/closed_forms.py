@@ -10,12 +10,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from hybrid_rt.intersection.kernels.box import finish_box, offer_box
-from hybrid_rt.intersection.kernels.planar import (
-    finish_plane,
-    finish_rectangle,
-    offer_parallelograms,
-    offer_plane,
-)
+from hybrid_rt.intersection.kernels.plane import finish_plane, offer_plane
+from hybrid_rt.intersection.kernels.rectangle import finish_rectangle, offer_parallelograms
 from hybrid_rt.intersection.kernels.search.nearest import CLEAR
 from hybrid_rt.intersection.kernels.search.rays import (
     complete_row,
@@ -33,8 +29,8 @@ class ClosedForms(NamedTuple):
     """All surfaces of a scene, if they are of these kinds; a table may have no rows."""
 
     spheres: Any  # SphereTable
-    rectangles: Any  # PlanarTable
-    planes: Any  # PlanarTable
+    rectangles: Any  # RectangleTable
+    planes: Any  # PlaneTable
     boxes: Any  # BoxTable
     kind_of: Any  # (objects,) int64, one of the constants above
     row_of: Any  # (objects,) int64, row in the table of its kind

@@ -40,7 +40,7 @@ def parallelogram_columns(corner, normal, row_u, row_v, size):
     ----------
     corner, normal, row_u, row_v : (k, 3) float64
     size : (k,) float64
-        See `hybrid_rt.intersection.kernels.planar.PlanarTable`.
+        See `hybrid_rt.intersection.kernels.rectangle.RectangleTable`.
     """
     columns = []
     for rows in (normal, row_u, row_v):

@@ -161,7 +161,8 @@ def closed_forms(kinds: Sequence[Any], kind_of: IntArray, reach: FloatArray) -> 
         return None
     from hybrid_rt.intersection.kernels import closed_forms as kernels
     from hybrid_rt.intersection.kernels.box import box_table
-    from hybrid_rt.intersection.kernels.planar import plane_table, rectangle_table
+    from hybrid_rt.intersection.kernels.plane import plane_table
+    from hybrid_rt.intersection.kernels.rectangle import rectangle_table
     from hybrid_rt.intersection.kernels.sphere import sphere_table
 
     make: dict[str, Callable[..., Any]] = {

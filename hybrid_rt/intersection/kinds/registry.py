@@ -214,19 +214,17 @@ def _spheres(members: Members, _accuracy: str, _pool: Pool) -> Kind:
 
 
 def _rectangles(members: Members, _accuracy: str, _pool: Pool) -> Kind:
-    from hybrid_rt.intersection.kernels import planar
+    from hybrid_rt.intersection.kernels import rectangle
 
-    whole, table, is_trimmed = _with_loops(members, planar.rectangle_table)
+    whole, table, is_trimmed = _with_loops(members, rectangle.rectangle_table)
     alone = "" if is_trimmed else "rectangles"
-    return ClosedForm(whole, table, planar.trace_rectangles, planar.finish_rectangles, alone)
+    return ClosedForm(whole, table, rectangle.trace_rectangles, rectangle.finish_rectangles, alone)
 
 
 def _planes(members: Members, _accuracy: str, _pool: Pool) -> Kind:
-    from hybrid_rt.intersection.kernels import planar
+    from hybrid_rt.intersection.kernels import plane
 
-    return ClosedForm(
-        members, planar.plane_table, planar.trace_planes, planar.finish_planes, "planes"
-    )
+    return ClosedForm(members, plane.plane_table, plane.trace_planes, plane.finish_planes, "planes")
 
 
 def _boxes(members: Members, _accuracy: str, _pool: Pool) -> Kind:

@@ -5,7 +5,7 @@ import pytest
 
 from hybrid_rt import Rectangle, Sphere
 from hybrid_rt.intersection.coarse.embree import CoarseScene
-from hybrid_rt.intersection.kernels.planar import (
+from hybrid_rt.intersection.kernels.rectangle import (
     offer_parallelogram,
     rectangle_table,
     trace_rectangles,

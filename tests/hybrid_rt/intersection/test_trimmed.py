@@ -130,6 +130,18 @@ def test_window_in_a_cylinder_shows_the_far_wall():
     assert through.count.tolist() == [int(hits.hit[0]), 2]
 
 
+def first_on_unit_sphere(origins, directions, is_there):
+    """Return t of the first root for which ``is_there(x, y, z)``; inf for none."""
+    o, d = origins.astype(np.longdouble), directions.astype(np.longdouble)
+    a, b, c = (d * d).sum(1), (o * d).sum(1), (o * o).sum(1) - 1
+    t = np.full(len(o), np.inf, np.longdouble)
+    with np.errstate(invalid="ignore"):
+        root = np.sqrt(b * b - a * c)
+        for s in ((-b - root) / a, (-b + root) / a):
+            t = np.where((s > 0) & is_there(*(o + s[:, None] * d).T) & (s < t), s, t)
+    return t
+
+
 def test_cap_of_a_sphere_by_its_closed_form():
     rng = np.random.default_rng(3)
     origins = rng.normal(size=(10_000, 3)) * 2
@@ -137,14 +149,8 @@ def test_cap_of_a_sphere_by_its_closed_form():
     surface = cap()
     hits = Intersector(surface, coarse="none").intersect(origins, directions)
     # v from 1/2 of the quarter (0, 1) .. (1, 0): the part above z = cos 45 degrees.
-    o, d = origins.astype(np.longdouble), directions.astype(np.longdouble)
-    a, b, c = (d * d).sum(1), (o * d).sum(1), (o * o).sum(1) - 1
-    t = np.full(len(o), np.inf, np.longdouble)
-    with np.errstate(invalid="ignore"):
-        root = np.sqrt(b * b - a * c)
-        for s in ((-b - root) / a, (-b + root) / a):
-            z = (o + s[:, None] * d)[:, 2]
-            t = np.where((s > 0) & (z >= np.sqrt(np.longdouble(0.5))) & (s < t), s, t)
+    high = np.sqrt(np.longdouble(0.5))
+    t = first_on_unit_sphere(origins, directions, lambda _x, _y, z: z >= high)
     sure = hits.status != Status.TANGENT
     np.testing.assert_array_equal(hits.hit[sure], np.isfinite(t)[sure])
     both = hits.hit & sure
@@ -293,15 +299,7 @@ def test_a_ball_is_hit_beyond_its_windows_by_the_closed_form():
     origins = 2 * rng.normal(size=(20_000, 3))
     directions = rng.uniform(-1, 1, (20_000, 3)) - origins
     hits = Intersector(surface).intersect(origins, directions)
-    o, d = origins.astype(np.longdouble), directions.astype(np.longdouble)
-    a, b, c = (d * d).sum(1), (o * d).sum(1), (o * o).sum(1) - 1
-    t = np.full(len(o), np.inf, np.longdouble)
-    with np.errstate(invalid="ignore"):
-        root = np.sqrt(b * b - a * c)
-        for s in ((-b - root) / a, (-b + root) / a):
-            x, y, z = (o + s[:, None] * d).T
-            is_there = (z <= 0) | ((x <= 0) & (y >= 0))
-            t = np.where((s > 0) & is_there & (s < t), s, t)
+    t = first_on_unit_sphere(origins, directions, lambda x, y, z: (z <= 0) | ((x <= 0) & (y >= 0)))
     sure = hits.status != Status.TANGENT
     assert sure.mean() > 0.999
     np.testing.assert_array_equal(hits.hit[sure], np.isfinite(t)[sure])

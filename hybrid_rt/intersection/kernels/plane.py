@@ -1,0 +1,93 @@
+"""Rays against planes."""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from hybrid_rt.core.kernels.compensated import two_difference
+from hybrid_rt.intersection.kernels.search.nearest import offer
+from hybrid_rt.intersection.kernels.search.tolerances import UNIT_ROUNDOFF
+from meshing.kernels.jit import hot_kernel, inlined
+
+
+class PlaneTable(NamedTuple):
+    """Planes."""
+
+    origin: Any  # (k, 3)
+    normal: Any  # (k, 3) unit
+    axes: Any  # (k, 2) int64: the coordinates whose fractions are (u, v)
+    object_id: Any  # (k,) int32
+
+
+def plane_table(planes, object_id):
+    """Return the table of a list of planes."""
+    return PlaneTable(
+        origin=np.array([p.origin for p in planes]).reshape(-1, 3),
+        normal=np.array([p.unit_normal for p in planes]).reshape(-1, 3),
+        axes=np.array([p.axes for p in planes], np.int64).reshape(-1, 2),
+        object_id=object_id,
+    )
+
+
+@inlined
+def offer_plane(i, k, table, rays, best):
+    """Offer the root of ray i with plane k."""
+    o, d = rays.origin[i], rays.direction[i]
+    c, n = table.origin[k], table.normal[k]
+    n_dot_d = n[0] * d[0] + n[1] * d[1] + n[2] * d[2]
+    if n_dot_d == 0.0:
+        return
+    wx, ex = two_difference(o[0], c[0])
+    wy, ey = two_difference(o[1], c[1])
+    wz, ez = two_difference(o[2], c[2])
+    t = -((n[0] * wx + n[1] * wy + n[2] * wz) + (n[0] * ex + n[1] * ey + n[2] * ez)) / n_dot_d
+    slope = abs(n_dot_d)
+    length = np.sqrt(d[0] * d[0] + d[1] * d[1] + d[2] * d[2])
+    away = np.sqrt(wx * wx + wy * wy + wz * wz)
+    # As for parallelograms; the rounding of n.d itself counts for distant points.
+    error = UNIT_ROUNDOFF * (8.0 * away + 6.0 * abs(t) * length)
+    t_bound = error / slope + 4.0 * UNIT_ROUNDOFF * abs(t)
+    # Below that n.d has no digits, perhaps not even the right sign.
+    within = slope <= 8.0 * UNIT_ROUNDOFF * length
+    offer(
+        i, t, t_bound, slope, within, table.object_id[k], 0, 0.0, 0.0,
+        rays.t_min, rays.known, best,
+    )  # fmt: skip
+
+
+@hot_kernel
+def trace_planes(table, rays, best, any_hit):
+    """Lower ``best`` to the nearest roots on all planes."""
+    for i in range(rays.origin.shape[0]):
+        for k in range(table.object_id.shape[0]):
+            if any_hit and best.object_id[i] >= 0:
+                break
+            offer_plane(i, k, table, rays, best)
+
+
+@inlined
+def finish_plane(table, k, rays, best, i, out):
+    """Describe the hit of ray i on plane k."""
+    o, d, t = rays.origin[i], rays.direction[i], best.t[i]
+    gap = 0.0
+    for c in range(3):
+        p = o[c] + t * d[c]
+        gap += table.normal[k, c] * (p - table.origin[k, c])
+        out.position[i, c] = p
+        out.normal[i, c] = table.normal[k, c]
+    # What came from afar carries the rounding of the way. Off the plane by more than its own
+    # coordinates round, a point would be met again by the rays that leave it.
+    for c in range(3):
+        out.position[i, c] -= gap * table.normal[k, c]
+    a, b = out.position[i, table.axes[k, 0]], out.position[i, table.axes[k, 1]]
+    out.u[i], out.v[i], out.patch_id[i] = a - np.floor(a), b - np.floor(b), 0
+    out.residual[i] = abs(gap)
+
+
+@hot_kernel
+def finish_planes(table, rays, best, row_of, out):
+    """Describe the hits on planes."""
+    for i in range(best.t.shape[0]):
+        if best.object_id[i] < 0 or row_of[best.object_id[i]] < 0:
+            continue
+        finish_plane(table, row_of[best.object_id[i]], rays, best, i, out)
