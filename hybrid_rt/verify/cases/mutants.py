@@ -284,6 +284,11 @@ MUTANTS = (
         "at most one root of rays by the axis", TURNED,
     ),
     Mutant(
+        "straight segments missed within the band", "guess_roots",
+        "if gap * abs(zs) > ray[BAND] * np.hypot(zs, rs):", "if gap > 0.0:",
+        "touches of cones and cylinders", TURNED,
+    ),
+    Mutant(
         "one meeting proven by half the slopes", "is_transversal",
         "return low > clear or high < -clear",
         "return 0.75 * low + 0.25 * high > clear or 0.25 * low + 0.75 * high < -clear",

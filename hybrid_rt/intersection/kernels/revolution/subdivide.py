@@ -41,6 +41,7 @@ from hybrid_rt.intersection.kernels.revolution.solve import (
     rounding,
     solve_single,
 )
+from hybrid_rt.intersection.kernels.revolution.straight import solve_straight
 from hybrid_rt.intersection.kernels.search.counters import (
     CELLS,
     GIVEN_UP,
@@ -120,6 +121,9 @@ def solve_piece(i, segment, piece, ray, after, t_lo, t_cut, rays, best, work, co
             is_passed, t = pass_end(end[k], ray, after)
             if is_passed and may_be_kept_near(trim, segment, ray, t, float(k), 0.0):
                 note_doubt(i, t, ray, rays, best)
+    is_straight = degree == 1 and control[start, 2] == 0.0
+    if is_straight and solve_straight(i, segment, t0, t1, ray, after, rays, best, counters):
+        return
     if at_most_one(piece, ray, after, slop):
         settled, _ = solve_single(i, segment, piece, t0, t1, ray, after, rays, best, counters)
         if settled:
