@@ -151,7 +151,7 @@ class Grid(AreaSampler):
         areas = np.zeros(patch.size)
         for i in (-0.4, 0.0, 0.4):
             for j in (-0.4, 0.0, 0.4):
-                areas += _stretch(surface, patch, u + i / cells, v + j / cells)
+                areas += stretch_of(surface, patch, u + i / cells, v + j / cells)
         super().__init__(areas / (9.0 * cells * cells))
 
     def within(
@@ -183,7 +183,7 @@ class Grid(AreaSampler):
         cell, _, _ = self.cell_of(patch_id, u, v)
         if self._spans is not None:
             u, v = within_patch(self._spans, u, v, patch_id)
-        stretch = _stretch(self._surface, patch_id, u, v)
+        stretch = stretch_of(self._surface, patch_id, u, v)
         # Where the surface collapses to a point there is no area to be found.
         density: FloatArray = np.where(
             stretch > 0.0, self._share[cell] * self._cells**2 / np.maximum(stretch, 1e-300), 0.0
@@ -191,7 +191,7 @@ class Grid(AreaSampler):
         return density
 
 
-def _stretch(surface: Patches, patch_id: IdArray, u: FloatArray, v: FloatArray) -> FloatArray:
+def stretch_of(surface: Patches, patch_id: IdArray, u: FloatArray, v: FloatArray) -> FloatArray:
     """Return |S_u x S_v|."""
     s_u, s_v = surface.partials(u, v, patch_id)
     stretch: FloatArray = np.linalg.norm(np.cross(s_u, s_v), axis=1)

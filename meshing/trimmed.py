@@ -7,9 +7,8 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
-from meshing.area import AreaSampler
 from meshing.checks import (
     BoolArray,
     FloatArray,
@@ -24,7 +23,8 @@ from meshing.curve2 import Curve2
 from meshing.kernels.trims import TrimTable, classify_points
 from meshing.spans import within_patch
 from meshing.surface import Surface
-from meshing.trims import as_loops, boxes_outside, make_table
+from meshing.trimmed_area import TrimmedCells
+from meshing.trims import as_loops, boxes_outside, make_table, sides_of_boxes
 
 # A shorter segment of a profile would have too few digits of v for curves across it.
 LEAST_SHARE = 1e-9
@@ -153,6 +153,16 @@ class TrimmedSurface(Surface):
         """Tell which boxes (k, 4), given as u0, u1, v0, v1, have no point inside the loops."""
         return boxes_outside(self.table, 0, boxes)
 
+    def sides(self, boxes: FloatArray) -> NDArray[np.uint8]:
+        """Tell whether boxes (k, 4) u0, u1, v0, v1 are inside the loops, outside, or crossed.
+
+        Returns
+        -------
+        (k,) uint8
+            `INSIDE`, `OUTSIDE` or `CROSSED` of `meshing.kernels.trims`. The first two are proven.
+        """
+        return sides_of_boxes(self.table, 0, boxes)
+
     @cached_property
     def table(self) -> TrimTable:
         """The loops as the classifier takes them."""
@@ -253,14 +263,19 @@ class TrimmedSurface(Surface):
             return Curve2(curve.control * (-1.0, 1.0) + (1.0, 0.0), curve.weights)
         return Curve2(curve.control * (1.0, -1.0) + (0.0, 1.0), curve.weights)
 
-    def area_sampler(self) -> AreaSampler | None:
-        """Refuse: points are not sampled inside loops.
+    def area_sampler(self) -> TrimmedCells:
+        """Return the area sampler: some points that it chooses are outside the loops.
 
         Raises
         ------
         ValueError
+            If nothing of the surface is inside the loops. The caller names the surface.
         """
-        raise ValueError("is trimmed: it cannot shine, pass a surface without loops as a lamp")
+        return self._area_sampler
+
+    @cached_property
+    def _area_sampler(self) -> TrimmedCells:
+        return TrimmedCells(self)
 
 
 def _check_shares(surface: Surface, breaks: FloatArray) -> None:

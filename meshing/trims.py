@@ -139,9 +139,14 @@ def make_table(members: Sequence[Any]) -> TrimTable:
 
 def boxes_outside(table: TrimTable, member: int, boxes: FloatArray) -> BoolArray:
     """Tell which boxes (k, 4) u0, u1, v0, v1 have no point inside the loops of a member, (k,)."""
+    return np.asarray(sides_of_boxes(table, member, boxes) == OUTSIDE)
+
+
+def sides_of_boxes(table: TrimTable, member: int, boxes: FloatArray) -> NDArray[np.uint8]:
+    """Tell whether boxes (k, 4) u0, u1, v0, v1 are `OUTSIDE` or `INSIDE` the loops, or `CROSSED`."""
     state = np.empty(len(boxes), np.uint8)
     classify_boxes(table, member, np.ascontiguousarray(boxes, dtype=np.float64), state)
-    return np.asarray(state == OUTSIDE)
+    return state
 
 
 def _cut(curve: Curve2, number: int) -> list[Piece]:

@@ -17,6 +17,7 @@ from hybrid_rt.shading.kernels.cell_tree import (
 )
 from meshing.area import CELLS, Grid, IdArray, Triangles
 from meshing.surface import Surface
+from meshing.trimmed_area import TrimmedCells
 
 # A surface other than a mesh is cut into so many cells at least.
 FEWEST_CELLS = 4096
@@ -39,9 +40,9 @@ class Cells:
 
     def __init__(self, surface: Surface) -> None:
         sampler = surface.area_sampler()
-        if not isinstance(sampler, Triangles):
+        if not isinstance(sampler, Triangles | TrimmedCells):
             sampler = Grid(surface, max(CELLS, math.isqrt(FEWEST_CELLS // len(surface))))
-        self._sampler: Triangles | Grid = sampler
+        self._sampler: Triangles | Grid | TrimmedCells = sampler
         corner, is_bent = _corners(surface, sampler)
         order = _along_a_curve(corner.mean(axis=1))
         self._cell_at, self._place_of = order, np.argsort(order)
@@ -96,7 +97,7 @@ def _scratch() -> tuple[NDArray[np.int64], NDArray[np.int64], FloatArray]:
     )
 
 
-def _corners(surface: Surface, sampler: Triangles | Grid) -> tuple[FloatArray, bool]:
+def _corners(surface: Surface, sampler: Triangles | Grid | TrimmedCells) -> tuple[FloatArray, bool]:
     """Return the points of cells for a `CellTree`, and whether some cells are bent."""
     cell = np.arange(sampler.share.size)
 

@@ -15,9 +15,12 @@ from hybrid_rt.shading.kernels.light_kinds import RECTANGLE, SPHERE, LightPoints
 from hybrid_rt.shading.kernels.shining_faces import Faces, angle_of_faces, sample_faces
 from meshing.area import AreaSampler, IdArray
 from meshing.surface import Surface
+from meshing.trimmed import TrimmedSurface
 
 # A point lies on a sphere if it is as near as this, of the radius and the centre's distance from 0.
 ON = 64 * 2.0**-52
+# A point inside loops is looked for among the square of so many.
+ONE_OF = 16
 
 
 class ShiningSurface:
@@ -45,6 +48,10 @@ class ShiningSurface:
     def choose(self, xi: FloatArray) -> tuple[IdArray, FloatArray, FloatArray]:
         """Return (patch_id, u, v) of points sampled by area, by (n, 2) numbers in [0, 1)."""
         return self._sampler.choose(xi)
+
+    def one_point(self) -> LightPoints:
+        """Return one point on the surface; 1 row."""
+        return self.points(np.array([[0.5, 0.5]]))
 
     def points(self, xi: FloatArray) -> LightPoints:
         """Return points sampled by area, by random numbers (n, 2) in [0, 1), as kernels take them."""
@@ -149,13 +156,58 @@ class ShiningBox(ShiningSurface):
         return density
 
 
+class ShiningTrimmed(ShiningSurface):
+    """A trimmed surface as an area light: points sampled outside its loops have a pdf of 0.
+
+    Hits outside the loops, within the gap of an edge, shine. No point is sampled there, so their pdf
+    is 0 as well: BSDF sampling alone finds them, without a weight.
+    """
+
+    def __init__(self, surface: TrimmedSurface, sampler: AreaSampler) -> None:
+        super().__init__(surface, sampler)
+        self._trimmed = surface
+
+    def one_point(self) -> LightPoints:
+        """Return one point inside the loops; of a very narrow part of a surface, one beside it."""
+        side = np.arange(ONE_OF) / ONE_OF + 0.5 / ONE_OF
+        points = self.points(np.stack(np.meshgrid(side, side), axis=-1).reshape(-1, 2))
+        row = int((points.pdf_area > 0.0).argmax())
+        return LightPoints(*(column[[row]] for column in points))
+
+    def points(self, xi: FloatArray) -> LightPoints:
+        """Return points sampled by area; see `ShiningSurface.points`."""
+        return self._inside(super().points(xi))
+
+    def seen_points(self, seen_from: FloatArray, xi: FloatArray) -> LightPoints:
+        """Return sampled points; see `ShiningSurface.seen_points`."""
+        return self._inside(super().seen_points(seen_from, xi))
+
+    def pdf_area(self, patch_id: IdArray, u: FloatArray, v: FloatArray) -> FloatArray:
+        """Return the pdf per area of `points`."""
+        return self._without_gap(super().pdf_area(patch_id, u, v), u, v)
+
+    def seen_pdf_area(self, seen_from: FloatArray, hits: HitRecord) -> FloatArray:
+        """Return the pdf per area of `seen_points`; see `ShiningSurface.seen_pdf_area`."""
+        return self._without_gap(super().seen_pdf_area(seen_from, hits), hits.u, hits.v)
+
+    def _inside(self, points: LightPoints) -> LightPoints:
+        inside, _ = self._trimmed.contains(points.u, points.v)
+        return points._replace(pdf_area=np.where(inside, points.pdf_area, 0.0))
+
+    def _without_gap(self, density: FloatArray, u: FloatArray, v: FloatArray) -> FloatArray:
+        # Without a gap all hits are inside the loops, those at edges by the word of the tracer.
+        if self._trimmed.gap == 0.0:
+            return density
+        return np.where(self._trimmed.contains(u, v)[0], density, 0.0)
+
+
 def shining_surface(surface: Surface) -> ShiningSurface | None:
     """Return a surface as an area light; None for an infinite plane.
 
     Raises
     ------
     ValueError
-        If the area of the surface is zero.
+        If the area of the surface is zero, or nothing of it is inside its loops.
     """
     sampler = surface.area_sampler()
     if sampler is None:
@@ -164,6 +216,8 @@ def shining_surface(surface: Surface) -> ShiningSurface | None:
         return ShiningBox(surface, sampler)
     if isinstance(surface, Sphere):
         return ShiningSphere(surface, sampler)
+    if isinstance(surface, TrimmedSurface):
+        return ShiningTrimmed(surface, sampler)
     return ShiningSurface(surface, sampler)
 
 

@@ -215,8 +215,12 @@ def _places(scene: CompiledScene, light: int, n: int) -> tuple[FloatArray, Float
     chooser = scene.shining.get(light) or shining_surface(surface)
     if chooser is None:  # a plane
         return None
-    place, normal = chooser.points(xi)[:2]
-    return place, -normal * float(np.ptp(place, axis=0).max())
+    points = chooser.points(xi)
+    is_on = points.pdf_area > 0.0  # of trimmed surfaces some are outside the loops
+    if not is_on.any():
+        points, is_on = chooser.one_point(), np.ones(1, np.bool_)
+    place, normal = points.position[is_on], points.normal[is_on]
+    return place, -normal * (float(np.ptp(place, axis=0).max()) or surface.size)
 
 
 def _reach(scene: CompiledScene, light: int) -> float:

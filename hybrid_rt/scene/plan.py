@@ -134,7 +134,9 @@ def make_plan(scene: CompiledScene, integrator: Needs, left_out: Sequence[str] =
         "points on surfaces",
         spreads and bool(scene.shining),
         f"{len(scene.shining)} surface(s) shine and are asked by area",
-        "no surface spreads light" if scene.shining else "no curved surface, mesh or box shines",
+        "no surface spreads light"
+        if scene.shining
+        else "no curved or trimmed surface, mesh or box shines",
     )
     how = "one shadow ray per shading point and pass" if asks_all else "one light among the others"
     plan.decide(

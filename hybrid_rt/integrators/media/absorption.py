@@ -105,8 +105,8 @@ def media_around_lights(
 def _leaving(scene: CompiledScene, light: int) -> tuple[FloatArray, FloatArray]:
     """Return a point of a light, and a direction from there to its shining side, both (1, 3)."""
     if light in scene.shining:
-        middle = scene.shining[light].points(np.array([[0.5, 0.5]]))
-        return middle.position, middle.normal + 0.5 * SKEW
+        point = scene.shining[light].one_point()
+        return point.position, point.normal + 0.5 * SKEW
     if scene.surface_of_light[light] == NOTHING:
         return scene.lights.origin[[light]], SKEW
     surface = scene.surfaces[scene.surface_of_light[light]]
