@@ -44,6 +44,9 @@ class TrimmedSurface(Surface):
     curves as they are given, without approximation. If rounding leaves it undecided, the hit or
     miss is TANGENT.
 
+    As a lamp it shines inside the loops. Hits within the gap of an edge shine as well, but no points
+    are sampled there, and no photons start there.
+
     Parameters
     ----------
     surface : Surface

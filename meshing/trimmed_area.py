@@ -52,6 +52,12 @@ class _Cells(NamedTuple):
     level: IdArray
     is_crossed: BoolArray
 
+    def at(self, rows: IdArray | BoolArray) -> _Cells:
+        """Return the cells of some rows."""
+        return _Cells(
+            self.patch[rows], self.i[rows], self.j[rows], self.level[rows], self.is_crossed[rows]
+        )
+
 
 class TrimmedCells(AreaSampler):
     """The part of a surface inside loops, in cells that are finer at edges.
@@ -62,14 +68,22 @@ class TrimmedCells(AreaSampler):
     Parameters
     ----------
     surface : TrimmedSurface
+
+    Raises
+    ------
+    ValueError
+        If nothing of the surface is inside the loops, or its area is 0. The caller names the surface.
     """
 
     def __init__(self, surface: Trimmed) -> None:
         self._spans, self._surface = surface.spans, surface.pieces
         cells = _cells(surface)
-        first = _code(cells.patch, *(x << (DEEPEST - cells.level) for x in (cells.i, cells.j)))
+        if not cells.patch.size:
+            raise ValueError("has no area inside its loops: leave it out, it cannot shine")
+        up = DEEPEST - cells.level
+        first = _code(cells.patch, cells.i << up, cells.j << up)
         order = np.argsort(first)
-        self._cells = cells = _Cells(*(column[order] for column in cells))
+        self._cells = cells = cells.at(order)
         self._first = first[order]
         self._end = self._first + (1 << 2 * (DEEPEST - cells.level))
         whole, inside = self._areas(surface)
@@ -87,7 +101,7 @@ class TrimmedCells(AreaSampler):
             for j in range(POINTS):
                 xi, eta = (np.full(every.size, (k + 0.5) / POINTS) for k in (i, j))
                 part = stretch_of(self._surface, *self._within(every, xi, eta))
-                part /= 4.0 ** self._cells.level * POINTS**2
+                part /= 4.0**self._cells.level * POINTS**2
                 whole += part
                 _, u, v = self.within(crossed, xi[crossed], eta[crossed])
                 part[crossed] *= surface.contains(u, v)[0]
@@ -140,8 +154,10 @@ class TrimmedCells(AreaSampler):
         if self._spans is not None:
             u, v = within_patch(self._spans, u, v, patch_id)
         u, v = np.clip(u, 0.0, 1.0), np.clip(v, 0.0, 1.0)
-        place = (np.minimum((x * 2.0**DEEPEST).astype(np.int64), 2**DEEPEST - 1) for x in (u, v))
-        code = _code(patch_id, *place)
+        n = 1 << DEEPEST
+        i = np.minimum((u * n).astype(np.int64), n - 1)
+        j = np.minimum((v * n).astype(np.int64), n - 1)
+        code = _code(patch_id, i, j)
         cell = np.maximum(np.searchsorted(self._first, code, side="right") - 1, 0)
         return cell, (self._first[cell] <= code) & (code < self._end[cell]), u, v
 
@@ -169,23 +185,29 @@ def _cells(surface: Trimmed) -> _Cells:
 
 def _quartered(surface: Trimmed, cells: _Cells, chosen: BoolArray) -> _Cells:
     """Cut chosen cells into four; leave out those outside the loops."""
-    old = _Cells(*(column[~chosen] for column in cells))
-    new = _Cells(*(np.repeat(column[chosen], 4) for column in cells))
     quarter = np.tile(np.arange(4), chosen.sum())
-    new = new._replace(
-        i=2 * new.i + quarter // 2, j=2 * new.j + quarter % 2, level=new.level + 1
-    )
+    patch, i, j, level, is_crossed = cells.at(np.repeat(np.flatnonzero(chosen), 4))
+    i, j, level = 2 * i + quarter // 2, 2 * j + quarter % 2, level + 1
     # Inside a cell that no edge crosses there is none either.
-    asked = np.flatnonzero(new.is_crossed)
-    ends = [(x[asked] + k) * 0.5 ** new.level[asked] for x in (new.i, new.j) for k in (0, 1)]
+    asked = np.flatnonzero(is_crossed)
+    side = 0.5 ** level[asked]
+    u0, u1 = i[asked] * side, (i[asked] + 1) * side
+    v0, v1 = j[asked] * side, (j[asked] + 1) * side
     if surface.spans is not None:
-        corners = [across(surface.spans, *ends[k::2], new.patch[asked]) for k in (0, 1)]
-        ends = [corners[k][axis] for axis in (0, 1) for k in (0, 1)]
-    side = surface.sides(np.stack(ends, axis=1))
-    keeps = np.ones(new.patch.size, np.bool_)
-    keeps[asked] = side != OUTSIDE
-    new.is_crossed[asked] = side == CROSSED
-    return _Cells(*(np.concatenate([a, b[keeps]]) for a, b in zip(old, new, strict=True)))
+        u0, v0 = across(surface.spans, u0, v0, patch[asked])
+        u1, v1 = across(surface.spans, u1, v1, patch[asked])
+    state = surface.sides(np.stack([u0, u1, v0, v1], axis=1))
+    keeps = np.ones(patch.size, np.bool_)
+    keeps[asked] = state != OUTSIDE
+    is_crossed[asked] = state == CROSSED
+    old, new = cells.at(~chosen), _Cells(patch, i, j, level, is_crossed).at(keeps)
+    return _Cells(
+        np.concatenate([old.patch, new.patch]),
+        np.concatenate([old.i, new.i]),
+        np.concatenate([old.j, new.j]),
+        np.concatenate([old.level, new.level]),
+        np.concatenate([old.is_crossed, new.is_crossed]),
+    )
 
 
 def _code(patch: IdArray, i: IdArray, j: IdArray) -> IdArray:

@@ -159,8 +159,8 @@ class ShiningBox(ShiningSurface):
 class ShiningTrimmed(ShiningSurface):
     """A trimmed surface as an area light: points sampled outside its loops have a pdf of 0.
 
-    Hits outside the loops, within the gap of an edge, shine. No point is sampled there, so their pdf
-    is 0 as well: BSDF sampling alone finds them, without a weight.
+    Hits outside the loops shine: within the gap of an edge, and on triangles that an edge crosses. No
+    point is sampled there, so their pdf is 0 as well: BSDF sampling alone finds them, unweighted.
     """
 
     def __init__(self, surface: TrimmedSurface, sampler: AreaSampler) -> None:
@@ -174,31 +174,23 @@ class ShiningTrimmed(ShiningSurface):
         row = int((points.pdf_area > 0.0).argmax())
         return LightPoints(*(column[[row]] for column in points))
 
-    def points(self, xi: FloatArray) -> LightPoints:
-        """Return points sampled by area; see `ShiningSurface.points`."""
-        return self._inside(super().points(xi))
-
     def seen_points(self, seen_from: FloatArray, xi: FloatArray) -> LightPoints:
         """Return sampled points; see `ShiningSurface.seen_points`."""
-        return self._inside(super().seen_points(seen_from, xi))
+        points = super().seen_points(seen_from, xi)
+        return points._replace(pdf_area=self._held(points.pdf_area, points.u, points.v))
 
     def pdf_area(self, patch_id: IdArray, u: FloatArray, v: FloatArray) -> FloatArray:
         """Return the pdf per area of `points`."""
-        return self._without_gap(super().pdf_area(patch_id, u, v), u, v)
+        return self._held(super().pdf_area(patch_id, u, v), u, v)
 
     def seen_pdf_area(self, seen_from: FloatArray, hits: HitRecord) -> FloatArray:
         """Return the pdf per area of `seen_points`; see `ShiningSurface.seen_pdf_area`."""
-        return self._without_gap(super().seen_pdf_area(seen_from, hits), hits.u, hits.v)
+        return self._held(super().seen_pdf_area(seen_from, hits), hits.u, hits.v)
 
-    def _inside(self, points: LightPoints) -> LightPoints:
-        inside, _ = self._trimmed.contains(points.u, points.v)
-        return points._replace(pdf_area=np.where(inside, points.pdf_area, 0.0))
-
-    def _without_gap(self, density: FloatArray, u: FloatArray, v: FloatArray) -> FloatArray:
-        # Without a gap all hits are inside the loops, those at edges by the word of the tracer.
-        if self._trimmed.gap == 0.0:
-            return density
-        return np.where(self._trimmed.contains(u, v)[0], density, 0.0)
+    def _held(self, density: FloatArray, u: FloatArray, v: FloatArray) -> FloatArray:
+        """Return densities of points, 0 for those outside the loops."""
+        held: FloatArray = np.where(self._trimmed.contains(u, v)[0], density, 0.0)
+        return held
 
 
 def shining_surface(surface: Surface) -> ShiningSurface | None:

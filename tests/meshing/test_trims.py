@@ -178,7 +178,7 @@ def test_ends_that_nearly_meet_are_joined_and_open_loops_refused():
         (lambda: plate(gap=-1), "gap is -1"),
         (lambda: TrimmedSurface(plate(), [OUTLINE]), "no other is trimmed"),
         (lambda: TrimmedSurface(BezierPatches([plate().surface.patches[0]] * 2), [OUTLINE]), "of 2 pieces"),
-        (lambda: plate().area_sampler(), "cannot shine"),
+        (lambda: plate([circle((1.5, 0.5), 0.2)]).area_sampler(), "no area inside its loops"),
         (lambda: TrimmedSurface(SurfaceOfRevolution([[(0, 1), (1, 1)], [(1, 1), (1, 1 + 1e-10)]],
                                                     (0, 0, 0), (0, 0, 1)), [OUTLINE]),
          "segment 1 is 1e-10 of the profile"),
