@@ -25,6 +25,7 @@ from trimmed_surfaces import (
 
 from hybrid_rt import (
     Camera,
+    CheckerTexture,
     Dielectric,
     Emissive,
     Lambertian,
@@ -286,13 +287,14 @@ def test_pictures_show_it(way):
 @pytest.mark.statistical
 @pytest.mark.parametrize("make", [sheet, turned_part, windowed_ball, windowed_torus, cut_lens])
 def test_all_ways_of_finding_its_light_agree(make):
-    """A floor below lamps that hide parts of themselves: no closed form is known of that."""
+    """A floor below lamps that hide parts of themselves, with a texture along their (u, v)."""
     lift = np.eye(4)
     lift[2, 3] = 2.5
     lamp = make().transformed(lift)
     # The sheet's normals point up.
     lamp = lamp.flipped() if make is sheet else lamp
-    objects = [FLOOR, Object(lamp, Emissive(1.0), "lamp")]
+    texture = CheckerTexture(1.0, 0.25, (5, 7), "uv")
+    objects = [FLOOR, Object(lamp, Emissive(texture), "lamp")]
     images = []
     for way in ("path, lights", "path, both", "path, directions", "ppm"):
         integrator, options = WAYS[way]
