@@ -4,10 +4,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from hybrid_rt.core.kernels.compensated import two_difference
+from hybrid_rt.core.kernels.compensated import product, two_difference
 from hybrid_rt.intersection.kernels.search.nearest import offer
 from hybrid_rt.intersection.kernels.search.tolerances import UNIT_ROUNDOFF
-from meshing.kernels.jit import hot_kernel, inlined
+from meshing.kernels.jit import hot_kernel, inlined, inner
 
 
 class PlaneTable(NamedTuple):
@@ -29,6 +29,16 @@ def plane_table(planes, object_id):
     )
 
 
+@inner
+def _rest_of_dot(n, d):
+    """Return the scalar product of two vectors for which it rounds to 0."""
+    p, e = product(n[0], d[0])
+    q, f = product(n[1], d[1])
+    r, g = product(n[2], d[2])
+    s, h = two_difference(p, -q)
+    return (s + r) + (h + (e + f + g))
+
+
 @inlined
 def offer_plane(i, k, table, rays, best):
     """Offer the root of ray i with plane k."""
@@ -36,7 +46,10 @@ def offer_plane(i, k, table, rays, best):
     c, n = table.origin[k], table.normal[k]
     n_dot_d = n[0] * d[0] + n[1] * d[1] + n[2] * d[2]
     if n_dot_d == 0.0:
-        return
+        # A plane has no end: what rounding hides in this product may bring a root, far away.
+        n_dot_d = _rest_of_dot(n, d)
+        if n_dot_d == 0.0:
+            return
     wx, ex = two_difference(o[0], c[0])
     wy, ey = two_difference(o[1], c[1])
     wz, ez = two_difference(o[2], c[2])

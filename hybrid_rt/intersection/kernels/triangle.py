@@ -144,8 +144,11 @@ def offer_triangle(i, k, table, o, d, shear, reach, near, rays, best):
     nx, ny, nz = ey * fz - ez * fy, ez * fx - ex * fz, ex * fy - ey * fx
     slope = nx * d[0] + ny * d[1] + nz * d[2]
     length = np.sqrt(nx * nx + ny * ny + nz * nz)
-    if slope == 0.0 or length == 0.0:
+    if length == 0.0:
         return
+    if slope == 0.0:
+        # The normal of a needle has fewer digits than the area that the ray sees.
+        slope = total * d[kz]
     wx, wy, wz = p[0] - o[0], p[1] - o[1], p[2] - o[2]
     t = (nx * wx + ny * wy + nz * wz) / slope
     n_dot_d = abs(slope) / length
@@ -170,6 +173,9 @@ def offer_triangle(i, k, table, o, d, shear, reach, near, rays, best):
         u, v, w = cross(cx, cy, bx, by), cross(ax, ay, cx, cy), cross(bx, by, ax, ay)
         if u + v + w < 0.0:
             u, v, w = -u, -v, -w
+        if min(u, v, w) < 0.0 or error > n_dot_d * away:
+            # Seen so flatly that rounding places the hit on one edge or the other.
+            _note_beside(i, k, corner, order, around, object_id, o, d, t_min, known, best)
         if u < 0.0:
             v, w = _on_edge(bx, by, cx, cy)
             u = 0.0

@@ -1,0 +1,118 @@
+"""Rays whose n.d rounds to 0 although they are not parallel to the surface."""
+
+from fractions import Fraction
+
+import numpy as np
+import trimesh
+
+from hybrid_rt import Intersector, Plane, Status, TriangleMesh
+
+
+def exact_dot(a, b):
+    return sum(
+        (Fraction(float(x)) * Fraction(float(y)) for x, y in zip(a, b, strict=True)), Fraction(0)
+    )
+
+
+def cross_of(a, b):
+    return [a[(k + 1) % 3] * b[(k + 2) % 3] - a[(k + 2) % 3] * b[(k + 1) % 3] for k in range(3)]
+
+
+def rays_with_lost_products(normal, n, seed):
+    """Directions nearly across a normal for which the three products sum to 0, in float64 only."""
+    rng = np.random.default_rng(seed)
+    found = []
+    while len(found) < n:
+        d = rng.normal(size=(100_000, 3))
+        d[:, 2] = -(normal[0] * d[:, 0] + normal[1] * d[:, 1]) / normal[2]
+        is_zero = normal[0] * d[:, 0] + normal[1] * d[:, 1] + normal[2] * d[:, 2] == 0.0
+        found += [row for row in d[is_zero][: 4 * n] if exact_dot(normal, row) != 0]
+    return np.array(found[:n])
+
+
+def test_a_plane_is_met_far_away_or_tangent():
+    plane = Plane((0.1, 0.2, 0.3), (1.0, 2.0, 3.0))
+    d = rays_with_lost_products(plane.unit_normal, 200, 1)
+    o = plane.origin + np.random.default_rng(2).normal(size=d.shape)
+    hits = Intersector(plane).intersect(o, d)
+    gap = [
+        exact_dot(
+            plane.unit_normal,
+            [Fraction(float(x)) - Fraction(float(y)) for x, y in zip(p, plane.origin, strict=True)],
+        )
+        for p in o
+    ]
+    is_met = np.array(
+        [-g / exact_dot(plane.unit_normal, w) > 0 for g, w in zip(gap, d, strict=True)]
+    )
+    assert is_met.any()
+    assert not is_met.all()
+    assert (hits.status[is_met] != Status.MISS).all()
+    np.testing.assert_array_equal(hits.hit, is_met)
+
+
+def test_a_plane_exactly_along_the_ray_is_missed():
+    hits = Intersector(Plane((0, 0, 0), (0, 0, 1))).intersect([(0, 0, 1.0)], [(1.0, 1.0, 0.0)])
+    assert hits.status[0] == Status.MISS
+
+
+NEEDLE = np.array([(3.0, 0.0, 0.1), (0.5, 2e-4, 0.2), (0.5, 0.0, 0.2)])
+
+
+def turned_needles(n, seed):
+    """Needles, each with a direction along it whose product with the normal rounds to 0."""
+    rng = np.random.default_rng(seed)
+    while n:
+        a, b, c = p = NEEDLE @ np.linalg.qr(rng.normal(size=(3, 3)))[0]
+        across = np.cross(b - a, c - a)
+        d = (a - c) / np.linalg.norm(a - c)
+        d += 3e-13 * rng.normal() * across / np.linalg.norm(across)
+        (ex, ey, ez), (fx, fy, fz) = b - a, c - a
+        normal = ey * fz - ez * fy, ez * fx - ex * fz, ex * fy - ey * fx
+        slope = normal[0] * d[0] + normal[1] * d[1] + normal[2] * d[2]
+        exact = cross_of(
+            [Fraction(x) - Fraction(y) for x, y in zip(b, a, strict=True)],
+            [Fraction(x) - Fraction(y) for x, y in zip(c, a, strict=True)],
+        )
+        if slope == 0.0 and exact_dot(exact, d) != 0:
+            n -= 1
+            yield p, d
+
+
+def crosses(p, o, d):
+    """Tell whether a ray meets a triangle, and at which t, in exact arithmetic."""
+    corners = [
+        [Fraction(float(x)) - Fraction(float(y)) for x, y in zip(q, o, strict=True)] for q in p
+    ]
+    way = [Fraction(float(x)) for x in d]
+
+    def volume(k):
+        a, b = corners[(k + 1) % 3], corners[(k + 2) % 3]
+        return sum(x * y for x, y in zip(cross_of(a, b), way, strict=True))
+
+    weights = [volume(k) for k in range(3)]
+    total = sum(weights)
+    if total == 0 or min(weights) < 0 < max(weights):
+        return False, 0.0
+    point = [sum(w * q[k] for w, q in zip(weights, corners, strict=True)) / total for k in range(3)]
+    t = sum(x * y for x, y in zip(point, way, strict=True)) / sum(x * x for x in way)
+    return t > 0, float(t)
+
+
+def test_needles_are_met_though_their_normals_have_no_digits():
+    rng = np.random.default_rng(4)
+    met = sure = 0
+    for p, d in turned_needles(12, 3):
+        weights = rng.dirichlet((1, 1, 1), 40)
+        origins = weights @ p - rng.uniform(0.1, 2.0, (40, 1)) * d
+        mesh = TriangleMesh(trimesh.Trimesh(p, [(0, 1, 2)], process=False))
+        hits = Intersector(mesh).intersect(origins, np.tile(d, (40, 1)))
+        for k, o in enumerate(origins):
+            is_met, t = crosses(p, o, d)
+            met += is_met
+            if hits.status[k] != Status.TANGENT:
+                sure += 1
+                assert hits.hit[k] == is_met
+                assert not is_met or abs(hits.t[k] - t) <= hits.t_bound[k]
+    assert met > 300
+    assert sure > 10
