@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cached_property
 from typing import Self
 
 import numpy as np
@@ -110,6 +111,33 @@ class PatchSheet(ParametricSurface):
     def __repr__(self) -> str:
         """Name the patches."""
         return f"{type(self).__name__}({self._pieces!r})"
+
+    @cached_property
+    def closes(self) -> tuple[bool, bool]:  # type: ignore[override]
+        """Whether the first and the last patches along u meet bit for bit, and those along v.
+
+        They meet if the control points of u = 0 and u = 1 are equal, and their weights up to a
+        common power of two.
+        """
+        first, last = self._patch_at[[0, -1]]
+        low, high = self._patch_at[:, [0, -1]].T
+        return (
+            all(self._meet(a, b, 0) for a, b in zip(first, last, strict=True)),
+            all(self._meet(a, b, 1) for a, b in zip(low, high, strict=True)),
+        )
+
+    def _meet(self, one: int, other: int, axis: int) -> bool:
+        """Tell whether one patch begins along an axis of its net with the border that another ends with."""
+        patches, weights = self._pieces.patches, self._pieces.weights
+        begin, end = patches[one].take(0, axis), patches[other].take(-1, axis)
+        if not np.array_equal(begin, end):
+            return False
+        if weights is None:
+            return True
+        w_begin, w_end = weights[one].take(0, axis), weights[other].take(-1, axis)
+        # Exact, as the ratio is a power of two.
+        ratio = w_end[0] / w_begin[0]
+        return bool(np.frexp(ratio)[0] == 0.5 and (w_begin * ratio == w_end).all())
 
     @property
     def patch_bounds(self) -> FloatArray:

@@ -36,9 +36,10 @@ class TrimmedSurface(Surface):
     A point belongs to the surface if the loops together go around its (u, v) an odd number of
     times. So loops may be an outline, holes in it and islands in these, in any order and direction.
     To cut a hole into a whole surface, add the border of the unit square as a loop. Parts of loops
-    outside the unit square enclose nothing. On a surface that closes around its axis, or whose
-    profile ends where it begins, write a loop across the seam in one piece, with u or v below 0 or
-    above 1; its copies one turn away count as well.
+    outside the unit square enclose nothing. On a surface that closes on itself (`closes`), write a
+    loop across the seam in one piece, with u or v below 0 or above 1; its copies one turn away count
+    as well. Surfaces of revolution close around the axis, or where the profile ends where it begins;
+    sheets and NURBS surfaces close where the first and the last control points are equal to the bit.
 
     A hit is the first root inside the loops. Which side of a curve a point is on is decided by the
     curves as they are given, without approximation. If rounding leaves it undecided, the hit or

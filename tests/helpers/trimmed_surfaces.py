@@ -174,3 +174,25 @@ def cut_lens():
     lens = Asphere(1.5, -0.7, [0, 0.05, -0.02], 2.0, (0.1, 0.2, 0), (0.2, 0, 1))
     shape = polygon([(0, 0), (0, 0.6), (0.3, 0.95), (0.7, 0.5), (1, 0.6), (1, 0)])
     return TrimmedSurface(lens, [shape, circle((0.35, 0.5), (0.1, 0.2))])
+
+
+# Nine points of the unit circle as four rational quarters; the last is the first.
+AROUND = np.array([(1, 0), (1, 1), (0, 1), (-1, 1), (-1, 0), (-1, -1), (0, -1), (1, -1), (1, 0)])
+AROUND_WEIGHTS = np.where(np.arange(9) % 2, np.sqrt(0.5), 1.0)
+AROUND_KNOTS = [0, 0, 0, 1, 1, 2, 2, 3, 3, 4, 4, 4]
+
+
+def nurbs_tube():
+    """The cylinder of radius 1 about z from -1 to 1 as a NURBS surface that closes in u."""
+    net = np.array([[(x, y, z) for z in (-1.0, 1.0)] for x, y in AROUND])
+    weights = np.repeat(AROUND_WEIGHTS[:, None], 2, axis=1)
+    return NurbsSurface(net, AROUND_KNOTS, [0, 0, 1, 1], (2, 1), weights)
+
+
+def nurbs_torus():
+    """The torus of radii 1 and 1/2 about z as a NURBS surface that closes in u and in v."""
+    net = np.array(
+        [[(x * (1 + 0.5 * r), y * (1 + 0.5 * r), 0.5 * z) for r, z in AROUND] for x, y in AROUND]
+    )
+    weights = AROUND_WEIGHTS[:, None] * AROUND_WEIGHTS
+    return NurbsSurface(net, AROUND_KNOTS, AROUND_KNOTS, 2, weights)

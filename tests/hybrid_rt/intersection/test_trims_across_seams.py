@@ -1,0 +1,129 @@
+"""Loops across the seams of sheets that close on themselves, against closed forms and a quarter turn."""
+
+import numpy as np
+import pytest
+from trimmed_surfaces import OUTLINE, edge_rays, nurbs_torus, nurbs_tube
+
+from hybrid_rt import Intersector, Status
+from hybrid_rt.verify.exact.judge import ExactJudge
+from meshing import (
+    BezierPatches,
+    NurbsSurface,
+    PatchSheet,
+    SurfaceOfRevolution,
+    TrimmedSurface,
+    circle,
+    polygon,
+)
+
+# One eighth of a turn to either side of the seam: there rational quarters are at 45 degrees.
+WINDOW = polygon([(-0.125, 0.25), (0.125, 0.25), (0.125, 0.75), (-0.125, 0.75)])
+
+
+def ball_rays(n, seed):
+    """Rays from a sphere of radius 3 at random points of the cube about the origin."""
+    rng = np.random.default_rng(seed)
+    origins = rng.normal(size=(n, 3))
+    origins *= 3 / np.linalg.norm(origins, axis=1)[:, None]
+    return origins, rng.uniform(-1, 1, (n, 3)) - origins
+
+
+def assert_same_hits(one, other, least):
+    """Hits of two forms of a surface agree wherever neither is TANGENT."""
+    sure = (one.status != Status.TANGENT) & (other.status != Status.TANGENT)
+    np.testing.assert_array_equal(one.hit[sure], other.hit[sure])
+    both = sure & one.hit
+    np.testing.assert_allclose(one.t[both], other.t[both], rtol=1e-12)
+    assert sure.mean() > least
+    assert both.sum() > 100
+
+
+def test_sheets_close_where_their_borders_are_equal():
+    assert nurbs_tube().closes == (True, False)
+    assert nurbs_tube().flipped().closes == (False, True)
+    assert nurbs_torus().closes == (True, True)
+    angle = 2 * np.pi * np.arange(8) / 8
+    ring = np.stack([np.cos(angle), np.sin(angle), 0 * angle], axis=1)[[*range(8), 0, 1, 2]]
+    periodic = NurbsSurface(
+        np.stack([ring, np.add(ring, (0, 0, 1))], axis=1), np.arange(15.0), [0, 0, 1, 1], (3, 1)
+    )
+    assert periodic.closes == (True, False)
+
+
+@pytest.mark.parametrize("part", ["control", "weights", "degrees"])
+def test_a_sheet_that_nearly_closes_does_not(part):
+    pieces = nurbs_tube().pieces
+    nets, weights = [net.copy() for net in pieces.patches], [w.copy() for w in pieces.weights]
+    # Weights of a patch have no scale: powers of two leave them equal.
+    same = PatchSheet.grid(BezierPatches(nets, [weights[0] * 4, *weights[1:]]), 4, 1)
+    assert same.closes == (True, False)
+    if part == "control":
+        nets[3][2, 1, 1] = 1e-300
+    elif part == "weights":
+        weights[3][2, 1] *= 1 + 2.0**-52
+    else:
+        nets[3] = nets[3][:, [0, 0, 1]]
+        nets[3][:, 1] = 0.5 * (nets[3][:, 0] + nets[3][:, 2])
+        weights[3] = weights[3][:, [0, 0, 1]]
+    assert PatchSheet.grid(BezierPatches(nets, weights), 4, 1).closes == (False, False)
+
+
+@pytest.mark.parametrize("coarse", ["none", "embree"])
+def test_a_hole_across_the_seam_is_that_of_a_cylinder(coarse):
+    rays = ball_rays(6000, 1)
+    other = SurfaceOfRevolution([(0, 1), (2, 1)], (0, 0, -1), (0, 0, 1), (1, 0, 0))
+    hits, same = (
+        Intersector(TrimmedSurface(whole, [OUTLINE, WINDOW]), coarse=coarse).intersect(*rays)
+        for whole in (nurbs_tube(), other)
+    )
+    assert_same_hits(hits, same, 0.999)
+    # By the closed form no hit is in the window, and there are some above and below it.
+    x, y, z = hits.position[hits.status == Status.HIT].T
+    assert not ((x > np.abs(y)) & (np.abs(z) < 0.5)).any()
+    assert ((x > 0) & (np.abs(y) < 0.5 * x) & (np.abs(z) > 0.5)).sum() > 100
+
+
+def test_a_hole_across_the_seam_is_one_a_quarter_turn_away():
+    hole, there = (circle((u, 0.5), (0.15, 0.3)) for u in (0.0625, 0.3125))
+    tube = nurbs_tube()
+    surface, turned = (TrimmedSurface(tube, [OUTLINE, loop]) for loop in (hole, there))
+    *rays, beside = edge_rays(surface, 3000, 7)
+    quarter = np.array([(0.0, 1.0, 0.0), (-1.0, 0.0, 0.0), (0.0, 0.0, 1.0)])
+    hits = Intersector(surface).intersect(*rays)
+    same = Intersector(turned).intersect(*(ray @ quarter for ray in rays))
+    # Places along both curves round differently; a curve of the two may be in the band of one only.
+    assert ((hits.status != same.status) & (beside > 1e-12)).sum() <= 3
+    assert_same_hits(hits, same, 0.7)
+
+
+def test_a_hole_across_both_seams_by_the_closed_form():
+    corner = polygon([(-0.125, -0.125), (0.125, -0.125), (0.125, 0.125), (-0.125, 0.125)])
+    rays = ball_rays(4000, 2)
+    hits = Intersector(TrimmedSurface(nurbs_torus(), [OUTLINE, corner])).intersect(*rays)
+    x, y, z = hits.position[hits.status == Status.HIT].T
+    across = np.hypot(x, y) - 1
+    assert not ((x > np.abs(y)) & (across > np.abs(z))).any()
+    whole = Intersector(nurbs_torus()).intersect_all(*rays)
+    px, py, pz = whole.hits.position.T
+    in_window = (px > np.abs(py)) & (np.hypot(px, py) - 1 > np.abs(pz))
+    kept = np.bincount(whole.ray[~in_window], minlength=len(rays[0])) > 0
+    sure = hits.status != Status.TANGENT
+    np.testing.assert_array_equal(hits.hit[sure], kept[sure])
+    assert in_window.sum() > 100
+
+
+@pytest.mark.parametrize(("make", "n"), [(nurbs_tube, 20), (nurbs_torus, 8)])
+def test_edges_across_seams_are_judged_exactly(make, n):
+    surface = TrimmedSurface(make(), [OUTLINE, circle((0.5, 0.5), (0.1, 0.2)), WINDOW])
+    origins, directions, beside = edge_rays(surface, n, 11)
+    hits = Intersector(surface, coarse="none").intersect(origins, directions)
+    verdict = ExactJudge([surface]).judge(hits, origins, directions, distance=beside)
+    assert verdict.hits > 0
+    assert verdict.faults == verdict.left_open == 0
+
+
+def test_an_open_sheet_does_not_wrap():
+    flat = PatchSheet.grid(BezierPatches([[[[0, 0, 0], [0, 1, 0]], [[1, 0, 0], [1, 1, 0]]]]), 1, 1)
+    surface = TrimmedSurface(flat, [OUTLINE, WINDOW])
+    assert surface.closes == (False, False)
+    np.testing.assert_array_equal(surface.contains([0.05, 0.95], 0.5)[0], [False, True])
