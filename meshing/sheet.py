@@ -113,7 +113,7 @@ class PatchSheet(ParametricSurface):
         return f"{type(self).__name__}({self._pieces!r})"
 
     @cached_property
-    def closes(self) -> tuple[bool, bool]:  # type: ignore[override]
+    def closes(self) -> tuple[bool, bool]:
         """Whether the first and the last patches along u meet bit for bit, and those along v.
 
         They meet if the control points of u = 0 and u = 1 are equal, and their weights up to a
@@ -134,7 +134,8 @@ class PatchSheet(ParametricSurface):
             return False
         if weights is None:
             return True
-        w_begin, w_end = weights[one].take(0, axis), weights[other].take(-1, axis)
+        w_begin: FloatArray = np.take(weights[one], 0, axis)
+        w_end: FloatArray = np.take(weights[other], -1, axis)
         # Exact, as the ratio is a power of two.
         ratio = w_end[0] / w_begin[0]
         return bool(np.frexp(ratio)[0] == 0.5 and (w_begin * ratio == w_end).all())
