@@ -40,7 +40,8 @@ from hybrid_rt.core.ledger import as_json
 from hybrid_rt.rendering.versions import versions
 from hybrid_rt.scene.scene import Scene
 from hybrid_rt.verify.cases.rays import camera as random_camera
-from meshing import BezierPatches, TrimmedSurface
+from hybrid_rt.verify.judges.oracle import workers_of
+from meshing import BezierPatches
 
 
 def main() -> int:
@@ -131,12 +132,20 @@ def _study(
         studies["picture"] = _study_picture(scene, args)
         surfaces = curved_surfaces(scene)
         rays = hit_study.camera_rays(scene, n_rays)
-    if any(isinstance(surface, TrimmedSurface) for surface in surfaces):
-        _say("first hits are left out: the oracle knows no trimmed surfaces")
-    elif surfaces:
+    if surfaces and _are_known(surfaces):
         studies["hits"] = hit_study.study_hits(
             surfaces, rays, runs=3 if args.quick else 7, threads=args.threads, say=_say
         )
+
+
+def _are_known(surfaces: Sequence[Any]) -> bool:
+    """Tell whether the oracle can judge hits on surfaces; if not, say why."""
+    try:
+        workers_of(surfaces)
+    except TypeError as error:
+        _say(f"first hits are left out: {error}")
+        return False
+    return True
 
 
 def _resized(scene: Scene, width: int) -> Scene:

@@ -15,6 +15,8 @@ from hybrid_rt.rendering.versions import versions
 
 Conditions = list[tuple[str, str]]
 """Names and values, as they stand in a page's first table."""
+# Distances that fall more slowly with the number of triangles are those of too few hits.
+LEAST_ORDER = 0.25
 
 
 def machine() -> str:
@@ -129,7 +131,7 @@ def hit_answers(study: HitStudy) -> list[str]:
         (p for c in study.curves if c.name.startswith("certified") for p in c.points),
         key=lambda p: p.seconds.median,
     )
-    limit = RULE_OF_THREE / study.judged
+    limit = RULE_OF_THREE / max(study.judged, 1)
     meshes = [p for c in study.curves if c.name == "mesh" for p in c.points]
     times = sorted(p.seconds.median for p in meshes)
     cost = (
@@ -151,13 +153,14 @@ def hit_answers(study: HitStudy) -> list[str]:
         order = math.log(a.more["mean_dt"] / b.more["mean_dt"]) / math.log(
             b.more["triangles"] / a.more["triangles"]
         )
-        exact = max(certified.more["mean_dt"], 1e-17 * study.size)
-        needed = b.more["triangles"] * (b.more["mean_dt"] / exact) ** (1.0 / order)
-        lines.append(
-            f"Right hits on that mesh are off by {b.more['mean_dt'] / study.size:.1e} of the size on average, "
-            f"falling as triangles^-{order:.2f}; to be as near as certified hits "
-            f"({exact / study.size:.0e}) it would need about {needed:.0e} triangles."
-        )
+        if order >= LEAST_ORDER:
+            exact = max(certified.more["mean_dt"], 1e-17 * study.size)
+            needed = b.more["triangles"] * (b.more["mean_dt"] / exact) ** (1.0 / order)
+            lines.append(
+                f"Right hits on that mesh are off by {b.more['mean_dt'] / study.size:.1e} of the size on average, "
+                f"falling as triangles^-{order:.2f}; to be as near as certified hits "
+                f"({exact / study.size:.0e}) it would need about {needed:.0e} triangles."
+            )
     if study.newton:
         lines.append(_newton_answer(study))
     return lines

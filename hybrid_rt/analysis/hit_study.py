@@ -24,9 +24,8 @@ from hybrid_rt.core.timing import Timing, in_turn, timed
 from hybrid_rt.intersection import Intersector
 from hybrid_rt.scene.scene import Scene
 from hybrid_rt.verify.judges.hit_errors import HitErrors, hit_errors
-from hybrid_rt.verify.judges.oracle import first_hits
+from hybrid_rt.verify.judges.oracle import first_hits, workers_of
 from meshing import TrimmedSurface
-from meshing.checks import shown
 
 # Steps of Newton's method that are tried: after six nothing changes but on the coarsest meshes.
 NEWTON_STEPS = (0, 1, 2, 3, 4, 6)
@@ -50,7 +49,7 @@ class HitStudy:
         ``mean_angle``, ``missed``, ``phantom``, ``farther``.
     newton : list of Curve
         Newton's method without proof by a fixed number of steps, one curve for each tolerance; the
-        settings are those numbers. None where a surface needs no steps.
+        settings are those numbers. None where a surface needs no steps, or is trimmed.
     oracle_seconds : float
     """
 
@@ -87,14 +86,9 @@ def study_hits(
     Raises
     ------
     TypeError
-        For trimmed surfaces, which the oracle does not know.
+        For surfaces that the oracle does not know, by name.
     """
-    for i, surface in enumerate(surfaces):
-        if isinstance(surface, TrimmedSurface):
-            raise TypeError(
-                f"surfaces[{i}] is {shown(surface)}: the oracle knows no loops, pass surfaces that "
-                "are not trimmed (tools/verify_many.py judges hits on trimmed ones)"
-            )
+    workers_of(surfaces)
     n, size = len(rays.origins), size_of(surfaces)
     say(f"the oracle on {n} rays")
     truth, oracle_seconds = timed(
@@ -162,9 +156,10 @@ def _finders(
 def _steppers(
     surfaces: Sequence[Any], tolerances: Sequence[float], size: float, threads: int | None
 ) -> _Finders:
-    """Build Newton's method by fixed numbers of steps; none where a surface needs no steps."""
+    """Build Newton's method by fixed numbers of steps; none where it is not defined for a surface."""
     steppers: _Finders = {}
-    if not all(surface.is_freeform for surface in surfaces):
+    # Closed forms need no steps. Of trimmed surfaces steps alone do not say which roots count.
+    if any(not s.is_freeform or isinstance(s, TrimmedSurface) for s in surfaces):
         return steppers
     for share in sorted(tolerances, reverse=True):
         stepped, seconds = timed(partial(SteppedHits, surfaces, share * size, threads))

@@ -77,6 +77,20 @@ def test_surface_alone(run):
 
 
 @pytest.mark.parametrize(
+    ("part", "is_known"), [("", True), (", u_range=(0, 0.5)", False)], ids=["whole turn", "half"]
+)
+def test_hits_on_trimmed_surfaces_are_measured_where_the_oracle_can(run, tmp_path, part, is_known):
+    script = SCRIPT.replace("(0, 0, 1))\n    return", f"(0, 0, 1){part})\n    return")
+    script = script.replace("import SurfaceOfRevolution", "import *")
+    script = script.replace("Object(tube", "Object(TrimmedSurface(tube, [circle((0.5, 0.5), 0.5)])")
+    (tmp_path / "cut.py").write_text(script)
+    code, captured = run(f"cut.py {SMALL} --integrators path --reference-by path")
+    assert code == 0
+    assert ("First hits" in captured.out) == is_known
+    assert ("first hits are left out: surface is a SurfaceOfRev" in captured.err) != is_known
+
+
+@pytest.mark.parametrize(
     ("arguments", "code", "words"),
     [
         ("missing.py", 2, "scene script 'missing.py'"),

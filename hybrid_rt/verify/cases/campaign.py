@@ -14,10 +14,19 @@ from hybrid_rt.demo import teapot, vase
 from hybrid_rt.intersection import Intersector
 from hybrid_rt.primitives import Box, Plane, Rectangle, Sphere, TriangleMesh
 from hybrid_rt.verify.cases.rays import hard_rays
+from hybrid_rt.verify.cases.trimmed_surfaces import (
+    cut_lens,
+    drilled_plate,
+    trimmed_patch,
+    trimmed_sheet,
+    windowed_ball,
+    windowed_cylinder,
+    windowed_torus,
+)
 from hybrid_rt.verify.judges.judge import Verdict, compare
 from hybrid_rt.verify.judges.oracle import first_hits
 from hybrid_rt.verify.judges.surface_judge import all_judges
-from meshing import BezierPatches, SurfaceOfRevolution
+from meshing import BezierPatches, SurfaceOfRevolution, TrimmedSurface
 
 # Rays per step: enough to keep all threads busy, few enough for a lively progress line.
 STEP = 20_000
@@ -72,6 +81,32 @@ def closed_forms() -> list[Any]:
     ]
 
 
+def trimmed() -> list[Any]:
+    """Return surfaces of seven kinds cut by loops, three of them across seams, and one with a gap."""
+    return [
+        _aside(surface, k)
+        for k, surface in enumerate(
+            (
+                trimmed_patch(),
+                trimmed_sheet(),
+                windowed_cylinder(),
+                drilled_plate(),
+                windowed_ball(),
+                windowed_torus(),
+                cut_lens(),
+                TrimmedSurface(trimmed_patch().surface, trimmed_patch().loops, gap=1e-3),
+            )
+        )
+    ]
+
+
+def _aside(surface: TrimmedSurface, number: int) -> TrimmedSurface:
+    """Return a surface moved to its place in two rows that overlap."""
+    matrix = np.eye(4)
+    matrix[:3, 3] = 1.5 * (number % 4), 1.5 * (number // 4), 0.3 * number
+    return surface.transformed(matrix)
+
+
 def mixed() -> list[Any]:
     """Return some of everything."""
     aside = np.eye(4)
@@ -93,6 +128,7 @@ SCENES: dict[str, Callable[[], list[Any]]] = {
     "torus": lambda: [torus()],
     "mesh": lambda: [ellipsoid()],
     "closed forms": closed_forms,
+    "trimmed": trimmed,
     "mixed": mixed,
 }
 # Judges of single classes bring examples of their own.

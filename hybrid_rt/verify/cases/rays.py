@@ -9,6 +9,7 @@ import numpy as np
 
 from hybrid_rt.core.ray_set import RaySet
 from hybrid_rt.core.records import FloatArray
+from meshing import TrimmedSurface
 
 # Planes are infinite; rays are aimed at this much of them around their point.
 PLANE_EXTENT = 4.0
@@ -64,7 +65,7 @@ def silhouettes(
 
 
 def edges(surfaces: Sequence[Any], n: int, seed: int) -> RaySet:
-    """Rays at patch edges and corners, seams, joints, poles: on them and 1e-15 .. 1e-1 beside."""
+    """Rays at edges, corners, seams, joints, poles, loops: on them and 1e-15 .. 1e-1 beside."""
     rng = np.random.default_rng(seed)
     points, _, sizes = _points(surfaces, n, rng, at_edges=True)
     exponent = rng.integers(-15, 0, n)
@@ -251,7 +252,26 @@ def _points(
             u, v = (
                 surface.middle[a] + extent * (x - 0.5) for a, x in zip(axes, (u, v), strict=True)
             )
-        points[rows] = surface.point(u, v, patch)
-        normals[rows] = surface.normal(u, v, patch)
+        where: tuple[Any, ...] = (u, v, patch)
+        if isinstance(surface, TrimmedSurface):
+            # Its (u, v) say which patch it is; what it has of edges are its loops.
+            where = _on_loops(surface, rng, len(rows)) if at_edges else (u, v)
+        points[rows] = surface.point(*where)
+        normals[rows] = surface.normal(*where)
         sizes[rows] = extent
     return points, normals, sizes
+
+
+def _on_loops(
+    surface: TrimmedSurface, rng: np.random.Generator, n: int
+) -> tuple[FloatArray, FloatArray]:
+    """Return u and v of random points of the loops, a quarter of them ends of curves."""
+    curves = [curve for loop in surface.loops for curve in loop]
+    pick = rng.integers(len(curves), size=n)
+    s = np.where(rng.random(n) < 0.25, rng.integers(2, size=n), rng.random(n))
+    at = np.empty((n, 2))
+    for k, curve in enumerate(curves):
+        at[pick == k] = curve.point(s[pick == k])
+    closes = np.array(surface.closes)
+    at = np.where(closes & ((at < 0.0) | (at > 1.0)), at % 1.0, np.clip(at, 0.0, 1.0))
+    return at[:, 0], at[:, 1]

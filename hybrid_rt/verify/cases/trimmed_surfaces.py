@@ -18,6 +18,7 @@ from meshing import (
     BezierPatches,
     Curve2,
     Cylinder,
+    NurbsSurface,
     SurfaceOfRevolution,
     TrimmedSurface,
     circle,
@@ -55,6 +56,16 @@ def trimmed_nurbs() -> TrimmedSurface:
     """Return a torn sheet with three holes, one across a crease."""
     holes = [circle((0.5, 0.4), 0.2), circle((0.8, 0.7), (0.05, 0.2)), circle((0.15, 0.9), 0.06)]
     return TrimmedSurface(torn_nurbs(), [polygon(OUTLINE), *holes])
+
+
+def trimmed_sheet() -> TrimmedSurface:
+    """Return a polynomial spline of 3 x 2 patches with three holes across their borders."""
+    rng = np.random.default_rng(2)
+    x, y = np.meshgrid(np.linspace(-1, 1, 6), np.linspace(-1, 1, 4), indexing="ij")
+    net = np.stack([x, y, rng.uniform(-0.3, 0.3, (6, 4))], axis=-1)
+    knots = [0, 0, 0, 0, 1, 2, 3, 3, 3, 3], [0, 0, 0, 1, 2, 2, 2]
+    holes = [circle((1 / 3, 0.5), 0.2), circle((0.7, 0.4), (0.1, 0.25)), circle((0.8, 0.9), 0.05)]
+    return TrimmedSurface(NurbsSurface(net, *knots, (3, 2)), [polygon(OUTLINE), *holes])
 
 
 def windowed_cylinder() -> TrimmedSurface:

@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 from hybrid_rt.core.records import BoolArray, FloatArray, IntArray
 from hybrid_rt.core.threads import available_threads
 from hybrid_rt.verify.judges.kernels import events
-from hybrid_rt.verify.judges.surface_judge import judge_of
+from hybrid_rt.verify.judges.surface_judge import Worker, judge_of, new_events
 
 # Rays per job: enough to hide the call, few enough to keep all threads busy.
 CHUNK = 2048
@@ -140,20 +140,20 @@ def first_hits(
     Raises
     ------
     TypeError
-        For a surface that the oracle does not know.
+        For a surface that the oracle does not know, by name.
     """
     origin = np.ascontiguousarray(origins, dtype=np.float64).reshape(-1, 3)
     direction = np.ascontiguousarray(directions, dtype=np.float64).reshape(-1, 3)
     n = len(origin)
     low = np.ascontiguousarray(np.broadcast_to(np.asarray(t_min, dtype=np.float64), (n,)))
     high = np.broadcast_to(np.asarray(t_max, dtype=np.float64), (n,))
-    workers = [judge_of(surface).worker(i) for i, surface in enumerate(surfaces)]
+    workers = workers_of(surfaces)
 
     def run(begin: int) -> events.Events:
         rows = slice(begin, min(begin + CHUNK, n))
         room = ROOM * CHUNK
         while True:
-            found = _new_events(room)
+            found = new_events(room)
             for worker in workers:
                 worker(begin, origin[rows], direction[rows], low[rows], found)
             if found.count[0] <= room:
@@ -171,6 +171,17 @@ def first_hits(
         for name in events.Events._fields[1:]
     }
     return truth_of(columns, surfaces, origin, direction, low, high, departing)
+
+
+def workers_of(surfaces: Sequence[Any]) -> list[Worker]:
+    """Return the functions that find all roots on each surface.
+
+    Raises
+    ------
+    TypeError
+        For a surface that the oracle does not know, by name.
+    """
+    return [judge_of(surface).worker(i) for i, surface in enumerate(surfaces)]
 
 
 def truth_of(
@@ -195,22 +206,6 @@ def truth_of(
     columns = _merge(columns, length)
     columns = _limit(columns, length, t_min, t_max, departing)
     return _first(columns, surfaces, origins, directions, length)
-
-
-def _new_events(room: int) -> events.Events:
-    return events.Events(
-        count=np.zeros(1, np.int64),
-        ray=np.empty(room, np.int64),
-        t=np.empty(room),
-        object_id=np.empty(room, np.int32),
-        patch_id=np.empty(room, np.int32),
-        u=np.empty(room),
-        v=np.empty(room),
-        cosine=np.empty(room),
-        band=np.empty(room),
-        kind=np.empty(room, np.uint8),
-        at_edge=np.empty(room, np.uint8),
-    )
 
 
 Columns = dict[str, Any]

@@ -34,6 +34,31 @@ def about_origin(surface: Any) -> tuple[Surface, FloatArray]:
     return surface.transformed(np.eye(4) - np.outer([*origin, 0.0], [0, 0, 0, 1.0])), origin
 
 
+def new_events(room: int) -> Events:
+    """Return an empty list of events with room for so many."""
+    return Events(
+        count=np.zeros(1, np.int64),
+        ray=np.empty(room, np.int64),
+        t=np.empty(room),
+        object_id=np.empty(room, np.int32),
+        patch_id=np.empty(room, np.int32),
+        u=np.empty(room),
+        v=np.empty(room),
+        cosine=np.empty(room),
+        band=np.empty(room),
+        kind=np.empty(room, np.uint8),
+        at_edge=np.empty(room, np.uint8),
+    )
+
+
+def about_axis(surface: Any, points: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return u, distance from the axis and height of points about a surface's axis, each (n,)."""
+    origin, axis, radial, binormal = surface.revolution_frame
+    away = points - origin
+    x, y, z = away @ radial, away @ binormal, away @ axis
+    return np.arctan2(y, x) / (2.0 * np.pi) % 1.0, np.hypot(x, y), z
+
+
 class SurfaceJudge(ABC):
     """The independent solvers of one surface; they share no code with the intersector.
 
@@ -62,6 +87,11 @@ class SurfaceJudge(ABC):
     @abstractmethod
     def solver(self) -> Solver:
         """Return the function that finds the t of a hit to many digits (mpmath), to test bounds."""
+
+    def locate(self, points: FloatArray) -> tuple[FloatArray, FloatArray] | None:
+        """Return u and v of points (n, 3) of the surface; None: the events name theirs."""
+        del points
+        return None
 
     def gap(
         self,

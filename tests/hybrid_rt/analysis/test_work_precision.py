@@ -30,7 +30,7 @@ from hybrid_rt.rendering.renderer import render
 from hybrid_rt.scene.scene import Object, Scene
 from hybrid_rt.sensor.camera import Camera
 from hybrid_rt.verify.light.light_tracer import BEHIND_PANE
-from meshing import SurfaceOfRevolution
+from meshing import SurfaceOfRevolution, TrimmedSurface, polygon
 
 TUBE = SurfaceOfRevolution([[-1.0, 1.0], [1.0, 1.0]], (0, 0, 0), (0, 0, 1))
 VIEW = Camera((0, -6, 0.5), (0, 0, 0), (0, 0, 1), vertical_fov=30, width=24, height=16)
@@ -55,6 +55,26 @@ def room():
 @pytest.fixture(scope="module")
 def tube():
     return study_hits([TUBE], camera_rays(SCENE, 4000), tolerances=(1e-2, 1e-4), runs=2, threads=1)
+
+
+def test_hits_on_trimmed_surfaces_are_studied():
+    window = polygon([(-0.1, 0.3), (0.15, 0.25), (0.12, 0.7), (-0.08, 0.6)])
+    loops = [polygon([(0, 0), (1, 0), (1, 1), (0, 1)]), window]
+    surfaces = [TrimmedSurface(TUBE, loops)]
+    study = study_hits(surfaces, camera_rays(SCENE, 1000), tolerances=(1e-2,), runs=1, threads=1)
+    wrong = {curve.name: curve.points[0].error.median for curve in study.curves}
+    assert wrong["certified"] == wrong["certified, no Embree"] == 0.0
+    # Triangles that an edge crosses stay whole.
+    assert wrong["mesh"] > 0.0
+    assert 0 < study.judged < 1000
+
+
+def test_surfaces_that_the_oracle_does_not_know_are_refused_by_name():
+    part = SurfaceOfRevolution([[-1.0, 1.0], [1.0, 1.0]], (0, 0, 0), (0, 0, 1), u_range=(0, 0.5))
+    loops = [polygon([(0, 0), (1, 0), (1, 1), (0, 1)])]
+    for surface in (part, TrimmedSurface(part, loops)):
+        with pytest.raises(TypeError, match=r"SurfaceOfRevolution.*whole turns"):
+            study_hits([surface], camera_rays(SCENE, 10))
 
 
 class TestPictures:

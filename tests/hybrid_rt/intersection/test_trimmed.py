@@ -23,8 +23,6 @@ from trimmed_surfaces import (
 )
 
 from hybrid_rt import Box, Intersector, Rectangle, Sphere, Status
-from hybrid_rt.analysis.hit_study import study_hits
-from hybrid_rt.core.ray_set import RaySet
 from hybrid_rt.core.records import Flag
 from hybrid_rt.core.threads import Pool
 from hybrid_rt.intersection.kinds.patches import PatchKind
@@ -354,13 +352,6 @@ def test_trimesh_queries_take_trimmed_surfaces():
     np.testing.assert_array_equal(ray, np.flatnonzero(inside))
     np.testing.assert_allclose(locations[:, :2], points[inside], atol=1e-15)
     assert not piece.any()
-
-
-def test_the_study_of_hits_refuses_trimmed_surfaces_by_name():
-    origins, directions = down(np.zeros((2, 2)))
-    rays = RaySet(origins, np.array(directions), np.full(2, "down"))
-    with pytest.raises(TypeError, match=r"surfaces\[0\] is TrimmedSurface.*knows no loops"):
-        study_hits([plate()], rays)
 
 
 def test_repr_names_the_loops():

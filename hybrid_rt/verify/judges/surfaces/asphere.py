@@ -18,6 +18,7 @@ from hybrid_rt.verify.judges.surface_judge import (
     SurfaceJudge,
     Vector,
     Worker,
+    about_axis,
     about_origin,
 )
 from meshing.surface import Surface
@@ -65,6 +66,12 @@ class AsphereJudge(SurfaceJudge, of=Asphere):
                     )  # fmt: skip
 
         return work
+
+    def locate(self, points: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return the angle of points, and their distance from the axis over half the aperture."""
+        u, from_axis, _ = about_axis(self.surface, points)
+        v = 2.0 * from_axis / self.surface.aperture
+        return u, v if self.surface.orientation > 0 else 1.0 - v
 
     def about_itself(self) -> tuple[Surface, FloatArray]:
         """Return it about its vertex."""

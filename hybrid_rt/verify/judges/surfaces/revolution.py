@@ -71,7 +71,11 @@ class RevolutionJudge(SurfaceJudge, of=SurfaceOfRevolution):
                 line=np.empty(6),
                 out=np.empty(8),
             )
+            begin = int(out.count[0])
             profile_roots.profile_events(profile, first, o, d, t, scratch, out)
+            if surface.u_range[0] != 0.0:
+                own = out.u[begin : int(out.count[0])]
+                own[:] = (own - surface.u_range[0]) % 1.0
 
         return work
 

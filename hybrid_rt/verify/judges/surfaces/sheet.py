@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from hybrid_rt.core.records import FloatArray
+from hybrid_rt.verify.judges.kernels import events
 from hybrid_rt.verify.judges.surface_judge import (
     Number,
     Solver,
@@ -13,7 +15,7 @@ from hybrid_rt.verify.judges.surface_judge import (
     judge_of,
 )
 from meshing.sheet import PatchSheet
-from meshing.spans import within_patch
+from meshing.spans import across, within_patch
 
 
 class SheetJudge(SurfaceJudge, of=PatchSheet):
@@ -22,8 +24,18 @@ class SheetJudge(SurfaceJudge, of=PatchSheet):
     surface: PatchSheet
 
     def worker(self, object_id: int) -> Worker:
-        """Return the function of the patches."""
-        return judge_of(self.surface.pieces).worker(object_id)
+        """Return the function of the patches, with (u, v) across the sheet."""
+        inner, spans = judge_of(self.surface.pieces).worker(object_id), self.surface.spans
+
+        def work(
+            first: int, o: FloatArray, d: FloatArray, low: FloatArray, out: events.Events
+        ) -> None:
+            begin = int(out.count[0])
+            inner(first, o, d, low, out)
+            mine = slice(begin, int(out.count[0]))
+            out.u[mine], out.v[mine] = across(spans, out.u[mine], out.v[mine], out.patch_id[mine])
+
+        return work
 
     def solver(self) -> Solver:
         """Return the function of the patches, from (u, v) across the sheet."""

@@ -26,6 +26,11 @@ class SphereJudge(SurfaceJudge, of=Sphere):
             center, radius, object_id, first, o, d, out
         )
 
+    def locate(self, points: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return azimuth and polar angle of points, as parts of a whole and of half a turn."""
+        x, y, z = self.surface.frame @ (points - self.surface.center).T
+        return np.arctan2(y, x) / (2.0 * np.pi) % 1.0, np.arctan2(np.hypot(x, y), -z) / np.pi
+
     def solver(self) -> Solver:
         """Return a function that solves the quadratic to many digits."""
         import mpmath

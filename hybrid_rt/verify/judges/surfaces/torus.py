@@ -26,6 +26,7 @@ from hybrid_rt.verify.judges.surface_judge import (
     SurfaceJudge,
     Vector,
     Worker,
+    about_axis,
     about_origin,
 )
 from meshing.surface import Surface
@@ -65,6 +66,12 @@ class TorusJudge(SurfaceJudge, of=Torus):
                         )
 
         return work
+
+    def locate(self, points: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return both angles of points, in whole turns."""
+        u, from_axis, z = about_axis(self.surface, points)
+        height = self.surface.orientation * z
+        return u, np.arctan2(height, from_axis - self.surface.major_radius) / (2.0 * np.pi) % 1.0
 
     def about_itself(self) -> tuple[Surface, FloatArray]:
         """Return it about its centre."""
