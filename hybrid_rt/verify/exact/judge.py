@@ -16,6 +16,7 @@ import numpy as np
 
 from hybrid_rt.core.records import FloatArray, HitRecord, IntArray, Status
 from hybrid_rt.verify.exact.crossings import OPEN, POINT, bits, norm, rational
+from hybrid_rt.verify.exact.trims import Trims
 from hybrid_rt.verify.exact.truth import (
     SURELY_ROUNDED,
     ExactScene,
@@ -26,7 +27,6 @@ from hybrid_rt.verify.exact.truth import (
 )
 from hybrid_rt.verify.judges.judge import compare
 from hybrid_rt.verify.judges.kernels.events import BAND, LEAST_COSINE
-from meshing.trimmed import TrimmedSurface
 
 EPS = 2.0**-52
 # A decision must be marked that changes within this part of 64 eps x size, even if the ray comes
@@ -137,6 +137,7 @@ class ExactJudge:
         self.scene = ExactScene(surfaces)
         self._gaps = [exact.gap() for exact in self.scene.exact]
         self._touches = [exact.touch() for exact in self.scene.exact]
+        self._trims = Trims(surfaces)
 
     def judge(
         self,
@@ -317,23 +318,16 @@ class ExactJudge:
                 return False
             limit = min((other.t for other in same), default=math.inf)
             for other in ring:
-                if not 0.0 < other.t < limit or self._begins(other, bands, narrow, length):
+                if not 0.0 < other.t < limit:
+                    continue
+                band = self.scene.narrow_band(other.object_id) if narrow else other.band
+                if self._trims.comes_from_behind(other, o, d, bands * band):
                     continue
                 if other.crossing.kind == OPEN:
                     return None
                 if not any(self._same(one, other, bands, narrow, length) for one in own):
                     return False
         return True
-
-    def _begins(self, one: Placed, bands: float, narrow: bool, length: float) -> bool:
-        """Tell whether a move takes a crossing with a trimmed surface from ahead to behind.
-
-        With others it is found among the crossings of the ray itself; there it may be outside the loops.
-        """
-        if not isinstance(self.scene.surfaces[one.object_id], TrimmedSurface):
-            return False
-        band = self.scene.narrow_band(one.object_id) if narrow else one.band
-        return one.t * length * one.crossing.cosine <= 2.0 * bands * band
 
     def _same(self, one: Placed, other: Placed, bands: float, narrow: bool, length: float) -> bool:
         band = self.scene.narrow_band(one.object_id) if narrow else one.band
@@ -350,13 +344,16 @@ class ExactJudge:
         return [one for one in crossings if one not in at_start]
 
     def _gap(self, hits: HitRecord, i: int, o: FloatArray, d: FloatArray) -> float:
-        """Return the distance of S(u, v) from o + t d, in bands; inf for a miss."""
+        """Return the distance of S(u, v) from o + t d, in bands; inf for a miss, or outside of loops."""
         if not hits.hit[i]:
             return math.inf
         number, t = int(hits.object_id[i]), float(hits.t[i])
         patch, u, v = int(hits.patch_id[i]), float(hits.u[i]), float(hits.v[i])
+        band = self.scene.band(number, o, d, t)
+        if self._trims.is_outside(number, patch, u, v, d, band):
+            return math.inf
         point = [rational(x) + rational(t) * rational(y) for x, y in zip(o, d, strict=True)]
-        return self._gaps[number](patch, u, v, point) / self.scene.band(number, o, d, t)
+        return self._gaps[number](patch, u, v, point) / band
 
     def _measure(
         self,

@@ -1,0 +1,59 @@
+"""What the judge of exact crossings asks of trimmed surfaces: hits in holes, crossings behind the origin."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from hybrid_rt.core.records import FloatArray
+from hybrid_rt.verify.exact.crossings import norm
+from hybrid_rt.verify.exact.truth import ExactScene, Placed, same_place
+from hybrid_rt.verify.judges.trim_edges import TrimEdges
+from meshing.trimmed import TrimmedSurface
+
+
+class Trims:
+    """The trimmed surfaces of a list.
+
+    Parameters
+    ----------
+    surfaces : sequence of surfaces, as `Intersector` takes them
+    """
+
+    def __init__(self, surfaces: Sequence[Any]) -> None:
+        self._edges = {
+            k: TrimEdges(s) for k, s in enumerate(surfaces) if isinstance(s, TrimmedSurface)
+        }
+        whole = [s.surface if isinstance(s, TrimmedSurface) else s for s in surfaces]
+        self._whole = ExactScene(whole) if self._edges else None
+
+    def is_outside(
+        self, number: int, patch: int, u: float, v: float, d: FloatArray, band: float
+    ) -> bool:
+        """Tell whether a hit on an object is outside its loops, beyond the band.
+
+        The surface goes on there, so the distance of S(u, v) from the ray does not tell.
+        """
+        if number not in self._edges:
+            return False
+        at = np.array([u]), np.array([v]), np.array([patch])
+        return bool(self._edges[number].are_outside(*at, d[None], np.array([band]))[0])
+
+    def comes_from_behind(self, one: Placed, o: FloatArray, d: FloatArray, moved: float) -> bool:
+        """Tell whether moving a ray takes a crossing from behind the origin to ahead of it.
+
+        Whether t > 0 is no question of rounding. Other surfaces have the crossing among those of the
+        ray itself, of any t. On a trimmed one it may be outside the loops there: so it is sought on the
+        whole surface. If even there it is ahead, the move takes it past a curve, which is one.
+        """
+        if self._whole is None or one.object_id not in self._edges:
+            return False
+        length = norm(d)
+        same = [
+            other
+            for other in self._whole.crossings(o, d)
+            if other.object_id == one.object_id and same_place(one, other, moved, length)
+        ]
+        return bool(same) and all(other.t <= 0.0 for other in same)

@@ -1,0 +1,45 @@
+"""The judge of exact crossings on answers about trimmed surfaces made wrong on purpose."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+from trimmed_surfaces import OUTLINE, plate
+
+from hybrid_rt import Intersector, Rectangle
+from hybrid_rt.core.records import Status
+from hybrid_rt.verify.exact.judge import ExactJudge
+from meshing import TrimmedSurface, polygon
+
+
+@pytest.mark.parametrize("status", [Status.HIT, Status.TANGENT])
+def test_the_exact_judge_finds_hits_in_holes(status):
+    # One down into the round hole, one beside it.
+    origins = np.array([(0.1, 0.2, 2.0), (0.7, 0.1, 2.0)])
+    rays = origins, np.tile((0.0, 0.0, -1.0), (2, 1))
+    whole = Intersector(plate().surface, coarse="none").intersect(*rays)
+    claimed = dataclasses.replace(whole, status=np.full(2, status, whole.status.dtype))
+    verdict = ExactJudge([plate()]).judge(claimed, *rays, marks=False)
+    assert verdict.n_wrong == (status == Status.HIT)
+    assert verdict.wrong_tangent == (status == Status.TANGENT)
+
+
+@pytest.mark.parametrize(
+    ("z", "must"), [(-1e-18, False), (1e-18, True), (-1e-16, False), (1e-16, True)]
+)
+def test_a_crossing_ahead_that_a_move_brings_inside_needs_the_mark(z, must):
+    # The ray runs down through the plane at 1e-14 of its length, in a slot; its crossing is z / 1e-14
+    # ahead, and the slot ends 1e-2 farther. Moved by the band it passes beyond that end, or before it
+    # begins. Whether t is positive is no question of rounding, but the side of the curve is.
+    slot = polygon([(0.4, 0.25), (0.5, 0.25), (0.5, 0.75), (0.4, 0.75)])
+    surface = TrimmedSurface(Rectangle((0, 0, 0), (1, 0, 0), (0, 1, 0)), [OUTLINE, slot])
+    origins, directions = np.array([(0.45, 0.5, z)]), np.array([(1.0, 0.0, -1e-14)])
+    hits = Intersector(surface).intersect(origins, directions)
+    miss = dataclasses.replace(
+        hits,
+        t=np.array([np.inf]),
+        object_id=np.full(1, -1, hits.object_id.dtype),
+        status=np.full(1, Status.MISS, hits.status.dtype),
+    )
+    verdict = ExactJudge([surface]).judge(miss, origins, directions)
+    assert verdict.unmarked == must
