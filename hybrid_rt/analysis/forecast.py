@@ -20,6 +20,9 @@ from hybrid_rt.analysis.work_precision import PictureStudy
 # A bias below half of the whole error cannot be told from noise by two points.
 SURE_BIAS = 0.5
 
+# A line through two meshes is followed for so many times the way between them.
+MOST_STEPS = 16.0
+
 
 @dataclass(frozen=True)
 class Forecast:
@@ -151,7 +154,7 @@ def triangles_for(meshes: Sequence[dict[str, Any]], target: float) -> float:
     """Return the number of triangles at which the mesh error of a picture falls to a target.
 
     A log-log line through the two nearest meshes whose error is above the noise; nan if there are
-    not two, or the error does not fall.
+    not two, or the error does not fall, or so slowly that the target is too far away to tell.
     """
     rows = sorted((row for row in meshes if row["error"] > 0.0), key=lambda row: row["triangles"])
     if len(rows) < 2:
@@ -161,4 +164,6 @@ def triangles_for(meshes: Sequence[dict[str, Any]], target: float) -> float:
     if not (0.0 < b["error"] < a["error"] and a["triangles"] < b["triangles"]):
         return math.nan
     share = math.log(a["error"] / target) / math.log(a["error"] / b["error"])
+    if share > MOST_STEPS:
+        return math.nan
     return float(a["triangles"] * (b["triangles"] / a["triangles"]) ** share)

@@ -76,6 +76,9 @@ def test_triangles_by_the_law_of_the_mesh():
     meshes = [{"triangles": n, "error": 40.0 / n} for n in (1e2, 1e3, 1e4)]
     assert triangles_for(meshes, 0.01) == pytest.approx(4000)  # between two meshes
     assert triangles_for(meshes, 1e-4) == pytest.approx(4e5)  # beyond
+    # Errors that hardly fall: they are those of other things.
+    flat = [{"triangles": n, "error": e} for n, e in ((1000, 0.1), (4000, 0.0999999))]
+    assert math.isnan(triangles_for(flat, 1e-4))
     unseen = [*meshes[:2], {"triangles": 1e4, "error": 0.0}]  # below the noise
     assert triangles_for(unseen, 0.01) == pytest.approx(4000)
     assert math.isnan(triangles_for(meshes[:1], 0.01))
