@@ -46,7 +46,8 @@ class Trims:
 
         Whether t > 0 is no question of rounding. Other surfaces have the crossing among those of the
         ray itself, of any t. On a trimmed one it may be outside the loops there: so it is sought on the
-        whole surface. If even there it is ahead, the move takes it past a curve, which is one.
+        whole surface. If even there it is ahead, the move takes it past a curve, which is one. If it is
+        nowhere, the ray grazes: within rounding of the origin no mark is promised.
         """
         if self._whole is None or one.object_id not in self._edges:
             return False
@@ -56,4 +57,6 @@ class Trims:
             for other in self._whole.crossings(o, d)
             if other.object_id == one.object_id and same_place(one, other, moved, length)
         ]
-        return bool(same) and all(other.t <= 0.0 for other in same)
+        if not same:
+            return one.t * length * one.crossing.cosine <= 2.0 * moved
+        return all(other.t <= 0.0 for other in same)
