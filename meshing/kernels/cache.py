@@ -54,8 +54,14 @@ class SharedCache(FunctionCache):
             super().save_overload(sig, data)
 
     def _load(self, sig: Any, target_context: Any) -> Any:
-        with _locked(Path(self.cache_path), "rb"):
-            return super().load_overload(sig, target_context)
+        try:
+            with _locked(Path(self.cache_path), "rb"):
+                return super().load_overload(sig, target_context)
+        except (ImportError, AttributeError):
+            # It names types of an older version of this package that are not there any more.
+            with _locked(Path(self.cache_path), "ab"), suppress(OSError):
+                self.flush()
+            return None
 
 
 @contextmanager

@@ -44,6 +44,22 @@ def test_a_file_system_without_locks_is_no_obstacle(tmp_path, monkeypatch):
         pass
 
 
+def test_kernels_compile_again_where_the_cache_names_a_type_that_has_moved(tmp_path):
+    (tmp_path / "kernel.py").write_text(
+        "from meshing.kernels.jit import kernel\n@kernel\ndef double(row):\n    return 2 * row.x\n"
+    )
+    run = "from {0} import Row; from kernel import double; print(double(Row(21)))"
+    row = "from typing import Any, NamedTuple\nclass Row(NamedTuple):\n    x: Any\n"
+    for module in ("old_place", "new_place"):
+        (tmp_path / f"{module}.py").write_text(row)
+        done = subprocess.run(
+            [sys.executable, "-c", run.format(module)], check=False, cwd=tmp_path, capture_output=True, text=True,
+            env=os.environ | {"PYTHONPATH": os.pathsep.join([str(tmp_path), str(ROOT)])},
+        )  # fmt: skip
+        assert done.stdout == "42\n", done.stderr
+        (tmp_path / f"{module}.py").unlink()
+
+
 @pytest.mark.parametrize(
     ("executable", "frozen", "starts_python"),
     [
