@@ -54,16 +54,18 @@ class Coarse:
         self, members: Sequence[tuple[int, Surface]], tolerance: float | None, relative: float
     ) -> None:
         vertices, faces, objects, pieces, corners = [], [], [], [], []
-        n_vertices = 0
+        n_vertices, coarsest = 0, 0.0
         self._sheets = Sheets.of(members)
         for object_id, surface in members:
+            off = tolerance or relative * surface.size
             if isinstance(surface, TrimmedSurface):
-                mesh = coarse_triangles(surface, tolerance or relative * surface.size)
+                mesh = coarse_triangles(surface, off)
             elif surface.is_freeform:
                 # Cells of a sheet go by the parameters of its patches.
-                mesh = tessellate(surface.pieces, tolerance or relative * surface.size)
+                mesh = tessellate(surface.pieces, off)
             else:
-                mesh = surface.triangles()
+                mesh, off = surface.triangles(), 0.0
+            coarsest = max(coarsest, off)
             vertices.append(mesh.vertices)
             faces.append(mesh.faces + n_vertices)
             objects.append(np.full(len(mesh), object_id, np.int32))
@@ -79,6 +81,9 @@ class Coarse:
         )
         self.n_objects = int(self.triangles.object_id.max()) + 1
         self.scene = CoarseScene(self.triangles.vertex, self.triangles.face)
+        # Triangles may lie so far in front of a point of the surface, where rays are not flatter than
+        # a quarter.
+        self._before_targets = STEP_OVER / self.scene.frame.to_frame + 4.0 * coarsest
 
     @property
     def n_triangles(self) -> int:
@@ -138,6 +143,10 @@ class Coarse:
         t_start = rays.t_min.copy()
         if len(rays.known):  # step off the triangles of the point of departure
             t_start[rays.known[:, 1] >= 0] += STEP_OVER / self.scene.frame.to_frame
+            if not kinds:  # and end before those of a target
+                length = np.linalg.norm(rays.direction, axis=1)
+                end = rays.known[:, 2] - self._before_targets / length
+                best.t[:] = np.where(rays.known[:, 3] >= 0, np.minimum(best.t, end), best.t)
         for _ in range(RETRIES + 1):
             with watch:
                 hits = self.scene.first(

@@ -212,3 +212,22 @@ def test_pictures_show_it(shape, integrator):
     ).image[..., 0].ravel().astype(float)  # fmt: skip
     # Four samples a pixel. Of the sky 5e-6 are beside the lamps, which no direction may have met.
     assert_mean(image, 0.5 / math.pi * irradiance(size), 0.6, rounding=1e-5)
+
+
+@pytest.mark.parametrize("middle", [1.0, 1.4], ids=["flat", "bent"])
+def test_triangles_of_a_lamp_do_not_hide_it(middle):
+    rows = [[(x, y, middle if x == 0.0 else 1.0) for x in (-0.5, 0.0, 0.5)] for y in (-0.5, 0.5)]
+    lamp = Object(BezierPatches([rows]), Emissive((1, 1, 1)))
+    floor = Object(Rectangle((-0.01, -0.01, 0), (0.02, 0, 0), (0, 0.02, 0)), Lambertian((1, 1, 1)))
+    scene = Scene(Camera((0, -1, 0.5), (0, 0, 0), (0, 0, 1), 0.5, 16, 16), [floor, lamp])
+    means = [
+        render(
+            scene, "path", 64, accuracy=accuracy, options=PathOptions(strategy=strategy), threads=1
+        ).image.mean()
+        for accuracy, strategy in (
+            ("certified", "lights"), ("mesh", "lights"), ("mesh", "both"), ("refined", "lights"),
+        )
+    ]  # fmt: skip
+    assert means[0] > 0.1
+    # Triangles move the light by less than their distance from the surface, 1e-3 of its size.
+    np.testing.assert_allclose(means[1:], means[0], rtol=5e-3)
