@@ -397,3 +397,20 @@ def test_rays_by_the_axis_meet_a_groove_twice_on_each_side():
     assert hits.hit.all()
     # The next crossing is 1e-4 behind the first, or more; h leaves 1e-14 open.
     np.testing.assert_allclose(hits.t, first, atol=1e-9, rtol=0)
+
+
+def test_a_ray_flat_past_the_rim_of_a_disc_is_no_hit():
+    # It passes the rim by less than a band to twenty, nearest to it about where it meets the plane of the
+    # disc. All these rays miss the can, or meet the cone above the disc.
+    can = SurfaceOfRevolution([[(0, 0), (0, 1)], [(0, 1), (1, 1.4)]], (0, 0, 0), (0, 0, 1))
+    rng = np.random.default_rng(8)
+    n = 20_000
+    aside, slope = 10.0 ** rng.uniform(-15, -12, n), 10.0 ** rng.uniform(-10, -7, n)
+    back, below = rng.uniform(0, 1e-6, n), 10.0 ** rng.uniform(-17, -13, n)
+    o = np.stack([-back, 1.0 + aside, -below], axis=1)
+    d = np.stack([np.ones(n), np.zeros(n), slope], axis=1)
+    hits = Intersector(can, coarse="none").intersect(o, d)
+    on_disc = hits.hit & (hits.patch_id == 0)
+    assert (hits.status[on_disc] == Status.TANGENT).all()
+    assert on_disc.any()
+    assert (hits.status == Status.MISS).any()

@@ -104,6 +104,13 @@ def pass_end(end, ray, after):
         rho, rate = distance(ray, t, after)
         f, g = ray[HEIGHT] + t * dz - z, rho - r
         gap = np.sqrt(f * f + g * g)
+        if gap > band and abs(h - r) <= band and across > 0.0:
+            # Along the circle the steps do not converge: rho' vanishes there.
+            beside = -ray[WAY] / across
+            f, g = ray[HEIGHT] + beside * dz - z, h - r
+            if f * f + g * g < gap * gap:
+                t, gap = beside, np.sqrt(f * f + g * g)
+                rho, rate = distance(ray, t, after)
         bend = bend_of_ray(ray, rho)
     if not gap <= band or way_on_sheet(ray, t, after) < -2.0 * band:
         return False, t
@@ -168,7 +175,9 @@ def is_outline(end, size, ray, z, r, t, nr, nz, bend):
     for k in range(2):
         if abs(z - end[k, END_Z]) + abs(r - end[k, END_R]) > BESIDE_END * size + 4.0 * band:
             continue
-        is_passed, near = pass_end(end[k], ray, ray[WAY] + t * ray[ACROSS] >= 0.0)
-        if is_passed and abs(near - t) * max(slope, FLATTEST) <= 8.0 * band:
-            return True
+        # The end may be passed on the other sheet, if the hit is where one becomes the other.
+        for sheet in range(2):
+            is_passed, near = pass_end(end[k], ray, sheet == 1)
+            if is_passed and abs(near - t) * max(slope, FLATTEST) <= 8.0 * band:
+                return True
     return False

@@ -245,6 +245,10 @@ def offer_meeting(i, s, t, slope, gain, noise, error, segment, ray, after, rays,
         near = approach_profile(control, start, degree, ray, after, s, t)
         if not abs(near - t) <= CUT_AIR:
             return False, False
+        if gap_between(control, start, degree, ray, after, s, near) > error:
+            # A flat ray that passes the end: it meets the neighbour or nothing.
+            keep_doubt(i, near, ray, rays, best)
+            return True, False
         t_bound += abs(near - t) * to_world
         t = near
     if is_at_end and end[k, END_KIND] == BEND:
