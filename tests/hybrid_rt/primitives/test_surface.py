@@ -9,7 +9,7 @@ from hybrid_rt.intersection.kinds.registry import ENTRIES
 from hybrid_rt.primitives.box import TurnedBox
 from hybrid_rt.verify.cases.rational_surfaces import octants
 from hybrid_rt.verify.judges.surface_judge import all_judges, judge_of
-from meshing import BezierPatches, SurfaceOfRevolution, tessellate
+from meshing import BezierPatches, SurfaceOfRevolution, TrimmedSurface, tessellate
 from meshing.bezier import RationalPatches
 from meshing.sheet import PatchSheet
 from meshing.surface import Surface
@@ -41,8 +41,9 @@ def some_parameters(surface, n=200):
 
 def test_every_class_that_rays_meet_is_judged_and_tested_here():
     met = {entry.surface for entry in ENTRIES}
-    # A sheet is met as the patches that it consists of, and judged by itself.
-    assert met | {PatchSheet} == set(all_judges())
+    # A sheet is met as the patches that it consists of, a trimmed surface as what it trims; both are
+    # judged by themselves.
+    assert met | {PatchSheet, TrimmedSurface} == set(all_judges())
     assert met == set(SURFACES)
     assert all(issubclass(surface_type, Surface) for surface_type in met)
 
