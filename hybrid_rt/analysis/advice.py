@@ -168,7 +168,9 @@ def _recommended(
             f"{asked(target)}, as measured."
         )
     if not best.is_certified:
-        details.append("Its hits are not proven: see First hits below.")
+        details.append(
+            "Its hits are not proven. If there is a section on first hits, it says how often they are wrong."
+        )
     if math.isnan(study.reference.own_error):
         details.append("How far the reference itself is off is unknown: it came without a report.")
     cheaper = forecasts[0]
