@@ -79,8 +79,8 @@ def tessellate(
     whole(max_triangles, "tessellate max_triangles", at_least=1, up_to=2**31 - 1)
     if isinstance(surface, TrimmedSurface):
         mesh = tessellate(surface.surface, tolerance, max_triangles=max_triangles)
-        if surface.spans is not None and surface.surface.spans is None:
-            mesh = _on_sheet(mesh, surface.spans)
+        if surface.joined_spans is not None:
+            mesh = _on_sheet(mesh, surface.joined_spans)
         low, high = mesh.uv.min(axis=1), mesh.uv.max(axis=1)
         boxes = np.stack([low[:, 0], high[:, 0], low[:, 1], high[:, 1]], axis=1)
         keeps = ~surface.is_outside(boxes)

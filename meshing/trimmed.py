@@ -187,6 +187,14 @@ class TrimmedSurface(Surface):
             return self.surface.spans
         return freeze(np.stack([border, border + 1.0, at[:-1], at[1:]], axis=1))
 
+    @property
+    def joined_spans(self) -> FloatArray | None:
+        """The ``spans`` of segments, each of which has a (u, v) of its own in the untrimmed surface.
+
+        None: the (u, v) of both surfaces are the same.
+        """
+        return self.spans if self.surface.spans is None else None
+
     def point(self, u: ArrayLike, v: ArrayLike, patch_id: ArrayLike | None = None) -> FloatArray:
         """Return points of the surface, also outside the loops; see its own `point`."""
         where, _ = self._own(u, v, patch_id)
@@ -209,8 +217,8 @@ class TrimmedSurface(Surface):
         self, u: ArrayLike, v: ArrayLike, patch_id: ArrayLike | None
     ) -> tuple[tuple[Any, ...], Any]:
         """Return arguments of the surface's own functions, and how wide their piece is in v."""
-        spans = self.spans
-        if spans is None or self.surface.spans is not None:
+        spans = self.joined_spans
+        if spans is None:
             return ((u, v) if patch_id is None else (u, v, patch_id)), 1.0
         if patch_id is None:
             patch_id = np.searchsorted(spans[1:, 2], as_floats(v, "v"), side="right")

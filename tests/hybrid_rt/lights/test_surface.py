@@ -6,6 +6,7 @@ import mpmath
 import numpy as np
 import pytest
 from scipy import stats
+from shining import chosen
 
 from hybrid_rt import (
     Box,
@@ -22,7 +23,6 @@ from hybrid_rt import (
     render,
 )
 from hybrid_rt.core.records import HitRecord
-from hybrid_rt.lights.surface import shining_surface
 from meshing import BezierPatches, SurfaceOfRevolution
 
 # The radius is 1 - z^2.
@@ -101,21 +101,6 @@ def polygon(place, normal):
 def irradiance(size):
     """Irradiance at the origin of a floor below the lower face of `corners`, all that is seen."""
     return abs(polygon(corners(size)[list(QUADS[0])], (0, 0, 1)))
-
-
-def chosen(surface, place, n=4096, seed=3):
-    """Return sampled points, and what each adds to the irradiance on ``place`` facing up."""
-    light = shining_surface(surface)
-    seen_from = np.tile(np.array(place, float), (n, 1))
-    points = light.seen_points(seen_from, np.random.default_rng(seed).random((n, 2)))
-    way = points.position - seen_from
-    distance = np.linalg.norm(way, axis=1)
-    facing = np.maximum(-np.einsum("ij,ij->i", way, points.normal), 0.0)
-    below = points.pdf_area * distance**4
-    value = np.divide(
-        facing * np.maximum(way[:, 2], 0.0), below, out=np.zeros(n), where=below > 0.0
-    )
-    return light, seen_from, points, value
 
 
 def assert_mean(value, truth, spread, rounding=1e-6):

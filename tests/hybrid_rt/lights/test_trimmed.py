@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from scipy import stats
 from scipy.integrate import dblquad
+from shining import chosen
 from trimmed_surfaces import (
     OUTLINE,
     ball_piece,
@@ -44,6 +45,8 @@ from meshing import NurbsSurface, TrimmedSurface, circle, polygon
 
 # How often a right mean is refused by chance.
 ALARM = 1e-5
+# Points sampled for a mean.
+N = 8192
 SURFACES = (
     plate, bumpy, sheet, ball_piece, slanted_plane, windowed_cylinder, part_of_cone, cap,
     turned_part, ring, windowed_ball, windowed_torus, cut_lens,
@@ -71,21 +74,6 @@ def ring_irradiance(x, y):
     return disc(x, y, 0.8) - disc(x, y - 0.1, 0.4)
 
 
-def chosen(surface, place, n=8192, seed=3, up=(0.0, 0.0, 1.0)):
-    """Return sampled points, and what each adds to the irradiance on ``place`` facing ``up``."""
-    light = shining_surface(surface)
-    seen_from = np.tile(np.array(place, float), (n, 1))
-    points = light.seen_points(seen_from, np.random.default_rng(seed).random((n, 2)))
-    way = points.position - seen_from
-    distance = np.linalg.norm(way, axis=1)
-    facing = np.maximum(-np.einsum("ij,ij->i", way, points.normal), 0.0)
-    below = points.pdf_area * distance**4
-    value = np.divide(
-        facing * np.maximum(way @ np.array(up), 0.0), below, out=np.zeros(n), where=below > 0.0
-    )
-    return light, seen_from, points, value
-
-
 def assert_mean(value, truth, spread, rounding=1e-6):
     """Compare the mean of independent values with the truth, and their spread with what is bearable."""
     limit = stats.t.isf(ALARM / 2, value.size - 1) * value.std(ddof=1) / math.sqrt(value.size)
@@ -97,7 +85,7 @@ def assert_mean(value, truth, spread, rounding=1e-6):
 @pytest.mark.parametrize("place", [(0.0, 0.0), (0.2, 0.1), (0.6, -0.3), (3.0, 1.0), (50.0, 0.0)])
 def test_irradiance_of_a_ring(place):
     """The whole square spreads as much: by area far away, evenly in solid angle nearby."""
-    _, _, points, value = chosen(ring_lamp(), (*place, 0.0))
+    _, _, points, value = chosen(ring_lamp(), (*place, 0.0), n=N)
     assert_mean(value, ring_irradiance(*place), 0.8)
     assert (points.pdf_area > 0.0).mean() > 0.97
 
@@ -112,12 +100,12 @@ def test_irradiance_of_a_cap(distance):
     ball = TrimmedSurface(Sphere((0, 0, 1), 1.0), [loop])
     # From below, all of it is seen from where its tangents at the rim do not hide it.
     if distance > 1.0 / math.cos(math.pi * v) - 1.0:
-        _, _, _, value = chosen(ball, (0, 0, -distance))
+        _, _, _, value = chosen(ball, (0, 0, -distance), n=N)
         assert_mean(value, math.pi * rim**2 / (rim**2 + (distance + height) ** 2), 1.0)
     # From within, on the axis: the floor faces down, the lamp's pole lies below it.
     inside = TrimmedSurface(Sphere((0, 0, 1), 1.0).flipped(), [_flipped(loop)])
     away = 1.0 + min(distance, 0.9)
-    _, _, _, value = chosen(inside, (0, 0, away), up=(0.0, 0.0, -1.0))
+    _, _, _, value = chosen(inside, (0, 0, away), n=N, up=(0.0, 0.0, -1.0))
     assert_mean(value, math.pi * rim**2 / (rim**2 + (away - height) ** 2), 1.0)
 
 
@@ -144,7 +132,7 @@ def test_irradiance_of_a_trimmed_nurbs_surface(place):
 
     # The last point lies before the lamp by a sixth of its height above x = 0.8: 0.165.
     truth, _ = dblquad(part, 0.0, 2.0 * math.pi, 0.0, 1.0, epsabs=1e-9, epsrel=1e-7)
-    _, _, _, value = chosen(lamp, place)
+    _, _, _, value = chosen(lamp, place, n=N)
     assert_mean(value, truth, 1.0)
 
 
@@ -156,7 +144,7 @@ def test_every_kind_sends_what_a_sum_over_its_parameters_says(make):
     middle, size = surface.middle, surface.size
     place = middle + size * np.array([0.3, 0.2, -1.1])
     for lamp in (surface, surface.flipped()):
-        _, _, points, value = chosen(lamp, place)
+        _, _, points, value = chosen(lamp, place, n=N)
         n = 300
         grid = (np.arange(n) + 0.5) / n
         u, v = (x.ravel() for x in np.meshgrid(grid, grid, indexing="ij"))

@@ -56,8 +56,8 @@ class ExactTrimmed(ExactSurface, of=TrimmedSurface):
 
     def gap(self) -> Gap:
         """Return a function that measures from S(u, v) of the whole surface."""
-        gap, spans = self._whole.gap(), self.surface.spans
-        if spans is None or self.surface.surface.spans is not None:
+        gap, spans = self._whole.gap(), self.surface.joined_spans
+        if spans is None:
             return gap
 
         def gap_of_segment(patch: int, u: float, v: float, point: list[Any]) -> float:

@@ -34,8 +34,8 @@ class TrimmedFilter(SurfaceFilter, of=TrimmedSurface):
         self, origins: FloatArray, along: FloatArray, u: FloatArray, v: FloatArray, patch: IntArray
     ) -> FloatArray:
         """Measure from S(u, v) of the whole surface."""
-        if self.surface.spans is not None and self.surface.surface.spans is None:
-            u, v = within_patch(self.surface.spans, u, v, patch)
+        if self.surface.joined_spans is not None:
+            u, v = within_patch(self.surface.joined_spans, u, v, patch)
         return self._whole.gap(origins, along, u, v, patch)
 
     def ball(self) -> tuple[FloatArray, float]:

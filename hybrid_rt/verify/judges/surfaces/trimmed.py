@@ -100,9 +100,8 @@ class TrimmedJudge(SurfaceJudge, of=TrimmedSurface):
         self, u: FloatArray, v: FloatArray, patch_id: NDArray[Any]
     ) -> tuple[FloatArray, FloatArray]:
         """Return (u, v) as the whole surface counts them."""
-        if self.surface.spans is None or self.surface.surface.spans is not None:
-            return u, v
-        return within_patch(self.surface.spans, u, v, patch_id)
+        spans = self.surface.joined_spans
+        return (u, v) if spans is None else within_patch(spans, u, v, patch_id)
 
     def _decided(
         self, own: events.Events, o: FloatArray, d: FloatArray
@@ -138,6 +137,6 @@ class TrimmedJudge(SurfaceJudge, of=TrimmedSurface):
         """Return u and v of events on the surface, from 0 to 1."""
         found = self._whole.locate(o + own.t[:, None] * d)
         u, v = (own.u, own.v) if found is None else found
-        if self.surface.spans is not None and self.surface.surface.spans is None:
-            u, v = across(self.surface.spans, u, v, own.patch_id)
+        if self.surface.joined_spans is not None:
+            u, v = across(self.surface.joined_spans, u, v, own.patch_id)
         return np.clip(u, 0.0, 1.0), np.clip(v, 0.0, 1.0)
