@@ -11,11 +11,13 @@ import subprocess
 import sys
 import tempfile
 import time
+from collections import Counter
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
 
+import grimp
 import numpy as np
 from numpy.typing import NDArray
 
@@ -36,54 +38,50 @@ ORDINARY_SHARE = 200
 TIMEOUT = 1800.0
 
 
-@dataclass
+@dataclass(frozen=True)
 class Notice:
-    """How one set of rays detected a mutant.
+    """The ray that detected a mutant.
 
     Attributes
     ----------
     set_name : str
-    rays : int
-        Rays traced up to the first that detects it.
-    telling, judged : int
-        Rows with new faults, and rows that were judged: differing rows up to the given number.
-    faults : dict of int
-        Counts of their faults.
+    row : int
+        Its number among the rays of the set, from 0.
+    faults : list of str
+        Faults that its row does not have without the mutant.
     """
 
     set_name: str
-    rays: int
-    telling: int
-    judged: int
-    faults: dict[str, int] = field(default_factory=dict)
+    row: int
+    faults: list[str]
 
 
-@dataclass
+@dataclass(frozen=True)
 class MutantResult:
     """Result of one mutant.
 
     Attributes
     ----------
     mutant : Mutant
-    notices : list of Notice
-        Of the sets that detected it.
-    differing : int
-        Differing rows of all sets.
+    notice : Notice or None
+    differing, judged : int
+        Rows of all sets that differ from the original's, and those that were judged.
     failed : str
         End of the error output if the tracer failed; "" otherwise.
     seconds : float
     """
 
     mutant: Mutant
-    notices: list[Notice]
+    notice: Notice | None
     differing: int
+    judged: int
     failed: str
     seconds: float
 
     @property
     def is_noticed(self) -> bool:
-        """Whether any set detected it."""
-        return bool(self.notices) or bool(self.failed)
+        """Whether any ray detected it, or the tracer failed."""
+        return self.notice is not None or bool(self.failed)
 
 
 def trace_all(kinds: Sequence[str], n: int, seed: int, out: str) -> None:
@@ -152,57 +150,83 @@ def run_mutants(
     baselines: dict[tuple[str, ...], dict[str, NDArray[Any]]] = {}
     judges: dict[tuple[str, str], Any] = {}
     with tempfile.TemporaryDirectory(prefix="mutants-") as folder:
+        copy = _Copy(root, Path(folder))
         for mutant in mutants:
             began = time.perf_counter()
             if mutant.kinds not in baselines:
-                found, words = _trace_copy(root, Path(folder), None, mutant.kinds, n, seed)
+                found, words = copy.trace(None, mutant.kinds, n, seed)
                 if found is None:
                     raise ValueError(f"the packages as they are do not trace: {words}")
                 baselines[mutant.kinds] = found
-            before = baselines[mutant.kinds]
-            after, words = _trace_copy(root, Path(folder), mutant, mutant.kinds, n, seed)
+            after, words = copy.trace(mutant, mutant.kinds, n, seed)
             if after is None:
-                yield MutantResult(mutant, [], 0, words, time.perf_counter() - began)
+                yield MutantResult(mutant, None, 0, 0, words, time.perf_counter() - began)
                 continue
-            notices, differing = compared(before, after, judged, judges)
-            yield MutantResult(mutant, notices, differing, "", time.perf_counter() - began)
+            found_by = compared(baselines[mutant.kinds], after, judged, judges)
+            yield MutantResult(mutant, *found_by, "", time.perf_counter() - began)
 
 
-def _trace_copy(
-    root: Path, folder: Path, mutant: Mutant | None, kinds: Sequence[str], n: int, seed: int
-) -> tuple[dict[str, NDArray[Any]] | None, str]:
-    """Trace by a copy of the packages; return what it wrote, or its last words."""
-    copy = folder / "copy"
-    shutil.rmtree(copy, ignore_errors=True)
-    for package in PACKAGES:
-        shutil.copytree(
-            root / package, copy / package, ignore=shutil.ignore_patterns("__pycache__")
+class _Copy:
+    """A copy of the packages, in which one mutant at a time is applied.
+
+    Parameters
+    ----------
+    root : Path
+        Folder of the packages.
+    folder : Path
+    """
+
+    def __init__(self, root: Path, folder: Path) -> None:
+        self.root, self.folder = root, folder
+        self.graph = grimp.build_graph(*PACKAGES)
+
+    def trace(
+        self, mutant: Mutant | None, kinds: Sequence[str], n: int, seed: int
+    ) -> tuple[dict[str, NDArray[Any]] | None, str]:
+        """Trace rays by the copy; return what it wrote, or its last words."""
+        copy, out = self.folder / "copy", self.folder / "traced.npz"
+        kernels = self.folder / "kernels" / "-".join(kinds)
+        shutil.rmtree(copy, ignore_errors=True)
+        for package in PACKAGES:
+            shutil.copytree(
+                self.root / package, copy / package, ignore=shutil.ignore_patterns("__pycache__")
+            )
+        if mutant is not None:
+            file, text = applied(copy, mutant)
+            file.write_text(text, "utf-8")
+            shutil.copytree(kernels, copy / "kernels")
+            self._forget(copy / "kernels", ".".join(file.relative_to(copy).with_suffix("").parts))
+            kernels = copy / "kernels"
+        out.unlink(missing_ok=True)
+        code = (
+            "import sys; from hybrid_rt.verify.cases.mutant_campaign import trace_all; "
+            f"trace_all({tuple(kinds)!r}, {n}, {seed}, {str(out)!r})"
         )
-    if mutant is not None:
-        file, text = applied(copy, mutant)
-        file.write_text(text, "utf-8")
-    out = folder / "traced.npz"
-    out.unlink(missing_ok=True)
-    code = (
-        "import sys; from hybrid_rt.verify.cases.mutant_campaign import trace_all; "
-        f"trace_all({tuple(kinds)!r}, {n}, {seed}, {str(out)!r})"
-    )
-    # Its own kernels: numba does not see that a function which a kernel calls has changed.
-    settings = {
-        **os.environ, "PYTHONPATH": str(copy), "NUMBA_CACHE_DIR": str(copy / "kernels"),
-    }  # fmt: skip
-    try:
-        done = subprocess.run(
-            [sys.executable, "-c", code], cwd=copy, env=settings, check=False,
-            capture_output=True, text=True, timeout=TIMEOUT,
-        )  # fmt: skip
-    except subprocess.TimeoutExpired:
-        return None, f"no end within {TIMEOUT:.0f} s"
-    if done.returncode != 0:
-        lines = done.stderr.strip().splitlines() or [f"exit code {done.returncode}"]
-        return None, lines[-1]
-    with np.load(out) as file:
-        return {key: file[key] for key in file.files}, ""
+        settings = {**os.environ, "PYTHONPATH": str(copy), "NUMBA_CACHE_DIR": str(kernels)}
+        try:
+            done = subprocess.run(
+                [sys.executable, "-c", code], cwd=copy, env=settings, check=False,
+                capture_output=True, text=True, timeout=TIMEOUT,
+            )  # fmt: skip
+        except subprocess.TimeoutExpired:
+            return None, f"no end within {TIMEOUT:.0f} s"
+        if done.returncode != 0:
+            lines = done.stderr.strip().splitlines() or [f"exit code {done.returncode}"]
+            return None, lines[-1]
+        with np.load(out) as file:
+            return {key: file[key] for key in file.files}, ""
+
+    def _forget(self, kernels: Path, module: str) -> None:
+        """Delete kernels of a module and of those that import it.
+
+        numba itself does not see that a function which a kernel calls has changed. It names a
+        kernel's file "folder_hash/module.function-line.version".
+        """
+        stale = {tuple(name.split(".")[-2:]) for name in self.graph.find_downstream_modules(module)}
+        stale.add(tuple(module.split(".")[-2:]))
+        for file in kernels.rglob("*.nb[ic]"):
+            if (file.parent.name.rpartition("_")[0], file.name.split(".")[0]) in stale:
+                file.unlink()
 
 
 COLUMNS = ("t", "t_bound", "object_id", "patch_id", "u", "v", "status")
@@ -213,37 +237,40 @@ def compared(
     after: dict[str, NDArray[Any]],
     judged: int,
     judges: dict[tuple[str, str], Any],
-) -> tuple[list[Notice], int]:
-    """Judge rows that differ, set by set."""
-    keys = list(dict.fromkeys(key.rsplit("|", 1)[0] for key in after))
-    by_set: dict[str, list[str]] = {}
+) -> tuple[Notice | None, int, int]:
+    """Judge rows that differ, until one tells.
+
+    Returns
+    -------
+    notice : Notice or None
+    differing, judged : int
+        Rows that differ, and those that were judged.
+    """
+    keys = dict.fromkeys(key.rsplit("|", 1)[0] for key in after)
+    # Other decisions first, then other bounds; in each a row of every set by turns.
+    rows: list[tuple[bool, int, int, str, int]] = []
+    differing = 0
+    traced: Counter[str] = Counter()
+    of_set: Counter[tuple[str, bool]] = Counter()
     for key in keys:
-        by_set.setdefault(key.split("|")[0], []).append(key)
-    notices, differing = [], 0
-    for name, cells in by_set.items():
-        rows: list[tuple[int, int, str, int]] = []
-        passed = 0
-        for key in cells:
-            changed, decided = _differing(before, after, key)
-            differing += len(changed)
-            # Other decisions first, then other bounds; in each in the order of the rays.
-            rows += [
-                (0 if row in decided else 1, passed + row, key, row) for row in changed.tolist()
-            ]
-            passed += len(after[f"{key}|t"])
-        rows.sort()
-        notice = Notice(name, 0, 0, 0)
-        for _, number, key, row in rows[:judged]:
-            notice.judged += 1
-            faults = _new_faults(before, after, key, row, judges)
-            if faults:
-                notice.telling += 1
-                notice.rays = min(notice.rays or number + 1, number + 1)
-                for fault in faults:
-                    notice.faults[fault] = notice.faults.get(fault, 0) + 1
-        if notice.telling:
-            notices.append(notice)
-    return notices, differing
+        name = key.split("|")[0]
+        changed, decided = _differing(before, after, key)
+        differing += len(changed)
+        for row in changed.tolist():
+            kind = name, row in decided
+            rows.append((not kind[1], of_set[kind], traced[name] + row, key, row))
+            of_set[kind] += 1
+        traced[name] += len(after[f"{key}|t"])
+    judged_of: Counter[str] = Counter()
+    for _, _, number, key, row in sorted(rows):
+        name = key.split("|")[0]
+        if judged_of[name] >= judged:
+            continue
+        judged_of[name] += 1
+        faults = _new_faults(before, after, key, row, judges)
+        if faults:
+            return Notice(name, number, faults), differing, judged_of.total()
+    return None, differing, judged_of.total()
 
 
 def _differing(
