@@ -95,13 +95,13 @@ def _unfound(report: dict[str, Any]) -> str:
         return "its size is not measured: the image mean lacks it, and no error below counts it"
     mean, half, share = (measured[k] for k in ("mean", "half_interval_95", "share_of_image_mean"))
     by = f"by {measured['photons']:,} photons"
-    where = "surfaces that spread light widely and that the camera sees directly"
+    where = "paths without a surface that spreads light widely are not measured"
     if mean == 0.0:
-        return f"{by}, none of it leaves\n            {where}; elsewhere it is not measured"
+        return f"{by}, none of it reaches the camera;\n            {where}"
     relative = "" if share is None else f", {per_cent(share)} of what is found"
     return (
-        f"the image mean lacks {mean:.3g} +- {half:.1g} (95 %) of it{relative}, {by}, on\n"
-        f"            {where}; what mirrors, glass and metal show of it comes on top"
+        f"the image mean lacks {mean:.3g} +- {half:.1g} (95 %) of it{relative}, {by};\n"
+        f"            {where}"
     )
 
 

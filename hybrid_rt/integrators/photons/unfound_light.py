@@ -1,10 +1,11 @@
-"""The size of the light that an integrator does not find, estimated by light tracing.
+"""The size of the light that an integrator does not find, estimated by photons.
 
 Photons of the lights concerned are followed from surface to surface. Each that arrives by a path
 that the integrator does not find is splatted to the pixel that sees it (Arvo, "Backward ray
 tracing", SIGGRAPH 1986 course notes). The sum is unbiased for the paths that end in ``DE``: on a
-surface with a wide lobe that the camera sees directly. What is seen in mirrors, through glass or on
-metal comes on top, and is not measured.
+surface with a wide lobe that the camera sees directly. What it sees of such surfaces in mirrors,
+through glass and on metal is estimated by photon mapping: camera rays gather the same photons where
+they end. That is blurred, so a little is lost at edges. Paths without any ``D`` are not measured.
 """
 
 from __future__ import annotations
@@ -15,24 +16,35 @@ from dataclasses import dataclass, replace
 from itertools import product
 
 import numpy as np
+from numpy.typing import NDArray
 
 from hybrid_rt.core.ledger import Ledger
 from hybrid_rt.core.records import FloatArray
 from hybrid_rt.integrators.context import RenderContext
-from hybrid_rt.integrators.kernels.photon_steps import Flight
+from hybrid_rt.integrators.integrator import PIXEL_BITS
+from hybrid_rt.integrators.kernels.density_estimate import Sums
+from hybrid_rt.integrators.kernels.photon_steps import Flight, Photons
 from hybrid_rt.integrators.light_found import letters_of_lights
 from hybrid_rt.integrators.media.absorption import media_around_camera
 from hybrid_rt.integrators.media.contacts import Contacts
 from hybrid_rt.integrators.photons import PPM
+from hybrid_rt.integrators.photons.density_estimation import Discs, Radii
+from hybrid_rt.integrators.photons.eye_pass import EyePass
 from hybrid_rt.integrators.photons.light_tracing import shown_rows
-from hybrid_rt.integrators.photons.photon_groups import Group, sequence_of
-from hybrid_rt.integrators.photons.photon_tracer import LENS, PER_LAUNCH, PER_STEP, PhotonTracer
+from hybrid_rt.integrators.photons.photon_groups import Group, sequence_of, size_for_discs
+from hybrid_rt.integrators.photons.photon_tracer import (
+    LENS,
+    PER_LAUNCH,
+    PER_STEP,
+    PhotonTracer,
+    joined,
+)
 from hybrid_rt.sampling.sampler import Sampler
 from hybrid_rt.scene.compiled import NOTHING, CompiledScene
 from hybrid_rt.scene.plan import make_plan
 from hybrid_rt.sensor.film import OVERFLOWS
 from hybrid_rt.sensor.passes import GROUPS, RUN
-from hybrid_rt.shading.kernels.lobes.register import DELTA, NARROW, TRANSMITS, WIDE
+from hybrid_rt.shading.kernels.lobes.register import DELTA, FOLLOWED, NARROW, TRANSMITS, WIDE
 
 # Photons traced: one a pixel. A caustic that holds a tenth of the light is then known to about a
 # tenth of itself, in about 0.1 s.
@@ -44,6 +56,9 @@ UNFOUND_DIMENSION = 2**42
 # The sequence of a photon stands above its number there, so all are followed together: that takes a
 # tenth of the time of following them group by group. As the sequence of all, the first one is named.
 BITS, ALL = np.uint64(32), 0
+# Camera rays for each photon, which gather photons within this share of the size of the scene: fewer
+# or narrower ones add noise, wider ones lose more at edges.
+RAYS, RADIUS = 2, 0.007
 # Student's t for the means of four groups of photons, two-sided 95 %.
 STUDENT = 3.182
 # Lobes of the letters of `hybrid_rt.integrators.light_found`.
@@ -55,7 +70,7 @@ MOST_BETWEEN = 2
 
 @dataclass(frozen=True)
 class UnfoundLight:
-    """Light that an integrator does not find, where the camera sees wide lobes directly.
+    """Light that an integrator does not find, of paths that meet a wide lobe.
 
     Attributes
     ----------
@@ -98,8 +113,8 @@ def unfound_light(context: RenderContext, found: str) -> UnfoundLight | None:
     Returns
     -------
     UnfoundLight or None
-        None if it cannot be measured so: no such path ends in ``DE``, the camera is inside glass,
-        a light has no end (see `PhotonTracer`), or the light is too bright for float64.
+        None if it cannot be measured so: no such path meets a wide lobe, the camera is inside
+        glass, a light has no end (see `PhotonTracer`), or the light is too bright for float64.
     """
     camera = context.scene.camera
     n = min(max(camera.width * camera.height, FEWEST_PHOTONS), MOST_PHOTONS)
@@ -112,7 +127,7 @@ def unfound_light(context: RenderContext, found: str) -> UnfoundLight | None:
         if tracer is None:
             continue
         is_measured = True
-        means += tracer.shown(n // GROUPS)  # by each group of passes
+        means += tracer.seen(n // GROUPS)  # by each group of passes
         context.tracer.coarse_seconds += tracer.context.tracer.coarse_seconds
         n_photons += tracer.balance.n_emitted
     if not is_measured or not np.isfinite(means).all():
@@ -122,7 +137,7 @@ def unfound_light(context: RenderContext, found: str) -> UnfoundLight | None:
 
 
 class _Tracer(PhotonTracer):
-    """Traces photons that begin in certain ways, and shows those that arrive to the camera."""
+    """Traces photons that begin in certain ways, and finds what the camera sees of them."""
 
     def __init__(
         self,
@@ -142,12 +157,15 @@ class _Tracer(PhotonTracer):
         others = scene.lobes_with(TRANSMITS) & ~self._keeps
         self._begins = np.asarray(self._keeps.any(axis=1) & ~others.any(axis=1))
 
-    def shown(self, photons_per_pass: int) -> FloatArray:
+    def seen(self, photons_per_pass: int) -> FloatArray:
         """Return what the photons of a pass of each group of passes add to the mean, (GROUPS,)."""
         context, total = self.context, np.zeros(GROUPS)
         groups = self.groups(photons_per_pass)
         if not groups:  # what shines is black
             return total
+        mirrors = bool(context.scene.materials_with(FOLLOWED).any())
+        stored: list[Photons] = []
+        group_of_stored = [np.zeros(0, dtype=np.intp)]
         flight = self._all_launched(groups)
         for depth in range(context.max_depth + 1):
             if flight.number.size == 0:
@@ -162,10 +180,13 @@ class _Tracer(PhotonTracer):
                 if context.plan["lens samples"]:
                     lens = self._points(ALL, flight.number[rows], step + LENS)
                 seen, splats = shown_rows(context, flight, shading, rows, lens)
-                of_group = (flight.number[seen] >> BITS) % np.uint64(GROUPS)
                 total += np.bincount(
-                    of_group.astype(np.intp), splats.value.sum(axis=1), minlength=GROUPS
+                    _group_of(flight, seen), splats.value.sum(axis=1), minlength=GROUPS
                 )
+                if mirrors:
+                    # Marked as shown: points that the camera sees directly do not gather them.
+                    stored.append(self._stored(flight, shading, rows, 0))
+                    group_of_stored.append(_group_of(flight, rows))
             # --- where they go next: at first only by lobes after which nothing is found
             if depth == 0:
                 shading = replace(
@@ -178,7 +199,14 @@ class _Tracer(PhotonTracer):
             goes_on = depth < context.max_depth
             flight = self._onward(flight, shading, second, ALL, step, goes_on)
         camera = context.scene.camera
-        return total / (3 * camera.width * camera.height)
+        total /= 3 * camera.width * camera.height
+        photons, group = joined(stored), np.concatenate(group_of_stored)
+        if group.size:
+            view = _MirrorView(context)
+            for k in range(GROUPS):
+                mine = Photons(*(column[group == k] for column in photons))
+                total[k] += view.mean(mine, k, RAYS * photons_per_pass)
+        return total
 
     def _all_launched(self, groups: list[Group]) -> Flight:
         """Launch photons of all lights and groups of passes; numbers tell their sequences."""
@@ -192,6 +220,42 @@ class _Tracer(PhotonTracer):
                 flight.power[:] *= self._chosen[k, group.light]
                 flights.append(flight)
         return Flight(*(np.concatenate(columns) for columns in zip(*flights, strict=True)))
+
+
+def _group_of(flight: Flight, rows: NDArray[np.intp]) -> NDArray[np.intp]:
+    """Return the group of passes of some photons."""
+    group: NDArray[np.intp] = ((flight.number[rows] >> BITS) % np.uint64(GROUPS)).astype(np.intp)
+    return group
+
+
+class _MirrorView(EyePass):
+    """Camera rays that gather photons where they arrive by way of mirrors, glass and metal."""
+
+    def __init__(self, context: RenderContext) -> None:
+        super().__init__(context)
+        # Light that lamps send to what the rays meet is not asked for.
+        self.casts_shadow_rays = self._casts_them_for_narrow = False
+        self._radii = Radii.fixed(RADIUS * size_for_discs(context))
+        self._sum = 0.0
+
+    def mean(self, photons: Photons, group: int, n: int) -> float:
+        """Return what photons add to the mean of the picture, by n camera rays spread over it."""
+        scene, sampler = self.context.scene, self.context.sampler
+        self.fields = (Discs(photons, scene.lobes, self._radii, 1.0),)
+        self._sum = 0.0
+        sample = np.arange(n, dtype=np.uint64)
+        name = np.full(n, group, dtype=np.uint64)
+        place = np.arange(n) + sampler.points(name, UNFOUND_DIMENSION - 2, sample)[:, 0]
+        n_pixels = scene.camera.width * scene.camera.height
+        pixel = np.minimum(place * (n_pixels / n), n_pixels - 1).astype(np.uint64)
+        self.radiance_through(pixel + (name << PIXEL_BITS), sample)
+        return self._sum / (3 * n)
+
+    def _note_gathered(
+        self, camera_ray: NDArray[np.int64], throughput: FloatArray, sums: Sums
+    ) -> None:
+        del camera_ray
+        self._sum += float((throughput * sums.value).sum())
 
 
 def _tracer(context: RenderContext, beginnings: _Beginnings) -> _Tracer | None:
@@ -245,12 +309,13 @@ def _beginnings(found: str, scene: CompiledScene) -> list[_Beginnings]:
     if scene.environment is not None:
         letters["K"] = None
     between = ["".join(word) for n in range(MOST_BETWEEN + 1) for word in product(TRAITS, repeat=n)]
+    ends = [f"{word}{end}" for word in between for end in ("DE", "DSE", "DGE")]
     lights: dict[tuple[str, bool], str] = {}
     for light in letters:
         firsts = "".join(
             first
             for first in TRAITS
-            if not any(re.fullmatch(found, f"{light}{first}{word}DE") for word in between)
+            if not any(re.fullmatch(found, f"{light}{first}{end}") for end in ends)
         )
         direct = not re.fullmatch(found, f"{light}DE")
         if firsts or direct:

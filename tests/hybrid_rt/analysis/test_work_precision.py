@@ -215,8 +215,7 @@ class TestBias:
     def test_unfound_light_rules_out_what_a_blind_reference_does_not(self, mirror_room):
         """By a picture that lacks what paths lack, paths look right to 1 %.
 
-        432 pixels have 2000 photons, which know the light on surfaces seen directly to a fifth; what
-        mirror and ball show of it, a tenth of the picture, comes on top.
+        432 pixels have 2000 photons, which know that light to a fifth or so.
         """
         path = mirror_room.curves[0]
         assert path.unfound == pytest.approx(-path.points[-1].more["mean_error"], rel=0.4)
