@@ -175,6 +175,8 @@ class Whitted(Integrator):
             if plan["glass rays"]:
                 rows = np.flatnonzero(passes & ~spreads)
                 parts += self._at_glass(met, rows, slot)
+        if met.shading.geometric.size:
+            parts = [_on_its_side(met, part) for part in parts]
         if not parts:
             return []
         return _in_batches(self._joined(met, parts))
@@ -305,13 +307,36 @@ class _Meeting:
 
 @dataclass(frozen=True)
 class _Part:
-    """Branches of one kind: row of the parent, number of the choice, and the new ray."""
+    """Branches of one kind: row of the parent, number of the choice, and the new ray.
+
+    Choices of refracted branches are odd.
+    """
 
     parent: NDArray[np.intp]
     choice: int
     directions: FloatArray
     throughput: FloatArray
     media: IntArray
+
+    @property
+    def is_refracted(self) -> bool:
+        """Whether the branches pass the surface."""
+        return self.choice % 2 == 1
+
+
+def _on_its_side(met: _Meeting, part: _Part) -> _Part:
+    """Leave out branches that a shading normal sends to the wrong side of the face."""
+    geometric = met.shading.geometric[part.parent]
+    before = np.einsum("ij,ij->i", geometric, met.shading.directions[part.parent])
+    passes = before * np.einsum("ij,ij->i", geometric, part.directions) >= 0.0
+    rows = passes == part.is_refracted
+    return _Part(
+        part.parent[rows],
+        part.choice,
+        part.directions[rows],
+        part.throughput[rows],
+        part.media[rows],
+    )
 
 
 def _mirrored(met: _Meeting, rows: NDArray[np.intp], choice: int, color: FloatArray) -> _Part:

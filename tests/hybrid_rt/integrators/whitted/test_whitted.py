@@ -5,13 +5,14 @@ from functools import partial
 
 import numpy as np
 import pytest
+import trimesh
 
 from hybrid_rt.integrators import workers
 from hybrid_rt.integrators.whitted import whitted
 from hybrid_rt.integrators.whitted.all_lights import AllLights
 from hybrid_rt.lights import GradientSky, PointLight, RectangleLight
-from hybrid_rt.materials import Dielectric, Emissive, Lambertian, Mirror, Phong
-from hybrid_rt.primitives import Plane, Rectangle, Sphere
+from hybrid_rt.materials import Dielectric, Emissive, Lambertian, Metal, Mirror, Phong
+from hybrid_rt.primitives import Plane, Rectangle, Sphere, TriangleMesh
 from hybrid_rt.rendering import renderer as rendering
 from hybrid_rt.scene.scene import Object, Scene
 from hybrid_rt.sensor.camera import Camera
@@ -288,3 +289,26 @@ def test_glass_of_index_one_is_not_seen():
     with_glass = render(Scene(camera, [glass], [lamp], sky), passes=2).image
     without = render(Scene(camera, [], [lamp], sky), passes=2).image
     np.testing.assert_allclose(with_glass, without, rtol=FLOAT32)
+
+
+@pytest.mark.statistical
+@pytest.mark.parametrize("material", [Dielectric(1.5), Mirror(0.9), Metal(0.9, 0.2)], ids=repr)
+def test_shading_normals_send_nothing_through_a_face_that_stays_outside(material):
+    """A coarse ball with smooth normals, whose outlines mirror rays into it: as paths see it.
+
+    Under a sky without other objects both find all light; each interval holds the mean.
+    """
+    ball = TriangleMesh(trimesh.creation.icosphere(1, 1.0))
+    scene = Scene(
+        Camera((0, -4, 1.2), (0, 0, 0), (0, 0, 1), vertical_fov=35, width=48, height=36),
+        [Object(ball, material, "ball", smooth=True)],
+        environment=GradientSky((0.1, 0.2, 0.3), (1.0, 0.8, 0.2), up=(0, 0, 1)),
+    )
+    branches, paths = (
+        rendering.render(scene, name, n, threads=1).report
+        for name, n in (("whitted", 32), ("path", 64))
+    )
+    assert branches["clear_bodies_not_closed"] == {}
+    gap = branches["noise"]["image_mean"] - paths["noise"]["image_mean"]
+    noise = [report["noise"]["half_interval_95_of_image_mean"] for report in (branches, paths)]
+    assert abs(gap) < sum(noise) < 0.0012
