@@ -7,20 +7,26 @@ first vertex is at z = 0.
 from __future__ import annotations
 
 import math
+import os
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike
 
+from hybrid_rt.core.hit_table import to_csv
+from hybrid_rt.core.one_line import cut
 from hybrid_rt.core.records import BoolArray, FloatArray
 from hybrid_rt.intersection import Intersector
 from hybrid_rt.primitives.asphere import Asphere
 from hybrid_rt.shading.snell import refract
+from meshing.checks import as_floats, number, shown, whole
 
 # The parabasal rays of `focus` run this part of the first aperture beside the axis: aberrations of third
 # order change the focal length by its square, and rounding by its inverse.
 BESIDE = 1e-4
+CHECK = "check its apertures, and that its surfaces lie in order"
 
 
 @dataclass(frozen=True)
@@ -33,7 +39,7 @@ class LensSurface:
         Radius of curvature at the vertex, positive if the surface is convex towards the incoming
         light; inf is a plane.
     thickness : float
-        Distance from this vertex to the next one.
+        Distance from this vertex to the next one; that of the last surface is not used.
     index : float
         Index of refraction behind this surface.
     aperture : float
@@ -58,7 +64,8 @@ class Focus(NamedTuple):
     Attributes
     ----------
     focal_length, back_focal_distance : float
-        Distances to the focus from the rear principal plane, and from the last vertex.
+        Distances to the focus from the rear principal plane, and from the last vertex; inf if the
+        light leaves parallel to the axis.
     """
 
     focal_length: float
@@ -79,7 +86,8 @@ class Traced:
     path : (n,) float64
         Optical path length from the origin of the ray to the last surface: lengths times indices.
     t_bound : (n,) float64
-        The largest bound on the error of any hit of the ray.
+        The largest bound on the error of any hit of the ray, given the ray that arrives there; the
+        bounds of several surfaces are not added up.
     """
 
     position: FloatArray
@@ -94,6 +102,31 @@ class Traced:
         points: FloatArray = self.position[:, :2] + way[:, None] * self.direction[:, :2]
         return points
 
+    def to_csv(self, path: str | os.PathLike[str]) -> None:
+        """Write one row per ray as comma-separated text, UTF-8, with a header line.
+
+        The columns are passed, x, y, z, dx, dy, dz, path and t_bound. Numbers are written so that
+        they are read back bit for bit; nan where a ray does not get through. An existing file is
+        replaced.
+
+        Raises
+        ------
+        TypeError, OSError
+            If ``path`` is not a path, or cannot be written.
+        """
+        columns = {
+            "passed": self.passed,
+            **dict(zip(("x", "y", "z"), self.position.T, strict=True)),
+            **dict(zip(("dx", "dy", "dz"), self.direction.T, strict=True)),
+            "path": self.path,
+            "t_bound": self.t_bound,
+        }
+        to_csv(columns, path, "Traced.to_csv path")
+
+    def __repr__(self) -> str:
+        """Return how many rays there are, and how many got through."""
+        return f"Traced({len(self.passed)} rays, {int(self.passed.sum())} passed)"
+
 
 class Lens:
     """A sequence of surfaces about the z axis.
@@ -105,45 +138,66 @@ class Lens:
         both sides is a stop.
     index : float
         Index of refraction of the medium in front.
+
+    Raises
+    ------
+    ValueError, TypeError
+        For an empty prescription, indices that are not positive and surfaces that `Asphere` refuses;
+        the line is named.
     """
 
     def __init__(self, prescription: Sequence[LensSurface], index: float = 1.0) -> None:
-        self.prescription, self.index = tuple(prescription), index
+        self.prescription = _lines(prescription)
+        self.index = number(index, "Lens index", above=0.0)
         steps = [surface.thickness for surface in self.prescription]
         self.vertices = np.concatenate([[0.0], np.cumsum(steps[:-1])])
         self.surfaces = [
-            Asphere(s.radius, s.conic, s.coefficients, s.aperture, (0.0, 0.0, z), (0.0, 0.0, 1.0))
-            for s, z in zip(self.prescription, self.vertices.tolist(), strict=True)
+            _surface(s, z, k)
+            for k, (s, z) in enumerate(zip(self.prescription, self.vertices.tolist(), strict=True))
         ]
         self._tracers = [Intersector(surface) for surface in self.surfaces]
 
-    def trace(self, origins: FloatArray, directions: FloatArray) -> Traced:
+    def __repr__(self) -> str:
+        """Return how many surfaces there are, and where the last one is."""
+        far = f"{self.vertices[-1]:.6g}"
+        return cut(f"Lens({len(self.surfaces)} surfaces, last vertex at z = {far})", "...)")
+
+    def trace(self, origins: ArrayLike, directions: ArrayLike) -> Traced:
         """Refract rays at one surface after the other.
 
-        Rays that miss an aperture, or are totally reflected, do not get through.
+        Rays that miss an aperture, or are totally reflected, do not get through. So do rays that
+        start behind the first surface.
 
         Parameters
         ----------
-        origins, directions : (n, 3) float64
-            Rays in front of the first surface. Directions may have any length but zero.
+        origins, directions : (n, 3) or (3,) floats
+            Rays in front of the first surface; one origin goes with all directions, and one
+            direction with all origins. Directions may have any length but zero.
 
         Returns
         -------
         Traced
+
+        Raises
+        ------
+        ValueError, TypeError
+            For rays that are not finite, directions of length zero, and shapes that do not match.
         """
-        n = len(origins)
+        o, d = _rays(origins, directions)
+        n = len(o)
         position, direction = np.full((n, 3), np.nan), np.full((n, 3), np.nan)
         path, bound, rows = np.zeros(n), np.zeros(n), np.arange(n)
-        o = np.array(origins, dtype=np.float64)
-        d = np.array(directions, dtype=np.float64)
-        d /= np.linalg.norm(d, axis=1, keepdims=True)
-        index = self.index
-        for tracer, surface in zip(self._tracers, self.prescription, strict=True):
+        index, last = self.index, len(self.surfaces) - 1
+        for k, (tracer, surface) in enumerate(zip(self._tracers, self.prescription, strict=True)):
             hits = tracer.intersect(o, d)
             found = hits.hit
-            rows, hits, d = rows[found], hits[found], d[found]
-            path[rows] += index * hits.t
+            rows, hits, o, d = rows[found], hits[found], o[found], d[found]
             bound[rows] = np.maximum(bound[rows], hits.t_bound)
+            if surface.index == index and k < last:
+                # A stop bends nothing. Rays go on from where they were: the next surface may touch
+                # the stop or, beside the axis, lie in front of it.
+                continue
+            path[rows] += index * hits.t
             d = refract(d, hits.normal, index, surface.index)
             o, index = hits.position, surface.index
             goes_on = ~np.isnan(d[:, 0])
@@ -165,8 +219,10 @@ class Lens:
         start = -abs(self.surfaces[0].bounds[:, 2]).max() - height
         ray = self.trace(np.array([[height, 0.0, start]]), np.array([[0.0, 0.0, 1.0]]))
         if not ray.passed[0]:
-            raise ValueError("a ray beside the axis does not pass the lens: check its apertures")
+            raise ValueError(f"a ray beside the axis does not pass the lens: {CHECK}")
         x, dx, dz = ray.position[0, 0], ray.direction[0, 0], ray.direction[0, 2]
+        if dx == 0.0:
+            return Focus(math.inf, math.inf)
         crosses = ray.position[0, 2] - x * dz / dx
         return Focus(float(-height * dz / dx), float(crosses - self.vertices[-1]))
 
@@ -185,6 +241,8 @@ class Lens:
                 system = np.array([[1.0, s.thickness], [0.0, 1.0]]) @ system
             before = s.index
         height, slope = system @ (1.0, 0.0)
+        if slope == 0.0:
+            return Focus(math.inf, math.inf)
         return Focus(float(-1.0 / slope), float(-height / slope))
 
     def spot(
@@ -215,13 +273,10 @@ class Lens:
         Raises
         ------
         ValueError
-            If no ray gets through.
+            If no ray gets through, or an argument is outside its limits.
         """
+        z = number(z, "Lens.spot z")
         rays = self._parallel(field, pupil, n)
-        if not rays.passed.any():
-            raise ValueError(
-                f"no light from {field:g} degrees passes the lens: check its apertures"
-            )
         met = rays.at(z)[rays.passed]
         chief = met.mean(axis=0)
         return met, chief, float(np.sqrt(((met - chief) ** 2).sum(axis=1).mean()))
@@ -230,14 +285,28 @@ class Lens:
         """Return the z, near a given one, where the spot of light along the axis is smallest (rms).
 
         Parameters are those of `spot`.
+
+        Raises
+        ------
+        ValueError
+            If no ray gets through, or all leave parallel to the axis.
         """
+        z = number(z, "Lens.plane_of_least_spread z")
         rays = self._parallel(0.0, pupil, n)
         points = rays.at(z)[rays.passed]
         slopes = (rays.direction[:, :2] / rays.direction[:, 2:])[rays.passed]
-        return z - float((points * slopes).sum() / (slopes * slopes).sum())
+        spread = float((slopes * slopes).sum())
+        if spread == 0.0:
+            raise ValueError(
+                "all light leaves the lens along its axis: its spot is as wide everywhere"
+            )
+        return z - float((points * slopes).sum()) / spread
 
     def _parallel(self, field: float, pupil: float, n: int) -> Traced:
-        """Trace parallel light that fills a disc in front."""
+        """Trace parallel light that fills a disc in front; some of it must get through."""
+        number(field, "Lens field", above=-90.0, below=90.0)
+        number(pupil, "Lens pupil", above=0.0)
+        whole(n, "Lens n", at_least=1)
         side = (np.arange(n) + 0.5) / n - 0.5
         x, y = (pupil * one.ravel() for one in np.meshgrid(side, side))
         inside = np.hypot(x, y) <= 0.5 * pupil
@@ -247,4 +316,77 @@ class Lens:
         # From a plane across the light, so far in front that it meets no surface.
         front = (pupil + abs(self.surfaces[0].bounds[0, 2])) / way[2]
         origins = points - (front + points @ way)[:, None] * way
-        return self.trace(origins, np.broadcast_to(way, origins.shape))
+        rays = self.trace(origins, way)
+        if not rays.passed.any():
+            raise ValueError(f"no light from {field:g} degrees passes the lens: {CHECK}")
+        return rays
+
+
+def _lines(prescription: Sequence[LensSurface]) -> tuple[LensSurface, ...]:
+    """Return the lines of a prescription."""
+    try:
+        lines = tuple(prescription)
+    except TypeError:
+        raise TypeError(
+            f"Lens prescription is {shown(prescription)}: pass a list of LensSurface"
+        ) from None
+    if not lines:
+        raise ValueError("Lens prescription is empty: pass at least one LensSurface")
+    for k, line in enumerate(lines):
+        if not isinstance(line, LensSurface):
+            raise TypeError(
+                f"Lens prescription[{k}] is {shown(line)}: pass LensSurface(radius, thickness, index, "
+                "aperture)"
+            )
+        number(
+            line.index,
+            f"Lens prescription[{k}].index",
+            above=0.0,
+            hint="a number for one wavelength; mirrors are no part of a Lens",
+        )
+        if k < len(lines) - 1:
+            number(line.thickness, f"Lens prescription[{k}].thickness")
+    return lines
+
+
+def _surface(line: LensSurface, z: float, k: int) -> Asphere:
+    """Return the surface of line k, with its vertex at z."""
+    try:
+        return Asphere(
+            line.radius,
+            line.conic,
+            line.coefficients,
+            line.aperture,
+            (0.0, 0.0, z),
+            (0.0, 0.0, 1.0),
+        )
+    except (ValueError, TypeError) as error:
+        raise type(error)(f"Lens prescription[{k}]: {error}") from None
+
+
+def _rays(origins: ArrayLike, directions: ArrayLike) -> tuple[FloatArray, FloatArray]:
+    """Return as many origins as unit directions, (n, 3) each."""
+    o, d = as_floats(origins, "Lens.trace origins"), as_floats(directions, "Lens.trace directions")
+    for name, array in (("origins", o), ("directions", d)):
+        if array.ndim not in (1, 2) or array.shape[-1] != 3:
+            raise ValueError(
+                f"Lens.trace {name} has shape {array.shape}: pass (n, 3) or one vector (3,)"
+            )
+        bad = np.flatnonzero(~np.isfinite(np.atleast_2d(array)).all(axis=1))
+        if bad.size:
+            raise ValueError(
+                f"Lens.trace {name}[{bad[0]}] is not finite ({bad.size} such ray(s)): leave such rays out"
+            )
+    o, d = np.atleast_2d(o), np.atleast_2d(d)
+    if len(o) != len(d) and 1 not in (len(o), len(d)):
+        raise ValueError(
+            f"Lens.trace got {len(o)} origins and {len(d)} directions: pass as many of each, or one"
+        )
+    length = np.linalg.norm(d, axis=1, keepdims=True)
+    zero = np.flatnonzero(length[:, 0] == 0.0)
+    if zero.size:
+        raise ValueError(
+            f"Lens.trace directions[{zero[0]}] has length zero ({zero.size} such ray(s)): leave such rays out"
+        )
+    o, d = np.broadcast_arrays(o, d / length)
+    return o.copy(), d.copy()

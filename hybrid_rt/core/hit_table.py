@@ -30,11 +30,11 @@ def to_dataframe(columns: Columns) -> Any:
     return frame
 
 
-def to_csv(columns: Columns, path: str | os.PathLike[str]) -> None:
-    """Write columns (n,) as comma-separated text; see `HitRecord.to_csv`."""
-    file = as_path(path, "HitRecord.to_csv path")
+def to_csv(columns: Columns, path: str | os.PathLike[str], what: str) -> None:
+    """Write columns (n,) as comma-separated text; see `HitRecord.to_csv`; ``what`` names the path."""
+    file = as_path(path, what)
     with file.open("w", encoding="utf-8", newline="\n") as out:
         out.write(",".join(columns) + "\n")
-        for begin in range(0, len(columns["t"]), ROWS):
+        for begin in range(0, len(next(iter(columns.values()))), ROWS):
             words = [map(str, column[begin : begin + ROWS].tolist()) for column in columns.values()]
             out.writelines(",".join(row) + "\n" for row in zip(*words, strict=True))

@@ -141,7 +141,7 @@ class HitRecord:
         """
         from hybrid_rt.core.hit_table import to_csv
 
-        to_csv(self._columns(), path)
+        to_csv(self._columns(), path, "HitRecord.to_csv path")
 
     def _columns(self) -> dict[str, NDArray[Any]]:
         """Return the columns of a table, each (n,), in order."""

@@ -53,13 +53,46 @@ def test_a_hyperboloid_brings_parallel_light_to_a_point():
     assert ball.spot(0.0, focus, 28.0)[2] > 0.5
 
 
+def asphere_hit(s, o, d, vertex):
+    """Return t, by the secant method on the sag, and the unit normal of an asphere."""
+    curvature, conic = 1 / mpmath.mpf(s.radius), mpmath.mpf(s.conic)
+
+    def sag(r):
+        root = mpmath.sqrt(1 - (1 + conic) * (curvature * r) ** 2)
+        even = [mpmath.mpf(a) * r ** (2 * k + 2) for k, a in enumerate(s.coefficients)]
+        return curvature * r * r / (1 + root) + mpmath.fsum(even)
+
+    def gap(t):
+        return o[2] + t * d[2] - vertex - sag(mpmath.hypot(o[0] + t * d[0], o[1] + t * d[1]))
+
+    start = (vertex - o[2]) / d[2]
+    t = mpmath.findroot(gap, (start, start + s.aperture / 100))
+    x, y = o[0] + t * d[0], o[1] + t * d[1]
+    r = mpmath.hypot(x, y)
+    slope = mpmath.diff(sag, r)
+    length = mpmath.sqrt(1 + slope * slope)
+    return t, [-slope * x / r / length, -slope * y / r / length, 1 / length]
+
+
+# An asphere as moulded lenses have them, and a meniscus behind it with a stop between.
+ASPHERES = (
+    LensSurface(50.0, 8.0, 1.5168, 36.0, conic=-0.58, coefficients=(0.0, 1.1e-6, -2.0e-10)),
+    LensSurface(-300.0, 4.0, 1.0, 34.0, conic=2.0, coefficients=(1e-4, -3e-7)),
+    LensSurface(math.inf, 0.0, 1.0, 30.0),
+    LensSurface(-60.0, 3.0, 1.62, 34.0),
+    LensSurface(-90.0, 0.0, 1.0, 36.0, conic=-1.0, coefficients=(0.0, 2e-7)),
+)
+
+
 def through(prescription, origin, direction):
     """Trace one ray to 40 digits through spheres and planes, each by its quadratic; None: blocked."""
     o, d = [mpmath.mpf(float(x)) for x in origin], [mpmath.mpf(float(x)) for x in direction]
     length = mpmath.norm(mpmath.matrix(d))
     d, index, vertex = [x / length for x in d], mpmath.mpf(1), mpmath.mpf(0)
     for s in prescription:
-        if math.isinf(s.radius):
+        if s.conic or s.coefficients:
+            t, normal = asphere_hit(s, o, d, vertex)
+        elif math.isinf(s.radius):
             t, normal = (vertex - o[2]) / d[2], [mpmath.mpf(0), mpmath.mpf(0), mpmath.mpf(1)]
         else:
             centre = [0, 0, vertex + mpmath.mpf(s.radius)]
@@ -78,7 +111,11 @@ def through(prescription, origin, direction):
     return o, d
 
 
-@pytest.mark.parametrize("prescription", [COOKE_TRIPLET, DOUBLE_GAUSS], ids=["Cooke", "Gauss"])
+@pytest.mark.parametrize(
+    "prescription",
+    [COOKE_TRIPLET, DOUBLE_GAUSS, ASPHERES],
+    ids=["Cooke", "Gauss", "aspheres"],
+)
 def test_rays_are_those_of_another_tracer(prescription):
     rng = np.random.default_rng(4)
     half = 0.5 * prescription[0].aperture
@@ -92,7 +129,7 @@ def test_rays_are_those_of_another_tracer(prescription):
     assert 30 < rays.passed.sum() < 150
     for k in np.flatnonzero(rays.passed):
         position, direction = ([float(x) for x in part] for part in wanted[k])
-        # Seven to eleven surfaces, a few roundings of 100 at each, over cosines above a half.
+        # Five to eleven surfaces, a few roundings of 100 at each, over cosines above a half.
         np.testing.assert_allclose(rays.position[k], position, atol=2e-13)
         np.testing.assert_allclose(rays.direction[k], direction, atol=1e-14)
 
@@ -107,3 +144,81 @@ def test_light_that_does_not_pass_is_said():
     assert np.isnan(rays.position[0]).all()
     with pytest.raises(ValueError, match="no light from 60 degrees passes the lens"):
         Lens(COOKE_TRIPLET).spot(60.0, 100.0, 20.0)
+
+
+def test_a_stop_may_touch_the_next_surface_or_lie_behind_its_rim():
+    # In the plane of a flat face, and in that of the vertex of a concave one, whose rim lies in front.
+    for front in (math.inf, -80.0):
+        bare = [LensSurface(front, 6.0, 1.5, 25.0), LensSurface(-30.0, 0.0, 1.0, 25.0)]
+        stop = LensSurface(math.inf, 0.0, 1.0, 8.0)
+        origins = np.array([[3.0, 0, -10], [0, 3.5, -10], [5.0, 0, -10]])
+        with_stop, without = (Lens(one).trace(origins, (0, 0, 1)) for one in ([stop, *bare], bare))
+        assert with_stop.passed.tolist() == [True, True, False]
+        assert without.passed.all()
+        np.testing.assert_array_equal(with_stop.position[:2], without.position[:2])
+        np.testing.assert_array_equal(with_stop.path[:2], without.path[:2])
+        assert Lens([stop, *bare]).focus().focal_length == pytest.approx(
+            Lens(bare).paraxial_focus().focal_length, rel=1e-6
+        )
+
+
+def test_a_plate_has_its_focus_at_infinity():
+    plate = Lens([LensSurface(math.inf, 6.0, 1.5, 25.0), LensSurface(math.inf, 0.0, 1.0, 25.0)])
+    assert plate.focus() == plate.paraxial_focus() == (math.inf, math.inf)
+    with pytest.raises(ValueError, match="its spot is as wide everywhere"):
+        plate.plane_of_least_spread(10.0, 5.0)
+
+
+def test_one_direction_goes_with_all_origins_and_the_table_reads_back(tmp_path):
+    lens = Lens(COOKE_TRIPLET)
+    origins = np.array([[0.0, 0, -10], [0.1, 5, -10], [40, 0, -10]])
+    rays = lens.trace(origins, (0, 0, 2))
+    np.testing.assert_array_equal(
+        rays.position, lens.trace(origins, np.tile((0.0, 0, 1), (3, 1))).position
+    )
+    assert repr(rays) == "Traced(3 rays, 2 passed)"
+    rays.to_csv(tmp_path / "rays.csv")
+    header, *lines = (tmp_path / "rays.csv").read_text().splitlines()
+    assert header == "passed,x,y,z,dx,dy,dz,path,t_bound"
+    assert [line.split(",")[0] for line in lines] == ["True", "True", "False"]
+    values = np.array([[float(word) for word in line.split(",")[1:]] for line in lines])
+    np.testing.assert_array_equal(values[:, :3], rays.position)
+    np.testing.assert_array_equal(values[:, 3:6], rays.direction)
+    np.testing.assert_array_equal(values[:, 6], rays.path)
+
+
+FRONT = LensSurface(50.0, 6.0, 1.5, 25.0)
+BACK = LensSurface(math.inf, 0.0, 1.0, 25.0)
+
+
+@pytest.mark.parametrize(
+    ("lines", "message"),
+    [
+        ([], "prescription is empty: pass"),
+        (FRONT, "pass a list of LensSurface"),
+        ([(50.0, 6.0, 1.5, 25.0)], r"prescription\[0\] is \(50.0, .*: pass LensSurface\("),
+        (
+            [FRONT, replace(BACK, radius=10.0)],
+            r"prescription\[1\]: Asphere aperture is 25 .* at most",
+        ),
+        ([replace(FRONT, index=-1.0), BACK], r"prescription\[0\].index is -1.*mirrors are no part"),
+        ([replace(FRONT, index="N-BK7"), BACK], r"prescription\[0\].index is 'N-BK7'"),
+        ([replace(FRONT, thickness=math.nan), BACK], r"prescription\[0\].thickness is nan"),
+    ],
+)
+def test_a_bad_prescription_is_refused_by_its_line(lines, message):
+    with pytest.raises((ValueError, TypeError), match=message):
+        Lens(lines)
+
+
+def test_bad_rays_and_spots_are_refused():
+    lens = Lens([FRONT, BACK])
+    with pytest.raises(ValueError, match="got 3 origins and 2 directions"):
+        lens.trace(np.zeros((3, 3)), np.ones((2, 3)))
+    with pytest.raises(ValueError, match=r"directions\[1\] has length zero"):
+        lens.trace((0, 0, -1), [(0, 0, 1), (0, 0, 0)])
+    with pytest.raises(ValueError, match=r"origins\[0\] is not finite"):
+        lens.trace((0, 0, math.nan), (0, 0, 1))
+    for changed, name in (({"field": 95}, "field"), ({"pupil": -1}, "pupil"), ({"n": 0}, "n")):
+        with pytest.raises(ValueError, match=f"Lens {name} is"):
+            lens.spot(**{"field": 0.0, "z": 50.0, "pupil": 5.0, "n": 8} | changed)
