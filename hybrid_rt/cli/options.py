@@ -142,7 +142,8 @@ def settings_of(integrator: str, options: argparse.Namespace) -> Options | None:
 
     declared = INTEGRATORS[choice(integrator, "integrator", INTEGRATORS)]
     flags = _flags()
-    asked = {name: getattr(options, name.replace("-", "_")) for name in flags}
+    # A script may declare an integrator of its own, after the options were read.
+    asked = {name: getattr(options, name.replace("-", "_"), None) for name in flags}
     asked = {name: value for name, value in asked.items() if value is not None}
     for name in asked:
         integrators = flags[name][1]

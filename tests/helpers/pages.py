@@ -17,8 +17,12 @@ import re
 import shutil
 import sys
 import tempfile
+import types
 from dataclasses import dataclass
 from pathlib import Path
+from unittest import mock
+
+from hybrid_rt.integrators import INTEGRATORS
 
 ROOT = Path(__file__).parents[2]
 BLOCK = re.compile(
@@ -68,13 +72,17 @@ def run(blocks, folder):
     """Run blocks in order, in a folder; return what each printed."""
     for item in ROOT.iterdir():
         (folder / item.name).symlink_to(item)
-    names, printed = {"__name__": "page"}, []
-    with contextlib.chdir(folder):
+    page, printed = types.ModuleType("page"), []
+    with contextlib.chdir(folder), contextlib.ExitStack() as after:
+        # Dataclasses look for the module that they are made in; integrators of a page end with it.
+        sys.modules["page"] = page
+        after.callback(sys.modules.pop, "page")
+        after.enter_context(mock.patch.dict(INTEGRATORS))
         for block in blocks:
             out = io.StringIO()
             code = compile("\n" * (block.line - 1) + block.code, block.name, "exec")
             with contextlib.redirect_stdout(out):
-                exec(code, names)  # noqa: S102  (the pages are ours)
+                exec(code, vars(page))  # noqa: S102  (the pages are ours)
             printed.append(out.getvalue())
     return printed
 

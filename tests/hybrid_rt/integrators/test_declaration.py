@@ -2,6 +2,7 @@
 
 import json
 from dataclasses import dataclass
+from unittest import mock
 
 import numpy as np
 import pytest
@@ -84,3 +85,25 @@ def test_the_command_line_and_the_tools_ask_it_too(tmp_path, monkeypatch, capsys
     with pytest.raises(SystemExit):
         main(["render", "--help"])
     assert "brightens (colors)" in capsys.readouterr().out
+
+
+def test_a_scene_script_declares_an_integrator_with_flags(tmp_path, monkeypatch):
+    """Its flags come too late to be read, and keep their defaults."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "s.py").write_text(
+        "from hybrid_rt import *\n"
+        "from hybrid_rt.integrators import INTEGRATORS\n"
+        "from dataclasses import make_dataclass, replace\n"
+        "from hybrid_rt.integrators.options import Flag, Options, setting\n"
+        "gain = setting(1.0, Flag('fog', float, 'F', 'how much ({})', 'fog {:g}'))\n"
+        "Fog = make_dataclass('Fog', [('fog', float, gain)], bases=(Options,), frozen=True)\n"
+        "INTEGRATORS['own'] = replace(INTEGRATORS['whitted'], name='own', options=Fog)\n"
+        "INTEGRATOR = 'own'\n"
+        "def scene():\n"
+        "    wall = Object(Rectangle((-2, -2, 0), (4, 0, 0), (0, 4, 0)), Lambertian(0.2))\n"
+        "    return Scene(Camera((0, 0, 2), (0, 0, 0), (0, 1, 0), 40, 8, 6), [wall])\n"
+    )
+    with mock.patch.dict(INTEGRATORS):
+        assert main(["render", "s.py", "--passes", "1", "--quiet"]) == 0
+    settings = json.loads((tmp_path / "s.json").read_text("utf-8"))["settings"]
+    assert settings["integrator"] == "own"
