@@ -6,7 +6,7 @@ import argparse
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NoReturn
 
 from hybrid_rt._version import __version__
 from hybrid_rt.cli.command import guarded
@@ -102,9 +102,19 @@ class _Command(argparse.ArgumentParser):
         return super().parse_known_args(args, namespace)
 
 
+class _Program(argparse.ArgumentParser):
+    """The parser of ``hybrid-rt``, which hears of options that no command knows."""
+
+    def error(self, message: str) -> NoReturn:
+        """Say what is wrong, and where options are listed; exit."""
+        if message.startswith("unrecognized arguments"):
+            message += ": hybrid-rt COMMAND --help lists what there is"
+        super().error(message)
+
+
 def _parser(complete: bool = False) -> argparse.ArgumentParser:
     """Return the parser; ``complete``: with the options of every command."""
-    parser = argparse.ArgumentParser(
+    parser = _Program(
         prog="hybrid-rt",
         description="Pictures of curved surfaces, traced on the surfaces themselves.",
         epilog=EXAMPLES,

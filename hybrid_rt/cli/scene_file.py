@@ -21,6 +21,9 @@ from hybrid_rt.core import checks
 from hybrid_rt.scene.scene import Scene
 from meshing.checks import as_path, text_of
 
+# What people pass who take a mesh for a scene.
+MESHES = (".obj", ".stl", ".ply", ".off", ".glb", ".gltf", ".3mf")
+
 
 class SceneFileError(ValueError):
     """A scene script is missing, fails, or returns no scene."""
@@ -50,6 +53,11 @@ def check_script(path: str | os.PathLike[str]) -> Path:
     file = as_path(path, "scene script")
     if not file.is_file():
         raise SceneFileError(f"scene script {os.fspath(path)!r}: there is no such file")
+    if file.suffix.lower() in MESHES:
+        raise SceneFileError(
+            f"scene script {os.fspath(path)!r}: that is a mesh; write a script, a .py with a function "
+            f"scene(), that holds Object(TriangleMesh(trimesh.load_mesh({file.name!r})), MATERIAL)"
+        )
     return file
 
 

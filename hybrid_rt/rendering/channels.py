@@ -155,6 +155,11 @@ def check_names(names: Sequence[str]) -> tuple[str, ...]:
     """Return the names of outputs, each once, or raise ValueError naming the unknown one."""
     given = checks.items(names, "outputs")
     for name in given:
+        if isinstance(name, str) and name.startswith("denoise"):
+            raise ValueError(
+                f"output is {name!r}: a denoised picture is no output, pass --denoise, or from Python "
+                "render(..., outputs=['albedo', 'normal']).denoised()"
+            )
         checks.choice(name, "output", OUTPUTS)
     return tuple(dict.fromkeys(given))
 

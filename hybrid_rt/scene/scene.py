@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Sequence
 from typing import Any
 
@@ -49,6 +50,7 @@ class Object:
             raise TypeError(
                 f"{called} is made of {checks.shown(surface)}: pass a Sphere, Rectangle, "
                 "TriangleMesh, BezierPatches, SurfaceOfRevolution or another surface"
+                + _of_a_mesh(surface)
             )
         if name is None:
             called = f"object (a {type(surface).__name__})"
@@ -130,3 +132,12 @@ class Scene:
     def with_camera(self, camera: Camera) -> Scene:
         """Return the same scene with another camera."""
         return Scene(camera, self.objects, self.lights, self.environment)
+
+
+def _of_a_mesh(given: object) -> str:
+    """Return how a mesh, or the file of one, becomes a surface; "" for anything else."""
+    if isinstance(given, str | os.PathLike):
+        return "; of a mesh file: TriangleMesh(trimesh.load_mesh(FILE))"
+    if not isinstance(given, type) and hasattr(given, "vertices") and hasattr(given, "faces"):
+        return "; of a mesh: TriangleMesh(MESH)"
+    return ""

@@ -118,6 +118,7 @@ def test_script_runs_as_a_program(folder):
         (["ball.py", "--out", "nowhere/a.png"], "no folder"),
         (["ball.py", "--out", "."], "unknown ending"),
         (["ball.py", "--outputs", "depth"], "--outputs depth: a .png holds none of them: add"),
+        (["ball.py", "--outputs", "denoised"], "is no output, pass --denoise"),
         (["ball.py", "--outputs", "z"], "output is 'z': pass one of depth, position"),
         (["ball.py", "--coarse", "none", "--accuracy", "mesh"], "leaves no triangles for accuracy"),
         (["ball.py", "--target-error-trimmed", "0"], "target_error_trimmed is 0"),
@@ -135,6 +136,20 @@ def test_bad_input_is_one_clear_line_and_exit_code_two(folder, capsys, arguments
     assert words in error
     assert error.count("\n") == 1
     assert [path.name for path in folder.iterdir()] == ["ball.py"]
+
+
+def test_unknown_options_lead_to_the_help_of_the_command(folder, capsys):
+    with pytest.raises(SystemExit) as end:
+        cli.main(["render", "ball.py", "--spp", "4"])
+    assert end.value.code == 2
+    assert "arguments: --spp 4: hybrid-rt COMMAND --help lists" in capsys.readouterr().err
+    assert [path.name for path in folder.iterdir()] == ["ball.py"]
+
+
+def test_a_mesh_is_no_scene_script(folder, capsys):
+    (folder / "part.STL").write_bytes(bytes(84))
+    assert cli.main(["render", "part.STL"]) == 2
+    assert "TriangleMesh(trimesh.load_mesh('part.STL'))" in capsys.readouterr().err
 
 
 def test_interrupt_is_exit_code_130_and_leaves_nothing(folder, capsys, monkeypatch):

@@ -44,6 +44,10 @@ def test_objects_are_called_by_their_name():
     assert Object(BALL, Mirror(), "ball").name == "ball"
     with pytest.raises(TypeError, match=r"object 'ball' has the material 'red'"):
         Object(BALL, "red", "ball")
+    with pytest.raises(TypeError, match=r"pass a Sphere, .*; of a mesh: TriangleMesh\(MESH\)"):
+        Object(trimesh.creation.box(), Lambertian(0.5))
+    with pytest.raises(TypeError, match=r"; of a mesh file: TriangleMesh\(trimesh.load_mesh\(FILE"):
+        Object("part.stl", Lambertian(0.5))
     with pytest.raises(TypeError, match=r"object 'pot' is made of 'teapot': pass a Sphere"):
         Object("teapot", Mirror(), "pot")
 
