@@ -24,6 +24,7 @@ from hybrid_rt.verify.stability.fuzz_cases import (
     ray_case,
     surface_case,
 )
+from hybrid_rt.verify.stability.fuzz_light import light_case
 from hybrid_rt.verify.stability.fuzz_properties import READERS, REFUSALS, Readers, faults_of
 from hybrid_rt.verify.stability.fuzz_scenes import file_case, scene_case
 
@@ -31,9 +32,9 @@ from hybrid_rt.verify.stability.fuzz_scenes import file_case, scene_case
 N_RAYS = 40
 # Steps that cutting down a case may take.
 MOST_CUTS = 400
-KINDS = ("surfaces", "mixed", "scene", "file")
+KINDS = ("surfaces", "mixed", "scene", "light", "file")
 # Shares of the time of `run_fuzz`.
-SHARES = ("surfaces", "surfaces", "mixed", "mixed", "scene", "scene", "scene", "file")
+SHARES = ("surfaces", "surfaces", "mixed", "mixed", "scene", "scene", "light", "file")
 
 
 @dataclass(frozen=True)
@@ -71,13 +72,15 @@ def make_case(draws: Draws, kind: str, endings: tuple[str, ...] = tuple(READERS)
     Parameters
     ----------
     draws : Draws
-    kind : "surfaces", "mixed", "scene" or "file"
-        Surfaces of one class, a mixture of them, a scene script, a damaged file.
+    kind : "surfaces", "mixed", "scene", "light" or "file"
+        Surfaces of one class, a mixture of them, a scene script, a sound one, a damaged file.
     endings : tuple of str
         Of the files.
     """
     if kind == "scene":
         return scene_case(draws)
+    if kind == "light":
+        return light_case(draws)
     if kind == "file":
         return file_case(draws, endings)
     case: Case = {"kind": "rays", "surfaces": surface_case(draws, kind == "mixed")}

@@ -2,7 +2,8 @@
 
 Hits: the same bits without Embree, in any order and along longer directions; right by the oracle, and
 by exact arithmetic where it objects; bounds kept, points on their rays, work bounded. Scenes and
-files: done, or refused with a message that names what is wrong.
+files: done, or refused with a message that names what is wrong. Sound scenes: the light that
+integrators find, and that they say they do not find, has the same sum.
 """
 
 from __future__ import annotations
@@ -29,6 +30,7 @@ from hybrid_rt.verify.judges.judge import compare
 from hybrid_rt.verify.judges.kernels.events import LEAST_COSINE
 from hybrid_rt.verify.judges.oracle import Truth, first_hits
 from hybrid_rt.verify.stability.fuzz_cases import Case, build
+from hybrid_rt.verify.stability.fuzz_light import faults_of_light
 from meshing import BezierPatches
 
 # Errors that may be raised, with a message.
@@ -69,6 +71,8 @@ def faults_of(case: Case, readers: Readers = READERS) -> tuple[str, ...]:
                 return tuple(_faults_of_rays(case))
             if case["kind"] == "scene":
                 return tuple(_faults_of_scene(case))
+            if case["kind"] == "light":
+                return tuple(faults_of_light(case))
             return tuple(_faults_of_file(case, readers))
     except Exception as error:  # noqa: BLE001 (any other error is what is looked for)
         import traceback

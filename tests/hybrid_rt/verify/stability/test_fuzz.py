@@ -1,11 +1,14 @@
 """Random surfaces, scenes and files: a few of each; `run_fuzz` tries more."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from hypothesis import HealthCheck, Phase, given, settings
 
 from hybrid_rt.analysis.picture_comparison import load_picture
-from hybrid_rt.verify.stability import fuzz, fuzz_properties
+from hybrid_rt.rendering import renderer
+from hybrid_rt.verify.stability import fuzz, fuzz_light, fuzz_properties
 from hybrid_rt.verify.stability.fuzz_cases import NumpyDraws, build
 from hybrid_rt.verify.stability.row import Effort, all_rows
 
@@ -46,6 +49,28 @@ def test_scenes_are_rendered_or_refused(case):
 @given(fuzz.strategy("file", tuple(READERS)))
 def test_damaged_files_are_read_or_refused(case):
     assert fuzz.faults_of(case, READERS) == ()
+
+
+# Rooms whose means are known to 0.3 %.
+@pytest.mark.parametrize("number", [3, 17])
+def test_integrators_agree_in_random_rooms(number):
+    case = fuzz.make_case(NumpyDraws(np.random.default_rng(number)), "light")
+    assert fuzz.faults_of(case) == ()
+
+
+def test_integrators_that_disagree_are_found(monkeypatch):
+    def brighter(scene, integrator, *args, **keywords):
+        result = renderer.render(scene, integrator, *args, **keywords)
+        if integrator != "whitted":
+            return result
+        report = dict(result.report)
+        report["noise"] = {**report["noise"], "image_mean": 1.1 * report["noise"]["image_mean"]}
+        return SimpleNamespace(report=report)
+
+    monkeypatch.setattr(fuzz_light, "render", brighter)
+    case = fuzz.make_case(NumpyDraws(np.random.default_rng(3)), "light")
+    (fault,) = fuzz.faults_of(case)
+    assert fault.startswith("whitted has")
 
 
 @pytest.mark.parametrize("row_id", FOUND)
