@@ -25,7 +25,7 @@ IDS = tuple(
         ("D", 34),
         ("E", 10),
         ("F", 11),
-        ("L", 14),
+        ("L", 15),
     )
     for number in range(1, count + 1)
 )
