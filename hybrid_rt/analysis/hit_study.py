@@ -49,7 +49,8 @@ class HitStudy:
         ``mean_angle``, ``missed``, ``phantom``, ``farther``.
     newton : list of Curve
         Newton's method without proof by a fixed number of steps, one curve for each tolerance; the
-        settings are those numbers. None where a surface needs no steps, or is trimmed.
+        settings are those numbers. None where a surface needs no steps, is trimmed or rational, or
+        is a part of a turn.
     oracle_seconds : float
     """
 
@@ -162,7 +163,10 @@ def _steppers(
     if any(not s.is_freeform or isinstance(s, TrimmedSurface) for s in surfaces):
         return steppers
     for share in sorted(tolerances, reverse=True):
-        stepped, seconds = timed(partial(SteppedHits, surfaces, share * size, threads))
+        try:
+            stepped, seconds = timed(partial(SteppedHits, surfaces, share * size, threads))
+        except TypeError:  # steps are counted on polynomial patches and whole turns
+            return steppers
         for steps in NEWTON_STEPS:
             find = partial(stepped.intersect, steps=steps)
             name = f"Newton, {stepped.n_triangles} triangles"

@@ -13,7 +13,9 @@ from numpy.typing import NDArray
 from hybrid_rt.demo import teapot, vase
 from hybrid_rt.intersection import Intersector
 from hybrid_rt.primitives import Box, Plane, Rectangle, Sphere, TriangleMesh
+from hybrid_rt.verify.cases.rational_surfaces import octants, torn_nurbs, weighted_petal
 from hybrid_rt.verify.cases.rays import hard_rays
+from hybrid_rt.verify.cases.singular_surfaces import rational_torus
 from hybrid_rt.verify.cases.trimmed_surfaces import (
     cut_lens,
     drilled_plate,
@@ -100,7 +102,16 @@ def trimmed() -> list[Any]:
     ]
 
 
-def _aside(surface: TrimmedSurface, number: int) -> TrimmedSurface:
+def rational() -> list[Any]:
+    """Return patches, a NURBS surface and turned profiles with weights, and parts of turns."""
+    cone = SurfaceOfRevolution([(0, 1), (1, 0.2)], (0, 0, 0), (0.2, -0.1, 1), u_range=(0.1, 0.8))
+    surfaces = (
+        octants(), weighted_petal(), torn_nurbs(), rational_torus(), rational_torus((0.9, 1.3)), cone,
+    )  # fmt: skip
+    return [_aside(surface, k) for k, surface in enumerate(surfaces)]
+
+
+def _aside(surface: Any, number: int) -> Any:
     """Return a surface moved to its place in two rows that overlap."""
     matrix = np.eye(4)
     matrix[:3, 3] = 1.5 * (number % 4), 1.5 * (number // 4), 0.3 * number
@@ -129,6 +140,7 @@ SCENES: dict[str, Callable[[], list[Any]]] = {
     "mesh": lambda: [ellipsoid()],
     "closed forms": closed_forms,
     "trimmed": trimmed,
+    "rational": rational,
     "mixed": mixed,
 }
 # Judges of single classes bring examples of their own.

@@ -69,12 +69,16 @@ def test_hits_on_trimmed_surfaces_are_studied():
     assert 0 < study.judged < 1000
 
 
-def test_surfaces_that_the_oracle_does_not_know_are_refused_by_name():
-    part = SurfaceOfRevolution([[-1.0, 1.0], [1.0, 1.0]], (0, 0, 0), (0, 0, 1), u_range=(0, 0.5))
-    loops = [polygon([(0, 0), (1, 0), (1, 1), (0, 1)])]
-    for surface in (part, TrimmedSurface(part, loops)):
-        with pytest.raises(TypeError, match=r"SurfaceOfRevolution.*whole turns"):
-            study_hits([surface], camera_rays(SCENE, 10))
+@pytest.mark.parametrize("more", [{"u_range": (0, 0.5)}, {"weights": [1, 0.5]}])
+def test_hits_on_parts_of_turns_and_rational_surfaces_are_studied(more):
+    tube = SurfaceOfRevolution([[-1.0, 1.0], [1.0, 1.2]], (0, 0, 0), (0, 0, 1), **more)
+    study = study_hits([tube], camera_rays(SCENE, 1000), tolerances=(1e-2,), runs=1, threads=1)
+    wrong = {curve.name: curve.points[0].error.median for curve in study.curves}
+    assert wrong["certified"] == wrong["certified, no Embree"] == 0.0
+    assert wrong["mesh"] > 0.0
+    assert study.judged > 900
+    # Steps are counted on whole turns of plain profiles only.
+    assert study.newton == []
 
 
 class TestPictures:

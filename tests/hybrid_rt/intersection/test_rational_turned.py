@@ -8,7 +8,6 @@ import pytest
 from hybrid_rt import Intersector, Sphere, Status, Torus
 from hybrid_rt.verify.cases.singular_campaign import run_set
 from hybrid_rt.verify.cases.singular_surfaces import rational_torus
-from hybrid_rt.verify.judges.surface_judge import judge_of
 from meshing import Cone, Cylinder, SurfaceOfRevolution, circular_arc
 
 AXIS = np.array([0.3, -0.2, 1.0])
@@ -250,11 +249,6 @@ def test_negative_radii_are_found_under_weights():
     SurfaceOfRevolution([(0, 1), (1, -1), (2, 1)], (0, 0, 0), AXIS, weights=[1, 0.9, 1])
     with pytest.raises(ValueError, match=r"segment 0 reaches radius -"):
         SurfaceOfRevolution([(0, 1), (1, -1), (2, 1)], (0, 0, 0), AXIS, weights=[1, 2, 1])
-
-
-def test_the_bisecting_judge_says_what_it_does_not_know():
-    with pytest.raises(TypeError, match="ask ExactJudge"):
-        judge_of(rational_torus())
 
 
 @pytest.mark.parametrize(

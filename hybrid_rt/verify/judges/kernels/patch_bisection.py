@@ -7,7 +7,7 @@ import math
 
 import numpy as np
 
-from hybrid_rt.verify.judges.kernels.bezier import halve
+from hybrid_rt.verify.judges.kernels.bezier import divide_by_weights, halve
 from meshing.kernels.jit import inner
 
 # Size of the pieces from which Newton starts, over the patch's: two roots in one such piece are
@@ -37,14 +37,20 @@ def normal_frame(x, y, z, frame):
 
 
 @inner
-def project(control, start, count, frame, point, net):
-    """Control points relative to a point of the ray: two coordinates across it, one along."""
+def project(control, weight, start, count, frame, point, net):
+    """Control points relative to a point of the ray, times their weights; and the weights.
+
+    Two coordinates are across the ray, the third is along it.
+    """
     for k in range(count):
         x = (control[start + k, 0] - point[0, 0]) - point[0, 1]
         y = (control[start + k, 1] - point[1, 0]) - point[1, 1]
         z = (control[start + k, 2] - point[2, 0]) - point[2, 1]
+        w = weight[start + k]
         for axis in range(3):
-            net[axis * count + k] = frame[axis, 0] * x + frame[axis, 1] * y + frame[axis, 2] * z
+            across = frame[axis, 0] * x + frame[axis, 1] * y + frame[axis, 2] * z
+            net[axis * count + k] = w * across
+        net[3 * count + k] = w
 
 
 @inner
@@ -101,33 +107,39 @@ def extent(net, m, n, along_u):
 
 
 @inner
-def bisect(nets, spans, m, n, slop, smallest, low, high, leaves):
+def bisect(nets, plain, spans, m, n, slop, smallest, low, high, leaves):
     """Halve the net in ``nets[0]`` down to pieces of size ``smallest`` at the ray.
 
-    Returns their number, or -1 when there are too many; where ``leaves`` has room for one only,
-    the search ends with the first.
+    ``plain`` is empty without weights, else room for the control points of a piece. Returns the
+    number of pieces, or -1 when there are too many; where ``leaves`` has room for one only, the
+    search ends with the first.
     """
     count = (m + 1) * (n + 1)
+    is_rational = plain.size > 0
+    n_axes = 4 if is_rational else 3
     spans[0, 0], spans[0, 1], spans[0, 2], spans[0, 3] = 0.0, 1.0, 0.0, 1.0
     top, n_leaves, n_pieces = 0, 0, 0
     while top >= 0:
         n_pieces += 1
         if n_pieces > MOST_PIECES:
             return -1
-        net = nets[top]
-        if misses(net, m, n, slop, low, high):
+        net = seen = nets[top]
+        if is_rational:
+            divide_by_weights(net, count, 3, plain)
+            seen = plain
+        if misses(seen, m, n, slop, low, high):
             top -= 1
             continue
-        extent_u = extent(net, m, n, True)
-        extent_v = extent(net, m, n, False)
+        extent_u = extent(seen, m, n, True)
+        extent_v = extent(seen, m, n, False)
         u0, u1, v0, v1 = spans[top, 0], spans[top, 1], spans[top, 2], spans[top, 3]
         if max(extent_u, extent_v) <= smallest or top + 1 >= nets.shape[0]:
             if n_leaves >= leaves.shape[0]:
                 return -1
             least, most = np.inf, -np.inf
             for k in range(2 * count, 3 * count):
-                least = min(least, net[k])
-                most = max(most, net[k])
+                least = min(least, seen[k])
+                most = max(most, seen[k])
             leaves[n_leaves, 0] = 0.5 * (u0 + u1)
             leaves[n_leaves, 1] = 0.5 * (v0 + v1)
             leaves[n_leaves, 2] = 0.5 * (u1 - u0)
@@ -141,7 +153,7 @@ def bisect(nets, spans, m, n, slop, smallest, low, high, leaves):
             continue
         other = nets[top + 1]
         if extent_u >= extent_v:
-            for axis in range(3):
+            for axis in range(n_axes):
                 for j in range(n + 1):
                     halve(net, other, axis * count + j, n + 1, m + 1)
             middle = 0.5 * (u0 + u1)
@@ -149,7 +161,7 @@ def bisect(nets, spans, m, n, slop, smallest, low, high, leaves):
             spans[top + 1, 0], spans[top + 1, 1] = u0, middle
             spans[top + 1, 2], spans[top + 1, 3] = v0, v1
         else:
-            for axis in range(3):
+            for axis in range(n_axes):
                 for i in range(m + 1):
                     halve(net, other, axis * count + i * (n + 1), 1, n + 1)
             middle = 0.5 * (v0 + v1)

@@ -1,11 +1,12 @@
 """All roots of rays on Bezier patches, by plain bisection that ends in double-double.
 
-A patch, projected along the ray, is halved across its longer extent in space. A piece is dropped
-when its control points lie to one side of the ray by more than the band within which rounding
-may decide; that is asked along two directions, one of them across the piece's longer tangent, so
-that pieces beside a silhouette are dropped early. Pieces of about 1e-9 of the patch start Newton's
-iteration in double-double. A root near a silhouette, an edge or a singular point, and a piece
-without a root, are certain only if the surface is also met by eight rays around this one.
+A patch, projected along the ray, is halved across its longer extent in space; of a rational one it
+is the net of (w P, w) that is halved. A piece is dropped when its control points lie to one side of
+the ray by more than the band within which rounding may decide; that is asked along two directions,
+one of them across the piece's longer tangent, so that pieces beside a silhouette are dropped early.
+Pieces of about 1e-9 of the patch start Newton's iteration in double-double. A root near a
+silhouette, an edge or a singular point, and a piece without a root, are certain only if the surface
+is also met by eight rays around this one.
 """
 
 import math
@@ -46,14 +47,18 @@ MOST_RISES = 3
 # Beside an approach already noted only one piece in this many starts Newton again: a fold's pieces
 # come by the hundred, and any of them leads to its roots.
 STRIDE = 8
-# Rounding of a projected net and its halves, relative to the patch's radius.
+# Rounding of a projected net and its halves, relative to the patch's radius: with weights too, as
+# sums of positive terms and their quotients have few roundings each.
 ROUNDING = 8.0 * 2.0**-52
 
 
 class Nets(NamedTuple):
-    """Patches of one object."""
+    """Patches of one object; weights are 1 where there are none."""
 
     control: Any  # (total, 3) float64
+    weight: Any  # (total,) float64
+    points: Any  # (total, 3) or, with weights, (total, 4) float64, see `bezier.patch_point`
+    rest: Any  # the same
     starts: Any  # (k + 1,) int64
     degrees: Any  # (k, 2) int64
     centre: Any  # (k, 3) float64, a ball around each patch
@@ -66,7 +71,8 @@ class Nets(NamedTuple):
 class Scratch(NamedTuple):
     """Working memory of one thread."""
 
-    nets: Any  # (depth, 3 x largest net) float64
+    nets: Any  # (depth, 4 x largest net) float64
+    plain: Any  # (3 x largest net,) float64; without weights (0,)
     spans: Any  # (depth, 4) float64: u and v of the pieces on the stack
     leaves: Any  # (MOST_LEAVES, 6) float64: u, v, half widths, lowest and highest t
     one: Any  # (1, 6) float64: the same for one
@@ -74,7 +80,7 @@ class Scratch(NamedTuple):
     rows: Any  # (31, 4) float64
     high: Any  # (31,) float64
     low: Any  # (31,) float64
-    out: Any  # (3, 7) float64
+    out: Any  # (4, 7) float64
     frame: Any  # (3, 3) float64: two normals of the ray, and its direction
     point: Any  # (3, 2) float64: double-double point of the ray near the patch
 
@@ -96,7 +102,7 @@ def _newton(nets, p, o, d, u, v, scale, scratch):
     before, rises = np.inf, 0
     for _ in range(NEWTON_STEPS):
         patch_point(
-            nets.control, nets.starts[p], m, n, uh, ul, vh, vl,
+            nets.points, nets.rest, nets.starts[p], m, n, uh, ul, vh, vl,
             scratch.rows, scratch.high, scratch.low, out,
         )  # fmt: skip
         ih, il = subtract(out[i, 0], out[i, 1], o[i], 0.0)
@@ -214,11 +220,14 @@ def _is_covered(nets, o, d, t, length, band, window, scratch):
             if not is_near or abs(along) > nets.radius[p] + window:
                 continue
             m, n = nets.degrees[p, 0], nets.degrees[p, 1]
-            project(nets.control, nets.starts[p], (m + 1) * (n + 1), frame, point, scratch.nets[0])
-            slop = ROUNDING * nets.radius[p]
+            project(
+                nets.control, nets.weight, nets.starts[p], (m + 1) * (n + 1), frame, point,
+                scratch.nets[0],
+            )  # fmt: skip
             found = bisect(
-                scratch.nets, scratch.spans, m, n, slop, band / 16.0, -window, window, scratch.one
-            )
+                scratch.nets, scratch.plain, scratch.spans, m, n, ROUNDING * nets.radius[p],
+                band / 16.0, -window, window, scratch.one,
+            )  # fmt: skip
             if found == 1:
                 is_met = True
                 there = 0.5 * (scratch.one[0, 4] + scratch.one[0, 5])
@@ -252,12 +261,16 @@ def _patch_roots(nets, p, ray, o, d, length, t_start, band, scratch, events):
     for axis in range(3):
         point[axis, 0], point[axis, 1] = advance(o[axis], shift, d[axis])
     m, n = nets.degrees[p, 0], nets.degrees[p, 1]
-    project(nets.control, nets.starts[p], (m + 1) * (n + 1), frame, point, scratch.nets[0])
+    project(
+        nets.control, nets.weight, nets.starts[p], (m + 1) * (n + 1), frame, point, scratch.nets[0]
+    )
     slop = band + ROUNDING * radius
     smallest = max(PIECE * radius, 2.0 * slop)
     begin = lowest - 1e-3 * nets.size
     leaves, rejected = scratch.leaves, scratch.rejected
-    n_leaves = bisect(scratch.nets, scratch.spans, m, n, slop, smallest, begin, np.inf, leaves)
+    n_leaves = bisect(
+        scratch.nets, scratch.plain, scratch.spans, m, n, slop, smallest, begin, np.inf, leaves
+    )
     if n_leaves < 0:
         note(events, ray, t_start, nets.object_id, p, 0.5, 0.5, 0.0, band, UNDECIDED, 0)
         return
@@ -326,8 +339,12 @@ def _patch_roots(nets, p, ray, o, d, length, t_start, band, scratch, events):
                     break
             if is_old:
                 continue
-        window = window_of(band, nets.size, cosine)
-        covered, mean, slope = _is_covered(nets, o, d, t, length, band, window, scratch)
+        # A short stretch first: a long one may reach the far side of a thin body.
+        for steep_cosine in (1.0, cosine):
+            window = window_of(band, nets.size, steep_cosine)
+            covered, mean, slope = _is_covered(nets, o, d, t, length, band, window, scratch)
+            if covered:
+                break
         if not is_root:
             t, cosine = mean, slope if covered else 1e-3
         elif covered and is_edge:

@@ -13,7 +13,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from hybrid_rt.verify.judges.kernels.bezier import curve_point, halve
+from hybrid_rt.verify.judges.kernels.bezier import (
+    curve_point,
+    divide_by_weights,
+    halve,
+    load,
+)
 from hybrid_rt.verify.judges.kernels.double_double import (
     add,
     advance,
@@ -43,6 +48,9 @@ class Profile(NamedTuple):
     """One surface of revolution."""
 
     control: Any  # (total, 2) float64: axial position, radius
+    weight: Any  # (total,) float64, 1 where there are none
+    points: Any  # (total, 2) or, with weights, (total, 3) float64, see `bezier.patch_point`
+    rest: Any  # the same
     starts: Any  # (k + 1,) int64
     numbers: Any  # (k,) int32: segment of the surface
     frame: Any  # (3, 3) float64: axis, radial, binormal
@@ -56,7 +64,8 @@ class Profile(NamedTuple):
 class ProfileScratch(NamedTuple):
     """Working memory of one thread."""
 
-    nets: Any  # (depth, 2 x 31) float64: Z, then R
+    nets: Any  # (depth, 3 x 31) float64: w Z, then w R, then w
+    plain: Any  # (2 x 31,) float64: Z, then R; without weights (0,)
     spans: Any  # (depth, 4) float64: s and t of the pairs on the stack
     leaves: Any  # (MOST_LEAVES, 4) float64: s, t, half widths
     one: Any  # (1, 4) float64
@@ -131,22 +140,26 @@ def _misses(net, n, line, ta, tb, slop):
 
 
 @inner
-def bisect_profile(nets, spans, n, line, begin, end, slop, smallest, leaves):
+def bisect_profile(nets, plain, spans, n, line, begin, end, slop, smallest, leaves):
     """Halve the net in ``nets[0]`` and the stretch (begin, end) of the ray; as for patches."""
+    is_rational = plain.size > 0
     spans[0, 0], spans[0, 1], spans[0, 2], spans[0, 3] = 0.0, 1.0, begin, end
     top, n_leaves, n_pieces = 0, 0, 0
     while top >= 0:
         n_pieces += 1
         if n_pieces > MOST_PIECES:
             return -1
-        net = nets[top]
+        net = seen = nets[top]
+        if is_rational:
+            divide_by_weights(net, n + 1, 2, plain)
+            seen = plain
         s0, s1, t0, t1 = spans[top, 0], spans[top, 1], spans[top, 2], spans[top, 3]
-        if _misses(net, n, line, t0, t1, slop):
+        if _misses(seen, n, line, t0, t1, slop):
             top -= 1
             continue
         extent = 0.0
         for k in range(n):
-            extent = max(extent, abs(net[k + 1] - net[k]), abs(net[n + 2 + k] - net[n + 1 + k]))
+            extent = max(extent, abs(seen[k + 1] - seen[k]), abs(seen[n + 2 + k] - seen[n + 1 + k]))
         extent *= n
         if max(extent, t1 - t0) <= smallest or top + 1 >= nets.shape[0]:
             if n_leaves >= leaves.shape[0]:
@@ -160,14 +173,14 @@ def bisect_profile(nets, spans, n, line, begin, end, slop, smallest, leaves):
             continue
         other = nets[top + 1]
         if extent >= t1 - t0:
-            halve(net, other, 0, 1, n + 1)
-            halve(net, other, n + 1, 1, n + 1)
+            for axis in range(3 if is_rational else 2):
+                halve(net, other, axis * (n + 1), 1, n + 1)
             middle = 0.5 * (s0 + s1)
             spans[top, 0] = middle
             spans[top + 1, 0], spans[top + 1, 1] = s0, middle
             spans[top + 1, 2], spans[top + 1, 3] = t0, t1
         else:
-            for k in range(2 * n + 2):
+            for k in range(3 * n + 3):
                 other[k] = net[k]
             middle = 0.5 * (t0 + t1)
             spans[top, 2] = middle
@@ -198,9 +211,28 @@ def _load(profile, p, net):
     start = profile.starts[p]
     n = profile.starts[p + 1] - start - 1
     for k in range(n + 1):
-        net[k] = profile.control[start + k, 0]
-        net[n + 1 + k] = profile.control[start + k, 1]
+        w = profile.weight[start + k]
+        net[k] = w * profile.control[start + k, 0]
+        net[n + 1 + k] = w * profile.control[start + k, 1]
+        net[2 * n + 2 + k] = w
     return n
+
+
+@inner
+def _profile_point(profile, start, n, sh, sl, high, low):
+    """Return Z and R in double-double, and their first and second derivatives in float64."""
+    load(profile.points, profile.rest, start, n, 0, high, low)
+    zh, zl, dz, ddz = curve_point(n, sh, sl, high, low)
+    load(profile.points, profile.rest, start, n, 1, high, low)
+    rh, rl, dr, ddr = curve_point(n, sh, sl, high, low)
+    if profile.points.shape[1] == 3:
+        load(profile.points, profile.rest, start, n, 2, high, low)
+        wh, wl, dw, ddw = curve_point(n, sh, sl, high, low)
+        zh, zl = divide(zh, zl, wh, wl)
+        rh, rl = divide(rh, rl, wh, wl)
+        dz, dr = (dz - dw * zh) / wh, (dr - dw * rh) / wh
+        ddz, ddr = (ddz - 2.0 * dw * dz - ddw * zh) / wh, (ddr - 2.0 * dw * dr - ddw * rh) / wh
+    return zh, zl, dz, ddz, rh, rl, dr, ddr
 
 
 @inner
@@ -214,8 +246,7 @@ def _newton(profile, p, s, t, scale, scratch):
     sh, sl, th, tl = s, 0.0, t, 0.0
     settled = False
     for _ in range(NEWTON_STEPS):
-        zh, zl, dz, ddz = curve_point(profile.control, start, n, 0, sh, sl, high, low)
-        rh, rl, dr, ddr = curve_point(profile.control, start, n, 1, sh, sl, high, low)
+        zh, zl, dz, ddz, rh, rl, dr, ddr = _profile_point(profile, start, n, sh, sl, high, low)
         ah, al = multiply(th, tl, local[3, 0], local[3, 1])
         ah, al = add(ah, al, local[0, 0], local[0, 1])
         xh, xl = multiply(th, tl, local[4, 0], local[4, 1])
@@ -269,7 +300,7 @@ def _is_covered(profile, o, d, t, length, band, window, scratch):
         for p in range(profile.starts.size - 1):
             n = _load(profile, p, scratch.nets[0])
             found = bisect_profile(
-                scratch.nets, scratch.spans, n, scratch.line, -window, window,
+                scratch.nets, scratch.plain, scratch.spans, n, scratch.line, -window, window,
                 ROUNDING * profile.size, band / 16.0, scratch.one,
             )  # fmt: skip
             if found == 1:
@@ -325,8 +356,9 @@ def _profile_roots(profile, ray, o, d, length, t_start, band, scratch, events):
         n = _load(profile, p, scratch.nets[0])
         line, leaves = scratch.line, scratch.leaves
         n_leaves = bisect_profile(
-            scratch.nets, scratch.spans, n, line, lowest, radius + slack, slop, smallest, leaves
-        )
+            scratch.nets, scratch.plain, scratch.spans, n, line, lowest, radius + slack, slop,
+            smallest, leaves,
+        )  # fmt: skip
         if n_leaves < 0:
             note(
                 events, ray, t_start, profile.object_id, profile.numbers[p], 0.0, 0.5, 0.0, band,
@@ -396,8 +428,13 @@ def _profile_roots(profile, ray, o, d, length, t_start, band, scratch, events):
                 if is_old:
                     continue
             there = shift + b / length
-            window = window_of(band, size, cosine)
-            covered, mean, steep = _is_covered(profile, o, d, there, length, band, window, scratch)
+            for steep_cosine in (1.0, cosine):  # see `patch_roots`
+                window = window_of(band, size, steep_cosine)
+                covered, mean, steep = _is_covered(
+                    profile, o, d, there, length, band, window, scratch
+                )
+                if covered:
+                    break
             if not is_root:
                 there, cosine = mean, steep if covered else 1e-3
             elif covered and is_edge:

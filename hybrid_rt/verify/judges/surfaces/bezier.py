@@ -5,12 +5,24 @@ from __future__ import annotations
 import numpy as np
 
 from hybrid_rt.core.records import FloatArray
-from hybrid_rt.verify.judges.kernels import events, patch_bisection, patch_roots
+from hybrid_rt.verify.judges.kernels import bezier, events, patch_bisection, patch_roots
 from hybrid_rt.verify.judges.surface_judge import Number, Solver, SurfaceJudge, Vector, Worker
 from meshing import BezierPatches
 
 # Deepest stack of pieces: 50 halvings in each of two parameters.
 DEPTH = 110
+
+
+def weighted_points(
+    control: FloatArray, weight: FloatArray | None
+) -> tuple[FloatArray, FloatArray]:
+    """Return points whose sum is (w P, w), exactly, or P without weights, each (total, k)."""
+    if weight is None:
+        return control, np.zeros_like(control)
+    total, n_axes = control.shape
+    points, rest = np.empty((2, total, n_axes + 1))
+    bezier.weighted(control, weight, points, rest)
+    return points, rest
 
 
 class BezierJudge(SurfaceJudge, of=BezierPatches):
@@ -20,13 +32,17 @@ class BezierJudge(SurfaceJudge, of=BezierPatches):
 
     def worker(self, object_id: int) -> Worker:
         """Return a function that bisects the control nets."""
-        patches = self.surface.patches
-        points = np.concatenate([net.reshape(-1, 3) for net in patches])
+        patches, weight = self.surface.patches, self._weight()
+        control = np.concatenate([net.reshape(-1, 3) for net in patches])
         lengths = [len(net) * net.shape[1] for net in patches]
         boxes = np.array([[net.min(axis=(0, 1)), net.max(axis=(0, 1))] for net in patches])
         low, high = boxes[:, 0].min(axis=0), boxes[:, 1].max(axis=0)
+        points, rest = weighted_points(control, weight)
         nets = patch_roots.Nets(
-            control=points,
+            control=control,
+            weight=np.ones(len(control)) if weight is None else weight,
+            points=points,
+            rest=rest,
             starts=np.concatenate([[0], np.cumsum(lengths)]).astype(np.int64),
             degrees=np.array([(len(net) - 1, net.shape[1] - 1) for net in patches], np.int64),
             centre=boxes.mean(axis=1),
@@ -40,7 +56,8 @@ class BezierJudge(SurfaceJudge, of=BezierPatches):
             first: int, o: FloatArray, d: FloatArray, t: FloatArray, out: events.Events
         ) -> None:
             scratch = patch_roots.Scratch(
-                nets=np.empty((DEPTH, 3 * max(lengths))),
+                nets=np.empty((DEPTH, 4 * max(lengths))),
+                plain=np.empty(0 if weight is None else 3 * max(lengths)),
                 spans=np.empty((DEPTH, 4)),
                 leaves=np.empty((patch_bisection.MOST_LEAVES, 6)),
                 one=np.empty((1, 6)),
@@ -48,7 +65,7 @@ class BezierJudge(SurfaceJudge, of=BezierPatches):
                 rows=np.empty((31, 4)),
                 high=np.empty(31),
                 low=np.empty(31),
-                out=np.empty((3, 7)),
+                out=np.empty((4, 7)),
                 frame=np.empty((3, 3)),
                 point=np.empty((3, 2)),
             )
@@ -81,6 +98,10 @@ class BezierJudge(SurfaceJudge, of=BezierPatches):
             return mpmath.nan
 
         return solve
+
+    def _weight(self) -> FloatArray | None:
+        """Return the weights of all control points, (total,); None: there are none."""
+        return None
 
     def _nets(self) -> list[list[list[Vector]]]:
         """Return the control points of the patches, row by row, as numbers of many digits."""

@@ -1,8 +1,11 @@
-"""Judges rational patches: Newton on (u, v, t) to many digits; decisions are for exact crossings."""
+"""Judges rational patches as others, by their nets of (w P, w)."""
 
 from __future__ import annotations
 
-from hybrid_rt.verify.judges.surface_judge import Vector, Worker
+import numpy as np
+
+from hybrid_rt.core.records import FloatArray
+from hybrid_rt.verify.judges.surface_judge import Vector
 from hybrid_rt.verify.judges.surfaces.bezier import BezierJudge
 from meshing.bezier import RationalPatches
 
@@ -12,17 +15,9 @@ class RationalJudge(BezierJudge, of=RationalPatches):
 
     surface: RationalPatches
 
-    def worker(self, object_id: int) -> Worker:
-        """Refuse: the float64 oracle bisects polynomial nets only.
-
-        Raises
-        ------
-        TypeError
-        """
-        raise TypeError(
-            f"surface {object_id} is rational: ask hybrid_rt.verify.exact, the oracle knows "
-            "polynomial patches only"
-        )
+    def _weight(self) -> FloatArray | None:
+        """Return the weights of all control points, (total,)."""
+        return np.concatenate([of_patch.ravel() for of_patch in self.surface.weights])
 
     def _nets(self) -> list[list[list[Vector]]]:
         """Return the control points times their weights, and the weights."""

@@ -8,10 +8,13 @@ import pytest
 
 from hybrid_rt import Intersector, Sphere
 from hybrid_rt.verify.cases.campaign import SCENES
+from hybrid_rt.verify.cases.rational_surfaces import octants
 from hybrid_rt.verify.cases.rays import hard_rays
 from hybrid_rt.verify.judges import exact
 from hybrid_rt.verify.judges.judge import compare
 from hybrid_rt.verify.judges.oracle import first_hits
+from hybrid_rt.verify.judges.surface_judge import judge_of
+from meshing import BezierPatches, SurfaceOfRevolution
 
 
 @pytest.mark.parametrize("check", [exact.check_patches, exact.check_lathes])
@@ -49,6 +52,91 @@ def test_sphere_roots_agree_with_sixty_digits():
                 continue
             t = (-b - mpmath.sqrt(rest)) / a
             assert abs(float(t - mpmath.mpf(float(truth.t[i])))) <= np.spacing(truth.t[i])
+
+
+def weighted_ball(u_range=(0.0, 1.0)):
+    """The unit sphere about z as two rational quarter circles that turn."""
+    w = np.sqrt(0.5)
+    arcs = [[(-1, 0), (-1, 1), (0, 1)], [(0, 1), (1, 1), (1, 0)]]
+    return SurfaceOfRevolution(
+        arcs, (0, 0, 0), (0, 0, 1), (1, 0, 0), [(1, w, 1), (1, w, 1)], u_range
+    )
+
+
+@pytest.mark.parametrize("make", [octants, weighted_ball])
+def test_rational_surfaces_are_the_sphere_that_they_stand_for(make):
+    rays = hard_rays([make()], 3000, seed=6)
+    truth, closed = (
+        first_hits(surfaces, rays.origins, rays.directions)
+        for surfaces in ([make()], [Sphere((0, 0, 0), 1)])
+    )
+    clear = ~truth.ambiguous & ~closed.ambiguous & ~truth.undecided
+    assert clear.mean() > 0.7
+    np.testing.assert_array_equal(truth.object_id[clear], closed.object_id[clear])
+    both = np.flatnonzero(clear & (truth.object_id >= 0))
+    # Rounded weights of sqrt(1/2) move the surface by 2e-16; near poles t is known to the band only.
+    moved = np.where(truth.exact, 4e-16, truth.band) / (closed.cosine * truth.length)
+    apart = np.abs(truth.t[both] - closed.t[both])
+    assert (apart <= moved[both] + np.spacing(truth.t[both])).all()
+
+
+@pytest.mark.parametrize("ratio", [0.5, 1e-4])
+def test_roots_on_rational_patches_are_right_to_the_last_bits(ratio):
+    rng = np.random.default_rng(9)
+    x, y = np.meshgrid(np.linspace(-1, 1, 4), np.linspace(-1, 1, 3), indexing="ij")
+    net = np.stack([x, y, rng.uniform(-0.5, 0.5, (4, 3))], axis=-1)
+    surface = BezierPatches([net], [ratio ** rng.random((4, 3))])
+    rays = hard_rays([surface], 1000, seed=7)
+    truth = first_hits([surface], rays.origins, rays.directions)
+    rows = np.flatnonzero(truth.exact & ~truth.ambiguous)[:100]
+    assert rows.size == 100
+    with mpmath.workdps(60):
+        solve = judge_of(surface).solver()
+        for i in rows:
+            o, d = ([mpmath.mpf(float(x)) for x in a[i]] for a in (rays.origins, rays.directions))
+            t = solve(0, float(truth.u[i]), float(truth.v[i]), float(truth.t[i]), o, d)
+            assert abs(float(t - mpmath.mpf(float(truth.t[i])))) <= np.spacing(truth.t[i])
+
+
+@pytest.mark.parametrize("part", [(0.0, 0.5), (0.9, 1.3), (-0.25, 0.05)])
+def test_parts_of_a_turn_are_what_the_closed_form_leaves(part):
+    """A cylinder of radius 1 about z: both roots by the quadratic equation, then their angles."""
+    rng = np.random.default_rng(8)
+    tube = SurfaceOfRevolution([(-1, 1), (1, 1)], (0, 0, 0), (0, 0, 1), (1, 0, 0), u_range=part)
+    origins = rng.normal(size=(4000, 3)) * 2
+    directions = rng.normal(size=(4000, 3)) - 0.5 * origins
+    truth = first_hits([tube], origins, directions)
+    (ox, oy, oz), (dx, dy, dz) = origins.T, directions.T
+    a, b, c = dx**2 + dy**2, ox * dx + oy * dy, ox**2 + oy**2 - 1
+    with np.errstate(invalid="ignore"):
+        both = (-b + np.sqrt(b * b - a * c) * np.array([[-1.0], [1.0]])) / a
+        turn = np.arctan2(oy + both * dy, ox + both * dx) / (2 * np.pi)
+        within = (both > 0) & (np.abs(oz + both * dz) < 1)
+        within &= (turn - part[0]) % 1.0 < part[1] - part[0]
+    t = np.where(within, both, np.inf).min(axis=0)
+    assert not truth.ambiguous.any()
+    np.testing.assert_allclose(truth.t, t, rtol=1e-9)
+    hit = np.flatnonzero(truth.object_id >= 0)
+    assert 300 < hit.size < 3000
+    np.testing.assert_allclose(
+        tube.point(truth.u[hit], truth.v[hit], truth.patch_id[hit]),
+        origins[hit] + truth.t[hit, None] * directions[hit],
+        atol=1e-12,
+    )
+
+
+def test_hits_on_what_a_part_turn_lacks_are_found():
+    half = weighted_ball((0.0, 0.5))
+    rays = hard_rays([half], 2000, seed=2)
+    truth = first_hits([half], rays.origins, rays.directions)
+    hits = Intersector([weighted_ball()]).intersect(rays.origins, rays.directions)
+    own = Intersector([half]).intersect(rays.origins, rays.directions)
+    assert compare(own, truth).n_wrong == 0
+    lacking = hits.hit & (hits.position[:, 1] < -1e-9)
+    assert lacking.sum() > 100
+    found = compare(hits, truth).rows
+    rows = np.concatenate([found["phantom"], found["nearer"]])
+    assert set(np.flatnonzero(lacking & ~truth.ambiguous)) <= set(rows)
 
 
 @pytest.fixture(scope="module")
