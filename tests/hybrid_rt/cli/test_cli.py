@@ -6,6 +6,7 @@ import logging
 import os
 import pty
 import re
+import shlex
 import struct
 import subprocess
 import sys
@@ -75,6 +76,45 @@ def test_options_reach_the_picture(folder, capsys):
     captured = capsys.readouterr()
     assert "+ mirror rays" in captured.out
     assert "Rendering ..." in captured.err
+
+
+@pytest.mark.parametrize(
+    ("limits", "kept", "moved"),
+    [
+        ("--passes 2", [], "--passes"),
+        ("--passes=2", [], "--passes"),
+        ("--target-error 0.5", [], "--target-error"),
+        ("--target-error 0.5 --passes 4096", ["--passes", "4096"], "--target-error"),
+        ("--target-error-trimmed 0.5", [], "--target-error-trimmed"),
+    ],
+)
+def test_the_command_that_goes_on_goes_further(folder, capsys, monkeypatch, limits, kept, moved):
+    begin = ["hybrid-rt", "render", "ball.py", "--quiet", "--width", "64", "--store", "kept"]
+    words, passes = [*begin, *limits.split()], []
+    for _ in range(3):
+        monkeypatch.setattr(sys, "argv", words)
+        assert cli.main(words[1:]) == 0
+        words = shlex.split(re.search(r"go on     (.*)", capsys.readouterr().out)[1])
+        assert [word for word in words if word != "--resume"][:-1] == [*begin, *kept, moved]
+        report = json.loads((folder / "ball.json").read_text())
+        passes.append(report["passes"])
+        error = report["relative_error"]
+        expected = {
+            "--passes": 2 * report["passes"],
+            "--target-error": 0.5 * error["both"],
+            "--target-error-trimmed": 0.5 * error["both_trimmed"],
+        }
+        assert float(words[-1]) == pytest.approx(expected[moved], rel=0.05)  # two digits
+    assert passes[0] < passes[1] < passes[2]
+
+
+@pytest.mark.usefixtures("folder")
+def test_after_a_time_budget_the_same_command_goes_on(capsys, monkeypatch):
+    words = ["hybrid-rt", "render", "ball.py", "--quiet", "--store", "kept", "--time-budget", "0.1"]
+    monkeypatch.setattr(sys, "argv", words)
+    assert cli.main(words[1:]) == 0
+    command = re.search(r"go on     (.*)", capsys.readouterr().out)[1]
+    assert shlex.split(command) == [*words, "--resume"]
 
 
 def test_a_render_ends_with_its_numbers(folder, capsys):
