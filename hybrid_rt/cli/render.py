@@ -132,6 +132,7 @@ def _checked(name: str, options: argparse.Namespace) -> _Asked:
         "target_error": options.target_error,
         "target_error_trimmed": options.target_error_trimmed,
         "seed": options.seed,
+        "max_depth": options.max_depth,
         "threads": options.threads,
         "accuracy": options.accuracy,
         "coarse": options.coarse,

@@ -138,10 +138,9 @@ def render(
     declared = INTEGRATORS[checks.choice(integrator, "integrator", INTEGRATORS)]
     _check_options(declared, options)
     limit, names, n_threads = check_request(
-        passes, time_budget, target_error, target_error_trimmed, seed, threads, accuracy, coarse,
-        tolerance, outputs,
+        passes, time_budget, target_error, target_error_trimmed, seed, max_depth, threads, accuracy,
+        coarse, tolerance, outputs,
     )  # fmt: skip
-    checks.whole(max_depth, "max_depth", at_least=0, up_to=DEEPEST)
     if progress is not None and not callable(progress):
         raise TypeError(
             f"progress is {checks.shown(progress)}: pass a function such as progress_bar(), or None"
@@ -262,6 +261,7 @@ def check_request(
     target_error: float | None,
     target_error_trimmed: float | None,
     seed: int,
+    max_depth: int,
     threads: int | None,
     accuracy: str,
     coarse: str,
@@ -282,6 +282,7 @@ def check_request(
     check_settings(accuracy, coarse, tolerance)
     limit = Limit(passes, time_budget, target_error, target_error_trimmed)
     Sampler(seed)
+    checks.whole(max_depth, "max_depth", at_least=0, up_to=DEEPEST)
     return limit, check_names(outputs), Pool(threads).threads
 
 

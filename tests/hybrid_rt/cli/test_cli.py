@@ -64,12 +64,14 @@ def test_render_writes_picture_and_report_under_the_scripts_name(folder, capsys)
 
 
 def test_options_reach_the_picture(folder, capsys):
-    arguments = "--passes 1 --width 32 --seed 9 --threads 1 --out a.png --out b.npz --explain"
+    arguments = (
+        "--passes 1 --width 32 --seed 9 --max-depth 3 --threads 1 --out a.png --out b.npz --explain"
+    )
     channels = ["--outputs", "depth, uv"]
     assert cli.main(["render", "ball.py", *arguments.split(), *channels]) == 0
     settings = json.loads((folder / "a.json").read_text())["settings"]
     assert (settings["width"], settings["height"]) == (32, 24)
-    assert (settings["seed"], settings["threads"]) == (9, 1)
+    assert (settings["seed"], settings["max_depth"], settings["threads"]) == (9, 3, 1)
     with np.load("b.npz") as data:
         assert data["image"].shape == (24, 32, 3)
         assert data["uv"].shape == (24, 32, 2)
@@ -276,7 +278,8 @@ def test_neighbours_that_fail_are_told_by_the_scripts_line(tmp_path):
 
 
 @pytest.mark.parametrize(
-    "arguments", ["--passes 0", "--accuracy exact", "--tolerance -1", "--integrator magic"]
+    "arguments",
+    ["--passes 0", "--accuracy exact", "--tolerance -1", "--integrator magic", "--max-depth -1"],
 )
 def test_settings_are_refused_before_the_script_runs(tmp_path, capsys, arguments):
     (tmp_path / "slow.py").write_text("raise ValueError('it runs')")
