@@ -27,6 +27,7 @@ from hybrid_rt.rendering.set_up import Request, set_up
 from hybrid_rt.rendering.summary import warnings_in_words
 from hybrid_rt.rendering.watcher import Beginning, Watcher
 from hybrid_rt.sampling.sampler import Sampler
+from hybrid_rt.scene.lamps_turned_away import lamps_turned_away
 from hybrid_rt.scene.scene import Scene
 from hybrid_rt.sensor.film import Film
 
@@ -241,6 +242,7 @@ def render(
             report |= workers.report(blur)
             report["geometry"]["wrong_first_hits"] = wrong
             report["lamps_in_surfaces"] = ready.sunken
+            report["lamps_turned_away"] = lamps_turned_away(context.scene)
             report["relative_error"] = relative_error(report["noise"], blur, own.blur_stays)
             report |= light_left_out(report, left_out, unfound)
             report["cluster"] = None if source is None else {**source.about(), "lost": lost}
