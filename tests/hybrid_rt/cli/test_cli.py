@@ -224,6 +224,19 @@ def test_interrupt_is_exit_code_130_and_leaves_nothing(folder, capsys, monkeypat
             "class Bad(Exception):\n    def __str__(self):\n        raise self\n\nraise Bad",
             "line 5: Bad$",
         ),
+        (
+            "from hybrid_rt import *\n\ndef scene():\n    return Dielectic(1.5)",
+            r"line 4: NameError: name 'Dielectic' is not defined: did you mean 'Dielectric'\?$",
+        ),
+        (
+            "from hybrid_rt import *\n\ndef scene():\n    return Camera((0, 0, 1), (0, 0, 0), apperture=1)",
+            r"line 4: TypeError: .* argument 'apperture': did you mean 'aperture'\?$",
+        ),
+        (
+            "import hybrid_rt\nhybrid_rt.Sphree",
+            r"line 2: AttributeError: .* 'Sphree': did you mean 'Sphere'\?$",
+        ),
+        ("def scene():\n    return qqqqqq", "line 2: NameError: name 'qqqqqq' is not defined$"),
         ("import hybrid_rt\nexec('x = = 3')", r"bad.py, line 2: SyntaxError: invalid syntax"),
     ],
 )
