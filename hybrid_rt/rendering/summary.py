@@ -57,14 +57,14 @@ def warnings_in_words(report: dict[str, Any]) -> list[str]:
             "photons_per_pass (for ppm, also a larger initial_radius, or none)"
         )
     lines += [
-        f"{name!r} is clear, but not closed: {n_rays:,} rays left it without entering "
-        "it, or never left it: close it, with its normals outward (or nest no more than eight clear "
-        "bodies in each other)"
+        f"{name!r} is clear: {n_rays:,} rays left it without entering it, or never left it: it is not "
+        "closed, or its normals point inward (pass it .flipped()), or more than eight clear bodies are "
+        "nested in each other"
         for name, n_rays in report["clear_bodies_not_closed"].items()
     ]
     lines += [
         f"{name!r} is clear: {n_rays:,} rays left it without entering it, or never left it: "
-        "its normals point inward (pass it flipped), or more than eight clear bodies are nested in "
+        "its normals point inward (pass it .flipped()), or more than eight clear bodies are nested in "
         "each other"
         for name, n_rays in report["clear_bodies_lost"].items()
     ]
