@@ -168,8 +168,8 @@ def _unmet(noise: dict[str, Any]) -> str:
     if unmet == 0.0 or unmet < noise["half_interval_95_of_image_mean"]:
         return ""
     return (
-        "\n            all of it for the brightest lamp: as much may come by rare ways to it, in "
-        "mirrors or glass or as a speck, that no camera ray has taken yet"
+        "\n            the interval allows for ways to the brightest lamp that no camera ray has taken "
+        "yet, in mirrors or glass or as a speck: more passes narrow it"
     )
 
 
