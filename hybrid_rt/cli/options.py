@@ -47,6 +47,9 @@ def add_render_options(parser: argparse.ArgumentParser) -> None:
         metavar="E",
         help="stop at this error without the worst 0.1 %% of the pixels",
     )
+    parser.add_argument(
+        "--max-depth", type=int, default=16, metavar="N", help="bounces of a path (default 16)"
+    )
     parser.add_argument("--seed", type=int, default=0, metavar="S")
     parser.add_argument("--threads", type=int, metavar="N", help="default: all cores")
     parser.add_argument(

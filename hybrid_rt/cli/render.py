@@ -8,6 +8,7 @@ import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -110,7 +111,7 @@ def render_scene(
     if asked.store is not None:
         kept = result.report["store"]
         reasons += [kept["not_saved"]] if kept["not_saved"] else []
-        say(_how_to_go_on(result.report, is_stopped or interrupt is not None))
+        say(_how_to_go_on(result.report))
     if reasons:
         raise OSError("\nhybrid-rt: ".join(reasons))
     if interrupt is not None:
@@ -131,6 +132,7 @@ def _checked(name: str, options: argparse.Namespace) -> _Asked:
         "target_error": options.target_error,
         "target_error_trimmed": options.target_error_trimmed,
         "seed": options.seed,
+        "max_depth": options.max_depth,
         "threads": options.threads,
         "accuracy": options.accuracy,
         "coarse": options.coarse,
@@ -164,7 +166,7 @@ def _checked(name: str, options: argparse.Namespace) -> _Asked:
     return _Asked(request, outputs, denoised, store)
 
 
-def _how_to_go_on(report: dict[str, Any], is_interrupted: bool) -> str:
+def _how_to_go_on(report: dict[str, Any]) -> str:
     """Say what a store holds, what was lost, and by which command the render goes on."""
     from hybrid_rt.rendering.summary import passes_in_words
 
@@ -175,9 +177,31 @@ def _how_to_go_on(report: dict[str, Any], is_interrupted: bool) -> str:
     lines.append(f"  store     {kept['folder']} holds {passes_in_words(report['passes'])}{since}")
     command = [Path(sys.argv[0]).name, *sys.argv[1:]]
     command += [] if "--resume" in command else ["--resume"]
-    if not is_interrupted:
-        command += ["--passes", str(2 * report["passes"])]
+    command = _with_limit_moved(command, report)
     return "\n".join([*lines, f"  go on     {shlex.join(command)}"])
+
+
+def _with_limit_moved(command: list[str], report: dict[str, Any]) -> list[str]:
+    """Return a command with the limit that stopped its render moved, so that it renders further.
+
+    Twice the passes, or half the error that was reached. A time budget is one for each call, and a
+    render that was broken off has not reached its limits: their commands stay as they are.
+    """
+    stopped_by, error = report["stopped_by"], report["relative_error"]
+    reached = {"target_error": "both", "target_error_trimmed": "both_trimmed"}
+    if stopped_by in reached and error[reached[stopped_by]] > 0.0:
+        option = f"--{stopped_by.replace('_', '-')}"
+        value = f"{error[reached[stopped_by]] / 2:.2g}"
+    elif stopped_by in ("passes", "blur", "not_finite"):
+        option, value = "--passes", str(2 * report["passes"])
+    else:
+        return command
+    kept = [
+        word
+        for before, word in pairwise(["", *command])
+        if option not in (before, word) and not word.startswith(f"{option}=")
+    ]
+    return [*kept, option, value]
 
 
 class _Output:

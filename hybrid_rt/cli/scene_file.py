@@ -17,6 +17,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
+from hybrid_rt.cli.suggestions import suggestion
 from hybrid_rt.core import checks
 from hybrid_rt.scene.scene import Scene
 from meshing.checks import as_path, text_of
@@ -169,4 +170,5 @@ def _described(error: BaseException) -> str:
     text = text_of(error)
     if isinstance(error, ValueError | FileNotFoundError) and text:
         return text
-    return f"{type(error).__name__}: {text}" if text else type(error).__name__
+    kind = type(error).__name__
+    return f"{kind}: {text}{suggestion(error)}" if text else kind

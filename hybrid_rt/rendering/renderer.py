@@ -27,6 +27,7 @@ from hybrid_rt.rendering.set_up import Request, set_up
 from hybrid_rt.rendering.summary import warnings_in_words
 from hybrid_rt.rendering.watcher import Beginning, Watcher
 from hybrid_rt.sampling.sampler import Sampler
+from hybrid_rt.scene.lamps_turned_away import lamps_turned_away
 from hybrid_rt.scene.scene import Scene
 from hybrid_rt.sensor.film import Film
 
@@ -138,10 +139,9 @@ def render(
     declared = INTEGRATORS[checks.choice(integrator, "integrator", INTEGRATORS)]
     _check_options(declared, options)
     limit, names, n_threads = check_request(
-        passes, time_budget, target_error, target_error_trimmed, seed, threads, accuracy, coarse,
-        tolerance, outputs,
+        passes, time_budget, target_error, target_error_trimmed, seed, max_depth, threads, accuracy,
+        coarse, tolerance, outputs,
     )  # fmt: skip
-    checks.whole(max_depth, "max_depth", at_least=0, up_to=DEEPEST)
     if progress is not None and not callable(progress):
         raise TypeError(
             f"progress is {checks.shown(progress)}: pass a function such as progress_bar(), or None"
@@ -242,6 +242,7 @@ def render(
             report |= workers.report(blur)
             report["geometry"]["wrong_first_hits"] = wrong
             report["lamps_in_surfaces"] = ready.sunken
+            report["lamps_turned_away"] = lamps_turned_away(context.scene)
             report["relative_error"] = relative_error(report["noise"], blur, own.blur_stays)
             report |= light_left_out(report, left_out, unfound)
             report["cluster"] = None if source is None else {**source.about(), "lost": lost}
@@ -262,6 +263,7 @@ def check_request(
     target_error: float | None,
     target_error_trimmed: float | None,
     seed: int,
+    max_depth: int,
     threads: int | None,
     accuracy: str,
     coarse: str,
@@ -282,6 +284,7 @@ def check_request(
     check_settings(accuracy, coarse, tolerance)
     limit = Limit(passes, time_budget, target_error, target_error_trimmed)
     Sampler(seed)
+    checks.whole(max_depth, "max_depth", at_least=0, up_to=DEEPEST)
     return limit, check_names(outputs), Pool(threads).threads
 
 

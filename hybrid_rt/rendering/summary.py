@@ -57,16 +57,21 @@ def warnings_in_words(report: dict[str, Any]) -> list[str]:
             "photons_per_pass (for ppm, also a larger initial_radius, or none)"
         )
     lines += [
-        f"{name!r} is clear, but not closed: {n_rays:,} rays left it without entering "
-        "it, or never left it: close it, with its normals outward (or nest no more than eight clear "
-        "bodies in each other)"
+        f"{name!r} is clear: {n_rays:,} rays left it without entering it, or never left it: it is not "
+        "closed, or its normals point inward (pass it .flipped()), or more than eight clear bodies are "
+        "nested in each other"
         for name, n_rays in report["clear_bodies_not_closed"].items()
     ]
     lines += [
         f"{name!r} is clear: {n_rays:,} rays left it without entering it, or never left it: "
-        "its normals point inward (pass it flipped), or more than eight clear bodies are nested in "
+        "its normals point inward (pass it .flipped()), or more than eight clear bodies are nested in "
         "each other"
         for name, n_rays in report["clear_bodies_lost"].items()
+    ]
+    lines += [
+        f"{name} lights nothing: all objects and the camera are behind it; it shines on the side of "
+        "edge_u x edge_v: swap its edges to turn it"
+        for name in report["lamps_turned_away"]
     ]
     return lines
 
@@ -163,8 +168,8 @@ def _unmet(noise: dict[str, Any]) -> str:
     if unmet == 0.0 or unmet < noise["half_interval_95_of_image_mean"]:
         return ""
     return (
-        "\n            all of it for the brightest lamp: as much may come by rare ways to it, in "
-        "mirrors or glass or as a speck, that no camera ray has taken yet"
+        "\n            the interval allows for ways to the brightest lamp that no camera ray has taken "
+        "yet, in mirrors or glass or as a speck: more passes narrow it"
     )
 
 

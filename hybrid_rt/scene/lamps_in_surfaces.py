@@ -186,8 +186,8 @@ def sunken_lamps(scene: CompiledScene, tracer: Intersector) -> list[Sunken]:
             sunken.append(
                 Sunken(
                     light=light,
-                    lamp=_name(scene, surface, light),
-                    surface=_name(scene, other, partner),
+                    lamp=name_of(scene, surface, light),
+                    surface=name_of(scene, other, partner),
                     partner=partner,
                     share=met.size / len(points),
                     way=None if surface < 0 else _way_out(-inward, -inward[met - first]),
@@ -270,7 +270,8 @@ def _replaced(scene: Scene, compiled: CompiledScene, lifted: dict[int, Light | O
     return Scene(scene.camera, objects, lights, scene.environment)
 
 
-def _name(scene: CompiledScene, surface: int, light: int) -> str:
+def name_of(scene: CompiledScene, surface: int, light: int) -> str:
+    """Return what messages call a surface or, where it is no object, a light."""
     if 0 <= surface < len(scene.called):
         return scene.called[surface]
     return f"lights[{light}]"

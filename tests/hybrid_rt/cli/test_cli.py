@@ -6,6 +6,7 @@ import logging
 import os
 import pty
 import re
+import shlex
 import struct
 import subprocess
 import sys
@@ -63,18 +64,59 @@ def test_render_writes_picture_and_report_under_the_scripts_name(folder, capsys)
 
 
 def test_options_reach_the_picture(folder, capsys):
-    arguments = "--passes 1 --width 32 --seed 9 --threads 1 --out a.png --out b.npz --explain"
+    arguments = (
+        "--passes 1 --width 32 --seed 9 --max-depth 3 --threads 1 --out a.png --out b.npz --explain"
+    )
     channels = ["--outputs", "depth, uv"]
     assert cli.main(["render", "ball.py", *arguments.split(), *channels]) == 0
     settings = json.loads((folder / "a.json").read_text())["settings"]
     assert (settings["width"], settings["height"]) == (32, 24)
-    assert (settings["seed"], settings["threads"]) == (9, 1)
+    assert (settings["seed"], settings["max_depth"], settings["threads"]) == (9, 3, 1)
     with np.load("b.npz") as data:
         assert data["image"].shape == (24, 32, 3)
         assert data["uv"].shape == (24, 32, 2)
     captured = capsys.readouterr()
     assert "+ mirror rays" in captured.out
     assert "Rendering ..." in captured.err
+
+
+@pytest.mark.parametrize(
+    ("limits", "kept", "moved"),
+    [
+        ("--passes 2", [], "--passes"),
+        ("--passes=2", [], "--passes"),
+        ("--target-error 0.5", [], "--target-error"),
+        ("--target-error 0.5 --passes 4096", ["--passes", "4096"], "--target-error"),
+        ("--target-error-trimmed 0.5", [], "--target-error-trimmed"),
+    ],
+)
+def test_the_command_that_goes_on_goes_further(folder, capsys, monkeypatch, limits, kept, moved):
+    begin = ["hybrid-rt", "render", "ball.py", "--quiet", "--width", "64", "--store", "kept"]
+    words, passes = [*begin, *limits.split()], []
+    for _ in range(3):
+        monkeypatch.setattr(sys, "argv", words)
+        assert cli.main(words[1:]) == 0
+        words = shlex.split(re.search(r"go on     (.*)", capsys.readouterr().out)[1])
+        assert [word for word in words if word != "--resume"][:-1] == [*begin, *kept, moved]
+        report = json.loads((folder / "ball.json").read_text())
+        passes.append(report["passes"])
+        error = report["relative_error"]
+        expected = {
+            "--passes": 2 * report["passes"],
+            "--target-error": 0.5 * error["both"],
+            "--target-error-trimmed": 0.5 * error["both_trimmed"],
+        }
+        assert float(words[-1]) == pytest.approx(expected[moved], rel=0.05)  # two digits
+    assert passes[0] < passes[1] < passes[2]
+
+
+@pytest.mark.usefixtures("folder")
+def test_after_a_time_budget_the_same_command_goes_on(capsys, monkeypatch):
+    words = ["hybrid-rt", "render", "ball.py", "--quiet", "--store", "kept", "--time-budget", "0.1"]
+    monkeypatch.setattr(sys, "argv", words)
+    assert cli.main(words[1:]) == 0
+    command = re.search(r"go on     (.*)", capsys.readouterr().out)[1]
+    assert shlex.split(command) == [*words, "--resume"]
 
 
 def test_a_render_ends_with_its_numbers(folder, capsys):
@@ -182,6 +224,19 @@ def test_interrupt_is_exit_code_130_and_leaves_nothing(folder, capsys, monkeypat
             "class Bad(Exception):\n    def __str__(self):\n        raise self\n\nraise Bad",
             "line 5: Bad$",
         ),
+        (
+            "from hybrid_rt import *\n\ndef scene():\n    return Dielectic(1.5)",
+            r"line 4: NameError: name 'Dielectic' is not defined: did you mean 'Dielectric'\?$",
+        ),
+        (
+            "from hybrid_rt import *\n\ndef scene():\n    return Camera((0, 0, 1), (0, 0, 0), apperture=1)",
+            r"line 4: TypeError: .* argument 'apperture': did you mean 'aperture'\?$",
+        ),
+        (
+            "import hybrid_rt\nhybrid_rt.Sphree",
+            r"line 2: AttributeError: .* 'Sphree': did you mean 'Sphere'\?$",
+        ),
+        ("def scene():\n    return qqqqqq", "line 2: NameError: name 'qqqqqq' is not defined$"),
         ("import hybrid_rt\nexec('x = = 3')", r"bad.py, line 2: SyntaxError: invalid syntax"),
     ],
 )
@@ -236,7 +291,8 @@ def test_neighbours_that_fail_are_told_by_the_scripts_line(tmp_path):
 
 
 @pytest.mark.parametrize(
-    "arguments", ["--passes 0", "--accuracy exact", "--tolerance -1", "--integrator magic"]
+    "arguments",
+    ["--passes 0", "--accuracy exact", "--tolerance -1", "--integrator magic", "--max-depth -1"],
 )
 def test_settings_are_refused_before_the_script_runs(tmp_path, capsys, arguments):
     (tmp_path / "slow.py").write_text("raise ValueError('it runs')")

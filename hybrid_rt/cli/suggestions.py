@@ -1,0 +1,56 @@
+"""What a misspelt name in a scene script was meant to be.
+
+Python itself suggests names only where it prints a traceback, and suggests none for arguments.
+"""
+
+from __future__ import annotations
+
+import builtins
+import inspect
+import re
+from collections.abc import Iterable
+from contextlib import suppress
+from difflib import get_close_matches
+from types import TracebackType
+from typing import Any
+
+_NO_SUCH_ARGUMENT = re.compile(r"([\w.]+)\(\) got an unexpected keyword argument '(\w+)'")
+
+
+def suggestion(error: BaseException) -> str:
+    """Return ": did you mean ...?" for a name, attribute or argument that is misspelt, or "".
+
+    Parameters
+    ----------
+    error : BaseException
+        As it was caught, with its traceback.
+    """
+    with suppress(Exception):  # whatever is wrong here must not hide the error
+        wrong, known = _wrong_and_known(error)
+        if not wrong:
+            return ""
+        near = get_close_matches(wrong, [name for name in known if name[:1] != "_"], n=1)
+        return f": did you mean {near[0]!r}?" if near else ""
+    return ""
+
+
+def _wrong_and_known(error: BaseException) -> tuple[str | None, Iterable[str]]:
+    """Return the word that is wrong, and the words that would have been right."""
+    if isinstance(error, NameError):
+        return error.name, _names(error.__traceback__)
+    if isinstance(error, AttributeError):
+        return error.name, dir(error.obj)
+    called = _NO_SUCH_ARGUMENT.search(str(error)) if isinstance(error, TypeError) else None
+    if called is None:
+        return "", []
+    names = _names(error.__traceback__)
+    return called[2], inspect.signature(names[called[1].partition(".")[0]]).parameters
+
+
+def _names(trace: TracebackType | None) -> dict[str, Any]:
+    """Return everything that has a name where an error was raised."""
+    if trace is None:
+        return {}
+    while trace.tb_next is not None:
+        trace = trace.tb_next
+    return vars(builtins) | trace.tb_frame.f_globals | trace.tb_frame.f_locals

@@ -1,0 +1,54 @@
+"""Lamps that have everything behind them are named; others are not."""
+
+import pytest
+
+from hybrid_rt import (
+    Camera,
+    Emissive,
+    Lambertian,
+    Object,
+    Plane,
+    Rectangle,
+    RectangleLight,
+    Scene,
+    render,
+)
+from hybrid_rt.rendering.summary import in_words
+
+FLOOR = Object(Rectangle((-2, -2, 0), (4, 0, 0), (0, 4, 0)), Lambertian(0.5), "floor")
+BELOW, ABOVE = (0, -6, 2), (0, -6, 5)
+UP, DOWN = ((1, 0, 0), (0, 1, 0)), ((0, 1, 0), (1, 0, 0))
+
+
+def report_of(eye, objects, lights=(), **lens):
+    camera = Camera(eye, (0, 0, 0), (0, 0, 1), width=8, height=6, **lens)
+    return render(Scene(camera, objects, lights), passes=2, threads=1).report
+
+
+def test_a_lamp_with_swapped_edges_is_named(caplog):
+    report = report_of(BELOW, [FLOOR], [RectangleLight((0, 0, 4), *UP, 9)])
+    assert report["noise"]["image_mean"] == 0.0
+    assert report["lamps_turned_away"] == ["lights[0]"]
+    assert "WARNING   lights[0] lights nothing: all objects and" in in_words(report)
+    assert [record.name for record in caplog.records] == ["hybrid_rt.report"]
+
+
+def test_so_is_a_rectangle_that_shines():
+    lamp = Object(Rectangle((0, 0, 4), *UP), Emissive(9), "lamp")
+    assert report_of(BELOW, [FLOOR, lamp])["lamps_turned_away"] == ["object 'lamp'"]
+
+
+@pytest.mark.parametrize(
+    ("eye", "objects", "edges", "lens"),
+    [
+        (BELOW, [FLOOR], DOWN, {}),
+        (ABOVE, [FLOOR], UP, {}),  # seen by the camera
+        (BELOW, [FLOOR], UP, {"aperture": 5.0}),  # seen by a part of the lens
+        (BELOW, [FLOOR, Object(Rectangle((0, 0, 5), *UP), Lambertian(0.5))], UP, {}),
+        (BELOW, [Object(Plane((0, 1, 0), (0, 1, 0)), Lambertian(0.5))], UP, {}),
+    ],
+    ids=["shines at the floor", "seen", "seen by the lens", "ceiling", "without bounds"],
+)
+def test_lamps_that_light_something_are_not(eye, objects, edges, lens):
+    lamp = RectangleLight((0, 0, 4), *edges, 9)
+    assert report_of(eye, objects, [lamp], **lens)["lamps_turned_away"] == []
