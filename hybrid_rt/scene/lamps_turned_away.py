@@ -5,12 +5,9 @@ They shine on the side of edge_u x edge_v, so two edges that are swapped turn th
 
 from __future__ import annotations
 
-from itertools import product
-
 import numpy as np
 
-from hybrid_rt.core.records import FloatArray
-from hybrid_rt.scene.compiled import CompiledScene
+from hybrid_rt.scene.compiled import NOTHING, CompiledScene
 from hybrid_rt.scene.lamps_in_surfaces import name_of
 from hybrid_rt.shading.kernels.light_kinds import RECTANGLE
 
@@ -25,22 +22,22 @@ def lamps_turned_away(scene: CompiledScene) -> list[str]:
     ----------
     scene : CompiledScene
     """
-    if not all(surface.is_bounded for surface in scene.surfaces):
+    lamps = np.flatnonzero(scene.lights.kind == RECTANGLE).tolist()
+    if not lamps or not all(surface.is_bounded for surface in scene.surfaces):
         return []
-    corners = [_corners(surface.bounds) for surface in scene.surfaces]
     camera = scene.camera
     lens = 0.5 * camera.aperture
-    eye = _corners(np.array([camera.look_from - lens, camera.look_from + lens]))
+    eye = np.array([camera.look_from - lens, camera.look_from + lens])
+    boxes = np.array([eye, *(surface.bounds for surface in scene.surfaces)])
+    middle, half = 0.5 * boxes.sum(axis=1), 0.5 * (boxes[:, 1] - boxes[:, 0])
     names = []
-    for light in np.flatnonzero(scene.lights.kind == RECTANGLE).tolist():
-        own = int(scene.surface_of_light[light])
-        others = np.concatenate([eye, *(c for i, c in enumerate(corners) if i != own)])
+    for light in lamps:
         normal = np.cross(scene.lights.edge_u[light], scene.lights.edge_v[light])
-        if ((others - scene.lights.origin[light]) @ normal <= 0.0).all():
+        # How far the corner of each box that is farthest to the front lies before the lamp.
+        before = (middle - scene.lights.origin[light]) @ normal + half @ np.abs(normal)
+        own = int(scene.surface_of_light[light])
+        if own != NOTHING:
+            before[own + 1] = -np.inf
+        if (before <= 0.0).all():
             names.append(name_of(scene, own, light))
     return names
-
-
-def _corners(bounds: FloatArray) -> FloatArray:
-    """Return the eight corners of a box, given by its lowest and its highest one."""
-    return np.array(list(product(*np.transpose(bounds))))

@@ -76,7 +76,8 @@ def test_hits_on_parts_of_turns_and_rational_surfaces_are_studied(more):
     wrong = {curve.name: curve.points[0].error.median for curve in study.curves}
     assert wrong["certified"] == wrong["certified, no Embree"] == 0.0
     mean_dt = {curve.name: curve.points[0].more["mean_dt"] for curve in study.curves}
-    assert mean_dt["certified"] < 1e-14 < 1e-4 < mean_dt["mesh"]
+    assert mean_dt["certified"] < 1e-14
+    assert mean_dt["mesh"] > 1e-4
     assert study.judged > 200
     # Steps are counted on whole turns of plain profiles only.
     assert study.newton == []
