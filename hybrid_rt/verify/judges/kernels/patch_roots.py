@@ -340,8 +340,8 @@ def _patch_roots(nets, p, ray, o, d, length, t_start, band, scratch, events):
             if is_old:
                 continue
         # A short stretch first: a long one may reach the far side of a thin body.
-        for steep_cosine in (1.0, cosine):
-            window = window_of(band, nets.size, steep_cosine)
+        for assumed in (1.0, cosine):
+            window = window_of(band, nets.size, assumed)
             covered, mean, slope = _is_covered(nets, o, d, t, length, band, window, scratch)
             if covered:
                 break
