@@ -40,6 +40,7 @@ ALL_PATHS = _paths("LPUK", "DGS")
 
 # Paths and what they are called: the first that fits.
 NAMES = (
+    ("[LUK][GS]*E", "light that the camera sees, also in mirrors, metal and glass"),
     ("PS+[DGS]*E", "light of lamps without area that mirrors or glass throw onto surfaces"),
     ("[LUK]S+[DGS]*E", "light that mirrors or glass throw onto surfaces"),
     ("PG[GS]*E", "highlights of lamps without area on metal"),

@@ -38,8 +38,9 @@ WIDE_FROM = 7.0**-0.5
 class RoughConductor(Material):
     """A rough metal with the complex index of refraction eta + i k. Both sides reflect.
 
-    The model has GGX microfacets with Smith shadowing and masking, and the Fresnel reflectance of
-    conductors. Interreflection between microfacets is lost, so rougher metal is darker.
+    The model has GGX microfacets with Smith's height-correlated shadowing and masking, and the
+    Fresnel reflectance of conductors. Interreflection between microfacets is lost, so rougher metal
+    is darker.
 
     Parameters
     ----------
@@ -57,7 +58,8 @@ class RoughConductor(Material):
 
     References
     ----------
-    Walter et al., "Microfacet models for refraction through rough surfaces", EGSR 2007.
+    Walter et al., "Microfacet models for refraction through rough surfaces", EGSR 2007. Heitz,
+    "Understanding the masking-shadowing function in microfacet-based BRDFs", JCGT 3(2), 2014.
     """
 
     def __init__(self, eta: ArrayLike, k: ArrayLike, roughness: float) -> None:

@@ -18,8 +18,8 @@ from hybrid_rt.textures.texture import Texture, as_texture
 class RoughDielectric(Material):
     """A dielectric body with a rough surface. It must be closed, as a `Dielectric` must.
 
-    The model has GGX microfacets with Smith shadowing and masking that reflect and refract by
-    Fresnel's equations. Interreflection between microfacets is lost. Next-event estimation includes
+    The model has GGX microfacets with Smith's height-correlated shadowing and masking that reflect
+    and refract by Fresnel's equations. Interreflection between microfacets is lost. Next-event estimation includes
     transmission, so a light behind the surface lights it directly. The surface is opaque for shadow
     rays between other surfaces, as smooth glass is. Inside a body of higher priority, or with the
     same index on both sides, rays pass the surface as they pass smooth glass.
@@ -46,7 +46,8 @@ class RoughDielectric(Material):
 
     References
     ----------
-    Walter et al., "Microfacet models for refraction through rough surfaces", EGSR 2007.
+    Walter et al., "Microfacet models for refraction through rough surfaces", EGSR 2007. Heitz,
+    "Understanding the masking-shadowing function in microfacet-based BRDFs", JCGT 3(2), 2014.
     """
 
     def __init__(

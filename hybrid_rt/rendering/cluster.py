@@ -127,11 +127,17 @@ class Cluster:
             self._client = Client(place, timeout=ANSWER, set_as_default=False)
         except (OSError, TimeoutError, ValueError, RuntimeError) as error:
             self._close_local()
+            if self._address.startswith(LOCAL):
+                raise self._lost(
+                    f"its processes did not start ({_words(error)}): a script must render under "
+                    '`if __name__ == "__main__":`, since each process imports it'
+                ) from error
             raise self._lost(
                 f"no scheduler answers ({_words(error)}): start `dask scheduler` there"
             ) from error
         try:
-            self._client.register_plugin(SceneOnWorkers(self._key, pickle.dumps(self._request)))
+            packed = self._request.integrator, pickle.dumps(self._request)
+            self._client.register_plugin(SceneOnWorkers(self._key, *packed))
             began = time.monotonic()
             while not self._look():
                 if time.monotonic() - began > PATIENCE:

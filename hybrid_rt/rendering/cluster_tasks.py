@@ -13,6 +13,7 @@ from distributed import Worker, WorkerPlugin
 
 from hybrid_rt.core.ledger import Ledger
 from hybrid_rt.core.records import FloatArray
+from hybrid_rt.integrators import INTEGRATORS
 from hybrid_rt.integrators.context import RenderContext
 from hybrid_rt.integrators.workers import Counts, Made, Pass, Run, Workers
 from hybrid_rt.rendering.set_up import Request, set_up
@@ -46,17 +47,18 @@ class SceneOnWorkers(WorkerPlugin):  # type: ignore[misc]
     Parameters
     ----------
     key : str
+    integrator : str
     pickled : bytes
-        A `Request`.
+        A `Request`, which only a process that knows its integrator can read.
     """
 
-    def __init__(self, key: str, pickled: bytes) -> None:
-        self.name, self._pickled = key, pickled
+    def __init__(self, key: str, integrator: str, pickled: bytes) -> None:
+        self.name, self._integrator, self._pickled = key, integrator, pickled
 
     def setup(self, worker: Worker) -> None:
         """Keep the scene, without any work on it."""
         del worker
-        _SCENES[self.name] = _Prepared(self._pickled)
+        _SCENES[self.name] = _Prepared(self._integrator, self._pickled)
 
     def teardown(self, worker: Worker) -> None:
         """Forget the scene."""
@@ -118,8 +120,8 @@ class _OpenRun:
 class _Prepared:
     """A scene in this process: set up when the first task asks, with `Workers` for each thread."""
 
-    def __init__(self, pickled: bytes) -> None:
-        self._pickled = pickled
+    def __init__(self, integrator: str, pickled: bytes) -> None:
+        self._integrator, self._pickled = integrator, pickled
         self._lock = Lock()
         self._context: RenderContext | None = None
         self._idle: list[Workers] = []
@@ -127,6 +129,11 @@ class _Prepared:
     def take(self) -> Workers:
         """Return workers that no other thread uses."""
         with self._lock:
+            if self._integrator not in INTEGRATORS:
+                raise ValueError(
+                    f"workers do not know the integrator {self._integrator!r}: declare it in a "
+                    "module and start them by `dask worker --preload MODULE`, or leave out cluster="
+                )
             request: Request = pickle.loads(self._pickled)
             if self._context is None:
                 ready = set_up(request, 1, Ledger())

@@ -122,7 +122,13 @@ def test_the_report_names_what_is_left_out():
 
 def test_every_path_has_a_name():
     assert left_out("", ALL_PATHS) == left_out("nothing", ALL_PATHS)
-    assert len(left_out("", ALL_PATHS)) == 7
+    assert len(left_out("", ALL_PATHS)) == 8
+
+
+def test_lamps_that_the_camera_sees_are_not_called_light_between_surfaces():
+    assert left_out("LD[DGS]*E|LS[DGS]*E", ["LE", "LDE", "LSE", "LDDE"]) == [
+        "light that the camera sees, also in mirrors, metal and glass (LE)"
+    ]
 
 
 def test_references_are_made_by_those_that_find_the_light_of_lamps():

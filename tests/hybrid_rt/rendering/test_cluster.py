@@ -3,12 +3,14 @@
 import subprocess
 import sys
 import time
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from hybrid_rt import Camera, Lambertian, Object, RectangleLight, Scene, Sphere
 from hybrid_rt.cli.program import main
+from hybrid_rt.integrators import INTEGRATORS
 from hybrid_rt.integrators.options import PPMOptions
 from hybrid_rt.primitives.rectangle import Rectangle
 from hybrid_rt.rendering import cluster
@@ -168,6 +170,29 @@ def test_processes_of_this_machine_by_the_command(tmp_path, capsys):
     assert main(["render", str(script), "--cluster", "local:1", *words]) == 0
     assert "local:1: 1 process," in capsys.readouterr().out
     np.testing.assert_array_equal(np.load(out)["image"], render(scene(), passes=17).image)
+
+
+def test_an_integrator_that_workers_do_not_know_is_named(processes, monkeypatch):
+    own = replace(INTEGRATORS["whitted"], name="own")
+    monkeypatch.setitem(INTEGRATORS, "own", own)
+    processes.worker()
+    with pytest.raises(ClusterLost, match=r"workers do not know the integrator 'own': declare it"):
+        render(scene(), "own", passes=4, cluster=processes.address)
+
+
+def test_a_script_without_main_guard_is_told_so(tmp_path):
+    script = tmp_path / "unguarded.py"
+    script.write_text(
+        f"import sys; sys.path.append({__file__.rsplit('/', 1)[0]!r})\n{SCRIPT}"
+        "from hybrid_rt import render\nrender(scene(), passes=4, cluster='local:1')\n"
+    )
+    ended = subprocess.run(
+        [sys.executable, str(script)], capture_output=True, text=True, check=False, timeout=120
+    )
+    assert ended.returncode == 1
+    last = ended.stderr.strip().splitlines()[-1]
+    assert "its processes did not start" in last
+    assert 'a script must render under `if __name__ == "__main__":`' in last
 
 
 @pytest.mark.parametrize(
