@@ -17,13 +17,13 @@ ROWS = 65536
 UNITS = "lengths in scene units; t and t_bound in lengths of each ray's direction"
 
 
-def to_dataframe(columns: Columns) -> Any:
-    """Return columns (n,) as a pandas.DataFrame; see `HitRecord.to_dataframe`."""
+def to_dataframe(columns: Columns, what: str) -> Any:
+    """Return columns (n,) as a pandas.DataFrame; ``what`` names the method that was called."""
     try:
         import pandas as pd
     except ImportError:
         raise ImportError(
-            "HitRecord.to_dataframe needs pandas: pip install 'hybrid-rt[dataframe]', or use .to_csv"
+            f"{what} needs pandas: pip install 'hybrid-rt[dataframe]', or use .to_csv"
         ) from None
     frame = pd.DataFrame(dict(columns))
     frame.attrs["units"] = UNITS

@@ -122,7 +122,7 @@ class HitRecord:
         """
         from hybrid_rt.core.hit_table import to_dataframe
 
-        return to_dataframe(self._columns())
+        return to_dataframe(self.columns(), "HitRecord.to_dataframe")
 
     def to_csv(self, path: str | os.PathLike[str]) -> None:
         """Write the columns of `to_dataframe` as comma-separated text, UTF-8, with a header line.
@@ -141,10 +141,10 @@ class HitRecord:
         """
         from hybrid_rt.core.hit_table import to_csv
 
-        to_csv(self._columns(), path, "HitRecord.to_csv path")
+        to_csv(self.columns(), path, "HitRecord.to_csv path")
 
-    def _columns(self) -> dict[str, NDArray[Any]]:
-        """Return the columns of a table, each (n,), in order."""
+    def columns(self) -> dict[str, NDArray[Any]]:
+        """Return the columns of `to_dataframe` by name, each (n,), in order."""
         names = np.array([status.name for status in Status])
         return {
             "t": self.t,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable
 from dataclasses import dataclass, fields
 from typing import Any
@@ -9,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from hybrid_rt.core.hit_table import to_csv, to_dataframe
 from hybrid_rt.core.records import HitRecord
 from hybrid_rt.intersection.ray_batch import as_limit, as_rays
 
@@ -58,6 +60,30 @@ class Crossings:
         if not 0 <= ray < len(self.offsets) - 1:
             raise IndexError(f"ray is {ray}: pass 0 to {len(self.offsets) - 2}")
         return self.hits[self.offsets[ray] : self.offsets[ray + 1]]
+
+    def to_dataframe(self) -> Any:
+        """Return a pandas.DataFrame of m rows: ``ray``, then the columns of `HitRecord.to_dataframe`.
+
+        Raises
+        ------
+        ImportError
+            If pandas is not installed.
+        """
+        return to_dataframe(self._columns(), "Crossings.to_dataframe")
+
+    def to_csv(self, path: str | os.PathLike[str]) -> None:
+        """Write the columns of `to_dataframe` as `HitRecord.to_csv` does; rays that miss have no row.
+
+        Raises
+        ------
+        TypeError, OSError
+            If ``path`` is not a path, or cannot be written.
+        """
+        to_csv(self._columns(), path, "Crossings.to_csv path")
+
+    def _columns(self) -> dict[str, NDArray[Any]]:
+        """Return the columns of a table, each (m,), in order."""
+        return {"ray": self.ray, **self.hits.columns()}
 
 
 def find_crossings(

@@ -61,6 +61,23 @@ def test_a_dataframe_has_the_same_columns(hits):
     assert met[0] == hits.t[hits.object_id == 0].min()
 
 
+def test_crossings_name_their_rays(tmp_path):
+    tracer = Intersector([Sphere((0, 0, 0), 1), Sphere((3, 0, 0), 1)])
+    # Through both balls, past them, and through the first: four rows, none, two.
+    found = tracer.intersect_all([(-5, 0, 0), (-5, 9, 0), (0, -5, 0)], [(1, 0, 0)] * 2 + [(0, 1, 0)])
+    found.to_csv(tmp_path / "all.csv")
+    with (tmp_path / "all.csv").open(encoding="utf-8") as lines:
+        rows = list(csv.DictReader(lines))
+    assert [int(row["ray"]) for row in rows] == [0, 0, 0, 0, 2, 2]
+    assert [float(row["t"]) for row in rows] == found.hits.t.tolist() == [4, 6, 7, 9, 4, 6]
+    with pytest.raises(TypeError, match=r"Crossings\.to_csv path is 3: pass a path"):
+        found.to_csv(3)
+    pytest.importorskip("pandas", reason="pip install -e '.[dev]'")
+    frame = found.to_dataframe()
+    assert list(frame) == ["ray", *found.hits.to_dataframe()]
+    assert frame.groupby("ray").t.max().to_dict() == {0: 9.0, 2: 6.0}
+
+
 def test_without_pandas_the_way_out_is_named(hits, monkeypatch):
     real = builtins.__import__
 
