@@ -64,7 +64,9 @@ def test_a_dataframe_has_the_same_columns(hits):
 def test_crossings_name_their_rays(tmp_path):
     tracer = Intersector([Sphere((0, 0, 0), 1), Sphere((3, 0, 0), 1)])
     # Through both balls, past them, and through the first: four rows, none, two.
-    found = tracer.intersect_all([(-5, 0, 0), (-5, 9, 0), (0, -5, 0)], [(1, 0, 0)] * 2 + [(0, 1, 0)])
+    found = tracer.intersect_all(
+        [(-5, 0, 0), (-5, 9, 0), (0, -5, 0)], [(1, 0, 0)] * 2 + [(0, 1, 0)]
+    )
     found.to_csv(tmp_path / "all.csv")
     with (tmp_path / "all.csv").open(encoding="utf-8") as lines:
         rows = list(csv.DictReader(lines))
