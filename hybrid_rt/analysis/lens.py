@@ -165,8 +165,9 @@ class Lens:
     def trace(self, origins: ArrayLike, directions: ArrayLike) -> Traced:
         """Refract rays at one surface after the other.
 
-        Rays that miss an aperture, or are totally reflected, do not get through. So do rays that
-        start behind the first surface.
+        Rays that miss an aperture, or are totally reflected, do not get through. Nor do rays whose
+        next surface lies behind them: those that start behind the first one, or pass where two
+        surfaces cross, since the thickness at the edge is negative there.
 
         Parameters
         ----------
@@ -265,8 +266,8 @@ class Lens:
         -------
         points : (k, 2) float64
             (x, y) of the rays that get through.
-        chief : (2,) float64
-            The mean of these points.
+        centroid : (2,) float64
+            The mean of these points; the chief ray meets the plane elsewhere if there is coma.
         rms : float
             Root mean square distance of the points from their mean.
 
@@ -278,8 +279,8 @@ class Lens:
         z = number(z, "Lens.spot z")
         rays = self._parallel(field, pupil, n)
         met = rays.at(z)[rays.passed]
-        chief = met.mean(axis=0)
-        return met, chief, float(np.sqrt(((met - chief) ** 2).sum(axis=1).mean()))
+        centroid = met.mean(axis=0)
+        return met, centroid, float(np.sqrt(((met - centroid) ** 2).sum(axis=1).mean()))
 
     def plane_of_least_spread(self, z: float, pupil: float, n: int = 64) -> float:
         """Return the z, near a given one, where the spot of light along the axis is smallest (rms).
