@@ -60,6 +60,8 @@ class Intersector:
     accuracy : {"certified", "refined", "mesh"}
         "mesh" returns Embree's hits on the triangles. "refined" moves each of them onto the true
         surface by Newton iteration. "certified" also proves that nothing lies in front.
+        Closed forms (`Sphere`, `Torus`, `Asphere`, `Rectangle`, `Plane`, `Box`) have no triangles:
+        their hits are the same in all three.
     coarse : {"embree", "none"}
         "none" skips tessellation and Embree. The hits are the same. Only for "certified".
     tolerance : float, optional
@@ -131,10 +133,10 @@ class Intersector:
             self.plan["left_out"]["embree"] = 'coarse="none"'
         elif any(surface.is_triangular for surface in self.surfaces):
             self.plan["left_out"]["embree"] = (
-                "no curved surface; certified hits on meshes come from a tree in float64"
+                "nothing to tessellate; certified hits on meshes come from a tree in float64"
             )
         else:
-            self.plan["left_out"]["embree"] = "no curved surface and no triangle mesh"
+            self.plan["left_out"]["embree"] = "nothing to tessellate and no triangle mesh"
         self._number_kinds()
         self.counters: dict[str, int] = dict.fromkeys(
             (

@@ -91,7 +91,9 @@ def test_an_intersector_says_what_it_holds():
     assert repr(alone) == words
     for surfaces in ([BALL], []):
         line = repr(rt.Intersector(surfaces, threads=1))
-        assert line.endswith("certified; without Embree: no curved surface and no triangle mesh)")
+        assert line.endswith(
+            "certified; without Embree: nothing to tessellate and no triangle mesh)"
+        )
 
 
 class TestHitRecord:
