@@ -156,6 +156,37 @@ class BezierPatches(ParametricSurface):
         """(k, 2) int64: degrees in u and in v."""
         return self._degrees
 
+    @cached_property
+    def closes(self) -> tuple[bool, bool]:
+        """Whether a single patch meets itself bit for bit, at u = 0 and 1, and at v = 0 and 1.
+
+        Several patches have a (u, v) each, so they do not close as one; a `PatchSheet` may.
+        """
+        return (self.meet(0, 0, 0), self.meet(0, 0, 1)) if len(self) == 1 else (False, False)
+
+    def meet(self, one: int, other: int, axis: int) -> bool:
+        """Tell whether patch ``one`` begins with the border that patch ``other`` ends with.
+
+        They do if the control points are equal bit for bit, and the weights up to a power of two.
+
+        Parameters
+        ----------
+        one, other : int
+            Patches.
+        axis : int
+            0: the borders u = 0 and u = 1; 1: those of v.
+        """
+        begin, end = self.patches[one].take(0, axis), self.patches[other].take(-1, axis)
+        if not np.array_equal(begin, end):
+            return False
+        if self.weights is None:
+            return True
+        w_begin: FloatArray = np.take(self.weights[one], 0, axis)
+        w_end: FloatArray = np.take(self.weights[other], -1, axis)
+        # Exact, as the ratio is a power of two.
+        ratio = w_end[0] / w_begin[0]
+        return bool(np.frexp(ratio)[0] == 0.5 and (w_begin * ratio == w_end).all())
+
     def __len__(self) -> int:
         """Return the number of patches."""
         return len(self._degrees)

@@ -122,23 +122,9 @@ class PatchSheet(ParametricSurface):
         first, last = self._patch_at[[0, -1]]
         low, high = self._patch_at[:, [0, -1]].T
         return (
-            all(self._meet(a, b, 0) for a, b in zip(first, last, strict=True)),
-            all(self._meet(a, b, 1) for a, b in zip(low, high, strict=True)),
+            all(self._pieces.meet(a, b, 0) for a, b in zip(first, last, strict=True)),
+            all(self._pieces.meet(a, b, 1) for a, b in zip(low, high, strict=True)),
         )
-
-    def _meet(self, one: int, other: int, axis: int) -> bool:
-        """Tell whether one patch begins along an axis of its net with the border that another ends with."""
-        patches, weights = self._pieces.patches, self._pieces.weights
-        begin, end = patches[one].take(0, axis), patches[other].take(-1, axis)
-        if not np.array_equal(begin, end):
-            return False
-        if weights is None:
-            return True
-        w_begin: FloatArray = np.take(weights[one], 0, axis)
-        w_end: FloatArray = np.take(weights[other], -1, axis)
-        # Exact, as the ratio is a power of two.
-        ratio = w_end[0] / w_begin[0]
-        return bool(np.frexp(ratio)[0] == 0.5 and (w_begin * ratio == w_end).all())
 
     @property
     def patch_bounds(self) -> FloatArray:

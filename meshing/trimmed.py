@@ -39,7 +39,8 @@ class TrimmedSurface(Surface):
     outside the unit square enclose nothing. On a surface that closes on itself (`closes`), write a
     loop across the seam in one piece, with u or v below 0 or above 1; its copies one turn away count
     as well. Surfaces of revolution close around the axis, or where the profile ends where it begins;
-    sheets and NURBS surfaces close where the first and the last control points are equal to the bit.
+    patches, sheets and NURBS surfaces close where the first and the last control points are equal to
+    the bit.
 
     A hit is the first root inside the loops. Which side of a curve a point is on is decided by the
     curves as they are given, without approximation. If rounding leaves it undecided, the hit or

@@ -54,3 +54,25 @@ def torn_nurbs() -> NurbsSurface:
     return NurbsSurface(
         net, [0, 0, 0, 1, 1, 1, 2, 2, 2], [0, 0, 0, 1, 1, 3, 3, 3], 2, 0.5 + rng.random((6, 5))
     )
+
+
+def nurbs_sphere() -> NurbsSurface:
+    """Return the unit sphere as one NURBS surface: half a circle of degree 2, turned."""
+    half = np.sqrt(0.5)
+    turn = [(1, 0), (1, 1), (0, 1), (-1, 1), (-1, 0), (-1, -1), (0, -1), (1, -1), (1, 0)]
+    radius, height = np.array([0, 1, 1, 1, 0]), np.array([-1, -1, 0, 1, 1])
+    net = np.empty((9, 5, 3))
+    net[..., :2] = np.array(turn)[:, None, :] * radius[:, None]
+    net[..., 2] = height
+    weights = np.outer([1, half, 1, half, 1, half, 1, half, 1], [1, half, 1, half, 1])
+    knots = [0, 0, 0, 1, 1, 2, 2, 3, 3, 4, 4, 4], [0, 0, 0, 1, 1, 2, 2, 2]
+    return NurbsSurface(net, *knots, 2, weights)
+
+
+def rational_sheet() -> NurbsSurface:
+    """Return a bumpy bicubic sheet of 6 x 5 patches with weights around 1."""
+    rng = np.random.default_rng(5)
+    x, y = np.meshgrid(np.arange(9.0), np.arange(8.0), indexing="ij")
+    net = np.stack([x, y, 0.6 * rng.normal(size=x.shape)], axis=-1)
+    knots = [0] * 4 + [1, 2, 3, 4, 5] + [6] * 4, [0] * 4 + [1, 2, 3, 4] + [5] * 4
+    return NurbsSurface(net, *knots, 3, np.exp(0.3 * rng.normal(size=x.shape)))

@@ -122,6 +122,40 @@ def test_edges_across_seams_are_judged_exactly(make, n):
     assert verdict.faults == verdict.left_open == 0
 
 
+@pytest.mark.parametrize("weight", [1.0, 1.5])
+def test_a_single_patch_that_closes_wraps(weight):
+    # The circle as one arc of degree 5 (Chou 1995), whose weights are 5, 1, 1, 1, 1, 5 up to a factor.
+    circle_of_5 = np.array([(1, 0), (1, 4), (-3, 2), (-3, -2), (1, -4), (1, 0)], float)
+    net = np.stack([np.insert(circle_of_5, 2, z, axis=1) for z in (-1.0, 1.0)], axis=1)
+    weights = weight * np.repeat([[5.0], [1], [1], [1], [1], [5]], 2, axis=1)
+    tube = BezierPatches([net], [weights])
+    np.testing.assert_allclose(np.hypot(*tube.point(np.linspace(0, 1, 50), 0.3)[:, :2].T), 1.0)
+    assert (tube.closes, tube.flipped().closes) == ((True, False), (False, True))
+    surface = TrimmedSurface(tube, [OUTLINE, WINDOW])
+    rays = ball_rays(3000, 5)
+    hits = Intersector(surface).intersect(*rays)
+    # u = 1/8 and 7/8 are a certain angle on either side of the seam, where v is 1/4 to 3/4.
+    x, y, _ = tube.point([0.125, 0.875], 0.5).T
+    assert x[0] == pytest.approx(x[1])
+    assert y[0] == pytest.approx(-y[1])
+    whole = Intersector(tube).intersect_all(*rays)
+    px, _, pz = whole.hits.position.T
+    in_window = (px > x[0]) & (np.abs(pz) < 0.5)
+    kept = np.bincount(whole.ray[~in_window], minlength=len(rays[0])) > 0
+    sure = hits.status != Status.TANGENT
+    np.testing.assert_array_equal(hits.hit[sure], kept[sure])
+    assert in_window.sum() > 100
+    verdict = ExactJudge([surface]).judge(hits[:100], *(ray[:100] for ray in rays))
+    assert verdict.hits > 0
+    assert verdict.faults == verdict.left_open == 0
+
+
+def test_patches_with_parameters_of_their_own_do_not_close():
+    ring = nurbs_tube().pieces
+    assert ring.closes == (False, False)
+    assert BezierPatches(ring.patches[:1], ring.weights[:1]).closes == (False, False)
+
+
 def test_an_open_sheet_does_not_wrap():
     flat = PatchSheet.grid(BezierPatches([[[[0, 0, 0], [0, 1, 0]], [[1, 0, 0], [1, 1, 0]]]]), 1, 1)
     surface = TrimmedSurface(flat, [OUTLINE, WINDOW])

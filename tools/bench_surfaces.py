@@ -1,0 +1,198 @@
+"""Rays per second at rational, NURBS, turned and trimmed surfaces, on one thread.
+
+python tools/bench_surfaces.py [--quick] [--out bench.json]
+
+Compared, each interleaved in one run, with OpenCASCADE (where its package is installed), with
+polynomial patches of the same nets, and with the same surfaces untrimmed.
+"""
+
+import argparse
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from hybrid_rt import Intersector, Rectangle, Sphere
+from hybrid_rt.cli.command import kept, run_tool
+from hybrid_rt.core.ray_set import RaySet
+from hybrid_rt.core.timing import in_turn
+from hybrid_rt.demo import teapot
+from hybrid_rt.primitives.torus import Torus
+from hybrid_rt.verify.cases import trimmed_surfaces as trimmed
+from hybrid_rt.verify.cases.rational_surfaces import nurbs_sphere, octants, rational_sheet
+from hybrid_rt.verify.cases.rays import at_box
+from meshing import (
+    BezierPatches,
+    Cone,
+    Cylinder,
+    SurfaceOfRevolution,
+    TrimmedSurface,
+    circle,
+    polygon,
+)
+
+ROUNDS = 5
+# OpenCASCADE traces this many rays a round.
+FEW = 10_000
+
+
+def main() -> int:
+    """Run all benchmarks."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--quick", action="store_true", help="a tenth of the rays")
+    parser.add_argument("--out", type=Path, help="write the figures as JSON")
+    args = parser.parse_args()
+    found: dict[str, Any] = {}
+    n = 20_000 if args.quick else 200_000
+    with kept(args.out, lambda: found):
+        found["opencascade"] = against_opencascade(n)
+        found["polynomial"] = against_polynomials(n)
+        found["turned"] = turned(n)
+        found["untrimmed"] = against_untrimmed(n)
+    return 0
+
+
+def against_opencascade(n: int) -> dict[str, Any]:
+    """Compare speeds at NURBS surfaces, and count the rays of which the answers differ."""
+    print(
+        "over OpenCASCADE: Mrays/s, times its speed (least .. greatest), hits of 10 000 that differ"
+    )
+    try:
+        from hybrid_rt.verify.judges import opencascade
+    except ImportError:
+        print("  left out: pip install cadquery-ocp-novtk")
+        return {}
+    rows: dict[str, Any] = {}
+    for name, surface in {
+        "NURBS sphere, 2 x 2, 8 patches": nurbs_sphere(),
+        "rational sheet, 3 x 3, 30 patches": rational_sheet(),
+        "trimmed sheet, 3 x 2, 6 patches": trimmed.trimmed_sheet(),
+    }.items():
+        for coarse in ("embree", "none"):
+            title = f'{name}, coarse="{coarse}"'
+            tracer = Intersector([surface], threads=1, coarse=coarse)
+            row = rows[title] = beside(tracer, surface, opencascade.first_hits, n)
+            print(
+                f"  {title:52s} {row['mrays_per_s']:5.2f}  {row['ratio']:5.1f} "
+                f"({row['least ratio']:.1f} .. {row['greatest ratio']:.1f})  {row['differ']}"
+            )
+    return rows
+
+
+def beside(tracer: Intersector, surface: Any, other: Callable[..., Any], n: int) -> dict[str, Any]:
+    """Compare the hits and the speed of a tracer with those of another on a part of the rays."""
+    rays, few = at_box([surface], n, 1), min(FEW, n)
+    directions = rays.directions / np.linalg.norm(rays.directions, axis=1)[:, None]
+    runs: dict[str, Callable[[], Any]] = {
+        "ours": lambda: tracer.intersect(rays.origins, directions),
+        "theirs": lambda: other(surface, rays.origins[:few], directions[:few]),
+    }
+    seconds = in_turn(runs, ROUNDS)
+    ratio, least, most = (r * n / few for r in seconds["ours"].ratios(seconds["theirs"]))
+    ours, theirs = np.nan_to_num(runs["ours"]().t[:few]), np.nan_to_num(runs["theirs"]())
+    return {
+        "mrays_per_s": n / seconds["ours"].median / 1e6,
+        "ratio": ratio, "least ratio": least, "greatest ratio": most,
+        "differ": int((np.abs(ours - theirs) > 1e-10).sum()), "rays": few,
+    }  # fmt: skip
+
+
+def against_polynomials(n: int) -> dict[str, Any]:
+    """Compare rational patches with polynomial ones of the same, or nearly the same, shape."""
+    rng = np.random.default_rng(3)
+    nets = [np.array(net) for net in teapot().patches]
+    pairs: dict[str, tuple[Any, Any]] = {
+        f"teapot, weights exp({a:g} N(0, 1))": (
+            BezierPatches(nets, [np.exp(a * rng.normal(size=net.shape[:2])) for net in nets]),
+            BezierPatches(nets),
+        )
+        for a in (1e-9, 0.05, 0.3)
+    }
+    ball = octants()
+    pairs["sphere of 8 octants, 2 x 2"] = ball, BezierPatches(ball.patches)
+    return in_pairs("rational over polynomial patches", pairs, n)
+
+
+def turned(n: int) -> dict[str, Any]:
+    """Measure turned surfaces and closed forms."""
+    ring = [(0.5, 1.0), (0.5, 1.5), (0, 1.5), (-0.5, 1.5), (-0.5, 1), (-0.5, 0.5), (0, 0.5)]
+    half = float(np.sqrt(0.5))
+    arcs = [ring[0:3], ring[2:5], ring[4:7], [ring[6], (0.5, 0.5), ring[0]]]
+    weights = [(1, half, 1)] * 4
+    at, up = (0.1, 0.2, -1.0), (0.2, 0.1, 1.0)
+    print("\nturned surfaces: Mrays/s (slowest .. fastest round), without and with Embree")
+    rows = {}
+    for name, surface in {
+        "cylinder": Cylinder(at, up, 1.0, 2.0),
+        "half of it": Cylinder(at, up, 1.0, 2.0, u_range=(0.0, 0.5)),
+        "cone": Cone(at, up, 1.0, 2.0),
+        "frustum of a cone": SurfaceOfRevolution([(0, 1), (2, 0.4)], at, up),
+        "torus, closed form": Torus(at, up, 1.0, 0.5),
+        "torus of rational arcs": SurfaceOfRevolution(arcs, at, up, weights=weights),
+    }.items():
+        rays = at_box([surface], n, 2)
+        runs = {
+            coarse: trace(Intersector([surface], threads=1, coarse=coarse), rays)
+            for coarse in ("none", "embree")
+        }
+        seconds = in_turn(runs, ROUNDS)
+        rows[name] = {
+            coarse: {"mrays_per_s": n / timing.median / 1e6, "seconds": vars(timing)}
+            for coarse, timing in seconds.items()
+        }
+        speeds = ", ".join(
+            f"{n / s.median / 1e6:5.2f} ({n / s.most / 1e6:.2f} .. {n / s.least / 1e6:.2f})"
+            for s in seconds.values()
+        )
+        print(f"  {name:30s} {speeds}")
+    return rows
+
+
+def against_untrimmed(n: int) -> dict[str, Any]:
+    """Compare trimmed surfaces with the same ones whole."""
+    x, y = np.meshgrid(np.linspace(-1, 1, 4), np.linspace(-1, 1, 4), indexing="ij")
+    bumpy = BezierPatches(np.stack([x, y, 0.4 * np.sin(3 * x + y)], axis=-1)[None])
+    flat = BezierPatches([[[[0, 0, 0], [0, 1, 0]], [[1, 0, 0], [1, 1, 0]]]])
+    window = [polygon(trimmed.OUTLINE), circle((0.5, 0.5), (0.2, 0.2))]
+    surfaces = {
+        "flat patch, 1 x 1": TrimmedSurface(flat, window),
+        "bicubic patch": TrimmedSurface(bumpy, window),
+        "spline, 6 patches": trimmed.trimmed_sheet(),
+        "rational sheet, 30 patches": TrimmedSurface(rational_sheet(), window),
+        "cylinder, two windows": trimmed.windowed_cylinder(),
+        "turned part, five segments": trimmed.drilled_part(),
+        "rectangle": TrimmedSurface(Rectangle((-1, -1, 0), (2, 0, 0), (0, 2, 0)), window),
+        "sphere": TrimmedSurface(Sphere((0.1, 0.2, 0), 1.0), window),
+        "torus": trimmed.windowed_torus(),
+        "asphere": trimmed.cut_lens(),
+    }
+    pairs = {name: (surface, surface.surface) for name, surface in surfaces.items()}
+    return in_pairs("trimmed over whole", pairs, n)
+
+
+def in_pairs(title: str, pairs: dict[str, tuple[Any, Any]], n: int) -> dict[str, Any]:
+    """Print and return the time of the first surface of each pair over that of the second."""
+    print(f"\n{title}: Mrays/s, times the other's time (least .. greatest round)")
+    rows = {}
+    for name, pair in pairs.items():
+        rays = at_box([pair[1]], n, 2)
+        tracers = [Intersector([surface], threads=1, coarse="none") for surface in pair]
+        seconds = in_turn({k: trace(one, rays) for k, one in enumerate(tracers)}, 2 * ROUNDS)
+        cost, least, most = seconds[1].ratios(seconds[0])
+        speed = n / seconds[0].median / 1e6
+        print(f"  {name:36s} {speed:5.2f}  {cost:.2f} ({least:.2f} .. {most:.2f})")
+        rows[name] = {"mrays_per_s": speed, "cost": cost, "least": least, "greatest": most}
+    return rows
+
+
+def trace(tracer: Intersector, rays: RaySet) -> Callable[[], object]:
+    """Return a call that traces the rays."""
+    return lambda: tracer.intersect(rays.origins, rays.directions)
+
+
+if __name__ == "__main__":
+    sys.exit(run_tool(main))
