@@ -19,6 +19,8 @@ from meshing.kernels.trims import OUTSIDE, TrimTable, classify_boxes, fill_tiles
 JOINED = 1e-5
 LEAST_SLABS, MOST_SLABS = 16, 4096
 LEAST_TILES, MOST_TILES = 64, 512
+# So few surfaces have maps of at least FINE tiles a side: 64 KiB each.
+FEW, FINE = 16, 256
 # Whole turns by which loops are copied, and how far from the unit square copies still matter.
 TURNS = (0.0, 1.0, -1.0, 2.0, -2.0)
 NEAR_SEAM = 0.5
@@ -89,6 +91,7 @@ def make_table(members: Sequence[Any]) -> TrimTable:
     slabs = [np.zeros(1, np.int64)]
     arcs, listed, tiles, rows, errors = [], [], [], [], []
     n_points = n_slabs = n_tiles = 0
+    least_tiles = LEAST_TILES if len(members) > FEW else FINE
     for member in members:
         curves = [curve for loop in member.loops for curve in loop]
         if any(member.closes):
@@ -108,7 +111,7 @@ def make_table(members: Sequence[Any]) -> TrimTable:
         begin, numbers = _slabs(pieces[-1].reshape(-1, 6), count)
         slabs.append(begin[1:] + slabs[-1][-1])
         listed.append(numbers + first)
-        side = _power_of_two(8 * math.isqrt(len(own)), LEAST_TILES, MOST_TILES)
+        side = _power_of_two(8 * math.isqrt(len(own)), least_tiles, MOST_TILES)
         rows.append((n_slabs, count, n_tiles, side, len(own)))
         largest = max(float(np.abs(curve.control).max()) for curve in curves)
         # Twice the bound of `point_of_arc`, since what is computed need not be monotone by as much;

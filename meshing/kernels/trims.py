@@ -200,6 +200,13 @@ def tile_of(table, m, u, v, du, dv):
     n = table.member[m, N_TILES]
     if du * n > 0.5 or dv * n > 0.5:
         return CROSSED
+    return state_of_tile(table, m, u, v)
+
+
+@inlined
+def state_of_tile(table, m, u, v):
+    """Return what the map knows of the points within half a tile of a point."""
+    n = table.member[m, N_TILES]
     a, b = min(max(np.int64(u * n), 0), n - 1), min(max(np.int64(v * n), 0), n - 1)
     return np.int64(table.tile[table.member[m, FIRST_TILE] + a * n + b])
 

@@ -15,9 +15,9 @@ from hybrid_rt.intersection.kernels.reach import (
 from hybrid_rt.intersection.kernels.search.nearest import CLEAR, WITHIN_BAND, doubt, is_known, offer
 from hybrid_rt.intersection.kernels.search.rays import EDGE
 from hybrid_rt.intersection.kernels.search.tolerances import TANGENT_BAND, UNIT_ROUNDOFF
-from hybrid_rt.intersection.kernels.search.trims import decide, has_gap, sure_side
+from hybrid_rt.intersection.kernels.search.trims import NEARBY, decide, has_gap, side_of_tile
 from meshing.kernels.jit import hot_kernel, inlined, inner
-from meshing.kernels.trims import CROSSED, INSIDE
+from meshing.kernels.trims import CROSSED, INSIDE, OUTSIDE
 
 # Rays that meet a parallelogram's plane at a smaller cosine are met along it.
 FLAT = 1e-9
@@ -163,28 +163,25 @@ def _side_of_loops(i, k, u, v, t, band, trim, table, rays, best):
     """
     if trim is None:  # an argument of its own: numba leaves the rest out where it is
         return True, False, 0.0
-    d, n, p, q = rays.direction[i], table.normal[k], table.row_u[k], table.row_v[k]
-    slope = n[0] * d[0] + n[1] * d[1] + n[2] * d[2]
-    # A step across the ray moves the point by up to |d| / |n.d| along the plane, |d|^2 below 3.
-    far = 3.0 * band * band
-    far_u = far * (p[0] * p[0] + p[1] * p[1] + p[2] * p[2])
-    far_v = far * (q[0] * q[0] + q[1] * q[1] + q[2] * q[2])
-    side = sure_side(trim, k, u, v, far_u, far_v, slope * slope)
-    if side != CROSSED:
-        return side == INSIDE, False, 0.0
-    return _side_by_curves(i, k, u, v, t, band, trim, table, rays, best)
-
-
-@inner
-def _side_by_curves(i, k, u, v, t, band, trim, table, rays, best):
-    """Decide about a root near the curves, see `_side_of_loops`."""
     d, p, q = rays.direction[i], table.edge_u[k], table.edge_v[k]
     is_hit, is_within, edge = decide(
         trim, k, u, v, p[0], p[1], p[2], q[0], q[1], q[2], d[0], d[1], d[2], band
     )
     if is_within and not is_hit:
         doubt(i, t, band, rays.t_min, rays.known, best)
-    return is_hit, is_within, edge / np.sqrt(d[0] * d[0] + d[1] * d[1] + d[2] * d[2])
+    if edge > 0.0:
+        edge /= np.sqrt(d[0] * d[0] + d[1] * d[1] + d[2] * d[2])
+    return is_hit, is_within, edge
+
+
+@inlined
+def _sure_side(trim, k, u, v, slope, rim_u, rim_v):
+    """Return the side of a root that the band moves by less than rim_u / slope in u; CROSSED: look."""
+    if trim is None:
+        return INSIDE
+    if rim_u > NEARBY * slope or rim_v > NEARBY * slope:
+        return CROSSED
+    return side_of_tile(trim, k, u, v)
 
 
 @inlined
@@ -228,52 +225,51 @@ def offer_parallelogram(i, k, table, rays, best):
     away = np.sqrt(wx * wx + wy * wy + wz * wz)
     # The normal is rounded (2), its two products have 3 roundings each, quotient and sums 4.
     error = UNIT_ROUNDOFF * (12.0 * away + 4.0 * size[k])
-    if within_u > rim_u and within_v > rim_v:
-        t_bound = error / slope + 4.0 * UNIT_ROUNDOFF * abs(t)
-        within = TANGENT_BAND * max(away, size[k])
-        is_kept, is_within, edge = _side_of_loops(
-            i, k, u, v, t, within, table.trim, table, rays, best
-        )
-        if is_kept:
-            t_bound += edge
-            offer(i, t, t_bound, slope, is_within, object_id[k], 0, u, v, t_min, known, best)
-        return
-    band = TANGENT_BAND * max(away, size[k])
-    # A step across the ray moves the point by up to |d| / |n.d| along the plane.
-    lean = max(1.0, np.sqrt(dx * dx + dy * dy + dz * dz) / slope)
-    lu = np.sqrt(row_u[k, 0] * row_u[k, 0] + row_u[k, 1] * row_u[k, 1] + row_u[k, 2] * row_u[k, 2])
-    lv = np.sqrt(row_v[k, 0] * row_v[k, 0] + row_v[k, 1] * row_v[k, 1] + row_v[k, 2] * row_v[k, 2])
-    depth = min(min(u, 1.0 - u) / lu, min(v, 1.0 - v) / lv)
-    tangent = False
     t_bound = error / slope + 4.0 * UNIT_ROUNDOFF * abs(t)
-    if depth < band * lean:
+    side, tangent = CROSSED, False
+    if within_u > rim_u and within_v > rim_v:
+        side = _sure_side(table.trim, k, u, v, slope, rim_u, rim_v)
+        if side == OUTSIDE:
+            return
+    else:
+        band = TANGENT_BAND * max(away, size[k])
+        # A step across the ray moves the point by up to |d| / |n.d| along the plane.
+        lean = max(1.0, np.sqrt(dx * dx + dy * dy + dz * dz) / slope)
+        lu = np.sqrt(row_u[k, 0] ** 2 + row_u[k, 1] ** 2 + row_u[k, 2] ** 2)
+        lv = np.sqrt(row_v[k, 0] ** 2 + row_v[k, 1] ** 2 + row_v[k, 2] ** 2)
+        depth = min(min(u, 1.0 - u) / lu, min(v, 1.0 - v) / lv)
         if depth < -band * lean:
             return
-        # --- near the rim: how far does the ray pass from the lines that its edges lie on?
-        across = slope * _area(row_u, row_v, k)
-        depth = across * min(
-            min(u, 1.0 - u) / _width(edge_v, k, dx, dy, dz),
-            min(v, 1.0 - v) / _width(edge_u, k, dx, dy, dz),
+        if depth < band * lean:
+            # --- near the rim: how far does the ray pass from the lines that its edges lie on?
+            across = slope * _area(row_u, row_v, k)
+            depth = across * min(
+                min(u, 1.0 - u) / _width(edge_v, k, dx, dy, dz),
+                min(v, 1.0 - v) / _width(edge_u, k, dx, dy, dz),
+            )
+            if depth < -error:
+                if depth > -band:
+                    best.doubt[i] = min(best.doubt[i], t)
+                return
+            tangent = depth < band
+            u, v, t = _move_to_rim(
+                u, v, t, row_u[k, 0] * dx + row_u[k, 1] * dy + row_u[k, 2] * dz,
+                row_v[k, 0] * dx + row_v[k, 1] * dy + row_v[k, 2] * dz, 4.0 * error / slope,
+            )  # fmt: skip
+            v, u, t = _move_to_rim(
+                v, u, t, row_v[k, 0] * dx + row_v[k, 1] * dy + row_v[k, 2] * dz,
+                row_u[k, 0] * dx + row_u[k, 1] * dy + row_u[k, 2] * dz, 4.0 * error / slope,
+            )  # fmt: skip
+            u, v = min(max(u, 0.0), 1.0), min(max(v, 0.0), 1.0)
+    if side == CROSSED:
+        band = TANGENT_BAND * max(away, size[k])
+        is_kept, is_within, edge = _side_of_loops(
+            i, k, u, v, t, band, table.trim, table, rays, best
         )
-        if depth < -error:
-            if depth > -band:
-                best.doubt[i] = min(best.doubt[i], t)
+        if not is_kept:
             return
-        tangent = depth < band
-        u, v, t = _move_to_rim(
-            u, v, t, row_u[k, 0] * dx + row_u[k, 1] * dy + row_u[k, 2] * dz,
-            row_v[k, 0] * dx + row_v[k, 1] * dy + row_v[k, 2] * dz, 4.0 * error / slope,
-        )  # fmt: skip
-        v, u, t = _move_to_rim(
-            v, u, t, row_v[k, 0] * dx + row_v[k, 1] * dy + row_v[k, 2] * dz,
-            row_u[k, 0] * dx + row_u[k, 1] * dy + row_u[k, 2] * dz, 4.0 * error / slope,
-        )  # fmt: skip
-        u, v = min(max(u, 0.0), 1.0), min(max(v, 0.0), 1.0)
-    is_kept, is_within, edge = _side_of_loops(i, k, u, v, t, band, table.trim, table, rays, best)
-    if not is_kept:
-        return
-    tangent |= is_within
-    t_bound += edge
+        tangent |= is_within
+        t_bound += edge
     offer(i, t, t_bound, slope, tangent, object_id[k], 0, u, v, t_min, known, best)
 
 

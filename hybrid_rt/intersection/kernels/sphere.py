@@ -23,6 +23,7 @@ from hybrid_rt.intersection.kernels.reach import (
 )
 from hybrid_rt.intersection.kernels.search.axial_trims import (
     LONG,
+    rough_share,
     side_about_axis,
     touches_kept,
 )
@@ -38,13 +39,16 @@ from hybrid_rt.intersection.kernels.search.nearest import doubt, offer
 from hybrid_rt.intersection.kernels.search.rays import EDGE
 from hybrid_rt.intersection.kernels.search.tolerances import TANGENT_BAND, UNIT_ROUNDOFF
 from hybrid_rt.intersection.kernels.search.tree import box_ray, next_leaf
-from hybrid_rt.intersection.kernels.search.trims import has_gap
+from hybrid_rt.intersection.kernels.search.trims import NEARBY, has_gap, side_of_tile
 from meshing.kernels.jit import hot_kernel, inlined, inner
+from meshing.kernels.trims import CROSSED, INSIDE, OUTSIDE
 
 # An origin is beside a sphere where |o - c|^2 - r^2 is below this part of r^2.
 BESIDE = 1e-2
 # Rays from farther away (in frame units) have a TANGENT band wider than the margin of the boxes.
 FARTHEST = 2.0**25
+# The u and v of a root whose side of the loops is certain without: found when its hit is described.
+LATER = -1.0
 
 
 class SphereTable(NamedTuple):
@@ -115,6 +119,24 @@ def _side_of_root(i, k, t, band, trim, table, rays):
     return is_hit, is_within, edge, u, v
 
 
+@inlined
+def _sure_side(i, k, t, n_dot_d, band, trim, table, rays):
+    """Return the side of a root that is clear of the loops by far, else CROSSED."""
+    if trim is None:
+        return INSIDE
+    o, d, c, r = rays.origin[i], rays.direction[i], table.center[k], table.radius[k]
+    x, y, z = turned(
+        table.frame[k], o[0] - c[0] + t * d[0], o[1] - c[1] + t * d[1], o[2] - c[2] + t * d[2]
+    )
+    square = x * x + y * y
+    # The band moves it by band |d| / n.d, which is that over 2 pi rho in u, and over pi r in v.
+    reach = NEARBY * np.pi * n_dot_d
+    least = min(4.0 * square, r * r)
+    if band * band * (d[0] * d[0] + d[1] * d[1] + d[2] * d[2]) > reach * reach * least:
+        return CROSSED
+    return side_of_tile(trim, k, rough_share(y, x), 2.0 * rough_share(np.sqrt(square), -z))
+
+
 @inner
 def _grazes_kept(i, k, t, band, trim, table, rays):
     """Tell whether the sphere where a ray grazes it, around t, may be inside the loops."""
@@ -130,6 +152,16 @@ def _offer_inside(i, k, t, error, n_dot_d, tangent, band, trim, table, rays, bes
     """Offer a root on trimmed sphere k if it is inside the loops."""
     if not t > rays.t_min[i] or t > best.t[i]:
         return
+    if not tangent:
+        side = _sure_side(i, k, t, n_dot_d, band, trim, table, rays)
+        if side == OUTSIDE:
+            return
+        if side == INSIDE:
+            offer(
+                i, t, error, n_dot_d, False, table.object_id[k], 0, LATER, LATER,
+                rays.t_min, rays.known, best,
+            )  # fmt: skip
+            return
     is_kept, is_within, edge, u, v = _side_of_root(i, k, t, band, trim, table, rays)
     if is_kept:
         d = rays.direction[i]
@@ -300,7 +332,7 @@ def finish_sphere(table, k, rays, best, i, out):
     out.normal[i, 0], out.normal[i, 1], out.normal[i, 2] = s * x, s * y, s * z
     e = table.frame[k]
     a, b, h = turned(e, x, y, z)
-    if table.trim is None:
+    if table.trim is None or best.a[i] == LATER:
         out.u[i] = share_of_turn(b, a)
         out.v[i] = min(max(np.arctan2(np.sqrt(a * a + b * b), -h) / np.pi, 0.0), 1.0)
     else:

@@ -25,6 +25,7 @@ from trimmed_surfaces import (
 from hybrid_rt import Box, Intersector, Rectangle, Sphere, Status
 from hybrid_rt.core.records import Flag
 from hybrid_rt.core.threads import Pool
+from hybrid_rt.intersection.kernels.search.axial_trims import rough_share
 from hybrid_rt.intersection.kinds.patches import PatchKind
 from hybrid_rt.trimesh_adapter import RayMeshIntersector
 from hybrid_rt.verify.exact.judge import ExactJudge
@@ -306,6 +307,33 @@ def test_a_ball_is_hit_beyond_its_windows_by_the_closed_form():
     assert np.abs(hits.t[both] - t[both]).max() < 1e-11
     many = [surface.transformed(np.eye(4) + 9 * k * np.eye(4, k=3)) for k in range(12)]
     assert_same(hits[hits.hit], Intersector(many).intersect(origins, directions)[hits.hit])
+
+
+def test_sides_on_a_ball_at_the_borders_of_its_map():
+    # Half axes 0.2 and 0.3 about a point of the seam; the map has 64 to 512 tiles a side.
+    ball = Sphere((0.3, -0.2, 0.1), 2.0, pole=(1, 2, 3), meridian=(3, 0, -1))
+    surface = TrimmedSurface(ball, [circle((0.0, 0.5), (0.2, 0.3))])
+    u, v = np.random.default_rng(7).integers(0, 513, (2, 40_000)) / 512
+    u, v = ((x + np.tile([-1e-6, -1e-12, 0, 1e-12, 1e-6], 8000)) % 1.0 for x in (u, v))
+    directions = (ball.point(u, v) - ball.center) / ball.radius
+    hits = Intersector(surface).intersect(np.tile(ball.center, (len(u), 1)), directions)
+    beyond = ((u - np.round(u)) / 0.2) ** 2 + ((v - 0.5) / 0.3) ** 2 - 1.0
+    clear = abs(beyond) > 1e-11
+    np.testing.assert_array_equal(hits.hit[clear], beyond[clear] < 0.0)
+    assert clear.mean() > 0.99
+    assert 0.1 < hits.hit.mean() < 0.3
+    assert (hits.status[abs(beyond) > 1e-9] != Status.TANGENT).all()
+
+
+def test_rough_angles_are_as_near_as_they_say():
+    angle = np.concatenate([np.linspace(0, 2 * np.pi, 100_001)[:-1], np.arange(8) * np.pi / 4])
+    for size in (1.0, 1e-150, 1e150):
+        x, y = size * np.cos(angle), size * np.sin(angle)
+        got = np.array([rough_share(b, a) for b, a in zip(y, x, strict=True)])
+        exact = np.arctan2(y, x) / (2 * np.pi)
+        assert abs(got - (exact + (y < 0))).max() < 2e-6
+        assert got.min() >= 0.0
+        assert got.max() <= 1.0
 
 
 @pytest.mark.parametrize("accuracy", ["refined", "mesh"])

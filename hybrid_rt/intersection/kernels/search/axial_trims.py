@@ -22,6 +22,24 @@ LONG = 4.0
 
 
 @inlined
+def rough_share(y, x):
+    """Return the angle of (x, y) in whole turns, 0 to 1, within 2e-6.
+
+    Abramowitz and Stegun, "Handbook of Mathematical Functions", 1964, 4.4.47.
+    """
+    wide, high = abs(x), abs(y)
+    a = min(wide, high) / max(wide, high, 1e-300)
+    s = a * a
+    p = -0.3302995 + s * (0.1801410 + s * (-0.0851330 + s * 0.0208351))
+    turn = a * (0.9998660 + s * p) / TURN
+    if high > wide:
+        turn = 0.25 - turn
+    if x < 0.0:
+        turn = 0.5 - turn
+    return 1.0 - turn if y < 0.0 else turn
+
+
+@inlined
 def side_about_axis(trim, k, x, y, u, v, out, up, dx, dy, dz, band):
     """Decide about a root on surface k; without loops (None) it is a hit.
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from hybrid_rt.intersection.kernels.search.tolerances import TANGENT_BAND
 from meshing.kernels.jit import inlined, inner
-from meshing.kernels.trims import CROSSED, INSIDE, classify, gap_to_loops, tile_of
+from meshing.kernels.trims import CROSSED, INSIDE, classify, gap_to_loops, state_of_tile, tile_of
 
 # Rays that meet an edge more flatly than this have the gap of a ray that meets it so.
 FLATTEST_EDGE = 1e-3
@@ -40,6 +40,14 @@ def quick_side(trim, k, u, v):
     span, m = trim.span, trim.member[k]
     at_u, at_v = span[k, 0] + u * span[k, 1], span[k, 2] + v * span[k, 3]
     return tile_of(trim.loops, m, at_u, at_v, NEARBY, NEARBY)
+
+
+@inlined
+def side_of_tile(trim, k, u, v):
+    """Do as `quick_side` for surfaces of one piece, and u and v known to half a tile."""
+    if trim.gap[k] > 0.0:
+        return CROSSED
+    return state_of_tile(trim.loops, trim.member[k], u, v)
 
 
 @inlined
