@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -53,10 +54,10 @@ def patches_of_mixed_degrees() -> BezierPatches:
 def torus() -> SurfaceOfRevolution:
     """Four cubic arcs about a skew axis."""
     k, arcs = 0.5522847498307936, []
-    for turn in np.arange(4) * 0.5 * np.pi:
-        a, b = turn, turn + 0.5 * np.pi
-        p, q = np.array([np.sin(a), np.cos(a)]), np.array([np.sin(b), np.cos(b)])
-        f, g = np.array([np.cos(a), -np.sin(a)]), np.array([np.cos(b), -np.sin(b)])
+    # Whole numbers, not sines: the profile closes to the last bit.
+    turns = np.array([(0.0, 1.0), (1.0, 0.0), (0.0, -1.0), (-1.0, 0.0), (0.0, 1.0)])
+    for p, q in pairwise(turns):
+        f, g = np.array([p[1], -p[0]]), np.array([q[1], -q[0]])
         arcs.append(np.array([0.0, 1.0]) + 0.4 * np.array([p, p + k * f, q - k * g, q]))
     return SurfaceOfRevolution(arcs, (0.0, 0.0, 0.0), (0.3, -0.2, 1.0))
 

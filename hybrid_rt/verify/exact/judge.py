@@ -219,10 +219,12 @@ class ExactJudge:
                 return
             # Where t itself is within rounding of 0 no mark is promised.
             at_limit = any(abs(one.t) * length * one.cosine <= one.band for one in crossings)
-            if not is_tangent and is_plain and not at_limit:
-                verdict.unmarked += 1
-                verdict.note("unmarked", i)
-                return
+            if not is_tangent and is_plain:
+                if not at_limit:
+                    verdict.unmarked += 1
+                    verdict.note("unmarked", i)
+                    return
+                marks = False
         if is_tangent:
             if not marks:
                 return

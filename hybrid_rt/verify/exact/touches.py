@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from hybrid_rt.core.records import FloatArray
+from hybrid_rt.core.records import FloatArray, IntArray
 from meshing import BezierPatches
 
 # Samples along each parameter of a piece; triangles and flat faces do with fewer.
@@ -36,11 +36,30 @@ class SampledTouches:
         Along each parameter of a piece.
     wraps : bool
         Whether u = 0 and u = 1 coincide.
+    ends : bool
+        Whether the surface ends at u = 0 and u = 1: to pass such an end is a touch from any side.
     """
 
-    def __init__(self, local: Any, middle: FloatArray, samples: int, wraps: bool = False) -> None:
+    def __init__(
+        self,
+        local: Any,
+        middle: FloatArray,
+        samples: int,
+        *,
+        wraps: bool = False,
+        ends: bool = False,
+    ) -> None:
         self._local, self._middle = local, middle
-        self._samples, self._wraps = samples, wraps
+        self._samples, self._wraps, self._ends = samples, wraps, ends
+        u, v, patch = self._grid(np.arange(len(local.patch_bounds)))
+        # |S_u x S_v| where the surface is widest.
+        self._widest = np.linalg.norm(np.cross(*local.partials(u, v, patch)), axis=1).max()
+
+    def _grid(self, patches: IntArray) -> tuple[FloatArray, FloatArray, IntArray]:
+        """Return u, v and patch of the samples on some patches."""
+        side = np.linspace(0.0, 1.0, self._samples)
+        u, v = (np.tile(x.ravel(), len(patches)) for x in np.meshgrid(side, side, indexing="ij"))
+        return u, v, np.repeat(patches, self._samples**2)
 
     def __call__(self, origin: FloatArray, d: FloatArray, reach: float, leaves: bool) -> bool:
         """Tell whether the ray grazes the surface within a reach, or begins so near to it."""
@@ -54,8 +73,10 @@ class SampledTouches:
         su, sv = self._local.partials(u, v, patch)
         n = np.cross(su, sv)
         length = np.linalg.norm(n, axis=1)
-        lost = length <= 1e-9 * length.max(initial=1e-300)
         slack = self._slack(o, reach)
+        lost = length <= max(1e-9 * self._widest, 1e-300)
+        if self._ends:
+            lost |= np.minimum(u, 1.0 - u) * np.linalg.norm(su, axis=1) <= slack
         ahead = (points - o) @ d > -slack
         flat = np.abs(n @ d) <= STEEP * length
         return bool(((distance <= slack) & (flat | lost) & ahead).any())
@@ -79,10 +100,7 @@ class SampledTouches:
         boxes = local.patch_bounds
         middle, half = boxes.mean(axis=1), 0.5 * np.linalg.norm(boxes[:, 1] - boxes[:, 0], axis=1)
         near = np.flatnonzero(np.linalg.norm((middle - o) @ across, axis=1) <= half + reach)
-        side = np.linspace(0.0, 1.0, self._samples)
-        u, v = (x.ravel() for x in np.meshgrid(side, side, indexing="ij"))
-        patch = np.repeat(near, len(u))
-        u, v = np.tile(u, len(near)), np.tile(v, len(near))
+        u, v, patch = self._grid(near)
         damping = np.full(len(u), FIRST_DAMPING)
         gap = (local.point(u, v, patch) - o) @ across
         distance = np.linalg.norm(gap, axis=1)

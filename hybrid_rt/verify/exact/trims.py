@@ -1,7 +1,8 @@
-"""What the judge of exact crossings asks of trimmed surfaces: hits in holes, crossings behind the origin."""
+"""What the judge asks of surfaces with edges in u and v: hits in holes, crossings behind the origin."""
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Sequence
 from typing import Any
 
@@ -11,11 +12,12 @@ from hybrid_rt.core.records import FloatArray
 from hybrid_rt.verify.exact.crossings import norm
 from hybrid_rt.verify.exact.truth import ExactScene, Placed, same_place
 from hybrid_rt.verify.judges.trim_edges import TrimEdges
+from meshing import SurfaceOfRevolution
 from meshing.trimmed import TrimmedSurface
 
 
 class Trims:
-    """The trimmed surfaces of a list.
+    """The trimmed surfaces, and the parts of a turn, of a list.
 
     Parameters
     ----------
@@ -26,8 +28,7 @@ class Trims:
         self._edges = {
             k: TrimEdges(s) for k, s in enumerate(surfaces) if isinstance(s, TrimmedSurface)
         }
-        whole = [s.surface if isinstance(s, TrimmedSurface) else s for s in surfaces]
-        self._whole = ExactScene(whole) if self._edges else None
+        self._whole = ExactScene([_whole_of(surface) for surface in surfaces])
 
     def is_outside(
         self, number: int, patch: int, u: float, v: float, d: FloatArray, band: float
@@ -44,13 +45,11 @@ class Trims:
     def comes_from_behind(self, one: Placed, o: FloatArray, d: FloatArray, moved: float) -> bool:
         """Tell whether moving a ray takes a crossing from behind the origin to ahead of it.
 
-        Whether t > 0 is no question of rounding. Other surfaces have the crossing among those of the
-        ray itself, of any t. On a trimmed one it may be outside the loops there: so it is sought on the
-        whole surface. If even there it is ahead, the move takes it past a curve, which is one. If it is
-        nowhere, the ray grazes: within rounding of the origin no mark is promised.
+        Whether t > 0 is no question of rounding. The ray itself may have the crossing outside the loops
+        or the part of the turn: so it is sought on the whole surface. If even there it is ahead, the
+        move takes it past an edge, which is one. If it is nowhere, the ray grazes: within rounding of
+        the origin no mark is promised.
         """
-        if self._whole is None or one.object_id not in self._edges:
-            return False
         length = norm(d)
         same = [
             other
@@ -60,3 +59,13 @@ class Trims:
         if not same:
             return one.t * length * one.crossing.cosine <= 2.0 * moved
         return all(other.t <= 0.0 for other in same)
+
+
+def _whole_of(surface: Any) -> Any:
+    """Return a surface without its loops, around the whole of its axis."""
+    if isinstance(surface, TrimmedSurface):
+        surface = surface.surface
+    if isinstance(surface, SurfaceOfRevolution) and not surface.is_whole_turn:
+        surface = copy.copy(surface)
+        surface.u_range = (0.0, 1.0)
+    return surface

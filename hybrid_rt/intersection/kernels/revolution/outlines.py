@@ -34,7 +34,7 @@ from hybrid_rt.intersection.kernels.revolution.sheets import (
     within_part,
 )
 from hybrid_rt.intersection.kernels.search.nearest import is_known
-from hybrid_rt.intersection.kernels.search.tolerances import APPROACHES, FLATTEST
+from hybrid_rt.intersection.kernels.search.tolerances import APPROACHES
 from meshing.kernels.jit import inner
 
 # A side of a bend this nearly along the ray is neither before nor behind it.
@@ -173,11 +173,14 @@ def is_outline(end, size, ray, z, r, t, nr, nz, bend):
     if is_under:
         return True
     for k in range(2):
-        if abs(z - end[k, END_Z]) + abs(r - end[k, END_R]) > BESIDE_END * size + 4.0 * band:
+        # The band moves a root by band / slope, were the surface flat.
+        apart = abs(z - end[k, END_Z]) + abs(r - end[k, END_R])
+        is_far = apart * slope > 16.0 * band * ray[LENGTH]
+        if is_far and apart > BESIDE_END * size + 4.0 * band:
             continue
         # The end may be passed on the other sheet, if the hit is where one becomes the other.
         for sheet in range(2):
             is_passed, near = pass_end(end[k], ray, sheet == 1)
-            if is_passed and abs(near - t) * max(slope, FLATTEST) <= 8.0 * band:
+            if is_passed and abs(near - t) * slope <= 8.0 * band:
                 return True
     return False

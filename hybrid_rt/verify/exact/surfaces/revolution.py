@@ -69,4 +69,5 @@ class ExactRevolution(ExactSurface, of=SurfaceOfRevolution):
             list(surface.segments), np.zeros(3), surface.axis, surface.radial, surface.weights,
             surface.u_range,
         )  # fmt: skip
-        return SampledTouches(local, np.array(surface.origin), SAMPLES, wraps=surface.is_whole_turn)
+        whole = surface.is_whole_turn
+        return SampledTouches(local, np.array(surface.origin), SAMPLES, wraps=whole, ends=not whole)
