@@ -10,9 +10,12 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from hybrid_rt.core.records import FloatArray, IntArray
+from hybrid_rt.core.records import FloatArray
 from meshing import BezierPatches
+
+Patches = NDArray[np.signedinteger[Any]]
 
 # Samples along each parameter of a piece; triangles and flat faces do with fewer.
 SAMPLES, FEW_SAMPLES = 17, 5
@@ -55,7 +58,7 @@ class SampledTouches:
         # |S_u x S_v| where the surface is widest.
         self._widest = np.linalg.norm(np.cross(*local.partials(u, v, patch)), axis=1).max()
 
-    def _grid(self, patches: IntArray) -> tuple[FloatArray, FloatArray, IntArray]:
+    def _grid(self, patches: Patches) -> tuple[FloatArray, FloatArray, Patches]:
         """Return u, v and patch of the samples on some patches."""
         side = np.linspace(0.0, 1.0, self._samples)
         u, v = (np.tile(x.ravel(), len(patches)) for x in np.meshgrid(side, side, indexing="ij"))
