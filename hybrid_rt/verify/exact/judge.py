@@ -37,6 +37,8 @@ MUST_NOT = 4.0
 # Rays this near to a singular set (bands), or crossings this flat, may need the mark.
 NEAR_BANDS = 1e3
 FLAT = 1e-6
+# Where a ray grazes, a band moves t by no more than its square root, in parts of the scale.
+LEAST_SLOPE = 1.2e-7
 
 WRONG = ("missed", "phantom", "farther", "nearer", "wrong object", "departure")
 
@@ -218,7 +220,10 @@ class ExactJudge:
                     self._measure(verdict, i, hits, o, d, crossings, length)
                 return
             # Where t itself is within rounding of 0 no mark is promised.
-            at_limit = any(abs(one.t) * length * one.cosine <= one.band for one in crossings)
+            at_limit = any(
+                abs(one.t) * length * max(one.cosine, LEAST_SLOPE) <= one.band
+                for one in crossings
+            )
             if not is_tangent and is_plain:
                 if not at_limit:
                     verdict.unmarked += 1
