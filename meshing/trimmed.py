@@ -64,8 +64,8 @@ class TrimmedSurface(Surface):
         common edge. Roots outside the loops within ``gap / |cos|`` of an edge are hits too, where
         cos is the cosine between ray and normal, and at least 1e-3. They and the roots equally near
         inside have the flag EDGE, and ``gap / |cos|`` is part of their ``t_bound``. 0: no such
-        hits. Where a loop runs along the border of the surface itself there are none either, as
-        there is nothing beyond: let the surface reach at least a gap farther than its loops.
+        hits. Where a loop runs along the border of the surface itself only the roots inside have the
+        flag, as there is no surface beyond: let it reach at least a gap farther than its loops.
 
     Raises
     ------

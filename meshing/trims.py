@@ -131,7 +131,8 @@ def make_table(members: Sequence[Any]) -> TrimTable:
     )
     at = 0
     for m, (_, _, first_tile, side, count) in enumerate(rows):
-        closes = members[m].closes
+        # A gap flags hits beside every loop, border or not.
+        closes = (True, True) if members[m].gap else members[m].closes
         own_tiles = table.tile[first_tile : first_tile + side * side]
         for p in range(at, at + count):
             mark_tiles(table, m, p, *closes, own_tiles)

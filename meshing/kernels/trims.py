@@ -280,16 +280,16 @@ def classify_points(table, m, u, v, inside, in_band):
 
 
 @hot_kernel
-def mark_tiles(table, m, p, closes_u, closes_v, tile):
+def mark_tiles(table, m, p, counts_u, counts_v, tile):
     """Mark the tiles that piece p comes nearer to than half a tile as CROSSED.
 
-    A piece along the border of the square marks none where there is no surface beyond: unless u (or
-    v) begins anew there.
+    A piece along the border of the square marks none unless ``counts_u`` (or v): where u begins anew
+    there, or where what is near a loop has a flag. Elsewhere there is no surface beyond.
     """
     x, y = table.piece[p, X_LOW], table.piece[p, Y_LOW]
-    if not closes_u and x == table.piece[p, X_HIGH] and x in (0.0, 1.0):
+    if not counts_u and x == table.piece[p, X_HIGH] and x in (0.0, 1.0):
         return
-    if not closes_v and y == table.piece[p, Y_HIGH] and y in (0.0, 1.0):
+    if not counts_v and y == table.piece[p, Y_HIGH] and y in (0.0, 1.0):
         return
     n = table.member[m, N_TILES]
     a, b = table.piece[p, S_LOW], table.piece[p, S_HIGH]

@@ -29,7 +29,14 @@ from hybrid_rt.intersection.kernels.search.axial_trims import rough_share
 from hybrid_rt.intersection.kinds.patches import PatchKind
 from hybrid_rt.trimesh_adapter import RayMeshIntersector
 from hybrid_rt.verify.exact.judge import ExactJudge
-from meshing import BezierPatches, SurfaceOfRevolution, TrimmedSurface, circle, polygon
+from meshing import (
+    BezierPatches,
+    Cylinder,
+    SurfaceOfRevolution,
+    TrimmedSurface,
+    circle,
+    polygon,
+)
 
 SURFACES = {
     "plate": plate, "bumpy": bumpy, "sheet": sheet, "ball_piece": ball_piece,
@@ -285,6 +292,32 @@ def test_edges_of_surfaces_about_an_axis(name, is_flipped):
         np.testing.assert_array_equal(hits_wide.flags & Flag.EDGE > 0, abs(beside) < gap)
         if abs(beside) < gap:
             np.testing.assert_allclose(hits_wide.t_bound, gap, rtol=1e-3)
+
+
+@pytest.mark.parametrize("gap", [1e-4, 0.01, 0.1, 0.5])
+@pytest.mark.parametrize("name", ["rectangle", "patch", "cylinder"])
+def test_loops_along_the_border_flag_the_hits_within_the_gap(name, gap):
+    # 40 x 20 from the origin, and a cylinder as tall, met 3 right of its left end or on its ruling.
+    surface, rays = {
+        "rectangle": (Rectangle((0, 0, 0), (40, 0, 0), (0, 20, 0)), down),
+        "patch": (
+            BezierPatches([np.array([[[0, 0, 0], [0, 20, 0]], [[40, 0, 0], [40, 20, 0]]])]), down,
+        ),
+        "cylinder": (Cylinder((0, 0, 0), (0, 1, 0), 5.0, 20.0), beside_cylinder),
+    }[name]  # fmt: skip
+    border = polygon([(0, 0), (1, 0), (1, 1), (0, 1)])
+    trimmed = TrimmedSurface(surface, [border], gap=gap)
+    for from_edge, is_edge in ((0.5 * gap, True), (0.99 * gap, True), (1.01 * gap, False)):
+        points = np.array([[3.0, from_edge], [3.0, 20.0 - from_edge]])
+        hits = Intersector(trimmed).intersect(*rays(points))
+        assert hits.hit.all()
+        np.testing.assert_array_equal(hits.flags & Flag.EDGE > 0, is_edge)
+
+
+def beside_cylinder(points, height=8.0):
+    """Rays against the cylinder's radius at heights y of points (n, 2)."""
+    origins = np.column_stack([np.full(len(points), height), points[:, 1], np.zeros(len(points))])
+    return origins, np.broadcast_to([-1.0, 0.0, 0.0], origins.shape)
 
 
 def test_a_ball_is_hit_beyond_its_windows_by_the_closed_form():
