@@ -58,6 +58,20 @@ def _margin(lo, hi, o, d):
 
 
 @inlined
+def _is_near_outline(lo, hi, o, d, band):
+    """Tell whether `_margin` is below a band; as no slope is above 1, most rays need no roots."""
+    for c in range(3):
+        p = abs(d[c])
+        a = lo[c] - o[c] if d[c] >= 0.0 else o[c] - hi[c]
+        for e in range(3):
+            q = abs(d[e])
+            b = hi[e] - o[e] if d[e] >= 0.0 else o[e] - lo[e]
+            if e != c and not b * p - a * q > 1.5 * band and p + q > 0.0:
+                return _margin(lo, hi, o, d) < band
+    return False
+
+
+@inlined
 def offer_box(i, k, table, rays, best):
     """Offer both roots of ray i with box k."""
     lo, hi, object_id = table.lo, table.hi, table.object_id
@@ -128,7 +142,8 @@ def trace_boxes(table, rays, best, any_hit):
 def finish_box(table, k, rays, best, i, out):
     """Describe the hit of ray i on box k."""
     o, d, t = rays.origin[i], rays.direction[i], best.t[i]
-    if _margin(table.lo[k], table.hi[k], o, d) < TANGENT_BAND * _reach(table.lo[k], table.hi[k], o):
+    band = TANGENT_BAND * _reach(table.lo[k], table.hi[k], o)
+    if _is_near_outline(table.lo[k], table.hi[k], o, d, band):
         best.tangent[i] = WITHIN_BAND
     face = best.primitive[i]
     axis = face // 2

@@ -11,6 +11,8 @@ from meshing.kernels.jit import inlined
 
 # Surfaces that share a mask, and columns of a table of them: a multiple of what fits a vector register.
 BLOCK, LANES = 32, 8
+# So few surfaces are tested one by one: the conditions would cost more than they spare.
+FEW = 2
 # Relative error that the conditions on parallelograms are given: what they round is below 2**-47, and
 # the band in which the exact test notes a doubt is below 2**-42.
 CLEARANCE = 2.0**-38
@@ -21,7 +23,7 @@ STEEP = 2e-9
 # Where squares and products can neither overflow nor underflow.
 LEAST, MOST = 1e-70, 1e70
 # Masks. Unsigned, as are the indices: those that might be negative would keep loops from vectors.
-_NONE, _ALL = np.uint64(0), np.uint64((1 << BLOCK) - 1)
+_NONE, ALL = np.uint64(0), np.uint64((1 << BLOCK) - 1)
 FIRST_BIT, NEXT = np.uint64(1), np.uint64(1)
 
 
@@ -82,7 +84,7 @@ def parallelograms_in_reach(columns, begin, end, ox, oy, oz, dx, dy, dz, t_min, 
     """
     size = abs(ox) + abs(oy) + abs(oz)
     if not (t_min >= 0.0 and size < MOST):
-        return _ALL
+        return ALL
     mask, first = _NONE, np.uint64(begin)
     for k in range(first, np.uint64(end)):
         slope = columns[0, k] * dx + columns[1, k] * dy + columns[2, k] * dz
@@ -130,7 +132,7 @@ def spheres_in_reach(columns, begin, end, ox, oy, oz, dx, dy, dz, t_min, t_best)
     Parameters are those of `parallelograms_in_reach`, with the columns of `sphere_columns`.
     """
     if not t_min >= 0.0:
-        return _ALL
+        return ALL
     dd = dx * dx + dy * dy + dz * dz
     mask, first = _NONE, np.uint64(begin)
     for k in range(first, np.uint64(end)):

@@ -6,7 +6,9 @@ import numpy as np
 
 from hybrid_rt.core.kernels.compensated import two_difference
 from hybrid_rt.intersection.kernels.reach import (
+    ALL,
     BLOCK,
+    FEW,
     FIRST_BIT,
     NEXT,
     parallelogram_columns,
@@ -281,10 +283,12 @@ def offer_parallelograms(i, table, rays, best, any_hit):
     for begin in range(0, n, BLOCK):
         if any_hit and best.object_id[i] >= 0:
             return
-        mask = parallelograms_in_reach(
-            table.reach, begin, min(begin + BLOCK, table.reach.shape[1]),
-            o[0], o[1], o[2], d[0], d[1], d[2], rays.t_min[i], best.t[i],
-        )  # fmt: skip
+        mask = ALL
+        if n > FEW:
+            mask = parallelograms_in_reach(
+                table.reach, begin, min(begin + BLOCK, table.reach.shape[1]),
+                o[0], o[1], o[2], d[0], d[1], d[2], rays.t_min[i], best.t[i],
+            )  # fmt: skip
         for k in range(begin, min(begin + BLOCK, n)):
             if mask & FIRST_BIT:
                 offer_parallelogram(i, k, table, rays, best)

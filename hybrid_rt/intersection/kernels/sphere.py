@@ -14,7 +14,9 @@ import numpy as np
 from hybrid_rt.core.kernels.compensated import product, two_difference
 from hybrid_rt.core.kernels.sphere_points import onto_sphere, power_of_point
 from hybrid_rt.intersection.kernels.reach import (
+    ALL,
     BLOCK,
+    FEW,
     FIRST_BIT,
     LANES,
     NEXT,
@@ -244,7 +246,9 @@ def offer_spheres(i, first, end, table, rays, best, any_hit):
         # Whole vector registers; bits from ``end`` on are not read.
         stop = min(begin + BLOCK, (end + LANES - 1) // LANES * LANES)
         t_best = best.t[i]
-        mask = spheres_in_reach(table.reach, begin, stop, ox, oy, oz, dx, dy, dz, t_min, t_best)
+        mask = ALL
+        if end > FEW:
+            mask = spheres_in_reach(table.reach, begin, stop, ox, oy, oz, dx, dy, dz, t_min, t_best)
         for k in range(begin, min(begin + BLOCK, end)):
             # What was in reach may lie beyond a root that has been found since.
             if mask & FIRST_BIT and (

@@ -221,8 +221,7 @@ class ExactJudge:
                 return
             # Where t itself is within rounding of 0 no mark is promised.
             at_limit = any(
-                abs(one.t) * length * max(one.cosine, LEAST_SLOPE) <= one.band
-                for one in crossings
+                abs(one.t) * length * max(one.cosine, LEAST_SLOPE) <= one.band for one in crossings
             )
             if not is_tangent and is_plain:
                 if not at_limit:
