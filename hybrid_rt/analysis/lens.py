@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike
 
 from hybrid_rt.core.hit_table import to_csv
 from hybrid_rt.core.one_line import cut
-from hybrid_rt.core.records import BoolArray, FloatArray
+from hybrid_rt.core.records import BoolArray, FloatArray, IntArray
 from hybrid_rt.intersection import Intersector
 from hybrid_rt.primitives.asphere import Asphere
 from hybrid_rt.shading.snell import refract
@@ -87,7 +87,10 @@ class Traced:
         Optical path length from the origin of the ray to the last surface: lengths times indices.
     t_bound : (n,) float64
         The largest bound on the error of any hit of the ray, given the ray that arrives there; the
-        bounds of several surfaces are not added up.
+        bounds of several surfaces are not added up. nan if a ray does not get through.
+    stopped_at : (n,) int32
+        The line of the prescription, from 0, whose surface a ray misses or is totally reflected at;
+        -1 if it gets through.
     """
 
     position: FloatArray
@@ -95,6 +98,7 @@ class Traced:
     passed: BoolArray
     path: FloatArray
     t_bound: FloatArray
+    stopped_at: IntArray
 
     def at(self, z: float) -> FloatArray:
         """Return the points (n, 2) at which the rays meet the plane across the axis at z."""
@@ -105,9 +109,9 @@ class Traced:
     def to_csv(self, path: str | os.PathLike[str]) -> None:
         """Write one row per ray as comma-separated text, UTF-8, with a header line.
 
-        The columns are passed, x, y, z, dx, dy, dz, path and t_bound. Numbers are written so that
-        they are read back bit for bit; nan where a ray does not get through. An existing file is
-        replaced.
+        The columns are passed (1 or 0), x, y, z, dx, dy, dz, path, t_bound and stopped_at. Numbers
+        are written so that they are read back bit for bit; nan where a ray does not get through. An
+        existing file is replaced.
 
         Raises
         ------
@@ -115,11 +119,12 @@ class Traced:
             If ``path`` is not a path, or cannot be written.
         """
         columns = {
-            "passed": self.passed,
+            "passed": self.passed.astype(np.uint8),
             **dict(zip(("x", "y", "z"), self.position.T, strict=True)),
             **dict(zip(("dx", "dy", "dz"), self.direction.T, strict=True)),
             "path": self.path,
             "t_bound": self.t_bound,
+            "stopped_at": self.stopped_at,
         }
         to_csv(columns, path, "Traced.to_csv path")
 
@@ -144,6 +149,15 @@ class Lens:
     ValueError, TypeError
         For an empty prescription, indices that are not positive and surfaces that `Asphere` refuses;
         the line is named.
+
+    Attributes
+    ----------
+    prescription, index
+        As given; the prescription is a tuple.
+    vertices : (k,) float64
+        The z of each surface's vertex; the first is 0.
+    surfaces : list of Asphere
+        The k surfaces in their places. Their normals point against the light.
     """
 
     def __init__(self, prescription: Sequence[LensSurface], index: float = 1.0) -> None:
@@ -188,10 +202,12 @@ class Lens:
         n = len(o)
         position, direction = np.full((n, 3), np.nan), np.full((n, 3), np.nan)
         path, bound, rows = np.zeros(n), np.zeros(n), np.arange(n)
+        stopped = np.full(n, -1, np.int32)
         index, last = self.index, len(self.surfaces) - 1
         for k, (tracer, surface) in enumerate(zip(self._tracers, self.prescription, strict=True)):
             hits = tracer.intersect(o, d)
             found = hits.hit
+            stopped[rows[~found]] = k
             rows, hits, o, d = rows[found], hits[found], o[found], d[found]
             bound[rows] = np.maximum(bound[rows], hits.t_bound)
             if surface.index == index and k < last:
@@ -202,11 +218,11 @@ class Lens:
             d = refract(d, hits.normal, index, surface.index)
             o, index = hits.position, surface.index
             goes_on = ~np.isnan(d[:, 0])
+            stopped[rows[~goes_on]] = k
             rows, o, d = rows[goes_on], o[goes_on], d[goes_on]
         position[rows], direction[rows] = o, d
-        passed = np.zeros(n, np.bool_)
-        passed[rows] = True
-        return Traced(position, direction, passed, np.where(passed, path, np.nan), bound)
+        path[stopped >= 0] = bound[stopped >= 0] = np.nan
+        return Traced(position, direction, stopped < 0, path, bound, stopped)
 
     def focus(self) -> Focus:
         """Find the focus of rays close to the axis, by tracing one.
@@ -246,6 +262,51 @@ class Lens:
             return Focus(math.inf, math.inf)
         return Focus(float(-1.0 / slope), float(-height / slope))
 
+    def parallel(self, field: float, pupil: float, n: int = 64) -> Traced:
+        """Trace parallel light through the lens.
+
+        Parameters
+        ----------
+        field : float
+            Angle to the axis, degrees, in the y-z plane.
+        pupil : float
+            Diameter of the disc, in the plane of the first vertex, that the light fills. This is the
+            entrance pupil only where the stop is the first surface.
+        n : int
+            Number of rays across that disc, on a square grid.
+
+        Returns
+        -------
+        Traced
+            One row for each ray of the disc, lost ones included. Paths begin in a plane across the
+            light.
+
+        Raises
+        ------
+        ValueError
+            If no ray gets through, or an argument is outside its limits.
+        """
+        number(field, "Lens field", above=-90.0, below=90.0)
+        number(pupil, "Lens pupil", above=0.0)
+        whole(n, "Lens n", at_least=1)
+        side = (np.arange(n) + 0.5) / n - 0.5
+        x, y = (pupil * one.ravel() for one in np.meshgrid(side, side))
+        inside = np.hypot(x, y) <= 0.5 * pupil
+        angle = math.radians(field)
+        way = np.array([0.0, math.sin(angle), math.cos(angle)])
+        points = np.stack([x[inside], y[inside], np.zeros(int(inside.sum()))], axis=1)
+        # From a plane across the light, so far in front that it meets no surface.
+        front = (pupil + abs(self.surfaces[0].bounds[0, 2])) / way[2]
+        origins = points - (front + points @ way)[:, None] * way
+        rays = self.trace(origins, way)
+        if not rays.passed.any():
+            lost, count = np.unique(rays.stopped_at, return_counts=True)
+            raise ValueError(
+                f"no light from {field:g} degrees passes the lens: most is stopped at "
+                f"prescription[{lost[count.argmax()]}]; {CHECK}"
+            )
+        return rays
+
     def spot(
         self, field: float, z: float, pupil: float, n: int = 64
     ) -> tuple[FloatArray, FloatArray, float]:
@@ -253,14 +314,10 @@ class Lens:
 
         Parameters
         ----------
-        field : float
-            Angle to the axis, degrees, in the y-z plane.
+        field, pupil, n
+            Those of `parallel`, which also tells how many rays were lost, and where.
         z : float
             Position of the plane.
-        pupil : float
-            Diameter of the disc, in the plane of the first vertex, that the light fills.
-        n : int
-            Number of rays across that disc, on a square grid.
 
         Returns
         -------
@@ -277,50 +334,35 @@ class Lens:
             If no ray gets through, or an argument is outside its limits.
         """
         z = number(z, "Lens.spot z")
-        rays = self._parallel(field, pupil, n)
+        rays = self.parallel(field, pupil, n)
         met = rays.at(z)[rays.passed]
         centroid = met.mean(axis=0)
         return met, centroid, float(np.sqrt(((met - centroid) ** 2).sum(axis=1).mean()))
 
-    def plane_of_least_spread(self, z: float, pupil: float, n: int = 64) -> float:
-        """Return the z, near a given one, where the spot of light along the axis is smallest (rms).
+    def plane_of_least_spread(
+        self, z: float, pupil: float, n: int = 64, *, field: float = 0.0
+    ) -> float:
+        """Return the z, near a given one, where the spot of parallel light is smallest (rms).
 
-        Parameters are those of `spot`.
+        Parameters are those of `spot`. The spot is measured about its centroid.
 
         Raises
         ------
         ValueError
-            If no ray gets through, or all leave parallel to the axis.
+            If no ray gets through, or all leave parallel to each other.
         """
         z = number(z, "Lens.plane_of_least_spread z")
-        rays = self._parallel(0.0, pupil, n)
+        rays = self.parallel(field, pupil, n)
         points = rays.at(z)[rays.passed]
         slopes = (rays.direction[:, :2] / rays.direction[:, 2:])[rays.passed]
+        points, slopes = points - points.mean(axis=0), slopes - slopes.mean(axis=0)
         spread = float((slopes * slopes).sum())
-        if spread == 0.0:
+        # Slopes of parallel rays differ by rounding.
+        if spread <= len(slopes) * 1e-28:
             raise ValueError(
-                "all light leaves the lens along its axis: its spot is as wide everywhere"
+                "all light leaves the lens in one direction: its spot is as wide everywhere"
             )
         return z - float((points * slopes).sum()) / spread
-
-    def _parallel(self, field: float, pupil: float, n: int) -> Traced:
-        """Trace parallel light that fills a disc in front; some of it must get through."""
-        number(field, "Lens field", above=-90.0, below=90.0)
-        number(pupil, "Lens pupil", above=0.0)
-        whole(n, "Lens n", at_least=1)
-        side = (np.arange(n) + 0.5) / n - 0.5
-        x, y = (pupil * one.ravel() for one in np.meshgrid(side, side))
-        inside = np.hypot(x, y) <= 0.5 * pupil
-        angle = math.radians(field)
-        way = np.array([0.0, math.sin(angle), math.cos(angle)])
-        points = np.stack([x[inside], y[inside], np.zeros(int(inside.sum()))], axis=1)
-        # From a plane across the light, so far in front that it meets no surface.
-        front = (pupil + abs(self.surfaces[0].bounds[0, 2])) / way[2]
-        origins = points - (front + points @ way)[:, None] * way
-        rays = self.trace(origins, way)
-        if not rays.passed.any():
-            raise ValueError(f"no light from {field:g} degrees passes the lens: {CHECK}")
-        return rays
 
 
 def _lines(prescription: Sequence[LensSurface]) -> tuple[LensSurface, ...]:

@@ -6,6 +6,7 @@ from dataclasses import replace
 import mpmath
 import numpy as np
 import pytest
+from scipy.optimize import minimize_scalar
 
 from hybrid_rt.analysis.lens import Lens, LensSurface
 from hybrid_rt.analysis.lens_examples import (
@@ -179,12 +180,56 @@ def test_one_direction_goes_with_all_origins_and_the_table_reads_back(tmp_path):
     assert repr(rays) == "Traced(3 rays, 2 passed)"
     rays.to_csv(tmp_path / "rays.csv")
     header, *lines = (tmp_path / "rays.csv").read_text().splitlines()
-    assert header == "passed,x,y,z,dx,dy,dz,path,t_bound"
-    assert [line.split(",")[0] for line in lines] == ["True", "True", "False"]
-    values = np.array([[float(word) for word in line.split(",")[1:]] for line in lines])
-    np.testing.assert_array_equal(values[:, :3], rays.position)
-    np.testing.assert_array_equal(values[:, 3:6], rays.direction)
-    np.testing.assert_array_equal(values[:, 6], rays.path)
+    assert header == "passed,x,y,z,dx,dy,dz,path,t_bound,stopped_at"
+    values = np.genfromtxt(lines, delimiter=",")
+    np.testing.assert_array_equal(values[:, 0], [1, 1, 0])
+    np.testing.assert_array_equal(values[:, 1:4], rays.position)
+    np.testing.assert_array_equal(values[:, 4:7], rays.direction)
+    np.testing.assert_array_equal(values[:, 7], rays.path)
+    np.testing.assert_array_equal(values[:, 8], rays.t_bound)
+    np.testing.assert_array_equal(values[:, 9], [-1, -1, 0])
+
+
+def test_lost_rays_name_the_surface_that_stopped_them():
+    # Inside glass of index 1.5 light at 45 degrees does not leave through a plane: sin > 1 / 1.5.
+    prism = Lens(
+        [LensSurface(math.inf, 5.0, 1.5, 30.0), LensSurface(math.inf, 0.0, 1.0, 20.0)], 1.5
+    )
+    slant = (0.0, math.sqrt(0.5), math.sqrt(0.5))
+    rays = prism.trace(
+        [(0, 0, -1), (0, -6, -1), (0, 20, -1), (0, 12, -1)],
+        [(0, 0, 1), slant, (0, 0, 1), (0, 0, 1)],
+    )
+    np.testing.assert_array_equal(rays.stopped_at, [-1, 1, 0, 1])
+    np.testing.assert_array_equal(rays.passed, [True, False, False, False])
+    np.testing.assert_array_equal(np.isnan(rays.t_bound), ~rays.passed)
+    with pytest.raises(
+        ValueError, match=r"from 45 degrees .* most is stopped at prescription\[1\]"
+    ):
+        prism.parallel(45.0, 2.0)
+
+
+@pytest.mark.parametrize("field", [0.0, 8.3, -11.86])
+def test_the_plane_of_least_spread_is_the_smallest_spot(field):
+    lens = Lens(COOKE_TRIPLET)
+    near = lens.vertices[-1] + lens.paraxial_focus().back_focal_distance
+    plane = lens.plane_of_least_spread(near, 29.2, 16, field=field)
+    found = minimize_scalar(
+        lambda z: lens.spot(field, z, 29.2, 16)[2] ** 2, bracket=(near - 5, near + 5), tol=1e-10
+    )
+    # The square of the spot is a parabola in z: its minimum is found to the root of the tolerance.
+    assert plane == pytest.approx(found.x, abs=1e-5)
+    # From anywhere: least squares of a line.
+    assert lens.plane_of_least_spread(0.0, 29.2, 16, field=field) == pytest.approx(plane, abs=1e-10)
+
+
+def test_parallel_light_has_a_row_for_every_ray_of_the_disc():
+    lens = Lens(COOKE_TRIPLET)
+    rays = lens.parallel(11.86, 29.2, 32)
+    cells = (np.arange(32) + 0.5) / 32 - 0.5
+    assert len(rays.passed) == (np.hypot(*np.meshgrid(cells, cells)) <= 0.5).sum()
+    assert len(lens.spot(11.86, 100.0, 29.2, 32)[0]) == rays.passed.sum() < len(rays.passed)
+    assert (rays.stopped_at[~rays.passed] >= 0).all()
 
 
 FRONT = LensSurface(50.0, 6.0, 1.5, 25.0)
