@@ -69,8 +69,8 @@ def warnings_in_words(report: dict[str, Any]) -> list[str]:
         for name, n_rays in report["clear_bodies_lost"].items()
     ]
     lines += [
-        f"{name} lights nothing: all objects and the camera are behind it; it shines on the side of "
-        "edge_u x edge_v: swap its edges to turn it"
+        f"{name} lights nothing: its light comes to no object. A rectangle shines on the side of "
+        "edge_u x edge_v (swap its edges to turn it), a spot light along its direction"
         for name in report["lamps_turned_away"]
     ]
     return lines

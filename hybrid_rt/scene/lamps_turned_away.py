@@ -1,43 +1,75 @@
-"""Rectangular lamps that light nothing, as everything lies behind them.
+"""Rectangular lamps and spot lights that light nothing, as everything lies beside their light.
 
-They shine on the side of edge_u x edge_v, so two edges that are swapped turn the light away.
+Rectangles shine on the side of edge_u x edge_v, so two edges that are swapped turn the light away; a
+spot light is turned away by a direction that was meant to be a point.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
+from hybrid_rt.core.records import FloatArray
 from hybrid_rt.scene.compiled import NOTHING, CompiledScene
 from hybrid_rt.scene.lamps_in_surfaces import name_of
-from hybrid_rt.shading.kernels.light_kinds import RECTANGLE
+from hybrid_rt.shading.kernels.light_kinds import RECTANGLE, SPOT
+
+# Rounding of an angle, generously.
+SLACK = 1e-9
 
 
 def lamps_turned_away(scene: CompiledScene) -> list[str]:
-    """Return the names of rectangular lamps that have all surfaces and the camera behind them.
+    """Return the names of lamps whose light comes to no surface, nor to the camera.
 
-    Their light meets nothing, so the picture is the same without them. A lamp with a surface that
-    reaches to its front is not named, even if no light comes there.
+    These are rectangles that have everything behind them, and spot lights that have all surfaces
+    outside their cones. The picture is the same without them. A lamp is not named if the box around
+    a surface reaches into its light, even if no light comes there.
 
     Parameters
     ----------
     scene : CompiledScene
     """
-    lamps = np.flatnonzero(scene.lights.kind == RECTANGLE).tolist()
+    lights = scene.lights
+    lamps = np.flatnonzero((lights.kind == RECTANGLE) | (lights.kind == SPOT)).tolist()
     if not lamps or not all(surface.is_bounded for surface in scene.surfaces):
         return []
     camera = scene.camera
     lens = 0.5 * camera.aperture
     eye = np.array([camera.look_from - lens, camera.look_from + lens])
     boxes = np.array([eye, *(surface.bounds for surface in scene.surfaces)])
-    middle, half = 0.5 * boxes.sum(axis=1), 0.5 * (boxes[:, 1] - boxes[:, 0])
     names = []
     for light in lamps:
-        normal = np.cross(scene.lights.edge_u[light], scene.lights.edge_v[light])
-        # How far the corner of each box that is farthest to the front lies before the lamp.
-        before = (middle - scene.lights.origin[light]) @ normal + half @ np.abs(normal)
         own = int(scene.surface_of_light[light])
-        if own != NOTHING:
-            before[own + 1] = -np.inf
-        if (before <= 0.0).all():
+        if lights.kind[light] == SPOT:
+            # No camera sees it.
+            is_away = not _in_cone(
+                boxes[1:], lights.origin[light], lights.edge_u[light], lights.edge_v[light, 1]
+            )
+        else:
+            normal = np.cross(lights.edge_u[light], lights.edge_v[light])
+            is_away = not _before(
+                boxes if own == NOTHING else np.delete(boxes, own + 1, axis=0),
+                lights.origin[light],
+                normal,
+            )
+        if is_away:
             names.append(name_of(scene, own, light))
     return names
+
+
+def _before(boxes: FloatArray, origin: FloatArray, normal: FloatArray) -> bool:
+    """Tell whether some box (k, 2, 3) reaches to the front of a plane."""
+    middle, half = 0.5 * boxes.sum(axis=1), 0.5 * (boxes[:, 1] - boxes[:, 0])
+    return bool(((middle - origin) @ normal + half @ np.abs(normal) > 0.0).any())
+
+
+def _in_cone(boxes: FloatArray, tip: FloatArray, axis: FloatArray, opening: float) -> bool:
+    """Tell whether the ball around some box reaches into a cone; ``opening`` is 1 - cos of its half."""
+    away = boxes.mean(axis=1) - tip
+    distance = np.linalg.norm(away, axis=1)
+    radius = 0.5 * np.linalg.norm(boxes[:, 1] - boxes[:, 0], axis=1)
+    beside = distance > radius
+    if not beside.all():
+        return True
+    to_middle = np.arctan2(np.linalg.norm(np.cross(away, axis), axis=1), away @ axis)
+    cone = 2.0 * np.arcsin(np.sqrt(0.5 * min(opening, 2.0)))
+    return bool((to_middle - np.arcsin(radius / distance) <= cone + SLACK).any())

@@ -11,6 +11,7 @@ from hybrid_rt import (
     Rectangle,
     RectangleLight,
     Scene,
+    SpotLight,
     render,
 )
 from hybrid_rt.rendering.summary import in_words
@@ -29,7 +30,7 @@ def test_a_lamp_with_swapped_edges_is_named(caplog):
     report = report_of(BELOW, [FLOOR], [RectangleLight((0, 0, 4), *UP, 9)])
     assert report["noise"]["image_mean"] == 0.0
     assert report["lamps_turned_away"] == ["lights[0]"]
-    assert "WARNING   lights[0] lights nothing: all objects and" in in_words(report)
+    assert "WARNING   lights[0] lights nothing: its light comes" in in_words(report)
     assert [record.name for record in caplog.records] == ["hybrid_rt.report"]
 
 
@@ -52,3 +53,22 @@ def test_so_is_a_rectangle_that_shines():
 def test_lamps_that_light_something_are_not(eye, objects, edges, lens):
     lamp = RectangleLight((0, 0, 4), *edges, 9)
     assert report_of(eye, objects, [lamp], **lens)["lamps_turned_away"] == []
+
+
+@pytest.mark.parametrize(
+    ("direction", "cone", "is_away"),
+    [
+        ((0, 0, -1), 30.0, False),
+        ((0, 0, 4), 30.0, True),  # the place, given as a direction
+        ((1, 0, 0), 30.0, True),
+        # The ball around the floor has a radius of 2 sqrt(2), seen from 4 above at 45 degrees.
+        ((1, 0, 0), 46.0, False),
+        ((1, 0, 0), 44.0, True),
+        ((0, 0, 1), 180.0, False),
+    ],
+)
+def test_spot_lights_that_have_all_objects_beside_their_cones_are_named(direction, cone, is_away):
+    spot = SpotLight((0, 0, 4), direction, 9, cone_angle=cone)
+    report = report_of(ABOVE, [FLOOR], [spot])
+    assert report["lamps_turned_away"] == ["lights[0]"] * is_away
+    assert report["noise"]["image_mean"] == 0.0 or not is_away
