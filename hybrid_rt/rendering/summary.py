@@ -73,7 +73,20 @@ def warnings_in_words(report: dict[str, Any]) -> list[str]:
         "edge_u x edge_v (swap its edges to turn it), a spot light along its direction"
         for name in report["lamps_turned_away"]
     ]
+    if not report["lamps_turned_away"] and _share_without_light(report) == 1.0:
+        lines.append(
+            "the picture is black: no light arrives. Look for lamps inside of bodies or turned away, a "
+            "camera within a surface, and for light that the integrator leaves out"
+        )
     return lines
+
+
+def _share_without_light(report: dict[str, Any]) -> float:
+    """Return the part of the pixels that are black in every pass; 0 where it is not known."""
+    noise, settings = report["noise"], report["settings"]
+    if noise is None:
+        return 0.0
+    return float(noise["pixels_without_light"] / (settings["width"] * settings["height"]))
 
 
 def _lamps(report: dict[str, Any]) -> list[str]:
@@ -133,10 +146,9 @@ def _cut_off(report: dict[str, Any]) -> list[str]:
 
 def _not_met(report: dict[str, Any]) -> str:
     """Return how much of the picture no light has reached: its error counts as none."""
-    text, n_dark = "", report["noise"]["pixels_without_light"]
-    settings, photons = report["settings"], report.get("photons")
-    if n_dark:
-        share = per_cent(n_dark / (settings["width"] * settings["height"]))
+    text, photons, dark = "", report.get("photons"), _share_without_light(report)
+    if dark:
+        share = per_cent(dark)
         text += f"\n            {share} of the pixels are black in every pass, and count as without noise"
     is_warned = report["points_missed_by_photons"] > 0
     if photons is not None and photons["points_without_photons"] and not is_warned:
