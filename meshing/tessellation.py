@@ -60,10 +60,11 @@ def tessellate(
     Returns
     -------
     CertifiedMesh
-        Adaptive: few triangles where the surface is flat, many where it is curved. There are no
-        cracks within patches or across shared edges, and closed surfaces are watertight. For a
-        trimmed surface these are all triangles that reach inside the loops: they cover it, and
-        extend up to one triangle beyond its edges.
+        Adaptive: few triangles where the surface is flat, many where it is curved. The tolerance
+        is that of (u, v) too: a turned disc or cone takes more triangles than its shape alone, as
+        straight lines in (u, v) bend in space. There are no cracks within patches or across shared
+        edges, and closed surfaces are watertight. For a trimmed surface these are all triangles that
+        reach inside the loops: they cover it, and extend up to one triangle beyond its edges.
 
     Raises
     ------
