@@ -318,7 +318,12 @@ MUTANTS = (
     ),
     Mutant(
         "TANGENT of hits on boxes left out", "finish_box",
-        "o, d) < TANGENT_BAND * _reach(", "o, d) < -1.0 * _reach(",
+        "band = TANGENT_BAND * _reach(", "band = -1.0 * _reach(",
+        "the mark at edges", CLOSED,
+    ),
+    Mutant(
+        "marks of boxes passed over", "_is_near_outline",
+        "> 1.5 * band", "> 0.01 * band",
         "the mark at edges", CLOSED,
     ),
     Mutant(
