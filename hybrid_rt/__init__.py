@@ -17,6 +17,7 @@ _HOMES = {
     "Crossings": "intersection.crossings",
     "Dielectric": "materials",
     "Emissive": "materials",
+    "Flag": "core.records",
     "GradientSky": "lights",
     "HitRecord": "core.records",
     "ImageEnvironment": "lights",

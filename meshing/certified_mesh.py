@@ -45,6 +45,11 @@ class CertifiedMesh:
         """Return the number of triangles."""
         return len(self.faces)
 
+    def __repr__(self) -> str:
+        """Count triangles and vertices, and state the deviation."""
+        counts = f"{len(self.faces)} triangles, {len(self.vertices)} vertices"
+        return f"CertifiedMesh({counts}, deviation at most {self.deviation_bound:.3g})"
+
     @cached_property
     def mesh(self) -> trimesh.Trimesh:
         """The triangles as a `trimesh.Trimesh`, for export and for trimesh's own tools."""

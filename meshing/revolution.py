@@ -187,7 +187,10 @@ class SurfaceOfRevolution(ParametricSurface):
 
     def __repr__(self) -> str:
         """Name the number of segments, the axis, and what is special."""
-        words = f"{len(self)} {'rational ' * self.is_rational}segments about {self.axis.tolist()}"
+        words = f"{len(self)} segment{'s' * (len(self) > 1)}"
+        if rational := sum(weights is not None for weights in self.weights):
+            words += f", {rational} of them rational," if rational < len(self) else ", rational,"
+        words += f" about {self.axis.tolist()}"
         if not self.is_whole_turn:
             words += f", u_range={self.u_range}"
         return f"SurfaceOfRevolution({words})"

@@ -123,7 +123,8 @@ def cut(surface: object, tolerance: float, max_triangles: int) -> Cut:
     """
     del tolerance, max_triangles
     raise TypeError(
-        f"tessellate surface is {shown(surface)}: pass BezierPatches, a NurbsSurface or a SurfaceOfRevolution"
+        f"tessellate surface is {shown(surface)}: pass BezierPatches, a NurbsSurface, an Extrusion or a "
+        "SurfaceOfRevolution; other surfaces are met without triangles, and .point(u, v) gives their points"
     )
 
 

@@ -119,8 +119,8 @@ class HitRecord:
         """Return a pandas.DataFrame of n rows, one column per number.
 
         Columns: t, object_id, patch_id, u, v, x, y, z (position), nx, ny, nz (normal), front_face,
-        status (MISS, HIT, TANGENT), flags, t_bound, residual. Lengths are in scene units; t and
-        t_bound are in lengths of each ray's direction.
+        status (MISS, HIT, TANGENT), normal_degenerate, edge (the flags, as bools), t_bound,
+        residual. Lengths are in scene units; t and t_bound are in lengths of each ray's direction.
 
         Raises
         ------
@@ -163,7 +163,8 @@ class HitRecord:
             **dict(zip(("nx", "ny", "nz"), self.normal.T, strict=True)),
             "front_face": self.front_face,
             "status": names[self.status],
-            "flags": self.flags,
+            "normal_degenerate": (self.flags & Flag.NORMAL_DEGENERATE) != 0,
+            "edge": (self.flags & Flag.EDGE) != 0,
             "t_bound": self.t_bound,
             "residual": self.residual,
         }

@@ -7,6 +7,7 @@ import hybrid_rt as rt
 from hybrid_rt import demo
 from hybrid_rt.core.one_line import WIDEST
 from hybrid_rt.core.records import HitRecord
+from meshing import BezierPatches, SurfaceOfRevolution, tessellate
 
 UP = (0.0, 0.0, 1.0)
 LONG = (1.0 / 3.0, -2000.0 / 7.0, 1e-5 / 3.0)
@@ -78,6 +79,23 @@ def test_a_line_is_a_line(thing):
     assert "\n" not in line
     assert line.startswith(f"{type(thing).__name__}(")
     assert line.endswith(")")
+
+
+def test_a_mesh_says_how_fine_it_is():
+    mesh = tessellate(BezierPatches([[[[0, 0, 0], [1, 0, 0]], [[0, 1, 0], [1, 1, 0]]]]), 0.5)
+    assert repr(mesh).startswith("CertifiedMesh(2 triangles, 4 vertices, deviation at most ")
+    assert len(repr(mesh)) <= WIDEST
+
+
+def test_profiles_say_which_segments_are_rational():
+    profile = [[(0, 2), (1, 2)], [(1, 2), (2, 2), (2, 1)]]
+    for weights, words in (
+        (None, "2 segments about"),
+        ([None, [1, 0.7, 1]], "2 segments, 1 of them rational, about"),
+        ([[1, 2], [1, 0.7, 1]], "2 segments, rational, about"),
+    ):
+        part = SurfaceOfRevolution(profile, (0, 0, 0), UP, weights=weights)
+        assert repr(part).startswith(f"SurfaceOfRevolution({words} [0.0, 0.0, 1.0]")
 
 
 def test_an_intersector_says_what_it_holds():

@@ -38,7 +38,8 @@ def test_no_rays_make_a_header(hits, tmp_path):
     hits[:0].to_csv(str(tmp_path / "none.csv"))
     text = (tmp_path / "none.csv").read_text()
     assert text == (
-        "t,object_id,patch_id,u,v,x,y,z,nx,ny,nz,front_face,status,flags,t_bound,residual\n"
+        "t,object_id,patch_id,u,v,x,y,z,nx,ny,nz,front_face,status,"
+        "normal_degenerate,edge,t_bound,residual\n"
     )
 
 
