@@ -1,17 +1,7 @@
 """Points and spheres in double-double: the power of a point, and projection onto a sphere."""
 
-from hybrid_rt.core.kernels.compensated import SPLITTER, two_difference
+from hybrid_rt.core.kernels.compensated import product, two_difference
 from meshing.kernels.jit import inlined, kernel
-
-
-@inlined
-def square(x):
-    """X * x as an unevaluated sum of two numbers."""
-    p = x * x
-    c = SPLITTER * x
-    h = c - (c - x)
-    low = x - h
-    return p, ((h * h - p) + 2.0 * h * low) + low * low
 
 
 @inlined
@@ -27,12 +17,12 @@ def add(high, low, a, b):
 @inlined
 def power_of_point(fx, fy, fz, gx, gy, gz, r):
     """|f + g|^2 - r^2 to within 2**-100 r^2; f is o - c rounded, g its rounding error."""
-    high, low = square(fx)
-    p, q = square(fy)
+    high, low = product(fx, fx)
+    p, q = product(fy, fy)
     high, low = add(high, low, p, q)
-    p, q = square(fz)
+    p, q = product(fz, fz)
     high, low = add(high, low, p, q)
-    p, q = square(r)
+    p, q = product(r, r)
     high, low = add(high, low, -p, -q)
     return high + (low + 2.0 * (fx * gx + fy * gy + fz * gz))
 

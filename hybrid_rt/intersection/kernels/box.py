@@ -58,8 +58,16 @@ def _margin(lo, hi, o, d):
 
 
 @inlined
-def _is_near_outline(lo, hi, o, d, band):
-    """Tell whether `_margin` is below a band; as no slope is above 1, most rays need no roots."""
+def _is_near_outline(lo, hi, o, d, inside, band):
+    """Tell whether `_margin` is below a band.
+
+    No slope is above 1, so the roots in it are at most sqrt(2): where b p - a q is above 1.5 band,
+    they are not needed. Mostly one product tells: b p - a q is p q times the way from a face that is
+    entered to one that is left, which is no shorter than ``inside``, the way inside the box.
+    """
+    least = min(abs(d[0]), abs(d[1]), abs(d[2]))
+    if inside * least * least > 2.0 * band:
+        return False
     for c in range(3):
         p = abs(d[c])
         a = lo[c] - o[c] if d[c] >= 0.0 else o[c] - hi[c]
@@ -73,7 +81,7 @@ def _is_near_outline(lo, hi, o, d, band):
 
 @inlined
 def offer_box(i, k, table, rays, best):
-    """Offer both roots of ray i with box k."""
+    """Offer both roots of ray i with box k, with the way inside it and the band for `finish_box`."""
     lo, hi, object_id = table.lo, table.hi, table.object_id
     o, d, t_min, known = rays.origin[i], rays.direction[i], rays.t_min, rays.known
     enter, leave, goes_on = -np.inf, np.inf, np.inf
@@ -101,28 +109,30 @@ def offer_box(i, k, table, rays, best):
             goes_on = min(goes_on, b)
     if face_in < 0:
         return
-    # How far the ray runs inside, seen across it at the edge between the two faces.
     p, q = abs(d[face_in // 2]), abs(d[face_out // 2])
-    depth = (leave - enter) * (
-        p * q / np.sqrt(p * p + q * q) if face_in // 2 != face_out // 2 else p
-    )
-    rounding = 4.0 * UNIT_ROUNDOFF * reach
-    if depth < band:
-        # By so little that other pairs of faces count: of slabs that the ray runs along t says little.
-        depth = _margin(lo[k], hi[k], o, d)
-    if depth < -rounding or is_beside:
-        if depth > -band and leave > t_min[i]:
-            best.doubt[i] = min(best.doubt[i], leave)
-        return
+    inside = leave - enter
+    # How far the ray runs inside, seen across it at the edge between the two faces: no less than
+    # inside p q / sqrt(2), so mostly no root is needed.
+    if is_beside or not inside * p * q > 1.5 * band:
+        depth = inside * (p * q / np.sqrt(p * p + q * q) if face_in // 2 != face_out // 2 else p)
+        rounding = 4.0 * UNIT_ROUNDOFF * reach
+        if depth < band:
+            # By so little that other pairs of faces count: of slabs that the ray runs along t says
+            # little.
+            depth = _margin(lo[k], hi[k], o, d)
+        if depth < -rounding or is_beside:
+            if depth > -band and leave > t_min[i]:
+                best.doubt[i] = min(best.doubt[i], leave)
+            return
     crossed = 0.0
     if enter > leave:
         # By rounding, at an edge: the point of the ray next to it.
         crossed = enter - leave
         enter = leave = (enter * p * p + leave * q * q) / (p * p + q * q)
     bound = 4.0 * UNIT_ROUNDOFF * abs(enter) + crossed
-    offer(i, enter, bound, p, CLEAR, object_id[k], face_in, 0.0, 0.0, t_min, known, best)
+    offer(i, enter, bound, p, CLEAR, object_id[k], face_in, inside, band, t_min, known, best)
     bound = 4.0 * UNIT_ROUNDOFF * abs(leave) + crossed
-    offer(i, leave, bound, q, CLEAR, object_id[k], face_out, 0.0, 0.0, t_min, known, best)
+    offer(i, leave, bound, q, CLEAR, object_id[k], face_out, inside, band, t_min, known, best)
     if is_known(i, leave, bound, q, known) and (goes_on - leave) * q < band:
         # It leaves the face so slowly that it passes the next one within the band.
         best.doubt[i] = min(best.doubt[i], goes_on)
@@ -142,8 +152,7 @@ def trace_boxes(table, rays, best, any_hit):
 def finish_box(table, k, rays, best, i, out):
     """Describe the hit of ray i on box k."""
     o, d, t = rays.origin[i], rays.direction[i], best.t[i]
-    band = TANGENT_BAND * _reach(table.lo[k], table.hi[k], o)
-    if _is_near_outline(table.lo[k], table.hi[k], o, d, band):
+    if _is_near_outline(table.lo[k], table.hi[k], o, d, best.a[i], best.b[i]):
         best.tangent[i] = WITHIN_BAND
     face = best.primitive[i]
     axis = face // 2

@@ -318,12 +318,12 @@ MUTANTS = (
     ),
     Mutant(
         "TANGENT of hits on boxes left out", "finish_box",
-        "band = TANGENT_BAND * _reach(", "band = -1.0 * _reach(",
+        "best.tangent[i] = WITHIN_BAND", "best.tangent[i] = best.tangent[i]",
         "the mark at edges", CLOSED,
     ),
     Mutant(
         "marks of boxes passed over", "_is_near_outline",
-        "> 1.5 * band", "> 0.01 * band",
+        "> 2.0 * band", "> 0.01 * band",
         "the mark at edges", CLOSED,
     ),
     Mutant(
