@@ -4,8 +4,18 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from hybrid_rt.intersection.kernels.search.nearest import CLEAR, WITHIN_BAND, is_known, offer
-from hybrid_rt.intersection.kernels.search.tolerances import TANGENT_BAND, UNIT_ROUNDOFF
+from hybrid_rt.intersection.kernels.search.nearest import (
+    CLEAR,
+    WITHIN_BAND,
+    doubt_start,
+    is_known,
+    offer,
+)
+from hybrid_rt.intersection.kernels.search.tolerances import (
+    NEARLY_WITHIN,
+    TANGENT_BAND,
+    UNIT_ROUNDOFF,
+)
 from meshing.kernels.jit import hot_kernel, inlined, inner
 
 
@@ -133,6 +143,9 @@ def offer_box(i, k, table, rays, best):
     offer(i, enter, bound, p, CLEAR, object_id[k], face_in, inside, band, t_min, known, best)
     bound = 4.0 * UNIT_ROUNDOFF * abs(leave) + crossed
     offer(i, leave, bound, q, CLEAR, object_id[k], face_out, inside, band, t_min, known, best)
+    if min(p, q) < NEARLY_WITHIN:
+        doubt_start(i, enter, p, band, t_min, known, best)
+        doubt_start(i, leave, q, band, t_min, known, best)
     if is_known(i, leave, bound, q, known) and (goes_on - leave) * q < band:
         # It leaves the face so slowly that it passes the next one within the band.
         best.doubt[i] = min(best.doubt[i], goes_on)

@@ -5,8 +5,12 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from hybrid_rt.core.kernels.compensated import product, two_difference
-from hybrid_rt.intersection.kernels.search.nearest import offer
-from hybrid_rt.intersection.kernels.search.tolerances import UNIT_ROUNDOFF
+from hybrid_rt.intersection.kernels.search.nearest import CLEAR, doubt_start, offer
+from hybrid_rt.intersection.kernels.search.tolerances import (
+    NEARLY_WITHIN,
+    TANGENT_BAND,
+    UNIT_ROUNDOFF,
+)
 from meshing.kernels.jit import hot_kernel, inlined, inner
 
 
@@ -30,13 +34,14 @@ def plane_table(planes, object_id):
 
 
 @inner
-def _rest_of_dot(n, d):
-    """Return the scalar product of two vectors for which it rounds to 0."""
+def _exact_dot(n, d):
+    """Return the scalar product of two vectors for which most of it cancels, to 2^-100 of them."""
     p, e = product(n[0], d[0])
     q, f = product(n[1], d[1])
     r, g = product(n[2], d[2])
     s, h = two_difference(p, -q)
-    return (s + r) + (h + (e + f + g))
+    t, k = two_difference(s, -r)
+    return t + (k + h + (e + f + g))
 
 
 @inlined
@@ -45,9 +50,10 @@ def offer_plane(i, k, table, rays, best):
     o, d = rays.origin[i], rays.direction[i]
     c, n = table.origin[k], table.normal[k]
     n_dot_d = n[0] * d[0] + n[1] * d[1] + n[2] * d[2]
-    if n_dot_d == 0.0:
+    is_nearly_within = abs(n_dot_d) < NEARLY_WITHIN
+    if is_nearly_within:
         # A plane has no end: what rounding hides in this product may bring a root, far away.
-        n_dot_d = _rest_of_dot(n, d)
+        n_dot_d = _exact_dot(n, d)
         if n_dot_d == 0.0:
             return
     wx, ex = two_difference(o[0], c[0])
@@ -60,10 +66,10 @@ def offer_plane(i, k, table, rays, best):
     # As for parallelograms; the rounding of n.d itself counts for distant points.
     error = UNIT_ROUNDOFF * (8.0 * away + 6.0 * abs(t) * length)
     t_bound = error / slope + 4.0 * UNIT_ROUNDOFF * abs(t)
-    # Below that n.d has no digits, perhaps not even the right sign.
-    within = slope <= 8.0 * UNIT_ROUNDOFF * length
+    if is_nearly_within:
+        doubt_start(i, t, slope, TANGENT_BAND * away, rays.t_min, rays.known, best)
     offer(
-        i, t, t_bound, slope, within, table.object_id[k], 0, 0.0, 0.0,
+        i, t, t_bound, slope, CLEAR, table.object_id[k], 0, 0.0, 0.0,
         rays.t_min, rays.known, best,
     )  # fmt: skip
 

@@ -14,15 +14,23 @@ from hybrid_rt.intersection.kernels.reach import (
     parallelogram_columns,
     parallelograms_in_reach,
 )
-from hybrid_rt.intersection.kernels.search.nearest import CLEAR, WITHIN_BAND, doubt, is_known, offer
+from hybrid_rt.intersection.kernels.search.nearest import (
+    CLEAR,
+    WITHIN_BAND,
+    doubt,
+    doubt_start,
+    offer,
+)
 from hybrid_rt.intersection.kernels.search.rays import EDGE
-from hybrid_rt.intersection.kernels.search.tolerances import TANGENT_BAND, UNIT_ROUNDOFF
+from hybrid_rt.intersection.kernels.search.tolerances import (
+    NEARLY_WITHIN,
+    TANGENT_BAND,
+    UNIT_ROUNDOFF,
+)
 from hybrid_rt.intersection.kernels.search.trims import NEARBY, decide, has_gap, side_of_tile
 from meshing.kernels.jit import hot_kernel, inlined, inner
 from meshing.kernels.trims import CROSSED, INSIDE, OUTSIDE
 
-# Rays that meet a parallelogram's plane at a smaller cosine are met along it.
-FLAT = 1e-9
 # A quotient is more than a number if its dividend is by this more than number x divisor.
 BEYOND = 1.0 + 2.0**-50
 
@@ -139,12 +147,8 @@ def _offer_nearly_within(i, k, table, n_dot_d, rays, best):
     u, v = min(max(u + t * du, 0.0), 1.0), min(max(v + t * dv, 0.0), 1.0)
     tangent = WITHIN_BAND if depth < band else CLEAR
     is_kept, is_within, edge = _side_of_loops(i, k, u, v, t, band, table.trim, table, rays, best)
-    # The band moves the root by so much that it may be ahead although this one is behind.
-    reach = band / slope
-    if is_within and min(t + reach, high) > rays.t_min[i] >= t:
-        if not is_known(i, t, reach, slope, rays.known):
-            best.doubt[i] = min(best.doubt[i], rays.t_min[i])
-        return
+    if is_kept or is_within:
+        doubt_start(i, t, slope, band, rays.t_min, rays.known, best)
     if not is_kept:
         return
     tangent = WITHIN_BAND if is_within else tangent
@@ -196,7 +200,7 @@ def offer_parallelogram(i, k, table, rays, best):
     ox, oy, oz, dx, dy, dz = o[0], o[1], o[2], d[0], d[1], d[2]
     nx, ny, nz = normal[k, 0], normal[k, 1], normal[k, 2]
     n_dot_d = nx * dx + ny * dy + nz * dz
-    if abs(n_dot_d) < FLAT:
+    if abs(n_dot_d) < NEARLY_WITHIN:
         _offer_nearly_within(i, k, table, n_dot_d, rays, best)
         return
     wx, ex = two_difference(ox, corner[k, 0])

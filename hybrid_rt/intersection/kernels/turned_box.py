@@ -8,8 +8,12 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from hybrid_rt.core.kernels.compensated import two_difference
-from hybrid_rt.intersection.kernels.search.nearest import CLEAR, WITHIN_BAND, offer
-from hybrid_rt.intersection.kernels.search.tolerances import TANGENT_BAND, UNIT_ROUNDOFF
+from hybrid_rt.intersection.kernels.search.nearest import CLEAR, WITHIN_BAND, doubt_start, offer
+from hybrid_rt.intersection.kernels.search.tolerances import (
+    NEARLY_WITHIN,
+    TANGENT_BAND,
+    UNIT_ROUNDOFF,
+)
 from meshing.kernels.jit import hot_kernel, inlined, inner
 
 
@@ -168,6 +172,9 @@ def _offer_turned_box(i, k, table, rays, best):
         # By rounding, at an edge: a point of the ray next to it.
         crossed = enter - leave
         enter = leave = (enter * p * p + leave * q * q) / (p * p + q * q)
+    if min(p, q) < NEARLY_WITHIN:
+        doubt_start(i, enter, p, band, t_min, known, best)
+        doubt_start(i, leave, q, band, t_min, known, best)
     # What is passed by because the ray has left there is met by the ray as rounding has put it: at
     # another face than that of its departure this is a matter of rounding.
     if not ((has_left or starts_there) and enter >= start):

@@ -7,6 +7,7 @@ for certain is noted by `doubt`.
 
 from typing import Any, NamedTuple
 
+from hybrid_rt.intersection.kernels.search.tolerances import NEARLY_WITHIN
 from meshing.kernels.jit import inlined, inner
 
 
@@ -104,3 +105,16 @@ def doubt(i, t, band, t_min, known, best):
     """Note that the surface passes within the band (world) of ray i at t, and is not met there."""
     if t > t_min[i] and not is_known(i, t, 8.0 * band, 1.0, known):
         best.doubt[i] = min(best.doubt[i], t)
+
+
+@inner
+def doubt_start(i, t, n_dot_d, band, t_min, known, best):
+    """Note if rounding decides whether ray i begins before or behind a plane that it meets at t.
+
+    The band (world) moves the root by itself over the slope ``n_dot_d``: far, where the ray runs nearly
+    within the plane. Other rays that begin on a surface are not marked.
+    """
+    reach = band / n_dot_d
+    is_there = n_dot_d < NEARLY_WITHIN and abs(t - t_min[i]) <= reach
+    if is_there and not is_known(i, t, reach, n_dot_d, known):
+        best.doubt[i] = min(best.doubt[i], t_min[i])
