@@ -143,9 +143,12 @@ def offer_box(i, k, table, rays, best):
     offer(i, enter, bound, p, CLEAR, object_id[k], face_in, inside, band, t_min, known, best)
     bound = 4.0 * UNIT_ROUNDOFF * abs(leave) + crossed
     offer(i, leave, bound, q, CLEAR, object_id[k], face_out, inside, band, t_min, known, best)
-    if min(p, q) < NEARLY_WITHIN:
-        doubt_start(i, enter, p, band, t_min, known, best)
-        doubt_start(i, leave, q, band, t_min, known, best)
+    if min(abs(d[0]), abs(d[1]), abs(d[2])) < NEARLY_WITHIN:
+        for c in range(3):
+            if d[c] != 0.0:
+                for bound in (lo[k, c], hi[k, c]):
+                    t = (bound - o[c]) / d[c]
+                    doubt_start(i, t, abs(d[c]), enter, leave, band, t_min, known, best)
     if is_known(i, leave, bound, q, known) and (goes_on - leave) * q < band:
         # It leaves the face so slowly that it passes the next one within the band.
         best.doubt[i] = min(best.doubt[i], goes_on)

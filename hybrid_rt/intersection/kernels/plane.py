@@ -67,7 +67,8 @@ def offer_plane(i, k, table, rays, best):
     error = UNIT_ROUNDOFF * (8.0 * away + 6.0 * abs(t) * length)
     t_bound = error / slope + 4.0 * UNIT_ROUNDOFF * abs(t)
     if is_nearly_within:
-        doubt_start(i, t, slope, TANGENT_BAND * away, rays.t_min, rays.known, best)
+        band = TANGENT_BAND * away
+        doubt_start(i, t, slope, -np.inf, np.inf, band, rays.t_min, rays.known, best)
     offer(
         i, t, t_bound, slope, CLEAR, table.object_id[k], 0, 0.0, 0.0,
         rays.t_min, rays.known, best,

@@ -148,7 +148,7 @@ def _offer_nearly_within(i, k, table, n_dot_d, rays, best):
     tangent = WITHIN_BAND if depth < band else CLEAR
     is_kept, is_within, edge = _side_of_loops(i, k, u, v, t, band, table.trim, table, rays, best)
     if is_kept or is_within:
-        doubt_start(i, t, slope, band, rays.t_min, rays.known, best)
+        doubt_start(i, t, slope, low, high, band, rays.t_min, rays.known, best)
     if not is_kept:
         return
     tangent = WITHIN_BAND if is_within else tangent

@@ -112,6 +112,7 @@ def _offer_turned_box(i, k, table, rays, best):
     latest_in, earliest_out = -np.inf, np.inf
     face_in = face_out = -1
     p = q = 0.0
+    least = np.inf
     for c in range(3):
         below = _dot(normal, k, c, wx, wy, wz) + _dot(normal, k, c, ex, ey, ez)
         slope = _dot(normal, k, c, dx, dy, dz)
@@ -120,6 +121,7 @@ def _offer_turned_box(i, k, table, rays, best):
                 return
             is_beside |= below < 0.0 or below > depth[k, c]
             continue
+        least = min(least, abs(slope))
         height = below + start * slope
         if abs(height) <= reach:
             has_left |= slope < 0.0
@@ -172,9 +174,14 @@ def _offer_turned_box(i, k, table, rays, best):
         # By rounding, at an edge: a point of the ray next to it.
         crossed = enter - leave
         enter = leave = (enter * p * p + leave * q * q) / (p * p + q * q)
-    if min(p, q) < NEARLY_WITHIN:
-        doubt_start(i, enter, p, band, t_min, known, best)
-        doubt_start(i, leave, q, band, t_min, known, best)
+    if least < NEARLY_WITHIN:
+        for c in range(3):
+            below = _dot(normal, k, c, wx, wy, wz) + _dot(normal, k, c, ex, ey, ez)
+            slope = _dot(normal, k, c, dx, dy, dz)
+            if slope != 0.0:
+                for bound in (0.0, depth[k, c]):
+                    t = (bound - below) / slope
+                    doubt_start(i, t, abs(slope), enter, leave, band, t_min, known, best)
     # What is passed by because the ray has left there is met by the ray as rounding has put it: at
     # another face than that of its departure this is a matter of rounding.
     if not ((has_left or starts_there) and enter >= start):

@@ -58,6 +58,15 @@ def test_the_face_that_a_ray_leaves_is_no_matter_of_rounding(tracer):
         assert hits.status[0] == Status.MISS
 
 
+@pytest.mark.parametrize("side", [-1, 1])
+def test_a_ray_along_two_faces_at_once(side):
+    """The start is within the band of one face only; of the other the ray has long been inside."""
+    origin, direction = (0.0, 0.5, side * 0.01 * BAND), (1.0, 1e-13, -1e-13)
+    for box, turn in ((FLAT["box"], np.eye(3)), (FLAT["box"].transformed(TURN), TURN[:3, :3])):
+        hits = Intersector([box]).intersect(turn @ origin, turn @ direction)
+        assert hits.status[0] == Status.TANGENT
+
+
 def test_a_turned_box_says_the_same():
     box = FLAT["box"].transformed(TURN)
     turn = TURN[:3, :3]

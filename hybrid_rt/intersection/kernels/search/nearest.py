@@ -108,13 +108,16 @@ def doubt(i, t, band, t_min, known, best):
 
 
 @inner
-def doubt_start(i, t, n_dot_d, band, t_min, known, best):
+def doubt_start(i, t, n_dot_d, low, high, band, t_min, known, best):
     """Note if rounding decides whether ray i begins before or behind a plane that it meets at t.
 
-    The band (world) moves the root by itself over the slope ``n_dot_d``: far, where the ray runs nearly
-    within the plane. Other rays that begin on a surface are not marked.
+    The surface has a part of the plane from ``low`` to ``high``. The band (world) moves the root by
+    itself over the slope ``n_dot_d``: far, where the ray runs nearly within the plane. Other rays that
+    begin on a surface are not marked.
     """
-    reach = band / n_dot_d
-    is_there = n_dot_d < NEARLY_WITHIN and abs(t - t_min[i]) <= reach
+    if not 0.0 < n_dot_d < NEARLY_WITHIN:
+        return
+    start, reach = t_min[i], band / n_dot_d
+    is_there = abs(t - start) <= reach and low <= start + reach and high >= start - reach
     if is_there and not is_known(i, t, reach, n_dot_d, known):
-        best.doubt[i] = min(best.doubt[i], t_min[i])
+        best.doubt[i] = min(best.doubt[i], start)
