@@ -7,7 +7,7 @@ from numpy.typing import ArrayLike
 
 from hybrid_rt.core import checks
 from hybrid_rt.core.records import FloatArray
-from meshing.checks import as_affine, broadcast_parameters
+from meshing.checks import as_affine, broadcast_parameters, freeze
 from meshing.surface import Surface
 
 
@@ -35,6 +35,11 @@ class Plane(Surface):
     def __init__(self, point: ArrayLike, normal: ArrayLike) -> None:
         self.origin = checks.as_vector(point, "Plane point", up_to=checks.FARTHEST)
         self.unit_normal = checks.as_direction(normal, "Plane normal")
+        given = checks.as_vector(normal, "Plane normal")
+        _, exponent = np.frexp(np.abs(given).max())
+        #: (3,) The normal as given, times the power of 2 that brings its largest coordinate into
+        #: [1, 2). `unit_normal` is rounded: far along a ray nearly within the plane that shows.
+        self.exact_normal = freeze(np.ldexp(given, 1 - exponent))
 
     @property
     def axes(self) -> tuple[int, int]:
@@ -128,13 +133,13 @@ class Plane(Surface):
         # Inverse transpose; the sign of the determinant keeps S_u x S_v on its side. The length of
         # the normal is free: scaled, no determinant overflows.
         plain = linear / np.abs(linear).max()
-        normal = np.linalg.solve(plain.T, self.unit_normal) * np.sign(np.linalg.det(plain))
+        normal = np.linalg.solve(plain.T, self.exact_normal) * np.sign(np.linalg.det(plain))
         return Plane(linear @ self.origin + shift, normal)
 
     def flipped(self) -> Plane:
         """Return the same plane with its normal reversed."""
-        return Plane(self.origin, -self.unit_normal)
+        return Plane(self.origin, -self.exact_normal)
 
     def __repr__(self) -> str:
         """Say which plane this is."""
-        return f"Plane(point={self.origin.tolist()}, normal={self.unit_normal.tolist()})"
+        return f"Plane(point={self.origin.tolist()}, normal={self.exact_normal.tolist()})"

@@ -19,6 +19,7 @@ class PlaneTable(NamedTuple):
 
     origin: Any  # (k, 3)
     normal: Any  # (k, 3) unit
+    exact_normal: Any  # (k, 3) not rounded, of any length
     axes: Any  # (k, 2) int64: the coordinates whose fractions are (u, v)
     object_id: Any  # (k,) int32
 
@@ -28,6 +29,7 @@ def plane_table(planes, object_id):
     return PlaneTable(
         origin=np.array([p.origin for p in planes]).reshape(-1, 3),
         normal=np.array([p.unit_normal for p in planes]).reshape(-1, 3),
+        exact_normal=np.array([p.exact_normal for p in planes]).reshape(-1, 3),
         axes=np.array([p.axes for p in planes], np.int64).reshape(-1, 2),
         object_id=object_id,
     )
@@ -52,8 +54,10 @@ def offer_plane(i, k, table, rays, best):
     n_dot_d = n[0] * d[0] + n[1] * d[1] + n[2] * d[2]
     is_nearly_within = abs(n_dot_d) < NEARLY_WITHIN
     if is_nearly_within:
-        # A plane has no end: what rounding hides in this product may bring a root, far away.
-        n_dot_d = _exact_dot(n, d)
+        # A plane has no end: what rounding hides in this product, or in the unit normal, may bring
+        # a root, far away.
+        m = table.exact_normal[k]
+        n_dot_d = _exact_dot(m, d) / np.sqrt(m[0] * m[0] + m[1] * m[1] + m[2] * m[2])
         if n_dot_d == 0.0:
             return
     wx, ex = two_difference(o[0], c[0])

@@ -78,16 +78,17 @@ def test_a_turned_box_says_the_same():
 
 def test_a_plane_is_met_however_far():
     """The slope keeps its digits where the products of normal and direction cancel."""
-    normal = np.array([3.0, 4.0, 12.0]) / 13.0
+    normal = np.array([3.0, 4.0, 12.0])
     along = np.array([4.0, -3.0, 0.0]) / 5.0
     plane = Plane((0, 0, 0), normal)
-    exact = plane.unit_normal
+    exact = plane.unit_normal  # rounded: the slopes below are those to the normal as given
     for slope in (1e-13, 1e-15):
         direction = along - slope * exact
         origin = exact * 1e-3
         down, up = (
             sum(
-                Fraction(n) * Fraction(x) for n, x in zip(exact.tolist(), way.tolist(), strict=True)
+                Fraction(n) * Fraction(x)
+                for n, x in zip(normal.tolist(), way.tolist(), strict=True)
             )
             for way in (direction, origin)
         )
@@ -97,3 +98,21 @@ def test_a_plane_is_met_however_far():
             assert abs(Fraction(float(hits.t[0])) + up / down) <= Fraction(float(hits.t_bound[0]))
         else:
             assert not hits.hit[0]
+
+
+def test_rays_parallel_to_a_slanted_plane_never_meet_it():
+    """The rounded unit normal of most of these planes is not across the ray: it would be met at 1e16."""
+    rng = np.random.default_rng(1)
+    normals, others, origins = rng.integers(-9, 10, (3, 200, 3)).astype(float)
+    for normal, other, origin in zip(normals, others, origins, strict=True):
+        along = np.cross(normal, other)
+        if not along.any() or origin @ normal == 0.0:
+            continue
+        for length in (1.0, 2.0**900, 2.0**-900):
+            plane = Plane((0, 0, 0), length * normal)
+            hits = Intersector([plane]).intersect(origin, [along, -along])
+            assert (hits.status == Status.MISS).all()
+        np.testing.assert_array_equal(plane.exact_normal @ along, 0.0)
+        mirrored = plane.flipped().transformed(np.diag([2.0, 2.0, 2.0, 1.0]))
+        hits = Intersector([mirrored]).intersect(origin, [along, -along])
+        assert (hits.status == Status.MISS).all()

@@ -32,18 +32,18 @@ def rays_with_lost_products(normal, n, seed):
 
 def test_a_plane_is_met_far_away_or_tangent():
     plane = Plane((0.1, 0.2, 0.3), (1.0, 2.0, 3.0))
-    d = rays_with_lost_products(plane.unit_normal, 200, 1)
+    d = rays_with_lost_products(plane.exact_normal, 200, 1)
     o = plane.origin + np.random.default_rng(2).normal(size=d.shape)
     hits = Intersector(plane).intersect(o, d)
     gap = [
         exact_dot(
-            plane.unit_normal,
+            plane.exact_normal,
             [Fraction(float(x)) - Fraction(float(y)) for x, y in zip(p, plane.origin, strict=True)],
         )
         for p in o
     ]
     is_met = np.array(
-        [-g / exact_dot(plane.unit_normal, w) > 0 for g, w in zip(gap, d, strict=True)]
+        [-g / exact_dot(plane.exact_normal, w) > 0 for g, w in zip(gap, d, strict=True)]
     )
     assert is_met.any()
     assert not is_met.all()

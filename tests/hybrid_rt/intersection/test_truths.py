@@ -1,5 +1,7 @@
 """First hits against closed forms and against mpmath at 60 digits."""
 
+from fractions import Fraction
+
 import mpmath
 import numpy as np
 import pytest
@@ -98,8 +100,12 @@ def test_boxes_rectangles_and_planes():
     np.testing.assert_array_equal(hits.front_face[:4], [True, False, False, True])
 
 
-def test_rays_within_a_plane_up_to_rounding_say_tangent():
-    """n.d is 1.4e-18, three roundings below 2^-53: its sign is not known, nor is that of t."""
+def _exact_dot(a, b):
+    return sum(Fraction(x) * Fraction(y) for x, y in zip(a, b, strict=True))
+
+
+def test_rays_within_a_plane_up_to_rounding_are_decided_by_their_exact_slope():
+    """n.d is 1.4e-18, in float64 -1e-17: the plane is 2.6e7 behind the ray, not 3.5e6 ahead of it."""
     normal = [float.fromhex(x) for x in (
         "0x1.b5635f974609ap-1", "-0x1.0901539a02813p-1", "-0x1.8a78205293f0ep-5",
     )]  # fmt: skip
@@ -114,8 +120,13 @@ def test_rays_within_a_plane_up_to_rounding_say_tangent():
     )]  # fmt: skip
     plane = Plane(point, normal)
     hits = Intersector([plane], coarse="none").intersect(origin, direction)
-    assert hits.status[0] == Status.TANGENT
-    # Well above rounding there is no need.
+    gap = [Fraction(a) - Fraction(b) for a, b in zip(point, origin, strict=True)]
+    t = _exact_dot(normal, gap) / _exact_dot(normal, direction)
+    assert -2.6e7 < t < -2.5e7
+    assert hits.status[0] == Status.MISS
+    back = Intersector([plane]).intersect(origin, -np.array(direction))
+    assert back.status[0] == Status.HIT
+    assert abs(Fraction(float(back.t[0])) + t) <= Fraction(float(back.t_bound[0]))
     steeper = np.array(direction) - 1e-13 * plane.unit_normal
     assert Intersector([plane]).intersect(origin, steeper).status[0] == Status.HIT
 

@@ -33,13 +33,13 @@ CLEAR = 1e-9
 
 
 class ExactPlane(ExactSurface, of=Plane):
-    """Exact crossings with a plane, given by a point and the unit normal, floats taken as exact."""
+    """Exact crossings with a plane, given by a point and a normal, floats taken as exact."""
 
     surface: Plane
 
     def crosser(self) -> Crosser:
         """Return a function that finds the crossing."""
-        at, normal = rationals(self.surface.origin), rationals(self.surface.unit_normal)
+        at, normal = rationals(self.surface.origin), rationals(self.surface.exact_normal)
 
         def crossings(o: RationalVector, d: RationalVector) -> list[Crossing]:
             slope = dot(normal, d)

@@ -87,14 +87,14 @@ class FlatFilter(SurfaceFilter, of=Rectangle):
 
 
 class PlaneFilter(FlatFilter, of=Plane):
-    """A point and a unit normal, floats taken for exact."""
+    """A point and a normal, floats taken for exact."""
 
     surface: Plane
     shape = faces.PLANE
 
     def __init__(self, surface: Plane) -> None:
         super().__init__(surface)
-        normal = _balls(fractions([surface.unit_normal]))
+        normal = _balls(fractions([surface.exact_normal]))
         self._table = self._table._replace(normals=normal)
 
     def gap(

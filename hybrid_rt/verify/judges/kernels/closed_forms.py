@@ -260,7 +260,7 @@ def plane_events(at, normal, object_id, first_ray, origins, directions, events):
         if sh == 0.0:
             continue
         t, _ = divide(gh, gl, sh, sl)
-        cosine = abs(sh) / length
+        cosine = abs(sh) / (length * _length(normal))
         # A plane has no size: its scale is how far away the ray meets it.
         band = max(band, BAND * abs(t) * length)
         kind = ROOT if cosine > BAND else DOUBTFUL

@@ -20,7 +20,7 @@ class PlaneJudge(SurfaceJudge, of=Plane):
 
     def worker(self, object_id: int) -> Worker:
         """Return a function that meets the plane."""
-        at, normal = np.array(self.surface.origin), np.array(self.surface.unit_normal)
+        at, normal = np.array(self.surface.origin), np.array(self.surface.exact_normal)
         return lambda first, o, d, _low, out: closed_forms.plane_events(
             at, normal, object_id, first, o, d, out
         )
@@ -29,7 +29,7 @@ class PlaneJudge(SurfaceJudge, of=Plane):
         """Return a function that meets the plane to many digits."""
         from hybrid_rt.verify.judges.digits import numbers, on_plane
 
-        at, normal = numbers(self.surface.origin), numbers(self.surface.unit_normal)
+        at, normal = numbers(self.surface.origin), numbers(self.surface.exact_normal)
         return lambda _patch, _u, _v, _t, o, d: on_plane(at, normal, o, d)
 
     def gap(
