@@ -199,6 +199,16 @@ MUTANTS = (
         "bound of t", CLOSED,
     ),
     Mutant(
+        "slopes along planes rounded", "offer_plane",
+        "is_nearly_within = abs(n_dot_d) < NEARLY_WITHIN", "is_nearly_within = False",
+        "roots far along a plane", CLOSED,
+    ),
+    Mutant(
+        "starts on planes not marked", "doubt_start",
+        "if not 0.0 < n_dot_d < NEARLY_WITHIN:", "if True:",
+        "the mark where a ray begins on a plane", CLOSED,
+    ),
+    Mutant(
         "TANGENT of boxes 64 times as narrow", "offer_box",
         "band = TANGENT_BAND * reach", "band = TANGENT_BAND / 64 * reach",
         "the mark at edges", CLOSED,
