@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from hybrid_rt.core.kernels.arctangent import angle_of
 from hybrid_rt.core.kernels.compensated import product, two_difference
 from hybrid_rt.core.kernels.sphere_points import onto_sphere, power_of_point
 from hybrid_rt.intersection.kernels.reach import (
@@ -105,7 +106,7 @@ def _look(i, k, t, table, rays):
     x, y, z = turned(
         table.frame[k], fx + t * d[0] + gx, fy + t * d[1] + gy, fz + t * d[2] + gz
     )  # fmt: skip
-    v = np.arctan2(np.sqrt(x * x + y * y), -z) / np.pi
+    v = angle_of(np.sqrt(x * x + y * y), -z) / np.pi
     return x, y, z, min(max(v, 0.0), 1.0)
 
 
@@ -338,7 +339,7 @@ def finish_sphere(table, k, rays, best, i, out):
     a, b, h = turned(e, x, y, z)
     if table.trim is None or best.a[i] == LATER:
         out.u[i] = share_of_turn(b, a)
-        out.v[i] = min(max(np.arctan2(np.sqrt(a * a + b * b), -h) / np.pi, 0.0), 1.0)
+        out.v[i] = min(max(angle_of(np.sqrt(a * a + b * b), -h) / np.pi, 0.0), 1.0)
     else:
         out.u[i], out.v[i] = best.a[i], best.b[i]
     out.patch_id[i] = 0

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from hybrid_rt.core.kernels.arctangent import angle_of
 from hybrid_rt.intersection.kernels.revolution.loops import TURN, side_by_curves, turn_within
 from hybrid_rt.intersection.kernels.revolution.outlines import is_outline
 from hybrid_rt.intersection.kernels.revolution.profile import (
@@ -125,7 +126,7 @@ def finish_revolutions(table, rays, best, row_of, ray, out):
             out.position[i, c] = table.middle[k, c] + local / to_frame
             out.normal[i, c] = nr * (ex * e[0, c] + ey * e[1, c]) + nz * e[2, c]
         share = table.part[k, SHARE]
-        turn = turn_within(np.arctan2(ey, ex) / TURN, table.part[k, BEGIN], share)
+        turn = turn_within(angle_of(ey, ex) / TURN, table.part[k, BEGIN], share)
         out.u[i] = min(turn / share, 1.0)
         slope = abs(nr * rate + nz * ray[RISE]) / ray[LENGTH]
         band, along = ray[BAND], TURN * max(r, 0.0)

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from hybrid_rt.core.kernels.arctangent import angle_of
 from hybrid_rt.intersection.kernels.revolution.outlines import keep_doubt
 from hybrid_rt.intersection.kernels.revolution.profile import (
     END_NEXT,
@@ -55,7 +56,7 @@ def turn_of(trim, k, ray, t):
     """Return the angle of the ray at t on the surface of row k, see `turn_within`."""
     w, side = ray[WAY] + t * ray[ACROSS], ray[SIDE]
     x, y = w * ray[COSINE] - side * ray[SINE], w * ray[SINE] + side * ray[COSINE]
-    return turn_within(np.arctan2(y, x) / TURN, trim.scale[k, BEGIN], trim.scale[k, SHARE])
+    return turn_within(angle_of(y, x) / TURN, trim.scale[k, BEGIN], trim.scale[k, SHARE])
 
 
 @inner

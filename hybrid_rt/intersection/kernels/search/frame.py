@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from hybrid_rt.core.kernels.arctangent import angle_of
 from hybrid_rt.core.kernels.compensated import advance, two_difference
 from hybrid_rt.intersection.kernels.search.tolerances import TANGENT_BAND, UNIT_ROUNDOFF
 from meshing.kernels.jit import inlined
@@ -193,6 +194,6 @@ def turned_point(i, rays, t, c, e, to_frame):
 @inlined
 def share_of_turn(y, x):
     """Return the angle of (x, y) in whole turns, from 0 to below 1."""
-    turn = np.arctan2(y, x) / (2.0 * np.pi)
+    turn = angle_of(y, x) / (2.0 * np.pi)
     turn -= np.floor(turn)
     return turn if turn < 1.0 else 0.0
