@@ -13,7 +13,7 @@ from hybrid_rt.intersection.kernels.asphere.solve import (
 from hybrid_rt.intersection.kernels.asphere.table import bounds_between
 from hybrid_rt.intersection.kernels.search.nearest import doubt, offer
 from hybrid_rt.intersection.kernels.search.tolerances import MAX_PIECES, UNIT_ROUNDOFF
-from meshing.kernels.jit import inner
+from meshing.kernels.jit import inlined, inner
 
 # Halvings of the ray: shorter pieces than 2^-48 are points.
 DEPTH = 48
@@ -56,7 +56,7 @@ def offer_sag_root(i, k, line, s, near, shift, per_t, rims, table, rays, best):
     )  # fmt: skip
 
 
-@inner
+@inlined
 def search(i, k, line, lo, hi, shift, per_t, rims, table, rays, best):
     """Offer the roots of g in [lo, hi], one after the other, until one is taken."""
     coefficient, band = table.coefficient, rims[2]

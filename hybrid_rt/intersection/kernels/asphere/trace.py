@@ -36,13 +36,13 @@ from hybrid_rt.intersection.kernels.search.frame import (
 )
 from hybrid_rt.intersection.kernels.search.rays import EDGE
 from hybrid_rt.intersection.kernels.search.trims import has_gap
-from meshing.kernels.jit import hot_kernel, inner
+from meshing.kernels.jit import hot_kernel, inlined, inner
 
 # The origin of s is moved to the point nearest the axis unless that is farther away than this.
 NEAR_AXIS = 2.5
 
 
-@inner
+@inlined
 def offer_asphere(i, k, table, rays, best):
     """Offer the first root of ray i with asphere k."""
     to_frame = table.to_frame[k]

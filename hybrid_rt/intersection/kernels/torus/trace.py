@@ -59,13 +59,13 @@ from hybrid_rt.intersection.kernels.torus.solve import (
     guess_root,
     look,
 )
-from meshing.kernels.jit import hot_kernel, inner
+from meshing.kernels.jit import hot_kernel, inlined, inner
 
 # The origin of s is moved to the point nearest the axis unless that is farther away than this.
 NEAR_AXIS = 2.5
 
 
-@inner
+@inlined
 def offer_torus(i, k, table, rays, best):
     """Offer the roots of ray i with torus k, one after the other, until one is taken."""
     to_frame, major, minor = table.to_frame[k], table.major[k], table.minor[k]
