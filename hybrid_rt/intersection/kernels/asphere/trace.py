@@ -112,7 +112,7 @@ def trace_aspheres(table, rays, best, any_hit):
         for k in range(size.shape[0]):
             if any_hit and best.object_id[i] >= 0:
                 break
-            # Most rays clearly pass the ball around an asphere: they are not worth a call.
+            # Most rays clearly pass the ball around an asphere: there is nothing to solve.
             if not clearly_passes(
                 origin[i, 0], origin[i, 1], origin[i, 2], dx, dy, dz, dd,
                 center[k, 0], center[k, 1], center[k, 2], size[k],

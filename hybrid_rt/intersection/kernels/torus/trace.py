@@ -175,7 +175,7 @@ def trace_tori(table, rays, best, any_hit):
         for k in range(size.shape[0]):
             if any_hit and best.object_id[i] >= 0:
                 break
-            # Most rays clearly pass the ball around a torus: they are not worth a call.
+            # Most rays clearly pass the ball around a torus: there is nothing to solve.
             if not clearly_passes(
                 origin[i, 0], origin[i, 1], origin[i, 2], dx, dy, dz, dd,
                 center[k, 0], center[k, 1], center[k, 2], size[k],
