@@ -292,7 +292,7 @@ class SurfaceLight:
                 source=NamedPoints(rays.source_id, rays.origin),
                 target=NamedPoints(rays.target_id, rays.end),
             )
-        add_unblocked(rays.camera_ray, blocked, rays.value, radiance)
+        add_unblocked(rays.camera_ray, rays.follows, blocked, rays.value, radiance)
 
     def _asked(
         self, shading: Shading, light_id: IntArray, xi: FloatArray
@@ -362,6 +362,7 @@ def shadow_rays(n: int) -> ShadowRays:
         source_id=np.empty(n, dtype=np.int32),
         target_id=np.empty(n, dtype=np.int32),
         value=np.empty((n, 3)),
+        follows=np.empty(n, dtype=np.bool_),
     )
 
 

@@ -19,6 +19,8 @@ class ShadowRays(NamedTuple):
     source_id: Any  # (n,) int32, object that the ray leaves from
     target_id: Any  # (n,) int32, object that is the light; negative: none
     value: Any  # (n, 3) float64
+    # (n,) bool, the ray goes on from where the one in the row above ends: what blocks that blocks this
+    follows: Any
 
 
 class Paths(NamedTuple):
@@ -37,6 +39,9 @@ class Paths(NamedTuple):
     source_id: Any  # (n,) int32, object that the ray leaves from; -1 at the camera
     # (n,) bool, the light that diffuse surfaces send along the ray is found by connections; (0,): none
     joined: Any
+    # See `hybrid_rt.integrators.kernels.through_spheres`; (0,) and (0, 4) where no sphere is asked:
+    chain: Any  # (n,) int8, what was met since the last non-delta vertex
+    anchor: Any  # (n, 4) float64, where that vertex is, and the pdf of the direction sampled there
 
 
 @kernel
@@ -72,6 +77,7 @@ def pack_shadow_rays(
             continue
         out.camera_ray[n] = camera_ray[i]
         out.source_id[n] = object_id[i]
+        out.follows[n] = False
         if light_id[i] == surface_of_light.size:
             out.t_max[n], out.target_id[n] = float("inf"), -1
         else:
@@ -86,10 +92,15 @@ def pack_shadow_rays(
 
 
 @kernel
-def add_unblocked(camera_ray, blocked, value, radiance):
-    """Add the values (n, 3) of unoccluded rays to the rows ``camera_ray`` of ``radiance``."""
+def add_unblocked(camera_ray, follows, blocked, value, radiance):
+    """Add the values (n, 3) of unoccluded rays to the rows ``camera_ray`` of ``radiance``.
+
+    ``follows`` (n,) is as in `ShadowRays`; ``blocked`` (n,) bool.
+    """
+    is_blocked = False
     for i in range(camera_ray.size):
-        if not blocked[i]:
+        is_blocked = blocked[i] or (follows[i] and is_blocked)
+        if not is_blocked:
             for k in range(3):
                 radiance[camera_ray[i], k] += value[i, k]
 

@@ -132,6 +132,7 @@ def connect_to_light_vertex(world, rules, paths, vertex, vertices, depth, number
     out.source_id[n] = vertex.hit.object_id[0]
     out.target_id[n] = lit.object_id[k]
     out.t_max[n] = 1.0
+    out.follows[n] = False
     out.value[n, 0], out.value[n, 1], out.value[n, 2] = r, g, b
     out.way[n, 0], out.way[n, 1], out.way[n, 2] = x, y, z
     for c in range(3):

@@ -7,6 +7,7 @@ time that is.
 import numpy as np
 
 from hybrid_rt.integrators.kernels.path_vertex import NOTHING, arrive, depart
+from hybrid_rt.integrators.kernels.through_spheres import OTHER
 from hybrid_rt.integrators.kernels.vertex_points import RUN_ALONG, draw_along
 from hybrid_rt.intersection.kernels.closed_forms import first_hit, is_occluded
 from hybrid_rt.shading.kernels.scatter import SCATTERED
@@ -54,8 +55,11 @@ def follow_paths(
             fate, n = depart(
                 world, rules, path, vertex, depth, block, points, column, rays, 0, tally
             )
+            is_blocked = False
             for k in range(n):
-                if not is_occluded(forms, rays, k, ray):
+                if not (rays.follows[k] and is_blocked):
+                    is_blocked = is_occluded(forms, rays, k, ray)
+                if not is_blocked:
                     for c in range(3):
                         radiance[i, c] += rays.value[k, c]
             tally.shadow[0] += n
@@ -71,6 +75,8 @@ def _leave_camera(block, i, media, path):
     if path.rival.size:
         path.rival[0] = 0.0
         path.joined[0] = False
+    if path.chain.size:
+        path.chain[0] = OTHER
     path.source_id[0] = NOTHING
     for k in range(3):
         path.origins[0, k] = block.origins[i, k]

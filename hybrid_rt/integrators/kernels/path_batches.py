@@ -33,6 +33,10 @@ def _copy_path(source, i, target, j):
     if source.rival.size:
         target.rival[j] = source.rival[i]
         target.joined[j] = source.joined[i]
+    if source.chain.size:
+        target.chain[j] = source.chain[i]
+        for k in range(4):
+            target.anchor[j, k] = source.anchor[i, k]
     target.source_id[j] = source.source_id[i]
     for k in range(3):
         target.origins[j, k] = source.origins[i, k]

@@ -15,12 +15,20 @@ from hybrid_rt.integrators.kernels.connections import (
     CONNECT_CHANCE,
     connect_to_light_vertex,
 )
+from hybrid_rt.integrators.kernels.through_spheres import (
+    MOST_RAYS,
+    ask_through_spheres,
+    is_asked_through_spheres,
+    note_step,
+    weight_of_emission,
+)
 from hybrid_rt.integrators.kernels.vertex_points import (
     CHOICE,
     CONNECT,
     DIRECTION,
     N_JOINS,
     TO_LIGHT,
+    TO_SPHERE,
 )
 from hybrid_rt.shading.kernels.bsdf import Vertices
 from hybrid_rt.shading.kernels.emitter import Met, light_on_hit, light_on_ray
@@ -30,12 +38,12 @@ from hybrid_rt.shading.kernels.medium_stack import (
     look_beyond_one,
     transmittance,
 )
-from hybrid_rt.shading.kernels.scatter import ABSORBED, LEFT, STOPPED, Rivals, scatter_one
+from hybrid_rt.shading.kernels.scatter import ABSORBED, LEFT, SCATTERED, STOPPED, Rivals, scatter_one
 from hybrid_rt.shading.kernels.texture import texture_color
 from meshing.kernels.jit import inlined
 
 NOTHING = -1
-MOST_SHADOW_RAYS = 1 + N_JOINS
+MOST_SHADOW_RAYS = 1 + N_JOINS + MOST_RAYS
 
 
 class World(NamedTuple):
@@ -56,6 +64,7 @@ class World(NamedTuple):
     is_smooth: Any  # (objects,) bool, interpolated shading normals; (0,) without light paths
     lit: Any  # LightVertices
     first_of_pass: Any  # (passes + 1,) int64, rows of `lit`
+    balls: Any  # Balls
 
 
 class Rules(NamedTuple):
@@ -68,6 +77,7 @@ class Rules(NamedTuple):
     has_sky: Any  # bool
     has_colors: Any  # bool, the colours of each vertex come with it
     has_light_paths: Any  # bool
+    has_balls: Any  # bool, lamps are reached by way of spheres
     n_light_paths: Any  # float, light subpaths of a pass
     near: Any  # float, see `connect_to_light_vertex`
     of_use: Any  # float, expected number of light vertices per light subpath
@@ -152,10 +162,14 @@ def emitted(world, rules, paths, vertex, pdf_area):
         return 0.0, 0.0, 0.0
     met = Met(hit.t, hit.u, hit.v, hit.position, hit.normal)
     rival = paths.rival[0] if paths.rival.size else 0.0
-    return light_on_ray(
+    r, g, b = light_on_ray(
         world.lights, world.sky, world.textures, light, 0, met, paths.origins, paths.directions,
         paths.pdf[0], pdf_area, rival, paths.media, world.lobes, rules.strategy,
     )  # fmt: skip
+    if paths.chain.size:
+        weight = weight_of_emission(world, paths, hit, light)
+        return weight * r, weight * g, weight * b
+    return r, g, b
 
 
 @inlined
@@ -217,6 +231,7 @@ def ask_light(world, rules, paths, vertex, vertices, s, t, rays, n):
         return False
     rays.camera_ray[n] = paths.camera_ray[0]
     rays.source_id[n] = hit.object_id[0]
+    rays.follows[n] = False
     rays.t_max[n] = np.inf if is_sky else 1.0
     rays.target_id[n] = NOTHING if is_sky else world.surface_of_light[light]
     rays.way[n, 0], rays.way[n, 1], rays.way[n, 2] = x, y, z
@@ -285,6 +300,11 @@ def leave_vertex(world, rules, paths, vertex, depth, camera_pdf, number, points,
         for i in range(n_before, n):
             for k in range(3):
                 rays.value[i, k] /= n_joins
+    # --- light that a mirror ball or glass ball throws here
+    is_anchored = spreads and is_asked_through_spheres(world, rules, paths, vertex, depth)
+    if is_anchored:
+        s, t = points[0, TO_SPHERE, column], points[1, TO_SPHERE, column]
+        n = ask_through_spheres(world, rules, paths, vertex, vertices, depth, s, t, rays, n)
     # --- where it goes next, and whether it stops
     for k in range(2):
         vertex.xi[0, k] = points[k, DIRECTION, column]
@@ -307,6 +327,8 @@ def leave_vertex(world, rules, paths, vertex, depth, camera_pdf, number, points,
         paths.joined[0] = joins and paths.pdf[0] > 0.0
     if is_known and paths.pdf[0] > 0.0:
         return ABSORBED, n
+    if paths.chain.size and fate >= SCATTERED:
+        note_step(world, paths, vertex, is_anchored, hit.normal)
     paths.source_id[0] = hit.object_id[0]
     for k in range(3):
         paths.origins[0, k] = hit.position[0, k]

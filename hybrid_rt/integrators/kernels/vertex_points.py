@@ -13,8 +13,10 @@ from meshing.kernels.jit import inlined
 TO_LIGHT, DIRECTION, CHOICE, CONNECT, PER_STEP = 0, 1, 2, 3, 4
 # Connections of a diffuse vertex, and the distance of their dimensions.
 N_JOINS, JOIN_DIMENSIONS = 3, 2**44
-# Slots of a vertex: one for each use, and as many as there are connections.
-N_SLOTS = CONNECT + N_JOINS
+# Slots of a vertex: one for each use, and as many as there are connections; the last is for lamps that
+# are reached by way of spheres.
+TO_SPHERE = CONNECT + N_JOINS
+N_SLOTS = TO_SPHERE + 1
 # Vertices in a run: of one path, and of as many paths.
 RUN_ALONG, RUN_ACROSS = 8, 128
 _MASK = np.uint64(0xFFFFFFFF)
@@ -74,6 +76,8 @@ def _is_used(rules, slot):
         return rules.asks_lights
     if slot < CONNECT:
         return True
+    if slot == TO_SPHERE:
+        return rules.has_balls
     return rules.has_light_paths and (slot == CONNECT or rules.near < np.inf)
 
 

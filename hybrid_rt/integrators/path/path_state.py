@@ -18,7 +18,7 @@ from hybrid_rt.shading.kernels.medium_stack import STACK
 from hybrid_rt.shading.kernels.scatter import ABSORBED, LEFT, SCATTERED, SPECULAR
 
 
-def new_paths(n: int, media_depth: int, has_rivals: bool) -> Paths:
+def new_paths(n: int, media_depth: int, has_rivals: bool, asks_spheres: bool) -> Paths:
     """Allocate n paths.
 
     Parameters
@@ -28,6 +28,8 @@ def new_paths(n: int, media_depth: int, has_rivals: bool) -> Paths:
         `STACK`, or 0 without dielectrics.
     has_rivals : bool
         Whether they are weighted against light subpaths.
+    asks_spheres : bool
+        Whether lamps are reached by way of spheres.
     """
     return Paths(
         camera_ray=np.empty(n, dtype=np.int64),
@@ -41,6 +43,8 @@ def new_paths(n: int, media_depth: int, has_rivals: bool) -> Paths:
         media=np.empty((n, media_depth), dtype=np.int32),
         source_id=np.empty(n, dtype=np.int32),
         joined=np.empty(n if has_rivals else 0, dtype=np.bool_),
+        chain=np.empty(n if asks_spheres else 0, dtype=np.int8),
+        anchor=np.empty((n if asks_spheres else 0, 4)),
     )
 
 

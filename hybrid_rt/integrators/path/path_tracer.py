@@ -47,6 +47,7 @@ from hybrid_rt.integrators.kernels.vertex_points import (
 from hybrid_rt.integrators.light_points import new_light_points
 from hybrid_rt.integrators.media.absorption import media_around_camera
 from hybrid_rt.integrators.options import PathOptions
+from hybrid_rt.integrators.path.balls import balls_of
 from hybrid_rt.integrators.path.camera_paths import leaving_camera
 from hybrid_rt.integrators.path.light_paths import (
     PILOT_PATHS,
@@ -122,7 +123,8 @@ class PathTracer(Integrator):
             shining=bool(scene.shining),
             rough=self._light.rough_glass_of.size > 0,
         )
-        self._path = new_paths(1, self._camera_media.size, self._lamps is not None)
+        self._balls = balls_of(context)
+        self._path = self._new_paths(1)
         self._points = np.empty((2, N_SLOTS, RUN_ACROSS if self._forms is None else RUN_ALONG))
         self._lit = new_light_vertices(0, self._light.n_slots)
         self._first_of_pass = np.zeros(1, dtype=np.int64)
@@ -172,7 +174,14 @@ class PathTracer(Integrator):
 
     def _leave_out_light_paths(self) -> None:
         self._lamps = None
-        self._path = new_paths(1, self._camera_media.size, False)
+        self._path = self._new_paths(1)
+
+    @property
+    def _asks_spheres(self) -> bool:
+        return self._lamps is not None and self._balls.radius.size > 0
+
+    def _new_paths(self, n: int) -> Paths:
+        return new_paths(n, self._camera_media.size, self._lamps is not None, self._asks_spheres)
 
     def prepare(self, passes: range) -> LightVertexPasses | None:
         """Trace the light subpaths of some passes."""
@@ -216,11 +225,13 @@ class PathTracer(Integrator):
 
     def _advance(self, block: CameraBlock, rays: Block, radiance: FloatArray, tally: Tally) -> None:
         """Follow the paths of a block together, from vertex to vertex."""
-        paths = leaving_camera(block, self._camera_media, self._lamps is not None)
+        paths = leaving_camera(
+            block, self._camera_media, self._lamps is not None, self._asks_spheres
+        )
         world, rules = self._world(), self._rules()
         n = paths.camera_ray.size
         # Filled in turn: pages that are new each time would cost more than what is written.
-        out, spare = (new_paths(n, paths.media.shape[1], paths.rival.size > 0) for _ in range(2))
+        out, spare = (self._new_paths(n) for _ in range(2))
         shadows = shadow_rays(MOST_SHADOW_RAYS * n)
         for depth in range(self.context.max_depth + 2):
             # --- where the rays arrive
@@ -282,6 +293,7 @@ class PathTracer(Integrator):
             is_smooth=NONE_SMOOTH if self._lamps is None else self._lamps.is_smooth,
             lit=self._lit,
             first_of_pass=self._first_of_pass,
+            balls=self._balls,
         )
 
     def _rules(self) -> Rules:
@@ -294,6 +306,7 @@ class PathTracer(Integrator):
             has_colors=self._forms is None and context.plan["texture lookups"],
             has_sky=context.scene.environment is not None,
             has_light_paths=self._lamps is not None,
+            has_balls=self._asks_spheres,
             n_light_paths=1.0 if self._lamps is None else float(self._lamps.n_paths),
             near=np.inf if self._lamps is None else self._lamps.near,
             of_use=self._of_use,
