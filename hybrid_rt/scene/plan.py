@@ -19,6 +19,7 @@ from hybrid_rt.textures.table import needs_lookup
 KERNELS_FOR = {
     "hybrid_rt.shading.kernels.environment": "sky samples",
     "hybrid_rt.shading.kernels.fresnel": "glass rays",
+    "hybrid_rt.integrators.kernels.ball_optics": "light paths",
     "hybrid_rt.integrators.kernels.connections": "light paths",
     "hybrid_rt.integrators.kernels.density_estimate": "photons",
     "hybrid_rt.integrators.kernels.followed_paths": "single rays",

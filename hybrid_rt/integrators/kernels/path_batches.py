@@ -91,7 +91,7 @@ def advance_paths(
     vertex : Vertex, scratch
     points : (2, N_SLOTS, RUN_ACROSS) float64, scratch
     radiance : (camera rays, 3) float64, changed
-    rays : ShadowRays of `MOST_SHADOW_RAYS` n rows, written
+    rays : ShadowRays of `FEW_SHADOW_RAYS` or `MOST_SHADOW_RAYS` n rows, written
         What they bring is not added yet.
     out : Paths of n rows, written
     tally : Tally, changed

@@ -38,12 +38,20 @@ from hybrid_rt.shading.kernels.medium_stack import (
     look_beyond_one,
     transmittance,
 )
-from hybrid_rt.shading.kernels.scatter import ABSORBED, LEFT, SCATTERED, STOPPED, Rivals, scatter_one
+from hybrid_rt.shading.kernels.scatter import (
+    ABSORBED,
+    LEFT,
+    SCATTERED,
+    STOPPED,
+    Rivals,
+    scatter_one,
+)
 from hybrid_rt.shading.kernels.texture import texture_color
 from meshing.kernels.jit import inlined
 
 NOTHING = -1
-MOST_SHADOW_RAYS = 1 + N_JOINS + MOST_RAYS
+# Shadow rays of a vertex at most, without and with those by way of balls.
+FEW_SHADOW_RAYS, MOST_SHADOW_RAYS = 1 + N_JOINS, 1 + N_JOINS + MOST_RAYS
 
 
 class World(NamedTuple):

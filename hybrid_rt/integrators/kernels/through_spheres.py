@@ -4,22 +4,24 @@ A surface that the camera sees in a mirror, lit by what a mirror or lens throws 
 light subpaths, as neither of its ends can be connected. Camera paths find such light by chance:
 rarely, and then with a large value. Manifold next-event estimation (Hanika, Droske and Fascione,
 2015) computes the way from the surface to a sampled point of a lamp instead. On spheres nothing is
-left to chance in it: the way lies in the plane of both points and the centre, and one number
-describes it. Either the ray is reflected at the outside, by one way at most, or it is refracted
-twice, by up to three ways, all of which are found.
+left to chance in it: all ways are found (`hybrid_rt.integrators.kernels.ball_optics`).
 
 Each such way is also found by BSDF sampling, and the two are combined by the power heuristic. The
 densities are per area of the lamp. What converts them is the cross-section of a narrow pencil of
-rays at its end over its solid angle, the product of a width in the plane and one across it; both
-follow from Coddington's equations. Where that is zero, on a caustic, the weight of this technique is
+rays at its end over its solid angle. Where that is zero, on a caustic, the weight of this technique is
 zero, so its variance stays bounded.
-
-All lengths below are over the radius of the sphere, unless they are named otherwise.
 """
 
 import math
 from typing import Any, NamedTuple
 
+from hybrid_rt.integrators.kernels.ball_optics import (
+    crossing_between,
+    least_turn,
+    place_of_reflection,
+    section_of_crossed,
+    section_of_reflected,
+)
 from hybrid_rt.integrators.kernels.compaction import choose_light
 from hybrid_rt.shading.kernels.bsdf import scattered, sides_differ
 from hybrid_rt.shading.kernels.emitter import power_weight
@@ -33,7 +35,7 @@ from hybrid_rt.shading.kernels.light_kinds import (
 )
 from hybrid_rt.shading.kernels.lobes.register import EVERY
 from hybrid_rt.shading.kernels.medium_stack import ABSORPTION, IOR, NONE, SCHLICK, filling_medium
-from meshing.kernels.jit import inlined, inner
+from meshing.kernels.jit import inlined
 
 # What a camera path has met since its last non-delta vertex: nothing yet, the outside of a sphere, a
 # way into it, both ways through it; or something else (no weight then).
@@ -42,10 +44,6 @@ OTHER, ANCHORED, REFLECTED, ENTERED, CROSSED = 0, 1, 2, 3, 4
 MOST_ASKED = 2
 # Ways by one sphere: reflected once, or refracted twice with up to three solutions; and their rays.
 MOST_RAYS = MOST_ASKED * (2 + 3 * 3)
-# Bisection halves the bracket, Newton iteration squares its error: this many steps are not reached.
-MOST_STEPS = 100
-# Of the parameter. Newton steps differ by some roundings in the end.
-CLOSE = 1e-14
 
 
 class Balls(NamedTuple):
@@ -58,158 +56,6 @@ class Balls(NamedTuple):
     is_glass: Any  # (n,) bool
     color: Any  # (n, 3) float64, of a reflection; of glass: tint of one passage through the surface
     of_surface: Any  # (surfaces,) int32, row; -1: another surface
-
-
-@inner
-def place_of_reflection(eye, lamp, between):
-    """Return the angle at which the outside of a unit sphere reflects one point to another.
-
-    Both angles are seen from the centre, beginning at the first point. The tangents of the angles of
-    incidence of both points grow and fall with the place, so there is one solution where both points
-    see the sphere, or none.
-
-    Parameters
-    ----------
-    eye, lamp : float
-        Distances from the centre, above 1.
-    between : float
-        Angle between the points, in [0, pi].
-
-    Returns
-    -------
-    float; nan: there is none
-    """
-    low = max(0.0, between - math.acos(1.0 / lamp))
-    high = min(between, math.acos(1.0 / eye))
-    if low > high:
-        return math.nan
-    at = low + (high - low) * (lamp - 1.0) * eye / ((lamp - 1.0) * eye + (eye - 1.0) * lamp)
-    for _ in range(MOST_STEPS):
-        s, c = math.sin(at), math.cos(at)
-        p, q = math.sin(between - at), math.cos(between - at)
-        near, far = eye * c - 1.0, lamp * q - 1.0
-        excess = eye * s * far - lamp * p * near
-        if excess > 0.0:
-            high = at
-        else:
-            low = at
-        slope = eye * c * far + lamp * q * near + 2.0 * eye * lamp * s * p
-        step = at - excess / slope if slope > 0.0 else low
-        if not low < step < high:
-            step = 0.5 * (low + high)
-        if abs(step - at) <= CLOSE:
-            return step
-        at = step
-    return at
-
-
-@inner
-def turn(b, ior, eye, lamp):
-    """Return by how far a ray is turned about the centre of a unit ball, less half a turn.
-
-    ``b`` is its distance from the centre outside the ball, the sine of the angle of incidence;
-    the ray goes from distance ``eye`` to distance ``lamp``.
-    """
-    return (
-        2.0 * math.asin(b) - 2.0 * math.asin(b / ior) - math.asin(b / eye) - math.asin(b / lamp)
-    )
-
-
-@inner
-def turn_slope(b, ior, eye, lamp):
-    """Return the derivative of `turn` by b; inf at 1."""
-    q = b * b
-    if q >= 1.0:
-        return math.inf
-    return (
-        2.0 / math.sqrt(1.0 - q)
-        - 2.0 / math.sqrt(ior * ior - q)
-        - 1.0 / math.sqrt(eye * eye - q)
-        - 1.0 / math.sqrt(lamp * lamp - q)
-    )
-
-
-@inner
-def least_turn(ior, eye, lamp):
-    """Return the distance b at which `turn` is least; 0 where it grows from the centre on.
-
-    For indices above 1 its slope is either positive everywhere, or negative up to one place and
-    positive from there on: where it is positive at 0, so is the second derivative, which has one
-    change of sign at most, from below.
-    """
-    if turn_slope(0.0, ior, eye, lamp) >= 0.0:
-        return 0.0
-    low, high = 0.0, 1.0
-    while high - low > CLOSE:
-        middle = 0.5 * (low + high)
-        if middle in (low, high):
-            break
-        if turn_slope(middle, ior, eye, lamp) < 0.0:
-            low = middle
-        else:
-            high = middle
-    return 0.5 * (low + high)
-
-
-@inner
-def crossing_between(low, high, asked, ior, eye, lamp):
-    """Return b in [low, high], where `turn` is monotonic, at which it is ``asked``; nan: nowhere."""
-    at_low, at_high = turn(low, ior, eye, lamp) - asked, turn(high, ior, eye, lamp) - asked
-    if at_low * at_high > 0.0 or low >= high:
-        return math.nan
-    at = low - at_low * (high - low) / (at_high - at_low) if at_low != at_high else low
-    for _ in range(MOST_STEPS):
-        excess = turn(at, ior, eye, lamp) - asked
-        if (excess > 0.0) == (at_high > 0.0):
-            high = at
-        else:
-            low = at
-        slope = turn_slope(at, ior, eye, lamp)
-        step = at - excess / slope if slope != 0.0 else low
-        if not low < step < high:
-            step = 0.5 * (low + high)
-        if abs(step - at) <= CLOSE:
-            return step
-        at = step
-    return at
-
-
-@inner
-def section_of_reflected(before, after, cos_i):
-    """Return the cross-section over the solid angle of a pencil reflected by a unit sphere.
-
-    ``before`` and ``after`` are the lengths of the ray to the sphere and from it.
-    """
-    within = before + after * (1.0 + 2.0 * before / cos_i)
-    across = before + after * (1.0 + 2.0 * before * cos_i)
-    return within * across
-
-
-@inner
-def section_of_crossed(before, after, cos_i, cos_t, ior):
-    """Return the cross-section over the solid angle of a pencil that crosses a unit ball of glass.
-
-    Parameters
-    ----------
-    before, after : float
-        Lengths of the ray to the ball and from it.
-    cos_i, cos_t : float
-        Cosines of the angles outside and inside.
-    ior : float
-    """
-    chord = 2.0 * cos_t
-    # In the plane: the width of the pencil, its angle, and the part of the circle that it covers.
-    arc = before / cos_i
-    angle = (1.0 + arc) * cos_i / (ior * cos_t) - arc
-    arc = (arc * cos_t + chord * angle) / cos_t
-    angle = (angle - arc) * (ior * cos_t / cos_i) + arc
-    within = arc * cos_i + after * angle
-    # Across it.
-    bend = ior * cos_t - cos_i
-    angle = (1.0 - before * bend) / ior
-    width = before + chord * angle
-    across = width + after * (ior * angle - width * bend)
-    return abs(within * across)
 
 
 @inlined
@@ -239,7 +85,7 @@ def share_asked(balls):
 def weight_of_emission(world, paths, hit, light):
     """Return the weight of light that a path has run into against `ask_through_spheres`."""
     kind = paths.chain[0]
-    if kind != REFLECTED and kind != CROSSED:
+    if kind not in (REFLECTED, CROSSED):
         return 1.0
     lights, balls = world.lights, world.balls
     if light >= lights.kind.size or lights.chance[light] == 0.0:
@@ -255,7 +101,10 @@ def weight_of_emission(world, paths, hit, light):
         away += ((paths.anchor[0, k] - balls.center[ball, k]) / radius) ** 2
         before += ((paths.anchor[0, k] - paths.origins[0, k]) / radius) ** 2
         cos_lamp -= hit.normal[0, k] * paths.directions[0, k]
-    cos_i = min(max(cos_i, 1e-300), 1.0)
+    # The inside of a mirror ball is not asked.
+    if away <= 1.0 or cos_i <= 0.0:
+        return 1.0
+    cos_i = min(cos_i, 1.0)
     part, cos_t = _passed_on(world, ball, cos_i, kind == CROSSED)
     if kind == CROSSED:
         before = math.sqrt(max(away - (1.0 - cos_i * cos_i), 0.0)) - cos_i
@@ -487,7 +336,7 @@ def ask_through_spheres(world, rules, paths, vertex, vertices, depth, s, t, rays
         between = math.atan2(across, along)
         # --- reflected at the outside
         place = place_of_reflection(eye, far, between)
-        if place == place:
+        if not math.isnan(place):
             n = _send(
                 world, paths, vertex, vertices, ball, light, lamp,
                 (ax, ay, az, bx, by, bz, place, place), False, rays, n,
@@ -505,7 +354,7 @@ def ask_through_spheres(world, rules, paths, vertex, vertices, depth, s, t, rays
             low = 0.0 if k == 0 else least
             high = least if k == 0 else 1.0
             b = crossing_between(low, high, -side * asked, ior, eye, far)
-            if b == b:
+            if not math.isnan(b):
                 enter = side * (math.asin(b) - math.asin(b / eye))
                 leave = enter + side * (math.pi - 2.0 * math.asin(b / ior))
                 n = _send(

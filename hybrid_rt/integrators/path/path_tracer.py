@@ -31,6 +31,7 @@ from hybrid_rt.integrators.kernels.compaction import Paths, add_to_pixels
 from hybrid_rt.integrators.kernels.followed_paths import follow_paths
 from hybrid_rt.integrators.kernels.path_batches import Arrival, advance_paths
 from hybrid_rt.integrators.kernels.path_vertex import (
+    FEW_SHADOW_RAYS,
     MOST_SHADOW_RAYS,
     Block,
     Rules,
@@ -124,6 +125,7 @@ class PathTracer(Integrator):
             rough=self._light.rough_glass_of.size > 0,
         )
         self._balls = balls_of(context)
+        self._plan_balls()
         self._path = self._new_paths(1)
         self._points = np.empty((2, N_SLOTS, RUN_ACROSS if self._forms is None else RUN_ALONG))
         self._lit = new_light_vertices(0, self._light.n_slots)
@@ -174,6 +176,7 @@ class PathTracer(Integrator):
 
     def _leave_out_light_paths(self) -> None:
         self._lamps = None
+        self._plan_balls()
         self._path = self._new_paths(1)
 
     @property
@@ -182,6 +185,20 @@ class PathTracer(Integrator):
 
     def _new_paths(self, n: int) -> Paths:
         return new_paths(n, self._camera_media.size, self._lamps is not None, self._asks_spheres)
+
+    def _plan_balls(self) -> None:
+        n = self._balls.radius.size
+        self.context.plan.decide(
+            "lamps by way of balls",
+            self._asks_spheres,
+            f"{n} ball{'s' if n > 1 else ''} of glass or mirrors: ways by these to lamps are computed "
+            "where camera paths come by way of mirrors and glass",
+            "no light paths, whose gaps they fill"
+            if self._lamps is None
+            else "no sphere is of one mirror or of clear glass of one colour"
+            if not self.context.plan["contacts"]
+            else "clear bodies may touch",
+        )
 
     def prepare(self, passes: range) -> LightVertexPasses | None:
         """Trace the light subpaths of some passes."""
@@ -232,7 +249,8 @@ class PathTracer(Integrator):
         n = paths.camera_ray.size
         # Filled in turn: pages that are new each time would cost more than what is written.
         out, spare = (self._new_paths(n) for _ in range(2))
-        shadows = shadow_rays(MOST_SHADOW_RAYS * n)
+        most = MOST_SHADOW_RAYS if self._asks_spheres else FEW_SHADOW_RAYS
+        shadows = shadow_rays(most * n)
         for depth in range(self.context.max_depth + 2):
             # --- where the rays arrive
             source = NamedPoints(paths.source_id, paths.origins) if depth else None
