@@ -18,6 +18,8 @@ from meshing.kernels.jit import inner
 MOST_STEPS = 100
 # Of the number that describes a way. Newton steps differ by some roundings in the end.
 CLOSE = 1e-14
+# How well the place is known that parts two ways. Both are on a caustic there, where they carry nothing.
+NEAR_LEAST = 1e-7
 
 
 @inner
@@ -98,10 +100,8 @@ def least_turn(ior, eye, lamp):
     if turn_slope(0.0, ior, eye, lamp) >= 0.0:
         return 0.0
     low, high = 0.0, 1.0
-    while high - low > CLOSE:
+    while high - low > NEAR_LEAST:
         middle = 0.5 * (low + high)
-        if middle in (low, high):
-            break
         if turn_slope(middle, ior, eye, lamp) < 0.0:
             low = middle
         else:
@@ -110,9 +110,12 @@ def least_turn(ior, eye, lamp):
 
 
 @inner
-def crossing_between(low, high, asked, ior, eye, lamp):
-    """Return b in [low, high], where `turn` is monotonic, at which it is ``asked``; nan: nowhere."""
-    at_low, at_high = turn(low, ior, eye, lamp) - asked, turn(high, ior, eye, lamp) - asked
+def crossing_between(low, high, at_low, at_high, asked, ior, eye, lamp):
+    """Return b in [low, high], where `turn` is monotonic, at which it is ``asked``; nan: nowhere.
+
+    ``at_low`` and ``at_high`` are its values at the ends.
+    """
+    at_low, at_high = at_low - asked, at_high - asked
     if at_low * at_high > 0.0 or low >= high:
         return math.nan
     at = low - at_low * (high - low) / (at_high - at_low) if at_low != at_high else low

@@ -21,6 +21,7 @@ from hybrid_rt.integrators.kernels.ball_optics import (
     place_of_reflection,
     section_of_crossed,
     section_of_reflected,
+    turn,
 )
 from hybrid_rt.integrators.kernels.compaction import choose_light
 from hybrid_rt.shading.kernels.bsdf import scattered, sides_differ
@@ -40,10 +41,9 @@ from meshing.kernels.jit import inlined
 # What a camera path has met since its last non-delta vertex: nothing yet, the outside of a sphere, a
 # way into it, both ways through it; or something else (no weight then).
 OTHER, ANCHORED, REFLECTED, ENTERED, CROSSED = 0, 1, 2, 3, 4
-# Spheres that are asked at a vertex: more gain little, and are paid for in every vertex.
-MOST_ASKED = 2
-# Ways by one sphere: reflected once, or refracted twice with up to three solutions; and their rays.
-MOST_RAYS = MOST_ASKED * (2 + 3 * 3)
+# Ways by one ball: reflected once, or refracted twice with up to three solutions; and their rays. One
+# ball is asked at a vertex: two have 0.97 of the squared error on the Cornell box, for 1.06 of the time.
+MOST_RAYS = 2 + 3 * 3
 
 
 class Balls(NamedTuple):
@@ -72,13 +72,6 @@ def _passed_on(world, ball, cos_i, is_crossed):
     if is_crossed:
         return (1.0 - reflectance) ** 2, cos_t
     return reflectance, cos_t
-
-
-@inlined
-def share_asked(balls):
-    """Return the probability of each sphere to be asked at a vertex."""
-    n = balls.radius.size
-    return min(n, MOST_ASKED) / max(n, 1)
 
 
 @inlined
@@ -114,7 +107,7 @@ def weight_of_emission(world, paths, hit, light):
         section = section_of_reflected(math.sqrt(before), hit.t[0] / radius, cos_i)
     section *= radius * radius
     met = paths.anchor[0, 3] * part * abs(cos_lamp)
-    asked = lights.chance[light] * pdf_of_area(lights, light, 0.0) * share_asked(balls) * section
+    asked = lights.chance[light] * pdf_of_area(lights, light, 0.0) * section / balls.radius.size
     return power_weight(met, asked) if met > 0.0 else 0.0
 
 
@@ -247,7 +240,7 @@ def _send(world, paths, vertex, vertices, ball, light, lamp, place, is_crossed, 
     section *= radius * radius
     if section <= 0.0 or part <= 0.0:
         return n
-    density = share_asked(balls) * pdf_area
+    density = pdf_area / balls.radius.size
     factor = part * cos_lamp / (section * density)
     factor *= power_weight(density * section, pdf * part * cos_lamp)
     r *= factor * fr * er * paths.throughput[0, 0]
@@ -270,7 +263,7 @@ def _send(world, paths, vertex, vertices, ball, light, lamp, place, is_crossed, 
 
 @inlined
 def ask_through_spheres(world, rules, paths, vertex, vertices, depth, s, t, rays, n):
-    """Sample a point of a lamp by (s, t), and reach for it by way of spheres.
+    """Sample a point of a lamp by (s, t), and reach for it by way of a ball.
 
     Parameters
     ----------
@@ -300,8 +293,10 @@ def ask_through_spheres(world, rules, paths, vertex, vertices, depth, s, t, rays
     if lights.kind[light] != RECTANGLE and lights.kind[light] != SPHERE:
         return n
     n_balls = balls.radius.size
-    first = int(s * n_balls)
-    s = min(max(s * n_balls - first, 0.0), 1.0 - 2.0**-53)
+    ball = min(int(s * n_balls), n_balls - 1)
+    s = min(max(s * n_balls - ball, 0.0), 1.0 - 2.0**-53)
+    if balls.surface[ball] == vertex.hit.object_id[0]:
+        return n
     yx, yy, yz, lx, ly, lz, _, pdf_area = leaving_point(lights, vertex.light_point, 0, light, s, t)
     er, eg, eb = chosen_strength(
         lights, world.textures, vertex.light_point, 0, light, s, t, yx, yy, yz
@@ -309,56 +304,53 @@ def ask_through_spheres(world, rules, paths, vertex, vertices, depth, s, t, rays
     if pdf_area == 0.0 or max(er, eg, eb) <= 0.0:
         return n
     lamp = (yx, yy, yz, lx, ly, lz, lights.chance[light] * pdf_area, er, eg, eb)
-    for j in range(min(n_balls, MOST_ASKED)):
-        ball = (first + j) % n_balls
-        if balls.surface[ball] == vertex.hit.object_id[0]:
-            continue
-        # --- the plane of the vertex, the centre and the lamp's point
-        radius = balls.radius[ball]
-        ax = (vertex.hit.position[0, 0] - balls.center[ball, 0]) / radius
-        ay = (vertex.hit.position[0, 1] - balls.center[ball, 1]) / radius
-        az = (vertex.hit.position[0, 2] - balls.center[ball, 2]) / radius
-        bx = (yx - balls.center[ball, 0]) / radius
-        by = (yy - balls.center[ball, 1]) / radius
-        bz = (yz - balls.center[ball, 2]) / radius
-        eye = math.sqrt(ax * ax + ay * ay + az * az)
-        far = math.sqrt(bx * bx + by * by + bz * bz)
-        if eye <= 1.0 or far <= 1.0:
-            continue
-        ax, ay, az = ax / eye, ay / eye, az / eye
-        bx, by, bz = bx / far, by / far, bz / far
-        along = ax * bx + ay * by + az * bz
-        bx, by, bz = bx - along * ax, by - along * ay, bz - along * az
-        across = math.sqrt(bx * bx + by * by + bz * bz)
-        if across == 0.0:
-            continue  # a point of the lamp that is drawn with probability zero
-        bx, by, bz = bx / across, by / across, bz / across
-        between = math.atan2(across, along)
-        # --- reflected at the outside
-        place = place_of_reflection(eye, far, between)
-        if not math.isnan(place):
+    # --- the plane of the vertex, the centre and the lamp's point
+    radius = balls.radius[ball]
+    ax = (vertex.hit.position[0, 0] - balls.center[ball, 0]) / radius
+    ay = (vertex.hit.position[0, 1] - balls.center[ball, 1]) / radius
+    az = (vertex.hit.position[0, 2] - balls.center[ball, 2]) / radius
+    bx = (yx - balls.center[ball, 0]) / radius
+    by = (yy - balls.center[ball, 1]) / radius
+    bz = (yz - balls.center[ball, 2]) / radius
+    eye = math.sqrt(ax * ax + ay * ay + az * az)
+    far = math.sqrt(bx * bx + by * by + bz * bz)
+    if eye <= 1.0 or far <= 1.0:
+        return n
+    ax, ay, az = ax / eye, ay / eye, az / eye
+    bx, by, bz = bx / far, by / far, bz / far
+    along = ax * bx + ay * by + az * bz
+    bx, by, bz = bx - along * ax, by - along * ay, bz - along * az
+    across = math.sqrt(bx * bx + by * by + bz * bz)
+    if across == 0.0:
+        return n  # a point of the lamp that is drawn with probability zero
+    bx, by, bz = bx / across, by / across, bz / across
+    between = math.atan2(across, along)
+    # --- reflected at the outside
+    place = place_of_reflection(eye, far, between)
+    if not math.isnan(place):
+        n = _send(
+            world, paths, vertex, vertices, ball, light, lamp,
+            (ax, ay, az, bx, by, bz, place, place), False, rays, n,
+        )  # fmt: skip
+    # --- through the ball
+    if not balls.is_glass[ball] or depth + 2 >= rules.max_depth:
+        return n
+    ior = world.lobes.number[balls.lobe[ball], IOR]
+    asked = math.pi - between
+    least = least_turn(ior, eye, far)
+    at_least, at_one = turn(least, ior, eye, far), turn(1.0, ior, eye, far)
+    for k in range(3):
+        # Which side the ray enters on, seen from the lamp, and the parts on which the turn of its
+        # way is monotonic.
+        side = -1.0 if k == 2 else 1.0
+        low, at_low = (0.0, 0.0) if k == 0 else (least, at_least)
+        high, at_high = (least, at_least) if k == 0 else (1.0, at_one)
+        b = crossing_between(low, high, at_low, at_high, -side * asked, ior, eye, far)
+        if not math.isnan(b):
+            enter = side * (math.asin(b) - math.asin(b / eye))
+            leave = enter + side * (math.pi - 2.0 * math.asin(b / ior))
             n = _send(
                 world, paths, vertex, vertices, ball, light, lamp,
-                (ax, ay, az, bx, by, bz, place, place), False, rays, n,
+                (ax, ay, az, bx, by, bz, enter, leave), True, rays, n,
             )  # fmt: skip
-        # --- through the ball
-        if not balls.is_glass[ball] or depth + 2 >= rules.max_depth:
-            continue
-        ior = world.lobes.number[balls.lobe[ball], IOR]
-        asked = math.pi - between
-        least = least_turn(ior, eye, far)
-        for k in range(3):
-            # Which side the ray enters on, seen from the lamp, and the parts on which the turn of its
-            # way is monotonic.
-            side = -1.0 if k == 2 else 1.0
-            low = 0.0 if k == 0 else least
-            high = least if k == 0 else 1.0
-            b = crossing_between(low, high, -side * asked, ior, eye, far)
-            if not math.isnan(b):
-                enter = side * (math.asin(b) - math.asin(b / eye))
-                leave = enter + side * (math.pi - 2.0 * math.asin(b / ior))
-                n = _send(
-                    world, paths, vertex, vertices, ball, light, lamp,
-                    (ax, ay, az, bx, by, bz, enter, leave), True, rays, n,
-                )  # fmt: skip
     return n

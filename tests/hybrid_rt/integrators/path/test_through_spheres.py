@@ -5,6 +5,7 @@ from typing import ClassVar
 
 import numpy as np
 import pytest
+import trimesh
 from scipy import stats
 
 from hybrid_rt import (
@@ -23,6 +24,7 @@ from hybrid_rt import (
     Scene,
     Sphere,
     SphereLight,
+    TriangleMesh,
     render,
 )
 from hybrid_rt.integrators.kernels.ball_optics import (
@@ -75,8 +77,9 @@ def crossings(ior, eye, lamp, between):
     least, asked = least_turn(ior, eye, lamp), math.pi - between
     ways = ((1.0, 0.0, least), (1.0, least, 1.0), (-1.0, least, 1.0))
     found = [
-        (side, crossing_between(low, high, -side * asked, ior, eye, lamp))
+        (side, crossing_between(low, high, *ends, -side * asked, ior, eye, lamp))
         for side, low, high in ways
+        for ends in [[turn(b, ior, eye, lamp) for b in (low, high)]]
     ]
     return [(side, b) for side, b in found if not math.isnan(b)]
 
@@ -218,6 +221,10 @@ class TestPictures:
         "within a mirror": (
             [Object(Sphere((0, 0, 1), 9.0), Mirror(0.6)), Object(Sphere((0, 1.6, 0.5), 0.4), GLASS)],
             [UPWARD], {}),
+        "beside a mesh": (
+            [Object(BALL, GLASS), Object(Sphere((1.6, 1.0, 0.8), 0.6), Mirror(0.9)),
+             Object(TriangleMesh(trimesh.creation.box((0.4, 0.4, 0.4))), Lambertian(0.5))],
+            [LAMP], {}),
         "flipped mirror": ([Object(BALL.flipped(), Mirror(0.9))], [LAMP], {}),
         "short": ([Object(BALL, GLASS)], [LAMP], {"max_depth": 4}),
         "shorter": ([Object(BALL, GLASS)], [LAMP], {"max_depth": 3}),
