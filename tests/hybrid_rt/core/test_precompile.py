@@ -131,7 +131,8 @@ precompile.want("path")
 precompile.fill_cold_cache()
 image, radiance = np.zeros((2, 3)), np.zeros((2, 3))
 add_to_pixels(np.array([1, 1, 0]), np.ones((3, 3)), image)
-add_unblocked(np.array([1, 0]), np.array([True, False]), np.full((2, 3), 5.0), radiance)
+blocked = np.array([True, False])
+add_unblocked(np.array([1, 0]), np.zeros(2, dtype=bool), blocked, np.full((2, 3), 5.0), radiance)
 assert image.tolist() == [[1] * 3, [2] * 3]
 assert radiance.tolist() == [[5] * 3, [0] * 3]
 kernels = (add_to_pixels, add_unblocked)
