@@ -214,6 +214,10 @@ class TestPictures:
                 Object(Sphere((0.0, 1.5, 1.2), 0.6), Mirror(0.9)),
                 Object(Sphere((1.2, 1.0, 0.7), 0.5), PANE),
             ], [LAMP], {}),
+        # From most of the floor, none is asked at most vertices.
+        "small balls": (
+            [Object(Sphere((-0.5, 1.0, 0.6), 0.2), Mirror(0.9)),
+             Object(Sphere((0.6, 0.8, 0.4), 0.2), PANE)], [LAMP], {}),
         "something in the way": (
             [Object(BALL, GLASS), Object(Sphere((0.3, 1.0, 1.2), 0.3), Lambertian(0.5))], [LAMP], {}),
         "ball in a ball": (
