@@ -68,12 +68,7 @@ from hybrid_rt.integrators.path.path_state import (
     new_tally,
     new_vertex,
 )
-from hybrid_rt.integrators.path.pilot import (
-    CLEARLY_LESS,
-    FEWEST_PIXELS,
-    LIGHT_PATHS,
-    work_times_noise,
-)
+from hybrid_rt.integrators.path.pilot import FEWEST_PIXELS, PILOTS, work_times_noise
 from hybrid_rt.sensor.passes import pass_of
 from hybrid_rt.shading.kernels.emitter import BOTH, DIRECTION_ONLY, LIGHT_ONLY
 from hybrid_rt.shading.kernels.lobes.register import EVERY
@@ -146,17 +141,22 @@ class PathTracer(Integrator):
 
     def _choose_connections(self, lamps: LightPathTracer) -> None:
         """Leave the light between diffuse surfaces to connections where that takes less work."""
-        n_paths, near, of_use = lamps.n_paths, lamps.near, self._of_use
-        lamps.n_paths = LIGHT_PATHS
-        by_connections = work_times_noise(self, n_paths)
-        lamps.keeps_all, lamps.near = False, np.inf
-        self._of_use = lamps.share_of_use()
-        by_paths = work_times_noise(self, n_paths)
-        lamps.n_paths = n_paths
-        if by_connections < CLEARLY_LESS * by_paths:
-            lamps.keeps_all, lamps.near, self._of_use = True, near, of_use
+        n_paths = lamps.n_paths
+        connected = (True, lamps.near, self._of_use)
+        lamps.keeps_all = False
+        followed = (False, np.inf, lamps.share_of_use())
+        for pilot in PILOTS:
+            lamps.n_paths = pilot.light_paths
+            work = []
+            for lamps.keeps_all, lamps.near, self._of_use in (connected, followed):
+                work.append(work_times_noise(self, pilot, n_paths))
+            if work[0] >= pilot.needless * work[1]:
+                break
+        else:
+            lamps.keeps_all, lamps.near, self._of_use = connected
             why = "paths from lamps light every surface, and find what mirrors and glass throw"
             self.context.plan.decide("light paths", True, why, "")
+        lamps.n_paths = n_paths
 
     def follow(self, first: Integrator) -> None:
         """Copy what `begin` estimated."""

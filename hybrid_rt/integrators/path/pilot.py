@@ -9,15 +9,15 @@ from __future__ import annotations
 import copy
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
 
 import numpy as np
 
 from hybrid_rt.integrators.integrator import PIXEL_BITS, Integrator
 from hybrid_rt.sensor.passes import group_of
 
-# Passes that no render reaches, pixels of each, and light paths.
+# Passes that no render reaches.
 PASSES = range(2**32 - 16, 2**32 - 12)
-PIXELS, LIGHT_PATHS = 1024, 2048
 # Smaller pictures are done before a pilot pays.
 FEWEST_PIXELS = 64 * 64
 # A connection computes more than another ray, and few samples do not show rare bright ones: on the
@@ -26,27 +26,50 @@ FEWEST_PIXELS = 64 * 64
 CLEARLY_LESS = 0.65
 
 
-def work_times_noise(integrator: Integrator, n_light_paths: int) -> float:
+@dataclass(frozen=True)
+class Pilot:
+    """How much a pilot follows.
+
+    Attributes
+    ----------
+    pixels, light_paths : int
+        Of each pass.
+    needless : float
+        If connections take more than this share of the work, no larger pilot is needed.
+    """
+
+    pixels: int
+    light_paths: int
+    needless: float
+
+
+# The ratios of the small one vary by 0.1 (standard deviation), those of the large one by 0.03. Where
+# connections do not pay, the small one says so in a third of the time.
+PILOTS = (Pilot(256, 512, 0.9), Pilot(1024, 2048, CLEARLY_LESS))
+
+
+def work_times_noise(integrator: Integrator, pilot: Pilot, n_light_paths: int) -> float:
     """Return rays for each camera ray times the relative squared error of a pass.
 
     Parameters
     ----------
     integrator : Integrator
         Traces the light paths of a pass, and follows camera rays; its counts are left alone.
+    pilot : Pilot
     n_light_paths : int
         Light paths of a pass of the picture.
     """
     camera = integrator.context.scene.camera
-    n_pixels = camera.width * camera.height
-    place = ((np.arange(PIXELS) + 0.5) * (n_pixels / PIXELS)).astype(np.uint64)
+    n_pixels, pixels = camera.width * camera.height, pilot.pixels
+    place = ((np.arange(pixels) + 0.5) * (n_pixels / pixels)).astype(np.uint64)
     with _left_alone(integrator) as rays:
         integrator.take(PASSES, [integrator.prepare(PASSES)])
-        of_lights = rays() / (LIGHT_PATHS * len(PASSES))
+        of_lights = rays() / (pilot.light_paths * len(PASSES))
         # All at once: short batches would cost more between two intersections than in them.
-        group, sample = group_of(np.repeat(np.array(PASSES, dtype=np.uint64), PIXELS))
+        group, sample = group_of(np.repeat(np.array(PASSES, dtype=np.uint64), pixels))
         pixel = np.tile(place, len(PASSES)) + (group << PIXEL_BITS)
-        found = integrator.radiance_through(pixel, sample).reshape(len(PASSES), PIXELS, 3)
-        of_camera = rays() / (PIXELS * len(PASSES)) - of_lights * LIGHT_PATHS / PIXELS
+        found = integrator.radiance_through(pixel, sample).reshape(len(PASSES), pixels, 3)
+        of_camera = rays() / (pixels * len(PASSES)) - of_lights * pilot.light_paths / pixels
     mean, variance = found.mean(axis=0), found.var(axis=0, ddof=1)
     noise = float((variance / (mean * mean + 0.01)).mean())
     return noise * (of_camera + of_lights * n_light_paths / n_pixels)
