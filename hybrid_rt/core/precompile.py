@@ -30,6 +30,8 @@ from meshing.kernels import cache
 
 # Beyond that the longest compilation takes longer than all others together.
 MOST_WORKERS = 8
+# See `_weight`.
+SLOWEST = 10
 # Finds the packages where this process has found them.
 _CODE = "import sys; sys.path[:] = sys.argv[1:]; from hybrid_rt.core.precompile import work; work()"
 DONE, FAILED = "done\n", "failed\n"
@@ -68,6 +70,15 @@ def fill_cold_cache() -> None:
     everything. Ends without a result if no process can be started.
     """
     _workers.fill()
+
+
+def how_far() -> tuple[int, int]:
+    """Return how much is compiled of what is announced, and all of it; (0, 0) before it begins.
+
+    The list begins with the slowest kernels, and the unit is such that each counts about as much as
+    it takes to compile.
+    """
+    return _workers.how_far()
 
 
 def type_to_json(numba_type: Any) -> Any:
@@ -183,6 +194,10 @@ class _Workers:
                 self._changed.wait()
             return number in self._done
 
+    def how_far(self) -> tuple[int, int]:
+        with self._changed:
+            return sum(map(_weight, self._done)), sum(map(_weight, self._known))
+
     def fill(self) -> None:
         """Load the first kernel that is wanted; if that begins the work, wait for its end."""
         first = next((entry for entry in read_list() if self._is_wanted(entry)), None)
@@ -245,6 +260,11 @@ class _Workers:
             process.terminate()
         for process in self._processes:
             process.wait()
+
+
+def _weight(number: int) -> int:
+    """Return about how long a kernel of the list takes to compile; it begins with the slowest."""
+    return round(1000 / (number + SLOWEST))
 
 
 def _is_python(executable: str | None) -> bool:

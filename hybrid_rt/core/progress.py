@@ -9,9 +9,8 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any, Protocol
 
-# Shorter compilations are not worth a message.
-ANNOUNCE_AFTER = 0.5
-
+# Shorter compilations are not worth a message; a long one says so often how far it is, seconds.
+ANNOUNCE_AFTER, AGAIN_AFTER = 0.5, 0.5
 
 COMPILING = "Compiling kernels (first run only)"
 
@@ -41,15 +40,24 @@ class CompileWatch:
     Parameters
     ----------
     progress : Progress or None
-        Called when compilation takes long.
+        Called when compilation takes long, and while it does.
     is_logged : bool
-        Whether that is logged as well, as information.
+        Whether that is logged as well, once, as information.
+    how_far : callable, optional
+        Returns how much is compiled of all that is known to be needed; (0, 0): unknown.
     """
 
-    def __init__(self, progress: Progress | None, is_logged: bool = False) -> None:
+    def __init__(
+        self,
+        progress: Progress | None,
+        is_logged: bool = False,
+        how_far: Callable[[], tuple[int, int]] = lambda: (0, 0),
+    ) -> None:
         self._is_logged = is_logged
         self._progress = progress
-        self._lock = threading.Lock()
+        self._how_far = how_far
+        # Whoever hears of progress may compile something.
+        self._lock = threading.RLock()
         self._depth = 0
         self._began = 0.0
         self._total = 0.0
@@ -70,13 +78,10 @@ class CompileWatch:
             if self._depth > 1:
                 return
             self._began = time.perf_counter()
-            if not self._is_announced:
-                # Counted over all kernels: many short compilations are a long one.
-                self._timer = threading.Timer(
-                    max(ANNOUNCE_AFTER - self._total, 0.0), self._announce
-                )
-                self._timer.daemon = True
-                self._timer.start()
+            # Counted over all kernels: many short compilations are a long one.
+            self._announce_after(
+                AGAIN_AFTER if self._is_announced else max(ANNOUNCE_AFTER - self._total, 0.0)
+            )
 
     def on_end(self, _event: Any) -> None:
         """Handle numba's event that a compilation has ended."""
@@ -89,15 +94,22 @@ class CompileWatch:
                 self._timer.cancel()
                 self._timer = None
 
+    def _announce_after(self, seconds: float) -> None:
+        self._timer = threading.Timer(seconds, self._announce)
+        self._timer.daemon = True
+        self._timer.start()
+
     def _announce(self) -> None:
+        # Held while it is said: a next stage begins after this one's end only.
         with self._lock:
-            if self._depth == 0 or self._is_announced:
+            if self._depth == 0:
                 return
-            self._is_announced = True
-        if self._is_logged:
-            LOG.info("%s ...", COMPILING)
-        if self._progress is not None:
-            self._progress(COMPILING, 0, 0)
+            is_new, self._is_announced = not self._is_announced, True
+            if self._is_logged and is_new:
+                LOG.info("%s ...", COMPILING)
+            if self._progress is not None:
+                self._progress(COMPILING, *self._how_far())
+                self._announce_after(AGAIN_AFTER)
 
 
 _is_watching = False
@@ -111,9 +123,11 @@ def watch_compilation(progress: Progress | None = None) -> Iterator[CompileWatch
     """
     from numba.core import event
 
+    from hybrid_rt.core.precompile import how_far
+
     global _is_watching  # noqa: PLW0603
     is_outermost = not _is_watching
-    watch = CompileWatch(progress, is_outermost)
+    watch = CompileWatch(progress, is_outermost, how_far)
 
     class Listener(event.Listener):
         def on_start(self, event: Any) -> None:

@@ -6,6 +6,7 @@ import math
 import os
 import pty
 import sys
+import threading
 import time
 import types
 
@@ -389,6 +390,32 @@ def test_nested_compilations_count_once_and_long_ones_are_announced(monkeypatch,
     assert 0.1 <= watch.seconds <= time.perf_counter() - began
     assert heard == [(COMPILING, 0, 0)]
     assert [(r.levelname, r.getMessage()) for r in caplog.records] == [("INFO", f"{COMPILING} ...")]
+
+
+def test_long_compilations_say_how_far_they_are(monkeypatch, caplog):
+    monkeypatch.setattr(core_progress, "ANNOUNCE_AFTER", 0.01)
+    monkeypatch.setattr(core_progress, "AGAIN_AFTER", 0.01)
+    caplog.set_level("INFO")
+    heard, third = [], threading.Event()
+    known = itertools.count(1)
+
+    def hear(stage, done, total):
+        heard.append((stage, done, total))
+        if done == 3:
+            third.set()
+
+    watch = CompileWatch(hear, is_logged=True, how_far=lambda: (next(known), 1000))
+    for _ in range(2):  # what is compiled later is told anew
+        watch.on_start(None)
+        assert third.wait(60)
+        watch.on_end(None)
+        n_then = len(heard)
+        time.sleep(0.05)
+        assert len(heard) == n_then
+        third.clear()
+        known = itertools.count(1)
+    assert heard[:3] == [(COMPILING, done, 1000) for done in (1, 2, 3)]
+    assert len(caplog.records) == 1
 
 
 def test_of_nested_watches_the_outermost_logs():
