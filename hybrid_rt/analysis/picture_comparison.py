@@ -170,7 +170,10 @@ def compare_pictures(
         Of plain numbers: ``errors`` by name of the measured picture (the fields of
         `hybrid_rt.sensor.image_metrics.PictureErrors`), the name of the reference (``against``),
         the relative RMSE explained by the estimated noise of both (``expected``; None if one has no
-        estimate), and ``seconds`` by name, from the reports.
+        estimate), and ``seconds``, from the reports; ``nearest``, the measured picture with the
+        least relative RMSE (None if only one is measured, or two are equally near); and
+        ``same_noise``, the measured pictures that were rendered with the random numbers of what
+        they are compared with.
 
     Raises
     ------
@@ -198,7 +201,32 @@ def compare_pictures(
             "expected": _expected(picture, target),
             "seconds": _found(picture.report, "seconds", "total"),
         }
-    return {"against": names[-1], "errors": rows}
+    return {
+        "against": names[-1],
+        "errors": rows,
+        "nearest": _nearest(rows),
+        "same_noise": [
+            name
+            for name, picture in zip(names, measured, strict=False)
+            if picture is not target and _share_noise(picture.report, target.report)
+        ],
+    }
+
+
+def _nearest(rows: dict[str, dict[str, Any]]) -> str | None:
+    """Return which of several pictures has the least relative RMSE, if one has."""
+    errors = sorted((row["relative_rmse"], name) for name, row in rows.items())
+    return errors[0][1] if len(errors) > 1 and errors[0][0] < errors[1][0] else None
+
+
+def _share_noise(one: dict[str, Any] | None, other: dict[str, Any] | None) -> bool:
+    """Tell whether two renders drew the same random numbers: one integrator, one seed."""
+    drawn = [
+        [report["settings"].get(name) for name in ("integrator", "seed")]
+        for report in (one, other)
+        if report is not None and isinstance(report.get("settings"), dict)
+    ]
+    return len(drawn) == 2 and drawn[0] == drawn[1] and None not in drawn[0]
 
 
 def _size(picture: Picture) -> str:
@@ -237,24 +265,43 @@ def _expected(one: Picture, other: Picture) -> float | None:
 
 def in_words(comparison: dict[str, Any]) -> str:
     """Format a comparison as a text table."""
-    head = ("RMSE", "of most", "relative", "of most", "mean", "worst", "by noise", "render")
-    units = ("radiance", "radiance", "%", "%", "radiance", "radiance", "%", "s")
+    head = ("relative", "of most", "by noise", "RMSE", "of most", "mean", "worst", "render")
+    units = ("%", "%", "%", "radiance", "radiance", "radiance", "radiance", "s")
     lines = [f"against {comparison['against']}:"]
     lines += [f"  {'':24}" + "".join(f" {word:>9}" for word in row) for row in (head, units)]
     for name, row in comparison["errors"].items():
         expected = "unknown" if row["expected"] is None else f"{100.0 * row['expected']:.3g}"
         seconds = "unknown" if row["seconds"] is None else f"{row['seconds']:.2f}"
         lines.append(
-            f"  {name:24} {row['rmse']:9.3g} {row['rmse_of_most']:9.3g} "
-            f"{100.0 * row['relative_rmse']:9.3g} {100.0 * row['relative_rmse_of_most']:9.3g} "
-            f"{row['mean_error']:+9.2g} {row['worst']:9.3g} {expected:>9} {seconds:>9}"
+            f"  {name:24} {100.0 * row['relative_rmse']:9.3g} "
+            f"{100.0 * row['relative_rmse_of_most']:9.3g} {expected:>9} {row['rmse']:9.3g} "
+            f"{row['rmse_of_most']:9.3g} {row['mean_error']:+9.2g} {row['worst']:9.3g} {seconds:>9}"
         )
+    lines += _verdict(comparison)
     lines += [
-        "  relative: RMSE of the differences over sqrt(r^2 + 0.01). of most: without the worst 0.1 % of",
-        "  the pixels. mean, worst: mean and largest difference. by noise: what the errors that both",
-        "  pictures state of themselves explain of the relative RMSE. render: seconds, as reported.",
+        "  relative   root mean square of the pixels' differences, each over sqrt(r^2 + 0.01), where r is",
+        f"             the pixel of {comparison['against']}",
+        "  of most    the same without the worst 0.1 % of the pixels",
+        "  by noise   the relative difference that the noise of both pictures explains, by their reports",
+        "  RMSE       root mean square of the differences themselves",
+        "  mean       mean difference; worst: the largest; render: seconds, by the report",
     ]
     return "\n".join(lines)
+
+
+def _verdict(comparison: dict[str, Any]) -> list[str]:
+    """Say which picture is nearer to the reference, and whether noise hides from the comparison."""
+    errors, against = comparison["errors"], comparison["against"]
+    nearest, lines = comparison["nearest"], []
+    if nearest is not None:
+        by = ", ".join(f"{name} {percent(row['relative_rmse'])}" for name, row in errors.items())
+        lines.append(f"nearer to {against}: {nearest} ({by})")
+    lines += [
+        f"WARNING: {name} and {against} were rendered with one integrator and one seed: their noise is "
+        "partly the same, so they differ by less than either differs from the truth (pass --seed)"
+        for name in comparison["same_noise"]
+    ]
+    return lines
 
 
 def error_map(image: NDArray[np.floating], reference: NDArray[np.floating]) -> Pixels:

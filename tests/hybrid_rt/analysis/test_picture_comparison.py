@@ -6,6 +6,7 @@ import pytest
 
 from hybrid_rt.analysis.picture_comparison import (
     compare_pictures,
+    in_words,
     load_picture,
 )
 from hybrid_rt.analysis.picture_sheet import BAR, GAP, LINE, MARGIN, error_colors, sheet
@@ -103,6 +104,42 @@ def test_noise_of_reports_adds_in_squares(tmp_path):
     row = compare_pictures(one, other)["errors"]["a.npz"]
     assert row["expected"] == pytest.approx(0.03 * np.sqrt(2))
     assert row["rmse"] == 0.0
+
+
+def test_the_nearer_picture_is_named(tmp_path):
+    far, near, truth = (
+        load_picture(write(tmp_path / f"{name}.npz", TRUTH + np.float32(off)))
+        for name, off in (("far", 0.02), ("near", -0.01), ("truth", 0.0))
+    )
+    found = compare_pictures(far, near, truth)
+    assert found["nearest"] == "near.npz"
+    assert "nearer to truth.npz: near.npz (far.npz " in in_words(found)
+    alike = compare_pictures(near, near, truth)
+    assert alike["nearest"] is None
+    assert "nearer" not in in_words(alike)
+    assert compare_pictures(far, near)["nearest"] is None
+
+
+@pytest.mark.parametrize(
+    ("other", "is_warned"),
+    [
+        ({"integrator": "path", "seed": 3}, True),
+        ({"integrator": "path", "seed": 4}, False),
+        ({"integrator": "ppm", "seed": 3}, False),
+        ({}, False),
+        (None, False),
+    ],
+)
+def test_equal_seeds_are_warned_of(tmp_path, other, is_warned):
+    settings = {"integrator": "path", "seed": 3}
+    one, two = (
+        load_picture(write(tmp_path / f"{name}.npz", TRUTH, REPORT | {"settings": of}))
+        for name, of in (("one", settings), ("two", other))
+    )
+    found = compare_pictures(one, two)
+    assert found["same_noise"] == (["one.npz"] if is_warned else [])
+    words = in_words(found)
+    assert ("WARNING: one.npz and two.npz were rendered with one integrator" in words) == is_warned
 
 
 def test_colours_are_logarithmic():
