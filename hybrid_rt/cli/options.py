@@ -26,7 +26,12 @@ def add_render_options(parser: argparse.ArgumentParser) -> None:
         metavar="I",
         help=f"{', '.join(others)} or {last} (default: what the scene names, else {DEFAULT})",
     )
-    parser.add_argument("--passes", type=int, metavar="N", help="samples per pixel (default 16)")
+    parser.add_argument(
+        "--passes",
+        type=int,
+        metavar="N",
+        help="samples per pixel (default 16; with a time budget or target error: as many as that takes)",
+    )
     for flag, integrators in _flags().values():
         parser.add_argument(
             f"--{flag.name}",

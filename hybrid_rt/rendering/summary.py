@@ -8,6 +8,8 @@ from typing import Any
 from hybrid_rt.rendering.report import ALL_LIGHT, share_cut_off
 from hybrid_rt.scene.lamps_in_surfaces import lamp_in_words
 
+# If the worst 0.1 % of the pixels hold this share of the squared error, the noise of all is rough.
+MOST_OF_IT = 0.5
 # What each limit is called, and what of it was reached.
 _STOPPED_BY = {
     "passes": "the number of passes",
@@ -25,6 +27,7 @@ _STOPPED_BY = {
 def in_words(report: dict[str, Any]) -> str:
     """Format a render's report as a few lines of text."""
     lines = [_noise(report), _geometry(report), _cost(report), *_cluster(report), _stop(report)]
+    lines += _further(report)
     warnings = [f"  WARNING   {words}" for words in warnings_in_words(report)]
     return "\n".join([*warnings, *_lamps(report), *_left_out(report), *lines])
 
@@ -198,8 +201,15 @@ def _worst_pixels(noise: dict[str, Any]) -> str:
     return (
         f"\n            {per_cent(noise['relative_rmse_trimmed'])} without the worst 0.1 % of the "
         f"pixels, which hold {per_cent(noise['worst_pixels_share_of_squared_error'])} of the "
-        "squared error"
+        f"squared error{_if_few_decide(noise)}"
     )
+
+
+def _if_few_decide(noise: dict[str, Any]) -> str:
+    """Return a caution if the noise of all pixels is that of a few bright specks."""
+    if noise["worst_pixels_share_of_squared_error"] < MOST_OF_IT:
+        return ""
+    return ":\n            so few pixels decide the first figure that it is rough; trust the second"
 
 
 def _blur(error: dict[str, Any]) -> str:
@@ -319,3 +329,18 @@ def _stop(report: dict[str, Any]) -> str:
         if target is not None and error["blur_stays"] and blur is not None and blur > target:
             text += f"\n            the blur alone keeps the target {target:g} out of reach"
     return text
+
+
+def _further(report: dict[str, Any]) -> list[str]:
+    """Return what half the noise would cost, after a render that a number of passes ended."""
+    error = report["relative_error"]
+    if report["stopped_by"] != "passes" or error is None or error["blur_at_most"] != 0.0:
+        return []
+    noise = error["noise"]
+    if not 0.0 < noise < math.inf:
+        return []
+    target = float(f"{noise / 2:.1g}")
+    times = (noise / target) ** 2
+    passes, seconds = math.ceil(report["passes"] * times), report["seconds"]["total"] * times
+    cost = f"{passes:,} passes, {seconds:.2g} s"
+    return [f"  further   {per_cent(target)} takes about {cost}: target error {target:g}"]

@@ -1,6 +1,18 @@
+import math
+
 import pytest
 
-from hybrid_rt import Camera, Lambertian, Object, PointLight, Rectangle, Scene, Sphere, render
+from hybrid_rt import (
+    Camera,
+    Lambertian,
+    Object,
+    PointLight,
+    Rectangle,
+    RectangleLight,
+    Scene,
+    Sphere,
+    render,
+)
 from hybrid_rt.rendering.summary import in_words, per_cent, warnings_in_words
 
 
@@ -32,3 +44,32 @@ def test_a_black_picture_is_a_warning(integrator):
     assert "WARNING   the picture is black: no light arrives" in in_words(dark)
     lit = render(Scene(camera, [floor, shade], [inside, above]), integrator, passes=2, threads=1)
     assert not warnings_in_words(lit.report)
+
+
+class TestFurther:
+    FLOOR = Object(Rectangle((-2, -2, 0), (4, 0, 0), (0, 4, 0)), Lambertian(0.5))
+    LAMP = RectangleLight((-1, -1, 3), (0, 2, 0), (2, 0, 0), 5.0)
+    CAMERA = Camera((0, -6, 2), (0, 0, 0), (0, 0, 1), width=48, height=36)
+
+    def report(self, **settings):
+        scene = Scene(self.CAMERA, [self.FLOOR], [self.LAMP])
+        return render(scene, threads=1, **settings).report
+
+    def test_half_the_noise_takes_about_four_times_the_passes(self):
+        report = self.report(passes=8)
+        last = in_words(report).splitlines()[-1]
+        target = float(last.split("target error ")[1])
+        noise = report["relative_error"]["noise"]
+        assert target == pytest.approx(noise / 2, rel=0.34)  # of one digit
+        passes = int(last.split("about ")[1].split(" passes")[0])
+        assert passes == math.ceil(8 * (noise / target) ** 2)
+
+    @pytest.mark.parametrize("settings", [{"target_error": 0.5}, {"passes": 1}])
+    def test_only_where_passes_ended_it_and_the_noise_is_known(self, settings):
+        assert "further" not in in_words(self.report(**settings))
+
+    def test_a_few_bright_pixels_are_not_trusted(self):
+        report = self.report(passes=8)
+        assert "rough" not in in_words(report)
+        report["noise"]["worst_pixels_share_of_squared_error"] = 0.6
+        assert "the first figure that it is rough; trust the second" in in_words(report)
