@@ -6,6 +6,7 @@ import numba
 from numba.core import registry
 
 from meshing.kernels.cache import SharedCache
+from meshing.kernels.link_only import LinkOnly
 
 CPUDispatcher: Any = registry.CPUDispatcher
 
@@ -50,7 +51,7 @@ def _cached(compiled: Any) -> Any:
 
 
 class _ForKernels(CPUDispatcher):  # type: ignore[misc]
-    """A function compiled without an entry for Python: that is an eighth of the compilation."""
+    """A function compiled without machine code of its own, nor an entry for Python."""
 
     _for_python: Any = None
 
@@ -62,7 +63,7 @@ class _ForKernels(CPUDispatcher):  # type: ignore[misc]
 
 
 def _for_kernels(function: Any, **options: Any) -> Any:
-    options |= {**_WITHOUT_ALLOCATION, "no_cpython_wrapper": True}
+    options |= {**_WITHOUT_ALLOCATION, "no_cpython_wrapper": True, "pipeline_class": LinkOnly}
     compiled: Any = numba.njit(**options)(function)
     if isinstance(compiled, CPUDispatcher):
         compiled.__class__ = _ForKernels
