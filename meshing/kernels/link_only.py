@@ -7,11 +7,11 @@ the time, and run as fast.
 
 from typing import Any
 
-from numba import _dynfunc
+from numba import _dynfunc  # type: ignore[attr-defined]
 from numba.core import codegen, compiler, compiler_machinery, typed_passes
 
 
-class _LinkedLibrary(codegen.JITCodeLibrary):  # type: ignore[misc]
+class _LinkedLibrary(codegen.JITCodeLibrary):
     """Code that is optimised, and linked into that of its callers."""
 
     def _finalize_final_module(self) -> None:
@@ -21,7 +21,7 @@ class _LinkedLibrary(codegen.JITCodeLibrary):  # type: ignore[misc]
 
 
 @compiler_machinery.register_pass(mutates_CFG=True, analysis_only=False)
-class _LoweringToLink(typed_passes.NativeLowering):  # type: ignore[misc]
+class _LoweringToLink(typed_passes.NativeLowering):
     """Lowering to code that callers link, with an entry that cannot be called."""
 
     _name = "lowering_to_link"
@@ -45,7 +45,7 @@ class _LoweringToLink(typed_passes.NativeLowering):  # type: ignore[misc]
         return True
 
 
-class LinkOnly(compiler.CompilerBase):  # type: ignore[misc]
+class LinkOnly(compiler.CompilerBase):
     """The passes of numba, but for that one."""
 
     def define_pipelines(self) -> list[Any]:
