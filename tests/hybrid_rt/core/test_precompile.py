@@ -169,6 +169,22 @@ def test_where_others_fail_everything_is_compiled_here(tmp_path):
     assert n_processes >= 1
 
 
+def test_what_is_left_counts_by_the_time_it_takes():
+    workers = precompile._Workers()
+    assert workers.how_far() == (0, 0)
+    workers._known, workers._queue = {0, 1, 90}, [1, 90]
+    workers._at_work = {0}
+    done, total = workers.how_far()
+    assert done == 0 < total
+    workers._at_work = set()
+    begun, same_total = workers.how_far()
+    assert same_total == total
+    # The slowest is more than the other two are on average, and 90 others are faster than the last.
+    assert 1 / 3 < begun / total < 1
+    workers._queue = []
+    assert workers.how_far() == (total, total)
+
+
 def test_one_core_compiles_for_itself(monkeypatch):
     monkeypatch.setattr(pool, "available_threads", lambda: 1)
     monkeypatch.setattr(cache, "on_miss", None)
