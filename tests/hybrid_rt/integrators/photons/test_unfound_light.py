@@ -172,7 +172,7 @@ class TestSentences:
             assert "the image mean lacks 0.0" in text
             assert "of what is found, by 2,000 photons;\n" in text
             assert f"image mean of {light}" in text
-            stopped = text.splitlines()[-1]
+            stopped = text.splitlines()[-2]
             assert stopped.startswith("  stopped")
             assert light in stopped
 
