@@ -32,7 +32,7 @@ def follow_paths(
     path : Paths of one row, scratch
     vertex : Vertex, scratch
         Its ``hit`` is ``ray.record``.
-    points : (2, N_SLOTS, RUN_ALONG) float64, scratch
+    points : RunPoints of RUN_ALONG vertices, scratch
     rays : ShadowRays, scratch
     radiance : (n, 3) float64, changed
     tally : Tally, changed

@@ -91,7 +91,7 @@ def advance_paths(
     arrival : Arrival of n rows
     path : Paths of one row, scratch
     vertex : Vertex, scratch
-    points : (2, N_SLOTS, RUN_ACROSS) float64, scratch
+    points : RunPoints of RUN_ACROSS vertices, scratch
     radiance : (camera rays, 3) float64, changed
     rays : ShadowRays of `FEW_SHADOW_RAYS` or `MOST_SHADOW_RAYS` n rows, written
         What they bring is not added yet.

@@ -28,7 +28,7 @@ from hybrid_rt.integrators.kernels.vertex_points import (
     DIRECTION,
     N_JOINS,
     TO_LIGHT,
-    TO_SPHERE,
+    draw_to_sphere,
 )
 from hybrid_rt.shading.kernels.bsdf import Vertices
 from hybrid_rt.shading.kernels.emitter import Met, light_on_hit, light_on_ray
@@ -269,8 +269,7 @@ def leave_vertex(world, rules, paths, vertex, depth, camera_pdf, number, points,
         pdf per solid angle of the camera ray's direction; read if there are light paths.
     number : int
         Index of the pass among those of `World.first_of_pass`.
-    points : (2, N_SLOTS, run) float64
-        See `hybrid_rt.integrators.kernels.vertex_points`.
+    points : RunPoints
     column : int
         Of this vertex among them.
     rays : ShadowRays
@@ -281,7 +280,7 @@ def leave_vertex(world, rules, paths, vertex, depth, camera_pdf, number, points,
     fate : int, see `hybrid_rt.shading.kernels.scatter`
     n : int, rows of ``rays``
     """
-    hit = vertex.hit
+    hit, xi = vertex.hit, points.xi
     spreads, mirrors = look_up_surface(world, rules, paths, vertex)
     joins = rules.has_light_paths and world.joins[vertex.material[0]]
     # What this surface sends back along a far ray is known already, but for that of delta lobes.
@@ -294,14 +293,14 @@ def leave_vertex(world, rules, paths, vertex, depth, camera_pdf, number, points,
     )  # fmt: skip
     # --- light we reach for
     if spreads and rules.asks_lights and not is_known:
-        s, t = points[0, TO_LIGHT, column], points[1, TO_LIGHT, column]
+        s, t = xi[0, TO_LIGHT, column], xi[1, TO_LIGHT, column]
         n += ask_light(world, rules, paths, vertex, vertices, s, t, rays, n)
     # --- light of other surfaces, and what mirrors and glass throw
     if spreads and rules.has_light_paths and not is_known and depth < rules.max_depth:
         n_before = n
         n_joins = N_JOINS if joins and rules.near < np.inf else 1
         for j in range(n_joins):
-            s, t = points[0, CONNECT + j, column], points[1, CONNECT + j, column]
+            s, t = xi[0, CONNECT + j, column], xi[1, CONNECT + j, column]
             n += connect_to_light_vertex(
                 world, rules, paths, vertex, vertices, depth, number, s, t, rays, n
             )
@@ -311,12 +310,12 @@ def leave_vertex(world, rules, paths, vertex, depth, camera_pdf, number, points,
     # --- light that a mirror ball or glass ball throws here
     is_anchored = spreads and is_asked_through_spheres(world, rules, paths, vertex, depth)
     if is_anchored:
-        s, t = points[0, TO_SPHERE, column], points[1, TO_SPHERE, column]
+        s, t = draw_to_sphere(rules, depth, paths.pixel[0], paths.sample[0])
         n = ask_through_spheres(world, rules, paths, vertex, vertices, depth, s, t, rays, n)
     # --- where it goes next, and whether it stops
     for k in range(2):
-        vertex.xi[0, k] = points[k, DIRECTION, column]
-        vertex.choice[0, k] = points[k, CHOICE, column]
+        vertex.xi[0, k] = xi[k, DIRECTION, column]
+        vertex.choice[0, k] = xi[k, CHOICE, column]
     if depth > 0:
         # Of the light vertices of a pass, `of_use` a path, one is connected to, with a probability
         # of CONNECT_CHANCE.

@@ -284,3 +284,23 @@ def new_light_vertices(n: int, n_slots: int) -> LightVertices:
         object_id=np.empty(n, dtype=np.int32),
         steps=np.empty(n, dtype=np.int64),
     )
+
+
+def packed(points: LightVertices) -> LightVertices:
+    """Return light vertices with all columns of a row next to each other in memory.
+
+    A connection reads one row at random: so it waits for memory a few times instead of once a column.
+    There are two rows at least, since the columns of one row would be of another type for numba.
+    """
+    n = points.density.size
+    row = np.dtype(
+        [
+            (name, column.dtype, column.shape[1:])
+            for name, column in zip(points._fields, points, strict=True)
+        ],
+        align=True,
+    )
+    table = np.empty(max(n, 2), dtype=row)
+    for name, column in zip(points._fields, points, strict=True):
+        table[name][:n] = column
+    return LightVertices(*(table[name] for name in points._fields))

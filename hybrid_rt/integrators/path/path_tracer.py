@@ -39,11 +39,11 @@ from hybrid_rt.integrators.kernels.path_vertex import (
     World,
 )
 from hybrid_rt.integrators.kernels.vertex_points import (
-    N_SLOTS,
     PER_STEP,
     RUN_ACROSS,
     RUN_ALONG,
     TO_LIGHT,
+    new_run_points,
 )
 from hybrid_rt.integrators.light_points import new_light_points
 from hybrid_rt.integrators.media.absorption import media_around_camera
@@ -58,6 +58,7 @@ from hybrid_rt.integrators.path.light_paths import (
     finds_all_light,
     joined,
     new_light_vertices,
+    packed,
 )
 from hybrid_rt.integrators.path.path_state import (
     columns_of,
@@ -122,8 +123,8 @@ class PathTracer(Integrator):
         self._balls = balls_of(context)
         self._plan_balls()
         self._path = self._new_paths(1)
-        self._points = np.empty((2, N_SLOTS, RUN_ACROSS if self._forms is None else RUN_ALONG))
-        self._lit = new_light_vertices(0, self._light.n_slots)
+        self._points = new_run_points(RUN_ACROSS if self._forms is None else RUN_ALONG)
+        self._lit = packed(new_light_vertices(0, self._light.n_slots))
         self._first_of_pass = np.zeros(1, dtype=np.int64)
         self._first_pass = 0
         self._of_use = 0.0
@@ -214,7 +215,7 @@ class PathTracer(Integrator):
             sizes = np.concatenate([np.diff(run.offsets) for run in runs])
             self._first_pass = passes.start
             self._first_of_pass = np.concatenate([[0], np.cumsum(sizes)])
-            self._lit = joined([run.points for run in runs])
+            self._lit = packed(joined([run.points for run in runs]))
 
     def add_prepared(self, prepared: LightVertexPasses | None, images: FloatArray) -> None:
         """Add the splats of the light vertices."""

@@ -13,89 +13,93 @@ import numpy as np
 
 from meshing.kernels.jit import inlined, inner, kernel
 
-# 32-bit arithmetic in 64-bit words: a product of two 32-bit numbers cannot overflow, so compiled
-# and interpreted runs give the same bits. Numba would turn uint64 with int64 into float64: every
-# constant is a uint64.
-_MASK = np.uint64(0xFFFFFFFF)
-_GOLDEN = np.uint64(0x9E3779B9)
-_ZERO, _ONE = np.uint64(0), np.uint64(1)
-_S1, _S2, _S4, _S8 = np.uint64(1), np.uint64(2), np.uint64(4), np.uint64(8)
-_S15, _S16, _S24 = np.uint64(15), np.uint64(16), np.uint64(24)
-_S32 = np.uint64(32)
+# All words have 32 bits, so that eight of them fill a vector register. Numba widens the result of
+# every operation to 64 bits, which the conversions undo; what overflows is cut off, as it should be.
+_word = np.uint32
+_GOLDEN, _ONE, _TWO, _ZERO = _word(0x9E3779B9), _word(1), _word(2), _word(0)
+_S1, _S2, _S4, _S8, _S15, _S16 = _word(1), _word(2), _word(4), _word(8), _word(15), _word(16)
+_BITS1, _BITS2 = _word(0x55555555), _word(0x33333333)
+_BITS4, _BITS8 = _word(0x0F0F0F0F), _word(0x00FF00FF)
+_HASH_A, _HASH_B = _word(0x7FEB352D), _word(0x846CA68B)
+_OWEN_A, _OWEN_B, _OWEN_C = _word(0x3D20ADEA), _word(0x05526C56), _word(0x53A22864)
+_SIGN = _word(0x80000000)
 _BYTE = np.uint64(0xFF)
-_BITS1, _BITS2 = np.uint64(0x55555555), np.uint64(0x33333333)
-_BITS4, _BITS8 = np.uint64(0x0F0F0F0F), np.uint64(0x00FF00FF)
-_HASH_A, _HASH_B = np.uint64(0x7FEB352D), np.uint64(0x846CA68B)
-_OWEN_A, _OWEN_B, _OWEN_C = np.uint64(0x3D20ADEA), np.uint64(0x05526C56), np.uint64(0x53A22864)
-_TO_UNIT = 2.0**-32
+_L8, _L16, _L24, _L32 = np.uint64(8), np.uint64(16), np.uint64(24), np.uint64(32)
 
 
 @inner
 def mix(state, word):
-    """Mix one 32-bit word into a 32-bit hash (the "lowbias32" finaliser of C. Wellons)."""
-    x = ((state + _GOLDEN) & _MASK) ^ word
-    x ^= x >> _S16
-    x = (x * _HASH_A) & _MASK
-    x ^= x >> _S15
-    x = (x * _HASH_B) & _MASK
-    return x ^ (x >> _S16)
+    """Mix one word into a hash (the "lowbias32" finaliser of C. Wellons)."""
+    x = _word(_word(state + _GOLDEN) ^ word)
+    x = _word(x ^ (x >> _S16))
+    x = _word(x * _HASH_A)
+    x = _word(x ^ (x >> _S15))
+    x = _word(x * _HASH_B)
+    return _word(x ^ (x >> _S16))
 
 
 @inner
 def reverse_bits(x):
-    """Reverse the bits of a 32-bit word."""
-    x = ((x >> _S1) & _BITS1) | ((x & _BITS1) << _S1)
-    x = ((x >> _S2) & _BITS2) | ((x & _BITS2) << _S2)
-    x = ((x >> _S4) & _BITS4) | ((x & _BITS4) << _S4)
-    x = ((x >> _S8) & _BITS8) | ((x & _BITS8) << _S8)
-    return ((x >> _S16) | (x << _S16)) & _MASK
+    """Reverse the bits of a word."""
+    x = _word(((x >> _S1) & _BITS1) | ((x & _BITS1) << _S1))
+    x = _word(((x >> _S2) & _BITS2) | ((x & _BITS2) << _S2))
+    x = _word(((x >> _S4) & _BITS4) | ((x & _BITS4) << _S4))
+    x = _word(((x >> _S8) & _BITS8) | ((x & _BITS8) << _S8))
+    return _word((x >> _S16) | (x << _S16))
 
 
 @inner
 def permute(x, key):
     """Permute binary digits, the lowest first: each flip depends on the digits before it."""
-    x ^= (x * _OWEN_A) & _MASK
-    x = (x + key) & _MASK
-    x = (x * ((key >> _S16) | _ONE)) & _MASK
-    x ^= (x * _OWEN_B) & _MASK
-    return x ^ ((x * _OWEN_C) & _MASK)
+    x = _word(x ^ _word(x * _OWEN_A))
+    x = _word(x + key)
+    x = _word(x * _word((key >> _S16) | _ONE))
+    x = _word(x ^ _word(x * _OWEN_B))
+    return _word(x ^ _word(x * _OWEN_C))
 
 
 @inner
 def sobol_second(turned):
-    """Return the second Sobol coordinate of a bit-reversed index, as a 32-bit word.
+    """Return the second Sobol coordinate of a bit-reversed index.
 
     The first coordinate is the bit-reversed index itself.
     """
     # The generator matrix is Pascal's triangle modulo 2, five times over the Kronecker product of
     # ((1, 1), (0, 1)) with itself: each factor is one line.
-    x = turned ^ ((turned << _S16) & _MASK)
-    x ^= (x & _BITS8) << _S8
-    x ^= (x & _BITS4) << _S4
-    x ^= (x & _BITS2) << _S2
-    return x ^ ((x & _BITS1) << _S1)
+    x = _word(turned ^ (turned << _S16))
+    x = _word(x ^ ((x & _BITS8) << _S8))
+    x = _word(x ^ ((x & _BITS4) << _S4))
+    x = _word(x ^ ((x & _BITS2) << _S2))
+    return _word(x ^ ((x & _BITS1) << _S1))
+
+
+@inner
+def to_unit(x):
+    """Return a word over 2**32."""
+    # Processors convert signed words faster. Both steps are exact.
+    return (np.int32(x ^ _SIGN) + 2147483648.0) * 2.0**-32
 
 
 @inlined
 def key_of_pixel(seed, pixel):
     """Return the hash of a seed and a pixel, both uint64."""
-    seed_key = mix(mix(_ZERO, seed & _MASK), seed >> _S32)
-    return mix(mix(seed_key, pixel & _MASK), pixel >> _S32)
+    seed_key = mix(mix(_ZERO, _word(seed)), _word(seed >> _L32))
+    return mix(mix(seed_key, _word(pixel)), _word(pixel >> _L32))
 
 
 @inlined
-def sobol_point(pixel_key, turned_sample, dimension):
-    """Return the point of one dimension (uint64), two numbers in [0, 1).
+def sobol_point(pixel_key, turned_sample, low, high):
+    """Return the point of one dimension, two numbers in [0, 1).
 
-    ``turned_sample`` is the bit-reversed sample number. Scrambling permutes the digits from the
-    highest on, so words are bit-reversed before and after it; where two reversals meet, both are
-    left out.
+    ``turned_sample`` is the bit-reversed sample number; ``low`` and ``high`` are the two words of the
+    dimension. Scrambling permutes the digits from the highest on, so words are bit-reversed before
+    and after it; where two reversals meet, both are left out.
     """
-    key = mix(mix(pixel_key, dimension & _MASK), dimension >> _S32)
+    key = mix(mix(pixel_key, low), high)
     turned = permute(turned_sample, key)
     first = permute(reverse_bits(turned), mix(key, _ONE))
-    second = permute(reverse_bits(sobol_second(turned)), mix(key, _S2))
-    return reverse_bits(first) * _TO_UNIT, reverse_bits(second) * _TO_UNIT
+    second = permute(reverse_bits(sobol_second(turned)), mix(key, _TWO))
+    return to_unit(reverse_bits(first)), to_unit(reverse_bits(second))
 
 
 @kernel
@@ -106,10 +110,11 @@ def sobol_points(seed, sample, pixel, dimension, begin, points):
     """
     for i in range(pixel.size):
         pixel_key = key_of_pixel(seed, pixel[i])
-        turned_sample = reverse_bits(sample[i] & _MASK)
+        turned_sample = reverse_bits(_word(sample[i]))
         for d in range(points.shape[0]):
+            of_point = dimension[i] + np.uint64(d)
             points[d, begin + i, 0], points[d, begin + i, 1] = sobol_point(
-                pixel_key, turned_sample, dimension[i] + np.uint64(d)
+                pixel_key, turned_sample, _word(of_point), _word(of_point >> _L32)
             )
 
 
@@ -130,16 +135,15 @@ def joint_points(seed, sample, pixel, dimension, tables, points):
     tables : (at least m, 4, 256) uint64
         Bit-reversed contribution of each byte of an index, for each coordinate.
     """
-    seed_key = mix(mix(_ZERO, seed & _MASK), seed >> _S32)
     for i in range(sample.size):
-        key = mix(mix(seed_key, pixel[i] & _MASK), pixel[i] >> _S32)
-        key = mix(mix(key, dimension & _MASK), dimension >> _S32)
+        key = key_of_pixel(seed, pixel[i])
+        key = mix(mix(key, _word(dimension)), _word(dimension >> _L32))
         index = sample[i]
         for d in range(points.shape[1]):
             turned = (
                 tables[d, 0, index & _BYTE]
-                ^ tables[d, 1, (index >> _S8) & _BYTE]
-                ^ tables[d, 2, (index >> _S16) & _BYTE]
-                ^ tables[d, 3, (index >> _S24) & _BYTE]
+                ^ tables[d, 1, (index >> _L8) & _BYTE]
+                ^ tables[d, 2, (index >> _L16) & _BYTE]
+                ^ tables[d, 3, (index >> _L24) & _BYTE]
             )
-            points[i, d] = reverse_bits(permute(turned, mix(key, np.uint64(d)))) * _TO_UNIT
+            points[i, d] = to_unit(reverse_bits(permute(_word(turned), mix(key, _word(d)))))
