@@ -21,8 +21,8 @@ glass).
 
 All other light between diffuse surfaces can be found by connections alone (Keller, "Instant
 radiosity", SIGGRAPH 1997): one light subpath in `FOLLOWED_FAR` is followed from surface to surface,
-and its vertices are kept too. A camera path is connected to them at its first diffuse vertex, and
-does not go on from the next one. As a connection has a variance without bound where its ends are
+and its vertices are kept too. A camera path is connected to one of them at its first diffuse vertex,
+and does not go on from the next one. As a connection has a variance without bound where its ends are
 close, nearer than a set distance the path goes on instead: either way finds what the other leaves,
 without weights (Kollig and Keller, "Illumination in the presence of weak singularities", MCQMC
 2004).
@@ -61,7 +61,7 @@ from hybrid_rt.shading.kernels.scatter import density_of_turn
 from meshing.kernels.jit import inlined, kernel
 
 # One light subpath in so many is followed from surface to surface.
-FOLLOWED_FAR = 4
+FOLLOWED_FAR = 8
 
 
 class LightPaths(NamedTuple):
@@ -92,6 +92,7 @@ class LightVertices(NamedTuple):
     colors: Any  # (n, lobes of a material at most, 3) float64
     flux: Any  # (n, 3) float64
     density: Any  # (n,) float64, see `LightPaths`; 0: of all other light, see the module
+    strength: Any  # (n,) float64, about the largest channel of flux times albedo
     square: Any  # (n,) float64, index squared of where the light comes from
     # (n,) float64, index beyond the surface over that, where rough glass spreads light; else 0
     ratio: Any
@@ -187,7 +188,8 @@ def store_light_vertices(paths, lobes, vertices, object_id, steps, keeps_all, ou
         for j in range(lobes.first[material[i] + 1] - start):
             if spreads_here(lobes, start + j, at):
                 spreads += lobe_chance(lobes, start + j, colors, i, j, SPREADS)
-        if spreads == 0.0 or max(paths.flux[i, 0], paths.flux[i, 1], paths.flux[i, 2]) <= 0.0:
+        strength = spreads * factor * max(paths.flux[i, 0], paths.flux[i, 1], paths.flux[i, 2])
+        if strength <= 0.0:
             continue
         square = 1.0
         if paths.media.shape[1] > 0:
@@ -203,6 +205,7 @@ def store_light_vertices(paths, lobes, vertices, object_id, steps, keeps_all, ou
         row[n] = i
         out.material[n] = material[i]
         out.density[n] = 0.0 if is_other else paths.density[i]
+        out.strength[n] = strength
         out.square[n] = square
         out.ratio[n] = at
         out.object_id[n] = object_id[i]

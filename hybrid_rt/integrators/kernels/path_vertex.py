@@ -13,6 +13,7 @@ import numpy as np
 from hybrid_rt.integrators.kernels.compaction import choose_light
 from hybrid_rt.integrators.kernels.connections import (
     CONNECT_CHANCE,
+    connect_far,
     connect_to_light_vertex,
 )
 from hybrid_rt.integrators.kernels.through_spheres import (
@@ -26,7 +27,7 @@ from hybrid_rt.integrators.kernels.vertex_points import (
     CHOICE,
     CONNECT,
     DIRECTION,
-    N_JOINS,
+    FAR,
     TO_LIGHT,
     draw_to_sphere,
 )
@@ -51,7 +52,7 @@ from meshing.kernels.jit import inlined
 
 NOTHING = -1
 # Shadow rays of a vertex at most, without and with those by way of balls.
-FEW_SHADOW_RAYS, MOST_SHADOW_RAYS = 1 + N_JOINS, 1 + N_JOINS + MOST_RAYS
+FEW_SHADOW_RAYS, MOST_SHADOW_RAYS = 3, 3 + MOST_RAYS
 
 
 class World(NamedTuple):
@@ -68,9 +69,10 @@ class World(NamedTuple):
     lights: Any  # LightTable
     before: Any  # (lights + 1,) float64, cumulative distribution of the lights
     sky: Any  # EnvironmentTable
-    joins: Any  # (materials,) bool, see `connect_to_light_vertex`
+    joins: Any  # (materials,) bool, see `connect_far`
     is_smooth: Any  # (objects,) bool, interpolated shading normals; (0,) without light paths
     lit: Any  # LightVertices
+    candidates: Any  # (n, 8) float64, see `connect_far`
     first_of_pass: Any  # (passes + 1,) int64, rows of `lit`
     balls: Any  # Balls
 
@@ -87,7 +89,7 @@ class Rules(NamedTuple):
     has_light_paths: Any  # bool
     has_balls: Any  # bool, lamps are reached by way of spheres
     n_light_paths: Any  # float, light subpaths of a pass
-    near: Any  # float, see `connect_to_light_vertex`
+    near: Any  # float, see `connect_far`
     of_use: Any  # float, expected number of light vertices per light subpath
     max_depth: Any  # int
     roulette_depth: Any  # int
@@ -109,6 +111,7 @@ class Vertex(NamedTuple):
     xi: Any  # (1, 2) float64, samples the direction
     choice: Any  # (1, 2) float64, samples the lobe and survival
     onward: Any  # (1, 3) float64, the sampled direction
+    brings: Any  # (CANDIDATES,) float64, see `connect_far`
     before: Any  # (1,) float64, see `Rivals`
 
 
@@ -297,16 +300,13 @@ def leave_vertex(world, rules, paths, vertex, depth, camera_pdf, number, points,
         n += ask_light(world, rules, paths, vertex, vertices, s, t, rays, n)
     # --- light of other surfaces, and what mirrors and glass throw
     if spreads and rules.has_light_paths and not is_known and depth < rules.max_depth:
-        n_before = n
-        n_joins = N_JOINS if joins and rules.near < np.inf else 1
-        for j in range(n_joins):
-            s, t = xi[0, CONNECT + j, column], xi[1, CONNECT + j, column]
-            n += connect_to_light_vertex(
-                world, rules, paths, vertex, vertices, depth, number, s, t, rays, n
-            )
-        for i in range(n_before, n):
-            for k in range(3):
-                rays.value[i, k] /= n_joins
+        s, t = xi[0, CONNECT, column], xi[1, CONNECT, column]
+        n += connect_to_light_vertex(
+            world, rules, paths, vertex, vertices, depth, number, s, t, rays, n
+        )
+        if joins and rules.near < np.inf:
+            s, t = xi[0, FAR, column], xi[1, FAR, column]
+            n += connect_far(world, rules, paths, vertex, vertices, depth, number, s, t, rays, n)
     # --- light that a mirror ball or glass ball throws here
     is_anchored = spreads and is_asked_through_spheres(world, rules, paths, vertex, depth)
     if is_anchored:

@@ -13,12 +13,10 @@ from meshing.kernels.jit import inlined
 
 # What the points of one vertex are for, and how many dimensions a vertex has.
 TO_LIGHT, DIRECTION, CHOICE, CONNECT, PER_STEP = 0, 1, 2, 3, 4
-# Connections of a diffuse vertex, and the distance of their dimensions.
-N_JOINS, JOIN_DIMENSIONS = 3, 2**44
-# Slots of a vertex: one for each use, and as many as there are connections.
-N_SLOTS = CONNECT + N_JOINS
-# For lamps that are reached by way of spheres: few vertices ask for it, which draw it alone.
-TO_SPHERE = N_SLOTS
+# Those that came later have dimensions of their own, far from the others.
+FAR, TO_SPHERE, LATER = 4, 5, 2**44
+# Slots of a run. Few vertices ask for a point `TO_SPHERE`, which is drawn alone.
+N_SLOTS = 5
 # Vertices in a run: of one path, and of as many paths.
 RUN_ALONG, RUN_ACROSS = 8, 128
 _WORD = np.uint64(32)
@@ -99,17 +97,17 @@ def draw_to_sphere(rules, depth, pixel, sample):
 def _is_used(rules, slot):
     if slot == TO_LIGHT:
         return rules.asks_lights
-    if slot < CONNECT:
-        return True
-    return rules.has_light_paths and (slot == CONNECT or rules.near < np.inf)
+    if slot == CONNECT:
+        return rules.has_light_paths
+    return slot != FAR or (rules.has_light_paths and rules.near < np.inf)
 
 
 @inlined
 def _dimension(rules, depth, slot):
     """Return the two words of the dimension of a slot."""
     dimension = rules.first_dimension + np.uint64(depth) * np.uint64(PER_STEP)
-    if slot < CONNECT:
+    if slot <= CONNECT:
         dimension += np.uint64(slot)
     else:
-        dimension += np.uint64(CONNECT) + np.uint64(slot - CONNECT) * np.uint64(JOIN_DIMENSIONS)
+        dimension += np.uint64(CONNECT) + np.uint64(slot - CONNECT) * np.uint64(LATER)
     return np.uint32(dimension), np.uint32(dimension >> _WORD)

@@ -279,6 +279,7 @@ def new_light_vertices(n: int, n_slots: int) -> LightVertices:
         colors=np.empty((n, n_slots, 3)),
         flux=np.empty((n, 3)),
         density=np.empty(n),
+        strength=np.empty(n),
         square=np.empty(n),
         ratio=np.empty(n),
         object_id=np.empty(n, dtype=np.int32),
@@ -292,15 +293,27 @@ def packed(points: LightVertices) -> LightVertices:
     A connection reads one row at random: so it waits for memory a few times instead of once a column.
     There are two rows at least, since the columns of one row would be of another type for numba.
     """
-    n = points.density.size
-    row = np.dtype(
-        [
-            (name, column.dtype, column.shape[1:])
-            for name, column in zip(points._fields, points, strict=True)
-        ],
-        align=True,
-    )
-    table = np.empty(max(n, 2), dtype=row)
-    for name, column in zip(points._fields, points, strict=True):
+    n, columns = points.density.size, points._asdict()
+    row = [(name, column.dtype, column.shape[1:]) for name, column in columns.items()]
+    table = np.empty(max(n, 2), dtype=np.dtype(row, align=True))
+    for name, column in columns.items():
         table[name][:n] = column
     return LightVertices(*(table[name] for name in points._fields))
+
+
+def candidates_of(points: LightVertices, joins: BoolArray) -> FloatArray:
+    """Return of each light vertex what `connect_far` compares, (n, 8).
+
+    Its position; its normal on the side that its light comes from times its strength, zero if its
+    material is not among ``joins``; its steps; and nothing, so a row fills a line of the cache.
+    """
+    n = points.density.size
+    memory = np.empty(8 * n + 7)
+    first = -(memory.ctypes.data // 8) % 8
+    table = memory[first : first + 8 * n].reshape(n, 8)
+    facing = np.einsum("ij,ij->i", points.geometric, points.direction)
+    strength = np.where(joins[points.material], -np.sign(facing) * points.strength, 0.0)
+    table[:, :3] = points.position
+    table[:, 3:6] = strength[:, None] * points.geometric
+    table[:, 6] = points.steps
+    return table

@@ -7,6 +7,7 @@ import numpy as np
 from hybrid_rt.core.ledger import Ledger
 from hybrid_rt.core.records import HitRecord, Status
 from hybrid_rt.integrators.kernels.compaction import Paths
+from hybrid_rt.integrators.kernels.connections import CANDIDATES
 from hybrid_rt.integrators.kernels.path_vertex import Tally, Vertex
 from hybrid_rt.integrators.light_points import new_light_points
 from hybrid_rt.intersection import Intersector
@@ -95,6 +96,7 @@ def new_vertex(
         xi=np.empty((1, 2)),
         choice=np.empty((1, 2)),
         onward=np.empty((1, 3)),
+        brings=np.empty(CANDIDATES),
         before=np.empty(1),
     )
 

@@ -29,6 +29,7 @@ from hybrid_rt.integrators.integrator import (
 )
 from hybrid_rt.integrators.kernels.compaction import Paths, add_to_pixels
 from hybrid_rt.integrators.kernels.followed_paths import follow_paths
+from hybrid_rt.integrators.kernels.light_paths import LightVertices
 from hybrid_rt.integrators.kernels.path_batches import Arrival, advance_paths
 from hybrid_rt.integrators.kernels.path_vertex import (
     FEW_SHADOW_RAYS,
@@ -54,6 +55,7 @@ from hybrid_rt.integrators.path.light_paths import (
     PILOT_PATHS,
     LightPathTracer,
     LightVertexPasses,
+    candidates_of,
     diffuse_materials,
     finds_all_light,
     joined,
@@ -69,7 +71,7 @@ from hybrid_rt.integrators.path.path_state import (
     new_tally,
     new_vertex,
 )
-from hybrid_rt.integrators.path.pilot import FEWEST_PIXELS, PILOTS, work_times_noise
+from hybrid_rt.integrators.path.pilot import CLEARLY_LESS, FEWEST_PIXELS, PILOT, work_times_noise
 from hybrid_rt.sensor.passes import pass_of
 from hybrid_rt.shading.kernels.emitter import BOTH, DIRECTION_ONLY, LIGHT_ONLY
 from hybrid_rt.shading.kernels.lobes.register import EVERY
@@ -124,7 +126,7 @@ class PathTracer(Integrator):
         self._plan_balls()
         self._path = self._new_paths(1)
         self._points = new_run_points(RUN_ACROSS if self._forms is None else RUN_ALONG)
-        self._lit = packed(new_light_vertices(0, self._light.n_slots))
+        self._keep(new_light_vertices(0, self._light.n_slots))
         self._first_of_pass = np.zeros(1, dtype=np.int64)
         self._first_pass = 0
         self._of_use = 0.0
@@ -146,14 +148,11 @@ class PathTracer(Integrator):
         connected = (True, lamps.near, self._of_use)
         lamps.keeps_all = False
         followed = (False, np.inf, lamps.share_of_use())
-        for pilot in PILOTS:
-            lamps.n_paths = pilot.light_paths
-            work = []
-            for lamps.keeps_all, lamps.near, self._of_use in (connected, followed):
-                work.append(work_times_noise(self, pilot, n_paths))
-            if work[0] >= pilot.needless * work[1]:
-                break
-        else:
+        lamps.n_paths = PILOT.light_paths
+        work = []
+        for lamps.keeps_all, lamps.near, self._of_use in (connected, followed):
+            work.append(work_times_noise(self, PILOT, n_paths))
+        if work[0] < CLEARLY_LESS * work[1]:
             lamps.keeps_all, lamps.near, self._of_use = connected
             why = "paths from lamps light every surface, and find what mirrors and glass throw"
             self.context.plan.decide("light paths", True, why, "")
@@ -215,7 +214,10 @@ class PathTracer(Integrator):
             sizes = np.concatenate([np.diff(run.offsets) for run in runs])
             self._first_pass = passes.start
             self._first_of_pass = np.concatenate([[0], np.cumsum(sizes)])
-            self._lit = packed(joined([run.points for run in runs]))
+            self._keep(joined([run.points for run in runs]))
+
+    def _keep(self, points: LightVertices) -> None:
+        self._lit, self._candidates = packed(points), candidates_of(points, self._joins)
 
     def add_prepared(self, prepared: LightVertexPasses | None, images: FloatArray) -> None:
         """Add the splats of the light vertices."""
@@ -311,6 +313,7 @@ class PathTracer(Integrator):
             joins=self._joins,
             is_smooth=NONE_SMOOTH if self._lamps is None else self._lamps.is_smooth,
             lit=self._lit,
+            candidates=self._candidates,
             first_of_pass=self._first_of_pass,
             balls=self._balls,
         )

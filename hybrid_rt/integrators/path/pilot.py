@@ -20,32 +20,21 @@ from hybrid_rt.sensor.passes import group_of
 PASSES = range(2**32 - 16, 2**32 - 12)
 # Smaller pictures are done before a pilot pays.
 FEWEST_PIXELS = 64 * 64
-# A connection computes more than another ray, and few samples do not show rare bright ones: on the
-# Cornell box 0.73 was found where a whole render takes 1.25 times the work, on sphere_room 0.53 where
-# it takes 0.3.
-CLEARLY_LESS = 0.65
+# Few samples do not show rare bright ones, which most noise may be: on the Cornell box 0.55 is found
+# where a whole render takes 0.9 times the work; on teapot_room 0.7 and 0.7, on sphere_room 0.34 and 0.3.
+CLEARLY_LESS = 0.8
 
 
 @dataclass(frozen=True)
 class Pilot:
-    """How much a pilot follows.
-
-    Attributes
-    ----------
-    pixels, light_paths : int
-        Of each pass.
-    needless : float
-        If connections take more than this share of the work, no larger pilot is needed.
-    """
+    """How much a pilot follows: pixels, and light paths of each pass."""
 
     pixels: int
     light_paths: int
-    needless: float
 
 
-# The ratios of the small one vary by 0.1 (standard deviation), those of the large one by 0.03. Where
-# connections do not pay, the small one says so in a third of the time.
-PILOTS = (Pilot(256, 512, 0.9), Pilot(1024, 2048, CLEARLY_LESS))
+# Its ratio of the two works varies by 0.03 (standard deviation).
+PILOT = Pilot(512, 1024)
 
 
 def work_times_noise(integrator: Integrator, pilot: Pilot, n_light_paths: int) -> float:

@@ -485,6 +485,59 @@ class TestConnections:
         # Most paths end where they meet the wall for the second time.
         assert (n_rays["scattered"] < 2 * n_rays["camera"]) == by_connections
 
+    PARTITION = Object(
+        Rectangle((-0.4, 0, -1), (0, 0.7, 0), (0, 0, 1.4)), Lambertian((0.7, 0.6, 0.3)), "partition"
+    )
+    # Without a mirror or glass there are no light paths.
+    SMALL_MIRROR = Object(Sphere((0.6, 0.6, -0.9), 0.1), Mirror(0.9), "mirror")
+    # (objects in the room, settings of the render)
+    ROOMS: ClassVar = {
+        "both sides of a partition": ([PARTITION], {}),
+        "glass that absorbs": ([Object(Sphere((0.3, 0.2, -0.5), 0.45), Dielectric(1.5, (0.5, 1, 2)))], {}),
+        "half mirror, half matt": (
+            [Object(Sphere((0.3, 0.2, -0.4), 0.5), Mix([(0.5, Mirror(0.9)), (0.5, Lambertian(0.8))]))], {}),
+        "few directions": ([PARTITION], {"max_depth": 2}),
+    }  # fmt: skip
+
+    @pytest.mark.parametrize("name", ROOMS)
+    def test_same_light_with_and_without_connections(self, monkeypatch, name):
+        """In a room lit through a gap: at most a few of 64 parts of the picture differ by much."""
+        objects, settings = self.ROOMS[name]
+        walls = [
+            Object(Rectangle(corner, u, v), Lambertian(color))
+            for corner, u, v, color in (
+                ((-1, -1, -1), (2, 0, 0), (0, 2, 0), 0.7),
+                ((-1, -1, 1), (0, 2, 0), (2, 0, 0), 0.7),
+                ((-1, -1, -1), (0, 2, 0), (0, 0, 2), (0.7, 0.1, 0.1)),
+                ((1, -1, -1), (0, 0, 2), (0, 2, 0), (0.1, 0.2, 0.7)),
+                ((-1, 1, -1), (0, 0, 2), (2, 0, 0), 0.7),
+                ((-1, -1.2, -1), (2, 0, 0), (0, 0, 2), 0.5),
+            )
+        ]
+        camera = Camera((0, -0.95, 0.1), (0, 0.2, -0.2), (0, 0, 1), 75, 64, 64)
+        lamp = RectangleLight((0.2, -0.2, 0.95), (0, 0.4, 0), (0.4, 0, 0), (10, 11, 12))
+        scene = Scene(camera, [*walls, self.SMALL_MIRROR, *objects], [lamp])
+        parts = []
+        for by_connections in (True, False):
+            asked = itertools.cycle([0.0, 1.0] if by_connections else [1.0, 0.0])
+            monkeypatch.setattr(
+                path_tracer, "work_times_noise", lambda *_, asked=asked: next(asked)
+            )
+            images = [
+                render(scene, passes=16, seed=seed, threads=1, **settings).image.astype(float)
+                for seed in range(12)
+            ]
+            parts.append(np.array(images).reshape(12, 8, 8, 8, 8, 3).mean(axis=(2, 4)))
+        a, b = (part.mean(axis=0) for part in parts)
+        error = np.sqrt(sum(part.var(axis=0, ddof=1) / 12 for part in parts))
+        # Student's t with some 22 degrees of freedom; 192 parts, whose colours go together.
+        score = (a - b) / error
+        assert abs(score).max() < 5.5
+        assert np.mean(score**2) < 1.6
+        whole = (parts[0].mean(axis=(1, 2, 3)), parts[1].mean(axis=(1, 2, 3)))
+        off = whole[0].mean() - whole[1].mean()
+        assert abs(off) < 4 * np.sqrt(sum(w.var(ddof=1) / 12 for w in whole))
+
 
 class TestLightPaths:
     """Light that mirrors and glass throw: from the lamps, and by chance from the camera."""

@@ -7,8 +7,7 @@ import pytest
 
 from hybrid_rt.integrators.kernels.vertex_points import (
     CONNECT,
-    JOIN_DIMENSIONS,
-    N_JOINS,
+    LATER,
     N_SLOTS,
     PER_STEP,
     RUN_ACROSS,
@@ -54,7 +53,7 @@ def expected(rows: slice, depth: int) -> np.ndarray:
     """(2, N_SLOTS + 1, rows), by the sampler."""
     of_vertex = FIRST + depth * PER_STEP
     dimensions = [of_vertex + k for k in range(CONNECT)]
-    dimensions += [of_vertex + CONNECT + j * JOIN_DIMENSIONS for j in range(N_JOINS + 1)]
+    dimensions += [of_vertex + CONNECT + j * LATER for j in range(3)]
     sampler = Sampler(SEED)
     found = [sampler.points(PIXEL[rows], d, SAMPLE[rows]) for d in dimensions]
     return np.array(found).transpose(2, 0, 1)
@@ -86,4 +85,4 @@ def test_unused_slots_are_left_alone():
     points = RunPoints(np.full((2, N_SLOTS, RUN_ALONG), -1.0), *new_run_points(RUN_ALONG)[1:])
     along(Rules(asks_lights=False, near=np.inf), PIXEL[0], SAMPLE[0], points)
     is_drawn = (points.xi >= 0.0).all(axis=(0, 2))
-    np.testing.assert_array_equal(is_drawn, [False, True, True, True, False, False])
+    np.testing.assert_array_equal(is_drawn, [False, True, True, True, False])
