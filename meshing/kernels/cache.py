@@ -7,12 +7,19 @@ compile; then a temporary folder is used.
 numba replaces its files atomically, but updates the index of a function's signatures without a
 lock. Of two processes that update it at once, one entry may be lost, or both may give their machine
 code the same file name (numba issue 10128 is of this kind). Here a lock is held during the update.
+
+numba compiles a kernel again if its own file has changed. The functions that it calls are compiled
+into it, so here it is also compiled again if a file has changed that its file imports from a folder
+``kernels``, directly or not.
 """
 
 from __future__ import annotations
 
 import fcntl
+import functools
 import os
+import re
+import sys
 import tempfile
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager, suppress
@@ -20,9 +27,11 @@ from pathlib import Path
 from typing import Any
 
 from numba.core import config
-from numba.core.caching import FunctionCache
+from numba.core.caching import FunctionCache, IndexDataCacheFile
 
 LOCK_FILE = "kernels.lock"
+KERNELS = "kernels"
+_IMPORT = re.compile(r"^\s*(?:from|import)\s+([\w.]+)", re.MULTILINE)
 
 on_miss: Callable[[str, tuple[Any, ...]], bool] | None = None
 """Asked for a kernel, by its name and argument types, that is not in the cache: is it now?"""
@@ -39,6 +48,11 @@ class SharedCache(FunctionCache):
     def __init__(self, function: Any) -> None:
         super().__init__(function)
         self._kernel = name_of(function)
+        self._cache_file = IndexDataCacheFile(
+            cache_path=self._cache_path,
+            filename_base=self._impl.filename_base,
+            source_stamp=(self._impl.locator.get_source_stamp(), *_stamps(function.__module__)),
+        )
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
         """Return the compiled code, or None if this process has to compile it."""
@@ -62,6 +76,36 @@ class SharedCache(FunctionCache):
             with _locked(Path(self.cache_path), "ab"), suppress(OSError):
                 self.flush()
             return None
+
+
+def _stamps(module: str) -> list[tuple[str, int, int]]:
+    """Return name, time and size of each file that a module and its functions are compiled from."""
+    found: set[str] = set()
+    left = {module}
+    while left:
+        name = left.pop()
+        found.add(name)
+        left |= _imported(name) - found
+    return sorted((name, *_stamp(name)) for name in found)
+
+
+@functools.cache
+def _imported(module: str) -> frozenset[str]:
+    """Return the modules below a folder ``kernels`` that a loaded module imports."""
+    file = getattr(sys.modules.get(module), "__file__", None)
+    if file is None or not Path(file).is_file():
+        return frozenset()
+    names = _IMPORT.findall(Path(file).read_text("utf-8"))
+    return frozenset(name for name in names if KERNELS in name.split(".") and name in sys.modules)
+
+
+@functools.cache
+def _stamp(module: str) -> tuple[int, int]:
+    file = getattr(sys.modules.get(module), "__file__", None)
+    if file is None or not Path(file).is_file():
+        return 0, 0
+    found = Path(file).stat()
+    return found.st_mtime_ns, found.st_size
 
 
 @contextmanager
