@@ -20,6 +20,7 @@ _HOMES = {
     "Flag": "core.records",
     "GradientSky": "lights",
     "HitRecord": "core.records",
+    "NamedPoints": "core.records",
     "ImageEnvironment": "lights",
     "ImageTexture": "textures",
     "Intersector": "intersection",

@@ -147,8 +147,8 @@ class Lens:
     Raises
     ------
     ValueError, TypeError
-        For an empty prescription, indices that are not positive and surfaces that `Asphere` refuses;
-        the line is named.
+        For an empty prescription, indices that are not positive, negative thicknesses behind what is
+        no stop, and surfaces that `Asphere` refuses; the line is named.
 
     Attributes
     ----------
@@ -161,8 +161,8 @@ class Lens:
     """
 
     def __init__(self, prescription: Sequence[LensSurface], index: float = 1.0) -> None:
-        self.prescription = _lines(prescription)
         self.index = number(index, "Lens index", above=0.0)
+        self.prescription = _lines(prescription, self.index)
         steps = [surface.thickness for surface in self.prescription]
         self.vertices = np.concatenate([[0.0], np.cumsum(steps[:-1])])
         self.surfaces = [
@@ -181,7 +181,8 @@ class Lens:
 
         Rays that miss an aperture, or are totally reflected, do not get through. Nor do rays whose
         next surface lies behind them: those that start behind the first one, or pass where two
-        surfaces cross, since the thickness at the edge is negative there.
+        surfaces cross, since the thickness at the edge is negative there. Nor do rays that meet a
+        surface from behind.
 
         Parameters
         ----------
@@ -206,7 +207,7 @@ class Lens:
         index, last = self.index, len(self.surfaces) - 1
         for k, (tracer, surface) in enumerate(zip(self._tracers, self.prescription, strict=True)):
             hits = tracer.intersect(o, d)
-            found = hits.hit
+            found = hits.hit & hits.front_face
             stopped[rows[~found]] = k
             rows, hits, o, d = rows[found], hits[found], o[found], d[found]
             bound[rows] = np.maximum(bound[rows], hits.t_bound)
@@ -365,8 +366,8 @@ class Lens:
         return z - float((points * slopes).sum()) / spread
 
 
-def _lines(prescription: Sequence[LensSurface]) -> tuple[LensSurface, ...]:
-    """Return the lines of a prescription."""
+def _lines(prescription: Sequence[LensSurface], index: float) -> tuple[LensSurface, ...]:
+    """Return the lines of a prescription, checked; ``index`` is that of the medium in front."""
     try:
         lines = tuple(prescription)
     except TypeError:
@@ -388,7 +389,14 @@ def _lines(prescription: Sequence[LensSurface]) -> tuple[LensSurface, ...]:
             hint="a number for one wavelength; mirrors are no part of a Lens",
         )
         if k < len(lines) - 1:
-            number(line.thickness, f"Lens prescription[{k}].thickness")
+            thickness = number(line.thickness, f"Lens prescription[{k}].thickness")
+            if thickness < 0.0 and line.index != index:
+                raise ValueError(
+                    f"Lens prescription[{k}].thickness is {shown(line.thickness)}: pass at least 0, as light "
+                    "meets the surfaces in their order; only behind a stop (the same index on both "
+                    "sides) may it be negative"
+                )
+        index = line.index
     return lines
 
 

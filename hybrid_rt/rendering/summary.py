@@ -147,9 +147,20 @@ def _cut_off(report: dict[str, Any]) -> list[str]:
     return lines
 
 
+def _scale(report: dict[str, Any]) -> str:
+    """Say so where the radiance that relative errors count as dark is far from that of the picture."""
+    mean = report["noise"]["image_mean"] if report["noise"] is not None else 0.0
+    if mean <= 0.0 or 3e-3 < mean < 300.0:
+        return ""
+    return (
+        f"\n            relative to radiances of about 0.1 or more, far from this picture's mean of {mean:.1g}: "
+        "scale the lamps, or read its standard errors"
+    )
+
+
 def _not_met(report: dict[str, Any]) -> str:
     """Return how much of the picture no light has reached: its error counts as none."""
-    text, photons, dark = "", report.get("photons"), _share_without_light(report)
+    text, photons, dark = _scale(report), report.get("photons"), _share_without_light(report)
     if dark:
         share = per_cent(dark)
         text += f"\n            {share} of the pixels are black in every pass, and count as without noise"

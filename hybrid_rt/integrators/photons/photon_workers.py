@@ -259,8 +259,9 @@ class PhotonWorkers(Workers):
                 for name, power in zip(names, balance.power.tolist(), strict=True)
             },
         }
-        missed = first.n_without if self._balance.n_stored else 0
-        if missed < NEARLY_ALL * first.n_points:
+        missed = first.n_without if balance.n_stored else 0
+        # Photons that are shown to the camera are not gathered as well: where most are, few are missed.
+        if missed < NEARLY_ALL * first.n_points or 2 * self._n_splats > balance.n_stored:
             missed = 0
         return {"photons": photons, "points_missed_by_photons": missed}
 

@@ -249,11 +249,23 @@ BACK = LensSurface(math.inf, 0.0, 1.0, 25.0)
         ([replace(FRONT, index=-1.0), BACK], r"prescription\[0\].index is -1.*mirrors are no part"),
         ([replace(FRONT, index="N-BK7"), BACK], r"prescription\[0\].index is 'N-BK7'"),
         ([replace(FRONT, thickness=math.nan), BACK], r"prescription\[0\].thickness is nan"),
+        (
+            [replace(FRONT, thickness=-6.0), BACK],
+            r"prescription\[0\].thickness is -6.0: pass at least 0.*behind a stop",
+        ),
     ],
 )
 def test_a_bad_prescription_is_refused_by_its_line(lines, message):
     with pytest.raises((ValueError, TypeError), match=message):
         Lens(lines)
+
+
+def test_rays_from_behind_do_not_get_through():
+    """Neither surface of one line refracts glass to air what goes from air to glass."""
+    rays = Lens([replace(FRONT, thickness=0.0)]).trace((5, 0, 100), (0, 0, -1))
+    assert not rays.passed[0]
+    assert rays.stopped_at[0] == 0
+    assert np.isnan(rays.direction).all()
 
 
 def test_bad_rays_and_spots_are_refused():

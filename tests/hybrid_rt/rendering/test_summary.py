@@ -4,9 +4,11 @@ import pytest
 
 from hybrid_rt import (
     Camera,
+    Dielectric,
     Lambertian,
     Object,
     PointLight,
+    PPMOptions,
     Rectangle,
     RectangleLight,
     Scene,
@@ -44,6 +46,30 @@ def test_a_black_picture_is_a_warning(integrator):
     assert "WARNING   the picture is black: no light arrives" in in_words(dark)
     lit = render(Scene(camera, [floor, shade], [inside, above]), integrator, passes=2, threads=1)
     assert not warnings_in_words(lit.report)
+
+
+@pytest.mark.parametrize(("radiance", "is_far"), [(1e-4, True), (1.0, False), (1e7, True)])
+def test_a_unit_far_from_one_is_said(radiance, is_far):
+    """Relative errors count radiances below 0.1 as 0.1."""
+    floor = Object(Rectangle((-1, -1, 0), (2, 0, 0), (0, 2, 0)), Lambertian(0.5))
+    lamp = RectangleLight((-0.5, -0.5, 1), (0, 1, 0), (1, 0, 0), radiance)
+    camera = Camera((0, 0, 0.9), (0, 0, 0), (0, 1, 0), 40, 8, 8)
+    text = in_words(render(Scene(camera, [floor], [lamp]), passes=2).report)
+    assert ("scale the lamps, or read its standard errors" in text) == is_far
+
+
+def test_photons_that_are_all_shown_to_the_camera_are_not_missed():
+    """What a lens throws on a floor that the camera sees is splatted; no disc has to meet it."""
+    floor = Object(Rectangle((-5, -5, 0), (10, 0, 0), (0, 10, 0)), Lambertian(0.1))
+    lens = Object(Sphere((0, 0, 20), 6), Dielectric(1.5))
+    lamp = RectangleLight((-1, -1, 40), (0, 2, 0), (2, 0, 0), 1.0)
+    camera = Camera((0, 0, 8), (0, 0, 0), (0, 1, 0), 64, 32, 32)
+    report = render(
+        Scene(camera, [floor, lens], [lamp]), "ppm", passes=2, options=PPMOptions(100_000)
+    ).report
+    assert report["photons"]["stored"] > 1000
+    assert report["photons"]["shown_to_camera"] > 0.9 * report["photons"]["stored"]
+    assert report["points_missed_by_photons"] == 0
 
 
 class TestFurther:
