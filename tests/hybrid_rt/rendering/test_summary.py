@@ -60,10 +60,10 @@ def test_a_unit_far_from_one_is_said(radiance, is_far):
 
 def test_photons_that_are_all_shown_to_the_camera_are_not_missed():
     """What a lens throws on a floor that the camera sees is splatted; no disc has to meet it."""
-    floor = Object(Rectangle((-5, -5, 0), (10, 0, 0), (0, 10, 0)), Lambertian(0.1))
+    floor = Object(Rectangle((-5, -5, 0), (10, 0, 0), (0, 10, 0)), Lambertian(0.02))
     lens = Object(Sphere((0, 0, 20), 6), Dielectric(1.5))
     lamp = RectangleLight((-1, -1, 40), (0, 2, 0), (2, 0, 0), 1.0)
-    camera = Camera((0, 0, 8), (0, 0, 0), (0, 1, 0), 64, 32, 32)
+    camera = Camera((0, 0, 8), (0, 0, 0), (0, 1, 0), 64, 16, 16)
     report = render(
         Scene(camera, [floor, lens], [lamp]), "ppm", passes=2, options=PPMOptions(100_000)
     ).report
