@@ -129,7 +129,7 @@ def connect_far(world, rules, paths, vertex, vertices, depth, number, s, t, out,
         square = x * x + y * y + z * z
         arriving = max(nx * x + ny * y + nz * z, 0.0)
         leaving = -(candidates[k, 3] * x + candidates[k, 4] * y + candidates[k, 5] * z)
-        is_meant = square >= least and candidates[k, 6] <= most_steps
+        is_meant = square >= least and square > 0.0 and candidates[k, 6] <= most_steps
         brings[j] = arriving * max(leaving, 0.0) / (square * square) if is_meant else 0.0
         total += brings[j]
     if total == 0.0:
