@@ -36,10 +36,10 @@ EXPOSURE = {
     "wine_glass": 0.7,
 }
 # Scenes whose script names paths, but which photons show with less noise in as much time. By photons
-# and by paths: still_life 18 and 38 % (320 pixels wide, 8 s); 160 wide, 14 s: sphere_room 4.9 and 6.1 %,
-# cornell_box 5.2 and 6.3 %. In less time for each pixel they gain more. Not teapot_room (6.7 and 9.4 %):
-# the little noise there is on the teapot's glaze is in blotches, which disturb more than grain.
-BY_PHOTONS = ("rings", "still_life", "sphere_room", "cornell_box")
+# and by paths: still_life 18 and 38 % (320 pixels wide, 8 s). Not sphere_room (6.8 and 4.5 %, 160 wide,
+# 14 s), cornell_box (7.9 and 3.4 %) and teapot_room (6.7 and 9.4 %: the little noise that photons leave
+# is on the teapot's glaze in blotches, which disturb more than grain).
+BY_PHOTONS = ("rings", "still_life")
 # Photons of a pass where caustics are what the picture is about; elsewhere a quarter of a pass's time.
 PHOTONS = {"crystal": 8_000_000, "light_box": 4_000_000}
 OTHER_PHOTONS = 2_000_000
