@@ -147,9 +147,9 @@ def _cut_off(report: dict[str, Any]) -> list[str]:
     return lines
 
 
-def _scale(report: dict[str, Any]) -> str:
+def _scale(noise: dict[str, Any]) -> str:
     """Say so where the radiance that relative errors count as dark is far from that of the picture."""
-    mean = report["noise"]["image_mean"] if report["noise"] is not None else 0.0
+    mean = noise["image_mean"]
     if mean <= 0.0 or 3e-3 < mean < 300.0:
         return ""
     return (
@@ -160,7 +160,7 @@ def _scale(report: dict[str, Any]) -> str:
 
 def _not_met(report: dict[str, Any]) -> str:
     """Return how much of the picture no light has reached: its error counts as none."""
-    text, photons, dark = _scale(report), report.get("photons"), _share_without_light(report)
+    text, photons, dark = "", report.get("photons"), _share_without_light(report)
     if dark:
         share = per_cent(dark)
         text += f"\n            {share} of the pixels are black in every pass, and count as without noise"
@@ -184,7 +184,8 @@ def _noise(report: dict[str, Any]) -> str:
         f"  noise     {at_most}{per_cent(noise['relative_rmse'])} of the picture (relative RMSE, "
         f"estimated); image mean{', blurred,' if report['picture_is_blurred'] else ''}"
         f"{of_what(report)} {noise['image_mean']:.6g} +- {half:.1g} (95 %)"
-        f"{_unmet(noise)}{_worst_pixels(noise)}{_not_met(report)}{_blur(report['relative_error'])}"
+        f"{_unmet(noise)}{_worst_pixels(noise)}{_scale(noise)}{_not_met(report)}"
+        f"{_blur(report['relative_error'])}"
     )
 
 

@@ -92,20 +92,24 @@ def _stamps(module: str) -> list[tuple[str, int, int]]:
 @functools.cache
 def _imported(module: str) -> frozenset[str]:
     """Return the modules below a folder ``kernels`` that a loaded module imports."""
-    file = getattr(sys.modules.get(module), "__file__", None)
-    if file is None or not Path(file).is_file():
-        return frozenset()
-    names = _IMPORT.findall(Path(file).read_text("utf-8"))
+    file = _source(module)
+    names = [] if file is None else _IMPORT.findall(file.read_text("utf-8"))
     return frozenset(name for name in names if KERNELS in name.split(".") and name in sys.modules)
 
 
 @functools.cache
 def _stamp(module: str) -> tuple[int, int]:
-    file = getattr(sys.modules.get(module), "__file__", None)
-    if file is None or not Path(file).is_file():
+    file = _source(module)
+    if file is None:
         return 0, 0
-    found = Path(file).stat()
+    found = file.stat()
     return found.st_mtime_ns, found.st_size
+
+
+def _source(module: str) -> Path | None:
+    """Return the file of a loaded module; None if it has none, as in a notebook."""
+    file = getattr(sys.modules.get(module), "__file__", None)
+    return Path(file) if file is not None and Path(file).is_file() else None
 
 
 @contextmanager

@@ -5,6 +5,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numba
 import pytest
 
 INNER = """
@@ -60,7 +61,7 @@ def run(folder: Path) -> tuple[float, int]:
     return float(value), int(hits)
 
 
-@pytest.mark.skipif(os.environ.get("NUMBA_DISABLE_JIT") == "1", reason="nothing is compiled")
+@pytest.mark.skipif(numba.config.DISABLE_JIT, reason="nothing is compiled")
 def test_a_kernel_is_compiled_anew_if_what_it_calls_has_changed(package):
     """The function that changes is called by one that the kernel calls."""
     assert run(package) == (6.0, 0)

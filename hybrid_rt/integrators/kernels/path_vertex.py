@@ -51,7 +51,8 @@ from hybrid_rt.shading.kernels.texture import texture_color
 from meshing.kernels.jit import inlined
 
 NOTHING = -1
-# Shadow rays of a vertex at most, without and with those by way of balls.
+# Shadow rays of a vertex at most, without and with those by way of balls: to a lamp, and of both kinds
+# of connections.
 FEW_SHADOW_RAYS, MOST_SHADOW_RAYS = 3, 3 + MOST_RAYS
 
 

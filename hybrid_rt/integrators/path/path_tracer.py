@@ -71,7 +71,12 @@ from hybrid_rt.integrators.path.path_state import (
     new_tally,
     new_vertex,
 )
-from hybrid_rt.integrators.path.pilot import CLEARLY_LESS, FEWEST_PIXELS, PILOT, work_times_noise
+from hybrid_rt.integrators.path.pilot import (
+    CLEARLY_LESS,
+    FEWEST_PIXELS,
+    PILOT_LIGHT_PATHS,
+    work_times_noise,
+)
 from hybrid_rt.sensor.passes import pass_of
 from hybrid_rt.shading.kernels.emitter import BOTH, DIRECTION_ONLY, LIGHT_ONLY
 from hybrid_rt.shading.kernels.lobes.register import EVERY
@@ -148,10 +153,10 @@ class PathTracer(Integrator):
         connected = (True, lamps.near, self._of_use)
         lamps.keeps_all = False
         followed = (False, np.inf, lamps.share_of_use())
-        lamps.n_paths = PILOT.light_paths
+        lamps.n_paths = PILOT_LIGHT_PATHS
         work = []
         for lamps.keeps_all, lamps.near, self._of_use in (connected, followed):
-            work.append(work_times_noise(self, PILOT, n_paths))
+            work.append(work_times_noise(self, n_paths))
         if work[0] < CLEARLY_LESS * work[1]:
             lamps.keeps_all, lamps.near, self._of_use = connected
             why = "paths from lamps light every surface, and find what mirrors and glass throw"

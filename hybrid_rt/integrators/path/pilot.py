@@ -9,7 +9,6 @@ from __future__ import annotations
 import copy
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -20,45 +19,34 @@ from hybrid_rt.sensor.passes import group_of
 PASSES = range(2**32 - 16, 2**32 - 12)
 # Smaller pictures are done before a pilot pays.
 FEWEST_PIXELS = 64 * 64
-# Few samples do not show rare bright ones, which most noise may be: on the Cornell box 0.55 is found
-# where a whole render takes 0.9 times the work; on teapot_room 0.7 and 0.7, on sphere_room 0.34 and 0.3.
+# Few samples do not show rare bright ones, which much noise may be: on the Cornell box 0.55 is found
+# where a whole render takes 0.95 times the work; on teapot_room 0.7 and 0.7.
 CLEARLY_LESS = 0.8
+# Of each pass. The ratio of the two works varies by 0.03 (standard deviation).
+PILOT_PIXELS, PILOT_LIGHT_PATHS = 512, 1024
 
 
-@dataclass(frozen=True)
-class Pilot:
-    """How much a pilot follows: pixels, and light paths of each pass."""
-
-    pixels: int
-    light_paths: int
-
-
-# Its ratio of the two works varies by 0.03 (standard deviation).
-PILOT = Pilot(512, 1024)
-
-
-def work_times_noise(integrator: Integrator, pilot: Pilot, n_light_paths: int) -> float:
+def work_times_noise(integrator: Integrator, n_light_paths: int) -> float:
     """Return rays for each camera ray times the relative squared error of a pass.
 
     Parameters
     ----------
     integrator : Integrator
         Traces the light paths of a pass, and follows camera rays; its counts are left alone.
-    pilot : Pilot
     n_light_paths : int
         Light paths of a pass of the picture.
     """
     camera = integrator.context.scene.camera
-    n_pixels, pixels = camera.width * camera.height, pilot.pixels
+    n_pixels, pixels = camera.width * camera.height, PILOT_PIXELS
     place = ((np.arange(pixels) + 0.5) * (n_pixels / pixels)).astype(np.uint64)
     with _left_alone(integrator) as rays:
         integrator.take(PASSES, [integrator.prepare(PASSES)])
-        of_lights = rays() / (pilot.light_paths * len(PASSES))
+        of_lights = rays() / (PILOT_LIGHT_PATHS * len(PASSES))
         # All at once: short batches would cost more between two intersections than in them.
         group, sample = group_of(np.repeat(np.array(PASSES, dtype=np.uint64), pixels))
         pixel = np.tile(place, len(PASSES)) + (group << PIXEL_BITS)
         found = integrator.radiance_through(pixel, sample).reshape(len(PASSES), pixels, 3)
-        of_camera = rays() / (pixels * len(PASSES)) - of_lights * pilot.light_paths / pixels
+        of_camera = rays() / (pixels * len(PASSES)) - of_lights * PILOT_LIGHT_PATHS / pixels
     mean, variance = found.mean(axis=0), found.var(axis=0, ddof=1)
     noise = float((variance / (mean * mean + 0.01)).mean())
     return noise * (of_camera + of_lights * n_light_paths / n_pixels)

@@ -501,7 +501,7 @@ class TestConnections:
 
     @pytest.mark.parametrize("name", ROOMS)
     def test_same_light_with_and_without_connections(self, monkeypatch, name):
-        """In a room lit through a gap: at most a few of 64 parts of the picture differ by much."""
+        """In a room: no part of 64 of the picture differs by more than chance, nor does the whole."""
         objects, settings = self.ROOMS[name]
         walls = [
             Object(Rectangle(corner, u, v), Lambertian(color))
