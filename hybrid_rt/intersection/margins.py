@@ -24,6 +24,7 @@ from hybrid_rt.intersection.kernels.search.nearest import (
     Rays,
 )
 from hybrid_rt.intersection.kind import Finished, new_nearest, new_record
+from hybrid_rt.intersection.ray_batch import locked
 
 Rows = NDArray[np.int64]
 
@@ -150,7 +151,8 @@ def settle(
 
 def _rows_of(rays: Rays, rows: Rows) -> Rays:
     """Return copies of some rows; what is empty stays empty."""
-    return Rays(*(x[rows] if len(x) else x for x in rays))
+    some = Rays(*(x[rows] if len(x) else x for x in rays))
+    return some._replace(origin=locked(some.origin))
 
 
 def _slopes(normals: FloatArray, rays: Rays) -> FloatArray:

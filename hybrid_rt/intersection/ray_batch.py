@@ -122,7 +122,7 @@ def make_batch(
         As `Intersector.intersect` does.
     """
     origin, direction, shape = as_rays(origins, directions)
-    origin, direction = _locked(origin), _locked(direction)
+    origin, direction = locked(origin), locked(direction)
     n = len(origin)
     bad: list[tuple[int, IdArray, IdArray]] = []
 
@@ -194,7 +194,7 @@ def as_limit(value: ArrayLike, name: str, shape: tuple[int, ...]) -> FloatArray:
     return np.broadcast_to(array.reshape(-1), (n,))
 
 
-def _locked(array: FloatArray) -> FloatArray:
+def locked(array: FloatArray) -> FloatArray:
     """Return a view that cannot be written: to numba that is another type, a kernel more each."""
     view = array.view()
     view.flags.writeable = False

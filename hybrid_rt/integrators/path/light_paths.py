@@ -291,13 +291,18 @@ def packed(points: LightVertices) -> LightVertices:
     """Return light vertices with all columns of a row next to each other in memory.
 
     A connection reads one row at random: so it waits for memory a few times instead of once a column.
-    There are two rows at least, since the columns of one row would be of another type for numba.
+    There are two rows at least, and no column is empty: else columns would be of another type for
+    numba, and the kernels that follow paths be compiled twice.
     """
     n, columns = points.density.size, points._asdict()
-    row = [(name, column.dtype, column.shape[1:]) for name, column in columns.items()]
+    row = [
+        (name, column.dtype, tuple(max(width, 1) for width in column.shape[1:]))
+        for name, column in columns.items()
+    ]
     table = np.empty(max(n, 2), dtype=np.dtype(row, align=True))
     for name, column in columns.items():
-        table[name][:n] = column
+        if column.size:
+            table[name][:n] = column
     return LightVertices(*(table[name] for name in points._fields))
 
 

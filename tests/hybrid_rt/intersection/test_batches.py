@@ -2,9 +2,13 @@
 
 import numpy as np
 import pytest
+from numba import typeof
 
 from hybrid_rt import Intersector, Sphere
 from hybrid_rt.core.records import NamedPoints
+from hybrid_rt.core.threads import Pool
+from hybrid_rt.intersection.margins import _rows_of
+from hybrid_rt.intersection.ray_batch import make_batch
 
 O, D = np.tile([0.0, -4.0, 0.0], (2, 3, 1)), np.tile([0.0, 1.0, 0.0], (2, 3, 1))
 SIX = np.zeros(6, np.int32)
@@ -68,3 +72,11 @@ def test_limits_and_unseen_objects_belong_to_their_rays(tracer):
         assert tracer.intersect(O, D, t_max=limit).t.tolist() == near.ravel().tolist()
     hidden = tracer.intersect(O, D, unseen=[0, -1, 0, -1, 1, 0])
     assert hidden.t.tolist() == [6, 3, 6, 3, 3, 6]
+
+
+def test_displaced_rays_need_no_kernels_of_their_own():
+    """Rays that are traced again, beside themselves, have the types of all rays."""
+    o, d = np.zeros((3, 3)), np.ones((3, 3))
+    rays, _, _ = make_batch(o, d, 0.0, np.inf, None, None, np.zeros(1), Pool(1)).rows(0, 3)
+    for rows in (np.arange(2), np.array([2, 2, 0])):
+        assert typeof(_rows_of(rays, rows)) == typeof(rays)

@@ -11,7 +11,7 @@ from hybrid_rt.integrators.path.light_paths import (
 
 
 @pytest.mark.parametrize("n", [0, 1, 2, 5])
-@pytest.mark.parametrize("n_slots", [1, 3])
+@pytest.mark.parametrize("n_slots", [0, 1, 3])
 def test_packed_rows(n, n_slots):
     rng = np.random.default_rng(3)
     points = new_light_vertices(n, n_slots)
@@ -19,7 +19,8 @@ def test_packed_rows(n, n_slots):
         column[...] = rng.integers(1, 100, column.shape)
     rows = packed(points)
     for name, before, after in zip(points._fields, points, rows, strict=True):
-        np.testing.assert_array_equal(after[:n], before, err_msg=name)
+        if before.size:  # of materials without lobes there are no colours
+            np.testing.assert_array_equal(after[:n], before, err_msg=name)
         assert after.dtype == before.dtype
         # All of one type for numba, so the kernels that read them are compiled once.
         assert not after.flags.c_contiguous
