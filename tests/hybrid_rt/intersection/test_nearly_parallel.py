@@ -9,9 +9,11 @@ from hybrid_rt import Intersector, Plane, Status, TriangleMesh
 
 
 def exact_dot(a, b):
-    return sum(
-        (Fraction(float(x)) * Fraction(float(y)) for x, y in zip(a, b, strict=True)), Fraction(0)
-    )
+    return sum((Fraction(x) * Fraction(y) for x, y in zip(a, b, strict=True)), Fraction(0))
+
+
+def exact_difference(a, b):
+    return [Fraction(x) - Fraction(y) for x, y in zip(a, b, strict=True)]
 
 
 def cross_of(a, b):
@@ -35,13 +37,7 @@ def test_a_plane_is_met_far_away_or_tangent():
     d = rays_with_lost_products(plane.exact_normal, 200, 1)
     o = plane.origin + np.random.default_rng(2).normal(size=d.shape)
     hits = Intersector(plane).intersect(o, d)
-    gap = [
-        exact_dot(
-            plane.exact_normal,
-            [Fraction(float(x)) - Fraction(float(y)) for x, y in zip(p, plane.origin, strict=True)],
-        )
-        for p in o
-    ]
+    gap = [exact_dot(plane.exact_normal, exact_difference(p, plane.origin)) for p in o]
     is_met = np.array(
         [-g / exact_dot(plane.exact_normal, w) > 0 for g, w in zip(gap, d, strict=True)]
     )
@@ -63,28 +59,23 @@ def turned_needles(n, seed):
     """Needles, each with a direction along it whose product with the normal rounds to 0."""
     rng = np.random.default_rng(seed)
     while n:
-        a, b, c = p = NEEDLE @ np.linalg.qr(rng.normal(size=(3, 3)))[0]
-        across = np.cross(b - a, c - a)
-        d = (a - c) / np.linalg.norm(a - c)
-        d += 3e-13 * rng.normal() * across / np.linalg.norm(across)
-        (ex, ey, ez), (fx, fy, fz) = b - a, c - a
-        normal = ey * fz - ez * fy, ez * fx - ex * fz, ex * fy - ey * fx
-        slope = normal[0] * d[0] + normal[1] * d[1] + normal[2] * d[2]
-        exact = cross_of(
-            [Fraction(x) - Fraction(y) for x, y in zip(b, a, strict=True)],
-            [Fraction(x) - Fraction(y) for x, y in zip(c, a, strict=True)],
-        )
-        if slope == 0.0 and exact_dot(exact, d) != 0:
-            n -= 1
-            yield p, d
+        needles = NEEDLE @ np.linalg.qr(rng.normal(size=(20_000, 3, 3)))[0]
+        a, b, c = needles.swapaxes(0, 1)
+        normal = np.cross(b - a, c - a)
+        aside = 3e-13 * rng.normal(size=(len(a), 1)) / np.linalg.norm(normal, axis=1)[:, None]
+        d = (a - c) / np.linalg.norm(a - c, axis=1)[:, None] + aside * normal
+        slope = normal[:, 0] * d[:, 0] + normal[:, 1] * d[:, 1] + normal[:, 2] * d[:, 2]
+        for k in np.flatnonzero(slope == 0.0)[:n]:
+            exact = cross_of(exact_difference(b[k], a[k]), exact_difference(c[k], a[k]))
+            if exact_dot(exact, d[k]) != 0:
+                n -= 1
+                yield needles[k], d[k]
 
 
 def crosses(p, o, d):
     """Tell whether a ray meets a triangle, and at which t, in exact arithmetic."""
-    corners = [
-        [Fraction(float(x)) - Fraction(float(y)) for x, y in zip(q, o, strict=True)] for q in p
-    ]
-    way = [Fraction(float(x)) for x in d]
+    corners = [exact_difference(q, o) for q in p]
+    way = [Fraction(x) for x in d]
 
     def volume(k):
         a, b = corners[(k + 1) % 3], corners[(k + 2) % 3]
