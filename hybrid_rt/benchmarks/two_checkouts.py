@@ -52,6 +52,7 @@ class Job:
         Of a pass ("ppm", "photon_map").
     threads : int, optional
     coarse : str
+        Checkouts that have no such setting render by Embree.
     """
 
     scene: Path

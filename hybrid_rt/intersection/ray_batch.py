@@ -195,7 +195,7 @@ def as_limit(value: ArrayLike, name: str, shape: tuple[int, ...]) -> FloatArray:
 
 
 def locked(array: FloatArray) -> FloatArray:
-    """Return a view that cannot be written: to numba that is another type, a kernel more each."""
+    """Return a view that cannot be written; if some could, numba would compile each kernel twice."""
     view = array.view()
     view.flags.writeable = False
     return view
