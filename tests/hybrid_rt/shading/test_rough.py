@@ -82,7 +82,7 @@ class Chart:
     no end of slopes, and from the side the steep ones are seen most. Solid angles of cells come from differences of the mirrored or refracted directions.
     """
 
-    RINGS, TURNS, FINE = 16, 12, 24
+    RINGS, TURNS, FINE = 16, 12, 12
 
     def __init__(self, incoming, alpha, ratio=None):
         self.to_source, self.alpha, self.ratio = -np.asarray(incoming), alpha, ratio
@@ -249,14 +249,16 @@ def leaving_after_one_facet(alpha, cosine, ratio=None):
 
     An integral over slopes. A facet of slopes (p, q) takes the share max(v . m, 0) P(p, q) of what
     is projected, over the whole; what it mirrors leaves with the probability that Smith's function
-    gives, G2 / G1, and what it refracts with that of two sides, by Euler's beta function.
+    gives, G2 / G1, and what it refracts with that of two sides, by Euler's beta function. Slopes
+    q and -q do the same. Where total reflection begins the sum is off by up to 7e-4, else by 1e-4.
     """
     sine = math.sqrt(1 - cosine * cosine)
-    u = np.linspace(-14, 14, 1601)
-    slope, step = alpha * np.sinh(u), alpha * np.cosh(u) * (u[1] - u[0])
-    p, q = np.meshgrid(slope, slope, indexing="ij")
+    n = 400
+    u = 14 * (np.arange(-n, n) + 0.5) / n
+    slope, step = alpha * np.sinh(u), alpha * np.cosh(u) * 14 / n
+    p, q = np.meshgrid(slope, slope[n:], indexing="ij")
     density = 1 / (math.pi * alpha**2 * (1 + (p * p + q * q) / alpha**2) ** 2)
-    seen = np.maximum(cosine - p * sine, 0.0) * density * step[:, None] * step
+    seen = np.maximum(cosine - p * sine, 0.0) * density * step[:, None] * step[n:]
     length2 = 1 + p * p + q * q
     facing = (cosine - p * sine) / np.sqrt(length2)
     # Of the mirrored direction: 2 (v . m) m - v.
