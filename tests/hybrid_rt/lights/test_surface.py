@@ -165,11 +165,9 @@ def test_density_of_what_is_run_into_is_that_of_asking(surface, height):
 def met(surface, points, rows):
     """Return points as hits; the patch is the one that has the point there."""
     u, v, place = points.u[rows], points.v[rows], points.position[rows]
-    off = np.stack([
-        np.linalg.norm(surface.point(u, v, np.full(u.size, k)) - place, axis=1)
-        for k in range(len(surface))
-    ])  # fmt: skip
-    patch = off.argmin(axis=0)
+    patches = np.repeat(np.arange(len(surface)), u.size)
+    every = surface.point(np.tile(u, len(surface)), np.tile(v, len(surface)), patches)
+    patch = np.linalg.norm(every.reshape(-1, u.size, 3) - place, axis=-1).argmin(axis=0)
     n, none = u.size, np.zeros(u.size)
     return HitRecord(
         t=none, object_id=none.astype(np.int32), patch_id=patch.astype(np.int32), u=u, v=v,
