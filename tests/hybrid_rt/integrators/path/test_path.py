@@ -501,7 +501,10 @@ class TestConnections:
 
     @pytest.mark.parametrize("name", ROOMS)
     def test_same_light_with_and_without_connections(self, monkeypatch, name):
-        """In a room: no part of 64 of the picture differs by more than chance, nor does the whole."""
+        """In a room: no part of 64 of the picture differs by more than chance, nor does the whole.
+
+        An error of 3 % of the whole is found.
+        """
         objects, settings = self.ROOMS[name]
         walls = [
             Object(Rectangle(corner, u, v), Lambertian(color))
@@ -524,7 +527,7 @@ class TestConnections:
                 path_tracer, "work_times_noise", lambda *_, asked=asked: next(asked)
             )
             images = [
-                render(scene, passes=16, seed=seed, threads=1, **settings).image.astype(float)
+                render(scene, passes=5, seed=seed, threads=1, **settings).image.astype(float)
                 for seed in range(12)
             ]
             parts.append(np.array(images).reshape(12, 8, 8, 8, 8, 3).mean(axis=(2, 4)))
@@ -598,7 +601,7 @@ class TestLightPaths:
         without, found = (
             render(scene, passes=n, seed=n, options=PathOptions(light_paths=share), **settings)
             .report["noise"]
-            for share, n in ((0.0, 240), (1.0, 120))
+            for share, n in ((0.0, 120), (1.0, 60))
         )  # fmt: skip
         # Light paths are shared by all pixels of a pass: the errors are those between passes.
         errors = [noise["standard_error_of_image_mean"] for noise in (without, found)]
@@ -712,8 +715,9 @@ def test_circle_of_confusion_of_a_point_out_of_focus():
 
 
 def test_error_falls_with_the_root_of_the_passes():
-    reference = render(room(), passes=512, seed=77, max_depth=4).image.astype(float)
-    passes = [1, 2, 4, 8, 16, 32]
+    # Its own error adds 4 % to that of 16 passes.
+    reference = render(room(), passes=192, seed=77, max_depth=4).image.astype(float)
+    passes = [1, 2, 4, 8, 16]
     errors = []
     for n in passes:
         image = render(room(), passes=n, seed=5, max_depth=4).image

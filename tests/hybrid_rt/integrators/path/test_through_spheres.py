@@ -245,7 +245,7 @@ class TestPictures:
         scene, settings = self.scene(name)
         by_chance, found = (
             render(scene, passes=n, seed=n, options=PathOptions(light_paths=share), **settings)
-            for share, n in ((0.0, 480), (1.0, 160))
+            for share, n in ((0.0, 240), (1.0, 80))
         )
         noises = [one.report["noise"] for one in (by_chance, found)]
         errors = [noise["standard_error_of_image_mean"] for noise in noises]
