@@ -1,6 +1,7 @@
 """Rough metal and rough glass: all integrators and all ways of finding light agree."""
 
 import math
+from functools import cache
 from typing import ClassVar
 
 import numpy as np
@@ -81,22 +82,22 @@ class TestMetal:
     def test_all_integrators_see_lamps_and_sky_in_it_alike(self, name):
         """A ball alone: no light goes from surface to surface, which Whitted's method leaves out."""
         scene = view([Object(BALL, METALS[name])], [LAMP], SKY)
-        path = means(scene, "path", 16)
+        path = means(scene, "path", 8)
         for integrator, options in (
             ("whitted", None),
             ("ppm", PPMOptions(2000)),
             ("photon_map", PhotonMapOptions(2000)),
         ):
-            assert_agree(path, means(scene, integrator, 16, options=options))
+            assert_agree(path, means(scene, integrator, 8, options=options))
 
     @pytest.mark.parametrize("name", ["narrow", "gathers"])
     def test_paths_and_photons_agree_on_what_goes_between_surfaces(self, name):
         scene = view([FLOOR, WALL, Object(BALL, METALS[name])], [LAMP])
         path = means(scene, "path", 32)
         # Discs blur; those of ppm shrink.
-        ppm = means(scene, "ppm", 12, options=PPMOptions(6_000))
+        ppm = means(scene, "ppm", 5, options=PPMOptions(6_000))
         assert_agree(path, ppm, 0.02)
-        photon_map = means(scene, "photon_map", 6, options=PhotonMapOptions(20_000))
+        photon_map = means(scene, "photon_map", 3, options=PhotonMapOptions(20_000))
         assert_agree(path, photon_map, 0.06)
 
     @pytest.mark.parametrize("name", METALS)
@@ -169,34 +170,38 @@ class TestGlass:
         "smooth mesh": ([Object(SMOOTH_MESH, glass(0.5), smooth=True)], [LAMP]),
     }  # fmt: skip
 
-    def scene(self, name, n=18):
-        objects, lights = self.SCENES[name]
+    @classmethod
+    def scene(cls, name, n=18):
+        objects, lights = cls.SCENES[name]
         return view([FLOOR, WALL, *objects], lights, n=n)
+
+    @classmethod
+    @cache
+    def by_paths(cls, name, way):
+        return means(cls.scene(name), "path", 32, options=PathOptions(strategy=way))
 
     @pytest.mark.parametrize("roughness", [0.25, 0.6, 1.0])
     def test_all_integrators_see_lamps_and_sky_through_it_alike(self, roughness):
         scene = view([Object(BALL, glass(roughness, absorption=(0.1, 0.5, 1)))], [LAMP], SKY)
-        path = means(scene, "path", 16)
+        path = means(scene, "path", 8)
         for integrator, options in (
             ("whitted", None),
             ("ppm", PPMOptions(2000)),
             ("photon_map", PhotonMapOptions(2000)),
         ):
-            assert_agree(path, means(scene, integrator, 16, options=options), 0.002)
+            assert_agree(path, means(scene, integrator, 8, options=options), 0.002)
 
     @pytest.mark.parametrize("name", SCENES)
     def test_lamps_asked_run_into_and_both(self, name):
         """Shadow rays through the surface, and the media that they run in."""
-        both, lights, directions = (
-            means(self.scene(name), "path", 32, options=PathOptions(strategy=way)) for way in WAYS
-        )
+        both, lights, directions = (self.by_paths(name, way) for way in WAYS)
         assert_agree(both, lights)
         assert_agree(both, directions)
 
     @pytest.mark.parametrize("name", ["ball", "absorbing", "lamp within", "overlapping"])
     def test_paths_and_photons_agree(self, name):
-        path = means(self.scene(name), "path", 32)
-        ppm = means(self.scene(name), "ppm", 12, options=PPMOptions(6_000))
+        path = self.by_paths(name, "both")
+        ppm = means(self.scene(name), "ppm", 5, options=PPMOptions(6_000))
         assert_agree(path, ppm, 0.02)
 
     @pytest.mark.parametrize(
@@ -225,7 +230,7 @@ class TestGlass:
     def test_the_smoothest_looks_like_smooth_glass(self, integrator):
         """Alone under a sky that changes slowly: pixel by pixel."""
         a, b = (
-            means(view([Object(BALL, material)], [], SKY), integrator, 32)
+            means(view([Object(BALL, material)], [], SKY), integrator, 16)
             for material in (RoughDielectric(1.5, 0.01, (0.1, 0.2, 0.5)),
                              Dielectric(1.5, (0.1, 0.2, 0.5)))
         )  # fmt: skip
