@@ -160,13 +160,13 @@ def test_photons_shown_to_the_camera_are_what_discs_leave_out(aperture):
     for radius in (None, 0.02):
         # Many passes: what discs find hangs on where in a pixel the camera looks.
         options = PPMOptions(8_000, initial_radius=radius)
-        result = render(BALL.scene(camera), "ppm", passes=32, seed=1, options=options)
+        result = render(BALL.scene(camera), "ppm", passes=16, seed=1, options=options)
         shown = result.report["photons"]["shown_to_camera"]
-        assert shown > 100_000 if radius is None else shown == 0
+        assert shown > 50_000 if radius is None else shown == 0
         images.append(result.image[:, :, 0].astype(float))
     photons, discs = images
     # The caustic lies in the middle; almost all light of the picture is there. Both sums together
-    # have a standard deviation of 0.9 %, mostly of the discs.
+    # have a standard deviation of 1.3 %, mostly of the discs.
     part = np.ix_(np.arange(10, 24), np.arange(10, 22))
     assert photons[part].sum() == pytest.approx(discs[part].sum(), rel=0.03)
     is_sharp = np.abs(photons - discs) < 0.1 * discs.max()

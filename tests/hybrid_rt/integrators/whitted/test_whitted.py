@@ -262,7 +262,7 @@ def test_threads_change_no_bit(picture, threads):
     np.testing.assert_array_equal(again, picture)
 
 
-@pytest.mark.parametrize("block", [7, 100, 1000])
+@pytest.mark.parametrize("block", [37, 100, 1000])
 def test_size_of_blocks_changes_no_bit(picture, block, monkeypatch):
     monkeypatch.setattr(workers, "BLOCK", block)
     monkeypatch.setattr(whitted, "BLOCK", block)
