@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import Any
 
 import flint
@@ -13,37 +14,43 @@ from hybrid_rt.verify.exact.crossings import (
 from hybrid_rt.verify.exact.patch_pieces import Matrix
 
 
-def values_at(matrix: Matrix, u: Rational, v: Rational) -> tuple[Rational, Rational, Rational]:
-    """Return a Bernstein sum and its two derivatives at a point, exactly."""
-    return sums_at(matrix.tolist(), u, v)
+def values_at(
+    matrices: Sequence[Matrix], u: Rational, v: Rational
+) -> list[tuple[Rational, Rational, Rational]]:
+    """Return Bernstein sums of one shape and their two derivatives at a point, exactly.
+
+    Of whole numbers, times powers of the denominators of u and v: the sums are two products of
+    matrices.
+    """
+    m, n = matrices[0].nrows() - 1, matrices[0].ncols() - 1
+    along_u = flint.fmpz_mat(_basis(m, u))
+    along_v = flint.fmpz_mat(_basis(n, v)).transpose()
+    every = u.q**m * v.q**n
+    per_u, per_v = u.q ** max(m - 1, 0) * v.q**n, u.q**m * v.q ** max(n - 1, 0)
+    out = []
+    for matrix in matrices:
+        sums = along_u * matrix * along_v
+        out.append(
+            (
+                flint.fmpq(sums[0, 0], every),
+                flint.fmpq(sums[1, 0], per_u),
+                flint.fmpq(sums[0, 1], per_v),
+            )
+        )
+    return out
 
 
-def sums_at(table: list[list[Any]], u: Rational, v: Rational) -> tuple[Any, Any, Any]:
-    """As `values_at`, of a list of rows."""
-    bu, du = _basis(len(table) - 1, u)
-    bv, dv = _basis(len(table[0]) - 1, v)
-    zero = flint.fmpq(0)
-    rows = [sum((w * x for w, x in zip(bv, row, strict=True)), zero) for row in table]
-    slopes = [sum((w * x for w, x in zip(dv, row, strict=True)), zero) for row in table]
-    return (
-        sum((w * x for w, x in zip(bu, rows, strict=True)), zero),
-        sum((w * x for w, x in zip(du, rows, strict=True)), zero),
-        sum((w * x for w, x in zip(bu, slopes, strict=True)), zero),
-    )
-
-
-def _basis(n: int, x: Rational) -> tuple[list[Rational], list[Rational]]:
-    """Return the Bernstein polynomials at a point, and their derivatives."""
-    x = flint.fmpq(x)
-    y = 1 - x
-    xs, ys = [flint.fmpq(1)], [flint.fmpq(1)]
+def _basis(n: int, x: Rational) -> list[list[Any]]:
+    """Return the Bernstein polynomials at p / q times q^n, and their derivatives times q^(n - 1)."""
+    p, r = x.p, x.q - x.p
+    ps, rs = [flint.fmpz(1)], [flint.fmpz(1)]
     for _ in range(n):
-        xs.append(xs[-1] * x)
-        ys.append(ys[-1] * y)
-    values = [math.comb(n, i) * xs[i] * ys[n - i] for i in range(n + 1)]
-    lower = [math.comb(n - 1, i) * xs[i] * ys[n - 1 - i] for i in range(n)]
-    slopes = [n * ((lower[i - 1] if i else 0) - (lower[i] if i < n else 0)) for i in range(n + 1)]
-    return values, slopes
+        ps.append(ps[-1] * p)
+        rs.append(rs[-1] * r)
+    values = [math.comb(n, i) * ps[i] * rs[n - i] for i in range(n + 1)]
+    lower = [n * math.comb(n - 1, i) * ps[i] * rs[n - 1 - i] for i in range(n)]
+    slopes = [(lower[i - 1] if i else 0) - (lower[i] if i < n else 0) for i in range(n + 1)]
+    return [values, slopes]
 
 
 def without_edge(table: list[list[Any]], end: int, along_u: bool) -> list[list[Any]]:

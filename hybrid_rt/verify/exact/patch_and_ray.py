@@ -6,18 +6,21 @@ The method is that of `hybrid_rt.verify.exact.patches`.
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from functools import cached_property
+from typing import Any
 
 import flint
 import numpy as np
 
-from hybrid_rt.verify.exact.bernstein_sums import power_form, sums_at, without_edge
+from hybrid_rt.core.records import FloatArray
+from hybrid_rt.verify.exact.bernstein_sums import power_form, values_at, without_edge
 from hybrid_rt.verify.exact.crossings import (
     ALONG,
     OPEN,
     POINT,
     Ball,
     Crossing,
+    Polynomial,
     Rational,
     RationalVector,
     bits,
@@ -26,12 +29,13 @@ from hybrid_rt.verify.exact.crossings import (
     is_narrow,
     norm,
     rational,
+    rationals,
     roots_from_0_to_1,
     value,
 )
 from hybrid_rt.verify.exact.kernels.plain_pieces import pieces_left
 from hybrid_rt.verify.exact.patch_look import MAY_TURN, Look
-from hybrid_rt.verify.exact.patch_pieces import Piece, halved, restricted, split_in_two
+from hybrid_rt.verify.exact.patch_pieces import Matrix, Piece, halved, restricted, split_in_two
 from hybrid_rt.verify.exact.patch_settling import ROOT_BITS, distinct, settled
 
 # Pieces examined for one ray and patch before the rest is left open.
@@ -42,21 +46,48 @@ SMALLEST = 2.0**-140
 MOST_LEFT = 256
 
 
-class Net(NamedTuple):
-    """One patch: its control points and weights as fractions."""
+class Net:
+    """One patch: its control points and weights as fractions.
 
-    number: int
-    rows: list[list[list[Rational]]]
-    weights: list[list[Rational]]
-    shape: tuple[int, int]
+    Parameters
+    ----------
+    number : int
+        That of the patch.
+    net : (m + 1, n + 1, 3) float64
+    weights : (m + 1, n + 1) float64
 
-    def column(self, c: int) -> list[list[Rational]]:
-        """Return the Bernstein coefficients of W S_c; those of W for ``c`` = 3."""
-        if c == 3:
-            return self.weights
+    Attributes
+    ----------
+    columns : list of four matrices of fractions
+        The Bernstein coefficients of W S_x, W S_y, W S_z, and W.
+    low, high : (3,) float64
+        Corners of the box of the control points.
+    """
+
+    def __init__(self, number: int, net: FloatArray, weights: FloatArray) -> None:
+        self.number, self.shape = number, net.shape[:2]
+        self.low, self.high = net.min(axis=(0, 1)), net.max(axis=(0, 1))
+        w = [rationals(row) for row in weights]
+        rows = [[rationals(point) for point in row] for row in net]
+        tables = [
+            [
+                [x * point[c] for x, point in zip(line, row, strict=True)]
+                for line, row in zip(w, rows, strict=True)
+            ]
+            for c in range(3)
+        ]
+        self.columns = [flint.fmpq_mat(table) for table in (*tables, w)]
+
+    @cached_property
+    def whole(self) -> list[tuple[Matrix, Any]]:
+        """The columns as matrices of whole numbers and their denominators."""
+        return [column.numer_denom() for column in self.columns]
+
+    @cached_property
+    def curves(self) -> list[list[Polynomial]]:
+        """The columns' curves along v, as polynomials."""
         return [
-            [w * p[c] for p, w in zip(row, weights, strict=True)]
-            for row, weights in zip(self.rows, self.weights, strict=True)
+            [flint.fmpq_poly(power_form(row)) for row in column.tolist()] for column in self.columns
         ]
 
 
@@ -70,25 +101,23 @@ class PatchAndRay:
         self.k = sizes.index(max(sizes))
         i, j = (self.k + 1) % 3, (self.k + 2) % 3
         dk, ok = d[self.k], o[self.k]
-        f, g = [], []
-        for row, weights in zip(net.rows, net.weights, strict=True):
-            points = [
-                (w, p, p[self.k] - ok) for w, p in zip(weights, row, strict=True)
-            ]  # fmt: skip
-            f.append([w * (dk * (p[i] - o[i]) - d[i] * h) for w, p, h in points])
-            g.append([w * (dk * (p[j] - o[j]) - d[j] * h) for w, p, h in points])
-        denominator = flint.fmpz(1)
-        for table in (f, g):
-            for line in table:
-                for x in line:
-                    denominator = max(denominator, x.q)  # powers of two
-        self.f = [[(x * denominator).p for x in row] for row in f]
-        self.g = [[(x * denominator).p for x in row] for row in g]
+        columns = net.columns
+        # w (dk (p_i - o_i) - d_i (p_k - o_k)), and the same for j.
+        (f, f_below), (g, g_below) = (
+            (
+                dk * columns[c] - d[c] * columns[self.k] - (dk * o[c] - d[c] * ok) * columns[3]
+            ).numer_denom()
+            for c in (i, j)
+        )
+        denominator = max(f_below, g_below)  # powers of two
+        self.f = (f * (denominator // f_below)).tolist()
+        self.g = (g * (denominator // g_below)).tolist()
         largest = max(abs(x) for table in (self.f, self.g) for row in table for x in row)
         self.largest = largest
         # t to be known to a part of this.
-        reach = max(abs(float(p[c] - o[c])) for row in net.rows for p in row for c in range(3))
-        self.scale = reach / self.length
+        start = [float(x) for x in o]
+        reach = max(np.abs(net.low - start).max(), np.abs(net.high - start).max())
+        self.scale = float(reach) / self.length
 
     def crossings(self) -> list[Crossing]:
         """Return all crossings."""
@@ -209,7 +238,7 @@ class PatchAndRay:
 
     def _at(self, c: int, u: Ball, v: Ball) -> Ball:
         """Return W S_c, or for 3 W, at parameters given as balls."""
-        curves = [value(flint.fmpq_poly(power_form(row)), v) for row in self.net.column(c)]
+        curves = [value(curve, v) for curve in self.net.curves[c]]
         n = len(curves) - 1
         return sum(
             (math.comb(n, i) * u**i * (1 - u) ** (n - i) * x for i, x in enumerate(curves)),
@@ -243,7 +272,14 @@ class PatchAndRay:
 
     def _tangents(self, u: Rational, v: Rational) -> tuple[list[Rational], list[Rational]]:
         """Return S_u and S_v at a point, exactly."""
-        *columns, (w, wu, wv) = [sums_at(self.net.column(c), u, v) for c in range(4)]
+        *columns, (w, wu, wv) = [
+            [x / below for x in sums]
+            for sums, (_, below) in zip(
+                values_at([matrix for matrix, _ in self.net.whole], u, v),
+                self.net.whole,
+                strict=True,
+            )
+        ]
         # (W S)_u = W S_u + W_u S.
         return (
             [(xu - wu * (x / w)) / w for x, xu, _ in columns],

@@ -54,6 +54,15 @@ def grown(degree: int) -> Matrix:
     return flint.fmpz_mat(rows)
 
 
+@lru_cache(maxsize=64)
+def differences(degree: int) -> Matrix:
+    """Return the matrix that takes coefficients to the differences of neighbours."""
+    rows = [[0] * (degree + 1) for _ in range(degree)]
+    for i, row in enumerate(rows):
+        row[i], row[i + 1] = -1, 1
+    return flint.fmpz_mat(rows)
+
+
 @lru_cache(maxsize=4096)
 def _part(degree: int, a: int, m: int) -> Matrix:
     """Return 2^(m n) times the matrix that restricts coefficients to a / 2^m .. (a + 1) / 2^m."""
@@ -111,18 +120,32 @@ def halved(piece: Piece, along_u: bool) -> list[Piece]:
 
 def split_in_two(both: Matrix) -> tuple[Matrix, Matrix]:
     """Return the matrices of f and of g."""
-    n = both.ncols() // 2
-    table = both.tolist()
-    return flint.fmpz_mat([row[:n] for row in table]), flint.fmpz_mat([row[n:] for row in table])
+    first, second = _columns_of_one(both.ncols() // 2)
+    return both * first, both * second
+
+
+@lru_cache(maxsize=64)
+def _columns_of_one(n: int) -> tuple[Matrix, Matrix]:
+    """Return the matrices that choose the first n of 2 n columns, and the last n."""
+    one, zero = [[int(i == j) for j in range(n)] for i in range(n)], [[0] * n] * n
+    return flint.fmpz_mat(one + zero), flint.fmpz_mat(zero + one)
 
 
 def mean_jacobian(a: Matrix, b: Matrix) -> tuple[Any, Any, Any, Any]:
     """Return f_u, f_v, g_u, g_v at their means, times (m + 1) (n + 1)."""
     m, n = a.nrows(), a.ncols()
+    rows, columns = _ends_and_sums(m), _ends_and_sums(n).transpose()
     out = []
     for matrix in (a, b):
-        table = matrix.tolist()
-        along_u = sum(table[-1], flint.fmpz(0)) - sum(table[0], flint.fmpz(0))
-        along_v = sum((row[-1] - row[0] for row in table), flint.fmpz(0))
-        out += [along_u * m, along_v * n]
+        sums = rows * matrix * columns
+        out += [sums[0, 1] * m, sums[1, 0] * n]
     return out[0], out[1], out[2], out[3]
+
+
+@lru_cache(maxsize=64)
+def _ends_and_sums(n: int) -> Matrix:
+    """Return the rows that take n numbers to the last less the first, and to their sum."""
+    ends = [0] * n
+    ends[0] -= 1
+    ends[-1] += 1
+    return flint.fmpz_mat([ends, [1] * n])

@@ -5,7 +5,6 @@ The test is Krawczyk's, see `hybrid_rt.verify.exact.patches`.
 
 from __future__ import annotations
 
-from itertools import pairwise
 from typing import Any
 
 import flint
@@ -17,6 +16,7 @@ from hybrid_rt.verify.exact.crossings import (
 from hybrid_rt.verify.exact.patch_pieces import (
     Matrix,
     Piece,
+    differences,
     grown,
     grown_across,
     mean_jacobian,
@@ -75,7 +75,7 @@ def _newton(
     known = 3
     while known < number:
         known = min(2 * known, number + 8)
-        (f, fu, fv), (g, gu, gv) = values_at(a, u, v), values_at(b, u, v)
+        (f, fu, fv), (g, gu, gv) = values_at((a, b), u, v)
         det = fu * gv - fv * gu
         if det == 0:
             return point
@@ -88,18 +88,18 @@ def _newton(
 
 def _turn(matrix: Matrix, mu: int, nv: int, det: Any, along_u: bool) -> Rational:
     """Return how far the derivatives of one row of F leave the identity, in parts of det."""
-    table = matrix.tolist()
     k = (mu + 1) * (nv + 1)
     zero = flint.fmpz(0)
-    one = det if along_u else zero
-    two = zero if along_u else det
-    worst_u = max(
-        abs(k * mu * (below[j] - above[j]) - one)
-        for above, below in pairwise(table)
-        for j in range(nv + 1)
-    )
-    worst_v = max(abs(k * nv * (row[j + 1] - row[j]) - two) for row in table for j in range(nv))
+    one, two = (det, zero) if along_u else (zero, det)
+    worst_u = _farthest(differences(mu) * matrix, k * mu, one)
+    worst_v = _farthest(matrix * differences(nv).transpose(), k * nv, two)
     return flint.fmpq(worst_u + worst_v, abs(det))
+
+
+def _farthest(matrix: Matrix, factor: int, center: Any) -> Any:
+    """Return how far the entries of a matrix, times a factor above 0, are from a number at most."""
+    entries = matrix.entries()
+    return max(factor * max(entries) - center, center - factor * min(entries))
 
 
 def _moved(
@@ -108,7 +108,7 @@ def _moved(
     """Return F at a point."""
     j00, j01, j10, j11 = jacobian
     k = a.nrows() * a.ncols()
-    f, g = values_at(a, u, v)[0], values_at(b, u, v)[0]
+    (f, _, _), (g, _, _) = values_at((a, b), u, v)
     return k * (j11 * f - j01 * g) / det, k * (j00 * g - j10 * f) / det
 
 

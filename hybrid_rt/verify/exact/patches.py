@@ -30,7 +30,6 @@ from hybrid_rt.verify.exact.crossings import (
     Crosser,
     Crossing,
     RationalVector,
-    rationals,
 )
 from hybrid_rt.verify.exact.patch_and_ray import Net, PatchAndRay
 from meshing import BezierPatches
@@ -42,12 +41,7 @@ CLEAR = 1e-9
 def patches_crosser(surface: BezierPatches) -> Crosser:
     """Return a function that finds all crossings with patches, on shared edges one for each."""
     nets = [
-        Net(
-            k,
-            [[rationals(point) for point in row] for row in net],
-            [rationals(row) for row in weights],
-            (len(net), net.shape[1]),
-        )
+        Net(k, net, weights)
         for k, (net, weights) in enumerate(zip(surface.patches, weights_of(surface), strict=True))
     ]
     # Float64 nets for a first look, all of one shape together.
