@@ -47,6 +47,14 @@ def differences(a: HitRecord, b: HitRecord, columns: Sequence[str] = COLUMNS) ->
     )
 
 
+WAYS = ("none", "embree")
+
+
+def both_tracers(surfaces: Sequence[Any]) -> list[Intersector]:
+    """Return a tracer without a coarse stage and one with Embree, for several calls of `traced`."""
+    return [Intersector(surfaces, coarse=coarse) for coarse in WAYS]
+
+
 def traced(
     surfaces: Sequence[Any],
     origins: FloatArray,
@@ -54,16 +62,23 @@ def traced(
     *,
     most_pieces: int = MOST_PIECES,
     may_give_up: bool = False,
-    ways: Sequence[str] = ("none", "embree"),
+    ways: Sequence[str] = WAYS,
+    tracers: Sequence[Intersector] | None = None,
 ) -> tuple[HitRecord, Outcome]:
     """Trace rays with both coarse stages, and check invariants of the hits.
 
     Both stages must give the same bits, no search may be given up (without ``may_give_up``), work
     is bounded, and normals are unit vectors.
+
+    Parameters
+    ----------
+    tracers : sequence of Intersector, optional
+        One for each of ``ways``, made for these surfaces before; their counts of pieces begin anew.
     """
     records, outcome = [], Outcome()
-    for coarse in ways:
-        tracer = Intersector(surfaces, coarse=coarse)
+    for k, coarse in enumerate(ways):
+        tracer = Intersector(surfaces, coarse=coarse) if tracers is None else tracers[k]
+        tracer.counters["most_pieces"] = tracer.counters["given_up"] = 0
         records.append(tracer.intersect(origins, directions))
         work, given_up = tracer.counters["most_pieces"], tracer.counters["given_up"]
         outcome = replace(outcome, work=max(outcome.work, work))

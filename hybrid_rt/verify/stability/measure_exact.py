@@ -171,7 +171,7 @@ def by_set(
     against: str,
     distances: Sequence[float] = DISTANCES,
     placement: str = "home",
-    least: int = 2,
+    least: int = 1,
     marks: bool = True,
     from_afar: bool = False,
 ) -> Outcome:

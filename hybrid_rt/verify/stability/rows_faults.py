@@ -24,7 +24,14 @@ from hybrid_rt.verify.cases.singular_surfaces import (
     uneven_lune,
 )
 from hybrid_rt.verify.exact.judge import ExactJudge
-from hybrid_rt.verify.stability.measure import DISTANCES, EPS, Plot, differences, traced
+from hybrid_rt.verify.stability.measure import (
+    DISTANCES,
+    EPS,
+    Plot,
+    both_tracers,
+    differences,
+    traced,
+)
 from hybrid_rt.verify.stability.measure_exact import (
     by_exact,
     by_set,
@@ -57,17 +64,17 @@ def _beside(
 ) -> Outcome:
     """Judge rays beside a point, from as near as they pass and from far; a curve for each."""
     size, total, curves = size_of(surface), Outcome(), []
-    judge = ExactJudge([surface])
+    judge, tracers = ExactJudge([surface]), both_tracers([surface])
     for name, is_near in (("from near", True), ("from far", False)):
         plot = Plot(f"distance from {what} / size", f"{label}, {name}")
-        n = effort.count(rays, 4)
+        n = effort.count(rays, 2)
         for k in DISTANCES:
             rng = effort.rng(100 * round(-np.log10(k)) + is_near)
             directions = unit(rng.normal(size=(n, 3)))
             targets = at + k * size * unit(rng.normal(size=(n, 3)))
             back = size * (k if is_near else 1.0) * rng.uniform(0.5, 1.5, (n, 1))
             origins = targets - back * directions
-            hits, found = traced([surface], origins, directions)
+            hits, found = traced([surface], origins, directions, tracers=tracers)
             verdict = verdict_outcome(
                 exact_verdict(judge, hits, origins, directions, k * size), marks
             )
@@ -252,7 +259,8 @@ def almost_within(effort: Effort) -> Outcome:
             marks=False,
         )  # fmt: skip
     surface = tilted_flat()
-    judge, size, n = ExactJudge([surface]), size_of(surface), effort.count(60, 4)
+    judge, size, n = ExactJudge([surface]), size_of(surface), effort.count(60, 2)
+    tracers = both_tracers([surface])
     plot = Plot(
         "cosine between ray and normal", "flat bicubic", unit="bands, of the point beside the ray"
     )
@@ -264,7 +272,7 @@ def almost_within(effort: Effort) -> Outcome:
         along = unit(np.cross(normals, unit(rng.normal(size=(n, 3)))))
         directions = unit(along + k * rng.choice([-1.0, 1.0], (n, 1)) * normals)
         origins = points - size * rng.uniform(0.1, 2.0, (n, 1)) * directions
-        hits, found = traced([surface], origins, directions)
+        hits, found = traced([surface], origins, directions, tracers=tracers)
         verdict = judge.judge(hits, origins, directions)  # marks do not matter here
         gap = np.array([verdict.worst_gap])
         total += found.checked(verdict.off_ray == 0, f"{verdict.off_ray} points off at {k:.0e}")

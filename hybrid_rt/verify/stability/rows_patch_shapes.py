@@ -109,7 +109,7 @@ def collapsed_edges(effort: Effort) -> Outcome:
     """The apex of the teapot's lid: through it, and 1e-1 to 1e-14 beside."""
     total = catalogue("A08", effort)
     apex = np.array([0.0, 0.0, 3.15])
-    n = effort.count(2000, 40)
+    n = effort.count(2000, 16)
     directions = unit(effort.rng(1).normal(size=(n, 3)) * (0.2, 0.2, 1.0))
     directions[:, 2] = -np.abs(directions[:, 2])
     # From above the apex itself comes first: the knob is convex there.

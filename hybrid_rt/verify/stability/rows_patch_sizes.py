@@ -126,7 +126,7 @@ def far_away(effort: Effort) -> Outcome:
 def long_and_thin(effort: Effort) -> Outcome:
     """Stretched by powers of two, which floats hold: t, u and v are those from before."""
     total = catalogue("A20", effort)
-    net, n = bumpy_net(), effort.count(30, 6)
+    net, n = bumpy_net(), effort.count(30, 2)
     rays = secondary([BezierPatches([net])], n, seed=effort.seed + 7)
     aimed = chords([BezierPatches([net])], n, seed=effort.seed + 8)
     origins = np.concatenate([rays.origins, aimed.origins])

@@ -238,7 +238,7 @@ def killed(effort: Effort) -> Outcome:
     total, rng, before = Outcome(), effort.rng(), 0
     with tempfile.TemporaryDirectory() as name:
         sums = [Path(name) / file for file in SUMS]
-        for _ in range(effort.count(12, 2)):
+        for _ in range(effort.count(12)):
             child = subprocess.Popen([sys.executable, "-c", _SAVES, name])
             times = [file.exists() and file.stat().st_mtime_ns for file in sums]
             until = time.monotonic() + LIMIT

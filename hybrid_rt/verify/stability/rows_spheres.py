@@ -199,7 +199,7 @@ def both_ends(effort: Effort) -> Outcome:
 @row("C13", "1e5 spheres", "counts of work; the same without a tree")
 def many(effort: Effort) -> Outcome:
     """Each ray asks a few nodes of a tree; a few rays are compared with all spheres in turn."""
-    m, n, rng = effort.count(100_000, 10_000), effort.count(20_000, 1000), effort.rng()
+    m, n, rng = effort.count(100_000, 4000), effort.count(20_000, 1000), effort.rng()
     centers, radius = rng.random((m, 3)), 0.003
     tracer = Intersector([Sphere(c, radius) for c in centers])
     origins, directions = rng.random((n, 3)) * 3 - 1, unit(rng.normal(size=(n, 3)))
