@@ -271,7 +271,9 @@ def extreme_alpha(effort: Effort) -> Outcome:
     # Error against passes: the variance of discs falls as passes^-alpha.
     view = Camera((0, 0, 0.18), (0, 0, 0), (0, 1, 0), 90, 16, 16)
     truth = 0.5 / math.pi * float(irradiance(np.zeros(1), np.zeros(1))[0])
-    n_passes, radius = (1, 4, 16, 64), 0.1
+    # The slope is that from the first to the last; those between are for the plot.
+    n_passes = (1, 4, 16, 64) if effort.factor >= 0.5 else (1, 64)
+    radius = 0.1
     for alpha in (0.5, ALPHA, 0.9):
         errors = []
         for n in n_passes:

@@ -40,7 +40,7 @@ def stopped_and_continued(effort: Effort) -> Outcome:
         }
         last = effort.count(MOST_PASSES, 18)
         whole = render(room(), passes=last, threads=2, **settings)
-        cuts = np.unique(rng.integers(1, last, PARTS)).tolist()
+        cuts = np.unique(rng.integers(1, last, effort.count(PARTS, 3))).tolist()
         with tempfile.TemporaryDirectory() as folder:
             for k, passes in enumerate([*cuts, last]):
                 part = render(

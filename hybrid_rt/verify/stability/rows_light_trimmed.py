@@ -58,7 +58,7 @@ def rings(effort: Effort) -> Outcome:
                 camera = eye((0, -0.5, 0.5), (0, 0, 0), 32, (0, 0, 1))
                 scene = Scene(camera, [FLOOR, lamps[radius, width]])
                 result = picture(
-                    effort, scene, integrator, effort.count(32, 8), max_depth=0, n_photons=200
+                    effort, scene, integrator, effort.count(32, 4), max_depth=0, n_photons=200
                 )
                 truth = 0.5 / math.pi * below_a_ring(1.0, radius, width)
                 off = off_by_pixels(result, truth, 1e-5)
