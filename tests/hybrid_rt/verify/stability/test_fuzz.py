@@ -51,9 +51,10 @@ def test_damaged_files_are_read_or_refused(case):
     assert fuzz.faults_of(case, READERS) == ()
 
 
-# Rooms whose means are known to 0.3 %.
+# Rooms whose means one render knows to 0.7 %, so that 4 % too much light is seen.
 @pytest.mark.parametrize("number", [3, 17])
-def test_integrators_agree_in_random_rooms(number):
+def test_integrators_agree_in_random_rooms(monkeypatch, number):
+    monkeypatch.setattr(fuzz_light, "RENDERS", 1)
     case = fuzz.make_case(NumpyDraws(np.random.default_rng(number)), "light")
     assert fuzz.faults_of(case) == ()
 
@@ -68,6 +69,7 @@ def test_integrators_that_disagree_are_found(monkeypatch):
         return SimpleNamespace(report=report)
 
     monkeypatch.setattr(fuzz_light, "render", brighter)
+    monkeypatch.setattr(fuzz_light, "RENDERS", 1)
     case = fuzz.make_case(NumpyDraws(np.random.default_rng(3)), "light")
     (fault,) = fuzz.faults_of(case)
     assert fault.startswith("whitted has")
@@ -91,7 +93,7 @@ def test_failures_are_cut_down_kept_and_run_again(tmp_path, monkeypatch):
     monkeypatch.setattr(fuzz_properties, "compare", losing)
     monkeypatch.setattr(fuzz, "SHARES", ("mixed",))
     failures = []
-    for number in range(6):
+    for number in range(2):
         draws = NumpyDraws(np.random.default_rng([1, number]))
         failure = fuzz.tried(draws, "mixed")
         if failure is not None:
