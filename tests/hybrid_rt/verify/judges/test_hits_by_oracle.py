@@ -8,31 +8,44 @@ import pytest
 from hybrid_rt import Intersector
 from hybrid_rt.intersection.kernels.search.coarse import CoarseHits
 from hybrid_rt.verify.cases.campaign import SCENES, steps
-from hybrid_rt.verify.cases.rays import chords, secondary, silhouettes
+from hybrid_rt.verify.cases.rays import chords, hard_rays, secondary, silhouettes
 from hybrid_rt.verify.judges.judge import compare
 from hybrid_rt.verify.judges.oracle import first_hits
+from hybrid_rt.verify.stability.measure import both_tracers, differences
 
 CURVED = ("teapot", "patches", "vase", "torus")
+# What is wrong with one ray in 200 is found in 19 of 20 scenes; campaigns take many more.
+RAYS = 600
 
 
-@pytest.mark.parametrize("coarse", ["embree", "none"])
 @pytest.mark.parametrize("scene", SCENES)
-def test_certified_hits_are_right(scene, coarse):
-    (tally,) = steps(SCENES[scene](), 1500, seed=21, coarse=coarse)
+def test_certified_hits_are_right(scene):
+    (tally,) = steps(SCENES[scene](), RAYS, seed=21)
     verdict = tally.verdict
     assert tally.wrong == []
     assert verdict.worst_bound <= 1.0
     # The rays were as hard as they are meant to be.
     # Of trimmed surfaces many are aimed at holes.
-    assert verdict.small_cosines > (0.2 if scene == "trimmed" else 0.3) * 1500
-    assert tally.generators["edges"] + tally.generators["grazing edges"] > 0.1 * 1500
+    assert verdict.small_cosines > (0.2 if scene == "trimmed" else 0.3) * RAYS
+    assert tally.generators["edges"] + tally.generators["grazing edges"] > 0.1 * RAYS
     # What the oracle leaves open: rays within flat parts, a few in a thousand.
-    assert verdict.undecided < 0.01 * 1500
+    assert verdict.undecided < 0.01 * RAYS
     # Fallbacks are reported: here there are none.
     assert tally.counters["given_up"] == 0
     if scene in CURVED:
         # Ray and surface meet to rounding, also where the decision is within the band.
         assert verdict.worst_gap <= 1.0
+
+
+@pytest.mark.parametrize("scene", SCENES)
+def test_hits_are_the_same_without_a_coarse_stage(scene):
+    """Bit for bit, so that they are as right as those above."""
+    surfaces = SCENES[scene]()
+    rays = hard_rays(surfaces, RAYS, 21)
+    without, with_embree = both_tracers(surfaces)
+    hits = [tracer.intersect(rays.origins, rays.directions) for tracer in (with_embree, without)]
+    assert differences(*hits) == ()
+    assert with_embree.counters["given_up"] == without.counters["given_up"] == 0
 
 
 @pytest.mark.parametrize("scene", CURVED)
