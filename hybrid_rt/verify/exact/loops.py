@@ -54,7 +54,6 @@ class ExactLoops:
         total = 0
         for turn, rise in self._turns:
             quarters = 0
-            # Python compares floats and fractions exactly.
             x, y = (Fraction(u) + turn if turn else u), (Fraction(v) + rise if rise else v)
             for arc in self._arcs:
                 found = _quarters(arc, x, y)
@@ -73,9 +72,9 @@ def _weights(curve: Curve2) -> list[float]:
 def _quarters(arc: tuple[list[float], list[float], list[float]], u: Any, v: Any) -> int | None:
     """Return by how many quarter planes an arc goes around a point, counterclockwise."""
     xs, ys, ws = arc
-    if _are_one({_side(x, u) for x in xs}) or _are_one({_side(y, v) for y in ys}):
-        first, last = (_side(xs[0], u), _side(ys[0], v)), (_side(xs[-1], u), _side(ys[-1], v))
-        return _step(first, last)
+    sides_u, sides_v = _sides(xs, u), _sides(ys, v)
+    if _are_one(set(sides_u)) or _are_one(set(sides_v)):
+        return _step((sides_u[0], sides_v[0]), (sides_u[-1], sides_v[-1]))
     at_u, at_v = Fraction(u), Fraction(v)
     exact = [
         (Fraction(w) * (Fraction(x) - at_u), Fraction(w) * (Fraction(y) - at_v))
@@ -94,6 +93,16 @@ def _quarters(arc: tuple[list[float], list[float], list[float]], u: Any, v: Any)
         (x0, x1), (y0, y1) = _halves(x), _halves(y)
         stack += [(x0, y0, depth + 1), (x1, y1, depth + 1)]
     return total
+
+
+def _sides(numbers: list[float], other: Any) -> list[int]:
+    """Return the signs of the differences of floats from a number, exactly.
+
+    A float above the nearest float of a number is above the number: fractions, which are slow, are
+    compared with that one float only.
+    """
+    near = float(other)
+    return [_side(x, near) if x != near else _side(x, other) for x in numbers]
 
 
 def _side(number: Any, other: Any) -> int:
