@@ -161,7 +161,7 @@ def test_silhouettes_with_and_without_embree(teapot, tracer, bare, exponent):
 
 def test_no_ray_slips_through_an_edge(teapot, tracer):
     rng = np.random.default_rng(7)
-    n = 10_000
+    n = 2_000
     k, u, v = edge_points(teapot, n, seed=8)
     point, normal = teapot.point(u, v, k), teapot.normal(u, v, k)
     direction = unit(rng.normal(size=(n, 3)))
@@ -176,7 +176,7 @@ def test_no_ray_slips_through_an_edge(teapot, tracer):
 @pytest.fixture(scope="module")
 def on_edges(teapot, tracer):
     """Hits exactly on borders of patches."""
-    k, u, v = edge_points(teapot, 10_000, seed=10)
+    k, u, v = edge_points(teapot, 2_000, seed=10)
     normal = teapot.normal(u, v, k)
     hits = tracer.intersect(teapot.point(u, v, k) + normal, -normal, t_min=0.5, t_max=1.5)
     return hits[hits.hit & (np.abs(hits.t - 1.0) < 1e-9)]
@@ -184,9 +184,12 @@ def on_edges(teapot, tracer):
 
 @pytest.mark.parametrize("side", [1.0, -1.0])
 def test_departure_from_edges_is_not_a_hit(teapot, tracer, on_edges, side):
-    """Some 14 000 starts in all, at all slopes down to 1e-6, half to either side."""
+    """Some 2800 starts in all, at all slopes down to 1e-6, half to either side.
+
+    `tools/verify_many.py` departs a million times.
+    """
     rng, start = np.random.default_rng(9), on_edges
-    assert len(start) > 6_800
+    assert len(start) > 1_360
     cosine = 10.0 ** rng.uniform(-6, -0.3, len(start))
     along = rng.normal(size=(len(start), 3))
     along = unit(along - np.einsum("ij,ij->i", along, start.normal)[:, None] * start.normal)
@@ -209,10 +212,10 @@ def test_apex_of_the_lid(tracer):
     rng = np.random.default_rng(11)
     apex = np.array([0.0, 0.0, 3.15])
     for offset in (0.0, 1e-15, 1e-12, 1e-9, 1e-6):
-        direction = rng.normal(size=(100, 3))
+        direction = rng.normal(size=(25, 3))
         direction[:, 2] = -np.abs(direction[:, 2]) - 0.2
         direction = unit(direction)
-        target = apex + offset * rng.normal(size=(100, 3)) * (1.0, 1.0, 0.0)
+        target = apex + offset * rng.normal(size=(25, 3)) * (1.0, 1.0, 0.0)
         hits = tracer.intersect(target - 3.0 * direction, direction)
         assert (hits.status == Status.HIT).all()
         np.testing.assert_allclose(hits.t, 3.0, atol=1e-12 + 20 * offset)
