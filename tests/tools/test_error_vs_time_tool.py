@@ -76,11 +76,19 @@ def test_surface_alone(run):
     assert "Pictures" not in captured.out
 
 
-@pytest.mark.parametrize("part", ["", ", u_range=(0, 0.5)", ", weights=[1, 0.5]"])
-def test_hits_on_trimmed_surfaces_are_measured(run, tmp_path, part):
-    script = SCRIPT.replace("(0, 0, 1))\n    return", f"(0, 0, 1){part})\n    return")
-    script = script.replace("import SurfaceOfRevolution", "import *")
-    script = script.replace("Object(tube", "Object(TrimmedSurface(tube, [circle((0.5, 0.5), 0.5)])")
+def test_hits_on_trimmed_surfaces_are_measured(run, tmp_path):
+    """A whole surface of revolution, half of one, and a rational one: none is left out."""
+    script = SCRIPT.replace("import SurfaceOfRevolution", "import *")
+    parts = ["", ", u_range=(0, 0.5)", ", weights=[1, 0.5]"]
+    tubes = [
+        f"SurfaceOfRevolution([[-1.0, 0.5], [1.0, 0.5]], ({x}, 0, 0), (0, 0, 1){part})"
+        for x, part in zip((-1.2, 0, 1.2), parts, strict=True)
+    ]
+    cut = [
+        f"Object(TrimmedSurface({tube}, [circle((0.5, 0.5), 0.5)]), Lambertian(0.5))"
+        for tube in tubes
+    ]
+    script = script.replace("[Object(tube, Lambertian(0.5))]", f"[{', '.join(cut)}]")
     (tmp_path / "cut.py").write_text(script)
     code, captured = run(f"cut.py {SMALL} --integrators path --reference-by path")
     assert code == 0
