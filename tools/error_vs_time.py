@@ -67,6 +67,11 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("file", nargs="?", type=Path, help=argparse.SUPPRESS)
     parser.add_argument("--out", type=Path, metavar="DIR")
     parser.add_argument("--quick", action="store_true", help="small, few passes, one run")
+    parser.add_argument(
+        "--only",
+        choices=("pictures", "hits"),
+        help="of a scene; default: pictures, then first hits",
+    )
     parser.add_argument("--compare", nargs=2, type=Path, metavar=("A.json", "B.json"))
     parser.add_argument("--target", type=float, default=0.01, help="relative RMSE (default 0.01)")
     parser.add_argument("--reference", type=Path, help="a picture (.npz or .exr) instead of ours")
@@ -101,6 +106,10 @@ def _measure(args: argparse.Namespace) -> None:
     file = args.file if args.source == "surface" else Path(args.source)
     if file is None:
         raise ValueError("surface has no file: name a .bpt file")
+    if file.suffix == ".bpt" and args.only == "pictures":
+        raise ValueError(
+            f"{file} is a surface, without pictures: name a scene, or leave out --only"
+        )
     n_rays = args.rays or (20_000 if args.quick else 100_000)
     if args.out:  # a place that cannot be written is said before the work
         args.out.mkdir(parents=True, exist_ok=True)
@@ -129,8 +138,11 @@ def _study(
         rays = random_camera(surfaces, n_rays, 1)
     else:
         scene = _resized(scene, args.width or (120 if args.quick else 240))
-        studies["picture"] = _study_picture(scene, args)
-        surfaces = curved_surfaces(scene)
+        if args.only != "hits":
+            studies["picture"] = _study_picture(scene, args)
+        surfaces = [] if args.only == "pictures" else curved_surfaces(scene)
+        if args.only == "hits" and not surfaces:
+            raise ValueError(f"{file} has no curved surface: leave out --only hits")
         rays = hit_study.camera_rays(scene, n_rays)
     if surfaces and _are_known(surfaces):
         studies["hits"] = hit_study.study_hits(
@@ -232,6 +244,8 @@ def _show_picture(
     own = study.reference.own_error
     shown["diagrams"].append(study_diagrams.picture_diagram(study.curves, own))
     shown["tables"].append(tables.forecast_table(advice.forecasts, advice.target))
+    if len(study.curves) > 1:
+        shown["tables"].append(tables.equal_time_table(study.curves))
     shown["tables"].append(tables.picture_table(study.curves))
     if study.meshes:
         shown["tables"].append(tables.mesh_table(study))
@@ -309,7 +323,7 @@ def _compare(args: argparse.Namespace) -> None:
             own = max(one[part]["reference"]["own_error"] or 0.0 for one in both)
             data[part]["reference"] = {"own_error": own or float("nan")}
             diagrams.append(study_diagrams.picture_diagram(curves, own or float("nan")))
-            found.append(tables.picture_table(curves))
+            found += [tables.equal_time_table(curves), tables.picture_table(curves)]
         else:
             judged = max(one[part]["judged"] for one in both)
             data[part]["judged"] = judged

@@ -143,6 +143,39 @@ def _seconds(passes: NDArray[np.float64], seconds: NDArray[np.float64], n: float
     return float(seconds[-1] + each * (n - passes[-1]))
 
 
+def at_equal_time(curves: Sequence[Curve]) -> tuple[float, list[float]]:
+    """Return the errors of methods after as many seconds, all within what was measured.
+
+    Errors are interpolated between the points on either side, by a line in logarithms.
+
+    Parameters
+    ----------
+    curves : sequence of Curve
+        One or more.
+
+    Returns
+    -------
+    seconds : float
+        The most that all methods were measured for.
+    errors : list of float
+        Relative RMSE of each curve; nan where its first point took longer.
+    """
+    seconds = min(curve.points[-1].seconds.median for curve in curves)
+    errors = [
+        math.exp(
+            np.interp(
+                math.log(seconds),
+                np.maximum.accumulate([math.log(p.seconds.median) for p in curve.points]),
+                [math.log(max(p.error.median, 1e-300)) for p in curve.points],
+            )
+        )
+        if curve.points[0].seconds.median <= seconds
+        else math.nan
+        for curve in curves
+    ]
+    return seconds, errors
+
+
 def forecasts_of(study: PictureStudy, target: float) -> list[Forecast]:
     """Return what each method needs for a relative RMSE, the cheapest first."""
     own = study.reference.own_error

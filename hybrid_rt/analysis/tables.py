@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from hybrid_rt.analysis.curves import Curve, Point, Spread
-from hybrid_rt.analysis.forecast import Forecast
+from hybrid_rt.analysis.forecast import Forecast, at_equal_time
 from hybrid_rt.analysis.hit_study import HitStudy
 from hybrid_rt.analysis.units import asked, number, percent, signed_percent
 from hybrid_rt.analysis.work_precision import PictureStudy
@@ -126,6 +126,32 @@ def forecast_table(forecasts: Sequence[Forecast], target: float) -> Table:
         ),
     )
     return _spread_if_any(table, [f.seconds for f in forecasts])
+
+
+def equal_time_table(curves: Sequence[Curve]) -> Table:
+    """Return the errors of methods after as many seconds."""
+    seconds, errors = at_equal_time(curves)
+    order = sorted(range(len(curves)), key=lambda k: (math.isnan(errors[k]), errors[k]))
+    rows = [
+        (
+            curves[k].name,
+            "takes longer" if math.isnan(errors[k]) else number(100.0 * errors[k]),
+            "" if math.isnan(errors[k]) else number((errors[k] / errors[order[0]]) ** 2),
+        )
+        for k in order
+    ]
+    return Table(
+        f"At equal time, {number(seconds)} s",
+        ("method", "error %", "squared error, best = 1"),
+        rows,
+        (
+            (
+                "error: relative RMSE, interpolated between the points of the table of pictures. Where "
+                "the squared error falls as 1 over the seconds, the last column is also how many times "
+                "the seconds a method needs for the best one's error."
+            ),
+        ),
+    )
 
 
 def mesh_table(study: PictureStudy) -> Table:

@@ -25,6 +25,7 @@ SMALL = (
 @pytest.fixture
 def run(tmp_path, monkeypatch, capsys):
     (tmp_path / "tube.py").write_text(SCRIPT)
+    (tmp_path / "flat.py").write_text(SCRIPT.replace("[Object(tube, Lambertian(0.5))]", "[]"))
     monkeypatch.chdir(tmp_path)
 
     def run_tool(arguments):
@@ -44,6 +45,7 @@ def test_study_of_a_scene_and_the_overlay_of_two(run, tmp_path):
     assert "1 % cannot be judged: the reference is itself off by" in captured.out
     assert "--width 24 --height 16 --threads 1 --seed 1" in captured.out
     assert "phantom: rays that meet nothing" in captured.out
+    assert "At equal time, " in captured.out
     assert "judged rays" in captured.out
     written = {path.name for path in (tmp_path / "a").iterdir()}
     assert written == {"curves.csv", "curves.json", "curves.png", "page.html"}
@@ -90,9 +92,10 @@ def test_hits_on_trimmed_surfaces_are_measured(run, tmp_path):
     ]
     script = script.replace("[Object(tube, Lambertian(0.5))]", f"[{', '.join(cut)}]")
     (tmp_path / "cut.py").write_text(script)
-    code, captured = run(f"cut.py {SMALL} --integrators path --reference-by path")
+    code, captured = run(f"cut.py {SMALL} --only hits")
     assert code == 0
     assert "First hits" in captured.out
+    assert "Pictures" not in captured.out
     assert "left out" not in captured.err
 
 
@@ -110,6 +113,8 @@ def test_hits_on_trimmed_surfaces_are_measured(run, tmp_path):
         (f"tube.py {SMALL} --target 0", 2, "target"),
         (f"tube.py {SMALL} --integrators magic", 2, "integrator is 'magic'"),
         (f"tube.py {SMALL} --alphas 2", 2, "alpha"),
+        ("x.bpt --only pictures", 2, "x.bpt is a surface, without pictures: name a scene"),
+        ("flat.py --only hits", 2, "flat.py has no curved surface: leave out --only hits"),
     ],
 )
 def test_bad_input_is_refused(run, arguments, code, words):

@@ -6,7 +6,7 @@ from dataclasses import replace
 import pytest
 
 from hybrid_rt.analysis.curves import Curve, Point, spread
-from hybrid_rt.analysis.forecast import forecast, triangles_for
+from hybrid_rt.analysis.forecast import at_equal_time, forecast, triangles_for
 
 
 def law(bias=0.0, first=1.0, setup=0.5, each=0.25, passes=(1, 4, 16), own=0.0):
@@ -83,3 +83,20 @@ def test_triangles_by_the_law_of_the_mesh():
     assert triangles_for(unseen, 0.01) == pytest.approx(4000)
     assert math.isnan(triangles_for(meshes[:1], 0.01))
     assert math.isnan(triangles_for([{**m, "error": 0.1} for m in meshes], 0.01))
+
+
+class TestEqualTime:
+    def test_errors_are_those_of_the_time_all_reach(self):
+        """The slow one ends at 4.5 s; the other one has a line in logarithms from 1.5 to 4.5 s."""
+        slow, fast = law(passes=(1, 4, 16)), law(passes=(1, 4, 16, 64), first=2.0, setup=0.0)
+        seconds, errors = at_equal_time([slow, fast])
+        assert seconds == pytest.approx(4.5)
+        assert errors[0] == pytest.approx(1 / 4)
+        # Without set-up 4.5 s are 18 passes: 2 / sqrt(18) on the line from 16 to 64.
+        assert errors[1] == pytest.approx(2 / math.sqrt(18))
+
+    def test_what_takes_longer_has_none(self):
+        seconds, errors = at_equal_time([law(passes=(1, 4)), law(setup=7.0)])
+        assert seconds == pytest.approx(1.5)
+        assert errors[0] == pytest.approx(0.5)
+        assert math.isnan(errors[1])
