@@ -348,7 +348,7 @@ def mirrors_near_one(effort: Effort) -> Outcome:
 def radiance_over_sixty_decades(effort: Effort) -> Outcome:
     """Powers of two and of ten: the picture scaled, in all integrators."""
     factors = (1e-30, 1e-20, 1e-10, 1e-3, 2.0**-10, 1.0, 2.0**10, 1e3, 1e10, 1e20, 1e30)
-    # D33 has both ends as well.
+    # Both ends, and every second one between them.
     some = factors if effort.factor >= 0.5 else factors[::2]
     outcome, curve = _scaled(effort, some, 1e-6)
     return outcome + Outcome(curves=(curve,))
