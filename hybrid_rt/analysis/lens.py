@@ -10,7 +10,8 @@ import math
 import os
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from enum import IntEnum
+from typing import NamedTuple, NoReturn
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -27,6 +28,8 @@ from meshing.checks import as_floats, number, shown, whole
 # order change the focal length by its square, and rounding by its inverse.
 BESIDE = 1e-4
 CHECK = "check its apertures, and that its surfaces lie in order"
+# Rays across the light in which that is looked for which passes: first few, then many.
+LOOKS = (64, 512)
 
 
 @dataclass(frozen=True)
@@ -72,6 +75,20 @@ class Focus(NamedTuple):
     back_focal_distance: float
 
 
+class Fate(IntEnum):
+    """What becomes of a ray at a lens.
+
+    PASSED: it gets through. OUTSIDE: it misses the aperture of a surface. TOTAL_REFLECTION: it is
+    totally reflected at a surface. BEHIND: a surface lies behind it, or is met from behind, as where
+    two surfaces cross because the thickness at the edge is negative.
+    """
+
+    PASSED = 0
+    OUTSIDE = 1
+    TOTAL_REFLECTION = 2
+    BEHIND = 3
+
+
 @dataclass(frozen=True)
 class Traced:
     """Rays behind the last surface of a lens.
@@ -91,6 +108,8 @@ class Traced:
     stopped_at : (n,) int32
         The line of the prescription, from 0, whose surface a ray misses or is totally reflected at;
         -1 if it gets through.
+    fate : (n,) int8
+        Why: see `Fate`.
     """
 
     position: FloatArray
@@ -99,6 +118,7 @@ class Traced:
     path: FloatArray
     t_bound: FloatArray
     stopped_at: IntArray
+    fate: IntArray
 
     def at(self, z: float) -> FloatArray:
         """Return the points (n, 2) at which the rays meet the plane across the axis at z."""
@@ -109,9 +129,9 @@ class Traced:
     def to_csv(self, path: str | os.PathLike[str]) -> None:
         """Write one row per ray as comma-separated text, UTF-8, with a header line.
 
-        The columns are passed (1 or 0), x, y, z, dx, dy, dz, path, t_bound and stopped_at. Numbers
-        are written so that they are read back bit for bit; nan where a ray does not get through. An
-        existing file is replaced.
+        The columns are passed (1 or 0), x, y, z, dx, dy, dz, path, t_bound, stopped_at and
+        fate. Numbers are written so that they are read back bit for bit; nan where a ray does not get
+        through. An existing file is replaced.
 
         Raises
         ------
@@ -125,6 +145,7 @@ class Traced:
             "path": self.path,
             "t_bound": self.t_bound,
             "stopped_at": self.stopped_at,
+            "fate": self.fate,
         }
         to_csv(columns, path, "Traced.to_csv path")
 
@@ -203,12 +224,15 @@ class Lens:
         n = len(o)
         position, direction = np.full((n, 3), np.nan), np.full((n, 3), np.nan)
         path, bound, rows = np.zeros(n), np.zeros(n), np.arange(n)
-        stopped = np.full(n, -1, np.int32)
+        stopped, fate = np.full(n, -1, np.int32), np.zeros(n, np.int8)
         index, last = self.index, len(self.surfaces) - 1
         for k, (tracer, surface) in enumerate(zip(self._tracers, self.prescription, strict=True)):
             hits = tracer.intersect(o, d)
             found = hits.hit & hits.front_face
             stopped[rows[~found]] = k
+            # A surface that the same line meets behind the ray, or from its back, lies wrong.
+            is_behind = hits.hit[~found] | tracer.intersect(o[~found], -d[~found]).hit
+            fate[rows[~found]] = np.where(is_behind, Fate.BEHIND, Fate.OUTSIDE)
             rows, hits, o, d = rows[found], hits[found], o[found], d[found]
             bound[rows] = np.maximum(bound[rows], hits.t_bound)
             if surface.index == index and k < last:
@@ -220,10 +244,11 @@ class Lens:
             o, index = hits.position, surface.index
             goes_on = ~np.isnan(d[:, 0])
             stopped[rows[~goes_on]] = k
+            fate[rows[~goes_on]] = Fate.TOTAL_REFLECTION
             rows, o, d = rows[goes_on], o[goes_on], d[goes_on]
         position[rows], direction[rows] = o, d
         path[stopped >= 0] = bound[stopped >= 0] = np.nan
-        return Traced(position, direction, stopped < 0, path, bound, stopped)
+        return Traced(position, direction, stopped < 0, path, bound, stopped, fate)
 
     def focus(self) -> Focus:
         """Find the focus of rays close to the axis, by tracing one.
@@ -263,24 +288,25 @@ class Lens:
             return Focus(math.inf, math.inf)
         return Focus(float(-1.0 / slope), float(-height / slope))
 
-    def parallel(self, field: float, pupil: float, n: int = 64) -> Traced:
+    def parallel(self, field: float, pupil: float | None = None, n: int = 64) -> Traced:
         """Trace parallel light through the lens.
 
         Parameters
         ----------
         field : float
             Angle to the axis, degrees, in the y-z plane.
-        pupil : float
+        pupil : float, optional
             Diameter of the disc, in the plane of the first vertex, that the light fills. This is the
-            entrance pupil only where the stop is the first surface.
+            entrance pupil only where the stop is the first surface. Default: the light fills the
+            smallest rectangle there that holds all which the apertures let through.
         n : int
-            Number of rays across that disc, on a square grid.
+            Number of rays across that disc, or along the longer side of the rectangle, on a square
+            grid.
 
         Returns
         -------
         Traced
-            One row for each ray of the disc, lost ones included. Paths begin in a plane across the
-            light.
+            One row for each ray, lost ones included. Paths begin in a plane across the light.
 
         Raises
         ------
@@ -288,28 +314,52 @@ class Lens:
             If no ray gets through, or an argument is outside its limits.
         """
         number(field, "Lens field", above=-90.0, below=90.0)
-        number(pupil, "Lens pupil", above=0.0)
         whole(n, "Lens n", at_least=1)
-        side = (np.arange(n) + 0.5) / n - 0.5
-        x, y = (pupil * one.ravel() for one in np.meshgrid(side, side))
-        inside = np.hypot(x, y) <= 0.5 * pupil
         angle = math.radians(field)
-        way = np.array([0.0, math.sin(angle), math.cos(angle)])
-        points = np.stack([x[inside], y[inside], np.zeros(int(inside.sum()))], axis=1)
-        # From a plane across the light, so far in front that it meets no surface.
-        front = (pupil + abs(self.surfaces[0].bounds[0, 2])) / way[2]
-        origins = points - (front + points @ way)[:, None] * way
-        rays = self.trace(origins, way)
+        if pupil is None:
+            points = _grid(*self._what_passes(angle), n)
+        else:
+            half = 0.5 * number(pupil, "Lens pupil", above=0.0)
+            points = _grid((-half, -half), (half, half), n)
+            points = points[np.hypot(*points.T) <= half]
+        rays = self._trace_parallel(points, angle)
         if not rays.passed.any():
-            lost, count = np.unique(rays.stopped_at, return_counts=True)
-            raise ValueError(
-                f"no light from {field:g} degrees passes the lens: most is stopped at "
-                f"prescription[{lost[count.argmax()]}]; {CHECK}"
-            )
+            self._refuse_field(angle, rays)
         return rays
 
+    def _trace_parallel(self, points: FloatArray, angle: float) -> Traced:
+        """Trace parallel light that crosses the plane of the first vertex at points (k, 2)."""
+        way = np.array([0.0, math.sin(angle), math.cos(angle)])
+        points = np.column_stack([points, np.zeros(len(points))])
+        # From a plane across the light, so far in front that it meets no surface.
+        across = 2.0 * float(np.abs(points).max())
+        front = (across + abs(self.surfaces[0].bounds[0, 2])) / way[2]
+        return self.trace(points - (front + points @ way)[:, None] * way, way)
+
+    def _what_passes(self, angle: float) -> tuple[FloatArray, FloatArray]:
+        """Return the corners of a rectangle, as `parallel` says, that holds what passes."""
+        first = self.surfaces[0].bounds
+        # Light meets the first surface within its rim, and crosses the plane of its vertex beside it.
+        reach = np.abs(first[:, :2]).max() + np.abs(first[:, 2]).max() * abs(math.tan(angle))
+        for n in LOOKS:
+            points = _grid((-reach, -reach), (reach, reach), n)
+            rays = self._trace_parallel(points, angle)
+            if rays.passed.any():
+                met = points[rays.passed]
+                cell = 2.0 * reach / n
+                return met.min(axis=0) - cell, met.max(axis=0) + cell
+        return self._refuse_field(angle, rays)
+
+    @staticmethod
+    def _refuse_field(angle: float, rays: Traced) -> NoReturn:
+        lost, count = np.unique(rays.stopped_at, return_counts=True)
+        raise ValueError(
+            f"no light from {math.degrees(angle):g} degrees passes the lens: most is stopped at "
+            f"prescription[{lost[count.argmax()]}]; {CHECK}"
+        )
+
     def spot(
-        self, field: float, z: float, pupil: float, n: int = 64
+        self, field: float, z: float, pupil: float | None = None, n: int = 64
     ) -> tuple[FloatArray, FloatArray, float]:
         """Trace parallel light through the lens to a plane.
 
@@ -341,7 +391,7 @@ class Lens:
         return met, centroid, float(np.sqrt(((met - centroid) ** 2).sum(axis=1).mean()))
 
     def plane_of_least_spread(
-        self, z: float, pupil: float, n: int = 64, *, field: float = 0.0
+        self, z: float, pupil: float | None = None, n: int = 64, *, field: float = 0.0
     ) -> float:
         """Return the z, near a given one, where the spot of parallel light is smallest (rms).
 
@@ -364,6 +414,14 @@ class Lens:
                 "all light leaves the lens in one direction: its spot is as wide everywhere"
             )
         return z - float((points * slopes).sum()) / spread
+
+
+def _grid(low: ArrayLike, high: ArrayLike, n: int) -> FloatArray:
+    """Return the middles (k, 2) of square cells that fill a rectangle, n along its longer side."""
+    corner, size = np.asarray(low, dtype=np.float64), np.subtract(high, low)
+    counts = np.maximum(np.round(n * size / size.max()), 1).astype(int)
+    x, y = (corner[c] + size[c] * (np.arange(counts[c]) + 0.5) / counts[c] for c in (0, 1))
+    return np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
 
 
 def _lines(prescription: Sequence[LensSurface], index: float) -> tuple[LensSurface, ...]:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.optimize import minimize_scalar
 
-from hybrid_rt.analysis.lens import Lens, LensSurface
+from hybrid_rt.analysis.lens import Fate, Lens, LensSurface
 from hybrid_rt.analysis.lens_examples import (
     COOKE_PRINTED,
     COOKE_TRIPLET,
@@ -180,7 +180,7 @@ def test_one_direction_goes_with_all_origins_and_the_table_reads_back(tmp_path):
     assert repr(rays) == "Traced(3 rays, 2 passed)"
     rays.to_csv(tmp_path / "rays.csv")
     header, *lines = (tmp_path / "rays.csv").read_text().splitlines()
-    assert header == "passed,x,y,z,dx,dy,dz,path,t_bound,stopped_at"
+    assert header == "passed,x,y,z,dx,dy,dz,path,t_bound,stopped_at,fate"
     values = np.genfromtxt(lines, delimiter=",")
     np.testing.assert_array_equal(values[:, 0], [1, 1, 0])
     np.testing.assert_array_equal(values[:, 1:4], rays.position)
@@ -188,6 +188,7 @@ def test_one_direction_goes_with_all_origins_and_the_table_reads_back(tmp_path):
     np.testing.assert_array_equal(values[:, 7], rays.path)
     np.testing.assert_array_equal(values[:, 8], rays.t_bound)
     np.testing.assert_array_equal(values[:, 9], [-1, -1, 0])
+    np.testing.assert_array_equal(values[:, 10], [Fate.PASSED, Fate.PASSED, Fate.OUTSIDE])
 
 
 def test_lost_rays_name_the_surface_that_stopped_them():
@@ -202,6 +203,9 @@ def test_lost_rays_name_the_surface_that_stopped_them():
     )
     np.testing.assert_array_equal(rays.stopped_at, [-1, 1, 0, 1])
     np.testing.assert_array_equal(rays.passed, [True, False, False, False])
+    assert rays.fate.tolist() == [
+        Fate.PASSED, Fate.TOTAL_REFLECTION, Fate.OUTSIDE, Fate.OUTSIDE
+    ]  # fmt: skip
     np.testing.assert_array_equal(np.isnan(rays.t_bound), ~rays.passed)
     with pytest.raises(
         ValueError, match=r"from 45 degrees .* most is stopped at prescription\[1\]"
@@ -230,6 +234,33 @@ def test_parallel_light_has_a_row_for_every_ray_of_the_disc():
     assert len(rays.passed) == (np.hypot(*np.meshgrid(cells, cells)) <= 0.5).sum()
     assert len(lens.spot(11.86, 100.0, 29.2, 32)[0]) == rays.passed.sum() < len(rays.passed)
     assert (rays.stopped_at[~rays.passed] >= 0).all()
+
+
+@pytest.mark.parametrize("field", [0.0, -8.3, 11.86])
+def test_all_light_that_passes_is_found(field):
+    """The spot is that of a disc so wide that all light beyond it is lost."""
+    lens = Lens(COOKE_TRIPLET)
+    rays = lens.parallel(field, n=200)
+    # What passes touches all four sides of the rectangle, to the cells of the first look.
+    assert rays.passed.mean() > 0.6
+    z = lens.vertices[-1] + 77.4
+    wide = lens.spot(field, z, 60.0, 600)[2]
+    # A rim of cells of either grid is in doubt, a hundredth of the light.
+    assert lens.spot(field, z, n=200)[2] == pytest.approx(wide, rel=0.01)
+
+
+def test_a_narrow_stop_far_behind_is_found():
+    """Of a disc of 100 a stop of 0.5 passes a part in 40 000."""
+    stop = LensSurface(math.inf, 0.0, 1.0, 0.5)
+    lens = Lens([LensSurface(math.inf, 80.0, 1.0, 100.0), stop])
+    rays = lens.parallel(20.0, n=64)
+    y = -80.0 * math.tan(math.radians(20.0))
+    met = rays.at(80.0)[rays.passed]
+    assert rays.passed.mean() > 0.2
+    assert np.hypot(*met.T).max() <= 0.25
+    assert np.abs(rays.at(0.0)[rays.passed] - (0, y)).max() <= 0.25 + 1e-9
+    with pytest.raises(ValueError, match="no light from 60 degrees passes"):
+        lens.parallel(60.0)
 
 
 FRONT = LensSurface(50.0, 6.0, 1.5, 25.0)
@@ -265,7 +296,17 @@ def test_rays_from_behind_do_not_get_through():
     rays = Lens([replace(FRONT, thickness=0.0)]).trace((5, 0, 100), (0, 0, -1))
     assert not rays.passed[0]
     assert rays.stopped_at[0] == 0
+    assert rays.fate[0] == Fate.BEHIND
     assert np.isnan(rays.direction).all()
+
+
+def test_rays_are_lost_where_surfaces_cross():
+    """Two spheres of radius 50 and 6 between the vertices meet where either sag is 3: r^2 = 291."""
+    lens = Lens([LensSurface(50.0, 6.0, 1.5, 50.0), LensSurface(-50.0, 0.0, 1.0, 50.0)])
+    inside, beyond = math.sqrt(291) - 1e-9, math.sqrt(291) + 0.5
+    rays = lens.trace([(0, inside, -9), (0, beyond, -9)], (0, 0, 1))
+    assert rays.fate.tolist() == [Fate.PASSED, Fate.BEHIND]
+    assert rays.stopped_at.tolist() == [-1, 1]
 
 
 def test_bad_rays_and_spots_are_refused():
