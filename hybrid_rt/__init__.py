@@ -50,6 +50,7 @@ _HOMES = {
     "TriangleMesh": "primitives",
     "progress_bar": "rendering.progress_bar",
     "reflect": "shading.snell",
+    "reflectance": "shading.snell",
     "refract": "shading.snell",
     "render": "rendering.renderer",
 }

@@ -6,7 +6,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from hybrid_rt.core.records import FloatArray
-from hybrid_rt.shading.kernels.fresnel import reflect_directions, refract_directions
+from hybrid_rt.shading.kernels.fresnel import (
+    reflect_directions,
+    refract_directions,
+    split_at_glass,
+)
 from meshing.checks import as_floats, shown
 
 
@@ -69,6 +73,40 @@ def reflect(direction: ArrayLike, normal: ArrayLike) -> FloatArray:
     out = np.empty_like(d)
     reflect_directions(d, n, out)
     return out[0] if is_single else out
+
+
+def reflectance(
+    direction: ArrayLike, normal: ArrayLike, n1: ArrayLike, n2: ArrayLike
+) -> float | FloatArray:
+    """Return the part of the power that is reflected between two media, by Fresnel's equations.
+
+    The light is unpolarised, and the media do not absorb.
+
+    Parameters
+    ----------
+    direction, normal, n1, n2
+        Those of `refract`.
+
+    Returns
+    -------
+    (n,) float64, or float for single vectors
+        1 in case of total reflection. What is left is refracted.
+
+    Raises
+    ------
+    ValueError, TypeError
+        As `refract`.
+
+    Examples
+    --------
+    >>> round(reflectance((0, 0, 1), (0, 0, 1), 1.0, 1.5), 12)
+    0.04
+    """
+    d, n, is_single = _pairs(direction, normal)
+    eta = _indices(n2, "n2", len(d)) / _indices(n1, "n1", len(d))
+    out = np.empty(len(d))
+    split_at_glass(d, n, eta, np.zeros(len(d)), out, np.empty_like(d))
+    return float(out[0]) if is_single else out
 
 
 def _pairs(direction: ArrayLike, normal: ArrayLike) -> tuple[FloatArray, FloatArray, bool]:

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from hybrid_rt import reflect, refract
+from hybrid_rt import reflect, reflectance, refract
 
 
 def unit(vectors):
@@ -51,6 +51,24 @@ def test_known_angles():
     assert np.isnan(refract((1, 0, 0), (0, 0, 1), 1, 1.5)).all()
     assert np.array_equal(refract((0, 3, 4), (1, 1, 1), 1.3, 1.3), (0, 0.6, 0.8))
     assert np.array_equal(reflect((0, 3, 4), (0, 0, -2)), (0, 0.6, -0.8))
+
+
+def test_reflectance_is_that_of_both_polarisations():
+    """The mean of the squares of Fresnel's amplitudes, by the angles on both sides."""
+    d, n, _ = some(200)
+    n1, n2 = 1.33, np.linspace(1.0, 2.4, 200)
+    i = np.arccos(np.abs((unit(d) * unit(n)).sum(axis=1)))
+    sine = n1 * np.sin(i) / n2
+    passes = sine < 1.0
+    t = np.arcsin(np.where(passes, sine, 0.0))
+    across = np.cos(i) * n1 - np.cos(t) * n2, np.cos(i) * n1 + np.cos(t) * n2
+    along = np.cos(i) * n2 - np.cos(t) * n1, np.cos(i) * n2 + np.cos(t) * n1
+    expected = 0.5 * ((across[0] / across[1]) ** 2 + (along[0] / along[1]) ** 2)
+    found = reflectance(3 * d, n, n1, n2)
+    np.testing.assert_allclose(found[passes], expected[passes], rtol=1e-9, atol=1e-15)
+    assert 0 < passes.sum() < 200
+    assert (found[~passes] == 1.0).all()
+    assert reflectance((0, 0, 2), (0, 0, -1), 1.0, 1.5) == pytest.approx(0.04)
 
 
 def test_one_vector_stands_for_all():
