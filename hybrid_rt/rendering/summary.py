@@ -44,6 +44,11 @@ def passes_in_words(n: int) -> str:
     return "1 pass" if n == 1 else f"{n} passes"
 
 
+# Of the light that was followed: that much cut off is worth a warning, where not asked for by a
+# max_depth below the default of `render`.
+MUCH, DEFAULT_DEPTH = 0.01, 16
+
+
 def warnings_in_words(report: dict[str, Any]) -> list[str]:
     """Return warnings about errors that the noise estimate does not cover, a line each."""
     lines = []
@@ -76,6 +81,12 @@ def warnings_in_words(report: dict[str, Any]) -> list[str]:
         "edge_u x edge_v (swap its edges to turn it), a spot light along its direction"
         for name in report["lamps_turned_away"]
     ]
+    lost, max_depth = max(share_cut_off(report)), report["settings"]["max_depth"]
+    if lost >= MUCH and max_depth >= DEFAULT_DEPTH:
+        lines.append(
+            f"max_depth {max_depth} cut off {per_cent(lost)} of the light that was followed, which no "
+            "error estimate counts: pass a larger max_depth"
+        )
     if not report["lamps_turned_away"] and _share_without_light(report) == 1.0:
         lines.append(
             "the picture is black: no light arrives. Look for lamps inside of bodies or turned away, a "
