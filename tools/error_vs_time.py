@@ -245,7 +245,7 @@ def _show_picture(
     shown["diagrams"].append(study_diagrams.picture_diagram(study.curves, own))
     shown["tables"].append(tables.forecast_table(advice.forecasts, advice.target))
     if len(study.curves) > 1:
-        shown["tables"].append(tables.equal_time_table(study.curves))
+        shown["tables"].append(tables.equal_time_table(study.curves, study.reference.own_error))
     shown["tables"].append(tables.picture_table(study.curves))
     if study.meshes:
         shown["tables"].append(tables.mesh_table(study))
@@ -323,7 +323,7 @@ def _compare(args: argparse.Namespace) -> None:
             own = max(one[part]["reference"]["own_error"] or 0.0 for one in both)
             data[part]["reference"] = {"own_error": own or float("nan")}
             diagrams.append(study_diagrams.picture_diagram(curves, own or float("nan")))
-            found += [tables.equal_time_table(curves), tables.picture_table(curves)]
+            found += [tables.equal_time_table(curves, own), tables.picture_table(curves)]
         else:
             judged = max(one[part]["judged"] for one in both)
             data[part]["judged"] = judged

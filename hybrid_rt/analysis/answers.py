@@ -116,9 +116,13 @@ def bias_answers(study: PictureStudy) -> list[str]:
             if curve.unfound
             else ""
         )
+        off, noise = last["mean_error"], last.get("mean_error_noise", math.nan)
+        mean = f"{signed_percent(off)} +- {percent(noise)} (95 %) off"
+        if not abs(off) > noise:
+            mean += ", which is within the noise"
         found.append(
             f"{curve.name} leaves out {without_examples(curve.left_out)}: after {curve.points[-1].setting:g} "
-            f"passes its mean is {signed_percent(last['mean_error'])} off{by_photons}."
+            f"passes its mean is {mean}{by_photons}."
         )
     return found
 

@@ -108,7 +108,7 @@ class Traced:
     stopped_at : (n,) int32
         The line of the prescription, from 0, whose surface a ray misses or is totally reflected at;
         -1 if it gets through.
-    fate : (n,) int8
+    fate : (n,) int32
         Why: see `Fate`.
     """
 
@@ -224,7 +224,7 @@ class Lens:
         n = len(o)
         position, direction = np.full((n, 3), np.nan), np.full((n, 3), np.nan)
         path, bound, rows = np.zeros(n), np.zeros(n), np.arange(n)
-        stopped, fate = np.full(n, -1, np.int32), np.zeros(n, np.int8)
+        stopped, fate = np.full(n, -1, np.int32), np.zeros(n, np.int32)
         index, last = self.index, len(self.surfaces) - 1
         for k, (tracer, surface) in enumerate(zip(self._tracers, self.prescription, strict=True)):
             hits = tracer.intersect(o, d)

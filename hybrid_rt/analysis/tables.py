@@ -16,6 +16,8 @@ from hybrid_rt.analysis.work_precision import PictureStudy
 
 # Of text in a terminal.
 WIDTH = 100
+# An error below this is none.
+ROUNDING = 1e-9
 
 
 @dataclass(frozen=True)
@@ -109,7 +111,7 @@ def forecast_table(forecasts: Sequence[Forecast], target: float) -> Table:
             "" if f.passes is None else number(f.seconds.median),
             "" if f.passes is None else _range(f.seconds),
             f.obstacle if f.passes is None else "interpolated" if f.is_measured else "extrapolated",
-            percent(f.bias) if f.bias else "none seen",
+            percent(f.bias) if f.bias > ROUNDING else "none seen",
         )
         for f in forecasts
     ]
@@ -128,29 +130,46 @@ def forecast_table(forecasts: Sequence[Forecast], target: float) -> Table:
     return _spread_if_any(table, [f.seconds for f in forecasts])
 
 
-def equal_time_table(curves: Sequence[Curve]) -> Table:
-    """Return the errors of methods after as many seconds."""
+def equal_time_table(curves: Sequence[Curve], reference_error: float) -> Table:
+    """Return the errors of methods after as many seconds.
+
+    Parameters
+    ----------
+    curves : sequence of Curve
+    reference_error : float
+        Of the reference; nan if not known. Errors not clearly above it are not compared.
+    """
+    own = 0.0 if math.isnan(reference_error) else reference_error
     seconds, errors = at_equal_time(curves)
+    # What the reference adds is taken away, if it is less than half of the square.
+    squares = [e * e - own * own if e * e > 2.0 * own * own else math.nan for e in errors]
+    best = min((s for s in squares if s > 0.0), default=math.nan)
     order = sorted(range(len(curves)), key=lambda k: (math.isnan(errors[k]), errors[k]))
-    rows = [
+    rows = []
+    for k in order:
+        if math.isnan(errors[k]):
+            rows.append((curves[k].name, "takes longer", ""))
+        elif math.isnan(squares[k]):
+            rows.append((curves[k].name, number(100.0 * errors[k]), "not known"))
+        else:
+            rows.append((curves[k].name, number(100.0 * errors[k]), number(squares[k] / best)))
+    words = [
         (
-            curves[k].name,
-            "takes longer" if math.isnan(errors[k]) else number(100.0 * errors[k]),
-            "" if math.isnan(errors[k]) else number((errors[k] / errors[order[0]]) ** 2),
+            "error: relative RMSE, interpolated between the points of the table of pictures. squared error: without "
+            "that of the reference. Where it falls as 1 over the seconds, it is also how many times the seconds a "
+            "method needs for the best one's error."
         )
-        for k in order
     ]
+    if any(row[2] == "not known" for row in rows):
+        words.append(
+            f"not known: the reference is itself off by {percent(own)}, so errors of about that size cannot be "
+            "compared: pass more --reference-passes."
+        )
     return Table(
         f"At equal time, {number(seconds)} s",
         ("method", "error %", "squared error, best = 1"),
         rows,
-        (
-            (
-                "error: relative RMSE, interpolated between the points of the table of pictures. Where "
-                "the squared error falls as 1 over the seconds, the last column is also how many times "
-                "the seconds a method needs for the best one's error."
-            ),
-        ),
+        words,
     )
 
 

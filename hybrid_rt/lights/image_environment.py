@@ -26,7 +26,8 @@ class ImageEnvironment(Environment):
     Parameters
     ----------
     image : path, or array as `ImageTexture` takes it
-        Files and integer arrays are decoded from sRGB; floats are linear radiance.
+        Integers, as most files hold, are decoded from sRGB; floats, as in .exr files, are linear
+        radiance.
     up : three numbers
         The zenith, a direction of any length.
 

@@ -45,10 +45,21 @@ class RenderResult:
         nothing is known of the blur. It counts neither light that the integrator does not find nor
         the geometric error.
         """
+        return self._relative("both")
+
+    @property
+    def error_trimmed(self) -> float:
+        """As `error`, without the noise of the worst 0.1 % of the pixels.
+
+        A few bright paths may dominate `error` in a picture that looks fine.
+        """
+        return self._relative("both_trimmed")
+
+    def _relative(self, key: str) -> float:
         errors = self.report["relative_error"]
         if errors is None:
             return math.nan
-        return math.inf if errors["both"] is None else float(errors["both"])
+        return math.inf if errors[key] is None else float(errors[key])
 
     @property
     def seconds(self) -> float:

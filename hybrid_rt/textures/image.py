@@ -80,15 +80,36 @@ class ImageTexture(Texture):
 def _read(path: Path) -> NDArray[Any]:
     if not path.is_file():
         raise FileNotFoundError(f"ImageTexture image is {str(path)!r}: there is no such file")
+    reader = _read_exr if path.suffix.lower() == ".exr" else _read_picture
+    try:
+        return reader(path)
+    except ModuleNotFoundError as error:
+        raise ModuleNotFoundError(
+            f"ImageTexture image is {str(path)!r}: EXR needs the package OpenEXR: pip install "
+            "'hybrid-rt[exr]'"
+        ) from error
+    except Exception as error:  # whatever the reader of that format raises
+        hint = ", such as an .exr of it" if path.suffix.lower() in {".hdr", ".pic"} else ""
+        raise ValueError(
+            f"ImageTexture image is {str(path)!r}: pass a picture file{hint}, it cannot be read as one"
+        ) from error
+
+
+def _read_picture(path: Path) -> NDArray[Any]:
     import imageio.v3 as imageio
 
-    try:
-        image: NDArray[Any] = imageio.imread(path)
-    except Exception as error:  # whatever the reader of that format raises
-        raise ValueError(
-            f"ImageTexture image is {str(path)!r}: pass a picture file, it cannot be read as one"
-        ) from error
+    image: NDArray[Any] = imageio.imread(path)
     return image
+
+
+def _read_exr(path: Path) -> NDArray[Any]:
+    """Return linear radiance: the channels R, G and B, or Y for all three."""
+    import OpenEXR
+
+    with OpenEXR.File(str(path), separate_channels=True) as file:
+        planes = {name: channel.pixels for name, channel in file.channels().items()}
+    names = "RGB" if "R" in planes else "YYY"
+    return np.stack([planes[name] for name in names], axis=2).astype(np.float32)
 
 
 def _linear(image: NDArray[Any], what: str) -> NDArray[np.float32]:

@@ -7,6 +7,7 @@ import pytest
 
 from hybrid_rt.analysis.curves import Curve, Point, spread
 from hybrid_rt.analysis.forecast import at_equal_time, forecast, triangles_for
+from hybrid_rt.analysis.tables import equal_time_table
 
 
 def law(bias=0.0, first=1.0, setup=0.5, each=0.25, passes=(1, 4, 16), own=0.0):
@@ -100,3 +101,13 @@ class TestEqualTime:
         assert seconds == pytest.approx(1.5)
         assert errors[0] == pytest.approx(0.5)
         assert math.isnan(errors[1])
+
+    def test_errors_near_that_of_the_reference_are_not_compared(self):
+        """After 4.5 s errors of 0.25 and 0.5; a reference off by 0.2 adds 0.04 to their squares."""
+        good, bad = law(own=0.0), replace(law(first=2.0), name="bad")
+        table = equal_time_table([bad, good], math.nan)
+        assert [row[0] for row in table.rows] == ["law", "bad"]
+        assert [float(row[2]) for row in table.rows] == [1.0, 4.0]
+        table = equal_time_table([bad, good], 0.2)
+        assert [row[2] for row in table.rows] == ["not known", "1.00"]
+        assert "the reference is itself off by 20 %" in table.words[-1]

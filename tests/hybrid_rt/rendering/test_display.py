@@ -35,6 +35,11 @@ def test_one_line_has_size_error_and_seconds(result):
     assert repr(result) == f"RenderResult(16 x 12, path, 2 passes, error {error}, {seconds})"
 
 
+def test_the_error_of_most_pixels_is_that_of_the_report(result):
+    errors = result.report["relative_error"]
+    assert (result.error, result.error_trimmed) == (errors["both"], errors["both_trimmed"])
+
+
 @pytest.mark.parametrize("error", [None, {"both": None}, {"both": float("nan")}])
 def test_an_error_that_is_unknown_is_said_to_be(result, error):
     again = rt.RenderResult(result.image, result.report | {"relative_error": error})

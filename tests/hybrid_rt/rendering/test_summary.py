@@ -99,3 +99,25 @@ class TestFurther:
         assert "rough" not in in_words(report)
         report["noise"]["worst_pixels_share_of_squared_error"] = 0.6
         assert "the first figure that it is rough; trust the second" in in_words(report)
+
+
+@pytest.mark.parametrize(("integrator", "max_depth", "is_said"), [
+    ("path", 16, True), ("path", 15, False), ("path", 400, False), ("ppm", 16, True),
+])  # fmt: skip
+def test_much_light_that_max_depth_cuts_off_is_a_warning(integrator, max_depth, is_said):
+    """In a room that reflects 0.9 a part of 0.9^17, or 0.17, is left after 17 directions.
+
+    Nothing is said where less than the default was asked for, or where 0.9^401 is left.
+    """
+    room = Object(Sphere((0, 0, 0), 1).flipped(), Lambertian(0.9), "room")
+    lamp = RectangleLight((-0.1, -0.1, 0.5), (0, 0.2, 0), (0.2, 0, 0), 1.0)
+    camera = Camera((0, 0, 0), (1, 0, 0), (0, 0, 1), 90, 8, 8)
+    report = render(
+        Scene(camera, [room], [lamp]),
+        integrator,
+        passes=2,
+        max_depth=max_depth,
+        options=PPMOptions(photons_per_pass=2000) if integrator == "ppm" else None,
+    ).report
+    words = f"max_depth {max_depth} cut off "
+    assert any(line.startswith(words) for line in warnings_in_words(report)) == is_said
