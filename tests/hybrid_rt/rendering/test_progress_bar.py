@@ -17,6 +17,7 @@ import hybrid_rt as rt
 from hybrid_rt.core import progress as core_progress
 from hybrid_rt.core.progress import COMPILING, CompileWatch, watch_compilation
 from hybrid_rt.rendering import progress_bar as bars
+from hybrid_rt.core.progress import COMPILING
 from hybrid_rt.rendering.progress_bar import NotebookBar, PlainLines, TerminalBar, progress_bar
 
 FULL = "#" * 30
@@ -219,6 +220,16 @@ class TestPlain:
         assert pauses[:-1] == sorted(pauses[:-1])
         assert len(lines) < 180
         assert all(line.isprintable() for line in lines)
+
+    def test_seconds_left_of_compiling_are_told_late(self, clock):
+        """The first kernels say little of the others."""
+        stream = io.StringIO()
+        show = PlainLines(stream, clock)
+        for done in (0, 3, 4):
+            clock.seconds += 20.0
+            show(COMPILING, done, 10)
+        lines = stream.getvalue().splitlines()[-2:]
+        assert [" left" in line for line in lines] == [False, True]
 
     def test_errors_are_told(self, clock):
         stream = io.StringIO()
