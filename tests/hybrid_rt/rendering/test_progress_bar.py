@@ -17,7 +17,6 @@ import hybrid_rt as rt
 from hybrid_rt.core import progress as core_progress
 from hybrid_rt.core.progress import COMPILING, CompileWatch, watch_compilation
 from hybrid_rt.rendering import progress_bar as bars
-from hybrid_rt.core.progress import COMPILING
 from hybrid_rt.rendering.progress_bar import NotebookBar, PlainLines, TerminalBar, progress_bar
 
 FULL = "#" * 30
