@@ -26,10 +26,11 @@ class CheckerTexture(Texture):
         The two colours, linear, at least 0.
     scale : number, or two numbers ("uv"), or three numbers ("world")
         For "uv": number of squares along u and v. For "world": angular frequencies a, b and c along
-        x, y and z, radians per scene unit.
+        x, y and z, radians per scene unit; 0 leaves the colour as it is along that axis.
     space : "world" or "uv"
         "world": the colour is ``odd`` where sin(a x) sin(b y) sin(c z) < 0, so the edges of a cell
-        are pi over the frequency. "uv": squares in the surface parameters.
+        are pi over the frequency. Where a sine is 0, as on a floor at z = 0, the cell above counts.
+        "uv": squares in the surface parameters.
 
     Raises
     ------
@@ -57,9 +58,11 @@ class CheckerTexture(Texture):
             )
         scales = np.broadcast_to(scales, (n_axes,))
         self._scale = tuple(
-            checks.number(value, "CheckerTexture scale", above=0.0, up_to=FINEST)
+            checks.number(value, "CheckerTexture scale", at_least=0.0, up_to=FINEST)
             for value in scales
         )
+        if not any(self._scale):
+            raise ValueError("CheckerTexture scale is 0: pass a number above 0")
 
     def __repr__(self) -> str:
         """Return the call that makes it."""

@@ -156,7 +156,7 @@ def test_script_runs_as_a_program(folder):
         ([""], "scene script '': there is no such file"),
         (["ball.py", "--passes", "0"], "passes"),
         (["ball.py", "--target-error", "0"], "target_error"),
-        (["ball.py", "--integrator", "magic"], "integrator is 'magic'"),
+        (["ball.py", "--integrator", "magic"], "declares is named by its INTEGRATOR instead"),
         (["ball.py", "--out", "a.jpg"], "unknown ending"),
         (["ball.py", "--out", "nowhere/a.png"], "no folder"),
         (["ball.py", "--out", "."], "unknown ending"),

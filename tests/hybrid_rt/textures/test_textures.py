@@ -84,6 +84,15 @@ def test_world_checker_is_the_sign_of_three_sines():
         assert look_up(texture, 0, 0, position)[0] == (0.9 if even else 0.1)
 
 
+def test_world_checker_on_a_plane_through_the_origin_is_a_board():
+    """The third sine is 0 there, at any frequency; with a frequency of 0 it is so everywhere."""
+    for z, scale in ((0.0, 6.0), (-1.3, (6.0, 6.0, 0.0))):
+        texture = CheckerTexture(0.9, 0.1, scale)
+        for x, y in np.random.default_rng(2).uniform(-3, 3, (50, 2)):
+            even = np.sin(6 * x) * np.sin(6 * y) >= 0
+            assert look_up(texture, 0, 0, (x, y, z))[0] == (0.9 if even else 0.1)
+
+
 def test_constant_is_constant():
     color = np.array([0.1, 0.2, 0.3])
     np.testing.assert_array_equal(look_up(ConstantTexture(color), 0.5, 0.5), color)
@@ -128,6 +137,7 @@ def test_half_precision_is_taken_as_it_is():
         (lambda: ImageTexture(np.ones((2, 2, 3), dtype=np.int64)), TypeError, "int64"),
         (lambda: ImageTexture(PICTURE, "mirror"), ValueError, "wrap"),
         (lambda: CheckerTexture(1, 0, -2), ValueError, "scale"),
+        (lambda: CheckerTexture(1, 0, (0, 0, 0)), ValueError, "scale is 0"),
         (lambda: CheckerTexture(1, 0, (1, 2, 3), "uv"), ValueError, "scale"),
         (lambda: CheckerTexture(-1, 0), ValueError, "even"),
         (lambda: CheckerTexture(1, 0, 1, "object"), ValueError, "space"),
