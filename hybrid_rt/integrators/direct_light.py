@@ -250,7 +250,16 @@ class SurfaceLight:
         xi : (n, 2) float64 in [0, 1), changed
             Sample the light, by its probability, and a point on it.
         radiance : (rows, 3) float64, changed
+
+        Raises
+        ------
+        ValueError
+            If the strategy is `UNWEIGHTED`, which is for all lights, each in turn.
         """
+        if self._strategy == UNWEIGHTED:
+            raise ValueError(
+                "SurfaceLight.from_one samples one light for all of them: make it with LIGHT_ONLY or BOTH"
+            )
         scene, hits = self._context.scene, shading.hits
         n = len(hits)
         light = np.empty(n, dtype=np.int32)

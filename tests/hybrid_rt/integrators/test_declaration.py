@@ -2,6 +2,7 @@
 
 import json
 from dataclasses import dataclass
+from types import SimpleNamespace
 from unittest import mock
 
 import numpy as np
@@ -18,6 +19,7 @@ from hybrid_rt.lights import PointLight
 from hybrid_rt.materials import Lambertian
 from hybrid_rt.primitives import Rectangle
 from hybrid_rt.rendering.renderer import render
+from hybrid_rt.scene.compiled import compile_scene
 from hybrid_rt.scene.scene import Object, Scene
 from hybrid_rt.sensor.camera import Camera
 
@@ -50,6 +52,13 @@ def colors(monkeypatch):
         without_light_paths="no light is looked at",
     )
     monkeypatch.setitem(INTEGRATORS, "colors", declared)
+
+
+def test_one_light_for_all_needs_a_strategy():
+    """By default each light counts whole, so one of several would stand for itself alone."""
+    light = SurfaceLight(SimpleNamespace(scene=compile_scene(SCENE)))
+    with pytest.raises(ValueError, match="make it with LIGHT_ONLY or BOTH"):
+        light.from_one(None, None, None, None, None, None)
 
 
 @pytest.mark.usefixtures("colors")
