@@ -1,6 +1,7 @@
 """An integrator is known by its declaration alone."""
 
 import json
+from collections import defaultdict
 from dataclasses import dataclass
 from types import SimpleNamespace
 from unittest import mock
@@ -56,7 +57,8 @@ def colors(monkeypatch):
 
 def test_one_light_for_all_needs_a_strategy():
     """By default each light counts whole, so one of several would stand for itself alone."""
-    light = SurfaceLight(SimpleNamespace(scene=compile_scene(SCENE)))
+    context = SimpleNamespace(scene=compile_scene(SCENE), plan=defaultdict(bool))
+    light = SurfaceLight(context)
     with pytest.raises(ValueError, match="make it with LIGHT_ONLY or BOTH"):
         light.from_one(None, None, None, None, None, None)
 
