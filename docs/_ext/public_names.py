@@ -5,6 +5,9 @@ all pages are read, every public name must be on one.
 
 A name of ``hybrid_rt.__all__`` or ``meshing.__all__`` that no page documents is a warning, which the
 strict build makes an error. So is one without a docstring.
+
+What the tracer and the integrators ask of surfaces, materials and lights is on no page but that of
+`Surface`, for those who add one.
 """
 
 from __future__ import annotations
@@ -18,6 +21,24 @@ from sphinx.environment import BuildEnvironment
 from sphinx.util import logging
 
 MODULES = ("hybrid_rt", "meshing")
+INNER = frozenset(
+    {
+        *("area_sampler", "ball", "ball_radius", "blur_stays", "carrier", "closed_forms"),
+        *("direction_pdf", "error_power", "exact_normal", "film_lock", "flip_of_uv", "frame"),
+        *("is_freeform", "is_triangular", "joined_spans", "lobes", "local_exponent", "local_zones"),
+        *(
+            "meet",
+            "middle",
+            "pieces",
+            "poles",
+            "reach",
+            "revolution_frame",
+            "rounding_reach",
+            "row",
+        ),
+        *("sides", "spans", "starts", "surface", "table", "without_light_paths"),
+    }
+)
 LOG = logging.getLogger(__name__)
 
 
@@ -29,6 +50,14 @@ def escape_bars(
         parts = re.split("(``.*?``)", line)
         parts[::2] = [part.replace("|", "\\|") for part in parts[::2]]
         lines[i] = "".join(parts)
+
+
+def leave_out(
+    _app: Sphinx, _what: str, name: str, member: object, _skip: bool, _o: object
+) -> bool | None:
+    """Return whether a member is left out of the pages; None: as autodoc decides."""
+    owner = getattr(getattr(member, "fget", member), "__qualname__", "")
+    return True if name in INNER and not owner.startswith("Surface.") else None
 
 
 def check(_: Sphinx, env: BuildEnvironment) -> None:
@@ -46,8 +75,9 @@ def check(_: Sphinx, env: BuildEnvironment) -> None:
 
 
 def setup(app: Sphinx) -> dict[str, bool]:
-    """Connect both."""
+    """Connect them."""
     # Before numpydoc, which takes the sections apart at 500.
     app.connect("autodoc-process-docstring", escape_bars, priority=400)
+    app.connect("autodoc-skip-member", leave_out)
     app.connect("env-check-consistency", check)
     return {"parallel_read_safe": True, "parallel_write_safe": True}
