@@ -249,6 +249,15 @@ def test_all_light_that_passes_is_found(field):
     assert lens.spot(field, z, n=200)[2] == pytest.approx(wide, rel=0.01)
 
 
+@pytest.mark.parametrize("pupil", [None, 8.0])
+def test_one_ray_goes_through_the_middle_of_a_plane(pupil):
+    """It begins in front of the surface, not on it."""
+    lens = Lens([LensSurface(math.inf, 3.0, 1.5, 20.0), LensSurface(-50.0, 0.0, 1.0, 20.0)])
+    ray = lens.parallel(0.0, pupil, n=1)
+    assert ray.fate.tolist() == [Fate.PASSED]
+    np.testing.assert_allclose(ray.position, [(0.0, 0.0, 3.0)], atol=1e-12)
+
+
 def test_a_narrow_stop_far_behind_is_found():
     """Of a disc of 100 a stop of 0.5 passes a part in 40 000."""
     stop = LensSurface(math.inf, 0.0, 1.0, 0.5)
