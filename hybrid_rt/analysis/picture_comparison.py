@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from hybrid_rt.analysis.picture_sheet import Pixels, error_colors, sheet
 from hybrid_rt.analysis.units import percent, signed_percent
+from hybrid_rt.core import exr
 from hybrid_rt.core.ledger import as_json
 from hybrid_rt.sensor.color import screen_pixels, srgb_to_linear
 from hybrid_rt.sensor.image_files import check_output, replacing, sidecar_of
@@ -64,9 +65,7 @@ def load_picture(path: str | os.PathLike[str]) -> Picture:
     try:
         picture = reader(file)
     except ModuleNotFoundError:
-        raise ModuleNotFoundError(
-            f"picture {str(file)!r}: EXR needs the package OpenEXR: pip install 'hybrid-rt[exr]'"
-        ) from None
+        raise ModuleNotFoundError(f"picture {str(file)!r}: {exr.NEEDED}") from None
     except _NotAPictureError:
         raise
     except Exception as error:  # whatever the reader of that format raises on a damaged file
@@ -128,11 +127,7 @@ def _read_npz(file: Path) -> Picture:
 
 
 def _read_exr(file: Path) -> Picture:
-    import OpenEXR
-
-    with OpenEXR.File(str(file), separate_channels=True) as opened:
-        planes = {name: channel.pixels for name, channel in opened.channels().items()}
-        text = opened.header().get("hybrid_rt")
+    planes, header = exr.read_exr(file)
     if not {"R", "G", "B"} <= planes.keys():
         raise _NotAPictureError(
             f"picture {str(file)!r} has no channels R, G, B, but {', '.join(planes)}: pass a picture"
@@ -142,7 +137,7 @@ def _read_exr(file: Path) -> Picture:
     error = None
     if planes.keys() >= set(names):
         error = np.stack([planes[name] for name in names], axis=2).astype(np.float32)
-    return Picture(file.name, image, _report_of(text), error)
+    return Picture(file.name, image, _report_of(header.get("hybrid_rt")), error)
 
 
 def _read_png(file: Path) -> Picture:

@@ -13,6 +13,7 @@ from typing import Any, BinaryIO
 import numpy as np
 from numpy.typing import NDArray
 
+from hybrid_rt.core import exr
 from hybrid_rt.core.ledger import as_json
 from hybrid_rt.sensor.color import screen_pixels
 from meshing.checks import as_path, number
@@ -100,9 +101,7 @@ def check_output(path: str | os.PathLike[str]) -> Path:
     for file in (target, sidecar_of(target)):
         check_writable(file)
     if target.suffix.lower() == ".exr" and importlib.util.find_spec("OpenEXR") is None:
-        raise ModuleNotFoundError(
-            f"output {str(target)!r}: EXR needs the package OpenEXR: pip install 'hybrid-rt[exr]'"
-        )
+        raise ModuleNotFoundError(f"output {str(target)!r}: {exr.NEEDED}")
     return target
 
 

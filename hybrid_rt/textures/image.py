@@ -9,7 +9,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from hybrid_rt.core import checks
+from hybrid_rt.core import checks, exr
 from hybrid_rt.core.records import FloatArray
 from hybrid_rt.sensor.color import srgb_to_linear
 from hybrid_rt.shading.kernels.texture import CLAMP, IMAGE, REPEAT
@@ -84,10 +84,7 @@ def _read(path: Path) -> NDArray[Any]:
     try:
         return reader(path)
     except ModuleNotFoundError as error:
-        raise ModuleNotFoundError(
-            f"ImageTexture image is {str(path)!r}: EXR needs the package OpenEXR: pip install "
-            "'hybrid-rt[exr]'"
-        ) from error
+        raise ModuleNotFoundError(f"ImageTexture image is {str(path)!r}: {exr.NEEDED}") from error
     except Exception as error:  # whatever the reader of that format raises
         hint = ", such as an .exr of it" if path.suffix.lower() in {".hdr", ".pic"} else ""
         raise ValueError(
@@ -104,10 +101,7 @@ def _read_picture(path: Path) -> NDArray[Any]:
 
 def _read_exr(path: Path) -> NDArray[Any]:
     """Return linear radiance: the channels R, G and B, or Y for all three."""
-    import OpenEXR
-
-    with OpenEXR.File(str(path), separate_channels=True) as file:
-        planes = {name: channel.pixels for name, channel in file.channels().items()}
+    planes, _ = exr.read_exr(path)
     names = "RGB" if "R" in planes else "YYY"
     return np.stack([planes[name] for name in names], axis=2).astype(np.float32)
 
