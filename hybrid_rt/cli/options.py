@@ -19,6 +19,7 @@ def add_render_options(parser: argparse.ArgumentParser) -> None:
     """Add what ``hybrid-rt render`` and scene scripts take."""
     from hybrid_rt.integrators import DEFAULT, INTEGRATORS
     from hybrid_rt.rendering.channels import OUTPUTS
+    from hybrid_rt.rendering.limits import DEFAULT_DEPTH
 
     *others, last = INTEGRATORS
     parser.add_argument(
@@ -53,7 +54,11 @@ def add_render_options(parser: argparse.ArgumentParser) -> None:
         help="stop at this error without the worst 0.1 %% of the pixels",
     )
     parser.add_argument(
-        "--max-depth", type=int, default=16, metavar="N", help="bounces of a path (default 16)"
+        "--max-depth",
+        type=int,
+        default=DEFAULT_DEPTH,
+        metavar="N",
+        help=f"bounces of a path (default {DEFAULT_DEPTH})",
     )
     parser.add_argument("--seed", type=int, default=0, metavar="S")
     parser.add_argument("--threads", type=int, metavar="N", help="default: all cores")
@@ -148,7 +153,8 @@ def settings_of(integrator: str, options: argparse.Namespace) -> Options | None:
     from hybrid_rt.core.checks import choice
     from hybrid_rt.integrators import INTEGRATORS
 
-    declared = INTEGRATORS[choice(integrator, "integrator", INTEGRATORS)]
+    hint = "one that a script declares is named by its INTEGRATOR instead"
+    declared = INTEGRATORS[choice(integrator, "integrator", INTEGRATORS, hint)]
     flags = _flags()
     # A script may declare an integrator of its own, after the options were read.
     asked = {name: getattr(options, name.replace("-", "_"), None) for name in flags}

@@ -151,16 +151,7 @@ def _checked(name: str, options: argparse.Namespace) -> _Asked:
         denoised = denoised_files({output.shown: output.file for output in outputs})
         request["outputs"] = list(dict.fromkeys([*channels, *GUIDES]))
     if options.integrator is not None:
-        try:
-            settings_of(options.integrator, options)
-        except ValueError as error:
-            from hybrid_rt.integrators import INTEGRATORS
-
-            if options.integrator in INTEGRATORS:
-                raise
-            raise ValueError(
-                f"{error}; one that a script declares is named by its INTEGRATOR instead"
-            ) from None
+        settings_of(options.integrator, options)
     store = None
     if options.store is not None:
         from hybrid_rt.rendering.store import check_folder

@@ -39,16 +39,17 @@ def rgb(value: ArrayLike, what: str, *, up_to: float = BRIGHTEST) -> FloatArray:
     return freeze(np.array(np.broadcast_to(array, (3,))))
 
 
-def choice(value: str, what: str, options: Iterable[str]) -> str:
+def choice(value: str, what: str, options: Iterable[str], hint: str = "") -> str:
     """Return a value that is one of the options.
 
     Raises
     ------
     ValueError
-        If it is not one of them; ``what`` is named.
+        If it is not one of them; ``what`` is named, and ``hint`` said.
     """
     if not isinstance(value, str) or value not in options:
-        raise ValueError(f"{what} is {shown(value)}: pass one of {', '.join(options)}")
+        wanted = f"pass one of {', '.join(options)}" + (f"; {hint}" if hint else "")
+        raise ValueError(f"{what} is {shown(value)}: {wanted}")
     return value
 
 

@@ -10,7 +10,7 @@ from hybrid_rt.core import checks
 from hybrid_rt.core.progress import CompileWatch
 from hybrid_rt.sensor.passes import RUN
 
-DEFAULT_PASSES = 16
+DEFAULT_PASSES = DEFAULT_DEPTH = 16
 # Passes from here on have numbers that find out what a scene needs.
 MOST_PASSES = 2**32 - 2
 

@@ -18,7 +18,7 @@ from hybrid_rt.integrators.options import DEEPEST
 from hybrid_rt.intersection.intersector import check_settings
 from hybrid_rt.rendering.audit import audit
 from hybrid_rt.rendering.channels import check_names, compute_channels
-from hybrid_rt.rendering.limits import Clock, Limit
+from hybrid_rt.rendering.limits import DEFAULT_DEPTH, Clock, Limit
 from hybrid_rt.rendering.memory import check_memory
 from hybrid_rt.rendering.report import light_left_out, make_report, relative_error
 from hybrid_rt.rendering.result import RenderInterrupted, RenderResult
@@ -45,7 +45,7 @@ def render(
     target_error_trimmed: float | None = None,
     seed: int = 0,
     threads: int | None = None,
-    max_depth: int = 16,
+    max_depth: int = DEFAULT_DEPTH,
     accuracy: str = "certified",
     coarse: str = "embree",
     tolerance: float | None = None,

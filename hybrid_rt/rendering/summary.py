@@ -5,8 +5,12 @@ from __future__ import annotations
 import math
 from typing import Any
 
+from hybrid_rt.rendering.limits import DEFAULT_DEPTH
 from hybrid_rt.rendering.report import ALL_LIGHT, share_cut_off
 from hybrid_rt.scene.lamps_in_surfaces import lamp_in_words
+
+# Of the light that was followed: that much cut off is worth a warning.
+MUCH = 0.01
 
 # If the worst 0.1 % of the pixels hold this share of the squared error, the noise of all is rough.
 MOST_OF_IT = 0.5
@@ -44,11 +48,6 @@ def passes_in_words(n: int) -> str:
     return "1 pass" if n == 1 else f"{n} passes"
 
 
-# Of the light that was followed: that much cut off is worth a warning, where not asked for by a
-# max_depth below the default of `render`.
-MUCH, DEFAULT_DEPTH = 0.01, 16
-
-
 def warnings_in_words(report: dict[str, Any]) -> list[str]:
     """Return warnings about errors that the noise estimate does not cover, a line each."""
     lines = []
@@ -82,6 +81,7 @@ def warnings_in_words(report: dict[str, Any]) -> list[str]:
         for name in report["lamps_turned_away"]
     ]
     lost, max_depth = max(share_cut_off(report)), report["settings"]["max_depth"]
+    # A smaller max_depth than the default has been asked for, with what it cuts off.
     if lost >= MUCH and max_depth >= DEFAULT_DEPTH:
         lines.append(
             f"max_depth {max_depth} cut off {per_cent(lost)} of the light that was followed, which no "
