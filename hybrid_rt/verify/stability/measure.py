@@ -78,7 +78,7 @@ def traced(
     records, outcome = [], Outcome()
     for k, coarse in enumerate(ways):
         tracer = Intersector(surfaces, coarse=coarse) if tracers is None else tracers[k]
-        tracer.counters["most_pieces"] = tracer.counters["given_up"] = 0
+        tracer.forget_counters()
         records.append(tracer.intersect(origins, directions))
         work, given_up = tracer.counters["most_pieces"], tracer.counters["given_up"]
         outcome = replace(outcome, work=max(outcome.work, work))

@@ -48,6 +48,11 @@ class Effort:
     factor: float = 1.0
     seed: int = 0
 
+    @property
+    def is_small(self) -> bool:
+        """Whether series of cases are thinned out."""
+        return self.factor < 0.5
+
     def count(self, n: int, least: int = 1) -> int:
         """Return n scaled by the effort."""
         return max(round(self.factor * n), least)

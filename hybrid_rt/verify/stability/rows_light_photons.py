@@ -272,7 +272,7 @@ def extreme_alpha(effort: Effort) -> Outcome:
     view = Camera((0, 0, 0.18), (0, 0, 0), (0, 1, 0), 90, 16, 16)
     truth = 0.5 / math.pi * float(irradiance(np.zeros(1), np.zeros(1))[0])
     # The slope is that from the first to the last; those between are for the plot.
-    n_passes = (1, 4, 16, 64) if effort.factor >= 0.5 else (1, 64)
+    n_passes = (1, 64) if effort.is_small else (1, 4, 16, 64)
     radius = 0.1
     for alpha in (0.5, ALPHA, 0.9):
         errors = []
@@ -326,7 +326,7 @@ def gather_radii(effort: Effort) -> Outcome:
     """Radii that are taken give the mean of the light over their discs; others are refused."""
     outcome, x, errors, allowed = Outcome(), [], [], []
     scene = evenly_lit(BELOW_PANE)
-    for share in SHARES if effort.factor >= 0.5 else SHARES[::2]:
+    for share in SHARES[::2] if effort.is_small else SHARES:
         radius = share * ACROSS
         if not NARROWEST <= share <= WIDEST:
             options = PPMOptions(100, initial_radius=radius)

@@ -330,9 +330,7 @@ def mirrors_near_one(effort: Effort) -> Outcome:
     for integrator in INTEGRATORS:
         gaps = []
         # Eye passes of photons have no end but chance: the longest are for full runs.
-        some = (
-            colors if effort.factor >= 0.5 or integrator not in PHOTON_INTEGRATORS else colors[:3]
-        )
+        some = colors[:3] if effort.is_small and integrator in PHOTON_INTEGRATORS else colors
         for color in some:
             more, gap = _between_mirrors(effort, integrator, color, effort.count(400, 50))
             outcome += more
@@ -349,6 +347,6 @@ def radiance_over_sixty_decades(effort: Effort) -> Outcome:
     """Powers of two and of ten: the picture scaled, in all integrators."""
     factors = (1e-30, 1e-20, 1e-10, 1e-3, 2.0**-10, 1.0, 2.0**10, 1e3, 1e10, 1e20, 1e30)
     # Both ends, and every second one between them.
-    some = factors if effort.factor >= 0.5 else factors[::2]
+    some = factors[::2] if effort.is_small else factors
     outcome, curve = _scaled(effort, some, 1e-6)
     return outcome + Outcome(curves=(curve,))

@@ -49,7 +49,7 @@ def rings(effort: Effort) -> Outcome:
     # One ring for all integrators: where on it to begin is found once.
     # Of small and large ones a small run takes the widest and the narrowest only.
     widths = {
-        radius: WIDTHS if effort.factor >= 0.5 or radius == 1.0 else WIDTHS[::4] for radius in RADII
+        radius: WIDTHS[::4] if effort.is_small and radius != 1.0 else WIDTHS for radius in RADII
     }
     lamps = {
         (radius, width): ring_above(1.0, radius, width)
