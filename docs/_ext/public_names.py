@@ -21,24 +21,13 @@ from sphinx.environment import BuildEnvironment
 from sphinx.util import logging
 
 MODULES = ("hybrid_rt", "meshing")
-INNER = frozenset(
-    {
-        *("area_sampler", "ball", "ball_radius", "blur_stays", "carrier", "closed_forms"),
-        *("direction_pdf", "error_power", "exact_normal", "film_lock", "flip_of_uv", "frame"),
-        *("is_freeform", "is_triangular", "joined_spans", "lobes", "local_exponent", "local_zones"),
-        *(
-            "meet",
-            "middle",
-            "pieces",
-            "poles",
-            "reach",
-            "revolution_frame",
-            "rounding_reach",
-            "row",
-        ),
-        *("sides", "spans", "starts", "surface", "table", "without_light_paths"),
-    }
-)
+INNER = frozenset((
+    "area_sampler", "ball", "ball_radius", "blur_stays", "carrier", "closed_forms",
+    "direction_pdf", "error_power", "exact_normal", "film_lock", "flip_of_uv", "frame",
+    "is_freeform", "is_triangular", "joined_spans", "lobes", "local_exponent", "local_zones",
+    "meet", "middle", "pieces", "poles", "reach", "revolution_frame", "rounding_reach", "row",
+    "sides", "spans", "starts", "surface", "table", "without_light_paths",
+))  # fmt: skip
 LOG = logging.getLogger(__name__)
 
 
