@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from enum import IntEnum
 from typing import NamedTuple, NoReturn
 
@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike
 
 from hybrid_rt.core.hit_table import to_csv
 from hybrid_rt.core.one_line import cut
-from hybrid_rt.core.records import BoolArray, FloatArray, IntArray
+from hybrid_rt.core.records import BoolArray, FloatArray, HitRecord, IntArray
 from hybrid_rt.intersection import Intersector
 from hybrid_rt.primitives.asphere import Asphere
 from hybrid_rt.shading.snell import refract
@@ -28,6 +28,9 @@ from meshing.checks import as_floats, number, shown, whole
 # order change the focal length by its square, and rounding by its inverse.
 BESIDE = 1e-4
 CHECK = "check its apertures, and that its surfaces lie in order"
+# Surfaces nearer to each other than this, over the size of coordinates, touch: rounding moves a point by
+# less.
+TOUCHING = 1e-12
 # Rays across the light in which that is looked for which passes: first few, then many.
 LOOKS = (64, 512)
 
@@ -42,7 +45,7 @@ class LensSurface:
         Radius of curvature at the vertex, positive if the surface is convex towards the incoming
         light; inf is a plane.
     thickness : float
-        Distance from this vertex to the next one; that of the last surface is not used.
+        Distance from this vertex to the next one; 0: they touch. That of the last surface is not used.
     index : float
         Index of refraction behind this surface.
     aperture : float
@@ -78,7 +81,7 @@ class Focus(NamedTuple):
 class Fate(IntEnum):
     """What becomes of a ray at a lens.
 
-    PASSED: it gets through. OUTSIDE: it misses the aperture of a surface. TOTAL_REFLECTION: it is
+    PASSED: it gets through. OUTSIDE: it meets a surface nowhere within the aperture. TOTAL_REFLECTION: it is
     totally reflected at a surface. BEHIND: a surface lies behind it, or is met from behind, as where
     two surfaces cross because the thickness at the edge is negative.
     """
@@ -203,12 +206,13 @@ class Lens:
         Rays that miss an aperture, or are totally reflected, do not get through. Nor do rays whose
         next surface lies behind them: those that start behind the first one, or pass where two
         surfaces cross, since the thickness at the edge is negative there. Nor do rays that meet a
-        surface from behind.
+        surface from behind. A ray that starts on the first surface is refracted there, and surfaces
+        may touch.
 
         Parameters
         ----------
         origins, directions : (n, 3) or (3,) floats
-            Rays in front of the first surface; one origin goes with all directions, and one
+            Rays in front of the first surface, or from it; one origin goes with all directions, and one
             direction with all origins. Directions may have any length but zero.
 
         Returns
@@ -227,7 +231,7 @@ class Lens:
         stopped, fate = np.full(n, -1, np.int32), np.zeros(n, np.int32)
         index, last = self.index, len(self.surfaces) - 1
         for k, (tracer, surface) in enumerate(zip(self._tracers, self.prescription, strict=True)):
-            hits = tracer.intersect(o, d)
+            hits, t = _hits_from(tracer, self.surfaces[k], o, d)
             found = hits.hit & hits.front_face
             if not found.all():
                 lost = ~found
@@ -235,13 +239,13 @@ class Lens:
                 # A surface that the same line meets behind the ray, or from its back, lies wrong.
                 is_behind = hits.hit[lost] | tracer.intersect(o[lost], -d[lost]).hit
                 fate[rows[lost]] = np.where(is_behind, Fate.BEHIND, Fate.OUTSIDE)
-            rows, hits, o, d = rows[found], hits[found], o[found], d[found]
+            rows, hits, t, o, d = rows[found], hits[found], t[found], o[found], d[found]
             bound[rows] = np.maximum(bound[rows], hits.t_bound)
             if surface.index == index and k < last:
                 # A stop bends nothing. Rays go on from where they were: the next surface may touch
                 # the stop or, beside the axis, lie in front of it.
                 continue
-            path[rows] += index * hits.t
+            path[rows] += index * t
             d = refract(d, hits.normal, index, surface.index)
             o, index = hits.position, surface.index
             goes_on = ~np.isnan(d[:, 0])
@@ -459,6 +463,24 @@ def _lines(prescription: Sequence[LensSurface], index: float) -> tuple[LensSurfa
                 )
         index = line.index
     return lines
+
+
+def _hits_from(
+    tracer: Intersector, surface: Asphere, o: FloatArray, d: FloatArray
+) -> tuple[HitRecord, FloatArray]:
+    """Return the hits of rays on one surface and their t; rays may start on it, but for rounding."""
+    hits: HitRecord = tracer.intersect(o, d)
+    t = hits.t.copy()
+    missed = np.flatnonzero(~(hits.hit & hits.front_face))
+    if missed.size:
+        step = TOUCHING * (np.abs(surface.bounds).max() + np.abs(o[missed]).max(axis=1))
+        again = tracer.intersect(o[missed] - step[:, None] * d[missed], d[missed])
+        near = again.hit & again.front_face & (again.t <= 2.0 * step)
+        rows, again = missed[near], again[near]
+        for column in fields(HitRecord):
+            getattr(hits, column.name)[rows] = getattr(again, column.name)
+        t[rows] = again.t - step[near]
+    return hits, t
 
 
 def _surface(line: LensSurface, z: float, k: int) -> Asphere:

@@ -329,3 +329,47 @@ def test_bad_rays_and_spots_are_refused():
     for changed, name in (({"field": 95}, "field"), ({"pupil": -1}, "pupil"), ({"n": 0}, "n")):
         with pytest.raises(ValueError, match=f"Lens {name} is"):
             lens.spot(**{"field": 0.0, "z": 50.0, "pupil": 5.0, "n": 8} | changed)
+
+
+@pytest.mark.parametrize("field", [0.0, 5.0])
+@pytest.mark.parametrize(
+    ("touching", "apart"),
+    [
+        # A stop on the plane back, and on the vertex of a bent one.
+        ([(60, 6, 1.5), (math.inf, 0, 1), (math.inf, 0, 1)], [(60, 6, 1.5), (math.inf, 0, 1)]),
+        ([(60, 6, 1.5), (-60, 0, 1), (math.inf, 0, 1)], [(60, 6, 1.5), (-60, 0, 1)]),
+        # A surface given twice, as at a cement.
+        (
+            [(60, 6, 1.5), (-45, 0, 1.67), (-45, 2, 1.67), (math.inf, 0, 1)],
+            [(60, 6, 1.5), (-45, 2, 1.67), (math.inf, 0, 1)],
+        ),
+        # No air between equal surfaces: that refracts as if they were cemented.
+        (
+            [(60, 6, 1.5), (-45, 0, 1), (-45, 2, 1.67), (math.inf, 0, 1)],
+            [(60, 6, 1.5), (-45, 2, 1.67), (math.inf, 0, 1)],
+        ),
+    ],
+    ids=["plane stop", "stop at a vertex", "twice", "no air"],
+)
+def test_surfaces_may_touch(touching, apart, field):
+    one, other = (
+        Lens([LensSurface(*line, 24.0) for line in lines]).parallel(field, pupil=20.0)
+        for lines in (touching, apart)
+    )
+    assert one.passed.all()
+    plane = other.position[:, 2].max()
+    # Roundings of coordinates below 30, some of which a slope of 1 multiplies.
+    np.testing.assert_allclose(one.at(plane), other.at(plane), atol=1e-13)
+    if len(touching) > len(apart):
+        np.testing.assert_allclose(one.direction, other.direction, atol=1e-14)
+
+
+def test_rays_may_start_on_the_first_surface():
+    lens = Lens([LensSurface(60.0, 6.0, 1.5, 24.0), LensSurface(-60.0, 0.0, 1.0, 24.0)])
+    x = np.linspace(-11.5, 11.5, 101)
+    z = 60.0 - np.sqrt(3600.0 - x * x)
+    origins = np.stack([x, np.zeros(101), z], axis=1)
+    on, before = (lens.trace(origins - (0, 0, way), (0.0, 0.0, 1.0)) for way in (0.0, 5.0))
+    assert on.passed.all()
+    np.testing.assert_allclose(on.position, before.position, atol=1e-14)
+    np.testing.assert_allclose(on.path + 5.0, before.path, rtol=1e-15)
