@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from meshing.bezier import BezierPatches
     from meshing.certified_mesh import CertifiedMesh
-    from meshing.curve2 import Curve2, circle, polygon
+    from meshing.curve2 import Curve2, bspline, circle, polygon
     from meshing.extrusion import Extrusion
     from meshing.nurbs import NurbsSurface
     from meshing.revolution import SurfaceOfRevolution
@@ -35,6 +35,7 @@ __all__ = [
     "PatchSheet",
     "SurfaceOfRevolution",
     "TrimmedSurface",
+    "bspline",
     "circle",
     "circular_arc",
     "polygon",
@@ -53,6 +54,7 @@ _HOME = {
     "SurfaceOfRevolution": "meshing.revolution",
     "circular_arc": "meshing.turned_shapes",
     "TrimmedSurface": "meshing.trimmed",
+    "bspline": "meshing.curve2",
     "circle": "meshing.curve2",
     "polygon": "meshing.curve2",
     "tessellate": "meshing.tessellation",

@@ -14,9 +14,10 @@ from math import comb, lcm
 import numpy as np
 from numpy.typing import ArrayLike
 
-from meshing.checks import FloatArray, as_floats, freeze, shown
+from meshing.checks import FloatArray, as_floats, freeze, shown, whole
 from meshing.kernels.bernstein import MAX_DEGREE
 from meshing.kernels.trims import points_of_arc
+from meshing.knots import as_knots, bezier_matrix, combined
 from meshing.nets import LEAST_RATIO
 
 # Curves may leave the unit square, by a whole turn where the surface closes on itself.
@@ -68,17 +69,7 @@ class Curve2:
         self.control: FloatArray = freeze(points + 0.0)
         self.weights: FloatArray | None = None
         if weights is not None:
-            array = as_floats(weights, "Curve2 weights")
-            if array.shape != (len(points),):
-                raise ValueError(
-                    f"Curve2 weights has shape {array.shape} for {len(points)} points: pass one each"
-                )
-            least, most = float(array.min()), float(array.max())
-            if not (least > 0.0 and most < np.inf and least >= LEAST_RATIO * most):
-                raise ValueError(
-                    f"Curve2 weights is {shown(array.tolist())}: pass positive numbers, the "
-                    f"smallest at least {LEAST_RATIO:g} of the largest"
-                )
+            array = _as_weights(weights, "Curve2 weights", len(points))
             if (array != array[0]).any():
                 self.weights = freeze(array.copy())
 
@@ -117,6 +108,79 @@ class Curve2:
         for axis in range(2):
             found |= _turns(_slopes(self.control[:, axis], self.weights))
         return sorted(found)
+
+
+def _as_weights(weights: ArrayLike, what: str, n: int) -> FloatArray:
+    array = as_floats(weights, what)
+    if array.shape != (n,):
+        raise ValueError(f"{what} has shape {array.shape} for {n} points: pass one each")
+    least, most = float(array.min()), float(array.max())
+    if not (least > 0.0 and most < np.inf and least >= LEAST_RATIO * most):
+        raise ValueError(
+            f"{what} is {shown(array.tolist())}: pass positive numbers, the "
+            f"smallest at least {LEAST_RATIO:g} of the largest"
+        )
+    return array
+
+
+def bspline(
+    control: ArrayLike,
+    knots: ArrayLike,
+    degree: int,
+    weights: ArrayLike | None = None,
+    *,
+    low: ArrayLike = (0.0, 0.0),
+    high: ArrayLike = (1.0, 1.0),
+) -> list[Curve2]:
+    """Return a B-spline curve, rational with weights, as the arcs that it consists of.
+
+    CAD files give the edges of a face so, in the parameters of its surface. Several such curves,
+    one after the other, make a loop.
+
+    Parameters
+    ----------
+    control : (p, 2) array
+        Control points.
+    knots : (p + degree + 1,) array
+        Ascending, each as often as it counts. The curve runs from ``knots[degree]`` to ``knots[p]``.
+    degree : int
+        From 1 to 30.
+    weights : (p,) array, optional
+        Positive; the smallest at least 1e-6 of the largest.
+    low, high : (2,) array
+        Where the parameters of the surface begin and end; they are mapped to [0, 1]. For a
+        `NurbsSurface` these are ``knots_u[degree_u]`` and ``knots_u[p]``, and the same of v.
+
+    Returns
+    -------
+    list of Curve2
+        One arc for each span between knots that is not empty.
+
+    Raises
+    ------
+    ValueError, TypeError
+        For shapes that do not match, knots that descend or repeat more than degree + 1 times, an
+        empty domain, and arcs that `Curve2` refuses.
+    """
+    points = as_floats(control, "bspline control")
+    if points.ndim != 2 or points.shape[1] != 2:
+        raise ValueError(f"bspline control has shape {points.shape}: pass (p, 2)")
+    degree = whole(degree, "bspline degree", at_least=1, up_to=MAX_DEGREE)
+    vector = as_knots(knots, "bspline knots", degree, "bspline control", len(points))
+    begin, end = as_floats(low, "bspline low"), as_floats(high, "bspline high")
+    if begin.shape != (2,) or end.shape != (2,) or not (begin < end).all():
+        raise ValueError(
+            f"bspline low is {shown(begin.tolist())} and high {shown(end.tolist())}: pass (u, v) each, "
+            "the first below the second"
+        )
+    w = np.ones(len(points))
+    if weights is not None:
+        w = _as_weights(weights, "bspline weights", len(points))
+    over = (points - begin) / (end - begin)
+    matrix, (first, _) = bezier_matrix(vector, degree)
+    fine = combined(matrix, np.concatenate([over * w[:, None], w[:, None]], axis=1))
+    pieces = [fine[k : k + degree + 1] for k in first]
+    return [Curve2(piece[:, :2] / piece[:, 2:], piece[:, 2]) for piece in pieces]
 
 
 def circle(center: ArrayLike, radius: float | tuple[float, float]) -> list[Curve2]:

@@ -1,9 +1,11 @@
 """Loops in parameter planes: sides by exact winding numbers, what is refused, what is kept."""
 
 import pickle
+from itertools import pairwise
 
 import numpy as np
 import pytest
+from scipy.interpolate import BSpline
 from trimmed_surfaces import (
     OUTLINE,
     ball_piece,
@@ -27,6 +29,7 @@ from meshing import (
     Cylinder,
     SurfaceOfRevolution,
     TrimmedSurface,
+    bspline,
     circle,
     polygon,
     tessellate,
@@ -239,3 +242,43 @@ def test_tessellation_keeps_the_triangles_that_reach_inside():
     # Every point inside is in a triangle's (u, v).
     area = 0.5 * np.abs(np.linalg.det(mesh.uv[:, 1:] - mesh.uv[:, :1])).sum()
     assert 0.4 <= area < 0.43
+
+
+@pytest.mark.parametrize("is_rational", [False, True])
+def test_arcs_of_a_spline_are_the_spline(is_rational):
+    """Against scipy, with a double knot and parameters of the surface's own."""
+    rng = np.random.default_rng(8)
+    knots, degree = np.array([0, 0, 0, 0, 1, 2.5, 2.5, 3, 4, 4, 4, 4.0]), 3
+    low, high = np.array([2.0, -1.0]), np.array([6.0, 1.0])
+    control = low + (high - low) * rng.random((8, 2))
+    weights = rng.uniform(0.5, 2.0, 8) if is_rational else np.ones(8)
+    arcs = bspline(control, knots, degree, weights if is_rational else None, low=low, high=high)
+    columns = np.concatenate([control * weights[:, None], weights[:, None]], axis=1)
+    spline, s = BSpline(knots, columns, degree), np.linspace(0.0, 1.0, 20)
+    breaks = np.unique(knots)
+    assert len(arcs) == len(breaks) - 1
+    for arc, begin, end in zip(arcs, breaks[:-1], breaks[1:], strict=True):
+        x, y, w = spline(np.minimum(begin + s * (end - begin), 4.0)).T
+        expected = (np.stack([x / w, y / w], axis=1) - low) / (high - low)
+        # A dozen convex combinations of numbers below 1.
+        np.testing.assert_allclose(arc.point(s), expected, atol=40 * EPS)
+    # Neighbours share their end to the bit, as loops must be closed.
+    assert all((a.control[-1] == b.control[0]).all() for a, b in pairwise(arcs))
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"control": [0.5, 0.5]}, r"shape \(2,\): pass \(p, 2\)"),
+        ({"knots": [0, 0, 1, 1]}, "pass 5 knots, for 3 control points and degree 1"),
+        ({"knots": [0, 1, 0, 2, 3]}, "descends from 1 to 0"),
+        ({"weights": [1.0, 1.0]}, "pass one each"),
+        ({"weights": [1.0, 0.0, 1.0]}, "bspline weights"),
+        ({"high": (1.0, 0.0)}, "the first below the second"),
+        ({"control": [(0, 0), (9, 0), (1, 1)]}, "finite numbers from -1 to 2"),
+    ],
+)
+def test_splines_that_are_none_are_refused(change, message):
+    given = {"control": [(0, 0), (0.5, 1), (1, 0)], "knots": [0, 0, 1, 2, 2], "degree": 1}
+    with pytest.raises(ValueError, match=message):
+        bspline(**(given | change))
