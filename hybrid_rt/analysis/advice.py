@@ -96,8 +96,8 @@ def _measured(reference: Reference) -> str:
     if measured is None:
         return ", how much of it is not measured"
     share = measured["share_of_image_mean"]
-    if share is None or measured["mean"] == 0.0:
-        return ", on surfaces seen directly none that few photons would find"
+    if share is None or measured["half_interval_95"] is None:
+        return ", more than few photons could measure"
     half = share * measured["half_interval_95"] / measured["mean"]
     return (
         f": on surfaces seen directly alone {percent(share)} +- {percent(half)} (95 %, by "

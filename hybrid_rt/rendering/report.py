@@ -46,8 +46,8 @@ def light_left_out(
     -------
     dict
         ``light_not_found``: ``left_out``. ``light_not_found_measured``: the ``mean`` of what paths
-        with a wide lobe carry, with ``half_interval_95`` and ``share_of_image_mean``; None if not
-        measured. ``picture_holds``: the light that the image mean, its interval and
+        with a wide lobe carry, with ``half_interval_95`` (None where the camera sees too few photons)
+        and ``share_of_image_mean``; None if not measured. ``picture_holds``: the light that the image mean, its interval and
         the relative errors are about. ``picture_is_blurred``: by photons, so that the interval of
         the mean is about the mean of blurred pictures.
     """

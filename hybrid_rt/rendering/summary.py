@@ -128,8 +128,11 @@ def _unfound(report: dict[str, Any]) -> str:
     mean, half, share = (measured[k] for k in ("mean", "half_interval_95", "share_of_image_mean"))
     by = f"by {measured['photons']:,} photons"
     where = "paths without a surface that spreads light widely are not measured"
-    if mean == 0.0:
-        return f"{by}, none of it reaches the camera;\n            {where}"
+    if half is None:
+        which = "none" if mean == 0.0 else "too few"
+        return (
+            f"{by}, of which {which} reach the camera: its size is not known;\n            {where}"
+        )
     relative = "" if share is None else f", {per_cent(share)} of what is found"
     return (
         f"the image mean lacks {mean:.3g} +- {half:.1g} (95 %) of it{relative}, {by};\n"

@@ -22,6 +22,9 @@ AT_ONCE = 2**16
 # Camera rays, across and down, that tell how large a part of the scene is seen; how many surfaces they
 # meet at most, two ways at each; and what is far less.
 VIEWS, MOST_VIEWS, FAR_LESS = 8, 6, 0.01
+# Sizes of scenes, scene units. Float32 loses 1e-5 of the light at 1e-18, a tenth at 1e-20; from 1e21 on
+# pictures are infinite.
+SMALLEST, LARGEST = 1e-17, 1e18
 
 
 @dataclass(frozen=True)
@@ -132,6 +135,12 @@ def _points_seen(
 
 def powers_of_lights(scene: CompiledScene, world: FloatArray) -> FloatArray:
     """Return about how much each light sends out, (lights + 1,), the sky last."""
+    size = 2.0 * float(world[3])
+    if size > 0.0 and not SMALLEST <= size <= LARGEST:
+        raise ValueError(
+            f"the scene is {size:.3g} across: photons need {SMALLEST:g} to {LARGEST:g}, so choose "
+            f"another unit of length, or use integrator {PATH.name!r}"
+        )
     power = np.append(scene.power, 0.0)
     endless = [i for i, surface in enumerate(scene.surfaces) if not surface.is_bounded]
     shining = np.intersect1d(endless, scene.surface_of_light)

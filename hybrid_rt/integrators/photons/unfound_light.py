@@ -78,13 +78,14 @@ class UnfoundLight:
         Photons traced.
     mean : float
         What it would add to the mean of the picture over pixels and channels.
-    half_interval : float
-        Half of the 95 % interval of ``mean``.
+    half_interval : float or None
+        Half of the 95 % interval of ``mean``; None where nothing of a group of photons reaches the
+        camera: what is seen so rarely has no interval that holds.
     """
 
     n_photons: int
     mean: float
-    half_interval: float
+    half_interval: float | None
 
 
 @dataclass(frozen=True)
@@ -132,7 +133,9 @@ def unfound_light(context: RenderContext, found: str) -> UnfoundLight | None:
         n_photons += tracer.balance.n_emitted
     if not is_measured or not np.isfinite(means).all():
         return None
-    half = STUDENT * float(means.std(ddof=1)) / math.sqrt(GROUPS)
+    half = None
+    if (means > 0.0).all():
+        half = STUDENT * float(means.std(ddof=1)) / math.sqrt(GROUPS)
     return UnfoundLight(n_photons, float(means.mean()), half)
 
 

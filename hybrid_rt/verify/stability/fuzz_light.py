@@ -181,6 +181,8 @@ def _sum_of_light(scene: Scene, name: str, seed: int) -> tuple[float, float] | N
             return None
         means.append(noise["image_mean"])
         halves.append(noise["half_interval_95_of_image_mean"])
+        if missing is not None and missing["half_interval_95"] is None:
+            return None
         if missing is not None:
             means[-1] += missing["mean"]
             halves[-1] = np.hypot(halves[-1], missing["half_interval_95"])

@@ -441,3 +441,24 @@ def test_planes_without_end_are_refused_by_name():
         photons(Scene(view, [Object(ground, Lambertian(0.5), "ground")], [], GradientSky(1, 1)))
     with pytest.raises(ValueError, match="'ground' is a plane that shines"):
         photons(Scene(view, [Object(ground, Emissive(1.0, Lambertian(0.5)), "ground")]))
+
+
+def scene_of_size(size):
+    view = Camera((0, -size, size), (0, 0, 0), (0, 0, 1), 40, 8, 6)
+    half = size / 2.0
+    ground = Rectangle((-half, -half, 0), (size, 0, 0), (0, size, 0))
+    lamp = RectangleLight((-half / 4, -half / 4, half), (0, half / 2, 0), (half / 2, 0, 0), 5.0)
+    return Scene(view, [Object(ground, Lambertian(0.5))], [lamp])
+
+
+@pytest.mark.parametrize("integrator", ["ppm", "photon_map"])
+def test_sizes_that_float32_cannot_hold_are_refused(integrator):
+    near_one = render(scene_of_size(1.0), integrator, 1, seed=1).image
+    for size in (2.0**-55, 2.0**58):
+        # Scaled by a power of two: roundings of float32 in sums of photons.
+        np.testing.assert_allclose(
+            render(scene_of_size(size), integrator, 1, seed=1).image, near_one, rtol=1e-5
+        )
+    for size in (1e-19, 1e19):
+        with pytest.raises(ValueError, match="across: photons need 1e-17 to 1e"):
+            render(scene_of_size(size), integrator, 1)

@@ -199,7 +199,15 @@ class TestSentences:
         closed = Object(Rectangle((-1, 2, 0), (8, 0, 0), (0, 0, 8)), Lambertian(0.0), "screen")
         report = render(room(far, closed), "path", 2).report
         assert report["light_not_found_measured"]["mean"] == 0.0
-        assert "none of it reaches the camera;\n" in summary.in_words(report)
+        assert report["light_not_found_measured"]["half_interval_95"] is None
+        assert "of which none reach the camera: its size is not known" in summary.in_words(report)
+
+    def test_a_narrow_view_knows_no_size(self):
+        """Nearly all photons of a lamp in a ball pass a view of a tenth of a degree by."""
+        view = Camera((-1.0, 0.0, 3.0), (-1.0, 0.0, 0.0), (0, 1, 0), 0.1, 8, 8)
+        lamp = PointLight((0.3, 0.2, 0.4), 1.0)
+        found = measured(room(BALL, lights=[lamp], camera=view))
+        assert found["half_interval_95"] is None
 
     @pytest.mark.parametrize("integrator", ["path", "whitted", "ppm"])
     def test_what_max_depth_cuts_off(self, integrator):
