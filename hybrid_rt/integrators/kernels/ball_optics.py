@@ -33,7 +33,7 @@ def place_of_reflection(eye, lamp, between):
     Parameters
     ----------
     eye, lamp : float
-        Distances from the centre, above 1.
+        Distances from the centre, above 1; of a lamp at infinity inf.
     between : float
         Angle between the points, in [0, pi].
 
@@ -45,17 +45,19 @@ def place_of_reflection(eye, lamp, between):
     high = min(between, math.acos(1.0 / eye))
     if low > high:
         return math.nan
-    at = low + (high - low) * (lamp - 1.0) * eye / ((lamp - 1.0) * eye + (eye - 1.0) * lamp)
+    # Lengths on the lamp's side are over its distance.
+    unit = 1.0 / lamp
+    at = low + (high - low) * (1.0 - unit) * eye / ((1.0 - unit) * eye + (eye - 1.0))
     for _ in range(MOST_STEPS):
         s, c = math.sin(at), math.cos(at)
         p, q = math.sin(between - at), math.cos(between - at)
-        near, far = eye * c - 1.0, lamp * q - 1.0
-        excess = eye * s * far - lamp * p * near
+        near, far = eye * c - 1.0, q - unit
+        excess = eye * s * far - p * near
         if excess > 0.0:
             high = at
         else:
             low = at
-        slope = eye * c * far + lamp * q * near + 2.0 * eye * lamp * s * p
+        slope = eye * c * far + q * near + 2.0 * eye * s * p
         step = at - excess / slope if slope > 0.0 else low
         if not low < step < high:
             step = 0.5 * (low + high)
@@ -70,7 +72,7 @@ def turn(b, ior, eye, lamp):
     """Return by how far a ray is turned about the centre of a unit ball, less half a turn.
 
     ``b`` is its distance from the centre outside the ball, the sine of the angle of incidence;
-    the ray goes from distance ``eye`` to distance ``lamp``.
+    the ray goes from distance ``eye`` to distance ``lamp``, which may be inf.
     """
     return 2.0 * math.asin(b) - 2.0 * math.asin(b / ior) - math.asin(b / eye) - math.asin(b / lamp)
 
@@ -139,10 +141,12 @@ def crossing_between(low, high, at_low, at_high, asked, ior, eye, lamp):
 def section_of_reflected(before, after, cos_i):
     """Return the cross-section over the solid angle of a pencil reflected by a unit sphere.
 
-    ``before`` and ``after`` are the lengths of the ray to the sphere and from it.
+    ``before`` and ``after`` are the lengths of the ray to the sphere and from it. If the second is
+    inf, the result is the solid angle at the end over that at the beginning.
     """
-    within = before + after * (1.0 + 2.0 * before / cos_i)
-    across = before + after * (1.0 + 2.0 * before * cos_i)
+    within, across = 1.0 + 2.0 * before / cos_i, 1.0 + 2.0 * before * cos_i
+    if after < math.inf:
+        within, across = before + after * within, before + after * across
     return within * across
 
 
@@ -153,7 +157,8 @@ def section_of_crossed(before, after, cos_i, cos_t, ior):
     Parameters
     ----------
     before, after : float
-        Lengths of the ray to the ball and from it.
+        Lengths of the ray to the ball and from it. If the second is inf, the result is the solid
+        angle at the end over that at the beginning.
     cos_i, cos_t : float
         Cosines of the angles outside and inside.
     ior : float
@@ -164,10 +169,14 @@ def section_of_crossed(before, after, cos_i, cos_t, ior):
     angle = (1.0 + arc) * cos_i / (ior * cos_t) - arc
     arc = (arc * cos_t + chord * angle) / cos_t
     angle = (angle - arc) * (ior * cos_t / cos_i) + arc
-    within = arc * cos_i + after * angle
+    within = angle
+    if after < math.inf:
+        within = arc * cos_i + after * angle
     # Across it.
     bend = ior * cos_t - cos_i
     angle = (1.0 - before * bend) / ior
     width = before + chord * angle
-    across = width + after * (ior * angle - width * bend)
+    across = ior * angle - width * bend
+    if after < math.inf:
+        across = width + after * across
     return abs(within * across)

@@ -7,8 +7,8 @@ time that is.
 import numpy as np
 
 from hybrid_rt.integrators.kernels.path_vertex import NOTHING, arrive, depart
-from hybrid_rt.integrators.kernels.through_spheres import OTHER
 from hybrid_rt.integrators.kernels.vertex_points import RUN_ALONG, draw_along
+from hybrid_rt.integrators.kernels.ways import OTHER
 from hybrid_rt.intersection.kernels.closed_forms import first_hit, is_occluded
 from hybrid_rt.shading.kernels.scatter import SCATTERED
 from meshing.kernels.jit import hot_kernel, inlined

@@ -6,8 +6,8 @@ Surfaces that go to Embree or into a tree want rays in batches.
 from typing import Any, NamedTuple
 
 from hybrid_rt.integrators.kernels.path_vertex import arrive, depart
-from hybrid_rt.integrators.kernels.through_spheres import OTHER
 from hybrid_rt.integrators.kernels.vertex_points import RUN_ACROSS, draw_across
+from hybrid_rt.integrators.kernels.ways import N_COLUMNS, OTHER
 from hybrid_rt.shading.kernels.scatter import SCATTERED
 from meshing.kernels.jit import hot_kernel, inlined
 
@@ -37,7 +37,7 @@ def _copy_path(source, i, target, j):
     if source.chain.size:
         target.chain[j] = source.chain[i]
         if source.chain[i] != OTHER:
-            for k in range(4):
+            for k in range(N_COLUMNS):
                 target.anchor[j, k] = source.anchor[i, k]
     target.source_id[j] = source.source_id[i]
     for k in range(3):

@@ -10,16 +10,15 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from hybrid_rt.integrators.kernels import through_boxes, through_spheres
 from hybrid_rt.integrators.kernels.compaction import choose_light
 from hybrid_rt.integrators.kernels.connections import (
     CONNECT_CHANCE,
     connect_far,
     connect_to_light_vertex,
 )
-from hybrid_rt.integrators.kernels.through_spheres import (
-    MOST_RAYS,
-    ask_through_spheres,
-    is_asked_through_spheres,
+from hybrid_rt.integrators.kernels.glass_and_mirrors import (
+    ask_by_ways,
     note_step,
     weight_of_emission,
 )
@@ -29,7 +28,6 @@ from hybrid_rt.integrators.kernels.vertex_points import (
     DIRECTION,
     FAR,
     TO_LIGHT,
-    draw_to_sphere,
 )
 from hybrid_rt.shading.kernels.bsdf import Vertices
 from hybrid_rt.shading.kernels.emitter import Met, light_on_hit, light_on_ray
@@ -51,9 +49,10 @@ from hybrid_rt.shading.kernels.texture import texture_color
 from meshing.kernels.jit import inlined
 
 NOTHING = -1
-# Shadow rays of a vertex at most, without and with those by way of balls: to a lamp, and of both kinds
-# of connections.
-FEW_SHADOW_RAYS, MOST_SHADOW_RAYS = 3, 3 + MOST_RAYS
+# Shadow rays of a vertex at most, without and with those by way of balls and boxes: to a lamp, and of
+# both kinds of connections.
+FEW_SHADOW_RAYS = 3
+MOST_SHADOW_RAYS = FEW_SHADOW_RAYS + through_spheres.MOST_RAYS + through_boxes.MOST_RAYS
 
 
 class World(NamedTuple):
@@ -76,6 +75,7 @@ class World(NamedTuple):
     candidates: Any  # (n, 8) float64, see `connect_far`
     first_of_pass: Any  # (passes + 1,) int64, rows of `lit`
     balls: Any  # Balls
+    boxes: Any  # Boxes
 
 
 class Rules(NamedTuple):
@@ -88,7 +88,7 @@ class Rules(NamedTuple):
     has_sky: Any  # bool
     has_colors: Any  # bool, the colours of each vertex come with it
     has_light_paths: Any  # bool
-    has_balls: Any  # bool, lamps are reached by way of spheres
+    asks_sky: Any  # bool, the sky is reached by way of balls and boxes
     n_light_paths: Any  # float, light subpaths of a pass
     near: Any  # float, see `connect_far`
     of_use: Any  # float, expected number of light vertices per light subpath
@@ -308,11 +308,10 @@ def leave_vertex(world, rules, paths, vertex, depth, camera_pdf, number, points,
         if joins and rules.near < np.inf:
             s, t = xi[0, FAR, column], xi[1, FAR, column]
             n += connect_far(world, rules, paths, vertex, vertices, depth, number, s, t, rays, n)
-    # --- light that a mirror ball or glass ball throws here
-    is_anchored = spreads and is_asked_through_spheres(world, rules, paths, vertex, depth)
-    if is_anchored:
-        s, t = draw_to_sphere(rules, depth, paths.pixel[0], paths.sample[0])
-        n = ask_through_spheres(world, rules, paths, vertex, vertices, depth, s, t, rays, n)
+    # --- light that balls and boxes throw here
+    is_anchored = False
+    if spreads and paths.chain.size:
+        is_anchored, n = ask_by_ways(world, rules, paths, vertex, vertices, depth, rays, n)
     # --- where it goes next, and whether it stops
     for k in range(2):
         vertex.xi[0, k] = xi[k, DIRECTION, column]

@@ -14,8 +14,8 @@ from meshing.kernels.jit import inlined
 # What the points of one vertex are for, and how many dimensions a vertex has.
 TO_LIGHT, DIRECTION, CHOICE, CONNECT, PER_STEP = 0, 1, 2, 3, 4
 # Those that came later have dimensions of their own, far from the others.
-FAR, TO_SPHERE, LATER = 4, 5, 2**44
-# Slots of a run. Few vertices ask for a point `TO_SPHERE`, which is drawn alone.
+FAR, TO_SPHERE, TO_BOX, LATER = 4, 5, 6, 2**44
+# Slots of a run. Few vertices ask for points `TO_SPHERE` or `TO_BOX`, which are drawn alone.
 N_SLOTS = 5
 # Vertices in a run: of one path, and of as many paths.
 RUN_ALONG, RUN_ACROSS = 8, 128
@@ -86,9 +86,9 @@ def draw_across(rules, depth, pixel, sample, begin, points):
 
 
 @inlined
-def draw_to_sphere(rules, depth, pixel, sample):
-    """Draw the point `TO_SPHERE` of one vertex."""
-    low, high = _dimension(rules, depth, TO_SPHERE)
+def draw_later(rules, depth, slot, pixel, sample):
+    """Draw one point of one vertex, of a slot above those of a run."""
+    low, high = _dimension(rules, depth, slot)
     turned = reverse_bits(np.uint32(sample))
     return sobol_point(key_of_pixel(rules.seed, pixel), turned, low, high)
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from hybrid_rt.core.records import IntArray
 from hybrid_rt.integrators.context import RenderContext
 from hybrid_rt.integrators.kernels.through_spheres import Balls
 from hybrid_rt.primitives import Sphere
@@ -22,11 +23,14 @@ def balls_of(context: RenderContext) -> Balls:
     scene = context.scene
     rows = []
     if not context.plan["contacts"]:
-        rows = [i for i in range(len(scene.surfaces)) if _is_ball(scene, i)]
+        # A trimmed sphere is no `Sphere`.
+        rows = [
+            i
+            for i, sphere in enumerate(scene.surfaces)
+            if isinstance(sphere, Sphere) and (_is_mirror(scene, i) or is_clear(scene, i))
+        ]
     lobe = scene.lobes.first[scene.material_of[rows]] if rows else np.zeros(0, dtype=np.int32)
     spheres = [scene.surfaces[i] for i in rows]
-    of_surface = np.full(max(len(scene.surfaces), 1), NOTHING, dtype=np.int32)
-    of_surface[rows] = np.arange(len(rows))
     color = scene.textures.number[scene.lobes.texture[lobe], :3]
     return Balls(
         center=np.array([sphere.center for sphere in spheres]).reshape(-1, 3),
@@ -35,21 +39,39 @@ def balls_of(context: RenderContext) -> Balls:
         lobe=np.asarray(lobe, dtype=np.int32),
         is_glass=scene.lobes.traits[lobe] & TRANSMITS != 0,
         color=np.ascontiguousarray(scene.color_factor[lobe, None] * color, dtype=np.float64),
-        of_surface=of_surface,
+        of_surface=rows_of(scene, rows),
     )
 
 
-def _is_ball(scene: CompiledScene, surface: int) -> bool:
-    sphere, material = scene.surfaces[surface], scene.material_of[surface]
-    # A trimmed sphere is no `Sphere`; a glass one that is flipped holds glass outside.
-    if not isinstance(sphere, Sphere) or material == NOTHING:
+def rows_of(scene: CompiledScene, rows: list[int]) -> IntArray:
+    """Return the row of each surface in a table that holds some, (surfaces,) int32; -1: not there."""
+    of_surface = np.full(max(len(scene.surfaces), 1), NOTHING, dtype=np.int32)
+    of_surface[rows] = np.arange(len(rows))
+    return of_surface
+
+
+def is_clear(scene: CompiledScene, surface: int) -> bool:
+    """Tell whether a surface bounds clear glass of one colour, with an index above 1."""
+    lobe = _only_lobe(scene, surface)
+    if lobe == NOTHING or scene.lobes.traits[lobe] & TRANSMITS == 0:
         return False
-    first, stop = scene.lobes.first[material], scene.lobes.first[material + 1]
-    if stop - first != 1 or not scene.lobes.traits[first] & DELTA:
-        return False
-    if scene.textures.kind[scene.lobes.texture[first]] != CONSTANT:
-        return False
-    if scene.lobes.traits[first] & TRANSMITS == 0:
-        return True
-    is_whole = scene.lobes.weight[first] == 1.0 and scene.lobes.number[first, IOR] > 1.0
-    return bool(is_whole and sphere.orientation == 1)
+    is_whole = scene.lobes.weight[lobe] == 1.0 and scene.lobes.number[lobe, IOR] > 1.0
+    # A flipped one holds glass outside.
+    return bool(is_whole and scene.surfaces[surface].orientation == 1)
+
+
+def _is_mirror(scene: CompiledScene, surface: int) -> bool:
+    lobe = _only_lobe(scene, surface)
+    return lobe != NOTHING and bool(scene.lobes.traits[lobe] & TRANSMITS == 0)
+
+
+def _only_lobe(scene: CompiledScene, surface: int) -> int:
+    """Return the lobe of a surface of one delta lobe, whose colour is constant; else `NOTHING`."""
+    material = scene.material_of[surface]
+    if material == NOTHING:
+        return NOTHING
+    lobe = int(scene.lobes.first[material])
+    if scene.lobes.first[material + 1] - lobe != 1 or not scene.lobes.traits[lobe] & DELTA:
+        return NOTHING
+    is_constant = scene.textures.kind[scene.lobes.texture[lobe]] == CONSTANT
+    return lobe if is_constant else NOTHING

@@ -8,12 +8,12 @@ from hybrid_rt.core.records import IntArray
 from hybrid_rt.integrators.direct_light import NO_RIVAL
 from hybrid_rt.integrators.integrator import CameraBlock
 from hybrid_rt.integrators.kernels.compaction import Paths
-from hybrid_rt.integrators.kernels.through_spheres import OTHER
+from hybrid_rt.integrators.kernels.ways import N_COLUMNS, OTHER
 from hybrid_rt.scene.compiled import NOTHING
 
 
 def leaving_camera(
-    block: CameraBlock, media: IntArray, has_rivals: bool = False, asks_spheres: bool = False
+    block: CameraBlock, media: IntArray, has_rivals: bool = False, asks_ways: bool = False
 ) -> Paths:
     """Return the paths that begin with a block's rays.
 
@@ -24,8 +24,8 @@ def leaving_camera(
         Medium stack of the camera.
     has_rivals : bool
         Whether the paths are weighted against light subpaths.
-    asks_spheres : bool
-        Whether lamps are reached by way of spheres.
+    asks_ways : bool
+        Whether lamps are reached by way of balls or boxes.
     """
     n = block.pixel.size
     return Paths(
@@ -40,6 +40,6 @@ def leaving_camera(
         media=np.repeat(media[None], n, axis=0),
         source_id=np.full(n, NOTHING, dtype=np.int32),
         joined=np.zeros(n if has_rivals else 0, dtype=np.bool_),
-        chain=np.full(n if asks_spheres else 0, OTHER, dtype=np.int8),
-        anchor=np.empty((n if asks_spheres else 0, 4)),
+        chain=np.full(n if asks_ways else 0, OTHER, dtype=np.int8),
+        anchor=np.empty((n if asks_ways else 0, N_COLUMNS)),
     )

@@ -9,6 +9,7 @@ from hybrid_rt.core.records import HitRecord, Status
 from hybrid_rt.integrators.kernels.compaction import Paths
 from hybrid_rt.integrators.kernels.connections import CANDIDATES
 from hybrid_rt.integrators.kernels.path_vertex import Tally, Vertex
+from hybrid_rt.integrators.kernels.ways import N_COLUMNS
 from hybrid_rt.integrators.light_points import new_light_points
 from hybrid_rt.intersection import Intersector
 from hybrid_rt.intersection.kernels.closed_forms import OneRay
@@ -19,7 +20,7 @@ from hybrid_rt.shading.kernels.medium_stack import STACK
 from hybrid_rt.shading.kernels.scatter import ABSORBED, LEFT, SCATTERED, SPECULAR
 
 
-def new_paths(n: int, media_depth: int, has_rivals: bool, asks_spheres: bool) -> Paths:
+def new_paths(n: int, media_depth: int, has_rivals: bool, asks_ways: bool) -> Paths:
     """Allocate n paths.
 
     Parameters
@@ -29,8 +30,8 @@ def new_paths(n: int, media_depth: int, has_rivals: bool, asks_spheres: bool) ->
         `STACK`, or 0 without dielectrics.
     has_rivals : bool
         Whether they are weighted against light subpaths.
-    asks_spheres : bool
-        Whether lamps are reached by way of spheres.
+    asks_ways : bool
+        Whether lamps are reached by way of balls or boxes.
     """
     return Paths(
         camera_ray=np.empty(n, dtype=np.int64),
@@ -44,8 +45,8 @@ def new_paths(n: int, media_depth: int, has_rivals: bool, asks_spheres: bool) ->
         media=np.empty((n, media_depth), dtype=np.int32),
         source_id=np.empty(n, dtype=np.int32),
         joined=np.empty(n if has_rivals else 0, dtype=np.bool_),
-        chain=np.empty(n if asks_spheres else 0, dtype=np.int8),
-        anchor=np.empty((n if asks_spheres else 0, 4)),
+        chain=np.empty(n if asks_ways else 0, dtype=np.int8),
+        anchor=np.empty((n if asks_ways else 0, N_COLUMNS)),
     )
 
 

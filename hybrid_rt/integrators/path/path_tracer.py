@@ -50,6 +50,7 @@ from hybrid_rt.integrators.light_points import new_light_points
 from hybrid_rt.integrators.media.absorption import media_around_camera
 from hybrid_rt.integrators.options import PathOptions
 from hybrid_rt.integrators.path.balls import balls_of
+from hybrid_rt.integrators.path.boxes import boxes_of
 from hybrid_rt.integrators.path.camera_paths import leaving_camera
 from hybrid_rt.integrators.path.light_paths import (
     PILOT_PATHS,
@@ -77,11 +78,14 @@ from hybrid_rt.integrators.path.pilot import (
     PILOT_LIGHT_PATHS,
     work_times_noise,
 )
+from hybrid_rt.lights.unevenness import unevenness
 from hybrid_rt.sensor.passes import pass_of
 from hybrid_rt.shading.kernels.emitter import BOTH, DIRECTION_ONLY, LIGHT_ONLY
 from hybrid_rt.shading.kernels.lobes.register import EVERY
 
 STRATEGIES = {"both": BOTH, "lights": LIGHT_ONLY, "directions": DIRECTION_ONLY}
+# Skies less uneven than this are found well enough by chance.
+LEAST_UNEVENNESS = 2.0
 NO_NUMBER = np.zeros(0, dtype=np.int64)
 NO_COLORS = np.zeros((0, 0, 3))
 
@@ -127,8 +131,9 @@ class PathTracer(Integrator):
             shining=bool(scene.shining),
             rough=self._light.rough_glass_of.size > 0,
         )
-        self._balls = balls_of(context)
-        self._plan_balls()
+        self._balls, self._boxes = balls_of(context), boxes_of(scene)
+        self._asks_sky = self._may_ask_sky()
+        self._plan_ways()
         self._path = self._new_paths(1)
         self._points = new_run_points(RUN_ACROSS if self._forms is None else RUN_ALONG)
         self._keep(new_light_vertices(0, self._light.n_slots))
@@ -181,28 +186,41 @@ class PathTracer(Integrator):
 
     def _leave_out_light_paths(self) -> None:
         self._lamps = None
-        self._plan_balls()
+        self._plan_ways()
         self._path = self._new_paths(1)
 
+    def _may_ask_sky(self) -> bool:
+        """Tell whether ways by balls and boxes to the sky may be worth their time."""
+        is_sampled = self._samples_lights and self.context.plan["sky samples"]
+        is_weighted = self._options.strategy == "both"
+        return bool(
+            is_sampled and is_weighted and unevenness(self.context.scene.sky) >= LEAST_UNEVENNESS
+        )
+
     @property
-    def _asks_spheres(self) -> bool:
-        return self._lamps is not None and self._balls.radius.size > 0
+    def _asks_ways(self) -> bool:
+        n_bodies = self._balls.radius.size + self._boxes.lobe.size
+        return n_bodies > 0 and (self._asks_sky or self._lamps is not None)
 
     def _new_paths(self, n: int) -> Paths:
-        return new_paths(n, self._camera_media.size, self._lamps is not None, self._asks_spheres)
+        return new_paths(n, self._camera_media.size, self._lamps is not None, self._asks_ways)
 
-    def _plan_balls(self) -> None:
-        n = self._balls.radius.size
+    def _plan_ways(self) -> None:
+        balls, boxes = self._balls.radius.size, self._boxes.lobe.size
+        ends = []
+        if self._lamps is not None:
+            ends.append("to lamps, where camera paths come by way of mirrors and glass")
+        if self._asks_sky:
+            ends.append("to the sky")
         self.context.plan.decide(
-            "lamps by way of balls",
-            self._asks_spheres,
-            f"{n} ball{'s' if n > 1 else ''} of glass or mirrors: ways by these to lamps are computed "
-            "where camera paths come by way of mirrors and glass",
-            "no light paths, whose gaps they fill"
-            if self._lamps is None
-            else "no sphere is of one mirror or of clear glass of one colour"
-            if not self.context.plan["contacts"]
-            else "clear bodies may touch",
+            "ways by balls and boxes",
+            self._asks_ways,
+            f"balls of glass or mirrors ({balls}) and boxes of glass ({boxes}): ways by these are "
+            f"computed {' and '.join(ends)}",
+            "no sphere is of one mirror or of clear glass, and no box of clear glass, or clear balls "
+            "may touch other bodies"
+            if balls + boxes == 0
+            else "no light paths, whose gaps they fill, and no sky that is bright in few directions",
         )
 
     def prepare(self, passes: range) -> LightVertexPasses | None:
@@ -250,14 +268,12 @@ class PathTracer(Integrator):
 
     def _advance(self, block: CameraBlock, rays: Block, radiance: FloatArray, tally: Tally) -> None:
         """Follow the paths of a block together, from vertex to vertex."""
-        paths = leaving_camera(
-            block, self._camera_media, self._lamps is not None, self._asks_spheres
-        )
+        paths = leaving_camera(block, self._camera_media, self._lamps is not None, self._asks_ways)
         world, rules = self._world(), self._rules()
         n = paths.camera_ray.size
         # Filled in turn: pages that are new each time would cost more than what is written.
         out, spare = (self._new_paths(n) for _ in range(2))
-        most = MOST_SHADOW_RAYS if self._asks_spheres else FEW_SHADOW_RAYS
+        most = MOST_SHADOW_RAYS if self._asks_ways else FEW_SHADOW_RAYS
         shadows = shadow_rays(most * n)
         for depth in range(self.context.max_depth + 2):
             # --- where the rays arrive
@@ -321,6 +337,7 @@ class PathTracer(Integrator):
             candidates=self._candidates,
             first_of_pass=self._first_of_pass,
             balls=self._balls,
+            boxes=self._boxes,
         )
 
     def _rules(self) -> Rules:
@@ -333,7 +350,7 @@ class PathTracer(Integrator):
             has_colors=self._forms is None and context.plan["texture lookups"],
             has_sky=context.scene.environment is not None,
             has_light_paths=self._lamps is not None,
-            has_balls=self._asks_spheres,
+            asks_sky=self._asks_ways and self._asks_sky,
             n_light_paths=1.0 if self._lamps is None else float(self._lamps.n_paths),
             near=np.inf if self._lamps is None else self._lamps.near,
             of_use=self._of_use,

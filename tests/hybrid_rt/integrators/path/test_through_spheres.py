@@ -1,4 +1,4 @@
-"""Lamps by way of mirror and glass balls, against rays that are traced by Snell's law."""
+"""Lamps and the sky by way of mirror and glass balls, against rays traced by Snell's law."""
 
 import math
 from typing import ClassVar
@@ -13,6 +13,7 @@ from hybrid_rt import (
     Camera,
     CheckerTexture,
     Dielectric,
+    ImageEnvironment,
     Lambertian,
     Mirror,
     Mix,
@@ -155,6 +156,52 @@ def test_rays_through_a_ball_go_on_to_the_lamp(ior):
 
 
 @pytest.mark.parametrize("ior", [None, 1.1, 1.5, 2.4])
+def test_rays_leave_in_the_direction_of_the_sky_that_is_asked_for(ior):
+    """A lamp at infinity."""
+    for eye in (1.001, 1.05, 1.3, 2.0, 5.0):
+        for between in (1e-3, 0.3, 1.5, 2.5, 3.0, 3.1):
+            way = np.array([math.cos(between), math.sin(between), 0.0])
+            if ior is None:
+                place = place_of_reflection(eye, math.inf, between)
+                if between > math.acos(1 / eye) + math.pi / 2:
+                    assert math.isnan(place)
+                    continue
+                m = np.array([[math.cos(place), math.sin(place), 0.0]])
+                d = m - (eye, 0.0, 0.0)
+                out = [(d - 2 * (d * m).sum() * m)[0] / np.linalg.norm(d)]
+                slack = [1e-13 / np.linalg.norm(d)]
+            else:
+                found = crossings(ior, eye, math.inf, between)
+                out, slack = [], []
+                for side, b in found:
+                    angle = math.asin(b / eye)
+                    d = np.array([[-math.cos(angle), side * math.sin(angle), 0.0]])
+                    out.append(through(np.array([[eye, 0.0, 0.0]]), d, ior)[1][0])
+                    # Grazing rays turn by the root of what b is off by.
+                    slack.append(1e-11 if b < 0.999 else 1e-6)
+            for one, most in zip(out, slack, strict=True):
+                assert np.linalg.norm(one - way) < most
+
+
+@pytest.mark.parametrize("ior", [None, 1.1, 1.5, 2.4])
+def test_the_solid_angle_is_that_of_a_long_pencil(ior):
+    """Far behind the ball the cross-section is the solid angle times the distance squared."""
+    for before in (1e-3, 0.3, 4.0):
+        for cos_i in (0.05, 0.4, 0.9):
+            far = 1e9
+            if ior is None:
+                sections = [section_of_reflected(before, after, cos_i) for after in (far, math.inf)]
+            else:
+                cos_t = math.sqrt(1 - (1 - cos_i**2) / ior**2)
+                sections = [
+                    section_of_crossed(before, after, cos_i, cos_t, ior)
+                    for after in (far, math.inf)
+                ]
+            # What a width of the order of the ball is over the distance.
+            assert sections[0] / far**2 == pytest.approx(sections[1], rel=1e-6)
+
+
+@pytest.mark.parametrize("ior", [None, 1.1, 1.5, 2.4])
 def test_sections_are_those_of_a_narrow_pencil(ior):
     """Against differences of traced rays, in two directions across the pencil."""
     rng = np.random.default_rng(5)
@@ -196,6 +243,20 @@ LAMP = RectangleLight((-0.6, -0.6, 4.0), (0, 1.2, 0), (1.2, 0, 0), 20.0)
 UPWARD = RectangleLight((-0.5, -0.5, 1.5), (1, 0, 0), (0, 1, 0), 20.0)
 BULB = SphereLight((1.5, 0.5, 3.0), 0.5, 20.0)
 BALL = Sphere((0.0, 1.0, 1.2), 0.8)
+
+
+# A sky with a window.
+SKY = np.full((16, 32, 3), 0.1)
+SKY[3:6, 16:20] = (30.0, 25.0, 20.0)
+WINDOW = ImageEnvironment(SKY, (0, 0, 1))
+
+
+def check_same(one, other):
+    """Check that the means of two pictures agree within their noise."""
+    noises = [result.report["noise"] for result in (one, other)]
+    errors = [noise["standard_error_of_image_mean"] for noise in noises]
+    gap = abs(noises[0]["image_mean"] - noises[1]["image_mean"])
+    assert gap < stats.norm.isf(ALARM / 2) * math.hypot(*errors)
 
 
 @pytest.mark.statistical
@@ -247,10 +308,35 @@ class TestPictures:
             render(scene, passes=n, seed=n, options=PathOptions(light_paths=share), **settings)
             for share, n in ((0.0, 240), (1.0, 80))
         )
-        noises = [one.report["noise"] for one in (by_chance, found)]
-        errors = [noise["standard_error_of_image_mean"] for noise in noises]
-        gap = abs(noises[0]["image_mean"] - noises[1]["image_mean"])
-        assert gap < stats.norm.isf(ALARM / 2) * math.hypot(*errors)
+        check_same(by_chance, found)
+
+    @pytest.mark.parametrize("name", ["glass", "mirror ball", "three balls", "beside a mesh"])
+    def test_same_light_of_the_sky(self, name):
+        """Without next-event estimation, no ball is asked."""
+        scene, _ = self.scene(name)
+        scene = Scene(scene.camera, scene.objects, [], WINDOW)
+        by_chance, found = (
+            render(scene, passes=n, seed=n, options=PathOptions(strategy=strategy))
+            for strategy, n in (("directions", 300), ("both", 120))
+        )
+        assert "to the sky" in found.report["plan"]["light"]["used"]["ways by balls and boxes"]
+        check_same(by_chance, found)
+
+    def test_a_ball_seen_from_within(self):
+        """The ball stands about the origin, where its points round least.
+
+        Shadow rays that began beside it met it at once, and a twentieth of the light was lost.
+        """
+        ball = Object(Sphere((0, 0, 0), 1), PANE)
+        floor = Object(Rectangle((-5, -5, -1.2), (10, 0, 0), (0, 10, 0)), Lambertian(0.6))
+        camera = Camera((0, 0, 0.2), (0, 0.3, -1), (0, 1, 0), 60, 16, 12)
+        scene = Scene(camera, [ball, floor], [SphereLight((1, 1, 4), 0.5, 10)])
+        check_same(
+            *(
+                render(scene, passes=n, seed=n, options=PathOptions(light_paths=share))
+                for share, n in ((0.0, 1500), (1.0, 1000))
+            )
+        )
 
     def test_noise_falls(self):
         """By chance, a path meets the lamp by way of the ball once in hundreds of times.
@@ -274,7 +360,7 @@ class TestPictures:
     def test_the_plan_says_so(self):
         scene, _ = self.scene("glass", 4)
         plan = render(scene, passes=1).report["plan"]["light"]
-        assert "1 ball" in plan["used"]["lamps by way of balls"]
+        assert "balls of glass or mirrors (1)" in plan["used"]["ways by balls and boxes"]
 
     @pytest.mark.parametrize(
         "ball",
@@ -289,6 +375,6 @@ class TestPictures:
     )
     def test_other_balls_are_left_to_chance(self, ball):
         scene, _ = self.scene("glass", 4)
-        scene = Scene(scene.camera, [FLOOR, FRONT, ball], [LAMP])
+        scene = Scene(scene.camera, [FLOOR, ball], [LAMP])
         plan = render(scene, passes=1).report["plan"]["light"]
-        assert "lamps by way of balls" in plan["left_out"]
+        assert "ways by balls and boxes" in plan["left_out"]

@@ -1,0 +1,190 @@
+"""Next-event estimation by way of glass or a mirror: what all shapes have in common.
+
+Light that glass or a mirror throws onto a surface is found by chance when a BSDF sample goes that way
+to a lamp. Manifold next-event estimation (Hanika, Droske and Fascione, 2015) computes the way from
+the surface to a sampled point of a lamp, or to a sampled direction of the sky, instead. On spheres
+and flat faces nothing is left to chance in it, as all ways are found:
+`hybrid_rt.integrators.kernels.through_spheres` and `hybrid_rt.integrators.kernels.through_boxes`.
+
+Each such way is also found by BSDF sampling, and the two are combined by the power heuristic. The
+densities are per area of the lamp, or per solid angle of the sky. What converts them is the
+cross-section of a narrow pencil of rays at its end over its solid angle; for the sky, the solid angle
+of the pencil that leaves over that. Where it is zero, on a caustic, the weight of this technique is
+zero, so its variance stays bounded.
+"""
+
+import math
+
+from hybrid_rt.shading.kernels.bsdf import scattered, sides_differ
+from hybrid_rt.shading.kernels.emitter import power_weight
+from hybrid_rt.shading.kernels.environment import sky_direction, sky_pdf, sky_radiance
+from hybrid_rt.shading.kernels.fresnel import fresnel, schlick
+from hybrid_rt.shading.kernels.light_kinds import (
+    RECTANGLE,
+    SPHERE,
+    chosen_strength,
+    leaving_point,
+    pdf_of_area,
+)
+from hybrid_rt.shading.kernels.lobes.register import EVERY
+from hybrid_rt.shading.kernels.medium_stack import ABSORPTION, IOR, NONE, SCHLICK, STACK
+from meshing.kernels.jit import inlined
+
+# What a camera path has met since its last non-delta vertex: something that is not asked (no weight
+# then); nothing yet; the outside of a sphere, a way into it, both ways through it; a way into a box,
+# a way out of the box that the vertex is in, both ways through a box.
+OTHER, ANCHORED, REFLECTED, ENTERED, CROSSED = 0, 1, 2, 3, 4
+# Of these, the number of the face is added.
+BOX_ENTERED, BOX_LEFT, BOX_CROSSED = 8, 16, 24
+# What is asked at a vertex.
+NOTHING_ASKED, SKY_ASKED, ALL_ASKED = 0, 1, 2
+# Columns of `Paths.anchor`: place of the vertex, pdf of the direction sampled there, what is asked
+# there, the box that it lies in (-1: none), and the lengths of the way before and inside a box.
+PDF, ASKED, INSIDE, BEFORE, WITHIN, N_COLUMNS = 3, 4, 5, 6, 7, 8
+# Bodies are asked in proportion to the sum of their (radius / distance)^2, up to this sum always.
+SMALL = 0.15
+
+
+@inlined
+def which_are_asked(rules, paths, depth):
+    """Tell which lamps are asked at a vertex that spreads light.
+
+    Light subpaths find what lamps send to surfaces that the camera sees straight, and to those seen
+    from another one (see `hybrid_rt.integrators.kernels.light_paths`). Nothing else finds the sky.
+    """
+    if depth + 1 >= rules.max_depth:
+        return NOTHING_ASKED
+    if rules.has_light_paths and depth > 0 and paths.pdf[0] == 0.0 and paths.rival[0] == 0.0:
+        return ALL_ASKED
+    return SKY_ASKED if rules.asks_sky else NOTHING_ASKED
+
+
+@inlined
+def is_asked(world, asked, light):
+    """Tell whether a light is among those that are asked at a vertex."""
+    lights = world.lights
+    if light >= lights.kind.size:
+        return lights.chance[light] > 0.0 and asked != NOTHING_ASKED
+    if asked != ALL_ASKED or lights.chance[light] == 0.0:
+        return False
+    return lights.kind[light] == RECTANGLE or lights.kind[light] == SPHERE
+
+
+@inlined
+def only_medium(stack, i):
+    """Return the lobe that a ray is within, `NONE`, or -2 if there are several."""
+    found = NONE
+    for k in range(STACK):
+        if stack[i, k] != NONE:
+            if found != NONE:
+                return -2
+            found = stack[i, k]
+    return found
+
+
+@inlined
+def end_of_way(world, vertex, light, s, t):
+    """Sample a point of a light, or a direction of the sky, by (s, t).
+
+    Returns the point or direction, the normal there (of the sky: the opposite direction), the pdf
+    per area or solid angle, with the chance of the light, and the radiance.
+    """
+    lights = world.lights
+    if light == lights.kind.size:
+        x, y, z = sky_direction(world.sky, s, t)
+        r, g, b = sky_radiance(world.sky, x, y, z)
+        pdf = sky_pdf(world.sky, x, y, z) * lights.chance[light]
+        return x, y, z, -x, -y, -z, pdf, r, g, b
+    x, y, z, nx, ny, nz, _, pdf = leaving_point(lights, vertex.light_point, 0, light, s, t)
+    r, g, b = chosen_strength(lights, world.textures, vertex.light_point, 0, light, s, t, x, y, z)
+    return x, y, z, nx, ny, nz, pdf * lights.chance[light], r, g, b
+
+
+@inlined
+def pdf_of_end(world, light, paths):
+    """Return the pdf of `end_of_way` for what a path has run into."""
+    chance = world.lights.chance[light]
+    if light == world.lights.kind.size:
+        d = paths.directions
+        return chance * sky_pdf(world.sky, d[0, 0], d[0, 1], d[0, 2])
+    return chance * pdf_of_area(world.lights, light, 0.0)
+
+
+@inlined
+def reflectance_of(lobes, lobe, cos_i):
+    """Return the reflectance of a dielectric from outside, and the cosine inside."""
+    if lobes.number[lobe, SCHLICK] != 0.0:
+        return schlick(cos_i, lobes.number[lobe, IOR])
+    return fresnel(cos_i, lobes.number[lobe, IOR])
+
+
+@inlined
+def left_by(lobes, lobe, length):
+    """Return what clear glass leaves of light after a distance."""
+    number = lobes.number
+    return (
+        math.exp(-number[lobe, ABSORPTION] * length),
+        math.exp(-number[lobe, ABSORPTION + 1] * length),
+        math.exp(-number[lobe, ABSORPTION + 2] * length),
+    )
+
+
+@inlined
+def brought(world, paths, vertices, x, y, z, end, cos_lamp, part, section):
+    """Return what a way brings that leaves a vertex in the unit direction (x, y, z); or zero.
+
+    Parameters
+    ----------
+    end : tuple
+        What `end_of_way` returns, its pdf times the chance of the body.
+    cos_lamp : float
+        Of the way to the normal of the lamp.
+    part : float
+        What the surfaces on the way pass on, and the probability that a path does not leave it.
+    section : float
+        See the module.
+    """
+    material, colors, _, normal, direction, geometric, ratio = vertices
+    if section <= 0.0 or part <= 0.0 or sides_differ(geometric, normal, 0, direction, x, y, z):
+        return 0.0, 0.0, 0.0
+    fr, fg, fb, pdf = scattered(
+        world.lobes, material[0], colors, 0, normal[0, 0], normal[0, 1], normal[0, 2],
+        direction[0, 0], direction[0, 1], direction[0, 2], x, y, z,
+        ratio[0] if ratio.size else 0.0, EVERY,
+    )  # fmt: skip
+    if pdf <= 0.0:
+        return 0.0, 0.0, 0.0
+    _, _, _, _, _, _, density, r, g, b = end
+    factor = part * cos_lamp / (section * density)
+    factor *= power_weight(density * section, pdf * part * cos_lamp)
+    return (
+        factor * fr * r * paths.throughput[0, 0],
+        factor * fg * g * paths.throughput[0, 1],
+        factor * fb * b * paths.throughput[0, 2],
+    )
+
+
+@inlined
+def add_segment(paths, rays, n, source, px, py, pz, target, qx, qy, qz, follows):
+    """Write row n of the shadow rays, from p to q, with value 0."""
+    rays.camera_ray[n] = paths.camera_ray[0]
+    rays.source_id[n], rays.target_id[n], rays.t_max[n] = source, target, 1.0
+    rays.follows[n] = follows
+    rays.origin[n, 0], rays.origin[n, 1], rays.origin[n, 2] = px, py, pz
+    rays.end[n, 0], rays.end[n, 1], rays.end[n, 2] = qx, qy, qz
+    rays.way[n, 0], rays.way[n, 1], rays.way[n, 2] = qx - px, qy - py, qz - pz
+    rays.value[n, 0] = rays.value[n, 1] = rays.value[n, 2] = 0.0
+
+
+@inlined
+def add_last_segment(world, paths, rays, n, source, px, py, pz, light, end, r, g, b):
+    """Write row n of the shadow rays, from p to a lamp or the sky, with its value."""
+    x, y, z = end[0], end[1], end[2]
+    if light == world.lights.kind.size:
+        add_segment(paths, rays, n, source, px, py, pz, NONE, px + x, py + y, pz + z, True)
+        rays.way[n, 0], rays.way[n, 1], rays.way[n, 2] = x, y, z
+        rays.t_max[n] = math.inf
+    else:
+        lamp = world.surface_of_light[light]
+        add_segment(paths, rays, n, source, px, py, pz, lamp, x, y, z, True)
+    rays.value[n, 0], rays.value[n, 1], rays.value[n, 2] = r, g, b

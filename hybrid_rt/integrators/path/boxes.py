@@ -1,0 +1,101 @@
+"""The boxes of clear glass through which lamps are reached."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from hybrid_rt.core.records import BoolArray, FloatArray
+from hybrid_rt.integrators.kernels.through_boxes import Boxes
+from hybrid_rt.integrators.path.balls import is_clear, rows_of
+from hybrid_rt.primitives import Box, Rectangle, Sphere, TriangleMesh
+from hybrid_rt.primitives.torus import Torus
+from hybrid_rt.scene.compiled import CompiledScene
+from meshing import SurfaceOfRevolution
+from meshing.surface import Surface
+
+# What lies nearer to a face than this part of the scene's coordinates may touch it; the rim of the
+# face is left out by as much.
+NEAR = 1e-6
+
+
+def boxes_of(scene: CompiledScene) -> Boxes:
+    """Return the boxes of clear glass, with an index above 1."""
+    surfaces = scene.surfaces
+    rows = [i for i in range(len(surfaces)) if isinstance(surfaces[i], Box) and is_clear(scene, i)]
+    lobe = scene.lobes.first[scene.material_of[rows]] if rows else np.zeros(0, dtype=np.int32)
+    corner = np.array([surfaces[i].lo for i in rows]).reshape(-1, 3)
+    edges = np.array([surfaces[i].edges for i in rows]).reshape(-1, 3, 3)
+    along = np.linalg.inv(edges).transpose(0, 2, 1)
+    length = np.linalg.norm(along, axis=2)
+    center = corner + 0.5 * edges.sum(axis=1)
+    signs = np.stack(np.meshgrid(*3 * [(-0.5, 0.5)]), axis=-1).reshape(-1, 3)
+    corners = np.einsum("ck,nkx->ncx", signs, edges)
+    color = scene.textures.number[scene.lobes.texture[lobe], :3]
+    return Boxes(
+        corner=corner,
+        along=np.ascontiguousarray(along),
+        across=along / length[:, :, None],
+        thickness=1.0 / length,
+        center=center,
+        square=(corners**2).sum(axis=2).max(axis=1, initial=0.0),
+        surface=np.array(rows, dtype=np.int32),
+        lobe=np.asarray(lobe, dtype=np.int32),
+        tint=np.ascontiguousarray(scene.color_factor[lobe, None] * color, dtype=np.float64),
+        is_open=np.array([open_faces(surfaces, i) for i in rows], dtype=np.bool_).reshape(-1, 6),
+        of_surface=rows_of(scene, rows),
+    )
+
+
+def open_faces(surfaces: list[Surface], one: int) -> BoolArray:
+    """Tell on which faces of a box no other surface lies, (6,) bool.
+
+    A way through glass ends or begins in its face, where a shadow ray would not tell that another
+    surface is there as well. Surfaces that touch the face in points or curves do not matter.
+    """
+    box = surfaces[one]
+    assert isinstance(box, Box)
+    slack = NEAR * np.abs(box.bounds).max()
+    is_open = np.ones(6, dtype=np.bool_)
+    for face in range(6):
+        # The face without its rim.
+        u, v = np.meshgrid([NEAR, 1.0 - NEAR], [NEAR, 1.0 - NEAR])
+        corners = box.point(u.ravel(), v.ravel(), face)
+        normal = box.normal(0.5, 0.5, face)[0]
+        others = (surface for k, surface in enumerate(surfaces) if k != one)
+        is_open[face] = not any(_may_lie_on(other, corners, normal, slack) for other in others)
+    return is_open
+
+
+def _may_lie_on(surface: Surface, face: FloatArray, normal: FloatArray, slack: float) -> bool:
+    """Tell whether part of a surface may lie in the plane of a face, with corners (4, 3), on it."""
+    if isinstance(surface, (Sphere, Torus)):
+        return False
+    if isinstance(surface, SurfaceOfRevolution):
+        disc = np.cross(surface.radial, surface.binormal)
+        if abs(disc @ normal) < (1.0 - NEAR) * np.linalg.norm(disc):
+            return False
+    pieces = _flat_pieces(surface)
+    heights = (pieces - face[0]) @ normal
+    is_flat = np.abs(heights).max(axis=1) <= slack
+    if not isinstance(surface, (Box, Rectangle, TriangleMesh)):
+        # Corners of bounds, on both sides of the plane or near it.
+        is_flat = (heights.min(axis=1) <= slack) & (heights.max(axis=1) >= -slack)
+    low, high = face.min(axis=0), face.max(axis=0)
+    # Across the face there is room for rounding.
+    room = slack * np.abs(normal)
+    meets = (pieces.min(axis=1) <= high + room) & (pieces.max(axis=1) >= low - room)
+    return bool((is_flat & meets.all(axis=1)).any())
+
+
+def _flat_pieces(surface: Surface) -> FloatArray:
+    """Return corners of flat pieces that a surface consists of, or of its bounds, (n, corners, 3)."""
+    if isinstance(surface, TriangleMesh):
+        return np.asarray(surface.vertices[surface.faces])
+    u, v = np.array([0.0, 1.0, 0.0, 1.0]), np.array([0.0, 0.0, 1.0, 1.0])
+    if isinstance(surface, Rectangle):
+        return surface.point(u, v)[None]
+    if isinstance(surface, Box):
+        return np.stack([surface.point(u, v, face) for face in range(6)])
+    corners = np.stack(np.meshgrid(*3 * [[0, 1]]), axis=-1).reshape(-1, 3)
+    of_bounds: FloatArray = surface.bounds[corners, np.arange(3)]
+    return of_bounds[None]
