@@ -58,7 +58,8 @@ class HitRecord:
         Index of the patch, profile segment, face of a mesh (in input order) or face of a box;
         otherwise 0.
     u, v : (n,) float64
-        Surface parameters; nan on a miss.
+        Surface parameters; nan on a miss. No bound is stated on them, nor on what is computed from
+        them: position and normal.
     position : (n, 3) float64
         The point of the surface at (u, v), scene units, world frame; nan on a miss.
     normal : (n, 3) float64

@@ -303,6 +303,10 @@ class Intersector:
     ) -> Crossings:
         """Find every crossing of each ray. A shared edge, a seam or a pole counts once.
 
+        So does a place where the surfaces of two objects coincide: one of them is named. Two crossings
+        that rounding cannot tell apart, where a ray grazes within twice the band or so, may count as
+        one.
+
         Parameters and errors are those of `intersect`.
 
         Returns

@@ -105,7 +105,8 @@ class Scene:
         lights = checks.items(lights, "Scene lights")
         for i, item in enumerate(objects):
             if not isinstance(item, Object):
-                raise TypeError(f"Scene objects[{i}] is {checks.shown(item)}: pass an Object")
+                hint = "lights go into lights=" if isinstance(item, Light) else "pass an Object"
+                raise TypeError(f"Scene objects[{i}] is {checks.shown(item)}: {hint}")
         for i, light in enumerate(lights):
             if not isinstance(light, Light):
                 raise TypeError(f"Scene lights[{i}] is {checks.shown(light)}: pass a light")

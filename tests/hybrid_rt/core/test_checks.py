@@ -87,6 +87,10 @@ def mesh(vertices, faces):
             lambda: Scene(CAMERA, [ITEM], PointLight(UP, 1)),
             r"Scene lights is PointLight\(.*: pass a list",
         ),
+        (
+            lambda: Scene(CAMERA, [PointLight(UP, 1)]),
+            r"objects\[0\] is PointLight\(.*: lights go into lights=",
+        ),
         (lambda: render(ITEM), r"render scene is Object\(.*: pass a Scene"),
         (lambda: render(Scene(CAMERA), outputs="depth"), "outputs is 'depth': pass a list"),
         (lambda: render(Scene(CAMERA), progress=3), "progress is 3: pass a function"),
