@@ -7,7 +7,7 @@ import numpy as np
 from hybrid_rt.core.records import BoolArray, FloatArray
 from hybrid_rt.integrators.kernels.through_boxes import Boxes
 from hybrid_rt.integrators.path.balls import is_clear, rows_of
-from hybrid_rt.primitives import Box, Rectangle, Sphere, TriangleMesh
+from hybrid_rt.primitives import Box, Plane, Rectangle, Sphere, TriangleMesh
 from hybrid_rt.primitives.torus import Torus
 from hybrid_rt.scene.compiled import CompiledScene
 from meshing import SurfaceOfRevolution
@@ -70,6 +70,8 @@ def _may_lie_on(surface: Surface, face: FloatArray, normal: FloatArray, slack: f
     """Tell whether part of a surface may lie in the plane of a face, with corners (4, 3), on it."""
     if isinstance(surface, (Sphere, Torus)):
         return False
+    if isinstance(surface, Plane):
+        return bool(np.abs((face - surface.origin) @ surface.unit_normal).max() <= slack)
     if isinstance(surface, SurfaceOfRevolution):
         disc = np.cross(surface.radial, surface.binormal)
         if abs(disc @ normal) < (1.0 - NEAR) * np.linalg.norm(disc):

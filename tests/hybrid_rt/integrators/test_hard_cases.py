@@ -16,6 +16,7 @@ from hybrid_rt.primitives import Box, Rectangle, Sphere
 from hybrid_rt.rendering.renderer import render
 from hybrid_rt.scene.scene import Object, Scene
 from hybrid_rt.sensor.camera import Camera
+from hybrid_rt.textures import CheckerTexture
 from meshing import BezierPatches
 
 FLOOR = Object(Rectangle((-9, -9, 0), (18, 0, 0), (0, 18, 0)), Lambertian(0.5), "floor")
@@ -65,9 +66,11 @@ def test_a_body_of_bezier_patches_is_the_box_that_it_describes():
             net[:, 0, b], net[:, 1, b] = lo[b], hi[b]
             nets.append(net.transpose(1, 0, 2) if swap else net)
     lamp = SphereLight((1, -1, 4), 0.5, 10.0)
+    # Through boxes whose tint is a texture, no ways to lamps are computed, as through patches.
+    glass = Dielectric(1.5, 0.2, tint=CheckerTexture(1.0, 1.0))
     pictures = [
         render(
-            Scene(CAMERA.resized(32, 32), [Object(body, Dielectric(1.5, 0.2)), FLOOR], [lamp]),
+            Scene(CAMERA.resized(32, 32), [Object(body, glass), FLOOR], [lamp]),
             passes=8, seed=2,
         ).image
         for body in (BezierPatches(nets), Box(lo, hi))

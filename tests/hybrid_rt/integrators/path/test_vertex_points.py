@@ -12,10 +12,11 @@ from hybrid_rt.integrators.kernels.vertex_points import (
     PER_STEP,
     RUN_ACROSS,
     RUN_ALONG,
+    TO_SPHERE,
     RunPoints,
     draw_across,
     draw_along,
-    draw_to_sphere,
+    draw_later,
     new_run_points,
 )
 from hybrid_rt.sampling.sampler import Sampler
@@ -46,7 +47,7 @@ def across(rules, pixel, sample, begin, points):
 
 @hot_kernel
 def to_sphere(rules, pixel, sample, out):
-    out[0], out[1] = draw_to_sphere(rules, DEPTH, pixel, sample)
+    out[0], out[1] = draw_later(rules, DEPTH, TO_SPHERE, pixel, sample)
 
 
 def expected(rows: slice, depth: int) -> np.ndarray:
