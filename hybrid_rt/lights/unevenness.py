@@ -1,16 +1,23 @@
-"""How unevenly the sky shines."""
+"""How brightly and how unevenly the sky shines."""
+
+from typing import NamedTuple
 
 import numpy as np
 
 from hybrid_rt.shading.kernels.environment import PICTURE, EnvironmentTable
 
 
-def unevenness(sky: EnvironmentTable) -> float:
-    """Return the mean over all directions of squared radiance, over its mean squared.
+class Brightness(NamedTuple):
+    """Of the sky, over all directions."""
 
-    It is 1 for a sky of one colour, at most 4/3 for a gradient, and 1 / f if all light comes evenly
-    from a part f of all directions.
-    """
+    mean: float  # radiance, mean of its channels
+    # Mean of squared radiance over its mean squared: 1 for a sky of one colour, at most 4/3 for a
+    # gradient, and 1 / f if all light comes evenly from a part f of all directions.
+    unevenness: float
+
+
+def brightness(sky: EnvironmentTable) -> Brightness:
+    """Return how brightly and how unevenly the sky shines."""
     if sky.kind == PICTURE:
         radiance = sky.texel.mean(axis=2, dtype=np.float64)
         edges = np.cos(np.pi * np.linspace(0.0, 1.0, len(radiance) + 1))
@@ -20,5 +27,8 @@ def unevenness(sky: EnvironmentTable) -> float:
         low, high = sky.colors.mean(axis=1)
         radiance = np.array([low, 0.5 * (low + high), high])
         weight = np.array([1.0, 4.0, 1.0])
-    mean = np.average(radiance, weights=weight)
-    return float(np.average(radiance**2, weights=weight) / mean**2) if mean > 0.0 else 1.0
+    mean = float(np.average(radiance, weights=weight))
+    if mean == 0.0:
+        return Brightness(0.0, 1.0)
+    # Squares of what is over the mean neither overflow nor vanish.
+    return Brightness(mean, float(np.average((radiance / mean) ** 2, weights=weight)))

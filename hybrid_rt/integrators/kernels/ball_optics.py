@@ -1,25 +1,35 @@
-"""Ways of light from a point to another by way of a ball: reflected outside, or refracted twice.
+"""Ways of light from a point to another by way of a ball: reflected outside, or through it.
 
 Such a way lies in the plane of both points and the centre, so one number describes it. A ray is
-reflected at the outside by one way at most, and goes through a ball of glass by up to three.
+reflected at the outside by one way at most, and goes through a ball of glass by up to three. Within
+the ball there may be another one about the same centre, the core: the distance of the ray from the
+centre times the index stays the same (Born and Wolf, "Principles of optics", section 3.2), so one
+number still describes the way.
 
-A pencil of rays widens differently in that plane and across it. Both widths follow from Coddington's
-equations for a single ray (Born and Wolf, "Principles of optics", section 4.6), and their product is
-the cross-section of the pencil over its solid angle.
+A pencil of rays widens differently in that plane and across it. The product of both widths is the
+cross-section of the pencil over its solid angle. At the outside they follow from Coddington's
+equations for a single ray (section 4.6).
 
 The radius of the ball is one: lengths are over the radius.
 """
 
 import math
 
-from meshing.kernels.jit import inner
+from meshing.kernels.jit import inlined, inner
 
 # Bisection halves the bracket, Newton iteration squares its error: this many steps are not reached.
 MOST_STEPS = 100
 # Of the number that describes a way. Newton steps differ by some roundings in the end.
 CLOSE = 1e-14
+# Of a Newton step, after which the error is about its square.
+NEWTON_CLOSE = 1e-9
 # How well the place is known that parts two ways. Both are on a caustic there, where they carry nothing.
 NEAR_LEAST = 1e-7
+# Cells of the number in which the slope of the turn is taken to change its sign once, with a core.
+CELLS = 8
+# Up to four parts of the number's range in which the turn is monotonic, with two ways each.
+MOST_WAYS = 8
+SMALLEST = 1e-300
 
 
 @inner
@@ -68,43 +78,59 @@ def place_of_reflection(eye, lamp, between):
 
 
 @inner
-def turn(b, ior, eye, lamp):
+def turn(b, ior, eye, lamp, core):
     """Return by how far a ray is turned about the centre of a unit ball, less half a turn.
 
-    ``b`` is its distance from the centre outside the ball, the sine of the angle of incidence;
-    the ray goes from distance ``eye`` to distance ``lamp``, which may be inf.
+    Parameters
+    ----------
+    b : float
+        Its distance from the centre outside the ball: the sine of the angle of incidence.
+    ior : float
+        Of the ball.
+    eye, lamp : float
+        Distances from the centre at which the ray begins and ends; the second may be inf.
+    core : tuple of two float
+        Radius of a ball within that the ray crosses too, times the index around it, and times its
+        own; inf where it crosses none.
     """
-    return 2.0 * math.asin(b) - 2.0 * math.asin(b / ior) - math.asin(b / eye) - math.asin(b / lamp)
+    total = 2.0 * math.asin(b) - 2.0 * math.asin(b / ior) - math.asin(b / eye) - math.asin(b / lamp)
+    before, within = core
+    if before < math.inf:
+        total += 2.0 * (math.asin(min(b / before, 1.0)) - math.asin(min(b / within, 1.0)))
+    return total
+
+
+@inlined
+def _slope_of_asin(b, scale):
+    """Return the derivative of asin(b / scale) by b; huge, not inf, at its end."""
+    return 1.0 / math.sqrt(max(scale * scale - b * b, SMALLEST))
 
 
 @inner
-def turn_slope(b, ior, eye, lamp):
-    """Return the derivative of `turn` by b; inf at 1."""
-    q = b * b
-    if q >= 1.0:
-        return math.inf
-    return (
-        2.0 / math.sqrt(1.0 - q)
-        - 2.0 / math.sqrt(ior * ior - q)
-        - 1.0 / math.sqrt(eye * eye - q)
-        - 1.0 / math.sqrt(lamp * lamp - q)
+def turn_slope(b, ior, eye, lamp, core):
+    """Return the derivative of `turn` by b; huge, or the opposite, where an angle is a right one."""
+    slope = (
+        2.0 * _slope_of_asin(b, 1.0)
+        - 2.0 * _slope_of_asin(b, ior)
+        - _slope_of_asin(b, eye)
+        - _slope_of_asin(b, lamp)
     )
+    before, within = core
+    if before < math.inf:
+        slope += 2.0 * (_slope_of_asin(b, before) - _slope_of_asin(b, within))
+    return slope
 
 
 @inner
-def least_turn(ior, eye, lamp):
-    """Return the distance b at which `turn` is least; 0 where it grows from the centre on.
+def change_of_slope(low, high, ior, eye, lamp, core):
+    """Return the place in [low, high] at which the slope of `turn` changes its sign.
 
-    For indices above 1 its slope is either positive everywhere, or negative up to one place and
-    positive from there on: where it is positive at 0, so is the second derivative, which has one
-    change of sign at most, from below.
+    Its signs at the ends differ.
     """
-    if turn_slope(0.0, ior, eye, lamp) >= 0.0:
-        return 0.0
-    low, high = 0.0, 1.0
+    is_falling = turn_slope(low, ior, eye, lamp, core) < 0.0
     while high - low > NEAR_LEAST:
         middle = 0.5 * (low + high)
-        if turn_slope(middle, ior, eye, lamp) < 0.0:
+        if (turn_slope(middle, ior, eye, lamp, core) < 0.0) == is_falling:
             low = middle
         else:
             high = middle
@@ -112,7 +138,7 @@ def least_turn(ior, eye, lamp):
 
 
 @inner
-def crossing_between(low, high, at_low, at_high, asked, ior, eye, lamp):
+def crossing_between(low, high, at_low, at_high, asked, ior, eye, lamp, core):
     """Return b in [low, high], where `turn` is monotonic, at which it is ``asked``; nan: nowhere.
 
     ``at_low`` and ``at_high`` are its values at the ends.
@@ -122,19 +148,70 @@ def crossing_between(low, high, at_low, at_high, asked, ior, eye, lamp):
         return math.nan
     at = low - at_low * (high - low) / (at_high - at_low) if at_low != at_high else low
     for _ in range(MOST_STEPS):
-        excess = turn(at, ior, eye, lamp) - asked
+        excess = turn(at, ior, eye, lamp, core) - asked
         if (excess > 0.0) == (at_high > 0.0):
             high = at
         else:
             low = at
-        slope = turn_slope(at, ior, eye, lamp)
-        step = at - excess / slope if slope != 0.0 else low
+        slope = turn_slope(at, ior, eye, lamp, core)
+        step, close = at - excess / slope if slope != 0.0 else low, NEWTON_CLOSE
         if not low < step < high:
-            step = 0.5 * (low + high)
-        if abs(step - at) <= CLOSE:
+            step, close = 0.5 * (low + high), CLOSE
+        if abs(step - at) <= close:
             return step
         at = step
     return at
+
+
+@inner
+def ways_across(first, last, asked, ior, eye, lamp, core, found):
+    """Find all ways through a ball with b in [first, last]; return how many.
+
+    Where `turn` is monotonic, there is one way at most. Its slope is a sum of c / sqrt(s^2 - b^2),
+    which changes its sign no more often than the c do, sorted by s: once for glass of one kind,
+    where the slope falls below zero, if at all, from b = 0 on; up to three times with a core. Cells
+    are taken as small enough to hold one change each.
+
+    Parameters
+    ----------
+    first, last : float
+    asked : float
+        pi less the angle between both ends, seen from the centre.
+    ior, eye, lamp, core
+        See `turn`.
+    found : (MOST_WAYS,) float64, written
+        b of each way, negative if it passes the centre on the far side: then it is turned by more
+        than half a turn.
+    """
+    n = 0
+    cells = CELLS if core[0] < math.inf else 1
+    low, at_low = first, turn(first, ior, eye, lamp, core)
+    cell, is_falling = first, turn_slope(first, ior, eye, lamp, core) < 0.0
+    for k in range(1, cells + 1):
+        # Closer toward the end, where slopes are steepest.
+        stop = first + (last - first) * math.sin(0.5 * math.pi * k / cells)
+        falls_at_stop = turn_slope(stop, ior, eye, lamp, core) < 0.0
+        # Ends of parts in which the turn is monotonic.
+        n_ends = 0
+        end = stop
+        if falls_at_stop != is_falling:
+            end = change_of_slope(cell, stop, ior, eye, lamp, core)
+            n_ends = 1
+        n_ends += k == cells
+        for which in range(n_ends):
+            high = stop if which == 1 else end
+            at_high = turn(high, ior, eye, lamp, core)
+            for side in range(2):
+                sign = 1.0 - 2.0 * side
+                b = crossing_between(
+                    low, high, at_low, at_high, -sign * asked, ior, eye, lamp, core
+                )
+                if not math.isnan(b) and n < MOST_WAYS:
+                    found[n] = sign * b
+                    n += 1
+            low, at_low = high, at_high
+        cell, is_falling = stop, falls_at_stop
+    return n
 
 
 @inner
@@ -151,32 +228,20 @@ def section_of_reflected(before, after, cos_i):
 
 
 @inner
-def section_of_crossed(before, after, cos_i, cos_t, ior):
+def section_of_crossed(b, ior, eye, lamp, core):
     """Return the cross-section over the solid angle of a pencil that crosses a unit ball of glass.
 
-    Parameters
-    ----------
-    before, after : float
-        Lengths of the ray to the ball and from it. If the second is inf, the result is the solid
-        angle at the end over that at the beginning.
-    cos_i, cos_t : float
-        Cosines of the angles outside and inside.
-    ior : float
+    The plane of the ray holds the centre, so both widths follow from the turn: in the plane from its
+    slope, and across it, where all turns about the line from the centre to the beginning, from
+    itself.
+
+    Parameters are those of `turn`. If ``lamp`` is inf, the result is the solid angle at the end over
+    that at the beginning.
     """
-    chord = 2.0 * cos_t
-    # In the plane: the width of the pencil, its angle, and the part of the circle that it covers.
-    arc = before / cos_i
-    angle = (1.0 + arc) * cos_i / (ior * cos_t) - arc
-    arc = (arc * cos_t + chord * angle) / cos_t
-    angle = (angle - arc) * (ior * cos_t / cos_i) + arc
-    within = angle
-    if after < math.inf:
-        within = arc * cos_i + after * angle
-    # Across it.
-    bend = ior * cos_t - cos_i
-    angle = (1.0 - before * bend) / ior
-    width = before + chord * angle
-    across = ior * angle - width * bend
-    if after < math.inf:
-        across = width + after * across
+    slope = turn_slope(b, ior, eye, lamp, core)
+    within = slope * math.sqrt(max(eye * eye - b * b, 0.0))
+    across = eye * (math.sin(turn(b, ior, eye, lamp, core)) / b if b > 0.0 else slope)
+    if lamp < math.inf:
+        within *= math.sqrt(max(lamp * lamp - b * b, 0.0))
+        across *= lamp
     return abs(within * across)

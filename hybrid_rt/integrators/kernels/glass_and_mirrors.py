@@ -4,13 +4,20 @@ import math
 
 from hybrid_rt.integrators.kernels.compaction import choose_light
 from hybrid_rt.integrators.kernels.through_boxes import (
+    MOST_MIRRORED,
     ask_through_boxes,
     box_around,
     face_of,
+    is_mirrored_inside,
     pdf_by_box,
 )
 from hybrid_rt.integrators.kernels.through_spheres import ask_through_spheres, pdf_by_ball
-from hybrid_rt.integrators.kernels.vertex_points import TO_BOX, TO_SPHERE, draw_later
+from hybrid_rt.integrators.kernels.vertex_points import (
+    TO_BOX,
+    TO_SPHERE,
+    WHICH_WAY,
+    draw_later,
+)
 from hybrid_rt.integrators.kernels.ways import (
     ANCHORED,
     ASKED,
@@ -18,9 +25,13 @@ from hybrid_rt.integrators.kernels.ways import (
     BOX_CROSSED,
     BOX_ENTERED,
     BOX_LEFT,
+    CORE_CROSSED,
+    CORE_ENTERED,
+    CORE_LEFT,
     CROSSED,
     ENTERED,
     INSIDE,
+    MIRRORED,
     NOTHING_ASKED,
     OTHER,
     PDF,
@@ -68,6 +79,7 @@ def ask_by_ways(world, rules, paths, vertex, vertices, depth, rays, n):
         return False, n
     anchor, at = paths.anchor, vertex.hit.position
     anchor[0, ASKED], anchor[0, INSIDE] = asked, -1.0
+    anchor[0, WITHIN] = anchor[0, MIRRORED] = 0.0
     is_inside = False
     if paths.media.shape[1] > 0:
         medium = only_medium(paths.media, 0)
@@ -81,19 +93,20 @@ def ask_by_ways(world, rules, paths, vertex, vertices, depth, rays, n):
     for k in range(3):
         anchor[0, k] = at[0, k]
     pixel, sample = paths.pixel[0], paths.sample[0]
+    which_of_ball, which_of_box = draw_later(rules, depth, WHICH_WAY, pixel, sample)
     if world.balls.radius.size and not is_inside:
         s, t = draw_later(rules, depth, TO_SPHERE, pixel, sample)
         light, s = choose_light(world.before, world.lights.chance, s)
         if is_asked(world, asked, light):
             n = ask_through_spheres(
-                world, rules, paths, vertex, vertices, depth, light, s, t, rays, n
+                world, rules, paths, vertex, vertices, depth, light, s, t, which_of_ball, rays, n
             )
     if world.boxes.lobe.size:
         s, t = draw_later(rules, depth, TO_BOX, pixel, sample)
         light, s = choose_light(world.before, world.lights.chance, s)
         if is_asked(world, asked, light):
             n = ask_through_boxes(
-                world, rules, paths, vertex, vertices, depth, light, s, t, rays, n
+                world, rules, paths, vertex, vertices, depth, light, s, t, which_of_box, rays, n
             )
     return True, n
 
@@ -102,9 +115,9 @@ def ask_by_ways(world, rules, paths, vertex, vertices, depth, rays, n):
 def weight_of_emission(world, paths, hit, light):
     """Return the weight of light that a path has run into against `ask_by_ways`."""
     met = paths.chain[0]
-    if met in (OTHER, ANCHORED, ENTERED) or BOX_ENTERED <= met < BOX_LEFT:
-        return 1.0
-    return _weight_of_way(world, paths, hit, light)
+    if met in (REFLECTED, CROSSED, CORE_CROSSED) or met >= BOX_LEFT:
+        return _weight_of_way(world, paths, hit, light)
+    return 1.0
 
 
 @inner
@@ -115,9 +128,7 @@ def _weight_of_way(world, paths, hit, light):
         return 1.0
     source, t = paths.source_id[0], hit.t[0]
     if met < BOX_ENTERED:
-        by_chance, asked = pdf_by_ball(
-            world, paths, world.balls.of_surface[source], t, met == CROSSED
-        )
+        by_chance, asked = pdf_by_ball(world, paths, world.balls.of_surface[source], t, met)
     else:
         by_chance, asked = pdf_by_box(
             world, paths, world.boxes.of_surface[source], met % 8, t, met < BOX_CROSSED
@@ -163,26 +174,52 @@ def _note_delta(world, paths, vertex, normal):
     is_through = before * after > 0.0
     is_same = paths.source_id[0] == hit.object_id[0]
     inside = int(paths.anchor[0, INSIDE])
-    # --- a ball
-    if world.balls.of_surface[hit.object_id[0]] >= 0:
+    # --- a ball, or what lies within one
+    balls = world.balls
+    ball, of_core = balls.of_surface[hit.object_id[0]], balls.of_core[hit.object_id[0]]
+    came_from = NONE
+    if paths.source_id[0] >= 0:
+        came_from = balls.of_core[paths.source_id[0]]
+    if ball >= 0:
         if met == ANCHORED and inside < 0:
             chain[0] = ENTERED if is_through else REFLECTED
         elif met == ENTERED and is_through and is_same:
             chain[0] = CROSSED
+        elif met == CORE_LEFT and is_through and came_from == ball:
+            chain[0] = CORE_CROSSED
+        return
+    if of_core >= 0:
+        if met == ENTERED and is_through and paths.source_id[0] == balls.surface[of_core]:
+            chain[0] = CORE_ENTERED
+        elif met == CORE_ENTERED and is_through and came_from == of_core:
+            chain[0] = CORE_LEFT
         return
     # --- a box
     box = world.boxes.of_surface[hit.object_id[0]]
-    if box < 0 or not is_through:
+    if box < 0:
         return
     face = face_of(world.boxes, box, normal, hit.position)
     if not world.boxes.is_open[box, face]:
         return
-    if met == ANCHORED and inside == box:
+    anchor = paths.anchor
+    is_around = met == ANCHORED and inside == box
+    has_entered = BOX_ENTERED <= met < BOX_LEFT and is_same
+    if is_around or has_entered:
+        anchor[0, WITHIN] += hit.t[0]
+    if not is_through:
+        # Reflected at a side, between the face that it entered by and the opposite one.
+        is_side = is_around or (has_entered and (met - BOX_ENTERED) // 2 != face // 2)
+        if (
+            is_side
+            and anchor[0, MIRRORED] < MOST_MIRRORED
+            and is_mirrored_inside(world, box, abs(before))
+        ):
+            chain[0] = met
+            anchor[0, MIRRORED] += 1.0
+    elif is_around:
         chain[0] = BOX_LEFT + face
-        paths.anchor[0, WITHIN] = hit.t[0]
+    elif has_entered and met == BOX_ENTERED + (face ^ 1):
+        chain[0] = BOX_CROSSED + face
     elif met == ANCHORED and inside < 0:
         chain[0] = BOX_ENTERED + face
-        paths.anchor[0, BEFORE] = hit.t[0]
-    elif met == BOX_ENTERED + (face ^ 1) and is_same:
-        chain[0] = BOX_CROSSED + face
-        paths.anchor[0, WITHIN] = hit.t[0]
+        anchor[0, BEFORE] = hit.t[0]

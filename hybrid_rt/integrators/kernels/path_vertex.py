@@ -89,6 +89,7 @@ class Rules(NamedTuple):
     has_colors: Any  # bool, the colours of each vertex come with it
     has_light_paths: Any  # bool
     asks_sky: Any  # bool, the sky is reached by way of balls and boxes
+    faint: Any  # float, radiance, see `factor_of_taken`
     n_light_paths: Any  # float, light subpaths of a pass
     near: Any  # float, see `connect_far`
     of_use: Any  # float, expected number of light vertices per light subpath
@@ -114,6 +115,7 @@ class Vertex(NamedTuple):
     onward: Any  # (1, 3) float64, the sampled direction
     brings: Any  # (CANDIDATES,) float64, see `connect_far`
     before: Any  # (1,) float64, see `Rivals`
+    found: Any  # (MOST_WAYS,) float64, see `ask_through_spheres`
 
 
 class Block(NamedTuple):

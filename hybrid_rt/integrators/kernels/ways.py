@@ -31,18 +31,22 @@ from hybrid_rt.shading.kernels.medium_stack import ABSORPTION, IOR, NONE, SCHLIC
 from meshing.kernels.jit import inlined
 
 # What a camera path has met since its last non-delta vertex: something that is not asked (no weight
-# then); nothing yet; the outside of a sphere, a way into it, both ways through it; a way into a box,
-# a way out of the box that the vertex is in, both ways through a box.
+# then); nothing yet; the outside of a sphere, a way into it, both ways through it; a way into its core,
+# out of that, and out of the sphere then; a way into a box, a way out of the box that the vertex is in,
+# both ways through a box.
 OTHER, ANCHORED, REFLECTED, ENTERED, CROSSED = 0, 1, 2, 3, 4
+CORE_ENTERED, CORE_LEFT, CORE_CROSSED = 5, 6, 7
 # Of these, the number of the face is added.
 BOX_ENTERED, BOX_LEFT, BOX_CROSSED = 8, 16, 24
 # What is asked at a vertex.
 NOTHING_ASKED, SKY_ASKED, ALL_ASKED = 0, 1, 2
 # Columns of `Paths.anchor`: place of the vertex, pdf of the direction sampled there, what is asked
-# there, the box that it lies in (-1: none), and the lengths of the way before and inside a box.
-PDF, ASKED, INSIDE, BEFORE, WITHIN, N_COLUMNS = 3, 4, 5, 6, 7, 8
+# there, the box that it lies in (-1: none), the lengths of the way before and inside a box, and how
+# often it was reflected inside.
+PDF, ASKED, INSIDE, BEFORE, WITHIN, MIRRORED, N_COLUMNS = 3, 4, 5, 6, 7, 8, 9
 # Bodies are asked in proportion to the sum of their (radius / distance)^2, up to this sum always.
-SMALL = 0.15
+SMALL = 1.0
+SMALLEST = 1e-300
 
 
 @inlined
@@ -162,6 +166,46 @@ def brought(world, paths, vertices, x, y, z, end, cos_lamp, part, section):
         factor * fg * g * paths.throughput[0, 1],
         factor * fb * b * paths.throughput[0, 2],
     )
+
+
+@inlined
+def take_way(total, value, s):
+    """Choose among ways one by one: tell whether this one replaces those before it.
+
+    Parameters
+    ----------
+    total : float
+        Sum of the values of this way and of those before.
+    value : float
+        Above zero.
+    s : float
+        In [0, 1).
+
+    Returns
+    -------
+    is_taken : bool
+        With a probability of value / total.
+    s : float
+        Made even again.
+    """
+    chance = value / total
+    if s < chance:
+        return True, s / chance
+    return False, (s - chance) / (1.0 - chance)
+
+
+@inlined
+def factor_of_taken(rules, paths, is_sky, total, value, s):
+    """Return what the value of the taken way is multiplied by; 0: it is left out.
+
+    It stands for all ways, with their total. Ways to the sky that bring little together are left out
+    by Russian roulette, as their rays cost as much as others.
+    """
+    keep = 1.0
+    if is_sky:
+        carried = max(paths.throughput[0, 0], paths.throughput[0, 1], paths.throughput[0, 2])
+        keep = min(total / max(rules.faint * carried, SMALLEST), 1.0)
+    return total / (keep * value) if s < keep else 0.0
 
 
 @inlined

@@ -2,45 +2,108 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from hybrid_rt.core.records import IntArray
-from hybrid_rt.integrators.context import RenderContext
 from hybrid_rt.integrators.kernels.through_spheres import Balls
 from hybrid_rt.primitives import Sphere
 from hybrid_rt.scene.compiled import NOTHING, CompiledScene
+from hybrid_rt.scene.touching import touching
 from hybrid_rt.shading.kernels.lobes.register import DELTA, TRANSMITS
-from hybrid_rt.shading.kernels.medium_stack import IOR
+from hybrid_rt.shading.kernels.medium_stack import IOR, PRIORITY, SCHLICK
 from hybrid_rt.shading.kernels.texture import CONSTANT
 
 
-def balls_of(context: RenderContext) -> Balls:
+class Core(NamedTuple):
+    """A ball within a ball of glass, about the same centre."""
+
+    surfaces: list[int]  # indices; those of two coincide
+    lobe: int  # dielectric that fills it; `NOTHING`: it is hollow
+
+
+NO_CORE = Core([], NOTHING)
+
+
+def balls_of(scene: CompiledScene) -> Balls:
     """Return the spheres that throw light in a way that `Balls` describes.
 
-    Each is of one mirror, or of glass with an index above 1. None is, where bodies may touch: a ray
-    then crosses two surfaces at once.
+    Each is of one mirror, or of glass with an index above 1. Those that coincide with others are
+    left out, as a ray crosses two surfaces there at once, and those within a ball of glass, which
+    nothing outside reaches straight.
     """
-    scene = context.scene
-    rows = []
-    if not context.plan["contacts"]:
-        # A trimmed sphere is no `Sphere`.
-        rows = [
-            i
-            for i, sphere in enumerate(scene.surfaces)
-            if isinstance(sphere, Sphere) and (_is_mirror(scene, i) or is_clear(scene, i))
-        ]
+    touches, spheres = touching(scene), _spheres_of(scene)
+    glass = [i for i in spheres if is_clear(scene, i) and not touches[i]]
+    within = {i for ball in glass for i in _within(spheres, ball)}
+    mirrors = [i for i in spheres if _is_mirror(scene, i)]
+    rows = [i for i in sorted(glass + mirrors) if i not in within]
     lobe = scene.lobes.first[scene.material_of[rows]] if rows else np.zeros(0, dtype=np.int32)
-    spheres = [scene.surfaces[i] for i in rows]
     color = scene.textures.number[scene.lobes.texture[lobe], :3]
+    cores = [core_of(scene, i) if i in glass else NO_CORE for i in rows]
+    radius = np.array([spheres[i].radius for i in rows], dtype=np.float64)
+    core = [spheres[one.surfaces[0]].radius if one.surfaces else 0.0 for one in cores]
+    of_core = rows_of(scene, [])
+    for row, one in enumerate(cores):
+        of_core[one.surfaces] = row
     return Balls(
-        center=np.array([sphere.center for sphere in spheres]).reshape(-1, 3),
-        radius=np.array([sphere.radius for sphere in spheres], dtype=np.float64),
+        center=np.array([spheres[i].center for i in rows]).reshape(-1, 3),
+        radius=radius,
         surface=np.array(rows, dtype=np.int32),
         lobe=np.asarray(lobe, dtype=np.int32),
         is_glass=scene.lobes.traits[lobe] & TRANSMITS != 0,
         color=np.ascontiguousarray(scene.color_factor[lobe, None] * color, dtype=np.float64),
         of_surface=rows_of(scene, rows),
+        core=np.array(core, dtype=np.float64) / radius,
+        core_ior=np.array(
+            [1.0 if one.lobe == NOTHING else scene.lobes.number[one.lobe, IOR] for one in cores]
+        ).reshape(-1),
+        core_lobe=np.array([one.lobe for one in cores], dtype=np.int32),
+        core_surface=np.array([(*one.surfaces, NOTHING)[0] for one in cores], dtype=np.int32),
+        of_core=of_core,
     )
+
+
+def _spheres_of(scene: CompiledScene) -> dict[int, Sphere]:
+    """Return the spheres of a scene by index; a trimmed one is no `Sphere`."""
+    surfaces = scene.surfaces
+    return {i: surface for i, surface in enumerate(surfaces) if isinstance(surface, Sphere)}
+
+
+def _within(spheres: dict[int, Sphere], ball: int) -> list[int]:
+    """Return the spheres that lie within another about the same centre."""
+    outer = spheres[ball]
+    return [
+        i
+        for i, inner in spheres.items()
+        if inner.radius < outer.radius and np.array_equal(inner.center, outer.center)
+    ]
+
+
+def core_of(scene: CompiledScene, ball: int) -> Core:
+    """Return what a ball of glass holds.
+
+    Its own glass ends at a flipped sphere, and nothing or clear glass fills that; or a ball of clear
+    glass overlaps it, with no lower priority. All surfaces have no tint, and none reflects by
+    Schlick's formula. What else lies within is in the way, and no core.
+    """
+    spheres, lobes = _spheres_of(scene), scene.lobes
+    own, found = _only_lobe(scene, ball), _within(spheres, ball)
+    ends = [i for i in found if spheres[i].orientation == -1 and _only_lobe(scene, i) == own]
+    fills = [i for i in found if is_clear(scene, i)]
+    is_alone = len(found) == len(ends) + len(fills) and len(ends) <= 1 and len(fills) <= 1
+    if not found or not is_alone or len({spheres[i].radius for i in found}) != 1:
+        return NO_CORE
+    lobe = _only_lobe(scene, fills[0]) if fills else NOTHING
+    if not ends and lobes.number[lobe, PRIORITY] < lobes.number[own, PRIORITY]:
+        return NO_CORE
+    for one in (own, lobe):
+        if one == NOTHING:
+            continue
+        color = scene.color_factor[one] * scene.textures.number[lobes.texture[one], :3]
+        if lobes.number[one, SCHLICK] != 0.0 or not (color == 1.0).all():
+            return NO_CORE
+    return Core(found, lobe)
 
 
 def rows_of(scene: CompiledScene, rows: list[int]) -> IntArray:

@@ -16,6 +16,8 @@ from meshing.surface import Surface
 # What lies nearer to a face than this part of the scene's coordinates may touch it; the rim of the
 # face is left out by as much.
 NEAR = 1e-6
+# Cosine between edges that are taken for being at right angles: rounding, turned by any rotation.
+RIGHT = 1e-12
 
 
 def boxes_of(scene: CompiledScene) -> Boxes:
@@ -30,11 +32,13 @@ def boxes_of(scene: CompiledScene) -> Boxes:
     center = corner + 0.5 * edges.sum(axis=1)
     signs = np.stack(np.meshgrid(*3 * [(-0.5, 0.5)]), axis=-1).reshape(-1, 3)
     corners = np.einsum("ck,nkx->ncx", signs, edges)
+    unit = along / length[:, :, None]
+    skew = np.abs(np.einsum("cik,cjk->cij", unit, unit) - np.eye(3))
     color = scene.textures.number[scene.lobes.texture[lobe], :3]
     return Boxes(
         corner=corner,
         along=np.ascontiguousarray(along),
-        across=along / length[:, :, None],
+        across=unit,
         thickness=1.0 / length,
         center=center,
         square=(corners**2).sum(axis=2).max(axis=1, initial=0.0),
@@ -42,6 +46,7 @@ def boxes_of(scene: CompiledScene) -> Boxes:
         lobe=np.asarray(lobe, dtype=np.int32),
         tint=np.ascontiguousarray(scene.color_factor[lobe, None] * color, dtype=np.float64),
         is_open=np.array([open_faces(surfaces, i) for i in rows], dtype=np.bool_).reshape(-1, 6),
+        is_right=skew.max(axis=(1, 2), initial=0.0) <= RIGHT,
         of_surface=rows_of(scene, rows),
     )
 

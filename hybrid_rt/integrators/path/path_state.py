@@ -6,6 +6,7 @@ import numpy as np
 
 from hybrid_rt.core.ledger import Ledger
 from hybrid_rt.core.records import HitRecord, Status
+from hybrid_rt.integrators.kernels.ball_optics import MOST_WAYS
 from hybrid_rt.integrators.kernels.compaction import Paths
 from hybrid_rt.integrators.kernels.connections import CANDIDATES
 from hybrid_rt.integrators.kernels.path_vertex import Tally, Vertex
@@ -99,6 +100,7 @@ def new_vertex(
         onward=np.empty((1, 3)),
         brings=np.empty(CANDIDATES),
         before=np.empty(1),
+        found=np.empty(MOST_WAYS),
     )
 
 

@@ -78,7 +78,7 @@ from hybrid_rt.integrators.path.pilot import (
     PILOT_LIGHT_PATHS,
     work_times_noise,
 )
-from hybrid_rt.lights.unevenness import unevenness
+from hybrid_rt.lights.unevenness import brightness
 from hybrid_rt.sensor.passes import pass_of
 from hybrid_rt.shading.kernels.emitter import BOTH, DIRECTION_ONLY, LIGHT_ONLY
 from hybrid_rt.shading.kernels.lobes.register import EVERY
@@ -86,6 +86,8 @@ from hybrid_rt.shading.kernels.lobes.register import EVERY
 STRATEGIES = {"both": BOTH, "lights": LIGHT_ONLY, "directions": DIRECTION_ONLY}
 # Skies less uneven than this are found well enough by chance.
 LEAST_UNEVENNESS = 2.0
+# Ways to the sky that bring less than this part of its mean radiance are left out by roulette.
+FAINT = 0.1
 NO_NUMBER = np.zeros(0, dtype=np.int64)
 NO_COLORS = np.zeros((0, 0, 3))
 
@@ -131,7 +133,8 @@ class PathTracer(Integrator):
             shining=bool(scene.shining),
             rough=self._light.rough_glass_of.size > 0,
         )
-        self._balls, self._boxes = balls_of(context), boxes_of(scene)
+        self._balls, self._boxes = balls_of(scene), boxes_of(scene)
+        self._brightness = brightness(scene.sky)
         self._asks_sky = self._may_ask_sky()
         self._plan_ways()
         self._path = self._new_paths(1)
@@ -193,9 +196,7 @@ class PathTracer(Integrator):
         """Tell whether ways by balls and boxes to the sky may be worth their time."""
         is_sampled = self._samples_lights and self.context.plan["sky samples"]
         is_weighted = self._options.strategy == "both"
-        return bool(
-            is_sampled and is_weighted and unevenness(self.context.scene.sky) >= LEAST_UNEVENNESS
-        )
+        return bool(is_sampled and is_weighted and self._brightness.unevenness >= LEAST_UNEVENNESS)
 
     @property
     def _asks_ways(self) -> bool:
@@ -217,8 +218,7 @@ class PathTracer(Integrator):
             self._asks_ways,
             f"balls of glass or mirrors ({balls}) and boxes of glass ({boxes}): ways by these are "
             f"computed {' and '.join(ends)}",
-            "no sphere is of one mirror or of clear glass, and no box of clear glass, or clear balls "
-            "may touch other bodies"
+            "no sphere is of one mirror or of clear glass, and no box of clear glass"
             if balls + boxes == 0
             else "no light paths, whose gaps they fill, and no sky that is bright in few directions",
         )
@@ -351,6 +351,7 @@ class PathTracer(Integrator):
             has_sky=context.scene.environment is not None,
             has_light_paths=self._lamps is not None,
             asks_sky=self._asks_ways and self._asks_sky,
+            faint=FAINT * self._brightness.mean,
             n_light_paths=1.0 if self._lamps is None else float(self._lamps.n_paths),
             near=np.inf if self._lamps is None else self._lamps.near,
             of_use=self._of_use,
