@@ -71,7 +71,7 @@ def follow_paths(
 def _leave_camera(block, i, media, path):
     path.camera_ray[0] = i
     path.pixel[0], path.sample[0] = block.pixel[i], block.sample[i]
-    path.pdf[0] = 0.0
+    path.pdf[0] = path.first[0] = 0.0
     if path.rival.size:
         path.rival[0] = 0.0
         path.joined[0] = False

@@ -31,6 +31,7 @@ def _copy_path(source, i, target, j):
     target.pixel[j] = source.pixel[i]
     target.sample[j] = source.sample[i]
     target.pdf[j] = source.pdf[i]
+    target.first[j] = source.first[i]
     if source.rival.size:
         target.rival[j] = source.rival[i]
         target.joined[j] = source.joined[i]

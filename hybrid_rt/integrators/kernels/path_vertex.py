@@ -34,6 +34,8 @@ from hybrid_rt.shading.kernels.emitter import Met, light_on_hit, light_on_ray
 from hybrid_rt.shading.kernels.lobes.register import DELTA, EVERY, SPREADS
 from hybrid_rt.shading.kernels.medium_stack import (
     cross_medium,
+    filling_medium,
+    ior_of,
     look_beyond_one,
     transmittance,
 )
@@ -329,9 +331,16 @@ def leave_vertex(world, rules, paths, vertex, depth, camera_pdf, number, points,
         world.lobes, vertices, 0, vertex.xi, vertex.choice, paths.media, vertex.second,
         not is_last or rules.spreads_last, not is_last,
         rules.survival if depth >= rules.roulette_depth else 0.0,
+        paths.first[0] if paths.first[0] > 0.0 else 1.0,
         Rivals(hit.t, vertex.before, world.is_smooth, hit.object_id, paths.rival),
         vertex.onward, paths.throughput, paths.pdf,
     )  # fmt: skip
+    if fate == SCATTERED and paths.first[0] == 0.0:
+        left = paths.throughput
+        paths.first[0] = max(left[0, 0], left[0, 1], left[0, 2])
+        if paths.media.shape[1] > 0:
+            # See `scatter_one`.
+            paths.first[0] *= ior_of(world.lobes, filling_medium(paths.media, 0, world.lobes)) ** 2
     if rules.has_light_paths:
         paths.joined[0] = joins and paths.pdf[0] > 0.0
     if is_known and paths.pdf[0] > 0.0:

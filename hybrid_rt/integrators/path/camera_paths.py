@@ -36,6 +36,7 @@ def leaving_camera(
         directions=block.directions,
         throughput=np.ones((n, 3)),
         pdf=np.zeros(n),
+        first=np.zeros(n),
         rival=np.zeros(n) if has_rivals else NO_RIVAL,
         media=np.repeat(media[None], n, axis=0),
         source_id=np.full(n, NOTHING, dtype=np.int32),

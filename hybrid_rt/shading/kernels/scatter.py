@@ -99,10 +99,13 @@ def density_of_turn(normal, geometric, i, dx, dy, dz, x, y, z, density):
 
 @inlined
 def scatter_one(
-    lobes, vertices, i, xi, choice, stack, second, may_spread, may_mirror, roulette, rivals, onward,
-    throughput, pdf,
+    lobes, vertices, i, xi, choice, stack, second, may_spread, may_mirror, roulette, reference,
+    rivals, onward, throughput, pdf,
 ):  # fmt: skip
-    """Scatter ray i in one direction and return its fate; parameters are those of `scatter`."""
+    """Scatter ray i in one direction and return its fate.
+
+    Parameters are those of `scatter`. ``reference`` is the throughput at which a path survives.
+    """
     material, colors, _, normal, direction, geometric, ratio = vertices
     t, before, is_smooth, object_id, rival = rivals
     pdf[i] = 0.0
@@ -149,7 +152,7 @@ def scatter_one(
         # Within glass radiance counts by its index squared, given back on the way out.
         carried *= ior_of(lobes, filling_medium(stack, i, lobes)) ** 2
     if roulette > 0.0 and fate != STOPPED:
-        survival = min(carried, roulette)
+        survival = min(carried / reference, roulette)
         if choice[i, 1] >= survival:
             return ABSORBED
         r, g, b = r / survival, g / survival, b / survival
@@ -193,6 +196,6 @@ def scatter(
     """
     for i in range(fate.size):
         fate[i] = scatter_one(
-            lobes, vertices, i, xi, choice, stack, second, may_spread, may_mirror, roulette, rivals,
-            onward, throughput, pdf,
+            lobes, vertices, i, xi, choice, stack, second, may_spread, may_mirror, roulette, 1.0,
+            rivals, onward, throughput, pdf,
         )  # fmt: skip
