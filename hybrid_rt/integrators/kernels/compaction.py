@@ -35,6 +35,7 @@ class Paths(NamedTuple):
     pdf: Any  # (n,) float64, density of the direction; 0 where it had no choice
     # (n,) float64, largest channel of the throughput behind the first non-delta surface; 0: none yet
     first: Any
+    splits: Any  # (n,) int8, how often it may still be divided, see `hybrid_rt.integrators.kernels.branches`
     # (n,) float64, see `hybrid_rt.integrators.kernels.light_paths`; (0,) where nothing is compared with it
     rival: Any
     media: Any  # (n, STACK) int32, dielectrics that the ray is in; (n, 0): there are none
@@ -134,7 +135,7 @@ def pack_paths(paths, fate, least, position, object_id, onward, pdf, out):
         out.camera_ray[n] = paths.camera_ray[i]
         out.pixel[n] = paths.pixel[i]
         out.sample[n] = paths.sample[i]
-        out.pdf[n], out.first[n] = pdf[i], paths.first[i]
+        out.pdf[n], out.first[n], out.splits[n] = pdf[i], paths.first[i], paths.splits[i]
         if paths.rival.size:
             out.rival[n] = paths.rival[i]
         out.source_id[n] = object_id[i]

@@ -6,6 +6,7 @@ time that is.
 
 import numpy as np
 
+from hybrid_rt.integrators.kernels.branches import MOST_SPLITS, copy_path
 from hybrid_rt.integrators.kernels.path_vertex import NOTHING, arrive, depart
 from hybrid_rt.integrators.kernels.vertex_points import RUN_ALONG, draw_along
 from hybrid_rt.integrators.kernels.ways import OTHER
@@ -16,8 +17,9 @@ from meshing.kernels.jit import hot_kernel, inlined
 
 @hot_kernel
 def follow_paths(
-    world, rules, block, media, forms, ray, path, vertex, points, rays, radiance, tally
-):
+    world, rules, block, media, forms, ray, path, branch, waiting, depth_of_waiting, vertex,
+    points, rays, radiance, tally,
+):  # fmt: skip
     """Follow the path of each camera ray to its end; all surfaces are closed forms.
 
     Parameters
@@ -29,7 +31,9 @@ def follow_paths(
         Medium stack of the camera.
     forms : ClosedForms
     ray : OneRay, scratch
-    path : Paths of one row, scratch
+    path, branch : Paths of one row, scratch
+    waiting : Paths of MOST_SPLITS rows, scratch
+    depth_of_waiting : (MOST_SPLITS,) int64, scratch
     vertex : Vertex, scratch
         Its ``hit`` is ``ray.record``.
     points : RunPoints of RUN_ALONG vertices, scratch
@@ -39,7 +43,15 @@ def follow_paths(
     """
     for i in range(block.pixel.size):
         _leave_camera(block, i, media, path)
-        for depth in range(rules.max_depth + 2):
+        depth, n_waiting, is_new = 0, 0, True
+        while True:
+            # --- where the last branch ended: the next one
+            if depth > rules.max_depth + 1:
+                if n_waiting == 0:
+                    break
+                n_waiting -= 1
+                copy_path(waiting, n_waiting, path, 0)
+                depth, is_new = depth_of_waiting[n_waiting], True
             # --- where the ray arrives
             for k in range(3):
                 ray.rays.origin[0, k] = path.origins[0, k]
@@ -47,13 +59,15 @@ def follow_paths(
             _count(vertex.hit, depth, tally)
             # --- what the way there absorbed; light it ran into
             if not arrive(world, rules, path, vertex, depth, 0.0, radiance, tally):
-                break
+                depth = rules.max_depth + 2
+                continue
             # --- light we reach for; where it goes next, and whether it stops
             column = depth % RUN_ALONG
-            if column == 0:
-                draw_along(rules, depth, path.pixel[0], path.sample[0], points)
-            fate, n = depart(
-                world, rules, path, vertex, depth, block, points, column, rays, 0, tally
+            if column == 0 or is_new:
+                draw_along(rules, depth - column, path.pixel[0], path.sample[0], points)
+                is_new = False
+            fate, n, has_branch = depart(
+                world, rules, path, vertex, depth, block, points, column, branch, rays, 0, tally
             )
             is_blocked = False
             for k in range(n):
@@ -63,8 +77,11 @@ def follow_paths(
                     for c in range(3):
                         radiance[i, c] += rays.value[k, c]
             tally.shadow[0] += n
-            if fate < SCATTERED:
-                break
+            if has_branch:
+                copy_path(branch, 0, waiting, n_waiting)
+                depth_of_waiting[n_waiting] = depth + 1
+                n_waiting += 1
+            depth = depth + 1 if fate >= SCATTERED else rules.max_depth + 2
 
 
 @inlined
@@ -72,6 +89,7 @@ def _leave_camera(block, i, media, path):
     path.camera_ray[0] = i
     path.pixel[0], path.sample[0] = block.pixel[i], block.sample[i]
     path.pdf[0] = path.first[0] = 0.0
+    path.splits[0] = MOST_SPLITS
     if path.rival.size:
         path.rival[0] = 0.0
         path.joined[0] = False

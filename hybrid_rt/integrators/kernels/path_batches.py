@@ -5,9 +5,9 @@ Surfaces that go to Embree or into a tree want rays in batches.
 
 from typing import Any, NamedTuple
 
+from hybrid_rt.integrators.kernels.branches import copy_path
 from hybrid_rt.integrators.kernels.path_vertex import arrive, depart
 from hybrid_rt.integrators.kernels.vertex_points import RUN_ACROSS, draw_across
-from hybrid_rt.integrators.kernels.ways import N_COLUMNS, OTHER
 from hybrid_rt.shading.kernels.scatter import SCATTERED
 from meshing.kernels.jit import hot_kernel, inlined
 
@@ -23,30 +23,6 @@ class Arrival(NamedTuple):
     colors: Any
     light_points: Any  # LightPoints chosen by each; none where no light is of kind `SURFACE`
     pdf_area: Any  # (n,) float64, densities of points met on such lights; or (0,)
-
-
-@inlined
-def _copy_path(source, i, target, j):
-    target.camera_ray[j] = source.camera_ray[i]
-    target.pixel[j] = source.pixel[i]
-    target.sample[j] = source.sample[i]
-    target.pdf[j] = source.pdf[i]
-    target.first[j] = source.first[i]
-    if source.rival.size:
-        target.rival[j] = source.rival[i]
-        target.joined[j] = source.joined[i]
-    if source.chain.size:
-        target.chain[j] = source.chain[i]
-        if source.chain[i] != OTHER:
-            for k in range(N_COLUMNS):
-                target.anchor[j, k] = source.anchor[i, k]
-    target.source_id[j] = source.source_id[i]
-    for k in range(3):
-        target.origins[j, k] = source.origins[i, k]
-        target.directions[j, k] = source.directions[i, k]
-        target.throughput[j, k] = source.throughput[i, k]
-    for k in range(source.media.shape[1]):
-        target.media[j, k] = source.media[i, k]
 
 
 @inlined
@@ -76,7 +52,20 @@ def _copy_arrival(arrival, i, vertex):
 
 @hot_kernel
 def advance_paths(
-    world, rules, depth, block, paths, arrival, path, vertex, points, radiance, rays, out, tally
+    world,
+    rules,
+    depth,
+    block,
+    paths,
+    arrival,
+    path,
+    branch,
+    vertex,
+    points,
+    radiance,
+    rays,
+    out,
+    tally,
 ):
     """Advance each path of a batch by one vertex.
 
@@ -90,13 +79,13 @@ def advance_paths(
     paths : Paths of n rows
         The rays that were traced.
     arrival : Arrival of n rows
-    path : Paths of one row, scratch
+    path, branch : Paths of one row, scratch
     vertex : Vertex, scratch
     points : RunPoints of RUN_ACROSS vertices, scratch
     radiance : (camera rays, 3) float64, changed
     rays : ShadowRays of `FEW_SHADOW_RAYS` or `MOST_SHADOW_RAYS` n rows, written
         What they bring is not added yet.
-    out : Paths of n rows, written
+    out : Paths of 2 n rows, written; of n rows, if no path is divided
     tally : Tally, changed
 
     Returns
@@ -108,15 +97,18 @@ def advance_paths(
         column = i % RUN_ACROSS
         if column == 0:
             draw_across(rules, depth, paths.pixel, paths.sample, i, points)
-        _copy_path(paths, i, path, 0)
+        copy_path(paths, i, path, 0)
         _copy_arrival(arrival, i, vertex)
         pdf_area = arrival.pdf_area[i] if arrival.pdf_area.size else 0.0
         if not arrive(world, rules, path, vertex, depth, pdf_area, radiance, tally):
             continue
-        fate, n_rays = depart(
-            world, rules, path, vertex, depth, block, points, column, rays, n_rays, tally
+        fate, n_rays, has_branch = depart(
+            world, rules, path, vertex, depth, block, points, column, branch, rays, n_rays, tally
         )
         if fate >= SCATTERED:
-            _copy_path(path, 0, out, n_out)
+            copy_path(path, 0, out, n_out)
+            n_out += 1
+        if has_branch:
+            copy_path(branch, 0, out, n_out)
             n_out += 1
     return n_rays, n_out

@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from hybrid_rt.integrators.kernels import through_boxes, through_spheres
+from hybrid_rt.integrators.kernels.branches import reflected_share, split_off_reflected
 from hybrid_rt.integrators.kernels.compaction import choose_light
 from hybrid_rt.integrators.kernels.connections import (
     CONNECT_CHANCE,
@@ -43,6 +44,7 @@ from hybrid_rt.shading.kernels.scatter import (
     ABSORBED,
     LEFT,
     SCATTERED,
+    SPECULAR,
     STOPPED,
     Rivals,
     scatter_one,
@@ -66,6 +68,9 @@ class World(NamedTuple):
     lobes: Any  # LobeTable
     color_factor: Any  # (lobes,) float64
     glass_of: Any  # (materials,) int32, dielectric lobe
+    split_glass_of: (
+        Any  # (materials,) int32, its only lobe if that is smooth glass; `NOTHING`: another
+    )
     rough_glass_of: Any  # (materials,) int32, its dielectric lobe if that is rough; (0,): none is
     textures: Any  # TextureTable
     lights: Any  # LightTable
@@ -261,7 +266,9 @@ def ask_light(world, rules, paths, vertex, vertices, s, t, rays, n):
 
 
 @inlined
-def leave_vertex(world, rules, paths, vertex, depth, camera_pdf, number, points, column, rays, n):
+def leave_vertex(
+    world, rules, paths, vertex, depth, camera_pdf, number, points, column, branch, rays, n
+):
     """Reach for light from a surface, and choose where the path goes.
 
     Parameters
@@ -280,6 +287,8 @@ def leave_vertex(world, rules, paths, vertex, depth, camera_pdf, number, points,
     points : RunPoints
     column : int
         Of this vertex among them.
+    branch : Paths of one row
+        Written if both branches at glass are followed.
     rays : ShadowRays
         Up to `MOST_SHADOW_RAYS` rows are written from row n on.
 
@@ -287,6 +296,8 @@ def leave_vertex(world, rules, paths, vertex, depth, camera_pdf, number, points,
     -------
     fate : int, see `hybrid_rt.shading.kernels.scatter`
     n : int, rows of ``rays``
+    has_branch : bool
+        Whether ``branch`` goes on as well.
     """
     hit, xi = vertex.hit, points.xi
     spreads, mirrors = look_up_surface(world, rules, paths, vertex)
@@ -294,7 +305,7 @@ def leave_vertex(world, rules, paths, vertex, depth, camera_pdf, number, points,
     # What this surface sends back along a far ray is known already, but for that of delta lobes.
     is_known = joins and paths.joined[0] and hit.t[0] >= rules.near
     if is_known and not mirrors:
-        return ABSORBED, n
+        return ABSORBED, n, False
     vertices = Vertices(
         vertex.material, vertex.colors, hit.position, hit.normal, paths.directions,
         vertex.geometric, vertex.ratio,
@@ -326,12 +337,16 @@ def leave_vertex(world, rules, paths, vertex, depth, camera_pdf, number, points,
         vertex.before[0] = paths.pdf[0] * (rules.of_use / CONNECT_CHANCE)
     else:
         vertex.before[0] = camera_pdf / rules.n_light_paths
-    is_last = depth == rules.max_depth
+    is_last, has_branch = depth == rules.max_depth, False
+    if paths.media.shape[1] > 0:
+        share = reflected_share(world, rules, paths, vertex, depth)
+        if share > 0.0:
+            has_branch = split_off_reflected(world, paths, vertex, share, branch)
     fate = scatter_one(
         world.lobes, vertices, 0, vertex.xi, vertex.choice, paths.media, vertex.second,
         not is_last or rules.spreads_last, not is_last,
         rules.survival if depth >= rules.roulette_depth else 0.0,
-        paths.first[0] if paths.first[0] > 0.0 else 1.0,
+        paths.first[0],
         Rivals(hit.t, vertex.before, world.is_smooth, hit.object_id, paths.rival),
         vertex.onward, paths.throughput, paths.pdf,
     )  # fmt: skip
@@ -344,14 +359,14 @@ def leave_vertex(world, rules, paths, vertex, depth, camera_pdf, number, points,
     if rules.has_light_paths:
         paths.joined[0] = joins and paths.pdf[0] > 0.0
     if is_known and paths.pdf[0] > 0.0:
-        return ABSORBED, n
+        return ABSORBED, n, False
     if paths.chain.size and fate >= SCATTERED:
         note_step(world, paths, vertex, is_anchored, hit.normal)
     paths.source_id[0] = hit.object_id[0]
     for k in range(3):
         paths.origins[0, k] = hit.position[0, k]
         paths.directions[0, k] = vertex.onward[0, k]
-    return fate, n
+    return fate, n, has_branch
 
 
 @inlined
@@ -381,16 +396,17 @@ def arrive(world, rules, paths, vertex, depth, pdf_area, radiance, tally):
 
 
 @inlined
-def depart(world, rules, paths, vertex, depth, block, points, column, rays, n, tally):
-    """Leave a vertex; return the fate of the path and the number of shadow rays."""
+def depart(world, rules, paths, vertex, depth, block, points, column, branch, rays, n, tally):
+    """Leave a vertex; see `leave_vertex` for what is returned."""
     row = paths.camera_ray[0]
     camera_pdf, number = 0.0, 0
     if rules.has_light_paths:
         camera_pdf, number = block.camera_pdf[row], block.pass_number[row]
-    fate, n = leave_vertex(
-        world, rules, paths, vertex, depth, camera_pdf, number, points, column, rays, n
+    fate, n, has_branch = leave_vertex(
+        world, rules, paths, vertex, depth, camera_pdf, number, points, column, branch, rays, n
     )
     tally.fates[fate] += 1
+    tally.fates[SPECULAR] += has_branch
     if fate == STOPPED:
         _lose(paths.throughput, tally)
-    return fate, n
+    return fate, n, has_branch

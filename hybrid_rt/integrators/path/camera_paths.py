@@ -1,4 +1,4 @@
-"""The initial state of camera paths."""
+"""The initial state of camera paths, and where they are divided."""
 
 from __future__ import annotations
 
@@ -7,9 +7,11 @@ import numpy as np
 from hybrid_rt.core.records import IntArray
 from hybrid_rt.integrators.direct_light import NO_RIVAL
 from hybrid_rt.integrators.integrator import CameraBlock
+from hybrid_rt.integrators.kernels.branches import MOST_SPLITS
 from hybrid_rt.integrators.kernels.compaction import Paths
 from hybrid_rt.integrators.kernels.ways import N_COLUMNS, OTHER
-from hybrid_rt.scene.compiled import NOTHING
+from hybrid_rt.scene.compiled import NOTHING, CompiledScene
+from hybrid_rt.shading.kernels.lobes.register import DELTA, TRANSMITS
 
 
 def leaving_camera(
@@ -37,6 +39,7 @@ def leaving_camera(
         throughput=np.ones((n, 3)),
         pdf=np.zeros(n),
         first=np.zeros(n),
+        splits=np.full(n, MOST_SPLITS, dtype=np.int8),
         rival=np.zeros(n) if has_rivals else NO_RIVAL,
         media=np.repeat(media[None], n, axis=0),
         source_id=np.full(n, NOTHING, dtype=np.int32),
@@ -44,3 +47,19 @@ def leaving_camera(
         chain=np.full(n if asks_ways else 0, OTHER, dtype=np.int8),
         anchor=np.empty((n if asks_ways else 0, N_COLUMNS)),
     )
+
+
+def glass_alone(scene: CompiledScene) -> IntArray:
+    """Return the lobe of each material that is smooth glass and nothing else, (materials,) int32.
+
+    It is `NOTHING` for others.
+    """
+    lobes = scene.lobes
+    first = lobes.first[:-1]
+    lobe = np.full(max(first.size, 1), NOTHING, dtype=np.int32)
+    is_alone = np.diff(lobes.first) == 1
+    rows = np.flatnonzero(is_alone)
+    traits = lobes.traits[first[rows]]
+    rows = rows[(traits & DELTA != 0) & (traits & TRANSMITS != 0)]
+    lobe[rows] = first[rows]
+    return lobe

@@ -27,6 +27,7 @@ from hybrid_rt.integrators.integrator import (
     CameraBlock,
     Integrator,
 )
+from hybrid_rt.integrators.kernels.branches import MOST_SPLITS
 from hybrid_rt.integrators.kernels.compaction import Paths, add_to_pixels
 from hybrid_rt.integrators.kernels.followed_paths import follow_paths
 from hybrid_rt.integrators.kernels.light_paths import LightVertices
@@ -51,7 +52,7 @@ from hybrid_rt.integrators.media.absorption import media_around_camera
 from hybrid_rt.integrators.options import PathOptions
 from hybrid_rt.integrators.path.balls import balls_of
 from hybrid_rt.integrators.path.boxes import boxes_of
-from hybrid_rt.integrators.path.camera_paths import leaving_camera
+from hybrid_rt.integrators.path.camera_paths import glass_alone, leaving_camera
 from hybrid_rt.integrators.path.light_paths import (
     PILOT_PATHS,
     LightPathTracer,
@@ -79,6 +80,7 @@ from hybrid_rt.integrators.path.pilot import (
     work_times_noise,
 )
 from hybrid_rt.lights.unevenness import brightness
+from hybrid_rt.scene.compiled import NOTHING
 from hybrid_rt.sensor.passes import pass_of
 from hybrid_rt.shading.kernels.emitter import BOTH, DIRECTION_ONLY, LIGHT_ONLY
 from hybrid_rt.shading.kernels.lobes.register import EVERY
@@ -109,6 +111,7 @@ class PathTracer(Integrator):
         asks = strategy != DIRECTION_ONLY and bool(lights.chance.any())
         self._samples_lights = asks and (plan["light samples"] or plan["sky samples"])
         self._camera_media = media_around_camera(context, self._contacts)
+        self._split_glass = glass_alone(context.scene)
         self._joins = diffuse_materials(context.scene.lobes)
         self._lamps: LightPathTracer | None = None
         # One mirror or lens, and a surface on either end of the join, at least.
@@ -137,7 +140,7 @@ class PathTracer(Integrator):
         self._brightness = brightness(scene.sky)
         self._asks_sky = self._may_ask_sky()
         self._plan_ways()
-        self._path = self._new_paths(1)
+        self._path, self._branch = (self._new_paths(1) for _ in range(2))
         self._points = new_run_points(RUN_ACROSS if self._forms is None else RUN_ALONG)
         self._keep(new_light_vertices(0, self._light.n_slots))
         self._first_of_pass = np.zeros(1, dtype=np.int64)
@@ -190,7 +193,7 @@ class PathTracer(Integrator):
     def _leave_out_light_paths(self) -> None:
         self._lamps = None
         self._plan_ways()
-        self._path = self._new_paths(1)
+        self._path, self._branch = (self._new_paths(1) for _ in range(2))
 
     def _may_ask_sky(self) -> bool:
         """Tell whether ways by balls and boxes to the sky may be worth their time."""
@@ -259,8 +262,8 @@ class PathTracer(Integrator):
             with self.context.ledger.stage("paths"):
                 follow_paths(
                     self._world(), self._rules(), rays, self._camera_media, self._forms,
-                    self._ray, self._path, self._vertex, self._points, shadow_rays(MOST_SHADOW_RAYS), radiance,
-                    tally,
+                    self._ray, self._path, self._branch, self._new_paths(MOST_SPLITS),
+                    np.empty(MOST_SPLITS, dtype=np.int64), self._vertex, self._points, shadow_rays(MOST_SHADOW_RAYS), radiance, tally,
                 )  # fmt: skip
             count_rays(tally, self.context.ledger, self.context.tracer)
         count_vertices(tally, self.context.ledger)
@@ -271,6 +274,8 @@ class PathTracer(Integrator):
         paths = leaving_camera(block, self._camera_media, self._lamps is not None, self._asks_ways)
         world, rules = self._world(), self._rules()
         n = paths.camera_ray.size
+        if (self._split_glass != NOTHING).any():
+            n *= 1 + MOST_SPLITS
         # Filled in turn: pages that are new each time would cost more than what is written.
         out, spare = (self._new_paths(n) for _ in range(2))
         most = MOST_SHADOW_RAYS if self._asks_ways else FEW_SHADOW_RAYS
@@ -283,7 +288,7 @@ class PathTracer(Integrator):
                 # --- light they ran into; light we reach for; where they go next, and which stop
                 n_rays, n_out = advance_paths(
                     world, rules, depth, rays, paths, self._arrival(paths, hits, second, depth),
-                    self._path, self._vertex, self._points, radiance, shadows, out, tally,
+                    self._path, self._branch, self._vertex, self._points, radiance, shadows, out, tally,
                 )  # fmt: skip
                 self._light.add_unblocked(shadows, n_rays, radiance)
             if n_out == 0:
@@ -326,6 +331,7 @@ class PathTracer(Integrator):
             lobes=scene.lobes,
             color_factor=scene.color_factor,
             glass_of=scene.glass_of,
+            split_glass_of=self._split_glass,
             rough_glass_of=self._light.rough_glass_of,
             textures=scene.textures,
             lights=scene.lights,

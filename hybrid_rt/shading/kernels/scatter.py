@@ -104,7 +104,8 @@ def scatter_one(
 ):  # fmt: skip
     """Scatter ray i in one direction and return its fate.
 
-    Parameters are those of `scatter`. ``reference`` is the throughput at which a path survives.
+    Parameters are those of `scatter`. ``reference`` is the throughput at which a path survives; 0: at
+    any.
     """
     material, colors, _, normal, direction, geometric, ratio = vertices
     t, before, is_smooth, object_id, rival = rivals
@@ -152,7 +153,7 @@ def scatter_one(
         # Within glass radiance counts by its index squared, given back on the way out.
         carried *= ior_of(lobes, filling_medium(stack, i, lobes)) ** 2
     if roulette > 0.0 and fate != STOPPED:
-        survival = min(carried / reference, roulette)
+        survival = min(carried / reference, roulette) if reference > 0.0 else roulette
         if choice[i, 1] >= survival:
             return ABSORBED
         r, g, b = r / survival, g / survival, b / survival

@@ -12,6 +12,32 @@ from meshing.kernels.jit import inlined
 
 
 @inlined
+def reflectance_ahead(lobes, lobe, stack, i, cos_i, is_front, second):
+    """Return the reflectance at a dielectric; 0 where its surface is hidden in another body.
+
+    ``cos_i`` is the cosine to the normal on the side of the ray; other parameters are those of
+    `at_glass`.
+    """
+    kept = (
+        stack[i, 0], stack[i, 1], stack[i, 2], stack[i, 3],
+        stack[i, 4], stack[i, 5], stack[i, 6], stack[i, 7],
+    )  # fmt: skip
+    before = filling_medium(stack, i, lobes)
+    pass_surface(lobe, stack, i, is_front, second)
+    after = filling_medium(stack, i, lobes)
+    for k in range(STACK):
+        stack[i, k] = kept[k]
+    if before == after:
+        return 0.0
+    ratio = ior_of(lobes, after) / ior_of(lobes, before)
+    if lobes.number[lobe, SCHLICK] != 0.0:
+        reflectance, _ = schlick(min(cos_i, 1.0), ratio)
+    else:
+        reflectance, _ = fresnel(min(cos_i, 1.0), ratio)
+    return reflectance
+
+
+@inlined
 def at_glass(lobes, lobe, stack, i, nx, ny, nz, dx, dy, dz, is_front, second, xi):
     """Sample reflection or refraction at a dielectric by its reflectance.
 
