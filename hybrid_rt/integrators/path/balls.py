@@ -33,14 +33,24 @@ def balls_of(scene: CompiledScene) -> Balls:
     left out, as a ray crosses two surfaces there at once, and those within a ball of glass, which
     nothing outside reaches straight.
     """
-    touches, spheres = touching(scene), _spheres_of(scene)
+    spheres = _spheres_of(scene)
+    touches = touching(scene)
     glass = [i for i in spheres if is_clear(scene, i) and not touches[i]]
     within = {i for ball in glass for i in _within(spheres, ball)}
     mirrors = [i for i in spheres if _is_mirror(scene, i)]
-    rows = [i for i in sorted(glass + mirrors) if i not in within]
+    return _table(scene, [i for i in sorted(glass + mirrors) if i not in within])
+
+
+def no_balls(scene: CompiledScene) -> Balls:
+    """Return a table without rows."""
+    return _table(scene, [])
+
+
+def _table(scene: CompiledScene, rows: list[int]) -> Balls:
+    spheres = _spheres_of(scene)
     lobe = scene.lobes.first[scene.material_of[rows]] if rows else np.zeros(0, dtype=np.int32)
     color = scene.textures.number[scene.lobes.texture[lobe], :3]
-    cores = [core_of(scene, i) if i in glass else NO_CORE for i in rows]
+    cores = [core_of(scene, i) if is_clear(scene, i) else NO_CORE for i in rows]
     radius = np.array([spheres[i].radius for i in rows], dtype=np.float64)
     core = [spheres[one.surfaces[0]].radius if one.surfaces else 0.0 for one in cores]
     of_core = rows_of(scene, [])

@@ -13,9 +13,11 @@ from hybrid_rt.scene.compiled import CompiledScene
 from meshing import SurfaceOfRevolution
 from meshing.surface import Surface
 
-# What lies nearer to a face than this part of the scene's coordinates may touch it; the rim of the
-# face is left out by as much.
-NEAR = 1e-6
+# What lies nearer to a face than this part of the scene's coordinates may touch it: far more than
+# rounding, and less than any gap that is meant.
+NEAR = 1e-9
+# The part of a face, along its edges, that is its rim: what touches only this does not matter.
+RIM = 1e-6
 # Cosine between edges that are taken for being at right angles: rounding, turned by any rotation.
 RIGHT = 1e-12
 
@@ -24,6 +26,16 @@ def boxes_of(scene: CompiledScene) -> Boxes:
     """Return the boxes of clear glass, with an index above 1."""
     surfaces = scene.surfaces
     rows = [i for i in range(len(surfaces)) if isinstance(surfaces[i], Box) and is_clear(scene, i)]
+    return _table(scene, rows)
+
+
+def no_boxes(scene: CompiledScene) -> Boxes:
+    """Return a table without rows."""
+    return _table(scene, [])
+
+
+def _table(scene: CompiledScene, rows: list[int]) -> Boxes:
+    surfaces = scene.surfaces
     lobe = scene.lobes.first[scene.material_of[rows]] if rows else np.zeros(0, dtype=np.int32)
     corner = np.array([surfaces[i].lo for i in rows]).reshape(-1, 3)
     edges = np.array([surfaces[i].edges for i in rows]).reshape(-1, 3, 3)
@@ -45,53 +57,81 @@ def boxes_of(scene: CompiledScene) -> Boxes:
         surface=np.array(rows, dtype=np.int32),
         lobe=np.asarray(lobe, dtype=np.int32),
         tint=np.ascontiguousarray(scene.color_factor[lobe, None] * color, dtype=np.float64),
-        is_open=np.array([open_faces(surfaces, i) for i in rows], dtype=np.bool_).reshape(-1, 6),
+        is_open=open_faces(surfaces, rows),
         is_right=skew.max(axis=(1, 2), initial=0.0) <= RIGHT,
         of_surface=rows_of(scene, rows),
     )
 
 
-def open_faces(surfaces: list[Surface], one: int) -> BoolArray:
-    """Tell on which faces of a box no other surface lies, (6,) bool.
+def open_faces(surfaces: list[Surface], rows: list[int]) -> BoolArray:
+    """Tell on which faces of some boxes no other surface lies, (rows, 6) bool.
 
     A way through glass ends or begins in its face, where a shadow ray would not tell that another
     surface is there as well. Surfaces that touch the face in points or curves do not matter.
     """
-    box = surfaces[one]
-    assert isinstance(box, Box)
-    slack = NEAR * np.abs(box.bounds).max()
-    is_open = np.ones(6, dtype=np.bool_)
-    for face in range(6):
-        # The face without its rim.
-        u, v = np.meshgrid([NEAR, 1.0 - NEAR], [NEAR, 1.0 - NEAR])
-        corners = box.point(u.ravel(), v.ravel(), face)
-        normal = box.normal(0.5, 0.5, face)[0]
-        others = (surface for k, surface in enumerate(surfaces) if k != one)
-        is_open[face] = not any(_may_lie_on(other, corners, normal, slack) for other in others)
+    is_open = np.ones((len(rows), 6), dtype=np.bool_)
+    if not rows:
+        return is_open
+    bounds = np.array([surface.bounds for surface in surfaces])
+    flat: dict[int, FloatArray] = {}
+    for row, one in enumerate(rows):
+        slack = NEAR * np.abs(bounds[one]).max()
+        around = bounds[one] + ((-slack,), (slack,))
+        meets = _meet(bounds, around)
+        meets[one] = False
+        for other in np.flatnonzero(meets).tolist():
+            surface = surfaces[other]
+            if isinstance(surface, (Sphere, Torus)):
+                continue
+            pieces = None
+            if not isinstance(surface, Plane):
+                if other not in flat:
+                    flat[other] = _flat_pieces(surface)
+                pieces = flat[other]
+                ends = np.stack([pieces.min(axis=1), pieces.max(axis=1)], axis=1)
+                pieces = pieces[_meet(ends, around)]
+            for face in range(6):
+                if is_open[row, face]:
+                    is_open[row, face] = not _may_lie_on(
+                        surface, pieces, surfaces[one], face, slack
+                    )
     return is_open
 
 
-def _may_lie_on(surface: Surface, face: FloatArray, normal: FloatArray, slack: float) -> bool:
-    """Tell whether part of a surface may lie in the plane of a face, with corners (4, 3), on it."""
-    if isinstance(surface, (Sphere, Torus)):
-        return False
+def _meet(bounds: FloatArray, box: FloatArray) -> BoolArray:
+    """Tell which bounds (n, 2, 3) have a point in common with those of a box (2, 3)."""
+    meets: BoolArray = ((bounds[:, 0] <= box[1]) & (bounds[:, 1] >= box[0])).all(axis=1)
+    return meets
+
+
+def _may_lie_on(
+    surface: Surface, pieces: FloatArray | None, box: Surface, face: int, slack: float
+) -> bool:
+    """Tell whether part of a surface may lie in the plane of a face, on it but for its rim.
+
+    ``pieces`` are those of `_flat_pieces`.
+    """
+    assert isinstance(box, Box)
+    u, v = np.meshgrid([RIM, 1.0 - RIM], [RIM, 1.0 - RIM])
+    corners, normal = box.point(u.ravel(), v.ravel(), face), box.normal(0.5, 0.5, face)[0]
     if isinstance(surface, Plane):
-        return bool(np.abs((face - surface.origin) @ surface.unit_normal).max() <= slack)
+        return bool(np.abs((corners - surface.origin) @ surface.unit_normal).max() <= slack)
+    assert pieces is not None
     if isinstance(surface, SurfaceOfRevolution):
         disc = np.cross(surface.radial, surface.binormal)
         if abs(disc @ normal) < (1.0 - NEAR) * np.linalg.norm(disc):
             return False
-    pieces = _flat_pieces(surface)
-    heights = (pieces - face[0]) @ normal
+    heights = (pieces - corners[0]) @ normal
     is_flat = np.abs(heights).max(axis=1) <= slack
     if not isinstance(surface, (Box, Rectangle, TriangleMesh)):
         # Corners of bounds, on both sides of the plane or near it.
         is_flat = (heights.min(axis=1) <= slack) & (heights.max(axis=1) >= -slack)
-    low, high = face.min(axis=0), face.max(axis=0)
+    pieces = pieces[is_flat]
+    low, high = corners.min(axis=0), corners.max(axis=0)
     # Across the face there is room for rounding.
     room = slack * np.abs(normal)
     meets = (pieces.min(axis=1) <= high + room) & (pieces.max(axis=1) >= low - room)
-    return bool((is_flat & meets.all(axis=1)).any())
+    return bool(meets.all(axis=1).any())
 
 
 def _flat_pieces(surface: Surface) -> FloatArray:

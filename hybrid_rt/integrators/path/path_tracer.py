@@ -50,8 +50,8 @@ from hybrid_rt.integrators.kernels.vertex_points import (
 from hybrid_rt.integrators.light_points import new_light_points
 from hybrid_rt.integrators.media.absorption import media_around_camera
 from hybrid_rt.integrators.options import PathOptions
-from hybrid_rt.integrators.path.balls import balls_of
-from hybrid_rt.integrators.path.boxes import boxes_of
+from hybrid_rt.integrators.path.balls import balls_of, no_balls
+from hybrid_rt.integrators.path.boxes import boxes_of, no_boxes
 from hybrid_rt.integrators.path.camera_paths import glass_alone, leaving_camera
 from hybrid_rt.integrators.path.light_paths import (
     PILOT_PATHS,
@@ -136,9 +136,12 @@ class PathTracer(Integrator):
             shining=bool(scene.shining),
             rough=self._light.rough_glass_of.size > 0,
         )
-        self._balls, self._boxes = balls_of(scene), boxes_of(scene)
         self._brightness = brightness(scene.sky)
         self._asks_sky = self._may_ask_sky()
+        if self._asks_sky or self._lamps is not None:
+            self._balls, self._boxes = balls_of(scene), boxes_of(scene)
+        else:
+            self._balls, self._boxes = no_balls(scene), no_boxes(scene)
         self._plan_ways()
         self._path, self._branch = (self._new_paths(1) for _ in range(2))
         self._points = new_run_points(RUN_ACROSS if self._forms is None else RUN_ALONG)
@@ -222,7 +225,7 @@ class PathTracer(Integrator):
             f"balls of glass or mirrors ({balls}) and boxes of glass ({boxes}): ways by these are "
             f"computed {' and '.join(ends)}",
             "no sphere is of one mirror or of clear glass, and no box of clear glass"
-            if balls + boxes == 0
+            if ends
             else "no light paths, whose gaps they fill, and no sky that is bright in few directions",
         )
 

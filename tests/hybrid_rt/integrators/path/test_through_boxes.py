@@ -83,16 +83,17 @@ def test_faces_that_something_lies_on():
         "flat ring": (ring, {5}),
         "ring across": (ring.transformed(rotation_matrix(0.1, (1, 0, 0), (0.5, 0.5, 1.0))), set()),
         "mesh": (TriangleMesh(Trimesh([(0, 0, 1), (1, 0, 1), (0, 1, 1)], [(0, 1, 2)])), {5}),
+        "table below a gap": (Box((-2, -2, -1), (3, 3, -1e-6)), set()),
         "mesh above": (
             TriangleMesh(Trimesh([(0, 0, 1), (1, 0, 1), (0, 1, 2)], [(0, 1, 2)])),
             set(),
         ),
     }
     for name, (other, closed) in others.items():
-        assert set(np.flatnonzero(~open_faces([box, other], 0))) == closed, name
+        assert set(np.flatnonzero(~open_faces([box, other], [0])[0])) == closed, name
     turned = box.transformed(rotation_matrix(0.7, (1, 2, 3)))
     table = others["table"][0].transformed(rotation_matrix(0.7, (1, 2, 3)))
-    assert set(np.flatnonzero(~open_faces([turned, table], 0))) == {4}
+    assert set(np.flatnonzero(~open_faces([turned, table], [0])[0])) == {4}
 
 
 def test_the_unevenness_of_skies():
