@@ -154,33 +154,57 @@ def bspline(
     Returns
     -------
     list of Curve2
-        One arc for each span between knots that is not empty.
+        One arc for each span between knots that is not empty. Spans on which the curve stays in one
+        point (degree + 1 equal control points) are left out. An arc is rational only where the
+        weights that count on its span differ.
 
     Raises
     ------
     ValueError, TypeError
         For shapes that do not match, knots that descend or repeat more than degree + 1 times, an
-        empty domain, and arcs that `Curve2` refuses.
+        empty domain, a curve that is one point, and arcs that `Curve2` refuses.
     """
     points = as_floats(control, "bspline control")
     if points.ndim != 2 or points.shape[1] != 2:
         raise ValueError(f"bspline control has shape {points.shape}: pass (p, 2)")
+    for i in np.flatnonzero(~np.isfinite(points).all(axis=1))[:1]:
+        raise ValueError(f"bspline control point {i} is {points[i].tolist()}: pass finite numbers")
     degree = whole(degree, "bspline degree", at_least=1, up_to=MAX_DEGREE)
     vector = as_knots(knots, "bspline knots", degree, "bspline control", len(points))
     begin, end = as_floats(low, "bspline low"), as_floats(high, "bspline high")
-    if begin.shape != (2,) or end.shape != (2,) or not (begin < end).all():
+    is_pair = begin.shape == (2,) and end.shape == (2,)
+    if not (is_pair and np.isfinite([begin, end]).all() and (begin < end).all()):
         raise ValueError(
             f"bspline low is {shown(begin.tolist())} and high {shown(end.tolist())}: pass (u, v) each, "
-            "the first below the second"
+            "finite, the first below the second"
         )
     w = np.ones(len(points))
     if weights is not None:
         w = _as_weights(weights, "bspline weights", len(points))
     over = (points - begin) / (end - begin)
     matrix, (first, _) = bezier_matrix(vector, degree)
-    fine = combined(matrix, np.concatenate([over * w[:, None], w[:, None]], axis=1))
-    pieces = [fine[k : k + degree + 1] for k in first]
-    return [Curve2(piece[:, :2] / piece[:, 2:], piece[:, 2]) for piece in pieces]
+    if (w == w[0]).all():
+        # Rows of the matrix add up to 1 only to rounding: weights made by them would differ.
+        fine, heavy = combined(matrix, over), None
+    else:
+        heavy = combined(matrix, w)
+        fine = combined(matrix, over * w[:, None]) / heavy[:, None]
+    pieces = [slice(k, k + degree + 1) for k in first]
+    counts = [matrix[piece].any(axis=0) for piece in pieces]  # which control points, on each span
+    for piece, used in zip(pieces, counts, strict=True):
+        # To the bit, for the neighbours that begin or end there.
+        if (over[used] == over[used][0]).all():
+            fine[piece] = over[used][0]
+    arcs = [
+        Curve2(fine[piece], None if heavy is None or np.ptp(w[used]) == 0.0 else heavy[piece])
+        for piece, used in zip(pieces, counts, strict=True)
+        if (fine[piece] != fine[piece][0]).any()
+    ]
+    if not arcs:
+        raise ValueError(
+            f"bspline control leaves the point {fine[0].tolist()} on all spans: leave the curve out"
+        )
+    return arcs
 
 
 def circle(center: ArrayLike, radius: float | tuple[float, float]) -> list[Curve2]:

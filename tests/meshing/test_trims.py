@@ -266,6 +266,60 @@ def test_arcs_of_a_spline_are_the_spline(is_rational):
     assert all((a.control[-1] == b.control[0]).all() for a, b in pairwise(arcs))
 
 
+@pytest.mark.parametrize("weights", [None, 0.7])
+@pytest.mark.parametrize("degree", [2, 3, 7])
+def test_arcs_of_a_spline_without_weights_are_polynomial(weights, degree):
+    """Against scipy, at 57 spans whose matrices have rows that add up to 1 only to rounding."""
+    rng = np.random.default_rng(degree)
+    inside = np.sort(rng.random(56))
+    knots = np.concatenate([np.zeros(degree + 1), inside, np.ones(degree + 1)])
+    control = rng.random((57 + degree, 2))
+    given = None if weights is None else np.full(len(control), weights)
+    arcs = bspline(control, knots, degree, given)
+    assert len(arcs) == 57
+    assert all(arc.weights is None for arc in arcs)
+    spline, s = BSpline(knots, control, degree), np.linspace(0.0, 1.0, 20)
+    for arc, begin, end in zip(arcs, knots[degree:], knots[degree + 1 :], strict=False):
+        at = np.minimum(begin + s * (end - begin), end)
+        # Convex combinations of numbers below 1 at each of degree levels, of shares that are rounded
+        # by 1 ulp of the knots over their distance; scipy's as well.
+        atol = 20 * degree * EPS * (1.0 + 1.0 / (end - begin))
+        np.testing.assert_allclose(arc.point(s), spline(at), atol=atol)
+    assert all((a.control[-1] == b.control[0]).all() for a, b in pairwise(arcs))
+
+
+def test_an_arc_is_rational_only_where_its_weights_differ():
+    """Two straight spans, and a quarter of a circle between them."""
+    root = np.sqrt(0.5)
+    control = [(0, 0), (0.3, 0), (0.6, 0), (0.8, 0), (0.8, 0.2), (0.8, 0.5), (0.8, 0.9)]
+    knots = np.repeat([0.0, 1.0, 2.0, 3.0], [3, 2, 2, 3])
+    arcs = bspline(control, knots, 2, [1, 1, 1, root, 1, 1, 1])
+    assert [arc.weights is None for arc in arcs] == [True, False, True]
+    assert np.hypot(*(arcs[1].point(0.3)[0] - (0.6, 0.2))) == pytest.approx(0.2, abs=4 * EPS)
+
+
+@pytest.mark.parametrize("is_rational", [False, True])
+def test_spans_that_stay_in_a_point_are_left_out(is_rational):
+    """Degree + 1 equal poles, as where a file stops at a corner; against scipy on the others."""
+    rng = np.random.default_rng(5)
+    knots, degree = np.array([0, 0, 0, 0, 0.7, 1.1, 1.9, 2.3, 3.1, 4, 4, 4, 4.0]), 3
+    control = rng.random((9, 2))
+    control[2:6] = control[2]  # those of the span from 1.1 to 1.9
+    weights = rng.uniform(0.5, 2.0, 9) if is_rational else np.ones(9)
+    arcs = bspline(control, knots, degree, weights if is_rational else None)
+    breaks = np.unique(knots)
+    begins, ends = np.delete(breaks[:-1], 2), np.delete(breaks[1:], 2)
+    assert len(arcs) == len(begins) == 5
+    columns = np.concatenate([control * weights[:, None], weights[:, None]], axis=1)
+    spline, s = BSpline(knots, columns, degree), np.linspace(0.0, 1.0, 20)
+    for arc, begin, end in zip(arcs, begins, ends, strict=True):
+        x, y, w = spline(np.minimum(begin + s * (end - begin), end)).T
+        np.testing.assert_allclose(arc.point(s), np.stack([x / w, y / w], axis=1), atol=40 * EPS)
+    # Before and behind the span that is left out, too.
+    assert all((a.control[-1] == b.control[0]).all() for a, b in pairwise(arcs))
+    assert (arcs[1].control[-1] == control[2]).all()
+
+
 @pytest.mark.parametrize(
     ("change", "message"),
     [
@@ -275,6 +329,13 @@ def test_arcs_of_a_spline_are_the_spline(is_rational):
         ({"weights": [1.0, 1.0]}, "pass one each"),
         ({"weights": [1.0, 0.0, 1.0]}, "bspline weights"),
         ({"high": (1.0, 0.0)}, "the first below the second"),
+        ({"high": (1.0, np.inf)}, r"high \[1.0, inf\]: pass \(u, v\) each, finite"),
+        ({"low": (-np.inf, 0.0)}, r"low is \[-inf, 0.0\] .*finite"),
+        ({"control": [(0, 0), (np.nan, 0), (1, 1)]}, r"control point 1 is \[nan, 0.0\]"),
+        (
+            {"control": [(0.5, 0.3)] * 3},
+            r"the point \[0.5, 0.3\] on all spans: leave the curve out",
+        ),
         ({"control": [(0, 0), (9, 0), (1, 1)]}, "finite numbers from -1 to 2"),
     ],
 )
