@@ -15,6 +15,7 @@ from meshing.checks import BoolArray, FloatArray, as_affine, as_path, freeze
 from meshing.kernels import bernstein, subdivision
 from meshing.nets import as_nets, as_weights, check_finite, is_rational
 from meshing.parametric import ParametricSurface
+from meshing.polynomials import net_of_polynomial
 
 
 class BezierPatches(ParametricSurface):
@@ -110,6 +111,45 @@ class BezierPatches(ParametricSurface):
         if not file.is_file():
             raise FileNotFoundError(f"BezierPatches file is {str(path)!r}: there is no such file")
         return cls(read_patches(file))
+
+    @classmethod
+    def from_polynomial(cls, coefficients: ArrayLike, x: ArrayLike, y: ArrayLike) -> BezierPatches:
+        """Return the graph of a polynomial over a rectangle: z = sum of c_ij x^i y^j.
+
+        It is one patch. u follows x and v follows y, each linearly, and the normal points to +z.
+        Control points are the floats next to the true ones.
+
+        Parameters
+        ----------
+        coefficients : (m + 1, n + 1) array
+            c_ij, as for ``numpy.polynomial.polynomial.polyval2d``. The degrees m and n are up to 30.
+        x, y : (2,) array
+            Where the rectangle begins and ends, in scene units.
+
+        Raises
+        ------
+        ValueError, TypeError
+            For a wrong shape, a degree above 30, NaN or infinity, and a rectangle that is empty.
+
+        Notes
+        -----
+        Points are exact to rounding of the largest control point. A Zernike polynomial is at most 1 on
+        the unit disc, but control points over the square around it reach 18 at degree 4, 1700 at degree
+        10 and 8e6 at degree 20.
+
+        References
+        ----------
+        Farin, "Curves and Surfaces for CAGD", 5th edition, 2002, section 6.5.
+        """
+        net = net_of_polynomial(coefficients, x, y)
+        try:
+            return BezierPatches([net])
+        except ValueError:
+            wide, long, _ = np.ptp(net, axis=(0, 1))
+            raise ValueError(
+                f"BezierPatches.from_polynomial leaves no area: z reaches {np.abs(net[..., 2]).max():g} "
+                f"over a rectangle {wide:g} x {long:g}: pass smaller coefficients, or a lower degree"
+            ) from None
 
     def write(self, path: str | Path) -> None:
         """Write a .bpt file, from which `read` returns the same float64 control points.
