@@ -31,8 +31,11 @@ CHECK = "check its apertures, and that its surfaces lie in order"
 # Surfaces nearer to each other than this, over the size of coordinates, touch: rounding moves a point by
 # less.
 TOUCHING = 1e-12
-# Rays across the light in which that is looked for which passes: first few, then many.
+# Rays across the light in which that is looked for which passes: first few, then many. If it spans too few
+# cells, so many on each side of one that passes, or nearly does, are looked at more closely, at most so
+# often: the last cells are 1e-9 of the light.
 LOOKS = (64, 512)
+FEW, CELLS, CLOSER_LOOKS = 8, 4, 7
 
 
 @dataclass(frozen=True)
@@ -113,6 +116,9 @@ class Traced:
         -1 if it gets through.
     fate : (n,) int32
         Why: see `Fate`.
+    origins : (n, 3) float64
+        Where the rays start, also lost ones. Those of `Lens.parallel` lie in a plane across the light in
+        front of the lens.
     """
 
     position: FloatArray
@@ -122,6 +128,7 @@ class Traced:
     t_bound: FloatArray
     stopped_at: IntArray
     fate: IntArray
+    origins: FloatArray
 
     def at(self, z: float) -> FloatArray:
         """Return the points (n, 2) at which the rays meet the plane across the axis at z."""
@@ -224,8 +231,8 @@ class Lens:
         ValueError, TypeError
             For rays that are not finite, directions of length zero, and shapes that do not match.
         """
-        o, d = _rays(origins, directions)
-        n = len(o)
+        starts, d = _rays(origins, directions)
+        o, n = starts, len(starts)
         position, direction = np.full((n, 3), np.nan), np.full((n, 3), np.nan)
         path, bound, rows = np.zeros(n), np.zeros(n), np.arange(n)
         stopped, fate = np.full(n, -1, np.int32), np.zeros(n, np.int32)
@@ -254,7 +261,7 @@ class Lens:
             rows, o, d = rows[goes_on], o[goes_on], d[goes_on]
         position[rows], direction[rows] = o, d
         path[stopped >= 0] = bound[stopped >= 0] = np.nan
-        return Traced(position, direction, stopped < 0, path, bound, stopped, fate)
+        return Traced(position, direction, stopped < 0, path, bound, stopped, fate, starts)
 
     def focus(self) -> Focus:
         """Find the focus of rays close to the axis, by tracing one.
@@ -276,7 +283,10 @@ class Lens:
         return Focus(float(-height * dz / dx), float(crosses - self.vertices[-1]))
 
     def paraxial_focus(self) -> Focus:
-        """Return the focus from the product of paraxial matrices (Gaussian optics), without rays."""
+        """Return the focus from the product of paraxial matrices (Gaussian optics), without rays.
+
+        That of an afocal system which collimates up to rounding only is very large instead of inf.
+        """
         system, before = np.eye(2), self.index
         last = len(self.prescription) - 1
         for k, s in enumerate(self.prescription):
@@ -331,7 +341,7 @@ class Lens:
             points = points[np.hypot(*points.T) <= half]
         rays = self._trace_parallel(points, angle)
         if not rays.passed.any():
-            self._refuse_field(angle, rays)
+            self._refuse_field(angle, rays, "a larger n, if light passes between these rays")
         return rays
 
     def _trace_parallel(self, points: FloatArray, angle: float) -> Traced:
@@ -349,20 +359,49 @@ class Lens:
         # Light meets the first surface within its rim, and crosses the plane of its vertex beside it.
         reach = np.abs(first[:, :2]).max() + np.abs(first[:, 2]).max() * abs(math.tan(angle))
         for n in LOOKS:
-            points = _grid((-reach, -reach), (reach, reach), n)
+            points, cell = _grid((-reach, -reach), (reach, reach), n), 2.0 * reach / n
             rays = self._trace_parallel(points, angle)
-            if rays.passed.any():
-                met = points[rays.passed]
-                cell = 2.0 * reach / n
-                return met.min(axis=0) - cell, met.max(axis=0) + cell
-        return self._refuse_field(angle, rays)
+            met = points[rays.passed]
+            if met.size:
+                break
+        wide = rays
+        for _ in range(CLOSER_LOOKS):
+            if met.size and np.ptp(met, axis=0).min() >= FEW * cell:
+                break
+            middle = met[len(met) // 2] if met.size else self._nearest_to_pass(points, rays, angle)
+            if middle is None:
+                break
+            half, n = CELLS * cell, LOOKS[0]
+            points, cell = _grid(middle - half, middle + half, n), 2.0 * half / n
+            rays = self._trace_parallel(points, angle)
+            met = points[rays.passed]
+            # What passes may be narrow and long, and go on beyond these points.
+            while met.size and np.abs(met - middle).max() > half - cell and half < reach:
+                half, n = 2.0 * half, min(2 * n, LOOKS[-1])
+                points, cell = _grid(middle - half, middle + half, n), 2.0 * half / n
+                rays = self._trace_parallel(points, angle)
+                met = np.concatenate([met, points[rays.passed]])
+        if not met.size:
+            self._refuse_field(angle, wide, "pupil=, if very little light passes")
+        return met.min(axis=0) - cell, met.max(axis=0) + cell
+
+    def _nearest_to_pass(self, points: FloatArray, rays: Traced, angle: float) -> FloatArray | None:
+        """Return the point of the lost ray that gets farthest, and is least beside the aperture there."""
+        k = int(rays.stopped_at.max())
+        beside = points[(rays.stopped_at == k) & (rays.fate == Fate.OUTSIDE)]
+        if k == 0 or not len(beside):
+            return None
+        in_front = Lens(self.prescription[:k], self.index)._trace_parallel(beside, angle)
+        rim = self.vertices[k] + float(self.surfaces[k].sag_at(0.5 * self.surfaces[k].aperture))
+        nearest: FloatArray = beside[np.hypot(*in_front.at(rim).T).argmin()]
+        return nearest
 
     @staticmethod
-    def _refuse_field(angle: float, rays: Traced) -> NoReturn:
+    def _refuse_field(angle: float, rays: Traced, remedy: str) -> NoReturn:
         lost, count = np.unique(rays.stopped_at, return_counts=True)
         raise ValueError(
             f"no light from {math.degrees(angle):g} degrees passes the lens: most is stopped at "
-            f"prescription[{lost[count.argmax()]}]; {CHECK}"
+            f"prescription[{lost[count.argmax()]}]; {CHECK}; or pass {remedy}"
         )
 
     def spot(

@@ -272,6 +272,74 @@ def test_a_narrow_stop_far_behind_is_found():
         lens.parallel(60.0)
 
 
+@pytest.mark.parametrize(
+    ("prescription", "stop", "field"), [(DOUBLE_GAUSS, 5, 12.0), (COOKE_TRIPLET, 4, 8.3)]
+)
+@pytest.mark.parametrize("diameter", [0.02, 1e-6])
+def test_a_stop_between_the_rays_of_a_grid_is_found(prescription, stop, field, diameter):
+    """Few enough light passes that no ray of 512 x 512 does."""
+    lines = list(prescription)
+    lines[stop] = replace(lines[stop], aperture=diameter)
+    rays = Lens(lines).parallel(field, n=64)
+    assert rays.passed.mean() > 0.2
+    # They fill the stop, to the cells of the rectangle, of which a fifth of the rays or more pass.
+    met = (
+        Lens(lines[: stop + 1])
+        .trace(rays.origins[rays.passed], direction_of(field))
+        .at(sum(line.thickness for line in lines[:stop]))
+    )
+    assert np.hypot(*met.T).max() <= 0.5 * diameter * (1 + 1e-6)
+    assert (np.ptp(met, axis=0) > 0.9 * diameter).all()
+
+
+def direction_of(field):
+    return (0.0, math.sin(math.radians(field)), math.cos(math.radians(field)))
+
+
+def test_a_long_and_narrow_rest_of_the_light_is_found():
+    """Two apertures of radius 5, which the field shifts against each other by 10 less the width."""
+    for width in (0.01, 1e-3):
+        field = math.degrees(math.atan((10.0 - width) / 80.0))
+        lens = Lens([LensSurface(math.inf, 80.0, 1.0, 10.0), LensSurface(math.inf, 0.0, 1.0, 10.0)])
+        rays = lens.parallel(field, n=1000)
+        points = rays.at(0.0)[rays.passed]
+        half = math.sqrt(25.0 - (5.0 - 0.5 * width) ** 2)
+        # It tapers to its ends, and few rays lie across it.
+        assert np.abs(points[:, 0]).max() == pytest.approx(half, rel=0.15)
+        assert np.abs(points[:, 1] + 5.0 - 0.5 * width).max() <= 0.5 * width + 1e-12
+
+
+def test_light_that_slips_between_given_rays_is_hinted_at():
+    lines = [replace(DOUBLE_GAUSS[0]), *DOUBLE_GAUSS[1:5], replace(DOUBLE_GAUSS[5], aperture=1e-3)]
+    with pytest.raises(ValueError, match=r"prescription\[5\]; .*; or pass a larger n, if light"):
+        Lens(lines).parallel(0.0, pupil=80.0)
+    with pytest.raises(ValueError, match=r"order; or pass pupil=, if very little light passes"):
+        Lens(lines).parallel(70.0)
+
+
+def test_origins_are_those_of_the_rays_and_lead_to_the_stop():
+    lens, field = Lens(COOKE_TRIPLET), 8.3
+    given = np.array([[0.0, 1.0, -10.0], [0.0, 90.0, -10.0]])
+    rays = lens.trace(given, (0, 0, 1))
+    np.testing.assert_array_equal(rays.origins, given)  # lost ones included
+    rays = lens.parallel(field)
+    way = direction_of(field)
+    # In a plane across the light: coordinates of 100 are rounded.
+    assert np.ptp(rays.origins @ way) < 1e-13
+    again = lens.trace(rays.origins, way)
+    np.testing.assert_array_equal(again.position, rays.position)
+    # Up to the stop a lens that ends there bends the same rays, to the bit.
+    at_stop = Lens(COOKE_TRIPLET[:5]).trace(rays.origins, way)
+    assert at_stop.passed[rays.passed].all()
+    np.testing.assert_array_equal(
+        at_stop.passed, (rays.stopped_at > 4) | rays.passed
+    )  # fmt: skip
+    before = Lens(COOKE_TRIPLET[:4]).trace(rays.origins, way)
+    np.testing.assert_allclose(
+        at_stop.position[at_stop.passed, :2], before.at(23.33)[at_stop.passed], atol=1e-13
+    )
+
+
 FRONT = LensSurface(50.0, 6.0, 1.5, 25.0)
 BACK = LensSurface(math.inf, 0.0, 1.0, 25.0)
 
