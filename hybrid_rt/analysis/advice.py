@@ -95,13 +95,18 @@ def _measured(reference: Reference) -> str:
     measured = reference.measured
     if measured is None:
         return ", how much of it is not measured"
-    share = measured["share_of_image_mean"]
-    if share is None or measured["half_interval_95"] is None:
-        return ", more than few photons could measure"
-    half = share * measured["half_interval_95"] / measured["mean"]
+    mean, half, share = (measured[k] for k in ("mean", "half_interval_95", "share_of_image_mean"))
+    by = f"by {measured['photons']:,} photons"
+    if half is None:
+        which = "none" if mean == 0.0 else "too few"
+        return f", how much of it is not known ({by}, of which {which} reach the camera)"
+    if share is None:
+        return (
+            f": on surfaces seen directly alone {mean:.3g} +- {half:.1g} (95 %, {by}); it is black"
+        )
     return (
-        f": on surfaces seen directly alone {percent(share)} +- {percent(half)} (95 %, by "
-        f"{measured['photons']:,} photons) of its mean"
+        f": on surfaces seen directly alone {percent(share)} +- {percent(share * half / mean)} (95 %, {by}) "
+        "of its mean"
     )
 
 
