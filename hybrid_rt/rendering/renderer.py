@@ -80,8 +80,10 @@ def render(
         most this (0.01 is one per cent), with no upper limit on their number. The error counts
         noise (see `hybrid_rt.sensor.film.Film.relative_errors`) and the blur of photons. It does
         not count light that the integrator does not find, what ``max_depth`` cuts off, or the
-        geometric error; those are in the report. If a blur that more passes do not reduce is above
-        the target, a render without another limit ends and reports that.
+        geometric error; those are in the report. Nor does it count lamps that camera rays meet by
+        chance alone (a small lamp's image in a mirror, say) and have not met yet; a warning says so
+        if they may add more than the target to the image mean. If a blur that more passes do not
+        reduce is above the target, a render without another limit ends and reports that.
     target_error_trimmed : float, optional
         The same, but with the noise without the worst 0.1 % of the pixels, which a few bright paths
         (fireflies) can spoil in an otherwise good picture. It counts the blur of all pixels.
@@ -90,8 +92,11 @@ def render(
     threads : int, optional
         Default: all cores that this process may use. The number changes no bit of the picture.
     max_depth : int
-        Largest number of bounces of a path (for "whitted": of reflections and refractions). The
-        light that this cuts off is reported.
+        Largest number of bounces of a path (for "whitted": of reflections and refractions; for the
+        photon integrators: of paths from the camera and of photons, separately). The light that
+        this cuts off is reported. The same number is not the same set of paths in all integrators:
+        at 0 "path" shows light that a ``Metal`` reflects; the others follow it, as a mirror, from
+        1 on.
     accuracy, coarse, tolerance
         As for `Intersector`. ``coarse`` changes only the time, and no bit of the picture.
     options : PathOptions, PPMOptions or PhotonMapOptions, optional

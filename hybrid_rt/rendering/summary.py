@@ -88,11 +88,41 @@ def warnings_in_words(report: dict[str, Any]) -> list[str]:
             "error estimate counts: pass a larger max_depth"
         )
     if not report["lamps_turned_away"] and _share_without_light(report) == 1.0:
-        lines.append(
-            "the picture is black: no light arrives. Look for lamps inside of bodies or turned away, a "
-            "camera within a surface, and for light that the integrator leaves out"
+        # From the default on, the warning above says so.
+        is_cut_off = lost >= MUCH and max_depth < DEFAULT_DEPTH
+        larger = (
+            f"Pass a larger max_depth: {max_depth} cut off {per_cent(lost)} of the light that was "
+            "followed. Else look"
+            if is_cut_off
+            else "Look"
         )
-    return lines
+        lines.append(
+            f"the picture is black: no light arrives. {larger} for lamps inside of bodies or turned away, "
+            "a camera within a surface, and for light that the integrator leaves out"
+        )
+    return [*lines, *_target_without_lamps(report)]
+
+
+def _target_without_lamps(report: dict[str, Any]) -> list[str]:
+    """Return a warning if a target was reached that lamps that no camera ray has met may exceed."""
+    noise, settings = report["noise"], report["settings"]
+    if report["stopped_by"] != "target_error" or not _unmet_decides(noise):
+        return []
+    unmet, mean, target = noise["unmet_lamps_95"], noise["image_mean"], settings["target_error"]
+    if unmet <= target * mean:
+        return []
+    relative, passes = "", "more passes"
+    needed = report["passes"] * (unmet / mean / target if mean > 0.0 else math.inf)
+    if needed < math.inf:
+        relative = f", {per_cent(unmet / mean)} of it"
+        passes = f"about {float(f'{needed:.2g}'):,.0f} passes"
+    by = "" if settings["integrator"] == "path" else " (integrator path makes them soonest)"
+    words = (
+        f"the target error {target:g} does not count lamps that camera rays meet by chance alone, in "
+        "mirrors or glass or as specks, and have not met yet: the brightest may add up to "
+        f"{unmet:.2g} to the image mean of {mean:.3g}{relative}. Pass no target, but {passes}{by}"
+    )
+    return [words]
 
 
 def _share_without_light(report: dict[str, Any]) -> float:
@@ -205,13 +235,18 @@ def _noise(report: dict[str, Any]) -> str:
 
 def _unmet(noise: dict[str, Any]) -> str:
     """Return what of the interval is for lamps that no camera ray has met, if that decides it."""
-    unmet = noise["unmet_lamps_95"]
-    if unmet == 0.0 or unmet < noise["half_interval_95_of_image_mean"]:
+    if not _unmet_decides(noise):
         return ""
     return (
         "\n            the interval allows for ways to the brightest lamp that no camera ray has taken "
         "yet, in mirrors or glass or as a speck: more passes narrow it"
     )
+
+
+def _unmet_decides(noise: dict[str, Any]) -> bool:
+    """Tell whether unmet lamps make the interval of the mean: if one had been met, noise would."""
+    unmet = noise["unmet_lamps_95"]
+    return bool(unmet > 0.0 and unmet >= noise["half_interval_95_of_image_mean"])
 
 
 def of_what(report: dict[str, Any]) -> str:

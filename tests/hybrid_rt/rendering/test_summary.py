@@ -5,7 +5,9 @@ import pytest
 from hybrid_rt import (
     Camera,
     Dielectric,
+    GradientSky,
     Lambertian,
+    Mirror,
     Object,
     PointLight,
     PPMOptions,
@@ -13,6 +15,7 @@ from hybrid_rt import (
     RectangleLight,
     Scene,
     Sphere,
+    SphereLight,
     render,
 )
 from hybrid_rt.rendering.summary import in_words, per_cent, warnings_in_words
@@ -46,6 +49,58 @@ def test_a_black_picture_is_a_warning(integrator):
     assert "WARNING   the picture is black: no light arrives" in in_words(dark)
     lit = render(Scene(camera, [floor, shade], [inside, above]), integrator, passes=2, threads=1)
     assert not warnings_in_words(lit.report)
+
+
+@pytest.mark.parametrize("integrator", ["path", "whitted"])
+def test_a_picture_that_max_depth_blackens_says_so(integrator):
+    """The mirror reflects 0.8 of all that the camera would see."""
+    mirror = Object(Rectangle((-2, -2, 0), (4, 0, 0), (0, 4, 0)), Mirror(0.8))
+    camera = Camera((0, 0, 2), (0, 0, 0), (0, 1, 0), 40, 8, 8)
+    scene = Scene(camera, [mirror], [], GradientSky(1, 1))
+    report = render(scene, integrator, passes=2, max_depth=0, threads=1).report
+    (words,) = warnings_in_words(report)
+    assert words.startswith(
+        "the picture is black: no light arrives. Pass a larger max_depth: 0 cut off 80 % of the light "
+        "that was followed. Else look for lamps inside"
+    )
+    assert not warnings_in_words(render(scene, integrator, passes=2, max_depth=1, threads=1).report)
+
+
+class TestTargetWithoutLamps:
+    """A mirror ball shows a small lamp, which one camera ray in 300 finds; the floor is smooth.
+
+    A ray that finds it adds a fortieth of the picture's mean, times the passes.
+    """
+
+    FLOOR = Object(Rectangle((-8, -8, 0), (16, 0, 0), (0, 16, 0)), Lambertian(0.6))
+    LAMP = SphereLight((1.5, 1.5, 4), 0.1, 240)
+    CAMERA = Camera((0, -4, 2.5), (0, 0, 0.3), (0, 0, 1), 45, 16, 16)
+
+    def report(self, material, **settings):
+        ball = Object(Sphere((0, 0, 0.601), 0.6), material)
+        scene = Scene(self.CAMERA, [self.FLOOR, ball], [self.LAMP])
+        return render(scene, threads=1, **settings).report
+
+    @pytest.mark.parametrize("integrator", ["whitted", "path"])
+    def test_a_target_reached_before_the_lamp_is_met_is_a_warning(self, integrator):
+        report = self.report(Mirror(), integrator=integrator, target_error=0.02)
+        assert report["stopped_by"] == "target_error"
+        (words,) = (w for w in warnings_in_words(report) if w.startswith("the target error"))
+        assert f"add up to {report['noise']['unmet_lamps_95']:.2g} to the image mean" in words
+        assert f"WARNING   {words}" in in_words(report)
+        assert ("(integrator path" in words) == (integrator != "path")
+        passes = int(words.split("but about ")[1].split(" passes")[0].replace(",", ""))
+        longer = self.report(Mirror(), passes=passes)
+        mean = report["noise"]["image_mean"]
+        half = longer["noise"]["half_interval_95_of_image_mean"]
+        assert longer["noise"]["image_mean"] - mean > max(0.02 * mean, half)
+
+    def test_nothing_is_said_once_it_is_met_or_without_a_mirror(self):
+        assert not warnings_in_words(self.report(Mirror(), target_error=0.01))
+        assert not warnings_in_words(self.report(Lambertian(0.5), target_error=0.02))
+
+    def test_a_target_that_was_not_reached_claims_nothing(self):
+        assert not warnings_in_words(self.report(Mirror(), passes=8, target_error=1e-3))
 
 
 @pytest.mark.parametrize(("radiance", "is_far"), [(1e-4, True), (1.0, False), (1e7, True)])
