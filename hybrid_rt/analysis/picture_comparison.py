@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from hybrid_rt.analysis.nearer_picture import verdicts
 from hybrid_rt.analysis.picture_sheet import Pixels, error_colors, sheet
 from hybrid_rt.analysis.units import percent, signed_percent
 from hybrid_rt.core import exr
@@ -165,10 +166,12 @@ def compare_pictures(
         Of plain numbers: ``errors`` by name of the measured picture (the fields of
         `hybrid_rt.sensor.image_metrics.PictureErrors`), the name of the reference (``against``),
         the relative RMSE explained by the estimated noise of both (``expected``; None if one has no
-        estimate), and ``seconds``, from the reports; ``nearest``, the measured picture with the
-        least relative RMSE (None if only one is measured, or two are equally near); and
-        ``same_noise``, the measured pictures that were rendered with the random numbers of what
-        they are compared with.
+        estimate), and ``seconds``, from the reports; ``nearest`` and ``nearest_of_most``, the
+        measured picture with the least relative RMSE of all pixels, and without the worst 0.1 % of
+        them (None if only one is measured, two are equally near, or it cannot be told);
+        ``nearest_told`` and ``nearest_of_most_told``, whether they can be told from noise, see
+        `hybrid_rt.analysis.nearer_picture` (None if only one is measured); and ``same_noise``, the
+        measured pictures that were rendered with the random numbers of what they are compared with.
 
     Raises
     ------
@@ -199,7 +202,7 @@ def compare_pictures(
     return {
         "against": names[-1],
         "errors": rows,
-        "nearest": _nearest(rows),
+        **_nearest(names, measured, target, rows),
         "same_noise": [
             name
             for name, picture in zip(names, measured, strict=False)
@@ -208,10 +211,27 @@ def compare_pictures(
     }
 
 
-def _nearest(rows: dict[str, dict[str, Any]]) -> str | None:
-    """Return which of several pictures has the least relative RMSE, if one has."""
-    errors = sorted((row["relative_rmse"], name) for name, row in rows.items())
-    return errors[0][1] if len(errors) > 1 and errors[0][0] < errors[1][0] else None
+def _nearest(
+    names: Sequence[str],
+    measured: Sequence[Picture],
+    target: Picture,
+    rows: dict[str, dict[str, Any]],
+) -> dict[str, Any]:
+    """Return which of two pictures is nearer, by each measure, and whether that can be told."""
+    found: dict[str, Any] = {}
+    of_all = of_most = None
+    if len(measured) == 2:
+        noise: list[Any] = [rows[name]["expected"] for name in names[:2]]
+        one, other = (picture.image for picture in measured)
+        known = None if None in noise else max(noise)
+        of_all, of_most = verdicts(one, other, target.image, known)
+    for key, verdict in (("nearest", of_all), ("nearest_of_most", of_most)):
+        found[key], found[f"{key}_told"] = None, None
+        if verdict is not None:
+            found[f"{key}_told"] = verdict.is_told
+            if verdict.is_told and verdict.first_is_nearer is not None:
+                found[key] = names[0 if verdict.first_is_nearer else 1]
+    return found
 
 
 def _share_noise(one: dict[str, Any] | None, other: dict[str, Any] | None) -> bool:
@@ -276,27 +296,56 @@ def in_words(comparison: dict[str, Any]) -> str:
     lines += [
         "  relative   root mean square of the pixels' differences, each over sqrt(r^2 + 0.01), where r is",
         f"             the pixel of {comparison['against']}",
-        "  of most    the same without the worst 0.1 % of the pixels",
+        "  of most    the same without the worst 0.1 % of the pixels, which may be a few white dots",
         "  by noise   the relative difference that the noise of both pictures explains, by their reports",
         "  RMSE       root mean square of the differences themselves",
         "  mean       mean difference; worst: the largest; render: seconds, by the report",
     ]
+    if comparison["nearest_told"] is not None:
+        lines += [
+            "  nearer     decided by the relative error of most; by that of all as well, if it says otherwise.",
+            "             It cannot be told if noise explains the difference of the two errors, and that varies",
+            "             over the picture by more than its size",
+        ]
     return "\n".join(lines)
 
 
 def _verdict(comparison: dict[str, Any]) -> list[str]:
     """Say which picture is nearer to the reference, and whether noise hides from the comparison."""
-    errors, against = comparison["errors"], comparison["against"]
-    nearest, lines = comparison["nearest"], []
-    if nearest is not None:
-        by = ", ".join(f"{name} {percent(row['relative_rmse'])}" for name, row in errors.items())
-        lines.append(f"nearer to {against}: {nearest} ({by})")
+    against = comparison["against"]
+    lines = _nearer(comparison)
     lines += [
         f"WARNING: {name} and {against} were rendered with one integrator and one seed: their noise is "
         "partly the same, so they differ by less than either differs from the truth (pass --seed)"
         for name in comparison["same_noise"]
     ]
     return lines
+
+
+def _nearer(comparison: dict[str, Any]) -> list[str]:
+    """Return the verdict by most pixels, and that by all pixels if it is another one."""
+    found = {
+        column: (comparison[key], comparison[f"{key}_told"])
+        for column, key in (("of most", "nearest_of_most"), ("relative", "nearest"))
+    }
+    most, every = found.values()
+    if most[1] is None or most == every == (None, True):
+        return []
+    errors = {"of most": "relative_rmse_of_most", "relative": "relative_rmse"}
+    words = {}
+    for column, (name, is_told) in found.items():
+        by = ", ".join(
+            f"{of} {percent(row[errors[column]])}" for of, row in comparison["errors"].items()
+        )
+        equal = "both alike" if is_told else "cannot be told, the difference may be noise"
+        words[column] = f"{name or equal} ({by})"
+    head = f"nearer to {comparison['against']}: "
+    if most == every:
+        return [f"{head}{words['of most']}"]
+    return [
+        f"{head}{words['of most']} without the worst 0.1 % of the pixels;",
+        f"{'with them:':>{len(head) - 1}} {words['relative']}",
+    ]
 
 
 def error_map(image: NDArray[np.floating], reference: NDArray[np.floating]) -> Pixels:

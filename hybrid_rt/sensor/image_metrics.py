@@ -81,8 +81,15 @@ def picture_errors(image: NDArray[np.floating], reference: NDArray[np.floating])
 def _mean_of_most(squares: FloatArray) -> float:
     """Return the mean of squares (..., 3) without the pixels whose sums are the largest 0.1 %."""
     of_pixels = squares.reshape(-1, squares.shape[-1]).mean(axis=1)
+    return float(of_pixels[of_most(of_pixels)].mean())
+
+
+def of_most(of_pixels: FloatArray) -> NDArray[np.bool_]:
+    """Tell which pixels are not among the worst 0.1 %, those of the largest values."""
     n_kept = of_pixels.size - int(WORST * of_pixels.size)
-    return float(np.partition(of_pixels, n_kept - 1)[:n_kept].mean())
+    kept = np.zeros(of_pixels.size, dtype=bool)
+    kept[np.argpartition(of_pixels, n_kept - 1, axis=None)[:n_kept]] = True
+    return kept.reshape(of_pixels.shape)
 
 
 def relative_mse(

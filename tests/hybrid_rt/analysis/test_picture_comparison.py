@@ -4,6 +4,7 @@ import imageio.v3 as imageio
 import numpy as np
 import pytest
 
+from hybrid_rt.analysis.nearer_picture import Verdict, verdicts
 from hybrid_rt.analysis.picture_comparison import (
     compare_pictures,
     in_words,
@@ -116,8 +117,82 @@ def test_the_nearer_picture_is_named(tmp_path):
     assert "nearer to truth.npz: near.npz (far.npz " in in_words(found)
     alike = compare_pictures(near, near, truth)
     assert alike["nearest"] is None
-    assert "nearer" not in in_words(alike)
+    assert "nearer to" not in in_words(alike)
     assert compare_pictures(far, near)["nearest"] is None
+
+
+def pictures_with_dots(tmp_path, noise, off, n_dots=3, shape=(60, 80, 3), error=True):
+    """Return a picture with dots, one that is off everywhere, and the truth; of 0.1 % 4 pixels."""
+    rng = np.random.default_rng(5)
+    truth = rng.uniform(0.2, 0.9, shape)
+    dotted, other = (truth + noise * rng.normal(size=shape) for _ in range(2))
+    dotted.reshape(-1, 3)[rng.choice(4800, n_dots, replace=False)] += 50.0
+    images = {"dotted": dotted, "other": other + off, "truth": truth}
+    errors = {"dotted": 4.0, "other": noise, "truth": 0.0}
+    return [
+        load_picture(
+            write(
+                tmp_path / f"{name}.npz",
+                image.astype(np.float32),
+                **({"standard_error": np.full(shape, errors[name], np.float32)} if error else {}),
+            )
+        )
+        for name, image in images.items()
+    ]
+
+
+def test_a_few_dots_do_not_decide_which_picture_is_nearer(tmp_path):
+    """Three pixels of 4800 are 50 off, some 230 % in all; the other picture is 0.05 off everywhere."""
+    found = compare_pictures(*pictures_with_dots(tmp_path, 0.01, 0.05))
+    rows = found["errors"]
+    assert rows["dotted.npz"]["relative_rmse"] > 10 * rows["other.npz"]["relative_rmse"]
+    assert found["nearest_of_most"] == "dotted.npz"
+    # Three dots within the stated noise: another seed may have none.
+    assert (found["nearest"], found["nearest_told"]) == (None, False)
+    lines = in_words(found).splitlines()
+    first = next(
+        i for i, line in enumerate(lines) if line.startswith("nearer to truth.npz: dotted")
+    )
+    assert lines[first].endswith("without the worst 0.1 % of the pixels;")
+    assert "with them: cannot be told, the difference may be noise (dotted.npz " in lines[first + 1]
+
+
+def test_both_measures_are_named_where_they_disagree(tmp_path):
+    """Nobody states noise that would explain the dots: the reports say 3 %."""
+    found = compare_pictures(*pictures_with_dots(tmp_path, 0.01, 0.05, error=False))
+    assert (found["nearest_of_most"], found["nearest"]) == ("dotted.npz", "other.npz")
+    assert "with them: other.npz (dotted.npz " in in_words(found)
+
+
+@pytest.mark.parametrize(("off", "nearest"), [(0.0, None), (0.02, "dotted.npz")])
+def test_what_noise_explains_is_not_told(tmp_path, off, nearest):
+    """Of two equally noisy pictures of 14400 values neither is nearer, but an offset of 0.4 sigma shows."""
+    found = compare_pictures(*pictures_with_dots(tmp_path, 0.05, off, n_dots=0))
+    assert found["nearest"] == found["nearest_of_most"] == nearest
+    said = nearest or "cannot be told"
+    assert f"nearer to truth.npz: {said}" in in_words(found)
+
+
+def test_a_difference_without_noise_is_told(tmp_path):
+    """Both are off in one half only, by almost the same; no noise is stated."""
+    exact = {"noise": {"relative_rmse": 0.0}}
+    truth = np.full((40, 40, 3), 0.5, np.float32)
+    left, right = truth.copy(), truth.copy()
+    left[:, :20] += 0.1
+    right[:, 20:] += 0.101
+    one, other, against = (
+        load_picture(write(tmp_path / f"{name}.npz", image, exact))
+        for name, image in (("left", left), ("right", right), ("truth", truth))
+    )
+    assert compare_pictures(one, other, against)["nearest"] == "left.npz"
+
+
+@pytest.mark.parametrize("shape", [(1, 1), (1, 5), (3, 2)])
+def test_verdicts_of_tiny_pictures_are_not_told_where_noise_explains_all(shape):
+    truth = np.full((*shape, 3), 0.5)
+    for noise, is_told in ((1.0, shape != (1, 1)), (0.0, True)):
+        for verdict in verdicts(truth + 0.2, truth - 0.1, truth, noise):
+            assert verdict == Verdict(False, is_told)
 
 
 @pytest.mark.parametrize(
