@@ -49,6 +49,8 @@ NAMES = (
     (".[DG][GS]*E", "light straight from lamps or the sky"),
     (".*", "light that goes from surface to surface"),
 )
+# Where all that is missing of "... throw onto surfaces" ends on narrow lobes, these surfaces are named.
+ONTO_ANY, ONTO_NARROW = "onto surfaces", "onto metal or rough glass"
 
 
 def paths_of(scene: CompiledScene) -> list[str]:
@@ -83,7 +85,12 @@ def left_out(found: str, paths: Iterable[str]) -> list[str]:
         if not re.fullmatch(found, path):
             name = next(name for pattern, name in NAMES if re.fullmatch(pattern, path))
             missing.setdefault(name, []).append(path)
-    return [f"{name} ({_examples(words)})" for name, words in missing.items()]
+    return [f"{_narrowed(name, words)} ({_examples(words)})" for name, words in missing.items()]
+
+
+def _narrowed(name: str, words: Sequence[str]) -> str:
+    """Return the name, with the surfaces where the light is missing if these are of one kind."""
+    return name if any("D" in word for word in words) else name.replace(ONTO_ANY, ONTO_NARROW)
 
 
 def _examples(paths: Sequence[str]) -> str:

@@ -113,6 +113,19 @@ def test_what_is_left_out_is_named_once_with_the_shortest_paths():
     assert INTEGRATORS["whitted"].left_out_light(compiled([(FLOOR, MATT)], [POINT, LAMP])) == []
 
 
+def test_light_that_is_missing_on_metal_alone_is_named_so():
+    """Photons find what glass throws onto matt surfaces; paths do not, wherever it is thrown."""
+    room = compiled([(FLOOR, MATT), (BALL, GLASS), (WALL, MATERIALS["G"])], [POINT])
+    onto_metal = "light of lamps without area that mirrors or glass throw onto metal or rough glass"
+    for name in ("ppm", "photon_map"):
+        assert INTEGRATORS[name].left_out_light(room) == [f"{onto_metal} (PSGE, ...)"]
+    onto_any = "light of lamps without area that mirrors or glass throw onto surfaces"
+    assert INTEGRATORS["path"].left_out_light(room) == [f"{onto_any} (PSDE, PSGE, ...)"]
+    assert f"{onto_any} (PSDE, PSGE, ...)" in INTEGRATORS["whitted"].left_out_light(room)
+    shiny = compiled([(BALL, GLASS), (WALL, MATERIALS["G"])], [POINT])
+    assert INTEGRATORS["path"].left_out_light(shiny) == [f"{onto_metal} (PSGE, ...)"]
+
+
 def test_the_report_names_what_is_left_out():
     objects = [Object(FLOOR, MATT), Object(BALL, GLASS)]
     for lamp, n_sentences in ((POINT, 1), (LAMP, 0)):
