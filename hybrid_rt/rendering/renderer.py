@@ -248,7 +248,9 @@ def render(
             report["geometry"]["wrong_first_hits"] = wrong
             report["lamps_in_surfaces"] = ready.sunken
             report["lamps_turned_away"] = lamps_turned_away(context.scene)
-            report["relative_error"] = relative_error(report["noise"], blur, own.blur_stays)
+            report["relative_error"] = relative_error(
+                report["noise"], blur, own.blur_stays, own.error_power
+            )
             report |= light_left_out(report, left_out, unfound)
             report["cluster"] = None if source is None else {**source.about(), "lost": lost}
             report["store"] = None if keeper is None else keeper.report()

@@ -92,9 +92,12 @@ def share_cut_off(report: dict[str, Any]) -> tuple[float, float]:
 
 
 def relative_error(
-    noise: dict[str, Any] | None, blur: Blur, blur_stays: bool
+    noise: dict[str, Any] | None, blur: Blur, blur_stays: bool, error_power: float
 ) -> dict[str, Any] | None:
-    """Return the estimated relative errors of the picture, or None after a single pass."""
+    """Return the estimated relative errors of the picture, or None after a single pass.
+
+    ``blur_stays`` and ``error_power`` are those of `hybrid_rt.integrators.Options`.
+    """
     if noise is None:
         return None
     both = math.hypot(noise["relative_rmse"], blur.counted)
@@ -107,6 +110,7 @@ def relative_error(
         "both": both if blur.counted < math.inf else None,
         "both_trimmed": trimmed if blur.counted < math.inf else None,
         "blur_stays": blur_stays,
+        "error_power": error_power,
     }
 
 

@@ -14,6 +14,11 @@ MUCH = 0.01
 
 # If the worst 0.1 % of the pixels hold this share of the squared error, the noise of all is rough.
 MOST_OF_IT = 0.5
+# The figure that each target error is about; and the one to be trusted, if a few pixels decide or not.
+_ERRORS = {"target_error": "both", "target_error_trimmed": "both_trimmed"}
+_TRUSTED = {False: "target_error", True: "target_error_trimmed"}
+# Seconds that are better said in minutes; and a render so many times longer is not worth a forecast.
+LONG, MOST_TIMES = 120.0, 1e9
 # What each limit is called, and what of it was reached.
 _STOPPED_BY = {
     "passes": "the number of passes",
@@ -268,9 +273,23 @@ def _worst_pixels(noise: dict[str, Any]) -> str:
 
 def _if_few_decide(noise: dict[str, Any]) -> str:
     """Return a caution if the noise of all pixels is that of a few bright specks."""
-    if noise["worst_pixels_share_of_squared_error"] < MOST_OF_IT:
+    if not _few_decide(noise):
         return ""
-    return ":\n            so few pixels decide the first figure that it is rough; trust the second"
+    return (
+        ":\n            so few pixels decide the first figure that it is rough; trust the second, but not "
+        "where\n            only dots carry the light, as behind glass: such places come out too dark "
+        "at first"
+    )
+
+
+def _few_decide(noise: dict[str, Any]) -> bool:
+    """Tell whether the noise of all pixels is that of a few bright specks."""
+    few: bool = (
+        noise["worst_pixels"] > 0
+        and math.isfinite(noise["relative_rmse_trimmed"])
+        and noise["worst_pixels_share_of_squared_error"] >= MOST_OF_IT
+    )
+    return few
 
 
 def _blur(error: dict[str, Any]) -> str:
@@ -393,15 +412,48 @@ def _stop(report: dict[str, Any]) -> str:
 
 
 def _further(report: dict[str, Any]) -> list[str]:
-    """Return what half the noise would cost, after a render that a number of passes ended."""
-    error = report["relative_error"]
-    if report["stopped_by"] != "passes" or error is None or error["blur_at_most"] != 0.0:
+    """Return what the target error would cost that is not reached; without one, half the error."""
+    error, settings = report["relative_error"], report["settings"]
+    if error is None or error["both"] is None:
         return []
-    noise = error["noise"]
-    if not 0.0 < noise < math.inf:
+    names = [name for name in _ERRORS if settings[name] is not None]
+    missed = [name for name in names if error[_ERRORS[name]] > settings[name]]
+    if missed:
+        costs = [_times(error, name, settings[name]) for name in missed]
+        times, name = max(zip(costs, missed, strict=True))
+        target = settings[name]
+    else:
+        name = names[0] if names else _TRUSTED[_few_decide(report["noise"])]
+        half = error[_ERRORS[name]] / 2
+        if not 0.0 < half < math.inf:
+            return []
+        target = float(f"{half:.1g}")
+        times = _times(error, name, target)
+    if not times < MOST_TIMES:
         return []
-    target = float(f"{noise / 2:.1g}")
-    times = (noise / target) ** 2
     passes, seconds = math.ceil(report["passes"] * times), report["seconds"]["total"] * times
-    cost = f"{passes:,} passes, {seconds:.2g} s"
-    return [f"  further   {per_cent(target)} takes about {cost}: target error {target:g}"]
+    what = f"{per_cent(target)}{_of_which_pixels(name)}"
+    cost = f"{passes:,} passes, {_duration(seconds)}"
+    return [f"  further   {what} takes about {cost}: {name.replace('_', ' ')} {target:g}"]
+
+
+def _times(error: dict[str, Any], name: str, target: float) -> float:
+    """Return how many times the passes bring an error to a target; inf: no number does, or unknown."""
+    stays = (error["blur"] or 0.0) if error["blur_stays"] else 0.0
+    left = target**2 - stays**2
+    more = error[_ERRORS[name]] ** 2 - stays**2
+    if left <= 0.0 or not 0.0 < more < math.inf:
+        return math.inf
+    return float((more / left) ** (1.0 / error["error_power"]))
+
+
+def _of_which_pixels(name: str) -> str:
+    return "" if name == "target_error" else " without the worst 0.1 % of the pixels"
+
+
+def _duration(seconds: float) -> str:
+    """Format seconds, from two minutes on with the hours and minutes: "9.6 s", "1 h 5 min"."""
+    if seconds < LONG:
+        return f"{seconds:.2g} s" if seconds < 99.5 else f"{seconds:.0f} s"
+    hours, minutes = divmod(round(seconds / 60.0), 60)
+    return f"{hours:,} h {minutes} min" if hours else f"{minutes} min"

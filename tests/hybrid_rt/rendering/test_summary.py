@@ -18,7 +18,7 @@ from hybrid_rt import (
     SphereLight,
     render,
 )
-from hybrid_rt.rendering.summary import in_words, per_cent, warnings_in_words
+from hybrid_rt.rendering.summary import _duration, in_words, per_cent, warnings_in_words
 
 
 @pytest.mark.parametrize(
@@ -145,15 +145,72 @@ class TestFurther:
         passes = int(last.split("about ")[1].split(" passes")[0])
         assert passes == math.ceil(8 * (noise / target) ** 2)
 
-    @pytest.mark.parametrize("settings", [{"target_error": 0.5}, {"passes": 1}])
-    def test_only_where_passes_ended_it_and_the_noise_is_known(self, settings):
-        assert "further" not in in_words(self.report(**settings))
+    @pytest.mark.parametrize(
+        "settings", [{"time_budget": 0.05}, {"target_error": 0.5}, {"passes": 4}]
+    )
+    def test_whatever_ended_it(self, settings):
+        assert "  further   " in in_words(self.report(**settings)).splitlines()[-1]
+
+    def test_a_single_pass_tells_nothing(self):
+        assert "further" not in in_words(self.report(passes=1))
+
+    @pytest.mark.parametrize("name", ["target_error", "target_error_trimmed"])
+    def test_the_target_that_was_asked_for_is_forecast(self, name):
+        report = self.report(passes=8, **{name: 0.001})
+        key = {"target_error": "both", "target_error_trimmed": "both_trimmed"}[name]
+        last = in_words(report).splitlines()[-1]
+        which = " without the worst 0.1 % of the pixels" if "trimmed" in name else ""
+        passes = math.ceil(8 * (report["relative_error"][key] / 0.001) ** 2)
+        assert last.startswith(f"  further   0.1 %{which} takes about {passes:,} passes, ")
+        assert last.endswith(f": {name.replace('_', ' ')} 0.001")
+
+    @pytest.mark.parametrize(
+        ("blur", "stays", "power", "times"),
+        [(0.04, False, 1.0, 4.0), (0.04, False, 2 / 3, 8.0), (0.02, True, 1.0, 9 / 2.25)],
+    )
+    def test_blur_is_forecast_by_its_own_law(self, blur, stays, power, times):
+        """Noise of 3 % beside 4 % of blur is 5 %, halved; beside 2 % that stay, 1.5 % are left of 2.5."""
+        noise = 0.03
+        report = self.report(passes=2, target_error=0.025, target_error_trimmed=0.5)
+        report["passes"] = 8
+        both = math.hypot(noise, blur)
+        report["relative_error"] |= {
+            "noise": noise, "blur": blur, "blur_at_most": blur, "both": both, "both_trimmed": both,
+            "blur_stays": stays, "error_power": power,
+        }  # fmt: skip
+        last = in_words(report).splitlines()[-1]
+        assert last.startswith(f"  further   2.5 % takes about {8 * times:.0f} passes, ")
+
+    def test_nothing_is_forecast_that_never_comes(self):
+        report = self.report(passes=8, target_error=0.01)
+        report["relative_error"] |= {"blur": 0.02, "blur_at_most": 0.02, "blur_stays": True}
+        assert "further" not in in_words(report)
+        report["relative_error"] |= {"both": None, "both_trimmed": None, "blur_at_most": None}
+        assert "further" not in in_words(report)
+
+    def test_the_figure_to_be_trusted_is_forecast(self):
+        report = self.report(passes=8)
+        report["noise"]["worst_pixels_share_of_squared_error"] = 0.6
+        assert "without the worst" in in_words(report).splitlines()[-1]
+
+    @pytest.mark.parametrize(
+        ("seconds", "words"),
+        [
+            (9.64, "9.6 s"),
+            (99.7, "100 s"),
+            (125.0, "2 min"),
+            (3595.0, "1 h 0 min"),
+            (1e7, "2,777 h 47 min"),
+        ],
+    )
+    def test_long_times_are_in_hours(self, seconds, words):
+        assert _duration(seconds) == words
 
     def test_a_few_bright_pixels_are_not_trusted(self):
         report = self.report(passes=8)
         assert "rough" not in in_words(report)
         report["noise"]["worst_pixels_share_of_squared_error"] = 0.6
-        assert "the first figure that it is rough; trust the second" in in_words(report)
+        assert "the first figure that it is rough; trust the second, but not" in in_words(report)
 
 
 @pytest.mark.parametrize(("integrator", "max_depth", "is_said"), [
