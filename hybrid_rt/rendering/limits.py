@@ -210,11 +210,18 @@ class Limit:
             return None
         return "time_budget" if seconds + self._longest > self.time_budget else None
 
-    def expected_passes(self, n_done: int) -> int:
-        """Return the expected total number of passes, as estimated after ``n_done``."""
+    def expected_passes(self, n_done: int, in_time: float | None = None) -> int:
+        """Return the expected total number of passes, as estimated after ``n_done``.
+
+        ``in_time`` is how many the time budget allows at the speed so far. Default: judged by the
+        slowest pass, as the start of a pass is.
+        """
         expected = [] if self.passes is None else [self.passes]
-        if self.time_budget is not None and self._longest > 0.0:
-            expected.append(n_done + int((self.time_budget - self._pass_began) / self._longest))
+        if self.time_budget is not None:
+            if in_time is None and self._longest > 0.0:
+                in_time = n_done + (self.time_budget - self._pass_began) / self._longest
+            if in_time is not None:
+                expected.append(int(in_time))
         stays = self._blur if self._blur_stays else 0.0
         for name, target in self.targets.items():
             error = self._error(name)

@@ -69,11 +69,14 @@ def run_passes(
     show_out_of_reach = getattr(progress, "note_out_of_reach", None)
     watches_error = show_error is not None or bool(limit.targets)
     adding = nullcontext() if watch is None else watch.film_lock
+    pace = _Pace(limit, clock, film.n_passes)
     while n_together := limit.begins(film.n_passes, clock.seconds, source.at_once()):
         n_before = n_pixels * film.n_passes
-        n_expected = n_pixels * limit.expected_passes(film.n_passes)
+        n_then = film.n_passes + n_together
 
-        def on_rays(n_done: int, n_before: int = n_before, total: int = n_expected) -> None:
+        def on_rays(n_done: int, n_before: int = n_before, at_least: int = n_then) -> None:
+            in_time = pace.passes_in_time((n_before + n_done) / n_pixels)
+            total = n_pixels * max(limit.expected_passes(film.n_passes, in_time), at_least)
             if progress is not None:
                 progress("Rendering", n_before + n_done, total)
             if watch is not None:
@@ -108,7 +111,27 @@ def run_passes(
                 watch.note(film, workers, limit, clock)
             if watch.stop_asked:
                 return STOPPED
-    return limit.reached(film.n_passes, clock.seconds) or "passes"
+    reached = limit.reached(film.n_passes, clock.seconds) or "passes"
+    if progress is not None and reached == "time_budget":
+        # A budget ends a render before it is used up: no pass is begun that would end too late.
+        progress("Rendering", n_pixels * film.n_passes, n_pixels * film.n_passes)
+    return reached
+
+
+class _Pace:
+    """How many passes a time budget allows, at the speed since construction."""
+
+    def __init__(self, limit: Limit, clock: Clock, n_passes: int) -> None:
+        self._budget, self._clock = limit.time_budget, clock
+        self._n_began, self._began = n_passes, clock.seconds
+
+    def passes_in_time(self, n_done: float) -> float | None:
+        """Return the passes at the budget's end, after so many; None: no budget, or no speed yet."""
+        now = self._clock.seconds
+        n_made, spent = n_done - self._n_began, now - self._began
+        if self._budget is None or n_made <= 0.0 or spent <= 0.0:
+            return None
+        return n_done + max(self._budget - now, 0.0) * n_made / spent
 
 
 def _note_errors(film: Film, workers: Workers, limit: Limit) -> bool:
