@@ -285,8 +285,12 @@ def as_affine(matrix: ArrayLike, kind: str) -> tuple[FloatArray, FloatArray]:
     return linear, array[:3, 3].copy()
 
 
-def as_similarity(matrix: ArrayLike, kind: str) -> tuple[FloatArray, FloatArray, float, bool]:
+def as_similarity(
+    matrix: ArrayLike, kind: str, otherwise: str = "use a NurbsSurface"
+) -> tuple[FloatArray, FloatArray, float, bool]:
     """Split a similarity into orthogonal part, translation and scale.
+
+    ``otherwise`` says in the message what takes other maps.
 
     Returns
     -------
@@ -311,7 +315,7 @@ def as_similarity(matrix: ArrayLike, kind: str) -> tuple[FloatArray, FloatArray,
     if error > SIMILARITY_TOLERANCE:
         raise ValueError(
             f"{kind} matrix is no similarity (off by {error:.3g}): pass a rotation, reflection, "
-            "shift or uniform scaling; for other maps use BezierPatches"
+            f"shift or uniform scaling; for other maps {otherwise}"
         )
     return orthogonal, shift, scale, bool(np.linalg.det(orthogonal) < 0.0)
 

@@ -268,8 +268,18 @@ class SurfaceOfRevolution(ParametricSurface):
             Acts on columns (x, y, z, 1): rotation, shift, uniform scale, reflection. A reflection
             reverses the axis of the image, and the axial positions change sign, because u stays a
             right-handed angle about the axis.
+
+        Raises
+        ------
+        ValueError, TypeError
+            For any other matrix.
         """
-        orthogonal, shift, scale, is_reflection = as_similarity(matrix, "SurfaceOfRevolution")
+        orthogonal, shift, scale, is_reflection = as_similarity(
+            matrix,
+            "SurfaceOfRevolution",
+            "scale the profile before it is turned (along the axis, or all radii), or use a NurbsSurface "
+            "of revolution, which takes any affine map",
+        )
         sign = -1.0 if is_reflection else 1.0
         axis = still_unit(sign * (orthogonal @ self.axis), "axis")
         radial = orthogonal @ self.radial

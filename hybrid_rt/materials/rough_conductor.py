@@ -45,7 +45,8 @@ class RoughConductor(Material):
     Parameters
     ----------
     eta, k : number or three numbers
-        Real and imaginary part of the index, relative to the surroundings, from 1e-3 to 1e3.
+        Real and imaginary part of the index, relative to the surroundings, from 1e-3 to 1e3; three
+        numbers are for red, green and blue. See the notes for metals that `of` does not know.
     roughness : float
         From 0.01 to 1; the alpha of GGX is its square. From 0.615 on the lobe counts as wide:
         photon density is estimated on it, and Whitted's method lights it directly. Below that, one
@@ -55,6 +56,15 @@ class RoughConductor(Material):
     ------
     ValueError, TypeError
         If an argument is out of range or not a number; the message names it.
+
+    Notes
+    -----
+    Measured indices n and k of many metals and alloys are at https://refractiveindex.info. Take the
+    values at about 630, 532 and 467 nm for red, green and blue. `of` has values that stand for the
+    spectrum: averages with the weights that red, green and blue of sRGB have by the colour matching
+    functions of the CIE of 1931. At normal incidence both reflect alike within 0.05 for its metals;
+    gold differs most, with (0.94, 0.70, 0.40) at the three wavelengths, and (0.97, 0.75, 0.37) on
+    average.
 
     References
     ----------
@@ -87,7 +97,13 @@ class RoughConductor(Material):
         ValueError, TypeError
             If the metal is not known, or the roughness is out of range.
         """
-        return cls(*METALS[checks.choice(metal, "RoughConductor metal", METALS)], roughness)
+        known = checks.choice(
+            metal,
+            "RoughConductor metal",
+            METALS,
+            "or RoughConductor(eta, k, roughness) with its optical constants",
+        )
+        return cls(*METALS[known], roughness)
 
     def __repr__(self) -> str:
         """Return the call that makes it."""

@@ -17,6 +17,8 @@ MOST_OF_IT = 0.5
 # The figure that each target error is about; and the one to be trusted, if a few pixels decide or not.
 _ERRORS = {"target_error": "both", "target_error_trimmed": "both_trimmed"}
 _TRUSTED = {False: "target_error", True: "target_error_trimmed"}
+# The stages of which the seconds do not grow with the passes.
+_ONCE = ("scene", "build", "set-up", "audit", "light not found")
 # Seconds that are better said in minutes; and a render so many times longer is not worth a forecast.
 LONG, MOST_TIMES = 120.0, 1e9
 # What each limit is called, and what of it was reached.
@@ -431,7 +433,9 @@ def _further(report: dict[str, Any]) -> list[str]:
         times = _times(error, name, target)
     if not times < MOST_TIMES:
         return []
-    passes, seconds = math.ceil(report["passes"] * times), report["seconds"]["total"] * times
+    passes, total = math.ceil(report["passes"] * times), report["seconds"]["total"]
+    once = min(sum(report["seconds"].get(stage, 0.0) for stage in _ONCE), total)
+    seconds = once + (total - once) * times
     what = f"{per_cent(target)}{_of_which_pixels(name)}"
     cost = f"{passes:,} passes, {_duration(seconds)}"
     return [f"  further   {what} takes about {cost}: {name.replace('_', ' ')} {target:g}"]

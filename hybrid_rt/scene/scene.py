@@ -33,6 +33,22 @@ class Object:
     ------
     TypeError
         If an argument has another type, or ``smooth`` is set for a surface that is not a mesh.
+
+    Attributes
+    ----------
+    surface, material, name, smooth
+        The arguments.
+
+    Examples
+    --------
+    A copy in another place shares the material object:
+
+    >>> import numpy as np
+    >>> from hybrid_rt import Lambertian, Object, Sphere
+    >>> ball = Object(Sphere((0, 0, 1), 1), Lambertian(0.5), "ball")
+    >>> shift = np.array([[1, 0, 0, 3], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1.0]])
+    >>> Object(ball.surface.transformed(shift), ball.material, ball.name).surface.center
+    array([3., 0., 1.])
     """
 
     def __init__(
@@ -90,6 +106,13 @@ class Scene:
     ------
     TypeError
         If an argument has another type; the message names it.
+
+    Attributes
+    ----------
+    camera, environment
+        The arguments.
+    objects, lights : tuples
+        The arguments' items.
     """
 
     def __init__(

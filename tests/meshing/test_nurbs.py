@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.interpolate import BSpline
 
-from meshing import BezierPatches, NurbsSurface, PatchSheet, tessellate
+from meshing import BezierPatches, NurbsSurface, PatchSheet, SurfaceOfRevolution, tessellate
 
 KNOTS = {
     "repeated": ([0, 0, 0, 0, 1, 2, 2, 3, 3, 3, 3], 3),
@@ -158,3 +158,39 @@ def test_a_sheet_of_patches_has_one_picture():
     assert (sheet.area_sampler().pdf_area(patch, u, v) > 0.0).all()
     with pytest.raises(ValueError, match="PatchSheet of 2 x 2 for 2 patches"):
         PatchSheet.grid(sheet.pieces, 2, 2)
+
+
+def turned(profile):
+    """A Bezier profile turned about the z axis, as NURBS: the recipe of docs/howto/scene.md."""
+    z, radius = np.array(profile, dtype=float).T
+    circle = [(1, 0), (1, 1), (0, 1), (-1, 1), (-1, 0), (-1, -1), (0, -1), (1, -1), (1, 0)]
+    control = np.empty((9, len(z), 3))
+    control[..., :2] = np.array(circle)[:, None] * radius[:, None]
+    control[..., 2] = z
+    weights = np.outer([1, *[np.sqrt(0.5), 1] * 4], np.ones(len(z)))
+    knots = [0, 0, 0, 1, 1, 2, 2, 3, 3, 4, 4, 4], [0] * len(z) + [1] * len(z)
+    return NurbsSurface(control, *knots, (2, len(z) - 1), weights)
+
+
+def test_a_turned_profile_as_nurbs_takes_any_map():
+    """It is the surface of revolution, up to how u runs; scaling the profile is a map as well."""
+    profile = np.array([(0, 0), (0.6, 1.2), (1.2, 0.3), (2, 0.6)])
+    surface = turned(profile)
+    u, v = np.random.default_rng(4).random((2, 500))
+    x, y, z = surface.point(u, v).T
+    whole = SurfaceOfRevolution(profile, (0, 0, 0), (0, 0, 1))
+    angle = np.arctan2(y, x) / (2 * np.pi) % 1
+    np.testing.assert_allclose(whole.point(angle, v), np.stack([x, y, z], axis=1), atol=4e-15)
+    outward = np.cross(*surface.partials(u, v))
+    assert (np.einsum("ni,ni->n", outward, np.cross(*whole.partials(angle, v))) > 0).all()
+    oval = np.array([[2, 0.5, 0, 1], [0, 1, 0, 2], [0, 0, 0.5, 3], [0, 0, 0, 1]])
+    np.testing.assert_allclose(
+        surface.transformed(oval).point(u, v),
+        surface.point(u, v) @ oval[:3, :3].T + oval[:3, 3],
+        atol=4e-15,
+    )
+    np.testing.assert_allclose(
+        surface.transformed(np.diag([2, 2, 0.5, 1])).point(u, v),
+        SurfaceOfRevolution(profile * (0.5, 2), (0, 0, 0), (0, 0, 1)).point(angle, v),
+        atol=8e-15,
+    )

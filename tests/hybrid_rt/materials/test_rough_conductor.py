@@ -75,7 +75,10 @@ def test_indices_are_the_measured_ones_weighted_by_the_eye(metal):
         (lambda: RoughConductor(1.0, 1e4, 0.5), "k"),
         (lambda: RoughConductor(1.0, 3.0, 0.005), "roughness.*use Mirror"),
         (lambda: RoughConductor(1.0, 3.0, 1.5), "roughness"),
-        (lambda: RoughConductor.of("brass", 0.5), "gold, copper, aluminium"),
+        (
+            lambda: RoughConductor.of("brass", 0.5),
+            r"gold, copper, aluminium; or RoughConductor\(eta, k, roughness\) with its optical constants",
+        ),
     ],
 )
 def test_impossible_metals_are_refused(make, words):

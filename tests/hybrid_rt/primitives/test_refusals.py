@@ -51,7 +51,16 @@ def mesh(vertices, faces):
         (lambda: SurfaceOfRevolution([(0, 1), (1, 1)], (0, 0, 0), (0, 0, 0)), "axis"),
         (lambda: SurfaceOfRevolution([(0, 0), (1, 0)], (0, 0, 0), (0, 0, 1)), "profile|axis"),
         (lambda: SurfaceOfRevolution([(0, -1), (1, 1)], (0, 0, 0), (0, 0, 1)), "radius|radii|R"),
-        (lambda: Sphere((0, 0, 0), 1).transformed(np.diag([1, 2, 1, 1])), "similarity|similarit"),
+        (
+            lambda: Sphere((0, 0, 0), 1).transformed(np.diag([1, 2, 1, 1])),
+            "Sphere matrix is no similarity .*for other maps use a NurbsSurface",
+        ),
+        (
+            lambda: SurfaceOfRevolution([(0, 1), (1, 1)], (0, 0, 0), (0, 0, 1)).transformed(
+                np.diag([1, 2, 1, 1])
+            ),
+            "SurfaceOfRevolution matrix .*scale the profile .*NurbsSurface of revolution",
+        ),
     ],
 )
 def test_refused_with_a_name(build, names):

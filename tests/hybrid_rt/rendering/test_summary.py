@@ -193,6 +193,14 @@ class TestFurther:
         report["noise"]["worst_pixels_share_of_squared_error"] = 0.6
         assert "without the worst" in in_words(report).splitlines()[-1]
 
+    def test_what_is_done_once_is_not_forecast_for_every_pass(self):
+        """0.5 s once, and 4 times 1.5 s for 4 times as many passes."""
+        report = self.report(passes=8, target_error=0.001)
+        for key in ("both", "both_trimmed"):
+            report["relative_error"][key] = 0.002
+        report["seconds"] = {"build": 0.25, "set-up": 0.25, "paths": 1.0, "total": 2.0}
+        assert " about 32 passes, 6.5 s: " in in_words(report).splitlines()[-1]
+
     @pytest.mark.parametrize(
         ("seconds", "words"),
         [
