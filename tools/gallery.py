@@ -35,12 +35,10 @@ EXPOSURE = {
     "glass_lathe": 1.0,
     "wine_glass": 0.7,
 }
-# Scenes whose script names paths, but which photons show with less noise in as much time. By photons
-# and by paths: still_life 18 and 38 % (320 pixels wide, 8 s); cornell_box 5.7 % in 297 s and 8.1 % in 482
-# s of processor time. (In more time for each pixel paths gain more: 160 wide, 14 s, 7.9 and 3.4 %.) Not
-# sphere_room (160 wide, 14 s: 6.8 and 4.5 %) and teapot_room (6.7 and 9.4 %: the little noise that photons
-# leave is on the teapot's glaze in blotches, which disturb more than grain).
-BY_PHOTONS = ("rings", "still_life", "cornell_box")
+# Scenes whose script names paths, but which photons show with less noise in as much time: 7.1 % and 8.0 %
+# without the worst 0.1 % of the pixels (320 wide, 10 s). Not still_life (8.2 and 8.5 %, and blurred by
+# photons), cornell_box (7.4 and 4.8 %) and teapot_room (7.1 and 6.3 %).
+BY_PHOTONS = ("rings",)
 # Photons of a pass where caustics are what the picture is about; elsewhere a quarter of a pass's time.
 PHOTONS = {"crystal": 8_000_000, "light_box": 4_000_000}
 OTHER_PHOTONS = 2_000_000
