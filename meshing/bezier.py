@@ -148,7 +148,7 @@ class BezierPatches(ParametricSurface):
             wide, long, _ = np.ptp(net, axis=(0, 1))
             raise ValueError(
                 f"BezierPatches.from_polynomial leaves no area: z reaches {np.abs(net[..., 2]).max():g} "
-                f"over a rectangle {wide:g} x {long:g}: pass smaller coefficients, or a lower degree"
+                f"over a rectangle {wide:g} x {long:g}: pass smaller coefficients, a lower degree, or another rectangle"
             ) from None
 
     def write(self, path: str | Path) -> None:

@@ -63,6 +63,8 @@ def verdicts(
 def _verdict(one: FloatArray, other: FloatArray, noise: float | None) -> Verdict:
     # Scaled, so that no square overflows.
     scale = max(float(one.max()), float(other.max())) or 1.0
+    if not math.isfinite(scale):
+        return Verdict(None, is_told=False)
     gap = one / scale - other / scale
     mean = float(gap.mean())
     if mean == 0.0:

@@ -27,8 +27,8 @@ NEWTON_CLOSE = 1e-9
 NEAR_LEAST = 1e-7
 # Cells of the number in which the slope of the turn is taken to change its sign once, with a core.
 CELLS = 8
-# Up to four parts of the number's range in which the turn is monotonic, with two ways each.
-MOST_WAYS = 8
+# Up to five parts of the number's range in which the turn is monotonic, with two ways each.
+MOST_WAYS = 10
 SMALLEST = 1e-300
 
 
@@ -169,7 +169,7 @@ def ways_across(first, last, asked, ior, eye, lamp, core, found):
 
     Where `turn` is monotonic, there is one way at most. Its slope is a sum of c / sqrt(s^2 - b^2),
     which changes its sign no more often than the c do, sorted by s: once for glass of one kind,
-    where the slope falls below zero, if at all, from b = 0 on; up to three times with a core. Cells
+    where the slope falls below zero, if at all, from b = 0 on; up to four times with a core. Cells
     are taken as small enough to hold one change each.
 
     Parameters

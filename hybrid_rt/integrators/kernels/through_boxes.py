@@ -303,7 +303,7 @@ def _side_counts(world, box, face, image, start, step, is_inside):
     start : tuple
         Where its part inside begins.
     step : tuple
-        What that part adds along the face, as if the box had no sides.
+        What that part adds, as if the box had no sides.
     """
     boxes, axis = world.boxes, face // 2
     counts = (0, 0)
@@ -487,7 +487,9 @@ def ask_through_boxes(world, rules, paths, vertex, vertices, depth, light, s, t,
                 at[0, 2] + before * nz + ahead * sine[2],
             )
             add = (within * sine[0], within * sine[1], within * sine[2])
-            found = _side_counts(world, box, face, image, m, add, is_inside)
+            # In a skew box a step across the face moves along the others as well.
+            whole = (inside * nx + add[0], inside * ny + add[1], inside * nz + add[2])
+            found = _side_counts(world, box, face, image, m, whole, is_inside)
             mirrored = found[0] + found[1]
             if found[0] < 0 or (mirrored > 0 and not may_mirror) or mirrored > MOST_MIRRORED:
                 continue
@@ -495,9 +497,7 @@ def ask_through_boxes(world, rules, paths, vertex, vertices, depth, light, s, t,
                 continue
             if not _are_total(world, box, face, found, sine, ior):
                 continue
-            o = (
-                m[0] + inside * nx + add[0], m[1] + inside * ny + add[1], m[2] + inside * nz + add[2]
-            )  # fmt: skip
+            o = (m[0] + whole[0], m[1] + whole[1], m[2] + whole[2])
             if mirrored > 0:
                 o = _folded_point(boxes, box, face, o)
             r, g, b = _value(

@@ -24,6 +24,8 @@ class Core(NamedTuple):
 
 
 NO_CORE = Core([], NOTHING)
+# Ways that are turned by a whole turn more, less half of one, are not looked for.
+MOST_TURNED = np.pi - 1e-4
 
 
 def balls_of(scene: CompiledScene) -> Balls:
@@ -95,7 +97,8 @@ def core_of(scene: CompiledScene, ball: int) -> Core:
 
     Its own glass ends at a flipped sphere, and nothing or clear glass fills that; or a ball of clear
     glass overlaps it, with no lower priority. All surfaces have no tint, and none reflects by
-    Schlick's formula. What else lies within is in the way, and no core.
+    Schlick's formula. What else lies within is in the way, and no core; nor is glass of so high an
+    index that it turns rays by more than a whole turn.
     """
     spheres, lobes = _spheres_of(scene), scene.lobes
     own, found = _only_lobe(scene, ball), _within(spheres, ball)
@@ -113,7 +116,18 @@ def core_of(scene: CompiledScene, ball: int) -> Core:
         color = scene.color_factor[one] * scene.textures.number[lobes.texture[one], :3]
         if lobes.number[one, SCHLICK] != 0.0 or not (color == 1.0).all():
             return NO_CORE
-    return Core(found, lobe)
+    ior = float(lobes.number[own, IOR])
+    within = 1.0 if lobe == NOTHING else float(lobes.number[lobe, IOR])
+    radius = spheres[found[0]].radius / spheres[ball].radius
+    return Core(found, lobe) if _most_turned(ior, radius, within) <= MOST_TURNED else NO_CORE
+
+
+def _most_turned(ior: float, radius: float, within: float) -> float:
+    """Return by how far a ball with a core turns rays at most, less half a turn."""
+    b = np.sin(np.linspace(0.0, 0.5 * np.pi, 1001)) * min(1.0, ior * radius, within * radius)
+    turned = np.arcsin(b) - np.arcsin(b / ior)
+    turned += np.arcsin(b / (ior * radius)) - np.arcsin(np.minimum(b / (within * radius), 1.0))
+    return float(2.0 * turned.max())
 
 
 def rows_of(scene: CompiledScene, rows: list[int]) -> IntArray:

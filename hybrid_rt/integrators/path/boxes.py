@@ -13,7 +13,7 @@ from hybrid_rt.scene.compiled import CompiledScene
 from meshing import SurfaceOfRevolution
 from meshing.surface import Surface
 
-# What lies nearer to a face than this part of the scene's coordinates may touch it: far more than
+# What lies nearer to a face than this part of the box's coordinates may touch it: far more than
 # rounding, and less than any gap that is meant.
 NEAR = 1e-9
 # The part of a face, along its edges, that is its rim: what touches only this does not matter.

@@ -59,6 +59,8 @@ def glass_alone(scene: CompiledScene) -> IntArray:
     lobe = np.full(max(first.size, 1), NOTHING, dtype=np.int32)
     is_alone = np.diff(lobes.first) == 1
     rows = np.flatnonzero(is_alone)
+    # A part of a mixture is a share of it, even if it is the only one.
+    rows = rows[lobes.weight[first[rows]] == 1.0]
     traits = lobes.traits[first[rows]]
     rows = rows[(traits & DELTA != 0) & (traits & TRANSMITS != 0)]
     lobe[rows] = first[rows]

@@ -156,6 +156,16 @@ class TestPictures:
         used = found.report["plan"]["light"]["used"]["ways by balls and boxes"]
         assert "to the sky" in used
 
+    def test_same_light_below_a_skew_box(self):
+        """All light comes from the zenith, through the box."""
+        sky = np.zeros((16, 32, 3))
+        sky[:2] = (30.0, 25.0, 20.0)
+        skew = [[1, 0, 0.6, 0], [0, 1, 0, 0], [0, 0, 1, 1], [0, 0, 0, 1]]
+        box = Object(Box((-0.8, -0.8, 0), (0.8, 0.8, 1.2)).transformed(skew), Dielectric(1.5))
+        camera = Camera((0, 0, 0.95), (0, 0, 0), (0, 1, 0), 60, 16, 16)
+        scene = Scene(camera, [FLOOR, box], [], ImageEnvironment(sky, (0, 0, 1)))
+        assert_same_light(scene, PathOptions(strategy="directions"), 4096, 768, max_depth=4)
+
     @pytest.mark.parametrize("max_depth", [2, 3])
     def test_same_light_in_few_bounces(self, max_depth):
         scene = self.scene(self.SKIES["pane"], environment=WINDOW)

@@ -38,6 +38,8 @@ from hybrid_rt.integrators.kernels.ball_optics import (
     ways_across,
 )
 from hybrid_rt.integrators.kernels.through_spheres import NO_CORE
+from hybrid_rt.integrators.path.balls import balls_of
+from hybrid_rt.scene.compiled import compile_scene
 
 # Distances from the centre of a unit ball, from almost on it to far away.
 DISTANCES = (1.0 + 1e-9, 1.001, 1.05, 1.3, 2.0, 5.0, 100.0)
@@ -433,6 +435,14 @@ class TestPictures:
         scene, _ = self.scene("glass", 4)
         plan = render(scene, passes=1).report["plan"]["light"]
         assert "balls of glass or mirrors (1)" in plan["used"]["ways by balls and boxes"]
+
+    def test_cores_that_turn_rays_by_more_than_a_turn_are_left_out(self):
+        centre = (0.0, 1.0, 1.2)
+        for within, has_core in ((1.8, True), (4.0, False)):
+            core = Object(Sphere(centre, 0.66 * 0.8), Dielectric(within))
+            camera = self.scene("glass", 4)[0].camera
+            scene = compile_scene(Scene(camera, [FLOOR, Object(BALL, PANE), core], [LAMP]))
+            assert (balls_of(scene).core[0] > 0.0) == has_core
 
     @pytest.mark.parametrize(
         "ball",
