@@ -74,6 +74,13 @@ def _coordinate(boxes, box, axis, x, y, z):
 
 
 @inlined
+def _coordinate_step(boxes, box, axis, v):
+    """Return by how much a vector changes the coordinate along an edge of a box."""
+    row = boxes.along
+    return row[box, axis, 0] * v[0] + row[box, axis, 1] * v[1] + row[box, axis, 2] * v[2]
+
+
+@inlined
 def box_around(boxes, lobe, x, y, z):
     """Return the box of this lobe that a point lies in; -1: none."""
     for box in range(boxes.lobe.size):
@@ -312,9 +319,7 @@ def _side_counts(world, box, face, image, start, step, is_inside):
         c = _coordinate(boxes, box, k, start[0], start[1], start[2])
         if not is_inside and not 0.0 < c < 1.0:
             return -1, -1
-        along = boxes.along
-        add = along[box, k, 0] * step[0] + along[box, k, 1] * step[1] + along[box, k, 2] * step[2]
-        n = _reflections(boxes, box, k, c, add)
+        n = _reflections(boxes, box, k, c, _coordinate_step(boxes, box, k, step))
         if n < 0 or n & 1 != (image >> side) & 1:
             return -1, -1
         counts = (n, counts[1]) if side == 0 else (counts[0], n)
@@ -343,7 +348,9 @@ def _folded_point(boxes, box, face, point):
 
 
 @inlined
-def _value(world, paths, vertices, box, face, is_sky, end, stop, sine, lengths, cosines, is_inside):
+def _value(
+    world, paths, vertices, box, face, is_sky, end, stop, sine, lengths, cosines, part, is_inside
+):
     """Return what one way brings.
 
     Parameters
@@ -357,6 +364,8 @@ def _value(world, paths, vertices, box, face, is_sky, end, stop, sine, lengths, 
         Where it leaves, and the sine outside, along the face, as it begins.
     lengths, cosines : tuple of 2 float
         Of the ray before the box and of that inside; to the normal, outside and inside.
+    part : float
+        See `_passed_on`.
     is_inside : bool
         Whether it begins inside.
     """
@@ -370,7 +379,6 @@ def _value(world, paths, vertices, box, face, is_sky, end, stop, sine, lengths, 
         cos_lamp = -(end[3] * x + end[4] * y + end[5] * z) / length
         if cos_lamp <= 0.0:
             return 0.0, 0.0, 0.0
-    part, _ = _passed_on(world, box, cos_o, is_inside)
     section = _section(length + before, chord, cos_o, cos_i, ior, is_inside)
     cosine, ratio, scale, passages = cos_o, 1.0, 1.0, 2
     if is_inside:
@@ -405,15 +413,16 @@ def _add_inner_segments(boxes, paths, box, face, source, start, stop, step, coun
     """
     surface, axis = boxes.surface[box], face // 2
     j, k = (axis + 1) % 3, (axis + 2) % 3
-    along = boxes.along
     at_face = 1.0 if face & 1 == 1 else 0.0
     a, b, c = (
         _coordinate(boxes, box, axis, start[0], start[1], start[2]),
         _coordinate(boxes, box, j, start[0], start[1], start[2]),
         _coordinate(boxes, box, k, start[0], start[1], start[2]),
     )
-    add_b = along[box, j, 0] * step[0] + along[box, j, 1] * step[1] + along[box, j, 2] * step[2]
-    add_c = along[box, k, 0] * step[0] + along[box, k, 1] * step[1] + along[box, k, 2] * step[2]
+    add_b, add_c = (
+        _coordinate_step(boxes, box, j, step),
+        _coordinate_step(boxes, box, k, step),
+    )
     px, py, pz = start
     done_b = done_c = 0
     while done_b + done_c < counts[0] + counts[1]:
@@ -471,7 +480,7 @@ def ask_through_boxes(world, rules, paths, vertex, vertices, depth, light, s, t,
         before, inside, cos_o, direct = _across_face(world, box, face, at, end, is_sky, is_inside)
         if cos_o <= 0.0:
             continue
-        _, cos_i = _passed_on(world, box, cos_o, is_inside)
+        part, cos_i = _passed_on(world, box, cos_o, is_inside)
         if cos_i <= 0.0:
             continue
         nx, ny, nz = _normal(boxes, box, face)
@@ -502,7 +511,7 @@ def ask_through_boxes(world, rules, paths, vertex, vertices, depth, light, s, t,
                 o = _folded_point(boxes, box, face, o)
             r, g, b = _value(
                 world, paths, vertices, box, face, is_sky, end, o, sine,
-                (ahead, inside / cos_i), (cos_o, cos_i), is_inside,
+                (ahead, inside / cos_i), (cos_o, cos_i), part, is_inside,
             )  # fmt: skip
             most = max(r, g, b)
             if most <= 0.0:

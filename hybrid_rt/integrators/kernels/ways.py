@@ -18,7 +18,6 @@ import math
 from hybrid_rt.shading.kernels.bsdf import scattered, sides_differ
 from hybrid_rt.shading.kernels.emitter import power_weight
 from hybrid_rt.shading.kernels.environment import sky_direction, sky_pdf, sky_radiance
-from hybrid_rt.shading.kernels.fresnel import fresnel, schlick
 from hybrid_rt.shading.kernels.light_kinds import (
     RECTANGLE,
     SPHERE,
@@ -26,8 +25,9 @@ from hybrid_rt.shading.kernels.light_kinds import (
     leaving_point,
     pdf_of_area,
 )
+from hybrid_rt.shading.kernels.lobes.dielectric import reflectance_by
 from hybrid_rt.shading.kernels.lobes.register import EVERY
-from hybrid_rt.shading.kernels.medium_stack import ABSORPTION, IOR, NONE, SCHLICK, STACK
+from hybrid_rt.shading.kernels.medium_stack import ABSORPTION, IOR, NONE, STACK
 from meshing.kernels.jit import inlined
 
 # What a camera path has met since its last non-delta vertex: something that is not asked (no weight
@@ -117,9 +117,7 @@ def pdf_of_end(world, light, paths):
 @inlined
 def reflectance_of(lobes, lobe, cos_i):
     """Return the reflectance of a dielectric from outside, and the cosine inside."""
-    if lobes.number[lobe, SCHLICK] != 0.0:
-        return schlick(cos_i, lobes.number[lobe, IOR])
-    return fresnel(cos_i, lobes.number[lobe, IOR])
+    return reflectance_by(lobes, lobe, cos_i, lobes.number[lobe, IOR])
 
 
 @inlined

@@ -35,10 +35,10 @@ def balls_of(scene: CompiledScene) -> Balls:
     left out, as a ray crosses two surfaces there at once, and those within a ball of glass, which
     nothing outside reaches straight.
     """
-    spheres = _spheres_of(scene)
-    touches = touching(scene)
+    spheres, touches = _spheres_of(scene), touching(scene)
     glass = [i for i in spheres if is_clear(scene, i) and not touches[i]]
-    within = {i for ball in glass for i in _within(spheres, ball)}
+    within_ball = _within(spheres)
+    within = {i for ball in glass for i in within_ball[ball]}
     mirrors = [i for i in spheres if _is_mirror(scene, i)]
     return _table(scene, [i for i in sorted(glass + mirrors) if i not in within])
 
@@ -50,9 +50,10 @@ def no_balls(scene: CompiledScene) -> Balls:
 
 def _table(scene: CompiledScene, rows: list[int]) -> Balls:
     spheres = _spheres_of(scene)
+    within = _within(spheres)
     lobe = scene.lobes.first[scene.material_of[rows]] if rows else np.zeros(0, dtype=np.int32)
     color = scene.textures.number[scene.lobes.texture[lobe], :3]
-    cores = [core_of(scene, i) if is_clear(scene, i) else NO_CORE for i in rows]
+    cores = [core_of(scene, i, within[i]) if is_clear(scene, i) else NO_CORE for i in rows]
     radius = np.array([spheres[i].radius for i in rows], dtype=np.float64)
     core = [spheres[one.surfaces[0]].radius if one.surfaces else 0.0 for one in cores]
     of_core = rows_of(scene, [])
@@ -82,18 +83,20 @@ def _spheres_of(scene: CompiledScene) -> dict[int, Sphere]:
     return {i: surface for i, surface in enumerate(surfaces) if isinstance(surface, Sphere)}
 
 
-def _within(spheres: dict[int, Sphere], ball: int) -> list[int]:
-    """Return the spheres that lie within another about the same centre."""
-    outer = spheres[ball]
-    return [
-        i
-        for i, inner in spheres.items()
-        if inner.radius < outer.radius and np.array_equal(inner.center, outer.center)
-    ]
+def _within(spheres: dict[int, Sphere]) -> dict[int, list[int]]:
+    """Return for each sphere those that lie within it about the same centre."""
+    about: dict[tuple[float, ...], list[int]] = {}
+    for i, sphere in spheres.items():
+        about.setdefault(tuple(map(float, sphere.center)), []).append(i)
+    return {
+        ball: [i for i in same if spheres[i].radius < spheres[ball].radius]
+        for same in about.values()
+        for ball in same
+    }
 
 
-def core_of(scene: CompiledScene, ball: int) -> Core:
-    """Return what a ball of glass holds.
+def core_of(scene: CompiledScene, ball: int, found: list[int]) -> Core:
+    """Return what a ball of glass holds, of the spheres within it about the same centre.
 
     Its own glass ends at a flipped sphere, and nothing or clear glass fills that; or a ball of clear
     glass overlaps it, with no lower priority. All surfaces have no tint, and none reflects by
@@ -101,7 +104,7 @@ def core_of(scene: CompiledScene, ball: int) -> Core:
     index that it turns rays by more than a whole turn.
     """
     spheres, lobes = _spheres_of(scene), scene.lobes
-    own, found = _only_lobe(scene, ball), _within(spheres, ball)
+    own = _only_lobe(scene, ball)
     ends = [i for i in found if spheres[i].orientation == -1 and _only_lobe(scene, i) == own]
     fills = [i for i in found if is_clear(scene, i)]
     is_alone = len(found) == len(ends) + len(fills) and len(ends) <= 1 and len(fills) <= 1

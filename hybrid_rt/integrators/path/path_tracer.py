@@ -136,8 +136,7 @@ class PathTracer(Integrator):
             shining=bool(scene.shining),
             rough=self._light.rough_glass_of.size > 0,
         )
-        self._brightness = brightness(scene.sky)
-        self._asks_sky = self._may_ask_sky()
+        self._asks_sky, self._faint = self._sky_to_ask()
         if self._asks_sky or self._lamps is not None:
             self._balls, self._boxes = balls_of(scene), boxes_of(scene)
         else:
@@ -198,11 +197,13 @@ class PathTracer(Integrator):
         self._plan_ways()
         self._path, self._branch = (self._new_paths(1) for _ in range(2))
 
-    def _may_ask_sky(self) -> bool:
-        """Tell whether ways by balls and boxes to the sky may be worth their time."""
+    def _sky_to_ask(self) -> tuple[bool, float]:
+        """Tell whether ways by balls and boxes to the sky may be worth their time; and see `Rules.faint`."""
         is_sampled = self._samples_lights and self.context.plan["sky samples"]
-        is_weighted = self._options.strategy == "both"
-        return bool(is_sampled and is_weighted and self._brightness.unevenness >= LEAST_UNEVENNESS)
+        if not is_sampled or self._options.strategy != "both":
+            return False, 0.0
+        mean, unevenness = brightness(self.context.scene.sky)
+        return unevenness >= LEAST_UNEVENNESS, FAINT * mean
 
     @property
     def _asks_ways(self) -> bool:
@@ -360,7 +361,7 @@ class PathTracer(Integrator):
             has_sky=context.scene.environment is not None,
             has_light_paths=self._lamps is not None,
             asks_sky=self._asks_ways and self._asks_sky,
-            faint=FAINT * self._brightness.mean,
+            faint=self._faint,
             n_light_paths=1.0 if self._lamps is None else float(self._lamps.n_paths),
             near=np.inf if self._lamps is None else self._lamps.near,
             of_use=self._of_use,

@@ -12,6 +12,17 @@ from meshing.kernels.jit import inlined
 
 
 @inlined
+def reflectance_by(lobes, lobe, cos_i, ratio):
+    """Return the reflectance at a dielectric, by the formula that it asks for, and the cosine beyond.
+
+    ``ratio`` is the index beyond the surface over the index before it.
+    """
+    if lobes.number[lobe, SCHLICK] != 0.0:
+        return schlick(cos_i, ratio)
+    return fresnel(cos_i, ratio)
+
+
+@inlined
 def reflectance_ahead(lobes, lobe, stack, i, cos_i, is_front, second):
     """Return the reflectance at a dielectric; 0 where its surface is hidden in another body.
 
@@ -30,10 +41,7 @@ def reflectance_ahead(lobes, lobe, stack, i, cos_i, is_front, second):
     if before == after:
         return 0.0
     ratio = ior_of(lobes, after) / ior_of(lobes, before)
-    if lobes.number[lobe, SCHLICK] != 0.0:
-        reflectance, _ = schlick(min(cos_i, 1.0), ratio)
-    else:
-        reflectance, _ = fresnel(min(cos_i, 1.0), ratio)
+    reflectance, _ = reflectance_by(lobes, lobe, min(cos_i, 1.0), ratio)
     return reflectance
 
 
@@ -57,10 +65,7 @@ def at_glass(lobes, lobe, stack, i, nx, ny, nz, dx, dy, dz, is_front, second, xi
         return dx, dy, dz, 1.0, False
     cos_i = min(-(nx * dx + ny * dy + nz * dz), 1.0)
     ratio = ior_of(lobes, after) / ior_of(lobes, before)
-    if lobes.number[lobe, SCHLICK] != 0.0:
-        reflectance, cos_t = schlick(cos_i, ratio)
-    else:
-        reflectance, cos_t = fresnel(cos_i, ratio)
+    reflectance, cos_t = reflectance_by(lobes, lobe, cos_i, ratio)
     if xi < reflectance:
         for k in range(STACK):
             stack[i, k] = kept[k]
