@@ -3,10 +3,12 @@
 python tools/list_kernels.py
 
 To be run after a kernel, or what it is called with, has changed; a test says so. All kernels are
-compiled anew for it: some minutes.
+compiled anew for it, many of them several times: half an hour on two cores.
 """
 
 import argparse
+import functools
+import inspect
 import json
 import os
 import subprocess
@@ -23,6 +25,7 @@ from typing import Any
 import numpy as np
 import trimesh
 from numba.core import event
+from numba.core.registry import CPUDispatcher
 
 from hybrid_rt import (
     Box,
@@ -46,7 +49,7 @@ from hybrid_rt.verify.cases.campaign import SCENES as SURFACES_TO_JUDGE
 from hybrid_rt.verify.cases.campaign import steps
 from hybrid_rt.verify.judges.surface_judge import all_judges
 from meshing import BezierPatches, TrimmedSurface, circle
-from meshing.kernels.cache import SharedCache, name_of
+from meshing.kernels.cache import CacheOfParts, SharedCache, name_of
 
 SCENES = Path(__file__).parents[1] / "scenes"
 # All of light and material between them.
@@ -75,8 +78,8 @@ def main() -> int:
     if args.case is not None:
         print(json.dumps(needed_for(args.case)))
         return 0
-    with tempfile.TemporaryDirectory() as folder, ThreadPoolExecutor(args.jobs) as pool:
-        entries_of = pool.map(lambda case: in_a_process(case, folder), CASES)
+    with ThreadPoolExecutor(args.jobs) as pool:
+        entries_of = pool.map(in_a_process, CASES)
         found = dict(zip(CASES, entries_of, strict=True))
     entries = merged(found)
     Path(str(precompile.FILE)).write_text(as_text(entries), "utf-8")
@@ -159,19 +162,9 @@ def rational_patch(degree_u: int, degree_v: int) -> BezierPatches:
 def needed_for(cases: list[str]) -> list[dict[str, Any]]:
     """Run cases; return the kernels they need, with the seconds of those compiled here."""
     precompile.read_list = list  # nobody compiles anything for this process
-    began: list[float] = []
-    seconds: dict[str, float] = {}
+    watch = Watch()
 
-    class Listener(event.Listener):  # type: ignore[misc]
-        def on_start(self, event: Any) -> None:
-            del event
-            began.append(time.thread_time())
-
-        def on_end(self, event: Any) -> None:
-            name = name_of(event.data["dispatcher"].py_func)
-            seconds[name] = time.thread_time() - began.pop()
-
-    with event.install_listener("numba:compile", Listener()):
+    with event.install_listener("numba:compile", watch):
         for case in cases:
             if case in OF_SURFACES:
                 run_rays(case)
@@ -180,9 +173,73 @@ def needed_for(cases: list[str]) -> list[dict[str, Any]]:
             else:
                 run_judges()
     return [
-        {"kernel": kernel, "types": types, "seconds": round(seconds.get(kernel, 0.0), 2)}
+        {
+            "kernel": name_of(kernel.py_func),
+            "types": types,
+            "seconds": sum(watch.seconds[x.py_func] for x in compiled_with(kernel)),
+            "parts": sorted(name_of(x.py_func) for x in linked_by(kernel)),
+        }
         for kernel, types in overloads()
     ]
+
+
+class Watch(event.Listener):  # type: ignore[misc]
+    """Measures how long each function takes to compile, without those that it calls."""
+
+    def __init__(self) -> None:
+        self.seconds: dict[Any, float] = defaultdict(float)
+        self._begun: list[tuple[float, float]] = []
+
+    def on_start(self, event: Any) -> None:
+        """Note when a compilation begins."""
+        del event
+        self._begun.append((time.thread_time(), 0.0))
+
+    def on_end(self, event: Any) -> None:
+        """Note how long the compilation that began last took."""
+        begin, of_others = self._begun.pop()
+        whole = time.thread_time() - begin
+        function = event.data["dispatcher"].py_func
+        self.seconds[function] = max(self.seconds[function], whole - of_others)
+        if self._begun:
+            begin_of_caller, so_far = self._begun.pop()
+            self._begun.append((begin_of_caller, so_far + whole))
+
+
+def linked_by(kernel: Any) -> set[Any]:
+    """Return the parts that a kernel links, and those that they link."""
+    return {x for x in reached_from(kernel, beyond_parts=True) - {kernel} if is_part(x)}
+
+
+def compiled_with(kernel: Any) -> set[Any]:
+    """Return the functions that are compiled with a kernel if its parts are in the cache."""
+    return {kernel} | {x for x in reached_from(kernel, beyond_parts=False) if not is_part(x)}
+
+
+def is_part(kernel: Any) -> bool:
+    """Tell whether a function has a cache of its own for kernels that link it."""
+    return isinstance(kernel._cache, CacheOfParts)
+
+
+def reached_from(kernel: Any, beyond_parts: bool) -> set[Any]:
+    """Return what a kernel calls, directly or not."""
+    found: set[Any] = set()
+    left = [kernel]
+    while left:
+        new = set(functions_in(left.pop().py_func)) - found
+        found |= new
+        left.extend(x for x in new if beyond_parts or not is_part(x))
+    return found
+
+
+@functools.cache
+def functions_in(function: Any) -> list[Any]:
+    """Return the compiled functions that a function names."""
+    names = set(function.__code__.co_names)
+    named = [function.__globals__.get(name) for name in names]
+    in_modules = [getattr(m, name, None) for m in named if inspect.ismodule(m) for name in names]
+    enclosed = [cell.cell_contents for cell in function.__closure__ or ()]
+    return [x for x in (*named, *in_modules, *enclosed) if isinstance(x, CPUDispatcher)]
 
 
 def run_rays(case: str) -> None:
@@ -227,8 +284,8 @@ def run_judges() -> None:
         next(steps(surfaces(), 40, seed=1, threads=1))
 
 
-def overloads() -> list[tuple[str, list[Any]]]:
-    """Return what the kernels of this process have been compiled for or loaded with."""
+def overloads() -> list[tuple[Any, list[Any]]]:
+    """Return the kernels and parts of this process, and what types they are compiled for."""
     found = []
     for module in [m for name, m in sys.modules.items() if ".kernels." in name]:
         for kernel in vars(module).values():
@@ -236,27 +293,29 @@ def overloads() -> list[tuple[str, list[Any]]]:
                 continue
             for types in kernel.signatures if kernel.__module__ == module.__name__ else ():
                 with suppress(TypeError):  # called by other kernels alone
-                    found.append((name_of(kernel.py_func), [type_to_json(x) for x in types]))
+                    found.append((kernel, [type_to_json(x) for x in types]))
     return found
 
 
-def in_a_process(case: str, folder: str) -> list[dict[str, Any]]:
-    """Run a case; what others have compiled in the folder is taken from there."""
+def in_a_process(case: str) -> list[dict[str, Any]]:
+    """Run a case, with a cache of its own: a kernel that is loaded does not tell what it links."""
     print(case, file=sys.stderr)
-    done = subprocess.run(
-        [sys.executable, __file__, "--case", case],
-        env={**os.environ, "NUMBA_CACHE_DIR": folder},
-        stdout=subprocess.PIPE,
-        check=True,
-    )
+    with tempfile.TemporaryDirectory() as folder:
+        done = subprocess.run(
+            [sys.executable, __file__, "--case", case],
+            env={**os.environ, "NUMBA_CACHE_DIR": folder},
+            stdout=subprocess.PIPE,
+            check=True,
+        )
     entries: list[dict[str, Any]] = json.loads(done.stdout)
     return entries
 
 
 def merged(found: dict[str, list[dict[str, Any]]]) -> list[dict[str, Any]]:
-    """Name the groups of each compilation, the longest compilation first."""
+    """Name the groups of each compilation; first what the longest work is waiting for."""
     groups: dict[tuple[str, str], list[str]] = defaultdict(list)
     seconds: dict[tuple[str, str], float] = defaultdict(float)
+    parts: dict[str, list[str]] = {}
     for case, entries in found.items():
         for entry in entries:
             key = entry["kernel"], json.dumps(entry["types"])
@@ -264,9 +323,22 @@ def merged(found: dict[str, list[dict[str, Any]]]) -> list[dict[str, Any]]:
                 continue
             groups[key].append(case)
             seconds[key] = max(seconds[key], entry["seconds"])
+            parts[entry["kernel"]] = entry["parts"]
+
+    @functools.cache
+    def until_the_end(key: tuple[str, str]) -> float:
+        after = [until_the_end(other) for other in groups if key[0] in parts[other[0]]]
+        return seconds[key] + max(after, default=0.0)
+
     return [
-        {"kernel": key[0], "types": json.loads(key[1]), "groups": groups[key]}
-        for key in sorted(groups, key=lambda key: (-seconds[key], key))
+        {
+            "kernel": key[0],
+            "types": json.loads(key[1]),
+            "groups": groups[key],
+            "seconds": round(seconds[key], 1),
+            **({"parts": parts[key[0]]} if parts[key[0]] else {}),
+        }
+        for key in sorted(groups, key=lambda key: (-until_the_end(key), key))
     ]
 
 

@@ -3,8 +3,9 @@
 numba compiles one function at a time in a process. So at the first cache miss, worker processes (as
 many as there are cores) start to compile every kernel that this process has announced by `want`.
 When this process needs a kernel that a worker is compiling, it waits and then loads the result; a
-kernel that no worker has begun, it compiles itself. If workers fail, only time is lost. The list of
-kernels and their argument types is made by ``tools/list_kernels.py``.
+kernel that no worker has begun, it compiles itself. If workers fail, only time is lost. A kernel that
+takes long has parts, functions that it links, which are compiled first and by several workers. The
+list of kernels and their argument types is made by ``tools/list_kernels.py``.
 
 It is worth its machinery: on two busy cores a cold demo took 156 to 165 s with it, 266 s without.
 """
@@ -20,8 +21,8 @@ import signal
 import subprocess
 import sys
 import threading
-from collections.abc import Collection
-from dataclasses import dataclass
+from collections.abc import Collection, Iterable
+from dataclasses import dataclass, field
 from importlib import resources
 from pathlib import Path
 from typing import Any
@@ -30,8 +31,6 @@ from meshing.kernels import cache
 
 # Beyond that the longest compilation takes longer than all others together.
 MOST_WORKERS = 8
-# The first of the list takes 122 s, number 20 takes 18 s, number 40 takes 12 s: see `_weight`.
-SLOWEST = 4
 # Finds the packages where this process has found them.
 _CODE = "import sys; sys.path[:] = sys.argv[1:]; from hybrid_rt.core.precompile import work; work()"
 DONE, FAILED = "done\n", "failed\n"
@@ -40,15 +39,21 @@ FILE = resources.files("hybrid_rt") / "data" / "kernels.json"
 
 @dataclass
 class Listed:
-    """A kernel and the types it is compiled for; ``groups`` name what needs it."""
+    """A kernel, or a part of kernels, and the types it is compiled for.
+
+    ``groups`` name what needs it; compiling it takes about so many ``seconds``, once the ``parts``
+    that it links are compiled, and theirs.
+    """
 
     kernel: str
     types: list[Any]
     groups: list[str]
+    seconds: float
+    parts: list[str] = field(default_factory=list)
 
 
 def read_list() -> list[Listed]:
-    """Read the list of kernels, the slowest to compile first."""
+    """Read the list of kernels; those first that the longest work is waiting for."""
     return [Listed(**entry) for entry in json.loads(FILE.read_text("utf-8"))]
 
 
@@ -75,8 +80,7 @@ def fill_cold_cache() -> None:
 def how_far() -> tuple[int, int]:
     """Return how much is compiled of what is announced, and all of it; (0, 0) before it begins.
 
-    The list begins with the slowest kernels, and the unit is such that each counts about as much as
-    it takes to compile.
+    The unit is a tenth of a second of one processor, about.
     """
     return _workers.how_far()
 
@@ -152,6 +156,7 @@ class _Workers:
         self._wanted: set[tuple[str, tuple[str, ...]]] = set()
         self._listed: list[Listed] = []
         self._numbers: dict[tuple[str, str], int] = {}
+        self._of_use: set[int] = set()
         self._known: set[int] = set()
         self._queue: list[int] = []
         self._at_work: set[int] = set()
@@ -162,6 +167,8 @@ class _Workers:
     def want(self, wanted: set[tuple[str, tuple[str, ...]]]) -> None:
         with self._changed:
             self._wanted |= wanted
+            if self._listed:
+                self._of_use = self._wanted_numbers()
             if self._known:
                 self._begin()
 
@@ -174,20 +181,26 @@ class _Workers:
                     (entry.kernel, json.dumps(entry.types)): i
                     for i, entry in enumerate(self._listed)
                 }
+                self._of_use = self._wanted_numbers()
                 atexit.register(self._stop)
             try:
                 words = json.dumps([type_to_json(x) for x in types])
             except TypeError:
                 return None
             number = self._numbers.get((kernel, words))
-            if number is None or not self._is_wanted(self._listed[number]):
+            if number not in self._of_use:
                 return None
             self._begin()
             return number
 
     def wait_for(self, number: int) -> bool:
-        """Wait for a kernel that is being compiled; what nobody has begun is left to the caller."""
+        """Wait for a kernel that is being compiled, or whose parts are.
+
+        What others could begin, and nobody has begun, is left to the caller.
+        """
         with self._changed:
+            while number in self._queue and self._n_threads and not self._is_ready(number):
+                self._changed.wait(1.0)  # a process that dies tells nobody
             if number in self._queue:
                 self._queue.remove(number)
             while number in self._at_work:
@@ -196,12 +209,14 @@ class _Workers:
 
     def how_far(self) -> tuple[int, int]:
         with self._changed:
-            total = sum(map(_weight, self._known))
-            return total - sum(map(_weight, {*self._queue, *self._at_work})), total
+            total = sum(map(self._work_of, self._known))
+            return total - sum(map(self._work_of, {*self._queue, *self._at_work})), total
 
     def fill(self) -> None:
         """Load the first kernel that is wanted; if that begins the work, wait for its end."""
-        first = next((entry for entry in read_list() if self._is_wanted(entry)), None)
+        listed = read_list()
+        parts = _parts_in(listed)
+        first = next((x for x in listed if self._is_wanted(x) and x.kernel not in parts), None)
         if first is None:
             return
         named(first.kernel).compile(tuple(map(type_from_json, first.types)))
@@ -213,9 +228,31 @@ class _Workers:
         module = entry.kernel.split(":")[0]
         return any(group in entry.groups and module not in but for group, but in self._wanted)
 
+    def _wanted_numbers(self) -> set[int]:
+        """Return what is wanted and is no part, and the parts that it links."""
+        groups = {group for group, _ in self._wanted}
+        parts = _parts_in(self._listed)
+        wholes = {
+            i for i, x in enumerate(self._listed) if x.kernel not in parts and self._is_wanted(x)
+        }
+        linked = _parts_in(self._listed[i] for i in wholes)
+        return wholes | {
+            i
+            for i, x in enumerate(self._listed)
+            if x.kernel in linked and not groups.isdisjoint(x.groups)
+        }
+
+    def _work_of(self, number: int) -> int:
+        return max(round(10.0 * self._listed[number].seconds), 1)
+
+    def _is_ready(self, number: int) -> bool:
+        """Tell whether nobody has parts of it still to compile."""
+        left = {self._listed[i].kernel for i in (*self._queue, *self._at_work)}
+        return left.isdisjoint(self._listed[number].parts)
+
     def _begin(self) -> None:
         """Queue what is newly wanted, and let as many threads run as there is use for."""
-        new = {i for i, entry in enumerate(self._listed) if self._is_wanted(entry)} - self._known
+        new = self._of_use - self._known
         self._known |= new
         self._queue = sorted([*self._queue, *new])
         with contextlib.suppress(RuntimeError):  # no thread can be started
@@ -240,12 +277,15 @@ class _Workers:
     def _next(self) -> int | None:
         """Return what is next; None: nothing is left, and the thread that asks counts no more."""
         with self._changed:
-            if not self._queue:
-                self._n_threads -= 1
-                return None
-            number = self._queue.pop(0)
-            self._at_work.add(number)
-            return number
+            while self._queue:
+                number = next(filter(self._is_ready, self._queue), None)
+                if number is not None:
+                    self._queue.remove(number)
+                    self._at_work.add(number)
+                    return number
+                self._changed.wait()  # for a part that another process compiles
+            self._n_threads -= 1
+            return None
 
     def _end(self, number: int, is_done: bool) -> None:
         with self._changed:
@@ -263,9 +303,8 @@ class _Workers:
             process.wait()
 
 
-def _weight(number: int) -> int:
-    """Return about how long a kernel of the list takes to compile; it begins with the slowest."""
-    return round(1000 / (number + SLOWEST))
+def _parts_in(listed: Iterable[Listed]) -> set[str]:
+    return {part for entry in listed for part in entry.parts}
 
 
 def _is_python(executable: str | None) -> bool:

@@ -29,6 +29,8 @@ from typing import Any
 from numba.core import config
 from numba.core.caching import FunctionCache, IndexDataCacheFile
 
+from meshing.kernels.link_only import CacheOfLinked
+
 LOCK_FILE = "kernels.lock"
 KERNELS = "kernels"
 _IMPORT = re.compile(r"^\s*(?:from|import)\s+([\w.]+)", re.MULTILINE)
@@ -76,6 +78,12 @@ class SharedCache(FunctionCache):
             with _locked(Path(self.cache_path), "ab"), suppress(OSError):
                 self.flush()
             return None
+
+
+class CacheOfParts(SharedCache):
+    """The cache of a function that kernels link; see `meshing.kernels.link_only`."""
+
+    _impl_class: Any = CacheOfLinked
 
 
 def _stamps(module: str) -> list[tuple[str, int, int]]:

@@ -5,7 +5,7 @@ from typing import Any
 import numba
 from numba.core import registry
 
-from meshing.kernels.cache import SharedCache
+from meshing.kernels.cache import CacheOfParts, SharedCache
 from meshing.kernels.link_only import LinkOnly
 
 CPUDispatcher: Any = registry.CPUDispatcher
@@ -44,9 +44,20 @@ def inlined(function: Any) -> Any:
     return _for_kernels(function, forceinline=True)
 
 
-def _cached(compiled: Any) -> Any:
+def part(function: Any) -> Any:
+    """As `inlined`, and kept in a cache of its own.
+
+    For what takes a second or more to compile. Kernels that call it link what has been compiled once,
+    and while the cache is cold, several processes compile the parts of one kernel. The machine code of
+    the kernels is the same. (Not so of functions that are not always inlined: linked from a cache they
+    never are.)
+    """
+    return _cached(_for_kernels(function, forceinline=True), CacheOfParts)
+
+
+def _cached(compiled: Any, cache: type[SharedCache] = SharedCache) -> Any:
     if isinstance(compiled, CPUDispatcher):  # not so under NUMBA_DISABLE_JIT
-        compiled._cache = SharedCache(compiled.py_func)
+        compiled._cache = cache(compiled.py_func)
     return compiled
 
 

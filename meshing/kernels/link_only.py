@@ -7,8 +7,9 @@ the time, and run as fast.
 
 from typing import Any
 
+import llvmlite.binding as llvm
 from numba import _dynfunc  # type: ignore[attr-defined]
-from numba.core import codegen, compiler, compiler_machinery, typed_passes
+from numba.core import caching, codegen, compiler, compiler_machinery, typed_passes
 
 
 class _LinkedLibrary(codegen.JITCodeLibrary):
@@ -34,11 +35,7 @@ class _LoweringToLink(typed_passes.NativeLowering):
         super().run_pass(state)
         flags.no_compile = kept
         lowered, library = state["cr"], state.library
-        # What numba finds the function by.
-        entry = _dynfunc.make_function(
-            lowered.fndesc.lookup_module(), lowered.fndesc.qualname.split(".")[-1], "", 0,
-            lowered.env, (library,),
-        )  # fmt: skip
+        entry = _entry(lowered.fndesc, lowered.env, library)
         target.insert_user_function(entry, lowered.fndesc, [library])
         state.reload_init.extend(library._reload_init)
         state["cr"] = lowered._replace(cfunc=entry)
@@ -57,3 +54,43 @@ class LinkOnly(compiler.CompilerBase):
         ]
         passes.finalize()
         return [passes]
+
+
+class CacheOfLinked(caching.CompileResultCacheImpl):
+    """What the cache holds of such a function: its code before it is made machine code."""
+
+    def reduce(self, cres: Any) -> Any:
+        """Return what can be pickled of a compiled function."""
+        description = cres.fndesc
+        description.typemap = description.calltypes = None  # not needed, and may not be pickled
+        code = cres.library._get_module_for_linking().as_bitcode()
+        return (
+            cres.library.name, code, description, cres.environment, cres.signature, cres.reload_init,
+        )  # fmt: skip
+
+    def rebuild(self, target_context: Any, payload: Any) -> Any:
+        """Return the compiled function."""
+        name, code, description, environment, signature, reload_init = payload
+        for function in reload_init:
+            function()
+        library = _LinkedLibrary(target_context.codegen(), name)
+        library._final_module = library._shared_module = llvm.parse_bitcode(code)
+        library._finalized = True
+        return compiler.compile_result(
+            target_context=target_context,
+            typing_context=target_context.typing_context,
+            library=library,
+            environment=environment,
+            entry_point=_entry(description, environment, library),
+            fndesc=description,
+            signature=signature,
+            objectmode=False,
+            lifted=(),
+            reload_init=reload_init,
+        )
+
+
+def _entry(description: Any, environment: Any, library: Any) -> Any:
+    """Return what numba finds a function by; it cannot be called."""
+    name = description.qualname.split(".")[-1]
+    return _dynfunc.make_function(description.lookup_module(), name, "", 0, environment, (library,))

@@ -9,7 +9,7 @@ from hybrid_rt.shading.kernels.bsdf import is_behind, scattered, sides_differ
 from hybrid_rt.shading.kernels.emitter import power_weight
 from hybrid_rt.shading.kernels.lobes.register import EVERY
 from hybrid_rt.shading.kernels.medium_stack import transmittance
-from meshing.kernels.jit import inlined, kernel
+from meshing.kernels.jit import inlined, kernel, part
 
 # Joins bring little light, evenly: asked for every hit, they would cost as much as the lamps. On
 # the Cornell box a quarter costs 4 % in variance and saves a fifth of the time.
@@ -55,7 +55,7 @@ def sent_toward(lit, k, lobes, wx, wy, wz):
     )
 
 
-@inlined
+@part
 def connect_to_light_vertex(world, rules, paths, vertex, vertices, depth, number, s, t, out, n):
     """Connect a vertex of a camera path to a light vertex of its pass, by a shadow ray.
 
@@ -99,7 +99,7 @@ def connect_to_light_vertex(world, rules, paths, vertex, vertices, depth, number
     )
 
 
-@inlined
+@part
 def connect_far(world, rules, paths, vertex, vertices, depth, number, s, t, out, n):
     """Connect a vertex of a camera path to a light vertex that is far, by a shadow ray.
 
@@ -165,7 +165,7 @@ def _is_far(world, rules, vertices, k):
     return square >= rules.near * rules.near and world.joins[world.lit.material[k]]
 
 
-@inlined
+@part
 def _connect(world, paths, vertex, vertices, k, factor, of_use, out, n):
     """Write row n of the shadow rays, to light vertex k, whose light is multiplied by ``factor``.
 

@@ -66,9 +66,12 @@ def follow_paths(
             if column == 0 or is_new:
                 draw_along(rules, depth - column, path.pixel[0], path.sample[0], points)
                 is_new = False
+            # A 0 that numba knows would make it compile all parts anew.
+            n_rays = np.int64(0)
             fate, n, has_branch = depart(
-                world, rules, path, vertex, depth, block, points, column, branch, rays, 0, tally
-            )
+                world, rules, path, vertex, depth, block, points, column, branch, rays, n_rays,
+                tally,
+            )  # fmt: skip
             is_blocked = False
             for k in range(n):
                 if not (rays.follows[k] and is_blocked):

@@ -44,10 +44,10 @@ from hybrid_rt.integrators.kernels.ways import (
 )
 from hybrid_rt.shading.kernels.emitter import power_weight
 from hybrid_rt.shading.kernels.medium_stack import NONE
-from meshing.kernels.jit import inlined, inner
+from meshing.kernels.jit import inlined, inner, part
 
 
-@inlined
+@part
 def ask_by_ways(world, rules, paths, vertex, vertices, depth, rays, n):
     """Reach for a lamp or the sky by way of a ball, and by way of a box.
 

@@ -50,7 +50,7 @@ from hybrid_rt.shading.kernels.scatter import (
     scatter_one,
 )
 from hybrid_rt.shading.kernels.texture import texture_color
-from meshing.kernels.jit import inlined
+from meshing.kernels.jit import inlined, part
 
 NOTHING = -1
 # Shadow rays of a vertex at most, without and with those by way of balls and boxes: to a lamp, and of
@@ -167,7 +167,7 @@ def absorbed_on_the_way(world, paths, vertex, unclosed):
     paths.throughput[0, 2] *= b
 
 
-@inlined
+@part
 def emitted(world, rules, paths, vertex, pdf_area):
     """Return the radiance that the ray has run into, MIS-weighted.
 
@@ -223,7 +223,7 @@ def look_up_surface(world, rules, paths, vertex):
     return spreads, mirrors
 
 
-@inlined
+@part
 def ask_light(world, rules, paths, vertex, vertices, s, t, rays, n):
     """Next-event estimation: sample one light or the sky by (s, t); write row n of ``rays``.
 
@@ -265,7 +265,7 @@ def ask_light(world, rules, paths, vertex, vertices, s, t, rays, n):
     return True
 
 
-@inlined
+@part
 def leave_vertex(
     world, rules, paths, vertex, depth, camera_pdf, number, points, column, branch, rays, n
 ):

@@ -28,7 +28,7 @@ from hybrid_rt.shading.kernels.light_kinds import (
 from hybrid_rt.shading.kernels.lobes.dielectric import reflectance_by
 from hybrid_rt.shading.kernels.lobes.register import EVERY
 from hybrid_rt.shading.kernels.medium_stack import ABSORPTION, IOR, NONE, STACK
-from meshing.kernels.jit import inlined
+from meshing.kernels.jit import inlined, part
 
 # What a camera path has met since its last non-delta vertex: something that is not asked (no weight
 # then); nothing yet; the outside of a sphere, a way into it, both ways through it; a way into its core,
@@ -86,7 +86,7 @@ def only_medium(stack, i):
     return found
 
 
-@inlined
+@part
 def end_of_way(world, vertex, light, s, t):
     """Sample a point of a light, or a direction of the sky, by (s, t).
 

@@ -50,7 +50,7 @@ def _table(scene: CompiledScene, rows: list[int]) -> Boxes:
     return Boxes(
         corner=corner,
         along=np.ascontiguousarray(along),
-        across=unit,
+        across=np.ascontiguousarray(unit),
         thickness=1.0 / length,
         center=center,
         square=(corners**2).sum(axis=2).max(axis=1, initial=0.0),

@@ -20,7 +20,7 @@ from hybrid_rt.intersection.kernels.search.rays import (
     scaled_limit,
 )
 from hybrid_rt.intersection.kernels.sphere import finish_sphere, offer_spheres
-from meshing.kernels.jit import inlined
+from meshing.kernels.jit import inlined, part
 
 SPHERE, RECTANGLE, PLANE, BOX = 0, 1, 2, 3
 
@@ -65,7 +65,7 @@ def _start(direction, i, t_max, ray):
     return unit
 
 
-@inlined
+@part
 def first_hit(forms, source_id, direction, ray):
     """Find the first hit of the ray from ``ray.rays.origin[0]`` along ``direction[0]``.
 
@@ -97,7 +97,7 @@ def first_hit(forms, source_id, direction, ray):
     complete_row(0, rays.direction, unit, best, ray.record)
 
 
-@inlined
+@part
 def is_occluded(forms, shadow, i, ray):
     """Tell whether anything lies on shadow ray i, a row of `ShadowRays`."""
     rays, best = ray.rays, ray.best

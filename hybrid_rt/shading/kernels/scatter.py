@@ -11,7 +11,7 @@ from hybrid_rt.shading.kernels.lobes.register import (
     spreads_here,
 )
 from hybrid_rt.shading.kernels.medium_stack import filling_medium, ior_of, pass_surface
-from meshing.kernels.jit import inlined, kernel
+from meshing.kernels.jit import inlined, kernel, part
 
 # How a ray ends at a surface, or goes on.
 LEFT, STOPPED, ABSORBED, SCATTERED, SPECULAR = 0, 1, 2, 3, 4
@@ -97,7 +97,7 @@ def density_of_turn(normal, geometric, i, dx, dy, dz, x, y, z, density):
     return density * arriving / leaving if leaving > 0.0 else 0.0
 
 
-@inlined
+@part
 def scatter_one(
     lobes, vertices, i, xi, choice, stack, second, may_spread, may_mirror, roulette, reference,
     rivals, onward, throughput, pdf,

@@ -169,20 +169,73 @@ def test_where_others_fail_everything_is_compiled_here(tmp_path):
     assert n_processes >= 1
 
 
-def test_what_is_left_counts_by_the_time_it_takes():
+def of_kernels(*seconds, parts=()):
+    """Return workers that know kernels 0, 1, ... of a list; ``parts`` are those of kernel 0."""
     workers = precompile._Workers()
-    assert workers.how_far() == (0, 0)
-    workers._known, workers._queue = {0, 1, 90}, [1, 90]
-    workers._at_work = {0}
-    done, total = workers.how_far()
-    assert done == 0 < total
+    workers._listed = [
+        precompile.Listed(f"kernels:{i}", [], ["path"], each, list(parts) if i == 0 else [])
+        for i, each in enumerate(seconds)
+    ]
+    workers.want({("path", ())})
+    workers._known, workers._queue = set(range(len(seconds))), list(range(len(seconds)))
+    return workers
+
+
+def test_what_is_left_counts_by_the_time_it_takes():
+    assert precompile._Workers().how_far() == (0, 0)
+    workers = of_kernels(4.0, 2.0, 0.01)
+    assert workers.how_far() == (0, 61)
+    workers._queue, workers._at_work = [1, 2], {0}
+    assert workers.how_far() == (0, 61)
     workers._at_work = set()
-    begun, same_total = workers.how_far()
-    assert same_total == total
-    # The slowest is more than the other two are on average, and 90 others are faster than the last.
-    assert 1 / 3 < begun / total < 1
+    assert workers.how_far() == (40, 61)
     workers._queue = []
-    assert workers.how_far() == (total, total)
+    assert workers.how_far() == (61, 61)
+
+
+def test_parts_are_compiled_before_what_links_them():
+    workers = of_kernels(4.0, 2.0, 1.0, 3.0, parts=["kernels:1", "kernels:2"])
+    assert [workers._next(), workers._next()] == [1, 2]
+    assert workers._next() == 3  # the parts are at work still
+    workers._end(1, True)
+    assert not workers._is_ready(0)
+    workers._end(2, False)  # it could not be compiled: the kernel compiles it for itself
+    assert workers._next() == 0
+    assert workers._next() is None
+
+
+def test_only_parts_of_what_is_wanted_are_compiled():
+    workers = of_kernels(4.0, 2.0, 1.0, parts=["kernels:1"])
+    workers._listed[1].groups.append("ppm")
+    workers._listed.append(precompile.Listed("others:whole", [], ["path"], 1.0, ["others:part"]))
+    workers._listed.append(precompile.Listed("others:part", [], ["path"], 1.0))
+    assert workers._wanted_numbers() == {0, 1, 2, 3, 4}
+    workers._wanted = {("path", ("others",))}
+    assert workers._wanted_numbers() == {0, 1, 2}
+    workers._wanted = {("ppm", ())}
+    assert workers._wanted_numbers() == set()  # nothing that links the part is wanted
+
+
+def test_a_part_is_loaded_from_the_cache_by_what_links_it(tmp_path):
+    """The kernel is compiled anew, the part is not."""
+    (tmp_path / "parts.py").write_text(
+        "from meshing.kernels.jit import part\n@part\ndef square(x):\n    return x * x\n"
+    )
+    kernel = (
+        "from meshing.kernels.jit import kernel\nfrom parts import square\n"
+        "@kernel\ndef total(x):\n    return square(x) + {}\n"
+    )
+    run = (
+        "import linking; print(linking.total(3.0), linking.total.stats.cache_misses.total(), "
+        "linking.square.stats.cache_misses.total(), linking.square(2.0))"
+    )
+    for added, printed in ((1, "10.0 1 1 4.0\n"), (100, "109.0 1 0 4.0\n")):
+        (tmp_path / "linking.py").write_text(kernel.format(added))
+        done = subprocess.run(
+            [sys.executable, "-c", run], check=False, cwd=tmp_path, capture_output=True, text=True,
+            env=os.environ | {"PYTHONPATH": os.pathsep.join([str(tmp_path), str(ROOT)])},
+        )  # fmt: skip
+        assert done.stdout == printed, done.stderr
 
 
 def test_one_core_compiles_for_itself(monkeypatch):
