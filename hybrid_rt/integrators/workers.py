@@ -29,6 +29,11 @@ LEAST = 1024
 Submit = Callable[[Callable[[Any, Any], Any], Any], "Future[Any]"]
 
 
+# The blur of the mean is estimated to first order in the radius of the discs. In corners they lose light
+# twice: there it was up to so many times the estimate.
+CORNERS = 1.2
+
+
 @dataclass(frozen=True)
 class Blur:
     """The blur (bias) of a picture: root mean squares over pixels and channels.
@@ -42,12 +47,17 @@ class Blur:
         Estimates; None if not above their own noise.
     absolute_at_most, relative_at_most : float or None
         Upper limits at about 95 % confidence; None if unknown.
+    of_mean, of_mean_error : float or None
+        By how much the image mean is too bright (too dark, if negative), and the standard error of that
+        estimate; None if unknown.
     """
 
     absolute: float | None
     absolute_at_most: float | None
     relative: float | None
     relative_at_most: float | None
+    of_mean: float | None
+    of_mean_error: float | None
 
     @property
     def counted(self) -> float:
@@ -56,8 +66,18 @@ class Blur:
             return self.relative
         return math.inf if self.relative_at_most is None else self.relative_at_most
 
+    @property
+    def of_mean_at_most(self) -> float:
+        """How far the image mean may be off by it, at about 95 % confidence; 0 if unknown.
 
-NO_BLUR, UNKNOWN_BLUR = Blur(0.0, 0.0, 0.0, 0.0), Blur(None, None, None, None)
+        An estimate below its own noise counts as it is: otherwise the interval of every mean would be
+        that of the estimate's noise.
+        """
+        blur, error = abs(self.of_mean or 0.0), self.of_mean_error or 0.0
+        return CORNERS * blur + 2.0 * error if blur > 2.0 * error else blur
+
+
+NO_BLUR, UNKNOWN_BLUR = Blur(*(0.0,) * 6), Blur(*(None,) * 6)
 
 
 @dataclass(frozen=True)

@@ -243,7 +243,7 @@ def render(
             workers.gather()
             channels = compute_channels(names, context, film)
             blur = workers.blur(film.image)
-            report = make_report(plain(settings), context, film, clock, stopped_by)
+            report = make_report(plain(settings), context, film, clock, stopped_by, blur)
             report |= workers.report(blur)
             report["geometry"]["wrong_first_hits"] = wrong
             report["lamps_in_surfaces"] = ready.sunken

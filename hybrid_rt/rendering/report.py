@@ -48,8 +48,7 @@ def light_left_out(
         ``light_not_found``: ``left_out``. ``light_not_found_measured``: the ``mean`` of what paths
         with a wide lobe carry, with ``half_interval_95`` (None where the camera sees too few photons)
         and ``share_of_image_mean``; None if not measured. ``picture_holds``: the light that the image mean, its interval and
-        the relative errors are about. ``picture_is_blurred``: by photons, so that the interval of
-        the mean is about the mean of blurred pictures.
+        the relative errors are about. ``picture_is_blurred``: by photons.
     """
     integrator, max_depth = (report["settings"][name] for name in ("integrator", "max_depth"))
     holds = f"the light that {integrator} finds" if left_out else ALL_LIGHT
@@ -115,7 +114,12 @@ def relative_error(
 
 
 def make_report(
-    settings: dict[str, Any], context: RenderContext, film: Film, clock: Clock, stopped_by: str
+    settings: dict[str, Any],
+    context: RenderContext,
+    film: Film,
+    clock: Clock,
+    stopped_by: str,
+    blur: Blur,
 ) -> dict[str, Any]:
     """Return the entries that every integrator has."""
     ledger, tracer, total = context.ledger, context.tracer, clock.earlier + clock.seconds
@@ -143,7 +147,7 @@ def make_report(
             **ledger.ended,
             "lost_weight_per_camera_ray": twelve_digits(ledger.lost_weight / n_camera),
         },
-        "noise": _with_interval(film.noise(), context, film.n_passes),
+        "noise": _with_interval(film.noise(), context, film.n_passes, blur),
         "clear_bodies_not_closed": not_closed,
         "clear_bodies_lost": lost,
         "pixels_not_finite": int(np.count_nonzero(~np.isfinite(film.image).all(axis=2))),
@@ -163,9 +167,12 @@ def make_report(
 
 
 def _with_interval(
-    noise: dict[str, Any] | None, context: RenderContext, passes: int
+    noise: dict[str, Any] | None, context: RenderContext, passes: int, blur: Blur
 ) -> dict[str, Any] | None:
-    """Add half the 95 % interval of the image mean, and what of it is for lamps that were not met."""
+    """Add half the 95 % interval of the image mean, and what of it is for lamps that were not met.
+
+    The blur of the mean, as far as it is known, makes the interval wider to both sides.
+    """
     if noise is None:
         return None
     unmet = twelve_digits(unmet_light(context.scene, passes))
@@ -176,7 +183,7 @@ def _with_interval(
     )
     return noise | {
         "unmet_lamps_95": unmet,
-        "half_interval_95_of_image_mean": max(half, unmet),
+        "half_interval_95_of_image_mean": max(half + blur.of_mean_at_most, unmet),
     }
 
 

@@ -23,6 +23,10 @@ TILES, STUDENT = 4, 1.753
 # for smooth; as a relative figure 1.8 times beside them, where blurred light brightens what it is
 # divided by. docs/error_vs_time.md has the figures.
 AT_BORDERS = 2.0
+# The mean of a picture changes where discs reach over the border of what is lit, through a wall say: by
+# an amount that is proportional to their radius. Discs of half the area lose root 1/2 of it, so the
+# whole is so many times the difference.
+OF_MEAN = 1.0 / (1.0 - math.sqrt(0.5))
 
 
 class BlurSums:
@@ -40,6 +44,8 @@ class BlurSums:
         self.height, self.width = height, width
         self.n_passes = 0
         self._sums, self._run = np.zeros((2, 2, height * width, 3))
+        # Sum over whole runs of the picture's mean change, and of its square.
+        self._of_runs = np.zeros(2)
 
     @OVERFLOWS
     def add(self, change: FloatArray) -> None:
@@ -57,13 +63,16 @@ class BlurSums:
     def _count(self, n: int) -> None:
         self.n_passes += n
         if self.n_passes % RUN == 0:
+            change = float(self._run[0].mean())
+            self._of_runs += change, change * change
             self._sums += self._run
             self._run[:] = 0.0
 
     def state(self) -> dict[str, NDArray[Any]]:
         """Return the sums, from which `restore` goes on: arrays by name, no copies."""
         n = np.array(self.n_passes)
-        return {"blur": self._sums, "blur_of_run": self._run, "blur_passes": n}
+        sums = {"blur": self._sums, "blur_of_run": self._run, "blur_of_runs": self._of_runs}
+        return {**sums, "blur_passes": n}
 
     def restore(self, state: Mapping[str, NDArray[Any]]) -> None:
         """Take over the sums of another picture of the same size."""
@@ -71,6 +80,7 @@ class BlurSums:
             if state[name].shape != self._sums.shape or state[name].dtype != self._sums.dtype:
                 raise ValueError(f"{name} is {state[name].dtype} {state[name].shape}")
         self._sums, self._run = state["blur"].copy(), state["blur_of_run"].copy()
+        self._of_runs = state["blur_of_runs"].copy()
         self.n_passes = int(state["blur_passes"])
 
     @OVERFLOWS
@@ -92,8 +102,20 @@ class BlurSums:
             return UNKNOWN_BLUR
         weight = image.reshape(-1, 3).astype(np.float64) ** 2 + DARK
         return Blur(
-            *self._root_mean(squares, noise), *self._root_mean(squares / weight, noise / weight)
+            *self._root_mean(squares, noise),
+            *self._root_mean(squares / weight, noise / weight),
+            OF_MEAN * float(change.mean()) / n,
+            self._error_of_mean(),
         )
+
+    def _error_of_mean(self) -> float | None:
+        """Return the standard error of the mean's blur, from the differences between runs."""
+        n = self.n_passes // RUN
+        if n < 2:
+            return None
+        total, of_squares = self._of_runs.tolist()
+        variance = max(of_squares - total * total / n, 0.0) / (n - 1)
+        return OF_MEAN * math.sqrt(variance / n) / RUN
 
     def _root_mean(
         self, squares: FloatArray, noise: FloatArray

@@ -254,6 +254,8 @@ class PhotonWorkers(Workers):
             "blur_root_mean_square_at_most": blur.absolute_at_most,
             "blur_relative_rmse": blur.relative,
             "blur_relative_rmse_at_most": blur.relative_at_most,
+            "blur_of_image_mean": blur.of_mean,
+            "blur_of_image_mean_standard_error": blur.of_mean_error,
             "power_of_all_passes": {
                 name: [twelve_digits(x) for x in power]
                 for name, power in zip(names, balance.power.tolist(), strict=True)
