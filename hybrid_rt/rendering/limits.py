@@ -15,8 +15,9 @@ DEFAULT_PASSES = DEFAULT_DEPTH = 16
 MOST_PASSES = 2**32 - 2
 
 
+_TRIMMED = "target_error_trimmed"
 # What a limit knows of errors.
-_NOTED = ("n_of_error", "noise", "blur", "power", "blur_stays")
+_NOTED = ("n_of_error", "noise", "ahead", "blur", "power", "blur_stays")
 
 
 class Clock:
@@ -87,6 +88,7 @@ class Limit:
         self._n_began = 0
         # The noise that each target is about.
         self._noise = dict.fromkeys(("target_error", "target_error_trimmed"), math.inf)
+        self._ahead = math.inf  # what it will be after twice the passes, without the worst pixels
         self._blur = 0.0
         self._power, self._blur_stays = 1.0, False
         self._n_of_error = 0
@@ -144,18 +146,22 @@ class Limit:
         blur: float = 0.0,
         *,
         trimmed: float | None = None,
+        ahead: float = 0.0,
         power: float = 1.0,
         blur_stays: bool = False,
     ) -> None:
         """Record the estimated relative error of the picture after ``n_done`` passes.
 
-        ``trimmed`` is the noise without the worst pixels; by default ``noise``. ``power`` is the
-        ``error_power`` of `hybrid_rt.integrators.Options`. The blur may be an upper limit, or inf
+        ``trimmed`` is the noise without the worst pixels; by default ``noise``. ``ahead`` is
+        what that will be after more passes if the worst pixels are dots, see
+        `hybrid_rt.sensor.film.RelativeErrors`: a target is reached that will stay so. ``power`` is
+        the ``error_power`` of `hybrid_rt.integrators.Options`. The blur may be an upper limit, or inf
         if unknown. ``blur_stays``: more passes do not reduce it.
         """
         self._n_of_error, self._blur = n_done, blur
         self._noise["target_error"] = noise
         self._noise["target_error_trimmed"] = noise if trimmed is None else trimmed
+        self._ahead = ahead
         self._power, self._blur_stays = power, blur_stays
 
     @property
@@ -181,6 +187,10 @@ class Limit:
     def _error(self, name: str) -> float:
         return math.hypot(self._noise[name], self._blur)
 
+    def _rises(self, target: float) -> bool:
+        """Tell whether dots will bring the error without the worst pixels above a target again."""
+        return math.hypot(self._ahead, self._blur) > target
+
     @property
     def blur_out_of_reach(self) -> float | None:
         """The blur, if it stays and keeps every target out of reach; else None.
@@ -195,7 +205,7 @@ class Limit:
     def reached(self, n_done: int, seconds: float) -> str | None:
         """Return which limit allows no further pass, or None."""
         for name, target in self.targets.items():
-            if self._error(name) <= target:
+            if self._error(name) <= target and not (name == _TRIMMED and self._rises(target)):
                 return name
         is_noise_known = math.isfinite(self._noise["target_error"]) and not math.isnan(self._blur)
         if self.targets and self._n_of_error and not is_noise_known:
@@ -225,6 +235,8 @@ class Limit:
         stays = self._blur if self._blur_stays else 0.0
         for name, target in self.targets.items():
             error = self._error(name)
+            if name == _TRIMMED and self._rises(target):
+                error = max(error, math.hypot(self._ahead, self._blur))
             left = target**2 - stays**2
             if left > 0.0 and math.isfinite(error):
                 more = (error**2 - stays**2) / left

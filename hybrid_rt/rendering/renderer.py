@@ -86,7 +86,8 @@ def render(
         reduce is above the target, a render without another limit ends and reports that.
     target_error_trimmed : float, optional
         The same, but with the noise without the worst 0.1 % of the pixels, which a few bright paths
-        (fireflies) can spoil in an otherwise good picture. It counts the blur of all pixels.
+        (fireflies) can spoil in an otherwise good picture. It counts the blur of all pixels. It is
+        not reached as long as twice the passes would bring more dots than these pixels hold.
     seed : int
         Equal seeds and settings give equal pictures, bit for bit, for any number of threads.
     threads : int, optional

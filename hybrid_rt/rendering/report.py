@@ -101,6 +101,7 @@ def relative_error(
         return None
     both = math.hypot(noise["relative_rmse"], blur.counted)
     trimmed = math.hypot(noise["relative_rmse_trimmed"], blur.counted)
+    ahead = math.hypot(noise["relative_rmse_trimmed_ahead"], blur.counted)
     return {
         "noise": noise["relative_rmse"],
         "noise_trimmed": noise["relative_rmse_trimmed"],
@@ -108,6 +109,7 @@ def relative_error(
         "blur_at_most": blur.relative_at_most,
         "both": both if blur.counted < math.inf else None,
         "both_trimmed": trimmed if blur.counted < math.inf else None,
+        "both_trimmed_ahead": ahead if blur.counted < math.inf else None,
         "blur_stays": blur_stays,
         "error_power": error_power,
     }

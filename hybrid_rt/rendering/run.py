@@ -146,6 +146,7 @@ def _note_errors(film: Film, workers: Workers, limit: Limit) -> bool:
         noise.whole,
         blur.counted,
         trimmed=noise.trimmed,
+        ahead=noise.ahead,
         power=own.error_power,
         blur_stays=stays,
     )

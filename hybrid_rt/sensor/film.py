@@ -12,8 +12,14 @@ from numpy.typing import NDArray
 
 from hybrid_rt.core.records import FloatArray
 from hybrid_rt.sensor.image_metrics import DARK, WORST
-from hybrid_rt.sensor.intervals import STUDENT, bright_path, half_intervals, light_of_rare_paths
-from hybrid_rt.sensor.neighbours import mean_of_neighbours
+from hybrid_rt.sensor.intervals import (
+    REACH,
+    STUDENT,
+    bright_path,
+    half_intervals,
+    light_of_rare_paths,
+)
+from hybrid_rt.sensor.neighbours import mean_around, mean_of_neighbours
 from hybrid_rt.sensor.passes import GROUPS, RUN
 
 # Radiances beyond the range of numbers end as inf and nan, which the report counts.
@@ -22,6 +28,8 @@ OVERFLOWS = np.errstate(over="ignore", invalid="ignore")
 
 # Pixels of which errors are computed at a time: what it takes stays in the processor's cache.
 STRIP = 2**12
+# Rows at a time of an estimate that takes the pixels around as well.
+HALO_ROWS = 32
 
 # From this share of the squared error in the worst pixels on, rare paths decide it, and estimates from
 # less than 16 passes may be too small: half of the error in tests with one bright sample in 10**5.
@@ -42,12 +50,17 @@ class RelativeErrors:
         Number of the worst pixels: 0.1 %, rounded down, so none of less than 1000.
     share_of_worst : float
         Of the sum of squared errors, the part in the worst pixels, 0 to 1.
+    ahead : float
+        What ``trimmed`` will be after twice as many passes, and after 16 at least, if each worst
+        pixel is a dot: a path that other pixels will meet as often. It is above ``trimmed`` where
+        the worst pixels will soon be too few to hold the dots.
     """
 
     whole: float
     trimmed: float
     n_worst: int
     share_of_worst: float
+    ahead: float
 
 
 class Film:
@@ -249,6 +262,7 @@ class Film:
             "root_mean_square_standard_error_of_pixels": absolute,
             "relative_rmse": relative.whole,
             "relative_rmse_trimmed": relative.trimmed,
+            "relative_rmse_trimmed_ahead": relative.ahead,
             "worst_pixels": relative.n_worst,
             "worst_pixels_share_of_squared_error": relative.share_of_worst,
             "pixels_without_light": n_pixels - int(np.count_nonzero(is_lit)),
@@ -289,7 +303,7 @@ class Film:
         height, width, _ = self._sums.shape[1:]
         n_worst = int(WORST * height * width)
         if self.n_passes < 2:
-            return math.nan, RelativeErrors(math.nan, math.nan, n_worst, math.nan)
+            return math.nan, RelativeErrors(math.nan, math.nan, n_worst, math.nan, math.nan)
         is_early = self._squares is not None
         level = _without_peaks(self._mean()) if is_early else None
         absolute, plain = 0.0, np.empty((height, width))
@@ -298,36 +312,48 @@ class Film:
             absolute += float(variance.sum())
             seen = mean if level is None else level[rows]
             plain[rows] = (variance / (seen * seen + DARK)).sum(axis=2)
-            if not is_early:
-                crossed[rows] = self._relative_to_others(self._of_groups(rows))
-        return math.sqrt(absolute / plain.size / 3.0), _relative_errors(plain, crossed, n_worst)
+        if not is_early:
+            for first in range(0, height, HALO_ROWS):
+                rows = slice(first, min(first + HALO_ROWS, height))
+                crossed[rows] = self._relative_to_others(rows)
+        times = max(2.0, GROUPS * RUN / self.n_passes)
+        errors = _relative_errors(plain, crossed, n_worst, times)
+        return math.sqrt(absolute / plain.size / 3.0), errors
 
-    def _relative_to_others(self, sums: FloatArray) -> FloatArray:
+    def _relative_to_others(self, rows: slice) -> FloatArray:
         """Return variances of the mean, each over what other groups found, summed over channels.
 
         For independent groups g, h, k of one mean, (g - h) (g - k) has the variance of g alone as
         its mean, whatever h and k are. The estimate of a single pixel may be negative.
 
-        Parameters
-        ----------
-        sums : (4, rows, width, 3) float64
+        Where light comes by rare paths, and most of it, a pixel's other groups may have met none of
+        it yet. Their mean is then far below the pixel's, and to divide by its square would overstate
+        the error many times. So where the other groups of the pixels around differ by more than all
+        that the pixel's own have found, what they exceed their lowest by is taken from around.
 
         Returns
         -------
         (rows, width) float64
         """
+        around = slice(max(rows.start - REACH, 0), rows.stop + REACH)
+        own = slice(rows.start - around.start, rows.stop - around.start)
+        sums = self._of_groups(around)
         n, total = self.n_passes, sums.sum(axis=0)
         counts = self._counts.reshape(-1, *(1,) * total.ndim)
         means = sums / counts
-        result = np.zeros(total.shape[:-1])
+        result: FloatArray = np.zeros(total[own].shape[:-1])
         for group, count in enumerate(self._counts):
             others = (total - sums[group]) / (n - count)
-            gaps = means[group] - np.delete(means, group, axis=0)
+            of_others = np.delete(means, group, axis=0)
+            lowest = of_others.min(axis=0)
+            excess = mean_around(others - lowest, REACH)[0]
+            seen = np.where(excess > others, np.maximum(lowest + excess, others), others)[own]
+            gaps = means[group, own] - of_others[:, own]
             # Sum over pairs, twice: the square of the sum without the squares.
             pairs = gaps.sum(axis=0) ** 2 - (gaps * gaps).sum(axis=0)
             n_pairs = len(gaps) * (len(gaps) - 1)
             share = (count / n) ** 2 / n_pairs
-            result += share * (pairs / (others * others + DARK)).sum(axis=-1)
+            result += share * (pairs / (seen * seen + DARK)).sum(axis=-1)
         return result
 
     def _strips(self) -> Iterator[tuple[slice, FloatArray, FloatArray]]:
@@ -359,23 +385,31 @@ class Film:
         return variance
 
 
-def _relative_errors(plain: FloatArray, crossed: FloatArray, n_worst: int) -> RelativeErrors:
+def _relative_errors(
+    plain: FloatArray, crossed: FloatArray, n_worst: int, times: float
+) -> RelativeErrors:
     """Return the errors of a picture from two estimates of its pixels' squares (height, width).
 
     Both have the same mean where no path is rare; the larger errs on the safe side. The second
     says which pixels are the worst: in the first a bright path hides its own error.
+
+    So many ``times`` the passes have so many times the dots, each with 1 / times^2 of the squared
+    error. The worst pixels then hold the brightest 1 / times of them, and the others spill over.
     """
     n_kept = plain.size - n_worst
     whole = max(float(plain.sum()), float(crossed.sum()))
     error = math.sqrt(whole / plain.size / 3.0)
     if not math.isfinite(whole):
-        return RelativeErrors(error, math.nan, n_worst, math.nan)
-    kept = whole
+        return RelativeErrors(error, math.nan, n_worst, math.nan, math.nan)
+    kept, spilled = whole, 0.0
     if n_worst:
-        rows = np.argpartition(crossed.ravel(), n_kept - 1)[:n_kept]
+        order = np.argpartition(crossed.ravel(), n_kept - 1)
+        rows, worst = order[:n_kept], np.sort(crossed.ravel()[order[n_kept:]])
         kept = max(float(plain.ravel()[rows].sum()), float(crossed.ravel()[rows].sum()))
+        spilled = max(float(worst[: n_worst - math.ceil(n_worst / times)].sum()), 0.0)
     share = 1.0 - kept / whole if whole > 0.0 else 0.0
-    return RelativeErrors(error, math.sqrt(kept / n_kept / 3.0), n_worst, share)
+    ahead = math.sqrt((kept + spilled) / times / n_kept / 3.0)
+    return RelativeErrors(error, math.sqrt(kept / n_kept / 3.0), n_worst, share, ahead)
 
 
 def _without_peaks(image: FloatArray) -> FloatArray:

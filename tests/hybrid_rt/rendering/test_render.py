@@ -425,6 +425,19 @@ class TestLimit:
         assert limit.error_trimmed == pytest.approx(np.hypot(0.19, 0.1))
         assert limit.reached(40, 0.0) is None
 
+    def test_no_target_is_reached_that_dots_will_exceed(self):
+        """Most pixels have 15 %, but dots soon outnumber the worst: 88 % after more passes."""
+        limit = Limit(None, None, None, 0.2)
+        limit.note_error(4, 2.5, trimmed=0.15, ahead=0.88)
+        assert limit.reached(4, 0.0) is None
+        assert limit.next_estimate() == 8
+        assert limit.expected_passes(4) == 78  # 4 (0.88 / 0.2)^2
+        limit.note_error(4, 2.5, trimmed=0.15, ahead=0.19)
+        assert limit.reached(4, 0.0) == "target_error_trimmed"
+        limit = Limit(None, None, 3.0, 0.2)  # the target of all pixels is as ever
+        limit.note_error(4, 2.5, trimmed=0.15, ahead=0.88)
+        assert limit.reached(4, 0.0) == "target_error"
+
     def test_trimmed_target_stops_a_render(self):
         busy = scene(Lambertian(CheckerTexture(0.9, 0.1)), width=40, height=30)
         report = render(busy, "path", target_error_trimmed=0.03).report

@@ -193,6 +193,21 @@ class TestFurther:
         report["noise"]["worst_pixels_share_of_squared_error"] = 0.6
         assert "without the worst" in in_words(report).splitlines()[-1]
 
+    @pytest.mark.parametrize("settings", [{}, {"target_error_trimmed": 0.9}])
+    def test_a_figure_that_will_rise_is_not_forecast(self, settings):
+        report = self.report(passes=8) | {"settings": self.report(passes=8)["settings"] | settings}
+        noise, error = report["noise"], report["relative_error"]
+        noise |= {
+            "worst_pixels_share_of_squared_error": 0.99, "relative_rmse_trimmed": 0.15,
+            "relative_rmse_trimmed_ahead": 0.95,
+        }  # fmt: skip
+        error |= {"both": 2.5, "both_trimmed": 0.15, "both_trimmed_ahead": 0.95}
+        words = in_words(report)
+        assert words.splitlines()[-1].startswith("  further   100 % takes about 50 passes, ")
+        assert "outnumber 0.1 %, and it will rise to 95 % or so" in words
+        assert "trust the second" not in words
+        assert ("0.9 does not count as reached" in words) == bool(settings)
+
     def test_what_is_done_once_is_not_forecast_for_every_pass(self):
         """0.5 s once, and 4 times 1.5 s for 4 times as many passes."""
         report = self.report(passes=8, target_error=0.001)

@@ -247,6 +247,58 @@ def test_noise_is_told_from_fireflies(n, rare):
     assert found.share_of_worst == pytest.approx(share, abs=0.05)
 
 
+@pytest.mark.statistical
+@pytest.mark.parametrize(
+    ("p", "n", "at_most"),
+    [(0.01, 16, 1.6), (0.01, 64, 1.15), (0.01, 256, 1.15), (0.05, 16, 1.15), (0.05, 64, 1.3),
+     (0.2, 16, 1.3), (0.2, 64, 1.3), (0.2, 256, 1.1)],
+)  # fmt: skip
+def test_pixels_that_have_met_few_paths_are_not_much_overstated(p, n, at_most):
+    """Each pass of a pixel is 300 with probability p, over 0.3: as of a small lamp out of focus.
+
+    The squared relative error is 300^2 p (1 - p) / n / (r^2 + 0.01), r = 0.3 + 300 p. Divided by
+    what a pixel's other groups found it would be stated 3 to 70 times too large in these cases but
+    the last. What is left is the spread of what stands for r: the hits of a pixel, or of 49 where
+    these are few; with p = 0.01 and n = 16 three groups of 49 pixels have 5.9 of them.
+    """
+    rng = np.random.default_rng(n)
+    sheet = Film(150, 200)
+    for _ in range(n):
+        hits = 300.0 * (rng.random((150, 200, 1)) < p)
+        sheet.add(np.repeat(0.3 * (1.0 + 0.3 * rng.normal(size=hits.shape)) + hits, 3, axis=2))
+    r = 0.3 + 300.0 * p
+    variance = 300.0**2 * p * (1.0 - p) + (0.3 * 0.3) ** 2
+    truth = np.sqrt(variance / n / (r * r + 0.01))
+    errors = sheet.relative_errors()
+    assert 0.9 < errors.whole / truth < at_most
+    found = picture_errors(sheet.image, np.full((150, 200, 3), r))
+    assert 0.9 < errors.trimmed / found.relative_rmse_of_most < at_most
+
+
+@pytest.mark.parametrize(("n_dots", "n_spilled"), [(2, 0), (4, 2), (8, 6)])
+def test_dots_spill_over_the_worst_pixels_as_passes_are_added(n_dots, n_spilled):
+    """Of 8000 pixels the worst are 8; after 16 passes in place of 4 the brightest 2 of today fill them.
+
+    Even pixels are 0.9 and 1.1 in turn, so s^2 = 0.01 / 3; a dot has one pass of 101 more: without
+    its neighbours' even ones, it has the variance of (101, 0, 0, 0) + (0.1, -0.1, 0.1, -0.1).
+    """
+    sheet = Film(80, 100)
+    dots = [(10 * k + 5, 50) for k in range(n_dots)]
+    for n in range(4):
+        radiance = np.full((80, 100, 3), 1.0 + 0.1 * (-1.0) ** n)
+        for y, x in dots:
+            radiance[y, x] += 101.0 * (n == 0)
+        sheet.add(radiance)
+    even = 0.01 / 3 / 1.01
+    dot = np.var([101.1, -0.1, 0.1, -0.1], ddof=1) / 4 / 1.01
+    errors = sheet.relative_errors()
+    assert errors.trimmed == pytest.approx(np.sqrt(even), rel=1e-6)
+    n_even = 7992 + 6 - n_spilled
+    ahead = (n_even * even + n_spilled * dot) / 4 / 7992
+    assert errors.ahead == pytest.approx(np.sqrt(ahead), rel=1e-3)
+    assert (errors.ahead > errors.trimmed) == (n_spilled > 0)
+
+
 def test_early_errors_of_fireflies_claim_no_safety():
     """One bright sample of 16 000: 15 pixels in 16 that hide what they have not met."""
     for n_bright in (0, 1):
