@@ -28,6 +28,7 @@ from hybrid_rt.rendering.summary import warnings_in_words
 from hybrid_rt.rendering.watcher import Beginning, Watcher
 from hybrid_rt.sampling.sampler import Sampler
 from hybrid_rt.scene.lamps_turned_away import lamps_turned_away
+from hybrid_rt.scene.pictures_on_meshes import pictures_on_meshes
 from hybrid_rt.scene.scene import Scene
 from hybrid_rt.sensor.film import Film
 
@@ -105,7 +106,8 @@ def render(
     outputs : sequence of str
         Additional ``channels`` of the result: "depth", "position", "normal", "uv", "object_id",
         "albedo" (all at pixel centres), "samples", "standard_error", "half_interval" (half the
-        width of each pixel's 95 % interval).
+        width of each pixel's 95 % interval of the noise alone: by ppm and photon_map it is about the
+        blurred picture, and may miss the true one).
     progress : callable, optional
         Called with (stage, done, total), see `hybrid_rt.core.progress.Progress`:
         ``hybrid_rt.progress_bar()`` shows a bar on terminals and in notebooks.
@@ -249,6 +251,7 @@ def render(
             report["geometry"]["wrong_first_hits"] = wrong
             report["lamps_in_surfaces"] = ready.sunken
             report["lamps_turned_away"] = lamps_turned_away(context.scene)
+            report["pictures_on_meshes"] = pictures_on_meshes(context.scene)
             report["relative_error"] = relative_error(
                 report["noise"], blur, own.blur_stays, own.error_power
             )

@@ -87,6 +87,11 @@ def warnings_in_words(report: dict[str, Any]) -> list[str]:
         "edge_u x edge_v (swap its edges to turn it), a spot light along its direction"
         for name in report["lamps_turned_away"]
     ]
+    lines += [
+        f"{name} is a TriangleMesh with a texture over (u, v), which repeats on every triangle: take a "
+        'CheckerTexture in "world", one object for each colour, or patches'
+        for name in report["pictures_on_meshes"]
+    ]
     lost, max_depth = max(share_cut_off(report)), report["settings"]["max_depth"]
     # A smaller max_depth than the default has been asked for, with what it cuts off.
     if lost >= MUCH and max_depth >= DEFAULT_DEPTH:
