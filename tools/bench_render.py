@@ -125,8 +125,7 @@ def _measure(path: Path, coarse: str, options: argparse.Namespace) -> dict[str, 
     scene = load_scene(path)
     camera = scene.camera
     if options.width is not None:
-        height = max(round(camera.height * options.width / camera.width), 1)
-        scene = scene.with_camera(camera.resized(options.width, height))
+        scene = scene.with_camera(camera.resized(options.width))
 
     def run(passes: int, seed: int, small: bool = False, **settings: Any) -> RenderResult:
         shown: Scene = scene.with_camera(camera.resized(16, 12)) if small else scene

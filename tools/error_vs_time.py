@@ -161,9 +161,7 @@ def _are_known(surfaces: Sequence[Any]) -> bool:
 
 
 def _resized(scene: Scene, width: int) -> Scene:
-    camera = scene.camera
-    height = max(round(camera.height * width / camera.width), 1)
-    return scene.with_camera(camera.resized(width, height))
+    return scene.with_camera(scene.camera.resized(width))
 
 
 def _study_picture(scene: Scene, args: argparse.Namespace) -> PictureStudy:

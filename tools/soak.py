@@ -71,9 +71,8 @@ def main() -> int:
     parser.add_argument("--out", type=Path, help="write the figures as JSON")
     args = parser.parse_args()
     scene, integrator = load_script(args.scene)
-    camera = scene.camera
-    height = max(round(args.width * camera.height / camera.width), 1)
-    scene = scene.with_camera(camera.resized(args.width, height))
+    scene = scene.with_camera(scene.camera.resized(args.width))
+    height = scene.camera.height
     log = Log(args.width * height)
     figures: dict[str, Any] = {"scene": str(args.scene), "width": args.width, "height": height}
     with kept(args.out, lambda: figures):

@@ -120,7 +120,7 @@ def camera_rays(scene: Scene, n: int) -> RaySet:
     camera = scene.camera
     share = math.sqrt(n / (camera.width * camera.height))
     width = max(round(camera.width * share), 1)
-    small = camera.resized(width, max(round(width * camera.height / camera.width), 1))
+    small = camera.resized(width)
     row, column = np.divmod(np.arange(small.width * small.height), small.width)
     origins, directions = small.rays(column + 0.5, row + 0.5)
     return RaySet(origins, directions, np.full(len(origins), "camera"))

@@ -42,9 +42,7 @@ def _scene(asked: dict[str, Any]) -> Any:
     scene = runpy.run_path(str(file), run_name="hybrid_rt_scene")["scene"]()
     if asked["width"] is None:
         return scene
-    camera = scene.camera
-    height = max(round(camera.height * asked["width"] / camera.width), 1)
-    return scene.with_camera(camera.resized(asked["width"], height))
+    return scene.with_camera(scene.camera.resized(asked["width"]))
 
 
 def _rendered(

@@ -233,8 +233,6 @@ def _resized(scene: Scene, width: int | None, height: int | None) -> Scene:
     if width is None:
         assert height is not None
         width = max(round(camera.width * height / camera.height), 1)
-    elif height is None:
-        height = max(round(camera.height * width / camera.width), 1)
     return scene.with_camera(camera.resized(width, height))
 
 

@@ -12,7 +12,7 @@ from hybrid_rt.core import checks
 from hybrid_rt.core.records import FloatArray
 from hybrid_rt.lights.light import Environment, upright
 from hybrid_rt.shading.kernels.environment import PICTURE, EnvironmentTable
-from hybrid_rt.textures import ImageTexture
+from hybrid_rt.textures.image import linear_texels
 
 
 class ImageEnvironment(Environment):
@@ -40,7 +40,7 @@ class ImageEnvironment(Environment):
     def __init__(
         self, image: str | os.PathLike[str] | NDArray[Any], up: ArrayLike = (0.0, 1.0, 0.0)
     ) -> None:
-        texels = ImageTexture(image).texels
+        texels = linear_texels(image, "ImageEnvironment")
         rows, columns = _shares(texels)
         start, left, upward = upright(checks.as_direction(up, "ImageEnvironment up"))
         self._table = EnvironmentTable(

@@ -26,7 +26,8 @@ CORNERS = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])
 class TriangleMesh(Surface):
     """A triangle mesh in float64; (u, v) are the barycentric weights of vertices 1 and 2 of a face.
 
-    A face without area is never hit, but keeps its index.
+    A face without area is never hit, but keeps its index. Texture coordinates of files are not read:
+    an `ImageTexture`, or a `CheckerTexture` in "uv", repeats on every triangle.
 
     Parameters
     ----------
@@ -51,7 +52,7 @@ class TriangleMesh(Surface):
         if isinstance(mesh, type) or not (hasattr(mesh, "vertices") and hasattr(mesh, "faces")):
             raise TypeError(
                 f"TriangleMesh mesh is {shown(mesh)}: pass a trimesh.Trimesh, or what has vertices "
-                "and faces"
+                "and faces" + _of_a_scene(mesh)
             )
         refuse_mask(mesh.faces, "TriangleMesh faces")
         faces = np.array(mesh.faces)
@@ -175,3 +176,10 @@ class TriangleMesh(Surface):
     def __repr__(self) -> str:
         """Say which mesh this is."""
         return f"TriangleMesh({len(self.vertices)} vertices, {len(self.faces)} faces)"
+
+
+def _of_a_scene(given: object) -> str:
+    """Return how a trimesh.Scene becomes meshes, with its parts in place; "" for anything else."""
+    if isinstance(given, type) or not (hasattr(given, "to_mesh") and hasattr(given, "dump")):
+        return ""
+    return "; of a scene: SCENE.to_mesh(), or one mesh for each part of SCENE.dump()"

@@ -117,8 +117,18 @@ class Camera:
         """Side of a pixel on a plane at distance one."""
         return 2.0 * self._half_height / self.height
 
-    def resized(self, width: int, height: int) -> Camera:
-        """Return the same camera with another resolution."""
+    def resized(self, width: int, height: int | None = None) -> Camera:
+        """Return the same camera with another resolution.
+
+        Parameters
+        ----------
+        width : int
+        height : int, optional
+            Default: in proportion to the width, rounded, at least 1.
+        """
+        if height is None:
+            width = checks.whole(width, "Camera width", at_least=1, up_to=MOST_PIXELS)
+            height = max(round(width * self.height / self.width), 1)
         return Camera(
             self.look_from,
             self.look_at,

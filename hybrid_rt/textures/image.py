@@ -24,7 +24,8 @@ class ImageTexture(Texture):
     ----------
     image : path, or array (height, width), (height, width, 3) or (height, width, 4)
         Row 0 is the upper one. Integers (8 or 16 bits) are decoded from sRGB, floats are taken as
-        linear. Grey is used for all channels; an alpha channel is ignored.
+        linear; of one bit (bool), True is 1. Grey is used for all channels; an alpha channel is
+        ignored.
     wrap : "repeat" or "clamp"
         What happens outside [0, 1].
 
@@ -42,17 +43,7 @@ class ImageTexture(Texture):
     ) -> None:
         checks.choice(wrap, "ImageTexture wrap", ("repeat", "clamp"))
         self._wrap = REPEAT if wrap == "repeat" else CLAMP
-        if isinstance(image, str | os.PathLike):
-            self._texels = _linear(_read(Path(image)), f"ImageTexture {os.fspath(image)!r}")
-        else:
-            refuse_mask(image, "ImageTexture image")
-            try:
-                array = np.asarray(image)
-            except ValueError:
-                raise ValueError(
-                    f"ImageTexture image is {checks.shown(image)}: pass rows of equal length"
-                ) from None
-            self._texels = _linear(array, "ImageTexture image")
+        self._texels = linear_texels(image, "ImageTexture")
 
     def __repr__(self) -> str:
         """Name the size of the image."""
@@ -77,19 +68,35 @@ class ImageTexture(Texture):
         return TextureRow(IMAGE, (0.0,) * 9, self._texels, self._wrap)
 
 
-def _read(path: Path) -> NDArray[Any]:
+def linear_texels(image: str | os.PathLike[str] | NDArray[Any], owner: str) -> NDArray[np.float32]:
+    """Return a picture, from a file or an array, as (height, width, 3) float32, linear.
+
+    Arguments and errors are those of `ImageTexture`; ``owner`` is the class that messages name.
+    """
+    if isinstance(image, str | os.PathLike):
+        return _linear(_read(Path(image), owner), f"{owner} {os.fspath(image)!r}")
+    refuse_mask(image, f"{owner} image")
+    try:
+        array = np.asarray(image)
+    except ValueError:
+        raise ValueError(
+            f"{owner} image is {checks.shown(image)}: pass rows of equal length"
+        ) from None
+    return _linear(array, f"{owner} image")
+
+
+def _read(path: Path, owner: str) -> NDArray[Any]:
+    what = f"{owner} image is {str(path)!r}"
     if not path.is_file():
-        raise FileNotFoundError(f"ImageTexture image is {str(path)!r}: there is no such file")
+        raise FileNotFoundError(f"{what}: there is no such file")
     reader = _read_exr if path.suffix.lower() == ".exr" else _read_picture
     try:
         return reader(path)
     except ModuleNotFoundError as error:
-        raise ModuleNotFoundError(f"ImageTexture image is {str(path)!r}: {exr.NEEDED}") from error
+        raise ModuleNotFoundError(f"{what}: {exr.NEEDED}") from error
     except Exception as error:  # whatever the reader of that format raises
         hint = ", such as an .exr of it" if path.suffix.lower() in {".hdr", ".pic"} else ""
-        raise ValueError(
-            f"ImageTexture image is {str(path)!r}: pass a picture file{hint}, it cannot be read as one"
-        ) from error
+        raise ValueError(f"{what}: pass a picture file{hint}, it cannot be read as one") from error
 
 
 def _read_picture(path: Path) -> NDArray[Any]:
@@ -115,10 +122,12 @@ def _linear(image: NDArray[Any], what: str) -> NDArray[np.float32]:
             "(height, width, 4)"
         )
     image = image[:, :, :3]
+    if image.dtype == np.bool_:
+        image = image.astype(np.float32)
     if image.dtype in {np.dtype(np.uint8), np.dtype(np.uint16)}:
         return srgb_to_linear(image / np.iinfo(image.dtype).max).astype(np.float32)
     if not np.issubdtype(image.dtype, np.floating):
-        raise TypeError(f"{what} has type {image.dtype}: pass uint8, uint16 or floats")
+        raise TypeError(f"{what} has type {image.dtype}: pass uint8, uint16, bool or floats")
     if image.dtype.itemsize < 4:  # the limit itself is beyond its range
         image = image.astype(np.float32)
     if not (np.isfinite(image).all() and image.min() >= 0.0 and image.max() <= checks.BRIGHTEST):

@@ -5,6 +5,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+import trimesh
 
 from hybrid_rt import (
     Box,
@@ -59,6 +60,10 @@ def mesh(vertices, faces):
         (lambda: BALL.transformed("turn"), "Sphere matrix is 'turn': pass real numbers"),
         (lambda: TriangleMesh(None), "TriangleMesh mesh is None: pass a trimesh"),
         (lambda: TriangleMesh("a.obj"), r"of a file, pass trimesh.load_mesh\(.a.obj.\)"),
+        (
+            lambda: TriangleMesh(trimesh.Scene([trimesh.creation.box()])),
+            r"of a scene: SCENE.to_mesh\(\), or one mesh for each part of SCENE.dump\(\)",
+        ),
         (lambda: mesh("abc", [[0, 1, 2]]), "TriangleMesh vertices is 'abc': pass real"),
         (lambda: BezierPatches("teapot.bpt"), "BezierPatches control is 'teapot.bpt': pass"),
         (lambda: SurfaceOfRevolution(3, (0, 0, 0), UP), "profile is 3: pass Bezier points"),

@@ -16,6 +16,7 @@ from hybrid_rt.scene.compiled import NOTHING, compile_scene
 from hybrid_rt.scene.scene import Object, Scene
 from hybrid_rt.sensor.camera import Camera
 from hybrid_rt.shading.kernels.environment import sky_direction, sky_on_rays
+from hybrid_rt.textures import ImageTexture
 from meshing.kernels.jit import kernel
 
 CAMERA = Camera((0, -5, 0), (0, 0, 0), (0, 0, 1))
@@ -48,6 +49,8 @@ def test_objects_are_called_by_their_name():
         Object(trimesh.creation.box(), Lambertian(0.5))
     with pytest.raises(TypeError, match=r"; of a mesh file: TriangleMesh\(trimesh.load_mesh\(FILE"):
         Object("part.stl", Lambertian(0.5))
+    with pytest.raises(TypeError, match=r"; of a trimesh.Scene: TriangleMesh\(SCENE.to_mesh\(\)\)"):
+        Object(trimesh.Scene([trimesh.creation.box()]), Lambertian(0.5))
     with pytest.raises(TypeError, match=r"object 'pot' is made of 'teapot': pass a Sphere"):
         Object("teapot", Mirror(), "pot")
 
@@ -93,8 +96,8 @@ def test_parts_of_another_type_are_refused(parts, words):
         (lambda: GradientSky(1, 1, (0, 0, 0)), "up"),
         (lambda: SphereLight((0, 0, 0), 0, 1), "radius"),
         (lambda: SphereLight((0, 0, 0), 1, -1), "radiance"),
-        (lambda: ImageEnvironment(np.full((2, 4, 3), np.nan)), "non-finite"),
-        (lambda: ImageEnvironment(np.zeros((0, 4, 3))), "shape \\(0, 4, 3\\)"),
+        (lambda: ImageEnvironment(np.full((2, 4, 3), np.nan)), "ImageEnvironment .* non-finite"),
+        (lambda: ImageEnvironment(np.zeros((0, 4, 3))), "ImageEnvironment .* \\(0, 4, 3\\)"),
         (lambda: ImageEnvironment(np.ones((2, 4, 3)), (0, 0, 0)), "up"),
         (lambda: GradientSky(-1, 1), "bottom"),
     ],
@@ -102,6 +105,17 @@ def test_parts_of_another_type_are_refused(parts, words):
 def test_impossible_lights_are_refused(make, words):
     with pytest.raises(ValueError, match=words):
         make()
+
+
+@pytest.mark.parametrize("make", [ImageEnvironment, ImageTexture])
+def test_picture_files_are_refused_in_the_name_of_their_class(make, tmp_path):
+    file, name = tmp_path / "sky.hdr", make.__name__
+    with pytest.raises(FileNotFoundError, match=rf"^{name} image is .*sky.hdr': there is no such"):
+        make(file)
+    file.write_bytes(b"no picture")
+    words = rf"^{name} image is .*sky.hdr': pass a picture file, such as an .exr of it"
+    with pytest.raises(ValueError, match=words):
+        make(file)
 
 
 def test_sky_is_linear_in_height_along_any_up():

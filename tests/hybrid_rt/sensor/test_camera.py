@@ -19,6 +19,16 @@ def test_middle_corners_and_pixel_size_are_those_of_a_right_angle_of_view():
     np.testing.assert_allclose(directions, corners, atol=1e-15)
 
 
+def test_resized_keeps_all_but_the_resolution():
+    view = camera(width=300, height=200, aperture=0.5, focus_distance=3.0)
+    assert repr(view.resized(8, 4)) == repr(camera(aperture=0.5, focus_distance=3.0))
+    for width, height in ((150, 100), (100, 67), (1, 1)):
+        small = view.resized(width)
+        assert (small.width, small.height) == (width, height)
+    with pytest.raises(ValueError, match="Camera width"):
+        view.resized(0)
+
+
 def test_aperture_zero_is_exactly_the_pinhole():
     places = np.random.default_rng(1).uniform(0, 4, (50, 2))
     lens = np.random.default_rng(2).uniform(size=(50, 2))

@@ -1,6 +1,7 @@
 import imageio.v3 as imageio
 import numpy as np
 import pytest
+from PIL import Image
 
 from hybrid_rt.sensor.color import srgb_to_linear
 from hybrid_rt.shading.kernels.texture import texture_color
@@ -68,6 +69,14 @@ def test_eight_and_sixteen_bits_grey_and_alpha(tmp_path):
         ImageTexture(tmp_path / "a.png").brightest, ImageTexture(eight).brightest
     )
     assert ImageTexture(eight[:, :, 0]).brightest.shape == (3,)
+
+
+def test_pictures_of_one_bit_are_black_and_white(tmp_path):
+    bits = np.random.default_rng(4).random((4, 8)) < 0.5
+    Image.fromarray(bits).save(tmp_path / "bits.png")
+    assert imageio.imread(tmp_path / "bits.png").dtype == np.bool_
+    for texture in (ImageTexture(bits), ImageTexture(tmp_path / "bits.png")):
+        assert (texture.texels == bits[:, :, None]).all()
 
 
 def test_uv_checker_counts_squares():
