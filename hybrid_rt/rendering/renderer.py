@@ -90,7 +90,8 @@ def render(
         (fireflies) can spoil in an otherwise good picture. It counts the blur of all pixels. It is
         not reached as long as twice the passes would bring more dots than these pixels hold.
     seed : int
-        Equal seeds and settings give equal pictures, bit for bit, for any number of threads.
+        Equal seeds and settings give equal pictures, bit for bit, for any number of threads; on
+        another kind of processor, last digits may differ.
     threads : int, optional
         Default: all cores that this process may use. The number changes no bit of the picture.
     max_depth : int
