@@ -26,7 +26,8 @@ class Object:
         The name in messages and reports. Without it the object is named by its place in the scene:
         "objects[3] (a Sphere)".
     smooth : bool
-        Shade a triangle mesh with interpolated vertex normals. Silhouettes and shadows stay those
+        Shade a triangle mesh with interpolated vertex normals, which are means over the faces around,
+        also across sharp edges; normals of files are not read. Silhouettes and shadows stay those
         of the triangles.
 
     Raises
