@@ -68,7 +68,8 @@ def warnings_in_words(report: dict[str, Any]) -> list[str]:
         lines.append(
             f"{100.0 * share:.4g} % of the points that gather light have met no photon: "
             "unless they are unlit, light is missing that no error estimate counts: pass more "
-            "photons_per_pass (for ppm, also a larger initial_radius, or none)"
+            "photons_per_pass (for ppm, also a larger initial_radius, or none), or take path, where the "
+            "view is small beside what the photons light"
         )
     lines += [
         f"{name!r} is clear: {n_rays:,} rays left it without entering it, or never left it: it is not "

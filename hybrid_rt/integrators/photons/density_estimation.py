@@ -205,7 +205,11 @@ class Radii:
         radius = distance * math.sqrt(NEAREST * share / wanted)
         away = np.linalg.norm(position - camera.look_from, axis=1)
         radius = np.maximum(radius, PIXELS * camera.pixel_size * away)
-        radius = np.clip(radius, NARROWEST * extent, WIDEST * extent)
+        widest = WIDEST * extent
+        if np.median(radius) > math.sqrt(NEAREST) * widest:
+            # Such a disc would hold less than a photon: what is seen is small beside what they light.
+            widest = WIDEST_ASKED * extent
+        radius = np.clip(radius, NARROWEST * extent, widest)
         low, high = np.quantile(radius, [0.02, 0.98])
         n_classes = min(MOST_CLASSES, math.ceil(math.log(max(high / low, RATIO)) / math.log(RATIO)))
         step = (high / low) ** (1.0 / n_classes)

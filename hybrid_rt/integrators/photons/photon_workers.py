@@ -58,14 +58,7 @@ class PhotonWorkers(Workers):
     ----------
     context : RenderContext
     threads : int
-
-    Attributes
-    ----------
-    is_radius_asked : bool
-        Whether the initial radius was given, so that discs may be too small to hold photons.
     """
-
-    is_radius_asked = False
 
     def __init__(self, context: RenderContext, threads: int) -> None:
         super().__init__(context, threads, EyePass)
@@ -273,8 +266,7 @@ class PhotonWorkers(Workers):
             return NO_BLUR
         is_asked = any(eye_pass.n_points for eye_pass in self._eye_passes)
         is_met = any(eye_pass.n_gathered for eye_pass in self._eye_passes)
-        is_missed = is_asked and self._balance.n_stored > 0 and not is_met
-        if is_missed and self.is_radius_asked:
+        if is_asked and self._balance.n_stored > 0 and not is_met:
             return UNKNOWN_BLUR
         return self._blur.estimate(image)
 

@@ -50,7 +50,6 @@ class ProgressiveWorkers(PhotonWorkers):
     def __init__(self, context: RenderContext, threads: int) -> None:
         super().__init__(context, threads)
         self._options: PPMOptions = context.options or PPMOptions()
-        self.is_radius_asked = self._options.initial_radius is not None
         # Now, as part of the set-up: a time budget judges by the seconds of passes alone.
         self._radii: Radii | None = None
         if context.plan["photons"]:
