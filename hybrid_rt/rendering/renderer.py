@@ -65,11 +65,12 @@ def render(
     scene : Scene
     integrator : "path", "whitted", "ppm" or "photon_map"
         "path" is path tracing, which finds all light except what point and spot lights send by way
-        of mirrors and smooth glass. "whitted" finds only direct light, mirrors and glass. "ppm" is
-        progressive photon mapping, which finds all light except what point and spot lights send by
-        way of mirrors and smooth glass onto metal; its blur falls from pass to pass. "photon_map"
-        is photon mapping, which finds the same light; its blur stays. The report says which light
-        of the scene is not found, and how much it is.
+        of mirrors and smooth glass. "whitted" finds only direct light, mirrors and glass, and leaves
+        out branches that carry less than a thousandth of a camera ray. "ppm" is progressive photon
+        mapping, which finds all light except what point and spot lights send by way of mirrors and
+        smooth glass onto metal; its blur falls from pass to pass. "photon_map" is photon mapping,
+        which finds the same light; its blur stays. The report says which light of the scene is not
+        found, and how much it is.
     passes : int, optional
         One pass is one sample per pixel and, for the photon integrators, one photon map. Rendering
         stops at the first limit that is reached; if no limit is given, after 16 passes.
