@@ -272,7 +272,7 @@ class Lens:
             If the ray does not get through.
         """
         height = BESIDE * self.prescription[0].aperture
-        start = -abs(self.surfaces[0].bounds[:, 2]).max() - height
+        start = -max(abs(self.surfaces[0].bounds[:, 2]).max(), self._reaches_before()) - height
         ray = self.trace(np.array([[height, 0.0, start]]), np.array([[0.0, 0.0, 1.0]]))
         if not ray.passed[0]:
             raise ValueError(f"a ray beside the axis does not pass the lens: {CHECK}")
@@ -350,8 +350,18 @@ class Lens:
         points = np.column_stack([points, np.zeros(len(points))])
         # From a plane across the light, so far in front that it meets no surface.
         width = 2.0 * float(np.abs(points).max()) + self.prescription[0].aperture
-        front = (width + abs(self.surfaces[0].bounds[0, 2])) / way[2]
+        front = (width + self._reaches_before()) / way[2]
         return self.trace(points - (front + points @ way)[:, None] * way, way)
+
+    def _reaches_before(self) -> float:
+        """Return how far what light may meet first reaches before the plane of the first vertex.
+
+        That is the first surface that refracts, and the stops before it: behind a virtual entrance
+        pupil (a stop with a negative thickness) surfaces lie in front of the first vertex.
+        """
+        bends = [line.index != self.index for line in self.prescription]
+        first = bends.index(True) + 1 if True in bends else len(bends)
+        return -min(0.0, *(float(surface.bounds[0, 2]) for surface in self.surfaces[:first]))
 
     def _what_passes(self, angle: float) -> tuple[FloatArray, FloatArray]:
         """Return the corners of a rectangle, as `parallel` says, that holds what passes."""

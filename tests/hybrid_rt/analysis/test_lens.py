@@ -163,6 +163,20 @@ def test_a_stop_may_touch_the_next_surface_or_lie_behind_its_rim():
         )
 
 
+@pytest.mark.parametrize("thickness", [-3.0, -64.0])
+def test_light_starts_in_front_of_a_lens_whose_entrance_pupil_is_virtual(thickness):
+    bare = [LensSurface(24.3, 2.6, 1.5231, 24.0), LensSurface(61.7, 0.0, 1.0, 24.0)]
+    # As wide as the lens: the probe of both then runs at the same height.
+    wide = Lens([LensSurface(math.inf, thickness, 1.0, 24.0), *bare])
+    # The same rays; places on the axis are those of the other frame, to a few units in the last place.
+    np.testing.assert_allclose(wide.focus(), Lens(bare).focus(), rtol=1e-13)
+    narrow = Lens([LensSurface(math.inf, thickness, 1.0, 4.9), *bare])
+    # Third order, at 1e-4 of the aperture: (5e-4 / 24)^2.
+    np.testing.assert_allclose(narrow.focus(), narrow.paraxial_focus(), rtol=1e-8)
+    assert narrow.parallel(0.0, pupil=4.8, n=16).passed.all()
+    assert not narrow.parallel(0.0, pupil=5.6, n=16).passed.all()
+
+
 def test_a_plate_has_its_focus_at_infinity():
     plate = Lens([LensSurface(math.inf, 6.0, 1.5, 25.0), LensSurface(math.inf, 0.0, 1.0, 25.0)])
     assert plate.focus() == plate.paraxial_focus() == (math.inf, math.inf)
