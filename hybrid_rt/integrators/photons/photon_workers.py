@@ -266,7 +266,7 @@ class PhotonWorkers(Workers):
             return NO_BLUR
         is_asked = any(eye_pass.n_points for eye_pass in self._eye_passes)
         is_met = any(eye_pass.n_gathered for eye_pass in self._eye_passes)
-        if is_asked and self._balance.n_stored > 0 and not is_met:
+        if is_asked and not is_met and self._balance.n_stored > 2 * self._n_splats:
             return UNKNOWN_BLUR
         return self._blur.estimate(image)
 
