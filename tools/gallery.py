@@ -40,7 +40,7 @@ EXPOSURE = {
 # photons), cornell_box (7.4 and 4.8 %) and teapot_room (7.1 and 6.3 %).
 BY_PHOTONS = ("rings",)
 # Photons of a pass where caustics are what the picture is about; elsewhere a quarter of a pass's time.
-PHOTONS = {"crystal": 8_000_000, "light_box": 4_000_000}
+PHOTONS = {"light_box": 4_000_000}
 OTHER_PHOTONS = 2_000_000
 # Lossy: no difference is seen at this quality, and a picture takes a tenth of a PNG.
 QUALITY = 90
