@@ -159,10 +159,18 @@ class Radii:
         Positions of the first photons.
     radius : (n,) float64
         Distance within which each of these photons has the desired number of neighbours.
+    is_sparse : bool
+        Whether what is seen is small beside what the photons light.
     """
 
-    def __init__(self, classes: FloatArray, positions: FloatArray, radius: FloatArray) -> None:
-        self.classes = classes
+    def __init__(
+        self,
+        classes: FloatArray,
+        positions: FloatArray,
+        radius: FloatArray,
+        is_sparse: bool = False,
+    ) -> None:
+        self.classes, self.is_sparse = classes, is_sparse
         self._radius = radius
         self._tree: cKDTree | None = None
         if radius.size:
@@ -205,15 +213,15 @@ class Radii:
         radius = distance * math.sqrt(NEAREST * share / wanted)
         away = np.linalg.norm(position - camera.look_from, axis=1)
         radius = np.maximum(radius, PIXELS * camera.pixel_size * away)
-        widest = WIDEST * extent
-        if np.median(radius) > math.sqrt(NEAREST) * widest:
-            # Such a disc would hold less than a photon: what is seen is small beside what they light.
-            widest = WIDEST_ASKED * extent
+        # The widest disc would hold less than a photon: what is seen is small beside what they light.
+        is_sparse = bool(np.median(radius) > math.sqrt(NEAREST) * WIDEST * extent)
+        widest = (WIDEST_ASKED if is_sparse else WIDEST) * extent
         radius = np.clip(radius, NARROWEST * extent, widest)
         low, high = np.quantile(radius, [0.02, 0.98])
         n_classes = min(MOST_CLASSES, math.ceil(math.log(max(high / low, RATIO)) / math.log(RATIO)))
         step = (high / low) ** (1.0 / n_classes)
-        return cls(low * step ** np.arange(1.0, n_classes + 1.0), position, radius)
+        classes = low * step ** np.arange(1.0, n_classes + 1.0)
+        return cls(classes, position, radius, is_sparse)
 
     def around(self, points: FloatArray) -> tuple[FloatArray, NDArray[np.intp]]:
         """Return the initial radius and the class of each point (n, 3)."""

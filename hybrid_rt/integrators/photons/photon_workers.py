@@ -58,7 +58,15 @@ class PhotonWorkers(Workers):
     ----------
     context : RenderContext
     threads : int
+
+    Attributes
+    ----------
+    may_miss : bool
+        Whether discs may be too small to hold photons: their radius was given, or the view is small
+        beside what the photons light.
     """
+
+    may_miss = False
 
     def __init__(self, context: RenderContext, threads: int) -> None:
         super().__init__(context, threads, EyePass)
@@ -266,7 +274,8 @@ class PhotonWorkers(Workers):
             return NO_BLUR
         is_asked = any(eye_pass.n_points for eye_pass in self._eye_passes)
         is_met = any(eye_pass.n_gathered for eye_pass in self._eye_passes)
-        if is_asked and not is_met and self._balance.n_stored > 2 * self._n_splats:
+        is_missed = is_asked and not is_met and self._balance.n_stored > 2 * self._n_splats
+        if is_missed and self.may_miss:
             return UNKNOWN_BLUR
         return self._blur.estimate(image)
 

@@ -54,6 +54,7 @@ class ProgressiveWorkers(PhotonWorkers):
         self._radii: Radii | None = None
         if context.plan["photons"]:
             self._radii = self._pilot()
+            self.may_miss = self._options.initial_radius is not None or self._radii.is_sparse
 
     @property
     def _per_pass(self) -> int:
