@@ -163,7 +163,6 @@ def needed_for(cases: list[str]) -> list[dict[str, Any]]:
     """Run cases; return the kernels they need, with the seconds of those compiled here."""
     precompile.read_list = list  # nobody compiles anything for this process
     watch = Watch()
-
     with event.install_listener("numba:compile", watch):
         for case in cases:
             if case in OF_SURFACES:
@@ -188,22 +187,22 @@ class Watch(event.Listener):  # type: ignore[misc]
 
     def __init__(self) -> None:
         self.seconds: dict[Any, float] = defaultdict(float)
-        self._begun: list[tuple[float, float]] = []
+        self._begins: list[float] = []
+        self._of_others: list[float] = []
 
     def on_start(self, event: Any) -> None:
         """Note when a compilation begins."""
         del event
-        self._begun.append((time.thread_time(), 0.0))
+        self._begins.append(time.thread_time())
+        self._of_others.append(0.0)
 
     def on_end(self, event: Any) -> None:
         """Note how long the compilation that began last took."""
-        begin, of_others = self._begun.pop()
-        whole = time.thread_time() - begin
+        whole = time.thread_time() - self._begins.pop()
         function = event.data["dispatcher"].py_func
-        self.seconds[function] = max(self.seconds[function], whole - of_others)
-        if self._begun:
-            begin_of_caller, so_far = self._begun.pop()
-            self._begun.append((begin_of_caller, so_far + whole))
+        self.seconds[function] = max(self.seconds[function], whole - self._of_others.pop())
+        if self._of_others:
+            self._of_others[-1] += whole
 
 
 def linked_by(kernel: Any) -> set[Any]:

@@ -156,7 +156,6 @@ class _Workers:
         self._wanted: set[tuple[str, tuple[str, ...]]] = set()
         self._listed: list[Listed] = []
         self._numbers: dict[tuple[str, str], int] = {}
-        self._of_use: set[int] = set()
         self._known: set[int] = set()
         self._queue: list[int] = []
         self._at_work: set[int] = set()
@@ -167,10 +166,8 @@ class _Workers:
     def want(self, wanted: set[tuple[str, tuple[str, ...]]]) -> None:
         with self._changed:
             self._wanted |= wanted
-            if self._listed:
-                self._of_use = self._wanted_numbers()
             if self._known:
-                self._begin()
+                self._begin(self._wanted_numbers())
 
     def number_of(self, kernel: str, types: tuple[Any, ...]) -> int | None:
         """Return the number of a kernel if it is wanted: then all that is wanted is begun."""
@@ -181,16 +178,16 @@ class _Workers:
                     (entry.kernel, json.dumps(entry.types)): i
                     for i, entry in enumerate(self._listed)
                 }
-                self._of_use = self._wanted_numbers()
                 atexit.register(self._stop)
             try:
                 words = json.dumps([type_to_json(x) for x in types])
             except TypeError:
                 return None
             number = self._numbers.get((kernel, words))
-            if number not in self._of_use:
+            of_use = self._wanted_numbers()
+            if number not in of_use:
                 return None
-            self._begin()
+            self._begin(of_use)
             return number
 
     def wait_for(self, number: int) -> bool:
@@ -250,9 +247,9 @@ class _Workers:
         left = {self._listed[i].kernel for i in (*self._queue, *self._at_work)}
         return left.isdisjoint(self._listed[number].parts)
 
-    def _begin(self) -> None:
-        """Queue what is newly wanted, and let as many threads run as there is use for."""
-        new = self._of_use - self._known
+    def _begin(self, of_use: set[int]) -> None:
+        """Queue what is newly of use, and let as many threads run as there is work for."""
+        new = of_use - self._known
         self._known |= new
         self._queue = sorted([*self._queue, *new])
         with contextlib.suppress(RuntimeError):  # no thread can be started
