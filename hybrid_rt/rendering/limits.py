@@ -187,9 +187,10 @@ class Limit:
     def _error(self, name: str) -> float:
         return math.hypot(self._noise[name], self._blur)
 
-    def _rises(self, target: float) -> bool:
-        """Tell whether dots will bring the error without the worst pixels above a target again."""
-        return math.hypot(self._ahead, self._blur) > target
+    def _judged(self, name: str) -> float:
+        """Return the error that a target is held against: the trimmed one has to stay below it."""
+        error = self._error(name)
+        return max(error, math.hypot(self._ahead, self._blur)) if name == _TRIMMED else error
 
     @property
     def blur_out_of_reach(self) -> float | None:
@@ -205,7 +206,7 @@ class Limit:
     def reached(self, n_done: int, seconds: float) -> str | None:
         """Return which limit allows no further pass, or None."""
         for name, target in self.targets.items():
-            if self._error(name) <= target and not (name == _TRIMMED and self._rises(target)):
+            if self._judged(name) <= target:
                 return name
         is_noise_known = math.isfinite(self._noise["target_error"]) and not math.isnan(self._blur)
         if self.targets and self._n_of_error and not is_noise_known:
@@ -234,9 +235,7 @@ class Limit:
                 expected.append(int(in_time))
         stays = self._blur if self._blur_stays else 0.0
         for name, target in self.targets.items():
-            error = self._error(name)
-            if name == _TRIMMED and self._rises(target):
-                error = max(error, math.hypot(self._ahead, self._blur))
+            error = self._judged(name)
             left = target**2 - stays**2
             if left > 0.0 and math.isfinite(error):
                 more = (error**2 - stays**2) / left
