@@ -262,9 +262,8 @@ class PhotonWorkers(Workers):
                 for name, power in zip(names, balance.power.tolist(), strict=True)
             },
         }
-        missed = first.n_without if balance.n_stored else 0
-        # Photons that are shown to the camera are not gathered as well: where most are, few are missed.
-        if missed < NEARLY_ALL * first.n_points or 2 * self._n_splats > balance.n_stored:
+        missed = first.n_without if self._should_be_met else 0
+        if missed < NEARLY_ALL * first.n_points:
             missed = 0
         return {"photons": photons, "points_missed_by_photons": missed}
 
@@ -274,10 +273,18 @@ class PhotonWorkers(Workers):
             return NO_BLUR
         is_asked = any(eye_pass.n_points for eye_pass in self._eye_passes)
         is_met = any(eye_pass.n_gathered for eye_pass in self._eye_passes)
-        is_missed = is_asked and not is_met and self._balance.n_stored > 2 * self._n_splats
-        if is_missed and self.may_miss:
+        if self.may_miss and is_asked and not is_met and self._should_be_met:
             return UNKNOWN_BLUR
         return self._blur.estimate(image)
+
+    @property
+    def _should_be_met(self) -> bool:
+        """Whether points that gather light are expected to meet photons.
+
+        Photons that are shown to the camera are not gathered as well: where most are, few are missed.
+        """
+        n_stored = self._balance.n_stored
+        return n_stored > 0 and 2 * self._n_splats <= n_stored
 
 
 def _nothing() -> Ready:
