@@ -12,7 +12,7 @@ from hybrid_rt.core.records import FloatArray
 from meshing.checks import as_direction, as_floats, as_vector, freeze, number, shown, whole
 
 __all__ = [
-    "BRIGHTEST", "FARTHEST", "as_direction", "as_floats", "as_vector", "choice", "flag", "items",
+    "BRIGHTEST", "FARTHEST", "as_direction", "as_floats", "as_vector", "choice", "flag", "has", "items",
     "number", "rgb", "shown", "whole",
 ]  # fmt: skip
 
@@ -64,6 +64,11 @@ def flag(value: bool, what: str) -> bool:
     if not isinstance(value, bool | np.bool_):
         raise TypeError(f"{what} is {shown(value)}: pass True or False")
     return bool(value)
+
+
+def has(value: object, *names: str) -> bool:
+    """Tell whether a value has all of these attributes; a class does not count as what it makes."""
+    return not isinstance(value, type) and all(hasattr(value, name) for name in names)
 
 
 def items(values: Iterable[Any], what: str) -> tuple[Any, ...]:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from hybrid_rt.core.checks import has
 from hybrid_rt.core.records import FloatArray
 from meshing.area import Triangles
 from meshing.checks import as_affine, as_floats, broadcast_parameters, refuse_mask, shown
@@ -49,10 +50,15 @@ class TriangleMesh(Surface):
             raise TypeError(
                 f"TriangleMesh mesh is {file}: of a file, pass trimesh.load_mesh({file})"
             )
-        if isinstance(mesh, type) or not (hasattr(mesh, "vertices") and hasattr(mesh, "faces")):
+        if not has(mesh, "vertices", "faces"):
             raise TypeError(
                 f"TriangleMesh mesh is {shown(mesh)}: pass a trimesh.Trimesh, or what has vertices "
-                "and faces" + _of_a_scene(mesh)
+                "and faces"
+                + (
+                    "; of a scene: SCENE.to_mesh(), or one mesh for each part of SCENE.dump()"
+                    if has(mesh, "to_mesh", "dump")
+                    else ""
+                )
             )
         refuse_mask(mesh.faces, "TriangleMesh faces")
         faces = np.array(mesh.faces)
@@ -176,10 +182,3 @@ class TriangleMesh(Surface):
     def __repr__(self) -> str:
         """Say which mesh this is."""
         return f"TriangleMesh({len(self.vertices)} vertices, {len(self.faces)} faces)"
-
-
-def _of_a_scene(given: object) -> str:
-    """Return how a trimesh.Scene becomes meshes, with its parts in place; "" for anything else."""
-    if isinstance(given, type) or not (hasattr(given, "to_mesh") and hasattr(given, "dump")):
-        return ""
-    return "; of a scene: SCENE.to_mesh(), or one mesh for each part of SCENE.dump()"

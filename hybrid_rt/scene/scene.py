@@ -163,9 +163,9 @@ def _of_a_mesh(given: object) -> str:
     """Return how a mesh, a scene of meshes, or a file, becomes a surface; "" for anything else."""
     if isinstance(given, str | os.PathLike):
         return "; of a mesh file: TriangleMesh(trimesh.load_mesh(FILE))"
-    if not isinstance(given, type) and hasattr(given, "vertices") and hasattr(given, "faces"):
+    if checks.has(given, "vertices", "faces"):
         return "; of a mesh: TriangleMesh(MESH)"
-    if not isinstance(given, type) and hasattr(given, "to_mesh") and hasattr(given, "dump"):
+    if checks.has(given, "to_mesh", "dump"):
         return (
             "; of a trimesh.Scene: TriangleMesh(SCENE.to_mesh()), or an object for each mesh of "
             "SCENE.dump()"
