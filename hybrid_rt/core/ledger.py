@@ -15,7 +15,13 @@ import numpy as np
 from hybrid_rt.core.records import HitRecord, Status
 
 _COUNTERS = ("seconds", "rays", "hits", "ended", "unclosed")
-_NUMBERS = ("lost_weight", "camera_hits", "camera_hits_without_bound", "largest_t_bound")
+_NUMBERS = (
+    "lost_weight",
+    "lost_share",
+    "camera_hits",
+    "camera_hits_without_bound",
+    "largest_t_bound",
+)
 
 
 class Ledger:
@@ -39,6 +45,7 @@ class Ledger:
         self.ended: Counter[str] = Counter()
         self.unclosed: Counter[int] = Counter()  # by dielectric lobe
         self.lost_weight = 0.0
+        self.lost_share = 0.0  # see `note_lost`
         self.camera_hits = 0
         self.camera_hits_without_bound = 0
         self.largest_t_bound = 0.0
@@ -65,6 +72,7 @@ class Ledger:
         self.ended.update(other.ended)
         self.unclosed.update(other.unclosed)
         self.lost_weight += other.lost_weight
+        self.lost_share += other.lost_share
         self.camera_hits += other.camera_hits
         self.camera_hits_without_bound += other.camera_hits_without_bound
         self.largest_t_bound = max(self.largest_t_bound, other.largest_t_bound)
@@ -85,6 +93,20 @@ class Ledger:
         for name in _NUMBERS:
             setattr(ledger, name, counts[name])
         return ledger
+
+    def note_lost(self, weight: float, share: float | None = None) -> None:
+        """Add what limits of depth and weight have ended.
+
+        Parameters
+        ----------
+        weight : float
+            What paths from the camera carried.
+        share : float, optional
+            The same, of each path over what it carried behind the first surface that spreads light;
+            default: there is none.
+        """
+        self.lost_weight += weight
+        self.lost_share += weight if share is None else share
 
     def count_hits(self, hits: HitRecord) -> None:
         """Count first hits by status."""

@@ -78,7 +78,8 @@ def share_cut_off(report: dict[str, Any]) -> tuple[float, float]:
     Returns
     -------
     of_paths : float
-        The weight that camera paths carried there, over that of all camera rays.
+        The mean over camera rays of what their paths carried there, over what they carried behind the
+        first surface that spreads light: a dark surface sends little on in any case.
     of_photons : float
         The power that photons carried there, over all that was emitted; 0 without photons.
     """
@@ -87,7 +88,7 @@ def share_cut_off(report: dict[str, Any]) -> tuple[float, float]:
         power = report["photons"]["power_of_all_passes"]
         if any(power["lost"]):
             of_photons = sum(power["lost"]) / sum(power["emitted"])
-    return report["ended_branches"]["lost_weight_per_camera_ray"], of_photons
+    return report["ended_branches"]["lost_share_per_camera_ray"], of_photons
 
 
 def relative_error(
@@ -148,6 +149,7 @@ def make_report(
         "ended_branches": {
             **ledger.ended,
             "lost_weight_per_camera_ray": twelve_digits(ledger.lost_weight / n_camera),
+            "lost_share_per_camera_ray": twelve_digits(ledger.lost_share / n_camera),
         },
         "noise": _with_interval(film.noise(), context, film.n_passes, blur),
         "clear_bodies_not_closed": not_closed,

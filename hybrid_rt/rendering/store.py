@@ -30,7 +30,7 @@ from meshing.checks import as_path
 # Sums are saved after so many seconds; less often where that takes more than a twentieth of them.
 EVERY, SHARE = 10.0, 0.05
 IDENTITY, SUMS, LOCK = "render.json", ("sums-0.npz", "sums-1.npz"), "in-use"
-FORMAT = 1
+FORMAT = 2
 # Of differences between two identities so many are named.
 MOST_NAMED = 4
 

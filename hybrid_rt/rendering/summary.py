@@ -193,8 +193,8 @@ def _cut_off(report: dict[str, Any]) -> list[str]:
         which = [f"{n_deep:,} paths at max_depth {max_depth}"] if n_deep else []
         which += [f"{n_faint:,} faint branches"] if n_faint else []
         lines.append(
-            f"  cut off   {' and '.join(which)}, with {per_cent(lost)} of the weight of all camera rays: "
-            "the image mean lacks that share of the radiance they would have met"
+            f"  cut off   {' and '.join(which)}, with {per_cent(lost)} of what camera paths carry behind "
+            "the first surface: the image mean lacks about that share of its light"
         )
     if of_photons > 0.0:
         lines.append(

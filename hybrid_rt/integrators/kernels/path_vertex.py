@@ -141,7 +141,9 @@ class Tally(NamedTuple):
     """What is counted."""
 
     fates: Any  # (5,) int64, see `hybrid_rt.shading.kernels.scatter`
-    lost: Any  # (2,) float64: number of paths that the depth limit ended, and their throughputs
+    # (3,) float64: number of paths that the depth limit ended, their throughputs, and these over those
+    # behind the first surface that spreads light
+    lost: Any
     unclosed: Any  # (lobes,) int64, see `cross_medium`
     status: Any  # (3,) int64, first hits by `Status`
     hits: Any  # (3,) int64: rays that hit, those of the camera, those without a bound
@@ -351,11 +353,7 @@ def leave_vertex(
         vertex.onward, paths.throughput, paths.pdf,
     )  # fmt: skip
     if fate == SCATTERED and paths.first[0] == 0.0:
-        left = paths.throughput
-        paths.first[0] = max(left[0, 0], left[0, 1], left[0, 2])
-        if paths.media.shape[1] > 0:
-            # See `scatter_one`.
-            paths.first[0] *= ior_of(world.lobes, filling_medium(paths.media, 0, world.lobes)) ** 2
+        paths.first[0] = _weight(world, paths)
     if rules.has_light_paths:
         paths.joined[0] = joins and paths.pdf[0] > 0.0
     if is_known and paths.pdf[0] > 0.0:
@@ -370,10 +368,23 @@ def leave_vertex(
 
 
 @inlined
-def _lose(throughput, tally):
+def _weight(world, paths):
+    """Return the largest channel of what a path carries, in glass as it will be outside again."""
+    left = paths.throughput
+    weight = max(left[0, 0], left[0, 1], left[0, 2])
+    if paths.media.shape[1] > 0:
+        # See `scatter_one`.
+        weight *= ior_of(world.lobes, filling_medium(paths.media, 0, world.lobes)) ** 2
+    return weight
+
+
+@inlined
+def _lose(world, paths, tally):
     """Count a path that the depth limit ends, and what it might have carried."""
+    left = paths.throughput
     tally.lost[0] += 1
-    tally.lost[1] += max(throughput[0, 0], throughput[0, 1], throughput[0, 2])
+    tally.lost[1] += max(left[0, 0], left[0, 1], left[0, 2])
+    tally.lost[2] += _weight(world, paths) / (paths.first[0] if paths.first[0] > 0.0 else 1.0)
 
 
 @inlined
@@ -387,7 +398,7 @@ def arrive(world, rules, paths, vertex, depth, pdf_area, radiance, tally):
     radiance[row, 2] += paths.throughput[0, 2] * b
     if depth > rules.max_depth:
         if vertex.material[0] >= 0:
-            _lose(paths.throughput, tally)
+            _lose(world, paths, tally)
         return False
     if vertex.material[0] < 0:
         tally.fates[LEFT] += 1
@@ -408,5 +419,5 @@ def depart(world, rules, paths, vertex, depth, block, points, column, branch, ra
     tally.fates[fate] += 1
     tally.fates[SPECULAR] += has_branch
     if fate == STOPPED:
-        _lose(paths.throughput, tally)
+        _lose(world, paths, tally)
     return fate, n, has_branch

@@ -110,7 +110,7 @@ def new_tally(n_lobes: int) -> Tally:
     """Allocate counters, all zero."""
     return Tally(
         fates=np.zeros(SPECULAR + 1, dtype=np.int64),
-        lost=np.zeros(2),
+        lost=np.zeros(3),
         unclosed=np.zeros(n_lobes, dtype=np.int64),
         status=np.zeros(len(Status), dtype=np.int64),
         hits=np.zeros(3, dtype=np.int64),
@@ -128,7 +128,7 @@ def count_vertices(tally: Tally, ledger: Ledger) -> None:
     ledger.ended["left the scene or met a lamp"] += int(fates[LEFT])
     if tally.lost[0]:
         ledger.ended["at max_depth"] += int(tally.lost[0])
-        ledger.lost_weight += float(tally.lost[1])
+        ledger.note_lost(float(tally.lost[1]), float(tally.lost[2]))
     for lobe in np.flatnonzero(tally.unclosed):
         ledger.unclosed[int(lobe)] += int(tally.unclosed[lobe])
 

@@ -280,7 +280,7 @@ class EyePass(Integrator):
         ledger.ended["absorbed or by roulette"] += int(counts[ABSORBED] + counts[LEFT])
         if counts[STOPPED]:
             ledger.ended["at max_depth"] += int(counts[STOPPED])
-            ledger.lost_weight += float(largest_channel(paths.throughput[fate == STOPPED]).sum())
+            ledger.note_lost(float(largest_channel(paths.throughput[fate == STOPPED]).sum()))
         out = Paths(*(np.empty_like(column) for column in paths))
         n_out = pack_paths(paths, fate, SCATTERED, hits.position, hits.object_id, onward, pdf, out)
         return Paths(*(column[:n_out] for column in out))

@@ -292,7 +292,7 @@ class Whitted(Integrator):
         ends = is_faint | is_deep
         ledger.ended["below least contribution"] += int(np.count_nonzero(is_faint & (weight > 0.0)))
         ledger.ended["at max_depth"] += int(np.count_nonzero(is_deep))
-        ledger.lost_weight += float(weight[ends].sum())
+        ledger.note_lost(float(weight[ends].sum()))
         return ~ends
 
 

@@ -23,6 +23,7 @@ from hybrid_rt.materials import Dielectric, Emissive, Lambertian, Metal, Mirror,
 from hybrid_rt.primitives import Box, Plane, Rectangle, Sphere, TriangleMesh
 from hybrid_rt.primitives.torus import Torus
 from hybrid_rt.rendering.renderer import render
+from hybrid_rt.rendering.summary import warnings_in_words
 from hybrid_rt.scene.scene import Object, Scene
 from hybrid_rt.sensor.camera import Camera
 from hybrid_rt.textures import CheckerTexture
@@ -183,6 +184,23 @@ class TestFurnace:
         ended = result.report["ended_branches"]
         assert ended["at max_depth"] == 4 * 8 * 8
         assert ended["lost_weight_per_camera_ray"] == pytest.approx(1.0)
+        assert ended["lost_share_per_camera_ray"] == pytest.approx(1.0)
+
+    def test_what_is_lost_behind_a_dark_surface_is_not_little(self):
+        # In a white room so large that no path comes back to the dark square: all is lost there.
+        room = Object(Sphere((0, 0, 0), 1e6).flipped(), Lambertian(1.0))
+        square = Object(Rectangle((-1, -1, 0), (2, 0, 0), (0, 2, 0)), Lambertian(0.02))
+        camera = Camera((0, 0, 1), (0, 0, 0), (0, 1, 0), 60, 8, 8)
+        result = render(
+            Scene(camera, [room, square], [SphereLight((0, 5e5, 0), 1e3, 1.0)]),
+            passes=4,
+            options=PathOptions(survival=1.0),
+        )
+        ended = result.report["ended_branches"]
+        assert ended["at max_depth"] == 4 * 8 * 8
+        assert ended["lost_weight_per_camera_ray"] == pytest.approx(0.02)
+        assert ended["lost_share_per_camera_ray"] == pytest.approx(1.0)
+        assert any("cut off 100 %" in line for line in warnings_in_words(result.report))
 
 
 class TestLights:
