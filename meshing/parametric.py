@@ -61,8 +61,8 @@ class ParametricSurface(Surface):
 
         Returns
         -------
-        (n, 3) float64
-            Scene units; the leading axes are those of the broadcast arguments, one row for scalars.
+        (..., 3) float64
+            Scene units; the leading axes are those of the broadcast arguments: (3,) for scalars.
 
         Raises
         ------

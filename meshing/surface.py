@@ -45,7 +45,9 @@ class Surface(ABC):
 
     @abstractmethod
     def point(self, u: ArrayLike, v: ArrayLike, patch_id: ArrayLike = 0) -> FloatArray:
-        """Return the points (n, 3) float64 at (u, v) of patches, scene units.
+        """Return the points (..., 3) float64 at (u, v) of patches, scene units.
+
+        The leading axes are those that ``u``, ``v`` and ``patch_id`` broadcast to: (3,) for scalars.
 
         Parameters
         ----------

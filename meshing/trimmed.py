@@ -143,9 +143,9 @@ class TrimmedSurface(Surface):
 
         Returns
         -------
-        inside : (n,) bool
-            Leading axes are those of the broadcast arguments, one row for scalars.
-        in_band : (n,) bool
+        inside : (...) bool
+            The axes are those of the broadcast arguments: none for scalars.
+        in_band : (...) bool
             Whether rounding leaves the side undecided: a curve of degree d passes within
             2^-52 (8 d + 14), or twice that if curves leave the unit square. Elsewhere ``inside`` is
             proven.

@@ -211,7 +211,7 @@ class Asphere(AxialSurface):
         return z
 
     def point(self, u: ArrayLike, v: ArrayLike, patch_id: ArrayLike = 0) -> FloatArray:
-        """Return the points (n, 3) float64 at (u, v), scene units.
+        """Return the points (..., 3) float64 at (u, v), scene units.
 
         Parameters
         ----------
@@ -231,7 +231,7 @@ class Asphere(AxialSurface):
     def partials(
         self, u: ArrayLike, v: ArrayLike, patch_id: ArrayLike = 0
     ) -> tuple[FloatArray, FloatArray]:
-        """Return the partials S_u and S_v (n, 3) float64.
+        """Return the partials S_u and S_v (..., 3) float64.
 
         Arguments and errors are those of `point`.
         """
@@ -242,7 +242,7 @@ class Asphere(AxialSurface):
         return along_u, along_v
 
     def normal(self, u: ArrayLike, v: ArrayLike, patch_id: ArrayLike = 0) -> FloatArray:
-        """Return the unit normals (n, 3) float64 at (u, v).
+        """Return the unit normals (..., 3) float64 at (u, v).
 
         Arguments and errors are those of `point`.
         """
@@ -256,7 +256,8 @@ class Asphere(AxialSurface):
         self, u: ArrayLike, v: ArrayLike, patch_id: ArrayLike
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return cosine and sine of the azimuth, and the distance from the axis."""
-        u, v, _, _ = broadcast_parameters(u, v, patch_id, 1, "patch_id")
+        u, v, _, shape = broadcast_parameters(u, v, patch_id, 1, "patch_id")
+        u, v = u.reshape(shape), v.reshape(shape)
         a = 2.0 * np.pi * u
         return np.cos(a), np.sin(a), 0.5 * self.aperture * (v if self.orientation > 0 else 1.0 - v)
 

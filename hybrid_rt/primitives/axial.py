@@ -59,8 +59,8 @@ class AxialSurface(Surface):
         return image
 
     def _world(self, x: FloatArray, y: FloatArray, z: FloatArray) -> FloatArray:
-        """Return vectors (n, 3) from their parts along radial, binormal and axis."""
+        """Return vectors (..., 3) from their parts along radial, binormal and axis."""
         world: FloatArray = (
-            x[:, None] * self.radial + y[:, None] * self.binormal + z[:, None] * self.axis
+            x[..., None] * self.radial + y[..., None] * self.binormal + z[..., None] * self.axis
         )
         return world

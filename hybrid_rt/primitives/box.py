@@ -80,7 +80,7 @@ class Box(Surface):
         return np.stack([self.lo, self.hi])
 
     def point(self, u: ArrayLike, v: ArrayLike, patch_id: ArrayLike = 0) -> FloatArray:
-        """Return the points (n, 3) float64 at (u, v) of faces, scene units.
+        """Return the points (..., 3) float64 at (u, v) of faces, scene units.
 
         Parameters
         ----------
@@ -98,8 +98,8 @@ class Box(Surface):
         return points
 
     def _weights(self, u: ArrayLike, v: ArrayLike, patch_id: ArrayLike) -> FloatArray:
-        """Return how far along each of the three axes points lie, (n, 3) from 0 to 1."""
-        u, v, face, _ = broadcast_parameters(u, v, patch_id, 6, "patch_id")
+        """Return how far along each of the three axes points lie, (..., 3) from 0 to 1."""
+        u, v, face, shape = broadcast_parameters(u, v, patch_id, 6, "patch_id")
         axis, upper = face // 2, face % 2 == 1
         swap = self._is_swapped(face)
         rows = np.arange(len(u))
@@ -107,16 +107,17 @@ class Box(Surface):
         weight[rows, axis] = upper
         weight[rows, (axis + 1) % 3] = np.where(swap, v, u)
         weight[rows, (axis + 2) % 3] = np.where(swap, u, v)
-        return weight
+        return weight.reshape(*shape, 3)
 
     def partials(
         self, u: ArrayLike, v: ArrayLike, patch_id: ArrayLike = 0
     ) -> tuple[FloatArray, FloatArray]:
-        """Return the edges S_u and S_v (n, 3) float64 of faces.
+        """Return the edges S_u and S_v (..., 3) float64 of faces.
 
         Arguments and errors are those of `point`.
         """
-        _, _, face, _ = broadcast_parameters(u, v, patch_id, 6, "patch_id")
+        _, _, face, shape = broadcast_parameters(u, v, patch_id, 6, "patch_id")
+        face = face.reshape(shape)
         first = np.where(self._is_swapped(face), 2, 1)
         return self.edges[(face // 2 + first) % 3], self.edges[(face // 2 + 3 - first) % 3]
 
@@ -126,14 +127,14 @@ class Box(Surface):
         return swapped
 
     def normal(self, u: ArrayLike, v: ArrayLike, patch_id: ArrayLike = 0) -> FloatArray:
-        """Return the unit normals (n, 3) float64 of faces.
+        """Return the unit normals (..., 3) float64 of faces.
 
         Arguments and errors are those of `point`.
         """
-        u, _, face, _ = broadcast_parameters(u, v, patch_id, 6, "patch_id")
+        u, _, face, shape = broadcast_parameters(u, v, patch_id, 6, "patch_id")
         normals = np.zeros((len(u), 3))
         normals[np.arange(len(u)), face // 2] = np.where(face % 2 == 1, 1.0, -1.0)
-        return self.orientation * normals
+        return self.orientation * normals.reshape(*shape, 3)
 
     def area_sampler(self) -> Squares:
         """Return the area sampler."""
@@ -240,7 +241,7 @@ class TurnedBox(Box):
         return np.stack([corners.min(axis=0), corners.max(axis=0)])
 
     def point(self, u: ArrayLike, v: ArrayLike, patch_id: ArrayLike = 0) -> FloatArray:
-        """Return the points (n, 3) float64 at (u, v) of faces, scene units.
+        """Return the points (..., 3) float64 at (u, v) of faces, scene units.
 
         Arguments and errors are those of `Box.point`.
         """
@@ -253,14 +254,14 @@ class TurnedBox(Box):
         return swapped
 
     def normal(self, u: ArrayLike, v: ArrayLike, patch_id: ArrayLike = 0) -> FloatArray:
-        """Return the unit normals (n, 3) float64 of faces.
+        """Return the unit normals (..., 3) float64 of faces.
 
         Arguments and errors are those of `point`.
         """
-        _, _, face, _ = broadcast_parameters(u, v, patch_id, 6, "patch_id")
+        _, _, face, shape = broadcast_parameters(u, v, patch_id, 6, "patch_id")
         side = self.orientation * np.where(face % 2 == 1, 1.0, -1.0)
         normals: FloatArray = side[:, None] * self.across[face // 2]
-        return normals
+        return normals.reshape(*shape, 3)
 
     def transformed(self, matrix: ArrayLike) -> TurnedBox:
         """Return the image under an affine map; faces stay with their points.

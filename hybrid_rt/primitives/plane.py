@@ -69,7 +69,7 @@ class Plane(Surface):
         return 0.0
 
     def point(self, u: ArrayLike, v: ArrayLike, patch_id: ArrayLike = 0) -> FloatArray:
-        """Return the points (n, 3) float64 with coordinates (u, v) along `axes`, scene units.
+        """Return the points (..., 3) float64 with coordinates (u, v) along `axes`, scene units.
 
         Parameters
         ----------
@@ -82,7 +82,7 @@ class Plane(Surface):
         ValueError, TypeError
             If they do not broadcast, or there is no such piece.
         """
-        u, v, _, _ = broadcast_parameters(u, v, patch_id, 1, "patch_id")
+        u, v, _, shape = broadcast_parameters(u, v, patch_id, 1, "patch_id")
         first, second = self.axes
         across = 3 - first - second
         points = np.empty((len(u), 3))
@@ -91,26 +91,26 @@ class Plane(Surface):
         points[:, across] = (
             o[across] - ((u - o[first]) * n[first] + (v - o[second]) * n[second]) / n[across]
         )
-        return points
+        return points.reshape(*shape, 3)
 
     def partials(
         self, u: ArrayLike, v: ArrayLike, patch_id: ArrayLike = 0
     ) -> tuple[FloatArray, FloatArray]:
-        """Return the partials S_u and S_v (n, 3) float64.
+        """Return the partials S_u and S_v (..., 3) float64.
 
         Arguments and errors are those of `point`.
         """
-        u, _, _, _ = broadcast_parameters(u, v, patch_id, 1, "patch_id")
+        u, _, _, shape = broadcast_parameters(u, v, patch_id, 1, "patch_id")
         axes = self.axes
         across = 3 - sum(axes)
         edges = np.zeros((2, len(u), 3))
         for edge, axis in zip(edges, axes, strict=True):
             edge[:, axis] = 1.0
             edge[:, across] = -self.unit_normal[axis] / self.unit_normal[across]
-        return edges[0], edges[1]
+        return edges[0].reshape(*shape, 3), edges[1].reshape(*shape, 3)
 
     def normal(self, u: ArrayLike, v: ArrayLike, patch_id: ArrayLike = 0) -> FloatArray:
-        """Return the unit normals (n, 3) float64.
+        """Return the unit normals (..., 3) float64.
 
         Arguments and errors are those of `point`.
         """

@@ -55,7 +55,7 @@ class Rectangle(Surface):
         return 0.0
 
     def point(self, u: ArrayLike, v: ArrayLike, patch_id: ArrayLike = 0) -> FloatArray:
-        """Return the points (n, 3) float64 at (u, v), scene units.
+        """Return the points (..., 3) float64 at (u, v), scene units.
 
         Parameters
         ----------
@@ -68,22 +68,22 @@ class Rectangle(Surface):
         ValueError, TypeError
             If they do not broadcast, or there is no such piece.
         """
-        u, v, _, _ = broadcast_parameters(u, v, patch_id, 1, "patch_id")
+        u, v, _, shape = broadcast_parameters(u, v, patch_id, 1, "patch_id")
         points: FloatArray = self.corner + u[:, None] * self.edge_u + v[:, None] * self.edge_v
-        return points
+        return points.reshape(*shape, 3)
 
     def partials(
         self, u: ArrayLike, v: ArrayLike, patch_id: ArrayLike = 0
     ) -> tuple[FloatArray, FloatArray]:
-        """Return the edges, S_u and S_v, (n, 3) float64.
+        """Return the edges, S_u and S_v, (..., 3) float64.
 
         Arguments and errors are those of `point`.
         """
-        u, _, _, _ = broadcast_parameters(u, v, patch_id, 1, "patch_id")
-        return np.tile(self.edge_u, (len(u), 1)), np.tile(self.edge_v, (len(u), 1))
+        *_, shape = broadcast_parameters(u, v, patch_id, 1, "patch_id")
+        return np.tile(self.edge_u, (*shape, 1)), np.tile(self.edge_v, (*shape, 1))
 
     def normal(self, u: ArrayLike, v: ArrayLike, patch_id: ArrayLike = 0) -> FloatArray:
-        """Return the unit normals (n, 3) float64.
+        """Return the unit normals (..., 3) float64.
 
         Arguments and errors are those of `point`.
         """

@@ -104,7 +104,7 @@ class Sphere(Surface):
         return (*self.center.tolist(), self.radius)
 
     def point(self, u: ArrayLike, v: ArrayLike, patch_id: ArrayLike = 0) -> FloatArray:
-        """Return the points (n, 3) float64 at (u, v), scene units.
+        """Return the points (..., 3) float64 at (u, v), scene units.
 
         Parameters
         ----------
@@ -119,12 +119,13 @@ class Sphere(Surface):
         """
         from hybrid_rt.core.kernels.sphere_points import settle_on_sphere
 
-        points: FloatArray = self.center + self.radius * self._outward(u, v, patch_id)
+        outward = self._outward(u, v, patch_id)
+        points: FloatArray = self.center + self.radius * outward.reshape(-1, 3)
         settle_on_sphere(points, *self.center.tolist(), self.radius)
-        return points
+        return points.reshape(outward.shape)
 
     def normal(self, u: ArrayLike, v: ArrayLike, patch_id: ArrayLike = 0) -> FloatArray:
-        """Return the unit normals (n, 3) float64 at (u, v).
+        """Return the unit normals (..., 3) float64 at (u, v).
 
         Arguments and errors are those of `point`.
         """
@@ -133,29 +134,33 @@ class Sphere(Surface):
     def partials(
         self, u: ArrayLike, v: ArrayLike, patch_id: ArrayLike = 0
     ) -> tuple[FloatArray, FloatArray]:
-        """Return the partials S_u and S_v (n, 3) float64.
+        """Return the partials S_u and S_v (..., 3) float64.
 
         Arguments and errors are those of `point`.
         """
-        u, v, _, _ = broadcast_parameters(u, v, patch_id, 1, "patch_id")
+        u, v, _, shape = broadcast_parameters(u, v, patch_id, 1, "patch_id")
         azimuth, polar = 2.0 * np.pi * u, np.pi * v
         ring, height = np.sin(polar), np.cos(polar)
         x, y, zero = np.cos(azimuth), np.sin(azimuth), np.zeros_like(u)
         along_u = 2.0 * np.pi * np.stack([-ring * y, ring * x, zero], axis=-1)
         along_v = np.pi * np.stack([height * x, height * y, ring], axis=-1)
-        return self.radius * (along_u @ self.frame), self.radius * (along_v @ self.frame)
+        along_u, along_v = (
+            self.radius * (along_u @ self.frame),
+            self.radius * (along_v @ self.frame),
+        )
+        return along_u.reshape(*shape, 3), along_v.reshape(*shape, 3)
 
     def area_sampler(self) -> AreaSampler:
         """Return the area sampler."""
         return _Bands(np.array([4.0 * np.pi * self.radius**2]))
 
     def _outward(self, u: ArrayLike, v: ArrayLike, patch_id: ArrayLike) -> FloatArray:
-        u, v, _, _ = broadcast_parameters(u, v, patch_id, 1, "patch_id")
+        u, v, _, shape = broadcast_parameters(u, v, patch_id, 1, "patch_id")
         azimuth, polar = 2.0 * np.pi * u, np.pi * v
         ring = np.sin(polar)
         local = np.stack([ring * np.cos(azimuth), ring * np.sin(azimuth), -np.cos(polar)], axis=-1)
         outward: FloatArray = local @ self.frame
-        return outward
+        return outward.reshape(*shape, 3)
 
     def transformed(self, matrix: ArrayLike) -> Sphere:
         """Return the image under a similarity; (u, v) stay with their points.

@@ -92,7 +92,7 @@ class Torus(AxialSurface):
         return (*self.origin.tolist(), *(sign * self.axis + 0.0).tolist(), *radii)
 
     def point(self, u: ArrayLike, v: ArrayLike, patch_id: ArrayLike = 0) -> FloatArray:
-        """Return the points (n, 3) float64 at (u, v), scene units.
+        """Return the points (..., 3) float64 at (u, v), scene units.
 
         Parameters
         ----------
@@ -112,7 +112,7 @@ class Torus(AxialSurface):
     def partials(
         self, u: ArrayLike, v: ArrayLike, patch_id: ArrayLike = 0
     ) -> tuple[FloatArray, FloatArray]:
-        """Return the partials S_u and S_v (n, 3) float64.
+        """Return the partials S_u and S_v (..., 3) float64.
 
         Arguments and errors are those of `point`.
         """
@@ -124,7 +124,7 @@ class Torus(AxialSurface):
         return self._world(-ring * sin_u, ring * cos_u, np.zeros_like(ring)), tube * along_v
 
     def normal(self, u: ArrayLike, v: ArrayLike, patch_id: ArrayLike = 0) -> FloatArray:
-        """Return the unit normals (n, 3) float64 at (u, v).
+        """Return the unit normals (..., 3) float64 at (u, v).
 
         Arguments and errors are those of `point`.
         """
@@ -135,7 +135,8 @@ class Torus(AxialSurface):
         self, u: ArrayLike, v: ArrayLike, patch_id: ArrayLike
     ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
         """Return cosine and sine of both angles; that about the tube counts toward the axis."""
-        u, v, _, _ = broadcast_parameters(u, v, patch_id, 1, "patch_id")
+        u, v, _, shape = broadcast_parameters(u, v, patch_id, 1, "patch_id")
+        u, v = u.reshape(shape), v.reshape(shape)
         a, b = 2.0 * np.pi * u, 2.0 * np.pi * self.orientation * v
         return np.cos(a), np.sin(a), np.cos(b), np.sin(b)
 

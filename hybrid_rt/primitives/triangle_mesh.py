@@ -106,7 +106,7 @@ class TriangleMesh(Surface):
         return np.stack([used.min(axis=0), used.max(axis=0)])
 
     def point(self, u: ArrayLike, v: ArrayLike, patch_id: ArrayLike = 0) -> FloatArray:
-        """Return the points (n, 3) float64 at (u, v) of faces, scene units.
+        """Return the points (..., 3) float64 at (u, v) of faces, scene units.
 
         Parameters
         ----------
@@ -119,32 +119,32 @@ class TriangleMesh(Surface):
         ValueError, TypeError
             If they do not broadcast, or there is no such face.
         """
-        u, v, face, _ = broadcast_parameters(u, v, patch_id, len(self), "patch_id")
+        u, v, face, shape = broadcast_parameters(u, v, patch_id, len(self), "patch_id")
         a, b, c = (self.vertices[self.faces[face, k]] for k in range(3))
         points: FloatArray = a + u[:, None] * (b - a) + v[:, None] * (c - a)
-        return points
+        return points.reshape(*shape, 3)
 
     def partials(
         self, u: ArrayLike, v: ArrayLike, patch_id: ArrayLike = 0
     ) -> tuple[FloatArray, FloatArray]:
-        """Return the edges S_u and S_v (n, 3) float64 of faces.
+        """Return the edges S_u and S_v (..., 3) float64 of faces.
 
         Arguments and errors are those of `point`.
         """
-        _, _, face, _ = broadcast_parameters(u, v, patch_id, len(self), "patch_id")
+        _, _, face, shape = broadcast_parameters(u, v, patch_id, len(self), "patch_id")
         a, b, c = (self.vertices[self.faces[face, k]] for k in range(3))
-        return b - a, c - a
+        return (b - a).reshape(*shape, 3), (c - a).reshape(*shape, 3)
 
     def normal(self, u: ArrayLike, v: ArrayLike, patch_id: ArrayLike = 0) -> FloatArray:
-        """Return the unit normals (n, 3) float64 of faces; they follow the winding order.
+        """Return the unit normals (..., 3) float64 of faces; they follow the winding order.
 
         Arguments and errors are those of `point`.
         """
-        _, _, face, _ = broadcast_parameters(u, v, patch_id, len(self), "patch_id")
+        _, _, face, shape = broadcast_parameters(u, v, patch_id, len(self), "patch_id")
         a, b, c = (self.vertices[self.faces[face, k]] for k in range(3))
         n = np.cross(b - a, c - a)
         normals: FloatArray = n / np.linalg.norm(n, axis=1, keepdims=True)
-        return normals
+        return normals.reshape(*shape, 3)
 
     def area_sampler(self) -> Triangles:
         """Return the area sampler."""

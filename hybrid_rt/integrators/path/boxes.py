@@ -113,7 +113,7 @@ def _may_lie_on(
     """
     assert isinstance(box, Box)
     u, v = np.meshgrid([RIM, 1.0 - RIM], [RIM, 1.0 - RIM])
-    corners, normal = box.point(u.ravel(), v.ravel(), face), box.normal(0.5, 0.5, face)[0]
+    corners, normal = box.point(u.ravel(), v.ravel(), face), box.normal(0.5, 0.5, face)
     if isinstance(surface, Plane):
         return bool(np.abs((corners - surface.origin) @ surface.unit_normal).max() <= slack)
     assert pieces is not None

@@ -120,7 +120,7 @@ def cube() -> BezierPatches:
     box = Box((-1, -1, -1), (1, 1, 1))
     nets = []
     for face in range(6):
-        corners = [box.point(u, v, face)[0] for u in (0, 1) for v in (0, 1)]
+        corners = [box.point(u, v, face) for u in (0, 1) for v in (0, 1)]
         nets.append(np.array(corners).reshape(2, 2, 3))
     return BezierPatches(nets)
 

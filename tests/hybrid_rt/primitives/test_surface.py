@@ -7,9 +7,26 @@ import trimesh
 from hybrid_rt import Asphere, Box, Intersector, Plane, Rectangle, Sphere, Torus, TriangleMesh, demo
 from hybrid_rt.intersection.kinds.registry import ENTRIES
 from hybrid_rt.primitives.box import TurnedBox
-from hybrid_rt.verify.cases.rational_surfaces import octants
+from hybrid_rt.verify.cases.rational_surfaces import octants, torn_nurbs
+from hybrid_rt.verify.cases.trimmed_surfaces import (
+    cut_lens,
+    drilled_part,
+    drilled_plate,
+    trimmed_nurbs,
+    trimmed_sheet,
+    windowed_ball,
+    windowed_torus,
+)
 from hybrid_rt.verify.judges.surface_judge import all_judges, judge_of
-from meshing import BezierPatches, SurfaceOfRevolution, TrimmedSurface, tessellate
+from meshing import (
+    BezierPatches,
+    Cone,
+    Cylinder,
+    Extrusion,
+    SurfaceOfRevolution,
+    TrimmedSurface,
+    tessellate,
+)
 from meshing.bezier import RationalPatches
 from meshing.sheet import PatchSheet
 from meshing.surface import Surface
@@ -31,6 +48,17 @@ SURFACES = {
 }
 NAMES = [surface_type.__name__ for surface_type in SURFACES]
 each = pytest.mark.parametrize("surface", SURFACES.values(), ids=NAMES)
+TRIMMED = (
+    cut_lens, drilled_part, drilled_plate, trimmed_nurbs, trimmed_sheet, windowed_ball,
+    windowed_torus,
+)  # fmt: skip
+MADE = {
+    "Cone": Cone((0, 0, 0), (0, 0, 1), 1.0, 2.0),
+    "Cylinder": Cylinder((0, 0, 0), (0, 0, 1), 1.0, 2.0),
+    "Extrusion": Extrusion([(0, 0, 0), (1, 0, 0), (1, 1, 0)], (0, 0, 1)),
+    "NurbsSurface": torn_nurbs(),
+    **{make.__name__: make() for make in TRIMMED},
+}
 
 
 def some_parameters(surface, n=200):
@@ -66,6 +94,40 @@ def test_partials_are_derivatives_and_the_normal_lies_along_their_product(surfac
     else:  # (u, v) of a plane are coordinates, to either side of which the normal may point
         np.testing.assert_allclose(np.abs(np.einsum("ij,ij->i", normal, product)), 1, atol=1e-9)
     np.testing.assert_allclose(surface.flipped().flipped().normal(u, v, patch), normal, atol=1e-15)
+
+
+@pytest.mark.parametrize("surface", [*SURFACES.values(), *MADE.values()], ids=[*NAMES, *MADE])
+def test_results_have_the_shape_of_the_parameters_and_an_axis_of_three(surface):
+    def all_of(u, v, patch):
+        return [
+            surface.point(u, v, patch),
+            surface.normal(u, v, patch),
+            *surface.partials(u, v, patch),
+        ]
+
+    rng = np.random.default_rng(7)
+    u, v = rng.uniform(0.05, 0.45, (2, 2, 3))
+    last = len(surface) - 1
+    patch = np.array([0, last, last])
+    grid, flat = all_of(u, v, patch), all_of(u.ravel(), v.ravel(), np.tile(patch, 2))
+    for several, one in zip(grid, flat, strict=True):
+        assert several.shape == (2, 3, 3)
+        np.testing.assert_array_equal(several.reshape(-1, 3), one)
+    for shape, of in (
+        ((), (u[1, 2], v[1, 2], last)),
+        ((), (0, 0.25, np.int32(last))),
+        ((1,), ([0.25], 0.25, 0)),
+        ((3,), (0.25, 0.25, patch)),
+        ((2, 1), (u[:, :1], 0.25, 0)),
+        ((2, 3), (u[:, :1], v[0], patch)),
+        ((0,), ([], 0.25, 0)),
+        ((2, 0), (np.zeros((2, 0)), 0.25, 0)),
+    ):
+        assert {x.shape for x in all_of(*of)} == {(*shape, 3)}
+    # Products with matrices may round by how many rows there are.
+    scale = 1.0 if not surface.is_bounded else surface.reach
+    for x, there in zip(all_of(u[1, 2], v[1, 2], last), grid, strict=True):
+        np.testing.assert_allclose(x, there[1, 2], rtol=1e-14, atol=1e-14 * max(scale, 1.0))
 
 
 @each

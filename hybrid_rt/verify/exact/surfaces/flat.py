@@ -135,7 +135,7 @@ class ExactBox(ExactSurface, of=Box):
         """Return a function that looks for places where the ray is tangent."""
         box = self.surface
         nets = [
-            np.array([[box.point(u, v, face)[0] for v in (0, 1)] for u in (0, 1)])
+            np.array([[box.point(u, v, face) for v in (0, 1)] for u in (0, 1)])
             for face in range(len(box))
         ]
         return touch_of_nets(nets, FEW_SAMPLES)
