@@ -14,6 +14,8 @@ from hybrid_rt.shading.kernels.light_kinds import SPOT
 
 # Narrower cones are a few roundings of a unit direction wide.
 NARROWEST = 1e-3
+# Width of the smooth edge, degrees, where none is given and the cone has room for it.
+EDGE = 5.0
 
 
 class SpotLight(Light):
@@ -32,8 +34,9 @@ class SpotLight(Light):
         Power per steradian near the axis, at least 0.
     cone_angle : float
         Half the opening angle of the cone, degrees, 0.001 to 180.
-    edge_angle : float
+    edge_angle : float, optional
         Width of the smooth edge inside the cone, degrees, from 0 (a hard edge) to ``cone_angle``.
+        Default: 5, or the whole cone if it is narrower.
 
     Raises
     ------
@@ -54,7 +57,7 @@ class SpotLight(Light):
         direction: ArrayLike,
         intensity: ArrayLike,
         cone_angle: float = 30.0,
-        edge_angle: float = 5.0,
+        edge_angle: float | None = None,
     ) -> None:
         place = checks.as_vector(position, "SpotLight position", up_to=checks.FARTHEST)
         axis = checks.as_direction(direction, "SpotLight direction")
@@ -63,7 +66,7 @@ class SpotLight(Light):
             cone_angle, "SpotLight cone_angle", at_least=NARROWEST, up_to=180.0, hint="degrees"
         )
         edge = checks.number(
-            edge_angle,
+            min(EDGE, outer) if edge_angle is None else edge_angle,
             "SpotLight edge_angle",
             at_least=0.0,
             up_to=outer,

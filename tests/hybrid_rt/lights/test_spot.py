@@ -85,6 +85,13 @@ def test_power_is_the_integral_of_the_profile(cone, edge):
     assert spot.row.power == pytest.approx(3.0 * power_within(180.0, cone, edge), rel=1e-12)
 
 
+@pytest.mark.parametrize(("cone", "edge"), [(30.0, 5.0), (5.0, 5.0), (4.0, 4.0), (0.001, 0.001)])
+def test_without_an_edge_angle_it_is_5_degrees_or_the_whole_cone(cone, edge):
+    plain, given = (SpotLight((0, 0, 1), AXIS, 2.0, cone, *more).row for more in ((), (edge,)))
+    np.testing.assert_array_equal(plain.edge_v, given.edge_v)
+    assert plain.power == given.power
+
+
 def looking_at(x, y):
     """Look at one place of the floor through a single pixel, a millionth of a degree wide."""
     return Camera((x - 4.0, y - 1.0, 6.0), (x, y, 0.0), (0, 0, 1), 1e-6, 1, 1)
