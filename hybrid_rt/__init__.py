@@ -55,14 +55,23 @@ _HOMES = {
     "render": "rendering.renderer",
 }
 
-__all__ = ["__version__", *sorted(_HOMES)]  # noqa: PLE0604  (names of modules loaded on demand)
+# What scenes are made of, too; the package `meshing` defines it, and loads it on first use as well.
+_OF_MESHING = frozenset((
+    "BezierPatches", "Cone", "Curve2", "Cylinder", "Extrusion", "NurbsSurface", "PatchSheet",
+    "SurfaceOfRevolution", "TrimmedSurface", "bspline", "circle", "circular_arc", "polygon",
+))  # fmt: skip
+
+__all__ = ["__version__", *sorted({*_HOMES, *_OF_MESHING})]  # noqa: PLE0604  (names of modules loaded on demand)
 
 
 def __getattr__(name: str) -> Any:
     """Import a public name from the module that defines it."""
-    if name not in _HOMES:
+    if name in _OF_MESHING:
+        value = getattr(import_module("meshing"), name)
+    elif name in _HOMES:
+        value = getattr(import_module(f"hybrid_rt.{_HOMES[name]}"), name)
+    else:
         raise AttributeError(f"module 'hybrid_rt' has no attribute {name!r}")
-    value = getattr(import_module(f"hybrid_rt.{_HOMES[name]}"), name)
     globals()[name] = value
     return value
 
