@@ -40,7 +40,7 @@ ALL_PATHS = _paths("LPUK", "DGS")
 
 # Paths and what they are called: the first that fits.
 NAMES = (
-    ("[LUK][GS]*E", "light that the camera sees, also in mirrors, metal and glass"),
+    ("[LUK][GS]*E", "light that the camera sees"),
     ("PS+[DGS]*E", "light of lamps without area that mirrors or glass throw onto surfaces"),
     ("[LUK]S+[DGS]*E", "light that mirrors or glass throw onto surfaces"),
     ("PG[GS]*E", "highlights of lamps without area on metal"),
@@ -49,8 +49,22 @@ NAMES = (
     (".[DG][GS]*E", "light straight from lamps or the sky"),
     (".*", "light that goes from surface to surface"),
 )
-# Where all that is missing of "... throw onto surfaces" ends on narrow lobes, these surfaces are named.
-ONTO_ANY, ONTO_NARROW = "onto surfaces", "onto metal or rough glass"
+SEEN, STRAIGHT = "that the camera sees", "lamps or the sky"
+LIGHTS = {
+    "L": "lamps with area", "P": "lamps without area", "U": "planes that shine", "K": "the sky",
+}  # fmt: skip
+# Where all that is missing of "... throw onto surfaces" ends on lobes of one kind, these are named.
+ONTO_ANY, ONTO_WIDE = "onto surfaces", "onto matt or glossy surfaces"
+ONTO_NARROW = "onto metal or rough glass"
+# How the camera sees a surface: by which lobes.
+SIGHTS = {
+    frozenset("E"): "directly",
+    frozenset("S"): "in mirrors and smooth glass",
+    frozenset("G"): "in metal and rough glass",
+    frozenset("SG"): "in mirrors, metal and glass",
+    frozenset("ES"): "directly and in mirrors and smooth glass",
+    frozenset("EG"): "directly and in metal and rough glass",
+}
 
 
 def paths_of(scene: CompiledScene) -> list[str]:
@@ -81,16 +95,61 @@ def left_out(found: str, paths: Iterable[str]) -> list[str]:
     paths : iterable of str
     """
     missing: dict[str, list[str]] = {}
+    others: dict[str, list[str]] = {}
     for path in paths:
-        if not re.fullmatch(found, path):
-            name = next(name for pattern, name in NAMES if re.fullmatch(pattern, path))
-            missing.setdefault(name, []).append(path)
-    return [f"{_narrowed(name, words)} ({_examples(words)})" for name, words in missing.items()]
+        name = next(name for pattern, name in NAMES if re.fullmatch(pattern, path))
+        (others if re.fullmatch(found, path) else missing).setdefault(name, []).append(path)
+    return [
+        f"{_narrowed(name, words, others.get(name, ()))} ({_examples(words)})"
+        for name, words in missing.items()
+    ]
 
 
-def _narrowed(name: str, words: Sequence[str]) -> str:
-    """Return the name, with the surfaces where the light is missing if these are of one kind."""
-    return name if any("D" in word for word in words) else name.replace(ONTO_ANY, ONTO_NARROW)
+def _narrowed(name: str, missing: Sequence[str], found: Sequence[str]) -> str:
+    """Return the name of paths that are missing, narrowed down where others of that name are found.
+
+    It then says whose light it is, on which lobes it ends and how the camera sees these, each if that
+    differs between what is missing and all paths. Where some found paths fit such a name as well, it
+    begins with "part of the".
+    """
+    lights, ends, sights = values = [{trait(path) for path in missing} for trait in TRAITS]
+    of_found = [[trait(path) for trait in TRAITS] for path in found]
+    is_same = [values[i].issuperset(traits[i] for traits in of_found) for i in range(len(TRAITS))]
+    if not is_same[0]:
+        *several, last = [text for letter, text in LIGHTS.items() if letter in lights]
+        of = f"{', '.join(several)} or {last}" if several else last
+        name = name.replace(STRAIGHT, of).replace("light that", f"light of {of} that")
+    if ends == {"narrow"}:
+        name = name.replace(ONTO_ANY, ONTO_NARROW)
+    elif not is_same[1]:
+        name = name.replace(ONTO_ANY, ONTO_WIDE)
+    if not is_same[2]:
+        name += f"{'' if name.endswith(SEEN) else ', as seen'} {SIGHTS[frozenset(sights)]}"
+    elif name.endswith(SEEN):
+        name += ", also in mirrors, metal and glass"
+    is_part = any(a in lights and b in ends and c in sights for a, b, c in of_found)
+    return f"part of the {name}" if is_part else name
+
+
+def _light(path: str) -> str:
+    return path[0]
+
+
+def _end(path: str) -> str:
+    """Return whether light of a path comes to a wide lobe, or to narrow ones alone."""
+    return "wide" if "D" in path else "narrow"
+
+
+def _sight(path: str) -> str:
+    """Return by which lobes the camera sees the last wide one, else the first narrow one or the light.
+
+    "G": a narrow one at least; "S": delta lobes alone; "E": none.
+    """
+    last = re.sub("^(.*D|[LUK]|PS*G)", "", path)
+    return "G" if "G" in last else last[0]
+
+
+TRAITS = (_light, _end, _sight)
 
 
 def _examples(paths: Sequence[str]) -> str:

@@ -2,6 +2,7 @@
 
 import re
 from functools import cache
+from itertools import product
 
 import pytest
 
@@ -11,7 +12,7 @@ from hybrid_rt.integrators import (
     PhotonMapOptions,
     PPMOptions,
 )
-from hybrid_rt.integrators.light_found import ALL_PATHS, left_out, paths_of
+from hybrid_rt.integrators.light_found import ALL_PATHS, _paths, left_out, paths_of
 from hybrid_rt.lights import GradientSky, PointLight, RectangleLight
 from hybrid_rt.materials import Dielectric, Emissive, Lambertian, Metal, Mirror, Mix
 from hybrid_rt.primitives import Plane, Rectangle, Sphere
@@ -140,8 +141,60 @@ def test_every_path_has_a_name():
 
 def test_lamps_that_the_camera_sees_are_not_called_light_between_surfaces():
     assert left_out("LD[DGS]*E|LS[DGS]*E", ["LE", "LDE", "LSE", "LDDE"]) == [
-        "light that the camera sees, also in mirrors, metal and glass (LE)"
+        "light that the camera sees directly (LE)"
     ]
+
+
+SEEN, STRAIGHT = "light that the camera sees", "light straight from lamps or the sky"
+GOES, THROWN = "that goes from surface to surface", "that mirrors or glass throw onto"
+POINTLIKE = "light of lamps without area"
+IN_ALL = "that the camera sees, also in mirrors, metal and glass"
+
+
+@pytest.mark.parametrize(
+    ("found", "lights", "surfaces", "named"),
+    [
+        ("LDE|L[GS]*E|LDDD*E", "L", "DG", [
+            f"{STRAIGHT}, as seen in metal and rough glass (LDGE, ...)",
+            f"part of the light {GOES} (LGDE, ...)",
+        ]),
+        ("LDE", "LK", "D", [
+            f"light {IN_ALL} (LE, KE)",
+            "light straight from the sky (KDE)",
+            f"light {GOES} (LDDE, KDDE, ...)",
+        ]),
+        ("LE", "L", "S", [f"{SEEN} in mirrors and smooth glass (LSE, ...)"]),
+        ("L[GS]+E|L.*D.*", "L", "DGS", [f"{SEEN} directly (LE)"]),
+        ("LG?E", "L", "GS", [f"part of the {SEEN} in mirrors, metal and glass (LSE, ...)"]),
+        ("L[DG]{0,2}E|K.*", "LK", "D", [
+            f"part of the light of lamps with area {GOES} (LDDDE, ...)"
+        ]),
+        ("L.*", "LPUK", "D", [
+            f"light of planes that shine or the sky {IN_ALL} (UE, KE)",
+            "light straight from lamps without area (PDE)",
+            "light straight from planes that shine (UDE)",
+            "light straight from the sky (KDE)",
+            f"light of lamps without area, planes that shine or the sky {GOES} (PDDE, UDDE, KDDE, ...)",
+        ]),
+        ("P.*D.*|PG[GS]*E", "P", "DGS", [f"{POINTLIKE} {THROWN} metal or rough glass (PSGE, ...)"]),
+        ("PS+G[GS]*E|P[DG].*", "P", "DGS", [
+            f"{POINTLIKE} {THROWN} matt or glossy surfaces (PSDE, ...)"
+        ]),
+        ("LS+DE|L[DG].*|LS*E|LS+G.*", "L", "DS", [
+            f"part of the light {THROWN} surfaces (LSDDE, LSDSE, ...)"
+        ]),
+    ],
+)  # fmt: skip
+def test_names_tell_what_is_missing_from_what_is_found(found, lights, surfaces, named):
+    assert left_out(found, _paths(lights, surfaces)) == named
+
+
+def test_no_name_covers_what_is_found():
+    """Of two paths that share a name, if one is found, the other is not called by that name alone."""
+    for found, path in product(ALL_PATHS[:100], repeat=2):
+        together = [sentence.split(" (")[0] for sentence in left_out("", [path, found])]
+        if path != found and len(together) == 1:
+            assert left_out(found, [path, found]) != [f"{together[0]} ({path})"]
 
 
 def test_references_are_made_by_those_that_find_the_light_of_lamps():
