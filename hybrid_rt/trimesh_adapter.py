@@ -8,6 +8,7 @@ segments of profiles, numbered consecutively through all objects.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -87,7 +88,7 @@ class RayMeshIntersector:
         now = [hash(part) for part in self._parts if _is_trimesh(part)]
         if self._intersector is None or now != self._built_for:
             self._intersector = Intersector(
-                [TriangleMesh(part) if _is_trimesh(part) else part for part in self._parts],
+                [_shape_of(part) if _is_trimesh(part) else part for part in self._parts],
                 *self._settings,
             )
             self._built_for = now
@@ -273,3 +274,9 @@ def _is_trimesh(part: Any) -> bool:
     # trimesh's primitives ask for their engine before they have vertices; their class has them.
     names = ("vertices", "faces", "triangles")
     return all(hasattr(type(part), name) or hasattr(part, name) for name in names)
+
+
+def _shape_of(mesh: Any) -> TriangleMesh:
+    """Return a mesh without its texture coordinates, which may be wrong: rays do not ask for them."""
+    shape: Any = SimpleNamespace(vertices=mesh.vertices, faces=mesh.faces)
+    return TriangleMesh(shape)

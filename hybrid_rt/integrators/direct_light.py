@@ -71,18 +71,36 @@ class SurfaceLight:
             return self._constant_colors.take(material, axis=0, mode="clip")
         scene = self._context.scene
         colors = np.zeros((len(hits), self.n_slots, 3))
+        u, v = self.texture_points(hits)
         lobe_colors(
             scene.textures,
             scene.lobes.texture,
             scene.color_factor,
             scene.lobes.first,
             material,
-            hits.u,
-            hits.v,
+            u,
+            v,
             hits.position,
             colors,
         )
         return colors
+
+    def texture_points(self, hits: HitRecord) -> tuple[FloatArray, FloatArray]:
+        """Return where textures are looked up at hits, (n,) each.
+
+        At texture coordinates on meshes that have some, and at (u, v) elsewhere. Densities of points
+        on lights are those of (u, v).
+        """
+        meshes = self._context.scene.unwrapped
+        if not meshes:
+            return hits.u, hits.v
+        u, v = hits.u.copy(), hits.v.copy()
+        for object_id, mesh in meshes.items():
+            rows = np.flatnonzero(hits.object_id == object_id)
+            if rows.size:
+                place = mesh.texture_point(hits.u[rows], hits.v[rows], hits.patch_id[rows])
+                u[rows], v[rows] = place[:, 0], place[:, 1]
+        return u, v
 
     def shading(
         self,
@@ -142,12 +160,13 @@ class SurfaceLight:
         light = self._light_met(hits)
         if not (light != NOTHING).any():
             return radiance
+        u, v = self.texture_points(hits)
         light_on_rays(
             scene.lights,
             scene.sky,
             scene.textures,
             light,
-            Met(hits.t, hits.u, hits.v, hits.position, hits.normal),
+            Met(hits.t, u, v, hits.position, hits.normal),
             origins,
             directions,
             pdf,

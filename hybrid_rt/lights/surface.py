@@ -10,7 +10,7 @@ import numpy as np
 from hybrid_rt.core.records import BoolArray, FloatArray, HitRecord
 from hybrid_rt.lights.cells import Cells
 from hybrid_rt.lights.light import LightRow
-from hybrid_rt.primitives import Box, Rectangle, Sphere
+from hybrid_rt.primitives import Box, Rectangle, Sphere, TriangleMesh
 from hybrid_rt.shading.kernels.light_kinds import RECTANGLE, SPHERE, LightPoints
 from hybrid_rt.shading.kernels.shining_faces import Faces, angle_of_faces, sample_faces
 from meshing.area import AreaSampler, IdArray
@@ -57,7 +57,7 @@ class ShiningSurface:
         """Return points sampled by area, by random numbers (n, 2) in [0, 1), as kernels take them."""
         patch, u, v = self.choose(xi)
         point, normal = self.surface.point(u, v, patch), self.surface.normal(u, v, patch)
-        return LightPoints(point, normal, self.pdf_area(patch, u, v), u, v)
+        return LightPoints(point, normal, self.pdf_area(patch, u, v), *self._looked_up(patch, u, v))
 
     def pdf_area(self, patch_id: IdArray, u: FloatArray, v: FloatArray) -> FloatArray:
         """Return the pdf per area of `points`."""
@@ -73,7 +73,14 @@ class ShiningSurface:
         """
         patch, u, v, density = self._cells.choose(seen_from, xi)
         point, normal = self.surface.point(u, v, patch), self.surface.normal(u, v, patch)
-        return LightPoints(point, normal, density, u, v)
+        return LightPoints(point, normal, density, *self._looked_up(patch, u, v))
+
+    def _looked_up(
+        self, patch_id: IdArray, u: FloatArray, v: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return where the texture of the light is looked up at points: (u, v) of `LightPoints`."""
+        del patch_id
+        return u, v
 
     def seen_pdf_area(self, seen_from: FloatArray, hits: HitRecord) -> FloatArray:
         """Return the pdf per area with which `seen_points` samples hits, seen from (n, 3) points.
@@ -85,6 +92,20 @@ class ShiningSurface:
             On this surface.
         """
         return self._cells.pdf_area(seen_from, hits.patch_id.astype(np.int64), hits.u, hits.v)
+
+
+class ShiningMesh(ShiningSurface):
+    """A mesh with texture coordinates as an area light: its texture is looked up at these."""
+
+    def __init__(self, surface: TriangleMesh, sampler: AreaSampler) -> None:
+        super().__init__(surface, sampler)
+        self._mesh = surface
+
+    def _looked_up(
+        self, patch_id: IdArray, u: FloatArray, v: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        place = self._mesh.texture_point(u, v, patch_id)
+        return place[:, 0].copy(), place[:, 1].copy()
 
 
 class ShiningSphere(ShiningSurface):
@@ -210,6 +231,8 @@ def shining_surface(surface: Surface) -> ShiningSurface | None:
         return ShiningSphere(surface, sampler)
     if isinstance(surface, TrimmedSurface):
         return ShiningTrimmed(surface, sampler)
+    if isinstance(surface, TriangleMesh) and surface.texture_coordinates is not None:
+        return ShiningMesh(surface, sampler)
     return ShiningSurface(surface, sampler)
 
 

@@ -22,29 +22,40 @@ if TYPE_CHECKING:
 
 # (u, v) of the corners of a face.
 CORNERS = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])
+# Beyond it float64 leaves less than 1e-7 of a picture that repeats.
+LARGEST_COORDINATE = 1e9
 
 
 class TriangleMesh(Surface):
     """A triangle mesh in float64; (u, v) are the barycentric weights of vertices 1 and 2 of a face.
 
-    A face without area is never hit, but keeps its index. Texture coordinates of files are not read:
-    an `ImageTexture`, or a `CheckerTexture` in "uv", repeats on every triangle.
+    A face without area is never hit, but keeps its index. An `ImageTexture`, and a `CheckerTexture`
+    in "uv", are looked up at texture coordinates, interpolated over each face. (u, v) of hits stay
+    barycentric. Of a mesh without texture coordinates they are looked up at (u, v), so they repeat
+    on every triangle.
 
     Parameters
     ----------
     mesh : trimesh.Trimesh
         Or any object with ``vertices`` (v, 3), scene units, and ``faces`` (f, 3), integers.
+    texture_coordinates : (v, 2) array-like, optional
+        Of each vertex; the second one runs upward, as in OBJ files. By default those of the mesh,
+        ``mesh.visual.uv``, if it has any. They are kept as an attribute: float64, or None.
 
     Raises
     ------
     ValueError, TypeError
         If a vertex is not finite, the index of a vertex is out of range, there are no faces, or the
-        object has no vertices and faces.
+        object has no vertices and faces; if there is not one pair of texture coordinates for each
+        vertex, or one is not finite or above 1e9.
     """
 
     is_triangular = True
+    texture_coordinates: FloatArray | None = None
 
-    def __init__(self, mesh: trimesh.Trimesh) -> None:
+    def __init__(
+        self, mesh: trimesh.Trimesh, *, texture_coordinates: ArrayLike | None = None
+    ) -> None:
         if isinstance(mesh, str | os.PathLike):
             file = shown(os.fspath(mesh))
             raise TypeError(
@@ -66,6 +77,36 @@ class TriangleMesh(Surface):
             raise TypeError(f"TriangleMesh faces have type {faces.dtype}: pass whole numbers")
         vertices = as_floats(mesh.vertices, "TriangleMesh vertices").copy()
         self._set(vertices, faces.astype(np.int64))
+        if texture_coordinates is not None:
+            self._set_coordinates(texture_coordinates, "TriangleMesh texture_coordinates", "")
+        elif isinstance(mesh, TriangleMesh):
+            self._keep_coordinates(mesh.texture_coordinates)
+        elif (uv := getattr(getattr(mesh, "visual", None), "uv", None)) is not None:
+            own = ", or texture_coordinates of your own"
+            self._set_coordinates(uv, "TriangleMesh mesh.visual.uv", own)
+
+    def _set_coordinates(self, given: ArrayLike, what: str, otherwise: str) -> None:
+        """Check and keep texture coordinates; ``what`` they are, and what else to pass, is for messages."""
+        coordinates = as_floats(given, what).copy()
+        shape = (len(self.vertices), 2)
+        if coordinates.shape != shape:
+            raise ValueError(
+                f"{what} has shape {coordinates.shape}: pass {shape}, a pair for each vertex{otherwise}"
+            )
+        good = (np.abs(coordinates) <= LARGEST_COORDINATE).all(axis=1)  # not where one is nan
+        if not good.all():
+            i = int(good.argmin())
+            raise ValueError(
+                f"{what}[{i}] is {coordinates[i].tolist()}: pass finite numbers within "
+                f"{LARGEST_COORDINATE:g}{otherwise}"
+            )
+        coordinates.flags.writeable = False
+        self._keep_coordinates(coordinates)
+
+    def _keep_coordinates(self, coordinates: FloatArray | None) -> None:
+        # Not set if there are none, so pickles and fingerprints of such meshes do not hold them.
+        if coordinates is not None:
+            self.texture_coordinates = coordinates
 
     def _set(self, vertices: FloatArray, faces: NDArray[np.int64]) -> None:
         if vertices.ndim != 2 or vertices.shape[1] != 3:
@@ -89,11 +130,12 @@ class TriangleMesh(Surface):
         faces.flags.writeable = False
         self.vertices, self.faces = vertices, faces
 
-    @classmethod
-    def _from(cls, vertices: FloatArray, faces: NDArray[np.int64]) -> TriangleMesh:
-        self = cls.__new__(cls)
-        self._set(vertices, faces)
-        return self
+    def _with(self, vertices: FloatArray, faces: NDArray[np.int64]) -> TriangleMesh:
+        """Return a mesh with the same texture coordinates."""
+        mesh = type(self).__new__(type(self))
+        mesh._set(vertices, faces)
+        mesh._keep_coordinates(self.texture_coordinates)
+        return mesh
 
     def __len__(self) -> int:
         """Return the number of faces."""
@@ -146,6 +188,20 @@ class TriangleMesh(Surface):
         normals: FloatArray = n / np.linalg.norm(n, axis=1, keepdims=True)
         return normals.reshape(*shape, 3)
 
+    def texture_point(self, u: ArrayLike, v: ArrayLike, patch_id: ArrayLike = 0) -> FloatArray:
+        """Return where textures are looked up at (u, v) of faces, (n, 2) float64.
+
+        That is at (u, v) itself if the mesh has no texture coordinates. Arguments and errors are
+        those of `point`.
+        """
+        u, v, face, _ = broadcast_parameters(u, v, patch_id, len(self), "patch_id")
+        if self.texture_coordinates is None:
+            return np.stack([u, v], axis=1)
+        a, b, c = (self.texture_coordinates[self.faces[face, k]] for k in range(3))
+        # Where all corners are at one place, as in palettes, so is the result, to the last bit.
+        points: FloatArray = a + u[:, None] * (b - a) + v[:, None] * (c - a)
+        return points
+
     def area_sampler(self) -> Triangles:
         """Return the area sampler."""
         a, b, c = (self.vertices[self.faces[:, k]] for k in range(3))
@@ -173,12 +229,13 @@ class TriangleMesh(Surface):
             For any other matrix.
         """
         linear, shift = as_affine(matrix, "TriangleMesh")
-        return self._from(self.vertices @ linear.T + shift, self.faces.copy())
+        return self._with(self.vertices @ linear.T + shift, self.faces.copy())
 
     def flipped(self) -> TriangleMesh:
         """Return the same faces wound the other way, which reverses their normals."""
-        return self._from(self.vertices.copy(), self.faces[:, [0, 2, 1]].copy())
+        return self._with(self.vertices.copy(), self.faces[:, [0, 2, 1]].copy())
 
     def __repr__(self) -> str:
         """Say which mesh this is."""
-        return f"TriangleMesh({len(self.vertices)} vertices, {len(self.faces)} faces)"
+        has_them = "" if self.texture_coordinates is None else ", texture coordinates"
+        return f"TriangleMesh({len(self.vertices)} vertices, {len(self.faces)} faces{has_them})"

@@ -89,8 +89,9 @@ def warnings_in_words(report: dict[str, Any]) -> list[str]:
         for name in report["lamps_turned_away"]
     ]
     lines += [
-        f"{name} is a TriangleMesh with a texture over (u, v), which repeats on every triangle: take a "
-        'CheckerTexture in "world", one object for each colour, or patches'
+        f"{name} is a TriangleMesh with a texture over (u, v), which repeats on every triangle, as the "
+        "mesh has no texture coordinates: pass TriangleMesh(mesh, texture_coordinates=...), or a file "
+        'with UV coordinates, or take a CheckerTexture in "world"'
         for name in report["pictures_on_meshes"]
     ]
     lost, max_depth = max(share_cut_off(report)), report["settings"]["max_depth"]

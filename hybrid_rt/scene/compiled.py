@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any, cast
+from typing import Any, cast
 
 import numpy as np
 
@@ -16,6 +17,7 @@ from hybrid_rt.lights.surface import ShiningSurface, shining_surface, with_shape
 from hybrid_rt.lights.table import compile_environment, compile_lights
 from hybrid_rt.materials.material import Material
 from hybrid_rt.materials.table import color_factor, compile_materials
+from hybrid_rt.primitives import TriangleMesh
 from hybrid_rt.primitives.vertex_normals import vertex_normals
 from hybrid_rt.scene.scene import Object, Scene
 from hybrid_rt.sensor.camera import Camera
@@ -23,11 +25,8 @@ from hybrid_rt.shading.kernels.bsdf import LobeTable
 from hybrid_rt.shading.kernels.environment import EnvironmentTable
 from hybrid_rt.shading.kernels.light_kinds import SURFACE, LightTable
 from hybrid_rt.shading.kernels.lobes.register import TRANSMITS
-from hybrid_rt.shading.kernels.texture import TextureTable
+from hybrid_rt.shading.kernels.texture import CHECKER_UV, IMAGE, TextureTable
 from hybrid_rt.textures.texture import ConstantTexture, Texture
-
-if TYPE_CHECKING:
-    from hybrid_rt.primitives import TriangleMesh
 
 NOTHING = -1
 """In a table of indices: there is none."""
@@ -85,6 +84,34 @@ class CompiledScene:
     def n_lights(self) -> int:
         """Return the number of lights, without the environment."""
         return int(self.lights.kind.size)
+
+    @cached_property
+    def colored_by_uv(self) -> BoolArray:
+        """(surfaces,) bool: which reflect or emit by a texture over (u, v).
+
+        These are an `ImageTexture`, and a `CheckerTexture` in "uv", in any colour.
+        """
+        # A last row, found by `NOTHING`, for what has no material, does not shine or shines evenly.
+        follows = np.append(np.isin(self.textures.kind, (IMAGE, CHECKER_UV)), False)
+        of_material = [
+            bool(follows[self.lobes.texture[start:stop]].any())
+            for start, stop in pairwise(self.lobes.first)
+        ]
+        of_light = [*follows[self.lights.texture].tolist(), False]
+        by_material = np.array([*of_material, False])[self.material_of]
+        colored: BoolArray = by_material | np.array(of_light)[self.light_of]
+        return colored
+
+    @cached_property
+    def unwrapped(self) -> dict[int, TriangleMesh]:
+        """The meshes that textures are looked up on by texture coordinates, by index in ``surfaces``."""
+        return {
+            i: surface
+            for i, surface in enumerate(self.surfaces)
+            if isinstance(surface, TriangleMesh)
+            and surface.texture_coordinates is not None
+            and self.colored_by_uv[i]
+        }
 
     def lobes_with(self, traits: int) -> BoolArray:
         """Return which lobes of each material have at least one of these traits.

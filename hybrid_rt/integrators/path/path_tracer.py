@@ -309,8 +309,10 @@ class PathTracer(Integrator):
         colors = NO_COLORS
         if self.context.plan["texture lookups"]:
             colors = self._light.colors(self._light.material(hits), hits)
+        u, v = self._light.texture_points(hits)
         return Arrival(
-            columns_of(hits),
+            # Kernels look (u, v) up in textures, and read it for nothing else.
+            columns_of(hits)._replace(u=u, v=v),
             self._light.shading_normals(hits, paths.directions),
             second,
             colors,
