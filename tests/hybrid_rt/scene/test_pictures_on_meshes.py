@@ -28,6 +28,8 @@ from hybrid_rt.scene.pictures_on_meshes import pictures_on_meshes
 CAMERA = Camera((0, -6, 2), (0, 0, 0), (0, 0, 1), width=8, height=6)
 MESH = TriangleMesh(trimesh.creation.box((1, 1, 1)))
 FACE = TriangleMesh(trimesh.Trimesh([[0, 0, 0], [1, 0, 0], [0, 0, 1]], [[0, 1, 2]]))
+# The same faces, with texture coordinates.
+UNWRAPPED = TriangleMesh(MESH, texture_coordinates=MESH.vertices[:, :2])
 FLOOR = Rectangle((-2, -2, -1), (4, 0, 0), (0, 4, 0))
 PICTURE = ImageTexture(np.random.default_rng(1).random((4, 4, 3)))
 IN_UV, IN_WORLD = (CheckerTexture(0.8, 0.2, 4, space) for space in ("uv", "world"))
@@ -63,6 +65,8 @@ def test_a_mesh_coloured_by_u_and_v_is_named(material):
         (MESH, Lambertian(IN_WORLD)),
         (MESH, Emissive(IN_WORLD, base=Lambertian(0.5))),
         (FACE, Lambertian(PICTURE)),  # once, on the only face
+        (UNWRAPPED, Lambertian(PICTURE)),
+        (UNWRAPPED, Emissive(PICTURE, base=Lambertian(IN_UV))),
         (Box((0, 0, 0), (1, 1, 1)), Lambertian(PICTURE)),
     ],
     ids=repr,
@@ -77,5 +81,6 @@ def test_the_render_warns_and_the_report_holds_the_names(caplog):
     assert report["pictures_on_meshes"] == ["object 'part'"]
     words = "object 'part' is a TriangleMesh with a texture over (u, v), which repeats on every"
     assert f"WARNING   {words}" in in_words(report)
+    assert "pass TriangleMesh(mesh, texture_coordinates=...)" in in_words(report)
     assert [record.name for record in caplog.records] == ["hybrid_rt.report"]
     assert caplog.messages[0].startswith(words)

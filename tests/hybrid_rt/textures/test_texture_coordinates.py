@@ -155,10 +155,10 @@ def lit_by(triangle, picture):
 def test_a_lamp_shines_by_its_texture_coordinates(integrator):
     # Down and toward the camera; seen by it, by the floor and by the mirror.
     shape = trimesh.Trimesh(
-        [[-1, 0, 1.5], [-0.8, 0.6, 1.0], [1, 0.4, 1.6]], [[0, 2, 1]], process=False
+        [[-1, 0, 1.5], [-0.8, 0.6, 1.0], [1, 0.4, 1.6]], [[0, 1, 2]], process=False
     )
     # Those of barycentric weights of the face, swapped; the picture is mirrored likewise.
-    swapped = TriangleMesh(shape, texture_coordinates=[[0, 0], [1, 0], [0, 1]])
+    swapped = TriangleMesh(shape, texture_coordinates=[[0, 0], [0, 1], [1, 0]])
     mirrored = ImageTexture(PICTURE[::-1, ::-1].transpose(1, 0, 2))
     expected = look(lit_by(TriangleMesh(shape), TEXTURES["picture"]), integrator).image
     found = look(lit_by(swapped, mirrored), integrator).image
@@ -240,9 +240,8 @@ def test_coordinates_of_files_are_kept(write, ending, integrator, tmp_path):
     path = tmp_path / f"wall.{ending}"
     write(path)
     mesh = TriangleMesh(trimesh.load_mesh(path, process=True))
-    # Read as it should be: below the diagonal as a rectangle, above it with other coordinates, which
-    # at (s, t) of the wall are 1 - t, 1 - t + s.
-    for s, t, expected in [(0.7, 0.2, (0.7, 0.2)), (0.2, 0.7, (0.5, 0.3))]:
+    # Below the diagonal (s, t) of the wall, above it 1 - s and 1 - t.
+    for s, t, expected in [(0.7, 0.2, (0.7, 0.2)), (0.2, 0.7, (0.8, 0.3))]:
         point = CORNER + s * ALONG + t * UPWARD
         camera = Camera(point + [0, -3, 0.2], point, (0, 0, 1), 1e-6, 1, 1)
         scene = Scene(camera, [Object(mesh, Emissive(RAMP))])
