@@ -2,6 +2,7 @@
 
 import math
 
+from hybrid_rt.integrators.kernels.by_mirrors import ask_by_mirrors, pdf_by_mirror
 from hybrid_rt.integrators.kernels.compaction import choose_light
 from hybrid_rt.integrators.kernels.through_boxes import (
     MOST_MIRRORED,
@@ -14,11 +15,14 @@ from hybrid_rt.integrators.kernels.through_boxes import (
 from hybrid_rt.integrators.kernels.through_spheres import ask_through_spheres, pdf_by_ball
 from hybrid_rt.integrators.kernels.vertex_points import (
     TO_BOX,
+    TO_MIRROR,
     TO_SPHERE,
+    WHICH_MIRROR,
     WHICH_WAY,
     draw_later,
 )
 from hybrid_rt.integrators.kernels.ways import (
+    ALL_ASKED,
     ANCHORED,
     ASKED,
     BEFORE,
@@ -32,6 +36,7 @@ from hybrid_rt.integrators.kernels.ways import (
     ENTERED,
     INSIDE,
     MIRRORED,
+    MIRRORED_FLAT,
     NOTHING_ASKED,
     OTHER,
     PDF,
@@ -49,7 +54,7 @@ from meshing.kernels.jit import inlined, inner, part
 
 @part
 def ask_by_ways(world, rules, paths, vertex, vertices, depth, rays, n):
-    """Reach for a lamp or the sky by way of a ball, and by way of a box.
+    """Reach for a lamp or the sky by way of a ball, and by way of a box; for a lamp by a flat mirror.
 
     Parameters
     ----------
@@ -108,6 +113,14 @@ def ask_by_ways(world, rules, paths, vertex, vertices, depth, rays, n):
             n = ask_through_boxes(
                 world, rules, paths, vertex, vertices, depth, light, s, t, which_of_box, rays, n
             )
+    if world.mirrors.chance.size and asked == ALL_ASKED and not is_inside:
+        s, t = draw_later(rules, depth, TO_MIRROR, pixel, sample)
+        light, s = choose_light(world.before, world.lights.chance, s)
+        which_of_mirror, _ = draw_later(rules, depth, WHICH_MIRROR, pixel, sample)
+        if light < world.lights.kind.size and is_asked(world, asked, light):
+            n = ask_by_mirrors(
+                world, paths, vertex, vertices, light, s, t, which_of_mirror, rays, n
+            )
     return True, n
 
 
@@ -127,7 +140,11 @@ def _weight_of_way(world, paths, hit, light):
     if not is_asked(world, asked_there, light):
         return 1.0
     source, t = paths.source_id[0], hit.t[0]
-    if met < BOX_ENTERED:
+    if met == MIRRORED_FLAT:
+        if light == world.lights.kind.size:
+            return 1.0
+        by_chance, asked = pdf_by_mirror(world, paths, world.mirrors.of_surface[source], t)
+    elif met < BOX_ENTERED:
         by_chance, asked = pdf_by_ball(world, paths, world.balls.of_surface[source], t, met)
     else:
         by_chance, asked = pdf_by_box(
@@ -174,6 +191,12 @@ def _note_delta(world, paths, vertex, normal):
     is_through = before * after > 0.0
     is_same = paths.source_id[0] == hit.object_id[0]
     inside = int(paths.anchor[0, INSIDE])
+    # --- a flat mirror
+    if world.mirrors.of_surface[hit.object_id[0]] >= 0:
+        if met == ANCHORED and inside < 0:
+            chain[0] = MIRRORED_FLAT
+            paths.anchor[0, BEFORE] = hit.t[0]
+        return
     # --- a ball, or what lies within one
     balls = world.balls
     ball, of_core = balls.of_surface[hit.object_id[0]], balls.of_core[hit.object_id[0]]

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from hybrid_rt.integrators.kernels import through_boxes, through_spheres
+from hybrid_rt.integrators.kernels import by_mirrors, through_boxes, through_spheres
 from hybrid_rt.integrators.kernels.branches import reflected_share, split_off_reflected
 from hybrid_rt.integrators.kernels.compaction import choose_light
 from hybrid_rt.integrators.kernels.connections import (
@@ -56,7 +56,9 @@ NOTHING = -1
 # Shadow rays of a vertex at most, without and with those by way of balls and boxes: to a lamp, and of
 # both kinds of connections.
 FEW_SHADOW_RAYS = 3
-MOST_SHADOW_RAYS = FEW_SHADOW_RAYS + through_spheres.MOST_RAYS + through_boxes.MOST_RAYS
+MOST_SHADOW_RAYS = (
+    FEW_SHADOW_RAYS + through_spheres.MOST_RAYS + through_boxes.MOST_RAYS + by_mirrors.MOST_RAYS
+)
 
 
 class World(NamedTuple):
@@ -83,6 +85,7 @@ class World(NamedTuple):
     first_of_pass: Any  # (passes + 1,) int64, rows of `lit`
     balls: Any  # Balls
     boxes: Any  # Boxes
+    mirrors: Any  # Mirrors
 
 
 class Rules(NamedTuple):

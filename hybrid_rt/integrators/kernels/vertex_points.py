@@ -14,7 +14,7 @@ from meshing.kernels.jit import inlined
 # What the points of one vertex are for, and how many dimensions a vertex has.
 TO_LIGHT, DIRECTION, CHOICE, CONNECT, PER_STEP = 0, 1, 2, 3, 4
 # Those that came later have dimensions of their own, far from the others.
-FAR, TO_SPHERE, TO_BOX, WHICH_WAY, LATER = 4, 5, 6, 7, 2**44
+FAR, TO_SPHERE, TO_BOX, WHICH_WAY, TO_MIRROR, WHICH_MIRROR, LATER = 4, 5, 6, 7, 8, 9, 2**44
 # Slots of a run. Few vertices ask for points of the others, which are drawn alone.
 N_SLOTS = 5
 # Vertices in a run: of one path, and of as many paths.

@@ -4,7 +4,8 @@ Light that glass or a mirror throws onto a surface is found by chance when a BSD
 to a lamp. Manifold next-event estimation (Hanika, Droske and Fascione, 2015) computes the way from
 the surface to a sampled point of a lamp, or to a sampled direction of the sky, instead. On spheres
 and flat faces nothing is left to chance in it, as all ways are found:
-`hybrid_rt.integrators.kernels.through_spheres` and `hybrid_rt.integrators.kernels.through_boxes`.
+`hybrid_rt.integrators.kernels.through_spheres`, `hybrid_rt.integrators.kernels.through_boxes` and
+`hybrid_rt.integrators.kernels.by_mirrors`.
 
 Each such way is also found by BSDF sampling, and the two are combined by the power heuristic. The
 densities are per area of the lamp, or per solid angle of the sky. What converts them is the
@@ -33,16 +34,17 @@ from meshing.kernels.jit import inlined, part
 # What a camera path has met since its last non-delta vertex: something that is not asked (no weight
 # then); nothing yet; the outside of a sphere, a way into it, both ways through it; a way into its core,
 # out of that, and out of the sphere then; a way into a box, a way out of the box that the vertex is in,
-# both ways through a box.
+# both ways through a box; a flat mirror.
 OTHER, ANCHORED, REFLECTED, ENTERED, CROSSED = 0, 1, 2, 3, 4
 CORE_ENTERED, CORE_LEFT, CORE_CROSSED = 5, 6, 7
 # Of these, the number of the face is added.
 BOX_ENTERED, BOX_LEFT, BOX_CROSSED = 8, 16, 24
+MIRRORED_FLAT = 32
 # What is asked at a vertex.
 NOTHING_ASKED, SKY_ASKED, ALL_ASKED = 0, 1, 2
 # Columns of `Paths.anchor`: place of the vertex, pdf of the direction sampled there, what is asked
-# there, the box that it lies in (-1: none), the lengths of the way before and inside a box, and how
-# often it was reflected inside.
+# there, the box that it lies in (-1: none), the lengths of the way before a box or flat mirror and
+# inside a box, and how often it was reflected there.
 PDF, ASKED, INSIDE, BEFORE, WITHIN, MIRRORED, N_COLUMNS = 3, 4, 5, 6, 7, 8, 9
 # Bodies are asked in proportion to the sum of their (radius / distance)^2, up to this sum always.
 SMALL = 1.0

@@ -64,6 +64,7 @@ from hybrid_rt.integrators.path.light_paths import (
     new_light_vertices,
     packed,
 )
+from hybrid_rt.integrators.path.mirrors import mirrors_of, no_mirrors
 from hybrid_rt.integrators.path.path_state import (
     columns_of,
     count_rays,
@@ -141,6 +142,10 @@ class PathTracer(Integrator):
             self._balls, self._boxes = balls_of(scene), boxes_of(scene)
         else:
             self._balls, self._boxes = no_balls(scene), no_boxes(scene)
+        self._mirrors = no_mirrors(scene)
+        if self._lamps is not None:
+            # Where the sky is asked as well, a surface that is a mirror in part would be asked anew.
+            self._mirrors = mirrors_of(scene, alone=self._asks_sky)
         self._plan_ways()
         self._path, self._branch = (self._new_paths(1) for _ in range(2))
         self._points = new_run_points(RUN_ACROSS if self._forms is None else RUN_ALONG)
@@ -193,12 +198,12 @@ class PathTracer(Integrator):
         return bool(is_worth_a_pilot and self._joins.any() and finds_all_light(self.context.scene))
 
     def _leave_out_light_paths(self) -> None:
-        self._lamps = None
+        self._lamps, self._mirrors = None, no_mirrors(self.context.scene)
         self._plan_ways()
         self._path, self._branch = (self._new_paths(1) for _ in range(2))
 
     def _sky_to_ask(self) -> tuple[bool, float]:
-        """Tell whether ways by balls and boxes to the sky may be worth their time; and see `Rules.faint`."""
+        """Tell whether ways by mirrors and glass to the sky may be worth their time; and see `Rules.faint`."""
         is_sampled = self._samples_lights and self.context.plan["sky samples"]
         if not is_sampled or self._options.strategy != "both":
             return False, 0.0
@@ -207,7 +212,7 @@ class PathTracer(Integrator):
 
     @property
     def _asks_ways(self) -> bool:
-        n_bodies = self._balls.radius.size + self._boxes.lobe.size
+        n_bodies = self._balls.radius.size + self._boxes.lobe.size + self._mirrors.surface.size
         return n_bodies > 0 and (self._asks_sky or self._lamps is not None)
 
     def _new_paths(self, n: int) -> Paths:
@@ -215,17 +220,18 @@ class PathTracer(Integrator):
 
     def _plan_ways(self) -> None:
         balls, boxes = self._balls.radius.size, self._boxes.lobe.size
+        mirrors = self._mirrors.surface.size
         ends = []
         if self._lamps is not None:
             ends.append("to lamps, where camera paths come by way of mirrors and glass")
         if self._asks_sky:
             ends.append("to the sky")
         self.context.plan.decide(
-            "ways by balls and boxes",
+            "ways by mirrors and glass",
             self._asks_ways,
-            f"balls of glass or mirrors ({balls}) and boxes of glass ({boxes}): ways by these are "
-            f"computed {' and '.join(ends)}",
-            "no sphere is of one mirror or of clear glass, and no box of clear glass"
+            f"balls of glass or mirrors ({balls}), boxes of glass ({boxes}) and flat mirrors "
+            f"({mirrors}): ways by these are computed {' and '.join(ends)}",
+            "no sphere is of one mirror or of clear glass, no box of clear glass, and no rectangle a mirror"
             if ends
             else "no light paths, whose gaps they fill, and no sky that is bright in few directions",
         )
@@ -350,6 +356,7 @@ class PathTracer(Integrator):
             first_of_pass=self._first_of_pass,
             balls=self._balls,
             boxes=self._boxes,
+            mirrors=self._mirrors,
         )
 
     def _rules(self) -> Rules:

@@ -153,7 +153,7 @@ class TestPictures:
         """Without next-event estimation no box is asked."""
         scene = self.scene(self.SKIES[name], environment=WINDOW)
         found = assert_same_light(scene, PathOptions(strategy="directions"), 600, 200)
-        used = found.report["plan"]["light"]["used"]["ways by balls and boxes"]
+        used = found.report["plan"]["light"]["used"]["ways by mirrors and glass"]
         assert "to the sky" in used
 
     def test_same_light_below_a_skew_box(self):
@@ -194,4 +194,4 @@ class TestPictures:
     def test_skies_of_one_colour_are_left_to_chance(self):
         scene = self.scene(self.SKIES["pane"], environment=GradientSky(0.5, 1.0), n=4)
         plan = render(scene, passes=1).report["plan"]["light"]
-        assert "bright in few directions" in plan["left_out"]["ways by balls and boxes"]
+        assert "bright in few directions" in plan["left_out"]["ways by mirrors and glass"]

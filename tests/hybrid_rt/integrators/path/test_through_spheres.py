@@ -399,7 +399,7 @@ class TestPictures:
         scene, _ = self.scene(name)
         scene = Scene(scene.camera, scene.objects, [], WINDOW)
         found = assert_same_light(scene, PathOptions(strategy="directions"), 320, 120)
-        assert "to the sky" in found.report["plan"]["light"]["used"]["ways by balls and boxes"]
+        assert "to the sky" in found.report["plan"]["light"]["used"]["ways by mirrors and glass"]
 
     def test_a_ball_seen_from_within(self):
         """The ball stands about the origin, where its points round least.
@@ -434,7 +434,7 @@ class TestPictures:
     def test_the_plan_says_so(self):
         scene, _ = self.scene("glass", 4)
         plan = render(scene, passes=1).report["plan"]["light"]
-        assert "balls of glass or mirrors (1)" in plan["used"]["ways by balls and boxes"]
+        assert "balls of glass or mirrors (1)" in plan["used"]["ways by mirrors and glass"]
 
     def test_cores_that_turn_rays_by_more_than_a_turn_are_left_out(self):
         centre = (0.0, 1.0, 1.2)
@@ -459,4 +459,4 @@ class TestPictures:
         scene, _ = self.scene("glass", 4)
         scene = Scene(scene.camera, [FLOOR, ball], [LAMP])
         plan = render(scene, passes=1).report["plan"]["light"]
-        assert "ways by balls and boxes" in plan["left_out"]
+        assert "ways by mirrors and glass" in plan["left_out"]
