@@ -75,17 +75,18 @@ def render_scene(
             integrator = preferred if options.integrator is None else options.integrator
             scene = _resized(scene, options.width, options.height)
             compare_on(page, scene, options.live_compare)
-            result, interrupt = rendered(
-                scene,
-                integrator=integrator,
-                options=settings_of(integrator, options),
-                progress=progress,
-                store=asked.store,
-                resume=options.resume,
-                cluster=options.cluster,
-                watch=page,
-                **asked.request,
-            )
+            with _said_of_store(asked.store):
+                result, interrupt = rendered(
+                    scene,
+                    integrator=integrator,
+                    options=settings_of(integrator, options),
+                    progress=progress,
+                    store=asked.store,
+                    resume=options.resume,
+                    cluster=options.cluster,
+                    watch=page,
+                    **asked.request,
+                )
             until_saved.enter_context(held_back())
         # Before anything is printed: the reader of a pipe may have closed it.
         failures = _saved(result, asked.outputs, options.exposure)
@@ -166,6 +167,23 @@ def _checked(name: str, options: argparse.Namespace) -> _Asked:
     return _Asked(request, outputs, denoised, store)
 
 
+@contextmanager
+def _said_of_store(folder: Path | None) -> Iterator[None]:
+    """Say with a Ctrl-C that leaves no picture what is in the store."""
+    try:
+        yield
+    except KeyboardInterrupt as interrupt:
+        if folder is None or str(interrupt):
+            raise
+        from hybrid_rt.rendering.store import holds_sums
+
+        left = "holds what it held before" if holds_sums(folder) else "holds no pass"
+        raise KeyboardInterrupt(
+            "interrupted before a pass was complete: no picture is written, and store "
+            f"{str(folder)!r} {left}"
+        ) from None
+
+
 def _how_to_go_on(report: dict[str, Any]) -> str:
     """Say what a store holds, what was lost, and by which command the render goes on."""
     from hybrid_rt.rendering.summary import passes_in_words
@@ -174,7 +192,10 @@ def _how_to_go_on(report: dict[str, Any]) -> str:
     lines = [f"  store     {note}" for note in kept["lost"]]
     before = kept["passes_before"]
     since = f", {before} of them from before" if before else ""
-    lines.append(f"  store     {kept['folder']} holds {passes_in_words(report['passes'])}{since}")
+    if not kept["not_saved"]:
+        lines.append(
+            f"  store     {kept['folder']} holds {passes_in_words(report['passes'])}{since}"
+        )
     command = [Path(sys.argv[0]).name, *sys.argv[1:]]
     command += [] if "--resume" in command else ["--resume"]
     command = _with_limit_moved(command, report)

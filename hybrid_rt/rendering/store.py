@@ -3,7 +3,8 @@
 A pass is a pure function of its number, so the sums over passes are all that a render has to keep.
 Two files take turns, each written under another name and renamed: whatever moment the process
 ends in, one of them is whole, and says so by its checksums. ``render.json`` says what the sums
-are of: a store is refused to another scene, other settings or other versions.
+are of: a store is refused to another scene, other settings or other versions. As long as no sums
+were ever saved there is nothing to lose, and any render may begin.
 """
 
 from __future__ import annotations
@@ -31,6 +32,8 @@ from meshing.checks import as_path
 EVERY, SHARE = 10.0, 0.05
 IDENTITY, SUMS, LOCK = "render.json", ("sums-0.npz", "sums-1.npz"), "in-use"
 FORMAT = 2
+# All files that a store may hold.
+_KNOWN = {IDENTITY, LOCK, *SUMS, *(f"{name}.new" for name in (IDENTITY, *SUMS))}
 # Of differences between two identities so many are named.
 MOST_NAMED = 4
 
@@ -91,6 +94,7 @@ class PassStore:
 
     def __init__(self, folder: str | os.PathLike[str], resume: bool = False) -> None:
         self.folder = check_folder(folder, resume)
+        self._is_made_here = not self.folder.exists()
         self.notes: list[str] = []
         self.not_saved = ""
         self._saved_at, self._took = time.monotonic(), 0.0
@@ -110,7 +114,7 @@ class PassStore:
         return repr(str(self.folder))
 
     def open(self, identity: Mapping[str, Any]) -> Saved | None:
-        """Return what the store holds of a render, or None if it is new.
+        """Return what the store holds of a render, or None if it holds no pass.
 
         Parameters
         ----------
@@ -120,20 +124,24 @@ class PassStore:
         Raises
         ------
         StoreError
-            If it holds another render; the message says what differs.
+            If it holds passes of another render; the message says what differs.
         """
         file = self.folder / IDENTITY
         own = json.loads(as_json({"format": FORMAT, **identity}))
+        if not holds_sums(self.folder):
+            _write(file, as_json(own).encode())
+            if self._was_killed:
+                self.notes.append(
+                    "the last run ended before it saved a pass: nothing of it is left"
+                )
+            return None
         try:
             held = json.loads(file.read_text(encoding="utf-8"))
         except FileNotFoundError:
-            if any((self.folder / name).exists() for name in SUMS):
-                raise StoreError(
-                    f"store {self.shown} has lost its {IDENTITY}, which says of what its sums are: "
-                    "name another folder"
-                ) from None
-            _write(file, as_json(own).encode())
-            return None
+            raise StoreError(
+                f"store {self.shown} has lost its {IDENTITY}, which says of what its sums are: "
+                "name another folder"
+            ) from None
         except (ValueError, UnicodeDecodeError) as error:
             raise StoreError(
                 f"store {self.shown}: {IDENTITY} is damaged ({error}): name another folder"
@@ -198,14 +206,21 @@ class PassStore:
         self._took = self._saved_at - began
 
     def close(self) -> None:
-        """Let others use the folder; say that nothing was lost if everything is saved."""
+        """Let others use the folder; say that nothing was lost if everything is saved.
+
+        Without sums nothing came of it, and nothing of the store is left.
+        """
         with suppress(OSError, ValueError):
             if not self.not_saved:
                 self._lock.truncate(0)
-            self._lock.close()
-            if not (self.folder / IDENTITY).exists():  # nothing came of it
+            if not holds_sums(self.folder):
+                # While it is locked, so that no other render has begun there.
+                for name in sorted(_KNOWN - {LOCK}):
+                    (self.folder / name).unlink(missing_ok=True)
                 (self.folder / LOCK).unlink()
-                self.folder.rmdir()
+                if self._is_made_here:
+                    self.folder.rmdir()
+            self._lock.close()
 
 
 def check_folder(folder: str | os.PathLike[str], resume: bool = False) -> Path:
@@ -215,18 +230,22 @@ def check_folder(folder: str | os.PathLike[str], resume: bool = False) -> Path:
     shown = repr(str(path))
     if path.exists() and not path.is_dir():
         raise StoreError(f"store {shown} is a file: name a folder")
-    known = {IDENTITY, LOCK, *SUMS, *(f"{name}.new" for name in (IDENTITY, *SUMS))}
     found = {item.name for item in path.iterdir()} if path.exists() else set()
-    if strange := sorted(found - known):
+    if strange := sorted(found - _KNOWN):
         raise StoreError(
             f"store {shown} holds {strange[0]!r}, which is no part of a store: name an empty folder"
         )
-    if found & {IDENTITY, *SUMS} and not resume:
+    if found & set(SUMS) and not resume:
         raise StoreError(
             f"store {shown} holds passes of a render: resume it (--resume, resume=True), or name "
             "another folder"
         )
     return path
+
+
+def holds_sums(folder: Path) -> bool:
+    """Tell whether sums were ever saved in a folder, be they whole or damaged by now."""
+    return any((folder / name).exists() for name in SUMS)
 
 
 def _locked(file: Path, shown: str) -> BinaryIO:

@@ -120,6 +120,29 @@ def test_after_a_time_budget_the_same_command_goes_on(capsys, monkeypatch):
     assert shlex.split(command) == [*words, "--resume"]
 
 
+def test_ctrl_c_before_a_pass_says_what_the_store_holds(folder, capsys, monkeypatch):
+    """Nothing at first; later, while a render is set up to go on, what it held."""
+    words = ["render", "ball.py", "--quiet", "--store", "kept"]
+
+    def interrupted(*_arguments):
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patch:
+        patch.setattr(rendering, "audit", interrupted)
+        assert cli.main(words) == 130
+    said = "interrupted before a pass was complete: no picture is written, and store"
+    place = str(folder / "kept")
+    assert capsys.readouterr().err == f"\nhybrid-rt: {said} {place!r} holds no pass\n"
+    assert not (folder / "kept").exists()
+    assert cli.main([*words, "--passes", "1"]) == 0
+    with monkeypatch.context() as patch:
+        patch.setattr(rendering, "audit", interrupted)
+        assert cli.main([*words, "--passes", "2", "--resume"]) == 130
+    assert capsys.readouterr().err == f"\nhybrid-rt: {said} {place!r} holds what it held before\n"
+    assert cli.main([*words, "--passes", "2", "--resume"]) == 0
+    assert "2 passes, 1 of them from before" in capsys.readouterr().out
+
+
 def test_a_render_ends_with_its_numbers(folder, capsys):
     arguments = ["render", "ball.py", "--target-error", "0.5", "--quiet"]
     assert cli.main(arguments) == 0

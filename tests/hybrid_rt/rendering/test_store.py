@@ -135,6 +135,55 @@ def test_resume_begins_where_there_is_nothing(tmp_path):
         render(scene(), passes=1, resume=True)
 
 
+@pytest.mark.parametrize("resume", [False, True])
+def test_a_store_without_a_pass_is_as_good_as_empty(resume, tmp_path):
+    """What a kill before the first save leaves: any other render may begin there."""
+    killed = PassStore(tmp_path)
+    killed.open({"settings": {"seed": 1}})
+    killed._lock.close()  # as the end of a process does
+    assert {path.name for path in tmp_path.iterdir()} == {"in-use", "render.json"}
+    (tmp_path / "sums-0.npz.new").write_bytes(b"half a save")
+    part = render(scene(width=13), passes=2, store=tmp_path, resume=resume)
+    assert part.report["store"]["passes_before"] == 0
+    assert "ended before it saved a pass" in part.report["store"]["lost"][0]
+    assert json.loads((tmp_path / "render.json").read_text())["settings"]["width"] == 13
+    whole = render(scene(width=13), passes=4)
+    part = render(scene(width=13), passes=4, store=tmp_path, resume=True)
+    assert part.report["store"]["lost"] == []
+    np.testing.assert_array_equal(part.image, whole.image)
+
+
+@pytest.mark.parametrize("identity", ["whole", "damaged"])
+def test_torn_sums_are_not_overwritten(identity, tmp_path):
+    """They were passes once: only their own render may make them again."""
+    render(scene(), passes=2, store=tmp_path)
+    (tmp_path / "sums-0.npz").write_bytes(b"")
+    if identity == "damaged":
+        (tmp_path / "render.json").write_text("{")
+    words = "width 12 there, 13 here" if identity == "whole" else r"render\.json is damaged"
+    with pytest.raises(StoreError, match="holds passes of a render: resume it"):
+        render(scene(width=13), passes=2, store=tmp_path)
+    with pytest.raises(StoreError, match=words):
+        render(scene(width=13), passes=2, store=tmp_path, resume=True)
+    assert {path.name for path in tmp_path.iterdir()} == {"in-use", "render.json", "sums-0.npz"}
+
+
+@pytest.mark.parametrize("is_there", [False, True])
+def test_ctrl_c_before_the_first_pass_leaves_no_store(is_there, tmp_path):
+    folder = tmp_path / "kept"
+    if is_there:
+        folder.mkdir()
+
+    def stop(*_event):
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        render(scene(), store=folder, progress=stop)
+    assert folder.exists() == is_there
+    assert not is_there or not list(folder.iterdir())
+    assert render(scene(width=13), passes=1, store=folder).report["store"]["lost"] == []
+
+
 def test_strange_folders_are_left_alone(tmp_path):
     (tmp_path / "letter.txt").write_text("dear")
     with pytest.raises(StoreError, match=r"holds 'letter\.txt', which is no part of a store"):
