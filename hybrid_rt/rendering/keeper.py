@@ -5,37 +5,10 @@ from __future__ import annotations
 import time
 from typing import Any
 
-from hybrid_rt.core.fingerprint import fingerprint
 from hybrid_rt.integrators.workers import Workers
 from hybrid_rt.rendering.limits import Clock, Limit
 from hybrid_rt.rendering.store import PassStore, Saved, StoreError
-from hybrid_rt.rendering.versions import versions
-from hybrid_rt.scene.scene import Scene
 from hybrid_rt.sensor.film import Film
-
-# Settings that decide the bits of a pass. Threads and the coarse stage do not, limits neither.
-DECISIVE = ("integrator", "seed", "max_depth", "accuracy", "tolerance", "options")
-
-
-def identity(scene: Scene, settings: dict[str, Any]) -> dict[str, Any]:
-    """Return what decides the bits of a pass, as `PassStore.open` takes it.
-
-    Parameters
-    ----------
-    scene : Scene
-    settings : dict
-        Of `hybrid_rt.rendering.render`.
-    """
-    camera = scene.camera
-    parts: dict[str, Any] = {"camera": camera, "environment": scene.environment}
-    parts |= {f"lights[{i}]": light for i, light in enumerate(scene.lights)}
-    parts |= {f"objects[{i}]": found for i, found in enumerate(scene.objects)}
-    size = {"width": camera.width, "height": camera.height}
-    return {
-        "scene": {name: fingerprint(part) for name, part in parts.items()},
-        "settings": {**{name: settings[name] for name in DECISIVE}, **size},
-        "versions": versions(),
-    }
 
 
 class Keeper:

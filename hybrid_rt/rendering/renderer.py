@@ -157,7 +157,8 @@ def render(
             f"progress is {checks.shown(progress)}: pass a function such as progress_bar(), or None"
         )
     if store is not None:
-        from hybrid_rt.rendering.keeper import Keeper, identity
+        from hybrid_rt.rendering.identity import identity
+        from hybrid_rt.rendering.keeper import Keeper
         from hybrid_rt.rendering.store import PassStore, check_folder
 
         check_folder(store, resume)

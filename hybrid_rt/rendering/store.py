@@ -26,6 +26,7 @@ from numpy.typing import NDArray
 from hybrid_rt.core import checks
 from hybrid_rt.core.ledger import as_json
 from hybrid_rt.integrators.workers import Counts
+from hybrid_rt.rendering.identity import differences
 from meshing.checks import as_path
 
 # Sums are saved after so many seconds; less often where that takes more than a twentieth of them.
@@ -34,8 +35,6 @@ IDENTITY, SUMS, LOCK = "render.json", ("sums-0.npz", "sums-1.npz"), "in-use"
 FORMAT = 2
 # All files that a store may hold.
 _KNOWN = {IDENTITY, LOCK, *SUMS, *(f"{name}.new" for name in (IDENTITY, *SUMS))}
-# Of differences between two identities so many are named.
-MOST_NAMED = 4
 
 
 @dataclass
@@ -146,9 +145,9 @@ class PassStore:
             raise StoreError(
                 f"store {self.shown}: {IDENTITY} is damaged ({error}): name another folder"
             ) from None
-        if differences := _differences(own, held):
+        if found := differences(own, held):
             raise StoreError(
-                f"store {self.shown} holds another render: {'; '.join(differences)}. Name another "
+                f"store {self.shown} holds another render: {'; '.join(found)}. Name another "
                 "folder, or render what it holds"
             )
         return self._newest()
@@ -300,34 +299,6 @@ def _read(file: Path) -> Saved:
     about = json.loads(held.pop("about").tobytes().decode())
     counts = Counts(**about["counts"])
     return Saved(about["passes"], held, counts, about["limit"], about["sessions"])
-
-
-def _differences(own: dict[str, Any], held: dict[str, Any]) -> list[str]:
-    """Say in words where two identities differ."""
-    found = []
-    for heading in dict.fromkeys((*held, *own)):
-        a, b = held.get(heading), own.get(heading)
-        if a == b:
-            continue
-        if not (isinstance(a, dict) and isinstance(b, dict)):
-            found.append(f"{heading} {a} there, {b} here")
-            continue
-        for name in dict.fromkeys((*a, *b)):
-            if a.get(name) == b.get(name):
-                continue
-            if heading == "scene":
-                how = (
-                    "differs"
-                    if name in a and name in b
-                    else "is only there"
-                    if name in a
-                    else "is only here"
-                )
-                found.append(f"the scene's {name} {how}")
-            else:
-                found.append(f"{name} {a.get(name)!r} there, {b.get(name)!r} here")
-    more = len(found) - MOST_NAMED
-    return [*found[:MOST_NAMED], f"and {more} more"] if more > 0 else found
 
 
 def _clock(seconds: float) -> str:

@@ -13,7 +13,7 @@ import pytest
 
 from hybrid_rt import Camera, Lambertian, Object, RectangleLight, Scene, Sphere
 from hybrid_rt.integrators import workers
-from hybrid_rt.integrators.options import PhotonMapOptions, PPMOptions
+from hybrid_rt.integrators.options import PathOptions, PhotonMapOptions, PPMOptions
 from hybrid_rt.primitives.rectangle import Rectangle
 from hybrid_rt.rendering import store as store_module
 from hybrid_rt.rendering.renderer import render
@@ -118,6 +118,39 @@ def test_another_render_is_refused(change, words, tmp_path):
     render(**settings, store=tmp_path)
     with pytest.raises(StoreError, match=words):
         render(**{**settings, **change}, store=tmp_path, resume=True)
+
+
+@pytest.mark.parametrize(
+    ("there", "here", "words"),
+    [
+        (PPMOptions(500), None, r"photons_per_pass \(--photons\) 500 there, 200000 here"),
+        (PPMOptions(500), PPMOptions(500, 0.5), r"alpha \(--alpha\) 0\.66\d* there, 0\.5 here"),
+        (
+            PPMOptions(500),
+            PPMOptions(500, initial_radius=0.5),
+            "initial_radius None there, 0.5 here",
+        ),
+    ],
+)
+def test_options_that_differ_are_named_one_by_one(there, here, words, tmp_path):
+    """With the defaults of what is not given, and with nothing that is equal."""
+    render(scene(), "ppm", passes=1, options=there, store=tmp_path)
+    said = rf"holds another render: {words}\. Name another folder"
+    with pytest.raises(StoreError, match=said):
+        render(scene(), "ppm", passes=1, options=here, store=tmp_path, resume=True)
+
+
+def test_default_options_are_those_that_are_not_given(tmp_path):
+    render(scene(), "path", passes=1, store=tmp_path)
+    settings = {"options": PathOptions(), "store": tmp_path, "resume": True}
+    part = render(scene(), "path", passes=2, **settings)
+    assert part.report["store"]["passes_before"] == 1
+
+
+def test_of_another_integrator_no_options_are_named(tmp_path):
+    render(scene(), "ppm", passes=1, options=PPMOptions(500), store=tmp_path)
+    with pytest.raises(StoreError, match=r"integrator 'ppm' there, 'path' here\. Name another"):
+        render(scene(), "path", passes=1, store=tmp_path, resume=True)
 
 
 def test_another_version_is_refused(tmp_path):

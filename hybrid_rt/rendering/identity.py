@@ -1,0 +1,93 @@
+"""What decides the bits of a pass, and in words where two renders differ in it."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import asdict
+from typing import Any
+
+from hybrid_rt.core.fingerprint import fingerprint
+from hybrid_rt.core.ledger import as_json
+from hybrid_rt.integrators import INTEGRATORS
+from hybrid_rt.rendering.versions import versions
+from hybrid_rt.scene.scene import Scene
+
+# Settings that decide the bits of a pass. Threads and the coarse stage do not, limits neither.
+DECISIVE = ("integrator", "seed", "max_depth", "accuracy", "tolerance", "options")
+# Of differences between two identities so many are named.
+MOST_NAMED = 4
+
+
+def identity(scene: Scene, settings: dict[str, Any]) -> dict[str, Any]:
+    """Return what decides the bits of a pass, as `PassStore.open` takes it.
+
+    Parameters
+    ----------
+    scene : Scene
+    settings : dict
+        Of `hybrid_rt.rendering.render`.
+    """
+    camera = scene.camera
+    parts: dict[str, Any] = {"camera": camera, "environment": scene.environment}
+    parts |= {f"lights[{i}]": light for i, light in enumerate(scene.lights)}
+    parts |= {f"objects[{i}]": found for i, found in enumerate(scene.objects)}
+    size = {"width": camera.width, "height": camera.height}
+    return {
+        "scene": {name: fingerprint(part) for name, part in parts.items()},
+        "settings": {**{name: settings[name] for name in DECISIVE}, **size},
+        "versions": versions(),
+    }
+
+
+def differences(own: Mapping[str, Any], held: Mapping[str, Any]) -> list[str]:
+    """Say in words where two identities differ; empty if they are of the same render.
+
+    Options that are not given are those of the integrator by default.
+
+    Parameters
+    ----------
+    own, held : dict
+        Of `identity`, as JSON holds them: of the render that is asked for ("here"), and of the one
+        in the store ("there").
+    """
+    found = []
+    for heading in dict.fromkeys((*held, *own)):
+        a, b = held.get(heading), own.get(heading)
+        if not (isinstance(a, dict) and isinstance(b, dict)):
+            found += [] if a == b else [f"{heading} {a} there, {b} here"]
+        elif heading == "scene":
+            found += [f"the scene's {name} {_how(name, a, b)}" for name in _unequal(a, b)]
+        else:
+            for name in _unequal(a, b):
+                if name == "options":
+                    found += _options(a, b)
+                else:
+                    found.append(f"{name} {a.get(name)!r} there, {b.get(name)!r} here")
+    more = len(found) - MOST_NAMED
+    return [*found[:MOST_NAMED], f"and {more} more"] if more > 0 else found
+
+
+def _unequal(a: dict[str, Any], b: dict[str, Any]) -> list[str]:
+    return [name for name in dict.fromkeys((*a, *b)) if a.get(name) != b.get(name)]
+
+
+def _how(name: str, there: dict[str, Any], here: dict[str, Any]) -> str:
+    if name in there and name in here:
+        return "differs"
+    return "is only there" if name in there else "is only here"
+
+
+def _options(there: dict[str, Any], here: dict[str, Any]) -> list[str]:
+    """Say where the options of two renders differ; nothing if their integrators do."""
+    if there.get("integrator") != here.get("integrator"):
+        return []
+    declared = INTEGRATORS[here["integrator"]].options
+    defaults = json.loads(as_json(asdict(declared())))
+    a, b = ({**defaults, **(settings["options"] or {})} for settings in (there, here))
+    flags = declared.flags()
+    found = []
+    for name in _unequal(a, b):
+        flag = f" (--{flags[name].name})" if name in flags else ""
+        found.append(f"{name}{flag} {a.get(name)!r} there, {b.get(name)!r} here")
+    return found
