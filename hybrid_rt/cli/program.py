@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
 from pathlib import Path
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, NoReturn
 
 from hybrid_rt._version import __version__
@@ -20,6 +21,7 @@ from hybrid_rt.cli.render import (
     shown_progress,
     summary,
 )
+from hybrid_rt.cli.suggestions import option_suggestion
 
 if TYPE_CHECKING:
     from hybrid_rt.scene.scene import Scene
@@ -63,9 +65,7 @@ def render_script(describe: Callable[[], Scene], file: str) -> int:
     int
         The exit code.
     """
-    parser = argparse.ArgumentParser(
-        prog=Path(file).name, description="Make a picture of this scene."
-    )
+    parser = _Parser(prog=Path(file).name, description="Make a picture of this scene.")
     add_render_options(parser)
     options = parser.parse_args()
 
@@ -81,7 +81,22 @@ def render_script(describe: Callable[[], Scene], file: str) -> int:
     return _guarded(lambda: render_scene(load, Path(file).stem, options))
 
 
-class _Command(argparse.ArgumentParser):
+class _Parser(argparse.ArgumentParser):
+    """A parser that says what an option that it does not know may have been meant to be."""
+
+    @property
+    def known(self) -> list[str]:
+        """All options that could have been given."""
+        return [option for action in self._actions for option in action.option_strings]
+
+    def error(self, message: str) -> NoReturn:
+        """Say what is wrong, and what was meant; exit."""
+        if message.startswith("unrecognized arguments"):
+            message += option_suggestion(message, self.known)
+        super().error(message)
+
+
+class _Command(_Parser):
     """A command that gets its options when it is chosen.
 
     Integrators and outputs declare some of those of ``render``, and take a while to import, which
@@ -89,6 +104,7 @@ class _Command(argparse.ArgumentParser):
     """
 
     add_options: Callable[[argparse.ArgumentParser], None] | None = None
+    is_chosen = False
 
     def complete(self) -> None:
         """Add the options, unless that is done."""
@@ -99,16 +115,29 @@ class _Command(argparse.ArgumentParser):
     def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
         """Parse arguments by all options."""
         self.complete()
+        self.is_chosen = True
         return super().parse_known_args(args, namespace)
 
 
 class _Program(argparse.ArgumentParser):
-    """The parser of ``hybrid-rt``, which hears of options that no command knows."""
+    """The parser of ``hybrid-rt``, which hears of options that no command knows.
+
+    Attributes
+    ----------
+    commands : dict
+        The parsers of commands, by name.
+    """
+
+    commands: Mapping[str, _Command] = MappingProxyType({})
 
     def error(self, message: str) -> NoReturn:
-        """Say what is wrong, and where options are listed; exit."""
+        """Say what is wrong, what was meant, and where options are listed; exit."""
         if message.startswith("unrecognized arguments"):
-            message += ": hybrid-rt COMMAND --help lists what there is"
+            chosen = [name for name, command in self.commands.items() if command.is_chosen]
+            name = chosen[0] if chosen else "COMMAND"
+            known = self.commands[name].known if chosen else []
+            message += option_suggestion(message, known)
+            message += f"{' ' if message.endswith('?') else ': '}hybrid-rt {name} --help lists what there is"
         super().error(message)
 
 
@@ -157,6 +186,7 @@ def _parser(complete: bool = False) -> argparse.ArgumentParser:
         "--exposure", type=exposure_stops, default=0.0, metavar="E", help="stops shown"
     )
     compare.set_defaults(run=_run_compare)
+    parser.commands = commands.choices
     for command in commands.choices.values() if complete else ():
         command.complete()
     return parser

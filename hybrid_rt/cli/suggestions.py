@@ -1,6 +1,7 @@
-"""What a misspelt name in a scene script was meant to be.
+"""What a misspelt name in a scene script was meant to be, or an option that no command has.
 
-Python itself suggests names only where it prints a traceback, and suggests none for arguments.
+Python itself suggests names only where it prints a traceback, and suggests none for arguments and
+options.
 """
 
 from __future__ import annotations
@@ -15,6 +16,38 @@ from types import TracebackType
 from typing import Any
 
 _NO_SUCH_ARGUMENT = re.compile(r"([\w.]+)\(\) got an unexpected keyword argument '(\w+)'")
+# What other renderers call it.
+_OPTION_OF = {
+    "--samples": "--passes",
+    "--samples-per-pixel": "--passes",
+    "--spp": "--passes",
+    "--iterations": "--passes",
+    "--bounces": "--max-depth",
+    "--max-bounces": "--max-depth",
+    "--depth": "--max-depth",
+}
+
+
+def option_suggestion(message: str, known: Iterable[str]) -> str:
+    """Return ": did you mean ...?" for the first unknown option that resembles a known one, or "".
+
+    Parameters
+    ----------
+    message : str
+        Of argparse: "unrecognized arguments: ...".
+    known : iterable of str
+        Options of the command, "--passes" and so on.
+    """
+    known = [option for option in known if option.startswith("--")]
+    for word in message.partition(": ")[2].split():
+        wrong = word.partition("=")[0].lower()
+        if not wrong.startswith("--"):
+            continue
+        near = [_OPTION_OF.get(wrong, ""), *get_close_matches(wrong, known, n=1)]
+        for option in near:
+            if option in known:
+                return f": did you mean {option}?"
+    return ""
 
 
 def suggestion(error: BaseException) -> str:

@@ -120,6 +120,36 @@ def test_after_a_time_budget_the_same_command_goes_on(capsys, monkeypatch):
     assert shlex.split(command) == [*words, "--resume"]
 
 
+@pytest.mark.parametrize(
+    ("words", "meant"),
+    [
+        ("render ball.py --samples 64", ": did you mean --passes? hybrid-rt render"),
+        ("render ball.py --spp=64", ": did you mean --passes? hybrid-rt render"),
+        ("render ball.py --bounces 4", ": did you mean --max-depth? hybrid-rt render"),
+        ("render ball.py --pases 4", ": did you mean --passes? hybrid-rt render"),
+        ("render ball.py --zzz 4", ": hybrid-rt render"),
+        ("render ball.py another.py", ": hybrid-rt render"),
+        ("demo --spp 4", ": hybrid-rt demo"),
+    ],
+)
+@pytest.mark.usefixtures("folder")
+def test_unknown_options_say_what_was_meant(words, meant, capsys):
+    with pytest.raises(SystemExit) as caught:
+        cli.main(words.split())
+    assert caught.value.code == BAD_INPUT
+    unknown = words.partition(".py ")[2] or "--spp 4"
+    said = f"hybrid-rt: error: unrecognized arguments: {unknown}{meant} --help lists what there is"
+    assert capsys.readouterr().err.splitlines()[-1] == said
+
+
+def test_so_do_scene_scripts(folder, capsys, monkeypatch):
+    monkeypatch.setattr(sys, "argv", ["ball.py", "--samples", "64"])
+    with pytest.raises(SystemExit):
+        cli.render_script(lambda: None, str(folder / "ball.py"))
+    said = "ball.py: error: unrecognized arguments: --samples 64: did you mean --passes?"
+    assert capsys.readouterr().err.splitlines()[-1] == said
+
+
 def test_ctrl_c_before_a_pass_says_what_the_store_holds(folder, capsys, monkeypatch):
     """Nothing at first; later, while a render is set up to go on, what it held."""
     words = ["render", "ball.py", "--quiet", "--store", "kept"]
@@ -206,9 +236,9 @@ def test_bad_input_is_one_clear_line_and_exit_code_two(folder, capsys, arguments
 
 def test_unknown_options_lead_to_the_help_of_the_command(folder, capsys):
     with pytest.raises(SystemExit) as end:
-        cli.main(["render", "ball.py", "--spp", "4"])
+        cli.main(["render", "ball.py", "--gamma", "4"])
     assert end.value.code == 2
-    assert "arguments: --spp 4: hybrid-rt COMMAND --help lists" in capsys.readouterr().err
+    assert "arguments: --gamma 4: hybrid-rt render --help lists" in capsys.readouterr().err
     assert [path.name for path in folder.iterdir()] == ["ball.py"]
 
 
