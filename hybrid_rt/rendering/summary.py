@@ -89,6 +89,11 @@ def warnings_in_words(report: dict[str, Any]) -> list[str]:
         for name in report["lamps_turned_away"]
     ]
     lines += [
+        f"{note['lamp']} lights nothing: it lies inside of {note['body']}, which is opaque, and the camera "
+        "lies outside. Move one of them, or make the body of glass"
+        for note in report["lamps_in_bodies"]
+    ]
+    lines += [
         f"{name} is a TriangleMesh with a texture over (u, v), which repeats on every triangle, as the "
         "mesh has no texture coordinates: pass TriangleMesh(mesh, texture_coordinates=...), or a file "
         'with UV coordinates, or take a CheckerTexture in "world"'
@@ -101,7 +106,8 @@ def warnings_in_words(report: dict[str, Any]) -> list[str]:
             f"max_depth {max_depth} cut off {per_cent(lost)} of the light that was followed, which no "
             "error estimate counts: pass a larger max_depth"
         )
-    if not report["lamps_turned_away"] and _share_without_light(report) == 1.0:
+    is_explained = report["lamps_turned_away"] or report["lamps_in_bodies"]
+    if not is_explained and _share_without_light(report) == 1.0:
         # From the default on, the warning above says so.
         is_cut_off = lost >= MUCH and max_depth < DEFAULT_DEPTH
         larger = (

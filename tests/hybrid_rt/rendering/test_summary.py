@@ -1,6 +1,7 @@
 import math
 
 import pytest
+import trimesh
 
 from hybrid_rt import (
     Camera,
@@ -16,6 +17,7 @@ from hybrid_rt import (
     Scene,
     Sphere,
     SphereLight,
+    TriangleMesh,
     render,
 )
 from hybrid_rt.rendering.summary import _duration, in_words, per_cent, warnings_in_words
@@ -42,7 +44,9 @@ def test_two_digits_of_a_share(share, text):
 @pytest.mark.parametrize("integrator", ["path", "whitted"])
 def test_a_black_picture_is_a_warning(integrator):
     floor = Object(Rectangle((-2, -2, 0), (4, 0, 0), (0, 4, 0)), Lambertian(0.5))
-    shade = Object(Sphere((0, 0, 1), 0.5), Lambertian(0.5))
+    # Of a mesh it is not known whether it is closed.
+    ball = TriangleMesh(trimesh.creation.icosphere().apply_scale(0.5).apply_translation((0, 0, 1)))
+    shade = Object(ball, Lambertian(0.5))
     camera = Camera((0, -6, 2), (0, 0, 0), (0, 0, 1), width=8, height=6)
     inside, above = PointLight((0, 0, 1), 50), PointLight((0, 0, 3), 50)
     dark = render(Scene(camera, [floor, shade], [inside]), integrator, passes=2, threads=1).report
