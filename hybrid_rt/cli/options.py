@@ -40,7 +40,12 @@ def add_render_options(parser: argparse.ArgumentParser) -> None:
             metavar=flag.metavar,
             help=flag.help.format(", ".join(integrators)),
         )
-    parser.add_argument("--time-budget", type=float, metavar="S", help="stop after S seconds")
+    parser.add_argument(
+        "--time-budget",
+        type=float,
+        metavar="S",
+        help="stop after S seconds; on a busy machine up to about a pass later",
+    )
     parser.add_argument(
         "--target-error",
         type=float,

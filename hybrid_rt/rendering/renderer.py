@@ -77,7 +77,9 @@ def render(
         stops at the first limit that is reached; if no limit is given, after 16 passes.
     time_budget : float, optional
         Wall-clock seconds for this call, without the compilation of kernels. At least one pass
-        runs. A pass is not started if it would end too late, judged by the slowest pass so far.
+        runs. A pass is not started if it would end too late, judged by the slowest pass so far. On a
+        busy machine the last pass may take longer than those, so the budget may be exceeded by about
+        a pass.
     target_error : float, optional
         Passes are added until the estimated relative root mean square error of the picture is at
         most this (0.01 is one per cent), with no upper limit on their number. The error counts
