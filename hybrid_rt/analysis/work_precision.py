@@ -83,7 +83,8 @@ class PictureStudy:
 class _Runs:
     """What the runs of one method gave: figures by passes, pictures at its dearest setting.
 
-    ``unfound`` is radiance that photons found and the method does not, as each such run measured.
+    ``unfound`` is radiance that photons found and the method does not, as each such run measured
+    that knows its size.
     """
 
     rows: dict[int, list[dict[str, float]]]
@@ -184,7 +185,8 @@ def _curve(
         biases.append((by_tiles, "parts of it are too dark or bright in all runs"))
     bias, known_by = max(biases, key=lambda pair: pair[0])
     at_most = 0.0 if mesh is None else mesh["error_at_most"]
-    unfound = float(np.mean(of.unfound)) / reference.mean if reference.mean > 0.0 else 0.0
+    is_known = of.unfound and reference.mean > 0.0
+    unfound = float(np.mean(of.unfound)) / reference.mean if is_known else 0.0
     return Curve(
         method.name, method.flags, points, bias, method.power, known_by, of.left_out, at_most, unfound
     )  # fmt: skip
@@ -242,7 +244,8 @@ def _pictures(
                 if n == passes[-1]:
                     of.images.append(result.image)
                     measured = result.report["light_not_found_measured"]
-                    of.unfound.append(0.0 if measured is None else measured["mean"])
+                    if measured is not None and measured["mean"] is not None:
+                        of.unfound.append(measured["mean"])
     return found
 
 

@@ -101,7 +101,8 @@ def render(
     max_depth : int
         Largest number of bounces of a path (for "whitted": of reflections and refractions; for the
         photon integrators: of paths from the camera and of photons, separately). The light that
-        this cuts off is reported. The same number is not the same set of paths in all integrators:
+        this cuts off is reported. The light that an integrator does not find at any depth is measured
+        with 16 bounces at least. The same number is not the same set of paths in all integrators:
         at 0 "path" shows light that a ``Metal`` reflects; the others follow it, as a mirror, from
         1 on.
     accuracy, coarse, tolerance

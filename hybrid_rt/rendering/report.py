@@ -46,9 +46,10 @@ def light_left_out(
     -------
     dict
         ``light_not_found``: ``left_out``. ``light_not_found_measured``: the ``mean`` of what paths
-        with a wide lobe carry, with ``half_interval_95`` (None where the camera sees too few photons)
-        and ``share_of_image_mean``; None if not measured. ``picture_holds``: the light that the image mean, its interval and
-        the relative errors are about. ``picture_is_blurred``: by photons.
+        with a wide lobe carry in up to ``max_depth`` bounces, with ``half_interval_95`` and
+        ``share_of_image_mean``, all three None where ``why_unknown`` says that there is no size; None
+        if not measured. ``picture_holds``: the light that the image mean, its interval and the
+        relative errors are about. ``picture_is_blurred``: by photons.
     """
     integrator, max_depth = (report["settings"][name] for name in ("integrator", "max_depth"))
     holds = f"the light that {integrator} finds" if left_out else ALL_LIGHT
@@ -56,12 +57,18 @@ def light_left_out(
         holds += f" in up to {max_depth} bounces"
     measured, noise = None, report["noise"]
     if unfound is not None:
-        mean = noise["image_mean"] if noise is not None else 0.0
+        of_image = noise["image_mean"] if noise is not None else 0.0
+        share = None
+        if unfound.mean is not None and of_image > 0.0:
+            share = unfound.mean / of_image
         measured = {
             "photons": unfound.n_photons,
+            "max_depth": unfound.max_depth,
             "mean": unfound.mean,
             "half_interval_95": unfound.half_interval,
-            "share_of_image_mean": unfound.mean / mean if mean > 0.0 else None,
+            "share_of_image_mean": share,
+            "lost_share": twelve_digits(unfound.lost_share),
+            "why_unknown": unfound.why_unknown,
         }
     return {
         "light_not_found": left_out,

@@ -175,17 +175,18 @@ def _unfound(report: dict[str, Any]) -> str:
     measured = report["light_not_found_measured"]
     if measured is None:
         return "its size is not measured: the image mean lacks it, and no error below counts it"
-    mean, half, share = (measured[k] for k in ("mean", "half_interval_95", "share_of_image_mean"))
-    by = f"by {measured['photons']:,} photons"
     where = "paths without a surface that spreads light widely are not measured"
-    if half is None:
-        which = "none" if mean == 0.0 else "too few"
-        return (
-            f"{by}, of which {which} reach the camera: its size is not known;\n            {where}"
-        )
+    why = measured["why_unknown"]
+    if why:
+        return f"its size is not known: {why};\n            {where}"
+    mean, half, share = (measured[k] for k in ("mean", "half_interval_95", "share_of_image_mean"))
     relative = "" if share is None else f", {per_cent(share)} of what is found"
+    in_up_to = (
+        f" in up to {measured['max_depth']} bounces" if measured["lost_share"] >= MUCH else ""
+    )
     return (
-        f"the image mean lacks {mean:.3g} +- {half:.1g} (95 %) of it{relative}, {by};\n"
+        f"the image mean lacks {mean:.3g} +- {half:.1g} (95 %) of it{in_up_to}{relative}, by "
+        f"{measured['photons']:,} photons;\n"
         f"            {where}"
     )
 

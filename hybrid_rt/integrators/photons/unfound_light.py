@@ -6,6 +6,9 @@ tracing", SIGGRAPH 1986 course notes). The sum is unbiased for the paths that en
 surface with a wide lobe that the camera sees directly. What it sees of such surfaces in mirrors,
 through glass and on metal is estimated by photon mapping: camera rays gather the same photons where
 they end. That is blurred, so a little is lost at edges. Paths without any ``D`` are not measured.
+
+Which kinds of paths an integrator finds does not depend on how long they may be. So photons are
+followed for `LEAST_DEPTH` bounces at least, even if the picture has a smaller ``max_depth``.
 """
 
 from __future__ import annotations
@@ -23,7 +26,7 @@ from hybrid_rt.core.records import FloatArray
 from hybrid_rt.integrators.context import RenderContext
 from hybrid_rt.integrators.integrator import PIXEL_BITS
 from hybrid_rt.integrators.kernels.density_estimate import Sums
-from hybrid_rt.integrators.kernels.photon_steps import Flight, Photons
+from hybrid_rt.integrators.kernels.photon_steps import LOST, Flight, Photons
 from hybrid_rt.integrators.light_found import letters_of_lights
 from hybrid_rt.integrators.media.absorption import media_around_camera
 from hybrid_rt.integrators.media.contacts import Contacts
@@ -51,6 +54,11 @@ from hybrid_rt.shading.kernels.lobes.register import DELTA, FOLLOWED, NARROW, TR
 FEWEST_PHOTONS, MOST_PHOTONS = 2000, 20_000
 # Of more lights so many are chosen by each group of passes: each takes launches of its own.
 MOST_LIGHTS = 32
+# Bounces that photons are followed for at least: the default ``max_depth`` of a render. The light that
+# whitted leaves out has one bounce and more, whatever ``max_depth`` is.
+LEAST_DEPTH = 16
+# Why there is no size.
+MIXED = "photons cannot follow a mirror alone that is mixed with rough glass"
 # Far from the dimensions of the photons in pictures.
 UNFOUND_DIMENSION = 2**42
 # The sequence of a photon stands above its number there, so all are followed together: that takes a
@@ -76,16 +84,26 @@ class UnfoundLight:
     ----------
     n_photons : int
         Photons traced.
-    mean : float
-        What it would add to the mean of the picture over pixels and channels.
+    mean : float or None
+        What it would add to the mean of the picture over pixels and channels; None if not known.
     half_interval : float or None
         Half of the 95 % interval of ``mean``; None where nothing of a group of photons reaches the
         camera: what is seen so rarely has no interval that holds.
+    max_depth : int
+        Bounces that photons were followed for.
+    lost_share : float
+        What they carried there, over what they carried behind their first surface: about the share
+        of this light that has more bounces, and that ``mean`` lacks.
+    why_unknown : str
+        Why there is no ``mean``; "": there is.
     """
 
     n_photons: int
-    mean: float
+    mean: float | None
     half_interval: float | None
+    max_depth: int
+    lost_share: float
+    why_unknown: str = ""
 
 
 @dataclass(frozen=True)
@@ -120,27 +138,53 @@ def unfound_light(context: RenderContext, found: str) -> UnfoundLight | None:
     camera = context.scene.camera
     n = min(max(camera.width * camera.height, FEWEST_PHOTONS), MOST_PHOTONS)
     means, is_measured, n_photons = np.zeros(GROUPS), False, 0
+    is_mixed, begun, lost = False, 0.0, 0.0
     for beginnings in _beginnings(found, context.scene):
         try:
             tracer = _tracer(context, beginnings)
         except ValueError:  # photons cannot be distributed uniformly on what has no end
             return None
-        if tracer is None:
+        if tracer is None or not tracer.has_beginnings:
             continue
         is_measured = True
+        is_mixed |= tracer.is_mixed
         means += tracer.seen(n // GROUPS)  # by each group of passes
         context.tracer.coarse_seconds += tracer.context.tracer.coarse_seconds
         n_photons += tracer.balance.n_emitted
+        begun += tracer.begun
+        lost += float(tracer.balance.power[LOST].sum())
     if not is_measured or not np.isfinite(means).all():
         return None
-    half = None
-    if (means > 0.0).all():
-        half = STUDENT * float(means.std(ddof=1)) / math.sqrt(GROUPS)
-    return UnfoundLight(n_photons, float(means.mean()), half)
+    depth, lost_share = _depth(context), lost / begun if begun > 0.0 else 0.0
+    why = ""
+    if is_mixed:
+        why = MIXED
+    elif not (means > 0.0).all():
+        few = "too few" if means.any() else "none"
+        why = f"of {n_photons:,} photons {few} reach the camera"
+    if why:
+        return UnfoundLight(n_photons, None, None, depth, lost_share, why)
+    half = STUDENT * float(means.std(ddof=1)) / math.sqrt(GROUPS)
+    return UnfoundLight(n_photons, float(means.mean()), half, depth, lost_share)
+
+
+def _depth(context: RenderContext) -> int:
+    """Return the number of bounces to follow photons for."""
+    return max(context.max_depth, LEAST_DEPTH)
 
 
 class _Tracer(PhotonTracer):
-    """Traces photons that begin in certain ways, and finds what the camera sees of them."""
+    """Traces photons that begin in certain ways, and finds what the camera sees of them.
+
+    Attributes
+    ----------
+    has_beginnings : bool
+        Whether the scene has surfaces, or light straight from lights, that paths begin with.
+    is_mixed : bool
+        Whether some of these surfaces are mixtures of which photons cannot follow the part alone.
+    begun : float
+        Power of the photons that began so, summed over channels. Written.
+    """
 
     def __init__(
         self,
@@ -158,7 +202,11 @@ class _Tracer(PhotonTracer):
             self._keeps |= scene.lobes_with(TRAITS[letter])
         # Glass in a mixture is chosen by its weight, whatever its colour.
         others = scene.lobes_with(TRANSMITS) & ~self._keeps
-        self._begins = np.asarray(self._keeps.any(axis=1) & ~others.any(axis=1))
+        kept = np.asarray(self._keeps.any(axis=1))
+        self._begins = kept & ~others.any(axis=1)
+        self.has_beginnings = self._direct or bool(kept.any())
+        self.is_mixed = bool((kept & ~self._begins).any())
+        self.begun = 0.0
 
     def seen(self, photons_per_pass: int) -> FloatArray:
         """Return what the photons of a pass of each group of passes add to the mean, (GROUPS,)."""
@@ -200,7 +248,11 @@ class _Tracer(PhotonTracer):
                     ),
                 )
             goes_on = depth < context.max_depth
+            if depth == 0 and self._direct:
+                self.begun += float(flight.power[shading.material >= 0].sum())
             flight = self._onward(flight, shading, second, ALL, step, goes_on)
+            if depth == 0 and not self._direct:
+                self.begun += float(flight.power.sum())
         camera = context.scene.camera
         total /= 3 * camera.width * camera.height
         photons, group = joined(stored), np.concatenate(group_of_stored)
@@ -274,7 +326,10 @@ def _tracer(context: RenderContext, beginnings: _Beginnings) -> _Tracer | None:
         environment=scene.environment if "K" in beginnings.lights else None,
     )
     tracer = context.tracer.with_own_counters()
-    own = replace(context, scene=scene, plan=make_plan(scene, PPM), tracer=tracer, ledger=Ledger())
+    own = replace(
+        context, scene=scene, plan=make_plan(scene, PPM), tracer=tracer, ledger=Ledger(),
+        max_depth=_depth(context),
+    )  # fmt: skip
     contacts = Contacts(scene, tracer) if own.plan["contacts"] else None
     if not own.plan["photons"] or (media_around_camera(own, contacts) != NOTHING).any():
         return None

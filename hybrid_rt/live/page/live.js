@@ -19,6 +19,8 @@ function showAbout() {
   for (const sentence of about.left_out) box.append(paragraph(`${settings.integrator} does not find ${sentence}`));
   if (!about.left_out.length)
     box.append(paragraph(`${settings.integrator} finds every kind of light path of this scene, up to ${settings.max_depth} bounces.`));
+  else if (about.unfound && about.unfound.why_unknown)
+    box.append(paragraph(`Its size is not known: ${about.unfound.why_unknown}.`, "small"));
   else if (about.unfound)
     box.append(paragraph(
       `The image mean lacks ${number(about.unfound.mean, 3)} ± ${number(about.unfound.half_interval, 1)} of it (95 %), ` +
