@@ -230,8 +230,11 @@ def _not_met(report: dict[str, Any]) -> str:
         share = per_cent(dark)
         text += f"\n            {share} of the pixels are black in every pass, and count as without noise"
     is_warned = report["points_missed_by_photons"] > 0
-    if photons is not None and photons["points_without_photons"] and not is_warned:
-        share = per_cent(photons["points_without_photons"] / photons["gather_points"])
+    n_dark = 0
+    if photons is not None and not is_warned:
+        n_dark = photons["points_without_photons"] - photons["points_with_shown_photons_alone"]
+    if photons is not None and n_dark > 0:
+        share = per_cent(n_dark / photons["gather_points"])
         text += (
             f"\n            {share} of the points that gather light met no photon in their pass: noise "
             "counts that where other passes meet some"

@@ -24,7 +24,7 @@ from hybrid_rt.integrators.kernels.density_estimate import (
     count_in_cells,
     most_neighbours,
 )
-from hybrid_rt.integrators.kernels.photon_steps import Photons
+from hybrid_rt.integrators.kernels.photon_steps import IS_SHOWN, Photons
 from hybrid_rt.sensor.camera import Camera
 from hybrid_rt.shading.kernels.bsdf import LobeTable, Vertices
 
@@ -254,6 +254,36 @@ class Discs(Field):
         self._tables = np.zeros((self._reach.size, n_slots), dtype=np.int32)
         for reach, table in zip(self._reach, self._tables, strict=True):
             count_in_cells(photons.position, 2.0 * reach, table)
+
+    def shown_photons(self, points: Points, rows: NDArray[np.intp]) -> NDArray[np.intp]:
+        """Return, for some points, the nearest photon if it is one that was shown to the camera.
+
+        Parameters
+        ----------
+        points : Points
+        rows : (n,) int64
+            Points whose discs hold no photon to be gathered.
+
+        Returns
+        -------
+        (n,) int64
+            A photon within the point's disc, on its side of the surface, that does not count there
+            as it was splatted; -1 if there is none.
+        """
+        found = np.full(rows.size, -1, dtype=np.intp)
+        if not len(self.photons.history):
+            return found
+        position = points.position[rows]
+        radius = self._shrink * self._radii.around(position)[0]
+        distance, number = self._tree.query(position, distance_upper_bound=self._reach[-1])
+        within = np.flatnonzero((np.asarray(distance) < radius) & points.is_direct[rows])
+        rows, nearest = rows[within], np.asarray(number)[within]
+        normal = points.geometric if points.geometric.size else points.normal
+        faces = np.einsum("ij,ij->i", normal[rows], points.direction[rows]) <= 0.0
+        agree = np.einsum("ij,ij->i", normal[rows], self.photons.normal[nearest]) > 0.0
+        is_shown = (self.photons.history[nearest] & IS_SHOWN) != 0
+        found[within] = np.where(is_shown & (faces == agree), nearest, -1)
+        return found
 
     def _gather(self, points: Points, xi: FloatArray, sums: Sums) -> None:
         first_radius, class_of = self._radii.around(points.position)

@@ -31,7 +31,7 @@ from hybrid_rt.integrators.photons.branching import (
     rows_of_paths,
     rows_of_shading,
 )
-from hybrid_rt.integrators.photons.density_estimation import Field, Points
+from hybrid_rt.integrators.photons.density_estimation import Discs, Field, Points
 from hybrid_rt.integrators.photons.photon_tracer import PhotonTracer
 from hybrid_rt.integrators.shading import Shading
 from hybrid_rt.scene.compiled import NOTHING
@@ -47,6 +47,8 @@ from hybrid_rt.shading.kernels.scatter import (
     scatter,
 )
 
+# Of the points of a block without photons, so many are asked for photons shown to the camera.
+MOST_ASKED = 1024
 # What the low-discrepancy points of one step are for.
 TO_LIGHT, TO_LIGHT_NARROW, DIRECTION, CHOICE, TO_PHOTON, PER_STEP = 0, 1, 2, 3, 4, 5
 
@@ -82,6 +84,13 @@ class EyePass(Integrator):
     blur : (pixels, 3) float64
         Radiance of this pass minus that by discs of half the area, from which the blur is
         estimated. Written.
+    n_points, n_gathered, n_without : int
+        Points that gathered photons, photons that they gathered, and points that met none. Written.
+    n_shown : int
+        Those among ``n_without`` whose discs hold photons that were shown to the camera, judged by
+        some of them. Written.
+    shown_power : float
+        Power of these photons, of each block and pass once, at least. Written.
     """
 
     def __init__(self, context: RenderContext) -> None:
@@ -94,6 +103,8 @@ class EyePass(Integrator):
         self.n_gathered = 0
         self.n_points = 0
         self.n_without = 0
+        self.n_shown = 0
+        self.shown_power = 0.0
         lights, plan, lobes = context.scene.lights, context.plan, context.scene.lobes
         # Next-event estimation alone finds direct light at wide lobes, so its weight is one.
         self._wide = SurfaceLight(context, LIGHT_ONLY, WIDE)
@@ -210,7 +221,19 @@ class EyePass(Integrator):
             self._note_gathered(camera_ray, throughput, sums)
             self.n_points += camera_ray.size
             self.n_gathered += int(sums.near.sum())
-            self.n_without += int(np.count_nonzero(sums.near == 0))
+            without = np.flatnonzero(sums.near == 0)
+            self.n_without += without.size
+            self._note_shown(points, field, without)
+
+    def _note_shown(self, points: Points, field: Field, without: NDArray[np.intp]) -> None:
+        """Count points that met no photon but those that were shown to the camera."""
+        if self.photon_tracer.dense is None or not without.size or not isinstance(field, Discs):
+            return
+        asked = without[:: -(-without.size // MOST_ASKED)]
+        found = field.shown_photons(points, asked)
+        found = found[found >= 0]
+        self.n_shown += round(without.size * found.size / asked.size)
+        self.shown_power += float(field.photons.power[np.unique(found)].sum(dtype=np.float64))
 
     def _note_gathered(
         self, camera_ray: NDArray[np.int64], throughput: FloatArray, sums: Sums

@@ -17,13 +17,18 @@ from numpy.typing import NDArray
 from hybrid_rt.core.ledger import twelve_digits
 from hybrid_rt.core.records import FloatArray
 from hybrid_rt.integrators.context import RenderContext
-from hybrid_rt.integrators.kernels.photon_steps import MET_SPECULAR, Photons
+from hybrid_rt.integrators.kernels.photon_steps import EMITTED, MET_SPECULAR, Photons
 from hybrid_rt.integrators.photons.blur import BlurSums
 from hybrid_rt.integrators.photons.density_estimation import Field
 from hybrid_rt.integrators.photons.eye_pass import EyePass
 from hybrid_rt.integrators.photons.light_tracing import Splats
 from hybrid_rt.integrators.photons.photon_groups import blocks_of
-from hybrid_rt.integrators.photons.photon_tracer import PHOTON_DIMENSION, Balance, joined
+from hybrid_rt.integrators.photons.photon_tracer import (
+    AIMED_SHARE,
+    PHOTON_DIMENSION,
+    Balance,
+    joined,
+)
 from hybrid_rt.integrators.workers import (
     NO_BLUR,
     UNKNOWN_BLUR,
@@ -43,8 +48,13 @@ FEWEST_RAYS, MOST_RAYS, SHARE_OF_RAYS = 2**14, 2**15, 16
 # From this share of points without photons on, light is missing rather than dark places common.
 NEARLY_ALL = 0.99
 
+# Light that no point has met may be this share of the light that was shown to the camera there. Of
+# light of which no photon was met there are three expected at most (95 %); where half of the photons
+# are aimed, the others have up to twice the mean power.
+UNMET_SHARE, MOST_UNMET = 0.01, 3.0 / (1.0 - AIMED_SHARE)
+
 # What eye passes count.
-_OF_EYE_PASS = ("n_points", "n_gathered", "n_without")
+_OF_EYE_PASS = ("n_points", "n_gathered", "n_without", "n_shown", "shown_power")
 
 T = TypeVar("T")
 # The photons of a pass, ready to be looked at, and the picture of those shown to the camera.
@@ -227,7 +237,7 @@ class PhotonWorkers(Workers):
     def _carry_own(self, counts: dict[str, Any]) -> None:
         first = self._eye_passes[0]
         for name in _OF_EYE_PASS:
-            setattr(first, name, getattr(first, name) + counts[name])
+            setattr(first, name, getattr(first, name) + counts.get(name, 0))
         self._n_splats += counts["n_splats"]
         power = np.array(counts["power"])
         self._balance.add(Balance(power, counts["n_emitted"], counts["n_stored"]))
@@ -251,6 +261,7 @@ class PhotonWorkers(Workers):
             "gather_points": first.n_points,
             "gathered_per_point": first.n_gathered / max(first.n_points, 1),
             "points_without_photons": first.n_without,
+            "points_with_shown_photons_alone": first.n_shown,
             "blur_root_mean_square": blur.absolute,
             "blur_root_mean_square_at_most": blur.absolute_at_most,
             "blur_relative_rmse": blur.relative,
@@ -262,29 +273,36 @@ class PhotonWorkers(Workers):
                 for name, power in zip(names, balance.power.tolist(), strict=True)
             },
         }
-        missed = first.n_without if self._should_be_met else 0
-        if missed < NEARLY_ALL * first.n_points:
-            missed = 0
-        return {"photons": photons, "points_missed_by_photons": missed}
+        return {"photons": photons, "points_missed_by_photons": self._n_missed}
 
     def blur(self, image: NDArray[np.float32]) -> Blur:
         """Estimate the blur (bias) of the mean of all passes so far."""
         if self._blur is None:
             return NO_BLUR
-        is_asked = any(eye_pass.n_points for eye_pass in self._eye_passes)
         is_met = any(eye_pass.n_gathered for eye_pass in self._eye_passes)
-        if self.may_miss and is_asked and not is_met and self._should_be_met:
+        if self.may_miss and not is_met and self._n_missed:
             return UNKNOWN_BLUR
         return self._blur.estimate(image)
 
     @property
-    def _should_be_met(self) -> bool:
-        """Whether points that gather light are expected to meet photons.
+    def _n_missed(self) -> int:
+        """Points that met no photon, though expected to, if these are nearly all; else 0.
 
         Photons that are shown to the camera are not gathered as well: where most are, few are missed.
+        A point whose disc holds some has met light. What it waits for is less, if these have a power
+        beside which few photons are little.
         """
+        n_points, n_missed, n_shown, shown_power = (
+            sum(getattr(eye_pass, name) for eye_pass in self._eye_passes)
+            for name in ("n_points", "n_without", "n_shown", "shown_power")
+        )
         n_stored = self._balance.n_stored
-        return n_stored > 0 and 2 * self._n_splats <= n_stored
+        if n_stored == 0 or 2 * self._n_splats > n_stored:
+            return 0
+        of_one = float(self._balance.power[EMITTED].sum()) / self._balance.n_emitted
+        if MOST_UNMET * of_one < UNMET_SHARE * shown_power:
+            n_missed -= n_shown
+        return int(n_missed) if n_missed >= max(NEARLY_ALL * n_points, 1) else 0
 
 
 def _nothing() -> Ready:
