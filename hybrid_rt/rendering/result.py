@@ -42,9 +42,11 @@ class RenderResult:
         """The estimated relative root mean square error of the picture: noise, and blur of photons.
 
         A target error is compared with this value. It is nan after a single pass, and inf if
-        nothing is known of the blur. It counts neither light that the integrator does not find, nor
-        lamps that no camera ray has met (``noise.unmet_lamps_95`` of the report), nor the geometric
-        error.
+        nothing is known of the blur. Where the blur cannot be distinguished from the noise of its
+        estimate (``relative_error.blur`` of the report is None), its upper limit ``blur_at_most``
+        counts in its place, so the error is mostly overstated. It counts neither light that the
+        integrator does not find, nor lamps that no camera ray has met (``noise.unmet_lamps_95`` of
+        the report), nor the geometric error.
         """
         return self._relative("both")
 

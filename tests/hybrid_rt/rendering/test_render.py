@@ -339,10 +339,11 @@ class TestLimit:
     def test_blur_below_its_own_noise_is_a_limit(self, integrator, options, passes_words):
         """Few photons, small discs: the estimated square is below zero as often as above."""
         floor = PHOTON_PICTURES["smooth floor"]().scene
-        reports = [
-            render(floor, integrator, passes=2, seed=seed, options=options).report
-            for seed in range(8)
+        results = [
+            render(floor, integrator, passes=2, seed=seed, options=options) for seed in range(8)
         ]
+        reports = [result.report for result in results]
+        assert all(r.error == r.report["relative_error"]["both"] for r in results)
         limits = [report for report in reports if report["relative_error"]["blur"] is None]
         assert len(limits) >= 4
         for report in reports:
