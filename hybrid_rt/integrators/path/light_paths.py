@@ -26,7 +26,7 @@ from hybrid_rt.integrators.media.contacts import Contacts, first_hits
 from hybrid_rt.sampling.sampler import UIntArray
 from hybrid_rt.scene.compiled import NOTHING, CompiledScene
 from hybrid_rt.shading.kernels.bsdf import LobeTable
-from hybrid_rt.shading.kernels.lobes.register import DIFFUSE, SPREADS
+from hybrid_rt.shading.kernels.lobes.register import DELTA, DIFFUSE, SPREADS
 
 # Dimensions of light paths, far from those of the camera's: light, place, direction, lens, then
 # two for each direction taken at a surface.
@@ -110,6 +110,7 @@ class LightPathTracer:
         sends = np.flatnonzero(self._emit[:-1])
         self._media_of_light = media_around_lights(context, contacts, sends)
         self._media_of_camera = camera_media
+        self._mirrors = scene.materials_with(DELTA)
         self.is_smooth = np.zeros(max(len(scene.surfaces), 1), dtype=np.bool_)
         self.is_smooth[list(scene.vertex_normals)] = True
 
@@ -148,6 +149,7 @@ class LightPathTracer:
                 )
             material = self._light.material(hits)
             absorb(context, paths.media, material, hits, second, paths.flux)
+            material = np.where(self._ends(paths, material), np.int32(NOTHING), material)
             shading = self._light.shading(hits, paths.directions, material, paths.media, second)
             hits = shading.hits
             if step > 0 or self.keeps_all:
@@ -178,6 +180,13 @@ class LightPathTracer:
         points = joined(list(lists))
         points = LightVertices(*(column.take(order, axis=0) for column in points))
         return points, sample[order], np.concatenate(numbers)[order]
+
+    def _ends(self, paths: LightPaths, material: IntArray) -> BoolArray:
+        """Tell which paths end, as they bring light that is not kept and no delta lobe leads on."""
+        ends: BoolArray = (paths.is_direct | (paths.density == 0.0)) & ~self._mirrors[material]
+        if self.keeps_all:
+            ends &= paths.number % np.uint64(kernels.FOLLOWED_FAR) != 0
+        return ends
 
     def _leaving_lights(self, passes: range, n: int) -> LightPaths:
         context, scene = self._context, self._context.scene

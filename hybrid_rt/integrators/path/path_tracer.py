@@ -84,7 +84,7 @@ from hybrid_rt.lights.unevenness import brightness
 from hybrid_rt.scene.compiled import NOTHING
 from hybrid_rt.sensor.passes import pass_of
 from hybrid_rt.shading.kernels.emitter import BOTH, DIRECTION_ONLY, LIGHT_ONLY
-from hybrid_rt.shading.kernels.lobes.register import EVERY
+from hybrid_rt.shading.kernels.lobes.register import DELTA, EVERY
 
 STRATEGIES = {"both": BOTH, "lights": LIGHT_ONLY, "directions": DIRECTION_ONLY}
 # Skies less uneven than this are found well enough by chance.
@@ -114,6 +114,7 @@ class PathTracer(Integrator):
         self._camera_media = media_around_camera(context, self._contacts)
         self._split_glass = glass_alone(context.scene)
         self._joins = diffuse_materials(context.scene.lobes)
+        self._ends_known = self._joins & ~context.scene.materials_with(DELTA)[:-1]
         self._lamps: LightPathTracer | None = None
         # One mirror or lens, and a surface on either end of the join, at least.
         if plan["light paths"]:
@@ -314,7 +315,13 @@ class PathTracer(Integrator):
             points = self._light.points_of_one(hits, xi)
         colors = NO_COLORS
         if self.context.plan["texture lookups"]:
-            colors = self._light.colors(self._light.material(hits), hits)
+            material = self._light.material(hits)
+            if self._lamps is not None and self._lamps.near < np.inf:
+                # See ``is_known`` in `leave_vertex`: these paths end there.
+                is_known = paths.joined & (hits.t >= self._lamps.near)
+                is_known &= self._ends_known.take(material, mode="clip")
+                material = np.where(is_known, np.int32(NOTHING), material)
+            colors = self._light.colors(material, hits)
         u, v = self._light.texture_points(hits)
         return Arrival(
             # Kernels look (u, v) up in textures, and read it for nothing else.
