@@ -195,9 +195,12 @@ def number(
     if type(value) is float:  # there may be many
         result = value
     else:
-        array = as_floats(value, what)
-        if array.shape != ():
-            raise TypeError(f"{what} is {shown(value)}: pass one number")
+        try:
+            array = as_floats(value, what)
+            if array.shape != ():
+                raise TypeError(f"{what} is {shown(value)}: pass one number")
+        except TypeError as error:
+            raise TypeError(f"{error} ({hint})" if hint else str(error)) from None
         result = float(array)
     inside = above < result < below and at_least <= result <= up_to
     if not (inside and math.isfinite(result)):

@@ -52,7 +52,7 @@ class LensSurface:
     index : float
         Index of refraction behind this surface.
     aperture : float
-        Clear diameter.
+        Clear diameter, twice the semi-diameter of other programs.
     conic : float
         Conic constant.
     coefficients : tuple of float
@@ -500,7 +500,8 @@ def _lines(prescription: Sequence[LensSurface], index: float) -> tuple[LensSurfa
             line.index,
             f"Lens prescription[{k}].index",
             above=0.0,
-            hint="a number for one wavelength; mirrors are no part of a Lens",
+            hint="of one wavelength, as 1.5168: there is no catalogue of glasses; mirrors are no "
+            "part of a Lens",
         )
         if k < len(lines) - 1:
             thickness = number(line.thickness, f"Lens prescription[{k}].thickness")

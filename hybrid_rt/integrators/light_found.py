@@ -49,7 +49,7 @@ NAMES = (
     (".[DG][GS]*E", "light straight from lamps or the sky"),
     (".*", "light that goes from surface to surface"),
 )
-SEEN, STRAIGHT = "that the camera sees", "lamps or the sky"
+SEEN, STRAIGHT, ARRIVES = "that the camera sees", "lamps or the sky", "light straight from"
 LIGHTS = {
     "L": "lamps with area", "P": "lamps without area", "U": "planes that shine", "K": "the sky",
 }  # fmt: skip
@@ -124,7 +124,8 @@ def _narrowed(name: str, missing: Sequence[str], found: Sequence[str]) -> str:
     elif not is_same[1]:
         name = name.replace(ONTO_ANY, ONTO_WIDE)
     if not is_same[2]:
-        name += f"{'' if name.endswith(SEEN) else ', as seen'} {SIGHTS[frozenset(sights)]}"
+        seen = ", on surfaces seen" if name.startswith(ARRIVES) else ", as seen"
+        name += f"{'' if name.endswith(SEEN) else seen} {SIGHTS[frozenset(sights)]}"
     elif name.endswith(SEEN):
         name += ", also in mirrors, metal and glass"
     is_part = any(a in lights and b in ends and c in sights for a, b, c in of_found)

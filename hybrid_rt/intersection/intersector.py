@@ -205,7 +205,8 @@ class Intersector:
             A hit needs ``t_min < t < t_max``, in lengths of the given direction.
         source : HitRecord of n rows, optional
             The hits that the rays leave. These points are excluded, also as points of adjoining
-            patches, seams, poles or mesh edges. Rows that are misses exclude nothing.
+            patches, seams, poles or mesh edges. Rows that are misses exclude nothing. They are hits of
+            this tracer: those of another one are not told apart if it has as many objects.
         unseen : (n,) int, optional
             ``object_id`` of an object that each ray ignores; -1 for none.
 

@@ -64,7 +64,13 @@ class Dielectric(Material):
         schlick: bool = False,
         priority: float = 0.0,
     ) -> None:
-        index = checks.number(ior, "Dielectric ior", at_least=1.0 / EXTREME, up_to=EXTREME)
+        index = checks.number(
+            ior,
+            "Dielectric ior",
+            at_least=1.0 / EXTREME,
+            up_to=EXTREME,
+            hint="of one wavelength, as 1.5168: there is no catalogue of glasses",
+        )
         density = checks.rgb(absorption, "Dielectric absorption")
         rank = checks.number(priority, "Dielectric priority")
         number = (index, float(checks.flag(schlick, "Dielectric schlick")), *density.tolist(), rank)

@@ -23,6 +23,8 @@ if TYPE_CHECKING:
 
 # What a picture holds if nothing is left out.
 ALL_LIGHT = "all light"
+# Light that an integrator does not find and that is not measured either.
+NOT_MEASURED = "paths without a surface that spreads light widely"
 # From this share on, what max_depth cuts off is said of the picture as a whole as well; below, it is
 # less than the intervals of common renders.
 COUNTS = 1e-4
@@ -48,7 +50,7 @@ def light_left_out(
         ``light_not_found``: ``left_out``. ``light_not_found_measured``: the ``mean`` of what paths
         with a wide lobe carry in up to ``max_depth`` bounces, with ``half_interval_95`` and
         ``share_of_image_mean``, all three None where ``why_unknown`` says that there is no size; None
-        if not measured. ``picture_holds``: the light that the image mean, its interval and the
+        if not measured. Its ``not_measured`` names what it leaves out. ``picture_holds``: the light that the image mean, its interval and the
         relative errors are about. ``picture_is_blurred``: by photons.
     """
     integrator, max_depth = (report["settings"][name] for name in ("integrator", "max_depth"))
@@ -69,6 +71,7 @@ def light_left_out(
             "share_of_image_mean": share,
             "lost_share": twelve_digits(unfound.lost_share),
             "why_unknown": unfound.why_unknown,
+            "not_measured": NOT_MEASURED,
         }
     return {
         "light_not_found": left_out,

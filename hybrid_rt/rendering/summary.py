@@ -6,7 +6,7 @@ import math
 from typing import Any
 
 from hybrid_rt.rendering.limits import DEFAULT_DEPTH
-from hybrid_rt.rendering.report import ALL_LIGHT, share_cut_off
+from hybrid_rt.rendering.report import ALL_LIGHT, NOT_MEASURED, share_cut_off
 from hybrid_rt.scene.lamps_in_surfaces import lamp_in_words
 
 # Of the light that was followed: that much cut off is worth a warning.
@@ -175,7 +175,7 @@ def _unfound(report: dict[str, Any]) -> str:
     measured = report["light_not_found_measured"]
     if measured is None:
         return "its size is not measured: the image mean lacks it, and no error below counts it"
-    where = "paths without a surface that spreads light widely are not measured"
+    where = f"{NOT_MEASURED} are not measured"
     why = measured["why_unknown"]
     if why:
         return f"its size is not known: {why};\n            {where}"

@@ -155,7 +155,7 @@ IN_ALL = "that the camera sees, also in mirrors, metal and glass"
     ("found", "lights", "surfaces", "named"),
     [
         ("LDE|L[GS]*E|LDDD*E", "L", "DG", [
-            f"{STRAIGHT}, as seen in metal and rough glass (LDGE, ...)",
+            f"{STRAIGHT}, on surfaces seen in metal and rough glass (LDGE, ...)",
             f"part of the light {GOES} (LGDE, ...)",
         ]),
         ("LDE", "LK", "D", [
