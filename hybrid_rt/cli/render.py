@@ -173,8 +173,13 @@ def _said_of_store(folder: Path | None) -> Iterator[None]:
     try:
         yield
     except KeyboardInterrupt as interrupt:
-        if folder is None or str(interrupt):
+        if str(interrupt):
             raise
+        if folder is None:
+            raise KeyboardInterrupt(
+                "interrupted before a pass was complete (those of small pictures are rendered in "
+                "groups): no picture is written"
+            ) from None
         from hybrid_rt.rendering.store import holds_sums
 
         left = "holds what it held before" if holds_sums(folder) else "holds no pass"

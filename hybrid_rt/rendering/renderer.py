@@ -27,6 +27,7 @@ from hybrid_rt.rendering.set_up import Request, set_up
 from hybrid_rt.rendering.summary import warnings_in_words
 from hybrid_rt.rendering.watcher import Beginning, Watcher
 from hybrid_rt.sampling.sampler import Sampler
+from hybrid_rt.scene.in_one_plane import surfaces_in_one_plane
 from hybrid_rt.scene.lamps_in_bodies import lamps_in_bodies
 from hybrid_rt.scene.lamps_turned_away import lamps_turned_away
 from hybrid_rt.scene.pictures_on_meshes import pictures_on_meshes
@@ -259,6 +260,7 @@ def render(
             report["lamps_in_surfaces"] = ready.sunken
             report["lamps_turned_away"] = lamps_turned_away(context.scene)
             report["lamps_in_bodies"] = lamps_in_bodies(context.scene)
+            report["surfaces_in_one_plane"] = surfaces_in_one_plane(context.scene)
             report["pictures_on_meshes"] = pictures_on_meshes(context.scene)
             report["relative_error"] = relative_error(
                 report["noise"], blur, own.blur_stays, own.error_power

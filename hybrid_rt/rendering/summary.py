@@ -94,6 +94,11 @@ def warnings_in_words(report: dict[str, Any]) -> list[str]:
         for note in report["lamps_in_bodies"]
     ]
     lines += [
+        f"{one} and {other} lie in one plane and overlap: only one of them is seen there. Move one out, "
+        "by a thousandth of its size or so"
+        for one, other in report["surfaces_in_one_plane"]
+    ]
+    lines += [
         f"{name} is a TriangleMesh with a texture over (u, v), which repeats on every triangle, as the "
         "mesh has no texture coordinates: pass TriangleMesh(mesh, texture_coordinates=...), or a file "
         'with UV coordinates, or take a CheckerTexture in "world"'

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from typing import Any
@@ -13,6 +14,7 @@ from hybrid_rt.core import checks
 from hybrid_rt.core.one_line import one_or_three
 from hybrid_rt.core.records import FloatArray
 from hybrid_rt.shading.kernels import texture as kernels
+from meshing.checks import shown
 
 
 @dataclass(frozen=True)
@@ -91,6 +93,7 @@ def as_texture(color: Texture | ArrayLike, what: str) -> Texture:
             color.brightest, f"{what}: brightest colour of {type(color).__name__}", up_to=1.0
         )
         return color
+    _refuse_names(color, what)
     return ConstantTexture(checks.rgb(color, what, up_to=1.0))
 
 
@@ -105,4 +108,15 @@ def as_radiance(color: Texture | ArrayLike, what: str) -> Texture:
     if isinstance(color, Texture):
         checks.rgb(color.brightest, f"{what}: brightest colour of {type(color).__name__}")
         return color
+    _refuse_names(color, what)
     return ConstantTexture(checks.rgb(color, what))
+
+
+def _refuse_names(color: Texture | ArrayLike, what: str) -> None:
+    """Refuse the name of a picture, or of a colour."""
+    if isinstance(color, str | os.PathLike):
+        name = shown(os.fspath(color))
+        raise TypeError(
+            f"{what} is {name}: pass a number, three numbers or a texture; of a picture, "
+            f"ImageTexture({name})"
+        )

@@ -1,0 +1,82 @@
+"""Rectangles in one plane are named, and nothing else is."""
+
+import numpy as np
+import pytest
+
+from hybrid_rt import Box, Camera, Dielectric, Lambertian, Mirror, Object, Rectangle, Scene, render
+from hybrid_rt.lights import RectangleLight
+from hybrid_rt.rendering.summary import warnings_in_words
+from hybrid_rt.scene.compiled import compile_scene
+from hybrid_rt.scene.in_one_plane import surfaces_in_one_plane
+
+CAMERA = Camera((0, -3, 1), (0, 0, 1), (0, 0, 1), 40, 4, 4)
+LAMP = RectangleLight((-0.5, -0.5, 3), (0, 1, 0), (1, 0, 0), 1.0)
+# Parallelograms in a slanted plane, by their coordinates there.
+ORIGIN, ALONG, UP = np.array([1.0, 2.0, 3.0]), np.array([3.0, 1.0, 0.5]), np.array([-0.5, 0.3, 2.0])
+
+
+def piece(x, y, u, v, away=0.0):
+    out = away * np.cross(ALONG, UP) / np.linalg.norm(np.cross(ALONG, UP))
+    corner = ORIGIN + x * ALONG + y * UP + out
+    return Rectangle(corner, u[0] * ALONG + u[1] * UP, v[0] * ALONG + v[1] * UP)
+
+
+WALL = piece(0, 0, (1, 0), (0, 1))
+
+
+def named(one, other, material=None):
+    objects = [
+        Object(one, Lambertian(0.5), "wall"),
+        Object(other, Mirror(0.9) if material is None else material, "mirror"),
+    ]
+    return surfaces_in_one_plane(compile_scene(Scene(CAMERA, objects, [LAMP])))
+
+
+@pytest.mark.parametrize(
+    "other",
+    [
+        piece(0.2, 0.3, (0.1, 0), (0, 0.1)),
+        piece(-1, -1, (3, 0), (0, 3)),
+        piece(0.5, -0.5, (1, 1), (-1, 1)),
+        piece(0, 0, (0, 1), (1, 0)),
+        piece(0.9, 0.9, (1, 0), (0, 1), away=1e-11),
+    ],
+    ids=["within", "around", "turned", "the same", "at a corner"],
+)
+def test_overlaps_are_named(other):
+    assert named(WALL, other) == [["object 'wall'", "object 'mirror'"]]
+    assert len(named(other, WALL)) == 1
+
+
+@pytest.mark.parametrize(
+    "other",
+    [
+        piece(1, 0, (1, 0), (0, 1)),
+        piece(1, 1, (1, 0), (0, 1)),
+        piece(1.3, -0.8, (1, 1), (-0.5, 0.5)),
+        piece(0.2, 0.3, (0.1, 0), (0, 0.1), away=1e-6),
+        Rectangle(ORIGIN, ALONG, np.cross(ALONG, UP)),
+        Box((1, 2, 3), (2, 3, 4)),
+    ],
+    ids=["beside", "at a corner", "turned", "in front", "across", "box"],
+)
+def test_others_are_not(other):
+    assert named(WALL, other) == []
+
+
+def test_glass_and_one_material_are_left_alone():
+    within = piece(0.2, 0.3, (0.1, 0), (0, 0.1))
+    assert named(WALL, within, Dielectric(1.5)) == []
+    paint = Lambertian(0.5)
+    scene = Scene(CAMERA, [Object(WALL, paint), Object(within, paint)], [LAMP])
+    assert surfaces_in_one_plane(compile_scene(scene)) == []
+
+
+def test_the_warning_names_both():
+    wall = Object(Rectangle((-2, 0, 0), (4, 0, 0), (0, 0, 2)), Lambertian(0.5), "wall")
+    mirror = Object(Rectangle((-1, 0, 0.5), (2, 0, 0), (0, 0, 1)), Mirror(0.9), "mirror")
+    report = render(Scene(CAMERA, [wall, mirror], [LAMP]), passes=1).report
+    assert report["surfaces_in_one_plane"] == [["object 'wall'", "object 'mirror'"]]
+    assert any(
+        "'wall' and object 'mirror' lie in one plane" in line for line in warnings_in_words(report)
+    )
