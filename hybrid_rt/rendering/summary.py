@@ -123,7 +123,8 @@ def warnings_in_words(report: dict[str, Any]) -> list[str]:
         )
         lines.append(
             f"the picture is black: no light arrives. {larger} for lamps inside of bodies or turned away, "
-            "a camera within a surface, and for light that the integrator leaves out"
+            "a camera within a surface or on the unlit side of what it looks at, and for light that the "
+            "integrator leaves out"
         )
     return [*lines, *_target_without_lamps(report)]
 
