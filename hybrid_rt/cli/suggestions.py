@@ -53,6 +53,8 @@ def option_suggestion(message: str, known: Iterable[str]) -> str:
 def suggestion(error: BaseException) -> str:
     """Return ": did you mean ...?" for a name, attribute or argument that is misspelt, or "".
 
+    Of an argument that resembles none it says which ones there are.
+
     Parameters
     ----------
     error : BaseException
@@ -62,8 +64,11 @@ def suggestion(error: BaseException) -> str:
         wrong, known = _wrong_and_known(error)
         if not wrong:
             return ""
-        near = get_close_matches(wrong, [name for name in known if name[:1] != "_"], n=1)
-        return f": did you mean {near[0]!r}?" if near else ""
+        known = [name for name in known if name[:1] != "_"]
+        near = get_close_matches(wrong, known, n=1)
+        if near:
+            return f": did you mean {near[0]!r}?"
+        return f": it takes {', '.join(known)}" if isinstance(error, TypeError) and known else ""
     return ""
 
 

@@ -289,6 +289,10 @@ def test_interrupt_is_exit_code_130_and_leaves_nothing(folder, capsys, monkeypat
             r"line 4: TypeError: .* argument 'apperture': did you mean 'aperture'\?$",
         ),
         (
+            "from hybrid_rt import *\n\ndef scene():\n    return SphereLight((0, 0, 1), 1, strength=5)",
+            r"line 4: TypeError: .* argument 'strength': it takes center, radius, radiance$",
+        ),
+        (
             "import hybrid_rt\nhybrid_rt.Sphree",
             r"line 2: AttributeError: .* 'Sphree': did you mean 'Sphere'\?$",
         ),
