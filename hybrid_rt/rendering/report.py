@@ -56,7 +56,11 @@ def light_left_out(
     integrator, max_depth = (report["settings"][name] for name in ("integrator", "max_depth"))
     holds = f"the light that {integrator} finds" if left_out else ALL_LIGHT
     if max(share_cut_off(report)) >= COUNTS:
-        holds += f" in up to {max_depth} bounces"
+        holds += (
+            f" in up to {max_depth} bounces"
+            if depth_cuts_off(report)
+            else " but for faint branches"
+        )
     measured, noise = None, report["noise"]
     if unfound is not None:
         of_image = noise["image_mean"] if noise is not None else 0.0
@@ -99,6 +103,11 @@ def share_cut_off(report: dict[str, Any]) -> tuple[float, float]:
         if any(power["lost"]):
             of_photons = sum(power["lost"]) / sum(power["emitted"])
     return report["ended_branches"]["lost_share_per_camera_ray"], of_photons
+
+
+def depth_cuts_off(report: dict[str, Any]) -> bool:
+    """Tell whether ``max_depth`` has ended anything, not only the limit of faint branches."""
+    return report["ended_branches"].get("at max_depth", 0) > 0 or share_cut_off(report)[1] > 0.0
 
 
 def relative_error(

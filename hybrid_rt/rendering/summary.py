@@ -6,7 +6,7 @@ import math
 from typing import Any
 
 from hybrid_rt.rendering.limits import DEFAULT_DEPTH
-from hybrid_rt.rendering.report import ALL_LIGHT, NOT_MEASURED, share_cut_off
+from hybrid_rt.rendering.report import ALL_LIGHT, NOT_MEASURED, depth_cuts_off, share_cut_off
 from hybrid_rt.scene.lamps_in_surfaces import lamp_in_words
 
 # Of the light that was followed: that much cut off is worth a warning.
@@ -106,7 +106,13 @@ def warnings_in_words(report: dict[str, Any]) -> list[str]:
     ]
     lost, max_depth = max(share_cut_off(report)), report["settings"]["max_depth"]
     # A smaller max_depth than the default has been asked for, with what it cuts off.
-    if lost >= MUCH and max_depth >= DEFAULT_DEPTH:
+    by_depth = depth_cuts_off(report)
+    if lost >= MUCH and not by_depth:
+        lines.append(
+            f"faint branches, of less than a thousandth of a camera ray, were ended with {per_cent(lost)} of "
+            "the light that was followed, which no error estimate counts: take path"
+        )
+    elif lost >= MUCH and max_depth >= DEFAULT_DEPTH:
         lines.append(
             f"max_depth {max_depth} cut off {per_cent(lost)} of the light that was followed, which no "
             "error estimate counts: pass a larger max_depth"
@@ -114,7 +120,7 @@ def warnings_in_words(report: dict[str, Any]) -> list[str]:
     is_explained = report["lamps_turned_away"] or report["lamps_in_bodies"]
     if not is_explained and _share_without_light(report) == 1.0:
         # From the default on, the warning above says so.
-        is_cut_off = lost >= MUCH and max_depth < DEFAULT_DEPTH
+        is_cut_off = by_depth and lost >= MUCH and max_depth < DEFAULT_DEPTH
         larger = (
             f"Pass a larger max_depth: {max_depth} cut off {per_cent(lost)} of the light that was "
             "followed. Else look"
