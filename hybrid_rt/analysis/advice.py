@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from hybrid_rt.analysis.forecast import Forecast, forecasts_of
-from hybrid_rt.analysis.reference import Reference
+from hybrid_rt.analysis.reference import FEWER_TO_CHECK, Reference
 from hybrid_rt.analysis.units import asked, number, percent, seconds
 from hybrid_rt.analysis.work_precision import PictureStudy
 from hybrid_rt.integrators import INTEGRATORS
@@ -98,8 +98,7 @@ def _measured(reference: Reference) -> str:
     mean, half, share = (measured[k] for k in ("mean", "half_interval_95", "share_of_image_mean"))
     by = f"by {measured['photons']:,} photons"
     if half is None:
-        which = "none" if mean == 0.0 else "too few"
-        return f", how much of it is not known ({by}, of which {which} reach the camera)"
+        return f", how much of it is not known ({measured['why_unknown']})"
     if share is None:
         return (
             f": on surfaces seen directly alone {mean:.3g} +- {half:.1g} (95 %, {by}); it is black"
@@ -145,8 +144,16 @@ def _longer(reference: Reference, target: float) -> str:
     passes = math.ceil(reference.passes * more)
     unit = 10 ** max(len(str(passes)) - 2, 0)
     passes = math.ceil(passes / unit) * unit
-    needed = reference.seconds * more
-    option = f"--reference-passes {passes}, about {seconds(needed)} instead of {seconds(reference.seconds)}"
+    needed, spent = reference.seconds * more, reference.seconds
+    option = f"--reference-passes {passes}"
+    if reference.check is not None:
+        # Made by the method that was asked for, with as many passes, and checked with fewer.
+        name = reference.made_by.partition(",")[0]
+        option = f"--reference-by {name} {option}"
+        of_check = reference.check["seconds"]
+        needed += of_check * passes / FEWER_TO_CHECK / reference.check["passes"]
+        spent += of_check
+    option += f", about {seconds(needed)} instead of {seconds(spent)}"
     if needed > PATIENCE:
         return f"ask for less with --target, or {own_picture} ({option}, are out of reach)."
     return f"a longer reference, {option}; or {own_picture}."

@@ -48,7 +48,7 @@ class Reference:
     measured : dict or None
         How much of that few photons found: ``light_not_found_measured`` of its report.
     check : dict or None
-        A different method: ``made_by``, ``gap`` of the means, ``gap_error`` its standard error,
+        A different method: ``made_by``, its ``passes`` and ``seconds``, ``gap`` of the means, ``gap_error`` its standard error,
         ``difference`` of the pictures (relative RMSE) and ``by_noise``, ``by_blur``, what their
         noise and the blur of photons explain.
     """
@@ -96,7 +96,7 @@ def make_reference(
         if is_free and stated_error(other.report) < stated_error(main.report):
             main, other, n_main, n = other, main, n, passes
             name, others = others[0].name, [Method(maker, maker)]
-        check = _checked(main, other, f"{others[0].name}, {n} passes")
+        check = _checked(main, other, others[0].name, n)
     noise = main.report["noise"] or {}
     return (
         Reference(
@@ -115,7 +115,7 @@ def make_reference(
     )
 
 
-def _checked(main: RenderResult, other: RenderResult, made_by: str) -> dict[str, Any]:
+def _checked(main: RenderResult, other: RenderResult, name: str, passes: int) -> dict[str, Any]:
     """Return how far a picture is from one by another method, and what explains that."""
     noises = [result.report["noise"] or {} for result in (main, other)]
     errors = [noise.get("standard_error_of_image_mean", math.nan) for noise in noises]
@@ -126,7 +126,9 @@ def _checked(main: RenderResult, other: RenderResult, made_by: str) -> dict[str,
     )
     means = [float(result.image.mean(dtype=np.float64)) for result in (main, other)]
     return {
-        "made_by": made_by,
+        "made_by": f"{name}, {passes} passes",
+        "passes": passes,
+        "seconds": other.report["seconds"]["total"],
         "gap": means[1] - means[0],
         "gap_error": math.hypot(*errors),
         "difference": math.sqrt(relative_mse(other.image, main.image)),

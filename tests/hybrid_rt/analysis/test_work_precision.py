@@ -269,12 +269,12 @@ class TestBias:
         assert "alone 10 % +- 1.0 % (95 %, by 2,000 photons) of its mean" in advice.details[0]
 
     @pytest.mark.parametrize(("measured", "words"), [
-        ((0.02, 0.002, None), "alone 0.02 +- 0.002 (95 %, by 2,000 photons); it is black."),
-        ((0.02, None, 0.1), "is not known (by 2,000 photons, of which too few reach the camera)."),
-        ((0.0, None, None), "is not known (by 2,000 photons, of which none reach the camera)."),
+        ((0.02, 0.002, None, ""), "alone 0.02 +- 0.002 (95 %, by 2,000 photons); it is black."),
+        ((None, None, None, "of 2,000 photons none reach the camera"),
+         "is not known (of 2,000 photons none reach the camera)."),
     ])  # fmt: skip
     def test_size_that_photons_do_not_tell(self, mirror_room, measured, words):
-        names = ("mean", "half_interval_95", "share_of_image_mean")
+        names = ("mean", "half_interval_95", "share_of_image_mean", "why_unknown")
         lacks = replace(
             mirror_room.reference,
             own_error=0.001,
@@ -363,6 +363,23 @@ class TestReference:
         )
         assert found.target == 0.15
         assert "--reference-passes 400, about 12 s instead of 3.0 s" in found.details[-1]
+
+    def test_a_longer_reference_is_counted_with_its_check(self, room):
+        """Photons were to check with a quarter of the passes, and became the reference.
+
+        Asked for themselves they make all passes, and paths a quarter: 100 instead of 400.
+        """
+        own = replace(
+            room.reference,
+            made_by="ppm, certified, 100 passes",
+            own_error=0.04,
+            passes=100,
+            seconds=30.0,
+            check={"passes": 400, "seconds": 4.0, "by_blur": 0.0},
+        )
+        found = advise(replace(room, reference=own), 0.06, "r.py")
+        said = "--reference-by ppm --reference-passes 400, about 2.0 min instead of 34 s"
+        assert said in found.details[-1]
 
     def test_where_photons_cannot_be_sent_paths_check_paths(self):
         ground = Object(Plane((0, 0, -1), (0, 0, 1)), Lambertian(0.5))
