@@ -48,9 +48,9 @@ class Reference:
     measured : dict or None
         How much of that few photons found: ``light_not_found_measured`` of its report.
     check : dict or None
-        A different method: ``made_by``, its ``passes`` and ``seconds``, ``gap`` of the means, ``gap_error`` its standard error,
-        ``difference`` of the pictures (relative RMSE) and ``by_noise``, ``by_blur``, what their
-        noise and the blur of photons explain.
+        A different method: ``made_by``, its ``passes`` and ``seconds``, ``gap`` of the means,
+        ``gap_error`` its standard error, ``difference`` of the pictures (relative RMSE) and
+        ``by_noise``, ``by_blur``, what their noise and the blur of photons explain.
     """
 
     made_by: str

@@ -50,8 +50,9 @@ def light_left_out(
         ``light_not_found``: ``left_out``. ``light_not_found_measured``: the ``mean`` of what paths
         with a wide lobe carry in up to ``max_depth`` bounces, with ``half_interval_95`` and
         ``share_of_image_mean``, all three None where ``why_unknown`` says that there is no size; None
-        if not measured. Its ``not_measured`` names what it leaves out. ``picture_holds``: the light that the image mean, its interval and the
-        relative errors are about. ``picture_is_blurred``: by photons.
+        if not measured. Its ``not_measured`` names what it leaves out. ``picture_holds``: the light
+        that the image mean, its interval and the relative errors are about. ``picture_is_blurred``:
+        by photons.
     """
     integrator, max_depth = (report["settings"][name] for name in ("integrator", "max_depth"))
     holds = f"the light that {integrator} finds" if left_out else ALL_LIGHT

@@ -105,13 +105,13 @@ def warnings_in_words(report: dict[str, Any]) -> list[str]:
         for name in report["pictures_on_meshes"]
     ]
     lost, max_depth = max(share_cut_off(report)), report["settings"]["max_depth"]
-    # A smaller max_depth than the default has been asked for, with what it cuts off.
     by_depth = depth_cuts_off(report)
     if lost >= MUCH and not by_depth:
         lines.append(
             f"faint branches, of less than a thousandth of a camera ray, were ended with {per_cent(lost)} of "
             "the light that was followed, which no error estimate counts: take path"
         )
+    # A smaller max_depth than the default has been asked for, with what it cuts off.
     elif lost >= MUCH and max_depth >= DEFAULT_DEPTH:
         lines.append(
             f"max_depth {max_depth} cut off {per_cent(lost)} of the light that was followed, which no "

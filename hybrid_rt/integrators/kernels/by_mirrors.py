@@ -138,21 +138,8 @@ def ask_by_mirrors(world, paths, vertex, vertices, light, s, t, which, rays, n):
     mx, my, mz = place
     surface = mirrors.surface[taken]
     add_segment(paths, rays, n, here, px, py, pz, surface, mx, my, mz, False)
-    add_last_segment(
-        world,
-        paths,
-        rays,
-        n + 1,
-        surface,
-        mx,
-        my,
-        mz,
-        light,
-        end,
-        factor * r,
-        factor * g,
-        factor * b,
-    )
+    r, g, b = factor * r, factor * g, factor * b
+    add_last_segment(world, paths, rays, n + 1, surface, mx, my, mz, light, end, r, g, b)
     return n + 2
 
 

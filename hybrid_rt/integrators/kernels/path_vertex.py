@@ -53,7 +53,7 @@ from hybrid_rt.shading.kernels.texture import texture_color
 from meshing.kernels.jit import inlined, part
 
 NOTHING = -1
-# Shadow rays of a vertex at most, without and with those by way of balls and boxes: to a lamp, and of
+# Shadow rays of a vertex at most, without and with those by way of mirrors and glass: to a lamp, and of
 # both kinds of connections.
 FEW_SHADOW_RAYS = 3
 MOST_SHADOW_RAYS = (

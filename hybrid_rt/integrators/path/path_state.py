@@ -32,7 +32,7 @@ def new_paths(n: int, media_depth: int, has_rivals: bool, asks_ways: bool) -> Pa
     has_rivals : bool
         Whether they are weighted against light subpaths.
     asks_ways : bool
-        Whether lamps are reached by way of balls or boxes.
+        Whether lamps are reached by way of mirrors and glass.
     """
     return Paths(
         camera_ray=np.empty(n, dtype=np.int64),
