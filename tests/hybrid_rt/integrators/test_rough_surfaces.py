@@ -19,6 +19,7 @@ from hybrid_rt import (
     Mix,
     Object,
     PathOptions,
+    Phong,
     PhotonMapOptions,
     PPMOptions,
     Rectangle,
@@ -134,6 +135,28 @@ class TestMetal:
             means(scene, "path", 32, options=PathOptions(light_paths=share)) for share in (0, 1)
         )
         assert_agree(without, found)
+
+
+class TestPhong:
+    @pytest.mark.parametrize("exponent", [100, 3e6])
+    @pytest.mark.parametrize("integrator", ["whitted", "ppm", "photon_map"])
+    def test_all_integrators_see_the_sky_in_it_alike(self, exponent, integrator):
+        """However sharp the lobe, which no photon and no shadow ray to the sky meets then."""
+        ball = Object(BALL, Phong(0.1, 0.8, exponent))
+        options = {"ppm": PPMOptions(2000), "photon_map": PhotonMapOptions(2000)}.get(integrator)
+        scene = view([ball], [], SKY)
+        assert_agree(means(scene, "path", 8), means(scene, integrator, 8, options=options))
+
+    @pytest.mark.parametrize("integrator", ["ppm", "photon_map"])
+    def test_intervals_of_photons_hold_the_mean(self, integrator):
+        options = {"ppm": PPMOptions(20_000), "photon_map": PhotonMapOptions(20_000)}[integrator]
+        scene = view([FLOOR, WALL, Object(BALL, Phong(0.1, 0.8, 1e5))], [LAMP])
+        truth = np.mean(means(scene, "path", 64))
+        result = render(scene, integrator, passes=16, seed=0, options=options)
+        half = result.report["noise"]["half_interval_95_of_image_mean"]
+        # What rays into the lobe bring is a fifth of the mean.
+        assert half < 0.1 * truth
+        assert abs(float(result.image.mean()) - truth) <= half
 
 
 def glass(roughness, **more):
