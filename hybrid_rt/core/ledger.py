@@ -17,7 +17,7 @@ from hybrid_rt.core.records import HitRecord, Status
 _COUNTERS = ("seconds", "rays", "hits", "ended", "unclosed")
 _NUMBERS = (
     "lost_weight",
-    "lost_share",
+    "carried",
     "camera_hits",
     "camera_hits_without_bound",
     "largest_t_bound",
@@ -45,7 +45,8 @@ class Ledger:
         self.ended: Counter[str] = Counter()
         self.unclosed: Counter[int] = Counter()  # by dielectric lobe
         self.lost_weight = 0.0
-        self.lost_share = 0.0  # see `note_lost`
+        # What paths from the camera carried behind the first surface that spreads light; 0: not counted.
+        self.carried = 0.0
         self.camera_hits = 0
         self.camera_hits_without_bound = 0
         self.largest_t_bound = 0.0
@@ -72,7 +73,7 @@ class Ledger:
         self.ended.update(other.ended)
         self.unclosed.update(other.unclosed)
         self.lost_weight += other.lost_weight
-        self.lost_share += other.lost_share
+        self.carried += other.carried
         self.camera_hits += other.camera_hits
         self.camera_hits_without_bound += other.camera_hits_without_bound
         self.largest_t_bound = max(self.largest_t_bound, other.largest_t_bound)
@@ -94,19 +95,10 @@ class Ledger:
             setattr(ledger, name, counts[name])
         return ledger
 
-    def note_lost(self, weight: float, share: float | None = None) -> None:
-        """Add what limits of depth and weight have ended.
-
-        Parameters
-        ----------
-        weight : float
-            What paths from the camera carried.
-        share : float, optional
-            The same, of each path over what it carried behind the first surface that spreads light;
-            default: there is none.
-        """
-        self.lost_weight += weight
-        self.lost_share += weight if share is None else share
+    def lost_share(self) -> float:
+        """Return the weight that was lost over what paths carried: about what the image mean lacks."""
+        n_camera = self.rays["camera"]
+        return self.lost_weight / (self.carried or n_camera) if n_camera else 0.0
 
     def count_hits(self, hits: HitRecord) -> None:
         """Count first hits by status."""

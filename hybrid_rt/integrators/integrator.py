@@ -84,7 +84,13 @@ class Integrator(ABC):
         ``first`` and ``stop`` count the pixels of the first pass, then those of the second, and so
         on.
         """
-        return self._radiance(self._camera_rays(passes, first, stop))
+        radiance = self._radiance(self._camera_rays(passes, first, stop))
+        if radiance.shape != (stop - first, 3):
+            raise ValueError(
+                f"{type(self).__name__}._radiance returned an array of shape {radiance.shape} for "
+                f"{stop - first} camera rays: return one of shape ({stop - first}, 3)"
+            )
+        return radiance
 
     @abstractmethod
     def _radiance(self, block: CameraBlock) -> FloatArray:

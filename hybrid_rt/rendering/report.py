@@ -93,8 +93,8 @@ def share_cut_off(report: dict[str, Any]) -> tuple[float, float]:
     Returns
     -------
     of_paths : float
-        The mean over camera rays of what their paths carried there, over what they carried behind the
-        first surface that spreads light: a dark surface sends little on in any case.
+        What paths from the camera carried there, over what they carried behind the first surface that
+        spreads light: a dark surface sends little on in any case.
     of_photons : float
         The power that photons carried there, over all that was emitted; 0 without photons.
     """
@@ -103,7 +103,7 @@ def share_cut_off(report: dict[str, Any]) -> tuple[float, float]:
         power = report["photons"]["power_of_all_passes"]
         if any(power["lost"]):
             of_photons = sum(power["lost"]) / sum(power["emitted"])
-    return report["ended_branches"]["lost_share_per_camera_ray"], of_photons
+    return report["ended_branches"]["lost_share"], of_photons
 
 
 def depth_cuts_off(report: dict[str, Any]) -> bool:
@@ -169,7 +169,7 @@ def make_report(
         "ended_branches": {
             **ledger.ended,
             "lost_weight_per_camera_ray": twelve_digits(ledger.lost_weight / n_camera),
-            "lost_share_per_camera_ray": twelve_digits(ledger.lost_share / n_camera),
+            "lost_share": twelve_digits(ledger.lost_share()),
         },
         "noise": _with_interval(film.noise(), context, film.n_passes, blur),
         "clear_bodies_not_closed": not_closed,

@@ -32,7 +32,7 @@ from meshing.checks import as_path
 # Sums are saved after so many seconds; less often where that takes more than a twentieth of them.
 EVERY, SHARE = 10.0, 0.05
 IDENTITY, SUMS, LOCK = "render.json", ("sums-0.npz", "sums-1.npz"), "in-use"
-FORMAT = 2
+FORMAT = 3
 # All files that a store may hold.
 _KNOWN = {IDENTITY, LOCK, *SUMS, *(f"{name}.new" for name in (IDENTITY, *SUMS))}
 

@@ -33,6 +33,10 @@ _STOPPED_BY = {
     "cluster_lost": "the loss of the cluster",
     "watcher": "the live page",
 }
+_TURNED_OR_NESTED = (
+    "its normals point inward (pass it .flipped(); if it is meant to be the hollow of another body, give "
+    "it the same material object as that body), or more than eight clear bodies are nested in each other"
+)
 
 
 def in_words(report: dict[str, Any]) -> str:
@@ -73,14 +77,12 @@ def warnings_in_words(report: dict[str, Any]) -> list[str]:
         )
     lines += [
         f"{name!r} is clear: {n_rays:,} rays left it without entering it, or never left it: it is not "
-        "closed, or its normals point inward (pass it .flipped()), or more than eight clear bodies are "
-        "nested in each other"
+        f"closed (all surfaces of a body take one and the same material object), or {_TURNED_OR_NESTED}"
         for name, n_rays in report["clear_bodies_not_closed"].items()
     ]
     lines += [
         f"{name!r} is clear: {n_rays:,} rays left it without entering it, or never left it: "
-        "its normals point inward (pass it .flipped()), or more than eight clear bodies are nested in "
-        "each other"
+        f"{_TURNED_OR_NESTED}"
         for name, n_rays in report["clear_bodies_lost"].items()
     ]
     lines += [

@@ -140,13 +140,6 @@ def leave_lights(
         )
 
 
-@kernel
-def divide_by_index(density, media, lobes):
-    """Divide the pdfs at the start of subpaths by the index squared of the medium there."""
-    for i in range(density.size):
-        density[i] /= ior_of(lobes, filling_medium(media, i, lobes)) ** 2
-
-
 @inlined
 def is_followed_far(paths, i):
     """Tell whether a light subpath goes on where other light is scattered; see the module."""

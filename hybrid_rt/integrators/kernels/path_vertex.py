@@ -144,8 +144,8 @@ class Tally(NamedTuple):
     """What is counted."""
 
     fates: Any  # (5,) int64, see `hybrid_rt.shading.kernels.scatter`
-    # (3,) float64: number of paths that the depth limit ended, their throughputs, and these over those
-    # behind the first surface that spreads light
+    # (3,) float64: number of paths that the depth limit ended, what they carried (see `_weight`), and
+    # what all paths carried behind the first surface that spreads light, or to the end if there was none
     lost: Any
     unclosed: Any  # (lobes,) int64, see `cross_medium`
     status: Any  # (3,) int64, first hits by `Status`
@@ -384,10 +384,11 @@ def _weight(world, paths):
 @inlined
 def _lose(world, paths, tally):
     """Count a path that the depth limit ends, and what it might have carried."""
-    left = paths.throughput
+    weight = _weight(world, paths)
     tally.lost[0] += 1
-    tally.lost[1] += max(left[0, 0], left[0, 1], left[0, 2])
-    tally.lost[2] += _weight(world, paths) / (paths.first[0] if paths.first[0] > 0.0 else 1.0)
+    tally.lost[1] += weight
+    if paths.first[0] == 0.0:
+        tally.lost[2] += weight
 
 
 @inlined
@@ -399,12 +400,14 @@ def arrive(world, rules, paths, vertex, depth, pdf_area, radiance, tally):
     radiance[row, 0] += paths.throughput[0, 0] * r
     radiance[row, 1] += paths.throughput[0, 1] * g
     radiance[row, 2] += paths.throughput[0, 2] * b
-    if depth > rules.max_depth:
-        if vertex.material[0] >= 0:
-            _lose(world, paths, tally)
-        return False
     if vertex.material[0] < 0:
-        tally.fates[LEFT] += 1
+        if paths.first[0] == 0.0 and max(r, g, b) > 0.0:
+            tally.lost[2] += _weight(world, paths)
+        if depth <= rules.max_depth:
+            tally.fates[LEFT] += 1
+        return False
+    if depth > rules.max_depth:
+        _lose(world, paths, tally)
         return False
     return True
 
@@ -416,9 +419,12 @@ def depart(world, rules, paths, vertex, depth, block, points, column, branch, ra
     camera_pdf, number = 0.0, 0
     if rules.has_light_paths:
         camera_pdf, number = block.camera_pdf[row], block.pass_number[row]
+    had_spread = paths.first[0] > 0.0
     fate, n, has_branch = leave_vertex(
         world, rules, paths, vertex, depth, camera_pdf, number, points, column, branch, rays, n
     )
+    if not had_spread:
+        tally.lost[2] += paths.first[0]
     tally.fates[fate] += 1
     tally.fates[SPECULAR] += has_branch
     if fate == STOPPED:

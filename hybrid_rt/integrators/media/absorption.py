@@ -10,7 +10,8 @@ from hybrid_rt.core.records import FloatArray, HitRecord, IntArray, NamedPoints
 from hybrid_rt.integrators.context import RenderContext
 from hybrid_rt.integrators.media.contacts import Contacts, first_hits
 from hybrid_rt.scene.compiled import NOTHING, CompiledScene
-from hybrid_rt.shading.kernels.medium_stack import STACK, cross_media
+from hybrid_rt.shading.kernels.bsdf import LobeTable
+from hybrid_rt.shading.kernels.medium_stack import STACK, cross_media, indices_within
 
 # Surfaces that one ray is followed through.
 MOST_CROSSINGS = 256
@@ -175,3 +176,16 @@ def unclosed_bodies(context: RenderContext) -> tuple[dict[str, int], dict[str, i
 def _no_media(context: RenderContext, n: int) -> IntArray:
     depth = STACK if context.plan["medium stack"] else 0
     return np.full((n, depth), NOTHING, dtype=np.int32)
+
+
+def square_of_index(media: IntArray, lobes: LobeTable) -> FloatArray:
+    """Return the squared index of what fills the space around each ray, (n,).
+
+    By it radiance in glass scales: refraction multiplies what a path carries by the square of the index
+    that it comes from over that of the one that it enters, and gives it back on the way out.
+    """
+    ior = np.ones(len(media))
+    if media.shape[1]:
+        indices_within(ior, media, lobes)
+    square: FloatArray = ior * ior
+    return square

@@ -21,7 +21,7 @@ from hybrid_rt.integrators.kernels.compaction import choose_lights
 from hybrid_rt.integrators.kernels.connections import splat_light_vertices
 from hybrid_rt.integrators.kernels.light_paths import LightPaths, LightVertices
 from hybrid_rt.integrators.light_points import leaving_points
-from hybrid_rt.integrators.media.absorption import absorb, media_around_lights
+from hybrid_rt.integrators.media.absorption import absorb, media_around_lights, square_of_index
 from hybrid_rt.integrators.media.contacts import Contacts, first_hits
 from hybrid_rt.sampling.sampler import UIntArray
 from hybrid_rt.scene.compiled import NOTHING, CompiledScene
@@ -213,7 +213,7 @@ class LightPathTracer:
             paths.density,
         )  # fmt: skip
         if context.plan["medium stack"]:
-            kernels.divide_by_index(paths.density, paths.media, scene.lobes)
+            paths.density[:] /= square_of_index(paths.media, scene.lobes)
         return paths
 
     def _shown(

@@ -128,7 +128,8 @@ def count_vertices(tally: Tally, ledger: Ledger) -> None:
     ledger.ended["left the scene or met a lamp"] += int(fates[LEFT])
     if tally.lost[0]:
         ledger.ended["at max_depth"] += int(tally.lost[0])
-        ledger.note_lost(float(tally.lost[1]), float(tally.lost[2]))
+    ledger.lost_weight += float(tally.lost[1])
+    ledger.carried += float(tally.lost[2])
     for lobe in np.flatnonzero(tally.unclosed):
         ledger.unclosed[int(lobe)] += int(tally.unclosed[lobe])
 

@@ -24,7 +24,7 @@ from hybrid_rt.integrators.integrator import (
 )
 from hybrid_rt.integrators.kernels.compaction import Paths, add_products, pack_paths
 from hybrid_rt.integrators.kernels.density_estimate import Sums, segments_to_photons
-from hybrid_rt.integrators.media.absorption import absorb, media_around_camera
+from hybrid_rt.integrators.media.absorption import absorb, media_around_camera, square_of_index
 from hybrid_rt.integrators.path.camera_paths import leaving_camera
 from hybrid_rt.integrators.photons.branching import (
     Branching,
@@ -303,7 +303,10 @@ class EyePass(Integrator):
         ledger.ended["absorbed or by roulette"] += int(counts[ABSORBED] + counts[LEFT])
         if counts[STOPPED]:
             ledger.ended["at max_depth"] += int(counts[STOPPED])
-            ledger.note_lost(float(largest_channel(paths.throughput[fate == STOPPED]).sum()))
+            stopped = rows_of_paths(paths, np.flatnonzero(fate == STOPPED))
+            weight = largest_channel(stopped.throughput)
+            weight *= square_of_index(stopped.media, self.context.scene.lobes)
+            ledger.lost_weight += float(weight.sum())
         out = Paths(*(np.empty_like(column) for column in paths))
         n_out = pack_paths(paths, fate, SCATTERED, hits.position, hits.object_id, onward, pdf, out)
         return Paths(*(column[:n_out] for column in out))

@@ -24,7 +24,7 @@ from hybrid_rt.integrators.integrator import (
     Integrator,
 )
 from hybrid_rt.integrators.kernels.compaction import add_to_pixels
-from hybrid_rt.integrators.media.absorption import absorb, media_around_camera
+from hybrid_rt.integrators.media.absorption import absorb, media_around_camera, square_of_index
 from hybrid_rt.integrators.shading import NO_RATIO, Shading
 from hybrid_rt.integrators.whitted.all_lights import AllLights
 from hybrid_rt.sampling.sampler import UIntArray
@@ -32,7 +32,7 @@ from hybrid_rt.scene.compiled import NOTHING
 from hybrid_rt.shading.kernels.bsdf import sample_lobes
 from hybrid_rt.shading.kernels.fresnel import mirror_directions, split_at_glass
 from hybrid_rt.shading.kernels.lobes.register import DELTA, NARROW, TRANSMITS
-from hybrid_rt.shading.kernels.medium_stack import IOR, SCHLICK, media_beyond
+from hybrid_rt.shading.kernels.medium_stack import SCHLICK, media_beyond
 
 # A branch that changes its pixel by less than this, per unit of radiance, is not followed.
 LEAST_CONTRIBUTION = 1e-3
@@ -280,19 +280,14 @@ class Whitted(Integrator):
 
     def _goes_on(self, throughput: FloatArray, media: IntArray, depth: int) -> BoolArray:
         """Tell which branches are followed; count the others and what they might have carried."""
-        ledger, ior = self.context.ledger, self.context.scene.lobes.number[:, IOR]
-        weight = largest_channel(throughput)
-        if media.shape[1]:
-            # Within glass radiance counts by its index squared, given back on the way out. The
-            # largest index of all bodies around is enough to decide what is faint.
-            index = np.where(media != NOTHING, ior[media], 1.0).max(axis=1)
-            weight = weight * np.maximum(index, 1.0) ** 2
+        ledger = self.context.ledger
+        weight = largest_channel(throughput) * square_of_index(media, self.context.scene.lobes)
         is_faint = weight < LEAST_CONTRIBUTION
         is_deep = ~is_faint & (depth > self.context.max_depth)
         ends = is_faint | is_deep
         ledger.ended["below least contribution"] += int(np.count_nonzero(is_faint & (weight > 0.0)))
         ledger.ended["at max_depth"] += int(np.count_nonzero(is_deep))
-        ledger.note_lost(float(weight[ends].sum()))
+        ledger.lost_weight += float(weight[ends].sum())
         return ~ends
 
 

@@ -76,6 +76,13 @@ def ior_of(lobes, lobe):
     return 1.0 if lobe == NONE else lobes.number[lobe, IOR]
 
 
+@kernel
+def indices_within(ior, stack, lobes):
+    """Write the index of refraction (n,) of what fills the space around each ray."""
+    for i in range(ior.size):
+        ior[i] = ior_of(lobes, filling_medium(stack, i, lobes))
+
+
 @inlined
 def transmittance(stack, i, lobes, length):
     """Return the Beer-Lambert transmittance over a distance in the medium of ray i."""

@@ -590,7 +590,7 @@ def test_clear_bodies_that_are_not_closed_are_named(surfaces, is_open, integrato
     assert list(report["clear_bodies_not_closed"]) == (["glass"] if is_open else [])
     words = numbers.in_words(report)
     assert ("WARNING   'glass' is clear: " in words) == is_open
-    assert ("it is not closed, or its normals point inward" in words) == is_open
+    assert ("it is not closed (all surfaces of a body" in words) == is_open
 
 
 @pytest.mark.parametrize(
@@ -616,7 +616,7 @@ def test_closed_bodies_are_never_called_open(bodies, not_closed, lost):
     assert [name for name in lost if name not in report["clear_bodies_lost"]] == []
     assert bool(report["clear_bodies_lost"]) == bool(lost)
     text = numbers.in_words(report)
-    assert ("it is not closed, or" in text) == bool(not_closed)
+    assert ("it is not closed (all" in text) == bool(not_closed)
     assert (": its normals point inward" in text) == bool(lost)
 
 

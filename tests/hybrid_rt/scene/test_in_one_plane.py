@@ -80,3 +80,36 @@ def test_the_warning_names_both():
     assert any(
         "'wall' and object 'mirror' lie in one plane" in line for line in warnings_in_words(report)
     )
+
+
+TURNED = [[0.8, -0.6, 0, 3], [0.6, 0.8, 0, -1], [0, 0, 1, 0.5], [0, 0, 0, 1]]
+
+
+@pytest.mark.parametrize("is_turned", [False, True])
+@pytest.mark.parametrize("flips", [False, True])
+def test_a_label_on_a_face_of_a_box_is_named(is_turned, flips):
+    box = Box((-2.5, -1.5, 0.001), (2.5, 1.5, 6.001))
+    on_it = [
+        Rectangle((-1.6, -1.5, 1.2), (3.2, 0, 0), (0, 0, 2)),
+        Rectangle((2.5, -1.5, 1.2), (0, 3, 0), (0, 0, 2)),
+    ]
+    off_it = [
+        Rectangle((-1.6, -1.5001, 1.2), (3.2, 0, 0), (0, 0, 2)),
+        Rectangle((-1.6, 0, 1.2), (3.2, 0, 0), (0, 0, 2)),
+        # Larger than the face, as the floor that it stands on.
+        Rectangle((-9, -9, 0.001), (18, 0, 0), (0, 18, 0)),
+        Rectangle((2.5, -1.5, 1.2), (1, 0, 0), (0, 0, 2)),
+    ]
+    if is_turned:
+        box, on_it, off_it = (
+            box.transformed(TURNED),
+            [label.transformed(TURNED) for label in on_it],
+            [label.transformed(TURNED) for label in off_it],
+        )
+    box = box.flipped() if flips else box
+    for label in on_it:
+        assert named(box, label, Lambertian(0.1)) == [["object 'wall'", "object 'mirror'"]]
+        assert len(named(label, box, Lambertian(0.1))) == 1
+        assert named(box, label, Dielectric(1.5)) == []
+    for label in off_it:
+        assert named(box, label, Lambertian(0.1)) == []

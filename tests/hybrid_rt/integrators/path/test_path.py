@@ -184,7 +184,28 @@ class TestFurnace:
         ended = result.report["ended_branches"]
         assert ended["at max_depth"] == 4 * 8 * 8
         assert ended["lost_weight_per_camera_ray"] == pytest.approx(1.0)
-        assert ended["lost_share_per_camera_ray"] == pytest.approx(1.0)
+        assert ended["lost_share"] == pytest.approx(1.0)
+
+    @pytest.mark.parametrize("integrator", ["path", "whitted", "ppm"])
+    @pytest.mark.parametrize("bodies", ["cube", "overlapping"])
+    def test_what_is_lost_in_glass_is_what_is_missing(self, bodies, integrator):
+        # Before a white sky clear glass is as bright as the sky: the rest was cut off in it.
+        glass = [(Box((-0.8, -0.7, -0.6), (0.8, 0.7, 0.6)), Dielectric(2.4))]
+        if bodies == "overlapping":
+            places = [((0, 0, 0), 1.0, 1.5), ((0.6, 0, 0), 0.8, 2.2), ((-0.5, 0.2, 0), 0.7, 1.8)]
+            glass = [
+                (Sphere(at, radius), Dielectric(n, priority=k))
+                for k, (at, radius, n) in enumerate(places)
+            ]
+        camera = Camera((1.5, -4.6, 1.2), (0, 0, 0), (0, 0, 1), 16, 24, 24)
+        scene = Scene(camera, [Object(*body) for body in glass], [], GradientSky(1.0, 1.0))
+        result = render(scene, integrator, passes=16, max_depth=3, threads=1)
+        missing = 1.0 - float(result.image.mean())
+        ended = result.report["ended_branches"]
+        assert missing > 0.05
+        # By path and ppm each is a mean over 9216 rays, of which nearly all agree.
+        assert ended["lost_share"] == pytest.approx(missing, rel=0.01)
+        assert ended["lost_weight_per_camera_ray"] == pytest.approx(missing, rel=0.01)
 
     def test_what_is_lost_behind_a_dark_surface_is_not_little(self):
         # In a white room so large that no path comes back to the dark square: all is lost there.
@@ -199,8 +220,21 @@ class TestFurnace:
         ended = result.report["ended_branches"]
         assert ended["at max_depth"] == 4 * 8 * 8
         assert ended["lost_weight_per_camera_ray"] == pytest.approx(0.02)
-        assert ended["lost_share_per_camera_ray"] == pytest.approx(1.0)
+        assert ended["lost_share"] == pytest.approx(1.0)
         assert any("cut off 100 %" in line for line in warnings_in_words(result.report))
+
+    def test_what_is_lost_counts_by_the_light_that_there_is(self):
+        # Half of the picture is the dark square of the test above, half a lamp, which loses nothing.
+        room = Object(Sphere((0, 0, 0), 1e6).flipped(), Lambertian(1.0))
+        square = Object(Rectangle((-1, -1, 0), (1, 0, 0), (0, 2, 0)), Lambertian(0.02))
+        lamp = RectangleLight((0, -1, 0), (1, 0, 0), (0, 2, 0), 1.0)
+        camera = Camera((0, 0, 1), (0, 0, 0), (0, 1, 0), 60, 8, 8)
+        result = render(
+            Scene(camera, [room, square], [lamp]), passes=4, options=PathOptions(survival=1.0)
+        )
+        ended = result.report["ended_branches"]
+        assert ended["lost_weight_per_camera_ray"] == pytest.approx(0.01)
+        assert ended["lost_share"] == pytest.approx(0.01 / (0.5 + 0.01))
 
 
 class TestLights:
