@@ -14,6 +14,7 @@ class Brightness(NamedTuple):
     # Mean of squared radiance over its mean squared: 1 for a sky of one colour, at most 4/3 for a
     # gradient, and 1 / f if all light comes evenly from a part f of all directions.
     unevenness: float
+    highest: float  # radiance anywhere, mean of its channels
 
 
 def brightness(sky: EnvironmentTable) -> Brightness:
@@ -29,6 +30,7 @@ def brightness(sky: EnvironmentTable) -> Brightness:
         weight = np.array([1.0, 4.0, 1.0])
     mean = float(np.average(radiance, weights=weight))
     if mean == 0.0:
-        return Brightness(0.0, 1.0)
+        return Brightness(0.0, 1.0, 0.0)
     # Squares of what is over the mean neither overflow nor vanish.
-    return Brightness(mean, float(np.average((radiance / mean) ** 2, weights=weight)))
+    unevenness = float(np.average((radiance / mean) ** 2, weights=weight))
+    return Brightness(mean, unevenness, float(radiance.max()))

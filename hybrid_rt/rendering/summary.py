@@ -119,7 +119,9 @@ def warnings_in_words(report: dict[str, Any]) -> list[str]:
             f"max_depth {max_depth} cut off {per_cent(lost)} of the light that was followed, which no "
             "error estimate counts: pass a larger max_depth"
         )
-    is_explained = report["lamps_turned_away"] or report["lamps_in_bodies"]
+    without = _much_left_out(report)
+    lines += without
+    is_explained = without or report["lamps_turned_away"] or report["lamps_in_bodies"]
     if not is_explained and _share_without_light(report) == 1.0:
         # From the default on, the warning above says so.
         is_cut_off = by_depth and lost >= MUCH and max_depth < DEFAULT_DEPTH
@@ -137,6 +139,27 @@ def warnings_in_words(report: dict[str, Any]) -> list[str]:
     return [*lines, *_target_without_lamps(report)]
 
 
+def _much_left_out(report: dict[str, Any]) -> list[str]:
+    """Return a warning if much light is missing that the integrator does not find.
+
+    That is known of Whitted's method, which leaves out most indirect light: there it is more than all
+    that it finds.
+    """
+    measured, integrator = report["light_not_found_measured"], report["settings"]["integrator"]
+    if measured is None or measured["mean"] is None:
+        return []
+    mean, half, share = (measured[k] for k in ("mean", "half_interval_95", "share_of_image_mean"))
+    least = 1.0 if integrator == "whitted" else MUCH
+    if mean <= half or (share is not None and share < least):
+        return []
+    relative = "" if share is None else f", {per_cent(share)} of what it finds"
+    words = (
+        f"{integrator} does not find {'; '.join(report['light_not_found'])}: the image mean lacks "
+        f"{mean:.2g} +- {half:.1g} of it (95 %){relative}, which no error estimate counts: take ppm"
+    )
+    return [words]
+
+
 def _target_without_lamps(report: dict[str, Any]) -> list[str]:
     """Return a warning if a target was reached that lamps that no camera ray has met may exceed."""
     noise, settings = report["noise"], report["settings"]
@@ -152,8 +175,8 @@ def _target_without_lamps(report: dict[str, Any]) -> list[str]:
         passes = f"about {float(f'{needed:.2g}'):,.0f} passes"
     by = "" if settings["integrator"] == "path" else " (integrator path makes them soonest)"
     words = (
-        f"the target error {target:g} does not count lamps that camera rays meet by chance alone, in "
-        "mirrors or glass or as specks, and have not met yet: the brightest may add up to "
+        f"the target error {target:g} does not count lamps, or a sun in the sky, that camera rays meet by "
+        "chance alone, in mirrors or glass or as specks, and have not met yet: the brightest may add up to "
         f"{unmet:.2g} to the image mean of {mean:.3g}{relative}. Pass no target, but {passes}{by}"
     )
     return [words]
@@ -276,8 +299,8 @@ def _unmet(noise: dict[str, Any]) -> str:
     if not _unmet_decides(noise):
         return ""
     return (
-        "\n            the interval allows for ways to the brightest lamp that no camera ray has taken "
-        "yet, in mirrors or glass or as a speck: more passes narrow it"
+        "\n            the interval allows for ways to the brightest lamp, or place of the sky, that no "
+        "camera ray has taken yet, in mirrors or glass or as a speck: more passes narrow it"
     )
 
 

@@ -208,7 +208,7 @@ class PathTracer(Integrator):
         is_sampled = self._samples_lights and self.context.plan["sky samples"]
         if not is_sampled or self._options.strategy != "both":
             return False, 0.0
-        mean, unevenness = brightness(self.context.scene.sky)
+        mean, unevenness, _ = brightness(self.context.scene.sky)
         return unevenness >= LEAST_UNEVENNESS, FAINT * mean
 
     @property
@@ -232,7 +232,8 @@ class PathTracer(Integrator):
             self._asks_ways,
             f"balls of glass or mirrors ({balls}), boxes of glass ({boxes}) and flat mirrors "
             f"({mirrors}): ways by these are computed {' and '.join(ends)}",
-            "no sphere is of one mirror or of clear glass, no box of clear glass, and no rectangle a mirror"
+            "no sphere is of one mirror or of clear glass, no box of clear glass, and no rectangle a mirror "
+            "by way of which a lamp may be reached"
             if ends
             else "no light paths, whose gaps they fill, and no sky that is bright in few directions",
         )

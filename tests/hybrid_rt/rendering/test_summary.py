@@ -17,6 +17,7 @@ from hybrid_rt import (
     Scene,
     Sphere,
     SphereLight,
+    SpotLight,
     TriangleMesh,
     render,
 )
@@ -260,3 +261,22 @@ def test_much_light_that_max_depth_cuts_off_is_a_warning(integrator, max_depth, 
     ).report
     words = f"max_depth {max_depth} cut off "
     assert any(line.startswith(words) for line in warnings_in_words(report)) == is_said
+
+
+@pytest.mark.parametrize("integrator", ["path", "whitted"])
+def test_much_light_that_is_not_found_is_a_warning(integrator):
+    """A lens of glass throws all light of a point onto a floor that nothing else lights."""
+    floor = Object(Rectangle((-3, -3, 0), (6, 0, 0), (0, 6, 0)), Lambertian(0.5), "floor")
+    ball = Object(Sphere((0, 0, 2), 0.5), Dielectric(1.5), "ball")
+    camera = Camera((0, 0, 1), (0, 0, 0), (0, 1, 0), 40, 16, 16)
+    lamp = SpotLight((0, 0, 4), (0, 0, -1), 20.0, 12.0, 2.0)
+    dark = render(Scene(camera, [floor, ball], [lamp]), integrator, passes=2, threads=1)
+    (words,) = warnings_in_words(dark.report)
+    assert words.startswith(f"{integrator} does not find light")
+    assert words.endswith("(95 %), which no error estimate counts: take ppm")
+    # More light comes straight: path lacks a part of it, which is usual for whitted.
+    beside = SpotLight((1.5, 0, 4), (-1.5, 0, -4), 100.0, 12.0, 2.0)
+    half = render(Scene(camera, [floor, ball], [lamp, beside]), integrator, passes=2, threads=1)
+    words = warnings_in_words(half.report)
+    assert len(words) == (integrator == "path")
+    assert all("of what it finds, which no error" in line for line in words)

@@ -4,7 +4,11 @@ import numpy as np
 import pytest
 
 from hybrid_rt import (
+    Box,
     Camera,
+    Dielectric,
+    GradientSky,
+    ImageEnvironment,
     Lambertian,
     Mirror,
     Object,
@@ -49,6 +53,55 @@ def test_it_is_three_rays_of_the_brightest_lamp():
     brighter = RectangleLight((1, 1, 3), (0, 1, 0), (1, 0, 0), (10.0, 60.0, 110.0))
     scene = compile_scene(Scene(CAMERA, [MIRROR], [SPECK, brighter, PointLight((0, 0, 3), 1e6)]))
     assert unmet_light(scene, 16) == pytest.approx(3.0 * 60.0 / (16 * SIDE * SIDE), rel=1e-15)
+
+
+def test_the_brightest_place_of_the_sky_counts_as_a_lamp():
+    texels = np.full((8, 16, 3), 0.5)
+    texels[2, 3] = (10.0, 60.0, 110.0)
+    sky = ImageEnvironment(texels)
+    in_mirror = compile_scene(Scene(CAMERA, [MIRROR], [SPECK], sky))
+    assert unmet_light(in_mirror, 16) == pytest.approx(3.0 * 60.0 / (16 * SIDE * SIDE), rel=1e-6)
+    assert unmet_light(compile_scene(Scene(CAMERA, [FLOOR], [], sky)), 16) == 0.0
+    even = compile_scene(Scene(CAMERA, [MIRROR], [], GradientSky(0.2, 0.7)))
+    assert unmet_light(even, 16) == pytest.approx(3.0 * 0.7 / (16 * SIDE * SIDE), rel=1e-12)
+
+
+@pytest.mark.statistical
+def test_interval_holds_though_a_sun_is_met_by_chance_alone():
+    """A floor behind two panes, which no way is computed through; what panes reflect is left out.
+
+    The truth is an integral over the texel and its neighbours of the sky, bilinear between the middles
+    of texels, times what two panes let through, at least.
+    """
+    height, row, column = 128, 20, 51
+    texels = np.zeros((height, 2 * height, 3))
+    texels[row, column] = 2e5
+    panes = [
+        Object(Box((-20, -20, 1 + 0.1 * k), (20, 20, 1.02 + 0.1 * k)), Dielectric(1.5))
+        for k in range(2)
+    ]
+    floor = Object(Rectangle((-20, -20, 0), (40, 0, 0), (0, 40, 0)), Lambertian(0.5))
+    camera = Camera((0, 0, 0.9), (0, 0, 0), (0, 1, 0), 40.0, 12, 12)
+    scene = Scene(camera, [floor, *panes], [], ImageEnvironment(texels, up=(0, 0, 1)))
+    step = np.pi / height
+    offset = (np.arange(200) + 0.5) / 100.0 - 1.0  # in texels
+    polar = (row + 0.5 + offset) * step
+    hat = 1.0 - np.abs(offset)
+    # Fresnel's reflectance of a surface, then a pane, then two of them.
+    inside = np.arcsin(np.sin(polar) / 1.5)
+    s = (np.sin(polar - inside) / np.sin(polar + inside)) ** 2
+    p = (np.tan(polar - inside) / np.tan(polar + inside)) ** 2
+    through = sum(0.5 * (1 - r) / (1 + 3 * r) for r in (s, p))
+    per_polar = hat * np.cos(polar) * np.sin(polar) * through
+    least = 0.5 / np.pi * 2e5 * (per_polar.sum() * step / 100.0) * step
+    half_known = 0
+    for seed in range(12):
+        noise = render(scene, "path", 16, seed=seed, threads=1).report["noise"]
+        half = noise["half_interval_95_of_image_mean"]
+        assert noise["image_mean"] + half >= least
+        half_known += noise["image_mean"] < 0.5 * least
+    # Else the test would say nothing.
+    assert half_known >= 3
 
 
 def test_nothing_is_added_where_no_ray_meets_a_lamp_by_chance():

@@ -98,10 +98,10 @@ def test_faces_that_something_lies_on():
 
 def test_the_unevenness_of_skies():
     assert brightness(GradientSky(0.3, 0.3).table).unevenness == pytest.approx(1.0)
-    assert brightness(GradientSky(0.0, 1.0).table) == pytest.approx((0.5, 4 / 3))
+    assert brightness(GradientSky(0.0, 1.0).table) == pytest.approx((0.5, 4 / 3, 1.0))
     half = np.zeros((8, 16, 3))
     half[:4, :4] = 5.0  # an eighth of all directions
-    assert brightness(ImageEnvironment(half).table) == pytest.approx((5 / 8, 8.0))
+    assert brightness(ImageEnvironment(half).table) == pytest.approx((5 / 8, 8.0, 5.0))
 
 
 # --- pictures
