@@ -1,4 +1,4 @@
-"""Rough conductors: gold, copper, aluminium and other metals, from nearly polished to matt."""
+"""Rough conductors: gold, copper, silver, aluminium and other metals, from nearly polished to matt."""
 
 from __future__ import annotations
 
@@ -20,12 +20,13 @@ from hybrid_rt.textures.texture import ConstantTexture
 # (linear) have by the colour matching functions of the CIE of 1931; each weight adds up to one.
 # At normal incidence they reflect within 0.014 of the measured spectra so averaged, but for the red
 # of gold (0.968): its saturated 1.006 is no colour that a metal of three channels can have.
-# Gold, copper: Johnson and Christy, "Optical constants of the noble metals", Phys. Rev. B 6, 4370
+# Gold, copper, silver: Johnson and Christy, "Optical constants of the noble metals", Phys. Rev. B 6, 4370
 # (1972). Aluminium: Rakic, "Algorithm for the determination of intrinsic optical constants of metal
 # films: application to aluminum", Appl. Opt. 34, 4755 (1995).
 METALS = {
     "gold": ((0.1077, 0.4885, 1.4777), (3.5085, 2.3377, 1.8090)),
     "copper": ((0.2371, 1.0372, 1.2982), (3.2441, 2.6011, 2.3527)),
+    "silver": ((0.0554, 0.0547, 0.0427), (4.2932, 3.5431, 2.5347)),
     "aluminium": ((1.4411, 0.9885, 0.5854), (7.5579, 6.5664, 5.3061)),
 }
 # Half of what a lobe reflects leaves within 2 atan(alpha) of the mirror direction: a quarter of the
@@ -84,11 +85,11 @@ class RoughConductor(Material):
 
     @classmethod
     def of(cls, metal: str, roughness: float) -> RoughConductor:
-        """Return gold, copper or aluminium, with measured indices.
+        """Return gold, copper, silver or aluminium, with measured indices.
 
         Parameters
         ----------
-        metal : "gold", "copper" or "aluminium"
+        metal : "gold", "copper", "silver" or "aluminium"
         roughness : float
             As for the class.
 

@@ -19,6 +19,11 @@ MEASURED = {
         0.4509 1.24 2.397  0.4714 1.25 2.483  0.4959 1.22 2.564  0.5209 1.18 2.608
         0.5486 1.02 2.577  0.5821 0.70 2.704  0.6168 0.30 3.205  0.6595 0.22 3.747
         0.7045 0.21 4.205  0.7560 0.24 4.665  0.8211 0.26 5.180""",
+    "silver": """
+        0.3815 0.05 1.864  0.3974 0.05 2.070  0.4133 0.05 2.275  0.4305 0.04 2.462
+        0.4509 0.04 2.657  0.4714 0.05 2.869  0.4959 0.05 3.093  0.5209 0.05 3.324
+        0.5486 0.06 3.586  0.5821 0.05 3.858  0.6168 0.06 4.152  0.6595 0.05 4.483
+        0.7045 0.04 4.838  0.7560 0.03 5.242  0.8211 0.04 5.727""",
     # Rakic, 1995
     "aluminium": """
         0.36466 0.39877 4.3957  0.41328 0.52135 5.0008  0.44280 0.60790 5.3676
@@ -77,7 +82,7 @@ def test_indices_are_the_measured_ones_weighted_by_the_eye(metal):
         (lambda: RoughConductor(1.0, 3.0, 1.5), "roughness"),
         (
             lambda: RoughConductor.of("brass", 0.5),
-            r"gold, copper, aluminium; or RoughConductor\(eta, k, roughness\) with its optical constants",
+            r"gold, copper, silver, aluminium; or RoughConductor\(eta, k, roughness\) with its optical constants",
         ),
     ],
 )
