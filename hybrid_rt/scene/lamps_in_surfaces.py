@@ -9,7 +9,6 @@ there by a tiny offset; after that nothing coincides, and no special case is lef
 from __future__ import annotations
 
 import logging
-import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
@@ -21,8 +20,8 @@ from hybrid_rt.intersection import Intersector
 from hybrid_rt.intersection.coincident import FACE_ROUNDING
 from hybrid_rt.lights import RectangleLight
 from hybrid_rt.lights.light import Light
-from hybrid_rt.lights.surface import shining_surface
 from hybrid_rt.scene.compiled import NOTHING, CompiledScene, compile_scene
+from hybrid_rt.scene.lamp_points import points_of_lamps, size_by_camera
 from hybrid_rt.scene.scene import Object, Scene
 from hybrid_rt.shading.kernels.light_kinds import WITHOUT_AREA
 
@@ -33,14 +32,10 @@ LOG = logging.getLogger(__name__)
 LIFT = 2.0**-32
 # Each of them settles what lies in a surface; further ones part lamps that lie in each other.
 MOST_LIFTS = 4
-# Points looked at: of each lamp, of all lamps, of each at least.
-POINTS, MOST_POINTS, FEWEST_POINTS = 256, 2**16, 16
 # Lamps coincide where they run alike: a wall that a lamp passes through does not count.
 ALIKE = 0.999
 # A body stands with so many faces on others at most.
 MOST_FACES = 3
-# Three directions at right angles, none along an axis: a surface through a point crosses one.
-ACROSS = np.array([[2.0, -1.0, 2.0], [2.0, 2.0, -1.0], [-1.0, 2.0, 2.0]]) / 3.0
 
 
 @dataclass(frozen=True)
@@ -107,7 +102,7 @@ def with_lamps_lifted(
             if lamp.way is None or not _is_movable(scene, lamp.light):
                 LOG.warning(lamp_in_words(note))
                 continue
-            height = LIFT * max(_size(compiled), _reach(compiled, lamp.light))
+            height = LIFT * max(size_by_camera(compiled), _reach(compiled, lamp.light))
             note["lifted_by"] += height
             lifted[lamp.light] = _moved(scene, compiled, lamp.light, height * lamp.way)
         if not lifted:
@@ -148,12 +143,7 @@ def sunken_lamps(scene: CompiledScene, tracer: Intersector) -> list[Sunken]:
     """
     if not scene.surfaces:
         return []
-    per_lamp = min(max(MOST_POINTS // max(scene.n_lights, 1), FEWEST_POINTS), POINTS)
-    lamps: dict[int, tuple[FloatArray, FloatArray]] = {}
-    for light in range(scene.n_lights):
-        seen = _places(scene, light, per_lamp)
-        if seen is not None:
-            lamps[light] = seen
+    lamps = points_of_lamps(scene, range(scene.n_lights))
     if not lamps:
         return []
     place, direction = (np.concatenate(part) for part in zip(*lamps.values(), strict=True))
@@ -202,33 +192,8 @@ def _counts(lamp: Sunken, notes: dict[int, dict[str, Any]]) -> bool:
     return not has_been_told and (lamp.partner == NOTHING or lamp.light < lamp.partner)
 
 
-def _places(scene: CompiledScene, light: int, n: int) -> tuple[FloatArray, FloatArray] | None:
-    """Return points of a lamp (n, 3), and from where they are looked at: inward, its own size."""
-    lights, side = scene.lights, math.isqrt(n)
-    # Not on the lines through the middle, where a scene's walls may stand.
-    grid = (np.arange(side) + 0.381966) / side
-    xi = np.stack(np.meshgrid(grid, grid), axis=-1).reshape(-1, 2)
-    if lights.kind[light] in WITHOUT_AREA:
-        point = np.repeat(lights.origin[[light]], 3, axis=0)
-        return point, (max(_size(scene), float(np.abs(point).max())) or 1.0) * ACROSS
-    surface = scene.surfaces[scene.surface_of_light[light]]
-    chooser = scene.shining.get(light) or shining_surface(surface)
-    if chooser is None:  # a plane
-        return None
-    points = chooser.points(xi)
-    is_on = points.pdf_area > 0.0  # of trimmed surfaces some are outside the loops
-    if not is_on.any():
-        points, is_on = chooser.one_point(), np.ones(1, np.bool_)
-    place, normal = points.position[is_on], points.normal[is_on]
-    return place, -normal * (float(np.ptp(place, axis=0).max()) or surface.size)
-
-
 def _reach(scene: CompiledScene, light: int) -> float:
     return float(np.abs(scene.surfaces[scene.surface_of_light[light]].bounds).max())
-
-
-def _size(scene: CompiledScene) -> float:
-    return float(np.abs(scene.camera.look_from).max())
 
 
 def _way_out(normals: FloatArray, sunken: FloatArray) -> FloatArray | None:

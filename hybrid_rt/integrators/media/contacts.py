@@ -7,6 +7,7 @@ other surface is opaque, the ray is scattered by that surface, from within the d
 
 from __future__ import annotations
 
+import copy
 from dataclasses import fields
 
 import numpy as np
@@ -62,6 +63,12 @@ class Contacts:
     def __init__(self, scene: CompiledScene, tracer: Intersector) -> None:
         self._scene, self._tracer = scene, tracer
         self._touches = touching(scene)
+
+    def with_tracer(self, tracer: Intersector) -> Contacts:
+        """Return the same with another tracer of these surfaces."""
+        own = copy.copy(self)
+        own._tracer = tracer
+        return own
 
     def at(
         self,

@@ -21,7 +21,8 @@ from hybrid_rt.integrators.kernels.compaction import choose_lights
 from hybrid_rt.integrators.kernels.connections import splat_light_vertices
 from hybrid_rt.integrators.kernels.light_paths import LightPaths, LightVertices
 from hybrid_rt.integrators.light_points import leaving_points
-from hybrid_rt.integrators.media.absorption import absorb, media_around_lights, square_of_index
+from hybrid_rt.integrators.media.absorption import absorb, square_of_index
+from hybrid_rt.integrators.media.beginnings import MediaAroundLights
 from hybrid_rt.integrators.media.contacts import Contacts, first_hits
 from hybrid_rt.sampling.sampler import UIntArray
 from hybrid_rt.scene.compiled import NOTHING, CompiledScene
@@ -108,7 +109,7 @@ class LightPathTracer:
         self._emit = scene.lights.emit
         self._before = np.cumsum(self._emit)
         sends = np.flatnonzero(self._emit[:-1])
-        self._media_of_light = media_around_lights(context, contacts, sends)
+        self._media_around = MediaAroundLights(context, contacts, sends.tolist())
         self._media_of_camera = camera_media
         self._mirrors = scene.materials_with(DELTA)
         self.is_smooth = np.zeros(max(len(scene.surfaces), 1), dtype=np.bool_)
@@ -203,7 +204,7 @@ class LightPathTracer:
             flux=np.empty((number.size, 3)),
             density=np.empty(number.size),
             is_direct=np.ones(number.size, dtype=np.bool_),
-            media=self._media_of_light.take(light, axis=0),
+            media=np.empty((number.size, 0), dtype=np.int32),
             source_id=scene.surface_of_light.take(light),
             begins_late=np.zeros(number.size, dtype=np.bool_),
         )
@@ -212,6 +213,9 @@ class LightPathTracer:
             self._points(sample, number, TURN), 1.0 / n, paths.origins, paths.directions, paths.flux,
             paths.density,
         )  # fmt: skip
+        with context.ledger.stage("intersect"):
+            media = self._media_around.at(light, paths.origins, paths.directions)
+        paths = paths._replace(media=media)
         if context.plan["medium stack"]:
             paths.density[:] /= square_of_index(paths.media, scene.lobes)
         return paths

@@ -48,7 +48,7 @@ from hybrid_rt.integrators.kernels.vertex_points import (
     new_run_points,
 )
 from hybrid_rt.integrators.light_points import new_light_points
-from hybrid_rt.integrators.media.absorption import media_around_camera
+from hybrid_rt.integrators.media.beginnings import media_around_camera
 from hybrid_rt.integrators.options import PathOptions
 from hybrid_rt.integrators.path.balls import balls_of, no_balls
 from hybrid_rt.integrators.path.boxes import boxes_of, no_boxes

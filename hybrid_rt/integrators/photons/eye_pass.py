@@ -24,7 +24,8 @@ from hybrid_rt.integrators.integrator import (
 )
 from hybrid_rt.integrators.kernels.compaction import Paths, add_products, pack_paths
 from hybrid_rt.integrators.kernels.density_estimate import Sums, segments_to_photons
-from hybrid_rt.integrators.media.absorption import absorb, media_around_camera, square_of_index
+from hybrid_rt.integrators.media.absorption import absorb, square_of_index
+from hybrid_rt.integrators.media.beginnings import media_around_camera
 from hybrid_rt.integrators.path.camera_paths import leaving_camera
 from hybrid_rt.integrators.photons.branching import (
     Branching,

@@ -35,7 +35,8 @@ from hybrid_rt.integrators.kernels.photon_steps import (
     store_photons,
 )
 from hybrid_rt.integrators.light_points import new_light_points
-from hybrid_rt.integrators.media.absorption import absorb, media_around_lights
+from hybrid_rt.integrators.media.absorption import absorb
+from hybrid_rt.integrators.media.beginnings import MediaAroundLights
 from hybrid_rt.integrators.media.contacts import Contacts, first_hits
 from hybrid_rt.integrators.photons.light_tracing import DensePlaces, Splats, show
 from hybrid_rt.integrators.photons.photon_groups import (
@@ -119,7 +120,7 @@ class PhotonTracer:
             self._targets = targets_of(scene, throws)
         self._powers = powers_of_lights(scene, self.world)
         sends = np.flatnonzero((self._powers[:-1] > 0.0) & context.plan["photons"])
-        self._media = media_around_lights(context, contacts, sends)
+        self._media_around = MediaAroundLights(context, contacts, sends.tolist())
 
     def groups(self, photons_per_pass: int) -> list[Group]:
         """Allot the photons of a pass to lights by power; every light that emits gets some."""
@@ -269,12 +270,14 @@ class PhotonTracer:
         self.balance.n_emitted += n
         add_power(launch.power, 1.0, self.balance.power[EMITTED])
         sent = np.flatnonzero(largest_channel(launch.power) > 0.0)
+        origin, direction = launch.origin[sent], launch.direction[sent]
+        light = np.full(sent.size, group.light, dtype=np.int32)
         return Flight(
             number=number[sent],
-            origin=launch.origin[sent],
-            direction=launch.direction[sent],
+            origin=origin,
+            direction=direction,
             power=launch.power[sent],
-            media=np.repeat(self._media[group.light][None], sent.size, axis=0),
+            media=self._media_around.at(light, origin, direction),
             source_id=source_id[sent],
             history=np.zeros(sent.size, dtype=np.uint8),
         )

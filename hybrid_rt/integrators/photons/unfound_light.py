@@ -28,7 +28,7 @@ from hybrid_rt.integrators.integrator import PIXEL_BITS
 from hybrid_rt.integrators.kernels.density_estimate import Sums
 from hybrid_rt.integrators.kernels.photon_steps import LOST, Flight, Photons
 from hybrid_rt.integrators.light_found import letters_of_lights
-from hybrid_rt.integrators.media.absorption import media_around_camera
+from hybrid_rt.integrators.media.beginnings import media_around_camera
 from hybrid_rt.integrators.media.contacts import Contacts
 from hybrid_rt.integrators.photons import PPM
 from hybrid_rt.integrators.photons.density_estimation import Discs, Radii

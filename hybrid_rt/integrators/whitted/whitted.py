@@ -24,7 +24,8 @@ from hybrid_rt.integrators.integrator import (
     Integrator,
 )
 from hybrid_rt.integrators.kernels.compaction import add_to_pixels
-from hybrid_rt.integrators.media.absorption import absorb, media_around_camera, square_of_index
+from hybrid_rt.integrators.media.absorption import absorb, square_of_index
+from hybrid_rt.integrators.media.beginnings import media_around_camera
 from hybrid_rt.integrators.shading import NO_RATIO, Shading
 from hybrid_rt.integrators.whitted.all_lights import AllLights
 from hybrid_rt.sampling.sampler import UIntArray

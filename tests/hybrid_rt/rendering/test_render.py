@@ -19,7 +19,7 @@ from hybrid_rt.integrators import (
     direct_light as surface_light,
 )
 from hybrid_rt.integrators.integrator import LENS_DIMENSION
-from hybrid_rt.integrators.media import absorption as clear_bodies
+from hybrid_rt.integrators.media import beginnings as clear_bodies
 from hybrid_rt.integrators.media.contacts import Contacts
 from hybrid_rt.integrators.path import path_tracer as path
 from hybrid_rt.integrators.path.light_paths import LightPathTracer

@@ -1,0 +1,182 @@
+"""The media in which paths begin: at the camera, and at each point of the lamps."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import numpy as np
+
+from hybrid_rt.core.records import BoolArray, FloatArray, HitRecord, IntArray, NamedPoints
+from hybrid_rt.integrators.context import RenderContext
+from hybrid_rt.integrators.media.contacts import Contacts, first_hits
+from hybrid_rt.scene.compiled import NOTHING
+from hybrid_rt.scene.lamp_points import points_of_lamps
+from hybrid_rt.shading.kernels.light_kinds import WITHOUT_AREA
+from hybrid_rt.shading.kernels.medium_stack import STACK
+
+# Surfaces that one ray is followed through.
+MOST_CROSSINGS = 256
+# None of a scene's likely directions, unit: a ray along an edge would count both faces.
+SKEW = np.array([[0.5612, 0.6383, 0.5269]])
+SKEW /= np.linalg.norm(SKEW)
+
+
+def media_at(
+    context: RenderContext,
+    contacts: Contacts | None,
+    origins: FloatArray,
+    directions: FloatArray = SKEW,
+    source: HitRecord | NamedPoints | None = None,
+) -> IntArray:
+    """Return the dielectrics that contain each of some points, the outermost first.
+
+    A ray from the point to infinity leaves each of them once more often than it enters it. These rays
+    are not counted as work of the picture.
+
+    Parameters
+    ----------
+    context : RenderContext
+    contacts : Contacts or None
+        None if no dielectric touches another surface.
+    origins : (n, 3) float64
+    directions : (n, 3) or (1, 3) float64
+    source : HitRecord or NamedPoints of n rows, optional
+        The surface points, if the origins are such.
+
+    Returns
+    -------
+    (n, STACK) int32
+        The innermost ones, if there are more.
+    """
+    scene, tracer = context.scene, context.tracer.with_own_counters()
+    contacts = None if contacts is None else contacts.with_tracer(tracer)
+    glass_of = np.append(scene.glass_of, np.int32(NOTHING))  # the last for what has no material
+    rows = np.arange(len(origins))
+    directions = np.tile(directions, (len(origins) // len(directions), 1))
+    around = np.full((len(origins), STACK), NOTHING, dtype=np.int32)  # the innermost first
+    entered = around.copy()  # and not yet left, in any order, by the rays that go on
+    for _ in range(MOST_CROSSINGS):
+        hits, second = first_hits(tracer, contacts, origins, directions, source)
+        on = np.flatnonzero(hits.hit)
+        if on.size == 0:
+            break
+        hits, directions, rows, entered = hits[on], directions[on], rows[on], entered[on]
+        second = second[on] if second.size else np.zeros(on.size, dtype=np.int32)
+        passed = (
+            (glass_of[scene.material_of[hits.object_id]], hits.front_face),
+            (np.abs(second) - 1, second > 0),
+        )
+        # What is entered comes first.
+        for body, is_entered in passed:
+            entered = _put(entered, np.where(is_entered, body, NOTHING), grows=True)
+        for body, is_entered in passed:
+            left = np.where(is_entered, NOTHING, body)
+            was = (entered == left[:, None]) & (left != NOTHING)[:, None]
+            has = was.any(axis=1)
+            entered[np.flatnonzero(has), was[has].argmax(axis=1)] = NOTHING
+            around[rows] = _put(around[rows], np.where(has, NOTHING, left), grows=False)
+        origins, source = hits.position, hits
+    place = (around != NOTHING).sum(axis=1)[:, None] - 1 - np.arange(STACK)
+    turned = np.take_along_axis(around, np.maximum(place, 0), axis=1)
+    return np.where(place >= 0, turned, np.int32(NOTHING))
+
+
+def _put(held: IntArray, bodies: IntArray, grows: bool) -> IntArray:
+    """Put a body into the first free column of each row; return the table.
+
+    A row without one is left as it is, or, if the table grows, gets more columns.
+    """
+    rows = np.flatnonzero(bodies != NOTHING)
+    is_free = held[rows] == NOTHING
+    if grows and not is_free.any(axis=1).all():
+        held = np.hstack([held, np.full((len(held), STACK), NOTHING, dtype=np.int32)])
+        is_free = held[rows] == NOTHING
+    fits = is_free.any(axis=1)
+    held[rows[fits], is_free[fits].argmax(axis=1)] = bodies[rows[fits]]
+    return held
+
+
+def media_around_camera(context: RenderContext, contacts: Contacts | None) -> IntArray:
+    """Return the medium stack of camera rays, (STACK,); (0,) without dielectrics."""
+    if not context.plan["medium stack"]:
+        return np.empty(0, dtype=np.int32)
+    around: IntArray = media_at(context, contacts, context.scene.camera.look_from[None])[0]
+    return around
+
+
+class MediaAroundLights:
+    """The medium stacks in which light paths and photons begin.
+
+    256 points of each lamp are looked at. If all of them lie in the same bodies, so does the lamp. Else
+    it lies in some of them in part, and each beginning is looked at by itself.
+
+    Parameters
+    ----------
+    context : RenderContext
+    contacts : Contacts or None
+        None if no dielectric touches another surface.
+    lights : iterable of int
+        Rows of the light table of which light is sent; the others count as in vacuum.
+
+    Attributes
+    ----------
+    differs : (lights + 1,) bool
+        Lamps of which not all points lie in the same bodies; the last row is the environment.
+    """
+
+    def __init__(
+        self, context: RenderContext, contacts: Contacts | None, lights: Iterable[int]
+    ) -> None:
+        self._context, self._contacts = context, contacts
+        n = context.scene.n_lights + 1
+        self.differs: BoolArray = np.zeros(n, dtype=np.bool_)
+        has_media = context.plan["medium stack"]
+        self._around: IntArray = np.full((n, STACK if has_media else 0), NOTHING, dtype=np.int32)
+        sending = list(lights)
+        if has_media and sending:
+            self._look(sending)
+
+    def at(self, light: IntArray, origins: FloatArray, directions: FloatArray) -> IntArray:
+        """Return the medium stack of each beginning.
+
+        Parameters
+        ----------
+        light : (n,) int
+            The lights that they leave; the number of lights stands for the environment.
+        origins, directions : (n, 3) float64
+
+        Returns
+        -------
+        (n, STACK) int32; (n, 0) if the scene has no dielectric
+        """
+        media: IntArray = self._around.take(light, axis=0)
+        rows = np.flatnonzero(self.differs[light])
+        if rows.size:
+            # The ray that leaves the point also tells what is around it: so the path that follows it
+            # leaves what it began in.
+            media[rows] = self._media_at(light[rows], origins[rows], directions[rows])
+        return media
+
+    def _look(self, lights: list[int]) -> None:
+        """Look at points of some lamps, all at once."""
+        scene = self._context.scene
+        places: dict[int, tuple[FloatArray, FloatArray]] = {}
+        for light, (points, inward) in points_of_lamps(scene, lights).items():
+            if scene.lights.kind[light] in WITHOUT_AREA:
+                places[light] = points[:1], SKEW
+            else:
+                outward = -inward / np.linalg.norm(inward, axis=1, keepdims=True)
+                places[light] = points, outward + 0.5 * SKEW
+        if not places:
+            return
+        points, directions = (np.concatenate(part) for part in zip(*places.values(), strict=True))
+        number = np.array([len(part) for part, _ in places.values()])
+        found, of_light = np.array(list(places)), np.repeat(list(places), number)
+        media = self._media_at(of_light, points, directions)
+        self._around[found] = media[np.cumsum(number) - number]
+        is_other = (media != self._around[of_light]).any(axis=1)
+        self.differs[of_light[is_other]] = True
+
+    def _media_at(self, light: IntArray, origins: FloatArray, directions: FloatArray) -> IntArray:
+        source = NamedPoints(self._context.scene.surface_of_light.take(light), origins)
+        return media_at(self._context, self._contacts, origins, directions, source)
