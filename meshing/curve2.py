@@ -258,11 +258,16 @@ def polygon(corners: ArrayLike) -> list[Curve2]:
     Raises
     ------
     ValueError, TypeError
-        As for `Curve2`, and for fewer than three corners.
+        As for `Curve2`, for fewer than three corners, and if the last one repeats the first.
     """
     points = as_floats(corners, "polygon corners")
     if points.ndim != 2 or points.shape[1] != 2 or len(points) < 3:
         raise ValueError(f"polygon corners has shape {points.shape}: pass (k, 2), k at least 3")
+    if (points[-1] == points[0]).all():
+        raise ValueError(
+            f"polygon: the last corner, {points[-1].tolist()}, repeats the first: leave it out, as it is "
+            "joined to the first anyway"
+        )
     around = np.concatenate([points, points[:1]])
     return [Curve2(around[k : k + 2]) for k in range(len(points))]
 

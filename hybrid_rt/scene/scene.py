@@ -133,7 +133,10 @@ class Scene:
                 raise TypeError(f"Scene objects[{i}] is {checks.shown(item)}: {hint}")
         for i, light in enumerate(lights):
             if not isinstance(light, Light):
-                raise TypeError(f"Scene lights[{i}] is {checks.shown(light)}: pass a light")
+                hint = "pass a light"
+                if isinstance(light, Object):
+                    hint = "an Object goes into objects=, also one with Emissive, which lights there"
+                raise TypeError(f"Scene lights[{i}] is {checks.shown(light)}: {hint}")
         if environment is not None and not isinstance(environment, Environment):
             raise TypeError(
                 f"Scene environment is {checks.shown(environment)}: pass a GradientSky, an "

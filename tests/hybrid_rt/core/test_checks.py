@@ -100,6 +100,11 @@ def mesh(vertices, faces):
             lambda: Scene(CAMERA, [PointLight(UP, 1)]),
             r"objects\[0\] is PointLight\(.*: lights go into lights=",
         ),
+        (
+            lambda: Scene(CAMERA, [ITEM], [Object(BALL, Emissive(5))]),
+            r"lights\[0\] is Object\(.*: an Object goes into objects=, also one with Emissive",
+        ),
+        (lambda: Scene(CAMERA, [ITEM], [BALL]), r"lights\[0\] is Sphere\(.*: pass a light"),
         (lambda: render(ITEM), r"render scene is Object\(.*: pass a Scene"),
         (lambda: render(Scene(CAMERA), outputs="depth"), "outputs is 'depth': pass a list"),
         (lambda: render(Scene(CAMERA), progress=3), "progress is 3: pass a function"),
