@@ -13,6 +13,7 @@ from hybrid_rt.primitives import Box, Rectangle
 from hybrid_rt.scene.compiled import CompiledScene
 from hybrid_rt.shading.kernels.lobes.register import TRANSMITS
 from meshing.surface import Surface
+from meshing.trimmed import TrimmedSurface
 
 # Of the coordinates: rectangles that are nearer to each other count as being in one plane. It is far
 # more than rounding, and less than any gap that is meant.
@@ -21,45 +22,119 @@ SLACK = 1e-9
 RIM = 1e-6
 # Pairs are compared, and scenes of more rectangles and boxes are not looked at.
 MOST_SURFACES = 2000
+# Points across a trimmed rectangle, and across what it may overlap with, that tell whether it does: an
+# overlap that is narrower than one in so many of both may be missed. They lie on no even share.
+ACROSS, SHIFT = 32, 0.381966
+# Loops are looked at for so many pairs: it takes milliseconds each.
+MOST_PAIRS = 200
 
 
 def surfaces_in_one_plane(scene: CompiledScene) -> list[list[str]]:
     """Return the pairs of surfaces of two opaque materials that overlap in one plane, by name.
 
-    These are two rectangles, or a rectangle within a face of a box. (A box may well stand on a rectangle
-    that is larger than its face, or on a box.)
+    These are two rectangles, trimmed or not, or one within a face of a box. (A box may well stand on a
+    rectangle that is larger than its face, or on a box.) Of trimmed ones that part counts that is inside
+    the loops.
 
     Parameters
     ----------
     scene : CompiledScene
     """
     is_clear = scene.materials_with(TRANSMITS)
-    opaque = [
-        i
+    opaque = {
+        i: surface
         for i, surface in enumerate(scene.surfaces[: len(scene.called)])
-        if isinstance(surface, Rectangle | Box) and not is_clear[scene.material_of[i]]
-    ]
-    rows = [i for i in opaque if isinstance(scene.surfaces[i], Rectangle)]
+        if not is_clear[scene.material_of[i]]
+        and (isinstance(surface, Box) or _rectangle(surface) is not None)
+    }
+    rows = [i for i, surface in opaque.items() if not isinstance(surface, Box)]
     if not rows or not 2 <= len(opaque) <= MOST_SURFACES:
         return []
-    of_row = [scene.surfaces[i] for i in rows]
-    u, v = np.array([0.0, 1.0, 1.0, 0.0]), np.array([0.0, 0.0, 1.0, 1.0])
-    corners = np.array([surface.point(u, v) for surface in of_row])
-    edges = np.array([(surface.edge_u, surface.edge_v) for surface in of_row])
+    of_row = [opaque[i] for i in rows]
+    corners = np.array([_corners(surface) for surface in of_row])
+    edges = corners[:, [1, 3]] - corners[:, :1]
     material = scene.material_of[rows]
-    found = []
+    found, n_pairs = [], 0
     for k, surface in enumerate(of_row[:-1]):
+        rectangle = _rectangle(surface)
+        assert rectangle is not None
+        normal = rectangle.unit_normal
         others = np.arange(k + 1, len(rows))
-        heights = (corners[others] - corners[k, 0]) @ surface.unit_normal
+        heights = (corners[others] - corners[k, 0]) @ normal
         slack = SLACK * np.abs(corners[k]).max()
         others = others[(np.abs(heights).max(axis=1) <= slack) & (material[others] != material[k])]
-        for other in others[_overlap(corners, edges, k, others, surface.unit_normal)].tolist():
-            found.append([scene.called[rows[k]], scene.called[rows[other]]])
+        for other in others[_overlap(corners, edges, k, others, normal)].tolist():
+            is_whole = isinstance(surface, Rectangle) and isinstance(of_row[other], Rectangle)
+            n_pairs += not is_whole
+            if is_whole or (n_pairs <= MOST_PAIRS and _share_points(surface, of_row[other])):
+                found.append([scene.called[rows[k]], scene.called[rows[other]]])
     for i in sorted(set(opaque) - set(rows)):
         others = np.flatnonzero(material != scene.material_of[i])
-        for row in others[_on_a_face(scene.surfaces[i], corners[others])].tolist():
+        for row in others[_on_a_face(opaque[i], corners[others])].tolist():
             found.append([scene.called[i], scene.called[rows[row]]])
     return found
+
+
+def _rectangle(surface: Surface) -> Rectangle | None:
+    """Return a rectangle itself, or the one that a surface is cut from; None: there is none."""
+    whole = surface.surface if isinstance(surface, TrimmedSurface) else surface
+    return whole if isinstance(whole, Rectangle) else None
+
+
+def _box_of_loops(surface: Surface) -> tuple[FloatArray, FloatArray]:
+    """Return the lowest and the highest (u, v) of a box in which the surface lies."""
+    if not isinstance(surface, TrimmedSurface):
+        return np.zeros(2), np.ones(2)
+    # A curve lies within its control points, and nothing is outside of the unit square.
+    points = np.concatenate([curve.control for loop in surface.loops for curve in loop])
+    points = np.clip(points, 0.0, 1.0)
+    return points.min(axis=0), points.max(axis=0)
+
+
+def _corners(surface: Surface) -> FloatArray:
+    """Return the corners of a rectangle, (4, 3); of a trimmed one those of a part that holds it."""
+    low, high = _box_of_loops(surface)
+    u, v = (
+        low[i] + (high[i] - low[i]) * np.array(side)
+        for i, side in enumerate(([0.0, 1.0, 1.0, 0.0], [0.0, 0.0, 1.0, 1.0]))
+    )
+    corners: FloatArray = surface.point(u, v)
+    return corners
+
+
+def _share_points(one: Surface, other: Surface) -> bool:
+    """Tell whether two surfaces in one plane, whose rectangles overlap, do so inside their loops."""
+    return any(
+        _is_on(b, *_place_on(b, _points_of(a))).any() for a, b in ((one, other), (other, one))
+    )
+
+
+def _points_of(surface: Surface) -> FloatArray:
+    """Return points spread over a surface, inside its loops, (n, 3)."""
+    low, high = _box_of_loops(surface)
+    share = (np.arange(ACROSS) + SHIFT) / ACROSS
+    u, v = (a.ravel() for a in np.meshgrid(*(low + np.outer(share, high - low)).T))
+    on = _is_on(surface, u, v)
+    points: FloatArray = surface.point(u[on], v[on])
+    return points
+
+
+def _place_on(surface: Surface, points: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return the (u, v) of points (n, 3) in the plane of a rectangle."""
+    rectangle = _rectangle(surface)
+    assert rectangle is not None
+    edges = np.array([rectangle.edge_u, rectangle.edge_v])
+    u, v = np.linalg.solve(edges @ edges.T, edges @ (points - rectangle.corner).T)
+    return u, v
+
+
+def _is_on(surface: Surface, u: FloatArray, v: FloatArray) -> BoolArray:
+    """Tell which (u, v) are on a surface, and not on its border."""
+    on: BoolArray = (np.minimum(u, v) > RIM) & (np.maximum(u, v) < 1.0 - RIM)
+    if isinstance(surface, TrimmedSurface):
+        inside, in_band = surface.contains(u[on], v[on])
+        on[on] = inside & ~in_band
+    return on
 
 
 def _on_a_face(box: Surface, corners: FloatArray) -> BoolArray:

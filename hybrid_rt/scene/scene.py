@@ -135,7 +135,9 @@ class Scene:
             if not isinstance(light, Light):
                 hint = "pass a light"
                 if isinstance(light, Object):
-                    hint = "an Object goes into objects=, also one with Emissive, which lights there"
+                    hint = (
+                        "an Object goes into objects=, also one with Emissive, which lights there"
+                    )
                 raise TypeError(f"Scene lights[{i}] is {checks.shown(light)}: {hint}")
         if environment is not None and not isinstance(environment, Environment):
             raise TypeError(

@@ -8,6 +8,7 @@ from hybrid_rt.lights import RectangleLight
 from hybrid_rt.rendering.summary import warnings_in_words
 from hybrid_rt.scene.compiled import compile_scene
 from hybrid_rt.scene.in_one_plane import surfaces_in_one_plane
+from meshing import TrimmedSurface, circle, polygon
 
 CAMERA = Camera((0, -3, 1), (0, 0, 1), (0, 0, 1), 40, 4, 4)
 LAMP = RectangleLight((-0.5, -0.5, 3), (0, 1, 0), (1, 0, 0), 1.0)
@@ -113,3 +114,65 @@ def test_a_label_on_a_face_of_a_box_is_named(is_turned, flips):
         assert named(box, label, Dielectric(1.5)) == []
     for label in off_it:
         assert named(box, label, Lambertian(0.1)) == []
+
+
+ALL = polygon([(0, 0), (1, 0), (1, 1), (0, 1)])
+HOLE = polygon([(0.25, 0.25), (0.5, 0.25), (0.5, 0.5), (0.25, 0.5)])
+DIAL = TrimmedSurface(piece(0.2, 0.2, (0.6, 0), (0, 0.6)), [circle((0.5, 0.5), 0.5)])
+WINDOW = TrimmedSurface(WALL, [ALL, HOLE])
+RING = TrimmedSurface(DIAL.surface, [circle((0.5, 0.5), 0.5), circle((0.5, 0.5), 0.4)])
+
+
+@pytest.mark.parametrize(
+    ("one", "other"),
+    [
+        (DIAL, piece(0.49, 0.5, (0.02, 0), (0, 0.25))),
+        (WALL, DIAL),
+        (WALL.flipped(), DIAL.flipped()),
+        (piece(-1, -1, (9, 0), (0, 9)), DIAL),
+        (WINDOW, piece(0.4, 0.3, (0.2, 0), (0, 0.1))),
+        (WINDOW, DIAL),
+        (RING, piece(0.4, 0.4, (0.9, 0), (0, 0.2))),
+    ],
+    ids=[
+        "hand on dial",
+        "poster",
+        "flipped",
+        "far larger",
+        "over the edge of a hole",
+        "two trimmed",
+        "ring",
+    ],
+)
+def test_trimmed_rectangles_are_named(one, other):
+    assert len(named(one, other)) == len(named(other, one)) == 1
+
+
+@pytest.mark.parametrize(
+    ("one", "other"),
+    [
+        (DIAL, piece(0.49, 0.5, (0.02, 0), (0, 0.25), away=1e-6)),
+        (DIAL, piece(0.2, 0.2, (0.08, 0), (0, 0.08))),
+        (WINDOW, piece(0.25, 0.25, (0.25, 0), (0, 0.25))),
+        (WINDOW, TrimmedSurface(WALL, [HOLE])),
+        (WINDOW, TrimmedSurface(piece(0.25, 0.25, (0.25, 0), (0, 0.25)), [circle((0.5, 0.5), 0.5)])),
+        (RING, TrimmedSurface(DIAL.surface, [circle((0.5, 0.5), 0.4)])),
+        (RING, piece(0.4, 0.4, (0.2, 0), (0, 0.2))),
+        (WALL, TrimmedSurface(WALL, [polygon([(1.2, 0), (1.5, 0), (1.5, 1)])])),
+    ],
+    ids=["in front", "beside a dial", "pane", "inlay", "round pane", "disc in a ring", "in a ring",
+         "nothing left"],
+)  # fmt: skip
+def test_what_loops_cut_away_does_not_count(one, other):
+    assert named(one, other) == named(other, one) == []
+
+
+def test_a_dial_on_a_face_of_a_box_is_named():
+    box = Box((-2, -1, 0), (2, 1, 6))
+    face = Rectangle((-1, -1, 3), (2, 0, 0), (0, 0, 2))
+    assert len(named(box, TrimmedSurface(face, [circle((0.5, 0.5), 0.5)]))) == 1
+    # The box stands on a disc that is larger, or reaches less far than its plane.
+    floor = Rectangle((-9, -9, 0), (18, 0, 0), (0, 18, 0))
+    assert named(box, TrimmedSurface(floor, [circle((0.5, 0.5), 0.3)])) == []
+    wide = Rectangle((-9, -1, 3), (18, 0, 0), (0, 0, 2))
+    assert len(named(box, TrimmedSurface(wide, [circle((0.5, 0.5), 0.1)]))) == 1
