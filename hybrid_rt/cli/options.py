@@ -15,6 +15,13 @@ if TYPE_CHECKING:
     from hybrid_rt.integrators.options import Flag
 
 
+def _seconds(text: str) -> float:
+    try:
+        return float(text)
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"{text!r}: pass seconds, such as 60") from None
+
+
 def add_render_options(parser: argparse.ArgumentParser) -> None:
     """Add what ``hybrid-rt render`` and scene scripts take."""
     from hybrid_rt.integrators import DEFAULT, INTEGRATORS
@@ -42,7 +49,7 @@ def add_render_options(parser: argparse.ArgumentParser) -> None:
         )
     parser.add_argument(
         "--time-budget",
-        type=float,
+        type=_seconds,
         metavar="S",
         help="stop after S seconds; on a busy machine up to about a pass later",
     )

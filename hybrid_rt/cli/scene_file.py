@@ -101,7 +101,10 @@ def scene_of(
     """
     file = Path(file)
     if not callable(describe):
-        raise SceneFileError(f"{file} has no function scene(): define one that returns a Scene")
+        raise SceneFileError(
+            f"{file} has no function scene(): define one that returns a Scene, or, if it renders by "
+            f"itself, run python {file}"
+        )
     with _naming(file):
         scene = describe()
     if not isinstance(scene, Scene):

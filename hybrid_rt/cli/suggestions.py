@@ -25,6 +25,8 @@ _OPTION_OF = {
     "--bounces": "--max-depth",
     "--max-bounces": "--max-depth",
     "--depth": "--max-depth",
+    "--size": "--width",
+    "--resolution": "--width",
 }
 
 

@@ -131,10 +131,20 @@ class Asphere(AxialSurface):
                 "sum is no finite number, check the units of each"
             )
         zones = self.local_zones
+        squares = sag.w_max * np.arange(1, len(zones.slope) + 1) / len(zones.slope)
         rim = math.ldexp(0.5 * self.aperture, -self.local_exponent)
         rings = rim * np.sqrt(np.arange(1, len(zones.slope) + 1) / len(zones.slope))
         steepest = float((2.0 * rings * np.abs(zones.slope).max(axis=1)).max())
         if not steepest <= STEEPEST:
+            # The first ring's bound is that of its middle slope, which a tiny radius makes large.
+            least = math.sqrt(1.0 / len(zones.slope)) * 0.5 * self.aperture / STEEPEST
+            reached = np.abs(2.0 * np.sqrt(squares) * sag.at(squares)[1]).max()
+            if abs(self.radius) < least and reached <= STEEPEST:
+                raise ValueError(
+                    f"Asphere radius is {self.radius:g} with aperture {self.aperture:g}: the vertex is too "
+                    f"sharp for bounds on its hits; pass a radius of {1.01 * least:.2g} or more, or, for the "
+                    "tip of an axicon, a Cone"
+                )
             raise ValueError(
                 f"Asphere aperture is {self.aperture:g}: within it the slope dz / dr of the sag "
                 f"reaches {steepest:.3g}, at most {STEEPEST:g} is possible; pass a smaller aperture, "

@@ -21,6 +21,8 @@ _TRUSTED = {False: "target_error", True: "target_error_trimmed"}
 _ONCE = ("scene", "build", "set-up", "audit", "light not found")
 # Seconds that are better said in minutes; and a render so many times longer is not worth a forecast.
 LONG, MOST_TIMES = 120.0, 1e9
+# What unmet lamps may add is worth a warning if it is so many times the image mean.
+MANY_TIMES = 30.0
 # What each limit is called, and what of it was reached.
 _STOPPED_BY = {
     "passes": "the number of passes",
@@ -136,7 +138,7 @@ def warnings_in_words(report: dict[str, Any]) -> list[str]:
             "a camera within a surface or on the unlit side of what it looks at, and for light that the "
             "integrator leaves out"
         )
-    return [*lines, *_target_without_lamps(report)]
+    return [*lines, *_unmet_lamps(report)]
 
 
 def _much_left_out(report: dict[str, Any]) -> list[str]:
@@ -160,13 +162,27 @@ def _much_left_out(report: dict[str, Any]) -> list[str]:
     return [words]
 
 
-def _target_without_lamps(report: dict[str, Any]) -> list[str]:
-    """Return a warning if a target was reached that lamps that no camera ray has met may exceed."""
+def _unmet_lamps(report: dict[str, Any]) -> list[str]:
+    """Return a warning of lamps that no camera ray has met.
+
+    They may exceed a target that was reached, or be most of the light there is.
+    """
     noise, settings = report["noise"], report["settings"]
-    if report["stopped_by"] != "target_error" or not _unmet_decides(noise):
+    if noise is None or not _unmet_decides(noise):
         return []
     unmet, mean, target = noise["unmet_lamps_95"], noise["image_mean"], settings["target_error"]
-    if unmet <= target * mean:
+    is_reached = report["stopped_by"] == "target_error"
+    if not is_reached and unmet > MANY_TIMES * mean > 0.0:
+        other = (
+            ": take ppm, which sends photons from there" if settings["integrator"] == "path" else ""
+        )
+        words = (
+            "lamps, or a sun in the sky, that camera rays meet by chance alone, in mirrors or glass or as "
+            f"specks, may not have been met yet: the brightest may add up to {unmet:.2g} to the image mean "
+            f"of {mean:.3g}{other}"
+        )
+        return [words]
+    if not is_reached or unmet <= target * mean:
         return []
     relative, passes = "", "more passes"
     needed = report["passes"] * (unmet / mean / target if mean > 0.0 else math.inf)

@@ -12,6 +12,7 @@ from hybrid_rt.core.records import FloatArray, NamedPoints
 from hybrid_rt.integrators.context import RenderContext
 from hybrid_rt.integrators.path import PATH
 from hybrid_rt.intersection import Intersector
+from hybrid_rt.lights.unevenness import brightness
 from hybrid_rt.sampling.sampler import UIntArray
 from hybrid_rt.scene.compiled import CompiledScene
 from hybrid_rt.sensor.passes import GROUPS, group_of
@@ -155,10 +156,5 @@ def powers_of_lights(scene: CompiledScene, world: FloatArray) -> FloatArray:
                 f"{scene.called[endless[0]]} is a plane, to which the sky sends photons "
                 f"without end: pass a Rectangle, or use integrator {PATH.name!r}"
             )
-        height = (np.arange(64) + 0.5) / 32.0 - 1.0
-        turn = math.pi * (3.0 - math.sqrt(5.0)) * np.arange(64)
-        ring = np.sqrt(1.0 - height**2)
-        ways = np.stack([ring * np.cos(turn), ring * np.sin(turn), height], axis=1)
-        mean = float(scene.environment.radiance(ways).mean())
-        power[-1] = 4.0 * math.pi**2 * world[3] ** 2 * mean
+        power[-1] = 4.0 * math.pi**2 * world[3] ** 2 * brightness(scene.sky).mean
     return power

@@ -125,6 +125,7 @@ def test_after_a_time_budget_the_same_command_goes_on(capsys, monkeypatch):
     [
         ("render ball.py --samples 64", ": did you mean --passes? hybrid-rt render"),
         ("render ball.py --spp=64", ": did you mean --passes? hybrid-rt render"),
+        ("render ball.py --size 320x240", ": did you mean --width? hybrid-rt render"),
         ("render ball.py --bounces 4", ": did you mean --max-depth? hybrid-rt render"),
         ("render ball.py --pases 4", ": did you mean --passes? hybrid-rt render"),
         ("render ball.py --zzz 4", ": hybrid-rt render"),
@@ -140,6 +141,13 @@ def test_unknown_options_say_what_was_meant(words, meant, capsys):
     unknown = words.partition(".py ")[2] or "--spp 4"
     said = f"hybrid-rt: error: unrecognized arguments: {unknown}{meant} --help lists what there is"
     assert capsys.readouterr().err.splitlines()[-1] == said
+
+
+@pytest.mark.usefixtures("folder")
+def test_a_time_budget_is_in_seconds(capsys):
+    with pytest.raises(SystemExit):
+        cli.main(["render", "ball.py", "--time-budget", "1m"])
+    assert "argument --time-budget: '1m': pass seconds, such as 60" in capsys.readouterr().err
 
 
 def test_so_do_scene_scripts(folder, capsys, monkeypatch):

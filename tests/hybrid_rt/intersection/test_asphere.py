@@ -267,6 +267,10 @@ def test_any_slicing_and_pickling_give_the_same_bits():
         ((10, 0, [], 20), "turns vertical within it, pass at most 19.98"),
         ((10, 3, [], 12), "turns vertical within it, pass at most 9.99"),
         ((10, -1, [], 1000), r"slope dz / dr of the sag reaches 50.*pass a smaller aperture"),
+        (
+            (-0.049, -131.6, [], 25.4),
+            r"radius is -0.049 with .* or more, or, for the tip of an axicon",
+        ),
         ((np.inf, 0, CANCELLING, 2), "rounding moves the surface by 4.6e-13 of its size"),
     ],
 )

@@ -4,6 +4,7 @@ import pytest
 import trimesh
 
 from hybrid_rt import (
+    Box,
     Camera,
     Dielectric,
     GradientSky,
@@ -103,6 +104,18 @@ class TestTargetWithoutLamps:
     def test_nothing_is_said_once_it_is_met_or_without_a_mirror(self):
         assert not warnings_in_words(self.report(Mirror(), target_error=0.01))
         assert not warnings_in_words(self.report(Lambertian(0.5), target_error=0.02))
+
+    def test_most_of_the_light_may_be_that_of_a_lamp_behind_glass(self):
+        """A lamp far away, which no light path of the pilot and no camera ray finds through a pane."""
+        pane = Object(Box((-9, -9, 5), (9, 9, 5.1)), Dielectric(1.5))
+        sun = SphereLight((0, 300, 1000), 5.0, 4e4)
+        view = Scene(self.CAMERA, [self.FLOOR, pane], [sun], GradientSky(0.2, 0.2))
+        report = render(view, threads=1, passes=16).report
+        (words,) = warnings_in_words(report)
+        assert words.startswith("lamps, or a sun in the sky, that camera rays meet by chance alone")
+        assert words.endswith("take ppm, which sends photons from there")
+        photons = render(view, "ppm", threads=1, passes=16, options=PPMOptions(20_000)).report
+        assert photons["noise"]["image_mean"] > 2.0 * report["noise"]["image_mean"]
 
     def test_a_target_that_was_not_reached_claims_nothing(self):
         assert not warnings_in_words(self.report(Mirror(), passes=8, target_error=1e-3))

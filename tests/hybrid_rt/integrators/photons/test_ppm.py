@@ -20,7 +20,7 @@ from hybrid_rt.integrators.photons import (
 from hybrid_rt.integrators.photons.photon_groups import Group, sequence_of
 from hybrid_rt.integrators.photons.ppm import radius_factor
 from hybrid_rt.integrators.shading import NO_NORMALS
-from hybrid_rt.lights import GradientSky, PointLight, RectangleLight, SphereLight
+from hybrid_rt.lights import GradientSky, ImageEnvironment, PointLight, RectangleLight, SphereLight
 from hybrid_rt.materials import Dielectric, Emissive, Lambertian, Metal, Mirror, Mix, Phong
 from hybrid_rt.primitives import Box, Plane, Rectangle, Sphere
 from hybrid_rt.rendering.renderer import render
@@ -326,6 +326,25 @@ class TestPlan:
         result = render(scene, integrator, passes=2)
         assert not result.image.any()
         assert result.report["photons"]["emitted"] == 0
+
+    def test_a_small_sun_in_a_black_sky_sends_photons(self):
+        """Through a slab; path computes the way through it, and finds the same."""
+        picture = np.zeros((128, 256, 3))
+        picture[25, 75:80] = 1000.0
+        sky = ImageEnvironment(picture, up=(0, 0, 1))
+        slab = Object(Box((-2.5, -2.5, 0.5), (2.5, 2.5, 0.6)), Dielectric(1.5))
+        below = Object(Rectangle((-2, -2, 0), (4, 0, 0), (0, 4, 0)), Lambertian(0.1))
+        camera = Camera((0, 0, 0.45), (0, 0, 0), (0, 1, 0), 60, 12, 12)
+        scene = Scene(camera, [below, slab], [], sky)
+        found = [
+            render(scene, integrator, passes=32, seed=3, options=options).report["noise"]
+            for integrator, options in (("path", None), ("ppm", PPMOptions(20_000)))
+        ]
+        path, ppm = (noise["image_mean"] for noise in found)
+        error = math.hypot(*(noise["standard_error_of_image_mean"] for noise in found))
+        # Four groups of passes each tell the errors.
+        assert abs(path - ppm) <= stats.t.isf(ALARM, 3) * error
+        assert error < 0.01 * path
 
     def test_no_caustic_map_without_mirror_or_glass(self):
         scene = Scene(self.view(), [floor()], [small_lamp()])
