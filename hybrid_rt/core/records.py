@@ -72,7 +72,8 @@ class HitRecord:
         `Flag` of the row.
     t_bound : (n,) float64
         Proven bound on ``|t - exact t|``, in the unit of t; inf where nothing is proven (accuracy
-        "mesh").
+        "mesh"). On rows of status TANGENT it holds if the exact ray meets the surface there: it may
+        pass by, and meet another place first.
     residual : (n,) float64
         ``|S(u, v) - (o + t d)|`` in scene units; nan on a miss.
     """

@@ -25,6 +25,11 @@ class GradientSky(Environment):
     ------
     ValueError, TypeError
         If a radiance is out of range, or ``up`` is zero or not finite.
+
+    Notes
+    -----
+    Where one light is sampled, a sky is as often as a lamp of mean power, however faint it is: beside a
+    single lamp, every other sample goes to it. A black sky is none.
     """
 
     def __init__(self, bottom: ArrayLike, top: ArrayLike, up: ArrayLike = (0.0, 1.0, 0.0)) -> None:

@@ -73,7 +73,7 @@ def warnings_in_words(report: dict[str, Any]) -> list[str]:
         share = report["points_missed_by_photons"] / report["photons"]["gather_points"]
         lines.append(
             f"{100.0 * share:.4g} % of the points that gather light have met no photon: "
-            "unless they are unlit, light is missing that no error estimate counts: pass more "
+            "unless no light comes to them by way of other surfaces, light is missing that no error estimate counts: pass more "
             "photons_per_pass (for ppm, also a larger initial_radius, or none), or take path, where the "
             "view is small beside what the photons light"
         )

@@ -15,6 +15,7 @@ from hybrid_rt.core.records import BoolArray, FloatArray, IntArray
 from hybrid_rt.lights.light import Environment, LightRow
 from hybrid_rt.lights.surface import ShiningSurface, shining_surface, with_shape
 from hybrid_rt.lights.table import compile_environment, compile_lights
+from hybrid_rt.lights.unevenness import brightness
 from hybrid_rt.materials.material import Material
 from hybrid_rt.materials.table import color_factor, compile_materials
 from hybrid_rt.primitives import TriangleMesh
@@ -63,7 +64,7 @@ class CompiledScene:
     """
 
     camera: Camera
-    environment: Environment | None
+    environment: Environment | None  # None as well if it is black
     surfaces: list[Any]
     names: list[str]
     called: list[str]
@@ -185,9 +186,12 @@ def compile_scene(scene: Scene) -> CompiledScene:
     n_before = textures.kind.size - len(pictures)
     numbers = iter(range(n_before, textures.kind.size))
     texture_of = [NOTHING if row.texture is None else next(numbers) for row in rows]
+    environment = scene.environment
+    if environment is not None and brightness(environment.table).mean == 0.0:
+        environment = None  # else as many light samples would go to a black sky as to a lamp
     return CompiledScene(
         camera=scene.camera,
-        environment=scene.environment,
+        environment=environment,
         surfaces=surfaces,
         names=[place if name is None else name for name, place in zip(names, places, strict=True)],
         called=called,
@@ -198,10 +202,10 @@ def compile_scene(scene: Scene) -> CompiledScene:
         color_factor=color_factor(lobes),
         glass_of=_glass_of(lobes),
         textures=textures,
-        lights=compile_lights(rows, texture_of, scene.environment is not None),
+        lights=compile_lights(rows, texture_of, environment is not None),
         power=np.array([row.power for row in rows], dtype=np.float64),
         shining=shining,
-        sky=compile_environment(scene.environment),
+        sky=compile_environment(environment),
         vertex_normals={
             i: vertex_normals(cast("TriangleMesh", item.surface))
             for i, item in enumerate(scene.objects)

@@ -211,3 +211,17 @@ class TestImageEnvironment:
                 error = np.sqrt(0.25 / n + (4 * np.pi * density * there).var() / n)
                 # Five standard errors: a false alarm in 1e5 runs of these twelve.
                 assert abs(inside.mean() - expected) < 5 * error
+
+
+@pytest.mark.parametrize("sky", [GradientSky(0.0, 0.0), ImageEnvironment(np.zeros((4, 8, 3)))])
+@pytest.mark.parametrize("integrator", ["path", "whitted"])
+def test_a_black_sky_is_none(sky, integrator):
+    """It would take as many light samples as the lamp."""
+    objects = [Object(BALL, Lambertian(0.5))]
+    camera = CAMERA.resized(8, 6)
+    one, other = (
+        render(Scene(camera, objects, [LAMP], environment), integrator, passes=3)
+        for environment in (None, sky)
+    )
+    assert (one.image == other.image).all()
+    assert one.report["rays"] == other.report["rays"]
