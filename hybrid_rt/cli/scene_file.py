@@ -24,6 +24,8 @@ from meshing.checks import as_path, text_of
 
 # What people pass who take a mesh for a scene.
 MESHES = (".obj", ".stl", ".ply", ".off", ".glb", ".gltf", ".3mf")
+# What is passed by mistake: pictures, their reports, scenes of other programs.
+NO_SCRIPTS = (".npz", ".npy", ".png", ".exr", ".jpg", ".json", ".blend", ".pov")
 
 
 class SceneFileError(ValueError):
@@ -58,6 +60,10 @@ def check_script(path: str | os.PathLike[str]) -> Path:
         raise SceneFileError(
             f"scene script {os.fspath(path)!r}: that is a mesh; write a script, a .py with a function "
             f"scene(), that holds Object(TriangleMesh(trimesh.load_mesh({file.name!r})), MATERIAL)"
+        )
+    if file.suffix.lower() in NO_SCRIPTS:
+        raise SceneFileError(
+            f"scene script {os.fspath(path)!r}: that is none; pass a .py with a function scene()"
         )
     return file
 
