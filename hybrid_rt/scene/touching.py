@@ -2,24 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Hashable
+from collections.abc import Hashable, Iterator, Sequence
 
 import numpy as np
 
 from hybrid_rt.core.records import BoolArray
 from hybrid_rt.intersection.coincident import FACE_ROUNDING
-from hybrid_rt.scene.coaxial import may_share_ring
+from hybrid_rt.scene.coaxial import ONE_AXIS, may_share_ring
 from hybrid_rt.scene.compiled import NOTHING, CompiledScene
-from meshing import SurfaceOfRevolution
+from meshing import SurfaceOfRevolution, TrimmedSurface
 from meshing.surface import Surface
 
 
 def touching(scene: CompiledScene) -> BoolArray:
     """Tell which surfaces are dielectric and may coincide in part with another, (surfaces,) bool.
 
-    A surface with a carrier coincides only with surfaces of an equal carrier (spheres with equal
-    spheres); others may coincide where their bounding boxes overlap, but surfaces of revolution
-    about one axis only where their profiles may share an arc.
+    A surface with a carrier coincides with surfaces of an equal carrier (spheres with equal spheres), with
+    parts of these, and with surfaces of revolution on whose axis its centre lies; it is not compared with
+    patches. Others may coincide where their bounding boxes overlap, but surfaces of revolution about one
+    axis only where their profiles may share an arc.
     """
     surfaces = scene.surfaces
     touches = np.zeros(max(len(surfaces), 1), dtype=np.bool_)
@@ -27,11 +28,11 @@ def touching(scene: CompiledScene) -> BoolArray:
     carried: dict[Hashable, list[int]] = {}
     others = []
     for i, surface in enumerate(surfaces):
-        carrier = surface.carrier
-        if carrier is None:
+        whole = surface.surface if isinstance(surface, TrimmedSurface) else surface
+        if whole.carrier is not None:
+            carried.setdefault((type(whole), whole.carrier), []).append(i)
+        if surface.carrier is None:
             others.append(i)
-        else:
-            carried.setdefault((type(surface), carrier), []).append(i)
     for same in carried.values():
         touches[[i for i in same if i in glass]] = len(same) > 1
     bounds = np.array([surfaces[i].bounds for i in others]).reshape(-1, 2, 3)
@@ -45,7 +46,28 @@ def touching(scene: CompiledScene) -> BoolArray:
             others[k] != i and _may_coincide(surfaces[i], surfaces[others[k]], slack)
             for k in np.flatnonzero(meets)
         )
+    for i, j in _on_axes(surfaces, others, slack):
+        touches[[k for k in (i, j) if k in glass]] = True
     return touches
+
+
+def _on_axes(
+    surfaces: Sequence[Surface], others: list[int], slack: float
+) -> Iterator[tuple[int, int]]:
+    """Yield pairs of a surface with a carrier and one of revolution on whose axis its centre lies."""
+    carried = sorted(set(range(len(surfaces))) - set(others))
+    bounds = np.array([surfaces[i].bounds for i in carried]).reshape(-1, 2, 3)
+    centre = bounds.mean(axis=1)
+    for j in others:
+        turned = surfaces[j]
+        if not isinstance(turned, SurfaceOfRevolution):
+            continue
+        low, high = turned.bounds
+        meets = (bounds[:, 0] <= high + slack) & (bounds[:, 1] >= low - slack)
+        away = np.abs(np.cross(centre - turned.origin, turned.axis)).max(axis=1)
+        size = np.abs(bounds).max(axis=(1, 2)) + np.abs(turned.origin).max()
+        for k in np.flatnonzero(meets.all(axis=1) & (away <= ONE_AXIS * size)):
+            yield carried[k], j
 
 
 def _may_coincide(one: Surface, other: Surface, slack: float) -> bool:

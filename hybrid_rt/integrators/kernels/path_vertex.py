@@ -98,7 +98,9 @@ class Rules(NamedTuple):
     has_sky: Any  # bool
     has_colors: Any  # bool, the colours of each vertex come with it
     has_light_paths: Any  # bool
-    asks_sky: Any  # bool, the sky is reached by way of balls and boxes
+    # int, what is reached by way of mirrors and glass, from all surfaces that spread light: see
+    # `hybrid_rt.integrators.kernels.ways`
+    asked: Any
     faint: Any  # float, radiance, see `factor_of_taken`
     n_light_paths: Any  # float, light subpaths of a pass
     near: Any  # float, see `connect_far`

@@ -56,13 +56,14 @@ def which_are_asked(rules, paths, depth):
     """Tell which lamps are asked at a vertex that spreads light.
 
     Light subpaths find what lamps send to surfaces that the camera sees straight, and to those seen
-    from another one (see `hybrid_rt.integrators.kernels.light_paths`). Nothing else finds the sky.
+    from another one (see `hybrid_rt.integrators.kernels.light_paths`). Nothing else finds the sky, nor
+    the lamps where no light subpath is of use.
     """
     if depth + 1 >= rules.max_depth:
         return NOTHING_ASKED
     if rules.has_light_paths and depth > 0 and paths.pdf[0] == 0.0 and paths.rival[0] == 0.0:
         return ALL_ASKED
-    return SKY_ASKED if rules.asks_sky else NOTHING_ASKED
+    return rules.asked
 
 
 @inlined

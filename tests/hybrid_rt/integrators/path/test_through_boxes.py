@@ -178,6 +178,31 @@ class TestPictures:
         objects, lamp = self.LAMPS[name]
         assert_same_light(self.scene(objects, [lamp]), PathOptions(light_paths=0.0), 300, 100)
 
+    @pytest.mark.parametrize("distance", [10.0, 1000.0])
+    def test_a_small_lamp_behind_a_pane(self, distance):
+        """As large as the sun: few of its light paths meet the pane, or none.
+
+        The floor is dark, so that what it sends to the pane and back is less than a thousandth. Of what
+        goes to and fro within the pane, 2 R^2 of the light, nearly all is left to chance.
+        """
+        floor = Object(Rectangle((-2, -2, 0), (4, 0, 0), (0, 4, 0)), Lambertian(0.005))
+        pane = Object(Box((-2.5, -2.5, 0.5), (2.5, 2.5, 0.6)), Dielectric(1.5))
+        angle, half = math.radians(30), math.radians(0.265)
+        toward = distance * np.array([0.0, math.sin(angle), math.cos(angle)])
+        radiance = 3.0 / (math.pi * math.sin(half) ** 2)
+        lamp = SphereLight(tuple(toward), distance * math.sin(half), radiance)
+        camera = Camera((0, 0, 0.45), (0, 0, 0), (0, 1, 0), 10, 64, 64)
+        report = render(Scene(camera, [floor, pane], [lamp]), passes=16).report
+        inside = math.asin(math.sin(angle) / 1.5)
+        s = (math.sin(angle - inside) / math.sin(angle + inside)) ** 2
+        p = (math.tan(angle - inside) / math.tan(angle + inside)) ** 2
+        through = 0.5 * sum((1 - r) / (1 + r) for r in (s, p))
+        # The lamp nearer by is nearer to some places, by less than a hundredth.
+        expected = 0.005 / math.pi * 3.0 * math.cos(angle) * through
+        assert report["noise"]["image_mean"] == pytest.approx(expected, rel=0.01)
+        assert report["noise"]["standard_error_of_image_mean"] < 5e-3 * expected
+        assert "from lamps" not in report["plan"]["light"]["used"]
+
     def test_noise_falls(self):
         """A pane between the floor and a lamp, seen through another one."""
         objects, lamp = self.LAMPS["pane"]
