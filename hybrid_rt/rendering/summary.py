@@ -133,10 +133,13 @@ def warnings_in_words(report: dict[str, Any]) -> list[str]:
             if is_cut_off
             else "Look"
         )
+        by_photons = ""
+        if report.get("photons", {}).get("emitted", 0):
+            by_photons = ". Or take path: photons may have missed what the camera sees"
         lines.append(
             f"the picture is black: no light arrives. {larger} for lamps inside of bodies or turned away, "
             "a camera within a surface or on the unlit side of what it looks at, and for light that the "
-            "integrator leaves out"
+            f"integrator leaves out{by_photons}"
         )
     return [*lines, *_unmet_lamps(report)]
 

@@ -280,7 +280,9 @@ class PhotonWorkers(Workers):
         if self._blur is None:
             return NO_BLUR
         is_met = any(eye_pass.n_gathered for eye_pass in self._eye_passes)
-        if self.may_miss and not is_met and self._n_missed:
+        # A black picture is none that photons, which met nothing that is seen, tell anything of.
+        is_black = self._balance.n_emitted > 0 and not image.any()
+        if not is_met and (is_black or (self.may_miss and self._n_missed)):
             return UNKNOWN_BLUR
         return self._blur.estimate(image)
 

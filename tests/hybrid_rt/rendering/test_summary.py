@@ -106,10 +106,10 @@ class TestTargetWithoutLamps:
         assert not warnings_in_words(self.report(Lambertian(0.5), target_error=0.02))
 
     def test_most_of_the_light_may_be_that_of_a_lamp_behind_glass(self):
-        """A lamp far away, which no light path of the pilot and no camera ray finds through a pane."""
-        pane = Object(Box((-9, -9, 5), (9, 9, 5.1)), Dielectric(1.5))
+        """A lamp far away, which no light path of the pilot and no camera ray finds through two panes."""
+        panes = [Object(Box((-9, -9, z), (9, 9, z + 0.1)), Dielectric(1.5)) for z in (5, 6)]
         sun = SphereLight((0, 300, 1000), 5.0, 4e4)
-        view = Scene(self.CAMERA, [self.FLOOR, pane], [sun], GradientSky(0.2, 0.2))
+        view = Scene(self.CAMERA, [self.FLOOR, *panes], [sun], GradientSky(0.2, 0.2))
         report = render(view, threads=1, passes=16).report
         (words,) = warnings_in_words(report)
         assert words.startswith("lamps, or a sun in the sky, that camera rays meet by chance alone")
