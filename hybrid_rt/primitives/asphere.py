@@ -131,13 +131,13 @@ class Asphere(AxialSurface):
                 "sum is no finite number, check the units of each"
             )
         zones = self.local_zones
-        squares = sag.w_max * np.arange(1, len(zones.slope) + 1) / len(zones.slope)
-        rim = math.ldexp(0.5 * self.aperture, -self.local_exponent)
-        rings = rim * np.sqrt(np.arange(1, len(zones.slope) + 1) / len(zones.slope))
+        share = np.arange(1, len(zones.slope) + 1) / len(zones.slope)  # of the aperture's area
+        rings = math.ldexp(0.5 * self.aperture, -self.local_exponent) * np.sqrt(share)
         steepest = float((2.0 * rings * np.abs(zones.slope).max(axis=1)).max())
         if not steepest <= STEEPEST:
             # The first ring's bound is that of its middle slope, which a tiny radius makes large.
-            least = math.sqrt(1.0 / len(zones.slope)) * 0.5 * self.aperture / STEEPEST
+            least = math.sqrt(share[0]) * 0.5 * self.aperture / STEEPEST
+            squares = sag.w_max * share
             reached = np.abs(2.0 * np.sqrt(squares) * sag.at(squares)[1]).max()
             if abs(self.radius) < least and reached <= STEEPEST:
                 raise ValueError(

@@ -73,8 +73,8 @@ def warnings_in_words(report: dict[str, Any]) -> list[str]:
         share = report["points_missed_by_photons"] / report["photons"]["gather_points"]
         lines.append(
             f"{100.0 * share:.4g} % of the points that gather light have met no photon: "
-            "unless no light comes to them by way of other surfaces, light is missing that no error estimate counts: pass more "
-            "photons_per_pass (for ppm, also a larger initial_radius, or none), or take path, where the "
+            "unless no light comes to them by way of other surfaces, light is missing that no error "
+            "estimate counts: pass more photons_per_pass (for ppm, also a larger initial_radius, or none), or take path, where the "
             "view is small beside what the photons light"
         )
     lines += [
@@ -166,26 +166,29 @@ def _much_left_out(report: dict[str, Any]) -> list[str]:
 
 
 def _unmet_lamps(report: dict[str, Any]) -> list[str]:
-    """Return a warning of lamps that no camera ray has met.
-
-    They may exceed a target that was reached, or be most of the light there is.
-    """
-    noise, settings = report["noise"], report["settings"]
+    """Return a warning of lamps that no camera ray has met, if they decide the interval and may matter."""
+    noise = report["noise"]
     if noise is None or not _unmet_decides(noise):
         return []
+    if report["stopped_by"] == "target_error":
+        return _target_without_lamps(report)
+    unmet, mean = noise["unmet_lamps_95"], noise["image_mean"]
+    if not unmet > MANY_TIMES * mean > 0.0:
+        return []
+    is_path = report["settings"]["integrator"] == "path"
+    words = (
+        "lamps, or a sun in the sky, that camera rays meet by chance alone, in mirrors or glass or as "
+        f"specks, may not have been met yet: the brightest may add up to {unmet:.2g} to the image mean of "
+        f"{mean:.3g}{': take ppm, which sends photons from there' if is_path else ''}"
+    )
+    return [words]
+
+
+def _target_without_lamps(report: dict[str, Any]) -> list[str]:
+    """Return a warning if a target was reached that lamps that no camera ray has met may exceed."""
+    noise, settings = report["noise"], report["settings"]
     unmet, mean, target = noise["unmet_lamps_95"], noise["image_mean"], settings["target_error"]
-    is_reached = report["stopped_by"] == "target_error"
-    if not is_reached and unmet > MANY_TIMES * mean > 0.0:
-        other = (
-            ": take ppm, which sends photons from there" if settings["integrator"] == "path" else ""
-        )
-        words = (
-            "lamps, or a sun in the sky, that camera rays meet by chance alone, in mirrors or glass or as "
-            f"specks, may not have been met yet: the brightest may add up to {unmet:.2g} to the image mean "
-            f"of {mean:.3g}{other}"
-        )
-        return [words]
-    if not is_reached or unmet <= target * mean:
+    if unmet <= target * mean:
         return []
     relative, passes = "", "more passes"
     needed = report["passes"] * (unmet / mean / target if mean > 0.0 else math.inf)

@@ -1,10 +1,11 @@
 """What lamps, or a sun in the sky, that no camera ray has met may add to the mean of a picture.
 
 Where a lamp is run into, by way of mirrors, metal or glass or as a speck in the picture, few camera rays
-add its whole radiance. So it is with the brightest place of the sky, but for specks. As long as none has met it, all passes agree, and no variance knows of it. If n
-rays have met nothing of a kind, no more than 3 of n others would in the mean, with 95 % confidence
-(1 - 0.05^(1/n); Hanley and Lippman-Hand, "If nothing goes wrong, is everything all right?", JAMA 1983).
-Once one has, the differences between groups of passes tell as much.
+add its whole radiance. So it is with the brightest place of the sky, but for specks. As long as none has
+met it, all passes agree, and no variance knows of it. If n rays have met nothing of a kind, no more than
+3 of n others would in the mean, with 95 % confidence (1 - 0.05^(1/n); Hanley and Lippman-Hand, "If
+nothing goes wrong, is everything all right?", JAMA 1983). Once one has, the differences between groups of
+passes tell as much.
 """
 
 from __future__ import annotations
@@ -12,7 +13,6 @@ from __future__ import annotations
 import numpy as np
 
 from hybrid_rt.core.records import BoolArray
-from hybrid_rt.lights.unevenness import brightness
 from hybrid_rt.scene.compiled import NOTHING, CompiledScene
 from hybrid_rt.shading.kernels.light_kinds import WITHOUT_AREA
 from hybrid_rt.shading.kernels.lobes.register import FOLLOWED
@@ -36,11 +36,10 @@ def unmet_light(scene: CompiledScene, passes: int) -> float:
     """
     lights, camera = scene.lights, scene.camera
     has_area = ~np.isin(lights.kind, WITHOUT_AREA)
-    highest = 0.0
+    highest = scene.brightness.highest
     if not (scene.lobes.traits & FOLLOWED).any():
         has_area &= _is_speck(scene, passes)
-    elif scene.environment is not None:
-        highest = brightness(scene.sky).highest
+        highest = 0.0
     highest = float(lights.strength.mean(axis=1)[has_area].max(initial=highest))
     return OF_NONE_MET * highest / (passes * camera.width * camera.height)
 

@@ -15,7 +15,7 @@ from hybrid_rt.core.records import BoolArray, FloatArray, IntArray
 from hybrid_rt.lights.light import Environment, LightRow
 from hybrid_rt.lights.surface import ShiningSurface, shining_surface, with_shape
 from hybrid_rt.lights.table import compile_environment, compile_lights
-from hybrid_rt.lights.unevenness import brightness
+from hybrid_rt.lights.unevenness import Brightness, brightness
 from hybrid_rt.materials.material import Material
 from hybrid_rt.materials.table import color_factor, compile_materials
 from hybrid_rt.primitives import TriangleMesh
@@ -79,6 +79,7 @@ class CompiledScene:
     power: FloatArray
     shining: dict[int, ShiningSurface]
     sky: EnvironmentTable
+    brightness: Brightness  # of the sky
     vertex_normals: dict[int, FloatArray]
 
     @property
@@ -186,9 +187,11 @@ def compile_scene(scene: Scene) -> CompiledScene:
     n_before = textures.kind.size - len(pictures)
     numbers = iter(range(n_before, textures.kind.size))
     texture_of = [NOTHING if row.texture is None else next(numbers) for row in rows]
-    environment = scene.environment
-    if environment is not None and brightness(environment.table).mean == 0.0:
-        environment = None  # else as many light samples would go to a black sky as to a lamp
+    environment, sky = scene.environment, compile_environment(scene.environment)
+    shines = brightness(sky)
+    if shines.mean == 0.0:
+        # Else as many light samples would go to a black sky as to a lamp.
+        environment, sky = None, compile_environment(None)
     return CompiledScene(
         camera=scene.camera,
         environment=environment,
@@ -205,7 +208,8 @@ def compile_scene(scene: Scene) -> CompiledScene:
         lights=compile_lights(rows, texture_of, environment is not None),
         power=np.array([row.power for row in rows], dtype=np.float64),
         shining=shining,
-        sky=compile_environment(environment),
+        sky=sky,
+        brightness=shines,
         vertex_normals={
             i: vertex_normals(cast("TriangleMesh", item.surface))
             for i, item in enumerate(scene.objects)

@@ -81,7 +81,6 @@ from hybrid_rt.integrators.path.pilot import (
     PILOT_LIGHT_PATHS,
     work_times_noise,
 )
-from hybrid_rt.lights.unevenness import brightness
 from hybrid_rt.scene.compiled import NOTHING
 from hybrid_rt.sensor.passes import pass_of
 from hybrid_rt.shading.kernels.emitter import BOTH, DIRECTION_ONLY, LIGHT_ONLY
@@ -225,8 +224,8 @@ class PathTracer(Integrator):
         is_sampled = self._samples_lights and self.context.plan["sky samples"]
         if not is_sampled or self._options.strategy != "both":
             return False, 0.0
-        mean, unevenness, _ = brightness(self.context.scene.sky)
-        return unevenness >= LEAST_UNEVENNESS, FAINT * mean
+        sky = self.context.scene.brightness
+        return sky.unevenness >= LEAST_UNEVENNESS, FAINT * sky.mean
 
     @property
     def _asks_ways(self) -> bool:

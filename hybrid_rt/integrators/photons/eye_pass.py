@@ -304,10 +304,9 @@ class EyePass(Integrator):
         ledger.ended["absorbed or by roulette"] += int(counts[ABSORBED] + counts[LEFT])
         if counts[STOPPED]:
             ledger.ended["at max_depth"] += int(counts[STOPPED])
-            stopped = rows_of_paths(paths, np.flatnonzero(fate == STOPPED))
-            weight = largest_channel(stopped.throughput)
-            weight *= square_of_index(stopped.media, self.context.scene.lobes)
-            ledger.lost_weight += float(weight.sum())
+            stopped = np.flatnonzero(fate == STOPPED)
+            square = square_of_index(paths.media[stopped], self.context.scene.lobes)
+            ledger.lost_weight += float((largest_channel(paths.throughput[stopped]) * square).sum())
         out = Paths(*(np.empty_like(column) for column in paths))
         n_out = pack_paths(paths, fate, SCATTERED, hits.position, hits.object_id, onward, pdf, out)
         return Paths(*(column[:n_out] for column in out))

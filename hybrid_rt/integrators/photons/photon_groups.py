@@ -12,7 +12,6 @@ from hybrid_rt.core.records import FloatArray, NamedPoints
 from hybrid_rt.integrators.context import RenderContext
 from hybrid_rt.integrators.path import PATH
 from hybrid_rt.intersection import Intersector
-from hybrid_rt.lights.unevenness import brightness
 from hybrid_rt.sampling.sampler import UIntArray
 from hybrid_rt.scene.compiled import CompiledScene
 from hybrid_rt.sensor.passes import GROUPS, group_of
@@ -156,5 +155,5 @@ def powers_of_lights(scene: CompiledScene, world: FloatArray) -> FloatArray:
                 f"{scene.called[endless[0]]} is a plane, to which the sky sends photons "
                 f"without end: pass a Rectangle, or use integrator {PATH.name!r}"
             )
-        power[-1] = 4.0 * math.pi**2 * world[3] ** 2 * brightness(scene.sky).mean
+        power[-1] = 4.0 * math.pi**2 * world[3] ** 2 * scene.brightness.mean
     return power
