@@ -11,13 +11,13 @@ Arvo and Kirk, "Particle transport and image synthesis", SIGGRAPH 1990.
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import fields, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from hybrid_rt.core.records import BoolArray, FloatArray, IntArray
+from hybrid_rt.core.records import BoolArray, FloatArray, HitRecord, IntArray
 from hybrid_rt.integrators.context import RenderContext
 from hybrid_rt.integrators.direct_light import largest_channel
 from hybrid_rt.integrators.kernels.compaction import Paths
@@ -155,4 +155,22 @@ def rows_of_shading(shading: Shading, rows: Any, keeps: BoolArray | None = None)
         geometric=geometric[rows] if geometric.size else geometric,
         ratio=shading.ratio[rows] if shading.ratio.size else shading.ratio,
         beyond=shading.beyond[rows] if shading.beyond.size else shading.beyond,
+    )
+
+
+def joined_paths(parts: list[Paths]) -> Paths:
+    """Concatenate paths."""
+    return Paths(*(np.concatenate(columns) for columns in zip(*parts, strict=True)))
+
+
+def joined_shading(parts: list[Shading]) -> Shading:
+    """Concatenate shadings."""
+
+    def joined(name: str, of: list[Any]) -> Any:
+        return np.concatenate([getattr(part, name) for part in of])
+
+    hits = [part.hits for part in parts]
+    return Shading(
+        hits=HitRecord(*(joined(column.name, hits) for column in fields(HitRecord))),
+        **{column.name: joined(column.name, parts) for column in fields(Shading)[1:]},
     )

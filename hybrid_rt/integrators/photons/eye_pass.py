@@ -29,12 +29,15 @@ from hybrid_rt.integrators.media.beginnings import media_around_camera
 from hybrid_rt.integrators.path.camera_paths import leaving_camera
 from hybrid_rt.integrators.photons.branching import (
     Branching,
+    joined_paths,
+    joined_shading,
     rows_of_paths,
     rows_of_shading,
 )
 from hybrid_rt.integrators.photons.density_estimation import Discs, Field, Points
 from hybrid_rt.integrators.photons.photon_tracer import PhotonTracer
 from hybrid_rt.integrators.shading import Shading
+from hybrid_rt.sampling.sampler import UIntArray
 from hybrid_rt.scene.compiled import NOTHING
 from hybrid_rt.shading.kernels.emitter import BOTH, LIGHT_ONLY
 from hybrid_rt.shading.kernels.lobes.register import EVERY, FOLLOWED, NARROW, WIDE
@@ -55,12 +58,27 @@ TO_LIGHT, TO_LIGHT_NARROW, DIRECTION, CHOICE, TO_PHOTON, PER_STEP = 0, 1, 2, 3, 
 
 
 @dataclass(frozen=True)
-class _Waiting:
-    """Points that are still to gather photons: for which camera ray, and how much it counts."""
+class Waiting:
+    """Points on wide lobes, n rows, whose light is still to be found, by shadow rays and photons."""
 
-    camera_ray: NDArray[np.int64]
-    throughput: FloatArray
-    points: Points
+    paths: Paths
+    shading: Shading
+    depth: UIntArray  # (n,) uint64, of the path that arrives there
+
+    @classmethod
+    def joined(cls, parts: list[Waiting]) -> Waiting:
+        """Concatenate points."""
+        return cls(
+            joined_paths([part.paths for part in parts]),
+            joined_shading([part.shading for part in parts]),
+            np.concatenate([part.depth for part in parts]),
+        )
+
+    def rows(self, rows: NDArray[np.intp]) -> Waiting:
+        """Select rows."""
+        return Waiting(
+            rows_of_paths(self.paths, rows), rows_of_shading(self.shading, rows), self.depth[rows]
+        )
 
 
 class EyePass(Integrator):
@@ -122,7 +140,7 @@ class EyePass(Integrator):
     def _radiance(self, block: CameraBlock) -> FloatArray:
         radiance, blur = np.zeros_like(block.directions), np.zeros_like(block.directions)
         paths = leaving_camera(block, self._camera_media)
-        waiting: list[_Waiting] = []
+        waiting: list[Waiting] = []
         for depth in range(self.context.max_depth + 1):
             # --- where the rays arrive
             source = NamedPoints(paths.source_id, paths.origins) if depth else None
@@ -137,51 +155,36 @@ class EyePass(Integrator):
                 )
                 add_products(paths.camera_ray, paths.throughput, arriving, radiance)
                 shading = self._light.shading(hits, paths.directions, material, paths.media, second)
-                # --- surfaces that spread light widely: lights are asked, photons later
+                # --- surfaces that spread light widely: lights and photons are asked later
                 wide = np.flatnonzero(self.photon_tracer.gathers[material])
                 if wide.size:
-                    waiting.append(self._look(paths, shading, wide, depth, radiance))
+                    waiting.append(
+                        Waiting(
+                            rows_of_paths(paths, wide),
+                            rows_of_shading(shading, wide, self._is_wide),
+                            np.full(wide.size, depth, dtype=np.uint64),
+                        )
+                    )
                 # --- where they go next by mirrors, metals and glass, and which ones stop
                 paths = self._onward(paths, shading, second, depth, radiance)
             if paths.camera_ray.size == 0:
                 break
-        # --- photons near all these places: few large questions are answered faster
-        if self.fields and waiting:
-            self._gather(waiting, radiance, blur)
-            self.blur[place_of_pixel(block.pixel)] = blur
+        # --- light at all these places: few large questions are answered faster
+        if waiting:
+            points = Waiting.joined(waiting)
+            if self.casts_shadow_rays:
+                with self.context.ledger.stage("shade"):
+                    self._add_direct(points, radiance)
+            if self.fields:
+                self._gather(points, radiance, blur)
+                self.blur[place_of_pixel(block.pixel)] = blur
         return radiance
 
-    def _points(self, paths: Paths, depth: int, use: int) -> FloatArray:
+    def _points(self, paths: Paths, depth: UIntArray | int, use: int) -> FloatArray:
         dimension = FIRST_PATH_DIMENSION + depth * PER_STEP + use
         return self.context.sampler.points(paths.pixel, dimension, paths.sample)
 
-    def _look(
-        self,
-        paths: Paths,
-        shading: Shading,
-        rows: NDArray[np.intp],
-        depth: int,
-        radiance: FloatArray,
-    ) -> _Waiting:
-        """Add direct light at some of the hits; return them as points for density estimation."""
-        there = rows_of_paths(paths, rows)
-        wide = rows_of_shading(shading, rows, self._is_wide)
-        if self.casts_shadow_rays:
-            self._add_direct(there, wide, depth, radiance)
-        xi = self._points(there, depth, TO_PHOTON)
-        points = Points(
-            wide.hits.position,
-            wide.hits.normal,
-            wide.directions,
-            wide.geometric,
-            wide.material,
-            wide.colors,
-            np.full(wide.material.size, depth == 0),
-            np.ascontiguousarray(xi[:, 0]),
-        )
-        return _Waiting(there.camera_ray, there.throughput, points)
-
-    def _add_direct(self, there: Paths, wide: Shading, depth: int, radiance: FloatArray) -> None:
+    def _add_direct(self, points: Waiting, radiance: FloatArray) -> None:
         """Add the direct light at points: the mean of several shadow rays each.
 
         A branch that carries so little that its one ray has less variance than the mean of several
@@ -189,29 +192,43 @@ class EyePass(Integrator):
         """
         n = self.n_shadow_rays
         if n == 1:
-            self._add_shadow_rays(there, wide, depth, 1, radiance)
+            self._add_shadow_rays(points, 1, radiance)
             return
-        is_strong = largest_channel(there.throughput) ** 2 * n > 1.0
+        is_strong = largest_channel(points.paths.throughput) ** 2 * n > 1.0
         for rows, n_each in ((np.flatnonzero(is_strong), n), (np.flatnonzero(~is_strong), 1)):
             if rows.size:
-                part = rows_of_paths(there, rows), rows_of_shading(wide, rows)
-                self._add_shadow_rays(*part, depth, n_each, radiance)
+                self._add_shadow_rays(points.rows(rows), n_each, radiance)
 
-    def _add_shadow_rays(
-        self, there: Paths, wide: Shading, depth: int, n: int, radiance: FloatArray
-    ) -> None:
-        throughput = there.throughput / n
+    def _add_shadow_rays(self, points: Waiting, n: int, radiance: FloatArray) -> None:
+        paths = points.paths
+        throughput = paths.throughput / n
         for j in range(n):
-            # All shadow rays of all passes are points of one sequence.
-            sample = there.sample * np.uint64(n) + np.uint64(j)
-            xi = self._points(there._replace(sample=sample), depth, TO_LIGHT)
-            self._wide.from_one(wide, there.camera_ray, throughput, there.media, xi, radiance)
+            xi = self._shadow_ray_points(points, n, j)
+            self._wide.from_one(
+                points.shading, paths.camera_ray, throughput, paths.media, xi, radiance
+            )
 
-    def _gather(self, waiting: list[_Waiting], radiance: FloatArray, blur: FloatArray) -> None:
+    def _shadow_ray_points(self, points: Waiting, n: int, j: int) -> FloatArray:
+        """Return the random numbers of the j-th of n shadow rays of each point."""
+        # All shadow rays of all passes are points of one sequence.
+        sample = points.paths.sample * np.uint64(n) + np.uint64(j)
+        return self._points(points.paths._replace(sample=sample), points.depth, TO_LIGHT)
+
+    def _gather(self, waiting: Waiting, radiance: FloatArray, blur: FloatArray) -> None:
         """Add the light of photons at all points of a block."""
-        camera_ray = np.concatenate([part.camera_ray for part in waiting])
-        throughput = np.concatenate([part.throughput for part in waiting])
-        points = Points.joined([part.points for part in waiting])
+        camera_ray, throughput = waiting.paths.camera_ray, waiting.paths.throughput
+        shading = waiting.shading
+        xi = self._points(waiting.paths, waiting.depth, TO_PHOTON)
+        points = Points(
+            shading.hits.position,
+            shading.hits.normal,
+            shading.directions,
+            shading.geometric,
+            shading.material,
+            shading.colors,
+            waiting.depth == 0,
+            np.ascontiguousarray(xi[:, 0]),
+        )
         for field in self.fields:
             with self.context.ledger.stage("gather"):
                 sums = field.radiance(points)

@@ -21,11 +21,9 @@ from hybrid_rt.core.ledger import Ledger
 from hybrid_rt.core.records import FloatArray
 from hybrid_rt.integrators.context import RenderContext
 from hybrid_rt.integrators.integrator import PIXEL_BITS
-from hybrid_rt.integrators.kernels.compaction import Paths
 from hybrid_rt.integrators.kernels.density_estimate import Sums
 from hybrid_rt.integrators.photons.density_estimation import Discs
-from hybrid_rt.integrators.photons.eye_pass import TO_LIGHT, EyePass
-from hybrid_rt.integrators.shading import Shading
+from hybrid_rt.integrators.photons.eye_pass import EyePass, Waiting
 from hybrid_rt.sensor.image_metrics import DARK
 from hybrid_rt.sensor.passes import GROUPS
 
@@ -155,15 +153,15 @@ class _PilotEyePass(EyePass):
         self.of_shadow_rays, self.of_photons = np.zeros((2, pixel.size, 3))
         return self.radiance_through(pixel, sample)
 
-    def _add_direct(self, there: Paths, wide: Shading, depth: int, radiance: FloatArray) -> None:
-        rows = np.arange(there.camera_ray.size)
+    def _add_direct(self, points: Waiting, radiance: FloatArray) -> None:
+        paths = points.paths
+        rows = np.arange(paths.camera_ray.size)
         found = np.zeros((PER_POINT, rows.size, 3))
         for j in range(PER_POINT):
-            sample = there.sample * np.uint64(PER_POINT) + np.uint64(j)
-            xi = self._points(there._replace(sample=sample), depth, TO_LIGHT)
-            self._wide.from_one(wide, rows, there.throughput, there.media, xi, found[j])
-        np.add.at(self.of_shadow_rays, there.camera_ray, found.var(axis=0, ddof=1))
-        np.add.at(radiance, there.camera_ray, found.mean(axis=0))
+            xi = self._shadow_ray_points(points, PER_POINT, j)
+            self._wide.from_one(points.shading, rows, paths.throughput, paths.media, xi, found[j])
+        np.add.at(self.of_shadow_rays, paths.camera_ray, found.var(axis=0, ddof=1))
+        np.add.at(radiance, paths.camera_ray, found.mean(axis=0))
 
     def _note_gathered(
         self, camera_ray: NDArray[np.int64], throughput: FloatArray, sums: Sums
