@@ -84,7 +84,7 @@ class Integrator(ABC):
         ``first`` and ``stop`` count the pixels of the first pass, then those of the second, and so
         on.
         """
-        radiance = self._radiance(self._camera_rays(passes, first, stop))
+        radiance = self.radiance_through(*self._keys(passes, first, stop))
         if radiance.shape != (stop - first, 3):
             raise ValueError(
                 f"{type(self).__name__}._radiance returned an array of shape {radiance.shape} for "
@@ -96,18 +96,20 @@ class Integrator(ABC):
     def _radiance(self, block: CameraBlock) -> FloatArray:
         """Return the radiance (n, 3) that each camera ray brings."""
 
-    def _camera_rays(self, passes: range, first: int, stop: int) -> CameraBlock:
+    def _keys(self, passes: range, first: int, stop: int) -> tuple[UIntArray, UIntArray]:
+        """Return ``pixel`` and ``sample`` of a run of camera rays, see `CameraBlock`."""
         camera = self.context.scene.camera
-        with self.context.ledger.stage("camera rays"):
-            number = np.arange(first, stop, dtype=np.uint64)
-            sample, pixel = np.divmod(number, np.uint64(camera.height * camera.width))
-            # Groups of passes are pictures on their own, with independent random numbers.
-            group, sample = group_of(sample + np.uint64(passes.start))
-            return self._through(pixel + (group << PIXEL_BITS), sample)
+        number = np.arange(first, stop, dtype=np.uint64)
+        sample, pixel = np.divmod(number, np.uint64(camera.height * camera.width))
+        # Groups of passes are pictures on their own, with independent random numbers.
+        group, sample = group_of(sample + np.uint64(passes.start))
+        return pixel + (group << PIXEL_BITS), sample
 
     def radiance_through(self, pixel: UIntArray, sample: UIntArray) -> FloatArray:
         """Return the radiance (n, 3) of camera rays with these keys, see `CameraBlock`."""
-        return self._radiance(self._through(pixel, sample))
+        with self.context.ledger.stage("camera rays"):
+            block = self._through(pixel, sample)
+        return self._radiance(block)
 
     def _through(self, pixel: UIntArray, sample: UIntArray) -> CameraBlock:
         """Return the camera rays with these keys, see `CameraBlock`."""

@@ -94,6 +94,8 @@ class EyePass(Integrator):
         Traces the photons of this thread.
     fields : tuple of Field
         The photon maps of the current pass.
+    n_camera_rays : int
+        Camera rays through each pixel in a pass.
     n_shadow_rays : int
         Shadow rays from each point on a wide lobe.
     casts_shadow_rays : bool
@@ -116,6 +118,7 @@ class EyePass(Integrator):
         super().__init__(context)
         self.photon_tracer = PhotonTracer(context, self._contacts)
         self.fields: tuple[Field, ...] = ()
+        self.n_camera_rays = 1
         self.n_shadow_rays = 1
         camera = context.scene.camera
         self.blur = np.zeros((camera.height * camera.width if context.plan["photons"] else 0, 3))
@@ -136,6 +139,18 @@ class EyePass(Integrator):
         self._is_wide = context.scene.lobes_with(WIDE)
         self._branching = Branching(context)
         self._follows = context.scene.materials_with(FOLLOWED)
+
+    def trace(self, passes: range, first: int, stop: int) -> FloatArray:
+        """Return the radiance (stop - first, 3) of pixels: the mean of `n_camera_rays` each."""
+        pixel, sample = self._keys(passes, first, stop)
+        n = self.n_camera_rays
+        radiance = np.zeros((pixel.size, 3))
+        if self.fields:
+            self.blur[place_of_pixel(pixel)] = 0.0
+        for j in range(n):
+            # All camera rays of all passes are points of one sequence.
+            radiance += self.radiance_through(pixel, sample * np.uint64(n) + np.uint64(j))
+        return radiance / n
 
     def _radiance(self, block: CameraBlock) -> FloatArray:
         radiance, blur = np.zeros_like(block.directions), np.zeros_like(block.directions)
@@ -177,7 +192,7 @@ class EyePass(Integrator):
                     self._add_direct(points, radiance)
             if self.fields:
                 self._gather(points, radiance, blur)
-                self.blur[place_of_pixel(block.pixel)] = blur
+                self.blur[place_of_pixel(block.pixel)] += blur / self.n_camera_rays
         return radiance
 
     def _points(self, paths: Paths, depth: UIntArray | int, use: int) -> FloatArray:
@@ -236,7 +251,7 @@ class EyePass(Integrator):
             sums.value[hidden] = sums.blur[hidden] = 0.0
             add_products(camera_ray, throughput, sums.value, radiance)
             add_products(camera_ray, throughput, sums.blur, blur)
-            self._note_gathered(camera_ray, throughput, sums)
+            self._note_gathered(field, camera_ray, throughput, sums)
             self.n_points += camera_ray.size
             self.n_gathered += int(sums.near.sum())
             without = np.flatnonzero(sums.near == 0)
@@ -251,10 +266,11 @@ class EyePass(Integrator):
         found = field.shown_photons(points, asked)
         found = found[found >= 0]
         self.n_shown += round(without.size * found.size / asked.size)
-        self.shown_power += float(field.photons.power[np.unique(found)].sum(dtype=np.float64))
+        power = float(field.photons.power[np.unique(found)].sum(dtype=np.float64))
+        self.shown_power += power / self.n_camera_rays
 
     def _note_gathered(
-        self, camera_ray: NDArray[np.int64], throughput: FloatArray, sums: Sums
+        self, field: Field, camera_ray: NDArray[np.int64], throughput: FloatArray, sums: Sums
     ) -> None:
         """Note density estimates and how much each counts; by default nothing."""
 

@@ -26,10 +26,12 @@ from hybrid_rt.integrators.photons.light_tracing import DensePlaces, Splats
 from hybrid_rt.integrators.photons.photon_groups import size_for_discs
 from hybrid_rt.integrators.photons.photon_tracer import PILOT_DIMENSION, Balance
 from hybrid_rt.integrators.photons.photon_workers import PhotonWorkers
-from hybrid_rt.integrators.photons.shadow_ray_number import measure_work
+from hybrid_rt.integrators.photons.ray_numbers import measure_work
 
 # The first photons, which find radii, dense caustics and the number of shadow rays; at most.
 PILOT_PHOTONS = 100_000
+# Numbers of rays are chosen for the discs of so many passes.
+TYPICAL_PASSES = 16
 
 BLUR = (
     "light is blurred by discs that shrink from pass to pass; the blur of the mean falls as "
@@ -75,15 +77,16 @@ class ProgressiveWorkers(PhotonWorkers):
 
         def ready(
             _: EyePass, photons: Photons, _shown: list[Splats]
-        ) -> tuple[Radii, DensePlaces | None, Discs]:
-            if asked is not None:
-                return asked, None, Discs(photons, lobes, asked, 1.0)
-            dense = DensePlaces.of(photons, share, camera, self._threads)
-            radii = Radii.of(photons, share, camera, extent, self._threads)
-            return radii, dense, Discs(photons, lobes, radii, 1.0)
+        ) -> tuple[Radii, DensePlaces | None, tuple[Discs, Discs]]:
+            dense, radii = None, asked
+            if radii is None:
+                dense = DensePlaces.of(photons, share, camera, self._threads)
+                radii = Radii.of(photons, share, camera, extent, self._threads)
+            even, odd = (Photons(*(column[k::2] for column in photons)) for k in range(2))
+            return radii, dense, (Discs(even, lobes, radii, 1.0), Discs(odd, lobes, radii, 1.0))
 
         with self._at_work() as submit:
-            radii, dense, field = self._shot(n, 0, PILOT_DIMENSION, submit, ready)()
+            radii, dense, halves = self._shot(n, 0, PILOT_DIMENSION, submit, ready)()
         if dense is not None and not dense.are_seen(self.context):
             dense = None
         self._balance = Balance()  # the light of these photons is in no picture
@@ -91,10 +94,14 @@ class ProgressiveWorkers(PhotonWorkers):
         photon_rays = sum(
             ledger.rays[name] for ledger in ledgers for name in ("photon", "photons to camera")
         )
-        work = measure_work(self.context, field, share, photon_rays / share)
+        # Photons in smaller discs have more variance, in proportion to 1 / radius^2.
+        shrinks = (radius_factor(i, self._options.alpha) for i in range(TYPICAL_PASSES))
+        of_pass = share * sum(shrink**-2 for shrink in shrinks) / TYPICAL_PASSES
+        work = measure_work(self.context, halves, of_pass, photon_rays / share)
+        numbers = (1, 1) if work is None else work.best_numbers
         for eye_pass in self._eye_passes:
             eye_pass.photon_tracer.dense = dense if eye_pass.is_in_the_open else None
-            eye_pass.n_shadow_rays = 1 if work is None else work.best_number
+            eye_pass.n_camera_rays, eye_pass.n_shadow_rays = numbers
         return radii
 
     def _asked_radii(self, extent: float) -> Radii | None:
@@ -117,6 +124,7 @@ class ProgressiveWorkers(PhotonWorkers):
             "alpha": self._options.alpha,
             "first_radii": first,
             "last_radii": [last * radius for radius in first],
+            "camera_rays_per_pixel": self._eye_passes[0].n_camera_rays,
             "shadow_rays_per_point": self._eye_passes[0].n_shadow_rays,
             "blur": BLUR,
         }

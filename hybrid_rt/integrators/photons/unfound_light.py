@@ -31,7 +31,7 @@ from hybrid_rt.integrators.light_found import letters_of_lights
 from hybrid_rt.integrators.media.beginnings import media_around_camera
 from hybrid_rt.integrators.media.contacts import Contacts
 from hybrid_rt.integrators.photons import PPM
-from hybrid_rt.integrators.photons.density_estimation import Discs, Radii
+from hybrid_rt.integrators.photons.density_estimation import Discs, Field, Radii
 from hybrid_rt.integrators.photons.eye_pass import EyePass
 from hybrid_rt.integrators.photons.light_tracing import shown_rows
 from hybrid_rt.integrators.photons.photon_groups import Group, sequence_of, size_for_discs
@@ -307,9 +307,9 @@ class _MirrorView(EyePass):
         return self._sum / (3 * n)
 
     def _note_gathered(
-        self, camera_ray: NDArray[np.int64], throughput: FloatArray, sums: Sums
+        self, field: Field, camera_ray: NDArray[np.int64], throughput: FloatArray, sums: Sums
     ) -> None:
-        del camera_ray
+        del field, camera_ray
         self._sum += float((throughput * sums.value).sum())
 
 

@@ -1,9 +1,10 @@
-"""How many shadow rays each hit point of the eye pass casts, chosen by variance against cost.
+"""How many camera rays a pass sends through each pixel, and how many shadow rays leave each point.
 
-The photons of a pass often cost more than its camera rays, while direct light makes most of its
-noise. Then several shadow rays per point pay. A pilot set of camera rays, with random numbers that
-no pass uses, measures what the noise of a pixel comes from: shadow rays, photons, and the rest. So
-the number is a function of scene, seed and options alone.
+The photons of a pass often cost more than its camera rays, while most of the noise is that of the
+camera rays (lamps seen by way of glass, edges) or of direct light. Then several of them pay, with the
+same photons. A pilot set of camera rays, with random numbers that no pass uses, measures what the
+noise of a pixel comes from: camera rays, shadow rays, and photons. So the numbers are functions of
+scene, seed and options alone.
 
 The optimum of variance times cost is that of splitting: Arvo and Kirk, "Particle transport and image
 synthesis", SIGGRAPH 1990.
@@ -11,6 +12,7 @@ synthesis", SIGGRAPH 1990.
 
 from __future__ import annotations
 
+import itertools
 import math
 from dataclasses import dataclass, replace
 
@@ -22,13 +24,14 @@ from hybrid_rt.core.records import FloatArray
 from hybrid_rt.integrators.context import RenderContext
 from hybrid_rt.integrators.integrator import PIXEL_BITS
 from hybrid_rt.integrators.kernels.density_estimate import Sums
-from hybrid_rt.integrators.photons.density_estimation import Discs
+from hybrid_rt.integrators.photons.density_estimation import Discs, Field
 from hybrid_rt.integrators.photons.eye_pass import EyePass, Waiting
+from hybrid_rt.sensor.film import OVERFLOWS
 from hybrid_rt.sensor.image_metrics import DARK
 from hybrid_rt.sensor.passes import GROUPS
 
-# Powers of two keep the shadow rays of a pass a net of Sobol's sequence.
-NUMBERS = (1, 2, 4, 8, 16)
+# Powers of two keep the rays of a pass a net of Sobol's sequence.
+CAMERA_RAYS, SHADOW_RAYS = (1, 2, 4), (1, 2, 4, 8, 16)
 # Over several passes shadow rays fall more evenly than at random, which the pilot set does not see:
 # a gain of less than this factor was none in caustic_through_glass.
 ABOUT_AS_GOOD = 1.1
@@ -37,8 +40,6 @@ PILOT_PIXELS, PER_PIXEL, PER_POINT = 1024, 2, 8
 # Pixels in which a camera ray met a lamp by chance would decide all: so many of the worst are left
 # out of every hundred.
 LEFT_OUT = 0.01
-# Epanechnikov's weights of the photons in a disc have this mean square; their mean is one.
-MEAN_SQUARE_WEIGHT = 4.0 / 3.0
 # Density estimation at a point costs about as much as so many rays: 2 in wine_glass, 5 in
 # caustic_through_glass.
 GATHER_COST = 3.0
@@ -46,34 +47,47 @@ GATHER_COST = 3.0
 
 @dataclass(frozen=True)
 class Work:
-    """Variance of a pixel in one pass, relative to its square, and cost in rays per pixel.
+    """Variances of a pixel in one pass, relative to its square, and costs in rays per pixel.
 
     Attributes
     ----------
-    of_shadow_rays, of_rest : float
-        Variances: that of one shadow ray per point, and that of everything else.
-    shadow_rays, rest : float
-        Costs.
+    of_camera_rays, of_shadow_rays, of_photons : float
+        Variances: that of one camera ray, that of one shadow ray from each of its points, and that
+        of the photons of a pass.
+    camera_rays, shadow_rays, photons : float
+        Their costs.
     """
 
+    of_camera_rays: float
     of_shadow_rays: float
-    of_rest: float
+    of_photons: float
+    camera_rays: float
     shadow_rays: float
-    rest: float
+    photons: float
 
-    def with_number(self, n: int) -> float:
-        """Return variance times cost with n shadow rays per point."""
-        return (self.of_rest + self.of_shadow_rays / n) * (self.rest + n * self.shadow_rays)
+    def cost(self, n_camera: int, n_shadow: int) -> float:
+        """Return the rays of a pass for each pixel."""
+        return self.photons + n_camera * (self.camera_rays + n_shadow * self.shadow_rays)
+
+    def variance(self, n_camera: int, n_shadow: int) -> float:
+        """Return the variance of a pixel in one pass."""
+        of_camera_rays = self.of_camera_rays + self.of_shadow_rays / n_shadow
+        return self.of_photons + of_camera_rays / n_camera
 
     @property
-    def best_number(self) -> int:
-        """The smallest number of shadow rays with about the least variance times cost."""
-        least = min(map(self.with_number, NUMBERS))
-        return next(n for n in NUMBERS if self.with_number(n) <= ABOUT_AS_GOOD * least)
+    def best_numbers(self) -> tuple[int, int]:
+        """Camera rays and shadow rays of the cheapest pass of about the least variance times cost."""
+        product = {
+            numbers: self.variance(*numbers) * self.cost(*numbers)
+            for numbers in itertools.product(CAMERA_RAYS, SHADOW_RAYS)
+        }
+        limit = ABOUT_AS_GOOD * min(product.values())
+        good = [numbers for numbers, value in product.items() if value <= limit]
+        return min(good, key=lambda numbers: self.cost(*numbers))
 
 
 def measure_work(
-    context: RenderContext, field: Discs, share: float, photon_rays: float
+    context: RenderContext, halves: tuple[Discs, Discs], of_pass: float, photon_rays: float
 ) -> Work | None:
     """Measure what noise and cost of a pass come from.
 
@@ -81,45 +95,46 @@ def measure_work(
     ----------
     context : RenderContext
         Its counts are left alone.
-    field : Discs
-        Photons of a pilot pass.
-    share : float
-        Their number over that of a pass.
+    halves : two Discs
+        Every other photon of a pilot pass, and the rest.
+    of_pass : float
+        The variance of the photons of a pass over that of all these photons.
     photon_rays : float
         Rays of the photons of a pass.
 
     Returns
     -------
     Work or None
-        None if there are no shadow rays, or if their light is beyond the largest number.
+        None if light is beyond the largest number.
     """
     own = replace(context, tracer=context.tracer.with_own_counters(), ledger=Ledger())
-    pilot, rays = _PilotEyePass(own, field, share), own.ledger.rays
-    if not pilot.casts_shadow_rays:
-        return None
+    pilot, rays = _PilotEyePass(own, halves), own.ledger.rays
     radiance = pilot.pilot_radiance().reshape(-1, PER_PIXEL, 3)
     n = rays["camera"]
     of_shadow_rays, of_photons = (
         variance.reshape(-1, PER_PIXEL, 3).mean(axis=1)
-        for variance in (pilot.of_shadow_rays, pilot.of_photons)
+        for variance in (pilot.of_shadow_rays, of_pass * pilot.difference**2)
     )
     # What the rays through one pixel differ by, without the noise of the shadow rays that is left.
     if not np.isfinite([radiance.sum(), of_shadow_rays.sum(), of_photons.sum()]).all():
         return None
     of_camera_rays = radiance.var(axis=1, ddof=1) - of_shadow_rays / PER_POINT
-    of_rest = np.maximum(of_camera_rays, 0.0) + of_photons
     weight = 1.0 / (radiance.mean(axis=1) ** 2 + DARK)
-    squares = np.stack([of_shadow_rays * weight, of_rest * weight]).mean(axis=2)
+    of_each = (np.maximum(of_camera_rays, 0.0), of_shadow_rays, of_photons)
+    squares = np.stack([variance * weight for variance in of_each]).mean(axis=2)
     kept = np.argsort(squares.sum(axis=0))[: math.ceil((1.0 - LEFT_OUT) * squares.shape[1])]
+    of_each_kept = squares[:, kept].mean(axis=1).tolist()
     pixels = own.scene.camera.width * own.scene.camera.height
-    gathered = GATHER_COST * pilot.n_points + rays["to photons"]
+    # Each half of the photons was looked for at all points.
+    gathered = (GATHER_COST * pilot.n_points + rays["to photons"]) / len(halves)
     seen = rays["camera"] + rays["mirrored or refracted"] + gathered
-    mean_square = squares[:, kept].mean(axis=1)
     return Work(
-        of_shadow_rays=float(mean_square[0]),
-        of_rest=float(mean_square[1]),
+        of_camera_rays=of_each_kept[0],
+        of_shadow_rays=of_each_kept[1],
+        of_photons=of_each_kept[2],
+        camera_rays=seen / n,
         shadow_rays=rays["shadow"] / (PER_POINT * n),
-        rest=photon_rays / pixels + seen / n,
+        photons=photon_rays / pixels,
     )
 
 
@@ -128,16 +143,16 @@ class _PilotEyePass(EyePass):
 
     Attributes
     ----------
-    of_shadow_rays, of_photons : (n, 3) float64
-        Of each camera ray traced: the variance of one shadow ray from each of its points, and about
-        that of the photons of one pass.
+    of_shadow_rays : (n, 3) float64
+        Variance of one shadow ray from each of a camera ray's points.
+    difference : (n, 3) float64
+        What one half of the photons adds to each camera ray minus what the other half adds.
     """
 
-    def __init__(self, context: RenderContext, field: Discs, share: float) -> None:
+    def __init__(self, context: RenderContext, halves: tuple[Discs, Discs]) -> None:
         super().__init__(context)
-        self.fields = (field,)
-        self._share = share
-        self.of_shadow_rays = self.of_photons = np.zeros((0, 3))
+        self.fields = halves
+        self.of_shadow_rays = self.difference = np.zeros((0, 3))
 
     def pilot_radiance(self) -> FloatArray:
         """Return the radiance of the pilot set's camera rays, `PER_PIXEL` in a row for each pixel."""
@@ -150,7 +165,7 @@ class _PilotEyePass(EyePass):
         # In a group that no pass belongs to.
         pixel += np.uint64(GROUPS) << PIXEL_BITS
         sample = np.tile(np.arange(PER_PIXEL, dtype=np.uint64), n)
-        self.of_shadow_rays, self.of_photons = np.zeros((2, pixel.size, 3))
+        self.of_shadow_rays, self.difference = np.zeros((2, pixel.size, 3))
         return self.radiance_through(pixel, sample)
 
     def _add_direct(self, points: Waiting, radiance: FloatArray) -> None:
@@ -163,10 +178,11 @@ class _PilotEyePass(EyePass):
         np.add.at(self.of_shadow_rays, paths.camera_ray, found.var(axis=0, ddof=1))
         np.add.at(radiance, paths.camera_ray, found.mean(axis=0))
 
+    @OVERFLOWS
     def _note_gathered(
-        self, camera_ray: NDArray[np.int64], throughput: FloatArray, sums: Sums
+        self, field: Field, camera_ray: NDArray[np.int64], throughput: FloatArray, sums: Sums
     ) -> None:
-        # As if photons fell at random: so many of them that the pass has in the disc.
-        n = np.maximum(sums.near, 1) / self._share
-        square = (throughput * sums.value) ** 2
-        np.add.at(self.of_photons, camera_ray, MEAN_SQUARE_WEIGHT * square / n[:, None])
+        # What half of the photons adds minus what the other half adds: its mean square is the
+        # variance of the sum of both.
+        sign = 1.0 if field is self.fields[0] else -1.0
+        np.add.at(self.difference, camera_ray, sign * throughput * sums.value)
