@@ -25,6 +25,7 @@ from hybrid_rt.integrators.kernels.density_estimate import (
     most_neighbours,
 )
 from hybrid_rt.integrators.kernels.photon_steps import IS_SHOWN, Photons
+from hybrid_rt.scene.compiled import CompiledScene
 from hybrid_rt.sensor.camera import Camera
 from hybrid_rt.shading.kernels.bsdf import LobeTable, Vertices
 
@@ -48,6 +49,8 @@ WIDEST, NARROWEST = 0.03, 1e-6
 # A radius that is asked for may be larger. Of discs beyond this share the surfaces fill a part only:
 # light is lost, and half the disc loses as much, so the estimate of blur would not see it.
 WIDEST_ASKED = 0.25
+# Nor are discs wider than this part of the surface that they lie on.
+WIDEST_ON_SURFACE = 0.25
 # Points are asked for so many photons first, and those that have more once again for more.
 FEW_PHOTONS = (64, 256)
 # Pairs of points and photons looked at together; a pair takes 24 bytes.
@@ -73,6 +76,8 @@ class Points:
         The camera sees the point directly: photons that were splatted do not count there.
     xi : (n,) float64 in [0, 1)
         Samples one photon for each point.
+    widest : (n,) float64
+        Radius of a disc at most, unless it is given: see `widest_discs`.
     """
 
     position: FloatArray
@@ -83,6 +88,7 @@ class Points:
     colors: FloatArray
     is_direct: BoolArray
     xi: FloatArray
+    widest: FloatArray
 
     @property
     def vertices(self) -> Vertices:
@@ -161,6 +167,8 @@ class Radii:
         Distance within which each of these photons has the desired number of neighbours.
     is_sparse : bool
         Whether what is seen is small beside what the photons light.
+    is_given : bool
+        Whether the user asked for this radius: then it is that of every disc.
     """
 
     def __init__(
@@ -169,8 +177,9 @@ class Radii:
         positions: FloatArray,
         radius: FloatArray,
         is_sparse: bool = False,
+        is_given: bool = False,
     ) -> None:
-        self.classes, self.is_sparse = classes, is_sparse
+        self.classes, self.is_sparse, self.is_given = classes, is_sparse, is_given
         self._radius = radius
         self._tree: cKDTree | None = None
         if radius.size:
@@ -179,9 +188,9 @@ class Radii:
             self._tree = cKDTree(positions)
 
     @classmethod
-    def fixed(cls, radius: float) -> Radii:
+    def fixed(cls, radius: float, is_given: bool = False) -> Radii:
         """Return the same radius everywhere."""
-        return cls(np.array([radius]), np.zeros((0, 3)), np.zeros(0))
+        return cls(np.array([radius]), np.zeros((0, 3)), np.zeros(0), is_given=is_given)
 
     @classmethod
     def of(
@@ -223,13 +232,15 @@ class Radii:
         classes = low * step ** np.arange(1.0, n_classes + 1.0)
         return cls(classes, position, radius, is_sparse)
 
-    def around(self, points: FloatArray) -> tuple[FloatArray, NDArray[np.intp]]:
-        """Return the initial radius and the class of each point (n, 3)."""
+    def around(self, points: FloatArray, widest: FloatArray) -> tuple[FloatArray, NDArray[np.intp]]:
+        """Return the initial radius, ``widest`` at most, and the class of each point (n, 3)."""
         if self._tree is None:
-            n = len(points)
-            return np.full(n, self.classes[-1]), np.zeros(n, dtype=np.intp)
-        distance, nearest = self._tree.query(points)
-        radius = np.minimum(np.maximum(self._radius[nearest], distance), self.classes[-1])
+            radius = np.full(len(points), self.classes[-1])
+        else:
+            distance, nearest = self._tree.query(points)
+            radius = np.minimum(np.maximum(self._radius[nearest], distance), self.classes[-1])
+        if not self.is_given:
+            radius = np.minimum(radius, widest)
         return radius, np.searchsorted(self.classes, radius)
 
 
@@ -274,7 +285,7 @@ class Discs(Field):
         if not len(self.photons.history):
             return found
         position = points.position[rows]
-        radius = self._shrink * self._radii.around(position)[0]
+        radius = self._shrink * self._radii.around(position, points.widest[rows])[0]
         distance, number = self._tree.query(position, distance_upper_bound=self._reach[-1])
         within = np.flatnonzero((np.asarray(distance) < radius) & points.is_direct[rows])
         rows, nearest = rows[within], np.asarray(number)[within]
@@ -286,7 +297,7 @@ class Discs(Field):
         return found
 
     def _gather(self, points: Points, xi: FloatArray, sums: Sums) -> None:
-        first_radius, class_of = self._radii.around(points.position)
+        first_radius, class_of = self._radii.around(points.position, points.widest)
         radius = self._shrink * first_radius
         for number, reach in enumerate(self._reach):
             rows = np.flatnonzero(class_of == number)
@@ -359,10 +370,25 @@ class Nearest(Field):
             # Where fewer lie within the limit, the disc reaches to the limit. A disc within which
             # all of them coincide still has a radius.
             farthest = np.where(np.isfinite(distance[:, -1]), distance[:, -1], self._limit)
+            farthest = np.minimum(farthest, points.widest[first:stop])
             radius[first:stop] = np.maximum(farthest, NARROWEST * self._limit)
             row, k = np.nonzero(np.isfinite(distance))
             pairs = first + row, np.asarray(number)[row, k], distance[row, k]
             self._add(pairs, radius, points, xi, sums)
+
+
+def widest_discs(scene: CompiledScene) -> FloatArray:
+    """Return the widest radius of discs on each surface, (surfaces,); infinite on endless ones.
+
+    A disc that reaches over the edge of its surface finds no photons there. If most of it does, half
+    the disc loses as much, and the estimate of blur does not see it.
+    """
+    widest = np.full(len(scene.surfaces), np.inf)
+    for i, surface in enumerate(scene.surfaces):
+        if surface.is_bounded:
+            # Of a flat or a long body, how wide it is.
+            widest[i] = WIDEST_ON_SURFACE * np.sort(np.ptp(surface.bounds, axis=0))[1]
+    return widest
 
 
 def _parts(most: IdArray) -> list[slice]:

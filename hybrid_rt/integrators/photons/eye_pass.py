@@ -34,7 +34,7 @@ from hybrid_rt.integrators.photons.branching import (
     rows_of_paths,
     rows_of_shading,
 )
-from hybrid_rt.integrators.photons.density_estimation import Discs, Field, Points
+from hybrid_rt.integrators.photons.density_estimation import Discs, Field, Points, widest_discs
 from hybrid_rt.integrators.photons.photon_tracer import PhotonTracer
 from hybrid_rt.integrators.shading import Shading
 from hybrid_rt.sampling.sampler import UIntArray
@@ -137,6 +137,7 @@ class EyePass(Integrator):
         self._camera_media = media_around_camera(context, self._contacts)
         self.is_in_the_open = not (self._camera_media != NOTHING).any()
         self._is_wide = context.scene.lobes_with(WIDE)
+        self._widest = widest_discs(context.scene)
         self._branching = Branching(context)
         self._follows = context.scene.materials_with(FOLLOWED)
 
@@ -243,6 +244,7 @@ class EyePass(Integrator):
             shading.colors,
             waiting.depth == 0,
             np.ascontiguousarray(xi[:, 0]),
+            self._widest[shading.hits.object_id],
         )
         for field in self.fields:
             with self.context.ledger.stage("gather"):

@@ -114,7 +114,7 @@ class ProgressiveWorkers(PhotonWorkers):
                 f"PPMOptions initial_radius is {radius:g}, the scene, or what is seen "
                 f"of it, is {extent:.3g} across: pass {low:.3g} to {high:.3g}, or None"
             )
-        return Radii.fixed(radius)
+        return Radii.fixed(radius, is_given=True)
 
     def _about(self) -> dict[str, Any]:
         first = [] if self._radii is None else self._radii.classes.tolist()

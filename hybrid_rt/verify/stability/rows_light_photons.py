@@ -147,7 +147,7 @@ def _gathered(
         Points(
             np.zeros((n_points, 3)), normal, -normal, NO_NORMALS, np.zeros(n_points, np.int32),
             np.ones((n_points, 1, 3)), np.ones(n_points, dtype=bool),
-            np.linspace(0, 1, n_points, endpoint=False),
+            np.linspace(0, 1, n_points, endpoint=False), np.full(n_points, np.inf),
         )
     )  # fmt: skip
     _, most = tracemalloc.get_traced_memory()

@@ -292,6 +292,7 @@ def test_a_million_photons_in_one_point_need_little_memory(monkeypatch):
             np.ones((points, 1, 3)),
             np.ones(points, dtype=bool),
             np.linspace(0, 1, points, endpoint=False),
+            np.full(points, np.inf),
         )
     )
     assert max(seen) <= 3 * n
