@@ -108,7 +108,8 @@ def circular_arc(
     radius : positive number, scene units
     begin, end : numbers
         Angles in whole turns, counted from the axial direction toward larger radii; at most one
-        turn apart.
+        turn apart. A closed circle, as of a ring, needs ``begin > end`` (1 to 0, say) for normals
+        that point outward.
 
     Returns
     -------

@@ -24,7 +24,7 @@ from hybrid_rt.rendering.report import light_left_out, make_report, relative_err
 from hybrid_rt.rendering.result import RenderInterrupted, RenderResult
 from hybrid_rt.rendering.run import ClusterLost, run_passes
 from hybrid_rt.rendering.set_up import Request, set_up
-from hybrid_rt.rendering.summary import warnings_in_words
+from hybrid_rt.rendering.summary import all_warnings, warnings_in_words
 from hybrid_rt.rendering.watcher import Beginning, Watcher
 from hybrid_rt.sampling.sampler import Sampler
 from hybrid_rt.scene.in_one_plane import surfaces_in_one_plane
@@ -61,6 +61,9 @@ def render(
     watch: Watcher | None = None,
 ) -> RenderResult:
     """Render a picture of a scene.
+
+    Warnings go to the logger ``hybrid_rt.report`` of Python's `logging`, not to the module
+    `warnings`; ``report["warnings"]`` lists the texts of all of them.
 
     Parameters
     ----------
@@ -258,7 +261,8 @@ def render(
             report |= workers.report(blur)
             report["geometry"]["wrong_first_hits"] = wrong
             report["lamps_in_surfaces"] = ready.sunken
-            report["lamps_turned_away"] = lamps_turned_away(context.scene)
+            turned_away = lamps_turned_away(context.scene)
+            report["lamps_turned_away"], report["pictures_turned_away"] = turned_away
             report["lamps_in_bodies"] = lamps_in_bodies(context.scene)
             report["surfaces_in_one_plane"] = surfaces_in_one_plane(context.scene)
             report["pictures_on_meshes"] = pictures_on_meshes(context.scene)
@@ -268,6 +272,7 @@ def render(
             report |= light_left_out(report, left_out, unfound)
             report["cluster"] = None if source is None else {**source.about(), "lost": lost}
             report["store"] = None if keeper is None else keeper.report()
+            report["warnings"] = all_warnings(report)
             result = RenderResult(film.image, report, channels)
             for words in [*warnings_in_words(report), *([lost] if lost else [])]:
                 LOG.warning(words)

@@ -35,9 +35,15 @@ _STOPPED_BY = {
     "cluster_lost": "the loss of the cluster",
     "watcher": "the live page",
 }
-_TURNED_OR_NESTED = (
-    "its normals point inward (pass it .flipped(); if it is meant to be the hollow of another body, give "
-    "it the same material object as that body), or more than eight clear bodies are nested in each other"
+_HOLLOW_OR_NESTED = (
+    "if it is meant to be the hollow of another body, give it the same material object as that body), or "
+    "more than eight clear bodies are nested in each other"
+)
+_TURNED_OR_NESTED = f"its normals point inward (pass it .flipped(); {_HOLLOW_OR_NESTED}"
+_PARTS_TURNED_OR_NESTED = (
+    "normals point inward, of the whole (pass it .flipped()), of one of its surfaces (flip that one), or "
+    "of single patches (compare surface.normal(0.5, 0.5, i) of each patch i, and transpose the nets of "
+    f"those that point inward; {_HOLLOW_OR_NESTED}"
 )
 
 
@@ -79,7 +85,7 @@ def warnings_in_words(report: dict[str, Any]) -> list[str]:
         )
     lines += [
         f"{name!r} is clear: {n_rays:,} rays left it without entering it, or never left it: it is not "
-        f"closed (all surfaces of a body take one and the same material object), or {_TURNED_OR_NESTED}"
+        f"closed (all surfaces of a body take one and the same material object), or {_PARTS_TURNED_OR_NESTED}"
         for name, n_rays in report["clear_bodies_not_closed"].items()
     ]
     lines += [
@@ -88,8 +94,7 @@ def warnings_in_words(report: dict[str, Any]) -> list[str]:
         for name, n_rays in report["clear_bodies_lost"].items()
     ]
     lines += [
-        f"{name} lights nothing: its light comes to no object. A rectangle shines on the side of "
-        "edge_u x edge_v (swap its edges to turn it), a spot light along its direction"
+        f"{name} lights nothing: its light comes to no object. {_how_to_turn(name, report)}"
         for name in report["lamps_turned_away"]
     ]
     lines += [
@@ -142,6 +147,29 @@ def warnings_in_words(report: dict[str, Any]) -> list[str]:
             f"integrator leaves out{by_photons}"
         )
     return [*lines, *_unmet_lamps(report)]
+
+
+def all_warnings(report: dict[str, Any]) -> list[str]:
+    """Return all warnings of a render: those of `warnings_in_words`, of lamps, and of its cluster."""
+    stuck = [note for note in report["lamps_in_surfaces"] if note["lifted_by"] == 0.0]
+    lines = [*map(lamp_in_words, stuck), *warnings_in_words(report)]
+    cluster = report["cluster"]
+    if cluster is not None:
+        lines += [*_refused(cluster), *([cluster["lost"]] if cluster["lost"] else [])]
+    return lines
+
+
+def _how_to_turn(name: str, report: dict[str, Any]) -> str:
+    """Return how a lamp is turned; swapped edges would lay a picture on its side."""
+    if name in report["pictures_turned_away"]:
+        return (
+            "A rectangle shines on the side of edge_u x edge_v: to turn it with its picture upright, "
+            "begin at the other end of edge_u and negate edge_u"
+        )
+    return (
+        "A rectangle shines on the side of edge_u x edge_v (swap its edges to turn it), a spot light "
+        "along its direction"
+    )
 
 
 def _much_left_out(report: dict[str, Any]) -> list[str]:
@@ -455,8 +483,12 @@ def _cluster(report: dict[str, Any]) -> list[str]:
         f"tasks{again}, {cluster['mib_received']:.3g} MiB received; the seconds of stages are sums "
         "over all processes"
     )
-    refused = cluster["refused"].items()
-    return [line, *(f"  WARNING   {who} made no passes: {why}" for who, why in refused)]
+    return [line, *(f"  WARNING   {words}" for words in _refused(cluster))]
+
+
+def _refused(cluster: dict[str, Any]) -> list[str]:
+    """Return which workers made no passes, and why."""
+    return [f"{who} made no passes: {why}" for who, why in cluster["refused"].items()]
 
 
 def _coarse(report: dict[str, Any]) -> str:

@@ -17,7 +17,7 @@ from hybrid_rt.shading.kernels.light_kinds import RECTANGLE, SPOT
 SLACK = 1e-9
 
 
-def lamps_turned_away(scene: CompiledScene) -> list[str]:
+def lamps_turned_away(scene: CompiledScene) -> tuple[list[str], list[str]]:
     """Return the names of lamps whose light comes to no surface, nor to the camera.
 
     These are rectangles that have everything behind them, and spot lights that have all surfaces
@@ -27,16 +27,21 @@ def lamps_turned_away(scene: CompiledScene) -> list[str]:
     Parameters
     ----------
     scene : CompiledScene
+
+    Returns
+    -------
+    lamps, pictures : list of str
+        All of them, and those that are rectangles with a texture over (u, v).
     """
     lights = scene.lights
     lamps = np.flatnonzero((lights.kind == RECTANGLE) | (lights.kind == SPOT)).tolist()
     if not lamps or not all(surface.is_bounded for surface in scene.surfaces):
-        return []
+        return [], []
     camera = scene.camera
     lens = 0.5 * camera.aperture
     eye = np.array([camera.look_from - lens, camera.look_from + lens])
     boxes = np.array([eye, *(surface.bounds for surface in scene.surfaces)])
-    names = []
+    names, pictures = [], []
     for light in lamps:
         own = int(scene.surface_of_light[light])
         if lights.kind[light] == SPOT:
@@ -53,7 +58,9 @@ def lamps_turned_away(scene: CompiledScene) -> list[str]:
             )
         if is_away:
             names.append(name_of(scene, own, light))
-    return names
+            if own != NOTHING and scene.colored_by_uv[own]:
+                pictures.append(names[-1])
+    return names, pictures
 
 
 def _before(boxes: FloatArray, origin: FloatArray, normal: FloatArray) -> bool:

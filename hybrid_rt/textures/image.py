@@ -95,8 +95,12 @@ def _read(path: Path, owner: str) -> NDArray[Any]:
     except ModuleNotFoundError as error:
         raise ModuleNotFoundError(f"{what}: {exr.NEEDED}") from error
     except Exception as error:  # whatever the reader of that format raises
-        hint = ", such as an .exr of it" if path.suffix.lower() in {".hdr", ".pic"} else ""
-        raise ValueError(f"{what}: pass a picture file{hint}, it cannot be read as one") from error
+        ending = path.suffix.lower()
+        if ending in {".hdr", ".pic"}:
+            raise ValueError(
+                f"{what}: {ending} files are not read: save it as .exr (in Blender by Save As)"
+            ) from error
+        raise ValueError(f"{what}: pass a picture file, it cannot be read as one") from error
 
 
 def _read_picture(path: Path) -> NDArray[Any]:

@@ -86,3 +86,14 @@ def test_triangles_stay_within_their_bound(surface, tolerance):
     assert result.deviation_bound < 2.5 * worst
     whole_and_closed = surface is SURFACES["torus"]
     assert result.mesh.is_watertight == whole_and_closed
+
+
+@pytest.mark.parametrize(("begin", "end", "outward"), [(1.0, 0.0, 1.0), (0.0, 1.0, -1.0)])
+def test_a_ring_has_outward_normals_if_its_circle_begins_at_the_larger_angle(begin, end, outward):
+    arcs, weights = circular_arc((0, 2), 0.5, begin, end)
+    ring = SurfaceOfRevolution(arcs, (0, 0, 0), (0, 0, 1), weights=weights)
+    number = np.arange(len(ring))
+    point, normal = ring.point(0.1, 0.5, number), ring.normal(0.1, 0.5, number)
+    spine = point * [1, 1, 0]
+    spine *= 2.0 / np.linalg.norm(spine, axis=1, keepdims=True)
+    np.testing.assert_allclose(np.sum((point - spine) * normal, axis=1), 0.5 * outward, rtol=1e-12)

@@ -46,7 +46,7 @@ from hybrid_rt.sensor.camera import Camera
 from hybrid_rt.sensor.film import Film
 from hybrid_rt.shading.kernels.medium_stack import STACK
 from hybrid_rt.textures import CheckerTexture
-from meshing import SurfaceOfRevolution
+from meshing import BezierPatches, SurfaceOfRevolution
 
 
 def render(scene, integrator="whitted", **settings):
@@ -618,6 +618,51 @@ def test_closed_bodies_are_never_called_open(bodies, not_closed, lost):
     text = numbers.in_words(report)
     assert ("it is not closed (all" in text) == bool(not_closed)
     assert (": its normals point inward" in text) == bool(lost)
+
+
+X, Y, Z = np.eye(3)
+FACES = [(X, Y, Z), (-X, Z, Y), (Y, Z, X), (-Y, X, Z), (Z, X, Y), (-Z, Y, X)]  # normal, u, v
+
+
+def test_one_turned_patch_of_a_clear_body_has_a_remedy_of_its_own():
+    """A box of six patches, of which one is turned: transposing its net mends it."""
+    box = [0.7 * np.array([[n - u - v, n - u + v], [n + u - v, n + u + v]]) for n, u, v in FACES]
+    nets = [*box[:5], box[5].transpose(1, 0, 2)]
+    turned = BezierPatches(nets)
+    inward = [i for i in range(6) if turned.normal(0.5, 0.5, i) @ turned.point(0.5, 0.5, i) < 0]
+    assert inward == [5]
+    nets[5] = turned.patches[5].transpose(1, 0, 2)
+    found = {}
+    for name, surface in {"turned": turned, "mended": BezierPatches(nets)}.items():
+        body = Object(surface, Dielectric(1.5), name)
+        found[name] = render(Scene(scene().camera, [body], [LAMP], SKY), passes=1, threads=1).report
+    assert found["mended"]["warnings"] == []
+    (words,) = found["turned"]["warnings"]
+    assert "or of single patches (compare surface.normal(0.5, 0.5, i)" in words
+    assert words in numbers.in_words(found["turned"])
+
+
+def test_warnings_of_the_report_are_all_that_its_text_warns_of(caplog):
+    """A point light within a floor cannot be moved: that is said before the passes."""
+    floor = Object(Rectangle((-9, -9, 0), (18, 0, 0), (0, 18, 0)), Lambertian(0.5), "floor")
+    few = {"passes": 1, "threads": 1}
+    assert render(Scene(scene().camera, [floor], [LAMP]), **few).report["warnings"] == []
+    away = RectangleLight((0, 0, 4), (1, 0, 0), (0, 1, 0), 9)
+    lamps = [PointLight((0, 0, 0), 1), LAMP, away]
+    report = render(Scene(scene().camera, [floor], lamps), **few).report
+    told = report["warnings"]
+    assert [words.split(":")[0] for words in told] == [
+        "lights[0] lies in object 'floor'",
+        "lights[2] lights nothing",
+    ]
+    assert json.loads(json.dumps(told)) == told
+    assert [record.getMessage() for record in caplog.records] == told
+    assert numbers.in_words(report).count("WARNING") == 2
+    for words in told:
+        assert f"WARNING   {words}" in numbers.in_words(report)
+    cluster = {"refused": {"tcp://a": "numpy 1.0"}, "lost": "the scheduler is gone"}
+    of_cluster = ["tcp://a made no passes: numpy 1.0", "the scheduler is gone"]
+    assert numbers.all_warnings(report | {"cluster": cluster}) == [*told, *of_cluster]
 
 
 def test_progress_hears_every_block(monkeypatch):

@@ -1,10 +1,13 @@
 """Lamps that have everything behind them are named; others are not."""
 
+import numpy as np
 import pytest
 
 from hybrid_rt import (
     Camera,
+    CheckerTexture,
     Emissive,
+    ImageTexture,
     Lambertian,
     Object,
     Plane,
@@ -36,7 +39,32 @@ def test_a_lamp_with_swapped_edges_is_named(caplog):
 
 def test_so_is_a_rectangle_that_shines():
     lamp = Object(Rectangle((0, 0, 4), *UP), Emissive(9), "lamp")
-    assert report_of(BELOW, [FLOOR, lamp])["lamps_turned_away"] == ["object 'lamp'"]
+    report = report_of(BELOW, [FLOOR, lamp])
+    assert report["lamps_turned_away"] == ["object 'lamp'"]
+    assert report["pictures_turned_away"] == []
+    assert "(swap its edges to turn it)" in in_words(report)
+
+
+def test_a_picture_is_turned_without_being_laid_on_its_side():
+    picture = ImageTexture(np.ones((2, 3, 3)))
+    corner, across, up = np.array([(2, -1, 4), (-3, 0, 0), (0, 2, 0)], float)
+    away = Rectangle(corner, across, up).flipped()
+    shown = Object(Rectangle(away.corner, away.edge_u, away.edge_v), Emissive(picture), "ruler")
+    report = report_of(BELOW, [FLOOR, shown])
+    assert report["pictures_turned_away"] == report["lamps_turned_away"] == ["object 'ruler'"]
+    words = in_words(report)
+    assert "begin at the other end of edge_u and negate edge_u" in words
+    assert "swap its edges" not in words
+    turned = Rectangle(away.corner + away.edge_u, -away.edge_u, away.edge_v)
+    np.testing.assert_array_equal(turned.normal(0.5, 0.5), -away.normal(0.5, 0.5))
+    np.testing.assert_allclose(turned.point(0.25, 0.3), away.point(0.75, 0.3), rtol=1e-15)
+    again = report_of(BELOW, [FLOOR, Object(turned, Emissive(picture), "ruler")])
+    assert again["lamps_turned_away"] == again["warnings"] == []
+
+
+def test_a_pattern_in_space_is_no_picture():
+    lamp = Object(Rectangle((0, 0, 4), *UP), Emissive(CheckerTexture(1, 2, 3, "world")), "lamp")
+    assert report_of(BELOW, [FLOOR, lamp])["pictures_turned_away"] == []
 
 
 @pytest.mark.parametrize(
