@@ -121,7 +121,10 @@ def test_radiance_of_an_exr_file_is_taken_as_it_is(tmp_path, channels):
 
 @pytest.mark.parametrize(
     ("name", "hint"),
-    [("sky.exr", "pass a picture file, it"), ("sky.hdr", r"save it as \.exr \(in Blender by Save As\)")],
+    [
+        ("sky.exr", "pass a picture file, it"),
+        ("sky.hdr", r"save it as \.exr \(in Blender by Save As\)"),
+    ],
 )
 def test_what_is_no_picture_is_refused(tmp_path, name, hint):
     (tmp_path / name).write_bytes(b"nothing")
