@@ -155,8 +155,10 @@ def test_two_methods_agree_and_a_mesh_does_not():
         SCENE, (4, 16), runs=1, reference_passes=64, methods=[Method("path", "path")], threads=1
     )
     check = study.reference.check
+    # Whichever states the smaller error is the reference, and checked by the other.
+    made_by = {study.reference.made_by.partition(",")[0], check["made_by"].partition(",")[0]}
+    assert made_by == {"path", "ppm"}
     # Student's t with 3 degrees of freedom on either side: 12.9 is passed once in 1000 runs.
-    assert check["made_by"].startswith("ppm")
     assert abs(check["gap"]) < 12.9 * check["gap_error"]
     explained = math.hypot(check["by_noise"], check["by_blur"])
     assert check["difference"] == pytest.approx(explained, rel=0.3)
