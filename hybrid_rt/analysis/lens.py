@@ -74,7 +74,8 @@ class Focus(NamedTuple):
     ----------
     focal_length, back_focal_distance : float
         Distances to the focus from the rear principal plane, and from the last vertex; inf if the
-        light leaves parallel to the axis.
+        light leaves parallel to the axis, and very large if it does so up to rounding only, as behind
+        an afocal lens. (Its magnification is the ratio of the heights of a ray, see `Lens.trace`.)
     """
 
     focal_length: float

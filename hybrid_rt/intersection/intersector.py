@@ -306,7 +306,8 @@ class Intersector:
 
         So does a place where the surfaces of two objects coincide: one of them is named. Two crossings
         that rounding cannot tell apart, where a ray grazes within twice the band or so, may count as
-        one.
+        one or be left out, and a ray that passes by within it may count one. No row tells of a pair
+        that was left out; `intersect` marks such a ray as TANGENT if the pair would come first.
 
         Parameters and errors are those of `intersect`.
 
