@@ -122,7 +122,7 @@ def make_plan(scene: CompiledScene, integrator: Needs, left_out: Sequence[str] =
         "texture lookups",
         needs_lookup(scene.textures, scene.lobes.texture),
         "at least one colour varies over its surface",
-        "every colour is constant",
+        "all colours that surfaces reflect are constant",
     )
     how = "one shadow ray each" if asks_all else "one asked by a shadow ray (ppm: or by several)"
     plan.decide(

@@ -402,14 +402,17 @@ def arrive(world, rules, paths, vertex, depth, pdf_area, radiance, tally):
     radiance[row, 0] += paths.throughput[0, 0] * r
     radiance[row, 1] += paths.throughput[0, 1] * g
     radiance[row, 2] += paths.throughput[0, 2] * b
-    if vertex.material[0] < 0:
-        if paths.first[0] == 0.0 and max(r, g, b) > 0.0:
-            tally.lost[2] += _weight(world, paths)
+    m, first = vertex.material[0], world.lobes.first
+    ends = m < 0 or first[m] == first[m + 1]  # a lamp, or a material that emits alone
+    if ends and paths.first[0] == 0.0 and max(r, g, b) > 0.0:
+        tally.lost[2] += _weight(world, paths)
+    if m < 0:
         if depth <= rules.max_depth:
             tally.fates[LEFT] += 1
         return False
     if depth > rules.max_depth:
-        _lose(world, paths, tally)
+        if not ends:
+            _lose(world, paths, tally)
         return False
     return True
 

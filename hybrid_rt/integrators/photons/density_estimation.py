@@ -28,6 +28,7 @@ from hybrid_rt.integrators.kernels.photon_steps import IS_SHOWN, Photons
 from hybrid_rt.scene.compiled import CompiledScene
 from hybrid_rt.sensor.camera import Camera
 from hybrid_rt.shading.kernels.bsdf import LobeTable, Vertices
+from hybrid_rt.shading.kernels.lobes.register import WIDE
 
 if TYPE_CHECKING:
     from scipy.spatial import cKDTree
@@ -231,6 +232,11 @@ class Radii:
         step = (high / low) ** (1.0 / n_classes)
         classes = low * step ** np.arange(1.0, n_classes + 1.0)
         return cls(classes, position, radius, is_sparse)
+
+    def are_cut(self, scene: CompiledScene) -> bool:
+        """Tell whether some surface that light is gathered on is small beside the largest radius."""
+        gathers = scene.materials_with(WIDE)[scene.material_of]
+        return bool((widest_discs(scene)[gathers] < self.classes[-1]).any())
 
     def around(self, points: FloatArray, widest: FloatArray) -> tuple[FloatArray, NDArray[np.intp]]:
         """Return the initial radius, ``widest`` at most, and the class of each point (n, 3)."""

@@ -72,8 +72,8 @@ class PhotonWorkers(Workers):
     Attributes
     ----------
     may_miss : bool
-        Whether discs may be too small to hold photons: their radius was given, or the view is small
-        beside what the photons light.
+        Whether discs may be too small to hold photons: their radius was given, the view is small
+        beside what the photons light, or discs are cut to the size of a surface.
     """
 
     may_miss = False

@@ -56,7 +56,9 @@ class ProgressiveWorkers(PhotonWorkers):
         self._radii: Radii | None = None
         if context.plan["photons"]:
             self._radii = self._pilot()
-            self.may_miss = self._options.initial_radius is not None or self._radii.is_sparse
+            self.may_miss = (
+                self._radii.is_given or self._radii.is_sparse or self._radii.are_cut(context.scene)
+            )
 
     @property
     def _per_pass(self) -> int:

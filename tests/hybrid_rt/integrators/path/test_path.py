@@ -223,6 +223,24 @@ class TestFurnace:
         assert ended["lost_share"] == pytest.approx(1.0)
         assert any("cut off 100 %" in line for line in warnings_in_words(result.report))
 
+    def test_what_is_lost_counts_by_what_emissive_surfaces_send(self):
+        # A pipe of mirrors with an emissive end, against a render that cuts nothing off. What is cut
+        # off would have lost some more in further reflections, so half of it is allowed.
+        walls = [
+            Rectangle((-1, -1, 0), (0, 0, 6), (2, 0, 0)),
+            Rectangle((1, -1, 0), (0, 0, 6), (0, 2, 0)),
+            Rectangle((1, 1, 0), (0, 0, 6), (-2, 0, 0)),
+            Rectangle((-1, 1, 0), (0, 0, 6), (0, -2, 0)),
+        ]
+        end = Object(Rectangle((-1, -1, 0), (2, 0, 0), (0, 2, 0)), Emissive(1.0))
+        camera = Camera((0.1, 0.2, 5.9), (0, 0, 0), (0, 1, 0), 140, 24, 24)
+        scene = Scene(camera, [end, *(Object(wall, Mirror(0.9)) for wall in walls)])
+        short, deep = (render(scene, passes=16, max_depth=depth) for depth in (3, 200))
+        missing = 1.0 - float(short.image.mean()) / float(deep.image.mean())
+        assert missing > 0.1
+        assert short.report["ended_branches"]["lost_share"] == pytest.approx(missing, rel=0.5)
+        assert deep.report["ended_branches"]["lost_share"] == 0.0
+
     def test_what_is_lost_counts_by_the_light_that_there_is(self):
         # Half of the picture is the dark square of the test above, half a lamp, which loses nothing.
         room = Object(Sphere((0, 0, 0), 1e6).flipped(), Lambertian(1.0))
