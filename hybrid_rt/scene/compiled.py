@@ -88,6 +88,19 @@ class CompiledScene:
         return int(self.lights.kind.size)
 
     @cached_property
+    def widths(self) -> FloatArray:
+        """(surfaces,) float64: the second longest side of the box around each; inf if it is endless.
+
+        It tells how wide a flat or a long body is.
+        """
+        return np.array(
+            [
+                np.sort(np.ptp(s.bounds, axis=0))[1] if s.is_bounded else np.inf
+                for s in self.surfaces
+            ]
+        )
+
+    @cached_property
     def colored_by_uv(self) -> BoolArray:
         """(surfaces,) bool: which reflect or emit by a texture over (u, v).
 

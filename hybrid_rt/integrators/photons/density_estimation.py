@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -98,14 +98,6 @@ class Points:
             self.material, self.colors, self.position, self.normal, self.direction,
             self.geometric, NO_RATIO,
         )  # fmt: skip
-
-    @classmethod
-    def joined(cls, parts: list[Points]) -> Points:
-        """Concatenate points."""
-        if len(parts) == 1:
-            return parts[0]
-        names = [column.name for column in fields(cls)]
-        return cls(*(np.concatenate([getattr(part, name) for part in parts]) for name in names))
 
 
 class Field(ABC):
@@ -389,12 +381,7 @@ def widest_discs(scene: CompiledScene) -> FloatArray:
     A disc that reaches over the edge of its surface finds no photons there. If most of it does, half
     the disc loses as much, and the estimate of blur does not see it.
     """
-    widest = np.full(len(scene.surfaces), np.inf)
-    for i, surface in enumerate(scene.surfaces):
-        if surface.is_bounded:
-            # Of a flat or a long body, how wide it is.
-            widest[i] = WIDEST_ON_SURFACE * np.sort(np.ptp(surface.bounds, axis=0))[1]
-    return widest
+    return WIDEST_ON_SURFACE * scene.widths
 
 
 def _parts(most: IdArray) -> list[slice]:

@@ -137,7 +137,6 @@ class EyePass(Integrator):
         self._camera_media = media_around_camera(context, self._contacts)
         self.is_in_the_open = not (self._camera_media != NOTHING).any()
         self._is_wide = context.scene.lobes_with(WIDE)
-        self._widest = widest_discs(context.scene)
         self._branching = Branching(context)
         self._follows = context.scene.materials_with(FOLLOWED)
 
@@ -244,7 +243,7 @@ class EyePass(Integrator):
             shading.colors,
             waiting.depth == 0,
             np.ascontiguousarray(xi[:, 0]),
-            self._widest[shading.hits.object_id],
+            widest_discs(self.context.scene)[shading.hits.object_id],
         )
         for field in self.fields:
             with self.context.ledger.stage("gather"):

@@ -17,6 +17,7 @@ from hybrid_rt.integrators.kernels.photon_steps import MET_SPREADING, Photons
 from hybrid_rt.integrators.options import PhotonMapOptions
 from hybrid_rt.integrators.photons.density_estimation import Field, Nearest
 from hybrid_rt.integrators.photons.photon_groups import size_for_discs
+from hybrid_rt.integrators.photons.photon_tracer import chosen
 from hybrid_rt.integrators.photons.photon_workers import PhotonWorkers
 
 # Photons farther than this share of `size_for_discs` make no light at a point: around a caustic
@@ -54,10 +55,10 @@ class PhotonMapWorkers(PhotonWorkers):
         nearest, lobes = self._options.nearest, self.context.scene.lobes
         limit = FARTHEST * self._size
         is_soft = (photons.history & MET_SPREADING) != 0
-        fields = [Nearest(_chosen(photons, is_soft), lobes, nearest, limit)]
+        fields = [Nearest(chosen(photons, is_soft), lobes, nearest, limit)]
         if self.context.plan["caustic map"]:
             self._n_caustic += int(np.count_nonzero(~is_soft))
-            fields.append(Nearest(_chosen(photons, ~is_soft), lobes, nearest, limit))
+            fields.append(Nearest(chosen(photons, ~is_soft), lobes, nearest, limit))
         return tuple(fields)
 
     def _own_counts(self) -> dict[str, Any]:
@@ -78,7 +79,3 @@ class PhotonMapWorkers(PhotonWorkers):
             "stored_in_caustic_map": self._n_caustic,
             "blur": BLUR,
         }
-
-
-def _chosen(photons: Photons, rows: Any) -> Photons:
-    return Photons(*(column[rows] for column in photons))

@@ -9,6 +9,7 @@ are all passes together.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -304,6 +305,11 @@ def joined(parts: list[Photons]) -> Photons:
     if not parts:
         return _new_photons(0)
     return Photons(*(np.concatenate(columns) for columns in zip(*parts, strict=True)))
+
+
+def chosen(photons: Photons, rows: NDArray[Any]) -> Photons:
+    """Select photons by a mask or an index array, in columns of their own."""
+    return Photons(*(column[rows] for column in photons))
 
 
 def _new_launch(n: int) -> Launch:

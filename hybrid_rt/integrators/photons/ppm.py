@@ -11,6 +11,8 @@ from __future__ import annotations
 import math
 from typing import Any
 
+import numpy as np
+
 from hybrid_rt.integrators.context import RenderContext
 from hybrid_rt.integrators.kernels.photon_steps import Photons
 from hybrid_rt.integrators.options import PPMOptions
@@ -24,7 +26,7 @@ from hybrid_rt.integrators.photons.density_estimation import (
 from hybrid_rt.integrators.photons.eye_pass import EyePass
 from hybrid_rt.integrators.photons.light_tracing import DensePlaces, Splats
 from hybrid_rt.integrators.photons.photon_groups import size_for_discs
-from hybrid_rt.integrators.photons.photon_tracer import PILOT_DIMENSION, Balance
+from hybrid_rt.integrators.photons.photon_tracer import PILOT_DIMENSION, Balance, chosen
 from hybrid_rt.integrators.photons.photon_workers import PhotonWorkers
 from hybrid_rt.integrators.photons.ray_numbers import measure_work
 
@@ -84,7 +86,8 @@ class ProgressiveWorkers(PhotonWorkers):
             if radii is None:
                 dense = DensePlaces.of(photons, share, camera, self._threads)
                 radii = Radii.of(photons, share, camera, extent, self._threads)
-            even, odd = (Photons(*(column[k::2] for column in photons)) for k in range(2))
+            is_even = np.arange(len(photons.history)) % 2 == 0
+            even, odd = chosen(photons, is_even), chosen(photons, ~is_even)
             return radii, dense, (Discs(even, lobes, radii, 1.0), Discs(odd, lobes, radii, 1.0))
 
         with self._at_work() as submit:
