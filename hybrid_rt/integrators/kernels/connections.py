@@ -5,17 +5,20 @@ Their weights are derived in `hybrid_rt.integrators.kernels.light_paths`.
 
 import math
 
+from hybrid_rt.integrators.kernels.vertex_points import CONNECT, FAR
 from hybrid_rt.shading.kernels.bsdf import is_behind, scattered, sides_differ
 from hybrid_rt.shading.kernels.emitter import power_weight
 from hybrid_rt.shading.kernels.lobes.register import EVERY
 from hybrid_rt.shading.kernels.medium_stack import transmittance
 from meshing.kernels.jit import inlined, kernel, part
+from meshing.kernels.prefetch import LINE, prefetch
 
 # Joins bring little light, evenly: asked for every hit, they would cost as much as the lamps. On
 # the Cornell box a quarter costs 4 % in variance and saves a fifth of the time.
 CONNECT_CHANCE = 0.25
 # Light vertices of which one far away is connected to.
 CANDIDATES = 12
+NONE = -1
 
 
 @inlined
@@ -59,8 +62,8 @@ def sent_toward(lit, k, lobes, wx, wy, wz):
 def connect_to_light_vertex(world, rules, paths, vertex, vertices, depth, number, s, t, out, n):
     """Connect a vertex of a camera path to a light vertex of its pass, by a shadow ray.
 
-    The light is weighed against camera paths that find it by chance. Not connected are those between
-    which `connect_far` carries the light.
+    The light is weighed against camera paths that find it by chance. What is left to `choose_far` is
+    not connected here.
 
     Parameters
     ----------
@@ -88,7 +91,7 @@ def connect_to_light_vertex(world, rules, paths, vertex, vertices, depth, number
     begin, end = world.first_of_pass[number], world.first_of_pass[number + 1]
     if t >= CONNECT_CHANCE or begin == end:
         return False
-    k = min(begin + int(s * (end - begin)), end - 1)
+    k = _any_of(s, begin, end)
     if lit.density[k] == 0.0 or lit.steps[k] > rules.max_depth - depth - 1:
         return False
     if _is_far(world, rules, vertices, k):
@@ -100,8 +103,8 @@ def connect_to_light_vertex(world, rules, paths, vertex, vertices, depth, number
 
 
 @part
-def connect_far(world, rules, paths, vertex, vertices, depth, number, s, t, out, n):
-    """Connect a vertex of a camera path to a light vertex that is far, by a shadow ray.
+def choose_far(world, rules, vertex, vertices, depth, number, s, t):
+    """Choose the far light vertex that a vertex of a camera path is connected to.
 
     Between surfaces of `World.joins`, from the distance `Rules.near` on, all light is found in this
     way, and none of it otherwise. Of `CANDIDATES` light vertices one is chosen, in proportion to about
@@ -111,12 +114,19 @@ def connect_far(world, rules, paths, vertex, vertices, depth, number, s, t, out,
     Parameters are those of `connect_to_light_vertex`, except s and t: the first samples the
     candidates, the second which one is chosen. `World.candidates` has a row of each light vertex: its
     position, its normal on the side that its light comes from times its strength, and its steps.
+
+    Returns
+    -------
+    chosen : int
+        A row of `World.lit`, asked for; `NONE`, if no candidate would bring anything.
+    factor : float
+        What its light is multiplied by.
     """
     position, normal, direction = vertices.position, vertices.normal, vertices.direction
     candidates, brings = world.candidates, vertex.brings
     begin, end = world.first_of_pass[number], world.first_of_pass[number + 1]
     if begin == end:
-        return False
+        return NONE, 0.0
     px, py, pz = position[0, 0], position[0, 1], position[0, 2]
     nx, ny, nz = normal[0, 0], normal[0, 1], normal[0, 2]
     if nx * direction[0, 0] + ny * direction[0, 1] + nz * direction[0, 2] > 0.0:
@@ -133,7 +143,7 @@ def connect_far(world, rules, paths, vertex, vertices, depth, number, s, t, out,
         brings[j] = arriving * max(leaving, 0.0) / (square * square) if is_meant else 0.0
         total += brings[j]
     if total == 0.0:
-        return False
+        return NONE, 0.0
     t *= total
     chosen = 0
     for j in range(CANDIDATES):
@@ -144,19 +154,66 @@ def connect_far(world, rules, paths, vertex, vertices, depth, number, s, t, out,
             t -= brings[j]
     factor = (end - begin) * total / (CANDIDATES * brings[chosen])
     k = _candidate(s, chosen, begin, end)
-    return _connect(world, paths, vertex, vertices, k, factor, 0.0, out, n)
+    _fetch(world.lit, k)
+    return k, factor
+
+
+@inlined
+def connect_far(world, paths, vertex, vertices, chosen, factor, out, n):
+    """Connect a vertex of a camera path to what `choose_far` chose, by a shadow ray.
+
+    All else is as in `connect_to_light_vertex`.
+    """
+    return _connect(world, paths, vertex, vertices, chosen, factor, 0.0, out, n)
+
+
+@inlined
+def fetch_ahead(world, rules, number, points, column):
+    """Ask for the light vertices that a vertex is going to read; it may yet read none.
+
+    Parameters
+    ----------
+    world : World
+    rules : Rules
+    number : int
+        Index of the pass among those of `World.first_of_pass`.
+    points : RunPoints
+    column : int
+        Of the vertex among them.
+    """
+    begin, end = world.first_of_pass[number], world.first_of_pass[number + 1]
+    if begin == end:
+        return
+    if rules.near < math.inf:
+        for j in range(CANDIDATES):
+            prefetch(world.candidates, _candidate(points.xi[0, FAR, column], j, begin, end), 0)
+    if points.xi[1, CONNECT, column] < CONNECT_CHANCE:
+        _fetch(world.lit, _any_of(points.xi[0, CONNECT, column], begin, end))
+
+
+@inlined
+def _fetch(lit, k):
+    """Ask for light vertex k, whose columns are next to each other; see `packed`."""
+    for offset in range(0, lit.position.strides[0], LINE):
+        prefetch(lit.position, k, offset)
+
+
+@inlined
+def _any_of(s, begin, end):
+    """Return the light vertex that a number in [0, 1) stands for."""
+    return min(begin + int(s * (end - begin)), end - 1)
 
 
 @inlined
 def _candidate(s, j, begin, end):
     """Return the light vertex that is candidate j."""
     at = s + j / CANDIDATES
-    return min(begin + int((at - math.floor(at)) * (end - begin)), end - 1)
+    return _any_of(at - math.floor(at), begin, end)
 
 
 @inlined
 def _is_far(world, rules, vertices, k):
-    """Tell whether light between a vertex and light vertex k is left to `connect_far`."""
+    """Tell whether light between a vertex and light vertex k is left to `choose_far`."""
     if rules.near == math.inf or not world.joins[vertices.material[0]]:
         return False
     square = 0.0

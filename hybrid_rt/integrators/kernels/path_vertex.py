@@ -15,6 +15,8 @@ from hybrid_rt.integrators.kernels.branches import reflected_share, split_off_re
 from hybrid_rt.integrators.kernels.compaction import choose_light
 from hybrid_rt.integrators.kernels.connections import (
     CONNECT_CHANCE,
+    NONE,
+    choose_far,
     connect_far,
     connect_to_light_vertex,
 )
@@ -78,10 +80,10 @@ class World(NamedTuple):
     lights: Any  # LightTable
     before: Any  # (lights + 1,) float64, cumulative distribution of the lights
     sky: Any  # EnvironmentTable
-    joins: Any  # (materials,) bool, see `connect_far`
+    joins: Any  # (materials,) bool, see `choose_far`
     is_smooth: Any  # (objects,) bool, interpolated shading normals; (0,) without light paths
     lit: Any  # LightVertices
-    candidates: Any  # (n, 8) float64, see `connect_far`
+    candidates: Any  # (n, 8) float64, see `choose_far`
     first_of_pass: Any  # (passes + 1,) int64, rows of `lit`
     balls: Any  # Balls
     boxes: Any  # Boxes
@@ -103,7 +105,7 @@ class Rules(NamedTuple):
     asked: Any
     faint: Any  # float, radiance, see `factor_of_taken`
     n_light_paths: Any  # float, light subpaths of a pass
-    near: Any  # float, see `connect_far`
+    near: Any  # float, see `choose_far`
     of_use: Any  # float, expected number of light vertices per light subpath
     max_depth: Any  # int
     roulette_depth: Any  # int
@@ -125,7 +127,7 @@ class Vertex(NamedTuple):
     xi: Any  # (1, 2) float64, samples the direction
     choice: Any  # (1, 2) float64, samples the lobe and survival
     onward: Any  # (1, 3) float64, the sampled direction
-    brings: Any  # (CANDIDATES,) float64, see `connect_far`
+    brings: Any  # (CANDIDATES,) float64, see `choose_far`
     before: Any  # (1,) float64, see `Rivals`
     found: Any  # (MOST_WAYS,) float64, see `ask_through_spheres`
 
@@ -317,19 +319,24 @@ def leave_vertex(
         vertex.material, vertex.colors, hit.position, hit.normal, paths.directions,
         vertex.geometric, vertex.ratio,
     )  # fmt: skip
+    reaches = spreads and rules.has_light_paths and not is_known and depth < rules.max_depth
+    chosen, factor = NONE, 0.0
+    if reaches and joins and rules.near < np.inf:
+        # First, so that it has arrived when it is read.
+        s, t = xi[0, FAR, column], xi[1, FAR, column]
+        chosen, factor = choose_far(world, rules, vertex, vertices, depth, number, s, t)
     # --- light we reach for
     if spreads and rules.asks_lights and not is_known:
         s, t = xi[0, TO_LIGHT, column], xi[1, TO_LIGHT, column]
         n += ask_light(world, rules, paths, vertex, vertices, s, t, rays, n)
     # --- light of other surfaces, and what mirrors and glass throw
-    if spreads and rules.has_light_paths and not is_known and depth < rules.max_depth:
+    if reaches:
         s, t = xi[0, CONNECT, column], xi[1, CONNECT, column]
         n += connect_to_light_vertex(
             world, rules, paths, vertex, vertices, depth, number, s, t, rays, n
         )
-        if joins and rules.near < np.inf:
-            s, t = xi[0, FAR, column], xi[1, FAR, column]
-            n += connect_far(world, rules, paths, vertex, vertices, depth, number, s, t, rays, n)
+        if chosen != NONE:
+            n += connect_far(world, paths, vertex, vertices, chosen, factor, rays, n)
     # --- light that balls and boxes throw here
     is_anchored = False
     if spreads and paths.chain.size:

@@ -320,7 +320,7 @@ def packed(points: LightVertices) -> LightVertices:
 
 
 def candidates_of(points: LightVertices, joins: BoolArray) -> FloatArray:
-    """Return of each light vertex what `connect_far` compares, (n, 8).
+    """Return of each light vertex what `choose_far` compares, (n, 8).
 
     Its position; its normal on the side that its light comes from times its strength, zero if its
     material is not among ``joins``; its steps; and nothing, so a row fills a line of the cache.
