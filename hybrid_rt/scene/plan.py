@@ -181,7 +181,7 @@ def make_plan(scene: CompiledScene, integrator: Needs, left_out: Sequence[str] =
     plan.decide(
         "contacts",
         bool(is_glass.any()) and bool(touching(scene).any()),
-        "clear bodies may share faces with others: those are passed at once",
+        "clear bodies may touch other surfaces: what both share is passed at once",
         "no clear body touches another surface" if is_glass.any() else "no surface is a dielectric",
     )
     _plan_rays(plan, scene, integrator)
@@ -220,7 +220,7 @@ def _plan_rays(plan: Plan, scene: CompiledScene, integrator: Needs) -> None:
     """Decide whether rays are traced one by one or in batches."""
     reasons = {
         "the integrator follows many rays at once": not integrator.follows_single_paths,
-        "clear bodies touch": plan["contacts"],
+        "clear bodies may touch other surfaces": plan["contacts"],
         "points of a lamp are chosen for many rays at once": bool(scene.shining),
         "normals are interpolated over a mesh": bool(scene.vertex_normals),
         "some surfaces are searched by trees": not takes_single_rays(scene.surfaces),
