@@ -11,6 +11,8 @@ from hybrid_rt.scene.lamps_in_surfaces import lamp_in_words
 
 # Of the light that was followed: that much cut off is worth a warning.
 MUCH = 0.01
+# Of the mean: that much lost or won by blur is.
+MUCH_BLUR = 0.05
 
 # If the worst 0.1 % of the pixels hold this share of the squared error, the noise of all is rough.
 MOST_OF_IT = 0.5
@@ -146,7 +148,26 @@ def warnings_in_words(report: dict[str, Any]) -> list[str]:
             "a camera within a surface or on the unlit side of what it looks at, and for light that the "
             f"integrator leaves out{by_photons}"
         )
-    return [*lines, *_unmet_lamps(report)]
+    return [*lines, *_unmet_lamps(report), *_blurred_mean(report)]
+
+
+def _blurred_mean(report: dict[str, Any]) -> list[str]:
+    """Warn of a picture whose mean is off by what photons blur; before eight passes that is not known."""
+    photons, noise = report.get("photons", {}), report["noise"]
+    error = photons.get("blur_of_image_mean_standard_error")
+    if error is None or noise is None:
+        return []
+    shift = photons["blur_of_image_mean"]
+    true = noise["image_mean"] - shift
+    if abs(shift) < 3.0 * error or not abs(shift) >= MUCH_BLUR * true > 0.0:
+        return []
+    side = "dark" if shift < 0.0 else "bright"
+    words = (
+        f"discs of photons make the mean of the picture about {per_cent(abs(shift) / true)} too {side}: "
+        "they spread the light of spots and edges that are narrower than they are, and reach through "
+        "walls. Pass more photons_per_pass, or for ppm a smaller initial_radius"
+    )
+    return [words]
 
 
 def all_warnings(report: dict[str, Any]) -> list[str]:

@@ -293,3 +293,21 @@ def test_much_light_that_is_not_found_is_a_warning(integrator):
     words = warnings_in_words(half.report)
     assert len(words) == (integrator == "path")
     assert all("of what it finds, which no error" in line for line in words)
+
+
+def test_a_mean_that_photons_blur_is_a_warning():
+    """A ball throws light to a focus narrower than the discs, which the camera sees through it, enlarged.
+
+    By rays and Fresnel's formulas the mean is 0.0380.
+    """
+    floor = Object(Rectangle((-4, -4, 0), (8, 0, 0), (0, 8, 0)), Lambertian(0.5), "floor")
+    ball = Object(Sphere((0, 0, 1), 0.5), Dielectric(1.5), "ball")
+    camera = Camera((0, 0, 8), (0, 0, 0), (0, 1, 0), 50, 48, 48)
+    lamp = SpotLight((0, 0, 2), (0, 0, -1), 3.0, 40.0, 15.0)
+    few = PPMOptions(photons_per_pass=50_000)
+    blurred = render(Scene(camera, [floor, ball], [lamp]), "ppm", passes=8, options=few).report
+    (words,) = [line for line in warnings_in_words(blurred) if line.startswith("discs of photons")]
+    assert "% too dark" in words
+    assert blurred["noise"]["image_mean"] < 0.036
+    without = render(Scene(camera, [floor], [lamp]), "ppm", passes=8, options=few).report
+    assert not warnings_in_words(without)
