@@ -7,6 +7,7 @@ from numba import config, types
 from numba.core import cgutils
 from numba.extending import intrinsic
 
+# Bytes of a line of the cache; where lines are longer, some are asked for twice.
 LINE = 64
 
 
