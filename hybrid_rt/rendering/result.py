@@ -67,6 +67,23 @@ class RenderResult:
         return math.inf if errors[key] is None else float(errors[key])
 
     @property
+    def mean(self) -> float:
+        """Mean radiance over all pixels and channels; see `mean_half_interval`."""
+        return float(self.image.mean(dtype=np.float64))
+
+    @property
+    def mean_half_interval(self) -> float:
+        """Half of the 95 % interval of `mean`, radiance; nan after a single pass.
+
+        ``noise.half_interval_95_of_image_mean`` of the report: noise, blur of photons, and what lamps
+        that no camera ray has met may add. It counts neither light that the integrator does not find
+        nor what ``max_depth`` cuts off.
+        """
+        noise = self.report["noise"]
+        half = None if noise is None else noise["half_interval_95_of_image_mean"]
+        return math.nan if half is None else float(half)
+
+    @property
     def seconds(self) -> float:
         """Wall-clock seconds of the render, without the compilation of kernels."""
         return float(self.report["seconds"]["total"])

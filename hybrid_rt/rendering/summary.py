@@ -11,7 +11,7 @@ from hybrid_rt.scene.lamps_in_surfaces import lamp_in_words
 
 # Of the light that was followed: that much cut off is worth a warning.
 MUCH = 0.01
-# Of the mean: that much lost or won by blur is.
+# Of the mean: that much lost or won by blur is worth one too.
 MUCH_BLUR = 0.05
 
 # If the worst 0.1 % of the pixels hold this share of the squared error, the noise of all is rough.
