@@ -46,9 +46,8 @@ class RenderResult:
         estimate (``relative_error.blur`` of the report is None), its upper limit ``blur_at_most``
         counts in its place, so the error is mostly overstated. Of spots and lines narrower than the
         discs of photons the blur may be stated two or more times too small; then ``blur_at_most``
-        tells more. It counts neither light that the
-        integrator does not find, nor lamps that no camera ray has met (``noise.unmet_lamps_95`` of
-        the report), nor the geometric error.
+        tells more. It counts neither light that the integrator does not find, nor lamps that no camera
+        ray has met (``noise.unmet_lamps_95`` of the report), nor the geometric error.
         """
         return self._relative("both")
 
