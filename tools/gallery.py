@@ -122,6 +122,7 @@ def show(script: Path, args: argparse.Namespace) -> dict[str, Any]:
         time_budget=args.seconds,
         target_error_trimmed=args.noise,
         threads=args.threads,
+        coarse="none",  # the same bits as by way of Embree, sooner
         options=options,
         store=store,
         resume=store is not None,
