@@ -414,3 +414,47 @@ def test_a_ray_flat_past_the_rim_of_a_disc_is_no_hit():
     assert (hits.status[on_disc] == Status.TANGENT).all()
     assert on_disc.any()
     assert (hits.status == Status.MISS).any()
+
+
+# A body with a step: caps at z = 0 and 5, a step at z = 2, walls of radius 3 and 1.
+STEPPED = [[(0, 0), (0, 3)], [(0, 3), (2, 3)], [(2, 3), (2, 1)], [(2, 1), (5, 1)], [(5, 1), (5, 0)]]
+
+
+@pytest.mark.parametrize("coarse", ["none", "embree"])
+@pytest.mark.parametrize("slope", [0.0, 3e-14, 1e-12])
+def test_rays_along_a_wall_leave_the_body_that_they_have_entered(coarse, slope):
+    """Enter through the cap below the upper wall: the step is 2 away, the upper cap 5."""
+    tracer = Intersector(SurfaceOfRevolution(STEPPED, (0, 0, 0), (0, 0, 1)), coarse=coarse)
+    rng = np.random.default_rng(6)
+    angle = rng.uniform(0.0, 2.0 * np.pi, 4000)
+    below = np.stack([np.cos(angle), np.sin(angle), np.zeros(4000)], axis=1)
+    direction = np.column_stack([slope * rng.normal(size=(4000, 2)), np.ones(4000)])
+    entered = tracer.intersect(below - 5.0 * direction, direction)
+    assert (entered.patch_id == 0).all()
+    left = tracer.intersect(entered.position, direction, source=entered)
+    assert left.hit.all()
+    by_t_min = tracer.intersect(entered.position, direction, t_min=1e-9)
+    assert np.array_equal(left.t, by_t_min.t)
+    assert np.array_equal(left.status, by_t_min.status)
+    # Either of both is right within the band only: 1e-13 from the wall, 2 or 5 units away.
+    away = np.hypot(*(entered.position + 2.0 * direction)[:, :2].T) - 1.0
+    assert np.allclose(left.t[away > 1e-13], 2.0, rtol=0.0, atol=1e-12)
+    assert np.allclose(left.t[away < -3e-13], 5.0, rtol=0.0, atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("origin", "direction", "crossings"),
+    [
+        ((3, 0, -5), (0, 0, 1), [5, 7]),  # along the lower wall
+        ((3, 0, 9), (0, 0, -1), [7, 9]),
+        ((-9, 0, 0), (1, 0, 0), [6, 12]),  # within the caps
+        ((-9, 0, 5), (1, 0, 0), [8, 10]),
+        ((-9, 0, 2), (1, 0, 0), [6, 8, 10, 12]),  # within the step
+        ((-9, 1, 2), (1, 0, 0), [9 - 8**0.5, 9 + 8**0.5]),
+    ],
+)
+def test_rays_within_walls_and_faces_go_in_and_out(origin, direction, crossings):
+    tracer = Intersector(SurfaceOfRevolution(STEPPED, (0, 0, 0), (0, 0, 1)))
+    found = tracer.intersect_all(origin, direction).hits
+    assert found.t == pytest.approx(crossings, abs=1e-12)
+    assert (found.status == Status.TANGENT).all()

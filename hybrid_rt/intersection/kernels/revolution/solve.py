@@ -251,27 +251,31 @@ def offer_meeting(i, s, t, slope, gain, noise, error, segment, ray, after, rays,
             return True, False
         t_bound += abs(near - t) * to_world
         t = near
+    t_world = (t + shift) * to_world
+    if not t_world > t_min[i] or is_known(i, t_world, t_bound, slope, known):
+        return True, False
+    beyond = 0.0
     if is_at_end and end[k, END_KIND] == BEND:
         # The exact root may be beyond, on the segment that goes on there, and so flatly that only
         # the surface's size limits how far: a disc has no curvature that would end the contact.
         rate = distance(ray, t, after)[1]
         other = end[k, END_TANGENT + 3] * rate - end[k, END_TANGENT + 4] * ray[RISE]
         beyond = 1.25 * error / max(abs(other), UNIT_ROUNDOFF * ray[LENGTH])
-        t_bound += min(beyond, 4.0 * segment.size / ray[LENGTH]) * to_world
-    t_world = (t + shift) * to_world
-    if not t_world > t_min[i] or is_known(i, t_world, t_bound, slope, known):
-        return True, False
+        beyond = min(beyond, 4.0 * segment.size / ray[LENGTH]) * to_world
     if ray[IN_PART] != 0.0 and not is_in_part(i, t, slope, ray, rays, best):
         return True, False
     is_kept, edge = is_inside_loops(i, s, t, segment.trim, segment, ray, rays, best)
     if not is_kept:
         return True, False
     t_bound += edge
-    # Of roots at the same t the one with the lower bound is taken, whichever was found first.
-    offer(
-        i, t_world, t_bound, slope, False, segment.object_id, segment.row, t_bound, s,
+    # Of roots at the same t the one with the lower bound is taken, whichever was found first. What a flat
+    # neighbour adds does not make a root one of the points that the caller has named.
+    is_taken = offer(
+        i, t_world, t_bound, slope, False, segment.object_id, segment.row, t_bound + beyond, s,
         t_min, known, best,
     )  # fmt: skip
+    if is_taken:
+        best.t_bound[i] = t_bound + beyond
     return True, True
 
 
