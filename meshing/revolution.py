@@ -186,8 +186,10 @@ class SurfaceOfRevolution(ParametricSurface):
         return self._frame
 
     def __repr__(self) -> str:
-        """Name the number of segments, the axis, and what is special."""
-        words = f"{len(self)} segment{'s' * (len(self) > 1)}"
+        """Name the segments and their degrees, the axis, and what is special."""
+        low, high = (pick(len(segment) - 1 for segment in self.segments) for pick in (min, max))
+        words = f"{len(self)} segment{'s' * (len(self) > 1)} of degree{'s' * (low < high)} {low}"
+        words += f" to {high}" if low < high else ""
         if rational := sum(weights is not None for weights in self.weights):
             words += f", {rational} of them rational," if rational < len(self) else ", rational,"
         words += f" about {self.axis.tolist()}"

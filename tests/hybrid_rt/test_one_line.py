@@ -90,12 +90,14 @@ def test_a_mesh_says_how_fine_it_is():
 def test_profiles_say_which_segments_are_rational():
     profile = [[(0, 2), (1, 2)], [(1, 2), (2, 2), (2, 1)]]
     for weights, words in (
-        (None, "2 segments about"),
-        ([None, [1, 0.7, 1]], "2 segments, 1 of them rational, about"),
-        ([[1, 2], [1, 0.7, 1]], "2 segments, rational, about"),
+        (None, "2 segments of degrees 1 to 2 about"),
+        ([None, [1, 0.7, 1]], "2 segments of degrees 1 to 2, 1 of them rational, about"),
+        ([[1, 2], [1, 0.7, 1]], "2 segments of degrees 1 to 2, rational, about"),
     ):
         part = SurfaceOfRevolution(profile, (0, 0, 0), UP, weights=weights)
         assert repr(part).startswith(f"SurfaceOfRevolution({words} [0.0, 0.0, 1.0]")
+    bent = SurfaceOfRevolution([(0, 1), (1, 2), (2, 1)], (0, 0, 0), UP)
+    assert repr(bent).startswith("SurfaceOfRevolution(1 segment of degree 2 about")
 
 
 def test_an_intersector_says_what_it_holds():
