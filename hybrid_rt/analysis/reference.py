@@ -73,6 +73,11 @@ def make_reference(
     Photons check paths and paths photons, where both find all light; unless one was asked for, the
     one that states the smaller error is the reference. Where only one finds all light it is checked
     by itself, if it has another way to find the same (`Declaration.other_way`).
+
+    Raises
+    ------
+    ValueError
+        If the reference is black.
     """
     is_free = maker is None
     complete = [name for name in REFERENCES if finds_all_light(scene, name)]
@@ -82,6 +87,11 @@ def make_reference(
     main = run_method(
         scene, Method(maker, maker), passes, REFERENCE_SEED, threads, "standard_error"
     )
+    if not main.image.any():
+        raise ValueError(
+            f"the reference is black: {maker} finds no light in this scene, so no picture can be compared "
+            "with it. Give the scene a lamp or a sky, or turn the camera or the lamps"
+        )
     check, n_main, name = None, passes, maker
     others = [Method(name, name) for name in complete if name != maker]
     way = INTEGRATORS[maker].other_way

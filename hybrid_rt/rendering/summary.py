@@ -143,6 +143,10 @@ def warnings_in_words(report: dict[str, Any]) -> list[str]:
         by_photons = ""
         if report.get("photons", {}).get("emitted", 0):
             by_photons = ". Or take path: photons may have missed what the camera sees"
+        elif report["settings"]["integrator"] == "path":
+            by_photons = (
+                ". Or take ppm: paths meet a small lamp behind mirrors or glass by chance alone"
+            )
         lines.append(
             f"the picture is black: no light arrives. {larger} for lamps inside of bodies or turned away, "
             "a camera within a surface or on the unlit side of what it looks at, and for light that the "
@@ -209,7 +213,8 @@ def _much_left_out(report: dict[str, Any]) -> list[str]:
     relative = "" if share is None else f", {per_cent(share)} of what it finds"
     words = (
         f"{integrator} does not find {'; '.join(report['light_not_found'])}: the image mean lacks "
-        f"{mean:.2g} +- {half:.1g} of it (95 %){relative}, which no error estimate counts: take ppm"
+        f"{mean:.2g} +- {half:.1g} of it (95 %){_in_up_to(measured)}{relative}, which no error estimate counts: "
+        "take ppm"
     )
     return [words]
 
@@ -289,14 +294,18 @@ def _unfound(report: dict[str, Any]) -> str:
         return f"its size is not known: {why};\n            {where}"
     mean, half, share = (measured[k] for k in ("mean", "half_interval_95", "share_of_image_mean"))
     relative = "" if share is None else f", {per_cent(share)} of what is found"
-    in_up_to = (
-        f" in up to {measured['max_depth']} bounces" if measured["lost_share"] >= MUCH else ""
-    )
     return (
-        f"the image mean lacks {mean:.3g} +- {half:.1g} (95 %) of it{in_up_to}{relative}, by "
+        f"the image mean lacks {mean:.3g} +- {half:.1g} (95 %) of it{_in_up_to(measured)}{relative}, by "
         f"{measured['photons']:,} photons;\n"
         f"            {where}"
     )
+
+
+def _in_up_to(measured: dict[str, Any]) -> str:
+    """Return how many bounces the light that photons measured has, if much has more."""
+    if measured["lost_share"] < MUCH:
+        return ""
+    return f" in up to {measured['max_depth']} bounces"
 
 
 def _cut_off(report: dict[str, Any]) -> list[str]:

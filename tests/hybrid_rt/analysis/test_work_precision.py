@@ -332,6 +332,11 @@ class TestReference:
         with pytest.raises(ValueError, match=r"'path'.* all light of this scene: pass ppm"):
             self.study([floor, self.GLOSSY], self.POINT, reference_by="path")
 
+    def test_a_black_reference_is_refused(self):
+        ball = Object(Sphere((0, 0, 0), 1), Lambertian(0.5))
+        with pytest.raises(ValueError, match=r"reference is black.*Give the scene a lamp"):
+            self.study([ball])
+
     def test_the_smaller_stated_error_is_the_reference(self):
         """A ring's caustic, seen through a pane: rare and bright for paths, easy for photons.
 

@@ -7,6 +7,7 @@ from hybrid_rt import (
     Box,
     Camera,
     Dielectric,
+    Emissive,
     GradientSky,
     Lambertian,
     Mirror,
@@ -293,6 +294,17 @@ def test_much_light_that_is_not_found_is_a_warning(integrator):
     words = warnings_in_words(half.report)
     assert len(words) == (integrator == "path")
     assert all("of what it finds, which no error" in line for line in words)
+
+
+def test_the_warning_of_light_not_found_says_in_how_many_bounces():
+    """In a closed box of albedo 0.9 a sixth of the light has more than 16 bounces."""
+    walls = Box((-1, -1, -1), (1, 1, 1)).flipped()
+    ball = Object(Sphere((0.2, 0.1, 0), 0.4), Dielectric(1.5), "ball")
+    box = Object(walls, Emissive(0.2, Lambertian(0.9)), "box")
+    camera = Camera((-0.8, -0.7, 0.2), (0.3, 0.2, 0), (0, 0, 1), 70, 12, 9)
+    report = render(Scene(camera, [box, ball]), "whitted", passes=2, threads=1).report
+    (words,) = [line for line in warnings_in_words(report) if "does not find" in line]
+    assert "(95 %) in up to 16 bounces, " in words
 
 
 def test_a_mean_that_photons_blur_is_a_warning():
