@@ -42,7 +42,10 @@ def _scene(asked: dict[str, Any]) -> Any:
     scene = runpy.run_path(str(file), run_name="hybrid_rt_scene")["scene"]()
     if asked["width"] is None:
         return scene
-    return scene.with_camera(scene.camera.resized(asked["width"]))
+    # The oldest checkouts do not keep proportions by themselves.
+    camera, width = scene.camera, asked["width"]
+    height = max(round(width * camera.height / camera.width), 1)
+    return scene.with_camera(camera.resized(width, height))
 
 
 def _rendered(

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from hybrid_rt.benchmarks import renders_on_request
 from hybrid_rt.benchmarks.two_checkouts import HERE, Job, checkout_at, compare
 
 TOOL = HERE / "tools" / "bench_render.py"
@@ -48,6 +49,19 @@ def test_a_checkout_against_itself_has_the_same_errors(script, tmp_path, monkeyp
         assert row["old"]["work"][k] == pytest.approx(product)
     assert row["relmse_of_reference"] > 0.0
     assert "old / new" in capsys.readouterr().out
+
+
+def test_a_checkout_whose_cameras_do_not_keep_proportions_is_told_the_height(tmp_path):
+    """In e10b952 `Camera.resized` takes both numbers."""
+    old = """
+from types import SimpleNamespace as Camera
+
+def scene():
+    camera = Camera(width=32, height=16, resized=lambda width, height: (width, height))
+    return Camera(camera=camera, with_camera=lambda size: size)
+"""
+    (tmp_path / "old.py").write_text(old)
+    assert renders_on_request._scene({"scene": str(tmp_path / "old.py"), "width": 16}) == (16, 8)
 
 
 def test_a_folder_without_the_packages_is_refused(tmp_path):
