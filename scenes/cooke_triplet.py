@@ -9,6 +9,7 @@ import math
 import sys
 
 import numpy as np
+from numpy.typing import NDArray
 
 from hybrid_rt import (
     Asphere,
@@ -26,7 +27,6 @@ from hybrid_rt import (
     Torus,
 )
 from hybrid_rt.analysis.lens_examples import COOKE_TRIPLET
-from hybrid_rt.core.records import FloatArray
 from meshing import SurfaceOfRevolution
 
 # Height of the axis over the bench; light of the picture travels along -y, from the wall to the eye.
@@ -34,7 +34,7 @@ HEIGHT = 24.0
 AWAY = (0.0, -1.0, 0.0)
 
 
-def picture(n: int = 256) -> FloatArray:
+def picture(n: int = 256) -> NDArray[np.float64]:
     """Draw a sun over hills, (n, n, 3) linear."""
     x, y = np.meshgrid((np.arange(n) + 0.5) / n, 1 - (np.arange(n) + 0.5) / n)
     image = np.stack([0.25 + 0.5 * y, 0.5 + 0.25 * y, 0.85 + 0 * y], axis=-1)

@@ -9,6 +9,7 @@ Or by a photon map alone: python scenes/glass_lathe.py --integrator photon_map -
 import sys
 
 import numpy as np
+from numpy.typing import NDArray
 
 from hybrid_rt import (
     Camera,
@@ -24,7 +25,6 @@ from hybrid_rt import (
     Scene,
     Sphere,
 )
-from hybrid_rt.core.records import FloatArray
 from meshing import SurfaceOfRevolution
 
 # Photons find caustics seen through glass and in mirrors, which paths meet by luck only.
@@ -34,7 +34,7 @@ FOOT = ((0.0, 0.0), (0.0, 0.5), (0.0, 1.0), (0.12, 0.86))
 BODY = ((0.12, 0.86), (0.5, 0.32), (0.85, 1.7), (1.75, 1.35), (2.5, 0.95), (2.5, 0.0))
 
 
-def planet(n: int = 256) -> FloatArray:
+def planet(n: int = 256) -> NDArray[np.float64]:
     """Draw bands of latitude, (n, 2 n, 3) linear."""
     v = (np.arange(n) + 0.5) / n
     u = (np.arange(2 * n) + 0.5) / (2 * n)

@@ -9,6 +9,7 @@ Run it: python scenes/light_box.py --passes 64 --photons 1000000
 import sys
 
 import numpy as np
+from numpy.typing import NDArray
 
 from hybrid_rt import (
     Box,
@@ -22,7 +23,6 @@ from hybrid_rt import (
     Scene,
     SpotLight,
 )
-from hybrid_rt.core.records import FloatArray
 from meshing import BezierPatches, Extrusion, circular_arc
 
 # Photons find what lens and mirror throw onto the paper.
@@ -37,7 +37,7 @@ COLORS = (
 TALL = 0.5
 
 
-def arc(x: float, radius: float, half: float) -> tuple[FloatArray, FloatArray]:
+def arc(x: float, radius: float, half: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return an arc of a circle through (x, 0), from y = -half to half: rational Bezier points."""
     turn = np.arcsin(half / abs(radius)) / (2.0 * np.pi)
     begin, end = (-turn, turn) if radius > 0 else (0.5 + turn, 0.5 - turn)

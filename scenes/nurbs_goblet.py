@@ -6,6 +6,7 @@ Run it: python scenes/nurbs_goblet.py --passes 64
 import sys
 
 import numpy as np
+from numpy.typing import NDArray
 
 from hybrid_rt import (
     Camera,
@@ -20,7 +21,6 @@ from hybrid_rt import (
     RectangleLight,
     Scene,
 )
-from hybrid_rt.core.records import FloatArray
 from meshing import BezierPatches, NurbsSurface
 
 # A full circle of degree 2, in quarters: points and weights.
@@ -39,7 +39,7 @@ PROFILE = np.array(
 )  # fmt: skip
 
 
-def clamped(n: int) -> FloatArray:
+def clamped(n: int) -> NDArray[np.float64]:
     """Return the even cubic knots of n control points, the ends repeated."""
     return np.concatenate([[0.0] * 3, np.arange(n - 2.0), [n - 3.0] * 3])
 
@@ -72,7 +72,7 @@ def ball(center: tuple[float, float, float], radius: float) -> BezierPatches:
     return BezierPatches(nets, [w[:, None] * w] * 8)
 
 
-def vines(n: int = 768) -> FloatArray:
+def vines(n: int = 768) -> NDArray[np.float64]:
     """Draw the goblet's picture, (n, n, 3) linear: u once around, v from foot to inside."""
     v, u = np.mgrid[0:n, 0:n] / n
     v = 1.0 - v
@@ -88,7 +88,7 @@ def vines(n: int = 768) -> FloatArray:
     return picture
 
 
-def weave(n: int = 768) -> FloatArray:
+def weave(n: int = 768) -> NDArray[np.float64]:
     """Draw the cloth's picture, (n, n, 3) linear: a border, stripes and a star in the middle."""
     y, x = (np.mgrid[0:n, 0:n] + 0.5) / n - 0.5
     picture = np.empty((n, n, 3))

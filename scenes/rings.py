@@ -8,6 +8,7 @@ Run it: python scenes/rings.py --passes 128
 import sys
 
 import numpy as np
+from numpy.typing import NDArray
 
 from hybrid_rt import (
     Camera,
@@ -24,10 +25,9 @@ from hybrid_rt import (
     Scene,
     Torus,
 )
-from hybrid_rt.core.records import FloatArray
 
 
-def icing(n: int = 256) -> FloatArray:
+def icing(n: int = 256) -> NDArray[np.float64]:
     """Draw dough, pink icing on its upper side, and sprinkles, (n, 4 n, 3) linear."""
     v, u = np.meshgrid(
         1 - (np.arange(n) + 0.5) / n, (np.arange(4 * n) + 0.5) / (4 * n), indexing="ij"

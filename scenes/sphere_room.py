@@ -9,6 +9,7 @@ Run it: python scenes/sphere_room.py --passes 128
 import sys
 
 import numpy as np
+from numpy.typing import NDArray
 
 from hybrid_rt import (
     Camera,
@@ -21,7 +22,6 @@ from hybrid_rt import (
     Scene,
     Sphere,
 )
-from hybrid_rt.core.records import FloatArray
 
 WALL_RADIUS = 1e5
 # Half sizes of the room along x, y (up) and z; the camera stands before its open front wall.
@@ -44,7 +44,7 @@ def wall(name: str) -> Object:
     return Object(Sphere(center, WALL_RADIUS), Lambertian(color), name)
 
 
-def globe(n: int = 256) -> FloatArray:
+def globe(n: int = 256) -> NDArray[np.float64]:
     """Draw stripes along the meridians and a band around the equator, (n, 2 n, 3) linear."""
     v, u = np.meshgrid((np.arange(n) + 0.5) / n, (np.arange(2 * n) + 0.5) / (2 * n), indexing="ij")
     stripes = np.floor(12 * u) % 2 == 0

@@ -10,6 +10,7 @@ import sys
 
 import numpy as np
 import trimesh
+from numpy.typing import NDArray
 
 from hybrid_rt import (
     Box,
@@ -24,11 +25,10 @@ from hybrid_rt import (
     Sphere,
     TriangleMesh,
 )
-from hybrid_rt.core.records import FloatArray
 from meshing import SurfaceOfRevolution
 
 
-def surroundings(height: int = 128) -> FloatArray:
+def surroundings(height: int = 128) -> NDArray[np.float64]:
     """Draw a grey-green room with a window of six panes, (height, 2 height, 3) linear."""
     v, u = np.meshgrid(
         1 - (np.arange(height) + 0.5) / height, (np.arange(2 * height) + 0.5) / (2 * height),
@@ -43,7 +43,7 @@ def surroundings(height: int = 128) -> FloatArray:
     return room
 
 
-def wood(n: int = 256) -> FloatArray:
+def wood(n: int = 256) -> NDArray[np.float64]:
     """Draw boards, (n, n, 3) linear."""
     y, x = np.mgrid[0:n, 0:n] / n
     board = np.floor(6 * x)

@@ -9,6 +9,7 @@ Run it: python scenes/teapot_ppm.py --passes 32
 import sys
 
 import numpy as np
+from numpy.typing import NDArray
 
 from hybrid_rt import (
     Camera,
@@ -24,7 +25,6 @@ from hybrid_rt import (
     Scene,
     Sphere,
 )
-from hybrid_rt.core.records import FloatArray
 from hybrid_rt.demo import teapot, tiles
 
 # Photons find caustics seen through glass and in mirrors, which paths meet by luck only.
@@ -34,7 +34,7 @@ HALF_X, HALF_Y, HEIGHT = 7.0, 8.0, 8.0
 COPPER = (0.93, 0.55, 0.38)
 
 
-def wallpaper(n: int = 512) -> FloatArray:
+def wallpaper(n: int = 512) -> NDArray[np.float64]:
     """Draw broad stripes with a thin line on either side, (n, n, 3) linear."""
     x = np.arange(n) / n * 8.0
     is_broad = np.floor(x) % 2 == 0

@@ -7,6 +7,7 @@ Or with all indirect light: python scenes/teapot_room.py --passes 128
 import sys
 
 import numpy as np
+from numpy.typing import NDArray
 
 from hybrid_rt import (
     Camera,
@@ -22,14 +23,13 @@ from hybrid_rt import (
     Scene,
     Sphere,
 )
-from hybrid_rt.core.records import FloatArray
 from hybrid_rt.demo import teapot, tiles
 
 # Half width, half depth and height of the room; z is up.
 HALF_X, HALF_Y, HEIGHT = 7.0, 8.0, 8.0
 
 
-def wallpaper(n: int = 512) -> FloatArray:
+def wallpaper(n: int = 512) -> NDArray[np.float64]:
     """Draw stripes with rows of leaves, (n, n, 3) linear."""
     y, x = np.mgrid[0:n, 0:n] / n
     across, along = 10 * x, 10 * y + 0.5 * (np.floor(10 * x) % 2)
