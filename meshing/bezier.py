@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from meshing.bpt import read_patches, write_patches
 from meshing.checks import BoolArray, FloatArray, as_affine, as_path, freeze
 from meshing.kernels import bernstein, subdivision
-from meshing.nets import as_nets, as_weights, check_finite, is_rational
+from meshing.nets import as_nets, as_weights, check_finite, degrees_in_words, is_rational
 from meshing.parametric import ParametricSurface
 from meshing.polynomials import net_of_polynomial
 
@@ -233,9 +233,7 @@ class BezierPatches(ParametricSurface):
 
     def __repr__(self) -> str:
         """Name the number of patches and their degrees."""
-        low, high = self._degrees.min(), self._degrees.max()
-        degrees = f"degree {low}" if low == high else f"degrees {low} to {high}"
-        return f"BezierPatches({len(self)} of {degrees})"
+        return f"BezierPatches({len(self)} of {degrees_in_words(self._degrees)})"
 
     def __reduce__(self) -> tuple[type[BezierPatches], tuple[list[FloatArray], ...]]:
         """Pickle the control nets; loading checks them again."""

@@ -1,4 +1,4 @@
-"""Checks of control nets and of weights."""
+"""Checks of control nets and of weights, and their degrees in words."""
 
 from __future__ import annotations
 
@@ -139,3 +139,9 @@ def is_rational(weights: object) -> bool:
         return any(array.min() != array.max() for array in arrays)
     except (TypeError, ValueError):
         return True
+
+
+def degrees_in_words(degrees: ArrayLike) -> str:
+    """Return "degree 3", or "degrees 1 to 3", for degrees of any shape."""
+    low, high = np.min(degrees), np.max(degrees)
+    return f"degree {low}" if low == high else f"degrees {low} to {high}"

@@ -20,6 +20,7 @@ from meshing.checks import (
     still_unit,
 )
 from meshing.kernels import lathe, subdivision
+from meshing.nets import degrees_in_words
 from meshing.parametric import ParametricSurface
 from meshing.profiles import (
     as_part,
@@ -187,9 +188,8 @@ class SurfaceOfRevolution(ParametricSurface):
 
     def __repr__(self) -> str:
         """Name the segments and their degrees, the axis, and what is special."""
-        low, high = (pick(len(segment) - 1 for segment in self.segments) for pick in (min, max))
-        words = f"{len(self)} segment{'s' * (len(self) > 1)} of degree{'s' * (low < high)} {low}"
-        words += f" to {high}" if low < high else ""
+        degrees = degrees_in_words([len(segment) - 1 for segment in self.segments])
+        words = f"{len(self)} segment{'s' * (len(self) > 1)} of {degrees}"
         if rational := sum(weights is not None for weights in self.weights):
             words += f", {rational} of them rational," if rational < len(self) else ", rational,"
         words += f" about {self.axis.tolist()}"
