@@ -297,7 +297,7 @@ def test_much_light_that_is_not_found_is_a_warning(integrator):
 
 
 def test_the_warning_of_light_not_found_says_in_how_many_bounces():
-    """In a closed box of albedo 0.9 a sixth of the light has more than 16 bounces."""
+    """In a closed box of albedo 0.9 a fifth of the light, 0.9^16, has more than 16 bounces."""
     walls = Box((-1, -1, -1), (1, 1, 1)).flipped()
     ball = Object(Sphere((0.2, 0.1, 0), 0.4), Dielectric(1.5), "ball")
     box = Object(walls, Emissive(0.2, Lambertian(0.9)), "box")
