@@ -42,8 +42,9 @@ from hybrid_rt.cli.command import one_or_more, run_tool
 from hybrid_rt.cli.scene_file import load_script
 from hybrid_rt.core import precompile
 from hybrid_rt.core.precompile import type_to_json
+from hybrid_rt.core.records import FloatArray
 from hybrid_rt.integrators import INTEGRATORS
-from hybrid_rt.intersection.kinds.registry import kernel_groups
+from hybrid_rt.intersection.kinds.registry import MANY, kernel_groups
 from hybrid_rt.rendering.result import RenderResult
 from hybrid_rt.verify.cases.campaign import SCENES as SURFACES_TO_JUDGE
 from hybrid_rt.verify.cases.campaign import steps
@@ -95,9 +96,11 @@ def surfaces_of(kind: str) -> list[Any]:
         # Several patches have no common (u, v) to draw loops in.
         wholes = [any_patch(3, 3)] if kind == "bicubic patches" else surfaces_of(kind)
         return [TrimmedSurface(whole, [loop]) for whole in wholes]
+    if kind.startswith(MANY_OF):
+        one = surfaces_of(kind.removeprefix(MANY_OF))[0]
+        return [one.transformed(moved(float(i))) for i in range(max(MANY.values()))]
     made: dict[str, Callable[[], Any]] = {
         "spheres": lambda: Sphere((0.0, 0.0, 0.0), 1.0),
-        "many spheres": lambda: [Sphere((float(i), 0.0, 0.0), 0.4) for i in range(10)],
         "rectangles": lambda: Rectangle((-1.0, -1.0, 0.0), (2.0, 0.0, 0.0), (0.0, 2.0, 0.0)),
         "planes": lambda: Plane((0.0, 0.0, 0.0), (0.0, 0.0, 1.0)),
         "boxes": lambda: Box((-1.0, -1.0, -1.0), (1.0, 1.0, 1.0)),
@@ -124,7 +127,9 @@ def of_judges() -> dict[str, Callable[[], Any]]:
     return found
 
 
-PLAIN = ("spheres", "many spheres", "rectangles", "planes", "boxes", *of_judges())
+CLOSED = ("spheres", "rectangles", "boxes", *of_judges())
+MANY_OF = "many "
+PLAIN = ("planes", *CLOSED, *(MANY_OF + kind for kind in CLOSED))
 FROM_EMBREE = (
     "bicubic patches", "Bezier patches", "rational bicubic patches", "rational patches",
     "revolutions", "meshes",
@@ -143,6 +148,13 @@ OF_SURFACES = (
 # Of what these need, the kernels of surfaces are left to surfaces.
 OTHERS = (*OPTIONS, "judges")
 CASES = (*OF_SURFACES, *OTHERS)
+
+
+def moved(x: float) -> FloatArray:
+    """Return the matrix of a move along the first axis."""
+    matrix = np.eye(4)
+    matrix[0, 3] = 3.0 * x
+    return matrix
 
 
 def any_patch(degree_u: int, degree_v: int) -> BezierPatches:

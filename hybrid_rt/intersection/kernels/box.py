@@ -4,6 +4,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from hybrid_rt.intersection.kernels.search.counters import NODES
+from hybrid_rt.intersection.kernels.search.members import offer_near
 from hybrid_rt.intersection.kernels.search.nearest import (
     CLEAR,
     WITHIN_BAND,
@@ -155,13 +157,20 @@ def offer_box(i, k, table, rays, best):
 
 
 @hot_kernel
-def trace_boxes(table, rays, best, any_hit):
-    """Lower ``best`` to the nearest roots on all boxes."""
+def trace_boxes(table, end, rays, best, any_hit):
+    """Lower ``best`` to the nearest roots on the boxes up to row ``end``."""
     for i in range(rays.origin.shape[0]):
-        for k in range(table.object_id.shape[0]):
+        for k in range(end):
             if any_hit and best.object_id[i] >= 0:
                 break
             offer_box(i, k, table, rays, best)
+
+
+@hot_kernel
+def trace_box_tree(table, members, rays, best, any_hit, stack, counters):
+    """As `trace_boxes`, for the boxes in a tree."""
+    for i in range(rays.origin.shape[0]):
+        counters[NODES] += offer_near(i, offer_box, table, members, rays, best, any_hit, stack)
 
 
 @inlined

@@ -79,7 +79,7 @@ def first_hit(forms, source_id, direction, ray):
             forms.rounding, forms.most,
         )  # fmt: skip
     offer_spheres(0, 0, forms.spheres.object_id.size, forms.spheres, rays, best, False)
-    offer_parallelograms(0, forms.rectangles, rays, best, False)
+    offer_parallelograms(0, forms.rectangles.object_id.size, forms.rectangles, rays, best, False)
     for k in range(forms.planes.object_id.size):
         offer_plane(0, k, forms.planes, rays, best)
     for k in range(forms.boxes.object_id.size):
@@ -116,7 +116,7 @@ def is_occluded(forms, shadow, i, ray):
     offer_spheres(0, 0, forms.spheres.object_id.size, forms.spheres, rays, best, True)
     if best.object_id[0] >= 0:
         return True
-    offer_parallelograms(0, forms.rectangles, rays, best, True)
+    offer_parallelograms(0, forms.rectangles.object_id.size, forms.rectangles, rays, best, True)
     if best.object_id[0] >= 0:
         return True
     for k in range(forms.planes.object_id.size):

@@ -80,10 +80,10 @@ def offer_plane(i, k, table, rays, best):
 
 
 @hot_kernel
-def trace_planes(table, rays, best, any_hit):
-    """Lower ``best`` to the nearest roots on all planes."""
+def trace_planes(table, end, rays, best, any_hit):
+    """Lower ``best`` to the nearest roots on the planes up to row ``end``."""
     for i in range(rays.origin.shape[0]):
-        for k in range(table.object_id.shape[0]):
+        for k in range(end):
             if any_hit and best.object_id[i] >= 0:
                 break
             offer_plane(i, k, table, rays, best)

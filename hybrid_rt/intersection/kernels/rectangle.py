@@ -14,6 +14,8 @@ from hybrid_rt.intersection.kernels.reach import (
     parallelogram_columns,
     parallelograms_in_reach,
 )
+from hybrid_rt.intersection.kernels.search.counters import NODES
+from hybrid_rt.intersection.kernels.search.members import offer_near
 from hybrid_rt.intersection.kernels.search.nearest import (
     CLEAR,
     WITHIN_BAND,
@@ -280,20 +282,22 @@ def offer_parallelogram(i, k, table, rays, best):
 
 
 @inlined
-def offer_parallelograms(i, table, rays, best, any_hit):
-    """Offer the roots of ray i on all parallelograms; ``any_hit``: until there is a hit."""
+def offer_parallelograms(i, end, table, rays, best, any_hit):
+    """Offer the roots of ray i on the parallelograms up to row ``end``.
+
+    ``any_hit``: until there is a hit.
+    """
     o, d = rays.origin[i], rays.direction[i]
-    n = table.object_id.shape[0]
-    for begin in range(0, n, BLOCK):
+    for begin in range(0, end, BLOCK):
         if any_hit and best.object_id[i] >= 0:
             return
         mask = ALL
-        if n > FEW:
+        if end > FEW:
             mask = parallelograms_in_reach(
                 table.reach, begin, min(begin + BLOCK, table.reach.shape[1]),
                 o[0], o[1], o[2], d[0], d[1], d[2], rays.t_min[i], best.t[i],
             )  # fmt: skip
-        for k in range(begin, min(begin + BLOCK, n)):
+        for k in range(begin, min(begin + BLOCK, end)):
             if mask & FIRST_BIT:
                 offer_parallelogram(i, k, table, rays, best)
                 if any_hit and best.object_id[i] >= 0:
@@ -302,10 +306,19 @@ def offer_parallelograms(i, table, rays, best, any_hit):
 
 
 @hot_kernel
-def trace_rectangles(table, rays, best, any_hit):
-    """Lower ``best`` to the nearest roots on all parallelograms."""
+def trace_rectangles(table, end, rays, best, any_hit):
+    """Lower ``best`` to the nearest roots on the parallelograms up to row ``end``."""
     for i in range(rays.origin.shape[0]):
-        offer_parallelograms(i, table, rays, best, any_hit)
+        offer_parallelograms(i, end, table, rays, best, any_hit)
+
+
+@hot_kernel
+def trace_rectangle_tree(table, members, rays, best, any_hit, stack, counters):
+    """As `trace_rectangles`, for the parallelograms in a tree."""
+    for i in range(rays.origin.shape[0]):
+        counters[NODES] += offer_near(
+            i, offer_parallelogram, table, members, rays, best, any_hit, stack
+        )
 
 
 @inlined

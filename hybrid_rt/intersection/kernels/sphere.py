@@ -31,25 +31,17 @@ from hybrid_rt.intersection.kernels.search.axial_trims import (
     touches_kept,
 )
 from hybrid_rt.intersection.kernels.search.counters import NODES
-from hybrid_rt.intersection.kernels.search.frame import (
-    begin_of,
-    end_of,
-    enter_frame,
-    share_of_turn,
-    turned,
-)
+from hybrid_rt.intersection.kernels.search.frame import share_of_turn, turned
+from hybrid_rt.intersection.kernels.search.members import offer_near
 from hybrid_rt.intersection.kernels.search.nearest import doubt, offer
 from hybrid_rt.intersection.kernels.search.rays import EDGE
 from hybrid_rt.intersection.kernels.search.tolerances import TANGENT_BAND, UNIT_ROUNDOFF
-from hybrid_rt.intersection.kernels.search.tree import box_ray, next_leaf
 from hybrid_rt.intersection.kernels.search.trims import NEARBY, has_gap, side_of_tile
 from meshing.kernels.jit import hot_kernel, inlined, inner
 from meshing.kernels.trims import CROSSED, INSIDE, OUTSIDE
 
 # An origin is beside a sphere where |o - c|^2 - r^2 is below this part of r^2.
 BESIDE = 1e-2
-# Rays from farther away (in frame units) have a TANGENT band wider than the margin of the boxes.
-FARTHEST = 2.0**25
 # The u and v of a root whose side of the loops is certain without: found when its hit is described.
 LATER = -1.0
 
@@ -269,46 +261,20 @@ def trace_spheres(table, end, rays, best, any_hit):
         offer_spheres(i, 0, end, table, rays, best, any_hit)
 
 
-@hot_kernel
-def trace_sphere_tree(table, tree, begin, middle, to_frame, rays, best, any_hit, stack, counters):
-    """As `trace_spheres`, for the spheres from row ``begin`` on, through a tree over them.
+@inlined
+def _offer_if_near(i, k, table, rays, best):
+    o, d = rays.origin[i], rays.direction[i]
+    if spheres_in_reach(
+        table.reach, k, k + 1, o[0], o[1], o[2], d[0], d[1], d[2], rays.t_min[i], best.t[i]
+    ):
+        offer_sphere(i, k, table, rays, best)
 
-    ``middle`` (3,) and ``to_frame`` bring all of them within 1 of the origin; ``stack`` is scratch.
-    """
-    origin, direction, t_min = rays.origin, rays.direction, rays.t_min
-    order = tree.order
-    for i in range(origin.shape[0]):
-        if any_hit and best.object_id[i] >= 0:
-            continue
-        ox, oy, oz = origin[i, 0], origin[i, 1], origin[i, 2]
-        dx, dy, dz = direction[i, 0], direction[i, 1], direction[i, 2]
-        x, y, z, _, _, _, shift = enter_frame(
-            ox, oy, oz, dx, dy, dz, middle[0], middle[1], middle[2], to_frame
-        )
-        if abs(shift) > FARTHEST:
-            for k in range(begin, table.radius.shape[0]):
-                if any_hit and best.object_id[i] >= 0:
-                    break
-                offer_sphere(i, k, table, rays, best)
-            continue
-        ray = box_ray(x, y, z, dx, dy, dz)
-        t_lo = begin_of(t_min[i], to_frame, shift)
-        t_cut = end_of(best.t[i], to_frame, shift)
-        top = -1
-        while True:
-            top, first, count, nodes = next_leaf(tree, ray, t_lo, t_cut, stack, top)
-            counters[NODES] += nodes
-            if count == 0:
-                break
-            for k in range(first, first + count):
-                row = begin + order[k]
-                if spheres_in_reach(
-                    table.reach, row, row + 1, ox, oy, oz, dx, dy, dz, t_min[i], best.t[i]
-                ):
-                    offer_sphere(i, row, table, rays, best)
-            if any_hit and best.object_id[i] >= 0:
-                break
-            t_cut = end_of(best.t[i], to_frame, shift)
+
+@hot_kernel
+def trace_sphere_tree(table, members, rays, best, any_hit, stack, counters):
+    """As `trace_spheres`, for the spheres in a tree."""
+    for i in range(rays.origin.shape[0]):
+        counters[NODES] += offer_near(i, _offer_if_near, table, members, rays, best, any_hit, stack)
 
 
 @inlined

@@ -8,6 +8,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from hybrid_rt.core.kernels.compensated import two_difference
+from hybrid_rt.intersection.kernels.search.counters import NODES
+from hybrid_rt.intersection.kernels.search.members import offer_near
 from hybrid_rt.intersection.kernels.search.nearest import CLEAR, WITHIN_BAND, doubt_start, offer
 from hybrid_rt.intersection.kernels.search.tolerances import (
     NEARLY_WITHIN,
@@ -200,13 +202,22 @@ def _offer_turned_box(i, k, table, rays, best):
 
 
 @hot_kernel
-def trace_turned_boxes(table, rays, best, any_hit):
-    """Lower ``best`` to the nearest roots on all boxes."""
+def trace_turned_boxes(table, end, rays, best, any_hit):
+    """Lower ``best`` to the nearest roots on the boxes up to row ``end``."""
     for i in range(rays.origin.shape[0]):
-        for k in range(table.object_id.shape[0]):
+        for k in range(end):
             if any_hit and best.object_id[i] >= 0:
                 break
             _offer_turned_box(i, k, table, rays, best)
+
+
+@hot_kernel
+def trace_turned_box_tree(table, members, rays, best, any_hit, stack, counters):
+    """As `trace_turned_boxes`, for the boxes in a tree."""
+    for i in range(rays.origin.shape[0]):
+        counters[NODES] += offer_near(
+            i, _offer_turned_box, table, members, rays, best, any_hit, stack
+        )
 
 
 @hot_kernel

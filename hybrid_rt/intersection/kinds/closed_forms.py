@@ -16,44 +16,90 @@ from hybrid_rt.intersection.trims import trim_of_single, trimmed_of, whole_of
 
 if TYPE_CHECKING:
     from hybrid_rt.intersection.kernels.closed_forms import ClosedForms
+    from hybrid_rt.intersection.kernels.search.members import Members
+
+
+# Surfaces so much larger than the usual one would fill the tree's boxes: they are asked by all rays.
+# A room may have more walls than things in it, so the usual one is not the median.
+LARGE, USUAL = 32.0, 0.25
+LEAF_SIZE = 2
+
+
+def asked_by_all(size: FloatArray, many: int) -> BoolArray:
+    """Tell which surfaces are asked by all rays, (n,) bool; the others go into a tree.
+
+    ``size`` (n,) is as `meshing.surface.Surface.size`; fewer than ``many`` others are asked as well.
+    """
+    is_large: BoolArray = size > LARGE * np.quantile(size, USUAL)
+    if np.count_nonzero(~is_large) < many:
+        is_large[:] = True
+    return is_large
 
 
 class ClosedForm:
-    """First hits on a kind without a coarse stage.
+    """First hits on a kind without a coarse stage; many members are put into a tree.
 
     Parameters
     ----------
     members : sequence of (object id, surface)
+        All of them trimmed, or none; else TypeError.
     make_table : callable
-        Makes the table of a list of surfaces and their object ids (k,) int32.
-    trace : kernel of table, `Rays`, `Nearest` and whether any hit will do
+        Makes the table of a list of surfaces and their object ids (k,) int32, and of the loops
+        (``trim``) if they are trimmed.
+    trace : kernel of table, number of its rows to ask, `Rays`, `Nearest` and whether any hit will do
     finish : kernel of table, `Rays`, `Nearest`, row of each object or -1, and `Finished`
+    trace_tree : kernel of table, `Members`, `Rays`, `Nearest`, whether any hit will do, `Stack` and
+        counters; None: the surfaces are unbounded
+    many : int
+        Number of surfaces from which on a tree is used.
     alone : str
-        The field of `hybrid_rt.intersection.kernels.closed_forms.ClosedForms` that takes the table;
-        "": single rays cannot be traced.
+        The field of `hybrid_rt.intersection.kernels.closed_forms.ClosedForms` that takes the table of
+        surfaces that are neither trimmed nor in a tree; "": single rays cannot be traced.
     """
 
     def __init__(
         self,
         members: Sequence[tuple[int, Any]],
-        make_table: Callable[[list[Any], IntArray], Any],
+        make_table: Callable[..., Any],
         trace: Callable[..., None],
         finish: Callable[..., None],
+        trace_tree: Callable[..., None] | None = None,
+        many: int = 0,
+        *,
         alone: str = "",
     ) -> None:
-        self.alone = alone
-        self._trace, self._finish = trace, finish
+        self._trace, self._finish, self._trace_tree = trace, finish, trace_tree
+        trimmed, whole = trimmed_of(members), [surface for _, surface in whole_of(members)]
         object_id = np.array([i for i, _ in members], np.int32)
-        self.table = make_table([surface for _, surface in members], object_id)
+        bounds = np.array([surface.bounds for surface in whole])
+        n_plain, order = len(members), np.arange(len(members))
+        if trace_tree is not None:
+            is_plain = asked_by_all(np.linalg.norm(bounds[:, 1] - bounds[:, 0], axis=1), many)
+            n_plain, order = int(np.count_nonzero(is_plain)), np.argsort(~is_plain, kind="stable")
+        if trimmed:
+            make_table = partial(make_table, trim=trim_of_single([trimmed[k] for k in order]))
+        self.table = make_table([whole[k] for k in order], object_id[order])
         self._row_of = np.full(int(object_id.max()) + 1, -1, np.int64)
-        self._row_of[object_id] = np.arange(len(object_id))
+        self._row_of[object_id[order]] = np.arange(len(object_id))
+        self._n_plain = n_plain
+        self._in_tree: Members | None = None
+        if n_plain < len(members):
+            self._in_tree = tree_over(bounds[order[n_plain:]], n_plain)
+        self.alone = "" if trimmed or self._in_tree else alone
 
     def trace(
         self, rays: Rays, guess: IntArray | None, best: Nearest, any_hit: bool, work: FloatArray
     ) -> None:
-        """Lower ``best`` to the nearest roots; ``guess`` and ``work`` are not used."""
-        del guess, work
-        self._trace(self.table, rays, best, any_hit)
+        """Lower ``best`` to the nearest roots; ``guess`` is not used."""
+        del guess
+        if self._n_plain:
+            self._trace(self.table, self._n_plain, rays, best, any_hit)
+        if self._in_tree is not None:
+            from hybrid_rt.intersection.kernels.search.tree import new_stack
+
+            assert self._trace_tree is not None
+            stack = new_stack(self._in_tree.tree)
+            self._trace_tree(self.table, self._in_tree, rays, best, any_hit, stack, work)
 
     def finish(
         self, rays: Rays, best: Nearest, kind_of: IntArray, kind: int, out: Finished
@@ -67,82 +113,16 @@ class ClosedForm:
         self._finish(self.table, rays, best, self._row_of, out)
 
 
-# From so many spheres on a tree is faster than asking all of them.
-MANY = 8
-# Spheres so much larger than the usual one would fill the tree's boxes: they are asked by all rays.
-# A room may have more walls than things in it, so the usual one is not the median.
-LARGE, USUAL = 32.0, 0.25
-LEAF_SIZE = 2
+def tree_over(bounds: FloatArray, begin: int) -> Members:
+    """Return a tree over boxes (n, 2, 3), which stand for the rows of a table from ``begin`` on."""
+    from hybrid_rt.intersection.kernels.search.members import Members
+    from hybrid_rt.intersection.kernels.search.tree import Tree, build_tree
 
-
-def asked_by_all(radius: FloatArray, many: int = MANY) -> BoolArray:
-    """Tell which spheres are asked by all rays, (n,) bool; the others go into a tree."""
-    is_large: BoolArray = radius > LARGE * np.quantile(radius, USUAL)
-    if np.count_nonzero(~is_large) < many:
-        is_large[:] = True
-    return is_large
-
-
-class Spheres(ClosedForm):
-    """First hits on spheres; many of them are put into a bounding volume hierarchy.
-
-    Parameters
-    ----------
-    members : sequence of (object id, Sphere or TrimmedSurface of one)
-        All of them trimmed, or none; else TypeError.
-    many : int
-        Number of spheres from which on the hierarchy is used.
-    """
-
-    def __init__(self, members: Sequence[tuple[int, Any]], many: int = MANY) -> None:
-        from hybrid_rt.intersection.kernels.sphere import (
-            finish_spheres,
-            sphere_table,
-            trace_spheres,
-        )
-
-        trimmed, members = trimmed_of(members), whole_of(members)
-        radius = np.array([sphere.radius for _, sphere in members])
-        is_large = asked_by_all(radius, many)
-        order = np.argsort(~is_large, kind="stable")
-        members = [members[k] for k in order]
-        make_table: Callable[..., Any] = sphere_table
-        if trimmed:
-            make_table = partial(sphere_table, trim=trim_of_single([trimmed[k] for k in order]))
-        alone = "" if trimmed else "spheres"
-        super().__init__(members, make_table, trace_spheres, finish_spheres, alone)
-        self._n_plain = int(np.count_nonzero(is_large))
-        self._tree: Any = None
-        if self._n_plain < len(members):
-            self._build_tree()
-            self.alone = ""
-
-    def _build_tree(self) -> None:
-        from hybrid_rt.intersection.kernels.search.tree import Tree, build_tree
-
-        center = self.table.center[self._n_plain :]
-        radius = self.table.radius[self._n_plain :, None]
-        low, high = (center - radius).min(axis=0), (center + radius).max(axis=0)
-        self._middle = 0.5 * low + 0.5 * high
-        self._to_frame = float(2.0 ** -np.ceil(np.log2(np.linalg.norm(0.5 * high - 0.5 * low))))
-        at, size = (center - self._middle) * self._to_frame, radius * self._to_frame
-        self._tree = Tree(*build_tree(at - size, at + size, LEAF_SIZE))
-
-    def trace(
-        self, rays: Rays, guess: IntArray | None, best: Nearest, any_hit: bool, work: FloatArray
-    ) -> None:
-        """Lower ``best`` to the nearest roots."""
-        del guess
-        if self._n_plain:
-            self._trace(self.table, self._n_plain, rays, best, any_hit)
-        if self._tree is not None:
-            from hybrid_rt.intersection.kernels.search.tree import new_stack
-            from hybrid_rt.intersection.kernels.sphere import trace_sphere_tree
-
-            trace_sphere_tree(
-                self.table, self._tree, self._n_plain, self._middle, self._to_frame,
-                rays, best, any_hit, new_stack(self._tree), work,
-            )  # fmt: skip
+    low, high = bounds[:, 0].min(axis=0), bounds[:, 1].max(axis=0)
+    middle = 0.5 * low + 0.5 * high
+    to_frame = float(2.0 ** -np.ceil(np.log2(np.linalg.norm(0.5 * high - 0.5 * low))))
+    lower, upper = (bounds[:, 0] - middle) * to_frame, (bounds[:, 1] - middle) * to_frame
+    return Members(Tree(*build_tree(lower, upper, LEAF_SIZE)), begin, middle, to_frame)
 
 
 def closed_forms(kinds: Sequence[Any], kind_of: IntArray, reach: FloatArray) -> ClosedForms | None:

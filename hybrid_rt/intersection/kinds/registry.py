@@ -17,8 +17,7 @@ from hybrid_rt.core.checks import FARTHEST
 from hybrid_rt.core.records import IntArray
 from hybrid_rt.core.threads import Pool
 from hybrid_rt.intersection.kind import CurvedKind, Kind
-from hybrid_rt.intersection.kinds.closed_forms import MANY, ClosedForm, Spheres, asked_by_all
-from hybrid_rt.intersection.trims import trim_of_single, trimmed_of, whole_of
+from hybrid_rt.intersection.kinds.closed_forms import ClosedForm, asked_by_all
 from hybrid_rt.primitives import Box, Plane, Rectangle, Sphere, TriangleMesh
 from hybrid_rt.primitives.asphere import Asphere
 from hybrid_rt.primitives.box import TurnedBox
@@ -31,6 +30,16 @@ from meshing.surface import Surface
 # From here to `FARTHEST` squares, cross products and fourth powers of lengths are float64 numbers.
 SMALLEST = 1e-60
 ACCURACIES = ("certified", "refined", "mesh")
+# From so many of a class on, a tree is faster than asking all of them. Spheres and rectangles out of
+# reach are rejected eight at a time, so it takes more of these.
+MANY: dict[type[Surface], int] = {
+    Sphere: 96,
+    Rectangle: 200,
+    Box: 8,
+    TurnedBox: 8,
+    Torus: 16,
+    Asphere: 16,
+}
 # Classes of which single rays can be traced.
 SINGLE = (Sphere, Rectangle, Plane, Box)
 
@@ -122,11 +131,14 @@ def kernel_groups(surfaces: Sequence[Surface], accuracy: str, coarse: str) -> li
 
 def takes_single_rays(surfaces: Sequence[Surface]) -> bool:
     """Tell whether `hybrid_rt.intersection.kinds.closed_forms.closed_forms` serves these surfaces."""
-    entries = [_entry_of(surface) for surface in surfaces]
-    if not all(entry is not None and entry.surface in SINGLE for entry in entries):
-        return False
-    radius = np.array([surface.radius for surface in surfaces if isinstance(surface, Sphere)])
-    return radius.size == 0 or bool(asked_by_all(radius).all())
+    sizes: dict[type[Surface], list[float]] = {}
+    for surface in surfaces:
+        entry = _entry_of(surface)
+        if entry is None or entry.surface not in SINGLE:
+            return False
+        if surface.is_bounded:
+            sizes.setdefault(entry.surface, []).append(surface.size)
+    return all(bool(asked_by_all(np.array(s), MANY[of]).all()) for of, s in sizes.items())
 
 
 def count_by_kind(surfaces: Sequence[Surface]) -> dict[str, int]:
@@ -199,62 +211,68 @@ def _members_of(surfaces: Sequence[Surface]) -> dict[str, Members]:
     return members
 
 
-def _with_loops(
-    members: Members, make_table: Callable[..., Any]
-) -> tuple[Members, Callable[..., Any], bool]:
-    """Return members without loops, what makes their table with these, and whether there are any."""
-    trimmed = trimmed_of(members)
-    if not trimmed:
-        return members, make_table, False
-    return whole_of(members), partial(make_table, trim=trim_of_single(trimmed)), True
-
-
 def _spheres(members: Members, _accuracy: str, _pool: Pool) -> Kind:
-    return Spheres(members)
+    from hybrid_rt.intersection.kernels import sphere as kernels
+
+    return ClosedForm(
+        members, kernels.sphere_table, kernels.trace_spheres, kernels.finish_spheres,
+        kernels.trace_sphere_tree, MANY[Sphere], alone="spheres",
+    )  # fmt: skip
 
 
 def _rectangles(members: Members, _accuracy: str, _pool: Pool) -> Kind:
-    from hybrid_rt.intersection.kernels import rectangle
+    from hybrid_rt.intersection.kernels import rectangle as kernels
 
-    whole, table, is_trimmed = _with_loops(members, rectangle.rectangle_table)
-    alone = "" if is_trimmed else "rectangles"
-    return ClosedForm(whole, table, rectangle.trace_rectangles, rectangle.finish_rectangles, alone)
+    return ClosedForm(
+        members, kernels.rectangle_table, kernels.trace_rectangles, kernels.finish_rectangles,
+        kernels.trace_rectangle_tree, MANY[Rectangle], alone="rectangles",
+    )  # fmt: skip
 
 
 def _planes(members: Members, _accuracy: str, _pool: Pool) -> Kind:
-    from hybrid_rt.intersection.kernels import plane
+    from hybrid_rt.intersection.kernels import plane as kernels
 
-    return ClosedForm(members, plane.plane_table, plane.trace_planes, plane.finish_planes, "planes")
+    return ClosedForm(
+        members, kernels.plane_table, kernels.trace_planes, kernels.finish_planes, alone="planes"
+    )
 
 
 def _boxes(members: Members, _accuracy: str, _pool: Pool) -> Kind:
-    from hybrid_rt.intersection.kernels.box import box_table, finish_boxes, trace_boxes
+    from hybrid_rt.intersection.kernels import box as kernels
 
-    return ClosedForm(members, box_table, trace_boxes, finish_boxes, "boxes")
+    return ClosedForm(
+        members, kernels.box_table, kernels.trace_boxes, kernels.finish_boxes,
+        kernels.trace_box_tree, MANY[Box], alone="boxes",
+    )  # fmt: skip
 
 
 def _turned_boxes(members: Members, _accuracy: str, _pool: Pool) -> Kind:
     from hybrid_rt.intersection.kernels import turned_box as kernels
 
     return ClosedForm(
-        members, kernels.turned_box_table, kernels.trace_turned_boxes, kernels.finish_turned_boxes
-    )
+        members, kernels.turned_box_table, kernels.trace_turned_boxes,
+        kernels.finish_turned_boxes, kernels.trace_turned_box_tree, MANY[TurnedBox],
+    )  # fmt: skip
 
 
 def _tori(members: Members, _accuracy: str, _pool: Pool) -> Kind:
+    from hybrid_rt.intersection.kernels.torus import trace as kernels
     from hybrid_rt.intersection.kernels.torus.table import torus_table
-    from hybrid_rt.intersection.kernels.torus.trace import finish_tori, trace_tori
 
-    whole, table, _ = _with_loops(members, torus_table)
-    return ClosedForm(whole, table, trace_tori, finish_tori)
+    return ClosedForm(
+        members, torus_table, kernels.trace_tori, kernels.finish_tori,
+        kernels.trace_torus_tree, MANY[Torus],
+    )  # fmt: skip
 
 
 def _aspheres(members: Members, _accuracy: str, _pool: Pool) -> Kind:
+    from hybrid_rt.intersection.kernels.asphere import trace as kernels
     from hybrid_rt.intersection.kernels.asphere.table import asphere_table
-    from hybrid_rt.intersection.kernels.asphere.trace import finish_aspheres, trace_aspheres
 
-    whole, table, _ = _with_loops(members, asphere_table)
-    return ClosedForm(whole, table, trace_aspheres, finish_aspheres)
+    return ClosedForm(
+        members, asphere_table, kernels.trace_aspheres, kernels.finish_aspheres,
+        kernels.trace_asphere_tree, MANY[Asphere],
+    )  # fmt: skip
 
 
 def _patches(members: Members, accuracy: str, pool: Pool) -> CurvedKind:
@@ -275,8 +293,13 @@ def _triangles(members: Members, accuracy: str, _pool: Pool) -> Kind:
     return TriangleKind(members, search=accuracy == "certified")
 
 
-def _of_spheres(spheres: Sequence[Sphere], _way: str) -> list[str]:
-    return ["spheres"] if len(spheres) < MANY else ["spheres", "many spheres"]
+def _closed(name: str, surface: type[Surface]) -> Callable[[Sequence[Any], str], list[str]]:
+    """Return how the groups of kernels of a closed form are found: many members want a tree as well."""
+
+    def groups(members: Sequence[Any], _way: str) -> list[str]:
+        return [name] if len(members) < MANY[surface] else [name, f"many {name}"]
+
+    return groups
 
 
 def _of_patches(surfaces: Sequence[BezierPatches | PatchSheet], way: str) -> list[str]:
@@ -292,13 +315,13 @@ def _are_bicubic(surfaces: Sequence[BezierPatches | PatchSheet]) -> bool:
 
 
 ENTRIES = (
-    Entry(Sphere, "spheres", _spheres, _of_spheres),
-    Entry(Rectangle, "rectangles", _rectangles, lambda _members, _way: ["rectangles"]),
+    Entry(Sphere, "spheres", _spheres, _closed("spheres", Sphere)),
+    Entry(Rectangle, "rectangles", _rectangles, _closed("rectangles", Rectangle)),
     Entry(Plane, "planes", _planes, lambda _members, _way: ["planes"]),
-    Entry(Box, "boxes", _boxes, lambda _members, _way: ["boxes"]),
-    Entry(TurnedBox, "turned boxes", _turned_boxes, lambda _members, _way: ["turned boxes"]),
-    Entry(Torus, "tori", _tori, lambda _members, _way: ["tori"]),
-    Entry(Asphere, "aspheres", _aspheres, lambda _members, _way: ["aspheres"]),
+    Entry(Box, "boxes", _boxes, _closed("boxes", Box)),
+    Entry(TurnedBox, "turned boxes", _turned_boxes, _closed("turned boxes", TurnedBox)),
+    Entry(Torus, "tori", _tori, _closed("tori", Torus)),
+    Entry(Asphere, "aspheres", _aspheres, _closed("aspheres", Asphere)),
     Entry(BezierPatches, "Bezier patches", _patches, _of_patches, ACCURACIES),
     Entry(RationalPatches, "rational patches", _patches, _of_rational_patches, ACCURACIES),
     Entry(

@@ -84,11 +84,11 @@ def test_rectangles(n, scale):
     targets = scale * (corner[k] + place[:, :1] * u[k] + place[:, 1:] * v[k])
     rays, t_max = rays_at(rng, targets, scale)
     found, expected = start(t_max), start(t_max)
-    trace_rectangles(table, rays, found, False)
+    trace_rectangles(table, table.object_id.size, rays, found, False)
     each_rectangle(table, rays, expected)
     assert_same(found, expected)
     some = start(t_max)
-    trace_rectangles(table, rays, some, True)
+    trace_rectangles(table, table.object_id.size, rays, some, True)
     assert np.array_equal(some.object_id >= 0, expected.object_id >= 0)
     assert np.count_nonzero(expected.object_id >= 0) > N // 20
     # Squares of the smallest sizes underflow.

@@ -8,7 +8,6 @@ import pytest
 import trimesh
 
 from hybrid_rt import Box, Intersector, Plane, Rectangle, Sphere, Status, TriangleMesh
-from hybrid_rt.intersection.kinds.closed_forms import Spheres
 from meshing import BezierPatches, SurfaceOfRevolution
 
 EPS = 2.0**-52
@@ -234,26 +233,3 @@ def test_bilinear_patch_has_both_roots_of_its_quadratic():
     clear = slope > 1e-3
     assert hits.hit.all()
     np.testing.assert_allclose(hits.t[clear], first[clear], rtol=0, atol=1e-10)
-
-
-def test_spheres_in_a_tree_and_in_a_row_give_the_same_bits():
-    rng = np.random.default_rng(31)
-    spheres = [Sphere((0, 0, -1e5), 1e5), Sphere((0.5, 0.5, 0.5), 1e-9)]
-    spheres += [Sphere(c, 0.02) for c in rng.random((500, 3))]
-    targets = rng.random((20_000, 3))
-    origins = np.array([0.5, 0.5, 1.5]) + rng.normal(size=(20_000, 3))
-    tree, row = Intersector(spheres), Intersector(spheres)
-    row._direct[0] = Spheres(list(enumerate(spheres)), many=1000)
-    assert row._direct[0]._tree is None
-    assert tree._direct[0]._tree is not None
-    a = tree.intersect(origins, targets - origins)
-    b = row.intersect(origins, targets - origins)
-    for name in ("t", "t_bound", "u", "v", "object_id", "status"):
-        assert np.array_equal(getattr(a, name), getattr(b, name), equal_nan=True)
-    far = targets + 1e11 * (origins - targets) + 0.02 * rng.normal(size=(20_000, 3))
-    a = tree.intersect(far[:2000], targets[:2000] - far[:2000])
-    b = row.intersect(far[:2000], targets[:2000] - far[:2000])
-    assert np.array_equal(a.t, b.t)
-    assert np.array_equal(a.status, b.status)
-    shadow = tree.occluded(origins, targets - origins, 1.0)
-    assert np.array_equal(shadow, row.occluded(origins, targets - origins, 1.0))

@@ -24,6 +24,7 @@ from hybrid_rt.intersection.kernels.asphere.loops import doubt_kept, side_of_roo
 from hybrid_rt.intersection.kernels.asphere.sag import Line, gradient, look
 from hybrid_rt.intersection.kernels.asphere.search import search
 from hybrid_rt.intersection.kernels.asphere.solve import pass_rim
+from hybrid_rt.intersection.kernels.search.counters import NODES
 from hybrid_rt.intersection.kernels.search.frame import (
     MARGIN,
     clearly_passes,
@@ -34,6 +35,7 @@ from hybrid_rt.intersection.kernels.search.frame import (
     turned,
     turned_point,
 )
+from hybrid_rt.intersection.kernels.search.members import offer_near
 from hybrid_rt.intersection.kernels.search.rays import EDGE
 from hybrid_rt.intersection.kernels.search.trims import has_gap
 from meshing.kernels.jit import hot_kernel, inlined, inner
@@ -102,22 +104,31 @@ def offer_asphere(i, k, table, rays, best):
         search(i, k, line, lo, hi, t_of_zero, per_t, rims, table, rays, best)
 
 
+@inlined
+def _offer_if_near(i, k, table, rays, best):
+    o, d, c = rays.origin[i], rays.direction[i], table.origin[k]
+    dx, dy, dz = d[0], d[1], d[2]
+    dd = dx * dx + dy * dy + dz * dz
+    # Most rays clearly pass the ball around an asphere: there is nothing to solve.
+    if not clearly_passes(o[0], o[1], o[2], dx, dy, dz, dd, c[0], c[1], c[2], table.size[k]):
+        offer_asphere(i, k, table, rays, best)
+
+
 @hot_kernel
-def trace_aspheres(table, rays, best, any_hit):
-    """Lower ``best`` to the nearest roots on all aspheres."""
-    origin, direction, center, size = rays.origin, rays.direction, table.origin, table.size
-    for i in range(origin.shape[0]):
-        dx, dy, dz = direction[i, 0], direction[i, 1], direction[i, 2]
-        dd = dx * dx + dy * dy + dz * dz
-        for k in range(size.shape[0]):
+def trace_aspheres(table, end, rays, best, any_hit):
+    """Lower ``best`` to the nearest roots on the aspheres up to row ``end``."""
+    for i in range(rays.origin.shape[0]):
+        for k in range(end):
             if any_hit and best.object_id[i] >= 0:
                 break
-            # Most rays clearly pass the ball around an asphere: there is nothing to solve.
-            if not clearly_passes(
-                origin[i, 0], origin[i, 1], origin[i, 2], dx, dy, dz, dd,
-                center[k, 0], center[k, 1], center[k, 2], size[k],
-            ):  # fmt: skip
-                offer_asphere(i, k, table, rays, best)
+            _offer_if_near(i, k, table, rays, best)
+
+
+@hot_kernel
+def trace_asphere_tree(table, members, rays, best, any_hit, stack, counters):
+    """As `trace_aspheres`, for the aspheres in a tree."""
+    for i in range(rays.origin.shape[0]):
+        counters[NODES] += offer_near(i, _offer_if_near, table, members, rays, best, any_hit, stack)
 
 
 @inner

@@ -1,0 +1,70 @@
+"""A tree over the surfaces of a table: which of many a ray may meet."""
+
+from typing import Any, NamedTuple
+
+from hybrid_rt.intersection.kernels.search.frame import begin_of, end_of, enter_frame
+from hybrid_rt.intersection.kernels.search.tree import box_ray, next_leaf
+from meshing.kernels.jit import inlined
+
+# Rays from farther away (in frame units) have a TANGENT band wider than the margin of the boxes.
+FARTHEST = 2.0**25
+
+
+class Members(NamedTuple):
+    """The surfaces of a table from row ``begin`` on, in a frame that brings all within 1 of its origin."""
+
+    tree: Any  # Tree; primitive p is row begin + p
+    begin: int
+    middle: Any  # (3,) float64, the frame's origin
+    to_frame: float
+
+
+@inlined
+def offer_near(i, offer, table, members, rays, best, any_hit, stack):
+    """Offer the roots of ray i with the surfaces that it comes near, front to back.
+
+    Parameters
+    ----------
+    i : int
+    offer : kernel of i, row of the table, table, rays and best
+    table : table of n surfaces
+    members : Members
+    rays : Rays
+    best : Nearest, changed
+    any_hit : bool
+        Stop at the first hit.
+    stack : Stack, scratch
+
+    Returns
+    -------
+    int
+        Nodes that were looked into.
+    """
+    if any_hit and best.object_id[i] >= 0:
+        return 0
+    tree, begin, middle, to_frame = members
+    o, d, t_min = rays.origin[i], rays.direction[i], rays.t_min[i]
+    dx, dy, dz = d[0], d[1], d[2]
+    x, y, z, _, _, _, shift = enter_frame(
+        o[0], o[1], o[2], dx, dy, dz, middle[0], middle[1], middle[2], to_frame
+    )
+    if abs(shift) > FARTHEST:
+        for k in range(begin, table.object_id.shape[0]):
+            if any_hit and best.object_id[i] >= 0:
+                break
+            offer(i, k, table, rays, best)
+        return 0
+    ray = box_ray(x, y, z, dx, dy, dz)
+    t_lo = begin_of(t_min, to_frame, shift)
+    top, all_nodes = -1, 0
+    while True:
+        t_cut = end_of(best.t[i], to_frame, shift)
+        top, first, count, nodes = next_leaf(tree, ray, t_lo, t_cut, stack, top)
+        all_nodes += nodes
+        if count == 0:
+            break
+        for k in range(first, first + count):
+            offer(i, begin + tree.order[k], table, rays, best)
+        if any_hit and best.object_id[i] >= 0:
+            break
+    return all_nodes
