@@ -143,6 +143,7 @@ OF_TRIMMED = (
 OF_SURFACES = (
     *PLAIN,
     *(f"{kind}, {way}" for kind in FROM_EMBREE for way in WAYS),
+    *(f"{MANY_OF}revolutions, {way}" for way in ("certified", "alone")),
     *(TRIMMED + kind for kind in OF_TRIMMED),
 )
 # Of what these need, the kernels of surfaces are left to surfaces.

@@ -8,32 +8,16 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from hybrid_rt.core.records import BoolArray, FloatArray, IntArray
+from hybrid_rt.core.records import FloatArray, IntArray
 from hybrid_rt.intersection.kernels.search.nearest import Nearest, Rays
 from hybrid_rt.intersection.kind import Finished
+from hybrid_rt.intersection.members import asked_by_all, tree_over
 from hybrid_rt.intersection.ray_batch import FARTHEST, POINT_ROUNDING
 from hybrid_rt.intersection.trims import trim_of_single, trimmed_of, whole_of
 
 if TYPE_CHECKING:
     from hybrid_rt.intersection.kernels.closed_forms import ClosedForms
     from hybrid_rt.intersection.kernels.search.members import Members
-
-
-# Surfaces so much larger than the usual one would fill the tree's boxes: they are asked by all rays.
-# A room may have more walls than things in it, so the usual one is not the median.
-LARGE, USUAL = 32.0, 0.25
-LEAF_SIZE = 2
-
-
-def asked_by_all(size: FloatArray, many: int) -> BoolArray:
-    """Tell which surfaces are asked by all rays, (n,) bool; the others go into a tree.
-
-    ``size`` (n,) is as `meshing.surface.Surface.size`; fewer than ``many`` others are asked as well.
-    """
-    is_large: BoolArray = size > LARGE * np.quantile(size, USUAL)
-    if np.count_nonzero(~is_large) < many:
-        is_large[:] = True
-    return is_large
 
 
 class ClosedForm:
@@ -111,18 +95,6 @@ class ClosedForm:
             row_of[kind_of != kind] = -1
             self._row_of = row_of
         self._finish(self.table, rays, best, self._row_of, out)
-
-
-def tree_over(bounds: FloatArray, begin: int) -> Members:
-    """Return a tree over boxes (n, 2, 3), which stand for the rows of a table from ``begin`` on."""
-    from hybrid_rt.intersection.kernels.search.members import Members
-    from hybrid_rt.intersection.kernels.search.tree import Tree, build_tree
-
-    low, high = bounds[:, 0].min(axis=0), bounds[:, 1].max(axis=0)
-    middle = 0.5 * low + 0.5 * high
-    to_frame = float(2.0 ** -np.ceil(np.log2(np.linalg.norm(0.5 * high - 0.5 * low))))
-    lower, upper = (bounds[:, 0] - middle) * to_frame, (bounds[:, 1] - middle) * to_frame
-    return Members(Tree(*build_tree(lower, upper, LEAF_SIZE)), begin, middle, to_frame)
 
 
 def closed_forms(kinds: Sequence[Any], kind_of: IntArray, reach: FloatArray) -> ClosedForms | None:

@@ -17,7 +17,8 @@ from hybrid_rt.core.checks import FARTHEST
 from hybrid_rt.core.records import IntArray
 from hybrid_rt.core.threads import Pool
 from hybrid_rt.intersection.kind import CurvedKind, Kind
-from hybrid_rt.intersection.kinds.closed_forms import ClosedForm, asked_by_all
+from hybrid_rt.intersection.kinds.closed_forms import ClosedForm
+from hybrid_rt.intersection.members import asked_by_all
 from hybrid_rt.primitives import Box, Plane, Rectangle, Sphere, TriangleMesh
 from hybrid_rt.primitives.asphere import Asphere
 from hybrid_rt.primitives.box import TurnedBox
@@ -39,6 +40,7 @@ MANY: dict[type[Surface], int] = {
     TurnedBox: 8,
     Torus: 16,
     Asphere: 16,
+    SurfaceOfRevolution: 8,
 }
 # Classes of which single rays can be traced.
 SINGLE = (Sphere, Rectangle, Plane, Box)
@@ -180,7 +182,7 @@ def make_kinds(surfaces: Sequence[Surface], accuracy: str, pool: Pool) -> Kinds:
             kinds.kind_of[rows] = len(kinds.direct) + len(kinds.curved)
             kind = entry.build(members, accuracy, pool)
             (kinds.curved if goes_to_embree else kinds.direct).append(kind)
-            kinds.plan["used"][entry.name] = f"{len(members)} object(s)"
+            kinds.plan["used"][entry.name] = f"{len(members)}, lamps included"
     kinds.in_embree.sort(key=lambda member: member[0])
     return kinds
 
@@ -284,7 +286,7 @@ def _patches(members: Members, accuracy: str, pool: Pool) -> CurvedKind:
 def _revolutions(members: Members, _accuracy: str, _pool: Pool) -> CurvedKind:
     from hybrid_rt.intersection.kinds.revolutions import RevolutionKind
 
-    return RevolutionKind(members)
+    return RevolutionKind(members, MANY[SurfaceOfRevolution])
 
 
 def _triangles(members: Members, accuracy: str, _pool: Pool) -> Kind:
@@ -310,6 +312,13 @@ def _of_rational_patches(surfaces: Sequence[BezierPatches | PatchSheet], way: st
     return [f"rational {'bicubic ' if _are_bicubic(surfaces) else ''}patches, {way}"]
 
 
+def _of_revolutions(members: Sequence[Any], way: str) -> list[str]:
+    groups = [f"revolutions, {way}"]
+    if way in ("certified", "alone") and len(members) >= MANY[SurfaceOfRevolution]:
+        groups.append(f"many revolutions, {way}")
+    return groups
+
+
 def _are_bicubic(surfaces: Sequence[BezierPatches | PatchSheet]) -> bool:
     return all(bool((one.pieces.degrees == 3).all()) for one in surfaces)
 
@@ -328,7 +337,7 @@ ENTRIES = (
         SurfaceOfRevolution,
         "surfaces of revolution",
         _revolutions,
-        lambda _members, way: [f"revolutions, {way}"],
+        _of_revolutions,
         ACCURACIES,
     ),
     # Certified hits on meshes come from a tree of our own, in float64 from the first box on.

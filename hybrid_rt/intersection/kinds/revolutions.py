@@ -31,19 +31,24 @@ from hybrid_rt.intersection.kernels.revolution.sheets import RAY
 from hybrid_rt.intersection.kernels.revolution.trace import (
     RevolutionScratch,
     guess_pieces,
+    trace_revolution_tree,
     trace_revolutions,
 )
 from hybrid_rt.intersection.kernels.search.coarse import CoarseHits
+from hybrid_rt.intersection.kernels.search.counters import CHANGED
 from hybrid_rt.intersection.kernels.search.nearest import Nearest, Rays
 from hybrid_rt.intersection.kernels.search.tolerances import DEPTH
+from hybrid_rt.intersection.kernels.search.tree import new_stack
 from hybrid_rt.intersection.kernels.search.trims import Trim
 from hybrid_rt.intersection.kind import Finished
+from hybrid_rt.intersection.members import asked_by_all, tree_over
 from hybrid_rt.intersection.trims import trim_of, trimmed_of, whole_of
 from meshing import SurfaceOfRevolution, TrimmedSurface
 from meshing.profiles import cosine_and_sine, homogeneous
 
 if TYPE_CHECKING:
     from hybrid_rt.intersection.coarse.proposals import Coarse
+    from hybrid_rt.intersection.kernels.search.members import Members
 
 # Pieces per segment: enough that most hold at most one root of a ray.
 PIECES = 8
@@ -61,9 +66,21 @@ class RevolutionKind:
     ----------
     members : sequence of (object id, SurfaceOfRevolution or TrimmedSurface of one)
         All of them trimmed, or none; else TypeError.
+    many : int
+        Number of surfaces from which on a tree is used.
     """
 
-    def __init__(self, members: Sequence[tuple[int, SurfaceOfRevolution | TrimmedSurface]]) -> None:
+    def __init__(
+        self, members: Sequence[tuple[int, SurfaceOfRevolution | TrimmedSurface]], many: int
+    ) -> None:
+        bounds = np.array([surface.bounds for _, surface in whole_of(members)])
+        is_plain = asked_by_all(np.linalg.norm(bounds[:, 1] - bounds[:, 0], axis=1), many)
+        order = np.argsort(~is_plain, kind="stable")
+        members = [members[k] for k in order]
+        self._n_plain = int(np.count_nonzero(is_plain))
+        self._in_tree: Members | None = None
+        if self._n_plain < len(members):
+            self._in_tree = tree_over(bounds[order[self._n_plain :]], self._n_plain)
         trimmed = trimmed_of(members)
         surfaces: list[tuple[int, SurfaceOfRevolution]] = whole_of(members)
         middle, aside, to_frame, size, roundings, part = [], [], [], [], [], []
@@ -138,8 +155,16 @@ class RevolutionKind:
         self, rays: Rays, guess: IntArray | None, best: Nearest, any_hit: bool, work: FloatArray
     ) -> None:
         """Lower ``best`` to the first hits on the surfaces of revolution."""
+        table, scratch = self.table, _new_scratch(self.table)
         pieces = np.empty(0, np.int32) if guess is None else guess
-        trace_revolutions(self.table, rays, pieces, best, any_hit, _new_scratch(self.table), work)
+        t_guess = best.t[: len(pieces)].copy()
+        trace_revolutions(table, self._n_plain, rays, pieces, best, any_hit, t_guess, scratch, work)
+        if self._in_tree is not None:
+            stack = new_stack(self._in_tree.tree)
+            trace_revolution_tree(
+                table, self._in_tree, rays, pieces, best, any_hit, scratch, stack, work
+            )
+        work[CHANGED] += np.count_nonzero(best.t[: len(pieces)] < t_guess)
 
     def guesses(self, coarse: Coarse, hits: CoarseHits) -> IntArray:
         """Return the piece of each coarse hit, -1 where there is none on these surfaces."""

@@ -5,7 +5,7 @@ import pytest
 
 from hybrid_rt import Asphere, Box, Intersector, Rectangle, Sphere, Status, Torus
 from hybrid_rt.intersection.kinds import registry
-from meshing import TrimmedSurface, circle
+from meshing import SurfaceOfRevolution, TrimmedSurface, circle
 
 NEVER = 10**9
 COLUMNS = ("t", "t_bound", "u", "v", "object_id", "patch_id", "flags", "normal")
@@ -28,7 +28,29 @@ def rectangle(rng, size, at):
     return Rectangle(at - 0.5 * edge_u - 0.5 * edge_v, edge_u, edge_v)
 
 
+def part(rng, size, at):
+    """A turned part: a vase, a half of one, a cylinder, a cone, or a ring of two circular arcs."""
+    axis = rng.normal(size=3)
+    vase = [
+        (-0.5 * size, 0.2 * size),
+        (0.0, 0.6 * size),
+        (0.2 * size, 0.0),
+        (0.5 * size, 0.3 * size),
+    ]
+    which = rng.integers(5)
+    if which == 0:
+        return SurfaceOfRevolution(vase, at, axis)
+    if which == 1:
+        return SurfaceOfRevolution(vase, at, axis, u_range=(0.1, 0.6))
+    ends = [(-0.4 * size, 0.3 * size), (0.4 * size, 0.3 * size if which == 2 else 0.0)]
+    if which < 4:
+        return SurfaceOfRevolution(ends, at, axis)
+    net = size * np.array([(-0.2, 0.4), (0.0, 0.7), (0.2, 0.4)])
+    return SurfaceOfRevolution([net], at, axis, weights=[[1.0, 0.5, 1.0]])
+
+
 MAKE = {
+    "surfaces of revolution": part,
     "spheres": lambda _rng, size, at: Sphere(at, 0.5 * size),
     "rectangles": rectangle,
     "boxes": aligned,
@@ -58,16 +80,21 @@ def corners_of(surface):
     return np.where(np.indices((2, 2, 2)).reshape(3, 8).T == 1, high, low)
 
 
-def both(surfaces, monkeypatch):
+def kind_of(tracer):
+    (only,) = (*tracer._direct, *tracer._curved)
+    return only
+
+
+def both(surfaces, monkeypatch, coarse="none"):
     """Intersectors with and without trees."""
     found = []
     for many in (1, NEVER):
         for surface in registry.MANY:
             monkeypatch.setitem(registry.MANY, surface, many)
-        found.append(Intersector(surfaces, threads=1))
+        found.append(Intersector(surfaces, coarse=coarse, threads=1))
     tree, row = found
-    assert tree._direct[0]._in_tree is not None
-    assert row._direct[0]._in_tree is None
+    assert kind_of(tree)._in_tree is not None
+    assert kind_of(row)._in_tree is None
     return tree, row
 
 
@@ -151,6 +178,17 @@ def test_same_bits_beside_the_outline(kind, monkeypatch):
         assert (hit.t, hit.status) == (grazing.t[i], Status.HIT)
     assert_same(tree, row, origins[first.hit], ways[first.hit], t_min=on.t)
     assert_same(tree, row, origins[first.hit], ways[first.hit], t_max=on.t)
+
+
+def test_turned_ones_with_guesses(monkeypatch):
+    rng = np.random.default_rng(5)
+    tree, row = both(surfaces_of("surfaces of revolution", rng), monkeypatch, coarse="embree")
+    targets = rng.random((5_000, 3))
+    origins = 0.5 + rng.normal(size=targets.shape)
+    hits, _ = assert_same(tree, row, origins, targets - origins)
+    assert hits.hit.any()
+    blocked = tree.occluded(origins, targets - origins, 1.0)
+    assert np.array_equal(blocked, row.occluded(origins, targets - origins, 1.0))
 
 
 def test_trimmed_ones(monkeypatch):

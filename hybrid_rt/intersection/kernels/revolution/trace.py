@@ -7,6 +7,8 @@ the piece to begin with.
 
 from typing import Any, NamedTuple
 
+import numpy as np
+
 from hybrid_rt.intersection.kernels.revolution.profile import R1, Z0, Z1, segment_of
 from hybrid_rt.intersection.kernels.revolution.sheets import (
     BAND,
@@ -18,8 +20,9 @@ from hybrid_rt.intersection.kernels.revolution.sheets import (
 )
 from hybrid_rt.intersection.kernels.revolution.subdivide import solve_piece
 from hybrid_rt.intersection.kernels.search.coarse import parameters_at
-from hybrid_rt.intersection.kernels.search.counters import CHANGED
+from hybrid_rt.intersection.kernels.search.counters import NODES
 from hybrid_rt.intersection.kernels.search.frame import begin_of, end_of
+from hybrid_rt.intersection.kernels.search.members import offer_near
 from meshing.kernels.jit import hot_kernel, inlined
 
 
@@ -60,58 +63,104 @@ def solve_segment(
             t_cut = end_of(best.t[i], to_frame, shift)
 
 
-@hot_kernel
-def trace_revolutions(table, rays, guess, best, any_hit, work, counters):
-    """Lower ``best`` to the first hits; ``guess`` names a piece to begin with, -1 for none."""
-    origin, direction, t_min = rays.origin, rays.direction, rays.t_min
-    first_segment, first_piece, span = table.first_segment, table.first_piece, table.span
-    whole, object_id, ray = table.whole, table.object_id, work.ray
-    for i in range(origin.shape[0]):
-        if any_hit and best.object_id[i] >= 0:
+@inlined
+def _offer_object(i, k, done, is_guess, any_hit, table, rays, best, work, counters):
+    """Settle the segments of object k: only piece ``done`` where it is the guess, else the others."""
+    o, d, ray = rays.origin[i], rays.direction[i], work.ray
+    first_piece, span, whole = table.first_piece, table.span, table.whole
+    to_frame = table.to_frame[k]
+    shift = enter_axis_frame(k, table, o[0], o[1], o[2], d[0], d[1], d[2], ray)
+    t_lo = begin_of(rays.t_min[i], to_frame, shift)
+    t_cut = end_of(best.t[i], to_frame, shift)
+    z_low, z_high = height_range(whole[k, 0], whole[k, 1], whole[k, 2], ray, t_lo, t_cut, ray[BAND])
+    if z_low > z_high:
+        return
+    nearest = ray[BESIDE] - ray[BAND]
+    for seg in range(table.first_segment[k], table.first_segment[k + 1]):
+        if is_guess and not (first_piece[seg] <= done < first_piece[seg + 1]):
             continue
-        ox, oy, oz = origin[i, 0], origin[i, 1], origin[i, 2]
-        dx, dy, dz = direction[i, 0], direction[i, 1], direction[i, 2]
-        done = -1
-        t_guess = best.t[i]
+        if span[seg, 0] > z_high or span[seg, 1] < z_low or span[seg, 3] < nearest:
+            continue
+        solve_segment(
+            i, k, seg, done, is_guess, t_lo, z_low, z_high, table, rays, best, work, counters
+        )
+        if any_hit and best.object_id[i] >= 0:
+            return
+
+
+@inlined
+def _object_of(table, piece):
+    """Return the object that a piece is of."""
+    low, high = 0, table.object_id.shape[0]
+    while high - low > 1:
+        middle = (low + high) // 2
+        if table.first_piece[table.first_segment[middle]] <= piece:
+            low = middle
+        else:
+            high = middle
+    return low
+
+
+@hot_kernel
+def trace_revolutions(table, end, rays, guess, best, any_hit, t_guess, work, counters):
+    """Lower ``best`` to the first hits on the guessed pieces and on the objects up to row ``end``.
+
+    Parameters
+    ----------
+    table : RevolutionTable
+    end : int
+    rays : Rays of n rows
+    guess : (n,) or (0,) int32
+        Names a piece to begin with, -1 for none.
+    best : Nearest of n rows, changed
+    any_hit : bool
+        A ray stops at its first hit, and rays that have one are passed over.
+    t_guess : (n,) or (0,) float64
+        Receives the nearest t once the guess is settled; like ``guess``.
+    work : RevolutionScratch
+    counters : (counters,) float64, changed
+    """
+    for i in range(rays.origin.shape[0]):
+        done = np.int64(guess[i]) if guess.shape[0] > 0 else np.int64(-1)
         for turn in range(2):
             is_guess = turn == 0
+            first, last = 0, end
             if is_guess:
-                if guess.shape[0] == 0 or guess[i] < 0:
+                if done < 0:
                     continue
-                done = guess[i]
-            for k in range(object_id.shape[0]):
-                first, last = first_segment[k], first_segment[k + 1]
-                if is_guess and not (first_piece[first] <= done < first_piece[last]):
-                    continue
-                to_frame = table.to_frame[k]
-                shift = enter_axis_frame(k, table, ox, oy, oz, dx, dy, dz, ray)
-                t_lo = begin_of(t_min[i], to_frame, shift)
-                t_cut = end_of(best.t[i], to_frame, shift)
-                z_low, z_high = height_range(
-                    whole[k, 0], whole[k, 1], whole[k, 2], ray, t_lo, t_cut, ray[BAND]
-                )
-                if z_low > z_high:
-                    continue
-                nearest = ray[BESIDE] - ray[BAND]
-                for seg in range(first, last):
-                    if is_guess and not (first_piece[seg] <= done < first_piece[seg + 1]):
-                        continue
-                    if span[seg, 0] > z_high or span[seg, 1] < z_low or span[seg, 3] < nearest:
-                        continue
-                    solve_segment(
-                        i, k, seg, done, is_guess, t_lo, z_low, z_high, table, rays, best, work,
-                        counters,
-                    )  # fmt: skip
-                    if any_hit and best.object_id[i] >= 0:
-                        break
+                first = _object_of(table, done)
+                last = first + 1
+            for k in range(first, last):
                 if any_hit and best.object_id[i] >= 0:
                     break
+                _offer_object(i, k, done, is_guess, any_hit, table, rays, best, work, counters)
             if is_guess:
-                t_guess = best.t[i]
-                if any_hit and best.object_id[i] >= 0:
-                    break
-        if guess.shape[0] > 0 and best.t[i] < t_guess:
-            counters[CHANGED] += 1
+                t_guess[i] = best.t[i]
+
+
+class _Others(NamedTuple):
+    """What `offer_near` hands on for the objects that a ray comes near."""
+
+    table: Any
+    done: Any
+    any_hit: Any
+    work: Any
+    counters: Any
+
+
+@inlined
+def _offer_other(i, k, others, rays, best):
+    table, done, any_hit, work, counters = others
+    _offer_object(i, k, done, False, any_hit, table, rays, best, work, counters)
+
+
+@hot_kernel
+def trace_revolution_tree(table, members, rays, guess, best, any_hit, work, stack, counters):
+    """As `trace_revolutions`, for the objects in a tree; guessed pieces are settled already."""
+    for i in range(rays.origin.shape[0]):
+        done = np.int64(guess[i]) if guess.shape[0] > 0 else np.int64(-1)
+        others = _Others(table, done, any_hit, work, counters)
+        counters[NODES] += offer_near(i, _offer_other, others, members, rays, best, any_hit, stack)
 
 
 @hot_kernel

@@ -2,6 +2,8 @@
 
 from typing import Any, NamedTuple
 
+import numpy as np
+
 from hybrid_rt.intersection.kernels.search.frame import begin_of, end_of, enter_frame
 from hybrid_rt.intersection.kernels.search.tree import box_ray, next_leaf
 from meshing.kernels.jit import inlined
@@ -11,7 +13,7 @@ FARTHEST = 2.0**25
 
 
 class Members(NamedTuple):
-    """The surfaces of a table from row ``begin`` on, in a frame that brings all within 1 of its origin."""
+    """Some surfaces of a table, in a frame that brings all of them within 1 of its origin."""
 
     tree: Any  # Tree; primitive p is row begin + p
     begin: int
@@ -27,7 +29,7 @@ def offer_near(i, offer, table, members, rays, best, any_hit, stack):
     ----------
     i : int
     offer : kernel of i, row of the table, table, rays and best
-    table : table of n surfaces
+    table : what it takes
     members : Members
     rays : Rays
     best : Nearest, changed
@@ -48,23 +50,19 @@ def offer_near(i, offer, table, members, rays, best, any_hit, stack):
     x, y, z, _, _, _, shift = enter_frame(
         o[0], o[1], o[2], dx, dy, dz, middle[0], middle[1], middle[2], to_frame
     )
-    if abs(shift) > FARTHEST:
-        for k in range(begin, table.object_id.shape[0]):
-            if any_hit and best.object_id[i] >= 0:
-                break
-            offer(i, k, table, rays, best)
-        return 0
     ray = box_ray(x, y, z, dx, dy, dz)
     t_lo = begin_of(t_min, to_frame, shift)
+    is_far = abs(shift) > FARTHEST
     top, all_nodes = -1, 0
+    first, count = np.int64(0), np.int64(tree.order.shape[0])
+    # One place where surfaces are offered: their code is compiled into it.
     while True:
-        t_cut = end_of(best.t[i], to_frame, shift)
-        top, first, count, nodes = next_leaf(tree, ray, t_lo, t_cut, stack, top)
-        all_nodes += nodes
-        if count == 0:
-            break
+        if not is_far:
+            t_cut = end_of(best.t[i], to_frame, shift)
+            top, first, count, nodes = next_leaf(tree, ray, t_lo, t_cut, stack, top)
+            all_nodes += nodes
         for k in range(first, first + count):
-            offer(i, begin + tree.order[k], table, rays, best)
-        if any_hit and best.object_id[i] >= 0:
-            break
-    return all_nodes
+            if not (any_hit and best.object_id[i] >= 0):
+                offer(i, begin + tree.order[k], table, rays, best)
+        if is_far or count == 0 or (any_hit and best.object_id[i] >= 0):
+            return all_nodes
