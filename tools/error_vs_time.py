@@ -238,6 +238,7 @@ def _show_picture(
     shown["answer"], shown["command"] = advice.headline, advice.command
     shown["details"] += advice.details
     shown["findings"] += answers.bias_answers(study)
+    shown["findings"] += answers.time_answers(study)
     shown["findings"] += answers.mesh_answer(study, advice.target, triangles)
     own = study.reference.own_error
     shown["diagrams"].append(study_diagrams.picture_diagram(study.curves, own))

@@ -8,6 +8,7 @@ import platform
 from pathlib import Path
 
 from hybrid_rt.analysis.advice import without_examples
+from hybrid_rt.analysis.forecast import seconds_fall
 from hybrid_rt.analysis.hit_study import RULE_OF_THREE, HitStudy
 from hybrid_rt.analysis.units import asked, number, percent, seconds, signed_percent
 from hybrid_rt.analysis.work_precision import PictureStudy
@@ -125,6 +126,20 @@ def bias_answers(study: PictureStudy) -> list[str]:
             f"passes its mean is {mean}{by_photons}."
         )
     return found
+
+
+def time_answers(study: PictureStudy) -> list[str]:
+    """Say of which methods more passes took less time, so that their times are not to be relied on."""
+    busy = [curve.name for curve in study.curves if seconds_fall(curve)]
+    if not busy:
+        return []
+    names = " and of ".join(busy)
+    return [
+        (
+            f"More passes of {names} took less time: something else kept the machine busy. Seconds are "
+            "evened out, and forecasts of them are rough: repeat it with --runs 3, or with more passes."
+        )
+    ]
 
 
 def hit_answers(study: HitStudy) -> list[str]:

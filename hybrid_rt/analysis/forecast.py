@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -77,7 +78,7 @@ def forecast(curve: Curve, target: float, reference_error: float = 0.0) -> Forec
     own = 0.0 if math.isnan(reference_error) else reference_error
     passes = np.array([p.setting for p in curve.points])
     squares = np.array([max(p.error.median**2 - own**2, 1e-30) for p in curve.points])
-    seconds = np.array([p.seconds.median for p in curve.points])
+    seconds = growing_seconds(curve)
     last = curve.points[-1].seconds
     bent = _bias(passes**curve.power, squares)
     bias = max(bent, curve.bias)
@@ -135,11 +136,39 @@ def _bias(passes: NDArray[np.float64], squares: NDArray[np.float64]) -> float:
     return math.sqrt(rest) if rest > SURE_BIAS**2 * squares[-1] else 0.0
 
 
+def growing_seconds(curve: Curve) -> NDArray[np.float64]:
+    """Return the seconds of a curve's points, made to grow with the passes, (n,) float64.
+
+    On a busy machine fewer passes may have taken longer: such neighbours get their mean (isotonic
+    regression by pooling adjacent violators; Barlow, Bartholomew, Bremner, Brunk 1972).
+    """
+    blocks: list[list[float]] = []
+    for point in curve.points:
+        blocks.append([point.seconds.median])
+        while len(blocks) > 1 and np.mean(blocks[-2]) > np.mean(blocks[-1]):
+            last = blocks.pop()
+            blocks[-1] += last
+    return np.concatenate([np.full(len(block), np.mean(block)) for block in blocks])
+
+
+def seconds_fall(curve: Curve) -> bool:
+    """Tell whether more passes took less time somewhere, as happens on a busy machine."""
+    seconds = [point.seconds.median for point in curve.points]
+    return any(after < before for before, after in pairwise(seconds))
+
+
 def _seconds(passes: NDArray[np.float64], seconds: NDArray[np.float64], n: float) -> float:
-    """Return the seconds of n passes: between points a line, beyond the last its slope."""
-    if n <= passes[-1] or len(passes) < 2:
+    """Return the seconds of n passes: between points a line, beyond the last its slope.
+
+    Where the last two points do not differ, the slope is that from the first to the last, and where
+    none differ, all seconds are those of passes.
+    """
+    if n <= passes[-1]:
         return float(np.interp(n, passes, seconds))
-    each = (seconds[-1] - seconds[-2]) / (passes[-1] - passes[-2])
+    each = seconds[-1] / passes[-1]
+    for k in (0, -2):
+        if len(passes) > 1 and seconds[-1] > seconds[k]:
+            each = (seconds[-1] - seconds[k]) / (passes[-1] - passes[k])
     return float(seconds[-1] + each * (n - passes[-1]))
 
 
@@ -160,18 +189,19 @@ def at_equal_time(curves: Sequence[Curve]) -> tuple[float, list[float]]:
     errors : list of float
         Relative RMSE of each curve; nan where its first point took longer.
     """
-    seconds = min(curve.points[-1].seconds.median for curve in curves)
+    times = [growing_seconds(curve) for curve in curves]
+    seconds = min(float(grown[-1]) for grown in times)
     errors = [
         math.exp(
             np.interp(
                 math.log(seconds),
-                np.maximum.accumulate([math.log(p.seconds.median) for p in curve.points]),
+                np.log(grown),
                 [math.log(max(p.error.median, 1e-300)) for p in curve.points],
             )
         )
-        if curve.points[0].seconds.median <= seconds
+        if grown[0] <= seconds
         else math.nan
-        for curve in curves
+        for curve, grown in zip(curves, times, strict=True)
     ]
     return seconds, errors
 

@@ -22,6 +22,13 @@ def _seconds(text: str) -> float:
         raise argparse.ArgumentTypeError(f"{text!r}: pass seconds, such as 60") from None
 
 
+def _share(text: str) -> float:
+    try:
+        return float(text[:-1]) / 100.0 if text.endswith("%") else float(text)
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"{text!r}: pass a share, such as 0.02 or 2%") from None
+
+
 def add_render_options(parser: argparse.ArgumentParser) -> None:
     """Add what ``hybrid-rt render`` and scene scripts take."""
     from hybrid_rt.integrators import DEFAULT, INTEGRATORS
@@ -55,13 +62,13 @@ def add_render_options(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--target-error",
-        type=float,
+        type=_share,
         metavar="E",
-        help="stop at this estimated relative error of the picture (0.01: one per cent)",
+        help="stop at this estimated relative error of the picture (0.01 or 1%%)",
     )
     parser.add_argument(
         "--target-error-trimmed",
-        type=float,
+        type=_share,
         metavar="E",
         help="stop at this error without the worst 0.1 %% of the pixels",
     )

@@ -11,6 +11,8 @@ from typing import Any, Protocol
 
 # Shorter compilations are not worth a message; a long one says so often how far it is, seconds.
 ANNOUNCE_AFTER, AGAIN_AFTER = 0.5, 0.5
+# Outside of renders and tools nobody has asked to hear of it: only what takes long is said.
+WARN_AFTER = 5.0
 
 COMPILING = "Compiling kernels (first run only)"
 
@@ -45,6 +47,8 @@ class CompileWatch:
         Whether that is logged as well, once, as information.
     how_far : callable, optional
         Returns how much is compiled of all that is known to be needed; (0, 0): unknown.
+    announce_after : float, optional
+        Seconds of compilation before the first message.
     """
 
     def __init__(
@@ -52,7 +56,9 @@ class CompileWatch:
         progress: Progress | None,
         is_logged: bool = False,
         how_far: Callable[[], tuple[int, int]] = lambda: (0, 0),
+        announce_after: float | None = None,
     ) -> None:
+        self._after = ANNOUNCE_AFTER if announce_after is None else announce_after
         self._is_logged = is_logged
         self._progress = progress
         self._how_far = how_far
@@ -80,7 +86,7 @@ class CompileWatch:
             self._began = time.perf_counter()
             # Counted over all kernels: many short compilations are a long one.
             self._announce_after(
-                AGAIN_AFTER if self._is_announced else max(ANNOUNCE_AFTER - self._total, 0.0)
+                AGAIN_AFTER if self._is_announced else max(self._after - self._total, 0.0)
             )
 
     def on_end(self, _event: Any) -> None:
@@ -106,13 +112,52 @@ class CompileWatch:
                 return
             is_new, self._is_announced = not self._is_announced, True
             if self._is_logged and is_new:
-                LOG.info("%s ...", COMPILING)
+                self._log()
             if self._progress is not None:
                 self._progress(COMPILING, *self._how_far())
                 self._announce_after(AGAIN_AFTER)
 
+    def _log(self) -> None:
+        LOG.info("%s ...", COMPILING)
+
+
+class _WatchOutside(CompileWatch):
+    """Warns, once a process, of kernels that compile for long while no render and no tool watches."""
+
+    def __init__(self) -> None:
+        super().__init__(None, is_logged=True, announce_after=WARN_AFTER)
+
+    def _log(self) -> None:
+        if not _is_watching:
+            LOG.warning("%s: this may take minutes ...", COMPILING)
+
 
 _is_watching = False
+_outside: _WatchOutside | None = None
+
+
+def warn_of_compilation() -> None:
+    """From now on warn of long compilations outside of `watch_compilation`."""
+    from numba.core import event
+
+    global _outside  # noqa: PLW0603
+    if _outside is None:
+        _outside = _WatchOutside()
+        register: Any = event.register
+        register("numba:compile", _listener(_outside))
+
+
+def _listener(watch: CompileWatch) -> Any:
+    from numba.core import event
+
+    class Listener(event.Listener):
+        def on_start(self, event: Any) -> None:
+            watch.on_start(event)
+
+        def on_end(self, event: Any) -> None:
+            watch.on_end(event)
+
+    return Listener()
 
 
 @contextmanager
@@ -129,16 +174,9 @@ def watch_compilation(progress: Progress | None = None) -> Iterator[CompileWatch
     is_outermost = not _is_watching
     watch = CompileWatch(progress, is_outermost, how_far)
 
-    class Listener(event.Listener):
-        def on_start(self, event: Any) -> None:
-            watch.on_start(event)
-
-        def on_end(self, event: Any) -> None:
-            watch.on_end(event)
-
     _is_watching = True
     try:
-        with event.install_listener("numba:compile", Listener()):
+        with event.install_listener("numba:compile", _listener(watch)):
             yield watch
     finally:
         _is_watching = not is_outermost

@@ -20,6 +20,7 @@ from numpy.typing import ArrayLike
 from hybrid_rt.core import checks
 from hybrid_rt.core.one_line import cut
 from hybrid_rt.core.precompile import want
+from hybrid_rt.core.progress import warn_of_compilation
 from hybrid_rt.core.records import BoolArray, FloatArray, HitRecord, IntArray, NamedPoints
 from hybrid_rt.core.threads import Pool
 from hybrid_rt.core.timing import Stopwatch
@@ -105,6 +106,7 @@ class Intersector:
         self.surfaces = check_surfaces(several)
         self.accuracy, self.coarse = accuracy, coarse
         want(*kernel_groups(self.surfaces, accuracy, coarse))
+        warn_of_compilation()
         self._pool = Pool(threads)
         # Points of closed forms lie on them up to the rounding of their own coordinates, those of
         # curved surfaces and triangles up to that of the figures they are computed from.
@@ -206,7 +208,7 @@ class Intersector:
         source : HitRecord of n rows, optional
             The hits that the rays leave. These points are excluded, also as points of adjoining
             patches, seams, poles or mesh edges. Rows that are misses exclude nothing. They are hits of
-            this tracer: those of another one are not told apart if it has as many objects.
+            this tracer: those of another one are not told apart if their ``object_id`` exist here.
         unseen : (n,) int, optional
             ``object_id`` of an object that each ray ignores; -1 for none.
 
@@ -309,7 +311,8 @@ class Intersector:
         one or be left out, and a ray that passes by within it may count one. No row tells of a pair
         that was left out; `intersect` marks such a ray as TANGENT if the pair would come first.
 
-        Parameters and errors are those of `intersect`.
+        Parameters and errors are those of `intersect`, which can also leave a point of departure out
+        (``source``). Here a ray that starts on a surface may or may not cross it there.
 
         Returns
         -------

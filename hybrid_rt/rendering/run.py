@@ -70,6 +70,7 @@ def run_passes(
     watches_error = show_error is not None or bool(limit.targets)
     adding = nullcontext() if watch is None else watch.film_lock
     pace = _Pace(limit, clock, film.n_passes)
+    n_noted = 0  # passes that the error shown last is of
     while n_together := limit.begins(film.n_passes, clock.seconds, source.at_once()):
         n_before = n_pixels * film.n_passes
         n_then = film.n_passes + n_together
@@ -101,6 +102,7 @@ def run_passes(
             blur_is_unknown = _note_errors(film, workers, limit)
             if show_error is not None:
                 show_error(limit.error, limit.error_trimmed, blur_is_unknown)
+                n_noted = film.n_passes
             if show_out_of_reach is not None and limit.blur_out_of_reach is not None:
                 show_out_of_reach(limit.blur_out_of_reach)
         if keeper is not None and keeper.is_due():
@@ -112,8 +114,13 @@ def run_passes(
             if watch.stop_asked:
                 return STOPPED
     reached = limit.reached(film.n_passes, clock.seconds) or "passes"
-    if progress is not None and reached == "time_budget":
-        # A budget ends a render before it is used up: no pass is begun that would end too late.
+    is_old = 0 < n_noted < film.n_passes
+    if is_old and show_error is not None:
+        blur_is_unknown = _note_errors(film, workers, limit)
+        show_error(limit.error, limit.error_trimmed, blur_is_unknown)
+    if progress is not None and (is_old or reached == "time_budget"):
+        # The error of all passes is shown, as in the report. A budget ends a render before it is used
+        # up: no pass is begun that would end too late.
         progress("Rendering", n_pixels * film.n_passes, n_pixels * film.n_passes)
     return reached
 

@@ -6,7 +6,13 @@ from dataclasses import replace
 import pytest
 
 from hybrid_rt.analysis.curves import Curve, Point, spread
-from hybrid_rt.analysis.forecast import at_equal_time, forecast, triangles_for
+from hybrid_rt.analysis.forecast import (
+    at_equal_time,
+    forecast,
+    growing_seconds,
+    seconds_fall,
+    triangles_for,
+)
 from hybrid_rt.analysis.tables import equal_time_table
 
 
@@ -17,6 +23,11 @@ def law(bias=0.0, first=1.0, setup=0.5, each=0.25, passes=(1, 4, 16), own=0.0):
         error = math.sqrt(bias**2 + first**2 / n + own**2)
         points.append(Point(n, spread([setup + each * n]), spread([error]), {}))
     return Curve("law", "--integrator law", points)
+
+
+def at_seconds(*seconds):
+    points = zip(law().points, seconds, strict=True)
+    return replace(law(), points=[replace(p, seconds=spread([s])) for p, s in points])
 
 
 class TestForecast:
@@ -95,6 +106,22 @@ class TestEqualTime:
         assert errors[0] == pytest.approx(1 / 4)
         # Without set-up 4.5 s are 18 passes: 2 / sqrt(18) on the line from 16 to 64.
         assert errors[1] == pytest.approx(2 / math.sqrt(18))
+
+    def test_times_of_a_busy_machine_are_evened_out(self):
+        """0.1, 0.19 and 0.13 s for 1, 4 and 16 passes count as 0.1, 0.16 and 0.16 s."""
+        busy = at_seconds(0.1, 0.19, 0.13)
+        assert seconds_fall(busy)
+        assert growing_seconds(busy) == pytest.approx([0.1, 0.16, 0.16])
+        found = forecast(busy, 0.1)  # 84 passes more, by the slope from the first to the last
+        assert (found.passes, found.seconds.median) == (100, pytest.approx(0.16 + 84 * 0.06 / 15))
+        # After 0.16 s both have their 16 passes.
+        seconds, errors = at_equal_time([busy, at_seconds(0.1, 0.15, 0.16)])
+        assert (seconds, errors) == (pytest.approx(0.16), pytest.approx([0.25, 0.25]))
+        # Where none is longer than another, all seconds are those of passes.
+        assert forecast(at_seconds(0.3, 0.2, 0.1), 0.1).seconds.median == pytest.approx(
+            0.2 * 100 / 16
+        )
+        assert not seconds_fall(law())
 
     def test_what_takes_longer_has_none(self):
         seconds, errors = at_equal_time([law(passes=(1, 4)), law(setup=7.0)])

@@ -1,3 +1,4 @@
+import argparse
 import contextlib
 import errno
 import fcntl
@@ -21,6 +22,7 @@ from hybrid_rt._version import __version__
 from hybrid_rt.cli import command
 from hybrid_rt.cli import program as cli
 from hybrid_rt.cli.command import BAD_INPUT, CLOSED_PIPE, INTERRUPTED, STOPPED
+from hybrid_rt.cli.options import add_render_options
 from hybrid_rt.cli.scene_file import SceneFileError, load_scene
 from hybrid_rt.rendering import renderer as rendering
 from hybrid_rt.rendering.progress_bar import progress_bar
@@ -617,3 +619,20 @@ def test_photons_are_counted_by_those_who_have_them(folder, capsys):
     assert report["photons"]["emitted"] == 0  # nothing in the scene gathers them
     assert cli.main(arguments) == BAD_INPUT
     assert "--photons: integrator 'path' has none" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(("words", "error"), [("0.02", 0.02), ("2%", 0.02), ("12.5%", 0.125)])
+def test_target_errors_may_be_per_cent(words, error):
+    parser = argparse.ArgumentParser()
+    add_render_options(parser)
+    assert parser.parse_args(["--target-error", words]).target_error == pytest.approx(error)
+
+
+def test_a_target_error_that_is_no_number_is_refused(capsys):
+    parser = argparse.ArgumentParser()
+    add_render_options(parser)
+    with pytest.raises(SystemExit):
+        parser.parse_args(["--target-error", "2 per cent"])
+    assert (
+        "--target-error: '2 per cent': pass a share, such as 0.02 or 2%" in capsys.readouterr().err
+    )

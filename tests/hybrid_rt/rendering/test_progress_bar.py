@@ -428,6 +428,34 @@ def test_long_compilations_say_how_far_they_are(monkeypatch, caplog):
     assert len(caplog.records) == 1
 
 
+def test_what_compiles_for_long_outside_of_renders_is_said_once(monkeypatch, caplog):
+    monkeypatch.setattr(core_progress, "WARN_AFTER", 0.01)
+    watch = core_progress._WatchOutside()
+    for _ in range(2):
+        with watch_compilation():  # a render tells of it itself
+            compile_for(0.1, watch)
+    assert not caplog.records
+    watch = core_progress._WatchOutside()
+    for _ in range(2):
+        compile_for(0.1, watch)
+    (record,) = caplog.records
+    assert (record.levelname, record.getMessage()) == (
+        "WARNING",
+        f"{COMPILING}: this may take minutes ...",
+    )
+
+
+def test_short_compilations_are_not_mentioned(caplog):
+    compile_for(0.01, core_progress._WatchOutside())
+    assert not caplog.records
+
+
+def compile_for(seconds, watch):
+    watch.on_start(None)
+    time.sleep(seconds)
+    watch.on_end(None)
+
+
 def test_of_nested_watches_the_outermost_logs():
     with watch_compilation() as outer:
         with watch_compilation() as inner:
