@@ -47,7 +47,12 @@ def as_segments(profile: ArrayLike | Iterable[ArrayLike]) -> list[FloatArray]:
     segments = [as_floats(array, name).copy() for array, name in zip(arrays, names, strict=True)]
     for segment, name in zip(segments, names, strict=True):
         if segment.ndim != 2 or segment.shape[1] != 2:
-            raise ValueError(f"{name} has shape {segment.shape}: pass (n + 1, 2)")
+            whole = (
+                "; of circular_arc pass both, its segments and weights="
+                if segment.ndim == 3
+                else ""
+            )
+            raise ValueError(f"{name} has shape {segment.shape}: pass (n + 1, 2){whole}")
         if not 1 <= len(segment) - 1 <= MAX_DEGREE:
             raise ValueError(f"{name} has degree {len(segment) - 1}: pass 1 to {MAX_DEGREE}")
         bad = np.flatnonzero(~np.isfinite(segment).all(axis=1))

@@ -3,7 +3,8 @@
 python tools/bench_surfaces.py [--quick] [--out bench.json]
 
 Compared, each interleaved in one run, with OpenCASCADE (where its package is installed), with
-polynomial patches of the same nets, and with the same surfaces untrimmed.
+polynomial patches of the same nets, with the same surfaces untrimmed, and many surfaces in a tree with
+asking each of them.
 """
 
 import argparse
@@ -11,14 +12,16 @@ import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
+from unittest.mock import patch
 
 import numpy as np
 
-from hybrid_rt import Intersector, Rectangle, Sphere
+from hybrid_rt import Asphere, Box, Intersector, Rectangle, Sphere
 from hybrid_rt.cli.command import kept, run_tool
 from hybrid_rt.core.ray_set import RaySet
 from hybrid_rt.core.timing import in_turn
 from hybrid_rt.demo import teapot
+from hybrid_rt.intersection.kinds import registry
 from hybrid_rt.primitives.torus import Torus
 from hybrid_rt.verify.cases import trimmed_surfaces as trimmed
 from hybrid_rt.verify.cases.rational_surfaces import nurbs_sphere, octants, rational_sheet
@@ -36,6 +39,23 @@ from meshing import (
 ROUNDS = 5
 # OpenCASCADE traces this many rays a round.
 FEW = 10_000
+NUMBERS = (8, 16, 64, 256)
+# One surface of a kind, of about a size, at a place.
+MADE: dict[str, Callable[[np.random.Generator, float, Any], Any]] = {
+    "spheres": lambda _rng, size, at: Sphere(at, 0.4 * size),
+    "rectangles": lambda rng, size, at: Rectangle(at, *(size * rng.normal(size=(2, 3)))),
+    "boxes along the axes": lambda _rng, size, at: Box(at - 0.4 * size, at + 0.4 * size),
+    "turned boxes": lambda rng, size, at: Box((-0.4,) * 3, (0.4,) * 3).transformed(
+        np.block(
+            [[size * np.linalg.qr(rng.normal(size=(3, 3)))[0], at[:, None]], [0.0, 0.0, 0.0, 1.0]]
+        )
+    ),
+    "tori": lambda rng, size, at: Torus(at, rng.normal(size=3), 0.6 * size, 0.2 * size),
+    "aspheres": lambda rng, size, at: Asphere(size, -0.5, [], 0.8 * size, at, rng.normal(size=3)),
+    "turned surfaces": lambda rng, size, at: SurfaceOfRevolution(
+        size * np.array([(0, 0.2), (0.3, 0.5), (0.6, 0.1), (1, 0.3)]), at, rng.normal(size=3)
+    ),
+}
 
 
 def main() -> int:
@@ -53,6 +73,7 @@ def main() -> int:
         found["polynomial"] = against_polynomials(n)
         found["turned"] = turned(n)
         found["untrimmed"] = against_untrimmed(n)
+        found["many"] = many(n // 4)
     return 0
 
 
@@ -172,6 +193,31 @@ def against_untrimmed(n: int) -> dict[str, Any]:
     }
     pairs = {name: (surface, surface.surface) for name, surface in surfaces.items()}
     return in_pairs("trimmed over whole", pairs, n)
+
+
+def many(n: int) -> dict[str, Any]:
+    """Compare many surfaces of a kind in a tree with asking each of them."""
+    print(
+        "\nmany surfaces at random in a cube: ns a ray in a tree; if each is asked; share of hits"
+    )
+    rng, rows = np.random.default_rng(4), {}
+    for name, make in MADE.items():
+        for number in NUMBERS:
+            size, places = 0.5 / number ** (1 / 3), rng.random((number, 3))
+            surfaces = [make(rng, size, at) for at in places]
+            targets = rng.random((n, 3))
+            origins = 0.5 + rng.normal(size=targets.shape)
+            rays = RaySet(origins, targets - origins, np.full(n, "random"))
+            runs = {}
+            for way, least in (("tree", 1), ("each", number + 1)):
+                with patch.dict(registry.MANY, dict.fromkeys(registry.MANY, least)):
+                    runs[way] = trace(Intersector(surfaces, threads=1, coarse="none"), rays)
+            seconds = in_turn(runs, ROUNDS)
+            tree, each = (1e9 * seconds[way].median / n for way in runs)
+            hits = Intersector(surfaces, threads=1, coarse="none").intersect(*rays[:2]).hit.mean()
+            rows[f"{number} {name}"] = {"tree ns": tree, "each ns": each, "hits": float(hits)}
+            print(f"  {number:5d} {name:24s} {tree:7.0f} {each:7.0f}  {100 * hits:3.0f} %")
+    return rows
 
 
 def in_pairs(title: str, pairs: dict[str, tuple[Any, Any]], n: int) -> dict[str, Any]:

@@ -40,7 +40,10 @@ def picture_conditions(study: PictureStudy, full_size: tuple[int, int] | None) -
         else "; the scene's own camera has {} x {}".format(*(full_size or ()))
     )
     reference = study.reference
-    off = "unknown" if math.isnan(reference.own_error) else percent(reference.own_error)
+    took = "" if math.isnan(reference.seconds) else f", {seconds(reference.seconds)}"
+    off = "how far it is off itself is unknown"
+    if not math.isnan(reference.own_error):
+        off = f"it is off by {percent(reference.own_error)} itself (estimated)"
     runs = (
         "one run of each, seed 1"
         if study.runs == 1
@@ -56,7 +59,7 @@ def picture_conditions(study: PictureStudy, full_size: tuple[int, int] | None) -
         ),
         (
             "reference",
-            f"{reference.made_by}, {seconds(reference.seconds)}; it is off by {off} itself (estimated)",
+            f"{reference.made_by}{took}; {off}",
         ),
         ("its check", _check_in_words(reference.check)),
         (
@@ -137,7 +140,7 @@ def time_answers(study: PictureStudy) -> list[str]:
     return [
         (
             f"More passes of {names} took less time: something else kept the machine busy. Seconds are "
-            "evened out, and forecasts of them are rough: repeat it with --runs 3, or with more passes."
+            "evened out, and forecasts of them are rough: repeat it when nothing else runs, or with more --runs."
         )
     ]
 

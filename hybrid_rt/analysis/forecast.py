@@ -36,7 +36,7 @@ class Forecast:
     passes : int or None
         None: out of reach.
     seconds : Spread
-        Scaled from the runs; nan if out of reach.
+        That of the runs with as many passes, else scaled from those with the most; nan if out of reach.
     bias : float
         Error that more passes do not reduce: the curve's own, or estimated from its last two points;
         0 if not above the noise.
@@ -88,8 +88,9 @@ def forecast(curve: Curve, target: float, reference_error: float = 0.0) -> Forec
         if not obstacle:
             whole = max(math.ceil(n - 1e-9), 1)
             median = _seconds(passes, seconds, whole)
+            runs = next((p.seconds for p in curve.points if p.setting == whole), last)
             spread = Spread(
-                median, median * last.least / last.median, median * last.most / last.median
+                median, median * runs.least / runs.median, median * runs.most / runs.median
             )
         return Forecast(
             curve.name, curve.flags, whole, spread, bias, is_measured, obstacle, curve.left_out,

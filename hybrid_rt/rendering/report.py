@@ -107,8 +107,13 @@ def share_cut_off(report: dict[str, Any]) -> tuple[float, float]:
 
 
 def depth_cuts_off(report: dict[str, Any]) -> bool:
-    """Tell whether ``max_depth`` has ended anything, not only the limit of faint branches."""
-    return report["ended_branches"].get("at max_depth", 0) > 0 or share_cut_off(report)[1] > 0.0
+    """Tell whether ``max_depth`` has ended anything, not only the limit of faint branches.
+
+    Integrators from elsewhere may state the weight that was lost, and not how many paths lost it.
+    """
+    ended, (of_paths, of_photons) = report["ended_branches"], share_cut_off(report)
+    is_by_depth = of_paths > 0.0 and not ended.get("below least contribution", 0)
+    return ended.get("at max_depth", 0) > 0 or is_by_depth or of_photons > 0.0
 
 
 def relative_error(

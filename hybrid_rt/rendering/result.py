@@ -29,8 +29,8 @@ class RenderResult:
         Settings, counts, seconds and versions, in plain types only. The page "The report" of the
         documentation explains every key.
     channels : dict
-        The requested outputs by name, (height, width) or (height, width, k) arrays; see
-        `hybrid_rt.rendering.channels`.
+        The requested ``outputs`` by name, (height, width) or (height, width, k) arrays, such as
+        ``channels["depth"]``. The page "Pictures as files" lists them.
     """
 
     image: NDArray[np.float32]

@@ -211,6 +211,8 @@ def _much_left_out(report: dict[str, Any]) -> list[str]:
     if mean <= half or (share is not None and share < least):
         return []
     relative = "" if share is None else f", {per_cent(share)} of what it finds"
+    if share is not None and share > 10.0:
+        relative = f", {share:,.0f} times what it finds"
     words = (
         f"{integrator} does not find {'; '.join(report['light_not_found'])}: the image mean lacks "
         f"{mean:.2g} +- {half:.1g} of it (95 %){_in_up_to(measured)}{relative}, which no error estimate counts: "
@@ -317,6 +319,7 @@ def _cut_off(report: dict[str, Any]) -> list[str]:
         n_deep, n_faint = ended.get("at max_depth", 0), ended.get("below least contribution", 0)
         which = [f"{n_deep:,} paths at max_depth {max_depth}"] if n_deep else []
         which += [f"{n_faint:,} faint branches"] if n_faint else []
+        which = which or [f"paths at max_depth {max_depth}"]
         lines.append(
             f"  cut off   {' and '.join(which)}, with {per_cent(lost)} of what camera paths carry behind "
             "the first surface: the image mean lacks about that share of its light"

@@ -106,8 +106,8 @@ def check_surfaces(surfaces: Sequence[Surface]) -> tuple[Surface, ...]:
     for i, surface in enumerate(surfaces):
         if _entry_of(surface) is None:
             raise TypeError(
-                f"surfaces[{i}] is a {type(surface).__name__}: pass surfaces such as "
-                "BezierPatches or Sphere (for a mesh: TriangleMesh(mesh))"
+                f"surfaces[{i}] is of type {type(surface).__name__}: pass surfaces such as "
+                "BezierPatches or Sphere (of an Object its .surface, for a mesh TriangleMesh(mesh))"
             )
         if surface.is_bounded:
             farthest, size = surface.reach, surface.size

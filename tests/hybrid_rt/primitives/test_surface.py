@@ -195,7 +195,7 @@ class Ghost(Surface):
 
 
 def test_what_is_in_no_registry_is_refused():
-    with pytest.raises(TypeError, match=r"surfaces\[0\] is a Ghost: pass surfaces such as"):
+    with pytest.raises(TypeError, match=r"surfaces\[0\] is of type Ghost: pass surfaces such as"):
         Intersector([Ghost()])
     with pytest.raises(TypeError, match="surface is a Ghost"):
         judge_of(Ghost())

@@ -23,7 +23,20 @@ from hybrid_rt import (
     TriangleMesh,
     render,
 )
-from hybrid_rt.rendering.summary import _duration, in_words, per_cent, warnings_in_words
+from hybrid_rt.rendering.report import depth_cuts_off
+from hybrid_rt.rendering.summary import _cut_off, _duration, in_words, per_cent, warnings_in_words
+
+
+def test_weight_that_was_lost_is_the_depths_unless_branches_were_faint():
+    """Integrators from elsewhere may say how much is lost, and not how many paths lost it."""
+    ended = {"lost_share": 0.02}
+    assert depth_cuts_off({"ended_branches": ended})
+    assert not depth_cuts_off({"ended_branches": {**ended, "below least contribution": 7}})
+    both = {"below least contribution": 7, "at max_depth": 1}
+    assert depth_cuts_off({"ended_branches": {**ended, **both}})
+    assert not depth_cuts_off({"ended_branches": {"lost_share": 0.0}})
+    (line,) = _cut_off({"ended_branches": ended, "settings": {"max_depth": 16}})
+    assert line.startswith("  cut off   paths at max_depth 16, with 2 % of")
 
 
 @pytest.mark.parametrize(
