@@ -83,7 +83,7 @@ def render(
         Wall-clock seconds for this call, without the compilation of kernels. At least one pass
         runs. A pass is not started if it would end too late, judged by the slowest pass so far. On a
         busy machine the last pass may take longer than those, so the budget may be exceeded by about
-        a pass.
+        a pass. Building the surfaces counts, and is not cut short.
     target_error : float, optional
         Passes are added until the estimated relative root mean square error of the picture is at
         most this (0.01 is one per cent), with no upper limit on their number. The error counts
