@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from hybrid_rt.core.records import BoolArray, FloatArray
+from meshing.surface import Surface
 
 if TYPE_CHECKING:
     from hybrid_rt.intersection.kernels.search.members import Members
@@ -28,7 +31,36 @@ def asked_by_all(size: FloatArray, many: int) -> BoolArray:
     return is_large
 
 
-def tree_over(bounds: FloatArray, begin: int) -> Members:
+def in_order(
+    surfaces: Sequence[Surface], many: int
+) -> tuple[NDArray[np.int64], int, Members | None]:
+    """Return the order in which surfaces stand in a table, and what of it is in a tree.
+
+    Parameters
+    ----------
+    surfaces : sequence of Surface
+        Bounded ones.
+    many : int
+        Number of surfaces from which on a tree is used.
+
+    Returns
+    -------
+    order : (n,) int64
+        Those first that are asked by all rays.
+    n_plain : int
+        How many these are.
+    in_tree : Members or None
+        The others.
+    """
+    is_plain = asked_by_all(np.array([surface.size for surface in surfaces]), many)
+    order, n_plain = np.argsort(~is_plain, kind="stable"), int(np.count_nonzero(is_plain))
+    if n_plain == len(surfaces):
+        return order, n_plain, None
+    bounds = np.array([surfaces[k].bounds for k in order[n_plain:]])
+    return order, n_plain, _tree_over(bounds, n_plain)
+
+
+def _tree_over(bounds: FloatArray, begin: int) -> Members:
     """Return a tree over boxes (n, 2, 3), which stand for the rows of a table from ``begin`` on."""
     from hybrid_rt.intersection.kernels.search.members import Members
     from hybrid_rt.intersection.kernels.search.tree import Tree, build_tree

@@ -5,7 +5,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from hybrid_rt.intersection.kernels.search.counters import NODES
-from hybrid_rt.intersection.kernels.search.members import offer_near
+from hybrid_rt.intersection.kernels.search.members import offer_each, offer_near
 from hybrid_rt.intersection.kernels.search.nearest import (
     CLEAR,
     WITHIN_BAND,
@@ -160,10 +160,7 @@ def offer_box(i, k, table, rays, best):
 def trace_boxes(table, end, rays, best, any_hit):
     """Lower ``best`` to the nearest roots on the boxes up to row ``end``."""
     for i in range(rays.origin.shape[0]):
-        for k in range(end):
-            if any_hit and best.object_id[i] >= 0:
-                break
-            offer_box(i, k, table, rays, best)
+        offer_each(i, offer_box, end, table, rays, best, any_hit)
 
 
 @hot_kernel

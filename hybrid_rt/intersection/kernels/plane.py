@@ -5,6 +5,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from hybrid_rt.core.kernels.compensated import product, two_difference
+from hybrid_rt.intersection.kernels.search.members import offer_each
 from hybrid_rt.intersection.kernels.search.nearest import CLEAR, doubt_start, offer
 from hybrid_rt.intersection.kernels.search.tolerances import (
     NEARLY_WITHIN,
@@ -83,10 +84,7 @@ def offer_plane(i, k, table, rays, best):
 def trace_planes(table, end, rays, best, any_hit):
     """Lower ``best`` to the nearest roots on the planes up to row ``end``."""
     for i in range(rays.origin.shape[0]):
-        for k in range(end):
-            if any_hit and best.object_id[i] >= 0:
-                break
-            offer_plane(i, k, table, rays, best)
+        offer_each(i, offer_plane, end, table, rays, best, any_hit)
 
 
 @inlined

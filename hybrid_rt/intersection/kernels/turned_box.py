@@ -9,7 +9,7 @@ import numpy as np
 
 from hybrid_rt.core.kernels.compensated import two_difference
 from hybrid_rt.intersection.kernels.search.counters import NODES
-from hybrid_rt.intersection.kernels.search.members import offer_near
+from hybrid_rt.intersection.kernels.search.members import offer_each, offer_near
 from hybrid_rt.intersection.kernels.search.nearest import CLEAR, WITHIN_BAND, doubt_start, offer
 from hybrid_rt.intersection.kernels.search.tolerances import (
     NEARLY_WITHIN,
@@ -205,10 +205,7 @@ def _offer_turned_box(i, k, table, rays, best):
 def trace_turned_boxes(table, end, rays, best, any_hit):
     """Lower ``best`` to the nearest roots on the boxes up to row ``end``."""
     for i in range(rays.origin.shape[0]):
-        for k in range(end):
-            if any_hit and best.object_id[i] >= 0:
-                break
-            _offer_turned_box(i, k, table, rays, best)
+        offer_each(i, _offer_turned_box, end, table, rays, best, any_hit)
 
 
 @hot_kernel

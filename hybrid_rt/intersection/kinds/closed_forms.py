@@ -11,7 +11,7 @@ import numpy as np
 from hybrid_rt.core.records import FloatArray, IntArray
 from hybrid_rt.intersection.kernels.search.nearest import Nearest, Rays
 from hybrid_rt.intersection.kind import Finished
-from hybrid_rt.intersection.members import asked_by_all, tree_over
+from hybrid_rt.intersection.members import in_order
 from hybrid_rt.intersection.ray_batch import FARTHEST, POINT_ROUNDING
 from hybrid_rt.intersection.trims import trim_of_single, trimmed_of, whole_of
 
@@ -55,20 +55,15 @@ class ClosedForm:
         self._trace, self._finish, self._trace_tree = trace, finish, trace_tree
         trimmed, whole = trimmed_of(members), [surface for _, surface in whole_of(members)]
         object_id = np.array([i for i, _ in members], np.int32)
-        bounds = np.array([surface.bounds for surface in whole])
-        n_plain, order = len(members), np.arange(len(members))
+        order, self._n_plain = np.arange(len(members)), len(members)
+        self._in_tree: Members | None = None
         if trace_tree is not None:
-            is_plain = asked_by_all(np.linalg.norm(bounds[:, 1] - bounds[:, 0], axis=1), many)
-            n_plain, order = int(np.count_nonzero(is_plain)), np.argsort(~is_plain, kind="stable")
+            order, self._n_plain, self._in_tree = in_order(whole, many)
         if trimmed:
             make_table = partial(make_table, trim=trim_of_single([trimmed[k] for k in order]))
         self.table = make_table([whole[k] for k in order], object_id[order])
         self._row_of = np.full(int(object_id.max()) + 1, -1, np.int64)
         self._row_of[object_id[order]] = np.arange(len(object_id))
-        self._n_plain = n_plain
-        self._in_tree: Members | None = None
-        if n_plain < len(members):
-            self._in_tree = tree_over(bounds[order[n_plain:]], n_plain)
         self.alone = "" if trimmed or self._in_tree else alone
 
     def trace(

@@ -41,14 +41,13 @@ from hybrid_rt.intersection.kernels.search.tolerances import DEPTH
 from hybrid_rt.intersection.kernels.search.tree import new_stack
 from hybrid_rt.intersection.kernels.search.trims import Trim
 from hybrid_rt.intersection.kind import Finished
-from hybrid_rt.intersection.members import asked_by_all, tree_over
+from hybrid_rt.intersection.members import in_order
 from hybrid_rt.intersection.trims import trim_of, trimmed_of, whole_of
 from meshing import SurfaceOfRevolution, TrimmedSurface
 from meshing.profiles import cosine_and_sine, homogeneous
 
 if TYPE_CHECKING:
     from hybrid_rt.intersection.coarse.proposals import Coarse
-    from hybrid_rt.intersection.kernels.search.members import Members
 
 # Pieces per segment: enough that most hold at most one root of a ray.
 PIECES = 8
@@ -73,14 +72,9 @@ class RevolutionKind:
     def __init__(
         self, members: Sequence[tuple[int, SurfaceOfRevolution | TrimmedSurface]], many: int
     ) -> None:
-        bounds = np.array([surface.bounds for _, surface in whole_of(members)])
-        is_plain = asked_by_all(np.linalg.norm(bounds[:, 1] - bounds[:, 0], axis=1), many)
-        order = np.argsort(~is_plain, kind="stable")
+        whole = [surface for _, surface in whole_of(members)]
+        order, self._n_plain, self._in_tree = in_order(whole, many)
         members = [members[k] for k in order]
-        self._n_plain = int(np.count_nonzero(is_plain))
-        self._in_tree: Members | None = None
-        if self._n_plain < len(members):
-            self._in_tree = tree_over(bounds[order[self._n_plain :]], self._n_plain)
         trimmed = trimmed_of(members)
         surfaces: list[tuple[int, SurfaceOfRevolution]] = whole_of(members)
         middle, aside, to_frame, size, roundings, part = [], [], [], [], [], []

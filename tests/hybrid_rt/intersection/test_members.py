@@ -65,7 +65,7 @@ MAKE = {
 def surfaces_of(kind, rng, n=60):
     """Surfaces of sizes from 0.05 to 0.3 in the unit cube; one is large, one tiny, two are equal."""
     sizes = rng.uniform(0.05, 0.3, n)
-    sizes[3], sizes[5] = 40.0, 1e-9
+    sizes[3], sizes[5] = 2e5, 1e-9
     at = rng.random((n, 3))
     found = [MAKE[kind](rng, size, place) for size, place in zip(sizes, at, strict=True)]
     return [*found, found[10]]

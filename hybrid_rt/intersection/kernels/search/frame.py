@@ -106,9 +106,12 @@ def any_normal(x, y, z):
 
 
 @inlined
-def clearly_passes(ox, oy, oz, dx, dy, dz, dd, cx, cy, cz, size):
-    """Tell whether a ray, dd = |d|^2, passes a ball by more than the margin and the band."""
-    x, y, z = ox - cx, oy - cy, oz - cz
+def clearly_passes(i, rays, c, size):
+    """Tell whether ray i passes the ball of a size about c by more than the margin and the band."""
+    o, d = rays.origin[i], rays.direction[i]
+    dx, dy, dz = d[0], d[1], d[2]
+    dd = dx * dx + dy * dy + dz * dz
+    x, y, z = o[0] - c[0], o[1] - c[1], o[2] - c[2]
     away, along = x * x + y * y + z * z, x * dx + y * dy + z * dz
     reach = (1.0 + MARGIN) * size + 4.0 * TANGENT_BAND * np.sqrt(away)
     return away - along * along / dd > reach * reach + 16.0 * UNIT_ROUNDOFF * away

@@ -1,4 +1,4 @@
-"""A tree over the surfaces of a table: which of many a ray may meet."""
+"""The surfaces of a table that a ray may meet: each of them, or those that a tree finds."""
 
 from typing import Any, NamedTuple
 
@@ -19,6 +19,15 @@ class Members(NamedTuple):
     begin: int
     middle: Any  # (3,) float64, the frame's origin
     to_frame: float
+
+
+@inlined
+def offer_each(i, offer, end, table, rays, best, any_hit):
+    """As `offer_near`, for all surfaces up to row ``end``, in their order."""
+    for k in range(end):
+        if any_hit and best.object_id[i] >= 0:
+            break
+        offer(i, k, table, rays, best)
 
 
 @inlined

@@ -42,7 +42,7 @@ from hybrid_rt.intersection.kernels.search.frame import (
     turned,
     turned_point,
 )
-from hybrid_rt.intersection.kernels.search.members import offer_near
+from hybrid_rt.intersection.kernels.search.members import offer_each, offer_near
 from hybrid_rt.intersection.kernels.search.nearest import doubt, offer
 from hybrid_rt.intersection.kernels.search.rays import EDGE
 from hybrid_rt.intersection.kernels.search.tolerances import UNIT_ROUNDOFF
@@ -169,11 +169,8 @@ def offer_torus(i, k, table, rays, best):
 
 @inlined
 def _offer_if_near(i, k, table, rays, best):
-    o, d, c = rays.origin[i], rays.direction[i], table.origin[k]
-    dx, dy, dz = d[0], d[1], d[2]
-    dd = dx * dx + dy * dy + dz * dz
     # Most rays clearly pass the ball around a torus: there is nothing to solve.
-    if not clearly_passes(o[0], o[1], o[2], dx, dy, dz, dd, c[0], c[1], c[2], table.size[k]):
+    if not clearly_passes(i, rays, table.origin[k], table.size[k]):
         offer_torus(i, k, table, rays, best)
 
 
@@ -181,10 +178,7 @@ def _offer_if_near(i, k, table, rays, best):
 def trace_tori(table, end, rays, best, any_hit):
     """Lower ``best`` to the nearest roots on the tori up to row ``end``."""
     for i in range(rays.origin.shape[0]):
-        for k in range(end):
-            if any_hit and best.object_id[i] >= 0:
-                break
-            _offer_if_near(i, k, table, rays, best)
+        offer_each(i, _offer_if_near, end, table, rays, best, any_hit)
 
 
 @hot_kernel
