@@ -116,20 +116,22 @@ def show(script: Path, args: argparse.Namespace) -> dict[str, Any]:
     store = None if args.store is None else args.store / script.stem
     spent = 0.0 if store is None else spent_on(store)
     begin = time.process_time()
-    result = render(
-        sized,
-        integrator,
-        time_budget=args.seconds,
-        target_error_trimmed=args.noise,
-        threads=args.threads,
-        coarse="none",  # the same bits as by way of Embree, sooner
-        options=options,
-        store=store,
-        resume=store is not None,
-    )
-    spent += time.process_time() - begin
-    if store is not None:
-        spent_on(store, spent)
+    try:
+        result = render(
+            sized,
+            integrator,
+            time_budget=args.seconds,
+            target_error_trimmed=args.noise,
+            threads=args.threads,
+            coarse="none",  # the same bits as by way of Embree, sooner
+            options=options,
+            store=store,
+            resume=store is not None,
+        )
+    finally:  # also where Ctrl-C ends it: the store holds what was paid for
+        spent += time.process_time() - begin
+        if store is not None:
+            spent_on(store, spent)
     stops = EXPOSURE.get(script.stem, 0.0)
     picture = args.out / PICTURES / f"{script.stem}.webp"
     imageio.imwrite(picture, screen_pixels(result.image, stops), quality=QUALITY, method=6)

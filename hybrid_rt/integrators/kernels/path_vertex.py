@@ -83,8 +83,9 @@ class World(NamedTuple):
     joins: Any  # (materials,) bool, see `choose_far`
     is_smooth: Any  # (objects,) bool, interpolated shading normals; (0,) without light paths
     lit: Any  # LightVertices
-    candidates: Any  # (n, 8) float64, see `choose_far`
+    candidates: Any  # (groups, N_TOLD, CANDIDATES) float64, see `choose_far`
     first_of_pass: Any  # (passes + 1,) int64, rows of `lit`
+    first_group: Any  # (passes + 1,) int64, rows of `candidates`
     balls: Any  # Balls
     boxes: Any  # Boxes
     mirrors: Any  # Mirrors

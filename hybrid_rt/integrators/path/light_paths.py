@@ -7,6 +7,7 @@ to the pixel that sees it, and kept as a light vertex for camera paths to connec
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -18,7 +19,11 @@ from hybrid_rt.integrators.context import RenderContext
 from hybrid_rt.integrators.direct_light import SurfaceLight
 from hybrid_rt.integrators.kernels import light_paths as kernels
 from hybrid_rt.integrators.kernels.compaction import choose_lights
-from hybrid_rt.integrators.kernels.connections import splat_light_vertices
+from hybrid_rt.integrators.kernels.connections import (
+    CANDIDATES,
+    N_TOLD,
+    splat_light_vertices,
+)
 from hybrid_rt.integrators.kernels.light_paths import LightPaths, LightVertices
 from hybrid_rt.integrators.light_points import leaving_points
 from hybrid_rt.integrators.media.absorption import absorb, square_of_index
@@ -28,6 +33,7 @@ from hybrid_rt.sampling.sampler import UIntArray
 from hybrid_rt.scene.compiled import NOTHING, CompiledScene
 from hybrid_rt.shading.kernels.bsdf import LobeTable
 from hybrid_rt.shading.kernels.lobes.register import DELTA, DIFFUSE, SPREADS
+from meshing.kernels.prefetch import LINE
 
 # Dimensions of light paths, far from those of the camera's: light, place, direction, lens, then
 # two for each direction taken at a surface.
@@ -319,19 +325,33 @@ def packed(points: LightVertices) -> LightVertices:
     return LightVertices(*(table[name] for name in points._fields))
 
 
-def candidates_of(points: LightVertices, joins: BoolArray) -> FloatArray:
-    """Return of each light vertex what `choose_far` compares, (n, 8).
+def candidates_of(
+    points: LightVertices, first_of_pass: IntArray, joins: BoolArray
+) -> tuple[FloatArray, IntArray]:
+    """Return what `choose_far` compares, (groups, N_TOLD, CANDIDATES), and the first group of each pass.
 
-    Its position; its normal on the side that its light comes from times its strength, zero if its
-    material is not among ``joins``; its steps; and nothing, so a row fills a line of the cache.
+    A light vertex whose material is not among ``joins`` has strength zero, as the members that a group
+    lacks do.
     """
-    n = points.density.size
-    memory = np.empty(8 * n + 7)
-    first = -(memory.ctypes.data // 8) % 8
-    table = memory[first : first + 8 * n].reshape(n, 8)
+    sizes = -(-np.diff(first_of_pass) // CANDIDATES)
+    first_group = np.concatenate([[0], np.cumsum(sizes)])
     facing = np.einsum("ij,ij->i", points.geometric, points.direction)
     strength = np.where(joins[points.material], -np.sign(facing) * points.strength, 0.0)
-    table[:, :3] = points.position
-    table[:, 3:6] = strength[:, None] * points.geometric
-    table[:, 6] = points.steps
-    return table
+    told = np.column_stack(
+        [points.position, strength[:, None] * points.geometric, points.steps.astype(np.float64)]
+    )
+    table = _aligned_zeros((int(first_group[-1]), N_TOLD, CANDIDATES))
+    for number, (begin, end) in enumerate(pairwise(first_of_pass.tolist())):
+        first, n_groups = first_group[number], sizes[number]
+        for j in range(CANDIDATES):
+            rows = told[begin + j * n_groups : min(begin + (j + 1) * n_groups, end)]
+            table[first : first + len(rows), :, j] = rows
+    return table, first_group
+
+
+def _aligned_zeros(shape: tuple[int, ...]) -> FloatArray:
+    """Return zeros that begin at a line of the cache."""
+    n = math.prod(shape)
+    memory = np.zeros(n + LINE // 8)
+    first = -(memory.ctypes.data // 8) % (LINE // 8)
+    return memory[first : first + n].reshape(shape)

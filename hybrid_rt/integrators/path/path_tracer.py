@@ -154,8 +154,7 @@ class PathTracer(Integrator):
         self._plan_ways()
         self._path, self._branch = (self._new_paths(1) for _ in range(2))
         self._points = new_run_points(RUN_ACROSS if self._forms is None else RUN_ALONG)
-        self._keep(new_light_vertices(0, self._light.n_slots))
-        self._first_of_pass = np.zeros(1, dtype=np.int64)
+        self._keep(new_light_vertices(0, self._light.n_slots), np.zeros(1, dtype=np.int64))
         self._first_pass = 0
         self._of_use = 0.0
 
@@ -275,11 +274,12 @@ class PathTracer(Integrator):
         if runs:
             sizes = np.concatenate([np.diff(run.offsets) for run in runs])
             self._first_pass = passes.start
-            self._first_of_pass = np.concatenate([[0], np.cumsum(sizes)])
-            self._keep(joined([run.points for run in runs]))
+            first_of_pass = np.concatenate([[0], np.cumsum(sizes)])
+            self._keep(joined([run.points for run in runs]), first_of_pass)
 
-    def _keep(self, points: LightVertices) -> None:
-        self._lit, self._candidates = packed(points), candidates_of(points, self._joins)
+    def _keep(self, points: LightVertices, first_of_pass: IntArray) -> None:
+        self._lit, self._first_of_pass = packed(points), first_of_pass
+        self._candidates, self._first_group = candidates_of(points, first_of_pass, self._joins)
 
     def add_prepared(self, prepared: LightVertexPasses | None, images: FloatArray) -> None:
         """Add the splats of the light vertices."""
@@ -386,6 +386,7 @@ class PathTracer(Integrator):
             lit=self._lit,
             candidates=self._candidates,
             first_of_pass=self._first_of_pass,
+            first_group=self._first_group,
             balls=self._balls,
             boxes=self._boxes,
             mirrors=self._mirrors,

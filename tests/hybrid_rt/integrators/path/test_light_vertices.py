@@ -1,13 +1,30 @@
 """What connections read of light vertices."""
 
+from typing import Any, NamedTuple
+
 import numpy as np
 import pytest
 
+from hybrid_rt.integrators.kernels.connections import (
+    ALONG_X,
+    ALONG_Y,
+    ALONG_Z,
+    CANDIDATES,
+    N_TOLD,
+    NONE,
+    STEPS,
+    X,
+    Y,
+    Z,
+    choose_far,
+    member,
+)
 from hybrid_rt.integrators.path.light_paths import (
     candidates_of,
     new_light_vertices,
     packed,
 )
+from meshing.kernels.prefetch import LINE
 
 
 @pytest.mark.parametrize("n", [0, 1, 2, 5])
@@ -27,19 +44,112 @@ def test_packed_rows(n, n_slots):
         assert after.strides[0] == rows.density.strides[0]
 
 
+PASSES = (0, 0, 5, 5 + CANDIDATES, 100 + 3 * CANDIDATES)  # first rows: none, few, a group, more
+
+
+def some_light_vertices(n):
+    rng = np.random.default_rng(7)
+    points = new_light_vertices(n, 1)
+    for column in (points.position, points.geometric, points.direction):
+        column[...] = rng.normal(size=column.shape)
+    points.material[...] = rng.integers(0, 2, n)
+    points.strength[...] = rng.random(n)
+    points.steps[...] = rng.integers(0, 4, n)
+    return points
+
+
+def lit_sides(points):
+    """Return the normals on the side that the light comes from."""
+    facing = (points.geometric * points.direction).sum(axis=1, keepdims=True)
+    return points.geometric * -np.sign(facing)
+
+
 def test_candidates():
     """Position, the lit side's normal times strength, steps; no strength where nothing joins."""
-    points = new_light_vertices(3, 1)
-    points.position[...] = np.arange(9).reshape(3, 3)
-    points.geometric[...] = (0, 0, 1)
-    points.direction[...] = [(0, 0.6, -0.8), (0, 0.6, 0.8), (0, 0.6, -0.8)]
-    points.material[...] = [0, 0, 1]
-    points.strength[...] = [2, 3, 4]
-    points.steps[...] = [1, 2, 5]
-    table = candidates_of(points, np.array([True, False]))
-    np.testing.assert_array_equal(table[:, :3], points.position)
-    np.testing.assert_array_equal(table[:, 3:6], [(0, 0, 2), (0, 0, -3), (0, 0, 0)])
-    np.testing.assert_array_equal(table[:, 6], points.steps)
-    # A row is a line of the cache.
-    assert table.ctypes.data % 64 == 0
-    assert table.strides == (64, 8)
+    first_of_pass = np.array(PASSES)
+    points = some_light_vertices(PASSES[-1])
+    table, first_group = candidates_of(points, first_of_pass, np.array([True, False]))
+    assert table.shape == (first_group[-1], N_TOLD, CANDIDATES)
+    assert table.ctypes.data % LINE == 0
+    strength = np.where(points.material == 0, points.strength, 0.0)
+    seen = []
+    for number, n_groups in enumerate(np.diff(first_group)):
+        begin, end = PASSES[number], PASSES[number + 1]
+        assert n_groups == -(-(end - begin) // CANDIDATES)
+        for group, j in np.ndindex(n_groups, CANDIDATES):
+            k = member(group, j, begin, n_groups)
+            told = table[first_group[number] + group, :, j]
+            if k >= end:
+                assert not told.any()
+                continue
+            seen.append(k)
+            np.testing.assert_array_equal(told[[X, Y, Z]], points.position[k])
+            along = lit_sides(points)[k] * strength[k]
+            np.testing.assert_allclose(told[[ALONG_X, ALONG_Y, ALONG_Z]], along, rtol=1e-15)
+            assert told[STEPS] == points.steps[k]
+    assert sorted(seen) == list(range(PASSES[-1]))
+
+
+class PartOfWorld(NamedTuple):
+    lit: Any
+    candidates: Any
+    first_of_pass: Any
+    first_group: Any
+
+
+class PartOfRules(NamedTuple):
+    near: float
+    max_depth: int
+
+
+class PartOfVertex(NamedTuple):
+    brings: Any
+
+
+class PartOfVertices(NamedTuple):
+    position: Any
+    normal: Any
+    direction: Any
+
+
+@pytest.mark.parametrize("number", range(len(PASSES) - 1))
+def test_a_candidate_stands_for_all(number):
+    """Over all groups, the mean of factor times what the chosen one brings is what all bring."""
+    first_of_pass, near, depth, max_depth = np.array(PASSES), 0.8, 1, 4
+    points = some_light_vertices(PASSES[-1])
+    table, first_group = candidates_of(points, first_of_pass, np.array([True, False]))
+    world = PartOfWorld(packed(points), table, first_of_pass, first_group)
+    rules, vertex = PartOfRules(near, max_depth), PartOfVertex(np.empty(CANDIDATES))
+    at, normal = np.array([[0.1, -0.2, 0.3]]), np.array([[0.6, 0.0, -0.8]])
+    vertices = PartOfVertices(at, normal, -normal)
+
+    rows = slice(PASSES[number], PASSES[number + 1])
+    way = points.position[rows] - at
+    square = (way**2).sum(axis=1)
+    brings = points.strength[rows] * np.maximum(way @ normal[0], 0.0) / square**2
+    brings *= np.maximum(-(lit_sides(points)[rows] * way).sum(axis=1), 0.0)
+    brings[(square < near**2) | (points.material[rows] != 0)] = 0.0
+    brings[points.steps[rows] > max_depth - depth - 1] = 0.0
+
+    n_groups = int(np.diff(first_group)[number])
+    found, n_t = np.zeros(brings.size), 200
+    for group, i in np.ndindex(n_groups, n_t):
+        s, t = (group + 0.5) / n_groups, (i + 0.5) / n_t
+        k, factor = choose_far(world, rules, vertex, vertices, depth, number, s, t)
+        if k != NONE:
+            found[k - PASSES[number]] += factor * brings[k - PASSES[number]] / (n_groups * n_t)
+    assert found.sum() == pytest.approx(brings.sum(), rel=1e-12)
+    # Each as often as in proportion to what it brings: to one value of t, at either end of its range.
+    most = max((brings[g::n_groups].sum() for g in range(n_groups)), default=0.0)
+    np.testing.assert_allclose(found, brings, rtol=0, atol=1.01 * most / n_t)
+
+
+def test_nothing_to_choose():
+    """No light vertex in the pass, or none that faces the surface."""
+    points = some_light_vertices(PASSES[-1])
+    table, first_group = candidates_of(points, np.array(PASSES), np.array([False, False]))
+    world = PartOfWorld(packed(points), table, np.array(PASSES), first_group)
+    rules, vertex = PartOfRules(0.0, 9), PartOfVertex(np.empty(CANDIDATES))
+    vertices = PartOfVertices(np.zeros((1, 3)), *(np.array([[0.0, 0.0, z]]) for z in (1.0, -1.0)))
+    for number in range(len(PASSES) - 1):
+        assert choose_far(world, rules, vertex, vertices, 0, number, 0.5, 0.5) == (NONE, 0.0)
