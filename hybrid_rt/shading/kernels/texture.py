@@ -22,8 +22,13 @@ class TextureTable(NamedTuple):
 
 @inlined
 def _wrapped(index, size, wrap):
+    """Return the texel of an index from -1 to ``size``."""
     if wrap == REPEAT:
-        return index % size
+        # Not by a remainder, which takes a division of integers.
+        if index < 0:
+            index += size
+        elif index >= size:
+            index -= size
     return min(max(index, 0), size - 1)
 
 
