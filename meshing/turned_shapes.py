@@ -116,7 +116,8 @@ def circular_arc(
     segments : list of (3, 2) float64
         Bezier points in scene units, segment by segment along the arc.
     weights : list of (3,) float64
-        1, the cosine of half a segment's angle, 1.
+        1, the cosine of half a segment's angle, 1. To be passed on with the points: without them the
+        same points make parabolas.
 
     Raises
     ------

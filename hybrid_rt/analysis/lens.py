@@ -100,6 +100,9 @@ class Fate(IntEnum):
 class Traced:
     """Rays behind the last surface of a lens.
 
+    (For points and normals at each surface, follow the rays by an `Intersector` of `Lens.surfaces`, one
+    after the other, and `hybrid_rt.refract`.)
+
     Attributes
     ----------
     position, direction : (n, 3) float64

@@ -138,7 +138,9 @@ def add_render_options(parser: argparse.ArgumentParser) -> None:
         "for N processes",
     )
     add_live_options(parser)
-    parser.add_argument("--explain", action="store_true", help="say what the scene needed and why")
+    parser.add_argument(
+        "--explain", action="store_true", help="after rendering, say what the scene needed and why"
+    )
     add_progress_options(parser)
 
 

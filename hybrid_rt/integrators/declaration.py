@@ -7,6 +7,7 @@ others.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
@@ -38,7 +39,7 @@ class Declaration:
         Takes the context and the number of threads, returns the `Workers` of a render.
     finds : callable
         Takes the options, returns the light paths that the integrator finds: a regular expression
-        in the notation of `hybrid_rt.integrators.light_found`.
+        in the notation of `hybrid_rt.integrators.light_found`; ".*" if what it returns is not radiance.
     options : type
         Class of its options.
     refuse : callable
@@ -69,6 +70,21 @@ class Declaration:
     follows_single_paths: bool = False
     sends_photons: bool = False
     keeps_caustic_map: bool = False
+
+    def __post_init__(self) -> None:
+        """Refuse what could not be called, and a ``finds`` that is no regular expression."""
+        for what in ("make", "finds"):
+            if not callable(getattr(self, what)):
+                given = getattr(self, what)
+                raise TypeError(f"Declaration {self.name!r}: {what} is {given!r}: pass a function")
+        found = self.finds(self.options())
+        try:
+            re.compile(found)
+        except (re.error, TypeError) as error:
+            raise ValueError(
+                f"Declaration {self.name!r}: finds returned {found!r}, which is no regular expression "
+                f'({error}): pass one such as "[LPK][DG]E", or "" if it finds no light'
+            ) from None
 
     def left_out_light(self, scene: CompiledScene, options: Options | None = None) -> list[str]:
         """Return which light of a scene the integrator does not find, one sentence for each kind.

@@ -78,7 +78,9 @@ class Limit:
             ("target_error_trimmed", target_error_trimmed),
         ):
             if target is not None:
-                self.targets[name] = checks.number(target, name, above=0.0)
+                self.targets[name] = checks.number(
+                    target, name, above=0.0, up_to=1.0, hint="a share: 0.05 for 5 %"
+                )
         if passes is None and time_budget is None and not self.targets:
             passes = DEFAULT_PASSES
         self.passes = passes

@@ -86,7 +86,7 @@ def render(
         a pass. Building the surfaces counts, and is not cut short.
     target_error : float, optional
         Passes are added until the estimated relative root mean square error of the picture is at
-        most this (0.01 is one per cent), with no upper limit on their number. The error counts
+        most this (0.01 is one per cent; at most 1), with no upper limit on their number. The error counts
         noise (see `hybrid_rt.sensor.film.Film.relative_errors`) and the blur of photons. It does
         not count light that the integrator does not find, what ``max_depth`` cuts off, or the
         geometric error; those are in the report. Nor does it count lamps that camera rays meet by

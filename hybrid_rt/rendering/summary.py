@@ -75,7 +75,8 @@ def warnings_in_words(report: dict[str, Any]) -> list[str]:
     if report["pixels_not_finite"]:
         lines.append(
             f"{report['pixels_not_finite']:,} pixels are not finite (nan, or brighter "
-            "than float32 holds): lower the radiance of the lights, or scale the scene"
+            "than float32 holds): lower the radiance of the lights, scale the scene, or see whether "
+            "an integrator or material of your own returns nan"
         )
     if report["points_missed_by_photons"]:
         share = report["points_missed_by_photons"] / report["photons"]["gather_points"]

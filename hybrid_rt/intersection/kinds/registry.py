@@ -107,7 +107,8 @@ def check_surfaces(surfaces: Sequence[Surface]) -> tuple[Surface, ...]:
         if _entry_of(surface) is None:
             raise TypeError(
                 f"surfaces[{i}] is of type {type(surface).__name__}: pass surfaces such as "
-                "BezierPatches or Sphere (of an Object its .surface, for a mesh TriangleMesh(mesh))"
+                "BezierPatches or Sphere (of an Object its .surface, of a Lens its .surfaces, for a mesh "
+                "TriangleMesh(mesh))"
             )
         if surface.is_bounded:
             farthest, size = surface.reach, surface.size

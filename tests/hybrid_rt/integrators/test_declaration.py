@@ -118,3 +118,19 @@ def test_a_scene_script_declares_an_integrator_with_flags(tmp_path, monkeypatch)
         assert main(["render", "s.py", "--passes", "1", "--quiet"]) == 0
     settings = json.loads((tmp_path / "s.json").read_text("utf-8"))["settings"]
     assert settings["integrator"] == "own"
+
+
+@pytest.mark.parametrize(
+    ("wrong", "error", "message"),
+    [
+        ({"make": None}, TypeError, "make is None: pass a function"),
+        ({"finds": "[LPK]DE"}, TypeError, "finds is '\\[LPK\\]DE': pass a function"),
+        ({"finds": lambda _: "[LPK"}, ValueError, "finds returned '\\[LPK', which is no regular"),
+        ({"finds": lambda _: None}, ValueError, "finds returned None, which is no regular"),
+    ],
+)
+def test_a_declaration_that_cannot_be_used_is_refused(wrong, error, message):
+    right = {"name": "mine", "make": print, "finds": lambda _: ""}
+    assert Declaration(**right).finds(Options()) == ""
+    with pytest.raises(error, match=f"Declaration 'mine': {message}"):
+        Declaration(**(right | wrong))

@@ -476,6 +476,7 @@ class TestLimit:
         ({"time_budget": float("nan")}, ValueError, "time_budget"),
         ({"target_error": -0.01}, ValueError, "target_error"),
         ({"target_error_trimmed": 0.0}, ValueError, "target_error_trimmed"),
+        ({"target_error": 5}, ValueError, "a share: 0.05 for 5 %"),
         ({"seed": -1}, ValueError, "seed"),
         ({"max_depth": -1}, ValueError, "max_depth"),
         ({"threads": 0}, ValueError, "threads"),
