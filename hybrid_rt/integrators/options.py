@@ -99,7 +99,7 @@ class PathOptions(Options):
     """
 
     strategy: str = "both"
-    roulette_depth: int = 5
+    roulette_depth: int = 3
     survival: float = 0.99
     light_paths: float = 0.5
 

@@ -435,8 +435,8 @@ class TestLimit:
         assert limit.expected_passes(4) == 78  # 4 (0.88 / 0.2)^2
         limit.note_error(4, 2.5, trimmed=0.15, ahead=0.19)
         assert limit.reached(4, 0.0) == "target_error_trimmed"
-        limit = Limit(None, None, 3.0, 0.2)  # the target of all pixels is as ever
-        limit.note_error(4, 2.5, trimmed=0.15, ahead=0.88)
+        limit = Limit(None, None, 1.0, 0.2)  # the target of all pixels is as ever
+        limit.note_error(4, 0.95, trimmed=0.15, ahead=0.88)
         assert limit.reached(4, 0.0) == "target_error"
 
     def test_trimmed_target_stops_a_render(self):
