@@ -1,184 +1,21 @@
-"""Tell how fine a mesh must be, and what exactness costs.
-
-python tools/tessellation_accuracy.py hybrid_rt/data/teapot.bpt --out teapot
-python tools/tessellation_accuracy.py scenes/vase.py --out vase
-python tools/tessellation_accuracy.py scenes/vase.py --out vase --redraw vase/table.json
-
-Prints a table of tolerances; writes table.json, table.csv, error_against_time.png and
-mesh_error.png to the folder given with --out. --redraw draws the pictures of an earlier table.
-"""
+"""Tell how fine a mesh must be, and what exactness costs: the same as `hybrid-rt accuracy`."""
 
 import argparse
-import csv
-import importlib.util
-import json
 import sys
-from collections.abc import Sequence
-from contextlib import suppress
-from pathlib import Path
-from typing import Any
 
-from hybrid_rt.analysis import mesh_diagrams
-from hybrid_rt.analysis.mesh_error import RAYS, Rung, climb
-from hybrid_rt.analysis.methods import size_of
-from hybrid_rt.analysis.units import number
-from hybrid_rt.cli.command import kept, one_or_more, run_tool, say_if_no_plots
-from hybrid_rt.cli.scene_file import load_scene
-from meshing import BezierPatches, TrimmedSurface
-
-LADDER = (1e-1, 3e-2, 1e-2, 3e-3, 1e-3, 3e-4, 1e-4, 3e-5, 1e-5)
-QUICK = (3e-2, 3e-3, 3e-4)
+from hybrid_rt.cli.accuracy import DESCRIPTION, EXAMPLES, add_accuracy_options, run_accuracy
+from hybrid_rt.cli.command import run_tool
 
 
-def main() -> int:
+def main() -> None:
     """Run the tool."""
     parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+        description=DESCRIPTION,
+        epilog=EXAMPLES,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    parser.add_argument("file", type=Path, help="a .bpt file, or a scene script (which is run)")
-    parser.add_argument("--out", type=Path, help="folder for tables and pictures")
-    parser.add_argument(
-        "--quick", action="store_true", help="three tolerances, a tenth of the rays"
-    )
-    parser.add_argument("--redraw", type=Path, metavar="table.json", help="measure nothing")
-    parser.add_argument("--rays", type=one_or_more, help="of each kind (default 200000)")
-    parser.add_argument("--threads", type=one_or_more)
-    args = parser.parse_args()
-    if args.out:
-        say_if_no_plots("error_against_time.png and mesh_error.png")
-    surfaces = load(args.file)
-    size = size_of(surfaces)
-    if args.redraw:
-        if not args.out:
-            parser.error("--redraw has no folder: pass --out as well")
-        args.out.mkdir(parents=True, exist_ok=True)
-        draw(args.out, args.file, surfaces, _read(args.redraw))
-        return 0
-    tolerances = [step * size for step in (QUICK if args.quick else LADDER)]
-    n_rays = args.rays or (20_000 if args.quick else 200_000)
-    print(f"{args.file}: size {size:.4g} scene units; {n_rays:,} rays of each kind")
-    print(HEADER)
-    rungs: list[Rung] = []
-
-    def hear(rung: Rung) -> None:
-        rungs.append(rung)
-        print(row(rung), flush=True)
-
-    if args.out:
-        args.out.mkdir(parents=True, exist_ok=True)
-    table = args.out and args.out / "table.json"
-    with kept(table, lambda: [rung.figures for rung in rungs]):
-        rungs[:] = climb(surfaces, tolerances, n_rays, threads=args.threads, on_rung=hear)
-    print(WORDS)
-    if any(isinstance(surface, TrimmedSurface) for surface in surfaces):
-        print(TRIMMED)
-    print(speeds(rungs))
-    if args.out:
-        write(args.out, args.file, surfaces, rungs)
-    return 0
-
-
-def load(file: Path) -> list[Any]:
-    """Return the curved surfaces of a file."""
-    if file.suffix == ".bpt":
-        return [BezierPatches.read(file)]
-    curved = [item.surface for item in load_scene(file).objects if item.surface.is_freeform]
-    if not curved:
-        raise ValueError(
-            f"{file} has neither Bezier patches nor a surface of revolution: name a file with one"
-        )
-    return curved
-
-
-HEADER = (
-    f"{'':10} {'':10} {'':8} {'':6} {'off by, scene units':>19} {'normal':>7} | "
-    f"{'wrong first hits, %: mesh':>26} | {'after Newton':>26} | {'right hits':>10}\n"
-    f"{'tolerance':>10} {'triangles':>10} {'build s':>8} {'MiB':>6} {'proven':>9} {'measured':>9} "
-    f"{'deg':>7} | "
-    + " | ".join([" ".join(f"{kind[:8]:>8}" for kind in RAYS)] * 2)
-    + f" | {'off by':>10}"
-)
-WORDS = """
-tolerance: asked for, largest distance between triangles and surface, scene units. proven: the bound
-  that the tessellation states; measured: the largest of 20 000 samples and more.
-normal: mean angle between the normals of triangle and surface, degrees. MiB: peak memory of the mesh.
-wrong first hits: share of the rays that hit anything which miss the surface, find something where
-  nothing is, or find a farther sheet; random rays, a camera's, and rays along the silhouette.
-after Newton: hits moved from the triangles onto the true surface, accuracy "refined".
-right hits off by: mean distance along the ray, camera rays on the mesh, scene units."""
-
-TRIMMED = """trimmed surfaces: triangles that an edge crosses stay whole, so a mesh reaches beyond the edges by up
-  to a triangle, whatever the tolerance is. Hits there count as wrong."""
-
-
-def row(rung: Rung) -> str:
-    """Put one rung into a line."""
-    shares = " | ".join(
-        " ".join(f"{number(100.0 * rung.errors[name][kind].wrong, 2):>8}" for kind in RAYS)
-        for name in ("mesh", "refined")
-    )
-    return (
-        f"{number(rung.tolerance, 2):>10} {rung.triangles:10,d} {rung.build_seconds:8.2f} "
-        f"{rung.memory / 2**20:6.1f} {number(rung.bound, 2):>9} {number(rung.worst, 2):>9} "
-        f"{rung.mean_angle:7.2f} | {shares} | {number(rung.errors['mesh']['camera'].mean, 2):>10}"
-    )
-
-
-def speeds(rungs: Sequence[Rung]) -> str:
-    """Put the times per ray into lines."""
-    lines = [f"\nus a ray, finest mesh           {' '.join(f'{kind[:10]:>10}' for kind in RAYS)}"]
-    for name, kinds in rungs[-1].microseconds.items():
-        times = " ".join(f"{number(kinds[kind], 2):>10}" for kind in RAYS)
-        lines.append(f"  {name:29s} {times}")
-    exact = rungs[-1].microseconds["certified"]["random"]
-    mesh = rungs[-1].microseconds["mesh"]["random"]
-    lines.append(
-        'us a ray: microseconds of wall time. certified: proven to be the first hit; coarse="none": '
-        "the same without Embree.\n"
-        f"Exactness costs {exact / mesh:.2f} times the finest mesh, for a random ray."
-    )
-    return "\n".join(lines)
-
-
-def write(folder: Path, file: Path, surfaces: Sequence[Any], rungs: Sequence[Rung]) -> None:
-    """Write tables and pictures."""
-    with (folder / "table.csv").open("w", newline="", encoding="utf-8") as opened:
-        writer = csv.writer(opened)
-        flat = [_flat(rung.figures) for rung in rungs]
-        writer.writerow(flat[0])
-        writer.writerows(line.values() for line in flat)
-    draw(folder, file, surfaces, [rung.figures for rung in rungs])
-    print(f"\nwrote {', '.join(sorted(str(path) for path in folder.iterdir()))}")
-
-
-def draw(
-    folder: Path, file: Path, surfaces: Sequence[Any], rungs: Sequence[dict[str, Any]]
-) -> None:
-    """Write the pictures of a table, if there is matplotlib."""
-    if importlib.util.find_spec("matplotlib") is None:  # which was said before the work
-        return
-    mesh_diagrams.draw_time(rungs, file.stem, folder / "error_against_time.png")
-    tolerance = 1e-3 * size_of(surfaces)
-    mesh_diagrams.draw_error(surfaces, tolerance, file.stem, folder / "mesh_error.png")
-
-
-def _read(file: Path) -> list[dict[str, Any]]:
-    """Return the rows of an earlier table."""
-    with suppress(ValueError):
-        rows = json.loads(file.read_text("utf-8"))
-        if isinstance(rows, list) and rows and all("microseconds" in row for row in rows):
-            return rows
-    raise ValueError(f"{file} holds no table: pass the table.json of an earlier run")
-
-
-def _flat(values: dict[str, Any], prefix: str = "") -> dict[str, Any]:
-    out: dict[str, Any] = {}
-    for key, value in values.items():
-        if isinstance(value, dict):
-            out.update(_flat(value, f"{prefix}{key} "))
-        else:
-            out[f"{prefix}{key}"] = value
-    return out
+    add_accuracy_options(parser)
+    run_accuracy(parser.parse_args())
 
 
 if __name__ == "__main__":

@@ -18,21 +18,22 @@ BAD_INPUT, STOPPED, INTERRUPTED, CLOSED_PIPE = 2, 3, 130, 141
 REFUSALS = (ValueError, TypeError, OSError, ImportError, MemoryError, OverflowError)
 
 
-def run_tool(main: Callable[[], int]) -> int:
+def run_tool(main: Callable[[], int | None], name: str = "") -> int:
     """Run a tool; return its exit code, also after argument errors and Ctrl-C.
 
-    Long compilations of kernels are announced on standard error.
+    Long compilations of kernels are announced on standard error. Messages begin with ``name``, or
+    with that of the script.
     """
     from hybrid_rt.core.progress import watch_compilation
 
-    def run() -> int:
+    def run() -> int | None:
         with watch_compilation():
             return main()
 
     def told(_: KeyboardInterrupt) -> str:
         return "interrupted: what was found so far stands above, and in the files asked for"
 
-    return guarded(Path(sys.argv[0]).name, run, told, logging.INFO)
+    return guarded(name or Path(sys.argv[0]).name, run, told, logging.INFO)
 
 
 def guarded(
@@ -69,10 +70,10 @@ def guarded(
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return CLOSED_PIPE
     except KeyboardInterrupt as interrupt:
-        _say(f"\n{told(interrupt)}")
+        tell(f"\n{told(interrupt)}")
         return INTERRUPTED
     except REFUSALS as error:
-        _say(f"{name}: {_words_of(error)}")
+        tell(f"{name}: {_words_of(error)}")
         return BAD_INPUT
 
 
@@ -98,7 +99,7 @@ def _plain_warnings(name: str) -> Iterator[None]:
             line: str | None = None,
         ) -> None:
             if category is UserWarning:
-                _say(f"{name}: warning: {message}")
+                tell(f"{name}: warning: {message}")
             else:
                 as_before(message, category, filename, lineno, file, line)
 
@@ -117,7 +118,7 @@ class _Messages(logging.Handler):
     def emit(self, record: logging.LogRecord) -> None:
         is_warning = record.levelno >= logging.WARNING
         prefix = f"{self._name}: {record.levelname.lower()}: " if is_warning else ""
-        _say(f"{prefix}{record.getMessage()}")
+        tell(f"{prefix}{record.getMessage()}")
 
 
 @contextmanager
@@ -157,7 +158,7 @@ def one_or_more(text: str) -> int:
 def say_if_no_plots(what: str) -> None:
     """Announce, before the work, the plots that will be missing if matplotlib is not installed."""
     if importlib.util.find_spec("matplotlib") is None:
-        _say(f"no {what} without matplotlib: pip install 'hybrid-rt[plot]'")
+        tell(f"no {what} without matplotlib: pip install 'hybrid-rt[plot]'")
 
 
 @contextmanager
@@ -197,7 +198,13 @@ def _write(file: Path | None, figures: Any) -> None:
             opened.write(as_json(figures).encode())
 
 
-def _say(text: str) -> None:
+def say(text: str) -> None:
+    """Print a result on the standard output."""
+    print(text, flush=True)  # noqa: T201
+
+
+def tell(text: str) -> None:
+    """Print a message on the standard error."""
     if _speakers:
         _speakers[-1](text)
         return

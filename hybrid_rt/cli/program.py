@@ -10,13 +10,12 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, NoReturn
 
 from hybrid_rt._version import __version__
-from hybrid_rt.cli.command import guarded
+from hybrid_rt.cli.command import guarded, run_tool, say
 from hybrid_rt.cli.completion import SHELLS, completion_action
 from hybrid_rt.cli.options import add_progress_options, add_render_options, exposure_stops
 from hybrid_rt.cli.render import (
     render_scene,
     rendered,
-    say,
     say_numbers,
     shown_progress,
     summary,
@@ -36,6 +35,8 @@ examples:
   hybrid-rt render scenes/vase.py --passes 256 --live    a page that shows it grow, and stops it
   hybrid-rt render scenes/vase.py --explain        what the scene needed, and what was left out
   hybrid-rt compare a.npz b.npz --reference c.npz  errors of both, and a map of them
+  hybrid-rt study scenes/vase.py --out study       error against time of every method
+  hybrid-rt accuracy scenes/vase.py --out mesh     how fine a mesh must be to find the same hits
 
 Scene scripts are Python programs and are executed: run only those that you trust.
 
@@ -47,7 +48,8 @@ program itself. All about progress, messages and exit codes: docs/command_line.m
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line; return the exit code."""
     options = _parser().parse_args(arguments)
-    return _guarded(lambda: options.run(options))
+    guard: Callable[[Callable[[], int | None]], int] = options.guard
+    return guard(lambda: options.run(options))
 
 
 def render_script(describe: Callable[[], Scene], file: str) -> int:
@@ -162,14 +164,14 @@ def _parser(complete: bool = False) -> argparse.ArgumentParser:
     demo = commands.add_parser("demo", help="make a picture of the teapot and compare with meshes")
     demo.add_argument("--out", type=Path, default=Path("demo.png"), metavar="FILE")
     add_progress_options(demo)
-    demo.set_defaults(run=_run_demo)
+    demo.set_defaults(run=_run_demo, guard=_guarded)
 
     render = commands.add_parser(
         "render", help="make a picture of a scene script (which is executed)"
     )
     render.add_argument("scene", metavar="SCENE.py")
     render.add_options = add_render_options
-    render.set_defaults(run=_run_render)
+    render.set_defaults(run=_run_render, guard=_guarded)
 
     compare = commands.add_parser("compare", help="say how far apart pictures are, and draw where")
     compare.add_argument("a", metavar="A", help=".npz or .exr; .png is 8 bit and clipped")
@@ -185,7 +187,15 @@ def _parser(complete: bool = False) -> argparse.ArgumentParser:
     compare.add_argument(
         "--exposure", type=exposure_stops, default=0.0, metavar="E", help="stops shown"
     )
-    compare.set_defaults(run=_run_compare)
+    compare.set_defaults(run=_run_compare, guard=_guarded)
+
+    study = commands.add_parser("study", help="draw error against run time, of all methods")
+    study.add_options = _add_study_options
+    study.set_defaults(run=_run_study, guard=_guarded_tool)
+
+    accuracy = commands.add_parser("accuracy", help="tell how fine a mesh must be")
+    accuracy.add_options = _add_accuracy_options
+    accuracy.set_defaults(run=_run_accuracy, guard=_guarded_tool)
     parser.commands = commands.choices
     for command in commands.choices.values() if complete else ():
         command.complete()
@@ -201,6 +211,42 @@ def _guarded(run: Callable[[], int | None]) -> int:
         )
 
     return guarded("hybrid-rt", run, told)
+
+
+def _guarded_tool(run: Callable[[], int | None]) -> int:
+    """Run a command that keeps what it has found when it is interrupted; return its exit code."""
+    return run_tool(run, "hybrid-rt")
+
+
+def _add_study_options(parser: argparse.ArgumentParser) -> None:
+    from hybrid_rt.cli import study
+
+    _describe(parser, study.DESCRIPTION, study.EXAMPLES)
+    study.add_study_options(parser)
+
+
+def _run_study(options: argparse.Namespace) -> None:
+    from hybrid_rt.cli.study import run_study
+
+    run_study(options)
+
+
+def _add_accuracy_options(parser: argparse.ArgumentParser) -> None:
+    from hybrid_rt.cli import accuracy
+
+    _describe(parser, accuracy.DESCRIPTION, accuracy.EXAMPLES)
+    accuracy.add_accuracy_options(parser)
+
+
+def _run_accuracy(options: argparse.Namespace) -> None:
+    from hybrid_rt.cli.accuracy import run_accuracy
+
+    run_accuracy(options)
+
+
+def _describe(parser: argparse.ArgumentParser, description: str, examples: str) -> None:
+    parser.description, parser.epilog = description, examples
+    parser.formatter_class = argparse.RawDescriptionHelpFormatter
 
 
 def _run_render(options: argparse.Namespace) -> int:

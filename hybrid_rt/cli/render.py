@@ -12,7 +12,7 @@ from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from hybrid_rt.cli.command import REFUSALS, STOPPED, said_by
+from hybrid_rt.cli.command import REFUSALS, STOPPED, said_by, say
 from hybrid_rt.cli.denoise import denoised_files, save_denoised
 from hybrid_rt.cli.live import compare_on, open_page
 from hybrid_rt.cli.options import settings_of
@@ -304,8 +304,3 @@ def say_numbers(report: dict[str, Any]) -> None:
     from hybrid_rt.rendering.summary import in_words
 
     say(in_words(report))
-
-
-def say(text: str) -> None:
-    """Print a result."""
-    print(text)  # noqa: T201  (a command's result belongs on the standard output)

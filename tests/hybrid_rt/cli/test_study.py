@@ -6,7 +6,10 @@ from pathlib import Path
 
 import pytest
 
-TOOL = Path(__file__).parents[2] / "tools" / "error_vs_time.py"
+from hybrid_rt.cli import main
+
+ROOT = Path(__file__).parents[3]
+TEAPOT = ROOT / "hybrid_rt" / "data" / "teapot.bpt"
 SCRIPT = """
 from hybrid_rt import Camera, GradientSky, Lambertian, Object, Scene
 from meshing import SurfaceOfRevolution
@@ -28,13 +31,14 @@ def run(tmp_path, monkeypatch, capsys):
     (tmp_path / "flat.py").write_text(SCRIPT.replace("[Object(tube, Lambertian(0.5))]", "[]"))
     monkeypatch.chdir(tmp_path)
 
-    def run_tool(arguments):
-        monkeypatch.setattr(sys, "argv", [str(TOOL), *arguments.split()])
-        with pytest.raises(SystemExit) as ended:
-            runpy.run_path(str(TOOL), run_name="__main__")
-        return ended.value.code, capsys.readouterr()
+    def run_command(arguments):
+        try:
+            code = main(["study", *arguments.split()])
+        except SystemExit as ended:  # by argparse
+            code = ended.code
+        return code, capsys.readouterr()
 
-    return run_tool
+    return run_command
 
 
 def test_study_of_a_scene_and_the_overlay_of_two(run, tmp_path):
@@ -77,8 +81,7 @@ def test_study_of_a_scene_and_the_overlay_of_two(run, tmp_path):
 
 
 def test_surface_alone(run):
-    teapot = TOOL.parents[1] / "hybrid_rt" / "data" / "teapot.bpt"
-    code, captured = run(f"surface {teapot} {SMALL}")
+    code, captured = run(f"surface {TEAPOT} {SMALL}")
     assert code == 0
     assert "First hits" in captured.out
     assert "Pictures" not in captured.out
@@ -127,3 +130,14 @@ def test_bad_input_is_refused(run, arguments, code, words):
     found, captured = run(arguments)
     assert found == code
     assert words in captured.err
+
+
+@pytest.mark.parametrize("name", ["error_vs_time", "tessellation_accuracy"])
+def test_tools_are_the_commands(name, monkeypatch, capsys):
+    monkeypatch.setattr(sys, "argv", [f"{name}.py", "missing.bpt", "--quick"])
+    with pytest.raises(SystemExit) as ended:
+        runpy.run_path(str(ROOT / "tools" / f"{name}.py"), run_name="__main__")
+    assert ended.value.code == 2
+    message = capsys.readouterr().err
+    assert message.startswith(f"{name}.py: ")
+    assert "missing.bpt" in message

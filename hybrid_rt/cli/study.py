@@ -1,0 +1,396 @@
+"""``hybrid-rt study``: error against run time for a scene or a surface."""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import importlib.util
+import json
+from collections.abc import Sequence
+from contextlib import suppress
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+from hybrid_rt.analysis import answers, hit_study, study_diagrams, tables, work_precision
+from hybrid_rt.analysis.advice import advise
+from hybrid_rt.analysis.curves import Curve, Point, Spread, renamed
+from hybrid_rt.analysis.diagrams import Diagram, save
+from hybrid_rt.analysis.forecast import forecast, triangles_for
+from hybrid_rt.analysis.hit_study import HitStudy
+from hybrid_rt.analysis.methods import curved_surfaces, default_methods
+from hybrid_rt.analysis.page import Study, page
+from hybrid_rt.analysis.picture_comparison import load_picture
+from hybrid_rt.analysis.reference import REFERENCES
+from hybrid_rt.analysis.units import asked, seconds
+from hybrid_rt.analysis.work_precision import PictureStudy
+from hybrid_rt.cli.command import one_or_more, say, say_if_no_plots, tell
+from hybrid_rt.cli.scene_file import load_scene
+from hybrid_rt.core import checks
+from hybrid_rt.core.ledger import as_json
+from hybrid_rt.rendering.versions import versions
+from hybrid_rt.scene.scene import Scene
+from hybrid_rt.verify.cases.rays import camera as random_camera
+from hybrid_rt.verify.judges.oracle import workers_of
+from meshing import BezierPatches
+
+DESCRIPTION = """\
+Draw error against run time for a scene or a surface, and say which settings are cheapest.
+
+Prints tables and answers; with --out it writes curves.json and curves.csv, and with matplotlib
+curves.png and page.html, which holds pictures, error maps and diagrams and needs no other file.
+Scene scripts are programs and are executed. Seconds are wall time with kernels compiled.
+"""
+EXAMPLES = """\
+examples:
+  hybrid-rt study scenes/teapot.py --out teapot
+  hybrid-rt study hybrid_rt/data/teapot.bpt --quick
+  hybrid-rt study scenes/caustic_ball.py --integrators path ppm --photons 20000 200000
+  hybrid-rt study --compare before/curves.json after/curves.json --out both
+"""
+
+
+def add_study_options(parser: argparse.ArgumentParser) -> None:
+    """Add what ``hybrid-rt study`` takes."""
+    parser.add_argument("source", nargs="?", metavar="SCENE.py | surface FILE.bpt")
+    parser.add_argument("file", nargs="?", type=Path, help=argparse.SUPPRESS)
+    parser.add_argument("--out", type=Path, metavar="DIR")
+    parser.add_argument("--quick", action="store_true", help="small, few passes, one run")
+    parser.add_argument(
+        "--only",
+        choices=("pictures", "hits"),
+        help="of a scene; default: pictures, then first hits",
+    )
+    parser.add_argument("--compare", nargs=2, type=Path, metavar=("A.json", "B.json"))
+    parser.add_argument("--target", type=float, default=0.01, help="relative RMSE (default 0.01)")
+    parser.add_argument("--reference", type=Path, help="a picture (.npz or .exr) instead of ours")
+    parser.add_argument(
+        "--reference-by",
+        choices=REFERENCES,
+        help="checked by the other one; default: the one that states the smaller error",
+    )
+    parser.add_argument("--integrators", nargs="+", metavar="I", help="default: all that can")
+    parser.add_argument(
+        "--photons", type=one_or_more, nargs="+", default=(), metavar="N", help="of a pass"
+    )
+    parser.add_argument(
+        "--alphas", type=float, nargs="+", default=(), metavar="A", help="of ppm (default 2/3)"
+    )
+    parser.add_argument("--reference-passes", type=one_or_more, help="default 1024, quick 128")
+    parser.add_argument(
+        "--passes", type=one_or_more, nargs="+", help="default 1 4 16 64, quick 1 4 16"
+    )
+    parser.add_argument("--runs", type=one_or_more, help="default 3, quick 1")
+    parser.add_argument("--width", type=one_or_more, help="default 240, quick 120")
+    parser.add_argument(
+        "--rays", type=one_or_more, help="judged by the oracle; default 100000, quick 20000"
+    )
+    parser.add_argument("--threads", type=one_or_more)
+
+
+def run_study(args: argparse.Namespace) -> None:
+    """Measure and print what is asked for, or compare two earlier runs."""
+    if args.out:
+        say_if_no_plots("curves.png and no page.html")
+    if args.compare:
+        _compare(args)
+    elif not args.source:
+        raise ValueError("name a scene script or a .bpt file, or use --compare")
+    else:
+        _measure(args)
+
+
+def _measure(args: argparse.Namespace) -> None:
+    checks.number(args.target, "target", above=0.0)
+    # "surface FILE.bpt" and "FILE.bpt" mean the same.
+    file = args.file if args.source == "surface" else Path(args.source)
+    if file is None:
+        raise ValueError("surface has no file: name a .bpt file")
+    if file.suffix == ".bpt" and args.only == "pictures":
+        raise ValueError(
+            f"{file} is a surface, without pictures: name a scene, or leave out --only"
+        )
+    n_rays = args.rays or (20_000 if args.quick else 100_000)
+    if args.out:  # a place that cannot be written is said before the work
+        args.out.mkdir(parents=True, exist_ok=True)
+    studies: dict[str, Any] = {}
+    scene = None if file.suffix == ".bpt" else load_scene(file)
+    full_size = None if scene is None else (scene.camera.width, scene.camera.height)
+    try:
+        _study(file, scene, n_rays, studies, args)
+    except KeyboardInterrupt:
+        if studies:
+            _show(str(file), studies, full_size, args)
+        raise
+    _show(str(file), studies, full_size, args)
+
+
+def _study(
+    file: Path,
+    scene: Scene | None,
+    n_rays: int,
+    studies: dict[str, Any],
+    args: argparse.Namespace,
+) -> None:
+    """Make the studies that there can be, one after the other."""
+    if scene is None:
+        surfaces: list[Any] = [BezierPatches.read(file)]
+        rays = random_camera(surfaces, n_rays, 1)
+    else:
+        scene = _resized(scene, args.width or (120 if args.quick else 240))
+        if args.only != "hits":
+            studies["picture"] = _study_picture(scene, args)
+        surfaces = [] if args.only == "pictures" else curved_surfaces(scene)
+        if args.only == "hits" and not surfaces:
+            raise ValueError(f"{file} has no curved surface: leave out --only hits")
+        rays = hit_study.camera_rays(scene, n_rays)
+    if surfaces and _are_known(surfaces):
+        studies["hits"] = hit_study.study_hits(
+            surfaces, rays, runs=3 if args.quick else 7, threads=args.threads, say=_tell_step
+        )
+
+
+def _are_known(surfaces: Sequence[Any]) -> bool:
+    """Tell whether the oracle can judge hits on surfaces; if not, say why."""
+    try:
+        workers_of(surfaces)
+    except TypeError as error:
+        _tell_step(f"first hits are left out: {error}")
+        return False
+    return True
+
+
+def _resized(scene: Scene, width: int) -> Scene:
+    return scene.with_camera(scene.camera.resized(width))
+
+
+def _study_picture(scene: Scene, args: argparse.Namespace) -> PictureStudy:
+    return work_precision.study_picture(
+        scene,
+        args.passes or ([1, 4, 16] if args.quick else [1, 4, 16, 64]),
+        runs=args.runs or (1 if args.quick else 3),
+        reference_passes=args.reference_passes or (128 if args.quick else 1024),
+        reference=None if args.reference is None else load_picture(args.reference),
+        reference_by=args.reference_by,
+        methods=default_methods(
+            scene, args.integrators, {"photons": args.photons, "alpha": args.alphas}
+        ),
+        threads=args.threads,
+        say=_tell_step,
+    )
+
+
+def _show(
+    name: str, studies: dict[str, Any], full_size: tuple[int, int] | None, args: argparse.Namespace
+) -> None:
+    shown: dict[str, Any] = {
+        "title": f"Error against run time: {name}", "asked": "", "answer": "", "command": "",
+        "details": [], "findings": [], "diagrams": [], "tables": [], "images": {},
+    }  # fmt: skip
+    measured: answers.Conditions = []
+    data: dict[str, Any] = {"source": name, "versions": versions(), "target": args.target}
+    if "picture" in studies:
+        measured += answers.picture_conditions(studies["picture"], full_size)
+        data["picture"] = _show_picture(studies["picture"], name, full_size, args.target, shown)
+    if "hits" in studies:
+        hits: HitStudy = studies["hits"]
+        measured.append(
+            ("first hits", f"{hits.rays:,} rays of the camera, {hits.judged:,} meet something")
+        )
+        cost, *others = answers.hit_answers(hits)
+        if "picture" in studies:
+            others.insert(0, cost)
+        else:
+            shown["asked"] = "Asked: what do exact first hits cost, and how often are others wrong?"
+            shown["answer"] = cost
+        shown["findings"] += others
+        shown["diagrams"] += [
+            study_diagrams.hit_diagram(hits.curves, hits.judged),
+            study_diagrams.distance_diagram(hits.curves, hits.size),
+        ]
+        shown["tables"].append(tables.hit_table(hits.curves))
+        if hits.newton:
+            shown["diagrams"] += study_diagrams.newton_diagrams(hits.newton, hits.size)
+            shown["tables"].append(tables.newton_table(hits))
+        data["hits"] = asdict(hits)
+    study = Study(**shown, measured=answers.conditions(measured, name))
+    _print(study)
+    if args.out:
+        _write(args.out, study, data)
+
+
+def _show_picture(
+    study: PictureStudy,
+    name: str,
+    full_size: tuple[int, int] | None,
+    target: float,
+    shown: dict[str, Any],
+) -> dict[str, Any]:
+    """Add a picture study to what is shown; return its figures."""
+    advice = advise(study, target, name, full_size)
+    triangles = triangles_for(
+        [row for row in study.meshes if row["accuracy"] == "mesh"], advice.target
+    )
+    shown["asked"] = (
+        f"Asked: which method renders this scene soonest to an error of {asked(target)}, on this "
+        "machine?"
+    )
+    shown["answer"], shown["command"] = advice.headline, advice.command
+    shown["details"] += advice.details
+    shown["findings"] += answers.bias_answers(study)
+    shown["findings"] += answers.time_answers(study)
+    shown["findings"] += answers.mesh_answer(study, advice.target, triangles)
+    own = study.reference.own_error
+    shown["diagrams"].append(study_diagrams.picture_diagram(study.curves, own))
+    shown["tables"].append(tables.forecast_table(advice.forecasts, advice.target))
+    if len(study.curves) > 1:
+        shown["tables"].append(tables.equal_time_table(study.curves, study.reference.own_error))
+    shown["tables"].append(tables.picture_table(study.curves))
+    if study.meshes:
+        shown["tables"].append(tables.mesh_table(study))
+    shown["images"] = study.images
+    return {
+        **{key: value for key, value in vars(study).items() if key != "images"},
+        "reference": asdict(study.reference),
+        "curves": [asdict(curve) for curve in study.curves],
+        "answer": {"headline": advice.headline, "command": advice.command},
+        "forecast_target": advice.target,
+        "forecasts": [asdict(found) for found in advice.forecasts],
+        "triangles_for_target": triangles,
+    }
+
+
+def _print(study: Study) -> None:
+    say(study.title)
+    for name, value in study.measured:
+        say(f"  {name:12s} {value}")
+    for table in study.tables:
+        say(f"\n{tables.in_text(table)}")
+    say("")
+    for sentence in study.findings:
+        say(f"- {sentence}")
+    if study.asked:
+        say(f"\n{study.asked}")
+    if study.answer:
+        say(study.answer)
+    for sentence in study.details:
+        say(f"- {sentence}")
+    if study.command:
+        say(f"\n  {study.command}")
+
+
+def _write(folder: Path, study: Study, data: dict[str, Any]) -> None:
+    folder.mkdir(parents=True, exist_ok=True)
+    (folder / "curves.json").write_text(as_json(data), "utf-8")
+    with (folder / "curves.csv").open("w", newline="", encoding="utf-8") as file:
+        writer = csv.writer(file)
+        for table in study.tables:
+            writer.writerows([(table.title,), table.head, *table.rows, ()])
+    written = ["curves.json", "curves.csv"]
+    if importlib.util.find_spec("matplotlib") is not None:
+        save(study.diagrams, folder / "curves.png")
+        (folder / "page.html").write_text(page(study), "utf-8")
+        written += ["curves.png", "page.html"]
+    say(f"\nwrote {', '.join(str(folder / name) for name in written)}")
+
+
+def _read(file: Path) -> dict[str, Any]:
+    with suppress(ValueError):
+        data = json.loads(file.read_text("utf-8"))
+        if isinstance(data, dict):
+            return data
+    raise ValueError(f"{file} holds no figures: pass the curves.json of an earlier run")
+
+
+def _compare(args: argparse.Namespace) -> None:
+    """Overlay the curves of two earlier runs."""
+    both = [_read(file) for file in args.compare]
+    names = [str(file.parent / file.stem) for file in args.compare]
+    diagrams: list[Diagram] = []
+    found: list[tables.Table] = []
+    data: dict[str, Any] = {"compared": names}
+    for part in ("picture", "hits"):
+        if not all(part in one for one in both):
+            continue
+        curves = [
+            curve
+            for letter, one in zip("AB", both, strict=True)
+            for curve in renamed(_curves(one[part]), letter)
+        ]
+        data[part] = {"curves": [asdict(curve) for curve in curves]}
+        if part == "picture":
+            own = max(one[part]["reference"]["own_error"] or 0.0 for one in both)
+            data[part]["reference"] = {"own_error": own or float("nan")}
+            diagrams.append(study_diagrams.picture_diagram(curves, own or float("nan")))
+            found += [tables.equal_time_table(curves, own), tables.picture_table(curves)]
+        else:
+            judged = max(one[part]["judged"] for one in both)
+            data[part]["judged"] = judged
+            diagrams.append(study_diagrams.hit_diagram(curves, judged))
+            found.append(tables.hit_table(curves))
+    if not diagrams:
+        raise ValueError(
+            f"{names[0]} and {names[1]} have no kind of curves in common: name two of one kind"
+        )
+    first, *others = _ratios(both) or ["Read the diagrams: lower and further left is better."]
+    study = Study(
+        f"Error against run time: {names[0]} and {names[1]}",
+        f"Asked: how do two runs compare? A is {names[0]}, B is {names[1]}.",
+        first,
+        details=others,
+        measured=[(letter, str(file)) for letter, file in zip("AB", args.compare, strict=True)],
+        diagrams=diagrams,
+        tables=found,
+    )
+    _print(study)
+    if args.out:
+        _write(args.out, study, data)
+
+
+def _curves(part: dict[str, Any]) -> list[Curve]:
+    inf = float("inf")
+    if any("unfound" not in curve for curve in part["curves"]):
+        raise ValueError("the figures are of an earlier version of this tool: measure again")
+    return [
+        Curve(
+            curve["name"],
+            curve["flags"],
+            [
+                Point(
+                    inf if p["setting"] is None else p["setting"],
+                    Spread(**p["seconds"]),
+                    Spread(**p["error"]),
+                    {key: float("nan") if v is None else v for key, v in p["more"].items()},
+                )
+                for p in curve["points"]
+            ],
+            curve["bias"],
+            curve["power"],
+            curve["bias_known_by"],
+            curve["left_out"],
+            curve["bias_at_most"],
+            curve["unfound"],
+        )
+        for curve in part["curves"]
+    ]
+
+
+def _ratios(both: Sequence[dict[str, Any]]) -> list[str]:
+    """Say for methods of both runs how the seconds compare to a target that both can judge."""
+    if not all("picture" in one for one in both):
+        return []
+    target = max(one["picture"]["forecast_target"] for one in both)
+    found = []
+    for one in both:
+        own = one["picture"]["reference"]["own_error"] or 0.0
+        found.append({c.name: forecast(c, target, own) for c in _curves(one["picture"])})
+    return [
+        f"To {asked(target)}, {name}: {seconds(found[0][name].seconds.median)} in A, "
+        f"{seconds(found[1][name].seconds.median)} in B."
+        for name in found[0]
+        if name in found[1] and None not in (found[0][name].passes, found[1][name].passes)
+    ]
+
+
+def _tell_step(text: str) -> None:
+    tell(f"  ... {text}")
