@@ -100,9 +100,7 @@ def connect_to_light_vertex(world, rules, paths, vertex, vertices, depth, number
     if _is_far(world, rules, vertices, k):
         return False
     factor = (end - begin) / CONNECT_CHANCE
-    return _connect(
-        world, paths, vertex, vertices, k, factor, rules.of_use / CONNECT_CHANCE, out, n
-    )
+    return connect(world, paths, vertex, vertices, k, factor, rules.of_use / CONNECT_CHANCE, out, n)
 
 
 @part
@@ -177,15 +175,6 @@ def member(group, j, begin, n_groups):
 
 
 @inlined
-def connect_far(world, paths, vertex, vertices, chosen, factor, out, n):
-    """Connect a vertex of a camera path to what `choose_far` chose, by a shadow ray.
-
-    All else is as in `connect_to_light_vertex`.
-    """
-    return _connect(world, paths, vertex, vertices, chosen, factor, 0.0, out, n)
-
-
-@inlined
 def fetch_ahead(world, rules, number, points, column):
     """Ask for the light vertices that a vertex is going to read; it may yet read none.
 
@@ -239,7 +228,7 @@ def _is_far(world, rules, vertices, k):
 
 
 @part
-def _connect(world, paths, vertex, vertices, k, factor, of_use, out, n):
+def connect(world, paths, vertex, vertices, k, factor, of_use, out, n):
     """Write row n of the shadow rays, to light vertex k, whose light is multiplied by ``factor``.
 
     ``of_use`` is the number of such connections of a path that a pass is expected to make; 0 if no

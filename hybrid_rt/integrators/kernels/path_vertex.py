@@ -17,7 +17,7 @@ from hybrid_rt.integrators.kernels.connections import (
     CONNECT_CHANCE,
     NONE,
     choose_far,
-    connect_far,
+    connect,
     connect_to_light_vertex,
 )
 from hybrid_rt.integrators.kernels.glass_and_mirrors import (
@@ -337,7 +337,7 @@ def leave_vertex(
             world, rules, paths, vertex, vertices, depth, number, s, t, rays, n
         )
         if chosen != NONE:
-            n += connect_far(world, paths, vertex, vertices, chosen, factor, rays, n)
+            n += connect(world, paths, vertex, vertices, chosen, factor, 0.0, rays, n)
     # --- light that balls and boxes throw here
     is_anchored = False
     if spreads and paths.chain.size:

@@ -154,7 +154,7 @@ class PathTracer(Integrator):
         self._plan_ways()
         self._path, self._branch = (self._new_paths(1) for _ in range(2))
         self._points = new_run_points(RUN_ACROSS if self._forms is None else RUN_ALONG)
-        self._keep(new_light_vertices(0, self._light.n_slots), np.zeros(1, dtype=np.int64))
+        self._keep(*self._no_light_vertices())
         self._first_pass = 0
         self._of_use = 0.0
 
@@ -279,7 +279,12 @@ class PathTracer(Integrator):
 
     def _keep(self, points: LightVertices, first_of_pass: IntArray) -> None:
         self._lit, self._first_of_pass = packed(points), first_of_pass
+        if self._lamps is None or self._lamps.near == np.inf:
+            points, first_of_pass = self._no_light_vertices()
         self._candidates, self._first_group = candidates_of(points, first_of_pass, self._joins)
+
+    def _no_light_vertices(self) -> tuple[LightVertices, IntArray]:
+        return new_light_vertices(0, self._light.n_slots), np.zeros(1, dtype=np.int64)
 
     def add_prepared(self, prepared: LightVertexPasses | None, images: FloatArray) -> None:
         """Add the splats of the light vertices."""
