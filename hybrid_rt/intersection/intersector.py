@@ -4,7 +4,8 @@ Spheres, rectangles, planes, boxes and tori have kernels of their own. Patches a
 revolution go through three stages: Embree finds coarse hits on their triangles; Newton iteration
 refines these on the true surface; a search in float64, bounded by the refined hit, proves which hit
 is first. The accuracies "mesh", "refined" and "certified" stop after one, two and three stages.
-Triangle meshes skip Embree if hits are to be certified: the float64 search alone is twice as fast.
+Two things skip Embree if hits are to be certified: triangle meshes, as the search in float64 alone is
+twice as fast, and shadow rays, which need no place to begin, only a yes or a no.
 """
 
 from __future__ import annotations
@@ -333,7 +334,7 @@ class Intersector:
         """Lower ``best`` for a slice of rays, by the stages of the accuracy."""
         for kind in self._direct:
             kind.trace(rays, None, best, any_hit, tally)
-        if self._coarse is None:
+        if self._coarse is None or (any_hit and self.accuracy == "certified"):
             for kind in self._curved:
                 kind.trace(rays, None, best, any_hit, tally)
         elif self.accuracy == "certified":

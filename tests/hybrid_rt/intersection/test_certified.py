@@ -102,6 +102,21 @@ def test_embree_only_saves_work(tracer, bare, rays, hits):
     assert bare.counters["coarse_hits"] == 0
 
 
+@pytest.mark.parametrize(
+    ("accuracy", "asks"), [("certified", False), ("refined", True), ("mesh", True)]
+)
+def test_certified_shadow_rays_do_without_embree(teapot, bare, rays, accuracy, asks, monkeypatch):
+    tracer = Intersector([teapot], accuracy=accuracy)
+    scene, asked = tracer._coarse.scene, []
+    first = scene.first
+    monkeypatch.setattr(scene, "first", lambda *some: asked.append(len(some[0])) or first(*some))
+    blocked = tracer.occluded(*rays)
+    assert bool(asked) is asks
+    assert (tracer.coarse_seconds > 0.0) is asks
+    if not asks:
+        np.testing.assert_array_equal(blocked, bare.occluded(*rays))
+
+
 @pytest.mark.parametrize("exponent", [30, -30])
 def test_powers_of_two_scale_every_bit(teapot, rays, hits, exponent):
     factor = 2.0**exponent
