@@ -89,7 +89,8 @@ class PathOptions(Options):
         strategies are for comparison: "lights" finds no caustics, "directions" finds no point
         lights.
     roulette_depth : int
-        Number of bounces before Russian roulette begins.
+        Number of bounces before Russian roulette begins. A path then goes on with the probability of
+        what it carries over what it carried at the vertex before.
     survival : float
         Largest survival probability of Russian roulette, above 0 and at most 1. At 1 a path in a
         closed white room ends only at ``max_depth``.

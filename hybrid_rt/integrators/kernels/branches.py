@@ -29,7 +29,7 @@ def copy_path(source, i, target, j):
     target.pixel[j] = source.pixel[i]
     target.sample[j] = source.sample[i]
     target.pdf[j] = source.pdf[i]
-    target.first[j] = source.first[i]
+    target.carried[j] = source.carried[i]
     target.splits[j] = source.splits[i]
     if source.rival.size:
         target.rival[j] = source.rival[i]
@@ -62,7 +62,7 @@ def reflected_share(world, rules, paths, vertex, depth):
         Vertices before this one.
     """
     glass = world.split_glass_of[vertex.material[0]]
-    if glass < 0 or paths.splits[0] == 0 or paths.first[0] > 0.0 or depth >= rules.max_depth:
+    if glass < 0 or paths.splits[0] == 0 or paths.carried[0] > 0.0 or depth >= rules.max_depth:
         return 0.0
     normal, d, left = vertex.hit.normal, paths.directions, paths.throughput
     cosine = normal[0, 0] * d[0, 0] + normal[0, 1] * d[0, 1] + normal[0, 2] * d[0, 2]

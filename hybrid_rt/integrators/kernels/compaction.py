@@ -33,8 +33,9 @@ class Paths(NamedTuple):
     directions: Any  # (n, 3) float64, unit
     throughput: Any  # (n, 3) float64, what one unit of radiance on this ray adds to its pixel
     pdf: Any  # (n,) float64, density of the direction; 0 where it had no choice
-    # (n,) float64, largest channel of the throughput behind the first non-delta surface; 0: none yet
-    first: Any
+    # (n,) float64, largest channel of the throughput behind the vertex before; 0: all surfaces so far
+    # were mirrors or glass
+    carried: Any
     splits: Any  # (n,) int8, how often it may still be divided, see `hybrid_rt.integrators.kernels.branches`
     # (n,) float64, see `hybrid_rt.integrators.kernels.light_paths`; (0,) where nothing is compared with it
     rival: Any
@@ -135,7 +136,7 @@ def pack_paths(paths, fate, least, position, object_id, onward, pdf, out):
         out.camera_ray[n] = paths.camera_ray[i]
         out.pixel[n] = paths.pixel[i]
         out.sample[n] = paths.sample[i]
-        out.pdf[n], out.first[n], out.splits[n] = pdf[i], paths.first[i], paths.splits[i]
+        out.pdf[n], out.carried[n], out.splits[n] = pdf[i], paths.carried[i], paths.splits[i]
         if paths.rival.size:
             out.rival[n] = paths.rival[i]
         out.source_id[n] = object_id[i]

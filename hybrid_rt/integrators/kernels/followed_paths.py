@@ -91,7 +91,7 @@ def follow_paths(
 def _leave_camera(block, i, media, path):
     path.camera_ray[0] = i
     path.pixel[0], path.sample[0] = block.pixel[i], block.sample[i]
-    path.pdf[0] = path.first[0] = 0.0
+    path.pdf[0] = path.carried[0] = 0.0
     path.splits[0] = MOST_SPLITS
     if path.rival.size:
         path.rival[0] = 0.0

@@ -361,12 +361,12 @@ def leave_vertex(
         world.lobes, vertices, 0, vertex.xi, vertex.choice, paths.media, vertex.second,
         not is_last or rules.spreads_last, not is_last,
         rules.survival if depth >= rules.roulette_depth else 0.0,
-        paths.first[0],
+        paths.carried[0],
         Rivals(hit.t, vertex.before, world.is_smooth, hit.object_id, paths.rival),
         vertex.onward, paths.throughput, paths.pdf,
     )  # fmt: skip
-    if fate == SCATTERED and paths.first[0] == 0.0:
-        paths.first[0] = _weight(world, paths)
+    if fate == SCATTERED or paths.carried[0] > 0.0:
+        paths.carried[0] = _weight(world, paths)
     if rules.has_light_paths:
         paths.joined[0] = joins and paths.pdf[0] > 0.0
     if is_known and paths.pdf[0] > 0.0:
@@ -397,7 +397,7 @@ def _lose(world, paths, tally):
     weight = _weight(world, paths)
     tally.lost[0] += 1
     tally.lost[1] += weight
-    if paths.first[0] == 0.0:
+    if paths.carried[0] == 0.0:
         tally.lost[2] += weight
 
 
@@ -412,7 +412,7 @@ def arrive(world, rules, paths, vertex, depth, pdf_area, radiance, tally):
     radiance[row, 2] += paths.throughput[0, 2] * b
     m, first = vertex.material[0], world.lobes.first
     ends = m < 0 or first[m] == first[m + 1]  # a lamp, or a material that emits alone
-    if ends and paths.first[0] == 0.0 and max(r, g, b) > 0.0:
+    if ends and paths.carried[0] == 0.0 and max(r, g, b) > 0.0:
         tally.lost[2] += _weight(world, paths)
     if m < 0:
         if depth <= rules.max_depth:
@@ -432,12 +432,12 @@ def depart(world, rules, paths, vertex, depth, block, points, column, branch, ra
     camera_pdf, number = 0.0, 0
     if rules.has_light_paths:
         camera_pdf, number = block.camera_pdf[row], block.pass_number[row]
-    had_spread = paths.first[0] > 0.0
+    had_spread = paths.carried[0] > 0.0
     fate, n, has_branch = leave_vertex(
         world, rules, paths, vertex, depth, camera_pdf, number, points, column, branch, rays, n
     )
     if not had_spread:
-        tally.lost[2] += paths.first[0]
+        tally.lost[2] += paths.carried[0]
     tally.fates[fate] += 1
     tally.fates[SPECULAR] += has_branch
     if fate == STOPPED:

@@ -38,7 +38,7 @@ def leaving_camera(
         directions=block.directions,
         throughput=np.ones((n, 3)),
         pdf=np.zeros(n),
-        first=np.zeros(n),
+        carried=np.zeros(n),
         splits=np.full(n, MOST_SPLITS, dtype=np.int8),
         rival=np.zeros(n) if has_rivals else NO_RIVAL,
         media=np.repeat(media[None], n, axis=0),

@@ -42,7 +42,7 @@ def new_paths(n: int, media_depth: int, has_rivals: bool, asks_ways: bool) -> Pa
         directions=np.empty((n, 3)),
         throughput=np.empty((n, 3)),
         pdf=np.empty(n),
-        first=np.empty(n),
+        carried=np.empty(n),
         splits=np.empty(n, dtype=np.int8),
         rival=np.empty(n if has_rivals else 0),
         media=np.empty((n, media_depth), dtype=np.int32),

@@ -104,8 +104,8 @@ def scatter_one(
 ):  # fmt: skip
     """Scatter ray i in one direction and return its fate.
 
-    Parameters are those of `scatter`. ``reference`` is the throughput at which a path survives; 0: at
-    any.
+    Parameters are those of `scatter`. ``reference`` is the throughput before, which roulette compares
+    with; 0: it takes no notice of throughput.
     """
     material, colors, _, normal, direction, geometric, ratio = vertices
     t, before, is_smooth, object_id, rival = rivals

@@ -74,7 +74,7 @@ def test_branches_end_at_the_depth_limit(max_depth, expected):
 
 
 def test_a_dark_floor_is_no_noisier_by_roulette():
-    """What a path carries is compared with what it carried behind the first surface.
+    """What a path carries is compared with what it carried at the vertex before.
 
     Compared with one, it made the noise five times as large.
     """
