@@ -98,7 +98,7 @@ class Fate(IntEnum):
 
 @dataclass(frozen=True)
 class Traced:
-    """Rays behind the last surface of a lens.
+    """Rays behind the last surface of a lens. It has a length, and ``rays[rows]`` selects some.
 
     (For points and normals at each surface, follow the rays by an `Intersector` of `Lens.surfaces`, one
     after the other, and `hybrid_rt.refract`.)
@@ -134,6 +134,16 @@ class Traced:
     fate: IntArray
     origins: FloatArray
 
+    def __len__(self) -> int:
+        """Return the number of rays."""
+        return len(self.passed)
+
+    def __getitem__(self, rows: object) -> Traced:
+        """Select rays by a mask, an index array or a slice; one integer gives one ray."""
+        if isinstance(rows, int | np.integer):
+            rows = [rows]
+        return Traced(*(getattr(self, field.name)[rows] for field in fields(self)))
+
     def at(self, z: float) -> FloatArray:
         """Return the points (n, 2) at which the rays meet the plane across the axis at z."""
         way = (z - self.position[:, 2]) / self.direction[:, 2]
@@ -143,9 +153,9 @@ class Traced:
     def to_csv(self, path: str | os.PathLike[str]) -> None:
         """Write one row per ray as comma-separated text, UTF-8, with a header line.
 
-        The columns are passed (1 or 0), x, y, z, dx, dy, dz, path, t_bound, stopped_at and
-        fate. Numbers are written so that they are read back bit for bit; nan where a ray does not get
-        through. An existing file is replaced.
+        The columns are passed (1 or 0), ox, oy, oz (the origin), x, y, z, dx, dy, dz, path, t_bound,
+        stopped_at and fate. Numbers are written so that they are read back bit for bit; nan where a
+        ray does not get through. An existing file is replaced.
 
         Raises
         ------
@@ -154,6 +164,7 @@ class Traced:
         """
         columns = {
             "passed": self.passed.astype(np.uint8),
+            **dict(zip(("ox", "oy", "oz"), self.origins.T, strict=True)),
             **dict(zip(("x", "y", "z"), self.position.T, strict=True)),
             **dict(zip(("dx", "dy", "dz"), self.direction.T, strict=True)),
             "path": self.path,
@@ -165,7 +176,7 @@ class Traced:
 
     def __repr__(self) -> str:
         """Return how many rays there are, and how many got through."""
-        return f"Traced({len(self.passed)} rays, {int(self.passed.sum())} passed)"
+        return f"Traced({len(self)} rays, {int(self.passed.sum())} passed)"
 
 
 class Lens:

@@ -194,15 +194,27 @@ def test_one_direction_goes_with_all_origins_and_the_table_reads_back(tmp_path):
     assert repr(rays) == "Traced(3 rays, 2 passed)"
     rays.to_csv(tmp_path / "rays.csv")
     header, *lines = (tmp_path / "rays.csv").read_text().splitlines()
-    assert header == "passed,x,y,z,dx,dy,dz,path,t_bound,stopped_at,fate"
+    assert header == "passed,ox,oy,oz,x,y,z,dx,dy,dz,path,t_bound,stopped_at,fate"
     values = np.genfromtxt(lines, delimiter=",")
     np.testing.assert_array_equal(values[:, 0], [1, 1, 0])
-    np.testing.assert_array_equal(values[:, 1:4], rays.position)
-    np.testing.assert_array_equal(values[:, 4:7], rays.direction)
-    np.testing.assert_array_equal(values[:, 7], rays.path)
-    np.testing.assert_array_equal(values[:, 8], rays.t_bound)
-    np.testing.assert_array_equal(values[:, 9], [-1, -1, 0])
-    np.testing.assert_array_equal(values[:, 10], [Fate.PASSED, Fate.PASSED, Fate.OUTSIDE])
+    np.testing.assert_array_equal(values[:, 1:4], origins)
+    np.testing.assert_array_equal(values[:, 4:7], rays.position)
+    np.testing.assert_array_equal(values[:, 7:10], rays.direction)
+    np.testing.assert_array_equal(values[:, 10], rays.path)
+    np.testing.assert_array_equal(values[:, 11], rays.t_bound)
+    np.testing.assert_array_equal(values[:, 12], [-1, -1, 0])
+    np.testing.assert_array_equal(values[:, 13], [Fate.PASSED, Fate.PASSED, Fate.OUTSIDE])
+
+
+def test_some_of_the_rays_are_selected_as_hits_are():
+    lens = Lens(COOKE_TRIPLET)
+    rays = lens.trace([[0.0, 0, -10], [0.1, 5, -10], [40, 0, -10]], (0, 0, 2))
+    assert len(rays) == 3
+    through = rays[rays.passed]
+    np.testing.assert_array_equal(through.position, rays.position[:2])
+    np.testing.assert_array_equal(through.at(70.0), rays.at(70.0)[:2])
+    assert (len(through), len(rays[2]), len(rays[1:])) == (2, 1, 2)
+    assert rays[-1].fate[0] == Fate.OUTSIDE
 
 
 def test_lost_rays_name_the_surface_that_stopped_them():
