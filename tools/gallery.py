@@ -21,7 +21,7 @@ from hybrid_rt.cli.command import kept, one_or_more, run_tool
 from hybrid_rt.cli.scene_file import load_script
 from hybrid_rt.integrators import PPMOptions
 from hybrid_rt.rendering.renderer import render
-from hybrid_rt.rendering.summary import passes_in_words, per_cent
+from hybrid_rt.rendering.units import passes_in_words, per_cent
 from hybrid_rt.sensor.color import screen_pixels
 
 ROOT = Path(__file__).parents[1]

@@ -219,10 +219,10 @@ def _guarded_tool(run: Callable[[], int | None]) -> int:
 
 
 def _add_study_options(parser: argparse.ArgumentParser) -> None:
-    from hybrid_rt.cli import study
+    from hybrid_rt.cli.study import DESCRIPTION, EXAMPLES, add_study_options
 
-    _describe(parser, study.DESCRIPTION, study.EXAMPLES)
-    study.add_study_options(parser)
+    _describe(parser, DESCRIPTION, EXAMPLES)
+    add_study_options(parser)
 
 
 def _run_study(options: argparse.Namespace) -> None:
@@ -232,10 +232,10 @@ def _run_study(options: argparse.Namespace) -> None:
 
 
 def _add_accuracy_options(parser: argparse.ArgumentParser) -> None:
-    from hybrid_rt.cli import accuracy
+    from hybrid_rt.cli.accuracy import DESCRIPTION, EXAMPLES, add_accuracy_options
 
-    _describe(parser, accuracy.DESCRIPTION, accuracy.EXAMPLES)
-    accuracy.add_accuracy_options(parser)
+    _describe(parser, DESCRIPTION, EXAMPLES)
+    add_accuracy_options(parser)
 
 
 def _run_accuracy(options: argparse.Namespace) -> None:

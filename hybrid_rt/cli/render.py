@@ -191,7 +191,7 @@ def _said_of_store(folder: Path | None) -> Iterator[None]:
 
 def _how_to_go_on(report: dict[str, Any]) -> str:
     """Say what a store holds, what was lost, and by which command the render goes on."""
-    from hybrid_rt.rendering.summary import passes_in_words
+    from hybrid_rt.rendering.units import passes_in_words
 
     kept = report["store"]
     lines = [f"  store     {note}" for note in kept["lost"]]
@@ -291,7 +291,7 @@ def shown_progress(mode: str) -> Iterator[Progress | None]:
 
 def summary(report: dict[str, Any]) -> str:
     """Return passes and seconds of a render in words."""
-    from hybrid_rt.rendering.summary import passes_in_words
+    from hybrid_rt.rendering.units import passes_in_words
 
     seconds = report["seconds"]
     compiling = report["kernel_compilation_seconds"]

@@ -12,7 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hybrid_rt.core.one_line import cut
-from hybrid_rt.rendering.summary import in_words, of_what, passes_in_words, per_cent
+from hybrid_rt.rendering.summary import in_words, of_what
+from hybrid_rt.rendering.units import passes_in_words, per_cent
 from hybrid_rt.sensor.color import screen_pixels
 
 # A notebook keeps the picture within its text: of larger ones it gets a smaller copy, pixels.

@@ -21,7 +21,7 @@ from typing import Any, TextIO
 
 from hybrid_rt.core import checks
 from hybrid_rt.core.progress import COMPILING
-from hybrid_rt.rendering.summary import per_cent
+from hybrid_rt.rendering.units import per_cent
 
 MODES = ("auto", "bar", "plain", "none")
 # Often enough to look alive, seldom enough to cost nothing; a notebook sends each of them, seconds.

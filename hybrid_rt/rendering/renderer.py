@@ -21,10 +21,10 @@ from hybrid_rt.rendering.channels import check_names, compute_channels
 from hybrid_rt.rendering.limits import DEFAULT_DEPTH, Clock, Limit
 from hybrid_rt.rendering.memory import check_memory
 from hybrid_rt.rendering.report import light_left_out, make_report, relative_error
+from hybrid_rt.rendering.report_warnings import all_warnings, warnings_in_words
 from hybrid_rt.rendering.result import RenderInterrupted, RenderResult
 from hybrid_rt.rendering.run import ClusterLost, run_passes
 from hybrid_rt.rendering.set_up import Request, set_up
-from hybrid_rt.rendering.summary import all_warnings, warnings_in_words
 from hybrid_rt.rendering.watcher import Beginning, Watcher
 from hybrid_rt.sampling.sampler import Sampler
 from hybrid_rt.scene.in_one_plane import surfaces_in_one_plane

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from hybrid_rt.rendering.channels import OUTPUTS
 from hybrid_rt.rendering.denoising import DenoisedPicture, denoise
 from hybrid_rt.rendering.display import as_html, one_line, png
-from hybrid_rt.rendering.summary import passes_in_words
+from hybrid_rt.rendering.units import passes_in_words
 from hybrid_rt.sensor.image_files import save_image
 
 

@@ -5,14 +5,16 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from hybrid_rt.rendering.limits import DEFAULT_DEPTH
-from hybrid_rt.rendering.report import ALL_LIGHT, NOT_MEASURED, depth_cuts_off, share_cut_off
+from hybrid_rt.rendering.report import ALL_LIGHT, NOT_MEASURED, share_cut_off
+from hybrid_rt.rendering.report_warnings import (
+    in_up_to,
+    refused_workers,
+    share_without_light,
+    unmet_decides,
+    warnings_in_words,
+)
+from hybrid_rt.rendering.units import duration, passes_in_words, per_cent
 from hybrid_rt.scene.lamps_in_surfaces import lamp_in_words
-
-# Of the light that was followed: that much cut off is worth a warning.
-MUCH = 0.01
-# Of the mean: that much lost or won by blur is worth one too.
-MUCH_BLUR = 0.05
 
 # If the worst 0.1 % of the pixels hold this share of the squared error, the noise of all is rough.
 MOST_OF_IT = 0.5
@@ -21,10 +23,8 @@ _ERRORS = {"target_error": "both", "target_error_trimmed": "both_trimmed"}
 _TRUSTED = {False: "target_error", True: "target_error_trimmed"}
 # The stages of which the seconds do not grow with the passes.
 _ONCE = ("scene", "build", "set-up", "audit", "light not found")
-# Seconds that are better said in minutes; and a render so many times longer is not worth a forecast.
-LONG, MOST_TIMES = 120.0, 1e9
-# What unmet lamps may add is worth a warning if it is so many times the image mean.
-MANY_TIMES = 30.0
+# A render so many times longer is not worth a forecast.
+MOST_TIMES = 1e9
 # What each limit is called, and what of it was reached.
 _STOPPED_BY = {
     "passes": "the number of passes",
@@ -37,16 +37,6 @@ _STOPPED_BY = {
     "cluster_lost": "the loss of the cluster",
     "watcher": "the live page",
 }
-_HOLLOW_OR_NESTED = (
-    "if it is meant to be the hollow of another body, give it the same material object as that body), or "
-    "more than eight clear bodies are nested in each other"
-)
-_TURNED_OR_NESTED = f"its normals point inward (pass it .flipped(); {_HOLLOW_OR_NESTED}"
-_PARTS_TURNED_OR_NESTED = (
-    "normals point inward, of the whole (pass it .flipped()), of one of its surfaces (flip that one), or "
-    "of single patches (compare surface.normal(0.5, 0.5, i) of each patch i, and transpose the nets of "
-    f"those that point inward; {_HOLLOW_OR_NESTED}"
-)
 
 
 def in_words(report: dict[str, Any]) -> str:
@@ -55,218 +45,6 @@ def in_words(report: dict[str, Any]) -> str:
     lines += _further(report)
     warnings = [f"  WARNING   {words}" for words in warnings_in_words(report)]
     return "\n".join([*warnings, *_lamps(report), *_left_out(report), *lines])
-
-
-def per_cent(share: float) -> str:
-    """Format a fraction in per cent, two digits: "0.35 %", "190 %"."""
-    two_digits = f"{100.0 * share:.2g}"
-    is_large = 100.0 <= float(two_digits) < 1e9  # where two digits would have an exponent
-    return f"{float(two_digits):,.0f} %" if is_large else f"{two_digits} %"
-
-
-def passes_in_words(n: int) -> str:
-    """Format the number of passes."""
-    return "1 pass" if n == 1 else f"{n} passes"
-
-
-def warnings_in_words(report: dict[str, Any]) -> list[str]:
-    """Return warnings about errors that the noise estimate does not cover, a line each."""
-    lines = []
-    if report["pixels_not_finite"]:
-        lines.append(
-            f"{report['pixels_not_finite']:,} pixels are not finite (nan, or brighter "
-            "than float32 holds): lower the radiance of the lights, scale the scene, or see whether "
-            "an integrator or material of your own returns nan"
-        )
-    if report["points_missed_by_photons"]:
-        share = report["points_missed_by_photons"] / report["photons"]["gather_points"]
-        lines.append(
-            f"{100.0 * share:.4g} % of the points that gather light have met no photon: "
-            "unless no light comes to them by way of other surfaces, light is missing that no error "
-            "estimate counts: pass more photons_per_pass (for ppm, also a larger initial_radius, or none), or take path, where the "
-            "view is small beside what the photons light"
-        )
-    lines += [
-        f"{name!r} is clear: {n_rays:,} rays left it without entering it, or never left it: it is not "
-        f"closed (all surfaces of a body take one and the same material object), or {_PARTS_TURNED_OR_NESTED}"
-        for name, n_rays in report["clear_bodies_not_closed"].items()
-    ]
-    lines += [
-        f"{name!r} is clear: {n_rays:,} rays left it without entering it, or never left it: "
-        f"{_TURNED_OR_NESTED}"
-        for name, n_rays in report["clear_bodies_lost"].items()
-    ]
-    lines += [
-        f"{name} lights nothing: its light comes to no object. {_how_to_turn(name, report)}"
-        for name in report["lamps_turned_away"]
-    ]
-    lines += [
-        f"{note['lamp']} lights nothing: it lies inside of {note['body']}, which is opaque, and the camera "
-        "lies outside. Move one of them, or make the body of glass"
-        for note in report["lamps_in_bodies"]
-    ]
-    lines += [
-        f"{one} and {other} lie in one plane and overlap: only one of them is seen there. Move one out, "
-        "by a thousandth of its size or so"
-        for one, other in report["surfaces_in_one_plane"]
-    ]
-    lines += [
-        f"{name} is a TriangleMesh with a texture over (u, v), which repeats on every triangle, as the "
-        "mesh has no texture coordinates: pass TriangleMesh(mesh, texture_coordinates=...), or a file "
-        'with UV coordinates, or take a CheckerTexture in "world"'
-        for name in report["pictures_on_meshes"]
-    ]
-    lost, max_depth = max(share_cut_off(report)), report["settings"]["max_depth"]
-    by_depth = depth_cuts_off(report)
-    if lost >= MUCH and not by_depth:
-        lines.append(
-            f"faint branches, of less than a thousandth of a camera ray, were ended with {per_cent(lost)} of "
-            "the light that was followed, which no error estimate counts: take path"
-        )
-    # A smaller max_depth than the default has been asked for, with what it cuts off.
-    elif lost >= MUCH and max_depth >= DEFAULT_DEPTH:
-        lines.append(
-            f"max_depth {max_depth} cut off {per_cent(lost)} of the light that was followed, which no "
-            "error estimate counts: pass a larger max_depth"
-        )
-    without = _much_left_out(report)
-    lines += without
-    is_explained = without or report["lamps_turned_away"] or report["lamps_in_bodies"]
-    if not is_explained and _share_without_light(report) == 1.0:
-        # From the default on, the warning above says so.
-        is_cut_off = by_depth and lost >= MUCH and max_depth < DEFAULT_DEPTH
-        larger = (
-            f"Pass a larger max_depth: {max_depth} cut off {per_cent(lost)} of the light that was "
-            "followed. Else look"
-            if is_cut_off
-            else "Look"
-        )
-        by_photons = ""
-        if report.get("photons", {}).get("emitted", 0):
-            by_photons = ". Or take path: photons may have missed what the camera sees"
-        elif report["settings"]["integrator"] == "path":
-            by_photons = (
-                ". Or take ppm: paths meet a small lamp behind mirrors or glass by chance alone"
-            )
-        lines.append(
-            f"the picture is black: no light arrives. {larger} for lamps inside of bodies or turned away, "
-            "a camera within a surface or on the unlit side of what it looks at, and for light that the "
-            f"integrator leaves out{by_photons}"
-        )
-    return [*lines, *_unmet_lamps(report), *_blurred_mean(report)]
-
-
-def _blurred_mean(report: dict[str, Any]) -> list[str]:
-    """Warn of a picture whose mean is off by what photons blur; before eight passes that is not known."""
-    photons, noise = report.get("photons", {}), report["noise"]
-    error = photons.get("blur_of_image_mean_standard_error")
-    if error is None or noise is None:
-        return []
-    shift = photons["blur_of_image_mean"]
-    true = noise["image_mean"] - shift
-    if abs(shift) < 3.0 * error or not abs(shift) >= MUCH_BLUR * true > 0.0:
-        return []
-    side = "dark" if shift < 0.0 else "bright"
-    words = (
-        f"discs of photons make the mean of the picture about {per_cent(abs(shift) / true)} too {side}: "
-        "they spread the light of spots and edges that are narrower than they are, and reach through "
-        "walls. Pass more photons_per_pass, or for ppm a smaller initial_radius"
-    )
-    return [words]
-
-
-def all_warnings(report: dict[str, Any]) -> list[str]:
-    """Return all warnings of a render: those of `warnings_in_words`, of lamps, and of its cluster."""
-    stuck = [note for note in report["lamps_in_surfaces"] if note["lifted_by"] == 0.0]
-    lines = [*map(lamp_in_words, stuck), *warnings_in_words(report)]
-    cluster = report["cluster"]
-    if cluster is not None:
-        lines += [*_refused(cluster), *([cluster["lost"]] if cluster["lost"] else [])]
-    return lines
-
-
-def _how_to_turn(name: str, report: dict[str, Any]) -> str:
-    """Return how a lamp is turned; swapped edges would lay a picture on its side."""
-    if name in report["pictures_turned_away"]:
-        return (
-            "A rectangle shines on the side of edge_u x edge_v: to turn it with its picture upright, "
-            "begin at the other end of edge_u and negate edge_u"
-        )
-    return (
-        "A rectangle shines on the side of edge_u x edge_v (swap its edges to turn it), a spot light "
-        "along its direction"
-    )
-
-
-def _much_left_out(report: dict[str, Any]) -> list[str]:
-    """Return a warning if much light is missing that the integrator does not find.
-
-    That is known of Whitted's method, which leaves out most indirect light: there it is more than all
-    that it finds.
-    """
-    measured, integrator = report["light_not_found_measured"], report["settings"]["integrator"]
-    if measured is None or measured["mean"] is None:
-        return []
-    mean, half, share = (measured[k] for k in ("mean", "half_interval_95", "share_of_image_mean"))
-    least = 1.0 if integrator == "whitted" else MUCH
-    if mean <= half or (share is not None and share < least):
-        return []
-    relative = "" if share is None else f", {per_cent(share)} of what it finds"
-    if share is not None and share > 10.0:
-        relative = f", {share:,.0f} times what it finds"
-    words = (
-        f"{integrator} does not find {'; '.join(report['light_not_found'])}: the image mean lacks "
-        f"{mean:.2g} +- {half:.1g} of it (95 %){_in_up_to(measured)}{relative}, which no error estimate counts: "
-        "take ppm"
-    )
-    return [words]
-
-
-def _unmet_lamps(report: dict[str, Any]) -> list[str]:
-    """Return a warning of lamps that no camera ray has met, if they decide the interval and may matter."""
-    noise = report["noise"]
-    if noise is None or not _unmet_decides(noise):
-        return []
-    if report["stopped_by"] == "target_error":
-        return _target_without_lamps(report)
-    unmet, mean = noise["unmet_lamps_95"], noise["image_mean"]
-    if not unmet > MANY_TIMES * mean > 0.0:
-        return []
-    is_path = report["settings"]["integrator"] == "path"
-    words = (
-        "lamps, or a sun in the sky, that camera rays meet by chance alone, in mirrors or glass or as "
-        f"specks, may not have been met yet: the brightest may add up to {unmet:.2g} to the image mean of "
-        f"{mean:.3g}{': take ppm, which sends photons from there' if is_path else ''}"
-    )
-    return [words]
-
-
-def _target_without_lamps(report: dict[str, Any]) -> list[str]:
-    """Return a warning if a target was reached that lamps that no camera ray has met may exceed."""
-    noise, settings = report["noise"], report["settings"]
-    unmet, mean, target = noise["unmet_lamps_95"], noise["image_mean"], settings["target_error"]
-    if unmet <= target * mean:
-        return []
-    relative, passes = "", "more passes"
-    needed = report["passes"] * (unmet / mean / target if mean > 0.0 else math.inf)
-    if needed < math.inf:
-        relative = f", {per_cent(unmet / mean)} of it"
-        passes = f"about {float(f'{needed:.2g}'):,.0f} passes"
-    by = "" if settings["integrator"] == "path" else " (integrator path makes them soonest)"
-    words = (
-        f"the target error {target:g} does not count lamps, or a sun in the sky, that camera rays meet by "
-        "chance alone, in mirrors or glass or as specks, and have not met yet: the brightest may add up to "
-        f"{unmet:.2g} to the image mean of {mean:.3g}{relative}. Pass no target, but {passes}{by}"
-    )
-    return [words]
-
-
-def _share_without_light(report: dict[str, Any]) -> float:
-    """Return the part of the pixels that are black in every pass; 0 where it is not known."""
-    noise, settings = report["noise"], report["settings"]
-    if noise is None:
-        return 0.0
-    return float(noise["pixels_without_light"] / (settings["width"] * settings["height"]))
 
 
 def _lamps(report: dict[str, Any]) -> list[str]:
@@ -298,17 +76,10 @@ def _unfound(report: dict[str, Any]) -> str:
     mean, half, share = (measured[k] for k in ("mean", "half_interval_95", "share_of_image_mean"))
     relative = "" if share is None else f", {per_cent(share)} of what is found"
     return (
-        f"the image mean lacks {mean:.3g} +- {half:.1g} (95 %) of it{_in_up_to(measured)}{relative}, by "
+        f"the image mean lacks {mean:.3g} +- {half:.1g} (95 %) of it{in_up_to(measured)}{relative}, by "
         f"{measured['photons']:,} photons;\n"
         f"            {where}"
     )
-
-
-def _in_up_to(measured: dict[str, Any]) -> str:
-    """Return how many bounces the light that photons measured has, if much has more."""
-    if measured["lost_share"] < MUCH:
-        return ""
-    return f" in up to {measured['max_depth']} bounces"
 
 
 def _cut_off(report: dict[str, Any]) -> list[str]:
@@ -346,7 +117,7 @@ def _scale(noise: dict[str, Any]) -> str:
 
 def _not_met(report: dict[str, Any]) -> str:
     """Return how much of the picture no light has reached: its error counts as none."""
-    text, photons, dark = "", report.get("photons"), _share_without_light(report)
+    text, photons, dark = "", report.get("photons"), share_without_light(report)
     if dark:
         share = per_cent(dark)
         text += f"\n            {share} of the pixels are black in every pass, and count as without noise"
@@ -380,18 +151,12 @@ def _noise(report: dict[str, Any]) -> str:
 
 def _unmet(noise: dict[str, Any]) -> str:
     """Return what of the interval is for lamps that no camera ray has met, if that decides it."""
-    if not _unmet_decides(noise):
+    if not unmet_decides(noise):
         return ""
     return (
         "\n            the interval allows for ways to the brightest lamp, or place of the sky, that no "
         "camera ray has taken yet, in mirrors or glass or as a speck: more passes narrow it"
     )
-
-
-def _unmet_decides(noise: dict[str, Any]) -> bool:
-    """Tell whether unmet lamps make the interval of the mean: if one had been met, noise would."""
-    unmet = noise["unmet_lamps_95"]
-    return bool(unmet > 0.0 and unmet >= noise["half_interval_95_of_image_mean"])
 
 
 def of_what(report: dict[str, Any]) -> str:
@@ -517,12 +282,7 @@ def _cluster(report: dict[str, Any]) -> list[str]:
         f"tasks{again}, {cluster['mib_received']:.3g} MiB received; the seconds of stages are sums "
         "over all processes"
     )
-    return [line, *(f"  WARNING   {words}" for words in _refused(cluster))]
-
-
-def _refused(cluster: dict[str, Any]) -> list[str]:
-    """Return which workers made no passes, and why."""
-    return [f"{who} made no passes: {why}" for who, why in cluster["refused"].items()]
+    return [line, *(f"  WARNING   {words}" for words in refused_workers(cluster))]
 
 
 def _coarse(report: dict[str, Any]) -> str:
@@ -607,7 +367,7 @@ def _further(report: dict[str, Any]) -> list[str]:
     once = min(sum(report["seconds"].get(stage, 0.0) for stage in _ONCE), total)
     seconds = once + (total - once) * times
     what = f"{per_cent(target)}{_of_which_pixels(name)}"
-    cost = f"{passes:,} passes, {_duration(seconds)}"
+    cost = f"{passes:,} passes, {duration(seconds)}"
     return [f"  further   {what} takes about {cost}: {name.replace('_', ' ')} {target:g}"]
 
 
@@ -623,11 +383,3 @@ def _times(error: dict[str, Any], name: str, target: float) -> float:
 
 def _of_which_pixels(name: str) -> str:
     return "" if name == "target_error" else " without the worst 0.1 % of the pixels"
-
-
-def _duration(seconds: float) -> str:
-    """Format seconds, from two minutes on with the hours and minutes: "9.6 s", "1 h 5 min"."""
-    if seconds < LONG:
-        return f"{seconds:.2g} s" if seconds < 99.5 else f"{seconds:.0f} s"
-    hours, minutes = divmod(round(seconds / 60.0), 60)
-    return f"{hours:,} h {minutes} min" if hours else f"{minutes} min"

@@ -13,7 +13,8 @@ import pytest
 import hybrid_rt as rt
 from hybrid_rt.core.one_line import WIDEST
 from hybrid_rt.rendering import display
-from hybrid_rt.rendering.summary import in_words, per_cent
+from hybrid_rt.rendering.summary import in_words
+from hybrid_rt.rendering.units import per_cent
 
 NAME = "<b>\"ball\" & 'co'</b>"
 

@@ -22,9 +22,9 @@ from hybrid_rt.lights import RectangleLight
 from hybrid_rt.materials import Lambertian
 from hybrid_rt.primitives import Plane, Sphere
 from hybrid_rt.rendering import renderer as rendering
-from hybrid_rt.rendering import summary as numbers
 from hybrid_rt.rendering.renderer import render
 from hybrid_rt.rendering.result import RenderInterrupted
+from hybrid_rt.rendering.units import passes_in_words
 from hybrid_rt.scene.scene import Object, Scene
 from hybrid_rt.sensor.camera import Camera
 
@@ -179,7 +179,7 @@ sys.exit(main(sys.argv[1:]))"""
     assert imageio.imread(tmp_path / "ä b.png").shape == (48, 64, 3)
     report = json.loads((tmp_path / "ä b.json").read_text("utf-8"))
     assert report["stopped_by"] == "interrupted"
-    passes = numbers.passes_in_words(report["passes"])
+    passes = passes_in_words(report["passes"])
     assert error.endswith(f"\nhybrid-rt: interrupted after {passes}\n")
 
 

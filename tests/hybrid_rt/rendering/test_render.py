@@ -35,7 +35,7 @@ from hybrid_rt.materials import (
 )
 from hybrid_rt.materials.rough_dielectric import RoughDielectric
 from hybrid_rt.primitives import Box, Plane, Rectangle, Sphere
-from hybrid_rt.rendering import memory
+from hybrid_rt.rendering import memory, report_warnings
 from hybrid_rt.rendering import renderer as rendering
 from hybrid_rt.rendering import summary as numbers
 from hybrid_rt.rendering.limits import Limit
@@ -663,7 +663,7 @@ def test_warnings_of_the_report_are_all_that_its_text_warns_of(caplog):
         assert f"WARNING   {words}" in numbers.in_words(report)
     cluster = {"refused": {"tcp://a": "numpy 1.0"}, "lost": "the scheduler is gone"}
     of_cluster = ["tcp://a made no passes: numpy 1.0", "the scheduler is gone"]
-    assert numbers.all_warnings(report | {"cluster": cluster}) == [*told, *of_cluster]
+    assert report_warnings.all_warnings(report | {"cluster": cluster}) == [*told, *of_cluster]
 
 
 def test_progress_hears_every_block(monkeypatch):

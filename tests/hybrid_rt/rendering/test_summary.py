@@ -24,7 +24,9 @@ from hybrid_rt import (
     render,
 )
 from hybrid_rt.rendering.report import depth_cuts_off
-from hybrid_rt.rendering.summary import _cut_off, _duration, in_words, per_cent, warnings_in_words
+from hybrid_rt.rendering.report_warnings import warnings_in_words
+from hybrid_rt.rendering.summary import _cut_off, in_words
+from hybrid_rt.rendering.units import duration, per_cent
 
 
 def test_weight_that_was_lost_is_the_depths_unless_branches_were_faint():
@@ -259,7 +261,7 @@ class TestFurther:
         ],
     )
     def test_long_times_are_in_hours(self, seconds, words):
-        assert _duration(seconds) == words
+        assert duration(seconds) == words
 
     def test_a_few_bright_pixels_are_not_trusted(self):
         report = self.report(passes=8)

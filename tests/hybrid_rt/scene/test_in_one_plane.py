@@ -5,7 +5,7 @@ import pytest
 
 from hybrid_rt import Box, Camera, Dielectric, Lambertian, Mirror, Object, Rectangle, Scene, render
 from hybrid_rt.lights import RectangleLight
-from hybrid_rt.rendering.summary import warnings_in_words
+from hybrid_rt.rendering.report_warnings import warnings_in_words
 from hybrid_rt.scene.compiled import compile_scene
 from hybrid_rt.scene.in_one_plane import surfaces_in_one_plane
 from meshing import TrimmedSurface, circle, polygon

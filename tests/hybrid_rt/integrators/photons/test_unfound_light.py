@@ -15,6 +15,7 @@ from hybrid_rt.primitives import Box, Plane, Rectangle, Sphere
 from hybrid_rt.rendering import summary
 from hybrid_rt.rendering.limits import DEFAULT_DEPTH
 from hybrid_rt.rendering.renderer import render
+from hybrid_rt.rendering.units import per_cent
 from hybrid_rt.scene.compiled import compile_scene
 from hybrid_rt.scene.plan import explain
 from hybrid_rt.scene.scene import Object, Scene
@@ -270,10 +271,7 @@ class TestSentences:
         n_lost = report["ended_branches"]["at max_depth"]
         # Of what paths carry to their ends, which is nothing else.
         share = 1.0 if integrator == "path" else lost
-        assert (
-            f"  cut off   {n_lost} paths at max_depth 3, with {summary.per_cent(share)} of what"
-            in text
-        )
+        assert f"  cut off   {n_lost} paths at max_depth 3, with {per_cent(share)} of what" in text
         assert report["picture_holds"] == (
             "the light that whitted finds in up to 3 bounces"
             if integrator == "whitted" and report["light_not_found"]

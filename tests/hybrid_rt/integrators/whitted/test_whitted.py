@@ -14,7 +14,7 @@ from hybrid_rt.lights import GradientSky, PointLight, RectangleLight
 from hybrid_rt.materials import Dielectric, Emissive, Lambertian, Metal, Mirror, Phong
 from hybrid_rt.primitives import Box, Plane, Rectangle, Sphere, TriangleMesh
 from hybrid_rt.rendering import renderer as rendering
-from hybrid_rt.rendering.summary import warnings_in_words
+from hybrid_rt.rendering.report_warnings import warnings_in_words
 from hybrid_rt.scene.scene import Object, Scene
 from hybrid_rt.sensor.camera import Camera
 from hybrid_rt.textures import CheckerTexture
