@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
@@ -26,6 +27,8 @@ from meshing.revolution import SurfaceOfRevolution
 RING_BASES = (4, 5, 6, 7)
 MAX_RING_DOUBLINGS = 17
 HALF_ULP = 2.0**-53
+# Digits that are kept of a tolerance.
+TARGET_STEPS = 2.0**12
 
 
 class TooManyTrianglesError(ValueError):
@@ -112,7 +115,7 @@ class _Piece:
 
 def rings_of(
     surface: SurfaceOfRevolution, tolerance: float, slack: float, max_triangles: int
-) -> tuple[int, list[tuple[int, int, int, int]], float]:
+) -> tuple[int, tuple[tuple[int, int, int, int], ...], float]:
     """Cut a surface of revolution into rings of cells.
 
     Parameters
@@ -124,27 +127,52 @@ def rings_of(
     -------
     base : int
         Every ring has this number of cells times a power of two.
-    rings : list of (segment, v0, v1, cells)
+    rings : tuple of (segment, v0, v1, cells)
         v in units of 2**-MAX_DEPTH; segments that lie on the axis have none.
     bound : float
         Proven distance of the triangles, without ``slack``.
     """
     on_axis = radius_rounding(surface.segments)
     turn = surface.u_range[1] - surface.u_range[0]
-    roots = [
-        _Piece(i, np.asarray(segment if w is None else net), 0, 1 << MAX_DEPTH, turn)
-        for i, (segment, w, net) in enumerate(
-            zip(surface.segments, surface.weights, surface.homogeneous, strict=True)
-        )
+    parts = zip(surface.segments, surface.weights, surface.homogeneous, strict=True)
+    profile = tuple(
+        (i, 2, segment.tobytes()) if w is None else (i, 3, net.tobytes())
+        for i, (segment, w, net) in enumerate(parts)
         if segment[:, 1].max() > on_axis
-    ]
+    )
     largest = max(float(np.abs(segment).max()) for segment in surface.segments)
     degree = max(len(segment) - 1 for segment in surface.segments)
     rounding = (degree * MAX_DEPTH + 8) * (degree + 2) ** 2 * 4.0 * HALF_ULP * largest
     target = max(tolerance - slack - rounding, rounding)
+    # Rounded down to few digits, so that equal profiles at other places need no search of their own.
+    mantissa, exponent = math.frexp(target)
+    target = math.ldexp(math.floor(mantissa * TARGET_STEPS), exponent) / TARGET_STEPS
+    forecast, base, rings, deviation = _fewest_cells(profile, turn, target, max_triangles)
+    if forecast > max_triangles:
+        raise TooManyTrianglesError(forecast, max_triangles, tolerance)
+    return base, rings, deviation + rounding
+
+
+@lru_cache(maxsize=256)
+def _fewest_cells(
+    profile: tuple[tuple[int, int, bytes], ...], turn: float, target: float, max_triangles: int
+) -> tuple[float, int, tuple[tuple[int, int, int, int], ...], float]:
+    """Cut a profile, given by the number, columns and bytes of its segments, into rings of cells.
+
+    Returns
+    -------
+    triangles : float
+        What the rings have; above ``max_triangles``, about what they would have, and there are none.
+    base, rings, deviation
+        As in `rings_of`; without rounding.
+    """
+    roots = [
+        _Piece(i, np.frombuffer(points).reshape(-1, columns), 0, 1 << MAX_DEPTH, turn)
+        for i, columns, points in profile
+    ]
     forecast = 2.0 * sum(root.forecast(target) for root in roots)
     if forecast > 4.0 * max_triangles:
-        raise TooManyTrianglesError(forecast, max_triangles, tolerance)
+        return forecast, 0, (), 0.0
     choices = []
     for base in RING_BASES:
         leaves: list[tuple[_Piece, int]] = []
@@ -152,10 +180,8 @@ def rings_of(
             leaves.extend(_best_cut(root, base, target)[1])
         choices.append((sum(cells for _, cells in leaves), base, leaves))
     cells, base, leaves = min(choices, key=lambda choice: choice[:2])
-    if 2 * cells > max_triangles:
-        raise TooManyTrianglesError(2.0 * cells, max_triangles, tolerance)
-    rings = [(piece.segment, piece.v0, piece.v1, cells) for piece, cells in leaves]
-    return base, rings, max(piece.deviation(cells) for piece, cells in leaves) + rounding
+    rings = tuple((piece.segment, piece.v0, piece.v1, n) for piece, n in leaves)
+    return 2.0 * cells, base, rings, max(piece.deviation(n) for piece, n in leaves)
 
 
 def _of_rational(net: FloatArray) -> tuple[float, float, float]:
