@@ -1,4 +1,4 @@
-"""Rough conductors: gold, copper, silver, aluminium and other metals, from nearly polished to matt."""
+"""Rough conductors: gold, silver, brass and other metals, from nearly polished to matt."""
 
 from __future__ import annotations
 
@@ -22,12 +22,18 @@ from hybrid_rt.textures.texture import ConstantTexture
 # of gold (0.968): its saturated 1.006 is no colour that a metal of three channels can have.
 # Gold, copper, silver: Johnson and Christy, "Optical constants of the noble metals", Phys. Rev. B 6, 4370
 # (1972). Aluminium: Rakic, "Algorithm for the determination of intrinsic optical constants of metal
-# films: application to aluminum", Appl. Opt. 34, 4755 (1995).
+# films: application to aluminum", Appl. Opt. 34, 4755 (1995). Brass, of 70 % copper and 30 % zinc: Querry,
+# "Optical constants", report CRDC-CR-85034 (1985). Iron, nickel, chromium: Johnson and Christy, "Optical
+# constants of transition metals", Phys. Rev. B 9, 5056 (1974).
 METALS = {
     "gold": ((0.1077, 0.4885, 1.4777), (3.5085, 2.3377, 1.8090)),
     "copper": ((0.2371, 1.0372, 1.2982), (3.2441, 2.6011, 2.3527)),
     "silver": ((0.0554, 0.0547, 0.0427), (4.2932, 3.5431, 2.5347)),
     "aluminium": ((1.4411, 0.9885, 0.5854), (7.5579, 6.5664, 5.3061)),
+    "brass": ((0.4316, 0.5154, 1.1451), (3.5837, 2.6941, 1.7543)),
+    "iron": ((2.9166, 2.9214, 2.5319), (3.0649, 2.9394, 2.7419)),
+    "nickel": ((2.0100, 1.9039, 1.7193), (4.1208, 3.5741, 2.8629)),
+    "chromium": ((3.2240, 3.1171, 2.2559), (3.2912, 3.3388, 3.1133)),
 }
 # Half of what a lobe reflects leaves within 2 atan(alpha) of the mirror direction: a quarter of the
 # hemisphere from here on. Of the photons around a point enough then fall within the lobe. Gathering
@@ -85,11 +91,11 @@ class RoughConductor(Material):
 
     @classmethod
     def of(cls, metal: str, roughness: float) -> RoughConductor:
-        """Return gold, copper, silver or aluminium, with measured indices.
+        """Return a metal with measured indices.
 
         Parameters
         ----------
-        metal : "gold", "copper", "silver" or "aluminium"
+        metal : "gold", "copper", "silver", "aluminium", "brass", "iron", "nickel" or "chromium"
         roughness : float
             As for the class.
 
