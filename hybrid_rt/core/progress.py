@@ -11,8 +11,9 @@ from typing import Any, Protocol
 
 # Shorter compilations are not worth a message; a long one says so often how far it is, seconds.
 ANNOUNCE_AFTER, AGAIN_AFTER = 0.5, 0.5
-# Outside of renders and tools nobody has asked to hear of it: only what takes long is said.
-WARN_AFTER = 5.0
+# Where nobody has asked to hear of it, only what takes long is said; and once for compilations that
+# follow on each other within so many seconds.
+WARN_AFTER, SAME_WITHIN = 5.0, 10.0
 
 COMPILING = "Compiling kernels (first run only)"
 
@@ -122,10 +123,24 @@ class CompileWatch:
 
 
 class _WatchOutside(CompileWatch):
-    """Warns, once a process, of kernels that compile for long while no render and no tool watches."""
+    """Warns of kernels that compile for long while nobody else tells of it."""
 
     def __init__(self) -> None:
         super().__init__(None, is_logged=True, announce_after=WARN_AFTER)
+        self._ended = 0.0
+
+    def on_start(self, event: Any) -> None:
+        """Handle numba's event that a compilation begins."""
+        with self._lock:
+            if self._depth == 0 and time.perf_counter() - self._ended > SAME_WITHIN:
+                self._is_announced, self._total = False, 0.0
+            super().on_start(event)
+
+    def on_end(self, event: Any) -> None:
+        """Handle numba's event that a compilation has ended."""
+        with self._lock:
+            super().on_end(event)
+            self._ended = time.perf_counter()
 
     def _log(self) -> None:
         if not _is_watching:
@@ -137,7 +152,7 @@ _outside: _WatchOutside | None = None
 
 
 def warn_of_compilation() -> None:
-    """From now on warn of long compilations outside of `watch_compilation`."""
+    """From now on warn of long compilations that no `watch_compilation` tells of."""
     from numba.core import event
 
     global _outside  # noqa: PLW0603
@@ -161,22 +176,31 @@ def _listener(watch: CompileWatch) -> Any:
 
 
 @contextmanager
-def watch_compilation(progress: Progress | None = None) -> Iterator[CompileWatch]:
+def watch_compilation(
+    progress: Progress | None = None, tells: bool = True
+) -> Iterator[CompileWatch]:
     """Measure the compilation time within this block, and announce it if it is long.
 
     Kernels loaded from the cache do not count. Of blocks within each other only the outermost logs.
+
+    Parameters
+    ----------
+    progress : Progress, optional
+    tells : bool
+        False: nobody hears of it by way of this block, so that `warn_of_compilation` does what it does
+        outside.
     """
     from numba.core import event
 
     from hybrid_rt.core.precompile import how_far
 
     global _is_watching  # noqa: PLW0603
-    is_outermost = not _is_watching
-    watch = CompileWatch(progress, is_outermost, how_far)
+    before = _is_watching
+    watch = CompileWatch(progress, tells and not before, how_far)
 
-    _is_watching = True
+    _is_watching = before or tells
     try:
         with event.install_listener("numba:compile", _listener(watch)):
             yield watch
     finally:
-        _is_watching = not is_outermost
+        _is_watching = before

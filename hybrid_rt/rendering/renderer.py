@@ -206,7 +206,7 @@ def render(
             kept_in = PassStore(store, resume)
             around.callback(kept_in.close)
             saved = kept_in.open(identity(scene, settings))
-        compilation = around.enter_context(watch_compilation(progress))
+        compilation = around.enter_context(watch_compilation(progress, tells=progress is not None))
         clock = Clock(compilation)
         ledger = Ledger(lambda: clock.seconds)
         ready = set_up(request, n_threads, ledger, progress)

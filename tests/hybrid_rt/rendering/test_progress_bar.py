@@ -428,21 +428,33 @@ def test_long_compilations_say_how_far_they_are(monkeypatch, caplog):
     assert len(caplog.records) == 1
 
 
-def test_what_compiles_for_long_outside_of_renders_is_said_once(monkeypatch, caplog):
+def test_what_compiles_for_long_is_said_once_where_nobody_tells_of_it(monkeypatch, caplog):
     monkeypatch.setattr(core_progress, "WARN_AFTER", 0.01)
     watch = core_progress._WatchOutside()
     for _ in range(2):
-        with watch_compilation():  # a render tells of it itself
+        with watch_compilation():  # a command tells of it itself
             compile_for(0.1, watch)
     assert not caplog.records
     watch = core_progress._WatchOutside()
     for _ in range(2):
-        compile_for(0.1, watch)
+        with watch_compilation(tells=False):  # a render without progress
+            compile_for(0.1, watch)
     (record,) = caplog.records
     assert (record.levelname, record.getMessage()) == (
         "WARNING",
         f"{COMPILING}: this may take minutes ...",
     )
+
+
+def test_compilations_far_apart_are_said_again(monkeypatch, caplog):
+    monkeypatch.setattr(core_progress, "WARN_AFTER", 0.01)
+    monkeypatch.setattr(core_progress, "SAME_WITHIN", 0.1)
+    watch = core_progress._WatchOutside()
+    for pause in (0.0, 0.2):
+        compile_for(0.05, watch)
+        time.sleep(pause)
+    compile_for(0.05, watch)
+    assert len(caplog.records) == 2
 
 
 def test_short_compilations_are_not_mentioned(caplog):
