@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from hybrid_rt.core.ledger import twelve_digits
+from hybrid_rt.integrators import INTEGRATORS
 from hybrid_rt.integrators.context import RenderContext
 from hybrid_rt.integrators.media.absorption import unclosed_bodies
 from hybrid_rt.integrators.workers import Blur
@@ -176,7 +177,13 @@ def make_report(
             "lost_weight_per_camera_ray": twelve_digits(ledger.lost_weight / n_camera),
             "lost_share": twelve_digits(ledger.lost_share()),
         },
-        "noise": _with_interval(film.noise(), context, film.n_passes, blur),
+        "noise": _with_interval(
+            film.noise(),
+            context,
+            film.n_passes,
+            blur,
+            INTEGRATORS[settings["integrator"]].sends_photons,
+        ),
         "clear_bodies_not_closed": not_closed,
         "clear_bodies_lost": lost,
         "pixels_not_finite": int(np.count_nonzero(~np.isfinite(film.image).all(axis=2))),
@@ -196,7 +203,11 @@ def make_report(
 
 
 def _with_interval(
-    noise: dict[str, Any] | None, context: RenderContext, passes: int, blur: Blur
+    noise: dict[str, Any] | None,
+    context: RenderContext,
+    passes: int,
+    blur: Blur,
+    ends_at_matt: bool,
 ) -> dict[str, Any] | None:
     """Add half the 95 % interval of the image mean, and what of it is for lamps that were not met.
 
@@ -204,7 +215,7 @@ def _with_interval(
     """
     if noise is None:
         return None
-    unmet = twelve_digits(unmet_light(context.scene, passes))
+    unmet = twelve_digits(unmet_light(context.scene, passes, ends_at_matt))
     half = half_interval_of_mean(
         noise["standard_error_of_image_mean"],
         noise["interval_factor"],

@@ -22,7 +22,7 @@ OF_NONE_MET = 3.0
 SURELY_MET = 30.0
 
 
-def unmet_light(scene: CompiledScene, passes: int) -> float:
+def unmet_light(scene: CompiledScene, passes: int, ends_at_matt: bool = False) -> float:
     """Return how much of the picture's mean radiance may come by lamps unmet so far, at most (95 %).
 
     0 where no camera ray meets a lamp by chance: mirrors, metal and glass are missing, and no lamp is
@@ -33,15 +33,27 @@ def unmet_light(scene: CompiledScene, passes: int) -> float:
     scene : CompiledScene
     passes : int
         Camera rays for each pixel.
+    ends_at_matt : bool
+        Whether camera paths end at surfaces that spread light, as they do where photons are gathered:
+        then mirrors, metal and glass out of sight are as if they were missing.
     """
     lights, camera = scene.lights, scene.camera
     has_area = ~np.isin(lights.kind, WITHOUT_AREA)
     highest = scene.brightness.highest
-    if not (scene.lobes.traits & FOLLOWED).any():
+    if not _meets_mirrors(scene, ends_at_matt):
         has_area &= _is_speck(scene, passes)
         highest = 0.0
     highest = float(lights.strength.mean(axis=1)[has_area].max(initial=highest))
     return OF_NONE_MET * highest / (passes * camera.width * camera.height)
+
+
+def _meets_mirrors(scene: CompiledScene, ends_at_matt: bool) -> bool:
+    """Tell whether camera rays may come to mirrors, metal or glass, at which they go on."""
+    numbers = np.flatnonzero(scene.materials_with(FOLLOWED)[scene.material_of])
+    if not ends_at_matt:
+        return numbers.size > 0
+    surfaces = [scene.surfaces[i] for i in numbers.tolist()]
+    return any(not s.is_bounded or scene.camera.may_see(s.bounds) for s in surfaces)
 
 
 def _is_speck(scene: CompiledScene, passes: int) -> BoolArray:

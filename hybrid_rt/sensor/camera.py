@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from itertools import product
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -206,6 +207,22 @@ class Camera:
         pixel = np.where(inside, (row * self.width + column).astype(np.int64), -1)
         pdf = np.where(inside, self._pdf_ahead * (distance / depth) ** 3, 0.0)
         return way, pixel, pdf
+
+    def may_see(self, bounds: FloatArray) -> bool:
+        """Tell whether anything within a box (2, 3), scene units, may be in the picture.
+
+        False is certain, but for roundings: the box lies behind the camera or wholly beyond one of the
+        four sides of its view. With a lens it is always True.
+        """
+        if self.has_lens:
+            return True
+        corners = np.array(list(product(*np.transpose(bounds)))) - self.look_from
+        depth = corners @ self._forward
+        high = depth * self._half_height
+        wide = high * self.width / self.height
+        across, upward = corners @ self._right, corners @ self._upward
+        beyond = [-depth, across - wide, -across - wide, upward - high, -upward - high]
+        return bool(np.max(np.min(beyond, axis=1)) <= 0.0)
 
     def direction_pdf(self, directions: FloatArray) -> FloatArray:
         """Return the pdf per solid angle (n,) of unit directions (n, 3) sampled by `rays`.

@@ -104,6 +104,25 @@ def test_interval_holds_though_a_sun_is_met_by_chance_alone():
     assert half_known >= 3
 
 
+def test_mirrors_out_of_sight_count_only_where_camera_paths_go_on():
+    """A detector is seen from in front; what throws light onto it stands behind the camera."""
+    behind = Object(Sphere((0, 0, 3), 0.5), Mirror(0.9))
+    beside = Object(Sphere((1.2, 0, 0), 0.5), Dielectric(1.5))  # the view is 0.36 wide there
+    in_sight = Object(Sphere((0.5, 0, 0.1), 0.2), Mirror(0.9))
+    for other, is_seen in ((behind, False), (beside, False), (in_sight, True)):
+        scene = compile_scene(Scene(CAMERA, [FLOOR, other], [SPECK]))
+        assert unmet_light(scene, 16) > 0.0
+        assert (unmet_light(scene, 16, ends_at_matt=True) > 0.0) is is_seen
+    half = {}
+    for integrator in ("ppm", "path"):
+        noise = render(
+            Scene(CAMERA, [FLOOR, behind], [SPECK]), integrator, 16, seed=1, threads=1
+        ).report["noise"]
+        half[integrator] = noise["half_interval_95_of_image_mean"]
+        assert (noise["unmet_lamps_95"] > 0.0) is (integrator == "path")
+    assert half["ppm"] < 0.1 * half["path"]
+
+
 def test_nothing_is_added_where_no_ray_meets_a_lamp_by_chance():
     """Without mirrors a lamp is found by next-event estimation, unless it is a speck in sight."""
     behind = RectangleLight((0.1, 0.1, 2), (0, 0.02, 0), (0.02, 0, 0), RADIANCE)
