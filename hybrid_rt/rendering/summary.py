@@ -15,8 +15,10 @@ from hybrid_rt.rendering.report_warnings import (
 )
 from hybrid_rt.rendering.units import duration, passes_in_words, per_cent
 from hybrid_rt.scene.lamps_in_surfaces import lamp_in_words
+from hybrid_rt.sensor.image_metrics import DIM
 
-# If the worst 0.1 % of the pixels hold this share of the squared error, the noise of all is rough.
+# If the worst 0.1 % of the pixels hold this share of the squared error, the noise of all is rough; and
+# so many pixels are most of the picture.
 MOST_OF_IT = 0.5
 # The figure that each target error is about; and the one to be trusted, if a few pixels decide or not.
 _ERRORS = {"target_error": "both", "target_error_trimmed": "both_trimmed"}
@@ -115,6 +117,19 @@ def _scale(noise: dict[str, Any]) -> str:
     )
 
 
+def _dark(report: dict[str, Any]) -> str:
+    """Say so if most of the picture is so dark that its relative errors are larger than they count."""
+    noise, settings = report["noise"], report["settings"]
+    n_lit = settings["width"] * settings["height"] - noise["pixels_without_light"]
+    if noise["pixels_dark"] <= MOST_OF_IT * n_lit:
+        return ""
+    share = noise["pixels_dark"] / n_lit
+    return (
+        f"\n            {per_cent(share)} of the pixels with light are darker than {DIM:g}, and their errors count "
+        "relative to that:\n            noise may be seen there. Scale the lamps, or look at the output standard_error"
+    )
+
+
 def _not_met(report: dict[str, Any]) -> str:
     """Return how much of the picture no light has reached: its error counts as none."""
     text, photons, dark = "", report.get("photons"), share_without_light(report)
@@ -144,7 +159,7 @@ def _noise(report: dict[str, Any]) -> str:
         f"  noise     {at_most}{per_cent(noise['relative_rmse'])} of the picture (relative RMSE, "
         f"estimated); image mean{', blurred,' if report['picture_is_blurred'] else ''}"
         f"{of_what(report)} {noise['image_mean']:.6g} +- {half:.1g} (95 %)"
-        f"{_unmet(noise)}{_worst_pixels(noise)}{_scale(noise)}{_not_met(report)}"
+        f"{_unmet(noise)}{_worst_pixels(noise)}{_scale(noise) or _dark(report)}{_not_met(report)}"
         f"{_blur(report['relative_error'])}"
     )
 

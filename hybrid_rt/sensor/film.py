@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hybrid_rt.core.records import FloatArray
-from hybrid_rt.sensor.image_metrics import DARK, WORST
+from hybrid_rt.sensor.image_metrics import DARK, DIM, WORST
 from hybrid_rt.sensor.intervals import (
     REACH,
     STUDENT,
@@ -239,7 +239,7 @@ class Film:
         0 before 16 passes; see `half_interval_of_mean`. ``errs_on_the_safe_side``: before 16
         passes, unless the worst pixels hold more than a tenth of the squared error; then too
         few passes have met what those pixels show. ``pixels_without_light``: those that are black
-        in every pass, whose error counts as none.
+        in every pass, whose error counts as none. ``pixels_dark``: all others darker than `DIM`.
         """
         n = self.n_passes
         if n < 2:
@@ -266,6 +266,7 @@ class Film:
             "worst_pixels": relative.n_worst,
             "worst_pixels_share_of_squared_error": relative.share_of_worst,
             "pixels_without_light": n_pixels - int(np.count_nonzero(is_lit)),
+            "pixels_dark": int(np.count_nonzero(is_lit & (self.image.mean(axis=2) < DIM))),
         }
 
     def _bright_path(self, mean: float) -> float:

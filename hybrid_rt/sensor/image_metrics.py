@@ -13,6 +13,8 @@ from hybrid_rt.core.records import FloatArray
 
 # Keeps dark pixels from deciding a relative error.
 DARK = 0.01
+# The radiance of which it is the square.
+DIM = 0.1
 # The share of pixels that a few bright paths can spoil in an otherwise good picture.
 WORST = 1e-3
 

@@ -73,6 +73,19 @@ def test_a_black_picture_is_a_warning(integrator):
     assert not warnings_in_words(lit.report)
 
 
+def test_a_bright_spot_in_a_dark_picture_does_not_hide_its_noise():
+    floor = Object(Rectangle((-2, -2, 0), (4, 0, 0), (0, 4, 0)), Lambertian(0.5))
+    camera = Camera((0, -6, 2), (0, 0, 0), (0, 0, 1), width=16, height=12)
+    for radiance, is_dark in ((0.5, True), (500.0, False)):
+        lamp = SphereLight((0, 0, 1), 0.3, radiance)
+        report = render(Scene(camera, [floor], [lamp]), passes=4, threads=1).report
+        noise = report["noise"]
+        share = noise["pixels_dark"] / (16 * 12 - noise["pixels_without_light"])
+        assert (share > 0.5) is is_dark
+        words = f"{per_cent(share)} of the pixels with light are darker than 0.1, and their errors count"
+        assert (words in in_words(report)) is is_dark
+
+
 @pytest.mark.parametrize(("integrator", "share"), [("path", "100 %"), ("whitted", "80 %")])
 def test_a_picture_that_max_depth_blackens_says_so(integrator, share):
     """The mirror reflects 0.8 of the sky, which is all that the camera would see."""

@@ -332,6 +332,16 @@ def test_black_pixels_are_counted_before_runs_are_whole(n_passes):
     assert sheet.noise()["pixels_without_light"] == 5
 
 
+def test_dark_pixels_are_those_with_some_light():
+    sheet = Film(4, 5)
+    for _ in range(3):
+        radiance = np.ones((4, 5, 3))
+        radiance[1:3], radiance[0] = 0.09, 0.0
+        sheet.add(radiance)
+    noise = sheet.noise()
+    assert (noise["pixels_dark"], noise["pixels_without_light"]) == (10, 5)
+
+
 def test_what_is_not_finite_or_black_is_counted():
     sheet = Film(40, 50)
     for n in range(16):
