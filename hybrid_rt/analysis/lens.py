@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 import os
+import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from enum import IntEnum
@@ -454,10 +455,14 @@ class Lens:
         ------
         ValueError
             If no ray gets through, or an argument is outside its limits.
+
+        Warns
+        -----
+        UserWarning
+            If rays meet a surface from behind, as where the lens is too thin at its edge.
         """
         z = number(z, "Lens.spot z")
-        rays = self.parallel(field, pupil, n)
-        met = rays.at(z)[rays.passed]
+        met = self._passed(field, pupil, n).at(z)
         centroid = met.mean(axis=0)
         return met, centroid, float(np.sqrt(((met - centroid) ** 2).sum(axis=1).mean()))
 
@@ -474,9 +479,9 @@ class Lens:
             If no ray gets through, or all leave parallel to each other.
         """
         z = number(z, "Lens.plane_of_least_spread z")
-        rays = self.parallel(field, pupil, n)
-        points = rays.at(z)[rays.passed]
-        slopes = (rays.direction[:, :2] / rays.direction[:, 2:])[rays.passed]
+        rays = self._passed(field, pupil, n)
+        points = rays.at(z)
+        slopes = rays.direction[:, :2] / rays.direction[:, 2:]
         points, slopes = points - points.mean(axis=0), slopes - slopes.mean(axis=0)
         spread = float((slopes * slopes).sum())
         # Slopes of parallel rays differ by rounding.
@@ -485,6 +490,18 @@ class Lens:
                 "all light leaves the lens in one direction: its spot is as wide everywhere"
             )
         return z - float((points * slopes).sum()) / spread
+
+    def _passed(self, field: float, pupil: float | None, n: int) -> Traced:
+        """Return the parallel light that gets through; warn of a lens that cannot be made."""
+        rays = self.parallel(field, pupil, n)
+        behind = rays.stopped_at[rays.fate == Fate.BEHIND]
+        if len(behind):
+            warnings.warn(
+                f"Lens: {len(behind)} of {len(rays)} rays meet the surface of prescription[{behind.min()}] "
+                "from behind, and count as lost: is the lens thick enough at its edge?",
+                stacklevel=3,
+            )
+        return rays[rays.passed]
 
 
 def _grid(low: ArrayLike, high: ArrayLike, n: int) -> FloatArray:

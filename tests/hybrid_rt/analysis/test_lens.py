@@ -206,6 +206,20 @@ def test_one_direction_goes_with_all_origins_and_the_table_reads_back(tmp_path):
     np.testing.assert_array_equal(values[:, 13], [Fate.PASSED, Fate.PASSED, Fate.OUTSIDE])
 
 
+def test_a_lens_whose_surfaces_cross_is_no_better_without_a_word():
+    """At a height of 12.7 the front is 1.58 deep, and the lens 0.5 thick."""
+    thin = Lens([LensSurface(51.68, 0.5, 1.5168, 25.4), LensSurface(math.inf, 0.0, 1.0, 25.4)])
+    words = r"meet the surface of prescription\[1\] from behind"
+    with pytest.warns(UserWarning, match=words):
+        points, _, _ = thin.spot(0.0, 100.0, n=16)
+    with pytest.warns(UserWarning, match=words):
+        thin.plane_of_least_spread(100.0, n=16)
+    assert len(points) == np.count_nonzero(thin.parallel(0.0, n=16).passed)
+    thick = Lens([LensSurface(51.68, 2.0, 1.5168, 25.4), LensSurface(math.inf, 0.0, 1.0, 25.4)])
+    assert (thick.parallel(0.0, n=16).fate != Fate.BEHIND).all()
+    thick.spot(0.0, 100.0, n=16)
+
+
 def test_some_of_the_rays_are_selected_as_hits_are():
     lens = Lens(COOKE_TRIPLET)
     rays = lens.trace([[0.0, 0, -10], [0.1, 5, -10], [40, 0, -10]], (0, 0, 2))
