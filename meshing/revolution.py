@@ -192,7 +192,9 @@ class SurfaceOfRevolution(ParametricSurface):
         words = f"{len(self)} segment{'s' * (len(self) > 1)} of {degrees}"
         if rational := sum(weights is not None for weights in self.weights):
             words += f", {rational} of them rational," if rational < len(self) else ", rational,"
-        words += f" about {self.axis.tolist()}"
+        points = np.concatenate(self.segments)
+        words += f" about {self.axis.tolist()}, from {points[:, 0].min():g} to {points[:, 0].max():g} along it"
+        words += f", control points up to {points[:, 1].max():g} from it"
         if not self.is_whole_turn:
             words += f", u_range={self.u_range}"
         return f"SurfaceOfRevolution({words})"

@@ -95,7 +95,8 @@ def picture_table(curves: Sequence[Curve]) -> Table:
         ("error: relative RMSE against the reference, the root of the mean of (x - r)^2 / (r^2 + 0.01) "
         "over pixels and channels. most pixels: the same without the worst 0.1 % of the pixels."),
         ("mean off by: mean brightness against the reference's, + brighter, - darker; noise averages out "
-        "here, light that is not found does not. +-: half its 95 % interval, noise of both pictures."),
+        "here, light that is not found does not. +-: half its 95 % interval, noise of both pictures; a large one "
+        "after few passes is for lamps that no camera ray has met yet, in mirrors or glass."),
         ("stated: the error that the render itself states. build s: seconds of these spent on building "
         "surfaces."),
     ))  # fmt: skip

@@ -63,7 +63,11 @@ def add_study_options(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--compare", nargs=2, type=Path, metavar=("A.json", "B.json"))
     parser.add_argument("--target", type=float, default=0.01, help="relative RMSE (default 0.01)")
-    parser.add_argument("--reference", type=Path, help="a picture (.npz or .exr) instead of ours")
+    parser.add_argument(
+        "--reference",
+        type=Path,
+        help="a picture (.npz or .exr) instead of ours, which is then neither made nor checked",
+    )
     parser.add_argument(
         "--reference-by",
         choices=REFERENCES,
@@ -71,12 +75,21 @@ def add_study_options(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--integrators", nargs="+", metavar="I", help="default: all that can")
     parser.add_argument(
-        "--photons", type=one_or_more, nargs="+", default=(), metavar="N", help="of a pass"
+        "--photons",
+        type=one_or_more,
+        nargs="+",
+        default=(),
+        metavar="N",
+        help="of a pass; not of the reference",
     )
     parser.add_argument(
         "--alphas", type=float, nargs="+", default=(), metavar="A", help="of ppm (default 2/3)"
     )
-    parser.add_argument("--reference-passes", type=one_or_more, help="default 1024, quick 128")
+    parser.add_argument(
+        "--reference-passes",
+        type=one_or_more,
+        help="of paths, default 1024, quick 128; photons, and the picture that checks it, take a quarter",
+    )
     parser.add_argument(
         "--passes", type=one_or_more, nargs="+", help="default 1 4 16 64, quick 1 4 16"
     )

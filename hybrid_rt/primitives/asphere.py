@@ -204,18 +204,18 @@ class Asphere(AxialSurface):
         return 2.0 * self.ball_radius
 
     def sag_at(self, r: ArrayLike) -> FloatArray:
-        """Return the sag z at distances r from the axis, of any shape, scene units.
+        """Return the sag z at heights r from the axis, of any shape and either sign, scene units.
 
         Raises
         ------
         ValueError, TypeError
-            If a distance is not a number from 0 to half the aperture.
+            If a height is not a number, or beyond half the aperture.
         """
         r = as_floats(r, "r")
-        if not ((r >= 0.0) & (r <= 0.5 * self.aperture)).all():
-            bad = r[~((r >= 0.0) & (r <= 0.5 * self.aperture))][0]
+        within = np.abs(r) <= 0.5 * self.aperture
+        if not within.all():
             raise ValueError(
-                f"r is {bad:g}: pass distances from the axis from 0 to {0.5 * self.aperture:g}"
+                f"r is {r[~within][0]:g}: pass heights from the axis of at most {0.5 * self.aperture:g}"
             )
         z, _, _ = self.sag.at(r * r)
         return z

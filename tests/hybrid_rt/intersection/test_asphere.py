@@ -291,7 +291,8 @@ def test_the_sag_is_the_formula():
         + a8 * r**8
     )
     np.testing.assert_allclose(asphere.sag_at(r), z, atol=1e-14)
-    with pytest.raises(ValueError, match=r"r is 5\.1: pass distances from the axis from 0 to 5"):
+    np.testing.assert_array_equal(asphere.sag_at(-r), asphere.sag_at(r))
+    with pytest.raises(ValueError, match=r"r is 5\.1: pass heights from the axis of at most 5"):
         asphere.sag_at([1, 5.1])
     again = eval(repr(asphere), {"Asphere": Asphere})
     assert repr(again) == repr(asphere)
