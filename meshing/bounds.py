@@ -147,9 +147,9 @@ def rings_of(
     # Rounded down to few digits, so that equal profiles at other places need no search of their own.
     mantissa, exponent = math.frexp(target)
     target = math.ldexp(math.floor(mantissa * TARGET_STEPS), exponent) / TARGET_STEPS
-    forecast, base, rings, deviation = _fewest_cells(profile, turn, target, max_triangles)
-    if forecast > max_triangles:
-        raise TooManyTrianglesError(forecast, max_triangles, tolerance)
+    triangles, base, rings, deviation = _fewest_cells(profile, turn, target, max_triangles)
+    if triangles > max_triangles:
+        raise TooManyTrianglesError(triangles, max_triangles, tolerance)
     return base, rings, deviation + rounding
 
 

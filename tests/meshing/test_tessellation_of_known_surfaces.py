@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from hybrid_rt.demo import vase
-from meshing import BezierPatches, SurfaceOfRevolution, tessellate
+from meshing import BezierPatches, SurfaceOfRevolution, bounds, tessellate
 
 
 @pytest.fixture(scope="module")
@@ -71,6 +71,22 @@ def test_tolerance_must_be_positive(teapot, tolerance):
 def test_too_many_triangles_are_refused_before_they_are_made(teapot):
     with pytest.raises(ValueError, match="triangles"):
         tessellate(teapot, 1e-12)
+
+
+def test_a_profile_is_cut_alike_wherever_it_is_turned():
+    """It is cut once for all of them."""
+    segments = [[(-1.0, 0.0), (-0.5, 1.2), (0.6, 0.9), (1.0, 0.0)]]
+    tolerance = 1e-3
+    first = tessellate(SurfaceOfRevolution(segments, (0, 0, 0), (0, 0, 1)), tolerance)
+    searched = bounds._fewest_cells.cache_info().misses
+    for origin, axis in (((3, 0, 0), (0, 0, 1)), ((-200, 7, 50), (0.6, 0, 0.8))):
+        mesh = tessellate(SurfaceOfRevolution(segments, origin, axis), tolerance)
+        # Which diagonal of a cell is the shorter one, rounding may decide.
+        assert (len(mesh), len(mesh.vertices)) == (len(first), len(first.vertices))
+        assert mesh.deviation_bound <= tolerance
+    assert bounds._fewest_cells.cache_info().misses == searched
+    finer = tessellate(SurfaceOfRevolution(segments, (0, 0, 0), (0, 0, 1)), tolerance / 4)
+    assert len(finer) > len(first)
 
 
 def test_scaling_by_a_power_of_two_keeps_the_faces(teapot):
