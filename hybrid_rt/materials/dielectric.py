@@ -24,7 +24,9 @@ class Dielectric(Material):
     The report of a render names bodies that rays enter and never leave, or leave without having
     entered. Up to eight nested bodies are tracked; a ninth is reported like one that is not closed.
 
-    Reflection and refraction follow Fresnel's equations for unpolarised light. Radiance is scaled
+    Reflection and refraction follow Fresnel's equations for unpolarised light; polarisation is not
+    carried from surface to surface (a pane of index 1.5 passes 0.836 of the light at 60 degrees, where
+    it should be 0.848; 0.904 for 0.907 at 45; the same at 0). Radiance is scaled
     by the square of the index ratio on refraction. Inside, each channel falls as
     exp(-absorption x length).
 

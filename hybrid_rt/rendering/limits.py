@@ -87,7 +87,8 @@ class Limit:
         self.time_budget = time_budget
         self._longest = 0.0
         self._pass_began = 0.0
-        self._n_began = 0
+        # None: no pass has begun in this call, which may go on with the passes of earlier ones.
+        self._n_began: int | None = None
         # The noise that each target is about.
         self._noise = dict.fromkeys(("target_error", "target_error_trimmed"), math.inf)
         self._ahead = math.inf  # what it will be after twice the passes, without the worst pixels
@@ -110,7 +111,7 @@ class Limit:
         It is more than one, at most ``at_most``, only if no limit will be reached and no error has
         to be estimated before they end.
         """
-        if n_done > self._n_began:
+        if self._n_began is not None and n_done > self._n_began:
             spent = (seconds - self._pass_began) / (n_done - self._n_began)
             self._longest = max(self._longest, spent)
         self._pass_began, self._n_began = seconds, n_done

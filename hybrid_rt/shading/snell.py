@@ -80,7 +80,8 @@ def reflectance(
 ) -> float | FloatArray:
     """Return the part of the power that is reflected between two media, by Fresnel's equations.
 
-    The light is unpolarised, and the media do not absorb.
+    The light is unpolarised, and the media do not absorb. Behind a slanted surface it is polarised in
+    part, which the next surface would need to know: see the how-to on non-sequential rays.
 
     Parameters
     ----------

@@ -94,6 +94,7 @@ def as_texture(color: Texture | ArrayLike, what: str) -> Texture:
         )
         return color
     _refuse_names(color, what)
+    _refuse_arrays(color, what)
     return ConstantTexture(checks.rgb(color, what, up_to=1.0))
 
 
@@ -109,7 +110,16 @@ def as_radiance(color: Texture | ArrayLike, what: str) -> Texture:
         checks.rgb(color.brightest, f"{what}: brightest colour of {type(color).__name__}")
         return color
     _refuse_names(color, what)
+    _refuse_arrays(color, what)
     return ConstantTexture(checks.rgb(color, what))
+
+
+def _refuse_arrays(color: Any, what: str) -> None:
+    shape = getattr(color, "shape", ())
+    if len(shape) > 1:
+        raise ValueError(
+            f"{what} has shape {tuple(shape)}: pass one number, three, or for a picture ImageTexture(array)"
+        )
 
 
 def _refuse_names(color: Texture | ArrayLike, what: str) -> None:

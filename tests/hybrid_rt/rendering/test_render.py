@@ -260,6 +260,13 @@ class TestLimit:
         assert n == n_passes
         assert limit.reached(n, seconds) == stopped_by
 
+    def test_a_budget_holds_where_earlier_passes_are_gone_on_from(self):
+        """They say nothing of how long a pass takes: set-up takes 2 s, each pass 3 s."""
+        limit, n, seconds = Limit(None, 20.0), 40, 2.0
+        while n_together := limit.begins(n, seconds, at_most=16):
+            n, seconds = n + n_together, seconds + 3.0 * n_together
+        assert (n, seconds) == (46, 20.0)
+
     def test_target_error_ends_where_the_estimate_is_below_it(self):
         """Errors fall as 1 / sqrt(passes) from 0.399: 0.05 takes 64, looked for more and more often"""
         limit, n, looks = Limit(None, None, 0.05), 0, []
