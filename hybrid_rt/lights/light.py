@@ -61,7 +61,8 @@ class Environment(ABC):
 def upright(up: FloatArray) -> FloatArray:
     """Return a frame (3, 3) about a unit vector; rows are azimuth 0, azimuth 90 degrees, up.
 
-    Azimuth 0 lies along the coordinate axis least aligned with ``up``, made perpendicular to it.
+    Azimuth 0 lies along the coordinate axis least aligned with ``up``, made perpendicular to it; of two
+    alike the first, so +x where up is +y or +z.
     """
     start = np.zeros(3)
     start[np.argmin(np.abs(up))] = 1.0

@@ -319,7 +319,7 @@ def _stop(report: dict[str, Any]) -> str:
     error, settings = report["relative_error"], report["settings"]
     text = (
         f"  stopped   by {_STOPPED_BY[report['stopped_by']]}, after {passes_in_words(report['passes'])}, "
-        f"{report['seconds']['total']:.2f} s"
+        f"{report['seconds']['total']:.2f} s{_in_this_call(report)}"
     )
     if error is None:
         return text
@@ -344,6 +344,16 @@ def _stop(report: dict[str, Any]) -> str:
         if target is not None and error["blur_stays"] and blur is not None and blur > target:
             text += f"\n            the blur alone keeps the target {target:g} out of reach"
     return text
+
+
+def _in_this_call(report: dict[str, Any]) -> str:
+    """Return what of the seconds is of this call, if it went on from earlier ones."""
+    store = report["store"]
+    if store is None or not store["passes_before"]:
+        return ""
+    return (
+        f" in {len(store['sessions'])} calls ({store['sessions'][-1]['seconds']:.2f} s in this one)"
+    )
 
 
 def _spills(report: dict[str, Any]) -> bool:

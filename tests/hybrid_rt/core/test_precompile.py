@@ -190,7 +190,7 @@ def test_what_is_left_counts_by_the_time_it_takes():
     workers._at_work = set()
     assert workers.how_far() == (40, 61)
     workers._queue = []
-    assert workers.how_far() == (61, 61)
+    assert workers.how_far() == (60, 61)  # this process may still compile
 
 
 def test_parts_are_compiled_before_what_links_them():

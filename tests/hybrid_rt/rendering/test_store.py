@@ -3,6 +3,7 @@
 import errno
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -19,6 +20,7 @@ from hybrid_rt.rendering import store as store_module
 from hybrid_rt.rendering.renderer import render
 from hybrid_rt.rendering.result import RenderInterrupted
 from hybrid_rt.rendering.store import PassStore, StoreError
+from hybrid_rt.rendering.summary import in_words
 
 OPTIONS = {
     "path": None,
@@ -94,6 +96,7 @@ def test_interrupted_and_continued(tmp_path, monkeypatch):
     assert 0 < done < 22
     part = render(scene(), passes=22, store=tmp_path, resume=True)
     assert part.report["store"]["passes_before"] == done
+    assert re.search(r"stopped .* s in \d calls \(\d+\.\d\d s in this one\)", in_words(part.report))
     np.testing.assert_array_equal(part.image, render(scene(), passes=22).image)
 
 
