@@ -7,7 +7,9 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
+from hybrid_rt.core import checks
 from hybrid_rt.core.records import FloatArray
 from hybrid_rt.shading.kernels.environment import EnvironmentTable, sky_on_rays
 from hybrid_rt.textures.texture import Texture
@@ -56,6 +58,22 @@ class Environment(ABC):
         radiance, pdf = np.empty((len(directions), 3)), np.empty(len(directions))
         sky_on_rays(self.table, np.ascontiguousarray(directions, np.float64), radiance, pdf)
         return radiance
+
+
+def lamp_radiance(radiance: Texture | ArrayLike, lamp: str, surface: str) -> FloatArray:
+    """Return the radiance of a lamp that shines evenly, (3,) float64.
+
+    Raises
+    ------
+    ValueError, TypeError
+        If it is out of range, or a texture: that takes an object with the surface named.
+    """
+    if isinstance(radiance, Texture):
+        raise TypeError(
+            f"{lamp} radiance is a texture: pass a number or three; a picture shines as "
+            f"Object({surface}(...), Emissive(texture))"
+        )
+    return checks.rgb(radiance, f"{lamp} radiance")
 
 
 def upright(up: FloatArray) -> FloatArray:

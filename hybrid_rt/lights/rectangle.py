@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 
 from hybrid_rt.core import checks
 from hybrid_rt.core.one_line import call, one_or_three
-from hybrid_rt.lights.light import Light, LightRow
+from hybrid_rt.lights.light import Light, LightRow, lamp_radiance
 from hybrid_rt.primitives import Rectangle
 from hybrid_rt.shading.kernels.light_kinds import RECTANGLE
 
@@ -38,7 +38,7 @@ class RectangleLight(Light):
         origin = checks.as_vector(corner, "RectangleLight corner", up_to=checks.FARTHEST)
         u = checks.as_vector(edge_u, "RectangleLight edge_u", up_to=checks.FARTHEST)
         v = checks.as_vector(edge_v, "RectangleLight edge_v", up_to=checks.FARTHEST)
-        strength = checks.rgb(radiance, "RectangleLight radiance")
+        strength = lamp_radiance(radiance, "RectangleLight", "Rectangle")
         area = float(np.linalg.norm(np.cross(u, v)))
         if area == 0.0:
             raise ValueError(

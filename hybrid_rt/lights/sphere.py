@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 
 from hybrid_rt.core import checks
 from hybrid_rt.core.one_line import call, one_or_three
-from hybrid_rt.lights.light import Light, LightRow
+from hybrid_rt.lights.light import Light, LightRow, lamp_radiance
 from hybrid_rt.primitives import Sphere
 from hybrid_rt.shading.kernels.light_kinds import SPHERE
 
@@ -38,7 +38,7 @@ class SphereLight(Light):
     def __init__(self, center: ArrayLike, radius: float, radiance: ArrayLike) -> None:
         middle = checks.as_vector(center, "SphereLight center", up_to=checks.FARTHEST)
         size = checks.number(radius, "SphereLight radius", above=0.0, up_to=checks.FARTHEST)
-        strength = checks.rgb(radiance, "SphereLight radiance")
+        strength = lamp_radiance(radiance, "SphereLight", "Sphere")
         self._row = LightRow(
             SPHERE,
             middle,

@@ -11,6 +11,7 @@ from hybrid_rt import (
     Camera,
     CheckerTexture,
     Emissive,
+    ImageTexture,
     Lambertian,
     Object,
     PathOptions,
@@ -19,6 +20,7 @@ from hybrid_rt import (
     Rectangle,
     RectangleLight,
     Scene,
+    SphereLight,
     render,
 )
 
@@ -126,3 +128,16 @@ def test_a_picture_lies_on_the_lamp_as_it_is_seen(strategy):
         assert_shows(
             scene, truth, "path", 0.1, seeds=(1, 2), options=PathOptions(strategy=strategy)
         )
+
+
+@pytest.mark.parametrize(
+    ("lamp", "surface"),
+    [
+        (lambda radiance: RectangleLight((0, 0, 0), (1, 0, 0), (0, 1, 0), radiance), "Rectangle"),
+        (lambda radiance: SphereLight((0, 0, 0), 1.0, radiance), "Sphere"),
+    ],
+)
+def test_a_texture_as_radiance_is_refused_with_what_takes_one(lamp, surface):
+    words = rf"Light radiance is a texture: .* Object\({surface}\(\.\.\.\), Emissive\(texture\)\)"
+    with pytest.raises(TypeError, match=words):
+        lamp(ImageTexture(np.ones((4, 4, 3))))

@@ -49,6 +49,10 @@ def test_lobes_of_all_materials_lie_in_one_table():
         (lambda: Mix([(0.5, Dielectric()), (0.5, Dielectric())]), "more than one part"),
         (lambda: Emissive(-1), "Emissive radiance"),
         (lambda: Emissive(np.nan), "Emissive radiance"),
+        (
+            lambda: Emissive(np.ones((8, 8))),
+            r"Emissive radiance has shape \(8, 8\): pass one number, three, or for a picture ImageTexture",
+        ),
         (lambda: Emissive(1, Emissive(1)), "Emissive base"),
     ],
 )
