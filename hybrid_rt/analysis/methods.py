@@ -62,6 +62,7 @@ def default_methods(
     scene: Scene,
     integrators: Sequence[str] | None = None,
     settings: Mapping[str, Sequence[Any]] | None = None,
+    certified_only: bool = False,
 ) -> list[Method]:
     """Return all integrators with certified hits, and the default one with uncertified hits.
 
@@ -73,6 +74,8 @@ def default_methods(
     settings : mapping of str to sequence, optional
         Values to try by flag name, in all combinations, for integrators with these settings.
         Default: the settings' defaults.
+    certified_only : bool
+        Leave the uncertified hits out.
 
     Raises
     ------
@@ -88,7 +91,9 @@ def default_methods(
             if refusal is not None:
                 raise refusal
     methods = [method for name in names for method in _with_settings(name, settings or {})]
-    return methods + (uncertified_methods(scene) if DEFAULT in names else [])
+    if certified_only or DEFAULT not in names:
+        return methods
+    return methods + uncertified_methods(scene)
 
 
 def _with_settings(integrator: str, settings: Mapping[str, Sequence[Any]]) -> list[Method]:

@@ -102,6 +102,7 @@ def study_picture(
     reference: Picture | None = None,
     reference_by: str | None = None,
     methods: Sequence[Method] | None = None,
+    certified_only: bool = False,
     threads: int | None = None,
     say: Say = lambda _: None,
 ) -> PictureStudy:
@@ -123,6 +124,8 @@ def study_picture(
         light the one with the smaller estimated error.
     methods : sequence of Method, optional
         Default: `default_methods`.
+    certified_only : bool
+        Measure neither uncertified hits nor what meshes do to the picture.
     threads : int, optional
     say : callable, optional
         Called with progress messages.
@@ -134,7 +137,9 @@ def study_picture(
         does not find all light of the scene.
     """
     _check_picture_study(scene, passes, runs, reference, reference_by)
-    chosen = default_methods(scene) if methods is None else list(methods)
+    if methods is None:
+        methods = default_methods(scene, certified_only=certified_only)
+    chosen = list(methods)
     camera = scene.camera
     small = scene.with_camera(camera.resized(16, 12))
     say("compiling kernels")
@@ -148,7 +153,7 @@ def study_picture(
         found, truth = given_reference(reference), reference.image
     found_of = _pictures(scene, chosen, passes, runs, truth, threads, say)
     meshes = []
-    if any(method.integrator == DEFAULT for method in chosen):
+    if not certified_only and any(method.integrator == DEFAULT for method in chosen):
         meshes = _meshes(scene, passes[-1], threads, say)
     images = {"reference": truth, **{name: of.images[0] for name, of in found_of.items()}}
     curves = [_curve(m, found_of[m.name], meshes, found, truth) for m in chosen]

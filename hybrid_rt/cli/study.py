@@ -75,6 +75,9 @@ def add_study_options(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--integrators", nargs="+", metavar="I", help="default: all that can")
     parser.add_argument(
+        "--certified-only", action="store_true", help="no meshes and no uncertified hits"
+    )
+    parser.add_argument(
         "--photons",
         type=one_or_more,
         nargs="+",
@@ -186,8 +189,12 @@ def _study_picture(scene: Scene, args: argparse.Namespace) -> PictureStudy:
         reference=None if args.reference is None else load_picture(args.reference),
         reference_by=args.reference_by,
         methods=default_methods(
-            scene, args.integrators, {"photons": args.photons, "alpha": args.alphas}
+            scene,
+            args.integrators,
+            {"photons": args.photons, "alpha": args.alphas},
+            args.certified_only,
         ),
+        certified_only=args.certified_only,
         threads=args.threads,
         say=_tell_step,
     )

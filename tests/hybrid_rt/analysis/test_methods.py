@@ -31,6 +31,7 @@ def test_all_integrators_and_what_is_not_certified():
     assert found[:5] == ["path", "whitted", "ppm", "photon_map", "path, refined"]
     assert len(found) == 8
     assert names(Scene(VIEW, [BALL], environment=SKY)) == found[:4]
+    assert names(Scene(VIEW, [TUBE], environment=SKY), None, None, True) == found[:4]
 
 
 def test_integrators_that_refuse_a_scene_are_left_out_unless_asked_for():

@@ -80,6 +80,16 @@ def test_study_of_a_scene_and_the_overlay_of_two(run, tmp_path):
     assert (tmp_path / "both" / "page.html").read_text().count("data:image/svg+xml") == 4
 
 
+def test_integrators_alone(run, tmp_path):
+    code, captured = run(
+        f"tube.py {SMALL} --only pictures --integrators path --certified-only --out alone"
+    )
+    assert code == 0
+    assert "path, mesh" not in captured.out
+    data = json.loads((tmp_path / "alone" / "curves.json").read_text())
+    assert [curve["name"] for curve in data["picture"]["curves"]] == ["path"]
+
+
 def test_surface_alone(run):
     code, captured = run(f"surface {TEAPOT} {SMALL}")
     assert code == 0
