@@ -91,7 +91,8 @@ def add_study_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--reference-passes",
         type=one_or_more,
-        help="of paths, default 1024, quick 128; photons, and the picture that checks it, take a quarter",
+        help="default 1024, quick 128; a second method makes a quarter as many, and the better picture is "
+        "the reference",
     )
     parser.add_argument(
         "--passes", type=one_or_more, nargs="+", help="default 1 4 16 64, quick 1 4 16"
