@@ -1,4 +1,4 @@
-"""Draw error against run time for a scene or a surface: the same as `hybrid-rt study`."""
+"""Error against run time: the same as `hybrid-rt study`."""
 
 import argparse
 import sys
@@ -10,7 +10,7 @@ from hybrid_rt.cli.study import DESCRIPTION, EXAMPLES, add_study_options, run_st
 def main() -> None:
     """Run the tool."""
     parser = argparse.ArgumentParser(
-        description=DESCRIPTION,
+        description=f"{__doc__}\n{DESCRIPTION}",
         epilog=EXAMPLES,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )

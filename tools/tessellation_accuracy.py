@@ -1,4 +1,4 @@
-"""Tell how fine a mesh must be, and what exactness costs: the same as `hybrid-rt accuracy`."""
+"""How fine a mesh must be: the same as `hybrid-rt accuracy`."""
 
 import argparse
 import sys
@@ -10,7 +10,7 @@ from hybrid_rt.cli.command import run_tool
 def main() -> None:
     """Run the tool."""
     parser = argparse.ArgumentParser(
-        description=DESCRIPTION,
+        description=f"{__doc__}\n{DESCRIPTION}",
         epilog=EXAMPLES,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
