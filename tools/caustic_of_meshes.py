@@ -10,10 +10,8 @@ caustic_error_against_time.png to the folder given with --out. --redraw draws th
 
 import argparse
 import importlib.util
-import json
 import math
 import sys
-from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -23,7 +21,7 @@ from hybrid_rt.analysis.diagrams import Diagram, Line, Mark, save
 from hybrid_rt.analysis.picture_sheet import sheet
 from hybrid_rt.analysis.units import percent
 from hybrid_rt.benchmarks.mesh_caustics import Curve, curves, truth
-from hybrid_rt.cli.command import kept, one_or_more, run_tool, say_if_no_plots
+from hybrid_rt.cli.command import earlier_rows, kept, one_or_more, run_tool, say_if_no_plots
 from hybrid_rt.sensor.color import screen_pixels
 
 TRIANGLES = (1_000, 10_000, 100_000, 1_000_000)
@@ -45,7 +43,8 @@ def main() -> int:
     args.out.mkdir(parents=True, exist_ok=True)
     say_if_no_plots("caustic_error_against_time.png")
     if args.redraw:
-        draw_errors(_read(args.redraw), args.out / ERRORS)
+        rows = earlier_rows(args.redraw, "relmse", "curves", "caustic_of_meshes.json")
+        draw_errors(rows, args.out / ERRORS)
         return 0
     size, photons = (64, 20_000) if args.quick else (200, 100_000)
     triangles = TRIANGLES[:2] if args.quick else TRIANGLES
@@ -126,15 +125,6 @@ def draw_errors(rows: list[dict[str, Any]], file: Path) -> None:
         "shadow and its caustic alone. smoothed: normals interpolated between vertices.",
     )
     save([diagram], file)
-
-
-def _read(file: Path) -> list[dict[str, Any]]:
-    """Return the rows of an earlier run."""
-    with suppress(ValueError):
-        rows = json.loads(file.read_text("utf-8"))
-        if isinstance(rows, list) and rows and all("relmse" in row for row in rows):
-            return rows
-    raise ValueError(f"{file} holds no curves: pass the caustic_of_meshes.json of an earlier run")
 
 
 if __name__ == "__main__":

@@ -5,9 +5,7 @@ from __future__ import annotations
 import argparse
 import csv
 import importlib.util
-import json
 from collections.abc import Sequence
-from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +13,7 @@ from hybrid_rt.analysis import mesh_diagrams
 from hybrid_rt.analysis.mesh_error import RAYS, Rung, climb
 from hybrid_rt.analysis.methods import size_of
 from hybrid_rt.analysis.units import number
-from hybrid_rt.cli.command import kept, one_or_more, say, say_if_no_plots
+from hybrid_rt.cli.command import earlier_rows, kept, one_or_more, say, say_if_no_plots
 from hybrid_rt.cli.scene_file import load_scene
 from meshing import BezierPatches, TrimmedSurface
 
@@ -59,7 +57,8 @@ def run_accuracy(args: argparse.Namespace) -> None:
         if not args.out:
             raise ValueError("--redraw has no folder: pass --out as well")
         args.out.mkdir(parents=True, exist_ok=True)
-        draw(args.out, args.file, surfaces, _read(args.redraw))
+        rows = earlier_rows(args.redraw, "microseconds", "table", "table.json")
+        draw(args.out, args.file, surfaces, rows)
         return
     tolerances = [step * size for step in (QUICK if args.quick else LADDER)]
     n_rays = args.rays or (20_000 if args.quick else 200_000)
@@ -166,15 +165,6 @@ def draw(
     mesh_diagrams.draw_time(rungs, file.stem, folder / "error_against_time.png")
     tolerance = 1e-3 * size_of(surfaces)
     mesh_diagrams.draw_error(surfaces, tolerance, file.stem, folder / "mesh_error.png")
-
-
-def _read(file: Path) -> list[dict[str, Any]]:
-    """Return the rows of an earlier table."""
-    with suppress(ValueError):
-        rows = json.loads(file.read_text("utf-8"))
-        if isinstance(rows, list) and rows and all("microseconds" in row for row in rows):
-            return rows
-    raise ValueError(f"{file} holds no table: pass the table.json of an earlier run")
 
 
 def _flat(values: dict[str, Any], prefix: str = "") -> dict[str, Any]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import importlib.util
 import io
+import json
 import logging
 import os
 import sys
@@ -196,6 +197,22 @@ def _write(file: Path | None, figures: Any) -> None:
 
         with replacing(file) as opened:
             opened.write(as_json(figures).encode())
+
+
+def earlier_rows(file: Path, key: str, what: str, name: str) -> list[dict[str, Any]]:
+    """Return the rows that an earlier run wrote as JSON, each with an entry ``key``.
+
+    Raises
+    ------
+    ValueError, OSError
+        If the file holds no such rows, or cannot be read. The message calls them ``what``, and the
+        file to pass ``name``.
+    """
+    with suppress(ValueError):
+        rows = json.loads(file.read_text("utf-8"))
+        if isinstance(rows, list) and rows and all(key in row for row in rows):
+            return rows
+    raise ValueError(f"{file} holds no {what}: pass the {name} of an earlier run")
 
 
 def say(text: str) -> None:
