@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike
 
 from hybrid_rt.core.hit_table import to_csv
 from hybrid_rt.core.one_line import cut
-from hybrid_rt.core.records import BoolArray, FloatArray, HitRecord, IntArray
+from hybrid_rt.core.records import BoolArray, FloatArray, HitRecord, IntArray, selected
 from hybrid_rt.intersection import Intersector
 from hybrid_rt.primitives.asphere import Asphere
 from hybrid_rt.shading.snell import refract
@@ -141,9 +141,7 @@ class Traced:
 
     def __getitem__(self, rows: object) -> Traced:
         """Select rays by a mask, an index array or a slice; one integer gives one ray."""
-        if isinstance(rows, int | np.integer):
-            rows = [rows]
-        return Traced(*(getattr(self, field.name)[rows] for field in fields(self)))
+        return Traced(*selected(self, rows))
 
     def at(self, z: float) -> FloatArray:
         """Return the points (n, 2) at which the rays meet the plane across the axis at z."""

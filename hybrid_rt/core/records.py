@@ -18,6 +18,13 @@ IntArray = NDArray[np.int32]
 BoolArray = NDArray[np.bool_]
 
 
+def selected(record: Any, rows: object) -> list[NDArray[Any]]:
+    """Return the columns of a record, each at some rows: a mask, an index array, a slice or one integer."""
+    if isinstance(rows, int | np.integer):
+        rows = [rows]
+    return [getattr(record, field.name)[rows] for field in fields(record)]
+
+
 class Status(IntEnum):
     """Outcome of a ray: MISS, HIT or TANGENT.
 
@@ -97,9 +104,7 @@ class HitRecord:
 
     def __getitem__(self, rows: object) -> HitRecord:
         """Select rows by a mask, an index array or a slice; one integer gives a record of one."""
-        if isinstance(rows, int | np.integer):
-            rows = [rows]
-        return HitRecord(*(getattr(self, field.name)[rows] for field in fields(self)))
+        return HitRecord(*selected(self, rows))
 
     def __repr__(self) -> str:
         """Count rays, hits and statuses; name the range of t and the largest bound of hits."""
