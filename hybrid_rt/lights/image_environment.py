@@ -21,7 +21,8 @@ class ImageEnvironment(Environment):
     The upper edge is the direction ``up``. The left edge is towards the coordinate axis least
     aligned with ``up``, made perpendicular to it. The azimuth grows to the right, clockwise as seen
     from above. With ``up`` = +y the left edge is towards +x, a quarter of the width towards +z, the
-    middle towards -x, and three quarters towards -z; with +z, too, it is towards +x. Between texels the image is bilinear.
+    middle towards -x, and three quarters towards -z; with +z, too, it is towards +x. Between
+    texels the image is bilinear.
 
     Parameters
     ----------

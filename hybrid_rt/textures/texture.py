@@ -93,8 +93,7 @@ def as_texture(color: Texture | ArrayLike, what: str) -> Texture:
             color.brightest, f"{what}: brightest colour of {type(color).__name__}", up_to=1.0
         )
         return color
-    _refuse_names(color, what)
-    _refuse_arrays(color, what)
+    _refuse_pictures(color, what)
     return ConstantTexture(checks.rgb(color, what, up_to=1.0))
 
 
@@ -109,24 +108,20 @@ def as_radiance(color: Texture | ArrayLike, what: str) -> Texture:
     if isinstance(color, Texture):
         checks.rgb(color.brightest, f"{what}: brightest colour of {type(color).__name__}")
         return color
-    _refuse_names(color, what)
-    _refuse_arrays(color, what)
+    _refuse_pictures(color, what)
     return ConstantTexture(checks.rgb(color, what))
 
 
-def _refuse_arrays(color: Any, what: str) -> None:
-    shape = getattr(color, "shape", ())
-    if len(shape) > 1:
-        raise ValueError(
-            f"{what} has shape {tuple(shape)}: pass one number, three, or for a picture ImageTexture(array)"
-        )
-
-
-def _refuse_names(color: Texture | ArrayLike, what: str) -> None:
-    """Refuse the name of a picture, or of a colour."""
+def _refuse_pictures(color: Texture | ArrayLike, what: str) -> None:
+    """Refuse the name of a picture or of a colour, and the array of a picture."""
     if isinstance(color, str | os.PathLike):
         name = shown(os.fspath(color))
         raise TypeError(
             f"{what} is {name}: pass a number, three numbers or a texture; of a picture, "
             f"ImageTexture({name})"
+        )
+    shape = getattr(color, "shape", ())
+    if len(shape) > 1:
+        raise ValueError(
+            f"{what} has shape {tuple(shape)}: pass one number, three, or for a picture ImageTexture(array)"
         )
