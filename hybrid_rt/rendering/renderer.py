@@ -21,21 +21,19 @@ from hybrid_rt.rendering.channels import check_names, compute_channels
 from hybrid_rt.rendering.limits import DEFAULT_DEPTH, Clock, Limit
 from hybrid_rt.rendering.memory import check_memory
 from hybrid_rt.rendering.report import light_left_out, make_report, relative_error
-from hybrid_rt.rendering.report_warnings import all_warnings, warnings_in_words
+from hybrid_rt.rendering.report_warnings import all_warnings, scene_warnings, warnings_in_words
 from hybrid_rt.rendering.result import RenderInterrupted, RenderResult
 from hybrid_rt.rendering.run import ClusterLost, run_passes
 from hybrid_rt.rendering.set_up import Request, set_up
 from hybrid_rt.rendering.watcher import Beginning, Watcher
 from hybrid_rt.sampling.sampler import Sampler
-from hybrid_rt.scene.in_one_plane import surfaces_in_one_plane
-from hybrid_rt.scene.lamps_in_bodies import lamps_in_bodies
-from hybrid_rt.scene.lamps_turned_away import lamps_turned_away
-from hybrid_rt.scene.pictures_on_meshes import pictures_on_meshes
 from hybrid_rt.scene.scene import Scene
 from hybrid_rt.sensor.film import Film
 
 # What a report's text says as well: whoever prints that can leave these messages out.
 LOG = logging.getLogger("hybrid_rt.report")
+# And these at once, before a render that may not be worth its time.
+SCENE_LOG = logging.getLogger("hybrid_rt.report.scene")
 
 
 def render(
@@ -210,6 +208,9 @@ def render(
         clock = Clock(compilation)
         ledger = Ledger(lambda: clock.seconds)
         ready = set_up(request, n_threads, ledger, progress)
+        said = scene_warnings(ready.faults)
+        for words in said:
+            SCENE_LOG.warning(words)
         context, left_out = ready.context, ready.left_out
         workers, source = ready.workers, None
         if cluster is not None:
@@ -261,11 +262,7 @@ def render(
             report |= workers.report(blur)
             report["geometry"]["wrong_first_hits"] = wrong
             report["lamps_in_surfaces"] = ready.sunken
-            turned_away = lamps_turned_away(context.scene)
-            report["lamps_turned_away"], report["pictures_turned_away"] = turned_away
-            report["lamps_in_bodies"] = lamps_in_bodies(context.scene)
-            report["surfaces_in_one_plane"] = surfaces_in_one_plane(context.scene)
-            report["pictures_on_meshes"] = pictures_on_meshes(context.scene)
+            report |= ready.faults
             report["relative_error"] = relative_error(
                 report["noise"], blur, own.blur_stays, own.error_power
             )
@@ -275,7 +272,8 @@ def render(
             report["warnings"] = all_warnings(report)
             result = RenderResult(film.image, report, channels)
             for words in [*warnings_in_words(report), *([lost] if lost else [])]:
-                LOG.warning(words)
+                if words not in said:
+                    LOG.warning(words)
             if watch is not None:
                 watch.end(report)
     if came or stopped_by == "interrupted":

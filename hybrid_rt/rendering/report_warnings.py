@@ -56,26 +56,7 @@ def warnings_in_words(report: dict[str, Any]) -> list[str]:
         f"{_TURNED_OR_NESTED}"
         for name, n_rays in report["clear_bodies_lost"].items()
     ]
-    lines += [
-        f"{name} lights nothing: its light comes to no object. {_how_to_turn(name, report)}"
-        for name in report["lamps_turned_away"]
-    ]
-    lines += [
-        f"{note['lamp']} lights nothing: it lies inside of {note['body']}, which is opaque, and the camera "
-        "lies outside. Move one of them, or make the body of glass"
-        for note in report["lamps_in_bodies"]
-    ]
-    lines += [
-        f"{one} and {other} lie in one plane and overlap: only one of them is seen there. Move one out, "
-        "by a thousandth of its size or so"
-        for one, other in report["surfaces_in_one_plane"]
-    ]
-    lines += [
-        f"{name} is a TriangleMesh with a texture over (u, v), which repeats on every triangle, as the "
-        "mesh has no texture coordinates: pass TriangleMesh(mesh, texture_coordinates=...), or a file "
-        'with UV coordinates, or take a CheckerTexture in "world"'
-        for name in report["pictures_on_meshes"]
-    ]
+    lines += scene_warnings(report)
     lost, max_depth = max(share_cut_off(report)), report["settings"]["max_depth"]
     by_depth = depth_cuts_off(report)
     if lost >= MUCH and not by_depth:
@@ -116,6 +97,37 @@ def warnings_in_words(report: dict[str, Any]) -> list[str]:
     return [*lines, *_unmet_lamps(report), *_blurred_mean(report)]
 
 
+def scene_warnings(faults: dict[str, Any]) -> list[str]:
+    """Return warnings about what a scene alone tells, before anything is rendered, a line each.
+
+    Parameters
+    ----------
+    faults : dict
+        As `hybrid_rt.scene.faults.faults_of`; a report holds these keys too.
+    """
+    lines = [
+        f"{name} lights nothing: its light comes to no object. {_how_to_turn(name, faults)}"
+        for name in faults["lamps_turned_away"]
+    ]
+    lines += [
+        f"{note['lamp']} lights nothing: it lies inside of {note['body']}, which is opaque, and the camera "
+        "lies outside. Move one of them, or make the body of glass"
+        for note in faults["lamps_in_bodies"]
+    ]
+    lines += [
+        f"{one} and {other} lie in one plane and overlap: only one of them is seen there. Move one out, "
+        "by a thousandth of its size or so"
+        for one, other in faults["surfaces_in_one_plane"]
+    ]
+    lines += [
+        f"{name} is a TriangleMesh with a texture over (u, v), which repeats on every triangle, as the "
+        "mesh has no texture coordinates: pass TriangleMesh(mesh, texture_coordinates=...), or a file "
+        'with UV coordinates, or take a CheckerTexture in "world"'
+        for name in faults["pictures_on_meshes"]
+    ]
+    return lines
+
+
 def _blurred_mean(report: dict[str, Any]) -> list[str]:
     """Warn of a picture whose mean is off by what photons blur; before eight passes that is not known."""
     photons, noise = report.get("photons", {}), report["noise"]
@@ -145,9 +157,9 @@ def all_warnings(report: dict[str, Any]) -> list[str]:
     return lines
 
 
-def _how_to_turn(name: str, report: dict[str, Any]) -> str:
+def _how_to_turn(name: str, faults: dict[str, Any]) -> str:
     """Return how a lamp is turned; swapped edges would lay a picture on its side."""
-    if name in report["pictures_turned_away"]:
+    if name in faults["pictures_turned_away"]:
         return (
             "A rectangle shines on the side of edge_u x edge_v: to turn it with its picture upright, "
             "begin at the other end of edge_u and negate edge_u"

@@ -15,6 +15,7 @@ from hybrid_rt.integrators.workers import Workers
 from hybrid_rt.intersection import Intersector
 from hybrid_rt.sampling.sampler import Sampler
 from hybrid_rt.scene.compiled import CompiledScene, compile_scene
+from hybrid_rt.scene.faults import faults_of
 from hybrid_rt.scene.lamps_in_surfaces import with_lamps_lifted
 from hybrid_rt.scene.plan import KERNELS_FOR, make_plan
 from hybrid_rt.scene.scene import Scene
@@ -54,12 +55,15 @@ class Ready:
         Which light the integrator does not find; see `Declaration.left_out_light`.
     sunken : list of dict
         Lamps that lie in surfaces, for the report.
+    faults : dict
+        What else is wrong with the scene, for the report; see `faults_of`.
     """
 
     context: RenderContext
     workers: Workers
     left_out: list[str]
     sunken: Any
+    faults: dict[str, Any]
 
 
 def set_up(
@@ -96,6 +100,7 @@ def set_up(
             return built
 
         compiled, tracer, sunken = with_lamps_lifted(request.scene, compiled, build)
+        faults = faults_of(compiled)
     # Threads share blocks of camera rays; within a block everything runs in one.
     sampler = Sampler(request.seed)
     context = RenderContext(
@@ -104,4 +109,4 @@ def set_up(
     with ledger.stage("set-up"):
         workers = declared.make(context, threads)
         workers.forget_seconds()
-    return Ready(context, workers, left_out, sunken)
+    return Ready(context, workers, left_out, sunken, faults)

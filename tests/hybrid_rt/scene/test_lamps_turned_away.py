@@ -34,7 +34,23 @@ def test_a_lamp_with_swapped_edges_is_named(caplog):
     assert report["noise"]["image_mean"] == 0.0
     assert report["lamps_turned_away"] == ["lights[0]"]
     assert "WARNING   lights[0] lights nothing: its light comes" in in_words(report)
-    assert [record.name for record in caplog.records] == ["hybrid_rt.report"]
+    assert [record.name for record in caplog.records] == ["hybrid_rt.report.scene"]
+
+
+def test_a_scene_that_is_wrong_is_said_to_be_before_it_is_rendered(caplog):
+    scene = Scene(
+        Camera(BELOW, (0, 0, 0), (0, 0, 1), width=8, height=6),
+        [FLOOR],
+        [RectangleLight((0, 0, 4), *UP, 9)],
+    )
+
+    def stop(stage, *_):
+        if stage == "Rendering":
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        render(scene, passes=1000, threads=1, progress=stop)
+    assert ["lights[0] lights nothing" in words for words in caplog.messages] == [True]
 
 
 def test_so_is_a_rectangle_that_shines():

@@ -82,5 +82,5 @@ def test_the_render_warns_and_the_report_holds_the_names(caplog):
     words = "object 'part' is a TriangleMesh with a texture over (u, v), which repeats on every"
     assert f"WARNING   {words}" in in_words(report)
     assert "pass TriangleMesh(mesh, texture_coordinates=...)" in in_words(report)
-    assert [record.name for record in caplog.records] == ["hybrid_rt.report"]
+    assert [record.name for record in caplog.records] == ["hybrid_rt.report.scene"]
     assert caplog.messages[0].startswith(words)
