@@ -166,12 +166,14 @@ def compare_pictures(
         Of plain numbers: ``errors`` by name of the measured picture (the fields of
         `hybrid_rt.sensor.image_metrics.PictureErrors`), the name of the reference (``against``),
         the relative RMSE explained by the estimated noise of both (``expected``; None if one has no
-        estimate), and ``seconds``, from the reports; ``nearest`` and ``nearest_of_most``, the
+        estimate), half of the 95 % interval that the reports give the difference of the means
+        (``mean_half_interval``; None likewise), and ``seconds``, from the reports; ``nearest`` and ``nearest_of_most``, the
         measured picture with the least relative RMSE of all pixels, and without the worst 0.1 % of
         them (None if only one is measured, two are equally near, or it cannot be told);
         ``nearest_told`` and ``nearest_of_most_told``, whether they can be told from noise, see
-        `hybrid_rt.analysis.nearer_picture` (None if only one is measured); and ``same_noise``, the
-        measured pictures that were rendered with the random numbers of what they are compared with.
+        `hybrid_rt.analysis.nearer_picture` (None if only one is measured); ``same_noise``, the
+        measured pictures that were rendered with the random numbers of what they are compared with;
+        and ``warnings``, what the reports of all pictures warn of: pairs of a name and a text.
 
     Raises
     ------
@@ -197,6 +199,7 @@ def compare_pictures(
         rows[name] = {
             **asdict(picture_errors(picture.image, target.image)),
             "expected": _expected(picture, target),
+            "mean_half_interval": _half_interval(picture, target),
             "seconds": _found(picture.report, "seconds", "total"),
         }
     return {
@@ -207,6 +210,11 @@ def compare_pictures(
             name
             for name, picture in zip(names, measured, strict=False)
             if picture is not target and _share_noise(picture.report, target.report)
+        ],
+        "warnings": [
+            (name, words)
+            for name, picture in zip(names, [*measured, target], strict=True)
+            for words in _warnings_of(picture.report)
         ],
     }
 
@@ -256,6 +264,12 @@ def _found(report: dict[str, Any] | None, part: str, name: str) -> float | None:
     return float(value) if isinstance(value, int | float) else None
 
 
+def _warnings_of(report: dict[str, Any] | None) -> list[str]:
+    """Return what a report warns of; nothing if it is another program's."""
+    texts = None if report is None else report.get("warnings")
+    return [text for text in texts if isinstance(text, str)] if isinstance(texts, list) else []
+
+
 def _distinct(pictures: Sequence[Picture]) -> list[str]:
     """Return names of which no two are equal."""
     names = [picture.name for picture in pictures]
@@ -278,26 +292,48 @@ def _expected(one: Picture, other: Picture) -> float | None:
     return math.sqrt(variance)
 
 
+def _half_interval(one: Picture, other: Picture) -> float | None:
+    """Return half of the 95 % interval of the difference of two means that differ by noise only."""
+    first, second = (
+        _found(picture.report, "noise", "half_interval_95_of_image_mean")
+        for picture in (one, other)
+    )
+    return None if first is None or second is None else math.hypot(first, second)
+
+
 def in_words(comparison: dict[str, Any]) -> str:
     """Format a comparison as a text table."""
-    head = ("relative", "of most", "by noise", "RMSE", "of most", "mean", "worst", "render")
-    units = ("%", "%", "%", "radiance", "radiance", "radiance", "radiance", "s")
+    head = (
+        "relative",
+        "of most",
+        "by noise",
+        "RMSE",
+        "of most",
+        "mean",
+        "by noise",
+        "worst",
+        "render",
+    )
+    units = ("%", "%", "%", *["radiance"] * 5, "s")
     lines = [f"against {comparison['against']}:"]
     lines += [f"  {'':24}" + "".join(f" {word:>9}" for word in row) for row in (head, units)]
     for name, row in comparison["errors"].items():
         expected = "unknown" if row["expected"] is None else f"{100.0 * row['expected']:.3g}"
+        half = row["mean_half_interval"]
+        of_mean = "unknown" if half is None else f"+-{half:.2g}"
         seconds = "unknown" if row["seconds"] is None else f"{row['seconds']:.2f}"
         lines.append(
             f"  {name:24} {100.0 * row['relative_rmse']:9.3g} "
             f"{100.0 * row['relative_rmse_of_most']:9.3g} {expected:>9} {row['rmse']:9.3g} "
-            f"{row['rmse_of_most']:9.3g} {row['mean_error']:+9.2g} {row['worst']:9.3g} {seconds:>9}"
+            f"{row['rmse_of_most']:9.3g} {row['mean_error']:+9.2g} {of_mean:>9} {row['worst']:9.3g} {seconds:>9}"
         )
     lines += _verdict(comparison)
     lines += [
         "  relative   root mean square of the pixels' differences, each over sqrt(r^2 + 0.01), where r is",
         f"             the pixel of {comparison['against']}",
         "  of most    the same without the worst 0.1 % of the pixels, which may be a few white dots",
-        "  by noise   the relative difference that the noise of both pictures explains, by their reports",
+        "  by noise   what the noise of both pictures explains, by their reports: of the relative difference,",
+        "             and of the mean difference (95 %)",
         "  RMSE       root mean square of the differences themselves",
         "  mean       mean difference; worst: the largest; render: seconds, by the report",
     ]
@@ -311,9 +347,15 @@ def in_words(comparison: dict[str, Any]) -> str:
 
 
 def _verdict(comparison: dict[str, Any]) -> list[str]:
-    """Say which picture is nearer to the reference, and whether noise hides from the comparison."""
+    """Say which picture is nearer to the reference, and what the differences may be due to."""
     against = comparison["against"]
     lines = _nearer(comparison)
+    lines += [
+        f"mean of {name}: {row['mean_error']:+.2g} from {against}, which noise does not explain (+-{half:.2g}, 95 %)"
+        for name, row in comparison["errors"].items()
+        if (half := row["mean_half_interval"]) is not None and abs(row["mean_error"]) > half
+    ]
+    lines += [f"WARNING: {name}, by its report: {words}" for name, words in comparison["warnings"]]
     lines += [
         f"WARNING: {name} and {against} were rendered with one integrator and one seed: their noise is "
         "partly the same, so they differ by less than either differs from the truth (pass --seed)"

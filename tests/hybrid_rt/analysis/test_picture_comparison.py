@@ -107,6 +107,37 @@ def test_noise_of_reports_adds_in_squares(tmp_path):
     assert row["rmse"] == 0.0
 
 
+@pytest.mark.parametrize(("off", "is_told"), [(0.0005, False), (-0.0055, True)])
+def test_means_are_compared_with_their_intervals(tmp_path, off, is_told):
+    """The intervals 0.003 and 0.004 add to 0.005."""
+    halves = {"one": 0.003, "other": 0.004}
+    one, other = (
+        load_picture(
+            write(
+                tmp_path / f"{name}.npz",
+                TRUTH + np.float32(off * (name == "one")),
+                {"noise": {"half_interval_95_of_image_mean": half}},
+            )
+        )
+        for name, half in halves.items()
+    )
+    found = compare_pictures(one, other)
+    assert found["errors"]["one.npz"]["mean_half_interval"] == pytest.approx(0.005)
+    said = "mean of one.npz: -0.0055 from other.npz, which noise does not explain (+-0.005, 95 %)"
+    assert (said in in_words(found)) == is_told
+    no_report = load_picture(write(tmp_path / "none.npz", TRUTH, {}))
+    assert compare_pictures(one, no_report)["errors"]["one.npz"]["mean_half_interval"] is None
+
+
+def test_what_reports_warn_of_is_told_again(tmp_path):
+    report = REPORT | {"warnings": ["whitted does not find diffuse reflection"]}
+    one = load_picture(write(tmp_path / "one.npz", TRUTH, report))
+    other = load_picture(write(tmp_path / "other.npz", TRUTH, {"warnings": "of another program"}))
+    for found in (compare_pictures(one, other), compare_pictures(other, one)):
+        assert found["warnings"] == [("one.npz", "whitted does not find diffuse reflection")]
+        assert "WARNING: one.npz, by its report: whitted does not find " in in_words(found)
+
+
 def test_the_nearer_picture_is_named(tmp_path):
     far, near, truth = (
         load_picture(write(tmp_path / f"{name}.npz", TRUTH + np.float32(off)))
