@@ -6,7 +6,7 @@ import numba
 from numba.core import registry
 
 from meshing.kernels.cache import CacheOfParts, SharedCache
-from meshing.kernels.link_only import LinkOnly
+from meshing.kernels.link_only import OUTLINED, LinkOnly
 
 CPUDispatcher: Any = registry.CPUDispatcher
 
@@ -31,8 +31,21 @@ def hot_kernel(function: Any) -> Any:
 
 
 def inner(function: Any) -> Any:
-    """Compile a function that only kernels call: no allocation, kept in its callers' cache."""
+    """Compile a function that only kernels call: no allocation, kept in its callers' cache.
+
+    It is inlined where its caller is, as numba hands that option down.
+    """
     return _for_kernels(function)
+
+
+def outlined(function: Any) -> Any:
+    """As `inner`, but never inlined.
+
+    For what few rays need. A kernel with many copies of such code in it takes long to compile: the
+    one of trimmed aspheres took 150 s, and takes 22 s with one call of each.
+    """
+    setattr(function, OUTLINED, True)
+    return _for_kernels(function, forceinline=False)
 
 
 def inlined(function: Any) -> Any:

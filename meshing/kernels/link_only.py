@@ -11,9 +11,23 @@ import llvmlite.binding as llvm
 from numba import _dynfunc  # type: ignore[attr-defined]
 from numba.core import caching, codegen, compiler, compiler_machinery, typed_passes
 
+# Set on a Python function: its code is called, never inlined.
+OUTLINED = "_is_outlined"
+
 
 class _LinkedLibrary(codegen.JITCodeLibrary):
     """Code that is optimised, and linked into that of its callers."""
+
+    is_outlined = False
+
+    def add_ir_module(self, ir_module: Any) -> None:
+        """Add the code of the function, before it is optimised."""
+        if self.is_outlined:
+            for function in ir_module.functions:
+                # The other functions in it are numba's own helpers.
+                if not function.is_declaration and "alwaysinline" not in function.attributes:
+                    function.attributes.add("noinline")
+        super().add_ir_module(ir_module)
 
     def _finalize_final_module(self) -> None:
         self._finalize_dynamic_globals()
@@ -31,6 +45,7 @@ class _LoweringToLink(typed_passes.NativeLowering):
         """Run the pass."""
         target, flags = state.targetctx, state.flags
         state.library = _LinkedLibrary(target.codegen(), state.func_id.func_qualname)
+        state.library.is_outlined = hasattr(state.func_id.func, OUTLINED)
         kept, flags.no_compile = flags.no_compile, True
         super().run_pass(state)
         flags.no_compile = kept

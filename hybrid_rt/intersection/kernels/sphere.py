@@ -221,8 +221,9 @@ def offer_sphere(i, k, table, rays, best):
     n_dot_d = half * dd / r
     tangent = depth < band
     if table.trim is not None:
-        _offer_inside(i, k, near, error_near, n_dot_d, tangent, band, table.trim, table, rays, best)
-        _offer_inside(i, k, far, error_far, n_dot_d, tangent, band, table.trim, table, rays, best)
+        for root in range(2):  # one place: the code behind it is compiled into it
+            t, error = (near, error_near) if root == 0 else (far, error_far)
+            _offer_inside(i, k, t, error, n_dot_d, tangent, band, table.trim, table, rays, best)
         return
     offer(i, near, error_near, n_dot_d, tangent, object_id[k], 0, 0.0, 0.0, t_min, known, best)
     offer(i, far, error_far, n_dot_d, tangent, object_id[k], 0, 0.0, 0.0, t_min, known, best)

@@ -90,14 +90,11 @@ def search(i, k, line, lo, hi, shift, per_t, rims, table, rays, best):
         lowest = min(f0 * p, f0 * q, f1 * p, f1 * q) + wrong
         highest = max(f0 * p, f0 * q, f1 * p, f1 * q) - wrong
         is_inside, will_be = ga <= 0.0, gb <= 0.0
-        splits = False
-        if line.vz > highest + 2.0 * wrong or line.vz < lowest - 2.0 * wrong:
-            # --- it runs one way
-            if is_inside != will_be:
-                s = find_root(line, coefficient, k, a, b, ga, gb)
-                if offer_sag_root(i, k, line, s, False, shift, per_t, rims, table, rays, best):
-                    return
-        else:
+        # --- g has one root in [a, middle] or none, as its ends tell, and so in [middle, b]
+        middle, g_middle = b, gb
+        near = is_flat = touches = splits = False
+        if not (line.vz > highest + 2.0 * wrong or line.vz < lowest - 2.0 * wrong):
+            # --- it may not run one way
             square_high = most * most
             square_low = 0.0 if p * q <= 0.0 else min(p * p, q * q)
             twice = 2.0 * line.across
@@ -114,49 +111,37 @@ def search(i, k, line, lo, hi, shift, per_t, rims, table, rays, best):
             elif least_bend > slack or most_bend < -slack:
                 # --- it bends one way: two roots at most, on both sides of the extremum
                 sign = -1.0 if least_bend > slack else 1.0
-                s, is_out, near = b, will_be, False
                 if sign * slope_a <= 0.0 <= sign * slope_b:
-                    s = find_extremum(line, coefficient, k, a, b, sign, clear)
-                    g, _, _, rate = look(line, coefficient, k, s)
-                    is_out = g <= 0.0
-                    near = abs(g) < band * gradient(line, s, rate)
-                    if is_inside != is_out:
-                        root = find_root(line, coefficient, k, a, s, ga, g)
-                        if offer_sag_root(
-                            i, k, line, root, near, shift, per_t, rims, table, rays, best
-                        ):
-                            return
-                    if is_out != will_be:
-                        root = find_root(line, coefficient, k, s, b, g, gb)
-                        if offer_sag_root(
-                            i, k, line, root, near, shift, per_t, rims, table, rays, best
-                        ):
-                            return
-                    if near and is_inside == is_out == will_be:
-                        t = (shift + s * per_t) * to_world
-                        doubt_kept(i, k, line, s, t, band, table, rays, best)
-                elif is_inside != will_be:
-                    root = find_root(line, coefficient, k, a, b, ga, gb)
-                    if offer_sag_root(
-                        i, k, line, root, False, shift, per_t, rims, table, rays, best
-                    ):
-                        return
+                    middle = find_extremum(line, coefficient, k, a, b, sign, clear)
+                    g_middle, _, _, rate = look(line, coefficient, k, middle)
+                    near = abs(g_middle) < band * gradient(line, middle, rate)
+                    touches = near and is_inside == (g_middle <= 0.0) == will_be
             elif depth >= DEPTH or (
                 abs(gb - ga) + 2.0 * sagitta <= 0.125 * clear and least_g <= clear
             ):
                 # --- along the surface, within the band
-                s = 0.5 * (a + b)
-                if is_inside != will_be:
-                    if offer_sag_root(i, k, line, s, True, shift, per_t, rims, table, rays, best):
-                        return
-                else:
-                    t = (shift + s * per_t) * to_world
-                    doubt_kept(i, k, line, s, t, band, table, rays, best)
+                near = is_flat = True
+                touches = is_inside == will_be
             else:
                 splits = True
         if splits:
             width, index, depth = 0.5 * width, 2 * index, depth + 1
             continue
+        for part in range(2):
+            if part == 0:
+                begin, end, g_begin, g_end = a, middle, ga, g_middle
+            else:
+                begin, end, g_begin, g_end = middle, b, g_middle, gb
+            if (g_begin <= 0.0) != (g_end <= 0.0):
+                s = 0.5 * (a + b)
+                if not is_flat:
+                    s = find_root(line, coefficient, k, begin, end, g_begin, g_end)
+                if offer_sag_root(i, k, line, s, near, shift, per_t, rims, table, rays, best):
+                    return
+        if touches:
+            s = 0.5 * (a + b) if is_flat else middle
+            t = (shift + s * per_t) * to_world
+            doubt_kept(i, k, line, s, t, band, table, rays, best)
         ga, slope_a = gb, slope_b
         index += 1
         while depth > 0 and index % 2 == 0:

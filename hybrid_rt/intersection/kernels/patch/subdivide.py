@@ -248,27 +248,27 @@ def slow_solve(
         is_beside = is_beside or x0 > slop or x1 < -slop or y0 > slop or y1 < -slop
         is_point = max(f1 - f0, g1 - g0, h1 - h0) <= 4.0 * slop
         is_long = h1 - h0 > LONG * size
-        # --- no root, but is it within the band?
-        if is_beside and (is_point or (y1 - y0 < THIN_BESIDE * reach and not is_long)):
-            _, _, t, gap, _ = approach(
-                patch, ray, um, vm, um - hu, um + hu, vm - hv, vm + hv, APPROACHES
-            )
-            if gap <= BESIDE * reach:
-                doubt_piece(i, t, reach, um, vm, hu, hv, patch, ray, rays, best)
-            if is_point or gap <= BESIDE * reach:
-                continue
-        # --- too small to be told from a point, or too thin to hold a decision
-        if is_point or (y1 - y0 < 2.0 * slop and not is_beside):
+        # --- without a root, but perhaps within the band; or too small to be told from a point, or too
+        # thin to hold a decision
+        may_pass = is_beside and (is_point or (y1 - y0 < THIN_BESIDE * reach and not is_long))
+        is_thin = not may_pass and (is_point or (y1 - y0 < 2.0 * slop and not is_beside))
+        is_root = passes = False
+        n_dot_d, t = 0.0, 0.5 * (h0 + h1) / length
+        if is_thin:
             n_dot_d = _steepness(patch, um, vm, ex, ey, ez)
             is_flat = n_dot_d < CLEAR_CROSSING
-            t = 0.5 * (h0 + h1) / length
-            if is_point or (is_flat and x1 - x0 < fold and h1 - h0 < fold):
+            is_root = is_point or (is_flat and x1 - x0 < fold and h1 - h0 < fold)
+            passes = is_flat and not is_root and not is_long
+        if may_pass or is_root:
+            u, v, t_near, gap, there = approach(
+                patch, ray, um, vm, um - hu, um + hu, vm - hv, vm + hv, APPROACHES
+            )
+            if may_pass:
+                passes = gap <= BESIDE * reach
+            else:
                 # Ray and surface are apart by less than the piece is thick, for a length of that
                 # thickness over the slope: t is no surer.
                 slope = max(n_dot_d, FLATTEST)
-                u, v, t_near, gap, there = approach(
-                    patch, ray, um, vm, um - hu, um + hu, vm - hv, vm + hv, APPROACHES
-                )
                 slope = max(min(slope, there / length), FLATTEST)
                 t_bound = 0.5 * (h1 - h0) + (4.0 * slop + 2.0 * gap) / slope
                 t_bound += abs(t_near - t) * length
@@ -279,20 +279,20 @@ def slow_solve(
                     is_kept, edge = is_inside_loops(
                         i, u, v, t_near, patch.trim, patch, ray, rays, best
                     )
-                    if not is_kept:
-                        # Where along a fold the root is, is open by as much as the piece is long.
-                        doubt_piece(i, t_near, reach, um, vm, hu, hv, patch, ray, rays, best)
-                        continue
-                    t_bound += edge
-                    offer(
-                        i, t_world, t_bound, slope, SUSPECT, object_id, row, u, v,
-                        t_min, known, best,
-                    )  # fmt: skip
-                    h_cut = min(h_cut, h0)
-                continue
-            if is_flat and not is_long:
-                doubt_piece(i, t, reach, um, vm, hu, hv, patch, ray, rays, best)
-                continue
+                    # Where along a fold the root is, is open by as much as the piece is long.
+                    passes = not is_kept
+                    if is_kept:
+                        t_bound += edge
+                        offer(
+                            i, t_world, t_bound, slope, SUSPECT, object_id, row, u, v,
+                            t_min, known, best,
+                        )  # fmt: skip
+                        h_cut = min(h_cut, h0)
+            t = t_near
+        if passes:
+            doubt_piece(i, t, reach, um, vm, hu, hv, patch, ray, rays, best)
+        if passes or is_root or (may_pass and is_point):
+            continue
         # --- Krawczyk: how far the tangents turn, seen through the inverse of their mean
         det = au * bv - av * bu
         if det != 0.0:
