@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hybrid_rt.core.one_line import cut
-from hybrid_rt.rendering.summary import in_words, of_what
+from hybrid_rt.rendering.summary import in_words, of_what, short_cautions
 from hybrid_rt.rendering.units import passes_in_words, per_cent
 from hybrid_rt.sensor.color import screen_pixels
 
@@ -104,4 +104,6 @@ def _error(report: dict[str, Any]) -> str:
     error = report["relative_error"]
     if error is None or error["both"] is None or not math.isfinite(error["both"]):
         return "error unknown"
-    return f"error {per_cent(error['both'])}{of_what(report)}"
+    cautions = short_cautions(report)
+    said = f" ({'; '.join(cautions)})" if cautions else ""
+    return f"error {per_cent(error['both'])}{of_what(report)}{said}"

@@ -223,6 +223,22 @@ def _few_decide(noise: dict[str, Any]) -> bool:
     return few
 
 
+def short_cautions(report: dict[str, Any]) -> list[str]:
+    """Return in few words what is to be known of the error of a picture; the full text says more."""
+    noise = report["noise"]
+    if noise is None:
+        return []
+    cautions = []
+    if _few_decide(noise):
+        trimmed = per_cent(noise["relative_rmse_trimmed"])
+        cautions.append(f"rough, few pixels decide it: noise {trimmed} without the worst 0.1 %")
+    if _dark(report):
+        cautions.append("relative to 0.1 where pixels are darker, as most are")
+    if unmet_decides(noise):
+        cautions.append("without lamps in glass or mirrors that were not met yet")
+    return cautions
+
+
 def _blur(error: dict[str, Any]) -> str:
     if error["blur_at_most"] is None:
         why = "no point has met a photon" if math.isfinite(error["noise"]) else "not finite"

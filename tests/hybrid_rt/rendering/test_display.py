@@ -61,6 +61,27 @@ def test_an_error_that_is_unknown_is_said_to_be(result, error):
     assert ", error unknown, " in repr(again)
 
 
+@pytest.mark.parametrize(
+    ("noise", "words"),
+    [
+        (
+            {
+                "worst_pixels": 1,
+                "worst_pixels_share_of_squared_error": 0.9,
+                "relative_rmse_trimmed": 0.02,
+            },
+            "rough, few pixels decide it: noise 2 % without the worst 0.1 %",
+        ),
+        ({"pixels_dark": 192}, "relative to 0.1 where pixels are darker, as most are"),
+        ({"unmet_lamps_95": 9.0}, "without lamps in glass or mirrors that were not met yet"),
+    ],
+)
+def test_what_is_to_be_known_of_an_error_stands_beside_it(result, noise, words):
+    again = rt.RenderResult(result.image, result.report | {"noise": result.report["noise"] | noise})
+    assert f" % ({words})" in repr(again)
+    assert "(" + words not in repr(result)
+
+
 def test_a_part_of_the_light_is_named_beside_its_error(result):
     holds = {"picture_holds": "the light that whitted finds in up to 16 bounces"}
     again = rt.RenderResult(result.image, result.report | holds)

@@ -193,7 +193,7 @@ class TestFurther:
         assert passes == math.ceil(8 * (noise / target) ** 2)
 
     @pytest.mark.parametrize(
-        "settings", [{"time_budget": 0.05}, {"target_error": 0.5}, {"passes": 4}]
+        "settings", [{"time_budget": 1.0}, {"target_error": 0.5}, {"passes": 4}]
     )
     def test_whatever_ended_it(self, settings):
         assert "  further   " in in_words(self.report(**settings)).splitlines()[-1]
