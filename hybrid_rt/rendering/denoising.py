@@ -9,6 +9,7 @@ Afra, "Intel Open Image Denoise", https://www.openimagedenoise.org.
 
 from __future__ import annotations
 
+import importlib
 import importlib.util
 import os
 import time
@@ -76,11 +77,14 @@ def denoised_name(path: str | os.PathLike[str]) -> Path:
 
 
 def check_denoiser() -> None:
-    """Raise ModuleNotFoundError if the denoiser is not installed."""
+    """Raise ModuleNotFoundError if the denoiser is not installed, or ImportError if it is in part."""
+    needed = "denoising needs the package pyoidn: pip install 'hybrid-rt[denoise]'"
     if importlib.util.find_spec("pyoidn") is None:
-        raise ModuleNotFoundError(
-            "denoising needs the package pyoidn: pip install 'hybrid-rt[denoise]'"
-        )
+        raise ModuleNotFoundError(needed)
+    try:
+        importlib.import_module("pyoidn")
+    except ImportError as error:
+        raise ImportError(f"{needed} (it cannot be imported: {error})") from None
 
 
 def denoise(

@@ -96,7 +96,7 @@ def _cut_off(report: dict[str, Any]) -> list[str]:
         which = which or [f"paths at max_depth {max_depth}"]
         lines.append(
             f"  cut off   {' and '.join(which)}, with {per_cent(lost)} of what camera paths carry behind "
-            "the first surface: the image mean lacks about that share of its light"
+            "the first surface: the image mean lacks about that share of its light, less where lamps are in view"
         )
     if of_photons > 0.0:
         lines.append(

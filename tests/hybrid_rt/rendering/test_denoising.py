@@ -2,6 +2,7 @@
 
 import importlib.util
 import json
+import sys
 
 import numpy as np
 import pytest
@@ -73,6 +74,19 @@ def test_a_missing_denoiser_is_told_in_one_line_before_any_work(folder, monkeypa
     assert sorted(path.name for path in folder.iterdir()) == ["ball.py"]
     with pytest.raises(ModuleNotFoundError, match=r"pip install 'hybrid-rt\[denoise\]'"):
         noisy()[1].denoised()
+
+
+def test_a_denoiser_that_cannot_be_imported_is_told_before_any_work(
+    folder, tmp_path_factory, monkeypatch, capsys
+):
+    half = tmp_path_factory.mktemp("half")
+    (half / "pyoidn.py").write_text("import no_such_package")
+    monkeypatch.syspath_prepend(half)
+    monkeypatch.delitem(sys.modules, "pyoidn", raising=False)
+    assert program.main(["render", "ball.py", "--quiet", "--denoise"]) == BAD_INPUT
+    told = capsys.readouterr().err
+    assert "pip install 'hybrid-rt[denoise]' (it cannot be imported: No module named" in told
+    assert sorted(path.name for path in folder.iterdir()) == ["ball.py"]
 
 
 def test_a_ramp_under_noise_comes_out_nearer_to_the_truth():
