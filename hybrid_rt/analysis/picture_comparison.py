@@ -173,7 +173,9 @@ def compare_pictures(
         ``nearest_told`` and ``nearest_of_most_told``, whether they can be told from noise, see
         `hybrid_rt.analysis.nearer_picture` (None if only one is measured); ``same_noise``, the
         measured pictures that were rendered with the random numbers of what they are compared with;
-        and ``warnings``, what the reports of all pictures warn of: pairs of a name and a text.
+        ``warnings``, what the reports of all pictures warn of: pairs of a name and a text; and
+        ``clipped``, by name, the part of the pixels of each .png that are clipped at 1, if any and if
+        not all pictures are .png.
 
     Raises
     ------
@@ -216,6 +218,7 @@ def compare_pictures(
             for name, picture in zip(names, [*measured, target], strict=True)
             for words in _warnings_of(picture.report)
         ],
+        "clipped": _clipped(dict(zip(names, [*measured, target], strict=True))),
     }
 
 
@@ -262,6 +265,18 @@ def _found(report: dict[str, Any] | None, part: str, name: str) -> float | None:
     inner = None if report is None else report.get(part)
     value = inner.get(name) if isinstance(inner, dict) else None
     return float(value) if isinstance(value, int | float) else None
+
+
+def _clipped(pictures: dict[str, Picture]) -> dict[str, float]:
+    """Return the part of the pixels of each .png that 8 bits clip, if others show more than 1."""
+    shares = {
+        name: float((picture.image >= 1.0).any(axis=2).mean())
+        for name, picture in pictures.items()
+        if picture.name.lower().endswith(".png")
+    }
+    if len(shares) == len(pictures):
+        return {}
+    return {name: share for name, share in shares.items() if share > 0.0}
 
 
 def _warnings_of(report: dict[str, Any] | None) -> list[str]:
@@ -354,6 +369,10 @@ def _verdict(comparison: dict[str, Any]) -> list[str]:
         f"mean of {name}: {row['mean_error']:+.2g} from {against}, which noise does not explain (+-{half:.2g}, 95 %)"
         for name, row in comparison["errors"].items()
         if (half := row["mean_half_interval"]) is not None and abs(row["mean_error"]) > half
+    ]
+    lines += [
+        f"WARNING: {name} is clipped at 1 in {percent(share)} of its pixels: compare a .npz or .exr"
+        for name, share in comparison["clipped"].items()
     ]
     lines += [f"WARNING: {name}, by its report: {words}" for name, words in comparison["warnings"]]
     lines += [

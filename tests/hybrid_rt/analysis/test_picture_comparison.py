@@ -138,6 +138,19 @@ def test_what_reports_warn_of_is_told_again(tmp_path):
         assert "WARNING: one.npz, by its report: whitted does not find " in in_words(found)
 
 
+def test_a_png_that_is_clipped_is_said_to_be(tmp_path):
+    """A quarter of the pixels shows a radiance of 3."""
+    image = np.full((4, 6, 3), 0.5, np.float32)
+    image[:2, :3] = 3.0
+    whole = load_picture(write(tmp_path / "whole.npz", image, {}))
+    save_image(tmp_path / "cut.png", image, {})
+    cut = load_picture(tmp_path / "cut.png")
+    found = compare_pictures(cut, whole)
+    assert found["clipped"] == {"cut.png": 0.25}
+    assert "WARNING: cut.png is clipped at 1 in 25 % of its pixels" in in_words(found)
+    assert compare_pictures(cut, cut)["clipped"] == {}
+
+
 def test_the_nearer_picture_is_named(tmp_path):
     far, near, truth = (
         load_picture(write(tmp_path / f"{name}.npz", TRUTH + np.float32(off)))
