@@ -48,7 +48,8 @@ class SurfaceOfRevolution(ParametricSurface):
     ----------
     profile : (n + 1, 2) array, or a sequence of such segments
         Bezier points (axial position from ``origin``, radius) in scene units, degree n from 1 to
-        30. Each segment begins where the one before ends.
+        30. Each segment begins where the one before ends. A flat list of points is one curve; for
+        straight lines pass pairs of points.
     origin, axis : (3,) arrays
         A point of the axis and its direction, of any length but zero.
     reference : (3,) array, optional

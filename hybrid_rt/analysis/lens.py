@@ -436,7 +436,8 @@ class Lens:
         Parameters
         ----------
         field, pupil, n
-            Those of `parallel`, which also tells how many rays were lost, and where.
+            Those of `parallel` (``field`` in degrees), which also tells how many rays were lost, and
+            where.
         z : float
             Position of the plane.
 
