@@ -84,7 +84,13 @@ def render_script(describe: Callable[[], Scene], file: str) -> int:
 
 
 class _Parser(argparse.ArgumentParser):
-    """A parser that says what an option that it does not know may have been meant to be."""
+    """A parser that says what an option that it does not know may have been meant to be.
+
+    Parts of names are not taken for them: ``--pass`` may mean ``--passes`` or ``--photons-per-pass``.
+    """
+
+    def __init__(self, *args: Any, **options: Any) -> None:
+        super().__init__(*args, **{**options, "allow_abbrev": False})
 
     @property
     def known(self) -> list[str]:

@@ -28,8 +28,9 @@ MODES = ("auto", "bar", "plain", "none")
 REDRAW_INTERVAL, NOTEBOOK_INTERVAL = 0.1, 0.25
 # A log gets a line when the stage has gone on by a fifth of its time, within these limits, seconds.
 SHARE_OF_TIME, LEAST_PAUSE, LONGEST_PAUSE = 0.2, 10.0, 600.0
-# Part of the kernels that is compiled before the seconds left are said.
-UNEVEN = 0.3
+# Between these parts of the kernels compiled the seconds left are said: at first kernels wait for each
+# other, and the last one may take as long as many before it.
+EVEN = (0.3, 0.9)
 # Letters; a bar shorter than the second tells less than words in its place.
 BAR_WIDTH, LEAST_BAR = 30, 10
 
@@ -92,9 +93,8 @@ class State:
     def numbers(self) -> str:
         """Share done, seconds taken, seconds left."""
         text = f"{100 * self.done // self.total:3d} %  {self.seconds:.1f} s"
-        # Kernels take very different times, and wait for each other at first.
-        told_from = UNEVEN * self.total if self.stage == COMPILING else 0
-        if told_from < self.done < self.total:
+        first, last = EVEN if self.stage == COMPILING else (0.0, 1.0)
+        if first * self.total < self.done < last * self.total:
             text += f", {self.seconds * (self.total - self.done) / self.done:.0f} s left"
         return text
 

@@ -68,7 +68,7 @@ def warnings_in_words(report: dict[str, Any]) -> list[str]:
     elif lost >= MUCH and max_depth >= DEFAULT_DEPTH:
         lines.append(
             f"max_depth {max_depth} cut off {per_cent(lost)} of the light that was followed, which no "
-            "error estimate counts: pass a larger max_depth"
+            f"error estimate counts: pass max_depth {2 * max_depth} or more (paths that end before that cost the same)"
         )
     without = _much_left_out(report)
     lines += without
@@ -77,7 +77,7 @@ def warnings_in_words(report: dict[str, Any]) -> list[str]:
         # From the default on, the warning above says so.
         is_cut_off = by_depth and lost >= MUCH and max_depth < DEFAULT_DEPTH
         larger = (
-            f"Pass a larger max_depth: {max_depth} cut off {per_cent(lost)} of the light that was "
+            f"Pass max_depth {DEFAULT_DEPTH}: {max_depth} cut off {per_cent(lost)} of the light that was "
             "followed. Else look"
             if is_cut_off
             else "Look"

@@ -1,8 +1,9 @@
 """Compilation of functions that only kernels call: no machine code of their own.
 
-numba emits the machine code of each function with all that it calls, at every level of calls, though
-only the code of the kernel that calls them all is run. Without that, kernels compile in 0.65 to 0.9 of
-the time, and run as fast.
+numba optimises each function with all that it calls, and emits its machine code, at every level of
+calls, though only the code of the kernel that calls them all is run. Without machine code in between,
+kernels compile in 0.65 to 0.9 of the time, without optimisation in between in 0.9 of what is left, and
+they run as fast.
 """
 
 from typing import Any
@@ -16,7 +17,7 @@ OUTLINED = "_is_outlined"
 
 
 class _LinkedLibrary(codegen.JITCodeLibrary):
-    """Code that is optimised, and linked into that of its callers."""
+    """Code that is linked into that of its callers, and optimised there."""
 
     is_outlined = False
 
@@ -28,6 +29,9 @@ class _LinkedLibrary(codegen.JITCodeLibrary):
                 if not function.is_declaration and "alwaysinline" not in function.attributes:
                     function.attributes.add("noinline")
         super().add_ir_module(ir_module)
+
+    def _optimize_final_module(self) -> None:
+        """Leave that to the kernel: its code is optimised as a whole."""
 
     def _finalize_final_module(self) -> None:
         self._finalize_dynamic_globals()

@@ -107,7 +107,8 @@ def advance_paths(
     -------
     n_rays, n_out : int, rows written
     """
-    n_rays = n_out = 0
+    # A 0 that numba knows would make it compile `depart` twice.
+    n_rays = n_out = np.int64(0)
     for i in range(paths.camera_ray.size):
         column = i % RUN_ACROSS
         if column == 0:

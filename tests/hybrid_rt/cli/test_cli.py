@@ -126,6 +126,7 @@ def test_after_a_time_budget_the_same_command_goes_on(capsys, monkeypatch):
     ("words", "meant"),
     [
         ("render ball.py --samples 64", ": did you mean --passes? hybrid-rt render"),
+        ("render ball.py --pass 64", ": did you mean --passes? hybrid-rt render"),
         ("render ball.py --spp=64", ": did you mean --passes? hybrid-rt render"),
         ("render ball.py --size 320x240", ": did you mean --width? hybrid-rt render"),
         ("render ball.py --bounces 4", ": did you mean --max-depth? hybrid-rt render"),

@@ -220,15 +220,15 @@ class TestPlain:
         assert len(lines) < 180
         assert all(line.isprintable() for line in lines)
 
-    def test_seconds_left_of_compiling_are_told_late(self, clock):
-        """The first kernels say little of the others."""
+    def test_seconds_left_of_compiling_are_told_between(self, clock):
+        """The first kernels say little of the others, and those little of the last one."""
         stream = io.StringIO()
         show = PlainLines(stream, clock)
-        for done in (0, 3, 4):
+        for done in (0, 3, 4, 9):
             clock.seconds += 20.0
             show(COMPILING, done, 10)
-        lines = stream.getvalue().splitlines()[-2:]
-        assert [" left" in line for line in lines] == [False, True]
+        lines = stream.getvalue().splitlines()[-3:]
+        assert [" left" in line for line in lines] == [False, True, False]
 
     def test_errors_are_told(self, clock):
         stream = io.StringIO()
