@@ -90,7 +90,8 @@ def load(file: Path) -> list[Any]:
     curved = [item.surface for item in load_scene(file).objects if item.surface.is_freeform]
     if not curved:
         raise ValueError(
-            f"{file} has neither Bezier patches nor a surface of revolution: name a file with one"
+            f"{file} has neither patches nor a surface of revolution: name a file with one (all others, "
+            "aspheres and tori among them, are never made of triangles here)"
         )
     return curved
 

@@ -54,7 +54,7 @@ def test_finer_meshes_are_nearer_and_stay_within_what_is_proven(run, tmp_path):
     ("arguments", "words"),
     [
         ("missing.bpt", "missing.bpt"),
-        ("flat.py", "flat.py has neither Bezier patches nor a surface of revolution"),
+        ("flat.py", "flat.py has neither patches nor a surface of revolution"),
         ("ball.py --redraw made/table.json", "--redraw has no folder: pass --out as well"),
         ("ball.py --redraw ball.py --out made", "ball.py holds no table"),
     ],
