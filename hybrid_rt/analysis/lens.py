@@ -22,7 +22,7 @@ from hybrid_rt.core.one_line import cut
 from hybrid_rt.core.records import BoolArray, FloatArray, HitRecord, IntArray, selected
 from hybrid_rt.intersection import Intersector
 from hybrid_rt.primitives.asphere import Asphere
-from hybrid_rt.shading.snell import refract
+from hybrid_rt.shading.snell import reflectance, refract
 from meshing.checks import as_floats, number, shown, whole
 
 # The parabasal rays of `focus` run this part of the first aperture beside the axis: aberrations of third
@@ -124,6 +124,9 @@ class Traced:
     origins : (n, 3) float64
         Where the rays start, also lost ones. Those of `Lens.parallel` lie in a plane across the light in
         front of the lens.
+    transmittance : (n,) float64
+        The part of a ray's power that no surface reflects: uncoated glass that does not absorb, and light
+        that is unpolarised at each surface (see `hybrid_rt.reflectance`). nan if a ray does not get through.
     """
 
     position: FloatArray
@@ -134,6 +137,7 @@ class Traced:
     stopped_at: IntArray
     fate: IntArray
     origins: FloatArray
+    transmittance: FloatArray
 
     def __len__(self) -> int:
         """Return the number of rays."""
@@ -153,7 +157,7 @@ class Traced:
         """Write one row per ray as comma-separated text, UTF-8, with a header line.
 
         The columns are passed (1 or 0), ox, oy, oz (the origin), x, y, z, dx, dy, dz, path, t_bound,
-        stopped_at and fate. Numbers are written so that they are read back bit for bit; nan where a
+        stopped_at, fate and transmittance. Numbers are written so that they are read back bit for bit; nan where a
         ray does not get through. An existing file is replaced.
 
         Raises
@@ -170,6 +174,7 @@ class Traced:
             "t_bound": self.t_bound,
             "stopped_at": self.stopped_at,
             "fate": self.fate,
+            "transmittance": self.transmittance,
         }
         to_csv(columns, path, "Traced.to_csv path")
 
@@ -248,7 +253,7 @@ class Lens:
         starts, d = _rays(origins, directions)
         o, n = starts, len(starts)
         position, direction = np.full((n, 3), np.nan), np.full((n, 3), np.nan)
-        path, bound, rows = np.zeros(n), np.zeros(n), np.arange(n)
+        path, bound, part, rows = np.zeros(n), np.zeros(n), np.ones(n), np.arange(n)
         stopped, fate = np.full(n, -1, np.int32), np.zeros(n, np.int32)
         index, last = self.index, len(self.surfaces) - 1
         for k, (tracer, surface) in enumerate(zip(self._tracers, self.prescription, strict=True)):
@@ -267,6 +272,7 @@ class Lens:
                 # the stop or, beside the axis, lie in front of it.
                 continue
             path[rows] += index * t
+            part[rows] *= 1.0 - reflectance(d, hits.normal, index, surface.index)
             d = refract(d, hits.normal, index, surface.index)
             o, index = hits.position, surface.index
             goes_on = ~np.isnan(d[:, 0])
@@ -274,8 +280,8 @@ class Lens:
             fate[rows[~goes_on]] = Fate.TOTAL_REFLECTION
             rows, o, d = rows[goes_on], o[goes_on], d[goes_on]
         position[rows], direction[rows] = o, d
-        path[stopped >= 0] = bound[stopped >= 0] = np.nan
-        return Traced(position, direction, stopped < 0, path, bound, stopped, fate, starts)
+        path[stopped >= 0] = bound[stopped >= 0] = part[stopped >= 0] = np.nan
+        return Traced(position, direction, stopped < 0, path, bound, stopped, fate, starts, part)
 
     def focus(self) -> Focus:
         """Find the focus of rays close to the axis, by tracing one.
@@ -439,7 +445,9 @@ class Lens:
             Those of `parallel` (``field`` in degrees), which also tells how many rays were lost, and
             where.
         z : float
-            Position of the plane.
+            Position of the plane, from the first vertex: the focus is at
+            ``vertices[-1] + focus().back_focal_distance``. Rays are carried on as they leave the lens, also
+            backward to a plane in front of its last surface.
 
         Returns
         -------

@@ -184,6 +184,28 @@ def test_a_plate_has_its_focus_at_infinity():
         plate.plane_of_least_spread(10.0, 5.0)
 
 
+def test_what_surfaces_reflect_is_that_of_fresnels_formulas():
+    """A slanted ray through a stop and a plate between air and water, by the angles."""
+    lens = Lens(
+        [
+            LensSurface(np.inf, 1.0, 1.0, 20.0),
+            LensSurface(np.inf, 1.0, 1.7, 20.0),
+            LensSurface(np.inf, 0.0, 1.33, 20.0),
+        ]
+    )
+    angles = np.radians([0.001, 20.0, 45.0, 70.0])
+    ways = np.column_stack([np.sin(angles), 0 * angles, np.cos(angles)])
+    expected = np.ones(4)
+    for before, after in ((1.0, 1.7), (1.7, 1.33)):
+        i, t = np.arcsin(np.sin(angles) / before), np.arcsin(np.sin(angles) / after)
+        s, p = np.sin(i - t) / np.sin(i + t), np.tan(i - t) / np.tan(i + t)
+        expected *= 1.0 - 0.5 * (s * s + p * p)
+    rays = lens.trace(-ways, ways)
+    np.testing.assert_allclose(rays.transmittance, expected, rtol=1e-10)
+    lost = lens.trace([(0.0, 30.0, -1.0)], (0, 0, 1))
+    assert np.isnan(lost.transmittance).all()
+
+
 def test_one_direction_goes_with_all_origins_and_the_table_reads_back(tmp_path):
     lens = Lens(COOKE_TRIPLET)
     origins = np.array([[0.0, 0, -10], [0.1, 5, -10], [40, 0, -10]])
@@ -194,7 +216,7 @@ def test_one_direction_goes_with_all_origins_and_the_table_reads_back(tmp_path):
     assert repr(rays) == "Traced(3 rays, 2 passed)"
     rays.to_csv(tmp_path / "rays.csv")
     header, *lines = (tmp_path / "rays.csv").read_text().splitlines()
-    assert header == "passed,ox,oy,oz,x,y,z,dx,dy,dz,path,t_bound,stopped_at,fate"
+    assert header == "passed,ox,oy,oz,x,y,z,dx,dy,dz,path,t_bound,stopped_at,fate,transmittance"
     values = np.genfromtxt(lines, delimiter=",")
     np.testing.assert_array_equal(values[:, 0], [1, 1, 0])
     np.testing.assert_array_equal(values[:, 1:4], origins)
