@@ -9,6 +9,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from hybrid_rt.analysis.forecast import Forecast, forecasts_of
+from hybrid_rt.analysis.methods import Method
 from hybrid_rt.analysis.reference import FEWER_TO_CHECK, Reference
 from hybrid_rt.analysis.units import asked, number, percent, seconds
 from hybrid_rt.analysis.work_precision import PictureStudy
@@ -140,23 +141,41 @@ def _longer(reference: Reference, target: float) -> str:
     own_picture = "pass a better picture of your own, --reference FILE.npz"
     if not reference.passes:
         return f"{own_picture}."
-    more = (JUDGES * reference.own_error / target) ** (2.0 / reference.power)
-    passes = math.ceil(reference.passes * more)
-    unit = 10 ** max(len(str(passes)) - 2, 0)
-    passes = math.ceil(passes / unit) * unit
-    needed, spent = reference.seconds * more, reference.seconds
+    check = reference.check
+    # Name, error, passes, seconds: the reference, and what checks it with fewer passes.
+    name = reference.made_by.partition(",")[0]
+    makers = [(name, reference.own_error, reference.passes, reference.seconds, reference.power)]
+    checks = {name: 0.0}
+    if check is not None:
+        checks[name] = check["seconds"] / check["passes"]
+        other = check["made_by"].partition(",")[0]
+        if other != name and not math.isnan(check["own_error"]):
+            power = Method(other, other).power
+            makers.append((other, check["own_error"], check["passes"], check["seconds"], power))
+            checks[other] = reference.seconds / reference.passes
+    alone, checked = [], []
+    for maker, error, done, spent, power in makers:
+        passes = _rounded_up(done * float((JUDGES * error / target) ** (2.0 / power)))
+        needed = spent * passes / done
+        alone.append((needed, maker, passes))
+        checked.append((needed + checks[maker] * passes / FEWER_TO_CHECK, maker, passes))
+    needed, maker, passes = min(alone)
+    own_picture += f" (not checked; by {maker}, {passes} passes, about {seconds(needed)})"
+    needed, maker, passes = min(checked)
     option = f"--reference-passes {passes}"
-    if reference.check is not None:
-        # Made by the method that was asked for, with as many passes, and checked with fewer.
-        name = reference.made_by.partition(",")[0]
-        option = f"--reference-by {name} {option}"
-        of_check = reference.check["seconds"]
-        needed += of_check * passes / FEWER_TO_CHECK / reference.check["passes"]
-        spent += of_check
+    if check is not None:
+        option = f"--reference-by {maker} {option}"
+    spent = reference.seconds + (0.0 if check is None else check["seconds"])
     option += f", about {seconds(needed)} instead of {seconds(spent)}"
     if needed > PATIENCE:
         return f"ask for less with --target, or {own_picture} ({option}, are out of reach)."
     return f"a longer reference, {option}; or {own_picture}."
+
+
+def _rounded_up(passes: float) -> int:
+    """Return a number of two digits and zeros."""
+    unit: int = 10 ** max(len(str(math.ceil(passes))) - 2, 0)
+    return math.ceil(passes / unit) * unit
 
 
 def _recommended(

@@ -48,7 +48,7 @@ class Reference:
     measured : dict or None
         How much of that few photons found: ``light_not_found_measured`` of its report.
     check : dict or None
-        A different method: ``made_by``, its ``passes`` and ``seconds``, ``gap`` of the means,
+        A different method: ``made_by``, its ``passes``, ``seconds`` and ``own_error``, ``gap`` of the means,
         ``gap_error`` its standard error, ``difference`` of the pictures (relative RMSE) and
         ``by_noise``, ``by_blur``, what their noise and the blur of photons explain.
     """
@@ -139,6 +139,7 @@ def _checked(main: RenderResult, other: RenderResult, name: str, passes: int) ->
         "made_by": f"{name}, {passes} passes",
         "passes": passes,
         "seconds": other.report["seconds"]["total"],
+        "own_error": stated_error(other.report),
         "gap": means[1] - means[0],
         "gap_error": math.hypot(*errors),
         "difference": math.sqrt(relative_mse(other.image, main.image)),

@@ -9,6 +9,7 @@ hits.
 from __future__ import annotations
 
 import math
+import time
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import partial
@@ -36,6 +37,7 @@ from hybrid_rt.analysis.reference import (
     stated_error,
 )
 from hybrid_rt.analysis.units import percent, signed_percent
+from hybrid_rt.analysis.units import seconds as in_seconds
 from hybrid_rt.core import checks
 from hybrid_rt.core.progress import Say
 from hybrid_rt.core.threads import Pool
@@ -238,9 +240,13 @@ def _pictures(
 ) -> dict[str, _Runs]:
     """Run all methods in turn; return by method what its runs gave."""
     found = {method.name: _Runs({n: [] for n in passes}) for method in methods}
+    say(f"{len(methods)} methods: {'; '.join(found)}")
+    spent, of_passes = 0.0, 0
     for run in range(runs):
         for n in passes:
-            say(f"run {run + 1} of {runs}: {n} passes of {len(methods)} methods")
+            about = f", about {in_seconds(spent / of_passes * n)}" if of_passes else ""
+            say(f"run {run + 1} of {runs}: {n} passes of each{about}")
+            began = time.perf_counter()
             for method in methods:
                 result = run_method(scene, method, n, run + 1, threads)
                 of = found[method.name]
@@ -251,6 +257,7 @@ def _pictures(
                     measured = result.report["light_not_found_measured"]
                     if measured is not None and measured["mean"] is not None:
                         of.unfound.append(measured["mean"])
+            spent, of_passes = spent + time.perf_counter() - began, of_passes + n
     return found
 
 

@@ -98,7 +98,9 @@ def add_study_options(parser: argparse.ArgumentParser) -> None:
         "--passes", type=one_or_more, nargs="+", help="default 1 4 16 64, quick 1 4 16"
     )
     parser.add_argument("--runs", type=one_or_more, help="default 3, quick 1")
-    parser.add_argument("--width", type=one_or_more, help="default 240, quick 120")
+    parser.add_argument(
+        "--width", type=one_or_more, help="default: that of the scene, at most 240, quick 120"
+    )
     parser.add_argument(
         "--rays", type=one_or_more, help="judged by the oracle; default 100000, quick 20000"
     )
@@ -154,7 +156,8 @@ def _study(
         surfaces: list[Any] = [BezierPatches.read(file)]
         rays = random_camera(surfaces, n_rays, 1)
     else:
-        scene = _resized(scene, args.width or (120 if args.quick else 240))
+        most = 120 if args.quick else 240
+        scene = _resized(scene, args.width or min(most, scene.camera.width))
         if args.only != "hits":
             studies["picture"] = _study_picture(scene, args)
         surfaces = [] if args.only == "pictures" else curved_surfaces(scene)

@@ -64,6 +64,10 @@ class RoughConductor(Material):
     ValueError, TypeError
         If an argument is out of range or not a number; the message names it.
 
+    Attributes
+    ----------
+    eta, k : (3,) float64
+
     Notes
     -----
     Measured indices n and k of many metals and alloys are at https://refractiveindex.info. Take the
@@ -80,7 +84,7 @@ class RoughConductor(Material):
     """
 
     def __init__(self, eta: ArrayLike, k: ArrayLike, roughness: float) -> None:
-        real, imaginary = _index(eta, "eta"), _index(k, "k")
+        self.eta, self.k = real, imaginary = _index(eta, "eta"), _index(k, "k")
         alpha = alpha_of(roughness, "RoughConductor roughness", "Mirror")
         color = [normal_reflectance(*pair) for pair in zip(real, imaginary, strict=True)]
         number = (*real.tolist(), *imaginary.tolist(), alpha)

@@ -138,6 +138,8 @@ class Scene:
                     hint = (
                         "an Object goes into objects=, also one with Emissive, which lights there"
                     )
+                elif isinstance(light, Environment):
+                    hint = "a sky goes into environment="
                 raise TypeError(f"Scene lights[{i}] is {checks.shown(light)}: {hint}")
         if environment is not None and not isinstance(environment, Environment):
             raise TypeError(

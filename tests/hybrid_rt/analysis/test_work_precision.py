@@ -382,11 +382,38 @@ class TestReference:
             own_error=0.04,
             passes=100,
             seconds=30.0,
-            check={"passes": 400, "seconds": 4.0, "by_blur": 0.0},
+            check={"made_by": "path, 400 passes", "passes": 400, "seconds": 4.0, "own_error": 0.2},
+            power=1.0,
         )
         found = advise(replace(room, reference=own), 0.06, "r.py")
         said = "--reference-by ppm --reference-passes 400, about 2.0 min instead of 34 s"
         assert said in found.details[-1]
+
+    def test_the_longer_reference_is_by_the_method_that_needs_less_time(self, room):
+        """Paths are off by 8 % after 400 passes: they need 16 times as many, and photons 4 times.
+
+        Photons take 0.03 or 30 s a pass, paths 0.01 s. Either is checked by a quarter as many passes of
+        the other.
+        """
+        cheap = replace(
+            room.reference,
+            made_by="ppm, certified, 100 passes",
+            own_error=0.04,
+            passes=100,
+            seconds=3.0,
+            check={"made_by": "path, 400 passes", "passes": 400, "seconds": 4.0, "own_error": 0.08},
+            power=1.0,
+        )
+        dear = replace(cheap, own_error=0.16, seconds=3000.0)
+        for reference, photons, others in (
+            # 400 x 0.03 + 100 x 0.01 s
+            (cheap, "ppm --reference-passes 400, about 13 s", "by ppm, 400 passes, about 12 s"),
+            # 6400 x 0.01 + 1600 x 30 s: out of reach, and 6400 x 30 s all the more
+            (dear, "path --reference-passes 6400, about 13 h", "by path, 6400 passes, about 64 s"),
+        ):
+            (*_, todo) = advise(replace(room, reference=reference), 0.06, "r.py").details
+            assert f"--reference-by {photons}" in todo
+            assert f"(not checked; {others})" in todo
 
     def test_where_photons_cannot_be_sent_paths_check_paths(self):
         ground = Object(Plane((0, 0, -1), (0, 0, 1)), Lambertian(0.5))

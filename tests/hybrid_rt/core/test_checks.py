@@ -104,6 +104,10 @@ def mesh(vertices, faces):
             lambda: Scene(CAMERA, [ITEM], [Object(BALL, Emissive(5))]),
             r"lights\[0\] is Object\(.*: an Object goes into objects=, also one with Emissive",
         ),
+        (
+            lambda: Scene(CAMERA, [ITEM], [GradientSky(1, 1)]),
+            r"lights\[0\] is Grad.*: a sky goes into environment=",
+        ),
         (lambda: Scene(CAMERA, [ITEM], [BALL]), r"lights\[0\] is Sphere\(.*: pass a light"),
         (lambda: render(ITEM), r"render scene is Object\(.*: pass a Scene"),
         (lambda: render(Scene(CAMERA), outputs="depth"), "outputs is 'depth': pass a list"),
