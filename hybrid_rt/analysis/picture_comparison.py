@@ -308,7 +308,7 @@ def _expected(one: Picture, other: Picture) -> float | None:
 
 
 def _half_interval(one: Picture, other: Picture) -> float | None:
-    """Return half of the 95 % interval of the difference of two means that differ by noise only."""
+    """Return half of the 95 % interval of the difference of two means, by what the reports state."""
     first, second = (
         _found(picture.report, "noise", "half_interval_95_of_image_mean")
         for picture in (one, other)
@@ -325,7 +325,7 @@ def in_words(comparison: dict[str, Any]) -> str:
         "RMSE",
         "of most",
         "mean",
-        "by noise",
+        "stated",
         "worst",
         "render",
     )
@@ -347,10 +347,11 @@ def in_words(comparison: dict[str, Any]) -> str:
         "  relative   root mean square of the pixels' differences, each over sqrt(r^2 + 0.01), where r is",
         f"             the pixel of {comparison['against']}",
         "  of most    the same without the worst 0.1 % of the pixels, which may be a few white dots",
-        "  by noise   what the noise of both pictures explains, by their reports: of the relative difference,",
-        "             and of the mean difference (95 %)",
+        "  by noise   what the noise of both pictures explains of the relative difference, by their reports",
         "  RMSE       root mean square of the differences themselves",
-        "  mean       mean difference; worst: the largest; render: seconds, by the report",
+        "  mean       mean difference; stated: what both reports' intervals of the mean explain of it (95 %),",
+        "             which hold noise, blur by photons, and lamps that may not have been met yet",
+        "  worst      the largest difference; render: seconds, by the report",
     ]
     if comparison["nearest_told"] is not None:
         lines += [
@@ -366,7 +367,7 @@ def _verdict(comparison: dict[str, Any]) -> list[str]:
     against = comparison["against"]
     lines = _nearer(comparison)
     lines += [
-        f"mean of {name}: {row['mean_error']:+.2g} from {against}, which noise does not explain (+-{half:.2g}, 95 %)"
+        f"mean of {name}: {row['mean_error']:+.2g} from {against}, more than both reports' intervals of the mean explain (+-{half:.2g}, 95 %)"
         for name, row in comparison["errors"].items()
         if (half := row["mean_half_interval"]) is not None and abs(row["mean_error"]) > half
     ]

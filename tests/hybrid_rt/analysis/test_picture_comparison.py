@@ -123,7 +123,10 @@ def test_means_are_compared_with_their_intervals(tmp_path, off, is_told):
     )
     found = compare_pictures(one, other)
     assert found["errors"]["one.npz"]["mean_half_interval"] == pytest.approx(0.005)
-    said = "mean of one.npz: -0.0055 from other.npz, which noise does not explain (+-0.005, 95 %)"
+    said = (
+        "mean of one.npz: -0.0055 from other.npz, more than both reports' intervals of the mean explain "
+        "(+-0.005, 95 %)"
+    )
     assert (said in in_words(found)) == is_told
     no_report = load_picture(write(tmp_path / "none.npz", TRUTH, {}))
     assert compare_pictures(one, no_report)["errors"]["one.npz"]["mean_half_interval"] is None
