@@ -124,7 +124,7 @@ def cut(surface: object, tolerance: float, max_triangles: int) -> Cut:
     del tolerance, max_triangles
     raise TypeError(
         f"tessellate surface is {shown(surface)}: pass BezierPatches, a NurbsSurface, an Extrusion or a "
-        "SurfaceOfRevolution; other surfaces are met without triangles, and .point(u, v) gives their points"
+        "SurfaceOfRevolution; other surfaces are met without triangles, and a grid of .point(u, v) makes a mesh of one"
     )
 
 

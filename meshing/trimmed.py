@@ -56,6 +56,8 @@ class TrimmedSurface(Surface):
         (`Cylinder`, `Cone`); or a `hybrid_rt.Rectangle`, `Sphere`, `Torus` or `Asphere`. Of a
         profile of several segments u and v are those of a sheet: v goes on from segment to segment,
         which begin at `SurfaceOfRevolution.v_breaks`. Loops, hits and `point` take and give that v.
+        Of what is turned (`Asphere`, `SurfaceOfRevolution`, `Sphere`) u is the azimuth over a turn: a hole
+        about the axis ends at a straight line of constant v, not at a circle in (u, v).
     loops : sequence of sequences of Curve2
         In each loop a curve begins where the one before ends, and the first where the last one
         ends. Ends that are up to 1e-5 apart are joined by a straight line.

@@ -206,9 +206,9 @@ class Intersector:
             Scene units, world frame, any float type. Directions may have any length but zero.
         t_min, t_max : scalar, (n,) or (h, w)
             A hit needs ``t_min < t < t_max``, in lengths of the given direction.
-        source : HitRecord of n rows, optional
-            The hits that the rays leave. These points are excluded, also as points of adjoining
-            patches, seams, poles or mesh edges. Rows that are misses exclude nothing. They are hits of
+        source : HitRecord or NamedPoints of n rows, optional
+            The hits, or points of objects, that the rays leave: those of a lamp that is an object, say.
+            These points are excluded, also as points of adjoining patches, seams, poles or mesh edges. Rows that are misses exclude nothing. They are hits of
             this tracer: those of another one are not told apart if their ``object_id`` exist here.
         unseen : (n,) int, optional
             ``object_id`` of an object that each ray ignores; -1 for none.
