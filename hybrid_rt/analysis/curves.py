@@ -65,6 +65,9 @@ class Curve:
     unfound : float
         Light that the method does not find but photons do, over the mean of the picture; 0 if
         none, or not measured.
+    converges : bool
+        Whether all of its error falls with the passes, but for light that ``max_depth`` cuts off: certified
+        hits, all light, and no blur that stays.
     """
 
     name: str
@@ -76,6 +79,7 @@ class Curve:
     left_out: list[str] = field(default_factory=list)
     bias_at_most: float = 0.0
     unfound: float = 0.0
+    converges: bool = False
 
 
 def renamed(curves: Sequence[Curve], prefix: str) -> list[Curve]:

@@ -181,7 +181,8 @@ def _curve(
     declared = INTEGRATORS[method.integrator]
     options = method.options or declared.options()
     # Blur that falls with the passes is error, but none that stays.
-    if not declared.sends_photons or options.blur_stays:
+    has_falling_blur = declared.sends_photons and not options.blur_stays
+    if not has_falling_blur:
         last = points[-1].more
         error, noise = last["mean_error"], last["mean_error_noise"]
         mean = reference.mean
@@ -194,8 +195,14 @@ def _curve(
     at_most = 0.0 if mesh is None else mesh["error_at_most"]
     is_known = of.unfound and reference.mean > 0.0
     unfound = float(np.mean(of.unfound)) / reference.mean if is_known else 0.0
+    converges = (
+        method.accuracy == "certified"
+        and not of.left_out
+        and (has_falling_blur or not declared.sends_photons)
+    )
     return Curve(
-        method.name, method.flags, points, bias, method.power, known_by, of.left_out, at_most, unfound
+        method.name, method.flags, points, bias, method.power, known_by, of.left_out, at_most, unfound,
+        converges,
     )  # fmt: skip
 
 

@@ -373,7 +373,7 @@ def _compare(args: argparse.Namespace) -> None:
 
 def _curves(part: dict[str, Any]) -> list[Curve]:
     inf = float("inf")
-    if any("unfound" not in curve for curve in part["curves"]):
+    if any("converges" not in curve for curve in part["curves"]):
         raise ValueError("the figures are of an earlier version of this tool: measure again")
     return [
         Curve(
@@ -394,6 +394,7 @@ def _curves(part: dict[str, Any]) -> list[Curve]:
             curve["left_out"],
             curve["bias_at_most"],
             curve["unfound"],
+            curve["converges"],
         )
         for curve in part["curves"]
     ]

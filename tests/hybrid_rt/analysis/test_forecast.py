@@ -53,6 +53,16 @@ class TestForecast:
         assert forecast(law(bias=0.2), 0.19).passes is None
         assert math.isnan(forecast(law(bias=0.2), 0.19).seconds.median)
 
+    def test_bright_dots_are_no_bias_of_what_converges(self):
+        """Of a path tracer with 1, 4 and 16 passes; with 64 and 256 it had 0.08 and 0.05."""
+        points = [
+            Point(n, spread([float(n)]), spread([error]), {})
+            for n, error in ((1, 0.534), (4, 0.25), (16, 0.22))
+        ]
+        assert forecast(Curve("refined", "", points), 0.08).passes is None
+        found = forecast(Curve("path", "", points, converges=True), 0.08)
+        assert (found.bias, found.passes) == (0.0, math.ceil(16 * (0.22 / 0.08) ** 2))
+
     def test_known_bias_counts_before_it_is_seen(self):
         """Errors of 1 / sqrt(n) down to 1/4 cannot show a bias of 0.05: 0.0025 of 0.01 to pay."""
         found = forecast(replace(law(), bias=0.05), 0.1)
