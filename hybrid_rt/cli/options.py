@@ -154,7 +154,11 @@ def add_progress_options(parser: argparse.ArgumentParser) -> None:
         help="auto (default: a bar on terminals, else plain), bar, plain (lines for a log) or none",
     )
     parser.add_argument(
-        "--quiet", action="store_const", dest="progress", const="none", help="--progress none"
+        "--quiet",
+        action="store_const",
+        dest="progress",
+        const="none",
+        help="no progress; the report is still printed",
     )
 
 
