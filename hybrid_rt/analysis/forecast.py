@@ -71,7 +71,8 @@ def forecast(curve: Curve, target: float, reference_error: float = 0.0) -> Forec
 
     The square of the error is taken as b^2 + c / n^k: between two measured points as measured (a
     line in logarithms), beyond the last with the curve's k, and b from the last two points, at
-    least the curve's own; where all error falls with the passes, b is the curve's own. The reference's noise is subtracted from the squares first. Nothing beyond
+    least the curve's own; where all error falls with the passes, b is the curve's own. The
+    reference's noise is subtracted from the squares first. Nothing beyond
     the measured range is promised of a method that leaves out light, nothing at all where photons
     found that to be more than the target, or where its mesh may change the picture by more.
     """

@@ -86,7 +86,7 @@ def render_script(describe: Callable[[], Scene], file: str) -> int:
 class _Parser(argparse.ArgumentParser):
     """A parser that says what an option that it does not know may have been meant to be.
 
-    Parts of names are not taken for them: ``--pass`` may mean ``--passes`` or ``--photons-per-pass``.
+    Parts of names are not taken for them, as a new option may change what they mean.
     """
 
     def __init__(self, *args: Any, **options: Any) -> None:

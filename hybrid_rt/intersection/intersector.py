@@ -208,7 +208,8 @@ class Intersector:
             A hit needs ``t_min < t < t_max``, in lengths of the given direction.
         source : HitRecord or NamedPoints of n rows, optional
             The hits, or points of objects, that the rays leave: those of a lamp that is an object, say.
-            These points are excluded, also as points of adjoining patches, seams, poles or mesh edges. Rows that are misses exclude nothing. They are hits of
+            These points are excluded, also as points of adjoining patches, seams, poles or mesh edges.
+            Rows that are misses exclude nothing. They are hits of
             this tracer: those of another one are not told apart if their ``object_id`` exist here.
         unseen : (n,) int, optional
             ``object_id`` of an object that each ray ignores; -1 for none.
