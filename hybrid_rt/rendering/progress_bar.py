@@ -82,20 +82,25 @@ def in_notebook() -> bool:
 
 @dataclass(frozen=True)
 class State:
-    """How far a stage is; ``total`` is 0 where nobody knows."""
+    """How far a stage is; ``total`` is 0 where nobody knows.
+
+    ``before`` was done already when its ``seconds`` began, as in a render that goes on.
+    """
 
     stage: str
     done: int
     total: int
     seconds: float
+    before: int
 
     @property
     def numbers(self) -> str:
         """Share done, seconds taken, seconds left."""
         text = f"{100 * self.done // self.total:3d} %  {self.seconds:.1f} s"
         first, last = EVEN if self.stage == COMPILING else (0.0, 1.0)
-        if first * self.total < self.done < last * self.total:
-            text += f", {self.seconds * (self.total - self.done) / self.done:.0f} s left"
+        now = self.done - self.before
+        if now > 0 and first * self.total < self.done < last * self.total:
+            text += f", {self.seconds * (self.total - self.done) / now:.0f} s left"
         return text
 
 
@@ -115,6 +120,7 @@ class ProgressDisplay:
         self._lock = threading.RLock()
         self._state: State | None = None
         self._began = self._drawn = 0.0
+        self._before = 0
         self._is_behind = False
         self._error = self._short_error = ""
 
@@ -125,9 +131,10 @@ class ProgressDisplay:
             is_new = self._state is None or stage != self._state.stage
             if is_new:
                 self._end_stage()
-                self._began, self._error, self._short_error = now, "", ""
+                self._began, self._before = now, done
+                self._error = self._short_error = ""
             was_full = not is_new and self._state is not None and _is_full(self._state)
-            self._state = State(stage, done, total, now - self._began)
+            self._state = State(stage, done, total, now - self._began, self._before)
             self._is_behind = True
             is_end = _is_full(self._state) and not was_full
             if is_new or is_end or now - self._drawn >= self.interval:

@@ -70,6 +70,7 @@ def run_passes(
     watches_error = show_error is not None or bool(limit.targets)
     adding = nullcontext() if watch is None else watch.film_lock
     pace = _Pace(limit, clock, film.n_passes)
+    n_first = film.n_passes
     n_noted = 0  # passes that the error shown last is of
     while n_together := limit.begins(film.n_passes, clock.seconds, source.at_once()):
         n_before = n_pixels * film.n_passes
@@ -88,6 +89,8 @@ def run_passes(
         passes = range(film.n_passes, film.n_passes + n_together)
         # Closed here, so that no thread is still at work when an interrupt goes on from here.
         try:
+            if film.n_passes == n_first:
+                on_rays(0)  # the clock of who watches begins with the first ray, and not after it
             with closing(source.render_passes(passes, on_rays)) as made:
                 for one in made:
                     with held_back(), adding, workers.context.ledger.stage("film"):

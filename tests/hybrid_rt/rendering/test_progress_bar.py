@@ -63,10 +63,11 @@ class TestTerminal:
     def test_bar_ends_full_and_on_a_line_of_its_own(self):
         stream = Terminal()
         show = TerminalBar(stream)
+        show("Rendering", 0, 10)
         show("Rendering", 5, 10)
         show("Rendering", 10, 10)
         show.close()
-        half, full = drawn(stream)
+        _, half, full = drawn(stream)
         assert half.startswith("Rendering [###############...............]  50 %")
         assert "left" in half
         assert full.startswith(f"Rendering [{FULL}] 100 %")
@@ -219,6 +220,16 @@ class TestPlain:
         assert pauses[:-1] == sorted(pauses[:-1])
         assert len(lines) < 180
         assert all(line.isprintable() for line in lines)
+
+    def test_seconds_left_are_told_by_what_was_done_since_the_stage_began(self, clock):
+        """As in a render that goes on from 90 passes of 100: another five take half of its time."""
+        stream = io.StringIO()
+        show = PlainLines(stream, clock)
+        for done in (90, 95):
+            show("Rendering", done, 100)
+            clock.seconds += 20.0
+        show("Rendering", 95, 100)
+        assert stream.getvalue().splitlines()[-1] == "Rendering 95 %  40.0 s, 40 s left"
 
     def test_seconds_left_of_compiling_are_told_between(self, clock):
         """The first kernels say little of the others, and those little of the last one."""

@@ -61,5 +61,6 @@ def test_progress_of_a_time_budget_is_that_of_time(first, n_passes):
 def test_other_limits_are_heard_beside_a_time_budget():
     heard, n_made, ended = shares_heard(Passes(0.01, 0.01), Limit(20, 1.0))
     assert (n_made, ended) == (20, "passes")
-    assert heard[9] == pytest.approx(0.25)  # five passes of 20, two blocks each
+    assert heard[0] == 0.0
+    assert heard[10] == pytest.approx(0.25)  # five passes of 20, two blocks each
     assert heard[-1] == 1.0
