@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import math
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -29,6 +30,14 @@ def _share(text: str) -> float:
         raise argparse.ArgumentTypeError(f"{text!r}: pass a share, such as 0.02 or 2%") from None
 
 
+def _whole(text: str) -> int:
+    with suppress(ValueError, OverflowError):
+        number = float(text) if "e" in text.lower() else int(text)
+        if number == int(number):
+            return int(number)
+    raise argparse.ArgumentTypeError(f"{text!r}: pass a whole number, such as 64 or 1e5")
+
+
 def add_render_options(parser: argparse.ArgumentParser) -> None:
     """Add what ``hybrid-rt render`` and scene scripts take."""
     from hybrid_rt.integrators import DEFAULT, INTEGRATORS
@@ -43,14 +52,14 @@ def add_render_options(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--passes",
-        type=int,
+        type=_whole,
         metavar="N",
         help="samples per pixel (default 16; with a time budget or target error: as many as that takes)",
     )
     for flag, integrators in _flags().values():
         parser.add_argument(
             f"--{flag.name}",
-            type=flag.type,
+            type=_whole if flag.type is int else flag.type,
             metavar=flag.metavar,
             help=flag.help.format(", ".join(integrators)),
         )
@@ -74,17 +83,17 @@ def add_render_options(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--max-depth",
-        type=int,
+        type=_whole,
         default=DEFAULT_DEPTH,
         metavar="N",
         help=f"bounces of a path (default {DEFAULT_DEPTH})",
     )
-    parser.add_argument("--seed", type=int, default=0, metavar="S")
-    parser.add_argument("--threads", type=int, metavar="N", help="default: all cores")
+    parser.add_argument("--seed", type=_whole, default=0, metavar="S")
+    parser.add_argument("--threads", type=_whole, metavar="N", help="default: all cores")
     parser.add_argument(
-        "--width", type=int, metavar="W", help="pixels; alone it keeps the picture's proportions"
+        "--width", type=_whole, metavar="W", help="pixels; alone it keeps the picture's proportions"
     )
-    parser.add_argument("--height", type=int, metavar="H", help="pixels; as --width")
+    parser.add_argument("--height", type=_whole, metavar="H", help="pixels; as --width")
     parser.add_argument(
         "--accuracy", default="certified", metavar="A", help="mesh, refined or certified (default)"
     )

@@ -90,6 +90,7 @@ def test_options_reach_the_picture(folder, capsys):
         ("--passes=2", [], "--passes"),
         ("--target-error 0.5", [], "--target-error"),
         ("--target-error 0.5 --passes 4096", ["--passes", "4096"], "--target-error"),
+        ("--target-error 0.5 --time-budget 60", [], "--target-error"),
         ("--target-error-trimmed 0.5", [], "--target-error-trimmed"),
     ],
 )
@@ -109,7 +110,7 @@ def test_the_command_that_goes_on_goes_further(folder, capsys, monkeypatch, limi
             "--target-error": 0.5 * error["both"],
             "--target-error-trimmed": 0.5 * error["both_trimmed"],
         }
-        assert float(words[-1]) == pytest.approx(expected[moved], rel=0.05)  # two digits
+        assert words[-1] == f"{expected[moved]:{'d' if moved == '--passes' else '.1g'}}"
     assert passes[0] < passes[1] < passes[2]
 
 
@@ -151,6 +152,21 @@ def test_a_time_budget_is_in_seconds(capsys):
     with pytest.raises(SystemExit):
         cli.main(["render", "ball.py", "--time-budget", "1m"])
     assert "argument --time-budget: '1m': pass seconds, such as 60" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("text", ["1e-1", "1.5", "many", "1e400"])
+@pytest.mark.usefixtures("folder")
+def test_numbers_of_photons_are_whole(text, capsys):
+    with pytest.raises(SystemExit):
+        cli.main(["render", "ball.py", "--photons", text])
+    said = f"argument --photons: {text!r}: pass a whole number, such as 64 or 1e5"
+    assert said in capsys.readouterr().err
+
+
+def test_whole_numbers_may_be_written_with_an_exponent(folder):
+    assert cli.main(["render", "ball.py", "--quiet", "--passes", "2e0", "--width", "3.2e1"]) == 0
+    report = json.loads((folder / "ball.json").read_text())
+    assert (report["passes"], report["settings"]["width"]) == (2, 32)
 
 
 def test_so_do_scene_scripts(folder, capsys, monkeypatch):
