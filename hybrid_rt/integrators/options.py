@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, fields
 from typing import Any
 
 from hybrid_rt.core import checks
+from hybrid_rt.core.keywords import explains
 
 WAYS = ("both", "lights", "directions")
 # Far more photons than any machine holds, which `hybrid_rt.rendering.memory` says in time.
@@ -125,6 +126,7 @@ ALPHA = Flag(
 )
 
 
+@explains(photons="photons_per_pass", radius="initial_radius")
 @dataclass(frozen=True)
 class PPMOptions(Options):
     """Options of the integrator "ppm", progressive photon mapping.
@@ -156,7 +158,7 @@ class PPMOptions(Options):
             warnings.warn(
                 "PPMOptions alpha: at 1 the discs never shrink, so the picture stays blurred "
                 "however many passes there are",
-                stacklevel=3,
+                stacklevel=4,
             )
         if self.initial_radius is not None:
             checks.number(self.initial_radius, "PPMOptions initial_radius", above=0.0)
@@ -182,6 +184,7 @@ class PPMOptions(Options):
         return self.alpha == 1.0
 
 
+@explains(photons="photons_per_pass", k="nearest")
 @dataclass(frozen=True)
 class PhotonMapOptions(Options):
     """Options of the integrator "photon_map".

@@ -8,11 +8,17 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from hybrid_rt.core import checks
+from hybrid_rt.core.keywords import explains
 from hybrid_rt.core.one_line import call, one_or_three
 from hybrid_rt.lights.light import Light, LightRow
 from hybrid_rt.shading.kernels.light_kinds import POINT
 
 
+@explains(
+    power="intensity = power / (4 pi)",
+    radiance="intensity, which is power per steradian",
+    color="intensity",
+)
 class PointLight(Light):
     """An isotropic point light. Its irradiance falls off as 1 / r^2, and it is itself invisible.
 

@@ -8,12 +8,19 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from hybrid_rt.core import checks
+from hybrid_rt.core.keywords import explains
 from hybrid_rt.core.one_line import call, one_or_three
 from hybrid_rt.lights.light import Light, LightRow, lamp_radiance
 from hybrid_rt.primitives import Rectangle
 from hybrid_rt.shading.kernels.light_kinds import RECTANGLE
 
 
+@explains(
+    power="radiance = power / (pi area)",
+    intensity="radiance, which is intensity / area as seen from the front",
+    emission="radiance",
+    color="radiance",
+)
 class RectangleLight(Light):
     """A rectangular area light with constant radiance on the side of edge_u x edge_v.
 

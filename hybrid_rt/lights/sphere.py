@@ -8,12 +8,19 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from hybrid_rt.core import checks
+from hybrid_rt.core.keywords import explains
 from hybrid_rt.core.one_line import call, one_or_three
 from hybrid_rt.lights.light import Light, LightRow, lamp_radiance
 from hybrid_rt.primitives import Sphere
 from hybrid_rt.shading.kernels.light_kinds import SPHERE
 
 
+@explains(
+    power="radiance = power / (4 pi^2 radius^2)",
+    intensity="radiance, which is intensity / (pi radius^2)",
+    emission="radiance",
+    color="radiance",
+)
 class SphereLight(Light):
     """A spherical area light with constant radiance on its outside.
 

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from hybrid_rt.core import checks
+from hybrid_rt.core.keywords import explains
 from hybrid_rt.core.one_line import call, one_or_three
 from hybrid_rt.lights.light import Light, LightRow
 from hybrid_rt.shading.kernels.light_kinds import SPOT
@@ -18,6 +19,13 @@ NARROWEST = 1e-3
 EDGE = 5.0
 
 
+@explains(
+    power="intensity = power / (2 pi (1 - cos(cone_angle))), with edge_angle=0",
+    radiance="intensity, which is power per steradian",
+    color="intensity",
+    target="direction = target - position",
+    angle="cone_angle, half of the opening, in degrees",
+)
 class SpotLight(Light):
     """A point light that emits into a cone with a smooth edge. It is itself invisible.
 

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from hybrid_rt.core import checks
+from hybrid_rt.core.keywords import explains
 from hybrid_rt.core.one_line import call, one_or_three
 from hybrid_rt.materials.material import Lobe, Material
 from hybrid_rt.shading.kernels.lobes.register import DIELECTRIC
@@ -17,6 +18,12 @@ from hybrid_rt.textures.texture import Texture, as_texture, plain_color
 EXTREME = 1e6
 
 
+@explains(
+    color="absorption, per scene unit of way: -ln(color) / way; or tint",
+    index="ior",
+    refractive_index="ior",
+    roughness="it to RoughDielectric",
+)
 class Dielectric(Material):
     """A smooth dielectric body. Its inside is the side opposite to the normal.
 

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from hybrid_rt.core import checks
+from hybrid_rt.core.keywords import explains
 from hybrid_rt.core.one_line import call
 from hybrid_rt.materials.material import Lobe, Material
 from hybrid_rt.shading.kernels.lobes.register import DIFFUSE, NARROW, PHONG, WIDE
@@ -22,6 +23,7 @@ SHARPEST = 1e10
 SHARPEST_WIDE = 100.0
 
 
+@explains(color="diffuse and specular", shininess="exponent")
 class Phong(Material):
     """Modified Phong model: f = diffuse / pi + specular (n + 2) / (2 pi) cos^n alpha.
 

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from hybrid_rt.core import checks
+from hybrid_rt.core.keywords import explains
 from hybrid_rt.core.one_line import call, one_or_three
 from hybrid_rt.core.records import FloatArray
 from hybrid_rt.materials.material import Lobe, Material
@@ -42,6 +43,7 @@ METALS = {
 WIDE_FROM = 7.0**-0.5
 
 
+@explains(alpha="roughness = sqrt(alpha)", metal="its name to RoughConductor.of")
 class RoughConductor(Material):
     """A rough metal with the complex index of refraction eta + i k. Both sides reflect.
 
@@ -94,6 +96,7 @@ class RoughConductor(Material):
         self._lobes = (Lobe(ROUGH_CONDUCTOR, texture, number, breadth=breadth),)
 
     @classmethod
+    @explains(alpha="roughness = sqrt(alpha)")
     def of(cls, metal: str, roughness: float) -> RoughConductor:
         """Return a metal with measured indices.
 

@@ -7,6 +7,7 @@ import math
 from numpy.typing import ArrayLike
 
 from hybrid_rt.core import checks
+from hybrid_rt.core.keywords import explains
 from hybrid_rt.core.one_line import call
 from hybrid_rt.materials.dielectric import EXTREME, changed
 from hybrid_rt.materials.material import Lobe, Material
@@ -15,6 +16,12 @@ from hybrid_rt.shading.kernels.lobes.register import ROUGH_DIELECTRIC
 from hybrid_rt.textures.texture import Texture, as_texture
 
 
+@explains(
+    color="absorption, per scene unit of way: -ln(color) / way; or tint",
+    index="ior",
+    refractive_index="ior",
+    alpha="roughness = sqrt(alpha)",
+)
 class RoughDielectric(Material):
     """A dielectric body with a rough surface. It must be closed, as a `Dielectric` must.
 

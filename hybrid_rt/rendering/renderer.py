@@ -10,6 +10,7 @@ from dataclasses import asdict, fields
 
 from hybrid_rt.core import checks
 from hybrid_rt.core.interrupts import kept_back
+from hybrid_rt.core.keywords import explains
 from hybrid_rt.core.ledger import Ledger, plain
 from hybrid_rt.core.progress import Progress, watch_compilation
 from hybrid_rt.core.threads import Pool
@@ -36,6 +37,19 @@ LOG = logging.getLogger("hybrid_rt.report")
 SCENE_LOG = logging.getLogger("hybrid_rt.report.scene")
 
 
+@explains(
+    spp="passes",
+    samples="passes",
+    depth="max_depth",
+    max_bounces="max_depth",
+    method="integrator",
+    error="target_error",
+    width="a scene whose camera has it: scene.with_camera(scene.camera.resized(width, height))",
+    height="a scene whose camera has it: scene.with_camera(scene.camera.resized(width, height))",
+    photons="options=PPMOptions(photons_per_pass=...)",
+    photons_per_pass="options=PPMOptions(photons_per_pass=...)",
+    out="the name of the file to the result: render(...).save(name)",
+)
 def render(
     scene: Scene,
     integrator: str = DEFAULT,

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from hybrid_rt.core import checks
+from hybrid_rt.core.keywords import explains
 from hybrid_rt.core.one_line import call
 from hybrid_rt.lights.light import Environment, Light
 from hybrid_rt.materials.material import Material
@@ -14,6 +15,7 @@ from hybrid_rt.sensor.camera import Camera
 from meshing.surface import Surface
 
 
+@explains(shape="surface", geometry="surface", primitive="surface")
 class Object:
     """A surface with a material.
 
@@ -92,6 +94,7 @@ class Object:
         return call(self, self.surface, self.material, **further)
 
 
+@explains(background="environment", sky="environment", lamps="lights")
 class Scene:
     """A camera, objects, lights and an environment.
 

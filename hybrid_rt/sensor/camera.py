@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from hybrid_rt.core import checks
+from hybrid_rt.core.keywords import explains
 from hybrid_rt.core.one_line import call
 from hybrid_rt.core.records import FloatArray
 
@@ -20,6 +21,17 @@ WIDEST_LENS = 1e6
 MOST_PIXELS = 10**9
 
 
+@explains(
+    fov="vertical_fov, in degrees",
+    fovy="vertical_fov, in degrees",
+    focal_distance="focus_distance",
+    focal_length="vertical_fov = 2 atan(h / (2 focal_length)), in degrees, h the height of the sensor",
+    fstop="aperture, the diameter of the lens: focal length / f-number",
+    resolution="width and height",
+    position="look_from",
+    origin="look_from",
+    target="look_at",
+)
 class Camera:
     """A pinhole camera, or one with a thin lens if ``aperture`` is positive.
 
