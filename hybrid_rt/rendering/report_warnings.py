@@ -120,6 +120,11 @@ def scene_warnings(faults: dict[str, Any]) -> list[str]:
         for one, other in faults["surfaces_in_one_plane"]
     ]
     lines += [
+        f"{one} and {other} are clear, overlap in part and have the same priority: what fills the space "
+        "that they share depends on the side from which light comes. Give one of them a higher priority"
+        for one, other in faults["clear_bodies_overlap"]
+    ]
+    lines += [
         f"{name} is a TriangleMesh with a texture over (u, v), which repeats on every triangle, as the "
         "mesh has no texture coordinates: pass TriangleMesh(mesh, texture_coordinates=...), or a file "
         'with UV coordinates, or take a CheckerTexture in "world"'

@@ -100,7 +100,7 @@ def set_up(
             return built
 
         compiled, tracer, sunken = with_lamps_lifted(request.scene, compiled, build)
-        faults = faults_of(compiled)
+        faults = faults_of(compiled, tracer)
     # Threads share blocks of camera rays; within a block everything runs in one.
     sampler = Sampler(request.seed)
     context = RenderContext(

@@ -235,7 +235,7 @@ def short_cautions(report: dict[str, Any]) -> list[str]:
     if _dark(report):
         cautions.append("relative to 0.1 where pixels are darker, as most are")
     if unmet_decides(noise):
-        cautions.append("without lamps in glass or mirrors that were not met yet")
+        cautions.append("without lamps seen in glass or metal that were not met yet")
     return cautions
 
 

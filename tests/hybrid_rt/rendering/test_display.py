@@ -73,7 +73,7 @@ def test_an_error_that_is_unknown_is_said_to_be(result, error):
             "rough, few pixels decide it: noise 2 % without the worst 0.1 %",
         ),
         ({"pixels_dark": 192}, "relative to 0.1 where pixels are darker, as most are"),
-        ({"unmet_lamps_95": 9.0}, "without lamps in glass or mirrors that were not met yet"),
+        ({"unmet_lamps_95": 9.0}, "without lamps seen in glass or metal that were not met yet"),
     ],
 )
 def test_what_is_to_be_known_of_an_error_stands_beside_it(result, noise, words):

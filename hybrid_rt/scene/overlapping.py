@@ -1,0 +1,115 @@
+"""Clear bodies of the same priority that overlap in part: what fills the common space is undecided.
+
+Among equals the body counts that a ray has entered last. So where neither lies within the other, the
+space they share is filled by one of them for rays from one side, and by the other for rays from
+the other side.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections import defaultdict
+
+import numpy as np
+
+from hybrid_rt.core.records import BoolArray, FloatArray
+from hybrid_rt.intersection import Intersector
+from hybrid_rt.scene.compiled import NOTHING, CompiledScene
+
+# Rays through the box that two bodies have in common: an overlap that all of them miss is not found.
+RAYS = 256
+# Of the size: shorter ways through both are those of bodies that touch.
+SLACK = 1e-6
+# Pairs whose boxes overlap; others are not looked at.
+MOST_PAIRS = 50
+# Where a point of a ray lies, as a sum.
+ONE, OTHER = 1, 2
+
+
+def overlapping_bodies(scene: CompiledScene, tracer: Intersector) -> list[list[str]]:
+    """Return the pairs of clear bodies that overlap in part and have one priority, by name.
+
+    Bodies of one medium are not named: it does not matter which of them fills the space.
+
+    Parameters
+    ----------
+    scene : CompiledScene
+    tracer : Intersector
+        Of the scene's surfaces.
+    """
+    surfaces_of: dict[int, list[int]] = defaultdict(list)
+    for i in range(len(scene.called)):
+        if scene.glass_of[scene.material_of[i]] != NOTHING:
+            surfaces_of[int(scene.material_of[i])].append(i)
+    bodies = {
+        material: np.array([scene.surfaces[i].bounds for i in rows])
+        for material, rows in surfaces_of.items()
+        if all(scene.surfaces[i].is_bounded for i in rows)
+    }
+    numbers = scene.lobes.number[scene.glass_of]
+    found, n_pairs = [], 0
+    for one, other in itertools.combinations(bodies, 2):
+        (*medium, priority), (*medium_2, priority_2) = (_medium(numbers[m]) for m in (one, other))
+        if priority != priority_2 or medium == medium_2:
+            continue
+        boxes = [_box_around(bodies[one]), _box_around(bodies[other])]
+        low, high = np.max(boxes, axis=0)[0], np.min(boxes, axis=0)[1]
+        if not (low < high).all():
+            continue
+        n_pairs += 1
+        if n_pairs > MOST_PAIRS:
+            break
+        around = _box_around(np.array(boxes))
+        if _overlap_in_part(tracer, surfaces_of[one], surfaces_of[other], low, high, around):
+            found.append([scene.called[surfaces_of[m][0]] for m in (one, other)])
+    return found
+
+
+def _medium(number: FloatArray) -> list[float]:
+    """Return index, absorption and priority of a body."""
+    return [float(number[0]), *number[2:6].tolist()]
+
+
+def _box_around(boxes: FloatArray) -> FloatArray:
+    return np.array([boxes[:, 0].min(axis=0), boxes[:, 1].max(axis=0)])
+
+
+def _overlap_in_part(
+    tracer: Intersector,
+    one: list[int],
+    other: list[int],
+    low: FloatArray,
+    high: FloatArray,
+    around: FloatArray,
+) -> bool:
+    """Tell whether a ray enters one body, then the other, and leaves the first one first."""
+    rng = np.random.default_rng(0)
+    directions = rng.standard_normal((RAYS, 3))
+    directions /= np.linalg.norm(directions, axis=1)[:, None]
+    size = float(np.linalg.norm(around[1] - around[0]))
+    origins = rng.uniform(low, high, (RAYS, 3)) - size * directions
+    crossed = tracer.intersect_all(origins, directions, t_max=2.0 * size)
+    hits = crossed.hits
+    of_one, of_other = np.isin(hits.object_id, one), np.isin(hits.object_id, other)
+    is_of = of_one | of_other
+    ray, t = crossed.ray[is_of], hits.t[is_of]
+    step = np.where(hits.front_face[is_of], 1, -1)
+    steps = np.stack([step * of_one[is_of], step * of_other[is_of]], axis=1)
+    # Rays that do not leave what they have entered say nothing, and bodies that are open.
+    is_odd = np.zeros(RAYS, dtype=np.bool_)
+    for body in range(2):
+        is_odd |= np.bincount(ray, weights=steps[:, body], minlength=RAYS) != 0
+    is_good = ~is_odd[ray]
+    return _is_crossed(np.cumsum(steps[is_good], axis=0), t[is_good], SLACK * size)
+
+
+def _is_crossed(depth: FloatArray, t: FloatArray, slack: float) -> bool:
+    """Tell whether a way through both bodies leads from one of them alone to the other alone."""
+    within = (depth > 0) @ np.array([ONE, OTHER])
+    before = np.append(0, within[:-1])
+    is_change = within != before
+    within, t = within[is_change], t[is_change]
+    both: BoolArray = within[1:-1] == ONE + OTHER
+    from_one_to_other = within[:-2] + within[2:] == ONE + OTHER
+    is_alone = (within[:-2] != 0) & (within[2:] != 0)
+    return bool((both & from_one_to_other & is_alone & (t[2:] - t[1:-1] > slack)).any())
