@@ -57,7 +57,7 @@ from hybrid_rt.intersection.kernels.search.tolerances import (
     FLATTEST,
     MAX_PIECES,
 )
-from meshing.kernels.jit import inlined
+from meshing.kernels.jit import inlined, outlined
 
 
 @inlined
@@ -107,9 +107,7 @@ def sine_of_crossing(control, start, degree, ray, after, s, t):
 @inlined
 def solve_piece(i, segment, piece, ray, after, t_lo, t_cut, rays, best, work, counters):
     """Settle one piece on one sheet: offer its first root, or know that there is none."""
-    control, start, degree, outlines, end, size, object_id, row, trim = segment
-    t_min, known = rays.t_min, rays.known
-    net, stack, scratch = work.net, work.stack, work.piece
+    control, start, degree, outlines, end = segment[:5]
     band, slop = ray[BAND], ray[SLOP]
     t0, t1 = sheet_interval(piece[Z0], piece[Z1], max(piece[R0], 0.0), piece[R1], ray, after, band)
     if not t0 <= t1 or t1 < t_lo or t0 > t_cut:
@@ -119,7 +117,7 @@ def solve_piece(i, segment, piece, ray, after, t_lo, t_cut, rays, best, work, co
     for k in range(2):
         if outlines & (1 << k) != 0 and (a == 0.0 if k == 0 else b == 1.0):
             is_passed, t = pass_end(end[k], ray, after)
-            if is_passed and may_be_kept_near(trim, segment, ray, t, float(k), 0.0):
+            if is_passed and may_be_kept_near(segment.trim, segment, ray, t, float(k), 0.0):
                 note_doubt(i, t, ray, rays, best)
     is_straight = degree == 1 and control[start, 2] == 0.0
     if is_straight and solve_straight(i, segment, t0, t1, ray, after, rays, best, counters):
@@ -128,12 +126,20 @@ def solve_piece(i, segment, piece, ray, after, t_lo, t_cut, rays, best, work, co
         settled, _ = solve_single(i, segment, piece, t0, t1, ray, after, rays, best, counters)
         if settled:
             return
-    # --- halve, nearest first
+    _halve(i, segment, a, b, t0, ray, after, t_lo, t_cut, rays, best, work, counters)
+
+
+@outlined
+def _halve(i, segment, a, b, begins, ray, after, t_lo, t_cut, rays, best, work, counters):
+    """Settle the piece of profile from a to b by halves, the nearest first."""
+    control, start, degree, _, _, size, object_id, row, trim = segment
+    t_min, known = rays.t_min, rays.known
+    net, stack, scratch = work.net, work.stack, work.piece
+    band, slop = ray[BAND], ray[SLOP]
     counters[SLOW] += 1
     fold = 4.0 * np.sqrt(slop * max(size, slop))
     length, shift, to_world = ray[LENGTH], ray[SHIFT], ray[TO_WORLD]
     stack[0, 0], stack[0, 1] = a, b
-    begins = t0
     top, pieces = 1, 0
     while top > 0:
         top -= 1
