@@ -3,7 +3,7 @@
 from typing import Any
 
 import numba
-from numba.core import registry
+from numba.core import registry, types
 
 from meshing.kernels.cache import CacheOfParts, SharedCache
 from meshing.kernels.link_only import OUTLINED, LinkOnly
@@ -78,6 +78,13 @@ class _ForKernels(CPUDispatcher):  # type: ignore[misc]
     """A function compiled without machine code of its own, nor an entry for Python."""
 
     _for_python: Any = None
+
+    def get_call_template(self, args: Any, kws: Any) -> Any:
+        """Compile it once, and not for each constant that it is called with.
+
+        The optimiser sees the constants all the same, as it inlines.
+        """
+        return super().get_call_template(tuple(map(types.unliteral, args)), kws)
 
     def __call__(self, *arguments: Any) -> Any:
         """Call it from Python all the same, by a compilation of its own, as tests do."""
