@@ -3,7 +3,8 @@
 python tools/list_kernels.py
 
 To be run after a kernel, or what it is called with, has changed; a test says so. All kernels are
-compiled anew for it, many of them several times: half an hour on two cores.
+compiled anew for it, many of them several times: half an hour on two cores. With --again only the
+seconds of what is listed are measured: some five minutes.
 """
 
 import argparse
@@ -74,15 +75,23 @@ def main() -> int:
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("--case", action="append", choices=CASES, help="print what it needs")
+    parser.add_argument("--again", action="store_true", help="measure what is listed, and sort it")
+    rows = "print the seconds of every Nth entry of the list, from the Ith on"
+    parser.add_argument("--rows", type=int, nargs=2, metavar=("I", "N"), help=rows)
     parser.add_argument("--jobs", type=one_or_more, default=os.cpu_count(), metavar="N")
     args = parser.parse_args()
     if args.case is not None:
         print(json.dumps(needed_for(args.case)))
         return 0
-    with ThreadPoolExecutor(args.jobs) as pool:
-        entries_of = pool.map(in_a_process, CASES)
-        found = dict(zip(CASES, entries_of, strict=True))
-    entries = merged(found)
+    if args.rows is not None:
+        print(json.dumps(seconds_of_every(*args.rows)))
+        return 0
+    if args.again:
+        entries = measured_again(args.jobs)
+    else:
+        with ThreadPoolExecutor(args.jobs) as pool:
+            entries_of = pool.map(lambda case: in_a_process("--case", case), CASES)
+            entries = merged(dict(zip(CASES, entries_of, strict=True)))
     Path(str(precompile.FILE)).write_text(as_text(entries), "utf-8")
     print(f"{precompile.FILE}: {len(entries)} compilations of {len(CASES)} groups")
     return 0
@@ -172,6 +181,34 @@ def rational_patch(degree_u: int, degree_v: int) -> BezierPatches:
     return BezierPatches([np.stack([u, v, u * u - v * v * v], axis=-1)], [1.0 + 0.2 * u * v])
 
 
+def measured_again(jobs: int) -> list[dict[str, Any]]:
+    """Return the list as it is, with new seconds, and sorted by them."""
+    entries = listed()
+    with ThreadPoolExecutor(jobs) as pool:
+        ways = [("--rows", str(i), str(jobs)) for i in range(jobs)]
+        for i, found in enumerate(pool.map(lambda way: in_a_process(*way), ways)):
+            for entry, seconds in zip(entries[i::jobs], found, strict=True):
+                entry["seconds"] = seconds
+    return in_order(entries)
+
+
+def seconds_of_every(first: int, step: int) -> list[float]:
+    """Compile some of what is listed, and return the seconds of each."""
+    watch, seconds = Watch(), []
+    with event.install_listener("numba:compile", watch):
+        for entry in listed()[first::step]:
+            kernel = precompile.named(entry["kernel"])
+            kernel.compile(tuple(map(precompile.type_from_json, entry["types"])))
+            seconds.append(round(watch.seconds_of(kernel), 1))
+    return seconds
+
+
+def listed() -> list[dict[str, Any]]:
+    """Return the list as it is."""
+    entries: list[dict[str, Any]] = json.loads(precompile.FILE.read_text("utf-8"))
+    return entries
+
+
 def needed_for(cases: list[str]) -> list[dict[str, Any]]:
     """Run cases; return the kernels they need, with the seconds of those compiled here."""
     precompile.read_list = list  # nobody compiles anything for this process
@@ -188,7 +225,7 @@ def needed_for(cases: list[str]) -> list[dict[str, Any]]:
         {
             "kernel": name_of(kernel.py_func),
             "types": types,
-            "seconds": sum(watch.seconds[x.py_func] for x in compiled_with(kernel)),
+            "seconds": watch.seconds_of(kernel),
             "parts": sorted(name_of(x.py_func) for x in linked_by(kernel)),
         }
         for kernel, types in overloads()
@@ -199,7 +236,7 @@ class Watch(event.Listener):  # type: ignore[misc]
     """Measures how long each function takes to compile, without those that it calls."""
 
     def __init__(self) -> None:
-        self.seconds: dict[Any, float] = defaultdict(float)
+        self._seconds: dict[Any, float] = defaultdict(float)
         self._begins: list[float] = []
         self._of_others: list[float] = []
 
@@ -213,9 +250,13 @@ class Watch(event.Listener):  # type: ignore[misc]
         """Note how long the compilation that began last took."""
         whole = time.thread_time() - self._begins.pop()
         function = event.data["dispatcher"].py_func
-        self.seconds[function] = max(self.seconds[function], whole - self._of_others.pop())
+        self._seconds[function] = max(self._seconds[function], whole - self._of_others.pop())
         if self._of_others:
             self._of_others[-1] += whole
+
+    def seconds_of(self, kernel: Any) -> float:
+        """Return the seconds of a kernel if its parts are in the cache."""
+        return sum(self._seconds[x.py_func] for x in compiled_with(kernel))
 
 
 def linked_by(kernel: Any) -> set[Any]:
@@ -309,22 +350,21 @@ def overloads() -> list[tuple[Any, list[Any]]]:
     return found
 
 
-def in_a_process(case: str) -> list[dict[str, Any]]:
-    """Run a case, with a cache of its own: a kernel that is loaded does not tell what it links."""
-    print(case, file=sys.stderr)
+def in_a_process(*options: str) -> Any:
+    """Run this tool, with a cache of its own: a kernel that is loaded does not tell what it links."""
+    print(*options, file=sys.stderr)
     with tempfile.TemporaryDirectory() as folder:
         done = subprocess.run(
-            [sys.executable, __file__, "--case", case],
+            [sys.executable, __file__, *options],
             env={**os.environ, "NUMBA_CACHE_DIR": folder},
             stdout=subprocess.PIPE,
             check=True,
         )
-    entries: list[dict[str, Any]] = json.loads(done.stdout)
-    return entries
+    return json.loads(done.stdout)
 
 
 def merged(found: dict[str, list[dict[str, Any]]]) -> list[dict[str, Any]]:
-    """Name the groups of each compilation; first what the longest work is waiting for."""
+    """Name the groups of each compilation."""
     groups: dict[tuple[str, str], list[str]] = defaultdict(list)
     seconds: dict[tuple[str, str], float] = defaultdict(float)
     parts: dict[str, list[str]] = {}
@@ -337,21 +377,33 @@ def merged(found: dict[str, list[dict[str, Any]]]) -> list[dict[str, Any]]:
             seconds[key] = max(seconds[key], entry["seconds"])
             parts[entry["kernel"]] = entry["parts"]
 
-    @functools.cache
-    def until_the_end(key: tuple[str, str]) -> float:
-        after = [until_the_end(other) for other in groups if key[0] in parts[other[0]]]
-        return seconds[key] + max(after, default=0.0)
+    return in_order(
+        [
+            {
+                "kernel": key[0],
+                "types": json.loads(key[1]),
+                "groups": groups[key],
+                "seconds": round(seconds[key], 1),
+                **({"parts": parts[key[0]]} if parts[key[0]] else {}),
+            }
+            for key in groups
+        ]
+    )
 
-    return [
-        {
-            "kernel": key[0],
-            "types": json.loads(key[1]),
-            "groups": groups[key],
-            "seconds": round(seconds[key], 1),
-            **({"parts": parts[key[0]]} if parts[key[0]] else {}),
-        }
-        for key in sorted(groups, key=lambda key: (-until_the_end(key), key))
-    ]
+
+def in_order(entries: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    """Sort a list: first what the longest work is waiting for."""
+
+    @functools.cache
+    def until_the_end(i: int) -> float:
+        kernel = entries[i]["kernel"]
+        after = [until_the_end(k) for k, x in enumerate(entries) if kernel in x.get("parts", ())]
+        return float(entries[i]["seconds"]) + max(after, default=0.0)
+
+    def rank(i: int) -> Any:
+        return -until_the_end(i), entries[i]["kernel"], json.dumps(entries[i]["types"])
+
+    return [entries[i] for i in sorted(range(len(entries)), key=rank)]
 
 
 def as_text(entries: list[dict[str, Any]]) -> str:

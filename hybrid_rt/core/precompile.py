@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import atexit
 import contextlib
+import gc
 import importlib
 import json
 import os
@@ -31,6 +32,8 @@ from meshing.kernels import cache
 
 # Beyond that the longest compilation takes longer than all others together.
 MOST_WORKERS = 8
+# A twentieth of the time of compiling goes into looking for garbage, if that is done as often as usual.
+GARBAGE = 100_000, 50, 100
 # Finds the packages where this process has found them.
 _CODE = "import sys; sys.path[:] = sys.argv[1:]; from hybrid_rt.core.precompile import work; work()"
 DONE, FAILED = "done\n", "failed\n"
@@ -121,6 +124,7 @@ def type_from_json(words: Any) -> Any:
 def work() -> None:
     """Compile kernels read from standard input, one JSON line each: name and argument types."""
     signal.signal(signal.SIGINT, signal.SIG_DFL)  # ends silently with the parent process
+    gc.set_threshold(*GARBAGE)
     for line in sys.stdin:
         reply = FAILED  # the parent compiles it itself, and gets the error
         with contextlib.suppress(Exception):
