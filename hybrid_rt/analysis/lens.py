@@ -28,6 +28,8 @@ from meshing.checks import as_floats, number, shown, whole
 # The parabasal rays of `focus` run this part of the first aperture beside the axis: aberrations of third
 # order change the focal length by its square, and rounding by its inverse.
 BESIDE = 1e-4
+# Nothing that light passes has a larger one; wavelengths in nanometres or angstroms have.
+LARGEST_INDEX = 100.0
 CHECK = "check its apertures, and that its surfaces lie in order"
 # Surfaces nearer to each other than this, over the size of coordinates, touch: rounding moves a point by
 # less.
@@ -51,7 +53,7 @@ class LensSurface:
     thickness : float
         Distance from this vertex to the next one; 0: they touch. That of the last surface is not used.
     index : float
-        Index of refraction behind this surface.
+        Index of refraction behind this surface, above 0 and at most 100.
     aperture : float
         Clear diameter, twice the semi-diameter of other programs.
     conic : float
@@ -211,7 +213,7 @@ class Lens:
     """
 
     def __init__(self, prescription: Sequence[LensSurface], index: float = 1.0) -> None:
-        self.index = number(index, "Lens index", above=0.0)
+        self.index = number(index, "Lens index", above=0.0, up_to=LARGEST_INDEX)
         self.prescription = _lines(prescription, self.index)
         steps = [surface.thickness for surface in self.prescription]
         self.vertices = np.concatenate([[0.0], np.cumsum(steps[:-1])])
@@ -249,7 +251,19 @@ class Lens:
         ------
         ValueError, TypeError
             For rays that are not finite, directions of length zero, and shapes that do not match.
+
+        Warns
+        -----
+        UserWarning
+            If rays meet a surface behind the first one from behind, as where the lens is too thin at
+            its edge.
         """
+        rays = self._refracted(origins, directions)
+        _warn_of_crossing(rays, 3)
+        return rays
+
+    def _refracted(self, origins: ArrayLike, directions: ArrayLike) -> Traced:
+        """As `trace`, without its warning."""
         starts, d = _rays(origins, directions)
         o, n = starts, len(starts)
         position, direction = np.full((n, 3), np.nan), np.full((n, 3), np.nan)
@@ -293,7 +307,7 @@ class Lens:
         """
         height = BESIDE * self.prescription[0].aperture
         start = -max(abs(self.surfaces[0].bounds[:, 2]).max(), self._reaches_before()) - height
-        ray = self.trace(np.array([[height, 0.0, start]]), np.array([[0.0, 0.0, 1.0]]))
+        ray = self._refracted(np.array([[height, 0.0, start]]), np.array([[0.0, 0.0, 1.0]]))
         if not ray.passed[0]:
             raise ValueError(f"a ray beside the axis does not pass the lens: {CHECK}")
         x, dx, dz = ray.position[0, 0], ray.direction[0, 0], ray.direction[0, 2]
@@ -349,7 +363,18 @@ class Lens:
         ------
         ValueError
             If no ray gets through, or an argument is outside its limits.
+
+        Warns
+        -----
+        UserWarning
+            As `trace`.
         """
+        rays = self._parallel(field, pupil, n)
+        _warn_of_crossing(rays, 3)
+        return rays
+
+    def _parallel(self, field: float, pupil: float | None, n: int) -> Traced:
+        """As `parallel`, without its warning."""
         number(field, "Lens field", above=-90.0, below=90.0)
         whole(n, "Lens n", at_least=1)
         angle = math.radians(field)
@@ -371,7 +396,7 @@ class Lens:
         # From a plane across the light, so far in front that it meets no surface.
         width = 2.0 * float(np.abs(points).max()) + self.prescription[0].aperture
         front = (width + self._reaches_before()) / way[2]
-        return self.trace(points - (front + points @ way)[:, None] * way, way)
+        return self._refracted(points - (front + points @ way)[:, None] * way, way)
 
     def _reaches_before(self) -> float:
         """Return how far what light may meet first reaches before the plane of the first vertex.
@@ -500,15 +525,20 @@ class Lens:
 
     def _passed(self, field: float, pupil: float | None, n: int) -> Traced:
         """Return the parallel light that gets through; warn of a lens that cannot be made."""
-        rays = self.parallel(field, pupil, n)
-        behind = rays.stopped_at[rays.fate == Fate.BEHIND]
-        if len(behind):
-            warnings.warn(
-                f"Lens: {len(behind)} of {len(rays)} rays meet the surface of prescription[{behind.min()}] "
-                "from behind, and count as lost: is the lens thick enough at its edge?",
-                stacklevel=3,
-            )
+        rays = self._parallel(field, pupil, n)
+        _warn_of_crossing(rays, 4)
         return rays[rays.passed]
+
+
+def _warn_of_crossing(rays: Traced, stacklevel: int) -> None:
+    """Warn of rays for which two surfaces of a lens cross."""
+    behind = rays.stopped_at[(rays.fate == Fate.BEHIND) & (rays.stopped_at > 0)]
+    if len(behind):
+        warnings.warn(
+            f"Lens: {len(behind)} of {len(rays)} rays meet the surface of prescription[{behind.min()}] "
+            "from behind, and count as lost: is the lens thick enough at its edge?",
+            stacklevel=stacklevel,
+        )
 
 
 def _grid(low: ArrayLike, high: ArrayLike, n: int) -> FloatArray:
@@ -539,8 +569,9 @@ def _lines(prescription: Sequence[LensSurface], index: float) -> tuple[LensSurfa
             line.index,
             f"Lens prescription[{k}].index",
             above=0.0,
-            hint="of one wavelength, as 1.5168: there is no catalogue of glasses; mirrors are no "
-            "part of a Lens",
+            up_to=LARGEST_INDEX,
+            hint="of refraction, not the wavelength: 1.5168, as there is no catalogue of glasses; "
+            "mirrors are no part of a Lens",
         )
         if k < len(lines) - 1:
             thickness = number(line.thickness, f"Lens prescription[{k}].thickness")

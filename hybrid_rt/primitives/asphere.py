@@ -119,9 +119,11 @@ class Asphere(AxialSurface):
         left = 1.0 - (1.0 + self.conic) * across * across
         if not left >= LEAST_UNDER_ROOT:
             most = 2.0 * abs(self.radius) * math.sqrt((1.0 - LEAST_UNDER_ROOT) / (1.0 + self.conic))
+            steepest = (1.0 - LEAST_UNDER_ROOT) / across**2 - 1.0
             raise ValueError(
                 f"Asphere aperture is {self.aperture:g} with radius {self.radius:g} and conic "
-                f"{self.conic:g}: the conic turns vertical within it, pass at most {most:.9g}"
+                f"{self.conic:g}: the conic turns vertical within it, pass at most {most:.9g}, or "
+                f"a conic of at most {steepest:.9g}"
             )
         with np.errstate(all="ignore"):
             z, slope, _ = sag.at(np.array([sag.w_max]))

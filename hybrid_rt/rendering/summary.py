@@ -159,7 +159,7 @@ def _noise(report: dict[str, Any]) -> str:
         f"  noise     {at_most}{per_cent(noise['relative_rmse'])} of the picture (relative RMSE, "
         f"estimated); image mean{', blurred,' if report['picture_is_blurred'] else ''}"
         f"{of_what(report)} {noise['image_mean']:.6g} +- {half:.1g} (95 %)"
-        f"{_unmet(noise)}{_worst_pixels(noise)}{_scale(noise) or _dark(report)}{_not_met(report)}"
+        f"{_unmet(noise)}{_worst_pixels(report)}{_scale(noise) or _dark(report)}{_not_met(report)}"
         f"{_blur(report['relative_error'])}"
     )
 
@@ -180,19 +180,21 @@ def of_what(report: dict[str, Any]) -> str:
     return "" if holds == ALL_LIGHT else f" of {holds}"
 
 
-def _worst_pixels(noise: dict[str, Any]) -> str:
+def _worst_pixels(report: dict[str, Any]) -> str:
     """Return the noise without the worst pixels; nothing where there are no pixels to spare."""
+    noise = report["noise"]
     if not noise["worst_pixels"] or not math.isfinite(noise["relative_rmse_trimmed"]):
         return ""
     return (
         f"\n            {per_cent(noise['relative_rmse_trimmed'])} without the worst 0.1 % of the "
         f"pixels, which hold {per_cent(noise['worst_pixels_share_of_squared_error'])} of the "
-        f"squared error{_if_few_decide(noise)}"
+        f"squared error{_if_few_decide(report)}"
     )
 
 
-def _if_few_decide(noise: dict[str, Any]) -> str:
+def _if_few_decide(report: dict[str, Any]) -> str:
     """Return a caution if the noise of all pixels is that of a few bright specks."""
+    noise = report["noise"]
     if not _few_decide(noise):
         return ""
     text = ":\n            so few pixels decide the first figure that it is rough; "
@@ -202,9 +204,10 @@ def _if_few_decide(noise: dict[str, Any]) -> str:
             "in a lamp out of focus: with more passes the dots\n            outnumber 0.1 %, and it will "
             f"rise to {per_cent(noise['relative_rmse_trimmed_ahead'])} or so"
         )
+    by_photons = " (behind glass take ppm)" if report["settings"]["integrator"] == "path" else ""
     return text + (
         "trust the second, but not where\n            only dots carry the light, as behind glass or "
-        "in a lamp out of focus: such places come out\n            too dark at first"
+        f"in a lamp out of focus: such places come out\n            too dark at first{by_photons}"
     )
 
 

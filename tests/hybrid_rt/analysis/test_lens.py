@@ -236,7 +236,12 @@ def test_a_lens_whose_surfaces_cross_is_no_better_without_a_word():
         points, _, _ = thin.spot(0.0, 100.0, n=16)
     with pytest.warns(UserWarning, match=words):
         thin.plane_of_least_spread(100.0, n=16)
-    assert len(points) == np.count_nonzero(thin.parallel(0.0, n=16).passed)
+    with pytest.warns(UserWarning, match=words) as caught:
+        rays = thin.parallel(0.0, n=16)
+    assert len(points) == np.count_nonzero(rays.passed)
+    with pytest.warns(UserWarning, match=rf"Lens: 1 of 2 rays {words}") as also:
+        thin.trace([(0, 0, -9), (0, 12.6, -9)], (0, 0, 1))
+    assert {warning.filename for warning in (*caught, *also)} == {__file__}
     thick = Lens([LensSurface(51.68, 2.0, 1.5168, 25.4), LensSurface(math.inf, 0.0, 1.0, 25.4)])
     assert (thick.parallel(0.0, n=16).fate != Fate.BEHIND).all()
     thick.spot(0.0, 100.0, n=16)
@@ -417,6 +422,10 @@ BACK = LensSurface(math.inf, 0.0, 1.0, 25.0)
             r"prescription\[1\]: Asphere aperture is 25 .* at most",
         ),
         ([replace(FRONT, index=-1.0), BACK], r"prescription\[0\].index is -1.*mirrors are no part"),
+        (
+            [replace(FRONT, index=587.6), BACK],
+            r"index is 587.6: .* at most 100.*not the wavelength",
+        ),
         ([replace(FRONT, index="N-BK7"), BACK], r"prescription\[0\].index is 'N-BK7'"),
         ([replace(FRONT, thickness=math.nan), BACK], r"prescription\[0\].thickness is nan"),
         (
@@ -443,7 +452,8 @@ def test_rays_are_lost_where_surfaces_cross():
     """Two spheres of radius 50 and 6 between the vertices meet where either sag is 3: r^2 = 291."""
     lens = Lens([LensSurface(50.0, 6.0, 1.5, 50.0), LensSurface(-50.0, 0.0, 1.0, 50.0)])
     inside, beyond = math.sqrt(291) - 1e-9, math.sqrt(291) + 0.5
-    rays = lens.trace([(0, inside, -9), (0, beyond, -9)], (0, 0, 1))
+    with pytest.warns(UserWarning, match="1 of 2 rays meet"):
+        rays = lens.trace([(0, inside, -9), (0, beyond, -9)], (0, 0, 1))
     assert rays.fate.tolist() == [Fate.PASSED, Fate.BEHIND]
     assert rays.stopped_at.tolist() == [-1, 1]
 
