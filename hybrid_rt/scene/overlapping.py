@@ -17,7 +17,7 @@ from hybrid_rt.intersection import Intersector
 from hybrid_rt.scene.compiled import NOTHING, CompiledScene
 
 # Rays through the box that two bodies have in common: an overlap that all of them miss is not found.
-RAYS = 256
+RAYS = 64
 # Of the size: shorter ways through both are those of bodies that touch.
 SLACK = 1e-6
 # Pairs whose boxes overlap; others are not looked at.
