@@ -8,6 +8,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike
 
+from hybrid_rt.core.checks import FARTHEST
 from hybrid_rt.core.records import FloatArray
 from hybrid_rt.primitives.axial import AxialSurface
 from hybrid_rt.primitives.sag import Sag, Zones
@@ -59,7 +60,7 @@ class Asphere(AxialSurface):
         a_2, a_4, ... a_2n, the factors of r^2, r^4, ... r^2n, in one over scene units to the power
         1, 3, ... 2n - 1. If a prescription begins with r^4, put a zero in front.
     aperture : positive number, scene units
-        Diameter of the rim. Rays that pass outside it miss.
+        Diameter of the rim, at most 1e60. Rays that pass outside it miss.
     origin : (3,) scene units
         The vertex.
     axis : (3,) direction of any length
@@ -102,7 +103,7 @@ class Asphere(AxialSurface):
         self.radius = _as_radius(radius)
         self.conic = number(conic, "Asphere conic")
         self.coefficients = _as_coefficients(coefficients)
-        self.aperture = number(aperture, "Asphere aperture", above=0.0)
+        self.aperture = number(aperture, "Asphere aperture", above=0.0, up_to=FARTHEST)
         self._set_frame(origin, axis, reference)
         self._check_sag()
 
@@ -119,11 +120,11 @@ class Asphere(AxialSurface):
         left = 1.0 - (1.0 + self.conic) * across * across
         if not left >= LEAST_UNDER_ROOT:
             most = 2.0 * abs(self.radius) * math.sqrt((1.0 - LEAST_UNDER_ROOT) / (1.0 + self.conic))
-            steepest = (1.0 - LEAST_UNDER_ROOT) / across**2 - 1.0
+            largest = (1.0 - LEAST_UNDER_ROOT) / (across * across) - 1.0
             raise ValueError(
                 f"Asphere aperture is {self.aperture:g} with radius {self.radius:g} and conic "
                 f"{self.conic:g}: the conic turns vertical within it, pass at most {most:.9g}, or "
-                f"a conic of at most {steepest:.9g}"
+                f"a conic of at most {largest:.9g}"
             )
         with np.errstate(all="ignore"):
             z, slope, _ = sag.at(np.array([sag.w_max]))

@@ -264,6 +264,11 @@ def test_any_slicing_and_pickling_give_the_same_bits():
         ((1, 0, [1, np.nan], 1), "coefficient a_4 is nan"),
         ((1, 0, [0] * 17, 1), "at most 16"),
         ((1, 0, [], 0), "aperture is 0"),
+        ((1e200, 0, [], 1e200), r"aperture is 1e\+200: .* at most 1e\+60"),
+        (
+            (1e-3, 0, [], 1e57),
+            "turns vertical within it, pass at most 0.00199.*conic of at most -1",
+        ),
         (
             (10, 0, [], 20),
             "turns vertical within it, pass at most 19.98.*, or a conic of at most -0.001",
