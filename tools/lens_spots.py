@@ -58,7 +58,7 @@ def show(name: str, n: int) -> list[tuple[str, np.ndarray, float]]:
         if focus is not None:
             print(f"  {what:9}{focus.focal_length:12.6f}{focus.back_focal_distance:12.6f}")
     plane = lens.vertices[-1] + paraxial.back_focal_distance
-    plane = lens.plane_of_least_spread(plane, pupil)
+    plane = lens.plane_of_least_spread(plane, pupil=pupil)
     print(
         f"  plane of least spread on the axis: {plane - lens.vertices[-1]:.4f} behind the last vertex"
     )

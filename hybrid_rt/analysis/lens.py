@@ -30,6 +30,8 @@ from meshing.checks import as_floats, number, shown, whole
 BESIDE = 1e-4
 # Nothing that light passes has a larger one; wavelengths in nanometres or angstroms have.
 LARGEST_INDEX = 100.0
+# In units of the widest aperture. Of what is longer the places of the vertices have less than ten digits.
+LONGEST = 1e6
 CHECK = "check its apertures, and that its surfaces lie in order"
 # Surfaces nearer to each other than this, over the size of coordinates, touch: rounding moves a point by
 # less.
@@ -200,7 +202,8 @@ class Lens:
     ------
     ValueError, TypeError
         For an empty prescription, indices that are not positive, negative thicknesses behind what is
-        no stop, and surfaces that `Asphere` refuses; the line is named.
+        no stop, and surfaces that `Asphere` refuses; the line is named. And for one that is a million
+        times longer than wide.
 
     Attributes
     ----------
@@ -221,6 +224,13 @@ class Lens:
             _surface(s, z, k)
             for k, (s, z) in enumerate(zip(self.prescription, self.vertices.tolist(), strict=True))
         ]
+        length = sum(map(abs, steps[:-1]))
+        widest = max(surface.aperture for surface in self.surfaces)
+        if length > LONGEST * widest:
+            raise ValueError(
+                f"Lens prescription is {length:g} long, and {widest:g} wide: its vertices would lose their "
+                "digits. Leave out the line of the object; rays from afar may start anywhere on their way"
+            )
         self._tracers = [Intersector(surface) for surface in self.surfaces]
 
     def __repr__(self) -> str:
@@ -499,11 +509,11 @@ class Lens:
         return met, centroid, float(np.sqrt(((met - centroid) ** 2).sum(axis=1).mean()))
 
     def plane_of_least_spread(
-        self, z: float, pupil: float | None = None, n: int = 64, *, field: float = 0.0
+        self, z: float, *, field: float = 0.0, pupil: float | None = None, n: int = 64
     ) -> float:
         """Return the z, near a given one, where the spot of parallel light is smallest (rms).
 
-        Parameters are those of `spot`. The spot is measured about its centroid.
+        Parameters are those of `spot`, all but ``z`` by name. The spot is measured about its centroid.
 
         Raises
         ------
@@ -574,7 +584,8 @@ def _lines(prescription: Sequence[LensSurface], index: float) -> tuple[LensSurfa
             "mirrors are no part of a Lens",
         )
         if k < len(lines) - 1:
-            thickness = number(line.thickness, f"Lens prescription[{k}].thickness")
+            hint = "" if k else "leave out the line of the object, parallel light needs none"
+            thickness = number(line.thickness, f"Lens prescription[{k}].thickness", hint=hint)
             if thickness < 0.0 and line.index != index:
                 raise ValueError(
                     f"Lens prescription[{k}].thickness is {shown(line.thickness)}: pass at least 0, as light "

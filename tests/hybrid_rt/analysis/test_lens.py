@@ -181,7 +181,7 @@ def test_a_plate_has_its_focus_at_infinity():
     plate = Lens([LensSurface(math.inf, 6.0, 1.5, 25.0), LensSurface(math.inf, 0.0, 1.0, 25.0)])
     assert plate.focus() == plate.paraxial_focus() == (math.inf, math.inf)
     with pytest.raises(ValueError, match="its spot is as wide everywhere"):
-        plate.plane_of_least_spread(10.0, 5.0)
+        plate.plane_of_least_spread(10.0, pupil=5.0)
 
 
 def test_what_surfaces_reflect_is_that_of_fresnels_formulas():
@@ -284,14 +284,15 @@ def test_lost_rays_name_the_surface_that_stopped_them():
 def test_the_plane_of_least_spread_is_the_smallest_spot(field):
     lens = Lens(COOKE_TRIPLET)
     near = lens.vertices[-1] + lens.paraxial_focus().back_focal_distance
-    plane = lens.plane_of_least_spread(near, 29.2, 16, field=field)
+    plane = lens.plane_of_least_spread(near, field=field, pupil=29.2, n=16)
     found = minimize_scalar(
         lambda z: lens.spot(field, z, 29.2, 16)[2] ** 2, bracket=(near - 5, near + 5), tol=1e-10
     )
     # The square of the spot is a parabola in z: its minimum is found to the root of the tolerance.
     assert plane == pytest.approx(found.x, abs=1e-5)
     # From anywhere: least squares of a line.
-    assert lens.plane_of_least_spread(0.0, 29.2, 16, field=field) == pytest.approx(plane, abs=1e-10)
+    again = lens.plane_of_least_spread(0.0, field=field, pupil=29.2, n=16)
+    assert again == pytest.approx(plane, abs=1e-10)
 
 
 def test_parallel_light_has_a_row_for_every_ray_of_the_disc():
@@ -428,6 +429,14 @@ BACK = LensSurface(math.inf, 0.0, 1.0, 25.0)
         ),
         ([replace(FRONT, index="N-BK7"), BACK], r"prescription\[0\].index is 'N-BK7'"),
         ([replace(FRONT, thickness=math.nan), BACK], r"prescription\[0\].thickness is nan"),
+        (
+            [LensSurface(math.inf, math.inf, 1.0, 25.0), FRONT, BACK],
+            r"prescription\[0\].thickness is inf: .*leave out the line of the object",
+        ),
+        (
+            [LensSurface(math.inf, 1e10, 1.0, 25.0), FRONT, BACK],
+            r"1e\+10 long, and 25 wide: .*Leave out the line of the object",
+        ),
         (
             [replace(FRONT, thickness=-6.0), BACK],
             r"prescription\[0\].thickness is -6.0: pass at least 0.*behind a stop",
