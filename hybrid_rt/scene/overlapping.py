@@ -46,10 +46,9 @@ def overlapping_bodies(scene: CompiledScene, tracer: Intersector) -> list[list[s
         for material, rows in surfaces_of.items()
         if all(scene.surfaces[i].is_bounded for i in rows)
     }
-    numbers = scene.lobes.number[scene.glass_of]
     found, n_pairs = [], 0
     for one, other in itertools.combinations(bodies, 2):
-        (*medium, priority), (*medium_2, priority_2) = (_medium(numbers[m]) for m in (one, other))
+        (*medium, priority), (*medium_2, priority_2) = (_medium(scene, m) for m in (one, other))
         if priority != priority_2 or medium == medium_2:
             continue
         boxes = [_box_around(bodies[one]), _box_around(bodies[other])]
@@ -65,8 +64,9 @@ def overlapping_bodies(scene: CompiledScene, tracer: Intersector) -> list[list[s
     return found
 
 
-def _medium(number: FloatArray) -> list[float]:
+def _medium(scene: CompiledScene, material: int) -> list[float]:
     """Return index, absorption and priority of a body."""
+    number = scene.lobes.number[scene.glass_of[material]]
     return [float(number[0]), *number[2:6].tolist()]
 
 

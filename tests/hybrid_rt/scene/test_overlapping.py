@@ -8,6 +8,7 @@ from hybrid_rt import (
     Box,
     Camera,
     Dielectric,
+    Emissive,
     Intersector,
     Object,
     PointLight,
@@ -83,6 +84,10 @@ def test_bodies_of_several_surfaces():
 def test_balls():
     balls = [Object(Sphere((x, 0, 0), 1.0), m) for x, m in ((-0.6, GLASS), (0.6, WATER))]
     assert found(*balls) == [["objects[0] (a Sphere)", "objects[1] (a Sphere)"]]
+
+
+def test_what_only_shines_has_no_medium():
+    assert found(Object(Sphere((0, 0, 0), 1.0), Emissive(2.0)), Object(DRINK, Emissive(1.0))) == []
 
 
 def test_open_bodies_say_nothing():
