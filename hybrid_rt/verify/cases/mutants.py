@@ -310,7 +310,7 @@ MUTANTS = (
         "rounding of boxes and sheets", TURNED,
     ),
     Mutant(
-        "chords without slop", "solve_piece",
+        "chords without slop", "halve_piece",
         "is_near_miss = apart > slop", "is_near_miss = apart > -slop",
         "a piece beside its chord's strip", TURNED,
     ),

@@ -126,11 +126,11 @@ def solve_piece(i, segment, piece, ray, after, t_lo, t_cut, rays, best, work, co
         settled, _ = solve_single(i, segment, piece, t0, t1, ray, after, rays, best, counters)
         if settled:
             return
-    _halve(i, segment, a, b, t0, ray, after, t_lo, t_cut, rays, best, work, counters)
+    halve_piece(i, segment, a, b, t0, ray, after, t_lo, t_cut, rays, best, work, counters)
 
 
 @outlined
-def _halve(i, segment, a, b, begins, ray, after, t_lo, t_cut, rays, best, work, counters):
+def halve_piece(i, segment, a, b, begins, ray, after, t_lo, t_cut, rays, best, work, counters):
     """Settle the piece of profile from a to b by halves, the nearest first."""
     control, start, degree, _, _, size, object_id, row, trim = segment
     t_min, known = rays.t_min, rays.known
