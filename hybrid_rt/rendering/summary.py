@@ -395,7 +395,7 @@ def _further(report: dict[str, Any]) -> list[str]:
         # That figure does not fall yet, so nothing follows from it.
         names, missed = [], [name for name in missed if name == "target_error"]
     if missed:
-        costs = [_times(error, name, settings[name]) for name in missed]
+        costs = [_times(report, name, settings[name]) for name in missed]
         times, name = max(zip(costs, missed, strict=True))
         target = settings[name]
     else:
@@ -404,7 +404,7 @@ def _further(report: dict[str, Any]) -> list[str]:
         if not 0.0 < half < math.inf:
             return []
         target = float(f"{half:.1g}")
-        times = _times(error, name, target)
+        times = _times(report, name, target)
     if not times < MOST_TIMES:
         return []
     passes, total = math.ceil(report["passes"] * times), report["seconds"]["total"]
@@ -415,14 +415,20 @@ def _further(report: dict[str, Any]) -> list[str]:
     return [f"  further   {what} takes about {cost}: {name.replace('_', ' ')} {target:g}"]
 
 
-def _times(error: dict[str, Any], name: str, target: float) -> float:
+def _times(report: dict[str, Any], name: str, target: float) -> float:
     """Return how many times the passes bring an error to a target; inf: no number does, or unknown."""
+    error = report["relative_error"]
     stays = (error["blur"] or 0.0) if error["blur_stays"] else 0.0
     left = target**2 - stays**2
     more = error[_ERRORS[name]] ** 2 - stays**2
     if left <= 0.0 or not 0.0 < more < math.inf:
         return math.inf
-    return float((more / left) ** (1.0 / error["error_power"]))
+    power = error["error_power"]
+    if name == "target_error_trimmed" and _few_decide(report["noise"]):
+        # Dots that become more than the worst 0.1 % join the others: what twice the passes will bring.
+        ahead = error["both_trimmed_ahead"] ** 2 - stays**2
+        power = min(power, math.log2(more / ahead)) if 0.0 < ahead < more else 0.0
+    return float((more / left) ** (1.0 / power)) if power > 0.0 else math.inf
 
 
 def _of_which_pixels(name: str) -> str:

@@ -255,6 +255,17 @@ class TestFurther:
         assert "trust the second" not in words
         assert ("0.9 does not count as reached" in words) == bool(settings)
 
+    def test_dots_that_become_more_are_forecast(self):
+        """A squared error that falls to 2^-0.5 with twice the passes takes 2^4 for a quarter, not 2^2."""
+        report = self.report(passes=8, target_error_trimmed=0.05)
+        noise = {"worst_pixels_share_of_squared_error": 0.95, "relative_rmse": 0.4}
+        for key, value in (("", 0.1), ("_ahead", 0.1 * 2.0**-0.25)):
+            noise[f"relative_rmse_trimmed{key}"] = value
+            report["relative_error"][f"both_trimmed{key}"] = value
+        report["noise"] |= noise
+        report["relative_error"]["both"] = 0.4
+        assert " takes about 128 passes, " in in_words(report).splitlines()[-1]
+
     def test_what_is_done_once_is_not_forecast_for_every_pass(self):
         """0.5 s once, and 4 times 1.5 s for 4 times as many passes."""
         report = self.report(passes=8, target_error=0.001)
