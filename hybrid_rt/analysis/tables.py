@@ -166,6 +166,11 @@ def equal_time_table(curves: Sequence[Curve], reference_error: float) -> Table:
             f"not known: the reference is itself off by {percent(own)}, so errors of about that size cannot be "
             "compared: pass more --reference-passes."
         )
+    if any(row[1] == "takes longer" for row in rows):
+        words.append(
+            "takes longer: its first pass ends after all passes of the fastest. Study the fast methods by "
+            "themselves with larger --passes, then draw both studies into one diagram by --compare."
+        )
     return Table(
         f"At equal time, {number(seconds)} s",
         ("method", "error %", "squared error, best = 1"),

@@ -139,6 +139,13 @@ class TestEqualTime:
         assert errors[0] == pytest.approx(0.5)
         assert math.isnan(errors[1])
 
+    def test_what_takes_longer_says_how_to_compare_it(self):
+        table = equal_time_table(
+            [law(passes=(1, 4)), replace(law(setup=7.0), name="slow")], math.nan
+        )
+        assert table.rows[-1] == ("slow", "takes longer", "")
+        assert "--compare" in table.words[-1]
+
     def test_errors_near_that_of_the_reference_are_not_compared(self):
         """After 4.5 s errors of 0.25 and 0.5; a reference off by 0.2 adds 0.04 to their squares."""
         good, bad = law(own=0.0), replace(law(first=2.0), name="bad")
