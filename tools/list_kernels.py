@@ -183,7 +183,7 @@ def rational_patch(degree_u: int, degree_v: int) -> BezierPatches:
 
 def measured_again(jobs: int) -> list[dict[str, Any]]:
     """Return the list as it is, with new seconds, and sorted by them."""
-    entries = listed()
+    entries: list[dict[str, Any]] = json.loads(precompile.FILE.read_text("utf-8"))
     with ThreadPoolExecutor(jobs) as pool:
         ways = [("--rows", str(i), str(jobs)) for i in range(jobs)]
         for i, found in enumerate(pool.map(lambda way: in_a_process(*way), ways)):
@@ -196,17 +196,11 @@ def seconds_of_every(first: int, step: int) -> list[float]:
     """Compile some of what is listed, and return the seconds of each."""
     watch, seconds = Watch(), []
     with event.install_listener("numba:compile", watch):
-        for entry in listed()[first::step]:
-            kernel = precompile.named(entry["kernel"])
-            kernel.compile(tuple(map(precompile.type_from_json, entry["types"])))
+        for entry in precompile.read_list()[first::step]:
+            kernel = precompile.named(entry.kernel)
+            kernel.compile(tuple(map(precompile.type_from_json, entry.types)))
             seconds.append(round(watch.seconds_of(kernel), 1))
     return seconds
-
-
-def listed() -> list[dict[str, Any]]:
-    """Return the list as it is."""
-    entries: list[dict[str, Any]] = json.loads(precompile.FILE.read_text("utf-8"))
-    return entries
 
 
 def needed_for(cases: list[str]) -> list[dict[str, Any]]:
