@@ -91,13 +91,14 @@ def crosses(p, o, d):
 
 
 def test_needles_are_met_though_their_normals_have_no_digits():
+    """Most hits are `TANGENT`; two in three needles have none else, and which do depends on the processor's rounding."""
     rng = np.random.default_rng(4)
     met = sure = 0
-    for p, d in turned_needles(12, 3):
-        weights = rng.dirichlet((1, 1, 1), 40)
-        origins = weights @ p - rng.uniform(0.1, 2.0, (40, 1)) * d
+    for p, d in turned_needles(48, 3):
+        weights = rng.dirichlet((1, 1, 1), 20)
+        origins = weights @ p - rng.uniform(0.1, 2.0, (20, 1)) * d
         mesh = TriangleMesh(trimesh.Trimesh(p, [(0, 1, 2)], process=False))
-        hits = Intersector(mesh).intersect(origins, np.tile(d, (40, 1)))
+        hits = Intersector(mesh).intersect(origins, np.tile(d, (20, 1)))
         for k, o in enumerate(origins):
             is_met, t = crosses(p, o, d)
             met += is_met
@@ -105,5 +106,5 @@ def test_needles_are_met_though_their_normals_have_no_digits():
                 sure += 1
                 assert hits.hit[k] == is_met
                 assert not is_met or abs(hits.t[k] - t) <= hits.t_bound[k]
-    assert met > 300
+    assert met > 600
     assert sure > 10

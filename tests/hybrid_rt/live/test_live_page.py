@@ -295,7 +295,11 @@ class Command:
     """``hybrid-rt render ball.py --live`` with a page that listens and never hangs up."""
 
     def __init__(self, folder, *arguments):
-        code = "import sys; from hybrid_rt.cli import main; sys.exit(main(sys.argv[1:]))"
+        # Shells start what runs in the background with Ctrl-C ignored.
+        code = (
+            "import signal, sys; signal.signal(signal.SIGINT, signal.default_int_handler); "
+            "from hybrid_rt.cli import main; sys.exit(main(sys.argv[1:]))"
+        )
         command = [sys.executable, "-c", code, "render", "ball.py", "--live", "--quiet", *arguments]
         self.process = subprocess.Popen(
             command, cwd=folder, stderr=subprocess.PIPE, stdout=subprocess.PIPE, text=True
