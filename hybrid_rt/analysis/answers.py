@@ -5,9 +5,11 @@ from __future__ import annotations
 import math
 import os
 import platform
+from collections.abc import Sequence
 from pathlib import Path
 
 from hybrid_rt.analysis.advice import without_examples
+from hybrid_rt.analysis.curves import Curve
 from hybrid_rt.analysis.forecast import seconds_fall
 from hybrid_rt.analysis.hit_study import RULE_OF_THREE, HitStudy
 from hybrid_rt.analysis.units import asked, number, percent, seconds, signed_percent
@@ -49,13 +51,12 @@ def picture_conditions(study: PictureStudy, full_size: tuple[int, int] | None) -
         if study.runs == 1
         else f"{study.runs} runs of each, seeds from 1 on"
     )
-    passes = ", ".join(f"{p.setting:g}" for p in study.curves[0].points)
     return [
         ("pictures", f"{width} x {height} pixels{own}"),
         ("threads", str(study.threads)),
         (
             "passes",
-            f"{passes}; {runs}, all methods in turn",
+            f"{_passes_in_words(study.curves)}; {runs}, all methods in turn",
         ),
         (
             "reference",
@@ -67,6 +68,17 @@ def picture_conditions(study: PictureStudy, full_size: tuple[int, int] | None) -
             f"wall time; compiling kernels, {seconds(study.compile_seconds)}, is not counted",
         ),
     ]
+
+
+def _passes_in_words(curves: Sequence[Curve]) -> str:
+    settings = [[p.setting for p in curve.points] for curve in curves]
+    if all(of == settings[0] for of in settings):
+        return ", ".join(f"{n:g}" for n in settings[0])
+    most = [of[-1] for of in settings]
+    return (
+        f"1, 4, 16 ... until a render took as long as asked: {min(most):g} of the slowest method, "
+        f"{max(most):g} of the fastest"
+    )
 
 
 def _check_in_words(check: dict[str, float] | None) -> str:

@@ -67,7 +67,7 @@ class Reference:
 
 def make_reference(
     scene: Scene, maker: str | None, passes: int, threads: int | None, say: Say
-) -> tuple[Reference, Image]:
+) -> tuple[Reference, RenderResult]:
     """Render long by one integrator; and by another that shares no light transport, to check that.
 
     Photons check paths and paths photons, where both find all light; unless one was asked for, the
@@ -121,7 +121,7 @@ def make_reference(
             main.report["light_not_found"],
             main.report["light_not_found_measured"],
         ),
-        main.image,
+        main,
     )
 
 

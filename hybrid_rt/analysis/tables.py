@@ -168,8 +168,8 @@ def equal_time_table(curves: Sequence[Curve], reference_error: float) -> Table:
         )
     if any(row[1] == "takes longer" for row in rows):
         words.append(
-            "takes longer: its first pass ends after all passes of the fastest. Study the fast methods by "
-            "themselves with larger --passes, then draw both studies into one diagram by --compare."
+            "takes longer: its first pass ends after all passes of the fastest. With --seconds S in place of --passes "
+            "every method is measured until a render takes about S seconds."
         )
     return Table(
         f"At equal time, {number(seconds)} s",

@@ -10,9 +10,10 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
+from itertools import count
 from typing import Any
 
 import numpy as np
@@ -45,11 +46,16 @@ from hybrid_rt.core.timing import timed
 from hybrid_rt.integrators import DEFAULT, INTEGRATORS
 from hybrid_rt.intersection import Intersector
 from hybrid_rt.rendering.result import RenderResult
+from hybrid_rt.rendering.units import passes_in_words
 from hybrid_rt.scene.scene import Scene
 from hybrid_rt.sensor.image_metrics import DARK, picture_errors
 
 # Half a 95 % interval of a mean of four groups of passes in standard errors (Student, 3 degrees).
 INTERVAL = 3.182
+# From one setting to the next, the passes of a method grow by this factor.
+GROWTH = 4
+# A render that takes so much of the seconds asked for is the last; so is one before less than so many times its passes.
+NEARLY, BARELY_MORE = 0.9, 1.15
 
 
 @dataclass(frozen=True)
@@ -81,6 +87,20 @@ class PictureStudy:
     runs: int
 
 
+class StudyInterrupted(KeyboardInterrupt):
+    """Ctrl-C ended a study after at least one picture.
+
+    Attributes
+    ----------
+    study : PictureStudy
+        Of the pictures made, without those of meshes; methods that made none are not there.
+    """
+
+    def __init__(self, study: PictureStudy) -> None:
+        super().__init__()
+        self.study = study
+
+
 @dataclass
 class _Runs:
     """What the runs of one method gave: figures by passes, pictures at its dearest setting.
@@ -89,16 +109,25 @@ class _Runs:
     that knows its size.
     """
 
-    rows: dict[int, list[dict[str, float]]]
+    rows: dict[int, list[dict[str, float]]] = field(default_factory=dict)
     images: list[Image] = field(default_factory=list)
     left_out: list[str] = field(default_factory=list)
     unfound: list[float] = field(default_factory=list)
 
+    def add_dearest(self, result: RenderResult) -> None:
+        """Keep what the render of the dearest setting tells."""
+        self.images.append(result.image)
+        self.left_out = result.report["light_not_found"]
+        measured = result.report["light_not_found_measured"]
+        if measured is not None and measured["mean"] is not None:
+            self.unfound.append(measured["mean"])
+
 
 def study_picture(
     scene: Scene,
-    passes: Sequence[int],
+    passes: Sequence[int] | None = None,
     *,
+    seconds: float | None = None,
     runs: int = 3,
     reference_passes: int = 1024,
     reference: Picture | None = None,
@@ -107,14 +136,18 @@ def study_picture(
     certified_only: bool = False,
     threads: int | None = None,
     say: Say = lambda _: None,
+    keep: Callable[[RenderResult], None] = lambda _: None,
 ) -> PictureStudy:
     """Measure error against seconds of all methods on one scene.
 
     Parameters
     ----------
     scene : Scene
-    passes : sequence of int
-        Increasing; the settings of each method.
+    passes : sequence of int, optional
+        Increasing; the settings of each method. Either these or ``seconds``.
+    seconds : float, optional
+        Each method is measured with 1, 4, 16 ... passes until a render takes about so long, so that all can be
+        compared at equal time.
     runs : int
         Number of runs per setting, each with its own seed.
     reference_passes : int
@@ -131,14 +164,19 @@ def study_picture(
     threads : int, optional
     say : callable, optional
         Called with progress messages.
+    keep : callable, optional
+        Called with the render that is the reference, with its ``standard_error``, when it is made.
 
     Raises
     ------
+    StudyInterrupted
+        A KeyboardInterrupt that holds what was measured, on Ctrl-C after the first picture.
     ValueError, TypeError
         If passes are not increasing, a setting is out of range, or the integrator of the reference
         does not find all light of the scene.
     """
-    _check_picture_study(scene, passes, runs, reference, reference_by)
+    _check_settings(passes, seconds)
+    _check_picture_study(scene, runs, reference, reference_by)
     if methods is None:
         methods = default_methods(scene, certified_only=certified_only)
     chosen = list(methods)
@@ -150,19 +188,34 @@ def study_picture(
         for method in chosen
     )
     if reference is None:
-        found, truth = make_reference(scene, reference_by, reference_passes, threads, say)
+        found, made = make_reference(scene, reference_by, reference_passes, threads, say)
+        truth = made.image
+        keep(made)
     else:
         found, truth = given_reference(reference), reference.image
-    found_of = _pictures(scene, chosen, passes, runs, truth, threads, say)
-    meshes = []
-    if not certified_only and any(method.integrator == DEFAULT for method in chosen):
-        meshes = _meshes(scene, passes[-1], threads, say)
-    images = {"reference": truth, **{name: of.images[0] for name, of in found_of.items()}}
-    curves = [_curve(m, found_of[m.name], meshes, found, truth) for m in chosen]
-    return PictureStudy(
-        (camera.width, camera.height), compile_seconds, found, curves, meshes, images,
-        Pool(threads).threads, runs,
-    )  # fmt: skip
+    found_of: dict[str, _Runs] = {}
+    meshes: list[dict[str, Any]] = []
+
+    def study() -> PictureStudy:
+        images = {"reference": truth, **{name: of.images[0] for name, of in found_of.items()}}
+        curves = [
+            _curve(m, found_of[m.name], meshes, found, truth) for m in chosen if m.name in found_of
+        ]
+        return PictureStudy(
+            (camera.width, camera.height), compile_seconds, found, curves, meshes, images,
+            Pool(threads).threads, runs,
+        )  # fmt: skip
+
+    try:
+        _add_pictures(found_of, scene, chosen, passes, seconds, runs, truth, threads, say)
+        by_paths = [max(found_of[m.name].rows) for m in chosen if m.integrator == DEFAULT]
+        if by_paths and not certified_only:
+            meshes = _meshes(scene, by_paths[0], threads, say)
+    except KeyboardInterrupt:
+        if not found_of:
+            raise
+        raise StudyInterrupted(study()) from None
+    return study()
 
 
 def _curve(
@@ -206,17 +259,23 @@ def _curve(
     )  # fmt: skip
 
 
+def _check_settings(passes: Sequence[int] | None, seconds: float | None) -> None:
+    if (passes is None) == (seconds is None):
+        raise ValueError(f"passes are {passes}, seconds {seconds}: pass the one or the other")
+    if seconds is not None:
+        checks.number(seconds, "seconds", above=0.0)
+    if passes is not None:
+        for n in passes:
+            checks.whole(n, "passes", at_least=1)
+        if list(passes) != sorted(set(passes)) or not passes:
+            raise ValueError(
+                f"passes are {list(passes)}: pass one or more, each above the one before"
+            )
+
+
 def _check_picture_study(
-    scene: Scene,
-    passes: Sequence[int],
-    runs: int,
-    reference: Picture | None,
-    reference_by: str | None,
+    scene: Scene, runs: int, reference: Picture | None, reference_by: str | None
 ) -> None:
-    for n in passes:
-        checks.whole(n, "passes", at_least=1)
-    if list(passes) != sorted(set(passes)) or not passes:
-        raise ValueError(f"passes are {list(passes)}: pass one or more, each above the one before")
     checks.whole(runs, "runs", at_least=1)
     if reference is not None and reference.image.shape[:2] != (
         scene.camera.height,
@@ -236,36 +295,100 @@ def _check_picture_study(
         )
 
 
-def _pictures(
+def next_passes(spent: Mapping[int, float], seconds: float) -> int | None:
+    """Return how many passes a method is measured with next, so that a render takes about ``seconds``.
+
+    Parameters
+    ----------
+    spent : mapping of int to float
+        Seconds of the renders made, by their passes.
+    seconds : float
+
+    Returns
+    -------
+    int or None
+        Four times as many as before, or those that fill the seconds; None if they are filled.
+    """
+    if not spent:
+        return 1
+    (fewer, before), (n, took) = sorted([(0, 0.0), *spent.items()])[-2:]
+    if took >= NEARLY * seconds:
+        return None
+    each = (took - before) / (n - fewer)
+    # More passes that took no longer tell nothing of what one costs.
+    last = n + math.ceil((seconds - took) / each) if each > 0.0 else math.inf
+    if last < BARELY_MORE * n:
+        return None
+    return int(last) if last <= 2 * GROWTH * n else GROWTH * n
+
+
+def _setting(
+    runs: _Runs | None,
+    k: int,
+    passes: Sequence[int] | None,
+    seconds: float | None,
+) -> int | None:
+    """Return the passes of a method's render number k of a run; None if there is no such render.
+
+    By seconds, the first run finds out, and later runs repeat it.
+    """
+    rows = {} if runs is None else runs.rows
+    if passes is None and seconds is not None:
+        passes = list(rows)
+        if k == len(rows):
+            return next_passes({n: of_runs[0]["seconds"] for n, of_runs in rows.items()}, seconds)
+    return passes[k] if passes is not None and k < len(passes) else None
+
+
+def _add_pictures(
+    found: dict[str, _Runs],
     scene: Scene,
     methods: Sequence[Method],
-    passes: Sequence[int],
+    passes: Sequence[int] | None,
+    seconds: float | None,
     runs: int,
     truth: Image,
     threads: int | None,
     say: Say,
-) -> dict[str, _Runs]:
-    """Run all methods in turn; return by method what its runs gave."""
-    found = {method.name: _Runs({n: [] for n in passes}) for method in methods}
-    say(f"{len(methods)} methods: {'; '.join(found)}")
+) -> None:
+    """Run all methods in turn; add by method what its runs gave."""
+    say(f"{len(methods)} methods: {'; '.join(method.name for method in methods)}")
+    if seconds is not None:
+        # The renders before the last of a method take a quarter, a sixteenth ... of its time.
+        all_together = runs * len(methods) * seconds * GROWTH / (GROWTH - 1)
+        say(f"each up to about {in_seconds(seconds)}, together about {in_seconds(all_together)}")
     spent, of_passes = 0.0, 0
     for run in range(runs):
-        for n in passes:
-            about = f", about {in_seconds(spent / of_passes * n)}" if of_passes else ""
-            say(f"run {run + 1} of {runs}: {n} passes of each{about}")
-            began = time.perf_counter()
-            for method in methods:
-                result = run_method(scene, method, n, run + 1, threads)
-                of = found[method.name]
-                of.rows[n].append(_row(result, truth))
-                of.left_out = result.report["light_not_found"]
-                if n == passes[-1]:
-                    of.images.append(result.image)
-                    measured = result.report["light_not_found_measured"]
-                    if measured is not None and measured["mean"] is not None:
-                        of.unfound.append(measured["mean"])
-            spent, of_passes = spent + time.perf_counter() - began, of_passes + n
-    return found
+        latest: dict[str, RenderResult] = {}
+        try:
+            for k in count():
+                now = [(m, _setting(found.get(m.name), k, passes, seconds)) for m in methods]
+                numbers = [n for _, n in now if n is not None]
+                if not numbers:
+                    break
+                is_known = of_passes > 0 and seconds is None
+                about = (
+                    f", about {in_seconds(spent / of_passes * sum(numbers))}" if is_known else ""
+                )
+                say(f"run {run + 1} of {runs}: {_in_words(numbers)}{about}")
+                began = time.perf_counter()
+                for method, n in now:
+                    if n is not None:
+                        result = run_method(scene, method, n, run + 1, threads)
+                        latest[method.name] = result
+                        rows = found.setdefault(method.name, _Runs()).rows
+                        rows.setdefault(n, []).append(_row(result, truth))
+                spent, of_passes = spent + time.perf_counter() - began, of_passes + sum(numbers)
+        finally:
+            for name, result in latest.items():
+                found[name].add_dearest(result)
+
+
+def _in_words(numbers: Sequence[int]) -> str:
+    """Name the passes of the next renders."""
+    if len(set(numbers)) == 1:
+        return f"{passes_in_words(numbers[0])} of each"
+    return f"{min(numbers):,} to {passes_in_words(max(numbers))}"
 
 
 def _row(result: RenderResult, truth: Image) -> dict[str, float]:

@@ -23,22 +23,25 @@ from hybrid_rt.analysis.page import Study, page
 from hybrid_rt.analysis.picture_comparison import load_picture
 from hybrid_rt.analysis.reference import REFERENCES
 from hybrid_rt.analysis.units import asked, seconds
-from hybrid_rt.analysis.work_precision import PictureStudy
+from hybrid_rt.analysis.work_precision import PictureStudy, StudyInterrupted
 from hybrid_rt.cli.command import one_or_more, say, say_if_no_plots, tell
 from hybrid_rt.cli.scene_file import load_scene
 from hybrid_rt.core import checks
 from hybrid_rt.core.ledger import as_json
+from hybrid_rt.rendering.result import RenderResult
 from hybrid_rt.rendering.versions import versions
 from hybrid_rt.scene.scene import Scene
 from hybrid_rt.verify.cases.rays import camera as random_camera
 from hybrid_rt.verify.judges.oracle import workers_of
 from meshing import BezierPatches
 
+REFERENCE_FILE = "reference.npz"
 DESCRIPTION = """\
 Draw error against run time for a scene or a surface, and say which settings are cheapest.
 
-Prints tables and answers; with --out it writes curves.json and curves.csv, and with matplotlib
-curves.png and page.html, which holds pictures, error maps and diagrams and needs no other file.
+Prints tables and answers; with --out it writes curves.json, curves.csv and the reference that it
+made, reference.npz, and with matplotlib curves.png and page.html, which holds pictures, error maps
+and diagrams and needs no other file.
 Scene scripts are programs and are executed. Seconds are wall time with kernels compiled.
 """
 EXAMPLES = """\
@@ -46,6 +49,7 @@ examples:
   hybrid-rt study scenes/teapot.py --out teapot
   hybrid-rt study hybrid_rt/data/teapot.bpt --quick
   hybrid-rt study scenes/caustic_ball.py --integrators path ppm --photons 20000 200000
+  hybrid-rt study scenes/teapot.py --seconds 10 --only pictures
   hybrid-rt study --compare before/curves.json after/curves.json --out both
 """
 
@@ -94,8 +98,15 @@ def add_study_options(parser: argparse.ArgumentParser) -> None:
         help="default 1024, quick 128; a second method makes a quarter as many, and the better picture is "
         "the reference",
     )
-    parser.add_argument(
+    work = parser.add_mutually_exclusive_group()
+    work.add_argument(
         "--passes", type=one_or_more, nargs="+", help="default 1 4 16 64, quick 1 4 16"
+    )
+    work.add_argument(
+        "--seconds",
+        type=float,
+        metavar="S",
+        help="instead: 1, 4, 16 ... passes of each method until a render takes about S seconds",
     )
     parser.add_argument("--runs", type=one_or_more, help="default 3, quick 1")
     parser.add_argument(
@@ -121,6 +132,8 @@ def run_study(args: argparse.Namespace) -> None:
 
 def _measure(args: argparse.Namespace) -> None:
     checks.number(args.target, "target", above=0.0)
+    if args.seconds is not None:
+        checks.number(args.seconds, "seconds", above=0.0)
     # "surface FILE.bpt" and "FILE.bpt" mean the same.
     file = args.file if args.source == "surface" else Path(args.source)
     if file is None:
@@ -159,7 +172,11 @@ def _study(
         most = 120 if args.quick else 240
         scene = _resized(scene, args.width or min(most, scene.camera.width))
         if args.only != "hits":
-            studies["picture"] = _study_picture(scene, args)
+            try:
+                studies["picture"] = _study_picture(scene, args)
+            except StudyInterrupted as interrupt:
+                studies["picture"] = interrupt.study
+                raise
         surfaces = [] if args.only == "pictures" else curved_surfaces(scene)
         if args.only == "hits" and not surfaces:
             raise ValueError(f"{file} has no curved surface: leave out --only hits")
@@ -185,9 +202,17 @@ def _resized(scene: Scene, width: int) -> Scene:
 
 
 def _study_picture(scene: Scene, args: argparse.Namespace) -> PictureStudy:
+    def keep(reference: RenderResult) -> None:
+        if args.out:
+            file = args.out / REFERENCE_FILE
+            reference.save(file)
+            _tell_step(f"wrote {file}: --reference {file} spares it next time")
+
+    passes = args.passes or ([1, 4, 16] if args.quick else [1, 4, 16, 64])
     return work_precision.study_picture(
         scene,
-        args.passes or ([1, 4, 16] if args.quick else [1, 4, 16, 64]),
+        passes if args.seconds is None else None,
+        seconds=args.seconds,
         runs=args.runs or (1 if args.quick else 3),
         reference_passes=args.reference_passes or (128 if args.quick else 1024),
         reference=None if args.reference is None else load_picture(args.reference),
@@ -201,6 +226,7 @@ def _study_picture(scene: Scene, args: argparse.Namespace) -> PictureStudy:
         certified_only=args.certified_only,
         threads=args.threads,
         say=_tell_step,
+        keep=keep,
     )
 
 

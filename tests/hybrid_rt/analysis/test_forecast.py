@@ -144,7 +144,7 @@ class TestEqualTime:
             [law(passes=(1, 4)), replace(law(setup=7.0), name="slow")], math.nan
         )
         assert table.rows[-1] == ("slow", "takes longer", "")
-        assert "--compare" in table.words[-1]
+        assert "--seconds S" in table.words[-1]
 
     def test_errors_near_that_of_the_reference_are_not_compared(self):
         """After 4.5 s errors of 0.25 and 0.5; a reference off by 0.2 adds 0.04 to their squares."""

@@ -21,7 +21,7 @@ from hybrid_rt.analysis.hit_study import RULE_OF_THREE, camera_rays, study_hits
 from hybrid_rt.analysis.methods import Method, size_of
 from hybrid_rt.analysis.page import Study, page
 from hybrid_rt.analysis.picture_comparison import Picture
-from hybrid_rt.analysis.work_precision import study_picture
+from hybrid_rt.analysis.work_precision import next_passes, study_picture
 from hybrid_rt.integrators import PPMOptions
 from hybrid_rt.lights import GradientSky, PointLight, RectangleLight
 from hybrid_rt.materials import Dielectric, Emissive, Lambertian, Mirror
@@ -51,6 +51,32 @@ def room():
     truth = Picture("truth", np.full((12, 16, 3), 2.0, np.float32), None, None)
     methods = [Method("path", "path"), Method("again", "path")]
     return study_picture(scene, (4, 16, 64), runs=2, reference=truth, methods=methods, threads=1)
+
+
+class TestNextPasses:
+    def test_four_times_as_many_until_the_seconds_are_filled(self):
+        """0.5 s and 0.1 s a pass: 10 s are filled by 95 passes."""
+        spent = {}
+        while (n := next_passes(spent, 10.0)) is not None:
+            spent[n] = 0.5 + 0.1 * n
+        assert list(spent) == [1, 4, 16, 95]
+
+    def test_a_pass_that_takes_as_long_is_the_only_one(self):
+        assert next_passes({1: 9.1}, 10.0) is None
+        assert next_passes({1: 30.0}, 10.0) is None
+
+    def test_hardly_more_passes_are_not_worth_a_render(self):
+        assert next_passes({1: 1.0, 80: 80.0}, 91.0) is None
+        assert next_passes({1: 1.0, 80: 80.0}, 93.0) == 93
+
+    def test_times_of_a_busy_machine_end_nothing(self):
+        assert next_passes({1: 1.0, 4: 0.9}, 10.0) == 16
+
+
+@pytest.mark.parametrize("work", [{}, {"passes": (1, 4), "seconds": 1.0}])
+def test_passes_or_seconds(work):
+    with pytest.raises(ValueError, match="pass the one or the other"):
+        study_picture(SCENE, **work)
 
 
 @pytest.fixture(scope="module")

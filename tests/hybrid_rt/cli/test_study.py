@@ -2,10 +2,12 @@ import csv
 import json
 import runpy
 import sys
+from functools import partial
 from pathlib import Path
 
 import pytest
 
+from hybrid_rt.analysis import work_precision
 from hybrid_rt.cli import main
 
 ROOT = Path(__file__).parents[3]
@@ -52,7 +54,8 @@ def test_study_of_a_scene_and_the_overlay_of_two(run, tmp_path):
     assert "At equal time, " in captured.out
     assert "judged rays" in captured.out
     written = {path.name for path in (tmp_path / "a").iterdir()}
-    assert written == {"curves.csv", "curves.json", "curves.png", "page.html"}
+    reference = {"reference.npz", "reference.npz.json"}
+    assert written == {"curves.csv", "curves.json", "curves.png", "page.html"} | reference
     data = json.loads((tmp_path / "a" / "curves.json").read_text())
     assert [c["name"] for c in data["hits"]["curves"]][:3] == ["mesh", "refined", "certified"]
     paths = next(c for c in data["picture"]["curves"] if c["name"] == "path")
@@ -88,6 +91,64 @@ def test_integrators_alone(run, tmp_path):
     assert "path, mesh" not in captured.out
     data = json.loads((tmp_path / "alone" / "curves.json").read_text())
     assert [curve["name"] for curve in data["picture"]["curves"]] == ["path"]
+
+
+@pytest.fixture
+def replace_render(monkeypatch):
+    """Let a function take the place of `run_method`; its first argument is the one replaced."""
+
+    def replace(run_method):
+        monkeypatch.setattr(
+            work_precision, "run_method", partial(run_method, work_precision.run_method)
+        )
+
+    return replace
+
+
+def test_by_seconds_against_a_kept_reference(run, tmp_path, replace_render):
+    """A pass takes 0.01 s by Whitted's method and 0.1 s by ppm: a second is 100 passes, and 10."""
+
+    def run_method(as_before, scene, method, passes, *rest):
+        result = as_before(scene, method, passes, *rest)
+        result.report["seconds"]["total"] = passes * {"whitted": 0.01, "ppm": 0.1}[method.name]
+        return result
+
+    replace_render(run_method)
+    some = "tube.py --quick --width 24 --threads 1 --only pictures --integrators whitted ppm"
+    code, captured = run(f"{some} --passes 1 --reference-passes 8 --out a")
+    assert code == 0
+    kept = Path("a") / "reference.npz"
+    assert f"wrote {kept}: --reference {kept} spares it next time" in captured.err
+    code, captured = run(f"{some} --seconds 1 --runs 2 --reference {kept} --out b")
+    assert code == 0
+    assert "reference of" not in captured.err
+    assert "2 methods: whitted; ppm" in captured.err
+    assert "each up to about 1.0 s, together about 5.3 s" in captured.err
+    curves = json.loads((tmp_path / "b" / "curves.json").read_text())["picture"]["curves"]
+    passes = {curve["name"]: [p["setting"] for p in curve["points"]] for curve in curves}
+    assert passes == {"whitted": [1, 4, 16, 100], "ppm": [1, 4, 10]}
+    assert "10 of the slowest method, 100 of the fastest; 2 runs of each" in captured.out
+    assert "At equal time, 1.00 s" in captured.out
+    assert not (tmp_path / "b" / "reference.npz").exists()
+
+
+def test_ctrl_c_keeps_the_pictures_measured(run, replace_render):
+    made = []
+
+    def run_method(as_before, scene, method, passes, *rest):
+        made.append((method.name, passes))
+        if made[-1] == ("whitted", 4):
+            raise KeyboardInterrupt
+        return as_before(scene, method, passes, *rest)
+
+    replace_render(run_method)
+    code, captured = run(
+        f"tube.py {SMALL} --passes 1 4 --integrators path whitted --certified-only"
+    )
+    assert code == 130
+    assert made[-2:] == [("path", 4), ("whitted", 4)]
+    rows = [line.split()[:2] for line in captured.out.split("Pictures\n")[1].splitlines()[1:4]]
+    assert rows == [["path", "1"], ["path", "4"], ["whitted", "1"]]
 
 
 def test_surface_alone(run):
@@ -130,6 +191,12 @@ def test_hits_on_trimmed_surfaces_are_measured(run, tmp_path):
         (f"tube.py {SMALL} --rays 0", 2, "argument --rays: '0': pass a whole number from 1 on"),
         (f"tube.py {SMALL} --passes 4 2", 2, "passes"),
         (f"tube.py {SMALL} --target 0", 2, "target"),
+        ("tube.py --seconds 0", 2, "seconds is 0"),
+        (
+            "tube.py --seconds 1 --passes 4",
+            2,
+            "argument --passes: not allowed with argument --seconds",
+        ),
         (f"tube.py {SMALL} --integrators magic", 2, "integrator is 'magic'"),
         (f"tube.py {SMALL} --alphas 2", 2, "alpha"),
         ("x.bpt --only pictures", 2, "x.bpt is a surface, without pictures: name a scene"),
