@@ -12,7 +12,7 @@ import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from enum import IntEnum
-from typing import NamedTuple, NoReturn
+from typing import Any, NamedTuple, NoReturn
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -379,31 +379,93 @@ class Lens:
         UserWarning
             As `trace`.
         """
-        rays = self._parallel(field, pupil, n)
+        rays = self._filled(self._angle(field), pupil, n)
         _warn_of_crossing(rays, 3)
         return rays
 
-    def _parallel(self, field: float, pupil: float | None, n: int) -> Traced:
-        """As `parallel`, without its warning."""
-        number(field, "Lens field", above=-90.0, below=90.0)
+    def from_point(self, point: ArrayLike, pupil: float | None = None, n: int = 64) -> Traced:
+        """Trace the light of a point through the lens.
+
+        Parameters
+        ----------
+        point : (3,) floats
+            In front of the lens, z below 0.
+        pupil, n
+            Those of `parallel`: rays cross the plane of the first vertex on a square grid, so those far
+            from the axis lie nearer to each other, seen from the point. Power by angles is to be weighted by
+            that.
+
+        Returns
+        -------
+        Traced
+            One row for each ray, lost ones included. Paths begin at the point.
+
+        Raises
+        ------
+        ValueError, TypeError
+            If no ray gets through, an argument is outside its limits, or the point lies where the light
+            may already have met the lens, or a million times farther away than the lens is wide.
+
+        Warns
+        -----
+        UserWarning
+            As `trace`.
+        """
+        rays = self._filled(self._point(point, "Lens point"), pupil, n)
+        _warn_of_crossing(rays, 3)
+        return rays
+
+    def _light(self, field: ArrayLike) -> _Light:
+        """Return what a field means: an angle in degrees, or a point."""
+        if np.ndim(field) == 0:
+            return self._angle(field)
+        return self._point(field, "Lens field")
+
+    def _angle(self, field: Any) -> _Light:
+        degrees = number(field, "Lens field", above=-90.0, below=90.0)
+        angle = math.radians(degrees)
+        return _Light(f"{degrees:g} degrees", np.array([0.0, math.sin(angle), math.cos(angle)]))
+
+    def _point(self, point: ArrayLike, name: str) -> _Light:
+        place = as_floats(point, name)
+        if place.shape != (3,) or not np.isfinite(place).all():
+            kinds = "an angle in degrees, or a point (x, y, z)" if "field" in name else "(x, y, z)"
+            raise ValueError(f"{name} is {shown(point)}: pass {kinds}")
+        nearest, width = -self._reaches_before(), max(s.aperture for s in self.surfaces)
+        if not place[2] < nearest:
+            raise ValueError(
+                f"{name} is {shown(point)}, but the lens begins at z = {nearest:g}: pass a point in front of "
+                "that; trace takes rays from anywhere"
+            )
+        if np.abs(place).max() > LONGEST * width:
+            raise ValueError(
+                f"{name} is {shown(point)}, farther away than {LONGEST:g} times the width of the lens: pass an "
+                "angle, as for a point at infinity"
+            )
+        x, y, z = place.tolist()
+        return _Light(f"({x:g}, {y:g}, {z:g})", place, is_point=True)
+
+    def _filled(self, light: _Light, pupil: float | None, n: int) -> Traced:
+        """Trace the rays of `parallel` or `from_point`, without their warning."""
         whole(n, "Lens n", at_least=1)
-        angle = math.radians(field)
         if pupil is None:
-            points = _grid(*self._what_passes(angle), n)
+            points = _grid(*self._what_passes(light), n)
         else:
             half = 0.5 * number(pupil, "Lens pupil", above=0.0)
             points = _grid((-half, -half), (half, half), n)
             points = points[np.hypot(*points.T) <= half]
-        rays = self._trace_parallel(points, angle)
+        rays = self._through(points, light)
         if not rays.passed.any():
-            self._refuse_field(angle, rays, "a larger n, if light passes between these rays")
+            self._refuse_field(light, rays, "a larger n, if light passes between these rays")
         return rays
 
-    def _trace_parallel(self, points: FloatArray, angle: float) -> Traced:
-        """Trace parallel light that crosses the plane of the first vertex at points (k, 2)."""
-        way = np.array([0.0, math.sin(angle), math.cos(angle)])
+    def _through(self, points: FloatArray, light: _Light) -> Traced:
+        """Trace light that crosses the plane of the first vertex at points (k, 2)."""
         points = np.column_stack([points, np.zeros(len(points))])
+        if light.is_point:
+            return self._refracted(light.vector, points - light.vector)
         # From a plane across the light, so far in front that it meets no surface.
+        way = light.vector
         width = 2.0 * float(np.abs(points).max()) + self.prescription[0].aperture
         front = (width + self._reaches_before()) / way[2]
         return self._refracted(points - (front + points @ way)[:, None] * way, way)
@@ -418,14 +480,15 @@ class Lens:
         first = bends.index(True) + 1 if True in bends else len(bends)
         return -min(0.0, *(float(surface.bounds[0, 2]) for surface in self.surfaces[:first]))
 
-    def _what_passes(self, angle: float) -> tuple[FloatArray, FloatArray]:
+    def _what_passes(self, light: _Light) -> tuple[FloatArray, FloatArray]:
         """Return the corners of a rectangle, as `parallel` says, that holds what passes."""
         first = self.surfaces[0].bounds
         # Light meets the first surface within its rim, and crosses the plane of its vertex beside it.
-        reach = np.abs(first[:, :2]).max() + np.abs(first[:, 2]).max() * abs(math.tan(angle))
+        rim = float(np.abs(first[:, :2]).max())
+        reach = rim + np.abs(first[:, 2]).max() * light.steepest(rim, float(first[0, 2]))
         for n in LOOKS:
             points, cell = _grid((-reach, -reach), (reach, reach), n), 2.0 * reach / n
-            rays = self._trace_parallel(points, angle)
+            rays = self._through(points, light)
             met = points[rays.passed]
             if met.size:
                 break
@@ -433,52 +496,56 @@ class Lens:
         for _ in range(CLOSER_LOOKS):
             if met.size and np.ptp(met, axis=0).min() >= FEW * cell:
                 break
-            middle = met[len(met) // 2] if met.size else self._nearest_to_pass(points, rays, angle)
+            middle = met[len(met) // 2] if met.size else self._nearest_to_pass(points, rays, light)
             if middle is None:
                 break
             half, n = CELLS * cell, LOOKS[0]
             points, cell = _grid(middle - half, middle + half, n), 2.0 * half / n
-            rays = self._trace_parallel(points, angle)
+            rays = self._through(points, light)
             met = points[rays.passed]
             # What passes may be narrow and long, and go on beyond these points.
             while met.size and np.abs(met - middle).max() > half - cell and half < reach:
                 half, n = 2.0 * half, min(2 * n, LOOKS[-1])
                 points, cell = _grid(middle - half, middle + half, n), 2.0 * half / n
-                rays = self._trace_parallel(points, angle)
+                rays = self._through(points, light)
                 met = np.concatenate([met, points[rays.passed]])
         if not met.size:
-            self._refuse_field(angle, wide, "pupil=, if very little light passes")
+            self._refuse_field(light, wide, "pupil=, if very little light passes")
         return met.min(axis=0) - cell, met.max(axis=0) + cell
 
-    def _nearest_to_pass(self, points: FloatArray, rays: Traced, angle: float) -> FloatArray | None:
+    def _nearest_to_pass(
+        self, points: FloatArray, rays: Traced, light: _Light
+    ) -> FloatArray | None:
         """Return the point of the lost ray that gets farthest, and is least beside the aperture there."""
         k = int(rays.stopped_at.max())
         beside = points[(rays.stopped_at == k) & (rays.fate == Fate.OUTSIDE)]
         if k == 0 or not len(beside):
             return None
-        in_front = Lens(self.prescription[:k], self.index)._trace_parallel(beside, angle)
+        in_front = Lens(self.prescription[:k], self.index)._through(beside, light)
         rim = self.vertices[k] + float(self.surfaces[k].sag_at(0.5 * self.surfaces[k].aperture))
         nearest: FloatArray = beside[np.hypot(*in_front.at(rim).T).argmin()]
         return nearest
 
     @staticmethod
-    def _refuse_field(angle: float, rays: Traced, remedy: str) -> NoReturn:
+    def _refuse_field(light: _Light, rays: Traced, remedy: str) -> NoReturn:
         lost, count = np.unique(rays.stopped_at, return_counts=True)
         raise ValueError(
-            f"no light from {math.degrees(angle):g} degrees passes the lens: most is stopped at "
+            f"no light from {light.name} passes the lens: most is stopped at "
             f"prescription[{lost[count.argmax()]}]; {CHECK}; or pass {remedy}"
         )
 
     def spot(
-        self, field: float, z: float, pupil: float | None = None, n: int = 64
+        self, field: ArrayLike, z: float, pupil: float | None = None, n: int = 64
     ) -> tuple[FloatArray, FloatArray, float]:
-        """Trace parallel light through the lens to a plane.
+        """Trace parallel light, or that of a point, through the lens to a plane.
 
         Parameters
         ----------
-        field, pupil, n
-            Those of `parallel` (``field`` in degrees), which also tells how many rays were lost, and
-            where.
+        field : float or (3,) floats
+            Angle in degrees, as for `parallel`, or a point in front of the lens, as for `from_point`; these
+            also tell how many rays were lost, and where.
+        pupil, n
+            Those of `parallel`.
         z : float
             Position of the plane, from the first vertex: the focus is at
             ``vertices[-1] + focus().back_focal_distance``. Rays are carried on as they leave the lens, also
@@ -509,11 +576,12 @@ class Lens:
         return met, centroid, float(np.sqrt(((met - centroid) ** 2).sum(axis=1).mean()))
 
     def plane_of_least_spread(
-        self, z: float, *, field: float = 0.0, pupil: float | None = None, n: int = 64
+        self, z: float, *, field: ArrayLike = 0.0, pupil: float | None = None, n: int = 64
     ) -> float:
-        """Return the z, near a given one, where the spot of parallel light is smallest (rms).
+        """Return the z, near a given one, where the spot is smallest (rms).
 
-        Parameters are those of `spot`, all but ``z`` by name. The spot is measured about its centroid.
+        Parameters are those of `spot`, all but ``z`` by name; parallel light along the axis is the default.
+        The spot is measured about its centroid.
 
         Raises
         ------
@@ -533,11 +601,25 @@ class Lens:
             )
         return z - float((points * slopes).sum()) / spread
 
-    def _passed(self, field: float, pupil: float | None, n: int) -> Traced:
-        """Return the parallel light that gets through; warn of a lens that cannot be made."""
-        rays = self._parallel(field, pupil, n)
+    def _passed(self, field: ArrayLike, pupil: float | None, n: int) -> Traced:
+        """Return the light that gets through; warn of a lens that cannot be made."""
+        rays = self._filled(self._light(field), pupil, n)
         _warn_of_crossing(rays, 4)
         return rays[rays.passed]
+
+
+@dataclass(frozen=True)
+class _Light:
+    """Parallel light in a direction, or that of a point; ``name`` is for messages."""
+
+    name: str
+    vector: FloatArray
+    is_point: bool = False
+
+    def steepest(self, rim: float, nearest: float) -> float:
+        """Return the largest slope against the axis of light to within ``rim`` of it, from ``nearest`` on."""
+        x, y, z = map(float, self.vector)
+        return (rim + math.hypot(x, y)) / (nearest - z) if self.is_point else abs(y / z)
 
 
 def _warn_of_crossing(rays: Traced, stacklevel: int) -> None:

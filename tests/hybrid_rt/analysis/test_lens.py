@@ -54,6 +54,76 @@ def test_a_hyperboloid_brings_parallel_light_to_a_point():
     assert ball.spot(0.0, focus, 28.0)[2] > 0.5
 
 
+class TestLightOfAPoint:
+    """A sphere of radius 10 from glass of n = 1.5 into air, and its aplanatic points.
+
+    Light of a point at R / n from the centre seems to come from n R, whatever its direction.
+    """
+
+    N, R = 1.5, 10.0
+    SURFACE = LensSurface(-R, 0.0, 1.0, 12.0)
+    LENS = Lens([SURFACE], index=N)
+
+    def conjugates(self, degrees):
+        turn = math.radians(degrees)
+        way = np.array([0.0, math.sin(turn), -math.cos(turn)])
+        centre = np.array([0.0, 0.0, -self.R])
+        return centre + self.R / self.N * way, centre + self.R * self.N * way
+
+    @pytest.mark.parametrize("degrees", [0.0, 7.0, -20.0])
+    def test_aplanatic_points(self, degrees):
+        source, image = self.conjugates(degrees)
+        met, centroid, rms = self.LENS.spot(source, image[2])
+        assert len(met) > 1000
+        # 100 units in the last place of 25: rays lead back 20 from where three steps rounded their direction.
+        assert rms < 4e-13
+        np.testing.assert_allclose(centroid, image[:2], atol=4e-13)
+        z = self.LENS.plane_of_least_spread(-10.0, field=source)
+        assert z == pytest.approx(image[2], abs=1e-12)
+
+    def test_paths_begin_at_the_point(self):
+        """Paths to the virtual image are as long: n s - s', with s to the surface and s' back from it."""
+        source, image = self.conjugates(0.0)
+        rays = self.LENS.from_point(source, pupil=8.0)
+        assert rays.passed.all()
+        np.testing.assert_array_equal(rays.origins, np.broadcast_to(source, rays.origins.shape))
+        back = np.linalg.norm(rays.position - image, axis=1)
+        np.testing.assert_allclose(rays.path - back, self.N * -source[2] + image[2], atol=1e-13)
+
+    def test_a_far_point_is_an_angle(self):
+        """At 1e5 the light of a point differs from parallel light by its slopes, 15 / 1e5, over 78 of way."""
+        lens, turn = Lens(COOKE_TRIPLET), math.radians(8.0)
+        point = -1e5 * np.array([0.0, math.sin(turn), math.cos(turn)])
+        met = [lens.spot(field, 117.0, 12.0) for field in (8.0, point)]
+        assert len(met[0][0]) == len(met[1][0])
+        assert np.abs(met[0][0] - met[1][0]).max() < 0.02
+        assert np.abs(met[0][0] - met[1][0]).max() > 1e-4
+
+    def test_without_a_pupil_it_fills_the_apertures(self):
+        """Off the axis of a triplet: the same spot as by a cone of which one ray in ten gets through."""
+        lens, point = Lens(COOKE_TRIPLET), (0.0, 30.0, -300.0)
+        assert lens.from_point(point).passed.mean() > 0.4
+        assert lens.from_point(point, pupil=80.0).passed.mean() < 0.2
+        spots = [lens.spot(point, 150.0, pupil, n)[1:] for pupil, n in ((None, 200), (80.0, 600))]
+        # Borders of what passes are resolved to 1 in 200.
+        np.testing.assert_allclose(spots[0][0], spots[1][0], atol=0.02 * spots[1][1])
+        assert spots[0][1] == pytest.approx(spots[1][1], rel=0.02)
+
+    @pytest.mark.parametrize(
+        ("field", "words"),
+        [
+            ((0, 0), r"Lens field is \(0, 0\): pass an angle in degrees, or a point"),
+            ((0, 0, math.nan), "pass an angle in degrees, or a point"),
+            ((0, 0, -1.0), r"begins at z = -2: pass a point in front of that; trace takes rays"),
+            ((0, 0, -1e9), "farther away than 1e\\+06 times the width of the lens: pass an angle"),
+            ((0, 40, -4.0), r"no light from \(0, 40, -4\) passes the lens"),
+        ],
+    )
+    def test_what_is_no_field_is_refused(self, field, words):
+        with pytest.raises(ValueError, match=words):
+            self.LENS.spot(field, 0.0)
+
+
 def asphere_hit(s, o, d, vertex):
     """Return t, by the secant method on the sag, and the unit normal of an asphere."""
     curvature, conic = 1 / mpmath.mpf(s.radius), mpmath.mpf(s.conic)
