@@ -210,10 +210,12 @@ def _how_to_go_on(report: dict[str, Any]) -> str:
 def _with_limit_moved(command: list[str], report: dict[str, Any]) -> list[str]:
     """Return a command with the limit that stopped its render moved, so that it renders further.
 
-    Twice the passes, or half the error that was reached (then without a time budget, which was enough
-    for the larger error). A time budget is one for each call, and a render that was broken off has not
+    The passes that the line "further" forecasts, or half the error that was reached (then without a time
+    budget, which was enough for the larger error). A time budget is one for each call, and a render that was broken off has not
     reached its limits: their commands stay as they are.
     """
+    from hybrid_rt.rendering.forecast import further
+
     stopped_by, error = report["stopped_by"], report["relative_error"]
     reached = {"target_error": "both", "target_error_trimmed": "both_trimmed"}
     if stopped_by in reached and error[reached[stopped_by]] > 0.0:
@@ -221,7 +223,8 @@ def _with_limit_moved(command: list[str], report: dict[str, Any]) -> list[str]:
         value = f"{error[reached[stopped_by]] / 2:.1g}"  # as the line "further" says it
         command = _without("--time-budget", command)
     elif stopped_by in ("passes", "blur", "not_finite"):
-        option, value = "--passes", str(2 * report["passes"])
+        told = further(report)
+        option, value = "--passes", str(2 * report["passes"] if told is None else told.passes)
     else:
         return command
     return [*_without(option, command), option, value]

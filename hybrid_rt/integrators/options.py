@@ -87,8 +87,8 @@ class PathOptions(Options):
     strategy : "both", "lights" or "directions"
         How direct light is found: by next-event estimation ("lights"), by BSDF sampling
         ("directions"), or by both with multiple importance sampling (power heuristic). The single
-        strategies are for comparison: "lights" finds no caustics, "directions" finds no point
-        lights.
+        strategies are for comparison: "lights" finds what comes by way of mirrors and smooth glass, caustics
+        too, by chance alone; "directions" finds no point lights.
     roulette_depth : int
         Number of bounces before Russian roulette begins. A path then goes on with the probability of
         what it carries over what it carried at the vertex before.

@@ -30,7 +30,7 @@ def one_line(image: NDArray[np.floating], report: dict[str, Any]) -> str:
     words = [f"{width} x {height}"]
     if report:
         words += [report["settings"]["integrator"], passes_in_words(report["passes"])]
-        words += [_error(report), f"{report['seconds']['total']:.3g} s"]
+        words += [f"{report['seconds']['total']:.3g} s", _error(report)]
     return cut(f"RenderResult({', '.join(words)})", "...)")
 
 

@@ -10,9 +10,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from hybrid_rt.core import checks
 from hybrid_rt.rendering.channels import OUTPUTS
 from hybrid_rt.rendering.denoising import DenoisedPicture, denoise
 from hybrid_rt.rendering.display import as_html, one_line, png
+from hybrid_rt.rendering.forecast import Forecast, forecast
 from hybrid_rt.rendering.units import passes_in_words
 from hybrid_rt.sensor.image_files import save_image
 
@@ -91,6 +93,24 @@ class RenderResult:
     def passes(self) -> int:
         """Number of passes of which the picture is the mean."""
         return int(self.report["passes"])
+
+    def forecast(self, error: float, *, trimmed: bool = False) -> Forecast | None:
+        """Return the passes and seconds, all from the first one on, that a relative error takes.
+
+        Parameters
+        ----------
+        error : float
+            Of `error` or, if ``trimmed``, of `error_trimmed`.
+        trimmed : bool
+            Whether the worst 0.1 % of the pixels are left out.
+
+        Returns
+        -------
+        Forecast or None
+            With ``passes`` and ``seconds``. None: no number of passes brings it, or, as after a single pass,
+            nothing is known.
+        """
+        return forecast(self.report, checks.number(error, "error", above=0.0), trimmed=trimmed)
 
     def save(self, path: str | os.PathLike[str], exposure: float = 0.0) -> None:
         """Write the picture, and the report beside it; see `hybrid_rt.sensor.image_files.save_image`."""

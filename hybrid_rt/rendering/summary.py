@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
+from hybrid_rt.rendering.forecast import few_decide, further, rises
 from hybrid_rt.rendering.report import ALL_LIGHT, NOT_MEASURED, share_cut_off
 from hybrid_rt.rendering.report_warnings import (
     in_up_to,
@@ -17,16 +18,8 @@ from hybrid_rt.rendering.units import duration, passes_in_words, per_cent
 from hybrid_rt.scene.lamps_in_surfaces import lamp_in_words
 from hybrid_rt.sensor.image_metrics import DIM
 
-# If the worst 0.1 % of the pixels hold this share of the squared error, the noise of all is rough; and
-# so many pixels are most of the picture.
+# So many pixels are most of the picture.
 MOST_OF_IT = 0.5
-# The figure that each target error is about; and the one to be trusted, if a few pixels decide or not.
-_ERRORS = {"target_error": "both", "target_error_trimmed": "both_trimmed"}
-_TRUSTED = {False: "target_error", True: "target_error_trimmed"}
-# The stages of which the seconds do not grow with the passes.
-_ONCE = ("scene", "build", "set-up", "audit", "light not found")
-# A render so many times longer is not worth a forecast.
-MOST_TIMES = 1e9
 # What each limit is called, and what of it was reached.
 _STOPPED_BY = {
     "passes": "the number of passes",
@@ -188,17 +181,17 @@ def _worst_pixels(report: dict[str, Any]) -> str:
     return (
         f"\n            {per_cent(noise['relative_rmse_trimmed'])} without the worst 0.1 % of the "
         f"pixels, which hold {per_cent(noise['worst_pixels_share_of_squared_error'])} of the "
-        f"squared error{_if_few_decide(report)}"
+        f"squared error{_iffew_decide(report)}"
     )
 
 
-def _if_few_decide(report: dict[str, Any]) -> str:
+def _iffew_decide(report: dict[str, Any]) -> str:
     """Return a caution if the noise of all pixels is that of a few bright specks."""
     noise = report["noise"]
-    if not _few_decide(noise):
+    if not few_decide(noise):
         return ""
     text = ":\n            so few pixels decide the first figure that it is rough; "
-    if _rises(noise):
+    if rises(noise):
         return text + (
             "the second leaves out light that\n            is still being found, as behind glass or "
             "in a lamp out of focus: with more passes the dots\n            outnumber 0.1 %, and it will "
@@ -211,30 +204,15 @@ def _if_few_decide(report: dict[str, Any]) -> str:
     )
 
 
-def _rises(noise: dict[str, Any]) -> bool:
-    """Tell whether more passes will bring more dots than there are worst pixels."""
-    return bool(noise["relative_rmse_trimmed_ahead"] > noise["relative_rmse_trimmed"])
-
-
-def _few_decide(noise: dict[str, Any]) -> bool:
-    """Tell whether the noise of all pixels is that of a few bright specks."""
-    few: bool = (
-        noise["worst_pixels"] > 0
-        and math.isfinite(noise["relative_rmse_trimmed"])
-        and noise["worst_pixels_share_of_squared_error"] >= MOST_OF_IT
-    )
-    return few
-
-
 def short_cautions(report: dict[str, Any]) -> list[str]:
     """Return in few words what is to be known of the error of a picture; the full text says more."""
     noise = report["noise"]
     if noise is None:
         return []
     cautions = []
-    if _few_decide(noise):
+    if few_decide(noise):
         trimmed = per_cent(noise["relative_rmse_trimmed"])
-        cautions.append(f"rough, few pixels decide it: noise {trimmed} without the worst 0.1 %")
+        cautions.append(f"few pixels decide it: noise {trimmed} without the worst 0.1 %")
     if _dark(report):
         cautions.append("relative to 0.1 where pixels are darker, as most are")
     if unmet_decides(noise):
@@ -385,50 +363,13 @@ def _spills(report: dict[str, Any]) -> bool:
 
 def _further(report: dict[str, Any]) -> list[str]:
     """Return what the target error would cost that is not reached; without one, half the error."""
-    error, settings = report["relative_error"], report["settings"]
-    if error is None or error["both"] is None:
+    found = further(report)
+    if found is None:
         return []
-    names = [name for name in _ERRORS if settings[name] is not None]
-    missed = [name for name in names if error[_ERRORS[name]] > settings[name]]
-    rises = _few_decide(report["noise"]) and _rises(report["noise"])
-    if rises and "target_error_trimmed" in names:
-        # That figure does not fall yet, so nothing follows from it.
-        names, missed = [], [name for name in missed if name == "target_error"]
-    if missed:
-        costs = [_times(report, name, settings[name]) for name in missed]
-        times, name = max(zip(costs, missed, strict=True))
-        target = settings[name]
-    else:
-        name = names[0] if names else _TRUSTED[_few_decide(report["noise"]) and not rises]
-        half = error[_ERRORS[name]] / 2
-        if not 0.0 < half < math.inf:
-            return []
-        target = float(f"{half:.1g}")
-        times = _times(report, name, target)
-    if not times < MOST_TIMES:
-        return []
-    passes, total = math.ceil(report["passes"] * times), report["seconds"]["total"]
-    once = min(sum(report["seconds"].get(stage, 0.0) for stage in _ONCE), total)
-    seconds = once + (total - once) * times
-    what = f"{per_cent(target)}{_of_which_pixels(name)}"
-    cost = f"{passes:,} passes, {duration(seconds)}"
-    return [f"  further   {what} takes about {cost}: {name.replace('_', ' ')} {target:g}"]
-
-
-def _times(report: dict[str, Any], name: str, target: float) -> float:
-    """Return how many times the passes bring an error to a target; inf: no number does, or unknown."""
-    error = report["relative_error"]
-    stays = (error["blur"] or 0.0) if error["blur_stays"] else 0.0
-    left = target**2 - stays**2
-    more = error[_ERRORS[name]] ** 2 - stays**2
-    if left <= 0.0 or not 0.0 < more < math.inf:
-        return math.inf
-    power = error["error_power"]
-    if name == "target_error_trimmed" and _few_decide(report["noise"]):
-        # Dots that become more than the worst 0.1 % join the others: what twice the passes will bring.
-        ahead = error["both_trimmed_ahead"] ** 2 - stays**2
-        power = min(power, math.log2(more / ahead)) if 0.0 < ahead < more else 0.0
-    return float((more / left) ** (1.0 / power)) if power > 0.0 else math.inf
+    what = f"{per_cent(found.target)}{_of_which_pixels(found.option)}"
+    cost = f"{found.passes:,} passes in all, {duration(found.seconds)}"
+    option = found.option.replace("_", " ")
+    return [f"  further   {what} takes about {cost}: {option} {found.target:g}"]
 
 
 def _of_which_pixels(name: str) -> str:

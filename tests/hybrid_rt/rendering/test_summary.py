@@ -208,7 +208,7 @@ class TestFurther:
         last = in_words(report).splitlines()[-1]
         which = " without the worst 0.1 % of the pixels" if "trimmed" in name else ""
         passes = math.ceil(8 * (report["relative_error"][key] / 0.001) ** 2)
-        assert last.startswith(f"  further   0.1 %{which} takes about {passes:,} passes, ")
+        assert last.startswith(f"  further   0.1 %{which} takes about {passes:,} passes in all, ")
         assert last.endswith(f": {name.replace('_', ' ')} 0.001")
 
     @pytest.mark.parametrize(
@@ -226,7 +226,20 @@ class TestFurther:
             "blur_stays": stays, "error_power": power,
         }  # fmt: skip
         last = in_words(report).splitlines()[-1]
-        assert last.startswith(f"  further   2.5 % takes about {8 * times:.0f} passes, ")
+        assert last.startswith(f"  further   2.5 % takes about {8 * times:.0f} passes in all, ")
+
+    def test_python_is_told_the_same(self):
+        scene = Scene(self.CAMERA, [self.FLOOR], [self.LAMP])
+        result = render(scene, passes=8, threads=1, target_error=0.001)
+        told = result.forecast(0.001)
+        last = in_words(result.report).splitlines()[-1]
+        assert f" takes about {told.passes:,} passes in all, {duration(told.seconds)}: " in last
+        trimmed = result.forecast(0.001, trimmed=True)
+        assert trimmed.passes == math.ceil(8 * (result.error_trimmed / 0.001) ** 2)
+        assert result.forecast(2 * result.error).passes == 2
+        assert render(scene, passes=1, threads=1).forecast(0.1) is None
+        with pytest.raises(ValueError, match="error is 0"):
+            result.forecast(0)
 
     def test_nothing_is_forecast_that_never_comes(self):
         report = self.report(passes=8, target_error=0.01)
@@ -250,7 +263,7 @@ class TestFurther:
         }  # fmt: skip
         error |= {"both": 2.5, "both_trimmed": 0.15, "both_trimmed_ahead": 0.95}
         words = in_words(report)
-        assert words.splitlines()[-1].startswith("  further   100 % takes about 50 passes, ")
+        assert words.splitlines()[-1].startswith("  further   100 % takes about 50 passes in all, ")
         assert "outnumber 0.1 %, and it will rise to 95 % or so" in words
         assert "trust the second" not in words
         assert ("0.9 does not count as reached" in words) == bool(settings)
@@ -264,7 +277,7 @@ class TestFurther:
             report["relative_error"][f"both_trimmed{key}"] = value
         report["noise"] |= noise
         report["relative_error"]["both"] = 0.4
-        assert " takes about 128 passes, " in in_words(report).splitlines()[-1]
+        assert " takes about 128 passes in all, " in in_words(report).splitlines()[-1]
 
     def test_what_is_done_once_is_not_forecast_for_every_pass(self):
         """0.5 s once, and 4 times 1.5 s for 4 times as many passes."""
@@ -272,7 +285,7 @@ class TestFurther:
         for key in ("both", "both_trimmed"):
             report["relative_error"][key] = 0.002
         report["seconds"] = {"build": 0.25, "set-up": 0.25, "paths": 1.0, "total": 2.0}
-        assert " about 32 passes, 6.5 s: " in in_words(report).splitlines()[-1]
+        assert " about 32 passes in all, 6.5 s: " in in_words(report).splitlines()[-1]
 
     @pytest.mark.parametrize(
         ("seconds", "words"),
