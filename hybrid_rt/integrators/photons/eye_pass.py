@@ -51,6 +51,9 @@ from hybrid_rt.shading.kernels.scatter import (
     scatter,
 )
 
+# Small pictures send several camera rays of each pixel together, up to so many: the steps of few rays cost no
+# less than those of many.
+FEWEST_AT_ONCE = 2**14
 # Of the points of a block without photons, so many are asked for photons shown to the camera.
 MOST_ASKED = 1024
 # What the low-discrepancy points of one step are for.
@@ -127,6 +130,7 @@ class EyePass(Integrator):
         self.n_without = 0
         self.n_shown = 0
         self.shown_power = 0.0
+        self._share_of_rays = 1.0
         lights, plan, lobes = context.scene.lights, context.plan, context.scene.lobes
         # Next-event estimation alone finds direct light at wide lobes, so its weight is one.
         self._wide = SurfaceLight(context, LIGHT_ONLY, WIDE)
@@ -147,9 +151,16 @@ class EyePass(Integrator):
         radiance = np.zeros((pixel.size, 3))
         if self.fields:
             self.blur[place_of_pixel(pixel)] = 0.0
-        for j in range(n):
+        at_once = min(max(FEWEST_AT_ONCE // pixel.size, 1), n)
+        for first_ray in range(0, n, at_once):
             # All camera rays of all passes are points of one sequence.
-            radiance += self.radiance_through(pixel, sample * np.uint64(n) + np.uint64(j))
+            rays = np.arange(first_ray, min(first_ray + at_once, n), dtype=np.uint64)[:, None]
+            self._share_of_rays = len(rays) / n
+            found = self.radiance_through(
+                np.tile(pixel, len(rays)), (sample * np.uint64(n) + rays).ravel()
+            )
+            for part in found.reshape(len(rays), -1, 3):
+                radiance += part
         return radiance / n
 
     def _radiance(self, block: CameraBlock) -> FloatArray:
@@ -192,7 +203,8 @@ class EyePass(Integrator):
                     self._add_direct(points, radiance)
             if self.fields:
                 self._gather(points, radiance, blur)
-                self.blur[place_of_pixel(block.pixel)] += blur / self.n_camera_rays
+                # A pixel may have several rays in the block.
+                np.add.at(self.blur, place_of_pixel(block.pixel), blur / self.n_camera_rays)
         return radiance
 
     def _points(self, paths: Paths, depth: UIntArray | int, use: int) -> FloatArray:
@@ -268,7 +280,7 @@ class EyePass(Integrator):
         found = found[found >= 0]
         self.n_shown += round(without.size * found.size / asked.size)
         power = float(field.photons.power[np.unique(found)].sum(dtype=np.float64))
-        self.shown_power += power / self.n_camera_rays
+        self.shown_power += power * self._share_of_rays
 
     def _note_gathered(
         self, field: Field, camera_ray: NDArray[np.int64], throughput: FloatArray, sums: Sums
