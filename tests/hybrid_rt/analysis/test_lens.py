@@ -436,15 +436,15 @@ def direction_of(field):
 
 def test_a_long_and_narrow_rest_of_the_light_is_found():
     """Two apertures of radius 5, which the field shifts against each other by 10 less the width."""
-    for width in (0.01, 1e-3):
-        field = math.degrees(math.atan((10.0 - width) / 80.0))
-        lens = Lens([LensSurface(math.inf, 80.0, 1.0, 10.0), LensSurface(math.inf, 0.0, 1.0, 10.0)])
-        rays = lens.parallel(field, n=1000)
-        points = rays.at(0.0)[rays.passed]
-        half = math.sqrt(25.0 - (5.0 - 0.5 * width) ** 2)
-        # It tapers to its ends, and few rays lie across it.
-        assert np.abs(points[:, 0]).max() == pytest.approx(half, rel=0.15)
-        assert np.abs(points[:, 1] + 5.0 - 0.5 * width).max() <= 0.5 * width + 1e-12
+    width = 1e-3
+    field = math.degrees(math.atan((10.0 - width) / 80.0))
+    lens = Lens([LensSurface(math.inf, 80.0, 1.0, 10.0), LensSurface(math.inf, 0.0, 1.0, 10.0)])
+    rays = lens.parallel(field, n=1000)
+    points = rays.at(0.0)[rays.passed]
+    half = math.sqrt(25.0 - (5.0 - 0.5 * width) ** 2)
+    # It tapers to its ends, and few rays lie across it.
+    assert np.abs(points[:, 0]).max() == pytest.approx(half, rel=0.15)
+    assert np.abs(points[:, 1] + 5.0 - 0.5 * width).max() <= 0.5 * width + 1e-12
 
 
 def test_light_that_slips_between_given_rays_is_hinted_at():

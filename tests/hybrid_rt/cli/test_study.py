@@ -110,11 +110,13 @@ def test_by_seconds_against_a_kept_reference(run, tmp_path, replace_render):
 
     def run_method(as_before, scene, method, passes, *rest):
         result = as_before(scene, method, passes, *rest)
-        result.report["seconds"]["total"] = passes * {"whitted": 0.01, "ppm": 0.1}[method.name]
+        result.report["seconds"]["total"] = (
+            passes * {"whitted": 0.01, "ppm": 0.1}[method.integrator]
+        )
         return result
 
     replace_render(run_method)
-    some = "tube.py --quick --width 24 --threads 1 --only pictures --integrators whitted ppm"
+    some = "tube.py --quick --width 24 --threads 1 --only pictures --photons 2000 --integrators whitted ppm"
     code, captured = run(f"{some} --passes 1 --reference-passes 8 --out a")
     assert code == 0
     kept = Path("a") / "reference.npz"
@@ -122,11 +124,11 @@ def test_by_seconds_against_a_kept_reference(run, tmp_path, replace_render):
     code, captured = run(f"{some} --seconds 1 --runs 2 --reference {kept} --out b")
     assert code == 0
     assert "reference of" not in captured.err
-    assert "2 methods: whitted; ppm" in captured.err
+    assert "2 methods: whitted; ppm, 2000 photons" in captured.err
     assert "each up to about 1.0 s, together about 5.3 s" in captured.err
     curves = json.loads((tmp_path / "b" / "curves.json").read_text())["picture"]["curves"]
     passes = {curve["name"]: [p["setting"] for p in curve["points"]] for curve in curves}
-    assert passes == {"whitted": [1, 4, 16, 100], "ppm": [1, 4, 10]}
+    assert passes == {"whitted": [1, 4, 16, 100], "ppm, 2000 photons": [1, 4, 10]}
     assert "10 of the slowest method, 100 of the fastest; 2 runs of each" in captured.out
     assert "At equal time, 1.00 s" in captured.out
     assert not (tmp_path / "b" / "reference.npz").exists()

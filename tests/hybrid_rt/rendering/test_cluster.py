@@ -18,7 +18,7 @@ from hybrid_rt.rendering.cluster import check_address
 from hybrid_rt.rendering.renderer import render
 from hybrid_rt.rendering.run import ClusterLost
 
-pytest.importorskip("distributed")
+distributed = pytest.importorskip("distributed")
 
 RUN_SCHEDULER = "from distributed.cli.dask_scheduler import main; main()"
 RUN_WORKER = "from distributed.cli.dask_worker import main; main()"
@@ -148,7 +148,9 @@ def test_a_lost_scheduler_leaves_the_picture_and_a_store_that_goes_on(processes,
 
 def test_workers_of_other_versions_are_refused(processes, monkeypatch):
     other = processes.worker(OTHER_VERSION)
-    monkeypatch.setattr(cluster, "PATIENCE", 10.0)
+    with distributed.Client(processes.address) as client:
+        client.wait_for_workers(1, timeout=60)
+    monkeypatch.setattr(cluster, "PATIENCE", 1.0)
     with pytest.raises(
         ClusterLost, match=r"no worker of these versions .* hybrid_rt 0\.0\.1 there"
     ):
