@@ -380,8 +380,9 @@ def _add_pictures(
                         rows.setdefault(n, []).append(_row(result, truth))
                 spent, of_passes = spent + time.perf_counter() - began, of_passes + sum(numbers)
         finally:
-            for name, result in latest.items():
-                found[name].add_dearest(result)
+            # Ctrl-C may have come before the figures of the last one were noted.
+            for name in latest.keys() & found.keys():
+                found[name].add_dearest(latest[name])
 
 
 def _in_words(numbers: Sequence[int]) -> str:

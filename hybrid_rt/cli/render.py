@@ -211,8 +211,8 @@ def _with_limit_moved(command: list[str], report: dict[str, Any]) -> list[str]:
     """Return a command with the limit that stopped its render moved, so that it renders further.
 
     The passes that the line "further" forecasts, or half the error that was reached (then without a time
-    budget, which was enough for the larger error). A time budget is one for each call, and a render that was broken off has not
-    reached its limits: their commands stay as they are.
+    budget, which was enough for the larger error). A time budget is one for each call, and a render that
+    was broken off has not reached its limits: their commands stay as they are.
     """
     from hybrid_rt.rendering.forecast import further
 
