@@ -12,6 +12,7 @@ from hybrid_rt.analysis.advice import without_examples
 from hybrid_rt.analysis.curves import Curve
 from hybrid_rt.analysis.forecast import seconds_fall
 from hybrid_rt.analysis.hit_study import RULE_OF_THREE, HitStudy
+from hybrid_rt.analysis.reference import Reference
 from hybrid_rt.analysis.units import asked, number, percent, seconds, signed_percent
 from hybrid_rt.analysis.work_precision import PictureStudy
 from hybrid_rt.rendering.versions import versions
@@ -62,7 +63,7 @@ def picture_conditions(study: PictureStudy, full_size: tuple[int, int] | None) -
             "reference",
             f"{reference.made_by}{took}; {off}",
         ),
-        ("its check", _check_in_words(reference.check)),
+        ("its check", _check_in_words(reference)),
         (
             "seconds",
             f"wall time; compiling kernels, {seconds(study.compile_seconds)}, is not counted",
@@ -81,15 +82,19 @@ def _passes_in_words(curves: Sequence[Curve]) -> str:
     )
 
 
-def _check_in_words(check: dict[str, float] | None) -> str:
+def _check_in_words(reference: Reference) -> str:
+    check = reference.check
+    if check is None and reference.is_given:
+        return "none: the reference was given"
     if check is None:
         return "none: no other method here finds all light of the scene"
     blur = check["by_blur"]
     blurred = f" and blur of photons {percent(blur)}" if blur else ""
+    gap, half = check["gap"], check["gap_half_interval"]
+    beyond = ", MORE than noise and blur explain" if abs(gap) > half else ""
     return (
-        f"{check['made_by']}: mean differs by {number(check['gap'], 2)} +- "
-        f"{number(3.182 * check['gap_error'], 1)} (95 %), pictures by {percent(check['difference'])}, "
-        f"of which noise explains {percent(check['by_noise'])}{blurred}"
+        f"{check['made_by']}: mean differs by {number(gap, 2)} +- {number(half, 1)} (95 %){beyond}, "
+        f"pictures by {percent(check['difference'])}, of which noise explains {percent(check['by_noise'])}{blurred}"
     )
 
 

@@ -36,11 +36,14 @@ class Reference:
     made_by : str
     own_error : float
         Its own relative RMSE, estimated; nan if unknown.
-    mean, mean_error : float
-        Mean radiance, and the standard error of it; nan if unknown.
+    mean, mean_half_interval : float
+        Mean radiance, and half of its 95 % interval: noise, blur of photons, lamps that were not met; nan
+        if unknown.
     seconds : float
     passes : int
         0 if unknown.
+    is_given : bool
+        Whether it was passed, and not made.
     power : float
         The square of its error falls as passes ** -power.
     light_not_found : list of str
@@ -49,17 +52,18 @@ class Reference:
         How much of that few photons found: ``light_not_found_measured`` of its report.
     check : dict or None
         A different method: ``made_by``, its ``passes``, ``seconds`` and ``own_error``, ``gap`` of the means,
-        ``gap_error`` its standard error, ``difference`` of the pictures (relative RMSE) and
-        ``by_noise``, ``by_blur``, what their noise and the blur of photons explain.
+        ``gap_half_interval`` what the 95 % intervals of both explain of it, ``difference`` of the pictures
+        (relative RMSE) and ``by_noise``, ``by_blur``, what their noise and the blur of photons explain.
     """
 
     made_by: str
     own_error: float
     mean: float
-    mean_error: float
+    mean_half_interval: float
     seconds: float
     check: dict[str, Any] | None
     passes: int = 0
+    is_given: bool = False
     power: float = 1.0
     light_not_found: list[str] = field(default_factory=list)
     measured: dict[str, Any] | None = None
@@ -107,19 +111,18 @@ def make_reference(
             main, other, n_main, n = other, main, n, passes
             name, others = others[0].name, [Method(maker, maker)]
         check = _checked(main, other, others[0].name, n)
-    noise = main.report["noise"] or {}
     return (
         Reference(
             f"{name}, certified, {n_main} passes",
             stated_error(main.report),
             float(main.image.mean(dtype=np.float64)),
-            noise.get("standard_error_of_image_mean", math.nan),
+            main.mean_half_interval,
             main.report["seconds"]["total"],
             check,
             n_main,
-            Method(name, name).power,
-            main.report["light_not_found"],
-            main.report["light_not_found_measured"],
+            power=Method(name, name).power,
+            light_not_found=main.report["light_not_found"],
+            measured=main.report["light_not_found_measured"],
         ),
         main,
     )
@@ -127,8 +130,6 @@ def make_reference(
 
 def _checked(main: RenderResult, other: RenderResult, name: str, passes: int) -> dict[str, Any]:
     """Return how far a picture is from one by another method, and what explains that."""
-    noises = [result.report["noise"] or {} for result in (main, other)]
-    errors = [noise.get("standard_error_of_image_mean", math.nan) for noise in noises]
     weight = main.image.astype(np.float64) ** 2 + DARK
     variance = sum(
         float((result.channels["standard_error"].astype(np.float64) ** 2 / weight).mean())
@@ -141,7 +142,7 @@ def _checked(main: RenderResult, other: RenderResult, name: str, passes: int) ->
         "seconds": other.report["seconds"]["total"],
         "own_error": stated_error(other.report),
         "gap": means[1] - means[0],
-        "gap_error": math.hypot(*errors),
+        "gap_half_interval": math.hypot(main.mean_half_interval, other.mean_half_interval),
         "difference": math.sqrt(relative_mse(other.image, main.image)),
         "by_noise": math.sqrt(variance),
         "by_blur": math.hypot(*(stated_error(result.report, "blur") for result in (main, other))),
@@ -163,14 +164,18 @@ def stated_error(report: dict[str, Any], part: str = "both") -> float:
 def given_reference(picture: Picture) -> Reference:
     """Return what is known of a picture that is to be the reference."""
     report = picture.report or {}
-    noise = report.get("noise") or {}
+    half = (report.get("noise") or {}).get("half_interval_95_of_image_mean")
+    made_by = (report.get("settings") or {}).get("integrator")
+    passes = report.get("passes", 0)
+    is_known = made_by in INTEGRATORS and passes > 0
     return Reference(
-        f"the file {picture.name}",
+        f"the file {picture.name}" + (f" ({made_by}, {passes} passes)" if is_known else ""),
         stated_error(report),
         float(picture.image.mean(dtype=np.float64)),
-        noise.get("standard_error_of_image_mean", math.nan),
+        math.nan if half is None else half,
         report.get("seconds", {}).get("total", math.nan),
         None,
+        is_given=True,
         light_not_found=report.get("light_not_found") or [],
         measured=report.get("light_not_found_measured"),
     )

@@ -95,7 +95,7 @@ def picture_table(curves: Sequence[Curve]) -> Table:
         ("error: relative RMSE against the reference, the root of the mean of (x - r)^2 / (r^2 + 0.01) "
         "over pixels and channels. most pixels: the same without the worst 0.1 % of the pixels."),
         ("mean off by: mean brightness against the reference's, + brighter, - darker; noise averages out "
-        "here, light that is not found does not. +-: half its 95 % interval, noise of both pictures; a large one "
+        "here, light that is not found does not. +-: half its 95 % interval, noise and blur of both; a large one "
         "after few passes is for lamps that no camera ray has met yet, in mirrors or glass."),
         ("stated: the error that the render itself states. build s: seconds of these spent on building "
         "surfaces."),
@@ -169,7 +169,8 @@ def equal_time_table(curves: Sequence[Curve], reference_error: float) -> Table:
     if any(row[1] == "takes longer" for row in rows):
         words.append(
             "takes longer: its first pass ends after all passes of the fastest. With --seconds S in place of --passes "
-            "every method is measured until a render takes about S seconds."
+            "every method is measured until a render takes about S seconds; where a single pass takes longer, pass "
+            "a larger S or fewer --photons."
         )
     return Table(
         f"At equal time, {number(seconds)} s",

@@ -421,9 +421,9 @@ def _point(setting: float, rows: Sequence[dict[str, float]], reference: Referenc
     if math.isnan(of_runs) and len(means) > 2:
         by_means = float(np.std(means, ddof=1)) / math.sqrt(len(means))
         of_runs = INTERVAL * abs(reference.mean) * by_means
-    own = 0.0 if math.isnan(reference.mean_error) else reference.mean_error
+    own = 0.0 if math.isnan(reference.mean_half_interval) else reference.mean_half_interval
     more["mean_error"] = float(np.mean(means))
-    noise = math.hypot(of_runs, INTERVAL * own)
+    noise = math.hypot(of_runs, own)
     more["mean_error_noise"] = noise / abs(reference.mean) if reference.mean else math.nan
     return Point(setting, spread(seconds), spread(error), more)
 

@@ -53,6 +53,31 @@ def room():
     return study_picture(scene, (4, 16, 64), runs=2, reference=truth, methods=methods, threads=1)
 
 
+@pytest.mark.parametrize(("half", "is_biased"), [(0.06, False), (0.001, True)])
+def test_blur_of_the_reference_is_no_bias_of_what_it_judges(half, is_biased):
+    """A reference 2 % too dark that allows for 3 % proves nothing; one that denies it does."""
+    walls = Object(Box((-1, -1, -1), (1, 1, 1)).flipped(), Emissive(1.0, Lambertian(0.5)))
+    scene = Scene(Camera((0, 0, 0), (1, 0.2, 0.1), (0, 0, 1), 90, 16, 12), [walls])
+    report = {
+        "noise": {"half_interval_95_of_image_mean": half},
+        "relative_error": {"both": 0.5 * half, "noise": 0.01, "blur": 0.5 * half},
+        "settings": {"integrator": "ppm"},
+        "passes": 64,
+    }
+    dark = Picture("dark.npz", np.full((12, 16, 3), 1.96, np.float32), report, None)
+    study = study_picture(
+        scene, (64, 256), runs=2, reference=dark, methods=[Method("path", "path")], threads=1
+    )
+    last = study.curves[0].points[-1].more
+    assert last["mean_error"] == pytest.approx(2 / 1.96 - 1, abs=0.002)
+    assert (abs(last["mean_error"]) > last["mean_error_noise"]) == is_biased
+    assert (study.curves[0].bias > 0.0) == is_biased
+    assert study.reference.made_by == "the file dark.npz (ppm, 64 passes)"
+    assert ("its check", "none: the reference was given") in answers.picture_conditions(
+        study, (16, 12)
+    )
+
+
 class TestNextPasses:
     def test_four_times_as_many_until_the_seconds_are_filled(self):
         """0.5 s and 0.1 s a pass: 10 s are filled by 95 passes."""
@@ -184,8 +209,8 @@ def test_two_methods_agree_and_a_mesh_does_not():
     # Whichever states the smaller error is the reference, and checked by the other.
     made_by = {study.reference.made_by.partition(",")[0], check["made_by"].partition(",")[0]}
     assert made_by == {"path", "ppm"}
-    # Student's t with 3 degrees of freedom on either side: 12.9 is passed once in 1000 runs.
-    assert abs(check["gap"]) < 12.9 * check["gap_error"]
+    # By Student's t with 3 degrees of freedom four 95 % intervals are passed once in 1000 runs.
+    assert abs(check["gap"]) < 4.0 * check["gap_half_interval"]
     explained = math.hypot(check["by_noise"], check["by_blur"])
     assert check["difference"] == pytest.approx(explained, rel=0.3)
     refined, coarse, _, fine = study.meshes
