@@ -52,7 +52,8 @@ class Surface(ABC):
         Parameters
         ----------
         u, v : float array-like
-            Parameters; they broadcast with each other and with ``patch_id``.
+            Parameters, from 0 to 1 on the surface: beyond, its polynomials go on. They broadcast with each
+            other and with ``patch_id``.
         patch_id : int array-like
             Patch of each (u, v).
 

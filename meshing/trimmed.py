@@ -28,19 +28,23 @@ from meshing.trims import as_loops, boxes_outside, make_table, sides_of_boxes
 
 # A shorter segment of a profile would have too few digits of v for curves across it.
 LEAST_SHARE = 1e-9
+# Borders nearer to each other than this, over the size of the surface, were meant to meet; a loop that leaves the
+# unit square by less is not meant to go on beyond.
+MEANT_TO_MEET, BEYOND, GAPS = 1e-9, 1e-5, 4.0
 
 
 class TrimmedSurface(Surface):
     """The part of a surface inside closed loops of curves in its (u, v).
 
     A point belongs to the surface if the loops together go around its (u, v) an odd number of
-    times. So loops may be an outline, holes in it and islands in these, in any order and direction.
+    times. So loops may be an outline, holes in it and islands in these, in any order and direction. (A hole
+    that reaches over the outline is an island where it is outside.)
     To cut a hole into a whole surface, add the border of the unit square as a loop. Parts of loops
     outside the unit square enclose nothing. On a surface that closes on itself (`closes`), write a
     loop across the seam in one piece, with u or v below 0 or above 1; its copies one turn away count
     as well. Surfaces of revolution close around the axis, or where the profile ends where it begins;
     patches, sheets and NURBS surfaces close where the first and the last control points are equal to
-    the bit.
+    the bit; a periodic NURBS surface where those of its Bezier patches are, as with whole numbers for knots.
 
     A hit is the first root inside the loops. Which side of a curve a point is on is decided by the
     curves as they are given, without approximation. If rounding leaves it undecided, the hit or
@@ -73,7 +77,8 @@ class TrimmedSurface(Surface):
     ------
     TypeError, ValueError
         For any other surface, no loops, an empty or open loop, a segment shorter than 1e-9 of its
-        profile, and a negative gap.
+        profile, and a negative gap. And for a loop beyond a border at which the surface closes up to
+        rounding only: half of what it encloses would be missing.
 
     Attributes
     ----------
@@ -100,6 +105,38 @@ class TrimmedSurface(Surface):
         self.surface = surface
         self.loops = as_loops(loops)
         self.gap = number(gap, "TrimmedSurface gap", at_least=0.0, hint="in scene units")
+        self._refuse_missed_seams()
+
+    def _refuse_missed_seams(self) -> None:
+        """Refuse loops across a seam that was meant to close: what lies beyond would be lost unseen."""
+        size = float(np.linalg.norm(np.ptp(self.surface.bounds, axis=0)))
+        # A face of a part may reach some gaps beyond its border.
+        beyond = max(BEYOND, GAPS * self.gap / size)
+        for axis in np.flatnonzero(np.logical_not(self.closes)).tolist():
+            for k, loop in enumerate(self.loops):
+                at = np.concatenate([c.point([0.0, *c.cuts(), 1.0])[:, axis] for c in loop])
+                low, high = float(at.min()), float(at.max())
+                # One that leaves by both sides goes all around.
+                if (low < -beyond) == (high > 1.0 + beyond):
+                    continue
+                if (apart := self._borders_apart(axis)) > MEANT_TO_MEET * size:
+                    break
+                name, value = "uv"[axis], low if low < 0.0 else high
+                raise ValueError(
+                    f"TrimmedSurface loops[{k}] goes on to {name} = {value:.6g}, but the surface closes along "
+                    f"{name} only up to {apart:.1g}: make its first and last control points, and weights, "
+                    "equal to the bit (of a periodic NurbsSurface: by whole numbers as knots), or end the "
+                    "loop at the border and add its other part at the other one"
+                )
+
+    def _borders_apart(self, axis: int) -> float:
+        """Return how far the borders of an axis are apart at most, as far as 33 points tell."""
+        along = np.linspace(0.0, 1.0, 33)
+        begin, end = (
+            self.point(*((np.full(33, at), along) if axis == 0 else (along, np.full(33, at))))
+            for at in (0.0, 1.0)
+        )
+        return float(np.linalg.norm(end - begin, axis=1).max())
 
     def __len__(self) -> int:
         """Return the number of patches of the surface."""

@@ -27,6 +27,7 @@ from meshing import (
     BezierPatches,
     Curve2,
     Cylinder,
+    NurbsSurface,
     SurfaceOfRevolution,
     TrimmedSurface,
     bspline,
@@ -345,3 +346,42 @@ def test_splines_that_are_none_are_refused(change, message):
     given = {"control": [(0, 0), (0.5, 1), (1, 0)], "knots": [0, 0, 1, 2, 2], "degree": 1}
     with pytest.raises(ValueError, match=message):
         bspline(**(given | change))
+
+
+class TestSeams:
+    """An oval tube as a periodic cubic, whose Bezier patches meet to the bit with some knots only."""
+
+    WHOLE = polygon([(0, 0), (1, 0), (1, 1), (0, 1)])
+    ACROSS = circle((0, 0.5), (0.03, 0.2))
+
+    @staticmethod
+    def tube(knots):
+        n = len(knots) - 7
+        turn = 2 * np.pi * (np.arange(n + 3) % n) / n
+        ring = np.stack([np.cos(turn) * (3 + np.cos(turn)), 3 * np.sin(turn), 0 * turn], axis=1)
+        control = np.stack([ring, ring + np.array([0, 0, 1])], axis=1)
+        return NurbsSurface(control, knots, [0, 0, 1, 1], (3, 1))
+
+    def test_whole_knots_close_and_a_window_has_both_halves(self):
+        cut = TrimmedSurface(self.tube(np.arange(32.0) - 3), [self.WHOLE, self.ACROSS])
+        assert cut.closes == (True, False)
+        inside, _ = cut.contains([0.01, 0.99, 0.05], 0.5)
+        np.testing.assert_array_equal(inside, [False, False, True])
+
+    @pytest.mark.parametrize("side", [0.0, 1.0])
+    def test_a_window_across_borders_that_meet_by_rounding_is_refused(self, side):
+        tube = self.tube((np.arange(32.0) - 3) / 25)
+        assert tube.closes == (False, False)
+        words = r"loops\[1\] goes on to u = (-0.03|1.03), but the surface closes along u only up to \de-1\d: make"
+        with pytest.raises(ValueError, match=words):
+            TrimmedSurface(tube, [self.WHOLE, circle((side, 0.5), (0.03, 0.2))])
+
+    def test_what_is_not_meant_to_go_on_is_taken(self):
+        """All around, by less than the gap of a part, or where the borders are far apart."""
+        tube = self.tube((np.arange(32.0) - 3) / 25)
+        TrimmedSurface(tube, [polygon([(-0.1, -0.1), (1.1, -0.1), (1.1, 1.1), (-0.1, 1.1)])])
+        half = polygon([(-1e-3, 0), (0.5, 0), (0.5, 1), (-1e-3, 1)])
+        TrimmedSurface(tube, [half], gap=0.01)
+        with pytest.raises(ValueError, match=r"loops\[0\] goes on to u = -0.001"):
+            TrimmedSurface(tube, [half])
+        TrimmedSurface(tube, [self.WHOLE, circle((0.5, 0), (0.2, 0.3))])
