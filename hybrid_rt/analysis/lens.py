@@ -431,7 +431,9 @@ class Lens:
         if place.shape != (3,) or not np.isfinite(place).all():
             kinds = "an angle in degrees, or a point (x, y, z)" if "field" in name else "(x, y, z)"
             raise ValueError(f"{name} is {shown(point)}: pass {kinds}")
-        nearest, width = -self._reaches_before(), max(s.aperture for s in self.surfaces)
+        width = max(s.aperture for s in self.surfaces)
+        # Boxes around surfaces are wider by rounding.
+        nearest = round(-self._reaches_before() / width, 9) * width + 0.0
         if not place[2] < nearest:
             raise ValueError(
                 f"{name} is {shown(point)}, but the lens begins at z = {nearest:g}: pass a point in front of "

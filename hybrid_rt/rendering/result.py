@@ -113,7 +113,15 @@ class RenderResult:
         return forecast(self.report, checks.number(error, "error", above=0.0), trimmed=trimmed)
 
     def save(self, path: str | os.PathLike[str], exposure: float = 0.0) -> None:
-        """Write the picture, and the report beside it; see `hybrid_rt.sensor.image_files.save_image`."""
+        """Write the picture, and the report beside it; see `hybrid_rt.sensor.image_files.save_image`.
+
+        Parameters
+        ----------
+        path : path
+            Its ending is the format: .png, .npz or .exr.
+        exposure : float
+            Stops by which a .png is brighter, or darker if negative; other formats hold the radiance.
+        """
         parts = {name: output.parts for name, output in OUTPUTS.items()}
         save_image(path, self.image, self.report, self.channels, exposure, parts)
 
