@@ -65,6 +65,25 @@ def least_by_tiles(
     return math.sqrt(max(float(of_tiles.mean()) - doubt - own * own, 0.0))
 
 
+def shared_error(
+    one: NDArray[np.float64], other: NDArray[np.float64], weight: NDArray[np.float64]
+) -> tuple[float, float]:
+    """Return the relative RMSE that two pictures' errors share, 0 if not above the noise, and its 95 % limit.
+
+    The mean of the product of errors whose noise is independent is the square of what both share.
+
+    Parameters
+    ----------
+    one, other : (height, width, 3) float64
+    weight : (height, width, 3) float64
+        What squares are divided by; independent of the noise of both.
+    """
+    # Channels of a pixel share their noise; pixels are independent.
+    products = (one * other / weight).mean(axis=2)
+    square, doubt = float(products.mean()), 1.96 * float(products.std(ddof=1)) / products.size**0.5
+    return math.sqrt(square) if square > doubt else 0.0, math.sqrt(max(square, 0.0) + doubt)
+
+
 def _tile_means(values: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return means over tiles: (tiles, channels)."""
     return np.array(

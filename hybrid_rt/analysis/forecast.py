@@ -70,7 +70,7 @@ def forecast(curve: Curve, target: float, reference_error: float = 0.0) -> Forec
     """Predict passes and seconds to a relative RMSE.
 
     The square of the error is taken as b^2 + c / n^k: between two measured points as measured (a
-    line in logarithms), beyond the last with the curve's k, and b from the last two points, at
+    line in logarithms, once all later ones are as small), beyond the last with the curve's k, and b from the last two points, at
     least the curve's own; where all error falls with the passes, b is the curve's own. The
     reference's noise is subtracted from the squares first. Nothing beyond
     the measured range is promised of a method that leaves out light, nothing at all where photons
@@ -113,12 +113,14 @@ def forecast(curve: Curve, target: float, reference_error: float = 0.0) -> Forec
             False,
             f"triangles may change it by {percent(curve.bias_at_most)}",
         )
-    reached = np.flatnonzero(squares <= target**2)
+    # Few passes may be lucky and meet no bright dot: an error counts if all later ones are as small.
+    lasting = np.maximum.accumulate(squares[::-1])[::-1]
+    reached = np.flatnonzero(lasting <= target**2)
     if len(reached):
         k = int(reached[0])
         if k == 0:
             return result(float(passes[0]), True)
-        share = math.log(squares[k - 1] / target**2) / math.log(squares[k - 1] / squares[k])
+        share = math.log(lasting[k - 1] / target**2) / math.log(lasting[k - 1] / lasting[k])
         return result(float(passes[k - 1] * (passes[k] / passes[k - 1]) ** share), True)
     if curve.left_out:
         return result(math.inf, False, "leaves out light")

@@ -166,11 +166,14 @@ def equal_time_table(curves: Sequence[Curve], reference_error: float) -> Table:
             f"not known: the reference is itself off by {percent(own)}, so errors of about that size cannot be "
             "compared: pass more --reference-passes."
         )
-    if any(row[1] == "takes longer" for row in rows):
+    late = [
+        c.points[0].seconds.median for c, e in zip(curves, errors, strict=True) if math.isnan(e)
+    ]
+    if late:
         words.append(
-            "takes longer: its first pass ends after all passes of the fastest. With --seconds S in place of --passes "
-            "every method is measured until a render takes about S seconds; where a single pass takes longer, pass "
-            "a larger S or fewer --photons."
+            f"takes longer: its first pass takes up to {number(max(late), 2)} s. With --seconds "
+            f"{math.ceil(2.0 * max(late))} each method makes passes until a render takes about so long, and all can "
+            "be compared; or pass fewer --photons."
         )
     return Table(
         f"At equal time, {number(seconds)} s",
@@ -185,8 +188,8 @@ def mesh_table(study: PictureStudy) -> Table:
     rows = [
         (
             row["method"], "default" if row["tolerance"] is None else number(row["tolerance"]),
-            f"{row['triangles']:,.0f}", number(row["build_seconds"], 2), percent(row["error"]),
-            percent(row["error_at_most"]),
+            f"{row['triangles']:,.0f}", number(row["build_seconds"], 2),
+            percent(row["error"]) if row["error"] else "not seen", percent(row["error_at_most"]),
         )
         for row in study.meshes
     ]  # fmt: skip
@@ -198,7 +201,7 @@ def mesh_table(study: PictureStudy) -> Table:
             (
                 "tolerance: largest distance between triangles and surface, scene units. changes the picture "
                 "by: relative RMSE that no number of passes removes, from certified hits with the same "
-                "random numbers. at most: its upper 95 % limit."
+                "random numbers; not seen: below the noise. at most: its upper 95 % limit."
             ),
         ),
     )

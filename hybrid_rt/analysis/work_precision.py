@@ -18,7 +18,7 @@ from typing import Any
 
 import numpy as np
 
-from hybrid_rt.analysis.bias import least_by_mean, least_by_tiles
+from hybrid_rt.analysis.bias import least_by_mean, least_by_tiles, shared_error
 from hybrid_rt.analysis.curves import Curve, Point, spread
 from hybrid_rt.analysis.methods import (
     Method,
@@ -70,8 +70,8 @@ class PictureStudy:
     curves : list of Curve
     meshes : list of dict
         By method on uncertified hits: ``accuracy``, ``tolerance``, ``triangles``,
-        ``build_seconds``, and the ``error`` of its pictures that passes do not remove, with the
-        upper 95 % limit ``error_at_most``.
+        ``build_seconds``, and the ``error`` of its pictures that passes do not remove (0 if it is not seen above
+        the noise), with the upper 95 % limit ``error_at_most``.
     images : dict of (height, width, 3) float32
         By method, the first run at its dearest setting; "reference" the reference.
     threads, runs : int
@@ -210,7 +210,7 @@ def study_picture(
         _add_pictures(found_of, scene, chosen, passes, seconds, runs, truth, threads, say)
         by_paths = [max(found_of[m.name].rows) for m in chosen if m.integrator == DEFAULT]
         if by_paths and not certified_only:
-            meshes = _meshes(scene, by_paths[0], threads, say)
+            meshes = _meshes(scene, truth, by_paths[0], threads, say)
     except KeyboardInterrupt:
         if not found_of:
             raise
@@ -428,12 +428,13 @@ def _point(setting: float, rows: Sequence[dict[str, float]], reference: Referenc
     return Point(setting, spread(seconds), spread(error), more)
 
 
-def _meshes(scene: Scene, passes: int, threads: int | None, say: Say) -> list[dict[str, Any]]:
+def _meshes(
+    scene: Scene, truth: Image, passes: int, threads: int | None, say: Say
+) -> list[dict[str, Any]]:
     """Measure what meshes, and hits that are not certified, do to a picture.
 
     The differences between such pictures and certified ones, made with the same random numbers,
-    still hold noise; but that of one seed is independent of that of another, so the mean of the
-    product of two differences is the square of what stays.
+    still hold noise; but that of one seed is independent of that of another.
     """
     methods = uncertified_methods(scene)
     if not methods:
@@ -442,7 +443,8 @@ def _meshes(scene: Scene, passes: int, threads: int | None, say: Say) -> list[di
     say("pictures of meshes, each twice, with the random numbers of certified ones")
     certified = Method(DEFAULT, DEFAULT)
     exact = [run_method(scene, certified, passes, seed, threads).image for seed in (1, 2)]
-    weight = np.mean(exact, axis=0, dtype=np.float64) ** 2 + DARK
+    # Not by the certified pictures: where these happen to be dark, both differences are positive.
+    weight = truth.astype(np.float64) ** 2 + DARK
     rows = []
     for method in methods:
         one, other = (
@@ -450,10 +452,7 @@ def _meshes(scene: Scene, passes: int, threads: int | None, say: Say) -> list[di
             - exact[seed - 1]
             for seed in (1, 2)
         )
-        # Channels of a pixel share their noise; pixels are independent.
-        products = (one * other / weight).mean(axis=2)
-        square = max(float(products.mean()), 0.0)
-        of_square = float(products.std(ddof=1)) / math.sqrt(products.size)
+        error, at_most = shared_error(one, other, weight)
         tracer, seconds = timed(
             partial(Intersector, surfaces, method.accuracy, tolerance=method.tolerance, threads=1)
         )
@@ -464,8 +463,8 @@ def _meshes(scene: Scene, passes: int, threads: int | None, say: Say) -> list[di
                 "tolerance": method.tolerance,
                 "triangles": float(tracer.n_triangles),
                 "build_seconds": seconds,
-                "error": math.sqrt(square),
-                "error_at_most": math.sqrt(square + 1.96 * of_square),
+                "error": error,
+                "error_at_most": at_most,
             }
         )
     return rows

@@ -42,6 +42,17 @@ class TestForecast:
         assert (found.passes, found.is_measured) == (8, True)
         assert found.seconds.median == pytest.approx(2.5)
 
+    def test_a_lucky_pass_is_no_forecast(self):
+        """Errors of 0.1, 0.5, 0.2 and 0.1 by 1, 4, 16 and 64 passes: 0.3 is reached between 4 and 16."""
+        points = [
+            Point(n, spread([float(n)]), spread([error]), {})
+            for n, error in ((1, 0.1), (4, 0.5), (16, 0.2), (64, 0.1))
+        ]
+        found = forecast(Curve("dots", "", points), 0.3)
+        share = math.log(0.5 / 0.3) / math.log(0.5 / 0.2)
+        assert (found.passes, found.is_measured) == (math.ceil(4 * 4**share), True)
+        assert forecast(Curve("dots", "", points), 0.6).passes == 1
+
     def test_first_point_is_enough_for_little(self):
         assert forecast(law(), 2.0).passes == 1
 
@@ -144,7 +155,7 @@ class TestEqualTime:
             [law(passes=(1, 4)), replace(law(setup=7.0), name="slow")], math.nan
         )
         assert table.rows[-1] == ("slow", "takes longer", "")
-        assert "--seconds S" in table.words[-1]
+        assert "takes up to 7.2 s. With --seconds 15 each method" in table.words[-1]
 
     def test_errors_near_that_of_the_reference_are_not_compared(self):
         """After 4.5 s errors of 0.25 and 0.5; a reference off by 0.2 adds 0.04 to their squares."""
