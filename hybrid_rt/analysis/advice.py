@@ -155,7 +155,9 @@ def _longer(reference: Reference, target: float) -> str:
             checks[other] = reference.seconds / reference.passes
     alone, checked = [], []
     for maker, error, done, spent, power in makers:
-        passes = _rounded_up(done * float((JUDGES * error / target) ** (2.0 / power)))
+        worse = JUDGES * error / target
+        # Fewer passes have more noise, whose square falls as one over them, whatever the blur does.
+        passes = _rounded_up(done * float(worse ** (2.0 / power if worse > 1.0 else 2.0)))
         needed = spent * passes / done
         alone.append((needed, maker, passes))
         checked.append((needed + checks[maker] * passes / FEWER_TO_CHECK, maker, passes))

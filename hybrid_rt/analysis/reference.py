@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -11,6 +12,7 @@ from numpy.typing import NDArray
 
 from hybrid_rt.analysis.methods import Method, finds_all_light
 from hybrid_rt.analysis.picture_comparison import Picture
+from hybrid_rt.analysis.units import seconds as in_seconds
 from hybrid_rt.core.progress import Say
 from hybrid_rt.integrators import DEFAULT, INTEGRATORS
 from hybrid_rt.rendering.renderer import render
@@ -25,6 +27,8 @@ REFERENCE_SEED, CHECK_SEED = 20_000, 30_000
 REFERENCES = tuple(name for name, declared in INTEGRATORS.items() if declared.finds_light_of_lamps)
 # The picture that checks a reference has so many passes less.
 FEWER_TO_CHECK = 4
+# Of so many passes the seconds are forecast by four.
+WORTH_A_FORECAST = 32
 
 
 @dataclass(frozen=True)
@@ -70,13 +74,19 @@ class Reference:
 
 
 def make_reference(
-    scene: Scene, maker: str | None, passes: int, threads: int | None, say: Say
+    scene: Scene,
+    maker: str | None,
+    passes: int,
+    threads: int | None,
+    say: Say,
+    keep: Callable[[RenderResult], None] = lambda _: None,
 ) -> tuple[Reference, RenderResult]:
     """Render long by one integrator; and by another that shares no light transport, to check that.
 
     Photons check paths and paths photons, where both find all light; unless one was asked for, the
     one that states the smaller error is the reference. Where only one finds all light it is checked
-    by itself, if it has another way to find the same (`Declaration.other_way`).
+    by itself, if it has another way to find the same (`Declaration.other_way`). ``keep`` gets the long render at
+    once, and the other one if that becomes the reference.
 
     Raises
     ------
@@ -87,15 +97,15 @@ def make_reference(
     complete = [name for name in REFERENCES if finds_all_light(scene, name)]
     if maker is None:
         maker = complete[0] if complete else DEFAULT
-    say(f"reference of {passes} passes by {maker}")
-    main = run_method(
-        scene, Method(maker, maker), passes, REFERENCE_SEED, threads, "standard_error"
-    )
+    method = Method(maker, maker)
+    say(f"reference of {passes} passes by {maker}{_about(scene, method, passes, threads)}")
+    main = run_method(scene, method, passes, REFERENCE_SEED, threads, "standard_error")
     if not main.image.any():
         raise ValueError(
             f"the reference is black: {maker} finds no light in this scene, so no picture can be compared "
             "with it. Give the scene a lamp or a sky, or turn the camera or the lamps"
         )
+    keep(main)
     check, n_main, name = None, passes, maker
     others = [Method(name, name) for name in complete if name != maker]
     way = INTEGRATORS[maker].other_way
@@ -103,13 +113,14 @@ def make_reference(
         others = [Method(f"{maker}, {way.name}", maker, options=way.options)]
     if others and maker in complete:
         n = max(passes // FEWER_TO_CHECK, min(passes, 2))
-        say(f"the same by {others[0].name}, {n} passes")
+        say(f"the same by {others[0].name}, {n} passes{_about(scene, others[0], n, threads)}")
         other = run_method(scene, others[0], n, CHECK_SEED, threads, "standard_error")
         # Of light that paths find by rare chance alone photons are the better judges.
         is_free &= others[0].integrator != maker
         if is_free and stated_error(other.report) < stated_error(main.report):
             main, other, n_main, n = other, main, n, passes
             name, others = others[0].name, [Method(maker, maker)]
+            keep(main)
         check = _checked(main, other, others[0].name, n)
     return (
         Reference(
@@ -126,6 +137,17 @@ def make_reference(
         ),
         main,
     )
+
+
+def _about(scene: Scene, method: Method, passes: int, threads: int | None) -> str:
+    """Say how long a render will take, by two short ones, if these are short beside it."""
+    if passes < WORTH_A_FORECAST:
+        return ""
+    first, third = (
+        run_method(scene, method, n, REFERENCE_SEED, threads).report["seconds"]["total"]
+        for n in (1, 3)
+    )
+    return f", about {in_seconds(first + (passes - 1) * max(third - first, 0.0) / 2.0)}"
 
 
 def _checked(main: RenderResult, other: RenderResult, name: str, passes: int) -> dict[str, Any]:

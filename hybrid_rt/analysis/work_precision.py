@@ -165,7 +165,8 @@ def study_picture(
     say : callable, optional
         Called with progress messages.
     keep : callable, optional
-        Called with the render that is the reference, with its ``standard_error``, when it is made.
+        Called with the render that is the reference, with its ``standard_error``, when it is made, and again
+        if the one that was to check it turns out better and takes its place.
 
     Raises
     ------
@@ -188,9 +189,8 @@ def study_picture(
         for method in chosen
     )
     if reference is None:
-        found, made = make_reference(scene, reference_by, reference_passes, threads, say)
+        found, made = make_reference(scene, reference_by, reference_passes, threads, say, keep)
         truth = made.image
-        keep(made)
     else:
         found, truth = given_reference(reference), reference.image
     found_of: dict[str, _Runs] = {}

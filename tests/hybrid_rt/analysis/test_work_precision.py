@@ -444,6 +444,13 @@ class TestReference:
         assert found.target == 0.15
         assert "--reference-passes 400, about 12 s instead of 3.0 s" in found.details[-1]
 
+    def test_fewer_passes_of_photons_are_not_promised_more_than_noise_allows(self, room):
+        """ppm, off by 3 % after 100 passes, for 4 times that: 100 / 16 passes, not 100 / 4^3."""
+        check = {"made_by": "ppm, 100 passes", "passes": 100, "seconds": 5.0, "own_error": 0.03}
+        own = replace(room.reference, own_error=0.5, passes=400, seconds=900.0, check=check)
+        todo = advise(replace(room, reference=own), 0.36, "r.py").details[-1]
+        assert "--reference-by ppm --reference-passes 7," in todo
+
     def test_a_longer_reference_is_counted_with_its_check(self, room):
         """Photons were to check with a quarter of the passes, and became the reference.
 
