@@ -113,14 +113,15 @@ class TrimmedSurface(Surface):
         # A face of a part may reach some gaps beyond its border.
         beyond = max(BEYOND, GAPS * self.gap / size)
         for axis in np.flatnonzero(np.logical_not(self.closes)).tolist():
+            apart = self._borders_apart(axis)
+            if apart > MEANT_TO_MEET * size:
+                continue
             for k, loop in enumerate(self.loops):
                 at = np.concatenate([c.point([0.0, *c.cuts(), 1.0])[:, axis] for c in loop])
                 low, high = float(at.min()), float(at.max())
                 # One that leaves by both sides goes all around.
                 if (low < -beyond) == (high > 1.0 + beyond):
                     continue
-                if (apart := self._borders_apart(axis)) > MEANT_TO_MEET * size:
-                    break
                 name, value = "uv"[axis], low if low < 0.0 else high
                 raise ValueError(
                     f"TrimmedSurface loops[{k}] goes on to {name} = {value:.6g}, but the surface closes along "
