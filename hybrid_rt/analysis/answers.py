@@ -84,10 +84,9 @@ def _passes_in_words(curves: Sequence[Curve]) -> str:
 
 def _check_in_words(reference: Reference) -> str:
     check = reference.check
-    if check is None and reference.is_given:
-        return "none: the reference was given"
     if check is None:
-        return "none: no other method here finds all light of the scene"
+        alone = "no other method here finds all light of the scene"
+        return f"none: {'the reference was given' if reference.is_given else alone}"
     blur = check["by_blur"]
     blurred = f" and blur of photons {percent(blur)}" if blur else ""
     gap, half = check["gap"], check["gap_half_interval"]

@@ -419,17 +419,16 @@ class Lens:
         """Return what a field means: an angle in degrees, or a point."""
         if np.ndim(field) == 0:
             return self._angle(field)
-        return self._point(field, "Lens field")
+        return self._point(field, "Lens field", "an angle in degrees, or a point (x, y, z)")
 
     def _angle(self, field: Any) -> _Light:
         degrees = number(field, "Lens field", above=-90.0, below=90.0)
         angle = math.radians(degrees)
         return _Light(f"{degrees:g} degrees", np.array([0.0, math.sin(angle), math.cos(angle)]))
 
-    def _point(self, point: ArrayLike, name: str) -> _Light:
+    def _point(self, point: ArrayLike, name: str, kinds: str = "(x, y, z)") -> _Light:
         place = as_floats(point, name)
         if place.shape != (3,) or not np.isfinite(place).all():
-            kinds = "an angle in degrees, or a point (x, y, z)" if "field" in name else "(x, y, z)"
             raise ValueError(f"{name} is {shown(point)}: pass {kinds}")
         width = max(s.aperture for s in self.surfaces)
         # Boxes around surfaces are wider by rounding.

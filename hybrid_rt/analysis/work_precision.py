@@ -207,7 +207,7 @@ def study_picture(
         )  # fmt: skip
 
     try:
-        _add_pictures(found_of, scene, chosen, passes, seconds, runs, truth, threads, say)
+        _add_pictures(found_of, scene, chosen, passes or (), seconds, runs, truth, threads, say)
         by_paths = [max(found_of[m.name].rows) for m in chosen if m.integrator == DEFAULT]
         if by_paths and not certified_only:
             meshes = _meshes(scene, truth, by_paths[0], threads, say)
@@ -325,7 +325,7 @@ def next_passes(spent: Mapping[int, float], seconds: float) -> int | None:
 def _setting(
     runs: _Runs | None,
     k: int,
-    passes: Sequence[int] | None,
+    passes: Sequence[int],
     seconds: float | None,
 ) -> int | None:
     """Return the passes of a method's render number k of a run; None if there is no such render.
@@ -333,18 +333,17 @@ def _setting(
     By seconds, the first run finds out, and later runs repeat it.
     """
     rows = {} if runs is None else runs.rows
-    if passes is None and seconds is not None:
-        passes = list(rows)
-        if k == len(rows):
-            return next_passes({n: of_runs[0]["seconds"] for n, of_runs in rows.items()}, seconds)
-    return passes[k] if passes is not None and k < len(passes) else None
+    if seconds is not None and k == len(rows):
+        return next_passes({n: of_runs[0]["seconds"] for n, of_runs in rows.items()}, seconds)
+    settings = passes if seconds is None else list(rows)
+    return settings[k] if k < len(settings) else None
 
 
 def _add_pictures(
     found: dict[str, _Runs],
     scene: Scene,
     methods: Sequence[Method],
-    passes: Sequence[int] | None,
+    passes: Sequence[int],
     seconds: float | None,
     runs: int,
     truth: Image,

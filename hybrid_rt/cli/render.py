@@ -214,13 +214,12 @@ def _with_limit_moved(command: list[str], report: dict[str, Any]) -> list[str]:
     budget, which was enough for the larger error). A time budget is one for each call, and a render that
     was broken off has not reached its limits: their commands stay as they are.
     """
-    from hybrid_rt.rendering.forecast import further
+    from hybrid_rt.rendering.forecast import ERRORS, further
 
     stopped_by, error = report["stopped_by"], report["relative_error"]
-    reached = {"target_error": "both", "target_error_trimmed": "both_trimmed"}
-    if stopped_by in reached and error[reached[stopped_by]] > 0.0:
+    if stopped_by in ERRORS and error[ERRORS[stopped_by]] > 0.0:
         option = f"--{stopped_by.replace('_', '-')}"
-        value = f"{error[reached[stopped_by]] / 2:.1g}"  # as the line "further" says it
+        value = f"{error[ERRORS[stopped_by]] / 2:.1g}"  # as the line "further" says it
         command = _without("--time-budget", command)
     elif stopped_by in ("passes", "blur", "not_finite"):
         told = further(report)

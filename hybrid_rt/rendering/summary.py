@@ -181,11 +181,11 @@ def _worst_pixels(report: dict[str, Any]) -> str:
     return (
         f"\n            {per_cent(noise['relative_rmse_trimmed'])} without the worst 0.1 % of the "
         f"pixels, which hold {per_cent(noise['worst_pixels_share_of_squared_error'])} of the "
-        f"squared error{_iffew_decide(report)}"
+        f"squared error{_if_few_decide(report)}"
     )
 
 
-def _iffew_decide(report: dict[str, Any]) -> str:
+def _if_few_decide(report: dict[str, Any]) -> str:
     """Return a caution if the noise of all pixels is that of a few bright specks."""
     noise = report["noise"]
     if not few_decide(noise):
