@@ -1,75 +1,39 @@
-"""Lenses given by a prescription: their surfaces, the light that passes them in order, their focus.
-
-Distances and heights are in the unit of the prescription. Light travels along the z axis, and the
-first vertex is at z = 0.
-"""
+"""Light that passes the surfaces of a lens in their order, its focus, and its spots."""
 
 from __future__ import annotations
 
 import math
-import os
-import warnings
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
-from enum import IntEnum
+from dataclasses import dataclass
 from typing import Any, NamedTuple, NoReturn
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hybrid_rt.core.hit_table import to_csv
+from hybrid_rt.analysis.lens.prescription import (
+    LARGEST_INDEX,
+    LensSurface,
+    checked_lines,
+    surface_of,
+)
+from hybrid_rt.analysis.lens.traced import Fate, Traced, checked_rays, hits_from, warn_of_crossing
 from hybrid_rt.core.one_line import cut
-from hybrid_rt.core.records import BoolArray, FloatArray, HitRecord, IntArray, selected
+from hybrid_rt.core.records import FloatArray
 from hybrid_rt.intersection import Intersector
-from hybrid_rt.primitives.asphere import Asphere
 from hybrid_rt.shading.snell import reflectance, refract
 from meshing.checks import as_floats, number, shown, whole
 
 # The parabasal rays of `focus` run this part of the first aperture beside the axis: aberrations of third
 # order change the focal length by its square, and rounding by its inverse.
 BESIDE = 1e-4
-# Nothing that light passes has a larger one; wavelengths in nanometres or angstroms have.
-LARGEST_INDEX = 100.0
 # In units of the widest aperture. Of what is longer the places of the vertices have less than ten digits.
 LONGEST = 1e6
 CHECK = "check its apertures, and that its surfaces lie in order"
-# Surfaces nearer to each other than this, over the size of coordinates, touch: rounding moves a point by
-# less.
-TOUCHING = 1e-12
 # Rays across the light in which that is looked for which passes: first few, then many. If it spans too few
 # cells, so many on each side of one that passes, or nearly does, are looked at more closely, at most so
 # often: the last cells are 1e-9 of the light.
 LOOKS = (64, 512)
 FEW, CELLS, CLOSER_LOOKS = 8, 4, 7
-
-
-@dataclass(frozen=True)
-class LensSurface:
-    """One line of a lens prescription.
-
-    Attributes
-    ----------
-    radius : float
-        Radius of curvature at the vertex, positive if the surface is convex towards the incoming
-        light; inf is a plane.
-    thickness : float
-        Distance from this vertex to the next one; 0: they touch. That of the last surface is not used.
-    index : float
-        Index of refraction behind this surface, above 0 and at most 100.
-    aperture : float
-        Clear diameter, twice the semi-diameter of other programs.
-    conic : float
-        Conic constant.
-    coefficients : tuple of float
-        a_2, a_4, ... as for `Asphere`.
-    """
-
-    radius: float
-    thickness: float
-    index: float
-    aperture: float
-    conic: float = 0.0
-    coefficients: tuple[float, ...] = ()
 
 
 class Focus(NamedTuple):
@@ -85,106 +49,6 @@ class Focus(NamedTuple):
 
     focal_length: float
     back_focal_distance: float
-
-
-class Fate(IntEnum):
-    """What becomes of a ray at a lens.
-
-    PASSED: it gets through. OUTSIDE: it meets a surface nowhere within the aperture. TOTAL_REFLECTION: it is
-    totally reflected at a surface. BEHIND: a surface lies behind it, or is met from behind, as where
-    two surfaces cross because the thickness at the edge is negative.
-    """
-
-    PASSED = 0
-    OUTSIDE = 1
-    TOTAL_REFLECTION = 2
-    BEHIND = 3
-
-
-@dataclass(frozen=True)
-class Traced:
-    """Rays behind the last surface of a lens. It has a length, and ``rays[rows]`` selects some.
-
-    (For points and normals at each surface, follow the rays by an `Intersector` of `Lens.surfaces`, one
-    after the other, and `hybrid_rt.refract`.)
-
-    Attributes
-    ----------
-    position, direction : (n, 3) float64
-        The point on the last surface, and the unit direction behind it; nan if a ray does not get
-        through.
-    passed : (n,) bool
-        Whether a ray gets through.
-    path : (n,) float64
-        Optical path length from the origin of the ray to the last surface: lengths times indices.
-    t_bound : (n,) float64
-        The largest bound on the error of any hit of the ray, given the ray that arrives there; the
-        bounds of several surfaces are not added up. nan if a ray does not get through.
-    stopped_at : (n,) int32
-        The line of the prescription, from 0, whose surface a ray misses or is totally reflected at;
-        -1 if it gets through.
-    fate : (n,) int32
-        Why: see `Fate`.
-    origins : (n, 3) float64
-        Where the rays start, also lost ones. Those of `Lens.parallel` lie in a plane across the light in
-        front of the lens.
-    transmittance : (n,) float64
-        The part of a ray's power that no surface reflects: uncoated glass that does not absorb, and light
-        that is unpolarised at each surface (see `hybrid_rt.reflectance`). nan if a ray does not get through.
-    """
-
-    position: FloatArray
-    direction: FloatArray
-    passed: BoolArray
-    path: FloatArray
-    t_bound: FloatArray
-    stopped_at: IntArray
-    fate: IntArray
-    origins: FloatArray
-    transmittance: FloatArray
-
-    def __len__(self) -> int:
-        """Return the number of rays."""
-        return len(self.passed)
-
-    def __getitem__(self, rows: object) -> Traced:
-        """Select rays by a mask, an index array or a slice; one integer gives one ray."""
-        return Traced(*selected(self, rows))
-
-    def at(self, z: float) -> FloatArray:
-        """Return the points (n, 2) at which the rays meet the plane across the axis at z."""
-        way = (z - self.position[:, 2]) / self.direction[:, 2]
-        points: FloatArray = self.position[:, :2] + way[:, None] * self.direction[:, :2]
-        return points
-
-    def to_csv(self, path: str | os.PathLike[str]) -> None:
-        """Write one row per ray as comma-separated text, UTF-8, with a header line.
-
-        The columns are passed (1 or 0), ox, oy, oz (the origin), x, y, z, dx, dy, dz, path, t_bound,
-        stopped_at, fate and transmittance. Numbers are written so that they are read back bit for bit; nan where a
-        ray does not get through. An existing file is replaced.
-
-        Raises
-        ------
-        TypeError, OSError
-            If ``path`` is not a path, or cannot be written.
-        """
-        columns = {
-            "passed": self.passed.astype(np.uint8),
-            **dict(zip(("ox", "oy", "oz"), self.origins.T, strict=True)),
-            **dict(zip(("x", "y", "z"), self.position.T, strict=True)),
-            **dict(zip(("dx", "dy", "dz"), self.direction.T, strict=True)),
-            "path": self.path,
-            "t_bound": self.t_bound,
-            "stopped_at": self.stopped_at,
-            "fate": self.fate,
-            "transmittance": self.transmittance,
-        }
-        to_csv(columns, path, "Traced.to_csv path")
-
-    def __repr__(self) -> str:
-        """Return how many rays there are, and how many got through."""
-        return f"Traced({len(self)} rays, {int(self.passed.sum())} passed)"
 
 
 class Lens:
@@ -217,11 +81,11 @@ class Lens:
 
     def __init__(self, prescription: Sequence[LensSurface], index: float = 1.0) -> None:
         self.index = number(index, "Lens index", above=0.0, up_to=LARGEST_INDEX)
-        self.prescription = _lines(prescription, self.index)
+        self.prescription = checked_lines(prescription, self.index)
         steps = [surface.thickness for surface in self.prescription]
         self.vertices = np.concatenate([[0.0], np.cumsum(steps[:-1])])
         self.surfaces = [
-            _surface(s, z, k)
+            surface_of(s, z, k)
             for k, (s, z) in enumerate(zip(self.prescription, self.vertices.tolist(), strict=True))
         ]
         length = sum(map(abs, steps[:-1]))
@@ -269,19 +133,19 @@ class Lens:
             its edge.
         """
         rays = self._refracted(origins, directions)
-        _warn_of_crossing(rays, 3)
+        warn_of_crossing(rays, 3)
         return rays
 
     def _refracted(self, origins: ArrayLike, directions: ArrayLike) -> Traced:
         """As `trace`, without its warning."""
-        starts, d = _rays(origins, directions)
+        starts, d = checked_rays(origins, directions)
         o, n = starts, len(starts)
         position, direction = np.full((n, 3), np.nan), np.full((n, 3), np.nan)
         path, bound, part, rows = np.zeros(n), np.zeros(n), np.ones(n), np.arange(n)
         stopped, fate = np.full(n, -1, np.int32), np.zeros(n, np.int32)
         index, last = self.index, len(self.surfaces) - 1
         for k, (tracer, surface) in enumerate(zip(self._tracers, self.prescription, strict=True)):
-            hits, t = _hits_from(tracer, self.surfaces[k], o, d)
+            hits, t = hits_from(tracer, self.surfaces[k], o, d)
             found = hits.hit & hits.front_face
             if not found.all():
                 lost = ~found
@@ -380,7 +244,7 @@ class Lens:
             As `trace`.
         """
         rays = self._filled(self._angle(field), pupil, n)
-        _warn_of_crossing(rays, 3)
+        warn_of_crossing(rays, 3)
         return rays
 
     def from_point(self, point: ArrayLike, pupil: float | None = None, n: int = 64) -> Traced:
@@ -412,7 +276,7 @@ class Lens:
             As `trace`.
         """
         rays = self._filled(self._point(point, "Lens point"), pupil, n)
-        _warn_of_crossing(rays, 3)
+        warn_of_crossing(rays, 3)
         return rays
 
     def _light(self, field: ArrayLike) -> _Light:
@@ -605,7 +469,7 @@ class Lens:
     def _passed(self, field: ArrayLike, pupil: float | None, n: int) -> Traced:
         """Return the light that gets through; warn of a lens that cannot be made."""
         rays = self._filled(self._light(field), pupil, n)
-        _warn_of_crossing(rays, 4)
+        warn_of_crossing(rays, 4)
         return rays[rays.passed]
 
 
@@ -623,118 +487,9 @@ class _Light:
         return (rim + math.hypot(x, y)) / (nearest - z) if self.is_point else abs(y / z)
 
 
-def _warn_of_crossing(rays: Traced, stacklevel: int) -> None:
-    """Warn of rays for which two surfaces of a lens cross."""
-    behind = rays.stopped_at[(rays.fate == Fate.BEHIND) & (rays.stopped_at > 0)]
-    if len(behind):
-        warnings.warn(
-            f"Lens: {len(behind)} of {len(rays)} rays meet the surface of prescription[{behind.min()}] "
-            "from behind, and count as lost: is the lens thick enough at its edge?",
-            stacklevel=stacklevel,
-        )
-
-
 def _grid(low: ArrayLike, high: ArrayLike, n: int) -> FloatArray:
     """Return the middles (k, 2) of square cells that fill a rectangle, n along its longer side."""
     corner, size = np.asarray(low, dtype=np.float64), np.subtract(high, low)
     counts = np.maximum(np.round(n * size / size.max()), 1).astype(int)
     x, y = (corner[c] + size[c] * (np.arange(counts[c]) + 0.5) / counts[c] for c in (0, 1))
     return np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
-
-
-def _lines(prescription: Sequence[LensSurface], index: float) -> tuple[LensSurface, ...]:
-    """Return the lines of a prescription, checked; ``index`` is that of the medium in front."""
-    try:
-        lines = tuple(prescription)
-    except TypeError:
-        raise TypeError(
-            f"Lens prescription is {shown(prescription)}: pass a list of LensSurface"
-        ) from None
-    if not lines:
-        raise ValueError("Lens prescription is empty: pass at least one LensSurface")
-    for k, line in enumerate(lines):
-        if not isinstance(line, LensSurface):
-            raise TypeError(
-                f"Lens prescription[{k}] is {shown(line)}: pass LensSurface(radius, thickness, index, "
-                "aperture)"
-            )
-        number(
-            line.index,
-            f"Lens prescription[{k}].index",
-            above=0.0,
-            up_to=LARGEST_INDEX,
-            hint="of refraction, not the wavelength: 1.5168, as there is no catalogue of glasses; "
-            "mirrors are no part of a Lens",
-        )
-        if k < len(lines) - 1:
-            hint = "" if k else "leave out the line of the object, parallel light needs none"
-            thickness = number(line.thickness, f"Lens prescription[{k}].thickness", hint=hint)
-            if thickness < 0.0 and line.index != index:
-                raise ValueError(
-                    f"Lens prescription[{k}].thickness is {shown(line.thickness)}: pass at least 0, as light "
-                    "meets the surfaces in their order; only behind a stop (the same index on both "
-                    "sides) may it be negative"
-                )
-        index = line.index
-    return lines
-
-
-def _hits_from(
-    tracer: Intersector, surface: Asphere, o: FloatArray, d: FloatArray
-) -> tuple[HitRecord, FloatArray]:
-    """Return the hits of rays on one surface and their t; rays may start on it, but for rounding."""
-    hits: HitRecord = tracer.intersect(o, d)
-    t = hits.t.copy()
-    missed = np.flatnonzero(~(hits.hit & hits.front_face))
-    if missed.size:
-        step = TOUCHING * (np.abs(surface.bounds).max() + np.abs(o[missed]).max(axis=1))
-        again = tracer.intersect(o[missed] - step[:, None] * d[missed], d[missed])
-        near = again.hit & again.front_face & (again.t <= 2.0 * step)
-        rows, again = missed[near], again[near]
-        for column in fields(HitRecord):
-            getattr(hits, column.name)[rows] = getattr(again, column.name)
-        t[rows] = again.t - step[near]
-    return hits, t
-
-
-def _surface(line: LensSurface, z: float, k: int) -> Asphere:
-    """Return the surface of line k, with its vertex at z."""
-    try:
-        return Asphere(
-            line.radius,
-            line.conic,
-            line.coefficients,
-            line.aperture,
-            (0.0, 0.0, z),
-            (0.0, 0.0, 1.0),
-        )
-    except (ValueError, TypeError) as error:
-        raise type(error)(f"Lens prescription[{k}]: {error}") from None
-
-
-def _rays(origins: ArrayLike, directions: ArrayLike) -> tuple[FloatArray, FloatArray]:
-    """Return as many origins as unit directions, (n, 3) each."""
-    o, d = as_floats(origins, "Lens.trace origins"), as_floats(directions, "Lens.trace directions")
-    for name, array in (("origins", o), ("directions", d)):
-        if array.ndim not in (1, 2) or array.shape[-1] != 3:
-            raise ValueError(
-                f"Lens.trace {name} has shape {array.shape}: pass (n, 3) or one vector (3,)"
-            )
-        bad = np.flatnonzero(~np.isfinite(np.atleast_2d(array)).all(axis=1))
-        if bad.size:
-            raise ValueError(
-                f"Lens.trace {name}[{bad[0]}] is not finite ({bad.size} such ray(s)): leave such rays out"
-            )
-    o, d = np.atleast_2d(o), np.atleast_2d(d)
-    if len(o) != len(d) and 1 not in (len(o), len(d)):
-        raise ValueError(
-            f"Lens.trace got {len(o)} origins and {len(d)} directions: pass as many of each, or one"
-        )
-    length = np.linalg.norm(d, axis=1, keepdims=True)
-    zero = np.flatnonzero(length[:, 0] == 0.0)
-    if zero.size:
-        raise ValueError(
-            f"Lens.trace directions[{zero[0]}] has length zero ({zero.size} such ray(s)): leave such rays out"
-        )
-    o, d = np.broadcast_arrays(o, d / length)
-    return o.copy(), d.copy()
