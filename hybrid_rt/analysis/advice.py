@@ -8,7 +8,7 @@ import shlex
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from hybrid_rt.analysis.forecast import Forecast, forecasts_of
+from hybrid_rt.analysis.method_forecast import MethodForecast, forecasts_of
 from hybrid_rt.analysis.methods import Method
 from hybrid_rt.analysis.reference import FEWER_TO_CHECK, Reference
 from hybrid_rt.analysis.units import asked, number, percent, seconds
@@ -41,14 +41,14 @@ class Advice:
         Sentences: how it is known, what it costs at other sizes, what to do.
     target : float
         The target that the forecasts of the tables are for.
-    forecasts : list of Forecast
+    forecasts : list of MethodForecast
     """
 
     headline: str
     command: str
     details: list[str]
     target: float
-    forecasts: list[Forecast]
+    forecasts: list[MethodForecast]
 
 
 def advise(
@@ -223,7 +223,7 @@ def _recommended(
     )
 
 
-def _chosen(forecasts: Sequence[Forecast]) -> Forecast | None:
+def _chosen(forecasts: Sequence[MethodForecast]) -> MethodForecast | None:
     """Return the cheapest; certified hits rather than others that save next to nothing."""
     within = [f for f in forecasts if f.passes is not None]
     if not within:
@@ -236,7 +236,7 @@ def _chosen(forecasts: Sequence[Forecast]) -> Forecast | None:
     return best if saves and certified.seconds.least > best.seconds.most else certified
 
 
-def command_of(study: PictureStudy, found: Forecast, scene: str) -> str:
+def command_of(study: PictureStudy, found: MethodForecast, scene: str) -> str:
     """Return the command that renders what was measured: same pixels, threads and first seed."""
     width, height = study.size
     return (
@@ -245,7 +245,7 @@ def command_of(study: PictureStudy, found: Forecast, scene: str) -> str:
     )
 
 
-def _how_known(found: Forecast, runs: int) -> str:
+def _how_known(found: MethodForecast, runs: int) -> str:
     of_runs = (
         f"by what {runs} runs differ, {seconds(found.seconds.least)} to {seconds(found.seconds.most)}"
         if runs > 1
@@ -261,7 +261,7 @@ def _how_known(found: Forecast, runs: int) -> str:
 
 
 def _at_full_size(
-    study: PictureStudy, found: Forecast, full_size: tuple[int, int] | None
+    study: PictureStudy, found: MethodForecast, full_size: tuple[int, int] | None
 ) -> list[str]:
     if full_size is None or full_size == study.size:
         return []

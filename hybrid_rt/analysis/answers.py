@@ -10,8 +10,8 @@ from pathlib import Path
 
 from hybrid_rt.analysis.advice import without_examples
 from hybrid_rt.analysis.curves import Curve
-from hybrid_rt.analysis.forecast import seconds_fall
 from hybrid_rt.analysis.hit_study import RULE_OF_THREE, HitStudy
+from hybrid_rt.analysis.method_forecast import seconds_fall
 from hybrid_rt.analysis.reference import Reference
 from hybrid_rt.analysis.units import asked, number, percent, seconds, signed_percent
 from hybrid_rt.analysis.work_precision import PictureStudy

@@ -9,8 +9,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from hybrid_rt.analysis.curves import Curve, Point, Spread
-from hybrid_rt.analysis.forecast import Forecast, at_equal_time
 from hybrid_rt.analysis.hit_study import HitStudy
+from hybrid_rt.analysis.method_forecast import MethodForecast, at_equal_time
 from hybrid_rt.analysis.units import asked, number, percent, signed_percent
 from hybrid_rt.analysis.work_precision import PictureStudy
 
@@ -103,7 +103,7 @@ def picture_table(curves: Sequence[Curve]) -> Table:
     return _spread_if_any(table, [p.seconds for curve in curves for p in curve.points])
 
 
-def forecast_table(forecasts: Sequence[Forecast], target: float) -> Table:
+def forecast_table(forecasts: Sequence[MethodForecast], target: float) -> Table:
     """Return what all methods need for a target."""
     rows = [
         (

@@ -16,8 +16,8 @@ from hybrid_rt.analysis import answers, hit_study, study_diagrams, tables, work_
 from hybrid_rt.analysis.advice import advise
 from hybrid_rt.analysis.curves import Curve, Point, Spread, renamed
 from hybrid_rt.analysis.diagrams import Diagram, save
-from hybrid_rt.analysis.forecast import forecast, triangles_for
 from hybrid_rt.analysis.hit_study import HitStudy
+from hybrid_rt.analysis.method_forecast import forecast, triangles_for
 from hybrid_rt.analysis.methods import curved_surfaces, default_methods
 from hybrid_rt.analysis.page import Study, page
 from hybrid_rt.analysis.picture_comparison import load_picture

@@ -16,8 +16,8 @@ from hybrid_rt.analysis.advice import advise
 from hybrid_rt.analysis.bias import least_by_mean, least_by_tiles, shared_error
 from hybrid_rt.analysis.curves import Curve, Spread, renamed, spread
 from hybrid_rt.analysis.diagrams import Diagram, Line, Mark, as_svg, save
-from hybrid_rt.analysis.forecast import forecasts_of
 from hybrid_rt.analysis.hit_study import RULE_OF_THREE, camera_rays, study_hits
+from hybrid_rt.analysis.method_forecast import forecasts_of
 from hybrid_rt.analysis.methods import Method, size_of
 from hybrid_rt.analysis.page import Study, page
 from hybrid_rt.analysis.picture_comparison import Picture

@@ -6,7 +6,7 @@ from dataclasses import replace
 import pytest
 
 from hybrid_rt.analysis.curves import Curve, Point, spread
-from hybrid_rt.analysis.forecast import (
+from hybrid_rt.analysis.method_forecast import (
     at_equal_time,
     forecast,
     growing_seconds,

@@ -26,7 +26,7 @@ MOST_STEPS = 16.0
 
 
 @dataclass(frozen=True)
-class Forecast:
+class MethodForecast:
     """Passes and seconds of a method to reach an error.
 
     Attributes
@@ -66,7 +66,7 @@ class Forecast:
         return "--accuracy" not in self.flags
 
 
-def forecast(curve: Curve, target: float, reference_error: float = 0.0) -> Forecast:
+def forecast(curve: Curve, target: float, reference_error: float = 0.0) -> MethodForecast:
     """Predict passes and seconds to a relative RMSE.
 
     The square of the error is taken as b^2 + c / n^k: between two measured points as measured (a
@@ -84,7 +84,7 @@ def forecast(curve: Curve, target: float, reference_error: float = 0.0) -> Forec
     bent = 0.0 if curve.converges else _bias(passes**curve.power, squares)
     bias = max(bent, curve.bias)
 
-    def result(n: float, is_measured: bool, obstacle: str = "") -> Forecast:
+    def result(n: float, is_measured: bool, obstacle: str = "") -> MethodForecast:
         whole, spread = None, Spread(math.nan, math.nan, math.nan)
         if not obstacle:
             whole = max(math.ceil(n - 1e-9), 1)
@@ -93,7 +93,7 @@ def forecast(curve: Curve, target: float, reference_error: float = 0.0) -> Forec
             spread = Spread(
                 median, median * runs.least / runs.median, median * runs.most / runs.median
             )
-        return Forecast(
+        return MethodForecast(
             curve.name, curve.flags, whole, spread, bias, is_measured, obstacle, curve.left_out,
             int(passes[-1]),
         )  # fmt: skip
@@ -210,7 +210,7 @@ def at_equal_time(curves: Sequence[Curve]) -> tuple[float, list[float]]:
     return seconds, errors
 
 
-def forecasts_of(study: PictureStudy, target: float) -> list[Forecast]:
+def forecasts_of(study: PictureStudy, target: float) -> list[MethodForecast]:
     """Return what each method needs for a relative RMSE, the cheapest first."""
     own = study.reference.own_error
     forecasts = [forecast(curve, target, own) for curve in study.curves]
