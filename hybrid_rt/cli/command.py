@@ -15,7 +15,9 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any, TextIO
 
-BAD_INPUT, STOPPED, INTERRUPTED, CLOSED_PIPE = 2, 3, 130, 141
+from hybrid_rt.core.interrupts import sigterm_as_ctrl_c
+
+BAD_INPUT, STOPPED, INTERRUPTED, CLOSED_PIPE, TERMINATED = 2, 3, 130, 141, 143
 REFUSALS = (ValueError, TypeError, OSError, ImportError, MemoryError, OverflowError)
 
 
@@ -43,7 +45,7 @@ def guarded(
     told: Callable[[KeyboardInterrupt], str],
     level: int = logging.WARNING,
 ) -> int:
-    """Run a command; return its exit code, also after errors, Ctrl-C and closed pipes.
+    """Run a command; return its exit code, also after errors, Ctrl-C, SIGTERM and closed pipes.
 
     Parameters
     ----------
@@ -59,23 +61,24 @@ def guarded(
     if isinstance(sys.stdout, io.TextIOWrapper):
         # Letters that the output does not have are shown as their numbers.
         sys.stdout.reconfigure(errors="backslashreplace")
-    try:
-        with _plain_warnings(name), _shown_log(name, level):
-            code = run()
-        if sys.stdout is not None:
-            sys.stdout.flush()  # now, while a failure can still be told
-        return code or 0
-    except BrokenPipeError:
-        # The reader (``head``, say) closed the pipe: end silently, as programs do. What is still to be
-        # written at the end of Python goes nowhere.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        return CLOSED_PIPE
-    except KeyboardInterrupt as interrupt:
-        tell(f"\n{told(interrupt)}")
-        return INTERRUPTED
-    except REFUSALS as error:
-        tell(f"{name}: {_words_of(error)}")
-        return BAD_INPUT
+    with sigterm_as_ctrl_c() as terminations:
+        try:
+            with _plain_warnings(name), _shown_log(name, level):
+                code = run()
+            if sys.stdout is not None:
+                sys.stdout.flush()  # now, while a failure can still be told
+            return code or 0
+        except BrokenPipeError:
+            # The reader (``head``, say) closed the pipe: end silently, as programs do. What is still to be
+            # written at the end of Python goes nowhere.
+            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+            return CLOSED_PIPE
+        except KeyboardInterrupt as interrupt:
+            tell(f"\n{told(interrupt)}")
+            return TERMINATED if terminations else INTERRUPTED
+        except REFUSALS as error:
+            tell(f"{name}: {_words_of(error)}")
+            return BAD_INPUT
 
 
 def _words_of(error: BaseException) -> str:

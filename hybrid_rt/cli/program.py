@@ -40,8 +40,8 @@ examples:
 
 Scene scripts are Python programs and are executed: run only those that you trust.
 
-exit codes: 0 done, 2 refused or not written, 130 Ctrl-C, 141 closed pipe; 1 is an error of the
-program itself. All about progress, messages and exit codes: docs/command_line.md
+exit codes: 0 done, 2 refused or not written, 130 Ctrl-C, 141 closed pipe, 143 SIGTERM; 1 is an
+error of the program itself. All about progress, messages and exit codes: docs/command_line.md
 """
 
 

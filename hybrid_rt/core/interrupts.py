@@ -1,4 +1,4 @@
-"""Deferral of Ctrl-C while sums are updated."""
+"""Ctrl-C and SIGTERM: the one counts as the other, and both wait while sums are updated."""
 
 from __future__ import annotations
 
@@ -9,29 +9,58 @@ from contextlib import contextmanager
 from typing import Any
 
 Came = list[tuple[Any, ...]]
+STOPS = (signal.SIGINT, signal.SIGTERM)
 
 
 @contextmanager
 def held_back() -> Iterator[None]:
-    """Defer Ctrl-C to the end of this block."""
-    handler = signal.getsignal(signal.SIGINT)
+    """Defer Ctrl-C, and a SIGTERM that counts as one, to the end of this block."""
+    handlers = {number: signal.getsignal(number) for number in STOPS}
     with kept_back() as came:
         yield
-    if came and callable(handler):
-        handler(*came[0])
+    if came:
+        handler = handlers[came[0][0]]
+        if callable(handler):
+            handler(*came[0])
 
 
 @contextmanager
 def kept_back() -> Iterator[Came]:
-    """Suppress Ctrl-C in this block; each one is recorded in the list that is yielded."""
-    handler = signal.getsignal(signal.SIGINT)
+    """Suppress them in this block; each one is recorded in the list that is yielded."""
     came: Came = []
-    # Python raises it in the main thread only. What is no function is not Python's to hold back.
-    if threading.current_thread() is not threading.main_thread() or not callable(handler):
-        yield came
-        return
-    signal.signal(signal.SIGINT, lambda *signal_and_frame: came.append(signal_and_frame))
+    # Python raises them in the main thread only. What is no function is not Python's to hold back.
+    handlers = {
+        number: handler for number in STOPS if callable(handler := signal.getsignal(number))
+    }
+    if threading.current_thread() is not threading.main_thread():
+        handlers = {}
+    for number in handlers:
+        signal.signal(number, lambda *signal_and_frame: came.append(signal_and_frame))
     try:
         yield came
     finally:
-        signal.signal(signal.SIGINT, handler)
+        for number, handler in handlers.items():
+            signal.signal(number, handler)
+
+
+@contextmanager
+def sigterm_as_ctrl_c() -> Iterator[Came]:
+    """Raise KeyboardInterrupt on SIGTERM, as batch systems send it, if it would only end the process.
+
+    Each one is recorded in the list that is yielded.
+    """
+    came: Came = []
+
+    def stop(*signal_and_frame: Any) -> None:
+        came.append(signal_and_frame)
+        signal.default_int_handler(*signal_and_frame)
+
+    is_free = signal.getsignal(signal.SIGTERM) is signal.SIG_DFL
+    if not is_free or threading.current_thread() is not threading.main_thread():
+        yield came
+        return
+    signal.signal(signal.SIGTERM, stop)
+    try:
+        yield came
+    finally:
+        signal.signal(signal.SIGTERM, signal.SIG_DFL)

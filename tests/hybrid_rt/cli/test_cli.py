@@ -21,7 +21,7 @@ import pytest
 from hybrid_rt._version import __version__
 from hybrid_rt.cli import command
 from hybrid_rt.cli import program as cli
-from hybrid_rt.cli.command import BAD_INPUT, CLOSED_PIPE, INTERRUPTED, STOPPED
+from hybrid_rt.cli.command import BAD_INPUT, CLOSED_PIPE, INTERRUPTED, STOPPED, TERMINATED
 from hybrid_rt.cli.options import add_render_options
 from hybrid_rt.cli.scene_file import SceneFileError, load_scene
 from hybrid_rt.rendering import renderer as rendering
@@ -564,7 +564,7 @@ class TestExitCodes:
 
     def test_all_are_documented(self):
         codes = [int(code) for code in re.findall(r"^\| (\d+) \|", self.PAGE, re.MULTILINE)]
-        assert codes == [0, 1, BAD_INPUT, STOPPED, INTERRUPTED, CLOSED_PIPE]
+        assert codes == [0, 1, BAD_INPUT, STOPPED, INTERRUPTED, CLOSED_PIPE, TERMINATED]
 
     @pytest.mark.parametrize(
         ("raised", "code"),

@@ -13,7 +13,7 @@ import imageio.v3 as imageio
 import numpy as np
 import pytest
 
-from hybrid_rt.core.interrupts import held_back
+from hybrid_rt.core.interrupts import held_back, sigterm_as_ctrl_c
 from hybrid_rt.integrators import PPMOptions
 from hybrid_rt.integrators.path.path_tracer import PathTracer
 from hybrid_rt.integrators.photons.photon_workers import PhotonWorkers
@@ -154,7 +154,8 @@ def test_without_a_complete_pass_nothing_comes():
     assert not isinstance(caught.value, RenderInterrupted)
 
 
-def test_ctrl_c_in_a_terminal_writes_the_picture_of_the_passes_done(tmp_path):
+@pytest.mark.parametrize(("number", "exit_code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
+def test_ctrl_c_in_a_terminal_writes_the_picture_of_the_passes_done(tmp_path, number, exit_code):
     (tmp_path / "ball.py").write_text(SCRIPT)
     code = """import sys
 from hybrid_rt.cli import main
@@ -171,9 +172,9 @@ sys.exit(main(sys.argv[1:]))"""
             heard.append(command.stderr.readline())
             assert heard[-1], heard
         time.sleep(0.5)  # the first pass takes a fiftieth of that
-        command.send_signal(signal.SIGINT)
+        command.send_signal(number)
         out, error = command.communicate(timeout=60)
-    assert command.returncode == 130
+    assert command.returncode == exit_code
     assert "\nä b.png  (" in out
     assert "stopped   by Ctrl-C, after" in out
     assert imageio.imread(tmp_path / "ä b.png").shape == (48, 64, 3)
@@ -183,20 +184,23 @@ sys.exit(main(sys.argv[1:]))"""
     assert error.endswith(f"\nhybrid-rt: interrupted after {passes}\n")
 
 
-def test_held_back_until_the_block_is_done():
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_held_back_until_the_block_is_done(number):
     done = []
 
     def block():
-        with held_back():
-            os.kill(os.getpid(), signal.SIGINT)
-            time.sleep(0.01)
-            done.append(1)
-        done.append(2)
+        with sigterm_as_ctrl_c():
+            with held_back():
+                os.kill(os.getpid(), number)
+                time.sleep(0.01)
+                done.append(1)
+            done.append(2)
 
     with pytest.raises(KeyboardInterrupt):
         block()
     assert done == [1]
     assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+    assert signal.getsignal(signal.SIGTERM) is signal.SIG_DFL
 
 
 def test_other_threads_and_other_programs_handlers_are_left_alone():
