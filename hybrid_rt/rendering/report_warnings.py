@@ -94,7 +94,7 @@ def warnings_in_words(report: dict[str, Any]) -> list[str]:
             "a camera within a surface or on the unlit side of what it looks at, and for light that the "
             f"integrator leaves out{by_photons}"
         )
-    return [*lines, *_unmet_lamps(report), *_blurred_mean(report)]
+    return [*lines, *_unmet_lamps(report), *_blurred_mean(report), *_single_pass(report)]
 
 
 def scene_warnings(faults: dict[str, Any]) -> list[str]:
@@ -213,7 +213,8 @@ def _unmet_lamps(report: dict[str, Any]) -> list[str]:
     words = (
         "lamps, or a sun in the sky, that camera rays meet by chance alone, in mirrors or glass or as "
         f"specks, may not have been met yet: the brightest may add up to {unmet:.2g} to the image mean of "
-        f"{mean:.3g}{': take ppm, which sends photons from there' if is_path else ''}"
+        f"{mean:.3g} (a limit, by the brightest alone: often far more than they add)"
+        f"{': take ppm, which sends photons from there' if is_path else ''}"
     )
     return [words]
 
@@ -236,6 +237,19 @@ def _target_without_lamps(report: dict[str, Any]) -> list[str]:
         f"{unmet:.2g} to the image mean of {mean:.3g}{relative}. Pass no target, but {passes}{by}"
     )
     return [words]
+
+
+def _single_pass(report: dict[str, Any]) -> list[str]:
+    """Return a warning if a time budget was enough for one pass only."""
+    if report["passes"] != 1 or report["stopped_by"] != "time_budget":
+        return []
+    spent, budget = report["seconds"]["total"], report["settings"]["time_budget"]
+    return [
+        (
+            f"the time budget of {budget:g} s was enough for one pass, of which no error is known: pass "
+            f"{math.ceil(2.0 * max(spent, budget))} s or fewer pixels"
+        )
+    ]
 
 
 def share_without_light(report: dict[str, Any]) -> float:

@@ -464,6 +464,11 @@ class TestLimit:
     def test_budget_runs_at_least_one_pass(self):
         report = render(scene(), time_budget=1e-9).report
         assert (report["passes"], report["stopped_by"]) == (1, "time_budget")
+        (words,) = (line for line in report["warnings"] if "time budget" in line)
+        assert (
+            "of 1e-09 s was enough for one pass, of which no error is known: pass 1 s or" in words
+        )
+        assert not any("time budget" in w for w in render(scene(), passes=1).report["warnings"])
 
     def test_no_estimate_ends_the_search_for_it(self):
         limit = Limit(None, None, 0.1)
