@@ -10,14 +10,12 @@ from dataclasses import dataclass
 
 from hybrid_rt.analysis.method_forecast import MethodForecast, forecasts_of
 from hybrid_rt.analysis.methods import Method
-from hybrid_rt.analysis.reference import FEWER_TO_CHECK, Reference
+from hybrid_rt.analysis.reference import FEWER_TO_CHECK, JUDGES, Reference
 from hybrid_rt.analysis.units import asked, number, percent, seconds
 from hybrid_rt.analysis.work_precision import PictureStudy
 from hybrid_rt.integrators import INTEGRATORS
+from hybrid_rt.rendering.units import passes_in_words
 
-# What is judged must be so many times as far off as the reference itself: then the reference adds
-# a twentieth to an error, sqrt(1 + 1 / 9).
-JUDGES = 3.0
 # Hits without proof are named only if they save more than this, and more than runs differ by.
 WORTH_A_DOUBT = 1.1
 # Seconds that nobody waits for a reference.
@@ -214,7 +212,7 @@ def _recommended(
         )
     hits = "certified hits" if best.is_certified else "hits without proof"
     return Advice(
-        f"For {asked(target)}: {best.method}, {best.passes:,} passes, about "
+        f"For {asked(target)}: {best.method}, {passes_in_words(best.passes or 0)}, about "
         f"{seconds(best.seconds.median)} ({hits}).",
         command,
         details,

@@ -12,7 +12,7 @@ from hybrid_rt.analysis.advice import without_examples
 from hybrid_rt.analysis.curves import Curve
 from hybrid_rt.analysis.hit_study import RULE_OF_THREE, HitStudy
 from hybrid_rt.analysis.method_forecast import seconds_fall
-from hybrid_rt.analysis.reference import Reference
+from hybrid_rt.analysis.reference import Reference, off_itself
 from hybrid_rt.analysis.units import asked, number, percent, seconds, signed_percent
 from hybrid_rt.analysis.work_precision import PictureStudy
 from hybrid_rt.rendering.versions import versions
@@ -44,9 +44,6 @@ def picture_conditions(study: PictureStudy, full_size: tuple[int, int] | None) -
     )
     reference = study.reference
     took = "" if math.isnan(reference.seconds) else f", {seconds(reference.seconds)}"
-    off = "how far it is off itself is unknown"
-    if not math.isnan(reference.own_error):
-        off = f"it is off by {percent(reference.own_error)} itself (estimated)"
     runs = (
         "one run of each, seed 1"
         if study.runs == 1
@@ -61,7 +58,7 @@ def picture_conditions(study: PictureStudy, full_size: tuple[int, int] | None) -
         ),
         (
             "reference",
-            f"{reference.made_by}{took}; {off}",
+            f"{reference.made_by}{took}; {off_itself(reference)}",
         ),
         ("its check", _check_in_words(reference)),
         (

@@ -10,16 +10,19 @@ import numpy as np
 
 @dataclass(frozen=True)
 class Spread:
-    """A value over several runs: median, least and most."""
+    """A value over several runs: median, least and most, and the value of each run."""
 
     median: float
     least: float
     most: float
+    runs: tuple[float, ...] = ()
 
 
 def spread(values: Sequence[float]) -> Spread:
-    """Return median, least and most."""
-    return Spread(float(np.median(values)), float(min(values)), float(max(values)))
+    """Return median, least and most of the values of runs."""
+    return Spread(
+        float(np.median(values)), float(min(values)), float(max(values)), tuple(map(float, values))
+    )
 
 
 @dataclass(frozen=True)

@@ -20,6 +20,8 @@ from hybrid_rt.analysis.work_precision import PictureStudy
 
 # A bias below half of the whole error cannot be told from noise by two points.
 SURE_BIAS = 0.5
+# From one point to the next the square of a bias does not rise; that of noise has been seen to rise further.
+MOST_RISE = 1.21
 
 # A line through two meshes is followed for so many times the way between them.
 MOST_STEPS = 16.0
@@ -36,7 +38,8 @@ class MethodForecast:
     passes : int or None
         None: out of reach.
     seconds : Spread
-        That of the runs with as many passes, else scaled from those with the most; nan if out of reach.
+        Of the passes by the median error; of the passes that the least and the largest errors of the runs ask
+        for, in the fastest and the slowest run. nan if out of reach.
     bias : float
         Error that more passes do not reduce: the curve's own, or estimated from its last two points;
         0 if not above the noise.
@@ -71,73 +74,95 @@ def forecast(curve: Curve, target: float, reference_error: float = 0.0) -> Metho
 
     The square of the error is taken as b^2 + c / n^k: between two measured points as measured (a
     line in logarithms, once all later ones are as small), beyond the last with the curve's k, and b
-    from the last two points, at least the curve's own; where all error falls with the passes, b is the
-    curve's own. The reference's noise is subtracted from the squares first. Nothing beyond the measured range is promised of a method that leaves out light, nothing at all where photons
+    from the last two points, at least the curve's own; where all error falls with the passes, or pictures
+    told what triangles change, b is the curve's own. The reference's noise is subtracted from the squares first. Nothing beyond the measured range is promised of a method that leaves out light, nothing at all where photons
     found that to be more than the target, or where its mesh may change the picture by more.
     """
     own = 0.0 if math.isnan(reference_error) else reference_error
     passes = np.array([p.setting for p in curve.points])
-    squares = np.array([max(p.error.median**2 - own**2, 1e-30) for p in curve.points])
-    seconds = growing_seconds(curve)
-    last = curve.points[-1].seconds
+    middle, least, most = (
+        np.maximum(np.array([getattr(p.error, name) for p in curve.points]) ** 2 - own**2, 1e-30)
+        for name in ("median", "least", "most")
+    )
     # Bright dots, which come late, bend a curve as a bias does.
-    bent = 0.0 if curve.converges else _bias(passes**curve.power, squares)
-    bias = max(bent, curve.bias)
+    is_measured = curve.converges or curve.bias_at_most > 0.0
+    bias = curve.bias if is_measured else max(curve.bias, _bias(passes**curve.power, middle))
 
-    def result(n: float, is_measured: bool, obstacle: str = "") -> MethodForecast:
+    def result(obstacle: str = "") -> MethodForecast:
         whole, spread = None, Spread(math.nan, math.nan, math.nan)
         if not obstacle:
-            whole = max(math.ceil(n - 1e-9), 1)
-            median = _seconds(passes, seconds, whole)
-            runs = next((p.seconds for p in curve.points if p.setting == whole), last)
-            spread = Spread(
-                median, median * runs.least / runs.median, median * runs.most / runs.median
+            whole = int(needed)
+            fewest, most_passes = (
+                _passes_to(target, bias, passes, squares, curve.power) for squares in (least, most)
             )
+            spread = _seconds_of(curve, fewest, whole, most_passes)
         return MethodForecast(
-            curve.name, curve.flags, whole, spread, bias, is_measured, obstacle, curve.left_out,
-            int(passes[-1]),
+            curve.name, curve.flags, whole, spread, bias, not obstacle and needed <= passes[-1],
+            obstacle, curve.left_out, int(passes[-1]),
         )  # fmt: skip
 
     if curve.bias >= target:
-        return result(math.inf, False, curve.bias_known_by or "its error does not fall below this")
+        return result(curve.bias_known_by or "its error does not fall below this")
     if curve.unfound >= target:
         return result(
-            math.inf,
-            False,
-            f"does not find light that is {percent(curve.unfound)} of the mean, as photons measure",
+            f"does not find light that is {percent(curve.unfound)} of the mean, as photons measure"
         )
     if curve.bias_at_most >= target:
-        return result(
-            math.inf,
-            False,
-            f"triangles may change it by {percent(curve.bias_at_most)}",
-        )
+        return result(f"triangles may change it by {percent(curve.bias_at_most)}")
+    needed = _passes_to(target, bias, passes, middle, curve.power)
+    if needed > passes[-1] and curve.left_out:
+        return result("leaves out light")
+    if math.isinf(needed):
+        return result("its error no longer falls with the passes")
+    return result()
+
+
+def _passes_to(
+    target: float,
+    bias: float,
+    passes: NDArray[np.float64],
+    squares: NDArray[np.float64],
+    power: float,
+) -> float:
+    """Return the whole passes to a target by the squared errors of points; inf if no number is enough."""
     # Few passes may be lucky and meet no bright dot: an error counts if all later ones are as small.
     lasting = np.maximum.accumulate(squares[::-1])[::-1]
     reached = np.flatnonzero(lasting <= target**2)
     if len(reached):
         k = int(reached[0])
         if k == 0:
-            return result(float(passes[0]), True)
+            return max(float(passes[0]), 1.0)
         share = math.log(lasting[k - 1] / target**2) / math.log(lasting[k - 1] / lasting[k])
-        return result(float(passes[k - 1] * (passes[k] / passes[k - 1]) ** share), True)
-    if curve.left_out:
-        return result(math.inf, False, "leaves out light")
+        return float(np.ceil(passes[k - 1] * (passes[k] / passes[k - 1]) ** share - 1e-9))
     left = target**2 - bias**2
     if left <= 0.0:
-        return result(math.inf, False, "its error no longer falls with the passes")
+        return math.inf
     more = max((squares[-1] - bias**2) / left, 1.0)
-    return result(float(passes[-1] * more ** (1.0 / curve.power)), False)
+    return float(np.ceil(passes[-1] * more ** (1.0 / power) - 1e-9))
 
 
 def _bias(passes: NDArray[np.float64], squares: NDArray[np.float64]) -> float:
     """Return the error that does not fall as one over the given numbers, by the last two points."""
-    if len(passes) < 2:
+    # An error that more passes raise is noise of bright dots, of which nothing follows.
+    if len(passes) < 2 or squares[-1] > MOST_RISE * squares[-2]:
         return 0.0
     n, m = passes[-2], passes[-1]
     noise = (squares[-2] - squares[-1]) / (1.0 / n - 1.0 / m)
     rest = squares[-1] - max(noise, 0.0) / m
     return math.sqrt(rest) if rest > SURE_BIAS**2 * squares[-1] else 0.0
+
+
+def _seconds_of(curve: Curve, fewest: float, passes: int, most: float) -> Spread:
+    """Return the seconds of passes, and of the fewest and most that runs ask for in the fastest and slowest."""
+    settings = np.array([p.setting for p in curve.points])
+    seconds = growing_seconds(curve)
+    last = curve.points[-1].seconds
+    runs = next((p.seconds for p in curve.points if p.setting == passes), last)
+    return Spread(
+        _seconds(settings, seconds, passes),
+        _seconds(settings, seconds, min(fewest, passes)) * runs.least / runs.median,
+        _seconds(settings, seconds, max(most, passes)) * runs.most / runs.median,
+    )
 
 
 def growing_seconds(curve: Curve) -> NDArray[np.float64]:

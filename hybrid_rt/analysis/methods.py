@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import product
 from typing import Any
 
 import numpy as np
 
 from hybrid_rt.core import checks
-from hybrid_rt.integrators import DEFAULT, INTEGRATORS, Options
+from hybrid_rt.integrators import INTEGRATORS, Options
 from hybrid_rt.scene.compiled import compile_scene
 from hybrid_rt.scene.scene import Scene
 
@@ -62,9 +62,8 @@ def default_methods(
     scene: Scene,
     integrators: Sequence[str] | None = None,
     settings: Mapping[str, Sequence[Any]] | None = None,
-    certified_only: bool = False,
 ) -> list[Method]:
-    """Return all integrators with certified hits, and the default one with uncertified hits.
+    """Return all integrators, with certified hits.
 
     Parameters
     ----------
@@ -74,8 +73,6 @@ def default_methods(
     settings : mapping of str to sequence, optional
         Values to try by flag name, in all combinations, for integrators with these settings.
         Default: the settings' defaults.
-    certified_only : bool
-        Leave the uncertified hits out.
 
     Raises
     ------
@@ -90,10 +87,7 @@ def default_methods(
             refusal = _refusal(scene, name)
             if refusal is not None:
                 raise refusal
-    methods = [method for name in names for method in _with_settings(name, settings or {})]
-    if certified_only or DEFAULT not in names:
-        return methods
-    return methods + uncertified_methods(scene)
+    return [method for name in names for method in _with_settings(name, settings or {})]
 
 
 def _with_settings(integrator: str, settings: Mapping[str, Sequence[Any]]) -> list[Method]:
@@ -109,16 +103,20 @@ def _with_settings(integrator: str, settings: Mapping[str, Sequence[Any]]) -> li
     return methods
 
 
-def uncertified_methods(scene: Scene) -> list[Method]:
-    """Return the default integrator at accuracy "refined" and "mesh", if a surface is curved."""
+def uncertified_methods(scene: Scene, certified: Method) -> list[Method]:
+    """Return a method at accuracy "refined" and "mesh", if a surface of the scene is curved."""
     surfaces = curved_surfaces(scene)
     if not surfaces:
         return []
     # As a command line would write them, so that a printed command is what was measured.
     tolerances = [float(f"{share * size_of(surfaces):.6g}") for share in TOLERANCES]
+    name = certified.name
     return [
-        Method(f"{DEFAULT}, refined", DEFAULT, "refined"),
-        *(Method(f"{DEFAULT}, mesh {t:.2g}", DEFAULT, "mesh", t) for t in tolerances),
+        replace(certified, name=f"{name}, refined", accuracy="refined"),
+        *(
+            replace(certified, name=f"{name}, mesh {t:.2g}", accuracy="mesh", tolerance=t)
+            for t in tolerances
+        ),
     ]
 
 

@@ -7,6 +7,7 @@ import re
 import textwrap
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 from hybrid_rt.analysis.curves import Curve, Point, Spread
 from hybrid_rt.analysis.hit_study import HitStudy
@@ -125,6 +126,10 @@ def forecast_table(forecasts: Sequence[MethodForecast], target: float) -> Table:
                 "interpolated: between numbers of passes that were measured; extrapolated: beyond them, the "
                 "squared error falling as 1 over the passes (by photons more slowly)."
             ),
+            (
+                "s: with the median error of the runs; all runs: with the least error in the fastest run, to the "
+                "largest error in the slowest."
+            ),
             "stays: error that more passes do not remove, as far as it is seen above the noise.",
         ),
     )
@@ -188,8 +193,7 @@ def mesh_table(study: PictureStudy) -> Table:
     rows = [
         (
             row["method"], "default" if row["tolerance"] is None else number(row["tolerance"]),
-            f"{row['triangles']:,.0f}", number(row["build_seconds"], 2),
-            percent(row["error"]) if row["error"] else "not seen", percent(row["error_at_most"]),
+            f"{row['triangles']:,.0f}", number(row["build_seconds"], 2), *_changes(row),
         )
         for row in study.meshes
     ]  # fmt: skip
@@ -205,6 +209,14 @@ def mesh_table(study: PictureStudy) -> Table:
             ),
         ),
     )
+
+
+def _changes(row: dict[str, Any]) -> tuple[str, str]:
+    """Return what triangles change, and its limit."""
+    if row["error_at_most"] < ROUNDING:
+        return "nothing", "0 %"
+    seen = percent(row["error"]) if row["error"] else "not seen"
+    return seen, percent(row["error_at_most"])
 
 
 _WRONG = ("us a ray", "us, all runs", "wrong %", "missed", "phantom", "farther")

@@ -38,6 +38,8 @@ def signed_percent(share: float, digits: int = 2) -> str:
 
 def seconds(value: float) -> str:
     """Return a time as "34 s", "5.2 min" or "1.5 h"."""
+    if math.isinf(value):
+        return "unknown"
     if not value >= MINUTES:
         return f"{number(value, 2)} s"
     if value < HOURS:

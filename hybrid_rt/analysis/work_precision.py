@@ -34,6 +34,7 @@ from hybrid_rt.analysis.reference import (
     Reference,
     given_reference,
     make_reference,
+    off_itself,
     run_method,
     stated_error,
 )
@@ -43,7 +44,7 @@ from hybrid_rt.core import checks
 from hybrid_rt.core.progress import Say
 from hybrid_rt.core.threads import Pool
 from hybrid_rt.core.timing import timed
-from hybrid_rt.integrators import DEFAULT, INTEGRATORS
+from hybrid_rt.integrators import INTEGRATORS
 from hybrid_rt.intersection import Intersector
 from hybrid_rt.rendering.result import RenderResult
 from hybrid_rt.rendering.units import passes_in_words
@@ -69,7 +70,7 @@ class PictureStudy:
     reference : Reference
     curves : list of Curve
     meshes : list of dict
-        By method on uncertified hits: ``accuracy``, ``tolerance``, ``triangles``,
+        By ``method`` on uncertified hits: ``accuracy``, ``tolerance``, ``triangles``,
         ``build_seconds``, and the ``error`` of its pictures that passes do not remove (0 if it is not seen above
         the noise), with the upper 95 % limit ``error_at_most``.
     images : dict of (height, width, 3) float32
@@ -158,9 +159,10 @@ def study_picture(
         Method of the reference; it is checked by another one. Default: of the methods that find all
         light the one with the smaller estimated error.
     methods : sequence of Method, optional
-        Default: `default_methods`.
+        With certified hits. Default: `default_methods`.
     certified_only : bool
-        Measure neither uncertified hits nor what meshes do to the picture.
+        Measure neither uncertified hits nor what meshes do to the picture. Else this is measured by the
+        integrator whose pictures are the steadiest (`Reference.steadiest`), if it is one of ``methods``.
     threads : int, optional
     say : callable, optional
         Called with progress messages.
@@ -178,21 +180,20 @@ def study_picture(
     """
     _check_settings(passes, seconds)
     _check_picture_study(scene, runs, reference, reference_by)
-    if methods is None:
-        methods = default_methods(scene, certified_only=certified_only)
-    chosen = list(methods)
+    chosen = list(default_methods(scene) if methods is None else methods)
     camera = scene.camera
-    small = scene.with_camera(camera.resized(16, 12))
     say("compiling kernels")
-    compile_seconds = sum(
-        run_method(small, method, 1, 0, threads).report["kernel_compilation_seconds"]
-        for method in chosen
-    )
+    compile_seconds = _compiled(scene, chosen, threads)
     if reference is None:
         found, made = make_reference(scene, reference_by, reference_passes, threads, say, keep)
         truth = made.image
     else:
         found, truth = given_reference(reference), reference.image
+    say(f"the reference: {off_itself(found)}")
+    certified = next((m for m in chosen if m.integrator == found.steadiest), chosen[0])
+    on_meshes = [] if certified_only else uncertified_methods(scene, certified)
+    compile_seconds += _compiled(scene, on_meshes, threads)
+    chosen += on_meshes
     found_of: dict[str, _Runs] = {}
     meshes: list[dict[str, Any]] = []
 
@@ -208,14 +209,21 @@ def study_picture(
 
     try:
         _add_pictures(found_of, scene, chosen, passes or (), seconds, runs, truth, threads, say)
-        by_paths = [max(found_of[m.name].rows) for m in chosen if m.integrator == DEFAULT]
-        if by_paths and not certified_only:
-            meshes = _meshes(scene, truth, by_paths[0], threads, say)
+        if on_meshes:
+            dearest = max(found_of[certified.name].rows)
+            meshes = _meshes(scene, truth, certified, on_meshes, dearest, threads, say)
     except KeyboardInterrupt:
         if not found_of:
             raise
         raise StudyInterrupted(study()) from None
     return study()
+
+
+def _compiled(scene: Scene, methods: Sequence[Method], threads: int | None) -> float:
+    """Compile what methods need, and return the seconds."""
+    small = scene.with_camera(scene.camera.resized(16, 12))
+    reports = [run_method(small, method, 1, 0, threads).report for method in methods]
+    return float(sum(report["kernel_compilation_seconds"] for report in reports))
 
 
 def _curve(
@@ -428,19 +436,21 @@ def _point(setting: float, rows: Sequence[dict[str, float]], reference: Referenc
 
 
 def _meshes(
-    scene: Scene, truth: Image, passes: int, threads: int | None, say: Say
+    scene: Scene,
+    truth: Image,
+    certified: Method,
+    methods: Sequence[Method],
+    passes: int,
+    threads: int | None,
+    say: Say,
 ) -> list[dict[str, Any]]:
     """Measure what meshes, and hits that are not certified, do to a picture.
 
     The differences between such pictures and certified ones, made with the same random numbers,
     still hold noise; but that of one seed is independent of that of another.
     """
-    methods = uncertified_methods(scene)
-    if not methods:
-        return []
     surfaces = curved_surfaces(scene)
     say("pictures of meshes, each twice, with the random numbers of certified ones")
-    certified = Method(DEFAULT, DEFAULT)
     exact = [run_method(scene, certified, passes, seed, threads).image for seed in (1, 2)]
     # Not by the certified pictures: where these happen to be dark, both differences are positive.
     weight = truth.astype(np.float64) ** 2 + DARK

@@ -6,7 +6,7 @@ import argparse
 import csv
 import importlib.util
 import json
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import asdict
 from pathlib import Path
@@ -36,6 +36,9 @@ from hybrid_rt.verify.judges.oracle import workers_of
 from meshing import BezierPatches
 
 REFERENCE_FILE = "reference.npz"
+PARTS = ("picture", "hits")
+# seconds and error: of a picture, and its relative RMSE; of a ray, and the share of wrong first hits.
+CSV_HEAD = ("part", "method", "setting", "run", "seconds", "error")
 DESCRIPTION = """\
 Draw error against run time for a scene or a surface, and say which settings are cheapest.
 
@@ -91,6 +94,14 @@ def add_study_options(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--alphas", type=float, nargs="+", default=(), metavar="A", help="of ppm (default 2/3)"
+    )
+    parser.add_argument(
+        "--light-paths",
+        type=float,
+        nargs="+",
+        default=(),
+        metavar="N",
+        help="of path, per camera ray (default 0.5)",
     )
     parser.add_argument(
         "--reference-passes",
@@ -220,8 +231,7 @@ def _study_picture(scene: Scene, args: argparse.Namespace) -> PictureStudy:
         methods=default_methods(
             scene,
             args.integrators,
-            {"photons": args.photons, "alpha": args.alphas},
-            args.certified_only,
+            {"photons": args.photons, "alpha": args.alphas, "light-paths": args.light_paths},
         ),
         certified_only=args.certified_only,
         threads=args.threads,
@@ -333,15 +343,25 @@ def _write(folder: Path, study: Study, data: dict[str, Any]) -> None:
     folder.mkdir(parents=True, exist_ok=True)
     (folder / "curves.json").write_text(as_json(data), "utf-8")
     with (folder / "curves.csv").open("w", newline="", encoding="utf-8") as file:
-        writer = csv.writer(file)
-        for table in study.tables:
-            writer.writerows([(table.title,), table.head, *table.rows, ()])
+        csv.writer(file).writerows([CSV_HEAD, *_runs(data)])
     written = ["curves.json", "curves.csv"]
     if importlib.util.find_spec("matplotlib") is not None:
         save(study.diagrams, folder / "curves.png")
         (folder / "page.html").write_text(page(study), "utf-8")
         written += ["curves.png", "page.html"]
     say(f"\nwrote {', '.join(str(folder / name) for name in written)}")
+
+
+def _runs(data: dict[str, Any]) -> Iterator[tuple[Any, ...]]:
+    """Yield a row for each run of each point; one for the median, without a number, where runs are not kept."""
+    for part in PARTS:
+        for curve in _curves(data.get(part, {"curves": []})):
+            for point in curve.points:
+                place = (part, curve.name, point.setting)
+                if not point.seconds.runs:
+                    yield (*place, "", point.seconds.median, point.error.median)
+                for k, pair in enumerate(zip(point.seconds.runs, point.error.runs, strict=True)):
+                    yield (*place, k + 1, *pair)
 
 
 def _read(file: Path) -> dict[str, Any]:
@@ -359,7 +379,7 @@ def _compare(args: argparse.Namespace) -> None:
     diagrams: list[Diagram] = []
     found: list[tables.Table] = []
     data: dict[str, Any] = {"compared": names}
-    for part in ("picture", "hits"):
+    for part in PARTS:
         if not all(part in one for one in both):
             continue
         curves = [

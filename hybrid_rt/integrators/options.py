@@ -78,6 +78,16 @@ class Options:
         return " ".join(given)
 
 
+LIGHT_PATHS = Flag(
+    "light-paths",
+    float,
+    "N",
+    "light subpaths per camera ray ({}; default 0.5)",
+    "{:g} light paths",
+    "{:g}",
+)
+
+
 @dataclass(frozen=True)
 class PathOptions(Options):
     """Options of the integrator "path".
@@ -96,14 +106,15 @@ class PathOptions(Options):
         Largest survival probability of Russian roulette, above 0 and at most 1. At 1 a path in a
         closed white room ends only at ``max_depth``.
     light_paths : float
-        Number of light subpaths per camera ray, which find caustics. 0 leaves caustics to BSDF
-        sampling. Only with "both".
+        Number of light subpaths per camera ray, which find caustics on surfaces that the camera sees
+        directly. More of them (8, 32) pay where such a caustic has most of the noise. 0 leaves caustics to
+        BSDF sampling. Only with "both".
     """
 
     strategy: str = "both"
     roulette_depth: int = 3
     survival: float = 0.99
-    light_paths: float = 0.5
+    light_paths: float = setting(0.5, LIGHT_PATHS)
 
     def __post_init__(self) -> None:
         """Refuse what is out of range."""

@@ -56,9 +56,14 @@ def forecast(report: dict[str, Any], target: float, *, trimmed: bool = False) ->
     if not times < MOST_TIMES:
         return None
     total = report["seconds"]["total"]
-    once = min(sum(report["seconds"].get(stage, 0.0) for stage in _ONCE), total)
+    once = seconds_once(report["seconds"])
     passes = math.ceil(report["passes"] * times)
     return Forecast(target, option, passes, once + (total - once) * times)
+
+
+def seconds_once(seconds: dict[str, float]) -> float:
+    """Return the seconds of a render, of those by stage, that do not grow with its passes."""
+    return min(sum(seconds.get(stage, 0.0) for stage in _ONCE), seconds["total"])
 
 
 def further(report: dict[str, Any]) -> Forecast | None:

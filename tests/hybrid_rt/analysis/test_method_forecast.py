@@ -74,6 +74,33 @@ class TestForecast:
         found = forecast(Curve("path", "", points, converges=True), 0.08)
         assert (found.bias, found.passes) == (0.0, math.ceil(16 * (0.22 / 0.08) ** 2))
 
+    def test_errors_that_more_passes_raise_are_dots_and_no_bias(self):
+        """Of paths on a mesh: errors of 418, 148 and 379 % were told as a bias of 380 %."""
+        points = [
+            Point(n, spread([float(n)]), spread([error]), {})
+            for n, error in ((1, 4.18), (4, 1.48), (16, 3.79))
+        ]
+        dots = Curve("mesh", "", points, bias_at_most=0.17)
+        found = forecast(dots, 0.2)
+        assert (found.bias, found.passes) == (0.0, math.ceil(16 * (3.79 / 0.2) ** 2))
+        assert forecast(replace(dots, bias_at_most=0.0), 0.2).bias == 0.0
+        # Where they fall slowly, the bias is what pictures say that triangles change, if they do.
+        slow = replace(dots, points=[replace(points[0], setting=8), points[2]])
+        assert forecast(replace(slow, bias_at_most=0.0), 4.0).bias > 3.0
+        assert forecast(slow, 0.2).bias == 0.0
+        assert forecast(replace(slow, bias=0.1), 0.2).bias == 0.1
+
+    def test_seconds_are_those_of_all_runs(self):
+        """Errors that are a tenth smaller or larger take 0.81 to 1.21 times the passes, of 0.9 to 1.1 s."""
+        points = [
+            Point(n, spread([0.9 * n, n, 1.1 * n]), spread([0.9 * e, e, 1.1 * e]), {})
+            for n, e in ((1.0, 1.0), (4.0, 0.5))
+        ]
+        found = forecast(Curve("runs", "", points, converges=True), 0.1)
+        assert (found.passes, found.seconds.median) == (100, pytest.approx(100.0))
+        assert found.seconds.least == pytest.approx(0.9 * 81.0)
+        assert found.seconds.most == pytest.approx(1.1 * 121.0)
+
     def test_known_bias_counts_before_it_is_seen(self):
         """Errors of 1 / sqrt(n) down to 1/4 cannot show a bias of 0.05: 0.0025 of 0.01 to pay."""
         found = forecast(replace(law(), bias=0.05), 0.1)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from hybrid_rt.analysis.methods import Method, default_methods, finds_all_light
+from hybrid_rt.analysis.methods import Method, default_methods, finds_all_light, uncertified_methods
 from hybrid_rt.cli import program as cli
 from hybrid_rt.cli.options import settings_of
 from hybrid_rt.integrators import PhotonMapOptions, PPMOptions
@@ -27,11 +27,13 @@ def names(*arguments):
 
 
 def test_all_integrators_and_what_is_not_certified():
-    found = names(Scene(VIEW, [TUBE], environment=SKY))
-    assert found[:5] == ["path", "whitted", "ppm", "photon_map", "path, refined"]
-    assert len(found) == 8
-    assert names(Scene(VIEW, [BALL], environment=SKY)) == found[:4]
-    assert names(Scene(VIEW, [TUBE], environment=SKY), None, None, True) == found[:4]
+    curved = Scene(VIEW, [TUBE], environment=SKY)
+    assert names(curved) == ["path", "whitted", "ppm", "photon_map"]
+    photons = Method("ppm, few", "ppm", options=PPMOptions(900))
+    refined, *meshes = uncertified_methods(curved, photons)
+    assert refined.flags == "--integrator ppm --accuracy refined --photons 900"
+    assert [mesh.accuracy for mesh in meshes] == ["mesh"] * 3
+    assert uncertified_methods(Scene(VIEW, [BALL], environment=SKY), photons) == []
 
 
 def test_integrators_that_refuse_a_scene_are_left_out_unless_asked_for():

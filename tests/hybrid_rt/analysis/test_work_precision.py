@@ -40,7 +40,7 @@ SCENE = Scene(VIEW, [Object(TUBE, Lambertian(0.5))], environment=SKY)
 
 
 def test_spread_and_names():
-    assert spread([3.0, 1.0, 2.0]) == Spread(2.0, 1.0, 3.0)
+    assert spread([3.0, 1.0, 2.0]) == Spread(2.0, 1.0, 3.0, (3.0, 1.0, 2.0))
     assert renamed([Curve("law", "", [])], "A")[0].name == "A: law"
 
 

@@ -72,9 +72,11 @@ def test_study_of_a_scene_and_the_overlay_of_two(run, tmp_path):
     )
     assert [p["setting"] for p in data["hits"]["newton"][0]["points"]] == [0, 1, 2, 3, 4, 6]
     with (tmp_path / "a" / "curves.csv").open() as file:
-        rows = list(csv.reader(file))
-    assert ["Pictures"] in rows
-    assert any(row[:2] == ["path", "4"] for row in rows if row)
+        rows = list(csv.DictReader(file))
+    by_path = [row for row in rows if (row["method"], row["setting"]) == ("path", "4")]
+    assert [(row["part"], row["run"]) for row in by_path] == [("picture", "1")]
+    assert float(by_path[0]["error"]) == paths["points"][1]["error"]["median"]
+    assert {row["run"] for row in rows if row["part"] == "hits"} == {""}
 
     code, captured = run("--compare a/curves.json a/curves.json --out both")
     assert code == 0
@@ -116,7 +118,7 @@ def test_by_seconds_against_a_kept_reference(run, tmp_path, replace_render):
         return result
 
     replace_render(run_method)
-    some = "tube.py --quick --width 24 --threads 1 --only pictures --photons 2000 --integrators whitted ppm"
+    some = "tube.py --quick --width 24 --threads 1 --only pictures --certified-only --photons 2000 --integrators whitted ppm"
     code, captured = run(f"{some} --passes 1 --reference-passes 8 --out a")
     assert code == 0
     kept = Path("a") / "reference.npz"
