@@ -142,6 +142,12 @@ def relative_error(
     }
 
 
+def _with_others(rays: dict[str, int], traced: int) -> dict[str, int]:
+    """Return counts of rays by kind, with those that nobody named as "other"."""
+    others = traced - sum(rays.values())
+    return {**rays, "other": others} if others > 0 else rays
+
+
 def make_report(
     settings: dict[str, Any],
     context: RenderContext,
@@ -169,7 +175,7 @@ def make_report(
         },
         "coarse": _coarse(tracer, total),
         "kernel_compilation_seconds": round(clock.earlier_compilation + clock.compile_seconds, 4),
-        "rays": dict(ledger.rays),
+        "rays": _with_others(dict(ledger.rays), work["rays"] + work["shadow_rays"]),
         "hits": dict(ledger.hits),
         "intersection": dict(work),
         "ended_branches": {

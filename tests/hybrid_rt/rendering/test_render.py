@@ -461,6 +461,12 @@ class TestLimit:
         assert (report["passes"], report["stopped_by"]) == (4, "target_error")
         assert report["noise"]["relative_rmse"] == 0.0
 
+    @pytest.mark.parametrize("integrator", ["path", "whitted", "ppm", "photon_map"])
+    def test_rays_by_kind_add_up_to_all_that_were_traced(self, integrator):
+        report = render(scene(), integrator, passes=2).report
+        work = report["intersection"]
+        assert sum(report["rays"].values()) == work["rays"] + work["shadow_rays"]
+
     def test_budget_runs_at_least_one_pass(self):
         report = render(scene(), time_budget=1e-9).report
         assert (report["passes"], report["stopped_by"]) == (1, "time_budget")
