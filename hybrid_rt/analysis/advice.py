@@ -10,10 +10,10 @@ from dataclasses import dataclass
 
 from hybrid_rt.analysis.method_forecast import MethodForecast, forecasts_of
 from hybrid_rt.analysis.methods import Method
-from hybrid_rt.analysis.reference import FEWER_TO_CHECK, JUDGES, Reference
+from hybrid_rt.analysis.reference import FEWER_TO_CHECK, JUDGES, LEAST_TO_CHECK, Reference
 from hybrid_rt.analysis.units import asked, number, percent, seconds
 from hybrid_rt.analysis.work_precision import PictureStudy
-from hybrid_rt.integrators import INTEGRATORS
+from hybrid_rt.integrators import INTEGRATORS, OWN
 from hybrid_rt.rendering.units import passes_in_words
 
 # Hits without proof are named only if they save more than this, and more than runs differ by.
@@ -158,7 +158,10 @@ def _longer(reference: Reference, target: float) -> str:
         passes = _rounded_up(done * float(worse ** (2.0 / power if worse > 1.0 else 2.0)))
         needed = spent * passes / done
         alone.append((needed, maker, passes))
-        checked.append((needed + checks[maker] * passes / FEWER_TO_CHECK, maker, passes))
+        # As `make_reference` does it: a quarter as many, or as many as take as long.
+        of_check = min(checks[maker] * passes / FEWER_TO_CHECK, needed)
+        of_check = max(of_check, checks[maker] * LEAST_TO_CHECK)
+        checked.append((needed + of_check, maker, passes))
     needed, maker, passes = min(alone)
     own_picture += f" (not checked; by {maker}, {passes} passes, about {seconds(needed)})"
     needed, maker, passes = min(checked)
@@ -182,7 +185,7 @@ def _recommended(
     study: PictureStudy, target: float, scene: str, full_size: tuple[int, int] | None
 ) -> Advice:
     forecasts = forecasts_of(study, target)
-    best = _chosen(forecasts)
+    best = _chosen(forecasts, study.runs)
     if best is None:
         return Advice(
             f"No method here reaches {asked(target)}.",
@@ -192,7 +195,10 @@ def _recommended(
             forecasts,
         )
     command = command_of(study, best, scene)
-    details = [_how_known(best, study.runs), *_at_full_size(study, best, full_size)]
+    details = [
+        _how_known(best, study.runs), *_not_told_apart(best, forecasts, study.runs),
+        *_at_full_size(study, best, full_size), *_integrator_of_script(best),
+    ]  # fmt: skip
     if best.left_out:
         details.append(
             f"{best.method} leaves out {without_examples(best.left_out)}; in this picture that is less than "
@@ -207,8 +213,9 @@ def _recommended(
     cheaper = forecasts[0]
     if cheaper is not best:
         details.append(
-            f"{cheaper.method} would take {seconds(cheaper.seconds.median)}, which is the same within "
-            "what runs differ by, and its hits are not proven."
+            f"{cheaper.method} would take {seconds(cheaper.seconds.median)}, "
+            + ("by one run" if study.runs == 1 else "which is the same within what runs differ by")
+            + ", and its hits are not proven."
         )
     hits = "certified hits" if best.is_certified else "hits without proof"
     return Advice(
@@ -221,26 +228,53 @@ def _recommended(
     )
 
 
-def _chosen(forecasts: Sequence[MethodForecast]) -> MethodForecast | None:
-    """Return the cheapest; certified hits rather than others that save next to nothing."""
+def _chosen(forecasts: Sequence[MethodForecast], runs: int) -> MethodForecast | None:
+    """Return the cheapest; certified hits rather than others that save next to nothing, or may save nothing."""
     within = [f for f in forecasts if f.passes is not None]
-    if not within:
-        return None
+    if not within or within[0].is_certified:
+        return within[0] if within else None
     best = within[0]
-    certified = next((f for f in within if f.is_certified), None)
-    if certified is None or best.is_certified:
-        return best
-    saves = certified.seconds.median > WORTH_A_DOUBT * best.seconds.median
-    return best if saves and certified.seconds.least > best.seconds.most else certified
+
+    def is_beaten(certified: MethodForecast) -> bool:
+        # One run tells nothing of what runs differ by.
+        saves = certified.seconds.median > WORTH_A_DOUBT * best.seconds.median
+        return saves and runs > 1 and certified.seconds.least > best.seconds.most
+
+    return next((f for f in within if f.is_certified and not is_beaten(f)), best)
+
+
+def _not_told_apart(
+    best: MethodForecast, forecasts: Sequence[MethodForecast], runs: int
+) -> list[str]:
+    """Name the methods whose seconds overlap with those of the best one."""
+    others = [
+        f"{f.method} ({seconds(f.seconds.least)} to {seconds(f.seconds.most)})"
+        for f in forecasts
+        if f is not best and f.passes is not None and f.seconds.least <= best.seconds.most
+    ]
+    if runs == 1 or not others:
+        return []
+    return [f"These runs do not tell it apart from {', '.join(others)}: take more --runs."]
+
+
+def _integrator_of_script(best: MethodForecast) -> list[str]:
+    integrator = best.flags.split()[1]
+    if integrator in OWN:
+        return []
+    return [
+        f"The script declares {integrator!r}: let it say INTEGRATOR = {integrator!r} for this command."
+    ]
 
 
 def command_of(study: PictureStudy, found: MethodForecast, scene: str) -> str:
     """Return the command that renders what was measured: same pixels, threads and first seed."""
     width, height = study.size
-    return (
-        f"hybrid-rt render {shlex.quote(scene)} {found.flags} --passes {found.passes} "
-        f"--width {width} --height {height} --threads {study.threads} --seed {FIRST_SEED}"
-    )
+    flags = found.flags.split()
+    if flags[1] not in OWN:
+        flags = flags[2:]
+    words = ["hybrid-rt render", shlex.quote(scene), *flags, f"--passes {found.passes}"]
+    size = f"--width {width} --height {height}"
+    return " ".join([*words, size, f"--threads {study.threads} --seed {FIRST_SEED}"])
 
 
 def _how_known(found: MethodForecast, runs: int) -> str:

@@ -15,6 +15,7 @@ from hybrid_rt.analysis.method_forecast import seconds_fall
 from hybrid_rt.analysis.reference import Reference, off_itself
 from hybrid_rt.analysis.units import asked, number, percent, seconds, signed_percent
 from hybrid_rt.analysis.work_precision import PictureStudy
+from hybrid_rt.rendering.forecast import SHARE_OF_FEW
 from hybrid_rt.rendering.versions import versions
 
 Conditions = list[tuple[str, str]]
@@ -142,6 +143,32 @@ def bias_answers(study: PictureStudy) -> list[str]:
             f"passes its mean is {mean}{by_photons}."
         )
     return found
+
+
+def dots_answers(study: PictureStudy, target: float) -> list[str]:
+    """Say whose errors the worst pixels decide, unless these are left out."""
+    if study.trimmed:
+        return []
+    shares = {}
+    for curve in study.curves:
+        last = curve.points[-1]
+        share = (
+            1.0 - (last.more["error_of_most"] / last.error.median) ** 2
+            if last.error.median
+            else 0.0
+        )
+        if "--accuracy" not in curve.flags and share > SHARE_OF_FEW:
+            shares[curve.name] = percent(share)
+    if not shares:
+        return []
+    listed = ", ".join(f"{share} of {name}" for name, share in shares.items())
+    return [
+        (
+            "A few bright dots decide errors: the worst 0.1 % of the pixels hold this part of the squared error: "
+            f"{listed}. So runs differ by a few dots, and curves rise where one comes. --target-trimmed "
+            f"{target:g} leaves these pixels out of all errors."
+        )
+    ]
 
 
 def time_answers(study: PictureStudy) -> list[str]:

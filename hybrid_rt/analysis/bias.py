@@ -14,7 +14,7 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import NDArray
 
-from hybrid_rt.sensor.image_metrics import DARK
+from hybrid_rt.sensor.image_metrics import DARK, of_most
 
 # A picture is cut into so many tiles a side: each is large enough for noise to average out.
 TILES = 8
@@ -66,7 +66,10 @@ def least_by_tiles(
 
 
 def shared_error(
-    one: NDArray[np.float64], other: NDArray[np.float64], weight: NDArray[np.float64]
+    one: NDArray[np.float64],
+    other: NDArray[np.float64],
+    weight: NDArray[np.float64],
+    trimmed: bool = False,
 ) -> tuple[float, float]:
     """Return the relative RMSE that two pictures' errors share, 0 if not above the noise, and its 95 % limit.
 
@@ -77,9 +80,13 @@ def shared_error(
     one, other : (height, width, 3) float64
     weight : (height, width, 3) float64
         What squares are divided by; independent of the noise of both.
+    trimmed : bool
+        Leave out the worst 0.1 % of the pixels, by the sum of both squares.
     """
     # Channels of a pixel share their noise; pixels are independent.
     products = (one * other / weight).mean(axis=2)
+    if trimmed:
+        products = products[of_most(((one * one + other * other) / weight).mean(axis=2))]
     square, doubt = float(products.mean()), 1.96 * float(products.std(ddof=1)) / products.size**0.5
     return math.sqrt(square) if square > doubt else 0.0, math.sqrt(max(square, 0.0) + doubt)
 

@@ -30,8 +30,9 @@ REFERENCES = tuple(name for name, declared in INTEGRATORS.items() if declared.fi
 # What is judged must be so many times as far off as the reference itself: then the reference adds
 # a twentieth to an error, sqrt(1 + 1 / 9).
 JUDGES = 3.0
-# The picture that checks a reference has so many passes less.
-FEWER_TO_CHECK = 4
+# The picture that checks a reference has so many passes less, or still less if they would take longer than the
+# reference; but from so many on its noise and blur are known well.
+FEWER_TO_CHECK, LEAST_TO_CHECK = 4, 8
 # Of so many times the passes of a render the seconds are forecast by it: first one pass, then so many times as
 # many, until its passes took so long.
 WORTH_A_FORECAST, GROWTH, LONG_ENOUGH = 16, 4, 0.5
@@ -45,10 +46,11 @@ class Reference:
     ----------
     made_by : str
     own_error : float
-        Its own relative RMSE, estimated; nan if unknown.
-    mean, mean_half_interval : float
-        Mean radiance, and half of its 95 % interval: noise, blur of photons, lamps that were not met; nan
-        if unknown.
+        Its own relative RMSE, estimated, without the worst 0.1 % of the pixels if these are left out; nan if
+        unknown.
+    mean, mean_half_interval, mean_noise : float
+        Mean radiance; half of its 95 % interval: noise, blur of photons, lamps that were not met; and half of
+        that of the noise alone. nan if unknown.
     seconds : float
     passes : int
         0 if unknown.
@@ -60,9 +62,6 @@ class Reference:
         Light of the scene that it leaves out.
     measured : dict or None
         How much of that few photons found: ``light_not_found_measured`` of its report.
-    steadiest : str
-        The integrator, of the reference and its check, with the smaller stated error without the worst
-        0.1 % of the pixels; "" if unknown.
     check : dict or None
         A different method: ``made_by``, its ``passes``, ``seconds`` and ``own_error``, ``gap`` of the means,
         ``gap_half_interval`` what the 95 % intervals of both explain of it, ``difference`` of the pictures
@@ -80,7 +79,7 @@ class Reference:
     power: float = 1.0
     light_not_found: list[str] = field(default_factory=list)
     measured: dict[str, Any] | None = None
-    steadiest: str = ""
+    mean_noise: float = math.nan
 
 
 def make_reference(
@@ -90,13 +89,17 @@ def make_reference(
     threads: int | None,
     say: Say,
     keep: Callable[[RenderResult], None] = lambda _: None,
+    part: str = "both",
 ) -> tuple[Reference, RenderResult]:
     """Render long by one integrator; and by another that shares no light transport, to check that.
 
     Photons check paths and paths photons, where both find all light; unless one was asked for, the
     one that states the smaller error is the reference. Where only one finds all light it is checked
     by itself, if it has another way to find the same (`Declaration.other_way`). ``keep`` gets the long render at
-    once, and the other one if that becomes the reference.
+    once, and the other one if that becomes the reference. ``part`` names the stated error that counts, see
+    `stated_error`.
+
+    The check takes no longer than the long render, but for its first passes.
 
     Raises
     ------
@@ -108,7 +111,8 @@ def make_reference(
     if maker is None:
         maker = complete[0] if complete else DEFAULT
     method = Method(maker, maker)
-    say(f"reference of {passes} passes by {maker}{_about(scene, method, passes, threads)}")
+    cost = _cost(scene, method, passes, threads)
+    say(f"reference of {passes} passes by {maker}{_about(cost, passes)}")
     main = run_method(scene, method, passes, REFERENCE_SEED, threads, "standard_error")
     if not main.image.any():
         raise ValueError(
@@ -116,28 +120,31 @@ def make_reference(
             "with it. Give the scene a lamp or a sky, or turn the camera or the lamps"
         )
     keep(main)
-    check, n_main, name, steadiest = None, passes, maker, maker
+    check, n_main, name = None, passes, maker
     others = [Method(name, name) for name in complete if name != maker]
     way = INTEGRATORS[maker].other_way
     if complete == [maker] and way is not None and finds_all_light(scene, maker, way.options):
         others = [Method(f"{maker}, {way.name}", maker, options=way.options)]
     if others and maker in complete:
         n = max(passes // FEWER_TO_CHECK, min(passes, 2))
-        say(f"the same by {others[0].name}, {n} passes{_about(scene, others[0], n, threads)}")
+        cost = _cost(scene, others[0], n, threads)
+        if cost is not None:
+            spent = main.report["seconds"]
+            as_long = int((spent["total"] - seconds_once(spent)) / cost[1])
+            n = min(n, max(as_long, LEAST_TO_CHECK))
+        say(f"the same by {others[0].name}, {n} passes{_about(cost, n)}")
         other = run_method(scene, others[0], n, CHECK_SEED, threads, "standard_error")
-        if stated_error(other.report, "both_trimmed") < stated_error(main.report, "both_trimmed"):
-            steadiest = others[0].integrator
         # Of light that paths find by rare chance alone photons are the better judges.
         is_free &= others[0].integrator != maker
-        if is_free and stated_error(other.report) < stated_error(main.report):
+        if is_free and stated_error(other.report, part) < stated_error(main.report, part):
             main, other, n_main, n = other, main, n, passes
             name, others = others[0].name, [Method(maker, maker)]
             keep(main)
-        check = _checked(main, other, others[0].name, n)
+        check = _checked(main, other, others[0].name, n, part)
     return (
         Reference(
             f"{name}, certified, {n_main} passes",
-            stated_error(main.report),
+            stated_error(main.report, part),
             float(main.image.mean(dtype=np.float64)),
             main.mean_half_interval,
             main.report["seconds"]["total"],
@@ -146,25 +153,36 @@ def make_reference(
             power=Method(name, name).power,
             light_not_found=main.report["light_not_found"],
             measured=main.report["light_not_found_measured"],
-            steadiest=steadiest,
+            mean_noise=noise_of_mean(main.report),
         ),
         main,
     )
 
 
-def _about(scene: Scene, method: Method, passes: int, threads: int | None) -> str:
-    """Say how long a render will take, by short ones, if these are short beside it."""
-    n, growing = 1, 0.0
-    while WORTH_A_FORECAST * n <= passes and growing < LONG_ENOUGH:
+def _cost(
+    scene: Scene, method: Method, passes: int, threads: int | None
+) -> tuple[float, float] | None:
+    """Return the seconds of a render that its passes do not take, and those of a pass, by short renders.
+
+    None if these are not short beside it.
+    """
+    n, cost = 1, None
+    while WORTH_A_FORECAST * n <= passes and (cost is None or n * cost[1] < GROWTH * LONG_ENOUGH):
         seconds = run_method(scene, method, n, REFERENCE_SEED, threads).report["seconds"]
         once = seconds_once(seconds)
-        growing = seconds["total"] - once
-        about = f", about {in_seconds(once + growing * passes / n)}"
+        cost = once, max(seconds["total"] - once, 1e-6) / n
         n *= GROWTH
-    return about if growing > 0.0 else ""
+    return cost
 
 
-def _checked(main: RenderResult, other: RenderResult, name: str, passes: int) -> dict[str, Any]:
+def _about(cost: tuple[float, float] | None, passes: int) -> str:
+    """Say how long a render will take."""
+    return "" if cost is None else f", about {in_seconds(cost[0] + cost[1] * passes)}"
+
+
+def _checked(
+    main: RenderResult, other: RenderResult, name: str, passes: int, part: str
+) -> dict[str, Any]:
     """Return how far a picture is from one by another method, and what explains that."""
     weight = main.image.astype(np.float64) ** 2 + DARK
     variance = sum(
@@ -176,7 +194,7 @@ def _checked(main: RenderResult, other: RenderResult, name: str, passes: int) ->
         "made_by": f"{name}, {passes} passes",
         "passes": passes,
         "seconds": other.report["seconds"]["total"],
-        "own_error": stated_error(other.report),
+        "own_error": stated_error(other.report, part),
         "gap": means[1] - means[0],
         "gap_half_interval": math.hypot(main.mean_half_interval, other.mean_half_interval),
         "difference": math.sqrt(relative_mse(other.image, main.image)),
@@ -186,7 +204,7 @@ def _checked(main: RenderResult, other: RenderResult, name: str, passes: int) ->
 
 
 def stated_error(report: dict[str, Any], part: str = "both") -> float:
-    """Return the relative RMSE estimated in a report: "noise", "blur" or both; nan if unknown.
+    """Return the relative RMSE estimated in a report: "noise", "blur", "both" or "both_trimmed"; nan if unknown.
 
     If only an upper limit of the blur is known, that is used.
     """
@@ -208,7 +226,14 @@ def off_itself(reference: Reference) -> str:
     )
 
 
-def given_reference(picture: Picture) -> Reference:
+def noise_of_mean(report: dict[str, Any]) -> float:
+    """Return half the 95 % interval of a picture's mean by its noise alone; nan if unknown."""
+    noise = report.get("noise") or {}
+    factor, one = noise.get("interval_factor"), noise.get("standard_error_of_image_mean")
+    return math.nan if factor is None or one is None else float(factor * one)
+
+
+def given_reference(picture: Picture, part: str = "both") -> Reference:
     """Return what is known of a picture that is to be the reference."""
     report = picture.report or {}
     half = (report.get("noise") or {}).get("half_interval_95_of_image_mean")
@@ -217,7 +242,7 @@ def given_reference(picture: Picture) -> Reference:
     is_known = made_by in INTEGRATORS and passes > 0
     return Reference(
         f"the file {picture.name}" + (f" ({made_by}, {passes} passes)" if is_known else ""),
-        stated_error(report),
+        stated_error(report, part),
         float(picture.image.mean(dtype=np.float64)),
         math.nan if half is None else half,
         report.get("seconds", {}).get("total", math.nan),
@@ -225,7 +250,7 @@ def given_reference(picture: Picture) -> Reference:
         is_given=True,
         light_not_found=report.get("light_not_found") or [],
         measured=report.get("light_not_found_measured"),
-        steadiest=made_by if made_by in INTEGRATORS else "",
+        mean_noise=noise_of_mean(report),
     )
 
 

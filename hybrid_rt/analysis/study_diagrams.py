@@ -8,7 +8,7 @@ from collections.abc import Callable, Sequence
 from hybrid_rt.analysis.curves import Curve, Point
 from hybrid_rt.analysis.diagrams import Diagram, Line, Mark
 from hybrid_rt.analysis.hit_study import RULE_OF_THREE
-from hybrid_rt.analysis.units import number
+from hybrid_rt.analysis.units import number, of_pixels
 
 A_RAY = "microseconds a ray"
 BARS = "Bars: least and most of the runs."
@@ -16,7 +16,7 @@ BARS = "Bars: least and most of the runs."
 NOTHING = 1e-18
 
 
-def picture_diagram(curves: Sequence[Curve], own_error: float) -> Diagram:
+def picture_diagram(curves: Sequence[Curve], own_error: float, trimmed: bool = False) -> Diagram:
     """Plot relative RMSE against seconds, with the slopes of noise."""
     lines = []
     for curve in curves:
@@ -37,7 +37,7 @@ def picture_diagram(curves: Sequence[Curve], own_error: float) -> Diagram:
     return Diagram(
         "How far pictures are off after how many seconds",
         "seconds to render the picture",
-        "error of the picture, % (relative RMSE)",
+        f"error of the picture, % (relative RMSE{of_pixels(trimmed)})",
         lines,
         ((-0.5, "noise: half the error\nin 4 times the time"),),
         floor,

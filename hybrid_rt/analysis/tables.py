@@ -12,7 +12,7 @@ from typing import Any
 from hybrid_rt.analysis.curves import Curve, Point, Spread
 from hybrid_rt.analysis.hit_study import HitStudy
 from hybrid_rt.analysis.method_forecast import MethodForecast, at_equal_time
-from hybrid_rt.analysis.units import asked, number, percent, signed_percent
+from hybrid_rt.analysis.units import asked, number, of_pixels, percent, signed_percent
 from hybrid_rt.analysis.work_precision import PictureStudy
 
 # Of text in a terminal.
@@ -73,38 +73,48 @@ def _range(of: Spread, digits: int = 3, scale: float = 1.0) -> str:
     return f"{number(scale * of.least, digits)} to {number(scale * of.most, digits)}"
 
 
-def picture_table(curves: Sequence[Curve]) -> Table:
-    """Return the points of picture curves."""
+def picture_table(curves: Sequence[Curve], trimmed: bool = False) -> Table:
+    """Return the points of picture curves; ``trimmed``: their errors leave out the worst pixels."""
+    other, name, stated = (
+        ("all pixels %", "error_of_all", "stated_error_of_most")
+        if trimmed
+        else ("most pixels %", "error_of_most", "stated_error")
+    )
     head = (
-        "method", "passes", "s", "s, all runs", "error %", "error %, all runs", "most pixels %",
-        "mean off by", "+-", "stated %", "build s", "million rays",
+        "method", "passes", "s", "s, all runs", "error %", "error %, all runs", "stated %", other,
+        "mean off by", "+- noise", "+- all", "build s", "million rays",
     )  # fmt: skip
     rows = [
         (
             curve.name, f"{p.setting:g}", number(p.seconds.median), _range(p.seconds),
             number(100.0 * p.error.median), _range(p.error, scale=100.0),
-            number(100.0 * p.more["error_of_most"]), signed_percent(p.more["mean_error"]),
+            number(100.0 * p.more.get(stated, math.nan)), number(100.0 * p.more.get(name, math.nan)),
+            signed_percent(p.more["mean_error"]),
+            percent(p.more.get("mean_error_by_noise", math.nan)),
             percent(p.more.get("mean_error_noise", math.nan)),
-            number(100.0 * p.more["stated_error"]), number(p.more["build_seconds"], 2),
-            number(1e-6 * p.more["rays"]),
+            number(p.more["build_seconds"], 2), number(1e-6 * p.more["rays"]),
         )
         for curve in curves
         for p in curve.points
     ]  # fmt: skip
     table = Table("Pictures", head, rows, (
         ("s: seconds of wall time, the median of the runs; all runs: the least and the most of them."),
-        ("error: relative RMSE against the reference, the root of the mean of (x - r)^2 / (r^2 + 0.01) "
-        "over pixels and channels. most pixels: the same without the worst 0.1 % of the pixels."),
+        ("error: relative RMSE against the reference, the root of the mean of (x - r)^2 / (r^2 + 0.01) over "
+        f"pixels and channels{of_pixels(trimmed)}. stated: what the render itself states of it. "
+        + ("all pixels: the same of all pixels." if trimmed else
+        "most pixels: the same without the worst 0.1 % of the pixels.")),
         ("mean off by: mean brightness against the reference's, + brighter, - darker; noise averages out "
-        "here, light that is not found does not. +-: half its 95 % interval, noise and blur of both; a large one "
-        "after few passes is for lamps that no camera ray has met yet, in mirrors or glass."),
-        ("stated: the error that the render itself states. build s: seconds of these spent on building "
-        "surfaces."),
+        "here, light that is not found does not. +- noise: half its 95 % interval by the noise of both. +- all: with "
+        "blur, and with what lamps may add that no camera ray has met yet, in mirrors, metal or glass; their limit is "
+        "often far more than they add."),
+        "build s: seconds of these spent on building surfaces.",
     ))  # fmt: skip
     return _spread_if_any(table, [p.seconds for curve in curves for p in curve.points])
 
 
-def forecast_table(forecasts: Sequence[MethodForecast], target: float) -> Table:
+def forecast_table(
+    forecasts: Sequence[MethodForecast], target: float, trimmed: bool = False
+) -> Table:
     """Return what all methods need for a target."""
     rows = [
         (
@@ -118,7 +128,7 @@ def forecast_table(forecasts: Sequence[MethodForecast], target: float) -> Table:
         for f in forecasts
     ]
     table = Table(
-        f"To an error of {asked(target)}",
+        f"To an error of {asked(target)}{of_pixels(trimmed)}",
         ("method", "passes", "s", "s, all runs", "how known, or why not", "stays"),
         rows,
         (
@@ -136,7 +146,9 @@ def forecast_table(forecasts: Sequence[MethodForecast], target: float) -> Table:
     return _spread_if_any(table, [f.seconds for f in forecasts])
 
 
-def equal_time_table(curves: Sequence[Curve], reference_error: float) -> Table:
+def equal_time_table(
+    curves: Sequence[Curve], reference_error: float, trimmed: bool = False
+) -> Table:
     """Return the errors of methods after as many seconds.
 
     Parameters
@@ -144,6 +156,8 @@ def equal_time_table(curves: Sequence[Curve], reference_error: float) -> Table:
     curves : sequence of Curve
     reference_error : float
         Of the reference; nan if not known. Errors not clearly above it are not compared.
+    trimmed : bool
+        Whether errors leave out the worst pixels.
     """
     own = 0.0 if math.isnan(reference_error) else reference_error
     seconds, errors = at_equal_time(curves)
@@ -161,7 +175,8 @@ def equal_time_table(curves: Sequence[Curve], reference_error: float) -> Table:
             rows.append((curves[k].name, number(100.0 * errors[k]), number(squares[k] / best)))
     words = [
         (
-            "error: relative RMSE, interpolated between the points of the table of pictures. squared error: without "
+            f"error: relative RMSE{of_pixels(trimmed)}, interpolated between the points of the table of pictures. "
+            "squared error: without "
             "that of the reference. Where it falls as 1 over the seconds, it is also how many times the seconds a "
             "method needs for the best one's error."
         )
@@ -190,15 +205,17 @@ def equal_time_table(curves: Sequence[Curve], reference_error: float) -> Table:
 
 def mesh_table(study: PictureStudy) -> Table:
     """Return the picture errors from uncertified hits."""
+    known = {curve.name: curve.bias for curve in study.curves}
     rows = [
         (
             row["method"], "default" if row["tolerance"] is None else number(row["tolerance"]),
-            f"{row['triangles']:,.0f}", number(row["build_seconds"], 2), *_changes(row),
+            f"{row['triangles']:,.0f}", number(row["build_seconds"], 2),
+            *_changes(row, known.get(row["method"], 0.0)),
         )
         for row in study.meshes
     ]  # fmt: skip
     return Table(
-        "What triangles change",
+        f"What triangles change{of_pixels(study.trimmed)}",
         ("method", "tolerance", "triangles", "build s", "changes the picture by", "at most"),
         rows,
         (
@@ -211,11 +228,13 @@ def mesh_table(study: PictureStudy) -> Table:
     )
 
 
-def _changes(row: dict[str, Any]) -> tuple[str, str]:
-    """Return what triangles change, and its limit."""
+def _changes(row: dict[str, Any], known: float) -> tuple[str, str]:
+    """Return what triangles change, which is at least what is known by means, and its limit."""
     if row["error_at_most"] < ROUNDING:
         return "nothing", "0 %"
     seen = percent(row["error"]) if row["error"] else "not seen"
+    if known > row["error"]:
+        seen = f"{percent(known)} or more, by means"
     return seen, percent(row["error_at_most"])
 
 

@@ -31,6 +31,11 @@ def asked(share: float) -> str:
     return f"{100.0 * share:.6g} %"
 
 
+def of_pixels(trimmed: bool) -> str:
+    """Return what is said behind an error that leaves out the worst pixels."""
+    return " without the worst 0.1 % of the pixels" if trimmed else ""
+
+
 def signed_percent(share: float, digits: int = 2) -> str:
     """Return a share with its sign, as "+1.1 %"."""
     return ("+" if share > 0.0 else "") + percent(share, digits)

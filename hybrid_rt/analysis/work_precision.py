@@ -29,11 +29,13 @@ from hybrid_rt.analysis.methods import (
 )
 from hybrid_rt.analysis.picture_comparison import Picture
 from hybrid_rt.analysis.reference import (
+    LONG_ENOUGH,
     REFERENCES,
     Image,
     Reference,
     given_reference,
     make_reference,
+    noise_of_mean,
     off_itself,
     run_method,
     stated_error,
@@ -46,6 +48,7 @@ from hybrid_rt.core.threads import Pool
 from hybrid_rt.core.timing import timed
 from hybrid_rt.integrators import INTEGRATORS
 from hybrid_rt.intersection import Intersector
+from hybrid_rt.rendering.forecast import seconds_once
 from hybrid_rt.rendering.result import RenderResult
 from hybrid_rt.rendering.units import passes_in_words
 from hybrid_rt.scene.scene import Scene
@@ -53,6 +56,10 @@ from hybrid_rt.sensor.image_metrics import DARK, picture_errors
 
 # Half a 95 % interval of a mean of four groups of passes in standard errors (Student, 3 degrees).
 INTERVAL = 3.182
+# The stated error that counts, of all pixels, or without the worst 0.1 % of them.
+PARTS = {False: "both", True: "both_trimmed"}
+# The method for meshes is chosen by renders of so many passes, as take at least half a second.
+FEWEST_PASSES, MOST_PASSES, PROBE_SEED = 4, 256, 40_000
 # From one setting to the next, the passes of a method grow by this factor.
 GROWTH = 4
 # A render that takes so much of the seconds asked for is the last; so is one before less than so many times its passes.
@@ -76,6 +83,8 @@ class PictureStudy:
     images : dict of (height, width, 3) float32
         By method, the first run at its dearest setting; "reference" the reference.
     threads, runs : int
+    trimmed : bool
+        Whether all errors leave out the worst 0.1 % of the pixels.
     """
 
     size: tuple[int, int]
@@ -86,6 +95,7 @@ class PictureStudy:
     images: dict[str, Image]
     threads: int
     runs: int
+    trimmed: bool = False
 
 
 class StudyInterrupted(KeyboardInterrupt):
@@ -135,6 +145,8 @@ def study_picture(
     reference_by: str | None = None,
     methods: Sequence[Method] | None = None,
     certified_only: bool = False,
+    meshes_by: str | None = None,
+    trimmed: bool = False,
     threads: int | None = None,
     say: Say = lambda _: None,
     keep: Callable[[RenderResult], None] = lambda _: None,
@@ -161,8 +173,12 @@ def study_picture(
     methods : sequence of Method, optional
         With certified hits. Default: `default_methods`.
     certified_only : bool
-        Measure neither uncertified hits nor what meshes do to the picture. Else this is measured by the
-        integrator whose pictures are the steadiest (`Reference.steadiest`), if it is one of ``methods``.
+        Measure neither uncertified hits nor what meshes do to the picture.
+    meshes_by : str, optional
+        The integrator that these are measured by. Default: the one of ``methods``, of those that find all
+        light, that states the smallest error, without the worst 0.1 % of the pixels, in as much time.
+    trimmed : bool
+        Leave the worst 0.1 % of the pixels out of all errors, each picture its own.
     threads : int, optional
     say : callable, optional
         Called with progress messages.
@@ -181,17 +197,27 @@ def study_picture(
     _check_settings(passes, seconds)
     _check_picture_study(scene, runs, reference, reference_by)
     chosen = list(default_methods(scene) if methods is None else methods)
+    of_meshes = [m for m in chosen if meshes_by in (None, m.integrator)]
+    if not of_meshes:
+        raise ValueError(
+            f"meshes_by is {meshes_by!r}, which is none of the integrators of this study: pass "
+            + " or ".join(dict.fromkeys(m.integrator for m in chosen))
+        )
     camera = scene.camera
     say("compiling kernels")
     compile_seconds = _compiled(scene, chosen, threads)
     if reference is None:
-        found, made = make_reference(scene, reference_by, reference_passes, threads, say, keep)
+        found, made = make_reference(
+            scene, reference_by, reference_passes, threads, say, keep, PARTS[trimmed]
+        )
         truth = made.image
     else:
-        found, truth = given_reference(reference), reference.image
+        found, truth = given_reference(reference, PARTS[trimmed]), reference.image
     say(f"the reference: {off_itself(found)}")
-    certified = next((m for m in chosen if m.integrator == found.steadiest), chosen[0])
-    on_meshes = [] if certified_only else uncertified_methods(scene, certified)
+    certified, on_meshes = chosen[0], []
+    if not certified_only and curved_surfaces(scene):
+        certified = _steadiest(scene, of_meshes, threads)
+        on_meshes = uncertified_methods(scene, certified)
     compile_seconds += _compiled(scene, on_meshes, threads)
     chosen += on_meshes
     found_of: dict[str, _Runs] = {}
@@ -200,18 +226,20 @@ def study_picture(
     def study() -> PictureStudy:
         images = {"reference": truth, **{name: of.images[0] for name, of in found_of.items()}}
         curves = [
-            _curve(m, found_of[m.name], meshes, found, truth) for m in chosen if m.name in found_of
+            _curve(m, found_of[m.name], meshes, found, truth, trimmed)
+            for m in chosen
+            if m.name in found_of
         ]
         return PictureStudy(
             (camera.width, camera.height), compile_seconds, found, curves, meshes, images,
-            Pool(threads).threads, runs,
+            Pool(threads).threads, runs, trimmed,
         )  # fmt: skip
 
     try:
         _add_pictures(found_of, scene, chosen, passes or (), seconds, runs, truth, threads, say)
         if on_meshes:
             dearest = max(found_of[certified.name].rows)
-            meshes = _meshes(scene, truth, certified, on_meshes, dearest, threads, say)
+            meshes = _meshes(scene, truth, certified, on_meshes, dearest, trimmed, threads, say)
     except KeyboardInterrupt:
         if not found_of:
             raise
@@ -226,15 +254,33 @@ def _compiled(scene: Scene, methods: Sequence[Method], threads: int | None) -> f
     return float(sum(report["kernel_compilation_seconds"] for report in reports))
 
 
+def _steadiest(scene: Scene, methods: Sequence[Method], threads: int | None) -> Method:
+    """Return the method, of those that find all light if any does, with the least noise in as much time."""
+    complete = [m for m in methods if finds_all_light(scene, m.integrator, m.options)]
+    methods = complete or methods
+
+    def squared_error_times_seconds(method: Method) -> float:
+        passes, spent = FEWEST_PASSES, 0.0
+        while spent < LONG_ENOUGH and passes <= MOST_PASSES:
+            report = run_method(scene, method, passes, PROBE_SEED, threads).report
+            spent = report["seconds"]["total"] - seconds_once(report["seconds"])
+            passes *= GROWTH
+        work = spent * stated_error(report, PARTS[True]) ** 2
+        return math.inf if math.isnan(work) else work
+
+    return methods[0] if len(methods) == 1 else min(methods, key=squared_error_times_seconds)
+
+
 def _curve(
     method: Method,
     of: _Runs,
     meshes: Sequence[dict[str, Any]],
     reference: Reference,
     truth: Image,
+    trimmed: bool,
 ) -> Curve:
     """Return the points of a method, and what is known of its bias."""
-    points = [_point(n, rows, reference) for n, rows in of.rows.items()]
+    points = [_point(n, rows, reference, trimmed) for n, rows in of.rows.items()]
     mesh = next((row for row in meshes if row["method"] == method.name), None)
     biases = [(0.0, "")]
     if mesh is not None:
@@ -408,31 +454,40 @@ def _row(result: RenderResult, truth: Image) -> dict[str, float]:
     return {
         # The audit of uncertified hits is not part of making the picture.
         "seconds": stages["total"] - stages.get("audit", 0.0),
-        "error": errors.relative_rmse,
+        "error_of_all": errors.relative_rmse,
         "error_of_most": errors.relative_rmse_of_most,
         "mean_error": errors.relative_mean_error,
         "half_interval": of_mean,
+        "noise_of_mean": noise_of_mean(report),
         "stated_error": stated_error(report),
+        "stated_error_of_most": stated_error(report, PARTS[True]),
         "build_seconds": stages.get("build", 0.0),
         "rays": float(sum(report["rays"].values())),
     }
 
 
-def _point(setting: float, rows: Sequence[dict[str, float]], reference: Reference) -> Point:
+def _point(
+    setting: float, rows: Sequence[dict[str, float]], reference: Reference, trimmed: bool
+) -> Point:
     columns = {name: [row[name] for row in rows] for name in rows[0]}
-    seconds, error = columns.pop("seconds"), columns.pop("error")
-    halves, means = columns.pop("half_interval"), columns["mean_error"]
+    seconds, means = columns.pop("seconds"), columns["mean_error"]
+    halves, noises = columns.pop("half_interval"), columns.pop("noise_of_mean")
     more = {name: float(np.median(values)) for name, values in columns.items()}
-    # Means average over the runs; a single pass states no noise, but runs differ by it.
-    of_runs = math.sqrt(sum(half * half for half in halves)) / len(halves)
-    if math.isnan(of_runs) and len(means) > 2:
-        by_means = float(np.std(means, ddof=1)) / math.sqrt(len(means))
-        of_runs = INTERVAL * abs(reference.mean) * by_means
-    own = 0.0 if math.isnan(reference.mean_half_interval) else reference.mean_half_interval
     more["mean_error"] = float(np.mean(means))
-    noise = math.hypot(of_runs, own)
-    more["mean_error_noise"] = noise / abs(reference.mean) if reference.mean else math.nan
-    return Point(setting, spread(seconds), spread(error), more)
+    brightness = abs(reference.mean) or math.nan
+
+    def of_mean(halves: list[float], own: float) -> float:
+        """Return the half interval of the mean error, of those of runs and of the reference."""
+        # Means average over the runs; a single pass states no noise, but runs differ by it.
+        of_runs = math.sqrt(sum(half * half for half in halves)) / len(halves)
+        if math.isnan(of_runs) and len(means) > 2:
+            of_runs = INTERVAL * brightness * float(np.std(means, ddof=1)) / math.sqrt(len(means))
+        return math.hypot(of_runs, 0.0 if math.isnan(own) else own) / brightness
+
+    more["mean_error_noise"] = of_mean(halves, reference.mean_half_interval)
+    more["mean_error_by_noise"] = of_mean(noises, reference.mean_noise)
+    error = spread(columns["error_of_most" if trimmed else "error_of_all"])
+    return Point(setting, spread(seconds), error, more)
 
 
 def _meshes(
@@ -441,6 +496,7 @@ def _meshes(
     certified: Method,
     methods: Sequence[Method],
     passes: int,
+    trimmed: bool,
     threads: int | None,
     say: Say,
 ) -> list[dict[str, Any]]:
@@ -461,7 +517,7 @@ def _meshes(
             - exact[seed - 1]
             for seed in (1, 2)
         )
-        error, at_most = shared_error(one, other, weight)
+        error, at_most = shared_error(one, other, weight, trimmed)
         tracer, seconds = timed(
             partial(Intersector, surfaces, method.accuracy, tolerance=method.tolerance, threads=1)
         )

@@ -22,7 +22,7 @@ from hybrid_rt.analysis.methods import curved_surfaces, default_methods
 from hybrid_rt.analysis.page import Study, page
 from hybrid_rt.analysis.picture_comparison import load_picture
 from hybrid_rt.analysis.reference import REFERENCES
-from hybrid_rt.analysis.units import asked, seconds
+from hybrid_rt.analysis.units import asked, of_pixels, seconds
 from hybrid_rt.analysis.work_precision import PictureStudy, StudyInterrupted
 from hybrid_rt.cli.command import one_or_more, say, say_if_no_plots, tell
 from hybrid_rt.cli.scene_file import load_scene
@@ -69,7 +69,14 @@ def add_study_options(parser: argparse.ArgumentParser) -> None:
         help="of a scene; default: pictures, then first hits",
     )
     parser.add_argument("--compare", nargs=2, type=Path, metavar=("A.json", "B.json"))
-    parser.add_argument("--target", type=float, default=0.01, help="relative RMSE (default 0.01)")
+    target = parser.add_mutually_exclusive_group()
+    target.add_argument("--target", type=float, default=0.01, help="relative RMSE (default 0.01)")
+    target.add_argument(
+        "--target-trimmed",
+        type=float,
+        metavar="E",
+        help="instead: without the worst 0.1 %% of the pixels, which are left out of all errors",
+    )
     parser.add_argument(
         "--reference",
         type=Path,
@@ -83,6 +90,11 @@ def add_study_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--integrators", nargs="+", metavar="I", help="default: all that can")
     parser.add_argument(
         "--certified-only", action="store_true", help="no meshes and no uncertified hits"
+    )
+    parser.add_argument(
+        "--meshes-by",
+        metavar="I",
+        help="integrator; default: the one with the least noise in a time",
     )
     parser.add_argument(
         "--photons",
@@ -106,8 +118,8 @@ def add_study_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--reference-passes",
         type=one_or_more,
-        help="default 1024, quick 128; a second method makes a quarter as many, and the better picture is "
-        "the reference",
+        help="default 1024, quick 128; a second method makes a quarter as many, or as many as take as long, and "
+        "the better picture is the reference",
     )
     work = parser.add_mutually_exclusive_group()
     work.add_argument(
@@ -142,6 +154,8 @@ def run_study(args: argparse.Namespace) -> None:
 
 
 def _measure(args: argparse.Namespace) -> None:
+    if args.target_trimmed is not None:
+        args.target = args.target_trimmed
     checks.number(args.target, "target", above=0.0)
     if args.seconds is not None:
         checks.number(args.seconds, "seconds", above=0.0)
@@ -234,6 +248,8 @@ def _study_picture(scene: Scene, args: argparse.Namespace) -> PictureStudy:
             {"photons": args.photons, "alpha": args.alphas, "light-paths": args.light_paths},
         ),
         certified_only=args.certified_only,
+        meshes_by=args.meshes_by,
+        trimmed=args.target_trimmed is not None,
         threads=args.threads,
         say=_tell_step,
         keep=keep,
@@ -292,20 +308,21 @@ def _show_picture(
         [row for row in study.meshes if row["accuracy"] == "mesh"], advice.target
     )
     shown["asked"] = (
-        f"Asked: which method renders this scene soonest to an error of {asked(target)}, on this "
-        "machine?"
+        f"Asked: which method renders this scene soonest to an error of {asked(target)}"
+        f"{of_pixels(study.trimmed)}, on this machine?"
     )
     shown["answer"], shown["command"] = advice.headline, advice.command
     shown["details"] += advice.details
     shown["findings"] += answers.bias_answers(study)
     shown["findings"] += answers.time_answers(study)
+    shown["findings"] += answers.dots_answers(study, target)
     shown["findings"] += answers.mesh_answer(study, advice.target, triangles)
     own = study.reference.own_error
-    shown["diagrams"].append(study_diagrams.picture_diagram(study.curves, own))
-    shown["tables"].append(tables.forecast_table(advice.forecasts, advice.target))
+    shown["diagrams"].append(study_diagrams.picture_diagram(study.curves, own, study.trimmed))
+    shown["tables"].append(tables.forecast_table(advice.forecasts, advice.target, study.trimmed))
     if len(study.curves) > 1:
-        shown["tables"].append(tables.equal_time_table(study.curves, study.reference.own_error))
-    shown["tables"].append(tables.picture_table(study.curves))
+        shown["tables"].append(tables.equal_time_table(study.curves, own, study.trimmed))
+    shown["tables"].append(tables.picture_table(study.curves, study.trimmed))
     if study.meshes:
         shown["tables"].append(tables.mesh_table(study))
     shown["images"] = study.images
@@ -389,10 +406,20 @@ def _compare(args: argparse.Namespace) -> None:
         ]
         data[part] = {"curves": [asdict(curve) for curve in curves]}
         if part == "picture":
+            trimmed = [bool(one[part].get("trimmed")) for one in both]
+            if trimmed[0] != trimmed[1]:
+                raise ValueError(
+                    f"one of {names[0]} and {names[1]} leaves out the worst 0.1 % of the pixels: measure both "
+                    "with --target, or both with --target-trimmed"
+                )
             own = max(one[part]["reference"]["own_error"] or 0.0 for one in both)
             data[part]["reference"] = {"own_error": own or float("nan")}
-            diagrams.append(study_diagrams.picture_diagram(curves, own or float("nan")))
-            found += [tables.equal_time_table(curves, own), tables.picture_table(curves)]
+            diagrams.append(study_diagrams.picture_diagram(curves, own or float("nan"), trimmed[0]))
+            found += [
+                tables.equal_time_table(curves, own, trimmed[0]),
+                tables.picture_table(curves, trimmed[0]),
+            ]
+            data[part]["trimmed"] = trimmed[0]
         else:
             judged = max(one[part]["judged"] for one in both)
             data[part]["judged"] = judged

@@ -11,10 +11,13 @@ INTEGRATORS: dict[str, Declaration] = {
     declared.name: declared for declared in (PATH, WHITTED, PPM, PHOTON_MAP)
 }
 DEFAULT = PATH.name
+# Those of the package; scene scripts may declare others.
+OWN = tuple(INTEGRATORS)
 
 __all__ = [
     "DEFAULT",
     "INTEGRATORS",
+    "OWN",
     "Declaration",
     "Options",
     "PPMOptions",
