@@ -21,7 +21,8 @@ from hybrid_rt.analysis.method_forecast import forecasts_of
 from hybrid_rt.analysis.methods import Method, size_of
 from hybrid_rt.analysis.page import Study, page
 from hybrid_rt.analysis.picture_comparison import Picture
-from hybrid_rt.analysis.work_precision import next_passes, study_picture
+from hybrid_rt.analysis.study_runs import next_passes
+from hybrid_rt.analysis.work_precision import study_picture
 from hybrid_rt.integrators import PPMOptions
 from hybrid_rt.lights import GradientSky, PointLight, RectangleLight
 from hybrid_rt.materials import Dielectric, Emissive, Lambertian, Mirror

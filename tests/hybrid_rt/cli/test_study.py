@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from hybrid_rt.analysis import work_precision
+from hybrid_rt.analysis import study_runs
 from hybrid_rt.cli import main
 
 ROOT = Path(__file__).parents[3]
@@ -100,9 +100,7 @@ def replace_render(monkeypatch):
     """Let a function take the place of `run_method`; its first argument is the one replaced."""
 
     def replace(run_method):
-        monkeypatch.setattr(
-            work_precision, "run_method", partial(run_method, work_precision.run_method)
-        )
+        monkeypatch.setattr(study_runs, "run_method", partial(run_method, study_runs.run_method))
 
     return replace
 

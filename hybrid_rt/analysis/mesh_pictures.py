@@ -1,0 +1,86 @@
+"""What meshes, and hits that are not certified, do to a picture."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from hybrid_rt.analysis.bias import shared_error
+from hybrid_rt.analysis.methods import Method, curved_surfaces, finds_all_light
+from hybrid_rt.analysis.reference import LONG_ENOUGH, Image, run_method, stated_error
+from hybrid_rt.analysis.study_runs import GROWTH
+from hybrid_rt.core.progress import Say
+from hybrid_rt.core.timing import timed
+from hybrid_rt.intersection import Intersector
+from hybrid_rt.rendering.forecast import seconds_once
+from hybrid_rt.scene.scene import Scene
+from hybrid_rt.sensor.image_metrics import DARK
+
+# The method for meshes is chosen by renders of so many passes, as take at least half a second.
+FEWEST_PASSES, MOST_PASSES, PROBE_SEED = 4, 256, 40_000
+
+
+def steadiest(scene: Scene, methods: Sequence[Method], threads: int | None) -> Method:
+    """Return the method, of those that find all light if any does, with the least noise in as much time."""
+    complete = [m for m in methods if finds_all_light(scene, m.integrator, m.options)]
+    methods = complete or methods
+
+    def squared_error_times_seconds(method: Method) -> float:
+        passes, spent = FEWEST_PASSES, 0.0
+        while spent < LONG_ENOUGH and passes <= MOST_PASSES:
+            report = run_method(scene, method, passes, PROBE_SEED, threads).report
+            spent = report["seconds"]["total"] - seconds_once(report["seconds"])
+            passes *= GROWTH
+        work = spent * stated_error(report, "both_trimmed") ** 2
+        return math.inf if math.isnan(work) else work
+
+    return methods[0] if len(methods) == 1 else min(methods, key=squared_error_times_seconds)
+
+
+def mesh_errors(
+    scene: Scene,
+    truth: Image,
+    certified: Method,
+    methods: Sequence[Method],
+    passes: int,
+    trimmed: bool,
+    threads: int | None,
+    say: Say,
+) -> list[dict[str, Any]]:
+    """Measure what meshes, and hits that are not certified, do to a picture.
+
+    The differences between such pictures and certified ones, made with the same random numbers,
+    still hold noise; but that of one seed is independent of that of another.
+    """
+    surfaces = curved_surfaces(scene)
+    say("pictures of meshes, each twice, with the random numbers of certified ones")
+    exact = [run_method(scene, certified, passes, seed, threads).image for seed in (1, 2)]
+    # Not by the certified pictures: where these happen to be dark, both differences are positive.
+    weight = truth.astype(np.float64) ** 2 + DARK
+    rows = []
+    for method in methods:
+        one, other = (
+            run_method(scene, method, passes, seed, threads).image.astype(np.float64)
+            - exact[seed - 1]
+            for seed in (1, 2)
+        )
+        error, at_most = shared_error(one, other, weight, trimmed)
+        tracer, seconds = timed(
+            partial(Intersector, surfaces, method.accuracy, tolerance=method.tolerance, threads=1)
+        )
+        rows.append(
+            {
+                "method": method.name,
+                "accuracy": method.accuracy,
+                "tolerance": method.tolerance,
+                "triangles": float(tracer.n_triangles),
+                "build_seconds": seconds,
+                "error": error,
+                "error_at_most": at_most,
+            }
+        )
+    return rows
