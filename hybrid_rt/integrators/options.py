@@ -12,6 +12,8 @@ from hybrid_rt.core.keywords import explains
 WAYS = ("both", "lights", "directions")
 # Far more photons than any machine holds, which `hybrid_rt.rendering.memory` says in time.
 MOST = 10**15
+# Light subpaths of a pass by default: so many per pixel, and no more than so many.
+DEFAULT_LIGHT_PATHS, USUAL_LIGHT_PATHS = 0.5, 2**17
 # Directions of one path: as good as no end.
 DEEPEST = 10**6
 
@@ -82,7 +84,7 @@ LIGHT_PATHS = Flag(
     "light-paths",
     float,
     "N",
-    "light subpaths per camera ray ({}; default 0.5)",
+    "light subpaths per camera ray ({}; default 0.5, at most 131,072 a pass)",
     "{:g} light paths",
     "{:g}",
 )
@@ -105,22 +107,29 @@ class PathOptions(Options):
     survival : float
         Largest survival probability of Russian roulette, above 0 and at most 1. At 1 a path in a
         closed white room ends only at ``max_depth``.
-    light_paths : float
+    light_paths : float, optional
         Number of light subpaths per camera ray, which find caustics on surfaces that the camera sees
         directly. More of them (8, 32) pay where such a caustic has most of the noise. 0 leaves caustics to
-        BSDF sampling. Only with "both".
+        BSDF sampling. Default: 0.5, but at most 131 072 in a pass. Only with "both".
     """
 
     strategy: str = "both"
     roulette_depth: int = 3
     survival: float = 0.99
-    light_paths: float = setting(0.5, LIGHT_PATHS)
+    light_paths: float | None = setting(None, LIGHT_PATHS)
 
     def __post_init__(self) -> None:
         """Refuse what is out of range."""
         checks.choice(self.strategy, "PathOptions strategy", WAYS)
         checks.whole(self.roulette_depth, "PathOptions roulette_depth", at_least=0, up_to=DEEPEST)
-        checks.number(self.light_paths, "PathOptions light_paths", at_least=0.0, hint="0: none")
+        if self.light_paths is not None:
+            checks.number(
+                self.light_paths,
+                "PathOptions light_paths",
+                at_least=0.0,
+                up_to=MOST,
+                hint="0: none",
+            )
         checks.number(self.survival, "PathOptions survival", above=0.0, up_to=1.0)
 
     @property
@@ -128,7 +137,13 @@ class PathOptions(Options):
         """Why these options allow no light subpaths; "": they do."""
         if self.strategy != "both":
             return f"strategy={self.strategy!r}"
-        return "" if self.light_paths > 0.0 else "light_paths=0"
+        return "light_paths=0" if self.light_paths == 0.0 else ""
+
+    def n_light_paths(self, n_pixels: int) -> int:
+        """Return the number of light subpaths of a pass, where there are any."""
+        if self.light_paths is None:
+            return min(max(round(DEFAULT_LIGHT_PATHS * n_pixels), 1), USUAL_LIGHT_PATHS)
+        return max(round(self.light_paths * n_pixels), 1)
 
 
 PHOTONS = Flag("photons", int, "N", "photons of a pass ({})", "{} photons")

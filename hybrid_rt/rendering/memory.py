@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Sequence
-from pathlib import Path
 
+from hybrid_rt.core.memory import available_bytes, bytes_in_words
 from hybrid_rt.rendering.channels import numbers_per_pixel
 from hybrid_rt.sensor.camera import Camera
 
@@ -17,8 +16,6 @@ PER_PIXEL, PER_PIXEL_WITH_PHOTONS = 120, 190
 PER_PHOTON = 80
 # Passes whose photons exist at a time: while one is looked at the next is shot.
 PHOTON_SETS = 2
-# Where a container may be given less than the machine has.
-CONTAINER_LIMIT = Path("/sys/fs/cgroup/memory.max")
 
 
 def check_memory(
@@ -51,24 +48,6 @@ def check_memory(
         if photons:
             what += f" by passes of {photons} photons"
         raise MemoryError(
-            f"{what} takes about {_in_words(for_pixels + for_photons)} of memory, this machine has "
-            f"{_in_words(available)}: ask for fewer {'photons' if for_photons > for_pixels else 'pixels'}"
+            f"{what} takes about {bytes_in_words(for_pixels + for_photons)} of memory, this machine has "
+            f"{bytes_in_words(available)}: ask for fewer {'photons' if for_photons > for_pixels else 'pixels'}"
         )
-
-
-def available_bytes() -> int:
-    """Return the memory available to this process, bytes."""
-    total = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
-    try:
-        return min(total, int(CONTAINER_LIMIT.read_text()))
-    except (OSError, ValueError):  # there is no such file, or it says "max"
-        return total
-
-
-def _in_words(n_bytes: int) -> str:
-    n_gib, unit = n_bytes // 2**20 / 2**10, "GiB"
-    for larger in ("TiB", "PiB", "EiB"):
-        if n_gib < 1000.0:
-            break
-        n_gib, unit = n_gib / 2**10, larger
-    return f"{n_gib:.3g} {unit}"

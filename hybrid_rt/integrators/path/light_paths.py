@@ -14,6 +14,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from hybrid_rt.core.memory import available_bytes, bytes_in_words
 from hybrid_rt.core.records import BoolArray, FloatArray, IntArray, NamedPoints
 from hybrid_rt.integrators.context import RenderContext
 from hybrid_rt.integrators.direct_light import SurfaceLight
@@ -29,6 +30,7 @@ from hybrid_rt.integrators.light_points import leaving_points
 from hybrid_rt.integrators.media.absorption import absorb, square_of_index
 from hybrid_rt.integrators.media.beginnings import MediaAroundLights
 from hybrid_rt.integrators.media.contacts import Contacts, first_hits
+from hybrid_rt.integrators.options import PathOptions
 from hybrid_rt.sampling.sampler import UIntArray
 from hybrid_rt.scene.compiled import NOTHING, CompiledScene
 from hybrid_rt.shading.kernels.bsdf import LobeTable
@@ -44,8 +46,10 @@ LIGHT, PLACE, TURN, LENS, FIRST_STEP = 0, 1, 2, 3, 4
 PILOT_PASS, PILOT_PATHS = 2**32 - 1, 4096
 # Part of the usual distance between light vertices below which connections are too noisy.
 NEAR = 0.2
-# Paths of one pass at most, and of all passes that are traced at once: each takes about 300 bytes.
-MOST_PATHS, AT_ONCE = 2**17, 2**18
+# Paths that are traced at once, of one pass or several: each takes about 300 bytes.
+AT_ONCE = 2**18
+# Of each light vertex that is kept, with what connections compare and the splat.
+PER_VERTEX = 600
 
 
 @dataclass(frozen=True)
@@ -81,8 +85,8 @@ class LightPathTracer:
         None if no dielectric touches another surface.
     camera_media : (STACK,) int32, or (0,)
         Medium stack of the camera.
-    share : float
-        Light subpaths per pixel and pass.
+    options : PathOptions
+        Number of light subpaths.
     keeps_all : bool
         Whether the vertices of all light are kept, not only of what mirrors and lenses throw.
 
@@ -103,15 +107,14 @@ class LightPathTracer:
         light: SurfaceLight,
         contacts: Contacts | None,
         camera_media: IntArray,
-        share: float,
+        options: PathOptions,
         keeps_all: bool,
     ) -> None:
         self.keeps_all, self.near = keeps_all, np.inf
         self._context, self._light, self._contacts = context, light, contacts
         scene = context.scene
         camera = scene.camera
-        asked = round(share * camera.width * camera.height)
-        self.n_paths = int(np.clip(asked, 1, MOST_PATHS))
+        self.n_paths = options.n_light_paths(camera.width * camera.height)
         self._emit = scene.lights.emit
         self._before = np.cumsum(self._emit)
         sends = np.flatnonzero(self._emit[:-1])
@@ -122,8 +125,20 @@ class LightPathTracer:
         self.is_smooth[list(scene.vertex_normals)] = True
 
     def share_of_use(self) -> float:
-        """Estimate the number of light vertices per light subpath, and `near`, from a few subpaths."""
-        points, _, _ = self._trace(range(PILOT_PASS, PILOT_PASS + 1), PILOT_PATHS)
+        """Estimate the number of light vertices per light subpath, and `near`, from a few subpaths.
+
+        Raises
+        ------
+        MemoryError
+            If those of a pass are more than this process can have.
+        """
+        points, _, _ = self._trace(range(PILOT_PASS, PILOT_PASS + 1), PILOT_PATHS, PILOT_PATHS)
+        needed = PER_VERTEX * self.n_paths * points.density.size // PILOT_PATHS
+        if needed > available_bytes():
+            raise MemoryError(
+                f"a pass of {self.n_paths} light subpaths takes about {bytes_in_words(needed)} of memory, this "
+                f"machine has {bytes_in_words(available_bytes())}: pass a smaller light_paths (--light-paths)"
+            )
         half = points.density.size // 2
         if self.keeps_all and half:
             between = points.position[:half] - points.position[half : 2 * half]
@@ -132,9 +147,12 @@ class LightPathTracer:
 
     def trace(self, passes: range) -> LightVertexPasses:
         """Trace the light subpaths of some passes."""
-        step = max(AT_ONCE // self.n_paths, 1)
+        n = self.n_paths
+        step = max(AT_ONCE // n, 1)
         parts = [
-            self._trace(passes[i : i + step], self.n_paths) for i in range(0, len(passes), step)
+            self._trace(passes[i : i + step], n, min(AT_ONCE, n - first), first)
+            for i in range(0, len(passes), step)
+            for first in range(0, n, AT_ONCE)
         ]
         points = joined([part[0] for part in parts])
         number, path = (np.concatenate([part[k] for part in parts]) for k in (1, 2))
@@ -142,10 +160,15 @@ class LightPathTracer:
         offsets = np.searchsorted(number, np.arange(passes.start, passes.stop + 1))
         return LightVertexPasses(points, offsets, *self._shown(points, number, path))
 
-    def _trace(self, passes: range, n: int) -> tuple[LightVertices, UIntArray, UIntArray]:
-        """Return light vertices, the passes that they belong to and the numbers of their paths."""
+    def _trace(
+        self, passes: range, n: int, count: int, first: int = 0
+    ) -> tuple[LightVertices, UIntArray, UIntArray]:
+        """Return light vertices, the passes that they belong to and the numbers of their paths.
+
+        Of the n paths of each pass ``count`` are traced, from number ``first`` on.
+        """
         context, scene = self._context, self._context.scene
-        paths = self._leaving_lights(passes, n)
+        paths = self._leaving_lights(passes, n, np.arange(first, first + count, dtype=np.uint64))
         found = [(new_light_vertices(0, self._light.n_slots), paths.sample[:0], paths.number[:0])]
         # The way to the camera takes one direction more than those before the point.
         for step in range(context.max_depth):
@@ -195,10 +218,10 @@ class LightPathTracer:
             ends &= paths.number % np.uint64(kernels.FOLLOWED_FAR) != 0
         return ends
 
-    def _leaving_lights(self, passes: range, n: int) -> LightPaths:
+    def _leaving_lights(self, passes: range, n: int, numbers: UIntArray) -> LightPaths:
         context, scene = self._context, self._context.scene
-        sample = np.repeat(np.arange(passes.start, passes.stop, dtype=np.uint64), n)
-        number = np.tile(np.arange(n, dtype=np.uint64), len(passes))
+        sample = np.repeat(np.arange(passes.start, passes.stop, dtype=np.uint64), numbers.size)
+        number = np.tile(numbers, len(passes))
         light = np.empty(number.size, dtype=np.int32)
         place = self._points(sample, number, PLACE)
         choose_lights(self._before, self._emit, self._points(sample, number, LIGHT), light)

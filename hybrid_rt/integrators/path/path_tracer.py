@@ -126,7 +126,7 @@ class PathTracer(Integrator):
                 self._light,
                 self._contacts,
                 self._camera_media,
-                self._options.light_paths,
+                self._options,
                 keeps_all=self._may_connect_all(),
             )
         # What single rays are traced by; None: paths advance together.

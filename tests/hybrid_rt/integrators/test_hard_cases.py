@@ -88,9 +88,9 @@ def test_light_paths_of_many_passes_are_traced_a_few_at_a_time(monkeypatch):
     most = []
     trace = light_paths.LightPathTracer._trace
 
-    def recorded(self, passes, n):
-        most.append(len(passes) * n)
-        return trace(self, passes, n)
+    def recorded(self, passes, n, count, *first):
+        most.append(len(passes) * count)
+        return trace(self, passes, n, count, *first)
 
     monkeypatch.setattr(light_paths, "AT_ONCE", 200)
     monkeypatch.setattr(light_paths.LightPathTracer, "_trace", recorded)
@@ -98,3 +98,23 @@ def test_light_paths_of_many_passes_are_traced_a_few_at_a_time(monkeypatch):
     assert max(most[1:]) <= 200  # the first are those that are counted beforehand
     np.testing.assert_array_equal(after.image, before.image)
     assert after.report["rays"] == before.report["rays"]
+
+
+def test_as_many_light_paths_as_asked_for_in_parts_of_a_pass(monkeypatch):
+    """Above the usual number of a pass, and above that of what is traced at once."""
+    glass = Object(Sphere((0, 0, 1), 0.5), Dielectric(1.5))
+    scene = Scene(CAMERA, [FLOOR, glass], [SphereLight((0, 0, 3), 0.3, 5.0)])
+    n_pixels = CAMERA.width * CAMERA.height
+    options = PathOptions(light_paths=3)
+    whole = render(scene, passes=2, threads=1, options=options)
+    assert whole.report["rays"]["light paths"] == 2 * 3 * n_pixels
+    monkeypatch.setattr(light_paths, "AT_ONCE", n_pixels // 2 + 1)
+    parts = render(scene, passes=2, threads=1, options=options)
+    assert parts.report["rays"] == whole.report["rays"]
+    # The splats of a pixel are added in another order.
+    np.testing.assert_allclose(parts.image, whole.image, rtol=1e-5)
+    assert PathOptions().n_light_paths(2**20) == 2**17
+    assert PathOptions(light_paths=0.5).n_light_paths(2**20) == 2**19
+    monkeypatch.setattr(light_paths, "available_bytes", lambda: 1000)
+    with pytest.raises(MemoryError, match=r"light subpaths takes .* pass a smaller light_paths"):
+        render(scene, passes=2, threads=1, options=options)
