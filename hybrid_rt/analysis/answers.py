@@ -108,6 +108,13 @@ def conditions(of_study: Conditions, scene: str) -> Conditions:
 
 def mesh_answer(study: PictureStudy, target: float, triangles: float) -> list[str]:
     """Say how fine a mesh must be for a target, if that is known."""
+    if not study.meshes and any("--accuracy" in curve.flags for curve in study.curves):
+        return [
+            (
+                "What triangles change was not measured, as the study was stopped before. So errors that stay are "
+                "told from the bend of curves alone."
+            )
+        ]
     rows = [row for row in study.meshes if row["accuracy"] == "mesh"]
     if not rows or math.isnan(triangles):
         return []

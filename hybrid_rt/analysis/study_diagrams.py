@@ -37,13 +37,13 @@ def picture_diagram(curves: Sequence[Curve], own_error: float, trimmed: bool = F
     return Diagram(
         "How far pictures are off after how many seconds",
         "seconds to render the picture",
-        f"error of the picture, % (relative RMSE{of_pixels(trimmed)})",
+        f"error of {'most pixels' if trimmed else 'the picture'}, % (relative RMSE)",
         lines,
         ((-0.5, "noise: half the error\nin 4 times the time"),),
         floor,
         "Lower and further left is better. Numbers: passes (samples per pixel). A curve that turns flat "
         f"has an error that passes do not remove. {BARS} Below the grey level the reference judges "
-        "nothing.",
+        f"nothing.{f' Errors are{of_pixels(True)} of each picture.' if trimmed else ''}",
     )
 
 

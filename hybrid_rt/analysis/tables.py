@@ -100,7 +100,7 @@ def picture_table(curves: Sequence[Curve], trimmed: bool = False) -> Table:
     table = Table("Pictures", head, rows, (
         ("s: seconds of wall time, the median of the runs; all runs: the least and the most of them."),
         ("error: relative RMSE against the reference, the root of the mean of (x - r)^2 / (r^2 + 0.01) over "
-        f"pixels and channels{of_pixels(trimmed)}. stated: what the render itself states of it. "
+        f"pixels and channels{of_pixels(trimmed)}; the reference's own error is in it. stated: what the render itself states of it. "
         + ("all pixels: the same of all pixels." if trimmed else
         "most pixels: the same without the worst 0.1 % of the pixels.")),
         ("mean off by: mean brightness against the reference's, + brighter, - darker; noise averages out "
@@ -134,7 +134,8 @@ def forecast_table(
         (
             (
                 "interpolated: between numbers of passes that were measured; extrapolated: beyond them, the "
-                "squared error falling as 1 over the passes (by photons more slowly)."
+                "squared error falling as 1 over the passes (by photons more slowly). The reference's own error is "
+                "taken off."
             ),
             (
                 "s: with the median error of the runs; all runs: with the least error in the fastest run, to the "
