@@ -67,7 +67,7 @@ def add_render_options(parser: argparse.ArgumentParser) -> None:
         "--time-budget",
         type=_seconds,
         metavar="S",
-        help="stop after S seconds; on a busy machine later, by up to about a pass or group of passes",
+        help="stop after S seconds of this call; on a busy machine later, by up to about a pass or group of passes",
     )
     parser.add_argument(
         "--target-error",
