@@ -258,19 +258,17 @@ def _not_told_apart(
 
 
 def _integrator_of_script(best: MethodForecast) -> list[str]:
-    integrator = best.flags.split()[1]
-    if integrator in OWN:
+    name = best.integrator
+    if name in OWN:
         return []
-    return [
-        f"The script declares {integrator!r}: let it say INTEGRATOR = {integrator!r} for this command."
-    ]
+    return [f"The script declares {name!r}: let it say INTEGRATOR = {name!r} for this command."]
 
 
 def command_of(study: PictureStudy, found: MethodForecast, scene: str) -> str:
     """Return the command that renders what was measured: same pixels, threads and first seed."""
     width, height = study.size
     flags = found.flags.split()
-    if flags[1] not in OWN:
+    if found.integrator not in OWN:
         flags = flags[2:]
     words = ["hybrid-rt render", shlex.quote(scene), *flags, f"--passes {found.passes}"]
     size = f"--width {width} --height {height}"
@@ -300,10 +298,9 @@ def _at_full_size(
     width, height = full_size
     ratio = width * height / (study.size[0] * study.size[1])
     longer = f"{number(ratio, 2)} times as long, {seconds(found.seconds.median * ratio)}"
-    integrator = found.flags.split()[1]
     about = (
         f"up to {longer}: photons cost the same, rays from the camera more"
-        if INTEGRATORS[integrator].sends_photons
+        if INTEGRATORS[found.integrator].sends_photons
         else f"about {longer}"
     )
     return [

@@ -11,16 +11,20 @@ import numpy as np
 
 from hybrid_rt.analysis.bias import shared_error
 from hybrid_rt.analysis.methods import Method, curved_surfaces, finds_all_light
-from hybrid_rt.analysis.reference import LONG_ENOUGH, Image, run_method, stated_error
-from hybrid_rt.analysis.study_runs import GROWTH
+from hybrid_rt.analysis.reference import (
+    Image,
+    run_method,
+    seconds_of_passes,
+    short_render,
+    stated_error,
+)
 from hybrid_rt.core.progress import Say
 from hybrid_rt.core.timing import timed
 from hybrid_rt.intersection import Intersector
-from hybrid_rt.rendering.forecast import seconds_once
 from hybrid_rt.scene.scene import Scene
 from hybrid_rt.sensor.image_metrics import DARK
 
-# The method for meshes is chosen by renders of so many passes, as take at least half a second.
+# The method for meshes is chosen by short renders of so many passes.
 FEWEST_PASSES, MOST_PASSES, PROBE_SEED = 4, 256, 40_000
 
 
@@ -30,12 +34,10 @@ def steadiest(scene: Scene, methods: Sequence[Method], threads: int | None) -> M
     methods = complete or methods
 
     def squared_error_times_seconds(method: Method) -> float:
-        passes, spent = FEWEST_PASSES, 0.0
-        while spent < LONG_ENOUGH and passes <= MOST_PASSES:
-            report = run_method(scene, method, passes, PROBE_SEED, threads).report
-            spent = report["seconds"]["total"] - seconds_once(report["seconds"])
-            passes *= GROWTH
-        work = spent * stated_error(report, "both_trimmed") ** 2
+        probe = short_render(scene, method, FEWEST_PASSES, MOST_PASSES, PROBE_SEED, threads)
+        assert probe is not None
+        report, _ = probe
+        work = seconds_of_passes(report) * stated_error(report, "both_trimmed") ** 2
         return math.inf if math.isnan(work) else work
 
     return methods[0] if len(methods) == 1 else min(methods, key=squared_error_times_seconds)

@@ -64,6 +64,11 @@ class MethodForecast:
     measured_to: int = 0
 
     @property
+    def integrator(self) -> str:
+        """Its name, which the flags begin with."""
+        return self.flags.split()[1]
+
+    @property
     def is_certified(self) -> bool:
         """Whether its hits are."""
         return "--accuracy" not in self.flags

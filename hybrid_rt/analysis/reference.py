@@ -33,9 +33,11 @@ JUDGES = 3.0
 # The picture that checks a reference has so many passes less, or still less if they would take longer than the
 # reference; but from so many on its noise and blur are known well.
 FEWER_TO_CHECK, LEAST_TO_CHECK = 4, 8
-# Of so many times the passes of a render the seconds are forecast by it: first one pass, then so many times as
-# many, until its passes took so long.
-WORTH_A_FORECAST, GROWTH, LONG_ENOUGH = 16, 4, 0.5
+# The seconds of a render are forecast by one of so many times fewer passes at most.
+WORTH_A_FORECAST = 16
+# The next setting of a method has so many times the passes, and so has a short render, until its passes took so
+# many seconds.
+GROWTH, LONG_ENOUGH = 4, 0.5
 
 
 @dataclass(frozen=True)
@@ -129,8 +131,7 @@ def make_reference(
         n = max(passes // FEWER_TO_CHECK, min(passes, 2))
         cost = _cost(scene, others[0], n, threads)
         if cost is not None:
-            spent = main.report["seconds"]
-            as_long = int((spent["total"] - seconds_once(spent)) / cost[1])
+            as_long = int(seconds_of_passes(main.report) / cost[1])
             n = min(n, max(as_long, LEAST_TO_CHECK))
         say(f"the same by {others[0].name}, {n} passes{_about(cost, n)}")
         other = run_method(scene, others[0], n, CHECK_SEED, threads, "standard_error")
@@ -166,13 +167,11 @@ def _cost(
 
     None if these are not short beside it.
     """
-    n, cost = 1, None
-    while WORTH_A_FORECAST * n <= passes and (cost is None or n * cost[1] < GROWTH * LONG_ENOUGH):
-        seconds = run_method(scene, method, n, REFERENCE_SEED, threads).report["seconds"]
-        once = seconds_once(seconds)
-        cost = once, max(seconds["total"] - once, 1e-6) / n
-        n *= GROWTH
-    return cost
+    probe = short_render(scene, method, 1, passes // WORTH_A_FORECAST, REFERENCE_SEED, threads)
+    if probe is None:
+        return None
+    report, n = probe
+    return seconds_once(report["seconds"]), max(seconds_of_passes(report), 1e-6) / n
 
 
 def _about(cost: tuple[float, float] | None, passes: int) -> str:
@@ -269,3 +268,27 @@ def run_method(
         options=method.options,
         outputs=outputs,
     )
+
+
+def seconds_of_passes(report: dict[str, Any]) -> float:
+    """Return the seconds of a render that grow with its passes."""
+    seconds = report["seconds"]
+    return float(seconds["total"] - seconds_once(seconds))
+
+
+def short_render(
+    scene: Scene, method: Method, passes: int, most: int, seed: int, threads: int | None
+) -> tuple[dict[str, Any], int] | None:
+    """Render with more and more passes, from some on, until they take long enough to tell what one costs.
+
+    Returns
+    -------
+    report, passes
+        Of the last render; None if there is none, as ``passes`` is above ``most``.
+    """
+    found, spent = None, 0.0
+    while passes <= most and spent < LONG_ENOUGH:
+        report = run_method(scene, method, passes, seed, threads).report
+        found, spent = (report, passes), seconds_of_passes(report)
+        passes *= GROWTH
+    return found

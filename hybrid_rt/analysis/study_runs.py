@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from itertools import count
 
 from hybrid_rt.analysis.methods import Method
-from hybrid_rt.analysis.reference import Image, noise_of_mean, run_method, stated_error
+from hybrid_rt.analysis.reference import GROWTH, Image, noise_of_mean, run_method, stated_error
 from hybrid_rt.analysis.units import seconds as in_seconds
 from hybrid_rt.core.progress import Say
 from hybrid_rt.rendering.result import RenderResult
@@ -17,8 +17,6 @@ from hybrid_rt.rendering.units import passes_in_words
 from hybrid_rt.scene.scene import Scene
 from hybrid_rt.sensor.image_metrics import picture_errors
 
-# From one setting to the next, the passes of a method grow by this factor.
-GROWTH = 4
 # A render that takes so much of the seconds asked for is the last; so is one before less than so many times its passes.
 NEARLY, BARELY_MORE = 0.9, 1.15
 
