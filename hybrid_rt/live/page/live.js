@@ -164,7 +164,6 @@ function listen() {
   events.addEventListener("about", (event) => { about = JSON.parse(event.data); showAbout(); });
   events.addEventListener("state", async (event) => {
     attempts = 0;
-    notice("");
     state = JSON.parse(event.data);
     showState();
     if (state.phase !== "ended" && state.phase !== "failed") { fetchPicture(); return; }

@@ -139,6 +139,8 @@ def _controls_do_what_they_say(browser, earlier):
         "context.fillStyle = 'rgb(10, 200, 30)'; context.fillRect(0, 0, width, 32);"
         "compare(await Picture.ofFile(await canvas.convertToBlob()), name); } })()"
     )
+    passes = browser.run("state.passes")
+    browser.wait_for(f"state.passes > {passes}")  # what is new of the render does not hide it
     assert "small.png is 5" in browser.run("$('notice').textContent")
     browser.run("$('mode').value = 'slider'; $('mode').dispatchEvent(new Event('change'))")
     assert color_at(browser, 5, 5) == [10, 200, 30]
