@@ -113,7 +113,7 @@ def add_study_options(parser: argparse.ArgumentParser) -> None:
         nargs="+",
         default=(),
         metavar="N",
-        help="of path, per camera ray (default 0.5, at most 131,072 a pass)",
+        help="of path, per camera ray (default 0.5)",
     )
     parser.add_argument(
         "--reference-passes",
