@@ -47,7 +47,7 @@ from hybrid_rt.scene.scene import Scene
 # Half a 95 % interval of a mean of four groups of passes in standard errors (Student, 3 degrees).
 INTERVAL = 3.182
 # The stated error that counts, of all pixels, or without the worst 0.1 % of them.
-PARTS = {False: "both", True: "both_trimmed"}
+STATED = {False: "both", True: "both_trimmed"}
 
 
 @dataclass(frozen=True)
@@ -170,11 +170,11 @@ def study_picture(
     compile_seconds = _compiled(scene, chosen, threads)
     if reference is None:
         found, made = make_reference(
-            scene, reference_by, reference_passes, threads, say, keep, PARTS[trimmed]
+            scene, reference_by, reference_passes, threads, say, keep, STATED[trimmed]
         )
         truth = made.image
     else:
-        found, truth = given_reference(reference, PARTS[trimmed]), reference.image
+        found, truth = given_reference(reference, STATED[trimmed]), reference.image
     say(f"the reference: {off_itself(found)}")
     certified, on_meshes = chosen[0], []
     if not certified_only and curved_surfaces(scene):

@@ -15,7 +15,7 @@ ANNOUNCE_AFTER, AGAIN_AFTER = 0.5, 0.5
 # follow on each other within so many seconds.
 WARN_AFTER, SAME_WITHIN = 5.0, 10.0
 
-COMPILING = "Compiling kernels (first run only)"
+COMPILING = "Preparing kernels (the first run compiles them)"
 
 LOG = logging.getLogger(__name__)
 

@@ -105,7 +105,7 @@ def test_long_compilations_are_announced(monkeypatch, capsys):
         return 7
 
     assert command.run_tool(main) == 7
-    assert capsys.readouterr().err == "Compiling kernels (first run only) ...\n"
+    assert capsys.readouterr().err == "Preparing kernels (the first run compiles them) ...\n"
 
 
 @pytest.fixture

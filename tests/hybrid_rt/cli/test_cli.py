@@ -517,7 +517,7 @@ def test_progress_is_shown_as_asked(words, shown, capsys):
     """The standard error of a test is no terminal, so lines are plain."""
     assert cli.main(["render", "ball.py", "--passes", "1", *words]) == 0
     lines = capsys.readouterr().err.splitlines()
-    assert [line for line in lines if "Compiling" not in line] == shown
+    assert [line for line in lines if "Preparing kernels" not in line] == shown
 
 
 @pytest.mark.usefixtures("folder")
