@@ -66,16 +66,24 @@ class Integrator(ABC):
         """Copy what the integrator of another thread computed in `begin`."""
         del first
 
-    def prepare(self, passes: range) -> Any:
-        """Compute what all blocks of some passes need; by default nothing."""
-        del passes
+    @property
+    def parts(self) -> int:
+        """In how many parts each pass is prepared: more than 1 where that takes long."""
+        return 1
+
+    def prepare(self, passes: range, part: int) -> Any:
+        """Compute a part of what all blocks of some passes need; by default nothing.
+
+        Passes of several parts come one by one.
+        """
+        del passes, part
 
     def take(self, passes: range, prepared: Sequence[Any]) -> None:
-        """Store the results of `prepare`, run by run, for the passes that are traced next."""
+        """Store the results of `prepare`, pass by pass and part by part, for the passes traced next."""
         del passes, prepared
 
     def add_prepared(self, prepared: Any, images: FloatArray) -> None:
-        """Add the prepared contributions to the pictures (passes, pixels, 3) of a run."""
+        """Add the contributions of a result of `prepare` to the pictures (passes, pixels, 3)."""
         del prepared, images
 
     def trace(self, passes: range, first: int, stop: int) -> FloatArray:

@@ -193,9 +193,11 @@ class Workers:
         n = len(rows)
         size = self._block_size(n)
         blocks = [(first, min(first + size, n)) for first in range(0, n, size)]
-        runs = self._runs(passes)
-        prepared: list[Any] = [None] * len(runs)
-        for i, found in self._done(lambda worker, i: worker.prepare(runs[i]), range(len(runs))):
+        shares = self._shares(passes)
+        prepared: list[Any] = [None] * len(shares)
+        for i, found in self._done(
+            lambda worker, i: worker.prepare(*shares[i]), range(len(shares))
+        ):
             prepared[i] = found
         for integrator in self._integrators:
             integrator.take(passes, prepared)
@@ -204,7 +206,7 @@ class Workers:
             rows[first:stop] = radiance
             if on_rays is not None:
                 on_rays(min(done * size, n))
-        for run, found in zip(runs, prepared, strict=True):
+        for (run, _), found in zip(shares, prepared, strict=True):
             first, stop = run.start - passes.start, run.stop - passes.start
             part = images[first:stop].reshape(len(run), -1, 3)
             self._integrators[0].add_prepared(found, part)
@@ -224,12 +226,14 @@ class Workers:
         # At least four blocks a thread, so that a slow one does not hold up the others.
         return min(BLOCK, max(-(-n // (4 * len(self._integrators))), LEAST))
 
-    def _runs(self, passes: range) -> list[range]:
-        """Share passes among the threads."""
-        size = -(-len(passes) // len(self._integrators))
+    def _shares(self, passes: range) -> list[tuple[range, int]]:
+        """Return the passes and the part of them that each call of `Integrator.prepare` is for."""
+        parts = self._integrators[0].parts
+        size = 1 if parts > 1 else -(-len(passes) // len(self._integrators))
         return [
-            range(first, min(first + size, passes.stop))
-            for first in range(passes.start, passes.stop, size)
+            (passes[i : i + size], part)
+            for i in range(0, len(passes), size)
+            for part in range(parts)
         ]
 
     def _done(

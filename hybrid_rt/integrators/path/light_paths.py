@@ -46,18 +46,20 @@ LIGHT, PLACE, TURN, LENS, FIRST_STEP = 0, 1, 2, 3, 4
 PILOT_PASS, PILOT_PATHS = 2**32 - 1, 4096
 # Part of the usual distance between light vertices below which connections are too noisy.
 NEAR = 0.2
-# Paths that are traced at once, of one pass or several: each takes about 300 bytes.
-AT_ONCE = 2**18
+# Paths that are traced at once, of one pass or several: each takes about 300 bytes. A pass of more is
+# shared among threads.
+AT_ONCE = 2**16
 # Of each light vertex that is kept, with what connections compare and the splat.
 PER_VERTEX = 600
 
 
 @dataclass(frozen=True)
 class LightVertexPasses:
-    """The light vertices of some passes, and their splats.
+    """The light vertices of some passes, or of a part of one, and their splats.
 
     Attributes
     ----------
+    passes : range
     points : LightVertices
         In the order of the passes.
     offsets : (passes + 1,) int64
@@ -68,6 +70,7 @@ class LightVertexPasses:
         Radiance splatted there.
     """
 
+    passes: range
     points: LightVertices
     offsets: NDArray[np.int64]
     pixel: NDArray[np.int64]
@@ -145,20 +148,25 @@ class LightPathTracer:
             self.near = NEAR * float(np.median(np.linalg.norm(between, axis=1)))
         return float(points.density.size / PILOT_PATHS)
 
-    def trace(self, passes: range) -> LightVertexPasses:
-        """Trace the light subpaths of some passes."""
-        n = self.n_paths
-        step = max(AT_ONCE // n, 1)
-        parts = [
-            self._trace(passes[i : i + step], n, min(AT_ONCE, n - first), first)
+    @property
+    def parts(self) -> int:
+        """In how many parts the light subpaths of a pass are traced."""
+        return -(-self.n_paths // AT_ONCE)
+
+    def trace(self, passes: range, part: int = 0) -> LightVertexPasses:
+        """Trace a part of the light subpaths of some passes."""
+        first = part * AT_ONCE
+        count = min(AT_ONCE, self.n_paths - first)
+        step = AT_ONCE // count
+        runs = [
+            self._trace(passes[i : i + step], self.n_paths, count, first)
             for i in range(0, len(passes), step)
-            for first in range(0, n, AT_ONCE)
         ]
-        points = joined([part[0] for part in parts])
-        number, path = (np.concatenate([part[k] for part in parts]) for k in (1, 2))
-        self._context.ledger.rays["light paths"] += self.n_paths * len(passes)
+        points = joined([run[0] for run in runs])
+        number, path = (np.concatenate([run[k] for run in runs]) for k in (1, 2))
+        self._context.ledger.rays["light paths"] += count * len(passes)
         offsets = np.searchsorted(number, np.arange(passes.start, passes.stop + 1))
-        return LightVertexPasses(points, offsets, *self._shown(points, number, path))
+        return LightVertexPasses(passes, points, offsets, *self._shown(points, number, path))
 
     def _trace(
         self, passes: range, n: int, count: int, first: int = 0

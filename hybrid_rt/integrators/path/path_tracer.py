@@ -261,21 +261,29 @@ class PathTracer(Integrator):
             else "no light paths, whose gaps they fill, and no sky that is bright in few directions",
         )
 
-    def prepare(self, passes: range) -> LightVertexPasses | None:
-        """Trace the light subpaths of some passes."""
+    @property
+    def parts(self) -> int:
+        """In how many parts the light subpaths of a pass are traced."""
+        return 1 if self._lamps is None else self._lamps.parts
+
+    def prepare(self, passes: range, part: int) -> LightVertexPasses | None:
+        """Trace a part of the light subpaths of some passes."""
         if self._lamps is None:
             return None
         with self.context.ledger.stage("light paths"):
-            return self._lamps.trace(passes)
+            return self._lamps.trace(passes, part)
 
     def take(self, passes: range, prepared: Sequence[LightVertexPasses | None]) -> None:
         """Store the light vertices of the passes that are traced next."""
-        runs = [run for run in prepared if run is not None]
-        if runs:
-            sizes = np.concatenate([np.diff(run.offsets) for run in runs])
+        found = [part for part in prepared if part is not None]
+        if found:
+            sizes = np.zeros(len(passes), dtype=np.int64)
+            for part in found:
+                first = part.passes.start - passes.start
+                sizes[first : first + len(part.passes)] += np.diff(part.offsets)
             self._first_pass = passes.start
             first_of_pass = np.concatenate([[0], np.cumsum(sizes)])
-            self._keep(joined([run.points for run in runs]), first_of_pass)
+            self._keep(joined([part.points for part in found]), first_of_pass)
 
     def _keep(self, points: LightVertices, first_of_pass: IntArray) -> None:
         self._lit, self._first_of_pass = packed(points), first_of_pass

@@ -101,7 +101,7 @@ def test_light_paths_of_many_passes_are_traced_a_few_at_a_time(monkeypatch):
 
 
 def test_as_many_light_paths_as_asked_for_in_parts_of_a_pass(monkeypatch):
-    """Also where they are more than are traced at once."""
+    """Also where they are more than are traced at once, and shared among threads."""
     glass = Object(Sphere((0, 0, 1), 0.5), Dielectric(1.5))
     scene = Scene(CAMERA, [FLOOR, glass], [SphereLight((0, 0, 3), 0.3, 5.0)])
     n_pixels = CAMERA.width * CAMERA.height
@@ -111,6 +111,9 @@ def test_as_many_light_paths_as_asked_for_in_parts_of_a_pass(monkeypatch):
     monkeypatch.setattr(light_paths, "AT_ONCE", n_pixels // 2 + 1)
     parts = render(scene, passes=2, threads=1, options=options)
     assert parts.report["rays"] == whole.report["rays"]
+    shared = render(scene, passes=2, threads=3, options=options)
+    np.testing.assert_array_equal(shared.image, parts.image)
+    assert shared.report["rays"] == whole.report["rays"]
     # The splats of a pixel are added in another order.
     np.testing.assert_allclose(parts.image, whole.image, rtol=1e-5)
     assert PathOptions().n_light_paths(2**24) == 2**23
