@@ -12,7 +12,8 @@ from hybrid_rt.core.keywords import explains
 WAYS = ("both", "lights", "directions")
 # Far more photons than any machine holds, which `hybrid_rt.rendering.memory` says in time.
 MOST = 10**15
-# Light subpaths per camera ray. On six scenes of 320 and two of 1280 pixels 0.5 was best or within a tenth.
+# Light subpaths per camera ray: on five scenes, 320 and 1280 pixels wide, the best or within 11 % of its squared
+# noise times seconds.
 LIGHT_PATHS_PER_RAY = 0.5
 # Directions of one path: as good as no end.
 DEEPEST = 10**6
