@@ -78,9 +78,13 @@ class Integrator(ABC):
         """
         del passes, part
 
-    def take(self, passes: range, prepared: Sequence[Any]) -> None:
-        """Store the results of `prepare`, pass by pass and part by part, for the passes traced next."""
+    def gather(self, passes: range, prepared: Sequence[Any]) -> Any:
+        """Put the results of `prepare`, pass by pass and part by part, together for the passes traced next."""
         del passes, prepared
+
+    def take(self, gathered: Any) -> None:
+        """Store what the `gather` of one thread returned, which all threads share."""
+        del gathered
 
     def add_prepared(self, prepared: Any, images: FloatArray) -> None:
         """Add the contributions of a result of `prepare` to the pictures (passes, pixels, 3)."""

@@ -199,8 +199,9 @@ class Workers:
             lambda worker, i: worker.prepare(*shares[i]), range(len(shares))
         ):
             prepared[i] = found
+        gathered = self._integrators[0].gather(passes, prepared)
         for integrator in self._integrators:
-            integrator.take(passes, prepared)
+            integrator.take(gathered)
         traced = self._done(lambda worker, block: worker.trace(passes, *block), blocks)
         for done, ((first, stop), radiance) in enumerate(traced, start=1):
             rows[first:stop] = radiance

@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -75,6 +76,27 @@ class LightVertexPasses:
     offsets: NDArray[np.int64]
     pixel: NDArray[np.int64]
     value: FloatArray
+
+
+class LightOfPasses(NamedTuple):
+    """The light vertices that the camera paths of some passes are connected with.
+
+    Attributes
+    ----------
+    first_pass : int
+    points : LightVertices
+        See `packed`.
+    first_of_pass : (passes + 1,) int64
+        First row of each pass.
+    candidates, first_group : ndarray
+        See `candidates_of`.
+    """
+
+    first_pass: int
+    points: LightVertices
+    first_of_pass: IntArray
+    candidates: FloatArray
+    first_group: IntArray
 
 
 class LightPathTracer:

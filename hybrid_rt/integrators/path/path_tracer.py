@@ -56,6 +56,7 @@ from hybrid_rt.integrators.path.boxes import boxes_of, no_boxes
 from hybrid_rt.integrators.path.camera_paths import glass_alone, leaving_camera
 from hybrid_rt.integrators.path.light_paths import (
     PILOT_PATHS,
+    LightOfPasses,
     LightPathTracer,
     LightVertexPasses,
     candidates_of,
@@ -154,8 +155,7 @@ class PathTracer(Integrator):
         self._plan_ways()
         self._path, self._branch = (self._new_paths(1) for _ in range(2))
         self._points = new_run_points(RUN_ACROSS if self._forms is None else RUN_ALONG)
-        self._keep(*self._no_light_vertices())
-        self._first_pass = 0
+        self.take(self._light_of(0, *self._no_light_vertices()))
         self._of_use = 0.0
 
     def begin(self) -> None:
@@ -273,23 +273,34 @@ class PathTracer(Integrator):
         with self.context.ledger.stage("light paths"):
             return self._lamps.trace(passes, part)
 
-    def take(self, passes: range, prepared: Sequence[LightVertexPasses | None]) -> None:
-        """Store the light vertices of the passes that are traced next."""
+    def gather(
+        self, passes: range, prepared: Sequence[LightVertexPasses | None]
+    ) -> LightOfPasses | None:
+        """Put the light vertices of the passes that are traced next together."""
         found = [part for part in prepared if part is not None]
-        if found:
-            sizes = np.zeros(len(passes), dtype=np.int64)
-            for part in found:
-                first = part.passes.start - passes.start
-                sizes[first : first + len(part.passes)] += np.diff(part.offsets)
-            self._first_pass = passes.start
-            first_of_pass = np.concatenate([[0], np.cumsum(sizes)])
-            self._keep(joined([part.points for part in found]), first_of_pass)
+        if not found:
+            return None
+        sizes = np.zeros(len(passes), dtype=np.int64)
+        for part in found:
+            first = part.passes.start - passes.start
+            sizes[first : first + len(part.passes)] += np.diff(part.offsets)
+        first_of_pass = np.concatenate([[0], np.cumsum(sizes)])
+        return self._light_of(passes.start, joined([part.points for part in found]), first_of_pass)
 
-    def _keep(self, points: LightVertices, first_of_pass: IntArray) -> None:
-        self._lit, self._first_of_pass = packed(points), first_of_pass
+    def take(self, gathered: LightOfPasses | None) -> None:
+        """Store the light vertices of the passes that are traced next."""
+        if gathered is not None:
+            self._light_vertices = gathered
+
+    def _light_of(
+        self, first_pass: int, points: LightVertices, first_of_pass: IntArray
+    ) -> LightOfPasses:
+        connected = points, first_of_pass
         if self._lamps is None or self._lamps.near == np.inf:
-            points, first_of_pass = self._no_light_vertices()
-        self._candidates, self._first_group = candidates_of(points, first_of_pass, self._joins)
+            connected = self._no_light_vertices()
+        return LightOfPasses(
+            first_pass, packed(points), first_of_pass, *candidates_of(*connected, self._joins)
+        )
 
     def _no_light_vertices(self) -> tuple[LightVertices, IntArray]:
         return new_light_vertices(0, self._light.n_slots), np.zeros(1, dtype=np.int64)
@@ -376,7 +387,7 @@ class PathTracer(Integrator):
         if self._lamps is not None:
             camera_pdf = self.context.scene.camera.direction_pdf(block.directions)
             passes = pass_of(block.pixel >> PIXEL_BITS, block.sample)
-            number = passes.astype(np.int64) - self._first_pass
+            number = passes.astype(np.int64) - self._light_vertices.first_pass
         return Block(block.pixel, block.sample, block.origins, block.directions, camera_pdf, number)
 
     def _world(self) -> World:
@@ -396,10 +407,10 @@ class PathTracer(Integrator):
             sky=scene.sky,
             joins=self._joins,
             is_smooth=NONE_SMOOTH if self._lamps is None else self._lamps.is_smooth,
-            lit=self._lit,
-            candidates=self._candidates,
-            first_of_pass=self._first_of_pass,
-            first_group=self._first_group,
+            lit=self._light_vertices.points,
+            candidates=self._light_vertices.candidates,
+            first_of_pass=self._light_vertices.first_of_pass,
+            first_group=self._light_vertices.first_group,
             balls=self._balls,
             boxes=self._boxes,
             mirrors=self._mirrors,

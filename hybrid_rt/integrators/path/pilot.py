@@ -40,7 +40,7 @@ def work_times_noise(integrator: Integrator, n_light_paths: int) -> float:
     n_pixels, pixels = camera.width * camera.height, PILOT_PIXELS
     place = ((np.arange(pixels) + 0.5) * (n_pixels / pixels)).astype(np.uint64)
     with _left_alone(integrator) as rays:
-        integrator.take(PASSES, [integrator.prepare(PASSES, 0)])
+        integrator.take(integrator.gather(PASSES, [integrator.prepare(PASSES, 0)]))
         of_lights = rays() / (PILOT_LIGHT_PATHS * len(PASSES))
         # All at once: short batches would cost more between two intersections than in them.
         group, sample = group_of(np.repeat(np.array(PASSES, dtype=np.uint64), pixels))
