@@ -25,7 +25,7 @@ from hybrid_rt.sensor.camera import Camera
 from hybrid_rt.shading.kernels.bsdf import LobeTable
 from hybrid_rt.shading.kernels.environment import EnvironmentTable
 from hybrid_rt.shading.kernels.light_kinds import SURFACE, LightTable
-from hybrid_rt.shading.kernels.lobes.register import TRANSMITS
+from hybrid_rt.shading.kernels.lobes.register import NARROW, TRANSMITS, WIDE
 from hybrid_rt.shading.kernels.texture import CHECKER_UV, IMAGE, TextureTable
 from hybrid_rt.textures.texture import ConstantTexture, Texture
 
@@ -150,6 +150,11 @@ class CompiledScene:
     def materials_with(self, traits: int) -> BoolArray:
         """Return which materials have lobes with one of these traits, (materials + 1,)."""
         return np.asarray(self.lobes_with(traits).any(axis=1))
+
+    @property
+    def narrow_materials(self) -> BoolArray:
+        """(materials + 1,) bool: which spread light by narrow lobes and no wide ones."""
+        return self.materials_with(NARROW) & ~self.materials_with(WIDE)
 
 
 def compile_scene(scene: Scene) -> CompiledScene:

@@ -185,20 +185,20 @@ def make_plan(scene: CompiledScene, integrator: Needs, left_out: Sequence[str] =
         "no clear body touches another surface" if is_glass.any() else "no surface is a dielectric",
     )
     _plan_rays(plan, scene, integrator)
-    leads = bool((traits & DELTA).any())
+    leads = bool((traits & DELTA).any() or scene.narrow_materials.any())
     shines = bool(scene.lights.emit.any())
     has_points = bool(np.isin(scene.lights.kind, WITHOUT_AREA).any())
     of_points = "what point and spot lights send that way is not found"
     plan.decide(
         "light paths",
         not integrator.without_light_paths and spreads and leads and shines,
-        "area lights shine on surfaces by way of mirrors and glass: paths from them find that"
+        "area lights shine on surfaces by way of mirrors, metals and glass: paths from them find that"
         + (f"; {of_points}" if has_points else ""),
         integrator.without_light_paths
         if integrator.without_light_paths
         else "no surface spreads light"
         if not spreads
-        else "no mirror or glass throws light"
+        else "no mirror, metal or glass throws light"
         if not leads
         else f"no light has an area; {of_points}"
         if has_points

@@ -34,6 +34,7 @@ def copy_path(source, i, target, j):
     if source.rival.size:
         target.rival[j] = source.rival[i]
         target.joined[j] = source.joined[i]
+        target.has_met_wide[j] = source.has_met_wide[i]
     if source.chain.size:
         target.chain[j] = source.chain[i]
         if source.chain[i] != OTHER:

@@ -43,6 +43,9 @@ class Paths(NamedTuple):
     source_id: Any  # (n,) int32, object that the ray leaves from; -1 at the camera
     # (n,) bool, the light that diffuse surfaces send along the ray is found by connections; (0,): none
     joined: Any
+    # (n,) bool, a surface that is not narrow has spread it, see `hybrid_rt.integrators.kernels.light_paths`;
+    # (0,): as above
+    has_met_wide: Any
     # See `hybrid_rt.integrators.kernels.ways`; (0,) and (0, 9) where nothing is asked:
     chain: Any  # (n,) int8, what was met since the last non-delta vertex
     anchor: Any  # (n, 9) float64, where that vertex is, and what was sampled and asked there

@@ -95,7 +95,7 @@ def _leave_camera(block, i, media, path):
     path.splits[0] = MOST_SPLITS
     if path.rival.size:
         path.rival[0] = 0.0
-        path.joined[0] = False
+        path.joined[0] = path.has_met_wide[0] = False
     if path.chain.size:
         path.chain[0] = OTHER
     path.source_id[0] = NOTHING

@@ -1,15 +1,23 @@
 """Light subpaths, and their connections to camera subpaths: bidirectional path tracing for caustics.
 
 A camera path finds a caustic only if a BSDF sample leads by way of a mirror or a lens to a light:
-rarely, and then with a large value. A light subpath finds it often. The two techniques are combined
-by the power heuristic (Veach, "Robust Monte Carlo methods for light transport simulation", 1997,
-chapters 9 and 10). Of all connections of bidirectional path tracing one family is used.
+rarely, and then with a large value. A light subpath finds it often. The techniques are combined by the
+power heuristic (Veach, "Robust Monte Carlo methods for light transport simulation", 1997, chapters 9
+and 10). Of all connections of bidirectional path tracing one family is used.
 
-A light subpath leads from the light to non-delta surfaces, by way of at least one delta lobe
-(mirror or glass) before each. Each of its vertices with a non-delta lobe is a light vertex. Seen
-from the camera, the connection is made at the first two consecutive non-delta vertices; up to there
-the camera path had delta lobes only and could connect nowhere. So there are two techniques for each
-such path: the camera's alone, and one connection.
+A surface is narrow if all its non-delta lobes are (satin metal, frosted glass), else it is wide. A
+light subpath goes on from delta lobes and from narrow surfaces; of two wide surfaces in a row it ends at
+the second. Each wide surface before is a light vertex: camera paths are connected to it, and so is the
+camera itself, by a splat.
+
+Every path has one connection at most. Its vertex next to the light is the wide surface at which the light
+subpath comes to its end; its other one is the camera, or a wide surface, or a narrow one by which the
+camera sees it by way of narrow and delta lobes alone. (Behind a wide surface that is seen so, the light
+subpath goes on from the narrow one to that.) A narrow surface that the camera sees straight is splatted
+as well, unless it got the light straight from the light, or from a wide surface that is connected to it.
+
+So there are two techniques for each such path: the camera's alone, and one connection. If the first
+surface behind the light is narrow, next-event estimation there is a third.
 
 Only the choice of the lobe has a probability at a delta lobe, the same in both directions, and
 n^2 dA cos dw is invariant. So the ratio of the two pdfs depends only on the light and on non-delta
@@ -40,9 +48,11 @@ from hybrid_rt.shading.kernels.bsdf import (
     sides_differ,
 )
 from hybrid_rt.shading.kernels.light_kinds import (
+    SURFACE,
     chosen_strength,
     leaving_direction,
     leaving_point,
+    pdf_of_light,
 )
 from hybrid_rt.shading.kernels.lobes.register import (
     EVERY,
@@ -75,14 +85,19 @@ class LightPaths(NamedTuple):
     # (n,) float64, over that of the same path from the camera behind the joined point; per area and
     # projected solid angle times index^2
     density: Any
-    is_direct: Any  # (n,) bool, no mirror or lens since the lamp or surface that sent the light
+    is_direct: Any  # (n,) bool, no delta lobe or narrow surface since the lamp or surface that sent the light
+    # (n,) bool, camera paths are connected to the last wide surface on the way: from a narrow one that came
+    # next
+    is_left: Any
     media: Any  # (n, STACK) int32, or (n, 0)
     source_id: Any  # (n,) int32, object that the ray leaves from
     begins_late: Any  # (n,) bool, a mirror or lens came first
+    light_id: Any  # (n,) int32
+    cosine: Any  # (n,) float64, of the direction in which it left the light
 
 
 class LightVertices(NamedTuple):
-    """Light vertices: points with a non-delta lobe, reached from lights by way of delta lobes."""
+    """Light vertices: points with a non-delta lobe that light subpaths reach, see the module."""
 
     position: Any  # (n, 3) float64
     normal: Any  # (n, 3) float64, to shade by
@@ -104,8 +119,9 @@ class LightVertices(NamedTuple):
 
 @kernel
 def leave_lights(
-    lights, textures, points, emit, light_id, place, turn, scale, origin, direction, flux, density
-):
+    lights, textures, points, emit, light_id, place, turn, scale, origin, direction, flux, density,
+    cosine,
+):  # fmt: skip
     """Begin a light subpath at the light of each row.
 
     Parameters
@@ -121,6 +137,8 @@ def leave_lights(
     origin, direction, flux : (n, 3) float64, written
     density : (n,) float64, written
         pdf per area and projected solid angle, in vacuum.
+    cosine : (n,) float64, written
+        Of the direction to the light's normal.
     """
     for i in range(light_id.size):
         row = light_id[i]
@@ -135,9 +153,9 @@ def leave_lights(
             factor = math.pi * scale / (pdf_area * emit[row])
             density[i] = emit[row] * pdf_area / math.pi
         flux[i, 0], flux[i, 1], flux[i, 2] = factor * r, factor * g, factor * b
-        direction[i, 0], direction[i, 1], direction[i, 2] = leaving_direction(
-            lights, row, nx, ny, nz, turn[i, 0], turn[i, 1]
-        )
+        dx, dy, dz = leaving_direction(lights, row, nx, ny, nz, turn[i, 0], turn[i, 1])
+        direction[i, 0], direction[i, 1], direction[i, 2] = dx, dy, dz
+        cosine[i] = nx * dx + ny * dy + nz * dz
 
 
 @inlined
@@ -146,21 +164,35 @@ def is_followed_far(paths, i):
     return paths.number[i] % np.uint64(FOLLOWED_FAR) == np.uint64(0)
 
 
+@inlined
+def goes_through(paths, i, lights, narrow, material, steps):
+    """Tell whether a light subpath goes on from narrow surface ``material`` as it does from a mirror.
+
+    Not from one that a light of kind `SURFACE` shines on: its points are chosen otherwise by next-event
+    estimation than they are left by.
+    """
+    if not narrow[material] or paths.density[i] == 0.0:
+        return False
+    return steps > 0 or lights.kind[paths.light_id[i]] != SURFACE
+
+
 @kernel
-def store_light_vertices(paths, lobes, vertices, object_id, steps, keeps_all, out, row):
+def store_light_vertices(paths, lobes, narrow, vertices, object_id, steps, keeps_all, out, row):
     """Store the light vertices of the paths that hit a non-delta surface; return how many.
 
     Parameters
     ----------
     paths : LightPaths of n rows
     lobes : LobeTable
+    narrow : (materials + 1,) bool
     vertices : Vertices of n rows
         The hits of the paths' rays.
     object_id : (n,) int32
     steps : int
         Number of bounces so far.
     keeps_all : bool
-        Whether vertices of all light are stored; else those of light by way of delta lobes.
+        Whether vertices of all light are stored; else those of light by way of delta lobes and narrow
+        surfaces.
     out : LightVertices of n rows or more, written
     row : (n,) int32, written
         Rows of the stored paths.
@@ -173,6 +205,9 @@ def store_light_vertices(paths, lobes, vertices, object_id, steps, keeps_all, ou
         # Of light by way of delta lobes there is a vertex of each path, of other light one in a few.
         is_other = paths.is_direct[i] or paths.density[i] == 0.0
         if is_other and not (keeps_all and is_followed_far(paths, i)):
+            continue
+        # Narrow surfaces send it on, or to the camera, but camera paths are not connected to them.
+        if narrow[material[i]] and (is_other or paths.is_left[i]):
             continue
         factor = FOLLOWED_FAR if is_other and paths.density[i] > 0.0 else 1.0
         start = lobes.first[material[i]]
@@ -211,8 +246,9 @@ def store_light_vertices(paths, lobes, vertices, object_id, steps, keeps_all, ou
 def leave_surface(lobes, vertices, i, row, ratio, nx, ny, nz, xi, eta, branch):
     """Continue light subpath i at a non-delta surface.
 
-    Returns the direction, whether it is transmitted, the factors on flux, and the factor on the
-    ratio of the pdf from the light to that from the camera; all zero if the path ends.
+    Returns the direction, whether it is transmitted, the factors on flux, the factor on the ratio of
+    the pdf from the light to that from the camera, and the pdf per solid angle with which a camera path
+    would leave toward the light; all zero if the path ends.
     """
     material, colors, _, normal, direction, geometric, _ = vertices
     dx, dy, dz = direction[i, 0], direction[i, 1], direction[i, 2]
@@ -233,7 +269,7 @@ def leave_surface(lobes, vertices, i, row, ratio, nx, ny, nz, xi, eta, branch):
         or (nx * x + ny * y + nz * z < 0.0) != is_through
         or sides_differ(geometric, normal, i, direction, x, y, z)
     ):
-        return x, y, z, is_through, 0.0, 0.0, 0.0, 0.0
+        return x, y, z, is_through, 0.0, 0.0, 0.0, 0.0, 0.0
     # The cosine in f cos is the shading normal's, that of the flux is the surface's own.
     turn = density_of_turn(normal, geometric, i, x, y, z, dx, dy, dz, 1.0)
     factor = turn / pdf
@@ -241,20 +277,41 @@ def leave_surface(lobes, vertices, i, row, ratio, nx, ny, nz, xi, eta, branch):
     denser = pdf / (back * turn) if turn > 0.0 else 0.0
     if is_through:
         denser /= ratio * ratio
-    return x, y, z, is_through, factor * r, factor * g, factor * b, denser
+    return x, y, z, is_through, factor * r, factor * g, factor * b, denser, back
+
+
+@inlined
+def weight_against_asking(paths, i, lights, position, back):
+    """Return one over by how much next-event estimation makes the density from the camera larger.
+
+    That is at the first surface, which is narrow. What light subpaths are weighed against is the root
+    of the sum of the squares of both densities: by asking the light, and by BSDF sampling, whose pdf per
+    solid angle is ``back``.
+    """
+    row = paths.light_id[i]
+    px, py, pz = position[i, 0], position[i, 1], position[i, 2]
+    x, y, z = px - paths.origins[i, 0], py - paths.origins[i, 1], pz - paths.origins[i, 2]
+    t = math.sqrt(x * x + y * y + z * z)
+    if paths.cosine[i] <= 0.0:
+        return 1.0
+    asked = lights.chance[row] * pdf_of_light(lights, row, px, py, pz, t, paths.cosine[i], 0.0)
+    return 1.0 / math.hypot(1.0, asked / back)
 
 
 @kernel
 def extend_light_paths(
-    paths, lobes, vertices, object_id, is_smooth, second, choice, xi, steps, keeps_all, out
-):
+    paths, lobes, lights, narrow, vertices, object_id, is_smooth, second, choice, xi, steps,
+    keeps_all, out,
+):  # fmt: skip
     """Extend light subpaths by one bounce, and drop those that end; return how many are left.
 
-    At a surface that is lit directly only delta lobes are followed: light that non-delta lobes
+    At a wide surface that is lit directly only delta lobes are followed: light that non-delta lobes
     scatter there is found from the camera.
 
     Parameters
     ----------
+    lights : LightTable
+    narrow : (materials + 1,) bool
     vertices, object_id
         As in `store_light_vertices`.
     is_smooth : (objects,) bool
@@ -287,13 +344,16 @@ def extend_light_paths(
         at = ratio[i] if ratio.size else 0.0
         spreads = spreads_here(lobes, row, at)
         denser = 1.0
+        passes = spreads and goes_through(paths, i, lights, narrow, material[i], steps)
+        is_other = paths.density[i] == 0.0 or (paths.is_direct[i] and not passes)
         if spreads:
-            is_other = paths.is_direct[i] or paths.density[i] == 0.0
             if is_other and not (keeps_all and is_followed_far(paths, i)):
                 continue
-            x, y, z, is_through, r, g, b, denser = leave_surface(
+            x, y, z, is_through, r, g, b, denser, back = leave_surface(
                 lobes, vertices, i, row, at, nx, ny, nz, xi[i, 0], xi[i, 1], rest
             )
+            if passes and steps == 0 and back > 0.0:
+                denser *= weight_against_asking(paths, i, lights, position, back)
             if is_through:
                 pass_surface(row, paths.media, i, is_front, second)
         else:
@@ -316,7 +376,7 @@ def extend_light_paths(
         carried = max(r, g, b)
         if carried <= 0.0:
             continue
-        if spreads and (paths.is_direct[i] or paths.density[i] == 0.0):
+        if spreads and is_other:
             if paths.density[i] > 0.0:
                 r, g, b = FOLLOWED_FAR * r, FOLLOWED_FAR * g, FOLLOWED_FAR * b
             denser = 0.0
@@ -332,7 +392,13 @@ def extend_light_paths(
         out.directions[n, 0], out.directions[n, 1], out.directions[n, 2] = x, y, z
         out.flux[n, 0], out.flux[n, 1], out.flux[n, 2] = r, g, b
         out.density[n] = paths.density[i] * denser
-        out.is_direct[n] = spreads
+        out.is_direct[n] = spreads and not passes
+        out.is_left[n] = paths.is_left[i]
+        if passes:
+            out.is_left[n] = paths.is_left[i] or (paths.is_direct[i] and steps > 0)
+        elif spreads:
+            out.is_left[n] = False
+        out.light_id[n], out.cosine[n] = paths.light_id[i], paths.cosine[i]
         out.begins_late[n] = paths.begins_late[i] or (steps == 0 and not spreads)
         out.source_id[n] = object_id[i]
         for k in range(3):

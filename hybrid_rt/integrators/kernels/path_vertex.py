@@ -32,8 +32,14 @@ from hybrid_rt.integrators.kernels.vertex_points import (
     FAR,
     TO_LIGHT,
 )
-from hybrid_rt.shading.kernels.bsdf import Vertices
-from hybrid_rt.shading.kernels.emitter import Met, light_on_hit, light_on_ray
+from hybrid_rt.shading.kernels.bsdf import Vertices, is_behind
+from hybrid_rt.shading.kernels.emitter import (
+    Met,
+    density_of_light_path,
+    light_on_hit,
+    light_on_ray,
+)
+from hybrid_rt.shading.kernels.light_kinds import SURFACE
 from hybrid_rt.shading.kernels.lobes.register import DELTA, EVERY, SPREADS
 from hybrid_rt.shading.kernels.medium_stack import (
     cross_medium,
@@ -49,6 +55,7 @@ from hybrid_rt.shading.kernels.scatter import (
     SPECULAR,
     STOPPED,
     Rivals,
+    rival_after,
     scatter_one,
 )
 from hybrid_rt.shading.kernels.texture import texture_color
@@ -81,6 +88,7 @@ class World(NamedTuple):
     before: Any  # (lights + 1,) float64, cumulative distribution of the lights
     sky: Any  # EnvironmentTable
     joins: Any  # (materials,) bool, see `choose_far`
+    narrow: Any  # (materials + 1,) bool, see `hybrid_rt.integrators.kernels.light_paths`
     is_smooth: Any  # (objects,) bool, interpolated shading normals; (0,) without light paths
     lit: Any  # LightVertices
     candidates: Any  # (groups, N_TOLD, CANDIDATES) float64, see `choose_far`
@@ -129,7 +137,7 @@ class Vertex(NamedTuple):
     choice: Any  # (1, 2) float64, samples the lobe and survival
     onward: Any  # (1, 3) float64, the sampled direction
     brings: Any  # (CANDIDATES,) float64, see `choose_far`
-    before: Any  # (1,) float64, see `Rivals`
+    before: Any  # (1,) float64, see `Rivals` and `density_before`
     found: Any  # (MOST_WAYS,) float64, see `ask_through_spheres`
 
 
@@ -178,10 +186,11 @@ def absorbed_on_the_way(world, paths, vertex, unclosed):
 
 
 @part
-def emitted(world, rules, paths, vertex, pdf_area):
+def emitted(world, rules, paths, vertex, depth, pdf_area):
     """Return the radiance that the ray has run into, MIS-weighted.
 
-    ``pdf_area`` is the density of choosing the point on a light of kind `SURFACE`.
+    ``depth`` is the number of vertices before; ``pdf_area`` is the density of choosing the point on a light
+    of kind `SURFACE`.
     """
     hit, light = vertex.hit, NOTHING
     if hit.object_id[0] < 0:
@@ -192,7 +201,9 @@ def emitted(world, rules, paths, vertex, pdf_area):
     if light < 0:
         return 0.0, 0.0, 0.0
     met = Met(hit.t, hit.u, hit.v, hit.position, hit.normal)
-    rival = paths.rival[0] if paths.rival.size else 0.0
+    rival = 0.0
+    if paths.rival.size and (paths.pdf[0] == 0.0 or is_lit_by_narrow(world, paths, depth, light)):
+        rival = paths.rival[0]
     r, g, b = light_on_ray(
         world.lights, world.sky, world.textures, light, 0, met, paths.origins, paths.directions,
         paths.pdf[0], pdf_area, rival, paths.media, world.lobes, rules.strategy,
@@ -201,6 +212,34 @@ def emitted(world, rules, paths, vertex, pdf_area):
         weight = weight_of_emission(world, paths, hit, light)
         return weight * r, weight * g, weight * b
     return r, g, b
+
+
+@inlined
+def is_lit_by_narrow(world, paths, depth, light):
+    """Tell whether light subpaths bring what a narrow surface, which a path has left, got straight from a light.
+
+    The first vertex of a camera path is one that they would have to be connected to.
+    """
+    if depth < 2 or light == world.lights.kind.size or world.lights.kind[light] == SURFACE:
+        return False
+    return world.narrow[world.material_of[paths.source_id[0]]]
+
+
+@inlined
+def density_before(world, rules, paths, material, depth, camera_pdf):
+    """Return `Rivals.before` of a vertex: above zero if a light vertex there would be connected to the path.
+
+    Parameters are those of `leave_vertex`.
+    """
+    if depth == 0:
+        return camera_pdf / rules.n_light_paths
+    if world.narrow[material] or paths.pdf[0] == 0.0:
+        return 0.0
+    if paths.has_met_wide[0] and world.narrow[world.material_of[paths.source_id[0]]]:
+        return 0.0
+    # Of the light vertices of a pass, `of_use` a path, one is connected to, with a probability of
+    # CONNECT_CHANCE.
+    return paths.pdf[0] * (rules.of_use / CONNECT_CHANCE)
 
 
 @inlined
@@ -234,20 +273,26 @@ def look_up_surface(world, rules, paths, vertex):
 
 
 @part
-def ask_light(world, rules, paths, vertex, vertices, s, t, rays, n):
+def ask_light(world, rules, paths, vertex, vertices, depth, s, t, rays, n):
     """Next-event estimation: sample one light or the sky by (s, t); write row n of ``rays``.
 
     Tells whether there is such a shadow ray.
     """
     hit = vertex.hit
     light, s = choose_light(world.before, world.lights.chance, s)
-    x, y, z, r, g, b = light_on_hit(
+    x, y, z, r, g, b, density, pdf = light_on_hit(
         world.lights, world.sky, world.textures, vertex.light_point, light, world.lobes, vertices,
         0, s, t, rules.strategy, EVERY,
     )  # fmt: skip
     is_sky = light == world.surface_of_light.size
+    length = np.inf if is_sky else np.sqrt(x * x + y * y + z * z)
+    if rules.has_light_paths and density > 0.0 and not is_sky:
+        weight = weight_without_light_paths(
+            world, paths, vertex, vertices, depth, light, x / length, y / length, z / length,
+            density, pdf,
+        )  # fmt: skip
+        r, g, b = weight * r, weight * g, weight * b
     if paths.media.shape[1] > 0:
-        length = np.inf if is_sky else np.sqrt(x * x + y * y + z * z)
         before = after = 0.0
         if vertex.ratio.size:
             d, normal = paths.directions, hit.normal
@@ -273,6 +318,35 @@ def ask_light(world, rules, paths, vertex, vertices, s, t, rays, n):
     rays.value[n, 1] = paths.throughput[0, 1] * g
     rays.value[n, 2] = paths.throughput[0, 2] * b
     return True
+
+
+@inlined
+def weight_without_light_paths(
+    world, paths, vertex, vertices, depth, light, x, y, z, density, pdf
+):  # fmt: skip
+    """Return what the weight of next-event estimation is multiplied by for the light that light subpaths find too.
+
+    Parameters
+    ----------
+    x, y, z : float
+        Unit direction to the point of the light.
+    density, pdf : float
+        pdf per solid angle of next-event estimation and of BSDF sampling, which are weighted already.
+    """
+    if vertex.before[0] > 0.0 or paths.rival[0] == 0.0 or depth == 0:
+        return 1.0
+    if not world.narrow[vertex.material[0]] or world.lights.kind[light] == SURFACE:
+        return 1.0
+    hit = vertex.hit
+    rivals = Rivals(hit.t, vertex.before, world.is_smooth, hit.object_id, paths.rival)
+    is_through = is_behind(hit.normal, paths.directions, 0, x, y, z)
+    stack = vertex.beyond if is_through and vertex.beyond.size else paths.media
+    rival = rival_after(world.lobes, vertices, 0, rivals, x, y, z, pdf, is_through, stack)
+    if rival == 0.0:
+        return 1.0
+    leaving = density_of_light_path(world.lights, light, 0.0, stack, 0, world.lobes)
+    by_direction = (pdf / density) ** 2
+    return (1.0 + by_direction) / (1.0 + by_direction * (1.0 + (leaving / rival) ** 2))
 
 
 @part
@@ -327,11 +401,16 @@ def leave_vertex(
         s, t = xi[0, FAR, column], xi[1, FAR, column]
         chosen, factor = choose_far(world, rules, vertex, vertices, depth, number, s, t)
     # --- light we reach for
+    if rules.has_light_paths:
+        vertex.before[0] = density_before(
+            world, rules, paths, vertex.material[0], depth, camera_pdf
+        )
     if spreads and rules.asks_lights and not is_known:
         s, t = xi[0, TO_LIGHT, column], xi[1, TO_LIGHT, column]
-        n += ask_light(world, rules, paths, vertex, vertices, s, t, rays, n)
-    # --- light of other surfaces, and what mirrors and glass throw
-    if reaches:
+        n += ask_light(world, rules, paths, vertex, vertices, depth, s, t, rays, n)
+    # --- light of other surfaces, and what mirrors, metals and glass throw
+    is_narrow = world.narrow[vertex.material[0]]
+    if reaches and not (is_narrow and paths.has_met_wide[0]):
         s, t = xi[0, CONNECT, column], xi[1, CONNECT, column]
         n += connect_to_light_vertex(
             world, rules, paths, vertex, vertices, depth, number, s, t, rays, n
@@ -346,12 +425,6 @@ def leave_vertex(
     for k in range(2):
         vertex.xi[0, k] = xi[k, DIRECTION, column]
         vertex.choice[0, k] = xi[k, CHOICE, column]
-    if depth > 0:
-        # Of the light vertices of a pass, `of_use` a path, one is connected to, with a probability
-        # of CONNECT_CHANCE.
-        vertex.before[0] = paths.pdf[0] * (rules.of_use / CONNECT_CHANCE)
-    else:
-        vertex.before[0] = camera_pdf / rules.n_light_paths
     is_last, has_branch = depth == rules.max_depth, False
     if paths.media.shape[1] > 0:
         share = reflected_share(world, rules, paths, vertex, depth)
@@ -369,6 +442,7 @@ def leave_vertex(
         paths.carried[0] = _weight(world, paths)
     if rules.has_light_paths:
         paths.joined[0] = joins and paths.pdf[0] > 0.0
+        paths.has_met_wide[0] |= paths.pdf[0] > 0.0 and not is_narrow
     if is_known and paths.pdf[0] > 0.0:
         return ABSORBED, n, False
     if paths.chain.size and fate >= SCATTERED:
@@ -405,7 +479,7 @@ def _lose(world, paths, tally):
 def arrive(world, rules, paths, vertex, depth, pdf_area, radiance, tally):
     """Add the light that a path has run into; tell whether it goes on at this vertex."""
     absorbed_on_the_way(world, paths, vertex, tally.unclosed)
-    r, g, b = emitted(world, rules, paths, vertex, pdf_area)
+    r, g, b = emitted(world, rules, paths, vertex, depth, pdf_area)
     row = paths.camera_ray[0]
     radiance[row, 0] += paths.throughput[0, 0] * r
     radiance[row, 1] += paths.throughput[0, 1] * g

@@ -44,6 +44,7 @@ def leaving_camera(
         media=np.repeat(media[None], n, axis=0),
         source_id=np.full(n, NOTHING, dtype=np.int32),
         joined=np.zeros(n if has_rivals else 0, dtype=np.bool_),
+        has_met_wide=np.zeros(n if has_rivals else 0, dtype=np.bool_),
         chain=np.full(n if asks_ways else 0, OTHER, dtype=np.int8),
         anchor=np.empty((n if asks_ways else 0, N_COLUMNS)),
     )

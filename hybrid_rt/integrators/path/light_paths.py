@@ -1,7 +1,7 @@
 """Light subpaths of each pass: traced from area lights, splatted to the film, kept for connections.
 
-Where delta lobes lead a light subpath to a surface with a non-delta lobe, that vertex is splatted
-to the pixel that sees it, and kept as a light vertex for camera paths to connect to.
+Where mirrors, glass or narrow lobes lead a light subpath to a surface with a non-delta lobe, that vertex is
+splatted to the pixel that sees it, and kept as a light vertex for camera paths to connect to.
 `hybrid_rt.integrators.kernels.light_paths` derives the weights.
 """
 
@@ -35,6 +35,7 @@ from hybrid_rt.integrators.options import PathOptions
 from hybrid_rt.sampling.sampler import UIntArray
 from hybrid_rt.scene.compiled import NOTHING, CompiledScene
 from hybrid_rt.shading.kernels.bsdf import LobeTable
+from hybrid_rt.shading.kernels.light_kinds import SURFACE
 from hybrid_rt.shading.kernels.lobes.register import DELTA, DIFFUSE, SPREADS
 from meshing.kernels.prefetch import LINE
 
@@ -62,18 +63,21 @@ class LightVertexPasses:
     ----------
     passes : range
     points : LightVertices
-        In the order of the passes.
+        Those that camera paths are connected to, in the order of the passes.
     offsets : (passes + 1,) int64
         First row of each pass.
-    pixel : (n,) int64
-        The pixel that sees each light vertex; -1: none.
-    value : (n, 3) float64
+    first_splat : (passes + 1,) int64
+        First splat of each pass.
+    pixel : (splats,) int64
+        The pixel that sees a light vertex; -1: none.
+    value : (splats, 3) float64
         Radiance splatted there.
     """
 
     passes: range
     points: LightVertices
     offsets: NDArray[np.int64]
+    first_splat: NDArray[np.int64]
     pixel: NDArray[np.int64]
     value: FloatArray
 
@@ -146,6 +150,7 @@ class LightPathTracer:
         self._media_around = MediaAroundLights(context, contacts, sends.tolist())
         self._media_of_camera = camera_media
         self._mirrors = scene.materials_with(DELTA)
+        self._narrow = scene.narrow_materials
         self.is_smooth = np.zeros(max(len(scene.surfaces), 1), dtype=np.bool_)
         self.is_smooth[list(scene.vertex_normals)] = True
 
@@ -158,7 +163,9 @@ class LightPathTracer:
             If those of a pass are more than this process can have.
         """
         points, _, _ = self._trace(range(PILOT_PASS, PILOT_PASS + 1), PILOT_PATHS, PILOT_PATHS)
-        needed = PER_VERTEX * self.n_paths * points.density.size // PILOT_PATHS
+        n_found = points.density.size
+        points, _ = self._to_connect(points)
+        needed = PER_VERTEX * self.n_paths * n_found // PILOT_PATHS
         if needed > available_bytes():
             raise MemoryError(
                 f"a pass of {self.n_paths} light subpaths takes about {bytes_in_words(needed)} of memory, this "
@@ -168,7 +175,7 @@ class LightPathTracer:
         if self.keeps_all and half:
             between = points.position[:half] - points.position[half : 2 * half]
             self.near = NEAR * float(np.median(np.linalg.norm(between, axis=1)))
-        return float(points.density.size / PILOT_PATHS)
+        return float(max(points.density.size, min(n_found, 1)) / PILOT_PATHS)
 
     @property
     def parts(self) -> int:
@@ -187,8 +194,18 @@ class LightPathTracer:
         points = joined([run[0] for run in runs])
         number, path = (np.concatenate([run[k] for run in runs]) for k in (1, 2))
         self._context.ledger.rays["light paths"] += count * len(passes)
-        offsets = np.searchsorted(number, np.arange(passes.start, passes.stop + 1))
-        return LightVertexPasses(passes, points, offsets, *self._shown(points, number, path))
+        splats = self._shown(points, number, path)
+        points, kept = self._to_connect(points)
+        ends = np.arange(passes.start, passes.stop + 1)
+        offsets, first_splat = np.searchsorted(number[kept], ends), np.searchsorted(number, ends)
+        return LightVertexPasses(passes, points, offsets, first_splat, *splats)
+
+    def _to_connect(self, points: LightVertices) -> tuple[LightVertices, NDArray[np.int64]]:
+        """Return the light vertices that camera paths are connected to, and their rows."""
+        rows = np.flatnonzero(~self._narrow[points.material])
+        if rows.size < points.density.size:
+            points = LightVertices(*(column.take(rows, axis=0) for column in points))
+        return points, rows
 
     def _trace(
         self, passes: range, n: int, count: int, first: int = 0
@@ -200,8 +217,9 @@ class LightPathTracer:
         context, scene = self._context, self._context.scene
         paths = self._leaving_lights(passes, n, np.arange(first, first + count, dtype=np.uint64))
         found = [(new_light_vertices(0, self._light.n_slots), paths.sample[:0], paths.number[:0])]
-        # The way to the camera takes one direction more than those before the point.
-        for step in range(context.max_depth):
+        # The way to the camera takes one direction more than those before the point; so does a mirror or lens
+        # at its beginning.
+        for step in range(context.max_depth + bool(self._narrow.any())):
             with context.ledger.stage("intersect"):
                 source = NamedPoints(paths.source_id, paths.origins)
                 hits, second = first_hits(
@@ -209,7 +227,8 @@ class LightPathTracer:
                 )
             material = self._light.material(hits)
             absorb(context, paths.media, material, hits, second, paths.flux)
-            material = np.where(self._ends(paths, material), np.int32(NOTHING), material)
+            ends = self._ends(paths, material, step)
+            material = np.where(ends, np.int32(NOTHING), material)
             shading = self._light.shading(hits, paths.directions, material, paths.media, second)
             hits = shading.hits
             if step > 0 or self.keeps_all:
@@ -218,14 +237,15 @@ class LightPathTracer:
                     np.empty_like(material),
                 )
                 n_out = kernels.store_light_vertices(
-                    paths, scene.lobes, shading.vertices, hits.object_id, step, self.keeps_all, out,
-                    row,
+                    paths, scene.lobes, self._narrow, shading.vertices, hits.object_id, step,
+                    self.keeps_all, out, row,
                 )  # fmt: skip
                 points = LightVertices(*(column[:n_out] for column in out))
                 found.append((points, paths.sample[row[:n_out]], paths.number[row[:n_out]]))
             going = LightPaths(*(np.empty_like(column) for column in paths))
             n_going = kernels.extend_light_paths(
-                paths, scene.lobes, shading.vertices, hits.object_id, self.is_smooth, second,
+                paths, scene.lobes, scene.lights, self._narrow, shading.vertices, hits.object_id,
+                self.is_smooth, second,
                 self._points(paths.sample, paths.number, FIRST_STEP + 2 * step),
                 self._points(paths.sample, paths.number, FIRST_STEP + 2 * step + 1), step,
                 self.keeps_all, going,
@@ -241,9 +261,13 @@ class LightPathTracer:
         points = LightVertices(*(column.take(order, axis=0) for column in points))
         return points, sample[order], np.concatenate(numbers)[order]
 
-    def _ends(self, paths: LightPaths, material: IntArray) -> BoolArray:
-        """Tell which paths end, as they bring light that is not kept and no delta lobe leads on."""
-        ends: BoolArray = (paths.is_direct | (paths.density == 0.0)) & ~self._mirrors[material]
+    def _ends(self, paths: LightPaths, material: IntArray, step: int) -> BoolArray:
+        """Tell which paths end, as they bring light that is not kept and nothing narrow leads on."""
+        passes = self._narrow[material]  # see `goes_through`
+        if step == 0:
+            passes &= self._context.scene.lights.kind[paths.light_id] != SURFACE
+        ends: BoolArray = (paths.is_direct & ~passes) | (paths.density == 0.0)
+        ends &= ~self._mirrors[material]
         if self.keeps_all:
             ends &= paths.number % np.uint64(kernels.FOLLOWED_FAR) != 0
         return ends
@@ -263,14 +287,17 @@ class LightPathTracer:
             flux=np.empty((number.size, 3)),
             density=np.empty(number.size),
             is_direct=np.ones(number.size, dtype=np.bool_),
+            is_left=np.zeros(number.size, dtype=np.bool_),
             media=np.empty((number.size, 0), dtype=np.int32),
             source_id=scene.surface_of_light.take(light),
             begins_late=np.zeros(number.size, dtype=np.bool_),
+            light_id=light,
+            cosine=np.empty(number.size),
         )
         kernels.leave_lights(
             scene.lights, scene.textures, leaving_points(scene, light, place), self._emit, light, place,
             self._points(sample, number, TURN), 1.0 / n, paths.origins, paths.directions, paths.flux,
-            paths.density,
+            paths.density, paths.cosine,
         )  # fmt: skip
         with context.ledger.stage("intersect"):
             media = self._media_around.at(light, paths.origins, paths.directions)

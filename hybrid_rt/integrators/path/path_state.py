@@ -48,6 +48,7 @@ def new_paths(n: int, media_depth: int, has_rivals: bool, asks_ways: bool) -> Pa
         media=np.empty((n, media_depth), dtype=np.int32),
         source_id=np.empty(n, dtype=np.int32),
         joined=np.empty(n if has_rivals else 0, dtype=np.bool_),
+        has_met_wide=np.empty(n if has_rivals else 0, dtype=np.bool_),
         chain=np.empty(n if asks_ways else 0, dtype=np.int8),
         anchor=np.empty((n if asks_ways else 0, N_COLUMNS)),
     )

@@ -120,7 +120,7 @@ class PathTracer(Integrator):
         self._joins = diffuse_materials(context.scene.lobes)
         self._ends_known = self._joins & ~context.scene.materials_with(DELTA)[:-1]
         self._lamps: LightPathTracer | None = None
-        # One mirror or lens, and a surface on either end of the join, at least.
+        # One mirror, lens or narrow surface, and a surface on either end of the join, at least.
         if plan["light paths"]:
             self._lamps = LightPathTracer(
                 context,
@@ -309,7 +309,7 @@ class PathTracer(Integrator):
         """Add the splats of the light vertices."""
         if prepared is None:
             return
-        for image, (first, stop) in zip(images, pairwise(prepared.offsets), strict=True):
+        for image, (first, stop) in zip(images, pairwise(prepared.first_splat), strict=True):
             add_to_pixels(prepared.pixel[first:stop], prepared.value[first:stop], image)
 
     def _radiance(self, block: CameraBlock) -> FloatArray:
@@ -406,6 +406,7 @@ class PathTracer(Integrator):
             before=np.cumsum(scene.lights.chance),
             sky=scene.sky,
             joins=self._joins,
+            narrow=scene.narrow_materials,
             is_smooth=NONE_SMOOTH if self._lamps is None else self._lamps.is_smooth,
             lit=self._light_vertices.points,
             candidates=self._light_vertices.candidates,

@@ -47,8 +47,14 @@ def power_weight(pdf, other):
 def light_on_hit(lights, sky, textures, points, row, lobes, vertices, i, s, t, strategy, asked):
     """Sample a point of light ``row`` by (s, t), as seen from hit i, times f cos of non-delta lobes.
 
-    Parameters are those of `light_on_hits`. Returns the vector to that point (to the environment: a
-    unit direction), and the radiance scattered if it is unoccluded; zero if there is none.
+    Parameters are those of `light_on_hits`.
+
+    Returns
+    -------
+    x, y, z : the vector to that point (to the environment: a unit direction)
+    r, g, b : the radiance scattered if it is unoccluded; zero if there is none
+    density : pdf per solid angle of sampling that direction, 0 where BSDF sampling has no weight
+    pdf : that of BSDF sampling
     """
     material, colors, position, normal, direction, geometric, ratio = vertices
     px, py, pz = position[i, 0], position[i, 1], position[i, 2]
@@ -61,7 +67,7 @@ def light_on_hit(lights, sky, textures, points, row, lobes, vertices, i, s, t, s
     else:
         x, y, z, distance, factor, u, v = light_point(lights, points, i, row, px, py, pz, s, t)
     if factor == 0.0 or sides_differ(geometric, normal, i, direction, x, y, z):
-        return 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+        return 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     r, g, b, pdf = scattered(
         lobes, material[i], colors, i,
         normal[i, 0], normal[i, 1], normal[i, 2],
@@ -69,7 +75,8 @@ def light_on_hit(lights, sky, textures, points, row, lobes, vertices, i, s, t, s
         x / distance, y / distance, z / distance, ratio[i] if ratio.size else 0.0, asked,
     )  # fmt: skip
     if pdf == 0.0:
-        return 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+        return 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    density = 0.0
     if is_sky:
         p, q, k = sky_radiance(sky, x, y, z)
     else:
@@ -77,8 +84,9 @@ def light_on_hit(lights, sky, textures, points, row, lobes, vertices, i, s, t, s
     if strategy != UNWEIGHTED:
         factor /= lights.chance[row]
         if strategy == BOTH and (is_sky or has_area(lights, row)):
-            factor *= power_weight(1.0 / factor, pdf)
-    return x, y, z, factor * p * r, factor * q * g, factor * k * b
+            density = 1.0 / factor
+            factor *= power_weight(density, pdf)
+    return x, y, z, factor * p * r, factor * q * g, factor * k * b, density, pdf
 
 
 @kernel
@@ -110,7 +118,7 @@ def light_on_hits(
     for i in range(light_id.size):
         x = y = z = r = g = b = 0.0
         if material[i] >= 0:
-            x, y, z, r, g, b = light_on_hit(
+            x, y, z, r, g, b, _, _ = light_on_hit(
                 lights, sky, textures, points, light_id[i], lobes, vertices, i, xi[i, 0], xi[i, 1],
                 strategy, asked,
             )  # fmt: skip
@@ -130,6 +138,9 @@ def light_on_ray(
     t, u, v, position, normal = met
     x, y, z = direction[i, 0], direction[i, 1], direction[i, 2]
     is_sky = row == lights.kind.size
+    by_light_paths = 0.0
+    if strategy == BOTH and rival > 0.0 and not is_sky:
+        by_light_paths = density_of_light_path(lights, row, pdf_area, media, i, lobes) / rival
     weight = 1.0
     if strategy < DIRECTION_ONLY and pdf > 0.0 and lights.chance[row] > 0.0:
         if is_sky:
@@ -141,14 +152,11 @@ def light_on_ray(
             )
         density *= lights.chance[row]
         if strategy == BOTH:
-            weight = power_weight(pdf, density)
+            weight = power_weight(pdf, math.hypot(density, by_light_paths * pdf))
         elif density > 0.0:
             weight = 0.0
-    elif strategy == BOTH and rival > 0.0 and lights.emit[row] > 0.0:
-        density = lights.emit[row] / math.pi * pdf_of_area(lights, row, pdf_area)
-        if media.shape[1] > 0:
-            density /= ior_of(lobes, filling_medium(media, i, lobes)) ** 2
-        weight = power_weight(rival, density)
+    else:
+        weight = power_weight(1.0, by_light_paths)
     if weight == 0.0:
         return 0.0, 0.0, 0.0
     if is_sky:
@@ -158,6 +166,18 @@ def light_on_ray(
             lights, textures, row, u[i], v[i], position[i, 0], position[i, 1], position[i, 2]
         )
     return weight * r, weight * g, weight * b
+
+
+@inlined
+def density_of_light_path(lights, row, pdf_area, media, i, lobes):
+    """Return the density with which light subpaths leave a point of a light in one direction.
+
+    Per area and projected solid angle, over the index squared there: ``media[i]`` is the medium stack.
+    """
+    density = lights.emit[row] / math.pi * pdf_of_area(lights, row, pdf_area)
+    if media.shape[1] > 0:
+        density /= ior_of(lobes, filling_medium(media, i, lobes)) ** 2
+    return density
 
 
 @kernel
@@ -182,8 +202,8 @@ def light_on_rays(
     pdf_area : (n,) float64
         pdf per area of sampling the point of a `SURFACE`; may be empty if there is none.
     rival : (n,) float64
-        For paths from a non-delta vertex by way of delta lobes: the density to weigh against light
-        subpaths (see `hybrid_rt.integrators.kernels.light_paths`); else 0.
+        For paths by way of delta lobes or narrow surfaces: the density to weigh against light subpaths
+        (see `hybrid_rt.integrators.kernels.light_paths`); else 0.
     media : (n, STACK) int32, or (n, 0)
         Medium stacks of the rays.
     radiance : (n, 3) float64, written

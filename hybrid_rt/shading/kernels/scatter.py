@@ -97,6 +97,42 @@ def density_of_turn(normal, geometric, i, dx, dy, dz, x, y, z, density):
     return density * arriving / leaving if leaving > 0.0 else 0.0
 
 
+@inlined
+def rival_after(lobes, vertices, i, rivals, x, y, z, density, is_through, stack):
+    """Return `Rivals.density` of a path that leaves a non-delta vertex in the direction (x, y, z).
+
+    Parameters
+    ----------
+    density : float
+        pdf of the direction per solid angle.
+    is_through : bool
+        Whether the direction crosses a dielectric surface.
+    stack : (n, STACK) int32, or (n, 0)
+        Medium stacks of the rays that leave.
+    """
+    material, colors, _, normal, direction, geometric, ratio = vertices
+    dx, dy, dz = direction[i, 0], direction[i, 1], direction[i, 2]
+    turn = density_of_turn(normal, geometric, i, dx, dy, dz, x, y, z, density)
+    before, so_far = rivals.before[i], rivals.density[i]
+    if before > 0.0:
+        rival = turn * before / (rivals.t[i] * rivals.t[i])
+        if stack.shape[1] > 0:
+            rival /= ior_of(lobes, filling_medium(stack, i, lobes)) ** 2
+        return rival
+    if so_far == 0.0:
+        return 0.0
+    at = ratio[i] if ratio.size else 0.0
+    if is_through:
+        # Densities are over the index squared of where either direction runs.
+        turn /= at * at
+        at = 1.0 / at
+    _, _, _, back = scattered(
+        lobes, material[i], colors, i, normal[i, 0], normal[i, 1], normal[i, 2],
+        -x, -y, -z, -dx, -dy, -dz, at, EVERY,
+    )  # fmt: skip
+    return so_far * turn / back if back > 0.0 else 0.0
+
+
 @part
 def scatter_one(
     lobes, vertices, i, xi, choice, stack, second, may_spread, may_mirror, roulette, reference,
@@ -108,7 +144,7 @@ def scatter_one(
     with; 0: it takes no notice of throughput.
     """
     material, colors, _, normal, direction, geometric, ratio = vertices
-    t, before, is_smooth, object_id, rival = rivals
+    is_smooth, object_id, rival = rivals.is_smooth, rivals.object_id, rivals.density
     pdf[i] = 0.0
     if material[i] < 0:
         return LEFT
@@ -123,21 +159,9 @@ def scatter_one(
     if density > 0.0:
         fate = SCATTERED if may_spread else STOPPED
         if rival.size:
-            turn = density_of_turn(normal, geometric, i, dx, dy, dz, x, y, z, density)
-            if before[i] > 0.0:
-                rival[i] = turn * before[i] / (t[i] * t[i])
-                if stack.shape[1] > 0:
-                    rival[i] /= ior_of(lobes, filling_medium(stack, i, lobes)) ** 2
-            elif rival[i] > 0.0:
-                if is_refracted:
-                    # Densities are over the index squared of where either direction runs.
-                    turn /= at * at
-                    at = 1.0 / at
-                _, _, _, back = scattered(
-                    lobes, material[i], colors, i, normal[i, 0], normal[i, 1], normal[i, 2],
-                    -x, -y, -z, -dx, -dy, -dz, at, EVERY,
-                )  # fmt: skip
-                rival[i] = rival[i] * turn / back if back > 0.0 else 0.0
+            rival[i] = rival_after(
+                lobes, vertices, i, rivals, x, y, z, density, is_refracted, stack
+            )
     else:
         fate = SPECULAR if may_mirror else STOPPED
         if rival.size and is_smooth[object_id[i]]:

@@ -20,6 +20,7 @@ from hybrid_rt.lights import (
     SphereLight,
 )
 from hybrid_rt.materials import Dielectric, Emissive, Lambertian, Metal, Mirror, Mix, Phong
+from hybrid_rt.materials.rough_dielectric import RoughDielectric
 from hybrid_rt.primitives import Box, Plane, Rectangle, Sphere, TriangleMesh
 from hybrid_rt.primitives.torus import Torus
 from hybrid_rt.rendering.renderer import render
@@ -566,6 +567,9 @@ class TestConnections:
         "glass that absorbs": ([Object(Sphere((0.3, 0.2, -0.5), 0.45), Dielectric(1.5, (0.5, 1, 2)))], {}),
         "half mirror, half matt": (
             [Object(Sphere((0.3, 0.2, -0.4), 0.5), Mix([(0.5, Mirror(0.9)), (0.5, Lambertian(0.8))]))], {}),
+        "rough metal and glass": (
+            [Object(Sphere((0.4, 0.2, -0.5), 0.45), RoughDielectric(1.5, 0.3)),
+             Object(Sphere((-0.5, 0.3, -0.6), 0.4), Metal(0.9, 0.2))], {}),
         "few directions": ([PARTITION], {"max_depth": 2}),
     }  # fmt: skip
 
@@ -623,6 +627,8 @@ class TestLightPaths:
     MIRROR = Object(Sphere((1.4, 0.5, 0.6), 0.6), Mirror(0.9), "mirror")
     LENS = TriangleMesh(trimesh.creation.icosphere(2)).transformed(
         [[0.6, 0, 0, 0], [0, 0.6, 0, 0], [0, 0, 0.6, 0.8], [0, 0, 0, 1]])  # fmt: skip
+    FROSTED = Object(BALL, RoughDielectric(1.5, 0.3, (0.1, 0.2, 0.3)), "frosted glass")
+    SATIN = Object(Sphere((-1.2, -0.4, 0.45), 0.45), Metal(0.9, 0.2), "satin metal")
     POND = Object(Box((-2, -2, -0.1), (2, 2, 1.2)), Dielectric(1.33, (0.1, 0.2, 0.3)), "pond")
     STONE = Object(Sphere((0.8, 0, 0.4), 0.3), Lambertian(0.8), "stone")
 
@@ -657,6 +663,24 @@ class TestLightPaths:
         "shining mirror": (
             [FLOOR, GLASS, Object(MIRROR.surface, Emissive(2.0, Mirror(0.5)))], [LAMP], {}, {}),
         "short": ([FLOOR, GLASS, MIRROR], [LAMP], {}, {"max_depth": 3}),
+        # Narrow lobes: by next-event estimation there, by chance, and from the lamp.
+        "frosted": ([FLOOR, FROSTED, SATIN, MIRROR], [LAMP], {}, {}),
+        "frosted, short": ([FLOOR, FROSTED, SATIN], [LAMP], {}, {"max_depth": 2}),
+        "frosted, shortest": ([FLOOR, FROSTED, SATIN], [LAMP], {}, {"max_depth": 1}),
+        "frosted, of several lamps": (
+            [FLOOR, FROSTED, SATIN, Object(dome(3.0), Emissive((6, 8, 9)))],
+            [SphereLight((0, 0.5, 3), 0.3, 20), SphereLight((2, -1, 2), 0.1, 50)], {}, {}),
+        "frosted lamp": (
+            [FLOOR, FROSTED, MIRROR], [SphereLight((0, 0, 0.8), 0.2, 20)], {}, {}),
+        "satin floor": ([Object(FLOOR.surface, SATIN.material), FROSTED, STONE], [LAMP], {}, {}),
+        "satin mixtures": (
+            [FLOOR, Object(BALL, Mix([(0.5, Metal(0.9, 0.2)), (0.3, Mirror(0.9))])),
+             Object(SATIN.surface, Mix([(0.5, Metal(0.9, 0.15)), (0.4, Lambertian(0.7))])),
+             Object(MIRROR.surface, Mix([(0.5, RoughDielectric(1.5, 0.3)), (0.3, Mirror(0.9))]))],
+            [LAMP], {}, {}),
+        "camera in frosted glass": (
+            [FLOOR, Object(Sphere((0, -1, 1), 2.5), RoughDielectric(1.5, 0.3)), STONE, SATIN],
+            [LAMP], {"look_from": (0, -2, 1.2), "vertical_fov": 70}, {}),
     }  # fmt: skip
 
     def scene(self, name, n=24):
