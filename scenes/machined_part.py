@@ -42,6 +42,8 @@ HOLES, DRILL = [(x, y) for x in (-1.15, 1.15) for y in (-1.15, 1.15)], 0.2
 BORE, NECK, FILLET, HEIGHT, CHAMFER = 0.6, 0.75, 0.3, 1.7, 0.06
 # Windows: width in whole turns, from and to which height.
 WINDOWS, WIDE, LOW, HIGH = (0.0, 1 / 3, 2 / 3), 0.14, 0.75, 1.4
+# The table is lower by a hair than the part's lower face: of two faces in one plane only one is seen.
+TABLE = -0.001
 
 
 def outline() -> tuple[list[np.ndarray], list[np.ndarray | None]]:
@@ -127,11 +129,13 @@ def scene() -> Scene:
         ),
         objects=[
             *(Object(surface, steel) for surface in part()),
-            Object(Rectangle((-9, -9, 0), (18, 0, 0), (0, 18, 0)), Lambertian((0.4, 0.3, 0.22))),
+            Object(
+                Rectangle((-9, -9, TABLE), (18, 0, 0), (0, 18, 0)), Lambertian((0.4, 0.3, 0.22))
+            ),
         ],
         lights=[
-            RectangleLight((-4.5, 2.5, 5.5), (0, -4, 0), (3.0, 0, 1.5), (16.0, 15.2, 14.0)),
-            RectangleLight((3.5, -5.5, 4.0), (0, 3, 0), (0, 0, 2), (6.0, 6.5, 7.2)),
+            RectangleLight((-4.5, -1.5, 5.5), (0, 4, 0), (3.0, 0, 1.5), (4.5, 4.2, 3.8)),
+            RectangleLight((3.5, -5.5, 4.0), (0, 0, 2), (0, 3, 0), (2.2, 2.4, 2.7)),
         ],
         environment=GradientSky((0.2, 0.2, 0.22), (0.55, 0.62, 0.72), UP),
     )

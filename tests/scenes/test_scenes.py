@@ -11,6 +11,7 @@ import pytest
 from hybrid_rt.cli.scene_file import load_script
 from hybrid_rt.integrators import PPMOptions
 from hybrid_rt.rendering.renderer import render
+from hybrid_rt.rendering.report_warnings import warnings_in_words
 
 SCRIPTS = sorted((Path(__file__).parents[2] / "scenes").glob("*.py"))
 
@@ -18,12 +19,15 @@ SCRIPTS = sorted((Path(__file__).parents[2] / "scenes").glob("*.py"))
 @pytest.mark.parametrize("script", SCRIPTS, ids=lambda path: path.stem)
 def test_scene_renders_to_a_picture_with_light_and_shade(script):
     scene, integrator = load_script(script)
-    image = render(
+    result = render(
         scene.with_camera(scene.camera.resized(48, 36)),
         integrator,
         passes=1,
         options=PPMOptions(20_000) if integrator == "ppm" else None,
-    ).image
+    )
+    image = result.image
+    # None of a lamp that is turned away, or of two faces in one plane.
+    assert warnings_in_words(result.report) == []
     assert np.isfinite(image).all()
     assert image.min() < 0.1
     assert image.max() > 0.5
