@@ -44,7 +44,7 @@ PHOTONS = {"light_box": 4_000_000}
 OTHER_PHOTONS = 2_000_000
 # Where the blur is far below the noise: slower shrinking takes from the noise more than it adds. Here 2.5 instead of
 # 2.9 % for a blur of 0.5 instead of 0.4 % (320 wide, 48 passes).
-ALPHA = {"teapot_ppm": 0.85}
+ALPHA = {"teapot_ppm": 0.85, "wine_glass": 0.9}
 # Lossy: no difference is seen at this quality, and a picture takes a tenth of a PNG.
 QUALITY = 90
 HEAD = """# Gallery
