@@ -345,8 +345,10 @@ def weight_without_light_paths(
     if rival == 0.0:
         return 1.0
     leaving = density_of_light_path(world.lights, light, 0.0, stack, 0, world.lobes)
-    by_direction = (pdf / density) ** 2
-    return (1.0 + by_direction) / (1.0 + by_direction * (1.0 + (leaving / rival) ** 2))
+    # In this order no infinity, of a rival that is next to nothing, meets a zero.
+    by_light_path = pdf * (leaving / rival) / density
+    others = 1.0 + (pdf / density) ** 2
+    return others / (others + by_light_path * by_light_path)
 
 
 @part
