@@ -151,7 +151,7 @@ class CompiledScene:
         """Return which materials have lobes with one of these traits, (materials + 1,)."""
         return np.asarray(self.lobes_with(traits).any(axis=1))
 
-    @property
+    @cached_property
     def narrow_materials(self) -> BoolArray:
         """(materials + 1,) bool: which spread light by narrow lobes and no wide ones."""
         return self.materials_with(NARROW) & ~self.materials_with(WIDE)

@@ -393,11 +393,10 @@ def extend_light_paths(
         out.flux[n, 0], out.flux[n, 1], out.flux[n, 2] = r, g, b
         out.density[n] = paths.density[i] * denser
         out.is_direct[n] = spreads and not passes
-        out.is_left[n] = paths.is_left[i]
-        if passes:
-            out.is_left[n] = paths.is_left[i] or (paths.is_direct[i] and steps > 0)
-        elif spreads:
-            out.is_left[n] = False
+        is_left = paths.is_left[i]
+        if spreads:
+            is_left = passes and (is_left or (paths.is_direct[i] and steps > 0))
+        out.is_left[n] = is_left
         out.light_id[n], out.cosine[n] = paths.light_id[i], paths.cosine[i]
         out.begins_late[n] = paths.begins_late[i] or (steps == 0 and not spreads)
         out.source_id[n] = object_id[i]

@@ -14,7 +14,6 @@ from hybrid_rt.integrators.kernels import by_mirrors, through_boxes, through_sph
 from hybrid_rt.integrators.kernels.branches import reflected_share, split_off_reflected
 from hybrid_rt.integrators.kernels.compaction import choose_light
 from hybrid_rt.integrators.kernels.connections import (
-    CONNECT_CHANCE,
     NONE,
     choose_far,
     connect,
@@ -25,6 +24,11 @@ from hybrid_rt.integrators.kernels.glass_and_mirrors import (
     note_step,
     weight_of_emission,
 )
+from hybrid_rt.integrators.kernels.rivals import (
+    density_before,
+    is_passed_on,
+    weight_against_light_paths,
+)
 from hybrid_rt.integrators.kernels.vertex_points import (
     CHOICE,
     CONNECT,
@@ -32,14 +36,8 @@ from hybrid_rt.integrators.kernels.vertex_points import (
     FAR,
     TO_LIGHT,
 )
-from hybrid_rt.shading.kernels.bsdf import Vertices, is_behind
-from hybrid_rt.shading.kernels.emitter import (
-    Met,
-    density_of_light_path,
-    light_on_hit,
-    light_on_ray,
-)
-from hybrid_rt.shading.kernels.light_kinds import SURFACE
+from hybrid_rt.shading.kernels.bsdf import Vertices
+from hybrid_rt.shading.kernels.emitter import Met, light_on_hit, light_on_ray
 from hybrid_rt.shading.kernels.lobes.register import DELTA, EVERY, SPREADS
 from hybrid_rt.shading.kernels.medium_stack import (
     cross_medium,
@@ -55,7 +53,6 @@ from hybrid_rt.shading.kernels.scatter import (
     SPECULAR,
     STOPPED,
     Rivals,
-    rival_after,
     scatter_one,
 )
 from hybrid_rt.shading.kernels.texture import texture_color
@@ -202,8 +199,11 @@ def emitted(world, rules, paths, vertex, depth, pdf_area):
         return 0.0, 0.0, 0.0
     met = Met(hit.t, hit.u, hit.v, hit.position, hit.normal)
     rival = 0.0
-    if paths.rival.size and (paths.pdf[0] == 0.0 or is_lit_by_narrow(world, paths, depth, light)):
-        rival = paths.rival[0]
+    if paths.rival.size:
+        # Behind delta lobes light subpaths are the only rivals; behind others it takes a narrow surface.
+        source = paths.source_id[0]
+        if paths.pdf[0] == 0.0 or is_passed_on(world, world.material_of[source], depth - 1, light):
+            rival = paths.rival[0]
     r, g, b = light_on_ray(
         world.lights, world.sky, world.textures, light, 0, met, paths.origins, paths.directions,
         paths.pdf[0], pdf_area, rival, paths.media, world.lobes, rules.strategy,
@@ -212,34 +212,6 @@ def emitted(world, rules, paths, vertex, depth, pdf_area):
         weight = weight_of_emission(world, paths, hit, light)
         return weight * r, weight * g, weight * b
     return r, g, b
-
-
-@inlined
-def is_lit_by_narrow(world, paths, depth, light):
-    """Tell whether light subpaths bring what a narrow surface, which a path has left, got straight from a light.
-
-    The first vertex of a camera path is one that they would have to be connected to.
-    """
-    if depth < 2 or light == world.lights.kind.size or world.lights.kind[light] == SURFACE:
-        return False
-    return world.narrow[world.material_of[paths.source_id[0]]]
-
-
-@inlined
-def density_before(world, rules, paths, material, depth, camera_pdf):
-    """Return `Rivals.before` of a vertex: above zero if a light vertex there would be connected to the path.
-
-    Parameters are those of `leave_vertex`.
-    """
-    if depth == 0:
-        return camera_pdf / rules.n_light_paths
-    if world.narrow[material] or paths.pdf[0] == 0.0:
-        return 0.0
-    if paths.has_met_wide[0] and world.narrow[world.material_of[paths.source_id[0]]]:
-        return 0.0
-    # Of the light vertices of a pass, `of_use` a path, one is connected to, with a probability of
-    # CONNECT_CHANCE.
-    return paths.pdf[0] * (rules.of_use / CONNECT_CHANCE)
 
 
 @inlined
@@ -286,11 +258,11 @@ def ask_light(world, rules, paths, vertex, vertices, depth, s, t, rays, n):
     )  # fmt: skip
     is_sky = light == world.surface_of_light.size
     length = np.inf if is_sky else np.sqrt(x * x + y * y + z * z)
-    if rules.has_light_paths and density > 0.0 and not is_sky:
-        weight = weight_without_light_paths(
-            world, paths, vertex, vertices, depth, light, x / length, y / length, z / length,
-            density, pdf,
-        )  # fmt: skip
+    has_rival = rules.has_light_paths and density > 0.0
+    if has_rival and is_passed_on(world, vertex.material[0], depth, light):
+        weight = weight_against_light_paths(
+            world, paths, vertex, vertices, light, x / length, y / length, z / length, density, pdf
+        )
         r, g, b = weight * r, weight * g, weight * b
     if paths.media.shape[1] > 0:
         before = after = 0.0
@@ -318,37 +290,6 @@ def ask_light(world, rules, paths, vertex, vertices, depth, s, t, rays, n):
     rays.value[n, 1] = paths.throughput[0, 1] * g
     rays.value[n, 2] = paths.throughput[0, 2] * b
     return True
-
-
-@inlined
-def weight_without_light_paths(
-    world, paths, vertex, vertices, depth, light, x, y, z, density, pdf
-):  # fmt: skip
-    """Return what the weight of next-event estimation is multiplied by for the light that light subpaths find too.
-
-    Parameters
-    ----------
-    x, y, z : float
-        Unit direction to the point of the light.
-    density, pdf : float
-        pdf per solid angle of next-event estimation and of BSDF sampling, which are weighted already.
-    """
-    if vertex.before[0] > 0.0 or paths.rival[0] == 0.0 or depth == 0:
-        return 1.0
-    if not world.narrow[vertex.material[0]] or world.lights.kind[light] == SURFACE:
-        return 1.0
-    hit = vertex.hit
-    rivals = Rivals(hit.t, vertex.before, world.is_smooth, hit.object_id, paths.rival)
-    is_through = is_behind(hit.normal, paths.directions, 0, x, y, z)
-    stack = vertex.beyond if is_through and vertex.beyond.size else paths.media
-    rival = rival_after(world.lobes, vertices, 0, rivals, x, y, z, pdf, is_through, stack)
-    if rival == 0.0:
-        return 1.0
-    leaving = density_of_light_path(world.lights, light, 0.0, stack, 0, world.lobes)
-    # In this order no infinity, of a rival that is next to nothing, meets a zero.
-    by_light_path = pdf * (leaving / rival) / density
-    others = 1.0 + (pdf / density) ** 2
-    return others / (others + by_light_path * by_light_path)
 
 
 @part

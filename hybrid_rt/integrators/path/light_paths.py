@@ -175,6 +175,7 @@ class LightPathTracer:
         if self.keeps_all and half:
             between = points.position[:half] - points.position[half : 2 * half]
             self.near = NEAR * float(np.median(np.linalg.norm(between, axis=1)))
+        # Those that are splatted alone are of use as well.
         return float(max(points.density.size, min(n_found, 1)) / PILOT_PATHS)
 
     @property
