@@ -1,13 +1,16 @@
 """Parts from a lathe: a sectioned bearing, a cone, a cylinder, and a flange with its fillet.
 
-Cylinders, cones and circular arcs (rational quadratics) turned about their axes; of the bearing three
-quarters of a turn.
+Cylinders, cones and circular arcs (rational quadratics) turned about their axes. Of the bearing three
+quarters of a turn are left; the flat faces of the cut are rectangles trimmed by the profiles of its rings.
 
 Run it: python scenes/turned_parts.py --passes 128
 """
 
 import math
 import sys
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from hybrid_rt import (
     Camera,
@@ -22,7 +25,7 @@ from hybrid_rt import (
     Sphere,
 )
 from hybrid_rt.materials.material import Material
-from meshing import Cone, Cylinder, SurfaceOfRevolution, circular_arc
+from meshing import Cone, Curve2, Cylinder, SurfaceOfRevolution, TrimmedSurface, circular_arc
 from meshing.surface import Surface
 
 UP = (0.0, 0.0, 1.0)
@@ -31,8 +34,9 @@ OPEN = (0.0, 0.75)
 
 
 def bearing(x: float, y: float) -> list[tuple[Surface, Material]]:
-    """Return two rings with grooves, and the balls that run in them."""
+    """Return two rings with grooves, the balls that run in them, and the sections of the rings."""
     steel, bright = Metal((0.72, 0.73, 0.76), 0.12), Metal((0.92, 0.92, 0.94), 0.0)
+    paint = Phong((0.72, 0.36, 0.04), 0.08, 40.0)
     z, ring, ball = 0.36, 1.15, 0.26
     half, deep = 0.3, 0.2  # of a ring's width; of a groove
     cut = math.asin(deep / (1.02 * ball)) / (2.0 * math.pi)
@@ -40,20 +44,42 @@ def bearing(x: float, y: float) -> list[tuple[Surface, Material]]:
     for side in (1.0, -1.0):
         # The groove, upward: of the outer ring on the far side of the balls, of the inner one on the near.
         begin, end = (0.25 + cut, 0.25 - cut) if side > 0 else (0.75 - cut, 0.75 + cut)
-        arcs, weights = circular_arc((0.0, ring), 1.02 * ball, begin, end)
+        arcs, round_arcs = circular_arc((0.0, ring), 1.02 * ball, begin, end)
         first, last = arcs[0][0], arcs[-1][-1]
         wall = ring + side * 0.5
-        profile = [[(-half, first[1]), tuple(first)], *arcs, [tuple(last), (half, last[1])]]
+        profile: list[ArrayLike] = [[(-half, first[1]), first], *arcs, [last, (half, last[1])]]
         profile += [[(half, last[1]), (half, wall)], [(half, wall), (-half, wall)]]
         profile.append([(-half, wall), (-half, first[1])])
-        surface = SurfaceOfRevolution(
-            profile, (x, y, z), UP, weights=[None, *weights, None, None, None, None], u_range=OPEN
-        )
+        weights = [None, *round_arcs, None, None, None, None]
+        surface = SurfaceOfRevolution(profile, (x, y, z), UP, weights=weights, u_range=OPEN)
         found.append((surface.flipped() if side > 0 else surface, steel))
+        found += [(face, paint) for face in sections((x, y, z), profile, weights)]
     for k in range(9):
         turn = 2.0 * math.pi * (k + 0.5) / 9.0
         at = x + ring * math.cos(turn), y + ring * math.sin(turn), z
         found.append((Sphere(at, ball), bright))
+    return found
+
+
+def sections(
+    middle: tuple[float, float, float],
+    profile: list[ArrayLike],
+    weights: list[NDArray[np.float64] | None],
+) -> list[Surface]:
+    """Return the two flat faces where a turned ring ends: what a profile of (height, radius) encloses."""
+    low, inner = np.min([np.min(curve, axis=0) for curve in profile], axis=0)
+    high, outer = np.max([np.max(curve, axis=0) for curve in profile], axis=0)
+    size = np.array([high - low, outer - inner])
+    outline = [
+        Curve2((np.asarray(curve) - (low, inner)) / size, w)
+        for curve, w in zip(profile, weights, strict=True)
+    ]
+    found: list[Surface] = []
+    for turn in OPEN:
+        away = np.array([math.cos(2.0 * math.pi * turn), math.sin(2.0 * math.pi * turn), 0.0])
+        corner = middle + inner * away + (0.0, 0.0, low)
+        face = Rectangle(corner, (0.0, 0.0, size[0]), size[1] * away)
+        found.append(TrimmedSurface(face, [outline]))
     return found
 
 
@@ -84,23 +110,29 @@ def scene() -> Scene:
         (Cone((0.35, -2.1, 0.0), UP, 0.6, 1.3), red),
         (Cylinder((-0.55, 1.55, 0.45), (1.0, -0.35, 0.0), 0.45, 1.6), blue),
         (Cone((-0.55, 1.55, 0.45), (-1.0, 0.35, 0.0), 0.45, 0.5, 0.2), blue),
+        (
+            SurfaceOfRevolution([(1.6, 0.45), (1.6, 0.0)], (-0.55, 1.55, 0.45), (1.0, -0.35, 0.0)),
+            blue,
+        ),
     ]
     return Scene(
         camera=Camera(
             look_from=(0.8, -6.9, 4.2),
-            look_at=(0.12, -0.2, 0.45),
+            look_at=(-0.1, -0.25, 0.45),
             up=UP,
-            vertical_fov=34.0,
+            vertical_fov=35.0,
             width=640,
             height=480,
         ),
         objects=[
             *(Object(surface, material) for surface, material in parts),
             Object(
-                Rectangle((-9, -9, 0), (18, 0, 0), (0, 18, 0)), Lambertian((0.5, 0.4, 0.3)), "bench"
+                Rectangle((-30, -30, 0), (60, 0, 0), (0, 60, 0)),
+                Lambertian((0.5, 0.4, 0.3)),
+                "bench",
             ),
         ],
-        lights=[RectangleLight((-6.5, -4.5, 4.5), (0, 4, 0), (2.5, 0, 3.0), (13.0, 12.2, 11.0))],
+        lights=[RectangleLight((-8.5, -6.5, 4.0), (0, 9, 0), (5.0, 0, 5.0), (3.6, 3.35, 3.0))],
         environment=GradientSky((0.3, 0.27, 0.24), (0.5, 0.6, 0.75), UP),
     )
 
