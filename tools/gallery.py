@@ -3,8 +3,8 @@
 python tools/gallery.py --seconds 300 --store renders
 python tools/gallery.py --seconds 300 --store renders --only crystal    # goes on where it stopped
 
-Each scene is rendered until its noise without the worst 0.1 % of the pixels is small enough or its
-time is over. What --store holds is gone on from.
+Each scene is rendered until its error without the worst 0.1 % of the pixels (noise, and blur of
+photons) is small enough or its time is over. What --store holds is gone on from.
 Rows of scenes that are not rendered again stay as they are.
 """
 
@@ -65,7 +65,7 @@ def main() -> int:
     )
     parser.add_argument("--seconds", type=float, default=300.0, help="for each scene, at most")
     parser.add_argument(
-        "--noise", type=float, default=0.01, help="that is enough; default 0.01, one per cent"
+        "--error", type=float, default=0.01, help="that is enough; default 0.01, one per cent"
     )
     parser.add_argument("--width", type=one_or_more, default=1280, help="of the longer side")
     parser.add_argument("--threads", type=one_or_more, default=4)
@@ -126,7 +126,7 @@ def show(script: Path, args: argparse.Namespace) -> dict[str, Any]:
             sized,
             integrator,
             time_budget=args.seconds,
-            target_error_trimmed=args.noise,
+            target_error_trimmed=args.error,
             threads=args.threads,
             coarse="none",  # the same bits as by way of Embree, sooner
             options=options,
