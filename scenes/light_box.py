@@ -1,4 +1,4 @@
-"""Nine coloured beams graze a sheet of paper, pass a lens of glass and meet a hollow mirror.
+"""Nine coloured beams graze a sheet of paper, pass a lens of glass and meet a concave mirror.
 
 Slits in a black plate cut the beams from spots. The lens is an extruded outline of circular arcs, exact
 rational patches: the outer beams meet before the inner ones, as spherical aberration has it.
@@ -95,7 +95,7 @@ def scene() -> Scene:
         objects=[
             *(Object(part, black, "light box") for part in box()),
             *(Object(part, glass, "lens") for part in lens()),
-            Object(Extrusion(hollow, (0.0, 0.0, TALL), weights), Mirror(0.95), "hollow mirror"),
+            Object(Extrusion(hollow, (0.0, 0.0, TALL), weights), Mirror(0.95), "concave mirror"),
             Object(Rectangle((-6, -6, 0), (16, 0, 0), (0, 14, 0)), Lambertian(0.8), "paper"),
         ],
         lights=[

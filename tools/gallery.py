@@ -182,7 +182,10 @@ def row(name: str, facts: dict[str, Any]) -> str:
         noise += f", blur {per_cent(facts['blur'])}"
     elif facts["blur_at_most"] is not None:
         noise += f", blur at most {per_cent(facts['blur_at_most'])}"
-    stops = f", shown {facts['exposure']:g} stops brighter" if facts["exposure"] else ""
+    stops = ""
+    if facts["exposure"]:
+        unit = "stop" if facts["exposure"] == 1.0 else "stops"
+        stops = f", shown {facts['exposure']:g} {unit} brighter"
     return (
         f"`scenes/{name}.py`: `{facts['integrator']}`, {width} x {height}, {passes}, "
         f"{facts['processor_seconds']:.0f} s of processor time; {noise}{stops}"
