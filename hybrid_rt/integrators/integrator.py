@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -70,6 +71,11 @@ class Integrator(ABC):
     def parts(self) -> int:
         """In how many parts each pass is prepared: more than 1 where that takes long."""
         return 1
+
+    @property
+    def most_at_once(self) -> int:
+        """How many passes may be prepared together: fewer where that takes much memory."""
+        return sys.maxsize
 
     def prepare(self, passes: range, part: int) -> Any:
         """Compute a part of what all blocks of some passes need; by default nothing.

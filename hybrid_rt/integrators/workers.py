@@ -87,7 +87,7 @@ class Pass:
     Attributes
     ----------
     radiance : (height, width, 3) float64
-        One sample per pixel.
+        Means of the samples of each pixel: one, but for `PPMOptions` more if that pays.
     blur_change : (height * width, 3) float64, optional
         What the blur is estimated from.
     """
@@ -178,7 +178,8 @@ class Workers:
     def at_once(self) -> int:
         """Return how many passes to ask for at a time: enough blocks for every thread."""
         camera = self.context.scene.camera
-        return max(TOGETHER // (camera.width * camera.height), 1)
+        together = max(TOGETHER // (camera.width * camera.height), 1)
+        return min(together, self._integrators[0].most_at_once)
 
     def render_passes(
         self, passes: range, on_rays: Callable[[int], None] | None = None

@@ -125,21 +125,24 @@ def ask_by_ways(world, rules, paths, vertex, vertices, depth, rays, n):
 
 
 @inlined
-def weight_of_emission(world, paths, hit, light):
-    """Return the weight of light that a path has run into against `ask_by_ways`."""
+def weight_of_emission(world, paths, t, normal, light):
+    """Return the weight of light that a path has run into against `ask_by_ways`.
+
+    It was met at distance t, on a face of that normal.
+    """
     met = paths.chain[0]
     if met in (REFLECTED, CROSSED, CORE_CROSSED) or met >= BOX_LEFT:
-        return _weight_of_way(world, paths, hit, light)
+        return _weight_of_way(world, paths, t, normal, light)
     return 1.0
 
 
 @inner
-def _weight_of_way(world, paths, hit, light):
+def _weight_of_way(world, paths, t, normal, light):
     met = paths.chain[0]
     asked_there = int(paths.anchor[0, ASKED])
     if not is_asked(world, asked_there, light):
         return 1.0
-    source, t = paths.source_id[0], hit.t[0]
+    source = paths.source_id[0]
     if met == MIRRORED_FLAT:
         if light == world.lights.kind.size:
             return 1.0
@@ -155,7 +158,7 @@ def _weight_of_way(world, paths, hit, light):
     if t < math.inf:
         cosine = 0.0
         for k in range(3):
-            cosine += hit.normal[0, k] * paths.directions[0, k]
+            cosine += normal[0, k] * paths.directions[0, k]
         by_chance *= abs(cosine)
     asked *= pdf_of_end(world, light, paths)
     return power_weight(by_chance, asked) if by_chance > 0.0 else 0.0

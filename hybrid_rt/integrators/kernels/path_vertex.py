@@ -197,7 +197,9 @@ def emitted(world, rules, paths, vertex, depth, pdf_area):
         light = world.light_of[hit.object_id[0]]
     if light < 0:
         return 0.0, 0.0, 0.0
-    met = Met(hit.t, hit.u, hit.v, hit.position, hit.normal)
+    # Lamps are sampled by area: it is the face that is seen foreshortened, however it is shaded.
+    face = vertex.geometric if vertex.geometric.shape[0] else hit.normal
+    met = Met(hit.t, hit.u, hit.v, hit.position, face)
     rival = 0.0
     if paths.rival.size:
         # Behind delta lobes light subpaths are the only rivals; behind others it takes a narrow surface.
@@ -209,7 +211,7 @@ def emitted(world, rules, paths, vertex, depth, pdf_area):
         paths.pdf[0], pdf_area, rival, paths.media, world.lobes, rules.strategy,
     )  # fmt: skip
     if paths.chain.size:
-        weight = weight_of_emission(world, paths, hit, light)
+        weight = weight_of_emission(world, paths, hit.t[0], face, light)
         return weight * r, weight * g, weight * b
     return r, g, b
 

@@ -36,7 +36,7 @@ from hybrid_rt.sampling.sampler import UIntArray
 from hybrid_rt.scene.compiled import NOTHING, CompiledScene
 from hybrid_rt.shading.kernels.bsdf import LobeTable
 from hybrid_rt.shading.kernels.light_kinds import SURFACE
-from hybrid_rt.shading.kernels.lobes.register import DELTA, DIFFUSE, SPREADS
+from hybrid_rt.shading.kernels.lobes.register import DELTA, DIFFUSE, SPREADS, TRANSMITS
 from meshing.kernels.prefetch import LINE
 
 # Dimensions of light paths, far from those of the camera's: light, place, direction, lens, then
@@ -51,6 +51,8 @@ NEAR = 0.2
 # Paths that are traced at once, of one pass or several: each takes about 300 bytes. A pass of more is
 # shared among threads.
 AT_ONCE = 2**16
+# Paths of all passes that are prepared together, unless one pass has more: what they leave stays in memory.
+MOST_TOGETHER = 2**20
 # Of each light vertex that is kept, with what connections compare and the splat.
 PER_VERTEX = 600
 
@@ -149,7 +151,8 @@ class LightPathTracer:
         sends = np.flatnonzero(self._emit[:-1])
         self._media_around = MediaAroundLights(context, contacts, sends.tolist())
         self._media_of_camera = camera_media
-        self._mirrors = scene.materials_with(DELTA)
+        # Rough glass is a delta surface where it is hidden, or the index is the same on both sides.
+        self._may_be_delta = scene.materials_with(DELTA | TRANSMITS)
         self._narrow = scene.narrow_materials
         self.is_smooth = np.zeros(max(len(scene.surfaces), 1), dtype=np.bool_)
         self.is_smooth[list(scene.vertex_normals)] = True
@@ -177,6 +180,11 @@ class LightPathTracer:
             self.near = NEAR * float(np.median(np.linalg.norm(between, axis=1)))
         # Those that are splatted alone are of use as well.
         return float(max(points.density.size, min(n_found, 1)) / PILOT_PATHS)
+
+    @property
+    def most_at_once(self) -> int:
+        """How many passes may be traced before camera paths use them up."""
+        return max(MOST_TOGETHER // self.n_paths, 1)
 
     @property
     def parts(self) -> int:
@@ -268,7 +276,7 @@ class LightPathTracer:
         if step == 0:
             passes &= self._context.scene.lights.kind[paths.light_id] != SURFACE
         ends: BoolArray = (paths.is_direct & ~passes) | (paths.density == 0.0)
-        ends &= ~self._mirrors[material]
+        ends &= ~self._may_be_delta[material]
         if self.keeps_all:
             ends &= paths.number % np.uint64(kernels.FOLLOWED_FAR) != 0
         return ends

@@ -2,8 +2,9 @@
 
 Kajiya, "The rendering equation", SIGGRAPH 1986; light that both next-event estimation and BSDF
 sampling find is weighted by the power heuristic (Veach and Guibas, "Optimally combining sampling
-techniques for Monte Carlo rendering", SIGGRAPH 1995). Each camera ray becomes one path; a batch of
-paths advances together, one bounce at a time.
+techniques for Monte Carlo rendering", SIGGRAPH 1995). Each camera ray becomes one path, which
+may divide at glass. A batch of paths advances together, one bounce at a time; where all surfaces are closed
+forms each path is followed to its end before the next begins.
 """
 
 from __future__ import annotations
@@ -157,6 +158,11 @@ class PathTracer(Integrator):
         self._points = new_run_points(RUN_ACROSS if self._forms is None else RUN_ALONG)
         self.take(self._light_of(0, *self._no_light_vertices()))
         self._of_use = 0.0
+
+    @property
+    def most_at_once(self) -> int:
+        """See `Integrator.most_at_once`."""
+        return super().most_at_once if self._lamps is None else self._lamps.most_at_once
 
     def begin(self) -> None:
         """Estimate what light subpaths are of use for."""

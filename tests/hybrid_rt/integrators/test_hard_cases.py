@@ -116,6 +116,10 @@ def test_as_many_light_paths_as_asked_for_in_parts_of_a_pass(monkeypatch):
     assert shared.report["rays"] == whole.report["rays"]
     # The splats of a pixel are added in another order.
     np.testing.assert_allclose(parts.image, whole.image, rtol=1e-5)
+    with monkeypatch.context() as few:
+        few.setattr(light_paths, "MOST_TOGETHER", 1)
+        singly = render(scene, passes=2, threads=1, options=options)
+    np.testing.assert_array_equal(singly.image, parts.image)
     assert PathOptions().n_light_paths(2**24) == 2**23
     monkeypatch.setattr(light_paths, "available_bytes", lambda: 1000)
     with pytest.raises(MemoryError, match=r"light subpaths takes .* pass a smaller light_paths"):

@@ -272,6 +272,10 @@ class TestLights:
         "box": ([Object(Box((-0.5, -0.5, 1), (0.5, 1, 1.5)), Emissive(1.0))], [], None),
         "mesh": ([Object(TriangleMesh(trimesh.creation.torus(0.6, 0.2, 12, 8)).transformed(
             [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 1.0], [0, 0, 0, 1]]), Emissive(1.0))], [], None),
+        # It is shaded as if round, but sampled and seen by its faces.
+        "smooth mesh": ([Object(TriangleMesh(trimesh.creation.icosahedron()).transformed(
+            [[0.5, 0, 0, 0], [0, 0.5, 0, 0], [0, 0, 0.5, 0.7], [0, 0, 0, 1]]), Emissive(1.0),
+            smooth=True)], [], None),
         "torus": ([Object(Torus((0.2, 0, 1), (0.3, 0, 1), 0.6, 0.2), Emissive(2.0))], [], None),
         "gradient": ([], [], GradientSky((0.1, 0.2, 0.3), (0.9, 0.3, 0.0), (0, 0.6, 0.8))),
         "picture": ([], [], ImageEnvironment(
@@ -631,6 +635,10 @@ class TestLightPaths:
     SATIN = Object(Sphere((-1.2, -0.4, 0.45), 0.45), Metal(0.9, 0.2), "satin metal")
     POND = Object(Box((-2, -2, -0.1), (2, 2, 1.2)), Dielectric(1.33, (0.1, 0.2, 0.3)), "pond")
     STONE = Object(Sphere((0.8, 0, 0.4), 0.3), Lambertian(0.8), "stone")
+    # Camera, lamp and a plate in it, all in one body of glass.
+    AROUND = Object(Box((-2.5, -2.5, -0.5), (2.5, 2.5, 3)), Dielectric(1.5, priority=1), "around")
+    PLATE = Box((-1, -1, 0.6), (1, 1, 0.9))
+    INSIDE: ClassVar = {"look_from": (0, -1.6, 0.9), "look_at": (0, 0, 0.2), "vertical_fov": 70}
 
     # (objects beside the wall, lights, where the camera is, other settings)
     SCENES: ClassVar = {
@@ -678,6 +686,14 @@ class TestLightPaths:
              Object(SATIN.surface, Mix([(0.5, Metal(0.9, 0.15)), (0.4, Lambertian(0.7))])),
              Object(MIRROR.surface, Mix([(0.5, RoughDielectric(1.5, 0.3)), (0.3, Mirror(0.9))]))],
             [LAMP], {}, {}),
+        # Rough glass is a delta surface where it is hidden in glass of higher priority.
+        "hidden frosted": (
+            [FLOOR, AROUND, Object(Torus((0, 0, 1.6), (0, 0, 1), 0.5, 0.2), Emissive(6.0)),
+             Object(PLATE, RoughDielectric(1.5, 0.3))], [], INSIDE, {}),
+        "hidden in a mixture": (
+            [FLOOR, AROUND, Object(PLATE, Mix([(0.5, RoughDielectric(1.5, 0.3)),
+                                               (0.5, Lambertian(0.8))]))],
+            [RectangleLight((-0.5, -0.5, 2), (0, 1, 0), (1, 0, 0), 6)], INSIDE, {}),
         "camera in frosted glass": (
             [FLOOR, Object(Sphere((0, -1, 1), 2.5), RoughDielectric(1.5, 0.3)), STONE, SATIN],
             [LAMP], {"look_from": (0, -2, 1.2), "vertical_fov": 70}, {}),
