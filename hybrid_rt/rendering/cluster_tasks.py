@@ -5,6 +5,7 @@ from __future__ import annotations
 import pickle
 import time
 from contextlib import closing
+from copy import deepcopy
 from dataclasses import dataclass, replace
 from threading import Lock
 
@@ -14,14 +15,13 @@ from distributed import Worker, WorkerPlugin
 from hybrid_rt.core.ledger import Ledger
 from hybrid_rt.core.records import FloatArray
 from hybrid_rt.integrators import INTEGRATORS
-from hybrid_rt.integrators.context import RenderContext
 from hybrid_rt.integrators.workers import Counts, Made, Pass, Run, Workers
-from hybrid_rt.rendering.set_up import Request, set_up
+from hybrid_rt.rendering.set_up import Ready, Request, set_up
 from hybrid_rt.sensor.film import OVERFLOWS
 from hybrid_rt.sensor.passes import GROUPS, RUN
 
 # The scenes of this process by key.
-_SCENES: dict[str, _Prepared] = {}
+_SCENES: dict[str, PreparedScene] = {}
 
 
 @dataclass(frozen=True)
@@ -58,7 +58,7 @@ class SceneOnWorkers(WorkerPlugin):  # type: ignore[misc]
     def setup(self, worker: Worker) -> None:
         """Keep the scene, without any work on it."""
         del worker
-        _SCENES[self.name] = _Prepared(self._integrator, self._pickled)
+        _SCENES[self.name] = PreparedScene(self._integrator, self._pickled)
 
     def teardown(self, worker: Worker) -> None:
         """Forget the scene."""
@@ -117,13 +117,13 @@ class _OpenRun:
         return Run(self._total, tuple(self.means), self._change)
 
 
-class _Prepared:
+class PreparedScene:
     """A scene in this process: set up when the first task asks, with `Workers` for each thread."""
 
     def __init__(self, integrator: str, pickled: bytes) -> None:
         self._integrator, self._pickled = integrator, pickled
         self._lock = Lock()
-        self._context: RenderContext | None = None
+        self._ready: Ready | None = None
         self._idle: list[Workers] = []
 
     def take(self) -> Workers:
@@ -135,14 +135,18 @@ class _Prepared:
                     "module and start them by `dask worker --preload MODULE`, or leave out cluster="
                 )
             request: Request = pickle.loads(self._pickled)
-            if self._context is None:
-                ready = set_up(request, 1, Ledger())
-                self._context = ready.context
-                return ready.workers
+            if self._ready is None:
+                self._ready = set_up(request, 1, Ledger())
+                return self._ready.workers
             if self._idle:
                 return self._idle.pop()
-            tracer = self._context.tracer.with_own_counters()
-            own = replace(self._context, tracer=tracer, ledger=Ledger())
+            context = self._ready.context
+            own = replace(
+                context,
+                tracer=context.tracer.with_own_counters(),
+                plan=deepcopy(self._ready.plan),
+                ledger=Ledger(),
+            )
             return request.declared.make(own, 1)
 
     def give_back(self, workers: Workers) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from copy import deepcopy
 from dataclasses import dataclass
 from typing import Any
 
@@ -17,7 +18,7 @@ from hybrid_rt.sampling.sampler import Sampler
 from hybrid_rt.scene.compiled import CompiledScene, compile_scene
 from hybrid_rt.scene.faults import faults_of
 from hybrid_rt.scene.lamps_in_surfaces import with_lamps_lifted
-from hybrid_rt.scene.plan import KERNELS_FOR, make_plan
+from hybrid_rt.scene.plan import KERNELS_FOR, Plan, make_plan
 from hybrid_rt.scene.scene import Scene
 
 
@@ -50,6 +51,9 @@ class Ready:
     Attributes
     ----------
     context : RenderContext
+        Its plan also has what pilot passes decided.
+    plan : Plan
+        As the scene alone decides it: what further workers begin with.
     workers : Workers
     left_out : list of str
         Which light the integrator does not find; see `Declaration.left_out_light`.
@@ -60,6 +64,7 @@ class Ready:
     """
 
     context: RenderContext
+    plan: Plan
     workers: Workers
     left_out: list[str]
     sunken: Any
@@ -106,7 +111,8 @@ def set_up(
     context = RenderContext(
         compiled, tracer, Pool(1), plan, sampler, ledger, request.max_depth, own
     )
+    of_scene = deepcopy(plan)
     with ledger.stage("set-up"):
         workers = declared.make(context, threads)
         workers.forget_seconds()
-    return Ready(context, workers, left_out, sunken, faults)
+    return Ready(context, of_scene, workers, left_out, sunken, faults)

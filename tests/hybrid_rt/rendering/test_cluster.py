@@ -1,5 +1,6 @@
 """Passes by real processes of dask.distributed on this machine: killed, added, refused, lost."""
 
+import pickle
 import subprocess
 import sys
 import time
@@ -8,15 +9,26 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from hybrid_rt import Camera, Lambertian, Object, RectangleLight, Scene, Sphere
+from hybrid_rt import (
+    Box,
+    Camera,
+    Dielectric,
+    Lambertian,
+    Object,
+    RectangleLight,
+    Scene,
+    Sphere,
+    SphereLight,
+)
 from hybrid_rt.cli.program import main
 from hybrid_rt.integrators import INTEGRATORS
-from hybrid_rt.integrators.options import PPMOptions
+from hybrid_rt.integrators.options import PathOptions, PPMOptions
 from hybrid_rt.primitives.rectangle import Rectangle
 from hybrid_rt.rendering import cluster
 from hybrid_rt.rendering.cluster import check_address
 from hybrid_rt.rendering.renderer import render
 from hybrid_rt.rendering.run import ClusterLost
+from hybrid_rt.rendering.set_up import Request
 
 distributed = pytest.importorskip("distributed")
 
@@ -106,6 +118,28 @@ def when(passes, act):
 
     progress.acted = acted
     return progress
+
+
+def test_threads_of_a_process_make_the_same_bits():
+    """Also where a pilot leaves light paths out: a small lamp behind a pane."""
+    from hybrid_rt.rendering.cluster_tasks import PreparedScene
+
+    floor = Object(Rectangle((-1, -1, 0), (2, 0, 0), (0, 2, 0)), Lambertian(0.7), "floor")
+    pane = Object(Box((-1, -1, 0.5), (1, 1, 0.6)), Dielectric(1.5), "pane")
+    behind = Scene(
+        Camera((0, -3, 3), (0, 0, 0), (0, 0, 1), width=12, height=9),
+        [floor, pane],
+        [SphereLight((0, 0, 10), 0.04, 1e4)],
+    )
+    request = Request(behind, "path", 0, 16, "certified", "none", None, PathOptions())
+    prepared = PreparedScene("path", pickle.dumps(request))
+    # Each at work when the other is asked for, as in two threads.
+    first, second = prepared.take(), prepared.take()
+    assert not first.context.plan["light paths"]
+    a, b = (
+        [made.radiance for made in workers.render_passes(range(4))] for workers in (first, second)
+    )
+    np.testing.assert_array_equal(a, b)
 
 
 @pytest.mark.usefixtures("small_tasks")
