@@ -325,7 +325,7 @@ class EyePass(Integrator):
         second = second[rows] if second.size else second
         if rows.size == 0:
             return paths
-        if self._casts_them_for_narrow:
+        if self._casts_them_for_narrow and depth < self.context.max_depth:
             xi = self._points(paths, depth, TO_LIGHT_NARROW)
             self._light.from_one(
                 shading, paths.camera_ray, paths.throughput, paths.media, xi, radiance

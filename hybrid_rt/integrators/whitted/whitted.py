@@ -238,6 +238,7 @@ class Whitted(Integrator):
             shading.directions[rows], shading.hits.normal[rows], eta,
             np.ascontiguousarray(lobes.number[lobe, SCHLICK]), reflectance, refracted,
         )  # fmt: skip
+        reflectance[is_hidden] = 0.0  # Schlick's formula reflects at grazing angles even so
         weight = lobes.weight[lobe]
         tint = np.where(is_hidden[:, None], 1.0, shading.colors[rows, slot])
         back = _mirrored(met, rows, 2 * slot, (weight * reflectance)[:, None])

@@ -296,6 +296,21 @@ def test_lens_blurs_and_the_closed_lens_is_the_pinhole(picture):
     np.testing.assert_array_equal(same, picture)
 
 
+def test_what_is_hidden_in_glass_of_higher_priority_reflects_nothing():
+    """Not at grazing angles either, where Schlick's formula does."""
+    body = Object(Sphere((0, 0, 0), 1), Dielectric(1.5, 0.2, priority=1), "body")
+    inner = Object(
+        Box((-0.5, -0.5, -0.5), (0.5, 0.5, 0.5)), Dielectric(1.33, schlick=True), "inner"
+    )
+    camera = Camera((0, 0.7, 4), (0, 0, 0), (0, 1, 0), 35, 24, 24)
+    sky = GradientSky((0.2, 0.4, 1.0), (1.0, 0.5, 0.1))
+    alone, both = (
+        render(Scene(camera, [body, *more], [], sky), passes=1, max_depth=64).image
+        for more in ([], [inner])
+    )
+    np.testing.assert_allclose(both, alone, rtol=20 * FLOAT32)
+
+
 def test_glass_of_index_one_is_not_seen():
     camera = Camera((0, -4, 1), (0, 0, 0.5), (0, 0, 1), width=20, height=15)
     sky = GradientSky(0.2, 1, up=(0, 0, 1))
