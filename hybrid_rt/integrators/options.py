@@ -64,6 +64,11 @@ class Options:
         """Why these options allow no light subpaths; "": they do."""
         return ""
 
+    @property
+    def samples_lights(self) -> bool:
+        """Whether next-event estimation samples lights, not BSDF sampling alone."""
+        return True
+
     @classmethod
     def flags(cls) -> dict[str, Flag]:
         """Return the command-line flags by setting name."""
@@ -134,6 +139,11 @@ class PathOptions(Options):
         if self.strategy != "both":
             return f"strategy={self.strategy!r}"
         return "light_paths=0" if self.light_paths == 0.0 else ""
+
+    @property
+    def samples_lights(self) -> bool:
+        """Whether next-event estimation samples lights, not BSDF sampling alone."""
+        return self.strategy != "directions"
 
     def n_light_paths(self, n_pixels: int) -> int:
         """Return the number of light subpaths of a pass, where there are any."""

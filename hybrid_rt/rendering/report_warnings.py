@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
+from hybrid_rt.rendering.forecast import ERRORS
 from hybrid_rt.rendering.limits import DEFAULT_DEPTH
 from hybrid_rt.rendering.report import depth_cuts_off, share_cut_off
 from hybrid_rt.rendering.units import per_cent
@@ -204,7 +205,7 @@ def _unmet_lamps(report: dict[str, Any]) -> list[str]:
     noise = report["noise"]
     if noise is None or not unmet_decides(noise):
         return []
-    if report["stopped_by"] == "target_error":
+    if report["stopped_by"] in ERRORS:
         return _target_without_lamps(report)
     unmet, mean = noise["unmet_lamps_95"], noise["image_mean"]
     if not unmet > MANY_TIMES * mean > 0.0:
@@ -222,7 +223,11 @@ def _unmet_lamps(report: dict[str, Any]) -> list[str]:
 def _target_without_lamps(report: dict[str, Any]) -> list[str]:
     """Return a warning if a target was reached that lamps that no camera ray has met may exceed."""
     noise, settings = report["noise"], report["settings"]
-    unmet, mean, target = noise["unmet_lamps_95"], noise["image_mean"], settings["target_error"]
+    unmet, mean, target = (
+        noise["unmet_lamps_95"],
+        noise["image_mean"],
+        settings[report["stopped_by"]],
+    )
     if unmet <= target * mean:
         return []
     relative, passes = "", "more passes"

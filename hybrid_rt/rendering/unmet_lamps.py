@@ -13,6 +13,7 @@ from __future__ import annotations
 import numpy as np
 
 from hybrid_rt.core.records import BoolArray
+from hybrid_rt.lights.surface import shining_surface
 from hybrid_rt.scene.compiled import NOTHING, CompiledScene
 from hybrid_rt.shading.kernels.light_kinds import WITHOUT_AREA
 from hybrid_rt.shading.kernels.lobes.register import FOLLOWED
@@ -20,12 +21,16 @@ from hybrid_rt.shading.kernels.lobes.register import FOLLOWED
 OF_NONE_MET = 3.0
 # A lamp in the picture that so many camera rays meet in the mean is no speck.
 SURELY_MET = 30.0
+# So many points of a lamp each way tell how large it is in the picture.
+ACROSS = 16
 
 
-def unmet_light(scene: CompiledScene, passes: int, ends_at_matt: bool = False) -> float:
+def unmet_light(
+    scene: CompiledScene, passes: int, ends_at_matt: bool = False, samples_lights: bool = True
+) -> float:
     """Return how much of the picture's mean radiance may come by lamps unmet so far, at most (95 %).
 
-    0 where no camera ray meets a lamp by chance: mirrors, metal and glass are missing, and no lamp is
+    0 where lamps are not met by chance alone: mirrors, metal and glass are missing, and no lamp is
     a speck in the picture. The sky counts where there are mirrors, metal or glass.
 
     Parameters
@@ -36,11 +41,13 @@ def unmet_light(scene: CompiledScene, passes: int, ends_at_matt: bool = False) -
     ends_at_matt : bool
         Whether camera paths end at surfaces that spread light, as they do where photons are gathered:
         then mirrors, metal and glass out of sight are as if they were missing.
+    samples_lights : bool
+        False: no next-event estimation, so every lamp is met by chance.
     """
     lights, camera = scene.lights, scene.camera
     has_area = ~np.isin(lights.kind, WITHOUT_AREA)
     highest = scene.brightness.highest
-    if not _meets_mirrors(scene, ends_at_matt):
+    if samples_lights and not _meets_mirrors(scene, ends_at_matt):
         has_area &= _is_speck(scene, passes)
         highest = 0.0
     highest = float(lights.strength.mean(axis=1)[has_area].max(initial=highest))
@@ -57,14 +64,30 @@ def _meets_mirrors(scene: CompiledScene, ends_at_matt: bool) -> bool:
 
 
 def _is_speck(scene: CompiledScene, passes: int) -> BoolArray:
-    """Tell which lamps are in the picture, and met by few camera rays."""
+    """Tell which lamps are in the picture, and met by few camera rays.
+
+    A lamp of which none of the points tried is in the picture counts if another point of it may be.
+    What stands before lamps is not looked at.
+    """
     is_speck = np.zeros(scene.n_lights, dtype=np.bool_)
+    camera, side = scene.camera, (np.arange(ACROSS) + 0.5) / ACROSS
+    xi = np.stack(np.meshgrid(side, side), axis=-1).reshape(-1, 2)
     for light, number in enumerate(scene.surface_of_light.tolist()):
         if number == NOTHING or not scene.surfaces[number].is_bounded:
             continue
-        low, high = scene.surfaces[number].bounds
-        way, pixel, pdf = scene.camera.sees(0.5 * (low + high)[None])
-        square = float(np.square(high - low).sum())
-        met = passes * float(pdf[0]) * square / max(float(np.square(way).sum()), 1e-300)
-        is_speck[light] = pixel[0] >= 0 and met < SURELY_MET
+        lamp = scene.shining.get(light) or shining_surface(scene.surfaces[number])
+        assert lamp is not None  # a plane has no bounds
+        points = lamp.points(xi)
+        way, pixel, pdf = camera.sees(points.position)
+        distance = np.linalg.norm(way, axis=1)
+        # Per point: its part of the area, foreshortened, over the squared distance, times rays per solid angle.
+        facing = -np.einsum("ij,ij->i", way, points.normal)
+        counts = (facing > 0.0) & (points.pdf_area > 0.0)
+        if (counts & (pixel >= 0)).any():
+            below = distance**3 * points.pdf_area
+            each = np.divide(facing * pdf, below, out=np.zeros_like(below), where=counts)
+            is_speck[light] = passes * each.mean() < SURELY_MET
+        else:
+            may_be_seen = camera.may_see(scene.surfaces[number].bounds) and not camera.has_lens
+            is_speck[light] = counts.any() and may_be_seen
     return is_speck

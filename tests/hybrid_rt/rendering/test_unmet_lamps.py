@@ -132,3 +132,29 @@ def test_nothing_is_added_where_no_ray_meets_a_lamp_by_chance():
     large = RectangleLight((-0.3, -0.3, -1), (0.6, 0, 0), (0, 0.6, 0), RADIANCE)
     assert unmet_light(compile_scene(Scene(CAMERA, [ball], [in_sight])), 16) > 0.0
     assert unmet_light(compile_scene(Scene(CAMERA, [ball], [large])), 16) == 0.0
+
+
+def square_lamp(middle, edge_u, edge_v):
+    corner = np.array(middle) - 0.5 * np.array(edge_u) - 0.5 * np.array(edge_v)
+    return RectangleLight(corner, edge_u, edge_v, RADIANCE)
+
+
+@pytest.mark.parametrize(
+    ("lamp", "is_speck"),
+    [
+        # The view is 0.73 wide at a distance of 1; each of 8 x 8 pixels has 16 rays.
+        (square_lamp((0, 0, 0), (0.5, 0, 0), (0, 0.5, 0)), False),
+        (square_lamp((0, 0, 0), (0.5, 0, 0), (0, 1e-5, 0)), True),  # a thread
+        (square_lamp((0, 0, 0), (0.5, 0, 1e-3), (0, 0.5, 0)), False),
+        (square_lamp((0.1, 0, 0), (1e-5, 0, 0.4), (0, 0.4, 0)), False),  # its back is black
+        (square_lamp((-0.2, 0, 0.1), (1e-5, 0, -0.2), (0, 0.4, 0)), False),  # seen askew
+        (square_lamp((-1e-5, 0, 0), (1e-7, 0, -0.2), (0, 0.4, 0)), True),  # seen along its face
+        (square_lamp((0.6, 0, 0), (0.5, 0, 0), (0, 0.5, 0)), True),  # a thin edge reaches in
+        (square_lamp((0.5, 0, 0), (0.5, 0, 0), (0, 0.5, 0)), False),  # half of it does
+        (square_lamp((5.0, 0, 0), (0.5, 0, 0), (0, 0.5, 0)), False),  # out of the picture
+    ],
+)
+def test_specks_are_what_few_rays_meet(lamp, is_speck):
+    ball = Object(Sphere((0, 0, -3), 0.2), Lambertian(0.5))
+    unmet = unmet_light(compile_scene(Scene(CAMERA, [ball], [lamp])), 16)
+    assert (unmet > 0.0) is is_speck
