@@ -89,8 +89,9 @@ def render(
         which finds the same light; its blur stays. The report says which light of the scene is not
         found, and how much it is.
     passes : int, optional
-        One pass is one sample per pixel and, for the photon integrators, one photon map. Rendering
-        stops at the first limit that is reached; if no limit is given, after 16 passes.
+        One pass is one sample per pixel; for the photon integrators one photon map, and one to four
+        samples. Rendering stops at the first limit that is reached; if no limit is given, after 16
+        passes.
     time_budget : float, optional
         Wall-clock seconds for this call, without the compilation of kernels. At least one pass
         runs. A pass is not started if it would end too late, judged by the slowest pass so far. On a
@@ -266,6 +267,11 @@ def render(
                 if film.n_passes == 0:
                     raise
                 stopped_by, lost = "cluster_lost", str(error)
+            except Exception:
+                # By a callback, say, or an integrator of the caller's: no pass is lost for that.
+                if keeper is not None and film.n_passes and film.is_whole:
+                    keeper.save()
+                raise
             if keeper is not None:
                 with ledger.stage("store"):
                     keeper.save()

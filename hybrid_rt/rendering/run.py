@@ -94,11 +94,13 @@ def run_passes(
             with closing(source.render_passes(passes, on_rays)) as made:
                 for one in made:
                     with held_back(), adding, workers.context.ledger.stage("film"):
+                        film.is_whole = False
                         if isinstance(one, Run):
                             film.add_run(one.total, one.means)
                         else:
                             film.add(one.radiance)
                         workers.keep(one)
+                        film.is_whole = True
         except StopAsked:
             return STOPPED
         if watches_error and film.n_passes >= limit.next_estimate():

@@ -80,10 +80,16 @@ class Film:
     Parameters
     ----------
     height, width : int
+
+    Attributes
+    ----------
+    n_passes : int
+    is_whole : bool
+        False while passes are added: whoever adds them says so.
     """
 
     def __init__(self, height: int, width: int) -> None:
-        self.n_passes = 0
+        self.n_passes, self.is_whole = 0, True
         self._sums = np.zeros((GROUPS, height, width, 3))
         self._run = np.zeros((height, width, 3))  # the present run, as far as it is done
         self._counts = np.zeros(GROUPS, dtype=np.int64)

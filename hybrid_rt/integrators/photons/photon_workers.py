@@ -9,7 +9,7 @@ from __future__ import annotations
 from abc import abstractmethod
 from collections.abc import Callable, Generator, Mapping
 from threading import Lock
-from typing import Any, TypeVar, cast
+from typing import Any, NamedTuple, TypeVar, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -57,8 +57,15 @@ UNMET_SHARE, MOST_UNMET = 0.01, 3.0 / (1.0 - AIMED_SHARE)
 _OF_EYE_PASS = ("n_points", "n_gathered", "n_without", "n_shown", "shown_power")
 
 T = TypeVar("T")
-# The photons of a pass, ready to be looked at, and the picture of those shown to the camera.
-Ready = tuple[tuple[Field, ...], FloatArray | None]
+
+
+class Ready(NamedTuple):
+    """The photons of a pass, ready to be looked at, and the picture of those shown to the camera."""
+
+    fields: tuple[Field, ...]
+    picture: FloatArray | None
+    n_splats: int
+    balance: Balance
 
 
 class PhotonWorkers(Workers):
@@ -107,17 +114,17 @@ class PhotonWorkers(Workers):
     def render_passes(
         self, passes: range, on_rays: Callable[[int], None] | None = None
     ) -> Generator[Made, None, None]:
-        """Yield the passes in their order: one sample per pixel and one photon map."""
+        """Yield the passes in their order: one photon map each."""
         camera = self.context.scene.camera
         change = np.zeros_like(self._eye_passes[0].blur)
         with self._at_work() as submit:
             shot = self._begin(passes[0], submit)
             for k, number in enumerate(passes):
-                fields, picture = shot()
+                ready = shot()
                 # While threads look at this pass they shoot the next one already.
                 shot = self._begin(number + 1, submit) if number + 1 in passes else _nothing
                 for eye_pass in self._eye_passes:
-                    eye_pass.fields, eye_pass.blur = fields, change
+                    eye_pass.fields, eye_pass.blur = ready.fields, change
                 done = k * camera.height * camera.width
 
                 def heard(n: int, done: int = done) -> None:
@@ -126,7 +133,12 @@ class PhotonWorkers(Workers):
 
                 for made in super().render_passes(range(number, number + 1), heard):
                     assert isinstance(made, Pass)
-                    radiance = made.radiance if picture is None else made.radiance + picture
+                    # Not before: a pass that is given up is in no picture.
+                    self._balance.add(ready.balance)
+                    self._n_splats += ready.n_splats
+                    radiance = made.radiance
+                    if ready.picture is not None:
+                        radiance = radiance + ready.picture
                     yield Pass(radiance, change)
 
     @property
@@ -160,9 +172,12 @@ class PhotonWorkers(Workers):
         if not self.context.plan["photons"]:
             return _nothing
 
-        def ready(eye_pass: EyePass, photons: Photons, shown: list[Splats]) -> Ready:
+        def ready(
+            eye_pass: EyePass, photons: Photons, shown: list[Splats], balance: Balance
+        ) -> Ready:
             with eye_pass.context.ledger.stage("photon tree"):
-                return self._fields(photons, pass_number), self._picture(shown)
+                fields, picture = self._fields(photons, pass_number), self._picture(shown)
+            return Ready(fields, picture, sum(pixel.size for pixel, _ in shown), balance)
 
         return self._shot(self._per_pass, pass_number, PHOTON_DIMENSION, submit, ready)
 
@@ -172,7 +187,7 @@ class PhotonWorkers(Workers):
         pass_number: int,
         dimension: int,
         submit: Submit,
-        ready: Callable[[EyePass, Photons, list[Splats]], T],
+        ready: Callable[[EyePass, Photons, list[Splats], Balance], T],
     ) -> Callable[[], T]:
         """Trace photons in threads, the last of which calls ``ready``; return a waiting function.
 
@@ -181,7 +196,7 @@ class PhotonWorkers(Workers):
         blocks = blocks_of(self._eye_passes[0].photon_tracer.groups(n))
         if not blocks:
             # All that shines sends out nothing: a black sky.
-            return lambda: ready(self._eye_passes[0], joined([]), [])
+            return lambda: ready(self._eye_passes[0], joined([]), [], Balance())
         parts: list[tuple[Photons, list[Splats], Balance] | None] = [None] * len(blocks)
         lock = Lock()
 
@@ -196,10 +211,11 @@ class PhotonWorkers(Workers):
                 done = [part for part in parts if part is not None]
             if len(done) < len(parts):
                 return None
+            total = Balance()
             for _, _, balance in done:
-                self._balance.add(balance)
+                total.add(balance)
             all_shown = [one for _, several, _ in done for one in several]
-            return (ready(eye_pass, joined([photons for photons, _, _ in done]), all_shown),)
+            return (ready(eye_pass, joined([photons for photons, _, _ in done]), all_shown, total),)
 
         futures = [submit(work, i) for i in range(len(blocks))]
 
@@ -217,7 +233,6 @@ class PhotonWorkers(Workers):
         picture = np.zeros((camera.height, camera.width, 3))
         for pixel, value in shown:
             np.add.at(picture.reshape(-1, 3), pixel, value)
-            self._n_splats += pixel.size
         return picture
 
     def _own_counts(self) -> dict[str, Any]:
@@ -308,4 +323,4 @@ class PhotonWorkers(Workers):
 
 
 def _nothing() -> Ready:
-    return (), None
+    return Ready((), None, 0, Balance())

@@ -2,7 +2,7 @@
 
 Hachisuka, Ogaki and Jensen, "Progressive photon mapping", ToG 27(5), 2008; in the form of Knaus and
 Zwicker, "Progressive photon mapping: a probabilistic approach", ToG 30(3), 2011. Passes are
-independent: each traces photons of its own and one camera path per pixel. The radius shrinks from
+independent: each traces photons of its own and one or more camera paths per pixel. The radius shrinks from
 pass to pass (`radius_factor`), so in the mean of the passes both noise and blur vanish.
 """
 
@@ -80,7 +80,7 @@ class ProgressiveWorkers(PhotonWorkers):
         camera, lobes = self.context.scene.camera, self.context.scene.lobes
 
         def ready(
-            _: EyePass, photons: Photons, _shown: list[Splats]
+            _: EyePass, photons: Photons, _shown: list[Splats], _balance: Balance
         ) -> tuple[Radii, DensePlaces | None, tuple[Discs, Discs]]:
             dense, radii = None, asked
             if radii is None:
@@ -94,7 +94,6 @@ class ProgressiveWorkers(PhotonWorkers):
             radii, dense, halves = self._shot(n, 0, PILOT_DIMENSION, submit, ready)()
         if dense is not None and not dense.are_seen(self.context):
             dense = None
-        self._balance = Balance()  # the light of these photons is in no picture
         ledgers = [eye_pass.context.ledger for eye_pass in self._eye_passes]
         photon_rays = sum(
             ledger.rays[name] for ledger in ledgers for name in ("photon", "photons to camera")

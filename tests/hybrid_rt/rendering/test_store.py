@@ -100,6 +100,40 @@ def test_interrupted_and_continued(tmp_path, monkeypatch):
     np.testing.assert_array_equal(part.image, render(scene(), passes=22).image)
 
 
+def test_a_callback_that_fails_loses_no_pass(tmp_path, monkeypatch):
+    camera = scene().camera
+    five = 5 * camera.width * camera.height
+
+    def fails(stage, done, _total):
+        if stage == "Rendering" and done > five:
+            raise ZeroDivisionError
+
+    settings = {"passes": 8, "threads": 1, "seed": 1}
+    monkeypatch.setattr(workers, "TOGETHER", 1)
+    with pytest.raises(ZeroDivisionError):
+        render(scene(), store=tmp_path, progress=fails, **settings)
+    part = render(scene(), store=tmp_path, resume=True, **settings)
+    assert part.report["store"]["passes_before"] == 5
+    assert part.report["store"]["lost"] == []
+    np.testing.assert_array_equal(part.image, render(scene(), **settings).image)
+
+
+def test_photons_of_a_pass_that_is_given_up_are_not_counted(tmp_path):
+    def stops(stage, done, total):
+        if stage == "Rendering" and done > total / 2:
+            raise KeyboardInterrupt
+
+    settings = {"integrator": "ppm", "options": OPTIONS["ppm"], "passes": 6, "threads": 2}
+    with pytest.raises(RenderInterrupted) as caught:
+        render(scene(), store=tmp_path, progress=stops, **settings)
+    stopped = caught.value.result.report
+    assert stopped["photons"]["emitted"] == 500 * stopped["passes"]
+    part = render(scene(), store=tmp_path, resume=True, **settings).report
+    whole = render(scene(), **settings).report
+    for name in ("emitted", "stored", "shown_to_camera", "power_of_all_passes"):
+        assert part["photons"][name] == whole["photons"][name]
+
+
 def test_a_used_store_is_refused_without_resume(tmp_path):
     render(scene(), passes=1, store=tmp_path)
     with pytest.raises(StoreError, match=r"holds passes of a render: resume it"):
