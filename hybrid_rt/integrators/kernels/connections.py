@@ -295,6 +295,8 @@ def splat_light_vertices(lit, lobes, way, pdf, n_paths, media, steps_left, value
         Light subpaths per pixel sample.
     media : (n, STACK) int32, or (n, 0)
         Medium stack of the camera.
+    steps_left : int
+        Directions that a path may take at surfaces: ``max_depth``.
     value : (n, 3) float64, written
         Radiance added to the pixel if the connection is unoccluded.
     """

@@ -76,10 +76,10 @@ def follow_paths(
             for k in range(n):
                 if not (rays.follows[k] and is_blocked):
                     is_blocked = is_occluded(forms, rays, k, ray)
+                    tally.shadow[0] += 1
                 if not is_blocked:
                     for c in range(3):
                         radiance[i, c] += rays.value[k, c]
-            tally.shadow[0] += n
             if has_branch:
                 copy_path(branch, 0, waiting, n_waiting)
                 depth_of_waiting[n_waiting] = depth + 1

@@ -21,8 +21,8 @@ class Rivals(NamedTuple):
     """What paths from the camera are weighed against light subpaths by; n rows."""
 
     t: Any  # (n,) float64, length of the incoming ray
-    # (n,) float64, pdf per solid angle of its direction over the expected number of light vertices
-    # per light subpath; 0 after delta lobes and for camera rays
+    # (n,) float64, pdf per solid angle of its direction, times the expected number of light vertices that a
+    # light subpath adds to the choice (of the camera: over the number of light subpaths); 0: none is joined
     before: Any
     is_smooth: Any  # (objects,) bool, objects with interpolated shading normals
     object_id: Any  # (n,) int32
