@@ -143,7 +143,7 @@ def bias_answers(study: PictureStudy) -> list[str]:
         )
         off, noise = last["mean_error"], last.get("mean_error_noise", math.nan)
         mean = f"{signed_percent(off)} +- {percent(noise)} (95 %) off"
-        if not abs(off) > noise:
+        if abs(off) <= noise:
             mean += ", which is within the noise"
         found.append(
             f"{curve.name} leaves out {without_examples(curve.left_out)}: after {curve.points[-1].setting:g} "

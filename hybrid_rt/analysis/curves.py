@@ -68,6 +68,8 @@ class Curve:
     unfound : float
         Light that the method does not find but photons do, over the mean of the picture; 0 if
         none, or not measured.
+    error_by_unfound : float
+        The least relative RMSE of a picture that lacks as much; 0 if it is not known.
     converges : bool
         Whether all of its error falls with the passes, but for light that ``max_depth`` cuts off: certified
         hits, all light, and no blur that stays.
@@ -82,6 +84,7 @@ class Curve:
     left_out: list[str] = field(default_factory=list)
     bias_at_most: float = 0.0
     unfound: float = 0.0
+    error_by_unfound: float = 0.0
     converges: bool = False
 
 

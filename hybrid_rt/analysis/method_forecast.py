@@ -82,7 +82,7 @@ def forecast(curve: Curve, target: float, reference_error: float = 0.0) -> Metho
     two points, at least the curve's own; where all error falls with the passes, or pictures told what
     triangles change, b is the curve's own. The reference's noise is subtracted from the squares first.
     Nothing beyond the measured range is promised of a method that leaves out light, nothing at all where
-    photons found that to be more than the target, or where its mesh may change the picture by more.
+    photons found so much of that that the error is above the target, or where its mesh may change the picture by more.
     """
     own = 0.0 if math.isnan(reference_error) else reference_error
     passes = np.array([p.setting for p in curve.points])
@@ -109,7 +109,7 @@ def forecast(curve: Curve, target: float, reference_error: float = 0.0) -> Metho
 
     if curve.bias >= target:
         return result(curve.bias_known_by or "its error does not fall below this")
-    if curve.unfound >= target:
+    if curve.error_by_unfound >= target:
         return result(
             f"does not find light that is {percent(curve.unfound)} of the mean, as photons measure"
         )
@@ -262,6 +262,6 @@ def triangles_for(meshes: Sequence[dict[str, Any]], target: float) -> float:
     if not (0.0 < b["error"] < a["error"] and a["triangles"] < b["triangles"]):
         return math.nan
     share = math.log(a["error"] / target) / math.log(a["error"] / b["error"])
-    if share > MOST_STEPS:
+    if abs(share) > MOST_STEPS:
         return math.nan
     return float(a["triangles"] * (b["triangles"] / a["triangles"]) ** share)

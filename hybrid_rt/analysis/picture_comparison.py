@@ -8,7 +8,7 @@ import os
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeGuard
 
 import numpy as np
 from numpy.typing import NDArray
@@ -202,7 +202,7 @@ def compare_pictures(
             **asdict(picture_errors(picture.image, target.image)),
             "expected": _expected(picture, target),
             "mean_half_interval": _half_interval(picture, target),
-            "seconds": _found(picture.report, "seconds", "total"),
+            "seconds": stated_number(picture.report, "seconds", "total"),
         }
     return {
         "against": names[-1],
@@ -260,11 +260,16 @@ def _size(picture: Picture) -> str:
     return f"{width} x {height}"
 
 
-def _found(report: dict[str, Any] | None, part: str, name: str) -> float | None:
+def stated_number(report: dict[str, Any] | None, part: str, name: str) -> float | None:
     """Return a number of a report; None where a report, perhaps another program's, has none."""
     inner = None if report is None else report.get(part)
     value = inner.get(name) if isinstance(inner, dict) else None
-    return float(value) if isinstance(value, int | float) else None
+    return float(value) if is_number(value) else None
+
+
+def is_number(value: Any) -> TypeGuard[float]:
+    """Tell whether a report has a number there; True and False are none."""
+    return isinstance(value, int | float) and not isinstance(value, bool)
 
 
 def _clipped(pictures: dict[str, Picture]) -> dict[str, float]:
@@ -295,7 +300,7 @@ def _expected(one: Picture, other: Picture) -> float | None:
     """Return the relative RMSE between two pictures that differ by their noise only."""
     variance = 0.0
     for picture in (one, other):
-        noise = _found(picture.report, "noise", "relative_rmse")
+        noise = stated_number(picture.report, "noise", "relative_rmse")
         if picture.standard_error is not None:
             level = np.hypot(other.image.astype(np.float64), math.sqrt(DARK))
             share = picture.standard_error.astype(np.float64) / level
@@ -304,13 +309,14 @@ def _expected(one: Picture, other: Picture) -> float | None:
             variance += noise**2
         else:
             return None
-    return math.sqrt(variance)
+    # One pass knows no noise.
+    return math.sqrt(variance) if math.isfinite(variance) else None
 
 
 def _half_interval(one: Picture, other: Picture) -> float | None:
     """Return half of the 95 % interval of the difference of two means, by what the reports state."""
     first, second = (
-        _found(picture.report, "noise", "half_interval_95_of_image_mean")
+        stated_number(picture.report, "noise", "half_interval_95_of_image_mean")
         for picture in (one, other)
     )
     return None if first is None or second is None else math.hypot(first, second)

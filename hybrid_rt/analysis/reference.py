@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hybrid_rt.analysis.methods import Method, finds_all_light
-from hybrid_rt.analysis.picture_comparison import Picture
+from hybrid_rt.analysis.picture_comparison import Picture, is_number, stated_number
 from hybrid_rt.analysis.units import percent
 from hybrid_rt.analysis.units import seconds as in_seconds
 from hybrid_rt.core.progress import Say
@@ -207,11 +207,10 @@ def stated_error(report: dict[str, Any], part: str = "both") -> float:
 
     If only an upper limit of the blur is known, that is used.
     """
-    error = report.get("relative_error") or {}
-    stated = error.get(part)
+    stated = stated_number(report, "relative_error", part)
     if stated is None and part == "blur":
-        stated = error.get("blur_at_most")
-    return math.nan if stated is None else float(stated)
+        stated = stated_number(report, "relative_error", "blur_at_most")
+    return math.nan if stated is None else stated
 
 
 def off_itself(reference: Reference) -> str:
@@ -227,28 +226,33 @@ def off_itself(reference: Reference) -> str:
 
 def noise_of_mean(report: dict[str, Any]) -> float:
     """Return half the 95 % interval of a picture's mean by its noise alone; nan if unknown."""
-    noise = report.get("noise") or {}
-    factor, one = noise.get("interval_factor"), noise.get("standard_error_of_image_mean")
-    return math.nan if factor is None or one is None else float(factor * one)
+    factor, one = (
+        stated_number(report, "noise", name)
+        for name in ("interval_factor", "standard_error_of_image_mean")
+    )
+    return math.nan if factor is None or one is None else factor * one
 
 
 def given_reference(picture: Picture, part: str = "both") -> Reference:
-    """Return what is known of a picture that is to be the reference."""
+    """Return what is known of a picture that is to be the reference; its report may be another program's."""
     report = picture.report or {}
-    half = (report.get("noise") or {}).get("half_interval_95_of_image_mean")
-    made_by = (report.get("settings") or {}).get("integrator")
-    passes = report.get("passes", 0)
-    is_known = made_by in INTEGRATORS and passes > 0
+    half = stated_number(report, "noise", "half_interval_95_of_image_mean")
+    spent = stated_number(report, "seconds", "total")
+    settings, passes = report.get("settings"), report.get("passes", 0)
+    made_by = settings.get("integrator") if isinstance(settings, dict) else None
+    is_known = isinstance(made_by, str) and made_by in INTEGRATORS and is_number(passes)
+    left_out, measured = report.get("light_not_found"), report.get("light_not_found_measured")
     return Reference(
-        f"the file {picture.name}" + (f" ({made_by}, {passes} passes)" if is_known else ""),
+        f"the file {picture.name}"
+        + (f" ({made_by}, {passes} passes)" if is_known and passes > 0 else ""),
         stated_error(report, part),
         float(picture.image.mean(dtype=np.float64)),
         math.nan if half is None else half,
-        report.get("seconds", {}).get("total", math.nan),
+        math.nan if spent is None else spent,
         None,
         is_given=True,
-        light_not_found=report.get("light_not_found") or [],
-        measured=report.get("light_not_found_measured"),
+        light_not_found=left_out if isinstance(left_out, list) else [],
+        measured=measured if isinstance(measured, dict) else None,
         mean_noise=noise_of_mean(report),
     )
 

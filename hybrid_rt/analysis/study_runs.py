@@ -123,8 +123,9 @@ def add_pictures(
                     if n is not None:
                         result = run_method(scene, method, n, run + 1, threads)
                         latest[method.name] = result
+                        row = _row(result, truth)  # first, as Ctrl-C may come meanwhile
                         rows = found.setdefault(method.name, Runs()).rows
-                        rows.setdefault(n, []).append(_row(result, truth))
+                        rows.setdefault(n, []).append(row)
                 spent, of_passes = spent + time.perf_counter() - began, of_passes + sum(numbers)
         finally:
             # Ctrl-C may have come before the figures of the last one were noted.

@@ -50,8 +50,3 @@ def seconds(value: float) -> str:
     if value < HOURS:
         return f"{number(value / 60.0, 2)} min"
     return f"{number(value / 3600.0, 2)} h"
-
-
-def microseconds(value: float) -> str:
-    """Return seconds a ray as a number of microseconds."""
-    return number(1e6 * value, 2)

@@ -43,9 +43,8 @@ from hybrid_rt.core.threads import Pool
 from hybrid_rt.integrators import INTEGRATORS
 from hybrid_rt.rendering.result import RenderResult
 from hybrid_rt.scene.scene import Scene
+from hybrid_rt.sensor.intervals import STUDENT
 
-# Half a 95 % interval of a mean of four groups of passes in standard errors (Student, 3 degrees).
-INTERVAL = 3.182
 # The stated error that counts, of all pixels, or without the worst 0.1 % of them.
 STATED = {False: "both", True: "both_trimmed"}
 
@@ -234,7 +233,8 @@ def _curve(
     options = method.options or declared.options()
     # Blur that falls with the passes is error, but none that stays.
     has_falling_blur = declared.sends_photons and not options.blur_stays
-    if not has_falling_blur:
+    # Means are of all pixels: of the errors without the worst they tell nothing.
+    if not has_falling_blur and not trimmed:
         last = points[-1].more
         error, noise = last["mean_error"], last["mean_error_noise"]
         mean = reference.mean
@@ -247,6 +247,7 @@ def _curve(
     at_most = 0.0 if mesh is None else mesh["error_at_most"]
     is_known = of.unfound and reference.mean > 0.0
     unfound = float(np.mean(of.unfound)) / reference.mean if is_known else 0.0
+    by_unfound = 0.0 if trimmed else least_by_mean(unfound * reference.mean, 0.0, truth)
     converges = (
         method.accuracy == "certified"
         and not of.left_out
@@ -254,7 +255,7 @@ def _curve(
     )
     return Curve(
         method.name, method.flags, points, bias, method.power, known_by, of.left_out, at_most, unfound,
-        converges,
+        by_unfound, converges,
     )  # fmt: skip
 
 
@@ -309,7 +310,8 @@ def _point(
         # Means average over the runs; a single pass states no noise, but runs differ by it.
         of_runs = math.sqrt(sum(half * half for half in halves)) / len(halves)
         if math.isnan(of_runs) and len(means) > 2:
-            of_runs = INTERVAL * brightness * float(np.std(means, ddof=1)) / math.sqrt(len(means))
+            student = STUDENT[min(len(means) - 1, len(STUDENT)) - 1]
+            of_runs = student * brightness * float(np.std(means, ddof=1)) / math.sqrt(len(means))
         return math.hypot(of_runs, 0.0 if math.isnan(own) else own) / brightness
 
     more["mean_error_noise"] = of_mean(halves, reference.mean_half_interval)

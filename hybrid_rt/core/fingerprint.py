@@ -64,7 +64,8 @@ def _add(value: Any, digest: Any, around: tuple[int, ...]) -> None:
             _add(item, digest, inside)
     elif isinstance(value, FunctionType):
         cells = [cell.cell_contents for cell in value.__closure__ or ()]
-        for part in (value.__qualname__, value.__code__.co_code, value.__defaults__, cells):
+        code, defaults = value.__code__, (value.__defaults__, value.__kwdefaults__)
+        for part in (value.__qualname__, code.co_code, code.co_names, defaults, cells):
             _add(part, digest, inside)
         _add([x for x in value.__code__.co_consts if not hasattr(x, "co_code")], digest, inside)
     elif isinstance(value, BuiltinFunctionType):
@@ -77,7 +78,11 @@ def _add(value: Any, digest: Any, around: tuple[int, ...]) -> None:
 
 def _kept(value: Any) -> tuple[Any, ...]:
     """Return what pickle would keep of an object."""
-    make, *parts = value.__reduce_ex__(4)
+    registered = copyreg.dispatch_table.get(type(value))
+    kept = value.__reduce_ex__(4) if registered is None else registered(value)
+    if isinstance(kept, str):  # a global of its module, by name
+        return kept, type(value).__module__
+    make, *parts = kept
     if make is copyreg.__newobj__:  # type: ignore[attr-defined]
         make = type(value)
     arguments, state, *items = (*parts, None, None, None)[:4]

@@ -46,15 +46,16 @@ class RectangleLight(Light):
         u = checks.as_vector(edge_u, "RectangleLight edge_u", up_to=checks.FARTHEST)
         v = checks.as_vector(edge_v, "RectangleLight edge_v", up_to=checks.FARTHEST)
         strength = lamp_radiance(radiance, "RectangleLight", "Rectangle")
-        area = float(np.linalg.norm(np.cross(u, v)))
-        if area == 0.0:
+        try:
+            self._surface = Rectangle(origin, u, v)
+        except ValueError as error:
             raise ValueError(
                 f"RectangleLight edges are {u.tolist()} and {v.tolist()}, of no area: pass two in "
                 "different directions (for a point: PointLight)"
-            )
+            ) from error
+        area = float(np.linalg.norm(np.cross(u, v)))
         power = math.pi * area * float(strength.mean())
         self._row = LightRow(RECTANGLE, origin, u, v, strength, power=power)
-        self._surface = Rectangle(origin, u, v)
 
     def __repr__(self) -> str:
         """Return the call that makes it."""

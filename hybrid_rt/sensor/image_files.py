@@ -5,6 +5,7 @@ from __future__ import annotations
 import errno
 import importlib.util
 import os
+import threading
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -84,7 +85,7 @@ def save_image(
 
 def sidecar_of(picture: Path) -> Path:
     """Return the path of an image's report; no two images share one."""
-    is_short = picture.suffix.lower() == ".png" and Path(picture.stem).suffix.lower() not in WRITERS
+    is_short = picture.suffix == ".png" and Path(picture.stem).suffix.lower() not in WRITERS
     return picture.with_suffix(".json" if is_short else f"{picture.suffix}.json")
 
 
@@ -114,7 +115,7 @@ def check_writable(file: Path) -> None:
     try:
         # A trial tells more than permissions do: full disks, names too long. An empty file fits on
         # a full disk.
-        trial = _temporary(file)
+        trial = _temporary(file).with_suffix(".try")
         try:
             trial.write_bytes(bytes(TRIAL_SIZE))
         finally:
@@ -207,7 +208,8 @@ def replacing(target: Path) -> Iterator[BinaryIO]:
 
 
 def _temporary(target: Path) -> Path:
-    return target.with_name(f".{target.name}.{os.getpid()}.part")
+    # Threads that write to one file do not write into each other.
+    return target.with_name(f".{target.name}.{os.getpid()}.{threading.get_native_id()}.part")
 
 
 def _named(error: OSError, file: Path) -> OSError:

@@ -107,6 +107,8 @@ def _read_picture(path: Path) -> NDArray[Any]:
     import imageio.v3 as imageio
 
     image: NDArray[Any] = imageio.imread(path)
+    if image.ndim == 3 and image.shape[2] == 4 and imageio.immeta(path).get("mode") == "CMYK":
+        image = imageio.imread(path, mode="RGB")  # four inks are no colour and alpha
     return image
 
 
@@ -118,6 +120,8 @@ def _read_exr(path: Path) -> NDArray[Any]:
 
 
 def _linear(image: NDArray[Any], what: str) -> NDArray[np.float32]:
+    if image.ndim == 3 and image.shape[2] == 2:  # grey, and alpha
+        image = image[:, :, 0]
     if image.ndim == 2:
         image = np.repeat(image[:, :, None], 3, axis=2)
     if image.ndim != 3 or image.shape[2] not in {3, 4} or image.size == 0:
@@ -128,7 +132,7 @@ def _linear(image: NDArray[Any], what: str) -> NDArray[np.float32]:
     image = image[:, :, :3]
     if image.dtype == np.bool_:
         image = image.astype(np.float32)
-    if image.dtype in {np.dtype(np.uint8), np.dtype(np.uint16)}:
+    if image.dtype.kind == "u" and image.dtype.itemsize <= 2:
         return srgb_to_linear(image / np.iinfo(image.dtype).max).astype(np.float32)
     if not np.issubdtype(image.dtype, np.floating):
         raise TypeError(f"{what} has type {image.dtype}: pass uint8, uint16, bool or floats")
@@ -139,4 +143,5 @@ def _linear(image: NDArray[Any], what: str) -> NDArray[np.float32]:
             f"{what} holds negative or non-finite values, or some above {checks.BRIGHTEST:g}: pass "
             "numbers from 0 on"
         )
-    return np.ascontiguousarray(image, dtype=np.float32)
+    # A copy: what the caller does to his array later changes no scene.
+    return np.array(image, dtype=np.float32, order="C")

@@ -198,7 +198,7 @@ class Lens:
         system, before = np.eye(2), self.index
         last = len(self.prescription) - 1
         for k, s in enumerate(self.prescription):
-            a2 = s.coefficients[0] if s.coefficients else 0.0
+            a2 = s.coefficients[0] if len(s.coefficients) else 0.0
             curvature = 1.0 / s.radius + 2.0 * a2
             system = (
                 np.array([[1.0, 0.0], [(before - s.index) * curvature / s.index, before / s.index]])
@@ -384,11 +384,14 @@ class Lens:
         """Return the point of the lost ray that gets farthest, and is least beside the aperture there."""
         k = int(rays.stopped_at.max())
         beside = points[(rays.stopped_at == k) & (rays.fate == Fate.OUTSIDE)]
-        if k == 0 or not len(beside):
+        if not len(beside):
             return None
-        in_front = Lens(self.prescription[:k], self.index)._through(beside, light)
         rim = self.vertices[k] + float(self.surfaces[k].sag_at(0.5 * self.surfaces[k].aperture))
-        nearest: FloatArray = beside[np.hypot(*in_front.at(rim).T).argmin()]
+        if k == 0:
+            at_rim = light.at(beside, rim)
+        else:
+            at_rim = Lens(self.prescription[:k], self.index)._through(beside, light).at(rim)
+        nearest: FloatArray = beside[np.hypot(*at_rim.T).argmin()]
         return nearest
 
     @staticmethod
@@ -485,6 +488,14 @@ class _Light:
         """Return the largest slope against the axis of light to within ``rim`` of it, from ``nearest`` on."""
         x, y, z = map(float, self.vector)
         return (rim + math.hypot(x, y)) / (nearest - z) if self.is_point else abs(y / z)
+
+    def at(self, points: FloatArray, z: float) -> FloatArray:
+        """Return where light through points (n, 2) of the plane z = 0 crosses another plane, (n, 2)."""
+        if self.is_point:
+            crossing: FloatArray = points - (points - self.vector[:2]) * (z / self.vector[2])
+        else:
+            crossing = points + z / self.vector[2] * self.vector[:2]
+        return crossing
 
 
 def _grid(low: ArrayLike, high: ArrayLike, n: int) -> FloatArray:

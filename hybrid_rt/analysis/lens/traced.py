@@ -139,13 +139,15 @@ def checked_rays(origins: ArrayLike, directions: ArrayLike) -> tuple[FloatArray,
         raise ValueError(
             f"Lens.trace got {len(o)} origins and {len(d)} directions: pass as many of each, or one"
         )
-    length = np.linalg.norm(d, axis=1, keepdims=True)
-    zero = np.flatnonzero(length[:, 0] == 0.0)
+    largest = np.abs(d).max(axis=1, initial=0.0)
+    zero = np.flatnonzero(largest == 0.0)
     if zero.size:
         raise ValueError(
             f"Lens.trace directions[{zero[0]}] has length zero ({zero.size} such ray(s)): leave such rays out"
         )
-    o, d = np.broadcast_arrays(o, d / length)
+    # By a power of two first, so that no square overflows or vanishes.
+    d = d * np.ldexp(1.0, -np.frexp(largest)[1])[:, None]
+    o, d = np.broadcast_arrays(o, d / np.linalg.norm(d, axis=1, keepdims=True))
     return o.copy(), d.copy()
 
 

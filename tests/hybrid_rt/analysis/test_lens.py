@@ -70,6 +70,15 @@ class TestLightOfAPoint:
         centre = np.array([0.0, 0.0, -self.R])
         return centre + self.R / self.N * way, centre + self.R * self.N * way
 
+    @pytest.mark.parametrize("z", [-0.1, -0.01, -0.001])
+    def test_a_source_next_to_the_lens_lights_it(self, z):
+        """All that is not steeper than the rim passes: a wide search meets the lens nowhere."""
+        ball = Lens([LensSurface(1.5, 2, 1.5, 2.4), LensSurface(-1.5, 0, 1, 2.4)])
+        rays = ball.from_point((0, 0, z))
+        assert rays.passed.mean() > 0.5
+        slopes = rays.direction[rays.passed]
+        assert np.abs(slopes.mean(axis=0)[:2]).max() < 0.02
+
     @pytest.mark.parametrize("degrees", [0.0, 7.0, -20.0])
     def test_aplanatic_points(self, degrees):
         source, image = self.conjugates(degrees)
@@ -535,6 +544,13 @@ def test_rays_are_lost_where_surfaces_cross():
         rays = lens.trace([(0, inside, -9), (0, beyond, -9)], (0, 0, 1))
     assert rays.fate.tolist() == [Fate.PASSED, Fate.BEHIND]
     assert rays.stopped_at.tolist() == [-1, 1]
+
+
+@pytest.mark.parametrize("scale", [1e-170, 1e200])
+def test_directions_have_any_length(scale):
+    lens = Lens([FRONT, BACK])
+    rays, unit = (lens.trace((0, 1, -9), (0, 0, length)) for length in (scale, 1.0))
+    np.testing.assert_array_equal(rays.position, unit.position)
 
 
 def test_bad_rays_and_spots_are_refused():

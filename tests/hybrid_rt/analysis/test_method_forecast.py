@@ -121,8 +121,8 @@ class TestForecast:
 
     def test_light_that_photons_found_and_the_method_does_not_is_out_of_reach(self):
         """Errors fall to 0.05 by a reference that lacks the same 6 % of the light."""
-        lacks = replace(law(first=0.2), left_out=["light"], unfound=0.06)
-        assert forecast(replace(lacks, unfound=0.0), 0.051).is_measured
+        lacks = replace(law(first=0.2), left_out=["light"], unfound=0.06, error_by_unfound=0.058)
+        assert forecast(replace(lacks, error_by_unfound=0.0), 0.051).is_measured
         found = forecast(lacks, 0.051)
         assert found.passes is None
         assert found.obstacle == "does not find light that is 6.0 % of the mean, as photons measure"
@@ -136,6 +136,9 @@ def test_triangles_by_the_law_of_the_mesh():
     meshes = [{"triangles": n, "error": 40.0 / n} for n in (1e2, 1e3, 1e4)]
     assert triangles_for(meshes, 0.01) == pytest.approx(4000)  # between two meshes
     assert triangles_for(meshes, 1e-4) == pytest.approx(4e5)  # beyond
+    # A target far above: as little as one triangle would be told of.
+    near = [{"triangles": n, "error": e} for n, e in ((1000, 0.0100), (4000, 0.0099))]
+    assert math.isnan(triangles_for(near, 0.1))
     # Errors that hardly fall: they are those of other things.
     flat = [{"triangles": n, "error": e} for n, e in ((1000, 0.1), (4000, 0.0999999))]
     assert math.isnan(triangles_for(flat, 1e-4))

@@ -11,8 +11,9 @@ from hybrid_rt.analysis.picture_comparison import (
     load_picture,
 )
 from hybrid_rt.analysis.picture_sheet import BAR, GAP, LINE, MARGIN, error_colors, sheet
+from hybrid_rt.analysis.reference import given_reference
 from hybrid_rt.cli import program as cli
-from hybrid_rt.sensor.image_files import save_image
+from hybrid_rt.sensor.image_files import check_writable, replacing, save_image, sidecar_of
 
 RNG = np.random.default_rng(12)
 TRUTH = RNG.uniform(0.2, 0.9, (20, 30, 3)).astype(np.float32)
@@ -76,7 +77,14 @@ def test_what_is_no_picture_is_refused(tmp_path, name, error, words):
 
 
 @pytest.mark.parametrize(
-    "text", ["no JSON {", "\xff", "[1, 2]", '{"seconds": 3, "noise": {"x": 1}}']
+    "text",
+    [
+        "no JSON {",
+        "\xff",
+        "[1, 2]",
+        '{"seconds": 3, "noise": {"x": 1}}',
+        '{"noise": 3, "settings": {"integrator": ["path"]}, "passes": "many", "light_not_found": 1}',
+    ],
 )
 def test_reports_of_other_programs_tell_nothing(tmp_path, text):
     write(tmp_path / "a.png", TRUTH)
@@ -84,6 +92,8 @@ def test_reports_of_other_programs_tell_nothing(tmp_path, text):
     picture = load_picture(tmp_path / "a.png")
     row = compare_pictures(picture, picture)["errors"]["a.png (1)"]
     assert (row["expected"], row["seconds"]) == (None, None)
+    reference = given_reference(picture)
+    assert np.isnan([reference.own_error, reference.seconds, reference.mean_noise]).all()
 
 
 @pytest.mark.statistical
@@ -105,6 +115,15 @@ def test_noise_of_reports_adds_in_squares(tmp_path):
     row = compare_pictures(one, other)["errors"]["a.npz"]
     assert row["expected"] == pytest.approx(0.03 * np.sqrt(2))
     assert row["rmse"] == 0.0
+
+
+def test_a_single_pass_knows_no_noise(tmp_path):
+    """Which of two is nearer is told by the rest of the picture, as without any noise."""
+    unknown = np.full_like(TRUTH, np.nan)
+    one, other = (
+        load_picture(write(tmp_path / f"{k}.npz", TRUTH, standard_error=unknown)) for k in "ab"
+    )
+    assert compare_pictures(one, other)["errors"]["a.npz"]["expected"] is None
 
 
 @pytest.mark.parametrize(("off", "is_told"), [(0.0005, False), (-0.0055, True)])
@@ -359,3 +378,13 @@ def test_reports_of_pictures_compared_are_not_replaced(tmp_path, monkeypatch):
     assert cli.main(["compare", "a.npz", "b.npz", "--out", "a.npz.png"]) == 0
     assert json.loads((tmp_path / "a.npz.json").read_text()) == REPORT
     assert json.loads((tmp_path / "a.npz.png.json").read_text())["against"] == "b.npz"
+
+
+def test_a_trial_leaves_what_is_being_written_alone(tmp_path):
+    with replacing(tmp_path / "a.npz") as file:
+        check_writable(tmp_path / "a.npz")
+        file.write(b"whole")
+    assert (tmp_path / "a.npz").read_bytes() == b"whole"
+    assert [item.name for item in tmp_path.iterdir()] == ["a.npz"]
+    # Where names differ by case, so do those of reports.
+    assert sidecar_of(tmp_path / "z.png") != sidecar_of(tmp_path / "z.PNG")

@@ -11,18 +11,18 @@ import imageio.v3 as imageio
 import numpy as np
 import pytest
 
-from hybrid_rt.analysis import answers, study_diagrams, tables
+from hybrid_rt.analysis import answers, study_diagrams, study_runs, tables
 from hybrid_rt.analysis.advice import advise
 from hybrid_rt.analysis.bias import least_by_mean, least_by_tiles, shared_error
 from hybrid_rt.analysis.curves import Curve, Point, Spread, renamed, spread
 from hybrid_rt.analysis.diagrams import Diagram, Line, Mark, as_svg, save
 from hybrid_rt.analysis.hit_study import RULE_OF_THREE, camera_rays, study_hits
-from hybrid_rt.analysis.method_forecast import forecasts_of
+from hybrid_rt.analysis.method_forecast import forecast, forecasts_of
 from hybrid_rt.analysis.methods import Method, size_of
 from hybrid_rt.analysis.page import Study, page
 from hybrid_rt.analysis.picture_comparison import Picture
 from hybrid_rt.analysis.study_runs import next_passes
-from hybrid_rt.analysis.work_precision import study_picture
+from hybrid_rt.analysis.work_precision import StudyInterrupted, study_picture
 from hybrid_rt.integrators import PPMOptions
 from hybrid_rt.lights import GradientSky, PointLight, RectangleLight
 from hybrid_rt.materials import Dielectric, Emissive, Lambertian, Mirror
@@ -202,6 +202,25 @@ class TestPictures:
 
 
 @pytest.mark.statistical
+def test_an_interrupt_before_the_figures_of_a_picture_loses_no_other(monkeypatch):
+    walls = Object(Box((-1, -1, -1), (1, 1, 1)).flipped(), Emissive(1.0, Lambertian(0.5)))
+    scene = Scene(Camera((0, 0, 0), (1, 0.2, 0.1), (0, 0, 1), 90, 16, 12), [walls])
+    truth = Picture("truth", np.full((12, 16, 3), 2.0, np.float32), None, None)
+    errors, calls = study_runs.picture_errors, []
+
+    def interrupted(*pictures):
+        calls.append(pictures)
+        if len(calls) == 2:
+            raise KeyboardInterrupt
+        return errors(*pictures)
+
+    monkeypatch.setattr(study_runs, "picture_errors", interrupted)
+    methods = [Method("path", "path"), Method("again", "path")]
+    with pytest.raises(StudyInterrupted) as caught:
+        study_picture(scene, (4, 16), runs=2, reference=truth, methods=methods, threads=1)
+    assert [curve.name for curve in caught.value.study.curves] == ["path"]
+
+
 def test_two_methods_agree_and_a_mesh_does_not():
     larger = SCENE.with_camera(SCENE.camera.resized(48, 32))
     study = study_picture(
@@ -356,6 +375,24 @@ class TestBias:
         assert advise(blind, 2.0 * path.unfound, "room.py").forecasts[0].passes == 4
         assert [curve.unfound for curve in mirror_room.curves[1:2]] == [0.0]
         assert any("photons find" in text for text in answers.bias_answers(mirror_room))
+
+    def test_means_of_all_pixels_tell_nothing_of_most_pixels(self, mirror_room):
+        """One pixel of the worst 0.1 % may hold all of what the mean lacks: errors are as measured."""
+        walls = Object(Box((-1, -1, -1), (1, 1, 1)).flipped(), Emissive(1.0, Lambertian(0.5)))
+        scene = Scene(Camera((0, 0, 0), (1, 0.2, 0.1), (0, 0, 1), 90, 40, 30), [walls])
+        image = np.full((30, 40, 3), 2.0, np.float32)
+        image[11, 7] = 900.0
+        truth, methods = Picture("truth", image, None, None), [Method("path", "path")]
+        curves = [
+            study_picture(
+                scene, (16,), runs=2, reference=truth, methods=methods, trimmed=trimmed, threads=1
+            ).curves[0]
+            for trimmed in (False, True)
+        ]
+        target = 1.5 * curves[1].points[0].error.most
+        assert curves[0].bias > target > curves[1].bias == 0.0
+        assert [forecast(curve, target).passes for curve in curves] == [None, 16]
+        assert mirror_room.curves[0].error_by_unfound < mirror_room.curves[0].unfound
 
     def test_command_is_what_was_measured(self, mirror_room):
         good = replace(mirror_room, reference=replace(mirror_room.reference, own_error=0.003))

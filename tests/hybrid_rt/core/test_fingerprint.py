@@ -1,5 +1,6 @@
 """Fingerprints: equal contents, equal names; everything that matters changes them."""
 
+import math
 import subprocess
 import sys
 from functools import cached_property
@@ -88,6 +89,17 @@ def test_functions_count_by_what_they_do():
         return lambda x: k * x
 
     assert fingerprint(scaled(2)) == fingerprint(scaled(2)) != fingerprint(scaled(3))
+    # The code is the same, but for the names that it looks up.
+    assert len({fingerprint(f) for f in (lambda x: -math.sin(x), lambda x: -math.cos(x))}) == 2
+    assert len({fingerprint(f) for f in (np.sin, np.cos, math.sin)}) == 3
+
+    def shifted(by):
+        def shift(x, *, by=by):
+            return x + by
+
+        return shift
+
+    assert fingerprint(shifted(1)) == fingerprint(shifted(1)) != fingerprint(shifted(2))
 
 
 def test_what_cannot_be_kept_is_refused(tmp_path):

@@ -89,6 +89,8 @@ def test_parts_of_another_type_are_refused(parts, words):
     [
         (lambda: RectangleLight((0, 0, 0), (1, 0, 0), (2, 0, 0), 1), "no area"),
         (lambda: RectangleLight((0, 0, 0), (1, 0, 0), (0, 0, 0), 1), "no area"),
+        # Parallel but for rounding.
+        (lambda: RectangleLight((0, 0, 0), (1, 2, 3), (1.1, 2.2, 3.3), 1), "no area.*PointLight"),
         (lambda: RectangleLight((0, 0, 0), (1, 0, 0), (0, 1, 0), -1), "radiance"),
         (lambda: RectangleLight((0, 0, np.inf), (1, 0, 0), (0, 1, 0), 1), "corner"),
         (lambda: PointLight((0, 0), 1), "position"),

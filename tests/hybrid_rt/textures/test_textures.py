@@ -71,6 +71,27 @@ def test_eight_and_sixteen_bits_grey_and_alpha(tmp_path):
     assert ImageTexture(eight[:, :, 0]).brightest.shape == (3,)
 
 
+def test_inks_and_grey_with_alpha_are_no_colours(tmp_path):
+    Image.new("CMYK", (4, 4), (200, 200, 200, 200)).save(tmp_path / "inks.jpg", quality=100)
+    # A fifth of the paper shows between the colours, and of that a fifth between the black.
+    np.testing.assert_allclose(
+        ImageTexture(tmp_path / "inks.jpg").brightest, srgb_to_linear((55 / 255) ** 2), rtol=0.1
+    )
+    Image.new("LA", (4, 4), (100, 7)).save(tmp_path / "grey.png")
+    np.testing.assert_allclose(
+        ImageTexture(tmp_path / "grey.png").brightest, srgb_to_linear(100 / 255), rtol=1e-6
+    )
+    swapped = ImageTexture(np.full((2, 2), 1000, dtype=">u2"))
+    np.testing.assert_allclose(swapped.brightest, srgb_to_linear(1000 / 65535), rtol=1e-6)
+
+
+def test_arrays_are_copied():
+    image = np.ones((2, 2, 3), dtype=np.float32)
+    texture = ImageTexture(image)
+    image[:] = np.nan
+    assert (texture.brightest == 1.0).all()
+
+
 def test_pictures_of_one_bit_are_black_and_white(tmp_path):
     bits = np.random.default_rng(4).random((4, 8)) < 0.5
     Image.fromarray(bits).save(tmp_path / "bits.png")
