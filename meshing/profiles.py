@@ -22,6 +22,8 @@ LARGEST_GAP = 1e-9
 # Halvings until a radius that may still be negative counts as zero; each divides the doubt by
 # about four, so what is left after these is far below rounding.
 RADIUS_HALVINGS = 40
+# So near to 1, a turn is whole: ends of up to 2 are rounded to half of this.
+WHOLE_TURN = 2.0**-51
 # Weights that differ by more leave hulls that say nothing.
 LEAST_WEIGHT = 1e-6
 # Halvings of a rational segment for its box: the excess of the hull falls to 1 / 4096.
@@ -108,6 +110,10 @@ def as_part(u_range: ArrayLike) -> tuple[float, float]:
     if array.shape != (2,):
         raise ValueError(f"SurfaceOfRevolution u_range has shape {array.shape}: pass two numbers")
     begin, end = array.tolist()
+    if end - begin != 1.0 and abs(end - begin - 1.0) <= WHOLE_TURN:
+        # As 1.15 - 0.15 is by rounding: a turn that is meant to close does.
+        begin = end - 1.0
+        end = begin + 1.0
     if not (-1.0 <= begin < end <= 2.0 and end - begin <= 1.0 and end - begin >= 2.0**-40):
         raise ValueError(
             f"SurfaceOfRevolution u_range is {(begin, end)}: pass where the turn begins and ends, "

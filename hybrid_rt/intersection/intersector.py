@@ -84,7 +84,9 @@ class Intersector:
     Raises
     ------
     TypeError, ValueError
-        If an item is not a surface, a setting is unknown, or the tolerance is not positive.
+        If an item is not a surface, a setting is unknown, the tolerance is not positive, or a surface is
+        so small beside the others that Embree's single precision cannot give an accuracy of "mesh" or
+        "refined".
 
     References
     ----------
@@ -128,6 +130,8 @@ class Intersector:
             relative = GUESS_TOLERANCE if accuracy == "certified" else MESH_TOLERANCE
             with Stopwatch(self.now) as watch:
                 self._coarse = Coarse(members, tolerance, relative)
+            if accuracy != "certified":
+                self._coarse.check_sizes(accuracy)
             self.coarse_build_seconds = watch.seconds
             self.plan["used"]["embree"] = (
                 f"{self._coarse.n_triangles} triangles for {len(members)} surface(s)"
@@ -212,7 +216,8 @@ class Intersector:
             Rows that are misses exclude nothing. They are hits of
             this tracer: those of another one are not told apart if their ``object_id`` exist here.
         unseen : (n,) int, optional
-            ``object_id`` of an object that each ray ignores; -1 for none.
+            ``object_id`` of an object that each ray ignores; -1 for none. Where the ray passes that object
+            within rounding, the row may still say `TANGENT`.
 
         Returns
         -------

@@ -5,35 +5,30 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from hybrid_rt.core.records import IntArray
+from hybrid_rt.core.records import FloatArray, IntArray
 from hybrid_rt.intersection.kernels.patch.sheet import name_on_sheet
 from hybrid_rt.intersection.kind import Finished
-from meshing.sheet import PatchSheet
-from meshing.trimmed import TrimmedSurface
 
 
 class Sheets:
-    """The sheets among the surfaces of a kind.
+    """The surfaces of a kind whose pieces share one (u, v): sheets of patches, trimmed profiles.
 
     Parameters
     ----------
-    sheets : dict of object id to PatchSheet
+    spans : dict of object id to (k, 4) float64
+        u0, u1, v0, v1 of each piece.
     """
 
-    def __init__(self, sheets: dict[int, PatchSheet]) -> None:
-        self._sheets = sheets
+    def __init__(self, spans: dict[int, FloatArray]) -> None:
+        self._spans = spans
 
     @classmethod
     def of(cls, members: Sequence[tuple[int, Any]]) -> Sheets | None:
         """Return those among (object id, surface); None if there are none."""
-        sheets = {}
-        for i, surface in members:
-            whole = surface.surface if isinstance(surface, TrimmedSurface) else surface
-            if isinstance(whole, PatchSheet):
-                sheets[i] = whole
-        return cls(sheets) if sheets else None
+        spans = {i: surface.spans for i, surface in members if surface.spans is not None}
+        return cls(spans) if spans else None
 
     def finish(self, object_id: IntArray, out: Finished) -> None:
-        """Replace the patches' u and v in ``out`` by the sheets'."""
-        for number, sheet in self._sheets.items():
-            name_on_sheet(object_id, number, sheet.spans, out.patch_id, out.u, out.v)
+        """Replace the pieces' u and v in ``out`` by those of the whole surface."""
+        for number, spans in self._spans.items():
+            name_on_sheet(object_id, number, spans, out.patch_id, out.u, out.v)

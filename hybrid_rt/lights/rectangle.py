@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
 from numpy.typing import ArrayLike
 
 from hybrid_rt.core import checks
@@ -53,8 +52,7 @@ class RectangleLight(Light):
                 f"RectangleLight edges are {u.tolist()} and {v.tolist()}, of no area: pass two in "
                 "different directions (for a point: PointLight)"
             ) from error
-        area = float(np.linalg.norm(np.cross(u, v)))
-        power = math.pi * area * float(strength.mean())
+        power = math.pi * self._surface.area * float(strength.mean())
         self._row = LightRow(RECTANGLE, origin, u, v, strength, power=power)
 
     def __repr__(self) -> str:

@@ -43,10 +43,10 @@ class Plane(Surface):
 
     @property
     def axes(self) -> tuple[int, int]:
-        """The two coordinates that give u and v."""
+        """The two coordinates that give u and v, in the order in which S_u x S_v is along the normal."""
         across = int(np.abs(self.unit_normal).argmax())
-        first, second = (k for k in range(3) if k != across)
-        return first, second
+        first, second = (across + 1) % 3, (across + 2) % 3
+        return (first, second) if self.unit_normal[across] > 0.0 else (second, first)
 
     @property
     def bounds(self) -> FloatArray:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from fractions import Fraction
+
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -33,15 +35,17 @@ class Rectangle(Surface):
         self.corner = as_vector(corner, "Rectangle corner")
         self.edge_u = as_vector(edge_u, "Rectangle edge_u")
         self.edge_v = as_vector(edge_v, "Rectangle edge_v")
-        largest = max(np.abs(self.edge_u).max(), np.abs(self.edge_v).max())
-        u, v = self.edge_u / (largest or 1.0), self.edge_v / (largest or 1.0)
-        across = np.cross(u, v)
+        # Each brought near one by a power of two: nothing is rounded, overflows or vanishes.
+        (u, by_u), (v, by_v) = _near_one(self.edge_u), _near_one(self.edge_v)
+        across = _cross(u, v)
         if np.linalg.norm(across) <= 1e-12 * np.linalg.norm(u) * np.linalg.norm(v):
             raise ValueError(
                 f"Rectangle edges are {self.edge_u.tolist()} and {self.edge_v.tolist()}, of no area: "
                 "pass two edges in different directions"
             )
         self.unit_normal = as_direction(across, "Rectangle normal")
+        #: Scene units squared.
+        self.area = float(np.ldexp(np.linalg.norm(across), by_u + by_v))
 
     @property
     def bounds(self) -> FloatArray:
@@ -91,7 +95,7 @@ class Rectangle(Surface):
 
     def area_sampler(self) -> Squares:
         """Return the area sampler."""
-        return Squares(np.array([np.linalg.norm(np.cross(self.edge_u, self.edge_v))]))
+        return Squares(np.array([self.area]))
 
     def transformed(self, matrix: ArrayLike) -> Rectangle:
         """Return the image under an affine map.
@@ -119,3 +123,16 @@ class Rectangle(Surface):
             f"Rectangle(corner={self.corner.tolist()}, edge_u={self.edge_u.tolist()}, "
             f"edge_v={self.edge_v.tolist()})"
         )
+
+
+def _near_one(edge: FloatArray) -> tuple[FloatArray, int]:
+    """Return an edge over a power of two that brings it near one, and the exponent."""
+    exponent = int(np.frexp(np.abs(edge).max())[1])
+    return np.ldexp(edge, -exponent), exponent
+
+
+def _cross(a: FloatArray, b: FloatArray) -> FloatArray:
+    """Return a x b, each coordinate rounded once: of nearly parallel edges no digit is lost."""
+    x, y = ([Fraction(number) for number in vector.tolist()] for vector in (a, b))
+    turns = ((1, 2), (2, 0), (0, 1))
+    return np.array([float(x[i] * y[j] - x[j] * y[i]) for i, j in turns])

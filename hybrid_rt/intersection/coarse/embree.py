@@ -35,6 +35,9 @@ class CoarseScene:
     """
 
     def __init__(self, vertices: FloatArray, faces: NDArray[np.integer[Any]]) -> None:
+        is_used = np.zeros(len(vertices), np.bool_)
+        is_used[faces.ravel()] = True
+        vertices = np.where(is_used[:, None], vertices, vertices[faces[0, 0]])
         lo, hi = vertices.min(axis=0), vertices.max(axis=0)
         middle = 0.5 * lo + 0.5 * hi
         radius = float(np.linalg.norm(0.5 * hi - 0.5 * lo))

@@ -30,6 +30,8 @@ GUESS_TOLERANCE = 4e-3
 # A coarse hit that refinement rejects (the point of departure, or a triangle beside the surface)
 # is stepped over this often before the ray is taken to miss.
 RETRIES = 4
+# Across a surface that is smaller in the frame, single precision has fewer than some hundred steps.
+SMALLEST_SIZE = 2.0**-17
 # The step over a rejected hit, relative to the frame: a few float32 roundings.
 STEP_OVER = 2.0**-18
 
@@ -81,9 +83,26 @@ class Coarse:
         )
         self.n_objects = int(self.triangles.object_id.max()) + 1
         self.scene = CoarseScene(self.triangles.vertex, self.triangles.face)
+        self._sizes = [(object_id, surface.size) for object_id, surface in members]
         # Triangles may lie so far in front of a point of the surface, where rays are not flatter than
         # a quarter.
         self._before_targets = STEP_OVER / self.scene.frame.to_frame + 4.0 * coarsest
+
+    def check_sizes(self, accuracy: str) -> None:
+        """Check that Embree can tell the triangles of each surface apart, where it has the last word.
+
+        Raises
+        ------
+        ValueError
+            If a surface is too small beside all of them. It is named.
+        """
+        for object_id, size in self._sizes:
+            if size * self.scene.frame.to_frame < SMALLEST_SIZE:
+                raise ValueError(
+                    f"surfaces[{object_id}] is {size:.3g} across, all that go to Embree "
+                    f"{2.0 / self.scene.frame.to_frame:.3g}: single precision cannot tell its triangles apart. "
+                    f'Pass accuracy="certified" instead of {accuracy!r}'
+                )
 
     @property
     def n_triangles(self) -> int:

@@ -148,8 +148,8 @@ def offer_box(i, k, table, rays, best):
     if min(abs(d[0]), abs(d[1]), abs(d[2])) < NEARLY_WITHIN:
         for c in range(3):
             if d[c] != 0.0:
-                for bound in (lo[k, c], hi[k, c]):
-                    t = (bound - o[c]) / d[c]
+                for side in (lo[k, c], hi[k, c]):
+                    t = (side - o[c]) / d[c]
                     doubt_start(i, t, abs(d[c]), enter, leave, band, t_min, known, best)
     if is_known(i, leave, bound, q, known) and (goes_on - leave) * q < band:
         # It leaves the face so slowly that it passes the next one within the band.

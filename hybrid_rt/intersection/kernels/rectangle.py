@@ -57,7 +57,7 @@ def rectangle_table(rectangles, object_id, trim=None):
     edge_u = np.array([r.edge_u for r in rectangles]).reshape(-1, 3)
     edge_v = np.array([r.edge_v for r in rectangles]).reshape(-1, 3)
     normal = np.array([r.unit_normal for r in rectangles]).reshape(-1, 3)
-    area = np.einsum("ij,ij->i", np.cross(edge_u, edge_v), normal)[:, None]
+    area = np.array([r.area for r in rectangles])[:, None]
     corner = np.array([r.corner for r in rectangles]).reshape(-1, 3)
     row_u, row_v = np.cross(edge_v, normal) / area, np.cross(normal, edge_u) / area
     size = np.linalg.norm(edge_u, axis=1) + np.linalg.norm(edge_v, axis=1)
@@ -260,6 +260,7 @@ def offer_parallelogram(i, k, table, rays, best):
                     best.doubt[i] = min(best.doubt[i], t)
                 return
             tangent = depth < band
+            computed = t
             u, v, t = _move_to_rim(
                 u, v, t, row_u[k, 0] * dx + row_u[k, 1] * dy + row_u[k, 2] * dz,
                 row_v[k, 0] * dx + row_v[k, 1] * dy + row_v[k, 2] * dz, 4.0 * error / slope,
@@ -269,6 +270,7 @@ def offer_parallelogram(i, k, table, rays, best):
                 row_u[k, 0] * dx + row_u[k, 1] * dy + row_u[k, 2] * dz, 4.0 * error / slope,
             )  # fmt: skip
             u, v = min(max(u, 0.0), 1.0), min(max(v, 0.0), 1.0)
+            t_bound += abs(t - computed)
     if side == CROSSED:
         band = TANGENT_BAND * max(away, size[k])
         is_kept, is_within, edge = _side_of_loops(

@@ -115,8 +115,11 @@ class PatchKind:
         to_frame = float(2.0 ** -np.ceil(np.log2(radius)))
         low = np.minimum.reduceat(points, start) - middle
         high = np.maximum.reduceat(points, start) - middle
-        # Rounded to 20 bits, so that subtracting a centre loses nothing of ordinary figures.
-        centre = np.round(0.5 * (low + high) * to_frame * 2.0**20) * 2.0**-20
+        # Rounded to 20 bits, so that subtracting a centre loses nothing of ordinary figures; to fewer
+        # where a patch is so small beside the frame that it would lie far from its centre.
+        exponent = np.frexp((high - low).max(axis=1) * to_frame)[1]
+        step = np.ldexp(2.0**-20, np.clip(exponent + 10, -32, 0))[:, None]
+        centre = np.round(0.5 * (low + high) * to_frame / step) * step
         control = _difference(points, middle, np.repeat(centre, lengths, axis=0), to_frame)
         size = np.sqrt(np.maximum.reduceat((control**2).sum(axis=1), start))
         if rational:

@@ -15,7 +15,7 @@ from hybrid_rt.intersection.kernels.patch.solve import (
 from hybrid_rt.intersection.kernels.search.coarse import parameters_at
 from hybrid_rt.intersection.kernels.search.counters import CHANGED
 from hybrid_rt.intersection.kernels.search.frame import FrameRay, any_normal, enter_frame
-from hybrid_rt.intersection.kernels.search.nearest import CLEAR, SUSPECT, WITHIN_BAND
+from hybrid_rt.intersection.kernels.search.nearest import CLEAR, SUSPECT, WITHIN_BAND, is_unseen
 from hybrid_rt.intersection.kernels.search.rays import EDGE, NORMAL_DEGENERATE
 from hybrid_rt.intersection.kernels.search.tolerances import TANGENT_BAND
 from hybrid_rt.intersection.kernels.search.trims import band_of_ray, decide, sure_side
@@ -50,6 +50,8 @@ def refine_patches(table, hits, triangles, first_patch, rows, rays, best, basis,
     for j in range(hits.face.shape[0]):
         i, f = rows[j], hits.face[j]
         if first_patch[triangles.object_id[f]] < 0:
+            continue
+        if is_unseen(i, triangles.object_id[f], rays.known):
             continue
         k = first_patch[triangles.object_id[f]] + triangles.piece[f]
         o, middle = rays.origin[i], table.middle

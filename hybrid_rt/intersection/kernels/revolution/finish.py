@@ -30,6 +30,7 @@ from hybrid_rt.intersection.kernels.revolution.sheets import (
 )
 from hybrid_rt.intersection.kernels.revolution.solve import meet, offer_meeting, rounding
 from hybrid_rt.intersection.kernels.search.coarse import parameters_at
+from hybrid_rt.intersection.kernels.search.nearest import is_unseen
 from hybrid_rt.intersection.kernels.search.rays import EDGE, NORMAL_DEGENERATE
 from hybrid_rt.intersection.kernels.search.tolerances import UNIT_ROUNDOFF
 from hybrid_rt.intersection.kernels.search.trims import across_rows, sure_side
@@ -43,7 +44,7 @@ def refine_revolutions(table, hits, triangles, row_of, rows, rays, best, ray, ac
     for j in range(hits.face.shape[0]):
         i, f = rows[j], hits.face[j]
         k = row_of[triangles.object_id[f]]
-        if k < 0:
+        if k < 0 or is_unseen(i, triangles.object_id[f], rays.known):
             continue
         o, d = rays.origin[i], rays.direction[i]
         shift = enter_axis_frame(k, table, o[0], o[1], o[2], d[0], d[1], d[2], ray)

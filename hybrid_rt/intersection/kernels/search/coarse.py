@@ -6,7 +6,7 @@ import numpy as np
 
 from hybrid_rt.core.kernels.compensated import advance
 from hybrid_rt.intersection.kernels.search.frame import enter_frame
-from hybrid_rt.intersection.kernels.search.nearest import offer
+from hybrid_rt.intersection.kernels.search.nearest import is_unseen, offer
 from meshing.kernels.jit import hot_kernel, inlined
 
 # Embree's own "no limit", and far beyond the frame.
@@ -162,6 +162,8 @@ def offer_faces(hits, triangles, rows, rays, t_start, best, accepted):
         pb, pc = px * bx + py * by + pz * bz, px * cx + py * cy + pz * cz
         gram = bb * cc - bc * bc
         if gram == 0.0 or not t > t_start[i]:
+            continue
+        if is_unseen(i, triangles.object_id[f], rays.known):
             continue
         v, w = (cc * pb - bc * pc) / gram, (bb * pc - bc * pb) / gram
         length = np.sqrt(nx * nx + ny * ny + nz * nz)

@@ -60,6 +60,12 @@ def is_known(i, t, t_bound, n_dot_d, known):
 
 
 @inlined
+def is_unseen(i, object_id, known):
+    """Tell whether ray i passes an object as if it were not there."""
+    return known.shape[0] > 0 and known.shape[1] > 4 and known[i, 4] == object_id
+
+
+@inlined
 def offer(i, t, t_bound, n_dot_d, tangent, object_id, primitive, a, b, t_min, known, best):
     """Make a root the nearest one of ray i if it is; tell whether it was taken.
 
@@ -88,7 +94,7 @@ def offer(i, t, t_bound, n_dot_d, tangent, object_id, primitive, a, b, t_min, kn
                     return False
     if is_known(i, t, t_bound, n_dot_d, known):
         return False
-    if known.shape[0] and known.shape[1] > 4 and known[i, 4] == object_id:
+    if is_unseen(i, object_id, known):
         return False
     best.t[i] = t
     best.t_bound[i] = t_bound

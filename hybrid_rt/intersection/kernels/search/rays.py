@@ -22,6 +22,8 @@ COMPLAINTS = (
 
 # Shorter numbers have fewer digits. Longer ones there are none: a hit beyond is a miss.
 SMALLEST, LARGEST = 2.0**-1022, sys.float_info.max
+# A bound on a smaller t may be subnormal.
+TINY = 2.0**-960
 
 # `hybrid_rt.core.records.Status`
 MISS, HIT, TANGENT = 0, 1, 2
@@ -136,6 +138,8 @@ def complete_row(i, direction, unit, best, record):
     if is_hit:
         record.t[i] = best.t[i] * unit
         record.t_bound[i] = best.t_bound[i] * unit
+        if abs(record.t[i]) < TINY:  # what subnormal numbers round
+            record.t_bound[i] += 2.0**-1073
         slope = 0.0
         for k in range(3):
             slope += direction[i, k] * record.normal[i, k]
@@ -192,7 +196,8 @@ def name_point(origin, direction, i, object_id, position, j, reach, rounding, mo
     size = reach[object_id]
     for k in range(3):
         size = max(size, abs(position[j, k]), abs(origin[i, k]))
-    return t, rounding * size + min(gap, most * size)
+    # Farther away the caller means another point: it excludes nothing.
+    return t, rounding * size + gap if gap <= most * size else -1.0
 
 
 @hot_kernel
