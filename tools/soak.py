@@ -74,7 +74,7 @@ def main() -> int:
     scene = scene.with_camera(scene.camera.resized(args.width))
     height = scene.camera.height
     log = Log(args.width * height)
-    figures: dict[str, Any] = {"scene": str(args.scene), "width": args.width, "height": height}
+    figures: dict[str, Any] = {}
     with kept(args.out, lambda: figures):
         try:
             result = render(
@@ -94,6 +94,9 @@ def main() -> int:
         if n < warm + 2 * OVER:
             raise ValueError(f"{n} passes: too few to compare, pass {warm + 2 * OVER} or more")
         figures |= {
+            "scene": str(args.scene),
+            "width": args.width,
+            "height": height,
             "passes": n,
             "seconds": result.report["seconds"]["total"],
             "first": log.over(warm, warm + OVER),

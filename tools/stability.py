@@ -48,6 +48,8 @@ def main() -> int:
     factor = QUICK if args.quick else 1.0
     if args.factor is not None:
         factor = checks.number(args.factor, "--factor", above=0.0)
+    if args.fuzz is not None:
+        checks.number(args.fuzz, "--fuzz", above=0.0)
     only = args.only.split(",")
     n_rows = len(runner.expand(only))
     args.out.mkdir(parents=True, exist_ok=True)
@@ -59,7 +61,7 @@ def main() -> int:
         return pages.summary(rows, machine, __version__, time.perf_counter() - began)
 
     def figures() -> dict[str, object]:
-        return {
+        return {} if not rows else {
             "summary": sentence(), "version": __version__, "factor": factor, "seed": args.seed,
             "seconds": time.perf_counter() - began, "rows": rows, "fuzz": failures,
         }  # fmt: skip
@@ -75,8 +77,7 @@ def main() -> int:
         if args.fuzz is not None:
             from hybrid_rt.verify.stability.fuzz import run_fuzz
 
-            minutes = checks.number(args.fuzz, "--fuzz", above=0.0)
-            for failure in run_fuzz(minutes, args.seed, args.out):
+            for failure in run_fuzz(args.fuzz, args.seed, args.out):
                 failures.append({"case": failure.case, "faults": failure.faults})
                 print(f"fuzz: {'; '.join(failure.faults)}: {failure.case}")
     print(f"\n{sentence()}")

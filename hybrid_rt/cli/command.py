@@ -167,14 +167,15 @@ def say_if_no_plots(what: str) -> None:
 
 @contextmanager
 def kept(file: Path | None, figures: Callable[[], Any]) -> Iterator[None]:
-    """Write results as JSON at the end of a block, also if Ctrl-C ends it.
+    """Write results as JSON at the end of a block, also if Ctrl-C or an error ends it.
 
     Parameters
     ----------
     file : Path or None
         None: nothing is written.
     figures : callable
-        Returns the results so far.
+        Returns the results so far. An empty list or dict is not written: a file of an earlier run
+        stays as it is.
 
     Raises
     ------
@@ -187,14 +188,14 @@ def kept(file: Path | None, figures: Callable[[], Any]) -> Iterator[None]:
         check_writable(file)
     try:
         yield
-    except KeyboardInterrupt:
+    except BaseException:
         _write(file, figures())
         raise
     _write(file, figures())
 
 
 def _write(file: Path | None, figures: Any) -> None:
-    if file is not None:
+    if file is not None and figures:
         from hybrid_rt.core.ledger import as_json
         from hybrid_rt.sensor.image_files import replacing
 

@@ -39,6 +39,30 @@ def test_ctrl_c_keeps_what_was_found(tmp_path, monkeypatch, capsys):
     assert json.loads(file.read_text())["vase"]["verdict"]["rays"] > 0
 
 
+@pytest.mark.parametrize("end", [KeyboardInterrupt, MemoryError, RuntimeError, SystemExit])
+@pytest.mark.parametrize("figures", [[1, 2], []])
+def test_whatever_ends_a_block_its_figures_are_kept_and_an_earlier_file_if_there_are_none(
+    tmp_path, end, figures
+):
+    file = tmp_path / "figures.json"
+    file.write_text("[7]")
+    with pytest.raises(end), command.kept(file, lambda: figures):
+        raise end
+    assert json.loads(file.read_text()) == (figures or [7])
+
+
+def test_the_minutes_of_random_cases_are_checked_before_any_row(tmp_path, monkeypatch, capsys):
+    words = ["stability.py", "--only", "A01", "--fuzz", "0", "--out", str(tmp_path / "new")]
+    monkeypatch.setattr(sys, "argv", words)
+    with pytest.raises(SystemExit) as ended:
+        runpy.run_path(str(TOOLS / "stability.py"), run_name="__main__")
+    assert ended.value.code == 2
+    out, error = capsys.readouterr()
+    assert out == ""
+    assert "--fuzz is 0" in error
+    assert not (tmp_path / "new").exists()
+
+
 @pytest.mark.parametrize(
     ("name", "words"),
     [
