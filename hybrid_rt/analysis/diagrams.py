@@ -14,6 +14,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from hybrid_rt.sensor.image_files import replacing
+
 # Told apart also by readers who do not see colours, and in print.
 MARKERS = "os^Dv<>Pp*X"
 GREY = "0.55"
@@ -102,8 +104,8 @@ def as_svg(diagram: Diagram, size: tuple[float, float] = WIDE) -> str:
 
 def save(diagrams: Sequence[Diagram], file: Path) -> None:
     """Write diagrams as one image, one below the other."""
-    with _figure(diagrams, {}, WIDE, is_alone=True) as figure:
-        figure.savefig(file, dpi=110)
+    with _figure(diagrams, {}, WIDE, is_alone=True) as figure, replacing(file) as opened:
+        figure.savefig(opened, dpi=110, format=file.suffix[1:])
 
 
 @contextmanager

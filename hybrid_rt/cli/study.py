@@ -5,8 +5,9 @@ from __future__ import annotations
 import argparse
 import csv
 import importlib.util
+import io
 import json
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import asdict
 from pathlib import Path
@@ -31,6 +32,7 @@ from hybrid_rt.core.ledger import as_json
 from hybrid_rt.rendering.result import RenderResult
 from hybrid_rt.rendering.versions import versions
 from hybrid_rt.scene.scene import Scene
+from hybrid_rt.sensor.image_files import check_output, check_writable, replacing
 from hybrid_rt.verify.cases.rays import camera as random_camera
 from hybrid_rt.verify.judges.oracle import workers_of
 from meshing import BezierPatches
@@ -146,6 +148,8 @@ def run_study(args: argparse.Namespace) -> None:
     if args.out:
         say_if_no_plots("curves.png and no page.html")
     if args.compare:
+        if args.source:
+            raise ValueError(f"--compare measures nothing: leave out {args.source}, or --compare")
         _compare(args)
     elif not args.source:
         raise ValueError("name a scene script or a .bpt file, or use --compare")
@@ -159,6 +163,8 @@ def _measure(args: argparse.Namespace) -> None:
     checks.number(args.target, "target", above=0.0)
     if args.seconds is not None:
         checks.number(args.seconds, "seconds", above=0.0)
+    if args.file is not None and args.source != "surface":
+        raise ValueError(f"{args.source} and {args.file} are two studies: name one at a time")
     # "surface FILE.bpt" and "FILE.bpt" mean the same.
     file = args.file if args.source == "surface" else Path(args.source)
     if file is None:
@@ -168,14 +174,16 @@ def _measure(args: argparse.Namespace) -> None:
             f"{file} is a surface, without pictures: name a scene, or leave out --only"
         )
     n_rays = args.rays or (20_000 if args.quick else 100_000)
-    if args.out:  # a place that cannot be written is said before the work
-        args.out.mkdir(parents=True, exist_ok=True)
+    if args.out:
+        _check_folder(args.out)
+        if file.suffix != ".bpt" and args.only != "hits" and args.reference is None:
+            check_output(args.out / REFERENCE_FILE)
     studies: dict[str, Any] = {}
     scene = None if file.suffix == ".bpt" else load_scene(file)
     full_size = None if scene is None else (scene.camera.width, scene.camera.height)
     try:
         _study(file, scene, n_rays, studies, args)
-    except KeyboardInterrupt:
+    except BaseException:  # what was measured took its time, whatever went wrong after it
         if studies:
             _show(str(file), studies, full_size, args)
         raise
@@ -192,7 +200,6 @@ def _study(
     """Make the studies that there can be, one after the other."""
     if scene is None:
         surfaces: list[Any] = [BezierPatches.read(file)]
-        rays = random_camera(surfaces, n_rays, 1)
     else:
         most = 120 if args.quick else 240
         scene = _resized(scene, args.width or min(most, scene.camera.width))
@@ -205,8 +212,11 @@ def _study(
         surfaces = [] if args.only == "pictures" else curved_surfaces(scene)
         if args.only == "hits" and not surfaces:
             raise ValueError(f"{file} has no curved surface: leave out --only hits")
-        rays = hit_study.camera_rays(scene, n_rays)
     if surfaces and _are_known(surfaces):
+        if scene is None:
+            rays = random_camera(surfaces, n_rays, 1)
+        else:
+            rays = hit_study.camera_rays(scene, n_rays)
         studies["hits"] = hit_study.study_hits(
             surfaces, rays, runs=3 if args.quick else 7, threads=args.threads, say=_tell_step
         )
@@ -289,10 +299,7 @@ def _show(
             shown["diagrams"] += study_diagrams.newton_diagrams(hits.newton, hits.size)
             shown["tables"].append(tables.newton_table(hits))
         data["hits"] = asdict(hits)
-    study = Study(**shown, measured=answers.conditions(measured, name))
-    _print(study)
-    if args.out:
-        _write(args.out, study, data)
+    _publish(Study(**shown, measured=answers.conditions(measured, name)), data, args.out)
 
 
 def _show_picture(
@@ -337,6 +344,14 @@ def _show_picture(
     }
 
 
+def _publish(study: Study, data: dict[str, Any], folder: Path | None) -> None:
+    """Write a study and print it: files first, as the reader of a pipe may have closed it."""
+    written = [] if folder is None else _write(folder, study, data)
+    _print(study)
+    if written:
+        say(f"\nwrote {', '.join(str(file) for file in written)}")
+
+
 def _print(study: Study) -> None:
     say(study.title)
     for name, value in study.measured:
@@ -356,17 +371,35 @@ def _print(study: Study) -> None:
         say(f"\n  {study.command}")
 
 
-def _write(folder: Path, study: Study, data: dict[str, Any]) -> None:
+def _files(folder: Path) -> list[Path]:
+    """Return the files that are written for every study or comparison."""
+    has_plots = importlib.util.find_spec("matplotlib") is not None
+    names = ("curves.json", "curves.csv", *(("curves.png", "page.html") if has_plots else ()))
+    return [folder / name for name in names]
+
+
+def _check_folder(folder: Path) -> None:
+    """Make the folder, and say before the work if a file cannot be written."""
     folder.mkdir(parents=True, exist_ok=True)
-    (folder / "curves.json").write_text(as_json(data), "utf-8")
-    with (folder / "curves.csv").open("w", newline="", encoding="utf-8") as file:
-        csv.writer(file).writerows([CSV_HEAD, *_runs(data)])
-    written = ["curves.json", "curves.csv"]
-    if importlib.util.find_spec("matplotlib") is not None:
-        save(study.diagrams, folder / "curves.png")
-        (folder / "page.html").write_text(page(study), "utf-8")
-        written += ["curves.png", "page.html"]
-    say(f"\nwrote {', '.join(str(folder / name) for name in written)}")
+    for file in _files(folder):
+        check_writable(file)
+
+
+def _write(folder: Path, study: Study, data: dict[str, Any]) -> list[Path]:
+    """Write the files of a study, each whole or not at all; return them."""
+    rows = io.StringIO(newline="")
+    csv.writer(rows).writerows([CSV_HEAD, *_runs(data)])
+    texts: dict[str, Callable[[], str]] = {
+        ".json": lambda: as_json(data), ".csv": rows.getvalue, ".html": lambda: page(study),
+    }  # fmt: skip
+    files = _files(folder)
+    for file in files:
+        if file.suffix == ".png":
+            save(study.diagrams, file)
+        else:
+            with replacing(file) as opened:
+                opened.write(texts[file.suffix]().encode())
+    return files
 
 
 def _runs(data: dict[str, Any]) -> Iterator[tuple[Any, ...]]:
@@ -382,16 +415,26 @@ def _runs(data: dict[str, Any]) -> Iterator[tuple[Any, ...]]:
 
 
 def _read(file: Path) -> dict[str, Any]:
+    held = "figures"
     with suppress(ValueError):
         data = json.loads(file.read_text("utf-8"))
-        if isinstance(data, dict):
+        if isinstance(data, dict) and "compared" not in data:
             return data
-    raise ValueError(f"{file} holds no figures: pass the curves.json of an earlier run")
+        if isinstance(data, dict):
+            held = "figures of its own, but a comparison"
+    raise ValueError(f"{file} holds no {held}: pass the curves.json of an earlier run")
 
 
 def _compare(args: argparse.Namespace) -> None:
     """Overlay the curves of two earlier runs."""
     both = [_read(file) for file in args.compare]
+    if args.out:
+        for file in args.compare:
+            if args.out.exists() and args.out.samefile(file.parent):
+                raise ValueError(
+                    f"--out {args.out} is the folder of {file}, which would be replaced: name another"
+                )
+        _check_folder(args.out)
     names = [str(file.parent / file.stem) for file in args.compare]
     diagrams: list[Diagram] = []
     found: list[tables.Table] = []
@@ -439,9 +482,7 @@ def _compare(args: argparse.Namespace) -> None:
         diagrams=diagrams,
         tables=found,
     )
-    _print(study)
-    if args.out:
-        _write(args.out, study, data)
+    _publish(study, data, args.out)
 
 
 def _curves(part: dict[str, Any]) -> list[Curve]:

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from hybrid_rt.analysis import study_runs
-from hybrid_rt.cli import main
+from hybrid_rt.analysis import hit_study, study_runs
+from hybrid_rt.cli import main, study
 
 ROOT = Path(__file__).parents[3]
 TEAPOT = ROOT / "hybrid_rt" / "data" / "teapot.bpt"
@@ -93,6 +93,54 @@ def test_integrators_alone(run, tmp_path):
     assert "path, mesh" not in captured.out
     data = json.loads((tmp_path / "alone" / "curves.json").read_text())
     assert [curve["name"] for curve in data["picture"]["curves"]] == ["path"]
+
+
+SURFACE = f"{TEAPOT} --quick --rays 300 --threads 1"
+
+
+def test_a_comparison_replaces_none_of_its_runs_and_is_none(run, tmp_path, monkeypatch):
+    def closed(_):
+        raise OSError("the pipe is closed")
+
+    assert run(f"{SURFACE} --out a")[0] == 0
+    before = (tmp_path / "a" / "curves.json").read_bytes()
+    code, captured = run("--compare a/curves.json a/curves.json --out ./a")
+    assert code == 2
+    assert "--out a is the folder of a/curves.json, which would be replaced: name" in captured.err
+    assert (tmp_path / "a" / "curves.json").read_bytes() == before
+    with monkeypatch.context() as patched:  # files are written before anything is printed
+        patched.setattr(study, "say", closed)
+        assert run("--compare a/curves.json a/curves.json --out both")[0] == 2
+    code, captured = run("--compare both/curves.json a/curves.json")
+    assert code == 2
+    assert "both/curves.json holds no figures of its own, but a comparison: pass" in captured.err
+
+
+@pytest.mark.parametrize("name", ["curves.json", "curves.csv", "reference.npz"])
+def test_a_file_that_cannot_be_written_is_said_before_the_work(run, tmp_path, name):
+    (tmp_path / "a" / name).mkdir(parents=True)
+    code, captured = run(f"tube.py {SMALL} --out a")
+    assert code == 2
+    assert f"{name}' cannot be written (it is a folder): name another file" in captured.err
+    assert "..." not in captured.err
+
+
+def test_an_error_after_the_pictures_keeps_them(run, tmp_path, monkeypatch):
+    def no_memory(*_):
+        raise MemoryError("Unable to allocate 745. GiB")
+
+    monkeypatch.setattr(hit_study, "camera_rays", no_memory)
+    some = "tube.py --quick --width 8 --threads 1 --certified-only --integrators whitted"
+    some += " --passes 1 2 --reference-passes 8 --reference-by path"
+    code, captured = run(f"{some} --out a")
+    assert code == 2
+    assert "Unable to allocate 745. GiB" in captured.err
+    assert "Pictures" in captured.out
+    assert json.loads((tmp_path / "a" / "curves.json").read_text())["picture"]["curves"]
+    # Pictures alone need no rays.
+    code, captured = run(f"{some} --only pictures")
+    assert code == 0
+    assert captured.out
 
 
 @pytest.fixture
@@ -188,6 +236,8 @@ def test_hits_on_trimmed_surfaces_are_measured(run, tmp_path):
         ("missing.bpt", 2, "missing.bpt"),
         ("surface", 2, "surface has no file: name a .bpt file"),
         ("", 2, "name a scene script"),
+        ("tube.py flat.py", 2, "tube.py and flat.py are two studies: name one at a time"),
+        ("tube.py --compare x.json y.json", 2, "measures nothing: leave out tube.py"),
         ("--compare x.json y.json", 2, "x.json"),
         ("--compare tube.py tube.py", 2, "tube.py holds no figures: pass the curves.json"),
         (f"tube.py {SMALL} --rays 0", 2, "argument --rays: '0': pass a whole number from 1 on"),
