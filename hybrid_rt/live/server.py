@@ -23,6 +23,7 @@ from urllib.parse import parse_qs, urlsplit
 from hybrid_rt.live.picture import HalfPicture
 
 HOST = "127.0.0.1"
+HTTP_PORT = 80
 # Seconds between two looks at the render for each page, and between signs of life.
 TICK, SIGN_OF_LIFE = 0.5, 15.0
 # Pages that listen at once; browsers themselves open six at most.
@@ -98,6 +99,8 @@ class PageServer:
         self.address = f"http://{HOST}:{self.port}/?token={token}"
         self._server.shown, self._server.token = shown, token.encode()
         self._server.names = {f"{HOST}:{self.port}", f"localhost:{self.port}"}
+        if self.port == HTTP_PORT:  # browsers leave it out
+            self._server.names |= {HOST, "localhost"}
         self._thread = threading.Thread(
             target=self._server.serve_forever, args=(0.1,), name="live page", daemon=True
         )

@@ -50,6 +50,7 @@ const REASONS = {
   passes: "all passes are made", time_budget: "the time is up", target_error: "the target error is reached",
   target_error_trimmed: "the target error of most pixels is reached", interrupted: "ended by Ctrl-C",
   watcher: "stopped here", blur: "the blur keeps the target out of reach", not_finite: "some pixels are not finite",
+  cluster_lost: "the cluster was lost",
 };
 
 function showState() {

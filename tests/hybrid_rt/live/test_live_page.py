@@ -10,6 +10,7 @@ import subprocess
 import sys
 import threading
 import time
+from importlib.resources import files
 from urllib.parse import urlsplit
 
 import imageio.v3 as imageio
@@ -21,6 +22,7 @@ from hybrid_rt.cli import program as cli
 from hybrid_rt.intersection import Intersector
 from hybrid_rt.live.picture import Pictures
 from hybrid_rt.live.watch import LINGER, LivePage
+from hybrid_rt.rendering import summary
 from hybrid_rt.rendering.renderer import render
 from hybrid_rt.sensor.film import Film
 
@@ -151,6 +153,12 @@ def test_the_state_says_what_the_report_says():
     assert [point["passes"] for point in state["errors"]] == sorted(
         {point["passes"] for point in state["errors"]}
     )
+
+
+def test_the_page_knows_every_end_of_a_render():
+    script = (files("hybrid_rt.live") / "page" / "live.js").read_text("utf-8")
+    reasons = script.split("const REASONS = {")[1].split("};")[0]
+    assert set(re.findall(r"(\w+): \"", reasons)) == set(summary._STOPPED_BY)
 
 
 @pytest.mark.parametrize("integrator", ["path", "ppm"])

@@ -136,6 +136,26 @@ def test_the_page_itself_may_ask(page):
     assert ask(page, "/about", Sec_Fetch_Site="same-origin")[0] == 200
 
 
+def test_browsers_leave_out_port_80(still, monkeypatch):
+    class AtEighty(served._Server):
+        """Says that it is at port 80, which is not for everybody."""
+
+        def __init__(self, address, handler):
+            super().__init__((address[0], 0), handler)
+            self.really, self.server_address = self.server_address[1], (address[0], 80)
+
+    monkeypatch.setattr(served, "_Server", AtEighty)
+    page = PageServer(80, "a-token", still)
+    page.start()
+    page.port = page._server.really
+    try:
+        for host in ("127.0.0.1", "localhost", "127.0.0.1:80"):
+            assert ask(page, "/about", Host=host, Origin=f"http://{host}")[0] == 200
+        assert ask(page, "/about", Host="evil.example")[0] == 403
+    finally:
+        page.stop()
+
+
 def test_no_answer_allows_other_origins_or_other_content(page):
     for path, method in (("/", "GET"), ("/about", "GET"), ("/x", "GET"), ("/", "OPTIONS")):
         headers = ask(page, path, method, Origin=f"http://127.0.0.1:{page.port}")[2]
