@@ -1,7 +1,8 @@
 """trimesh's ray interface on true surfaces: a drop-in replacement.
 
 ``RayMeshIntersector`` has the names, arguments, shapes and dtypes of trimesh's class of that name.
-trimesh's triangle indices become indices of pieces: faces of meshes, patches of Bezier surfaces and
+Indices are always int64, as those of trimesh's own engine; its Embree engine returns int32 from
+``intersects_first`` alone. trimesh's triangle indices become indices of pieces: faces of meshes, patches of Bezier surfaces and
 segments of profiles, numbered consecutively through all objects.
 """
 
@@ -131,7 +132,7 @@ class RayMeshIntersector:
         ray_origins: ArrayLike,
         ray_directions: ArrayLike,
         multiple_hits: bool = True,
-        max_hits: int = 20,
+        max_hits: int = 100,
         return_locations: bool = False,
     ) -> tuple[NDArray[Any], ...]:
         """Find which pieces rays meet.
@@ -143,7 +144,8 @@ class RayMeshIntersector:
         multiple_hits : bool
             Return all crossings, not only the first of each ray.
         max_hits : int
-            Largest number of crossings per ray, at least 1.
+            Largest number of crossings per ray, at least 1; those beyond it are left out. The default
+            is that of trimesh 5. `intersects_location` has no limit.
         return_locations : bool
             Return the hit points as well.
 
@@ -199,7 +201,9 @@ class RayMeshIntersector:
         """Tell for each point whether it lies inside the closed surfaces.
 
         The answer is the parity of the crossings along a ray. If the ray is tangent to a surface,
-        another direction is tried.
+        another direction is tried. Of bodies that touch, each is an item of the geometry: where two
+        that are joined to one mesh touch, a ray meets one face instead of two, and the answer may be
+        wrong.
 
         Parameters
         ----------

@@ -114,6 +114,26 @@ def test_the_cavity_of_a_body_is_outside():
     ]
 
 
+def test_a_stack_of_plates_is_crossed_as_often_as_by_trimesh():
+    plates = [trimesh.creation.box(extents=(2, 2, 0.5)) for _ in range(30)]
+    for k, plate in enumerate(plates):
+        plate.apply_translation((0, 0, k))
+    mesh = trimesh.util.concatenate(plates)
+    o, d = [[0.1, 0.2, 50.0], [5.0, 0.0, 0.0]], [[0, 0, -1], [0, 0, 1]]
+    theirs = trimesh.ray.ray_pyembree.RayMeshIntersector(mesh).intersects_id(o, d)
+    ours = RayMeshIntersector(mesh).intersects_id(o, d)
+    assert [len(found) for found in ours] == [60, 60] == [len(found) for found in theirs]
+    assert RayMeshIntersector(mesh).intersects_first(o, d).dtype == np.int64
+
+
+def test_bodies_that_touch_are_told_apart_as_items_of_the_geometry():
+    left, right = trimesh.creation.box(), trimesh.creation.box()
+    right.apply_translation((1, 0, 0))
+    points = np.random.default_rng(1).uniform((-1, -1, -1), (2, 1, 1), (1000, 3))
+    inside = (abs(points - (0.5, 0, 0)) < (1.0, 0.5, 0.5)).all(axis=1)
+    assert np.array_equal(RayMeshIntersector([left, right]).contains_points(points), inside)
+
+
 def test_rays_along_edges_and_through_corners_hit():
     ours = RayMeshIntersector(trimesh.creation.box(extents=(2, 2, 2)))
     place = [(1, 0), (-1, 0), (0, 1), (0, -1), (1, 1), (-1, -1), (1, -1), (-1, 1)]
