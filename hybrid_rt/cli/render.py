@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import shlex
+import shutil
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
@@ -201,10 +202,23 @@ def _how_to_go_on(report: dict[str, Any]) -> str:
         lines.append(
             f"  store     {kept['folder']} holds {passes_in_words(report['passes'])}{since}"
         )
-    command = [Path(sys.argv[0]).name, *sys.argv[1:]]
-    command += [] if "--resume" in command else ["--resume"]
-    command = _with_limit_moved(command, report)
-    return "\n".join([*lines, f"  go on     {shlex.join(command)}"])
+    if (
+        report["stopped_by"] != "not_finite"
+    ):  # what is in the sums stays, and no pass would be added
+        words = [*sys.argv[1:], *([] if "--resume" in sys.argv else ["--resume"])]
+        command = [*program_words(), *_with_limit_moved(words, report)]
+        lines.append(f"  go on     {shlex.join(command)}")
+    return "\n".join(lines)
+
+
+def program_words() -> list[str]:
+    """Return the words that this program was started by, without its arguments: they start it again."""
+    name = Path(sys.argv[0]).name
+    found, n_words = shutil.which(name), len(sys.orig_argv) - len(sys.argv) + 1
+    is_on_path = found is not None and Path(found).resolve() == Path(sys.argv[0]).resolve()
+    if is_on_path or sys.orig_argv[n_words:] != sys.argv[1:]:
+        return [name]
+    return sys.orig_argv[:n_words]  # "python -m hybrid_rt" and "python prog.py" among them
 
 
 def _with_limit_moved(command: list[str], report: dict[str, Any]) -> list[str]:
@@ -221,7 +235,7 @@ def _with_limit_moved(command: list[str], report: dict[str, Any]) -> list[str]:
         option = f"--{stopped_by.replace('_', '-')}"
         value = f"{error[ERRORS[stopped_by]] / 2:.1g}"  # as the line "further" says it
         command = _without("--time-budget", command)
-    elif stopped_by in ("passes", "blur", "not_finite"):
+    elif stopped_by in ("passes", "blur"):
         told = further(report)
         option, value = "--passes", str(2 * report["passes"] if told is None else told.passes)
     else:

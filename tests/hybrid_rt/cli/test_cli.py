@@ -12,6 +12,7 @@ import struct
 import subprocess
 import sys
 import termios
+from functools import partial
 from pathlib import Path
 
 import imageio.v3 as imageio
@@ -23,6 +24,7 @@ from hybrid_rt.cli import command
 from hybrid_rt.cli import program as cli
 from hybrid_rt.cli.command import BAD_INPUT, CLOSED_PIPE, INTERRUPTED, STOPPED, TERMINATED
 from hybrid_rt.cli.options import add_render_options
+from hybrid_rt.cli.render import _how_to_go_on as how_to_go_on
 from hybrid_rt.cli.scene_file import SceneFileError, load_scene
 from hybrid_rt.rendering import renderer as rendering
 from hybrid_rt.rendering.forecast import further
@@ -122,6 +124,44 @@ def test_after_a_time_budget_the_same_command_goes_on(capsys, monkeypatch):
     assert cli.main(words[1:]) == 0
     command = re.search(r"go on     (.*)", capsys.readouterr().out)[1]
     assert shlex.split(command) == [*words, "--resume"]
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        [sys.executable, "-m", "prog"],
+        [sys.executable, "-X", "dev", "prog.py"],
+        ["./prog"],
+        ["prog"],
+    ],
+)
+def test_the_program_is_named_as_it_can_be_started(folder, words):
+    text = f"""#!{sys.executable}
+import shlex
+from hybrid_rt.cli.render import program_words
+print(shlex.join(program_words()))
+"""
+    for name in ("prog", "prog.py"):
+        (folder / name).write_text(text)
+        (folder / name).chmod(0o755)
+    paths = os.environ["PATH"]
+    if words == ["prog"]:
+        paths = f"{folder}{os.pathsep}{paths}"
+    begun = partial(
+        subprocess.run, cwd=folder, env={**os.environ, "PATH": paths}, capture_output=True,
+        text=True, check=True,
+    )  # fmt: skip
+    said = begun([*words, "render", "--resume"]).stdout
+    expected = [sys.executable, "./prog"] if words == ["./prog"] else words
+    assert shlex.split(said) == expected
+    assert begun([*shlex.split(said), "render", "--resume"]).stdout == said
+
+
+def test_pixels_that_are_not_finite_are_not_gone_on_from():
+    """Passes would be added for ever; a render that is asked to go on adds none."""
+    kept = {"folder": "kept", "lost": [], "not_saved": "", "passes_before": 0}
+    said = how_to_go_on({"store": kept, "passes": 16, "stopped_by": "not_finite"})
+    assert said == "  store     kept holds 16 passes"
 
 
 @pytest.mark.parametrize(
