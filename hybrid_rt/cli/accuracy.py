@@ -147,25 +147,27 @@ def speeds(rungs: Sequence[Rung]) -> str:
 
 
 def write(folder: Path, file: Path, surfaces: Sequence[Any], rungs: Sequence[Rung]) -> None:
-    """Write tables and pictures."""
+    """Write the other table and the pictures, and say what there is."""
     with (folder / "table.csv").open("w", newline="", encoding="utf-8") as opened:
         writer = csv.writer(opened)
         flat = [_flat(rung.figures) for rung in rungs]
         writer.writerow(flat[0])
         writer.writerows(line.values() for line in flat)
-    draw(folder, file, surfaces, [rung.figures for rung in rungs])
-    say(f"\nwrote {', '.join(sorted(str(path) for path in folder.iterdir()))}")
+    pictures = draw(folder, file, surfaces, [rung.figures for rung in rungs])
+    written = [folder / "table.json", folder / "table.csv", *pictures]
+    say(f"\nwrote {', '.join(str(path) for path in written)}")
 
 
 def draw(
     folder: Path, file: Path, surfaces: Sequence[Any], rungs: Sequence[dict[str, Any]]
-) -> None:
-    """Write the pictures of a table, if there is matplotlib."""
+) -> list[Path]:
+    """Write the pictures of a table, if there is matplotlib; return their files."""
     if importlib.util.find_spec("matplotlib") is None:  # which was said before the work
-        return
-    mesh_diagrams.draw_time(rungs, file.stem, folder / "error_against_time.png")
-    tolerance = 1e-3 * size_of(surfaces)
-    mesh_diagrams.draw_error(surfaces, tolerance, file.stem, folder / "mesh_error.png")
+        return []
+    time, error = folder / "error_against_time.png", folder / "mesh_error.png"
+    mesh_diagrams.draw_time(rungs, file.stem, time)
+    mesh_diagrams.draw_error(surfaces, 1e-3 * size_of(surfaces), file.stem, error)
+    return [time, error]
 
 
 def _flat(values: dict[str, Any], prefix: str = "") -> dict[str, Any]:

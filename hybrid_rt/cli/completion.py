@@ -10,7 +10,7 @@ from typing import Any, NoReturn
 
 SHELLS = ("bash", "zsh", "tcsh")
 # Arguments that are files, but no `Path`.
-FILE_ARGUMENTS = ("scene", "a", "b", "reference")
+FILE_ARGUMENTS = ("scene", "source", "a", "b", "reference")
 # What shells know as the names of files; see the documentation of shtab.
 FILES = {"bash": "_shtab_compgen_files", "zsh": "_files", "tcsh": "f"}
 

@@ -1,6 +1,8 @@
 import csv
 import json
+import os
 from itertools import pairwise
+from pathlib import Path
 
 import pytest
 
@@ -37,8 +39,13 @@ def run(tmp_path, monkeypatch, capsys):
 
 
 def test_finer_meshes_are_nearer_and_stay_within_what_is_proven(run, tmp_path):
+    (tmp_path / "made").mkdir()
+    (tmp_path / "made" / "notes.txt").touch()
     code, captured = run("ball.py --quick --rays 2000 --threads 1 --out made")
     assert code == 0
+    written = captured.out.splitlines()[-1].removeprefix("wrote ").split(", ")
+    assert {"made/table.json", "made/table.csv"} <= set(written)
+    assert {Path(file).name for file in written} == set(os.listdir("made")) - {"notes.txt"}
     assert "Exactness costs" in captured.out
     rungs = json.loads((tmp_path / "made" / "table.json").read_text())
     assert len(rungs) == 3

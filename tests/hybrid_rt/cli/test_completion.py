@@ -22,6 +22,7 @@ def script(shell, capsys):
         (["render", "--target-e"], {"--target-error", "--target-error-trimmed"}),
         (["render", "--phot"], {"--photons"}),  # declared by integrators
         (["render", "ball"], {"ball.py"}),
+        (["study", "ball"], {"ball.py"}),
     ],
 )
 def test_bash_completes_commands_options_and_files(tmp_path, capsys, typed, offered):
