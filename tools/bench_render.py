@@ -31,7 +31,7 @@ from hybrid_rt.benchmarks.two_checkouts import Job, checkout_at, compare
 from hybrid_rt.cli.command import kept, one_or_more, run_tool
 from hybrid_rt.cli.scene_file import check_script, load_scene
 from hybrid_rt.core import checks
-from hybrid_rt.integrators import PPMOptions
+from hybrid_rt.integrators import Options, PhotonMapOptions, PPMOptions
 from hybrid_rt.intersection.intersector import COARSE_STAGES
 from hybrid_rt.rendering.renderer import render
 from hybrid_rt.rendering.result import RenderResult
@@ -81,8 +81,22 @@ def _memory(path: Path, coarse: str, options: argparse.Namespace) -> float:
     """Return the peak memory, MiB, of two passes of a full-size picture."""
     scene = load_scene(path)
     shown = scene.with_camera(scene.camera.resized(*FULL_SIZE))
-    render(shown, options.integrator, 2, threads=options.threads, coarse=coarse)
+    render(
+        shown,
+        options.integrator,
+        2,
+        threads=options.threads,
+        coarse=coarse,
+        options=_settings(options),
+    )
     return _peak()
+
+
+def _settings(options: argparse.Namespace) -> Options | None:
+    """Return the integrator's options: photons have as many in a pass as --photons says."""
+    kinds = {"ppm": PPMOptions, "photon_map": PhotonMapOptions}
+    kind = kinds.get(options.integrator)
+    return None if kind is None else kind(options.photons)
 
 
 def _peak() -> float:
@@ -104,7 +118,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument(
         "--rounds", type=one_or_more, default=3, metavar="N", help="renders by each (--against)"
     )
-    parser.add_argument("--photons", type=one_or_more, default=200_000, help="of a pass (ppm)")
+    parser.add_argument("--photons", type=one_or_more, default=200_000, help="of a pass")
     parser.add_argument(
         "--reference-photons", type=float, default=1e9, help="counted by the light tracer"
     )
@@ -129,8 +143,6 @@ def _measure(path: Path, coarse: str, options: argparse.Namespace) -> dict[str, 
 
     def run(passes: int, seed: int, small: bool = False, **settings: Any) -> RenderResult:
         shown: Scene = scene.with_camera(camera.resized(16, 12)) if small else scene
-        if options.integrator == "ppm":
-            settings["options"] = PPMOptions(options.photons)
         return render(
             shown,
             options.integrator,
@@ -138,6 +150,7 @@ def _measure(path: Path, coarse: str, options: argparse.Namespace) -> dict[str, 
             seed=seed,
             threads=options.threads,
             coarse=coarse,
+            options=_settings(options),
             **settings,
         )
 

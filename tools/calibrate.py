@@ -64,21 +64,18 @@ def main() -> int:
         raise ModuleNotFoundError(
             "60 digits need the package mpmath: pip install 'hybrid-rt[dev]', or pass --digits-hits 0"
         )
+    pairs = _pairs(args) if args.seeds else []
     rows: list[dict[str, Any]] = []
     with kept(args.out, lambda: rows):
-        for integrator in args.integrator or ["path", "ppm"]:
-            for name, make in PICTURES.items():
-                if args.picture and name not in args.picture:
-                    continue
-                if args.seeds and integrator in make().integrators:
-                    by_paths = integrator in {"path", "whitted"}
-                    counts = args.passes if by_paths else args.photon_passes
-                    truth = None
-                    # Paths are unbiased: the most passes know best what rare ones bring.
-                    for n in sorted(counts, reverse=True):
-                        row, mean_image = _cover(name, integrator, n, args.seeds, truth)
-                        rows.append(row)
-                        truth = mean_image if by_paths and truth is None else truth
+        for integrator, name in pairs:
+            by_paths = integrator in {"path", "whitted"}
+            counts = args.passes if by_paths else args.photon_passes
+            truth = None
+            # Paths are unbiased: the most passes know best what rare ones bring.
+            for n in sorted(counts, reverse=True):
+                row, mean_image = _cover(name, integrator, n, args.seeds, truth)
+                rows.append(row)
+                truth = mean_image if by_paths and truth is None else truth
         if args.blur_seeds:
             rows.extend(
                 _blur(name, args.photon_passes[0], args.blur_seeds, args.threads)
@@ -103,6 +100,20 @@ def _check(args: argparse.Namespace) -> None:
         checks.number(count, option, at_least=0.0)
     if not any((*seeds, *hits)):
         raise ValueError("there is nothing to check: pass --seeds, --blur-seeds or --hits above 0")
+
+
+def _pairs(args: argparse.Namespace) -> list[tuple[str, str]]:
+    """Return the integrators and the names of the pictures to make by them."""
+    integrators, names = args.integrator or ["path", "ppm"], args.picture or list(PICTURES)
+    kinds = {name: PICTURES[name]().integrators for name in PICTURES if name in names}
+    pairs = [(one, name) for one in integrators for name in kinds if one in kinds[name]]
+    if not pairs:
+        known = "; ".join(f"{name!r} is by {' or '.join(kind)}" for name, kind in kinds.items())
+        raise ValueError(
+            f"no picture is by {' or '.join(integrators)}: {known}. Pass one of these as --integrator, or "
+            "--seeds 0"
+        )
+    return pairs
 
 
 def _cover(

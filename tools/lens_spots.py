@@ -8,6 +8,7 @@ to the plane of least spread on the axis.
 
 import argparse
 import sys
+from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
@@ -21,7 +22,8 @@ from hybrid_rt.analysis.lens_examples import (
     DOUBLE_GAUSS_PRINTED,
     stigmatic_singlet,
 )
-from hybrid_rt.cli.command import one_or_more, run_tool, say_if_no_plots
+from hybrid_rt.cli.command import one_or_more, run_tool
+from hybrid_rt.sensor.image_files import check_writable
 
 # Lens, printed focus, largest field in degrees, diameter of the light in front.
 LENSES = {
@@ -41,7 +43,11 @@ def main() -> int:
     parser.add_argument("--out", type=Path, metavar="FILE.png", help="draws the spots")
     args = parser.parse_args()
     if args.out is not None:
-        say_if_no_plots("spots")
+        if find_spec("matplotlib") is None:
+            raise ModuleNotFoundError(
+                f"--out {args.out}: the spots need matplotlib: pip install 'hybrid-rt[plot]', or leave out --out"
+            )
+        check_writable(args.out)
     spots = {name: show(name, args.rays) for name in LENSES}
     if args.out is not None:
         draw(spots, args.out)

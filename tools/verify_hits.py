@@ -29,13 +29,17 @@ def main() -> int:
     parser.add_argument("--rays", type=float, default=1e5, help="in all, shared by the scenes")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--scene", action="append", choices=list(SCENES), help="may be repeated")
-    parser.add_argument("--coarse", choices=("embree", "none"), default="embree")
+    parser.add_argument("--coarse", choices=("embree", "none"), help="default: embree")
     parser.add_argument("--threads", type=one_or_more)
     parser.add_argument("--second", action="store_true", help="compare two certificates")
     parser.add_argument("--out", type=Path, help="write the figures as JSON")
     args = parser.parse_args()
     checks.whole(args.seed, "--seed", at_least=0)
     if args.second:
+        if args.coarse is not None:
+            raise ValueError(
+                f"--second compares without a coarse stage: leave out --coarse {args.coarse}"
+            )
         return _compare_two(args)
     names = args.scene or list(SCENES)
     each = _share(args.rays, len(names))
@@ -43,7 +47,8 @@ def main() -> int:
     with kept(args.out, lambda: {name: _plain(t) for name, t in results.items()}):
         for name in names:
             try:
-                for tally in steps(SCENES[name](), each, args.seed, args.coarse, args.threads):
+                coarse = args.coarse or "embree"
+                for tally in steps(SCENES[name](), each, args.seed, coarse, args.threads):
                     results[name] = tally
                     done = min(tally.verdict.rays + tally.verdict.undecided, each)
                     if sys.stderr.isatty() or done % (10 * STEP) == 0:

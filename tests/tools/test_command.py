@@ -1,5 +1,6 @@
 """Tools end with an exit code and a line, and keep what they have found when they are stopped."""
 
+import argparse
 import importlib.util
 import io
 import json
@@ -13,6 +14,7 @@ import pytest
 
 from hybrid_rt.cli import command
 from hybrid_rt.core import progress
+from hybrid_rt.integrators import PhotonMapOptions, PPMOptions
 from hybrid_rt.verify.cases import campaign
 
 TOOLS = Path(__file__).parents[2] / "tools"
@@ -157,6 +159,76 @@ def test_digits_need_a_package_and_say_so_first(without, monkeypatch, capsys):
         "calibrate.py: 60 digits need the package mpmath: pip install 'hybrid-rt[dev]', or pass "
         "--digits-hits 0\n"
     )
+
+
+def test_spots_that_cannot_be_drawn_are_said_before_they_are_traced(
+    without, tmp_path, monkeypatch, capsys
+):
+    without("matplotlib")
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "argv", ["lens_spots.py", "--out", "spots.png"])
+    with pytest.raises(SystemExit) as ended:
+        runpy.run_path(str(TOOLS / "lens_spots.py"), run_name="__main__")
+    assert ended.value.code == 2
+    out, error = capsys.readouterr()
+    assert out == ""
+    assert error == (
+        "lens_spots.py: --out spots.png: the spots need matplotlib: pip install 'hybrid-rt[plot]', "
+        "or leave out --out\n"
+    )
+
+
+@pytest.mark.parametrize(
+    ("words", "refusal"),
+    [
+        (
+            ["verify_hits.py", "--second", "--coarse", "none"],
+            "--second compares without a coarse stage: leave out --coarse none",
+        ),
+        (
+            [
+                "calibrate.py", "--integrator", "whitted", "--picture", "caustic edge",
+                "--blur-seeds", "0", "--hits", "0", "--digits-hits", "0",
+            ],
+            "no picture is by whitted: 'caustic edge' is by ppm. Pass one of these as --integrator, or",
+        ),
+    ],
+)  # fmt: skip
+def test_what_would_be_ignored_or_check_nothing_is_refused(words, refusal, monkeypatch, capsys):
+    monkeypatch.setattr(sys, "argv", words)
+    with pytest.raises(SystemExit) as ended:
+        runpy.run_path(str(TOOLS / words[0]), run_name="__main__")
+    assert ended.value.code == 2
+    out, error = capsys.readouterr()
+    assert out == ""
+    assert refusal in error
+
+
+@pytest.mark.parametrize(
+    ("integrator", "options"),
+    [("ppm", PPMOptions(7)), ("photon_map", PhotonMapOptions(7)), ("path", None)],
+)
+@pytest.mark.parametrize("measure", ["_measure", "_memory"])
+def test_speed_and_memory_are_those_of_the_photons_asked_for(
+    integrator, options, measure, tmp_path, monkeypatch
+):
+    class AskedError(Exception):
+        """Nothing need be rendered."""
+
+    def asked(*_, **settings):
+        raise AskedError(settings["options"])
+
+    (tmp_path / "empty.py").write_text(
+        "from hybrid_rt import Camera, Scene\n"
+        "def scene():\n"
+        "    return Scene(Camera((0, -4, 1), (0, 0, 0), (0, 0, 1), width=4, height=3), [])\n"
+    )
+    function = runpy.run_path(str(TOOLS / "bench_render.py"))[measure]
+    monkeypatch.setitem(function.__globals__, "render", asked)
+    words = argparse.Namespace(integrator=integrator, photons=7, threads=1, width=None)
+    with pytest.raises(AskedError) as found:
+        function(tmp_path / "empty.py", "none", words)
+    assert found.value.args == (options,)
 
 
 def test_diagrams_that_will_be_missing_are_said_first(without, monkeypatch, capsys):

@@ -1,6 +1,5 @@
 import csv
 import json
-import os
 from itertools import pairwise
 from pathlib import Path
 
@@ -45,7 +44,9 @@ def test_finer_meshes_are_nearer_and_stay_within_what_is_proven(run, tmp_path):
     assert code == 0
     written = captured.out.splitlines()[-1].removeprefix("wrote ").split(", ")
     assert {"made/table.json", "made/table.csv"} <= set(written)
-    assert {Path(file).name for file in written} == set(os.listdir("made")) - {"notes.txt"}
+    assert {Path(file) for file in written} == set(Path("made").iterdir()) - {
+        Path("made/notes.txt")
+    }
     assert "Exactness costs" in captured.out
     rungs = json.loads((tmp_path / "made" / "table.json").read_text())
     assert len(rungs) == 3
