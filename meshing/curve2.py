@@ -228,11 +228,11 @@ def circle(center: ArrayLike, radius: float | tuple[float, float]) -> list[Curve
         As for `Curve2`, and for a radius that is not positive.
     """
     middle = as_floats(center, "circle center")
-    sides = np.broadcast_to(as_floats(radius, "circle radius"), (2,))
-    if middle.shape != (2,) or not (sides > 0.0).all():
+    sides = as_floats(radius, "circle radius")
+    if middle.shape != (2,) or sides.shape not in ((), (1,), (2,)) or not (sides > 0.0).all():
         raise ValueError(
             f"circle has center {shown(center)} and radius {shown(radius)}: pass two numbers, and a "
-            "positive radius"
+            "positive radius, or one along u and one along v"
         )
     corners = np.array(
         [(1, 0), (1, 1), (0, 1), (-1, 1), (-1, 0), (-1, -1), (0, -1), (1, -1), (1, 0)]

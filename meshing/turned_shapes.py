@@ -8,7 +8,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import ArrayLike
 
-from meshing.checks import FloatArray, as_vector, number
+from meshing.checks import FloatArray, as_floats, as_vector, number, shown
 from meshing.profiles import cosine_and_sine
 from meshing.revolution import SurfaceOfRevolution
 
@@ -122,9 +122,15 @@ def circular_arc(
     Raises
     ------
     ValueError, TypeError
-        If a number is not finite, the radius is not positive, or the arc is empty or too long.
+        If a number is not finite, the center is not two of them, the radius is not positive, or the
+        arc is empty or too long.
     """
-    middle = np.array([number(x, "circular_arc center") for x in np.asarray(center).tolist()])
+    given = as_floats(center, "circular_arc center")
+    if given.shape != (2,):
+        raise ValueError(
+            f"circular_arc center is {shown(center)}: pass its axial position and its radius"
+        )
+    middle = np.array([number(x, "circular_arc center") for x in given.tolist()])
     r = number(radius, "circular_arc radius", above=0.0)
     first, last = number(begin, "circular_arc begin"), number(end, "circular_arc end")
     if not 0.0 < abs(last - first) <= 1.0:

@@ -174,6 +174,8 @@ def test_ends_that_nearly_meet_are_joined_and_open_loops_refused():
         (lambda: Curve2([(0, 0), (1, 1)], [1, -1]), "Curve2 weights"),
         (lambda: Curve2([(0, 0), (1, 1)], [1, 1, 1]), r"shape \(3,\) for 2 points"),
         (lambda: circle((0.5, 0.5), 0), "positive radius"),
+        (lambda: circle((0.5, 0.5), (1, 2, 3)), r"circle has .* radius \(1, 2, 3\): pass two numbers"),
+        (lambda: circle(0.5, 1), "circle has center 0.5"),
         (lambda: polygon([(0, 0), (1, 1)]), "at least 3"),
         (lambda: polygon([(0.5, 0), (1, 0), (1, 1), (0.5, 0)]),
          r"^polygon: the last corner, \[0\.5, 0\.0\], repeats the first: leave it out"),

@@ -258,6 +258,10 @@ def test_negative_radii_are_found_under_weights():
         (lambda: Cylinder((0, 0, 0), AXIS, 1, -1), "Cylinder length is -1"),
         (lambda: Cone((0, 0, 0), AXIS, 1, 1, -1), "Cone top_radius is -1"),
         (lambda: circular_arc((0, 1), 1, 0, 1.5), "pass angles in turns"),
+        (lambda: circular_arc((5,), 1, 0, 0.5), r"circular_arc center is \(5,\): pass its axial"),
+        (lambda: circular_arc((5, 0, 1), 1, 0, 0.5), r"circular_arc center is \(5, 0, 1\): pass"),
+        (lambda: circular_arc(5, 1, 0, 0.5), "circular_arc center is 5: pass its axial"),
+        (lambda: circular_arc((5, np.nan), 1, 0, 0.5), "circular_arc center is nan"),
     ],
 )
 def test_shapes_refuse_what_they_cannot_be(make, message):
