@@ -76,7 +76,9 @@ class AreaSampler(ABC):
     def choose(self, xi: FloatArray) -> tuple[IdArray, FloatArray, FloatArray]:
         """Return (patch_id, u, v) of points sampled by random numbers (n, 2) in [0, 1)."""
         cell = np.searchsorted(self._before, xi[:, 0], side="right") - 1
-        cell = np.minimum(cell, self._share.size - 1)
+        # Rounded sums may end below 1: what lies beyond is of the last cell that has a share.
+        last = np.searchsorted(self._before, self._before[-1]) - 1
+        cell = np.minimum(cell, last)
         rest = np.clip((xi[:, 0] - self._before[cell]) / self._share[cell], 0.0, 1.0)
         return self.within(cell, rest, xi[:, 1])
 
