@@ -51,7 +51,9 @@ def Extrusion(
     for i, segment in enumerate(segments):
         steps = np.diff(segment, axis=0)
         aside = np.linalg.norm(np.cross(steps, way / size), axis=1).max()
-        if not aside > 2.0**-40 * np.abs(segment).max():
+        # Far from the origin the points themselves are rounded by as much as the second term.
+        extent, place = np.abs(segment - segment[0]).max(), np.abs(segment).max()
+        if not aside > 2.0**-40 * extent + 2.0**-50 * place:
             raise ValueError(
                 f"Extrusion profile segment {i} runs along direction {way.tolist()} all the way: "
                 "pass another direction, there would be no area"

@@ -46,6 +46,17 @@ def test_points_are_the_profile_and_its_shift():
     assert len(Extrusion([net, [(3, 0, 0), (4, 0, 0)]], way, [[1, 2, 2, 1], None])) == 2
 
 
+def test_a_narrow_strip_far_from_the_origin_has_an_area_and_a_rounded_line_has_none():
+    at, beside = 1e6, 1e6 + 1e-7
+    strip = Extrusion([(at, 0, 0), (beside, 0, 0)], (0, 0, 1))
+    # The corners are exact, and so is the difference of two neighbours.
+    assert strip.area_sampler().area == pytest.approx(beside - at, rel=1e-12)
+    way = np.array((1.0, 2.0, 3.0)) / 7
+    line = at + np.linspace(0, 1, 4)[:, None] * way
+    with pytest.raises(ValueError, match="segment 0 runs along direction"):
+        Extrusion(line, way)
+
+
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
