@@ -141,10 +141,11 @@ class Box(Surface):
         return Squares(self.areas)
 
     def transformed(self, matrix: ArrayLike) -> Box:
-        """Return the image under an affine map: a `Box` if it is axis-aligned, else a `TurnedBox`.
+        """Return the image under an affine map: a `Box` if the matrix is diagonal, else a `TurnedBox`.
 
-        A `Box` numbers its faces along the axes again. In a `TurnedBox` faces and (u, v) stay with
-        their points, except that a reflection swaps u and v, since normals stay outward.
+        A quarter turn makes a `TurnedBox`, too, though its faces are across the axes. A `Box` numbers
+        its faces along the axes again. In a `TurnedBox` faces and (u, v) stay with their points, except
+        that a reflection swaps u and v, since normals stay outward.
 
         Parameters
         ----------
