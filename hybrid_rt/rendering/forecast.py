@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from typing import Any, NamedTuple
 
+from hybrid_rt.rendering.limits import times_the_passes
+
 # The figure that each target error is about; and the one to be trusted, if a few pixels decide or not.
 ERRORS = {"target_error": "both", "target_error_trimmed": "both_trimmed"}
 _TRUSTED = {False: "target_error", True: "target_error_trimmed"}
@@ -117,4 +119,4 @@ def _times(report: dict[str, Any], option: str, target: float) -> float:
         # Dots that become more than the worst 0.1 % join the others: what twice the passes will bring.
         ahead = error["both_trimmed_ahead"] ** 2 - stays**2
         power = min(power, math.log2(more / ahead)) if 0.0 < ahead < more else 0.0
-    return float((more / left) ** (1.0 / power)) if power > 0.0 else math.inf
+    return times_the_passes(more / left, power) if power > 0.0 else math.inf

@@ -20,6 +20,17 @@ _TRIMMED = "target_error_trimmed"
 _NOTED = ("n_of_error", "noise", "ahead", "blur", "power", "blur_stays")
 
 
+def times_the_passes(ratio: float, power: float) -> float:
+    """Return how many times the passes divide a squared error by ``ratio``; inf: beyond all numbers.
+
+    The squared error falls as passes ** -power.
+    """
+    try:
+        return math.pow(ratio, 1.0 / power)
+    except OverflowError:
+        return math.inf
+
+
 class Clock:
     """Wall seconds since construction, without kernel compilation.
 
@@ -124,7 +135,7 @@ class Limit:
         if self.time_budget is not None:
             # The first pass alone tells how long one takes.
             left = (self.time_budget - seconds) / self._longest if self._longest > 0.0 else 1.0
-            at_most = min(at_most, int(left))
+            at_most = int(min(left, at_most))
         return max(at_most, 1)
 
     def next_estimate(self) -> int:
@@ -235,12 +246,12 @@ class Limit:
             if in_time is None and self._longest > 0.0:
                 in_time = n_done + (self.time_budget - self._pass_began) / self._longest
             if in_time is not None:
-                expected.append(int(in_time))
+                expected.append(int(min(in_time, MOST_PASSES)))
         stays = self._blur if self._blur_stays else 0.0
         for name, target in self.targets.items():
             error = self._judged(name)
             left = target**2 - stays**2
             if left > 0.0 and math.isfinite(error):
-                more = (error**2 - stays**2) / left
-                expected.append(math.ceil(self._n_of_error * more ** (1.0 / self._power)))
+                times = times_the_passes((error**2 - stays**2) / left, self._power)
+                expected.append(math.ceil(min(self._n_of_error * times, MOST_PASSES)))
         return max(min(expected, default=0), n_done + 1)

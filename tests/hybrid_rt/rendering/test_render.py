@@ -38,7 +38,7 @@ from hybrid_rt.primitives import Box, Plane, Rectangle, Sphere
 from hybrid_rt.rendering import memory, report_warnings
 from hybrid_rt.rendering import renderer as rendering
 from hybrid_rt.rendering import summary as numbers
-from hybrid_rt.rendering.limits import Limit
+from hybrid_rt.rendering.limits import MOST_PASSES, Limit
 from hybrid_rt.sampling.sampler import Sampler
 from hybrid_rt.scene.plan import explain
 from hybrid_rt.scene.scene import Object, Scene
@@ -295,6 +295,22 @@ class TestLimit:
         assert limit.reached(16, 0.0) is None
         limit.note_error(128, 0.015, 0.02, power=2 / 3)
         assert limit.reached(128, 0.0) == "target_error"
+
+    def test_passes_beyond_all_numbers_are_expected_to_be_the_most_there_are(self):
+        """A squared error that falls as n^-0.002 is a quarter after 2^1000 passes, a 16th after 2^2000."""
+        for target in (0.05, 0.025):
+            limit = Limit(None, None, target)
+            limit.note_error(4, 0.1, power=0.002)
+            assert limit.expected_passes(4) == MOST_PASSES
+        limit = Limit(40, None, 0.025)
+        limit.note_error(4, 0.1, power=0.002)
+        assert limit.expected_passes(4) == 40
+
+    def test_a_budget_beyond_all_times(self):
+        limit = Limit(None, 1e308)
+        assert limit.begins(0, 0.0, at_most=16) == 1
+        assert limit.begins(1, 0.01, at_most=16) == 16
+        assert limit.expected_passes(1) == limit.expected_passes(1, math.inf) == MOST_PASSES
 
     def test_blur_that_stays_ends_what_nothing_else_would(self):
         """Noise of 3 % beside 4 % that stay: 5 % is reached, 4.5 % after more passes, 3.9 % never."""

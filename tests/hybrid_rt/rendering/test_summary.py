@@ -279,6 +279,20 @@ class TestFurther:
         report["relative_error"]["both"] = 0.4
         assert " takes about 128 passes in all, " in in_words(report).splitlines()[-1]
 
+    def test_no_number_of_passes_is_told_where_it_would_be_beyond_all_numbers(self):
+        """Of a quarter of the squared error: 2^2000 times the passes."""
+        report = self.report(passes=8, target_error=0.05)
+        report["relative_error"] |= {"both": 0.1, "error_power": 0.001}
+        assert "further" not in in_words(report)
+        report = self.report(passes=8, target_error_trimmed=0.05)
+        report["noise"] |= {
+            "worst_pixels_share_of_squared_error": 0.95,
+            "relative_rmse_trimmed": 0.1,
+        }
+        report["noise"]["relative_rmse_trimmed_ahead"] = 0.0999
+        report["relative_error"] |= {"both_trimmed": 0.1, "both_trimmed_ahead": 0.0999}
+        assert "further" not in in_words(report)
+
     def test_what_is_done_once_is_not_forecast_for_every_pass(self):
         """0.5 s once, and 4 times 1.5 s for 4 times as many passes."""
         report = self.report(passes=8, target_error=0.001)
