@@ -100,6 +100,7 @@ class Limit:
         self._pass_began = 0.0
         # None: no pass has begun in this call, which may go on with the passes of earlier ones.
         self._n_began: int | None = None
+        self._n_first: int | None = None
         # The noise that each target is about.
         self._noise = dict.fromkeys(("target_error", "target_error_trimmed"), math.inf)
         self._ahead = math.inf  # what it will be after twice the passes, without the worst pixels
@@ -126,6 +127,8 @@ class Limit:
             spent = (seconds - self._pass_began) / (n_done - self._n_began)
             self._longest = max(self._longest, spent)
         self._pass_began, self._n_began = seconds, n_done
+        if self._n_first is None:
+            self._n_first = n_done
         if self.reached(n_done, seconds) is not None:
             return 0
         if self.passes is not None:
@@ -231,7 +234,8 @@ class Limit:
             return "blur"
         if self.passes is not None and n_done >= self.passes:
             return "passes"
-        if self.time_budget is None or n_done == 0:
+        # At least one pass of each call runs.
+        if self.time_budget is None or n_done == self._n_first:
             return None
         return "time_budget" if seconds + self._longest > self.time_budget else None
 

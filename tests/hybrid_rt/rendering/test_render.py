@@ -267,6 +267,16 @@ class TestLimit:
             n, seconds = n + n_together, seconds + 3.0 * n_together
         assert (n, seconds) == (46, 20.0)
 
+    def test_each_call_makes_a_pass_however_short_its_budget(self):
+        """Or renders that go on from a store would never get further: set-up takes 2 s."""
+        limit = Limit(None, 0.01)
+        assert limit.begins(40, 2.0) == 1
+        assert limit.begins(41, 5.0) == 0
+        assert limit.reached(41, 5.0) == "time_budget"
+        limit = Limit(40, 0.01)
+        assert limit.begins(40, 2.0) == 0
+        assert limit.reached(40, 2.0) == "passes"
+
     def test_target_error_ends_where_the_estimate_is_below_it(self):
         """Errors fall as 1 / sqrt(passes) from 0.399: 0.05 takes 64, looked for more and more often"""
         limit, n, looks = Limit(None, None, 0.05), 0, []

@@ -83,6 +83,12 @@ def test_a_target_is_reached_at_the_same_pass(tmp_path):
     assert finer.report["relative_error"]["both"] <= 0.02
 
 
+def test_a_budget_that_set_up_exceeds_makes_a_pass_each_time(tmp_path):
+    for passes in (1, 2, 3):
+        part = render(scene(), time_budget=1e-9, store=tmp_path, resume=True)
+        assert (part.report["passes"], part.report["stopped_by"]) == (passes, "time_budget")
+
+
 def test_interrupted_and_continued(tmp_path, monkeypatch):
     monkeypatch.setattr(workers, "TOGETHER", 4 * 12 * 9)
 
