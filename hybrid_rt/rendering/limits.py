@@ -152,7 +152,7 @@ class Limit:
         n = self._n_of_error
         if n == 0:
             return RUN if self.targets else 2
-        ratios = [self._error(name) / target for name, target in self.targets.items()]
+        ratios = [self._judged(name) / target for name, target in self.targets.items()]
         share = min([2.0, *(ratio for ratio in ratios if math.isfinite(ratio))])
         return max(int(n * share) // RUN * RUN, n + RUN)
 

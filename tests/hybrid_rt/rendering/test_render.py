@@ -466,6 +466,8 @@ class TestLimit:
         assert limit.reached(4, 0.0) is None
         assert limit.next_estimate() == 8
         assert limit.expected_passes(4) == 78  # 4 (0.88 / 0.2)^2
+        limit.note_error(40, 2.5, trimmed=0.15, ahead=0.33)
+        assert limit.next_estimate() == 64  # 40 (0.33 / 0.2) is 66
         limit.note_error(4, 2.5, trimmed=0.15, ahead=0.19)
         assert limit.reached(4, 0.0) == "target_error_trimmed"
         limit = Limit(None, None, 1.0, 0.2)  # the target of all pixels is as ever
