@@ -300,6 +300,8 @@ class TestFurther:
             report["relative_error"][key] = 0.002
         report["seconds"] = {"build": 0.25, "set-up": 0.25, "paths": 1.0, "total": 2.0}
         assert " about 32 passes in all, 6.5 s: " in in_words(report).splitlines()[-1]
+        report["seconds"] = {"cluster": 0.25, "channels": 0.25, "paths": 1.0, "total": 2.0}
+        assert " about 32 passes in all, 6.5 s: " in in_words(report).splitlines()[-1]
 
     @pytest.mark.parametrize(
         ("seconds", "words"),
