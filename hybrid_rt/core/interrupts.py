@@ -26,7 +26,10 @@ def held_back() -> Iterator[None]:
 
 @contextmanager
 def kept_back() -> Iterator[Came]:
-    """Suppress them in this block; each one is recorded in the list that is yielded."""
+    """Suppress them in this block; each one is recorded in the list that is yielded.
+
+    A SIGTERM is recorded by a `sigterm_as_ctrl_c` around the block as well.
+    """
     came: Came = []
     # Python raises them in the main thread only. What is no function is not Python's to hold back.
     handlers = {
@@ -41,6 +44,19 @@ def kept_back() -> Iterator[Came]:
     finally:
         for number, handler in handlers.items():
             signal.signal(number, handler)
+            if isinstance(handler, _Stop):
+                handler.came += [one for one in came if one[0] == number]
+
+
+class _Stop:
+    """A handler that records a signal and raises KeyboardInterrupt."""
+
+    def __init__(self) -> None:
+        self.came: Came = []
+
+    def __call__(self, *signal_and_frame: Any) -> None:
+        self.came.append(signal_and_frame)
+        signal.default_int_handler(*signal_and_frame)
 
 
 @contextmanager
@@ -49,18 +65,13 @@ def sigterm_as_ctrl_c() -> Iterator[Came]:
 
     Each one is recorded in the list that is yielded.
     """
-    came: Came = []
-
-    def stop(*signal_and_frame: Any) -> None:
-        came.append(signal_and_frame)
-        signal.default_int_handler(*signal_and_frame)
-
+    stop = _Stop()
     is_free = signal.getsignal(signal.SIGTERM) is signal.SIG_DFL
     if not is_free or threading.current_thread() is not threading.main_thread():
-        yield came
+        yield stop.came
         return
     signal.signal(signal.SIGTERM, stop)
     try:
-        yield came
+        yield stop.came
     finally:
         signal.signal(signal.SIGTERM, signal.SIG_DFL)

@@ -212,7 +212,8 @@ def render(
 
     request = Request(scene, integrator, seed, max_depth, accuracy, coarse, tolerance, own)
 
-    with ExitStack() as around:
+    # What holds signals back ends last: to let go of a cluster takes seconds.
+    with ExitStack() as held, ExitStack() as around:
         around.callback(getattr(progress, "close", lambda: None))
         kept_in, saved = None, None
         if store is not None:
@@ -250,52 +251,49 @@ def render(
             shown = plain(settings)
             watch.begin(Beginning(scene, context, shown, n_threads, clock, film, left_out, unfound))
         lost = ""
-        with ExitStack() as stack:
-            try:
-                stopped_by = run_passes(
-                    film, workers, limit, clock, progress, keeper, source, watch
-                )
-                # What is left to do takes seconds at most: Ctrl-C does not make it lose the picture.
-                came = stack.enter_context(kept_back())
-            except KeyboardInterrupt:
-                came = stack.enter_context(kept_back())
-                if film.n_passes == 0:
-                    raise
-                stopped_by = "interrupted"
-            except ClusterLost as error:
-                came = stack.enter_context(kept_back())
-                if film.n_passes == 0:
-                    raise
-                stopped_by, lost = "cluster_lost", str(error)
-            except Exception:
-                # By a callback, say, or an integrator of the caller's: no pass is lost for that.
-                if keeper is not None and film.n_passes and film.is_whole:
-                    keeper.save()
+        try:
+            stopped_by = run_passes(film, workers, limit, clock, progress, keeper, source, watch)
+            # What is left to do takes seconds at most: Ctrl-C does not make it lose the picture.
+            came = held.enter_context(kept_back())
+        except KeyboardInterrupt:
+            came = held.enter_context(kept_back())
+            if film.n_passes == 0:
                 raise
-            if keeper is not None:
-                with ledger.stage("store"):
-                    keeper.save()
-            workers.gather()
-            channels = compute_channels(names, context, film)
-            blur = workers.blur(film.image)
-            report = make_report(plain(settings), context, film, clock, stopped_by, blur)
-            report |= workers.report(blur)
-            report["geometry"]["wrong_first_hits"] = wrong
-            report["lamps_in_surfaces"] = ready.sunken
-            report |= ready.faults
-            report["relative_error"] = relative_error(
-                report["noise"], blur, own.blur_stays, own.error_power
-            )
-            report |= light_left_out(report, left_out, unfound)
-            report["cluster"] = None if source is None else {**source.about(), "lost": lost}
-            report["store"] = None if keeper is None else keeper.report()
-            report["warnings"] = all_warnings(report)
-            result = RenderResult(film.image, report, channels)
-            for words in [*warnings_in_words(report), *([lost] if lost else [])]:
-                if words not in said:
-                    LOG.warning(words)
-            if watch is not None:
-                watch.end(report)
+            stopped_by = "interrupted"
+        except ClusterLost as error:
+            came = held.enter_context(kept_back())
+            if film.n_passes == 0:
+                raise
+            stopped_by, lost = "cluster_lost", str(error)
+        except Exception:
+            # By a callback, say, or an integrator of the caller's: no pass is lost for that.
+            if keeper is not None and film.n_passes and film.is_whole:
+                keeper.save()
+            raise
+        if keeper is not None:
+            with ledger.stage("store"):
+                keeper.save()
+        workers.gather()
+        channels = compute_channels(names, context, film)
+        blur = workers.blur(film.image)
+        report = make_report(plain(settings), context, film, clock, stopped_by, blur)
+        report |= workers.report(blur)
+        report["geometry"]["wrong_first_hits"] = wrong
+        report["lamps_in_surfaces"] = ready.sunken
+        report |= ready.faults
+        report["relative_error"] = relative_error(
+            report["noise"], blur, own.blur_stays, own.error_power
+        )
+        report |= light_left_out(report, left_out, unfound)
+        report["cluster"] = None if source is None else {**source.about(), "lost": lost}
+        report["store"] = None if keeper is None else keeper.report()
+        report["warnings"] = all_warnings(report)
+        result = RenderResult(film.image, report, channels)
+        for words in [*warnings_in_words(report), *([lost] if lost else [])]:
+            if words not in said:
+                LOG.warning(words)
+        if watch is not None:
+            watch.end(report)
     if came or stopped_by == "interrupted":
         raise RenderInterrupted(result)
     return result

@@ -13,7 +13,7 @@ import imageio.v3 as imageio
 import numpy as np
 import pytest
 
-from hybrid_rt.core.interrupts import held_back, sigterm_as_ctrl_c
+from hybrid_rt.core.interrupts import held_back, kept_back, sigterm_as_ctrl_c
 from hybrid_rt.integrators import PPMOptions
 from hybrid_rt.integrators.path.path_tracer import PathTracer
 from hybrid_rt.integrators.photons.photon_workers import PhotonWorkers
@@ -115,6 +115,25 @@ def test_ctrl_c_at_the_end_loses_nothing(monkeypatch, place, step, passes):
     assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
 
 
+@pytest.mark.parametrize("passes", [4, None])
+def test_ctrl_c_while_what_is_around_a_render_closes_loses_nothing(passes):
+    """A cluster, say, which takes seconds; here the display of the progress."""
+
+    class Display:
+        def __call__(self, stage, done, _total):
+            if passes is None and stage == "Rendering" and done > 4 * 24 * 16:
+                raise KeyboardInterrupt
+
+        def close(self):
+            os.kill(os.getpid(), signal.SIGINT)
+            time.sleep(0.01)
+
+    with pytest.raises(KeyboardInterrupt, match="after 4 passes") as caught:
+        render(ball(), "path", passes, target_error=1e-9, progress=Display())
+    np.testing.assert_array_equal(caught.value.result.image, render(ball(), passes=4).image)
+    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+
+
 def test_no_thread_works_on_when_the_interrupt_is_heard(monkeypatch):
     """A second Ctrl-C while threads end their blocks: their counters are read afterwards."""
     at_work, main = [], threading.main_thread().ident
@@ -201,6 +220,17 @@ def test_held_back_until_the_block_is_done(number):
     assert done == [1]
     assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
     assert signal.getsignal(signal.SIGTERM) is signal.SIG_DFL
+
+
+def test_a_sigterm_that_is_kept_back_is_told_to_who_waits_for_one():
+    """Or a render that hears it at its end would exit with the code of Ctrl-C."""
+    with sigterm_as_ctrl_c() as terminations:
+        with kept_back() as came:
+            os.kill(os.getpid(), signal.SIGINT)
+            os.kill(os.getpid(), signal.SIGTERM)
+            time.sleep(0.01)
+        assert [number for number, _ in came] == [signal.SIGINT, signal.SIGTERM]
+        assert [number for number, _ in terminations] == [signal.SIGTERM]
 
 
 def test_other_threads_and_other_programs_handlers_are_left_alone():
