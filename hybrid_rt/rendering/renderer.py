@@ -265,8 +265,9 @@ def render(
             if film.n_passes == 0:
                 raise
             stopped_by, lost = "cluster_lost", str(error)
-        except Exception:
+        except BaseException:
             # By a callback, say, or an integrator of the caller's: no pass is lost for that.
+            held.enter_context(kept_back())
             if keeper is not None and film.n_passes and film.is_whole:
                 keeper.save()
             raise

@@ -106,17 +106,18 @@ def test_interrupted_and_continued(tmp_path, monkeypatch):
     np.testing.assert_array_equal(part.image, render(scene(), passes=22).image)
 
 
-def test_a_callback_that_fails_loses_no_pass(tmp_path, monkeypatch):
+@pytest.mark.parametrize("failure", [ZeroDivisionError, SystemExit])
+def test_a_callback_that_fails_loses_no_pass(failure, tmp_path, monkeypatch):
     camera = scene().camera
     five = 5 * camera.width * camera.height
 
     def fails(stage, done, _total):
         if stage == "Rendering" and done > five:
-            raise ZeroDivisionError
+            raise failure
 
     settings = {"passes": 8, "threads": 1, "seed": 1}
     monkeypatch.setattr(workers, "TOGETHER", 1)
-    with pytest.raises(ZeroDivisionError):
+    with pytest.raises(failure):
         render(scene(), store=tmp_path, progress=fails, **settings)
     part = render(scene(), store=tmp_path, resume=True, **settings)
     assert part.report["store"]["passes_before"] == 5
