@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from typing import Any
 
-from hybrid_rt.integrators.workers import Workers
+from hybrid_rt.integrators.workers import Counts, Workers
 from hybrid_rt.rendering.limits import Clock, Limit
 from hybrid_rt.rendering.store import PassStore, Saved, StoreError
 from hybrid_rt.sensor.film import Film
@@ -49,7 +49,7 @@ class Keeper:
         try:
             self._film.restore(saved.arrays)
             self._workers.restore(saved.arrays)
-            self._workers.carry(saved.counts)
+            self._carry(saved.counts)
             self._limit.restore(saved.limit)
         except (KeyError, ValueError, TypeError) as error:
             raise StoreError(
@@ -61,6 +61,18 @@ class Keeper:
         self._clock.earlier_compilation = sum(
             one["kernel_compilation_seconds"] for one in saved.sessions
         )
+
+    def _carry(self, counts: Counts) -> None:
+        """Take saved counts in place of those of this call, whose set-up they have counted already.
+
+        What the set-up took this time counts as well.
+        """
+        own, context = self._workers.counts(), self._workers.context
+        self._workers.forget()
+        self._workers.carry(counts)
+        for stage, seconds in own.ledger["seconds"].items():
+            context.ledger.seconds[stage] += seconds
+        context.tracer.coarse_seconds += own.coarse_seconds
 
     def is_due(self) -> bool:
         """Tell whether it is time to save."""

@@ -43,11 +43,10 @@ def scene(radius=1.0, width=12):
 
 
 def figures(report):
-    """Return what of a report does not depend on time or on how often the set-up was made."""
-    photons = {**report.get("photons", {})}
-    return {name: report[name] for name in ("passes", "noise", "relative_error")} | {
-        "photons": photons,
-        "camera": report["rays"]["camera"],
+    """Return what of a report does not depend on time."""
+    names = ("passes", "noise", "relative_error", "rays", "hits", "intersection", "ended_branches")
+    return {name: report[name] for name in (*names, "geometry")} | {
+        "photons": {**report.get("photons", {})}
     }
 
 
