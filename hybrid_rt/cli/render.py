@@ -159,6 +159,12 @@ def _checked(name: str, options: argparse.Namespace) -> _Asked:
         from hybrid_rt.rendering.store import check_folder
 
         store = check_folder(options.store, options.resume).absolute()
+        for output in outputs:
+            if store.resolve() in output.file.resolve().parents:
+                raise ValueError(
+                    f"--out {output.shown} is in the folder of --store {options.store}, which "
+                    "holds nothing but its render: name a file elsewhere"
+                )
     elif options.resume:
         raise ValueError("--resume: there is no --store to go on from, name its folder")
     if options.cluster is not None:

@@ -230,14 +230,16 @@ def check_folder(folder: str | os.PathLike[str], resume: bool = False) -> Path:
     if path.exists() and not path.is_dir():
         raise StoreError(f"store {shown} is a file: name a folder")
     found = {item.name for item in path.iterdir()} if path.exists() else set()
-    if strange := sorted(found - _KNOWN):
-        raise StoreError(
-            f"store {shown} holds {strange[0]!r}, which is no part of a store: name an empty folder"
-        )
     if found & set(SUMS) and not resume:
         raise StoreError(
             f"store {shown} holds passes of a render: resume it (--resume, resume=True), or name "
             "another folder"
+        )
+    # What others put into a store, a file browser say, does no harm.
+    is_a_store = resume and not found.isdisjoint((IDENTITY, *SUMS))
+    if (strange := sorted(found - _KNOWN)) and not is_a_store:
+        raise StoreError(
+            f"store {shown} holds {strange[0]!r}, which is no part of a store: name an empty folder"
         )
     return path
 

@@ -218,6 +218,17 @@ def test_so_do_scene_scripts(folder, capsys, monkeypatch):
     assert capsys.readouterr().err.splitlines()[-1] == said
 
 
+def test_no_picture_is_written_into_a_store(folder, capsys):
+    """It would be taken for a stranger's file, and the store could not be gone on from."""
+    kept = folder / "kept"
+    kept.mkdir()
+    words = ["render", "ball.py", "--quiet", "--store", "kept", "--out", "kept/ball.png"]
+    assert cli.main(words) == 2
+    said = capsys.readouterr().err
+    assert "--out kept/ball.png is in the folder of --store kept" in said
+    assert not list(kept.iterdir())
+
+
 def test_ctrl_c_before_a_pass_says_what_the_store_holds(folder, capsys, monkeypatch):
     """Nothing at first; later, while a render is set up to go on, what it held."""
     words = ["render", "ball.py", "--quiet", "--store", "kept"]

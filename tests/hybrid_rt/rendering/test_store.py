@@ -269,6 +269,15 @@ def test_strange_folders_are_left_alone(tmp_path):
     assert [path.name for path in tmp_path.iterdir()] == ["letter.txt"]
 
 
+def test_what_others_put_into_a_store_does_not_keep_it_from_going_on(tmp_path):
+    render(scene(), passes=1, store=tmp_path)
+    (tmp_path / ".DS_Store").write_bytes(b"")
+    part = render(scene(), passes=2, store=tmp_path, resume=True)
+    assert part.report["store"]["passes_before"] == 1
+    with pytest.raises(StoreError, match="holds passes of a render: resume it"):
+        render(scene(), passes=2, store=tmp_path)
+
+
 def test_two_renders_do_not_share_a_folder(tmp_path):
     first = PassStore(tmp_path)
     with pytest.raises(StoreError, match=rf"is in use by process {os.getpid()}"):
