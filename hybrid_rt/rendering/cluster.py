@@ -27,6 +27,8 @@ from hybrid_rt.sensor.passes import RUN
 if TYPE_CHECKING:
     from distributed import Client, Future, LocalCluster
 
+    from hybrid_rt.rendering.cluster_tasks import Part, TaskResult
+
 LOCAL = "local:"
 # Tasks that each thread of the cluster has at hand, so that none waits for the network.
 AT_HAND = 2
@@ -101,7 +103,7 @@ class Cluster:
         self._seen = _Seen()
         self._threads: dict[str, int] = {}
         self._tasks: deque[_Task] = deque()
-        self._made: deque[Made] = deque()
+        self._parts: deque[Part] = deque()
         self._asked = self._yielded = -1
         self._runs = 1
         self._looked = 0.0
@@ -180,12 +182,13 @@ class Cluster:
             self._asked = self._yielded = passes.start
         n_pixels = self._request.scene.camera.width * self._request.scene.camera.height
         while self._yielded < passes.stop:
-            if not self._made:
+            if not self._parts:
                 self._ask()
-                self._made.extend(self._next())
-            made = self._made.popleft()
-            self._yielded += 1 if isinstance(made, Pass) else RUN
-            yield made
+                self._parts.extend(self._next())
+            part = self._parts.popleft()
+            self._yielded += 1 if isinstance(part.made, Pass) else RUN
+            self._here.carry(part.counts)
+            yield part.made
             if on_rays is not None:
                 on_rays((self._yielded - passes.start) * n_pixels)
 
@@ -215,7 +218,7 @@ class Cluster:
         )
         return _Task(first, stop, future, allowed, tries)
 
-    def _next(self) -> list[Made]:
+    def _next(self) -> list[Part]:
         """Wait for the first of the tasks, and return what it made."""
         from distributed import CancelledError, KilledWorker
         from distributed.comm import CommClosedError
@@ -223,7 +226,7 @@ class Cluster:
         while True:
             task = self._tasks[0]
             try:
-                result = task.future.result(timeout=LOOK)
+                result: TaskResult = task.future.result(timeout=LOOK)
             except TimeoutError:
                 self._look()
                 continue
@@ -239,17 +242,16 @@ class Cluster:
                 raise self._failed(task, error) from error
             self._tasks.popleft()
             task.future.release()
-            self._here.carry(result.counts)
             self._note(task, result)
             if time.monotonic() - self._looked > LOOK:
                 self._look()
-            return list(result.made)
+            return result.parts
 
-    def _note(self, task: _Task, result: Any) -> None:
+    def _note(self, task: _Task, result: TaskResult) -> None:
         self._seen.seconds += result.seconds
-        for made in result.made:
-            parts = (made.radiance if isinstance(made, Pass) else made.total, made.blur_change)
-            self._seen.received += sum(part.nbytes for part in parts if part is not None)
+        for made in (part.made for part in result.parts):
+            arrays = (made.radiance if isinstance(made, Pass) else made.total, made.blur_change)
+            self._seen.received += sum(array.nbytes for array in arrays if array is not None)
         a_run = RUN * result.seconds / (task.stop - task.first)
         self._runs = min(max(int(SECONDS / max(a_run, 1e-9)), 1), MOST_RUNS)
 

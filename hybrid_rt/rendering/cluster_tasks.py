@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pickle
 import time
+from collections.abc import Iterator
 from contextlib import closing
 from copy import deepcopy
 from dataclasses import dataclass, replace
@@ -25,19 +26,25 @@ _SCENES: dict[str, PreparedScene] = {}
 
 
 @dataclass(frozen=True)
+class Part:
+    """A pass or a whole run, and what was counted while it was made."""
+
+    made: Made
+    counts: Counts
+
+
+@dataclass(frozen=True)
 class TaskResult:
     """Consecutive passes, as sums of whole runs where that is possible.
 
     Attributes
     ----------
-    made : list of Pass and Run
-    counts : Counts
+    parts : list of Part
     seconds : float
         Wall seconds of the passes, without the set-up.
     """
 
-    made: list[Made]
-    counts: Counts
+    parts: list[Part]
     seconds: float
 
 
@@ -71,25 +78,38 @@ def make_passes(key: str, first: int, stop: int) -> TaskResult:
     prepared = _SCENES[key]
     workers = prepared.take()
     try:
-        workers.forget()
         began = time.perf_counter()
-        made: list[Made] = []
-        with closing(workers.render_passes(range(first, stop))) as passes:
-            run = _OpenRun()
-            for number, one in enumerate(passes, start=first):
-                assert isinstance(one, Pass)
-                begin = number // RUN * RUN
-                if begin < max(first, GROUPS * RUN) or begin + RUN > stop:
-                    change = None if one.blur_change is None else one.blur_change.copy()
-                    made.append(Pass(one.radiance.copy(), change))
-                    continue
-                run.add(one)
-                if len(run.means) == RUN:
-                    made.append(run.closed())
-                    run = _OpenRun()
-        return TaskResult(made, workers.counts(), time.perf_counter() - began)
+        parts = [_part(workers, passes) for passes in _parts(first, stop)]
+        return TaskResult(parts, time.perf_counter() - began)
     finally:
         prepared.give_back(workers)
+
+
+def _parts(first: int, stop: int) -> Iterator[range]:
+    """Yield whole runs, but for the first of each group, and what is left pass by pass."""
+    while first < stop:
+        is_run = first % RUN == 0 and first >= GROUPS * RUN and first + RUN <= stop
+        part = range(first, first + (RUN if is_run else 1))
+        yield part
+        first = part.stop
+
+
+def _part(workers: Workers, passes: range) -> Part:
+    """Make a pass, or the passes of a whole run.
+
+    They are counted by themselves, since a render may end before the other passes of a task.
+    """
+    workers.forget()
+    run, made = _OpenRun(), None
+    with closing(workers.render_passes(passes)) as found:
+        for one in found:
+            assert isinstance(one, Pass)
+            if len(passes) == 1:
+                change = None if one.blur_change is None else one.blur_change.copy()
+                made = Pass(one.radiance.copy(), change)
+            else:
+                run.add(one)
+    return Part(made or run.closed(), workers.counts())
 
 
 class _OpenRun:

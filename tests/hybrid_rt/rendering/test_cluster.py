@@ -208,6 +208,15 @@ def test_processes_of_this_machine_by_the_command(tmp_path, capsys):
     np.testing.assert_array_equal(np.load(out)["image"], render(scene(), passes=17).image)
 
 
+def test_passes_that_are_not_in_the_picture_are_not_counted():
+    """A target ends a render while tasks have made more; by as many as the report counts of itself."""
+    settings = {"integrator": "ppm", "options": PPMOptions(photons_per_pass=2000)}
+    part = render(scene(), target_error=0.035, cluster="local:1", **settings).report
+    whole = render(scene(), target_error=0.035, **settings).report
+    for name in ("passes", "hits", "intersection", "photons", "rays"):
+        assert part[name] == whole[name]
+
+
 def test_an_integrator_that_workers_do_not_know_is_named(processes, monkeypatch):
     own = replace(INTEGRATORS["whitted"], name="own")
     monkeypatch.setitem(INTEGRATORS, "own", own)
