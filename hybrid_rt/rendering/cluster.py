@@ -37,6 +37,8 @@ AT_HAND = 2
 SECONDS, MOST_RUNS = 2.0, 16
 # Seconds to wait for a first worker; between looks at who is there; for the scheduler's answer.
 PATIENCE, LOOK, ANSWER = 60.0, 1.0, 10.0
+# What to do about a scene that is made of parts of a script.
+_IMPORTABLE = "put the classes and functions that it uses into a module that workers can import"
 # So often is a task tried again after the end of its worker.
 TRIES = 5
 
@@ -100,8 +102,12 @@ class Cluster:
         self._here, self._address, self._last = here, address, last
         self._key = f"hybrid-rt-{uuid.uuid4().hex[:12]}"
         self._request = request
+        self._pickled = pickle.dumps(request)
         self._seen = _Seen()
+        # Of workers that are ready; and those that set the scene up.
         self._threads: dict[str, int] = {}
+        self._setting_up: dict[str, Future] = {}
+        self._why_not_set_up = ""
         self._tasks: deque[_Task] = deque()
         self._parts: deque[Part] = deque()
         self._asked = self._yielded = -1
@@ -111,11 +117,9 @@ class Cluster:
         self._local: LocalCluster | None = None
 
     def __enter__(self) -> Self:
-        """Connect, bring the scene to the workers, and wait for one of them."""
+        """Connect, bring the scene to the workers, and wait until one of them has set it up."""
         import dask
         from distributed import Client, LocalCluster
-
-        from hybrid_rt.rendering.cluster_tasks import SceneOnWorkers
 
         try:
             if self._address.startswith(LOCAL):
@@ -138,17 +142,10 @@ class Cluster:
                 f"no scheduler answers ({_words(error)}): start `dask scheduler` there"
             ) from error
         try:
-            packed = self._request.integrator, pickle.dumps(self._request)
-            self._client.register_plugin(SceneOnWorkers(self._key, *packed))
-            began = time.monotonic()
-            while not self._look():
-                if time.monotonic() - began > PATIENCE:
-                    refused = "; ".join(f"{who}: {why}" for who, why in self._seen.refused.items())
-                    raise self._lost(
-                        f"no worker of these versions came within {PATIENCE:.0f} s"
-                        f"{f' (refused: {refused})' if refused else ''}: start `dask worker` there"
-                    )
-                time.sleep(LOOK / 4)
+            self._wait("no worker of these versions came")
+            while self._local is not None and self._setting_up:  # they all began together
+                time.sleep(LOOK / 10)
+                self._look()
         except BaseException:
             self.__exit__()
             raise
@@ -156,11 +153,16 @@ class Cluster:
 
     def __exit__(self, *_error: object) -> None:
         """Drop what is still to be made, and let go of the cluster."""
+        from hybrid_rt.rendering.cluster_tasks import forget_scene
+
         with suppress(Exception):
-            self._client.cancel([task.future for task in self._tasks], force=True)
+            made = [task.future for task in self._tasks]
+            self._client.cancel([*made, *self._setting_up.values()], force=True)
         with suppress(Exception):
-            if self._client.status == "running":
-                self._client.unregister_worker_plugin(self._key)
+            if self._local is None and self._client.status == "running":
+                there = self._client.scheduler_info(n_workers=-1)["workers"]
+                given = [who for who in (*self._threads, *self._setting_up) if who in there]
+                self._client.run(forget_scene, self._key, workers=given, on_error="ignore")
         with suppress(Exception):
             self._client.close(timeout=2)
         self._close_local()
@@ -181,16 +183,20 @@ class Cluster:
         if self._yielded != passes.start:
             self._asked = self._yielded = passes.start
         n_pixels = self._request.scene.camera.width * self._request.scene.camera.height
+
+        def hear() -> None:
+            if on_rays is not None:
+                on_rays((self._yielded - passes.start) * n_pixels)
+
         while self._yielded < passes.stop:
             if not self._parts:
                 self._ask()
-                self._parts.extend(self._next())
+                self._parts.extend(self._next(hear))
             part = self._parts.popleft()
             self._yielded += 1 if isinstance(part.made, Pass) else RUN
             self._here.carry(part.counts)
             yield part.made
-            if on_rays is not None:
-                on_rays((self._yielded - passes.start) * n_pixels)
+            hear()
 
     def _ask(self) -> None:
         """Keep as many tasks at work as the cluster's threads can take."""
@@ -218,8 +224,11 @@ class Cluster:
         )
         return _Task(first, stop, future, allowed, tries)
 
-    def _next(self) -> list[Part]:
-        """Wait for the first of the tasks, and return what it made."""
+    def _next(self, hear: Callable[[], None]) -> list[Part]:
+        """Wait for the first of the tasks, and return what it made.
+
+        ``hear`` is called while nothing comes.
+        """
         from distributed import CancelledError, KilledWorker
         from distributed.comm import CommClosedError
 
@@ -228,15 +237,17 @@ class Cluster:
             try:
                 result: TaskResult = task.future.result(timeout=LOOK)
             except TimeoutError:
-                self._look()
+                self._wait("no worker is left, and none came", hear)
+                hear()
                 continue
             except (CancelledError, CommClosedError, KilledWorker, OSError) as error:
-                self._try_again(task, error)
+                self._try_again(task, error, hear)
                 continue
             except KeyError as error:
                 if self._key not in str(error):
                     raise self._failed(task, error) from error
-                self._try_again(task, error)  # a worker that was restarted just now
+                self._threads.clear()  # one was restarted, and gets the scene again
+                self._try_again(task, error, hear)
                 continue
             except Exception as error:
                 raise self._failed(task, error) from error
@@ -255,51 +266,96 @@ class Cluster:
         a_run = RUN * result.seconds / (task.stop - task.first)
         self._runs = min(max(int(SECONDS / max(a_run, 1e-9)), 1), MOST_RUNS)
 
-    def _try_again(self, task: _Task, error: BaseException) -> None:
+    def _try_again(self, task: _Task, error: BaseException, hear: Callable[[], None]) -> None:
         if self._client.status != "running":
             raise self._lost("the scheduler is gone: start it again")
         if task.tries >= TRIES:
             raise self._failed(task, error)
-        self._look()
+        self._wait("no worker is left, and none came", hear)
         self._seen.tried_again += 1
         place = self._tasks.index(task)
         self._tasks[place] = self._submitted(task.first, task.stop, task.tries + 1)
 
-    def _look(self) -> bool:
-        """See which workers are there, refuse those of other versions; tell whether any is left.
+    def _wait(self, why: str, hear: Callable[[], None] | None = None) -> None:
+        """Look until a worker is ready; give up if ``why`` holds for `PATIENCE` seconds."""
+        until = time.monotonic() + PATIENCE
+        while not self._look():
+            if self._setting_up:
+                until = time.monotonic() + PATIENCE
+            elif self._why_not_set_up:
+                raise self._lost(f"no worker can set the scene up ({self._why_not_set_up})")
+            elif time.monotonic() > until:
+                refused = "; ".join(f"{who}: {why}" for who, why in self._seen.refused.items())
+                raise self._lost(
+                    f"{why} within {PATIENCE:.0f} s{f' (refused: {refused})' if refused else ''}: "
+                    "start `dask worker` there"
+                )
+            if hear is not None:
+                hear()
+            time.sleep(LOOK / 10)
 
-        Tasks whose workers are all gone are given to those that are there now.
+    def _look(self) -> bool:
+        """See which workers are there, and bring them the scene; tell whether any is ready.
+
+        Those of other versions are refused. Tasks whose workers are all gone are given to those
+        that are ready now.
         """
         self._looked = time.monotonic()
         if self._client.status != "running":
             raise self._lost("the scheduler is gone: start it again")
         try:
             there = self._client.scheduler_info(n_workers=-1)["workers"]
-            new = [
-                who for who in there if who not in self._threads and who not in self._seen.refused
-            ]
-            found = {}
-            if new:
-                found = self._client.run(versions, workers=new, on_error="return")
+            known = (self._threads, self._setting_up, self._seen.refused)
+            self._bring_scene([who for who in there if not any(who in one for one in known)])
         except (OSError, TimeoutError, RuntimeError, KeyError):
             return bool(self._threads)  # between two states: look again later
-        for who, versions_there in found.items():
-            if isinstance(versions_there, BaseException):
-                why = _words(versions_there)
-            else:
-                why = _differences(versions(), versions_there)
-            if why:
-                self._seen.refused[who] = why
-            else:
+        self._threads = {who: n for who, n in self._threads.items() if who in there}
+        for who, future in list(self._setting_up.items()):
+            if who in there and not future.done():
+                continue
+            del self._setting_up[who]
+            if who not in there:
+                future.cancel(force=True)
+            elif future.status == "finished":
                 self._threads[who] = there[who]["nthreads"]
                 self._seen.workers.add(who)
-        self._threads = {who: n for who, n in self._threads.items() if who in there}
+            elif future.status == "error" and self._key not in str(error := future.exception()):
+                self._seen.refused[who] = self._why_not_set_up = _why_not(error)
         for place, task in enumerate(self._tasks):
             if self._threads and not task.allowed & self._threads.keys() and not task.future.done():
                 task.future.cancel(force=True)
                 self._seen.tried_again += 1
                 self._tasks[place] = self._submitted(task.first, task.stop, task.tries + 1)
         return bool(self._threads)
+
+    def _bring_scene(self, new: list[str]) -> None:
+        """Refuse workers of other versions; let the others set the scene up."""
+        from hybrid_rt.rendering.cluster_tasks import keep_scene, set_up_scene
+
+        if not new:
+            return
+        fit = []
+        for who, found in self._client.run(versions, workers=new, on_error="return").items():
+            is_error = isinstance(found, BaseException)
+            if why := _words(found) if is_error else _differences(versions(), found):
+                self._seen.refused[who] = why
+            else:
+                fit.append(who)
+        if not fit:
+            return
+        packed = self._key, self._request.integrator, self._pickled
+        for who, error in self._client.run(
+            keep_scene, *packed, workers=fit, on_error="return"
+        ).items():
+            if error is None:
+                self._setting_up[who] = self._client.submit(
+                    set_up_scene,
+                    self._key,
+                    key=f"{self._key}-{uuid.uuid4().hex[:12]}",
+                    workers=[who],
+                    priority=1,
+                    pure=False,
+                )
 
     def _lost(self, why: str) -> ClusterLost:
         return ClusterLost(f"cluster {self._address!r}: {why}")
@@ -321,6 +377,11 @@ class Cluster:
             "seconds_of_tasks": round(self._seen.seconds, 4),
             "mib_received": round(self._seen.received / 2**20, 2),
         }
+
+
+def _why_not(error: BaseException) -> str:
+    is_missing = isinstance(error, ImportError | AttributeError)
+    return f"{_words(error)}: {_IMPORTABLE}" if is_missing else _words(error)
 
 
 def _words(error: BaseException) -> str:

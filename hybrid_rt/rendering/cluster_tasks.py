@@ -11,7 +11,6 @@ from dataclasses import dataclass, replace
 from threading import Lock
 
 import numpy as np
-from distributed import Worker, WorkerPlugin
 
 from hybrid_rt.core.ledger import Ledger
 from hybrid_rt.core.records import FloatArray
@@ -48,8 +47,8 @@ class TaskResult:
     seconds: float
 
 
-class SceneOnWorkers(WorkerPlugin):  # type: ignore[misc]
-    """Brings a scene to every worker, also to those that come later; once to each.
+def keep_scene(key: str, integrator: str, pickled: bytes) -> None:
+    """Keep a scene in this process, without any work on it.
 
     Parameters
     ----------
@@ -58,19 +57,18 @@ class SceneOnWorkers(WorkerPlugin):  # type: ignore[misc]
     pickled : bytes
         A `Request`, which only a process that knows its integrator can read.
     """
+    _SCENES.setdefault(key, PreparedScene(integrator, pickled))
 
-    def __init__(self, key: str, integrator: str, pickled: bytes) -> None:
-        self.name, self._integrator, self._pickled = key, integrator, pickled
 
-    def setup(self, worker: Worker) -> None:
-        """Keep the scene, without any work on it."""
-        del worker
-        _SCENES[self.name] = PreparedScene(self._integrator, self._pickled)
+def forget_scene(key: str) -> None:
+    """Forget a scene."""
+    _SCENES.pop(key, None)
 
-    def teardown(self, worker: Worker) -> None:
-        """Forget the scene."""
-        del worker
-        _SCENES.pop(self.name, None)
+
+def set_up_scene(key: str) -> None:
+    """Set a scene up, so that the first pass takes no longer than others."""
+    prepared = _SCENES[key]
+    prepared.give_back(prepared.take())
 
 
 def make_passes(key: str, first: int, stop: int) -> TaskResult:

@@ -21,6 +21,7 @@ from hybrid_rt import (
     SphereLight,
 )
 from hybrid_rt.cli.program import main
+from hybrid_rt.core.ledger import Ledger
 from hybrid_rt.integrators import INTEGRATORS
 from hybrid_rt.integrators.options import PathOptions, PPMOptions
 from hybrid_rt.primitives.rectangle import Rectangle
@@ -28,13 +29,14 @@ from hybrid_rt.rendering import cluster
 from hybrid_rt.rendering.cluster import check_address
 from hybrid_rt.rendering.renderer import render
 from hybrid_rt.rendering.run import ClusterLost
-from hybrid_rt.rendering.set_up import Request
+from hybrid_rt.rendering.set_up import Request, set_up
 
 distributed = pytest.importorskip("distributed")
 
 RUN_SCHEDULER = "from distributed.cli.dask_scheduler import main; main()"
 RUN_WORKER = "from distributed.cli.dask_worker import main; main()"
 OTHER_VERSION = "import hybrid_rt.rendering.versions as v; v.__version__ = '0.0.1'; " + RUN_WORKER
+WITHOUT = "import sys; sys.modules['hybrid_rt'] = None; " + RUN_WORKER
 SCRIPT = """
 from test_cluster import scene
 """
@@ -180,10 +182,42 @@ def test_a_lost_scheduler_leaves_the_picture_and_a_store_that_goes_on(processes,
     np.testing.assert_array_equal(more.image, render(scene(), passes=done + 5).image)
 
 
+@pytest.mark.usefixtures("small_tasks")
+def test_a_render_ends_when_no_worker_is_left(processes, monkeypatch):
+    """Until then progress is told that it is still there, so that a watcher may end it earlier."""
+    monkeypatch.setattr(cluster, "PATIENCE", 1.0)
+    kill, heard = when(40, processes.worker().kill), []
+
+    def progress(stage, done, total):
+        heard.append(done)
+        kill(stage, done, total)
+
+    part = render(scene(), passes=4000, cluster=processes.address, progress=progress)
+    assert part.report["stopped_by"] == "cluster_lost"
+    assert "no worker is left" in part.report["cluster"]["lost"]
+    assert part.report["passes"] >= 40
+    assert heard[-3:] == [heard[-1]] * 3
+
+
+def scenes_set_up():
+    from hybrid_rt.rendering.cluster_tasks import _SCENES
+
+    return [prepared._ready is not None for prepared in _SCENES.values()]
+
+
+def test_workers_set_the_scene_up_before_the_first_pass():
+    """Or that would count as the slowest pass, by which a time budget is judged."""
+    request = Request(scene(), "path", 0, 16, "certified", "none", None, PathOptions())
+    here = set_up(request, 1, Ledger()).workers
+    with cluster.Cluster("local:1", request, here, None) as source:
+        assert list(source._client.run(scenes_set_up).values()) == [[True]]
+
+
 def test_workers_of_other_versions_are_refused(processes, monkeypatch):
-    other = processes.worker(OTHER_VERSION)
+    """And those that do not know this program at all."""
+    others = processes.worker(OTHER_VERSION), processes.worker(WITHOUT)
     with distributed.Client(processes.address) as client:
-        client.wait_for_workers(1, timeout=60)
+        client.wait_for_workers(2, timeout=60)
     monkeypatch.setattr(cluster, "PATIENCE", 1.0)
     with pytest.raises(
         ClusterLost, match=r"no worker of these versions .* hybrid_rt 0\.0\.1 there"
@@ -192,9 +226,10 @@ def test_workers_of_other_versions_are_refused(processes, monkeypatch):
     processes.worker()
     monkeypatch.setattr(cluster, "PATIENCE", 60.0)
     part = render(scene(), passes=40, cluster=processes.address)
-    assert other.poll() is None
+    assert [other.poll() for other in others] == [None, None]
     assert part.report["cluster"]["workers"] == 1
-    assert len(part.report["cluster"]["refused"]) == 1
+    assert any("hybrid_rt" in why for why in part.report["cluster"]["refused"].values())
+    assert len(part.report["cluster"]["refused"]) == 2
     np.testing.assert_array_equal(part.image, render(scene(), passes=40).image)
 
 
