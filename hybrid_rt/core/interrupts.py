@@ -75,3 +75,20 @@ def sigterm_as_ctrl_c() -> Iterator[Came]:
         yield stop.came
     finally:
         signal.signal(signal.SIGTERM, signal.SIG_DFL)
+
+
+@contextmanager
+def unheard_by_others() -> Iterator[None]:
+    """Let threads and processes that begin in this block never hear Ctrl-C.
+
+    A terminal sends it to all processes of a command, and this one tells the others to end.
+    """
+    from multiprocessing import resource_tracker
+
+    # Whoever starts this one unblocks the signal in its thread.
+    resource_tracker.ensure_running()
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)

@@ -18,6 +18,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Self
 
 from hybrid_rt.core import checks
+from hybrid_rt.core.interrupts import unheard_by_others
 from hybrid_rt.integrators.workers import Made, Pass, Workers
 from hybrid_rt.rendering.run import ClusterLost
 from hybrid_rt.rendering.set_up import Request
@@ -96,13 +97,21 @@ class Cluster:
     ------
     ClusterLost
         If there is no scheduler, or no worker of these versions within `PATIENCE` seconds.
+    ValueError
+        If the scene cannot be sent to other processes.
     """
 
     def __init__(self, address: str, request: Request, here: Workers, last: int | None) -> None:
         self._here, self._address, self._last = here, address, last
         self._key = f"hybrid-rt-{uuid.uuid4().hex[:12]}"
         self._request = request
-        self._pickled = pickle.dumps(request)
+        try:
+            self._pickled = pickle.dumps(request)
+        except (pickle.PicklingError, AttributeError, TypeError) as error:
+            raise ValueError(
+                f"cluster {address!r}: the scene cannot be sent to other processes "
+                f"({_words(error)}): {_IMPORTABLE}"
+            ) from error
         self._seen = _Seen()
         # Of workers that are ready; and those that set the scene up.
         self._threads: dict[str, int] = {}
@@ -125,7 +134,8 @@ class Cluster:
             if self._address.startswith(LOCAL):
                 n = int(self._address.removeprefix(LOCAL))
                 # dask has its processes give back memory at once, which costs a quarter of the time.
-                with dask.config.set({"distributed.nanny.pre-spawn-environ": {}}):
+                given_back = dask.config.set({"distributed.nanny.pre-spawn-environ": {}})
+                with given_back, unheard_by_others():
                     self._local = LocalCluster(
                         n_workers=n, threads_per_worker=1, dashboard_address=None, silence_logs=50
                     )
@@ -141,6 +151,9 @@ class Cluster:
             raise self._lost(
                 f"no scheduler answers ({_words(error)}): start `dask scheduler` there"
             ) from error
+        except KeyboardInterrupt:
+            self._close_local()
+            raise
         try:
             self._wait("no worker of these versions came")
             while self._local is not None and self._setting_up:  # they all began together

@@ -1,6 +1,7 @@
 """Passes by real processes of dask.distributed on this machine: killed, added, refused, lost."""
 
 import pickle
+import signal
 import subprocess
 import sys
 import time
@@ -211,6 +212,30 @@ def test_workers_set_the_scene_up_before_the_first_pass():
     here = set_up(request, 1, Ledger()).workers
     with cluster.Cluster("local:1", request, here, None) as source:
         assert list(source._client.run(scenes_set_up).values()) == [[True]]
+
+
+def hears_ctrl_c():
+    return signal.SIGINT not in signal.pthread_sigmask(signal.SIG_BLOCK, ())
+
+
+def test_processes_of_this_machine_do_not_hear_ctrl_c():
+    """A terminal sends it to them as well, and each printed a traceback; this process ends them."""
+    request = Request(scene(), "path", 0, 16, "certified", "none", None, PathOptions())
+    here = set_up(request, 1, Ledger()).workers
+    with cluster.Cluster("local:2", request, here, None) as source:
+        assert list(source._client.run(hears_ctrl_c).values()) == [False, False]
+    assert hears_ctrl_c()
+
+
+def test_a_class_that_no_worker_can_import_is_refused():
+    class Brand(Lambertian):
+        pass
+
+    camera, light = scene().camera, scene().lights
+    branded = Scene(camera, [Object(Sphere((0, 0, 0), 1.0), Brand(0.5), "ball")], light)
+    words = r"cannot be sent to other processes \(.*Brand.*\): put the classes and functions"
+    with pytest.raises(ValueError, match=words):
+        render(branded, passes=1, cluster="local:1")
 
 
 def test_workers_of_other_versions_are_refused(processes, monkeypatch):

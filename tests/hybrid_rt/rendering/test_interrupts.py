@@ -13,7 +13,7 @@ import imageio.v3 as imageio
 import numpy as np
 import pytest
 
-from hybrid_rt.core.interrupts import held_back, kept_back, sigterm_as_ctrl_c
+from hybrid_rt.core.interrupts import held_back, kept_back, sigterm_as_ctrl_c, unheard_by_others
 from hybrid_rt.integrators import PPMOptions
 from hybrid_rt.integrators.path.path_tracer import PathTracer
 from hybrid_rt.integrators.photons.photon_workers import PhotonWorkers
@@ -231,6 +231,14 @@ def test_a_sigterm_that_is_kept_back_is_told_to_who_waits_for_one():
             time.sleep(0.01)
         assert [number for number, _ in came] == [signal.SIGINT, signal.SIGTERM]
         assert [number for number, _ in terminations] == [signal.SIGTERM]
+
+
+def test_processes_that_begin_where_others_do_not_hear_ctrl_c():
+    code = "import signal; print(signal.SIGINT in signal.pthread_sigmask(signal.SIG_BLOCK, ()))"
+    with unheard_by_others():
+        said = subprocess.check_output([sys.executable, "-c", code], text=True)
+    assert said == "True\n"
+    assert signal.SIGINT not in signal.pthread_sigmask(signal.SIG_BLOCK, ())
 
 
 def test_other_threads_and_other_programs_handlers_are_left_alone():
