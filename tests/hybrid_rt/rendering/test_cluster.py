@@ -28,6 +28,7 @@ from hybrid_rt.integrators.options import PathOptions, PPMOptions
 from hybrid_rt.primitives.rectangle import Rectangle
 from hybrid_rt.rendering import cluster
 from hybrid_rt.rendering.cluster import check_address
+from hybrid_rt.rendering.cluster_tasks import _SCENES, PreparedScene, forget_scene
 from hybrid_rt.rendering.renderer import render
 from hybrid_rt.rendering.run import ClusterLost
 from hybrid_rt.rendering.set_up import Request, set_up
@@ -125,8 +126,6 @@ def when(passes, act):
 
 def test_threads_of_a_process_make_the_same_bits():
     """Also where a pilot leaves light paths out: a small lamp behind a pane."""
-    from hybrid_rt.rendering.cluster_tasks import PreparedScene
-
     floor = Object(Rectangle((-1, -1, 0), (2, 0, 0), (0, 2, 0)), Lambertian(0.7), "floor")
     pane = Object(Box((-1, -1, 0.5), (1, 1, 0.6)), Dielectric(1.5), "pane")
     behind = Scene(
@@ -201,8 +200,6 @@ def test_a_render_ends_when_no_worker_is_left(processes, monkeypatch):
 
 
 def scenes_set_up():
-    from hybrid_rt.rendering.cluster_tasks import _SCENES
-
     return [prepared._ready is not None for prepared in _SCENES.values()]
 
 
@@ -212,6 +209,17 @@ def test_workers_set_the_scene_up_before_the_first_pass():
     here = set_up(request, 1, Ledger()).workers
     with cluster.Cluster("local:1", request, here, None) as source:
         assert list(source._client.run(scenes_set_up).values()) == [[True]]
+
+
+def test_a_worker_that_was_restarted_gets_the_scene_again():
+    """Its address may be the same. Tasks that it fails in between are made again."""
+    request = Request(scene(), "path", 0, 16, "certified", "none", None, PathOptions())
+    here = set_up(request, 1, Ledger()).workers
+    with cluster.Cluster("local:1", request, here, 16) as source:
+        source._client.run(forget_scene, source._key)
+        made = [one.radiance for one in source.render_passes(range(16))]
+        assert source.about()["tried_again"] > 0
+    np.testing.assert_array_equal(made, [one.radiance for one in here.render_passes(range(16))])
 
 
 def hears_ctrl_c():
