@@ -41,6 +41,11 @@ REFERENCE_FILE = "reference.npz"
 PARTS = ("picture", "hits")
 # seconds and error: of a picture, and its relative RMSE; of a ray, and the share of wrong first hits.
 CSV_HEAD = ("part", "method", "setting", "run", "seconds", "error")
+# What the figures of a curve hold beside its name, flags and points.
+OF_CURVE = (
+    "bias", "power", "bias_known_by", "left_out", "bias_at_most", "unfound", "error_by_unfound",
+    "converges",
+)  # fmt: skip
 DESCRIPTION = """\
 Draw error against run time for a scene or a surface, and say which settings are cheapest.
 
@@ -487,7 +492,7 @@ def _compare(args: argparse.Namespace) -> None:
 
 def _curves(part: dict[str, Any]) -> list[Curve]:
     inf = float("inf")
-    if any("converges" not in curve for curve in part["curves"]):
+    if any(name not in curve for curve in part["curves"] for name in OF_CURVE):
         raise ValueError("the figures are of an earlier version of this tool: measure again")
     return [
         Curve(
@@ -502,13 +507,7 @@ def _curves(part: dict[str, Any]) -> list[Curve]:
                 )
                 for p in curve["points"]
             ],
-            curve["bias"],
-            curve["power"],
-            curve["bias_known_by"],
-            curve["left_out"],
-            curve["bias_at_most"],
-            curve["unfound"],
-            curve["converges"],
+            **{name: curve[name] for name in OF_CURVE},
         )
         for curve in part["curves"]
     ]

@@ -6,7 +6,7 @@ import copyreg
 import hashlib
 from collections.abc import Mapping
 from functools import cached_property
-from types import BuiltinFunctionType, FunctionType
+from types import BuiltinFunctionType, CodeType, FunctionType
 from typing import Any
 
 import numpy as np
@@ -64,10 +64,11 @@ def _add(value: Any, digest: Any, around: tuple[int, ...]) -> None:
             _add(item, digest, inside)
     elif isinstance(value, FunctionType):
         cells = [cell.cell_contents for cell in value.__closure__ or ()]
-        code, defaults = value.__code__, (value.__defaults__, value.__kwdefaults__)
-        for part in (value.__qualname__, code.co_code, code.co_names, defaults, cells):
+        defaults = (value.__defaults__, value.__kwdefaults__)
+        for part in (value.__qualname__, value.__code__, defaults, cells):
             _add(part, digest, inside)
-        _add([x for x in value.__code__.co_consts if not hasattr(x, "co_code")], digest, inside)
+    elif isinstance(value, CodeType):  # of functions and comprehensions within it as well
+        _add((value.co_code, value.co_names, value.co_consts), digest, inside)
     elif isinstance(value, BuiltinFunctionType):
         digest.update(f"{value.__module__}.{value.__qualname__}".encode())
     else:

@@ -14,8 +14,8 @@ from meshing.surface import Surface
 class Plane(Surface):
     """An infinite plane: all points x with (x - point) . normal = 0.
 
-    u and v are the fractional parts of two world coordinates, in the order x, y, z. The coordinate
-    in which the normal is largest is left out.
+    u and v are the fractional parts of two world coordinates: of those that follow, in the order x, y, z,
+    x, y, the one in which the normal is largest; exchanged if the normal is negative there (`axes`).
 
     Parameters
     ----------

@@ -67,7 +67,7 @@ def _is_speck(scene: CompiledScene, passes: int) -> BoolArray:
     """Tell which lamps are in the picture, and met by few camera rays.
 
     A lamp of which none of the points tried is in the picture counts if another point of it may be.
-    What stands before lamps is not looked at.
+    What stands before lamps is not looked at, and a lens counts as its middle.
     """
     is_speck = np.zeros(scene.n_lights, dtype=np.bool_)
     camera, side = scene.camera, (np.arange(ACROSS) + 0.5) / ACROSS
@@ -88,6 +88,6 @@ def _is_speck(scene: CompiledScene, passes: int) -> BoolArray:
             each = np.divide(facing * pdf, below, out=np.zeros_like(below), where=counts)
             is_speck[light] = passes * each.mean() < SURELY_MET
         else:
-            may_be_seen = camera.may_see(scene.surfaces[number].bounds) and not camera.has_lens
-            is_speck[light] = counts.any() and may_be_seen
+            bounds = scene.surfaces[number].bounds
+            is_speck[light] = counts.any() and camera.may_see(bounds, from_the_middle=True)
     return is_speck

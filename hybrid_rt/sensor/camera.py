@@ -220,13 +220,13 @@ class Camera:
         pdf = np.where(inside, self._pdf_ahead * (distance / depth) ** 3, 0.0)
         return way, pixel, pdf
 
-    def may_see(self, bounds: FloatArray) -> bool:
+    def may_see(self, bounds: FloatArray, from_the_middle: bool = False) -> bool:
         """Tell whether anything within a box (2, 3), scene units, may be in the picture.
 
         False is certain, but for roundings: the box lies behind the camera or wholly beyond one of the
-        four sides of its view. With a lens it is always True.
+        four sides of its view. With a lens it is always True, unless its middle alone is asked for.
         """
-        if self.has_lens:
+        if self.has_lens and not from_the_middle:
             return True
         corners = np.array(list(product(*np.transpose(bounds)))) - self.look_from
         depth = corners @ self._forward

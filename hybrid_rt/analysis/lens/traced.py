@@ -146,7 +146,7 @@ def checked_rays(origins: ArrayLike, directions: ArrayLike) -> tuple[FloatArray,
             f"Lens.trace directions[{zero[0]}] has length zero ({zero.size} such ray(s)): leave such rays out"
         )
     # By a power of two first, so that no square overflows or vanishes.
-    d = d * np.ldexp(1.0, -np.frexp(largest)[1])[:, None]
+    d = np.ldexp(d, -np.frexp(largest)[1][:, None])
     o, d = np.broadcast_arrays(o, d / np.linalg.norm(d, axis=1, keepdims=True))
     return o.copy(), d.copy()
 

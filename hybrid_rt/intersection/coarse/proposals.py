@@ -99,8 +99,8 @@ class Coarse:
         for object_id, size in self._sizes:
             if size * self.scene.frame.to_frame < SMALLEST_SIZE:
                 raise ValueError(
-                    f"surfaces[{object_id}] is {size:.3g} across, all that go to Embree "
-                    f"{2.0 / self.scene.frame.to_frame:.3g}: single precision cannot tell its triangles apart. "
+                    f"surfaces[{object_id}] is {size:.3g} across, less than {SMALLEST_SIZE:.1g} of what goes to "
+                    "Embree together: single precision cannot tell its triangles apart. "
                     f'Pass accuracy="certified" instead of {accuracy!r}'
                 )
 

@@ -115,7 +115,7 @@ class PatchKind:
         to_frame = float(2.0 ** -np.ceil(np.log2(radius)))
         low = np.minimum.reduceat(points, start) - middle
         high = np.maximum.reduceat(points, start) - middle
-        # Rounded to 20 bits, so that subtracting a centre loses nothing of ordinary figures; to fewer
+        # Rounded to 20 bits, so that subtracting a centre loses nothing of ordinary figures; to more
         # where a patch is so small beside the frame that it would lie far from its centre.
         exponent = np.frexp((high - low).max(axis=1) * to_frame)[1]
         step = np.ldexp(2.0**-20, np.clip(exponent + 10, -32, 0))[:, None]

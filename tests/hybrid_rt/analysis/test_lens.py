@@ -546,7 +546,7 @@ def test_rays_are_lost_where_surfaces_cross():
     assert rays.stopped_at.tolist() == [-1, 1]
 
 
-@pytest.mark.parametrize("scale", [1e-170, 1e200])
+@pytest.mark.parametrize("scale", [5e-324, 1e-310, 1e-170, 1e200])
 def test_directions_have_any_length(scale):
     lens = Lens([FRONT, BACK])
     rays, unit = (lens.trace((0, 1, -9), (0, 0, length)) for length in (scale, 1.0))

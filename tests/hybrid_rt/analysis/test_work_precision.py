@@ -201,7 +201,6 @@ class TestPictures:
             assert imageio.imread(io.BytesIO(file)).shape == (12, 16, 3)
 
 
-@pytest.mark.statistical
 def test_an_interrupt_before_the_figures_of_a_picture_loses_no_other(monkeypatch):
     walls = Object(Box((-1, -1, -1), (1, 1, 1)).flipped(), Emissive(1.0, Lambertian(0.5)))
     scene = Scene(Camera((0, 0, 0), (1, 0.2, 0.1), (0, 0, 1), 90, 16, 12), [walls])
@@ -221,6 +220,7 @@ def test_an_interrupt_before_the_figures_of_a_picture_loses_no_other(monkeypatch
     assert [curve.name for curve in caught.value.study.curves] == ["path"]
 
 
+@pytest.mark.statistical
 def test_two_methods_agree_and_a_mesh_does_not():
     larger = SCENE.with_camera(SCENE.camera.resized(48, 32))
     study = study_picture(

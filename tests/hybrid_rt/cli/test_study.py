@@ -1,5 +1,6 @@
 import csv
 import json
+import re
 import runpy
 import sys
 from functools import partial
@@ -82,6 +83,8 @@ def test_study_of_a_scene_and_the_overlay_of_two(run, tmp_path):
     assert code == 0
     assert "A: path" in captured.out
     assert "B: path" in captured.out
+    # Whatever is known of a curve is read again: the forecasts of a run against itself are alike.
+    assert re.search(r", path: (.*) in A, \1 in B\.", captured.out)
     assert (tmp_path / "both" / "page.html").read_text().count("data:image/svg+xml") == 4
 
 

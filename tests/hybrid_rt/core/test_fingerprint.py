@@ -93,6 +93,16 @@ def test_functions_count_by_what_they_do():
     assert len({fingerprint(f) for f in (lambda x: -math.sin(x), lambda x: -math.cos(x))}) == 2
     assert len({fingerprint(f) for f in (np.sin, np.cos, math.sin)}) == 3
 
+    # Comprehensions and functions within it are code of their own.
+    def doubled(numbers):
+        return [2 * x for x in numbers]
+
+    def tripled(numbers):
+        return [3 * x for x in numbers]
+
+    tripled.__qualname__ = doubled.__qualname__
+    assert fingerprint(doubled) != fingerprint(tripled)
+
     def shifted(by):
         def shift(x, *, by=by):
             return x + by

@@ -156,5 +156,7 @@ def square_lamp(middle, edge_u, edge_v):
 )
 def test_specks_are_what_few_rays_meet(lamp, is_speck):
     ball = Object(Sphere((0, 0, -3), 0.2), Lambertian(0.5))
-    unmet = unmet_light(compile_scene(Scene(CAMERA, [ball], [lamp])), 16)
-    assert (unmet > 0.0) is is_speck
+    lens = Camera((0, 0, 1), (0, 0, 0), (0, 1, 0), 40.0, SIDE, SIDE, aperture=0.01)
+    for camera in (CAMERA, lens):
+        unmet = unmet_light(compile_scene(Scene(camera, [ball], [lamp])), 16)
+        assert (unmet > 0.0) is is_speck

@@ -130,9 +130,10 @@ def finish_patches(table, rays, best, kind_of, kind, basis, out):
             nx, ny, nz, is_degenerate = unit_normal(control, start[k], m, n, u, v, table.rational)
         out.patch_id[i] = table.patch_id[k]
         out.u[i], out.v[i] = u, v
-        out.position[i, 0] = middle[0] + (centre[k, 0] + x) * to_world
-        out.position[i, 1] = middle[1] + (centre[k, 1] + y) * to_world
-        out.position[i, 2] = middle[2] + (centre[k, 2] + z) * to_world
+        # First the centre, without a rounding but that of its own coordinates, however large the frame is.
+        out.position[i, 0] = (middle[0] + centre[k, 0] * to_world) + x * to_world
+        out.position[i, 1] = (middle[1] + centre[k, 1] * to_world) + y * to_world
+        out.position[i, 2] = (middle[2] + centre[k, 2] * to_world) + z * to_world
         out.normal[i, 0], out.normal[i, 1], out.normal[i, 2] = nx, ny, nz
         if is_degenerate:
             out.flags[i] |= NORMAL_DEGENERATE
