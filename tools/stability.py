@@ -61,7 +61,7 @@ def main() -> int:
         return pages.summary(rows, machine, __version__, time.perf_counter() - began)
 
     def figures() -> dict[str, object]:
-        return {} if not rows else {
+        return {} if not rows and not failures else {
             "summary": sentence(), "version": __version__, "factor": factor, "seed": args.seed,
             "seconds": time.perf_counter() - began, "rows": rows, "fuzz": failures,
         }  # fmt: skip

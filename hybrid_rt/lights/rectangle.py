@@ -45,13 +45,16 @@ class RectangleLight(Light):
         u = checks.as_vector(edge_u, "RectangleLight edge_u", up_to=checks.FARTHEST)
         v = checks.as_vector(edge_v, "RectangleLight edge_v", up_to=checks.FARTHEST)
         strength = lamp_radiance(radiance, "RectangleLight", "Rectangle")
+        no_area = (
+            f"RectangleLight edges are {u.tolist()} and {v.tolist()}, of no area: pass two in "
+            "different directions (for a point: PointLight)"
+        )
         try:
             self._surface = Rectangle(origin, u, v)
         except ValueError as error:
-            raise ValueError(
-                f"RectangleLight edges are {u.tolist()} and {v.tolist()}, of no area: pass two in "
-                "different directions (for a point: PointLight)"
-            ) from error
+            raise ValueError(no_area) from error
+        if self._surface.area == 0.0:  # it is below all numbers
+            raise ValueError(no_area)
         power = math.pi * self._surface.area * float(strength.mean())
         self._row = LightRow(RECTANGLE, origin, u, v, strength, power=power)
 
