@@ -127,6 +127,15 @@ def still_unit(vector: FloatArray, what: str) -> FloatArray:
     return vector if abs(vector @ vector - 1.0) <= 4.0 * 2.0**-52 else unit(vector, what)
 
 
+def units(vectors: FloatArray) -> FloatArray:
+    """Return vectors (n, 3) over their lengths, which may be any but zero."""
+    largest = np.abs(vectors).max(axis=1, initial=0.0)
+    # By a power of two first, so that no square overflows or vanishes.
+    scaled = np.ldexp(vectors, -np.frexp(largest)[1][:, None])
+    directions: FloatArray = scaled / np.linalg.norm(scaled, axis=1, keepdims=True)
+    return directions
+
+
 def as_direction(value: ArrayLike, what: str) -> FloatArray:
     """Normalise a direction of any length; return it read-only.
 

@@ -81,8 +81,9 @@ def forecast(curve: Curve, target: float, reference_error: float = 0.0) -> Metho
     logarithms, once all later ones are as small), beyond the last with the curve's k, and b from the last
     two points, at least the curve's own; where all error falls with the passes, or pictures told what
     triangles change, b is the curve's own. The reference's noise is subtracted from the squares first.
-    Nothing beyond the measured range is promised of a method that leaves out light, nothing at all where
-    photons found so much of that that the error is above the target, or where its mesh may change the picture by more.
+    Nothing beyond the measured range is promised of a method that leaves out light, nothing at all where the
+    lack of what photons found of it makes an error above the target, or where its mesh may change the picture
+    by more.
     """
     own = 0.0 if math.isnan(reference_error) else reference_error
     passes = np.array([p.setting for p in curve.points])

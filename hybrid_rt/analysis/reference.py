@@ -240,11 +240,11 @@ def given_reference(picture: Picture, part: str = "both") -> Reference:
     spent = stated_number(report, "seconds", "total")
     settings, passes = report.get("settings"), report.get("passes", 0)
     made_by = settings.get("integrator") if isinstance(settings, dict) else None
-    is_known = isinstance(made_by, str) and made_by in INTEGRATORS and is_number(passes)
+    is_known = isinstance(made_by, str) and made_by in INTEGRATORS
+    is_known = is_known and is_number(passes) and passes > 0
     left_out, measured = report.get("light_not_found"), report.get("light_not_found_measured")
     return Reference(
-        f"the file {picture.name}"
-        + (f" ({made_by}, {passes} passes)" if is_known and passes > 0 else ""),
+        f"the file {picture.name}" + (f" ({made_by}, {passes} passes)" if is_known else ""),
         stated_error(report, part),
         float(picture.image.mean(dtype=np.float64)),
         math.nan if half is None else half,

@@ -208,9 +208,8 @@ def _how_to_go_on(report: dict[str, Any]) -> str:
         lines.append(
             f"  store     {kept['folder']} holds {passes_in_words(report['passes'])}{since}"
         )
-    if (
-        report["stopped_by"] != "not_finite"
-    ):  # what is in the sums stays, and no pass would be added
+    # Where pixels are not finite what is in the sums stays, and no pass would be added.
+    if report["stopped_by"] != "not_finite":
         words = [*sys.argv[1:], *([] if "--resume" in sys.argv else ["--resume"])]
         command = [*program_words(), *_with_limit_moved(words, report)]
         lines.append(f"  go on     {shlex.join(command)}")

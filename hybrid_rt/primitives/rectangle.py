@@ -35,7 +35,7 @@ class Rectangle(Surface):
         self.corner = as_vector(corner, "Rectangle corner")
         self.edge_u = as_vector(edge_u, "Rectangle edge_u")
         self.edge_v = as_vector(edge_v, "Rectangle edge_v")
-        # Each brought near one by a power of two: nothing is rounded, overflows or vanishes.
+        # Each brought near one by a power of two, so that no product of large components overflows or vanishes.
         (u, by_u), (v, by_v) = _near_one(self.edge_u), _near_one(self.edge_v)
         across = _cross(u, v)
         if np.linalg.norm(across) <= 1e-12 * np.linalg.norm(u) * np.linalg.norm(v):

@@ -11,7 +11,6 @@ from hybrid_rt.core.ledger import twelve_digits
 from hybrid_rt.integrators import INTEGRATORS
 from hybrid_rt.integrators.context import RenderContext
 from hybrid_rt.integrators.media.absorption import unclosed_bodies
-from hybrid_rt.integrators.options import Options
 from hybrid_rt.integrators.workers import Blur
 from hybrid_rt.intersection import Intersector
 from hybrid_rt.rendering.limits import Clock
@@ -222,7 +221,7 @@ def _with_interval(
     """
     if noise is None:
         return None
-    samples_lights = (context.options or Options()).samples_lights
+    samples_lights = context.options.samples_lights
     unmet = twelve_digits(unmet_light(context.scene, passes, ends_at_matt, samples_lights))
     half = half_interval_of_mean(
         noise["standard_error_of_image_mean"],

@@ -11,7 +11,7 @@ from hybrid_rt.shading.kernels.fresnel import (
     refract_directions,
     split_at_glass,
 )
-from meshing.checks import as_floats, shown
+from meshing.checks import as_floats, shown, units
 
 
 def refract(direction: ArrayLike, normal: ArrayLike, n1: ArrayLike, n2: ArrayLike) -> FloatArray:
@@ -139,10 +139,7 @@ def _units(vectors: FloatArray, name: str, shape: tuple[int, ...]) -> FloatArray
             f"{name}[{bad[0]}] = {vectors[bad[0]].tolist()} is no direction ({bad.size} such row(s)): "
             "leave out rays that miss, or that were reflected totally"
         )
-    # By a power of two first, so that no square overflows or vanishes.
-    scaled = vectors * np.ldexp(1.0, -np.frexp(largest)[1])[:, None]
-    scaled /= np.sqrt((scaled * scaled).sum(axis=1, keepdims=True))
-    return np.array(np.broadcast_to(scaled, shape), order="C")
+    return np.array(np.broadcast_to(units(vectors), shape), order="C")
 
 
 def _indices(values: ArrayLike, name: str, n: int) -> FloatArray:

@@ -147,14 +147,25 @@ def without(monkeypatch):
     return hide
 
 
-def test_digits_need_a_package_and_say_so_first(without, monkeypatch, capsys):
+@pytest.fixture
+def refusal_of(monkeypatch, capsys):
+    """Return a function that runs a tool, which says nothing but why it refuses its words."""
+
+    def run(words):
+        monkeypatch.setattr(sys, "argv", words)
+        with pytest.raises(SystemExit) as ended:
+            runpy.run_path(str(TOOLS / words[0]), run_name="__main__")
+        assert ended.value.code == 2
+        out, error = capsys.readouterr()
+        assert out == ""
+        return error
+
+    return run
+
+
+def test_digits_need_a_package_and_say_so_first(without, refusal_of):
     without("mpmath")
-    monkeypatch.setattr(sys, "argv", ["calibrate.py"])
-    with pytest.raises(SystemExit) as ended:
-        runpy.run_path(str(TOOLS / "calibrate.py"), run_name="__main__")
-    assert ended.value.code == 2
-    out, error = capsys.readouterr()
-    assert out == ""
+    error = refusal_of(["calibrate.py"])
     assert error == (
         "calibrate.py: 60 digits need the package mpmath: pip install 'hybrid-rt[dev]', or pass "
         "--digits-hits 0\n"
@@ -162,16 +173,11 @@ def test_digits_need_a_package_and_say_so_first(without, monkeypatch, capsys):
 
 
 def test_spots_that_cannot_be_drawn_are_said_before_they_are_traced(
-    without, tmp_path, monkeypatch, capsys
+    without, tmp_path, monkeypatch, refusal_of
 ):
     without("matplotlib")
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(sys, "argv", ["lens_spots.py", "--out", "spots.png"])
-    with pytest.raises(SystemExit) as ended:
-        runpy.run_path(str(TOOLS / "lens_spots.py"), run_name="__main__")
-    assert ended.value.code == 2
-    out, error = capsys.readouterr()
-    assert out == ""
+    error = refusal_of(["lens_spots.py", "--out", "spots.png"])
     assert error == (
         "lens_spots.py: --out spots.png: the spots need matplotlib: pip install 'hybrid-rt[plot]', "
         "or leave out --out\n"
@@ -194,13 +200,8 @@ def test_spots_that_cannot_be_drawn_are_said_before_they_are_traced(
         ),
     ],
 )  # fmt: skip
-def test_what_would_be_ignored_or_check_nothing_is_refused(words, refusal, monkeypatch, capsys):
-    monkeypatch.setattr(sys, "argv", words)
-    with pytest.raises(SystemExit) as ended:
-        runpy.run_path(str(TOOLS / words[0]), run_name="__main__")
-    assert ended.value.code == 2
-    out, error = capsys.readouterr()
-    assert out == ""
+def test_what_would_be_ignored_or_check_nothing_is_refused(words, refusal, refusal_of):
+    error = refusal_of(words)
     assert refusal in error
 
 

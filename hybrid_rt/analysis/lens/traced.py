@@ -14,7 +14,7 @@ from hybrid_rt.core.hit_table import to_csv
 from hybrid_rt.core.records import BoolArray, FloatArray, HitRecord, IntArray, selected
 from hybrid_rt.intersection import Intersector
 from hybrid_rt.primitives.asphere import Asphere
-from meshing.checks import as_floats
+from meshing.checks import as_floats, units
 
 # Surfaces nearer to each other than this, over the size of coordinates, touch: rounding moves a point by
 # less.
@@ -139,15 +139,12 @@ def checked_rays(origins: ArrayLike, directions: ArrayLike) -> tuple[FloatArray,
         raise ValueError(
             f"Lens.trace got {len(o)} origins and {len(d)} directions: pass as many of each, or one"
         )
-    largest = np.abs(d).max(axis=1, initial=0.0)
-    zero = np.flatnonzero(largest == 0.0)
+    zero = np.flatnonzero(~d.any(axis=1))
     if zero.size:
         raise ValueError(
             f"Lens.trace directions[{zero[0]}] has length zero ({zero.size} such ray(s)): leave such rays out"
         )
-    # By a power of two first, so that no square overflows or vanishes.
-    d = np.ldexp(d, -np.frexp(largest)[1][:, None])
-    o, d = np.broadcast_arrays(o, d / np.linalg.norm(d, axis=1, keepdims=True))
+    o, d = np.broadcast_arrays(o, units(d))
     return o.copy(), d.copy()
 
 

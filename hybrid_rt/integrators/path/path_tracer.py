@@ -114,7 +114,7 @@ class PathTracer(Integrator):
         strategy = STRATEGIES[self._options.strategy]
         self._light = SurfaceLight(context, strategy, EVERY)
         lights, plan = context.scene.lights, context.plan
-        asks = strategy != DIRECTION_ONLY and bool(lights.chance.any())
+        asks = self._options.samples_lights and bool(lights.chance.any())
         self._samples_lights = asks and (plan["light samples"] or plan["sky samples"])
         self._camera_media = media_around_camera(context, self._contacts)
         self._split_glass = glass_alone(context.scene)

@@ -92,3 +92,9 @@ def test_one_vector_stands_for_all():
 def test_what_is_no_ray_is_refused(arguments, message):
     with pytest.raises(ValueError, match=message):
         refract(*arguments)
+
+
+@pytest.mark.parametrize("length", [5e-324, 1e-310, 1e-170, 1e200])
+def test_directions_have_any_length(length):
+    turned, unturned = (refract((0, 0, size), (0, 0.6, 0.8), 1.0, 1.5) for size in (length, 1.0))
+    np.testing.assert_array_equal(turned, unturned)
