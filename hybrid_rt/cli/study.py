@@ -3,49 +3,35 @@
 from __future__ import annotations
 
 import argparse
-import csv
-import importlib.util
-import io
-import json
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import suppress
+from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 from hybrid_rt.analysis import answers, hit_study, study_diagrams, tables, work_precision
 from hybrid_rt.analysis.advice import advise
-from hybrid_rt.analysis.curves import Curve, Point, Spread, renamed
-from hybrid_rt.analysis.diagrams import Diagram, save
 from hybrid_rt.analysis.hit_study import HitStudy
-from hybrid_rt.analysis.method_forecast import forecast, triangles_for
+from hybrid_rt.analysis.method_forecast import triangles_for
 from hybrid_rt.analysis.methods import curved_surfaces, default_methods
-from hybrid_rt.analysis.page import Study, page
+from hybrid_rt.analysis.page import Study
 from hybrid_rt.analysis.picture_comparison import load_picture
 from hybrid_rt.analysis.reference import REFERENCES
-from hybrid_rt.analysis.units import asked, of_pixels, seconds
+from hybrid_rt.analysis.units import asked, of_pixels
 from hybrid_rt.analysis.work_precision import PictureStudy, StudyInterrupted
-from hybrid_rt.cli.command import one_or_more, say, say_if_no_plots, tell
+from hybrid_rt.cli.command import one_or_more, say_if_no_plots, tell
 from hybrid_rt.cli.scene_file import load_scene
+from hybrid_rt.cli.study_comparison import compare
+from hybrid_rt.cli.study_files import check_folder, publish_study
 from hybrid_rt.core import checks
-from hybrid_rt.core.ledger import as_json
 from hybrid_rt.rendering.result import RenderResult
 from hybrid_rt.rendering.versions import versions
 from hybrid_rt.scene.scene import Scene
-from hybrid_rt.sensor.image_files import check_output, check_writable, replacing
+from hybrid_rt.sensor.image_files import check_output
 from hybrid_rt.verify.cases.rays import camera as random_camera
 from hybrid_rt.verify.judges.oracle import workers_of
 from meshing import BezierPatches
 
 REFERENCE_FILE = "reference.npz"
-PARTS = ("picture", "hits")
-# seconds and error: of a picture, and its relative RMSE; of a ray, and the share of wrong first hits.
-CSV_HEAD = ("part", "method", "setting", "run", "seconds", "error")
-# What the figures of a curve hold beside its name, flags and points.
-OF_CURVE = (
-    "bias", "power", "bias_known_by", "left_out", "bias_at_most", "unfound", "error_by_unfound",
-    "converges",
-)  # fmt: skip
 DESCRIPTION = """\
 Draw error against run time for a scene or a surface, and say which settings are cheapest.
 
@@ -155,7 +141,7 @@ def run_study(args: argparse.Namespace) -> None:
     if args.compare:
         if args.source:
             raise ValueError(f"--compare measures nothing: leave out {args.source}, or --compare")
-        _compare(args)
+        compare(args)
     elif not args.source:
         raise ValueError("name a scene script or a .bpt file, or use --compare")
     else:
@@ -180,7 +166,7 @@ def _measure(args: argparse.Namespace) -> None:
         )
     n_rays = args.rays or (20_000 if args.quick else 100_000)
     if args.out:
-        _check_folder(args.out)
+        check_folder(args.out)
         if file.suffix != ".bpt" and args.only != "hits" and args.reference is None:
             check_output(args.out / REFERENCE_FILE)
     studies: dict[str, Any] = {}
@@ -304,7 +290,7 @@ def _show(
             shown["diagrams"] += study_diagrams.newton_diagrams(hits.newton, hits.size)
             shown["tables"].append(tables.newton_table(hits))
         data["hits"] = asdict(hits)
-    _publish(Study(**shown, measured=answers.conditions(measured, name)), data, args.out)
+    publish_study(Study(**shown, measured=answers.conditions(measured, name)), data, args.out)
 
 
 def _show_picture(
@@ -347,187 +333,6 @@ def _show_picture(
         "forecasts": [asdict(found) for found in advice.forecasts],
         "triangles_for_target": triangles,
     }
-
-
-def _publish(study: Study, data: dict[str, Any], folder: Path | None) -> None:
-    """Write a study and print it: files first, as the reader of a pipe may have closed it."""
-    written = [] if folder is None else _write(folder, study, data)
-    _print(study)
-    if written:
-        say(f"\nwrote {', '.join(str(file) for file in written)}")
-
-
-def _print(study: Study) -> None:
-    say(study.title)
-    for name, value in study.measured:
-        say(f"  {name:12s} {value}")
-    for table in study.tables:
-        say(f"\n{tables.in_text(table)}")
-    say("")
-    for sentence in study.findings:
-        say(f"- {sentence}")
-    if study.asked:
-        say(f"\n{study.asked}")
-    if study.answer:
-        say(study.answer)
-    for sentence in study.details:
-        say(f"- {sentence}")
-    if study.command:
-        say(f"\n  {study.command}")
-
-
-def _files(folder: Path) -> list[Path]:
-    """Return the files that are written for every study or comparison."""
-    has_plots = importlib.util.find_spec("matplotlib") is not None
-    names = ("curves.json", "curves.csv", *(("curves.png", "page.html") if has_plots else ()))
-    return [folder / name for name in names]
-
-
-def _check_folder(folder: Path) -> None:
-    """Make the folder, and say before the work if a file cannot be written."""
-    folder.mkdir(parents=True, exist_ok=True)
-    for file in _files(folder):
-        check_writable(file)
-
-
-def _write(folder: Path, study: Study, data: dict[str, Any]) -> list[Path]:
-    """Write the files of a study, each whole or not at all; return them."""
-    rows = io.StringIO(newline="")
-    csv.writer(rows).writerows([CSV_HEAD, *_runs(data)])
-    texts: dict[str, Callable[[], str]] = {
-        ".json": lambda: as_json(data), ".csv": rows.getvalue, ".html": lambda: page(study),
-    }  # fmt: skip
-    files = _files(folder)
-    for file in files:
-        if file.suffix == ".png":
-            save(study.diagrams, file)
-        else:
-            with replacing(file) as opened:
-                opened.write(texts[file.suffix]().encode())
-    return files
-
-
-def _runs(data: dict[str, Any]) -> Iterator[tuple[Any, ...]]:
-    """Yield a row for each run of each point; one for the median, without a number, where runs are not kept."""
-    for part in PARTS:
-        for curve in _curves(data.get(part, {"curves": []})):
-            for point in curve.points:
-                place = (part, curve.name, point.setting)
-                if not point.seconds.runs:
-                    yield (*place, "", point.seconds.median, point.error.median)
-                for k, pair in enumerate(zip(point.seconds.runs, point.error.runs, strict=True)):
-                    yield (*place, k + 1, *pair)
-
-
-def _read(file: Path) -> dict[str, Any]:
-    held = "figures"
-    with suppress(ValueError):
-        data = json.loads(file.read_text("utf-8"))
-        if isinstance(data, dict) and "compared" not in data:
-            return data
-        if isinstance(data, dict):
-            held = "figures of its own, but a comparison"
-    raise ValueError(f"{file} holds no {held}: pass the curves.json of an earlier run")
-
-
-def _compare(args: argparse.Namespace) -> None:
-    """Overlay the curves of two earlier runs."""
-    both = [_read(file) for file in args.compare]
-    if args.out:
-        for file in args.compare:
-            if args.out.exists() and args.out.samefile(file.parent):
-                raise ValueError(
-                    f"--out {args.out} is the folder of {file}, which would be replaced: name another"
-                )
-        _check_folder(args.out)
-    names = [str(file.parent / file.stem) for file in args.compare]
-    diagrams: list[Diagram] = []
-    found: list[tables.Table] = []
-    data: dict[str, Any] = {"compared": names}
-    for part in PARTS:
-        if not all(part in one for one in both):
-            continue
-        curves = [
-            curve
-            for letter, one in zip("AB", both, strict=True)
-            for curve in renamed(_curves(one[part]), letter)
-        ]
-        data[part] = {"curves": [asdict(curve) for curve in curves]}
-        if part == "picture":
-            trimmed = [bool(one[part].get("trimmed")) for one in both]
-            if trimmed[0] != trimmed[1]:
-                raise ValueError(
-                    f"one of {names[0]} and {names[1]} leaves out the worst 0.1 % of the pixels: measure both "
-                    "with --target, or both with --target-trimmed"
-                )
-            own = max(one[part]["reference"]["own_error"] or 0.0 for one in both)
-            data[part]["reference"] = {"own_error": own or float("nan")}
-            diagrams.append(study_diagrams.picture_diagram(curves, own or float("nan"), trimmed[0]))
-            found += [
-                tables.equal_time_table(curves, own, trimmed[0]),
-                tables.picture_table(curves, trimmed[0]),
-            ]
-            data[part]["trimmed"] = trimmed[0]
-        else:
-            judged = max(one[part]["judged"] for one in both)
-            data[part]["judged"] = judged
-            diagrams.append(study_diagrams.hit_diagram(curves, judged))
-            found.append(tables.hit_table(curves))
-    if not diagrams:
-        raise ValueError(
-            f"{names[0]} and {names[1]} have no kind of curves in common: name two of one kind"
-        )
-    first, *others = _ratios(both) or ["Read the diagrams: lower and further left is better."]
-    study = Study(
-        f"Error against run time: {names[0]} and {names[1]}",
-        f"Asked: how do two runs compare? A is {names[0]}, B is {names[1]}.",
-        first,
-        details=others,
-        measured=[(letter, str(file)) for letter, file in zip("AB", args.compare, strict=True)],
-        diagrams=diagrams,
-        tables=found,
-    )
-    _publish(study, data, args.out)
-
-
-def _curves(part: dict[str, Any]) -> list[Curve]:
-    inf = float("inf")
-    if any(name not in curve for curve in part["curves"] for name in OF_CURVE):
-        raise ValueError("the figures are of an earlier version of this tool: measure again")
-    return [
-        Curve(
-            curve["name"],
-            curve["flags"],
-            [
-                Point(
-                    inf if p["setting"] is None else p["setting"],
-                    Spread(**p["seconds"]),
-                    Spread(**p["error"]),
-                    {key: float("nan") if v is None else v for key, v in p["more"].items()},
-                )
-                for p in curve["points"]
-            ],
-            **{name: curve[name] for name in OF_CURVE},
-        )
-        for curve in part["curves"]
-    ]
-
-
-def _ratios(both: Sequence[dict[str, Any]]) -> list[str]:
-    """Say for methods of both runs how the seconds compare to a target that both can judge."""
-    if not all("picture" in one for one in both):
-        return []
-    target = max(one["picture"]["forecast_target"] for one in both)
-    found = []
-    for one in both:
-        own = one["picture"]["reference"]["own_error"] or 0.0
-        found.append({c.name: forecast(c, target, own) for c in _curves(one["picture"])})
-    return [
-        f"To {asked(target)}, {name}: {seconds(found[0][name].seconds.median)} in A, "
-        f"{seconds(found[1][name].seconds.median)} in B."
-        for name in found[0]
-        if name in found[1] and None not in (found[0][name].passes, found[1][name].passes)
-    ]
 
 
 def _tell_step(text: str) -> None:

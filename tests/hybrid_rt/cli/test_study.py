@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from hybrid_rt.analysis import hit_study, study_runs
-from hybrid_rt.cli import main, study
+from hybrid_rt.cli import main, study_files
 
 ROOT = Path(__file__).parents[3]
 TEAPOT = ROOT / "hybrid_rt" / "data" / "teapot.bpt"
@@ -112,7 +112,7 @@ def test_a_comparison_replaces_none_of_its_runs_and_is_none(run, tmp_path, monke
     assert "--out a is the folder of a/curves.json, which would be replaced: name" in captured.err
     assert (tmp_path / "a" / "curves.json").read_bytes() == before
     with monkeypatch.context() as patched:  # files are written before anything is printed
-        patched.setattr(study, "say", closed)
+        patched.setattr(study_files, "say", closed)
         assert run("--compare a/curves.json a/curves.json --out both")[0] == 2
     code, captured = run("--compare both/curves.json a/curves.json")
     assert code == 2
