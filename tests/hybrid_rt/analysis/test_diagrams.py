@@ -1,0 +1,36 @@
+"""Diagrams of studies."""
+
+import math
+from xml.etree import ElementTree
+
+import imageio.v3 as imageio
+import pytest
+
+from hybrid_rt.analysis.diagrams import Diagram, Line, Mark, as_svg, save
+
+
+class TestDiagram:
+    def mark(self, x, y, **more):
+        return Mark((x, x, x), (y, y, y), **more)
+
+    def test_words_and_marks_are_drawn(self, tmp_path):
+        marks = [self.mark(10.0**k, 10.0 ** (-0.5 * k), label=f"n{k}") for k in range(5)]
+        marks.append(self.mark(1e5, 1e-3, is_limit=True))
+        diagram = Diagram(
+            "t", "x", "y", [Line("half", marks)], ((-0.5, "noise"),), ("<floor>", 0.02), "n"
+        )
+        svg = as_svg(diagram)
+        assert svg == as_svg(diagram)
+        words = {text.text.strip() for text in ElementTree.fromstring(svg).iter() if text.text}
+        assert words >= {"x", "y", "half", "noise", "<floor>", "n0", "n4"}
+        save([diagram] * 3, tmp_path / "a.png")
+        assert imageio.imread(tmp_path / "a.png").shape[:2] == (3 * 517, 924)
+
+    @pytest.mark.parametrize("value", [0.0, -1.0, math.nan, math.inf])
+    def test_what_has_no_logarithm_is_refused(self, value):
+        with pytest.raises(ValueError, match=rf"diagram 't' has the value {value}: pass"):
+            Diagram("t", "x", "y", [Line("l", [self.mark(1.0, value)])])
+
+    def test_nothing_to_draw_is_refused(self):
+        with pytest.raises(ValueError, match="has no marks"):
+            Diagram("t", "x", "y", [])

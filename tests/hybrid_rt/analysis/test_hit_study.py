@@ -1,0 +1,100 @@
+"""Studies of first hits: certified ones are right, those of meshes are not."""
+
+import math
+
+import pytest
+from studied import SCENE, TUBE
+
+from hybrid_rt.analysis import answers, study_diagrams, tables
+from hybrid_rt.analysis.hit_study import RULE_OF_THREE, camera_rays, study_hits
+from hybrid_rt.analysis.methods import size_of
+from meshing import SurfaceOfRevolution, TrimmedSurface, polygon
+
+
+@pytest.fixture(scope="module")
+def tube():
+    return study_hits([TUBE], camera_rays(SCENE, 4000), tolerances=(1e-2, 1e-4), runs=2, threads=1)
+
+
+def test_hits_on_trimmed_surfaces_are_studied():
+    window = polygon([(-0.1, 0.3), (0.15, 0.25), (0.12, 0.7), (-0.08, 0.6)])
+    loops = [polygon([(0, 0), (1, 0), (1, 1), (0, 1)]), window]
+    surfaces = [TrimmedSurface(TUBE, loops)]
+    study = study_hits(surfaces, camera_rays(SCENE, 1000), tolerances=(1e-2,), runs=1, threads=1)
+    wrong = {curve.name: curve.points[0].error.median for curve in study.curves}
+    assert wrong["certified"] == wrong["certified, no Embree"] == 0.0
+    # Triangles that an edge crosses stay whole.
+    assert wrong["mesh"] > 0.0
+    assert 0 < study.judged < 1000
+
+
+@pytest.mark.parametrize("more", [{"u_range": (0, 0.5)}, {"weights": [1, 0.5]}])
+def test_hits_on_parts_of_turns_and_rational_surfaces_are_studied(more):
+    tube = SurfaceOfRevolution([[-1.0, 1.0], [1.0, 1.2]], (0, 0, 0), (0, 0, 1), **more)
+    study = study_hits([tube], camera_rays(SCENE, 1000), tolerances=(0.1,), runs=1, threads=1)
+    wrong = {curve.name: curve.points[0].error.median for curve in study.curves}
+    assert wrong["certified"] == wrong["certified, no Embree"] == 0.0
+    mean_dt = {curve.name: curve.points[0].more["mean_dt"] for curve in study.curves}
+    assert mean_dt["certified"] < 1e-14
+    assert mean_dt["mesh"] > 1e-4
+    assert study.judged > 200
+    # Steps are counted on whole turns of plain profiles only.
+    assert study.newton == []
+
+
+class TestHits:
+    def test_certified_hits_are_right_and_meshes_are_not(self, tube):
+        curves = {curve.name: curve.points for curve in tube.curves}
+        assert tube.rays == pytest.approx(4000, rel=0.02)
+        assert all(
+            p.error.median == 0.0
+            for name, points in curves.items()
+            if name.startswith("certified")
+            for p in points
+        )
+        coarse, fine = curves["mesh"]
+        assert coarse.error.median > fine.error.median
+        assert coarse.more["triangles"] < fine.more["triangles"]
+        # A chord of tolerance e lies within e of the arc, on average two thirds of it; slant adds.
+        assert 0.3 * coarse.setting < coarse.more["mean_dt"] < 3.0 * coarse.setting
+        assert curves["refined"][0].more["mean_dt"] < 1e-14
+        assert math.isinf(curves["certified, no Embree"][0].setting)
+
+    def test_answers_and_diagrams(self, tube):
+        cost, share, mesh, newton = answers.hit_answers(tube)
+        assert "us a ray" in cost
+        assert f"Of {tube.judged:,} judged rays" in share
+        assert "triangles^-" in mesh
+        marks = [m for line in study_diagrams.hit_diagram(tube.curves, 9).lines for m in line.marks]
+        n_none = sum(p.error.median == 0.0 for c in tube.curves for p in c.points)
+        assert len(marks) == sum(len(curve.points) for curve in tube.curves)
+        assert sum(mark.is_limit for mark in marks) == n_none
+        limits = {mark.y[0] for mark in marks if mark.is_limit}
+        assert limits == {100.0 * (RULE_OF_THREE / 9)}
+        for table in (tables.hit_table(tube.curves), tables.newton_table(tube)):
+            assert all(len(row) == len(table.head) for row in table.rows)
+            words = " ".join(table.words)
+            assert all(f"{word}:" in words for word in ("us a ray", "missed", "phantom", "farther"))
+            assert table.words[-1] in " ".join(tables.in_text(table).split())
+
+        assert "before the first step" in newton
+        for diagram in study_diagrams.newton_diagrams(tube.newton, tube.size):
+            assert [len(line.marks) for line in diagram.lines] == [6] * len(tube.newton)
+
+    def test_newton_mends_distances_and_no_decisions(self, tube):
+        curves = {curve.name: curve.points for curve in tube.curves}
+        # Rounding may decide one ray otherwise; triangles are met in float32 here, there in float64.
+        one_ray = 1.5 / tube.judged
+        for stepped, mesh, refined in zip(
+            tube.newton, curves["mesh"], curves["refined"], strict=True
+        ):
+            points = stepped.points
+            assert [p.setting for p in points] == [0, 1, 2, 3, 4, 6]
+            assert points[0].more["mean_dt"] == pytest.approx(mesh.more["mean_dt"], rel=1e-4)
+            assert points[0].error.median == pytest.approx(mesh.error.median, abs=one_ray)
+            assert points[-1].error.median == pytest.approx(refined.error.median, abs=one_ray)
+            assert points[-1].more["mean_dt"] < 1e-13
+            assert points[-1].more["worst_residual"] < 1e-12
+
+    def test_size_is_the_diagonal(self):
+        assert size_of([TUBE]) == pytest.approx(math.sqrt(12), rel=1e-9)
