@@ -28,14 +28,16 @@ class GradientSky(Environment):
 
     Notes
     -----
-    Where one light is sampled, a sky is as often as a lamp of mean power, however faint it is: beside a
-    single lamp, every other sample goes to it. A black sky is none.
+    Where only one light is sampled for each hit, the sky is chosen as often as a lamp of average power,
+    however faint it is: beside a single lamp, half of the samples go to it. A black sky is left out.
     """
 
     def __init__(self, bottom: ArrayLike, top: ArrayLike, up: ArrayLike = (0.0, 1.0, 0.0)) -> None:
         low = checks.rgb(bottom, "GradientSky bottom")
         high = checks.rgb(top, "GradientSky top")
         heights = np.array([low.mean(), high.mean()])
+        if heights.any():  # only their ratio counts, and squares of very small ones would vanish
+            heights /= heights.max()
         self._table = EnvironmentTable(
             kind=GRADIENT,
             frame=upright(checks.as_direction(up, "GradientSky up")),

@@ -27,8 +27,8 @@ class LightRow:
     texture: Texture | None = None
     """Takes the place of ``strength`` where the radiance varies."""
     power: float = 1.0
-    """Light sent out, in the mean of the channels: how often one light is asked before another, and
-    how many of the photons it sends."""
+    """Emitted power, in the mean of the channels. It decides how often a light is sampled, and how many of
+    the photons it sends; a texture counts by its mean, wherever on the surface it is bright."""
 
 
 class Light(ABC):

@@ -267,7 +267,7 @@ def _shining_object(
         edge_v=nothing,
         strength=strength,
         texture=None if is_even else radiance,
-        power=math.pi * area * float(strength.mean()),
+        power=math.pi * area * float(radiance.mean.mean()),
     )
     row = with_shape(surface, row, is_even)
     return row, chooser if row.kind == SURFACE else None

@@ -77,6 +77,12 @@ class CheckerTexture(Texture):
         return np.maximum(self._even, self._odd)
 
     @property
+    def mean(self) -> FloatArray:
+        """Return the mean of the two colours, channel by channel: each has half of the squares."""
+        mean: FloatArray = 0.5 * self._even + 0.5 * self._odd
+        return mean
+
+    @property
     def row(self) -> TextureRow:
         """Return the checker's row of the texture table."""
         scale = (*self._scale, 0.0)[:3]

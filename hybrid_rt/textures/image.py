@@ -63,6 +63,12 @@ class ImageTexture(Texture):
         return brightest
 
     @property
+    def mean(self) -> FloatArray:
+        """Return the mean of the texels, channel by channel."""
+        mean: FloatArray = self._texels.mean(axis=(0, 1), dtype=np.float64)
+        return mean
+
+    @property
     def row(self) -> TextureRow:
         """Return the image's row of the texture table."""
         return TextureRow(IMAGE, (0.0,) * 9, self._texels, self._wrap)

@@ -48,6 +48,11 @@ class Texture(ABC):
 
     @property
     @abstractmethod
+    def mean(self) -> FloatArray:
+        """(3,) float64: the mean of each channel over the texture; 0 only if all of it is 0."""
+
+    @property
+    @abstractmethod
     def row(self) -> TextureRow:
         """The texture's row of the texture table."""
 
@@ -66,6 +71,11 @@ class ConstantTexture(Texture):
 
     @property
     def brightest(self) -> FloatArray:
+        """Return the colour itself."""
+        return self._color
+
+    @property
+    def mean(self) -> FloatArray:
         """Return the colour itself."""
         return self._color
 

@@ -16,7 +16,7 @@ from hybrid_rt.scene.compiled import NOTHING, compile_scene
 from hybrid_rt.scene.scene import Object, Scene
 from hybrid_rt.sensor.camera import Camera
 from hybrid_rt.shading.kernels.environment import sky_direction, sky_on_rays
-from hybrid_rt.textures import ImageTexture
+from hybrid_rt.textures import CheckerTexture, ImageTexture
 from meshing.kernels.jit import kernel
 
 CAMERA = Camera((0, -5, 0), (0, 0, 0), (0, 0, 1))
@@ -126,12 +126,32 @@ def test_sky_is_linear_in_height_along_any_up():
     np.testing.assert_allclose(sky.radiance(directions), [[0, 0, 0], [1, 2, 3], [2, 4, 6]])
 
 
+@pytest.mark.parametrize("top", [1e-200, 1e-30, 1e30])
+def test_faint_skies_are_chosen_from_as_bright_ones_are(top):
+    xi = np.random.default_rng(2).random((256, 2))
+    found = [np.empty((256, 3)) for _ in range(2)]
+    for scale, direction in zip((1.0, top), found, strict=True):
+        sky_directions(GradientSky(0.2 * scale, scale).table, xi, direction)
+    np.testing.assert_allclose(found[1], found[0], atol=1e-12)
+
+
 def test_shining_objects_are_lights_after_the_others():
     shining = Object(BALL, Emissive(3.0, Lambertian(0.5)), "sun")
     compiled = compile_scene(Scene(CAMERA, [Object(BALL, Mirror()), shining], [LAMP]))
     assert compiled.light_of.tolist() == [NOTHING, 1, 0]
     assert compiled.surface_of_light.tolist() == [2, 1]
     assert compiled.lights.chance.sum() == pytest.approx(1.0)
+
+
+def test_lamps_with_a_texture_count_by_its_mean():
+    """Not by its brightest texel: of two lamps that send the same, photons come from both alike."""
+    dots = np.zeros((100, 100, 3), dtype=np.float32)
+    dots[40, 60] = 1e4
+    squares = CheckerTexture(0.5, 1.5, 4, "uv")
+    shining = [Object(BALL, Emissive(color)) for color in (1.0, ImageTexture(dots), squares)]
+    even, dotted, checkered = compile_scene(Scene(CAMERA, shining)).power
+    assert dotted == pytest.approx(even)
+    assert checkered == pytest.approx(even)
 
 
 def test_shining_surfaces_without_area_are_refused_by_name():
