@@ -19,8 +19,10 @@ from meshing.area import CELLS, Grid, IdArray, Triangles
 from meshing.surface import Surface
 from meshing.trimmed_area import TrimmedCells
 
-# A surface other than a mesh is cut into so many cells at least.
+# A surface other than a mesh is cut into about so many cells; one of many patches into 256 for each,
+# and one of very many into about MOST_CELLS (200 MiB of them, twice that while they are made).
 FEWEST_CELLS = 4096
+MOST_CELLS = 2**19
 # Levels of the cube's octree along which cells are put in order: 3 * 20 bits.
 OCTREE_LEVELS = 20
 # Parameters of a cell's corners, around it.
@@ -41,7 +43,7 @@ class Cells:
     def __init__(self, surface: Surface) -> None:
         sampler = surface.area_sampler()
         if not isinstance(sampler, Triangles | TrimmedCells):
-            sampler = Grid(surface, max(CELLS, math.isqrt(FEWEST_CELLS // len(surface))))
+            sampler = Grid(surface, cells_a_side(len(surface)))
         self._sampler: Triangles | Grid | TrimmedCells = sampler
         corner, is_bent = _corners(surface, sampler)
         order = _along_a_curve(corner.mean(axis=1))
@@ -87,6 +89,12 @@ class Cells:
             self._sampler.pdf_area(patch_id, u, v), share, out=np.zeros_like(u), where=share > 0.0
         )
         return density
+
+
+def cells_a_side(n_patches: int) -> int:
+    """Return into how many cells the sides of each patch are cut."""
+    fewest, most = (math.isqrt(n // n_patches) for n in (FEWEST_CELLS, MOST_CELLS))
+    return max(fewest, min(most, CELLS), 1)
 
 
 def _scratch() -> tuple[NDArray[np.int64], NDArray[np.int64], FloatArray]:

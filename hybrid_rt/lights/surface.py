@@ -180,8 +180,9 @@ class ShiningBox(ShiningSurface):
 class ShiningTrimmed(ShiningSurface):
     """A trimmed surface as an area light: points sampled outside its loops have a pdf of 0.
 
-    Hits outside the loops shine: within the gap of an edge, and on triangles that an edge crosses. No
-    point is sampled there, so their pdf is 0 as well: BSDF sampling alone finds them, unweighted.
+    Rays may meet the surface slightly outside its loops: within the gap of an edge, and on triangles that
+    an edge crosses. These hits emit too. No point is sampled there, so the density is 0, and light that
+    BSDF sampling finds there counts in full.
     """
 
     def __init__(self, surface: TrimmedSurface, sampler: AreaSampler) -> None:

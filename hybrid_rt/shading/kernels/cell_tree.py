@@ -10,8 +10,8 @@ until a part of it is small for its distance. Within that, points are even in th
 
 Solid angles are those of the corners: of a flat cell they are exact. A bent cell is taken for the
 biquadratic patch through nine of its points, and seen from between a part of it and that part's
-corners it counts from either side: a guess that leaves nothing out. The density is exact in either
-case.
+corners it is given a solid angle as if seen from either side, so that no visible part gets probability
+zero. The density is exact in either case.
 """
 
 import math

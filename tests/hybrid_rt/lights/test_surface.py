@@ -23,6 +23,7 @@ from hybrid_rt import (
     render,
 )
 from hybrid_rt.core.records import HitRecord
+from hybrid_rt.lights.cells import cells_a_side
 from meshing import BezierPatches, SurfaceOfRevolution
 
 # The radius is 1 - z^2.
@@ -214,3 +215,9 @@ def test_triangles_of_a_lamp_do_not_hide_it(middle):
     assert means[0] > 0.1
     # Triangles move the light by less than their distance from the surface, 1e-3 of its size.
     np.testing.assert_allclose(means[1:], means[0], rtol=5e-3)
+
+
+def test_many_patches_get_fewer_cells_each():
+    """4096 for one patch, 256 for each of many, half a million of all: a cell holds 400 bytes."""
+    sides = {n: cells_a_side(n) for n in (1, 10, 400, 2500, 100_000, 10_000_000)}
+    assert sides == {1: 64, 10: 20, 400: 16, 2500: 14, 100_000: 2, 10_000_000: 1}
