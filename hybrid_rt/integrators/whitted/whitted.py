@@ -50,7 +50,7 @@ class Branches:
     camera_ray : (n,) int64
         Row in the block of camera rays.
     node : (n,) uint64
-        Index in the binary ray tree, 1 at the camera; key of the branch's random numbers.
+        Key of the branch's random numbers: its place in the ray tree, 1 at the camera.
     origins, directions : (n, 3) float64
         Directions are unit vectors.
     throughput : (n, 3) float64
@@ -272,7 +272,8 @@ class Whitted(Integrator):
         return Branches(
             depth=depth,
             camera_ray=met.rays.camera_ray[parent],
-            node=met.rays.node[parent] * np.uint64(2 * self._light.n_slots) + choice,
+            # Odd, as powers of an even factor leave nothing of 64 bits in a deep tree.
+            node=met.rays.node[parent] * np.uint64(2 * self._light.n_slots + 1) + choice,
             origins=hits.position.take(parent, axis=0),
             directions=np.concatenate([part.directions for part in parts]).take(order, axis=0),
             throughput=throughput.take(order, axis=0),
