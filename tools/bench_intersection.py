@@ -30,6 +30,8 @@ from hybrid_rt.verify.cases.campaign import SCENES
 from hybrid_rt.verify.cases.rays import at_box, camera, silhouettes
 from meshing import BezierPatches, SurfaceOfRevolution, tessellate
 
+# Figures by name: each is put where it is kept as soon as it is measured.
+Rows = dict[str, Any]
 ROUNDS = 5
 TRIANGLES = "triangles / those of the best grid"
 KINDS: dict[str, Callable[..., RaySet]] = {
@@ -47,14 +49,14 @@ def main() -> int:
     parser.add_argument("--out", type=Path, help="write the figures as JSON")
     args = parser.parse_args()
     found: dict[str, Any] = {}
-    with kept(args.out, lambda: found):
+    with kept(args.out, lambda: {name: rows for name, rows in found.items() if rows}):
         measure(200_000 if args.quick else 2_000_000, args.quick, Pool(args.threads).threads, found)
     return 0
 
 
 def measure(n: int, quick: bool, most: int, found: dict[str, Any]) -> None:
     """Run one benchmark after the other; ``found`` receives their figures by name."""
-    found["teapot against the rival"] = against_rival(n, most)
+    against_rival(n, most, found.setdefault("teapot against the rival", {}))
     for threads in dict.fromkeys((most, 1)):
         for name, surfaces in (
             ("teapot", [teapot()]),
@@ -62,11 +64,11 @@ def measure(n: int, quick: bool, most: int, found: dict[str, Any]) -> None:
             ("mixed", SCENES["mixed"]()),
         ):
             title = f"{name}, {in_words(threads)}"
-            found[title] = accuracies(title, surfaces, n // 4, threads)
+            accuracies(title, surfaces, n // 4, threads, found.setdefault(title, {}))
     found["trimesh"] = against_trimesh(n // 20)
-    found["few"] = few(n // 4, most)
-    found["many"] = many(n // 10, quick, most)
-    found["tessellation"] = tessellation(quick)
+    few(n // 4, most, found.setdefault("few", {}))
+    many(n // 10, quick, most, found.setdefault("many", {}))
+    tessellation(quick, found.setdefault("tessellation", {}))
     found["numba"] = against_numpy(n // 10)
     found["costs"] = costs()
 
@@ -95,10 +97,9 @@ def in_words(threads: int) -> str:
     return "1 thread" if threads == 1 else f"{threads} threads"
 
 
-def against_rival(n: int, threads: int) -> dict[str, Any]:
+def against_rival(n: int, threads: int, result: Rows) -> None:
     """Compare certified hits with the best uncertified method."""
     surface = teapot()
-    result = {}
     tracers = {
         'certified, coarse="embree"': Intersector([surface], threads=threads),
         'certified, coarse="none"': Intersector([surface], coarse="none", threads=threads),
@@ -120,10 +121,9 @@ def against_rival(n: int, threads: int) -> dict[str, Any]:
         wrong = compare(exact, out[0], met).wrong_hits.counts
         print(f"  the uncertified method: {wrong} of {int(exact.hits.hit.sum())} hits")
         result[kind]["uncertified wrong"] = wrong
-    return result
 
 
-def accuracies(title: str, surfaces: list[Any], n: int, threads: int) -> dict[str, Any]:
+def accuracies(title: str, surfaces: list[Any], n: int, threads: int, result: Rows) -> None:
     """Compare the three accuracies."""
     tracers = {
         name: Intersector(surfaces, threads=threads, **options)
@@ -134,7 +134,6 @@ def accuracies(title: str, surfaces: list[Any], n: int, threads: int) -> dict[st
             ("mesh", {"accuracy": "mesh"}),
         )
     }
-    result = {}
     for kind, make in KINDS.items():
         rays = make(surfaces, n, 2)
         runs = {name: _trace(tracer, rays) for name, tracer in tracers.items()}
@@ -142,7 +141,6 @@ def accuracies(title: str, surfaces: list[Any], n: int, threads: int) -> dict[st
     rays = at_box(surfaces, n, 3)
     runs = {name: _shadow(tracer, rays) for name, tracer in tracers.items()}
     result["shadow"] = show(f"{title}, shadow", n, in_turn(runs, 3), "certified")
-    return result
 
 
 def against_trimesh(n: int) -> dict[str, Any]:
@@ -161,7 +159,7 @@ def against_trimesh(n: int) -> dict[str, Any]:
     return show(title, n, in_turn(runs, ROUNDS), "trimesh")
 
 
-def few(n: int, threads: int) -> dict[str, Any]:
+def few(n: int, threads: int, result: Rows) -> None:
     """Measure scenes of one surface, which need no tree: one test of at most eight boxes."""
     x, y = np.meshgrid(np.linspace(-1, 1, 4), np.linspace(-1, 1, 4), indexing="ij")
     scenes = {
@@ -170,15 +168,13 @@ def few(n: int, threads: int) -> dict[str, Any]:
         "one flat patch": BezierPatches(np.stack([x, y, 0 * x], axis=-1)[None]),
         "one cone": SurfaceOfRevolution([(0, 1), (2, 0)], (0, 0, -1), (0, 0, 1)),
     }
-    result: dict[str, Any] = {}
     for name, surface in scenes.items():
         rays = at_box([Sphere((0, 0, 0), 1)], n, 8)
         tracer = Intersector([surface], coarse="none", threads=threads)
-        result |= show(name, n, in_turn({name: _trace(tracer, rays)}, 3), name)
-    return result
+        result.update(show(name, n, in_turn({name: _trace(tracer, rays)}, 3), name))
 
 
-def many(n: int, quick: bool, threads: int) -> dict[str, Any]:
+def many(n: int, quick: bool, threads: int, result: Rows) -> None:
     """Measure scenes of many surfaces: speed, seconds to build, memory."""
     import trimesh
 
@@ -188,7 +184,6 @@ def many(n: int, quick: bool, threads: int) -> dict[str, Any]:
         f"{count} patches": lambda: [tiles(count)],
         "a mesh": lambda: [TriangleMesh(trimesh.creation.icosphere(6 if quick else 8))],
     }
-    result: dict[str, Any] = {}
     for name, make in scenes.items():
         surfaces = make()
         began = time.perf_counter()
@@ -201,7 +196,6 @@ def many(n: int, quick: bool, threads: int) -> dict[str, Any]:
         result[name] = show(title, n, in_turn({"certified": _trace(tracer, rays)}, 3), "certified")
         result[name] |= {"build seconds": build, "MiB": memory}
         print(f"  built in {build:.2f} s, {memory:.0f} MiB")
-    return result
 
 
 def balls(count: int) -> list[Any]:
@@ -221,10 +215,9 @@ def tiles(count: int) -> BezierPatches:
     return BezierPatches(points[rows[:, None, None] + k[:, None], columns[:, None, None] + k])
 
 
-def tessellation(quick: bool) -> dict[str, Any]:
+def tessellation(quick: bool, result: Rows) -> None:
     """Compare proven with measured deviation, and adaptive triangles with the best grid."""
     print("\ntessellation: bound over deviation, triangles over those of the best uniform grid")
-    result = {}
     steps = (1e-2, 3e-3) if quick else (1e-2, 3e-3, 1e-3, 3e-4)
     for name, surface in (("teapot", teapot()), ("vase", vase(0, 0, 5))):
         size = float(np.linalg.norm(surface.bounds[1] - surface.bounds[0]))
@@ -250,7 +243,6 @@ def tessellation(quick: bool) -> dict[str, Any]:
         share = float(np.median([row[TRIANGLES] for row in rows]))
         print(f"  {name:8s} medians {median:.2f}, {share:.2f}")
         result[name] = {"rows": rows, "bound / deviation": median, TRIANGLES: share}
-    return result
 
 
 def against_numpy(n: int) -> dict[str, Any]:

@@ -41,12 +41,21 @@ from hybrid_rt.sensor.image_metrics import noise_of_reference, relative_mse, sec
 REFERENCE_SEED = 20_000
 # The size of picture for which memory is stated.
 FULL_SIZE = (1280, 720)
+# Options that one of the ways to run makes no use of.
+IGNORED_BY_CAUSTICS = (
+    "scenes", "against", "passes", "rounds", "integrator", "coarse", "width", "targets",
+    "reference_passes", "most_passes",
+)  # fmt: skip
+IGNORED_BY_AGAINST = ("reference_photons", "targets", "most_passes")
+IGNORED_OTHERWISE = ("passes", "rounds", "reference_photons")
+PHOTON_KINDS = {"ppm": PPMOptions, "photon_map": PhotonMapOptions}
 
 
 def main() -> int:
     """Run the tool; return the exit code."""
     parser = _parser()
     options = parser.parse_args()
+    _refuse_ignored(parser, options)
     if options.caustics:
         return _caustics(options)
     if not options.scenes:
@@ -60,10 +69,30 @@ def main() -> int:
         for path in options.scenes:
             for coarse in options.coarse:
                 row = _apart(_measure, Path(path), coarse, options)
-                row["full_size_memory_mib"] = _apart(_memory, Path(path), coarse, options)
                 rows.append(row)
                 _show(row, options.targets)
+                memory = _apart(_memory, Path(path), coarse, options)
+                row["full_size_memory_mib"] = memory
+                print(
+                    f"  peak memory at {FULL_SIZE[0]} x {FULL_SIZE[1]}: {memory:.0f} MiB",
+                    flush=True,
+                )
     return 0
+
+
+def _refuse_ignored(parser: argparse.ArgumentParser, options: argparse.Namespace) -> None:
+    """Refuse options that would have no effect."""
+    if options.caustics:
+        ignored: tuple[str, ...] = IGNORED_BY_CAUSTICS
+    else:
+        ignored = IGNORED_OTHERWISE if options.against is None else IGNORED_BY_AGAINST
+        if options.integrator not in PHOTON_KINDS:
+            ignored = (*ignored, "photons")
+    for name in ignored:
+        value = getattr(options, name)
+        if value and value != parser.get_default(name):
+            option = "scenes" if name == "scenes" else f"--{name.replace('_', '-')}"
+            parser.error(f"{option}: nothing of this kind of run depends on it, leave it out")
 
 
 def _apart(function: Callable[[Path, str, argparse.Namespace], Any], *arguments: Any) -> Any:
@@ -94,8 +123,7 @@ def _memory(path: Path, coarse: str, options: argparse.Namespace) -> float:
 
 def _settings(options: argparse.Namespace) -> Options | None:
     """Return the integrator's options: photons have as many in a pass as --photons says."""
-    kinds = {"ppm": PPMOptions, "photon_map": PhotonMapOptions}
-    kind = kinds.get(options.integrator)
+    kind = PHOTON_KINDS.get(options.integrator)
     return None if kind is None else kind(options.photons)
 
 
@@ -195,7 +223,7 @@ def _against(options: argparse.Namespace) -> int:
     with kept(options.json, lambda: rows):
         for scene in scenes:
             for coarse in options.coarse:
-                has_photons = options.integrator in ("ppm", "photon_map")
+                has_photons = options.integrator in PHOTON_KINDS
                 job = Job(
                     scene,
                     options.integrator,
@@ -245,13 +273,17 @@ def _caustics(options: argparse.Namespace) -> int:
     """Print the rows of caustics."""
     n = int(options.reference_photons)
     print(f"floors under glass, 256 x 256, against {n:.1e} photons of a light tracer")
-    for row in measure_rows(n, options.photons, options.threads):
-        print(
-            f"  {row['row']}: {row['error']:.2g} after {row['seconds']:.1f} s (to reach "
-            f"{row['target']:g}; the reference's own {row['of_reference']:.1g}), {row['passes']} "
-            f"passes, {row['photons_per_second'] / 1e3:.0f} thousand photons/s, gathering "
-            f"{row['gather_seconds']:.1f} s"
-        )
+    rows: list[dict[str, Any]] = []
+    with kept(options.json, lambda: rows):
+        for row in measure_rows(n, options.photons, options.threads):
+            rows.append(row)
+            print(
+                f"  {row['row']}: {row['error']:.2g} after {row['seconds']:.1f} s (to reach "
+                f"{row['target']:g}; the reference's own {row['of_reference']:.1g}), {row['passes']} "
+                f"passes, {row['photons_per_second'] / 1e3:.0f} thousand photons/s, gathering "
+                f"{row['gather_seconds']:.1f} s",
+                flush=True,
+            )
     memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
     print(f"  peak memory {memory:.0f} MiB")
     return 0
@@ -266,8 +298,7 @@ def _show(row: dict[str, Any], targets: list[float]) -> None:
     )
     print(
         f"  {row['rays_per_second'] / 1e6:.2f} Mrays/s, {row['rays_per_camera_ray']:.1f} rays for "
-        f"each camera ray, peak memory {row['peak_memory_mib']:.0f} MiB, at {FULL_SIZE[0]} x {FULL_SIZE[1]} "
-        f"{row['full_size_memory_mib']:.0f} MiB"
+        f"each camera ray, peak memory {row['peak_memory_mib']:.0f} MiB"
     )
     if row["photons"] is not None:
         seconds = row["curve"][-1]["seconds"]

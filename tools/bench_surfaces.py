@@ -37,6 +37,8 @@ from meshing import (
     polygon,
 )
 
+# Figures by name: each is put where it is kept as soon as it is measured.
+Rows = dict[str, Any]
 ROUNDS = 5
 # OpenCASCADE traces this many rays a round.
 FEW = 10_000
@@ -67,18 +69,18 @@ def main() -> int:
     parser.add_argument("--quick", action="store_true", help="a tenth of the rays")
     parser.add_argument("--out", type=Path, help="write the figures as JSON")
     args = parser.parse_args()
-    found: dict[str, Any] = {}
+    found: dict[str, Rows] = {}
     n = 20_000 if args.quick else 200_000
-    with kept(args.out, lambda: found):
-        found["opencascade"] = against_opencascade(n)
-        found["polynomial"] = against_polynomials(n)
-        found["turned"] = turned(n)
-        found["untrimmed"] = against_untrimmed(n)
-        found["many"] = many(n // 4)
+    with kept(args.out, lambda: {name: rows for name, rows in found.items() if rows}):
+        against_opencascade(n, found.setdefault("opencascade", {}))
+        against_polynomials(n, found.setdefault("polynomial", {}))
+        turned(n, found.setdefault("turned", {}))
+        against_untrimmed(n, found.setdefault("untrimmed", {}))
+        many(n // 4, found.setdefault("many", {}))
     return 0
 
 
-def against_opencascade(n: int) -> dict[str, Any]:
+def against_opencascade(n: int, rows: Rows) -> None:
     """Compare speeds at NURBS surfaces, and count the rays of which the answers differ."""
     print(
         "over OpenCASCADE: Mrays/s, times its speed (least .. greatest), hits of 10 000 that differ"
@@ -87,8 +89,7 @@ def against_opencascade(n: int) -> dict[str, Any]:
         from hybrid_rt.verify.judges import opencascade
     except ImportError:
         print("  left out: pip install cadquery-ocp-novtk")
-        return {}
-    rows: dict[str, Any] = {}
+        return
     for name, surface in {
         "NURBS sphere, 2 x 2, 8 patches": nurbs_sphere(),
         "rational sheet, 3 x 3, 30 patches": rational_sheet(),
@@ -102,7 +103,6 @@ def against_opencascade(n: int) -> dict[str, Any]:
                 f"  {title:52s} {row['mrays_per_s']:5.2f}  {row['ratio']:5.1f} "
                 f"({row['least ratio']:.1f} .. {row['greatest ratio']:.1f})  {row['differ']}"
             )
-    return rows
 
 
 def beside(tracer: Intersector, surface: Any, other: Callable[..., Any], n: int) -> dict[str, Any]:
@@ -123,7 +123,7 @@ def beside(tracer: Intersector, surface: Any, other: Callable[..., Any], n: int)
     }  # fmt: skip
 
 
-def against_polynomials(n: int) -> dict[str, Any]:
+def against_polynomials(n: int, rows: Rows) -> None:
     """Compare rational patches with polynomial ones of the same, or nearly the same, shape."""
     rng = np.random.default_rng(3)
     nets = [np.array(net) for net in teapot().patches]
@@ -136,10 +136,10 @@ def against_polynomials(n: int) -> dict[str, Any]:
     }
     ball = octants()
     pairs["sphere of 8 octants, 2 x 2"] = ball, BezierPatches(ball.patches)
-    return in_pairs("rational over polynomial patches", pairs, n)
+    in_pairs("rational over polynomial patches", pairs, n, rows)
 
 
-def turned(n: int) -> dict[str, Any]:
+def turned(n: int, rows: Rows) -> None:
     """Measure turned surfaces and closed forms."""
     ring = [(0.5, 1.0), (0.5, 1.5), (0, 1.5), (-0.5, 1.5), (-0.5, 1), (-0.5, 0.5), (0, 0.5)]
     half = float(np.sqrt(0.5))
@@ -147,7 +147,6 @@ def turned(n: int) -> dict[str, Any]:
     weights = [(1, half, 1)] * 4
     at, up = (0.1, 0.2, -1.0), (0.2, 0.1, 1.0)
     print("\nturned surfaces: Mrays/s (slowest .. fastest round), without and with Embree")
-    rows = {}
     for name, surface in {
         "cylinder": Cylinder(at, up, 1.0, 2.0),
         "half of it": Cylinder(at, up, 1.0, 2.0, u_range=(0.0, 0.5)),
@@ -171,10 +170,9 @@ def turned(n: int) -> dict[str, Any]:
             for s in seconds.values()
         )
         print(f"  {name:30s} {speeds}")
-    return rows
 
 
-def against_untrimmed(n: int) -> dict[str, Any]:
+def against_untrimmed(n: int, rows: Rows) -> None:
     """Compare trimmed surfaces with the same ones whole."""
     x, y = np.meshgrid(np.linspace(-1, 1, 4), np.linspace(-1, 1, 4), indexing="ij")
     bumpy = BezierPatches(np.stack([x, y, 0.4 * np.sin(3 * x + y)], axis=-1)[None])
@@ -193,15 +191,15 @@ def against_untrimmed(n: int) -> dict[str, Any]:
         "asphere": trimmed.cut_lens(),
     }
     pairs = {name: (surface, surface.surface) for name, surface in surfaces.items()}
-    return in_pairs("trimmed over whole", pairs, n)
+    in_pairs("trimmed over whole", pairs, n, rows)
 
 
-def many(n: int) -> dict[str, Any]:
+def many(n: int, rows: Rows) -> None:
     """Compare many surfaces of a kind in a tree with asking each of them."""
     print(
         "\nmany surfaces at random in a cube: ns a ray in a tree; if each is asked; share of hits"
     )
-    rng, rows = np.random.default_rng(4), {}
+    rng = np.random.default_rng(4)
     for name, make in MADE.items():
         for number in NUMBERS:
             size, places = 0.5 / number ** (1 / 3), rng.random((number, 3))
@@ -218,13 +216,11 @@ def many(n: int) -> dict[str, Any]:
             hits = runs["tree"]().hit.mean()
             rows[f"{number} {name}"] = {"tree ns": tree, "each ns": each, "hits": float(hits)}
             print(f"  {number:5d} {name:24s} {tree:7.0f} {each:7.0f}  {100 * hits:3.0f} %")
-    return rows
 
 
-def in_pairs(title: str, pairs: dict[str, tuple[Any, Any]], n: int) -> dict[str, Any]:
-    """Print and return the time of the first surface of each pair over that of the second."""
+def in_pairs(title: str, pairs: dict[str, tuple[Any, Any]], n: int, rows: Rows) -> None:
+    """Measure the time of the first surface of each pair over that of the second."""
     print(f"\n{title}: Mrays/s, times the other's time (least .. greatest round)")
-    rows = {}
     for name, pair in pairs.items():
         rays = at_box([pair[1]], n, 2)
         tracers = [Intersector([surface], threads=1, coarse="none") for surface in pair]
@@ -233,7 +229,6 @@ def in_pairs(title: str, pairs: dict[str, tuple[Any, Any]], n: int) -> dict[str,
         speed = n / seconds[0].median / 1e6
         print(f"  {name:36s} {speed:5.2f}  {cost:.2f} ({least:.2f} .. {most:.2f})")
         rows[name] = {"mrays_per_s": speed, "cost": cost, "least": least, "greatest": most}
-    return rows
 
 
 def trace(tracer: Intersector, rays: RaySet) -> Callable[[], HitRecord]:

@@ -163,7 +163,8 @@ def spent_on(store: Path, seconds: float | None = None) -> float:
     file = store.with_suffix(".seconds")
     if seconds is not None:
         file.write_text(repr(seconds), "utf-8")
-    return float(file.read_text("utf-8")) if file.exists() else 0.0
+    # A store that was deleted begins anew.
+    return float(file.read_text("utf-8")) if file.exists() and store.exists() else 0.0
 
 
 def row(name: str, facts: dict[str, Any]) -> str:
@@ -217,7 +218,8 @@ def strip_section(panels: list[dict[str, Any]]) -> str:
     return text + (
         "\n`tools/mesh_or_exact.py`: `scenes/crystal.py` from close by. Tolerances are in scene units, of "
         "which the glass is 3.3\nhigh. Difference: relative RMSE of the means over 8 x 8 pixels, in which "
-        "noise mostly averages out. More passes\nremove the noise of all three, and none of what the facets do.\n"
+        "noise mostly averages out, after\nvalues above white are clipped to 1. More passes remove the noise "
+        "of all three, and none of what the facets do.\n"
     )
 
 

@@ -123,7 +123,9 @@ class Blur:
 
     @property
     def ratio(self) -> float:
-        """Root mean square of the estimates over the true blur."""
+        """Root mean square of the estimates over the true blur; nan if that is lost in the noise."""
+        if self.true == 0.0:
+            return math.nan
         return math.sqrt(float(np.square(self.stated).mean())) / self.true
 
     @property

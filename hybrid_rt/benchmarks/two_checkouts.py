@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 from hybrid_rt.benchmarks import renders_on_request
 from hybrid_rt.sensor.image_metrics import WORST, noise_of_reference, relative_mse
 
-HERE = Path(__file__).parents[2]
+HERE = Path(__file__).resolve().parents[2]
 REFERENCE_SEED = 20_000
 # Measured of each render, and what the ratios are of.
 MEASURES = ("relmse", "trimmed", "wall", "processor", "work", "trimmed_work")

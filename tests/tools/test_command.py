@@ -198,6 +198,15 @@ def test_spots_that_cannot_be_drawn_are_said_before_they_are_traced(
             ],
             "no picture is by whitted: 'caustic edge' is by ppm. Pass one of these as --integrator, or",
         ),
+        (["calibrate.py", "--seeds", "1"], "--seeds is 1, which tells nothing of the noise: pass 2"),
+        (["bench_render.py", "--caustics", "a.py"], "scenes: nothing of this kind of run depends"),
+        (["bench_render.py", "--caustics", "--width", "7"], "--width: nothing of this kind of run"),
+        (["bench_render.py", "a.py", "--photons", "7"], "--photons: nothing of this kind of run"),
+        (["bench_render.py", "a.py", "--rounds", "7"], "--rounds: nothing of this kind of run"),
+        (
+            ["bench_render.py", "a.py", "--against", "b", "--targets", "0.1"],
+            "--targets: nothing of this kind of run depends on it, leave it out",
+        ),
     ],
 )  # fmt: skip
 def test_what_would_be_ignored_or_check_nothing_is_refused(words, refusal, refusal_of):
@@ -230,6 +239,32 @@ def test_speed_and_memory_are_those_of_the_photons_asked_for(
     with pytest.raises(AskedError) as found:
         function(tmp_path / "empty.py", "none", words)
     assert found.value.args == (options,)
+
+
+def test_what_was_rendered_is_shown_and_kept_before_memory_is_measured(
+    tmp_path, monkeypatch, capsys
+):
+    """Ctrl-C in the last part of a scene loses none of its figures but the memory."""
+    curve = [{"passes": 1, "seconds": {"total": 2.0}, "relmse": 0.5, "trimmed": 0.25}]
+    row = {
+        "scene": "a", "integrator": "path", "coarse": {"stage": "none", "share_of_seconds": 0.0},
+        "size": [4, 3], "rays_per_second": 1e6, "rays_per_camera_ray": 2.0, "curve": curve,
+        "relmse_of_reference": 0.1, "seconds_to": {"0.01": 3.0, "0.001": 4.0}, "photons": None,
+        "peak_memory_mib": 8.0,
+    }  # fmt: skip
+    tool = runpy.run_path(str(TOOLS / "bench_render.py"))
+
+    def apart(function, *_):
+        if function is tool["_memory"]:
+            raise KeyboardInterrupt
+        return row
+
+    monkeypatch.setitem(tool["main"].__globals__, "_apart", apart)
+    file = tmp_path / "a.json"
+    monkeypatch.setattr(sys, "argv", ["bench_render.py", "a.py", "--json", str(file)])
+    assert command.run_tool(tool["main"]) == 130
+    assert "to relMSE 0.01: 3.00 s" in capsys.readouterr().out
+    assert [one["scene"] for one in json.loads(file.read_text())] == ["a"]
 
 
 def test_diagrams_that_will_be_missing_are_said_first(without, monkeypatch, capsys):
