@@ -232,6 +232,6 @@ def _line(cells: Sequence[str], tag: str, style: str) -> str:
     return f'<tr class="{style}">{inner}</tr>' if style else f"<tr>{inner}</tr>"
 
 
-def error_words(error: float) -> str:
+def error_words(error: float | None) -> str:
     """Return an error in units of what is expected; a dash where nothing is measured."""
-    return "-" if error is None or math.isnan(error) else f"{error:.2g}"
+    return "-" if error is None else f"{error:.2g}"

@@ -169,7 +169,7 @@ def _judged(
     hits: HitRecord,
     ask_exact: bool = False,
 ) -> list[str]:
-    """Judge hits by the oracle, and by exact arithmetic what it objects to, or all."""
+    """Judge hits by the oracle, and by exact arithmetic what it leaves open or objects to, or all."""
     truth = first_hits(surfaces, origins, directions, threads=1)
     verdict = compare(hits, truth)
     sure = hits.status != Status.TANGENT
@@ -192,11 +192,12 @@ def _judged(
         beside, far_beside = (_worst_gap(hits, truth, rows) for rows in (sure, ~sure))
     if beside > 1.0:
         faults.append(f"{name}: point beside the ray, {beside:.3g} bands")
-    if faults or ask_exact:
+    asked = np.arange(len(hits)) if faults or ask_exact else np.flatnonzero(truth.undecided)
+    if len(asked):
         # In double-double, far from 0, the oracle itself may be wrong: exact arithmetic decides.
         from hybrid_rt.verify.exact.judge import ExactJudge
 
-        exact = ExactJudge(surfaces).judge(hits, origins, directions)
+        exact = ExactJudge(surfaces).judge(hits[asked], origins[asked], directions[asked])
         faults = [
             f"{name}: {words} in exact arithmetic, {exact.examples}"
             for words, number in (

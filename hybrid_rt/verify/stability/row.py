@@ -102,8 +102,8 @@ class Outcome:
         Rays, photons, or values that were compared.
     wrong : int
         Decisions that differ from the truth where rounding leaves no choice.
-    error : float
-        The largest error, in units of what is expected there; above 1 the row fails. nan where
+    error : float or None
+        The largest error, in units of what is expected there; above 1, or nan, the row fails. None:
         nothing is measured.
     broken : int
         Errors above the bound that was stated with the result.
@@ -120,7 +120,7 @@ class Outcome:
 
     rays: int = 0
     wrong: int = 0
-    error: float = float("nan")
+    error: float | None = None
     broken: int = 0
     undecided: int = 0
     work: int = 0
@@ -133,7 +133,7 @@ class Outcome:
         return Outcome(
             self.rays + other.rays,
             self.wrong + other.wrong,
-            float(np.fmax(self.error, other.error)),
+            _larger(self.error, other.error),
             self.broken + other.broken,
             self.undecided + other.undecided,
             max(self.work, other.work),
@@ -145,11 +145,18 @@ class Outcome:
     @property
     def holds(self) -> bool:
         """Whether the row passes."""
-        return not (self.wrong or self.broken or self.faults or self.error > 1.0)
+        is_small = self.error is None or self.error <= 1.0
+        return is_small and not (self.wrong or self.broken or self.faults)
 
     def checked(self, ok: bool, fault: str) -> Outcome:
         """Return this outcome, with a fault added if a condition does not hold."""
         return self if ok else replace(self, faults=(*self.faults, fault))
+
+
+def _larger(a: float | None, b: float | None) -> float | None:
+    """Return the larger of two errors: of those that are measured, and nan if one is."""
+    measured = [error for error in (a, b) if error is not None]
+    return float(np.max(measured)) if measured else None
 
 
 @dataclass(frozen=True)

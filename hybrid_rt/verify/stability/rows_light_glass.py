@@ -208,7 +208,7 @@ def grazing_incidence(effort: Effort) -> Outcome:
             error = abs(fresnel(cosine, eta)[0] - exact_reflectance(cosine, eta))
             errors.append(error)
             # Near index one the amplitude is a small difference; its cancellation is 1 / cosine.
-            outcome += Outcome(rays=1, error=error / 1e-12 if eta != 1.0 + 1e-12 else math.nan)
+            outcome += Outcome(rays=1, error=error / 1e-12 if eta != 1.0 + 1e-12 else None)
             outcome = outcome.checked(0.0 <= fresnel(cosine, eta)[0] <= 1.0, f"{eta:g}, {cosine:g}")
         curves.append(
             Curve("cosine", f"eta {eta:.4g}", cosines, shown(errors), [1e-12] * len(cosines),

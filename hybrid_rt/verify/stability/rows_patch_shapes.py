@@ -24,6 +24,7 @@ from hybrid_rt.verify.judges.oracle import first_hits
 from hybrid_rt.verify.stability.measure import (
     EPS,
     Plot,
+    apart,
     by_times,
     catalogue,
     judged,
@@ -55,11 +56,11 @@ def high_degrees(effort: Effort) -> Outcome:
             raised = BezierPatches([elevated(net, degree - own)])
             tracer = Intersector([raised], coarse="none")
             hits = tracer.intersect(origins, directions)
-            sure = (low.status != Status.TANGENT) & (hits.status != Status.TANGENT)
             error, expected = exact_errors(scene, hits, origins, directions)
             work = tracer.counters["most_pieces"]
+            wrong = apart(surface, low, hits, origins, directions)
             total += Outcome(
-                rays=len(hits), wrong=int((sure & (low.hit != hits.hit)).sum()), work=work,
+                rays=len(hits), wrong=int(wrong.sum()), work=work,
                 undecided=int((hits.status == Status.TANGENT).sum()),
             )  # fmt: skip
             total += plot.add(degree, error / size, expected / size, work)

@@ -17,7 +17,7 @@ from hybrid_rt.verify.cases.catalogue import cone, cylinder, ring
 from hybrid_rt.verify.cases.rays import chords, secondary
 from hybrid_rt.verify.cases.singular_rays import size_of
 from hybrid_rt.verify.exact.truth import ExactScene
-from hybrid_rt.verify.stability.measure import EPS, Plot, by_times, catalogue, traced
+from hybrid_rt.verify.stability.measure import EPS, Plot, apart, by_times, catalogue, traced
 from hybrid_rt.verify.stability.measure_exact import by_exact, by_set, exact_errors
 from hybrid_rt.verify.stability.row import Effort, Outcome, refusal, row
 from meshing import SurfaceOfRevolution
@@ -309,10 +309,9 @@ def degrees(effort: Effort) -> Outcome:
                 [SurfaceOfRevolution(_elevated(profile, degree), ORIGIN, AXIS)], coarse="none"
             )
             b = tracer.intersect(o, d)
-            sure = (a.status != Status.TANGENT) & (b.status != Status.TANGENT)
             work = tracer.counters["most_pieces"]
             total += Outcome(
-                rays=n, wrong=int((sure & (a.hit != b.hit)).sum()), work=work,
+                rays=n, wrong=int(apart(low, a, b, o, d).sum()), work=work,
                 undecided=int((b.status == Status.TANGENT).sum()),
             )  # fmt: skip
             error, expected = exact_errors(scene, b, o, d)

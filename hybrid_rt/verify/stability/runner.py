@@ -141,11 +141,11 @@ class _Child:
         """Run one row, in a new process if the last one has ended."""
         if self._process is None:
             self._start()
-        self._pipe.send(row.id)
         began = time.perf_counter()
         answer: tuple[Outcome, float] | None = None
         verdict, fault = ENDLESS, f"no answer within {limit:g} s"
         try:
+            self._pipe.send(row.id)
             if self._pipe.poll(limit):
                 answer = self._pipe.recv()
         except (EOFError, OSError):

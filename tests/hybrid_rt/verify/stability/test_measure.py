@@ -9,9 +9,16 @@ from hybrid_rt import Intersector, Sphere
 from hybrid_rt.core.records import Status
 from hybrid_rt.verify.cases.catalogue import cone, saddle, square
 from hybrid_rt.verify.cases.rays import chords
-from hybrid_rt.verify.exact.judge import ExactJudge
+from hybrid_rt.verify.exact.judge import BatchVerdict, ExactJudge
 from hybrid_rt.verify.judges.oracle import first_hits
-from hybrid_rt.verify.stability.measure import Plot, by_times, differences, judged, traced
+from hybrid_rt.verify.stability.measure import (
+    Plot,
+    apart,
+    by_times,
+    differences,
+    judged,
+    traced,
+)
 from hybrid_rt.verify.stability.measure_exact import (
     by_set,
     exact_errors,
@@ -64,6 +71,52 @@ def test_exact_crossings_notice(hits, kind):
     outcome = verdict_outcome(exact_verdict(judge, spoiled(found)[kind], o, d))
     assert not outcome.holds
     assert (outcome.broken if kind == "beside" else outcome.wrong) > 0
+
+
+def test_rows_that_the_oracle_leaves_open_are_judged_by_exact_crossings(hits):
+    """Not counted as right: nor are those that exact arithmetic leaves open as well."""
+    surfaces, o, d, found = hits
+    truth = replace(first_hits(surfaces, o, d), undecided=np.ones(len(o), dtype=bool))
+    assert judged(found, truth).holds
+    outcome = judged(spoiled(found)["lost"], truth)
+    assert outcome.wrong == found.hit.sum()
+    assert "undecided by the oracle: rays" in outcome.notes[0]
+
+
+def test_rows_that_nobody_decides_fail(hits, monkeypatch):
+    surfaces, o, d, found = hits
+    monkeypatch.setattr(ExactJudge, "judge", lambda *_: BatchVerdict(rays=1, left_open=1))
+    truth = first_hits(surfaces, o, d)
+    assert judged(found, truth).holds
+    outcome = judged(found, replace(truth, undecided=np.ones(len(o), dtype=bool)))
+    assert outcome.faults == (f"{len(o)} of {len(o)} rays are left open by both oracles",)
+
+
+def test_second_hits_are_not_first_ones():
+    """Two answers of one surface are told apart by t, not only by whether they are hits."""
+    ball = Sphere((0, 0, 0), 1)
+    o, d = np.array([[0.3, 0.2, -5.0], [2.0, 0, -5.0]]), np.tile([0.0, 0.0, 1.0], (2, 1))
+    tracer = Intersector([ball], coarse="none")
+    first, second = tracer.intersect(o, d), tracer.intersect(o, d, t_min=5.0)
+    assert second.hit.tolist() == [True, False]
+    assert apart(ball, first, second, o, d).tolist() == [True, False]
+    assert not apart(ball, first, tracer.intersect(o, 3.0 * d), o, d)[1]
+    assert not apart(ball, first, first, o, d).any()
+    assert apart(ball, first, tracer.intersect(o, -d), o, d).tolist() == [True, False]
+
+
+@pytest.mark.parametrize(
+    ("errors", "holds"),
+    [((None, None), True), ((0.5, None), True), ((0.5, 1.5), False), ((0.5, np.nan), False)],
+)
+def test_an_error_that_is_no_number_is_too_large(errors, holds):
+    assert sum((Outcome(error=error) for error in errors), Outcome()).holds == holds
+
+
+@pytest.mark.parametrize("error", [[0.0, 5.0], [np.nan, 0.5]])
+def test_errors_where_none_is_expected_are_too_large(error):
+    assert not Plot("angle", "cone").add(1.0, np.array(error), np.array([0.0, 1.0])).holds
+    assert Plot("angle", "cone").add(1.0, np.array([0.0, 0.5]), np.array([0.0, 1.0])).holds
 
 
 def test_given_times_are_held_against_hits():
