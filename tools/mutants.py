@@ -55,7 +55,9 @@ def main() -> int:
 
 def _print(result: MutantResult) -> None:
     mutant, notice = result.mutant, result.notice
-    if result.failed:
+    if result.is_broken:
+        found = result.failed
+    elif result.failed:
         found = f"noticed: the tracer fails: {result.failed}"
     elif notice is None:
         found = "nobody notices"

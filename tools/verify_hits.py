@@ -22,7 +22,7 @@ OF_PATCHES = ("teapot", "patches")
 
 
 def main() -> int:
-    """Run the tool; the exit code is 1 if anything was wrong."""
+    """Run the tool; the exit code is 1 if a decision was wrong or a bound broken, or if nothing was judged."""
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
@@ -57,10 +57,15 @@ def main() -> int:
             finally:  # also of a scene that Ctrl-C ends
                 if name in results:
                     _print(name, results[name])
-    n_wrong = sum(t.verdict.n_wrong for t in results.values())
     n_rays = sum(t.verdict.rays for t in results.values())
+    n_wrong = sum(t.verdict.n_wrong for t in results.values())
+    broken = [name for name, t in results.items() if t.verdict.worst_bound > 1.0]
+    beside = [name for name, t in results.items() if t.verdict.worst_gap > 1.0]
     print(f"\n{n_rays} rays judged, {n_wrong} wrong")
-    return 1 if n_wrong else 0
+    for words, names in (("t_bound is broken", broken), ("points lie beside their rays", beside)):
+        if names:
+            print(f"{words}: {', '.join(names)}")
+    return 1 if n_wrong or broken or beside or not n_rays else 0
 
 
 def _compare_two(args: argparse.Namespace) -> int:
@@ -81,8 +86,8 @@ def _compare_two(args: argparse.Namespace) -> int:
             finally:  # also of a scene that Ctrl-C ends
                 if name in results:
                     _print_two(name, results[name])
-    n_wrong = sum(d.wrong for d in results.values())
-    print(f"\n{sum(d.rays for d in results.values())} rays compared, {n_wrong} wrong")
+    n_wrong = sum(d.wrong + d.wrong_second for d in results.values())
+    print(f"\n{sum(d.rays for d in results.values())} rays compared, {n_wrong} wrong, by either")
     return 1 if n_wrong else 0
 
 

@@ -21,6 +21,8 @@ from hybrid_rt.verify.cases.singular_campaign import SetResult, run_sets
 from hybrid_rt.verify.cases.singular_sets import DISTANCES, KINDS, PLACEMENTS, SETS
 from hybrid_rt.verify.exact.judge import BatchVerdict
 
+# Of the rays, this share may be left open.
+MOST_OPEN = 0.01
 HEAD = (
     f"{'':>10}{'rays':>7}{'hits':>7}{'wrong':>9}{'bounds':>8}{'off':>6}{'no mark':>8}"
     f"{'TANGENT':>8}{'needless':>9}{'open':>5}{'t':>9}{'t_bound':>9}{'point':>9}"
@@ -28,7 +30,7 @@ HEAD = (
 
 
 def main() -> int:
-    """Run the tool; the exit code is 1 if there was a fault or a refusal."""
+    """Run the tool; the exit code is 1 if there was a fault or a refusal, or if too many rays are open."""
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
@@ -67,7 +69,7 @@ def main() -> int:
     print(_line("all", total))
     print(f"{total.rays} rays, {total.faults} faults, {len(refused)} sets refused")
     print(f"wrong, but says TANGENT (no fault): {total.wrong_tangent}")
-    return 1 if total.faults or refused else 0
+    return 1 if total.faults or refused or total.left_open > MOST_OPEN * total.rays else 0
 
 
 def _print(result: SetResult, distances: list[float], examples: bool) -> None:

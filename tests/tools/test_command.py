@@ -8,6 +8,7 @@ import resource
 import runpy
 import sys
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -39,6 +40,30 @@ def test_ctrl_c_keeps_what_was_found(tmp_path, monkeypatch, capsys):
     assert "vase: 500 rays" in captured.out
     assert "interrupted: what was found so far stands above" in captured.err
     assert json.loads(file.read_text())["vase"]["verdict"]["rays"] > 0
+
+
+@pytest.mark.parametrize(
+    ("change", "words", "code"),
+    [
+        ({}, "wrong", 0),
+        ({"worst_bound": 2.0}, "t_bound is broken: vase", 1),
+        ({"worst_gap": 2.0}, "points lie beside their rays: vase", 1),
+        ({"rays": 0}, "0 rays judged", 1),
+    ],
+)
+def test_what_breaks_a_promise_or_judges_nothing_fails(change, words, code, monkeypatch, capsys):
+    def spoiled(*arguments):
+        for tally in steps(*arguments):
+            tally.verdict = replace(tally.verdict, **change)
+            yield tally
+
+    steps = campaign.steps
+    monkeypatch.setattr(campaign, "steps", spoiled)
+    monkeypatch.setattr(sys, "argv", ["verify_hits.py", "--rays", "500", "--scene", "vase"])
+    with pytest.raises(SystemExit) as ended:
+        runpy.run_path(str(TOOLS / "verify_hits.py"), run_name="__main__")
+    assert ended.value.code == code
+    assert words in capsys.readouterr().out
 
 
 @pytest.mark.parametrize("end", [KeyboardInterrupt, MemoryError, RuntimeError, SystemExit])

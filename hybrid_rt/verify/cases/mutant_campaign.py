@@ -80,8 +80,13 @@ class MutantResult:
 
     @property
     def is_noticed(self) -> bool:
-        """Whether any ray detected it, or the tracer failed."""
-        return self.notice is not None or bool(self.failed)
+        """Whether any ray detected it, or the tracer failed; what does not compile tells nothing."""
+        return self.notice is not None or bool(self.failed and not self.is_broken)
+
+    @property
+    def is_broken(self) -> bool:
+        """Whether the mutant is no program, so that it was not tried."""
+        return self.failed.startswith(BROKEN)
 
 
 def trace_all(kinds: Sequence[str], n: int, seed: int, out: str) -> None:
@@ -212,7 +217,8 @@ class _Copy:
             return None, f"no end within {TIMEOUT:.0f} s"
         if done.returncode != 0:
             lines = done.stderr.strip().splitlines() or [f"exit code {done.returncode}"]
-            return None, lines[-1]
+            is_broken = any(error in done.stderr for error in NO_PROGRAM)
+            return None, f"{BROKEN}: {lines[-1]}" if is_broken else lines[-1]
         with np.load(out) as file:
             return {key: file[key] for key in file.files}, ""
 
@@ -229,6 +235,9 @@ class _Copy:
                 file.unlink()
 
 
+BROKEN = "does not compile"
+# What Python and numba raise for code that cannot run.
+NO_PROGRAM = ("SyntaxError", "NameError", "ImportError", "TypingError", "LoweringError")
 COLUMNS = ("t", "t_bound", "object_id", "patch_id", "u", "v", "status")
 
 
@@ -247,6 +256,9 @@ def compared(
         Rows that differ, and those that were judged.
     """
     keys = dict.fromkeys(key.rsplit("|", 1)[0] for key in after)
+    for key in before:
+        if key not in after:
+            return Notice(key.split("|")[0], 0, ["its surfaces are refused"]), 0, 0
     # Other decisions first, then other bounds; in each a row of every set by turns.
     rows: list[tuple[bool, int, int, str, int]] = []
     differing = 0

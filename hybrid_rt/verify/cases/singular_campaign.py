@@ -57,7 +57,8 @@ class SetResult:
     examples : list of (fault, distance, placement, row)
         The first rows of each fault; `trace_cell` with the same number of rays reproduces them.
     refused : str
-        The tracer's error message if it does not accept the surface; else "".
+        The tracer's error message if it does not accept the surface, or which cell had no ray to judge;
+        else "".
     """
 
     name: str
@@ -156,6 +157,9 @@ def run_set(
         judge = ExactJudge(surfaces)
         for distance in distances:
             cell = trace_cell(tracer, name, distance, placement, each, seed)
+            if not len(cell.hits):
+                words = f"{placement}, {distance:g}: no hit that rays could leave"
+                return SetResult(name, SETS[name].kind, cells, examples, words)
             verdict = judge_cell(judge, cell)
             examples += [
                 (fault, distance, placement, row)
@@ -180,8 +184,11 @@ def run_sets(
     context = multiprocessing.get_context("spawn")
     with ProcessPoolExecutor(jobs, context) as pool:
         tasks = [pool.submit(run_set, name, n, seed, **options) for name in names]
-        for task in tasks:
-            yield task.result()
+        try:
+            for task in tasks:
+                yield task.result()
+        finally:  # sets that have not begun when Ctrl-C comes
+            pool.shutdown(wait=False, cancel_futures=True)
 
 
 def _exponent(distance: float) -> int:
