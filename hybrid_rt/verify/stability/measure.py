@@ -36,6 +36,7 @@ DISTANCES = tuple(10.0**-k for k in range(1, 15))
 MORE = 10.0
 # Of the rays of a row, this share may be left open by the oracle and by exact crossings.
 MOST_OPEN = 0.1
+GAVE_UP = "left open by the oracle"
 
 
 def differences(a: HitRecord, b: HitRecord, columns: Sequence[str] = COLUMNS) -> tuple[str, ...]:
@@ -136,20 +137,20 @@ def judged(hits: HitRecord, truth: Truth) -> Outcome:
     """Return the outcome of hits by the oracle's truth; the rays are not counted again.
 
     A row that the oracle calls wrong is checked by exact crossings, and so is one on which it gives up.
-    TANGENT rows count as wrong if their answer is none of those that rounding leaves open.
+    TANGENT rows count as wrong if the oracle calls them so and their answer is none of those that
+    rounding leaves open; of those on which it gives up that is a note.
     """
     verdict = compare(hits, truth)
     judge = ExactJudge(truth.surfaces)
     # The oracle is fast, not infallible beside joints: exact crossings confirm what it calls wrong.
-    asked = {**verdict.rows, "undecided by the oracle": np.flatnonzero(truth.undecided)}
+    asked = {**verdict.rows, GAVE_UP: np.flatnonzero(truth.undecided)}
     wrong, n_open, notes = 0, 0, []
     for kind, rows in asked.items():
-        confirmed, left_open = _confirmed(judge, hits, truth, rows)
-        wrong, n_open = wrong + len(confirmed), n_open + len(left_open)
-        if confirmed:
-            notes.append(f"{kind}: rays {confirmed[:3]}")
-        if left_open:
-            notes.append(f"{kind}, left open by exact crossings: rays {left_open[:3]}")
+        found = _by_exact(judge, hits, truth, rows)
+        wrong, n_open = wrong + len(found["wrong"]), n_open + len(found["left open"])
+        if kind != GAVE_UP:
+            wrong += len(found["TANGENT, wrong"])
+        notes += [f"{kind}, {words}: rays {some[:3]}" for words, some in found.items() if some]
     outcome = Outcome(
         wrong=wrong, error=verdict.worst_band if verdict.rays else None,
         broken=_broken(hits, truth), notes=tuple(notes),
@@ -163,20 +164,20 @@ def judged(hits: HitRecord, truth: Truth) -> Outcome:
     )
 
 
-def _confirmed(
+def _by_exact(
     judge: ExactJudge, hits: HitRecord, truth: Truth, rows: NDArray[np.int64]
-) -> tuple[list[int], list[int]]:
+) -> dict[str, list[int]]:
     """Return those rows that are wrong by exact crossings, and those that these leave open."""
-    wrong: list[int] = []
-    left_open: list[int] = []
+    found: dict[str, list[int]] = {"wrong": [], "TANGENT, wrong": [], "left open": []}
     for i in rows.tolist():
         at = slice(i, i + 1)
         verdict = judge.judge(hits[at], truth.origins[at], truth.directions[at])
-        if verdict.n_wrong or verdict.wrong_tangent:
-            wrong.append(i)
-        elif verdict.left_open:
-            left_open.append(i)
-    return wrong, left_open
+        for words, number in zip(
+            found, (verdict.n_wrong, verdict.wrong_tangent, verdict.left_open), strict=True
+        ):
+            if number:
+                found[words].append(i)
+    return found
 
 
 def _broken(hits: HitRecord, truth: Truth) -> int:

@@ -80,7 +80,7 @@ def test_rows_that_the_oracle_leaves_open_are_judged_by_exact_crossings(hits):
     assert judged(found, truth).holds
     outcome = judged(spoiled(found)["lost"], truth)
     assert outcome.wrong == found.hit.sum()
-    assert "undecided by the oracle: rays" in outcome.notes[0]
+    assert "left open by the oracle, wrong: rays" in outcome.notes[0]
 
 
 def test_rows_that_nobody_decides_fail(hits, monkeypatch):
