@@ -72,6 +72,11 @@ def rational(x: float) -> Rational:
     return flint.fmpq(*float(x).as_integer_ratio())
 
 
+def inside(x: float) -> Rational:
+    """Return a parameter as a fraction from 0 to 1: beyond its border a surface does not go on."""
+    return rational(min(max(x, 0.0), 1.0))
+
+
 def rationals(values: Any) -> list[Rational]:
     """Return floats as fractions."""
     return [rational(x) for x in values]

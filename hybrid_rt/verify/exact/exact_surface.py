@@ -20,7 +20,7 @@ from meshing.surface import Surface
 
 Gap: TypeAlias = Callable[[int, float, float, list[Any]], float]
 """How far a rational point of a ray lies from the point of the surface that a hit names by its
-patch, u and v; rounded."""
+patch, u and v; rounded. Beyond its border a surface does not go on: hits there are measured from it."""
 Locate: TypeAlias = Callable[[list[Any]], tuple[float, float]]
 """(u, v), rounded, of a point of the surface given in balls."""
 IsTouched: TypeAlias = Callable[[FloatArray, FloatArray, float, bool], bool]

@@ -83,17 +83,18 @@ def compare(hits: HitRecord, truth: Truth, gap: FloatArray | None = None) -> Ver
     """Compare first hits with the oracle's.
 
     A hit is right if it is the first certain root or a doubtful one before it, with t within
-    64 eps x scale / cos of it; or if it comes before that root and the surface is within
-    64 eps x scale of the ray there: either decision is right then. A miss is right if there is no
-    certain root.
+    64 eps x scale / cos of it; or if it lies ahead of the origin and within the limits, before that
+    root, at a point of the surface (u, v in its domain) that is within 64 eps x scale of the ray:
+    either decision is right then. The point that the ray leaves is no such point. A miss is right if
+    there is no certain root.
 
     Parameters
     ----------
     hits : HitRecord of n rows
     truth : Truth of the same n rays
     gap : (n,) float64, optional
-        Distance of S(u, v) from o + t d over 64 eps x scale; default: as float64 has it, which is
-        not enough for surfaces far from 0.
+        Distance of S(u, v), (u, v) in its domain, from o + t d over 64 eps x scale; default: as
+        float64 has it, which is not enough for surfaces far from 0.
 
     Raises
     ------
@@ -111,13 +112,15 @@ def compare(hits: HitRecord, truth: Truth, gap: FloatArray | None = None) -> Ver
     allowed = (is_first | (roots.kind <= DOUBTFUL)) & (roots.t <= reach)
     with np.errstate(invalid="ignore"):
         apart = np.abs(hits.t[ray] - roots.t)
-    close = hits.hit[ray] & (apart <= slack)
+        within = hits.hit & (hits.t > truth.t_min) & (hits.t < truth.t_max)
+    close = within[ray] & (apart <= slack)
     accepted = _any(allowed & close, ray, len(hits))
     right_object = _any(allowed & close & (roots.object_id == hits.object_id[ray]), ray, len(hits))
     certain = _any(is_first & close, ray, len(hits))
     gap_in_bands = _gap(hits, truth) if gap is None else gap
     first = truth.t + truth.band / (np.maximum(truth.cosine, LEAST_COSINE) * length)
-    in_band = hits.hit & (gap_in_bands <= 1.0) & ~(hits.t > first)
+    is_again = (hits.object_id == truth.left) & (hits.t <= truth.departure)
+    in_band = within & (gap_in_bands <= 1.0) & ~(hits.t > first) & ~is_again
     accepted, right_object = accepted | in_band, right_object | in_band
     some = truth.object_id >= 0
     judged = ~truth.undecided
@@ -156,7 +159,7 @@ def compare(hits: HitRecord, truth: Truth, gap: FloatArray | None = None) -> Ver
 
 
 def _gap(hits: HitRecord, truth: Truth) -> FloatArray:
-    """Distance between point of the surface and point of the ray, over 64 eps x scale."""
+    """Distance between point of the surface, in its domain, and of the ray, over 64 eps x scale."""
     gap = np.full(len(hits), np.inf)
     for i, surface in enumerate(truth.surfaces):
         rows = np.flatnonzero(hits.object_id == i)

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -79,6 +79,12 @@ class Truth:
         What was asked.
     length : (n,) float64
         Length of the ray's direction.
+    t_min, t_max : (n,) float64
+        A hit needs a t between them.
+    left : (n,) int32
+        Object whose crossing at the origin, the point of departure, was left out; -1 for none.
+    departure : (n,) float64
+        Up to this t a hit on that object is the point of departure; -inf for none.
     exact : (n,) bool
         t of that root is right to the last bit.
     ambiguous : (n,) bool
@@ -99,6 +105,10 @@ class Truth:
     origins: FloatArray
     directions: FloatArray
     length: FloatArray
+    t_min: FloatArray
+    t_max: FloatArray
+    left: IntArray
+    departure: FloatArray
     exact: BoolArray
     ambiguous: BoolArray
     undecided: BoolArray
@@ -146,7 +156,7 @@ def first_hits(
     direction = np.ascontiguousarray(directions, dtype=np.float64).reshape(-1, 3)
     n = len(origin)
     low = np.ascontiguousarray(np.broadcast_to(np.asarray(t_min, dtype=np.float64), (n,)))
-    high = np.broadcast_to(np.asarray(t_max, dtype=np.float64), (n,))
+    high = np.ascontiguousarray(np.broadcast_to(np.asarray(t_max, dtype=np.float64), (n,)))
     workers = workers_of(surfaces)
 
     def run(begin: int) -> events.Events:
@@ -191,7 +201,8 @@ def truth_of(
     directions: FloatArray,
     t_min: FloatArray,
     t_max: FloatArray,
-    departing: bool,
+    departing: bool = False,
+    departures: Departures | None = None,
 ) -> Truth:
     """Return the truth about n rays from their events.
 
@@ -201,14 +212,28 @@ def truth_of(
         See `events.Events`; rows in any order.
     surfaces, origins, directions, t_min, t_max, departing
         As `first_hits` takes them, one of each per ray.
+    departures : Departures, optional
+        Those that ``columns`` lack already.
     """
     length = np.linalg.norm(directions, axis=1)
     columns = _merge(columns, length)
-    columns = _limit(columns, length, t_min, t_max, departing)
-    return _first(columns, surfaces, origins, directions, length)
+    columns, found = _limit(columns, length, t_min, t_max, departing)
+    return _first(columns, surfaces, origins, directions, length, t_min, t_max, departures or found)
 
 
 Columns = dict[str, Any]
+
+
+class Departures(NamedTuple):
+    """Crossings at the origins of n rays that were left out; see `Truth`."""
+
+    left: IntArray
+    reach: FloatArray
+
+    @classmethod
+    def none(cls, n: int) -> Departures:
+        """Return those of n rays that leave nothing."""
+        return cls(np.full(n, -1, np.int32), np.full(n, -np.inf))
 
 
 def _merge(columns: Columns, length: FloatArray) -> Columns:
@@ -236,20 +261,24 @@ def _tolerance(columns: Columns, length: FloatArray) -> FloatArray:
 
 def _limit(
     columns: Columns, length: FloatArray, low: FloatArray, high: FloatArray, departing: bool
-) -> Columns:
-    """Drop what lies outside the limits of t, or at the point of departure."""
+) -> tuple[Columns, Departures]:
+    """Drop what lies outside the limits of t, or at the point of departure; return also the latter."""
     ray = columns["ray"].astype(np.int64)
     t, kind, slack = columns["t"], columns["kind"].copy(), _tolerance(columns, length)
     given_up = kind == events.UNDECIDED
     keep = given_up | ((t > low[ray] - slack) & (t < high[ray] + slack))
     at_limit = (np.abs(t - low[ray]) <= slack) | (np.abs(t - high[ray]) <= slack)
+    departures = Departures.none(len(low))
     if departing:
         at_start = keep & ~given_up & (np.abs(t) <= slack)
         alone = np.bincount(ray[at_start], minlength=len(low)) == 1
-        keep &= ~(at_start & alone[ray])
+        dropped = np.flatnonzero(at_start & alone[ray])
+        keep[dropped] = False
+        departures.left[ray[dropped]] = columns["object_id"][dropped]
+        departures.reach[ray[dropped]] = t[dropped] + slack[dropped]
     kind[at_limit & ~given_up] = events.DOUBTFUL
     columns = {**columns, "kind": kind}
-    return {name: values[keep] for name, values in columns.items()}
+    return {name: values[keep] for name, values in columns.items()}, departures
 
 
 def _first(
@@ -258,6 +287,9 @@ def _first(
     origins: FloatArray,
     directions: FloatArray,
     length: FloatArray,
+    t_min: FloatArray,
+    t_max: FloatArray,
+    departures: Departures,
 ) -> Truth:
     n = len(length)
     order = np.lexsort((columns["object_id"], columns["t"], columns["ray"]))
@@ -291,6 +323,10 @@ def _first(
         origins=origins,
         directions=directions,
         length=length,
+        t_min=t_min,
+        t_max=t_max,
+        left=departures.left,
+        departure=departures.reach,
         exact=pick("kind", events.UNDECIDED, np.uint8) == events.ROOT,
         ambiguous=np.bincount(ray[before], minlength=n) > 0,
         undecided=np.bincount(ray[given_up], minlength=n) > 0,

@@ -101,11 +101,22 @@ class SurfaceJudge(ABC):
         v: FloatArray,
         patch_id: NDArray[Any],
     ) -> FloatArray:
-        """Return the distances (n,) of the ray points ``origins + along`` from the hit points."""
+        """Return the distances (n,) of the ray points ``origins + along`` from the hit points.
+
+        Beyond its border the surface does not go on: hits there are measured from the border.
+        """
         surface, middle = self.about_itself()
+        u, v = self.within(u, v, patch_id)
         points = surface.point(u, v, patch_id)
         distance: FloatArray = np.linalg.norm(points - (origins - middle) - along, axis=1)
         return distance
+
+    def within(
+        self, u: FloatArray, v: FloatArray, patch_id: NDArray[Any]
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return the parameters of hits, or those of a point of the border where they are beyond."""
+        del patch_id
+        return np.clip(u, 0.0, 1.0), np.clip(v, 0.0, 1.0)
 
     def about_itself(self) -> tuple[Surface, FloatArray]:
         """Return the surface moved to where its points round least, and from where (3,)."""

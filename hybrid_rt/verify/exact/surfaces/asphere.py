@@ -61,8 +61,9 @@ class ExactAsphere(ExactSurface, of=Asphere):
         return locate
 
     def gap(self) -> Gap:
-        """Return a function that measures from the sag itself, along its gradient."""
+        """Return a function that measures from the sag itself, along its gradient, or from the rim."""
         roots, surface = AsphereRoots(self.surface), self.surface
+        rim = rational(surface.aperture) / 2
 
         def gap(_patch: int, _u: float, _v: float, point: list[Any]) -> float:
             away = [x - c for x, c in zip(point, roots.centre, strict=True)]
@@ -70,6 +71,9 @@ class ExactAsphere(ExactSurface, of=Asphere):
             square = dot(away, away) - height * height
             with bits(256):
                 w, c = flint.arb(square), flint.arb(0)
+                beyond = w.sqrt() - rim
+                if beyond > 0:
+                    w = flint.arb(rim * rim)
                 if not math.isinf(surface.radius):
                     c = 1 / flint.arb(surface.radius)
                 root = (1 - (1 + flint.arb(surface.conic)) * c * c * w).sqrt()
@@ -77,7 +81,8 @@ class ExactAsphere(ExactSurface, of=Asphere):
                 for k, a in enumerate(surface.coefficients.tolist(), start=1):
                     sag += flint.arb(a) * w**k
                     rate += k * flint.arb(a) * w ** (k - 1)
-                return abs(float(((height - sag) / (1 + 4 * w * rate * rate).sqrt()).mid()))
+                along = abs(float(((height - sag) / (1 + 4 * w * rate * rate).sqrt()).mid()))
+                return math.hypot(along, float(beyond.mid())) if beyond > 0 else along
 
         return gap
 

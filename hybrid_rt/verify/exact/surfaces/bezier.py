@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from hybrid_rt.verify.exact.crossings import Crosser, distance, on_curve, rational, rationals
+from hybrid_rt.verify.exact.crossings import Crosser, distance, inside, on_curve, rationals
 from hybrid_rt.verify.exact.exact_surface import ExactSurface, Gap, IsTouched
 from hybrid_rt.verify.exact.patches import patches_crosser, weights_of
 from hybrid_rt.verify.exact.touches import SAMPLES, touch_of_nets
@@ -34,8 +34,8 @@ class ExactPatches(ExactSurface, of=BezierPatches):
         ]
 
         def gap(patch: int, u: float, v: float, point: list[Any]) -> float:
-            rows = [on_curve(row, rational(v)) for row in nets[patch]]
-            *scaled, weight = on_curve(rows, rational(u))
+            rows = [on_curve(row, inside(v)) for row in nets[patch]]
+            *scaled, weight = on_curve(rows, inside(u))
             return distance([x / weight for x in scaled], point)
 
         return gap

@@ -21,6 +21,7 @@ from hybrid_rt.verify.exact.crossings import (
     cross,
     distance,
     dot,
+    inside,
     rational,
     rationals,
 )
@@ -95,7 +96,7 @@ class ExactRectangle(ExactSurface, of=Rectangle):
         corner, e, f = (rationals(x) for x in (surface.corner, surface.edge_u, surface.edge_v))
 
         def gap(_patch: int, u: float, v: float, point: list[Any]) -> float:
-            a, b = rational(u), rational(v)
+            a, b = inside(u), inside(v)
             there = [p + a * x + b * y for p, x, y in zip(corner, e, f, strict=True)]
             return distance(there, point)
 
@@ -207,7 +208,9 @@ class ExactMesh(ExactSurface, of=TriangleMesh):
 
         def gap(patch: int, u: float, v: float, point: list[Any]) -> float:
             a, b, c = (rationals(vertices[k]) for k in faces[patch])
-            p, q = rational(u), rational(v)
+            p, q = rational(max(u, 0.0)), rational(max(v, 0.0))
+            total = max(p + q, flint.fmpq(1))
+            p, q = p / total, q / total
             there = [x + p * (y - x) + q * (z - x) for x, y, z in zip(a, b, c, strict=True)]
             return distance(there, point)
 

@@ -11,6 +11,7 @@ from hybrid_rt.verify.exact.crossings import (
     Crosser,
     bits,
     distance,
+    inside,
     on_curve,
     rational,
     rationals,
@@ -49,10 +50,10 @@ class ExactRevolution(ExactSurface, of=SurfaceOfRevolution):
         begin, end = rationals(surface.u_range)
 
         def gap(patch: int, u: float, v: float, point: list[Any]) -> float:
-            z, r, w = on_curve(segments[patch], rational(v))
+            z, r, w = on_curve(segments[patch], inside(v))
             z, r = z / w, r / w
             with bits(256):
-                turn = flint.arb(2 * (begin + rational(u) * (end - begin)))
+                turn = flint.arb(2 * (begin + inside(u) * (end - begin)))
                 c, s = turn.cos_pi(), turn.sin_pi()
                 there = [
                     o + z * a + r * (c * p + s * q)

@@ -104,6 +104,15 @@ class MeshJudge(SurfaceJudge, of=TriangleMesh):
         a, b, c = (np.ascontiguousarray(mesh.vertices[mesh.faces[:, k]]) for k in range(3))
         return _face_worker(mesh, a, b - a, c - a, object_id)
 
+    def within(
+        self, u: FloatArray, v: FloatArray, patch_id: NDArray[Any]
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return the weights of hits, or those of a point of the triangle's border."""
+        del patch_id
+        u, v = np.maximum(u, 0.0), np.maximum(v, 0.0)
+        total = np.maximum(u + v, 1.0)
+        return u / total, v / total
+
     def solver(self) -> Solver:
         """Return a function that meets a face's plane to many digits."""
         from hybrid_rt.verify.judges.digits import cross, numbers, on_plane

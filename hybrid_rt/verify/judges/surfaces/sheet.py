@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
+from numpy.typing import NDArray
 
 from hybrid_rt.core.records import FloatArray
 from hybrid_rt.verify.judges.kernels import events
@@ -36,6 +39,13 @@ class SheetJudge(SurfaceJudge, of=PatchSheet):
             out.u[mine], out.v[mine] = across(spans, out.u[mine], out.v[mine], out.patch_id[mine])
 
         return work
+
+    def within(
+        self, u: FloatArray, v: FloatArray, patch_id: NDArray[Any]
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return the parameters of hits, or those of a point of their patch's border."""
+        u0, u1, v0, v1 = self.surface.spans[patch_id].T
+        return np.clip(u, u0, u1), np.clip(v, v0, v1)
 
     def solver(self) -> Solver:
         """Return the function of the patches, from (u, v) across the sheet."""

@@ -1,0 +1,132 @@
+"""All judges on records of hits that no ray has: behind it, beyond its limits, outside the surface."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from hybrid_rt import Intersector, Rectangle, Sphere, TriangleMesh
+from hybrid_rt.core.records import Status
+from hybrid_rt.primitives.asphere import Asphere
+from hybrid_rt.verify.cases.filtered_campaign import SINGULAR, Checker, Group
+from hybrid_rt.verify.exact.judge import ExactJudge
+from hybrid_rt.verify.exact.truth import ExactScene, exact_hits
+from hybrid_rt.verify.judges.judge import compare
+from hybrid_rt.verify.judges.oracle import first_hits
+from meshing import BezierPatches, Cylinder
+from meshing.sheet import PatchSheet
+
+DOWN = np.array([(0.0, 0.0, -1.0)])
+SQUARE = [[(0, 0, 0), (0, 1, 0)], [(1, 0, 0), (1, 1, 0)]]
+
+
+def traced(surface, origin, direction=DOWN, **limits):
+    tracer = Intersector([surface], coarse="none", threads=1)
+    return tracer.intersect(np.array([origin], float), np.array(direction, float), **limits)
+
+
+def changed(hits, **columns):
+    """Give the only row of a record other values."""
+    return dataclasses.replace(
+        hits,
+        **{k: np.array([x], getattr(hits, k).dtype) for k, x in columns.items()},
+    )
+
+
+def faults_of(surface, hits, origin, direction=DOWN):
+    """Return wrong rows by the fast oracle and by exact arithmetic, and faults of a campaign."""
+    rays = np.array([origin], float), np.array(direction, float)
+    group = Group("x", "closed", SINGULAR, 1)
+    Checker([surface]).check(group, "batch", hits, *rays, None)
+    return (
+        compare(hits, first_hits([surface], *rays, threads=1)).n_wrong,
+        ExactJudge([surface]).judge(hits, *rays).n_wrong,
+        group.count.faults,
+    )
+
+
+def triangle():
+    import trimesh
+
+    return TriangleMesh(
+        trimesh.Trimesh([(0, 0, 0), (1, 0, 0), (0, 1, 0)], [(0, 1, 2)], process=False)
+    )
+
+
+def sheet():
+    """Two bilinear patches side by side, each with half of u."""
+    nets = [np.array(SQUARE, float) * (0.5, 1, 1) + (x, 0, 0) for x in (0.0, 0.5)]
+    return PatchSheet(BezierPatches(nets), [(0, 0.5, 0, 1), (0.5, 1, 0, 1)])
+
+
+BALL = Sphere((0, 0, 0), 1)
+
+
+@pytest.mark.parametrize("origin", [(0, 0, 0), (0, 0, 3)])
+@pytest.mark.parametrize("status", [Status.HIT, Status.TANGENT])
+def test_hits_behind_the_ray_are_wrong(origin, status):
+    # From the centre the ray has a hit ahead; from above, upwards, none.
+    there = traced(BALL, origin)
+    back = changed(there, t=-there.t[0], status=status)
+    fast, exact, faults = faults_of(BALL, back, origin, -DOWN)
+    assert fast == 1
+    assert exact == faults == (status == Status.HIT)
+    assert faults_of(BALL, there, origin) == (0, 0, 0)
+
+
+@pytest.mark.parametrize(
+    ("surface", "inside", "outside", "u", "v"),
+    [
+        (Rectangle((0, 0, 0), (1, 0, 0), (0, 1, 0)), (0.5, 0.5, 2), (1.5, 0.5, 2), 1.5, 0.5),
+        (BezierPatches([SQUARE]), (0.5, 0.5, 2), (0.5, -0.25, 2), 0.5, -0.25),
+        (triangle(), (0.25, 0.25, 2), (0.75, 0.75, 2), 0.75, 0.75),
+        (triangle(), (0.25, 0.25, 2), (0.5, -0.25, 2), 0.5, -0.25),
+        (sheet(), (0.25, 0.5, 2), (-0.25, 0.5, 2), -0.25, 0.5),
+        (Asphere(4.0, -0.7, [], 2.0, (0, 0, 0), (0, 0, 1)), (0.5, 0, 2), (1.5, 0, 2), 0.0, 1.5),
+    ],
+)  # fmt: skip
+def test_hits_beyond_the_border_are_wrong(surface, inside, outside, u, v):
+    hits = traced(surface, inside)
+    assert faults_of(surface, hits, inside) == (0, 0, 0)
+    t = hits.t[0]
+    if isinstance(surface, Asphere):
+        t = 2.0 - float(surface.sag.at(np.array([2.25]))[0][0])
+    claimed = changed(hits, t=t, u=u, v=v, status=Status.HIT)
+    fast, exact, faults = faults_of(surface, claimed, outside)
+    assert fast == exact == 1
+    assert faults >= 1
+
+
+def test_hits_beyond_the_part_of_a_turn_are_wrong():
+    half = Cylinder((0, 0, -1), (0, 0, 1), 1.0, 2.0, reference=(1, 0, 0), u_range=(0, 0.5))
+    origin, to = (0, -3, 0.25), np.array([(0.0, 1.0, 0.0)])
+    hits = traced(half, origin, to)
+    assert (hits.t[0], hits.u[0]) == (4.0, 0.5)
+    claimed = changed(hits, t=2.0, u=1.5)
+    assert faults_of(half, hits, origin, to) == (0, 0, 0)
+    fast, exact, faults = faults_of(half, claimed, origin, to)
+    assert fast == exact == 1
+    assert faults >= 1
+
+
+@pytest.mark.parametrize("limits", [{"t_max": 1.0}, {"t_min": 3.5}])
+def test_hits_beyond_the_limits_of_t_are_wrong(limits):
+    hits = traced(BALL, (0, 0, 3))
+    rays = np.array([(0.0, 0.0, 3.0)]), DOWN
+    for truth in (
+        first_hits([BALL], *rays, **limits, threads=1),
+        exact_hits(ExactScene([BALL]), *rays, **limits),
+    ):
+        assert compare(hits, truth).n_wrong == 1
+        assert compare(traced(BALL, (0, 0, 3), **limits), truth).n_wrong == 0
+
+
+@pytest.mark.parametrize("t", [0.0, 1e-17, 1e-15])
+def test_a_departure_met_again_is_wrong(t):
+    source = traced(BALL, (0, 0, 3))
+    rays = source.position, np.array([(0.6, 0.0, 0.8)])
+    again = dataclasses.replace(source, t=np.array([t]))
+    truth = first_hits([BALL], *rays, departing=True, threads=1)
+    assert compare(again, truth).wrong["phantom"] == 1
+    verdict = ExactJudge([BALL]).judge(again, *rays, leaves=source.object_id)
+    assert verdict.wrong["departure"] == 1
