@@ -18,9 +18,11 @@ from hybrid_rt.core.records import FloatArray, HitRecord, IntArray, Status
 from hybrid_rt.verify.exact.crossings import OPEN, POINT, bits, norm, rational
 from hybrid_rt.verify.exact.trims import Trims
 from hybrid_rt.verify.exact.truth import (
+    LEAST_SLOPE,
     SURELY_ROUNDED,
     ExactScene,
     Placed,
+    departure_reach,
     departures,
     exact_hits,
     same_place,
@@ -37,8 +39,10 @@ MUST_NOT = 4.0
 # Rays this near to a singular set (bands), or crossings this flat, may need the mark.
 NEAR_BANDS = 1e3
 FLAT = 1e-6
-# Where a ray grazes, a band moves t by no more than its square root, in parts of the scale.
-LEAST_SLOPE = 1.2e-7
+# Flatter than this not the angle says how far a band moves a crossing, but how the surface bends.
+BENDS = math.sqrt(2.0 * BAND)
+# The point of a row that says TANGENT lies within so many bands of its ray.
+MOST_GAP = 3.0
 
 WRONG = ("missed", "phantom", "farther", "nearer", "wrong object", "departure")
 
@@ -56,9 +60,11 @@ class BatchVerdict:
     wrong_tangent : int
         The same for rows with TANGENT.
     bounds_broken : int
-        HIT rows with |t - exact t| > t_bound, exact t being the nearest exact crossing.
+        Hits with |t - exact t| > t_bound, exact t being the nearest exact crossing. Of rows that say
+        TANGENT, or that only the band makes right, only crossings with the patch that they name count,
+        and only within 64 eps x scale / cos: the exact ray may pass by.
     off_ray : int
-        HIT rows whose S(u, v) is farther than 64 eps x scale from o + t d.
+        Hits whose S(u, v) is farther than 64 eps x scale from o + t d; three times that with TANGENT.
     unmarked : int
         Rows without TANGENT whose decision is another than the exact ray's (within the band), or
         changes when the ray is moved by 8 eps x size.
@@ -67,11 +73,13 @@ class BatchVerdict:
     left_open : int
         Rays that the oracle could not decide.
     worst_error : float
-        Largest |t - exact t| |d| cos / (eps x scale) of HIT rows.
+        Largest |t - exact t| |d| cos / (eps x scale) of HIT rows, but for those that only the band
+        makes right.
     worst_bound : float
-        Largest |t - exact t| / t_bound of HIT rows.
+        Largest |t - exact t| / t_bound of hits, as above.
     worst_gap : float
-        Largest distance of S(u, v) from o + t d, over 64 eps x scale, of HIT rows.
+        Largest distance of S(u, v) from o + t d, over 64 eps x scale; of rows that say TANGENT a third
+        of that.
     examples : dict of list of int
         The first rows of each fault.
     """
@@ -100,7 +108,7 @@ class BatchVerdict:
     def faults(self) -> int:
         """Number of faults: wrong hits, bounds, points, needless and missing TANGENT.
 
-        Wrong hits that say TANGENT are none: nothing is guaranteed of these rows.
+        Wrong hits that say TANGENT are none: no decision of these rows is guaranteed.
         """
         return (
             self.n_wrong + self.bounds_broken + self.off_ray + self.unmarked
@@ -190,6 +198,8 @@ class ExactJudge:
         The last three arguments are those of `judge` for this row; ``leaves`` is -1 for none.
         """
         length = norm(d)
+        is_tangent = bool(hits.status[i] == Status.TANGENT)
+        verdict.tangent += int(is_tangent)
         crossings = self.scene.crossings(o, d)
         at_start = departures(crossings, leaves, o, length)
         is_one = len({one.t for one in at_start}) == 1
@@ -202,12 +212,18 @@ class ExactJudge:
             else:
                 crossings = [one for one in crossings if one not in at_start]
         ahead = [one for one in crossings if one.t > 0.0]
-        is_tangent = hits.status[i] == Status.TANGENT
-        verdict.tangent += int(is_tangent)
+        explained = self._is_explained(hits, i, ahead, length)
         is_plain = is_one or not at_start
-        if not (is_plain and self._is_plainly_right(hits, i, ahead, length)):
+        is_flat = any(one.crossing.cosine < BENDS for one in _firsts(ahead, length))
+        found, is_doubtful = None, False
+        if not (is_plain and explained) or is_flat:
             truth = exact_hits(self.scene, o, d, leaves=leaves)
             found = compare(hits[i], truth, np.array([self._gap(hits, i, o, d)]))
+        if hits.hit[i]:
+            # A row that only the band makes right may have no crossing there.
+            passes = not explained and found is not None and not found.n_wrong
+            self._measure(verdict, i, hits, o, d, crossings, length, is_near=is_tangent or passes)
+        if found is not None:
             if found.undecided:
                 verdict.left_open += 1
                 verdict.note("left open", i)
@@ -216,14 +232,14 @@ class ExactJudge:
                 if count:
                     self._note_wrong(verdict, kind, hits, i)
             if found.n_wrong:
-                if hits.hit[i] and not is_tangent:
-                    self._measure(verdict, i, hits, o, d, crossings, length)
                 return
             # Where t itself is within rounding of 0 no mark is promised.
             at_limit = any(
                 abs(one.t) * length * max(one.cosine, LEAST_SLOPE) <= one.band for one in crossings
             )
-            if not is_tangent and is_plain:
+            # What a flat crossing explains may not be certain: the rays around say so.
+            is_doubtful = explained and is_plain and found.unmarked > 0 and not at_limit
+            if not (is_tangent or explained) and is_plain:
                 if not at_limit:
                     verdict.unmarked += 1
                     verdict.note("unmarked", i)
@@ -236,21 +252,17 @@ class ExactJudge:
                 verdict.tangent_needlessly += 1
                 verdict.note("tangent needlessly", i)
             return
-        first = min((one.t for one in ahead), default=math.inf)
-        close = marks and (
-            near <= NEAR_BANDS * self._narrowest()
-            or any(
+        asked = is_doubtful
+        if marks:
+            first = min((one.t for one in ahead), default=math.inf)
+            asked |= near <= NEAR_BANDS * self._widest_narrow_band() or any(
                 one.crossing.cosine < FLAT or one.crossing.kind != POINT
                 for one in ahead
                 if one.t <= first
             )
-        )
-        if close and self._stands(o, d, MUST, leaves, True) is False:
+        if asked and self._stands(o, d, MUST, leaves, True) is False:
             verdict.unmarked += 1
             verdict.note("unmarked", i)
-            return
-        if hits.hit[i]:
-            self._measure(verdict, i, hits, o, d, crossings, length)
 
     def _is_touched(self, o: FloatArray, d: FloatArray, leaves: int) -> bool:
         """Tell whether the ray grazes some surface within a few bands."""
@@ -269,27 +281,21 @@ class ExactJudge:
             verdict.wrong[kind] += 1
             verdict.note(kind, i)
 
-    def _narrowest(self) -> float:
-        """Return the widest of the objects' bands at their own size."""
+    def _widest_narrow_band(self) -> float:
+        """Return the largest of the bands 64 eps x size of the objects."""
         return max(self.scene.narrow_band(k) for k in range(len(self.scene.surfaces)))
 
     @staticmethod
-    def _is_plainly_right(hits: HitRecord, i: int, ahead: list[Placed], length: float) -> bool:
+    def _is_explained(hits: HitRecord, i: int, ahead: list[Placed], length: float) -> bool:
+        """Tell whether a row names the first exact crossing, as far as its angle says."""
         if any(one.crossing.kind == OPEN for one in ahead):
             return False
         if not hits.hit[i]:
             return not ahead
-        if not ahead:
-            return False
-        first = ahead[0]
-        slack = first.band / (max(first.crossing.cosine, LEAST_COSINE) * length)
-        same = [
-            one for one in ahead if one.t <= first.t + slack and one.object_id == hits.object_id[i]
-        ]
-        return bool(same) and any(
-            abs(float(hits.t[i]) - one.t)
-            <= one.band / (max(one.crossing.cosine, LEAST_COSINE) * length)
-            for one in same
+        return any(
+            abs(float(hits.t[i]) - one.t) <= _slack(one, length)
+            for one in _firsts(ahead, length)
+            if one.object_id == hits.object_id[i]
         )
 
     def _stands(
@@ -351,10 +357,10 @@ class ExactJudge:
 
     def _gap(self, hits: HitRecord, i: int, o: FloatArray, d: FloatArray) -> float:
         """Return the distance of S(u, v) from o + t d, in bands; inf for a miss, or outside of loops."""
-        if not hits.hit[i]:
-            return math.inf
         number, t = int(hits.object_id[i]), float(hits.t[i])
         patch, u, v = int(hits.patch_id[i]), float(hits.u[i]), float(hits.v[i])
+        if not hits.hit[i] or not np.isfinite([t, u, v]).all():
+            return math.inf
         band = self.scene.band(number, o, d, t)
         if self._trims.is_outside(number, patch, u, v, d, band):
             return math.inf
@@ -370,10 +376,24 @@ class ExactJudge:
         d: FloatArray,
         crossings: list[Placed],
         length: float,
+        is_near: bool,
     ) -> None:
-        """Hold a hit's t against its bound, and its point against the ray."""
+        """Hold a hit's t against its bound, and its point against the ray.
+
+        Parameters
+        ----------
+        is_near : bool
+            Whether only crossings with its own patch count, and only those near by.
+        """
         number, t = int(hits.object_id[i]), float(hits.t[i])
         own = [one for one in crossings if one.object_id == number and one.crossing.kind == POINT]
+        if is_near:
+            own = [
+                one
+                for one in own
+                if one.crossing.patch_id == int(hits.patch_id[i])
+                and abs(one.t - t) * length * max(one.crossing.cosine, LEAST_SLOPE) <= one.band
+            ]
         if own:
             exact = rational(t)
             with bits(512):
@@ -385,14 +405,25 @@ class ExactJudge:
             if ratio > 1.0:
                 verdict.bounds_broken += 1
                 verdict.note("bound broken", i)
-            unit = one.band * (EPS / BAND)
-            cosine = one.crossing.cosine
-            verdict.worst_error = max(verdict.worst_error, error * length * cosine / unit)
-        gap = self._gap(hits, i, o, d)
+            if not is_near:
+                unit = one.band * (EPS / BAND)
+                cosine = one.crossing.cosine
+                verdict.worst_error = max(verdict.worst_error, error * length * cosine / unit)
+        gap = self._gap(hits, i, o, d) / (MOST_GAP if hits.status[i] == Status.TANGENT else 1.0)
         verdict.worst_gap = max(verdict.worst_gap, gap)
         if not gap <= 1.0:
             verdict.off_ray += 1
             verdict.note("off ray", i)
+
+
+def _slack(one: Placed, length: float) -> float:
+    """Return how far the band moves a crossing, by its angle alone."""
+    return one.band / (max(one.crossing.cosine, LEAST_COSINE) * length)
+
+
+def _firsts(ahead: list[Placed], length: float) -> list[Placed]:
+    """Return the first of some crossings in order of t, and those as near to it as its angle says."""
+    return [one for one in ahead if one.t <= ahead[0].t + _slack(ahead[0], length)]
 
 
 def _meets_departure(
@@ -402,7 +433,7 @@ def _meets_departure(
     if int(hits.object_id[i]) != own.object_id:
         return False
     t = float(hits.t[i])
-    reach = 2.0 * abs(own.t) + own.band / (own.cosine * length)
+    reach = departure_reach(own, length)
     return abs(t) <= reach and not any(
         abs(one.t - t) <= reach for one in crossings if one.t != own.t
     )

@@ -3,8 +3,8 @@
 Crossings come from `hybrid_rt.verify.exact.exact_surface`, class by class. As in the fast oracle
 (`hybrid_rt.verify.judges.kernels.events`), a crossing is certain if eight rays around, displaced by
 1.3 bands, cross the surface there too; else either answer is right. "There" means: no farther than
-the displacement accounts for at the angle of either crossing. Crossings of displaced rays only are
-doubtful. So one judge (`judge.compare`) serves both oracles.
+the displacement accounts for at the angle of either crossing, or of the displaced one where a normal
+is lost; then the displaced rays say how far t goes. Crossings of displaced rays only are doubtful. So one judge (`judge.compare`) serves both oracles.
 """
 
 from __future__ import annotations
@@ -36,12 +36,14 @@ from hybrid_rt.verify.judges.kernels.events import (
     SHIFT,
     UNDECIDED,
 )
-from hybrid_rt.verify.judges.oracle import Truth, truth_of
+from hybrid_rt.verify.judges.oracle import Departures, Truth, truth_of
 
 # A crossing that moves by more than this many times what the angle accounts for is another one.
 MOST_MOVED = 8.0
 # Flatter than this, far below rounding, a crossing says nothing about where its neighbours are.
 FLATTEST = 1e-18
+# Where a ray grazes, a band moves t by no more than its square root, in parts of the scale.
+LEAST_SLOPE = 1.2e-7
 # A point of departure lies so many bands, and so many eps of its coordinates, beside its surface.
 AT_START, ROUNDED = 1.0, 8.0
 # Up to so many eps it is certainly the point of departure. Farther away it may as well be another
@@ -154,9 +156,11 @@ class ExactScene:
 
 def same_place(one: Placed, two: Placed, moved: float, length: float) -> bool:
     """Tell whether two crossings of rays that are some length apart are the same one."""
-    if one.crossing.cosine == 0.0 or two.crossing.cosine == 0.0:
+    cosines = [each.cosine for each in (one, two) if each.crossing.cosine > 0.0]
+    if not cosines:
         return False
-    reach = MOST_MOVED * moved / min(one.cosine, two.cosine)
+    # Where the normal is lost it says nothing: the angle of the other one does.
+    reach = MOST_MOVED * moved / min(cosines)
     # From afar the last place of t is more than that: the difference is taken of exact numbers.
     apart = abs(float(one.crossing.t - two.crossing.t))
     return apart * length <= reach
@@ -182,9 +186,20 @@ def departures(
         one
         for one in crossings
         if one.object_id == leaves
-        and abs(one.t) * length * one.cosine <= (AT_START + bands) * one.band + rounded
+        and abs(one.t) * length * _slope_at_start(one) <= (AT_START + bands) * one.band + rounded
     ]
     return sorted(found, key=lambda one: abs(one.t))
+
+
+def departure_reach(one: Placed, length: float) -> float:
+    """Return up to which t a hit is the point of departure, from the crossing there."""
+    return 2.0 * abs(one.t) + one.band / ((one.crossing.cosine or LEAST_SLOPE) * length)
+
+
+def _slope_at_start(one: Placed) -> float:
+    """Return |n.d| / |d|; that of a touch where the normal is lost, which may be far away."""
+    is_lost = one.crossing.cosine == 0.0 and one.crossing.kind == POINT
+    return LEAST_SLOPE if is_lost else one.cosine
 
 
 def exact_hits(
@@ -214,8 +229,12 @@ def exact_hits(
     high = np.ascontiguousarray(np.broadcast_to(np.asarray(t_max, dtype=np.float64), (n,)))
     left = np.broadcast_to(-1 if leaves is None else np.asarray(leaves), (n,))
     rows: list[tuple[Any, ...]] = []
+    again = Departures.none(n)
     for i in range(n):
-        rows += _events(scene, i, origin[i], direction[i], int(left[i]))
+        found, reach = _events(scene, i, origin[i], direction[i], int(left[i]))
+        rows += found
+        if reach > -math.inf:
+            again.left[i], again.reach[i] = left[i], reach
     names = (
         ("ray", np.int64), ("t", np.float64), ("object_id", np.int32), ("patch_id", np.int32),
         ("u", np.float64), ("v", np.float64), ("cosine", np.float64), ("band", np.float64),
@@ -225,18 +244,24 @@ def exact_hits(
         name: np.array([row[k] for row in rows], dtype=dtype)
         for k, (name, dtype) in enumerate(names)
     }
-    return truth_of(columns, scene.surfaces, origin, direction, low, high, False)
+    return truth_of(columns, scene.surfaces, origin, direction, low, high, departures=again)
 
 
 def _events(
     scene: ExactScene, ray: int, origin: FloatArray, direction: FloatArray, leaves: int
-) -> list[tuple[Any, ...]]:
-    """Return the events of one ray, as rows of `kernels.events.Events`."""
+) -> tuple[list[tuple[Any, ...]], float]:
+    """Return the events of one ray, as rows of `kernels.events.Events`, and what was left out.
+
+    That is up to which t a hit is the point of departure; -inf where it may be another crossing.
+    """
     length = norm(direction)
     own = scene.crossings(origin, direction)
     rings = scene.around(origin, direction, SHIFT)
     at_start = departures(own, leaves, origin, length)
+    reach = -math.inf
     if len({one.t for one in at_start}) == 1:
+        if departures(own, leaves, origin, length, roundings=SURELY_ROUNDED):
+            reach = departure_reach(at_start[0], length)
         own = [one for one in own if one not in at_start]
         at_start = []
         for k, ring in enumerate(rings):
@@ -254,10 +279,15 @@ def _events(
             there = [t for t in same if t is not None]
             if len(there) < len(rings):
                 kind = DOUBTFUL
-            elif one.crossing.to_edge <= SHIFT * one.band:
-                # On which side of the edge it is met is open, and so is t, as far as both sides go.
+            else:
                 steep = (max(there) - min(there)) * length / one.band
-                cosine = min(cosine, 1.0 / math.hypot(1.0, steep))
+                spread = 1.0 / math.hypot(1.0, steep)
+                if one.crossing.to_edge <= SHIFT * one.band and cosine > 0.0:
+                    # On which side of the edge it is met is open, and so is t, as far as both go.
+                    cosine = min(cosine, spread)
+                else:
+                    # Where it bends, and where the normal is lost, the angle says too little.
+                    cosine = max(cosine, spread)
         rows.append(_event(ray, one, kind, cosine))
     for ring in rings:
         for other in ring:
@@ -267,7 +297,7 @@ def _events(
                 for one in own
             ):
                 rows.append(_event(ray, other, DOUBTFUL, other.crossing.cosine))
-    return rows
+    return rows, reach
 
 
 def _nearest(one: Placed, ring: list[Placed], length: float) -> float | None:

@@ -7,8 +7,10 @@ import pytest
 
 from hybrid_rt import Intersector, Rectangle, Sphere, TriangleMesh
 from hybrid_rt.core.records import Status
+from hybrid_rt.demo import teapot
 from hybrid_rt.primitives.asphere import Asphere
 from hybrid_rt.verify.cases.filtered_campaign import SINGULAR, Checker, Group
+from hybrid_rt.verify.cases.singular_surfaces import lid
 from hybrid_rt.verify.exact.judge import ExactJudge
 from hybrid_rt.verify.exact.truth import ExactScene, exact_hits
 from hybrid_rt.verify.judges.judge import compare
@@ -128,5 +130,67 @@ def test_a_departure_met_again_is_wrong(t):
     again = dataclasses.replace(source, t=np.array([t]))
     truth = first_hits([BALL], *rays, departing=True, threads=1)
     assert compare(again, truth).wrong["phantom"] == 1
+    truth = exact_hits(ExactScene([BALL]), *rays, leaves=source.object_id)
+    assert compare(again, truth).wrong["phantom"] == 1
     verdict = ExactJudge([BALL]).judge(again, *rays, leaves=source.object_id)
     assert verdict.wrong["departure"] == 1
+
+
+def test_a_departure_with_tangent_is_counted_as_both():
+    source = traced(BALL, (0, 0, 3))
+    again = changed(source, t=1e-17, status=Status.TANGENT)
+    verdict = ExactJudge([BALL]).judge(
+        again, source.position, np.array([(0.6, 0.0, 0.8)]), leaves=source.object_id
+    )
+    assert (verdict.tangent, verdict.wrong_tangent) == (1, 1)
+
+
+class TestLostNormals:
+    """Rays through the apex of a lid, where four patches have a collapsed edge."""
+
+    origin = (0, 0, 10)
+
+    def test_what_lies_behind_an_apex_is_wrong(self):
+        # Seen from within the bottom is at z = 0; the apex is at 3.15.
+        pot = teapot()
+        bottom = traced(pot, (0, 0, 3))
+        assert faults_of(pot, changed(bottom, t=10.0), self.origin) == (1, 1, 1)
+
+    @pytest.mark.parametrize("make", [teapot, lid])
+    def test_the_right_row_is_right_without_a_mark(self, make):
+        hits = traced(make(), self.origin)
+        assert hits.t[0] == pytest.approx(6.85)
+        assert hits.status[0] == Status.HIT
+        verdict = ExactJudge([make()]).judge(hits, np.array([self.origin], float), DOWN)
+        assert verdict.faults == verdict.left_open == 0
+
+    def test_a_miss_through_an_apex_is_wrong(self):
+        miss = traced(lid(), self.origin, -DOWN)
+        assert not miss.hit[0]
+        assert faults_of(lid(), miss, self.origin) == (1, 1, 1)
+
+    def test_an_apex_ahead_is_no_departure(self):
+        # A ray that leaves the bottom and passes the apex has one point of departure.
+        pot = teapot()
+        source = traced(pot, (0, 0, 3))
+        rays = source.position, -DOWN
+        truth = exact_hits(ExactScene([pot]), *rays, leaves=source.object_id)
+        assert (truth.left[0], truth.ambiguous[0]) == (0, False)
+        assert truth.t[0] == pytest.approx(3.15)
+
+
+def test_tangent_rows_are_held_to_bound_and_point():
+    pot, origin, to = teapot(), (5.0, 0.3, 1.2), np.array([(-1.0, 0.05, 0.02)])
+    hits = traced(pot, origin, to)
+    rays = np.array([origin]), to
+    judge = ExactJudge([pot])
+    for columns, faults in (
+        ({}, (0, 0)),
+        ({"u": hits.u[0] + 0.01}, (0, 1)),
+        ({"t_bound": 1e-6 * hits.t_bound[0]}, (1, 0)),
+        # No crossing is there: nothing is said of one elsewhere.
+        ({"t": hits.t[0] + 1e-6, "t_bound": 1e-12}, (0, 1)),
+    ):
+        claimed = changed(hits, status=Status.TANGENT, **columns)
+        verdict = judge.judge(claimed, *rays, marks=False)
+        assert (verdict.bounds_broken, verdict.off_ray) == faults
