@@ -42,12 +42,13 @@ class Count:
         TANGENT says the tracer.
     asked : int
         Rays that the filters do not confirm: exact arithmetic judges these.
-    wrong, wrong_tangent, bounds_broken, off_ray, left_open : int
+    wrong, wrong_tangent, bounds_broken, off_ray, unmarked, left_open : int
         As in `BatchVerdict`: wrong first hits of rows without and with TANGENT, broken bounds of t,
-        points off their rays, and rays that exact arithmetic leaves open.
+        points off their rays, rows within the band without TANGENT whose decision is not the exact
+        ray's, and rays that exact arithmetic leaves open.
     passed_over : int
         Rows that say TANGENT, that the filters do not confirm, and that exact arithmetic is not
-        asked about: nothing is guaranteed of them.
+        asked about: no decision of theirs is guaranteed.
     seconds, filter_seconds, exact_seconds : float
         Of the tracer, the filters, and exact arithmetic.
     """
@@ -60,6 +61,7 @@ class Count:
     wrong_tangent: int = 0
     bounds_broken: int = 0
     off_ray: int = 0
+    unmarked: int = 0
     left_open: int = 0
     passed_over: int = 0
     seconds: float = 0.0
@@ -69,7 +71,7 @@ class Count:
     @property
     def faults(self) -> int:
         """Number of rows against what is guaranteed."""
-        return self.wrong + self.bounds_broken + self.off_ray
+        return self.wrong + self.bounds_broken + self.off_ray + self.unmarked
 
     def __add__(self, other: Count) -> Count:
         """Add up."""
@@ -85,7 +87,7 @@ class Group:
     name : str
         A singular set, or a scene.
     kind : str
-        One of `KINDS`, or "mixed".
+        One of `KINDS`.
     rays : str
         `SINGULAR` or `ORDINARY`.
     seed : int
@@ -151,10 +153,8 @@ class Checker:
             )
             count.wrong, count.wrong_tangent = verdict.n_wrong, verdict.wrong_tangent
             count.bounds_broken, count.off_ray = verdict.bounds_broken, verdict.off_ray
-            count.left_open = verdict.left_open
+            count.unmarked, count.left_open = verdict.unmarked, verdict.left_open
             for fault, found in verdict.examples.items():
-                if fault == "unmarked":
-                    continue
                 known = sum(name == fault for name, _ in group.examples)
                 for k in found[: max(MOST_EXAMPLES - known, 0)]:
                     i = int(rows[k])

@@ -194,3 +194,17 @@ def test_tangent_rows_are_held_to_bound_and_point():
         claimed = changed(hits, status=Status.TANGENT, **columns)
         verdict = judge.judge(claimed, *rays, marks=False)
         assert (verdict.bounds_broken, verdict.off_ray) == faults
+
+
+def test_missing_marks_are_faults_of_campaigns():
+    # The ray touches the ball from outside, half a band away: hit or miss, it must say TANGENT.
+    origin, to = (-3, 0, 1 + 3e-15), np.array([(1.0, 0.0, 0.0)])
+    hits = traced(BALL, origin, to)
+    assert hits.status[0] == Status.TANGENT
+    group = Group("x", "closed", SINGULAR, 1)
+    rays = np.array([origin], float), to
+    point = traced(BALL, (-3, 0, 1 - 1e-9), to)
+    bare = changed(point, t=3.0, status=Status.HIT)
+    Checker([BALL]).check(group, "batch", bare, *rays, None)
+    assert (group.count.wrong, group.count.unmarked, group.count.faults) == (0, 1, 1)
+    assert group.examples[0][0] == "unmarked"
