@@ -129,6 +129,8 @@ class _Line:
         self.d, self.length = d, norm(d)
         self.vectors = vectors
         self.determinant = determinant
+        # Within a half-plane of the axis a ray keeps its side of the ends of a part.
+        self.is_meridional = self.a1 != 0 and self.x0 * self.y1 == self.y0 * self.x1
         # t to be known to a part of this: the way to the origin, in lengths of d.
         self.scale = (norm([float(x) for x in start]) / determinant + 1e-300) / self.length
 
@@ -254,7 +256,7 @@ class _Segment:
         v, u = float(s.mid()), math.atan2(y, x) / (2.0 * math.pi) % 1.0
         to_edge = min(v, 1.0 - v) * per_s
         if line.part is not None:
-            if kind == ALONG and line.a1 == 0:  # stretches of a disc that ends within
+            if kind == ALONG and not line.is_meridional:  # the stretch may end within
                 return Crossing(t, self.number, u, v, cosine, OPEN, t_end)
             beside = line.part.to_end(*at)
             if beside is None:

@@ -180,6 +180,26 @@ class TestTurned:
                 assert all(a.overlaps(b) for a, b in zip(found, expected, strict=True))
 
 
+@pytest.mark.parametrize("part", [(0.0, 0.5), (-0.25, 0.0), (-0.25, 0.25)])
+def test_a_ruling_that_may_leave_its_part_of_a_turn_is_open(part):
+    """x^2 + y^2 = 225 + 25 z^2 holds the line (15, 5 z, z), from -53 to 53 degrees about the axis."""
+    surface = SurfaceOfRevolution(
+        [(-4, 25), (0, 9), (4, 25)], (0, 0, 0), (0, 0, 1), (1, 0, 0), [(3, 5, 3)], part
+    )
+    ray = rationals((15.0, -30.0, -6.0)), rationals((0.0, 5.0, 1.0))
+    (found,) = revolution_crosser(surface)(*ray)
+    assert (found.kind, float(found.t), float(found.t_end)) == (OPEN, 2.0, 10.0)
+    truth = exact_hits(ExactScene([surface]), [(15.0, -30.0, -6.0)], [(0.0, 5.0, 1.0)])
+    assert truth.undecided[0]
+
+
+@pytest.mark.parametrize(("part", "n"), [((-0.1, 0.1), 1), ((0.2, 0.3), 0)])
+def test_a_ruling_within_a_half_plane_is_there_or_not(part, n):
+    tube = SurfaceOfRevolution([(-1, 1), (1, 1)], (0, 0, 0), (0, 0, 1), (1, 0, 0), u_range=part)
+    found = revolution_crosser(tube)(rationals((1.0, 0.0, -3.0)), rationals((0.0, 0.0, 1.0)))
+    assert [one.kind for one in found] == n * [ALONG]
+
+
 class TestPatches:
     def test_saddle_by_its_quadratic(self):
         crosser = patches_crosser(saddle())
