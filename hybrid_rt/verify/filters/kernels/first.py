@@ -20,8 +20,8 @@ FOUND, T, T_ERROR, APART, APART_ERROR, UNSURE_FROM, N_COLUMNS = 0, 1, 2, 3, 4, 5
 # Columns of crossings: t as a ball, the cosine (-1: unknown), and 0 for those at the departure.
 CROSSING = 5
 MOST_CROSSINGS = 96
-# Whether a crossing is the point of departure is certain within half of what is allowed, and
-# beyond twice.
+# A crossing at t = 0 up to half the allowed rounding is left out; of a ray that leaves the surface,
+# one between half and twice makes the ray unsure. Of other rays it counts.
 NEARLY, BEYOND = 0.5, 2.0
 # A point of departure lies so many eps of its coordinates beside its surface.
 ROUNDED = 8.0 * 2.0**-52
@@ -120,16 +120,17 @@ def finish(crossings, count, shift, o, length, middle, size, leaves, hit_t, from
     rounded = ROUNDED * max(abs(o[0]), abs(o[1]), abs(o[2])) if leaves else 0.0
     for k in range(count):
         t = abs(shift + crossings[k, 0])
+        radius = (abs(crossings[k, 1]) + crossings[k, 2]) * GROW
         extent = size if size >= 0.0 else t * length
         allowed = BAND * max(away, extent) + rounded
         cosine = crossings[k, 3]
         is_known = cosine >= 0.0
-        reach = t * length * (max(cosine, 0.0 if leaves else LEAST_COSINE) if is_known else 1.0)
+        slope = length * (max(cosine, 0.0 if leaves else LEAST_COSINE) if is_known else 1.0)
         crossings[k, 4] = 1.0
-        if reach <= NEARLY * allowed:
+        if (t + radius) * slope <= NEARLY * allowed:
             n_dropped += 1
             crossings[k, 4] = 0.0
-        elif not is_known or not reach > BEYOND * allowed:
+        elif not is_known or not (t - radius) * slope > BEYOND * allowed:
             n_open += 1
     if leaves and (n_open > 0 or from_t <= 0.0):
         unsure(out)

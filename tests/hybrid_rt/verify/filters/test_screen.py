@@ -190,3 +190,19 @@ def test_ordinary_rays_are_confirmed(name):
     rays = ordinary_rays(surfaces, 900, 2)
     hits = Intersector(surfaces).intersect(rays.origins, rays.directions)
     assert Screen(surfaces).confirmed(hits, rays.origins, rays.directions).mean() > 0.99
+
+
+@pytest.mark.parametrize(
+    ("t", "radius", "is_sure"), [(1e-17, 1e-17, True), (1e-17, 1e-13, False), (1e-13, 9e-14, False)]
+)
+def test_a_departure_that_a_wide_ball_leaves_open_makes_the_ray_unsure(t, radius, is_sure):
+    # A ray leaves a surface of size 1 at a cosine of 1/2; its next crossing is at t = 1.
+    crossings = np.zeros((first.MOST_CROSSINGS, first.CROSSING))
+    crossings[0, :4] = t, 0.0, radius, 0.5
+    crossings[1, :4] = 1.0, 0.0, 1e-20, 0.5
+    out, zero = np.zeros(first.N_COLUMNS), np.zeros(3)
+    first.finish(crossings, 2, 0.0, zero, 1.0, zero, 1.0, True, np.nan, np.inf, out)
+    assert (out[first.UNSURE_FROM] == np.inf) == is_sure
+    assert out[first.FOUND] == is_sure
+    if is_sure:
+        assert out[first.T] == 1.0
