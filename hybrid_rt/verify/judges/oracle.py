@@ -239,14 +239,21 @@ class Departures(NamedTuple):
 def _merge(columns: Columns, length: FloatArray) -> Columns:
     """Keep one of the events that neighbouring patches note at a shared edge."""
     ray, t, slack = columns["ray"], columns["t"], _tolerance(columns, length)
-    order = np.lexsort((t, columns["object_id"], ray))
+    order = np.lexsort((t, columns["at_edge"], columns["object_id"], ray))
     one, two = order[:-1], order[1:]
     same = (ray[one] == ray[two]) & (columns["object_id"][one] == columns["object_id"][two])
     same &= (columns["at_edge"][one] == 1) & (columns["at_edge"][two] == 1)
     same &= t[two] - t[one] <= 2.0 * np.maximum(slack[one], slack[two])
+    # All of a group are as near to its first: what lies between does not join two edges.
+    first = 0
+    for k in np.flatnonzero(same):
+        if k == 0 or not same[k - 1]:
+            first = order[k]
+        if t[two[k]] - t[first] > 2.0 * max(slack[first], slack[two[k]]):
+            same[k], first = False, two[k]
     group = np.concatenate([[0], np.cumsum(~same)]) if len(order) else np.empty(0, np.int64)
-    # Of each group the event that is most certain, then that of the first patch.
-    best = np.lexsort((columns["patch_id"][order], columns["kind"][order], group))
+    # Of each group the event that is most certain, then the nearest, then that of the first patch.
+    best = np.lexsort((columns["patch_id"][order], t[order], columns["kind"][order], group))
     _, first = np.unique(group[best], return_index=True)
     rows = order[best[first]]
     return {name: values[rows] for name, values in columns.items()}

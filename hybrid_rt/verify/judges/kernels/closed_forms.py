@@ -18,6 +18,9 @@ from hybrid_rt.verify.judges.kernels.events import AROUND, BAND, DOUBTFUL, ROOT,
 from hybrid_rt.verify.judges.kernels.patch_bisection import normal_frame
 from meshing.kernels.jit import inner, kernel
 
+# A ray is in the plane of a face up to so many bands, and on the face up to so many beside its edges.
+IN_PLANE, BESIDE = 8.0, 4.0
+
 
 @inner
 def _length(d):
@@ -133,6 +136,50 @@ def _meet_face(point, d, length, corner, edge_u, edge_v, is_triangle):
 
 
 @inner
+def _stretch(point, d, corner, edge_u, edge_v, is_triangle, band):
+    """Return between which t from ``point`` a ray in the plane of a face is on it, up to the band.
+
+    The second is less than the first if there are none, or if the ray is off the plane.
+    """
+    x, y, z = point[0, 0] - corner[0], point[1, 0] - corner[1], point[2, 0] - corner[2]
+    e0, e1, e2 = edge_u[0], edge_u[1], edge_u[2]
+    f0, f1, f2 = edge_v[0], edge_v[1], edge_v[2]
+    nx, ny, nz = e1 * f2 - e2 * f1, e2 * f0 - e0 * f2, e0 * f1 - e1 * f0
+    square = nx * nx + ny * ny + nz * nz
+    norm = math.sqrt(square)
+    if norm == 0.0 or abs(x * nx + y * ny + z * nz) > IN_PLANE * band * norm:
+        return 0.0, -1.0
+    # Rows that give the coordinates along the edges.
+    ux, uy, uz = f1 * nz - f2 * ny, f2 * nx - f0 * nz, f0 * ny - f1 * nx
+    vx, vy, vz = ny * e2 - nz * e1, nz * e0 - nx * e2, nx * e1 - ny * e0
+    u = (x * ux + y * uy + z * uz) / square
+    v = (x * vx + y * vy + z * vz) / square
+    du = (d[0] * ux + d[1] * uy + d[2] * uz) / square
+    dv = (d[0] * vx + d[1] * vy + d[2] * vz) / square
+    # What a step of the band across an edge makes of them.
+    per_u = math.sqrt(f0 * f0 + f1 * f1 + f2 * f2) / norm * BESIDE * band
+    per_v = math.sqrt(e0 * e0 + e1 * e1 + e2 * e2) / norm * BESIDE * band
+    begin, end = _clip(-np.inf, np.inf, u + per_u, du)
+    begin, end = _clip(begin, end, v + per_v, dv)
+    if is_triangle:
+        a, b, c = f0 - e0, f1 - e1, f2 - e2
+        per_w = math.sqrt(a * a + b * b + c * c) / norm * BESIDE * band
+        return _clip(begin, end, 1.0 - u - v + per_w, -du - dv)
+    begin, end = _clip(begin, end, 1.0 - u + per_u, -du)
+    return _clip(begin, end, 1.0 - v + per_v, -dv)
+
+
+@inner
+def _clip(begin, end, side, slope):
+    """Keep of a stretch the part where side + t slope is not negative."""
+    if slope > 0.0:
+        return max(begin, -side / slope), end
+    if slope < 0.0:
+        return begin, min(end, -side / slope)
+    return (begin, end) if side >= 0.0 else (begin, -np.inf)
+
+
+@inner
 def _minor(ah, al, bh, bl, ch, cl, dh, dl):
     """Return a b - c d."""
     ph, pl = multiply(ah, al, bh, bl)
@@ -193,17 +240,16 @@ def face_events(
             t += shift
             if cosine * size <= 4.0 * band:
                 # Within its plane: where it meets the face is undecided, if it does.
-                x, y, z = corners[f] - o
-                a, b = edges_u[f], edges_v[f]
-                nx, ny, nz = a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], 0.0
-                nz = a[0] * b[1] - a[1] * b[0]
-                norm = math.sqrt(nx * nx + ny * ny + nz * nz)
-                if norm > 0.0 and abs(x * nx + y * ny + z * nz) <= 8.0 * band * norm:
-                    wide = band / size
-                    note(
-                        events, first_ray + i, shift, object_id, f, 0.5, 0.5, wide, band,
-                        DOUBTFUL, 1,
-                    )  # fmt: skip
+                begin, end = _stretch(
+                    point, d, corners[f], edges_u[f], edges_v[f], is_triangle, band
+                )
+                if begin <= end:
+                    wide = band / max((end - begin) * length, band)
+                    for t in (begin, end):
+                        note(
+                            events, first_ray + i, shift + t, object_id, f, 0.5, 0.5, wide, band,
+                            DOUBTFUL, 0,
+                        )  # fmt: skip
                 continue
             if inside < -SHIFT * band:
                 continue

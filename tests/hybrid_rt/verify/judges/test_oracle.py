@@ -5,14 +5,16 @@ import dataclasses
 import mpmath
 import numpy as np
 import pytest
+import trimesh
 
-from hybrid_rt import Intersector, Sphere
+from hybrid_rt import Intersector, Sphere, TriangleMesh
 from hybrid_rt.verify.cases.campaign import SCENES
 from hybrid_rt.verify.cases.rational_surfaces import octants
 from hybrid_rt.verify.cases.rays import hard_rays
 from hybrid_rt.verify.judges import exact
 from hybrid_rt.verify.judges.judge import compare
-from hybrid_rt.verify.judges.oracle import first_hits
+from hybrid_rt.verify.judges.kernels.events import DOUBTFUL
+from hybrid_rt.verify.judges.oracle import first_hits, truth_of
 from hybrid_rt.verify.judges.surface_judge import judge_of
 from meshing import BezierPatches, SurfaceOfRevolution
 
@@ -175,3 +177,68 @@ def test_the_judge_finds_phantoms(judged):
         columns[item.name] = column
     verdict = compare(dataclasses.replace(hits, **columns), truth)
     assert set(verdict.rows["phantom"]) == set(empty)
+
+
+def walls(heights, *triangles):
+    """Walls across x, each of two triangles that share the edge z = 0, and triangles after them."""
+    corners, faces = [], []
+    for x in heights:
+        b = len(corners)
+        corners += [(x, -1, 0), (x, 1, 0), (x, 0, 1), (x, 0, -1)]
+        faces += [(b, b + 1, b + 2), (b + 1, b, b + 3)]
+    for triangle in triangles:
+        faces.append(tuple(range(len(corners), len(corners) + 3)))
+        corners += triangle
+    return TriangleMesh(trimesh.Trimesh(np.array(corners, float), faces, process=False))
+
+
+FLAT = [(1.8, -0.3, 0), (2.2, -0.3, 0), (2.0, 0.3, 0)]
+ASIDE = [(2.0, 0.1, 0), (2.4, 0.4, 0), (1.6, 0.4, 0)]
+BEHIND = [(3.8, -0.3, 0), (4.2, -0.3, 0), (4.0, 0.3, 0)]
+
+
+class TestRaysInThePlaneOfATriangle:
+    """The ray along x passes walls through an edge of theirs, and triangles within their plane."""
+
+    rays = np.array([(0.0, 0.05, 0.0)]), np.array([(1.0, 0.0, 0.0)])
+
+    @pytest.mark.parametrize("triangle", [FLAT, ASIDE, BEHIND])
+    def test_the_nearest_wall_is_the_first(self, triangle):
+        mesh = walls((3.0, 1.0), triangle)
+        truth = first_hits([mesh], *self.rays, threads=1)
+        assert (truth.t[0], truth.undecided[0]) == (1.0, False)
+        hits = Intersector([mesh], coarse="none", threads=1).intersect(*self.rays)
+        assert compare(hits, truth).n_wrong == 0
+        for t in (2.3, 3.0):
+            farther = dataclasses.replace(hits, t=np.array([t]))
+            assert compare(farther, truth).n_wrong == 1
+
+    def test_both_ends_of_what_it_has_of_the_triangle_are_doubtful(self):
+        truth = first_hits([walls((), FLAT)], *self.rays, threads=1)
+        # The sides have a slope of 3, and the ray is 0.35 above the base.
+        ends = 1.8 + 0.35 / 3, 2.2 - 0.35 / 3
+        np.testing.assert_allclose(truth.roots.t, ends, rtol=1e-12)
+        assert (truth.roots.kind == DOUBTFUL).all()
+        assert len(first_hits([walls((), ASIDE)], *self.rays, threads=1).roots.t) == 0
+
+
+def test_edges_are_not_joined_by_what_lies_between():
+    # Events at edges with t = 1, 1.6 and 2.2, each within reach of the next: the third is not of the
+    # first. Of those of one edge the nearest stays.
+    n = 4
+    columns = {
+        "ray": np.zeros(n, np.int64),
+        "t": np.array([2.2, 1.6, 1.0, 1.0 + 1e-9]),
+        "object_id": np.zeros(n, np.int32),
+        "patch_id": np.array([0, 1, 3, 2], np.int32),
+        "u": np.zeros(n),
+        "v": np.zeros(n),
+        "cosine": np.full(n, 1.0),
+        "band": np.full(n, 0.4),
+        "kind": np.zeros(n, np.uint8),
+        "at_edge": np.ones(n, np.uint8),
+    }
+    o, d, inf = np.zeros((1, 3)), np.array([(1.0, 0.0, 0.0)]), np.full(1, np.inf)
+    truth = truth_of(columns, [], o, d, -inf, inf)
+    assert truth.roots.t.tolist() == [1.0, 2.2]
+    assert truth.patch_id[0] == 3
