@@ -265,7 +265,7 @@ def _profile_roots(profile, ray, o, d, length, t_start, band, scratch, events):
             found, a, b = _newton(profile, p, s, t, scale, scratch)
             dz, dr, ddz, ddr = scratch.out[0], scratch.out[1], scratch.out[2], scratch.out[3]
             slope, rho = scratch.out[4], scratch.out[5]
-            u = _azimuth(scratch.out[6], scratch.out[7])
+            u = _azimuth(scratch.out[6], scratch.out[7])  # of a root
             cosine, is_root, is_edge = 0.0, False, True
             speed = math.sqrt(dz * dz + dr * dr)
             if found and speed > 0.0:
@@ -321,6 +321,9 @@ def _profile_roots(profile, ray, o, d, length, t_start, band, scratch, events):
                     break
             if not is_root:
                 there, cosine = mean, steep if covered else 1e-3
+                _start_ray(profile, o, d, length, shift, scratch)
+                b = (there - shift) * length
+                u = _azimuth(line[1] + b * line[4], line[2] + b * line[5])
             elif covered and is_edge:
                 cosine = min(cosine, steep)
             kind = DOUBTFUL

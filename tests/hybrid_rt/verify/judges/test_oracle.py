@@ -10,10 +10,10 @@ import trimesh
 from hybrid_rt import Intersector, Sphere, TriangleMesh
 from hybrid_rt.verify.cases.campaign import SCENES
 from hybrid_rt.verify.cases.rational_surfaces import octants
-from hybrid_rt.verify.cases.rays import hard_rays
+from hybrid_rt.verify.cases.rays import hard_rays, silhouettes
 from hybrid_rt.verify.judges import exact
 from hybrid_rt.verify.judges.judge import compare
-from hybrid_rt.verify.judges.kernels.events import DOUBTFUL
+from hybrid_rt.verify.judges.kernels.events import DOUBTFUL, UNDECIDED
 from hybrid_rt.verify.judges.oracle import first_hits, truth_of
 from hybrid_rt.verify.judges.surface_judge import judge_of
 from meshing import BezierPatches, SurfaceOfRevolution
@@ -242,3 +242,20 @@ def test_edges_are_not_joined_by_what_lies_between():
     truth = truth_of(columns, [], o, d, -inf, inf)
     assert truth.roots.t.tolist() == [1.0, 2.2]
     assert truth.patch_id[0] == 3
+
+
+@pytest.mark.parametrize("name", ["bulge", "wavy"])
+def test_turned_events_name_the_azimuth_at_their_t(name):
+    profile = {
+        "bulge": [(-1, 0.3), (-0.5, 1.6), (0.5, 1.6), (1, 0.3)],
+        "wavy": [(-1, 0.8), (-0.5, 2.5), (0.6, 0.1), (1, 1.2)],
+    }[name]
+    whole = SurfaceOfRevolution(profile, (0, 0, 0), (0.3, -0.2, 1.0))
+    rays = silhouettes([whole], 800, 5, offsets=[1e-13, -1e-13, 1e-14, -1e-14, 1e-15, 0.0])
+    roots = first_hits([whole], rays.origins, rays.directions, threads=1).roots
+    rows = np.flatnonzero(roots.kind != UNDECIDED)
+    assert (roots.kind == DOUBTFUL).sum() > 400
+    at = rays.origins[roots.ray[rows]] + roots.t[rows, None] * rays.directions[roots.ray[rows]]
+    x, y = (at - whole.origin) @ whole.radial, (at - whole.origin) @ whole.binormal
+    apart = (roots.u[rows] - np.arctan2(y, x) / (2 * np.pi) + 0.5) % 1.0 - 0.5
+    assert (np.abs(2 * np.pi * apart) * np.hypot(x, y)).max() < 1e-13
