@@ -3,7 +3,7 @@
 Nothing here is shared with the renderer: intersections are textbook formulas in the world frame,
 Fresnel's equations are written out, random numbers come from SplitMix64 (Steele, Lea and Flood,
 "Fast splittable pseudorandom number generators", OOPSLA 2014). Every photon has the same power and
-ends by chance only, so a cell of the floor counts photons.
+ends by chance, at the lamp, outside, or after 1000 steps. So a cell of the floor counts photons.
 """
 
 import math
