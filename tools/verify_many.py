@@ -39,7 +39,7 @@ from hybrid_rt.verify.cases.singular_sets import DISTANCES, KINDS, PLACEMENTS, S
 MOST_OPEN = 0.01
 HEAD = (
     f"{'':30}{'rays':>11}{'hits':>11}{'TANGENT':>9}{'asked':>9}{'wrong':>7}{'+TANGENT':>9}"
-    f"{'bounds':>7}{'off':>5}{'no mark':>8}{'open':>6}{'passed':>8}{'seconds':>9}{'krays/s':>9}"
+    f"{'bounds':>7}{'off':>5}{'+TANGENT':>9}{'no mark':>8}{'open':>6}{'passed':>8}{'seconds':>9}{'krays/s':>9}"
 )
 
 
@@ -123,7 +123,7 @@ def _line(name: str, c: Count) -> str:
     seconds = c.seconds + c.filter_seconds + c.exact_seconds
     return (
         f"{name:30}{c.rays:11}{c.hits:11}{c.tangent:9}{c.asked:9}{c.wrong:7}{c.wrong_tangent:9}"
-        f"{c.bounds_broken:7}{c.off_ray:5}{c.unmarked:8}{c.left_open:6}{c.passed_over:8}{seconds:9.1f}"
+        f"{c.bounds_broken:7}{c.off_ray:5}{c.off_ray_tangent:9}{c.unmarked:8}{c.left_open:6}{c.passed_over:8}{seconds:9.1f}"
         f"{1e-3 * c.rays / max(seconds, 1e-9):9.1f}"
     )
 

@@ -3,7 +3,7 @@
 Rays are aimed at tips, poles, spindles, joints, rims, seams, flat parts, rulings, collapsed edges,
 corners, creases, cusps, shared edges, and away from hits, at 1e-1 to 1e-16 of the size, in several
 places; see `hybrid_rt/verify/cases/singular_sets.py`. All crossings come from exact arithmetic. For each
-set and distance: wrong hits (+ those that say TANGENT), broken bounds of t, points beside the ray,
+set and distance: wrong hits (+ those that say TANGENT), broken bounds of t, points beside the ray (+ those),
 missing marks, rows TANGENT and those of them without need, rays left open; then the largest error
 of t in eps x scale / cos, in t_bound, and of the point in 64 eps x scale.
 
@@ -87,8 +87,9 @@ def _print(result: SetResult, distances: list[float], examples: bool) -> None:
 
 def _line(name: str, v: BatchVerdict) -> str:
     wrong = f"{v.n_wrong}+{v.wrong_tangent}" if v.wrong_tangent else str(v.n_wrong)
+    off = f"{v.off_ray}+{v.off_ray_tangent}" if v.off_ray_tangent else str(v.off_ray)
     return (
-        f"{name:>10}{v.rays:7}{v.hits:7}{wrong:>9}{v.bounds_broken:8}{v.off_ray:6}{v.unmarked:8}"
+        f"{name:>10}{v.rays:7}{v.hits:7}{wrong:>9}{v.bounds_broken:8}{off:>6}{v.unmarked:8}"
         f"{v.tangent:8}{v.tangent_needlessly:9}{v.left_open:5}"
         f"{v.worst_error:9.2g}{v.worst_bound:9.2g}{v.worst_gap:9.2g}"
     )

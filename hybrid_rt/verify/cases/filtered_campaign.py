@@ -42,9 +42,9 @@ class Count:
         TANGENT says the tracer.
     asked : int
         Rays that the filters do not confirm: exact arithmetic judges these.
-    wrong, wrong_tangent, bounds_broken, off_ray, unmarked, left_open : int
+    wrong, wrong_tangent, bounds_broken, off_ray, off_ray_tangent, unmarked, left_open : int
         As in `BatchVerdict`: wrong first hits of rows without and with TANGENT, broken bounds of t,
-        points off their rays, rows within the band without TANGENT whose decision is not the exact
+        points off their rays without and with TANGENT, rows within the band without TANGENT whose decision is not the exact
         ray's, and rays that exact arithmetic leaves open.
     passed_over : int
         Rows that say TANGENT, that the filters do not confirm, and that exact arithmetic is not
@@ -61,6 +61,7 @@ class Count:
     wrong_tangent: int = 0
     bounds_broken: int = 0
     off_ray: int = 0
+    off_ray_tangent: int = 0
     unmarked: int = 0
     left_open: int = 0
     passed_over: int = 0
@@ -71,7 +72,7 @@ class Count:
     @property
     def faults(self) -> int:
         """Number of rows against what is guaranteed."""
-        return self.wrong + self.bounds_broken + self.off_ray + self.unmarked
+        return self.wrong + self.bounds_broken + self.off_ray + self.off_ray_tangent + self.unmarked
 
     def __add__(self, other: Count) -> Count:
         """Add up."""
@@ -153,6 +154,7 @@ class Checker:
             )
             count.wrong, count.wrong_tangent = verdict.n_wrong, verdict.wrong_tangent
             count.bounds_broken, count.off_ray = verdict.bounds_broken, verdict.off_ray
+            count.off_ray_tangent = verdict.off_ray_tangent
             count.unmarked, count.left_open = verdict.unmarked, verdict.left_open
             for fault, found in verdict.examples.items():
                 known = sum(name == fault for name, _ in group.examples)

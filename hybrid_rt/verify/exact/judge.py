@@ -64,7 +64,9 @@ class BatchVerdict:
         TANGENT, or that only the band makes right, only crossings with the patch that they name count,
         and only within 64 eps x scale / cos: the exact ray may pass by.
     off_ray : int
-        Hits whose S(u, v) is farther than 64 eps x scale from o + t d; three times that with TANGENT.
+        HIT rows whose S(u, v) is farther than 64 eps x scale from o + t d.
+    off_ray_tangent : int
+        Hits that say TANGENT and are farther than three times that.
     unmarked : int
         Rows without TANGENT whose decision is another than the exact ray's (within the band), or
         changes when the ray is moved by 8 eps x size.
@@ -90,6 +92,7 @@ class BatchVerdict:
     wrong_tangent: int = 0
     bounds_broken: int = 0
     off_ray: int = 0
+    off_ray_tangent: int = 0
     unmarked: int = 0
     tangent: int = 0
     tangent_needlessly: int = 0
@@ -111,8 +114,8 @@ class BatchVerdict:
         Wrong hits that say TANGENT are none: no decision of these rows is guaranteed.
         """
         return (
-            self.n_wrong + self.bounds_broken + self.off_ray + self.unmarked
-            + self.tangent_needlessly
+            self.n_wrong + self.bounds_broken + self.off_ray + self.off_ray_tangent
+            + self.unmarked + self.tangent_needlessly
         )  # fmt: skip
 
     def __add__(self, other: BatchVerdict) -> BatchVerdict:
@@ -409,9 +412,15 @@ class ExactJudge:
                 unit = one.band * (EPS / BAND)
                 cosine = one.crossing.cosine
                 verdict.worst_error = max(verdict.worst_error, error * length * cosine / unit)
-        gap = self._gap(hits, i, o, d) / (MOST_GAP if hits.status[i] == Status.TANGENT else 1.0)
+        is_tangent = bool(hits.status[i] == Status.TANGENT)
+        gap = self._gap(hits, i, o, d) / (MOST_GAP if is_tangent else 1.0)
         verdict.worst_gap = max(verdict.worst_gap, gap)
-        if not gap <= 1.0:
+        if gap <= 1.0:
+            return
+        if is_tangent:
+            verdict.off_ray_tangent += 1
+            verdict.note("off ray, TANGENT", i)
+        else:
             verdict.off_ray += 1
             verdict.note("off ray", i)
 

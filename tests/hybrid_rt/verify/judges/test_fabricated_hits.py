@@ -193,7 +193,8 @@ def test_tangent_rows_are_held_to_bound_and_point():
     ):
         claimed = changed(hits, status=Status.TANGENT, **columns)
         verdict = judge.judge(claimed, *rays, marks=False)
-        assert (verdict.bounds_broken, verdict.off_ray) == faults
+        assert (verdict.bounds_broken, verdict.off_ray_tangent) == faults
+        assert verdict.faults == sum(faults)
 
 
 def test_missing_marks_are_faults_of_campaigns():
