@@ -61,8 +61,8 @@ class BatchVerdict:
         The same for rows with TANGENT.
     bounds_broken : int
         Hits with |t - exact t| > t_bound, exact t being the nearest exact crossing. Of rows that say
-        TANGENT, or that only the band makes right, only crossings with the patch that they name count,
-        and only within 64 eps x scale / cos: the exact ray may pass by.
+        TANGENT, or that only the band makes right, only crossings ahead with the patch that they name
+        count, and only within 64 eps x scale / cos: the exact ray may pass by.
     off_ray : int
         HIT rows whose S(u, v) is farther than 64 eps x scale from o + t d.
     off_ray_tangent : int
@@ -386,7 +386,7 @@ class ExactJudge:
         Parameters
         ----------
         is_near : bool
-            Whether only crossings with its own patch count, and only those near by.
+            Whether only crossings ahead with its own patch count, and only those near by.
         """
         number, t = int(hits.object_id[i]), float(hits.t[i])
         own = [one for one in crossings if one.object_id == number and one.crossing.kind == POINT]
@@ -394,7 +394,8 @@ class ExactJudge:
             own = [
                 one
                 for one in own
-                if one.crossing.patch_id == int(hits.patch_id[i])
+                if one.t > 0.0
+                and one.crossing.patch_id == int(hits.patch_id[i])
                 and abs(one.t - t) * length * max(one.crossing.cosine, LEAST_SLOPE) <= one.band
             ]
         if own:

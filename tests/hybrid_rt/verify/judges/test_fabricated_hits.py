@@ -10,6 +10,7 @@ from hybrid_rt.core.records import Status
 from hybrid_rt.demo import teapot
 from hybrid_rt.primitives.asphere import Asphere
 from hybrid_rt.verify.cases.filtered_campaign import SINGULAR, Checker, Group
+from hybrid_rt.verify.cases.singular_sets import SETS
 from hybrid_rt.verify.cases.singular_surfaces import lid
 from hybrid_rt.verify.exact.judge import ExactJudge
 from hybrid_rt.verify.exact.truth import ExactScene, exact_hits
@@ -195,6 +196,20 @@ def test_tangent_rows_are_held_to_bound_and_point():
         verdict = judge.judge(claimed, *rays, marks=False)
         assert (verdict.bounds_broken, verdict.off_ray_tangent) == faults
         assert verdict.faults == sum(faults)
+
+
+def test_bounds_of_tangent_rows_are_not_held_against_what_lies_behind():
+    # The ray begins 5e-13 before a collapsed edge, which it passes within the band; it met the patch
+    # 3e-11 behind its origin, so flatly that the band moves that crossing farther.
+    origin = (-0.08691331992427177, -0.06683213965914979, -0.06805533542815306)
+    to = np.array([(-0.9672879560735849, 0.19104464510946406, -0.1669010293856381)])
+    (surface,) = SETS["patch corners"].surfaces()
+    hits = traced(surface, origin, to)
+    behind = ExactScene([surface]).crossings(np.array(origin), to[0])[-1]
+    assert hits.status[0] == Status.TANGENT
+    assert hits.hit[0]
+    assert hits.t_bound[0] < hits.t[0] - behind.t < behind.band / behind.cosine
+    assert ExactJudge([surface]).judge(hits, np.array([origin]), to).faults == 0
 
 
 def test_missing_marks_are_faults_of_campaigns():
