@@ -269,9 +269,10 @@ def offer_meeting(i, s, t, slope, gain, noise, error, segment, ray, after, rays,
         return True, False
     t_bound += edge
     # Of roots at the same t the one with the lower bound is taken, whichever was found first. What a flat
-    # neighbour adds does not make a root one of the points that the caller has named.
+    # neighbour adds does not make a root one of the points that the caller has named, but leaves it open.
+    is_open = is_known(i, t_world, t_bound + beyond, slope, known)
     is_taken = offer(
-        i, t_world, t_bound, slope, False, segment.object_id, segment.row, t_bound + beyond, s,
+        i, t_world, t_bound, slope, is_open, segment.object_id, segment.row, t_bound + beyond, s,
         t_min, known, best,
     )  # fmt: skip
     if is_taken:

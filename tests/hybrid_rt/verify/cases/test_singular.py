@@ -175,6 +175,15 @@ def test_the_other_side_of_an_edge_is_no_departure():
     assert verdict.n_wrong == verdict.bounds_broken == 0
 
 
+def test_a_joint_left_within_rounding_is_not_met_again_without_a_mark():
+    """The flat segment beside it leaves t open, so that it may be the departure: 10 of these rays."""
+    places = {"distances": (1e-14, 3e-15), "placements": ("home",)}
+    total = run_set("joint, leaving", 300, 3, **places).total
+    assert total.hits > 200
+    assert total.n_wrong == 0
+    assert total.tangent > total.wrong_tangent > 0
+
+
 def test_touches_are_found_at_their_distance():
     cylinder = SurfaceOfRevolution([(-1, 1), (1, 1)], (0, 0, 0), (0, 0, 1))
     is_touched = exact_of(cylinder).touch()
