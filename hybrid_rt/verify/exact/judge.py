@@ -41,8 +41,9 @@ NEAR_BANDS = 1e3
 FLAT = 1e-6
 # Flatter than this not the angle says how far a band moves a crossing, but how the surface bends.
 BENDS = math.sqrt(2.0 * BAND)
-# The point of a row that says TANGENT lies within so many bands of its ray.
-MOST_GAP = 3.0
+# The point of a row that says TANGENT lies within so many bands of its ray, and so many roundings of
+# the coordinates of its origin: far from 0 these are more.
+MOST_GAP, MOST_ROUNDINGS = 3.0, 16.0
 
 WRONG = ("missed", "phantom", "farther", "nearer", "wrong object", "departure")
 
@@ -66,7 +67,7 @@ class BatchVerdict:
     off_ray : int
         HIT rows whose S(u, v) is farther than 64 eps x scale from o + t d.
     off_ray_tangent : int
-        Hits that say TANGENT and are farther than three times that.
+        Hits that say TANGENT and are farther than three times that, and 16 eps x (distance from 0).
     unmarked : int
         Rows without TANGENT whose decision is another than the exact ray's (within the band), or
         changes when the ray is moved by 8 eps x size.
@@ -414,7 +415,10 @@ class ExactJudge:
                 cosine = one.crossing.cosine
                 verdict.worst_error = max(verdict.worst_error, error * length * cosine / unit)
         is_tangent = bool(hits.status[i] == Status.TANGENT)
-        gap = self._gap(hits, i, o, d) / (MOST_GAP if is_tangent else 1.0)
+        gap = self._gap(hits, i, o, d)
+        if is_tangent and math.isfinite(gap):
+            band = self.scene.band(int(hits.object_id[i]), o, d, float(hits.t[i]))
+            gap /= MOST_GAP + MOST_ROUNDINGS * EPS * float(np.abs(o).max()) / band
         verdict.worst_gap = max(verdict.worst_gap, gap)
         if gap <= 1.0:
             return
