@@ -44,8 +44,8 @@ class Count:
         Rays that the filters do not confirm: exact arithmetic judges these.
     wrong, wrong_tangent, bounds_broken, off_ray, off_ray_tangent, unmarked, left_open : int
         As in `BatchVerdict`: wrong first hits of rows without and with TANGENT, broken bounds of t,
-        points off their rays without and with TANGENT, rows within the band without TANGENT whose decision is not the exact
-        ray's, and rays that exact arithmetic leaves open.
+        points off their rays without and with TANGENT, rows without TANGENT whose decision is that of
+        a ray within the band and not of the exact one, and rays that exact arithmetic leaves open.
     passed_over : int
         Rows that say TANGENT, that the filters do not confirm, and that exact arithmetic is not
         asked about: no decision of theirs is guaranteed.

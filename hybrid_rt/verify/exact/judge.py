@@ -81,8 +81,8 @@ class BatchVerdict:
     worst_bound : float
         Largest |t - exact t| / t_bound of hits, as above.
     worst_gap : float
-        Largest distance of S(u, v) from o + t d, over 64 eps x scale; of rows that say TANGENT a third
-        of that.
+        Largest distance of S(u, v) from o + t d, over 64 eps x scale; of rows that say TANGENT over what
+        is allowed for these.
     examples : dict of list of int
         The first rows of each fault.
     """
