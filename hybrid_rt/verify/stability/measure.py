@@ -147,7 +147,9 @@ def judged(hits: HitRecord, truth: Truth) -> Outcome:
     wrong, n_open, notes = 0, 0, []
     for kind, rows in asked.items():
         found = _by_exact(judge, hits, truth, rows)
-        wrong, n_open = wrong + len(found["wrong"]), n_open + len(found["left open"])
+        wrong += len(found["wrong"])
+        # No decision of rows that say TANGENT is guaranteed.
+        n_open += int((hits.status[found["left open"]] != Status.TANGENT).sum())
         if kind != GAVE_UP:
             wrong += len(found["TANGENT, wrong"])
         notes += [f"{kind}, {words}: rays {some[:3]}" for words, some in found.items() if some]
