@@ -269,9 +269,9 @@ def offer_meeting(i, s, t, slope, gain, noise, error, segment, ray, after, rays,
         return True, False
     t_bound += edge
     # Of roots at the same t the one with the lower bound is taken, whichever was found first. What a flat
-    # neighbour adds does not make a root one of the points that the caller has named, but within the band
-    # of these it leaves that open.
-    near = ray[BAND] / max(slope, UNIT_ROUNDOFF * ray[LENGTH]) * to_world
+    # neighbour adds does not make a root one of the points that the caller has named, but leaves it open: as
+    # far from these as a band moves a touch.
+    near = np.sqrt(ray[BAND] * segment.size) / ray[LENGTH] * to_world
     is_open = is_known(i, t_world, t_bound + min(beyond, near), slope, known)
     is_taken = offer(
         i, t_world, t_bound, slope, is_open, segment.object_id, segment.row, t_bound + beyond, s,
