@@ -33,10 +33,9 @@ from hybrid_rt.verify.cases.filtered_campaign import (
     run_ordinary,
     run_singular,
 )
+from hybrid_rt.verify.cases.singular_campaign import MOST_OPEN
 from hybrid_rt.verify.cases.singular_sets import DISTANCES, KINDS, PLACEMENTS, SETS
 
-# Of the rays, this share may be left open.
-MOST_OPEN = 0.01
 HEAD = (
     f"{'':30}{'rays':>11}{'hits':>11}{'TANGENT':>9}{'asked':>9}{'wrong':>7}{'+TANGENT':>9}"
     f"{'bounds':>7}{'off':>5}{'+TANGENT':>9}{'no mark':>8}{'open':>6}{'passed':>8}{'seconds':>9}{'krays/s':>9}"

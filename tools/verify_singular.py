@@ -17,12 +17,10 @@ from pathlib import Path
 
 from hybrid_rt.cli.command import kept, one_or_more, run_tool
 from hybrid_rt.core import checks
-from hybrid_rt.verify.cases.singular_campaign import SetResult, run_sets
+from hybrid_rt.verify.cases.singular_campaign import MOST_OPEN, SetResult, run_sets
 from hybrid_rt.verify.cases.singular_sets import DISTANCES, KINDS, PLACEMENTS, SETS
 from hybrid_rt.verify.exact.judge import BatchVerdict
 
-# Of the rays, this share may be left open.
-MOST_OPEN = 0.01
 HEAD = (
     f"{'':>10}{'rays':>7}{'hits':>7}{'wrong':>9}{'bounds':>8}{'off':>6}{'no mark':>8}"
     f"{'TANGENT':>8}{'needless':>9}{'open':>5}{'t':>9}{'t_bound':>9}{'point':>9}"

@@ -20,7 +20,7 @@ from meshing.surface import Surface
 from meshing.trimmed_area import TrimmedCells
 
 # A surface other than a mesh is cut into about so many cells; one of many patches into 256 for each,
-# and one of very many into about MOST_CELLS (200 MiB of them, twice that while they are made).
+# and one of very many into about MOST_CELLS, or one a patch (200 MiB of them, twice that while they are made).
 FEWEST_CELLS = 4096
 MOST_CELLS = 2**19
 # Levels of the cube's octree along which cells are put in order: 3 * 20 bits.

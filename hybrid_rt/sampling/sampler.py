@@ -61,7 +61,8 @@ class Sampler:
         dimension : (n,) uint64 or int
             Different uses need different dimensions.
         pass_number : (n,) uint64 or int
-            From 0 to 2**32 - 1, after which they repeat; the passes of one (pixel, dimension) are well distributed in the square.
+            From 0 to 2**32 - 1, after which they repeat; the passes of one (pixel, dimension) are
+            well distributed in the square.
 
         Returns
         -------

@@ -22,6 +22,8 @@ from hybrid_rt.verify.exact.judge import BatchVerdict, ExactJudge
 
 # Rays that leave hits need hits to leave: so many tries for each.
 TRIES = 4
+# Of the rays of a campaign, this share may be left open.
+MOST_OPEN = 0.01
 
 
 @dataclass(frozen=True)

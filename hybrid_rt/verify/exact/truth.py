@@ -4,7 +4,8 @@ Crossings come from `hybrid_rt.verify.exact.exact_surface`, class by class. As i
 (`hybrid_rt.verify.judges.kernels.events`), a crossing is certain if eight rays around, displaced by
 1.3 bands, cross the surface there too; else either answer is right. "There" means: no farther than
 the displacement accounts for at the angle of either crossing, or of the displaced one where a normal
-is lost; then the displaced rays say how far t goes. Crossings of displaced rays only are doubtful. So one judge (`judge.compare`) serves both oracles.
+is lost; then the displaced rays say how far t goes. Crossings of displaced rays only are doubtful. So
+one judge (`judge.compare`) serves both oracles.
 """
 
 from __future__ import annotations

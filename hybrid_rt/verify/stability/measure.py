@@ -141,12 +141,11 @@ def judged(hits: HitRecord, truth: Truth) -> Outcome:
     rounding leaves open; of those on which it gives up that is a note.
     """
     verdict = compare(hits, truth)
-    judge = ExactJudge(truth.surfaces)
     # The oracle is fast, not infallible beside joints: exact crossings confirm what it calls wrong.
     asked = {**verdict.rows, GAVE_UP: np.flatnonzero(truth.undecided)}
     wrong, n_open, notes = 0, 0, []
     for kind, rows in asked.items():
-        found = _by_exact(judge, hits, truth, rows)
+        found = _by_exact(hits, truth, rows)
         wrong += len(found["wrong"])
         # No decision of rows that say TANGENT is guaranteed.
         n_open += int((hits.status[found["left open"]] != Status.TANGENT).sum())
@@ -166,11 +165,12 @@ def judged(hits: HitRecord, truth: Truth) -> Outcome:
     )
 
 
-def _by_exact(
-    judge: ExactJudge, hits: HitRecord, truth: Truth, rows: NDArray[np.int64]
-) -> dict[str, list[int]]:
+def _by_exact(hits: HitRecord, truth: Truth, rows: NDArray[np.int64]) -> dict[str, list[int]]:
     """Return those rows that are wrong by exact crossings, and those that these leave open."""
     found: dict[str, list[int]] = {"wrong": [], "TANGENT, wrong": [], "left open": []}
+    if not len(rows):
+        return found
+    judge = ExactJudge(truth.surfaces)
     for i in rows.tolist():
         at = slice(i, i + 1)
         verdict = judge.judge(hits[at], truth.origins[at], truth.directions[at])

@@ -39,7 +39,7 @@ def verdict_outcome(verdict: BatchVerdict, marks: bool = True) -> Outcome:
     needless = verdict.tangent_needlessly
     for number, words in (
         (verdict.off_ray, "points beside the ray by more than the band"),
-        (verdict.off_ray_tangent, "points of rows TANGENT beside the ray by more than three"),
+        (verdict.off_ray_tangent, "points of rows TANGENT farther from the ray than is guaranteed"),
         (verdict.unmarked, "decisions within rounding without the mark TANGENT"),
         (needless * marks, "marks TANGENT without need"),
     ):

@@ -14,6 +14,7 @@ from hybrid_rt.rendering.renderer import render
 from hybrid_rt.scene.scene import Object, Scene
 from hybrid_rt.sensor.camera import Camera
 from hybrid_rt.textures import CheckerTexture
+from hybrid_rt.verify.stability.rows_light_glass import through_layers
 
 WHITE_SKY = GradientSky(1.0, 1.0)
 
@@ -21,27 +22,6 @@ pytestmark = pytest.mark.statistical
 
 
 class TestGlass:
-    @staticmethod
-    def layers(indices, depths):
-        """Radiance that a stack of clear layers shows head-on in the midst of radiance one.
-
-        Incoherent sums of all reflections, layer by layer (the adding method); ``depths`` are the
-        optical depths of the inner layers.
-        """
-        through, back_front, back_rear = 1.0, 0.0, 0.0
-        for k in range(len(indices) - 1):
-            r = ((indices[k] - indices[k + 1]) / (indices[k] + indices[k + 1])) ** 2
-            t = 1 - r
-            ring = 1 / (1 - back_rear * r)
-            new_front = back_front + through**2 * r * ring
-            new_rear = r + t * t * back_rear * ring
-            through = through * t * ring
-            back_front, back_rear = new_front, new_rear
-            if k < len(depths):
-                a = math.exp(-depths[k])
-                through, back_rear = through * a, back_rear * a * a
-        return back_front + through
-
     def view(self, bodies, look_from=(0, 0, 5), sky=WHITE_SKY):
         camera = many_rays(look_from, (0, 0, -9), (0, 1, 0), n=32)
         return Scene(camera, bodies, environment=sky)
@@ -52,14 +32,14 @@ class TestGlass:
 
     def test_absorbing_slab(self):
         scene = self.view([self.slab(0, 1, Dielectric(1.5, (0.1, 0.7, 2.0)))])
-        expected = [self.layers([1, 1.5, 1], [a]) for a in (0.1, 0.7, 2.0)]
+        expected = [through_layers([1, 1.5, 1], [a]) for a in (0.1, 0.7, 2.0)]
         assert_mean_equals(samples(scene, max_depth=60), expected)
 
     def test_body_within_a_body(self):
         scene = self.view([
             self.slab(0, 3, Dielectric(1.5, 0.1)), self.slab(1, 2, Dielectric(2.4, 0.4)),
         ])  # fmt: skip
-        expected = self.layers([1, 1.5, 2.4, 1.5, 1], [0.1, 0.4, 0.1])
+        expected = through_layers([1, 1.5, 2.4, 1.5, 1], [0.1, 0.4, 0.1])
         assert_mean_equals(samples(scene, max_depth=60), np.full(3, expected))
 
     @pytest.mark.parametrize("order", [1, -1])
@@ -67,7 +47,7 @@ class TestGlass:
         glass = self.slab(1, 2, Dielectric(1.8, 0.2, priority=2))
         drink = self.slab(0, 1.5, Dielectric(1.3, 0.5, priority=1))
         scene = self.view([glass, drink][::order])
-        expected = self.layers([1, 1.8, 1.3, 1], [0.2, 0.5])
+        expected = through_layers([1, 1.8, 1.3, 1], [0.2, 0.5])
         assert_mean_equals(samples(scene, max_depth=60), np.full(3, expected))
 
     def test_camera_within_nested_bodies(self):
@@ -114,7 +94,7 @@ class TestGlass:
         ):  # fmt: skip
             scene = self.view(bodies[::order])
             image = render(scene, integrator, passes=16, max_depth=40).image.reshape(-1, 3)
-            expected = self.layers(indices, depths)
+            expected = through_layers(indices, depths)
             if integrator == "path":
                 assert_mean_equals(image.astype(float), np.full(3, expected))
             else:
