@@ -8,15 +8,16 @@ numba replaces its files atomically, but updates the index of a function's signa
 lock. Of two processes that update it at once, one entry may be lost, or both may give their machine
 code the same file name (numba issue 10128 is of this kind). Here a lock is held during the update.
 
-numba compiles a kernel again if its own file has changed. The functions that it calls are compiled
-into it, so here it is also compiled again if a file has changed that its file imports from a folder
-``kernels``, directly or not.
+The functions that a kernel calls are compiled into it. So it is compiled again if the content of its
+own file has changed, or of a file that its file imports from a folder ``kernels``, directly or not.
+Times of files do not count: a fresh clone or installation can use a cache that was copied to it.
 """
 
 from __future__ import annotations
 
 import fcntl
 import functools
+import hashlib
 import os
 import re
 import sys
@@ -53,7 +54,7 @@ class SharedCache(FunctionCache):
         self._cache_file = IndexDataCacheFile(
             cache_path=self._cache_path,
             filename_base=self._impl.filename_base,
-            source_stamp=(self._impl.locator.get_source_stamp(), *_stamps(function.__module__)),
+            source_stamp=_stamps(function.__module__) or self._impl.locator.get_source_stamp(),
         )
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
@@ -86,15 +87,20 @@ class CacheOfParts(SharedCache):
     _impl_class: Any = CacheOfLinked
 
 
-def _stamps(module: str) -> list[tuple[str, int, int]]:
-    """Return name, time and size of each file that a module and its functions are compiled from."""
+def _stamps(module: str) -> tuple[tuple[str, bytes], ...]:
+    """Return name and digest of each file that a module and its functions are compiled from.
+
+    Of a module without a file, as in a notebook, nothing is known.
+    """
+    if _source(module) is None:
+        return ()
     found: set[str] = set()
     left = {module}
     while left:
         name = left.pop()
         found.add(name)
         left |= _imported(name) - found
-    return sorted((name, *_stamp(name)) for name in found)
+    return tuple((name, _digest(name)) for name in sorted(found))
 
 
 @functools.cache
@@ -106,12 +112,9 @@ def _imported(module: str) -> frozenset[str]:
 
 
 @functools.cache
-def _stamp(module: str) -> tuple[int, int]:
+def _digest(module: str) -> bytes:
     file = _source(module)
-    if file is None:
-        return 0, 0
-    found = file.stat()
-    return found.st_mtime_ns, found.st_size
+    return b"" if file is None else hashlib.sha256(file.read_bytes()).digest()
 
 
 def _source(module: str) -> Path | None:

@@ -69,3 +69,13 @@ def test_a_kernel_is_compiled_anew_if_what_it_calls_has_changed(package):
     write(package, 5.0, 2)
     assert run(package) == (10.0, 0)
     assert run(package) == (10.0, 1)
+
+
+@pytest.mark.skipif(numba.config.DISABLE_JIT, reason="nothing is compiled")
+def test_the_content_of_a_file_decides_and_not_its_time(package):
+    assert run(package) == (6.0, 0)
+    write(package, 3.0, 7)
+    (package / "outer.py").touch()
+    assert run(package) == (6.0, 1)
+    write(package, 5.0, 7)  # as large as before, at the same time
+    assert run(package) == (10.0, 0)
