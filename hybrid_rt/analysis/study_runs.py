@@ -11,6 +11,7 @@ from itertools import count
 from hybrid_rt.analysis.methods import Method
 from hybrid_rt.analysis.reference import GROWTH, Image, noise_of_mean, run_method, stated_error
 from hybrid_rt.analysis.units import seconds as in_seconds
+from hybrid_rt.core.interrupts import held_back
 from hybrid_rt.core.progress import Say
 from hybrid_rt.rendering.result import RenderResult
 from hybrid_rt.rendering.units import passes_in_words
@@ -124,8 +125,9 @@ def add_pictures(
                         result = run_method(scene, method, n, run + 1, threads)
                         latest[method.name] = result
                         row = _row(result, truth)  # first, as Ctrl-C may come meanwhile
-                        rows = found.setdefault(method.name, Runs()).rows
-                        rows.setdefault(n, []).append(row)
+                        with held_back():
+                            rows = found.setdefault(method.name, Runs()).rows
+                            rows.setdefault(n, []).append(row)
                 spent, of_passes = spent + time.perf_counter() - began, of_passes + sum(numbers)
         finally:
             # Ctrl-C may have come before the figures of the last one were noted.

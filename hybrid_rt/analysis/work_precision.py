@@ -38,6 +38,7 @@ from hybrid_rt.analysis.reference import (
 from hybrid_rt.analysis.study_runs import Runs, add_pictures
 from hybrid_rt.analysis.units import percent, signed_percent
 from hybrid_rt.core import checks
+from hybrid_rt.core.interrupts import heard_anywhere, heard_at_stops
 from hybrid_rt.core.progress import Say
 from hybrid_rt.core.threads import Pool
 from hybrid_rt.integrators import INTEGRATORS
@@ -196,16 +197,22 @@ def study_picture(
             Pool(threads).threads, runs, trimmed,
         )  # fmt: skip
 
-    try:
-        add_pictures(found_of, scene, chosen, passes or (), seconds, runs, truth, threads, say)
-        if on_meshes:
-            dearest = max(found_of[certified.name].rows)
-            meshes = mesh_errors(scene, truth, certified, on_meshes, dearest, trimmed, threads, say)
-    except KeyboardInterrupt:
-        if not found_of:
-            raise
-        raise StudyInterrupted(study()) from None
-    return study()
+    with heard_at_stops():  # a second one must not take what was measured
+        try:
+            with heard_anywhere():
+                add_pictures(
+                    found_of, scene, chosen, passes or (), seconds, runs, truth, threads, say
+                )
+                if on_meshes:
+                    dearest = max(found_of[certified.name].rows)
+                    meshes = mesh_errors(
+                        scene, truth, certified, on_meshes, dearest, trimmed, threads, say
+                    )
+        except KeyboardInterrupt:
+            if not found_of:
+                raise
+            raise StudyInterrupted(study()) from None
+        return study()
 
 
 def _compiled(scene: Scene, methods: Sequence[Method], threads: int | None) -> float:

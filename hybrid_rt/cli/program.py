@@ -288,7 +288,7 @@ def _run_compare(options: argparse.Namespace) -> None:
 def _run_demo(options: argparse.Namespace) -> None:
     from hybrid_rt import demo
     from hybrid_rt.analysis.mesh_comparison import compare_with_mesh, in_words
-    from hybrid_rt.core.interrupts import held_back
+    from hybrid_rt.core.interrupts import heard_at_stops, held_back
     from hybrid_rt.core.precompile import want
     from hybrid_rt.core.progress import watch_compilation
     from hybrid_rt.sensor.image_files import check_output
@@ -298,6 +298,7 @@ def _run_demo(options: argparse.Namespace) -> None:
     scene = demo.scene()
     with ExitStack() as until_saved:
         with shown_progress(options.progress) as progress:
+            until_saved.enter_context(heard_at_stops())
             result, interrupt = rendered(
                 scene, integrator="whitted", passes=demo.PASSES, progress=progress
             )

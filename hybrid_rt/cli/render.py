@@ -64,7 +64,7 @@ def render_scene(
     int
         The exit code.
     """
-    from hybrid_rt.core.interrupts import held_back
+    from hybrid_rt.core.interrupts import heard_at_stops, held_back
     from hybrid_rt.core.progress import watch_compilation
 
     asked = _checked(name, options)
@@ -76,6 +76,8 @@ def render_scene(
             integrator = preferred if options.integrator is None else options.integrator
             scene = _resized(scene, options.width, options.height)
             compare_on(page, scene, options.live_compare)
+            # From here on, so that nothing comes between the render's end and the files.
+            until_saved.enter_context(heard_at_stops())
             with _said_of_store(asked.store):
                 result, interrupt = rendered(
                     scene,

@@ -28,6 +28,7 @@ from importlib import resources
 from pathlib import Path
 from typing import Any
 
+from hybrid_rt.core.interrupts import LOOK, heard_at_stops, stop_point
 from meshing.kernels import cache
 
 # Beyond that the longest compilation takes longer than all others together.
@@ -150,7 +151,7 @@ def _on_miss(kernel: str, types: tuple[Any, ...]) -> bool:
         return False
     # For listeners this is a compilation: it is announced, and its time counts as such.
     what = {"dispatcher": named(kernel), "args": types, "return_type": None}
-    with event.trigger_event("numba:compile", data=what):
+    with heard_at_stops(), event.trigger_event("numba:compile", data=what):
         return _workers.wait_for(number)
 
 
@@ -203,11 +204,13 @@ class _Workers:
         """
         with self._changed:
             while number in self._queue and self._n_threads and not self._is_ready(number):
-                self._changed.wait(1.0)  # a process that dies tells nobody
+                stop_point()
+                self._changed.wait(LOOK)  # a process that dies tells nobody
             if number in self._queue:
                 self._queue.remove(number)
             while number in self._at_work:
-                self._changed.wait()
+                stop_point()
+                self._changed.wait(LOOK)
             return number in self._done
 
     def how_far(self) -> tuple[int, int]:

@@ -9,6 +9,8 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any, Protocol
 
+from hybrid_rt.core.interrupts import held_back
+
 # Shorter compilations are not worth a message; a long one says so often how far it is, seconds.
 ANNOUNCE_AFTER, AGAIN_AFTER = 0.5, 0.5
 # Where nobody has asked to hear of it, only what takes long is said; and once for compilations that
@@ -104,7 +106,8 @@ class CompileWatch:
     def _announce_after(self, seconds: float) -> None:
         self._timer = threading.Timer(seconds, self._announce)
         self._timer.daemon = True
-        self._timer.start()
+        with held_back():
+            self._timer.start()
 
     def _announce(self) -> None:
         # Held while it is said: a next stage begins after this one's end only.

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
-from concurrent.futures import Future, ThreadPoolExecutor, as_completed
-from contextlib import contextmanager
+from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import closing, contextmanager
 from dataclasses import dataclass, replace
 from queue import SimpleQueue
 from typing import Any
@@ -13,9 +13,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from hybrid_rt.core.interrupts import held_back
+from hybrid_rt.core.interrupts import heard_anywhere, heard_at_stops, held_back
 from hybrid_rt.core.ledger import Ledger
 from hybrid_rt.core.records import FloatArray
+from hybrid_rt.core.threads import as_done
 from hybrid_rt.integrators.context import RenderContext
 from hybrid_rt.integrators.integrator import BLOCK, Integrator
 
@@ -196,18 +197,22 @@ class Workers:
         blocks = [(first, min(first + size, n)) for first in range(0, n, size)]
         shares = self._shares(passes)
         prepared: list[Any] = [None] * len(shares)
-        for i, found in self._done(
-            lambda worker, i: worker.prepare(*shares[i]), range(len(shares))
-        ):
-            prepared[i] = found
+        # Closed, and not left to be: threads would go on counting while others read.
+        with closing(
+            self._done(lambda worker, i: worker.prepare(*shares[i]), range(len(shares)))
+        ) as done_shares:
+            for i, found in done_shares:
+                prepared[i] = found
         gathered = self._integrators[0].gather(passes, prepared)
         for integrator in self._integrators:
             integrator.take(gathered)
-        traced = self._done(lambda worker, block: worker.trace(passes, *block), blocks)
-        for done, ((first, stop), radiance) in enumerate(traced, start=1):
-            rows[first:stop] = radiance
-            if on_rays is not None:
-                on_rays(min(done * size, n))
+        with closing(
+            self._done(lambda worker, block: worker.trace(passes, *block), blocks)
+        ) as traced:
+            for done, ((first, stop), radiance) in enumerate(traced, start=1):
+                rows[first:stop] = radiance
+                if on_rays is not None:
+                    on_rays(min(done * size, n))
         for (run, _), found in zip(shares, prepared, strict=True):
             first, stop = run.start - passes.start, run.stop - passes.start
             part = images[first:stop].reshape(len(run), -1, 3)
@@ -240,15 +245,17 @@ class Workers:
 
     def _done(
         self, work: Callable[[Any, Any], Any], items: Sequence[Any]
-    ) -> Iterator[tuple[Any, Any]]:
+    ) -> Generator[tuple[Any, Any], None, None]:
         """Yield items with what was made of them, in the order in which they are done."""
         if len(self._integrators) == 1 or (len(items) == 1 and self._submit is None):
             for item in items:
-                yield item, work(self._integrators[0], item)
+                with heard_anywhere():
+                    made = work(self._integrators[0], item)
+                yield item, made
             return
         with self._at_work() as submit:
             item_of = {submit(work, item): item for item in items}
-            for future in as_completed(item_of):
+            for future in as_done(item_of):
                 yield item_of[future], future.result()
 
     @contextmanager
@@ -271,18 +278,21 @@ class Workers:
             finally:
                 idle.put(integrator)
 
-        executor = ThreadPoolExecutor(len(self._integrators), thread_name_prefix="hybrid_rt")
-        self._submit = lambda work, item: executor.submit(do, work, item)
-        try:
-            yield self._submit
-        finally:
-            self._submit = None
-            with held_back():  # or threads would go on counting while others read
-                executor.shutdown(cancel_futures=True)
+        with heard_at_stops():
+            executor = ThreadPoolExecutor(len(self._integrators), thread_name_prefix="hybrid_rt")
+            self._submit = lambda work, item: executor.submit(do, work, item)
+            try:
+                yield self._submit
+            finally:
+                self._submit = None
+                with held_back():  # or threads would go on counting while others read
+                    executor.shutdown(cancel_futures=True)
 
     def _at_once(self, work: Callable[[Any, Any], Any], item: Any) -> Future[Any]:
         future: Future[Any] = Future()
-        future.set_result(work(self._integrators[0], item))
+        with heard_anywhere():
+            made = work(self._integrators[0], item)
+        future.set_result(made)
         return future
 
     def blur(self, image: NDArray[np.float32]) -> Blur:

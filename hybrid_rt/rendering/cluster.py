@@ -18,7 +18,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Self
 
 from hybrid_rt.core import checks
-from hybrid_rt.core.interrupts import unheard_by_others
+from hybrid_rt.core.interrupts import heard_anywhere, unheard_by_others
 from hybrid_rt.integrators.workers import Made, Pass, Workers
 from hybrid_rt.rendering.run import ClusterLost
 from hybrid_rt.rendering.set_up import Request
@@ -135,12 +135,13 @@ class Cluster:
                 n = int(self._address.removeprefix(LOCAL))
                 # dask has its processes give back memory at once, which costs a quarter of the time.
                 given_back = dask.config.set({"distributed.nanny.pre-spawn-environ": {}})
-                with given_back, unheard_by_others():
+                with heard_anywhere(), given_back, unheard_by_others():
                     self._local = LocalCluster(
                         n_workers=n, threads_per_worker=1, dashboard_address=None, silence_logs=50
                     )
             place = self._address if self._local is None else self._local
-            self._client = Client(place, timeout=ANSWER, set_as_default=False)
+            with heard_anywhere():
+                self._client = Client(place, timeout=ANSWER, set_as_default=False)
         except (OSError, TimeoutError, ValueError, RuntimeError) as error:
             self._close_local()
             if self._address.startswith(LOCAL):
@@ -155,10 +156,11 @@ class Cluster:
             self._close_local()
             raise
         try:
-            self._wait("no worker of these versions came")
-            while self._local is not None and self._setting_up:  # they all began together
-                time.sleep(LOOK / 10)
-                self._look()
+            with heard_anywhere():
+                self._wait("no worker of these versions came")
+                while self._local is not None and self._setting_up:  # they all began together
+                    time.sleep(LOOK / 10)
+                    self._look()
         except BaseException:
             self.__exit__()
             raise

@@ -27,17 +27,34 @@ def identity(scene: Scene, settings: dict[str, Any]) -> dict[str, Any]:
     scene : Scene
     settings : dict
         Of `hybrid_rt.rendering.render`.
+
+    Raises
+    ------
+    TypeError
+        If it cannot be told whether a later render has the same scene and code.
     """
     camera = scene.camera
     parts: dict[str, Any] = {"camera": camera, "environment": scene.environment}
     parts |= {f"lights[{i}]": light for i, light in enumerate(scene.lights)}
     parts |= {f"objects[{i}]": found for i, found in enumerate(scene.objects)}
     size = {"width": camera.width, "height": camera.height}
+    name = settings["integrator"]
     return {
-        "scene": {name: fingerprint(part) for name, part in parts.items()},
+        "scene": {name: _fingerprint(part, f"the scene's {name}") for name, part in parts.items()},
         "settings": {**{name: settings[name] for name in DECISIVE}, **size},
+        "code": {name: _fingerprint(INTEGRATORS[name], f"integrator {name!r}")},
         "versions": versions(),
     }
+
+
+def _fingerprint(value: Any, name: str) -> str:
+    try:
+        return fingerprint(value)
+    except TypeError as error:
+        raise TypeError(
+            f"store: whether {name} stays the same cannot be told ({error}): make it of plain data "
+            "and functions, or render without a store"
+        ) from None
 
 
 def differences(own: Mapping[str, Any], held: Mapping[str, Any]) -> list[str]:
@@ -54,8 +71,13 @@ def differences(own: Mapping[str, Any], held: Mapping[str, Any]) -> list[str]:
     found = []
     for heading in dict.fromkeys((*held, *own)):
         a, b = held.get(heading), own.get(heading)
+        if heading == "code" and a is None:
+            continue  # of an older format, which differs
         if not (isinstance(a, dict) and isinstance(b, dict)):
             found += [] if a == b else [f"{heading} {a} there, {b} here"]
+        elif heading == "code":  # of other integrators the settings tell
+            changed = [name for name in a if b.get(name, a[name]) != a[name]]
+            found += [f"the code of integrator {name!r} differs" for name in changed]
         elif heading == "scene":
             found += [f"the scene's {name} {_how(name, a, b)}" for name in _unequal(a, b)]
         else:

@@ -5,10 +5,13 @@ from __future__ import annotations
 import time
 from typing import Any
 
+import numpy as np
+
 from hybrid_rt.integrators.workers import Counts, Workers
 from hybrid_rt.rendering.limits import Clock, Limit
 from hybrid_rt.rendering.store import PassStore, Saved, StoreError
 from hybrid_rt.sensor.film import Film
+from hybrid_rt.sensor.passes import GROUPS, RUN
 
 
 class Keeper:
@@ -39,28 +42,52 @@ class Keeper:
         self._first, self._began = 0, time.time()
 
     def take_up(self, saved: Saved) -> None:
-        """Go on from saved sums.
+        """Go on from saved sums, or from those before them if they do not fit the picture.
 
         Raises
         ------
         StoreError
-            If they do not fit the picture.
+            If none fit.
         """
+        while why := self._misfit(saved):
+            older = self._store.older(why)
+            if older is None:
+                raise self._unfit(why)
+            saved = older
         try:
             self._film.restore(saved.arrays)
             self._workers.restore(saved.arrays)
             self._carry(saved.counts)
             self._limit.restore(saved.limit)
         except (KeyError, ValueError, TypeError) as error:
-            raise StoreError(
-                f"store {self._store.shown} holds sums that do not fit its render ({error}): name "
-                "another folder"
-            ) from None
+            raise self._unfit(error) from None
         self._before, self._first = saved.sessions, self._film.n_passes
         self._clock.earlier = sum(one["seconds"] for one in saved.sessions)
         self._clock.earlier_compilation = sum(
             one["kernel_compilation_seconds"] for one in saved.sessions
         )
+
+    def _unfit(self, why: object) -> StoreError:
+        return StoreError(
+            f"store {self._store.shown} holds sums that do not fit its render ({why}): name another "
+            "folder"
+        )
+
+    def _misfit(self, saved: Saved) -> str:
+        """Say in which array saved sums differ from those of this render in kind; "": in none."""
+        own = {**self._film.state(), **self._workers.state()}
+        found = dict(saved.arrays)
+        if "squares" not in found:  # once the groups tell the noise
+            del own["squares"]
+        # As long as it has passes.
+        own["first_means"] = np.zeros(min(saved.passes, GROUPS * RUN))
+        for name in sorted(own.keys() | found.keys()):
+            a, b = (arrays.get(name) for arrays in (own, found))
+            if a is None or b is None or (a.shape, a.dtype) != (b.shape, b.dtype):
+                there = "missing" if b is None else f"{b.dtype} {b.shape}"
+                return f"{name} is {there}"
+        n_passes = int(found["counts"].sum())
+        return "" if n_passes == saved.passes else f"{saved.passes} passes of which are {n_passes}"
 
     def _carry(self, counts: Counts) -> None:
         """Take saved counts in place of those of this call, whose set-up they have counted already.

@@ -9,7 +9,7 @@ from contextlib import ExitStack
 from dataclasses import asdict, fields
 
 from hybrid_rt.core import checks
-from hybrid_rt.core.interrupts import kept_back
+from hybrid_rt.core.interrupts import hear_again, heard_anywhere, heard_at_stops, kept_back
 from hybrid_rt.core.keywords import explains
 from hybrid_rt.core.ledger import Ledger, plain
 from hybrid_rt.core.progress import Progress, watch_compilation
@@ -159,11 +159,11 @@ def render(
         Before any work, if the picture or the photons of a pass do not fit into memory.
     StoreError
         A ValueError, before any work: the store is in use, holds passes although ``resume`` is
-        False, or holds passes of another scene, of other settings or of other versions.
+        False, or holds passes of another scene, of other settings, code or versions.
     RenderInterrupted
         A KeyboardInterrupt that holds the picture of the complete passes. It is raised on Ctrl-C,
-        or if ``progress`` raises KeyboardInterrupt, after the first pass. Further Ctrl-C are
-        deferred until then.
+        or if ``progress`` raises KeyboardInterrupt, after the first pass. Further Ctrl-C change
+        nothing.
     """
     if not isinstance(scene, Scene):
         raise TypeError(f"render scene is {checks.shown(scene)}: pass a Scene")
@@ -214,6 +214,8 @@ def render(
 
     # What holds signals back ends last: to let go of a cluster takes seconds.
     with ExitStack() as held, ExitStack() as around:
+        held.enter_context(heard_at_stops())
+        hear_again()
         around.callback(getattr(progress, "close", lambda: None))
         kept_in, saved = None, None
         if store is not None:
@@ -223,7 +225,8 @@ def render(
         compilation = around.enter_context(watch_compilation(progress, tells=progress is not None))
         clock = Clock(compilation)
         ledger = Ledger(lambda: clock.seconds)
-        ready = set_up(request, n_threads, ledger, progress)
+        with heard_anywhere():
+            ready = set_up(request, n_threads, ledger, progress)
         said = scene_warnings(ready.faults)
         for words in said:
             SCENE_LOG.warning(words)
@@ -233,9 +236,9 @@ def render(
             with ledger.stage("cluster"):
                 source = around.enter_context(Cluster(cluster, request, workers, limit.passes))
         # Before the passes, so that a time budget covers it.
-        with ledger.stage("audit"):
+        with heard_anywhere(), ledger.stage("audit"):
             wrong = audit(context, n_threads)
-        with ledger.stage("light not found"):
+        with heard_anywhere(), ledger.stage("light not found"):
             unfound = None
             if left_out:
                 from hybrid_rt.integrators.photons.unfound_light import unfound_light

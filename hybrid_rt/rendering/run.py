@@ -6,7 +6,7 @@ from collections.abc import Callable, Generator
 from contextlib import closing, nullcontext
 from typing import TYPE_CHECKING, Protocol
 
-from hybrid_rt.core.interrupts import held_back
+from hybrid_rt.core.interrupts import held_back, stop_point
 from hybrid_rt.core.progress import Progress
 from hybrid_rt.integrators import Options
 from hybrid_rt.integrators.workers import Made, Run, Workers
@@ -77,6 +77,7 @@ def run_passes(
         n_then = film.n_passes + n_together
 
         def on_rays(n_done: int, n_before: int = n_before, at_least: int = n_then) -> None:
+            stop_point()
             in_time = pace.passes_in_time((n_before + n_done) / n_pixels)
             total = n_pixels * max(limit.expected_passes(film.n_passes, in_time), at_least)
             if progress is not None:

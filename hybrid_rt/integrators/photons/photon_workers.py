@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from hybrid_rt.core.ledger import twelve_digits
 from hybrid_rt.core.records import FloatArray
+from hybrid_rt.core.threads import result_of
 from hybrid_rt.integrators.context import RenderContext
 from hybrid_rt.integrators.kernels.photon_steps import EMITTED, MET_SPECULAR, Photons
 from hybrid_rt.integrators.photons.blur import BlurSums
@@ -220,7 +221,7 @@ class PhotonWorkers(Workers):
         futures = [submit(work, i) for i in range(len(blocks))]
 
         def waited() -> T:
-            found: list[tuple[T] | None] = [future.result() for future in futures]
+            found: list[tuple[T] | None] = [result_of(future) for future in futures]
             return next(result for result in found if result is not None)[0]
 
         return waited

@@ -1,7 +1,9 @@
-"""Rows E01 to E10: the coarse stage, processes and threads, memory, layouts of arrays, kills."""
+"""Rows E01 to E11: the coarse stage, processes and threads, memory, layouts of arrays, stores."""
 
 from __future__ import annotations
 
+import json
+import logging
 import multiprocessing
 import signal
 import subprocess
@@ -19,7 +21,7 @@ from hybrid_rt.demo import teapot
 from hybrid_rt.intersection import Intersector
 from hybrid_rt.intersection.kernels.search.coarse import CoarseHits
 from hybrid_rt.primitives import Sphere
-from hybrid_rt.rendering.store import SUMS
+from hybrid_rt.rendering.store import IDENTITY, SUMS, PassStore, StoreError
 from hybrid_rt.verify.cases.campaign import torus
 from hybrid_rt.verify.cases.rays import at_box, chords, edges, silhouettes
 from hybrid_rt.verify.stability.measure import differences
@@ -257,3 +259,51 @@ def killed(effort: Effort) -> Outcome:
             ).checked(done > before and bool(kept["lost"]), "passes were lost without a word")
             before = done
     return total
+
+
+@row("E11", "a bit of a store flips", "the sums that were saved")
+def flipped(effort: Effort) -> Outcome:
+    """Any bit of any file: the sums that are taken up are those of one of the two saves."""
+    from hybrid_rt.rendering.renderer import render
+    from hybrid_rt.verify.stability.rows_light_stored import room
+
+    total, scene = Outcome(), room().with_camera(room().camera.resized(8, 6))
+    said = logging.getLogger("hybrid_rt.rendering.store")
+    said.addFilter(_nothing)
+    with tempfile.TemporaryDirectory() as name:
+        for passes in (2, 3):
+            render(scene, passes=passes, store=name, resume=True)
+        files = [Path(name) / file for file in (IDENTITY, *SUMS)]
+        identity = json.loads(files[0].read_text())
+        del identity["format"]
+
+        def taken_up() -> tuple[int, bytes]:
+            store = PassStore(name, resume=True)
+            try:
+                saved = store.open(identity)
+            except StoreError as error:
+                return -1, str(error).encode()
+            finally:
+                store.close()
+            assert saved is not None
+            return saved.passes, saved.arrays["sums"].tobytes() + saved.arrays["run"].tobytes()
+
+        newest, contents = taken_up(), [file.read_bytes() for file in files]
+        files[2].unlink()
+        expected = [newest, newest, taken_up()]
+        files[2].write_bytes(contents[2])
+        n_bits = 8 * sum(map(len, contents))
+        step = max(n_bits // effort.count(n_bits, 100), 1)
+        for file, whole, right in zip(files, contents, expected, strict=True):
+            for i in range(effort.seed % step, 8 * len(whole), step):
+                content = bytearray(whole)
+                content[i // 8] ^= 1 << i % 8
+                file.write_bytes(content)
+                total += Outcome(rays=1, wrong=int(taken_up() != right))
+            file.write_bytes(whole)
+    said.removeFilter(_nothing)
+    return total
+
+
+def _nothing(_record: Any) -> bool:
+    return False

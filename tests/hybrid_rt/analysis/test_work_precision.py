@@ -3,7 +3,10 @@
 import base64
 import io
 import math
+import os
 import re
+import signal
+import time
 from dataclasses import replace
 from xml.etree import ElementTree
 
@@ -12,7 +15,7 @@ import numpy as np
 import pytest
 from studied import SCENE
 
-from hybrid_rt.analysis import answers, study_diagrams, study_runs, tables
+from hybrid_rt.analysis import answers, study_diagrams, study_runs, tables, work_precision
 from hybrid_rt.analysis.advice import advise
 from hybrid_rt.analysis.curves import Curve, Spread, renamed, spread
 from hybrid_rt.analysis.method_forecast import forecasts_of
@@ -141,6 +144,32 @@ def test_an_interrupt_before_the_figures_of_a_picture_loses_no_other(monkeypatch
     with pytest.raises(StudyInterrupted) as caught:
         study_picture(scene, (4, 16), runs=2, reference=truth, methods=methods, threads=1)
     assert [curve.name for curve in caught.value.study.curves] == ["path"]
+
+
+def test_a_second_ctrl_c_does_not_take_what_was_measured(monkeypatch):
+    """It comes while the curves of what the first one left are computed."""
+
+    def interrupted(*arguments):
+        os.kill(os.getpid(), signal.SIGINT)
+        time.sleep(0.01)
+        return curve(*arguments)
+
+    def stops(text):
+        if text.startswith("run 2"):
+            os.kill(os.getpid(), signal.SIGINT)
+            time.sleep(0.01)
+
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    walls = Object(Box((-1, -1, -1), (1, 1, 1)).flipped(), Emissive(1.0, Lambertian(0.5)))
+    scene = Scene(Camera((0, 0, 0), (1, 0.2, 0.1), (0, 0, 1), 90, 16, 12), [walls])
+    truth = Picture("truth", np.full((12, 16, 3), 2.0, np.float32), None, None)
+    curve = work_precision._curve
+    monkeypatch.setattr(work_precision, "_curve", interrupted)
+    settings = {"reference": truth, "methods": [Method("path", "path")], "threads": 1}
+    with pytest.raises(StudyInterrupted) as caught:
+        study_picture(scene, (4,), runs=2, say=stops, **settings)
+    assert [curve.name for curve in caught.value.study.curves] == ["path"]
+    assert signal.signal(signal.SIGINT, before) is signal.default_int_handler
 
 
 @pytest.mark.statistical

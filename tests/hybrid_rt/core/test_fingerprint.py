@@ -3,12 +3,16 @@
 import math
 import subprocess
 import sys
+import sysconfig
+import threading
+import types
 from functools import cached_property
 
 import numpy as np
 import pytest
 
 from hybrid_rt import Camera, Dielectric, Lambertian, Object, RectangleLight, Sphere
+from hybrid_rt.core import fingerprint as fingerprints
 from hybrid_rt.core.fingerprint import fingerprint
 from hybrid_rt.textures import ImageTexture
 from meshing import BezierPatches
@@ -115,3 +119,119 @@ def test_functions_count_by_what_they_do():
 def test_what_cannot_be_kept_is_refused(tmp_path):
     with (tmp_path / "file").open("w") as file, pytest.raises(TypeError):
         fingerprint(file)
+
+
+MODULE = """
+import dataclasses, enum, functools, logging, math
+import numba
+import numpy as np
+import helpers
+from helpers import halved
+
+GAIN = 1.0
+TABLE = np.arange(3.0)
+log = logging.getLogger("some")
+
+def scaled(x):
+    return GAIN * x
+
+@functools.lru_cache
+def cached(x):
+    return scaled(x)
+
+@numba.njit
+def kernel(x):
+    return 2 * x
+
+class Base:
+    __slots__ = ("a",)
+    kind = 1
+
+    @property
+    def double(self):
+        return 2
+
+    @staticmethod
+    def tripled(x):
+        return 3 * x
+
+@dataclasses.dataclass(frozen=True)
+class Thing(Base):
+    size: float = 4.0
+
+    def used(self):
+        log.info("used")
+        return [scaled(i) for i in range(5)] + [Thing, again, TABLE]
+
+class Colour(enum.Enum):
+    RED = 6
+
+def again():
+    return texture
+
+def local():
+    import helpers as own
+    return own.quartered(8)
+
+def texture(u, v):
+    return Thing().used(), Colour.RED, kernel(u), cached(v), math.pi, helpers.quartered, halved
+"""
+HELPERS = """
+def halved(x):
+    return x / 7
+
+def quartered(x):
+    return halved(halved(x))
+
+def unused():
+    return 9
+"""
+
+
+def made(monkeypatch, names=("texture",), **changes):
+    """Run the modules as a user's, with other digits; return the fingerprint of what has a name."""
+    for module, text in (("helpers", HELPERS), ("user", MODULE)):
+        code = text
+        for old, new in changes.items():
+            code = code.replace(old[1:], new)
+        monkeypatch.setitem(sys.modules, module, types.ModuleType(module))
+        exec(code, vars(sys.modules[module]))  # noqa: S102
+    return fingerprint([vars(sys.modules["user"])[name] for name in names])
+
+
+def test_functions_and_classes_of_ones_own_count_with_what_they_refer_to(monkeypatch):
+    """Each digit of the modules but the last is used by the function, over however many steps."""
+    as_is = made(monkeypatch)
+    assert made(monkeypatch) == as_is  # other objects with the same contents
+    digits = ["1.0", "2 * x", "= 1\n", "return 2", "3 * x", "4.0", "range(5)", "6\n", "/ 7"]
+    for digit in [*digits, "arange(3.0)"]:
+        changed = digit.translate(str.maketrans("1234567", "8888888"))
+        assert made(monkeypatch, **{f"_{digit}": changed}) != as_is, digit
+    assert made(monkeypatch, **{"_return 9": "return 8"}) == as_is
+    assert made(monkeypatch, ("Thing", "again")) != made(monkeypatch, ("again", "Thing"))
+    local = made(monkeypatch, ("local",))
+    assert made(monkeypatch, ("local",), **{"_/ 7": "/ 8"}) != local
+
+
+def test_what_functions_use_is_refused_by_name_if_nobody_can_tell():
+    names = {"__name__": "user", "LOCK": threading.Lock()}
+    exec("class Own:\n    def locked(self):\n        return LOCK", names)  # noqa: S102
+    words = "function Own.locked uses LOCK, a lock, which cannot be compared"
+    with pytest.raises(TypeError, match=words):
+        fingerprint(names["Own"]())
+
+
+def test_of_installed_packages_the_file_counts(tmp_path, monkeypatch):
+    """They are not followed: they refer to thousands of others, and have versions."""
+    monkeypatch.setattr(sysconfig, "get_path", lambda _: str(tmp_path))
+    found = []
+    for text in ("f = lambda x: x", "f = lambda x: x  #", "f = lambda x: x"):
+        (tmp_path / "installed.py").write_text(text)
+        module = types.ModuleType("installed")
+        module.__file__ = str(tmp_path / "installed.py")
+        monkeypatch.setitem(sys.modules, "installed", module)
+        exec(text, vars(module))  # noqa: S102
+        fingerprints._file_of.cache_clear()
+        found.append(fingerprint(module.f))
+    fingerprints._file_of.cache_clear()
+    assert found[0] == found[2] != found[1]

@@ -1,5 +1,6 @@
 """Ctrl-C loses no pass that is complete, and leaves no sum half made."""
 
+import contextlib
 import json
 import os
 import pickle
@@ -8,13 +9,26 @@ import subprocess
 import sys
 import threading
 import time
+import traceback
 
 import imageio.v3 as imageio
 import numpy as np
 import pytest
 
-from hybrid_rt.core.interrupts import held_back, kept_back, sigterm_as_ctrl_c, unheard_by_others
-from hybrid_rt.integrators import PPMOptions
+from hybrid_rt.cli import main
+from hybrid_rt.cli import render as cli_render
+from hybrid_rt.core import precompile
+from hybrid_rt.core.interrupts import (
+    heard_anywhere,
+    heard_at_stops,
+    held_back,
+    kept_back,
+    sigterm_as_ctrl_c,
+    stop_point,
+    unheard_by_others,
+)
+from hybrid_rt.core.threads import Pool
+from hybrid_rt.integrators import PhotonMapOptions, PPMOptions, workers
 from hybrid_rt.integrators.path.path_tracer import PathTracer
 from hybrid_rt.integrators.photons.photon_workers import PhotonWorkers
 from hybrid_rt.integrators.workers import Workers
@@ -46,6 +60,12 @@ def heard():
     as_before = signal.signal(signal.SIGINT, signal.default_int_handler)
     yield
     signal.signal(signal.SIGINT, as_before)
+
+
+def send(number):
+    """Send this process a signal, and leave Python time to hear it."""
+    os.kill(os.getpid(), number)
+    time.sleep(0.01)
 
 
 def ball():
@@ -257,3 +277,153 @@ def test_other_threads_and_other_programs_handlers_are_left_alone():
     finally:
         signal.signal(signal.SIGINT, as_before)
     assert seen == [signal.default_int_handler, signal.SIG_IGN]
+
+
+def test_a_second_interrupt_does_not_disturb_what_ends_after_the_first():
+    """Each line after the first signal would be left out if the next one were raised there."""
+    done = []
+    with sigterm_as_ctrl_c() as terminations, contextlib.suppress(KeyboardInterrupt):
+        try:
+            send(signal.SIGINT)
+            done.append("not interrupted")
+        finally:
+            send(signal.SIGTERM)
+            with held_back():
+                send(signal.SIGINT)
+                done.append("cleaned up")
+            done.append("to the end")
+    assert done == ["cleaned up", "to the end"]
+    assert terminations == [(signal.SIGTERM, None)]
+    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+    with pytest.raises(KeyboardInterrupt):  # and the next one is heard again
+        send(signal.SIGINT)
+
+
+def test_between_stops_nothing_is_raised():
+    done = []
+
+    def at_stops():
+        with heard_at_stops():
+            send(signal.SIGINT)
+            done.append("before the stop")
+            stop_point()
+            done.append("after it")
+
+    with pytest.raises(KeyboardInterrupt):
+        at_stops()
+    assert done == ["before the stop"]
+
+    def anywhere():
+        with heard_at_stops(), heard_anywhere():
+            send(signal.SIGINT)
+            done.append("not where it may be raised")
+
+    with pytest.raises(KeyboardInterrupt):
+        anywhere()
+    with kept_back() as came:
+        with heard_anywhere():  # it is kept back around it
+            send(signal.SIGINT)
+            stop_point()
+        done.append("kept back")
+    assert done == ["before the stop", "kept back"]
+    assert came == [(signal.SIGINT, None)]
+
+
+@pytest.mark.parametrize("threads", [1, 3])
+@pytest.mark.parametrize("integrator", ["whitted", "path", "ppm", "photon_map"])
+def test_a_burst_of_signals_loses_no_pass(integrator, threads, monkeypatch):
+    """Raised in no lock and in no other place that leaves something half done: at stops alone."""
+    monkeypatch.setattr(workers, "TOGETHER", 1)
+    scene, raised = ball().with_camera(ball().camera.resized(64, 48)), []
+    options = {
+        "ppm": PPMOptions(500, initial_radius=0.3),
+        "photon_map": PhotonMapOptions(photons_per_pass=500, nearest=20),
+    }
+    settings = {"options": options.get(integrator), "threads": threads}
+    trace, main = Workers.render_passes, threading.main_thread().ident
+
+    def burst():
+        for number in (signal.SIGINT, signal.SIGTERM, signal.SIGINT, signal.SIGINT, signal.SIGTERM):
+            signal.pthread_kill(main, number)
+            time.sleep(0.002)
+
+    def noted(self, passes, on_rays=None):
+        if passes.start == 2:
+            sender.start()
+        try:
+            yield from trace(self, passes, on_rays)
+        except KeyboardInterrupt as interrupt:
+            raised.extend(frame.name for frame in traceback.extract_tb(interrupt.__traceback__))
+            raise
+
+    sender = threading.Thread(target=burst)
+    monkeypatch.setattr(Workers, "render_passes", noted)
+    with sigterm_as_ctrl_c():
+        with pytest.raises(RenderInterrupted) as caught:
+            render(scene, integrator, target_error=1e-9, **settings)
+        sender.join()
+    monkeypatch.undo()
+    found = caught.value.result
+    whole = render(scene, integrator, found.report["passes"], **settings)
+    np.testing.assert_array_equal(found.image, whole.image)
+    assert not raised or threads == 1 or raised[-2:] == ["stop_point", "_deliver"]
+    assert [one for one in threading.enumerate() if one.name.startswith("hybrid_rt_")] == []
+
+
+def test_a_pool_writes_no_more_when_the_interrupt_is_heard():
+    """Its arrays are somebody else's by then; slices that have not begun are left out."""
+    begun, ended, main = [], [], threading.main_thread().ident
+
+    def work(begin, _end):
+        begun.append(begin)
+        for _ in range(3):
+            signal.pthread_kill(main, signal.SIGINT)
+            time.sleep(0.03)
+        ended.append(begin)
+
+    with sigterm_as_ctrl_c(), pytest.raises(KeyboardInterrupt) as caught:
+        Pool(2).run(work, 8 * 256, 256)
+    assert len(begun) == len(ended) < 8
+    assert [frame.name for frame in traceback.extract_tb(caught.tb)][-2:] == [
+        "stop_point",
+        "_deliver",
+    ]
+
+
+def test_who_waits_for_a_kernel_hears_and_leaves_its_lock():
+    compiling = precompile._Workers()
+    compiling._at_work.add(3)
+    main = threading.main_thread().ident
+    timer = threading.Timer(0.02, lambda: [signal.pthread_kill(main, signal.SIGINT)] * 3)
+    timer.start()
+    with pytest.raises(KeyboardInterrupt), heard_at_stops():
+        compiling.wait_for(3)
+    timer.join()
+    assert compiling._changed.acquire(blocking=False)
+
+
+@pytest.mark.parametrize("place", ["rendered", "_saved"])
+def test_ctrl_c_between_a_render_and_its_files_loses_no_picture(place, tmp_path, monkeypatch):
+    step = getattr(cli_render, place)
+
+    def interrupted(*arguments, **settings):
+        made = step(*arguments, **settings)
+        send(signal.SIGINT)
+        return made
+
+    monkeypatch.setattr(cli_render, place, interrupted)
+    (tmp_path / "ball.py").write_text(SCRIPT)
+    words = ["--passes", "1", "--threads", "1", "--quiet", "--out", str(tmp_path / "a.npz")]
+    assert main(["render", str(tmp_path / "ball.py"), *words]) == 130
+    assert np.load(tmp_path / "a.npz")["image"].shape == (48, 64, 3)
+
+
+def test_a_render_in_another_thread_is_not_interrupted():
+    """As notebooks have it: the main thread's Ctrl-C is the main thread's."""
+    made = []
+    thread = threading.Thread(target=lambda: made.append(render(ball(), passes=3, threads=2)))
+    thread.start()
+    with pytest.raises(KeyboardInterrupt):
+        send(signal.SIGINT)
+    thread.join()
+    assert made[0].report["stopped_by"] == "passes"

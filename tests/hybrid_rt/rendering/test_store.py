@@ -1,25 +1,29 @@
 """The pass store: the same bits however a render was cut, and nothing lost without a word."""
 
+import contextlib
 import errno
+import io
 import json
 import os
 import re
 import signal
 import subprocess
 import sys
+import threading
 import time
 
 import numpy as np
 import pytest
 
 from hybrid_rt import Camera, Lambertian, Object, RectangleLight, Scene, Sphere
-from hybrid_rt.integrators import workers
+from hybrid_rt.integrators import INTEGRATORS, workers
 from hybrid_rt.integrators.options import PathOptions, PhotonMapOptions, PPMOptions
+from hybrid_rt.integrators.workers import Counts
 from hybrid_rt.primitives.rectangle import Rectangle
 from hybrid_rt.rendering import store as store_module
 from hybrid_rt.rendering.renderer import render
 from hybrid_rt.rendering.result import RenderInterrupted
-from hybrid_rt.rendering.store import PassStore, StoreError
+from hybrid_rt.rendering.store import PassStore, Saved, StoreError
 from hybrid_rt.rendering.summary import in_words
 
 OPTIONS = {
@@ -362,3 +366,276 @@ def test_killed_at_any_moment(tmp_path):
     assert part.report["store"]["passes_before"] == passes
     assert "ended without saving" in part.report["store"]["lost"][0]
     np.testing.assert_array_equal(part.image, render(scene(), passes=passes + 3).image)
+
+
+def two_saves(folder, width=12, **settings):
+    """Make a store of 6 and 9 passes, of the film of 12 x 9 pixels: arrays of 10 and 2.6 KiB."""
+    for passes in (6, 9):
+        render(scene(width=width), passes=passes, store=folder, resume=True, **settings)
+    return folder
+
+
+def resumed(folder, **settings):
+    """Go on to 10 passes; return passes that were taken up, what was lost, whether bits are right."""
+    part = render(scene(), passes=10, store=folder, resume=True, **settings)
+    whole = render(scene(), passes=10, **settings)
+    kept = part.report["store"]
+    return kept["passes_before"], kept["lost"], np.array_equal(part.image, whole.image)
+
+
+def test_every_bit_of_sums_counts(tmp_path, monkeypatch):
+    """Whichever flips, nothing of the file is interpreted: its checksum is that of all of it."""
+    store = PassStore(tmp_path)
+    store.open({"scene": {}})
+    arrays = {"sums": np.random.default_rng(1).random(600), "run": np.zeros(3)}
+    store.save(Saved(9, arrays, Counts({}, {}, 0.0, {}), {}))
+    store.close()
+    content = bytearray((tmp_path / "sums-0.npz").read_bytes())
+    monkeypatch.setattr(store_module, "_parsed", lambda _: "interpreted")
+    assert store_module._read(bytes(content)) == "interpreted"
+    found = set()
+    for i in range(8 * len(content)):
+        content[i // 8] ^= 1 << i % 8
+        with contextlib.suppress(store_module._DamagedError):
+            found.add(store_module._read(bytes(content)))
+        content[i // 8] ^= 1 << i % 8
+    assert found == set()
+
+
+def test_a_bit_of_the_identity_does_not_lose_the_sums(tmp_path, monkeypatch, caplog):
+    monkeypatch.setattr(os, "fsync", lambda _: None)
+    file = two_saves(tmp_path) / "render.json"
+    whole = file.read_bytes()
+    identity = {name: part for name, part in json.loads(whole).items() if name != "format"}
+    for i in range(3, 8 * len(whole), 107):
+        content = bytearray(whole)
+        content[i // 8] ^= 1 << i % 8
+        file.write_bytes(content)
+        store = PassStore(tmp_path, resume=True)
+        assert store.open(identity).passes == 9
+        store.close()
+        assert file.read_bytes() == whole
+        assert store.notes == ["render.json was damaged: it is written again"]
+    assert "render.json was damaged" in caplog.text
+    file.unlink()
+    assert resumed(tmp_path)[::2] == (9, True)
+
+
+@pytest.mark.parametrize("name", ["sums-0.npz", "sums-1.npz"])
+@pytest.mark.parametrize("at", [0, 9, 66, 140, 5000, -200, -40, -1])
+def test_a_flipped_bit_costs_a_save_at_most(name, at, tmp_path):
+    file = two_saves(tmp_path) / name
+    content = bytearray(file.read_bytes())
+    content[at] ^= 16
+    file.write_bytes(content)
+    before = 9 if name == "sums-0.npz" else 6
+    damage = f"{name} is damaged (its checksum differs): its passes are made again"
+    assert resumed(tmp_path) == (before, [damage], True)
+
+
+CHANGES = {
+    "empty": lambda _: b"",
+    "a byte": lambda _: b"P",
+    "half": lambda content: content[: len(content) // 2],
+    "without its end": lambda content: content[:-1],
+    "with more behind": lambda content: content + b"\0",
+    "twice": lambda content: 2 * content,
+    "of another format": lambda content: content[:-32],
+}
+
+
+@pytest.mark.parametrize("change", CHANGES)
+def test_whatever_becomes_of_a_file_the_other_one_is_taken(change, tmp_path):
+    file = two_saves(tmp_path) / "sums-1.npz"
+    file.write_bytes(CHANGES[change](file.read_bytes()))
+    before, lost, is_right = resumed(tmp_path)
+    assert (before, is_right) == (6, True)
+    assert re.match(r"sums-1\.npz is damaged \(.*\): its passes are made again", lost[0])
+
+
+def test_a_file_of_another_store_is_not_used(tmp_path):
+    two_saves(tmp_path / "own", seed=1)
+    two_saves(tmp_path / "other", seed=2)
+    other = (tmp_path / "other" / "sums-1.npz").read_bytes()
+    (tmp_path / "own" / "sums-1.npz").write_bytes(other)
+    lost = ["sums-1.npz is of another render: not used"]
+    assert resumed(tmp_path / "own", seed=1) == (6, lost, True)
+    # If both are, the store is another one, whatever its render.json says.
+    for name in ("sums-0.npz", "sums-1.npz"):
+        (tmp_path / "own" / name).write_bytes(other)
+    with pytest.raises(StoreError, match="seed 2 there, 1 here"):
+        resumed(tmp_path / "own", seed=1)
+
+
+def test_one_file_in_both_places_is_as_good(tmp_path):
+    two_saves(tmp_path)
+    (tmp_path / "sums-0.npz").write_bytes((tmp_path / "sums-1.npz").read_bytes())
+    assert resumed(tmp_path) == (9, [], True)
+
+
+def forged(file, **arrays):
+    """Write a file of sums with other arrays, compressed, and a checksum that is right."""
+    with np.load(file) as held:
+        arrays = {**held, **arrays}
+    stream = io.BytesIO()
+    np.savez_compressed(stream, **arrays)
+    content = stream.getvalue()
+    file.write_bytes(content + store_module._checksum(content).digest())
+
+
+@pytest.mark.parametrize(
+    ("array", "words"),
+    [
+        ({"sums": np.zeros((4, 9, 13, 3))}, r"does not fit \(sums is float64 \(4, 9, 13, 3\)"),
+        ({"sums": np.zeros((4, 9, 12, 3), np.float32)}, r"does not fit \(sums is float32"),
+        ({"means": np.zeros(5)}, r"does not fit \(means is float64 \(5,\)"),
+        ({"first_means": np.zeros(8)}, r"does not fit \(first_means is float64 \(8,\)"),
+        ({"counts": np.array([4, 4, 0, 0])}, "9 passes of which are 8"),
+        ({"more": np.zeros(1)}, "does not fit .*more is float64"),
+        ({"about": np.zeros(1, np.uint8)}, "is damaged"),
+        ({"run": np.array([None])}, "is damaged"),
+        ({"run": np.zeros(2**22)}, "it unpacks to more than it holds"),
+    ],
+)
+def test_arrays_that_no_such_render_wrote_are_not_used(array, words, tmp_path, monkeypatch):
+    """Not even with the right checksum."""
+    if "unpacks" not in words:
+        monkeypatch.setattr(np, "savez_compressed", np.savez)
+    forged(two_saves(tmp_path) / "sums-1.npz", **array)
+    before, lost, is_right = resumed(tmp_path)
+    assert (before, is_right) == (6, True)
+    assert re.search(words, lost[0])
+
+
+def test_a_file_longer_than_sums_can_be_is_not_read(tmp_path):
+    two_saves(tmp_path)
+    with (tmp_path / "sums-1.npz").open("r+b") as file:
+        file.truncate(2**40)  # takes no room on the disk
+    before, lost, is_right = resumed(tmp_path)
+    assert (before, is_right) == (6, True)
+    assert "it has 1099511627776 bytes, where at most" in lost[0]
+
+
+def test_sums_that_may_not_be_read_are_not_overwritten(tmp_path, monkeypatch):
+    def refused(file, flags):
+        if file.name == "sums-1.npz":
+            raise PermissionError(errno.EACCES, "Permission denied")
+        return opened(file, flags)
+
+    two_saves(tmp_path)
+    opened = store_module._opened
+    monkeypatch.setattr(store_module, "_opened", refused)
+    with pytest.raises(StoreError, match=r"sums-1\.npz cannot be read \(Permission denied\): make"):
+        resumed(tmp_path)
+    monkeypatch.undo()
+    assert resumed(tmp_path) == (9, [], True)
+
+
+@pytest.mark.parametrize("name", sorted(store_module._KNOWN))
+@pytest.mark.parametrize("kind", ["pipe", "link", "folder"])
+def test_what_is_no_file_is_refused_and_not_opened(name, kind, tmp_path):
+    """A pipe would be waited for without end; behind a link is a file of somebody else's."""
+    folder, letter = two_saves(tmp_path / "store"), tmp_path / "letter"
+    (folder / name).unlink(missing_ok=True)
+    letter.write_text("dear")
+    if kind == "pipe":
+        os.mkfifo(folder / name)
+    elif kind == "link":
+        (folder / name).symlink_to(letter)
+    else:
+        (folder / name).mkdir()
+    with pytest.raises(StoreError, match=rf"{re.escape(name)} is no regular file"):
+        render(scene(), passes=10, store=folder, resume=True)
+    with pytest.raises(OSError, match=r"no regular file|symbolic link|directory"):
+        os.close(store_module._opened(folder / name, os.O_RDWR))
+    assert letter.read_text() == "dear"
+
+
+def test_a_lock_that_was_removed_is_none(tmp_path, monkeypatch):
+    """B opens the lock; A leaves no pass, and removes it; what B locks then is in no folder."""
+    import fcntl
+
+    first, lock, at_lock = PassStore(tmp_path / "kept"), fcntl.flock, []
+
+    def late(file, how):
+        if not at_lock:
+            at_lock.append(True)
+            first.close()
+        return lock(file, how)
+
+    first.open({"scene": {}})
+    monkeypatch.setattr(fcntl, "flock", late)
+    second = PassStore(tmp_path / "kept")
+    with pytest.raises(StoreError, match=rf"is in use by process {os.getpid()}"):
+        PassStore(tmp_path / "kept")
+    second.close()
+    assert not (tmp_path / "kept").exists()
+
+
+def test_passes_that_came_before_the_lock_are_not_gone_on_from(tmp_path):
+    """Without ``resume``: another render may save between the look at a folder and its lock."""
+    waiting = PassStore(tmp_path / "new")
+    two_saves(tmp_path / "other")
+    (tmp_path / "other" / "sums-1.npz").rename(tmp_path / "new" / "sums-1.npz")
+    with pytest.raises(StoreError, match="holds passes of a render"):
+        waiting.open({"scene": {}})
+    waiting.close()
+
+
+def test_a_refused_resume_leaves_it_to_the_next_to_say_what_was_lost(tmp_path):
+    two_saves(tmp_path)
+    (tmp_path / "in-use").write_text("process 1")
+    with pytest.raises(StoreError, match="seed 0 there, 1 here"):
+        render(scene(), passes=10, store=tmp_path, resume=True, seed=1)
+    before, lost, _ = resumed(tmp_path)
+    assert before == 9
+    assert "ended without saving" in lost[0]
+
+
+def integrator(gain, name="own"):
+    """Declare an integrator as a user's script does."""
+    names = {"__name__": "__main__"}
+    exec(OWN.replace("GAIN", str(gain)), names)  # noqa: S102
+    INTEGRATORS[name] = names["OWN"]
+
+
+OWN = """
+from hybrid_rt.integrators import Declaration
+from hybrid_rt.integrators.integrator import Integrator
+from hybrid_rt.integrators.workers import Workers
+import numpy as np
+
+
+class Constant(Integrator):
+    def _radiance(self, block):
+        return np.full((len(block.origins), 3), light())
+
+
+def light():
+    return GAIN
+
+
+OWN = Declaration("own", lambda context, threads: Workers(context, threads, Constant),
+                  lambda options: "", without_light_paths="none")
+"""
+
+
+def test_an_integrator_of_ones_own_is_its_code(tmp_path, monkeypatch):
+    monkeypatch.setitem(INTEGRATORS, "own", None)
+    integrator(1.0)
+    render(scene(), "own", passes=2, store=tmp_path)
+    integrator(1.0)  # imported again, with the same code
+    part = render(scene(), "own", passes=4, store=tmp_path, resume=True)
+    assert part.report["store"]["passes_before"] == 2
+    assert (part.image == 1.0).all()
+    integrator(3.0)
+    with pytest.raises(StoreError, match="the code of integrator 'own' differs"):
+        render(scene(), "own", passes=8, store=tmp_path, resume=True)
+    integrator("__import__('threading').local() or LOCK")
+    INTEGRATORS["own"].make.__globals__["LOCK"] = threading.Lock()
+    words = (
+        "store: whether integrator 'own' stays the same cannot be told .function light uses LOCK"
+    )
+    with pytest.raises(TypeError, match=words):
+        render(scene(), "own", passes=8, store=tmp_path, resume=True)
+    assert (render(scene(), "path", passes=1).image > 0).any()
