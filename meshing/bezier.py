@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from meshing.bpt import read_patches, write_patches
 from meshing.checks import BoolArray, FloatArray, as_affine, as_path, freeze
+from meshing.double_double import Pair, affine_image
 from meshing.kernels import bernstein, subdivision
 from meshing.nets import as_nets, as_weights, check_finite, degrees_in_words, is_rational
 from meshing.parametric import ParametricSurface
@@ -48,6 +49,15 @@ class BezierPatches(ParametricSurface):
     """
 
     flip_of_uv = "swapped"
+
+    remainder: FloatArray | None = None
+    """(total, 3) float64: what rounding to `control` left of the points that are meant; None: nothing.
+
+    Patches that are converted or transformed have it. Rays meet the sum of both.
+    """
+
+    moved = 0.0
+    """How far, at most, the patches are from the surface that they were converted from."""
 
     def __new__(
         cls,
@@ -98,6 +108,33 @@ class BezierPatches(ParametricSurface):
             )
 
     @classmethod
+    def of_pairs(
+        cls,
+        nets: Sequence[Pair],
+        weights: ArrayLike | Sequence[ArrayLike] | None = None,
+        moved: float = 0.0,
+    ) -> BezierPatches:
+        """Return patches whose control points are known beyond float64.
+
+        Parameters
+        ----------
+        nets : sequence of pairs of (m + 1, n + 1, 3) arrays
+            Control points, rounded, and what is left of them.
+        weights
+            As for `BezierPatches`.
+        moved : float
+            See there.
+        """
+        made = BezierPatches([high for high, _ in nets], weights)
+        left = np.concatenate([low.reshape(-1, 3) for _, low in nets])
+        made._set_remainder(left, moved)
+        return made
+
+    def _set_remainder(self, remainder: FloatArray, moved: float) -> None:
+        self.remainder = freeze(remainder) if remainder.any() else None
+        self.moved = moved
+
+    @classmethod
     def read(cls, path: str | Path) -> BezierPatches:
         """Read a .bpt file.
 
@@ -141,9 +178,9 @@ class BezierPatches(ParametricSurface):
         ----------
         Farin, "Curves and Surfaces for CAGD", 5th edition, 2002, section 6.5.
         """
-        net = net_of_polynomial(coefficients, x, y)
+        net, left = net_of_polynomial(coefficients, x, y)
         try:
-            return BezierPatches([net])
+            return BezierPatches.of_pairs([(net, left)])
         except ValueError:
             wide, long, _ = np.ptp(net, axis=(0, 1))
             raise ValueError(
@@ -171,6 +208,12 @@ class BezierPatches(ParametricSurface):
             for start, stop, (m, n) in zip(starts[:-1], starts[1:], degrees, strict=True)
         )
 
+    @cached_property
+    def remainders(self) -> tuple[FloatArray, ...]:
+        """What rounding left of the control points of each patch, (m + 1, n + 1, 3): `remainder`."""
+        whole = np.zeros_like(self._control) if self.remainder is None else self.remainder
+        return tuple(map(freeze, self._nets_of(whole)))
+
     @property
     def pieces(self) -> Self:
         """The patches themselves: each has (u, v) in the unit square."""
@@ -178,7 +221,7 @@ class BezierPatches(ParametricSurface):
 
     @property
     def control(self) -> FloatArray:
-        """(total, 3) float64: the control points of all patches in order, read-only."""
+        """(total, 3) float64: the control points of all patches in order, read-only; see `remainder`."""
         return self._control
 
     @property
@@ -235,14 +278,34 @@ class BezierPatches(ParametricSurface):
         """Name the number of patches and their degrees."""
         return f"BezierPatches({len(self)} of {degrees_in_words(self._degrees)})"
 
-    def __reduce__(self) -> tuple[type[BezierPatches], tuple[list[FloatArray], ...]]:
+    def __reduce__(self) -> tuple[object, ...]:
         """Pickle the control nets; loading checks them again."""
-        return type(self), ([np.array(net) for net in self.patches],)
+        return type(self), ([np.array(net) for net in self.patches],), self._conversion()
+
+    def _conversion(self) -> dict[str, Any] | None:
+        """Return what a pickle holds besides control points and weights."""
+        if self.remainder is None and self.moved == 0.0:
+            return None
+        left = None if self.remainder is None else np.array(self.remainder)
+        return {"remainder": left, "moved": self.moved}
 
     @cached_property
     def patch_bounds(self) -> FloatArray:
         """(k, 2, 3) float64: lower and upper corner of a box around each patch, read-only."""
-        return freeze(self._boxes_of_nets())
+        return freeze(self._widened(self._boxes_of_nets()))
+
+    def _widened(self, boxes: FloatArray) -> FloatArray:
+        """Return boxes around the points that are meant, where control points are rounded."""
+        if self.remainder is not None:
+            # A remainder is at most half an ulp of its coordinate.
+            low = np.minimum.reduceat(self.remainder, self._starts[:-1]) < 0.0
+            high = np.maximum.reduceat(self.remainder, self._starts[:-1]) > 0.0
+            boxes[:, 0] = np.where(low, np.nextafter(boxes[:, 0], -np.inf), boxes[:, 0])
+            boxes[:, 1] = np.where(high, np.nextafter(boxes[:, 1], np.inf), boxes[:, 1])
+        if self.moved > 0.0:
+            boxes[:, 0] -= 2.0 * self.moved
+            boxes[:, 1] += 2.0 * self.moved
+        return boxes
 
     def _boxes_of_nets(self) -> FloatArray:
         boxes = np.empty((len(self), 2, 3))
@@ -256,20 +319,25 @@ class BezierPatches(ParametricSurface):
         ----------
         matrix : (4, 4) array
             Acts on columns (x, y, z, 1); last row (0, 0, 0, 1); not singular. It is applied to
-            the control points, so the image is exact up to their rounding; weights do not change.
+            the control points, in double-double: rays meet the image of the surface itself, not that
+            of rounded points. Weights do not change.
             The normal stays along S_u x S_v, so a reflection moves it to the other side.
         """
         linear, shift = as_affine(matrix, "BezierPatches")
-        # Term by term rather than by a matrix product: equal points must get equal images, which
-        # blocked products do not promise.
-        x, y, z = self._control.T
-        image = np.empty_like(self._control)
-        for axis, row in enumerate(linear):
-            image[:, axis] = row[0] * x + row[1] * y + row[2] * z + shift[axis]
-        return self._with_control(image)
+        left = np.concatenate([net.reshape(-1, 3) for net in self.remainders])
+        high, low = affine_image(linear, shift, (self._control, left))
+        made = self._with_control(high)
+        made._set_remainder(low, self.moved * float(np.linalg.norm(linear, 2)))
+        return made
 
     def flipped(self) -> BezierPatches:
         """Return the same surface with u and v swapped, so with the opposite normal."""
+        made = self._swapped()
+        left = [net.transpose(1, 0, 2).reshape(-1, 3) for net in self.remainders]
+        made._set_remainder(np.concatenate(left), self.moved)
+        return made
+
+    def _swapped(self) -> BezierPatches:
         return BezierPatches([net.transpose(1, 0, 2) for net in self.patches])
 
     def _nets_of(self, control: FloatArray) -> list[FloatArray]:
@@ -357,10 +425,10 @@ class RationalPatches(BezierPatches):
         """Name the number of patches and their degrees."""
         return super().__repr__()[:-1] + ", rational)"
 
-    def __reduce__(self) -> tuple[type[BezierPatches], tuple[list[FloatArray], ...]]:
+    def __reduce__(self) -> tuple[object, ...]:
         """Pickle control nets and weights; loading checks them again."""
         nets = [np.array(net) for net in self.patches]
-        return RationalPatches, (nets, [np.array(w) for w in self.weights])
+        return RationalPatches, (nets, [np.array(w) for w in self.weights]), self._conversion()
 
     def write(self, path: str | Path) -> None:
         """Refuse: .bpt files have no weights.
@@ -384,10 +452,9 @@ class RationalPatches(BezierPatches):
         first = self._starts[:-1]
         boxes[:, 0] = np.maximum(boxes[:, 0], np.minimum.reduceat(self._control, first))
         boxes[:, 1] = np.minimum(boxes[:, 1], np.maximum.reduceat(self._control, first))
-        return freeze(boxes)
+        return freeze(self._widened(boxes))
 
-    def flipped(self) -> RationalPatches:
-        """Return the same surface with u and v swapped, so with the opposite normal."""
+    def _swapped(self) -> RationalPatches:
         nets = [net.transpose(1, 0, 2) for net in self.patches]
         return RationalPatches(nets, [w.T for w in self.weights])
 

@@ -15,9 +15,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from meshing.checks import FloatArray, as_floats, freeze, shown, whole
+from meshing.double_double import exact_sum, pair_of, times
+from meshing.double_double import over as quotient
 from meshing.kernels.bernstein import MAX_DEGREE
 from meshing.kernels.trims import points_of_arc
-from meshing.knots import as_knots, bezier_matrix, combined
+from meshing.knots import as_knots, combined, split
 from meshing.nets import LEAST_RATIO
 
 # Curves may leave the unit square, by a whole turn where the surface closes on itself.
@@ -154,7 +156,8 @@ def bspline(
     Returns
     -------
     list of Curve2
-        One arc for each span between knots that is not empty. Spans on which the curve stays in one
+        One arc for each span between knots that is not empty, of control points that are the floats
+        next to the true ones. Spans on which the curve stays in one
         point (degree + 1 equal control points) are left out. An arc is rational only where the
         weights that count on its span differ.
 
@@ -181,16 +184,26 @@ def bspline(
     w = np.ones(len(points))
     if weights is not None:
         w = _as_weights(weights, "bspline weights", len(points))
-    over = (points - begin) / (end - begin)
-    matrix, (first, _) = bezier_matrix(vector, degree)
+    mapped = quotient(exact_sum(points, -begin), exact_sum(end, -begin))
+    over = mapped[0]
+    parts = split(vector, degree)
     if (w == w[0]).all():
-        # Rows of the matrix add up to 1 only to rounding: weights made by them would differ.
-        fine, heavy = combined(matrix, over), None
+        # Weights that are sums of equal ones would differ by rounding.
+        fine, heavy = combined(parts.rows, mapped)[0], None
     else:
-        heavy = combined(matrix, w)
-        fine = combined(matrix, over * w[:, None]) / heavy[:, None]
-    pieces = [slice(k, k + degree + 1) for k in first]
-    counts = [matrix[piece].any(axis=0) for piece in pieces]  # which control points, on each span
+        weighted = combined(parts.rows, times(mapped, pair_of(w[:, None])))
+        by = combined(parts.rows, pair_of(w[:, None]))
+        fine, heavy = quotient(weighted, by)[0], by[0][:, 0]
+    pieces = [slice(k, k + degree + 1) for k in parts.first_row]
+    # Which control points count on each span.
+    counts = [
+        np.unique(
+            (parts.rows.first[piece, None] + np.arange(degree + 1))[
+                parts.rows.coefficients[0][piece] != 0.0
+            ]
+        )
+        for piece in pieces
+    ]
     for piece, used in zip(pieces, counts, strict=True):
         # To the bit, for the neighbours that begin or end there.
         if (over[used] == over[used][0]).all():

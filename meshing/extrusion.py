@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike
 
 from meshing.bezier import BezierPatches
 from meshing.checks import FloatArray, as_floats, as_vector, shown
+from meshing.double_double import exact_sum
 
 
 def Extrusion(
@@ -58,14 +59,18 @@ def Extrusion(
                 f"Extrusion profile segment {i} runs along direction {way.tolist()} all the way: "
                 "pass another direction, there would be no area"
             )
-    nets = [np.stack([segment, segment + way], axis=1) for segment in segments]
+    ends = [exact_sum(segment, way) for segment in segments]
+    nets = [
+        (np.stack([segment, end], axis=1), np.stack([np.zeros_like(left), left], axis=1))
+        for segment, (end, left) in zip(segments, ends, strict=True)
+    ]
     if all(w is None for w in given):
-        return BezierPatches(nets)
-    return BezierPatches(
+        return BezierPatches.of_pairs(nets)
+    return BezierPatches.of_pairs(
         nets,
         [
-            np.ones((len(net), 2)) if w is None else np.column_stack([w, w])
-            for net, w in zip(nets, given, strict=True)
+            np.ones(net.shape[:2]) if w is None else np.column_stack([w, w])
+            for (net, _), w in zip(nets, given, strict=True)
         ],
     )
 

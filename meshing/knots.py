@@ -2,19 +2,50 @@
 
 from __future__ import annotations
 
+import math
+from typing import NamedTuple
+
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from meshing.checks import FloatArray, as_floats, freeze, shown
+from meshing.double_double import Pair, add, exact_sum, over, pair_of, times
 
-# Knots closer than this part of the domain are one: files write them with a dozen digits.
-SAME_KNOT = 1e-12
+# Spans shorter than this part of the domain are no pieces of their own, where the neighbour goes on as
+# they do: files write knots with a dozen digits.
+SHORT_SPAN = 1e-12
+
+
+class Rows(NamedTuple):
+    """Bezier points as affine combinations of the control points of a spline.
+
+    Row r is the sum of coefficients (r, i) times control points ``first[r]`` + i, i from 0 to the
+    degree.
+    """
+
+    coefficients: Pair  # (rows, degree + 1) each
+    first: NDArray[np.int64]  # (rows,)
+
+
+class Splitting(NamedTuple):
+    """The Bezier pieces of a spline.
+
+    Pieces that join share a row. A span that is too short for a piece is covered by the polynomial of
+    a neighbour, whose points there are ``neighbour``; the span's own are ``own``.
+    """
+
+    rows: Rows
+    first_row: list[int]  # of each piece, which has degree + 1
+    spans: list[tuple[float, float]]  # where each begins and ends in the domain, mapped to [0, 1]
+    neighbour: Rows
+    own: Rows
+    short: list[int]  # for each row of these the knot at which the span begins
 
 
 def as_knots(
     values: ArrayLike, what: str, degree: int, control: str, n_points: int, along: str = ""
 ) -> FloatArray:
-    """Return ascending knots; those closer than `SAME_KNOT` are made equal.
+    """Return ascending knots; each that is a rounding below the one before becomes that one.
 
     ``what`` and ``control`` are the names of knots and control points in messages, ``along`` says
     which of the latter are meant: " along u".
@@ -33,7 +64,7 @@ def as_knots(
     if not np.isfinite(given).all():
         raise ValueError(f"{what} is {shown(given.tolist())}: pass finite numbers")
     low, high = given[degree], given[n_points]
-    down = np.flatnonzero(np.diff(given) < -SAME_KNOT * abs(high - low))
+    down = np.flatnonzero(np.diff(given) < -SHORT_SPAN * abs(high - low))
     if down.size:
         i = int(down[0])
         raise ValueError(f"{what} descends from {given[i]:g} to {given[i + 1]:g} at {i}: sort them")
@@ -41,10 +72,7 @@ def as_knots(
         raise ValueError(
             f"{what} leaves an empty domain, {low:g} to {high:g}: pass different knots"
         )
-    knots = given.copy()
-    for i in range(1, len(knots)):
-        if knots[i] - knots[i - 1] <= SAME_KNOT * (high - low):
-            knots[i] = knots[i - 1]
+    knots = np.maximum.accumulate(given)
     distinct, count = np.unique(knots, return_counts=True)
     inside = (distinct >= knots[degree]) & (distinct <= knots[n_points])
     if (count[inside] > degree + 1).any():
@@ -56,51 +84,82 @@ def as_knots(
     return freeze(knots)
 
 
-def bezier_matrix(
-    knots: FloatArray, degree: int
-) -> tuple[FloatArray, tuple[list[int], list[tuple[float, float]]]]:
-    """Return the matrix from B-spline to Bezier points, and where the pieces are.
+def split(knots: FloatArray, degree: int, least: float = 0.0) -> Splitting:
+    """Return the Bezier pieces of a spline, one for each span between different knots.
 
-    Each piece is the blossom at its two knots (de Boor's algorithm with a parameter of its own at
-    each level): only convex combinations. Neighbours share a row unless the spline breaks there.
-
-    Returns
-    -------
-    matrix : (rows, p) float64
-    first : list of int
-        The first row of each piece, which has degree + 1.
-    spans : list of (float, float)
-        Where each begins and ends in the domain, mapped to [0, 1].
+    ``least`` is the part of the domain below which a span is no piece of its own. Points are blossoms
+    at the knots of a piece (de Boor's algorithm with a parameter of its own at each level).
     """
+    knots = np.ldexp(knots, -math.frexp(float(np.abs(knots).max()))[1])
     p = len(knots) - degree - 1
     low, high = knots[degree], knots[p]
-    rows: list[FloatArray] = []
-    first: list[int] = []
-    spans: list[tuple[float, float]] = []
+    breaks = {float(x) for x in knots if np.count_nonzero(knots == x) > degree}
+    pieces: list[tuple[int, float, float]] = []  # number of the span, begin, end
+    short: list[tuple[int, int, float, float]] = []  # the piece that covers it, and the same
+    waiting: list[tuple[int, float, float]] = []  # for the next piece
     for k in range(degree, p):
-        a, b = knots[k], knots[k + 1]
+        a, b = float(knots[k]), float(knots[k + 1])
         if a == b:
             continue
-        shares = bool(first) and np.count_nonzero(knots == a) <= degree
-        first.append(len(rows) - 1 if shares else len(rows))
-        spans.append((float((a - low) / (high - low)), float((b - low) / (high - low))))
-        for j in range(1 if shares else 0, degree + 1):
-            points = np.zeros((degree + 1, p))
-            points[np.arange(degree + 1), k - degree + np.arange(degree + 1)] = 1.0
-            for level in range(1, degree + 1):
-                x = b if level <= j else a
-                for i in range(degree, level - 1, -1):
-                    at = k - degree + i
-                    begin, end = knots[at], knots[at + degree + 1 - level]
-                    share = (x - begin) / (end - begin)
-                    points[i] = (1.0 - share) * points[i - 1] + share * points[i]
-            rows.append(points[degree])
-    return np.array(rows), (first, spans)
+        if b - a > least * (high - low):
+            short += [(len(pieces), *span) for span in waiting]
+            pieces.append((k, waiting[0][1] if waiting else a, b))
+            waiting = []
+        elif pieces and not waiting and a not in breaks:
+            short.append((len(pieces) - 1, k, a, b))
+            pieces[-1] = (*pieces[-1][:2], b)
+        else:
+            waiting.append((k, a, b))
+    if waiting:  # at the end, beyond a break
+        short += [(len(pieces) - 1, *span) for span in waiting]
+        pieces[-1] = (*pieces[-1][:2], waiting[-1][2])
+    first: list[int] = []
+    wanted: list[tuple[int, float, float, int]] = []
+    for k, a, b in pieces:
+        shares = bool(first) and a not in breaks
+        first.append(len(wanted) - 1 if shares else len(wanted))
+        wanted += [(k, a, b, j) for j in range(1 if shares else 0, degree + 1)]
+    spans = [
+        (float((a - low) / (high - low)), float((b - low) / (high - low))) for _, a, b in pieces
+    ]
+    of_neighbour = [(pieces[n][0], a, b, j) for n, _, a, b in short for j in range(degree + 1)]
+    of_own = [(k, a, b, j) for _, k, a, b in short for j in range(degree + 1)]
+    return Splitting(
+        _blossoms(knots, degree, wanted), first, spans, _blossoms(knots, degree, of_neighbour),
+        _blossoms(knots, degree, of_own), [k for k, _, _, _ in of_own],
+    )  # fmt: skip
 
 
-def combined(matrix: FloatArray, points: FloatArray) -> FloatArray:
-    """Return matrix times points, term by term: equal sums get equal bits."""
-    out = np.zeros((len(matrix), *points.shape[1:]))
-    for k in range(matrix.shape[1]):
-        out += matrix[:, k].reshape(-1, *(1,) * (points.ndim - 1)) * points[k]
-    return out
+def _blossoms(knots: FloatArray, degree: int, wanted: list[tuple[int, float, float, int]]) -> Rows:
+    """Return blossoms of the polynomial of span k, with j arguments b and the others a."""
+    span, j = (np.array([w[c] for w in wanted], np.int64) for c in (0, 3))
+    a, b = (np.array([w[c] for w in wanted]) for c in (1, 2))
+    n = degree + 1
+    high, low = np.zeros((n, len(wanted), n)), np.zeros((n, len(wanted), n))
+    high[np.arange(n), :, np.arange(n)] = 1.0
+    for level in range(1, n if wanted else 0):
+        x = np.where(level <= j, b, a)
+        i = np.arange(level, n)[:, None]
+        begin, end = knots[span - degree + i], knots[span + i + 1 - level]
+        at = np.broadcast_to(x, end.shape)
+        # Shares of the points i and i - 1, on an axis before those of i and of rows.
+        ways = exact_sum(np.stack([at, end]), -np.stack([begin, at]))
+        share = over(ways, exact_sum(end, -begin))
+        upper, lower = ((share[0][k, ..., None], share[1][k, ..., None]) for k in (0, 1))
+        high[level:], low[level:] = add(
+            times(lower, (high[level - 1 : -1], low[level - 1 : -1])),
+            times(upper, (high[level:], low[level:])),
+        )
+    return Rows((high[degree], low[degree]), span - degree)
+
+
+def combined(rows: Rows, points: Pair) -> Pair:
+    """Return the points of rows; ``points`` (p, ...) are the control points."""
+    (high, low), first = rows
+    shape = (-1, *(1,) * (points[0].ndim - 1))
+    total = pair_of(np.zeros((len(first), *points[0].shape[1:])))
+    for i in range(high.shape[1]):
+        at = first + i
+        coefficient = high[:, i].reshape(shape), low[:, i].reshape(shape)
+        total = add(total, times(coefficient, (points[0][at], points[1][at])))
+    return total

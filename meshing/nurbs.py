@@ -9,10 +9,14 @@ from numpy.typing import ArrayLike
 
 from meshing.bezier import BezierPatches
 from meshing.checks import FloatArray, as_affine, as_floats, freeze, shown, whole
+from meshing.double_double import Pair, affine_image, over, pair_of, times
 from meshing.kernels.bernstein import MAX_DEGREE
-from meshing.knots import as_knots, bezier_matrix, combined
+from meshing.knots import SHORT_SPAN, Splitting, as_knots, combined, split
 from meshing.nets import check_weights
 from meshing.sheet import PatchSheet
+
+# Of the surface's size. Rounded knots move it by their own errors times its slopes.
+MOST_MOVED = 1e-10
 
 
 class NurbsSurface(PatchSheet):
@@ -30,7 +34,8 @@ class NurbsSurface(PatchSheet):
         Control points in scene units: u follows the first index, v the second.
     knots_u : (p + degree_u + 1,) array
         Ascending, in any unit. The domain of u is from ``knots_u[degree_u]`` to ``knots_u[p]``.
-        Knots that are closer than 1e-12 of its length count as one.
+        A span shorter than 1e-12 of its length is no patch of its own: the patch beside it goes on
+        there. By how far that moves the surface is part of ``t_bound``.
     knots_v : (q + degree_v + 1,) array
         The same for v.
     degree : int, or (degree_u, degree_v)
@@ -41,8 +46,10 @@ class NurbsSurface(PatchSheet):
     Raises
     ------
     ValueError, TypeError
-        For shapes that do not match, knots that descend or repeat more than degree + 1 times, an
-        empty domain, weights that are not positive or too far apart, and a patch without area.
+        For shapes that do not match, knots that descend or repeat more than degree + 1 times, knots
+        that differ by less than 1e-12 of the domain where the surface differs by more than 1e-10 of its
+        size (knots of a break that were meant to be equal), an empty domain, weights that are not
+        positive or too far apart, and a patch without area.
 
     References
     ----------
@@ -58,6 +65,17 @@ class NurbsSurface(PatchSheet):
         degree: int | tuple[int, int],
         weights: ArrayLike | None = None,
     ) -> None:
+        net = self._take(control, (knots_u, knots_v), degree, weights)
+        self._set_control(pair_of(net))
+
+    def _take(
+        self,
+        control: ArrayLike,
+        knots: tuple[ArrayLike, ArrayLike],
+        degree: int | tuple[int, int],
+        weights: ArrayLike | None,
+    ) -> FloatArray:
+        """Check the arguments, keep all but the control points, and return these."""
         net = as_floats(control, "NurbsSurface control")
         if net.ndim != 3 or net.shape[2] != 3:
             raise ValueError(f"NurbsSurface control has shape {net.shape}: pass (p, q, 3)")
@@ -67,10 +85,10 @@ class NurbsSurface(PatchSheet):
             )
         self._degree = _as_degrees(degree)
         self._knots = (
-            _as_knots(knots_u, "u", self._degree[0], net.shape[0]),
-            _as_knots(knots_v, "v", self._degree[1], net.shape[1]),
+            _as_knots(knots[0], "u", self._degree[0], net.shape[0]),
+            _as_knots(knots[1], "v", self._degree[1], net.shape[1]),
         )
-        self._control, self._weights = freeze(net.copy()), None
+        w = None
         if weights is not None:
             w = as_floats(weights, "NurbsSurface weights")
             if w.shape != net.shape[:2]:
@@ -79,32 +97,73 @@ class NurbsSurface(PatchSheet):
                     "for each control point"
                 )
             check_weights(w, "NurbsSurface weights")
-            if np.ptp(w) > 0.0:
-                self._weights = freeze(w.copy())
-        (by_u, at_u), (by_v, at_v) = (
-            bezier_matrix(knots, d) for knots, d in zip(self._knots, self._degree, strict=True)
+            w = freeze(w.copy()) if np.ptp(w) > 0.0 else None
+        self._weights = w
+        return freeze(net.copy())
+
+    def _set_control(self, control: Pair) -> None:
+        """Take control points, known beyond float64, and make the patches."""
+        self._control, self._left = control
+        by_u, by_v = (
+            split(knots, d, SHORT_SPAN) for knots, d in zip(self._knots, self._degree, strict=True)
         )
-        w = np.ones(net.shape[:2]) if self._weights is None else self._weights
-        columns = np.concatenate([net * w[..., None], w[..., None]], axis=2)
+        columns = self._homogeneous()
+        moved = sum(self._moved(by, columns, axis) for axis, by in enumerate((by_u, by_v)))
         # One row of the result for each point that neighbours share, so they share it to the bit.
-        fine = combined(by_v, combined(by_u, columns).swapaxes(0, 1)).swapaxes(0, 1)
-        first_u, span_u = at_u
-        first_v, span_v = at_v
+        along_v = combined(by_u.rows, columns)
+        fine = combined(by_v.rows, (along_v[0].swapaxes(0, 1), along_v[1].swapaxes(0, 1)))
+        points, heavy = _apart((fine[0].swapaxes(0, 1), fine[1].swapaxes(0, 1)))
         m, n = self._degree
-        cuts = [(i, j) for i in range(len(first_u)) for j in range(len(first_v))]
-        nets = [
-            fine[first_u[i] : first_u[i] + m + 1, first_v[j] : first_v[j] + n + 1] for i, j in cuts
+        cuts = [
+            (slice(i, i + m + 1), slice(j, j + n + 1))
+            for i in by_u.first_row
+            for j in by_v.first_row
         ]
-        spans = [(*span_u[i], *span_v[j]) for i, j in cuts]
+        spans = [(*u, *v) for u in by_u.spans for v in by_v.spans]
+        nets = [(points[0][cut], points[1][cut]) for cut in cuts]
+        weights = None if heavy is None else [heavy[cut][..., 0] for cut in cuts]
         try:
-            if self._weights is None:
-                pieces = BezierPatches([piece[..., :3] for piece in nets])
-            else:
-                points = [piece[..., :3] / piece[..., 3:] for piece in nets]
-                pieces = BezierPatches(points, [piece[..., 3] for piece in nets])
+            pieces = BezierPatches.of_pairs(nets, weights, moved)
         except ValueError as error:
             raise ValueError(f"NurbsSurface: {error}") from None
         super().__init__(pieces, np.array(spans))
+
+    def _homogeneous(self) -> Pair:
+        """Return the control points; with weights, their products with these, and the weights."""
+        if self._weights is None:
+            return self._control, self._left
+        w = self._weights[..., None]
+        high, low = times((self._control, self._left), pair_of(w))
+        return np.concatenate([high, w], axis=2), np.concatenate([low, np.zeros_like(w)], axis=2)
+
+    def _moved(self, by: Splitting, columns: Pair, axis: int) -> float:
+        """Return how far the surface moves where spans too short for patches follow their neighbours.
+
+        Raises
+        ------
+        ValueError
+            If that is more than knots of a dozen digits explain: the surface goes on between two of them.
+        """
+        if not by.short:
+            return 0.0
+        points = columns[0].swapaxes(0, axis), columns[1].swapaxes(0, axis)
+        (there, w), (here, w_own) = (_apart(combined(r, points)) for r in (by.neighbour, by.own))
+        gaps = np.linalg.norm((there[0] - here[0]) + (there[1] - here[1]), axis=2)
+        size = float(np.linalg.norm(np.ptp(self._control, axis=(0, 1))))
+        if w is not None and w_own is not None:
+            # A point is a mean: weights that are off by a part move it by as much of the size, twice.
+            gaps += 2.0 * size * np.abs(w / w_own - 1.0)[..., 0]
+        worst = int(gaps.max(axis=1).argmax())
+        moved = float(gaps[worst].max())
+        if moved > MOST_MOVED * size:
+            k, side = by.short[worst], "uv"[axis]
+            a, b = self._knots[axis][k : k + 2].tolist()
+            raise ValueError(
+                f"NurbsSurface knots_{side} holds {a!r} and {b!r}, closer than {SHORT_SPAN:g} of the domain, "
+                f"and between them the surface goes on by {moved:.3g}, or breaks: pass equal knots, or knots "
+                "farther apart"
+            )
+        return moved
 
     @property
     def control(self) -> FloatArray:
@@ -132,27 +191,48 @@ class NurbsSurface(PatchSheet):
         kind = "" if self._weights is None else ", rational"
         return f"NurbsSurface({p} x {q} points of degree {m} x {n}, {len(self)} patches{kind})"
 
-    def __reduce__(self) -> tuple[type[Self], tuple[object, ...]]:
+    def __reduce__(self) -> tuple[object, ...]:
         """Pickle what the surface was made of; loading checks it again."""
         w = None if self._weights is None else np.array(self._weights)
-        return type(self), (np.array(self._control), *map(np.array, self._knots), self._degree, w)
+        control = np.array(self._control), np.array(self._left)
+        return type(self)._remade, (control, tuple(map(np.array, self._knots)), self._degree, w)
 
     def transformed(self, matrix: ArrayLike) -> Self:
-        """Return the image under an affine map, applied to the control points."""
+        """Return the image under an affine map, applied to the control points in double-double."""
         linear, shift = as_affine(matrix, "NurbsSurface")
-        # Term by term, as `BezierPatches` does it: equal points get equal images.
-        x, y, z = np.moveaxis(self._control, 2, 0)
-        image = [
-            row[0] * x + row[1] * y + row[2] * z + s for row, s in zip(linear, shift, strict=True)
-        ]
-        return type(self)(np.stack(image, axis=2), *self._knots, self._degree, self._weights)
+        image = affine_image(linear, shift, (self._control, self._left))
+        return self._remade(image, self._knots, self._degree, self._weights)
 
     def flipped(self) -> Self:
         """Return the same surface with u and v swapped, so with the opposite normal."""
         w = None if self._weights is None else self._weights.T
-        return type(self)(
-            self._control.swapaxes(0, 1), *self._knots[::-1], self._degree[::-1], w
-        )  # fmt: skip
+        control = self._control.swapaxes(0, 1), self._left.swapaxes(0, 1)
+        return self._remade(
+            control, (self._knots[1], self._knots[0]), (self._degree[1], self._degree[0]), w
+        )
+
+    @classmethod
+    def _remade(
+        cls,
+        control: Pair,
+        knots: tuple[FloatArray, FloatArray],
+        degree: tuple[int, int],
+        weights: FloatArray | None,
+    ) -> Self:
+        """Return the surface of control points that are known beyond float64."""
+        made = cls.__new__(cls)
+        net = made._take(control[0], knots, degree, weights)
+        made._set_control((net, freeze(np.array(control[1]))))
+        return made
+
+
+def _apart(columns: Pair) -> tuple[Pair, FloatArray | None]:
+    """Return points and weights of what `NurbsSurface._homogeneous` begins with."""
+    high, low = columns
+    if high.shape[-1] == 3:
+        return columns, None
+    weights = high[..., 3:], low[..., 3:]
+    return over((high[..., :3], low[..., :3]), weights), high[..., 3:]
 
 
 def _as_degrees(degree: int | tuple[int, int]) -> tuple[int, int]:

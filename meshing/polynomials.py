@@ -8,16 +8,18 @@ from math import comb
 import numpy as np
 from numpy.typing import ArrayLike
 
-from meshing.checks import FloatArray, as_floats, shown
+from meshing.checks import as_floats, shown
+from meshing.double_double import Pair
 from meshing.kernels.bernstein import MAX_DEGREE
 
 NAME = "BezierPatches.from_polynomial"
 
 
-def net_of_polynomial(coefficients: ArrayLike, x: ArrayLike, y: ArrayLike) -> FloatArray:
+def net_of_polynomial(coefficients: ArrayLike, x: ArrayLike, y: ArrayLike) -> Pair:
     """Return the control net of z = sum of coefficients[i, j] x^i y^j over a rectangle.
 
-    It is computed in fractions: each number is the float next to the true one.
+    It is computed in fractions: each number is the float next to the true one, and comes with what is
+    left of that.
 
     Raises
     ------
@@ -38,14 +40,15 @@ def net_of_polynomial(coefficients: ArrayLike, x: ArrayLike, y: ArrayLike) -> Fl
     exact[: c.shape[0], : c.shape[1]] = [[Fraction(number) for number in row] for row in c.tolist()]
     (x0, x1), (y0, y1) = _interval(x, "x"), _interval(y, "y")
     z = _bernstein_matrix(m, x0, x1) @ exact @ _bernstein_matrix(n, y0, y1).T
-    net = np.empty((m + 1, n + 1, 3))
-    net[..., 0] = np.array([float(x0 + (x1 - x0) * k / m) for k in range(m + 1)])[:, None]
-    net[..., 1] = [float(y0 + (y1 - y0) * k / n) for k in range(n + 1)]
+    net = np.empty((m + 1, n + 1, 3), dtype=object)
+    net[..., 0] = np.array([x0 + (x1 - x0) * k / m for k in range(m + 1)])[:, None]
+    net[..., 1] = [y0 + (y1 - y0) * k / n for k in range(n + 1)]
+    net[..., 2] = z
     try:
-        net[..., 2] = [[float(number) for number in row] for row in z]
+        rounded = np.vectorize(float)(net)
     except OverflowError:
         raise ValueError(f"{NAME} leaves the range of floats: pass smaller numbers") from None
-    return net
+    return rounded, np.vectorize(float)(net - np.vectorize(Fraction)(rounded))
 
 
 def _interval(values: ArrayLike, name: str) -> tuple[Fraction, Fraction]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Sequence
 from functools import cached_property
 from typing import TypeAlias
@@ -12,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from meshing.checks import (
     BoolArray,
     FloatArray,
+    as_affine,
     as_direction,
     as_similarity,
     as_vector,
@@ -19,6 +21,7 @@ from meshing.checks import (
     freeze,
     still_unit,
 )
+from meshing.double_double import affine_image, pair_of, unit_of
 from meshing.kernels import lathe, subdivision
 from meshing.nets import degrees_in_words
 from meshing.parametric import ParametricSurface
@@ -75,6 +78,12 @@ class SurfaceOfRevolution(ParametricSurface):
     u_range : tuple of two floats
     origin, axis, radial, binormal : (3,) float64, read-only
         The last three are unit vectors.
+    remainder : (2, 3) float64, read-only
+        What rounding left of the origin and of the axis that are meant. Rays meet the surface about
+        the sums.
+    moved : float
+        How far, at most, the surface is from the one that is meant, scene units: what rounding did to
+        profile and scale of an image.
     """
 
     flip_of_uv = "v reversed"
@@ -93,6 +102,17 @@ class SurfaceOfRevolution(ParametricSurface):
         place = as_vector(origin, "SurfaceOfRevolution origin")
         segments = as_segments(profile)
         self._set(segments, place, along, radial, as_weights(weights, segments), as_part(u_range))
+        given = as_vector(axis, "SurfaceOfRevolution axis")
+        exact, _ = unit_of(pair_of(np.ldexp(given, -math.frexp(float(np.abs(given).max()))[1])))
+        self._keep(np.stack([np.zeros(3), (exact[0] - along) + exact[1]]), 0.0)
+
+    def _keep(self, remainder: FloatArray, moved: float) -> None:
+        self.remainder, self.moved = freeze(remainder), moved
+
+    def rounded(self) -> SurfaceOfRevolution:
+        """Return the surface about origin and axis as float64 has them, without remainders."""
+        frame = self.origin.copy(), self.axis.copy(), self.radial.copy()
+        return self._from_frame(list(self.segments), *frame, self.weights, self.u_range)
 
     def _set(
         self,
@@ -104,6 +124,7 @@ class SurfaceOfRevolution(ParametricSurface):
         u_range: tuple[float, float],
     ) -> None:
         check_segments(segments, weights)
+        self._keep(np.zeros((2, 3)), 0.0)
         self.segments = tuple(freeze(segment) for segment in segments)
         self.weights = tuple(None if w is None else freeze(w) for w in weights)
         self.u_range = u_range
@@ -205,7 +226,8 @@ class SurfaceOfRevolution(ParametricSurface):
         frame = [np.array(vector) for vector in (self.origin, self.axis, self.radial)]
         weights = tuple(None if w is None else np.array(w) for w in self.weights)
         parts = [np.array(s) for s in self.segments], *frame, weights, self.u_range
-        return SurfaceOfRevolution._from_frame, parts
+        state = {"remainder": np.array(self.remainder), "moved": self.moved}
+        return SurfaceOfRevolution._from_frame, parts, state
 
     @cached_property
     def patch_bounds(self) -> FloatArray:
@@ -290,8 +312,31 @@ class SurfaceOfRevolution(ParametricSurface):
         radial = orthogonal @ self.radial
         radial = still_unit(radial - (radial @ axis) * axis, "radial")
         segments = [segment * (sign * scale, scale) for segment in self.segments]
-        origin = scale * (orthogonal @ self.origin) + shift
-        return self._from_frame(segments, origin, axis, radial, self.weights, self.u_range)
+        linear, _ = as_affine(matrix, "SurfaceOfRevolution")
+        left_origin, left_axis = self.remainder
+        origin, left = affine_image(linear, shift, (self.origin, left_origin))
+        image = self._from_frame(segments, origin, axis, radial, self.weights, self.u_range)
+        # The matrix moves points about the middle of the profile as scale and frame of the image do, but
+        # for this; and what products with the scale round.
+        misfit = linear @ self._frame[1:].T - scale * (image._frame[1:] * [[sign], [1.0], [1.0]]).T
+        points = np.concatenate(self.segments)
+        moved = scale * self.moved
+        left_axis = sign * (linear @ left_axis) / scale
+        if math.frexp(scale)[0] != 0.5:
+            moved += 2.0**-53 * scale * float(np.hypot(*np.abs(points).max(axis=0)))
+        if misfit.any():
+            unit = math.ldexp(1.0, -math.frexp(scale)[1])
+            turned = affine_image(sign * unit * linear, np.zeros(3), (self.axis, self.remainder[1]))
+            exact, stretch = unit_of(turned)
+            left_axis = (exact[0] - axis) + exact[1]
+            # By what the axis is stretched besides the scale moves the middle along it.
+            middle = 0.5 * points[:, 0].min() + 0.5 * points[:, 0].max()
+            excess = float((stretch[0] - scale * unit) + stretch[1]) / unit
+            left = left + sign * middle * excess * axis
+            radius = float(np.hypot(points[:, 0] - middle, points[:, 1]).max())
+            moved += radius * (float(np.linalg.norm(misfit, 2)) + 2.0**-51 * scale)
+        image._keep(np.stack([left, left_axis]), moved)
+        return image
 
     def flipped(self) -> SurfaceOfRevolution:
         """Return the same surface drawn from its other end, so with the opposite normal.
@@ -301,7 +346,9 @@ class SurfaceOfRevolution(ParametricSurface):
         segments = [segment[::-1].copy() for segment in reversed(self.segments)]
         weights = tuple(None if w is None else w[::-1] for w in reversed(self.weights))
         frame = self.origin.copy(), self.axis.copy(), self.radial.copy()
-        return self._from_frame(segments, *frame, weights, self.u_range)
+        made = self._from_frame(segments, *frame, weights, self.u_range)
+        made._keep(self.remainder, self.moved)
+        return made
 
     def _fill(
         self,

@@ -143,13 +143,14 @@ def _cut_patches(surface: BezierPatches, tolerance: float, max_triangles: int) -
     seams = seams_of_patches(surface)
     least_depth = np.where(seams.corners_apart < 3, _LEAST_DEPTH, 0)
     roundings = 3 * int(surface.degrees.sum(axis=1).max()) + 8
+    roundings += surface.remainder is not None
     if isinstance(surface, RationalPatches):
         # A quotient of two such sums, and the product of each net's own rounding.
         roundings = 2 * roundings + 4
         nets, rational = surface.homogeneous, True
     else:
         nets, rational = surface.control, None
-    slack = _slack(roundings, float(np.abs(surface.control).max()), seams)
+    slack = _slack(roundings, float(np.abs(surface.control).max()), seams) + surface.moved
     data = (nets, surface.starts, surface.degrees, rational, least_depth, slack, tolerance)
     # Counted first, kept in a second run: no memory is taken before the count is known.
     max_leaves = max(max_triangles // 2, 1)
@@ -168,6 +169,7 @@ def _cut_revolution(surface: SurfaceOfRevolution, tolerance: float, max_triangle
     roundings = 3 * max(map(len, surface.segments)) + 16
     reach = max(float(np.abs(segment).sum(axis=1).max()) for segment in surface.segments)
     slack = _slack(roundings, float(np.abs(surface.origin).max()) + reach, seams)
+    slack += surface.moved + float(np.abs(surface.remainder).sum() * (1.0 + reach))
     base, rings, bound = rings_of(surface, tolerance, slack, max_triangles)
     table = np.array(rings, dtype=np.int64)
     cells = table[:, 3]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from functools import cached_property
 from typing import Any
 
@@ -24,10 +24,14 @@ from meshing.kernels.trims import TrimTable, classify_points
 from meshing.spans import within_patch
 from meshing.surface import Surface
 from meshing.trimmed_area import TrimmedCells
-from meshing.trims import as_loops, boxes_outside, make_table, sides_of_boxes
+from meshing.trims import JOINED, as_loops, boxes_outside, make_table, sides_of_boxes
 
 # A shorter segment of a profile would have too few digits of v for curves across it.
 LEAST_SHARE = 1e-9
+# Corners on each curve of the polygon by which a loop's overlap with copies of itself is looked for, and
+# the whole turns by which these are moved; the opposite ones tell the same.
+SAMPLES = 32
+WHOLE_TURNS = ((1, 0), (0, 1), (1, 1), (1, -1), (2, 0), (0, 2), (2, 1), (2, -1), (1, 2), (1, -2))
 # Borders nearer to each other than this, over the size of the surface, were meant to meet; a loop that leaves the
 # unit square by less is not meant to go on beyond.
 MEANT_TO_MEET, BEYOND, GAPS = 1e-9, 1e-5, 4.0
@@ -77,8 +81,10 @@ class TrimmedSurface(Surface):
     ------
     TypeError, ValueError
         For any other surface, no loops, an empty or open loop, a segment shorter than 1e-9 of its
-        profile, and a negative gap. And for a loop beyond a border at which the surface closes up to
-        rounding only: half of what it encloses would be missing.
+        profile, and a negative gap. For a loop beyond a border at which the surface closes up to
+        rounding only: half of what it encloses would be missing. And for a loop that, wrapped around a
+        surface that closes, overlaps itself by more than 1e-5: it would cancel itself there. (It may
+        touch itself, as a band from u = 0 to 1 does; different loops may overlap, see above.)
 
     Attributes
     ----------
@@ -106,6 +112,8 @@ class TrimmedSurface(Surface):
         self.loops = as_loops(loops)
         self.gap = number(gap, "TrimmedSurface gap", at_least=0.0, hint="in scene units")
         self._refuse_missed_seams()
+        for k, loop in enumerate(self.loops):
+            _refuse_overlap(loop, self.closes, k)
 
     def _refuse_missed_seams(self) -> None:
         """Refuse loops across a seam that was meant to close: what lies beyond would be lost unseen."""
@@ -330,6 +338,46 @@ class TrimmedSurface(Surface):
     @cached_property
     def _area_sampler(self) -> TrimmedCells:
         return TrimmedCells(self)
+
+
+def _refuse_overlap(loop: Sequence[Curve2], closes: tuple[bool, bool], number: int) -> None:
+    """Refuse a loop that covers a part twice when it is wrapped around: that would count as outside."""
+    along = np.linspace(0.0, 1.0, 2 * SAMPLES, endpoint=False)
+    samples = np.concatenate([c.point(along) for c in loop])
+    corners = samples[::2]
+    width = np.ptp(corners, axis=0)
+    # How far curves are from the polygon of every second point, about.
+    bend = np.abs(samples[1::2] - 0.5 * (corners + np.roll(corners, -1, axis=0))).max()
+    for turn in WHOLE_TURNS:
+        if any(t and not c for t, c in zip(turn, closes, strict=True)):
+            continue
+        if (width <= np.abs(turn) + JOINED).any():
+            continue  # the boxes of both copies meet in no more than a border
+        points = samples + turn
+        deep = points[_depths(points, corners) > JOINED + 4.0 * bend]
+        if len(deep):
+            u, v = (deep[0] % 1.0).tolist()
+            raise ValueError(
+                f"TrimmedSurface loops[{number}] is {width[0]:.6g} wide in u and {width[1]:.6g} in v, and overlaps "
+                f"itself after whole turns, at (u, v) = ({u:.6g}, {v:.6g}) for one: what it covers twice would be "
+                "outside. End it where it began a turn before: a band all around goes from 0 to 1"
+            )
+
+
+def _depths(points: FloatArray, corners: FloatArray) -> FloatArray:
+    """Return how far each point (n, 2) is from the border of a polygon, below zero outside."""
+    begin, way = corners, np.roll(corners, -1, axis=0) - corners
+    square = np.maximum((way**2).sum(axis=1), 1e-300)
+    depths = np.empty(len(points))
+    for k, point in enumerate(points):
+        away = point - begin
+        share = np.clip((away * way).sum(axis=1) / square, 0.0, 1.0)
+        distance = np.hypot(*(away - share[:, None] * way).T).min()
+        straddles = (away[:, 1] >= 0.0) != (away[:, 1] >= way[:, 1])
+        at = away[straddles, 1] / way[straddles, 1] * way[straddles, 0]
+        is_inside = np.count_nonzero(away[straddles, 0] < at) % 2
+        depths[k] = distance if is_inside else -distance
+    return depths
 
 
 def _check_shares(surface: Surface, breaks: FloatArray) -> None:

@@ -3,17 +3,21 @@
 from __future__ import annotations
 
 import math
+from fractions import Fraction
 from itertools import pairwise
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from meshing.checks import FloatArray, as_floats, as_vector, number, shown
-from meshing.profiles import cosine_and_sine
 from meshing.revolution import SurfaceOfRevolution
 
 # Arcs are cut into pieces of at most this, in turns: the middle weight is then at least sqrt 1/2.
 WIDEST_ARC = 0.25
+# Angles are computed in whole numbers of 2**-160.
+ONE = 1 << 160
+# 2 pi to 60 digits.
+TWO_PI = Fraction("6.28318530717958647692528676655900576839433879875021164194989")
 
 
 def Cylinder(
@@ -114,7 +118,8 @@ def circular_arc(
     Returns
     -------
     segments : list of (3, 2) float64
-        Bezier points in scene units, segment by segment along the arc.
+        Bezier points in scene units, segment by segment along the arc: the floats next to the true
+        ones. ``t_bound`` of a turned surface allows for that rounding, so it holds for the circle.
     weights : list of (3,) float64
         1, the cosine of half a segment's angle, 1. To be passed on with the points: without them the
         same points make parabolas.
@@ -138,15 +143,34 @@ def circular_arc(
             f"circular_arc goes from {first:g} to {last:g}: pass angles in turns, at most one apart"
         )
     n = math.ceil(abs(last - first) / WIDEST_ARC - 1e-12)
-    half = math.pi * (last - first) / n
+    ends = Fraction(first), Fraction(last)
+    reach, _ = _cosine_and_sine((ends[1] - ends[0]) / (2 * n))
 
-    def point(turns: float, reach: float = 1.0) -> FloatArray:
-        c, s = cosine_and_sine(turns)
-        return np.asarray(middle + r * reach * np.array([c, s]))
+    def point(turns: Fraction, scale: Fraction = Fraction(1)) -> list[float]:
+        around = _cosine_and_sine(turns)
+        return [
+            float(Fraction(at) + Fraction(r) * x / scale)
+            for at, x in zip(middle.tolist(), around, strict=True)
+        ]
 
-    cuts = [first + (last - first) * k / n for k in range(n + 1)]
+    cuts = [ends[0] + (ends[1] - ends[0]) * k / n for k in range(n + 1)]
     segments = [
-        np.stack([point(a), point(0.5 * (a + b), 1.0 / math.cos(half)), point(b)])
-        for a, b in pairwise(cuts)
+        np.array([point(a), point((a + b) / 2, reach), point(b)]) for a, b in pairwise(cuts)
     ]
-    return segments, [np.array([1.0, math.cos(half), 1.0]) for _ in segments]
+    return segments, [np.array([1.0, float(reach), 1.0]) for _ in segments]
+
+
+def _cosine_and_sine(turns: Fraction) -> tuple[Fraction, Fraction]:
+    """Return cosine and sine of an angle in whole turns, to 150 bits, exact at quarters."""
+    quarter = math.floor(4 * turns + Fraction(1, 2))
+    angle = TWO_PI * (turns - Fraction(quarter, 4))
+    x = math.floor(angle * ONE)
+    cosine, sine, term = ONE, 0, ONE
+    for k in range(1, 50):
+        term = term * x // (k * ONE)
+        if k % 2:
+            sine += term if k % 4 == 1 else -term
+        else:
+            cosine += term if k % 4 == 0 else -term
+    c, s = Fraction(cosine, ONE), Fraction(sine, ONE)
+    return ((c, s), (-s, c), (-c, -s), (s, -c))[quarter % 4]

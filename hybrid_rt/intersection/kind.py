@@ -101,6 +101,27 @@ class CurvedKind(Kind, Protocol):
         ...
 
 
+def widen_bounds(
+    moved: FloatArray, rays: Rays, best: Nearest, kind_of: IntArray, kind: int, out: Finished
+) -> None:
+    """Add to bounds of t what lies between a surface as it is traced and as it was given.
+
+    Parameters
+    ----------
+    moved : (primitives,) float64
+        Bound on their distance, world units.
+    rays, best, kind_of, kind, out
+        As for `Kind.finish`, after it.
+    """
+    if not moved.any():
+        return
+    rows = np.flatnonzero(best.object_id >= 0)
+    rows = rows[(kind_of[best.object_id[rows]] == kind) & (moved[best.primitive[rows]] > 0.0)]
+    slope = np.abs(np.einsum("ij,ij->i", out.normal[rows], rays.direction[rows]))
+    with np.errstate(divide="ignore"):
+        best.t_bound[rows] += moved[best.primitive[rows]] / slope
+
+
 def new_nearest(t_max: FloatArray) -> Nearest:
     """Allocate buffers without roots; ``t_max`` is not copied but becomes their t."""
     n = len(t_max)

@@ -1,12 +1,20 @@
 """B-splines and NURBS against SciPy's B-splines, and sheets of patches."""
 
 import pickle
+from itertools import pairwise
 
 import numpy as np
 import pytest
 from scipy.interpolate import BSpline
 
-from meshing import BezierPatches, NurbsSurface, PatchSheet, SurfaceOfRevolution, tessellate
+from meshing import (
+    BezierPatches,
+    NurbsSurface,
+    PatchSheet,
+    SurfaceOfRevolution,
+    bspline,
+    tessellate,
+)
 
 KNOTS = {
     "repeated": ([0, 0, 0, 0, 1, 2, 2, 3, 3, 3, 3], 3),
@@ -92,6 +100,40 @@ def test_a_periodic_surface_closes():
     assert len(surface) == 8
     assert np.abs(surface.point(0.0, 0.3) - surface.point(1.0, 0.3)).max() < 1e-15
     assert tessellate(surface, 1e-2).mesh.euler_number == 0
+
+
+@pytest.mark.parametrize("gap", [9e-13, 1e-13, 1e-15])
+@pytest.mark.parametrize("far", [0.0, 1e6])
+def test_knots_of_a_break_that_are_nearly_equal_are_refused(gap, far):
+    # Two double knots of a cubic: it goes on between them, by a fifth of its length.
+    x = np.array([0, 0.1, 0.25, 0.4, 0.6, 0.75, 0.9, 1.0]) + far
+    net = np.zeros((8, 2, 3))
+    net[..., 0], net[:, 1, 1] = x[:, None], 1.0
+    knots = np.array([0, 0, 0, 0, 0.5, 0.5, 0.5 + gap, 0.5 + gap, 1, 1, 1, 1])
+    words = r"knots_{} holds 0.5 and 0.5000.*, closer than 1e-12 .* goes on by 0.2, or breaks"
+    with pytest.raises(ValueError, match=words.format("u")):
+        NurbsSurface(net, knots, [0, 0, 1, 1], (3, 1))
+    with pytest.raises(ValueError, match=words.format("v")):
+        NurbsSurface(net.swapaxes(0, 1), [0, 0, 1, 1], knots, (1, 3))
+    # Farther apart it is a patch of its own; where both ends are one point nothing is lost.
+    knots[6:8] = 0.5 + 2e-12
+    assert len(NurbsSurface(net, knots, [0, 0, 1, 1], (3, 1))) == 3
+    knots[6:8], net[4] = 0.5 + gap, net[3]
+    assert len(NurbsSurface(net, knots, [0, 0, 1, 1], (3, 1))) == 2
+
+
+@pytest.mark.parametrize("gap", [1e-9, 1e-13, 2.0**-52])
+def test_double_knots_of_a_loop_that_are_nearly_equal_keep_it_whole(gap):
+    # The same cubic as a curve: arcs, also that of the short span, join to the bit, and x grows.
+    x = np.array([0, 0.1, 0.25, 0.4, 0.6, 0.75, 0.9, 1.0])
+    knots = [0, 0, 0, 0, 0.5, 0.5, 0.5 + gap, 0.5 + gap, 1, 1, 1, 1]
+    arcs = bspline(np.stack([x, x**2], 1), knots, 3)
+    assert len(arcs) == 3
+    for one, other in pairwise(arcs):
+        assert one.control[-1].tolist() == other.control[0].tolist()
+    assert (np.diff(np.concatenate([arc.control[:, 0] for arc in arcs])) >= -1e-15).all()
+    # The blossom of a span that vanishes: its ends, twice each.
+    np.testing.assert_allclose(arcs[1].control[:, 0], [0.4, 0.4, 0.6, 0.6], atol=8 * gap)
 
 
 def test_knots_of_twelve_digits_are_one():

@@ -38,9 +38,9 @@ from hybrid_rt.intersection.kernels.patch.trace import (
 from hybrid_rt.intersection.kernels.search.coarse import CoarseHits, guess_cells
 from hybrid_rt.intersection.kernels.search.counters import COUNTER_NAMES
 from hybrid_rt.intersection.kernels.search.nearest import Nearest, Rays
-from hybrid_rt.intersection.kernels.search.tolerances import DEPTH
+from hybrid_rt.intersection.kernels.search.tolerances import DEPTH, UNIT_ROUNDOFF
 from hybrid_rt.intersection.kernels.search.tree import Tree, build_tree, new_stack
-from hybrid_rt.intersection.kind import Finished, rows_of
+from hybrid_rt.intersection.kind import Finished, rows_of, widen_bounds
 from hybrid_rt.intersection.margins import Aim, suspects
 from hybrid_rt.intersection.margins import settle as settle_rows
 from hybrid_rt.intersection.sheets import Sheets
@@ -109,6 +109,7 @@ class PatchKind:
         degree = np.array([(net.shape[0] - 1, net.shape[1] - 1) for net in patches], np.int64)
         lengths = (degree + 1).prod(axis=1)
         start = np.concatenate([[0], lengths.cumsum()[:-1]]).astype(np.int64)
+        counts = [len(surface) for _, surface in surfaces]
         lo, hi = points.min(axis=0), points.max(axis=0)
         middle = 0.5 * lo + 0.5 * hi
         radius = np.linalg.norm(0.5 * hi - 0.5 * lo)
@@ -120,18 +121,21 @@ class PatchKind:
         exponent = np.frexp((high - low).max(axis=1) * to_frame)[1]
         step = np.ldexp(2.0**-20, np.clip(exponent + 10, -32, 0))[:, None]
         centre = np.round(0.5 * (low + high) * to_frame / step) * step
-        control = _difference(points, middle, np.repeat(centre, lengths, axis=0), to_frame)
+        left = np.concatenate(
+            [r.reshape(-1, 3) for _, surface in surfaces for r in surface.remainders]
+        )
+        control = _difference(points, left, middle, np.repeat(centre, lengths, axis=0), to_frame)
         size = np.sqrt(np.maximum.reduceat((control**2).sum(axis=1), start))
+        bend = np.array([_bend(net) for net in _nets_of(control[:, :3], start, degree)])
         if rational:
             weights = [s.homogeneous[:, 3] for _, s in surfaces if isinstance(s, RationalPatches)]
             control[:, 3] = np.concatenate(weights)
             control[:, :3] *= control[:, 3:]
-            bend = np.empty((len(patches), 3))
             bound_rational_bends(control, start, degree, bend)
-        else:
-            bend = np.array([_bend(net) for net in patches]) * to_frame
+            # Weights that are sums are rounded: two sizes more in the sum of `rounding_of_root`.
+            is_converted = np.repeat([s.remainder is not None for _, s in surfaces], counts)
+            size[is_converted] *= 1.0 + 2.0 / (8.0 * degree[is_converted].sum(axis=1) + 2.0)
         nets = _Nets(control, start, degree, centre, rational)
-        counts = [len(surface) for _, surface in surfaces]
         object_id = np.repeat(np.array([i for i, _ in surfaces], np.int32), counts)
         patch_id = np.concatenate([np.arange(n, dtype=np.int32) for n in counts])
         around = _around(surfaces, middle, to_frame, counts)
@@ -156,6 +160,9 @@ class PatchKind:
             trim=trim,
             **_cells(nets, max(finest, COARSEST), pool),
         )
+        # The sum of `rounding_of_root` has room for one rounding of a patch's size.
+        moved = np.repeat([s.moved for _, s in surfaces], counts)
+        self._moved = np.where(moved * to_frame > UNIT_ROUNDOFF * size, moved, 0.0)
         self._first_patch = np.full(int(object_id.max()) + 1, -1, np.int64)
         for (i, _), first in zip(surfaces, np.cumsum([0, *counts[:-1]]), strict=True):
             self._first_patch[i] = first
@@ -280,20 +287,29 @@ class PatchKind:
     ) -> None:
         """Describe the hits that are on patches."""
         finish_patches(self.table, rays, best, kind_of, kind, self._new_basis(), out)
+        widen_bounds(self._moved, rays, best, kind_of, kind, out)
         if self._sheets is not None:
             self._sheets.finish(best.object_id, out)
 
 
 def _difference(
-    points: FloatArray, middle: FloatArray, centre: FloatArray, to_frame: float
+    points: FloatArray, left: FloatArray, middle: FloatArray, centre: FloatArray, to_frame: float
 ) -> FloatArray:
-    """(points - middle) to_frame - centre with one rounding, not three; and a column of zeros."""
+    """(points + left - middle) to_frame - centre with two roundings; and a column of zeros."""
     high = points - middle
     z = high - points
     low = (points - (high - z)) - (middle + z)
     net = np.zeros((len(points), 4))
-    net[:, :3] = (high * to_frame - centre) + low * to_frame
+    net[:, :3] = (high * to_frame - centre) + (low + left) * to_frame
     return net
+
+
+def _nets_of(
+    control: FloatArray, start: NDArray[np.int64], degree: NDArray[np.int64]
+) -> list[FloatArray]:
+    shapes = (degree + 1).tolist()
+    pieces = np.split(control, start[1:])
+    return [piece.reshape(*shape, 3) for piece, shape in zip(pieces, shapes, strict=True)]
 
 
 def _cells(nets: _Nets, finest: int, pool: Pool) -> dict[str, NDArray[np.generic]]:

@@ -37,10 +37,10 @@ from hybrid_rt.intersection.kernels.revolution.trace import (
 from hybrid_rt.intersection.kernels.search.coarse import CoarseHits
 from hybrid_rt.intersection.kernels.search.counters import CHANGED
 from hybrid_rt.intersection.kernels.search.nearest import Nearest, Rays
-from hybrid_rt.intersection.kernels.search.tolerances import DEPTH
+from hybrid_rt.intersection.kernels.search.tolerances import DEPTH, UNIT_ROUNDOFF
 from hybrid_rt.intersection.kernels.search.tree import new_stack
 from hybrid_rt.intersection.kernels.search.trims import Trim
-from hybrid_rt.intersection.kind import Finished
+from hybrid_rt.intersection.kind import Finished, widen_bounds
 from hybrid_rt.intersection.members import in_order
 from hybrid_rt.intersection.trims import trim_of, trimmed_of, whole_of
 from meshing import SurfaceOfRevolution, TrimmedSurface
@@ -54,6 +54,8 @@ PIECES = 8
 # Segment ends that agree to this part of the profile's size are joined; through a wider gap a ray
 # may pass.
 JOINED = 2.0**-50
+# More roundings than these do not pass for a larger size.
+FEW_ROUNDINGS = 16.0
 # Where the profile bends by less than this there is no outline that its curvature does not show.
 STRAIGHT = 1e-10
 
@@ -78,6 +80,7 @@ class RevolutionKind:
         trimmed = trimmed_of(members)
         surfaces: list[tuple[int, SurfaceOfRevolution]] = whole_of(members)
         middle, aside, to_frame, size, roundings, part = [], [], [], [], [], []
+        moved: list[float] = []
         control, end, first_segment, segment_id = [], [], [0], []
         for _, surface in surfaces:
             points = np.concatenate(surface.segments)
@@ -86,6 +89,9 @@ class RevolutionKind:
             # The point is rounded: the profile is taken about where it really is.
             centre = float((point - surface.origin) @ surface.axis)
             radius = np.hypot(points[:, 0] - centre, points[:, 1]).max()
+            inflated, off = _with_conversion(surface, points, radius)
+            radius *= inflated
+            moved += [off] * sum(bool(segment[:, 1].any()) for segment in surface.segments)
             scale = float(2.0 ** -np.ceil(np.log2(radius)))
             middle.append(point)
             aside.append(_from_rounded(surface, centre, point) * scale)
@@ -107,6 +113,7 @@ class RevolutionKind:
                 end[first_segment[-1] :], segment_id[first_segment[-1] :], first_segment[-1]
             )
             first_segment.append(len(control))
+        self._moved = np.array(moved)
         degree = np.array([len(net) - 1 for net in control], np.int64)
         n_pieces = np.where(degree == 1, 1, np.where(degree > 6, 2 * PIECES, PIECES))
         first_piece = np.concatenate([[0], n_pieces.cumsum()]).astype(np.int64)
@@ -188,6 +195,23 @@ class RevolutionKind:
         row_of = self._rows(len(kind_of))
         row_of[kind_of != kind] = -1
         finish_revolutions(self.table, rays, best, row_of, np.empty(RAY), out)
+        widen_bounds(self._moved, rays, best, kind_of, kind, out)
+
+
+def _with_conversion(
+    surface: SurfaceOfRevolution, points: FloatArray, radius: float
+) -> tuple[float, float]:
+    """Return by what to multiply the size, and what else to add to bounds, for what rounding did.
+
+    Points of rational segments count as rounded, as `circular_arc` gives them: half an ulp each, and
+    their weights as much. A few roundings of the size belong to the sum of `rounding`, which has at
+    least 34 of them. More are added to the bounds of hits.
+    """
+    moved = surface.moved
+    if surface.is_rational:
+        moved += UNIT_ROUNDOFF * (float(np.hypot(*np.abs(points).max(axis=0))) + 2.0 * radius)
+    units = moved / (UNIT_ROUNDOFF * radius)
+    return (1.0 + units / 34.0, 0.0) if units <= FEW_ROUNDINGS else (1.0, moved)
 
 
 def _net(surface: SurfaceOfRevolution, number: int, centre: float, scale: float) -> FloatArray:
@@ -238,11 +262,12 @@ def _part(surface: SurfaceOfRevolution) -> FloatArray:
 def _from_rounded(surface: SurfaceOfRevolution, centre: float, point: FloatArray) -> FloatArray:
     """Return the point of the axis at a height, less what it was rounded to: along u, across, up."""
     exact = [
-        Fraction(o) + Fraction(centre) * Fraction(a) - Fraction(p)
-        for o, a, p in zip(
-            surface.origin.tolist(), surface.axis.tolist(), point.tolist(), strict=True
+        Fraction(o) + Fraction(p) + Fraction(centre) * (Fraction(a) + Fraction(b)) - Fraction(at)
+        for o, p, a, b, at in zip(
+            surface.origin.tolist(), surface.remainder[0].tolist(),
+            surface.axis.tolist(), surface.remainder[1].tolist(), point.tolist(), strict=True,
         )
-    ]
+    ]  # fmt: skip
     gap = np.array([float(x) for x in exact])
     frame = np.stack([surface.radial, surface.binormal, surface.axis])
     turned: FloatArray = frame @ gap

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from hybrid_rt.demo import teapot, vase
 from hybrid_rt.intersection import Intersector
 from hybrid_rt.primitives import Box, Plane, Rectangle, Sphere, TriangleMesh
+from hybrid_rt.verify.cases.placed import placed
 from hybrid_rt.verify.cases.rational_surfaces import octants, torn_nurbs, weighted_petal
 from hybrid_rt.verify.cases.rays import hard_rays
 from hybrid_rt.verify.cases.singular_surfaces import rational_torus
@@ -116,7 +117,7 @@ def _aside(surface: Any, number: int) -> Any:
     """Return a surface moved to its place in two rows that overlap."""
     matrix = np.eye(4)
     matrix[:3, 3] = 1.5 * (number % 4), 1.5 * (number // 4), 0.3 * number
-    return surface.transformed(matrix)
+    return placed(surface, matrix)
 
 
 def mixed() -> list[Any]:

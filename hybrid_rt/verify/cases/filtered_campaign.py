@@ -18,6 +18,7 @@ from hybrid_rt.core.ray_set import RaySet
 from hybrid_rt.core.records import FloatArray, HitRecord, IntArray, Status
 from hybrid_rt.intersection import Intersector
 from hybrid_rt.verify.cases.campaign import SCENES
+from hybrid_rt.verify.cases.placed import placed
 from hybrid_rt.verify.cases.rays import at_box, camera, chords
 from hybrid_rt.verify.cases.singular_campaign import placed_surfaces, trace_cell
 from hybrid_rt.verify.cases.singular_rays import size_of
@@ -206,7 +207,7 @@ def run_singular(name: str, n: int, seed: int, tangent_every: int = 1) -> Iterat
 def _aside(surfaces: list[Any], shift: tuple[float, float, float]) -> list[Any]:
     matrix = np.eye(4)
     matrix[:3, 3] = shift
-    return [surface.transformed(matrix) for surface in surfaces]
+    return [placed(surface, matrix) for surface in surfaces]
 
 
 def _turned_surfaces() -> list[Any]:
@@ -275,7 +276,7 @@ def _placed(surfaces: list[Any], placement: str) -> list[Any]:
         return surfaces
     bounded = [surface for surface in surfaces if surface.is_bounded]
     matrix = PLACEMENTS[placement].matrix(max(size_of(surface) for surface in bounded))
-    return [surface.transformed(matrix) for surface in surfaces]
+    return [placed(surface, matrix) for surface in surfaces]
 
 
 def added(groups: Sequence[Group]) -> dict[tuple[str, str], Count]:

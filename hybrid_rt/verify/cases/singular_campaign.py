@@ -15,6 +15,7 @@ import numpy as np
 
 from hybrid_rt.core.records import FloatArray, HitRecord
 from hybrid_rt.intersection import Intersector
+from hybrid_rt.verify.cases.placed import placed
 from hybrid_rt.verify.cases.rays import unit
 from hybrid_rt.verify.cases.singular_rays import away, size_of
 from hybrid_rt.verify.cases.singular_sets import DISTANCES, PLACEMENTS, SETS
@@ -89,7 +90,7 @@ def placed_surfaces(name: str, placement: str) -> list[Any]:
     matrix = PLACEMENTS[placement].matrix(size_of(surfaces[0]))
     if placement == "home":
         return surfaces
-    return [surface.transformed(matrix) for surface in surfaces]
+    return [placed(surface, matrix) for surface in surfaces]
 
 
 def trace_cell(

@@ -53,7 +53,8 @@ class Net:
     ----------
     number : int
         That of the patch.
-    net : (m + 1, n + 1, 3) float64
+    net, rest : (m + 1, n + 1, 3) float64
+        Control points are the sums of both.
     weights : (m + 1, n + 1) float64
 
     Attributes
@@ -64,11 +65,17 @@ class Net:
         Corners of the box of the control points.
     """
 
-    def __init__(self, number: int, net: FloatArray, weights: FloatArray) -> None:
+    def __init__(self, number: int, net: FloatArray, rest: FloatArray, weights: FloatArray) -> None:
         self.number, self.shape = number, net.shape[:2]
         self.low, self.high = net.min(axis=(0, 1)), net.max(axis=(0, 1))
         w = [rationals(row) for row in weights]
-        rows = [[rationals(point) for point in row] for row in net]
+        rows = [
+            [
+                [a + b for a, b in zip(rationals(point), rationals(left), strict=True)]
+                for point, left in zip(row, of_row, strict=True)
+            ]
+            for row, of_row in zip(net, rest, strict=True)
+        ]
         tables = [
             [
                 [x * point[c] for x, point in zip(line, row, strict=True)]

@@ -41,8 +41,10 @@ CLEAR = 1e-9
 def patches_crosser(surface: BezierPatches) -> Crosser:
     """Return a function that finds all crossings with patches, on shared edges one for each."""
     nets = [
-        Net(k, net, weights)
-        for k, (net, weights) in enumerate(zip(surface.patches, weights_of(surface), strict=True))
+        Net(k, net, rest, weights)
+        for k, (net, rest, weights) in enumerate(
+            zip(surface.patches, surface.remainders, weights_of(surface), strict=True)
+        )
     ]
     # Float64 nets for a first look, all of one shape together.
     by_shape: dict[tuple[int, int], list[int]] = {}

@@ -16,6 +16,7 @@ import numpy as np
 from hybrid_rt.core.records import FloatArray
 from hybrid_rt.primitives import Box, Rectangle, Sphere, TriangleMesh
 from hybrid_rt.primitives.torus import Torus
+from hybrid_rt.verify.cases.placed import placed
 from hybrid_rt.verify.cases.rays import GENERATORS, unit
 from meshing import BezierPatches, SurfaceOfRevolution
 
@@ -247,7 +248,7 @@ def build(case: Case) -> Any:
         surface = TriangleMesh(mesh)
     for key in ("matrix", "scale"):
         if key in case:
-            surface = surface.transformed(np.array(case[key]))
+            surface = placed(surface, np.array(case[key]))
     return surface
 
 

@@ -4,10 +4,11 @@ import numpy as np
 import pytest
 from trimmed_surfaces import OUTLINE, edge_rays, nurbs_torus, nurbs_tube
 
-from hybrid_rt import Intersector, Status
+from hybrid_rt import Intersector, Sphere, Status, Torus
 from hybrid_rt.verify.exact.judge import ExactJudge
 from meshing import (
     BezierPatches,
+    Curve2,
     NurbsSurface,
     PatchSheet,
     SurfaceOfRevolution,
@@ -161,3 +162,85 @@ def test_an_open_sheet_does_not_wrap():
     surface = TrimmedSurface(flat, [OUTLINE, WINDOW])
     assert surface.closes == (False, False)
     np.testing.assert_array_equal(surface.contains([0.05, 0.95], 0.5)[0], [False, True])
+
+
+RING = Torus((0, 0, 0), (0, 0, 1), 3, 1)
+
+
+def box(u0, u1, v0, v1):
+    return polygon([(u0, v0), (u1, v0), (u1, v1), (u0, v1)])
+
+
+def stripe(shift, wide=0.2):
+    """A stripe that winds around: once along u while v goes on by 0.6."""
+    return polygon(
+        [(-0.3, shift), (1.3, shift + 0.96), (1.3, shift + 0.96 + wide), (-0.3, shift + wide)]
+    )
+
+
+@pytest.mark.parametrize(
+    ("surface", "loop"),
+    [
+        (RING, box(-0.3, 1.3, 0.2, 0.4)),
+        (RING, box(0.2, 0.4, -0.3, 1.3)),
+        (RING, box(-0.01, 1.01, -0.2, 1.2)),
+        (RING, box(-0.9, 1.9, 0.3, 0.4)),
+        (RING, box(0.0, 1.0 + 1e-4, 0.1, 0.2)),
+        (RING, box(0.0, 2.0, 0.1, 0.2)),
+        (RING, stripe(-0.2, 0.7)),
+        (RING, [Curve2([(c * 0.9 + 0.5, s * 0.1 + 0.5) for c, s in p], w)
+                for p, w in (([(1, 0), (1, 1), (0, 1)], [1, 0.5**0.5, 1]), ([(0, 1), (-1, 1), (-1, 0)], [1, 0.5**0.5, 1]),
+                             ([(-1, 0), (-1, -1), (0, -1)], [1, 0.5**0.5, 1]), ([(0, -1), (1, -1), (1, 0)], [1, 0.5**0.5, 1]))]),
+        (Sphere((1, 2, 3), 2), box(-0.2, 0.9, 0.4, 0.5)),
+        (SurfaceOfRevolution([(0, 1), (1, 2)], (0, 0, 0), (0, 1, 1)), box(0.3, 1.4, 0.4, 0.5)),
+        (nurbs_torus(), box(0.2, 0.4, -0.1, 1.2)),
+    ],
+)  # fmt: skip
+def test_loops_that_overlap_themselves_after_a_turn_are_refused(surface, loop):
+    # An island elsewhere, so that the number in the message counts.
+    with pytest.raises(
+        ValueError, match=r"loops\[1\] is .* wide in u .* overlaps itself after whole turns"
+    ):
+        TrimmedSurface(surface, [circle((0.8, 0.8), 0.02), loop])
+
+
+@pytest.mark.parametrize("low", [0.0, -0.25, 0.3, -0.7])
+@pytest.mark.parametrize("axis", [0, 1])
+def test_a_band_all_around_may_touch_itself(low, axis):
+    band = box(low, low + 1.0, 0.2, 0.4) if axis == 0 else box(0.2, 0.4, low, low + 1.0)
+    surface = TrimmedSurface(RING, [band])
+    around, across = np.random.default_rng(1).random((2, 4000))
+    inside, in_band = surface.contains(*((around, across) if axis == 0 else (across, around)))
+    sure = ~in_band
+    np.testing.assert_array_equal(inside[sure], ((across > 0.2) & (across < 0.4))[sure])
+
+
+def test_stripes_that_wind_around_are_kept():
+    # Wider than a turn, but nowhere over themselves: v - 0.6 u, modulo its turn, says who is inside. Ends
+    # at u = -0.3 and 1.3 lie on the way of the stripe one turn on only if v = 0.6 there, so they do not.
+    surface = TrimmedSurface(RING, [stripe(-0.2)])
+    u, v = np.random.default_rng(2).random((2, 20000))
+    inside, in_band = surface.contains(u, v)
+    expected = np.zeros(len(u), bool)
+    for i in (-1, 0, 1, 2):
+        for j in (-2, -1, 0, 1, 2):
+            x, y = u + i, v + j
+            at = -0.2 + 0.6 * (x + 0.3)
+            expected |= (x > -0.3) & (x < 1.3) & (at < y) & (y < at + 0.2)
+    np.testing.assert_array_equal(inside[~in_band], expected[~in_band])
+    # A border that waves, and its copy one turn on, touch all along.
+    wave = [(0.0, 0.2), (0.35, 0.25), (-0.35, 0.35), (0.0, 0.4)]
+    loop = [
+        Curve2([(0.0, 0.2), (1.0, 0.2)]), Curve2(np.add(wave, (1, 0))),
+        Curve2([(1.0, 0.4), (0.0, 0.4)]), Curve2(wave[::-1]),
+    ]  # fmt: skip
+    inside, in_band = TrimmedSurface(RING, [loop]).contains(u, v)
+    np.testing.assert_array_equal(inside[~in_band], ((v > 0.2) & (v < 0.4))[~in_band])
+    assert in_band.mean() < 1e-3
+
+
+def test_different_loops_that_overlap_after_a_turn_count_by_the_even_odd_rule():
+    surface = TrimmedSurface(RING, [box(-0.3, 0.3, 0.2, 0.4), box(0.6, 1.2, 0.2, 0.4)])
+    u = np.array([0.1, 0.25, 0.45, 0.65, 0.8])
+    inside, _ = surface.contains(u, np.full(5, 0.3))
+    assert inside.tolist() == [False, True, False, True, False]

@@ -22,15 +22,17 @@ class ExactPatches(ExactSurface, of=BezierPatches):
 
     def gap(self) -> Gap:
         """Return a function that measures from S(u, v) by exact arithmetic."""
+        surface = self.surface
+        parts = zip(surface.patches, surface.remainders, weights_of(surface), strict=True)
         nets = [
             [
                 [
-                    [w * x for x in (*rationals(p), 1)]
-                    for p, w in zip(row, rationals(ws), strict=True)
+                    [w * x for x in (*map(sum, zip(rationals(p), rationals(q), strict=True)), 1)]
+                    for p, q, w in zip(row, rest, rationals(ws), strict=True)
                 ]
-                for row, ws in zip(net, weights, strict=True)
+                for row, rest, ws in zip(*part, strict=True)
             ]
-            for net, weights in zip(self.surface.patches, weights_of(self.surface), strict=True)
+            for part in parts
         ]
 
         def gap(patch: int, u: float, v: float, point: list[Any]) -> float:

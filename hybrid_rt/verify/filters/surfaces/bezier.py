@@ -30,7 +30,8 @@ class PatchesFilter(SurfaceFilter, of=BezierPatches):
         middle, size = self.ball()
         self._origin = middle
         flat = np.concatenate([net.reshape(-1, 3) for net in nets])
-        points = double_double(fractions(flat) - fractions(middle))
+        rest = np.concatenate([rest.reshape(-1, 3) for rest in surface.remainders])
+        points = double_double(fractions(flat) + fractions(rest) - fractions(middle))
         counts = [net.shape[0] * net.shape[1] for net in nets]
         starts = np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)
         balls = np.zeros((len(nets), 4))
@@ -66,7 +67,10 @@ class PatchesFilter(SurfaceFilter, of=BezierPatches):
             away=np.zeros((3, 3)),
             crossings=crossings_scratch(),
         )
-        self._local = BezierPatches([net - middle for net in nets], surface.weights)
+        local = np.split(points[..., 0], starts[1:-1])
+        self._local = BezierPatches(
+            [own.reshape(net.shape) for own, net in zip(local, nets, strict=True)], surface.weights
+        )
 
     def first(
         self, origins: FloatArray, directions: FloatArray, leaves: BoolArray, hit_t: FloatArray

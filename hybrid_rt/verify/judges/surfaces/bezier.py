@@ -38,6 +38,10 @@ class BezierJudge(SurfaceJudge, of=BezierPatches):
         boxes = np.array([[net.min(axis=(0, 1)), net.max(axis=(0, 1))] for net in patches])
         low, high = boxes[:, 0].min(axis=0), boxes[:, 1].max(axis=0)
         points, rest = weighted_points(control, weight)
+        # Newton's iteration has all digits; bisection, which leaves the band open, those of floats.
+        if self.surface.remainder is not None:
+            by = 1.0 if weight is None else weight[:, None]
+            rest[:, :3] += by * self.surface.remainder
         nets = patch_roots.Nets(
             control=control,
             weight=np.ones(len(control)) if weight is None else weight,
@@ -107,7 +111,16 @@ class BezierJudge(SurfaceJudge, of=BezierPatches):
         """Return the control points of the patches, row by row, as numbers of many digits."""
         from hybrid_rt.verify.judges.digits import numbers
 
-        return [[[numbers(point) for point in row] for row in net] for net in self.surface.patches]
+        return [
+            [
+                [
+                    [a + b for a, b in zip(numbers(point), numbers(left), strict=True)]
+                    for point, left in zip(row, of_row, strict=True)
+                ]
+                for row, of_row in zip(net, rest, strict=True)
+            ]
+            for net, rest in zip(self.surface.patches, self.surface.remainders, strict=True)
+        ]
 
     def _quotient(self, sums: Vector, by_u: Vector, by_v: Vector) -> tuple[Vector, Vector, Vector]:
         """Return point and partials, of which these are the Bernstein sums."""

@@ -26,12 +26,12 @@ class RationalJudge(BezierJudge, of=RationalPatches):
         return [
             [
                 [
-                    [number * w for number in numbers((*point, 1.0))]
+                    [number * w for number in (*point, 1)]
                     for point, w in zip(row, numbers(weights), strict=True)
                 ]
                 for row, weights in zip(net, of_patch, strict=True)
             ]
-            for net, of_patch in zip(self.surface.patches, self.surface.weights, strict=True)
+            for net, of_patch in zip(super()._nets(), self.surface.weights, strict=True)
         ]
 
     def _quotient(self, sums: Vector, by_u: Vector, by_v: Vector) -> tuple[Vector, Vector, Vector]:
