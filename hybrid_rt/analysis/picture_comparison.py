@@ -18,10 +18,12 @@ from hybrid_rt.analysis.picture_sheet import Pixels, error_colors, sheet
 from hybrid_rt.analysis.units import percent, signed_percent
 from hybrid_rt.core import exr
 from hybrid_rt.core.ledger import as_json
+from hybrid_rt.rendering.versions import versions
 from hybrid_rt.sensor.color import screen_pixels, srgb_to_linear
-from hybrid_rt.sensor.image_files import check_output, replacing, sidecar_of
+from hybrid_rt.sensor.image_files import check_output, sidecar_of
 from hybrid_rt.sensor.image_metrics import DARK, PictureErrors, picture_errors, relative_squares
 from meshing.checks import as_path, text_of
+from meshing.outputs import replacing
 
 # Differences of larger numbers may be no numbers.
 MOST = 1e300
@@ -458,11 +460,12 @@ def check_sheet(path: str | os.PathLike[str], pictures: Sequence[str | os.PathLi
     ValueError, OSError
         If the suffix is not .png, the path is one of the pictures, or the file cannot be written.
     """
-    out = check_output(path)
-    if out.suffix.lower() != ".png":
-        raise ValueError(f"output {str(out)!r}: pass a .png, the map of errors is one")
+    out = as_path(path, "output")
     if any(out.resolve() == Path(picture).resolve() for picture in pictures):
         raise ValueError(f"output {str(out)!r} is one of the pictures: name another file")
+    check_output(out)
+    if out.suffix.lower() != ".png":
+        raise ValueError(f"output {str(out)!r}: pass a .png, the map of errors is one")
     return out
 
 
@@ -474,5 +477,5 @@ def save_comparison(path: Path, sheet: Pixels, comparison: dict[str, Any]) -> Pa
         imageio.imwrite(file, sheet, extension=".png")
     figures = sidecar_of(path)
     with replacing(figures) as file:
-        file.write(as_json(comparison).encode())
+        file.write(as_json({**comparison, "versions": versions()}).encode())
     return figures

@@ -217,9 +217,15 @@ def render(
         around.callback(getattr(progress, "close", lambda: None))
         kept_in, saved = None, None
         if store is not None:
-            kept_in = PassStore(store, resume)
-            around.callback(kept_in.close)
-            saved = kept_in.open(identity(scene, settings))
+            try:
+                kept_in = PassStore(store, resume)
+                around.callback(kept_in.close)
+                saved = kept_in.open(identity(scene, settings))
+            except OSError as error:
+                raise type(error)(
+                    f"store {str(store)!r} cannot be used ({error.strerror or error}): make room and "
+                    "see that it can be written, or name another folder"
+                ) from error
         compilation = around.enter_context(watch_compilation(progress, tells=progress is not None))
         clock = Clock(compilation)
         ledger = Ledger(lambda: clock.seconds)

@@ -13,7 +13,8 @@ from hybrid_rt.analysis.picture_comparison import (
 from hybrid_rt.analysis.picture_sheet import BAR, GAP, LINE, MARGIN, error_colors, sheet
 from hybrid_rt.analysis.reference import given_reference
 from hybrid_rt.cli import program as cli
-from hybrid_rt.sensor.image_files import check_writable, replacing, save_image, sidecar_of
+from hybrid_rt.sensor.image_files import save_image, sidecar_of
+from meshing.outputs import check_writable, replacing
 
 RNG = np.random.default_rng(12)
 TRUTH = RNG.uniform(0.2, 0.9, (20, 30, 3)).astype(np.float32)
