@@ -62,7 +62,11 @@ def make_read_only(file: Path) -> None:
 OTHERS = {
     "link": (make_link, FileExistsError, "symbolic link to '.*victim'.*: name that file itself"),
     "dangling link": (lambda f: f.symlink_to("gone"), FileExistsError, "symbolic link to 'gone'"),
-    "device": (lambda f: f.symlink_to("/dev/full"), FileExistsError, "symbolic link to '/dev/full'"),
+    "device": (
+        lambda f: f.symlink_to("/dev/full"),
+        FileExistsError,
+        "symbolic link to '/dev/full'",
+    ),
     "read-only": (make_read_only, PermissionError, "it is read-only.: make it writable, or name"),
     "folder": (Path.mkdir, IsADirectoryError, "it is a folder.: name another file"),
     "fifo": (os.mkfifo, FileExistsError, "device, FIFO or socket.: name another file"),
@@ -77,7 +81,9 @@ def test_what_is_no_plain_file_of_ours_stays(tmp_path, name, write, make, error,
     make(file)
     before = {item.name: item.lstat().st_mtime_ns for item in tmp_path.iterdir()}
     for attempt in (write, check_writable):
-        with pytest.raises(error, match=rf"output '.*{re.escape(name)}' cannot be written .*{words}"):
+        with pytest.raises(
+            error, match=rf"output '.*{re.escape(name)}' cannot be written .*{words}"
+        ):
             attempt(file)
     assert {item.name: item.lstat().st_mtime_ns for item in tmp_path.iterdir()} == before
 
@@ -89,7 +95,10 @@ def test_the_new_file_is_opened_as_one_that_nobody_has_put_there(tmp_path, monke
     monkeypatch.setattr(outputs.secrets, "token_hex", lambda _: "guessed")
     link = tmp_path / ".guessed.part"
     link.symlink_to(victim)
-    for attempt in (lambda: save_image(tmp_path / "a.png", IMAGE, {}), lambda: check_output(tmp_path / "a.png")):
+    for attempt in (
+        lambda: save_image(tmp_path / "a.png", IMAGE, {}),
+        lambda: check_output(tmp_path / "a.png"),
+    ):
         with pytest.raises(FileExistsError, match=r"a\.png' cannot be written"):
             attempt()
     assert victim.read_text() == "precious"
@@ -120,11 +129,14 @@ def test_the_longest_name_can_be_written(tmp_path):
 
 
 @pytest.mark.parametrize(
-    "foreign", ['{"name": "mine"}', "[1]", "no JSON", "", '{"versions": {"theirs": 1}}', "[" * 10**5]
+    "foreign",
+    ['{"name": "mine"}', "[1]", "no JSON", "", '{"versions": {"theirs": 1}}', "[" * 10**5],
 )
 def test_a_foreign_file_of_the_name_of_the_report_stays(tmp_path, foreign):
     (tmp_path / "a.json").write_text(foreign)
-    words = r"a\.json', the report beside the picture, .* no report of ours: move that file, or name"
+    words = (
+        r"a\.json', the report beside the picture, .* no report of ours: move that file, or name"
+    )
     for attempt in (check_output, lambda file: save_image(file, IMAGE, {"seed": 1})):
         with pytest.raises(FileExistsError, match=words):
             attempt(tmp_path / "a.png")
@@ -143,5 +155,7 @@ def test_a_report_of_ours_is_replaced(tmp_path):
 
 
 def test_a_name_with_a_null_byte_is_refused():
-    with pytest.raises(ValueError, match=r"output is 'a\\x00\.png': pass a path without null bytes"):
+    with pytest.raises(
+        ValueError, match=r"output is 'a\\x00\.png': pass a path without null bytes"
+    ):
         check_output("a\0.png")
