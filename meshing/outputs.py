@@ -110,7 +110,7 @@ def _new(file: Path, old: os.stat_result | None) -> Iterator[BinaryIO]:
 
     # Not derived from the name of the file, which may be as long as names can be.
     temporary = file.with_name(f".{secrets.token_hex(12)}.part")
-    with open(temporary, "xb", opener=create) as new:  # noqa: PTH123 (Path.open takes no opener)
+    with open(temporary, "xb", opener=create) as new:
         try:
             if old is not None:
                 with suppress(OSError):  # only root may give files away

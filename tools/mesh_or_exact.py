@@ -24,7 +24,7 @@ from hybrid_rt.cli.scene_file import load_scene
 from hybrid_rt.core.records import FloatArray
 from hybrid_rt.rendering.renderer import RenderResult, render
 from hybrid_rt.sensor.color import screen_pixels
-from meshing.outputs import make_folder, replacing
+from meshing.outputs import check_writable, make_folder, replacing
 
 ROOT = Path(__file__).parents[1]
 # (accuracy, tolerance of the mesh in scene units); the bowl of the glass is 2 across.
@@ -44,6 +44,9 @@ def main() -> int:
     parser.add_argument("--threads", type=one_or_more, default=4)
     parser.add_argument("--out", type=Path, default=ROOT / "docs" / "gallery")
     args = parser.parse_args()
+    make_folder(args.out)
+    for name in ("strip.webp", "strip.json"):
+        check_writable(args.out / name)
     close = Camera(
         look_from=(1.1, -9.0, 5.9),
         look_at=(1.05, -1.9, 0.0),

@@ -164,7 +164,7 @@ class _Server(ThreadingHTTPServer):
             time.sleep(TICK)
             raise
 
-    def verify_request(self, request: socket.socket, client_address: Any) -> bool:
+    def verify_request(self, request: Any, client_address: Any) -> bool:
         """Tell whether there is room for a connection, before it takes a thread."""
         del client_address
         limit = resource.getrlimit(resource.RLIMIT_NOFILE)[0]

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from hybrid_rt.core.checks import has
 from hybrid_rt.core.records import FloatArray
 from meshing.area import Triangles
-from meshing.checks import as_affine, as_floats, broadcast_parameters, refuse_mask, shown
+from meshing.checks import as_affine, as_floats, broadcast_parameters, refuse_mask, shown, units
 from meshing.surface import Surface
 
 if TYPE_CHECKING:
@@ -184,9 +184,7 @@ class TriangleMesh(Surface):
         """
         _, _, face, shape = broadcast_parameters(u, v, patch_id, len(self), "patch_id")
         a, b, c = (self.vertices[self.faces[face, k]] for k in range(3))
-        n = np.cross(b - a, c - a)
-        normals: FloatArray = n / np.linalg.norm(n, axis=1, keepdims=True)
-        return normals.reshape(*shape, 3)
+        return units(np.cross(b - a, c - a)).reshape(*shape, 3)
 
     def texture_point(self, u: ArrayLike, v: ArrayLike, patch_id: ArrayLike = 0) -> FloatArray:
         """Return where textures are looked up at (u, v) of faces, (n, 2) float64.

@@ -288,7 +288,7 @@ class Cluster:
         size = camera.height, camera.width
         try:
             check_result(result, passes, size, self._counts, self._has_blur)
-        except ValueError as error:
+        except ValueError as error:  # arrays of rows of unequal length raise one as well
             raise self._lost(
                 f"a worker's result of passes {task.first} to {task.stop - 1} is refused: {error}. "
                 "Render without cluster=, or by other workers"

@@ -119,10 +119,14 @@ def _part(workers: Workers, passes: range) -> Part:
     return Part(passes, made or run.closed(), workers.counts())
 
 
+class WrongResultError(ValueError):
+    """A result is not what a worker makes of what it was asked for."""
+
+
 def check_result(
     result: Any, passes: range, shape: tuple[int, int], alike: Counts, has_blur: bool | None
 ) -> None:
-    """Raise ValueError, with the reason, unless a result is what a worker makes of a range of passes.
+    """Raise WrongResultError, with the reason, unless a result is what a worker makes of a range of passes.
 
     Parameters
     ----------
@@ -137,40 +141,40 @@ def check_result(
         Whether passes before told of the blur.
     """
     if not isinstance(result, TaskResult) or not isinstance(result.parts, list):
-        raise ValueError(f"it is {type(result).__name__}, no list of passes")
+        raise WrongResultError(f"it is {type(result).__name__}, no list of passes")
     if not _is_count(result.seconds):
-        raise ValueError("its seconds are no number from 0 on")
+        raise WrongResultError("its seconds are no number from 0 on")
     if not all(isinstance(part, Part) and isinstance(part.passes, range) for part in result.parts):
-        raise ValueError("a part of it is no pass and no run of passes")
+        raise WrongResultError("a part of it is no pass and no run of passes")
     expected = list(_parts(passes.start, passes.stop))
     if (sent := [part.passes for part in result.parts]) != expected:
-        raise ValueError(f"it holds the passes {sent}, not each of {expected} once"[:200])
+        raise WrongResultError(f"it holds the passes {sent}, not each of {expected} once"[:200])
     for part in result.parts:
         has_blur = _check_made(part, shape, has_blur)
         if not _are_alike(part.counts, alike):
-            raise ValueError("its counts are not those of such a render")
+            raise WrongResultError("its counts are not those of such a render")
 
 
 def _check_made(part: Part, shape: tuple[int, int], has_blur: bool | None) -> bool:
     """Return whether a part tells of the blur."""
     made, n = part.made, shape[0] * shape[1]
     if not isinstance(made, Pass if len(part.passes) == 1 else Run):
-        raise ValueError(f"{part.passes} came as {type(made).__name__}")
+        raise WrongResultError(f"{part.passes} came as {type(made).__name__}")
     values = made.radiance if isinstance(made, Pass) else made.total
     _check_array(values, (*shape, 3), "radiance")
     if float(values.min()) < 0.0:
-        raise ValueError("a radiance is negative")
+        raise WrongResultError("a radiance is negative")
     change = made.blur_change
     if has_blur is not None and (change is not None) != has_blur:
-        raise ValueError("passes do not agree whether there is blur")
+        raise WrongResultError("passes do not agree whether there is blur")
     if isinstance(made, Run):
         means = made.means
         if not isinstance(means, tuple) or len(means) != RUN or not all(map(_is_count, means)):
-            raise ValueError(f"it has no mean from 0 on for each of {RUN} passes")
+            raise WrongResultError(f"it has no mean from 0 on for each of {RUN} passes")
         if change is not None:
             _check_array(change, (2, n, 3), "blur")
             if float(change[1].min()) < 0.0:
-                raise ValueError("a square of the blur is negative")
+                raise WrongResultError("a square of the blur is negative")
     elif change is not None:
         _check_array(change, (n, 3), "blur")
     return change is not None
@@ -179,9 +183,9 @@ def _check_made(part: Part, shape: tuple[int, int], has_blur: bool | None) -> bo
 def _check_array(values: Any, shape: tuple[int, ...], name: str) -> None:
     if type(values) is not np.ndarray or values.dtype != np.float64 or values.shape != shape:
         found = f"{getattr(values, 'dtype', type(values).__name__)} {getattr(values, 'shape', '')}"
-        raise ValueError(f"its {name} is {found.strip()}, not float64 {shape}")
+        raise WrongResultError(f"its {name} is {found.strip()}, not float64 {shape}")
     if not np.isfinite(values).all():
-        raise ValueError(f"its {name} is not finite")
+        raise WrongResultError(f"its {name} is not finite")
 
 
 def _are_alike(sent: Any, own: Counts) -> bool:

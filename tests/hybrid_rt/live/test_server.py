@@ -3,13 +3,13 @@
 import contextlib
 import http.client
 import json
-import os
 import resource
 import socket
 import subprocess
 import sys
 import threading
 import time
+from pathlib import Path
 from urllib.parse import parse_qs, urlsplit
 
 import numpy as np
@@ -314,7 +314,7 @@ def test_connections_without_the_token_take_few_threads_and_keep_nobody_out(page
 
 def test_descriptors_stay_free_for_the_picture(page, request, tmp_path):
     """Of 24 more than are open, 16 are left, and the page still answers who has the token."""
-    with descriptors(max(map(int, os.listdir("/dev/fd"))) + 25):
+    with descriptors(max(int(item.name) for item in Path("/dev/fd").iterdir()) + 25):
         request.getfixturevalue("knock")
         assert ask(page, "/about")[0] == 200
         with contextlib.ExitStack() as held:

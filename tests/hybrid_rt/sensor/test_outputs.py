@@ -115,9 +115,13 @@ def test_names_are_not_guessed(tmp_path):
 
 
 def test_what_appears_at_the_name_during_the_work_stays(tmp_path):
-    with pytest.raises(FileExistsError, match="symbolic link"), replacing(tmp_path / "a") as file:
-        file.write(b"new")
-        make_link(tmp_path / "a")
+    def write(file: Path) -> None:
+        with replacing(file) as new:
+            new.write(b"new")
+            make_link(file)
+
+    with pytest.raises(FileExistsError, match="symbolic link"):
+        write(tmp_path / "a")
     assert (tmp_path / "victim").read_text() == "precious"
     assert sorted(item.name for item in tmp_path.iterdir()) == ["a", "victim"]
 
