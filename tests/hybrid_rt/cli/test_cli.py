@@ -324,7 +324,7 @@ def test_unknown_options_lead_to_the_help_of_the_command(folder, capsys):
 def test_a_mesh_is_no_scene_script(folder, capsys):
     (folder / "part.STL").write_bytes(bytes(84))
     assert cli.main(["render", "part.STL"]) == 2
-    assert "TriangleMesh(trimesh.load_mesh('part.STL'))" in capsys.readouterr().err
+    assert "TriangleMesh.read('part.STL')" in capsys.readouterr().err
     (folder / "mine.npz").write_bytes(b"PK")
     assert cli.main(["render", "mine.npz"]) == 2
     assert "that is none; pass a .py with a function scene()" in capsys.readouterr().err
