@@ -182,7 +182,7 @@ def test_scaling_beyond_all_scenes_is_refused_for_its_size(scale):
     matrix = np.diag([scale, scale, scale, 1.0])
     cone = SurfaceOfRevolution([(0, 0), (1, 1)], (0, 0, 0), UP)
     for surface in (BALL, cone, Box((0, 0, 0), (1, 1, 1))):
-        with pytest.raises(ValueError, match="(reaches|Box .* is) .*: scale the scene"):
+        with pytest.raises(ValueError, match=r"(reaches|Box .* is) .*: scale the scene"):
             Intersector([surface.transformed(matrix)])
     np.testing.assert_array_equal(Plane((0, 0, 0), UP).transformed(matrix).unit_normal, UP)
 
