@@ -13,6 +13,7 @@ import numpy as np
 
 from meshing.checks import FloatArray
 from meshing.kernels.bernstein import MAX_DEGREE
+from meshing.outputs import replacing
 
 
 class _Lines:
@@ -112,4 +113,5 @@ def write_patches(path: str | Path, patches: Sequence[FloatArray]) -> None:
     for net in patches:
         lines.append(f"{net.shape[0] - 1} {net.shape[1] - 1}")
         lines.extend(" ".join(map(repr, row)) for row in net.reshape(-1, 3).tolist())
-    Path(path).write_text("\n".join(lines) + "\n", encoding="utf-8")
+    with replacing(Path(path)) as file:
+        file.write(("\n".join(lines) + "\n").encode())

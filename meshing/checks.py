@@ -246,12 +246,15 @@ def as_path(value: str | os.PathLike[str], what: str) -> Path:
 
     Raises
     ------
-    TypeError
-        If ``value`` is not a path; ``what`` is named.
+    TypeError, ValueError
+        If ``value`` is not a path, or holds a null byte; ``what`` is named.
     """
     if not isinstance(value, str | os.PathLike):
         raise TypeError(f"{what} is {shown(value)}: pass a path")
-    return Path(value)
+    path = Path(value)
+    if "\0" in str(path):
+        raise ValueError(f"{what} is {shown(value)}: pass a path without null bytes")
+    return path
 
 
 def as_affine(matrix: ArrayLike, kind: str) -> tuple[FloatArray, FloatArray]:

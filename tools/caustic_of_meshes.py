@@ -23,6 +23,7 @@ from hybrid_rt.analysis.units import percent
 from hybrid_rt.benchmarks.mesh_caustics import Curve, curves, truth
 from hybrid_rt.cli.command import earlier_rows, kept, one_or_more, run_tool, say_if_no_plots
 from hybrid_rt.sensor.color import screen_pixels
+from meshing.outputs import make_folder, replacing
 
 TRIANGLES = (1_000, 10_000, 100_000, 1_000_000)
 # Stops: the floor in the shadow is to be seen, the focus may be white.
@@ -40,7 +41,7 @@ def main() -> int:
     parser.add_argument("--threads", type=one_or_more)
     parser.add_argument("--redraw", type=Path, metavar="FILE.json", help="measure nothing")
     args = parser.parse_args()
-    args.out.mkdir(parents=True, exist_ok=True)
+    make_folder(args.out)
     say_if_no_plots("caustic_error_against_time.png")
     if args.redraw:
         rows = earlier_rows(args.redraw, "relmse", "curves", "caustic_of_meshes.json")
@@ -91,7 +92,9 @@ def draw_pictures(reference: np.ndarray, found: list[Curve], passes: int, file: 
     truth_caption = f"exact surface, {passes} passes: the truth"
     panels.append((truth_caption, screen_pixels(reference, EXPOSURE)))
     title = "Light through a body of glass: a caustic shows every triangle"
-    imageio.imwrite(file, sheet(panels, len(flat), title=title, least_width=len(reference)))
+    pixels = sheet(panels, len(flat), title=title, least_width=len(reference))
+    with replacing(file) as opened:
+        imageio.imwrite(opened, pixels, extension=".png")
 
 
 def _caption(curve: Curve) -> str:

@@ -23,6 +23,7 @@ from hybrid_rt.integrators import PPMOptions
 from hybrid_rt.rendering.renderer import render
 from hybrid_rt.rendering.units import passes_in_words, per_cent
 from hybrid_rt.sensor.color import screen_pixels
+from meshing.outputs import make_folder, replacing
 
 ROOT = Path(__file__).parents[1]
 PAGE, PICTURES, RECORD = "gallery.md", "gallery", "gallery.json"
@@ -78,7 +79,7 @@ def main() -> int:
     )
     parser.add_argument("--out", type=Path, default=ROOT / "docs")
     args = parser.parse_args()
-    (args.out / PICTURES).mkdir(parents=True, exist_ok=True)
+    make_folder(args.out / PICTURES)
     record_file = args.out / PICTURES / RECORD
     record = json.loads(record_file.read_text("utf-8")) if record_file.exists() else {}
     with kept(record_file, lambda: record):
@@ -95,7 +96,8 @@ def write_page(out: Path, record: dict[str, Any]) -> None:
     strip = out / PICTURES / "strip.json"
     if strip.exists():
         sections.insert(1, strip_section(json.loads(strip.read_text("utf-8"))))
-    (out / PAGE).write_text(HEAD + "".join(f"\n{text}" for text in sections), "utf-8")
+    with replacing(out / PAGE) as file:
+        file.write((HEAD + "".join(f"\n{text}" for text in sections)).encode())
 
 
 def place(name: str) -> tuple[int, str]:
@@ -139,7 +141,9 @@ def show(script: Path, args: argparse.Namespace) -> dict[str, Any]:
             spent_on(store, spent)
     stops = EXPOSURE.get(script.stem, 0.0)
     picture = args.out / PICTURES / f"{script.stem}.webp"
-    imageio.imwrite(picture, screen_pixels(result.image, stops), quality=QUALITY, method=6)
+    pixels = screen_pixels(result.image, stops)
+    with replacing(picture) as file:
+        imageio.imwrite(file, pixels, extension=".webp", quality=QUALITY, method=6)
     report = result.report
     photons, noise = report.get("photons"), report["noise"]
     return {
@@ -162,7 +166,8 @@ def spent_on(store: Path, seconds: float | None = None) -> float:
     """Return the processor seconds of the passes in a store; write them first if they are given."""
     file = store.with_suffix(".seconds")
     if seconds is not None:
-        file.write_text(repr(seconds), "utf-8")
+        with replacing(file) as opened:
+            opened.write(repr(seconds).encode())
     # A store that was deleted begins anew.
     return float(file.read_text("utf-8")) if file.exists() and store.exists() else 0.0
 

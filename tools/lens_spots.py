@@ -23,7 +23,7 @@ from hybrid_rt.analysis.lens_examples import (
     stigmatic_singlet,
 )
 from hybrid_rt.cli.command import one_or_more, run_tool
-from hybrid_rt.sensor.image_files import check_writable
+from meshing.outputs import check_writable, replacing
 
 # Lens, printed focus, largest field in degrees, diameter of the light in front.
 LENSES = {
@@ -92,7 +92,8 @@ def draw(spots: dict[str, list[tuple[str, np.ndarray, float]]], out: Path) -> No
             axes.tick_params(labelsize=7)
             axes.title.set_fontsize(9)
         row[0].set_ylabel(f"{name}\nmm", fontsize=9)
-    figure.savefig(out, dpi=110)
+    with replacing(out) as file:
+        figure.savefig(file, dpi=110, format=out.suffix[1:] or "png")
 
 
 if __name__ == "__main__":

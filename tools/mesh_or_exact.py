@@ -24,6 +24,7 @@ from hybrid_rt.cli.scene_file import load_scene
 from hybrid_rt.core.records import FloatArray
 from hybrid_rt.rendering.renderer import RenderResult, render
 from hybrid_rt.sensor.color import screen_pixels
+from meshing.outputs import check_writable, make_folder, replacing
 
 ROOT = Path(__file__).parents[1]
 # (accuracy, tolerance of the mesh in scene units); the bowl of the glass is 2 across.
@@ -43,6 +44,9 @@ def main() -> int:
     parser.add_argument("--threads", type=one_or_more, default=4)
     parser.add_argument("--out", type=Path, default=ROOT / "docs" / "gallery")
     args = parser.parse_args()
+    make_folder(args.out)
+    for name in ("strip.webp", "strip.json"):
+        check_writable(args.out / name)
     close = Camera(
         look_from=(1.1, -9.0, 5.9),
         look_at=(1.05, -1.9, 0.0),
@@ -64,10 +68,11 @@ def main() -> int:
         entry["difference"] = float(np.sqrt((gap**2).mean() / (truth**2).mean()))
     white = np.full((close.height, GAP, 3), 255, np.uint8)
     parts = [part for result in results for part in (white, screen_pixels(result.image))]
-    args.out.mkdir(parents=True, exist_ok=True)
     strip = np.concatenate(parts[1:], axis=1)
-    imageio.imwrite(args.out / "strip.webp", strip, quality=QUALITY, method=6)
-    (args.out / "strip.json").write_text(json.dumps(record, indent=1) + "\n", "utf-8")
+    with replacing(args.out / "strip.webp") as file:
+        imageio.imwrite(file, strip, extension=".webp", quality=QUALITY, method=6)
+    with replacing(args.out / "strip.json") as file:
+        file.write(f"{json.dumps(record, indent=1)}\n".encode())
     return 0
 
 

@@ -24,6 +24,7 @@ from hybrid_rt.core import checks
 from hybrid_rt.core.threads import available_threads
 from hybrid_rt.verify.stability import runner
 from hybrid_rt.verify.stability.row import Effort
+from meshing.outputs import make_folder, replacing
 
 QUICK = 0.05
 LINE = "{:<4} {:<13} {:>9} {:>6} {:>9} {:>7} {:>8} {:>6} {:>8}  {}"
@@ -52,7 +53,7 @@ def main() -> int:
         checks.number(args.fuzz, "--fuzz", above=0.0)
     only = args.only.split(",")
     n_rows = len(runner.expand(only))
-    args.out.mkdir(parents=True, exist_ok=True)
+    make_folder(args.out)
     say_if_no_plots("plots")
     began, rows, failures = time.perf_counter(), [], []
 
@@ -83,9 +84,8 @@ def main() -> int:
     print(f"\n{sentence()}")
     if len(rows) < n_rows:
         print(f"{n_rows - len(rows)} rows were not run")
-    (args.out / "stability.html").write_text(
-        pages.stability_page(rows, sentence()), encoding="utf-8"
-    )
+    with replacing(args.out / "stability.html") as file:
+        file.write(pages.stability_page(rows, sentence()).encode())
     if args.plots is not None and importlib.util.find_spec("matplotlib"):
         pages.save_panels(rows, args.plots)
     return 0 if is_right and not failures else 1

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from hybrid_rt.sensor.image_files import replacing
+from meshing.outputs import replacing
 
 # Told apart also by readers who do not see colours, and in print.
 MARKERS = "os^Dv<>Pp*X"

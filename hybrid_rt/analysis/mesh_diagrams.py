@@ -13,6 +13,7 @@ from hybrid_rt.analysis.hit_study import RULE_OF_THREE
 from hybrid_rt.analysis.mesh_error import RAYS, error_image
 from hybrid_rt.analysis.units import number
 from hybrid_rt.core.records import FloatArray
+from meshing.outputs import replacing
 
 ABOUT = {
     "random": "random rays through the box",
@@ -52,7 +53,8 @@ def draw_time(rungs: Sequence[Mapping[str, Any]], name: str, file: Path) -> None
             f"{name}: finer meshes send fewer rays to the wrong place, exact hits none",
             fontsize=12, fontweight="bold", x=0.01, ha="left",
         )  # fmt: skip
-        figure.savefig(file, dpi=110)
+        with replacing(file) as opened:
+            figure.savefig(opened, dpi=110, format="png")
 
 
 def _draw_kind(axes: Any, rungs: Sequence[Mapping[str, Any]], kind: str) -> None:
@@ -118,4 +120,5 @@ def draw_error(surfaces: Sequence[Any], tolerance: float, name: str, file: Path)
         bar = figure.colorbar(ScalarMappable(scale, colormap), ax=axes, shrink=0.8)
         bar.formatter = FuncFormatter(lambda value, _: plain(value))
         bar.set_label("distance along the ray, scene units")
-        figure.savefig(file, dpi=110)
+        with replacing(file) as opened:
+            figure.savefig(opened, dpi=110, format="png")

@@ -18,13 +18,20 @@ from hybrid_rt.analysis.picture_sheet import Pixels, error_colors, sheet
 from hybrid_rt.analysis.units import percent, signed_percent
 from hybrid_rt.core import exr
 from hybrid_rt.core.ledger import as_json
+from hybrid_rt.core.memory import available_bytes, bytes_in_words
+from hybrid_rt.rendering.versions import versions
 from hybrid_rt.sensor.color import screen_pixels, srgb_to_linear
-from hybrid_rt.sensor.image_files import check_output, replacing, sidecar_of
+from hybrid_rt.sensor.image_files import check_output, sidecar_of
 from hybrid_rt.sensor.image_metrics import DARK, PictureErrors, picture_errors, relative_squares
 from meshing.checks import as_path, text_of
+from meshing.outputs import replacing
 
 # Differences of larger numbers may be no numbers.
 MOST = 1e300
+# Peak memory of a comparison, in sizes of a picture's file in memory.
+AT_ONCE = 8
+# Files that unpack to more bytes than this, and to so many times their size, hold nearly one number alone.
+MOST_UNPACKED, MOST_PACKED = 2**28, 100
 
 
 @dataclass(frozen=True)
@@ -84,19 +91,26 @@ class _NotAPictureError(ValueError):
 
 def _check_arrays(file: Path, picture: Picture) -> None:
     image, error = picture.image, picture.standard_error
-    if image.ndim != 3 or image.shape[2] != 3 or not image.size or image.dtype.kind != "f":
-        raise ValueError(
-            f"picture {str(file)!r} holds {image.dtype} of shape {image.shape}: pass floats of "
-            "shape (height, width, 3)"
-        )
+    _check_image(file, image.dtype, image.shape)
+    _check_error(file, image.shape, None if error is None else error.shape)
     if max(_largest(x) for x in (image, error) if x is not None) > MOST:
         raise ValueError(
             f"picture {str(file)!r} holds numbers beyond {MOST:g}: pass radiances, scaled if need be"
         )
-    if error is not None and error.shape != image.shape:
-        raise ValueError(
-            f"picture {str(file)!r} has shape {image.shape}, its standard_error {error.shape}: pass "
-            "a file as it was written"
+
+
+def _check_image(file: Path, dtype: np.dtype[Any], shape: tuple[int, ...]) -> None:
+    if len(shape) != 3 or shape[2] != 3 or 0 in shape or dtype.kind != "f":
+        raise _NotAPictureError(
+            f"picture {str(file)!r} holds {dtype} of shape {shape}: pass floats of shape (height, width, 3)"
+        )
+
+
+def _check_error(file: Path, shape: tuple[int, ...], of_error: tuple[int, ...] | None) -> None:
+    if of_error not in (None, shape):
+        raise _NotAPictureError(
+            f"picture {str(file)!r} has shape {shape}, its standard_error {of_error}: pass a file as it "
+            "was written"
         )
 
 
@@ -122,9 +136,38 @@ def _read_npz(file: Path) -> Picture:
             raise _NotAPictureError(
                 f"picture {str(file)!r} holds no array named image, but {names}: pass a file of ours"
             )
+        _check_headers(file, data)
         report = _report_of(str(data["report"]) if "report" in data else None)
         error = data.get("standard_error")
         return Picture(file.name, data["image"], report, error)
+
+
+def _check_headers(file: Path, data: Any) -> None:
+    """Refuse arrays by what their headers say: a small file may unpack to more than memory holds."""
+    shapes, n_bytes = {}, 0
+    for name in ("image", "standard_error", "report"):
+        if name not in data:
+            continue
+        with data.zip.open(f"{name}.npy") as member:
+            if np.lib.format.read_magic(member) != (1, 0):  # others have headers of any length
+                raise _NotAPictureError(
+                    f"picture {str(file)!r} holds {name} in another format than ours: write it by np.savez"
+                )
+            shapes[name], _, dtype = np.lib.format.read_array_header_1_0(member)
+        n_bytes += dtype.itemsize * math.prod(shapes[name])
+        if name == "image":
+            _check_image(file, dtype, shapes[name])
+    _check_error(file, shapes["image"], shapes.get("standard_error"))
+    if AT_ONCE * n_bytes > (most := available_bytes()):
+        raise _NotAPictureError(
+            f"picture {str(file)!r} takes {bytes_in_words(AT_ONCE * n_bytes)} of memory, this process can "
+            f"have {bytes_in_words(most)}: pass a smaller picture"
+        )
+    if n_bytes > MOST_UNPACKED and n_bytes > MOST_PACKED * (n_packed := file.stat().st_size):
+        raise _NotAPictureError(
+            f"picture {str(file)!r}, of {bytes_in_words(n_packed)}, unpacks to {bytes_in_words(n_bytes)} of "
+            "almost nothing but one number: if that is meant, write it by np.savez, which does not compress"
+        )
 
 
 def _read_exr(file: Path) -> Picture:
@@ -458,11 +501,12 @@ def check_sheet(path: str | os.PathLike[str], pictures: Sequence[str | os.PathLi
     ValueError, OSError
         If the suffix is not .png, the path is one of the pictures, or the file cannot be written.
     """
-    out = check_output(path)
-    if out.suffix.lower() != ".png":
-        raise ValueError(f"output {str(out)!r}: pass a .png, the map of errors is one")
+    out = as_path(path, "output")
     if any(out.resolve() == Path(picture).resolve() for picture in pictures):
         raise ValueError(f"output {str(out)!r} is one of the pictures: name another file")
+    check_output(out)
+    if out.suffix.lower() != ".png":
+        raise ValueError(f"output {str(out)!r}: pass a .png, the map of errors is one")
     return out
 
 
@@ -474,5 +518,5 @@ def save_comparison(path: Path, sheet: Pixels, comparison: dict[str, Any]) -> Pa
         imageio.imwrite(file, sheet, extension=".png")
     figures = sidecar_of(path)
     with replacing(figures) as file:
-        file.write(as_json(comparison).encode())
+        file.write(as_json({**comparison, "versions": versions()}).encode())
     return figures

@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from hybrid_rt.analysis.diagrams import MARKERS
+from meshing.outputs import make_folder, replacing
 
 # An error of 0 has no logarithm: it stands here, below any rounding.
 NOTHING = 1e-19
@@ -148,14 +149,15 @@ def as_svg(panel: Panel) -> str:
 
 def save_panels(rows: Sequence[Mapping[str, Any]], directory: Path) -> list[Path]:
     """Write every panel as a PNG and an SVG file; return their names."""
-    directory.mkdir(parents=True, exist_ok=True)
+    make_folder(directory)
     files = []
     for panel in panels(rows):
         for ending in ("png", "svg"):
             file = directory / f"{panel.name}.{ending}"
             more: dict[str, Any] = {"metadata": {"Date": None}} if ending == "svg" else {"dpi": 110}
             for figure in _drawn(panel, {"svg.hashsalt": panel.name}):
-                figure.savefig(file, format=ending, bbox_inches="tight", **more)
+                with replacing(file) as opened:
+                    figure.savefig(opened, format=ending, bbox_inches="tight", **more)
             files.append(file)
     return files
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import csv
 import importlib.util
+import io
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -13,12 +14,21 @@ from hybrid_rt.analysis import mesh_diagrams
 from hybrid_rt.analysis.mesh_error import RAYS, Rung, climb
 from hybrid_rt.analysis.methods import size_of
 from hybrid_rt.analysis.units import number
-from hybrid_rt.cli.command import earlier_rows, kept, one_or_more, say, say_if_no_plots
+from hybrid_rt.cli.command import (
+    check_results,
+    earlier_rows,
+    kept,
+    one_or_more,
+    say,
+    say_if_no_plots,
+)
 from hybrid_rt.cli.scene_file import load_scene
 from meshing import BezierPatches, TrimmedSurface
+from meshing.outputs import replacing
 
 LADDER = (1e-1, 3e-2, 1e-2, 3e-3, 1e-3, 3e-4, 1e-4, 3e-5, 1e-5)
 QUICK = (3e-2, 3e-3, 3e-4)
+PICTURES = ("error_against_time.png", "mesh_error.png")
 
 
 DESCRIPTION = """\
@@ -56,7 +66,7 @@ def run_accuracy(args: argparse.Namespace) -> None:
     if args.redraw:
         if not args.out:
             raise ValueError("--redraw has no folder: pass --out as well")
-        args.out.mkdir(parents=True, exist_ok=True)
+        _check_out(args.out)
         rows = earlier_rows(args.redraw, "microseconds", "table", "table.json")
         draw(args.out, args.file, surfaces, rows)
         return
@@ -71,7 +81,7 @@ def run_accuracy(args: argparse.Namespace) -> None:
         say(row(rung))
 
     if args.out:
-        args.out.mkdir(parents=True, exist_ok=True)
+        _check_out(args.out)
     table = args.out and args.out / "table.json"
     with kept(table, lambda: [rung.figures for rung in rungs]):
         rungs[:] = climb(surfaces, tolerances, n_rays, threads=args.threads, on_rung=hear)
@@ -81,6 +91,15 @@ def run_accuracy(args: argparse.Namespace) -> None:
     say(speeds(rungs))
     if args.out:
         write(args.out, args.file, surfaces, rungs)
+
+
+def _check_out(folder: Path) -> None:
+    has_plots = importlib.util.find_spec("matplotlib") is not None
+    check_results(
+        folder,
+        ["table.json", "table.csv", *(PICTURES if has_plots else ())],
+        lambda held: bool(held) and all("microseconds" in rung for rung in held),
+    )
 
 
 def load(file: Path) -> list[Any]:
@@ -148,11 +167,10 @@ def speeds(rungs: Sequence[Rung]) -> str:
 
 def write(folder: Path, file: Path, surfaces: Sequence[Any], rungs: Sequence[Rung]) -> None:
     """Write the other table and the pictures, and say what there is."""
-    with (folder / "table.csv").open("w", newline="", encoding="utf-8") as opened:
-        writer = csv.writer(opened)
-        flat = [_flat(rung.figures) for rung in rungs]
-        writer.writerow(flat[0])
-        writer.writerows(line.values() for line in flat)
+    text, flat = io.StringIO(newline=""), [_flat(rung.figures) for rung in rungs]
+    csv.writer(text).writerows([flat[0], *(line.values() for line in flat)])
+    with replacing(folder / "table.csv") as opened:
+        opened.write(text.getvalue().encode())
     pictures = draw(folder, file, surfaces, [rung.figures for rung in rungs])
     written = [folder / "table.json", folder / "table.csv", *pictures]
     say(f"\nwrote {', '.join(str(path) for path in written)}")
@@ -164,7 +182,7 @@ def draw(
     """Write the pictures of a table, if there is matplotlib; return their files."""
     if importlib.util.find_spec("matplotlib") is None:  # which was said before the work
         return []
-    time, error = folder / "error_against_time.png", folder / "mesh_error.png"
+    time, error = (folder / name for name in PICTURES)
     mesh_diagrams.draw_time(rungs, file.stem, time)
     mesh_diagrams.draw_error(surfaces, 1e-3 * size_of(surfaces), file.stem, error)
     return [time, error]

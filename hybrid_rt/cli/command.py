@@ -10,12 +10,13 @@ import logging
 import os
 import sys
 import warnings
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any, TextIO
 
 from hybrid_rt.core.interrupts import sigterm_as_ctrl_c
+from meshing.outputs import check_writable, make_folder, replacing
 
 BAD_INPUT, STOPPED, INTERRUPTED, CLOSED_PIPE, TERMINATED = 2, 3, 130, 141, 143
 REFUSALS = (ValueError, TypeError, OSError, ImportError, MemoryError, OverflowError)
@@ -165,6 +166,35 @@ def say_if_no_plots(what: str) -> None:
         tell(f"no {what} without matplotlib: pip install 'hybrid-rt[plot]'")
 
 
+def check_results(folder: Path, names: Sequence[str], is_ours: Callable[[Any], bool]) -> None:
+    """Make a folder for results, and say before the work if a file in it must not be replaced.
+
+    Parameters
+    ----------
+    folder : Path
+    names : sequence of str
+        Of all files; that of the figures, as JSON, comes first.
+    is_ours : callable
+        Tells whether figures that were read are of an earlier run; so are then the other files.
+
+    Raises
+    ------
+    OSError
+        If a file cannot be written, or is another program's.
+    """
+    make_folder(folder)
+    for name in names:
+        check_writable(folder / name)
+    held = None
+    with suppress(OSError, ValueError, RecursionError):
+        held = json.loads((folder / names[0]).read_bytes())
+    if (there := [name for name in names if (folder / name).exists()]) and not is_ours(held):
+        raise FileExistsError(
+            f"output folder {str(folder)!r} has a file {there[0]!r}, and {names[0]!r} there is not of an "
+            "earlier run: name another folder"
+        )
+
+
 @contextmanager
 def kept(file: Path | None, figures: Callable[[], Any]) -> Iterator[None]:
     """Write results as JSON at the end of a block, also if Ctrl-C or an error ends it.
@@ -183,8 +213,6 @@ def kept(file: Path | None, figures: Callable[[], Any]) -> Iterator[None]:
         Before the block, if the file cannot be written.
     """
     if file is not None:
-        from hybrid_rt.sensor.image_files import check_writable
-
         check_writable(file)
     try:
         yield
@@ -197,7 +225,6 @@ def kept(file: Path | None, figures: Callable[[], Any]) -> Iterator[None]:
 def _write(file: Path | None, figures: Any) -> None:
     if file is not None and figures:
         from hybrid_rt.core.ledger import as_json
-        from hybrid_rt.sensor.image_files import replacing
 
         with replacing(file) as opened:
             opened.write(as_json(figures).encode())

@@ -10,7 +10,7 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, NoReturn
 
 from hybrid_rt._version import __version__
-from hybrid_rt.cli.command import guarded, run_tool, say
+from hybrid_rt.cli.command import BAD_INPUT, guarded, run_tool, say
 from hybrid_rt.cli.completion import SHELLS, completion_action
 from hybrid_rt.cli.options import add_progress_options, add_render_options, exposure_stops
 from hybrid_rt.cli.render import (
@@ -118,7 +118,10 @@ class _Command(_Parser):
         """Add the options, unless that is done."""
         add_options, self.add_options = self.add_options, None
         if add_options is not None:
-            add_options(self)
+            try:
+                add_options(self)
+            except ImportError as error:  # numba, say, by its environment variables
+                self.exit(BAD_INPUT, f"{self.prog.split()[0]}: {error}\n")
 
     def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
         """Parse arguments by all options."""

@@ -59,7 +59,7 @@ def check_script(path: str | os.PathLike[str]) -> Path:
     if file.suffix.lower() in MESHES:
         raise SceneFileError(
             f"scene script {os.fspath(path)!r}: that is a mesh; write a script, a .py with a function "
-            f"scene(), that holds Object(TriangleMesh(trimesh.load_mesh({file.name!r})), MATERIAL)"
+            f"scene(), that holds Object(TriangleMesh.read({file.name!r}), MATERIAL)"
         )
     if file.suffix.lower() in NO_SCRIPTS:
         raise SceneFileError(

@@ -202,7 +202,10 @@ def _study(
                 raise
         surfaces = [] if args.only == "pictures" else curved_surfaces(scene)
         if args.only == "hits" and not surfaces:
-            raise ValueError(f"{file} has no curved surface: leave out --only hits")
+            raise ValueError(
+                f"{file} has neither patches nor a surface of revolution, whose hits are compared with those "
+                "of meshes: leave out --only hits"
+            )
     if surfaces and _are_known(surfaces):
         if scene is None:
             rays = random_camera(surfaces, n_rays, 1)

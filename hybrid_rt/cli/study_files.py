@@ -15,9 +15,10 @@ from hybrid_rt.analysis import tables
 from hybrid_rt.analysis.curves import Curve, Point, Spread
 from hybrid_rt.analysis.diagrams import save
 from hybrid_rt.analysis.page import Study, page
-from hybrid_rt.cli.command import say
+from hybrid_rt.cli.command import check_results, say
 from hybrid_rt.core.ledger import as_json
-from hybrid_rt.sensor.image_files import check_writable, replacing
+from hybrid_rt.sensor.image_files import is_report
+from meshing.outputs import replacing
 
 # seconds and error: of a picture, and its relative RMSE; of a ray, and the share of wrong first hits.
 CSV_HEAD = ("part", "method", "setting", "run", "seconds", "error")
@@ -55,18 +56,19 @@ def _print(study: Study) -> None:
         say(f"\n  {study.command}")
 
 
-def _files(folder: Path) -> list[Path]:
-    """Return the files that are written for every study or comparison."""
+def _names() -> list[str]:
+    """Return the names of the files that are written for every study or comparison."""
     has_plots = importlib.util.find_spec("matplotlib") is not None
-    names = ("curves.json", "curves.csv", *(("curves.png", "page.html") if has_plots else ()))
-    return [folder / name for name in names]
+    return ["curves.json", "curves.csv", *(("curves.png", "page.html") if has_plots else ())]
 
 
 def check_folder(folder: Path) -> None:
     """Make the folder, and say before the work if a file cannot be written."""
-    folder.mkdir(parents=True, exist_ok=True)
-    for file in _files(folder):
-        check_writable(file)
+    check_results(
+        folder,
+        _names(),
+        lambda held: isinstance(held, dict) and (is_report(held) or "compared" in held),
+    )
 
 
 def _write(folder: Path, study: Study, data: dict[str, Any]) -> list[Path]:
@@ -76,7 +78,7 @@ def _write(folder: Path, study: Study, data: dict[str, Any]) -> list[Path]:
     texts: dict[str, Callable[[], str]] = {
         ".json": lambda: as_json(data), ".csv": rows.getvalue, ".html": lambda: page(study),
     }  # fmt: skip
-    files = _files(folder)
+    files = [folder / name for name in _names()]
     for file in files:
         if file.suffix == ".png":
             save(study.diagrams, file)

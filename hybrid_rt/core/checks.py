@@ -12,14 +12,51 @@ from hybrid_rt.core.records import FloatArray
 from meshing.checks import as_direction, as_floats, as_vector, freeze, number, shown, whole
 
 __all__ = [
-    "BRIGHTEST", "FARTHEST", "as_direction", "as_floats", "as_vector", "choice", "flag", "has", "items",
-    "number", "rgb", "shown", "whole",
+    "BRIGHTEST", "FARTHEST", "SMALLEST", "as_direction", "as_floats", "as_vector", "choice", "edge",
+    "finite", "flag", "has", "items", "number", "rgb", "shown", "whole",
 ]  # fmt: skip
 
-# Beyond this, squares and cross products of coordinates have no room in float64.
-FARTHEST = 1e60
+# Between these, squares, cross products and fourth powers of lengths have room in float64.
+SMALLEST, FARTHEST = 1e-60, 1e60
 # Pictures are float32, up to 3e38: this leaves room for sums, and for lights near a surface.
 BRIGHTEST = 1e30
+
+
+def finite(value: ArrayLike, what: str, shape: tuple[int, ...]) -> FloatArray:
+    """Return an array of finite float64 numbers; -1 in ``shape`` is any length.
+
+    Raises
+    ------
+    ValueError, TypeError
+        For anything else; ``what`` is named.
+    """
+    array = as_floats(value, what)
+    if len(shape) != array.ndim or any(
+        n not in (-1, m) for n, m in zip(shape, array.shape, strict=True)
+    ):
+        wanted = ", ".join("n" if n == -1 else str(n) for n in shape)
+        raise ValueError(
+            f"{what} has shape {array.shape}: pass ({wanted}{',' * (len(shape) == 1)})"
+        )
+    if not np.isfinite(array).all():
+        raise ValueError(f"{what} holds {array[~np.isfinite(array)][0]}: pass finite numbers")
+    return array
+
+
+def edge(value: ArrayLike, what: str) -> FloatArray:
+    """Return an edge (3,), which is not too short or long to compute with, or zero.
+
+    Raises
+    ------
+    ValueError, TypeError
+        For anything else; ``what`` is named.
+    """
+    vector = as_vector(value, what, up_to=FARTHEST)
+    if 0.0 < np.abs(vector).max() < SMALLEST:
+        raise ValueError(
+            f"{what} is {vector.tolist()}: scale the scene, edges from {SMALLEST:g} long on are possible"
+        )
+    return vector
 
 
 def rgb(value: ArrayLike, what: str, *, up_to: float = BRIGHTEST) -> FloatArray:

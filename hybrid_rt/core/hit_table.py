@@ -9,6 +9,7 @@ from typing import Any
 from numpy.typing import NDArray
 
 from meshing.checks import as_path
+from meshing.outputs import replacing
 
 Columns = Mapping[str, NDArray[Any]]
 
@@ -32,9 +33,8 @@ def to_dataframe(columns: Columns, what: str) -> Any:
 
 def to_csv(columns: Columns, path: str | os.PathLike[str], what: str) -> None:
     """Write columns (n,) as comma-separated text; see `HitRecord.to_csv`; ``what`` names the path."""
-    file = as_path(path, what)
-    with file.open("w", encoding="utf-8", newline="\n") as out:
-        out.write(",".join(columns) + "\n")
+    with replacing(as_path(path, what)) as out:
+        out.write(f"{','.join(columns)}\n".encode())
         for begin in range(0, len(next(iter(columns.values()))), ROWS):
             words = [map(str, column[begin : begin + ROWS].tolist()) for column in columns.values()]
-            out.writelines(",".join(row) + "\n" for row in zip(*words, strict=True))
+            out.writelines(f"{','.join(row)}\n".encode() for row in zip(*words, strict=True))

@@ -3,19 +3,47 @@
 from __future__ import annotations
 
 import os
+import resource
+from collections.abc import Iterator
+from contextlib import suppress
 from pathlib import Path
 
-# Where a container may be given less than the machine has.
-CONTAINER_LIMIT = Path("/sys/fs/cgroup/memory.max")
+# Where a container, a batch system or a service may be given less than the machine has: control groups
+# of version 2, and the memory controller of version 1. The limits of the groups that one is in hold as well.
+OWN_GROUPS, GROUPS = Path("/proc/self/cgroup"), Path("/sys/fs/cgroup")
+GROUP_LIMITS = {"": "memory.max", "memory": "memory.limit_in_bytes"}
+# Limits of a process (``ulimit -v``, ``-d``), and the place in this file of the pages that count so far.
+USED_PAGES = Path("/proc/self/statm")
+PROCESS_LIMITS = {resource.RLIMIT_AS: 0, resource.RLIMIT_DATA: 5}
 
 
 def available_bytes() -> int:
     """Return the memory available to this process, bytes."""
-    total = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
-    try:
-        return min(total, int(CONTAINER_LIMIT.read_text()))
-    except (OSError, ValueError):  # there is no such file, or it says "max"
-        return total
+    page = os.sysconf("SC_PAGE_SIZE")
+    limits = [page * os.sysconf("SC_PHYS_PAGES"), *_limits_of_groups()]
+    for which, place in PROCESS_LIMITS.items():
+        limit = resource.getrlimit(which)[0]
+        if limit != resource.RLIM_INFINITY:
+            with suppress(OSError):  # not on this system: all of it is left
+                limit -= page * int(USED_PAGES.read_text().split()[place])
+            limits.append(max(limit, 0))
+    return min(limits)
+
+
+def _limits_of_groups() -> Iterator[int]:
+    """Yield the limits of the control groups that this process is in, from the root down."""
+    with suppress(OSError):
+        for line in OWN_GROUPS.read_text().splitlines():
+            _, controllers, path = line.split(":", 2)
+            for controller in controllers.split(","):
+                if controller not in GROUP_LIMITS:
+                    continue
+                # A container may see its own group as the root, by another path than the file says.
+                folder = GROUPS / controller
+                for part in ("", *path.strip("/").split("/")):
+                    folder /= part
+                    with suppress(OSError, ValueError):  # no such group here, or the word "max"
+                        yield int((folder / GROUP_LIMITS[controller]).read_text())
 
 
 def bytes_in_words(n_bytes: int) -> str:

@@ -42,8 +42,8 @@ class RectangleLight(Light):
         self, corner: ArrayLike, edge_u: ArrayLike, edge_v: ArrayLike, radiance: ArrayLike
     ) -> None:
         origin = checks.as_vector(corner, "RectangleLight corner", up_to=checks.FARTHEST)
-        u = checks.as_vector(edge_u, "RectangleLight edge_u", up_to=checks.FARTHEST)
-        v = checks.as_vector(edge_v, "RectangleLight edge_v", up_to=checks.FARTHEST)
+        u = checks.edge(edge_u, "RectangleLight edge_u")
+        v = checks.edge(edge_v, "RectangleLight edge_v")
         strength = lamp_radiance(radiance, "RectangleLight", "Rectangle")
         no_area = (
             f"RectangleLight edges are {u.tolist()} and {v.tolist()}, of no area: pass two in "

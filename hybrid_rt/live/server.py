@@ -10,10 +10,13 @@ from __future__ import annotations
 import errno
 import hmac
 import json
+import resource
 import select
+import socket
 import threading
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from http import HTTPStatus
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from importlib.resources import files
@@ -28,6 +31,11 @@ HTTP_PORT = 80
 TICK, SIGN_OF_LIFE = 0.5, 15.0
 # Pages that listen at once; browsers themselves open six at most.
 MOST_PAGES = 16
+# Connections at once, a thread each. For a new one the oldest ends that has not shown the token.
+MOST_CONNECTIONS = 64
+# Descriptors that stay free for the rest of the process, to save the picture say. A connection that ends
+# for a new one keeps its own for a moment: these are for both at once.
+RESERVE, FOR_A_MOMENT = 16, 4
 # A client that takes longer to send a request, or to take an answer, is gone.
 PATIENCE = 10.0
 
@@ -135,6 +143,7 @@ def _reason(error: OSError) -> str:
 class _Server(ThreadingHTTPServer):
     daemon_threads = True
     block_on_close = False
+    request_queue_size = MOST_CONNECTIONS  # or a page would wait for a second while others knock
     shown: Shown
     token: bytes
     names: set[str]
@@ -144,6 +153,46 @@ class _Server(ThreadingHTTPServer):
         self.woken = threading.Event()
         self.n_listening = 0
         self.count_lock = threading.Lock()
+        # Whether each has shown the token; the oldest comes first.
+        self._connections: dict[socket.socket, bool] = {}
+
+    def get_request(self) -> Any:
+        """Accept a connection."""
+        try:
+            return super().get_request()
+        except OSError:  # no descriptor is left, and the next try comes at once
+            time.sleep(TICK)
+            raise
+
+    def verify_request(self, request: Any, client_address: Any) -> bool:
+        """Tell whether there is room for a connection, before it takes a thread."""
+        del client_address
+        limit = resource.getrlimit(resource.RLIMIT_NOFILE)[0]
+        # The lowest free descriptor is given out: all below it are in use.
+        n_free = RESERVE + 1 if limit == resource.RLIM_INFINITY else limit - 1 - request.fileno()
+        with self.count_lock:
+            is_full = len(self._connections) >= MOST_CONNECTIONS or n_free < RESERVE
+            if is_full:
+                oldest = next((one for one, known in self._connections.items() if not known), None)
+                if oldest is None:
+                    return False
+                del self._connections[oldest]
+                with suppress(OSError):  # its thread sees an end, and closes it
+                    oldest.shutdown(socket.SHUT_RDWR)
+            self._connections[request] = False
+        return n_free >= RESERVE - FOR_A_MOMENT
+
+    def shutdown_request(self, request: Any) -> None:
+        """Close a connection."""
+        with self.count_lock:
+            self._connections.pop(request, None)
+        super().shutdown_request(request)
+
+    def note_token(self, request: socket.socket) -> None:
+        """Hear that a connection has shown the token."""
+        with self.count_lock:
+            if request in self._connections:
+                self._connections[request] = True
 
     def handle_error(self, request: Any, client_address: Any) -> None:
         """Say nothing of clients that went away."""
@@ -168,6 +217,7 @@ class _Handler(BaseHTTPRequestHandler):
         if why:
             self._refuse(HTTPStatus.FORBIDDEN, why)
             return
+        self.server.note_token(self.connection)
         name = parts.path.removeprefix("/") or "live.html"
         method, work = self._routes().get(name, (None, None))
         if work is None:

@@ -7,6 +7,7 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from hybrid_rt.core import checks
 from hybrid_rt.core.records import BoolArray, FloatArray
 from meshing.area import Squares
 from meshing.checks import as_affine, as_vector, broadcast_parameters, freeze, unit
@@ -42,7 +43,8 @@ class Box(Surface):
     Raises
     ------
     ValueError, TypeError
-        For corners that are not finite numbers, or not in order.
+        For corners that are not finite numbers, or not in order, and edges shorter than 1e-60 or
+        longer than 1e60.
     """
 
     is_upright: ClassVar[bool] = True
@@ -50,13 +52,16 @@ class Box(Surface):
     is_closed = True
 
     def __init__(self, lo: ArrayLike, hi: ArrayLike) -> None:
-        self.lo, self.hi = as_vector(lo, "Box lo"), as_vector(hi, "Box hi")
+        self.lo = checks.as_vector(lo, "Box lo", up_to=checks.FARTHEST)
+        self.hi = checks.as_vector(hi, "Box hi", up_to=checks.FARTHEST)
         if not (self.lo < self.hi).all():
             raise ValueError(
                 f"Box lo is {self.lo.tolist()}, not below hi, {self.hi.tolist()}: "
                 "pass the lower corner first (for a flat face, use Rectangle)"
             )
         self.edges = freeze(np.diag(self.hi - self.lo))
+        for axis, edge in zip("xyz", self.edges, strict=True):
+            checks.edge(edge, f"Box edge along {axis}")
         self.orientation = 1
 
     def __len__(self) -> int:
@@ -208,7 +213,7 @@ class TurnedBox(Box):
 
     def __init__(self, corner: ArrayLike, edges: ArrayLike, orientation: int = 1) -> None:
         self.lo = as_vector(corner, "Box corner")
-        rows = [as_vector(edge, "Box edge") for edge in np.asarray(edges)]
+        rows = [checks.edge(edge, "Box edge") for edge in np.asarray(edges)]
         self.edges = freeze(np.stack(rows))
         self.hi = as_vector(self.lo + self.edges.sum(axis=0), "Box corner")
         if not np.abs(self.edges).max(axis=1).all():

@@ -7,6 +7,7 @@ from fractions import Fraction
 import numpy as np
 from numpy.typing import ArrayLike
 
+from hybrid_rt.core import checks
 from hybrid_rt.core.records import FloatArray
 from meshing.area import Squares
 from meshing.checks import as_affine, as_direction, as_vector, broadcast_parameters
@@ -25,7 +26,8 @@ class Rectangle(Surface):
     Raises
     ------
     ValueError, TypeError
-        For vectors that are not finite numbers, or edges that span no area.
+        For vectors that are not finite numbers, and edges that span no area or are shorter than 1e-60
+        or longer than 1e60.
     """
 
     is_flat = True
@@ -33,8 +35,8 @@ class Rectangle(Surface):
 
     def __init__(self, corner: ArrayLike, edge_u: ArrayLike, edge_v: ArrayLike) -> None:
         self.corner = as_vector(corner, "Rectangle corner")
-        self.edge_u = as_vector(edge_u, "Rectangle edge_u")
-        self.edge_v = as_vector(edge_v, "Rectangle edge_v")
+        self.edge_u = checks.edge(edge_u, "Rectangle edge_u")
+        self.edge_v = checks.edge(edge_v, "Rectangle edge_v")
         # Each brought near one by a power of two, so that no product of large components overflows or vanishes.
         (u, by_u), (v, by_v) = _near_one(self.edge_u), _near_one(self.edge_v)
         across = _cross(u, v)

@@ -12,7 +12,15 @@ from numpy.typing import ArrayLike, NDArray
 from hybrid_rt.core.checks import has
 from hybrid_rt.core.records import FloatArray
 from meshing.area import Triangles
-from meshing.checks import as_affine, as_floats, broadcast_parameters, refuse_mask, shown
+from meshing.checks import (
+    as_affine,
+    as_floats,
+    as_path,
+    broadcast_parameters,
+    refuse_mask,
+    shown,
+    units,
+)
 from meshing.surface import Surface
 
 if TYPE_CHECKING:
@@ -59,7 +67,7 @@ class TriangleMesh(Surface):
         if isinstance(mesh, str | os.PathLike):
             file = shown(os.fspath(mesh))
             raise TypeError(
-                f"TriangleMesh mesh is {file}: of a file, pass trimesh.load_mesh({file})"
+                f"TriangleMesh mesh is {file}: of a file, take TriangleMesh.read({file})"
             )
         if not has(mesh, "vertices", "faces"):
             raise TypeError(
@@ -84,6 +92,21 @@ class TriangleMesh(Surface):
         elif (uv := getattr(getattr(mesh, "visual", None), "uv", None)) is not None:
             own = ", or texture_coordinates of your own"
             self._set_coordinates(uv, "TriangleMesh mesh.visual.uv", own)
+
+    @classmethod
+    def read(cls, path: str | os.PathLike[str]) -> TriangleMesh:
+        """Return the mesh of a file: STL, PLY, OBJ, glTF, or another that trimesh reads.
+
+        All parts of the file are in it, with their texture coordinates.
+
+        Raises
+        ------
+        FileNotFoundError, ValueError, TypeError, ModuleNotFoundError
+            If there is no such file, or it cannot be read; the message names it.
+        """
+        from hybrid_rt.primitives.mesh_files import read_mesh
+
+        return cls(read_mesh(as_path(path, "TriangleMesh file")))
 
     def _set_coordinates(self, given: ArrayLike, what: str, otherwise: str) -> None:
         """Check and keep texture coordinates; ``what`` they are, and what else to pass, is for messages."""
@@ -184,9 +207,7 @@ class TriangleMesh(Surface):
         """
         _, _, face, shape = broadcast_parameters(u, v, patch_id, len(self), "patch_id")
         a, b, c = (self.vertices[self.faces[face, k]] for k in range(3))
-        n = np.cross(b - a, c - a)
-        normals: FloatArray = n / np.linalg.norm(n, axis=1, keepdims=True)
-        return normals.reshape(*shape, 3)
+        return units(np.cross(b - a, c - a)).reshape(*shape, 3)
 
     def texture_point(self, u: ArrayLike, v: ArrayLike, patch_id: ArrayLike = 0) -> FloatArray:
         """Return where textures are looked up at (u, v) of faces, (n, 2) float64.

@@ -40,6 +40,12 @@ SECONDS, MOST_RUNS = 2.0, 16
 PATIENCE, LOOK, ANSWER = 60.0, 1.0, 10.0
 # What to do about a scene that is made of parts of a script.
 _IMPORTABLE = "put the classes and functions that it uses into a module that workers can import"
+# What to do about an integrator of the caller's own.
+_OWN_THERE = "declare it in a module and start them by `dask worker --preload MODULE`"
+_OWN_LOCALLY = (
+    "its processes import a script that is run by `python SCRIPT`, not one that `hybrid-rt render` reads: "
+    'have the script declare it and call render under `if __name__ == "__main__":`'
+)
 # So often is a task tried again after the end of its worker.
 TRIES = 5
 
@@ -113,6 +119,8 @@ class Cluster:
                 f"({_words(error)}): {_IMPORTABLE}"
             ) from error
         self._seen = _Seen()
+        self._counts = here.counts()
+        self._has_blur: bool | None = None
         # Of workers that are ready; and those that set the scene up.
         self._threads: dict[str, int] = {}
         self._setting_up: dict[str, Future] = {}
@@ -268,10 +276,26 @@ class Cluster:
                 raise self._failed(task, error) from error
             self._tasks.popleft()
             task.future.release()
+            self._check(task, result)
             self._note(task, result)
             if time.monotonic() - self._looked > LOOK:
                 self._look()
             return result.parts
+
+    def _check(self, task: _Task, result: TaskResult) -> None:
+        """Take nothing that cannot be what was asked for: it would be in the picture for good."""
+        from hybrid_rt.rendering.cluster_tasks import check_result
+
+        camera, passes = self._request.scene.camera, range(task.first, task.stop)
+        size = camera.height, camera.width
+        try:
+            check_result(result, passes, size, self._counts, self._has_blur)
+        except ValueError as error:  # arrays of rows of unequal length raise one as well
+            raise self._lost(
+                f"a worker's result of passes {task.first} to {task.stop - 1} is refused: {error}. "
+                "Render without cluster=, or by other workers"
+            ) from error
+        self._has_blur = result.parts[0].made.blur_change is not None
 
     def _note(self, task: _Task, result: TaskResult) -> None:
         self._seen.seconds += result.seconds
@@ -335,7 +359,7 @@ class Cluster:
                 self._threads[who] = there[who]["nthreads"]
                 self._seen.workers.add(who)
             elif future.status == "error" and self._key not in str(error := future.exception()):
-                self._seen.refused[who] = self._why_not_set_up = _why_not(error)
+                self._seen.refused[who] = self._why_not_set_up = self._why_not(error)
         for place, task in enumerate(self._tasks):
             if self._threads and not task.allowed & self._threads.keys() and not task.future.done():
                 task.future.cancel(force=True)
@@ -351,8 +375,9 @@ class Cluster:
             return
         fit = []
         for who, found in self._client.run(versions, workers=new, on_error="return").items():
-            is_error = isinstance(found, BaseException)
-            if why := _words(found) if is_error else _differences(versions(), found):
+            if not isinstance(found, dict):  # an error, say
+                self._seen.refused[who] = _words(found)
+            elif why := _differences(versions(), found):
                 self._seen.refused[who] = why
             else:
                 fit.append(who)
@@ -375,6 +400,17 @@ class Cluster:
     def _lost(self, why: str) -> ClusterLost:
         return ClusterLost(f"cluster {self._address!r}: {why}")
 
+    def _why_not(self, error: BaseException) -> str:
+        """Return why a worker cannot set the scene up, and what to do."""
+        from hybrid_rt.rendering.cluster_tasks import UnknownIntegratorError
+
+        remedy = ""
+        if isinstance(error, UnknownIntegratorError):
+            remedy = f": {_OWN_LOCALLY if self._local is not None else _OWN_THERE}, or leave out cluster="
+        elif isinstance(error, ImportError | AttributeError):
+            remedy = f": {_IMPORTABLE}"
+        return f"{_words(error)}{remedy}"
+
     def _failed(self, task: _Task, error: BaseException) -> ClusterLost:
         return self._lost(
             f"passes {task.first} to {task.stop - 1} failed {task.tries} times ({_words(error)})"
@@ -394,12 +430,7 @@ class Cluster:
         }
 
 
-def _why_not(error: BaseException) -> str:
-    is_missing = isinstance(error, ImportError | AttributeError)
-    return f"{_words(error)}: {_IMPORTABLE}" if is_missing else _words(error)
-
-
-def _words(error: BaseException) -> str:
+def _words(error: object) -> str:
     return " ".join(str(error).split())[:200] or type(error).__name__
 
 

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import math
 import pickle
 import time
 from collections.abc import Iterator
 from contextlib import closing
 from copy import deepcopy
 from dataclasses import dataclass, replace
+from numbers import Real
 from threading import Lock
+from typing import Any
 
 import numpy as np
 
@@ -20,14 +23,20 @@ from hybrid_rt.rendering.set_up import Ready, Request, set_up
 from hybrid_rt.sensor.film import OVERFLOWS
 from hybrid_rt.sensor.passes import GROUPS, RUN
 
+
+class UnknownIntegratorError(ValueError):
+    """A worker has no integrator of that name; what to do depends on how it was started."""
+
+
 # The scenes of this process by key.
 _SCENES: dict[str, PreparedScene] = {}
 
 
 @dataclass(frozen=True)
 class Part:
-    """A pass or a whole run, and what was counted while it was made."""
+    """A pass or a whole run: its numbers, what they bring, and what was counted meanwhile."""
 
+    passes: range
     made: Made
     counts: Counts
 
@@ -107,7 +116,103 @@ def _part(workers: Workers, passes: range) -> Part:
                 made = Pass(one.radiance.copy(), change)
             else:
                 run.add(one)
-    return Part(made or run.closed(), workers.counts())
+    return Part(passes, made or run.closed(), workers.counts())
+
+
+class WrongResultError(ValueError):
+    """A result is not what a worker makes of what it was asked for."""
+
+
+def check_result(
+    result: Any, passes: range, shape: tuple[int, int], alike: Counts, has_blur: bool | None
+) -> None:
+    """Raise WrongResultError, with the reason, unless a result is what a worker makes of a range of passes.
+
+    Parameters
+    ----------
+    result : Any
+        What has come.
+    passes : range
+        What was asked for.
+    shape : (height, width)
+    alike : Counts
+        Of other passes of this render.
+    has_blur : bool, optional
+        Whether passes before told of the blur.
+    """
+    if not isinstance(result, TaskResult) or not isinstance(result.parts, list):
+        raise WrongResultError(f"it is {type(result).__name__}, no list of passes")
+    if not _is_count(result.seconds):
+        raise WrongResultError("its seconds are no number from 0 on")
+    if not all(isinstance(part, Part) and isinstance(part.passes, range) for part in result.parts):
+        raise WrongResultError("a part of it is no pass and no run of passes")
+    expected = list(_parts(passes.start, passes.stop))
+    if (sent := [part.passes for part in result.parts]) != expected:
+        raise WrongResultError(f"it holds the passes {sent}, not each of {expected} once"[:200])
+    for part in result.parts:
+        has_blur = _check_made(part, shape, has_blur)
+        if not _are_alike(part.counts, alike):
+            raise WrongResultError("its counts are not those of such a render")
+
+
+def _check_made(part: Part, shape: tuple[int, int], has_blur: bool | None) -> bool:
+    """Return whether a part tells of the blur."""
+    made, n = part.made, shape[0] * shape[1]
+    if not isinstance(made, Pass if len(part.passes) == 1 else Run):
+        raise WrongResultError(f"{part.passes} came as {type(made).__name__}")
+    values = made.radiance if isinstance(made, Pass) else made.total
+    _check_array(values, (*shape, 3), "radiance")
+    if float(values.min()) < 0.0:
+        raise WrongResultError("a radiance is negative")
+    change = made.blur_change
+    if has_blur is not None and (change is not None) != has_blur:
+        raise WrongResultError("passes do not agree whether there is blur")
+    if isinstance(made, Run):
+        means = made.means
+        if not isinstance(means, tuple) or len(means) != RUN or not all(map(_is_count, means)):
+            raise WrongResultError(f"it has no mean from 0 on for each of {RUN} passes")
+        if change is not None:
+            _check_array(change, (2, n, 3), "blur")
+            if float(change[1].min()) < 0.0:
+                raise WrongResultError("a square of the blur is negative")
+    elif change is not None:
+        _check_array(change, (n, 3), "blur")
+    return change is not None
+
+
+def _check_array(values: Any, shape: tuple[int, ...], name: str) -> None:
+    if type(values) is not np.ndarray or values.dtype != np.float64 or values.shape != shape:
+        found = f"{getattr(values, 'dtype', type(values).__name__)} {getattr(values, 'shape', '')}"
+        raise WrongResultError(f"its {name} is {found.strip()}, not float64 {shape}")
+    if not np.isfinite(values).all():
+        raise WrongResultError(f"its {name} is not finite")
+
+
+def _are_alike(sent: Any, own: Counts) -> bool:
+    """Tell whether counts have the names that this render counts by, and numbers from 0 on."""
+    dicts = ("ledger", "work", "own")
+    if not isinstance(sent, Counts) or not _is_count(sent.coarse_seconds):
+        return False
+    if any(not isinstance(getattr(sent, name), dict) for name in dicts):
+        return False
+    return (
+        all(getattr(sent, name).keys() == getattr(own, name).keys() for name in dicts)
+        and all(np.shape(sent.own[name]) == np.shape(own.own[name]) for name in own.own)
+        and all(
+            isinstance(sent.ledger[name], dict) == isinstance(value, dict)
+            for name, value in own.ledger.items()
+        )
+        and _is_count(sent.ledger)
+        and _is_count(sent.work)
+    )
+
+
+def _is_count(value: Any) -> bool:
+    """Tell whether a value is a number from 0 on, or a dict of such numbers by name."""
+    if isinstance(value, dict):
+        names = all(isinstance(name, str | int | np.integer) for name in value)
+        return names and all(map(_is_count, value.values()))
+    return isinstance(value, Real) and 0.0 <= float(value) < math.inf
 
 
 class _OpenRun:
@@ -148,9 +253,8 @@ class PreparedScene:
         """Return workers that no other thread uses."""
         with self._lock:
             if self._integrator not in INTEGRATORS:
-                raise ValueError(
-                    f"workers do not know the integrator {self._integrator!r}: declare it in a "
-                    "module and start them by `dask worker --preload MODULE`, or leave out cluster="
+                raise UnknownIntegratorError(
+                    f"workers do not know the integrator {self._integrator!r}"
                 )
             request: Request = pickle.loads(self._pickled)
             if self._ready is None:

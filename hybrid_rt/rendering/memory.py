@@ -48,6 +48,6 @@ def check_memory(
         if photons:
             what += f" by passes of {photons} photons"
         raise MemoryError(
-            f"{what} takes about {bytes_in_words(for_pixels + for_photons)} of memory, this machine has "
+            f"{what} takes about {bytes_in_words(for_pixels + for_photons)} of memory, this process can have "
             f"{bytes_in_words(available)}: ask for fewer {'photons' if for_photons > for_pixels else 'pixels'}"
         )

@@ -26,7 +26,7 @@ from hybrid_rt.rendering.report_warnings import all_warnings, scene_warnings, wa
 from hybrid_rt.rendering.result import RenderInterrupted, RenderResult
 from hybrid_rt.rendering.run import ClusterLost, run_passes
 from hybrid_rt.rendering.set_up import Request, set_up
-from hybrid_rt.rendering.watcher import Beginning, Watcher
+from hybrid_rt.rendering.watcher import Beginning, Watcher, check_watcher
 from hybrid_rt.sampling.sampler import Sampler
 from hybrid_rt.scene.scene import Scene
 from hybrid_rt.sensor.film import Film
@@ -177,6 +177,7 @@ def render(
         raise TypeError(
             f"progress is {checks.shown(progress)}: pass a function such as progress_bar(), or None"
         )
+    check_watcher(watch)
     if store is not None:
         from hybrid_rt.rendering.identity import identity
         from hybrid_rt.rendering.keeper import Keeper
@@ -219,9 +220,15 @@ def render(
         around.callback(getattr(progress, "close", lambda: None))
         kept_in, saved = None, None
         if store is not None:
-            kept_in = PassStore(store, resume)
-            around.callback(kept_in.close)
-            saved = kept_in.open(identity(scene, settings))
+            try:
+                kept_in = PassStore(store, resume)
+                around.callback(kept_in.close)
+                saved = kept_in.open(identity(scene, settings))
+            except OSError as error:
+                raise type(error)(
+                    f"store {str(store)!r} cannot be used ({error.strerror or error}): make room and "
+                    "see that it can be written, or name another folder"
+                ) from error
         compilation = around.enter_context(watch_compilation(progress, tells=progress is not None))
         clock = Clock(compilation)
         ledger = Ledger(lambda: clock.seconds)

@@ -1,14 +1,16 @@
 """What lamps, or a sun in the sky, that no camera ray has met may add to the mean of a picture.
 
 Where a lamp is run into, by way of mirrors, metal or glass or as a speck in the picture, few camera rays
-add its whole radiance. So it is with the brightest place of the sky, but for specks. As long as none has
-met it, all passes agree, and no variance knows of it. If n rays have met nothing of a kind, no more than
-3 of n others would in the mean, with 95 % confidence (1 - 0.05^(1/n); Hanley and Lippman-Hand, "If
-nothing goes wrong, is everything all right?", JAMA 1983). Once one has, the differences between groups of
-passes tell as much.
+add its whole radiance, or behind a matt surface its albedo times that. So it is with the brightest place of
+the sky, but for specks. As long as none has met it, all passes agree, and no variance knows of it. If n rays
+have met nothing of a kind, no more than 3 of n others would in the mean, with 95 % confidence
+(1 - 0.05^(1/n); Hanley and Lippman-Hand, "If nothing goes wrong, is everything all right?", JAMA 1983). Once
+one has, the differences between groups of passes tell as much.
 """
 
 from __future__ import annotations
+
+from itertools import pairwise
 
 import numpy as np
 
@@ -16,7 +18,8 @@ from hybrid_rt.core.records import BoolArray
 from hybrid_rt.lights.surface import shining_surface
 from hybrid_rt.scene.compiled import NOTHING, CompiledScene
 from hybrid_rt.shading.kernels.light_kinds import WITHOUT_AREA
-from hybrid_rt.shading.kernels.lobes.register import FOLLOWED
+from hybrid_rt.shading.kernels.lobes.register import DIFFUSE, FOLLOWED
+from hybrid_rt.shading.kernels.texture import CONSTANT
 
 OF_NONE_MET = 3.0
 # A lamp in the picture that so many camera rays meet in the mean is no speck.
@@ -50,8 +53,28 @@ def unmet_light(
     if samples_lights and not _meets_mirrors(scene, ends_at_matt):
         has_area &= _is_speck(scene, passes)
         highest = 0.0
-    highest = float(lights.strength.mean(axis=1)[has_area].max(initial=highest))
+    strength = lights.strength.mean(axis=1)
+    if (share := _most_carried_on(scene)) < 1.0:
+        # All but specks in sight are met behind the first surface, a matt one.
+        strength = np.where(_is_speck(scene, passes), strength, share * strength)
+    highest = float(strength[has_area].max(initial=highest))
     return OF_NONE_MET * highest / (passes * camera.width * camera.height)
+
+
+def _most_carried_on(scene: CompiledScene) -> float:
+    """Return the most that a camera ray carries behind the first surface; 1 unless all in sight are matt."""
+    lobes, textures = scene.lobes, scene.textures
+    colors = textures.number[lobes.texture, :3].max(axis=1, initial=0.0) * scene.color_factor
+    is_matt = (lobes.kind == DIFFUSE) & (textures.kind[lobes.texture] == CONSTANT)
+    # A matt material carries on the sum of its lobes.
+    of_lobe = np.where(is_matt, colors, 1.0)
+    of_material = [float(of_lobe[a:b].sum()) for a, b in pairwise(lobes.first.tolist())]
+    in_sight = [
+        of_material[material]
+        for surface, material in zip(scene.surfaces, scene.material_of.tolist(), strict=True)
+        if material != NOTHING and (not surface.is_bounded or scene.camera.may_see(surface.bounds))
+    ]
+    return min(max(in_sight, default=0.0), 1.0)
 
 
 def _meets_mirrors(scene: CompiledScene, ends_at_matt: bool) -> bool:

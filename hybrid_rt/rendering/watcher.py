@@ -6,6 +6,8 @@ from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Protocol
 
+from hybrid_rt.core import checks
+
 if TYPE_CHECKING:
     from hybrid_rt.integrators.context import RenderContext
     from hybrid_rt.integrators.photons.unfound_light import UnfoundLight
@@ -85,3 +87,18 @@ class Watcher(Protocol):
 
     def end(self, report: dict[str, Any]) -> None:
         """Receive, once, the report of the finished picture."""
+
+
+def check_watcher(watch: object) -> None:
+    """Raise TypeError unless a value has all that a render asks of a watcher, or is None."""
+    if watch is None:
+        return
+    names = ("film_lock", "stop_asked", "begin", "note_rays", "note", "end")
+    missing = [name for name in names if not checks.has(watch, name)]
+    missing += [
+        name for name in names[2:] if name not in missing and not callable(getattr(watch, name))
+    ]
+    if missing:
+        raise TypeError(
+            f"watch is {checks.shown(watch)}, without {missing[0]!r}: pass a LivePage, another Watcher, or None"
+        )

@@ -172,7 +172,7 @@ class Scene:
 def _of_a_mesh(given: object) -> str:
     """Return how a mesh, a scene of meshes, or a file, becomes a surface; "" for anything else."""
     if isinstance(given, str | os.PathLike):
-        return "; of a mesh file: TriangleMesh(trimesh.load_mesh(FILE))"
+        return "; of a mesh file: TriangleMesh.read(FILE)"
     if checks.has(given, "vertices", "faces"):
         return "; of a mesh: TriangleMesh(MESH)"
     if checks.has(given, "to_mesh", "dump"):

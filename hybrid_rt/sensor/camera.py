@@ -154,7 +154,7 @@ class Camera:
         )
 
     def rays(
-        self, column: FloatArray, row: FloatArray, lens: FloatArray | None = None
+        self, column: ArrayLike, row: ArrayLike, lens: ArrayLike | None = None
     ) -> tuple[FloatArray, FloatArray]:
         """Return origins and unit directions of rays through film positions.
 
@@ -169,7 +169,15 @@ class Camera:
         -------
         origins, directions : (n, 3) float64
             Scene units; unit vectors.
+
+        Raises
+        ------
+        ValueError, TypeError
+            For arrays of other shapes, numbers that are not finite, and lens samples out of range.
         """
+        column = checks.finite(column, "Camera.rays column", (-1,))
+        row = checks.finite(row, "Camera.rays row", (column.size,))
+        lens = None if lens is None else _lens_samples(lens, column.size, "Camera.rays")
         across = (2.0 * column - self.width) / self.height * self._half_height
         upward = (1.0 - 2.0 * row / self.height) * self._half_height
         directions = self._forward + np.multiply.outer(across, self._right)
@@ -184,7 +192,7 @@ class Camera:
         return origins, directions
 
     def sees(
-        self, points: FloatArray, lens: FloatArray | None = None
+        self, points: ArrayLike, lens: ArrayLike | None = None
     ) -> tuple[FloatArray, NDArray[np.int64], FloatArray]:
         """Project points to pixels: the inverse of `rays`.
 
@@ -203,7 +211,14 @@ class Camera:
             Index in row-major order from the upper left; -1 outside the picture.
         pdf : (n,) float64
             pdf per solid angle of directions to positions that are uniform in the pixel; 0 outside.
+
+        Raises
+        ------
+        ValueError, TypeError
+            As for `rays`.
         """
+        points = checks.finite(points, "Camera.sees points", (-1, 3))
+        lens = None if lens is None else _lens_samples(lens, len(points), "Camera.sees")
         shift = self._on_lens(lens)
         way = points - (self.look_from + shift)
         depth = way @ self._forward
@@ -262,3 +277,12 @@ class Camera:
         shift = np.multiply.outer(radius * np.cos(angle), self._right)
         shift += np.multiply.outer(radius * np.sin(angle), self._upward)
         return shift
+
+
+def _lens_samples(lens: ArrayLike, n: int, what: str) -> FloatArray:
+    samples = checks.finite(lens, f"{what} lens", (n, 2))
+    if n and not 0.0 <= samples.min() <= samples.max() < 1.0:
+        raise ValueError(
+            f"{what} lens holds {samples.min():g} to {samples.max():g}: pass numbers in [0, 1)"
+        )
+    return samples

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import errno
 import importlib.util
+import json
 import os
-import threading
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -18,6 +17,7 @@ from hybrid_rt.core import exr
 from hybrid_rt.core.ledger import as_json
 from hybrid_rt.sensor.color import screen_pixels
 from meshing.checks import as_path, number
+from meshing.outputs import check_writable, replacing
 
 # Exposures up to here keep their factor a number.
 MOST_STOPS = 100.0
@@ -26,10 +26,6 @@ MOST_STOPS = 100.0
 Channels = Mapping[str, NDArray[np.float32]]
 # Names of a channel's parts; () is a single number per pixel.
 Parts = Mapping[str, Sequence[str]]
-
-
-# A disk with less room than this is as good as full, bytes.
-TRIAL_SIZE = 2**14
 
 
 def save_image(
@@ -67,9 +63,10 @@ def save_image(
     Raises
     ------
     ValueError, OSError, ModuleNotFoundError
-        If the suffix is unknown, the file cannot be created, or OpenEXR is not installed.
+        If the suffix is unknown, the file cannot be created (see `meshing.outputs`), what has the name
+        of the report is none, or OpenEXR is not installed.
     """
-    target = check_output(path)
+    target = check_output(path, report)
     number(exposure, "exposure", at_least=-MOST_STOPS, up_to=MOST_STOPS, hint="stops")
     if np.ndim(image) != 3 or np.shape(image)[2] != 3:
         raise ValueError(f"image has shape {np.shape(image)}: pass (height, width, 3)")
@@ -94,36 +91,44 @@ def keeps_channels(picture: Path) -> bool:
     return picture.suffix.lower() != ".png"
 
 
-def check_output(path: str | os.PathLike[str]) -> Path:
-    """Return the path if an image can be written there; raises as `save_image`."""
+def check_output(path: str | os.PathLike[str], keys: Iterable[str] = ()) -> Path:
+    """Return the path if an image can be written there; raises as `save_image`.
+
+    A file of the report's name is replaced if it has the versions of a report, or exactly ``keys``.
+    """
     target = as_path(path, "output")
     if target.suffix.lower() not in WRITERS:
         raise ValueError(f"output {str(target)!r} has an unknown ending: pass {', '.join(WRITERS)}")
-    for file in (target, sidecar_of(target)):
+    sidecar = sidecar_of(target)
+    for file in (target, sidecar):
         check_writable(file)
+    _check_sidecar(sidecar, keys)
     if target.suffix.lower() == ".exr" and importlib.util.find_spec("OpenEXR") is None:
         raise ModuleNotFoundError(f"output {str(target)!r}: {exr.NEEDED}")
     return target
 
 
-def check_writable(file: Path) -> None:
-    """Raise OSError if a file cannot be written or replaced."""
-    if not file.parent.is_dir():
-        raise FileNotFoundError(
-            f"output {str(file)!r} has no folder {str(file.parent)!r}: make it, or name another file"
+def _check_sidecar(file: Path, keys: Iterable[str]) -> None:
+    """Raise FileExistsError if a file holds no report of ours.
+
+    A user names the picture, and may have another program's file of the report's name beside it.
+    """
+    if not file.exists():
+        return
+    held: Any = None
+    with suppress(OSError, ValueError, RecursionError):
+        held = json.loads(file.read_bytes())
+    if not isinstance(held, dict) or not (is_report(held) or held.keys() == set(keys)):
+        raise FileExistsError(
+            f"output {str(file)!r}, the report beside the picture, exists and holds no report of ours: "
+            "move that file, or name another picture"
         )
-    try:
-        # A trial tells more than permissions do: full disks, names too long. An empty file fits on
-        # a full disk.
-        trial = _temporary(file).with_suffix(".try")
-        try:
-            trial.write_bytes(bytes(TRIAL_SIZE))
-        finally:
-            trial.unlink(missing_ok=True)
-        if file.is_dir():
-            raise IsADirectoryError(errno.EISDIR, "it is a folder")
-    except OSError as error:
-        raise _named(error, file) from error
+
+
+def is_report(held: dict[str, Any]) -> bool:
+    """Tell whether a dict that was read from JSON is a report of ours, by the versions in it."""
+    versions = held.get("versions")
+    return isinstance(versions, dict) and "hybrid_rt" in versions
 
 
 def _write_png(
@@ -185,34 +190,3 @@ Writer = Callable[[BinaryIO, NDArray[np.float32], str, Channels, float, Parts], 
 
 
 WRITERS: dict[str, Writer] = {".png": _write_png, ".npz": _write_npz, ".exr": _write_exr}
-
-
-@contextmanager
-def replacing(target: Path) -> Iterator[BinaryIO]:
-    """Open a temporary file that replaces the target when it is complete.
-
-    Raises
-    ------
-    OSError
-        If writing fails; the message names the target.
-    """
-    temporary = _temporary(target)
-    try:
-        with temporary.open("wb") as file:
-            yield file
-        temporary.replace(target)
-    except OSError as error:
-        raise _named(error, target) from error
-    finally:
-        temporary.unlink(missing_ok=True)
-
-
-def _temporary(target: Path) -> Path:
-    # Threads that write to one file do not write into each other.
-    return target.with_name(f".{target.name}.{os.getpid()}.{threading.get_native_id()}.part")
-
-
-def _named(error: OSError, file: Path) -> OSError:
-    """Return the part of an error message that names the file."""
-    reason = error.strerror or " ".join(str(error).split())
-    return type(error)(f"output {str(file)!r} cannot be written ({reason}): name another file")

@@ -2,7 +2,7 @@
 
 A kernel compiles once per machine: numba stores the machine code beside the source or, if that
 folder is read-only, in the user's cache folder. If both are read-only numba would refuse to
-compile; then a temporary folder is used.
+compile; then a temporary folder is used, which belongs to the user alone.
 
 numba replaces its files atomically, but updates the index of a function's signatures without a
 lock. Of two processes that update it at once, one entry may be lost, or both may give their machine
@@ -15,11 +15,14 @@ Times of files do not count: a fresh clone or installation can use a cache that 
 
 from __future__ import annotations
 
+import atexit
 import fcntl
 import functools
 import hashlib
 import os
 import re
+import shutil
+import stat
 import sys
 import tempfile
 from collections.abc import Callable, Iterator
@@ -49,7 +52,12 @@ class SharedCache(FunctionCache):
     """The cache of one kernel's machine code, one file for each tuple of argument types."""
 
     def __init__(self, function: Any) -> None:
-        super().__init__(function)
+        try:
+            super().__init__(function)
+        except (
+            RuntimeError
+        ) as error:  # of numba's variables, or where no folder at all can be written
+            raise ImportError(f"compiled kernels have no place: {error}") from None
         self._kernel = name_of(function)
         self._cache_file = IndexDataCacheFile(
             cache_path=self._cache_path,
@@ -65,10 +73,11 @@ class SharedCache(FunctionCache):
         return found
 
     def save_overload(self, sig: Any, data: Any) -> None:
-        """Store compiled code."""
-        self._impl.locator.ensure_cache_path()
-        with _locked(Path(self.cache_path), "ab"):
-            super().save_overload(sig, data)
+        """Store compiled code; on a disk that is full, say, do without."""
+        with suppress(OSError):
+            self._impl.locator.ensure_cache_path()
+            with _locked(Path(self.cache_path), "ab"):
+                super().save_overload(sig, data)
 
     def _load(self, sig: Any, target_context: Any) -> Any:
         try:
@@ -90,17 +99,18 @@ class CacheOfParts(SharedCache):
 def _stamps(module: str) -> tuple[tuple[str, bytes], ...]:
     """Return name and digest of each file that a module and its functions are compiled from.
 
-    Of a module without a file, as in a notebook, nothing is known.
+    This file has no part in machine code. Of a module without a file, as in a notebook, nothing is
+    known.
     """
     if _source(module) is None:
         return ()
-    found: set[str] = set()
+    found = {__name__}
     left = {module}
     while left:
         name = left.pop()
         found.add(name)
         left |= _imported(name) - found
-    return tuple((name, _digest(name)) for name in sorted(found))
+    return tuple((name, _digest(name)) for name in sorted(found - {__name__}))
 
 
 @functools.cache
@@ -135,9 +145,14 @@ def _locked(folder: Path, mode: str) -> Iterator[None]:
 
 
 def _can_write(folder: Path) -> bool:
+    return os.access(_nearest(folder), os.W_OK)
+
+
+def _nearest(folder: Path) -> Path:
+    """Return a folder if it exists, or else the nearest of those that it is to be in."""
     while not folder.exists() and folder != folder.parent:
         folder = folder.parent
-    return os.access(folder, os.W_OK)
+    return folder
 
 
 def _choose_folder() -> None:
@@ -145,12 +160,40 @@ def _choose_folder() -> None:
     if numba_settings.CACHE_DIR or _can_write(Path(__file__).parent):
         return
     with suppress(RuntimeError):  # a user without a home
-        if _can_write(Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")):
+        users = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
+        if _can_write(users) and _is_private(_nearest(users), 0o002):
             return
-    name = f"hybrid_rt-kernels-{os.getuid()}"
-    folder = str(Path(tempfile.gettempdir()) / name)
     # For this process, and for those that it starts.
-    numba_settings.CACHE_DIR = os.environ["NUMBA_CACHE_DIR"] = folder
+    numba_settings.CACHE_DIR = os.environ["NUMBA_CACHE_DIR"] = str(_temporary_folder())
+
+
+def _temporary_folder() -> Path:
+    """Return a folder that nobody else can write to: machine code that is loaded from it is run.
+
+    Its name is the same for all processes of a user; where somebody else has taken that name, it is a
+    folder of this process alone.
+    """
+    folder = Path(tempfile.gettempdir()) / f"hybrid_rt-kernels-{os.geteuid()}"
+    with suppress(OSError):
+        with suppress(FileExistsError):
+            folder.mkdir(mode=0o700)
+        if _is_private(folder, 0o077):
+            return folder
+    own, process = Path(tempfile.mkdtemp(prefix="hybrid_rt-kernels-")), os.getpid()
+
+    def delete() -> None:
+        if os.getpid() == process:  # not of one that was forked
+            shutil.rmtree(own, ignore_errors=True)
+
+    atexit.register(delete)
+    return own
+
+
+def _is_private(folder: Path, others: int) -> bool:
+    """Tell whether a path is a folder, no link to one, of this user, without any of some mode bits."""
+    found = folder.lstat()
+    is_ours = stat.S_ISDIR(found.st_mode) and found.st_uid == os.geteuid()
+    return is_ours and not found.st_mode & others
 
 
 _choose_folder()

@@ -1,12 +1,15 @@
 """Cached kernels follow the sources that they are compiled from."""
 
 import os
+import stat
 import subprocess
 import sys
 from pathlib import Path
 
 import numba
 import pytest
+
+from meshing.kernels import bernstein, cache
 
 INNER = """
 from meshing.kernels.jit import inlined
@@ -79,3 +82,92 @@ def test_the_content_of_a_file_decides_and_not_its_time(package):
     assert run(package) == (6.0, 1)
     write(package, 5.0, 7)  # as large as before, at the same time
     assert run(package) == (10.0, 0)
+
+
+def test_what_this_file_does_changes_no_stamp():
+    """It has no part in machine code: all kernels would be compiled again."""
+    names = {name for name, _ in cache._stamps(bernstein.__name__)}
+    assert {"meshing.kernels.bernstein", "meshing.kernels.jit"} <= names
+    assert "meshing.kernels.cache" not in names
+
+
+@pytest.fixture
+def temporary(tmp_path, monkeypatch):
+    """The folder of temporary files, where others may have been before."""
+    monkeypatch.setattr(cache.tempfile, "tempdir", str(tmp_path))
+    deleting = []
+    monkeypatch.setattr(cache.atexit, "register", deleting.append)
+    yield tmp_path / f"hybrid_rt-kernels-{os.geteuid()}"
+    for delete in deleting:
+        delete()
+    assert not list(tmp_path.glob("hybrid_rt-kernels-[!0-9]*"))
+
+
+def mode_of(folder: Path) -> int:
+    return stat.S_IMODE(folder.stat().st_mode)
+
+
+def test_kernels_in_a_temporary_folder_are_of_this_user_alone(temporary):
+    assert cache._temporary_folder() == temporary
+    assert mode_of(temporary) == 0o700
+    assert cache._temporary_folder() == temporary  # of an earlier process
+
+
+def readable(folder: Path) -> None:
+    folder.mkdir()
+    folder.chmod(0o755)
+
+
+def writable(folder: Path) -> None:
+    folder.mkdir()
+    folder.chmod(0o777)
+
+
+def link(folder: Path) -> None:
+    (folder.parent / "theirs").mkdir(mode=0o700)
+    folder.symlink_to(folder.parent / "theirs")
+
+
+@pytest.mark.parametrize("make", [readable, writable, link, Path.touch])
+def test_a_folder_that_others_may_have_made_is_not_used(temporary, make):
+    """Their pickles would run as this user's."""
+    make(temporary)
+    found = cache._temporary_folder()
+    assert found != temporary
+    assert found.parent == temporary.parent
+    assert mode_of(found) == 0o700
+    assert not list(found.iterdir())
+
+
+def test_a_folder_of_another_user_is_not_used(temporary, monkeypatch):
+    temporary.mkdir(mode=0o700)
+    name, other = temporary.name, os.geteuid() + 1
+    temporary.rename(temporary.with_name(name.replace(str(os.geteuid()), str(other))))
+    monkeypatch.setattr(cache.os, "geteuid", lambda: other)
+    assert cache._temporary_folder().name != f"hybrid_rt-kernels-{other}"
+
+
+@pytest.mark.parametrize("is_own", [True, False])
+def test_a_home_that_others_can_write_to_is_not_used(tmp_path, temporary, monkeypatch, is_own):
+    """With a read-only installation, kernels go to the user's cache, and else to a temporary folder."""
+    home = tmp_path / "home"
+    home.mkdir()
+    home.chmod(0o700 if is_own else 0o777)
+    monkeypatch.setenv("XDG_CACHE_HOME", str(home / ".cache"))
+    monkeypatch.setenv("NUMBA_CACHE_DIR", "")
+    monkeypatch.setattr(cache.config, "CACHE_DIR", "")
+    monkeypatch.setattr(cache, "_can_write", lambda folder: folder != Path(cache.__file__).parent)
+    cache._choose_folder()
+    expected = "" if is_own else str(temporary)
+    assert expected == cache.config.CACHE_DIR
+    assert os.environ["NUMBA_CACHE_DIR"] == cache.config.CACHE_DIR
+
+
+@pytest.mark.skipif(numba.config.DISABLE_JIT, reason="nothing is compiled")
+def test_a_cache_that_cannot_be_written_is_done_without(package, monkeypatch):
+    """As on a full disk: files there have no room for a byte."""
+    full = "import resource, signal; signal.signal(signal.SIGXFSZ, signal.SIG_IGN); "
+    full += "resource.setrlimit(resource.RLIMIT_FSIZE, (0, 0)); "
+    monkeypatch.setattr(sys.modules[__name__], "RUN", full + RUN)
+    assert run(package) == (6.0, 0)
+    assert run(package) == (6.0, 0)

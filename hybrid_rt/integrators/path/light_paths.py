@@ -172,7 +172,7 @@ class LightPathTracer:
         if needed > available_bytes():
             raise MemoryError(
                 f"a pass of {self.n_paths} light subpaths takes about {bytes_in_words(needed)} of memory, this "
-                f"machine has {bytes_in_words(available_bytes())}: pass a smaller light_paths (--light-paths)"
+                f"process can have {bytes_in_words(available_bytes())}: pass a smaller light_paths (--light-paths)"
             )
         half = points.density.size // 2
         if self.keeps_all and half:

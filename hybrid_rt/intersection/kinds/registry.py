@@ -13,7 +13,7 @@ from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 
-from hybrid_rt.core.checks import FARTHEST
+from hybrid_rt.core.checks import FARTHEST, SMALLEST
 from hybrid_rt.core.records import IntArray
 from hybrid_rt.core.threads import Pool
 from hybrid_rt.intersection.kind import CurvedKind, Kind
@@ -28,8 +28,6 @@ from meshing.bezier import RationalPatches
 from meshing.sheet import PatchSheet
 from meshing.surface import Surface
 
-# From here to `FARTHEST` squares, cross products and fourth powers of lengths are float64 numbers.
-SMALLEST = 1e-60
 ACCURACIES = ("certified", "refined", "mesh")
 # From so many of a class on, a tree is faster than asking all of them. Spheres and rectangles out of
 # reach are rejected eight at a time, so it takes more of these.

@@ -28,6 +28,7 @@ from hybrid_rt.primitives import Box, Rectangle, Sphere
 from hybrid_rt.scene.scene import Object, Scene
 from hybrid_rt.sensor.camera import Camera
 from hybrid_rt.verify.light.kernels.light_tracer import count_on_floor, look_at_floor
+from meshing.outputs import check_writable, replacing
 
 # Photons and rays that a thread takes at a time.
 AT_ONCE = 2**20
@@ -158,11 +159,13 @@ def main() -> int:
     parser.add_argument("--threads", type=int)
     parser.add_argument("--out", type=Path, default=Path("floor.npz"))
     options = parser.parse_args()
+    check_writable(options.out)
     bench, n = BENCHES[options.bench], int(options.photons)
     counts = bench.floor_light(n, options.cells, threads=options.threads)
     noise = 1.0 / math.sqrt(max(float(np.median(counts[counts > 0])), 1.0))
     image = bench.picture(counts, n, CAMERA)
-    np.savez_compressed(options.out, counts=counts, photons=n, image=image)
+    with replacing(options.out) as file:
+        np.savez_compressed(file, counts=counts, photons=n, image=image)
     print(f"{options.out}: {n} photons, {noise:.1%} noise in the median cell")  # noqa: T201
     return 0
 

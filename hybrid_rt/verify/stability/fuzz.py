@@ -27,6 +27,7 @@ from hybrid_rt.verify.stability.fuzz_cases import (
 from hybrid_rt.verify.stability.fuzz_light import light_case
 from hybrid_rt.verify.stability.fuzz_properties import READERS, REFUSALS, Readers, faults_of
 from hybrid_rt.verify.stability.fuzz_scenes import file_case, scene_case
+from meshing.outputs import make_folder, replacing
 
 # Rays of a case, about: half of them hard, the others on lattices and along axes.
 N_RAYS = 40
@@ -53,10 +54,11 @@ class Failure:
 
     def save(self, folder: Path) -> Path:
         """Write it to a file of its own, named by its content."""
-        folder.mkdir(parents=True, exist_ok=True)
+        make_folder(folder)
         text = json.dumps({"case": self.case, "faults": list(self.faults)})
         file = folder / f"{hashlib.sha256(text.encode()).hexdigest()[:12]}.json"
-        file.write_text(text + "\n")
+        with replacing(file) as opened:
+            opened.write(f"{text}\n".encode())
         return file
 
 

@@ -190,7 +190,7 @@ def lights_without_light(effort: Effort) -> Outcome:
         outcome += same(f"{integrator}, a dark lamp beside a bright one", pictures[0], pictures[1])
     for edges in (((1, 0, 0), (2, 0, 0)), ((0, 0, 0), (0, 1, 0)), ((1e-200, 0, 0), (0, 1e-200, 0))):
         outcome += refusal(
-            partial(RectangleLight, (0, 0, 1), edges[0], edges[1], 1.0), "RectangleLight edges"
+            partial(RectangleLight, (0, 0, 1), edges[0], edges[1], 1.0), "RectangleLight edge"
         )
     for radius in (0.0, -1.0, math.nan):
         outcome += refusal(partial(SphereLight, (0, 0, 1), radius, 1.0), "SphereLight radius")

@@ -1,9 +1,12 @@
+import io
 import json
+import zipfile
 
 import imageio.v3 as imageio
 import numpy as np
 import pytest
 
+from hybrid_rt.analysis import picture_comparison
 from hybrid_rt.analysis.nearer_picture import Verdict, verdicts
 from hybrid_rt.analysis.picture_comparison import (
     compare_pictures,
@@ -13,7 +16,8 @@ from hybrid_rt.analysis.picture_comparison import (
 from hybrid_rt.analysis.picture_sheet import BAR, GAP, LINE, MARGIN, error_colors, sheet
 from hybrid_rt.analysis.reference import given_reference
 from hybrid_rt.cli import program as cli
-from hybrid_rt.sensor.image_files import check_writable, replacing, save_image, sidecar_of
+from hybrid_rt.sensor.image_files import save_image, sidecar_of
+from meshing.outputs import check_writable, replacing
 
 RNG = np.random.default_rng(12)
 TRUTH = RNG.uniform(0.2, 0.9, (20, 30, 3)).astype(np.float32)
@@ -388,3 +392,50 @@ def test_a_trial_leaves_what_is_being_written_alone(tmp_path):
     assert [item.name for item in tmp_path.iterdir()] == ["a.npz"]
     # Where names differ by case, so do those of reports.
     assert sidecar_of(tmp_path / "z.png") != sidecar_of(tmp_path / "z.PNG")
+
+
+def member(shape, dtype=np.float32, write=np.lib.format.write_array_header_1_0):
+    """Return the header of an array, without the array."""
+    file = io.BytesIO()
+    write(file, np.lib.format.header_data_from_array_1_0(np.zeros(0, dtype)) | {"shape": shape})
+    return file.getvalue()
+
+
+BOMBS = {
+    "no picture": ({"image": member((2**40,), np.uint8)}, r"holds uint8 of shape \(1099511627776,\)"),
+    "a picture beyond memory": ({"image": member((2**20, 2**20, 3))}, "takes 96 TiB of memory, this"),
+    "an error beyond memory": (
+        {"image": member((2, 2, 3)), "standard_error": member((2**20, 2**20, 3))},
+        "its standard_error",
+    ),
+    "a report beyond memory": (
+        {"image": member((2, 2, 3)), "report": member((), "<U500000000")}, "takes 14.9 GiB of memory, this process can have 1 GiB"
+    ),
+    "another format": ({"image": member((2, 2, 3), write=np.lib.format.write_array_header_2_0)}, "in another format than ours"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(("members", "words"), BOMBS.values(), ids=BOMBS)
+def test_arrays_are_judged_by_their_headers_before_they_are_unpacked(
+    tmp_path, monkeypatch, members, words
+):
+    monkeypatch.setattr(picture_comparison, "available_bytes", lambda: 2**30)
+    with zipfile.ZipFile(tmp_path / "bomb.npz", "w") as archive:
+        for name, content in members.items():
+            archive.writestr(f"{name}.npy", content)
+    with pytest.raises(ValueError, match=words):
+        load_picture(tmp_path / "bomb.npz")
+
+
+def test_a_small_file_of_a_large_picture_is_not_unpacked(tmp_path, monkeypatch):
+    """Zeros pack to a thousandth; what is written by np.savez is taken, and so are real pictures."""
+    monkeypatch.setattr(picture_comparison, "MOST_UNPACKED", 2**16)
+    black = np.zeros((100, 100, 3), np.float32)
+    np.savez_compressed(tmp_path / "a.npz", image=black)
+    with pytest.raises(ValueError, match=r"unpacks to .* if that is meant, write it by np\.savez"):
+        load_picture(tmp_path / "a.npz")
+    np.savez(tmp_path / "a.npz", image=black)
+    assert not load_picture(tmp_path / "a.npz").image.any()
+    noise = RNG.random((100, 100, 3)).astype(np.float32)
+    np.savez_compressed(tmp_path / "a.npz", image=noise)
+    np.testing.assert_array_equal(load_picture(tmp_path / "a.npz").image, noise)

@@ -71,3 +71,15 @@ def test_bad_input_is_refused(run, arguments, words):
     code, captured = run(arguments)
     assert code == 2
     assert words in captured.err
+
+
+@pytest.mark.parametrize("name", ["table.json", "table.csv"])
+def test_files_of_others_in_the_folder_stay(name, tmp_path, capsys):
+    """Before anything is measured; figures of an earlier run are replaced."""
+    (tmp_path / name).write_text('{"mine": 1}')
+    script = str(Path(__file__).parents[3] / "scenes" / "vase.py")
+    assert main(["accuracy", script, "--quick", "--out", str(tmp_path)]) == 2
+    said = capsys.readouterr().err
+    assert f"has a file '{name}', and 'table.json' there is not of an earlier run: name" in said
+    assert (tmp_path / name).read_text() == '{"mine": 1}'
+    assert len(list(tmp_path.iterdir())) == 1

@@ -324,7 +324,7 @@ def test_unknown_options_lead_to_the_help_of_the_command(folder, capsys):
 def test_a_mesh_is_no_scene_script(folder, capsys):
     (folder / "part.STL").write_bytes(bytes(84))
     assert cli.main(["render", "part.STL"]) == 2
-    assert "TriangleMesh(trimesh.load_mesh('part.STL'))" in capsys.readouterr().err
+    assert "TriangleMesh.read('part.STL')" in capsys.readouterr().err
     (folder / "mine.npz").write_bytes(b"PK")
     assert cli.main(["render", "mine.npz"]) == 2
     assert "that is none; pass a .py with a function scene()" in capsys.readouterr().err
@@ -704,4 +704,17 @@ def test_a_target_error_that_is_no_number_is_refused(capsys):
         parser.parse_args(["--target-error", "2 per cent"])
     assert (
         "--target-error: '2 per cent': pass a share, such as 0.02 or 2%" in capsys.readouterr().err
+    )
+
+
+@pytest.mark.parametrize("words", [["render", "ball.py"], ["study", "ball.py"], ["demo"]])
+def test_what_keeps_numba_from_starting_is_told_in_one_sentence(folder, words):
+    del folder
+    command = [sys.executable, "-m", "hybrid_rt", *words]
+    env = {**os.environ, "NUMBA_NUM_THREADS": "0"}
+    ended = subprocess.run(command, env=env, capture_output=True, text=True, check=False)
+    assert ended.returncode == BAD_INPUT
+    assert ended.stderr == (
+        "hybrid-rt: numba cannot start (Number of threads specified must be > 0.): see the environment "
+        "variables named NUMBA_..., NUMBA_NUM_THREADS must be from 1 on\n"
     )

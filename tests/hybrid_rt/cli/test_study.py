@@ -255,7 +255,11 @@ def test_hits_on_trimmed_surfaces_are_measured(run, tmp_path):
         (f"tube.py {SMALL} --integrators magic", 2, "integrator is 'magic'"),
         (f"tube.py {SMALL} --alphas 2", 2, "alpha"),
         ("x.bpt --only pictures", 2, "x.bpt is a surface, without pictures: name a scene"),
-        ("flat.py --only hits", 2, "flat.py has no curved surface: leave out --only hits"),
+        (
+            "flat.py --only hits",
+            2,
+            "flat.py has neither patches nor a surface of revolution, whose hits are",
+        ),
     ],
 )
 def test_bad_input_is_refused(run, arguments, code, words):

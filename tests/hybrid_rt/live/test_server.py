@@ -1,9 +1,15 @@
 """Who may ask a live page, and for what."""
 
+import contextlib
 import http.client
 import json
+import resource
 import socket
+import subprocess
+import sys
+import threading
 import time
+from pathlib import Path
 from urllib.parse import parse_qs, urlsplit
 
 import numpy as np
@@ -252,3 +258,77 @@ def test_a_port_in_use_is_named(still):
         port = other.getsockname()[1]
         with pytest.raises(OSError, match=f"port {port} of 127.0.0.1 is in use: name another"):
             PageServer(port, "a-token", still)
+
+
+KNOCKS = """
+import resource, socket, sys
+most = resource.getrlimit(resource.RLIMIT_NOFILE)[1]
+resource.setrlimit(resource.RLIMIT_NOFILE, (most, most))
+links = []
+for _ in range(90):
+    link = socket.create_connection(("127.0.0.1", int(sys.argv[1])), timeout=5)
+    link.sendall(b"GET / HTTP/1.1\\r\\n")
+    links.append(link)
+print("there", flush=True)
+sys.stdin.read()
+"""
+
+
+@pytest.fixture
+def knock(page):
+    """Another process that opens 90 connections, as other users of the machine can, and holds them."""
+    client = subprocess.Popen(
+        [sys.executable, "-I", "-S", "-c", KNOCKS, str(page.port)],
+        stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True,
+    )  # fmt: skip
+    assert client.stdout.readline() == "there\n"
+    yield
+    client.communicate("")
+
+
+@contextlib.contextmanager
+def descriptors(n):
+    before = resource.getrlimit(resource.RLIMIT_NOFILE)
+    resource.setrlimit(resource.RLIMIT_NOFILE, (n, before[1]))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_NOFILE, before)
+
+
+def settled(count, most):
+    """Connections that end do so in threads of their own."""
+    until = time.perf_counter() + 5.0
+    while count() > most and time.perf_counter() < until:
+        time.sleep(0.01)
+    return count() <= most
+
+
+@pytest.mark.usefixtures("knock")
+def test_connections_without_the_token_take_few_threads_and_keep_nobody_out(page):
+    before = threading.active_count() - len(page._server._connections)
+    assert ask(page, "/about")[0] == 200
+    assert len(page._server._connections) <= served.MOST_CONNECTIONS
+    assert settled(threading.active_count, before + served.MOST_CONNECTIONS)
+
+
+def test_descriptors_stay_free_for_the_picture(page, request, tmp_path):
+    """Of 24 more than are open, 16 are left, and the page still answers who has the token."""
+    with descriptors(max(int(item.name) for item in Path("/dev/fd").iterdir()) + 25):
+        request.getfixturevalue("knock")
+        assert ask(page, "/about")[0] == 200
+        with contextlib.ExitStack() as held:
+            for k in range(served.RESERVE - served.FOR_A_MOMENT):
+                held.enter_context((tmp_path / f"{k}").open("wb"))
+
+
+def test_pages_with_the_token_stay_when_others_come(page, request):
+    link = http.client.HTTPConnection("127.0.0.1", page.port, timeout=10)
+    with contextlib.closing(link):
+        link.request("GET", "/about?token=a-token")
+        assert link.getresponse().read()
+        before = link.sock
+        request.getfixturevalue("knock")
+        link.request("GET", "/about?token=a-token")
+        assert link.getresponse().status == 200
+        assert link.sock is before

@@ -532,7 +532,7 @@ class TestLimit:
         (
             {"integrator": "ppm", "options": PPMOptions(10**12)},
             MemoryError,
-            "passes of 1000000000000 photons takes about .* TiB of memory, this machine has",
+            "passes of 1000000000000 photons takes about .* TiB of memory, this process can have",
         ),
     ],
 )

@@ -160,3 +160,21 @@ def test_specks_are_what_few_rays_meet(lamp, is_speck):
     for camera in (CAMERA, lens):
         unmet = unmet_light(compile_scene(Scene(camera, [ball], [lamp])), 16)
         assert (unmet > 0.0) is is_speck
+
+
+@pytest.mark.parametrize("albedo", [0.001, 0.5, (0.1, 0.2, 0.05)])
+def test_behind_a_matt_detector_a_lamp_adds_its_albedo_at_most(albedo):
+    """All that the camera sees: what is met behind it, by way of a mirror, carries no more."""
+    detector = Object(FLOOR.surface, Lambertian(albedo))
+    behind = Object(Sphere((0, 0, 3), 0.5), Mirror(0.9))
+    lamp = RectangleLight((1, 1, 3), (0, 1, 0), (1, 0, 0), (10.0, 60.0, 110.0))
+    scene = compile_scene(Scene(CAMERA, [detector, behind], [lamp]))
+    expected = 3.0 * 60.0 * np.max(albedo) / (16 * SIDE * SIDE)
+    assert unmet_light(scene, 16) == pytest.approx(expected, rel=1e-15)
+    # A mirror in sight, or a lamp that is a speck there, adds all of it.
+    in_sight = Object(Sphere((0.5, 0, 0.1), 0.2), Mirror(0.9))
+    scene = compile_scene(Scene(CAMERA, [detector, in_sight], [lamp]))
+    assert unmet_light(scene, 16) == pytest.approx(3.0 * 60.0 / (16 * SIDE * SIDE), rel=1e-15)
+    speck = RectangleLight((0.1, 0.1, 0), (0.01, 0, 0), (0, 0.01, 0), 60.0)
+    scene = compile_scene(Scene(CAMERA, [detector, behind], [speck]))
+    assert unmet_light(scene, 16) == pytest.approx(3.0 * 60.0 / (16 * SIDE * SIDE), rel=1e-15)

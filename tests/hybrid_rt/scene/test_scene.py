@@ -47,7 +47,7 @@ def test_objects_are_called_by_their_name():
         Object(BALL, "red", "ball")
     with pytest.raises(TypeError, match=r"pass a Sphere, .*; of a mesh: TriangleMesh\(MESH\)"):
         Object(trimesh.creation.box(), Lambertian(0.5))
-    with pytest.raises(TypeError, match=r"; of a mesh file: TriangleMesh\(trimesh.load_mesh\(FILE"):
+    with pytest.raises(TypeError, match=r"; of a mesh file: TriangleMesh\.read\(FILE"):
         Object("part.stl", Lambertian(0.5))
     with pytest.raises(TypeError, match=r"; of a trimesh.Scene: TriangleMesh\(SCENE.to_mesh\(\)\)"):
         Object(trimesh.Scene([trimesh.creation.box()]), Lambertian(0.5))

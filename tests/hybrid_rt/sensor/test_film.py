@@ -12,6 +12,7 @@ from hybrid_rt.sensor.film import Film
 from hybrid_rt.sensor.image_files import check_output, save_image
 from hybrid_rt.sensor.image_metrics import picture_errors
 from hybrid_rt.sensor.passes import group_of, pass_of
+from meshing import outputs
 
 IMAGE = np.random.default_rng(4).uniform(0, 1.2, (5, 7, 3)).astype(np.float32)
 
@@ -144,7 +145,7 @@ def test_a_disk_that_fills_is_named_with_its_file_and_the_old_one_stays(tmp_path
     target.write_bytes(b"old")
     noise = np.random.default_rng(1).random((100, 100, 3)).astype(np.float32)
     words = rf"output '.*a\{ending}' cannot be written \(File too large\)"
-    with only_bytes(image_files.TRIAL_SIZE), pytest.raises(OSError, match=words):
+    with only_bytes(outputs.TRIAL_SIZE), pytest.raises(OSError, match=words):
         save_image(target, noise, {})
     assert target.read_bytes() == b"old"
     assert list(tmp_path.iterdir()) == [target]
