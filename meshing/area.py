@@ -102,6 +102,56 @@ class AreaSampler(ABC):
         return np.full(u.size, 1.0 / self.area)
 
 
+class CellSampler(AreaSampler):
+    """A sampler that also tells the cell of a point."""
+
+    @abstractmethod
+    def cell_of(
+        self, patch_id: IdArray, u: FloatArray, v: FloatArray
+    ) -> tuple[IdArray, FloatArray, FloatArray]:
+        """Return (cell, xi, eta) of points: what `within` takes."""
+
+
+class Weighted(CellSampler):
+    """The cells of another sampler, each chosen by its area times a weight.
+
+    Parameters
+    ----------
+    sampler : CellSampler
+    weight : (cells,) float64
+        Above 0.
+
+    Attributes
+    ----------
+    weight : (cells,) float64
+        Over their mean by area.
+    """
+
+    def __init__(self, sampler: CellSampler, weight: FloatArray) -> None:
+        super().__init__(sampler.share * weight)
+        self.area = sampler.area
+        self._sampler = sampler
+        self.weight: FloatArray = weight / float((sampler.share * weight).sum())
+
+    def within(
+        self, cell: IdArray, xi: FloatArray, eta: FloatArray
+    ) -> tuple[IdArray, FloatArray, FloatArray]:
+        """Return (patch_id, u, v) of points chosen within cells."""
+        return self._sampler.within(cell, xi, eta)
+
+    def cell_of(
+        self, patch_id: IdArray, u: FloatArray, v: FloatArray
+    ) -> tuple[IdArray, FloatArray, FloatArray]:
+        """Return (cell, xi, eta) of points: what `within` takes."""
+        return self._sampler.cell_of(patch_id, u, v)
+
+    def pdf_area(self, patch_id: IdArray, u: FloatArray, v: FloatArray) -> FloatArray:
+        """Return the density per area with which points are chosen."""
+        weight = self.weight[self.cell_of(patch_id, u, v)[0]]
+        density: FloatArray = weight * self._sampler.pdf_area(patch_id, u, v)
+        return density
+
+
 class Squares(AreaSampler):
     """Parallelograms, each a cell: (u, v) in the unit square is uniform in area."""
 
@@ -112,7 +162,7 @@ class Squares(AreaSampler):
         return cell, xi, eta
 
 
-class Triangles(AreaSampler):
+class Triangles(CellSampler):
     """Triangles, each a cell: (u, v) are the barycentric weights of two corners."""
 
     def within(
@@ -131,7 +181,7 @@ class Triangles(AreaSampler):
         return patch_id, np.clip(root, 0.0, 1.0) ** 2, np.clip(eta, 0.0, 1.0)
 
 
-class Grid(AreaSampler):
+class Grid(CellSampler):
     """Any surface: a grid of cells on each of its patches.
 
     Parameters

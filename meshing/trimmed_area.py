@@ -13,7 +13,7 @@ from typing import NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from meshing.area import CELLS, AreaSampler, IdArray, Patches, stretch_of
+from meshing.area import CELLS, CellSampler, IdArray, Patches, stretch_of
 from meshing.checks import BoolArray, FloatArray
 from meshing.kernels.trims import CROSSED, OUTSIDE
 from meshing.spans import across, within_patch
@@ -60,7 +60,7 @@ class _Cells(NamedTuple):
         )
 
 
-class TrimmedCells(AreaSampler):
+class TrimmedCells(CellSampler):
     """The part of a surface inside loops, in cells that are finer at edges.
 
     `choose` also returns points outside the loops, in cells that an edge crosses: these are to be

@@ -15,7 +15,7 @@ from hybrid_rt.shading.kernels.cell_tree import (
     density_of_cells,
     sample_cells,
 )
-from meshing.area import CELLS, Grid, IdArray, Triangles
+from meshing.area import CELLS, CellSampler, Grid, IdArray, Triangles, Weighted
 from meshing.surface import Surface
 from meshing.trimmed_area import TrimmedCells
 
@@ -38,18 +38,20 @@ class Cells:
     ----------
     surface : Surface
         Bounded, of an area above 0.
+    uneven : Weighted, optional
+        Cells of it, with their brightness over the mean as weights. Default: it shines evenly.
     """
 
-    def __init__(self, surface: Surface) -> None:
-        sampler = surface.area_sampler()
-        if not isinstance(sampler, Triangles | TrimmedCells):
-            sampler = Grid(surface, cells_a_side(len(surface)))
-        self._sampler: Triangles | Grid | TrimmedCells = sampler
-        corner, is_bent = _corners(surface, sampler)
+    def __init__(self, surface: Surface, uneven: Weighted | None = None) -> None:
+        sampler = cells_of(surface) if uneven is None else uneven
+        is_triangle = isinstance(surface.area_sampler(), Triangles)
+        self._sampler = sampler
+        corner, is_bent = _corners(surface, sampler, is_triangle)
         order = _along_a_curve(corner.mean(axis=1))
         self._cell_at, self._place_of = order, np.argsort(order)
         area = sampler.share * sampler.area
-        self._tree = _tree(corner[order], area[order], isinstance(sampler, Triangles), is_bent)
+        glow = np.ones(area.size) if uneven is None else uneven.weight
+        self._tree = _tree(corner[order], area[order], glow[order], is_triangle, is_bent)
 
     def choose(
         self, seen_from: FloatArray, xi: FloatArray
@@ -91,6 +93,14 @@ class Cells:
         return density
 
 
+def cells_of(surface: Surface, at_least: int = 1) -> CellSampler:
+    """Return the cells of a surface; of one that is no mesh and not trimmed so many a side, at least."""
+    sampler = surface.area_sampler()
+    if isinstance(sampler, Triangles | TrimmedCells):
+        return sampler
+    return Grid(surface, max(cells_a_side(len(surface)), at_least))
+
+
 def cells_a_side(n_patches: int) -> int:
     """Return into how many cells the sides of each patch are cut."""
     fewest, most = (math.isqrt(n // n_patches) for n in (FEWEST_CELLS, MOST_CELLS))
@@ -105,7 +115,7 @@ def _scratch() -> tuple[NDArray[np.int64], NDArray[np.int64], FloatArray]:
     )
 
 
-def _corners(surface: Surface, sampler: Triangles | Grid | TrimmedCells) -> tuple[FloatArray, bool]:
+def _corners(surface: Surface, sampler: CellSampler, is_triangle: bool) -> tuple[FloatArray, bool]:
     """Return the points of cells for a `CellTree`, and whether some cells are bent."""
     cell = np.arange(sampler.share.size)
 
@@ -114,7 +124,7 @@ def _corners(surface: Surface, sampler: Triangles | Grid | TrimmedCells) -> tupl
         return np.asarray(surface.point(u, v, patch))
 
     corner = np.stack([place(*at) for at in CORNERS], axis=1)
-    if isinstance(sampler, Triangles):
+    if is_triangle:
         return corner, False
     nine = np.stack([place(0.5 * i, 0.5 * j) for i in range(3) for j in range(3)], axis=1)
     size = np.linalg.norm(np.ptp(corner, axis=1), axis=1)
@@ -138,7 +148,9 @@ def _along_a_curve(middle: FloatArray) -> IdArray:
     return np.argsort(code, kind="stable")
 
 
-def _tree(corner: FloatArray, area: FloatArray, is_triangle: bool, is_bent: bool) -> CellTree:
+def _tree(
+    corner: FloatArray, area: FloatArray, glow: FloatArray, is_triangle: bool, is_bent: bool
+) -> CellTree:
     """Build the tree level by level, over cells in an order in which neighbours are near."""
     first_leaf = 1 << max(int(len(area) - 1).bit_length(), 0)
     low = np.full((2 * first_leaf, 3), np.inf)
@@ -171,5 +183,6 @@ def _tree(corner: FloatArray, area: FloatArray, is_triangle: bool, is_bent: bool
         middle=middle,
         square=square,
         area=total,
+        glow=glow,
         lean=lean,
     )

@@ -10,10 +10,12 @@ import numpy as np
 from hybrid_rt.core.records import BoolArray, FloatArray, HitRecord
 from hybrid_rt.lights.cells import Cells
 from hybrid_rt.lights.light import LightRow
+from hybrid_rt.lights.unevenness import by_brightness, is_very_uneven
 from hybrid_rt.primitives import Box, Rectangle, Sphere, TriangleMesh
 from hybrid_rt.shading.kernels.light_kinds import RECTANGLE, SPHERE, LightPoints
 from hybrid_rt.shading.kernels.shining_faces import Faces, angle_of_faces, sample_faces
-from meshing.area import AreaSampler, IdArray
+from hybrid_rt.textures.texture import Texture
+from meshing.area import AreaSampler, IdArray, Weighted
 from meshing.surface import Surface
 from meshing.trimmed import TrimmedSurface
 
@@ -30,7 +32,7 @@ class ShiningSurface:
     ----------
     surface : Surface
     sampler : AreaSampler
-        Of that surface.
+        Of that surface. A `Weighted` one chooses cells by the light that they send out.
     """
 
     def __init__(self, surface: Surface, sampler: AreaSampler) -> None:
@@ -41,9 +43,14 @@ class ShiningSurface:
         """Approximate area, scene units squared."""
         return self._sampler.area
 
+    @property
+    def is_by_brightness(self) -> bool:
+        """Whether points are sampled by the light that they send out, not by area."""
+        return isinstance(self._sampler, Weighted)
+
     @cached_property
     def _cells(self) -> Cells:
-        return Cells(self.surface)
+        return Cells(self.surface, self._sampler if isinstance(self._sampler, Weighted) else None)
 
     def choose(self, xi: FloatArray) -> tuple[IdArray, FloatArray, FloatArray]:
         """Return (patch_id, u, v) of points sampled by area, by (n, 2) numbers in [0, 1)."""
@@ -215,8 +222,14 @@ class ShiningTrimmed(ShiningSurface):
         return held
 
 
-def shining_surface(surface: Surface) -> ShiningSurface | None:
+def shining_surface(surface: Surface, radiance: Texture | None = None) -> ShiningSurface | None:
     """Return a surface as an area light; None for an infinite plane.
+
+    Parameters
+    ----------
+    surface : Surface
+    radiance : Texture, optional
+        Where it is very uneven, points are sampled by it. Default: even.
 
     Raises
     ------
@@ -226,7 +239,9 @@ def shining_surface(surface: Surface) -> ShiningSurface | None:
     sampler = surface.area_sampler()
     if sampler is None:
         return None
-    if isinstance(surface, Box):
+    if radiance is not None and is_very_uneven(radiance):
+        sampler = by_brightness(surface, radiance)
+    elif isinstance(surface, Box):
         return ShiningBox(surface, sampler)
     if isinstance(surface, Sphere):
         return ShiningSphere(surface, sampler)
@@ -257,7 +272,8 @@ def with_shape(surface: Surface, row: LightRow, is_even: bool) -> LightRow:
 
 @with_shape.register(Rectangle)
 def _rectangle(surface: Rectangle, row: LightRow, is_even: bool) -> LightRow:
-    del is_even
+    if not is_even and row.texture is not None and is_very_uneven(row.texture):
+        return row
     return replace(
         row, kind=RECTANGLE, origin=surface.corner, edge_u=surface.edge_u, edge_v=surface.edge_v
     )

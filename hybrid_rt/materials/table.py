@@ -9,10 +9,21 @@ import numpy as np
 from hybrid_rt.core.records import FloatArray
 from hybrid_rt.materials.material import Material
 from hybrid_rt.shading.kernels.bsdf import LobeTable
-from hybrid_rt.shading.kernels.lobes.register import TRANSMITS
+from hybrid_rt.shading.kernels.lobes import rough_conductor, rough_dielectric
+from hybrid_rt.shading.kernels.lobes.register import (
+    METAL,
+    NARROW,
+    PHONG,
+    ROUGH_CONDUCTOR,
+    ROUGH_DIELECTRIC,
+    TRANSMITS,
+)
 from hybrid_rt.shading.kernels.texture import TextureTable
 from hybrid_rt.textures.table import compile_textures
 from hybrid_rt.textures.texture import Texture
+
+# Narrow lobes as `softened` widens them: roughness, whose square is the alpha of GGX, and fuzz.
+SOFT = 0.5
 
 
 def compile_materials(
@@ -46,3 +57,27 @@ def compile_materials(
 def color_factor(lobes: LobeTable) -> FloatArray:
     """Return the factor on the colour of each lobe: its weight; 1 for the tint of glass."""
     return np.where(lobes.traits & TRANSMITS, 1.0, lobes.weight)
+
+
+def softened(lobes: LobeTable) -> LobeTable:
+    """Return the table with all narrow lobes at least as wide as those of roughness `SOFT`.
+
+    They send out about as much light in all, so that a mean over many directions is about the same, by
+    samples of which each lobe shows many instead of few (Kaplanyan and Dachsbacher, "Path space
+    regularization for holistic and robust light transport", Eurographics 2013).
+    """
+    number = lobes.number.copy()
+    is_narrow = lobes.traits & NARROW != 0
+    alpha = SOFT * SOFT
+    for kind, column, least in (
+        (METAL, 0, SOFT),
+        (ROUGH_CONDUCTOR, rough_conductor.ALPHA, alpha),
+        (ROUGH_DIELECTRIC, rough_dielectric.ALPHA, alpha),
+    ):
+        rows = is_narrow & (lobes.kind == kind)
+        if rows.any():
+            number[rows, column] = np.maximum(number[rows, column], least)
+    # The exponent whose lobe is about as wide (Walter et al. 2007, equation of alpha).
+    rows = is_narrow & (lobes.kind == PHONG)
+    number[rows, 0] = np.minimum(number[rows, 0], 2.0 / (alpha * alpha) - 2.0)
+    return lobes._replace(number=number)

@@ -13,7 +13,16 @@ _TRUSTED = {False: "target_error", True: "target_error_trimmed"}
 # If the worst 0.1 % of the pixels hold this share of the squared error, the noise of all is rough.
 SHARE_OF_FEW = 0.5
 # The stages of which the seconds do not grow with the passes.
-_ONCE = ("scene", "build", "set-up", "cluster", "audit", "light not found", "channels")
+_ONCE = (
+    "scene",
+    "build",
+    "set-up",
+    "cluster",
+    "audit",
+    "light not found",
+    "cross-check",
+    "channels",
+)
 # A render so many times longer is not worth a forecast.
 MOST_TIMES = 1e9
 

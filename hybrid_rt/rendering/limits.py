@@ -17,7 +17,7 @@ MOST_PASSES = 2**32 - 2
 
 _TRIMMED = "target_error_trimmed"
 # What a limit knows of errors.
-_NOTED = ("n_of_error", "noise", "ahead", "blur", "power", "blur_stays")
+_NOTED = ("n_of_error", "noise", "ahead", "blur", "power", "blur_stays", "is_contradicted")
 
 
 def times_the_passes(ratio: float, power: float) -> float:
@@ -106,6 +106,7 @@ class Limit:
         self._ahead = math.inf  # what it will be after twice the passes, without the worst pixels
         self._blur = 0.0
         self._power, self._blur_stays = 1.0, False
+        self._is_contradicted = False
         self._n_of_error = 0
 
     def state(self) -> dict[str, Any]:
@@ -153,6 +154,8 @@ class Limit:
         if n == 0:
             return RUN if self.targets else 2
         ratios = [self._judged(name) / target for name, target in self.targets.items()]
+        if self._is_contradicted:
+            ratios = []
         share = min([2.0, *(ratio for ratio in ratios if math.isfinite(ratio))])
         return max(int(n * share) // RUN * RUN, n + RUN)
 
@@ -166,6 +169,7 @@ class Limit:
         ahead: float = 0.0,
         power: float = 1.0,
         blur_stays: bool = False,
+        is_contradicted: bool = False,
     ) -> None:
         """Record the estimated relative error of the picture after ``n_done`` passes.
 
@@ -173,13 +177,15 @@ class Limit:
         what that will be after more passes if the worst pixels are dots, see
         `hybrid_rt.sensor.film.RelativeErrors`: a target is reached that will stay so. ``power`` is
         the ``error_power`` of `hybrid_rt.integrators.Options`. The blur may be an upper limit, or inf
-        if unknown. ``blur_stays``: more passes do not reduce it.
+        if unknown. ``blur_stays``: more passes do not reduce it. ``is_contradicted``: an independent
+        estimate says that light is missing, so no target counts as reached.
         """
         self._n_of_error, self._blur = n_done, blur
         self._noise["target_error"] = noise
         self._noise["target_error_trimmed"] = noise if trimmed is None else trimmed
         self._ahead = ahead
         self._power, self._blur_stays = power, blur_stays
+        self._is_contradicted = is_contradicted
 
     @property
     def error(self) -> float:
@@ -222,14 +228,17 @@ class Limit:
 
     def reached(self, n_done: int, seconds: float) -> str | None:
         """Return which limit allows no further pass, or None."""
+        is_alone = self.passes is None and self.time_budget is None
         for name, target in self.targets.items():
             if self._judged(name) <= target:
-                return name
+                if not self._is_contradicted:
+                    return name
+                if is_alone:
+                    return "contradicted"
         is_noise_known = math.isfinite(self._noise["target_error"]) and not math.isnan(self._blur)
         if self.targets and self._n_of_error and not is_noise_known:
             return "not_finite"  # and never will be: what is in the sums stays
         # Passes would be added for ever, to no avail.
-        is_alone = self.passes is None and self.time_budget is None
         if is_alone and (self.blur_out_of_reach is not None or math.isinf(self._blur)):
             return "blur"
         if self.passes is not None and n_done >= self.passes:

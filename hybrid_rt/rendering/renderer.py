@@ -251,6 +251,11 @@ def render(
                 from hybrid_rt.integrators.photons.unfound_light import unfound_light
 
                 unfound = unfound_light(context, declared.finds(own))
+        check = None
+        if not declared.sends_photons and passes != 1:
+            from hybrid_rt.integrators.photons.cross_check import CrossCheck
+
+            check = CrossCheck(context, declared.finds(own))
         film = Film(scene.camera.height, scene.camera.width)
         keeper = None
         if kept_in is not None:
@@ -262,7 +267,9 @@ def render(
             watch.begin(Beginning(scene, context, shown, n_threads, clock, film, left_out, unfound))
         lost = ""
         try:
-            stopped_by = run_passes(film, workers, limit, clock, progress, keeper, source, watch)
+            stopped_by = run_passes(
+                film, workers, limit, clock, progress, keeper, source, watch, check
+            )
             # What is left to do takes seconds at most: Ctrl-C does not make it lose the picture.
             came = held.enter_context(kept_back())
         except KeyboardInterrupt:
@@ -287,7 +294,7 @@ def render(
         workers.gather()
         channels = compute_channels(names, context, film)
         blur = workers.blur(film.image)
-        report = make_report(plain(settings), context, film, clock, stopped_by, blur)
+        report = make_report(plain(settings), context, film, clock, stopped_by, blur, check)
         report |= workers.report(blur)
         report["geometry"]["wrong_first_hits"] = wrong
         report["lamps_in_surfaces"] = ready.sunken

@@ -14,12 +14,17 @@ from hybrid_rt.integrators.media.absorption import unclosed_bodies
 from hybrid_rt.integrators.workers import Blur
 from hybrid_rt.intersection import Intersector
 from hybrid_rt.rendering.limits import Clock
-from hybrid_rt.rendering.unmet_lamps import unmet_light
+from hybrid_rt.rendering.unmet_light import (
+    interval_of_noise,
+    missing_light,
+    unmet_light,
+    unmet_place,
+)
 from hybrid_rt.rendering.versions import peak_memory_mib, versions
 from hybrid_rt.sensor.film import Film
-from hybrid_rt.sensor.intervals import half_interval_of_mean
 
 if TYPE_CHECKING:
+    from hybrid_rt.integrators.photons.cross_check import CrossCheck
     from hybrid_rt.integrators.photons.unfound_light import UnfoundLight
 
 # What a picture holds if nothing is left out.
@@ -155,6 +160,7 @@ def make_report(
     clock: Clock,
     stopped_by: str,
     blur: Blur,
+    check: CrossCheck | None,
 ) -> dict[str, Any]:
     """Return the entries that every integrator has."""
     ledger, tracer, total = context.ledger, context.tracer, clock.earlier + clock.seconds
@@ -183,12 +189,8 @@ def make_report(
             "lost_weight_per_camera_ray": twelve_digits(ledger.lost_weight / n_camera),
             "lost_share": twelve_digits(ledger.lost_share()),
         },
-        "noise": _with_interval(
-            film.noise(),
-            context,
-            film.n_passes,
-            blur,
-            INTEGRATORS[settings["integrator"]].sends_photons,
+        **_noise_and_check(
+            film, context, blur, check, INTEGRATORS[settings["integrator"]].sends_photons
         ),
         "clear_bodies_not_closed": not_closed,
         "clear_bodies_lost": lost,
@@ -208,29 +210,40 @@ def make_report(
     }
 
 
-def _with_interval(
-    noise: dict[str, Any] | None,
-    context: RenderContext,
-    passes: int,
-    blur: Blur,
-    ends_at_matt: bool,
-) -> dict[str, Any] | None:
-    """Add half the 95 % interval of the image mean, and what of it is for lamps that were not met.
+def _noise_and_check(
+    film: Film, context: RenderContext, blur: Blur, check: CrossCheck | None, ends_at_matt: bool
+) -> dict[str, Any]:
+    """Return the noise with half the 95 % interval of the image mean, and the estimate beside it.
 
-    The blur of the mean, as far as it is known, makes the interval wider to both sides.
+    Wider to both sides for the blur of the mean, as far as it is known. At least what light that was not
+    met may add, and what the mean lacks by the independent estimate.
     """
+    noise = film.noise()
     if noise is None:
-        return None
-    samples_lights = context.options.samples_lights
-    unmet = twelve_digits(unmet_light(context.scene, passes, ends_at_matt, samples_lights))
-    half = half_interval_of_mean(
-        noise["standard_error_of_image_mean"],
-        noise["interval_factor"],
-        noise["bright_path_in_image_mean"],
-    )
-    return noise | {
-        "unmet_lamps_95": unmet,
-        "half_interval_95_of_image_mean": max(half + blur.of_mean_at_most, unmet),
+        return {"noise": None, "cross_check": None}
+    n, camera = film.n_passes, context.scene.camera
+    lamps = unmet_light(context.scene, n, ends_at_matt, context.options.samples_lights)
+    place = unmet_place(context.scene, check, film, n * camera.width * camera.height)
+    unmet = twelve_digits(max(lamps, place))
+    half = max(interval_of_noise(noise) + blur.of_mean_at_most, unmet)
+    lost = twelve_digits(context.ledger.lost_share())
+    lacks, is_contradicted = missing_light(check, noise, half, lost)
+    noise |= {"unmet_lamps_95": unmet, "half_interval_95_of_image_mean": max(half, lacks)}
+    estimate = None if check is None else check.mean
+    if estimate is None:
+        return {"noise": noise, "cross_check": None}
+    return {
+        "noise": noise,
+        "cross_check": {
+            "photons": estimate.n_photons,
+            "photons_seen": estimate.n_seen,
+            "mean": estimate.mean,
+            "interval_95": [estimate.low, estimate.high],
+            "of_highlights": estimate.of_highlights,
+            "brightest_place": estimate.brightest_place,
+            "image_mean_lacks_at_most": lacks,
+            "contradicts": is_contradicted,
+        },
     }
 
 

@@ -95,7 +95,13 @@ def warnings_in_words(report: dict[str, Any]) -> list[str]:
             "a camera within a surface or on the unlit side of what it looks at, and for light that the "
             f"integrator leaves out{by_photons}"
         )
-    return [*lines, *_unmet_lamps(report), *_blurred_mean(report), *_single_pass(report)]
+    return [
+        *lines,
+        *_contradicted(report),
+        *_unmet_lamps(report),
+        *_blurred_mean(report),
+        *_single_pass(report),
+    ]
 
 
 def scene_warnings(faults: dict[str, Any]) -> list[str]:
@@ -200,6 +206,27 @@ def _much_left_out(report: dict[str, Any]) -> list[str]:
     return [words]
 
 
+def _contradicted(report: dict[str, Any]) -> list[str]:
+    """Return a warning if photons find more light than the picture holds."""
+    check, noise = report["cross_check"], report["noise"]
+    if check is None or not check["contradicts"]:
+        return []
+    low, high = check["interval_95"]
+    by_highlights = check["of_highlights"] > 0.5 * check["mean"]
+    remedy = (
+        "give the lamps an area (SphereLight), the surfaces more roughness, or pass many more passes"
+        if by_highlights
+        else "take ppm, which sends photons from the lamps, or pass many more passes"
+    )
+    words = (
+        f"the image mean of {noise['image_mean']:.3g} lacks light: {check['photons']:,} photons say "
+        f"{check['mean']:.2g} ({low:.2g} to {high:.2g}, 95 %), which comes by ways that few camera rays meet"
+        f"{', as highlights of lamps without area' if by_highlights else ''}. The errors of pixels do not count "
+        f"it: {remedy}"
+    )
+    return [words]
+
+
 def _unmet_lamps(report: dict[str, Any]) -> list[str]:
     """Return a warning of lamps that no camera ray has met, if they decide the interval and may matter."""
     noise = report["noise"]
@@ -212,8 +239,8 @@ def _unmet_lamps(report: dict[str, Any]) -> list[str]:
         return []
     is_path = report["settings"]["integrator"] == "path"
     words = (
-        "lamps, or a sun in the sky, that camera rays meet by chance alone, in mirrors or glass or as "
-        f"specks, may not have been met yet: the brightest may add up to {unmet:.2g} to the image mean of "
+        "lamps, a sun in the sky, or bright places, that camera rays meet by chance alone (in mirrors or glass, "
+        f"as specks, behind openings), may not have been met yet: the brightest may add up to {unmet:.2g} to the image mean of "
         f"{mean:.3g} (a limit, by the brightest alone: often far more than they add)"
         f"{': take ppm, which sends photons from there' if is_path else ''}"
     )
@@ -237,8 +264,8 @@ def _target_without_lamps(report: dict[str, Any]) -> list[str]:
         passes = f"about {float(f'{needed:.2g}'):,.0f} passes"
     by = "" if settings["integrator"] == "path" else " (integrator path makes them soonest)"
     words = (
-        f"the target error {target:g} does not count lamps, or a sun in the sky, that camera rays meet by "
-        "chance alone, in mirrors or glass or as specks, and have not met yet: the brightest may add up to "
+        f"the target error {target:g} does not count lamps, a sun in the sky, or bright places, that camera rays "
+        "meet by chance alone (in mirrors or glass, as specks, behind openings), and have not met yet: the brightest may add up to "
         f"{unmet:.2g} to the image mean of {mean:.3g}{relative}. Pass no target, but {passes}{by}"
     )
     return [words]

@@ -7,14 +7,17 @@ from contextlib import closing, nullcontext
 from typing import TYPE_CHECKING, Protocol
 
 from hybrid_rt.core.interrupts import held_back, stop_point
+from hybrid_rt.core.ledger import Ledger, twelve_digits
 from hybrid_rt.core.progress import Progress
 from hybrid_rt.integrators import Options
 from hybrid_rt.integrators.workers import Made, Run, Workers
 from hybrid_rt.rendering.limits import Clock, Limit
+from hybrid_rt.rendering.unmet_light import interval_of_noise, missing_light
 from hybrid_rt.rendering.watcher import STOPPED, StopAsked, Watcher
 from hybrid_rt.sensor.film import Film
 
 if TYPE_CHECKING:
+    from hybrid_rt.integrators.photons.cross_check import CrossCheck
     from hybrid_rt.rendering.keeper import Keeper
 
 
@@ -43,6 +46,7 @@ def run_passes(
     keeper: Keeper | None = None,
     source: PassSource | None = None,
     watch: Watcher | None = None,
+    check: CrossCheck | None = None,
 ) -> str:
     """Add passes in the order of their numbers until a limit is reached; say which.
 
@@ -56,6 +60,8 @@ def run_passes(
     source : PassSource, optional
         Default: the workers.
     watch : Watcher, optional
+    check : CrossCheck, optional
+        An independent estimate of the picture's mean, which targets are held against.
 
     Raises
     ------
@@ -105,7 +111,7 @@ def run_passes(
         except StopAsked:
             return STOPPED
         if watches_error and film.n_passes >= limit.next_estimate():
-            blur_is_unknown = _note_errors(film, workers, limit)
+            blur_is_unknown = _note_errors(film, workers, limit, check)
             if show_error is not None:
                 show_error(limit.error, limit.error_trimmed, blur_is_unknown)
                 n_noted = film.n_passes
@@ -122,7 +128,7 @@ def run_passes(
     reached = limit.reached(film.n_passes, clock.seconds) or "passes"
     is_old = 0 < n_noted < film.n_passes
     if is_old and show_error is not None:
-        blur_is_unknown = _note_errors(film, workers, limit)
+        blur_is_unknown = _note_errors(film, workers, limit, check)
         show_error(limit.error, limit.error_trimmed, blur_is_unknown)
     if progress is not None and (is_old or reached == "time_budget"):
         # The error of all passes is shown, as in the report. A budget ends a render before it is used
@@ -147,10 +153,17 @@ class _Pace:
         return n_done + max(self._budget - now, 0.0) * n_made / spent
 
 
-def _note_errors(film: Film, workers: Workers, limit: Limit) -> bool:
+def _note_errors(film: Film, workers: Workers, limit: Limit, check: CrossCheck | None) -> bool:
     """Estimate noise and blur of the picture so far; tell whether the blur is unknown."""
     with workers.context.ledger.stage("noise"):
         noise, blur = film.relative_errors(), workers.blur(film.image)
+        is_contradicted = False
+        if check is not None and limit.targets:
+            of_mean = film.noise()
+            assert of_mean is not None  # errors are estimated from two passes on
+            lost = twelve_digits(Ledger.from_dict(workers.counts().ledger).lost_share())
+            half = interval_of_noise(of_mean)
+            _, is_contradicted = missing_light(check, of_mean, half, lost)
     # A limit to the blur falls with more passes whatever the blur does.
     own: Options = workers.context.options
     stays = own.blur_stays and blur.relative is not None
@@ -162,5 +175,6 @@ def _note_errors(film: Film, workers: Workers, limit: Limit) -> bool:
         ahead=noise.ahead,
         power=own.error_power,
         blur_stays=stays,
+        is_contradicted=is_contradicted,
     )
     return blur.relative is None

@@ -28,6 +28,7 @@ _STOPPED_BY = {
     "target_error_trimmed": "the target error without the worst 0.1 % of the pixels",
     "not_finite": "pixels that are not finite, which no error can be estimated of",
     "blur": "the blur",
+    "contradicted": "photons, which find light that the target error does not count",
     "interrupted": "Ctrl-C",
     "cluster_lost": "the loss of the cluster",
     "watcher": "the live page",
@@ -162,8 +163,8 @@ def _unmet(noise: dict[str, Any]) -> str:
     if not unmet_decides(noise):
         return ""
     return (
-        "\n            the interval allows for ways to the brightest lamp, or place of the sky, that no "
-        "camera ray has taken yet, in mirrors or glass or as a speck: more passes narrow it"
+        "\n            the interval allows for ways to the brightest lamp or place that no camera ray has "
+        "taken yet, in mirrors or glass, as a speck or behind an opening: more passes narrow it"
     )
 
 

@@ -253,7 +253,7 @@ def _shining_object(
             f"{called} shines and is {surface.size:g} across: lamps may be up to {FARTHEST:g}"
         )
     try:
-        chooser = shining_surface(surface)
+        chooser = shining_surface(surface, radiance)
     except ValueError as error:
         raise ValueError(f"{called} {error}") from error
     # A plane has no end: scattered rays find it, but nothing is chosen on it.

@@ -210,9 +210,11 @@ def make_plan(scene: CompiledScene, integrator: Needs, left_out: Sequence[str] =
     else:
         plan.decide(
             "photons",
-            bool(left_out),
-            "a few estimate the light that is not found; the picture holds none of them",
-            "all light of this scene is found",
+            bool(scene.lights.chance.any()),
+            "a few estimate the image mean"
+            + (" and the light that is not found" if left_out else "")
+            + "; the picture holds none of them",
+            "nothing shines",
         )
     return plan
 

@@ -275,6 +275,16 @@ class Film:
             "pixels_dark": int(np.count_nonzero(is_lit & (self.image.mean(axis=2) < DIM))),
         }
 
+    @property
+    @OVERFLOWS
+    def highest_sum(self) -> float:
+        """The largest sum over the passes of a group that a pixel holds, mean of the channels.
+
+        No single path has brought more.
+        """
+        highest = max(float(sums.mean(axis=2).max()) for sums in self._sums)
+        return max(highest, float(self._run.mean(axis=2).max()))
+
     def _bright_path(self, mean: float) -> float:
         """Return what one of the bright paths that make the noise contributes to the image mean.
 

@@ -48,8 +48,12 @@ class ImageTexture(Texture):
     def __repr__(self) -> str:
         """Name the size of the image."""
         height, width, _ = self._texels.shape
-        wrap = "repeat" if self._wrap == REPEAT else "clamp"
-        return f"ImageTexture({width} x {height}, wrap={wrap!r})"
+        return f"ImageTexture({width} x {height}, wrap={self.wrap!r})"
+
+    @property
+    def wrap(self) -> Literal["repeat", "clamp"]:
+        """What happens outside [0, 1]."""
+        return "repeat" if self._wrap == REPEAT else "clamp"
 
     @property
     def texels(self) -> NDArray[np.float32]:

@@ -154,14 +154,18 @@ def add_photons(row, photon, distance, radius, lobes, points, is_direct, photons
 
 @kernel
 def splat_photons(
-    lobes, material, colors, normal, geometric, photon_direction, photon_power, way, pdf, value
-):
+    lobes, asked, material, colors, normal, geometric, ratio, photon_direction, photon_power, way,
+    pdf, value,
+):  # fmt: skip
     """Compute the radiance that photons scatter toward the camera.
 
     Parameters
     ----------
-    material, colors, normal, geometric : (n, ...)
-        Of the photons' hits, as for `add_photons`.
+    asked : int
+        Traits of the lobes that count, see `hybrid_rt.shading.kernels.bsdf.scattered`.
+    material, colors, normal, geometric, ratio : (n, ...)
+        Of the photons' hits; ``geometric`` and ``ratio`` as in `hybrid_rt.shading.kernels.bsdf.Vertices`.
+        With a ``ratio`` photons are also seen through the surface.
     photon_direction, photon_power : (n, 3) float64
     way : (n, 3) float64
         Vector from the camera to each photon.
@@ -184,13 +188,19 @@ def splat_photons(
         wx, wy, wz = -photon_direction[i, 0], -photon_direction[i, 1], -photon_direction[i, 2]
         toward = -(gx * dx + gy * dy + gz * dz)
         cosine = gx * wx + gy * wy + gz * wz
-        if toward * cosine <= 0.0:
+        if toward == 0.0 or cosine == 0.0:
             continue
+        # The camera's ray crosses from the other side than the photon if it sees it through the surface.
+        across = ratio[i] if ratio.size else 0.0
+        if toward * cosine < 0.0:
+            if across == 0.0:
+                continue
+            across = 1.0 / across
         r, g, b, _ = scattered(
             lobes, material[i], colors, i, normal[i, 0], normal[i, 1], normal[i, 2],
-            dx, dy, dz, wx, wy, wz, 0.0, WIDE,
+            dx, dy, dz, wx, wy, wz, across, asked,
         )  # fmt: skip
-        factor = pdf[i] / square * toward / cosine
+        factor = abs(pdf[i] / square * toward / cosine)
         value[i, 0] = factor * r * photon_power[i, 0]
         value[i, 1] = factor * g * photon_power[i, 1]
         value[i, 2] = factor * b * photon_power[i, 2]

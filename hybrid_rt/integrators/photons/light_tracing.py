@@ -20,8 +20,10 @@ from hybrid_rt.integrators.context import RenderContext
 from hybrid_rt.integrators.kernels.density_estimate import splat_photons
 from hybrid_rt.integrators.kernels.photon_steps import MET_SPECULAR, Flight, Photons
 from hybrid_rt.integrators.photons.density_estimation import NEAREST, PIXELS
-from hybrid_rt.integrators.shading import Shading
+from hybrid_rt.integrators.shading import NO_RATIO, Shading
 from hybrid_rt.sensor.camera import Camera
+from hybrid_rt.shading.kernels.bsdf import LobeTable
+from hybrid_rt.shading.kernels.lobes.register import NARROW, WIDE
 
 if TYPE_CHECKING:
     from scipy.spatial import cKDTree
@@ -115,6 +117,7 @@ def shown_rows(
     shading: Shading,
     rows: NDArray[np.intp],
     lens: FloatArray | None,
+    softened: LobeTable | None = None,
 ) -> tuple[NDArray[np.intp], Splats]:
     """Splat photons; return the rows of those that the camera sees, and their contributions.
 
@@ -128,14 +131,21 @@ def shown_rows(
         The photons to splat.
     lens : (k, 2) float64 in [0, 1), or None
         Points on the lens; None for a pinhole.
+    softened : LobeTable, optional
+        Narrow lobes to see the photons by, on both sides of rough glass. Default: the scene's wide lobes.
     """
     hits, geometric = shading.hits, shading.geometric
+    lobes, asked = context.scene.lobes, WIDE
+    ratio = NO_RATIO
+    if softened is not None:
+        lobes, asked = softened, NARROW
+        ratio = shading.ratio[rows] if shading.ratio.size else NO_RATIO
     position = hits.position[rows]
     way, pixel, pdf = context.scene.camera.sees(position, lens)
     value = np.empty((rows.size, 3))
     splat_photons(
-        context.scene.lobes, shading.material[rows], shading.colors[rows], hits.normal[rows],
-        geometric[rows] if geometric.size else geometric, flight.direction[rows],
+        lobes, asked, shading.material[rows], shading.colors[rows], hits.normal[rows],
+        geometric[rows] if geometric.size else geometric, ratio, flight.direction[rows],
         flight.power[rows], way, pdf, value,
     )  # fmt: skip
     seen = np.flatnonzero(value.any(axis=1))

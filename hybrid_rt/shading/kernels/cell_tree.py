@@ -46,7 +46,8 @@ class CellTree(NamedTuple):
     is_bent: Any  # bool: cells need not be flat
     middle: Any  # (nodes, 3) float64
     square: Any  # (nodes,) float64, squared radius
-    area: Any  # (nodes,) float64
+    area: Any  # (nodes,) float64; of a lamp that shines unevenly times its brightness there
+    glow: Any  # (cells,) float64, that brightness over the mean
     lean: Any  # (nodes, 3) float64, mean of the unit normals
 
 
@@ -180,7 +181,8 @@ def _cut(tree, px, py, pz, stack, nodes, weights):
         weight, is_small = _seen(tree, node, px, py, pz)
         if not is_small:
             if node >= first_leaf:
-                weight = _part(tree, node - first_leaf, 0.0, 1.0, 0.0, 1.0, px, py, pz)[0]
+                cell = node - first_leaf
+                weight = tree.glow[cell] * _part(tree, cell, 0.0, 1.0, 0.0, 1.0, px, py, pz)[0]
             elif n + height + 2 < nodes.size and height + 2 <= stack.size:
                 stack[height], stack[height + 1] = 2 * node + 1, 2 * node
                 height += 2

@@ -24,7 +24,7 @@ IDS = tuple(
         ("C", 13),
         ("D", 34),
         ("E", 10),
-        ("F", 11),
+        ("F", 12),
         ("L", 15),
     )
     for number in range(1, count + 1)

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from hybrid_rt.integrators import INTEGRATORS, PPMOptions
+from hybrid_rt.integrators.photons import probe
 from hybrid_rt.integrators.photons import unfound_light as unfound
 from hybrid_rt.integrators.photons.unfound_light import _beginnings
 from hybrid_rt.lights import GradientSky, PointLight, RectangleLight
@@ -104,7 +105,7 @@ def test_of_many_lights_some_are_chosen(monkeypatch):
     scene = room(MIRROR, lights=lamps)
     means = {}
     for most in (8, 40):
-        monkeypatch.setattr(unfound, "MOST_LIGHTS", most)
+        monkeypatch.setattr(probe, "MOST_LIGHTS", most)
         means[most] = np.array([measured(scene, seed=seed)["mean"] for seed in range(16)])
     error = np.sqrt(sum(found.var(ddof=1) / found.size for found in means.values()))
     assert means[8].mean() == pytest.approx(means[40].mean(), abs=4.0 * error)
@@ -296,10 +297,10 @@ class TestSentences:
         assert f"  - light paths: no light has an area; {of_points}" in plan(room(MIRROR))
         both = plan(room(MIRROR, lights=[LAMP, AREA_LAMP]))
         assert f"paths from them find that; {of_points}" in both
-        assert "  + photons: a few estimate the light that is not found" in both
+        assert "  + photons: a few estimate the image mean and the light that is not found" in both
         alone = plan(room(MIRROR, lights=[AREA_LAMP]))
         assert "paths from them find that\n" in alone
-        assert "  - photons: all light of this scene is found" in alone
+        assert "  + photons: a few estimate the image mean; the picture holds none of them" in alone
 
     @pytest.mark.parametrize(
         ("setting", "why"), [({"light_paths": 0.0}, "light_paths=0"), ({"strategy": "lights"}, "'lights'")]

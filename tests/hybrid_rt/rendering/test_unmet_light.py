@@ -19,7 +19,7 @@ from hybrid_rt import (
     Sphere,
     render,
 )
-from hybrid_rt.rendering.unmet_lamps import unmet_light
+from hybrid_rt.rendering.unmet_light import unmet_light
 from hybrid_rt.scene.compiled import compile_scene
 
 SIDE, RADIANCE = 8, 50.0

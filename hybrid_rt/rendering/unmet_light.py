@@ -1,4 +1,4 @@
-"""What lamps, or a sun in the sky, that no camera ray has met may add to the mean of a picture.
+"""What light that no camera ray has met may add to the mean of a picture, and what photons say it lacks.
 
 Where a lamp is run into, by way of mirrors, metal or glass or as a speck in the picture, few camera rays
 add its whole radiance, or behind a matt surface its albedo times that. So it is with the brightest place of
@@ -6,26 +6,38 @@ the sky, but for specks. As long as none has met it, all passes agree, and no va
 have met nothing of a kind, no more than 3 of n others would in the mean, with 95 % confidence
 (1 - 0.05^(1/n); Hanley and Lippman-Hand, "If nothing goes wrong, is everything all right?", JAMA 1983). Once
 one has, the differences between groups of passes tell as much.
+
+A place that reflects much light, as the inside of a sphere behind a small opening, is met by chance as
+well. Photons tell how bright the brightest one is; see `hybrid_rt.integrators.photons.cross_check`.
 """
 
 from __future__ import annotations
 
 from itertools import pairwise
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from hybrid_rt.core.records import BoolArray
 from hybrid_rt.lights.surface import shining_surface
 from hybrid_rt.scene.compiled import NOTHING, CompiledScene
+from hybrid_rt.sensor.film import Film
+from hybrid_rt.sensor.intervals import half_interval_of_mean
 from hybrid_rt.shading.kernels.light_kinds import WITHOUT_AREA
 from hybrid_rt.shading.kernels.lobes.register import DIFFUSE, FOLLOWED
 from hybrid_rt.shading.kernels.texture import CONSTANT
+
+if TYPE_CHECKING:
+    from hybrid_rt.integrators.photons.cross_check import CrossCheck
 
 OF_NONE_MET = 3.0
 # A lamp in the picture that so many camera rays meet in the mean is no speck.
 SURELY_MET = 30.0
 # So many points of a lamp each way tell how large it is in the picture.
 ACROSS = 16
+# A pixel that holds so much of the radiance of the brightest place has met it: what lies between them
+# reflects about as much.
+MET = 0.3
 
 
 def unmet_light(
@@ -77,6 +89,57 @@ def _most_carried_on(scene: CompiledScene) -> float:
     return min(max(in_sight, default=0.0), 1.0)
 
 
+def unmet_place(scene: CompiledScene, check: CrossCheck | None, film: Film, n_rays: int) -> float:
+    """Return how much the brightest place may add to the mean if no camera ray has met it (95 %)."""
+    if check is None or check.mean is None:
+        return 0.0
+    highest = _most_carried_on(scene) * check.mean.brightest_place
+    return 0.0 if film.highest_sum >= MET * highest else OF_NONE_MET * highest / n_rays
+
+
+def interval_of_noise(noise: dict[str, Any]) -> float:
+    """Return half the 95 % interval of the image mean that its noise gives."""
+    return half_interval_of_mean(
+        noise["standard_error_of_image_mean"],
+        noise["interval_factor"],
+        noise["bright_path_in_image_mean"],
+    )
+
+
+def missing_light(
+    check: CrossCheck | None, noise: dict[str, Any] | None, half: float, lost_share: float
+) -> tuple[float, bool]:
+    """Return how much the mean of a picture may lack by an independent estimate, and whether it must.
+
+    An estimate by few photons that says so is repeated with more.
+
+    Parameters
+    ----------
+    check : CrossCheck, optional
+    noise : dict, optional
+        See `Film.noise`.
+    half : float
+        Half the interval of the mean so far.
+    lost_share : float
+        What limits of depth cut off of what paths carried. Photons and the camera rays that gather
+        them have a limit each, so together they find a part of it.
+
+    Returns
+    -------
+    lacks : float
+        To the upper end of the estimate's 95 % interval, where its lower end is above that of the mean; else 0.
+    is_contradicted : bool
+        Whether even the limit that one estimate of a thousand is beyond is above it.
+    """
+    if check is None or check.mean is None or noise is None:
+        return 0.0, False
+    highest = (noise["image_mean"] + half) * (1.0 + lost_share)
+    if check.mean.low > highest:
+        check.repeat()
+    lacks = check.mean.high - noise["image_mean"] if check.mean.low > highest else 0.0
+    return lacks, check.mean.least > highest
+
+
 def _meets_mirrors(scene: CompiledScene, ends_at_matt: bool) -> bool:
     """Tell whether camera rays may come to mirrors, metal or glass, at which they go on."""
     numbers = np.flatnonzero(scene.materials_with(FOLLOWED)[scene.material_of])
@@ -98,7 +161,9 @@ def _is_speck(scene: CompiledScene, passes: int) -> BoolArray:
     for light, number in enumerate(scene.surface_of_light.tolist()):
         if number == NOTHING or not scene.surfaces[number].is_bounded:
             continue
-        lamp = scene.shining.get(light) or shining_surface(scene.surfaces[number])
+        lamp = scene.shining.get(light)
+        if lamp is None or lamp.is_by_brightness:
+            lamp = shining_surface(scene.surfaces[number])
         assert lamp is not None  # a plane has no bounds
         points = lamp.points(xi)
         way, pixel, pdf = camera.sees(points.position)

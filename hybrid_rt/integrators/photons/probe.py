@@ -1,0 +1,364 @@
+"""Photons that begin in chosen ways, and what the camera sees of them.
+
+They are followed from surface to surface. Each that arrives where the camera sees it is splatted to the
+pixel (Arvo, "Backward ray tracing", SIGGRAPH 1986 course notes): on wide lobes and, if asked for, on the
+narrow lobes that it comes to before any wide one. What the camera sees of wide lobes in
+mirrors, through glass and on metal is estimated by photon mapping: camera rays gather the same photons
+where they end. That is blurred, so a little is lost at edges.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, replace
+from itertools import product
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hybrid_rt.core.ledger import Ledger
+from hybrid_rt.core.records import FloatArray
+from hybrid_rt.integrators.context import RenderContext
+from hybrid_rt.integrators.direct_light import SurfaceLight
+from hybrid_rt.integrators.integrator import PIXEL_BITS
+from hybrid_rt.integrators.kernels.density_estimate import Sums
+from hybrid_rt.integrators.kernels.photon_steps import MET_SPREADING, Flight, Photons
+from hybrid_rt.integrators.light_found import letters_of_lights
+from hybrid_rt.integrators.media.beginnings import media_around_camera
+from hybrid_rt.integrators.media.contacts import Contacts
+from hybrid_rt.integrators.photons import PPM
+from hybrid_rt.integrators.photons.density_estimation import Discs, Field, Radii
+from hybrid_rt.integrators.photons.eye_pass import EyePass
+from hybrid_rt.integrators.photons.light_tracing import shown_rows
+from hybrid_rt.integrators.photons.photon_groups import Group, sequence_of, size_for_discs
+from hybrid_rt.integrators.photons.photon_tracer import (
+    LENS,
+    PER_LAUNCH,
+    PER_STEP,
+    PhotonTracer,
+    joined,
+)
+from hybrid_rt.integrators.shading import Shading
+from hybrid_rt.materials.table import softened
+from hybrid_rt.sampling.sampler import Sampler
+from hybrid_rt.scene.compiled import NOTHING, CompiledScene
+from hybrid_rt.scene.plan import make_plan
+from hybrid_rt.sensor.passes import GROUPS, RUN
+from hybrid_rt.shading.kernels.bsdf import LobeTable
+from hybrid_rt.shading.kernels.emitter import UNWEIGHTED
+from hybrid_rt.shading.kernels.lobes.register import (
+    DELTA,
+    EVERY,
+    FOLLOWED,
+    NARROW,
+    TRANSMITS,
+    WIDE,
+)
+
+# Of more lights so many are chosen by each group of passes: each takes launches of its own.
+MOST_LIGHTS = 32
+# The sequence of a photon stands above its number there, so all are followed together: that takes a
+# tenth of the time of following them group by group. As the sequence of all, the first one is named.
+BITS, ALL = np.uint64(32), 0
+# Camera rays gather photons within this share of the size of the scene: narrower discs add noise,
+# wider ones lose more at edges.
+RADIUS = 0.007
+# Lobes of the letters of `hybrid_rt.integrators.light_found`.
+TRAITS = {"D": WIDE, "G": NARROW, "S": DELTA}
+# Surfaces between the first and the last that are tried: paths that differ beyond do not differ in
+# whether an integrator finds them.
+MOST_BETWEEN = 2
+
+
+@dataclass(frozen=True)
+class Beginnings:
+    """How paths begin: their lights, and their first surfaces.
+
+    ``direct``: also those that arrive straight from the light. ``highlights``: also what narrow lobes
+    show of them before any wide lobe.
+    """
+
+    lights: str
+    firsts: str
+    direct: bool
+    highlights: bool = False
+
+
+class Seen(NamedTuple):
+    """What the camera sees directly of the photons of a pass of each group; n contributions."""
+
+    number: NDArray[np.uint64]  # (n,), of the photon
+    value: FloatArray  # (n,), what it adds to the mean over pixels and channels
+    is_highlight: NDArray[np.bool_]  # (n,), whether a narrow lobe shows it
+
+
+class Probe(PhotonTracer):
+    """Traces photons that begin in certain ways, and finds what the camera sees of them.
+
+    Parameters
+    ----------
+    context : RenderContext
+    contacts : Contacts or None
+    beginnings : Beginnings
+    chosen : (GROUPS, lights + 1) float64
+        Factors on the light of each, see `_chosen`.
+    dimension : int
+        The first of their random numbers.
+
+    Attributes
+    ----------
+    has_beginnings : bool
+        Whether the scene has surfaces, or light straight from lights, that paths begin with.
+    is_mixed : bool
+        Whether some of these surfaces are mixtures of which photons cannot follow the part alone.
+    begun : float
+        Power of the photons that began so, summed over channels. Written.
+    stored, number_of_stored : Photons and (n,) uint64
+        What camera rays may gather, if there is something to see it by. Written.
+    lit, light : (n, 3) and (n,) float64
+        Where photons met wide lobes, and what these reflect of them: the mean of the channels of the
+        power of all groups. Written.
+    """
+
+    def __init__(
+        self,
+        context: RenderContext,
+        contacts: Contacts | None,
+        beginnings: Beginnings,
+        chosen: FloatArray,
+        dimension: int,
+    ) -> None:
+        super().__init__(context, contacts)
+        self._direct = beginnings.direct
+        self._chosen, self._dimension = chosen, dimension
+        scene = context.scene
+        self._keeps = np.zeros_like(scene.lobes_with(WIDE))
+        for letter in beginnings.firsts:
+            self._keeps |= scene.lobes_with(TRAITS[letter])
+        # Glass in a mixture is chosen by its weight, whatever its colour.
+        others = scene.lobes_with(TRANSMITS) & ~self._keeps
+        kept = np.asarray(self._keeps.any(axis=1))
+        self._begins = kept & ~others.any(axis=1)
+        self.has_beginnings = self._direct or bool(kept.any())
+        self.is_mixed = bool((kept & ~self._begins).any())
+        self.begun = 0.0
+        self.stored, self.number_of_stored = joined([]), np.zeros(0, dtype=np.uint64)
+        self.lit, self.light = np.zeros((0, 3)), np.zeros(0)
+        self._is_wide = scene.lobes_with(WIDE)
+        self._shows = scene.materials_with(NARROW) & beginnings.highlights
+        self._softened = softened(scene.lobes) if self._shows.any() else None
+
+    def follow(self, photons_per_pass: int) -> Seen:
+        """Trace the photons of a pass of each group of passes; return what the camera sees."""
+        context = self.context
+        groups = self.groups(photons_per_pass)
+        seen = [Seen(np.zeros(0, dtype=np.uint64), np.zeros(0), np.zeros(0, dtype=np.bool_))]
+        if not groups:  # what shines is black
+            return seen[0]
+        mirrors = bool(context.scene.materials_with(FOLLOWED).any())
+        stored, numbers = list[Photons](), [self.number_of_stored]
+        lit, light = [self.lit], [self.light]
+        flight = self._all_launched(groups)
+        for depth in range(context.max_depth + 1):
+            if flight.number.size == 0:
+                break
+            step = self._dimension + PER_LAUNCH + PER_STEP * depth
+            hits, second, material = self._arrived(flight)
+            shading = self._light.shading(hits, flight.direction, material, flight.media, second)
+            # --- what the camera sees of it
+            rows = np.flatnonzero(self.gathers[shading.material])
+            if rows.size and (depth or self._direct):
+                seen.append(self._seen(flight, shading, rows, step, None))
+                lit.append(hits.position[rows])
+                wide = shading.colors[rows] * self._is_wide[shading.material[rows]][:, :, None]
+                light.append((flight.power[rows] * wide.sum(axis=1)).mean(axis=1))
+                if mirrors:
+                    # Marked as shown: points that the camera sees directly do not gather them.
+                    stored.append(self._stored(flight, shading, rows, 0))
+                    numbers.append(flight.number[rows])
+            if self._softened is not None:
+                is_first = flight.history & MET_SPREADING == 0
+                rows = np.flatnonzero(self._shows[shading.material] & is_first)
+                seen.append(self._seen(flight, shading, rows, step, self._softened))
+            # --- where they go next: at first only by the lobes asked for
+            if depth == 0:
+                shading = replace(
+                    shading,
+                    colors=shading.colors * self._keeps[shading.material][:, :, None],
+                    material=np.where(
+                        self._begins[shading.material], shading.material, np.int32(NOTHING)
+                    ),
+                )
+            goes_on = depth < context.max_depth
+            if depth == 0 and self._direct:
+                self.begun += float(flight.power[shading.material >= 0].sum())
+            flight = self._onward(flight, shading, second, ALL, step, goes_on)
+            if depth == 0 and not self._direct:
+                self.begun += float(flight.power.sum())
+        self.stored, self.number_of_stored = joined(stored), np.concatenate(numbers)
+        self.lit, self.light = np.concatenate(lit), np.concatenate(light)
+        return Seen(*(np.concatenate(columns) for columns in zip(*seen, strict=True)))
+
+    def _seen(
+        self,
+        flight: Flight,
+        shading: Shading,
+        rows: NDArray[np.intp],
+        step: int,
+        by_narrow: LobeTable | None,
+    ) -> Seen:
+        """Return what the camera sees of some photons, by wide lobes or by these narrow ones."""
+        camera = self.context.scene.camera
+        lens = None
+        if self.context.plan["lens samples"]:
+            lens = self._points(ALL, flight.number[rows], step + LENS)
+        rows, splats = shown_rows(self.context, flight, shading, rows, lens, by_narrow)
+        value = splats.value.sum(axis=1) / (3 * camera.width * camera.height)
+        return Seen(flight.number[rows], value, np.full(rows.size, by_narrow is not None))
+
+    def _all_launched(self, groups: list[Group]) -> Flight:
+        """Launch photons of all lights and groups of passes; numbers tell their sequences."""
+        flights = []
+        for group in groups:
+            for k in np.flatnonzero(self._chosen[:, group.light]).tolist():
+                sequence, first = sequence_of(group, k * RUN)
+                number = np.arange(first, first + group.n, dtype=np.uint64)
+                flight = self._launched(group, sequence, number, self._dimension)
+                flight.number[:] |= np.uint64(sequence) << BITS
+                flight.power[:] *= self._chosen[k, group.light]
+                flights.append(flight)
+        return Flight(*(np.concatenate(columns) for columns in zip(*flights, strict=True)))
+
+
+def group_of_photons(number: NDArray[np.uint64]) -> NDArray[np.intp]:
+    """Return the group of passes of photons of `Probe.follow`."""
+    group: NDArray[np.intp] = ((number >> BITS) % np.uint64(GROUPS)).astype(np.intp)
+    return group
+
+
+class View(EyePass):
+    """Camera rays that gather photons where they arrive by way of mirrors, glass and metal.
+
+    Parameters
+    ----------
+    context : RenderContext
+    dimension : int
+        That of the random numbers of their places in the picture.
+    """
+
+    def __init__(self, context: RenderContext, dimension: int) -> None:
+        super().__init__(context)
+        # Light that lamps send to what the rays meet is not asked for, so lamps met count in full.
+        self.casts_shadow_rays = self._casts_them_for_narrow = False
+        self._light = SurfaceLight(context, UNWEIGHTED, EVERY)
+        self._radii = Radii.fixed(RADIUS * size_for_discs(context))
+        self._dimension = dimension
+        self._sum = 0.0
+
+    def radiance(self, photons: Photons, group: int, n: int) -> FloatArray:
+        """Return the radiance (n,) of camera rays spread over the picture, the mean of the channels."""
+        scene, sampler = self.context.scene, self.context.sampler
+        self.fields = (Discs(photons, scene.lobes, self._radii, 1.0),) if photons.power.size else ()
+        self._sum = 0.0
+        sample = np.arange(n, dtype=np.uint64)
+        name = np.full(n, group, dtype=np.uint64)
+        place = np.arange(n) + sampler.points(name, self._dimension, sample)[:, 0]
+        n_pixels = scene.camera.width * scene.camera.height
+        pixel = np.minimum(place * (n_pixels / n), n_pixels - 1).astype(np.uint64)
+        found: FloatArray = self.radiance_through(pixel + (name << PIXEL_BITS), sample).mean(axis=1)
+        return found
+
+    def gathered(self, photons: Photons, group: int, n: int) -> float:
+        """Return what photons alone add to the mean of the picture, by n such rays."""
+        self.radiance(photons, group, n)
+        return self._sum / (3 * n)
+
+    def _note_gathered(
+        self, field: Field, camera_ray: NDArray[np.int64], throughput: FloatArray, sums: Sums
+    ) -> None:
+        del field, camera_ray
+        self._sum += float((throughput * sums.value).sum())
+
+
+def context_for_photons(
+    context: RenderContext, scene: CompiledScene, max_depth: int
+) -> RenderContext:
+    """Return a context whose plan is for photons, with counts of its own."""
+    return replace(
+        context, scene=scene, plan=make_plan(scene, PPM), tracer=context.tracer.with_own_counters(),
+        ledger=Ledger(), max_depth=max_depth,
+    )  # fmt: skip
+
+
+def first_surfaces(found: str, light: str, which: Callable[[Iterable[bool]], bool]) -> str:
+    """Return the letters of first surfaces after which all paths are found, or any.
+
+    Parameters
+    ----------
+    found : str
+        Regular expression of the paths that are found.
+    light : str
+        The letter of the light.
+    which : `all` or `any`
+    """
+    between = ["".join(word) for n in range(MOST_BETWEEN + 1) for word in product(TRAITS, repeat=n)]
+    ends = [f"{word}{end}" for word in between for end in ("DE", "DSE", "DGE")]
+    return "".join(
+        first
+        for first in TRAITS
+        if which(re.fullmatch(found, f"{light}{first}{end}") is not None for end in ends)
+    )
+
+
+def probe_of(
+    context: RenderContext, beginnings: Beginnings, max_depth: int, dimension: int
+) -> Probe | None:
+    """Return what traces photons of these beginnings; None if nothing is seen of them.
+
+    Raises
+    ------
+    ValueError
+        If photons cannot be distributed uniformly, as on what has no end; see `PhotonTracer`.
+    """
+    scene = context.scene
+    letters = letters_of_lights(scene)
+    sends = np.isin(letters, list(beginnings.lights))
+    power = np.where(sends, scene.power, 0.0)
+    chosen = _chosen(power, context.sampler, dimension)
+    scene = replace(
+        scene,
+        power=np.where(chosen[:, :-1].any(axis=0), power, 0.0),
+        environment=scene.environment if "K" in beginnings.lights else None,
+    )
+    own = context_for_photons(context, scene, max_depth)
+    contacts = Contacts(scene, own.tracer) if own.plan["contacts"] else None
+    if (media_around_camera(own, contacts) != NOTHING).any():
+        return None
+    return Probe(own, contacts, beginnings, chosen, dimension)
+
+
+def _chosen(power: FloatArray, sampler: Sampler, dimension: int) -> FloatArray:
+    """Choose lights for each group of passes, evenly by power; of few lights all.
+
+    Parameters
+    ----------
+    power : (lights,) float64
+
+    Returns
+    -------
+    (GROUPS, lights + 1) float64
+        Factors on the light of each, the sky last: 0 if not chosen, 1 in the mean.
+    """
+    factors = np.ones((GROUPS, power.size + 1))
+    if np.count_nonzero(power) <= MOST_LIGHTS:
+        return factors
+    share = power / power.sum()
+    before = np.cumsum(share)
+    place = sampler.points(np.arange(GROUPS, dtype=np.uint64), dimension - 1, 0)[:, :1]
+    rows = np.searchsorted(before / before[-1], (np.arange(MOST_LIGHTS) + place) / MOST_LIGHTS)
+    for k in range(GROUPS):
+        factors[k, :-1] = np.bincount(rows[k], minlength=power.size)
+        factors[k, :-1] /= np.where(share > 0.0, MOST_LIGHTS * share, 1.0)
+    return factors
