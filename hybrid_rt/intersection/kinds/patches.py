@@ -36,11 +36,11 @@ from hybrid_rt.intersection.kernels.patch.trace import (
     trace_patches,
 )
 from hybrid_rt.intersection.kernels.search.coarse import CoarseHits, guess_cells
-from hybrid_rt.intersection.kernels.search.counters import COUNTER_NAMES
 from hybrid_rt.intersection.kernels.search.nearest import Nearest, Rays
 from hybrid_rt.intersection.kernels.search.tolerances import DEPTH
 from hybrid_rt.intersection.kernels.search.tree import Tree, build_tree, new_stack
 from hybrid_rt.intersection.kind import Finished, rows_of
+from hybrid_rt.intersection.kinds.closed_poles import closed_poles
 from hybrid_rt.intersection.margins import Aim, suspects
 from hybrid_rt.intersection.margins import settle as settle_rows
 from hybrid_rt.intersection.sheets import Sheets
@@ -126,15 +126,22 @@ class PatchKind:
             weights = [s.homogeneous[:, 3] for _, s in surfaces if isinstance(s, RationalPatches)]
             control[:, 3] = np.concatenate(weights)
             control[:, :3] *= control[:, 3:]
-            bend = np.empty((len(patches), 3))
+            bend = np.array([(0.0, 0.0, 0.0, *_fastest(net * to_frame)) for net in patches])
             bound_rational_bends(control, start, degree, bend)
         else:
-            bend = np.array([_bend(net) for net in patches]) * to_frame
+            bend = np.array(
+                [(*_bend(net * to_frame), *_fastest(net * to_frame)) for net in patches]
+            )
         nets = _Nets(control, start, degree, centre, rational)
         counts = [len(surface) for _, surface in surfaces]
         object_id = np.repeat(np.array([i for i, _ in surfaces], np.int32), counts)
         patch_id = np.concatenate([np.arange(n, dtype=np.int32) for n in counts])
         around = _around(surfaces, middle, to_frame, counts)
+        homogeneous = control.copy()
+        if not rational:
+            homogeneous[:, 3] = 1.0
+        poles = closed_poles(homogeneous, start.tolist(), degree.tolist(), centre, object_id)
+        bend = np.hstack([bend, poles.reshape(len(bend), -1)])
         trim = None
         if trimmed:
             spans = [_spans(surface) for _, surface in whole]
@@ -246,7 +253,13 @@ class PatchKind:
         )  # fmt: skip
 
     def settle(
-        self, rays: Rays, best: Nearest, kind_of: IntArray, kind: int, out: Finished
+        self,
+        rays: Rays,
+        best: Nearest,
+        kind_of: IntArray,
+        kind: int,
+        out: Finished,
+        work: FloatArray,
     ) -> None:
         """Find the hits on patches that moving the ray by the band would lose."""
         rows = suspects(best, kind_of, kind)
@@ -257,7 +270,6 @@ class PatchKind:
         aim_at_patches(table, rays, best, out, rows, self._new_basis(), *aim)
 
         def retrace(probes: Rays, aside: FloatArray, nearest: Nearest) -> None:
-            work = np.zeros(len(COUNTER_NAMES))
             aside *= table.to_frame
             self._trace(probes, aside, _NO_CELLS, nearest, False, np.empty(0), work)
 
@@ -380,6 +392,12 @@ def _bend(net: FloatArray) -> tuple[float, float, float]:
         m * n * _longest(np.diff(along_u, axis=1)),
         n * (n - 1) * _longest(np.diff(along_v, axis=1)),
     )
+
+
+def _fastest(net: FloatArray) -> tuple[float, float]:
+    """Squares of the lengths of the longest differences along u and v, times the degrees."""
+    m, n = net.shape[0] - 1, net.shape[1] - 1
+    return (m * _longest(np.diff(net, axis=0))) ** 2, (n * _longest(np.diff(net, axis=1))) ** 2
 
 
 def _longest(vectors: FloatArray) -> float:
