@@ -249,7 +249,7 @@ class Intersector:
             for number, kind in enumerate(self._finishing):
                 kind.finish(rays, best, self._kind_of, number, out)
             for number, kind in self._probing:
-                kind.settle(rays, best, self._kind_of, number, out)
+                kind.settle(rays, best, self._kind_of, number, out, tally)
             complete_rows(rays.direction, unit, best, rows_of(columns, begin, end), totals)
             tallies.append(tally)
             rows.append((end - begin, *totals.tolist(), int(found.sum())))

@@ -63,7 +63,13 @@ class Probing(Protocol):
     """A kind of surface that leaves some of its hits `SUSPECT`."""
 
     def settle(
-        self, rays: Rays, best: Nearest, kind_of: IntArray, kind: int, out: Finished
+        self,
+        rays: Rays,
+        best: Nearest,
+        kind_of: IntArray,
+        kind: int,
+        out: Finished,
+        work: FloatArray,
     ) -> None:
         """Decide for the rows that are `SUSPECT` whether they are `WITHIN_BAND` or `CLEAR`.
 
@@ -76,6 +82,8 @@ class Probing(Protocol):
             Number of this kind in ``kind_of``.
         out : Finished of n rows
             Complete: all kinds have described their hits.
+        work : float64
+            Counters, to which the work of the displaced rays is added.
         """
         ...
 

@@ -34,8 +34,12 @@ DIFFERENCE = np.array([[1.0, 0.0, 0.0], [-1.0, 1.0, 0.0], [1.0, -2.0, 1.0]])
 # where d is the distance in parameters. Where S_u and S_v are nearly parallel all over a patch,
 # the cross product is still good: a threshold well below sqrt(eps) keeps those out.
 PARALLEL = 2.0**-32
-# A partial below this part of the patch's largest is made of roundings; a quotient has more of them.
-VANISHING, VANISHING_QUOTIENT = 8.0 * 2.0**-52, 128.0 * 2.0**-52
+# A partial below this part of the patch's largest is made of roundings.
+VANISHING = 8.0 * 2.0**-52
+# So is one below this part of the terms that it is the sum of.
+VANISHING_SUM, VANISHING_QUOTIENT = 8.0 * 2.0**-52, 128.0 * 2.0**-52
+# Points of a rational net are right to a few units of their coordinates about c.
+SAME_POINT = 16.0 * 2.0**-52
 # The derivative of S_u x S_v, in units of the largest partials, counts as zero below this.
 FLAT_PRODUCT = 2.0**-26
 # Where to look: at the point itself; if first order fails too, this far inside, near ones first.
@@ -92,12 +96,15 @@ def derivative(control, start, degree_u, degree_v, u, v, order_u, order_v):
 
 
 @inner
-def column_derivative(control, column, start, degree_u, degree_v, u, v, order_u, order_v):
-    """As `derivative`, of one column of ``control``."""
+def _homogeneous(control, start, degree_u, degree_v, u, v, order_u, order_v, px, py, pz):
+    """As `derivative`, of W (S - p) and of W of a rational patch: four numbers.
+
+    Points that rounding cannot tell from p count as p.
+    """
     m = degree_u - order_u
     n = degree_v - order_v
     if m < 0 or n < 0:
-        return 0.0
+        return 0.0, 0.0, 0.0, 0.0
     stride = degree_v + 1
     low_u = u <= 0.5
     low_v = v <= 0.5
@@ -105,63 +112,95 @@ def column_derivative(control, column, start, degree_u, degree_v, u, v, order_u,
     base_v = 1.0 - v if low_v else v
     ratio_u = (1.0 - base_u if not low_u else u) / base_u
     ratio_v = (1.0 - base_v if not low_v else v) / base_v
-    total = 0.0
+    largest = max(abs(px), abs(py), abs(pz))
+    x, y, z, w = 0.0, 0.0, 0.0, 0.0
     for step_u in range(m + 1):
         i = m - step_u if low_u else step_u
-        row = 0.0
+        rx, ry, rz, rw = 0.0, 0.0, 0.0, 0.0
         for step_v in range(n + 1):
             j = n - step_v if low_v else step_v
-            difference = 0.0
+            dx, dy, dz, dw = 0.0, 0.0, 0.0, 0.0
             for a in range(order_u + 1):
                 for b in range(order_v + 1):
+                    k = start + (i + a) * stride + j + b
                     sign = DIFFERENCE[order_u, a] * DIFFERENCE[order_v, b]
-                    difference += sign * control[start + (i + a) * stride + j + b, column]
-            row = row * ratio_v + BINOMIAL[n, j] * difference
-        total = total * ratio_u + BINOMIAL[m, i] * row
+                    qx, qy, qz, qw = control[k, 0], control[k, 1], control[k, 2], control[k, 3]
+                    ax, ay, az = qx - qw * px, qy - qw * py, qz - qw * pz
+                    about = max(abs(qx), abs(qy), abs(qz)) + qw * largest
+                    if max(abs(ax), abs(ay), abs(az)) > SAME_POINT * about:
+                        dx += sign * ax
+                        dy += sign * ay
+                        dz += sign * az
+                    dw += sign * qw
+            weight = BINOMIAL[n, j]
+            rx = rx * ratio_v + weight * dx
+            ry = ry * ratio_v + weight * dy
+            rz = rz * ratio_v + weight * dz
+            rw = rw * ratio_v + weight * dw
+        weight = BINOMIAL[m, i]
+        x = x * ratio_u + weight * rx
+        y = y * ratio_u + weight * ry
+        z = z * ratio_u + weight * rz
+        w = w * ratio_u + weight * rw
+    scale = 1.0
     for _ in range(m):
-        total *= base_u
+        scale *= base_u
     for _ in range(n):
-        total *= base_v
+        scale *= base_v
     for a in range(order_u):
-        total *= degree_u - a
+        scale *= degree_u - a
     for b in range(order_v):
-        total *= degree_v - b
-    return total
+        scale *= degree_v - b
+    return scale * x, scale * y, scale * z, scale * w
 
 
 @inner
 def _quotient(control, start, degree_u, degree_v, u, v, order_u, order_v):
-    """As `derivative`, of a rational patch about its point c; total order at most 2."""
-    x, y, z = derivative(control, start, degree_u, degree_v, u, v, order_u, order_v)
-    weight = column_derivative(control, 3, start, degree_u, degree_v, u, v, 0, 0)
-    # Leibniz's rule for S W, solved for the derivative of highest order.
-    for a in range(order_u + 1):
-        for b in range(order_v + 1):
-            if a + b == order_u + order_v:
-                continue
-            factor = column_derivative(
-                control, 3, start, degree_u, degree_v, u, v, order_u - a, order_v - b
-            )
-            factor *= BINOMIAL[order_u, a] * BINOMIAL[order_v, b]
-            px, py, pz = _quotient_of_lower_order(
-                control, start, degree_u, degree_v, u, v, a, b, weight
-            )
-            x -= factor * px
-            y -= factor * py
-            z -= factor * pz
-    return x / weight, y / weight, z / weight
+    """As `derivative`, of a rational patch about its point c; total order at most 2.
 
-
-@inner
-def _quotient_of_lower_order(control, start, degree_u, degree_v, u, v, order_u, order_v, weight):
-    """S - c, S_u or S_v of a rational patch; ``weight``: its denominator here."""
-    x, y, z = derivative(control, start, degree_u, degree_v, u, v, 0, 0)
-    x, y, z = x / weight, y / weight, z / weight
+    Partials are those of S - p, p the nearest corner: beside a collapsed edge all their terms
+    are as small as they are, so none of their digits cancel.
+    """
+    px = py = pz = 0.0
+    if order_u + order_v > 0:
+        corner = start + (degree_u * (degree_v + 1) if u > 0.5 else 0)
+        corner += degree_v if v > 0.5 else 0
+        weight = control[corner, 3]
+        px = control[corner, 0] / weight
+        py = control[corner, 1] / weight
+        pz = control[corner, 2] / weight
+    sx, sy, sz, weight = _homogeneous(
+        control, start, degree_u, degree_v, u, v, 0, 0, px, py, pz
+    )  # fmt: skip
+    sx, sy, sz = sx / weight, sy / weight, sz / weight
     if order_u + order_v == 0:
-        return x, y, z
-    factor = column_derivative(control, 3, start, degree_u, degree_v, u, v, order_u, order_v)
-    dx, dy, dz = derivative(control, start, degree_u, degree_v, u, v, order_u, order_v)
-    return (dx - factor * x) / weight, (dy - factor * y) / weight, (dz - factor * z) / weight
+        return sx, sy, sz
+    # Leibniz's rule for W (S - p), solved for the derivative of highest order.
+    x, y, z, w = _homogeneous(
+        control, start, degree_u, degree_v, u, v, order_u, order_v, px, py, pz
+    )  # fmt: skip
+    x, y, z = x - w * sx, y - w * sy, z - w * sz
+    if order_u + order_v == 2:
+        one_u, one_v = min(order_u, 1), min(order_v, 1)
+        if order_u == 2 or order_v == 2:
+            ax, ay, az, aw = _homogeneous(
+                control, start, degree_u, degree_v, u, v, one_u, one_v, px, py, pz
+            )
+            factor = 2.0 * aw / weight
+            x -= factor * (ax - aw * sx)
+            y -= factor * (ay - aw * sy)
+            z -= factor * (az - aw * sz)
+        else:
+            ax, ay, az, aw = _homogeneous(
+                control, start, degree_u, degree_v, u, v, 1, 0, px, py, pz
+            )
+            bx, by, bz, bw = _homogeneous(
+                control, start, degree_u, degree_v, u, v, 0, 1, px, py, pz
+            )
+            x -= (aw * (bx - bw * sx) + bw * (ax - aw * sx)) / weight
+            y -= (aw * (by - bw * sy) + bw * (ay - aw * sy)) / weight
+            z -= (aw * (bz - bw * sz) + bw * (az - aw * sz)) / weight
+    return x / weight, y / weight, z / weight
 
 
 @inner
@@ -249,7 +288,7 @@ def unit_normal(control, start, degree_u, degree_v, u, v, rational):
     S_u x S_v towards the middle; where that vanishes too, from a point a little further in.
     Always finite and of length one.
     """
-    vanishing = VANISHING if rational is None else VANISHING_QUOTIENT
+    vanishing = VANISHING_SUM if rational is None else VANISHING_QUOTIENT
     a = 1.0 if u <= 0.5 else -1.0
     b = 1.0 if v <= 0.5 else -1.0
     for h in NUDGES:
@@ -273,8 +312,8 @@ def unit_normal(control, start, degree_u, degree_v, u, v, rational):
         length = length_of(nx, ny, nz)
         if (
             length > PARALLEL * (sum_u / most_u) * (sum_v / most_v)
-            and length_u > vanishing
-            and length_v > vanishing
+            and length_u > max(VANISHING, vanishing * (sum_u / most_u))
+            and length_v > max(VANISHING, vanishing * (sum_v / most_v))
         ):
             return nx / length, ny / length, nz / length, h > 0.0
         if h > 0.0:

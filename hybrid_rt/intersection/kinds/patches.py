@@ -36,11 +36,11 @@ from hybrid_rt.intersection.kernels.patch.trace import (
     trace_patches,
 )
 from hybrid_rt.intersection.kernels.search.coarse import CoarseHits, guess_cells
-from hybrid_rt.intersection.kernels.search.counters import COUNTER_NAMES
 from hybrid_rt.intersection.kernels.search.nearest import Nearest, Rays
 from hybrid_rt.intersection.kernels.search.tolerances import DEPTH, UNIT_ROUNDOFF
 from hybrid_rt.intersection.kernels.search.tree import Tree, build_tree, new_stack
 from hybrid_rt.intersection.kind import Finished, rows_of, widen_bounds
+from hybrid_rt.intersection.kinds.closed_poles import closed_poles
 from hybrid_rt.intersection.margins import Aim, suspects
 from hybrid_rt.intersection.margins import settle as settle_rows
 from hybrid_rt.intersection.sheets import Sheets
@@ -126,7 +126,9 @@ class PatchKind:
         )
         control = _difference(points, left, middle, np.repeat(centre, lengths, axis=0), to_frame)
         size = np.sqrt(np.maximum.reduceat((control**2).sum(axis=1), start))
-        bend = np.array([_bend(net) for net in _nets_of(control[:, :3], start, degree)])
+        bend = np.array(
+            [(*_bend(net), *_fastest(net)) for net in _nets_of(control[:, :3], start, degree)]
+        )
         if rational:
             weights = [s.homogeneous[:, 3] for _, s in surfaces if isinstance(s, RationalPatches)]
             control[:, 3] = np.concatenate(weights)
@@ -139,6 +141,11 @@ class PatchKind:
         object_id = np.repeat(np.array([i for i, _ in surfaces], np.int32), counts)
         patch_id = np.concatenate([np.arange(n, dtype=np.int32) for n in counts])
         around = _around(surfaces, middle, to_frame, counts)
+        homogeneous = control.copy()
+        if not rational:
+            homogeneous[:, 3] = 1.0
+        poles = closed_poles(homogeneous, start.tolist(), degree.tolist(), centre, object_id)
+        bend = np.hstack([bend, poles.reshape(len(bend), -1)])
         trim = None
         if trimmed:
             spans = [_spans(surface) for _, surface in whole]
@@ -253,7 +260,13 @@ class PatchKind:
         )  # fmt: skip
 
     def settle(
-        self, rays: Rays, best: Nearest, kind_of: IntArray, kind: int, out: Finished
+        self,
+        rays: Rays,
+        best: Nearest,
+        kind_of: IntArray,
+        kind: int,
+        out: Finished,
+        work: FloatArray,
     ) -> None:
         """Find the hits on patches that moving the ray by the band would lose."""
         rows = suspects(best, kind_of, kind)
@@ -264,7 +277,6 @@ class PatchKind:
         aim_at_patches(table, rays, best, out, rows, self._new_basis(), *aim)
 
         def retrace(probes: Rays, aside: FloatArray, nearest: Nearest) -> None:
-            work = np.zeros(len(COUNTER_NAMES))
             aside *= table.to_frame
             self._trace(probes, aside, _NO_CELLS, nearest, False, np.empty(0), work)
 
@@ -396,6 +408,12 @@ def _bend(net: FloatArray) -> tuple[float, float, float]:
         m * n * _longest(np.diff(along_u, axis=1)),
         n * (n - 1) * _longest(np.diff(along_v, axis=1)),
     )
+
+
+def _fastest(net: FloatArray) -> tuple[float, float]:
+    """Squares of the lengths of the longest differences along u and v, times the degrees."""
+    m, n = net.shape[0] - 1, net.shape[1] - 1
+    return (m * _longest(np.diff(net, axis=0))) ** 2, (n * _longest(np.diff(net, axis=1))) ** 2
 
 
 def _longest(vectors: FloatArray) -> float:

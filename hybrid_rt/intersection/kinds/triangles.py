@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 
 from hybrid_rt.core.records import BoolArray, FloatArray, IntArray
 from hybrid_rt.intersection.kernels.search.coarse import CoarseHits
-from hybrid_rt.intersection.kernels.search.counters import COUNTER_NAMES
 from hybrid_rt.intersection.kernels.search.nearest import Nearest, Rays
 from hybrid_rt.intersection.kernels.search.tree import Tree, build_tree, new_stack
 from hybrid_rt.intersection.kernels.triangle import (
@@ -111,7 +110,13 @@ class TriangleKind:
         finish_triangles(self.table, rays, best, kind_of, kind, out)
 
     def settle(
-        self, rays: Rays, best: Nearest, kind_of: IntArray, kind: int, out: Finished
+        self,
+        rays: Rays,
+        best: Nearest,
+        kind_of: IntArray,
+        kind: int,
+        out: Finished,
+        work: FloatArray,
     ) -> None:
         """Find the hits on meshes that moving the ray by the band would lose."""
         rows = suspects(best, kind_of, kind)
@@ -122,7 +127,7 @@ class TriangleKind:
         aim_at_triangles(table, rays, best, rows, *aim)
 
         def retrace(probes: Rays, aside: FloatArray, nearest: Nearest) -> None:
-            work, stack = np.zeros(len(COUNTER_NAMES)), new_stack(self.tree)
+            stack = new_stack(self.tree)
             trace_triangles(table, self.tree, probes, aside, nearest, False, stack, work)
 
         def describe(probes: Rays, nearest: Nearest, found: Finished) -> None:

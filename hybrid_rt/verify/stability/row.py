@@ -19,7 +19,7 @@ import numpy as np
 IDS = tuple(
     f"{section}{number:02d}"
     for section, count in (
-        ("A", 34),
+        ("A", 36),
         ("B", 19),
         ("C", 13),
         ("D", 34),

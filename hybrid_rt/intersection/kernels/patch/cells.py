@@ -20,7 +20,7 @@ import numpy as np
 from hybrid_rt.intersection.kernels.patch.nets import columns_of, projected, restrict
 from hybrid_rt.intersection.kernels.patch.rational_fan import rational_fan
 from hybrid_rt.intersection.kernels.patch.skew_box import CENTRE, COLUMN, LOWER, UPPER
-from meshing.kernels.jit import inner, kernel
+from meshing.kernels.jit import inner, kernel, outlined
 
 # A cell's record, float64. Columns of the dual basis of half the mean tangents and the unit normal
 # (rows along u, v, n), each followed by a coordinate of the middle of the box; lower and upper
@@ -44,6 +44,10 @@ FAN_MARGIN = 1e-9
 WIDEST = 256.0
 # Rounding of d in the skew basis, |d| < 2: 2**-52 of |row| * |d|, twice, in all three terms.
 FAN_SLACK = 2.0**-50 * (1.0 + 2.0 * WIDEST)
+# Control points are right to a few units of the largest coordinate.
+SAME_POINT = 16.0 * 2.0**-52
+# No ray that matters comes here.
+NOWHERE = 1e30
 # Beyond this many pairs of differences their box is taken instead of all pairs.
 MOST_PAIRS = 1200
 
@@ -246,6 +250,35 @@ def fill_cell(
         box[3 + c] += centre
 
 
+@outlined
+def side_at_point(control, start, degree_u, degree_v, rational, u0, u1, v0, v1):
+    """Return on which side of a cell its patch ends in a point, to within rounding; else -1.
+
+    Sides 0 and 1 are those of u = 0 and 1, 2 and 3 those of v.
+    """
+    first, last, size = start, start + (degree_u + 1) * (degree_v + 1) - 1, 0.0
+    for k in range(first, last + 1):
+        w = 1.0 if rational is None else control[k, 3]
+        for c in range(3):
+            size = max(size, abs(control[k, c]) / w)
+    for side in range(4):
+        if (u0 != 0.0, u1 != 1.0, v0 != 0.0, v1 != 1.0)[side]:
+            continue
+        step = 1 if side < 2 else degree_v + 1
+        begin = start + (degree_u * (degree_v + 1), degree_v)[side // 2] * (side % 2)
+        spread = 0.0
+        for k in range(1, (degree_v if side < 2 else degree_u) + 1):
+            p, q = control[begin], control[begin + k * step]
+            v = w = 1.0
+            if rational is not None:
+                v, w = p[3], q[3]
+            for c in range(3):
+                spread = max(spread, abs(q[c] / w - p[c] / v))
+        if spread <= SAME_POINT * size:
+            return side
+    return -1
+
+
 @kernel
 def _new_cones(widest, rational):
     """Return scratch of `rational_fan`; None for polynomial patches."""
@@ -302,12 +335,29 @@ def fill_quarters(
         k = cell_patch[cell]
         um, vm = record[cell, MIDDLE_U], record[cell, MIDDLE_V]
         hu, hv = record[cell, HALF], record[cell, HALF + 1]
+        # Where a border is a point, all quarters there meet all rays that pass it, and each is a
+        # search: two of them are one, and the other is nowhere.
+        side = side_at_point(
+            control, start[k], degree[k, 0], degree[k, 1], rational,
+            um - hu, um + hu, vm - hv, vm + hv,
+        )  # fmt: skip
         for part in range(4):
             u0 = um - hu if part < 2 else um
             v0 = vm - hv if part % 2 == 0 else vm
+            u1, v1 = u0 + hu, v0 + hv
+            is_other = False
+            if side >= 0 and (part // 2 if side < 2 else part % 2) == side % 2:
+                is_other = (part % 2 if side < 2 else part // 2) == 1
+                if side < 2:
+                    v0, v1 = vm - hv, vm + hv
+                else:
+                    u0, u1 = um - hu, um + hu
             fill_cell(
                 control, start[k], degree[k, 0], degree[k, 1],
-                centre[k, 0], centre[k, 1], centre[k, 2], u0, u0 + hu, v0, v0 + hv,
+                centre[k, 0], centre[k, 1], centre[k, 2], u0, u1, v0, v1,
                 scratch, cones, quarter[4 * cell + part], box,
             )  # fmt: skip
+            if is_other:
+                quarter[4 * cell + part, LOWER : LOWER + 3] = NOWHERE
+                quarter[4 * cell + part, UPPER : UPPER + 3] = NOWHERE
             quarter_patch[4 * cell + part] = k

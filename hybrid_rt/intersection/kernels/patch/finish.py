@@ -23,8 +23,19 @@ from meshing.kernels.bernstein import unit_normal
 from meshing.kernels.jit import hot_kernel, inlined
 from meshing.kernels.trims import CROSSED
 
-# Squares of tangents (over the size) and of sines below this leave the normal to `unit_normal`.
-CLEAR_TANGENT = 1e-16
+# Squares of sines below this leave the normal to `unit_normal`; so do squares of partials below this
+# part of the patch's largest, since what is summed here is right to roundings of the patch's size.
+CLEAR_SINE, CLEAR_TANGENT = 1e-16, 2.0**-10
+# Of `PatchTable.bend`: where its closed poles begin, and the columns of one (`kinds.closed_poles`).
+POLES, POLE_COLUMNS = 5, 8
+# ``steep`` times the tangent of a ray's angle with the axis of a pole up to which it is known to be
+# closed as the ray sees it.
+ASLANT = 0.25
+# Points of its disc that the ray passes within r are within r times (1 + steep) times this over the
+# cosine; along the ray with steep cos + sin instead of 1 + steep.
+WIDENED = 4.0
+# Next to the point the roundings of a ray move it to another meridian.
+NEXT_TO_POINT = 16.0
 # A root stays in the patch, alone, when the ray moves by one band if twice the way that this takes
 # in parameters leads over no border, and second differences add less than this along that way.
 STEADY = 0.25
@@ -93,6 +104,42 @@ def _steps(ux, uy, uz, vx, vy, vz, dx, dy, dz, det, band, bend, k):
     return 2.0 * du, 2.0 * dv, turn <= STEADY * band
 
 
+@inlined
+def _is_closed_around(bend, k, ox, oy, oz, dx, dy, dz, x, y, z, band, error):
+    """Tell whether a root is beside a closed pole that no ray moved by the band would miss.
+
+    Returns
+    -------
+    is_closed
+    open_by : how far along the ray rounding leaves it open which meridian it meets
+    """
+    dd = dx * dx + dy * dy + dz * dz
+    for side in range(4):
+        c = POLES + side * POLE_COLUMNS
+        rim = bend[k, c + 7]
+        if rim == 0.0:
+            continue
+        px, py, pz = bend[k, c] - ox, bend[k, c + 1] - oy, bend[k, c + 2] - oz
+        t = (px * dx + py * dy + pz * dz) / dd
+        px, py, pz = px - t * dx, py - t * dy, pz - t * dz
+        passing = np.sqrt(px * px + py * py + pz * pz)
+        along = abs(bend[k, c + 3] * dx + bend[k, c + 4] * dy + bend[k, c + 5] * dz)
+        cosine, steep = along / np.sqrt(dd), bend[k, c + 6]
+        sine = np.sqrt(max(1.0 - cosine * cosine, 0.0))
+        if steep * sine > ASLANT * cosine:
+            continue
+        if passing + 2.0 * band > rim * cosine:
+            continue
+        widened = WIDENED / cosine
+        px, py, pz = x - bend[k, c], y - bend[k, c + 1], z - bend[k, c + 2]
+        if np.sqrt(px * px + py * py + pz * pz) > widened * (1.0 + steep) * (passing + 2.0 * band):
+            continue
+        if passing > NEXT_TO_POINT * error:
+            return True, 0.0
+        return True, widened * (steep * cosine + sine) * (passing + error)
+    return False, 0.0
+
+
 @hot_kernel
 def finish_patches(table, rays, best, kind_of, kind, basis, out):
     """Fill what a hit record says of the rays whose nearest root is on a patch.
@@ -101,9 +148,7 @@ def finish_patches(table, rays, best, kind_of, kind, basis, out):
     that may change when the ray moves by the band become `SUSPECT`.
     """
     middle, to_world = table.middle, 1.0 / table.to_frame
-    control, start, degree, centre, size = (
-        table.control, table.start, table.degree, table.centre, table.size,
-    )  # fmt: skip
+    control, start, degree, centre = table.control, table.start, table.degree, table.centre
     for i in range(best.t.shape[0]):
         if best.object_id[i] < 0 or kind_of[best.object_id[i]] != kind:
             continue
@@ -122,9 +167,9 @@ def finish_patches(table, rays, best, kind_of, kind, basis, out):
         nx, ny, nz = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
         length = np.sqrt(nx * nx + ny * ny + nz * nz)
         guu, gvv = ux * ux + uy * uy + uz * uz, vx * vx + vy * vy + vz * vz
-        smallest = CLEAR_TANGENT * size[k] * size[k]
+        least_u, least_v = CLEAR_TANGENT * table.bend[k, 3], CLEAR_TANGENT * table.bend[k, 4]
         is_degenerate = False
-        if guu > smallest and gvv > smallest and length * length > CLEAR_TANGENT * guu * gvv:
+        if guu > least_u and gvv > least_v and length * length > CLEAR_SINE * guu * gvv:
             nx, ny, nz = nx / length, ny / length, nz / length
         else:
             nx, ny, nz, is_degenerate = unit_normal(control, start[k], m, n, u, v, table.rational)
@@ -180,6 +225,19 @@ def finish_patches(table, rays, best, kind_of, kind, basis, out):
             is_degenerate or not (is_alone and du <= in_u and dv <= in_v)
         ):
             best.tangent[i] = SUSPECT
+            if table.trim is None:
+                error = max(best.t_bound[i] * table.to_frame * slope, residual)
+                is_closed, open_by = _is_closed_around(
+                    table.bend, k, ox, oy, oz, dx, dy, dz, x, y, z, band, error
+                )
+                if is_closed:
+                    length = np.sqrt(dd)
+                    best.tangent[i] = CLEAR
+                    best.t_bound[i] = max(best.t_bound[i], open_by / length * to_world)
+                    # What passes beside the ray there goes on where it is met.
+                    near = 2.0 * best.t_bound[i] + 8.0 * band / slope * to_world
+                    if best.doubt[i] >= best.t[i] - near:
+                        best.doubt[i] = np.inf
 
 
 @hot_kernel

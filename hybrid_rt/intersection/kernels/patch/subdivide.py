@@ -14,6 +14,9 @@ At a silhouette pieces become thin across the fold before they become short. A p
 rounding holds no decision to be made: if it is as short as such a piece of a curved surface is, it
 is taken as a root, to be probed; if it is long, a flat piece lies edge-on in the ray, and the ray
 passes it by with its doubt noted. So does a ray that passes any piece within the band.
+
+Pieces with a collapsed edge are treated apart, in `patch.poles`: all their parts meet all rays
+through the point that the edge is, so halving would go on until they are points.
 """
 
 import numpy as np
@@ -27,6 +30,18 @@ from hybrid_rt.intersection.kernels.patch.nets import (
     projected,
     restrict,
     weights_of,
+)
+from hybrid_rt.intersection.kernels.patch.poles import (
+    BESIDE,
+    EMPTY,
+    NEAR_POINT,
+    NO_POLE,
+    POINT,
+    SINGLE,
+    UNKNOWN,
+    WIDE,
+    collapsed_side,
+    meet_pole,
 )
 from hybrid_rt.intersection.kernels.patch.solve import (
     CONVERGED,
@@ -73,10 +88,12 @@ LAST_CHANCE = 256.0
 NUDGE = 2.0**-20
 # A piece beside the ray and thinner than this part of the band is seen to be within it or not.
 THIN_BESIDE = 0.25
+# A cone is narrowed while the piece is no longer than this in widths.
+WIDER = 8.0
 # Flat pieces in the ray are halved to this part of the patch, so that it is known where they begin.
 LONG = 2.0**-6
 # What its points may be farther from the ray than its hull.
-BESIDE = 1.0 + 2.0 * THIN_BESIDE
+FARTHER = 1.0 + 2.0 * THIN_BESIDE
 
 
 @inlined
@@ -175,6 +192,7 @@ def slow_solve(
     boxes[0, 0], boxes[0, 1], boxes[0, 2], boxes[0, 3] = u0, u1, v0, v1
     h_lo = t_lo * length - slop
     h_cut = t_cut * length + slop
+    start_u = start_v = 0.0
     top = 1
     pieces = 0
     while top > 0:
@@ -254,6 +272,28 @@ def slow_solve(
         is_thin = not may_pass and (is_point or (y1 - y0 < 2.0 * slop and not is_beside))
         is_root = passes = False
         n_dot_d, t = 0.0, 0.5 * (h0 + h1) / length
+        # --- beside a collapsed edge, of which all of u, say, is one point
+        known_of = UNKNOWN
+        side = NO_POLE if is_point else collapsed_side(seen, degree_u, degree_v, slop)
+        if side != NO_POLE:
+            known_of, along, away = meet_pole(
+                net, degree_u, degree_v, rational, side, slop, reach, nets[top + 1]
+            )
+            if known_of == EMPTY:
+                continue
+            away = 1.0 - 2.0 * away if side % 2 else 2.0 * away - 1.0
+            along = 2.0 * along - 1.0
+            start_u, start_v = (along, away) if side >= 2 else (away, along)
+            if known_of in (POINT, BESIDE):
+                um, vm, hu, hv = um + hu * start_u, vm + hv * start_v, 0.0, 0.0
+                is_root, passes = known_of == POINT, known_of == BESIDE
+                may_pass = is_thin = False
+                x, y, z, _, _, _, _, _, _ = evaluate_any(
+                    control, start, degree_u, degree_v, um, vm, basis, rational
+                )
+                h0 = h1 = (x - ox) * ex + (y - oy) * ey + (z - oz) * ez
+                t = h0 / length
+                n_dot_d = _steepness(patch, um, vm, ex, ey, ez)
         if is_thin:
             n_dot_d = _steepness(patch, um, vm, ex, ey, ez)
             is_flat = n_dot_d < CLEAR_CROSSING
@@ -264,7 +304,7 @@ def slow_solve(
                 patch, ray, um, vm, um - hu, um + hu, vm - hv, vm + hv, APPROACHES
             )
             if may_pass:
-                passes = gap <= BESIDE * reach
+                passes = gap <= FARTHER * reach
             else:
                 # Ray and surface are apart by less than the piece is thick, for a length of that
                 # thickness over the slope: t is no surer.
@@ -294,8 +334,10 @@ def slow_solve(
         if passes or is_root or (may_pass and is_point):
             continue
         # --- Krawczyk: how far the tangents turn, seen through the inverse of their mean
+        contracts = is_last = False
         det = au * bv - av * bu
-        if det != 0.0:
+        is_single = known_of in (SINGLE, NEAR_POINT)
+        if not is_single and det != 0.0:
             y00, y01, y10, y11 = bv / det, -bu / det, -av / det, au / det
             turn_u0 = turn_u1 = turn_v0 = turn_v1 = 0.0
             half = 0.5 * degree_u
@@ -326,43 +368,43 @@ def slow_solve(
                 # Newton's iteration is that of the quotient: a turn of W counts twice.
                 contracts = q + 2.0 * turn_w < NEWTON_TURN
                 is_last = y1 - y0 < LAST_CHANCE * slop and (x1 - x0) ** 2 > 16.0 * (y1 - y0) * size
-                if contracts or is_last:
-                    counters[NEWTONS] += 1
-                    u = um + hu * min(max(cu, -1.0), 1.0)
-                    v = vm + hv * min(max(cv, -1.0), 1.0)
-                    # What is left along the ray has to be small: nearly in the tangent plane its
-                    # rounding alone would move u by more than the piece.
-                    x, y, z, _, _, _, _, _, _ = evaluate_any(
-                        control, start, degree_u, degree_v, u, v, basis, rational
-                    )
-                    t = ((x - ox) * ex + (y - oy) * ey + (z - oz) * ez) / length
-                    status, u, v, t, steps, n_dot_d, gain_u, gain_v = newton(
-                        patch, ray, u, v, t, hu, hv
-                    )
-                    counters[STEPS] += steps
-                    is_owner = False
-                    if status == CONVERGED:
-                        slack = OWNED * rounding_of_root(
-                            degree_u, degree_v, rational, size, ox, oy, oz, dx, dy, dz, t
-                        )
-                        slack_u = BORDER_SLACK * hu + slack * gain_u
-                        slack_v = BORDER_SLACK * hv + slack * gain_v
-                        in_u, in_v = min(max(u, 0.0), 1.0), min(max(v, 0.0), 1.0)
-                        is_owner = abs(in_u - um) <= hu + slack_u and abs(in_v - vm) <= hv + slack_v
-                        if (u != in_u or v != in_v) and (contracts or is_owner):
-                            offer_border(
-                                i, u, v, t, n_dot_d, gain_u, gain_v, patch, ray, band, is_owner,
-                                rays, best,
-                            )  # fmt: skip
-                        elif is_owner and offer_root(
-                            i, u, v, t, n_dot_d, patch, ray, rays, best
-                        ):  # fmt: skip
-                            h_cut = min(h_cut, t * length)
-                    # The piece's root, if it has one, lies within (1 + q) / (1 - q) half pieces of
-                    # its middle; any that lies far away is another, and says nothing of the piece.
-                    is_near = abs(u - um) <= NEARBY * hu and abs(v - vm) <= NEARBY * hv
-                    if is_owner or (contracts and status == CONVERGED and is_near):
-                        continue
+                start_u, start_v = min(max(cu, -1.0), 1.0), min(max(cv, -1.0), 1.0)
+        if contracts or is_last or is_single:
+            counters[NEWTONS] += 1
+            u, v = um + hu * start_u, vm + hv * start_v
+            # What is left along the ray has to be small: nearly in the tangent plane its
+            # rounding alone would move u by more than the piece.
+            x, y, z, _, _, _, _, _, _ = evaluate_any(
+                control, start, degree_u, degree_v, u, v, basis, rational
+            )
+            t = ((x - ox) * ex + (y - oy) * ey + (z - oz) * ez) / length
+            status, u, v, t, steps, n_dot_d, gain_u, gain_v = newton(patch, ray, u, v, t, hu, hv)
+            counters[STEPS] += steps
+            is_owner = False
+            if status == CONVERGED:
+                slack = OWNED * rounding_of_root(
+                    degree_u, degree_v, rational, size, ox, oy, oz, dx, dy, dz, t
+                )
+                slack_u = BORDER_SLACK * hu + slack * gain_u
+                slack_v = BORDER_SLACK * hv + slack * gain_v
+                in_u, in_v = min(max(u, 0.0), 1.0), min(max(v, 0.0), 1.0)
+                is_owner = abs(in_u - um) <= hu + slack_u and abs(in_v - vm) <= hv + slack_v
+                if (u != in_u or v != in_v) and (contracts or is_owner):
+                    offer_border(
+                        i, u, v, t, n_dot_d, gain_u, gain_v, patch, ray, band, is_owner,
+                        rays, best,
+                    )  # fmt: skip
+                elif is_owner and offer_root(i, u, v, t, n_dot_d, patch, ray, rays, best):
+                    h_cut = min(h_cut, t * length)
+            # The piece's root, if it has one, lies within (1 + q) / (1 - q) half pieces of
+            # its middle; any that lies far away is another, and says nothing of the piece.
+            is_near = abs(u - um) <= NEARBY * hu and abs(v - vm) <= NEARBY * hv
+            if is_owner or (contracts and status == CONVERGED and is_near):
+                continue
+            # So near the point the ray's root is that of a neighbour.
+            if known_of == NEAR_POINT and status == CONVERGED:
+                doubt_piece(i, t, reach, um, vm, hu, hv, patch, ray, rays, best)
+                continue
         # --- halve the longer side, the nearer half on top
         if top + 2 > DEPTH - 1 or pieces >= MAX_PIECES:
             counters[GIVEN_UP] += 1
@@ -375,7 +417,12 @@ def slow_solve(
         if y1 - y0 < 2.0 * slop or (is_beside and y1 - y0 < THIN_BESIDE * reach):
             side_u += deep_u
             side_v += deep_v
+        # A wide cone is narrowed along its edge.
         along_u = side_u >= side_v
+        if known_of == WIDE and side >= 2:
+            along_u = WIDER * side_u >= side_v
+        elif known_of == WIDE:
+            along_u = side_u > WIDER * side_v
         halve(net, nets[top + 1], degree_u, degree_v, along_u, rational)
         for c in range(4):
             boxes[top + 1, c] = boxes[top, c]

@@ -22,6 +22,7 @@ from hybrid_rt.intersection.kernels.patch.cells import (
     MIDDLE_U,
     MIDDLE_V,
     ROW_N,
+    side_at_point,
 )
 from hybrid_rt.intersection.kernels.patch.skew_box import LOWER, UPPER, meet_box
 from hybrid_rt.intersection.kernels.patch.solve import (
@@ -57,7 +58,9 @@ class PatchTable(NamedTuple):
     centre: Any  # (k, 3): the middle of each net, frame
     size: Any  # (k,): largest distance of a control point from the centre
     around: Any  # (k, 4): middle of each one's object, and the diameter of its box, frame units
-    bend: Any  # (k, 3): bounds of the lengths of S_uu, S_uv and S_vv
+    # (k, 37): bounds of the lengths of S_uu, S_uv and S_vv; squares of the longest S_u and S_v, roughly;
+    # then for each side what is known of a closed pole (`kinds.closed_poles`)
+    bend: Any
     object_id: Any  # (k,) int32
     patch_id: Any  # (k,) int32: number within its surface
     grid: Any  # (k, 2) int64: cells along u and v
@@ -260,6 +263,17 @@ def trace_patches(table, tree, rays, aside, guess, best, any_hit, scratch, t_gue
     return last, n_doubts
 
 
+@inlined
+def _side_of(table, k, u0, u1, v0, v1):
+    """Return on which side of a cell its patch ends in a point; else -1."""
+    if u0 != 0.0 and u1 != 1.0 and v0 != 0.0 and v1 != 1.0:
+        return -1
+    return side_at_point(
+        table.control, table.start[k], table.degree[k, 0], table.degree[k, 1], table.rational,
+        u0, u1, v0, v1,
+    )  # fmt: skip
+
+
 @hot_kernel
 def settle_doubts(table, rays, aside, best, any_hit, scratch, n_doubts, counters):
     """Search the cells that `trace_patches` has queued, and lower ``best`` to what they hold."""
@@ -267,7 +281,7 @@ def settle_doubts(table, rays, aside, best, any_hit, scratch, n_doubts, counters
     to_world = 1.0 / to_frame
     for row in range(n_doubts):
         i, cell = np.int64(queue[row, 0]), np.int64(queue[row, 1])
-        if any_hit and best.object_id[i] >= 0:
+        if cell < 0 or (any_hit and best.object_id[i] >= 0):
             continue
         o, d = rays.origin[i], rays.direction[i]
         x, y, z, lx, ly, lz, shift = enter_frame(
@@ -277,12 +291,35 @@ def settle_doubts(table, rays, aside, best, any_hit, scratch, n_doubts, counters
             x, y, z = x + aside[i, 0], y + aside[i, 1], z + aside[i, 2]
         t_lo = begin_of(rays.t_min[i], to_frame, shift)
         t_cut = end_of(best.t[i], to_frame, shift)
+        # What other cells have offered since may be in front of this one.
+        t0, t1, _, _, _, _, _, _ = meet_box(
+            record, int(cell), x, y, z, d[0], d[1], d[2]
+        )  # fmt: skip
+        if t1 < t_lo or t0 > t_cut:
+            continue
         k = np.int64(table.cell_patch[cell])
         um, vm = record[cell, MIDDLE_U], record[cell, MIDDLE_V]
         hu, hv = record[cell, HALF], record[cell, HALF + 1]
+        u0, u1, v0, v1 = um - hu, um + hu, vm - hv, vm + hv
+        # All cells along a border that is a point are one search.
+        side = _side_of(table, k, u0, u1, v0, v1)
+        if side >= 0:
+            if side < 2:
+                v0, v1 = 0.0, 1.0
+            else:
+                u0, u1 = 0.0, 1.0
+            for other in range(row + 1, n_doubts):
+                if queue[other, 0] != i:
+                    break
+                cell = np.int64(queue[other, 1])
+                if cell < 0 or table.cell_patch[cell] != k:
+                    continue
+                um, vm = record[cell, MIDDLE_U], record[cell, MIDDLE_V]
+                hu, hv = record[cell, HALF], record[cell, HALF + 1]
+                if _side_of(table, k, um - hu, um + hu, vm - hv, vm + hv) == side:
+                    queue[other, 1] = -1
         ray = FrameRay(x, y, z, lx, ly, lz, d[0], d[1], d[2], shift, to_world)
         slow_solve(
-            i, patch_of(table, k, scratch.basis), from_centre(table, k, ray),
-            um - hu, um + hu, vm - hv, vm + hv, t_lo, t_cut, band_of(table.around, k, ray),
-            rays, best, scratch, counters,
+            i, patch_of(table, k, scratch.basis), from_centre(table, k, ray), u0, u1, v0, v1,
+            t_lo, t_cut, band_of(table.around, k, ray), rays, best, scratch, counters,
         )  # fmt: skip
