@@ -33,7 +33,7 @@ from hybrid_rt.intersection.kernels.search.tolerances import (
     UNIT_ROUNDOFF,
 )
 from hybrid_rt.intersection.kernels.search.trims import NEARBY, decide, has_gap, side_of_tile
-from meshing.kernels.jit import hot_kernel, inlined, inner
+from meshing.kernels.jit import hot_kernel, inlined, inner, outlined
 from meshing.kernels.trims import CROSSED, INSIDE, OUTSIDE
 
 # Rounding of the height of a point of a parallelogram, over its size: 12 + 4 units, see below.
@@ -106,7 +106,7 @@ def _is_skew(edge_u, row_u, k):
     return e * p > 16.0
 
 
-@inner
+@outlined
 def _weights(i, k, t, table, rays):
     """Return (u, v) of the point at t of ray i, which is within the rim of parallelogram k."""
     o, d, c = rays.origin[i], rays.direction[i], table.corner[k]
