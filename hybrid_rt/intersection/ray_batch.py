@@ -70,13 +70,13 @@ class Batch:
     def _known(self, origin: FloatArray, direction: FloatArray, begin: int, end: int) -> FloatArray:
         """Return t and rounding of the points that rays leave from and go to (see `is_known`)."""
         if self.source is None and self.target is None and self.unseen is None:
-            return np.empty((0, 4))
-        known = np.empty((end - begin, 4 if self.unseen is None else 5))
-        if self.unseen is not None:
-            known[:, 4] = self.unseen[begin:end]
+            return np.empty((0, 6))
+        known = np.empty((end - begin, 6))
         for column, record in ((0, self.source), (2, self.target)):
             if record is None:
                 known[:, column : column + 2] = 0.0, -1.0
+                if column == 0:
+                    known[:, 4:] = -1.0, np.nan
                 continue
             kernels.name_points(
                 origin,
@@ -89,6 +89,8 @@ class Batch:
                 FARTHEST,
                 known,
             )
+        if self.unseen is not None:
+            known[:, 4] = self.unseen[begin:end]
         return known
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from fractions import Fraction
 from typing import ClassVar
 
 import numpy as np
@@ -9,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from hybrid_rt.core import checks
 from hybrid_rt.core.records import BoolArray, FloatArray
+from hybrid_rt.primitives.rectangle import exact_cross, near_one
 from meshing.area import Squares
 from meshing.checks import as_affine, as_vector, broadcast_parameters, freeze, unit
 from meshing.surface import Surface
@@ -202,6 +204,8 @@ class TurnedBox(Box):
         1 if the edges are right-handed, else -1.
     across : (3, 3) float64
         Rows: unit normals of the upper faces, away from the lower ones.
+    depths : (3,) float64
+        Distance of each pair of faces, scene units.
 
     Raises
     ------
@@ -218,13 +222,22 @@ class TurnedBox(Box):
         self.hi = as_vector(self.lo + self.edges.sum(axis=0), "Box corner")
         if not np.abs(self.edges).max(axis=1).all():
             raise ValueError(f"Box edges are {self.edges.tolist()}: pass edges longer than zero")
-        # Of about length 1: neither products nor the determinant overflow.
-        scaled = self.edges / np.abs(self.edges).max(axis=1, keepdims=True)
-        self.handedness = 1 if np.linalg.det(scaled) > 0.0 else -1
-        x, y, z = scaled
-        sides = (np.cross(y, z), np.cross(z, x), np.cross(x, y))
-        normals = np.stack([unit(side, "Box normal") for side in sides])
+        # Near one, so that nothing overflows, and exact: flat boxes would lose digits.
+        (x, by_x), (y, by_y), (z, by_z) = (near_one(edge) for edge in self.edges)
+        sides = [exact_cross(a, b) for a, b in ((y, z), (z, x), (x, y))]
+        volume = sum(Fraction(a) * b for a, b in zip(x.tolist(), sides[0], strict=True))
+        if volume == 0:
+            raise ValueError(
+                f"Box edges are {self.edges.tolist()}, in one plane: pass edges that span a volume"
+            )
+        self.handedness = 1 if volume > 0 else -1
+        rounded = np.array([[float(number) for number in side] for side in sides])
+        normals = np.stack([unit(side, "Box normal") for side in rounded])
         self.across = freeze(self.handedness * normals)
+        lengths = np.linalg.norm(rounded, axis=1)
+        powers = np.array([by_x, by_y, by_z])
+        self.depths = freeze(np.ldexp(abs(float(volume)) / lengths, powers))
+        self._areas = np.ldexp(lengths, powers.sum() - powers)
         self.orientation = orientation
 
     @property
@@ -235,9 +248,7 @@ class TurnedBox(Box):
     @property
     def areas(self) -> FloatArray:
         """(6,): areas of the faces."""
-        x, y, z = self.edges
-        sides = [np.linalg.norm(np.cross(a, b)) for a, b in ((y, z), (z, x), (x, y))]
-        return np.repeat(np.array(sides), 2)
+        return np.repeat(self._areas, 2)
 
     @property
     def bounds(self) -> FloatArray:

@@ -38,8 +38,8 @@ class Rectangle(Surface):
         self.edge_u = checks.edge(edge_u, "Rectangle edge_u")
         self.edge_v = checks.edge(edge_v, "Rectangle edge_v")
         # Each brought near one by a power of two, so that no product of large components overflows or vanishes.
-        (u, by_u), (v, by_v) = _near_one(self.edge_u), _near_one(self.edge_v)
-        across = _cross(u, v)
+        (u, by_u), (v, by_v) = near_one(self.edge_u), near_one(self.edge_v)
+        across = np.array([float(x) for x in exact_cross(u, v)])
         if np.linalg.norm(across) <= 1e-12 * np.linalg.norm(u) * np.linalg.norm(v):
             raise ValueError(
                 f"Rectangle edges are {self.edge_u.tolist()} and {self.edge_v.tolist()}, of no area: "
@@ -127,14 +127,14 @@ class Rectangle(Surface):
         )
 
 
-def _near_one(edge: FloatArray) -> tuple[FloatArray, int]:
-    """Return an edge over a power of two that brings it near one, and the exponent."""
+def near_one(edge: FloatArray) -> tuple[FloatArray, int]:
+    """Return an edge (3,) over a power of two that brings it near one, and the exponent."""
     exponent = int(np.frexp(np.abs(edge).max())[1])
     return np.ldexp(edge, -exponent), exponent
 
 
-def _cross(a: FloatArray, b: FloatArray) -> FloatArray:
-    """Return a x b, each coordinate rounded once: of nearly parallel edges no digit is lost."""
+def exact_cross(a: FloatArray, b: FloatArray) -> list[Fraction]:
+    """Return a x b: of nearly parallel edges no digit is lost."""
     x, y = ([Fraction(number) for number in vector.tolist()] for vector in (a, b))
     turns = ((1, 2), (2, 0), (0, 1))
-    return np.array([float(x[i] * y[j] - x[j] * y[i]) for i, j in turns])
+    return [x[i] * y[j] - x[j] * y[i] for i, j in turns]

@@ -58,7 +58,7 @@ def new_ray() -> OneRay:
     """Allocate what one ray is traced with."""
     record = new_record(1)
     return OneRay(
-        rays=Rays(np.empty((1, 3)), np.empty((1, 3)), np.zeros(1), np.empty((1, 4))),
+        rays=Rays(np.empty((1, 3)), np.empty((1, 3)), np.zeros(1), np.empty((1, 6))),
         best=new_nearest(np.empty(1)),
         record=columns_of(record),
         out=Finished(*(getattr(record, name) for name in Finished._fields)),

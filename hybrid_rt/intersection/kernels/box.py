@@ -9,8 +9,10 @@ from hybrid_rt.intersection.kernels.search.members import offer_each, offer_near
 from hybrid_rt.intersection.kernels.search.nearest import (
     CLEAR,
     WITHIN_BAND,
+    begins_at,
     doubt_start,
     is_known,
+    note_departure,
     offer,
 )
 from hybrid_rt.intersection.kernels.search.tolerances import (
@@ -91,6 +93,13 @@ def _is_near_outline(lo, hi, o, d, inside, band):
     return False
 
 
+@inner
+def _note_face(i, face, t_min, known, best):
+    """Note the face of a box on which ray i begins."""
+    x, y, z = np.float64(face < 2), np.float64(face // 2 == 1), np.float64(face > 3)
+    note_departure(i, x, y, z, t_min, known, best)
+
+
 @inlined
 def offer_box(i, k, table, rays, best):
     """Offer both roots of ray i with box k, with the way inside it and the band for `finish_box`."""
@@ -142,8 +151,12 @@ def offer_box(i, k, table, rays, best):
         crossed = enter - leave
         enter = leave = (enter * p * p + leave * q * q) / (p * p + q * q)
     bound = 4.0 * UNIT_ROUNDOFF * abs(enter) + crossed
+    if begins_at(i, enter, bound, p, known):
+        _note_face(i, face_in, t_min, known, best)
     offer(i, enter, bound, p, CLEAR, object_id[k], face_in, inside, band, t_min, known, best)
     bound = 4.0 * UNIT_ROUNDOFF * abs(leave) + crossed
+    if begins_at(i, leave, bound, q, known):
+        _note_face(i, face_out, t_min, known, best)
     offer(i, leave, bound, q, CLEAR, object_id[k], face_out, inside, band, t_min, known, best)
     if min(abs(d[0]), abs(d[1]), abs(d[2])) < NEARLY_WITHIN:
         for c in range(3):

@@ -42,7 +42,7 @@ class ClosedForms(NamedTuple):
 class OneRay(NamedTuple):
     """Scratch memory of one ray, arrays of one row."""
 
-    rays: Any  # Rays, with ``known`` (1, 4)
+    rays: Any  # Rays, with ``known`` (1, 6)
     best: Any  # Nearest
     record: Any  # Record
     out: Any  # Finished, arrays of the record
@@ -61,7 +61,8 @@ def _start(direction, i, t_max, ray):
     best.tangent[0] = CLEAR
     best.doubt[0] = np.inf
     ray.rays.known[0, 0] = ray.rays.known[0, 2] = 0.0
-    ray.rays.known[0, 1] = ray.rays.known[0, 3] = -1.0
+    ray.rays.known[0, 1] = ray.rays.known[0, 3] = ray.rays.known[0, 4] = -1.0
+    ray.rays.known[0, 5] = np.nan
     return unit
 
 

@@ -6,7 +6,13 @@ import numpy as np
 
 from hybrid_rt.core.kernels.compensated import product, two_difference
 from hybrid_rt.intersection.kernels.search.members import offer_each
-from hybrid_rt.intersection.kernels.search.nearest import CLEAR, doubt_start, offer
+from hybrid_rt.intersection.kernels.search.nearest import (
+    CLEAR,
+    begins_at,
+    doubt_start,
+    note_departure,
+    offer,
+)
 from hybrid_rt.intersection.kernels.search.tolerances import (
     NEARLY_WITHIN,
     TANGENT_BAND,
@@ -74,6 +80,8 @@ def offer_plane(i, k, table, rays, best):
     if is_nearly_within:
         band = TANGENT_BAND * away
         doubt_start(i, t, slope, -np.inf, np.inf, band, rays.t_min, rays.known, best)
+    if begins_at(i, t, t_bound, slope, rays.known):
+        note_departure(i, n[0], n[1], n[2], rays.t_min, rays.known, best)
     offer(
         i, t, t_bound, slope, CLEAR, table.object_id[k], 0, 0.0, 0.0,
         rays.t_min, rays.known, best,

@@ -5,6 +5,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from hybrid_rt.core.kernels.compensated import two_difference
+from hybrid_rt.intersection.kernels.parallelogram import onto_parallelogram, weights_of_point
 from hybrid_rt.intersection.kernels.reach import (
     ALL,
     BLOCK,
@@ -19,8 +20,10 @@ from hybrid_rt.intersection.kernels.search.members import offer_near
 from hybrid_rt.intersection.kernels.search.nearest import (
     CLEAR,
     WITHIN_BAND,
+    begins_at,
     doubt,
     doubt_start,
+    note_departure,
     offer,
 )
 from hybrid_rt.intersection.kernels.search.rays import EDGE
@@ -30,9 +33,11 @@ from hybrid_rt.intersection.kernels.search.tolerances import (
     UNIT_ROUNDOFF,
 )
 from hybrid_rt.intersection.kernels.search.trims import NEARBY, decide, has_gap, side_of_tile
-from meshing.kernels.jit import hot_kernel, inlined, inner
+from meshing.kernels.jit import hot_kernel, inlined, inner, outlined
 from meshing.kernels.trims import CROSSED, INSIDE, OUTSIDE
 
+# Rounding of the height of a point of a parallelogram, over its size: 12 + 4 units, see below.
+START = 16.0 * UNIT_ROUNDOFF
 # A quotient is more than a number if its dividend is by this more than number x divisor.
 BEYOND = 1.0 + 2.0**-50
 
@@ -94,6 +99,27 @@ def _area(row_u, row_v, k):
 
 
 @inlined
+def _is_skew(edge_u, row_u, k):
+    """Tell whether the edges enclose less than 15 degrees: |edge_u| |row_u| is 1 / sin."""
+    e = edge_u[k, 0] * edge_u[k, 0] + edge_u[k, 1] * edge_u[k, 1] + edge_u[k, 2] * edge_u[k, 2]
+    p = row_u[k, 0] * row_u[k, 0] + row_u[k, 1] * row_u[k, 1] + row_u[k, 2] * row_u[k, 2]
+    return e * p > 16.0
+
+
+@outlined
+def _weights(i, k, t, table, rays):
+    """Return (u, v) of the point at t of ray i, which is within the rim of parallelogram k."""
+    o, d, c = rays.origin[i], rays.direction[i], table.corner[k]
+    p, q, edge_u, edge_v = table.row_u[k], table.row_v[k], table.edge_u[k], table.edge_v[k]
+    wx, ex = two_difference(o[0], c[0])
+    wy, ey = two_difference(o[1], c[1])
+    wz, ez = two_difference(o[2], c[2])
+    x, y, z = wx + t * d[0] + ex, wy + t * d[1] + ey, wz + t * d[2] + ez
+    u, v = weights_of_point(x, y, z, edge_u, edge_v, p[0], p[1], p[2], q[0], q[1], q[2])
+    return onto_parallelogram(u, v, x, y, z, edge_u, edge_v)
+
+
+@inlined
 def _move_to_rim(u, v, t, du, dv, most):
     """Walk along the ray to where u is in [0, 1], if that is no farther than rounding leads."""
     inside = min(max(u, 0.0), 1.0)
@@ -147,6 +173,8 @@ def _offer_nearly_within(i, k, table, n_dot_d, rays, best):
     slope = abs(n_dot_d)
     t_bound = min(error / slope, high - low) + 4.0 * UNIT_ROUNDOFF * abs(t)
     u, v = min(max(u + t * du, 0.0), 1.0), min(max(v + t * dv, 0.0), 1.0)
+    if _is_skew(table.edge_u, table.row_u, k):
+        u, v = _weights(i, k, t, table, rays)
     tangent = WITHIN_BAND if depth < band else CLEAR
     is_kept, is_within, edge = _side_of_loops(i, k, u, v, t, band, table.trim, table, rays, best)
     if is_kept or is_within:
@@ -155,6 +183,8 @@ def _offer_nearly_within(i, k, table, n_dot_d, rays, best):
         return
     tangent = WITHIN_BAND if is_within else tangent
     t_bound += edge
+    if begins_at(i, t, t_bound, slope, rays.known):
+        note_departure(i, n[0], n[1], n[2], rays.t_min, rays.known, best)
     offer(i, t, t_bound, slope, tangent, table.object_id[k], 0, u, v, rays.t_min, rays.known, best)
 
 
@@ -192,6 +222,18 @@ def _sure_side(trim, k, u, v, slope, rim_u, rim_v):
     return side_of_tile(trim, k, u, v)
 
 
+@inner
+def _note_start(i, k, table, x, y, z, rays, best):
+    """Note where ray i begins, (x, y, z) from the corner, if that is within parallelogram k."""
+    p, q, n = table.row_u[k], table.row_v[k], table.normal[k]
+    u, v = p[0] * x + p[1] * y + p[2] * z, q[0] * x + q[1] * y + q[2] * z
+    reach = rays.known[i, 1] + TANGENT_BAND * table.size[k]
+    u_reach = reach * (abs(p[0]) + abs(p[1]) + abs(p[2]))
+    v_reach = reach * (abs(q[0]) + abs(q[1]) + abs(q[2]))
+    if -u_reach <= u <= 1.0 + u_reach and -v_reach <= v <= 1.0 + v_reach:
+        note_departure(i, n[0], n[1], n[2], rays.t_min, rays.known, best)
+
+
 @inlined
 def offer_parallelogram(i, k, table, rays, best):
     """Offer the root of ray i in the plane of parallelogram k, if it is within its rim."""
@@ -210,6 +252,9 @@ def offer_parallelogram(i, k, table, rays, best):
     wz, ez = two_difference(oz, corner[k, 2])
     height = (nx * wx + ny * wy + nz * wz) + (nx * ex + ny * ey + nz * ez)
     slope = abs(n_dot_d)
+    if known.shape[0] > 0 and abs(height) <= known[i, 1] + START * size[k]:
+        # Also where the root lies behind, and is not looked for.
+        _note_start(i, k, table, wx + ex, wy + ey, wz + ez, rays, best)
     # Without the division: behind the origin, or beyond the nearest root by more than roundings.
     if (height > 0.0) == (n_dot_d > 0.0):
         if t_min[i] >= 0.0:
@@ -236,6 +281,8 @@ def offer_parallelogram(i, k, table, rays, best):
     t_bound = error / slope + 4.0 * UNIT_ROUNDOFF * abs(t)
     side, tangent = CROSSED, False
     if within_u > rim_u and within_v > rim_v:
+        if table.trim is not None and _is_skew(edge_u, row_u, k):
+            u, v = _weights(i, k, t, table, rays)
         side = _sure_side(table.trim, k, u, v, slope, rim_u, rim_v)
         if side == OUTSIDE:
             return
@@ -271,6 +318,8 @@ def offer_parallelogram(i, k, table, rays, best):
             )  # fmt: skip
             u, v = min(max(u, 0.0), 1.0), min(max(v, 0.0), 1.0)
             t_bound += abs(t - computed)
+        if table.trim is not None and _is_skew(edge_u, row_u, k):
+            u, v = _weights(i, k, t, table, rays)
     if side == CROSSED:
         band = TANGENT_BAND * max(away, size[k])
         is_kept, is_within, edge = _side_of_loops(
@@ -328,6 +377,8 @@ def finish_rectangle(table, k, rays, best, i, out):
     """Describe the hit of ray i on parallelogram k."""
     o, d, t = rays.origin[i], rays.direction[i], best.t[i]
     u, v = best.a[i], best.b[i]
+    if _is_skew(table.edge_u, table.row_u, k):
+        u, v = _weights(i, k, t, table, rays)
     gap = 0.0
     for c in range(3):
         p = table.corner[k, c] + (u * table.edge_u[k, c] + v * table.edge_v[k, c])

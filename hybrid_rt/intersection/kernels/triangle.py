@@ -17,13 +17,23 @@ from hybrid_rt.intersection.kernels.search.frame import (
     end_of,
     enter_frame,
 )
-from hybrid_rt.intersection.kernels.search.nearest import CLEAR, SUSPECT, doubt, offer
+from hybrid_rt.intersection.kernels.search.nearest import (
+    CLEAR,
+    SUSPECT,
+    begins_at,
+    doubt,
+    note_departure,
+    offer,
+)
 from hybrid_rt.intersection.kernels.search.tolerances import TANGENT_BAND, UNIT_ROUNDOFF
 from hybrid_rt.intersection.kernels.search.tree import box_ray, next_leaf
 from meshing.kernels.jit import hot_kernel, inlined, inner
 
 # |n.d| below which a triangle's weights would lose more than a digit.
 SLIVER = 3e-2
+# Roundings of `away` by which the weights of a sliver may move its point beside the ray, and that the
+# point and its t add.
+SLIVER_ROUNDINGS = 32.0
 # So many times as long as high, about: a needle.
 NEEDLE = 16.0
 
@@ -53,6 +63,14 @@ class Shear(NamedTuple):
     sy: Any
     qx: Any  # and less this: how far the ray is moved
     qy: Any
+
+
+@inlined
+def _across(p):
+    """Return the cross product of two edges of a triangle, (9,)."""
+    ex, ey, ez = p[3] - p[0], p[4] - p[1], p[5] - p[2]
+    fx, fy, fz = p[6] - p[0], p[7] - p[1], p[8] - p[2]
+    return ey * fz - ez * fy, ez * fx - ex * fz, ex * fy - ey * fx
 
 
 @inlined
@@ -112,6 +130,12 @@ def _note_beside(i, k, corner, order, around, object_id, o, d, t_min, known, bes
             gx, gy, gz = x + s * ex, y + s * ey, z + s * ez
             if gx * gx + gy * gy + gz * gz <= band * band:
                 doubt(i, t + s * along, band, t_min, known, best)
+                if known.shape[0] > 0 and abs(t + s * along - known[i, 0]) <= 8.0 * band:
+                    # Where the ray begins next to a face, it may have left that one.
+                    nx, ny, nz = _across(p)
+                    length = max(np.sqrt(nx * nx + ny * ny + nz * nz), 1e-300)
+                    nx, ny, nz = nx / length, ny / length, nz / length
+                    note_departure(i, nx, ny, nz, t_min, known, best)
             s = 0.0
 
 
@@ -139,9 +163,7 @@ def offer_triangle(i, k, table, o, d, shear, reach, near, rays, best):
     if total == 0.0:
         _note_beside(i, k, corner, order, around, object_id, o, d, t_min, known, best)
         return
-    ex, ey, ez = p[3] - p[0], p[4] - p[1], p[5] - p[2]
-    fx, fy, fz = p[6] - p[0], p[7] - p[1], p[8] - p[2]
-    nx, ny, nz = ey * fz - ez * fy, ez * fx - ex * fz, ex * fy - ey * fx
+    nx, ny, nz = _across(p)
     slope = nx * d[0] + ny * d[1] + nz * d[2]
     length = np.sqrt(nx * nx + ny * ny + nz * nz)
     if length == 0.0:
@@ -153,6 +175,8 @@ def offer_triangle(i, k, table, o, d, shear, reach, near, rays, best):
     t = (nx * wx + ny * wy + nz * wz) / slope
     n_dot_d = abs(slope) / length
     # The normal of a needle has fewer digits than its vertices.
+    ex, ey, ez = p[3] - p[0], p[4] - p[1], p[5] - p[2]
+    fx, fy, fz = p[6] - p[0], p[7] - p[1], p[8] - p[2]
     longest = max(ex * ex + ey * ey + ez * ez, fx * fx + fy * fy + fz * fz)
     is_sliver = n_dot_d < SLIVER or longest > NEEDLE * length
     if t > best.t[i] and not is_sliver:
@@ -194,6 +218,12 @@ def offer_triangle(i, k, table, o, d, shear, reach, near, rays, best):
             (u * wz + v * (p[5] - o[2]) + w * (p[8] - o[2])) / total,
         )
         t = (px * d[0] + py * d[1] + pz * d[2]) / (d[0] * d[0] + d[1] * d[1] + d[2] * d[2])
+        # These weights are exact for vertices that lie a few roundings beside the true ones, so the
+        # point lies on the face, and so near the ray. How thin the face is counts only by n.d.
+        turn = UNIT_ROUNDOFF * 16.0 * side * side / length
+        if n_dot_d > 2.0 * turn:
+            rounding = UNIT_ROUNDOFF * SLIVER_ROUNDINGS * away / (n_dot_d - turn)
+            t_bound = min(t_bound, rounding + 4.0 * UNIT_ROUNDOFF * abs(t))
     # --- near an edge the hit may be lost when the ray moves
     f = order[k]
     tangent = CLEAR
@@ -206,6 +236,8 @@ def offer_triangle(i, k, table, o, d, shear, reach, near, rays, best):
             e, ex, ey = sw, bx - ax, by - ay
         if e * e <= reach * reach * (ex * ex + ey * ey):
             tangent = SUSPECT
+    if begins_at(i, t, t_bound, n_dot_d, known):
+        note_departure(i, nx / length, ny / length, nz / length, t_min, known, best)
     offer(
         i, t, t_bound, n_dot_d, tangent, object_id[f], f, v / total, w / total, t_min, known, best
     )

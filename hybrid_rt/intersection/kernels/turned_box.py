@@ -7,10 +7,17 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from hybrid_rt.core.kernels.compensated import two_difference
+from hybrid_rt.core.kernels.compensated import product, two_difference
+from hybrid_rt.intersection.kernels.parallelogram import onto_parallelogram, weights_of_point
 from hybrid_rt.intersection.kernels.search.counters import NODES
 from hybrid_rt.intersection.kernels.search.members import offer_each, offer_near
-from hybrid_rt.intersection.kernels.search.nearest import CLEAR, WITHIN_BAND, doubt_start, offer
+from hybrid_rt.intersection.kernels.search.nearest import (
+    CLEAR,
+    WITHIN_BAND,
+    doubt_start,
+    note_departure,
+    offer,
+)
 from hybrid_rt.intersection.kernels.search.tolerances import (
     NEARLY_WITHIN,
     TANGENT_BAND,
@@ -27,7 +34,7 @@ class TurnedBoxTable(NamedTuple):
     normal: Any  # (k, 3, 3) unit: across the other two edges, toward the end of each edge
     depth: Any  # (k, 3): normal . edge, the distance of each pair of faces
     size: Any  # (k,): sum of the edges' lengths
-    skew: Any  # (k,): what the rounding of the normals grows by, 1 for right angles
+    area: Any  # (k, 3): of the faces across the normals
     orientation: Any  # (k,): 1 normals outward, -1 inward
     handed: Any  # (k,): 1 edges right-handed, -1 left-handed
     object_id: Any  # (k,) int32
@@ -35,17 +42,14 @@ class TurnedBoxTable(NamedTuple):
 
 def turned_box_table(boxes, object_id):
     """Return the table of a list of turned boxes."""
-    edge, normal = np.array([b.edges for b in boxes]), np.array([b.across for b in boxes])
-    length = np.linalg.norm(edge, axis=2)
-    areas = np.array([b.areas[::2] for b in boxes])
-    squares = np.stack([length[:, k - 2] * length[:, k - 1] for k in range(3)], axis=1)
+    edge = np.array([b.edges for b in boxes])
     return TurnedBoxTable(
         corner=np.array([b.lo for b in boxes]),
         edge=edge,
-        normal=normal,
-        depth=np.einsum("ijk,ijk->ij", normal, edge),
-        size=length.sum(axis=1),
-        skew=(squares / areas).max(axis=1),
+        normal=np.array([b.across for b in boxes]),
+        depth=np.array([b.depths for b in boxes]),
+        size=np.linalg.norm(edge, axis=2).sum(axis=1),
+        area=np.array([b.areas[::2] for b in boxes]),
         orientation=np.array([float(b.orientation) for b in boxes]),
         handed=np.array([float(b.handedness) for b in boxes]),
         object_id=object_id,
@@ -57,39 +61,59 @@ def _dot(rows, k, c, x, y, z):
     return rows[k, c, 0] * x + rows[k, c, 1] * y + rows[k, c, 2] * z
 
 
+@inlined
+def _minor(a, b, c, d):
+    """Return a b - c d, both products exact."""
+    p, e = product(a, b)
+    q, f = product(c, d)
+    return (p - q) + (e - f)
+
+
 @inner
 def _margin(table, k, o, d):
-    """Return how far within the outline of a box a ray passes, and what rounding leaves open.
+    """Return how far within the outline of a box a ray passes; negative: beside it.
 
-    As for boxes along the axes; the planes of two faces meet at an angle.
+    As for boxes along the axes: an edge of the outline lies between a face that is entered and one
+    that is left. It is measured from the line of the edge itself: faces that meet at a small angle a
+    would tell where it is to eps / a only.
     """
     wx, ex = two_difference(o[0], table.corner[k, 0])
     wy, ey = two_difference(o[1], table.corner[k, 1])
     wz, ez = two_difference(o[2], table.corner[k, 2])
-    away = np.sqrt(wx * wx + wy * wy + wz * wz)
-    error = UNIT_ROUNDOFF * (12.0 * away + 8.0 * table.size[k]) * table.skew[k]
-    normal, depth, least = table.normal, table.depth, np.inf
-    for c in range(3):
-        p = _dot(normal, k, c, d[0], d[1], d[2])
-        a = _dot(normal, k, c, wx, wy, wz) + _dot(normal, k, c, ex, ey, ez)
-        a = -a if p >= 0.0 else a - depth[k, c]
-        for e in range(3):
-            q = _dot(normal, k, e, d[0], d[1], d[2])
-            cosine = _dot(normal, k, c, normal[k, e, 0], normal[k, e, 1], normal[k, e, 2])
-            across = p * p + q * q - 2.0 * p * q * cosine
-            if e == c or not across > 0.0:
-                continue
-            b = _dot(normal, k, e, wx, wy, wz) + _dot(normal, k, e, ex, ey, ez)
-            b = depth[k, e] - b if q >= 0.0 else b
-            least = min(least, (b * abs(p) - a * abs(q)) / np.sqrt(across))
-    return least, max(TANGENT_BAND * max(away, table.size[k]), 2.0 * error)
+    edge, normal, least = table.edge, table.normal, np.inf
+    for m in range(3):
+        i, j = (m + 1) % 3, (m + 2) % 3
+        # Across the ray and the edges along axis m.
+        x = _minor(edge[k, m, 1], d[2], edge[k, m, 2], d[1])
+        y = _minor(edge[k, m, 2], d[0], edge[k, m, 0], d[2])
+        z = _minor(edge[k, m, 0], d[1], edge[k, m, 1], d[0])
+        length = np.sqrt(x * x + y * y + z * z)
+        if not length > 0.0:
+            continue
+        is_up_i = _dot(normal, k, i, d[0], d[1], d[2]) >= 0.0
+        is_up_j = _dot(normal, k, j, d[0], d[1], d[2]) >= 0.0
+        side = -table.handed[k] if is_up_i == is_up_j else table.handed[k]
+        for entered in range(2):
+            # Axis i is entered and j is left, then the other way round.
+            upper_i, upper_j = (not is_up_i, is_up_j) if entered == 0 else (is_up_i, not is_up_j)
+            ax, ay, az = wx, wy, wz
+            if upper_i:
+                ax, ay, az = ax - edge[k, i, 0], ay - edge[k, i, 1], az - edge[k, i, 2]
+            if upper_j:
+                ax, ay, az = ax - edge[k, j, 0], ay - edge[k, j, 1], az - edge[k, j, 2]
+            gap = side * ((ax * x + ay * y + az * z) + (ex * x + ey * y + ez * z)) / length
+            least = min(least, gap if entered == 0 else -gap)
+    return least
 
 
 @inlined
 def _offer_turned_box(i, k, table, rays, best):
-    """Offer where ray i enters box k and where it leaves it."""
+    """Offer where ray i enters box k and where it leaves it.
+
+    With them go a lower bound of `_margin`, half the way inside times the least slope, and the band.
+    """
     corner, normal, depth, size = table.corner, table.normal, table.depth, table.size
-    skew, object_id, t_min, known = table.skew, table.object_id, rays.t_min, rays.known
+    object_id, t_min, known = table.object_id, rays.t_min, rays.known
     o, d = rays.origin[i], rays.direction[i]
     ox, oy, oz, dx, dy, dz = o[0], o[1], o[2], d[0], d[1], d[2]
     wx, ex = two_difference(ox, corner[k, 0])
@@ -97,7 +121,7 @@ def _offer_turned_box(i, k, table, rays, best):
     wz, ez = two_difference(oz, corner[k, 2])
     away = np.sqrt(wx * wx + wy * wy + wz * wz)
     # Of the distance of a point from a face: as for parallelograms, and the face's own distance.
-    error = UNIT_ROUNDOFF * (12.0 * away + 8.0 * size[k]) * skew[k]
+    error = UNIT_ROUNDOFF * (12.0 * away + 12.0 * size[k])
     band = TANGENT_BAND * max(away, size[k])
     # A ray that leaves the plane of a face outward has left the box there, one that leaves it inward
     # has entered. Rounding may have put its start to the other side of that plane: beside an edge
@@ -106,6 +130,7 @@ def _offer_turned_box(i, k, table, rays, best):
     if known.shape[0] and known[i, 1] >= 0.0:
         start, reach = known[i, 0], known[i, 1] + error
     has_left, departed, is_beside = False, 0, False
+    begins, is_within = 0, True
     # Where the ray lies almost within a face, that face's t has few digits: beside an edge it must
     # not win over the next face by its rounding. So the face is taken that is entered last by the
     # lower ends of all intervals of rounding; the largest upper end bounds what that may miss.
@@ -118,19 +143,21 @@ def _offer_turned_box(i, k, table, rays, best):
     for c in range(3):
         below = _dot(normal, k, c, wx, wy, wz) + _dot(normal, k, c, ex, ey, ez)
         slope = _dot(normal, k, c, dx, dy, dz)
+        if reach >= 0.0:
+            height = below + start * slope
+            is_within &= -reach <= height <= depth[k, c] + reach
+            at_lower, at_upper = abs(height) <= reach, abs(height - depth[k, c]) <= reach
+            begins |= (at_lower + 2 * at_upper) << (2 * c)
+            if slope != 0.0:
+                has_left |= (at_lower and slope < 0.0) or (at_upper and slope > 0.0)
+                departed |= (at_lower + 2 * at_upper) << (2 * c)
         if slope == 0.0:
             if below < -band or below > depth[k, c] + band:
                 return
             is_beside |= below < 0.0 or below > depth[k, c]
+            least = 0.0
             continue
         least = min(least, abs(slope))
-        height = below + start * slope
-        if abs(height) <= reach:
-            has_left |= slope < 0.0
-            departed |= 1 << (2 * c)
-        if abs(height - depth[k, c]) <= reach:
-            has_left |= slope > 0.0
-            departed |= 2 << (2 * c)
         a, b = -below / slope, (depth[k, c] - below) / slope
         first, second = 2 * c, 2 * c + 1
         if slope < 0.0:
@@ -150,6 +177,11 @@ def _offer_turned_box(i, k, table, rays, best):
         return
     bound_in = max(enter - surely_in, latest_in - enter)
     bound_out = max(surely_out - leave, leave - earliest_out)
+    if begins != 0 and is_within:
+        for face in range(6):
+            if (begins >> face) & 1:
+                side = normal[k, face // 2]
+                note_departure(i, side[0], side[1], side[2], t_min, known, best)
     # How far the ray runs inside, seen across it at the edge between the two faces: in the plane
     # across that edge the ray and the two faces make a triangle, and this is its height.
     starts_there = (departed >> face_in) & 1 != 0
@@ -157,20 +189,26 @@ def _offer_turned_box(i, k, table, rays, best):
         enter = start
     inside = leave - enter
     m, n = face_in // 2, face_out // 2
-    if m == n:
-        height = inside * abs(p)
-    else:
-        cosine = _dot(normal, k, m, normal[k, n, 0], normal[k, n, 1], normal[k, n, 2])
-        across = np.sqrt(max(p * p + q * q - 2.0 * p * q * cosine, 0.0))
-        height = inside * (abs(p) * abs(q) / across) if across > 0.0 else inside
-    if height < band and departed == 0:
-        # By so little that other pairs of faces count: of slabs that the ray runs along t says little.
-        height, _ = _margin(table, k, o, d)
+    by_inside = abs(p)
+    if m != n:
+        across_x, across_y, across_z = (
+            p * normal[k, n, 0] - q * normal[k, m, 0],
+            p * normal[k, n, 1] - q * normal[k, m, 1],
+            p * normal[k, n, 2] - q * normal[k, m, 2],
+        )
+        across = np.sqrt(across_x * across_x + across_y * across_y + across_z * across_z)
+        by_inside = abs(p) * abs(q) / across if across > 0.0 else 1.0
+    height = inside * by_inside
+    if departed == 0 and (inside - bound_in - bound_out) * by_inside < band:
+        # By so little that other pairs of faces count: of slabs that the ray runs along t says little,
+        # and of faces that meet at a small angle.
+        height = _margin(table, k, o, d)
     if height < -error or is_beside or (starts_there and leave <= start):
         if height > -band and leave > t_min[i]:
             best.doubt[i] = min(best.doubt[i], leave)
         return
     p, q = abs(p), abs(q)
+    within = 0.5 * (inside - bound_in - bound_out) * least
     crossed = 0.0
     if enter > leave:
         # By rounding, at an edge: a point of the ray next to it.
@@ -188,12 +226,12 @@ def _offer_turned_box(i, k, table, rays, best):
     # another face than that of its departure this is a matter of rounding.
     if not ((has_left or starts_there) and enter >= start):
         bound = bound_in + crossed
-        offer(i, enter, bound, p, CLEAR, object_id[k], face_in, 0.0, 0.0, t_min, known, best)
+        offer(i, enter, bound, p, CLEAR, object_id[k], face_in, within, band, t_min, known, best)
     elif (departed >> face_in) & 1 == 0 and enter > t_min[i]:
         best.doubt[i] = min(best.doubt[i], enter)
     if not (has_left and leave >= start):
         bound = bound_out + crossed
-        offer(i, leave, bound, q, CLEAR, object_id[k], face_out, 0.0, 0.0, t_min, known, best)
+        offer(i, leave, bound, q, CLEAR, object_id[k], face_out, within, band, t_min, known, best)
     elif (departed >> face_out) & 1 == 0 and leave > t_min[i]:
         best.doubt[i] = min(best.doubt[i], leave)
     elif (goes_on - leave) * q < band:
@@ -217,6 +255,64 @@ def trace_turned_box_tree(table, members, rays, best, any_hit, stack, counters):
         )
 
 
+@inlined
+def _is_same_way(table, k, face, other, d):
+    """Tell whether a ray enters both faces, or leaves both."""
+    p = _dot(table.normal, k, face // 2, d[0], d[1], d[2])
+    q = _dot(table.normal, k, other // 2, d[0], d[1], d[2])
+    return (p * q > 0.0) == (face % 2 == other % 2)
+
+
+@inner
+def _describe_face(table, k, face, x, y, z, i, out):
+    """Fill row i for the point of a face next to (x, y, z), as seen from the box's corner.
+
+    Returns
+    -------
+    other : int
+        The face on the far side of the rim that (x, y, z) is beyond; -1: it is within.
+    gap : float
+        Distance of both points.
+    """
+    axis, is_upper = face // 2, face % 2 == 1
+    first, second = (axis + 1) % 3, (axis + 2) % 3
+    e, f, g, n = (
+        table.edge[k, first],
+        table.edge[k, second],
+        table.edge[k, axis],
+        table.normal[k, axis],
+    )
+    if is_upper:
+        x, y, z = x - g[0], y - g[1], z - g[2]
+    # The dual basis of e and f is f x n and n x e over the area, for right-handed edges.
+    by = table.handed[k] / table.area[k, axis]
+    u, v = weights_of_point(
+        x, y, z, e, f,
+        by * (f[1] * n[2] - f[2] * n[1]), by * (f[2] * n[0] - f[0] * n[2]),
+        by * (f[0] * n[1] - f[1] * n[0]), by * (n[1] * e[2] - n[2] * e[1]),
+        by * (n[2] * e[0] - n[0] * e[2]), by * (n[0] * e[1] - n[1] * e[0]),
+    )  # fmt: skip
+    other = -1
+    if not 0.0 <= u <= 1.0:
+        other = 2 * first + (u > 1.0)
+    elif not 0.0 <= v <= 1.0:
+        other = 2 * second + (v > 1.0)
+    u, v = onto_parallelogram(u, v, x, y, z, e, f)
+    side = table.orientation[k] if is_upper else -table.orientation[k]
+    gap = 0.0
+    for c in range(3):
+        p = u * e[c] + v * f[c]
+        gap += (p - (x if c == 0 else (y if c == 1 else z))) ** 2
+        if is_upper:
+            p += g[c]
+        out.position[i, c] = p + table.corner[k, c]
+        out.normal[i, c] = side * n[c]
+    out.u[i], out.v[i] = u, v
+    if side * table.handed[k] < 0.0:
+        out.u[i], out.v[i] = v, u
+    return other, np.sqrt(gap)
+
+
 @hot_kernel
 def finish_turned_boxes(table, rays, best, row_of, out):
     """Describe the hits on boxes."""
@@ -225,47 +321,44 @@ def finish_turned_boxes(table, rays, best, row_of, out):
             continue
         k = row_of[best.object_id[i]]
         o, d, t = rays.origin[i], rays.direction[i], best.t[i]
-        margin, open_width = _margin(table, k, o, d)
-        if margin < open_width:
-            best.tangent[i] = WITHIN_BAND
-        face = best.primitive[i]
-        axis, is_upper = face // 2, face % 2 == 1
         wx, ex = two_difference(o[0], table.corner[k, 0])
         wy, ey = two_difference(o[1], table.corner[k, 1])
         wz, ez = two_difference(o[2], table.corner[k, 2])
-        x, y, z = wx + t * d[0] + ex, wy + t * d[1] + ey, wz + t * d[2] + ez
-        first, second = (axis + 1) % 3, (axis + 2) % 3
-        u = min(max(_dot(table.normal, k, first, x, y, z) / table.depth[k, first], 0.0), 1.0)
-        v = min(max(_dot(table.normal, k, second, x, y, z) / table.depth[k, second], 0.0), 1.0)
-        # Normals of flat boxes are rounded by more than u and v: what is left is taken out once more.
-        for c in range(3):
-            rest = u * table.edge[k, first, c] + v * table.edge[k, second, c]
-            if is_upper:
-                rest += table.edge[k, axis, c]
-            if c == 0:
-                x -= rest
-            elif c == 1:
-                y -= rest
-            else:
-                z -= rest
-        u += _dot(table.normal, k, first, x, y, z) / table.depth[k, first]
-        v += _dot(table.normal, k, second, x, y, z) / table.depth[k, second]
-        u, v = min(max(u, 0.0), 1.0), min(max(v, 0.0), 1.0)
-        gap = 0.0
-        side = table.orientation[k] if is_upper else -table.orientation[k]
-        for c in range(3):
-            p = u * table.edge[k, first, c] + v * table.edge[k, second, c]
-            if is_upper:
-                p += table.edge[k, axis, c]
-            p += table.corner[k, c]
-            gap += (p - (o[c] + t * d[c])) ** 2
-            out.position[i, c] = p
-            out.normal[i, c] = side * table.normal[k, axis, c]
-        out.u[i], out.v[i] = u, v
-        if side * table.handed[k] < 0.0:
-            out.u[i], out.v[i] = v, u
-        out.patch_id[i] = face
-        out.residual[i] = np.sqrt(gap)
-        # Flat boxes leave so much open that their points may lie beside the ray.
-        if out.residual[i] > 0.25 * open_width:
+        band = best.b[i]
+        if not best.a[i] > band and _margin(table, k, o, d) < band:
             best.tangent[i] = WITHIN_BAND
+        x, y, z = wx + t * d[0] + ex, wy + t * d[1] + ey, wz + t * d[2] + ez
+        face = best.primitive[i]
+        other, gap = _describe_face(table, k, face, x, y, z, i, out)
+        for _ in range(2):
+            # Beside the edge of two nearly coplanar faces rounding hides which is met: the point is
+            # on the one and beyond the rim of the other.
+            if not gap > 0.125 * band or other < 0 or not _is_same_way(table, k, face, other, d):
+                break
+            beyond, closer = _describe_face(table, k, other, x, y, z, i, out)
+            if not closer < gap:
+                other, gap = _describe_face(table, k, face, x, y, z, i, out)
+                break
+            face, other, gap = other, beyond, closer
+        if gap > 0.125 * band and other >= 0:
+            # The ray passes an edge by what rounding allows: its point next to the edge.
+            edge = table.edge[k, 3 - face // 2 - other // 2]
+            along = d[0] * edge[0] + d[1] * edge[1] + d[2] * edge[2]
+            along /= edge[0] * edge[0] + edge[1] * edge[1] + edge[2] * edge[2]
+            ax, ay, az = d[0] - along * edge[0], d[1] - along * edge[1], d[2] - along * edge[2]
+            px, py, pz = (
+                out.position[i, 0] - table.corner[k, 0],
+                out.position[i, 1] - table.corner[k, 1],
+                out.position[i, 2] - table.corner[k, 2],
+            )
+            step = (px - x) * ax + (py - y) * ay + (pz - z) * az
+            step /= max(ax * ax + ay * ay + az * az, 1e-300)
+            t += step
+            best.t[i], best.t_bound[i] = t, best.t_bound[i] + abs(step)
+            x, y, z = x + step * d[0], y + step * d[1], z + step * d[2]
+            _describe_face(table, k, face, x, y, z, i, out)
+        out.patch_id[i] = face
+        gap = 0.0
+        for c in range(3):
+            gap += (out.position[i, c] - (o[c] + t * d[c])) ** 2
+        out.residual[i] = np.sqrt(gap)

@@ -15,7 +15,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 # Every row that there must be: patches, surfaces of revolution, spheres, rays and light, resources,
-# faults that were met once, and light at its extremes.
+# faults that were met once, flat faces, and light at its extremes.
 IDS = tuple(
     f"{section}{number:02d}"
     for section, count in (
@@ -23,8 +23,9 @@ IDS = tuple(
         ("B", 19),
         ("C", 13),
         ("D", 34),
-        ("E", 10),
+        ("E", 11),
         ("F", 12),
+        ("H", 2),
         ("L", 15),
     )
     for number in range(1, count + 1)

@@ -11,7 +11,14 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from hybrid_rt.intersection.kernels.patch.evaluate import evaluate_any
-from hybrid_rt.intersection.kernels.search.nearest import CLEAR, doubt, is_known, offer
+from hybrid_rt.intersection.kernels.search.nearest import (
+    CLEAR,
+    begins_at,
+    doubt,
+    is_known,
+    note_departure,
+    offer,
+)
 from hybrid_rt.intersection.kernels.search.tolerances import MAX_STEPS, TANGENT_BAND, UNIT_ROUNDOFF
 from hybrid_rt.intersection.kernels.search.trims import band_of_ray, decide, may_be_kept, quick_side
 from meshing.kernels.jit import inlined, inner, outlined
@@ -257,7 +264,18 @@ def offer_root(i, u, v, t, n_dot_d, patch, ray, rays, best):
     )
     t_world = (t + shift) * to_world
     t_bound = (2.0 * error / n_dot_d + 2.0 * UNIT_ROUNDOFF * abs(t + shift)) * to_world
-    if not t_world > t_min[i] or is_known(i, t_world, t_bound, n_dot_d, known):
+    if is_known(i, t_world, t_bound, n_dot_d, known):
+        _, _, _, xu, yu, zu, xv, yv, zv = evaluate_any(
+            patch.control, patch.start, patch.degree_u, patch.degree_v, u, v, patch.basis,
+            patch.rational,
+        )  # fmt: skip
+        nx, ny, nz = yu * zv - zu * yv, zu * xv - xu * zv, xu * yv - yu * xv
+        length = np.sqrt(nx * nx + ny * ny + nz * nz)
+        if length > 0.0 and begins_at(i, t_world, t_bound, n_dot_d, known):
+            nx, ny, nz = nx / length, ny / length, nz / length
+            note_departure(i, nx, ny, nz, t_min, known, best)
+        return False
+    if not t_world > t_min[i]:
         return False
     is_kept, edge = is_inside_loops(i, u, v, t, patch.trim, patch, ray, rays, best)
     if not is_kept:

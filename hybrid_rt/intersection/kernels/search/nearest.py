@@ -5,7 +5,10 @@ So the range of t, the points excluded by identity, and ties are decided in one 
 for certain is noted by `doubt`.
 """
 
+import math
 from typing import Any, NamedTuple
+
+import numpy as np
 
 from hybrid_rt.intersection.kernels.search.tolerances import NEARLY_WITHIN
 from meshing.kernels.jit import inlined, inner
@@ -21,8 +24,8 @@ class Rays(NamedTuple):
     origin: Any  # (n, 3) float64, world frame
     direction: Any  # (n, 3) float64
     t_min: Any  # (n,) float64; a hit needs t > t_min
-    # (n, 4) float64, or (0, 4) for none: t and radius of departure, of target; a fifth column: the
-    # object that the ray does not see
+    # (n, 6) float64, or (0, 6) for none: t and radius of departure, of target; the object that the
+    # ray does not see; scratch of `note_departure`, nan to begin with
     known: Any
 
 
@@ -38,6 +41,11 @@ class Nearest(NamedTuple):
     tangent: Any  # (n,) uint8: is the root's existence decided within the band? See below
     doubt: Any  # (n,) float64, smallest t of a root rejected within the band; start: inf
 
+
+# Planes are told apart by |n.g| with a direction g that no shape is likely to be symmetrical about; a
+# smaller difference is taken for rounding.
+FINGERPRINT = (0.4171, 0.5943, 0.6877)
+ONE_PLANE = 2.0**-42
 
 # What `Nearest.tangent` holds: no; yes; or to be found out by moving the ray (`intersection.margins`).
 CLEAR, WITHIN_BAND, SUSPECT = 0, 1, 2
@@ -60,9 +68,35 @@ def is_known(i, t, t_bound, n_dot_d, known):
 
 
 @inlined
+def begins_at(i, t, t_bound, n_dot_d, known):
+    """Tell whether a root is the named departure of ray i; see `is_known`."""
+    if known.shape[0] == 0 or known[i, 1] < 0.0:
+        return False
+    return abs(t - known[i, 0]) * n_dot_d <= t_bound * n_dot_d + known[i, 1]
+
+
+@inner
+def note_departure(i, nx, ny, nz, t_min, known, best):
+    """Note a doubt if ray i begins on this face and, as noted before, on one of another plane.
+
+    Within rounding of an edge nothing tells which of its faces a ray leaves, so that `is_known` holds for
+    roots on all of them. Coplanar faces, and coincident ones of two objects, hide nothing from each
+    other. A ray that goes on through a point has met what is there. ``n`` is the unit normal.
+    """
+    start, radius = known[i, 0], known[i, 1]
+    if radius < 0.0 or abs(start) > 2.0 * radius or t_min[i] > 4.0 * radius:
+        return
+    mark = abs(nx * FINGERPRINT[0] + ny * FINGERPRINT[1] + nz * FINGERPRINT[2])
+    if math.isnan(known[i, 5]):
+        known[i, 5] = mark
+    elif abs(mark - known[i, 5]) > ONE_PLANE:
+        best.doubt[i] = -np.inf  # in front of whatever is hit, however near
+
+
+@inlined
 def is_unseen(i, object_id, known):
     """Tell whether ray i passes an object as if it were not there."""
-    return known.shape[0] > 0 and known.shape[1] > 4 and known[i, 4] == object_id
+    return known.shape[0] > 0 and known[i, 4] == object_id
 
 
 @inlined

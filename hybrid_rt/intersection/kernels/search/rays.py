@@ -202,7 +202,9 @@ def name_point(origin, direction, i, object_id, position, j, reach, rounding, mo
 
 @hot_kernel
 def name_points(origin, direction, object_id, position, reach, column, rounding, most, known):
-    """Fill two columns of ``known`` (n, 4) with t and rounding of points on the rays.
+    """Fill two columns of ``known`` (n, 6) with t and rounding of points on the rays.
+
+    With the departures, the columns that follow are filled as for rays that see all objects.
 
     Parameters
     ----------
@@ -219,6 +221,8 @@ def name_points(origin, direction, object_id, position, reach, column, rounding,
         rounding, both over the size of its coordinates.
     """
     for i in range(object_id.size):
+        if column == 0:
+            known[i, 4], known[i, 5] = -1.0, np.nan
         if object_id[i] < 0:
             known[i, column] = 0.0
             known[i, column + 1] = -1.0

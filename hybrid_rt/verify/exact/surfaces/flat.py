@@ -18,7 +18,6 @@ from hybrid_rt.verify.exact.crossings import (
     RationalVector,
     ball_of,
     cosine_of,
-    cross,
     distance,
     dot,
     inside,
@@ -158,18 +157,15 @@ class ExactTurnedBox(ExactBox, of=TurnedBox):
         return lambda o, d: [found for face in faces for found in face.crossings(o, d)]
 
     def gap(self) -> Gap:
-        """Return a function that measures from the face, along the box's own axes."""
+        """Return a function that measures from the face's point at (u, v)."""
         corner, edges = self._frame()
-        sides = [cross(edges[k - 2], edges[k - 1]) for k in range(3)]
-        volume = dot(edges[0], sides[0])
+        swapped = self.surface._is_swapped(np.arange(6))
 
-        def gap(patch: int, _u: float, _v: float, point: list[Any]) -> float:
+        def gap(patch: int, u: float, v: float, point: list[Any]) -> float:
             axis, upper = divmod(patch, 2)
-            away = [x - c for x, c in zip(point, corner, strict=True)]
-            share = [min(max(dot(away, side) / volume, 0), 1) for side in sides]
-            share[axis] = flint.fmpq(upper)
+            a, b = (inside(v), inside(u)) if swapped[patch] else (inside(u), inside(v))
             there = [
-                c + sum((s * edge[k] for s, edge in zip(share, edges, strict=True)), flint.fmpq(0))
+                c + upper * edges[axis][k] + a * edges[axis - 2][k] + b * edges[axis - 1][k]
                 for k, c in enumerate(corner)
             ]
             return distance(there, point)
