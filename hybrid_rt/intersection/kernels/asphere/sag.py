@@ -27,20 +27,21 @@ class Line(NamedTuple):
 
 @inner
 def look(line, coefficient, k, s):
-    """Return g, g', g'' and F at s."""
+    """Return g, g', g'' and F at s; ``coefficient`` is that of `AsphereTable`."""
     x, y = line.x + s * line.vx, line.y + s * line.vy
     w = x * x + y * y
     root = np.sqrt(max(1.0 - line.under_root * w, LEAST_UNDER_ROOT))
     rate = 0.5 * line.curvature / root
     bend = 0.5 * rate * line.under_root / (root * root)
     a = b = e = 0.0
-    for j in range(coefficient.shape[1] - 1, -1, -1):
-        e = e * w + b
-        b = b * w + a
-        a = a * w + coefficient[k, j]
-    sag = line.curvature * w / (1.0 + root) + a * w
-    rate += a + b * w
-    bend += 2.0 * (b + e * w)
+    q = w - coefficient[k, 0]
+    for j in range(coefficient.shape[1] - 1, 1, -1):
+        e = e * q + b
+        b = b * q + a
+        a = a * q + coefficient[k, j]
+    sag = line.curvature * w / (1.0 + root) + (coefficient[k, 1] + a * q)
+    rate += a + b * q
+    bend += 2.0 * (b + e * q)
     turn = 2.0 * (x * line.vx + y * line.vy)
     g = (line.z + s * line.vz) - sag
     return g, line.vz - rate * turn, -(bend * turn * turn + 2.0 * rate * line.across), rate

@@ -10,9 +10,13 @@ from hybrid_rt.intersection.kernels.asphere.solve import (
     find_root,
     is_grazing,
 )
-from hybrid_rt.intersection.kernels.asphere.table import bounds_between
-from hybrid_rt.intersection.kernels.search.nearest import doubt, offer
-from hybrid_rt.intersection.kernels.search.tolerances import MAX_PIECES, UNIT_ROUNDOFF
+from hybrid_rt.intersection.kernels.asphere.table import bounds_between, noise_near
+from hybrid_rt.intersection.kernels.search.nearest import doubt, is_left_behind, offer
+from hybrid_rt.intersection.kernels.search.tolerances import (
+    MAX_PIECES,
+    NEAR_BEGIN,
+    UNIT_ROUNDOFF,
+)
 from meshing.kernels.jit import inlined, inner
 
 # Halvings of the ray: shorter pieces than 2^-48 are points.
@@ -30,15 +34,22 @@ def offer_sag_root(i, k, line, s, near, shift, per_t, rims, table, rays, best):
     t = (shift + s * per_t) * to_world
     if t > best.t[i]:
         return True
-    if not t > rays.t_min[i]:
+    reach = NEAR_BEGIN * per_t * to_world
+    if not near and is_left_behind(i, t, reach, rays.t_min, rays.known):
         return False
     first_rim, second_rim, band = rims
     coefficient, noise, bend = table.coefficient, table.noise[k], table.bend[k]
     _, slope, _, rate = look(line, coefficient, k, s)
     cosine = abs(slope) / gradient(line, s, rate)
     near = near or is_grazing(line, coefficient, k, s, band, bend)
+    if not near:
+        x, y = line.x + s * line.vx, line.y + s * line.vy
+        zones = table.bounds.shape[2] / table.rim[k, 1]
+        noise = noise_near(table.bounds, k, (x * x + y * y) * zones)
     bound = bound_of_root(line, coefficient, k, s, noise, bend, near) * per_t
     bound += 4.0 * UNIT_ROUNDOFF * (abs(shift) + abs(s * per_t))
+    if not t + bound * to_world > rays.t_min[i]:
+        return False
     from_rim = min(abs(s - first_rim), abs(s - second_rim))
     is_tangent = near or from_rim * cosine <= BESIDE_RIM * band
     is_kept, is_within, edge, u, v = side_of_root(table.trim, k, line, s, table, band)
@@ -82,6 +93,7 @@ def search(i, k, line, lo, hi, shift, per_t, rims, table, rays, best):
             # Within a zone F changes by no more than F' allows.
             rate = look(line, coefficient, k, a)[3]
             change = max(abs(b0), abs(b1)) * (high - low) + SLOPE_NOISE * abs(rate)
+            change += table.height[k, 2]
             f0, f1 = max(f0, rate - change), min(f1, rate + change)
         p, q = 2.0 * (line.turn + line.across * a), 2.0 * (line.turn + line.across * b)
         steepest = max(abs(f0), abs(f1))

@@ -11,7 +11,7 @@ from meshing.kernels.jit import inlined
 RAY_NOISE = 34.0 * UNIT_ROUNDOFF
 
 # Columns of the table of bounds.
-F0, F1, B0, B1 = range(4)
+F0, F1, B0, B1, NOISE = range(5)
 
 
 class AsphereTable(NamedTuple):
@@ -23,12 +23,13 @@ class AsphereTable(NamedTuple):
     to_frame: Any  # (k,) powers of two: the ball's radius is 1/2 to 1
     curvature: Any  # (k,) in the frame, as all that follows
     under_root: Any  # (k,): (1 + conic) curvature^2
-    coefficient: Any  # (k, n): a_2, a_4, ...
+    coefficient: Any  # (k, n): c, b_0, b_1, ..., see `hybrid_rt.primitives.sag.Sag.expansion`
     rim: Any  # (k, 3): radius of the rim, its square, its height
-    height: Any  # (k, 2): lowest and highest z
-    noise: Any  # (k,): rounding, as a distance
+    height: Any  # (k, 4): lowest and highest z; rounding of F; least band, see `_least_bands`
+    noise: Any  # (k,): rounding anywhere, as a distance
     bend: Any  # (k,): largest |g''|
-    bounds: Any  # (k, levels, zones, 4): of F and F' over 2^level zones of w from each one on
+    # (k, levels, zones, 5): of F, F' and rounding over 2^level zones of w from each one on
+    bounds: Any
     orientation: Any  # (k,): 1 as S_u x S_v of r growing with v, -1 flipped
     object_id: Any  # (k,) int32
     trim: Any  # None: they are whole; else `search.trims.Trim`
@@ -38,15 +39,17 @@ def asphere_table(aspheres, object_id, trim=None):
     """Return the table of a list of aspheres, and of the loops that trim all of them."""
     sags = [a.sag.scaled(-a.local_exponent) for a in aspheres]
     zones = [a.local_zones for a in aspheres]
-    width = max(1, *(len(sag.coefficients) for sag in sags)) if sags else 1
+    width = max(3, *(len(sag.coefficients) + 2 for sag in sags)) if sags else 3
     coefficient = np.zeros((len(sags), width))
     for row, sag in zip(coefficient, sags, strict=True):
-        row[: len(sag.coefficients)] = sag.coefficients
+        row[0], row[1 : len(sag.coefficients) + 2] = sag.expansion
     to_frame = np.array([2.0**-a.local_exponent for a in aspheres])
     rim = np.array([0.5 * a.aperture for a in aspheres]) * to_frame
     rim_height = [float(sag.at(np.array([r * r]))[0][0]) for sag, r in zip(sags, rim, strict=True)]
     steepest = np.array([np.abs(zone.slope).max() for zone in zones])
     bend = np.array([np.abs(zone.bend).max() for zone in zones])
+    noise = UNIT_ROUNDOFF * np.array([zone.noise.max() for zone in zones])
+    slope_noise = UNIT_ROUNDOFF * np.array([zone.slope_noise.max() for zone in zones])
     return AsphereTable(
         origin=np.array([a.origin for a in aspheres]),
         size=np.array([a.ball_radius for a in aspheres]),
@@ -56,8 +59,16 @@ def asphere_table(aspheres, object_id, trim=None):
         under_root=np.array([sag.under_root for sag in sags]),
         coefficient=coefficient,
         rim=np.stack([rim, rim * rim, np.array(rim_height)], axis=1),
-        height=np.array([(zone.z[:, 0].min(), zone.z[:, 1].max()) for zone in zones]),
-        noise=RAY_NOISE + UNIT_ROUNDOFF * np.array([zone.noise.max() for zone in zones]),
+        height=np.stack(
+            [
+                [zone.z[:, 0].min() for zone in zones],
+                [zone.z[:, 1].max() for zone in zones],
+                slope_noise,
+                _least_bands(coefficient[:, 0], noise, slope_noise * rim * rim),
+            ],
+            axis=1,
+        ),
+        noise=RAY_NOISE + noise,
         bend=2.0 * steepest + 4.0 * rim * rim * bend,
         bounds=np.array([_levels(zone) for zone in zones]),
         orientation=np.array([float(a.orientation) for a in aspheres]),
@@ -66,9 +77,19 @@ def asphere_table(aspheres, object_id, trim=None):
     )
 
 
+def _least_bands(centre, noise, slope_noise):
+    """Return the least band of each asphere: where terms cancel, decisions are open by their rounding.
+
+    They do if the polynomial is about a ``centre`` other than 0. ``slope_noise`` is the rounding of F times
+    the square of the rim.
+    """
+    return np.where(centre != 0.0, 2.0 * (noise + slope_noise), 0.0)
+
+
 def _levels(zone):
-    """Return bounds (levels, zones, 4) of F and F' over 1, 2, 4, ... zones from each one on."""
-    levels = [np.concatenate([zone.slope, zone.bend], axis=1)]
+    """Return bounds (levels, zones, 5) over 1, 2, 4, ... zones from each one on."""
+    noise = RAY_NOISE + UNIT_ROUNDOFF * zone.noise[:, None]
+    levels = [np.concatenate([zone.slope, zone.bend, noise], axis=1)]
     reach = 1
     while reach < len(zone.slope):
         last = levels[-1]
@@ -78,6 +99,15 @@ def _levels(zone):
         levels.append(joined)
         reach *= 2
     return np.stack(levels)
+
+
+@inlined
+def noise_near(bounds, k, w):
+    """Return what rounding moves a root at w, in zones, as a distance."""
+    last = bounds.shape[2] - 1
+    zone = min(max(int(w), 0), last)
+    before, behind = max(zone - 1, 0), min(zone + 1, last)
+    return max(bounds[k, 0, before, NOISE], bounds[k, 0, zone, NOISE], bounds[k, 0, behind, NOISE])
 
 
 @inlined
