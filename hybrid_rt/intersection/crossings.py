@@ -11,11 +11,14 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from hybrid_rt.core.hit_table import to_csv, to_dataframe
-from hybrid_rt.core.records import HitRecord
-from hybrid_rt.intersection.ray_batch import as_limit, as_rays
+from hybrid_rt.core.records import BoolArray, FloatArray, HitRecord, Status
+from hybrid_rt.intersection.ray_batch import POINT_ROUNDING, as_limit, as_rays
 
 # A ray meets a polynomial surface of degree 30 x 30 at most 1800 times; meshes may have more.
 MOST_CROSSINGS = 1_000_000
+# Crossings of adjoining pieces are one up to so many roundings of their coordinates, if their bounds
+# allow that. Farther apart they are the ends of a wall that the ray runs in.
+SAME = 64.0
 
 
 @dataclass(frozen=True)
@@ -87,22 +90,30 @@ class Crossings:
 
 
 def find_crossings(
-    intersect: Callable[..., HitRecord],
+    step: Callable[[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray | None], HitRecord],
+    reach: FloatArray,
     origins: ArrayLike,
     directions: ArrayLike,
     t_min: ArrayLike,
     t_max: ArrayLike,
 ) -> Crossings:
-    """Find all crossings by stepping from hit to hit; each hit is the ``source`` of the next step.
+    """Find all crossings by stepping from hit to hit.
 
-    So a point that patches share (an edge, a seam, a pole, a mesh edge) is one crossing. So are
-    coincident points of different objects; the lower ``object_id`` is reported. A ray that is
-    tangent to a surface without crossing it has one row there.
+    A root is the crossing before it, met again, if the bounds of both allow them the same t and the
+    surface is crossed the same way: so it is where patches share a point (an edge, a seam, a pole) and
+    at mesh edges. So are points where different objects coincide; the lower ``object_id`` is reported.
+    Rounding may have moved patches of one object apart that were meant to share a border: what is
+    crossed twice the same way, so near that coordinates round by more, is one crossing, of status
+    TANGENT. A ray that is tangent to a surface without crossing it may have one row there.
 
     Parameters
     ----------
-    intersect : callable
-        `Intersector.intersect`, or what takes and returns the same.
+    step : callable
+        Takes origins, directions, t_min, t_max, and t of the crossing behind which each search goes on
+        (None: of none).
+        Returns the first hits.
+    reach : (objects,) float64
+        The ``rounding_reach`` of each surface.
     origins, directions, t_min, t_max : array-like
         As `Intersector.intersect` takes them.
 
@@ -120,18 +131,28 @@ def find_crossings(
     o, d, shape = as_rays(origins, directions)
     lowest, highest = as_limit(t_min, "t_min", shape), as_limit(t_max, "t_max", shape)
     n = len(o)
-    active, source = np.arange(n), None
+    active, last = np.arange(n), None
     parts: list[HitRecord] = []
     rays: list[NDArray[np.int64]] = []
+    # Of each ray the row of its last crossing; and the rows that hold more than one.
+    row_of, n_rows, merged = np.full(n, -1), 0, [np.zeros(0, np.int64)]
     for _ in range(MOST_CROSSINGS):
-        hits = intersect(o[active], d[active], t_min=lowest, t_max=highest[active], source=source)
+        passed = None if last is None else last.t
+        hits = step(o[active], d[active], lowest, highest[active], passed)
         found = hits.hit
-        source, active = hits[found], active[found]
-        parts.append(source)
-        rays.append(active)
+        again = np.zeros(len(hits), np.bool_)
+        if last is not None:
+            again, is_open = _met_again(last, hits, d[active], reach)
+            merged.append(row_of[active[again & is_open]])
+        new = found & ~again
+        parts.append(hits[new])
+        rays.append(active[new])
+        row_of[active[new]] = n_rows + np.arange(len(parts[-1]))
+        n_rows += len(parts[-1])
+        last, active = hits[found], active[found]
         if not len(active):
             break
-        lowest = source.t
+        lowest = last.t
     else:
         raise RuntimeError(
             f"ray {active[0]} has more than {MOST_CROSSINGS} crossings: pass t_max, or fewer surfaces"
@@ -140,8 +161,49 @@ def find_crossings(
     # Stable: the steps of one ray stay in their order, which is that of t.
     order = np.argsort(ray, kind="stable")
     columns: dict[str, Any] = {
-        item.name: np.concatenate([getattr(part, item.name) for part in parts])[order]
+        item.name: np.concatenate([getattr(part, item.name) for part in parts])
         for item in fields(HitRecord)
     }
+    columns["status"][np.concatenate(merged)] = Status.TANGENT
     offsets = np.searchsorted(ray[order], np.arange(n + 1)).astype(np.int64)
-    return Crossings(HitRecord(**columns), ray[order], offsets)
+    hits = HitRecord(**{name: column[order] for name, column in columns.items()})
+    return Crossings(hits, ray[order], offsets)
+
+
+def _met_again(
+    last: HitRecord, hits: HitRecord, directions: FloatArray, reach: FloatArray
+) -> tuple[BoolArray, BoolArray]:
+    """Tell which hits are the crossings before them, and for which of these rounding leaves that open.
+
+    A crossing that leaves a surface is another one than that which entered it, however near. But two
+    pieces whose normals oppose each other may be one sheet, whose pieces have opposite orientations.
+    """
+    before, after = _slopes(last, directions), _slopes(hits, directions)
+    step = hits.t - last.t
+    across = step * np.maximum(np.abs(before), np.abs(after))
+    # The bounds of both allow them the same t; of unproven hits nothing is known.
+    meets = np.isfinite(hits.t_bound) & (step <= hits.t_bound + last.t_bound)
+    rounding = _rounding(last, reach)
+    is_near, is_far = across <= rounding, across > SAME * rounding
+    is_same = hits.object_id == last.object_id
+    is_piece = is_same & (hits.patch_id == last.patch_id)
+    goes_on = before * after > 0.0
+    opposes = np.einsum("ij,ij->i", last.normal, hits.normal) < 0.0
+    turns = is_same & ~is_piece & ~goes_on & opposes & is_near
+    borders = is_same & ~is_piece & goes_on & (is_near | (meets & ~is_far))
+    again = hits.hit & ((meets & (~is_same | (is_piece & goes_on))) | borders | turns)
+    return again, turns | (is_same & (is_far | ~meets))
+
+
+def _slopes(hits: HitRecord, directions: FloatArray) -> FloatArray:
+    """Return the directions' parts along the normals; nan for misses."""
+    slopes: FloatArray = np.einsum("ij,ij->i", hits.normal, directions)
+    return slopes
+
+
+def _rounding(hits: HitRecord, reach: FloatArray) -> FloatArray:
+    """Return how far rounding of the coordinates moves points of hits, scene units."""
+    size: FloatArray = np.maximum(
+        np.abs(hits.position).max(axis=1, initial=0.0), reach[hits.object_id]
+    )
+    return POINT_ROUNDING * size

@@ -38,8 +38,9 @@ from hybrid_rt.intersection.kinds.registry import (
     kernel_groups,
     make_kinds,
 )
+from hybrid_rt.intersection.limits import Limit
 from hybrid_rt.intersection.margins import Probing
-from hybrid_rt.intersection.ray_batch import make_batch
+from hybrid_rt.intersection.ray_batch import Batch, make_batch
 from meshing.surface import Surface
 
 if TYPE_CHECKING:
@@ -114,6 +115,7 @@ class Intersector:
         # Points of closed forms lie on them up to the rounding of their own coordinates, those of
         # curved surfaces and triangles up to that of the figures they are computed from.
         self._reach = np.array([surface.rounding_reach for surface in self.surfaces])
+        self._farthest = float(self._reach.max(initial=0.0))
         self._direct, self._curved, self._kind_of, members, self.plan = make_kinds(
             self.surfaces, accuracy, self._pool
         )
@@ -209,7 +211,9 @@ class Intersector:
         origins, directions : (n, 3), (3,) or (h, w, 3) array-like
             Scene units, world frame, any float type. Directions may have any length but zero.
         t_min, t_max : scalar, (n,) or (h, w)
-            A hit needs ``t_min < t < t_max``, in lengths of the given direction.
+            A hit needs ``t_min < t < t_max``, in lengths of the given direction. A row says `TANGENT` if
+            ``t_bound`` of a root allows both answers: a hit whose bound reaches across a limit, or a miss
+            where the bound of a root beyond one reaches within.
         source : HitRecord or NamedPoints of n rows, optional
             The hits, or points of objects, that the rays leave: those of a lamp that is an object, say.
             These points are excluded, also as points of adjoining patches, seams, poles or mesh edges.
@@ -232,6 +236,10 @@ class Intersector:
         batch = make_batch(
             origins, directions, t_min, t_max, source, None, self._reach, self._pool, unseen
         )
+        return self._first_hits(batch)
+
+    def _first_hits(self, batch: Batch) -> HitRecord:
+        """Find the first hit of each ray of a checked batch."""
         n = len(batch)
         record = new_record(n)
         columns = Record(*(getattr(record, name) for name in Record._fields))
@@ -243,13 +251,16 @@ class Intersector:
             watches.append(watch := Stopwatch(self.now))
             tally, totals = np.zeros(len(COUNTER_NAMES)), np.zeros(2, np.int64)
             rays, t_max, unit = batch.rows(begin, end)
-            best, found = new_nearest(t_max), np.zeros(end - begin, np.bool_)
+            is_limited = bool((batch.t_max[begin:end] < np.inf).any())
+            limit = Limit(t_max, rays, self._farthest, is_limited)
+            best, found = new_nearest(limit.searched), np.zeros(end - begin, np.bool_)
             self._first_roots(rays, best, False, tally, found, watch)
             out = rows_of(slots, begin, end)
             for number, kind in enumerate(self._finishing):
                 kind.finish(rays, best, self._kind_of, number, out)
             for number, kind in self._probing:
                 kind.settle(rays, best, self._kind_of, number, out, tally)
+            limit.apply(best, out.flags)
             complete_rows(rays.direction, unit, best, rows_of(columns, begin, end), totals)
             tallies.append(tally)
             rows.append((end - begin, *totals.tolist(), int(found.sum())))
@@ -276,7 +287,7 @@ class Intersector:
         """Tell for each ray whether anything lies between ``t_min`` and ``t_max``.
 
         Parameters and errors are those of `intersect`. ``target`` holds the hits, n rows, that the
-        rays lead to; these do not occlude them.
+        rays lead to; these do not occlude them. The answer is that of ``intersect(...).hit``.
 
         Returns
         -------
@@ -313,10 +324,12 @@ class Intersector:
     ) -> Crossings:
         """Find every crossing of each ray. A shared edge, a seam or a pole counts once.
 
-        So does a place where the surfaces of two objects coincide: one of them is named. Two crossings
-        that rounding cannot tell apart, where a ray grazes within twice the band or so, may count as
-        one or be left out, and a ray that passes by within it may count one. No row tells of a pair
-        that was left out; `intersect` marks such a ray as TANGENT if the pair would come first.
+        So does a place where the surfaces of two objects coincide within the bounds of both: one of them
+        is named. Where a ray grazes a surface both crossings are there, however near each other, unless
+        moving the ray by the band or so could take them away: then they may count as one, or be left out,
+        and a ray that passes by may count one. A row that stands for such a pair says TANGENT. No row tells
+        of a pair that was left out, nor of a crossing that rounding alone puts beyond ``t_max``;
+        `intersect` marks such a ray as TANGENT if it would come first.
 
         Parameters and errors are those of `intersect`, which can also leave a point of departure out
         (``source``). Here a ray that starts on a surface may or may not cross it there.
@@ -326,7 +339,15 @@ class Intersector:
         Crossings
             ``hits`` are sorted by ray and then by t.
         """
-        return find_crossings(self.intersect, origins, directions, t_min, t_max)
+
+        def step(
+            o: FloatArray, d: FloatArray, low: FloatArray, high: FloatArray, last: FloatArray | None
+        ) -> HitRecord:
+            return self._first_hits(
+                make_batch(o, d, low, high, last, None, self._reach, self._pool)
+            )
+
+        return find_crossings(step, self._reach, origins, directions, t_min, t_max)
 
     def _first_roots(
         self,

@@ -136,7 +136,7 @@ def settle(
         band = aim.band[k]
         aside = band[:, None] * (np.cos(turn) * aim.outward[k] + np.sin(turn) * across[k])
         probes = _rows_of(here, k)
-        _widen(probes, band / length[k])
+        _widen(probes, band * np.maximum(1.0, 1.0 / length[k]))
         found, record = new_nearest(t[k] + 2.0 * widest / length[k]), new_record(len(k))
         retrace(probes, aside, found)
         describe(probes, found, Finished(*(getattr(record, name) for name in Finished._fields)))

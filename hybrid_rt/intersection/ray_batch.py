@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from hybrid_rt.core.records import FloatArray, HitRecord, IntArray, NamedPoints
 from hybrid_rt.core.threads import Pool
 from hybrid_rt.intersection.kernels.search import rays as kernels
-from hybrid_rt.intersection.kernels.search.nearest import Rays
+from hybrid_rt.intersection.kernels.search.nearest import PASSED, Rays
 from meshing.checks import as_floats, refuse_mask, shown
 
 IdArray = NDArray[np.int64]
@@ -35,7 +35,8 @@ class Batch:
     t_min, t_max : (n,) float64
         In lengths of the given directions.
     source, target : NamedPoints of n rows, or None
-        Points that rays leave and lead to; they are excluded as hits.
+        Points that rays leave and lead to; they are excluded as hits. Or ``source`` is
+        (n,) float64, the t of a crossing of each ray: the search goes on behind it, to no target.
     reach : (objects,) float64
         See `make_batch`.
     unseen : (n,) int32, or None
@@ -46,7 +47,7 @@ class Batch:
     direction: FloatArray
     t_min: FloatArray
     t_max: FloatArray
-    source: NamedPoints | None
+    source: NamedPoints | FloatArray | None
     target: NamedPoints | None
     reach: FloatArray
     unseen: IntArray | None
@@ -64,15 +65,21 @@ class Batch:
         kernels.scale_rays(
             direction, self.t_min[begin:end], self.t_max[begin:end], scaled, unit, t_min, t_max
         )
-        known = self._known(origin, scaled, begin, end)
+        known = self._known(origin, scaled, unit, begin, end)
         return Rays(origin, scaled, t_min, known), t_max, unit
 
-    def _known(self, origin: FloatArray, direction: FloatArray, begin: int, end: int) -> FloatArray:
+    def _known(
+        self, origin: FloatArray, direction: FloatArray, unit: FloatArray, begin: int, end: int
+    ) -> FloatArray:
         """Return t and rounding of the points that rays leave from and go to (see `is_known`)."""
         if self.source is None and self.target is None and self.unseen is None:
             return np.empty((0, 6))
         known = np.empty((end - begin, 6))
         for column, record in ((0, self.source), (2, self.target)):
+            if isinstance(record, np.ndarray):
+                known[:, 0] = record[begin:end] / unit
+                known[:, 1:] = 0.0, 0.0, PASSED, -1.0, np.nan
+                return known
             if record is None:
                 known[:, column : column + 2] = 0.0, -1.0
                 if column == 0:
@@ -99,7 +106,7 @@ def make_batch(
     directions: ArrayLike,
     t_min: ArrayLike,
     t_max: ArrayLike,
-    source: HitRecord | NamedPoints | None,
+    source: HitRecord | NamedPoints | FloatArray | None,
     target: HitRecord | NamedPoints | None,
     reach: FloatArray,
     pool: Pool,
@@ -110,7 +117,7 @@ def make_batch(
     Parameters
     ----------
     origins, directions, t_min, t_max, source, unseen
-        As `Intersector.intersect` takes them.
+        As `Intersector.intersect` takes them; ``source`` also as `Batch` does.
     target : HitRecord or NamedPoints of n rows, optional
         The points that rays lead to.
     reach : (objects,) float64
@@ -139,10 +146,12 @@ def make_batch(
     if bad:
         _refuse(origin, direction, bad)
     lowest, highest = as_limit(t_min, "t_min", shape), as_limit(t_max, "t_max", shape)
-    leave, reached = (
-        _checked_points(record, name, n, len(reach))
-        for record, name in ((source, "source"), (target, "target"))
+    leave = (
+        source
+        if isinstance(source, np.ndarray)
+        else _checked_points(source, "source", n, len(reach))
     )
+    reached = _checked_points(target, "target", n, len(reach))
     hidden = None if unseen is None else _checked_ids(unseen, "unseen", n, len(reach))
     return Batch(origin, direction, lowest, highest, leave, reached, reach, hidden)
 

@@ -74,9 +74,10 @@ def offer_plane(i, k, table, rays, best):
     slope = abs(n_dot_d)
     length = np.sqrt(d[0] * d[0] + d[1] * d[1] + d[2] * d[2])
     away = np.sqrt(wx * wx + wy * wy + wz * wz)
-    # As for parallelograms; the rounding of n.d itself counts for distant points.
-    error = UNIT_ROUNDOFF * (8.0 * away + 6.0 * abs(t) * length)
-    t_bound = error / slope + 4.0 * UNIT_ROUNDOFF * abs(t)
+    # As for parallelograms; the rounding of n.d itself counts for distant points, unless it is exact.
+    turn = 0.0 if is_nearly_within else 6.0 * abs(t) * length
+    error = UNIT_ROUNDOFF * (8.0 * away + turn)
+    t_bound = error / slope + 8.0 * UNIT_ROUNDOFF * abs(t)
     if is_nearly_within:
         band = TANGENT_BAND * away
         doubt_start(i, t, slope, -np.inf, np.inf, band, rays.t_min, rays.known, best)

@@ -23,6 +23,7 @@ from hybrid_rt.intersection.kernels.search.nearest import (
     begins_at,
     doubt,
     doubt_start,
+    is_left_behind,
     note_departure,
     offer,
 )
@@ -257,13 +258,18 @@ def offer_parallelogram(i, k, table, rays, best):
         _note_start(i, k, table, wx + ex, wy + ey, wz + ez, rays, best)
     # Without the division: behind the origin, or beyond the nearest root by more than roundings.
     if (height > 0.0) == (n_dot_d > 0.0):
-        if t_min[i] >= 0.0:
+        near = START * (abs(wx) + abs(wy) + abs(wz) + size[k])
+        if t_min[i] >= 0.0 and abs(height) > near:
             return
     elif abs(height) > best.t[i] * slope * BEYOND:
         return
     t = -height / n_dot_d
-    if not t > t_min[i] or t > best.t[i]:
+    if t > best.t[i]:
         return
+    if not t > t_min[i]:
+        near = START * (abs(wx) + abs(wy) + abs(wz) + size[k])
+        if is_left_behind(i, t, near / slope, t_min, known):
+            return
     px, py, pz = wx + t * dx + ex, wy + t * dy + ey, wz + t * dz + ez
     u = row_u[k, 0] * px + row_u[k, 1] * py + row_u[k, 2] * pz
     v = row_v[k, 0] * px + row_v[k, 1] * py + row_v[k, 2] * pz
@@ -303,7 +309,7 @@ def offer_parallelogram(i, k, table, rays, best):
                 min(v, 1.0 - v) / _width(edge_u, k, dx, dy, dz),
             )
             if depth < -error:
-                if depth > -band:
+                if depth > -band and t > t_min[i]:
                     best.doubt[i] = min(best.doubt[i], t)
                 return
             tangent = depth < band

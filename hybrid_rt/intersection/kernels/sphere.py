@@ -145,7 +145,7 @@ def _grazes_kept(i, k, t, band, trim, table, rays):
 @inlined
 def _offer_inside(i, k, t, error, n_dot_d, tangent, band, trim, table, rays, best):
     """Offer a root on trimmed sphere k if it is inside the loops."""
-    if not t > rays.t_min[i] or t > best.t[i]:
+    if not t + error > rays.t_min[i] or t > best.t[i]:
         return
     if not tangent:
         side = _sure_side(i, k, t, n_dot_d, band, trim, table, rays)

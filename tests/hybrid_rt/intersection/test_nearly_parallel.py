@@ -98,7 +98,11 @@ def test_needles_are_met_though_their_normals_have_no_digits():
         weights = rng.dirichlet((1, 1, 1), 20)
         origins = weights @ p - rng.uniform(0.1, 2.0, (20, 1)) * d
         mesh = TriangleMesh(trimesh.Trimesh(p, [(0, 1, 2)], process=False))
-        hits = Intersector(mesh).intersect(origins, np.tile(d, (20, 1)))
+        # Without a beginning: their bounds reach behind the origins.
+        tracer, directions = Intersector(mesh), np.tile(d, (20, 1))
+        hits = tracer.intersect(origins, directions, t_min=-np.inf)
+        begun = tracer.intersect(origins, directions)
+        assert (begun.status[hits.hit & (hits.t_bound > hits.t)] == Status.TANGENT).all()
         for k, o in enumerate(origins):
             is_met, t = crosses(p, o, d)
             met += is_met

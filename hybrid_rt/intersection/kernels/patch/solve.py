@@ -15,7 +15,7 @@ from hybrid_rt.intersection.kernels.search.nearest import (
     CLEAR,
     begins_at,
     doubt,
-    is_known,
+    is_passed,
     note_departure,
     offer,
 )
@@ -264,7 +264,7 @@ def offer_root(i, u, v, t, n_dot_d, patch, ray, rays, best):
     )
     t_world = (t + shift) * to_world
     t_bound = (2.0 * error / n_dot_d + 2.0 * UNIT_ROUNDOFF * abs(t + shift)) * to_world
-    if is_known(i, t_world, t_bound, n_dot_d, known):
+    if is_passed(i, t_world, t_bound, n_dot_d, known):
         _, _, _, xu, yu, zu, xv, yv, zv = evaluate_any(
             patch.control, patch.start, patch.degree_u, patch.degree_v, u, v, patch.basis,
             patch.rational,
@@ -275,14 +275,14 @@ def offer_root(i, u, v, t, n_dot_d, patch, ray, rays, best):
             nx, ny, nz = nx / length, ny / length, nz / length
             note_departure(i, nx, ny, nz, t_min, known, best)
         return False
-    if not t_world > t_min[i]:
+    if not t_world + t_bound > t_min[i]:
         return False
     is_kept, edge = is_inside_loops(i, u, v, t, patch.trim, patch, ray, rays, best)
     if not is_kept:
         return False
     t_bound += edge
     offer(i, t_world, t_bound, n_dot_d, CLEAR, patch.object_id, patch.row, u, v, t_min, known, best)
-    return True
+    return t_world > t_min[i]
 
 
 @outlined

@@ -61,7 +61,7 @@ from hybrid_rt.intersection.kernels.search.counters import (
     SLOW,
     STEPS,
 )
-from hybrid_rt.intersection.kernels.search.nearest import SUSPECT, is_known, offer
+from hybrid_rt.intersection.kernels.search.nearest import SUSPECT, is_passed, offer
 from hybrid_rt.intersection.kernels.search.tolerances import (
     APPROACHES,
     BORDER_SLACK,
@@ -315,7 +315,8 @@ def slow_solve(
                 t_bound = t_bound / length * to_world
                 t_world = (t_near + shift) * to_world
                 slope *= length
-                if t_world > t_min[i] and not is_known(i, t_world, t_bound, slope, known):
+                is_ahead = t_world + t_bound > t_min[i]
+                if is_ahead and not is_passed(i, t_world, t_bound, slope, known):
                     is_kept, edge = is_inside_loops(
                         i, u, v, t_near, patch.trim, patch, ray, rays, best
                     )
@@ -327,7 +328,8 @@ def slow_solve(
                             i, t_world, t_bound, slope, SUSPECT, object_id, row, u, v,
                             t_min, known, best,
                         )  # fmt: skip
-                        h_cut = min(h_cut, h0)
+                        if t_world > t_min[i]:
+                            h_cut = min(h_cut, h0)
             t = t_near
         if passes:
             doubt_piece(i, t, reach, um, vm, hu, hv, patch, ray, rays, best)

@@ -53,7 +53,7 @@ from hybrid_rt.intersection.kernels.revolution.sheets import (
 )
 from hybrid_rt.intersection.kernels.search.counters import NEWTONS, STEPS
 from hybrid_rt.intersection.kernels.search.frame import CUT_SLACK
-from hybrid_rt.intersection.kernels.search.nearest import is_known, offer
+from hybrid_rt.intersection.kernels.search.nearest import is_known, is_passed, offer
 from hybrid_rt.intersection.kernels.search.tolerances import (
     APPROACHES,
     BORDER_SLACK,
@@ -252,7 +252,8 @@ def offer_meeting(i, s, t, slope, gain, noise, error, segment, ray, after, rays,
         t_bound += abs(near - t) * to_world
         t = near
     t_world = (t + shift) * to_world
-    if not t_world > t_min[i] or is_known(i, t_world, t_bound, slope, known):
+    is_ahead = t_world + t_bound > t_min[i]
+    if not is_ahead or is_passed(i, t_world, t_bound, slope, known):
         return True, False
     beyond = 0.0
     if is_at_end and end[k, END_KIND] == BEND:
@@ -279,7 +280,7 @@ def offer_meeting(i, s, t, slope, gain, noise, error, segment, ray, after, rays,
     )  # fmt: skip
     if is_taken:
         best.t_bound[i] = t_bound + beyond
-    return True, True
+    return True, t_world > t_min[i]
 
 
 @inner

@@ -50,7 +50,7 @@ from hybrid_rt.intersection.kernels.search.counters import (
     SLOW,
 )
 from hybrid_rt.intersection.kernels.search.frame import CUT_SLACK
-from hybrid_rt.intersection.kernels.search.nearest import is_known, offer
+from hybrid_rt.intersection.kernels.search.nearest import is_passed, offer
 from hybrid_rt.intersection.kernels.search.tolerances import (
     CLEAR_CROSSING,
     DEPTH,
@@ -195,8 +195,8 @@ def halve_piece(i, segment, a, b, begins, ray, after, t_lo, t_cut, rays, best, w
                 t_world = (near + shift) * to_world
                 slope *= length
                 if (
-                    t_world > t_min[i]
-                    and not is_known(i, t_world, t_bound, slope, known)
+                    t_world + t_bound > t_min[i]
+                    and not is_passed(i, t_world, t_bound, slope, known)
                     and (ray[IN_PART] == 0.0 or is_in_part(i, near, slope, ray, rays, best))
                 ):
                     is_kept, edge = is_inside_loops(i, s, near, trim, segment, ray, rays, best)
@@ -209,7 +209,8 @@ def halve_piece(i, segment, a, b, begins, ray, after, t_lo, t_cut, rays, best, w
                         i, t_world, t_bound, slope, is_flat, object_id, row, t_bound, s, t_min,
                         known, best,
                     )  # fmt: skip
-                    t_cut = min(t_cut, t0)
+                    if t_world > t_min[i]:
+                        t_cut = min(t_cut, t0)
                 continue
             if is_flat:
                 if may_be_kept_near(trim, segment, ray, middle, 0.5 * (a + b), 0.5 * (b - a)):

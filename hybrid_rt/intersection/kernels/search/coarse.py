@@ -6,7 +6,7 @@ import numpy as np
 
 from hybrid_rt.core.kernels.compensated import advance
 from hybrid_rt.intersection.kernels.search.frame import enter_frame
-from hybrid_rt.intersection.kernels.search.nearest import is_unseen, offer
+from hybrid_rt.intersection.kernels.search.nearest import CLEAR, is_unseen, offer
 from meshing.kernels.jit import hot_kernel, inlined
 
 # Embree's own "no limit", and far beyond the frame.
@@ -172,6 +172,7 @@ def offer_faces(hits, triangles, rows, rays, t_start, best, accepted):
             i, t, np.inf, abs(det) / length, False, triangles.object_id[f], f, v, w,
             rays.t_min, rays.known[:0], best,
         ):  # fmt: skip
+            best.tangent[i] = CLEAR
             accepted[j] = True
 
 

@@ -25,7 +25,7 @@ class Rays(NamedTuple):
     direction: Any  # (n, 3) float64
     t_min: Any  # (n,) float64; a hit needs t > t_min
     # (n, 6) float64, or (0, 6) for none: t and radius of departure, of target; the object that the
-    # ray does not see; scratch of `note_departure`, nan to begin with
+    # ray does not see; scratch of `note_departure`, nan to begin with. See `is_known`, `is_passed`
     known: Any
 
 
@@ -38,7 +38,9 @@ class Nearest(NamedTuple):
     primitive: Any  # (n,) int32, patch, segment or face; else 0
     a: Any  # (n,) float64, two numbers that locate the point on the primitive,
     b: Any  # (n,) float64, (u, v) wherever the kernel has them for free
-    tangent: Any  # (n,) uint8: is the root's existence decided within the band? See below
+    # (n,) uint8: is the root's existence decided within the band? Without a root: does rounding alone
+    # put one beyond t_max? See below
+    tangent: Any
     doubt: Any  # (n,) float64, smallest t of a root rejected within the band; start: inf
 
 
@@ -49,6 +51,8 @@ ONE_PLANE = 2.0**-42
 
 # What `Nearest.tangent` holds: no; yes; or to be found out by moving the ray (`intersection.margins`).
 CLEAR, WITHIN_BAND, SUSPECT = 0, 1, 2
+# In place of the target's radius: the ray goes on behind one of its own roots, see `is_passed`.
+PASSED = -2.0
 
 
 @inlined
@@ -94,6 +98,28 @@ def note_departure(i, nx, ny, nz, t_min, known, best):
 
 
 @inlined
+def is_passed(i, t, t_bound, n_dot_d, known):
+    """Tell whether a root is a point that the caller has named, or the one that the ray goes on behind.
+
+    The latter is a root of the same ray: `PASSED` stands in place of the target's radius, and the radius
+    is 0, or what moves the ray. A root whose bound allows it the same t may be another one, where the ray
+    grazes. So it is offered; the caller tells them apart.
+    """
+    if known.shape[0] > 0 and known[i, 3] == PASSED:
+        return abs(t - known[i, 0]) * n_dot_d <= known[i, 1]
+    return is_known(i, t, t_bound, n_dot_d, known)
+
+
+@inlined
+def is_left_behind(i, t, reach, t_min, known):
+    """Tell whether a root before t_min is so clearly: by more than ``reach``, or as a point that is named.
+
+    Spares finding the bound of a root at each departure.
+    """
+    return not t > t_min[i] and (t + reach <= t_min[i] or is_passed(i, t, reach, 1.0, known))
+
+
+@inlined
 def is_unseen(i, object_id, known):
     """Tell whether ray i passes an object as if it were not there."""
     return known.shape[0] > 0 and known[i, 4] == object_id
@@ -105,9 +131,10 @@ def offer(i, t, t_bound, n_dot_d, tangent, object_id, primitive, a, b, t_min, kn
 
     ``n_dot_d`` is |n.d| with n unit and d as the ray has it, ``tangent`` what the row of
     `Nearest.tangent` becomes. Equal t: the lower object, then the
-    lower primitive, then the lower (a, b): whichever was found first makes no difference.
+    lower primitive, then the lower (a, b): whichever was found first makes no difference. A root that
+    its bound allows on both sides of t_min makes the row TANGENT; but the origin itself, t = 0, is no hit.
     """
-    if not t > t_min[i]:
+    if not t + t_bound > t_min[i]:
         return False
     t_best = best.t[i]
     if t > t_best:
@@ -126,9 +153,13 @@ def offer(i, t, t_bound, n_dot_d, tangent, object_id, primitive, a, b, t_min, kn
                     return False
                 if best.a[i] < a or best.b[i] < b:
                     return False
-    if is_known(i, t, t_bound, n_dot_d, known):
+    if is_passed(i, t, t_bound, n_dot_d, known):
         return False
     if is_unseen(i, object_id, known):
+        return False
+    if not t > t_min[i]:
+        if t != 0.0:
+            best.doubt[i] = min(best.doubt[i], t_min[i])
         return False
     best.t[i] = t
     best.t_bound[i] = t_bound
@@ -137,6 +168,8 @@ def offer(i, t, t_bound, n_dot_d, tangent, object_id, primitive, a, b, t_min, kn
     best.a[i] = a
     best.b[i] = b
     best.tangent[i] = tangent
+    if t - t_bound <= t_min[i]:
+        best.tangent[i] = WITHIN_BAND
     return True
 
 
@@ -153,7 +186,7 @@ def doubt_start(i, t, n_dot_d, low, high, band, t_min, known, best):
 
     The surface has a part of the plane from ``low`` to ``high``. The band (world) moves the root by
     itself over the slope ``n_dot_d``: far, where the ray runs nearly within the plane. Other rays that
-    begin on a surface are not marked.
+    begin on a surface are marked by `offer`, where the bound of a root reaches across the beginning.
     """
     if not 0.0 < n_dot_d < NEARLY_WITHIN:
         return

@@ -131,7 +131,7 @@ def complete_row(i, direction, unit, best, record):
     """
     is_hit = best.object_id[i] >= 0
     # A root that rounding kept from us matters only in front of the hit.
-    is_within = is_hit and best.tangent[i] == WITHIN_BAND
+    is_within = best.tangent[i] == WITHIN_BAND
     is_tangent = is_within or best.doubt[i] < best.t[i]
     record.status[i] = TANGENT if is_tangent else (HIT if is_hit else MISS)
     record.object_id[i] = best.object_id[i]

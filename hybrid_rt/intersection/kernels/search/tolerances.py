@@ -31,5 +31,7 @@ OWNED = 4.0
 CLEAR_CROSSING = 1e-3
 # Below this slope curvature, not slope, ends a contact: the root of the rounding.
 FLATTEST = 2.0**-27
+# Bounds of roots that are no touch are below this part of the size.
+NEAR_BEGIN = 2.0**-30
 # Rays that meet a plane at a smaller cosine run along it: the band moves their root far.
 NEARLY_WITHIN = 1e-9

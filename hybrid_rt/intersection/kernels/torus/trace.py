@@ -43,9 +43,9 @@ from hybrid_rt.intersection.kernels.search.frame import (
     turned_point,
 )
 from hybrid_rt.intersection.kernels.search.members import offer_each, offer_near
-from hybrid_rt.intersection.kernels.search.nearest import doubt, offer
+from hybrid_rt.intersection.kernels.search.nearest import doubt, is_left_behind, offer
 from hybrid_rt.intersection.kernels.search.rays import EDGE
-from hybrid_rt.intersection.kernels.search.tolerances import UNIT_ROUNDOFF
+from hybrid_rt.intersection.kernels.search.tolerances import NEAR_BEGIN, UNIT_ROUNDOFF
 from hybrid_rt.intersection.kernels.search.trims import has_gap
 from hybrid_rt.intersection.kernels.torus.loops import grazes_kept, side_of_root
 from hybrid_rt.intersection.kernels.torus.solve import (
@@ -145,8 +145,9 @@ def offer_torus(i, k, table, rays, best):
             t = (t_of_zero + s_root * per_t) * to_world
             if t > best.t[i]:
                 return
-            if t > rays.t_min[i]:
-                near = is_near or was_near
+            near = is_near or was_near
+            reach = NEAR_BEGIN * per_t * to_world
+            if near or not is_left_behind(i, t, reach, rays.t_min, rays.known):
                 is_kept, is_within, edge, u, v = side_of_root(
                     table.trim, k, line, s_root, table.orientation[k], band
                 )
