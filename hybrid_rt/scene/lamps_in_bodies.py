@@ -60,7 +60,7 @@ def lamps_in_bodies(scene: CompiledScene) -> list[dict[str, str]]:
             if (
                 body != own
                 and _depth(surface, points, radius) > slack
-                and _depth(surface, camera.look_from[None], 0.0) < -camera.aperture - slack
+                and _depth(surface, camera.look_from[None], 0.0) < -camera.reach - slack
             ):
                 found.append({"lamp": name_of(scene, own, light), "body": scene.called[body]})
                 break
