@@ -73,7 +73,7 @@ def __getattr__(name: str) -> Any:
     elif name in _HOMES:
         value = getattr(import_module(f"hybrid_rt.{_HOMES[name]}"), name)
     else:
-        raise AttributeError(f"module 'hybrid_rt' has no attribute {name!r}")
+        import_module("hybrid_rt.core.other_names").refuse(name, __all__)
     globals()[name] = value
     return value
 
